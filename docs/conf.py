@@ -13,6 +13,7 @@ import femseal
 HERE = Path(__file__).parent
 sys.path.insert(0, str(HERE / "extensions"))
 
+from case_keys import write_case_keys  # noqa: E402
 from command_line import write_command_line  # noqa: E402
 from docstrings import restructured_docstring, short_signature  # noqa: E402
 from gallery_support import figures_of_results, name_the_script, notebook_as_script  # noqa: E402  beside this file
@@ -72,6 +73,7 @@ notebook_as_script(HERE.parent / "examples" / "tutorial.ipynb", EXAMPLES / "tuto
 shutil.copy(HERE / "gallery_header.rst", EXAMPLES / "GALLERY_HEADER.rst")
 
 write_command_line(HERE / "command_line.md")
+write_case_keys(HERE / "case_keys.md")
 
 sphinx_gallery_conf = {
     "examples_dirs": "_examples",

@@ -35,10 +35,10 @@ from typing import TYPE_CHECKING, Any
 from .base import displays
 from .base.loop_files import find_place
 
-__version__ = "0.1.0"
+__version__ = "0.2.0"
 
 if TYPE_CHECKING:
-    from .base.errors import FemsealError, InputError, NotConverged
+    from .base.errors import FemsealError, InputError, NotConverged, PartsMissing
     from .budget import CoarserSolution, ErrorBudget, ErrorPart, GridConvergence, error_budget, grid_convergence
     from .calibration.calibrating import calibrate
     from .calibration.calibration import Calibration
@@ -104,7 +104,7 @@ _MODULES = {
     "contact": ("Contact", "HalfSpace", "LoadCycle", "LoadState", "load_cycle", "solve_contact"),
     "contact.hardness_curves": ("HardnessTable", "NixGao"),
     "contact.law": ("ContactLaw", "LinearHardening", "PerfectlyPlastic"),
-    "base.errors": ("FemsealError", "InputError", "NotConverged"),
+    "base.errors": ("FemsealError", "InputError", "NotConverged", "PartsMissing"),
     "flow": (
         "Constriction",
         "CubicLaw",

@@ -1,6 +1,6 @@
 """Command line: `femseal new`, `check`, `run`, `sweep`, `compare`, `design`, `report`, `export` and more.
 
-Exit code 0 done, 2 bad input (nothing written), 1 anything else.
+Exit code 0 done, 2 bad input (nothing written), 1 anything else; 3 of a part of a run that needs others first.
 """
 
 from __future__ import annotations
@@ -16,16 +16,17 @@ from typing import Annotated, NoReturn
 
 import typer
 
-from .base.errors import FemsealError, InputError, shortened
+from .base.errors import FemsealError, InputError, PartsMissing, shortened
 from .calibration.calibrate_command import calibrate
 from .designs.design_command import design
-from .execution.terminal import ProgressBars, log_lines, print_table
+from .execution.parts import parsed_part
+from .execution.terminal import PartOption, ProgressBars, log_lines, print_table
 from .sweeps.commands import compare, sweep
 
 app = typer.Typer(
     name="femseal",
     help="Leakage of metal-to-metal seals over a loading-unloading cycle, from measured roughness.",
-    epilog="Exit code: 0 done, 2 bad input (nothing is written), 1 anything else.",
+    epilog="Exit code: 0 done, 2 bad input (nothing is written), 1 anything else. With --part, 3: others come first.",
     no_args_is_help=True,
     add_completion=True,
     pretty_exceptions_enable=False,
@@ -102,6 +103,7 @@ def run(
             show_default="off",
         ),
     ] = False,
+    part: PartOption = None,
     workers: Annotated[int | None, typer.Option(help="Processes.", show_default="all cores")] = None,
     scheduler: Annotated[
         str | None,
@@ -118,20 +120,25 @@ def run(
 ) -> None:
     """Compute a case, write its results folder and print the leakage at every load.
 
-    A terminal shows progress, anything else gets log lines. With --resume a run that was stopped goes on.
+    A terminal shows progress, anything else gets log lines. With --resume a run that was stopped goes on. With --part
+    it computes a part of the work and writes no results; once all parts are done, --resume without --part writes them.
     """
     from .case.case import load_case
     from .runs import job
 
     folder = output or Path("results") / path.stem
+    own = parsed_part(part)
     case = load_case(path)
     terminal = sys.stderr.isatty()
+    again = f"femseal run {path} -o {folder}"
     try:
         with log_lines(log_file, quiet, terminal), ProgressBars(show=not quiet and terminal) as progress:
-            results = job.run(case, folder, resume, workers, scheduler, progress=progress)
+            results = job.run(case, folder, resume, workers, scheduler, part=own, progress=progress)
     except KeyboardInterrupt:
-        raise FemsealError(f"stopped; `femseal run {path} -o {folder} --resume` goes on") from None
-    if not quiet:
+        raise FemsealError(f"stopped; `{again} {f'--part {part}' if part else '--resume'}` goes on") from None
+    if own is not None and not quiet:
+        typer.echo(f"part {part}: all parts are done; `{again} --resume` writes the results")
+    elif not quiet:
         print_table(results.table())
         if "seal_length" in results.dataset.coords:
             print_table(results.lengths_table())
@@ -174,7 +181,7 @@ def report(
 @app.command()
 def export(
     folder: Annotated[Path, typer.Argument(metavar="DIR", help="Results folder of a run.")],
-    output: Annotated[Path, typer.Option("-o", "--output", help="File to write: .npz, .tif (GeoTIFF) or .x3p.")],
+    output: Annotated[Path, typer.Option("-o", "--output", help="File to write: .npz, .tif (GeoTIFF), .x3p or .vti.")],
     step: Annotated[
         int | None, typer.Option(help="Load step, counted from 0 as in the table.", show_default="all, numbered files")
     ] = None,
@@ -184,11 +191,20 @@ def export(
     cell: Annotated[
         tuple[int, int] | None, typer.Option(help="Window, counted from 0 along x1 and x2.", show_default="the face")
     ] = None,
+    window: Annotated[
+        tuple[str, str, str, str] | None,
+        typer.Option(help='Part of the face: x1 from and to, x2 from and to, as "0 mm" "1 mm" "2 mm" "3 mm".'),
+    ] = None,
 ) -> None:
     """Write the gap, the contact or the fluid pressure at the load steps for other programs, with the pixel's size."""
+    from .base.quantities import to_si
     from .results import open_results
 
-    for path in open_results(folder).export(output, step=step, field=field, cell=cell):
+    ends = None
+    if window is not None:
+        a, b, c, d = (to_si(text, "m", "window") for text in window)
+        ends = a, b, c, d
+    for path in open_results(folder).export(output, step=step, field=field, cell=cell, window=ends):
         typer.echo(path)
 
 
@@ -317,6 +333,8 @@ def main() -> None:
         sys.stdout.flush()
     except InputError as error:
         _stop(error, str(error), 2)
+    except PartsMissing as error:
+        _stop(error, str(error), 3)
     except FemsealError as error:
         _stop(error, str(error), 1)
     except KeyboardInterrupt as error:

@@ -377,10 +377,10 @@ def test_a_full_disk_in_an_attempt_or_a_budget_stops_the_run(tmp_path, monkeypat
         if name.startswith(stage + ": "):
             full.append(name)
 
-    def writing(path, content):
+    def writing(path, *content):
         if full:
             raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
-        write(path, content)
+        write(path, *content)
 
     with monkeypatch.context() as patch:
         patch.setattr(store, "write_whole", writing)
@@ -424,7 +424,7 @@ def test_an_unfinished_run_is_not_lost_to_one_without_resume(case, tmp_path):
     with pytest.raises(KeyboardInterrupt):
         fs.run(case, out, workers=1, progress=stop_at("two-scale: contact of windows", 1))
     before = {p: p.stat().st_mtime_ns for p in out.rglob("*")}
-    with pytest.raises(fs.InputError, match=r"parts of an unfinished run, expected --resume"):
+    with pytest.raises(fs.InputError, match=r"files of an unfinished run, expected --resume"):
         fs.run(case, out, workers=1)
     assert {p: p.stat().st_mtime_ns for p in out.rglob("*")} == before
     shutil.rmtree(out / ".checkpoint")

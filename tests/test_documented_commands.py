@@ -22,7 +22,8 @@ from femseal.cli import app
 
 ROOT = Path(__file__).parents[1]
 PAGES = [ROOT / "README.md", ROOT / "CONTRIBUTING.md", *sorted((ROOT / "docs").glob("*.md"))]
-PAGES = [page for page in PAGES if page.name != "command_line.md"]  # which the build of the documentation generates
+PAGES += sorted((ROOT / "docs" / "tutorials").glob("*.md"))
+PAGES = [page for page in PAGES if page.name not in ("command_line.md", "case_keys.md")]  # generated
 #: A turned face, small enough for every study, with the keys that the commands change.
 CASE = """
 method = "two-scale"
@@ -58,6 +59,7 @@ SMALL = {
     "CASE": "seal.toml",
     "FILE": "written.file",
     "N": "2",
+    **dict.fromkeys(("1/2", "2/2", "3/16"), "1/1"),  # which needs no others
     "face.plu": "face.x3p",
     "examples/turned_seal.toml": "seal.toml",
     "examples/gasket_seal.toml": "gasket.toml",
@@ -99,6 +101,7 @@ FORMS = sorted({str(small(f, f)): f for c in COMMANDS if " " in c for f in sorte
 SLOW = {
     "run CASE -o DIR --workers N",
     "run CASE -o DIR --scheduler local",
+    "run CASE -o DIR --part 3/16",
     "run examples/gasket_seal.toml -o results/gasket",
     "sweep seal.toml material.hardness=3GPa,4GPa face.pitch=40um,60um",
     "design seal.toml --sobol material.hardness=2GPa,4GPa --sobol fluid.viscosity=1mPa*s,2mPa*s -o results/sobol",
@@ -157,6 +160,9 @@ def test_a_documented_command_does_its_work(form, femseal, place, finished):
             if word.startswith("results/"):
                 shutil.copytree(finished, word)
         code, said, complaint = femseal(*arguments)
+        if "--part" in arguments and code == 0:
+            at = arguments.index("--part")
+            code, said, complaint = femseal(*arguments[:at], "--resume", *arguments[at + 2 :])
     assert code == 0, said + complaint
     assert [line for line in complaint.splitlines() if " INFO " not in line] == []
     for output in outputs:

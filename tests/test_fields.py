@@ -21,7 +21,7 @@ from femseal.flow import cell_permeability
 from femseal.fluids import Liquid
 from femseal.plots import seal_figure
 from femseal.report import write_folder
-from femseal.results import assemble, open_results, write_vtk
+from femseal.results import assemble, export, open_results, write_vtk
 from femseal.results.pixel_fields import plan_fields
 from femseal.runs import job
 from femseal.studies import Sampling, Scene, deterministic, stochastic, two_scale
@@ -433,6 +433,27 @@ def test_all_steps_and_windows_are_exported(back, studies, scene, tmp_path):
         assert_allclose(stored["spacing"], scene.surface.spacing)
 
 
+def test_a_part_of_the_face_is_exported_with_all_its_pixels_and_the_face_in_blocks(
+    back, studies, scene, tmp_path, monkeypatch
+):
+    import pyvista
+
+    monkeypatch.setattr(export, "MOST_PIXELS", 12)
+    d1, d2 = scene.surface.spacing
+    pressure = studies["two_scale"].contact_pressure[3]
+    part = (4.9 * d1, 9.1 * d1, 2.9 * d2, 30.1 * d2)
+    (path,) = back.export(tmp_path / "p.npz", field="contact_pressure", step=3, window=part)
+    with np.load(path) as stored:
+        assert_allclose(stored["contact_pressure"], pressure[5:9, 3:30], rtol=1e-6)
+        assert_allclose(stored["origin"], (5 * d1, 3 * d2))
+    (path,) = back.export(tmp_path / "p.vti", field="contact_pressure", step=3)
+    image = pyvista.read(path)
+    blocks = image["contact_pressure_MPa"].reshape(tuple(n - 1 for n in image.dimensions[:2]), order="F")
+    assert blocks.shape == (12, 12)
+    assert_allclose(np.subtract(image.bounds[1:4:2], image.bounds[:4:2]), scene.surface.size)
+    assert_allclose(blocks[0, 0], 1e-6 * pressure[: len(pressure) // 12, : pressure.shape[1] // 12].mean(), rtol=1e-5)
+
+
 def test_export_on_the_command_line(folder, tmp_path):
     from typer.testing import CliRunner
 
@@ -441,11 +462,14 @@ def test_export_on_the_command_line(folder, tmp_path):
     done = CliRunner().invoke(app, ["export", str(folder), "-o", str(tmp_path / "gap.tif"), "--step", "2"])
     assert (done.exit_code, done.output.split()) == (0, [str(tmp_path / "gap.tif")])
     assert (tmp_path / "gap.tif").stat().st_size > 1000
+    window = ("--window", "0 mm", "1 mm", "0 mm", "1 mm")
+    done = CliRunner().invoke(app, ["export", str(folder), "-o", str(tmp_path / "gap.vti"), "--step", "2", *window])
+    assert (done.exit_code, done.output.split()) == (0, [str(tmp_path / "gap.vti")])
 
 
 def test_what_cannot_be_exported(back, scene, studies, tmp_path):
     for name, given, message in (
-        ("a.stl", {}, r"output: given 'a.stl', expected a file \.npz, \.tif, \.tiff, \.x3p"),
+        ("a.stl", {}, r"output: given 'a.stl', expected a file \.npz, \.tif, \.tiff, \.x3p, \.vti"),
         ("a.x3p", {"field": "contact_pressure"}, "an .x3p holds heights only"),
         (
             "a.npz",
@@ -454,6 +478,8 @@ def test_what_cannot_be_exported(back, scene, studies, tmp_path):
         ),
         ("a.npz", {"step": 9}, "step: given 9, expected 0 to 5"),
         ("a.npz", {"cell": (9, 9), "step": 0}, "cell: given"),
+        ("a.npz", {"window": (0, 1e-3, 2e-3, 1e-3)}, r"window: given \(0, 0.001, 0.002, 0.001\)"),
+        ("a.npz", {"window": (1e3, 2e3, 0, 1)}, "expected pixels of the face"),
         ("none/a.npz", {"step": 0}, "a file that can be written"),
     ):
         with pytest.raises(InputError, match=message):

@@ -1,12 +1,14 @@
 """Several measured places of one face: contact of each by itself, flow through all of them."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 from small_cases import STRIP
 
 import femseal as fs
-from femseal.budget.estimates import places_part, places_to_halve
+from femseal.budget.estimates import library_part, places_part, places_to_halve
 from femseal.case.case import parse_case
 from femseal.library.sampling import drawn_elsewhere
 from femseal.preparation.preparation import prepare
@@ -141,6 +143,23 @@ def test_a_drawn_seal_never_joins_a_place_to_itself():
     links = fs.Sampling(length=2e-3, realisations=6, library_cells=12, seed=1, sampler="block")
     by_links = fs.stochastic(surface, (2, 12), links)
     assert np.isfinite(by_links.leakage).all()
+
+
+def test_windows_of_a_ladder_know_their_places():
+    """Seals of one place's windows are those of a library of that place; the band is the scatter between places."""
+    places = patches(3)
+    sampling = fs.Sampling(2e-3, 12, library_cells=12, seed=1, pressure="uniform")
+    found = fs.stochastic(scene(places), (2, 12), sampling)
+    assert found.places.alone.shape == found.places.without.shape == (3, len(found.steps))
+    # windows of the first place are those of a library of it alone
+    alone = fs.stochastic(scene(places[0]), (2, 4), replace(sampling, library_cells=4))
+    assert_allclose(found.places.alone[0], alone.quantile(0.5), rtol=1e-3)
+    assert_allclose(np.log(found.places.without[:, 0]).mean(), np.log(found.quantile(0.5)[0]), atol=0.1)
+    part = library_part(found)
+    assert "jackknife over 3 measured places" in part.note
+    again = fs.stochastic(scene(places), (2, 12), replace(sampling, resampled=False))
+    assert_allclose(again.places.without, found.places.without)
+    assert alone.places is None
 
 
 @pytest.fixture

@@ -9,7 +9,8 @@ from typing import Annotated
 import typer
 
 from ..base.errors import FemsealError
-from ..execution.terminal import ProgressBars, log_lines, print_table
+from ..execution.parts import parsed_part
+from ..execution.terminal import PartOption, ProgressBars, log_lines, print_table
 
 
 def calibrate(
@@ -34,6 +35,7 @@ def calibrate(
     resume: Annotated[
         bool, typer.Option("--resume", help="Take the scenes that the folder has.", show_default="off")
     ] = False,
+    part: PartOption = None,
     workers: Annotated[int | None, typer.Option(help="Processes.", show_default="all cores")] = None,
     scheduler: Annotated[
         str | None, typer.Option(help='Address of a Dask scheduler, or "local".', show_default="none")
@@ -60,6 +62,7 @@ def calibrate(
                 error=error,
                 scenes=scenes,
                 resume=resume,
+                part=parsed_part(part),
                 workers=workers,
                 scheduler=scheduler,
                 progress=progress,
@@ -68,4 +71,7 @@ def calibrate(
         raise FemsealError(f"stopped; `femseal calibrate {path} {data} -o {folder} --resume` goes on") from None
     if not quiet:
         print_table(found.table())
+    if part is not None and not quiet:
+        typer.echo(f"part {part}: all scenes are solved; --resume without --part writes the results")
+    elif not quiet:
         typer.echo(f"calibration.json, calibration.csv, calibration.png and {CASE_FILE} in {folder}")

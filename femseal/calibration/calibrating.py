@@ -21,6 +21,7 @@ from ..base.quantities import to_si, to_text
 from ..base.stage import Stage
 from ..case.case import Case, load_case, read_case
 from ..execution.mappers import ordered_map
+from ..execution.parts import Part, checked_part
 from ..execution.run import Progress, Run, no_progress
 from ..preparation.preparation import prepare
 from ..preparation.prepared import Prepared
@@ -62,6 +63,7 @@ def calibrate(
     resume: bool = False,
     workers: int | None = None,
     scheduler: str | None = None,
+    part: Part | None = None,
     progress: Progress | None = None,
 ) -> Calibration:
     """Hardness, shortest wave that counts and a factor between model and test, from a measured curve of leakage.
@@ -77,13 +79,16 @@ def calibrate(
         unless given, `WIDTHS` times to either side of the case's values (of 1), no wave below 8 pixels.
     error : of a measured leakage, relative standard deviation. scenes : solved at most.
     resume : take the scenes of the folder that were solved for the same case, test and ranges.
+    part : such as (3, 16), to solve the third sixteenth of the scenes that are asked for at a time, and write them.
     workers, scheduler, progress : see `run`.
 
     Raises
     ------
     InputError : the case, the test, a range or the folder cannot be used; nothing has been computed then.
+    PartsMissing : the part has solved its scenes, and needs others that are not there yet.
     FemsealError : too few scenes could be solved.
     """
+    part = None if part is None else checked_part(part)
     loaded = case if isinstance(case, Case) else load_case(case)
     if loaded.accuracy is not None:
         raise InputError(
@@ -100,7 +105,7 @@ def calibrate(
     folder = None if output is None else Path(output)
     identity = json.dumps([tested.echo(), ranges.tolist(), steps.tolist(), test.unit.name, job.face_files(tested),
                            numerical_versions()])  # fmt: skip
-    store = Scenes(folder, FILE, identity, resume)
+    store = Scenes(folder, FILE, identity, resume, part)
     with store, ordered_map(workers, scheduler, partial(compile_ahead, progress=progress or no_progress)) as mapper:
         with Run(mapper, progress or no_progress).timed("calibration") as watched:
             posterior = _explored(
@@ -109,7 +114,7 @@ def calibrate(
         found = Calibration.of(
             posterior, posterior.samples(_SAMPLES, seed=1, steps=_STEPS[1]), *store.arrays(), tested, loaded.softer
         )
-        if folder is not None:
+        if folder is not None and part is None:
             tables = None if isinstance(case, Case) else calibrated_text(*read_case(case), folder, found)
             found.write(folder)
             if tables is not None:

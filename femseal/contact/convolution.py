@@ -14,10 +14,12 @@ and 24 % at 128².
 from __future__ import annotations
 
 import math
+import sys
 import threading
 from collections.abc import Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
+from functools import cache
 from typing import Any
 
 import numpy as np
@@ -47,7 +49,7 @@ class Convolution:
     ----------
     shape : (n1, n2) points.
     boundary : kind of each axis, "periodic", "mirror" or "free".
-    symbol : eigenvalues of K [m/Pa] as `influence.symbol` gives them.
+    symbol : eigenvalues of K [m/Pa] as `influence.symbol` gives them; None with `over`.
     dtype : of the arrays and the transforms, double or single precision.
     threads : number of threads at work together.
     over : a convolution with the same K, of no smaller precision, whose memory is used for all but `pressure`. Each
@@ -58,14 +60,13 @@ class Convolution:
         self,
         shape: tuple[int, int],
         boundary: tuple[str, str],
-        symbol: Array,
+        symbol: Array | None,
         *,
         dtype: Any = np.float64,
         threads: int = 1,
         over: Convolution | None = None,
     ) -> None:
-        import pyfftw
-
+        pyfftw = _fftw()
         (n1, n2), real = shape, np.dtype(dtype)
         waves = np.result_type(real, np.complex64)
         l1, l2 = (padded_length(n) if kind == "free" else n for n, kind in zip(shape, boundary, strict=True))
@@ -73,6 +74,13 @@ class Convolution:
         self._mirrors = boundary[0] == "mirror", boundary[1] == "mirror"
         self._memory: list[Any] = []
         self._lent = iter(() if over is None else over._memory)
+        if over is None:
+            assert symbol is not None
+            self._weights = _weights(symbol, *self._mirrors)
+            self._weights /= l1 * l2
+            del symbol
+        else:
+            self._weights = over._weights
         self.pressure = pyfftw.zeros_aligned((n1, n2), dtype=real)
         self.displacement = self._array((n1, n2), real)
         spectrum = self._array((l1, _row_length(m2, waves.itemsize)), waves)[:, :m2]
@@ -80,7 +88,6 @@ class Convolution:
         self._staged = self._array((n1, l2), real) if staged else None
         points, target = (self._staged, self._staged) if staged else (self.pressure, self.displacement)
         self._no_points = spectrum[n1:]
-        self._weights: Array = over._weights if over else _weights(symbol / (l1 * l2), *self._mirrors)
         turn1, turn2 = (np.exp(1j * np.pi * np.arange(n // 2 + 1) / n) for n in (l1, l2))
         cosine1, sine1 = turn1.real.copy(), turn1.imag.copy()
         width = min(_BLOCK_BYTES // (l1 * waves.itemsize), math.ceil(m2 / threads))
@@ -104,9 +111,7 @@ class Convolution:
         """An array of zeros, in the memory of `over` as far as it suffices."""
         memory = next(self._lent, None)
         if memory is None:
-            import pyfftw
-
-            memory = pyfftw.zeros_aligned(math.prod(shape) * dtype.itemsize, dtype=np.uint8)
+            memory = _fftw().zeros_aligned(math.prod(shape) * dtype.itemsize, dtype=np.uint8)
         self._memory.append(memory)
         return memory[: math.prod(shape) * dtype.itemsize].view(dtype).reshape(shape)
 
@@ -137,19 +142,31 @@ def _row_length(waves: int, itemsize: int) -> int:
 
 def _plans(points: Any, waves: Any, target: Any, *, axis: int, threads: int = 1) -> tuple[Any, Any]:
     """FFTW's transforms points → waves and, destroying them, waves → target."""
-    import pyfftw
-
+    pyfftw = _fftw()
     flags = "FFTW_ESTIMATE", "FFTW_DESTROY_INPUT"
     pyfftw.forget_wisdom()  # earlier plans would change the choice
     forward = pyfftw.FFTW(points, waves, (axis,), "FFTW_FORWARD", flags[:1], threads)
     return forward.execute, pyfftw.FFTW(waves, target, (axis,), "FFTW_BACKWARD", flags, threads).execute
 
 
+@cache
+def _fftw() -> Any:
+    """pyfftw without its transforms of Dask arrays, whose import takes longer than a small run (0.5 s of CPU)."""
+    hidden = "dask" not in sys.modules
+    if hidden:
+        sys.modules["dask"] = None  # type: ignore[assignment]
+    try:
+        import pyfftw
+    finally:
+        if hidden:
+            del sys.modules["dask"]
+    return pyfftw
+
+
 @contextmanager
 def _own_wisdom() -> Iterator[None]:
     """Context after which FFTW knows the plans that it knew before: keeping and restoring them takes milliseconds."""
-    import pyfftw
-
+    pyfftw = _fftw()
     with _PLANNING:
         known = pyfftw.export_wisdom()
         try:
@@ -199,8 +216,11 @@ def _respond(block, first, weights, cosine1, sine1, turn2):
     m, n = block.shape
     if len(weights) == 1:
         for j in range(m):
-            for i in range(n):
-                block[j, i] *= weights[0, first + j, i]
+            row = weights[0, first + j]
+            for i in range(n // 2 + 1):
+                block[j, i] *= row[i]
+            for i in range(1, (n + 1) // 2):
+                block[j, n - i] *= row[i]
         return
     half = n // 2 + 1
     rows = np.empty((8, half))

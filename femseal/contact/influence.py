@@ -16,6 +16,8 @@ from scipy.fft import fft, next_fast_len
 from scipy.special import polygamma
 
 Array = NDArray[np.float64]
+#: Values of the kernel of a free axis that are computed at a time.
+_STRIP_VALUES = 2**20
 
 
 def padded_length(n: int) -> int:
@@ -23,42 +25,38 @@ def padded_length(n: int) -> int:
     return int(next_fast_len(2 * n - 1, real=True)) if n > 1 else 1
 
 
-def wave_numbers(n: int, spacing: float, kind: str, half: bool) -> Array:
+def wave_numbers(n: int, spacing: float, kind: str) -> Array:
     """|q| [rad/m] of the modes of one axis, in the order of its transform.
 
-    Periodic: FFT order (`half`: the non-negative half of a real transform); mirror: q = πk/(nΔ) of the cosine
-    transform, which is the periodic axis of twice the length.
+    Periodic: the non-negative half of a real transform; mirror: q = πk/(nΔ) of the cosine transform, which is the
+    periodic axis of twice the length.
     """
     if kind == "mirror":
         return np.pi / (n * spacing) * np.arange(n, dtype=float)
-    k = np.arange(n, dtype=float)
-    return 2 * np.pi / (n * spacing) * (k[: n // 2 + 1] if half else np.minimum(k, n - k))
+    return 2 * np.pi / (n * spacing) * np.arange(n // 2 + 1, dtype=float)
 
 
 def spectral_symbol(q1: Array, q2: Array, modulus: float) -> Array:
     """Symbol 2/(E*|q|) [m/Pa] on the outer grid of two axes; 0 for q = 0 (mean displacement free)."""
     q = np.hypot(q1[:, None], q2[None, :])
-    with np.errstate(divide="ignore"):
-        return np.where(q > 0, 2 / (modulus * q), 0.0)
+    q *= modulus
+    return np.divide(2.0, q, out=q, where=q > 0)
 
 
 def symbol(shape: tuple[int, int], spacing: tuple[float, float], modulus: float, boundary: tuple[str, str]) -> Array:
     """Eigenvalues of K [m/Pa] for the waves of periodic and padded free axes and the cosines of mirror axes.
 
-    A wave and its conjugate respond alike, so that half of the second axis is enough, or half of the first where the
-    second is a mirror.
+    A wave and its conjugate respond alike, and so does that with one number reversed: half of both axes is enough, but
+    for mirrors.
     """
     (n1, n2), (d1, d2), (b1, b2) = shape, spacing, boundary
     if b1 == b2 == "free":
         return free_symbol(shape, spacing, modulus)
-    q1 = wave_numbers(n1, d1, b1, half=b2 == "mirror")
-    q2 = wave_numbers(n2, d2, b2, half=True)
+    q1, q2 = wave_numbers(n1, d1, b1), wave_numbers(n2, d2, b2)
     if b1 == "free":
-        strip = strip_symbol(n1, d1, q2, d2, modulus)
-        return strip[: strip.shape[0] // 2 + 1] if b2 == "mirror" else strip
+        return strip_symbol(n1, d1, q2, d2, modulus)
     if b2 == "free":
-        strip = strip_symbol(n2, d2, wave_numbers(n1, d1, b1, half=False), d1, modulus)
-        return np.ascontiguousarray(strip[: strip.shape[0] // 2 + 1].T)
+        return np.ascontiguousarray(strip_symbol(n2, d2, q1, d1, modulus).T)
     return spectral_symbol(q1, q2, modulus)
 
 
@@ -83,7 +81,7 @@ def free_symbol(shape: tuple[int, int], spacing: tuple[float, float], modulus: f
     for s, t in product((-1.0, 1.0), repeat=2):
         kernel += s * t / (np.pi * modulus) * _love(x + s * d1 / 2, y + t * d2 / 2)
     symbol = fft(kernel, axis=0).real
-    return fft(symbol, axis=1).real[:, : kernel.shape[1] // 2 + 1]
+    return fft(symbol, axis=1).real[: kernel.shape[0] // 2 + 1, : kernel.shape[1] // 2 + 1]
 
 
 def bickley_1(x: Array) -> Array:
@@ -108,7 +106,7 @@ def bickley_1(x: Array) -> Array:
 
 
 def strip_symbol(n_free: int, d_free: float, q: Array, d_other: float, modulus: float) -> Array:
-    """One free axis of pixels d_free, the other periodic or mirrored with wave numbers q: (padded length, q.size).
+    """One free axis of pixels d_free, the other periodic or mirrored with wave numbers q: (half of it padded, q.size).
 
     A wave q along the other axis decays as (2/πE*) K₀(|q||x|) across it; q = 0 is the plane-strain logarithm, whose
     constant is arbitrary. Pressure is constant on each pixel, so every q brings its aliases q + 2πm/Δ: the sum is
@@ -116,6 +114,15 @@ def strip_symbol(n_free: int, d_free: float, q: Array, d_other: float, modulus: 
     their part at zero distance is an alternating series with a closed form.
     """
     x = _wrapped_offsets(n_free) * d_free
+    width = max(1, _STRIP_VALUES // x.size)
+    parts = [_strip_columns(x, n_free * d_free, d_free, q[j : j + width], d_other) for j in range(0, q.size, width)]
+    found = np.concatenate(parts, axis=1)
+    found *= 2 / (np.pi * modulus)
+    return found
+
+
+def _strip_columns(x: Array, length: float, d_free: float, q: Array, d_other: float) -> Array:
+    """Half of the transform of the kernel of a free axis at offsets x for some waves q, see `strip_symbol`."""
     kernel = np.zeros((x.size, q.size))
     live = q > 0
     p = q[live]
@@ -128,10 +135,9 @@ def strip_symbol(n_free: int, d_free: float, q: Array, d_other: float, modulus: 
     # Σ_m sinc(π(a + m)) π/|q_m|: the integral of every alias over the whole line
     waves[0] += np.sin(np.pi * a) / period * (_alternating(a) + _alternating(1 - a))
     kernel[:, live] = waves
-    length = n_free * d_free
     t1, t2 = (x - d_free / 2) / length, (x + d_free / 2) / length
     kernel[:, ~live] = -length * (t2 * np.log(t2) - t1 * np.log(np.abs(t1)) - (t2 - t1))[:, None]
-    return fft(kernel * 2 / (np.pi * modulus), axis=0).real
+    return np.ascontiguousarray(fft(kernel, axis=0).real[: x.size // 2 + 1])
 
 
 def _add_wave(waves: Array, x: Array, d: float, q: Array, weight: Array) -> None:
@@ -155,8 +161,7 @@ def stiffness_stencil(spacing: tuple[float, float], modulus: float, radius: int 
     """
     n = 64
     q = np.hypot(
-        wave_numbers(n, spacing[0], "periodic", False)[:, None],
-        wave_numbers(n, spacing[1], "periodic", False)[None, :],
+        *np.ix_(*(np.abs(np.fft.fftfreq(n, d)) * 2 * np.pi for d in spacing)),
     )
     kernel = np.fft.fftshift(np.fft.ifft2(modulus * q / 2).real)
     c = n // 2

@@ -248,13 +248,13 @@ def project(n, free, c, delta, load, loaded, keep, p, hardness, slope, state, li
 
 
 @njit(**EXACT)
-def gap_and_deformation(p, v, delta, c, hardness, slope, gap, deformation, plastic):
-    """Deformed gap and plastic deformation u = (p − H − c g)/(h + c), −g on a law without slope; contact is closed.
+def gap_and_deformation(p, gap, delta, c, hardness, slope, deformation, plastic):
+    """Deformed gap, in place of v, and plastic deformation u = (p − H − c g)/(h + c), −g on a law without slope.
 
     u is that of the projection of p − c g: where h is large p gives it better, where h is small the raw gap g does.
     """
     for i in range(p.size):
-        g = v[i] - delta
+        g = gap[i] - delta
         h = hardness[i if hardness.size > 1 else 0]
         gap[i] = 0.0 if p[i] > 0.0 or g < 0.0 else g
         plastic[i] = p[i] >= h

@@ -8,9 +8,10 @@ hardens, p ≤ H + h u, adds ½⟨(p − H)₊,(p − H)₊⟩/h in place of the
 from __future__ import annotations
 
 import threading
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from math import inf
-from typing import ClassVar
+from typing import ClassVar, cast
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -270,10 +271,10 @@ class _Problem:
         self._check(sets, grids[0])
         return self._result(grids[0], offset, sets.delta, sets.residual, sets.iterations, sets.pairs)
 
-    def _nested(self, grids: tuple[Workspace, ...], offset: float) -> ActiveSets:
+    def _nested(self, grids: Sequence[Workspace], offset: float) -> ActiveSets:
         """Solve on the coarsest grid first; each solution is the start on the next finer grid."""
-        gaps, lines = [self.gap0], [self.line]
-        for _ in grids[1:]:
+        gaps, lines, sets = [self.gap0], [self.line], cast(ActiveSets, None)
+        for _ in range(len(grids) - 1):
             gaps.append(coarsen(gaps[-1]))
             values = (coarsen(a) if a.size > 1 else a for a in (lines[-1].hardness, lines[-1].slope))
             lines.append(YieldLine(*values))
@@ -284,8 +285,9 @@ class _Problem:
             loads = [self.load * (c / capacity[0] if np.isfinite(c) else 1) for c in capacity]
         start = self._first_guess(grids[-1], gaps[-1], lines[-1], loads[-1])
         for level in reversed(range(len(grids))):
+            sets = cast(ActiveSets, None)  # whose grid goes before the next one comes
             grids[level].start(start, lines[level].limit)
-            sets = ActiveSets(grids[level], gaps[level], offset, lines[level], loads[level], self.approach)
+            sets = ActiveSets(grids[level], gaps.pop(), offset, lines[level], loads[level], self.approach)
             if level > 0:
                 sets.solve(_COARSE_RTOL, _COARSE_ITERATIONS)
             start = grids[level].pressure
@@ -334,11 +336,11 @@ class _Problem:
         self, grid: Workspace, offset: float, delta: float, residual: float, iterations: int, pairs: int
     ) -> Contact:
         """The solution in the fields of a `Contact`."""
-        p = grid.pressure.copy()
-        gap, deformation, plastic = np.empty(p.shape), np.zeros(p.shape), np.empty(p.shape, np.bool_)
+        p, gap = (a.copy() if grid.kept else a for a in (grid.pressure, grid.respond.displacement))
+        deformation, plastic = np.zeros(p.shape), np.empty(p.shape, np.bool_)
         kernels.gap_and_deformation(
-            grid.p, grid.v, delta, grid.stiffness, self.line.hardness.ravel(), self.line.slope.ravel(),
-            gap.ravel(), deformation.ravel(), plastic.ravel(),
+            p.ravel(), gap.ravel(), delta, grid.stiffness, self.line.hardness.ravel(), self.line.slope.ravel(),
+            deformation.ravel(), plastic.ravel(),
         )  # fmt: skip
         return Contact(
             pressure=p,

@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 from functools import lru_cache
+from math import prod
+from typing import Any
 
 import numpy as np
 from numba import njit
@@ -14,22 +17,59 @@ from .half_space import HalfSpace
 from .influence import stiffness_stencil
 
 Array = NDArray[np.float64]
+#: Points up to which the arrays of a grid are kept for its next problem: 100 bytes each. Making them takes a twentieth
+#: of a solution.
+KEPT_POINTS = 2**21
 #: Largest number of points along the shorter side of the coarsest grid.
 _COARSEST = 48
 #: Number of points from which single precision is faster for search directions.
 _SINGLE = 160**2
 
 
+def nested_grids(half_space: HalfSpace, thread: int, threads: int) -> Sequence[Workspace]:
+    """Workspaces from the given grid to the coarsest, kept per thread because their arrays are written to.
+
+    Of a large grid one is there at a time, and none is kept.
+    """
+    if prod(half_space.shape) > KEPT_POINTS:
+        return _OneAtATime(_levels(half_space), threads)
+    return _kept_grids(half_space, thread, threads)
+
+
 @lru_cache(maxsize=8)
-def nested_grids(half_space: HalfSpace, thread: int, threads: int) -> tuple[Workspace, ...]:
-    """Workspaces from the given grid to the coarsest, kept per thread because their arrays are written to."""
+def _kept_grids(half_space: HalfSpace, thread: int, threads: int) -> tuple[Workspace, ...]:
+    return tuple(Workspace(level, threads) for level in _levels(half_space))
+
+
+def _levels(half_space: HalfSpace) -> tuple[HalfSpace, ...]:
+    """Half-spaces from the given grid to the coarsest, each with about half of the points along both axes."""
     levels = [half_space]
     while min(half_space.shape) > _COARSEST:
         n1, n2 = half_space.shape
         d1, d2 = half_space.spacing
         half_space = replace(half_space, shape=((n1 + 1) // 2, (n2 + 1) // 2), spacing=(2 * d1, 2 * d2))
         levels.append(half_space)
-    return tuple(Workspace(level, threads) for level in levels)
+    return tuple(levels)
+
+
+class _OneAtATime(Sequence["Workspace"]):
+    """Workspaces of some half-spaces, of which only the one that was asked for last is there."""
+
+    def __init__(self, levels: tuple[HalfSpace, ...], threads: int) -> None:
+        self._levels, self._threads = levels, threads
+        self._number = -1
+        self._last: Workspace | None = None
+
+    def __len__(self) -> int:
+        return len(self._levels)
+
+    def __getitem__(self, n: Any) -> Any:
+        """The workspace of a level, whose arrays its last user may keep."""
+        number = range(len(self))[n]
+        if self._last is None or number != self._number:
+            self._last = None
+            self._number, self._last = number, Workspace(self._levels[number], self._threads, kept=False)
+        return self._last
 
 
 class Workspace:
@@ -40,18 +80,18 @@ class Workspace:
     respond : v = K p from `pressure` to `displacement`, the same memory as `p` and `v`.
     search : Kd of a direction, from `dense` to `kd`; `kd` is in the memory of `v`.
     stencil : 3×3 stencil of the preconditioner M, truncated from the symbol E*|q|/2, and the maps of its indices.
-    stiffness : c₀ [Pa/m], see `HalfSpace.stiffness`.
+    stiffness : c₀ [Pa/m], see `HalfSpace.stiffness`. kept : whether the arrays are used again.
     """
 
-    def __init__(self, half_space: HalfSpace, threads: int) -> None:
-        self.half_space = half_space
+    def __init__(self, half_space: HalfSpace, threads: int, kept: bool = True) -> None:
+        self.half_space, self.kept = half_space, kept
         n1, n2 = half_space.shape
         n = n1 * n2
-        body = half_space.shape, half_space.boundary, half_space.symbol()
-        self.respond = Convolution(*body, threads=threads)
+        body = half_space.shape, half_space.boundary
+        self.respond = Convolution(*body, half_space.symbol(), threads=threads)
         # the next product with the pressure corrects the errors of products in single precision
         precision = np.float32 if n >= _SINGLE else np.float64
-        self.search = Convolution(*body, dtype=precision, threads=threads, over=self.respond)
+        self.search = Convolution(*body, None, dtype=precision, threads=threads, over=self.respond)
         self.pressure = self.respond.pressure
         self.p, self.v = self.respond.pressure.ravel(), self.respond.displacement.ravel()
         self.dense, self.kd = self.search.pressure.ravel(), self.search.displacement.ravel()

@@ -90,7 +90,7 @@ def mesh_factors(
     joined(np.flatnonzero(own), (0, 0), cells)
     order = np.concatenate([*fronts, dirichlet]).astype(np.int64)
     n = order.size - dirichlet.size
-    rank = np.full(nodes, -1)
+    rank = np.full(nodes, -1, np.int32)
     rank[order] = np.arange(order.size)
     parts = []
     for c, number in zip(conductances, numbers, strict=True):
@@ -98,10 +98,12 @@ def mesh_factors(
         one, other = rank[number[i]], rank[number[j]]
         parts.append((np.minimum(one, other), np.maximum(one, other), c[i, j]))
     first, later, value = (np.concatenate(part) for part in zip(*parts, strict=True))
+    del parts  # large faces need their memory
     chosen = np.flatnonzero((first < n) & (first != later))
     chosen = chosen[np.argsort(first[chosen], kind="stable")]
     row = np.searchsorted(first[chosen], np.arange(n + 1))
     starts = np.cumsum([0, *(front.size for front in fronts)])
-    links = Links(row, later[chosen], value[chosen])
+    links = Links(row, later[chosen].astype(np.int64), value[chosen])
+    del first, later, value, chosen
     factors = factored(Order(order, starts, np.array(parent, np.int64)), links, dirichlet.size)
     return MeshFactors(nodes, order, factors)

@@ -81,8 +81,9 @@ class ElementMesh:
         for element, number in zip(self.elements, self.numbers, strict=True):
             point, which = np.nonzero(element.weight)
             start.append(number[element.node[point, which]])
-            end.append(count + element.component[point])
-            count += int(element.component.max()) + 1
+            names, name = np.unique(element.component[point], return_inverse=True)
+            end.append(count + name)
+            count += names.size
         i, j = np.concatenate(start), np.concatenate(end)
         graph = sp.coo_array((np.ones(i.size, np.int8), (i, j)), shape=(count, count))
         return np.asarray(connected_components(graph, directed=False)[1][: self.nodes])

@@ -27,7 +27,7 @@ Array = NDArray[np.float64]
 #: Largest distance of two nodes on a side, in pixels.
 NODE_SPACING = 8
 #: Memory that flow through elements needs for each pixel [byte].
-ELEMENT_BYTES = 80.0
+ELEMENT_BYTES = 45.0
 #: Pixels beside the four sides of a window.
 _AT_SIDES: tuple[Any, ...] = (np.s_[0], np.s_[-1], np.s_[:, 0], np.s_[:, -1])
 
@@ -97,7 +97,9 @@ def _element_flow(h: Array, partition: Partition, node_spacing: int) -> ElementF
         at, is_open = points.numbers(i, j), element.node[:, 0] >= 0
         potential[at] = element.at_points(nodes.potential[number])
         node[at[is_open]], weight[at[is_open]] = number[element.node[is_open]], element.weight[is_open]
-    conductance, error, dissipation = nodes.conductance, 0.0, np.zeros(len(elements))
+    percolates = mesh.percolates
+    del elements, element, conductances, mesh  # large faces need their memory
+    conductance, error, dissipation = nodes.conductance, 0.0, np.zeros(m1 * m2)
     if nodes.factors is not None:
         closed = np.isnan(potential)
         found = points.improved(np.nan_to_num(potential), conductance, node, weight, nodes.factors)
@@ -113,7 +115,7 @@ def _element_flow(h: Array, partition: Partition, node_spacing: int) -> ElementF
         dissipation=dissipation.reshape(m1, m2),
         row_potential=potential[:lines].reshape(m1 + 1, m2 * w2),
         column_potential=potential[lines:].reshape(m1 * w1, m2),
-        percolates=mesh.percolates,
+        percolates=percolates,
         error=error,
         unknowns=nodes.unknowns,
         imbalance=nodes.imbalance,

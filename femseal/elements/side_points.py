@@ -17,7 +17,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from ..flow.solvers.elimination import Factors, Links, Order, carry_sources, factored, find_potentials
+from ..flow.solvers.elimination import Links, Order, factored
 from ..windows.partition import Partition
 from .element_elimination import MeshFactors
 
@@ -140,21 +140,22 @@ class SidePoints:
 
     def _on_sides(self, sources: Array) -> Array:
         """Potential (points,) on each side for sources at its points while all other sides have 0."""
-        points, factors = self._sides
-        v = np.append(sources[points], 0.0)
-        carry_sources(factors, v)
-        v[-1] = 0.0
-        find_potentials(factors, v)
+        points, starts, fractions, inverse = self._sides
+        v = sources[points]
+        _solve_sides(starts, fractions, inverse, v)
         x = np.zeros(self.count)
-        x[points] = v[:-1]
+        x[points] = v
         return x
 
     @cached_property
-    def _sides(self) -> tuple[Indices, Factors]:
-        """The points of all sides between windows, and their factors; all other points are one node that stays."""
+    def _sides(self) -> tuple[Indices, Indices, NDArray[np.float32], Array]:
+        """The points of all sides between windows, eliminated side by side; all other points have 0.
+
+        Points, where those of each side start and end, see `_side_fractions`, and the inverse sums.
+        """
         (m1, m2), (w1, w2) = self.partition.cells, self.partition.window
         blocks: dict[tuple[int, int, int], tuple[Indices, Array]] = {}
-        points, found = [], []
+        points, starts, fractions, inverses = [np.empty(0, np.int64)], [0], [np.empty(0, np.float32)], [np.empty(0)]
         for place, (number, packed, unit) in enumerate(self.windows):
             i, j = divmod(place, m2)
             before, after, left, right = np.split(self.numbers(i, j), [w2, 2 * w2, 2 * w2 + w1])
@@ -170,27 +171,47 @@ class SidePoints:
                 for key in [key for key in blocks if key[1] == i]:
                     numbers, block = blocks.pop(key)
                     points.append(numbers)
-                    found.append(_side_factors(block))
-        return np.concatenate(points) if points else np.empty(0, np.int64), _united(found)
+                    starts.append(starts[-1] + numbers.size)
+                    of_side, inverse = _side_fractions(block)
+                    fractions.append(of_side)
+                    inverses.append(inverse)
+        return np.concatenate(points), np.array(starts), np.concatenate(fractions), np.concatenate(inverses)
 
 
-def _side_factors(block: Array) -> Factors:
-    """Eliminate the points of a side from the conductances (n, n + 1) between them and, last column, to all others."""
+def _side_fractions(block: Array) -> tuple[NDArray[np.float32], Array]:
+    """Eliminate the points of a side from the conductances (n, n + 1) between them and, last column, to all others.
+
+    The fractions that each point has of the later ones, row after row, and the inverse sums [1/m³].
+    """
     n = len(block)
     first, later = np.triu_indices(n, 1, n + 1)
     links = Links(np.searchsorted(first, np.arange(n + 1)), later, block[first, later])
-    return factored(Order(np.arange(n), np.array([0, n]), np.array([1])), links, 1)
+    factors = factored(Order(np.arange(n), np.array([0, n]), np.array([1])), links, 1)
+    border = int(factors.start[-1])  # 0 or 1: nothing leads to other sides where all is closed
+    kept = factors.links.reshape(n, n + border)[np.triu_indices(n, 1, n)]
+    rows = np.repeat(factors.inverse, np.arange(n - 1, -1, -1))
+    return (kept * rows).astype(np.float32), factors.inverse
 
 
-def _united(parts: list[Factors]) -> Factors:
-    """Factors of networks that have nothing in common but the one node that stays."""
-    sizes = [part.inverse.size for part in parts]
-    first, n, size = np.cumsum([0, *sizes]), sum(sizes), np.cumsum([0, *(part.links.size for part in parts)])
-    links, inverse = (
-        np.concatenate([np.empty(0), *(getattr(p, name) for p in parts)]) for name in ("links", "inverse")
-    )
-    start = np.cumsum([0, *(part.start[-1] for part in parts)])
-    return Factors(first, np.full(int(start[-1]), n), start, size, links, inverse, np.zeros((1, 1)))
+@njit(cache=True, nogil=True, error_model="numpy", fastmath={"reassoc", "contract"})
+def _solve_sides(starts, fractions, inverse, v):
+    """Potentials of the points of all sides in place of sources v, all other points having 0."""
+    k = 0
+    for s in range(starts.size - 1):
+        a, b = starts[s], starts[s + 1]
+        for i in range(a, b):
+            row, here, later = fractions[k : k + b - 1 - i], v[i], v[i + 1 : b]
+            for j in range(row.size):
+                later[j] += row[j] * here
+            k += row.size
+        for i in range(b - 1, a - 1, -1):
+            row, later = fractions[k - (b - 1 - i) : k], v[i + 1 : b]
+            here = v[i] * inverse[i]
+            for j in range(row.size):
+                here += row[j] * later[j]
+            v[i] = here
+            k -= row.size
+        k += (b - a) * (b - a - 1) // 2
 
 
 @njit(cache=True, nogil=True)

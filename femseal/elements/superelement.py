@@ -99,7 +99,7 @@ class WindowElement:
 
 def validated_face(gap: ArrayLike, partition: Partition) -> Array:
     """Gap as an array of the partition's shape of finite numbers >= 0, or an InputError."""
-    h = validate.field("gap", gap, unit="m", shape=partition.shape)
+    h = validate.field("gap", gap, unit="m", shape=partition.shape, copy=False)
     if h.min() < 0:
         raise InputError("gap", f"{h.min():g} m", "numbers >= 0 [m]")
     return h

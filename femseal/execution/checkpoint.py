@@ -2,8 +2,9 @@
 
 Every call of the mapper in a study is a stage; the order of the calls depends on the case alone. Results of
 consecutive items are kept in shards, each a file that is complete or not there, with a checksum. A resumed run makes
-the same calls, takes the items of intact shards from their files and computes the others, see `store`. Shards are no
-exchange format; `results.nc` is one.
+the same calls, takes the items of intact shards from their files and computes the others, see `store`. Parts of a run
+make them too, each computes its own items, and takes those of the others when they are there. Shards are no exchange
+format; `results.nc` is one.
 """
 
 from __future__ import annotations
@@ -15,22 +16,31 @@ import logging
 import re
 import shutil
 from collections import deque
-from collections.abc import Callable, Iterable, Iterator
-from dataclasses import dataclass
+from collections.abc import Callable, Iterable, Iterator, Sequence, Sized
+from contextlib import suppress
+from dataclasses import dataclass, replace
 from itertools import islice
 from pathlib import Path
+from time import sleep
 from typing import Any
+
+import numpy as np
 
 from ..base.errors import FemsealError, InputError, NotKept, shortened
 from ..base.files import read_plain
 from ..base.stage import Mapper, Stage
+from .lock import is_under_way
+from .parts import Part, missing_parts, own_items, parts_of
 from .plain_data import unpacked
+from .run import Progress, no_progress
 from .store import SUFFIX, ShardWriter, read_shard, write_whole
 
 log = logging.getLogger("femseal.execution.checkpoint")
 #: Subfolder of the output folder.
 FOLDER = ".checkpoint"
 MANIFEST = "manifest.json"
+#: Time between two looks for the items of parts that are under way [s].
+POLL_SECONDS = 2.0
 #: No manifest is larger [byte].
 _LARGEST_MANIFEST = 1e8
 #: Changed keys that a message names.
@@ -76,7 +86,7 @@ def refuse_unfinished(output: Path) -> None:
     """Raise InputError if the output folder has an unfinished run, whose results a new run would remove."""
     kept = len(list(_folder(output).glob(f"*{SUFFIX}")))
     if kept:
-        given = f"'{output}', which holds {kept} parts of an unfinished run"
+        given = f"'{output}', which holds {kept} files of an unfinished run"
         expected = f"--resume to go on; another folder, or none of '{output / FOLDER}', to start anew"
         raise InputError("output", given, expected)
 
@@ -114,26 +124,39 @@ class Checkpoint:
     output : the output folder, which exists.
     identity : what the bits of the results depend on, as nested plain data.
     resume : go on with what is there, found `resumable`; else it is removed.
+    part : this process computes its own items only; others may be at work on theirs in the same folder.
+    progress : called as progress(stage, done, total) while a part computes its own items.
 
     Raises
     ------
+    PartsMissing : from the mappers made by `over`: a part's own items of a stage are kept, and others are not there, of
+        parts that are not under way.
     FemsealError : the folder cannot be written, also from the mappers made by `over`: what is kept stays.
     """
 
-    def __init__(self, output: Path, identity: dict[str, Any], resume: bool) -> None:
+    def __init__(
+        self,
+        output: Path,
+        identity: dict[str, Any],
+        resume: bool,
+        part: Part | None = None,
+        progress: Progress = no_progress,
+    ) -> None:
         text = json.dumps(_plain(identity), indent=1, ensure_ascii=False)
         self._key = hashlib.sha256(text.encode()).hexdigest()
         self._folder = _folder(output)
+        self._part, self._progress = part, progress
         self._stages = 0
         self._taken = 0
-        self._start = 0
+        self._next = 0
         self._writer = ShardWriter((), self._place)
-        if not resume:
+        if not resume and part is None:
             remove(output)
         try:
             self._folder.mkdir(exist_ok=True)
-            for leftover in self._folder.glob(".unfinished-*"):
-                leftover.unlink()
+            if part is None:  # other parts may be writing theirs
+                for leftover in self._folder.glob(".unfinished-*"):
+                    leftover.unlink()
             write_whole(self._folder / MANIFEST, text.encode())
         except OSError as error:
             raise self._failure(error) from error
@@ -160,61 +183,115 @@ class Checkpoint:
 
         def mapping(stage: Stage, *iterables: Iterable[Any]) -> Iterator[Any]:
             self._stages += 1
-            header = self._key, stage.name
-            shards = deque(self._intact(header))
-            left = (_left(iterable, list(shards)) for iterable in iterables)
-            computed = iter(mapper(stage, *left))
-            self._start = 0
-            self._writer = ShardWriter(header, self._place)
-            while True:
-                if shards and shards[0].start == self._start + len(self._writer):
-                    self._kept(self._writer.flush)
-                    shard = shards.popleft()
-                    self._start = shard.stop
-                    self._taken += shard.stop - shard.start
-                    yield from map(unpacked, read_shard(shard.path, header))
-                    continue
+            if self._part is None:
+                yield from self._through(mapper, stage, iterables)
+                return
+            if not any(isinstance(iterable, Sized) for iterable in iterables):
+                iterables = tuple(zip(*zip(*iterables, strict=False), strict=True))
+            count = min((len(iterable) for iterable in iterables if isinstance(iterable, Sized)), default=0)
+            start, stop = own_items(self._part, count)
+            own = f"part {self._part[0]}/{self._part[1]}: {stage.name}"
+            for done, _ in enumerate(self._through(mapper, stage, iterables, start, stop), start=1):
+                self._progress(own, done, stop - start)
+            for shard in self._whole(self._part, stage, count):
                 try:
-                    item = next(computed)
-                except StopIteration:
-                    break
-                self._kept(self._writer.keep, item)
-                yield item
-            self._kept(self._writer.flush)
+                    yield from self._items(stage, shard)
+                except (OSError, ValueError) as error:
+                    log.warning("checkpoint: %s cannot be read (%s)", shard.path, error)
+                    raise missing_parts(self._part, stage.name, parts_of(shard.used, self._part, count)) from None
 
         return mapping
 
-    def _place(self, count: int) -> Path:
-        """Path of a shard of so many items, which come after those that are kept."""
-        start, self._start = self._start, self._start + count
-        return self._folder / f"{self._stages:03d}-{start:09d}-{self._start:09d}{SUFFIX}"
+    def _whole(self, part: Part, stage: Stage, count: int) -> list[_Shard]:
+        """The shards of all items of a stage; those of parts that are under way are waited for."""
+        waiting = False
+        while True:
+            shards, there = list(self._found(stage, 0, count, check=False)), np.zeros(count, bool)
+            for shard in shards:
+                there[shard.used.start : shard.used.stop] = True
+            if there.all():
+                return shards
+            missing = parts_of(np.flatnonzero(~there).tolist(), part, count)
+            error = missing_parts(part, stage.name, missing)
+            if not all(n != part[0] and is_under_way(self._folder.parent, (n, part[1])) for n in missing):
+                raise error
+            if not waiting:
+                log.info("%s", error)
+            waiting = True
+            sleep(POLL_SECONDS)
 
-    def _kept(self, write: Callable[..., None], *item: Any) -> None:
+    def _through(
+        self, mapper: Mapper, stage: Stage, iterables: Sequence[Iterable[Any]], start: int = 0, stop: int | None = None
+    ) -> Iterator[Any]:
+        """Results of a range of items: those in shards, and the others computed and kept."""
+        shards = deque(self._found(stage, start, stop, check=True))
+        ranges = [shard.used for shard in shards]
+        computed = iter(mapper(stage, *(_left(islice(items, start, stop), start, ranges) for items in iterables)))
+        self._next = start
+        self._writer = ShardWriter((self._key, stage.name), self._place, merge=True)
+        while True:
+            if shards and shards[0].used.start == self._next:
+                self._kept(self._writer.flush)
+                shard = shards.popleft()
+                self._next = shard.used.stop
+                self._taken += len(shard.used)
+                if shard.used == shard.items:
+                    self._writer.follow(shard.path, len(shard.items))
+                yield from self._items(stage, shard)
+                continue
+            try:
+                item = next(computed)
+            except StopIteration:
+                break
+            self._next += 1
+            self._kept(self._writer.keep, item)
+            yield item
+        self._kept(self._writer.flush, True)
+
+    def _items(self, stage: Stage, shard: _Shard) -> Iterator[Any]:
+        """The items of a shard that are used."""
+        found = read_shard(shard.path, (self._key, stage.name))
+        first = shard.items.start
+        yield from map(unpacked, found[shard.used.start - first : shard.used.stop - first])
+
+    def _place(self, count: int) -> Path:
+        """Path of a shard of so many items, up to the one that was kept last."""
+        return self._folder / f"{self._stages:03d}-{self._next - count:09d}-{self._next:09d}{SUFFIX}"
+
+    def _kept(self, write: Callable[..., None], *values: Any) -> None:
         """Call what may write a shard; an error of the disk says what is kept and what to do."""
         try:
-            write(*item)
+            write(*values)
         except OSError as error:
             raise self._failure(error) from error
 
-    def _intact(self, header: tuple[str, str]) -> Iterator[_Shard]:
-        """Shards of this stage in order; damaged ones are removed and reported."""
-        position = 0
-        for path in sorted(self._folder.glob(f"{self._stages:03d}-*{SUFFIX}")):
-            shard = _Shard.at(path)
-            if shard is not None and shard.start >= position and shard.is_intact(header):
-                position = shard.stop
-                yield shard
-                continue
-            log.warning("checkpoint: %s is damaged; its items are computed again (%s)", path, header[1])
-            self._kept(path.unlink, True)
+    def _found(self, stage: Stage, start: int, stop: int | None, check: bool) -> Iterator[_Shard]:
+        """Shards with items of a range of a stage by their names, in order; `check`: and by what is in them."""
+        there = [_Shard.at(path) for path in self._folder.glob(f"{self._stages:03d}-*{SUFFIX}")]
+        # of those that begin with the same item the longest comes first, which the others were merged into
+        for shard in sorted(there, key=lambda s: (s.items.start, -s.items.stop, s.path)):
+            last = shard.items.stop if stop is None else min(shard.items.stop, stop)
+            used = range(max(shard.items.start, start), last)
+            if (used or (check and not shard.items)) and not (check and self._is_damaged(stage, shard)):
+                start = used.stop
+                yield replace(shard, used=used)
+
+    def _is_damaged(self, stage: Stage, shard: _Shard) -> bool:
+        """Whether the items of a shard cannot be read; then it is reported and removed."""
+        with suppress(OSError, ValueError):
+            found = read_shard(shard.path, (self._key, stage.name))
+            if sum(1 for _ in map(unpacked, found)) == len(shard.items) > 0:
+                return False
+        log.warning("checkpoint: %s is damaged; its items are computed again (%s)", shard.path, stage.name)
+        self._kept(shard.path.unlink, True)
+        return True
 
     def _failure(self, error: OSError) -> NotKept:
         """What to say of a checkpoint that cannot be written: what is kept, and what to do."""
         if not self._folder.is_dir():
             text = f"checkpoint: '{self._folder}' was removed while the run went on, with the results in it"
             return NotKept(f"{text}; start the run again")
-        shards = map(_Shard.at, self._folder.glob(f"*{SUFFIX}"))
-        kept = sum(s.stop - s.start for s in shards if s is not None)
+        kept = sum(len(_Shard.at(path).items) for path in self._folder.glob(f"*{SUFFIX}"))
         todo = "make room" if error.errno in (errno.ENOSPC, errno.EDQUOT) else "mend that"
         return NotKept(
             f"checkpoint: {error}; the results of {kept} items are kept in '{self._folder}': "
@@ -224,35 +301,25 @@ class Checkpoint:
 
 @dataclass(frozen=True)
 class _Shard:
-    """Items `start` to `stop` of a stage."""
+    """A file with a range of the items of a stage, none if it has the name of none, and those that are used."""
 
     path: Path
-    start: int
-    stop: int
+    items: range
+    used: range = range(0)
 
     @classmethod
-    def at(cls, path: Path) -> _Shard | None:
-        """The shard of a file; None if it has the name of none."""
+    def at(cls, path: Path) -> _Shard:
+        """The shard of a file by its name."""
         match = _NAME.fullmatch(path.stem)
-        if match is None or not int(match[2]) < int(match[3]):
-            return None
-        return cls(path, int(match[2]), int(match[3]))
-
-    def is_intact(self, header: tuple[str, str]) -> bool:
-        """Whether the file holds the items of a run and a stage, all of which can be read."""
-        try:
-            return len(read_shard(self.path, header)) == self.stop - self.start
-        except (OSError, ValueError):
-            return False
+        return cls(path, range(int(match[2]), int(match[3])) if match else range(0))
 
 
-def _left(iterable: Iterable[Any], shards: list[_Shard]) -> Iterator[Any]:
-    """The items that are in no shard."""
-    iterator, position = iter(iterable), 0
-    for shard in shards:
-        yield from islice(iterator, shard.start - position)
-        deque(islice(iterator, shard.stop - shard.start), maxlen=0)
-        position = shard.stop
+def _left(iterator: Iterator[Any], position: int, taken: Iterable[range]) -> Iterator[Any]:
+    """The items from a position on that are in none of some ranges."""
+    for items in taken:
+        yield from islice(iterator, items.start - position)
+        deque(islice(iterator, len(items)), maxlen=0)
+        position = items.stop
     yield from iterator
 
 

@@ -1,4 +1,4 @@
-"""One run in a folder at a time.
+"""One run in a folder at a time, or several parts of one.
 
 A run holds a lock on a file in its folder. The system gives the lock back when the process ends, however it ends. File
 systems without locks, among them some of networks, have a file in its place that names the process.
@@ -19,9 +19,11 @@ import psutil
 
 from ..base.errors import InputError, shortened
 from ..base.files import read_plain, remove_foreign
+from .parts import Part
 
-#: Name of the file in the folder, which says who holds the lock, and of the one where there are no locks.
-LOCK, MARK = ".lock", ".lock-mark"
+#: Name of the file in the folder, which says who holds the lock, and of that of a part; what is added where there are
+#: no locks.
+LOCK, PART_LOCK, MARK = ".lock", ".part-lock-{}-of-{}", "-mark"
 #: Errors of a file system that has no locks.
 _NO_LOCKS = {errno.ENOLCK, errno.ENOSYS, errno.EOPNOTSUPP, errno.EINVAL}
 #: How long a lock is tried whose file another run removes meanwhile, and how often [s].
@@ -29,18 +31,43 @@ _PATIENCE, _POLL = 0.2, 0.02
 
 
 @contextmanager
-def alone_in(folder: Path) -> Iterator[None]:
-    """Context in which no other run writes into a folder, which exists.
+def alone_in(folder: Path, part: Part | None = None) -> Iterator[None]:
+    """Context in which no other run writes into a folder, which exists; with a part, none but other parts.
 
     Raises
     ------
     InputError : another run is under way there, or the folder cannot be written.
     """
+    name = LOCK if part is None else PART_LOCK.format(*part)
+    with _locked(folder, name):
+        # a run and a part that begin together see each other's lock: both are refused rather than none
+        others = folder.glob(PART_LOCK.format("*", "*[0-9]")) if part is None else folder.glob(LOCK)
+        for other in others:
+            with _locked(folder, other.name):
+                pass
+        yield
+
+
+def is_under_way(folder: Path, part: Part) -> bool:
+    """Whether another process computes a part in a folder."""
+    name = PART_LOCK.format(*part)
+    try:
+        if (folder / name).exists():
+            with _locked(folder, name):
+                pass
+    except InputError:
+        return True
+    return False
+
+
+@contextmanager
+def _locked(folder: Path, name: str) -> Iterator[None]:
+    """Context with a lock of this process; InputError as `alone_in`."""
     from filelock import Timeout
 
-    path = folder / LOCK
+    path = folder / name
     try:
-        held = _acquired(folder)
+        held = _acquired(path)
     except Timeout:
         given = f"'{folder}', where {_named(_owner(path))} is under way"
         raise InputError("output", given, "another folder, or this one when that run has ended") from None
@@ -58,14 +85,14 @@ def alone_in(folder: Path) -> Iterator[None]:
         held.release()
 
 
-def _acquired(folder: Path) -> Any:
-    """The lock of a folder, held by this run; filelock.Timeout where another one holds it."""
+def _acquired(path: Path) -> Any:
+    """A lock, held by this run; filelock.Timeout where another one holds it."""
     from filelock import FileLock, SoftFileLock
 
     options: dict[str, Any] = {"timeout": _PATIENCE, "poll_interval": _POLL, "thread_local": False}
-    for kind, name in ((FileLock, LOCK), (SoftFileLock, MARK)):
-        remove_foreign(folder / name)
-        held = kind(folder / name, **options)
+    for kind, place in ((FileLock, path), (SoftFileLock, path.with_name(path.name + MARK))):
+        remove_foreign(place)
+        held = kind(place, **options)
         try:
             held.acquire()
             return held

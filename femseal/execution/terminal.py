@@ -8,12 +8,22 @@ import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any
 
 import typer
 
 from ..base.errors import InputError
 from .log_file import LogFile
+
+#: Option of the commands whose work several processes divide.
+PartOption = Annotated[
+    str | None,
+    typer.Option(
+        metavar="I/N",
+        help="Compute part I of N, such as 3/16, beside other parts or after them; exit code 3: others are missing.",
+        show_default="all",
+    ),
+]
 
 
 def print_table(table: Any) -> None:

@@ -16,11 +16,12 @@ from numpy.typing import ArrayLike, NDArray
 from ..base import validate
 from ..base.errors import InputError
 from ..base.text import Shown
+from .assembly import edge_weights
 from .bounds import pixel_bounds
 from .cell_mesh import mesh_flow
 from .coefficient import unit_spacing, validated_cell
 from .discretisation import cell_stencil, check_discretisation, on_grid
-from .edge_flow import edge_flow
+from .edge_flow import edge_conductances, edge_flow
 from .grid import Grid
 from .law import CUBIC_LAW, FlowLaw, gap_by_law
 from .solution import FIELD_RTOL, DarcyFlow
@@ -111,11 +112,14 @@ def cell_permeability(
         solver=solver,
         field_rtol=field_rtol,
     )
-    h, unit, flow, potential = cell.gap, cell.spacing, cell.flow, cell.flow.potential
+    flow, potential = cell.flow, cell.flow.potential
     if on_grid(discretisation):
         # nodes in contact have a pressure where a Q1 element reaches into contact
-        potential = np.where(h > 0, potential[1:-1], np.nan)
+        is_open = np.asarray(gap) > 0
+        potential = np.where(is_open.T if axis == 1 else is_open, potential[1:-1], np.nan)
     lower, upper = np.nan, np.nan
+    if bounds or estimate:
+        h, unit, _ = _scaled(gap, spacing, axis, sides)
     if bounds:
         lower, upper = (
             cell.factor * b for b in pixel_bounds(h, unit, sides, solver if on_grid(discretisation) else "auto")
@@ -142,12 +146,9 @@ def cell_permeability(
 class CellFlow:
     """Flow along the first axis of a cell for a unit drop.
 
-    gap (n1, n2) : over the largest one, its first axis along the flow. spacing : over a power of two near the larger.
     factor : permeability [m³] over the conductance of `flow`.
     """
 
-    gap: Array
-    spacing: tuple[float, float]
     factor: float
     flow: DarcyFlow
 
@@ -176,21 +177,31 @@ def cell_flow(
     ------
     InputError, NotConverged : as `cell_permeability`, but for an unknown discretisation.
     """
-    h, spacing = validated_cell(gap, spacing, axis, sides)
+    h, (d1, d2), scale = _scaled(gap, spacing, axis, sides)
     validate.tolerance("rtol", rtol)
-    d1, d2 = unit_spacing(spacing)
-    scale = float(h.max()) or 1.0
-    h /= scale
+    shape = h.shape
     if not on_grid(discretisation):
         flow = mesh_flow(h, (d1, d2), sides, discretisation, rtol=rtol, solver=solver)
     else:
         grid = Grid.of_pixel_centres(h.shape, (d1, d2), sides)
         if discretisation == "edge":
-            flow = edge_flow(h, grid, rtol=rtol, solver=solver, field_rtol=field_rtol)
+            links = edge_conductances(h, grid.ring2, edge_weights(grid))
+            del h  # large faces need its memory
+            flow = edge_flow(*links, grid.ring2, rtol=rtol, solver=solver, field_rtol=field_rtol)
         else:
             stencil = cell_stencil(h, grid, discretisation)
             flow = solve_flow(stencil, rtol=rtol, solver=solver, field_rtol=field_rtol)
-    return CellFlow(h, (d1, d2), scale**3 * (h.shape[0] * d1) / (h.shape[1] * d2), flow)
+    return CellFlow(scale**3 * (shape[0] * d1) / (shape[1] * d2), flow)
+
+
+def _scaled(
+    gap: ArrayLike, spacing: tuple[float, float], axis: int, sides: str
+) -> tuple[Array, tuple[float, float], float]:
+    """The gap of `validated_cell` over the largest one, its unit spacing, and the largest [m], 1 if all is closed."""
+    h, spacing = validated_cell(gap, spacing, axis, sides)
+    scale = float(h.max()) or 1.0
+    h /= scale
+    return h, unit_spacing(spacing), scale
 
 
 def cell_permeabilities(

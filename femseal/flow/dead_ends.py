@@ -7,8 +7,6 @@ components), with inlet and outlet as one node.
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 from numba import njit
 from numpy.typing import NDArray
@@ -21,8 +19,8 @@ Indices = NDArray[np.int32]
 _THROUGH = np.int32(-1)
 
 
-def without_dead_ends(stencil: Stencil, keep: Flags) -> tuple[Stencil, Flags, Indices]:
-    """Close the links of dead ends.
+def dead_ends(stencil: Stencil, keep: Flags) -> tuple[Flags, tuple[Indices, Indices]]:
+    """Find dead ends.
 
     Parameters
     ----------
@@ -31,20 +29,26 @@ def without_dead_ends(stencil: Stencil, keep: Flags) -> tuple[Stencil, Flags, In
 
     Returns
     -------
-    The network and the nodes without dead ends, and of each inner node the number (row · n2 + column) of the one it
-    hangs on, -1 unless in a dead end; two more numbers stand for the inlet and the outlet.
+    The nodes without dead ends; the numbers (row · n2 + column) of the inner nodes in dead ends, with those that they
+    hang on; two more numbers stand for the inlet and the outlet.
     """
     anchor = _anchors(stencil.along, stencil.across, keep, stencil.ring2)
     left = keep.copy()
     left[1:-1] &= anchor == _THROUGH
-    along, across = stencil.along.copy(), stencil.across.copy()
-    _close(along, across, anchor)
-    return replace(stencil, along=along, across=across), left, anchor
+    at = np.flatnonzero(anchor != _THROUGH).astype(np.int32)
+    return left, (at, anchor.ravel()[at])
+
+
+def fill_dead_ends(potential: Array, dead: tuple[Indices, Indices], at_inlet: float, at_outlet: float) -> None:
+    """Write the potential of all `dead_ends` of the inner nodes, given that of both ends."""
+    anchor = np.full(potential.shape, _THROUGH)
+    anchor.ravel()[dead[0]] = dead[1]
+    _fill(potential, anchor, at_inlet, at_outlet)
 
 
 @njit(cache=True, nogil=True)
-def fill_dead_ends(potential, anchor, at_inlet, at_outlet):
-    """Write the potential of all dead ends of the inner nodes, given that of both ends."""
+def _fill(potential, anchor, at_inlet, at_outlet):
+    """`fill_dead_ends` of what each node hangs on."""
     n2 = potential.shape[1]
     for i in range(potential.shape[0]):
         for j in range(n2):
@@ -56,23 +60,6 @@ def fill_dead_ends(potential, anchor, at_inlet, at_outlet):
                     potential[i, j] = potential[a // n2, a % n2]
                 else:
                     potential[i, j] = at_inlet if a == anchor.size else at_outlet
-
-
-@njit(cache=True, nogil=True)
-def _close(along, across, anchor):
-    """Close the links of all nodes that no path goes through, in place."""
-    n1, n2 = anchor.shape
-    m2 = across.shape[1]
-    for i in range(n1):
-        for j in range(n2):
-            if anchor[i, j] != _THROUGH:
-                along[i, j] = along[i + 1, j] = 0.0
-                if j < m2:
-                    across[i, j] = 0.0
-                if j > 0:
-                    across[i, j - 1] = 0.0
-                elif m2 == n2:
-                    across[i, n2 - 1] = 0.0
 
 
 @njit(cache=True, nogil=True)

@@ -5,9 +5,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from .assembly import EdgeWeights, edge_weights, weighted
+from .assembly import EdgeWeights, weighted
 from .coefficient import on_links
-from .grid import Grid
 from .solution import DarcyFlow
 from .solvers.choice import ready, solve_ready
 
@@ -16,12 +15,12 @@ _NOTHING = np.zeros((0, 0))
 
 
 def edge_flow(
-    gap: Array, grid: Grid, *, rtol: float = 1e-6, solver: str = "auto", field_rtol: float | None = None
+    along: Array, across: Array, ring2: bool, *, rtol: float = 1e-6, solver: str = "auto", field_rtol: float | None
 ) -> DarcyFlow:
-    """`solve_flow` of `cell_stencil` of a gap (n1, n2), on a grid of nodes at its pixels."""
-    along, across = edge_conductances(gap, grid.ring2, edge_weights(grid))
-    reached, conductances, exponent = ready(along, across, _NOTHING, _NOTHING)
-    return solve_ready(reached, conductances, exponent, grid.ring2, rtol=rtol, solver=solver, field_rtol=field_rtol)
+    """`solve_flow` of `edge_conductances`, which are written over."""
+    conductances = along, across, _NOTHING, _NOTHING
+    reached, exponent = ready(*conductances)
+    return solve_ready(reached, conductances, exponent, ring2, rtol=rtol, solver=solver, field_rtol=field_rtol)
 
 
 def edge_conductances(gap: Array, ring2: bool, weights: EdgeWeights) -> tuple[Array, Array]:

@@ -5,6 +5,8 @@ Nodes that are not connected to both ends carry no flow and are left out. Withou
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import replace
 
 import numpy as np
@@ -146,37 +148,60 @@ def widest(along, across):
 
 def restricted(stencil: Stencil, keep: NDArray[np.bool_], least: float = 0.0) -> Stencil:
     """Copy without the conductances of nodes (n1 + 1, n2) that are not kept and those below `least`."""
-    parts = restricted_conductances(
-        stencil.along, stencil.across, stencil.falling, stencil.rising, keep, (1.0, 1.0), least
+    along, across, falling, rising = (
+        c.copy() for c in (stencil.along, stencil.across, stencil.falling, stencil.rising)
     )
-    return replace(stencil, along=parts[0], across=parts[1], falling=parts[2], rising=parts[3])
+    restrict(along, across, falling, rising, keep, (1.0, 1.0), least)
+    return replace(stencil, along=along, across=across, falling=falling, rising=rising)
+
+
+@contextmanager
+def closed(stencil: Stencil, keep: NDArray[np.bool_] | None, least: float = 0.0) -> Iterator[None]:
+    """Meanwhile close the links of a network that `restricted` does without, in its own arrays, none without `keep`.
+
+    Only the few that are closed are copied.
+    """
+    aside = []
+    if keep is not None:
+        m2 = stencil.across.shape[1]
+        for c, one, other in (
+            (stencil.along, keep[:-1], keep[1:]),
+            (stencil.across, keep[1:-1, :m2], np.roll(keep[1:-1], -1, axis=1)[:, :m2]),
+        ):
+            links = c.reshape(-1)
+            at = np.flatnonzero((c > 0) & ~(one & other & (c >= least)))
+            aside.append((links, at, links[at]))
+            links[at] = 0.0
+        del keep, one, other
+    try:
+        yield
+    finally:
+        for links, at, conductances in aside:
+            links[at] = conductances
 
 
 @njit(cache=True, nogil=True)
-def restricted_conductances(along, across, falling, rising, keep, factors, least):
-    """`restricted` of the conductances of a stencil, times two factors."""
+def restrict(along, across, falling, rising, keep, factors, least):
+    """`restricted` of the conductances of a stencil in place, times two factors."""
     first, second = factors
     n1, n2 = along.shape
     m2 = across.shape[1]
-    out1, out2 = np.zeros(along.shape), np.zeros(across.shape)
-    out3, out4 = np.zeros(falling.shape), np.zeros(rising.shape)
     for i in range(n1):
         for j in range(n2):
-            if keep[i, j] and keep[i + 1, j] and abs(along[i, j]) >= least:
-                out1[i, j] = second * (first * along[i, j])
+            kept = keep[i, j] and keep[i + 1, j] and abs(along[i, j]) >= least
+            along[i, j] = second * (first * along[i, j]) if kept else 0.0
     for i in range(n1 - 1):
         for j in range(m2):
-            if keep[i + 1, j] and keep[i + 1, (j + 1) % n2] and abs(across[i, j]) >= least:
-                out2[i, j] = second * (first * across[i, j])
+            kept = keep[i + 1, j] and keep[i + 1, (j + 1) % n2] and abs(across[i, j]) >= least
+            across[i, j] = second * (first * across[i, j]) if kept else 0.0
     if falling.size > 0:
         for i in range(n1):
             for j in range(m2):
                 k = (j + 1) % n2
-                if keep[i, j] and keep[i + 1, k] and abs(falling[i, j]) >= least:
-                    out3[i, j] = second * (first * falling[i, j])
-                if keep[i, k] and keep[i + 1, j] and abs(rising[i, j]) >= least:
-                    out4[i, j] = second * (first * rising[i, j])
-    return out1, out2, out3, out4
+                kept = keep[i, j] and keep[i + 1, k] and abs(falling[i, j]) >= least
+                falling[i, j] = second * (first * falling[i, j]) if kept else 0.0
+                kept = keep[i, k] and keep[i + 1, j] and abs(rising[i, j]) >= least
+                rising[i, j] = second * (first * rising[i, j]) if kept else 0.0
 
 
 @njit(cache=True, nogil=True)

@@ -53,9 +53,9 @@ def leakage_chart(results: Results) -> Chart:
             one["texts"][n] = format_leakage(value, factor)
             one["values"][n] = None if np.isnan(value) else max(value / factor, low)
             if curves.error is not None:
-                ends = [abs(float(end[s])) for end in curves.error]
-                one["texts"][n] += f", band {format_error_band(*ends, factor)}"
-                one["low"][n], one["high"][n] = (_number(min(end / factor, 10 * high)) for end in ends)
+                lower, upper = (abs(float(end[s])) for end in curves.error)
+                one["texts"][n] += f", band {format_error_band(lower, upper, factor)}"
+                one["low"][n], one["high"][n] = (_number(min(end / factor, 10 * high)) for end in (lower, upper))
         series.append(one)
     for name, limit in curves.limits.items():
         if low <= limit / factor <= high:

@@ -13,9 +13,12 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ..base.errors import InputError
+from ..base.fields import Field
 from ..base.files import replacing
+from . import vtk_files
 from .pixel_fields import read_pixels, stored_steps
 from .run_data import RunData
+from .variables import block_means
 
 if TYPE_CHECKING:
     import xarray
@@ -25,6 +28,8 @@ _SCALE, _TIE, _KEYS, _TEXT = 33550, 33922, 34735, 270
 #: A plane of the user's own with pixels that are areas, in metres: head, then model type, raster type, unit.
 _PLANE = (1, 1, 1, 3, 1024, 0, 1, 32767, 1025, 0, 1, 1, 3076, 0, 1, 9001)
 FIELDS = ("gap", "contact_pressure", "fluid_pressure")
+#: Most pixels a side of an image for ParaView: larger ones are means over blocks.
+MOST_PIXELS = 2048
 
 
 def export_field(
@@ -34,6 +39,7 @@ def export_field(
     field: str = "gap",
     step: int | None = None,
     cell: tuple[int, int] | None = None,
+    window: tuple[float, float, float, float] | None = None,
 ) -> list[Path]:
     """Write a field over the pixels of the face; see `Results.export`."""
     path = Path(path)
@@ -43,13 +49,17 @@ def export_field(
     if write is None:
         raise InputError("output", f"'{path.name}'", f"a file {', '.join(_FORMATS)}")
     if field != "gap" and path.suffix.lower() == ".x3p":
-        raise InputError("output", f"'{path.name}' for {field}", "a file .npz, .tif: an .x3p holds heights only")
+        raise InputError("output", f"'{path.name}' for {field}", "a file .npz, .tif, .vti: an .x3p holds heights only")
+    if window is not None and (cell is not None or not (window[0] < window[1] and window[2] < window[3])):
+        raise InputError("window", window, "x1 from and to, x2 from and to [m], rising, and no cell beside")
     steps = stored_steps(run) if step is None else [step]
     if not steps:
         raise InputError("results", "no gap over all pixels", "results with files in `fields` (fields_limit)")
     written = []
     for s in steps:
         values = read_pixels(run, field, s, cell)
+        if window is not None:
+            values = _part(values, window)
         target = path if step is not None else path.with_stem(f"{path.stem}_{s:04d}")
         try:
             with replacing(target) as temporary:
@@ -58,6 +68,15 @@ def export_field(
             raise InputError("output", f"'{target}'", f"a file that can be written ({error.strerror})") from None
         written.append(target)
     return written
+
+
+def _part(values: xarray.DataArray, window: tuple[float, float, float, float]) -> xarray.DataArray:
+    """The pixels whose centres lie in a window, x1 from and to, x2 from and to [m]."""
+    part = values.sel(x1=slice(*window[:2]), x2=slice(*window[2:]))
+    if part.size == 0:
+        ends = " to ".join(f"{float(values[x][n]):.3g}" for x in ("x1", "x2") for n in (0, -1))
+        raise InputError("window", window, f"pixels of the face, whose centres have x1 and x2 from {ends} m")
+    return part
 
 
 def _frame(values: xarray.DataArray) -> tuple[tuple[float, float], tuple[float, float]]:
@@ -104,6 +123,18 @@ def _write_tif(path: Path, values: xarray.DataArray, run: RunData, step: int) ->
     image.save(path, format="TIFF", tiffinfo=tags, compression="tiff_adobe_deflate")
 
 
+def _write_vti(path: Path, values: xarray.DataArray, run: RunData, step: int) -> None:
+    """Write an image for ParaView, as means over blocks where there are too many pixels."""
+    (d1, d2), corner = _frame(values)
+    made = Field.of(values)
+    blocks = values.values if max(values.shape) <= MOST_PIXELS else block_means(values.values, MOST_PIXELS)
+    (n1, n2), (m1, m2) = values.shape, blocks.shape
+    steps = vtk_files.LoadSteps.of(run.dataset, np.array([step]))
+    cells = {made.array_name: lambda _: blocks * made.scale}
+    image = vtk_files.Image(str(values.name), (d1 * n1 / m1, d2 * n2 / m2), corner, (m1, m2), steps, cells)
+    path.write_bytes(vtk_files.as_xml(image.at(0)))
+
+
 def _write_x3p(path: Path, values: xarray.DataArray, run: RunData, step: int) -> None:
     import x3pio
 
@@ -117,4 +148,5 @@ _FORMATS: dict[str, Callable[[Path, xarray.DataArray, RunData, int], None]] = {
     ".tif": _write_tif,
     ".tiff": _write_tif,
     ".x3p": _write_x3p,
+    ".vti": _write_vti,
 }

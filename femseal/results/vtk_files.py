@@ -16,9 +16,9 @@ import shutil
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import cached_property
+from html import escape
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Protocol
-from xml.sax.saxutils import quoteattr
 
 import numpy as np
 from numpy.typing import NDArray
@@ -166,7 +166,7 @@ def write_series(view: View, folder: Path) -> list[Path]:
     index = [int(step) for step in view.steps.index]
     written = [_save(view.at(n), subfolder / f"step_{step:04d}") for n, step in enumerate(index)]
     lines = [
-        f'    <DataSet timestep="{step}" part="0" file={quoteattr(f"{view.name}/{path.name}")}/>'
+        f'    <DataSet timestep="{step}" part="0" file="{escape(f"{view.name}/{path.name}")}"/>'
         for step, path in zip(index, written, strict=True)
     ]
     head = ['<?xml version="1.0"?>', '<VTKFile type="Collection" version="0.1">', "  <Collection>"]
@@ -200,20 +200,28 @@ def _save(mesh: Any, stem: Path) -> Path:
     """Write a data set of pyvista as XML, whole or not at all."""
     import pyvista
 
+    path = stem.with_suffix(IMAGE if isinstance(mesh, pyvista.ImageData) else ".vtu")
+    content = as_xml(mesh)
+    with replacing(path) as temporary:
+        temporary.write_bytes(content)
+    return path
+
+
+def as_xml(mesh: Any) -> bytes:
+    """The file of a data set of pyvista as XML."""
+    import pyvista
+
     image = isinstance(mesh, pyvista.ImageData)
-    path = stem.with_suffix(IMAGE if image else ".vtu")
-    writer = (pyvista.XMLImageDataWriter if image else pyvista.XMLUnstructuredGridWriter)(path, mesh).writer
+    # VTK crashes where a disk is full, so it writes into memory
+    writer = (pyvista.XMLImageDataWriter if image else pyvista.XMLUnstructuredGridWriter)("none", mesh).writer
     writer.SetDataModeToAppended()
     writer.SetEncodeAppendedData(not image)
-    # VTK crashes where a disk is full, so it writes into memory
     writer.WriteToOutputStringOn()
     if not writer.Write():
-        raise OSError(f"VTK could not write {path}")
+        raise OSError("VTK could not write a file")
     content = writer.GetOutputString()
-    with replacing(path) as temporary:
-        # VTK returns text instead of bytes where the content is valid text
-        temporary.write_bytes(content if isinstance(content, bytes) else content.encode())
-    return path
+    # VTK returns text instead of bytes where the content is valid text
+    return content if isinstance(content, bytes) else content.encode()
 
 
 def write_hdf(view: View, folder: Path) -> list[Path]:

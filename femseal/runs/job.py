@@ -15,7 +15,7 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
 
-from ..base.errors import FemsealError, InputError
+from ..base.errors import FemsealError, InputError, PartsMissing
 from ..base.files import made_folder, remove_foreign
 from ..base.provenance import numerical_versions
 from ..base.stage import Mapper
@@ -27,6 +27,7 @@ from ..execution.checkpoint import Checkpoint
 from ..execution.lock import alone_in
 from ..execution.log_file import LogFile
 from ..execution.mappers import ordered_map
+from ..execution.parts import Part, checked_part
 from ..execution.run import Progress, Run, no_progress
 from ..execution.shared_stages import SharedStages
 from ..preparation.preparation import prepare
@@ -55,6 +56,7 @@ def run(
     workers: int | None = None,
     scheduler: str | None = None,
     *,
+    part: Part | None = None,
     shared: str | PathLike[str] | None = None,
     progress: Progress | None = None,
 ) -> Results:
@@ -69,6 +71,9 @@ def run(
     workers : processes; all cores unless given. The results do not depend on it.
     scheduler : address of a Dask scheduler to compute on instead (femseal[cluster]), or "local" for one of its own
         with `workers` processes, see `executor.ordered_map`.
+    part : such as (3, 16), to compute the third sixteenth of the items of every stage, and end; parts of a case work in
+        one folder at the same time or one after the other, go on from what is there, and write no results. Once all is
+        there, a run with `resume` and without `part` writes them, the same bits as those of one process.
     shared : folder with results of stages, where a run keeps its own and finds those of other runs that do the same
         with the same numbers; it grows with every run.
     progress : called as progress(stage, done, total) while windows and realisations are computed.
@@ -78,6 +83,7 @@ def run(
     InputError : the case or an argument cannot be used, the run is expected to take more memory than there is, the
         checkpoint is of another case, other face files or other versions, or the folder holds an unfinished run
         without `resume`, or another run is under way there; nothing has been written then.
+    PartsMissing : the part has computed what it can, and needs items of other parts that are not there yet.
     FemsealError : a computation failed as a whole, or a file could not be written: computed items stay in the
         folder, and `resume` continues from them. Single cells that fail are listed in `Results.failures`.
     """
@@ -88,8 +94,10 @@ def run(
     folder = None if output is None else Path(output)
     if folder is not None and folder.exists() and not folder.is_dir():
         raise InputError("output", f"'{folder}', which is a file", "a folder, or one that does not exist")
-    if resume and folder is None:
-        raise InputError("resume", True, "True only with an output folder")
+    if (resume or part is not None) and folder is None:
+        raise InputError("resume" if part is None else "part", part or True, "an output folder with it")
+    if part is not None:
+        part, resume = checked_part(part), True
     faces = face_files(case)
     # options of the output may change before a run is resumed
     echo = case.echo()
@@ -120,16 +128,19 @@ def run(
             return _results(case, prepared, faces, Run(found_or_computed(mapper, prepared), progress))
         # a folder is made once the case has been found good
         if there := folder.is_dir():
-            stack.enter_context(alone_in(folder))
+            stack.enter_context(alone_in(folder, part))
             going_on = _goes_on(folder, identity, resume)
         prepared = _prepared(case, scheduler)
         mapper = stack.enter_context(ordered_map(workers, scheduler, partial(compile_ahead, progress=progress)))
         if not there:
-            stack.enter_context(alone_in(made_folder(folder)))
+            stack.enter_context(alone_in(made_folder(folder), part))
             going_on = _goes_on(folder, identity, resume)
-        stack.enter_context(_log_file(folder, append=going_on))
-        kept = stack.enter_context(Checkpoint(folder, identity, going_on))
+        stack.enter_context(_log_file(folder, append=going_on or part is not None))
+        kept = stack.enter_context(Checkpoint(folder, identity, going_on, part, progress))
         results = _results(case, prepared, faces, Run(kept.over(found_or_computed(mapper, prepared)), progress))
+        if part is not None:
+            log.info("part %d/%d: the items of all parts are there", *part)
+            return results
         progress("writing results", 0, None)
         start = time.perf_counter(), time.process_time()
         # the pictures are small, and drawn on this machine
@@ -311,6 +322,9 @@ def _log_file(folder: Path, append: bool) -> Iterator[None]:
     log.setLevel(logging.INFO)
     try:
         yield
+    except PartsMissing as error:
+        log.info("%s", error)
+        raise
     except Exception:
         log.exception("the run stopped")
         raise

@@ -20,6 +20,7 @@ from ..seal.pressure_map import is_uniform
 from ..windows.global_contact import PIXELS_PER_CUT_OFF
 from .deterministic import STEP_BYTES, state_memory
 from .face_contact import chosen_contact
+from .place_leakage import PLACE_REALISATIONS, kept_places
 from .sampling_options import Sampling
 from .scene import Scene
 from .two_scale import chosen_flow
@@ -169,11 +170,12 @@ def stochastic_cost(
     contact: str | None = None,
     pressures: int = 1,
     rounds: float = 1.0,
+    places: int = 1,
 ) -> tuple[float, float]:
     """Expected time on one core [s] and memory [byte] of a library and of the drawn seals of n1 × n2 links.
 
     `sampling` names its sampler, see `sampling_options.chosen_sampler`. pressures, rounds : see
-    `count_pressures` and `count_rounds`.
+    `count_pressures` and `count_rounds`. places : measured ones.
     """
     pixels, windows, steps = points[0] * points[1], cells[0] * cells[1], len(efforts)
     window = pixels // windows
@@ -198,6 +200,8 @@ def stochastic_cost(
     links = seal[0] * seal[1]
     # as many seals again from resampled libraries, and from lower and upper bounds
     draws = ((3 if sampling.bounds else 1) + sampling.resampled) * sampling.realisations
+    if places > 1 and sampling.pressure != "place":
+        draws += len(kept_places(places)) * min(sampling.realisations, PLACE_REALISATIONS)
     seconds += (
         (_SUCCESSIVE if max(pressures, rounds) > 1 else 1.0)
         * draws

@@ -140,7 +140,8 @@ def _supply(
     def table(axis: int, kind: int, n: int) -> LinkTable:
         paths = links[axis].pressure - relief[n]
         k = library.along(paths, links[axis].gap, scene.steps, axes[axis], kind * own + n % own)
-        return LinkTable(k, links[axis].path, scene.steps, pressure=links[axis].pressure[:, :, None])
+        pressure = links[axis].pressure[:, :, None]
+        return LinkTable(k, links[axis].path, scene.steps, pressure=pressure, place=library.place)
 
     kinds = range(library.ladder.kinds // own)
     tables = tuple((table(0, kind, n), table(1, kind, n)) for kind in kinds for n in range(relief.size))

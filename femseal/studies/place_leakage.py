@@ -22,6 +22,8 @@ from .scene import Array, Scene
 
 #: Places from which on their scatter tells how far the leakage of more of them may lie.
 FEWEST = 3
+#: Seals that are drawn at most of each of these, where windows keep no places.
+PLACE_REALISATIONS = 12
 
 
 @dataclass(frozen=True, repr=False)
@@ -35,6 +37,15 @@ class PlaceLeakage(Shown):
     without: Array | None = declared(
         "leakage_without_place", "m^2/s", "leakage per unit seal length, of all places but one", PLACE, default=None
     )
+
+    @classmethod
+    def of_drawn(cls, leakage: Array, kept: tuple[tuple[int, ...], ...]) -> PlaceLeakage | None:
+        """Medians of seals (seals, steps) drawn from some places, as many for each entry of `kept_places`."""
+        if not kept:
+            return None
+        median = np.median(leakage.reshape(len(kept), -1, leakage.shape[-1]), axis=1)
+        count = sum(len(of) == 1 for of in kept)
+        return cls(median[:count], median[count:] if len(kept) > count else None)
 
     computed_fields: ClassVar[dict[str, Field]] = {
         "scatter": Field(
@@ -51,6 +62,17 @@ class PlaceLeakage(Shown):
         """Standard deviation of the leakage of single places over its mean (steps,); NaN where none leaks."""
         mean = self.alone.mean(axis=0)
         return np.divide(self.alone.std(axis=0, ddof=1), mean, out=np.full(mean.shape, np.nan), where=mean > 0)
+
+
+def kept_places(count: int) -> tuple[tuple[int, ...], ...]:
+    """Numbers of the places, from 1, of which a leakage is wanted: each alone, and from three on all but each.
+
+    >>> kept_places(3)
+    ((1,), (2,), (3,), (2, 3), (1, 3), (1, 2))
+    """
+    every = range(1, count + 1)
+    without = [tuple(m for m in every if m != n) for n in every] if count >= FEWEST else []
+    return (*((n,) for n in every), *without)
 
 
 def place_leakage(scene: Scene, gap: NDArray[np.floating], mapper: Mapper = map) -> PlaceLeakage | None:
@@ -72,11 +94,8 @@ def _permeabilities(
 ) -> Array:
     """Permeability of each place, and from three on of all but each (2 places,) [m³]; NaN where the flow failed."""
     pieces = divided(gap, widths)
-    kept = [[n] for n in range(len(pieces))]
-    if len(pieces) >= FEWEST:
-        kept += [[m for m in range(len(pieces)) if m != n] for n in range(len(pieces))]
     found = []
-    for of in kept:
-        flow = attempt(resolved_flow, np.concatenate([pieces[n] for n in of], axis=1), spacing, settings)
+    for of in kept_places(len(pieces)):
+        flow = attempt(resolved_flow, np.concatenate([pieces[n - 1] for n in of], axis=1), spacing, settings)
         found.append(np.nan if isinstance(flow, Failed) else flow.permeability)
     return np.array(found)

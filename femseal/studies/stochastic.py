@@ -22,6 +22,7 @@ from ..windows import Failed, Partition, SolverCounts, attempt
 from .face_windows import windows_in_place
 from .ladder_windows import windows_under_global_contact, windows_under_uniform_pressure
 from .median_seal import MOST_VALUES, drawn_permeability, median_chain, median_seal, nearest_to_median
+from .place_leakage import PLACE_REALISATIONS, PlaceLeakage, kept_places
 from .plausibility import scene_warnings
 from .repeated_steps import first_equal_draws, repeated
 from .run_chains import StateRuns, chained_seals
@@ -39,6 +40,8 @@ SOURCES: dict[str, Source] = {
     "global": windows_under_global_contact,
     "uniform": windows_under_uniform_pressure,
 }
+#: Which windows a seal is drawn from: all, as many drawn from them with repetition, or those of some places.
+Windows = bool | tuple[int, ...]
 #: Leakages of a result whose last axis is that of the steps.
 _BY_STEP = tuple(f.name for f in fields(StochasticResult) if f.name.startswith("leakage"))
 
@@ -124,7 +127,7 @@ def _draw(
         first,
         pressure=sampling.pressure,
         window=partition.window,
-        places=supply.places,
+        places=supply.places or first.places,
         other_lengths=tuple(others),
         row_pressure=None if supply.seat is None else supply.seat.pressure,
         band_breadth=None if supply.seat is None else supply.seat.band,
@@ -165,8 +168,12 @@ def _of_windows(
     first = first_equal_draws(kinds, scene.steps, sampling.sampler_of_links)
     stage = Stage("drawn seals", partial(_realise, **shared, kinds=kinds, independent=independent, first=first))
     count = sampling.realisations
-    kinds_of_seal = (False, True) if sampling.resampled else (False,)
-    tasks = [(n, again) for again in kinds_of_seal for n in range(count)]
+    tasks: list[tuple[int, Windows]] = [
+        (n, again) for again in (False, True)[: 1 + sampling.resampled] for n in range(count)
+    ]
+    own, number = len(tasks), getattr(library, "place", None)
+    some = () if number is None else kept_places(int(number.max()))
+    tasks += [(n, kept) for kept in some for n in range(min(count, PLACE_REALISATIONS))]
     drawn = list(mapper(stage, *zip(*tasks, strict=True)))[: len(tasks)]
     leakage, *bounds = np.array([r.leakage for r in drawn[:count]]).transpose(1, 0, 2)
     lower, upper = bounds or (None, None)
@@ -179,10 +186,11 @@ def _of_windows(
         sampler=sampling.sampler_of_links,
         library=library,
         leakage=leakage,
-        leakage_resampled=np.array([r.leakage[0] for r in drawn[count:]]) if sampling.resampled else None,
+        leakage_resampled=np.array([r.leakage[0] for r in drawn[count:own]]) if sampling.resampled else None,
         leakage_lower_bound=lower,
         leakage_upper_bound=upper,
         median_seal=medians[0] if medians else None,
+        places=PlaceLeakage.of_drawn(np.array([r.leakage[0] for r in drawn[own:]]), some),
         failures=tuple(text for r in drawn for text in r.failures),
         warnings=seal_windows.warnings,
         solvers=SolverCounts.total(r.solvers for r in drawn),
@@ -250,7 +258,7 @@ class Realisation:
 
 def _realise(
     realisation: int,
-    resampled: bool,
+    windows: Windows,
     *,
     scene: Scene,
     seal_windows: SealWindows,
@@ -262,13 +270,16 @@ def _realise(
 ) -> Realisation:
     """Draw one seal and solve its flow at every step.
 
-    The same random numbers draw the same windows from each kind of tables. `resampled` draws a new library from the
-    library, and takes the values without their bounds. Each kind has a table for every pressure of `at`.
+    The same random numbers draw the same windows from each kind of tables. Each kind has a table for every pressure of
+    `at`. windows : True draws a new library from the library, and numbers of places take their windows alone; then
+    values have no bounds.
     first : number of the first step with the same windows.
     """
     steps, pressures = scene.steps, len(at.pressures)
-    if resampled:
+    if windows is True:
         kinds = tuple(_resample(tables, sampling.seed, realisation, independent) for tables in kinds[:pressures])
+    elif windows:
+        kinds = tuple(_of_places(tables, windows) for tables in kinds[:pressures])
     leakage = np.full((len(kinds) // pressures, len(steps)), np.nan)
     failures, solvers = [], SolverCounts()
     for kind in range(len(leakage)):
@@ -286,6 +297,13 @@ def _realise(
                 leakage[kind, s] = found.per_length
                 solvers += SolverCounts.of(found)
     return Realisation(leakage, tuple(failures), solvers)
+
+
+def _of_places(tables: Tables, kept: tuple[int, ...]) -> Tables:
+    """Tables of the windows of some measured places."""
+    taken = np.isin(np.asarray(tables[0].place), kept)
+    along, across = (replace(t, k=t.k[:, :, taken], place=None) for t in tables)
+    return along, across
 
 
 def _grown(windows: int, sampling: Sampling, library: LadderLibrary | FaceLibrary, most: int) -> int:

@@ -125,9 +125,8 @@ def _cost_stochastic(
     )
     # seals of all lengths take the work of one as long as all of them together
     seal = every[0].unknowns[0], sum(seal_windows.unknowns[1] for seal_windows in every)
-    return stochastic_cost(
-        efforts, points, cells, sampling, seal, options.contact, count_pressures(scene), count_rounds(scene)
-    )
+    pressures, rounds, places = count_pressures(scene), count_rounds(scene), len(surface.each)
+    return stochastic_cost(efforts, points, cells, sampling, seal, options.contact, pressures, rounds, places)
 
 
 def _own_leakage(result: DeterministicResult | TwoScaleResult) -> Array:

@@ -8,7 +8,8 @@ from typing import Annotated
 
 import typer
 
-from ..execution.terminal import ProgressBars, log_lines, print_table
+from ..execution.parts import parsed_part
+from ..execution.terminal import PartOption, ProgressBars, log_lines, print_table
 
 
 def sweep(
@@ -24,6 +25,7 @@ def sweep(
         bool, typer.Option("--resume", help="Keep complete cases, and go on with the others.", show_default="off")
     ] = False,
     unit: Annotated[str | None, typer.Option(help="Unit of leakage.", show_default="as in the case")] = None,
+    part: PartOption = None,
     workers: Annotated[int | None, typer.Option(help="Processes.", show_default="all cores")] = None,
     scheduler: Annotated[
         str | None, typer.Option(help='Address of a Dask scheduler, or "local".', show_default="none")
@@ -48,12 +50,14 @@ def sweep(
             workers=workers,
             scheduler=scheduler,
             unit=unit,
+            part=parsed_part(part),
             progress=progress,
             announce=announce,
         )
     if not quiet:
         print_table(found.table())
-        typer.echo(f"table and picture in {folder / 'sweep.csv'} and sweep.png")
+        done = f"part {part}: its cases are done; --resume without --part compares all"
+        typer.echo(done if part else f"table and picture in {folder / 'sweep.csv'} and sweep.png")
 
 
 def compare(

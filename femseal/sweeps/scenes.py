@@ -19,11 +19,12 @@ from ..base.leak_units import LeakUnit
 from ..base.stage import Mapper, Stage
 from ..case.case import Case
 from ..execution.lock import alone_in
+from ..execution.parts import Part, missing_parts, own_items, parts_of
 from ..runs import job
 
 Array = NDArray[np.float64]
-#: Solved scenes in a folder.
-SCENES = "scenes.json"
+#: Solved scenes in a folder: all that a run has, and those of a part.
+SCENES, PART_SCENES = "scenes.json", "scenes-{}-of-{}.json"
 
 
 def alone(case: Case) -> Case:
@@ -61,58 +62,83 @@ class Scenes:
     ----------
     answer : file of the folder that says that all scenes are solved; it is removed at the start.
     identity : all that the leakages depend on, as text. resume : take the scenes that the folder has.
+    part : solve a part of the scenes, while others may be at work on theirs; it takes those that the folder has.
 
     Raises
     ------
     InputError : the folder has scenes of something else, or unfinished ones without `resume`.
     """
 
-    def __init__(self, folder: Path | None, answer: str, identity: str, resume: bool) -> None:
-        self._folder, self._answer = folder, answer
+    def __init__(self, folder: Path | None, answer: str, identity: str, resume: bool, part: Part | None = None) -> None:
+        self._folder, self._answer, self._part = folder, answer, part
         self._identity = hashlib.sha256(identity.encode()).hexdigest()
         self._known: dict[tuple[float, ...], list[float]] = {}
         self._used: list[tuple[float, ...]] = []
         self._lock = ExitStack()
-        if resume and folder is None:
-            raise InputError("resume", True, "True only with an output folder")
-        if folder is None or not (path := folder / SCENES).exists():
-            return
-        if not resume:
-            if not (folder / answer).exists():
-                raise InputError(
-                    "output", f"'{folder}', which has scenes of an unfinished run", "another folder, or --resume"
-                )
-            return
-        try:
-            former = json.loads(path.read_text(encoding="utf-8"))
-            self._known = {tuple(map(float, values)): list(map(float, leakage)) for values, leakage in former["scenes"]}
-        except (OSError, ValueError, KeyError, TypeError):
-            raise InputError(
-                "resume", f"'{path}', which cannot be read", "an intact file; remove it to start anew"
-            ) from None
-        if former.get("identity") != self._identity:
-            expected = "another folder, or the same case, data, ranges and versions"
-            raise InputError("resume", f"'{path}' of other data", expected)
+        if (resume or part is not None) and folder is None:
+            raise InputError("resume" if part is None else "part", part or True, "an output folder with it")
+        if resume or part is not None:
+            self._read()
+        elif folder is not None and self._files() and not (folder / answer).exists():
+            given = f"'{folder}', which has scenes of an unfinished run"
+            raise InputError("output", given, "another folder, or --resume")
+
+    def _files(self) -> list[Path]:
+        """The files with scenes in the folder."""
+        folder = self._folder or Path()
+        return [*folder.glob(SCENES), *folder.glob(PART_SCENES.format("*", "*"))]
+
+    def _read(self) -> None:
+        """Take the scenes that the folder has; InputError where they are of something else, or cannot be read."""
+        for path in self._files():
+            try:
+                former = json.loads(path.read_text(encoding="utf-8"))
+                found = {tuple(map(float, values)): list(map(float, leakage)) for values, leakage in former["scenes"]}
+            except (OSError, ValueError, KeyError, TypeError):
+                given = f"'{path}', which cannot be read"
+                raise InputError("resume", given, "an intact file; remove it to start anew") from None
+            if former.get("identity") != self._identity:
+                expected = "another folder, or the same case, data, ranges and versions"
+                raise InputError("resume", f"'{path}' of other data", expected)
+            self._known |= found
+
+    def _write(self, name: str) -> None:
+        content = {"identity": self._identity, "scenes": list(self._known.items())}
+        write_text((self._folder or Path()) / name, json.dumps(content))
 
     def __enter__(self) -> Scenes:
         if self._folder is not None:
-            self._lock.enter_context(alone_in(made_folder(self._folder)))
-            (self._folder / self._answer).unlink(missing_ok=True)
+            self._lock.enter_context(alone_in(made_folder(self._folder), self._part))
+            if self._part is None:
+                (self._folder / self._answer).unlink(missing_ok=True)
+                if self._known:
+                    self._write(SCENES)
+                for path in self._folder.glob(PART_SCENES.format("*", "*")):
+                    path.unlink()
         return self
 
     def __exit__(self, *details: Any) -> None:
         self._lock.close()
 
     def solve(self, stage: Stage, mapper: Mapper, points: Array) -> Array:
-        """Leakages (n, loads) of a stage of values (n, keys); each is written once it is solved."""
+        """Leakages (n, loads) of a stage of values (n, keys); each is written once it is solved.
+
+        Raises
+        ------
+        PartsMissing : a part has solved its scenes, others are not there.
+        """
         wanted = [tuple(map(float, values)) for values in points]
-        missing = [point for point in wanted if point not in self._known]
+        own = slice(*own_items(self._part or (1, 1), len(wanted)))
+        missing = [point for point in wanted[own] if point not in self._known]
         solved: Iterable[list[float]] = mapper(stage, *zip(*missing, strict=True)) if missing else ()
         for point, leakage in zip(missing, solved, strict=True):
             self._known[point] = leakage
             if self._folder is not None:
-                scenes = list(self._known.items())
-                write_text(self._folder / SCENES, json.dumps({"identity": self._identity, "scenes": scenes}))
+                self._write(SCENES if self._part is None else PART_SCENES.format(*self._part))
+        if self._part is not None:
+            self._read()
+            if left := [n for n, point in enumerate(wanted) if point not in self._known]:
+                raise missing_parts(self._part, stage.name, parts_of(left, self._part, len(wanted)))
         self._used += wanted
         return np.array([self._known[point] for point in wanted])
 

@@ -14,6 +14,7 @@ from ..base.files import made_folder
 from ..case.case import Case, read_case
 from ..execution import checkpoint
 from ..execution.lock import alone_in
+from ..execution.parts import Part, checked_part, own_items
 from ..execution.run import no_progress
 from ..preparation.preparation import prepare
 from ..results.results import Results
@@ -38,6 +39,7 @@ def sweep(
     workers: int | None = None,
     scheduler: str | None = None,
     unit: str | None = None,
+    part: Part | None = None,
     progress: job.Progress | None = None,
     announce: Callable[[str], None] | None = None,
 ) -> RunComparison:
@@ -54,12 +56,14 @@ def sweep(
     output : folder, made if needed: a results folder for each case, `sweep.csv` and `sweep.png`.
     resume : take the cases that are complete, and go on with those that are not.
     workers, scheduler : of each run, see `run`. unit : of the comparison, see `compare`.
+    part : such as (3, 16), to run the third sixteenth of the cases only, and write no table; with `resume` and without
+        `part` the others are run that are not there, and all are compared.
     progress : called as progress(stage, done, total), also with the stage "cases". announce : called with a line for
         each case before it is run.
 
     Returns
     -------
-    The runs side by side, without those that failed.
+    The runs side by side, of a part its own, without those that failed.
 
     Raises
     ------
@@ -68,6 +72,11 @@ def sweep(
     """
     data, base = read_case(case)
     cases = variations(data, base, keys)
+    if part is not None:
+        part, resume = checked_part(part), True
+        first, end = own_items(part, count := len(cases))
+        if not (cases := cases[first:end]):
+            raise InputError("part", f"{part[0]}/{part[1]} of {count} cases", "no more parts than cases")
     folder = Path(output)
     if folder.exists() and not folder.is_dir():
         raise InputError("output", f"'{folder}', which is a file", "a folder, or one that does not exist")
@@ -77,7 +86,7 @@ def sweep(
         _check(variation)
         if not resume:
             checkpoint.refuse_unfinished(folder / variation.name)
-    with alone_in(made_folder(folder)):
+    with alone_in(made_folder(folder), part):
         kept: dict[int, Results] = {}
         failures: list[str] = []
         report("checked cases", len(cases), len(cases))
@@ -110,12 +119,14 @@ def sweep(
             keys=short_names(list(keys)),
             settings=tuple(cases[n].values for n in kept),
         )
-        found.write(folder, STEM)
+        if part is None:
+            found.write(folder, STEM)
         if failures:
             lines = "\n".join(failures)
             text = f"sweep: {len(failures)} of {len(cases)} cases failed; --resume tries them again\n{lines}"
             raise FemsealError(text)
-        shutil.rmtree(folder / SHARED, ignore_errors=True)
+        if part is None:
+            shutil.rmtree(folder / SHARED, ignore_errors=True)
     return found
 
 

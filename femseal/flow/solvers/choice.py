@@ -18,8 +18,8 @@ from numpy.typing import NDArray
 from ...base import validate
 from ...base.errors import InputError, NotConverged
 from ..balance import energy_gap
-from ..dead_ends import fill_dead_ends, without_dead_ends
-from ..percolation import narrowest, nodes_reached_by, nodes_reached_of, restricted, restricted_conductances, widest
+from ..dead_ends import dead_ends, fill_dead_ends
+from ..percolation import closed, narrowest, nodes_reached_by, nodes_reached_of, restrict, widest
 from ..solution import MAX_IMBALANCE, DarcyFlow, potential_rtol
 from ..stencil import Stencil, energy_of
 from .amg import solve_amg, solve_direct
@@ -92,16 +92,17 @@ def solve_flow(
     validate.tolerance("rtol", rtol)
     if field_rtol is not None:
         validate.tolerance("field_rtol", field_rtol)
-    reached, conductances, exponent = ready(stencil.along, stencil.across, stencil.falling, stencil.rising)
+    conductances = stencil.along.copy(), stencil.across.copy(), stencil.falling.copy(), stencil.rising.copy()
+    reached, exponent = ready(*conductances)
     return solve_ready(reached, conductances, exponent, stencil.ring2, rtol=rtol, solver=solver, field_rtol=field_rtol)
 
 
 @njit(cache=True, nogil=True)
 def ready(along, across, falling, rising):
-    """The conductances of a stencil as `solve_ready` takes them.
+    """Make the conductances of a stencil what `solve_ready` takes, in place: between nodes that reach both ends.
 
-    Returns which ends each node reaches, see `percolation.nodes_reached`, the conductances between nodes that reach
-    both, over a power of two near the widest, and its exponent.
+    They are over a power of two near the widest. Returns which ends each node reaches, see `percolation.nodes_reached`,
+    and the exponent.
     """
     reached = nodes_reached_of(along, across, falling, rising, 0.0)
     least, exponent = 0, 0
@@ -114,7 +115,8 @@ def ready(along, across, falling, rising):
     # a power of two changes no digit and keeps products from overflowing; two of half the exponent are in range
     half = exponent // 2
     factors = ldexp(1.0, -half), ldexp(1.0, half - exponent)
-    return reached, restricted_conductances(along, across, falling, rising, keep, factors, 0.0), exponent
+    restrict(along, across, falling, rising, keep, factors, 0.0)
+    return reached, exponent
 
 
 def solve_ready(
@@ -127,7 +129,7 @@ def solve_ready(
     solver: str,
     field_rtol: float | None,
 ) -> DarcyFlow:
-    """`solve_flow` of what `ready` returns."""
+    """`solve_flow` of what `ready` makes."""
     stencil = Stencil(*conductances, ring2=ring2)
     percolates = bool(reached[0, 0] == 3)
     if not percolates or len(stencil.along) == 1:
@@ -252,30 +254,31 @@ def _by_iterations(stencil: Stencil, keep: Flags, rtol: float, limit: int, field
     without them (Rayleigh's principle) and the energy of any potential with them (Dirichlet's): how far these two are
     apart bounds the error.
     """
-    through, anchor = keep, None
     inner = keep[1:-1]
+    through: Flags | None = None
+    dead: tuple[NDArray[np.int32], NDArray[np.int32]] | None = None
     if not stencil.nine and inner.size >= _MANY and _MANY <= np.count_nonzero(inner) < _MAY_HAVE_DEAD_ENDS * inner.size:
-        stencil, through, anchor = without_dead_ends(stencil, keep)
-    seen, hidden = stencil, None
-    if not stencil.nine and narrowest(stencil.along, stencil.across) < _SEEN:
-        hidden = (through & (nodes_reached_by(stencil, _SEEN) == 0))[1:-1]
-        if hidden.any():
-            seen = restricted(stencil, nodes_reached_by(stencil, _LOST) == 3, least=_LOST)
-        else:
-            hidden = None
-    φ, iterations, error = solve_multigrid(seen, rtol, limit, None if hidden is None else ~hidden, field_rtol)
+        through, dead = dead_ends(stencil, keep)
+    hidden = None
+    with closed(stencil, through):
+        if not stencil.nine and narrowest(stencil.along, stencil.across) < _SEEN:
+            hidden = ((keep if through is None else through) & (nodes_reached_by(stencil, _SEEN) == 0))[1:-1]
+            hidden = hidden if hidden.any() else None
+        del through
+        with closed(stencil, None if hidden is None else nodes_reached_by(stencil, _LOST) == 3, _LOST):
+            φ, iterations, error = solve_multigrid(stencil, rtol, limit, hidden, field_rtol)
+            if hidden is not None:
+                potential = np.concatenate([np.ones((1, φ.shape[1])), φ, np.zeros((1, φ.shape[1]))])
+                least = stencil.energy(potential) * (1 - error**2)
+                del potential
+        φ, ψ = (φ, 1 - φ) if hidden is None else island_potentials(stencil, hidden, φ)
+    if dead is not None:
+        fill_dead_ends(φ, dead, 1.0, 0.0)
+        fill_dead_ends(ψ, dead, 0.0, 1.0)
     allowed = max(MAX_IMBALANCE, 10 * (sqrt(rtol) if field_rtol is None else field_rtol))
-    if hidden is None:
-        if anchor is not None:
-            fill_dead_ends(φ, anchor, 1.0, 0.0)
-        return _balanced(stencil, keep, φ, 1 - φ, None, iterations, error, "multigrid", allowed)
-    ends = np.ones((1, φ.shape[1])), np.zeros((1, φ.shape[1]))
-    least = seen.energy(np.concatenate([ends[0], φ, ends[1]])) * (1 - error**2)
-    φ, ψ = island_potentials(stencil, hidden, φ)
-    if anchor is not None:
-        fill_dead_ends(φ, anchor, 1.0, 0.0)
-        fill_dead_ends(ψ, anchor, 0.0, 1.0)
     flow = _balanced(stencil, keep, φ, ψ, None, iterations, error, "multigrid", allowed)
+    if hidden is None:
+        return flow
     between = 1 - least / flow.conductance
     if not between <= rtol:
         raise NotConverged(

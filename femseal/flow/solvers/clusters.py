@@ -76,7 +76,7 @@ def _not_strong(centre, right, below, below_right, below_left, nine, ring):
                 by += below_right[i, j] + below_right[i - 1, j - 1] + below_left[i, j] + below_left[i - 1, j + 1]
             strong[i, j] = by >= _STRONG * centre[i, j]
             count += not strong[i, j]
-    found = np.empty((count, 2), np.int64)
+    found = np.empty((count, 2), np.int32)
     if count > 0:
         count = 0
         for i in range(1, n1 + 1):
@@ -100,15 +100,15 @@ def _copied(field, i, j, ring):
 
 @njit(**COMPILED)
 def clusters(centre, right, below, below_right, below_left, nine, ring):
-    """Number of the cluster of each node, or 0; nodes by cluster, first places, and inverse sums of conductances.
+    """Nodes by cluster, first places, bits of neighbours outside, conductances with the ends, inverse sums.
 
-    The conductances are those of a cluster with other nodes and with the ends.
+    The sums are of the conductances of a cluster with other nodes and with the ends.
     """
     n2 = centre.shape[1] - 2
     neighbours = 8 if nine else 4
     loose = _not_strong(centre, right, below, below_right, below_left, nine, ring)
     if loose.shape[0] < 2:
-        return np.zeros((1, 1), np.int32), loose, np.zeros(1, np.int64), np.zeros(0)
+        return loose, np.zeros(1, np.int64), np.zeros(0, np.uint8), np.zeros(0, np.float32), np.zeros(0, np.float32)
     number = np.zeros(centre.shape, np.int32)
     for q in range(loose.shape[0]):
         i, j = loose[q]
@@ -134,7 +134,7 @@ def clusters(centre, right, below, below_right, below_left, nine, ring):
                 loose[count, 0], loose[count, 1] = i, j
                 count += 1
         loose = loose[:count]
-    nodes = np.empty(loose.shape, np.int64)
+    nodes = np.empty(loose.shape, np.int32)
     first = np.zeros(loose.shape[0] + 1, np.int64)
     found, size = 0, 0
     for q in range(loose.shape[0]):
@@ -165,7 +165,7 @@ def clusters(centre, right, below, below_right, below_left, nine, ring):
         _copied(number, nodes[m, 0], nodes[m, 1], ring)
     for q in range(loose.shape[0]):
         _copied(number, loose[q, 0], loose[q, 1], ring)
-    inverse = np.zeros(found)
+    inverse, outside, ground = np.zeros(found, np.float32), np.zeros(size, np.uint8), np.zeros(size, np.float32)
     for s in range(found):
         total = 0.0
         for m in range(first[s], first[s + 1]):
@@ -174,19 +174,20 @@ def clusters(centre, right, below, below_right, below_left, nine, ring):
             for k in range(neighbours):
                 a, b, c = _conductance(k, i, j, right, below, below_right, below_left)
                 beyond -= c
-                if number[a, b] != s + 1:
+                if c != 0.0 and number[a, b] != s + 1:
+                    outside[m] |= 1 << k
                     total += c
             if beyond > _ROUNDING * centre[i, j]:
+                ground[m] = beyond
                 total += beyond
-        inverse[s] = 1.0 / total if total > 0.0 else 0.0
-    return number, nodes[:size].copy(), first[: found + 1].copy(), inverse
+        inverse[s] = 1.0 / total if total > 1e-30 else 0.0
+    return nodes[:size].copy(), first[: found + 1].copy(), outside, ground, inverse
 
 
 @njit(**COMPILED)
-def relax_forward(number, nodes, start, inverse, x, r, centre, right, below, below_right, below_left, nine, ring):
+def relax_forward(nodes, start, outside, ground, inverse, x, r, right, below, below_right, below_left, ring):
     """Move the clusters in turn by their residuals r, which are kept up to date."""
     n2 = x.shape[1] - 2
-    neighbours = 8 if nine else 4
     for s in range(inverse.size):
         total = 0.0
         for m in range(start[s], start[s + 1]):
@@ -196,41 +197,30 @@ def relax_forward(number, nodes, start, inverse, x, r, centre, right, below, bel
             i, j = nodes[m, 0], nodes[m, 1]
             x[i, j] += step
             _copied(x, i, j, ring)
-            beyond = centre[i, j]
-            out = 0.0
-            for q in range(neighbours):
-                a, b, c = _conductance(q, i, j, right, below, below_right, below_left)
-                beyond -= c
-                if c != 0.0 and number[a * x.shape[1] + b] != s + 1:
+            out = ground[m]
+            for q in range(8):
+                if outside[m] >> q & 1:
+                    a, b, c = _conductance(q, i, j, right, below, below_right, below_left)
                     out += c
                     b = n2 if b == 0 else (1 if b == n2 + 1 else b)
                     r[a, b] += step * c
                     _copied(r, a, b, ring)
-            if beyond > _ROUNDING * centre[i, j]:
-                out += beyond
             r[i, j] -= step * out
             _copied(r, i, j, ring)
 
 
 @njit(**COMPILED)
-def relax_backward(
-    number, nodes, start, inverse, x, right_hand, centre, right, below, below_right, below_left, nine, ring
-):
+def relax_backward(nodes, start, outside, ground, inverse, x, right_hand, right, below, below_right, below_left, ring):
     """Move the clusters in reverse, from x and the right-hand side."""
-    neighbours = 8 if nine else 4
     for s in range(inverse.size - 1, -1, -1):
         total = 0.0
         for m in range(start[s], start[s + 1]):
             i, j = nodes[m, 0], nodes[m, 1]
-            total += right_hand[i, j]
-            beyond = centre[i, j]
-            for q in range(neighbours):
-                a, b, c = _conductance(q, i, j, right, below, below_right, below_left)
-                beyond -= c
-                if number[a * x.shape[1] + b] != s + 1:
+            total += right_hand[i, j] - ground[m] * x[i, j]
+            for q in range(8):
+                if outside[m] >> q & 1:
+                    a, b, c = _conductance(q, i, j, right, below, below_right, below_left)
                     total -= c * (x[i, j] - x[a, b])
-            if beyond > _ROUNDING * centre[i, j]:
-                total -= beyond * x[i, j]
         step = total * inverse[s]
         for m in range(start[s], start[s + 1]):
             x[nodes[m, 0], nodes[m, 1]] += step

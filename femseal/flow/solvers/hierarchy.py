@@ -1,6 +1,8 @@
 """The levels of multigrid on a structured grid, from the conductances of the finest one: compiled.
 
-A level is the operator of a grid, with the fields that a multigrid cycle needs there. Fields have a border of one node,
+A level is the operator of a grid, with the fields that a multigrid cycle needs there. It is set up in double precision
+and kept in single: a cycle is a preconditioner, and starts from zero, so that its rounding errors are relative to the
+correction. Fields have a border of one node,
 with zeros at ends and closed sides and with copies of the other side around a ring. They have the sign of a
 conductance: `right` (i, j)–(i, j + 1), `below` (i, j)–(i + 1, j), on nine points `below_right` (i, j)–(i + 1, j + 1)
 and `below_left` (i, j)–(i + 1, j − 1). A node between coarse ones takes the mean of them that its own conductances
@@ -18,11 +20,14 @@ from numpy.typing import NDArray
 from .clusters import clusters
 from .compiled import COMPILED
 
+Array = NDArray[np.float64]
 #: Nodes of an axis at which coarsening ends.
 FEWEST = 4
 #: Coarsening also ends where so small a fraction of the nodes is left: their elimination costs less than the iterations
 #: that bays and channels of the coarser grids do.
 _ELIMINATED = 1 / 40
+#: Largest inverse of a centre; single precision ends at 3e38.
+_MOST_INVERSE = 1e30
 
 
 def coarsest_nodes(n1: int, n2: int) -> int:
@@ -36,31 +41,33 @@ class Levels(NamedTuple):
     """All levels of multigrid in a few arrays; `level` gives views of one.
 
     shape (levels, 2) : rows and columns with the border. first (levels + 1,) : where the fields of each level start.
-    fields (7, …) : centre, right, below, inverse centre, x, b and r, see `level`.
+    fields (6, …) : right, below, inverse centre, x, b and r, see `level`.
     corner_first, corners (2, …) : below right and below left; one number each on a level of five points.
     weight_first, weights : of the interpolation from the next level.
-    number : of the cluster of each node on levels with clusters, from 1 on. cluster_first (levels + 1,) : the first
-    cluster of each level. cluster_start : the first of `cluster_nodes` (…, 2) of each cluster, and their number.
-    cluster_inverse : inverse sums of the conductances of each cluster with other nodes.
+    cluster_first (levels + 1,) : the first cluster of each level. cluster_start : the first of `cluster_nodes` (…, 2)
+    of each cluster, and their number. cluster_outside : bits of those of their neighbours that are not of the cluster.
+    cluster_ground : their conductances with the ends. cluster_inverse : inverse sums of the conductances of each
+    cluster with other nodes.
     """
 
     shape: NDArray[np.int64]
     first: NDArray[np.int64]
-    fields: NDArray[np.float64]
+    fields: NDArray[np.float32]
     corner_first: NDArray[np.int64]
-    corners: NDArray[np.float64]
+    corners: NDArray[np.float32]
     weight_first: NDArray[np.int64]
-    weights: NDArray[np.float64]
-    number: NDArray[np.int32]
+    weights: NDArray[np.float32]
     cluster_first: NDArray[np.int64]
     cluster_start: NDArray[np.int64]
-    cluster_nodes: NDArray[np.int64]
-    cluster_inverse: NDArray[np.float64]
+    cluster_nodes: NDArray[np.int32]
+    cluster_outside: NDArray[np.uint8]
+    cluster_ground: NDArray[np.float32]
+    cluster_inverse: NDArray[np.float32]
 
 
 @njit(**COMPILED)
 def level(shape, first, fields, corner_first, corners, k):
-    """Views of level k, of the first fields of `Levels`: the seven fields, below right and below left."""
+    """Views of level k, of the first fields of `Levels`: the six fields, below right and below left."""
     a, b, size = first[k], first[k + 1], (shape[k, 0], shape[k, 1])
     c, d = corner_first[k], corner_first[k + 1]
     corner_size = (1, 1) if d - c == 1 else size
@@ -71,21 +78,21 @@ def level(shape, first, fields, corner_first, corners, k):
         fields[3, a:b].reshape(size),
         fields[4, a:b].reshape(size),
         fields[5, a:b].reshape(size),
-        fields[6, a:b].reshape(size),
         corners[0, c:d].reshape(corner_size),
         corners[1, c:d].reshape(corner_size),
     )
 
 
 @njit(**COMPILED)
-def _bordered(along, across, falling, rising, ring, centre, right, below, below_right, below_left):
-    """Write centres and conductances of the inner nodes of a stencil; sums of the conductances with both ends."""
+def finest(along, across, falling, rising, ring):
+    """Centres and conductances of the inner nodes of a stencil, see `level`."""
     n1, n2 = along.shape[0] - 1, along.shape[1]
     m2 = across.shape[1]
     nine = falling.size > 0
-    inlet, outlet = np.empty(n2), np.empty(n2)
-    for j in range(n2):
-        inlet[j], outlet[j] = along[0, j], along[n1, j]
+    shape = (n1 + 2, n2 + 2)
+    centre, right, below = np.zeros(shape), np.zeros(shape), np.zeros(shape)
+    of_corners = shape if nine else (1, 1)
+    below_right, below_left = np.zeros(of_corners), np.zeros(of_corners)
     for i in range(1, n1 + 1):
         for j in range(1, m2 + 1):
             right[i, j] = across[i - 1, j - 1]
@@ -103,15 +110,9 @@ def _bordered(along, across, falling, rising, ring, centre, right, below, below_
                 if i > 0:
                     centre[i, j + 1] += down
                     centre[i, k + 1] += up
-                else:
-                    inlet[k] += down
-                    inlet[j] += up
                 if i < n1:
                     centre[i + 1, k + 1] += down
                     centre[i + 1, j + 1] += up
-                else:
-                    outlet[j] += down
-                    outlet[k] += up
                 if 0 < i < n1:
                     below_right[i, j + 1] = down
                     below_left[i, k + 1] = up
@@ -121,7 +122,7 @@ def _bordered(along, across, falling, rising, ring, centre, right, below, below_
                 below[i, 0], below[i, n2 + 1] = below[i, n2], below[i, 1]
                 below_right[i, 0], below_right[i, n2 + 1] = below_right[i, n2], below_right[i, 1]
                 below_left[i, 0], below_left[i, n2 + 1] = below_left[i, n2], below_left[i, 1]
-    return inlet, outlet
+    return centre, right, below, below_right, below_left
 
 
 @njit(**COMPILED)
@@ -187,12 +188,14 @@ def _interpolation(centre, right, below, below_right, below_left, nine, ring, w)
 
 
 @njit(**COMPILED)
-def _galerkin(centre, right, below, below_right, below_left, w, nine, ring, to0, to1, to2, to3, to4):
-    """PᵀAP: write the centres and conductances of the next level, in the order of these."""
+def _galerkin(centre, right, below, below_right, below_left, w, nine, ring):
+    """PᵀAP: centres and conductances of the next level, in the order of these."""
     n1, n2 = centre.shape[0] - 2, centre.shape[1] - 2
     m1, m2 = w.shape[0] - 2, w.shape[1] - 2
     row = np.empty((5, 5))  # of A P_I at the fine nodes around a coarse one
     out = np.empty(5)
+    to0, to1, to2 = np.zeros(w.shape[:2]), np.zeros(w.shape[:2]), np.zeros(w.shape[:2])
+    to3, to4 = np.zeros(w.shape[:2]), np.zeros(w.shape[:2])
     for ci in range(1, m1 + 1):
         for cj in range(1, m2 + 1):
             for a in range(25):
@@ -241,71 +244,72 @@ def _galerkin(centre, right, below, below_right, below_left, w, nine, ring, to0,
             to2[ci, 0], to2[ci, m2 + 1] = to2[ci, m2], to2[ci, 1]
             to3[ci, 0], to3[ci, m2 + 1] = to3[ci, m2], to3[ci, 1]
             to4[ci, 0], to4[ci, m2 + 1] = to4[ci, m2], to4[ci, 1]
+    return to0, to1, to2, to3, to4
+
+
+def hierarchy(
+    along: Array, across: Array, falling: Array, rising: Array, ring: bool
+) -> tuple[Levels, tuple[Array, ...]]:
+    """`Levels` of a stencil, and centres and conductances of the coarsest one in double precision."""
+    nine = falling.size > 0
+    sizes = [(along.shape[0] + 1, along.shape[1] + 2)]
+    while min(sizes[-1]) - 2 > FEWEST:
+        sizes.append(((sizes[-1][0] - 1) // 2 + 2, (sizes[-1][1] - 1) // 2 + 2))
+    shape = np.array(sizes)
+    nodes = shape.prod(axis=1)
+    first = np.concatenate([[0], np.cumsum(nodes)])
+    corner_first = first if nine else np.concatenate([[0], 1 + first[1:] - first[1]])
+    weight_first = 9 * (first[1:] - first[1])
+    # memory that is not written to is not taken
+    fields, corners = np.zeros((6, first[-1]), np.float32), np.zeros((2, corner_first[-1]), np.float32)
+    weights = np.zeros(weight_first[-1], np.float32)
+    place = shape, first, fields, corner_first, corners, weight_first, weights
+    last, found, coarsest = _filled(along, across, falling, rising, ring, *place)
+    used = shape[:last], first[: last + 1], fields, corner_first[: last + 1], corners, weight_first[:last], weights
+    return Levels(*used, *found), coarsest
 
 
 @njit(**COMPILED)
-def hierarchy(along, across, falling, rising, ring):
-    """`Levels` of a stencil, and the sums of the conductances of its first and last rows with the ends (n2,)."""
+def _filled(along, across, falling, rising, ring, shape, first, fields, corner_first, corners, weight_first, weights):
+    """Fill the levels; their number, what `Levels` has of clusters, and the operator of the coarsest one."""
     nine = falling.size > 0
-    sizes = np.empty((64, 2), np.int64)
-    sizes[0, 0], sizes[0, 1] = along.shape[0] + 1, along.shape[1] + 2
-    most = 1
-    while min(sizes[most - 1, 0], sizes[most - 1, 1]) - 2 > FEWEST:
-        sizes[most, 0], sizes[most, 1] = (sizes[most - 1, 0] - 1) // 2 + 2, (sizes[most - 1, 1] - 1) // 2 + 2
-        most += 1
-    shape = sizes[:most]
-    first, corner_first = np.zeros(most + 1, np.int64), np.zeros(most + 1, np.int64)
-    weight_first = np.zeros(most, np.int64)
-    for k in range(most):
-        size = shape[k, 0] * shape[k, 1]
-        first[k + 1] = first[k] + size
-        corner_first[k + 1] = corner_first[k] + (size if nine or k > 0 else 1)
-        weight_first[k] = 9 * (first[k + 1] - first[1])
-    fields, corners = np.zeros((7, first[most])), np.zeros((2, corner_first[most]))
-    weights = np.zeros(weight_first[most - 1])
-    number, cluster_first = np.zeros(1, np.int32), np.zeros(most + 1, np.int64)
-    start, nodes, inverses = np.zeros(1, np.int64), np.zeros((0, 2), np.int64), np.zeros(0)
-    inlet, outlet = np.zeros(0), np.zeros(0)
+    cluster_first = np.zeros(shape.shape[0] + 1, np.int64)
+    start, nodes = np.zeros(1, np.int64), np.zeros((0, 2), np.int32)
+    outside, ground, inverses = np.zeros(0, np.uint8), np.zeros(0, np.float32), np.zeros(0, np.float32)
+    operator = finest(along, across, falling, rising, ring)
     fewest = 0.0
     k = np.int64(0)  # type: ignore[assignment]
     while True:
-        centre, right, below, inverse, _, _, _, below_right, below_left = level(
+        centre, right, below, below_right, below_left = operator
+        to_right, to_below, inverse, _, _, _, to_below_right, to_below_left = level(
             shape, first, fields, corner_first, corners, k
         )
-        if k == 0:
-            inlet, outlet = _bordered(
-                along, across, falling, rising, ring, centre, right, below, below_right, below_left
-            )
         count = 0
         for i in range(centre.shape[0]):
             for j in range(centre.shape[1]):
                 if centre[i, j] > 0.0:
-                    inverse[i, j] = 1.0 / centre[i, j]
+                    inverse[i, j] = min(1.0 / centre[i, j], _MOST_INVERSE)
                     count += 1
+                to_right[i, j], to_below[i, j] = right[i, j], below[i, j]
+        for i in range(below_right.shape[0]):
+            for j in range(below_right.shape[1]):
+                to_below_right[i, j], to_below_left[i, j] = below_right[i, j], below_left[i, j]
         if k == 0:
             fewest = _ELIMINATED * count
         cluster_first[k + 1] = cluster_first[k]
-        if k == most - 1 or count <= fewest:
+        if k == shape.shape[0] - 1 or count <= fewest:
             break
         all_nine = nine or k > 0
         w = weights[weight_first[k] : weight_first[k + 1]].reshape((shape[k + 1, 0], shape[k + 1, 1], 3, 3))
         _interpolation(centre, right, below, below_right, below_left, all_nine, ring, w)
-        of_node, found, begins, inverse_sums = clusters(centre, right, below, below_right, below_left, all_nine, ring)
-        if inverse_sums.size > 0:
-            if number.size == 1:
-                number = np.zeros(first[most], np.int32)
-            for i in range(of_node.shape[0]):
-                for j in range(of_node.shape[1]):
-                    number[first[k] + i * of_node.shape[1] + j] = of_node[i, j]
-            cluster_first[k + 1] += inverse_sums.size
+        members, begins, beside, to_ends, sums = clusters(centre, right, below, below_right, below_left, all_nine, ring)
+        if sums.size > 0:
+            cluster_first[k + 1] += sums.size
             for i in range(begins.size):
                 begins[i] += nodes.shape[0]
             start = np.concatenate((start[:-1], begins))
-            nodes, inverses = np.concatenate((nodes, found)), np.concatenate((inverses, inverse_sums))
-        coarse = level(shape, first, fields, corner_first, corners, k + 1)
-        _galerkin(centre, right, below, below_right, below_left, w, all_nine, ring, coarse[0], coarse[1], coarse[2],
-                  coarse[7], coarse[8])  # fmt: skip
+            nodes, inverses = np.concatenate((nodes, members)), np.concatenate((inverses, sums))
+            outside, ground = np.concatenate((outside, beside)), np.concatenate((ground, to_ends))
+        operator = _galerkin(centre, right, below, below_right, below_left, w, all_nine, ring)
         k += 1
-    levels = Levels(shape[: k + 1], first[: k + 2], fields, corner_first[: k + 2], corners, weight_first[: k + 1],
-                    weights, number, cluster_first[: k + 2], start, nodes, inverses)  # fmt: skip
-    return levels, inlet, outlet
+    return k + 1, (cluster_first[: k + 2], start, nodes, outside, ground, inverses), operator

@@ -1,4 +1,8 @@
-"""Conjugate gradients with algebraic multigrid on the structured grid as preconditioner: compiled."""
+"""Conjugate gradients with algebraic multigrid on the structured grid as preconditioner: compiled.
+
+Potential, residual and operator are in double precision, the operator as differences; the cycle and the directions are
+in single precision, which the residual then follows to all digits.
+"""
 
 from __future__ import annotations
 
@@ -28,8 +32,8 @@ _FEW = 6
 #: Largest correction left at a node, relative to the error allowed in the norm of the energy; that norm hardly has a
 #: fraction of nodes that only narrow links connect with the others.
 _LARGEST = 100.0
-#: No nodes singled out: all are judged.
-_ALL = np.zeros((0, 0), np.bool_)
+#: No nodes are hidden.
+_NONE = np.zeros((0, 0), np.bool_)
 #: Iterations after which the number still needed is extrapolated.
 _FORESEEN = 10
 
@@ -38,7 +42,7 @@ def solve_multigrid(
     stencil: Stencil,
     rtol: float,
     limit: int,
-    judged: NDArray[np.bool_] | None = None,
+    hidden: NDArray[np.bool_] | None = None,
     field_rtol: float | None = None,
 ) -> tuple[Array, int, float]:
     """Potential φ of the inner nodes for a unit drop, iterations, and the error of φ in the norm of the energy.
@@ -48,9 +52,9 @@ def solve_multigrid(
     stencil : every coupled node must be connected to both ends.
     rtol : relative error of the rate Σ c (Δφ)² allowed.
     limit : of iterations.
-    judged : inner nodes (n1 − 1, n2) whose potential has to be right, all unless given.
+    hidden : inner nodes (n1 − 1, n2) whose potential need not be right, none unless given.
     field_rtol : if the potential itself has to be right, its error allowed in the norm of the energy; M⁻¹r, an estimate
-        of the error itself, may be 100 times that at any node judged.
+        of the error itself, may be 100 times that at any node not hidden.
 
     Raises
     ------
@@ -65,14 +69,12 @@ def solve_multigrid(
     Sources: Strakoš & Tichý, ETNA 13, 2002, 56; Meurant, Papež & Tichý, Numer. Algorithms 88, 2021, 1337.
     """
     s = stencil
-    if judged is None:
-        judged = _ALL
     field = np.inf if field_rtol is None else field_rtol
-    levels, inlet, outlet = hierarchy(s.along, s.across, s.falling, s.rising, s.ring2)
-    last = len(levels.shape) - 1
-    centre, right, below, _, _, _, _, below_right, below_left = level(*levels[:5], last)
+    conductances = s.along, s.across, s.falling, s.rising
+    levels, (centre, right, below, below_right, below_left) = hierarchy(*conductances, s.ring2)
     coarsest = eliminate_coarsest(centre, right, below, below_right, below_left, s.ring2)
-    x, iterations, error, done = _solve(levels, coarsest, inlet, outlet, s.nine, s.ring2, rtol, field, limit, judged)
+    hidden = _NONE if hidden is None else hidden
+    x, iterations, error, done = _solve(conductances, levels, coarsest, s.ring2, rtol, field, limit, hidden)
     if not done:
         raise NotConverged(
             f"flow: error {error**2:.1e} of the rate after {iterations} iterations of multigrid, wanted {rtol:.1e}"
@@ -84,95 +86,111 @@ def solve_multigrid(
 
 
 @njit(**COMPILED)
-def _direction(centre, right, below, below_right, below_left, z, p, y, beta, nine, ring):
-    """p = z + β p, y = A p; returns p·y."""
+def _flow_out(conductances, p, i, ring, y):
+    """Write A p of row i, of p with a border of one node that is 0 at the ends: from differences."""
+    along, across, falling, rising = conductances
+    n2 = along.shape[1]
+    above, below, beside = along[i - 1], along[i], across[i - 1]
+    for j in range(1, n2 + 1):
+        here = np.float64(p[i, j])
+        y[j] = above[j - 1] * (here - p[i - 1, j]) + below[j - 1] * (here - p[i + 1, j])
+    for j in range(2, n2):
+        here = np.float64(p[i, j])
+        y[j] += beside[j - 1] * (here - p[i, j + 1]) + beside[j - 2] * (here - p[i, j - 1])
+    if n2 > 1:
+        y[1] += beside[0] * (np.float64(p[i, 1]) - p[i, 2])
+        y[n2] += beside[n2 - 2] * (np.float64(p[i, n2]) - p[i, n2 - 1])
+    if ring:
+        flow = beside[n2 - 1] * (np.float64(p[i, n2]) - p[i, 1])
+        y[n2] += flow
+        y[1] -= flow
+    for j in range(falling.shape[1]):
+        a, b = j + 1, (j + 1) % n2 + 1
+        left, right = np.float64(p[i, a]), np.float64(p[i, b])
+        y[b] += falling[i - 1, j] * (right - p[i - 1, a]) + rising[i, j] * (right - p[i + 1, a])
+        y[a] += rising[i - 1, j] * (left - p[i - 1, b]) + falling[i, j] * (left - p[i + 1, b])
+
+
+@njit(**COMPILED)
+def _direction(conductances, z, scale, p, beta, ring):
+    """p = scale z + β p; returns p·A p."""
     n1, n2 = p.shape[0] - 2, p.shape[1] - 2
     for i in range(1, n1 + 1):
         for j in range(1, n2 + 1):
-            p[i, j] = z[i, j] + beta * p[i, j]
-        if ring:
-            p[i, 0] = p[i, n2]
-            p[i, n2 + 1] = p[i, 1]
+            p[i, j] = scale * z[i, j] + beta * p[i, j]
+    y = np.empty(n2 + 2)
     total = 0.0
     for i in range(1, n1 + 1):
+        _flow_out(conductances, p, i, ring, y)
         for j in range(1, n2 + 1):
-            y[i, j] = (
-                centre[i, j] * p[i, j]
-                - right[i, j] * p[i, j + 1]
-                - right[i, j - 1] * p[i, j - 1]
-                - below[i, j] * p[i + 1, j]
-                - below[i - 1, j] * p[i - 1, j]
-            )
-        if nine:
-            for j in range(1, n2 + 1):
-                y[i, j] -= (
-                    below_right[i, j] * p[i + 1, j + 1]
-                    + below_right[i - 1, j - 1] * p[i - 1, j - 1]
-                    + below_left[i, j] * p[i + 1, j - 1]
-                    + below_left[i - 1, j + 1] * p[i - 1, j + 1]
-                )
-        for j in range(1, n2 + 1):
-            total += y[i, j] * p[i, j]
+            total += y[j] * p[i, j]
     return total
 
 
 @njit(**COMPILED)
-def _advance(step, p, y, x, r):
-    """x += step p, r −= step y; the sums of r and of r x, by which inlet and outlet flow and the rate differ."""
+def _advance(conductances, step, p, x, r, ring):
+    """x += step p, r −= step A p; the sums of r and of r x, by which inlet and outlet flow and the rate differ."""
     n1, n2 = p.shape[0] - 2, p.shape[1] - 2
+    y = np.empty(n2 + 2)
     excess = weighted = 0.0
     for i in range(1, n1 + 1):
+        _flow_out(conductances, p, i, ring, y)
         for j in range(1, n2 + 1):
             x[i, j] += step * p[i, j]
-            r[i, j] -= step * y[i, j]
+            r[i, j] -= step * y[j]
             excess += r[i, j]
             weighted += r[i, j] * x[i, j]
     return max(abs(excess), abs(weighted))
 
 
 @njit(**COMPILED)
-def _start(centre, right, below, below_right, below_left, inlet, outlet, x, r):
+def _start(conductances, inverse, x, r):
     """x of the least energy among potentials that are constant along rows, and its residual r."""
+    along, _, falling, rising = conductances
     n1, n2 = x.shape[0] - 2, x.shape[1] - 2
-    resistance = np.empty(n1 + 1)
+    m2 = falling.shape[1]
+    drop = np.empty(n1 + 1)
     total = 0.0
     for i in range(n1 + 1):
         s = 0.0
-        for j in range(1, n2 + 1):
-            if i == 0:
-                s += inlet[j - 1]
-            elif i == n1:
-                s += outlet[j - 1]
-            else:
-                s += below[i, j]
-                if below_right.size > 1:
-                    s += below_right[i, j] + below_left[i, j]
-        resistance[i] = 1.0 / s
-        total += resistance[i]
+        for j in range(n2):
+            s += along[i, j]
+        for j in range(m2):
+            s += falling[i, j] + rising[i, j]
+        drop[i] = 1.0 / s
+        total += drop[i]
     rest = 0.0
-    for i in range(n1, 0, -1):
-        rest += resistance[i]
+    for i in range(n1, -1, -1):
+        drop[i] /= total
+        rest += drop[i]
         for j in range(1, n2 + 1):
-            if centre[i, j] > 0.0:
-                x[i, j] = rest / total
-    for i in range(n1 + 1):
-        drop = resistance[i] / total
-        for j in range(1, n2 + 1):
-            if i == 0:
-                r[1, j] += inlet[j - 1] * drop
-            elif i == n1:
-                r[n1, j] -= outlet[j - 1] * drop
-            else:
-                flow = below[i, j] * drop
-                r[i, j] -= flow
-                r[i + 1, j] += flow
-                if below_right.size > 1:
-                    flow = below_right[i, j] * drop
-                    r[i, j] -= flow
-                    r[i + 1, j + 1] += flow
-                    flow = below_left[i, j] * drop
-                    r[i, j] -= flow
-                    r[i + 1, j - 1] += flow
+            if i > 0 and inverse[i, j] > 0.0:
+                x[i, j] = rest
+        # flows from row i to the next; those at the ends leave r of the border, which counts nothing
+        for j in range(n2):
+            flow = along[i, j] * drop[i]
+            r[i, j + 1] -= flow
+            r[i + 1, j + 1] += flow
+        for j in range(m2):
+            k = (j + 1) % n2
+            down, up = falling[i, j] * drop[i], rising[i, j] * drop[i]
+            r[i, j + 1] -= down
+            r[i + 1, k + 1] += down
+            r[i, k + 1] -= up
+            r[i + 1, j + 1] += up
+
+
+@njit(**COMPILED)
+def _outflow(conductances, x):
+    """Flow of x into the outlet."""
+    along, _, falling, rising = conductances
+    n1, n2 = along.shape[0] - 1, along.shape[1]
+    rate = 0.0
+    for j in range(n2):
+        rate += along[n1, j] * x[n1, j + 1]
+    for j in range(falling.shape[1]):
+        rate += falling[n1, j] * x[n1, j + 1] + rising[n1, j] * x[n1, (j + 1) % n2 + 1]
+    return rate
 
 
 @njit(**COMPILED)
@@ -201,19 +219,13 @@ def _slowest(steps, ratios, count, nodes):
 
 
 @njit(**COMPILED)
-def _solve(levels, coarsest, inlet, outlet, nine, ring, rtol, field, limit, judged):
+def _solve(conductances, levels, coarsest, ring, rtol, field, limit, hidden):
     """Conjugate gradients: potential, iterations, error in the norm of the energy, and whether it is what was asked."""
-    # the residual is the right-hand side of a cycle, whose own residual is not needed after it
-    centre, right, below, _, z, r, y, below_right, below_left = level(
-        levels[0], levels[1], levels[2], levels[3], levels[4], np.int64(0)
-    )
-    n1, n2 = centre.shape[0] - 2, centre.shape[1] - 2
-    x, p = np.zeros(z.shape), np.zeros(z.shape)
-    _start(centre, right, below, below_right, below_left, inlet, outlet, x, r)
-    if ring:
-        for i in range(1, n1 + 1):
-            r[i, n2] += r[i, 0]
-            r[i, 1] += r[i, n2 + 1]
+    _, _, inverse, z, b, _, _, _ = level(levels[0], levels[1], levels[2], levels[3], levels[4], np.int64(0))
+    n1, n2 = z.shape[0] - 2, z.shape[1] - 2
+    nine = conductances[2].size > 0
+    x, r, p = np.zeros(z.shape), np.zeros(z.shape), np.zeros(z.shape, np.float32)
+    _start(conductances, inverse, x, r)
     steps, ratios = np.zeros(limit + 1), np.zeros(limit + 1)
     allowed = min(_SHARE * rtol, (0.1 * field) ** 2)
     balance = 3.0 * max(np.sqrt(rtol), 1e-6)
@@ -221,22 +233,26 @@ def _solve(levels, coarsest, inlet, outlet, nine, ring, rtol, field, limit, judg
     iteration = 0
     done = False
     while True:
+        # far from the limits of single precision, however small the residual is
+        scale = np.sqrt(rz) if iteration > 0 else 1.0
+        for i in range(1, n1 + 1):
+            for j in range(1, n2 + 1):
+                b[i, j] = r[i, j] / scale
         v_cycle(levels, coarsest, nine, ring)
         before, rz, largest = rz, 0.0, 0.0
         for i in range(1, n1 + 1):
             for j in range(1, n2 + 1):
                 rz += r[i, j] * z[i, j]
-        rate = 0.0
-        for j in range(n2):
-            rate += outlet[j] * x[n1, j + 1]
+        rz *= scale
+        rate = _outflow(conductances, x)
         error = np.inf
         if 0.0 <= rz <= allowed * rate and unbalanced <= balance * rate:
             error = np.sqrt(rz / rate / _slowest(steps, ratios, np.int64(iteration), n1 * n2))
             if field < np.inf:
                 for i in range(1, n1 + 1):
                     for j in range(1, n2 + 1):
-                        if judged.size == 0 or judged[i - 1, j - 1]:
-                            largest = max(largest, abs(z[i, j]))
+                        if hidden.size == 0 or not hidden[i - 1, j - 1]:
+                            largest = max(largest, scale * abs(z[i, j]))
             if error**2 <= allowed and largest <= _LARGEST * 0.1 * field:
                 done = True
                 break
@@ -249,11 +265,11 @@ def _solve(levels, coarsest, inlet, outlet, nine, ring, rtol, field, limit, judg
             if rz >= first or needed > limit:
                 break
         beta = rz / before if iteration > 0 else 0.0
-        curvature = _direction(centre, right, below, below_right, below_left, z, p, y, beta, nine, ring)
+        curvature = _direction(conductances, z, scale, p, beta, ring)
         if not curvature > 0.0:
             break
         steps[iteration], ratios[iteration] = rz / curvature, beta
-        unbalanced = _advance(rz / curvature, p, y, x, r)
+        unbalanced = _advance(conductances, rz / curvature, p, x, r, ring)
         iteration += 1
     if not done and rate > 0.0 and rz >= 0.0:
         error = np.sqrt(rz / rate)

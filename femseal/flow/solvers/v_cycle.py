@@ -1,7 +1,7 @@
 """One V-cycle of multigrid over the levels of `hierarchy`: compiled.
 
 One sweep of Gauss-Seidel forward before and backward after the coarser grid, each with the clusters that a sweep does
-not move, keep the preconditioner symmetric.
+not move, keep the preconditioner symmetric. All arithmetic is in single precision.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ def _rows_down(first, count, x, b, inverse, right, below, ring):
     """Gauss-Seidel forward on up to four rows of a network, column by column: each row waits for its own sum only."""
     n2 = x.shape[1] - 2
     i, k, m, n = first, min(first + 1, x.shape[0] - 1), min(first + 2, x.shape[0] - 1), min(first + 3, x.shape[0] - 1)
-    u = v = s = t = 0.0
+    u = v = s = t = np.float32(0.0)
     for j in range(1, n2 if ring else n2 + 1):
         u = (b[i, j] + below[i - 1, j] * x[i - 1, j] + right[i, j - 1] * u) * inverse[i, j]
         x[i, j] = u
@@ -47,7 +47,7 @@ def _sweep_down(x, b, r, inverse, right, below, below_right, below_left, nine, r
     while i <= n1:
         x[i, n2 + 1] = 0.0
         if nine:
-            before = 0.0
+            before = np.float32(0.0)
             for j in range(1, n2 + 1):
                 r[i, j] = (
                     b[i, j]
@@ -121,7 +121,7 @@ def _rows_up(last, count, x, b, inverse, right, below, ring):
 def _sweep_up(x, b, inverse, right, below, below_right, below_left, nine, ring):
     """Gauss-Seidel backward."""
     n1, n2 = x.shape[0] - 2, x.shape[1] - 2
-    rest = np.empty(n2 + 2 if nine else 1)
+    rest = np.empty(n2 + 2 if nine else 1, np.float32)
     i = n1
     while i > 0:
         if not nine:
@@ -163,7 +163,7 @@ def _restrict(r, w, b):
         i = 2 * ci - 1
         for cj in range(1, m2 + 1):
             j = 2 * cj - 1
-            s = 0.0
+            s = np.float32(0.0)
             for a in range(3):
                 s += w[ci, cj, a, 0] * r[i + a - 1, j - 1]
                 s += w[ci, cj, a, 1] * r[i + a - 1, j]
@@ -199,13 +199,11 @@ def _prolong(coarse, w, x, ring):
 def v_cycle(levels, coarsest, nine, ring):
     """One V-cycle from b to x of the finest level, which has nine points or five."""
     shape, first, fields, corner_first, corners, weight_first, weights = levels[:7]
-    number, cluster_first, start, nodes, inverses = levels[7:]
+    cluster_first, start, nodes, outside, ground, inverses = levels[7:]
     last = shape.shape[0] - 1
     for step in range(2 * last + 1):
         k = min(step, 2 * last - step)
-        centre, right, below, inverse, x, b, r, below_right, below_left = level(
-            shape, first, fields, corner_first, corners, k
-        )
+        right, below, inverse, x, b, r, below_right, below_left = level(shape, first, fields, corner_first, corners, k)
         if k == last:
             solve_coarsest(coarsest, b, x)
             continue
@@ -213,16 +211,14 @@ def v_cycle(levels, coarsest, nine, ring):
         w = weights[weight_first[k] : weight_first[k + 1]].reshape((shape[k + 1, 0], shape[k + 1, 1], 3, 3))
         all_nine = nine or k > 0
         c, d = cluster_first[k], cluster_first[k + 1]
-        of_node = number[first[k] if d > c else 0 : first[k + 1] if d > c else 0]
+        moved = nodes, start[c : d + 1], outside, ground, inverses[c:d]
         if step < last:
             _sweep_down(x, b, r, inverse, right, below, below_right, below_left, all_nine, ring)
             if d > c:
-                relax_forward(of_node, nodes, start[c : d + 1], inverses[c:d], x, r, centre, right, below, below_right,
-                              below_left, all_nine, ring)  # fmt: skip
-            _restrict(r, w, coarse[5])
+                relax_forward(*moved, x, r, right, below, below_right, below_left, ring)
+            _restrict(r, w, coarse[4])
         else:
-            _prolong(coarse[4], w, x, ring)
+            _prolong(coarse[3], w, x, ring)
             if d > c:
-                relax_backward(of_node, nodes, start[c : d + 1], inverses[c:d], x, b, centre, right, below, below_right,
-                               below_left, all_nine, ring)  # fmt: skip
+                relax_backward(*moved, x, b, right, below, below_right, below_left, ring)
             _sweep_up(x, b, inverse, right, below, below_right, below_left, all_nine, ring)

@@ -1,0 +1,126 @@
+"""Size: time and peak memory of the flow through ever larger faces, in femseal and in reynoldsflow on the same gaps.
+
+    python tests/benchmarks/size.py --largest 2048
+    python tests/benchmarks/size.py --write
+
+Gaps are self-affine faces with 8 pixels for the shortest wave, cut by a plane at 20 % of their points, periodic along
+x2. Each size is a process of its own on one core; times are CPU times, memory is the peak above that before, for each
+point, without the gap itself. reynoldsflow takes the gap constant on each pixel, so that its permeability differs.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import time
+from functools import partial
+from pathlib import Path
+
+import numpy as np
+from common import call, forget_peak, kept, machine, resident, rows, save_report
+
+#: Points a side, and those up to which other programs go.
+POINTS, OTHERS = (512, 1024, 2048, 4096, 8192), {"elements": 4096, "reynoldsflow": 4096}
+PIXEL, CONTACT = 1e-6, 0.2
+#: Pixels of a side of a window that is an element.
+WINDOW = 128
+
+
+def cut_gap(n):
+    """Gap (n, n) [m] of a face above a plane."""
+    from femseal import self_affine
+
+    size = n * PIXEL
+    face = self_affine((n, n), (size, size), hurst=0.8, rms_slope=0.1, roll_off=size / 8, cut_off=8 * PIXEL, rng=1)
+    z = np.array(face.heights)
+    np.subtract(np.quantile(z[::4, ::4], 1 - CONTACT), z, out=z)
+    return np.maximum(z, 0, out=z)
+
+
+def resolved(gap):
+    """Permeability [m³], iterations and residual of the flow resolved on all points."""
+    from femseal import cell_permeability
+
+    flow = cell_permeability(gap, (PIXEL, PIXEL), sides="periodic")
+    return flow.value, flow.iterations, flow.residual
+
+
+def elements(gap):
+    """Permeability [m³] by elements, and its estimated error."""
+    from femseal.elements import element_flow
+    from femseal.windows import Partition
+
+    cells = tuple(max(2, n // WINDOW) for n in gap.shape)
+    flow = element_flow(gap, Partition(gap.shape, (PIXEL, PIXEL), cells))
+    return flow.permeability, 0, flow.error
+
+
+def reynoldsflow(gap):
+    """Permeability [m³] by reynoldsflow."""
+    from reynoldsflow.transport import compute_total_flux, solve_fluid_problem
+
+    highest = gap.max()
+    solved, _, flux = solve_fluid_problem(gap / highest)
+    return abs(compute_total_flux(solved, flux, len(gap))[0]) * highest**3 / 12, 0, float("nan")
+
+
+PROGRAMS = {"resolved": resolved, "elements": elements, "reynoldsflow": reynoldsflow}
+
+
+def measure(program, n):
+    """Record of a program on a gap of n² points, in this process."""
+    solve = PROGRAMS[program]
+    for small in (128, 256):
+        solve(cut_gap(small))
+    gap = cut_gap(n)
+    forget_peak()
+    before, start = resident("VmRSS"), time.process_time()
+    value, iterations, residual = solve(gap)
+    seconds = time.process_time() - start
+    memory = resident("VmHWM") - before
+    return {"program": program, "n": n, "seconds": seconds, "bytes": memory, "value": value,
+            "iterations": iterations, "residual": residual}  # fmt: skip
+
+
+def records(largest, path):
+    """Records of all programs at all sizes that they go to."""
+    found = []
+    for program in PROGRAMS:
+        for n in POINTS:
+            if n <= min(largest, OTHERS.get(program, largest)):
+                task = {"program": program, "n": n}
+                compute = partial(call, __file__, ["--worker", json.dumps(task)], 1)
+                found.append(kept(task, task, path, compute))
+    return found
+
+
+def report(found):
+    """A table of all records."""
+    of_points = {r["n"]: r for r in found if r["program"] == "resolved"}
+    head = ["points", "program", "time [s]", "time a point [µs]", "peak memory [GB]", "bytes a point", "iterations",
+            "residual", "permeability over that of all points"]  # fmt: skip
+    cells = [[f"{r['n']}²", r["program"], f"{r['seconds']:.3g}", f"{1e6 * r['seconds'] / r['n'] ** 2:.2f}",
+              f"{r['bytes'] / 1e9:.3g}", f"{r['bytes'] / r['n'] ** 2:.0f}", str(r["iterations"] or ""),
+              "" if np.isnan(r["residual"]) else f"{r['residual']:.1e}",
+              f"{r['value'] / of_points[r['n']]['value']:.5f}"] for r in found]  # fmt: skip
+    return machine({"reynoldsflow": "reynoldsflow"}) + ".\n\n" + rows(head, cells)
+
+
+def main():
+    parser = argparse.ArgumentParser()
+    parser.add_argument("--largest", type=int, default=POINTS[-1])
+    parser.add_argument("--records", type=Path, help="file of records, which is added to")
+    parser.add_argument("--write", action="store_true", help="write the report beside the script")
+    parser.add_argument("--worker", help=argparse.SUPPRESS)
+    given = parser.parse_args()
+    if given.worker:
+        print(json.dumps(measure(**json.loads(given.worker))))
+        return
+    text = report(records(given.largest, given.records))
+    print(text)
+    if given.write:
+        save_report(__file__, "Size of faces", text)
+
+
+if __name__ == "__main__":
+    main()
