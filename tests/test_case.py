@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from each import each
 from numpy.testing import assert_allclose
 from pydantic import TypeAdapter, ValidationError
 
@@ -207,18 +208,46 @@ def test_names_of_fluids_that_there_are_not(data, fluid, words):
     assert "\n" not in str(caught.value)
 
 
-def test_tables_that_are_missing(data):
-    """Also where only a method to compare with needs them."""
-    for method, compare in (("stochastic", []), ("deterministic", ["stochastic"])):
-        for table in ("cells", "stochastic"):
-            incomplete = {k: v for k, v in data.items() if k != table} | {"method": method, "compare": compare}
-            with pytest.raises(fs.InputError, match=f"a table `{table}`"):
-                parse_case(incomplete)
-    with pytest.raises(fs.InputError, match="fluid: given nothing"):
+def test_a_table_that_is_missing_is_shown_as_text_to_paste(data):
+    with pytest.raises(fs.InputError, match=r'fluid: missing, expected a table such as\n\[fluid\]\nkind = "liquid"'):
         parse_case({k: v for k, v in data.items() if k != "fluid"})
-    data["cells"] = {}
-    with pytest.raises(fs.InputError, match="one of `count` and `size`"):
-        parse_case(data)
+
+
+@each("method", ["deterministic", "two-scale", "stochastic", "auto"])
+def test_face_material_load_and_fluid_are_a_case(data, method):
+    """Windows get eight shortest waves or more a side, of 8 pixels each, and seals the length of the face."""
+    face = data["face"] | {"points": [128, 200], "size": ["60 um", "90 um"]}
+    case = parse_case({key: data[key] for key in ("material", "load", "fluid")} | {"face": face, "method": method})
+    prepared = prepare(case)
+    assert prepared.cells == (None if method == "deterministic" else (2, 3))
+    if method == "stochastic":
+        assert (prepared.sampling.length, prepared.sampling.realisations) == (pytest.approx(90e-6), 50)
+    lines = "\n".join(describe(case, prepared))
+    assert ("windows of eight shortest waves or more a side" in lines) == (method != "deterministic")
+
+
+def test_faults_of_a_file_say_line_and_the_key_that_is_meant(tmp_path):
+    text = (ROOT / "examples" / "turned_seal.toml").read_text(encoding="utf-8")
+    path = tmp_path / "case.toml"
+    path.write_text(text.replace("yield_stress", "yeild_stress", 1).replace('"12 mm"', '"12,5 mm"'), encoding="utf-8")
+    lines = path.read_text(encoding="utf-8").splitlines()
+    typo, comma = (next(n for n, line in enumerate(lines, 1) if word in line) for word in ("yeild", "12,5"))
+    with pytest.raises(fs.InputError) as error:
+        fs.load_case(path)
+    first, second = str(error.value).splitlines()
+    assert first.startswith("material.yeild_stress: given an unknown key, expected yield_stress? Known are young")
+    assert first.endswith(f"(line {typo})")
+    assert second.endswith(f"not a comma: '12.5 mm' (line {comma})")
+
+
+def test_a_file_that_is_not_there_is_shown_with_its_whole_path(data, tmp_path):
+    with pytest.raises(fs.InputError, match=re.escape(f"none is at {tmp_path / 'face.npy'}")):
+        parse_case(data | {"face": {"path": "face.npy"}}, tmp_path)
+
+
+def test_a_face_with_a_path_is_of_the_kind_file(data, tmp_path):
+    np.save(tmp_path / "face.npy", np.zeros((4, 4)))
+    assert parse_case(data | {"face": {"path": "face.npy"}}, tmp_path).face[0].kind == "file"
 
 
 def test_keys_that_are_no_part_of_a_case(data):

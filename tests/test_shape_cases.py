@@ -233,11 +233,12 @@ def test_faults_are_one_line_with_their_key(name, table, keys, words):
     assert refused(reduced(name, **{table: keys})).startswith(words)
 
 
-def test_a_shape_needs_the_method_that_draws_it_and_a_strip_its_length():
+def test_a_shape_needs_the_method_that_draws_it_and_a_strip_is_as_long_as_the_face():
     data = reduced("annular_seal") | {"method": "two-scale"}
     assert refused(data).startswith("seal.kind: given annular with the method two-scale, expected it with stochastic")
     data = reduced("annular_seal") | {"seal": {"kind": "rectangular"}}
-    assert refused(data) == "stochastic.length: given none, expected the length of the seal"
+    prepared = prepare(parse_case(data))
+    assert prepared.sampling.length == prepared.scene.surface.size[1]
 
 
 def test_bad_seals_end_with_code_2_and_write_nothing(tmp_path, monkeypatch, capsys):

@@ -10,6 +10,8 @@ from typing import Any
 _LONGEST = 160
 #: Faults in a message.
 _MOST_FAULTS = 20
+#: What is given where a needed input is not there.
+MISSING = "missing"
 _REPR = Repr()
 _REPR.maxstring = _REPR.maxother = _REPR.maxlong = 80
 
@@ -39,7 +41,8 @@ class InputError(FemsealError, ValueError):
 
     def __str__(self) -> str:
         given = shortened(self.given)
-        return f"{shortened(self.what)}: {f'given {given}, ' if given else ''}expected {self.expected}"
+        said = {"": "", MISSING: "missing, "}.get(given, f"given {given}, ")
+        return f"{shortened(self.what)}: {said}expected {self.expected}"
 
     def inside(self, place: str) -> InputError:
         """The same error about the input as it is named in a table, such as "load" for "load.map"."""

@@ -23,10 +23,18 @@ _BARE_EXPONENT = re.compile(r"(?<=[^\W\d_])([-+]?\d)(?!\d*[^\W\d_])")
 #: Pressure times time is often written as one word, which a parser of units takes for a plural.
 _PASCAL_SECOND = re.compile(r"(?<=Pa)s\b")
 _NUMBER_AND_UNIT = re.compile(r"^\s*([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)\s*(\S.*)?$")
-#: What a pressure is counted from, gauge or absolute: "(g)", "(a)", or a letter after bar, psi or Pa.
-_REFERENCE = re.compile(r"\s?(?:\(\s?([ga])\s?\)|(?:(?<=bar)|(?<=psi)|(?<=Pa))([ga]))\s?$")
+#: What a pressure is counted from, gauge or absolute: "(g)", "(a)", a word, or a letter after bar, psi or Pa.
+_REFERENCE = re.compile(
+    r"\s?(?:\(\s?([ga])\s?\)|(?:(?<=bar)|(?<=psi)|(?<=Pa))([ga])|\s([ga])(?:auge|bs(?:olute)?))\s?$"
+)
 #: Prefixes for people: (factor, text), used when a value is printed.
 _PREFIXES = [(1e9, "G"), (1e6, "M"), (1e3, "k"), (1.0, ""), (1e-3, "m"), (1e-6, "µ"), (1e-9, "n"), (1e-12, "p")]
+#: Units of most cases, in SI, for which the parser of units need not be loaded.
+_USUAL = {"kg/m^3": ("kg/m^3", 1.0)} | {
+    prefix + name: (unit, factor * size)
+    for factor, prefix in [*_PREFIXES, (1e-6, "u")]
+    for name, unit, size in [("Pa", "Pa", 1.0), ("bar", "Pa", 1e5), ("m", "m", 1.0), ("Pa*s", "Pa*s", 1.0)]
+}
 
 
 @cache
@@ -55,9 +63,9 @@ def to_si(text: object, unit: str, name: str = "quantity") -> float:
     210000000000.0
     >>> to_si("20 °C", "K")
     293.15
-    >>> to_si("1,5 mm", "m")
+    >>> to_si("1,5 mm", "m", "d")
     Traceback (most recent call last):
-    femseal.base.errors.InputError: quantity: given '1,5 mm', expected a number with a decimal point, not a comma
+    femseal.base.errors.InputError: d: given '1,5 mm', expected a number with a decimal point, not a comma: '1.5 mm'
     """
     example = (
         f"text with a number and a unit of the kind {unit!r}, such as {_example(unit)!r}" if unit else "a finite number"
@@ -69,9 +77,14 @@ def to_si(text: object, unit: str, name: str = "quantity") -> float:
     if len(text) > _LONGEST:
         raise InputError(name, shown(text), f"{example}, not longer than {_LONGEST} characters")
     if unit == "Pa" and _REFERENCE.search(text):
-        raise InputError(name, shown(text), "a pressure without (g) or (a), which a fluid pressure of a case alone has")
+        plain = shown(_REFERENCE.sub("", text))
+        expected = (
+            f"a pressure without (g) or (a), such as {plain}: those of the fluid alone in a case are gauge or absolute"
+        )
+        raise InputError(name, shown(text), expected)
     if _DECIMAL_COMMA.search(text):
-        raise InputError(name, shown(text), "a number with a decimal point, not a comma")
+        point = shown(_DECIMAL_COMMA.sub(lambda comma: comma[0].replace(",", "."), text))
+        raise InputError(name, shown(text), f"a number with a decimal point, not a comma: {point}")
     if unit == "K" and (match := _TEMPERATURE.match(text)):
         return _finite(float(match[1]) + 273.15, text, name, example)
     match = _NUMBER_AND_UNIT.match(text)
@@ -116,6 +129,9 @@ def absolute_pressure(text: object, ambient: float, name: str = "quantity") -> f
 @lru_cache(maxsize=1000)
 def _factor(written: str, unit: str) -> float | None:
     """What a unit is in SI, kept as long lists repeat it; None if it is of another kind or unknown."""
+    if written in _USUAL:
+        kind, factor = _USUAL[written]
+        return factor if kind == unit else None
     try:
         return float((1.0 * _registry().parse_units(_spelled(written))).to(unit or "dimensionless").magnitude)
     except Exception:  # a parser of units fails on unknown names in many ways, all of which mean the same

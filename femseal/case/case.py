@@ -8,12 +8,11 @@ from __future__ import annotations
 
 import tomllib
 from os import PathLike
-from os.path import isfile
+from os.path import abspath, isfile
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
 from pydantic import Field, ValidationError, model_validator
-from pydantic_core import PydanticCustomError
 
 from ..base.errors import InputError, InputErrors, shortened
 from ..base.quantities import to_text
@@ -26,6 +25,7 @@ from .case_tables import CellsTable, ContactTable, FlowTable, OutputTable, Stoch
 from .faces import Face, FileFace, SurfaceTable
 from .faults import INTERNAL, case_faults, fault, faults_of
 from .fluid import AnyFluid, with_absolute_pressures, with_named_fluids
+from .key_lines import with_lines
 from .load import LoadTable
 from .seal import AnySeal, AnySeat, with_inlet_pressure
 from .solid import SolidTable, with_named_solids
@@ -73,8 +73,9 @@ class Case(Table):
     @model_validator(mode="before")
     @classmethod
     def _one_face(cls, data: Any) -> Any:
-        if isinstance(data, dict) and isinstance(data.get("face"), dict):
-            return {**data, "face": [data["face"]]}
+        if isinstance(data, dict) and "face" in data:
+            faces = [data["face"]] if isinstance(data["face"], dict) else data["face"]
+            return {**data, "face": [_of_file(face) for face in faces] if isinstance(faces, list) else faces}
         return data
 
     @model_validator(mode="before")
@@ -96,15 +97,11 @@ class Case(Table):
             raise fault("output.budget", "false with accuracy", "true: attempts end by their error budget")
         if self.time_limit is not None and self.accuracy is None:
             raise fault("time_limit", "a time without accuracy", "one with accuracy, whose attempts it ends")
-        if self.cells is None and self.accuracy is None and not self.methods <= {"deterministic", "auto"}:
-            raise PydanticCustomError("cells", "a table `cells` with the method {m}", {"m": self.method})
         if self.cells is not None and self.cells.flow == "elements" and self.flow.discretisation != "edge":
             raise fault("cells.flow", f"elements with the discretisation {self.flow.discretisation}", "edge with them")
         if self.stochastic is not None and self.stochastic.sampler == "runs" and self.flow.discretisation != "edge":
             given = f"runs with the discretisation {self.flow.discretisation}"
             raise fault("stochastic.sampler", given, "edge with them")
-        if self.stochastic is None and "stochastic" in self.methods:
-            raise PydanticCustomError("stochastic", "a table `stochastic` with the method stochastic")
         if self.load.unit == "Pa" and self.load.highest >= self.law.capacity:
             expected = f"pressures below the hardness, {to_text(self.law.capacity, 'Pa')}"
             raise fault("load", to_text(self.load.highest, "Pa"), expected)
@@ -119,15 +116,19 @@ class Case(Table):
         self._check_output()
         for face in (face for face in self.face if isinstance(face, FileFace)):
             for table in face.each(self.folder):
-                if not isfile(self.folder / (table.path or "")):
-                    key = "face.path" if face.places is None else "face.places"
-                    raise fault(key, f"'{shortened(table.path)}'", "a file that exists")
+                self._check_file("face.path" if face.places is None else "face.places", table.path or Path())
         if isinstance(first := self.face[0], FileFace) and first.placement:
             raise fault("face.0", ", ".join(sorted(first.placement)), "that in the second face")
         self._check_seal()
         self._check_map()
         self._check_seat()
         return self
+
+    def _check_file(self, key: str, path: Path) -> None:
+        """Raise a fault if a file relative to the case does not exist."""
+        if not isfile(tried := self.folder / path):
+            there = f"; none is at {shortened(abspath(tried))}" if tried.name.isprintable() else ""
+            raise fault(key, f"'{shortened(path)}'", f"a file that exists{there}")
 
     def _check_output(self) -> None:
         """Raise a fault if the unit or a class of leakage does not go with the fluid that it is of."""
@@ -145,16 +146,13 @@ class Case(Table):
         if not layout.has_length and "stochastic" not in self.methods:
             given = f"{layout.kind} with the method {self.method}"
             raise fault("seal.kind", given, "it with stochastic, which draws its windows")
-        if table is not None and layout.has_length and table.length is None:
-            raise fault("stochastic.length", "none", "the length of the seal")
         for name in ("length", "breadth") if table is not None and not layout.has_length else ():
             if (value := getattr(table, name)) is not None:
                 given = to_text(value[0] if isinstance(value, tuple) else value, "m")
                 raise fault(f"stochastic.{name}", given, f"none with a seal of kind {layout.kind}: it has its own")
         self._check_inlets()
         for key, path in self.seal.files():
-            if not isfile(self.folder / path):
-                raise fault(f"seal.{key}", f"'{shortened(path)}'", "a file that exists")
+            self._check_file(f"seal.{key}", path)
 
     def _check_inlets(self) -> None:
         """Raise a fault if pressures of the inlets do not go with the outlet, the methods or a test fluid."""
@@ -191,9 +189,8 @@ class Case(Table):
                 raise fault("load.map", f"a map with a {kind} seat", "none: the form gives the pressure of the rows")
         if self.layout.kind == MeshLayout.kind:
             raise fault("seal.kind", f"{self.layout.kind} with a {kind} seat", "a strip or a ring")
-        path = getattr(self.seat, "path", None)
-        if path is not None and not isfile(self.folder / path):
-            raise fault("seat.path", f"'{shortened(path)}'", "a file that exists")
+        if (path := getattr(self.seat, "path", None)) is not None:
+            self._check_file("seat.path", path)
 
     @property
     def seat_is_broader(self) -> bool:
@@ -212,8 +209,7 @@ class Case(Table):
             given = f"{self.stochastic.pressure} with load.map"
             raise fault("stochastic.pressure", given, "uniform, whose windows follow any pressure")
         for path in self.load.files:
-            if not isfile(self.folder / path):
-                raise fault("load.map.path", f"'{shortened(path)}'", "a file that exists")
+            self._check_file("load.map.path", path)
 
     @property
     def layout(self) -> Layout:
@@ -258,21 +254,30 @@ class Case(Table):
         return self.model_dump(mode="json", exclude_none=True)
 
 
-def _with_what_is_open(data: Any) -> Any:
-    """The tables of a case; one with `accuracy` and no method gets the method that its tables call for.
+def _of_file(face: Any) -> Any:
+    """The table of a face, which is of the kind "file" where it has a path or places and says no other."""
+    return {"kind": "file", **face} if isinstance(face, dict) and {"path", "places"} & {*face} else face
 
-    It is "stochastic" if seals are to be drawn: with a table for it, or a shape with a length of its own, which takes
-    windows under a uniform pressure. Else it is "auto".
+
+def _with_what_is_open(data: Any) -> Any:
+    """The tables of a case, with those that its methods need and it leaves out.
+
+    Shapes with a length of their own take windows under a uniform pressure. With `accuracy` and no method, the method
+    is "stochastic" if seals are to be drawn: with a table for it, or such a shape. Else it is "auto".
     """
-    if not isinstance(data, dict) or data.get("accuracy") is None:
+    if not isinstance(data, dict):
         return data
-    seal = data.get("seal")
+    wanted, seal, drawn = data.get("accuracy") is not None, data.get("seal"), data.get("stochastic")
+    methods = [data.get("method", "stochastic"), *(c if isinstance(c := data.get("compare"), list) else [])]
     shaped = isinstance(seal, dict) and seal.get("kind", "rectangular") != "rectangular"
-    drawn = data.get("stochastic")
-    if shaped and data.get("method", "stochastic") == "stochastic" and isinstance(drawn, dict | None):
+    if drawn is None and "stochastic" in methods and not wanted:
+        drawn = {}
+    if shaped and methods[0] == "stochastic" and isinstance(drawn, dict | None) and (wanted or not drawn):
         drawn = {"pressure": "uniform"} | (drawn or {})
-    found = {**data, "method": data.get("method", "auto" if drawn is None else "stochastic")}
-    return found if drawn is None else found | {"stochastic": drawn}
+    found = dict(data) if drawn is None else data | {"stochastic": drawn}
+    if wanted:
+        return {"method": "auto" if drawn is None else "stochastic"} | found
+    return found if {*map(str, methods)} <= {"deterministic", "auto"} else {"cells": {}} | found
 
 
 def load_case(path: str | PathLike[str]) -> Case:
@@ -286,7 +291,11 @@ def load_case(path: str | PathLike[str]) -> Case:
     ------
     InputError : the file is missing or is not TOML, or any of its values cannot be used; one line for each fault.
     """
-    return parse_case(*read_case(path))
+    data, folder = read_case(path)
+    try:
+        return parse_case(data, folder)
+    except InputError as error:
+        raise with_lines(error, Path(path).read_text(encoding="utf-8")) from None
 
 
 def read_case(path: str | PathLike[str]) -> tuple[dict[str, Any], Path]:
@@ -307,7 +316,8 @@ def read_case(path: str | PathLike[str]) -> tuple[dict[str, Any], Path]:
             raise InputError("case", f"'{path}' of more than {_LARGEST_FILE:.0e} bytes", "a TOML file of a case")
         data = tomllib.loads(content.decode("utf-8").replace("\r\n", "\n"))
     except OSError as error:
-        raise InputError("case", f"'{path}'", f"a file that can be read ({error.strerror})") from None
+        expected = f"a file that can be read ({error.strerror}: {shortened(abspath(path))})"
+        raise InputError("case", f"'{path}'", expected) from None
     except UnicodeDecodeError:
         raise InputError("case", f"'{path}', which is not text", "a TOML file in UTF-8") from None
     except RecursionError:

@@ -58,6 +58,8 @@ class FlowTable(Table):
 class CellsTable(Table):
     """Windows of the two-scale and stochastic methods: their number, or about their size; their contact and flow.
 
+    Without number and size their sides are eight of the shortest waves.
+
     flow, contact : see `studies.two_scale`.
     """
 
@@ -68,7 +70,7 @@ class CellsTable(Table):
 
     @model_validator(mode="after")
     def _one_of(self) -> CellsTable:
-        if (self.count is None) == (self.size is None):
+        if self.count is not None and self.size is not None:
             raise PydanticCustomError("cells", "one of `count` and `size`")
         return self
 

@@ -2,15 +2,19 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterator
 from contextlib import contextmanager
+from difflib import get_close_matches
+from importlib.resources import files
 from typing import Any, get_args
 
 from pydantic import BaseModel, ValidationError
 from pydantic_core import PydanticCustomError
 
-from ..base.errors import InputError, shortened, shown
+from ..base.errors import MISSING, InputError, shortened, shown
 
+_UNKNOWN, _NOTHING = "an unknown key", "nothing"
 #: Longest key of a user in a message, in characters.
 _LONGEST_KEY = 40
 #: Longest message about keys together; of a longer one the end is left out, such as that of a list of what is expected.
@@ -59,7 +63,10 @@ def case_faults(case: type[BaseModel], error: ValidationError) -> list[InputErro
     """The faults in a case that was given to the model."""
     # pydantic also reports a list with faulty items as too short
     faults = [dict(e) for e in error.errors() if e["type"] != "too_short" or not e["input"]]
-    return list({str(found): found for found in (_fault(case, each) for each in faults)}.values())
+    found = {str(one): one for one in (_fault(case, each) for each in faults)}.values()
+    # a key that is written wrong is not missing too
+    meant = {_sibling(one.what, one.expected.partition("?")[0]) for one in found if one.given == _UNKNOWN}
+    return [one for one in found if one.given != _NOTHING or one.what not in meant]
 
 
 def _fault(case: type[BaseModel], error: dict[str, Any]) -> InputError:
@@ -70,9 +77,15 @@ def _fault(case: type[BaseModel], error: dict[str, Any]) -> InputError:
     if kind == "extra_forbidden" and key in _REPLACED:
         return InputError(key, shown(given), _REPLACED[key])
     if kind == "extra_forbidden":
-        return InputError(key, "an unknown key", ", ".join(n for n in tables[0].model_fields if n not in INTERNAL))
+        known = [name for name in tables[0].model_fields if name not in INTERNAL]
+        keys = ", ".join(known)
+        near = get_close_matches(place[-1], known, 1)
+        return InputError(key, _UNKNOWN, f"{near[0]}? Known are {keys}" if near else keys)
     if kind == "missing":
-        return InputError(key, "nothing", "a value for this key")
+        table = "" if len(place) > 1 else _to_paste(key)
+        if table:
+            return InputError(key, MISSING, f"a table such as\n{table}")
+        return InputError(key, _NOTHING, "a value for this key")
     if kind == "too_short":
         return InputError(key, shown(given), "a list of at least one")
     if kind.startswith("int_"):
@@ -90,6 +103,19 @@ def _fault(case: type[BaseModel], error: dict[str, Any]) -> InputError:
     if isinstance(given, (dict, BaseModel)):
         return InputError(key, "", text)
     return InputError(key, shown(given), text)
+
+
+def _sibling(key: str, name: str) -> str:
+    """Another key of the same table."""
+    return ".".join([*key.split(".")[:-1], name])
+
+
+def _to_paste(table: str) -> str:
+    """A table of the template without its comments, "" of one that it does not have."""
+    text = files(__package__).joinpath("template.toml").read_text(encoding="utf-8")
+    found = re.search(rf"^\[{re.escape(table)}\].*(?:\n(?!\[).*)*", text, re.MULTILINE)
+    lines = (re.sub(r"\s*#.*", "", line) for line in found[0].splitlines()) if found else ()
+    return "\n".join(filter(None, lines))
 
 
 def _place(case: type[BaseModel], loc: tuple[Any, ...]) -> tuple[list[str], list[Any]]:

@@ -14,10 +14,12 @@ and 24 % at 128².
 from __future__ import annotations
 
 import math
+import sys
 import threading
 from collections.abc import Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
+from functools import cache
 from typing import Any
 
 import numpy as np
@@ -64,8 +66,7 @@ class Convolution:
         threads: int = 1,
         over: Convolution | None = None,
     ) -> None:
-        import pyfftw
-
+        pyfftw = _fftw()
         (n1, n2), real = shape, np.dtype(dtype)
         waves = np.result_type(real, np.complex64)
         l1, l2 = (padded_length(n) if kind == "free" else n for n, kind in zip(shape, boundary, strict=True))
@@ -110,9 +111,7 @@ class Convolution:
         """An array of zeros, in the memory of `over` as far as it suffices."""
         memory = next(self._lent, None)
         if memory is None:
-            import pyfftw
-
-            memory = pyfftw.zeros_aligned(math.prod(shape) * dtype.itemsize, dtype=np.uint8)
+            memory = _fftw().zeros_aligned(math.prod(shape) * dtype.itemsize, dtype=np.uint8)
         self._memory.append(memory)
         return memory[: math.prod(shape) * dtype.itemsize].view(dtype).reshape(shape)
 
@@ -143,19 +142,31 @@ def _row_length(waves: int, itemsize: int) -> int:
 
 def _plans(points: Any, waves: Any, target: Any, *, axis: int, threads: int = 1) -> tuple[Any, Any]:
     """FFTW's transforms points → waves and, destroying them, waves → target."""
-    import pyfftw
-
+    pyfftw = _fftw()
     flags = "FFTW_ESTIMATE", "FFTW_DESTROY_INPUT"
     pyfftw.forget_wisdom()  # earlier plans would change the choice
     forward = pyfftw.FFTW(points, waves, (axis,), "FFTW_FORWARD", flags[:1], threads)
     return forward.execute, pyfftw.FFTW(waves, target, (axis,), "FFTW_BACKWARD", flags, threads).execute
 
 
+@cache
+def _fftw() -> Any:
+    """pyfftw without its transforms of Dask arrays, whose import takes longer than a small run (0.5 s of CPU)."""
+    hidden = "dask" not in sys.modules
+    if hidden:
+        sys.modules["dask"] = None  # type: ignore[assignment]
+    try:
+        import pyfftw
+    finally:
+        if hidden:
+            del sys.modules["dask"]
+    return pyfftw
+
+
 @contextmanager
 def _own_wisdom() -> Iterator[None]:
     """Context after which FFTW knows the plans that it knew before: keeping and restoring them takes milliseconds."""
-    import pyfftw
-
+    pyfftw = _fftw()
     with _PLANNING:
         known = pyfftw.export_wisdom()
         try:

@@ -224,7 +224,7 @@ def _treatment(case: Case) -> dict[str, Any]:
 
 def _cell_count(case: Case, face: tuple[float, float], wave: float) -> Pair | None:
     """Number of windows along both axes of a face of such sides [m]; None where none are needed."""
-    if case.methods == {"deterministic"} or (case.cells is None and case.method != "auto" and case.accuracy is None):
+    if case.methods == {"deterministic"}:
         return None
     if case.cells is not None and case.cells.count is not None:
         return case.cells.count
@@ -233,7 +233,8 @@ def _cell_count(case: Case, face: tuple[float, float], wave: float) -> Pair | No
         if size > shorter * (1 + 1e-9):
             expected = f"at most the shorter side of the face, {to_text(shorter, 'm')}"
             raise InputError("cells.size", to_text(size, "m"), expected)
-    else:  # eight shortest waves: shorter windows cut off more paths than two scales save
+    else:  # eight shortest waves or more: shorter windows cut off more paths than two scales save
         size = 8 * wave
+        return max(1, int(face[0] / size + 1e-9)), max(1, int(face[1] / size + 1e-9))
     m1, m2 = (max(1, round(length / size)) for length in face)
     return m1, m2

@@ -116,19 +116,19 @@ def _seals(
         raise InputError("cells", given, f"windows of at least two shortest waves, {to_text(least, 'm', 3)}")
     if case.stochastic is None or "stochastic" not in case.methods:
         return None, ()
-    sampling = _sampling(case, case.stochastic, window[1])
+    sampling = _sampling(case, case.stochastic, window[1], surface.size[1])
     with with_tables(SEAL_TABLES):
         check_sampling(sampling)
         return sampling, lay_out_windows(wound_layout(case), partition, sampling)
 
 
-def _sampling(case: Case, table: StochasticTable, window_length: float) -> Sampling:
-    """The sampling of a table, for windows of such a length [m]."""
+def _sampling(case: Case, table: StochasticTable, window_length: float, face_length: float) -> Sampling:
+    """The sampling of a table, for windows of such a length [m]; a strip is as long as the face unless given."""
     if table.lengths and min(table.lengths) < window_length * (1 - 1e-9):
         cell, given = to_text(window_length, "m", 3), to_text(min(table.lengths), "m", 3)
         raise InputError("stochastic.length", given, f"at least one cell, {cell}")
     return Sampling(
-        length=table.lengths[0] if table.lengths else None,
+        length=table.lengths[0] if table.lengths else face_length if case.layout.has_length else None,
         other_lengths=table.lengths[1:],
         breadth=table.breadth,
         realisations=table.realisations,
@@ -182,9 +182,10 @@ def _pressures(case: Case, seal: tuple[float, float], *, seals: int) -> dict[str
     ------
     InputError : a force without one length of the seal, or more pressure than the faces can carry.
     """
-    if case.load.unit == "N" and seals != 1:
-        given = f"forces on a seal of {'several lengths' if seals else 'no length'}"
-        raise InputError("load.loading", given, "pressures, or forces per length")
+    known = case.stochastic is not None and (case.stochastic.lengths or not case.layout.has_length)
+    if case.load.unit == "N" and not (seals == 1 and known):
+        given = f"forces on a seal of {'several lengths' if seals > 1 else 'no length'}"
+        raise InputError("load.loading", given, "pressures, forces per length, or one length in [stochastic]")
     area = seal[0] * seal[1] / case.seat.seat(case.folder).load_factor
     found = case.load.pressures(area, seal[1])
     highest = max((*found["loading"], *found["unload_from"]))

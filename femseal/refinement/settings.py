@@ -62,7 +62,8 @@ def given_settings(case: Case) -> dict[str, str]:
     if "rtol" in case.contact.model_fields_set:
         found["rtol"] = "contact.rtol"
     if (cells := case.cells) is not None:
-        found["cells"] = "cells.count" if cells.size is None else "cells.size"
+        if cells.count is not None or cells.size is not None:
+            found["cells"] = "cells.count" if cells.size is None else "cells.size"
         found |= {key: f"cells.{key}" for key in ("flow", "contact") if getattr(cells, key) is not None}
     if (drawn := case.stochastic) is not None:
         for key in ("library_cells", "realisations"):

@@ -16,9 +16,9 @@ import shutil
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import cached_property
+from html import escape
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Protocol
-from xml.sax.saxutils import quoteattr
 
 import numpy as np
 from numpy.typing import NDArray
@@ -166,7 +166,7 @@ def write_series(view: View, folder: Path) -> list[Path]:
     index = [int(step) for step in view.steps.index]
     written = [_save(view.at(n), subfolder / f"step_{step:04d}") for n, step in enumerate(index)]
     lines = [
-        f'    <DataSet timestep="{step}" part="0" file={quoteattr(f"{view.name}/{path.name}")}/>'
+        f'    <DataSet timestep="{step}" part="0" file="{escape(f"{view.name}/{path.name}")}"/>'
         for step, path in zip(index, written, strict=True)
     ]
     head = ['<?xml version="1.0"?>', '<VTKFile type="Collection" version="0.1">', "  <Collection>"]

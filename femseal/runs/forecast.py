@@ -84,6 +84,8 @@ def describe(case: Case, made: Prepared) -> list[str]:
     lines = [_line("case", f"{case.title or '(no title)'}: valid"), *_surface_lines(prepared)]
     peaks = [to_text(peak, "Pa", 3) for peak in scene.unload_from]
     down = steps - len({*scene.loading, *scene.unload_from})
+    added = [to_text(peak, "Pa", 3) for peak in scene.unload_from if peak not in scene.loading]
+    with_peaks = f" with {' and '.join(added)} to unload from" if added else ""
     unloading = f", {down} unloading from {' and '.join(peaks)}" if peaks else ""
     highest = to_text(max((*scene.loading, *scene.unload_from)), "Pa", 3)
     if case.load.unit != "Pa":
@@ -91,7 +93,7 @@ def describe(case: Case, made: Prepared) -> list[str]:
     if case.load.interpolate is not None:
         highest += f"; at most: those that {100 * case.load.interpolate:.3g} % allows are interpolated"
     lines += [_line("seat", made.seat)] if made.seat else []
-    lines.append(_line("load", f"{steps} states: {steps - down} loading{unloading}, up to {highest}"))
+    lines.append(_line("load", f"{steps} states: {steps - down} loading{with_peaks}{unloading}, up to {highest}"))
     lines.append(_line("material", solids_text(case.echo())))
     lines.append(_line("", contact_text(scene.modulus, str(scene.law))))
     lines += [_line("fluid", text) for text in _fluid_texts(case)]
@@ -129,6 +131,8 @@ def describe(case: Case, made: Prepared) -> list[str]:
             lines.append(_line("stochastic", text))
             if uneven := describe_map(scene, laid, sampling.pressure_map):
                 lines.append(_line("pressure map", uneven))
+    if left := _left_open(case, prepared):
+        lines.append(_line("by default", left))
     if str(scene.layout) != "a strip":
         lines.append(_line("seal", str(scene.layout)))
     if case.surface.filter_sensitivity:
@@ -148,6 +152,19 @@ def describe(case: Case, made: Prepared) -> list[str]:
     lines.append(_line("disk", _disk_text(disk(case, prepared), steps)))
     lines += [_line("warning", text) for text in prepared.warnings]
     return lines
+
+
+def _left_open(case: Case, prepared: Prepared) -> str:
+    """What the case leaves open of windows and drawn seals, as text."""
+    cells, drawn, found = case.cells, case.stochastic, []
+    if prepared.cells is not None and (cells is None or cells.count is cells.size is None):
+        found.append("windows of eight shortest waves or more a side")
+    if prepared.sampling is not None and drawn is not None:
+        if case.layout.has_length and not drawn.lengths:
+            found.append("seals as long as the face")
+        if "realisations" not in drawn.model_fields_set:
+            found.append(f"{drawn.realisations} of them")
+    return ", ".join(found)
 
 
 def _fluid_texts(case: Case) -> Iterator[str]:

@@ -30,7 +30,7 @@ def pace() -> float:
     """Time that this machine takes for transforms, as a multiple of the one on which the costs were measured."""
     heights = np.random.default_rng(0).random((512, 512))
     taken = []
-    for _ in range(40):
+    for _ in range(15):
         start = time.thread_time()  # of the processor: what others do on the machine is not forecast
         fft.irfft2(fft.rfft2(heights), heights.shape)
         taken.append(time.thread_time() - start)
