@@ -414,7 +414,7 @@ class TestRareTallPoints:
     @pytest.mark.parametrize("contact", ["whole", "windows"])
     def test_of_the_size_of_the_face(self, contact, rough, monkeypatch):
         pixels = 96 * 96 - (contact == "windows")
-        monkeypatch.setattr("femseal.studies.face_contact.WHOLE_PIXELS", pixels)
+        monkeypatch.setattr("femseal.studies.face_contact.whole_pixels", lambda: pixels)
         assert two_scale(rough, (4, 6), flow="links").contact == contact
         assert stochastic(rough, (4, 6), SAMPLING).library.contact == contact
 

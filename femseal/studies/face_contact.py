@@ -5,12 +5,14 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
+from math import floor, log2
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ..base.errors import InputError
+from ..base.machine import total_memory
 from ..base.shared_array import shared_empty
 from ..base.stage import Mapper
 from ..contact import LoadState
@@ -24,20 +26,28 @@ from .window_contacts import WindowContacts, face_partition, windows_contact
 
 #: How the contact of windows is solved, see `solve_windows`.
 CONTACTS = ("whole", "windows")
-#: Largest number of pixels of a face whose contact is solved as a whole unless chosen otherwise: that of 4096², which
-#: takes 2.7 GB. Measured on 512² to 2048² pixels, it takes 0.5 to 1.9 times as long as windows.
-WHOLE_PIXELS = 2**24
+#: Memory of the contact of a whole face with the gaps of a dozen states, and how much of a machine's it may take
+#: [byte per pixel, 1]. Measured on 512² to 2048² pixels, it takes 0.5 to 1.9 times as long as windows.
+_WHOLE_BYTES, _PART_OF_MEMORY = 170.0, 0.8
+
+
+def whole_pixels() -> int:
+    """Largest number of pixels of a face whose contact is solved as a whole unless chosen otherwise.
+
+    A power of two, so that machines of about the same memory choose alike: 8192² pixels for 16 to 28 GB.
+    """
+    return int(2 ** floor(log2(_PART_OF_MEMORY * total_memory() / _WHOLE_BYTES)))
 
 
 def chosen_contact(contact: str | None, shape: tuple[int, int]) -> str:
-    """The contact given, or the one that suits the number of pixels of a face.
+    """The contact given, or the one that suits the number of pixels of a face and the memory of the machine.
 
     Raises
     ------
     InputError : a contact that does not exist.
     """
     if contact is None:
-        return "whole" if shape[0] * shape[1] <= WHOLE_PIXELS else "windows"
+        return "whole" if shape[0] * shape[1] <= whole_pixels() else "windows"
     if contact not in CONTACTS:
         raise InputError("contact", contact, f"one of {', '.join(CONTACTS)}")
     return contact
@@ -53,7 +63,7 @@ def solve_windows(
     contact : "whole": the contact of the whole face at full resolution, as in the deterministic study, cut into
         windows. "windows": the contact of each window, under the mean pressure that the contact of the low-pass face
         gives it (Pérez-Ràfols et al., 2018); its error is estimated, see `windows.gap_error`. Unless given, "whole" up
-        to `WHOLE_PIXELS`.
+        to `whole_pixels`.
     """
     if chosen_contact(contact, scene.contact_shape) == "windows":
         return windows_contact(scene, cells, mapper)
