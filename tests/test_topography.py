@@ -8,6 +8,7 @@ from hypothesis import strategies as st
 from numpy.testing import assert_allclose
 
 from femseal.base.errors import InputError
+from femseal.flow import cell_permeability
 from femseal.topography import Topography, condition, resolving_shape, self_affine
 
 PERIODS = [(True, True), (False, True), (True, False), (False, False)]
@@ -455,6 +456,6 @@ def test_condition_refuses_waves_the_grid_does_not_resolve():
 
 
 def test_one_number_is_the_spacing_along_both_axes():
-    assert fs.Topography(np.zeros((4, 6)), 1e-6).spacing == (1e-6, 1e-6)
+    assert Topography(np.zeros((4, 6)), 1e-6).spacing == (1e-6, 1e-6)
     gap = np.full((4, 6), 1e-6)
-    assert fs.cell_permeability(gap, 1e-6).value == fs.cell_permeability(gap, (1e-6, 1e-6)).value
+    assert cell_permeability(gap, 1e-6).value == cell_permeability(gap, (1e-6, 1e-6)).value
