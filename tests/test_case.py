@@ -235,8 +235,8 @@ def test_faults_of_a_file_say_line_and_the_key_that_is_meant(tmp_path):
     with pytest.raises(fs.InputError) as error:
         fs.load_case(path)
     first, second = str(error.value).splitlines()
-    assert first.startswith("material.yeild_stress: given an unknown key, expected yield_stress? Known are young")
-    assert first.endswith(f"(line {typo})")
+    assert first.startswith("material.yeild_stress: given an unknown key, expected young, poisson")
+    assert first.endswith(f"; perhaps meant: yield_stress (line {typo})")
     assert second.endswith(f"not a comma: '12.5 mm' (line {comma})")
 
 

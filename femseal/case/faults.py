@@ -14,7 +14,7 @@ from pydantic_core import PydanticCustomError
 
 from ..base.errors import MISSING, InputError, shortened, shown
 
-_UNKNOWN, _NOTHING = "an unknown key", "nothing"
+_UNKNOWN, _NOTHING, _MEANT = "an unknown key", "nothing", "; perhaps meant: "
 #: Longest key of a user in a message, in characters.
 _LONGEST_KEY = 40
 #: Longest message about keys together; of a longer one the end is left out, such as that of a list of what is expected.
@@ -65,7 +65,7 @@ def case_faults(case: type[BaseModel], error: ValidationError) -> list[InputErro
     faults = [dict(e) for e in error.errors() if e["type"] != "too_short" or not e["input"]]
     found = {str(one): one for one in (_fault(case, each) for each in faults)}.values()
     # a key that is written wrong is not missing too
-    meant = {_sibling(one.what, one.expected.partition("?")[0]) for one in found if one.given == _UNKNOWN}
+    meant = {_sibling(one.what, one.expected.rpartition(_MEANT)[2]) for one in found if one.given == _UNKNOWN}
     return [one for one in found if one.given != _NOTHING or one.what not in meant]
 
 
@@ -80,7 +80,7 @@ def _fault(case: type[BaseModel], error: dict[str, Any]) -> InputError:
         known = [name for name in tables[0].model_fields if name not in INTERNAL]
         keys = ", ".join(known)
         near = get_close_matches(place[-1], known, 1)
-        return InputError(key, _UNKNOWN, f"{near[0]}? Known are {keys}" if near else keys)
+        return InputError(key, _UNKNOWN, f"{keys}{_MEANT}{near[0]}" if near else keys)
     if kind == "missing":
         table = "" if len(place) > 1 else table_to_paste(key)
         if table:
