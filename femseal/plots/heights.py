@@ -107,7 +107,13 @@ def heights_figure(topography: Topography) -> Figure:
     for axis, (line, n, d) in enumerate(((z[:, n2 // 2], n1, d1), (z[n1 // 2], n2, d2))):
         colour, style, _ = STYLES[axis]
         profile.plot((np.arange(n) + 0.5) * d * 1e3, line, color=colour, ls=style, lw=1.1, label=_ALONG[axis])
+    if not topography.undefined_fraction:  # grooves that roughness hides in a single profile
+        x1 = (np.arange(n1) + 0.5) * d1 * 1e3
+        profile.plot(x1, z.mean(axis=1), color="black", lw=1.8, label="mean along x2")
     profile.set(xlabel="distance [mm]", ylabel="height [µm]")
+    low, high = profile.get_ylim()
+    profile.set_ylim(low - 0.25 * (high - low), high)  # room for the legend
+    profile.legend(fontsize=7.5, frameon=False, ncols=3, loc="lower center")
     panel_title(profile, "profiles through the middle")
     if topography.undefined_fraction:
         density.annotate("undefined points", (0.5, 0.5), xycoords="axes fraction", ha="center", va="center")
