@@ -69,7 +69,7 @@ def coloured(source, array, title, palette, view, time):
 
 
 def look(view, bounds, time):
-    """From below, so that x1 points upwards and x2 to the right."""
+    """From above, x1 to the right."""
     x1, x2 = bounds[1], bounds[3]
     view.ViewTime = time
     view.UseColorPaletteForBackground, view.Background = 0, [1.0, 1.0, 1.0]
@@ -78,9 +78,9 @@ def look(view, bounds, time):
     pv.Render(view)  # the first time ParaView moves the camera itself
     view.CameraParallelProjection = 1
     view.CameraFocalPoint = [x1 / 2, x2 / 2, 0]
-    view.CameraPosition = [x1 / 2, x2 / 2, -x2]
-    view.CameraViewUp = [1, 0, 0]
-    view.CameraParallelScale = 0.8 * max(x1, x2 / 2)
+    view.CameraPosition = [x1 / 2, x2 / 2, x2]
+    view.CameraViewUp = [0, 1, 0]
+    view.CameraParallelScale = 0.8 * max(x2, x1 / 2)
     pv.Render(view)
 
 

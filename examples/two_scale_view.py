@@ -44,11 +44,11 @@ def flow_arrows(seal, longest):
 
 
 def draw(folder, step):
-    """A plotter with both views at a step: inlet below, x2 to the right."""
+    """A plotter with both views at a step: inlet at the left, x1 to the right."""
     folder = Path(folder)
     seal, face = read(folder / "vtk" / "seal.pvd", step), read(folder / "fields.pvd", step)
     x1, x2 = seal.bounds[1], seal.bounds[3]
-    stacked = x2 > x1
+    stacked = x1 > x2
     plotter = pv.Plotter(shape=(2, 1) if stacked else (1, 2), off_screen=True, window_size=(1000, 1100))
     seal["fluid pressure [MPa]"] = seal["fluid_pressure_Pa"] / 1e6
     face["contact pressure [MPa]"] = face["contact_pressure_MPa"]
@@ -66,12 +66,12 @@ def draw(folder, step):
         plotter.add_mesh(
             mesh, scalars=name, cmap=COLOURS[n], nan_color="grey", lighting=False, scalar_bar_args=bar, copy_mesh=True
         )
-        # seen from below, so that x1 points upwards and x2 to the right
+        # from above, x1 to the right
         centre = x1 / 2, x2 / 2
-        plotter.camera_position = [(*centre, -x2), (*centre, 0), (1, 0, 0)]
+        plotter.camera_position = [(*centre, x1), (*centre, 0), (0, 1, 0)]
         plotter.enable_parallel_projection()
         width, height = plotter.renderer.GetSize()
-        plotter.camera.parallel_scale = 0.7 * max(x1, x2 * height / width)
+        plotter.camera.parallel_scale = 0.7 * max(x2, x1 * height / width)
     plotter.subplot(0, 0)
     arrows = flow_arrows(seal, max(np.sqrt(2 * x1 * x2 / seal.n_cells), max(x1, x2) / ARROWS))
     if arrows is not None:

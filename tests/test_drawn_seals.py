@@ -303,8 +303,8 @@ def test_pictures_of_drawn_seals(strip, ring):
         "permeability",
     ]
     first = seal_figure(strip, 1).axes[0]
-    assert first.get_xlabel() == "x2 along the seal [mm]"
-    assert_allclose(first.get_xlim(), (0, 0.24))
+    assert first.get_ylabel() == "x2 along the seal [mm]"
+    assert_allclose(first.get_ylim(), (0, 0.24))
     titles = [axes.get_title() for axes in seal_figure(ring).axes if axes.get_title()]
     shown = ["fluid pressure", "permeability", "fluid pressure", "flux", "contact pressure of windows", "permeability"]
     assert [title.split(" [")[0].split(";")[0] for title in titles] == shown

@@ -1,7 +1,6 @@
 """Deterministic runs have maps: in memory, in the dataset, for ParaView, in pictures and on the page."""
 
 import json
-import pickle
 from dataclasses import replace
 
 import numpy as np
@@ -14,7 +13,6 @@ from femseal.plots.maps import default_step, seal_figure
 from femseal.plots.scales_of_axes import load_axis
 from femseal.report import write_folder
 from femseal.report.page import report_html
-from femseal.report.pictures import draw_all
 from femseal.results import assemble
 from femseal.results.variables import block_means
 
@@ -139,21 +137,6 @@ def test_panels_are_cut_out_of_the_picture(scene, study):
     assert len(drawing.panels) == 4
     n1, n2 = first.shape[:2]
     assert any((whole[row : row + n1, :n2] == first).all() for row in range(whole.shape[0] - n1))
-
-
-def test_pictures_can_be_drawn_by_processes_without_the_fields(scene, study):
-    """Each picture once, from what is sent: a small part of the results."""
-    results, sent = assemble(scene, deterministic=study), []
-
-    def mapper(stage, names):
-        sent.append(pickle.dumps(stage))
-        return map(pickle.loads(sent[-1]), names)
-
-    drawings = draw_all(results, scene.surface, mapper=mapper)
-    assert set(drawings) == {"surface", "seal", "leakage", "drop", "face"}
-    assert len(sent) == 1
-    assert b"DeterministicResult" not in sent[0]
-    assert drawings == draw_all(results, scene.surface)
 
 
 @pytest.mark.parametrize(

@@ -136,6 +136,7 @@ def test_paraview_opens_every_file(results, folder, tmp_path):
             ("flux_m2_per_s", "flux1", 1),
         ):
             assert_allclose(cells.pop(name), data[variable][s] * factor, rtol=1e-12)
+        assert_allclose(cells.pop("k2_m3")[0], data["k2"][s, 0], rtol=1e-12)
         assert not cells
         points = {name: np.array(values).reshape(M1 + 1, -1) for name, values in step["Point"].items()}
         assert_array_equal(points.pop("fluid_pressure_Pa")[:, 1::2], data["fluid_pressure"][s])

@@ -5,7 +5,7 @@ a run. matplotlib is loaded when something is drawn.
 """
 
 from .cell_curves import cells_figure
-from .drawing import picture, png
+from .drawing import picture, png, shown
 from .heights import heights_figure, survey_figure
 from .leakage_curves import leakage_figure
 from .length_curves import lengths_figure
@@ -26,5 +26,6 @@ __all__ = [
     "png",
     "seal_figure",
     "seal_leakage_figure",
+    "shown",
     "survey_figure",
 ]

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -12,7 +12,7 @@ from ..base.errors import InputError
 from ..flow.law import cubic_law
 from ..results.run_data import RunData
 from ..results.selections import Steps, branches, solved_steps
-from .drawing import GREY, LINES, STYLES, Sheet
+from .drawing import GREY, LINES, STYLES, Sheet, panel_title
 from .scales_of_axes import decades, load_axis
 
 if TYPE_CHECKING:
@@ -25,7 +25,7 @@ Array = NDArray[np.float64]
 def cells_figure(results: RunData, count: int = 4) -> Figure:
     """Permeability of cells along the cycle: against nominal pressure, their mean gap, and their contact pressure.
 
-    Left: `count` cells along the loading and one unloading, over all cells; no line = closed. The unloading is that
+    First: `count` cells along the loading and one unloading, over all cells; no line = closed. The unloading is that
     from the highest peak after which at least a fifth of the cells are open under pressure. Others: loading, unloading,
     and k = h̄³/12 of parallel plates. Cells are those of the library, else the windows.
 
@@ -34,10 +34,15 @@ def cells_figure(results: RunData, count: int = 4) -> Figure:
     InputError : results without cells.
     """
     cells = cells_of(results)
-    sheet = Sheet([4.0], columns=3)
-    cell_curves_panel(sheet.panel(0, 0, LINES), cells, count)
-    gap_panel(sheet.panel(0, 1, LINES), cells)
-    pressure_panel(sheet.panel(0, 2, LINES), cells)
+    sheet = Sheet([4.0] * 3)
+    margins = replace(LINES, left=1.0, bottom=0.65, top=0.55)
+    cell_curves_panel(sheet.panel(0, 0, margins), cells, count)
+    gap_panel(sheet.panel(1, 0, margins), cells)
+    pressure_panel(sheet.panel(2, 0, margins), cells)
+    for axes in sheet.figure.axes:
+        axes.tick_params(labelsize=_LETTERS)
+        for text in (axes.xaxis.label, axes.yaxis.label, axes.title):
+            text.set_size(_LETTERS + 1)
     return sheet.figure
 
 
@@ -91,6 +96,8 @@ def cells_of(results: RunData) -> Cells:
     return Cells(nominal, peaks, arrays[0], arrays[1], arrays[2], origin, columns)
 
 
+#: Size of letters [points] of a figure that is legible in a column of 85 mm, where it is .62 times as large.
+_LETTERS = 11
 #: Points of many cells.
 _CLOUD: dict[str, Any] = {"ls": "", "rasterized": True, "mew": 0}
 
@@ -111,12 +118,12 @@ def cell_curves_panel(axes: Axes, cells: Cells, count: int = 4) -> None:
             y = np.where(k[cell, steps] > 0, k[cell, steps], np.nan)
             label = cells.name(int(cell)) if width > 2 else None
             axes.plot(nominal[steps], y, color=colour, ls=line, lw=width, marker="o", ms=size, label=label)
-    axes.set_title(f"thin: loading{name}; no line: closed", fontsize=9.5)
+    panel_title(axes, f"thin: loading{name};\nno line: closed")
     load_axis(axes, nominal)
     if not _log_permeability(axes, cells):
         return
     if axes.get_legend_handles_labels()[0]:
-        axes.legend(fontsize=8, loc="best", framealpha=0.9, handlelength=4)
+        axes.legend(fontsize=_LETTERS - 1, loc="best", framealpha=0.9, handlelength=4)
 
 
 def gap_panel(axes: Axes, cells: Cells) -> None:
@@ -179,7 +186,7 @@ def _log_permeability(axes: Axes, cells: Cells) -> bool:
 
 
 def _opaque_legend(axes: Axes, place: Any) -> None:
-    for handle in axes.legend(fontsize=8, loc=place, framealpha=0.9).legend_handles:
+    for handle in axes.legend(fontsize=_LETTERS - 1, loc=place, framealpha=0.9).legend_handles:
         if handle is not None:
             handle.set_alpha(1.0)
 

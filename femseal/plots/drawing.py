@@ -7,6 +7,7 @@ in line and marker, so that pictures can be read without colour.
 from __future__ import annotations
 
 import io
+import sys
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cache, singledispatch
@@ -65,6 +66,7 @@ def _figure_class() -> type[Figure]:
         panels: tuple[tuple[float, float, float, float], ...] = ()
 
         def _repr_png_(self) -> tuple[bytes, dict[str, int]]:
+            _WAITING[:] = [figure for figure in _WAITING if figure is not self]
             width, height = (round(_NOTEBOOK_PIXELS * float(side)) for side in self.get_size_inches())
             return png(self), {"width": width, "height": height}
 
@@ -172,9 +174,12 @@ def map_row(size: tuple[float, float], margins: Margins = MAP) -> float:
 LEGEND_LINE = 0.19
 
 
-def legend_below(figure: Figure, handles: Sequence[Any], columns: int = 2, length: float = 3.4) -> None:
+def legend_below(
+    figure: Figure, handles: Sequence[Any], columns: int = 2, length: float = 3.4, title: str | None = None
+) -> None:
     """Draw one legend below all panels; length : of its lines, in font sizes."""
-    figure.legend(handles=handles, loc="lower center", ncols=columns, frameon=False, fontsize=8.5, handlelength=length)
+    look: dict[str, Any] = {"frameon": False, "fontsize": 8.5, "title_fontsize": 8.5, "handlelength": length}
+    figure.legend(handles=handles, loc="lower center", ncols=columns, title=title, **look)
 
 
 def one_panel(ax: Axes | None, width: float, height: float) -> tuple[Figure, Axes]:
@@ -193,18 +198,37 @@ def branch_styles(count: int) -> list[tuple[str, Any, str]]:
 def map_panel(
     axes: Axes, values: Array, size: tuple[float, float], colours: Any, title: str, unit: str = "mm", **scale: Any
 ) -> None:
-    """Map of values (n1, n2) over a face of the given size [`unit`], x1 upwards, with its colour bar."""
+    """Map of values (n1, n2) over a face of the given size [`unit`], x1 to the right, with its colour bar."""
     image = axes.imshow(
-        values, origin="lower", extent=(0.0, size[1], 0.0, size[0]), cmap=colours, interpolation="nearest", **scale
+        values.T, origin="lower", extent=(0.0, size[0], 0.0, size[1]), cmap=colours, interpolation="nearest", **scale
     )
+    map_axes(axes, size, unit)
     colour_bar(axes, image)
-    axes.set_title(title, fontsize=9.5)
-    axes.set(xlabel=f"x2 along the seal [{unit}]", ylabel=f"x1 [{unit}]", aspect="equal")
+    panel_title(axes, title)
+
+
+def map_axes(axes: Axes, size: tuple[float, float], unit: str = "mm") -> None:
+    """Axes of a map of sides (x1, x2) [`unit`]: x1 to the right, as in all files of a run, x2 upwards."""
+    axes.set(xlabel=f"x1, inlet at 0 [{unit}]", ylabel=f"x2 along the seal [{unit}]", aspect="equal")
+    axes.set(xlim=(0.0, size[0]), ylim=(0.0, size[1]))
+
+
+def panel_title(axes: Axes, title: str) -> None:
+    """A title at a place of its own: one that is looked for costs a second layout."""
+    axes.set_title(title, fontsize=9.5, y=1.0, pad=6)
 
 
 def colour_bar(axes: Axes, image: Any, **options: Any) -> Any:
-    """A bar as high as the map."""
-    bar = axes.get_figure().colorbar(image, cax=axes.inset_axes((1.02, 0, 0.03, 1)), **options)  # type: ignore[union-attr]
+    """A bar as high as the map, and as broad for narrow maps as for others."""
+    figure = axes.get_figure(root=True)
+    box, (low, high) = axes.get_position(), (axes.get_xlim(), axes.get_ylim())
+    width, height = (float(side) for side in figure.get_size_inches())  # type: ignore[union-attr]
+    across, upwards = box.width * width, box.height * height
+    shown = across
+    if axes.get_aspect() != "auto":
+        shown = min(across, upwards * abs((low[1] - low[0]) / (high[1] - high[0])))
+    place = (1 + 0.08 / shown, 0, 0.12 / shown, 1)
+    bar = figure.colorbar(image, cax=axes.inset_axes(place), **options)  # type: ignore[union-attr]
     if bar.ax.get_yscale() == "log":
         decades(bar.ax.yaxis)
     bar.ax.tick_params(which="both", labelsize=8)
@@ -241,8 +265,29 @@ def with_closed(name: str, colour: str = CLOSED) -> Any:
 
 
 def map_height(size: tuple[float, float], width: float) -> float:
-    """Height [inch] of a map of the given sides in a panel of a width, within what can be read."""
-    return float(np.clip(width * size[0] / size[1], 0.4, 1.25 * width))
+    """Height [inch] of a map of sides (x1, x2) in a panel of a width, within what can be read."""
+    return float(np.clip(width * size[1] / size[0], 0.4, width))
+
+
+#: Figures that the notebook shows at the end of the cell unless it has shown them.
+_WAITING: list[Any] = []
+
+
+def shown(figure: Figure) -> Figure:
+    """The figure, which a notebook shows at the end of its cell, also where that ends with a semicolon."""
+    notebook = getattr(sys.modules.get("IPython"), "get_ipython", lambda: None)()
+    if getattr(notebook, "kernel", None) is not None:
+        if _show_waiting not in notebook.events.callbacks["post_execute"]:
+            notebook.events.register("post_execute", _show_waiting)
+        _WAITING.append(figure)
+    return figure
+
+
+def _show_waiting() -> None:
+    from IPython.display import display
+
+    while _WAITING:
+        display(_WAITING.pop(0))
 
 
 @singledispatch
@@ -269,4 +314,5 @@ def picture(result: Any, **options: Any) -> Figure:
         if name not in expected:
             given = f"option '{name}' for the picture of a {type(result).__name__}"
             raise InputError("plot", given, f"one of {', '.join(expected)}" if expected else "none: it has no options")
-    return draw(result, **options)
+    figure = draw(result, **options)
+    return figure if options.get("ax") is not None else shown(figure)

@@ -10,7 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..base.leak_units import leakage_unit
-from .drawing import CLOSED, MAP, POCKET, Sheet, colour_bar, flow_arrows, map_row, on_decades
+from ..base.quantities import to_text
+from .drawing import CLOSED, MAP, POCKET, Sheet, colour_bar, flow_arrows, map_row, on_decades, panel_title
 
 if TYPE_CHECKING:
     import xarray
@@ -36,9 +37,9 @@ class _View:
 
     @property
     def size(self) -> tuple[float, float]:
-        """Height and width [mm]."""
+        """Width and height [mm]."""
         width, height = self.high - self.low
-        return float(height), float(width)
+        return float(width), float(height)
 
     def holds(self, corners: Array) -> NDArray[np.bool_]:
         """Parts that lie in it, if only with a corner."""
@@ -49,16 +50,12 @@ def drawn_figure(data: xarray.Dataset, s: int) -> Figure:
     """The whole seal, with fluid pressure and permeability, and the surroundings of its largest flux in detail.
 
     The detail adds the flux, as arrows and by its size, and the contact pressure of the windows, where it is not the
-    same everywhere. Long or fine seals are shown in detail alone. A strip lies with x2 to the right.
+    same everywhere. Long or fine seals are shown in detail alone, and the title says which part of them.
     """
     strip = _is_strip(corners := data["drawn_corners"].values * 1e3)
     flux = data["drawn_flux"].values[s]
-    if strip:
-        corners, flux = corners[..., ::-1], flux[..., ::-1]
     low, high = corners.min(axis=(0, 1)), corners.max(axis=(0, 1))
-    size, breadth = high - low, float(data.attrs["seal_size_m"][0]) * 1e3
-    detail = _detail(corners, flux, breadth, strip)
-    whole = [_View(low, high)] if size.max() <= _LONGEST * size.min() and len(corners) <= _MOST else []
+    detail, whole = _views(data, s)
     flow = np.nan_to_num(np.hypot(*flux.T))
     fluid = _Panel("fluid pressure [MPa]", data["drawn_fluid_pressure"].values[s] / 1e6, "cividis", bad="pockets")
     k = _Panel("permeability [m³]", data["drawn_permeability"].values[s], "viridis", _DECADES)
@@ -72,21 +69,43 @@ def drawn_figure(data: xarray.Dataset, s: int) -> Figure:
         rows.append([(whole[0] if whole and wide is not detail else wide, contact), (detail, k)])
     elif not whole:
         rows.append([(detail, k)])
-    sheet = Sheet([map_row(row[-1][0].size) for row in rows], columns=2, head=0.35)
+    sheet = Sheet([map_row(row[-1][0].size) for row in rows], columns=2, head=0.5)
+    labels = ("x1, inlet at 0 [mm]", "x2 along the seal [mm]") if strip else ("x1 [mm]", "x2 [mm]")
     for n, row in enumerate(rows):
         for column, (view, panel) in enumerate(row):
             axes = sheet.panel(n, column, MAP)
             seen = view.holds(corners)
+            aspect = "equal" if any(view is one for one in (detail, *whole)) else "auto"
+            axes.set(xlim=(view.low[0], view.high[0]), ylim=(view.low[1], view.high[1]), aspect=aspect)
+            axes.set(xlabel=labels[0], ylabel=labels[1])
             panel.draw(axes, corners[seen], seen)
             if view is detail and panel is fluid:
                 _arrows(axes, corners[seen].mean(axis=1), flux[seen], max(view.size))
-            aspect = "equal" if any(view is one for one in (detail, *whole)) else "auto"
-            axes.set(xlim=(view.low[0], view.high[0]), ylim=(view.low[1], view.high[1]), aspect=aspect)
-            axes.set(xlabel="x2 along the seal [mm]" if strip else "x1 [mm]", ylabel="x1 [mm]" if strip else "x2 [mm]")
     number = data["drawn_corners"].attrs["realisation"]
-    title = f"{data['name'].values[s]}; drawn seal {number}, the nearest to the median"
+    title = f"{data['name'].values[s]}; drawn seal {number}, the nearest to the median\n{part_text(data, s)}"
     sheet.figure.suptitle(title, fontsize=11, y=1 - 0.1 / sheet.height, va="top")
     return sheet.figure
+
+
+def _views(data: xarray.Dataset, s: int) -> tuple[_View, list[_View]]:
+    """The surroundings of the largest flux, and the whole seal, if it is neither long nor fine."""
+    corners = data["drawn_corners"].values * 1e3
+    low, high = corners.min(axis=(0, 1)), corners.max(axis=(0, 1))
+    size, breadth = high - low, float(data.attrs["seal_size_m"][0]) * 1e3
+    detail = _detail(corners, data["drawn_flux"].values[s], breadth, _is_strip(corners))
+    return detail, [_View(low, high)] if size.max() <= _LONGEST * size.min() and len(corners) <= _MOST else []
+
+
+def part_text(data: xarray.Dataset, s: int) -> str:
+    """Which part of the seal the maps of `drawn_figure` show."""
+    corners = data["drawn_corners"].values
+    detail, whole = _views(data, s)
+    ends = [(float(detail.low[n]) / 1e3, float(detail.high[n]) / 1e3) for n in (0, 1)]
+    x1, x2 = (f"{to_text(low, 'm', 3)} to {to_text(high, 'm', 3)}" for low, high in ends)
+    part = f"x1 = {x1}, x2 = {x2}"
+    if _is_strip(corners * 1e3):
+        part = f"x2 = {x2} of {to_text(float(corners[..., 1].max()), 'm', 4)}"
+    return f"{'the whole seal, and around its largest flux' if whole else 'shown around the largest flux:'} {part}"
 
 
 def _has_map(data: xarray.Dataset) -> bool:
@@ -106,7 +125,7 @@ def _is_strip(corners: Array) -> bool:
 def _detail(corners: Array, flux: Array, breadth: float, strip: bool) -> _View:
     """The surroundings of the largest flux."""
     low, high = corners.min(axis=(0, 1)), corners.max(axis=(0, 1))
-    sides = breadth * np.array(_STRIP[::-1] if strip else (_DETAIL, _DETAIL))
+    sides = breadth * np.array(_STRIP if strip else (_DETAIL, _DETAIL))
     place = corners.mean(axis=1)[np.argmax(np.nan_to_num(np.hypot(*flux.T)))]
     start = np.maximum(low, np.minimum(place - sides / 2, high - sides))
     return _View(start, np.minimum(start + sides, high))
@@ -146,7 +165,7 @@ class _Panel:
         parts.set(edgecolor="face", linewidth=0.2)
         axes.add_collection(parts)
         colour_bar(axes, parts)
-        axes.set_title("; ".join([self.title, *notes]), fontsize=9.5)
+        panel_title(axes, "; ".join([self.title, *notes]))
 
 
 def _arrows(axes: Axes, centres: Array, flux: Array, side: float) -> None:

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from ..base.quantities import to_text
 from ..results.variables import block_means
 from ..topography import SPIKES, Conditioning, SurfaceReport, Topography
-from .drawing import GREY, HEIGHTS, LINES, STYLES, Sheet, colour_bar, map_row, new_figure, shows
+from .drawing import GREY, HEIGHTS, LINES, STYLES, Sheet, colour_bar, map_axes, map_row, new_figure, panel_title, shows
 from .scales_of_axes import decades
 
 if TYPE_CHECKING:
@@ -76,15 +76,15 @@ def height_panel(axes: Axes, heights: NDArray, size: tuple[float, float], title:
     shown = height_range(heights)
     colours = colormaps["viridis"].with_extremes(over=ABOVE[0], under=BELOW[0], bad="white")
     image = axes.imshow(
-        heights, origin="lower", extent=(0.0, size[1], 0.0, size[0]), cmap=colours, interpolation="nearest",
+        heights.T, origin="lower", extent=(0.0, size[0], 0.0, size[1]), cmap=colours, interpolation="nearest",
         vmin=shown.low, vmax=shown.high,
     )  # fmt: skip
+    map_axes(axes, size)
     beyond = {(True, True): "both", (True, False): "min", (False, True): "max", (False, False): "neither"}
     bar = colour_bar(axes, image, extend=beyond[shown.below > 0, shown.above > 0])
     if shown.text:
         bar.set_label(shown.text, fontsize=8)
-    axes.set_title(title, fontsize=9.5)
-    axes.set(xlabel="x2 along the seal [mm]", ylabel="x1, inlet at 0 [mm]", aspect="equal")
+    panel_title(axes, title)
 
 
 @shows(Topography)
@@ -107,8 +107,14 @@ def heights_figure(topography: Topography) -> Figure:
     for axis, (line, n, d) in enumerate(((z[:, n2 // 2], n1, d1), (z[n1 // 2], n2, d2))):
         colour, style, _ = STYLES[axis]
         profile.plot((np.arange(n) + 0.5) * d * 1e3, line, color=colour, ls=style, lw=1.1, label=_ALONG[axis])
+    if not topography.undefined_fraction:  # grooves that roughness hides in a single profile
+        x1 = (np.arange(n1) + 0.5) * d1 * 1e3
+        profile.plot(x1, z.mean(axis=1), color="black", lw=1.8, label="mean along x2")
     profile.set(xlabel="distance [mm]", ylabel="height [µm]")
-    profile.set_title("profiles through the middle", fontsize=9.5)
+    low, high = profile.get_ylim()
+    profile.set_ylim(low - 0.25 * (high - low), high)  # room for the legend
+    profile.legend(fontsize=7.5, frameon=False, ncols=3, loc="lower center")
+    panel_title(profile, "profiles through the middle")
     if topography.undefined_fraction:
         density.annotate("undefined points", (0.5, 0.5), xycoords="axes fraction", ha="center", va="center")
         _density_labels(density)
@@ -144,7 +150,7 @@ def _um(q: Array) -> Array:
 def _density_labels(axes: Axes) -> None:
     axes.set(xlabel=_WAVELENGTH, ylabel="spectral density [m³]")
     axes.xaxis.set_inverted(True)
-    axes.set_title("mean spectral density of profiles", fontsize=9.5)
+    panel_title(axes, "mean spectral density of profiles")
 
 
 def survey_figure(
@@ -199,13 +205,13 @@ def _map_panel(
     if count:
         x1, x2 = ((k + 0.5) * d * 1e3 for k, d in zip(np.nonzero(spikes), measured.spacing, strict=True))
         if count <= _MOST_CIRCLES:
-            axes.plot(x2, x1, "o", mfc="none", mec="#D55E00", ms=8)
+            axes.plot(x1, x2, "o", mfc="none", mec="#D55E00", ms=8)
         else:
-            axes.plot(x2, x1, "o", color="black", ms=0.9, mew=0)
+            axes.plot(x1, x2, "o", color="black", ms=0.9, mew=0)
     if part is not None:
         from1, to1, from2, to2 = (end * 1e3 for end in part)
-        axes.add_patch(Rectangle((from2, from1), to2 - from2, to1 - from1, fill=False, ec="black", ls="--", lw=1.3))
-    axes.set(xlim=(0, l2), ylim=(0, l1))
+        axes.add_patch(Rectangle((from1, from2), to1 - from1, to2 - from2, fill=False, ec="black", ls="--", lw=1.3))
+    axes.set(xlim=(0, l1), ylim=(0, l2))
 
 
 def _histogram_panel(axes: Axes, measured: Topography) -> None:

@@ -27,6 +27,8 @@ if TYPE_CHECKING:
 Array = NDArray[np.float64]
 #: Factor by which the scale reaches beyond the leakages for the ends of their bands of error.
 _BARS_BEYOND = 10.0
+#: Least distance of ln(leakage) of mean and median of the realisations at some step at which both are drawn.
+_APART = 0.05
 #: Height of a name beside the axis, as a part of the axis.
 _NAME_HEIGHT = 0.04
 #: Studies drawn as single markers beside the main curve.
@@ -90,10 +92,11 @@ def leakage_panel(axes: Axes, *several: LeakageCurves) -> list[Any]:
     axes.grid(alpha=0.25, lw=0.6)
     if len(several) == 1:
         limit_lines(axes, {name: limit / factor for name, limit in several[0].limits.items()})
-    from matplotlib.lines import Line2D
-
-    named = [h for c in several for h in (Line2D([], [], ls="", label=c.title), *handles[id(c)])]
-    return [*named, *_other_handles(several)]
+    if len(several) > 1:
+        for curves in several:
+            for handle in handles[id(curves)]:
+                handle.set_label(f"{curves.title}, {handle.get_label()}")
+    return [*(handle for curves in several for handle in handles[id(curves)]), *_other_handles(several)]
 
 
 def _near_ends(drawn: Array, several: Sequence[LeakageCurves]) -> Array:
@@ -240,11 +243,11 @@ def _curves_figure(curves: LeakageCurves, ax: Axes | None, label: str | None) ->
     curves = curves if label is None else replace(curves, title=label)
     if ax is None:
         extra = sum(name in curves.others for name, *_ in _SINGLE) + 2 * (curves.band is not None)
-        entries = 2 + len(branches(curves.pressure, curves.peaks)) + extra + (curves.error is not None)
+        entries = 3 + len(branches(curves.pressure, curves.peaks)) + extra + (curves.error is not None)
         below = LEGEND_LINE * ceil(entries / 2)
         sheet, right = Sheet([4.2 + below]), 1.1 if curves.limits else 0.65
         margins = replace(LINES, left=1.0, right=right, top=0.15, bottom=0.7 + below)
-        legend_below(sheet.figure, leakage_panel(sheet.panel(0, 0, margins), curves))
+        legend_below(sheet.figure, leakage_panel(sheet.panel(0, 0, margins), curves), title=curves.title)
         return sheet.figure
     several, artists = _SHARED.setdefault(ax, ([], []))
     for artist in artists:
@@ -253,7 +256,8 @@ def _curves_figure(curves: LeakageCurves, ax: Axes | None, label: str | None) ->
     before = set(ax.get_children())
     handles = leakage_panel(ax, *several)
     artists[:] = [artist for artist in ax.get_children() if artist not in before]
-    ax.legend(handles=handles, framealpha=0.9, edgecolor="none", fontsize=7.5, handlelength=3.4)
+    title = curves.title if len(several) == 1 else None
+    ax.legend(handles=handles, framealpha=0.9, edgecolor="none", fontsize=7.5, handlelength=3.4, title=title)
     return one_panel(ax, 0, 0)[0]
 
 
@@ -281,7 +285,7 @@ def realisations_figure(study: StochasticResult, ax: Axes | None = None, label: 
         band=(study.quantile(low), study.quantile(high)),
         band_together=together,
         quantiles=(low, high),
-        mean=study.mean,
+        mean=_apart(study.mean, study.quantile(0.5)),
     )
     return _curves_figure(curves, ax, label)
 
@@ -313,12 +317,19 @@ def leakage_curves(results: Results) -> LeakageCurves:
         band_together=_band(data, "_together"),
         error=None if results.budget is None else (results.budget.lower, results.budget.upper),
         quantiles=(quantiles[0], quantiles[1]),
-        mean=data["leakage_mean"].values if "leakage_mean" in data else None,
+        mean=_apart(data["leakage_mean"].values, results.leakage.values) if "leakage_mean" in data else None,
         others={m: data[name].values for m, name in others.items() if name in data and m != results.method},
         notes=tuple(notes),
         scale=_scale(results) if data.attrs.get("leakage_unit") else None,
         limits=_limits(results),
     )
+
+
+def _apart(mean: Array, median: Array) -> Array | None:
+    """The mean of the realisations where its line can be told from that of their median, else None."""
+    with np.errstate(divide="ignore", invalid="ignore"):
+        ratio = np.nan_to_num(np.abs(np.log(mean / median)))
+    return mean if ratio.max() > _APART else None
 
 
 def _limits(results: Results) -> dict[str, float]:

@@ -24,9 +24,11 @@ from .drawing import (
     Sheet,
     colour_bar,
     flow_arrows,
+    map_axes,
     map_panel,
     map_row,
     on_decades,
+    panel_title,
     with_closed,
 )
 from .drawn_panels import drawn_figure
@@ -95,7 +97,7 @@ def seal_figure(results: RunData, step: int | None = None, gaps: Sequence[Array]
         draw(sheet.panel(*divmod(n, 2), MAP), data, s)
     if windows:
         found = critical_gaps(results, s) if gaps is None else gaps
-        _critical_windows(sheet, data, s, found, 72 * (row - MAP.bottom - MAP.top) / data.sizes["cell1"])
+        _critical_windows(sheet, data, s, found, 72 * (row - MAP.bottom - MAP.top) / data.sizes["cell2"])
     else:
         drop_panel(sheet.panel(1, 1, LINES), data, [s])
     sheet.figure.suptitle(f"{data['name'].values[s]}; inlet at x1 = 0", fontsize=11, y=1 - 0.1 / sheet.height, va="top")
@@ -142,14 +144,14 @@ def contact_panel(axes: Axes, data: xarray.Dataset, s: int) -> None:
 def fluid_panel(axes: Axes, data: xarray.Dataset, s: int) -> None:
     """Pressure of the nodes, each over its own area, and the flux of the windows."""
     size = seal_size(data)
-    axes.set(xlabel="x2 along the seal [mm]", ylabel="x1 [mm]", aspect="equal")
+    map_axes(axes, size)
     p = data["fluid_pressure"].values[s]
     (m1, m2), (x1, x2) = data["k1"].shape[1:], (data[n].values * 1e3 for n in ("cell1", "cell2"))
     rows, columns = np.r_[0, x1, size[0]], np.linspace(0, size[1], m2 + 1)
     known = bool(np.isfinite(data["flux1"].values[s]).all())
     pockets = "; white: pockets" if known and np.isnan(p).any() else ""
     axes.set_facecolor(POCKET)
-    image = axes.pcolormesh(columns, rows, p / 1e6, cmap="cividis", rasterized=True)
+    image = axes.pcolormesh(rows, columns, p.T / 1e6, cmap="cividis", rasterized=True)
     colour_bar(axes, image)
     along, across = window_flux(data, s)
     every = int(np.ceil(m1 / _ARROWS)), int(np.ceil(m2 / _ARROWS))
@@ -157,17 +159,17 @@ def fluid_panel(axes: Axes, data: xarray.Dataset, s: int) -> None:
     length = np.nan_to_num(np.hypot(along, across))
     if not length.max() > 0:
         state = "no flow" if known else "unknown: a window failed"
-        axes.set_title(f"fluid pressure [MPa], {state}{pockets}", fontsize=9.5)
+        panel_title(axes, f"fluid pressure [MPa], {state}{pockets}")
         return
     longest = min(1.6 * max(size[1] / m2 * every[1], size[0] / m1 * every[0]), 0.8 * min(size))
     # the length goes with the root of the flux, so that the weaker paths are seen beside the strongest
     root = np.divide(longest, np.sqrt(length * length.max()), out=np.zeros_like(length), where=length > 0)
     shown = np.where(length > 1e-3 * length.max(), root, np.nan)
-    places = np.meshgrid(x2[pick[1]], x1[pick[0]])
-    flow_arrows(axes, *places, (across * shown)[pick], (along * shown)[pick], width=0.028, clip_on=False)
+    places = np.meshgrid(x1[pick[0]], x2[pick[1]], indexing="ij")
+    flow_arrows(axes, *places, (along * shown)[pick], (across * shown)[pick], width=0.028, clip_on=False)
     factor, unit = leakage_unit(length.max())
     longest_text = f"{length.max() / factor:.3g} {unit}"
-    axes.set_title(f"fluid pressure [MPa]{pockets};\narrows ∝ √flux, longest {longest_text}", fontsize=9.5)
+    panel_title(axes, f"fluid pressure [MPa]{pockets};\narrows ∝ √flux, longest {longest_text}")
 
 
 def window_flux(data: xarray.Dataset, s: int) -> tuple[Array, Array]:
@@ -245,9 +247,9 @@ def _critical_windows(sheet: Sheet, data: xarray.Dataset, s: int, gaps: Sequence
     maps = [axes for axes in sheet.figure.axes if axes.get_title().startswith(("contact", "permeability"))]
     for n, ((i, j), text) in enumerate(chosen):
         for panel in maps:
-            panel.add_patch(Rectangle((j * w2, i * w1), w2, w1, fill=False, ec="black", lw=3.0))
-            panel.add_patch(Rectangle((j * w2, i * w1), w2, w1, fill=False, ec="white", lw=1.4))
-            panel.annotate("AB"[n], ((j + 0.5) * w2, (i + 0.5) * w1), **letter)
+            panel.add_patch(Rectangle((i * w1, j * w2), w1, w2, fill=False, ec="black", lw=3.0))
+            panel.add_patch(Rectangle((i * w1, j * w2), w1, w2, fill=False, ec="white", lw=1.4))
+            panel.annotate("AB"[n], ((i + 0.5) * w1, (j + 0.5) * w2), **letter)
         if not gaps:
             continue
         axes = sheet.panel(1, 1, Margins(0.6, 0.6, 0.5, 0.6), (n, 2))
@@ -257,7 +259,7 @@ def _critical_windows(sheet: Sheet, data: xarray.Dataset, s: int, gaps: Sequence
         top = float(np.nanmax(shown)) if np.isfinite(shown).any() else 1.0
         title, sides = f"{'AB'[n]}: gap [µm],\n{text}", (length, w2 * 1e3)
         map_panel(axes, shown, sides, with_closed("magma"), title, vmin=0, vmax=top)
-        axes.set(xlabel="x2 [µm]", ylabel="x1 [µm]" if n == 0 else "")
+        axes.set(xlabel="x1 [µm]", ylabel="x2 [µm]" if n == 0 else "")
 
 
 def _chosen_windows(data: xarray.Dataset, s: int) -> list[tuple[tuple[int, int], str]]:

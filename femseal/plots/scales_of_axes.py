@@ -16,6 +16,8 @@ Array = NDArray[np.float64]
 _APART = 0.09
 #: Part of the axis between a load of 0 and the least one above it, in decades.
 _ZERO_DECADES = 0.4
+#: Ratio of the ends of an axis beyond which it has no ticks between the powers of ten.
+_FINE = 1e5
 _SUPERSCRIPTS = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 #: Powers of ten that are written as numbers.
 _PLAIN = range(-2, 4)
@@ -63,7 +65,7 @@ def _spread(places: Array) -> float:
 
 def decades(axis: Axis) -> None:
     """Label the powers of ten of a logarithmic axis without the parser of formulas, which is slow."""
-    from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
+    from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter, NullLocator
 
     low, high = axis.get_view_interval()
     axis.set_major_formatter(FuncFormatter(lambda value, _: power_text(value)))
@@ -72,6 +74,8 @@ def decades(axis: Axis) -> None:
         axis.set_minor_formatter(FuncFormatter(lambda value, _: _number_text(value)))
     else:
         axis.set_minor_formatter(NullFormatter())
+        if high / low > _FINE:
+            axis.set_minor_locator(NullLocator())
 
 
 def power_text(value: float) -> str:

@@ -86,5 +86,4 @@ def seal_leakage_figure(leakage: Leakage, ax: Axes | None = None) -> Figure:
     figure, axes = one_panel(ax, 6.4, map_height((n1, n2), 4.8) + 0.9)
     title = "fluid pressure [MPa]; white: pockets"
     map_panel(axes, leakage.fluid_pressure / 1e6, (n1, n2), with_closed("cividis", POCKET), title, "nodes")
-    axes.set_ylabel("x1, inlet at 0 [nodes]")
     return figure

@@ -13,7 +13,6 @@ from pathlib import Path
 
 from ..base.errors import FemsealError
 from ..base.files import is_inside, made_folder, read_plain, replacing, write_text
-from ..base.stage import Mapper
 from ..results import seal_lengths
 from ..results.netcdf import FILE_NAME, save
 from ..results.paraview import write_vtk
@@ -45,7 +44,6 @@ def write_folder(
     fields: bool = True,
     paraview: str = "vtu",
     fields_limit: float = LIMIT,
-    mapper: Mapper = map,
 ) -> list[Path]:
     """Write `results.nc`, `table.csv`, `table.xlsx`, `report.html`, the pictures, the fields over all pixels and, in
     `vtk/`, files for ParaView.
@@ -62,7 +60,6 @@ def write_folder(
     paraview : format of the files in `vtk/`, see `write_vtk`.
     fields_limit : size of the fields over all pixels before compression [byte] above which steps are left out; the
         attribute "left_out" of the dataset then says so.
-    mapper : draws the pictures; it may use several processes.
 
     Returns
     -------
@@ -78,9 +75,9 @@ def write_folder(
 
     def write(unfinished: Path) -> list[Path]:
         with ThreadPoolExecutor(1) as beside:
-            # files are written while processes draw
+            # VTK packs files while pictures are drawn
             files = beside.submit(_write_fields, results, plan, surface, unfinished, paraview)
-            written = _write_for_people(results, surface, pictures, report, mapper, unfinished)
+            written = _write_for_people(results, surface, pictures, report, unfinished)
             return written + files.result()
 
     return _replaced(results, made_folder(folder), write)
@@ -94,7 +91,6 @@ def write_again(
     report: bool = True,
     fields: bool = True,
     paraview: str = "vtu",
-    mapper: Mapper = map,
 ) -> list[Path]:
     """Write the files of results that were read from a folder there again, but for those that their fields are in.
 
@@ -107,7 +103,7 @@ def write_again(
     ]
     if not fields:
         results.dataset.attrs["left_out"] = json.dumps([])
-    write = partial(_write_for_people, results, surface, pictures, report, mapper)
+    write = partial(_write_for_people, results, surface, pictures, report)
     return _replaced(results, target, write, kept, same_numbers=True)
 
 
@@ -164,7 +160,7 @@ def _list_files(folder: Path, names: Sequence[Path]) -> None:
 
 
 def _write_for_people(
-    results: Results, surface: Topography | None, pictures: bool, report: bool, mapper: Mapper, folder: Path
+    results: Results, surface: Topography | None, pictures: bool, report: bool, folder: Path
 ) -> list[Path]:
     """Tables, pictures and report."""
     written = [write_text(folder / "table.csv", csv_text(results)), write_workbook(results, folder / "table.xlsx")]
@@ -172,7 +168,7 @@ def _write_for_people(
         written.append(write_text(folder / "lengths.csv", seal_lengths.csv_text(results)))
     if not pictures and not report:
         return written
-    drawings = draw_all(results, surface, mapper=mapper)
+    drawings = draw_all(results, surface)
     for name in FILES if pictures else ():
         if name in drawings:
             with replacing(folder / f"{name}.png") as temporary:

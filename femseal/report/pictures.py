@@ -3,20 +3,17 @@
 from __future__ import annotations
 
 import base64
-import os
 from collections.abc import Mapping
 from dataclasses import dataclass
-from functools import partial
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from ..base.quantities import to_text
-from ..base.stage import Mapper, Stage
 from ..plots import cells_figure, heights_figure, leakage_figure, lengths_figure, seal_figure
 from ..plots.cell_curves import cells_of
 from ..plots.drawing import HEIGHTS, LINES, Drawn, Sheet, drawn, map_row
-from ..plots.drawn_panels import drawn_figure
+from ..plots.drawn_panels import drawn_figure, part_text
 from ..plots.heights import height_panel
 from ..plots.maps import (
     critical_gaps,
@@ -52,14 +49,13 @@ class Picture:
     caption: str
 
 
-def draw_all(results: Results, surface: Topography | None = None, *, mapper: Mapper = map) -> dict[str, Drawn]:
+def draw_all(results: Results, surface: Topography | None = None) -> dict[str, Drawn]:
     """Draw every picture for which there are data.
 
     Parameters
     ----------
     results : of a run.
     surface : the combined heights, for the picture "surface"; None: without.
-    mapper : draws the pictures; it may use several processes.
     """
     data = results.dataset
     wanted = {
@@ -73,18 +69,9 @@ def draw_all(results: Results, surface: Topography | None = None, *, mapper: Map
         "seat": bool(data.attrs.get("seat")) and "row_pressure" in data,
         "lengths": has_lengths(results),
     }
-    names = [name for name, there in wanted.items() if there]
     gaps = critical_gaps(results, default_step(data)) if "k1" in data else []
-    # the fields of the studies are too large to be sent to processes
-    draw = partial(_draw, results=Results(data), surface=surface, gaps=gaps)
-    # each process imports what draws, for as long as a few pictures take, and one core is writing files
-    parts = min(max((os.cpu_count() or 1) - 1, 1), len(names))
-    drawings = mapper(Stage("pictures", draw), [names[part::parts] for part in range(parts)])
-    return {name: drawing for part in drawings for name, drawing in part.items()}
-
-
-def _draw(names: list[str], *, results: Results, surface: Topography | None, gaps: list[Array]) -> dict[str, Drawn]:
-    return {name: drawn(_figure(name, results, surface, gaps)) for name in names}
+    # in one process: others would import what draws once more, which takes as long as half of the pictures
+    return {name: drawn(_figure(name, results, surface, gaps)) for name, there in wanted.items() if there}
 
 
 def _figure(name: str, results: Results, surface: Topography | None, gaps: list[Array]) -> Figure:
@@ -108,7 +95,6 @@ def _figure(name: str, results: Results, surface: Topography | None, gaps: list[
         sheet = Sheet([map_row(face_size(data), HEIGHTS)])
         axes = sheet.panel(0, 0, HEIGHTS)
         height_panel(axes, data["face_height"].values * 1e6, face_size(data))
-        axes.set_ylabel("x1, inlet at 0 [mm]")
         return sheet.figure
     return leakage_figure(results)
 
@@ -241,8 +227,8 @@ def drawn_picture(results: Results, drawings: Drawings) -> Picture:
     parts, step = data.sizes["part"], data["name"].values[s]
     alt = f"Maps of {parts} parts of a drawn seal at {step}: fluid pressure, {_range(fluid, 'Pa')}; {_open_text(k)}."
     caption = (
-        f"The drawn seal nearest to the median, in its plane, at {step}: fluid pressure and permeability; around its "
-        "largest flux also the flux, with arrows as long as its root, and the contact pressure of windows that differ."
+        f"The drawn seal nearest to the median, in its plane, at {step}; {part_text(data, s)}. Arrows are as long as "
+        "the root of the flux."
     )
     return Picture(_uri(drawings["drawn" if "drawn" in drawings else "seal"].whole), alt, caption)
 

@@ -70,7 +70,7 @@ def write_vtk(
 
 
 def seal_grid(data: xarray.Dataset) -> Cells:
-    """Windows of the whole seal: every field of windows, the flow, and fluid pressure and k2 at the points."""
+    """Windows of the whole seal: every field of windows, k2 and the flow, and fluid pressure and k2 at the points."""
     count, m2 = data.sizes["step"], data.sizes["cell2"]
     x, y = np.meshgrid(data["node1"].values, np.arange(2 * m2 + 1) * float(data["cell2"][0]), indexing="ij")
     number = np.arange(x.size).reshape(x.shape)
@@ -89,6 +89,14 @@ def seal_grid(data: xarray.Dataset) -> Cells:
         if variable.dims == WINDOW.dims and name != "flux1":
             made = Field.of(variable)
             cell_data[made.array_name] = np.repeat(variable.values * made.scale, 2, axis=2).reshape(count, -1)
+    if "k2" in data:
+        # of half windows: the mean of the links at their corners, of which the first and the last row have one
+        rows = np.stack([k2[:, :-1], k2[:, 1:]])
+        known = np.isfinite(rows)
+        mean = np.where(known, rows, 0.0).sum(axis=0) / np.maximum(known.sum(axis=0), 1)
+        mean[~known.any(axis=0)] = np.nan
+        halves = np.stack([np.roll(mean, 1, axis=-1), mean], axis=-1)
+        cell_data[Field.of(data["k2"]).array_name] = halves.reshape(count, -1)
     cell_data["flux_m2_per_s"] = _flux(data).reshape(count, -1, 3)
     points = np.column_stack([x.ravel(), y.ravel(), np.zeros(x.size)])
     return Cells("seal", points, quads.reshape(-1, 4), LoadSteps.of(data), point_data, cell_data)

@@ -157,15 +157,15 @@ class Results(RunData, Plotted):
 
     def plot_lengths(self) -> Any:
         """Leakage against the length of the seal, see `lengths_figure`."""
-        return room("plots").lengths_figure(self)
+        return room("plots").shown(room("plots").lengths_figure(self))
 
     def plot_cells(self, count: int = 4) -> Any:
         """Permeability of cells along the cycle, see `cells_figure`."""
-        return room("plots").cells_figure(self, count)
+        return room("plots").shown(room("plots").cells_figure(self, count))
 
     def plot_seal(self, step: int | None = None) -> Any:
         """Contact, fluid pressure and permeability over the seal at one step, see `seal_figure`."""
-        return room("plots").seal_figure(self, step)
+        return room("plots").shown(room("plots").seal_figure(self, step))
 
     def report(self, path: str | os.PathLike[str] | None = None) -> Path:
         """Write the report, `report.html` in the folder unless `path` is given, see `write_report`."""

@@ -144,7 +144,7 @@ def run(
         progress("writing results", 0, None)
         start = time.perf_counter(), time.process_time()
         # the pictures are small, and drawn on this machine
-        _write(results, folder, case, map if scheduler else mapper)
+        _write(results, folder, case)
         seconds = time.perf_counter() - start[0], time.process_time() - start[1]
         log.info("pictures, report and files in %.1f s, %.1f s of this process", *seconds)
         for text in results.left_out:
@@ -279,10 +279,10 @@ def _budgets(
         )
 
 
-def _write(results: Results, folder: Path, case: Case, mapper: Mapper) -> None:
+def _write(results: Results, folder: Path, case: Case) -> None:
     try:
         surface = None if results.scene is None else results.scene.surface
-        write_folder(results, folder, surface, **case.output.files, mapper=mapper)
+        write_folder(results, folder, surface, **case.output.files)
     except Exception as error:
         reason = str(error) if isinstance(error, FemsealError) else f"results: {error or type(error).__name__}"
         raise FemsealError(f"{reason}; mend that, then a run with --resume has only to write them") from error

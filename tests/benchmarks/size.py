@@ -1,10 +1,10 @@
-"""Size: time and peak memory of the flow through ever larger faces, in femseal and in reynoldsflow on the same gaps.
+"""Size: time and peak memory of contact and flow of ever larger faces, the flow also in reynoldsflow on the same gaps.
 
     python tests/benchmarks/size.py --largest 2048
     python tests/benchmarks/size.py --write
 
-Gaps are self-affine faces with 8 pixels for the shortest wave, cut by a plane at 20 % of their points, periodic along
-x2. Each size is a process of its own on one core; times are CPU times, memory is the peak above that before, for each
+Contact is of self-affine faces with 8 pixels for the shortest wave, free along x1, at a tenth of the hardness. Gaps are such
+faces cut by a plane at 20 % of their points, periodic along x2. Each size is a process of its own on one core; times are CPU times, memory is the peak above that before, for each
 point, without the gap itself. reynoldsflow takes the gap constant on each pixel, so that its permeability differs.
 """
 
@@ -20,21 +20,43 @@ import numpy as np
 from common import call, forget_peak, kept, machine, resident, rows, save_report
 
 #: Points a side, and those up to which other programs go.
-POINTS, OTHERS = (512, 1024, 2048, 4096, 8192), {"elements": 4096, "reynoldsflow": 4096}
+POINTS, OTHERS = (512, 1024, 2048, 4096, 8192), {"elements": 4096, "reynoldsflow": 2048}
 PIXEL, CONTACT = 1e-6, 0.2
+#: Contact modulus and hardness [Pa].
+MODULUS, HARDNESS = 115e9, 2.3e9
 #: Pixels of a side of a window that is an element.
 WINDOW = 128
 
 
-def cut_gap(n):
-    """Gap (n, n) [m] of a face above a plane."""
+def face_heights(n):
+    """Heights (n, n) [m] of a face."""
     from femseal import self_affine
 
     size = n * PIXEL
     face = self_affine((n, n), (size, size), hurst=0.8, rms_slope=0.1, roll_off=size / 8, cut_off=8 * PIXEL, rng=1)
-    z = np.array(face.heights)
+    return np.array(face.heights)
+
+
+def undeformed_gap(n):
+    """Undeformed gap (n, n) [m] below a plane."""
+    z = face_heights(n)
+    return np.subtract(z.max(), z, out=z)
+
+
+def cut_gap(n):
+    """Gap (n, n) [m] of a face above a plane."""
+    z = face_heights(n)
     np.subtract(np.quantile(z[::4, ::4], 1 - CONTACT), z, out=z)
     return np.maximum(z, 0, out=z)
+
+
+def contact(gap):
+    """Fraction in contact, iterations and residual of the contact with an undeformed gap."""
+    from femseal import HalfSpace, solve_contact
+
+    body = HalfSpace(gap.shape, (PIXEL, PIXEL), MODULUS, ("free", "periodic"))
+    found = solve_contact(gap, body, pressure=0.1 * HARDNESS, hardness=HARDNESS, rtol=1e-5)
+    return found.area_fraction, found.iterations, found.residual
 
 
 def resolved(gap):
@@ -64,15 +86,16 @@ def reynoldsflow(gap):
     return abs(compute_total_flux(solved, flux, len(gap))[0]) * highest**3 / 12, 0, float("nan")
 
 
-PROGRAMS = {"resolved": resolved, "elements": elements, "reynoldsflow": reynoldsflow}
+PROGRAMS = {"contact": contact, "resolved": resolved, "elements": elements, "reynoldsflow": reynoldsflow}
 
 
 def measure(program, n):
     """Record of a program on a gap of n² points, in this process."""
     solve = PROGRAMS[program]
-    for small in (128, 256):
-        solve(cut_gap(small))
-    gap = cut_gap(n)
+    made = undeformed_gap if program == "contact" else cut_gap
+    for small in (128, 768 if program == "resolved" else 256):  # all loops are compiled by then
+        solve(made(small))
+    gap = made(n)
     forget_peak()
     before, start = resident("VmRSS"), time.process_time()
     value, iterations, residual = solve(gap)
@@ -102,7 +125,8 @@ def report(found):
     cells = [[f"{r['n']}²", r["program"], f"{r['seconds']:.3g}", f"{1e6 * r['seconds'] / r['n'] ** 2:.2f}",
               f"{r['bytes'] / 1e9:.3g}", f"{r['bytes'] / r['n'] ** 2:.0f}", str(r["iterations"] or ""),
               "" if np.isnan(r["residual"]) else f"{r['residual']:.1e}",
-              f"{r['value'] / of_points[r['n']]['value']:.5f}"] for r in found]  # fmt: skip
+              "" if r["program"] == "contact" else f"{r['value'] / of_points[r['n']]['value']:.5f}"]
+             for r in found]  # fmt: skip
     return machine({"reynoldsflow": "reynoldsflow"}) + ".\n\n" + rows(head, cells)
 
 

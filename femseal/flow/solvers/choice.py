@@ -129,7 +129,7 @@ def solve_ready(
     solver: str,
     field_rtol: float | None,
 ) -> DarcyFlow:
-    """`solve_flow` of what `ready` makes."""
+    """`solve_flow` of what `ready` makes, which is written over."""
     stencil = Stencil(*conductances, ring2=ring2)
     percolates = bool(reached[0, 0] == 3)
     if not percolates or len(stencil.along) == 1:
@@ -137,7 +137,7 @@ def solve_ready(
         potential[0], potential[-1] = 1.0, 0.0
         total = stencil.energy(np.nan_to_num(potential)) if percolates else 0.0
         return DarcyFlow(total, potential, 1 - potential, percolates)
-    flow = _solve(stencil, reached == 3, rtol, solver, field_rtol)
+    flow = _solve(stencil, np.equal(reached, 3, out=reached.view(np.bool_)), rtol, solver, field_rtol)
     return replace(flow, conductance=ldexp(flow.conductance, exponent))
 
 
