@@ -62,14 +62,26 @@ def _main(
 
 
 @app.command()
-def new(path: Annotated[Path, typer.Argument(help="Case file to write.")] = Path("case.toml")) -> None:
-    """Write a commented case file to start from."""
+def new(
+    path: Annotated[Path, typer.Argument(help="Case file to write.")] = Path("case.toml"),
+    face: Annotated[
+        Path | None,
+        typer.Option("--from", metavar="FILE", help="Measured face that the case is of.", show_default="none"),
+    ] = None,
+) -> None:
+    """Write a commented case file to start from, also of a measured face."""
     from importlib.resources import files
 
     if path.exists():
         raise InputError("path", f"'{path}', which exists", "a new file")
+    if face is None:
+        text = files("femseal.case").joinpath("template.toml").read_text(encoding="utf-8")
+    else:
+        from .preparation.case_of_face import case_of_face
+
+        text = case_of_face(face, path.absolute().parent)
     try:
-        path.write_text(files("femseal.case").joinpath("template.toml").read_text(encoding="utf-8"), encoding="utf-8")
+        path.write_text(text, encoding="utf-8")
     except OSError as error:
         raise InputError("path", f"'{path}'", f"a file that can be written ({error.strerror})") from None
     typer.echo(f"{path} written; edit it, then: femseal run {path}")

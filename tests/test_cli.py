@@ -485,3 +485,14 @@ def test_a_name_longer_than_the_file_system_takes_is_one_line(femseal, arguments
     assert code == 2
     assert len(err.strip().splitlines()) == 1
     assert len(err) < 500
+
+
+def test_new_writes_the_case_of_a_measured_face(tmp_path, femseal):
+    """With what its file says, paths from the case's folder, and questions; it is valid as it is."""
+    face, case = ROOT / "examples" / "measured_face.x3p", tmp_path / "cases" / "new.toml"
+    case.parent.mkdir()
+    assert femseal("new", case, "--from", face)[0] == 0
+    text = case.read_text(encoding="utf-8")
+    for words in ('size = ["300 µm", "600 µm"]', 'shortest_wave = "10 µm"', "Std, lay from x2", "# ? which fluid"):
+        assert words in text
+    assert (case.parent / fs.load_case(case).face[0].path).samefile(face)

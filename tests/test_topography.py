@@ -8,6 +8,7 @@ from hypothesis import strategies as st
 from numpy.testing import assert_allclose
 
 from femseal.base.errors import InputError
+from femseal.flow import cell_permeability
 from femseal.topography import Topography, condition, resolving_shape, self_affine
 
 PERIODS = [(True, True), (False, True), (True, False), (False, False)]
@@ -69,7 +70,7 @@ def test_masked_points_are_undefined():
         (np.array([[1j, 2.0]]), (1, 1), "real numbers"),
         ([[1.0, 2.0]], (1, 0), r"spacing: given \(1, 0\), expected two finite numbers > 0"),
         ([[1.0, 2.0]], (1, np.nan), "spacing"),
-        ([[1.0, 2.0]], 1.0, "spacing"),
+        ([[1.0, 2.0]], "1", "spacing"),
         ([[1.0, 2.0]], (1, 1, 1), "spacing"),
     ],
 )
@@ -452,3 +453,9 @@ def test_condition_refuses_waves_the_grid_does_not_resolve():
         condition(measured(), shortest_wavelength=0.1)
     with pytest.raises(InputError, match="undefined points"):
         condition(measured(), max_undefined=1e-4)
+
+
+def test_one_number_is_the_spacing_along_both_axes():
+    assert Topography(np.zeros((4, 6)), 1e-6).spacing == (1e-6, 1e-6)
+    gap = np.full((4, 6), 1e-6)
+    assert cell_permeability(gap, 1e-6).value == cell_permeability(gap, (1e-6, 1e-6)).value

@@ -12,7 +12,7 @@ from .. import __version__
 
 _REQUIRED = ("numpy", "scipy", "scikit-fem", "pyamg", "pyfftw", "numba", "meshio", "pyvista", "vtk", "pydantic",
              "pint", "typer", "rich", "xarray", "h5netcdf", "h5py", "joblib", "emcee", "filelock", "threadpoolctl",
-             "matplotlib", "jinja2", "psutil", "x3pio", "sdfio", "pillow")  # fmt: skip
+             "matplotlib", "jinja2", "psutil", "x3pio", "sdfio", "pillow", "xlsxwriter")  # fmt: skip
 _OPTIONAL = ("SurfaceTopography", "distributed", "gmsh")
 #: Packages on which the bits of a result depend.
 _NUMERICAL = ("numpy", "scipy", "numba", "llvmlite", "pyfftw", "pyamg", "scikit-fem")

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from math import isfinite
+from numbers import Real
 from operator import index
 from typing import Any
 
@@ -67,10 +68,10 @@ def count(name: str, value: Any, least: int = 1) -> int:
 
 
 def lengths(name: str, value: Any) -> tuple[float, float]:
-    """Two finite lengths > 0 [m], along x1 and x2."""
+    """Two finite lengths > 0 [m], along x1 and x2; a single number is both."""
     allowed = "two finite numbers > 0 [m], along x1 and x2"
     try:
-        first, second = (float(v) for v in value)
+        first, second = (float(v) for v in ((value, value) if isinstance(value, Real) else value))
     except (TypeError, ValueError):
         raise InputError(name, repr(value), allowed) from None
     if not (isfinite(first) and isfinite(second) and first > 0 and second > 0):

@@ -211,6 +211,13 @@ class Case(Table):
         for path in self.load.files:
             self._check_file("load.map.path", path)
 
+    def __repr__(self) -> str:
+        faces, highest = " and ".join(face.kind for face in self.face), to_text(self.load.highest, self.load.unit, 3)
+        methods = ", ".join(sorted(self.methods))
+        return f"<femseal.Case {self.title!r}: {methods}; {faces} face, {self.fluid.kind}, loads up to {highest}>"
+
+    __str__ = __repr__
+
     @property
     def layout(self) -> Layout:
         """The shape of the seal."""

@@ -82,7 +82,7 @@ def _fault(case: type[BaseModel], error: dict[str, Any]) -> InputError:
         near = get_close_matches(place[-1], known, 1)
         return InputError(key, _UNKNOWN, f"{near[0]}? Known are {keys}" if near else keys)
     if kind == "missing":
-        table = "" if len(place) > 1 else _to_paste(key)
+        table = "" if len(place) > 1 else table_to_paste(key)
         if table:
             return InputError(key, MISSING, f"a table such as\n{table}")
         return InputError(key, _NOTHING, "a value for this key")
@@ -110,8 +110,8 @@ def _sibling(key: str, name: str) -> str:
     return ".".join([*key.split(".")[:-1], name])
 
 
-def _to_paste(table: str) -> str:
-    """A table of the template without its comments, "" of one that it does not have."""
+def table_to_paste(table: str) -> str:
+    """A table of the template of cases without its comments, "" of one that it does not have."""
     text = files(__package__).joinpath("template.toml").read_text(encoding="utf-8")
     found = re.search(rf"^\[{re.escape(table)}\].*(?:\n(?!\[).*)*", text, re.MULTILINE)
     lines = (re.sub(r"\s*#.*", "", line) for line in found[0].splitlines()) if found else ()

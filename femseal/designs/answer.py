@@ -89,7 +89,8 @@ def design(
     classes : leakage classes, or leakages with their unit, see `base.leak_classes`; those of the case unless given,
         else L0.01, L0.1 and L1. The test fluid decides on them where there is one.
     probability : fraction of the seals that is to keep the class, above 0 and below 1.
-    assembly : pressures in assembly Q_A besides those that the case unloads from, [Pa] or as "300 MPa"; cases only.
+    assembly : pressures in assembly Q_A besides those that the case unloads from, [Pa] or as "300 MPa"; of results
+        those that they hold.
     nominal_diameter : [m] or as "50 mm", for the rates of ISO 5208.
     solve : solve the case again with another hardness and with the face turned by 90°, for what no law gives; cases
         only.
@@ -108,8 +109,6 @@ def design(
     )
     if diameter is not None:
         validate.number("nominal_diameter", diameter, unit="m")
-    if results is not None and extra:
-        raise InputError("assembly", ", ".join(to_text(q, "Pa") for q in extra), "none with results: give the case")
     shown = progress or (lambda stage, done, total: None)
     if results is None:
         assert case is not None
@@ -118,6 +117,10 @@ def design(
             _check(wanted, case, diameter)
         results = job.run(case, output, output is not None, workers, progress=shown)
     seals = Seals.of_results(results)
+    if case is None and (lacking := [q for q in extra if not np.isclose(q, seals.steps.unload_from, rtol=1e-9).any()]):
+        peaks = ", ".join(to_text(peak, "Pa") for peak in seals.steps.unload_from) or "none"
+        expected = f"those that the run is unloaded from, {peaks}; others are solved of the case instead of results"
+        raise InputError("assembly", ", ".join(to_text(q, "Pa") for q in lacking), expected)
     if not seals.count:
         raise InputError("results", "no seal whose leakage is known at every load", "results without such failures")
     data = results.dataset
@@ -131,6 +134,8 @@ def design(
     place = _place(needs, seals, probability)
     yields = bool(np.isfinite(float(data.attrs["hardness_Pa"])))
     variants, turned, notes = Variants(hardness_counts=yields), None, _notes(seals, probability, results)
+    if case is None and solve:
+        notes.append("of results nothing is solved again: the case in their place gives hardness and turned face too")
     if case is not None and solve and np.isfinite(place[1]):
         solver = Solver(case, results, workers, shown)
         if (former := json.loads(data.attrs["versions"]).get("femseal")) != versions()["femseal"]:

@@ -94,20 +94,20 @@ def survey(
         number = int(channel) if channel.isdecimal() else channel
         seen = read_for_a_look(path, channel=number, **lengths, **reading)
         face = seen.topography
-        look = _look(face, wave, treatment)
-    reasons = [*map(str, seen.doubts), *look.reasons]
-    lines = [str(path), *_description(face, look)]
+        found = look(face, wave, treatment)
+    reasons = [*map(str, seen.doubts), *found.reasons]
+    lines = [str(path), *_description(face, found)]
     lines += [f"note: a run refuses this face: {reason}" for reason in reasons]
     if seen.masked_share:
         fraction = f"{100 * seen.masked_share:.3g} %"
         lines.append(f"note: {fraction} of the points in the file are masked in it: --no-file-mask takes their heights")
-    if look.part is not None:
+    if found.part is not None:
         origin = (0.0, 0.0) if crop is None else (lengths["crop"][0], lengths["crop"][2])
-        lines += _offer(look.part, origin)
-    if look.report is not None and look.conditioning is not None:
-        lines += _notes(look.report, look.conditioning)
+        lines += _offer(found.part, origin)
+    if found.report is not None and found.conditioning is not None:
+        lines += notes(found.report, found.conditioning)
     if picture is not None:
-        figure = survey_figure(face, look.report, look.conditioning, part=look.part, detrend=detrend, spikes=spikes)
+        figure = survey_figure(face, found.report, found.conditioning, part=found.part, detrend=detrend, spikes=spikes)
         figure.suptitle(path.name, fontsize=11, parse_math=False)
         try:
             figure.savefig(picture)
@@ -117,7 +117,7 @@ def survey(
     return lines
 
 
-def _look(face: Topography, wave: float | None, treatment: dict[str, Any]) -> _Look:
+def look(face: Topography, wave: float | None, treatment: dict[str, Any]) -> _Look:
     """Describe and condition the face, or else its largest part with few undefined points."""
     if face.undefined_fraction == 1:
         return _Look(reasons=("none of its points is defined",))
@@ -172,7 +172,7 @@ def _indented(report: SurfaceReport | Conditioning) -> list[str]:
     return [f"  {line}" for line in str(report).splitlines()]
 
 
-def _notes(report: SurfaceReport, conditioning: Conditioning) -> list[str]:
+def notes(report: SurfaceReport, conditioning: Conditioning) -> list[str]:
     """Advice that follows from the numbers."""
     effect = SpikeEffect(conditioning.spikes_along_lay, conditioning.spikes_extreme)
     notes = [f"note: {text}" for text in effect.doubts(conditioning.spikes)]

@@ -108,6 +108,9 @@ def read_pixels(run: RunData, name: str, step: int, cell: tuple[int, int] | None
     found = _from_memory(run, name, step) or _from_folder(run, name, step)
     if found is None:
         at_hand = stored_steps(run)
+        if step in at_hand:  # the flow through links knows the pressure between windows alone
+            expected = "another field; or a run with flow = 'resolved' in [cells], or \"deterministic\" in `compare`"
+            raise InputError("field", f"no {name.replace('_', ' ')} at pixels of a flow through links", expected)
         expected = f"one of {', '.join(map(str, at_hand))}" if at_hand else f"a folder with {NAME}.pvd"
         raise InputError("step", f"{step}, which has no {name.replace('_', ' ')}", expected)
     made, values, spacing = found
