@@ -208,7 +208,7 @@ def _row(key, field, schema, where, said):
     default = "" if field.is_required() else _shown(field.default, quantity)
     needed = _NEEDED.get(key) or where or ("yes" if field.is_required() else "no")
     unit = "" if quantity is None else quantity.unit.replace("*", "·").replace("^3", "³")
-    meaning = said[key].replace("|", r"\|")
+    meaning = said.get(key, "").replace("|", r"\|")
     return " | ".join([f"| `{key[1]}`", _type(schema, quantity), unit, default, needed, meaning, ""]).strip()
 
 

@@ -42,7 +42,7 @@ def cells_figure(results: RunData, count: int = 4) -> Figure:
     for axes in sheet.figure.axes:
         axes.tick_params(labelsize=_LETTERS)
         for text in (axes.xaxis.label, axes.yaxis.label, axes.title):
-            text.set_size(_LETTERS + 1)
+            text.set_fontsize(_LETTERS + 1)
     return sheet.figure
 
 

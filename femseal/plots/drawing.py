@@ -275,7 +275,7 @@ _WAITING: list[Any] = []
 
 def shown(figure: Figure) -> Figure:
     """The figure, which a notebook shows at the end of its cell, also where that ends with a semicolon."""
-    notebook = getattr(sys.modules.get("IPython"), "get_ipython", lambda: None)()
+    notebook: Any = getattr(sys.modules.get("IPython"), "get_ipython", lambda: None)()
     if getattr(notebook, "kernel", None) is not None:
         if _show_waiting not in notebook.events.callbacks["post_execute"]:
             notebook.events.register("post_execute", _show_waiting)

@@ -331,7 +331,7 @@ def _surface_lines(prepared: Prepared) -> list[str]:
         )
     if isinstance(surface, Places):
         count, more = len(surface.widths), ""
-        if prepared.sampling is not None and prepared.sampling.pressure == "place":
+        if prepared.sampling is not None:
             more = f"; about {places_to_halve(count)} more would halve what they leave open of a drawn seal"
             more = more if count >= FEWEST else f"; from {FEWEST} on their scatter tells the band of a drawn seal"
         lines.append(_line("", f"{count} places{more}"))
