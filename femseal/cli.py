@@ -205,7 +205,10 @@ def export(
     ] = None,
     window: Annotated[
         tuple[str, str, str, str] | None,
-        typer.Option(help='Part of the face: x1 from and to, x2 from and to, as "0 mm" "1 mm" "2 mm" "3 mm".'),
+        typer.Option(
+            help='Part of the face: x1 from and to, x2 from and to, as "0 mm" "1 mm" "2 mm" "3 mm".',
+            show_default="the face",
+        ),
     ] = None,
 ) -> None:
     """Write the gap, the contact or the fluid pressure at the load steps for other programs, with the pixel's size."""
