@@ -125,7 +125,9 @@ def test_the_page_tells_what_was_chosen_and_the_band_of_error(tmp_path):
     assert float(told["contact.rtol"]) == chosen["rtol"] != 1e-5
     assert int(told["stochastic.realisations"]) == chosen["realisations"] == 20
     assert told["stochastic.library_cells"] == "2"
-    band = format_error_band(results.budget.lower[0], results.budget.upper[0], results.leak_scale[1])
+    basis, peak = results.leak_basis, results.peak
+    factor = basis.factor(basis.readable(results.leakage.values))
+    band = format_error_band(results.budget.lower[peak], results.budget.upper[peak], factor)
     assert key_numbers(results)[0].note == f"95 % band of error {band}"
 
 
