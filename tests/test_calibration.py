@@ -253,10 +253,12 @@ def calibrated(tmp_path_factory):
 
 
 def test_a_calibration_finds_what_made_the_test(calibrated):
+    """Three regions of 90 % hold one truth in seven of ten tests; those of 99 % all but surely, whatever the last digits."""
     _, _, hidden, found = calibrated
-    for name, truth in zip(found.posterior, hidden, strict=True):
+    low, high = np.quantile(found.samples, (0.005, 0.995), axis=0)
+    assert np.all((low <= hidden) & (hidden <= high))
+    for name in found.posterior:
         one = found.posterior[name]
-        assert one.lower <= truth <= one.upper, name
         assert found.prior[name].lower < one.lower < one.median < one.upper < found.prior[name].upper
     assert abs(found.hardness.median / hidden[0] - 1) < 0.1
     assert found.hardness.upper / found.hardness.lower < 1.5

@@ -686,7 +686,7 @@ def test_linear_gap_is_interpolated_exactly_between_pixels():
         ({"gap": np.ones((0, 3))}, ["gap"]),
         ({"gap": "gap"}, ["gap"]),
         ({"gap": None}, ["gap"]),
-        ({"spacing": D}, ["spacing"]),
+        ({"spacing": -D}, ["spacing", "> 0"]),
         ({"spacing": (D, 0.0)}, ["spacing", "> 0"]),
         ({"spacing": (D, -D)}, ["spacing", "> 0"]),
         ({"spacing": (np.nan, D)}, ["spacing", "nan"]),

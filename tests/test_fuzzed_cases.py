@@ -19,7 +19,9 @@ from femseal.runs.forecast import describe, refuse_too_large
 #: CPU time that checking a case may take [s], and memory that it may ask for [byte].
 LONGEST, MOST = 2.0, 2e9
 #: A line of a refusal: key, what was given, what is allowed.
-LINE = re.compile(r"\d+ more faults|.+: (given .+, )?expected .+")
+LINE = re.compile(r"\d+ more faults|.+: (given .+, |missing, )?expected .+")
+#: A table to paste, below a line that says so.
+PASTED = re.compile(r"(?<=expected a table such as)(\n(\[.+\]|\w+ = .+))+")
 #: What only a programmer understands.
 INSIDE = re.compile(r"pydantic|Traceback|object at 0x|Error\b|numpy|<class|NoneType|Unable to allocate|\bValue error\b")
 
@@ -64,7 +66,7 @@ def fault(path):
             warnings.simplefilter("error", RuntimeWarning)
             told(path)
     except fs.InputError as error:
-        lines = str(error).splitlines()
+        lines = PASTED.sub(" …", str(error)).splitlines()
         wrong = [line for line in lines if not LINE.fullmatch(line) or INSIDE.search(line) or len(line) > 700]
         wrong += [line for line in lines if not line.isprintable()]
         return "\n".join(wrong) if lines else "no message", True

@@ -212,7 +212,7 @@ def test_one_word_stands_for_both_axes():
         ({"shape": (4.5, 4)}, ["shape", "4.5"]),
         ({"shape": 4}, ["shape", "4", "two"]),
         ({"shape": (4, 4, 4)}, ["shape", "two"]),
-        ({"spacing": 1e-6}, ["spacing", "two"]),
+        ({"spacing": "1 um"}, ["spacing"]),
         ({"spacing": (1e-6, -1e-6)}, ["spacing", "> 0"]),
         ({"spacing": (1e-6, np.nan)}, ["spacing", "nan"]),
         ({"spacing": (np.inf, 1e-6)}, ["spacing", "inf"]),
