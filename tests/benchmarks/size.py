@@ -19,8 +19,8 @@ from pathlib import Path
 import numpy as np
 from common import call, forget_peak, kept, machine, resident, rows, save_report
 
-#: Points a side, and those up to which other programs go.
-POINTS, OTHERS = (512, 1024, 2048, 4096, 8192), {"elements": 4096, "reynoldsflow": 2048}
+#: Points a side, and those up to which programs go that do not go to all.
+POINTS, OTHERS = (512, 1024, 2048, 4096, 8192, 16384), {"resolved": 8192, "elements": 4096, "reynoldsflow": 1024}
 PIXEL, CONTACT = 1e-6, 0.2
 #: Contact modulus and hardness [Pa].
 MODULUS, HARDNESS = 115e9, 2.3e9
