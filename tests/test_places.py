@@ -12,6 +12,7 @@ from femseal.budget.estimates import library_part, places_part, places_to_halve
 from femseal.case.case import parse_case
 from femseal.library.sampling import drawn_elsewhere
 from femseal.preparation.preparation import prepare
+from femseal.runs.forecast import describe
 
 PIXEL = 1e-6
 MODULUS, HARDNESS = 115e9, 2.3e9
@@ -190,6 +191,14 @@ def test_places_of_a_case(tmp_path, files):
     cut = prepare(parse_case(files | {"face": {"kind": "file", "places": own}}, tmp_path))
     assert cut.cells == (2, 4)
     assert [w % (cut.scene.surface.shape[1] // 4) for w in cut.scene.surface.widths] == [0, 0]
+
+
+@pytest.mark.parametrize("pressure", ["place", "uniform"])
+def test_check_says_how_many_places_halve_the_band(tmp_path, files, pressure):
+    drawn = files | {"method": "stochastic", "stochastic": files["stochastic"] | {"pressure": pressure}}
+    case = parse_case(drawn, tmp_path)
+    text = "\n".join(describe(case, prepare(case)))
+    assert f"4 places; about {places_to_halve(4)} more would halve" in text
 
 
 def test_results_tell_of_places(tmp_path, files):
