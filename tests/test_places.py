@@ -212,12 +212,25 @@ def test_results_tell_of_places(tmp_path, files):
     assert "sampler" not in parts
     assert "jackknife over 4 measured places" in parts["library"].note
     page = (tmp_path / "out" / "report.html").read_text(encoding="utf-8")
-    assert "leaks most" in page
+    most = int(np.argmax(data["leakage_of_places"].values[:, 0]))
+    assert f"Place {most + 1} of 4 leaks most" in page
+    # a place has fewer points than a map has blocks
+    assert_allclose(data["place_height"], prepare(case).scene.surface.each[most].heights, rtol=1e-6, atol=1e-12)
+    assert "place_gap" not in data
     again = fs.run(case, tmp_path / "out", resume=True)
     parallel = fs.run(case, workers=2)
     for other in (again, parallel):
         assert_allclose(other.leakage, results.leakage, rtol=0)
         assert_allclose(other.dataset["leakage_of_places"], data["leakage_of_places"], rtol=0)
+
+
+def test_the_place_that_leaks_most_is_drawn_with_its_gap(tmp_path, files):
+    results = fs.run(parse_case(files | {"method": "deterministic"}, tmp_path), tmp_path / "out")
+    data, gap = results.dataset, results.deterministic.gap
+    most = data["place_height"].attrs["place"] - 1
+    assert data["leakage_of_places"].values[:, 0].argmax() == most
+    assert_allclose(data["place_gap"], gap[:, :, 48 * most : 48 * (most + 1)], rtol=1e-6)
+    assert (tmp_path / "out" / "place.png").exists()
 
 
 def test_both_faces_may_have_several_places(tmp_path, files):

@@ -32,6 +32,7 @@ from .drawing import (
     with_closed,
 )
 from .drawn_panels import drawn_figure
+from .heights import height_panel
 
 if TYPE_CHECKING:
     import xarray
@@ -104,6 +105,22 @@ def seal_figure(results: RunData, step: int | None = None, gaps: Sequence[Array]
     return sheet.figure
 
 
+def place_figure(data: xarray.Dataset, step: int | None = None) -> Figure:
+    """Heights of the measured place that leaks most, and its gap at one step where the flow was resolved.
+
+    step : index of the load step; the highest load that still leaks unless given.
+    """
+    size = _sides(data, "place1", "place2")
+    gaps = "place_gap" in data
+    sheet = Sheet([map_row(size)], columns=2 if gaps else 1)
+    heights, s = data["place_height"], default_step(data) if step is None else step
+    height_panel(sheet.panel(0, 0, MAP), heights.values * 1e6, size, f"place {heights.attrs['place']}: height [µm]")
+    if gaps:
+        title = f"gap [µm] at {data['name'].values[s]}; grey: contact"
+        _gap_panel(sheet.panel(0, 1, MAP), data["place_gap"].values[s], size, title)
+    return sheet.figure
+
+
 def seal_size(data: xarray.Dataset) -> tuple[float, float]:
     """Sides of the face that the windows cover [mm]."""
     return float(data["node1"][-1]) * 1e3, float(data["cell2"][0] + data["cell2"][-1]) * 1e3
@@ -111,7 +128,12 @@ def seal_size(data: xarray.Dataset) -> tuple[float, float]:
 
 def face_size(data: xarray.Dataset) -> tuple[float, float]:
     """Sides of the face [mm]."""
-    one, two = (float(data[name][0] + data[name][-1]) * 1e3 for name in ("face1", "face2"))
+    return _sides(data, "face1", "face2")
+
+
+def _sides(data: xarray.Dataset, *blocks: str) -> tuple[float, float]:
+    """Sides [mm] of what blocks cover, by their two coordinates."""
+    one, two = (float(data[name][0] + data[name][-1]) * 1e3 for name in blocks)
     return one, two
 
 
@@ -132,7 +154,12 @@ def _face_map(axes: Axes, data: xarray.Dataset, s: int, name: str) -> None:
     elif name == "contact_pressure":
         map_panel(axes, positive / 1e6, size, with_closed("viridis"), "contact pressure [MPa]; grey: no contact")
     else:
-        map_panel(axes, positive * 1e6, size, with_closed("magma"), "gap [µm]; grey: contact", vmin=0)
+        _gap_panel(axes, values, size)
+
+
+def _gap_panel(axes: Axes, gap: Array, size: tuple[float, float], title: str = "gap [µm]; grey: contact") -> None:
+    """Map of a gap [m]."""
+    map_panel(axes, np.where(gap > 0, gap, np.nan) * 1e6, size, with_closed("magma"), title, vmin=0)
 
 
 def contact_panel(axes: Axes, data: xarray.Dataset, s: int) -> None:

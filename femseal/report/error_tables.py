@@ -114,12 +114,9 @@ def scatter_lines(results: RunData) -> Lines:
 
 def most_leaking_place(results: RunData) -> str:
     """Which of several measured places leaks most by itself, and how much, over the loads that count."""
-    alone = results.dataset["leakage_of_places"].values
-    mean = alone.mean(axis=0)
-    counts = mean > FLOOR * mean[0]
-    relative = (alone[:, counts] / mean[counts]).mean(axis=1)
-    most = int(np.argmax(relative))
-    return f"place {most + 1} of {len(alone)} leaks most, {relative[most]:.3g} times their mean"
+    about = results.dataset["place_height"].attrs
+    count = results.dataset.sizes["place"]
+    return f"place {about['place']} of {count} leaks most, {about['over_mean']:.3g} times their mean"
 
 
 def _comparison(results: RunData, one: str, leakage: Array, other: str, reference: Array) -> Lines:

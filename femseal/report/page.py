@@ -98,6 +98,7 @@ def _content(results: Results, drawings: pictures.Drawings) -> dict[str, Any]:
         "sentences": case_sentences.case_sentences(results),
         "face": pictures.face_picture(results, drawings) if "face" in drawings else None,
         "seat": pictures.seat_picture(results, drawings) if "seat" in drawings else None,
+        "place": pictures.place_picture(results, drawings) if "place" in drawings else None,
         "total": leakage_tables.total_leakage_text(results),
         "leakage": pictures.leakage_picture(results, drawings),
         # the page has a table of classes

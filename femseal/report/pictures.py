@@ -22,6 +22,7 @@ from ..plots.maps import (
     face_leakage,
     face_size,
     has_maps,
+    place_figure,
     row_panel,
 )
 from ..results.results import Results
@@ -29,6 +30,7 @@ from ..results.seal_lengths import has_lengths
 from ..results.selections import solved_steps
 from ..results.tables import format_leakage, leakage_of
 from ..topography import Topography
+from .error_tables import most_leaking_place
 
 if TYPE_CHECKING:
     import xarray
@@ -36,7 +38,7 @@ if TYPE_CHECKING:
 
 Array = np.ndarray
 #: Pictures that are files of the folder too, by their name without ending; the page alone has the others.
-FILES = ("surface", "seal", "seat", "drawn", "cells", "leakage", "lengths")
+FILES = ("surface", "seal", "seat", "place", "drawn", "cells", "leakage", "lengths")
 Drawings = Mapping[str, Drawn]
 
 
@@ -67,6 +69,7 @@ def draw_all(results: Results, surface: Topography | None = None) -> dict[str, D
         "drop": has_maps(data),
         "face": "face_height" in data,
         "seat": bool(data.attrs.get("seat")) and "row_pressure" in data,
+        "place": "place_height" in data,
         "lengths": has_lengths(results),
     }
     gaps = critical_gaps(results, default_step(data)) if "k1" in data else []
@@ -87,6 +90,8 @@ def _figure(name: str, results: Results, surface: Topography | None, gaps: list[
         return cells_figure(results)
     if name == "lengths":
         return lengths_figure(results)
+    if name == "place":
+        return place_figure(data)
     if name in ("drop", "seat"):
         sheet, panel = Sheet([4.0]), drop_panel if name == "drop" else row_panel
         panel(sheet.panel(0, 0, LINES), data, drop_steps(data))
@@ -114,6 +119,13 @@ def face_picture(results: Results, drawings: Drawings) -> Picture:
     span = f"{np.nanmin(heights):.3g} to {np.nanmax(heights):.3g} µm"
     alt = f"Map of the heights of the face that was solved, {sides}, {span}."
     return Picture(_uri(drawings["face"].whole), alt, "The face that was solved: heights of the combined faces.")
+
+
+def place_picture(results: Results, drawings: Drawings) -> Picture:
+    """Maps of the measured place that leaks most."""
+    sentence = most_leaking_place(results).capitalize()
+    maps = "heights, and gap with the contact in grey" if "place_gap" in results.dataset else "heights"
+    return Picture(_uri(drawings["place"].whole), f"Map of the place: {maps}. {sentence}.", f"{sentence}: its {maps}.")
 
 
 def leakage_picture(results: Results, drawings: Drawings) -> Picture:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 from collections.abc import Mapping, Sequence
 from datetime import UTC, datetime
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,6 +23,7 @@ from ..studies.curve_distance import leakage_factor
 from ..studies.link_flow import WindowPixels
 from ..studies.load_interpolation import numbers_of
 from ..studies.other_fluid import FluidState
+from ..topography import Places
 from . import variables
 from .class_results import add_classes, add_test_fluid, basis_attributes
 from .results import Results
@@ -81,8 +82,9 @@ def assemble(
     Returns
     -------
     Results; every variable has `units` and `long_name`. Dimensions: step; realisation; cell1, cell2, windows by their
-    centres [m]; node1, corner1, rows of nodes and of x2-links along x1 [m] (the x2-link of column j runs from cell2 j
-    to j + 1); narrowest, numbers of links; library_cell, library_step; part, corner, plane, parts of the
+    centres [m]; place1, place2, blocks of the measured place that leaks most; node1, corner1, rows of nodes and of
+    x2-links along x1 [m] (the x2-link of column j runs from cell2 j to j + 1); narrowest, numbers of links;
+    library_cell, library_step; part, corner, plane, parts of the
     drawn seal nearest to the median; budget_part, sources of error. Fluxes are volume rates per width at the fluid's
     reference density. Attributes hold the case, the surface, versions, machine, wall times, peak memory of the main
     process, numbers of flows solved or known without solving (`counts`), number of linear systems by solver with the
@@ -120,7 +122,9 @@ def assemble(
             variables.add_declared(data, drawn)
             data["drawn_corners"].attrs["realisation"] = drawn.realisation
     if (by_place := next((study.places for study in studies if study.places is not None), None)) is not None:
-        variables.add_places(data, by_place)
+        resolved = two_scale if deterministic is None else deterministic
+        gap = None if resolved is None else resolved.gap
+        variables.add_places(data, cast(Places, scene.surface), by_place, gap)
     if "row" in data.dims:
         own = None if stochastic is None or stochastic.row_pressure is None else stochastic.seal
         breadth = scene.surface.size[0] if own is None else own.size[0]

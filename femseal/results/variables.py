@@ -19,6 +19,8 @@ from ..base.fields import (
     FACE,
     LENGTH,
     PIXEL,
+    PLACE_BLOCK,
+    PLACE_FACE,
     STEP,
     Field,
     Place,
@@ -33,6 +35,7 @@ from ..studies import DeterministicResult, Scene, StochasticResult, TwoScaleResu
 from ..studies.link_flow import link_flow
 from ..studies.load_interpolation import at_all_steps
 from ..studies.place_leakage import PlaceLeakage
+from ..topography import Places, Topography
 from .selections import INTERPOLATED
 
 if TYPE_CHECKING:
@@ -143,10 +146,23 @@ def add_realisations(data: xarray.Dataset, result: StochasticResult, quantiles: 
     add(data, Field("sealed_fraction_of_lengths", "1", of, LENGTH), sealed)
 
 
-def add_places(data: xarray.Dataset, result: PlaceLeakage) -> None:
-    """Add the leakage of each measured place, and its scatter."""
+def add_places(data: xarray.Dataset, places: Places, result: PlaceLeakage, gap: NDArray[Any] | None) -> None:
+    """Add the leakage of each measured place and its scatter; heights of the one that leaks most, and its gap if known.
+
+    gap : of all places at every step (steps, n1, n2) [m].
+    """
     add_coordinate(data, "place", "1", "number of the measured place", np.arange(1, len(result.alone) + 1))
     add_declared(data, result)
+    relative = result.relative
+    most = int(np.argmax(relative))
+    add_blocks(data, ("place1", "place2"), places.each[most], FIELD_BLOCKS)
+    text = "{} of the place that leaks most, mean of each block"
+    about = {"place": most + 1, "over_mean": float(relative[most])}
+    heights = block_means(places.divided(places.heights)[most], FIELD_BLOCKS)
+    add(data, Field("place_height", "m", text.format("height"), PLACE_FACE), heights, **about)
+    if gap is not None:
+        gaps = np.array([block_means(places.divided(of)[most], FIELD_BLOCKS) for of in gap])
+        add(data, Field("place_gap", "m", text.format("gap"), PLACE_BLOCK), gaps)
 
 
 def add_library(data: xarray.Dataset, curves: LibraryTable) -> None:
@@ -159,7 +175,7 @@ def add_library(data: xarray.Dataset, curves: LibraryTable) -> None:
 
 def add_heights(data: xarray.Dataset, scene: Scene) -> None:
     """Add the heights of the face, as means over blocks."""
-    add_blocks(data, ("face1", "face2"), scene, HEIGHT_BLOCKS)
+    add_blocks(data, ("face1", "face2"), scene.surface, HEIGHT_BLOCKS)
     made = Field("face_height", "m", "height of the face, mean of each block", FACE)
     add(data, made, block_means(scene.surface.heights, HEIGHT_BLOCKS))
 
@@ -169,7 +185,7 @@ def add_block_means(data: xarray.Dataset, scene: Scene, study: DeterministicResu
 
     The fields themselves are too large for the dataset. Blocks without a number are NaN.
     """
-    add_blocks(data, ("block1", "block2"), scene, FIELD_BLOCKS)
+    add_blocks(data, ("block1", "block2"), scene.surface, FIELD_BLOCKS)
     for made, at_pixels in fields_of(study):
         if made.place == PIXEL:
             text, name = f"{made.long_name}, mean of each block", f"face_{made.name.removesuffix('_deterministic')}"
@@ -177,9 +193,9 @@ def add_block_means(data: xarray.Dataset, scene: Scene, study: DeterministicResu
             add(data, Field(name, made.unit, text, BLOCK), values)
 
 
-def add_blocks(data: xarray.Dataset, dims: tuple[str, str], scene: Scene, most: int) -> None:
-    """Add the coordinates of blocks of the face, at most so many along a side."""
-    for n, (dim, count, length) in enumerate(zip(dims, scene.surface.shape, scene.surface.size, strict=True), start=1):
+def add_blocks(data: xarray.Dataset, dims: tuple[str, str], face: Topography, most: int) -> None:
+    """Add the coordinates of blocks of a face, at most so many along a side."""
+    for n, (dim, count, length) in enumerate(zip(dims, face.shape, face.size, strict=True), start=1):
         blocks = min(count, most)
         add_coordinate(data, dim, "m", f"x{n} of block centres", (np.arange(blocks) + 0.5) * length / blocks)
 

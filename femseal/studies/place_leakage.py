@@ -16,6 +16,7 @@ from ..seal import RectangularSeal
 from ..topography import Places
 from ..topography.places import divided
 from ..windows import Failed, FlowSettings, attempt
+from .curve_distance import FLOOR
 from .face_flow import resolved_flow
 from .repeated_steps import first_equal, map_different
 from .scene import Array, Scene
@@ -56,6 +57,13 @@ class PlaceLeakage(Shown):
             "places ± [%]",
         ),
     }
+
+    @property
+    def relative(self) -> Array:
+        """Leakage of each place over that of their mean (places,), mean over the loads that count."""
+        mean = self.alone.mean(axis=0)
+        counts = mean > FLOOR * mean[0]
+        return np.asarray((self.alone[:, counts] / mean[counts]).mean(axis=1))
 
     @property
     def scatter(self) -> Array:
