@@ -110,12 +110,10 @@ def _importers():
 
 @cache
 def _exported(package):
-    """Names that the __init__ of a package takes from elsewhere, and the module of each; of femseal the lazy ones."""
-    if package == "femseal":
-        return {name: f"femseal.{home}" for name, home in femseal._HOME.items()}
+    """Names that the __init__ of a package takes from elsewhere, and the module of each."""
     return {
         alias.asname or alias.name: full
-        for node in _tree(package).body
+        for node in _nodes(package)
         if isinstance(node, ast.ImportFrom)
         for alias in node.names
         for full in [_from(package, node)]
