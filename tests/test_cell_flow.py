@@ -24,7 +24,7 @@ from femseal.flow import (
     permeability_tensor,
 )
 from femseal.flow.coefficient import gap_on_links
-from femseal.flow.discretisation import cell_stencil
+from femseal.flow.edge_flow import cell_stencil
 from femseal.flow.grid import Grid
 from femseal.flow.law import cubic_law
 

@@ -125,6 +125,13 @@ def leak_classes(names: Iterable[str]) -> tuple[LeakClass, ...]:
     return tuple(found.values())
 
 
+def check_classes(names: Iterable[str], diameter: float | None, basis: LeakBasis) -> None:
+    """Raise InputError for an unknown class, or one that needs a diameter or another fluid."""
+    for one in leak_classes(names):
+        if not np.isfinite(one.limit(basis, diameter)):
+            raise InputError("classes", one.name, "a class with a limit")
+
+
 def _named(name: str) -> list[LeakClass]:
     """Classes of a name: of one class, of a family, or a limit such as '1e-6 mg/(s*m)'."""
     if isinstance(name, str):

@@ -7,10 +7,10 @@ from ..base.lazy_package import load_when_used
 if TYPE_CHECKING:
     from .cell import Permeability, cell_permeabilities, cell_permeability
     from .constriction import Constriction, critical_constriction
-    from .discretisation import DISCRETISATIONS
+    from .discretisation import DISCRETISATIONS, SOLVERS
     from .law import CubicLaw, FlowLaw, FukuiKaneko, SlipLength
     from .solution import DarcyFlow
-    from .solvers.choice import SOLVERS, solve_flow
+    from .solvers.choice import solve_flow
     from .spiral import Spiral
     from .stencil import Stencil
     from .tensor import permeability_tensor

@@ -21,7 +21,7 @@ from scipy.sparse.csgraph import connected_components
 from ..base.errors import InputError, NotConverged
 from ..base.quantities import to_text
 from .coefficient import unit_spacing
-from .discretisation import cell_stencil
+from .edge_flow import cell_stencil
 from .grid import Grid
 from .law import cubic_law
 from .solvers.amg import solve_spd

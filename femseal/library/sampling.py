@@ -20,8 +20,8 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy.special import ndtr, ndtri
 
 from ..base.errors import InputError
 from ..loads import LoadProgramme
@@ -204,7 +204,7 @@ class _RankModel:
         """Normal scores, their correlation between steps, and a root of it, from k (steps, cells) [m³]."""
         self.steps, self.sorted = steps, np.sort(k, axis=1)
         cells = k.shape[1]
-        normal = ndtri((np.arange(cells) + 0.5) / cells)
+        normal = scipy.special.ndtri((np.arange(cells) + 0.5) / cells)
         scores = np.empty((cells, len(k)))
         for s, values in enumerate(k):
             order = np.argsort(values, kind="stable")
@@ -222,7 +222,7 @@ class _RankModel:
 
     def draw(self, normal: Array) -> Array:
         """Turn independent normal numbers (links, steps) into permeabilities (steps, links) [m³]."""
-        position = (ndtr(normal @ self.root.T) * self.sorted.shape[1] - 0.5).T
+        position = (scipy.special.ndtr(normal @ self.root.T) * self.sorted.shape[1] - 0.5).T
         k = np.stack([_quantile(values, place) for values, place in zip(self.sorted, position, strict=True)])
         top = len(self.steps.loading)
         k[:top] = np.maximum.accumulate(k[:top][::-1], axis=0)[::-1]

@@ -10,7 +10,7 @@ from ..budget import FormTolerance
 from ..case.argument_names import MAP_TABLES, SEAL_TABLES, with_tables
 from ..case.case import Case
 from ..case.case_tables import StochasticTable
-from ..seal.layouts import SealWindows
+from ..seal.laid_windows import SealWindows
 from ..studies import Sampling, Scene, check_sampling, chosen_contact, chosen_flow, chosen_sampler, lay_out_windows
 from ..studies.costs import choose_method
 from ..studies.seat_rows import ROWS, SeatMap

@@ -8,7 +8,6 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..base.errors import InputError
 from ..base.fields import LEAK_CLASS, REALISATION, Field, Place
 from ..base.leak_classes import LeakClass, leak_classes, within
 from ..base.leak_units import LeakBasis
@@ -154,20 +153,3 @@ def tightest_classes(data: xarray.Dataset) -> list[str]:
                 best[family] = (float(limit), one.name)
         lines.append(", ".join(name for _, name in best.values()) or "none")
     return lines
-
-
-def check_classes(
-    names: Sequence[str], diameter: float | None, fluid: Any, stated: float | None = None
-) -> tuple[LeakClass, ...]:
-    """The classes of names, checked for the fluid that decides on them.
-
-    Raises
-    ------
-    InputError : an unknown class, or as `add_classes`.
-    """
-    basis = leak_basis(fluid, 1.0, stated)
-    classes = leak_classes(names)
-    for one in classes:
-        if not np.isfinite(one.limit(basis, diameter)):
-            raise InputError("classes", one.name, "a class with a limit")
-    return classes

@@ -17,14 +17,15 @@ from numpy.typing import NDArray
 from ..base.errors import InputError
 from ..base.fields import PART, PART_VECTOR, PIXEL, WINDOW, Field, fields_of
 from ..base.files import made_folder
-from ..studies.link_flow import WindowPixels
 from ..topography import Topography
-from .run_data import RunData
 from .selections import solved_steps
 from .vtk_files import Cells, Heights, Image, LoadSteps, View, write_hdf, write_series
 
 if TYPE_CHECKING:
     import xarray
+
+    from ..studies.link_flow import WindowPixels
+    from .run_data import RunData
 
 Array = NDArray[np.float64]
 #: Formats: the series, which every ParaView opens; VTKHDF for ParaView 5.13 or later; both; or none.

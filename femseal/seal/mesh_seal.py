@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from skfem import Basis, FacetBasis, Functional, Mesh, MeshQuad1, MeshQuad2, MeshTri1, MeshTri2
 from skfem.quadrature import get_quadrature
 
+from ..base import validate
 from ..base.errors import InputError
 from ..base.quantities import to_si
 from ..flow.dirichlet_flow import DirichletFlow, dirichlet_flow
@@ -58,21 +59,6 @@ class PressureBoundaries:
         return cls(names, facets, tuple(inlet.values()))
 
 
-def checked_pressures(inlet: Mapping[str, Any]) -> dict[str, float]:
-    """Pressures of inlets by their names; InputError where one is not a number, or without any."""
-    if not inlet:
-        raise InputError("inlet", "no boundaries", "names of boundaries with their pressures")
-    found = {}
-    for name, value in inlet.items():
-        try:
-            found[name] = float(value)
-        except (TypeError, ValueError):
-            found[name] = np.nan
-        if not np.isfinite(found[name]):
-            raise InputError(f"inlet {name!r}", repr(value), "a finite pressure [Pa]")
-    return found
-
-
 @dataclass(frozen=True)
 class MeshSeal:
     """A seal of any plan shape, meshed with triangles or quadrilaterals of first or second order.
@@ -99,7 +85,7 @@ class MeshSeal:
 
     def __post_init__(self) -> None:
         if isinstance(self.inlet, Mapping):
-            object.__setattr__(self, "inlet", checked_pressures(self.inlet))
+            object.__setattr__(self, "inlet", validate.pressures("inlet", self.inlet))
         mesh = self.path if isinstance(self.path, Mesh) else read_mesh(self.path, to_si(f"1 {self.unit}", "m", "unit"))
         object.__setattr__(self, "mesh", mesh)
         if type(mesh) not in (MeshTri1, MeshQuad1, MeshTri2, MeshQuad2):

@@ -21,13 +21,11 @@ from typing import TYPE_CHECKING
 from ..base.lazy_package import load_when_used
 
 if TYPE_CHECKING:
+    from .choices import CONTACTS, DRAWS, FLOWS, FLUID_PRESSURES, NOMINALS, PRESSURES
     from .deterministic import DeterministicResult, deterministic
-    from .face_contact import CONTACTS, chosen_contact
-    from .fluid_coupling import FLUID_PRESSURES, NOMINALS
+    from .face_contact import chosen_contact
     from .other_fluid import FluidState, OtherLeakage, drop_ratio
     from .sampling_options import (
-        DRAWS,
-        PRESSURES,
         Sampling,
         check_sampling,
         chosen_sampler,
@@ -38,7 +36,7 @@ if TYPE_CHECKING:
     from .stochastic import stochastic
     from .stochastic_result import StochasticResult
     from .study_registry import STUDIES, Study, StudyOptions, StudyResult, study_of_result
-    from .two_scale import FLOWS, TwoScaleResult, chosen_flow, two_scale
+    from .two_scale import TwoScaleResult, chosen_flow, two_scale
 
 __all__ = [
     "CONTACTS",

@@ -10,18 +10,14 @@ import numpy as np
 from ..base import validate
 from ..base.errors import InputError
 from ..base.quantities import to_text
-from ..library import SAMPLERS
-from ..seal.layouts import Layout, SealWindows, Windows
+from ..seal.laid_windows import SealWindows, Windows
+from ..seal.layouts import Layout
 from ..seal.pressure_map import AnyMap, MapsAtLoads, Profile, Uniform, is_uniform
 from ..windows import Partition
+from .choices import DRAWS, PRESSURES
 from .face_contact import chosen_contact
 from .scene import Scene
 from .seat_rows import SeatMap
-
-#: Choices of the pressures and the waves of windows, see `Sampling.pressure`.
-PRESSURES = ("place", "global", "uniform")
-#: Choices of `Sampling.sampler`: those that draw links, and runs of columns.
-DRAWS = (*SAMPLERS, "runs")
 
 
 @dataclass(frozen=True)

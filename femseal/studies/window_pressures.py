@@ -12,7 +12,8 @@ from ..base.quantities import to_text
 from ..library.library import local_peaks
 from ..library.sampling import Index
 from ..loads import LoadProgramme
-from ..seal.layouts import Layout, SealWindows
+from ..seal.laid_windows import SealWindows
+from ..seal.layouts import Layout
 from ..seal.pressure_map import AnyMap, MapsAtLoads, PressedSeal, PressureField, is_uniform
 from .scene import Array, Scene
 from .seat_rows import SeatMap, SeatRows

@@ -8,9 +8,8 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy import sparse
-from scipy.sparse.linalg import spsolve
 
 from ..base.errors import InputError
 from ..base.quantities import to_text
@@ -131,7 +130,7 @@ def fill_holes(heights: NDArray, spacing: tuple[float, float], periodic: tuple[b
     index = np.arange(len(holes))
     entries = np.concatenate([*values, diagonal])
     where = (np.concatenate([*rows, index]), np.concatenate([*columns, index]))
-    laplacian = sparse.csc_array((entries, where), shape=(len(holes), len(holes)))
+    laplacian = scipy.sparse.csc_array((entries, where), shape=(len(holes), len(holes)))
     filled = heights.copy()
-    filled[tuple(holes.T)] = spsolve(laplacian, right)
+    filled[tuple(holes.T)] = scipy.sparse.linalg.spsolve(laplacian, right)
     return filled
