@@ -106,10 +106,13 @@ def solved(function, kind, seed, folder):
 def judged(kind, seed, found):
     """Every step of every study of a scene: the error, the band, and whether it holds the truth."""
     from femseal import error_budget
+    from femseal.budget import effective_pressure_part
 
     truth = found["truth"]
     for method, study in found["studies"].items():
         budget = error_budget(found["scene"], study, **found["solutions"])
+        if (part := effective_pressure_part(found["scene"], study)) is not None:  # part of the band of a run
+            budget = replace(budget, parts=(*budget.parts, part))
         q, lower, upper = budget.leakage, budget.lower, budget.upper
         # a long face is one realisation, the budget of drawn seals is that of their median
         spread = np.nan_to_num(1.96 * study.realisation_spread) if method == "drawn seals" else 0.0
