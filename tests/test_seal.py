@@ -464,7 +464,7 @@ def test_elements_shaped_like_the_cells(seal):
     tables = [PermeabilityTable((1e6, 1.0), np.stack([k, k])) for k in values]
     found = [leak(k, seal).volume_rate * 1e-3 / 1e6 for k in (*values, *flat, *tables)]
     assert_allclose(found, exact, rtol=1e-9)
-    with pytest.raises(InputError, match="^bounds: given true with elements"):
+    with pytest.raises(InputError, match=r"^bounds: given true with elements"):
         leak(rows, seal, bounds=True)
 
 

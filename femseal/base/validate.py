@@ -92,9 +92,9 @@ def grid(name: str, value: Any, *, minimum: int = 1) -> tuple[int, int]:
 
 
 def flags(name: str, value: Any) -> tuple[bool, bool]:
-    """Two truth values, along x1 and x2."""
+    """Two truth values, along x1 and x2; a single one is both."""
     try:
-        first, second = value
+        first, second = (value, value) if isinstance(value, bool) else value
         if first not in (True, False) or second not in (True, False):
             raise ValueError
     except (TypeError, ValueError):
