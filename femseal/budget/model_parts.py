@@ -119,24 +119,23 @@ def effective_pressure_part(scene: Scene, study: Any) -> ErrorPart | None:
     """What windows under their effective pressure, or an even potential, differ by from the coupled face.
 
     Measured on seven faces four long waves broad, p_in/p̄ .1 to 1: drawn windows leak at most by half of what the fluid
-    does to ln(leakage) too much, and by a fifth too little, less on broader seals; an even potential errs by a tenth of
-    it. None of other studies.
+    does to ln(leakage) too much, and by a fifth too little, less on broader seals. So do windows under a potential that
+    falls evenly, at 93 of 100 loads of 36 faces of six kinds. None of other studies.
     """
     fluid = scene.acting_fluid
     drawn = isinstance(study, StochasticResult)
     if drawn:
-        chosen, size = study.pressure != "place", 0.5
+        chosen = study.pressure != "place"
         note = "windows under their effective pressure against a coupled face, measured on faces four waves broad"
     else:
-        chosen, size = isinstance(study, TwoScaleResult) and study.contact == "windows", 0.1
+        chosen = isinstance(study, TwoScaleResult) and study.contact == "windows"
         note = "contact of windows under a fluid whose potential falls evenly, measured against that of the flow"
     if fluid is None or not chosen:
         return None
     q = study.quantile(0.5) if drawn else study.leakage
     loads = np.maximum(study.steps.pressures, abs(fluid.carried))
     effect = load_sensitivity(study.steps, q) * np.abs(fluid.carried) / np.where(loads > 0, loads, 1.0)
-    above = 0.2 if drawn else size
-    return part_of_changes("effective pressure", study.steps, q, size * effect, above * effect, note)
+    return part_of_changes("effective pressure", study.steps, q, 0.5 * effect, 0.2 * effect, note)
 
 
 def sampler_part(scene: Scene, study: StochasticResult) -> ErrorPart:

@@ -86,7 +86,7 @@ def drawn_seals(kind, seed):
     truth = deterministic(drawn.scene(2)).leakage
     scene, (n, _) = piece_of(drawn), drawn.points
     sampling = Sampling(LENGTH * n * PIXEL, REALISATIONS, 1, seed=1, sampler="runs")
-    seals = replace(stochastic(scene, (drawn.cells[0],) * 2, sampling), library=None, median_seal=None)
+    seals = replace(stochastic(scene, (drawn.cells[0],) * 2, sampling), median_seal=None)
     coarse = coarser(scene, scene.surface.resample((n // 2, n // 2)), deterministic(scene).leakage, deterministic)
     return {"scene": scene, "studies": {"drawn seals": seals}, "truth": truth, "solutions": {"coarse": [coarse]}}
 
@@ -106,10 +106,13 @@ def solved(function, kind, seed, folder):
 def judged(kind, seed, found):
     """Every step of every study of a scene: the error, the band, and whether it holds the truth."""
     from femseal import error_budget
+    from femseal.budget import effective_pressure_part
 
     truth = found["truth"]
     for method, study in found["studies"].items():
         budget = error_budget(found["scene"], study, **found["solutions"])
+        if (part := effective_pressure_part(found["scene"], study)) is not None:  # part of the band of a run
+            budget = replace(budget, parts=(*budget.parts, part))
         q, lower, upper = budget.leakage, budget.lower, budget.upper
         # a long face is one realisation, the budget of drawn seals is that of their median
         spread = np.nan_to_num(1.96 * study.realisation_spread) if method == "drawn seals" else 0.0
