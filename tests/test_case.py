@@ -139,7 +139,10 @@ def test_every_registered_fluid_can_be_chosen(data, kind):
             parse_case({**data, "fluid": data["fluid"] | {name: low}})
         without = {key: value for key, value in data["fluid"].items() if key != name}
         if declared.default is MISSING:
-            with pytest.raises(fs.InputError, match=f"^fluid.{name}: given nothing, expected a value for this key$"):
+            with pytest.raises(
+                fs.InputError,
+                match=f"^fluid.{name}: given nothing, expected a value for this key(, such as {name} = .+)?$",
+            ):
                 parse_case({**data, "fluid": without})
         else:
             assert getattr(parse_case({**data, "fluid": without}).fluid.fluid, name) == declared.default
@@ -238,6 +241,41 @@ def test_faults_of_a_file_say_line_and_the_key_that_is_meant(tmp_path):
     assert first.startswith("material.yeild_stress: given an unknown key, expected young, poisson")
     assert first.endswith(f"; perhaps meant: yield_stress (line {typo})")
     assert second.endswith(f"not a comma: '12.5 mm' (line {comma})")
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "meant"),
+    [
+        ('viscosity = "1 mPa*s"', "viscosity = 1 mPa*s  # water", 'viscosity = "1 mPa*s"'),
+        ("poisson = 0.3", "poisson = 0,3", "poisson = 0.3"),
+    ],
+)
+def test_values_without_quotes_or_with_a_comma_are_shown_as_they_may_be_meant(tmp_path, old, new, meant):
+    text = (ROOT / "examples" / "turned_seal.toml").read_text(encoding="utf-8")
+    (tmp_path / "case.toml").write_text(text.replace(old, new, 1), encoding="utf-8")
+    with pytest.raises(fs.InputError, match=rf"; perhaps meant: {re.escape(meant)}$"):
+        fs.load_case(tmp_path / "case.toml")
+
+
+def test_a_missing_key_is_shown_with_a_value(data):
+    del data["face"]["pitch"]
+    data["load"]["map"] = {"kind": "field", "path": "flange.vtu", "length_unit": "mm"}
+    with pytest.raises(fs.InputError) as error:
+        parse_case(data)
+    assert str(error.value).splitlines() == [
+        'face.pitch: given nothing, expected a value for this key, such as pitch = "60 um"',
+        'load.map.pressure_unit: given nothing, expected a value for this key, such as pressure_unit = "MPa"',
+    ]
+
+
+def test_one_value_is_that_of_both_axes(data, tmp_path):
+    np.save(tmp_path / "face.npy", np.zeros((4, 4)))
+    face = {"path": "face.npy", "spacing": "2 um", "periodic": True}
+    case = parse_case(data | {"face": face, "contact": {"boundary": "free"}}, tmp_path)
+    assert (case.face[0].spacing, case.face[0].periodic) == ((2e-6, 2e-6), (True, True))
+    assert case.contact.boundary == ("free", "free")
+    with pytest.raises(fs.InputError, match=r"^face.spacing: given '2 um\^2', expected .* or a list of two$"):
+        parse_case(data | {"face": face | {"spacing": "2 um^2"}}, tmp_path)
 
 
 def test_a_file_that_is_not_there_is_shown_with_its_whole_path(data, tmp_path):

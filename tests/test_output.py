@@ -199,6 +199,9 @@ def test_best_leakage_at_hand(scene, studies):
         assert r.method == method
         assert r.leakage.name == f"leakage_{method.replace('-', '_')}"
         assert method in repr(r)
+        assert (r.per_length == r.leakage).all()
+        assert_allclose(r.mass_rate / r.volume_rate, scene.fluid.reference_density)
+        assert_allclose(r.volume_rate / r.per_length, r.leak_basis.length)
 
 
 def test_statistics_are_those_of_the_realisations_that_did_not_fail(studies):

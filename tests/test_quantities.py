@@ -20,6 +20,7 @@ from femseal.base.quantities import to_si, to_text
         ("3e-3 m", "m", 3e-3),
         ("-2 bar", "Pa", -2e5),
         ("1 mPa*s", "Pa*s", 1e-3),
+        ("1 mPa.s", "Pa*s", 1e-3),
         ("870 kg/m^3", "kg/m^3", 870.0),
         ("0.87 g/cm^3", "kg/m^3", 870.0),
         ("29 g/mol", "kg/mol", 0.029),
@@ -41,6 +42,20 @@ def test_units(text, unit, value):
 def test_decimal_comma_is_refused(text):
     with pytest.raises(InputError, match="expected a number with a decimal point, not a comma"):
         to_si(text, "m")
+
+
+@each(
+    ("text", "hint"),
+    [
+        ("1.000,5 bar", "comma: '1000.5 bar'$"),
+        ("210,000 MPa", "'210.000 MPa', or '210000 MPa' without separators of thousands$"),
+        ("10 MPA", "capitals count: MPa or mPa$"),
+        ("10 BAR", "capitals count: bar$"),
+    ],
+)
+def test_what_may_have_been_meant(text, hint):
+    with pytest.raises(InputError, match=hint):
+        to_si(text, "Pa")
 
 
 @each(

@@ -16,7 +16,7 @@ from skfem import MeshLine, MeshQuad, MeshTri, MeshTri2
 from femseal.analytic import annulus_rate, log_symmetric_links, stripes_across, stripes_along
 from femseal.base.errors import InputError
 from femseal.fluids import IdealGas, Liquid
-from femseal.seal import AnnularSeal, Leakage, MeshSeal, RectangularSeal, seal_leakage
+from femseal.seal import AnnularSeal, Leakage, MeshSeal, PermeabilityTable, RectangularSeal, seal_leakage
 from femseal.seal.structured import conservative_rate
 
 MESHES = Path(__file__).parents[1] / "meshes"
@@ -429,10 +429,11 @@ def leak(permeability=1e-18, seal=STRIP, fluid=WATER, **kwargs):
         (np.nan, "^permeability k1: given 1 values not finite, expected numbers >= 0"),
         ((1.0, np.inf), "^permeability k2: given 1 values not finite"),
         (-1.0, "^permeability k1: given -1, expected numbers >= 0"),
+        (-np.ones((6, 10)), "^permeability: given -1, expected numbers >= 0"),
         ("much", "^permeability k1: given 'much', expected numbers"),
         (
-            np.ones((6, 10)),
-            r"^permeability: given one array of shape \(6, 10\), expected a number, or the links",
+            np.ones((6, 9)),
+            r"^permeability: given one array of shape \(6, 9\), expected a number, or the links .* an array \(6, 10\),",
         ),
         ((1.0, 1.0, 1.0), "^permeability: given 3 items, expected a number, or the links"),
         (
@@ -449,6 +450,22 @@ def test_bad_permeability(k, message):
     for seal in (STRIP, AnnularSeal(1.0, 2.0, (6, 10))):
         with pytest.raises(InputError, match=message):
             leak(k, seal)
+
+
+@each("seal", [STRIP, AnnularSeal(1e-3, 2e-3, (6, 10))])
+def test_elements_shaped_like_the_cells(seal):
+    rows = 1e-18 * np.arange(1.0, 7.0)[:, None] * np.ones((6, 10))
+    along_both = np.stack([rows, 0 * rows], axis=-1)
+    values = [rows, along_both, rows[..., None, None] * np.eye(2)]
+    # rows in series
+    steps = np.diff(seal.grid.lines1)
+    exact = np.sum(np.diff(seal.grid.lines2)) / np.sum(steps / rows[:, 0])
+    flat = [k.reshape(60, *k.shape[2:]) for k in values]
+    tables = [PermeabilityTable((1e6, 1.0), np.stack([k, k])) for k in values]
+    found = [leak(k, seal).volume_rate * 1e-3 / 1e6 for k in (*values, *flat, *tables)]
+    assert_allclose(found, exact, rtol=1e-9)
+    with pytest.raises(InputError, match=r"^bounds: given true with elements"):
+        leak(rows, seal, bounds=True)
 
 
 def test_bad_permeability_on_a_mesh():

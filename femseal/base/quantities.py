@@ -10,13 +10,15 @@ from typing import Any
 from .errors import InputError, shown
 
 _DECIMAL_COMMA = re.compile(r"\d,\d")
+#: A number with a decimal comma, or with commas between thousands.
+_WITH_COMMA, _THOUSANDS = re.compile(r"[\d.]*,\d+"), re.compile(r"\d{1,3}(?:,\d{3})+")
 _TEMPERATURE = re.compile(r"^\s*([-+]?[\d.]+(?:[eE][-+]?\d+)?)\s*(°C|degC|celsius)\s*$")
 #: Longest text that can be a quantity, in characters.
 _LONGEST = 80
 _EXPONENT = r"(?:(?:\^|\*\*)?[-+]?\d{1,2}|⁻?[¹²³⁴⁵⁶])"
 _NAME = r"(?:[^\W\d_]|[°%])+(?:(?:_|\d+)[^\W\d_]+)*"
 _FACTOR = rf"(?:1|{_NAME}{_EXPONENT}?)"
-_PRODUCT = rf"{_FACTOR}(?:(?:\s*(?:\*|/|·)\s*|\s+){_FACTOR})*"
+_PRODUCT = rf"{_FACTOR}(?:(?:\s*(?:\*|/|·|\.)\s*|\s+){_FACTOR})*"
 #: What may be given to the parser of units: names with exponents, multiplied and divided, brackets one deep.
 _UNIT = re.compile(_PRODUCT.replace(_FACTOR, rf"(?:{_FACTOR}|\(\s*{_PRODUCT}\s*\))"))
 _BARE_EXPONENT = re.compile(r"(?<=[^\W\d_])([-+]?\d)(?!\d*[^\W\d_])")
@@ -25,7 +27,7 @@ _PASCAL_SECOND = re.compile(r"(?<=Pa)s\b")
 _NUMBER_AND_UNIT = re.compile(r"^\s*([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)\s*(\S.*)?$")
 #: What a pressure is counted from, gauge or absolute: "(g)", "(a)", a word, or a letter after bar, psi or Pa.
 _REFERENCE = re.compile(
-    r"\s?(?:\(\s?([ga])\s?\)|(?:(?<=bar)|(?<=psi)|(?<=Pa))([ga])|\s([ga])(?:auge|bs(?:olute)?))\s?$"
+    r"\s?(?:\(\s?([gaü])\s?\)|(?:(?<=bar)|(?<=psi)|(?<=Pa))\s?([gaü])|\s([ga])(?:auge|bs(?:olute)?))\s?$", re.IGNORECASE
 )
 #: Prefixes for people: (factor, text), used when a value is printed.
 _PREFIXES = [(1e9, "G"), (1e6, "M"), (1e3, "k"), (1.0, ""), (1e-3, "m"), (1e-6, "µ"), (1e-9, "n"), (1e-12, "p")]
@@ -83,8 +85,7 @@ def to_si(text: object, unit: str, name: str = "quantity") -> float:
         )
         raise InputError(name, shown(text), expected)
     if _DECIMAL_COMMA.search(text):
-        point = shown(_DECIMAL_COMMA.sub(lambda comma: comma[0].replace(",", "."), text))
-        raise InputError(name, shown(text), f"a number with a decimal point, not a comma: {point}")
+        raise InputError(name, shown(text), f"a number with a decimal point, not a comma: {_without_comma(text)}")
     if unit == "K" and (match := _TEMPERATURE.match(text)):
         return _finite(float(match[1]) + 273.15, text, name, example)
     match = _NUMBER_AND_UNIT.match(text)
@@ -94,7 +95,9 @@ def to_si(text: object, unit: str, name: str = "quantity") -> float:
     if written and not _UNIT.fullmatch(written):
         raise InputError(name, shown(text), example)
     if (factor := _factor(written, unit)) is None:
-        raise InputError(name, shown(text), example)
+        alike = [each for each, (kind, _) in _USUAL.items() if kind == unit and each.lower() == written.lower()]
+        hint = f"; capitals count: {' or '.join(alike)}" if alike else ""
+        raise InputError(name, shown(text), f"{example}{hint}")
     # 15 digits restore the decimal number as written, although the factor of a prefix is not exact in binary
     return _finite(float(f"{float(match[1]) * factor:.15g}"), text, name, example)
 
@@ -116,7 +119,7 @@ def absolute_pressure(text: object, ambient: float, name: str = "quantity") -> f
     match = _REFERENCE.search(text) if isinstance(text, str) and len(text) <= _LONGEST else None
     if match is None or not isinstance(text, str):
         return None
-    above = ambient if "g" in match.groups() else 0.0
+    above = ambient if {"g", "G", "ü", "Ü"} & {*match.groups()} else 0.0
     try:
         pressure = to_si(text[: match.start()], "Pa", name) + above
     except InputError as error:
@@ -140,7 +143,18 @@ def _factor(written: str, unit: str) -> float | None:
 
 def _spelled(unit: str) -> str:
     """A unit as the parser of units reads it: N/mm2 is N/mm^2, mPas is mPa*s."""
-    return _BARE_EXPONENT.sub(r"^\1", _PASCAL_SECOND.sub("*s", unit))
+    return _BARE_EXPONENT.sub(r"^\1", _PASCAL_SECOND.sub("*s", unit.replace(".", "*")))
+
+
+def _without_comma(text: str) -> str:
+    """How a number with commas may have been meant.
+
+    >>> _without_comma("1,5 mm"), _without_comma("1.000,5 bar"), _without_comma("210,000 MPa")
+    ("'1.5 mm'", "'1000.5 bar'", "'210.000 MPa', or '210000 MPa' without separators of thousands")
+    """
+    whole = _THOUSANDS.sub(lambda number: number[0].replace(",", ""), text)
+    point = _WITH_COMMA.sub(lambda number: number[0].replace(".", "").replace(",", "."), text)
+    return shown(point) + (f", or {shown(whole)} without separators of thousands" if whole != text else "")
 
 
 def _example(unit: str) -> str:

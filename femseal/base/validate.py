@@ -100,9 +100,9 @@ def pressures(name: str, value: Mapping[str, Any]) -> dict[str, float]:
 
 
 def flags(name: str, value: Any) -> tuple[bool, bool]:
-    """Two truth values, along x1 and x2."""
+    """Two truth values, along x1 and x2; a single one is both."""
     try:
-        first, second = value
+        first, second = (value, value) if isinstance(value, bool) else value
         if first not in (True, False) or second not in (True, False):
             raise ValueError
     except (TypeError, ValueError):

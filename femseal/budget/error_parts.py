@@ -55,7 +55,7 @@ class ErrorPart:
         return ErrorPart(self.name, lower, upper, self.note)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class ErrorBudget:
     """The error budget of the leakage of one study of one scene.
 
@@ -68,6 +68,10 @@ class ErrorBudget:
     leakage: Array
     parts: tuple[ErrorPart, ...]
     steps: LoadProgramme | None = None
+
+    def __repr__(self) -> str:
+        parts = ", ".join(part.name for part in self.parts)
+        return f"<femseal.ErrorBudget of the {self.method} leakage at {len(self.leakage)} loads: {parts}>"
 
     @property
     def numerical(self) -> ErrorBudget:

@@ -25,7 +25,7 @@ from .case_tables import CellsTable, ContactTable, FlowTable, OutputTable, Stoch
 from .faces import Face, FileFace, SurfaceTable
 from .faults import INTERNAL, case_faults, fault, faults_of
 from .fluid import AnyFluid, with_absolute_pressures, with_named_fluids
-from .key_lines import with_lines
+from .key_lines import meant_in, with_lines
 from .load import LoadTable
 from .seal import AnySeal, AnySeat, with_inlet_pressure
 from .solid import SolidTable, with_named_solids
@@ -216,7 +216,8 @@ class Case(Table):
     def __repr__(self) -> str:
         faces, highest = " and ".join(face.kind for face in self.face), to_text(self.load.highest, self.load.unit, 3)
         methods = ", ".join(sorted(self.methods))
-        return f"<femseal.Case {self.title!r}: {methods}; {faces} face, {self.fluid.kind}, loads up to {highest}>"
+        head = f"femseal.Case {self.title!r}" if self.title else "femseal.Case"
+        return f"<{head}: {methods}; {faces} face, {self.fluid.kind}, loads up to {highest}>"
 
     __str__ = __repr__
 
@@ -334,8 +335,8 @@ def read_case(path: str | PathLike[str]) -> tuple[dict[str, Any], Path]:
     except ValueError as error:  # of TOML, or of a number with thousands of digits
         if isinstance(error, InputError):
             raise
-        reason = shortened(error, 120)
-        raise InputError("case", f"'{path}', which is not TOML", f"a TOML file ({reason})") from None
+        expected = f"a TOML file ({shortened(error, 120)}){meant_in(content.decode('utf-8'), str(error))}"
+        raise InputError("case", f"'{path}', which is not TOML", expected) from None
     return data, path.parent
 
 

@@ -20,6 +20,7 @@ from ..studies.choices import CONTACTS, DRAWS, FLOWS, FLUID_PRESSURES, PRESSURES
 from .faults import fault, faults_of, refusal
 from .fluid import AnyFluid
 from .values import (
+    Both,
     Count,
     FileSize,
     Length,
@@ -36,7 +37,7 @@ Boundary = Literal["periodic", "mirror", "free"]
 class ContactTable(Table):
     """How contact is solved, and whether the fluid presses the faces apart, see `studies.Scene`."""
 
-    boundary: tuple[Boundary, Boundary] = ("free", "periodic")
+    boundary: Annotated[tuple[Boundary, Boundary], Both()] = ("free", "periodic")
     rtol: Annotated[float, Field(gt=0, lt=0.1)] = 1e-5
     fluid_pressure: Annotated[str, *one_of(FLUID_PRESSURES)] = "acts"
 

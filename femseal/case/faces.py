@@ -15,7 +15,7 @@ from pydantic import BeforeValidator, Field, WithJsonSchema
 from ..base.errors import shortened
 from ..topography import SPIKES, Topography, read_topography, self_affine, turned
 from .faults import fault
-from .values import Angle, Channel, Count, Height, Hurst, Length, Place, Ratio, Shift, Slope, Table, Threshold
+from .values import Angle, Both, Channel, Count, Height, Hurst, Length, Place, Ratio, Shift, Slope, Table, Threshold
 
 
 class SelfAffineFace(Table):
@@ -65,7 +65,7 @@ class MapFile(Table):
 
     path: Path | None = None
     size: tuple[Length, Length] | None = None
-    spacing: tuple[Length, Length] | None = None
+    spacing: Annotated[tuple[Length, Length], Both()] | None = None
     height_unit: str | None = None
     delimiter: str | None = None
     array: str | None = None
@@ -74,7 +74,7 @@ class MapFile(Table):
     mask: Path | None = None
     file_mask: bool = True
     crop: tuple[Place, Place, Place, Place] | None = None
-    periodic: tuple[bool, bool] = (False, False)
+    periodic: Annotated[tuple[bool, bool], Both()] = (False, False)
 
 
 def _tables(given: Any) -> Any:

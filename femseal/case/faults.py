@@ -85,7 +85,7 @@ def _fault(case: type[BaseModel], error: dict[str, Any]) -> InputError:
         table = "" if len(place) > 1 else table_to_paste(key)
         if table:
             return InputError(key, MISSING, f"a table such as\n{table}")
-        return InputError(key, _NOTHING, "a value for this key")
+        return InputError(key, _NOTHING, f"a value for this key{_such_as(key)}")
     if kind == "too_short":
         return InputError(key, shown(given), "a list of at least one")
     if kind.startswith("int_"):
@@ -112,10 +112,21 @@ def _sibling(key: str, name: str) -> str:
 
 def table_to_paste(table: str) -> str:
     """A table of the template of cases without its comments, "" of one that it does not have."""
-    text = files(__package__).joinpath("template.toml").read_text(encoding="utf-8")
-    found = re.search(rf"^\[{re.escape(table)}\].*(?:\n(?!\[).*)*", text, re.MULTILINE)
+    found = re.search(rf"^\[{re.escape(table)}\].*(?:\n(?!\[).*)*", _template(), re.MULTILINE)
     lines = (re.sub(r"\s*#.*", "", line) for line in found[0].splitlines()) if found else ()
     return "\n".join(filter(None, lines))
+
+
+def _template() -> str:
+    return files(__package__).joinpath("template.toml").read_text(encoding="utf-8")
+
+
+def _such_as(key: str) -> str:
+    """The key with its value in the template of cases, "" of one that it does not have."""
+    table, name = key.partition(".")[0], key.rpartition(".")[2]
+    blocks = re.findall(rf"^(?:# )?\[{re.escape(table)}\](?:.*\n(?!(?:# )?\[\w))*", _template(), re.MULTILINE)
+    found = re.search(rf"\b({re.escape(name)} = (?:\"[^\"]*\"|\[[^\]]*\]|[^\s,}}]+))", "\n".join(blocks))
+    return f", such as {found[1]}" if found else ""
 
 
 def _place(case: type[BaseModel], loc: tuple[Any, ...]) -> tuple[list[str], list[Any]]:

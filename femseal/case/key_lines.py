@@ -10,12 +10,23 @@ from ..base.errors import InputError, InputErrors
 
 _HEADER = re.compile(r"\s*(\[\[?)\s*([\w.-]+)\s*\]")
 _KEY = re.compile(r"\s*([\w.-]+)\s*=")
+_UNQUOTED = re.compile(r"\s*([\w.-]+)\s*=\s*([-+]?[\d.][^\"'#\[\]{}]*?)\s*(?:#.*)?$")
 
 
 def with_lines(error: InputError, text: str) -> InputErrors:
     """The faults of a case, each with the line of the text where its key or its table is, if it is there."""
     lines = dict(_lines(text))
     return InputErrors([_with_line(found, lines) for found in getattr(error, "faults", (error,))])
+
+
+def meant_in(text: str, message: str) -> str:
+    """How the line that a message of the parser names may have been meant: a decimal point, or quotes around a unit."""
+    at = re.search(r"at line (\d+)", message)
+    if at is None or (line := _UNQUOTED.match(text.splitlines()[int(at[1]) - 1])) is None:
+        return ""
+    key, value = line.groups()
+    plain = re.fullmatch(r"([-+]?\d+),(\d+)", value)
+    return f"; perhaps meant: {key} = " + (f"{plain[1]}.{plain[2]}" if plain else f'"{value}"')
 
 
 def _with_line(found: InputError, lines: dict[str, int]) -> InputError:

@@ -14,6 +14,7 @@ from pydantic import (
     Field,
     GetCoreSchemaHandler,
     GetJsonSchemaHandler,
+    ValidationError,
     WithJsonSchema,
 )
 from pydantic_core import core_schema
@@ -56,6 +57,27 @@ class Quantity:
         if self.unit:
             return quantity_schema(self.expected)
         return {"type": ["number", "string"], "description": self.expected}
+
+
+@dataclass(frozen=True)
+class Both:
+    """Annotation of a pair along x1 and x2, for which a single value is that of both."""
+
+    def __get_pydantic_core_schema__(self, source: Any, handler: GetCoreSchemaHandler) -> Any:
+        return core_schema.no_info_wrap_validator_function(self._read, handler(source))
+
+    def __get_pydantic_json_schema__(self, core: Any, handler: GetJsonSchemaHandler) -> dict[str, Any]:
+        pair = handler(core)
+        return {"anyOf": [pair, pair["prefixItems"][0]]}
+
+    @staticmethod
+    def _read(value: Any, handler: Callable[[Any], Any]) -> Any:
+        if isinstance(value, (list, tuple, dict)):
+            return handler(value)
+        try:
+            return handler((value, value))
+        except ValidationError as error:
+            raise refusal(f"{error.errors()[0]['msg'].removeprefix('Input should be ')}, or a list of two") from None
 
 
 def quantity_schema(described: str) -> dict[str, Any]:

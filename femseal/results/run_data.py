@@ -60,6 +60,26 @@ class RunData:
         return self.dataset[dict(METHODS)[self.method]]
 
     @property
+    def per_length(self) -> xarray.DataArray:
+        """`leakage` by its name in `Leakage` [m²/s]."""
+        return self.leakage
+
+    @property
+    def volume_rate(self) -> xarray.DataArray:
+        """Best available leakage of the whole seal (step,) [m³/s], as in `Leakage`."""
+        return self.dataset["leakage_total"]
+
+    @property
+    def mass_rate(self) -> xarray.DataArray:
+        """The same by mass (step,) [kg/s].
+
+        Raises
+        ------
+        InputError : the density of the fluid is unknown.
+        """
+        return self.leakage_in("kg/s")
+
+    @property
     def leak_basis(self) -> LeakBasis:
         """Length of the seal and reference state of the fluid, which turn the leakage into any unit."""
         return basis_of(self.dataset.attrs)

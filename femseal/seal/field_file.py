@@ -55,7 +55,12 @@ def read_pressure_field(
         allowed = f"a file that can be read in the {free / 1e9:.3g} GB of free memory"
         raise InputError("path", f"'{file}' of {size / 1e9:.3g} GB", allowed)
     length, unit = to_si(f"1 {length_unit}", "m", "length_unit"), to_si(f"1 {pressure_unit}", "Pa", "pressure_unit")
-    points, values, triangles = (_of_text if file.suffix.lower() in _TEXTS else _of_mesh)(file, name)
+    try:
+        points, values, triangles = (_of_text if file.suffix.lower() in _TEXTS else _of_mesh)(file, name)
+    except InputError as error:
+        columns = f"; or a {' or '.join(_TEXTS)} with the columns x, y and {name}"
+        more = "" if file.suffix.lower() in _TEXTS else columns
+        raise InputError(error.what, error.given, f"{error.expected}{more}") from None
     return PressureField.of(length * points, unit * values, triangles)
 
 

@@ -63,8 +63,9 @@ def seal_leakage(
     ----------
     seal : shape of the seal.
     permeability : k >= 0 [m³]; a number; on structured seals of (n1, n2) cells the links (k1, k2), numbers or arrays
-        (n1, n2) and (n1 − 1, n2), or symmetric tensors (n1, n2, 2, 2) of the elements between four nodes, in the
-        directions of the two axes; on meshes (n_elements,), (n_elements, 2) along x and y, or (n_elements, 2, 2). A
+        (n1, n2) and (n1 − 1, n2), or an array of the elements between four nodes, (n1, n2), (n1, n2, 2) along the two
+        axes or symmetric tensors (n1, n2, 2, 2), also flat as on meshes: (n_elements,), (n_elements, 2) along x and y,
+        or (n_elements, 2, 2). A
         `PermeabilityTable` of any of these gives it at several pressures, as a rarefied gas needs; anything else is
         taken for that of all pressures.
     fluid : a `Liquid`, an `IdealGas` or anything else with a pressure potential.
@@ -72,7 +73,7 @@ def seal_leakage(
         inlet pressure.
     bounds : also enclose the rate between `lower` and `upper`; otherwise both are NaN. On structured seals
         they enclose the flow of the network of links, on straight meshes that of the mesh with k constant on
-        each element. Not with tensors on structured seals, nor with pressures of inlets: the flow out of one of
+        each element. Not with elements of structured seals, nor with pressures of inlets: the flow out of one of
         several boundaries is no energy.
     solver : of the linear system, see `femseal.flow.solve_flow`; on meshes "auto", "direct" or "amg".
 

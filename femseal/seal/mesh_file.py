@@ -122,9 +122,10 @@ def _meshio_read(file: Path) -> Any:
             return meshio.read(file)
     except (Exception, SystemExit) as error:
         reason = (str(error) if not isinstance(error, SystemExit) else "") or "unknown or damaged format"
-        raise InputError(
-            "path", f"'{file}' ({' '.join(reason.split())})", "a mesh in a format that meshio reads"
-        ) from None
+        known = meshio.extension_to_filetypes
+        which = ", not damaged" if file.suffix.lower() in known else f": {' '.join(sorted(known))}; gmsh meshes .step"
+        expected = f"a mesh in a format that meshio reads{which}"
+        raise InputError("path", f"'{file}' ({' '.join(reason.split())})", expected) from None
 
 
 def _named_lines(data: Any) -> dict[str, NDArray[np.int64]]:

@@ -21,7 +21,7 @@ from ..flow.permeability_table import PermeabilityTable, pressure_curve
 from ..flow.pressure_drop import PressureDrop
 from ..flow.solution import DarcyFlow
 from .shapes import Seal
-from .structured import StructuredSeal
+from .structured import StructuredSeal, element_tensors
 
 Array = NDArray[np.float64]
 #: Relative error at which the fixed point ends.
@@ -105,8 +105,8 @@ def _on_parts(seal: Any, values: Any, pressures: int) -> Any:
             raise InputError("permeability", given, f"{pressures} values for each of {n} elements")
         return k
     n1, n2 = seal.cells
-    if not isinstance(values, tuple) and values.shape[1:] == (n1, n2, 2, 2):
-        return values
+    if not isinstance(values, tuple) and element_tensors(values[0], seal.cells) is not None:
+        return np.array([element_tensors(k, seal.cells) for k in values])
     pair = values if isinstance(values, tuple) else (values, values)
     shapes = (pressures, n1, n2), (pressures, n1 - 1, n2)
     for k, shape in zip(pair, shapes, strict=True):

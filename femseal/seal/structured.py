@@ -49,9 +49,7 @@ class StructuredSeal(ABC):
 
     def stencil(self, permeability: Any) -> Stencil:
         """Operator of the flow [m³]; permeability as in `flow`. On links, its conductances are theirs."""
-        n1, n2 = self.cells
-        if not isinstance(permeability, (tuple, list)) and np.shape(permeability) == (n1, n2, 2, 2):
-            k = permeability_tensors(np.reshape(permeability, (n1 * n2, 2, 2)), n1 * n2).reshape(n1, n2, 2, 2)
+        if (k := element_tensors(permeability, self.cells)) is not None:
             values = [np.ascontiguousarray(k[..., a, b]) for a, b in ((0, 0), (0, 1), (1, 1))]
             return assemble_on_elements(self.grid, values, _TENSOR, [0, 1, 2] * 4)
         return assemble_on_links(self.grid, *link_permeabilities(permeability, self.cells))
@@ -61,20 +59,35 @@ class StructuredSeal(ABC):
 
         Parameters
         ----------
-        permeability : a number, the links (k1, k2), numbers or arrays (n1, n2) and (n1 − 1, n2), or symmetric tensors
-            (n1, n2, 2, 2) of the elements in the directions of the two axes [m³].
-        bounds : enclose the flow of the network of links; not with tensors.
+        permeability : a number, the links (k1, k2), numbers or arrays (n1, n2) and (n1 − 1, n2), or the elements, see
+            `element_tensors` [m³].
+        bounds : enclose the flow of the network of links; not with elements.
         solver : see `femseal.flow.solve_flow`.
 
         Raises
         ------
-        InputError : a bad permeability, bounds or elimination with tensors.
+        InputError : a bad permeability, bounds or elimination with elements.
         NotConverged : see `femseal.flow.solve_flow`.
         """
         stencil = self.stencil(permeability)
         if bounds and stencil.nine:
-            raise InputError("bounds", "true with tensors on a structured seal", "true with links, or on a mesh")
+            raise InputError("bounds", "true with elements of a structured seal", "true with links, or on a mesh")
         return structured_flow(stencil, bounds=bounds, solver=solver)
+
+
+def element_tensors(permeability: Any, cells: tuple[int, int]) -> Array | None:
+    """K (n1, n2, 2, 2) [m³] of the elements between four nodes; None of a number, a pair or another shape.
+
+    permeability : an array shaped like the cells, (n1, n2), (n1, n2, 2) along the two axes or symmetric tensors
+        (n1, n2, 2, 2); or the same of the elements row by row, as on a mesh: (n1·n2,), (n1·n2, 2) or (n1·n2, 2, 2).
+    """
+    n1, n2 = cells
+    flat = [(n1 * n2, *parts) for parts in ((), (2,), (2, 2))]
+    shapes = flat + [(n1, n2, *shape[1:]) for shape in flat]
+    if isinstance(permeability, (tuple, list)) or (shape := np.shape(permeability)) not in shapes:
+        return None
+    k = permeability_tensors(np.reshape(permeability, flat[shapes.index(shape) % 3]), n1 * n2)
+    return k.reshape(n1, n2, 2, 2)
 
 
 def link_permeabilities(permeability: Any, cells: tuple[int, int]) -> tuple[Array, Array]:
@@ -89,8 +102,8 @@ def link_permeabilities(permeability: Any, cells: tuple[int, int]) -> tuple[Arra
         raise InputError(
             "permeability",
             given,
-            f"a number, or the links (k1, k2), numbers or arrays {shapes[0]} and {shapes[1]}, or tensors "
-            f"{(n1, n2, 2, 2)}",
+            f"a number, or the links (k1, k2), numbers or arrays {shapes[0]} and {shapes[1]}, or of the elements "
+            f"an array {shapes[0]}, {(n1, n2, 2)} or {(n1, n2, 2, 2)}",
         )
     k1, k2 = (_checked(n, k, s) for n, k, s in zip(("k1", "k2"), pair, shapes, strict=True))
     return k1, k2

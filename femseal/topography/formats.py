@@ -259,17 +259,21 @@ def read_instrument(path: Path, options: Options) -> Raw:
     """Any other format, through SurfaceTopography (an extra, slow to import)."""
     try:
         from SurfaceTopography import open_topography
+        from SurfaceTopography.IO import readers
     except ImportError:
-        known = ", ".join(sorted(READERS))
-        allowed = f"{known}, or other formats after: pip install 'femseal[surface]'"
+        allowed = f"{' '.join(sorted(READERS))}, or many formats of instruments after: pip install 'femseal[surface]'"
         raise bad_file(path, f"a file of kind {path.suffix or 'unknown'!r}", allowed) from None
     # Dozens of readers behind one call raise whatever their formats lead them to: all of it means a bad file.
     try:
         with _unprinted():
             channels = list(open_topography(str(path)).channels)
     except Exception as error:
-        allowed = "a file of one of the formats known to SurfaceTopography"
-        raise bad_file(path, type(error).__name__, allowed) from error
+        known = sorted({*READERS, *(f".{end}" for reader in readers for end in reader.file_extensions())})
+        which = f"not a damaged {path.suffix}" if path.suffix.lower() in known else " ".join(known)
+        allowed = (
+            f"a file of one of the formats known to SurfaceTopography, {which}; programs of instruments export .x3p too"
+        )
+        raise bad_file(path, f"a file without a known format ({type(error).__name__})", allowed) from error
     names = [c.name or "" for c in channels]
     channel = _pick(path, channels, options.channel, "channels", names)
     if channel.dim != 2 or not channel.is_height_channel:

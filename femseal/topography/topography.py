@@ -38,7 +38,7 @@ class Topography(Plotted):
     ----------
     heights : z (n1, n2) [m], kept as a read-only float64 copy; NaN (or masked) = undefined point.
     spacing : pixel size (Δ1, Δ2) [m].
-    periodic : whether the map repeats itself along x1 and x2.
+    periodic : whether the map repeats itself along x1 and x2; one truth value stands for both.
 
     Raises
     ------
