@@ -174,6 +174,7 @@ BAD = [
     ("pressure [MPa], temperature [°C], leakage [m²/s]\n" + ROWS, "temperature"),
     ("pressure [MPa], branch, pressure [bar]\n" + ROWS, "twice"),
     ("branch, leakage [m²/s]\nloading, 1\n", "columns"),
+    ("pressure [MPa], leakage\n50, 1\n", "without a unit"),
     (HEAD + ROWS + "60, up, 1e-5\n", "line 6: branch: given 'up', expected loading or unloading"),
     (HEAD + ROWS + "700, loading, 1e-5\n", "line 6: load: given 700 MPa, expected a load of the case"),
     (HEAD + ROWS + "10, unloading, 1e-5\n", "from 50 MPa to 600 MPa"),

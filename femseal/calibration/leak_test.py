@@ -120,6 +120,8 @@ def _columns(heads: list[str], case: Case) -> tuple[dict[str, tuple[int, float]]
         if name in found:
             raise InputError("data: columns", f"{shortened(head)} twice", "each column once")
         unit, factor = match[2] or "", 1.0
+        if name != "branch" and not unit:
+            raise InputError("data: columns", f"{shown(head)} without a unit", COLUMNS)
         if name == "leakage":
             basis = leak_basis((case.output.test_fluid or case.fluid).fluid, 1.0)
             basis.factor(leakage_in := leak_unit(unit))
