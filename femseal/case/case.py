@@ -311,9 +311,7 @@ def load_case(path: str | PathLike[str]) -> Case:
 def read_case(path: str | PathLike[str]) -> tuple[dict[str, Any], Path]:
     """Tables of a case file, not yet validated, and its folder.
 
-    Raises
-    ------
-    InputError : the file is missing or is not TOML.
+    Raises InputError: the file is missing or is not TOML.
     """
     path = Path(path)
     try:
@@ -343,9 +341,7 @@ def read_case(path: str | PathLike[str]) -> tuple[dict[str, Any], Path]:
 def parse_case(data: dict[str, Any], folder: Path = Path()) -> Case:
     """Validate a case given as a dictionary; paths in it are relative to `folder`.
 
-    Raises
-    ------
-    InputError : one line for each fault.
+    Raises InputError: one line for each fault.
     """
     for name in INTERNAL:
         if name in data:

@@ -35,9 +35,7 @@ def mesh_flow(
 ) -> DarcyFlow:
     """Flow along x1 through a cell on a general mesh, its potential at the pixels (n1, n2).
 
-    Raises
-    ------
-    InputError : fewer than 3 columns of pixels in a ring.
+    Raises InputError: fewer than 3 columns of pixels in a ring.
     NotConverged : the linear solver failed, or the contrast of the gap is too high for mixed elements.
     """
     if sides == "periodic" and gap.shape[1] < 3:

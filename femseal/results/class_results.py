@@ -82,15 +82,11 @@ def add_classes(
 ) -> list[str]:
     """Add which classes are met at each step, and by which fraction of the realisations; returns warnings.
 
-    Parameters
-    ----------
     basis, leakage, realisations : of the fluid that decides [m²/s]: (steps,) and (realisations, steps).
     diameter : nominal diameter [m], which some classes need. upper : upper end of the band of error (steps,) [m²/s]: a
-        class of a sealed step without a known one is open, neither met nor not.
+    class of a sealed step without a known one is open, neither met nor not.
 
-    Raises
-    ------
-    InputError : a class that needs a diameter without one, or one that is not for the fluid.
+    Raises InputError: a class that needs a diameter without one, or one that is not for the fluid.
     """
     if diameter is not None:
         data.attrs["nominal_diameter_m"] = float(diameter)

@@ -50,9 +50,7 @@ class Lay:
         """From a name, {"angle": radians or "30 deg"}, {"kind": "spiral", "lead": metres or "60 um", "starts": 1},
         {"field": "file.vtu:name"} in the folder, or a `Lay`.
 
-        Raises
-        ------
-        InputError : anything else.
+        Raises InputError: anything else.
         """
         if isinstance(given, Lay):
             return given
@@ -76,14 +74,11 @@ class Lay:
     def directions(self, places: Array, centre: tuple[float, float] = (0.0, 0.0), unit: float = 1.0) -> Array:
         """Unit vectors (n, 2) along the lay at places (n, 2) [m].
 
-        Parameters
-        ----------
         centre : from which "radial" is seen [m].
         unit : of the lengths in the file of a field [m].
 
-        Raises
-        ------
-        InputError : a place at the centre; a field that cannot be read, has no such vectors, or does not cover a place.
+        Raises InputError: a place at the centre; a field that cannot be read, has no such vectors, or does not cover a
+        place.
         """
         if self.file is not None:
             return _of_field(self.file, self.array, places, unit)

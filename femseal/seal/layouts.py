@@ -39,9 +39,7 @@ class Layout(Protocol):
     def lay_out(self, windows: Windows) -> SealWindows:
         """Lay windows out over the seal.
 
-        Raises
-        ------
-        InputError : a size that is not given, or given twice; windows larger than the parts of the seal.
+        Raises InputError: a size that is not given, or given twice; windows larger than the parts of the seal.
         """
         ...
 

@@ -44,9 +44,7 @@ class PressureBoundaries:
     def of(cls, mesh: Mesh, inlet: Mapping[str, float], outlet: Sequence[str]) -> PressureBoundaries:
         """Boundaries of a mesh.
 
-        Raises
-        ------
-        InputError : one is both inlet and outlet, or two of them touch.
+        Raises InputError: one is both inlet and outlet, or two of them touch.
         """
         if both := [name for name in outlet if name in inlet]:
             raise InputError("outlet", f"{both[0]!r}, which is an inlet too", "other boundaries than the inlets")

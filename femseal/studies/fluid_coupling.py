@@ -122,9 +122,7 @@ class FluidPressure:
         The contact alone where the fluid carries less than 1e-4 of the load and none is trapped. `former` is the liquid
         in the pockets of the load before.
 
-        Raises
-        ------
-        NotConverged : a contact failed.
+        Raises NotConverged: a contact failed.
         """
         if abs(self.carried) <= LEAST_FRACTION * pressure and not self.trapped:
             return solve_contact(gap0, half_space, pressure=pressure, **settings)

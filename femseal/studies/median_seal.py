@@ -144,8 +144,6 @@ def median_chain(
 
     The flux through every row of windows is scaled so that it carries the leakage of the chain.
 
-    Parameters
-    ----------
     drawn : chains, of which this is one. states : `StateRuns` of every step, or `Failed`.
     pressure : mean contact pressure of the windows of the face (steps, m1, m2) [Pa].
     """

@@ -46,9 +46,7 @@ def chosen_flow(
     Elements are the resolved flow in a third of the memory and two to three times the time. They know links between
     pixels alone, which the discretisation "edge" has, and no grooves that wind.
 
-    Raises
-    ------
-    InputError : a flow that does not exist.
+    Raises InputError: a flow that does not exist.
     """
     if flow is None:
         if shape[0] * shape[1] <= RESOLVED_PIXELS:

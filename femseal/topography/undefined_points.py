@@ -63,8 +63,6 @@ def part_text(part: Part) -> str:
 def largest_part(undefined: NDArray[np.bool_], spacing: tuple[float, float], limit: float) -> Part | None:
     """A large rectangle of which no more than the fraction `limit` is undefined; None without a useful one.
 
-    Parameters
-    ----------
     undefined : points (n1, n2).
     spacing : pixel [m].
     limit : 0 to 1; the rectangle keeps below it with a little to spare.
