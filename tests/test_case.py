@@ -15,9 +15,8 @@ import femseal as fs
 from femseal.base.parameters import parameter
 from femseal.base.quantities import to_si
 from femseal.case.case import parse_case
-from femseal.case.registered_tables import table_of_any
 from femseal.case.schema import case_schema
-from femseal.case.values import Table
+from femseal.case.values import Table, table_of_any
 from femseal.contact import PerfectlyPlastic
 from femseal.fluids import FLUIDS
 from femseal.preparation.preparation import prepare

@@ -23,9 +23,8 @@ from ..materials import Solid, contact_modulus
 from ..seal.layouts import Layout, MeshLayout
 from .case_tables import CellsTable, ContactTable, FlowTable, OutputTable, StochasticTable
 from .faces import Face, FileFace, SurfaceTable
-from .faults import INTERNAL, case_faults, fault, faults_of
+from .faults import INTERNAL, case_faults, fault, faults_of, meant_in, with_lines
 from .fluid import AnyFluid, with_absolute_pressures, with_named_fluids
-from .key_lines import meant_in, with_lines
 from .load import LoadTable
 from .seal import AnySeal, AnySeat, with_inlet_pressure
 from .solid import SolidTable, with_named_solids

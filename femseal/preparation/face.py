@@ -12,9 +12,9 @@ import numpy as np
 
 from ..base.errors import InputError
 from ..base.quantities import to_text
-from ..case.argument_names import FACE_KEYS, SURFACE_KEYS, with_keys
 from ..case.case import Case
 from ..case.faces import FileFace
+from ..case.faults import FACE_KEYS, SURFACE_KEYS, with_keys
 from ..topography import (
     MOST_POINTS,
     Conditioning,

@@ -55,7 +55,7 @@ def length_scales(run: RunData) -> np.ndarray:
 
 
 def lengths_table(run: RunData) -> TextTable:
-    """The length, and median and band at a few load steps.
+    """Median and band by length of seal at a few loads, to be given to `rich.print`.
 
     Raises InputError: seals of one length only.
     """

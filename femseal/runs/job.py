@@ -25,10 +25,9 @@ from ..case.faces import FileFace
 from ..execution import checkpoint
 from ..execution.checkpoint import Checkpoint
 from ..execution.lock import alone_in
-from ..execution.log_file import LogFile
 from ..execution.mappers import ordered_map
 from ..execution.parts import Part, checked_part
-from ..execution.run import Progress, Run, no_progress
+from ..execution.run import LogFile, Progress, Run, no_progress
 from ..execution.shared_stages import SharedStages
 from ..preparation.preparation import prepare
 from ..preparation.prepared import Prepared, without_short_waves
