@@ -147,8 +147,8 @@ def _draw_closely(figure, windows, extent):
             image = axes.imshow(shown.T, origin="lower", extent=extent, cmap=colours, vmin=0, vmax=top)
             axes.set_facecolor("white" if name == "contact" else CLOSED)
             if name == "fluid":
-                axes.imshow(np.ones_like(shown.T), alpha=np.sqrt(window["flow"].T), origin="lower", extent=extent, vmin=0,
-                            vmax=1, cmap=ListedColormap([RED]))  # fmt: skip
+                axes.imshow(np.ones_like(shown.T), alpha=np.sqrt(window["flow"].T), origin="lower", extent=extent,
+                            vmin=0, vmax=1, cmap=ListedColormap([RED]))  # fmt: skip
             if name == "gap":
                 axes.set_ylabel(f"{letter}: $x_2$ [µm]")
         column[0].set_title(title)
