@@ -29,10 +29,10 @@ Everything is SI. Names are loaded when first used, so that importing the packag
 from functools import partial
 from importlib import import_module
 from pathlib import Path
-from pkgutil import iter_modules
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from .base import displays
+from .base.lazy_package import load_when_used
 from .base.loop_files import find_place
 
 __version__ = "0.2.0"
@@ -95,99 +95,96 @@ if TYPE_CHECKING:
         turned,
     )
 
-_MODULES = {
-    "refinement.accuracy_report": ("AccuracyReport",),
-    "preparation.preparation": ("prepare",),
-    "refinement.accuracy_measure": ("measure_accuracy",),
-    "budget": ("CoarserSolution", "ErrorBudget", "ErrorPart", "GridConvergence", "error_budget", "grid_convergence"),
-    "case.case": ("Case", "load_case"),
-    "contact": ("Contact", "HalfSpace", "LoadCycle", "LoadState", "load_cycle", "solve_contact"),
-    "contact.hardness_curves": ("HardnessTable", "NixGao"),
-    "contact.law": ("ContactLaw", "LinearHardening", "PerfectlyPlastic"),
-    "base.errors": ("FemsealError", "InputError", "NotConverged", "PartsMissing"),
-    "flow": (
-        "Constriction",
-        "CubicLaw",
-        "FlowLaw",
-        "FukuiKaneko",
-        "Permeability",
-        "SlipLength",
-        "cell_permeabilities",
-        "cell_permeability",
-        "critical_constriction",
-        "permeability_tensor",
-    ),
-    "fluids": ("IdealGas", "Liquid", "RoelandsLiquid"),
-    "real_gas": ("RealGas",),
-    "runs.job": ("run",),
-    "materials": ("Solid", "contact_modulus", "named_solid"),
-    "report": ("write_report",),
-    "results": ("Results", "RunComparison", "compare", "open_results"),
-    "seal": (
-        "AnnularSeal",
-        "Leakage",
-        "MeshSeal",
-        "PermeabilityTable",
-        "RectangularSeal",
-        "seal_leakage",
-        "table_pressures",
-    ),
-    "studies": (
-        "DeterministicResult",
-        "Sampling",
-        "Scene",
-        "StochasticResult",
-        "TwoScaleResult",
-        "deterministic",
-        "stochastic",
-        "two_scale",
-    ),
-    "studies.seat_rows": ("SeatMap",),
-    "designs.answer": ("Design", "design"),
-    "calibration.calibrating": ("calibrate",),
-    "calibration.calibration": ("Calibration",),
-    "sweeps.sweeping": ("sweep",),
-    "topography": (
-        "BallOnCone",
-        "CrownedSeat",
-        "Places",
-        "ProfileSeat",
-        "RoundedSeat",
-        "TiltedSeat",
-        "SurfaceReport",
-        "Topography",
-        "combine",
-        "condition",
-        "continue_spectrum",
-        "describe_surface",
-        "read_topography",
-        "self_affine",
-        "turned",
-    ),
-}
 find_place(Path(__file__).parent)
 displays["plots"] = partial(import_module, ".plots", __name__)
 displays["report"] = partial(import_module, ".report", __name__)
-_HOME = {name: module for module, names in _MODULES.items() for name in names}
 
-__all__ = sorted(_HOME)
+__all__ = [
+    "AccuracyReport",
+    "AnnularSeal",
+    "BallOnCone",
+    "Calibration",
+    "Case",
+    "CoarserSolution",
+    "Constriction",
+    "Contact",
+    "ContactLaw",
+    "CrownedSeat",
+    "CubicLaw",
+    "Design",
+    "DeterministicResult",
+    "ErrorBudget",
+    "ErrorPart",
+    "FemsealError",
+    "FlowLaw",
+    "FukuiKaneko",
+    "GridConvergence",
+    "HalfSpace",
+    "HardnessTable",
+    "IdealGas",
+    "InputError",
+    "Leakage",
+    "LinearHardening",
+    "Liquid",
+    "LoadCycle",
+    "LoadState",
+    "MeshSeal",
+    "NixGao",
+    "NotConverged",
+    "PartsMissing",
+    "PerfectlyPlastic",
+    "Permeability",
+    "PermeabilityTable",
+    "Places",
+    "ProfileSeat",
+    "RealGas",
+    "RectangularSeal",
+    "Results",
+    "RoelandsLiquid",
+    "RoundedSeat",
+    "RunComparison",
+    "Sampling",
+    "Scene",
+    "SeatMap",
+    "SlipLength",
+    "Solid",
+    "StochasticResult",
+    "SurfaceReport",
+    "TiltedSeat",
+    "Topography",
+    "TwoScaleResult",
+    "calibrate",
+    "cell_permeabilities",
+    "cell_permeability",
+    "combine",
+    "compare",
+    "condition",
+    "contact_modulus",
+    "continue_spectrum",
+    "critical_constriction",
+    "describe_surface",
+    "design",
+    "deterministic",
+    "error_budget",
+    "grid_convergence",
+    "load_case",
+    "load_cycle",
+    "measure_accuracy",
+    "named_solid",
+    "open_results",
+    "permeability_tensor",
+    "prepare",
+    "read_topography",
+    "run",
+    "seal_leakage",
+    "self_affine",
+    "solve_contact",
+    "stochastic",
+    "sweep",
+    "table_pressures",
+    "turned",
+    "two_scale",
+    "write_report",
+]
 
-
-def __getattr__(name: str) -> Any:
-    """A public name, or a module of the package, loaded when it is first used."""
-    if name in _HOME:
-        value = getattr(import_module(f".{_HOME[name]}", __name__), name)
-    elif name in _module_names():
-        value = import_module(f".{name}", __name__)
-    else:
-        raise AttributeError(f"module 'femseal' has no attribute {name!r}")
-    globals()[name] = value
-    return value
-
-
-def __dir__() -> list[str]:
-    return [*__all__, *_module_names(), "__version__"]
-
-
-def _module_names() -> set[str]:
-    return {module.name for module in iter_modules(__path__) if not module.name.startswith("_")}
+load_when_used(__name__)

@@ -91,10 +91,11 @@ def new(
 def check(path: Annotated[Path, typer.Argument(metavar="CASE", help="Case file.")]) -> None:
     """Validate a case and say what a run will compute; nothing is written."""
     from .case.case import load_case
+
+    case = load_case(path)  # before the solvers are loaded, so that a fault is shown at once
     from .preparation.preparation import prepare
     from .runs.forecast import describe, refuse_too_large
 
-    case = load_case(path)
     prepared = prepare(case)
     for line in describe(case, prepared):
         typer.echo(line)
@@ -136,11 +137,12 @@ def run(
     it computes a part of the work and writes no results; once all parts are done, --resume without --part writes them.
     """
     from .case.case import load_case
-    from .runs import job
 
     folder = output or Path("results") / path.stem
     own = parsed_part(part)
-    case = load_case(path)
+    case = load_case(path)  # before the solvers are loaded, so that a fault is shown at once
+    from .runs import job
+
     terminal = sys.stderr.isatty()
     again = f"femseal run {path} -o {folder}"
     try:

@@ -243,10 +243,8 @@ class IdealGas(Gas):
 def potential_of(fluid: Fluid, name: str, pressure: Any) -> float:
     """Pressure potential of a fluid at a pressure that is called `name` [kg/(m³ s)].
 
-    Raises
-    ------
-    InputError : no finite number, or a pressure that the potential does not give back, as of a liquid that is solid
-        there.
+    Raises InputError: no finite number, or a pressure that the potential does not give back, as of a liquid that is
+    solid there.
     """
     try:
         p = float(pressure)

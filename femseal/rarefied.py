@@ -47,8 +47,6 @@ def _flow_rates(inverse_knudsen, out):
 def flow_rate(inverse_knudsen: ArrayLike) -> Array:
     """Q(D), the flow rate of a gas between plates over h²/√(2R_sT) times the pressure gradient.
 
-    Parameters
-    ----------
     inverse_knudsen : D >= 0, √π/2 over the ratio of mean free path and gap. Below 1e-30 it is taken for 1e-30.
     """
     d = np.asarray(inverse_knudsen, dtype=float)

@@ -237,9 +237,7 @@ def _table(name: str, temperature: float) -> _Table:
 def _limit(name: str, temperature: float) -> tuple[float, bool]:
     """Pressure up to which a table goes [Pa], and whether the gas saturates there.
 
-    Raises
-    ------
-    InputError : a temperature outside of those that CoolProp knows.
+    Raises InputError: a temperature outside of those that CoolProp knows.
     """
     import CoolProp
 

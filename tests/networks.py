@@ -3,7 +3,7 @@
 import numpy as np
 
 from femseal.flow import Stencil, solve_flow
-from femseal.flow.discretisation import cell_stencil
+from femseal.flow.edge_flow import cell_stencil
 from femseal.flow.grid import Grid
 
 

@@ -8,7 +8,7 @@ from numpy.testing import assert_allclose, assert_array_equal
 from skfem import Basis, ElementQuad1, ElementQuad2, ElementTriP1, ElementTriP2, MeshQuad, MeshTri
 
 from femseal.base.errors import InputError, NotConverged
-from femseal.flow.discretisation import cell_stencil
+from femseal.flow.edge_flow import cell_stencil
 from femseal.flow.forms import darcy_flow
 from femseal.flow.grid import Grid
 from femseal.flow.mesh import conforming_flow

@@ -22,7 +22,7 @@ from femseal.contact import PerfectlyPlastic
 from femseal.fluids import FLUIDS
 from femseal.preparation.preparation import prepare
 from femseal.runs.forecast import describe
-from femseal.seal.layouts import Windows
+from femseal.seal.laid_windows import Windows
 from femseal.studies import Sampling
 from femseal.topography import repair
 

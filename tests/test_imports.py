@@ -110,12 +110,10 @@ def _importers():
 
 @cache
 def _exported(package):
-    """Names that the __init__ of a package takes from elsewhere, and the module of each; of femseal the lazy ones."""
-    if package == "femseal":
-        return {name: f"femseal.{home}" for name, home in femseal._HOME.items()}
+    """Names that the __init__ of a package takes from elsewhere, and the module of each."""
     return {
         alias.asname or alias.name: full
-        for node in _tree(package).body
+        for node in _nodes(package)
         if isinstance(node, ast.ImportFrom)
         for alias in node.names
         for full in [_from(package, node)]
@@ -292,3 +290,14 @@ def _without_docstring(tree, inside=False):
 def test_functions_and_classes_have_docstrings():
     found = {name: [*_without_docstring(ast.parse(path.read_text("utf-8")))] for name, path in MODULES.items()}
     assert not {name: functions for name, functions in found.items() if functions}
+
+
+def test_a_faulty_case_is_refused_before_the_solvers_are_loaded(tmp_path):
+    (tmp_path / "case.toml").write_text('[material]\nyeld_stress = "1 GPa"\n', encoding="utf-8")
+    code = (
+        "import sys, femseal as fs\ntry: fs.load_case(sys.argv[1])\nexcept fs.InputError as error: print(error)\n"
+        "print([m for m in ('numba', 'scipy.fft', 'skfem', 'xarray', 'pandas', 'rich') if m in sys.modules])"
+    )
+    shown = subprocess.run([sys.executable, "-c", code, tmp_path / "case.toml"], capture_output=True, text=True).stdout
+    assert "perhaps meant: yield_stress" in shown
+    assert shown.endswith("[]\n")

@@ -13,8 +13,9 @@ from femseal.analytic import annulus_rate, eccentric_annulus_rate, elliptic_annu
 from femseal.base.errors import InputError
 from femseal.seal import AnnularSeal, MeshSeal, RectangularSeal
 from femseal.seal.element_windows import ElementSeal, ElementWindows, straightened
+from femseal.seal.laid_windows import Windows
 from femseal.seal.lay import Lay
-from femseal.seal.layouts import AnnularLayout, MeshLayout, RectangularLayout, Windows
+from femseal.seal.layouts import AnnularLayout, MeshLayout, RectangularLayout
 from femseal.seal.link_windows import LinkWindows
 from femseal.seal.upscaling import combined
 

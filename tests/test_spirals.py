@@ -8,7 +8,7 @@ from numpy.testing import assert_allclose
 from scipy.integrate import quad
 
 import femseal as fs
-from femseal.flow.discretisation import cell_stencil
+from femseal.flow.edge_flow import cell_stencil
 from femseal.flow.grid import Grid
 from femseal.flow.law import cubic_law
 from femseal.flow.spiral import spiral_flow

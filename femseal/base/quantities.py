@@ -49,15 +49,11 @@ def _registry() -> Any:
 def to_si(text: object, unit: str, name: str = "quantity") -> float:
     """Value in SI of a quantity given as text with its unit.
 
-    Parameters
-    ----------
     text : for example ``"210 GPa"``, ``"1 mm"``, ``"20 °C"``. A bare number is refused unless `unit` is "" (a ratio).
     unit : the SI unit of what is expected, for example "Pa", "m", "Pa*s", "" for a plain number.
     name : of the value in an error message.
 
-    Raises
-    ------
-    InputError : no unit, a unit of another kind, a decimal comma, or not a finite number.
+    Raises InputError: no unit, a unit of another kind, a decimal comma, or not a finite number.
 
     Examples
     --------
@@ -107,9 +103,7 @@ def absolute_pressure(text: object, ambient: float, name: str = "quantity") -> f
 
     Gauge pressures, "10 bar(g)", "10 barg" or "150 psig", are above the ambient pressure [Pa]; "10 bar(a)" is absolute.
 
-    Raises
-    ------
-    InputError : no pressure, or one below that of a vacuum.
+    Raises InputError: no pressure, or one below that of a vacuum.
 
     Examples
     --------

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from math import isfinite
+from collections.abc import Mapping
+from math import inf, isfinite
 from numbers import Real
 from operator import index
 from typing import Any
@@ -89,6 +90,13 @@ def grid(name: str, value: Any, *, minimum: int = 1) -> tuple[int, int]:
     if first < minimum or second < minimum:
         raise InputError(name, value, allowed)
     return first, second
+
+
+def pressures(name: str, value: Mapping[str, Any]) -> dict[str, float]:
+    """Pressures [Pa] of boundaries by their names, at least one."""
+    if not value:
+        raise InputError(name, "no boundaries", "names of boundaries with their pressures")
+    return {one: number(f"{name} {one!r}", given, unit="Pa", above=-inf) for one, given in value.items()}
 
 
 def flags(name: str, value: Any) -> tuple[bool, bool]:

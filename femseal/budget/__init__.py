@@ -4,15 +4,20 @@ A budget belongs to one study of one scene: `error_budget` gathers the estimates
 combines them to one band (`error_parts.py`). All distances are of ln(leakage): near closing, errors are factors.
 """
 
-from .coarse import CoarserSolution, change_of_windows
-from .continued_waves import continuation_part
-from .error_budget import at_interpolated_steps, error_budget
-from .error_parts import MODEL_PARTS, ErrorBudget, ErrorPart
-from .estimates import places_to_halve
-from .grid_convergence import GridConvergence, grid_convergence
-from .model_parts import FormTolerance, ModelChange, effective_pressure_part, model_changes, model_part
-from .removed_slope import contact_fraction_of
-from .widest_band import WidestBand, counting_steps, widest_band
+from typing import TYPE_CHECKING
+
+from ..base.lazy_package import load_when_used
+
+if TYPE_CHECKING:
+    from .coarse import CoarserSolution, change_of_windows
+    from .continued_waves import continuation_part
+    from .error_budget import at_interpolated_steps, error_budget
+    from .error_parts import MODEL_PARTS, ErrorBudget, ErrorPart
+    from .estimates import places_to_halve
+    from .grid_convergence import GridConvergence, grid_convergence
+    from .model_parts import FormTolerance, ModelChange, effective_pressure_part, model_changes, model_part
+    from .removed_slope import contact_fraction_of
+    from .widest_band import WidestBand, counting_steps, widest_band
 
 __all__ = [
     "MODEL_PARTS",
@@ -36,3 +41,5 @@ __all__ = [
     "places_to_halve",
     "widest_band",
 ]
+
+load_when_used(__name__)

@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 
 from ..loads import LoadProgramme
 from ..studies.curve_distance import FLOOR
-from ..studies.scene import Array
 
+Array = NDArray[np.float64]
 Indices = NDArray[np.int64]
 #: Sources of error of the model and its input, in the order in which they are shown; the others are of its solution.
 MODEL_PARTS = ("hardness", "fluid pressure", "effective pressure", "form", "continuation")

@@ -15,11 +15,11 @@ from typing import Annotated, Any, Literal
 from pydantic import Field, ValidationError, model_validator
 
 from ..base.errors import InputError, InputErrors, shortened
+from ..base.leak_classes import check_classes
 from ..base.quantities import to_text
 from ..contact import ContactLaw, softer_of
 from ..fluids import leak_basis, potential_of
 from ..materials import Solid, contact_modulus
-from ..results.class_results import check_classes
 from ..seal.layouts import Layout, MeshLayout
 from .case_tables import CellsTable, ContactTable, FlowTable, OutputTable, StochasticTable
 from .faces import Face, FileFace, SurfaceTable
@@ -138,7 +138,9 @@ class Case(Table):
             kind = "gas" if basis.is_gas else "liquid"
             raise fault("output.leakage_unit", f"{output.unit.name} for a {kind}", lack)
         with faults_of("output"):
-            check_classes(output.classes, output.nominal_diameter, (output.test_fluid or self.fluid).fluid)
+            check_classes(
+                output.classes, output.nominal_diameter, leak_basis((output.test_fluid or self.fluid).fluid, 1.0)
+            )
 
     def _check_seal(self) -> None:
         """Raise a fault if the shape of the seal does not go with the method, the lengths or the files."""
@@ -309,9 +311,7 @@ def load_case(path: str | PathLike[str]) -> Case:
 def read_case(path: str | PathLike[str]) -> tuple[dict[str, Any], Path]:
     """Tables of a case file, not yet validated, and its folder.
 
-    Raises
-    ------
-    InputError : the file is missing or is not TOML.
+    Raises InputError: the file is missing or is not TOML.
     """
     path = Path(path)
     try:
@@ -341,9 +341,7 @@ def read_case(path: str | PathLike[str]) -> tuple[dict[str, Any], Path]:
 def parse_case(data: dict[str, Any], folder: Path = Path()) -> Case:
     """Validate a case given as a dictionary; paths in it are relative to `folder`.
 
-    Raises
-    ------
-    InputError : one line for each fault.
+    Raises InputError: one line for each fault.
     """
     for name in INTERNAL:
         if name in data:

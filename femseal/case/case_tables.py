@@ -12,12 +12,11 @@ from ..base.errors import InputError
 from ..base.leak_classes import KNOWN, leak_classes
 from ..base.leak_units import LEAK_UNITS, LeakUnit, leak_unit
 from ..base.quantities import to_text
-from ..budget import MODEL_PARTS
-from ..flow import DISCRETISATIONS, SOLVERS
-from ..flow.discretisation import check_discretisation
+from ..budget.error_parts import MODEL_PARTS
+from ..flow.discretisation import DISCRETISATIONS, SOLVERS, check_discretisation
 from ..results.paraview import FORMATS
 from ..results.pixel_fields import LIMIT
-from ..studies import CONTACTS, DRAWS, FLOWS, FLUID_PRESSURES, PRESSURES
+from ..studies.choices import CONTACTS, DRAWS, FLOWS, FLUID_PRESSURES, PRESSURES
 from .faults import fault, faults_of, refusal
 from .fluid import AnyFluid
 from .values import (

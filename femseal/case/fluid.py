@@ -19,10 +19,12 @@ from ..base.quantities import absolute_pressure, to_si, to_text
 from ..fluids import FLUIDS, Fluid
 from ..named_fluids import TABLE_TEMPERATURE, named_fluid
 from ..real_gas import RealGas
-from ..studies import FluidState
 from .faults import fault, faults_of
 from .registered_tables import table_of_any
 from .values import Pressure, Table
+
+if TYPE_CHECKING:
+    from ..studies.other_fluid import FluidState
 
 #: Ratio of a given property to that of the named fluid from which on a warning says so.
 _ODD_RATIO = 2.0
@@ -47,6 +49,8 @@ class FluidTable(Table):
     @property
     def state(self) -> FluidState:
         """The fluid with its pressures."""
+        from ..studies.other_fluid import FluidState
+
         return FluidState(self.fluid, self.inlet_pressure, self.outlet_pressure)
 
 

@@ -18,8 +18,6 @@ def table_of_any(
 ) -> Any:
     """One of the tables of registered dataclasses, by its key `kind`.
 
-    Parameters
-    ----------
     registered : frozen dataclasses by their kind, whose quantities are declared by `base.parameters.parameter`.
     base : base class of their tables.
     more : further keys of the table of each, as pydantic's `create_model` takes them, or others in place of its own.

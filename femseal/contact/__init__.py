@@ -1,10 +1,15 @@
 """Elastic-plastic contact of a half-space: from heights and load to pressure and gap."""
 
-from .cycle import LoadCycle, LoadState, load_cycle, load_states
-from .half_space import HalfSpace
-from .hardness_curves import HardnessTable, NixGao, softer_of
-from .law import ContactLaw, LinearHardening, PerfectlyPlastic, contact_law
-from .solver import Contact, solve_contact
+from typing import TYPE_CHECKING
+
+from ..base.lazy_package import load_when_used
+
+if TYPE_CHECKING:
+    from .cycle import LoadCycle, LoadState, load_cycle, load_states
+    from .half_space import HalfSpace
+    from .hardness_curves import HardnessTable, NixGao, softer_of
+    from .law import ContactLaw, LinearHardening, PerfectlyPlastic, contact_law
+    from .solver import Contact, solve_contact
 
 __all__ = [
     "Contact",
@@ -22,3 +27,5 @@ __all__ = [
     "softer_of",
     "solve_contact",
 ]
+
+load_when_used(__name__)

@@ -113,8 +113,6 @@ class Seals:
 def crossings(pressure: Array, leakage: Array, limit: float) -> Array:
     """Lowest pressure down to which the leakage stays within a limit (seals,); inf where it never is, 0 where always.
 
-    Parameters
-    ----------
     pressure : falling (steps,). leakage : (seals, steps). limit : >= 0; 0 asks for the end of all leakage.
     """
     ok = within(leakage, limit)

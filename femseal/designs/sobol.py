@@ -133,15 +133,11 @@ def sobol(
 ) -> SobolIndices:
     """Sobol indices of the leakage of a case over ranges of some of its keys.
 
-    Parameters
-    ----------
     path : a case file. ranges : two values for each dotted key, such as {"material.hardness": ["2 GPa", "4 GPa"]}; keys
-        of the loads excepted. output : folder for the table; solved scenes that it has are taken.
+    of the loads excepted. output : folder for the table; solved scenes that it has are taken.
     scenes : solved at a Sobol sequence over the ranges. workers, progress : see `run`.
 
-    Raises
-    ------
-    InputError : the case, a key or a range cannot be used; nothing has been computed then.
+    Raises InputError: the case, a key or a range cannot be used; nothing has been computed then.
     FemsealError : too few scenes could be solved.
     """
     keys = tuple(KeyRange.of(key, ends) for key, ends in ranges.items())

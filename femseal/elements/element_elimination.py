@@ -48,8 +48,6 @@ def mesh_factors(
 ) -> MeshFactors:
     """Eliminate all nodes of an element mesh but the Dirichlet nodes.
 
-    Parameters
-    ----------
     conductances, numbers : of every element what links its nodes (n, n) and their numbers (n,), row after row.
     cells : rows and columns of elements, which tell what lies side by side.
     dirichlet (h,) : nodes whose potential is given.

@@ -96,9 +96,7 @@ class ElementMesh:
     def solve(self) -> ElementSolution:
         """Solve the mass balance of every node that joins both ends.
 
-        Raises
-        ------
-        NotConverged : inlet and outlet flow differ by more than 1e-5.
+        Raises NotConverged: inlet and outlet flow differ by more than 1e-5.
         """
         if not self.percolates:
             at = self.component

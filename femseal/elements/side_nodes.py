@@ -17,8 +17,6 @@ from numba import njit
 def side_nodes(crossing, along, spacing):
     """Nodes of a side of n points, and the interpolation between them.
 
-    Parameters
-    ----------
     crossing (n,) : conductances of the links across the side, 0 where it is closed.
     along (n − 1,) : conductances of the links along the side, of both of its sides together.
     spacing : largest distance of two nodes [points].

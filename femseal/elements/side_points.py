@@ -84,8 +84,6 @@ class SidePoints:
     ) -> PointFlow:
         """Lessen the energy of a potential (points,) until its error is estimated to be below `TOLERANCE`.
 
-        Parameters
-        ----------
         energy : of the potential [m³].
         node, weight (points, 2) : nodes between which the potential at a side point is interpolated.
         factors : of the system of the nodes.

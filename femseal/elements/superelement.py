@@ -17,7 +17,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from ..base import validate
 from ..base.errors import InputError
-from ..flow.discretisation import cell_stencil
+from ..flow.edge_flow import cell_stencil
 from ..flow.grid import Grid
 from ..flow.solvers.link_network import condense
 from ..windows.partition import Partition

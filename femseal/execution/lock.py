@@ -34,9 +34,7 @@ _PATIENCE, _POLL = 0.2, 0.02
 def alone_in(folder: Path, part: Part | None = None) -> Iterator[None]:
     """Context in which no other run writes into a folder, which exists; with a part, none but other parts.
 
-    Raises
-    ------
-    InputError : another run is under way there, or the folder cannot be written.
+    Raises InputError: another run is under way there, or the folder cannot be written.
     """
     name = LOCK if part is None else PART_LOCK.format(*part)
     with _locked(folder, name):

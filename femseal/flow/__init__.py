@@ -1,14 +1,19 @@
 """From the gap of a cell to its permeability; the weak form, its operators and their solvers, also for the seal."""
 
-from .cell import Permeability, cell_permeabilities, cell_permeability
-from .constriction import Constriction, critical_constriction
-from .discretisation import DISCRETISATIONS
-from .law import CubicLaw, FlowLaw, FukuiKaneko, SlipLength
-from .solution import DarcyFlow
-from .solvers.choice import SOLVERS, solve_flow
-from .spiral import Spiral
-from .stencil import Stencil
-from .tensor import permeability_tensor
+from typing import TYPE_CHECKING
+
+from ..base.lazy_package import load_when_used
+
+if TYPE_CHECKING:
+    from .cell import Permeability, cell_permeabilities, cell_permeability
+    from .constriction import Constriction, critical_constriction
+    from .discretisation import DISCRETISATIONS, SOLVERS
+    from .law import CubicLaw, FlowLaw, FukuiKaneko, SlipLength
+    from .solution import DarcyFlow
+    from .solvers.choice import solve_flow
+    from .spiral import Spiral
+    from .stencil import Stencil
+    from .tensor import permeability_tensor
 
 __all__ = [
     "DISCRETISATIONS",
@@ -28,3 +33,5 @@ __all__ = [
     "permeability_tensor",
     "solve_flow",
 ]
+
+load_when_used(__name__)

@@ -20,8 +20,8 @@ from .assembly import edge_weights
 from .bounds import pixel_bounds
 from .cell_mesh import mesh_flow
 from .coefficient import unit_spacing, validated_cell
-from .discretisation import cell_stencil, check_discretisation, on_grid
-from .edge_flow import edge_conductances, edge_flow
+from .discretisation import check_discretisation, on_grid
+from .edge_flow import cell_stencil, edge_conductances, edge_flow
 from .grid import Grid
 from .law import CUBIC_LAW, FlowLaw, gap_by_law
 from .solution import FIELD_RTOL, DarcyFlow

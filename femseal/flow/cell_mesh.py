@@ -10,6 +10,7 @@ import logging
 from dataclasses import replace
 
 import numpy as np
+import skfem
 from numpy.typing import NDArray
 from skfem import Basis, ElementQuad1, ElementQuadRT0, ElementTriP1, Mesh, MeshQuad, MeshTri
 from skfem.mesh import MeshQuad1DG, MeshTri1DG
@@ -34,15 +35,12 @@ def mesh_flow(
 ) -> DarcyFlow:
     """Flow along x1 through a cell on a general mesh, its potential at the pixels (n1, n2).
 
-    Raises
-    ------
-    InputError : fewer than 3 columns of pixels in a ring.
+    Raises InputError: fewer than 3 columns of pixels in a ring.
     NotConverged : the linear solver failed, or the contrast of the gap is too high for mixed elements.
     """
     if sides == "periodic" and gap.shape[1] < 3:
         raise InputError("gap", f"{gap.shape[1]} columns", f"at least 3 with periodic sides and '{discretisation}'")
     kind = DISCRETISATIONS[discretisation]
-    assert kind.element is not None
     if discretisation == "RT0":
         return _mixed(gap, spacing, sides, kind, rtol, solver)
     grid = Grid.of_pixel_centres(gap.shape, spacing, sides)
@@ -58,8 +56,9 @@ def mesh_flow(
     potential[mesh.t[:, at_inlet]], potential[mesh.t[:, at_outlet]] = 1.0, 0.0
     flow = DarcyFlow(0.0, potential, potential, False)
     if carrying.size:
+        own = getattr(skfem, kind.element)
         basis, gaps = (Basis(mesh, element(), intorder=kind.degree, elements=carrying)
-                       for element in (kind.element, ElementTriP1 if kind.triangles else ElementQuad1))  # fmt: skip
+                       for element in (own, ElementTriP1 if kind.triangles else ElementQuad1))  # fmt: skip
         k = cubic_law(np.asarray(gaps.interpolate(at_vertex))) * np.eye(2)[:, :, None, None]
         flow = conforming_flow(basis, k, ends, rtol=rtol, solver=solver)
         solved = np.unique(mesh.t[:, carrying])

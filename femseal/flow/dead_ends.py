@@ -22,8 +22,6 @@ _THROUGH = np.int32(-1)
 def dead_ends(stencil: Stencil, keep: Flags) -> tuple[Flags, tuple[Indices, Indices]]:
     """Find dead ends.
 
-    Parameters
-    ----------
     stencil : a network of links between nodes that are connected to both ends.
     keep : those nodes, the ends among them.
 

@@ -59,15 +59,11 @@ def dirichlet_flow(
 ) -> DirichletFlow:
     """Flow through a mesh between boundaries at several potentials.
 
-    Parameters
-    ----------
     mesh, permeability, solver : as in `mesh.darcy_conductance`.
     boundaries : facets of each boundary; no two have a vertex in common. levels : their potentials, about 1.
     fluxes : also solve for Raviart-Thomas fluxes, on straight meshes.
 
-    Raises
-    ------
-    InputError : a bad permeability.
+    Raises InputError: a bad permeability.
     NotConverged : inflow and outflow differ by more than 1e-5, or the linear solver failed.
     """
     kind = KINDS[type(mesh)]

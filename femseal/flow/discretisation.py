@@ -7,31 +7,22 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-import numpy as np
-from numpy.typing import NDArray
-from skfem import ElementQuad2, ElementQuadRT0, ElementTriP1
-
 from ..base.errors import InputError
-from .assembly import GAUSS_POINTS, assemble_on_elements, edge_weights, gauss
-from .coefficient import permeability_at_gauss_points
-from .edge_flow import edge_conductances
-from .grid import Grid
-from .solvers.choice import check_solver
-from .stencil import Stencil
 
-Array = NDArray[np.float64]
+#: Solvers of the flow through a grid.
+SOLVERS = ("auto", "multigrid", "elimination", "amg")
 
 
 @dataclass(frozen=True)
 class Discretisation:
     """An element and where it takes the coefficient.
 
-    element : class of scikit-fem's element on a general mesh, None on the grid of pixels.
+    element : name of scikit-fem's element on a general mesh; none on the grid of pixels.
     degree : polynomials of this degree are integrated exactly. triangles : whether the mesh has triangles.
     """
 
     description: str
-    element: type | None = None
+    element: str = ""
     degree: int = 0
     triangles: bool = False
 
@@ -40,15 +31,21 @@ class Discretisation:
 DISCRETISATIONS = {
     "edge": Discretisation("Q1, cubic gap at the midpoints of edges"),
     "gauss": Discretisation("Q1, bilinear gap at 2 × 2 Gauss points"),
-    "P1": Discretisation("linear triangles, linear gap", ElementTriP1, 3, triangles=True),
-    "Q2": Discretisation("biquadratic quadrilaterals, bilinear gap", ElementQuad2, 8),
-    "RT0": Discretisation("mixed, gap constant on each pixel", ElementQuadRT0, 2),
+    "P1": Discretisation("linear triangles, linear gap", "ElementTriP1", 3, triangles=True),
+    "Q2": Discretisation("biquadratic quadrilaterals, bilinear gap", "ElementQuad2", 8),
+    "RT0": Discretisation("mixed, gap constant on each pixel", "ElementQuadRT0", 2),
 }
 
 
 def on_grid(discretisation: str) -> bool:
     """Whether the discretisation uses the grid of pixels; otherwise it uses a general mesh."""
-    return DISCRETISATIONS[discretisation].element is None
+    return DISCRETISATIONS[discretisation].element == ""
+
+
+def check_solver(solver: str) -> None:
+    """Raise InputError unless this is the name of a solver."""
+    if solver not in SOLVERS:
+        raise InputError("solver", repr(solver), f"one of {', '.join(SOLVERS)}")
 
 
 def check_discretisation(discretisation: str, solver: str, estimate: bool = False) -> None:
@@ -62,13 +59,3 @@ def check_discretisation(discretisation: str, solver: str, estimate: bool = Fals
         raise InputError("solver", "'elimination' of nine points ('gauss')", "'auto', 'multigrid' or 'amg'")
     if estimate and not on_grid(discretisation):
         raise InputError("estimate", f"true with '{discretisation}'", "true with 'edge' or 'gauss'")
-
-
-def cell_stencil(gap: Array, grid: Grid, discretisation: str = "edge") -> Stencil:
-    """Operator of the flow through a cell on a grid of nodes at its pixels, from the gap [m] (n1, n2) there."""
-    if discretisation == "edge":
-        along, across = edge_conductances(gap, grid.ring2, edge_weights(grid))
-        return Stencil(along, across, ring2=grid.ring2)
-    # K11 and K22 have the same value at a point
-    k = permeability_at_gauss_points(gap, grid, GAUSS_POINTS)
-    return assemble_on_elements(grid, k, gauss((0, 0), (1, 1)), [p for p in range(len(k)) for _ in range(2)])

@@ -1,14 +1,16 @@
-"""Flow through a cell by the discretisation "edge": from the gap to conductances and flow, for small cells too."""
+"""Flow through a cell on the grid of its pixels: from the gap to conductances and flow, for small cells too."""
 
 from __future__ import annotations
 
 import numpy as np
 from numpy.typing import NDArray
 
-from .assembly import EdgeWeights, weighted
-from .coefficient import on_links
+from .assembly import GAUSS_POINTS, EdgeWeights, assemble_on_elements, edge_weights, gauss, weighted
+from .coefficient import on_links, permeability_at_gauss_points
+from .grid import Grid
 from .solution import DarcyFlow
 from .solvers.choice import ready, solve_ready
+from .stencil import Stencil
 
 Array = NDArray[np.float64]
 _NOTHING = np.zeros((0, 0))
@@ -30,3 +32,13 @@ def edge_conductances(gap: Array, ring2: bool, weights: EdgeWeights) -> tuple[Ar
     weighted(along, w.rows1, w.columns1, w.kinds1, along)
     weighted(across, w.rows2, w.columns2, w.kinds2, across)
     return along, across
+
+
+def cell_stencil(gap: Array, grid: Grid, discretisation: str = "edge") -> Stencil:
+    """Operator of the flow through a cell on a grid of nodes at its pixels, from the gap [m] (n1, n2) there."""
+    if discretisation == "edge":
+        along, across = edge_conductances(gap, grid.ring2, edge_weights(grid))
+        return Stencil(along, across, ring2=grid.ring2)
+    # K11 and K22 have the same value at a point
+    k = permeability_at_gauss_points(gap, grid, GAUSS_POINTS)
+    return assemble_on_elements(grid, k, gauss((0, 0), (1, 1)), [p for p in range(len(k)) for _ in range(2)])

@@ -15,7 +15,6 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ..base.errors import InputError
-from ..rarefied import flow_rate, flow_rate_exponent
 
 Array = NDArray[np.float64]
 
@@ -146,16 +145,24 @@ class FukuiKaneko(FlowLaw):
 
     def factor(self, gap: ArrayLike, pressure: ArrayLike = 0.0) -> Array:
         """6 Q(D)/D; inf where gap or pressure is 0."""
+        from ..rarefied import flow_rate
+
         d = self.inverse_knudsen(gap, pressure)
         return np.divide(6 * flow_rate(d), d, out=np.full(d.shape, np.inf), where=d > 0)
 
     def exponent(self, gap: ArrayLike, pressure: ArrayLike = 0.0) -> Array:
         """2 + d ln Q/d ln D."""
-        return 2 + flow_rate_exponent(self.inverse_knudsen(gap, pressure))
+        return 2 + self._rate_exponent(gap, pressure)
+
+    def _rate_exponent(self, gap: ArrayLike, pressure: ArrayLike) -> Array:
+        """D ln Q/d ln D."""
+        from ..rarefied import flow_rate_exponent
+
+        return flow_rate_exponent(self.inverse_knudsen(gap, pressure))
 
     def pressure_derivative(self, gap: ArrayLike, pressure: ArrayLike = 0.0) -> Array:
         """(K/p)(d ln Q/d ln D − 1)."""
-        slope = flow_rate_exponent(self.inverse_knudsen(gap, pressure)) - 1
+        slope = self._rate_exponent(gap, pressure) - 1
         return self.permeability(gap, pressure) * slope / np.asarray(pressure, dtype=float)
 
 

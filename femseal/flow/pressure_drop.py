@@ -114,14 +114,10 @@ class PressureDrop:
     ) -> FaceSolution[Found]:
         """Solve the flow through a face (n1, n2) [m], periodic along x2.
 
-        Parameters
-        ----------
         solve : from a gap [m], by the cubic law, to the permeability, the potential at the pixels and what is kept.
         rtol : relative error at which the fixed point ends, where the law depends on the pressure.
 
-        Raises
-        ------
-        NotConverged : the linear solver failed, or the flow still changes after many solutions.
+        Raises NotConverged: the linear solver failed, or the flow still changes after many solutions.
         """
         drop = self.at_constriction(gap, spacing)
         if not drop.law.depends_on_pressure:

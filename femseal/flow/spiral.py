@@ -21,7 +21,7 @@ from scipy.sparse.csgraph import connected_components
 from ..base.errors import InputError, NotConverged
 from ..base.quantities import to_text
 from .coefficient import unit_spacing
-from .discretisation import cell_stencil
+from .edge_flow import cell_stencil
 from .grid import Grid
 from .law import cubic_law
 from .solvers.amg import solve_spd
@@ -57,9 +57,7 @@ class Spiral:
     def seam(self, shape: tuple[int, int], spacing: tuple[float, float]) -> tuple[int, float]:
         """Pixels by which the face comes back shifted, and the fraction w of what leaves it that does.
 
-        Raises
-        ------
-        InputError : a face longer than a turn, or no longer than the lead along x1.
+        Raises InputError: a face longer than a turn, or no longer than the lead along x1.
         """
         length, breadth = shape[1] * spacing[1], shape[0] * spacing[0]
         turn = length if self.circumference is None else self.circumference
@@ -76,20 +74,16 @@ class Spiral:
 def spiral_flow(gap: Array, spacing: tuple[float, float], spiral: Spiral, plain: Array) -> tuple[float, Array] | None:
     """Permeability [m³] along x1 of a face with winding grooves, and its potential; None where the lead hardly matters.
 
-    Parameters
-    ----------
     gap : (n1, n2) [m], periodic along x2.
     plain : potential (n1, n2) of the flow without the lead, NaN in contact and in pockets. Its dissipation with the
-        lead is an upper bound (Dirichlet's principle): where that adds less than 0.5 %, the lead is left out, unless
-        there are pockets.
+    lead is an upper bound (Dirichlet's principle): where that adds less than 0.5 %, the lead is left out, unless
+    there are pockets.
 
     Returns
     -------
     The permeability, and the potential (n1, n2), NaN where no open path leads to both ends.
 
-    Raises
-    ------
-    InputError : see `Spiral.seam`.
+    Raises InputError: see `Spiral.seam`.
     NotConverged : the linear solver failed, or inflow and outflow differ.
     """
     n1, n2 = gap.shape

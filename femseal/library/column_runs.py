@@ -92,14 +92,10 @@ class ColumnRuns:
     def of(cls, gap: ArrayLike, partition: Partition, *, node_spacing: int = NODE_SPACING) -> ColumnRuns:
         """Condense the windows of a face, and solve the flow through it.
 
-        Parameters
-        ----------
         gap : (n1, n2) [m]. partition : of the face.
         node_spacing : largest distance of two nodes on a side [pixels].
 
-        Raises
-        ------
-        InputError : a gap that is negative, undefined or of another shape.
+        Raises InputError: a gap that is negative, undefined or of another shape.
         NotConverged : see `element_mesh.ElementMesh.solve`.
         """
         h = validated_face(gap, partition)
@@ -111,9 +107,7 @@ class ColumnRuns:
     def flows(self, length: int) -> RunFlows:
         """Flow through runs of so many columns, which start at places all along the face.
 
-        Raises
-        ------
-        InputError : more columns than the face has.
+        Raises InputError: more columns than the face has.
         NotConverged : see `element_mesh.ElementMesh.solve`.
         """
         m1, m2 = self.partition.cells

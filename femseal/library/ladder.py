@@ -33,10 +33,8 @@ class Ladder:
     bounds : also compute a lower and an upper bound of every permeability, for a gap constant on each pixel.
     drop : of the fluid, at whose pressures permeabilities are computed.
 
-    Raises
-    ------
-    InputError : pressures that do not rise from 0, peaks that are not among them, stops that do not fall from below 1
-        to 0, separations that do not rise.
+    Raises InputError: pressures that do not rise from 0, peaks that are not among them, stops that do not fall from
+    below 1 to 0, separations that do not rise.
     """
 
     loading: tuple[float, ...]
@@ -116,16 +114,12 @@ def solve_ladder(
 
     The result has the states of the ladder and no others of the known cell: it is the same whatever is known.
 
-    Parameters
-    ----------
     window : undeformed gap (n1, n2) [m].
     half_space, rtol : as in `contact.solve_contact`. law : what every point of the window can carry.
     flow : how the flow is discretised and solved.
     known : the same window along another ladder with the same stops, separations and bounds.
 
-    Raises
-    ------
-    NotConverged : a contact or a flow failed.
+    Raises NotConverged: a contact or a flow failed.
     """
     work = _Window(np.asarray(window, float), half_space, law, rtol, ladder, flow)
     before = {} if known is None else dict(zip(known.pressure.tolist(), _states(known), strict=True))

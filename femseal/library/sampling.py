@@ -20,8 +20,8 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy.special import ndtr, ndtri
 
 from ..base.errors import InputError
 from ..loads import LoadProgramme
@@ -64,15 +64,11 @@ def draw_links(table: LinkTable, *, sampler: str, seed: int, realisation: int, a
 
     "history" and "block" hold one number for each link, the others one for each link and step.
 
-    Parameters
-    ----------
     table : the permeabilities to draw from.
     sampler : "history", "derivative", "copula" or "block".
     seed, realisation, axis : choose the random numbers, with the number of the link.
 
-    Raises
-    ------
-    InputError : an unknown sampler, or "block" where the cells are not neighbours.
+    Raises InputError: an unknown sampler, or "block" where the cells are not neighbours.
     """
     if sampler not in SAMPLERS:
         raise InputError("sampler", sampler, f"one of {', '.join(SAMPLERS)}")
@@ -101,8 +97,6 @@ def correlation_length(k: Array) -> float:
 
     It is 1 + 2 Σ of the rank correlations between columns, summed until they vanish.
 
-    Parameters
-    ----------
     k : permeabilities (steps, rows, columns), columns in the order of the face and periodic.
     """
     steps, _, columns = k.shape
@@ -145,10 +139,8 @@ def _block(table: LinkTable, rng: np.random.Generator) -> Draw:
 def drawn_elsewhere(random: Array, begins: Index, ends: Index, further: Index | None = None) -> Index:
     """Numbers of runs drawn one after another, each beginning in another measured place than the last one ended in.
 
-    Parameters
-    ----------
     random : number from 0 to 1 for each draw. begins : place in which each run begins. ends : that in which it ends, of
-        draws that are `further` runs long that of the run so much further on.
+    draws that are `further` runs long that of the run so much further on.
     """
     count = begins.size
     if np.unique(begins).size < 2:
@@ -204,7 +196,7 @@ class _RankModel:
         """Normal scores, their correlation between steps, and a root of it, from k (steps, cells) [m³]."""
         self.steps, self.sorted = steps, np.sort(k, axis=1)
         cells = k.shape[1]
-        normal = ndtri((np.arange(cells) + 0.5) / cells)
+        normal = scipy.special.ndtri((np.arange(cells) + 0.5) / cells)
         scores = np.empty((cells, len(k)))
         for s, values in enumerate(k):
             order = np.argsort(values, kind="stable")
@@ -222,7 +214,7 @@ class _RankModel:
 
     def draw(self, normal: Array) -> Array:
         """Turn independent normal numbers (links, steps) into permeabilities (steps, links) [m³]."""
-        position = (ndtr(normal @ self.root.T) * self.sorted.shape[1] - 0.5).T
+        position = (scipy.special.ndtr(normal @ self.root.T) * self.sorted.shape[1] - 0.5).T
         k = np.stack([_quantile(values, place) for values, place in zip(self.sorted, position, strict=True)])
         top = len(self.steps.loading)
         k[:top] = np.maximum.accumulate(k[:top][::-1], axis=0)[::-1]

@@ -25,9 +25,7 @@ _SHOWN = ("points ", "pixel", "undefined", "Sq,", "rms slope ", "Std", "shortest
 def case_of_face(path: Path, folder: Path) -> str:
     """Text of a case of a measured face, for a file in a folder; its last tables hold values of the template.
 
-    Raises
-    ------
-    InputError : no face can be read from the file.
+    Raises InputError: no face can be read from the file.
     """
     seen = read_for_a_look(path)
     given = SurfaceTable().model_dump(include={"detrend", "spikes", "max_undefined"})

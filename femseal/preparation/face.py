@@ -56,9 +56,7 @@ class ConditionedFace:
 def conditioned_face(case: Case) -> ConditionedFace:
     """Make or read the faces of a case, and condition their sum.
 
-    Raises
-    ------
-    InputError : a face that cannot be read or used, or windows that do not suit it.
+    Raises InputError: a face that cannot be read or used, or windows that do not suit it.
     """
     for place, table in zip(face_places(case), case.face, strict=True):
         if not isinstance(table, FileFace):
@@ -199,8 +197,6 @@ def _grid(case: Case, flat: Topography) -> tuple[int, int]:
 def default_grid(flat: Topography, shortest_wave: float | None) -> tuple[int, int]:
     """Points on which a measured face is solved unless the case says otherwise, see `topography.resolving_shape`.
 
-    Parameters
-    ----------
     flat : without undefined points.
     shortest_wave : the low-pass, which decides if it is given [m].
     """

@@ -10,7 +10,7 @@ from ..budget import FormTolerance
 from ..case.argument_names import MAP_TABLES, SEAL_TABLES, with_tables
 from ..case.case import Case
 from ..case.case_tables import StochasticTable
-from ..seal.layouts import SealWindows
+from ..seal.laid_windows import SealWindows
 from ..studies import Sampling, Scene, check_sampling, chosen_contact, chosen_flow, chosen_sampler, lay_out_windows
 from ..studies.costs import choose_method
 from ..studies.seat_rows import ROWS, SeatMap
@@ -78,9 +78,7 @@ def prepare(case: Case) -> Prepared:
 def _with_seat(case: Case, surface: Topography) -> tuple[Topography, str]:
     """The face with the form of its seat, and what that is as a text, "" where it is flat.
 
-    Raises
-    ------
-    InputError : a form that is too steep, or narrower than the face.
+    Raises InputError: a form that is too steep, or narrower than the face.
     """
     seat = case.seat.seat(case.folder)
     if isinstance(seat, FlatSeat):
@@ -178,9 +176,7 @@ def _seal_size(surface: Topography, sampling: Sampling | None, seals: tuple[Seal
 def _pressures(case: Case, seal: tuple[float, float], *, seals: int) -> dict[str, tuple[float, ...]]:
     """Nominal pressures of the cycle on a seal of such a breadth and length [m], one of several or none that are drawn.
 
-    Raises
-    ------
-    InputError : a force without one length of the seal, or more pressure than the faces can carry.
+    Raises InputError: a force without one length of the seal, or more pressure than the faces can carry.
     """
     known = case.stochastic is not None and (case.stochastic.lengths or not case.layout.has_length)
     if case.load.unit == "N" and not (seals == 1 and known):

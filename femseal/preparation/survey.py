@@ -70,15 +70,11 @@ def survey(
 ) -> list[str]:
     """Lines on the face in a file; `picture` also writes its picture.
 
-    Parameters
-    ----------
     path, size, spacing, crop, channel, reading : as `read_topography` takes them, lengths as text with their unit.
     picture : file to write, .png, .pdf or .svg.
     spikes, detrend, shortest_wave, max_undefined : keys of the table [surface] of a case.
 
-    Raises
-    ------
-    InputError : an argument cannot be used, or a file without heights; no picture is written.
+    Raises InputError: an argument cannot be used, or a file without heights; no picture is written.
     """
     if picture is not None and (picture.suffix.lower() not in _PICTURES or not picture.absolute().parent.is_dir()):
         raise InputError("output", f"'{picture}'", f"a file {', '.join(_PICTURES)} in a folder that exists")

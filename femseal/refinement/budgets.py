@@ -57,8 +57,6 @@ def budgets_of(
 ) -> dict[str, ErrorBudget]:
     """Error budget of every study of a run, by its key.
 
-    Parameters
-    ----------
     studies : results by key.
     leakage_filtered : of the answer at every step without waves up to twice the shortest one, where that was solved.
     known : budgets that are there already, without parts of the model.

@@ -121,14 +121,10 @@ class RefinedAnswer:
 def refine_to_accuracy(case: Case, made: Prepared, run: Run) -> RefinedAnswer:
     """Refine what limits the error of the answer until the accuracy of the case is reached, or cannot be.
 
-    Parameters
-    ----------
     made : the case as prepared, on the points of its face.
     run : solves the studies; a run that goes on takes the decisions that it took before.
 
-    Raises
-    ------
-    FemsealError : the first attempt failed. One that fails later ends the attempts.
+    Raises FemsealError: the first attempt failed. One that fails later ends the attempts.
     """
     assert case.accuracy is not None
     goal, most = np.log1p(case.accuracy), time_limit(case)

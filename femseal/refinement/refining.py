@@ -36,8 +36,6 @@ class Refinement:
 def refined(case: Case, made: Prepared, settings: Settings, part: str, memory: float) -> Refinement:
     """Refine one source of error.
 
-    Parameters
-    ----------
     made : the case as prepared, on the points of its face. settings : of the last attempt.
     part : name of a part of its budget. memory : that an attempt may take [byte].
     """

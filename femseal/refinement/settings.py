@@ -150,9 +150,7 @@ def apply_settings(case: Case, made: Prepared, settings: Settings) -> Prepared:
 def first_version(case: Case, made: Prepared) -> Prepared:
     """What a run of a prepared case solves first: the case itself, or the first attempt at its accuracy.
 
-    Raises
-    ------
-    InputError : a face too small for `surface.filter_sensitivity` on the points of the first attempt.
+    Raises InputError: a face too small for `surface.filter_sensitivity` on the points of the first attempt.
     """
     if case.accuracy is None:
         return made

@@ -1,7 +1,14 @@
 """Output of a run for its user: the folder of all files, and one self-contained page."""
 
-from .folder import write_again, write_folder
-from .page import write_report
-from .pdf import write_pdf
+from typing import TYPE_CHECKING
+
+from ..base.lazy_package import load_when_used
+
+if TYPE_CHECKING:
+    from .folder import write_again, write_folder
+    from .page import write_report
+    from .pdf import write_pdf
 
 __all__ = ["write_again", "write_folder", "write_pdf", "write_report"]
+
+load_when_used(__name__)

@@ -4,10 +4,17 @@
 Pictures and pages of results are made above, in `plots` and `report`.
 """
 
-from .dataset import assemble
-from .netcdf import open_results, save
-from .paraview import write_vtk
-from .results import Results
-from .run_comparison import RunComparison, compare
+from typing import TYPE_CHECKING
+
+from ..base.lazy_package import load_when_used
+
+if TYPE_CHECKING:
+    from .dataset import assemble
+    from .netcdf import open_results, save
+    from .paraview import write_vtk
+    from .results import Results
+    from .run_comparison import RunComparison, compare
 
 __all__ = ["Results", "RunComparison", "assemble", "compare", "open_results", "save", "write_vtk"]
+
+load_when_used(__name__)

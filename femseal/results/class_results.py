@@ -8,7 +8,6 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..base.errors import InputError
 from ..base.fields import LEAK_CLASS, REALISATION, Field, Place
 from ..base.leak_classes import LeakClass, leak_classes, within
 from ..base.leak_units import LeakBasis
@@ -83,15 +82,11 @@ def add_classes(
 ) -> list[str]:
     """Add which classes are met at each step, and by which fraction of the realisations; returns warnings.
 
-    Parameters
-    ----------
     basis, leakage, realisations : of the fluid that decides [m²/s]: (steps,) and (realisations, steps).
     diameter : nominal diameter [m], which some classes need. upper : upper end of the band of error (steps,) [m²/s]: a
-        class of a sealed step without a known one is open, neither met nor not.
+    class of a sealed step without a known one is open, neither met nor not.
 
-    Raises
-    ------
-    InputError : a class that needs a diameter without one, or one that is not for the fluid.
+    Raises InputError: a class that needs a diameter without one, or one that is not for the fluid.
     """
     if diameter is not None:
         data.attrs["nominal_diameter_m"] = float(diameter)
@@ -154,20 +149,3 @@ def tightest_classes(data: xarray.Dataset) -> list[str]:
                 best[family] = (float(limit), one.name)
         lines.append(", ".join(name for _, name in best.values()) or "none")
     return lines
-
-
-def check_classes(
-    names: Sequence[str], diameter: float | None, fluid: Any, stated: float | None = None
-) -> tuple[LeakClass, ...]:
-    """The classes of names, checked for the fluid that decides on them.
-
-    Raises
-    ------
-    InputError : an unknown class, or as `add_classes`.
-    """
-    basis = leak_basis(fluid, 1.0, stated)
-    classes = leak_classes(names)
-    for one in classes:
-        if not np.isfinite(one.limit(basis, diameter)):
-            raise InputError("classes", one.name, "a class with a limit")
-    return classes

@@ -24,9 +24,7 @@ _ATTRIBUTES: dict[str, type] = {
 def save(results: Results, folder: str | os.PathLike[str]) -> Path:
     """Write `results.nc` into a folder, which is made if needed; an older file is replaced whole or not at all.
 
-    Raises
-    ------
-    InputError : the folder cannot be made.
+    Raises InputError: the folder cannot be made.
     """
     from xarray.backends import H5NetCDFStore
 

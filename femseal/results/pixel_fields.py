@@ -19,11 +19,12 @@ from ..base.errors import InputError
 from ..base.fields import PIXEL, READABLE, Field, fields_of
 from ..base.quantities import to_text
 from . import vtk_files
-from .run_data import RunData
 from .selections import solved_steps, window
 
 if TYPE_CHECKING:
     import xarray
+
+    from .run_data import RunData
 
 NAME = "fields"
 #: Default size above which steps are left out [byte], before compression.

@@ -73,9 +73,7 @@ class RunData:
     def mass_rate(self) -> xarray.DataArray:
         """The same by mass (step,) [kg/s].
 
-        Raises
-        ------
-        InputError : the density of the fluid is unknown.
+        Raises InputError: the density of the fluid is unknown.
         """
         return self.leakage_in("kg/s")
 
@@ -122,9 +120,7 @@ class RunData:
         Units that are not per length are of the whole seal. Volumes of gases are at 101 325 Pa and their temperature,
         standard ones at 0 °C; pressure × volume is at the temperature stated in the case, else at that of the gas.
 
-        Raises
-        ------
-        InputError : no such unit, or a unit of gases for a liquid.
+        Raises InputError: no such unit, or a unit of gases for a liquid.
         """
         chosen = leak_unit(unit)
         values = self.leakage / self.leak_basis.factor(chosen)

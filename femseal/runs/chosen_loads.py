@@ -27,8 +27,6 @@ AT_ENDS = 2.0
 def solve_chosen(prepared: Prepared, tolerance: float, run: Run) -> tuple[Prepared, Any]:
     """Solve the answer at a part of the load steps, and at more until the others can be interpolated.
 
-    Parameters
-    ----------
     tolerance : relative error of the leakage between solved steps.
 
     Returns
@@ -57,8 +55,6 @@ def choose(steps: LoadProgramme, tolerance: float, leakage_at: Callable[[LoadPro
     would be missed by more than the tolerance if it was left out itself, and between an open and a closed or failed one
     until none is left.
 
-    Parameters
-    ----------
     leakage_at : leakage at the steps of a part.
     """
     loads = _first(steps)

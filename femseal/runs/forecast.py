@@ -179,8 +179,6 @@ def _fluid_texts(case: Case) -> Iterator[str]:
 def forecast(case: Case, prepared: Prepared, known: tuple[Effort, ...] | None = None) -> Forecast:
     """Expected time and memory of a run.
 
-    Parameters
-    ----------
     known : effort of each load step; found by a few contacts of a small part of the face unless given.
     """
     known = efforts(prepared.scene) if known is None else known

@@ -1,12 +1,17 @@
 """Shapes of seals, leakage from the permeability of their parts, pressure drop, and maps of the contact pressure."""
 
-from ..flow.permeability_table import PermeabilityTable, table_pressures
-from .field_file import read_pressure_field
-from .leakage import Leakage, seal_leakage
-from .mesh_seal import MeshSeal
-from .pressure_map import AngleTable, MapsAtLoads, PressureField, Profile, Uniform
-from .shapes import AnnularSeal, RectangularSeal
-from .structured import NARROWEST, drop_fractions, largest_fractions
+from typing import TYPE_CHECKING
+
+from ..base.lazy_package import load_when_used
+
+if TYPE_CHECKING:
+    from ..flow.permeability_table import PermeabilityTable, table_pressures
+    from .field_file import read_pressure_field
+    from .leakage import Leakage, seal_leakage
+    from .mesh_seal import MeshSeal
+    from .pressure_map import AngleTable, MapsAtLoads, PressureField, Profile, Uniform
+    from .shapes import AnnularSeal, RectangularSeal
+    from .structured import NARROWEST, drop_fractions, largest_fractions
 
 __all__ = [
     "NARROWEST",
@@ -26,3 +31,5 @@ __all__ = [
     "seal_leakage",
     "table_pressures",
 ]
+
+load_when_used(__name__)

@@ -93,9 +93,7 @@ class ElementSeal:
         one pressure are the two bounds. The flows through all boundaries are the mean of both solutions, each
         multiplied so that it has this outflow: they balance. Without outflow all are 0.
 
-        Raises
-        ------
-        InputError : inlets on both sides of the outlet.
+        Raises InputError: inlets on both sides of the outlet.
         """
         if min(levels) < 0:
             raise InputError("inlet", "pressures above and below that of the outlet", "all on one side of it")
@@ -220,11 +218,9 @@ class ElementWindows:
     def flux(self, permeability: Array, potential: Array, rate: float) -> Array:
         """Volume rate per width (n, 2) [m²/s] in the middle of every element, in the plane of the seal.
 
-        Parameters
-        ----------
         permeability : tensors (n, 2, 2) [m³]. potential : of the vertices over the density of volume rates [1/s].
         rate : leakage of the seal [m³/s], which the flux is scaled to carry: that of the potential itself would carry
-            the upper bound.
+        the upper bound.
         """
         corners, at = self.seal.outlines, np.nan_to_num(potential)[self.seal.mesh.t.T]
         # along two edges of a triangle or both diagonals of a quadrilateral, where differences are those of the middle
@@ -249,9 +245,7 @@ class ElementWindows:
     def checked(self) -> ElementWindows:
         """These windows, with a warning where elements are smaller than windows.
 
-        Raises
-        ------
-        InputError : elements much smaller than windows.
+        Raises InputError: elements much smaller than windows.
         """
         area = np.sort(self._windows_along.prod(axis=0))
         of_share = np.searchsorted(total := area.cumsum(), _SHARE * total[-1])

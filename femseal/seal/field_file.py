@@ -13,7 +13,6 @@ import numpy as np
 from ..base.errors import InputError, shortened
 from ..base.machine import free_memory, within_free_memory
 from ..base.quantities import to_si
-from .mesh_file import read_data
 from .pressure_map import PressureField
 
 #: Cells of a mesh that are taken, by their corners; quadrilaterals are cut in two.
@@ -102,6 +101,8 @@ def _of_text(file: Path, name: str) -> tuple[Any, Any, None]:
 
 def _of_mesh(file: Path, name: str) -> tuple[Any, Any, Any]:
     """Points, values and triangles of a mesh; values of cells are at three points of their own for each triangle."""
+    from .mesh_file import read_data
+
     data = read_data(file)
     blocks = [n for n, block in enumerate(data.cells) if block.type in _TRIANGLES]
     if not blocks:

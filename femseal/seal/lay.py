@@ -20,6 +20,8 @@ ALLOWED = (
     f"one of {', '.join(NAMES)}, {{angle = '30 deg'}} from x1 to x2, {{kind = 'spiral', lead = '60 um', starts = 1}}, "
     "or {field = 'file.vtu:name'}"
 )
+#: Sizes between which a seal may lie [m].
+_SIZES = (1e-4, 100.0)
 #: Places of a seal may be so many spacings of its points away from a field.
 _REACH = 2.0
 _SPIRAL_KEYS = {"kind", "lead", "starts", "circumference"}
@@ -48,9 +50,7 @@ class Lay:
         """From a name, {"angle": radians or "30 deg"}, {"kind": "spiral", "lead": metres or "60 um", "starts": 1},
         {"field": "file.vtu:name"} in the folder, or a `Lay`.
 
-        Raises
-        ------
-        InputError : anything else.
+        Raises InputError: anything else.
         """
         if isinstance(given, Lay):
             return given
@@ -74,14 +74,11 @@ class Lay:
     def directions(self, places: Array, centre: tuple[float, float] = (0.0, 0.0), unit: float = 1.0) -> Array:
         """Unit vectors (n, 2) along the lay at places (n, 2) [m].
 
-        Parameters
-        ----------
         centre : from which "radial" is seen [m].
         unit : of the lengths in the file of a field [m].
 
-        Raises
-        ------
-        InputError : a place at the centre; a field that cannot be read, has no such vectors, or does not cover a place.
+        Raises InputError: a place at the centre; a field that cannot be read, has no such vectors, or does not cover a
+        place.
         """
         if self.file is not None:
             return _of_field(self.file, self.array, places, unit)
@@ -99,12 +96,26 @@ class Lay:
         angle = {"x1": 0.0, "x2": np.pi / 2}.get(self.name, self.angle or 0.0)
         return np.tile([np.cos(angle), np.sin(angle)], (len(places), 1))
 
+    def check_lead(self, breadth: float) -> None:
+        """Raise InputError if a groove of the spiral crosses a seal of a breadth [m] within a turn."""
+        if self.lead > breadth:
+            given = f"{to_text(self.lead, 'm')} on a seal {to_text(breadth, 'm', 3)} broad"
+            raise InputError("lay.lead", given, "at most the breadth: the groove would cross it within a turn")
+
     def __str__(self) -> str:
         if self.file is not None:
             return f"along the field {self.array} of {self.file.name}"
         if self.name == "spiral":
             return f"in a spiral of lead {to_text(self.lead, 'm')}"
         return f"at {np.degrees(self.angle):.3g}° from x1" if self.angle is not None else self.name
+
+
+def check_size(name: str, size: float, unit: str = "") -> None:
+    """Raise InputError if a seal has a size [m] that comes from a wrong unit of length."""
+    low, high = _SIZES
+    if not low <= size <= high:
+        given = f"a seal {to_text(size, 'm', 3)} across" + (f" with the unit '{unit}'" if unit else "")
+        raise InputError(name, given, f"from {to_text(low, 'm')} to {to_text(high, 'm')}: is its unit right?")
 
 
 def _lead(given: Mapping[str, Any]) -> float:

@@ -7,53 +7,26 @@ To add a shape, write a frozen dataclass with its `kind`, the parameters that a 
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
-from functools import lru_cache
+from dataclasses import dataclass
 from math import isfinite, pi
 from pathlib import Path
-from typing import Any, ClassVar, Literal, Protocol
+from typing import TYPE_CHECKING, Any, ClassVar, Literal, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
-from skfem import MeshQuad
-from skfem.mesh import MeshQuad1DG
 
+from ..base import validate
 from ..base.errors import InputError
 from ..base.parameters import check_parameters, parameter
 from ..base.quantities import to_si, to_text
-from ..flow.spiral import Spiral
-from .element_windows import ElementSeal, ElementWindows, straightened
-from .lay import Lay
-from .link_windows import LinkWindows, SpiralWindows
-from .mesh_seal import Inlet, MeshSeal, checked_pressures
+from .lay import Lay, check_size
 from .pressure_map import Frame
-from .shapes import AnnularSeal, RectangularSeal
+
+if TYPE_CHECKING:
+    from ..flow.spiral import Spiral
+    from .laid_windows import SealWindows, Windows
 
 Array = NDArray[np.float64]
-#: Sizes between which a seal may lie [m]; others come from a wrong unit of length.
-_SIZES = (1e-4, 100.0)
-#: Widths of columns of windows on the inner edge of a ring, in widths of windows: below them it is refused, or warned.
-_NARROWEST, _NARROW = 0.35, 0.7
-
-
-#: Windows laid out over a seal: how many are drawn, where they lie, and the permeability that they make.
-SealWindows = LinkWindows | ElementWindows
-#: Seals of these windows, with their size: breadth from inlet to outlet, about, and length along the seal [m].
-DrawnSeal = RectangularSeal | AnnularSeal | ElementSeal
-
-
-@dataclass(frozen=True)
-class Windows:
-    """What a layout lays out: windows of a face, and what the sampling of the seal says of its size.
-
-    size : sides of a window along x1 and x2 [m]. rows : of windows of the face along x1.
-    length, breadth : of the seal [m], None where not given.
-    """
-
-    size: tuple[float, float]
-    rows: int
-    length: float | None = None
-    breadth: float | None = None
 
 
 class Layout(Protocol):
@@ -66,9 +39,7 @@ class Layout(Protocol):
     def lay_out(self, windows: Windows) -> SealWindows:
         """Lay windows out over the seal.
 
-        Raises
-        ------
-        InputError : a size that is not given, or given twice; windows larger than the parts of the seal.
+        Raises InputError: a size that is not given, or given twice; windows larger than the parts of the seal.
         """
         ...
 
@@ -101,28 +72,17 @@ class RectangularLayout:
 
     def lay_out(self, windows: Windows) -> SealWindows:
         """Links along the axes of the strip; quadrilaterals where the lay runs between them."""
-        (d1, d2), turned = windows.size, self.lay.name == "x1"
+        from .laid_windows import laid_on_strip
+
         if windows.length is None:
             raise InputError("length", "none", "the length of a rectangular seal")
-        straight = self.lay.name in ("x1", "x2", "spiral")
-        if not straight:
-            d1 = d2 = (d1 * d2) ** 0.5
-        elif turned:
-            d1, d2 = d2, d1
-        breadth = windows.breadth if windows.breadth is not None else windows.rows * windows.size[0]
-        cells = max(1, round(breadth / d1)), max(1, round(windows.length / d2))
-        size = cells[0] * d1, cells[1] * d2
-        if self.lay.name == "spiral":
-            _short_lead(self.lay, size[0])
-            slope = Spiral(self.lay.lead, self.lay.circumference).tangent(size[1])
-            return SpiralWindows(RectangularSeal(size, cells), tangent=(slope,) * cells[0])
-        if straight:
-            return LinkWindows(RectangularSeal(size, cells), turned)
-        return _elements(_strip(size, cells), windows, self.lay)
+        return laid_on_strip(windows, self.lay)
 
     @property
     def spiral(self) -> Spiral | None:
         """How the grooves of the face wind, if they do; None for rings."""
+        from ..flow.spiral import Spiral
+
         return Spiral(self.lay.lead, self.lay.circumference) if self.lay.name == "spiral" else None
 
     def frame(self, size: tuple[float, float]) -> Frame:
@@ -154,39 +114,22 @@ class AnnularLayout:
         object.__setattr__(self, "lay", Lay(name="circumferential") if lay.name == "spiral" and not lay.lead else lay)
         if self.lay.file is not None:
             raise InputError("lay", f"'{self.lay}' on a ring", "a field on a mesh only")
-        _short_lead(self.lay, abs(self.outer_radius - self.inner_radius))
-        AnnularSeal(self.inner_radius, self.outer_radius, (1, 1), self.inlet)
-        _plausible("outer_radius", 2 * self.outer_radius)
+        for name in ("inner_radius", "outer_radius"):
+            validate.number(name, getattr(self, name), unit="m")
+        if not self.outer_radius > self.inner_radius:
+            expected = f"a number > the inner radius, {self.inner_radius:g} m"
+            raise InputError("outer_radius", f"{self.outer_radius:g} m", expected)
+        if self.inlet not in ("inner", "outer"):
+            raise InputError("inlet", repr(self.inlet), "'inner' or 'outer'")
+        self.lay.check_lead(self.outer_radius - self.inner_radius)
+        check_size("outer_radius", 2 * self.outer_radius)
 
     def lay_out(self, windows: Windows) -> SealWindows:
         """Links along radius and angle; quadrilaterals where the lay runs between them."""
         _refuse_sizes(self.kind, windows)
-        d1, d2 = windows.size
-        along_axes = self.lay.name in ("radial", "circumferential", "spiral")
-        if not along_axes:
-            d1 = d2 = (d1 * d2) ** 0.5
-        elif self.lay.name == "radial":
-            d1, d2 = d2, d1
-        breadth, middle = self.outer_radius - self.inner_radius, (self.inner_radius + self.outer_radius) / 2
-        if breadth < _NARROW * d1:
-            sides = " × ".join(to_text(side, "m", 3) for side in windows.size)
-            raise InputError("outer_radius", f"a ring {to_text(breadth, 'm', 3)} broad",
-                                f"a ring at least as broad as a window, {sides}")  # fmt: skip
-        cells = max(1, round(breadth / d1)), max(3, round(2 * pi * middle / d2))
-        seal = AnnularSeal(self.inner_radius, self.outer_radius, cells, self.inlet)
-        if not along_axes:
-            return _elements(_ring(seal), windows, self.lay)
-        narrow = 2 * pi * self.inner_radius / (cells[1] * d2)
-        given = f"a ring whose {cells[1]} columns of windows are {narrow:.0%} as wide as windows at its inner radius"
-        if narrow < _NARROWEST:
-            raise InputError("inner_radius", given, f"at least {_NARROWEST:.0%}; a mesh has none of them")
-        warnings = (f"{given}: windows there are drawn too close together; a mesh has equal ones",)
-        doubts = warnings if narrow < _NARROW else ()
-        if self.lay.name == "spiral":
-            middles = self.inner_radius + breadth / cells[0] * (np.arange(cells[0]) + 0.5)
-            tangent = tuple((self.lay.lead / (2 * pi * (middles if self.inlet == "inner" else middles[::-1]))).tolist())
-            return SpiralWindows(seal, warnings=doubts, tangent=tangent)
-        return LinkWindows(seal, self.lay.name == "radial", doubts)
+        from .laid_windows import laid_on_ring
+
+        return laid_on_ring(windows, self.lay, (self.inner_radius, self.outer_radius), self.inlet)
 
     @property
     def circumference(self) -> float:
@@ -196,6 +139,8 @@ class AnnularLayout:
     @property
     def spiral(self) -> Spiral | None:
         """How the grooves of the face wind at the middle of the ring, if they do."""
+        from ..flow.spiral import Spiral
+
         return Spiral(self.lay.lead, self.circumference) if self.lay.name == "spiral" else None
 
     def frame(self, size: tuple[float, float]) -> Frame:
@@ -224,7 +169,7 @@ class MeshLayout:
     has_length: ClassVar[bool] = False
     path: Path
     unit: str
-    inlet: Inlet
+    inlet: str | tuple[str, ...] | Mapping[str, float]
     outlet: str | tuple[str, ...]
     lay: Any = "circumferential"
     centre: tuple[float, float] = (0.0, 0.0)
@@ -242,7 +187,7 @@ class MeshLayout:
         for name in ("inlet", "outlet"):
             names = getattr(self, name)
             if isinstance(names, Mapping):
-                object.__setattr__(self, name, checked_pressures(names))
+                object.__setattr__(self, name, validate.pressures("inlet", names))
             elif not isinstance(names, str):
                 object.__setattr__(self, name, tuple(names))
 
@@ -254,18 +199,12 @@ class MeshLayout:
     def lay_out(self, windows: Windows) -> SealWindows:
         """Each element takes the windows that fit into it."""
         _refuse_sizes(self.kind, windows)
-        stat = Path(self.path).stat() if Path(self.path).is_file() else None
-        stamp = None if stat is None else (stat.st_mtime_ns, stat.st_size)
+        from .laid_windows import laid_on_mesh
+
         inlet = tuple(self.inlet.items()) if isinstance(self.inlet, Mapping) else self.inlet
-        seal = _mesh_seal(Path(self.path), inlet, self.outlet, self.unit, stamp)
-        _plausible("path", float(np.ptp(seal.points, axis=0).max()), self.unit)
-        given = seal.boundaries
-        mesh, ends = straightened(seal.mesh, *seal.ends, *(given.facets if given else ()))
-        length = self.length or seal.length
-        boundaries = replace(given, facets=ends[2:]) if given else None
-        size = seal.area / length, length
-        laid = ElementSeal(mesh, ends[0], ends[1], size, mesh.p.T[mesh.t.T], boundaries)
-        return _elements(laid, windows, self.lay, self.centre, to_si(f"1 {self.unit}", "m", "unit"))
+        return laid_on_mesh(
+            windows, self.lay, (Path(self.path), inlet, self.outlet, self.unit), self.length, self.centre
+        )
 
     def frame(self, size: tuple[float, float]) -> Frame:
         """Radius and angle around `centre`."""
@@ -276,64 +215,10 @@ class MeshLayout:
         return f"the mesh {Path(self.path).name}, {f'inlets {inlets}, ' if inlets else ''}lay {self.lay}"
 
 
-@lru_cache(maxsize=2)
-def _mesh_seal(path: Path, inlet: Any, outlet: Any, unit: str, stamp: Any) -> MeshSeal:
-    """The seal of a mesh file, read once while its time and size (`stamp`) stay; a run lays it out several times."""
-    of_pressures = isinstance(inlet, tuple) and isinstance(inlet[0], tuple)
-    return MeshSeal(path, dict(inlet) if of_pressures else inlet, outlet, unit)
-
-
-def _short_lead(lay: Lay, breadth: float) -> None:
-    """Refuse a spiral whose groove crosses the seal within a turn."""
-    if lay.lead > breadth:
-        given = f"{to_text(lay.lead, 'm')} on a seal {to_text(breadth, 'm', 3)} broad"
-        raise InputError("lay.lead", given, "at most the breadth: the groove would cross it within a turn")
-
-
-def _elements(
-    seal: ElementSeal, windows: Windows, lay: Lay, centre: tuple[float, float] = (0.0, 0.0), unit: float = 1.0
-) -> ElementWindows:
-    laid = ElementWindows(seal, windows.size, lay.directions(seal.outlines.mean(axis=1), centre, unit))
-    return laid.checked()
-
-
-def _strip(size: tuple[float, float], cells: tuple[int, int]) -> ElementSeal:
-    """A strip of quadrilaterals, periodic along x2."""
-    if cells[1] < 3:
-        raise InputError("length", f"{cells[1]} windows", "at least 3 where the lay runs between the axes")
-    plain = MeshQuad.init_tensor(*(np.linspace(0.0, side, n + 1) for side, n in zip(size, cells, strict=True)))
-    x1, x2 = plain.p
-    ring = MeshQuad1DG.periodic(plain, np.flatnonzero(x2 == x2.max()), np.flatnonzero(x2 == 0.0))
-    at = np.empty(ring.nvertices)
-    at[ring.t] = x1[plain.t]
-    facets = ring.boundary_facets()
-    inlet, outlet = (facets[(at[ring.facets[:, facets]] == end).all(axis=0)] for end in (0.0, x1.max()))
-    return ElementSeal(ring, inlet, outlet, size, plain.p.T[plain.t.T])
-
-
-def _ring(seal: AnnularSeal) -> ElementSeal:
-    """A ring of quadrilaterals with straight sides between the nodes of a structured one."""
-    n1, n2 = seal.cells
-    number = np.arange((n1 + 1) * n2).reshape(n1 + 1, n2)
-    following = np.roll(number, -1, axis=1)
-    quads = np.stack([number[:-1], number[1:], following[1:], following[:-1]]).reshape(4, -1)
-    mesh = MeshQuad(np.ascontiguousarray(seal.points.reshape(-1, 2).T), quads)
-    facets = mesh.boundary_facets()
-    row = (mesh.facets[:, facets] // n2)[0]
-    return ElementSeal(mesh, facets[row == 0], facets[row == n1], seal.size, mesh.p.T[mesh.t.T])
-
-
 def _refuse_sizes(kind: str, windows: Windows) -> None:
     for name, value in (("length", windows.length), ("breadth", windows.breadth)):
         if value is not None:
             raise InputError(name, to_text(value, "m"), f"none with a seal of kind {kind}: it has its own")
-
-
-def _plausible(name: str, size: float, unit: str = "") -> None:
-    low, high = _SIZES
-    if not low <= size <= high:
-        given = f"a seal {to_text(size, 'm', 3)} across" + (f" with the unit '{unit}'" if unit else "")
-        raise InputError(name, given, f"from {to_text(low, 'm')} to {to_text(high, 'm')}: is its unit right?")
 
 
 #: Shapes that a case can choose, by their kind.

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from skfem import Basis, FacetBasis, Functional, Mesh, MeshQuad1, MeshQuad2, MeshTri1, MeshTri2
 from skfem.quadrature import get_quadrature
 
+from ..base import validate
 from ..base.errors import InputError
 from ..base.quantities import to_si
 from ..flow.dirichlet_flow import DirichletFlow, dirichlet_flow
@@ -43,9 +44,7 @@ class PressureBoundaries:
     def of(cls, mesh: Mesh, inlet: Mapping[str, float], outlet: Sequence[str]) -> PressureBoundaries:
         """Boundaries of a mesh.
 
-        Raises
-        ------
-        InputError : one is both inlet and outlet, or two of them touch.
+        Raises InputError: one is both inlet and outlet, or two of them touch.
         """
         if both := [name for name in outlet if name in inlet]:
             raise InputError("outlet", f"{both[0]!r}, which is an inlet too", "other boundaries than the inlets")
@@ -56,21 +55,6 @@ class PressureBoundaries:
                 given = f"boundaries {first!r} and {second!r} that touch, with pressures of inlets"
                 raise InputError("inlet and outlet", given, "boundaries with no vertex in common")
         return cls(names, facets, tuple(inlet.values()))
-
-
-def checked_pressures(inlet: Mapping[str, Any]) -> dict[str, float]:
-    """Pressures of inlets by their names; InputError where one is not a number, or without any."""
-    if not inlet:
-        raise InputError("inlet", "no boundaries", "names of boundaries with their pressures")
-    found = {}
-    for name, value in inlet.items():
-        try:
-            found[name] = float(value)
-        except (TypeError, ValueError):
-            found[name] = np.nan
-        if not np.isfinite(found[name]):
-            raise InputError(f"inlet {name!r}", repr(value), "a finite pressure [Pa]")
-    return found
 
 
 @dataclass(frozen=True)
@@ -99,7 +83,7 @@ class MeshSeal:
 
     def __post_init__(self) -> None:
         if isinstance(self.inlet, Mapping):
-            object.__setattr__(self, "inlet", checked_pressures(self.inlet))
+            object.__setattr__(self, "inlet", validate.pressures("inlet", self.inlet))
         mesh = self.path if isinstance(self.path, Mesh) else read_mesh(self.path, to_si(f"1 {self.unit}", "m", "unit"))
         object.__setattr__(self, "mesh", mesh)
         if type(mesh) not in (MeshTri1, MeshQuad1, MeshTri2, MeshQuad2):

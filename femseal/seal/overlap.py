@@ -24,8 +24,6 @@ _CHUNK = 1_000_000
 def first_overlap(mesh: Mesh) -> tuple[int, ...]:
     """One or two elements that lie on others; empty without any.
 
-    Parameters
-    ----------
     mesh : triangles or quadrilaterals, none of which is tangled or lies on its neighbour.
     """
     start, end, inside, element = _outlines(mesh)

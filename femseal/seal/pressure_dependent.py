@@ -40,8 +40,6 @@ def pressure_dependent_flow(
 ) -> tuple[DarcyFlow, Any]:
     """Flow through a seal for a unit drop of the viscous potential φ, and the permeability of each part.
 
-    Parameters
-    ----------
     seal, fluid, bounds, solver : as in `seal_leakage`; bounds are those with the permeabilities of the solution.
     table : permeability at several pressures. inlet, outlet : pressures of the ends [Pa].
 
@@ -49,9 +47,7 @@ def pressure_dependent_flow(
     -------
     The flow, its potential as fraction of the drop of φ, and the permeabilities with which φ has this flow [m³].
 
-    Raises
-    ------
-    NotConverged : the linear solver failed, or the flow still changes after many solutions.
+    Raises NotConverged: the linear solver failed, or the flow still changes after many solutions.
     """
     pressure, k = table.typical
     drop = PressureDrop(fluid, inlet, outlet, law_of(fluid).gap(k, pressure) if k > 0 else 1e-6)

@@ -17,8 +17,6 @@ Array = NDArray[np.float64]
 def combined(k1: Array, k2: Array, window: tuple[float, float]) -> tuple[Array, Array]:
     """Permeability of blocks of windows along both of their axes.
 
-    Parameters
-    ----------
     k1, k2 : permeability of the windows of each block (blocks, n1, n2) [m³], n1 and n2 powers of 2.
     window : sides of a window along both axes [m].
 

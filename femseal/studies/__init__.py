@@ -16,24 +16,27 @@ entry of `STUDIES`, by which runs solve, forecast and compare it.
     stochastic          drawn seals -> their leakage; run_chains (chains of runs of columns), median_seal (its fields)
 """
 
-from .deterministic import DeterministicResult, deterministic
-from .face_contact import CONTACTS, chosen_contact
-from .fluid_coupling import FLUID_PRESSURES, NOMINALS
-from .other_fluid import FluidState, OtherLeakage, drop_ratio
-from .sampling_options import (
-    DRAWS,
-    PRESSURES,
-    Sampling,
-    check_sampling,
-    chosen_sampler,
-    count_face_windows,
-    lay_out_windows,
-)
-from .scene import Scene
-from .stochastic import stochastic
-from .stochastic_result import StochasticResult
-from .study_registry import STUDIES, Study, StudyOptions, StudyResult, study_of_result
-from .two_scale import FLOWS, TwoScaleResult, chosen_flow, two_scale
+from typing import TYPE_CHECKING
+
+from ..base.lazy_package import load_when_used
+
+if TYPE_CHECKING:
+    from .choices import CONTACTS, DRAWS, FLOWS, FLUID_PRESSURES, NOMINALS, PRESSURES
+    from .deterministic import DeterministicResult, deterministic
+    from .face_contact import chosen_contact
+    from .other_fluid import FluidState, OtherLeakage, drop_ratio
+    from .sampling_options import (
+        Sampling,
+        check_sampling,
+        chosen_sampler,
+        count_face_windows,
+        lay_out_windows,
+    )
+    from .scene import Scene
+    from .stochastic import stochastic
+    from .stochastic_result import StochasticResult
+    from .study_registry import STUDIES, Study, StudyOptions, StudyResult, study_of_result
+    from .two_scale import TwoScaleResult, chosen_flow, two_scale
 
 __all__ = [
     "CONTACTS",
@@ -65,3 +68,5 @@ __all__ = [
     "study_of_result",
     "two_scale",
 ]
+
+load_when_used(__name__)

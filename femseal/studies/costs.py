@@ -260,13 +260,9 @@ TOLERANCE_FRACTION, TOLERANCE_SAFETY = 0.1, 3.0
 def contact_tolerance(accuracy: float) -> float:
     """The largest tolerance of the contact whose error is a small part of the accuracy wanted of the leakage.
 
-    Parameters
-    ----------
     accuracy : relative error that the leakage may have, 0.1 for 10 %.
 
-    Raises
-    ------
-    InputError : an accuracy that is not a positive number.
+    Raises InputError: an accuracy that is not a positive number.
 
     Examples
     --------

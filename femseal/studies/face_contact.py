@@ -18,14 +18,13 @@ from ..base.stage import Mapper
 from ..contact import LoadState
 from ..windows import Failed, FlowSettings, Partition, attempt
 from ..windows.window_fields import ContactPressure, ContactValues, WindowFields
+from .choices import CONTACTS
 from .face_flow import FaceFlow, resolved_flow
 from .face_leakage import FaceLeakage, face_leakage
 from .fluid_coupling import CoupledContact
 from .scene import Array, Scene
 from .window_contacts import WindowContacts, face_partition, windows_contact
 
-#: How the contact of windows is solved, see `solve_windows`.
-CONTACTS = ("whole", "windows")
 #: Memory of the contact of a whole face with the gaps of a dozen states, and how much of a machine's it may take
 #: [byte per pixel, 1]. Measured on 512² to 2048² pixels, it takes 0.5 to 1.9 times as long as windows.
 _WHOLE_BYTES, _PART_OF_MEMORY = 170.0, 0.8

@@ -29,9 +29,7 @@ def windows_in_place(wanted: WindowRequest) -> WindowSupply:
 
     The sampler "runs" takes runs of their columns instead of links.
 
-    Raises
-    ------
-    FemsealError : every column has a failed window.
+    Raises FemsealError: every column has a failed window.
     """
     scene, partition, two_scale, mapper = wanted.scene, wanted.partition, wanted.two_scale, wanted.mapper
     (m1, m2), w2, n2 = partition.cells, partition.window[1], wanted.seal_windows.draws[0][1]

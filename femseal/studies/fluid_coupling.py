@@ -25,8 +25,6 @@ from .face_flow import FaceFlow, resolved_flow
 from .trapped_liquid import PocketPressures, TrappedLiquid
 
 Array = NDArray[np.float64]
-#: What the fluid pressure does to the contact, and what the nominal pressure is of: contact and fluid, or contact.
-FLUID_PRESSURES, NOMINALS = ("acts", "trapped", "ignored"), ("total", "contact")
 #: Relative change of the permeability at which the rounds end, and most of them. Measured on self-affine and turned
 #: faces of 256² points, p̄/H .02 to .2: two to five for p_in/p̄ up to .3, at most six up to 1.
 #: Pockets of liquid that lift the faces off each other's rims take up to twenty-five.
@@ -124,9 +122,7 @@ class FluidPressure:
         The contact alone where the fluid carries less than 1e-4 of the load and none is trapped. `former` is the liquid
         in the pockets of the load before.
 
-        Raises
-        ------
-        NotConverged : a contact failed.
+        Raises NotConverged: a contact failed.
         """
         if abs(self.carried) <= LEAST_FRACTION * pressure and not self.trapped:
             return solve_contact(gap0, half_space, pressure=pressure, **settings)

@@ -12,7 +12,7 @@ from ..base.fields import CORNER, PART, PART_VECTOR, declared
 from ..base.text import Shown
 from ..library import draw_links, draw_pressures
 from ..seal import Leakage, RectangularSeal
-from ..seal.layouts import SealWindows
+from ..seal.laid_windows import SealWindows
 from ..seal.link_windows import LinkWindows
 from ..windows import Failed, Partition, attempt
 from .run_chains import ChainedSeals, StateRuns
@@ -144,8 +144,6 @@ def median_chain(
 
     The flux through every row of windows is scaled so that it carries the leakage of the chain.
 
-    Parameters
-    ----------
     drawn : chains, of which this is one. states : `StateRuns` of every step, or `Failed`.
     pressure : mean contact pressure of the windows of the face (steps, m1, m2) [Pa].
     """

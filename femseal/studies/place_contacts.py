@@ -33,9 +33,7 @@ def contact_of_places(
 
     A fluid that presses the places apart flows through the gap of all of them at last.
 
-    Raises
-    ------
-    InputError : a law that differs from place to place. NotConverged : a contact failed.
+    Raises InputError: a law that differs from place to place. NotConverged : a contact failed.
     """
     if not hardness.is_uniform:
         raise InputError("hardness", "a law that differs from place to place", "the same everywhere in several places")

@@ -10,18 +10,14 @@ import numpy as np
 from ..base import validate
 from ..base.errors import InputError
 from ..base.quantities import to_text
-from ..library import SAMPLERS
-from ..seal.layouts import Layout, SealWindows, Windows
+from ..seal.laid_windows import SealWindows, Windows
+from ..seal.layouts import Layout
 from ..seal.pressure_map import AnyMap, MapsAtLoads, Profile, Uniform, is_uniform
 from ..windows import Partition
+from .choices import DRAWS, PRESSURES
 from .face_contact import chosen_contact
 from .scene import Scene
 from .seat_rows import SeatMap
-
-#: Choices of the pressures and the waves of windows, see `Sampling.pressure`.
-PRESSURES = ("place", "global", "uniform")
-#: Choices of `Sampling.sampler`: those that draw links, and runs of columns.
-DRAWS = (*SAMPLERS, "runs")
 
 
 @dataclass(frozen=True)
@@ -95,10 +91,8 @@ def chosen_sampler(sampling: Sampling, scene: Scene, contact: str | None = None)
 def lay_out_windows(layout: Layout, partition: Partition, sampling: Sampling) -> tuple[SealWindows, ...]:
     """Windows of a face seal_windows out over the seal that is drawn, and over those of the other lengths.
 
-    Raises
-    ------
-    InputError : as the layout does; options of the sampling that do not go with it; lengths that are the same in whole
-        cells.
+    Raises InputError: as the layout does; options of the sampling that do not go with it; lengths that are the same in
+    whole cells.
     """
     every = tuple(
         _laid_out(layout, partition, replace(sampling, length=length))

@@ -25,7 +25,8 @@ from ..seal.layouts import Layout, RectangularLayout
 from ..seal.shapes import Seal
 from ..topography import Places, Topography
 from ..windows import FlowSettings, GlobalState, Partition, global_states
-from .fluid_coupling import FLUID_PRESSURES, LEAST_FRACTION, NOMINALS, FluidPressure
+from .choices import FLUID_PRESSURES, NOMINALS
+from .fluid_coupling import LEAST_FRACTION, FluidPressure
 from .place_contacts import contact_of_places
 
 Array = NDArray[np.float64]

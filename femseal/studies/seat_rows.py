@@ -143,9 +143,7 @@ def plane_strain(rows: int, spacing: float, modulus: float) -> Array:
 def seat_rows(scene: Scene, seat: Seat, breadth: float) -> SeatRows:
     """Contact pressure of the rows across a seat of a breadth [m] at every step, the face of the scene being its layer.
 
-    Raises
-    ------
-    InputError : a form that is steeper than a half-space allows.
+    Raises InputError: a form that is steeper than a half-space allows.
     NotConverged : a contact failed.
     """
     spacing = breadth / ROWS

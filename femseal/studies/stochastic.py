@@ -16,7 +16,7 @@ from ..base.quantities import to_text
 from ..base.stage import Mapper, Stage
 from ..library import LadderLibrary
 from ..seal import RectangularSeal
-from ..seal.layouts import SealWindows
+from ..seal.laid_windows import SealWindows
 from ..seal.link_windows import LinkWindows
 from ..windows import Failed, Partition, SolverCounts, attempt
 from .face_windows import windows_in_place

@@ -14,7 +14,7 @@ from ..base.fields import REALISATION, ROW, STEP, Field, declared
 from ..base.text import Shown
 from ..library import LadderLibrary
 from ..loads import LoadProgramme
-from ..seal.layouts import DrawnSeal
+from ..seal.laid_windows import DrawnSeal
 from ..windows import SolverCounts
 from .median_seal import MedianSeal
 from .place_leakage import PlaceLeakage

@@ -87,8 +87,6 @@ class PocketPressures:
     def next(self, gap: Array, is_pocket: NDArray[np.bool_], given: Array, around: Array) -> TrappedLiquid:
         """Pressures of pockets, and a step of Newton's method towards their amounts.
 
-        Parameters
-        ----------
         gap : (n1, n2) [m] under the pressure `given` (n1, n2) [Pa]. is_pocket : open points that no end reaches.
         around : pressure that a liquid has which does not keep its volume [Pa].
 

@@ -23,6 +23,7 @@ from ..seal.link_windows import along_grooves
 from ..windows import Failed, FlowHistory, FlowSettings, Partition, SolveCounts, SolverCounts, attempt
 from ..windows.window_fields import ContactPressure, WindowFields
 from ..windows.window_flow import flow_history
+from .choices import FLOWS
 from .deterministic import state_memory
 from .face_contact import band_breadth, solve_windows
 from .face_flow import element_face_flow, resolved_flow
@@ -33,7 +34,6 @@ from .repeated_steps import first_equal, map_different, repeated
 from .scene import Array, Scene
 from .window_contacts import WindowContacts
 
-FLOWS = ("links", "resolved", "elements")
 #: Largest number of pixels of a face whose flow is resolved unless chosen otherwise: that of 2048².
 RESOLVED_PIXELS = 2**22
 
@@ -46,9 +46,7 @@ def chosen_flow(
     Elements are the resolved flow in a third of the memory and two to three times the time. They know links between
     pixels alone, which the discretisation "edge" has, and no grooves that wind.
 
-    Raises
-    ------
-    InputError : a flow that does not exist.
+    Raises InputError: a flow that does not exist.
     """
     if flow is None:
         if shape[0] * shape[1] <= RESOLVED_PIXELS:

@@ -41,7 +41,7 @@ RIDGE_WARNING = 0.35
 class WindowContacts:
     """Contact of all cells of a face along a cycle; arrays (steps, m1, m2) as in `TwoScaleResult`.
 
-    contact : how it was solved, see `face_contact.CONTACTS`. gap_error : at every step (steps,), see
+    contact : how it was solved, see `choices.CONTACTS`. gap_error : at every step (steps,), see
     `windows.gap_error`; 0 for the contact of the whole face. gap_effect : flow through the gap over that through the
     corrected one (steps,): 1 where the error is small, inf where the corrected gap is closed. row_pressure : mean
     contact pressure of rows of pixels (steps, n1) [Pa]. carried_pressure : mean pressure that the fluid carries

@@ -12,7 +12,8 @@ from ..base.quantities import to_text
 from ..library.library import local_peaks
 from ..library.sampling import Index
 from ..loads import LoadProgramme
-from ..seal.layouts import Layout, SealWindows
+from ..seal.laid_windows import SealWindows
+from ..seal.layouts import Layout
 from ..seal.pressure_map import AnyMap, MapsAtLoads, PressedSeal, PressureField, is_uniform
 from .scene import Array, Scene
 from .seat_rows import SeatMap, SeatRows
@@ -42,9 +43,7 @@ def pressure_fractions(
 ) -> Array:
     """Pressure of the windows along an axis in fractions of the nominal one (steps, windows).
 
-    Raises
-    ------
-    InputError : the map does not cover the seal.
+    Raises InputError: the map does not cover the seal.
     """
     count = int(np.prod(seal_windows.draws[axis]))
     if is_uniform(pressure_map):
@@ -117,9 +116,7 @@ def _distinct(keys: Array, fractions: Array) -> tuple[Array, Index]:
 def check_map(scene: Scene, seal_windows: SealWindows, pressure_map: AnyMap | SeatMap) -> tuple[str, ...]:
     """Warnings on a map before a run.
 
-    Raises
-    ------
-    InputError : it does not cover the seal, or a window has more than the faces can carry.
+    Raises InputError: it does not cover the seal, or a window has more than the faces can carry.
     """
     if isinstance(pressure_map, SeatMap) or is_uniform(pressure_map):
         return ()

@@ -10,7 +10,7 @@ from ..base.stage import Mapper
 from ..base.text import Shown
 from ..flow.permeability_table import tabulated
 from ..library import LadderLibrary, LibraryTable, LinkTable
-from ..seal.layouts import SealWindows
+from ..seal.laid_windows import SealWindows
 from ..windows import Failed, Partition, SolveCounts
 from .place_leakage import PlaceLeakage
 from .run_chains import StateRuns
@@ -93,7 +93,7 @@ class FaceLibrary(Shown):
     k1, k2 : permeability of links along x1 (steps, rows, columns) and x2 (steps, rows − 1, columns) [m³]. Columns come
         in the order of the face, once for every shift of the windows along x2. None with the sampler "runs".
     curves : the windows without shift, for tables and pictures.
-    contact : how the contact of the windows was solved, see `face_contact.CONTACTS`.
+    contact : how the contact of the windows was solved, see `choices.CONTACTS`.
     correlation_length : number of columns over which windows are alike.
     shifts : how often the windows were moved, the unmoved ones included.
     counts : flows of windows of this library, solved or known without solving.

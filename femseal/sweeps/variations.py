@@ -42,9 +42,7 @@ def parsed_keys(arguments: Sequence[str]) -> dict[str, list[Any]]:
 
     Values are those of TOML, and text without quotes is text: 3GPa is "3GPa", [4,8] a list of two numbers.
 
-    Raises
-    ------
-    InputError : a text without "=", a key without values, or a key that is given twice.
+    Raises InputError: a text without "=", a key without values, or a key that is given twice.
 
     >>> parsed_keys(["cells.count=[4, 8],[8,16]", "seed=1,2", "material.hardness=3 GPa"])
     {'cells.count': [[4, 8], [8, 16]], 'seed': [1, 2], 'material.hardness': ['3 GPa']}
@@ -88,15 +86,11 @@ def _value(text: str) -> Any:
 def variations(data: dict[str, Any], folder: Path, keys: Mapping[str, Sequence[Any]]) -> list[Variation]:
     """Every combination of the values, the first key slowest; all of them are checked.
 
-    Parameters
-    ----------
     data : the tables of the case. folder : of the case file, to which its paths are relative.
     keys : values of dotted keys such as "material.hardness"; "face.0.pitch" is in the first of several faces.
 
-    Raises
-    ------
-    InputError : no key, a key without values or with one value twice, a key that cannot be, more than `MOST_CASES`
-        cases, or a case that cannot be used; one line for each fault.
+    Raises InputError: no key, a key without values or with one value twice, a key that cannot be, more than
+    `MOST_CASES` cases, or a case that cannot be used; one line for each fault.
     """
     if not keys:
         raise InputError("sweep", "no key", "at least one key of the case with its values, such as seed=1,2,3")

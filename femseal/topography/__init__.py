@@ -4,19 +4,24 @@ read_topography (measured) or self_affine, turned (generated) -> Topography -> d
 repair (spikes, undefined points) -> combine (two faces) -> condition (form, waves, grid) -> Topography, Conditioning
 """
 
-from .combine import Overlap, combine
-from .condition import MOST_POINTS, Conditioning, condition, default_wave, resolved_wave, resolving_shape, smooth
-from .continuation import Continuation, continuation_of, continue_spectrum
-from .describe import SurfaceReport, as_text, describe_surface
-from .generate import self_affine, turned
-from .places import Places
-from .power_law import spectrum
-from .read import read_for_a_look, read_topography
-from .repair import Repair, SpikeEffect, repair, spike_effect
-from .seat import BallOnCone, CrownedSeat, FlatSeat, ProfileSeat, RoundedSeat, Seat, TiltedSeat
-from .spikes import SPIKES
-from .topography import Topography
-from .undefined_points import TooManyUndefined
+from typing import TYPE_CHECKING
+
+from ..base.lazy_package import load_when_used
+
+if TYPE_CHECKING:
+    from .combine import Overlap, combine
+    from .condition import MOST_POINTS, Conditioning, condition, default_wave, resolved_wave, resolving_shape, smooth
+    from .continuation import Continuation, continuation_of, continue_spectrum
+    from .describe import SurfaceReport, as_text, describe_surface
+    from .generate import self_affine, turned
+    from .places import Places
+    from .power_law import spectrum
+    from .read import read_for_a_look, read_topography
+    from .repair import Repair, SpikeEffect, repair, spike_effect
+    from .seat import BallOnCone, CrownedSeat, FlatSeat, ProfileSeat, RoundedSeat, Seat, TiltedSeat
+    from .spikes import SPIKES
+    from .topography import Topography
+    from .undefined_points import TooManyUndefined
 
 __all__ = [
     "Seat",
@@ -55,3 +60,5 @@ __all__ = [
     "spike_effect",
     "turned",
 ]
+
+load_when_used(__name__)

@@ -153,8 +153,6 @@ def resolved_wave(size: tuple[float, float], shape: tuple[int, int]) -> float:
 def resolving_shape(size: tuple[float, float], wave: float, *, most: float = inf) -> tuple[int, int]:
     """Points along x1 and x2 at which a wave has 8 pixels or a little more, in numbers that transform fast.
 
-    Parameters
-    ----------
     size : of the face [m].
     wave : shortest wave that shall be kept [m].
     most : points of the grid at most, about: where the wave takes more, the pixels are wider.

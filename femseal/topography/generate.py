@@ -11,8 +11,8 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy import fft
 
 from ..base import validate
 from ..base.errors import InputError
@@ -222,7 +222,7 @@ def random_waves(
     spectrum[k1, k2] = waves
     rim = k2 == 0
     spectrum[-k1[rim], 0] = waves[rim].conj()
-    return fft.irfft2(spectrum, s=shape, norm="forward")
+    return scipy.fft.irfft2(spectrum, s=shape, norm="forward")
 
 
 def wave_numbers(size: tuple[float, float], cut_off: float) -> tuple[NDArray, NDArray]:

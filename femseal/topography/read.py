@@ -107,9 +107,7 @@ def read_for_a_look(
 ) -> Look:
     """The map, and why `read_topography` refuses it: a pixel of 1 µm and heights in metres where nothing says them.
 
-    Raises
-    ------
-    InputError : an argument, or a file without heights that can be read.
+    Raises InputError: an argument, or a file without heights that can be read.
     """
     path = Path(path)
     if not path.is_file():

@@ -51,9 +51,7 @@ class Seat:
     def on(self, face: Topography) -> Topography:
         """The face with the form added to its heights.
 
-        Raises
-        ------
-        InputError : a form that is steeper than an elastic half-space allows.
+        Raises InputError: a form that is steeper than an elastic half-space allows.
         """
         below = self.rows_below(face.shape[0], face.spacing[0])
         return face.with_form(-below)
@@ -61,9 +59,7 @@ class Seat:
     def rows_below(self, rows: int, spacing: float) -> Array:
         """How deep rows across the seat (rows,), a spacing apart, lie below the highest one [m].
 
-        Raises
-        ------
-        InputError : a form that is steeper than an elastic half-space allows.
+        Raises InputError: a form that is steeper than an elastic half-space allows.
         """
         breadth = rows * spacing
         depth = self.depth(_rows(rows, spacing), breadth)

@@ -10,8 +10,8 @@ mirror axis cos(q x), q = πk/L, k = 0 … n−1. x = 0 is the edge of the first
 from __future__ import annotations
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy import fft
 
 Periodic = tuple[bool, bool]
 #: Relative slack on a limit of wavenumber, so that rounding does not decide on the wave exactly at the limit.
@@ -22,15 +22,15 @@ def forward(z: NDArray, periodic: Periodic) -> NDArray:
     """Orthonormal transform of `z` (n1, n2): sum of squared moduli = sum of squared heights."""
     mirrored, wrapped = _axes(periodic)
     if mirrored:
-        z = fft.dctn(z, axes=mirrored, norm="ortho")
-    return fft.fftn(z, axes=wrapped, norm="ortho") if wrapped else z
+        z = scipy.fft.dctn(z, axes=mirrored, norm="ortho")
+    return scipy.fft.fftn(z, axes=wrapped, norm="ortho") if wrapped else z
 
 
 def inverse(c: NDArray, periodic: Periodic) -> NDArray:
     """Heights (n1, n2) of the coefficients of `forward`."""
     mirrored, wrapped = _axes(periodic)
-    z = fft.ifftn(c, axes=wrapped, norm="ortho").real if wrapped else c
-    return fft.idctn(z, axes=mirrored, norm="ortho") if mirrored else z
+    z = scipy.fft.ifftn(c, axes=wrapped, norm="ortho").real if wrapped else c
+    return scipy.fft.idctn(z, axes=mirrored, norm="ortho") if mirrored else z
 
 
 def power(z: NDArray, periodic: Periodic) -> NDArray:
@@ -40,7 +40,7 @@ def power(z: NDArray, periodic: Periodic) -> NDArray:
 
 def wavenumbers(n: int, d: float, periodic: bool) -> NDArray:
     """Wavenumbers q (n,) [rad/m] of an axis in the order of `forward`; signed on a periodic axis."""
-    return 2 * np.pi * fft.fftfreq(n, d) if periodic else np.pi * np.arange(n) / (n * d)
+    return 2 * np.pi * scipy.fft.fftfreq(n, d) if periodic else np.pi * np.arange(n) / (n * d)
 
 
 def wavenumber_grids(
@@ -67,7 +67,7 @@ def resample_axis(z: NDArray, n: int, axis: int, periodic: bool) -> NDArray:
     if m == n:
         return z
     if not periodic:
-        return fft.idct(_fit(fft.dct(z, axis=axis), n, axis), axis=axis) * (n / m)
+        return scipy.fft.idct(_fit(scipy.fft.dct(z, axis=axis), n, axis), axis=axis) * (n / m)
     k = np.arange(min(m, n) // 2 + 1)
     weight = np.exp(1j * np.pi * k * (1 / n - 1 / m)) * (n / m)
     # The sampled Nyquist wave stands for a pair ±k: going up it is shared between both, going down it
@@ -76,8 +76,8 @@ def resample_axis(z: NDArray, n: int, axis: int, periodic: bool) -> NDArray:
         weight[-1] *= 0.5 if m < n else 2.0
     shape = [1, 1]
     shape[axis] = k.size
-    kept = _fit(fft.rfft(z, axis=axis), k.size, axis) * weight.reshape(shape)
-    return fft.irfft(kept, n, axis=axis)
+    kept = _fit(scipy.fft.rfft(z, axis=axis), k.size, axis) * weight.reshape(shape)
+    return scipy.fft.irfft(kept, n, axis=axis)
 
 
 def one_sided(powers: NDArray, periodic: bool) -> NDArray:

@@ -8,9 +8,8 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy import sparse
-from scipy.sparse.linalg import spsolve
 
 from ..base.errors import InputError
 from ..base.quantities import to_text
@@ -64,8 +63,6 @@ def part_text(part: Part) -> str:
 def largest_part(undefined: NDArray[np.bool_], spacing: tuple[float, float], limit: float) -> Part | None:
     """A large rectangle of which no more than the fraction `limit` is undefined; None without a useful one.
 
-    Parameters
-    ----------
     undefined : points (n1, n2).
     spacing : pixel [m].
     limit : 0 to 1; the rectangle keeps below it with a little to spare.
@@ -131,7 +128,7 @@ def fill_holes(heights: NDArray, spacing: tuple[float, float], periodic: tuple[b
     index = np.arange(len(holes))
     entries = np.concatenate([*values, diagonal])
     where = (np.concatenate([*rows, index]), np.concatenate([*columns, index]))
-    laplacian = sparse.csc_array((entries, where), shape=(len(holes), len(holes)))
+    laplacian = scipy.sparse.csc_array((entries, where), shape=(len(holes), len(holes)))
     filled = heights.copy()
-    filled[tuple(holes.T)] = spsolve(laplacian, right)
+    filled[tuple(holes.T)] = scipy.sparse.linalg.spsolve(laplacian, right)
     return filled

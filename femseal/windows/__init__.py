@@ -1,12 +1,17 @@
 """Windows of a face: their partition, the contact of the whole face below them, contact and flow of one window."""
 
-from .gap_error import gap_error
-from .global_contact import GlobalState, global_states
-from .outcome import Failed, SolveCounts, SolverCounts, attempt
-from .partition import Partition
-from .window_contact import ContactHistory, contact_history
-from .window_fields import ContactPressure, WindowFields
-from .window_flow import FlowHistory, FlowSettings, window_dissipation
+from typing import TYPE_CHECKING
+
+from ..base.lazy_package import load_when_used
+
+if TYPE_CHECKING:
+    from .gap_error import gap_error
+    from .global_contact import GlobalState, global_states
+    from .outcome import Failed, SolveCounts, SolverCounts, attempt
+    from .partition import Partition
+    from .window_contact import ContactHistory, contact_history
+    from .window_fields import ContactPressure, WindowFields
+    from .window_flow import FlowHistory, FlowSettings, window_dissipation
 
 __all__ = [
     "ContactPressure",
@@ -25,3 +30,5 @@ __all__ = [
     "contact_history",
     "window_dissipation",
 ]
+
+load_when_used(__name__)

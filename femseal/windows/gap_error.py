@@ -29,11 +29,9 @@ def gap_error(
     v = Kp + h₁ and c = πE*/(4Δ). Measured on gaps stitched from windows, it is 1.0 to 2 times their error against
     deterministic gaps.
 
-    Parameters
-    ----------
     gap, pressure : deformed gap [m] and contact pressure [Pa] of the whole face (n1, n2).
     peak_pressure : contact pressure (n1, n2) [Pa] at the peak from which this state is unloaded; its points at the
-        hardness have yielded. None on loading.
+    hardness have yielded. None on loading.
     undeformed : gap before any load (n1, n2) [m], up to a constant.
     half_space : elastic body of the whole face. law : what its points can carry.
 

@@ -33,9 +33,7 @@ class Partition:
 
     lines : the m1 + 1 pixel rows on which the nodes lie, from 0 to n1; the faces between cells unless given.
 
-    Raises
-    ------
-    InputError : cells that do not divide the surface, several of fewer than 8 pixels, lines that do not rise.
+    Raises InputError: cells that do not divide the surface, several of fewer than 8 pixels, lines that do not rise.
     """
 
     shape: tuple[int, int]

@@ -57,8 +57,6 @@ class ContactPressure(NDArrayOperatorsMixin):
     Use it like an array that cannot be changed. Indexing computes the indexed steps only; arithmetic, methods and
     numpy functions compute the whole field.
 
-    Parameters
-    ----------
     partition : the cells of the face.
     windows : for every cell, row after row, its field at every step.
     """

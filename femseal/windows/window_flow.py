@@ -48,9 +48,7 @@ class FlowSettings:
 
     spiral : how the grooves of a whole face wind, see `femseal.flow.spiral`; None for rings.
 
-    Raises
-    ------
-    InputError : an unknown solver or discretisation, or two that do not go together.
+    Raises InputError: an unknown solver or discretisation, or two that do not go together.
     """
 
     solver: str = "auto"
@@ -110,9 +108,7 @@ def window_permeability(
     Nearly parallel plates have that of their mean gap. `bounds` adds a lower and an upper bound for a gap constant on
     each pixel; for nearly parallel plates they are the harmonic and the arithmetic mean over the pixels.
 
-    Raises
-    ------
-    NotConverged : the linear solver failed.
+    Raises NotConverged: the linear solver failed.
     """
     settings = settings or FlowSettings()
     found = []
@@ -156,14 +152,10 @@ def window_dissipation(gap: ArrayLike, partition: Partition) -> Array:
     These windows tile the face. The sum over them is the conductance k L2/L1, with k of `cell_permeability` on periodic
     sides.
 
-    Parameters
-    ----------
     gap : (n1, n2) [m].
     partition : of the face.
 
-    Raises
-    ------
-    InputError : a gap that is negative, undefined or of another shape.
+    Raises InputError: a gap that is negative, undefined or of another shape.
     NotConverged : the linear solver failed.
     """
     h = validate.field("gap", gap, unit="m", shape=partition.shape)

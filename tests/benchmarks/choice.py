@@ -28,7 +28,7 @@ def noise(side, deviation, closed, rng):
 
 def waves(side, shortest, closed, rng, exponent=0.0):
     """Links of a gap of waves: what a plane leaves of them, or their exponential."""
-    from femseal.flow.discretisation import cell_stencil
+    from femseal.flow.edge_flow import cell_stencil
     from femseal.flow.grid import Grid
 
     q = np.hypot(np.fft.fftfreq(side)[:, None], np.fft.fftfreq(side))

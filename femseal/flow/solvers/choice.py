@@ -19,6 +19,7 @@ from ...base import validate
 from ...base.errors import InputError, NotConverged
 from ..balance import energy_gap
 from ..dead_ends import dead_ends, fill_dead_ends
+from ..discretisation import check_solver
 from ..percolation import closed, narrowest, nodes_reached_by, nodes_reached_of, restrict, widest
 from ..solution import MAX_IMBALANCE, DarcyFlow, potential_rtol
 from ..stencil import Stencil, energy_of
@@ -29,7 +30,6 @@ from .multigrid import COARSEST_NODES, solve_multigrid
 
 Array = NDArray[np.float64]
 Flags = NDArray[np.bool_]
-SOLVERS = ("auto", "multigrid", "elimination", "amg")
 #: Largest number of nodes of a network for which elimination may be the first choice (about 4 GB at the limit).
 ELIMINATED_NODES = 5_000_000
 #: About so many rows of links are sampled to estimate their contrast.
@@ -139,12 +139,6 @@ def solve_ready(
         return DarcyFlow(total, potential, 1 - potential, percolates)
     flow = _solve(stencil, np.equal(reached, 3, out=reached.view(np.bool_)), rtol, solver, field_rtol)
     return replace(flow, conductance=ldexp(flow.conductance, exponent))
-
-
-def check_solver(solver: str) -> None:
-    """Raise InputError unless this is the name of a solver."""
-    if solver not in SOLVERS:
-        raise InputError("solver", repr(solver), f"one of {', '.join(SOLVERS)}")
 
 
 def _solve(stencil: Stencil, keep: Flags, rtol: float, solver: str, field_rtol: float | None) -> DarcyFlow:
