@@ -71,21 +71,9 @@ class Case(Table):
 
     @model_validator(mode="before")
     @classmethod
-    def _one_face(cls, data: Any) -> Any:
-        if isinstance(data, dict) and "face" in data:
-            faces = [data["face"]] if isinstance(data["face"], dict) else data["face"]
-            return {**data, "face": [_of_file(face) for face in faces] if isinstance(faces, list) else faces}
-        return data
-
-    @model_validator(mode="before")
-    @classmethod
-    def _named(cls, data: Any) -> Any:
-        return with_named_solids(with_named_fluids(with_inlet_pressure(with_absolute_pressures(data))))
-
-    @model_validator(mode="before")
-    @classmethod
-    def _open(cls, data: Any) -> Any:
-        return _with_what_is_open(data)
+    def _filled(cls, data: Any) -> Any:
+        data = with_absolute_pressures(_with_what_is_open(data))
+        return _with_list_of_faces(with_named_solids(with_named_fluids(with_inlet_pressure(data))))
 
     @model_validator(mode="after")
     def _complete(self) -> Case:
@@ -263,9 +251,14 @@ class Case(Table):
         return self.model_dump(mode="json", exclude_none=True)
 
 
-def _of_file(face: Any) -> Any:
-    """The table of a face, which is of the kind "file" where it has a path or places and says no other."""
-    return {"kind": "file", **face} if isinstance(face, dict) and {"path", "places"} & {*face} else face
+def _with_list_of_faces(data: Any) -> Any:
+    """The data of a case with a list of faces, each of the kind "file" where it has a path or places and no other."""
+    if not isinstance(data, dict) or "face" not in data:
+        return data
+    faces = [data["face"]] if isinstance(data["face"], dict) else data["face"]
+    if isinstance(faces, list):
+        faces = [{"kind": "file", **f} if isinstance(f, dict) and {"path", "places"} & {*f} else f for f in faces]
+    return {**data, "face": faces}
 
 
 def _with_what_is_open(data: Any) -> Any:

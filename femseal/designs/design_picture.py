@@ -24,7 +24,7 @@ _RIGHT = 0.86
 
 
 def design_figure(answer: DesignData) -> Figure:
-    """Leakage that a fraction of the seals does not exceed, with the band of the seals; marks at Qmin and QSmin."""
+    """Leakage that a fraction of the seals does not exceed over nominal pressure: limits of classes, Qmin, QSmin."""
     unit, scale = answer.leak_scale
     seals = answer.seals
     peaks = [np.nan if s.unloaded_from is None else s.unloaded_from for s in seals.steps]

@@ -57,6 +57,9 @@ def prepare(case: Case) -> Prepared:
                 scene.check_spiral(flow if "two-scale" in methods else "resolved", cells or (2, 1))
         if sampling is not None:
             sampling = replace(sampling, sampler=chosen_sampler(sampling, scene, contact))
+        form = None  # of a flat seat
+        if case.seat.kind != "flat":
+            form = FormTolerance(case.seat.seat(case.folder), case.seat.tolerance, not case.seat_is_broader)
         spikes = SpikeEffect(conditioning.spikes_along_lay, conditioning.spikes_extreme).doubts(conditioning.spikes)
         prepared = Prepared(
             scene=scene,
@@ -70,7 +73,7 @@ def prepare(case: Case) -> Prepared:
             contact=contact,
             flow=flow,
             seat=seat,
-            form=_form(case),
+            form=form,
             warnings=(
                 *plausibility_warnings(case, scene, conditioning),
                 *groove_question(case, scene),
@@ -100,13 +103,6 @@ def _with_seat(case: Case, surface: Topography) -> tuple[Topography, str]:
     if not seat.matters(surface):
         return surface, f"{seat}: its depth is below {LEAST_DEPTH:.1%} of the rms height, and is left out"
     return formed, str(seat)
-
-
-def _form(case: Case) -> FormTolerance | None:
-    """The form of the seat and its relative error; None of a flat one."""
-    if case.seat.kind == "flat":
-        return None
-    return FormTolerance(case.seat.seat(case.folder), case.seat.tolerance, not case.seat_is_broader)
 
 
 def _seals(

@@ -25,7 +25,6 @@ from ..studies.scene import Array
 from .accuracy_report import or_none
 from .budgets import against, budget_of, budgets_of, leakage_of
 from .coarser import coarser_solutions, without_filtered_waves
-from .refining import refined
 from .settings import (
     Settings,
     apply_settings,
@@ -33,6 +32,7 @@ from .settings import (
     first_settings,
     grid_points,
     has_windows,
+    refined,
     time_limit,
 )
 

@@ -114,8 +114,6 @@ class AnnularLayout:
         object.__setattr__(self, "lay", Lay(name="circumferential") if lay.name == "spiral" and not lay.lead else lay)
         if self.lay.file is not None:
             raise InputError("lay", f"'{self.lay}' on a ring", "a field on a mesh only")
-        for name in ("inner_radius", "outer_radius"):
-            validate.number(name, getattr(self, name), unit="m")
         if not self.outer_radius > self.inner_radius:
             expected = f"a number > the inner radius, {self.inner_radius:g} m"
             raise InputError("outer_radius", f"{self.outer_radius:g} m", expected)
