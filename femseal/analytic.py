@@ -9,10 +9,9 @@ from __future__ import annotations
 from math import log, pi, sqrt
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
-Array = NDArray[np.float64]
-
+from .base.arrays import Array
 
 # --- contact ---
 

@@ -15,9 +15,10 @@ from math import log, pi, sqrt
 
 import numpy as np
 from numba import njit
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
-Array = NDArray[np.float64]
+from .base.arrays import Array
+
 #: Borders of the four formulas.
 FREE_MOLECULAR, TRANSITION, SLIP = 0.01, 0.15, 5.0
 #: Least D of the logarithm, which has no limit.

@@ -8,9 +8,10 @@ from math import inf, isinf
 
 import numpy as np
 
+from ..base.arrays import Array
 from ..base.quantities import to_text
 from ..base.text import Shown
-from .seals import Array, Index, Seals, pressure_for
+from .seals import Index, Seals, pressure_for
 
 #: Ends of the interval of an uncertainty, and of the band between seals.
 ENDS = (0.05, 0.95)

@@ -14,11 +14,11 @@ from math import ceil, inf
 import numpy as np
 from numpy.typing import NDArray
 
+from ..base.arrays import Array
 from ..base.leak_classes import within
 from ..loads import LoadProgramme, LoadStep, relaxed
 from ..results.results import Results
 
-Array = NDArray[np.float64]
 Index = NDArray[np.int64]
 #: Sets of seals that are drawn again for the uncertainty of a figure, and the seed of their random numbers.
 DRAWS, SEED = 400, 13555

@@ -17,10 +17,10 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.stats import qmc, sobol_indices, uniform
 
 from ..base import validate
+from ..base.arrays import Array
 from ..base.errors import FemsealError, InputError, shown
 from ..base.files import write_text
 from ..base.leak_units import leak_unit
@@ -40,7 +40,6 @@ from ..sweeps.scenes import SCENES, Scenes, alone, leakage_of
 from ..sweeps.surrogate import Surrogate
 from ..sweeps.variations import short_names, value_text, variations
 
-Array = NDArray[np.float64]
 FILE, TABLE = "sobol.json", "sobol.csv"
 #: Points of the surrogate for each index, a power of two.
 _POINTS = 2**11

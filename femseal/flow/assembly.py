@@ -17,11 +17,10 @@ from numba import njit
 from numpy.typing import NDArray
 from skfem import Basis, BilinearForm, ElementQuad1, MeshQuad
 
+from ..base.arrays import Array
 from . import forms
 from .grid import Grid
 from .stencil import Stencil
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

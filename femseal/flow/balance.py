@@ -10,13 +10,10 @@ from math import frexp
 
 import numpy as np
 from numba import njit
-from numpy.typing import NDArray
 
+from ..base.arrays import Array, Indices
 from .percolation import union
 from .stencil import Stencil
-
-Array = NDArray[np.float64]
-Indices = NDArray[np.int64]
 
 
 def balanced_link_fluxes(stencil: Stencil, potential: Array, complement: Array) -> tuple[Array, Array]:

@@ -11,10 +11,9 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
+from ..base.arrays import Array, Flags
 from .stencil import Stencil
 
-Array = NDArray[np.float64]
-Flags = NDArray[np.bool_]
 Indices = NDArray[np.int32]
 _THROUGH = np.int32(-1)
 

@@ -13,7 +13,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 import scipy.sparse as sp
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 from skfem import (
     Basis,
     ElementQuad1,
@@ -30,6 +30,7 @@ from skfem import (
 )
 from skfem.mesh import MeshQuad1DG
 
+from ..base.arrays import Array, Indices
 from ..base.errors import InputError, NotConverged
 from . import forms
 from .connected_elements import connected_elements, open_facets
@@ -37,8 +38,6 @@ from .mixed import flux_conductance
 from .solution import MAX_IMBALANCE, DarcyFlow, potential_rtol
 from .solvers.amg import solve_spd
 
-Array = NDArray[np.float64]
-Indices = NDArray[np.int64]
 #: A tensor closed along one principal axis keeps this fraction of its other value there, so that K⁻¹ exists.
 CLOSED_AXIS = 1e-10
 #: Relative error of the conductance.

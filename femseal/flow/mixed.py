@@ -12,17 +12,14 @@ from dataclasses import dataclass
 
 import numpy as np
 import scipy.sparse as sp
-from numpy.typing import NDArray
 from skfem import Basis, ElementQuadRT0, ElementTriRT0, Mesh
 
+from ..base.arrays import Array, Indices
 from . import forms
 from .balance import balanced_flux
 from .connected_elements import connected_elements, elements_between, open_facets
 from .solution import DarcyFlow
 from .solvers.amg import LinearSolution, solve_spd
-
-Array = NDArray[np.float64]
-Indices = NDArray[np.int64]
 
 
 def flux_conductance(

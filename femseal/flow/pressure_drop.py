@@ -15,12 +15,12 @@ from typing import Any, Generic, Protocol, TypeVar
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from ..base.arrays import Array
 from ..base.fixed_point import fixed_point
 from .constriction import critical_constriction
 from .law import CUBIC_LAW, FlowLaw, law_of, widened
 from .permeability_table import Mobility, table_pressures
 
-Array = NDArray[np.float64]
 Found = TypeVar("Found")
 #: Intervals of the table of pressures, and Gauss points in each of them.
 _INTERVALS, _POINTS = 2000, np.polynomial.legendre.leggauss(3)

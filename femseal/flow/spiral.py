@@ -18,6 +18,7 @@ import scipy.sparse as sp
 from numpy.typing import NDArray
 from scipy.sparse.csgraph import connected_components
 
+from ..base.arrays import Array, Indices
 from ..base.errors import InputError, NotConverged
 from ..base.quantities import to_text
 from .coefficient import unit_spacing
@@ -27,8 +28,6 @@ from .law import cubic_law
 from .solvers.amg import solve_spd
 from .stencil import Stencil
 
-Array = NDArray[np.float64]
-Indices = NDArray[np.int64]
 #: Least fraction w that is solved: below it rounding decides, and the flow changes by w².
 _LEAST_WEIGHT = 3e-5
 #: Relative change of the flow below which the way along the grooves is left out.

@@ -10,9 +10,8 @@ import scipy.sparse as sp
 from numba import njit
 from numpy.typing import ArrayLike, NDArray
 
+from ..base.arrays import Array
 from ..base.errors import InputError
-
-Array = NDArray[np.float64]
 
 
 def _nothing() -> Array:

@@ -12,9 +12,10 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from ..base import validate
+from ..base.arrays import Array, Indices
 from ..base.errors import InputError
 from ..elements.element_elimination import mesh_factors
 from ..elements.element_mesh import ElementMesh, ElementSolution
@@ -23,8 +24,6 @@ from ..elements.superelement import WindowElement, WindowLinks, validated_face, 
 from ..windows.outcome import SolverCounts
 from ..windows.partition import Partition
 
-Array = NDArray[np.float64]
-Indices = NDArray[np.int64]
 #: Places at which runs start, for each run that the face has without overlap.
 STARTS = 2
 

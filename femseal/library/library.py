@@ -21,6 +21,7 @@ from zlib import error as ZlibError
 import numpy as np
 from numpy.typing import NDArray
 
+from ..base.arrays import Array
 from ..base.errors import FemsealError, InputError
 from ..base.fields import LIBRARY_CELL, LIBRARY_WINDOW, declared
 from ..base.files import made_folder, replacing
@@ -34,7 +35,6 @@ from ..windows.window_flow import FlowSettings
 from .curves import WindowCurves
 from .ladder import Ladder, WindowStates, merge, restrict, solve_ladder
 
-Array = NDArray[np.float64]
 #: Written into every file; a file of another format is computed again.
 FORMAT = 2
 #: Relative distance of two pressures that are the same but for rounding.

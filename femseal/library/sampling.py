@@ -23,10 +23,10 @@ import numpy as np
 import scipy
 from numpy.typing import NDArray
 
+from ..base.arrays import Array
 from ..base.errors import InputError
 from ..loads import LoadProgramme
 
-Array = NDArray[np.float64]
 Index = NDArray[np.int64]
 #: Permeability of all links (rows, columns) at a step.
 Draw = Callable[[int], Array]

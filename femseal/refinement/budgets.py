@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 
+from ..base.arrays import Array
 from ..base.errors import FemsealError, NotKept
 from ..base.quantities import to_text
 from ..budget import (
@@ -26,7 +27,6 @@ from ..budget import (
 )
 from ..preparation.prepared import Prepared
 from ..studies import StochasticResult, Study, study_of_result
-from ..studies.scene import Array
 from .coarser import (
     coarser_grids,
     compares_links,

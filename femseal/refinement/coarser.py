@@ -11,11 +11,11 @@ from typing import TypeVar
 
 import numpy as np
 
+from ..base.arrays import Array
 from ..base.errors import InputError
 from ..budget import CoarserSolution
 from ..preparation.prepared import Pair, Prepared, without_short_waves
 from ..studies import STUDIES, Scene, Study
-from ..studies.scene import Array
 
 log = logging.getLogger("femseal")
 #: Points a side of the coarser grid over those of the scene.

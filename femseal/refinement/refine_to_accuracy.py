@@ -11,6 +11,7 @@ from typing import Any
 
 import numpy as np
 
+from ..base.arrays import Array
 from ..base.errors import FemsealError, NotKept
 from ..base.machine import free_memory
 from ..base.stage import Mapper
@@ -21,7 +22,6 @@ from ..execution.run import Run
 from ..preparation.check_memory import START_MEMORY
 from ..preparation.prepared import Pair, Prepared
 from ..studies import StochasticResult, Study
-from ..studies.scene import Array
 from .accuracy_report import or_none
 from .budgets import against, budget_of, budgets_of, leakage_of
 from .coarser import coarser_solutions, without_filtered_waves

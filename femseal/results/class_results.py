@@ -6,8 +6,8 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ..base.arrays import Array
 from ..base.fields import LEAK_CLASS, REALISATION, Field, Place
 from ..base.leak_classes import LeakClass, leak_classes, within
 from ..base.leak_units import LeakBasis
@@ -19,7 +19,6 @@ from .variables import add, add_coordinate, add_step
 if TYPE_CHECKING:
     import xarray
 
-Array = NDArray[np.float64]
 #: Ratio of the length of a seal to the circumference of its nominal diameter beyond which a warning says so.
 _ODD_LENGTH = 1.5
 

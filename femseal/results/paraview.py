@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ..base.arrays import Array
 from ..base.errors import InputError
 from ..base.fields import PART, PART_VECTOR, PIXEL, WINDOW, Field, fields_of
 from ..base.files import made_folder
@@ -27,7 +28,6 @@ if TYPE_CHECKING:
     from ..studies.link_flow import WindowPixels
     from .run_data import RunData
 
-Array = NDArray[np.float64]
 #: Formats: the series, which every ParaView opens; VTKHDF for ParaView 5.13 or later; both; or none.
 FORMATS = ("vtu", "vtkhdf", "both", "none")
 #: Places of the drawn seal nearer to each other than this fraction of it are one point of the mesh.

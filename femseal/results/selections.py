@@ -8,13 +8,13 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ..base.arrays import Array
 from ..base.errors import InputError
 from ..base.quantities import to_text
 
 if TYPE_CHECKING:
     import xarray
 
-Array = NDArray[np.float64]
 Steps = NDArray[np.int64]
 #: Name of the variable that says which steps are interpolated.
 INTERPOLATED = "interpolated"

@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ..base.arrays import Array
 from ..base.fields import (
     BLOCK,
     ERROR_SOURCE,
@@ -41,7 +42,6 @@ from .selections import INTERPOLATED
 if TYPE_CHECKING:
     import xarray
 
-Array = NDArray[np.float64]
 #: Most blocks along a side of the maps, of the heights and of a field at every step.
 HEIGHT_BLOCKS, FIELD_BLOCKS = 256, 128
 #: Sources of error in the order in which they are shown.

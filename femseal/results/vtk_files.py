@@ -23,13 +23,13 @@ from typing import TYPE_CHECKING, Any, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
+from ..base.arrays import Array
 from ..base.files import made_folder, replacing, write_text
 from ..topography import Topography
 
 if TYPE_CHECKING:
     import xarray
 
-Array = NDArray[np.float64]
 PixelValues = Callable[[int], NDArray[Any]]
 #: Endings of an image of pixels in a plane, and of a file by which ParaView recognises VTKHDF.
 IMAGE, HDF = ".vti", ".vtkhdf"

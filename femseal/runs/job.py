@@ -15,6 +15,7 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
 
+from ..base.arrays import Array
 from ..base.errors import FemsealError, InputError, PartsMissing
 from ..base.files import made_folder, remove_foreign
 from ..base.provenance import numerical_versions
@@ -40,7 +41,6 @@ from ..results import Results, assemble
 from ..studies import FluidState, OtherLeakage, Study, drop_ratio
 from ..studies.compiling import compile_ahead
 from ..studies.link_flow import WindowPixels, window_pixels
-from ..studies.scene import Array
 from .chosen_loads import solve_chosen
 from .finished import finished_results
 from .forecast import refuse_too_large

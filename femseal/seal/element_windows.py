@@ -12,9 +12,9 @@ from functools import cached_property
 from typing import Any, ClassVar
 
 import numpy as np
-from numpy.typing import NDArray
 from skfem import Mesh, MeshQuad1, MeshQuad2, MeshTri1, MeshTri2
 
+from ..base.arrays import Array, Indices
 from ..base.errors import InputError
 from ..base.quantities import to_text
 from ..flow.dirichlet_flow import DirichletFlow, dirichlet_flow
@@ -23,8 +23,6 @@ from ..flow.solution import DarcyFlow
 from .mesh_seal import PressureBoundaries
 from .upscaling import combined
 
-Array = NDArray[np.float64]
-Indices = NDArray[np.int64]
 #: Solvers of a system on a mesh; others are of grids.
 _SOLVERS = ("auto", "direct", "amg")
 #: √ of the windows that an element holds, below which elements are refused, and below which they are warned of. An

@@ -8,12 +8,11 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ..base.arrays import Array
 from ..base.errors import InputError, shown
 from ..base.quantities import to_si, to_text
 
-Array = NDArray[np.float64]
 #: Directions by name: those of the axes of the plane, and those as seen from the centre of the seal.
 NAMES = ("x1", "x2", "radial", "circumferential")
 ALLOWED = (

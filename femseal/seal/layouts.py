@@ -12,9 +12,6 @@ from math import isfinite, pi
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar, Literal, Protocol
 
-import numpy as np
-from numpy.typing import NDArray
-
 from ..base import validate
 from ..base.errors import InputError
 from ..base.parameters import check_parameters, parameter
@@ -25,8 +22,6 @@ from .pressure_map import Frame
 if TYPE_CHECKING:
     from ..flow.spiral import Spiral
     from .laid_windows import SealWindows, Windows
-
-Array = NDArray[np.float64]
 
 
 class Layout(Protocol):

@@ -6,11 +6,9 @@ from dataclasses import dataclass, replace
 from typing import ClassVar
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ..base.arrays import Array
 from .shapes import AnnularSeal, RectangularSeal
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)

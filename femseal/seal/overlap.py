@@ -12,7 +12,8 @@ import numpy as np
 from numpy.typing import NDArray
 from skfem import Mesh
 
-Array = NDArray[np.float64]
+from ..base.arrays import Array
+
 Index = NDArray[np.int64]
 #: Depth in fractions of the shorter edge, and of an element, to which parts that touch may lie on each other:
 #: coordinates are rounded, and edges are chords of arcs.

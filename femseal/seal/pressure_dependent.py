@@ -12,8 +12,8 @@ from dataclasses import replace
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ..base.arrays import Array
 from ..base.errors import InputError
 from ..base.fixed_point import fixed_point
 from ..flow.law import law_of
@@ -23,7 +23,6 @@ from ..flow.solution import DarcyFlow
 from .shapes import Seal
 from .structured import StructuredSeal, element_tensors
 
-Array = NDArray[np.float64]
 #: Relative error at which the fixed point ends.
 RTOL = 1e-5
 

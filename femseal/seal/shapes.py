@@ -12,15 +12,14 @@ from math import pi
 from typing import Any, Protocol
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from ..base import validate
+from ..base.arrays import Array
 from ..base.errors import InputError
 from ..flow.grid import Grid
 from ..flow.solution import DarcyFlow
 from .structured import StructuredSeal
-
-Array = NDArray[np.float64]
 
 
 class Seal(Protocol):

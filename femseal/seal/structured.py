@@ -17,9 +17,10 @@ from dataclasses import replace
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from ..base import validate
+from ..base.arrays import Array
 from ..base.errors import InputError
 from ..flow.assembly import assemble_on_elements, assemble_on_links, gauss
 from ..flow.balance import balanced_link_fluxes
@@ -30,7 +31,6 @@ from ..flow.solution import DarcyFlow
 from ..flow.solvers.choice import solve_flow
 from ..flow.stencil import Stencil
 
-Array = NDArray[np.float64]
 _RTOL = 1e-8
 #: Numbers of links over which the drop of pressure is summed by default.
 NARROWEST = (1, 3, 10)

@@ -9,9 +9,8 @@ Source: Reynolds, Stanley & Klein, J. Phys. C 10, 1977, L167 (percolation); King
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from ..base.arrays import Array
 
 
 def combined(k1: Array, k2: Array, window: tuple[float, float]) -> tuple[Array, Array]:

@@ -6,12 +6,13 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
+from ..base.arrays import Array
 from ..base.stage import Mapper
 from ..windows import Partition
 from .costs import Effort, count_pressures, count_rounds, deterministic_cost, stochastic_cost, two_scale_cost
 from .deterministic import DeterministicResult, deterministic
 from .sampling_options import Sampling, lay_out_windows
-from .scene import Array, Scene
+from .scene import Scene
 from .stochastic import stochastic
 from .stochastic_result import StochasticResult
 from .two_scale import TwoScaleResult, two_scale

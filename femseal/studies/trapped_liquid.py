@@ -12,9 +12,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from ..base.arrays import Array
 from ..contact import HalfSpace
 
-Array = NDArray[np.float64]
 #: Fraction of a Newton step that is taken: pockets lift each other's rims. Largest step over the load.
 _DAMPING, _LARGEST_STEP = 0.7, 0.3
 #: The metal around a pocket flows under a liquid at its hardness. What would need more than this fraction escapes.

@@ -7,6 +7,7 @@ from itertools import pairwise
 
 import numpy as np
 
+from ..base.arrays import Array
 from ..base.errors import InputError
 from ..base.quantities import to_text
 from ..library.library import local_peaks
@@ -15,7 +16,7 @@ from ..loads import LoadProgramme
 from ..seal.laid_windows import SealWindows
 from ..seal.layouts import Layout
 from ..seal.pressure_map import AnyMap, MapsAtLoads, PressedSeal, PressureField, is_uniform
-from .scene import Array, Scene
+from .scene import Scene
 from .seat_rows import SeatMap, SeatRows
 
 #: Most paths of pressure for which every library window has its own curve, under one map and under several at different

@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ..base.arrays import Array
 from ..base.errors import FemsealError, InputError
 from ..base.files import made_folder, write_text
 from ..base.leak_units import LeakUnit
@@ -22,7 +23,6 @@ from ..execution.lock import alone_in
 from ..execution.parts import Part, missing_parts, own_items, parts_of
 from ..runs import job
 
-Array = NDArray[np.float64]
 #: Solved scenes in a folder: all that a run has, and those of a part.
 SCENES, PART_SCENES = "scenes.json", "scenes-{}-of-{}.json"
 

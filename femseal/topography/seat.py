@@ -12,14 +12,13 @@ from pathlib import Path
 from typing import Any, ClassVar
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ..base.arrays import Array
 from ..base.errors import InputError
 from ..base.parameters import check_parameters, parameter
 from ..base.quantities import to_si, to_text
 from .topography import Topography
 
-Array = NDArray[np.float64]
 #: Largest slope of a form: a half-space is for slopes well below 1.
 MOST_SLOPE = 0.3
 #: Depth of a form in rms heights of the roughness below which it changes leakage by less than 0.5 % and is left out.

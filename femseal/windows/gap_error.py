@@ -8,9 +8,8 @@ import numpy as np
 import scipy
 from numpy.typing import NDArray
 
+from ..base.arrays import Array
 from ..contact import ContactLaw, HalfSpace
-
-Array = NDArray[np.float64]
 
 
 def gap_error(

@@ -16,10 +16,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ..base.arrays import Array
 from ..base.errors import InputError
 from ..topography import Topography
 
-Array = NDArray[np.float64]
 #: How far a line of nodes may lie from its face, in window sides.
 MOST_LINE_SHIFT = 0.25
 #: Fraction of the height variance in the profile across the leakage from which on a face has ridges to avoid. Measured:

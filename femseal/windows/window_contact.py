@@ -8,12 +8,11 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from ..base.arrays import Array
 from ..contact import ContactLaw, HalfSpace, solve_contact
 from ..loads import LoadProgramme
 from .outcome import Failed, attempt
 from .window_fields import ContactValues
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)

@@ -10,6 +10,7 @@ from numba import njit
 from numpy.typing import ArrayLike, NDArray
 
 from ..base import validate
+from ..base.arrays import Array
 from ..flow import DarcyFlow, Permeability, cell_permeability
 from ..flow.cell import cell_flow, pixel_dissipation
 from ..flow.discretisation import check_discretisation
@@ -19,7 +20,6 @@ from ..flow.spiral import Spiral
 from .outcome import Failed, SolveCounts, SolverCounts, attempt
 from .partition import Partition
 
-Array = NDArray[np.float64]
 #: Below this ratio of rms gap variation to mean gap parallel plates are exact to 2e-4 whatever the lay.
 OPEN_RATIO = 0.005
 

@@ -16,12 +16,11 @@ from typing import Any
 
 import numpy as np
 import scipy.sparse as sp
-from numpy.typing import NDArray
 from scipy.sparse.linalg import splu
 
+from ...base.arrays import Array
 from ...base.errors import InputError, NotConverged
 
-Array = NDArray[np.float64]
 SOLVERS = ("auto", "direct", "amg")
 #: Unknowns up to which the factorisation of a mesh's matrix takes less time than multigrid. Factorisation against
 #: multigrid in ms on one core, P1, Q1, P2 and Q2: 20,000 unknowns 74:78, 58:61, 75:90, 61:76; 50,000 260:200, 160:150,

@@ -7,15 +7,12 @@ from __future__ import annotations
 
 import numpy as np
 from numba import njit
-from numpy.typing import NDArray
 
+from ...base.arrays import Array, Flags, Indices
 from ..percolation import find, union
 from ..stencil import Stencil
 from .elimination import Factors, Links, Order, factored, find_potentials
 
-Array = NDArray[np.float64]
-Indices = NDArray[np.int64]
-Flags = NDArray[np.bool_]
 #: Boxes of about so many nodes are not cut any further; deepest nesting of boxes.
 _LEAF, _DEEPEST = 12, 400
 _NOTHING = np.zeros((0, 0))
