@@ -9,9 +9,10 @@ from __future__ import annotations
 from math import log, pi, sqrt
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
-from .base.arrays import Array
+Array = NDArray[np.float64]
+
 
 # --- contact ---
 
