@@ -193,7 +193,7 @@ class LadderLibrary(Shown):
         programme = LoadProgramme(steps)
         pressure = np.broadcast_to(programme.pressures, (self.size, len(steps)))
         return LibraryTable(
-            LoadProgramme(steps),
+            programme,
             pressure,
             **{name: np.array(values) for name, values in columns.items()},
             place=self.place,

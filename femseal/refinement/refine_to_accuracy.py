@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import logging
 import time
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from dataclasses import asdict, dataclass, field, replace
 from functools import partial
 from typing import Any
@@ -21,7 +21,7 @@ from ..case.case import Case
 from ..execution.run import Run
 from ..preparation.check_memory import START_MEMORY
 from ..preparation.prepared import Pair, Prepared
-from ..studies import StochasticResult, Study
+from ..studies import StochasticResult
 from .accuracy_report import or_none
 from .budgets import against, budget_of, budgets_of, leakage_of
 from .coarser import coarser_solutions, without_filtered_waves
@@ -250,12 +250,8 @@ class _Attempts:
         answer = prepared.answer
         # these are compared with more than themselves
         if answer.name == "stochastic" or (answer.name == "two-scale" and prepared.flow == "links"):
-
-            def solve(version: Prepared, study: Study, known: Mapping[str, Any]) -> Any:
-                return version.solve(study, mapper, known)
-
             alone = replace(prepared, methods=frozenset({answer.name}))
-            return budgets_of(alone, {answer.key: result}, solve)[answer.key]
+            return budgets_of(alone, {answer.key: result}, mapper)[answer.key]
         smooth = without_filtered_waves(prepared, leakage_of(result))
         filtered = None if smooth is None else against(result, smooth, smooth.solve(smooth.answer, mapper))
         leakage = partial(self._leakage, mapper=mapper)

@@ -6,7 +6,7 @@ import hashlib
 import json
 import logging
 import time
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager, suppress
 from dataclasses import replace
 from functools import partial
@@ -38,7 +38,7 @@ from ..refinement.settings import chosen
 from ..report import write_folder
 from ..report.case_text import solids_text
 from ..results import Results, assemble
-from ..studies import FluidState, OtherLeakage, Study, drop_ratio
+from ..studies import FluidState, OtherLeakage, drop_ratio
 from ..studies.compiling import compile_ahead
 from ..studies.link_flow import WindowPixels, window_pixels
 from .chosen_loads import solve_chosen
@@ -206,7 +206,9 @@ def _results(case: Case, made: Prepared, faces: dict[str, str], run: Run) -> Res
     budgets: dict[str, ErrorBudget] = {}
     if case.output.budget:  # last, so that it can be switched before a run is resumed
         known = {} if refined is None else {prepared.answer.key: refined.budget}
-        budgets = _budgets(case, prepared, studies, filtered, known, run)
+        parts: dict[str, Any] = {"model_parts": case.output.model_parts, "hardness": case.hardness_tolerance}
+        with run.timed("error budget") as mapper:
+            budgets = budgets_of(prepared, studies, mapper, leakage_filtered=filtered, known=known, **parts)
     windows: tuple[WindowPixels, ...] = ()
     if case.output.paraview != "none" and "two_scale" in studies:
         windows = window_pixels(prepared.scene, studies["two_scale"], run.mapper)
@@ -251,31 +253,6 @@ def _of_test_fluid(state: FluidState, prepared: Prepared, own: Any, run: Run) ->
     with run.timed("test fluid") as mapper:
         other = replace(prepared, scene=state.in_scene(prepared.scene))
         return OtherLeakage.of_study(state, other.solve(other.answer, mapper))
-
-
-def _budgets(
-    case: Case,
-    prepared: Prepared,
-    studies: dict[str, Any],
-    filtered: Array | None,
-    known: dict[str, ErrorBudget],
-    run: Run,
-) -> dict[str, ErrorBudget]:
-    """Error budgets of the studies by key; `known` are those that are there already."""
-    with run.timed("error budget") as mapper:
-
-        def solve(version: Prepared, study: Study, solved: Mapping[str, Any]) -> Any:
-            return version.solve(study, mapper, solved)
-
-        return budgets_of(
-            prepared,
-            studies,
-            solve,
-            leakage_filtered=filtered,
-            known=known,
-            model_parts=case.output.model_parts,
-            hardness=case.hardness_tolerance,
-        )
 
 
 def _write(results: Results, folder: Path, case: Case) -> None:

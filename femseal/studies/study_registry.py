@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from operator import attrgetter
 from typing import Any
 
 from ..base.arrays import Array
@@ -130,10 +131,6 @@ def _cost_stochastic(
     return stochastic_cost(efforts, points, cells, sampling, seal, options.contact, pressures, rounds, places)
 
 
-def _own_leakage(result: DeterministicResult | TwoScaleResult) -> Array:
-    return result.leakage
-
-
 def _median_leakage(result: StochasticResult) -> Array:
     return result.quantile(0.5)
 
@@ -150,7 +147,7 @@ STUDIES: dict[str, Study] = {
             result=DeterministicResult,
             solve=_solve_deterministic,
             cost=_cost_deterministic,
-            leakage=_own_leakage,
+            leakage=attrgetter("leakage"),
         ),
         Study(
             name="two-scale",
@@ -159,7 +156,7 @@ STUDIES: dict[str, Study] = {
             result=TwoScaleResult,
             solve=_solve_two_scale,
             cost=_cost_two_scale,
-            leakage=_own_leakage,
+            leakage=attrgetter("leakage"),
             needs=("cells",),
         ),
         Study(

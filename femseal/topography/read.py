@@ -143,7 +143,11 @@ def read_for_a_look(
     unit = raw.height_unit if height_unit is None else to_si(f"1 {height_unit}", "m", "height_unit")
     if unit is None and suffix not in READERS:
         doubts.append(bad_file(path, "no unit of height in the file", "height_unit= such as 'um' (--height-unit)"))
-    whole = _checked(path, heights * (unit or 1.0), pixel if pixel and not no_pixel else (_ANY_PIXEL,) * 2, periodic)
+    known = pixel if pixel and not no_pixel else (_ANY_PIXEL, _ANY_PIXEL)
+    try:
+        whole = Topography(heights * (unit or 1.0), known, periodic)
+    except InputError as error:
+        raise InputError(f"{path}: {error.what}", error.given, error.expected) from None
     if not doubts:
         doubts += _implausible(path, whole, size is None and spacing is None, height_unit is None)
     masked_share = 0.0 if raw.mask is None or not file_mask else float(np.mean(raw.mask))
@@ -168,13 +172,6 @@ def _masked(raw: Raw, mask: str | os.PathLike[str] | None, file_mask: bool) -> N
     if mask is not None:
         heights = np.where(read_mask(mask, (heights.shape[0], heights.shape[1])), np.nan, heights)
     return heights
-
-
-def _checked(path: Path, heights: np.ndarray, pixel: tuple[float, float], periodic: tuple[bool, bool]) -> Topography:
-    try:
-        return Topography(heights, pixel, periodic)
-    except InputError as error:
-        raise InputError(f"{path}: {error.what}", error.given, error.expected) from None
 
 
 def _implausible(path: Path, topography: Topography, check_size: bool, check_heights: bool) -> list[InputError]:
