@@ -272,8 +272,6 @@ def capillary_entry_pressure(fluid: Fluid, gap: float) -> float:
     NaN of a liquid that wets them (θ <= 90°), or of which surface tension or contact angle is not known; inf where the
     gap is 0.
 
-    Examples
-    --------
     >>> from math import radians
     >>> water = Liquid(1e-3, surface_tension=0.073, contact_angle=radians(120))
     >>> round(capillary_entry_pressure(water, 1e-6))

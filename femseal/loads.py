@@ -47,8 +47,6 @@ class LoadProgramme(tuple[LoadStep, ...]):
     Raises InputError: loading steps after unloading steps, loading steps that do not rise, or unloading from a peak
     that is not a loading step.
 
-    Examples
-    --------
     >>> programme = LoadProgramme.of([1e8, 3e8], unload_from=[2e8], unloading=[1e8])
     >>> [step.name for step in programme]
     ['loading 100 MPa', 'loading 200 MPa', 'loading 300 MPa', 'unloading 100 MPa from 200 MPa']
@@ -148,8 +146,6 @@ def nominal_pressure(load: float, unit: str, *, area: float, length: float) -> f
 
     Raises InputError: another unit.
 
-    Examples
-    --------
     >>> nominal_pressure(10e3, "N", area=1e-4, length=0.1), nominal_pressure(200e3, "N/m", area=1e-4, length=0.1)
     (100000000.0, 200000000.0)
     """

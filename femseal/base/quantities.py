@@ -55,8 +55,6 @@ def to_si(text: object, unit: str, name: str = "quantity") -> float:
 
     Raises InputError: no unit, a unit of another kind, a decimal comma, or not a finite number.
 
-    Examples
-    --------
     >>> to_si("210 GPa", "Pa")
     210000000000.0
     >>> to_si("20 °C", "K")
@@ -105,8 +103,6 @@ def absolute_pressure(text: object, ambient: float, name: str = "quantity") -> f
 
     Raises InputError: no pressure, or one below that of a vacuum.
 
-    Examples
-    --------
     >>> absolute_pressure("10 bar(g)", 101325.0), absolute_pressure("10 bara", 101325.0)
     (1101325.0, 1000000.0)
     """

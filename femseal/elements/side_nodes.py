@@ -21,10 +21,8 @@ def side_nodes(crossing, along, spacing):
     along (n − 1,) : conductances of the links along the side, of both of its sides together.
     spacing : largest distance of two nodes [points].
 
-    Returns
-    -------
-    node (n, 2), weight (n, 2) : the pressure at a point is the weighted mean of those at two nodes; −1 where closed.
-    place (nodes,) : point of each node.
+    Returns node (n, 2), weight (n, 2) : the pressure at a point is the weighted mean of those at two nodes; −1 where
+    closed. place (nodes,) : point of each node.
     """
     n = crossing.size
     node, weight = np.full((n, 2), -1, np.int64), np.zeros((n, 2))

@@ -64,11 +64,9 @@ def elemental(form: BilinearForm, element: type, samples: tuple[Sample, ...], co
     element : class of a scikit-fem element of quadrilaterals.
     samples : where the coefficient is taken.
 
-    Returns
-    -------
-    (samples, n, n), the n degrees of freedom in the order of their coordinates: Q1 corners as (0, 0), (0, 1), (1, 0),
-    (1, 1); RT0 facets as ξ1 = 0, ξ2 = 0, ξ2 = 1, ξ1 = 1. On a rectangle Δ1 × Δ2 the matrix of component (a, b) is
-    Δ1Δ2/ΔaΔb times as large for gradients, ΔaΔb/Δ1Δ2 times for total fluxes through the facets.
+    Returns (samples, n, n), the n degrees of freedom in the order of their coordinates: Q1 corners as (0, 0), (0, 1),
+    (1, 0), (1, 1); RT0 facets as ξ1 = 0, ξ2 = 0, ξ2 = 1, ξ1 = 1. On a rectangle Δ1 × Δ2 the matrix of component (a, b)
+    is Δ1Δ2/ΔaΔb times as large for gradients, ΔaΔb/Δ1Δ2 times for total fluxes through the facets.
     """
     return _elemental(form, form.form, element, samples, coefficient)
 

@@ -24,10 +24,8 @@ def dead_ends(stencil: Stencil, keep: Flags) -> tuple[Flags, tuple[Indices, Indi
     stencil : a network of links between nodes that are connected to both ends.
     keep : those nodes, the ends among them.
 
-    Returns
-    -------
-    The nodes without dead ends; the numbers (row · n2 + column) of the inner nodes in dead ends, with those that they
-    hang on; two more numbers stand for the inlet and the outlet.
+    Returns the nodes without dead ends; the numbers (row · n2 + column) of the inner nodes in dead ends, with those
+    that they hang on; two more numbers stand for the inlet and the outlet.
     """
     anchor = _anchors(stencil.along, stencil.across, keep, stencil.ring2)
     left = keep.copy()

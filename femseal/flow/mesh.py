@@ -84,9 +84,7 @@ def darcy_conductance(
 
     solver : of the linear system, "direct" (factorisation), "amg" (pyamg), or "auto", the faster of both.
 
-    Returns
-    -------
-    DarcyFlow, `potential` at the vertices; it is 1 or 0 in dead ends of the inlet or outlet, NaN in
+    Returns DarcyFlow, `potential` at the vertices; it is 1 or 0 in dead ends of the inlet or outlet, NaN in
     closed pockets.
 
     Raises InputError: another kind of mesh, wrong facets, a bad K, or bounds on a curved mesh.

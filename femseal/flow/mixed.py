@@ -41,10 +41,8 @@ def flux_conductance(
     rtol : error of the potential allowed in the norm of the energy; balancing the flux magnifies it.
     solver : of the linear system.
 
-    Returns
-    -------
-    DarcyFlow, `potential` the mean of each element; `imbalance` is the relative difference of the energies of the flux
-    and of the potentials of the facets, between which the flow of these elements lies.
+    Returns DarcyFlow, `potential` the mean of each element; `imbalance` is the relative difference of the energies of
+    the flux and of the potentials of the facets, between which the flow of these elements lies.
 
     Raises NotConverged: the linear solver failed.
     """

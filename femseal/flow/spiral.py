@@ -78,9 +78,7 @@ def spiral_flow(gap: Array, spacing: tuple[float, float], spiral: Spiral, plain:
     lead is an upper bound (Dirichlet's principle): where that adds less than 0.5 %, the lead is left out, unless
     there are pockets.
 
-    Returns
-    -------
-    The permeability, and the potential (n1, n2), NaN where no open path leads to both ends.
+    Returns the permeability, and the potential (n1, n2), NaN where no open path leads to both ends.
 
     Raises InputError: see `Spiral.seam`.
     NotConverged : the linear solver failed, or inflow and outflow differ.

@@ -77,11 +77,9 @@ def assemble(
     `base.leak_classes`. nominal_diameter : [m], which some of them need.
     throughput_temperature : at which pressure × volume of a gas is stated [K]; its own unless given.
 
-    Returns
-    -------
-    Results; every variable has `units` and `long_name`. Dimensions: step; realisation; cell1, cell2, windows by their
-    centres [m]; place1, place2, blocks of the measured place that leaks most; node1, corner1, rows of nodes and of
-    x2-links along x1 [m] (the x2-link of column j runs from cell2 j to j + 1); narrowest, numbers of links;
+    Returns Results; every variable has `units` and `long_name`. Dimensions: step; realisation; cell1, cell2, windows by
+    their centres [m]; place1, place2, blocks of the measured place that leaks most; node1, corner1, rows of nodes and
+    of x2-links along x1 [m] (the x2-link of column j runs from cell2 j to j + 1); narrowest, numbers of links;
     library_cell, library_step; part, corner, plane, parts of the
     drawn seal nearest to the median; budget_part, sources of error. Fluxes are volume rates per width at the fluid's
     reference density. Attributes hold the case, the surface, versions, machine, wall times, peak memory of the main

@@ -46,9 +46,7 @@ def write_vtk(
     folder : made if needed. Each file is written whole or not at all, a `.pvd` after the files it names.
     file_format : "vtu" (series of `.vtu`, images of windows as `.vti`), "vtkhdf", "both" or "none".
 
-    Returns
-    -------
-    Paths of all files.
+    Returns paths of all files.
 
     Raises InputError: the folder cannot be made, or another format.
     """

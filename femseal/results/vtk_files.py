@@ -156,9 +156,7 @@ class Heights:
 def write_series(view: View, folder: Path) -> list[Path]:
     """Write a view as XML: `name.pvd` after the files that it names in the folder `name`; one file without steps.
 
-    Returns
-    -------
-    Paths of all files, each of which is whole or not there.
+    Returns paths of all files, each of which is whole or not there.
     """
     if view.steps is None:
         return [_save(view.at(0), folder / view.name)]

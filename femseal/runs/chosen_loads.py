@@ -30,9 +30,7 @@ def solve_chosen(prepared: Prepared, tolerance: float, run: Run) -> tuple[Prepar
 
     tolerance : relative error of the leakage between solved steps.
 
-    Returns
-    -------
-    The case with the loads that are solved, and its result.
+    Returns the case with the loads that are solved, and its result.
     """
     found: list[tuple[Prepared, Any]] = []
 

@@ -42,9 +42,8 @@ def pressure_dependent_flow(
     seal, fluid, bounds, solver : as in `seal_leakage`; bounds are those with the permeabilities of the solution.
     table : permeability at several pressures. inlet, outlet : pressures of the ends [Pa].
 
-    Returns
-    -------
-    The flow, its potential as fraction of the drop of φ, and the permeabilities with which φ has this flow [m³].
+    Returns the flow, its potential as fraction of the drop of φ, and the permeabilities with which φ has this flow
+    [m³].
 
     Raises NotConverged: the linear solver failed, or the flow still changes after many solutions.
     """

@@ -173,9 +173,7 @@ def drop_fractions(
     pressure itself of a liquid of constant viscosity.
     counts : numbers of links.
 
-    Returns
-    -------
-    (number of counts,), from 0 to 1; NaN without flow.
+    Returns (number of counts,), from 0 to 1; NaN without flow.
 
     Raises InputError: permeabilities as in `seal_leakage`, a potential of another shape, counts that are not whole
     numbers >= 1.

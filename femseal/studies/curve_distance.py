@@ -40,8 +40,6 @@ def leakage_factor(leakage: ArrayLike, reference: ArrayLike, steps: Sequence[Loa
     steps : the load programme.
     branch : "loading" or "unloading" (from any peak).
 
-    Examples
-    --------
     >>> steps = [LoadStep(1e8), LoadStep(2e8), LoadStep(3e8)]
     >>> leakage_factor([2.0, 0.5, 0.0], [1.0, 1.0, 0.1], steps, "loading")
     LeakageFactor(value=2.0..., loads=2, closed=1, failed=0)

@@ -157,8 +157,6 @@ def resolving_shape(size: tuple[float, float], wave: float, *, most: float = inf
     wave : shortest wave that shall be kept [m].
     most : points of the grid at most, about: where the wave takes more, the pixels are wider.
 
-    Examples
-    --------
     >>> resolving_shape((1e-3, 2e-3), 8e-6), resolving_shape((1e-3, 2e-3), 8e-6, most=500_000)
     ((1000, 2000), (500, 1000))
     """
