@@ -69,7 +69,7 @@ def run(
         where the case leaves them open; else go on from the checkpoint of a run that was ended, with the same bits.
     workers : processes; all cores unless given. The results do not depend on it.
     scheduler : address of a Dask scheduler to compute on instead (femseal[cluster]), or "local" for one of its own
-        with `workers` processes, see `executor.ordered_map`.
+        with `workers` processes, see `execution.mappers.ordered_map`.
     part : such as (3, 16), to compute the third sixteenth of the items of every stage, and end; parts of a case work in
         one folder at the same time or one after the other, go on from what is there, and write no results. Once all is
         there, a run with `resume` and without `part` writes them, the same bits as those of one process.

@@ -135,10 +135,8 @@ def check_sampling(sampling: Sampling) -> None:
         raise InputError("sampler", sampling.sampler, f"one of {', '.join(DRAWS)}")
     if sampling.pressure not in PRESSURES:
         raise InputError("pressure", sampling.pressure, f"one of {', '.join(PRESSURES)}")
-    if sampling.sampler_of_links == "block" and sampling.pressure != "place":
-        raise InputError("sampler", "block", "another one, or the pressure 'place', whose windows are neighbours")
-    if sampling.sampler_of_links == "runs" and sampling.pressure != "place":
-        raise InputError("sampler", "runs", "another one, or the pressure 'place', whose windows are neighbours")
+    if (links := sampling.sampler_of_links) in ("block", "runs") and sampling.pressure != "place":
+        raise InputError("sampler", links, "another one, or the pressure 'place', whose windows are neighbours")
     if sampling.breadth is not None and (sampling.pressure != "uniform" or not sampling.breadth > 0):
         raise InputError("breadth", sampling.breadth, "a length > 0 with the pressure 'uniform', none with others")
     if sampling.pressure != "uniform" and not is_uniform(sampling.pressure_map):
