@@ -89,14 +89,6 @@ class WindowStates:
     rigid: Array
     counts: SolveCounts = field(default_factory=SolveCounts, compare=False)
 
-    def closing_pressure(self, axis: int) -> float:
-        """Pressure above which nothing flows along `axis` [Pa]; inf if it is still open at the highest step."""
-        shut = np.flatnonzero(self.k[0, axis] == 0)
-        if shut.size == 0:
-            return np.inf
-        first = shut[0]
-        return float(self.pressure[first] if first == 0 else (self.pressure[first - 1] + self.pressure[first]) / 2)
-
 
 def solve_ladder(
     window: Array,
