@@ -37,7 +37,7 @@ from ..studies.link_flow import link_flow
 from ..studies.load_interpolation import at_all_steps
 from ..studies.place_leakage import PlaceLeakage
 from ..topography import Places, Topography
-from .selections import INTERPOLATED
+from .selections import INTERPOLATED, pressures_and_peaks
 
 if TYPE_CHECKING:
     import xarray
@@ -86,11 +86,11 @@ def add_declared(data: xarray.Dataset, result: Any) -> None:
 
 def step_coordinates(dim: str, prefix: str, steps: Sequence[LoadStep]) -> dict[str, Any]:
     """Coordinates that describe the load steps along a dimension; `prefix` is prepended to their names."""
-    peaks = [np.nan if s.unloaded_from is None else s.unloaded_from for s in steps]
+    pressures, peaks = pressures_and_peaks(steps)
     columns = {
         dim: (np.arange(len(steps)), "1", "index of the load step"),
         f"{prefix}branch": ([s.branch for s in steps], "1", "branch of the load cycle"),
-        f"{prefix}nominal_pressure": ([float(s.pressure) for s in steps], "Pa", "nominal pressure"),
+        f"{prefix}nominal_pressure": (pressures, "Pa", "nominal pressure"),
         f"{prefix}unloaded_from": (peaks, "Pa", "nominal pressure from which the step is unloaded"),
         f"{prefix}name": ([s.name for s in steps], "1", "name of the load step"),
     }
