@@ -23,11 +23,10 @@ import numpy as np
 import scipy
 from numpy.typing import NDArray
 
-from ..base.arrays import Array
+from ..base.arrays import Array, Indices
 from ..base.errors import InputError
 from ..loads import LoadProgramme
 
-Index = NDArray[np.int64]
 #: Permeability of all links (rows, columns) at a step.
 Draw = Callable[[int], Array]
 #: Cells close in rank among which the derivative sampler draws; more than a few bias the median leakage.
@@ -51,12 +50,12 @@ class LinkTable:
     """
 
     k: Array
-    path: Index
+    path: Indices
     steps: LoadProgramme
     run_length: float = 0.0
     correlation_length: float = 1.0
     pressure: Array | None = None
-    place: Index | None = None
+    place: Indices | None = None
 
 
 def draw_links(table: LinkTable, *, sampler: str, seed: int, realisation: int, axis: int) -> Draw:
@@ -136,7 +135,7 @@ def _block(table: LinkTable, rng: np.random.Generator) -> Draw:
     return lambda s: table.k[s, table.path, column]
 
 
-def drawn_elsewhere(random: Array, begins: Index, ends: Index, further: Index | None = None) -> Index:
+def drawn_elsewhere(random: Array, begins: Indices, ends: Indices, further: Indices | None = None) -> Indices:
     """Numbers of runs drawn one after another, each beginning in another measured place than the last one ended in.
 
     random : number from 0 to 1 for each draw. begins : place in which each run begins. ends : that in which it ends, of

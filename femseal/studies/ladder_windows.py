@@ -7,11 +7,10 @@ from functools import partial
 
 import numpy as np
 
-from ..base.arrays import Array
+from ..base.arrays import Array, Indices
 from ..base.stage import Stage
 from ..contact import HalfSpace
 from ..library import Ladder, LadderLibrary, LinkTable, WindowSource, build_ladder_library, on_ladder
-from ..library.sampling import Index
 from ..seal.pressure_map import AnyMap
 from ..windows import GlobalState, Partition
 from .scene import Scene
@@ -120,7 +119,7 @@ class _LinkPaths:
 
     pressure: Array
     gap: Array
-    path: Index
+    path: Indices
 
 
 def _supply(

@@ -7,11 +7,10 @@ from itertools import pairwise
 
 import numpy as np
 
-from ..base.arrays import Array
+from ..base.arrays import Array, Indices
 from ..base.errors import InputError
 from ..base.quantities import to_text
 from ..library.library import local_peaks
-from ..library.sampling import Index
 from ..loads import LoadProgramme
 from ..seal.laid_windows import SealWindows
 from ..seal.layouts import Layout
@@ -59,7 +58,7 @@ def pressure_fractions(
     return seal_for_maps(scene.layout, seal_windows).fractions(pressure_map, points, scene.steps.pressures)
 
 
-def distinct_paths(fractions: Array) -> tuple[Array, Index]:
+def distinct_paths(fractions: Array) -> tuple[Array, Indices]:
     """Distinct paths (steps, paths) of fractions (steps, n), and the number of the path of each (n,).
 
     If there are more than `MOST_PATHS`, or `MOST_OF_SEVERAL`, fractions are rounded in their cube root, in which ln k
@@ -104,7 +103,7 @@ def library_peaks(pressures: list[Array], steps: LoadProgramme) -> tuple[float, 
         ratio *= 1.1
 
 
-def _distinct(keys: Array, fractions: Array) -> tuple[Array, Index]:
+def _distinct(keys: Array, fractions: Array) -> tuple[Array, Indices]:
     """Groups of equal columns of keys, and the mean fraction in each."""
     _, first, number = np.unique(keys, axis=1, return_index=True, return_inverse=True)
     number = number.reshape(-1)
