@@ -126,14 +126,11 @@ def _factor(written: str, unit: str) -> float | None:
         kind, factor = _USUAL[written]
         return factor if kind == unit else None
     try:
-        return float((1.0 * _registry().parse_units(_spelled(written))).to(unit or "dimensionless").magnitude)
+        # N/mm2 is N/mm^2, mPas is mPa*s
+        spelled = _BARE_EXPONENT.sub(r"^\1", _PASCAL_SECOND.sub("*s", written.replace(".", "*")))
+        return float((1.0 * _registry().parse_units(spelled)).to(unit or "dimensionless").magnitude)
     except Exception:  # a parser of units fails on unknown names in many ways, all of which mean the same
         return None
-
-
-def _spelled(unit: str) -> str:
-    """A unit as the parser of units reads it: N/mm2 is N/mm^2, mPas is mPa*s."""
-    return _BARE_EXPONENT.sub(r"^\1", _PASCAL_SECOND.sub("*s", unit.replace(".", "*")))
 
 
 def _without_comma(text: str) -> str:

@@ -92,7 +92,8 @@ def case_faults(case: type[BaseModel], error: ValidationError) -> list[InputErro
     faults = [dict(e) for e in error.errors() if e["type"] != "too_short" or not e["input"]]
     found = {str(one): one for one in (_fault(case, each) for each in faults)}.values()
     # a key that is written wrong is not missing too
-    meant = {_sibling(one.what, one.expected.rpartition(_MEANT)[2]) for one in found if one.given == _UNKNOWN}
+    unknown = (one for one in found if one.given == _UNKNOWN)
+    meant = {".".join([*one.what.split(".")[:-1], one.expected.rpartition(_MEANT)[2]]) for one in unknown}
     return [one for one in found if one.given != _NOTHING or one.what not in meant]
 
 
@@ -130,11 +131,6 @@ def _fault(case: type[BaseModel], error: dict[str, Any]) -> InputError:
     if isinstance(given, (dict, BaseModel)):
         return InputError(key, "", text)
     return InputError(key, shown(given), text)
-
-
-def _sibling(key: str, name: str) -> str:
-    """Another key of the same table."""
-    return ".".join([*key.split(".")[:-1], name])
 
 
 def table_to_paste(table: str) -> str:

@@ -15,7 +15,6 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
 
-from ..base.arrays import Array
 from ..base.errors import FemsealError, InputError, PartsMissing
 from ..base.files import made_folder, remove_foreign
 from ..base.provenance import numerical_versions
@@ -199,7 +198,11 @@ def _results(case: Case, made: Prepared, faces: dict[str, str], run: Run) -> Res
         if study.key not in studies:
             with run.timed(study.name) as mapper:
                 studies[study.key] = prepared.solve(study, mapper, studies)
-    filtered = _without_short_waves(prepared, run) if case.surface.filter_sensitivity else None
+    filtered = None
+    if case.surface.filter_sensitivity:
+        with run.timed("twice the wave") as mapper:
+            smooth = replace(prepared, scene=without_short_waves(prepared), methods=frozenset({prepared.answer.name}))
+            filtered = leakage_of(smooth.solve(smooth.answer, mapper))
     test = None
     if case.output.test_fluid is not None:
         test = _of_test_fluid(case.output.test_fluid.state, prepared, studies[prepared.answer.key], run)
@@ -237,13 +240,6 @@ def _results(case: Case, made: Prepared, faces: dict[str, str], run: Run) -> Res
     for text in [*results.warnings, *results.failures]:
         log.warning("%s", text)
     return results
-
-
-def _without_short_waves(prepared: Prepared, run: Run) -> Array:
-    """Leakage of the answer at every step (steps,) [m²/s] without waves up to twice the shortest one."""
-    with run.timed("twice the wave") as mapper:
-        smooth = replace(prepared, scene=without_short_waves(prepared), methods=frozenset({prepared.answer.name}))
-        return leakage_of(smooth.solve(smooth.answer, mapper))
 
 
 def _of_test_fluid(state: FluidState, prepared: Prepared, own: Any, run: Run) -> OtherLeakage:

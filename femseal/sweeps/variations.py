@@ -17,7 +17,6 @@ from ..case.case import Case, parse_case
 
 #: No sweep has more cases.
 MOST_CASES = 1000
-#: Faults in a message.
 #: Longest name of a folder, in characters.
 _LONGEST_NAME = 100
 _OPENING, _CLOSING, _QUOTES = "[{(", "]})", "\"'"
@@ -116,7 +115,10 @@ def variations(data: dict[str, Any], folder: Path, keys: Mapping[str, Sequence[A
         except InputError as error:
             faults += [with_setting(fault, setting) for fault in getattr(error, "faults", (error,))]
             continue
-        name = _file_name("_".join(f"{short}={text}" for short, text in zip(shorts, texts, strict=True)))
+        # letters, numbers and few signs, not too long for a folder
+        name = "_".join(f"{short}={text}" for short, text in zip(shorts, texts, strict=True)).replace(" ", "")
+        name = re.sub(r"[^\w.=+-]+", "-", name).strip("-.")
+        name = name if len(name) <= _LONGEST_NAME else name[:_LONGEST_NAME].rstrip("-.")
         found.append(Variation(name, setting, tuple(texts), case))
     if faults:
         raise InputErrors(faults)
@@ -178,12 +180,6 @@ def _put(data: dict[str, Any], key: str, value: Any) -> None:
             inside[where] = value
         else:
             inside = inside[where] if isinstance(inside, list) else inside.setdefault(where, {})
-
-
-def _file_name(text: str) -> str:
-    """A text as the name of a folder: letters, numbers and few signs, not too long."""
-    name = re.sub(r"[^\w.=+-]+", "-", text.replace(" ", "")).strip("-.")
-    return name if len(name) <= _LONGEST_NAME else name[:_LONGEST_NAME].rstrip("-.")
 
 
 def _with_different_names(found: list[Variation]) -> list[Variation]:

@@ -7,7 +7,6 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ..base import validate
 from ..base.errors import InputError
@@ -124,7 +123,11 @@ def read_for_a_look(
     if size is not None and spacing is not None:
         raise InputError("size, spacing", "both", "one of the two")
     raw = _raw(path, Options(delimiter, array, channel))
-    heights, pixel, doubts = _masked(raw, mask, file_mask), raw.spacing, []
+    heights, pixel, doubts = raw.heights, raw.spacing, []
+    if raw.mask is not None and file_mask:
+        heights = np.where(raw.mask, np.nan, heights)
+    if mask is not None:
+        heights = np.where(read_mask(mask, (heights.shape[0], heights.shape[1])), np.nan, heights)
     if transpose:
         heights, pixel = heights.T, pixel and pixel[::-1]
     if spacing is not None:
@@ -162,16 +165,6 @@ def _raw(path: Path, options: Options) -> Raw:
         raise bad_file(path, error.strerror or error, "a file that can be read") from None
     except MemoryError:
         raise bad_file(path, "more heights than fit into memory", "a smaller file, or a part of it") from None
-
-
-def _masked(raw: Raw, mask: str | os.PathLike[str] | None, file_mask: bool) -> NDArray[np.float64]:
-    """Heights with NaN under the mask of the file, if it counts, and under that of another file."""
-    heights = raw.heights
-    if raw.mask is not None and file_mask:
-        heights = np.where(raw.mask, np.nan, heights)
-    if mask is not None:
-        heights = np.where(read_mask(mask, (heights.shape[0], heights.shape[1])), np.nan, heights)
-    return heights
 
 
 def _implausible(path: Path, topography: Topography, check_size: bool, check_heights: bool) -> list[InputError]:
