@@ -32,7 +32,7 @@ from matplotlib.ticker import LogLocator, NullFormatter
 
 import femseal as fs
 from femseal.base.errors import InputError
-from femseal.flow.discretisation import cell_stencil
+from femseal.flow.edge_flow import cell_stencil
 from femseal.flow.grid import Grid
 from femseal.plots.drawing import STYLES, new_figure
 from femseal.plots.heights import height_panel
