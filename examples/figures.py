@@ -2,15 +2,16 @@
 
     python examples/figures.py RESULTS OUT [CASE]
 
+0 face           heights of the face, and the leakage of its seals over the load cycle
 1 two_scales     fluid pressure with the flow, contact pressure, and three windows seen closely
 2 cycles         permeability of single windows on loading and unloading, and its scatter over all
 3 permeability   against mean gap, with the asymptote h̄³/12, and against pressure
 4 leakage        of seals of several lengths, and of one unloaded from four loads
 5 constrictions  the share of the pressure drop over the narrowest links
 
-All but 4 come from a folder of a two-scale run, 2 and 3 from its library if it has one. The case of the run, if given,
-is used for figure 4, whose seals are drawn from one library of windows under the nominal pressure, and for the
-deterministic part of figure 5. Every picture is written as .pdf and .png, 183 mm wide.
+0 comes from any folder of results, all others but 4 from that of a two-scale run, 2 and 3 from its library if it has
+one. The case of the run, if given, is used for figure 4, whose seals are drawn from one library of windows under the
+nominal pressure, and for the deterministic part of figure 5. Every picture is written as .pdf and .png, 183 mm wide.
 """
 
 from __future__ import annotations
@@ -31,9 +32,10 @@ from matplotlib.ticker import LogLocator, NullFormatter
 
 import femseal as fs
 from femseal.base.errors import InputError
-from femseal.flow.discretisation import cell_stencil
+from femseal.flow.edge_flow import cell_stencil
 from femseal.flow.grid import Grid
 from femseal.plots.drawing import STYLES, new_figure
+from femseal.plots.heights import height_panel
 from femseal.plots.maps import default_step, window_flux
 from femseal.results.selections import branches
 from femseal.seal import largest_fractions
@@ -55,6 +57,17 @@ LENGTHS = (0.25, 1, 4, 16)
 QUANTILES, BAND = (0.05, 0.95), "5–95 %"
 
 
+def face_and_leakage(results: fs.Results) -> Figure:
+    """Figure 0: heights of the face, and the leakage over the load cycle."""
+    heights = results.dataset["face_height"]
+    size = [1e3 * float(heights[axis][0] + heights[axis][-1]) for axis in heights.dims]
+    figure = new_figure(WIDTH, 4.0)
+    face, curves = figure.subplots(1, 2, width_ratios=(1, 2.2))
+    height_panel(face, heights.values * 1e6, (size[0], size[1]))
+    results.plot(ax=curves)
+    return figure
+
+
 def two_scales(results: fs.Results, step: int | None = None) -> Figure:
     """Figure 1, of a two-scale run, at the highest load that leaks unless given."""
     data = _with(results, "k1", "a two-scale run")
@@ -62,35 +75,35 @@ def two_scales(results: fs.Results, step: int | None = None) -> Figure:
     windows = closely(results, s)
     x1, x2 = float(data["node1"][-1]) * 1e3, float(data["cell2"][0] + data["cell2"][-1]) * 1e3
     w1, w2 = x1 / data.sizes["cell1"], x2 / data.sizes["cell2"]
-    heights = 0.42 * WIDTH * x1 / x2 + 0.8, 1.75 * len(windows) + 1.0
+    heights = min(0.42 * WIDTH * x2 / x1, 0.6 * WIDTH) + 0.8, 1.75 * len(windows) + 1.0
     figure = new_figure(WIDTH, sum(heights))
     above, below = figure.subfigures(2, 1, height_ratios=heights)
     flow, contact = above.subplots(1, 2)
-    columns, rows = np.linspace(0, x2, data.sizes["cell2"] + 1), np.r_[0, data["cell1"].values * 1e3, x1]
-    image = flow.pcolormesh(columns, rows, data["fluid_pressure"].values[s] / 1e6, cmap="cividis", rasterized=True)
+    columns, rows = np.r_[0, data["cell1"].values * 1e3, x1], np.linspace(0, x2, data.sizes["cell2"] + 1)
+    image = flow.pcolormesh(columns, rows, data["fluid_pressure"].values[s].T / 1e6, cmap="cividis", rasterized=True)
     above.colorbar(image, ax=flow, shrink=0.8)
-    along, across = (np.nan_to_num(part) for part in window_flux(data, s))
+    along, across = (np.nan_to_num(part).T for part in window_flux(data, s))
     size = np.hypot(along, across)
     root = np.divide(1.3 * max(w1, w2), np.sqrt(size * size.max()), out=np.zeros_like(size), where=size > 0)
-    centres = np.meshgrid(data["cell2"] * 1e3, data["cell1"] * 1e3)
-    flow.quiver(*centres, across * root, along * root, color=RED, edgecolor="white", linewidth=0.3, pivot="mid",
+    centres = np.meshgrid(data["cell1"] * 1e3, data["cell2"] * 1e3)
+    flow.quiver(*centres, along * root, across * root, color=RED, edgecolor="white", linewidth=0.3, pivot="mid",
                 angles="xy", scale_units="xy", scale=1, width=0.006)  # fmt: skip
-    flow.set(facecolor=CLOSED, title="fluid pressure [MPa], arrows ∝ √flow", ylabel="$x_1$ [mm], inlet at 0")
+    flow.set(facecolor=CLOSED, title="fluid pressure [MPa], arrows ∝ √flow", ylabel="$x_2$ along the seal [mm]")
     pressure = data["window_pressure"].values[s] / 1e6
-    image = contact.imshow(pressure, origin="lower", extent=(0, x2, 0, x1), cmap="viridis")
+    image = contact.imshow(pressure.T, origin="lower", extent=(0, x1, 0, x2), cmap="viridis")
     above.colorbar(image, ax=contact, shrink=0.8)
     contact.set(title="contact pressure of windows [MPa]")
     for axes in (flow, contact):
-        axes.set(aspect="equal", xlabel="$x_2$ along the seal [mm]", xlim=(0, x2), ylim=(0, x1))
+        axes.set(aspect="equal", xlabel="$x_1$ [mm], inlet at 0", xlim=(0, x1), ylim=(0, x2))
         for letter, (i, j) in zip("ABC", windows, strict=False):
             for width, colour in ((2.4, "black"), (1.2, "white")):
-                axes.add_patch(Rectangle((j * w2, i * w1), w2, w1, fill=False, ec=colour, lw=width))
+                axes.add_patch(Rectangle((i * w1, j * w2), w1, w2, fill=False, ec=colour, lw=width))
             # beside the window, on the side of the middle
-            right = j < data.sizes["cell2"] / 2
-            axes.annotate(letter, ((j + right) * w2, (i + 0.5) * w1), (2 if right else -2, 0), weight="bold",
+            right = i < data.sizes["cell1"] / 2
+            axes.annotate(letter, ((i + right) * w1, (j + 0.5) * w2), (2 if right else -2, 0), weight="bold",
                           textcoords="offset points", ha="left" if right else "right", va="center",
                           color="white", path_effects=[withStroke(linewidth=2, foreground="black")])  # fmt: skip
-    _draw_closely(below, windows, (0, w2 * 1e3, 0, w1 * 1e3))
+    _draw_closely(below, windows, (0, w1 * 1e3, 0, w2 * 1e3))
     above.suptitle(str(data["name"].values[s]), fontsize=9)
     return figure
 
@@ -131,15 +144,15 @@ def _draw_closely(figure, windows, extent):
         top = 1.0 if name == "fluid" else max(window[name].max() for window in windows.values())
         for letter, window, axes in zip("ABC", windows.values(), column, strict=False):
             shown = window[name] if name == "fluid" else np.where(window[name] > 0, window[name], np.nan)
-            image = axes.imshow(shown, origin="lower", extent=extent, cmap=colours, vmin=0, vmax=top)
+            image = axes.imshow(shown.T, origin="lower", extent=extent, cmap=colours, vmin=0, vmax=top)
             axes.set_facecolor("white" if name == "contact" else CLOSED)
             if name == "fluid":
-                axes.imshow(np.ones_like(shown), alpha=np.sqrt(window["flow"]), origin="lower", extent=extent, vmin=0,
-                            vmax=1, cmap=ListedColormap([RED]))  # fmt: skip
+                axes.imshow(np.ones_like(shown.T), alpha=np.sqrt(window["flow"].T), origin="lower", extent=extent,
+                            vmin=0, vmax=1, cmap=ListedColormap([RED]))  # fmt: skip
             if name == "gap":
-                axes.set_ylabel(f"{letter}: $x_1$ [µm]")
+                axes.set_ylabel(f"{letter}: $x_2$ [µm]")
         column[0].set_title(title)
-        column[-1].set_xlabel("$x_2$ [µm]")
+        column[-1].set_xlabel("$x_1$ [µm]")
         figure.colorbar(image, ax=column, location="bottom", shrink=0.8)
 
 
@@ -320,7 +333,7 @@ def resolved(case: fs.Case, results: fs.Results) -> tuple[np.ndarray, np.ndarray
 
 
 def link_shares(data, step: int) -> tuple[np.ndarray, np.ndarray]:
-    """Dissipation q²/c of all links in shares of their sum: (segments (links, 2, 2) as x2, x1 [mm]; shares)."""
+    """Dissipation q²/c of all links in shares of their sum: (segments (links, 2, 2) as x1, x2 [mm]; shares)."""
     x1, x2 = data["node1"].values, data["cell2"].values
     lengths, width = np.diff(x1)[:, None], 2 * x2[0]
     shapes = [("flux1", "k1", lengths * width, x1[:-1], lengths[:, 0], 0.0)]
@@ -332,7 +345,7 @@ def link_shares(data, step: int) -> tuple[np.ndarray, np.ndarray]:
         q, k = data[flux].values[step], data[k].values[step]
         dissipation.append(np.divide(q**2 * size, k, out=np.zeros_like(q), where=k > 0).ravel())
         from_, to = np.broadcast_arrays(start[:, None], x2), np.broadcast_arrays((start + up)[:, None], x2 + across)
-        segments.append(1e3 * np.stack([np.stack(end[::-1], axis=-1) for end in (from_, to)], axis=2).reshape(-1, 2, 2))
+        segments.append(1e3 * np.stack([np.stack(end, axis=-1) for end in (from_, to)], axis=2).reshape(-1, 2, 2))
     together = np.concatenate(dissipation)
     return np.concatenate(segments), together / together.sum()
 
@@ -372,13 +385,13 @@ def constrictions(results: fs.Results, deterministic: tuple[np.ndarray, np.ndarr
     segments, shares = link_shares(data, least)
     x1, x2 = data["node1"].values * 1e3, np.linspace(0, 2e3 * data["cell2"].values.mean(), data.sizes["cell2"] + 1)
     if windows is not None:
-        image = right.pcolormesh(x2, x1, 100 * windows[least] / windows[least].sum(), cmap="Blues", rasterized=True)
+        image = right.pcolormesh(x1, x2, 100 * windows[least].T / windows[least].sum(), cmap="Blues", rasterized=True)
         figure.colorbar(image, ax=right, shrink=0.7, label="deterministic: in a window [%]")
     right.add_collection(LineCollection(segments, linewidths=6 * np.sqrt(shares), colors=RED))
     for n, link in enumerate(np.argsort(shares)[::-1][:10], start=1):
         text = right.text(*segments[link].mean(axis=0), str(n), ha="center", va="center", fontsize=6, clip_on=True)
         text.set_bbox({"facecolor": "white", "edgecolor": RED, "pad": 0.8, "lw": 0.5})
-    right.set(aspect="equal", xlim=(0, x2[-1]), ylim=(0, x1[-1]), xlabel="$x_2$ [mm]", ylabel="$x_1$ [mm]")
+    right.set(aspect="equal", xlim=(0, x1[-1]), ylim=(0, x2[-1]), xlabel="$x_1$, inlet at 0 [mm]", ylabel="$x_2$ [mm]")
     right.set_title(f"(b) {data['name'].values[least]};\nlinks: width ∝ √share, ten numbered")
     return figure
 
@@ -395,6 +408,7 @@ def main() -> None:
         raise InputError("case", f"'{given.case}'", "the case of the results")
     given.out.mkdir(parents=True, exist_ok=True)
     drawings = {
+        "0_face": lambda: face_and_leakage(results),
         "1_two_scales": lambda: two_scales(results),
         "2_cycles": lambda: cycles(results),
         "3_permeability": lambda: permeability(results),

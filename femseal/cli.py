@@ -20,7 +20,18 @@ from .base.errors import FemsealError, InputError, PartsMissing, shortened
 from .calibration.calibrate_command import calibrate
 from .designs.design_command import design
 from .execution.parts import parsed_part
-from .execution.terminal import PartOption, ProgressBars, log_lines, print_table
+from .execution.terminal import (
+    CasePath,
+    PartOption,
+    ProgressBars,
+    Quiet,
+    Scheduler,
+    Workers,
+    flag,
+    log_lines,
+    option,
+    print_table,
+)
 from .sweeps.commands import compare, sweep
 
 app = typer.Typer(
@@ -54,7 +65,7 @@ def _main(
             show_default="off",
         ),
     ] = False,
-    debug: Annotated[bool, typer.Option("--debug", help="Show the traceback of an error.", show_default="off")] = False,
+    debug: Annotated[bool, flag("--debug", "Show the traceback of an error.")] = False,
 ) -> None:
     """Read the options before the command; `main` decides the exit code of an error."""
     global _debug
@@ -77,7 +88,7 @@ def new(
     if face is None:
         text = files("femseal.case").joinpath("template.toml").read_text(encoding="utf-8")
     else:
-        from .preparation.case_of_face import case_of_face
+        from .preparation.survey import case_of_face
 
         text = case_of_face(face, path.absolute().parent)
     try:
@@ -88,7 +99,7 @@ def new(
 
 
 @app.command()
-def check(path: Annotated[Path, typer.Argument(metavar="CASE", help="Case file.")]) -> None:
+def check(path: CasePath) -> None:
     """Validate a case and say what a run will compute; nothing is written."""
     from .case.case import load_case
 
@@ -104,32 +115,16 @@ def check(path: Annotated[Path, typer.Argument(metavar="CASE", help="Case file."
 
 @app.command()
 def run(
-    path: Annotated[Path, typer.Argument(metavar="CASE", help="Case file.")],
-    output: Annotated[
-        Path | None, typer.Option("-o", "--output", help="Results folder.", show_default="results/CASE")
-    ] = None,
+    path: CasePath,
+    output: Annotated[Path | None, option("Results folder.", "results/CASE", "-o", "--output")] = None,
     resume: Annotated[
-        bool,
-        typer.Option(
-            "--resume",
-            help="Keep complete results of the same case, or go on where a run was ended.",
-            show_default="off",
-        ),
+        bool, flag("--resume", "Keep complete results of the same case, or go on where a run was ended.")
     ] = False,
     part: PartOption = None,
-    workers: Annotated[int | None, typer.Option(help="Processes.", show_default="all cores")] = None,
-    scheduler: Annotated[
-        str | None,
-        typer.Option(
-            help='Address of a Dask scheduler, or "local" for one with WORKERS processes.', show_default="none"
-        ),
-    ] = None,
-    quiet: Annotated[
-        bool, typer.Option("--quiet", help="No progress, no log lines, no table.", show_default="off")
-    ] = False,
-    log_file: Annotated[
-        Path | None, typer.Option(help="Log lines also go to the end of this file.", show_default="none")
-    ] = None,
+    workers: Workers = None,
+    scheduler: Scheduler = None,
+    quiet: Quiet = False,
+    log_file: Annotated[Path | None, option("Log lines also go to the end of this file.", "none")] = None,
 ) -> None:
     """Compute a case, write its results folder and print the leakage at every load.
 
@@ -176,12 +171,8 @@ app.command()(calibrate)
 @app.command()
 def report(
     folder: Annotated[Path, typer.Argument(metavar="DIR", help="Results folder of a run.")],
-    output: Annotated[
-        Path | None, typer.Option("-o", "--output", help="Page to write.", show_default="DIR/report.html")
-    ] = None,
-    pdf: Annotated[
-        bool, typer.Option("--pdf", help="Print the page beside it, by a browser or WeasyPrint.", show_default="off")
-    ] = False,
+    output: Annotated[Path | None, option("Page to write.", "DIR/report.html", "-o", "--output")] = None,
+    pdf: Annotated[bool, flag("--pdf", "Print the page beside it, by a browser or WeasyPrint.")] = False,
 ) -> None:
     """Write one self-contained HTML page about a run: verdict, curves, maps, tables, error budget; also as PDF."""
     from .report import write_pdf, write_report
@@ -196,21 +187,14 @@ def report(
 def export(
     folder: Annotated[Path, typer.Argument(metavar="DIR", help="Results folder of a run.")],
     output: Annotated[Path, typer.Option("-o", "--output", help="File to write: .npz, .tif (GeoTIFF), .x3p or .vti.")],
-    step: Annotated[
-        int | None, typer.Option(help="Load step, counted from 0 as in the table.", show_default="all, numbered files")
-    ] = None,
+    step: Annotated[int | None, option("Load step, counted from 0 as in the table.", "all, numbered files")] = None,
     field: Annotated[
         str, typer.Option(help='Over the pixels of the face: "gap", "contact_pressure" or "fluid_pressure".')
     ] = "gap",
-    cell: Annotated[
-        tuple[int, int] | None, typer.Option(help="Window, counted from 0 along x1 and x2.", show_default="the face")
-    ] = None,
+    cell: Annotated[tuple[int, int] | None, option("Window, counted from 0 along x1 and x2.", "the face")] = None,
     window: Annotated[
         tuple[str, str, str, str] | None,
-        typer.Option(
-            help='Part of the face: x1 from and to, x2 from and to, as "0 mm" "1 mm" "2 mm" "3 mm".',
-            show_default="the face",
-        ),
+        option('Part of the face: x1 from and to, x2 from and to, as "0 mm" "1 mm" "2 mm" "3 mm".', "the face"),
     ] = None,
 ) -> None:
     """Write the gap, the contact or the fluid pressure at the load steps for other programs, with the pixel's size."""
@@ -227,14 +211,12 @@ def export(
 
 @app.command()
 def accuracy(
-    path: Annotated[Path, typer.Argument(metavar="CASE", help="Case file.")],
-    output: Annotated[
-        Path | None, typer.Option("-o", "--output", help="Folder for table and picture.", show_default="none")
-    ] = None,
+    path: CasePath,
+    output: Annotated[Path | None, option("Folder for table and picture.", "none", "-o", "--output")] = None,
     limit: Annotated[str, typer.Option(help="Skip solutions expected to take longer on one core.")] = "10 min",
     memory: Annotated[str, typer.Option(help="Skip solutions expected to need more.")] = "4 GB",
-    workers: Annotated[int | None, typer.Option(help="Processes.", show_default="all cores")] = None,
-    quiet: Annotated[bool, typer.Option("--quiet", help="No plan, no progress, no table.", show_default="off")] = False,
+    workers: Workers = None,
+    quiet: Annotated[bool, flag("--quiet", "No plan, no progress, no table.")] = False,
 ) -> None:
     """Report speed against error for a case: coarser pixels, other windows, smaller libraries."""
     from .base.quantities import to_si
@@ -258,42 +240,32 @@ def accuracy(
 def surface(
     path: Annotated[Path, typer.Argument(metavar="FILE", help="File with the heights of a face.")],
     size: Annotated[
-        tuple[str, str] | None,
-        typer.Option(help="Sides along x1 and x2, such as '1.2 mm' '0.9 mm'.", show_default="as the file says"),
+        tuple[str, str] | None, option("Sides along x1 and x2, such as '1.2 mm' '0.9 mm'.", "as the file says")
     ] = None,
     spacing: Annotated[
-        tuple[str, str] | None,
-        typer.Option(help="Pixel along x1 and x2 instead of the size.", show_default="size / points"),
+        tuple[str, str] | None, option("Pixel along x1 and x2 instead of the size.", "size / points")
     ] = None,
     height_unit: Annotated[
-        str | None, typer.Option(help="Unit of the heights in the file, such as um.", show_default="as the file says")
+        str | None, option("Unit of the heights in the file, such as um.", "as the file says")
     ] = None,
     channel: Annotated[str, typer.Option(help="Number or name of the channel in files with several.")] = "0",
-    array: Annotated[
-        str | None, typer.Option(help="Array in an .npz with several.", show_default="the only one")
-    ] = None,
-    delimiter: Annotated[
-        str | None, typer.Option(help="Between the numbers of a text.", show_default="as found")
-    ] = None,
-    transpose: Annotated[bool, typer.Option("--transpose", help="Exchange x and y.", show_default="off")] = False,
+    array: Annotated[str | None, option("Array in an .npz with several.", "the only one")] = None,
+    delimiter: Annotated[str | None, option("Between the numbers of a text.", "as found")] = None,
+    transpose: Annotated[bool, flag("--transpose", "Exchange x and y.")] = False,
     mask: Annotated[
-        Path | None,
-        typer.Option(help="Image, text or .npy of the map's size, undefined where not 0.", show_default="none"),
+        Path | None, option("Image, text or .npy of the map's size, undefined where not 0.", "none")
     ] = None,
     file_mask: Annotated[
         bool, typer.Option(help="Points under the mask in a .gwy or .npz are undefined, or taken as they are.")
     ] = True,
     crop: Annotated[
-        tuple[str, str, str, str] | None,
-        typer.Option(help="Part that is used: x1 from, x1 to, x2 from, x2 to.", show_default="the whole"),
+        tuple[str, str, str, str] | None, option("Part that is used: x1 from, x1 to, x2 from, x2 to.", "the whole")
     ] = None,
     spikes: Annotated[float, typer.Option(help="Robust deviations beyond which an isolated point is a spike.")] = 6.0,
     detrend: Annotated[int, typer.Option(help="Form taken off: 0 mean, 1 tilt, 2 tilt and curvature.")] = 1,
-    shortest_wave: Annotated[str | None, typer.Option(help="Low-pass of a run.", show_default="measured ones")] = None,
+    shortest_wave: Annotated[str | None, option("Low-pass of a run.", "measured ones")] = None,
     max_undefined: Annotated[float, typer.Option(help="Largest fraction of points that are filled.")] = 0.05,
-    picture: Annotated[
-        Path | None, typer.Option("-o", "--output", help="Picture to write (.png .pdf .svg).", show_default="none")
-    ] = None,
+    picture: Annotated[Path | None, option("Picture to write (.png .pdf .svg).", "none", "-o", "--output")] = None,
 ) -> None:
     """Describe a measured face, and say what a run would do to it; the options are keys of a case file too.
 

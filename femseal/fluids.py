@@ -243,10 +243,8 @@ class IdealGas(Gas):
 def potential_of(fluid: Fluid, name: str, pressure: Any) -> float:
     """Pressure potential of a fluid at a pressure that is called `name` [kg/(m³ s)].
 
-    Raises
-    ------
-    InputError : no finite number, or a pressure that the potential does not give back, as of a liquid that is solid
-        there.
+    Raises InputError: no finite number, or a pressure that the potential does not give back, as of a liquid that is
+    solid there.
     """
     try:
         p = float(pressure)
@@ -274,8 +272,6 @@ def capillary_entry_pressure(fluid: Fluid, gap: float) -> float:
     NaN of a liquid that wets them (θ <= 90°), or of which surface tension or contact angle is not known; inf where the
     gap is 0.
 
-    Examples
-    --------
     >>> from math import radians
     >>> water = Liquid(1e-3, surface_tension=0.073, contact_angle=radians(120))
     >>> round(capillary_entry_pressure(water, 1e-6))

@@ -44,13 +44,9 @@ class LoadProgramme(tuple[LoadStep, ...]):
 
     A tuple of steps, which cannot be changed. `LoadProgramme.of` makes one from lists of pressures.
 
-    Raises
-    ------
-    InputError : loading steps after unloading steps, loading steps that do not rise, or unloading from a peak that is
-        not a loading step.
+    Raises InputError: loading steps after unloading steps, loading steps that do not rise, or unloading from a peak
+    that is not a loading step.
 
-    Examples
-    --------
     >>> programme = LoadProgramme.of([1e8, 3e8], unload_from=[2e8], unloading=[1e8])
     >>> [step.name for step in programme]
     ['loading 100 MPa', 'loading 200 MPa', 'loading 300 MPa', 'unloading 100 MPa from 200 MPa']
@@ -80,15 +76,11 @@ class LoadProgramme(tuple[LoadStep, ...]):
     ) -> LoadProgramme:
         """The loading curve with every peak on it, then from each peak the stops below it in falling order.
 
-        Parameters
-        ----------
         loading : rising nominal pressures >= 0 [Pa].
         unload_from : pressures from which the seal is unloaded [Pa]; those not in `loading` are added to it.
         unloading : nominal pressures to stop at on the way down [Pa]; each peak uses those below it.
 
-        Raises
-        ------
-        InputError : an empty or falling list, negative or non-finite pressures, a peak with nothing below it.
+        Raises InputError: an empty or falling list, negative or non-finite pressures, a peak with nothing below it.
         """
         loading, unload_from, unloading = (
             _pressures(name, values)
@@ -152,12 +144,8 @@ class LoadProgramme(tuple[LoadStep, ...]):
 def nominal_pressure(load: float, unit: str, *, area: float, length: float) -> float:
     """Nominal pressure [Pa] of a load in one of `LOAD_UNITS` on a seal of an area [m²] and a length [m].
 
-    Raises
-    ------
-    InputError : another unit.
+    Raises InputError: another unit.
 
-    Examples
-    --------
     >>> nominal_pressure(10e3, "N", area=1e-4, length=0.1), nominal_pressure(200e3, "N/m", area=1e-4, length=0.1)
     (100000000.0, 200000000.0)
     """

@@ -60,14 +60,11 @@ def named_fluid(
 ) -> NamedFluid:
     """Properties of a fluid by its name, from the table at 20 °C and otherwise from CoolProp.
 
-    Parameters
-    ----------
     name : one of `TABLE`, or of CoolProp; upper and lower case are the same.
     temperature : [K]. pressures : at inlet and outlet, absolute [Pa]; with CoolProp the state is that of their mean.
 
-    Raises
-    ------
-    InputError : an unknown name, a temperature at which the fluid is not known, or changes phase between the pressures.
+    Raises InputError: an unknown name, a temperature at which the fluid is not known, or changes phase between the
+    pressures.
     """
     known = {key.casefold(): fluid for key, fluid in TABLE.items()}
     if isinstance(name, str) and name.casefold() in known and abs(temperature - TABLE_TEMPERATURE) < 0.01:

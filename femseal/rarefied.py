@@ -15,9 +15,10 @@ from math import log, pi, sqrt
 
 import numpy as np
 from numba import njit
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
-Array = NDArray[np.float64]
+from .base.arrays import Array
+
 #: Borders of the four formulas.
 FREE_MOLECULAR, TRANSITION, SLIP = 0.01, 0.15, 5.0
 #: Least D of the logarithm, which has no limit.
@@ -47,8 +48,6 @@ def _flow_rates(inverse_knudsen, out):
 def flow_rate(inverse_knudsen: ArrayLike) -> Array:
     """Q(D), the flow rate of a gas between plates over h²/√(2R_sT) times the pressure gradient.
 
-    Parameters
-    ----------
     inverse_knudsen : D >= 0, √π/2 over the ratio of mean free path and gap. Below 1e-30 it is taken for 1e-30.
     """
     d = np.asarray(inverse_knudsen, dtype=float)

@@ -12,8 +12,9 @@ from math import sqrt
 from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from .base.arrays import Array
 from .base.errors import InputError, shown
 from .base.leak_units import GAS_CONSTANT, STANDARD_PRESSURE
 from .base.parameters import check_parameters, parameter
@@ -21,7 +22,6 @@ from .base.quantities import to_text
 from .flow.law import CUBIC_LAW, FlowLaw, FukuiKaneko
 from .named_fluids import TABLE_TEMPERATURE, known_to_coolprop, names_in_coolprop, refuse
 
-Array = NDArray[np.float64]
 #: Relative error of the cubic in the middle of two points of the table up to which no more points are sought; the
 #: middle is a point then, so that the error left is a sixteenth of it.
 _ERROR = 1e-7
@@ -237,9 +237,7 @@ def _table(name: str, temperature: float) -> _Table:
 def _limit(name: str, temperature: float) -> tuple[float, bool]:
     """Pressure up to which a table goes [Pa], and whether the gas saturates there.
 
-    Raises
-    ------
-    InputError : a temperature outside of those that CoolProp knows.
+    Raises InputError: a temperature outside of those that CoolProp knows.
     """
     import CoolProp
 

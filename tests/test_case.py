@@ -15,9 +15,8 @@ import femseal as fs
 from femseal.base.parameters import parameter
 from femseal.base.quantities import to_si
 from femseal.case.case import parse_case
-from femseal.case.registered_tables import table_of_any
 from femseal.case.schema import case_schema
-from femseal.case.values import Table
+from femseal.case.values import Table, table_of_any
 from femseal.contact import PerfectlyPlastic
 from femseal.fluids import FLUIDS
 from femseal.preparation.preparation import prepare
@@ -350,8 +349,8 @@ class TestPrepare:
         assert scene.rtol == 1e-7
         assert scene.fluid == fs.Liquid(viscosity=1e-3, density=870, pressure_viscosity=2e-8)
         assert (scene.inlet_pressure, scene.outlet_pressure) == (10e6, 0.1e6)
-        assert scene.loading[-1] == 900e6
-        assert scene.unload_from == (450e6, 900e6)
+        assert scene.loading[-1] == 500e6
+        assert scene.unload_from == (250e6, 500e6)
         assert scene.unloading[-1] == 25e6
         assert (scene.modulus, scene.law) == (parse_case(small).modulus, PerfectlyPlastic(2.8e9))
 
@@ -413,10 +412,10 @@ class TestPrepare:
         small["face"] |= {"waviness": "0.3 um", "waviness_length": "20 um", "nose_radius": "0.1 mm"}
         given = {
             "pitch": 30e-6,
-            "depth": 1.5e-6,
+            "depth": 2.5e-6,
             "feed_error": 0.03,
             "depth_error": 0.1,
-            "roughness": 1.1e-6,
+            "roughness": 0.8e-6,
             "roughness_roll_off": 36e-6,
             "waviness": 0.3e-6,
             "waviness_length": 20e-6,

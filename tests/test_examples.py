@@ -19,22 +19,23 @@ from femseal.preparation.preparation import prepare
 ROOT = Path(__file__).parents[1]
 EXAMPLES = ROOT / "examples"
 LOAD = {
-    "loading": ["100 MPa", "300 MPa", "750 MPa", "900 MPa"],
-    "unload_from": ["900 MPa"],
-    "unloading": ["750 MPa", "300 MPa", "100 MPa"],
+    "loading": ["100 MPa", "200 MPa", "400 MPa", "500 MPa"],
+    "unload_from": ["500 MPa"],
+    "unloading": ["400 MPa", "200 MPa", "100 MPa"],
 }
 #: Smaller faces of the same pixel and windows, few realisations.
 REDUCED = {
     "turned_seal": {
         "face": {"points": [128, 256], "size": ["120 um", "240 um"]},
         "cells": {"count": [4, 8]},
-        "stochastic": {"library_cells": 32, "length": "480 um"},
+        "stochastic": {"length": "480 um"},
     },
     "self_affine_seal": {
         "face": {"points": [96, 192], "size": ["90 um", "180 um"]},
-        "stochastic": {"library_cells": 24, "length": "360 um"},
+        "cells": {"size": "30 um"},
+        "stochastic": {"library_cells": 18, "length": "360 um"},
     },
-    "measured_seal": {"stochastic": {"library_cells": 60, "length": "1.2 mm"}},
+    "measured_seal": {"stochastic": {"length": "1.2 mm"}},
 }
 #: Files of instruments: Sq without tilt [m] and undefined share as SurfaceTopography reports them; points and cells here.
 FACES = {
@@ -108,7 +109,7 @@ class TestExamples:
         viscosity = results.case["fluid"]["viscosity"]
         for s in range(len(study.steps)):
             drop = -np.diff(study.fluid_pressure[s], axis=0)
-            flow = np.nansum(study.k1[s] / viscosity * drop, axis=1) * size.window_size[1] / size.window_size[0]
+            flow = np.nansum(study.k1[s] / viscosity * drop, axis=1) * size.window_size[1] / np.diff(size.node_rows)
             length = size.spacing[1] * size.shape[1]
             assert_allclose(flow, study.leakage[s] * length, rtol=1e-6)
 
@@ -129,18 +130,18 @@ class TestClaims:
     def test_turned_seal(self):
         results = fs.run(EXAMPLES / "turned_seal.toml")
         curves = results.stochastic.library.curves
-        assert_allclose((curves.k[:, _at(results, 900e6)] == 0).mean(), 1 / 3, atol=0.1)
+        assert_allclose((curves.k[:, _at(results, 500e6)] == 0).mean(), 1 / 6, atol=0.1)
         surface = prepare(fs.load_case(EXAMPLES / "turned_seal.toml")).scene.surface
-        assert_allclose(2.8e9 / (210e9 / (2 * (1 - 0.3**2)) * surface.rms_slope), 0.08, atol=0.005)
+        assert_allclose(2.8e9 / (210e9 / (2 * (1 - 0.3**2)) * surface.rms_slope), 0.11, atol=0.005)
         leakage = results.leakage.values
-        assert leakage[_at(results, 600e6, 900e6)] < 2 * leakage[_at(results, 900e6)]
+        assert leakage[_at(results, 250e6, 500e6)] < 2 * leakage[_at(results, 500e6)]
 
     def test_measured_seal(self):
         results = fs.run(EXAMPLES / "measured_seal.toml")
         leakage = results.leakage.values
         peak = leakage[_at(results, 900e6)]
-        assert 1.5 < leakage[_at(results, 600e6, 900e6)] / peak < 2.5
-        assert 6 < leakage[_at(results, 600e6)] / peak < 12
+        assert 1.4 < leakage[_at(results, 600e6, 900e6)] / peak < 2
+        assert 6 < leakage[_at(results, 600e6)] / peak < 9
 
 
 def _at(results, pressure, peak=None):
@@ -162,7 +163,7 @@ class TestMeasuredFace:
         assert 0.015 < report.undefined_fraction < 0.025
         assert 0.4e-6 < report.rms_height < 1e-6
         assert_allclose(report.removed_curvature[2], 20, rtol=0.3)  # and what the roughness adds to it
-        assert report.shape == (240, 480)
+        assert report.shape == (280, 560)
         # marks along the seal: rougher across them
         across, along = prepared.scene.surface.rms_slopes
         assert across > 1.1 * along

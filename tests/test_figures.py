@@ -81,6 +81,14 @@ def curve(axes, label):
     return line.get_data()
 
 
+def test_the_face_stands_beside_its_leakage(ran):
+    face, curves = figures.face_and_leakage(ran[1]).axes[:2]
+    heights = ran[0].scene.surface.heights
+    assert_allclose(face.images[0].get_array(), heights.T * 1e6, rtol=1e-6)  # stored in single precision
+    assert_allclose(face.images[0].get_extent(), [0, 1e3 * ran[0].scene.surface.size[0], 0, 0.12])
+    assert curves.get_xlabel() == "nominal pressure [MPa]"
+
+
 def test_two_scales(ran):
     whole, results = ran
     data, study = results.dataset, whole.two_scale
@@ -88,25 +96,25 @@ def test_two_scales(ran):
     above, below = figure.subfigs
     flow, contact = above.axes[:2]
     (mesh,) = [c for c in flow.collections if isinstance(c, matplotlib.collections.QuadMesh)]
-    assert_allclose(mesh.get_array(), data["fluid_pressure"].values[2] / 1e6)
+    assert_allclose(mesh.get_array(), data["fluid_pressure"].values[2].T / 1e6)
     (arrows,) = [c for c in flow.collections if isinstance(c, matplotlib.quiver.Quiver)]
     # along the flow, as long as its root
-    along, across = (part.ravel() for part in window_flux(data, 2))
+    along, across = (part.T.ravel() for part in window_flux(data, 2))
     root = np.sqrt(np.hypot(along, across))
     scale = np.hypot(arrows.U, arrows.V).max() / root.max()
-    assert_allclose(arrows.V * root, scale * along, atol=1e-9 * np.abs(along).max())
-    assert_allclose(arrows.U * root, scale * across, atol=1e-9 * np.abs(along).max())
-    assert_allclose(contact.images[0].get_array(), data["window_pressure"].values[2] / 1e6)
+    assert_allclose(arrows.U * root, scale * along, atol=1e-9 * np.abs(along).max())
+    assert_allclose(arrows.V * root, scale * across, atol=1e-9 * np.abs(along).max())
+    assert_allclose(contact.images[0].get_array(), data["window_pressure"].values[2].T / 1e6)
     panels = np.array(below.axes[:9]).reshape(3, 3)
     windows = figures.closely(results, 2)
     assert len(windows) == 3
     for (place, fields), (gap, pressure, fluid) in zip(windows.items(), panels, strict=True):
         for axes, field, scale in ((gap, study.gap, 1e6), (pressure, study.contact_pressure, 1e-6)):
-            expected = study.partition.link(field[2], *place, 0) * scale
+            expected = study.partition.link(field[2], *place, 0).T * scale
             assert_allclose(axes.images[0].get_array().filled(0.0), expected, rtol=1e-5)
         cell = fs.cell_permeability(study.partition.link(study.gap[2], *place, 0), study.partition.spacing)
-        assert_allclose(fluid.images[0].get_array().filled(-1), np.nan_to_num(cell.fluid_pressure, nan=-1), atol=1e-4)
-        assert_allclose(fluid.images[1].get_alpha() ** 2, fields["flow"])
+        assert_allclose(fluid.images[0].get_array().filled(-1), np.nan_to_num(cell.fluid_pressure.T, nan=-1), atol=1e-4)
+        assert_allclose(fluid.images[1].get_alpha() ** 2, fields["flow"].T)
         assert (fields["flow"][fields["gap"] == 0] == 0).all()
 
 
@@ -204,10 +212,10 @@ def test_links_dissipate_what_the_dataset_says(ran):
         segments, shares = figures.link_shares(data, s)
         assert len(segments) == len(shares) == 4 * 8 + 3 * 8
         assert_allclose(np.sort(shares)[::-1].cumsum()[[0, 2, 9]], data["drop_fraction"].values[s], rtol=1e-6)
-    # as (x2, x1): along the leakage from line to line, along the seal by one window
+    # as (x1, x2): along the leakage from line to line, along the seal by one window
     lines = data["node1"].values * 1e3
-    assert_allclose(segments[9], [[0.0225, lines[1]], [0.0225, lines[2]]])
-    assert_allclose(segments[32 + 8], [[0.0075, lines[2]], [0.0225, lines[2]]])
+    assert_allclose(segments[9], [[lines[1], 0.0225], [lines[2], 0.0225]])
+    assert_allclose(segments[32 + 8], [[lines[2], 0.0075], [lines[2], 0.0225]])
 
 
 def test_constrictions(ran, deterministic):
@@ -226,7 +234,7 @@ def test_constrictions(ran, deterministic):
                 assert_allclose(next(lines).get_data(), [(q / q[0])[steps], np.array(shares)[steps]])
     least = int(np.argmin(data["leakage_two_scale"].values))
     mesh, links = right.collections
-    assert_allclose(mesh.get_array(), 100 * windows[least] / windows[least].sum())
+    assert_allclose(mesh.get_array(), 100 * windows[least].T / windows[least].sum())
     segments, shares = figures.link_shares(data, least)
     assert_allclose(links.get_linewidths(), 6 * np.sqrt(shares))
     assert_allclose(links.get_segments()[:3], segments[:3])
@@ -260,11 +268,11 @@ def test_every_figure_is_written(ran, case_file, seals, deterministic, tmp_path,
     figures.main()
     names = [
         f"figure_{n}.{s}"
-        for n in ("1_two_scales", "2_cycles", "3_permeability", "4_leakage", "5_constrictions")
+        for n in ("0_face", "1_two_scales", "2_cycles", "3_permeability", "4_leakage", "5_constrictions")
         for s in ("pdf", "png")
     ]
     assert sorted(path.name for path in (tmp_path / "out").glob("figure*")) == names
-    assert len(capsys.readouterr().out.splitlines()) == 5
+    assert len(capsys.readouterr().out.splitlines()) == 6
     other = tmp_path / "other.toml"
     other.write_text(TEXT.replace("seed = 3", "seed = 4"), encoding="utf-8")
     monkeypatch.setattr(sys, "argv", ["figures.py", folder, str(tmp_path / "out"), str(other)])

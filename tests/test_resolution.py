@@ -11,7 +11,7 @@ from numpy.testing import assert_allclose
 
 import femseal as fs
 from femseal.case.case import parse_case
-from femseal.preparation import case_plausibility, face
+from femseal.preparation import face, preparation
 from femseal.preparation.preparation import prepare
 from femseal.report.error_tables import scatter_lines
 from femseal.results import assemble
@@ -49,7 +49,7 @@ def test_the_default_grid_resolves_the_shortest_measured_wave(case):
 
 
 def test_a_grid_limited_for_its_cost_is_told(case, monkeypatch):
-    for module in (face, case_plausibility):
+    for module in (face, preparation):
         monkeypatch.setattr(module, "MOST_POINTS", 20_000)
     prepared = prepare(case())
     lost = prepared.conditioning.lost_slope

@@ -14,8 +14,7 @@ import femseal as fs
 from femseal.budget import ErrorBudget, ErrorPart, counting_steps, widest_band
 from femseal.case.case import parse_case
 from femseal.loads import LoadProgramme
-from femseal.refinement.refining import refined
-from femseal.refinement.settings import first_settings, first_version, last_version
+from femseal.refinement.settings import first_settings, first_version, last_version, refined
 from femseal.report.error_tables import check_lines
 from femseal.report.leakage_tables import key_numbers
 from femseal.results.attempts_table import attempt_sentences

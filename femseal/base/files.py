@@ -17,9 +17,7 @@ from .errors import InputError
 def made_folder(folder: str | os.PathLike[str]) -> Path:
     """Make a folder with its parents unless it exists; return its path.
 
-    Raises
-    ------
-    InputError : the path is a file, or the folder cannot be made.
+    Raises InputError: the path is a file, or the folder cannot be made.
     """
     path = Path(folder)
     try:
@@ -33,9 +31,7 @@ def made_folder(folder: str | os.PathLike[str]) -> Path:
 def read_plain(path: Path, largest: float) -> bytes:
     """Content of a file of at most so many bytes; links, pipes and devices are not opened, or not read.
 
-    Raises
-    ------
-    OSError : there is no such file, it is no plain file, or it is larger.
+    Raises OSError: there is no such file, it is no plain file, or it is larger.
     """
     if path.is_symlink():
         raise OSError(f"'{path}' is a link")
@@ -53,9 +49,7 @@ def read_plain(path: Path, largest: float) -> bytes:
 def remove_foreign(path: Path) -> None:
     """Remove what stands in the place of a file and leads elsewhere: a link of either kind, a pipe, a device.
 
-    Raises
-    ------
-    OSError : it could not be removed.
+    Raises OSError: it could not be removed.
     """
     try:
         found = path.lstat()
@@ -76,9 +70,7 @@ def replacing(path: Path) -> Iterator[Path]:
 
     After an exception the temporary file is removed and an older `path` is as it was.
 
-    Raises
-    ------
-    InputError : `path` is a device, a pipe or a folder, whose place no file may take.
+    Raises InputError: `path` is a device, a pipe or a folder, whose place no file may take.
     """
     if path.exists() and not path.is_file():
         raise InputError("file", f"'{path}', which is a device, a pipe or a folder", "a file, or a new one")

@@ -38,17 +38,13 @@ def fixed_point(
 ) -> FixedPoint[Found]:
     """Solve again and again, each time with the coefficient of the state before, until the rate settles.
 
-    Parameters
-    ----------
     coefficient : of a state, such as permeabilities of pressures.
     solve : from a coefficient to the rate, the state that has it, and whatever is to be kept.
     state : the first one.
     rtol : relative error of the rate, estimated from the last three rates, whose differences fall by a factor each.
     name : of the problem, for the message.
 
-    Raises
-    ------
-    NotConverged : the rate still changes after 40 solutions.
+    Raises NotConverged: the rate still changes after 40 solutions.
     """
     last, change, error = np.nan, np.nan, np.inf
     for n in range(1, _MOST_SOLUTIONS + 1):

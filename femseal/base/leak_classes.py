@@ -49,15 +49,11 @@ class LeakClass:
     def limit(self, basis: LeakBasis, diameter: float | None = None) -> float:
         """Largest leakage per length of seal in the class [m²/s].
 
-        Parameters
-        ----------
         basis : fluid and length of the seal.
         diameter : nominal diameter [m], for the rates of ISO 5208.
 
-        Raises
-        ------
-        InputError : no diameter for a class that needs it, another gas than helium for a class that is defined for
-            it, or a unit that is not for the fluid.
+        Raises InputError: no diameter for a class that needs it, another gas than helium for a class that is defined
+        for it, or a unit that is not for the fluid.
         """
         if self.per_diameter and diameter is None:
             raise InputError("nominal_diameter", f"none for the class {self.name}", "a length > 0, such as '50 mm'")
@@ -114,9 +110,7 @@ def leak_classes(names: Iterable[str]) -> tuple[LeakClass, ...]:
 
     Leakages with a unit, such as "5 mL/min", are classes too.
 
-    Raises
-    ------
-    InputError : a name that is neither.
+    Raises InputError: a name that is neither.
     """
     found: dict[str, LeakClass] = {}
     for name in names:

@@ -82,9 +82,7 @@ _ALIASES = {"sccm": "std cm³/min", "slm": "std L/min", "scc/s": "std cm³/s", "
 def leak_unit(text: str) -> LeakUnit:
     """The unit of a name; "mL/(min*m)", "Pa*m^3/s", "ml/min" and "ug/s" are understood too.
 
-    Raises
-    ------
-    InputError : another name.
+    Raises InputError: another name.
     """
     if isinstance(text, str):
         wanted = _key(text)
@@ -147,9 +145,7 @@ class LeakBasis:
     def factor(self, unit: LeakUnit) -> float:
         """Volume rate per length of seal that is 1 in the unit [m²/s].
 
-        Raises
-        ------
-        InputError : a unit of gases for a liquid, or of liquids for a gas.
+        Raises InputError: a unit of gases for a liquid, or of liquids for a gas.
         """
         if lack := self.lacks(unit):
             raise InputError("leakage_unit", f"{unit.name} for a {'gas' if self.is_gas else 'liquid'}", lack)

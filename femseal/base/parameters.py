@@ -16,8 +16,6 @@ def parameter(
 ) -> Any:
     """A field of a dataclass: a finite number > `above`, or >= `above` where `inclusive`.
 
-    Parameters
-    ----------
     unit : in SI, as text that case files may use too, such as "Pa*s".
     allowed : what a case file may give, with an example, such as "a viscosity > 0, such as '1 mPa*s'".
     default : value where none is given, which may be None; without it the parameter is required.
@@ -29,9 +27,7 @@ def parameter(
 def check_parameters(model: Any) -> None:
     """Check the parameters of a dataclass.
 
-    Raises
-    ------
-    InputError : one of them is not a finite number, or is out of its range.
+    Raises InputError: one of them is not a finite number, or is out of its range.
     """
     for f in fields(model):
         if "allowed" in f.metadata:

@@ -49,18 +49,12 @@ def _registry() -> Any:
 def to_si(text: object, unit: str, name: str = "quantity") -> float:
     """Value in SI of a quantity given as text with its unit.
 
-    Parameters
-    ----------
     text : for example ``"210 GPa"``, ``"1 mm"``, ``"20 °C"``. A bare number is refused unless `unit` is "" (a ratio).
     unit : the SI unit of what is expected, for example "Pa", "m", "Pa*s", "" for a plain number.
     name : of the value in an error message.
 
-    Raises
-    ------
-    InputError : no unit, a unit of another kind, a decimal comma, or not a finite number.
+    Raises InputError: no unit, a unit of another kind, a decimal comma, or not a finite number.
 
-    Examples
-    --------
     >>> to_si("210 GPa", "Pa")
     210000000000.0
     >>> to_si("20 °C", "K")
@@ -107,12 +101,8 @@ def absolute_pressure(text: object, ambient: float, name: str = "quantity") -> f
 
     Gauge pressures, "10 bar(g)", "10 barg" or "150 psig", are above the ambient pressure [Pa]; "10 bar(a)" is absolute.
 
-    Raises
-    ------
-    InputError : no pressure, or one below that of a vacuum.
+    Raises InputError: no pressure, or one below that of a vacuum.
 
-    Examples
-    --------
     >>> absolute_pressure("10 bar(g)", 101325.0), absolute_pressure("10 bara", 101325.0)
     (1101325.0, 1000000.0)
     """
@@ -136,14 +126,11 @@ def _factor(written: str, unit: str) -> float | None:
         kind, factor = _USUAL[written]
         return factor if kind == unit else None
     try:
-        return float((1.0 * _registry().parse_units(_spelled(written))).to(unit or "dimensionless").magnitude)
+        # N/mm2 is N/mm^2, mPas is mPa*s
+        spelled = _BARE_EXPONENT.sub(r"^\1", _PASCAL_SECOND.sub("*s", written.replace(".", "*")))
+        return float((1.0 * _registry().parse_units(spelled)).to(unit or "dimensionless").magnitude)
     except Exception:  # a parser of units fails on unknown names in many ways, all of which mean the same
         return None
-
-
-def _spelled(unit: str) -> str:
-    """A unit as the parser of units reads it: N/mm2 is N/mm^2, mPas is mPa*s."""
-    return _BARE_EXPONENT.sub(r"^\1", _PASCAL_SECOND.sub("*s", unit.replace(".", "*")))
 
 
 def _without_comma(text: str) -> str:

@@ -15,8 +15,6 @@ Mapper = Callable[..., Iterable[Any]]
 class Stage:
     """A part of a study that is computed for many items independently.
 
-    Parameters
-    ----------
     name : what the stage computes; progress, log, timings and report show it.
     function : called for each item; processes get it as a pickle.
     memory : of one call [byte], 0 if it is small; a machine runs no more calls at once than fit in its memory.

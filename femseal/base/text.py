@@ -80,14 +80,10 @@ class Plotted:
     def plot(self, **options: Any) -> Any:
         """Draw this result: a matplotlib figure without a window, which a notebook displays.
 
-        Parameters
-        ----------
         ax : axes to draw into, where the picture has one panel, so that several results go into one figure.
         options : of the function in `femseal.plots` that draws this class.
 
-        Raises
-        ------
-        InputError : an option that this picture does not have.
+        Raises InputError: an option that this picture does not have.
         """
         return room("plots").picture(self, **options)
 

@@ -23,9 +23,8 @@ from ..materials import Solid, contact_modulus
 from ..seal.layouts import Layout, MeshLayout
 from .case_tables import CellsTable, ContactTable, FlowTable, OutputTable, StochasticTable
 from .faces import Face, FileFace, SurfaceTable
-from .faults import INTERNAL, case_faults, fault, faults_of
+from .faults import INTERNAL, case_faults, fault, faults_of, meant_in, with_lines
 from .fluid import AnyFluid, with_absolute_pressures, with_named_fluids
-from .key_lines import meant_in, with_lines
 from .load import LoadTable
 from .seal import AnySeal, AnySeat, with_inlet_pressure
 from .solid import SolidTable, with_named_solids
@@ -72,21 +71,9 @@ class Case(Table):
 
     @model_validator(mode="before")
     @classmethod
-    def _one_face(cls, data: Any) -> Any:
-        if isinstance(data, dict) and "face" in data:
-            faces = [data["face"]] if isinstance(data["face"], dict) else data["face"]
-            return {**data, "face": [_of_file(face) for face in faces] if isinstance(faces, list) else faces}
-        return data
-
-    @model_validator(mode="before")
-    @classmethod
-    def _named(cls, data: Any) -> Any:
-        return with_named_solids(with_named_fluids(with_inlet_pressure(with_absolute_pressures(data))))
-
-    @model_validator(mode="before")
-    @classmethod
-    def _open(cls, data: Any) -> Any:
-        return _with_what_is_open(data)
+    def _filled(cls, data: Any) -> Any:
+        data = with_absolute_pressures(_with_what_is_open(data))
+        return _with_list_of_faces(with_named_solids(with_named_fluids(with_inlet_pressure(data))))
 
     @model_validator(mode="after")
     def _complete(self) -> Case:
@@ -264,9 +251,14 @@ class Case(Table):
         return self.model_dump(mode="json", exclude_none=True)
 
 
-def _of_file(face: Any) -> Any:
-    """The table of a face, which is of the kind "file" where it has a path or places and says no other."""
-    return {"kind": "file", **face} if isinstance(face, dict) and {"path", "places"} & {*face} else face
+def _with_list_of_faces(data: Any) -> Any:
+    """The data of a case with a list of faces, each of the kind "file" where it has a path or places and no other."""
+    if not isinstance(data, dict) or "face" not in data:
+        return data
+    faces = [data["face"]] if isinstance(data["face"], dict) else data["face"]
+    if isinstance(faces, list):
+        faces = [{"kind": "file", **f} if isinstance(f, dict) and {"path", "places"} & {*f} else f for f in faces]
+    return {**data, "face": faces}
 
 
 def _with_what_is_open(data: Any) -> Any:
@@ -311,9 +303,7 @@ def load_case(path: str | PathLike[str]) -> Case:
 def read_case(path: str | PathLike[str]) -> tuple[dict[str, Any], Path]:
     """Tables of a case file, not yet validated, and its folder.
 
-    Raises
-    ------
-    InputError : the file is missing or is not TOML.
+    Raises InputError: the file is missing or is not TOML.
     """
     path = Path(path)
     try:
@@ -343,9 +333,7 @@ def read_case(path: str | PathLike[str]) -> tuple[dict[str, Any], Path]:
 def parse_case(data: dict[str, Any], folder: Path = Path()) -> Case:
     """Validate a case given as a dictionary; paths in it are relative to `folder`.
 
-    Raises
-    ------
-    InputError : one line for each fault.
+    Raises InputError: one line for each fault.
     """
     for name in INTERNAL:
         if name in data:

@@ -110,9 +110,7 @@ class FileFace(MapFile):
     def each(self, folder: Path) -> list[FileFace]:
         """The tables of all places, patterns resolved in alphabetical order; the face itself where it is one map.
 
-        Raises
-        ------
-        PydanticCustomError : no file, or one besides places, or fewer than two places.
+        Raises PydanticCustomError: no file, or one besides places, or fewer than two places.
         """
         if self.places is None:
             if self.path is None:

@@ -1,8 +1,12 @@
-"""Faults that pydantic finds in a case, one line for each: the key, what was given, what is expected."""
+"""Faults in a case, one line for each: the key with its line in the file, what was given, what is expected.
+
+They are those that pydantic finds, and errors of arguments, which name keys of the case in place of the arguments.
+"""
 
 from __future__ import annotations
 
 import re
+from collections import Counter
 from collections.abc import Iterator
 from contextlib import contextmanager
 from difflib import get_close_matches
@@ -12,7 +16,7 @@ from typing import Any, get_args
 from pydantic import BaseModel, ValidationError
 from pydantic_core import PydanticCustomError
 
-from ..base.errors import MISSING, InputError, shortened, shown
+from ..base.errors import MISSING, InputError, InputErrors, shortened, shown
 
 _UNKNOWN, _NOTHING, _MEANT = "an unknown key", "nothing", "; perhaps meant: "
 #: Longest key of a user in a message, in characters.
@@ -37,6 +41,29 @@ _IN_TOML = {
     "bool_type": "true or false",
     "bool_parsing": "true or false",
 }
+#: A table, a key, and a value without quotes in a line of a case file.
+_HEADER = re.compile(r"\s*(\[\[?)\s*([\w.-]+)\s*\]")
+_KEY = re.compile(r"\s*([\w.-]+)\s*=")
+_UNQUOTED = re.compile(r"\s*([\w.-]+)\s*=\s*([-+]?[\d.][^\"'#\[\]{}]*?)\s*(?:#.*)?$")
+#: Arguments of `topography` by their key in a case.
+SURFACE_KEYS = {
+    "shortest_wavelength": "surface.shortest_wave",
+    "max_share": "surface.max_undefined",
+    "continue_spectrum": "surface.continue_spectrum",
+    "shape": "surface.points",
+    "spikes": "surface.spikes",
+    "order": "surface.detrend",
+}
+FACE_KEYS = {"shape": "points", "height_unit": "height_unit"}
+#: Tables of the arguments of seals and drawn windows.
+SEAL_TABLES = dict.fromkeys(
+    ("path", "unit", "inlet", "outlet", "lay", "centre", "inner_radius", "outer_radius", "field"), "seal"
+) | dict.fromkeys(("length", "breadth", "sampler", "pressure", "bounds", "width", "library"), "stochastic")
+#: Tables of the arguments of maps of the pressure.
+MAP_TABLES = {"map": "load", "sampler": "stochastic"} | dict.fromkeys(
+    ("fractions", "positions", "angles", "path", "name", "length_unit", "pressure_unit", "points", "pressure", "field"),
+    "load.map",
+)
 
 
 def fault(what: str, given: object, expected: str) -> PydanticCustomError:
@@ -65,7 +92,8 @@ def case_faults(case: type[BaseModel], error: ValidationError) -> list[InputErro
     faults = [dict(e) for e in error.errors() if e["type"] != "too_short" or not e["input"]]
     found = {str(one): one for one in (_fault(case, each) for each in faults)}.values()
     # a key that is written wrong is not missing too
-    meant = {_sibling(one.what, one.expected.rpartition(_MEANT)[2]) for one in found if one.given == _UNKNOWN}
+    unknown = (one for one in found if one.given == _UNKNOWN)
+    meant = {".".join([*one.what.split(".")[:-1], one.expected.rpartition(_MEANT)[2]]) for one in unknown}
     return [one for one in found if one.given != _NOTHING or one.what not in meant]
 
 
@@ -103,11 +131,6 @@ def _fault(case: type[BaseModel], error: dict[str, Any]) -> InputError:
     if isinstance(given, (dict, BaseModel)):
         return InputError(key, "", text)
     return InputError(key, shown(given), text)
-
-
-def _sibling(key: str, name: str) -> str:
-    """Another key of the same table."""
-    return ".".join([*key.split(".")[:-1], name])
 
 
 def table_to_paste(table: str) -> str:
@@ -153,3 +176,65 @@ def _kind(table: Any) -> str | None:
     """Kind of a table that has one."""
     field = table.model_fields.get("kind")
     return None if field is None else get_args(field.annotation)[0]
+
+
+def with_lines(error: InputError, text: str) -> InputErrors:
+    """The faults of a case, each with the line of the text where its key or its table is, if it is there."""
+    lines = dict(_lines(text))
+    return InputErrors([_with_line(found, lines) for found in getattr(error, "faults", (error,))])
+
+
+def meant_in(text: str, message: str) -> str:
+    """How the line that a message of the parser names may have been meant: a decimal point, or quotes around a unit."""
+    at = re.search(r"at line (\d+)", message)
+    if at is None or (line := _UNQUOTED.match(text.splitlines()[int(at[1]) - 1])) is None:
+        return ""
+    key, value = line.groups()
+    plain = re.fullmatch(r"([-+]?\d+),(\d+)", value)
+    return f"; perhaps meant: {key} = " + (f"{plain[1]}.{plain[2]}" if plain else f'"{value}"')
+
+
+def _with_line(found: InputError, lines: dict[str, int]) -> InputError:
+    """A fault with its line: that of the key, or of the table around it."""
+    parts = found.what.split(".")
+    names = (".".join(parts[:n]) for n in range(len(parts), 0, -1))
+    line = next((lines[name] for name in names if name in lines), None)
+    return found if line is None else InputError(found.what, found.given, f"{found.expected} (line {line})")
+
+
+def _lines(text: str) -> Iterator[tuple[str, int]]:
+    """Dotted keys and tables of a TOML file with their lines; tables of a list by their number, the first also without.
+
+    Keys inside brackets and braces count to the key before the bracket.
+    """
+    table, counts = "", Counter[str]()
+    for number, line in enumerate(text.splitlines(), 1):
+        if (header := _HEADER.match(line)) is not None:
+            table = header[2]
+            if header[1] == "[[":
+                table, counts[header[2]] = f"{header[2]}.{counts[header[2]]}", counts[header[2]] + 1
+            yield f"{table}", number
+        elif (key := _KEY.match(line)) is not None:
+            yield f"{table}.{key[1]}".lstrip("."), number
+
+
+@contextmanager
+def with_tables(tables: dict[str, str]) -> Iterator[None]:
+    """Raise an InputError with the table of a case before the argument with which it begins."""
+    try:
+        yield
+    except InputError as error:
+        table = tables.get(re.split(r"\W", error.what, maxsplit=1)[0])
+        raise (error if table is None else error.inside(table)) from None
+
+
+@contextmanager
+def with_keys(keys: dict[str, str], place: str = "") -> Iterator[None]:
+    """Raise an InputError with keys instead of names of arguments, after the place of their table if that is given."""
+    try:
+        yield
+    except InputError as error:
+        # a name before "=" is that of another value which is proposed
+        expected = re.sub(r"\b(\w+)(?==)", lambda name: keys.get(name[1], name[1]), error.expected)
+        found = InputError(keys.get(error.what, error.what), error.given, expected)
+        raise (found.inside(place) if place else found) from error

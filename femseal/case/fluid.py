@@ -20,8 +20,7 @@ from ..fluids import FLUIDS, Fluid
 from ..named_fluids import TABLE_TEMPERATURE, named_fluid
 from ..real_gas import RealGas
 from .faults import fault, faults_of
-from .registered_tables import table_of_any
-from .values import Pressure, Table
+from .values import Pressure, Table, table_of_any
 
 if TYPE_CHECKING:
     from ..studies.other_fluid import FluidState

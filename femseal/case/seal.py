@@ -19,8 +19,7 @@ from ..seal.lay import ALLOWED, NAMES, Lay
 from ..seal.layouts import LAYOUTS, Layout, MeshLayout
 from ..topography.seat import SEATS, Seat
 from .faults import fault, faults_of, refusal
-from .registered_tables import table_of_any
-from .values import Length, LengthUnit, Pressure, Quantity, Shift, Table, quantity_schema
+from .values import Length, LengthUnit, Pressure, Quantity, Shift, Table, quantity_schema, table_of_any
 
 
 class SealTable(Table):

@@ -7,17 +7,18 @@ import os
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
 from ..base import validate
 from ..base.errors import InputError
-from ..base.leak_classes import USUAL, LeakClass, leak_classes
+from ..base.leak_classes import USUAL, check_classes, leak_classes
 from ..base.provenance import versions
 from ..base.quantities import to_si, to_text
 from ..case.case import Case, load_case
 from ..case.load import Amount
+from ..fluids import leak_basis
 from ..results import open_results
 from ..results.results import Results
 from ..runs import job
@@ -29,17 +30,13 @@ from .seals import Seals
 from .sensitivities import TurnedFace, Variants, ratio_of, sensitivities
 from .variants import Solver, inlet_slope, state_of_classes
 
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
-
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Design(DesignData):
     """What a seal needs, see `design` and `DesignData`."""
 
-    def plot(self) -> Figure:
-        """Leakage against nominal pressure with the limits of the classes, Qmin and QSmin."""
-        return design_figure(self)
+    plot = design_figure
+    write = write_sheet
 
     def table(self) -> Any:
         """The data sheet for a terminal, to be given to `rich.print`."""
@@ -55,10 +52,6 @@ class Design(DesignData):
 
     def _repr_html_(self) -> str:
         return "".join(table._repr_html_() for table in sheet_tables(self))
-
-    def write(self, folder: str | os.PathLike[str]) -> list[Path]:
-        """Write `design.csv`, `design.json` and `design.png`; the report of results in the folder shows them."""
-        return write_sheet(self, folder)
 
 
 def design(
@@ -101,7 +94,7 @@ def design(
     InputError : the case, the folder or an argument cannot be used.
     """
     probability = validate.tolerance("probability", probability)
-    wanted = leak_classes(classes)
+    wanted = leak_classes(classes := tuple(classes))
     case, results = _given(what)
     extra = [to_si(q, "Pa", "assembly") if isinstance(q, str) else float(q) for q in assembly]
     diameter = (
@@ -114,7 +107,8 @@ def design(
         assert case is not None
         case = _assembled(case, extra)
         if wanted:
-            _check(wanted, case, diameter)
+            basis = leak_basis((case.output.test_fluid or case.fluid).fluid, 1.0)
+            check_classes(classes, diameter or case.output.nominal_diameter, basis)
         results = job.run(case, output, output is not None, workers, progress=shown)
     seals = Seals.of_results(results)
     if case is None and (lacking := [q for q in extra if not np.isclose(q, seals.steps.unload_from, rtol=1e-9).any()]):
@@ -189,15 +183,6 @@ def _assembled(case: Case, extra: list[float]) -> Case:
     stops = load.unloading or tuple(reversed(load.loading))
     peaks = tuple(Amount(q, "Pa") for q in sorted({*load.unload_from, *extra}))
     return case.model_copy(update={"load": load.model_copy(update={"unload_from": peaks, "unloading": stops})})
-
-
-def _check(wanted: tuple[LeakClass, ...], case: Case, diameter: float | None) -> None:
-    """Raise InputError for classes that are not for the fluid of a case, before it is run."""
-    from ..fluids import leak_basis
-
-    basis = leak_basis((case.output.test_fluid or case.fluid).fluid, 1.0)
-    for one in wanted:
-        one.limit(basis, diameter or case.output.nominal_diameter)
 
 
 def _place(needs: tuple[Requirement, ...], seals: Seals, fraction: float) -> tuple[str, float]:

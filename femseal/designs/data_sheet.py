@@ -112,8 +112,8 @@ def rows(answer: DesignData) -> list[dict[str, Any]]:
     def add(figure: str, name: str, assembly: float | None, needed: NeededPressure) -> None:
         found.append({
             "figure": figure, "class": name, "assembly_pressure_Pa": assembly, "relation": needed.relation,
-            "value": needed.bound(needed.value), "low": _end(needed, needed.low), "high": _end(needed, needed.high),
-            "seals_low": _end(needed, needed.seals_low), "seals_high": _end(needed, needed.seals_high), "how": "",
+            "value": needed.bound(needed.value), "low": _end(needed.low), "high": _end(needed.high),
+            "seals_low": _end(needed.seals_low), "seals_high": _end(needed.seals_high), "how": "",
         })  # fmt: skip
 
     def add_slope(figure: str, name: str, slope: Slope, how: str) -> None:
@@ -139,13 +139,13 @@ def rows(answer: DesignData) -> list[dict[str, Any]]:
     return found
 
 
-def _end(needed: NeededPressure, value: float) -> float | None:
+def _end(value: float) -> float | None:
     """An end of an interval within the loads; None where it lies beyond them or is unknown."""
     return value if isfinite(value) and value > 0 else None
 
 
 def write_sheet(answer: DesignData, folder: str | os.PathLike[str]) -> list[Path]:
-    """Write table, data and picture; the report of results in the folder is written anew, with them."""
+    """Write `design.csv`, `design.json` and `design.png`; the report of results in the folder shows them."""
     target = made_folder(folder)
     table, (unit, scale) = rows(answer), answer.leak_scale
     sheet, *slopes = sheet_tables(answer)

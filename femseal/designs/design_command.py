@@ -9,7 +9,7 @@ from typing import Annotated
 import typer
 
 from ..base.errors import FemsealError
-from ..execution.terminal import ProgressBars, log_lines, print_table
+from ..execution.terminal import ProgressBars, Quiet, Workers, log_lines, option, print_table
 
 
 def design(
@@ -25,17 +25,13 @@ def design(
     probability: Annotated[float, typer.Option(help="Fraction of the seals that is to keep the class.")] = 0.95,
     assembly: Annotated[
         list[str] | None,
-        typer.Option(
-            help="Pressure in assembly Q_A besides those of the case, such as '300 MPa'; may be given several times.",
-            show_default="none",
+        option(
+            "Pressure in assembly Q_A besides those of the case, such as '300 MPa'; may be given several times.", "none"
         ),
     ] = None,
-    diameter: Annotated[
-        str | None, typer.Option(help="Nominal diameter, for ISO 5208.", show_default="that of the case")
-    ] = None,
+    diameter: Annotated[str | None, option("Nominal diameter, for ISO 5208.", "that of the case")] = None,
     output: Annotated[
-        Path | None,
-        typer.Option("-o", "--output", help="Folder of results and answer.", show_default="results/CASE, or DIR"),
+        Path | None, option("Folder of results and answer.", "results/CASE, or DIR", "-o", "--output")
     ] = None,
     solve: Annotated[
         bool, typer.Option("--solve/--no-solve", help="Solve a case again with another hardness and turned by 90°.")
@@ -48,10 +44,8 @@ def design(
             show_default="none",
         ),
     ] = None,
-    workers: Annotated[int | None, typer.Option(help="Processes.", show_default="all cores")] = None,
-    quiet: Annotated[
-        bool, typer.Option("--quiet", help="No progress, no log lines, no tables.", show_default="off")
-    ] = False,
+    workers: Workers = None,
+    quiet: Quiet = False,
 ) -> None:
     """Say what pressure a seal needs in assembly (Qmin) and in service (QSmin) for leakage classes.
 

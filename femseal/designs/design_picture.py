@@ -12,6 +12,7 @@ from ..base.quantities import to_text
 from ..plots.drawing import GREY, LEGEND_LINE, LINES, STYLES, Sheet, branch_styles, legend_below
 from ..plots.leakage_curves import LeakageCurves, leakage_panel, limit_lines
 from ..plots.scales_of_axes import decades
+from ..results.selections import pressures_and_peaks
 from .design_data import DesignData
 from .requirements import ENDS
 
@@ -24,15 +25,13 @@ _RIGHT = 0.86
 
 
 def design_figure(answer: DesignData) -> Figure:
-    """Leakage that a fraction of the seals does not exceed, with the band of the seals; marks at Qmin and QSmin."""
+    """Leakage that a fraction of the seals does not exceed over nominal pressure: limits of classes, Qmin, QSmin."""
     unit, scale = answer.leak_scale
     seals = answer.seals
-    peaks = [np.nan if s.unloaded_from is None else s.unloaded_from for s in seals.steps]
     many = seals.count > 1
     what = "leakage per length of seal" if unit.per_length else "leakage of the whole seal"
     curves = LeakageCurves(
-        pressure=seals.steps.pressures,
-        peaks=np.array(peaks),
+        *pressures_and_peaks(seals.steps),
         leakage=seals.curve_of(answer.probability),
         title=f"leakage that {100 * answer.probability:.4g} % of the seals keep" if many else "leakage of the seal",
         band=(seals.curve_of(ENDS[0]), seals.curve_of(ENDS[1])) if many else None,

@@ -8,9 +8,10 @@ from math import inf, isinf
 
 import numpy as np
 
+from ..base.arrays import Array, Indices
 from ..base.quantities import to_text
 from ..base.text import Shown
-from .seals import Array, Index, Seals, pressure_for
+from .seals import Seals, pressure_for
 
 #: Ends of the interval of an uncertainty, and of the band between seals.
 ENDS = (0.05, 0.95)
@@ -98,7 +99,7 @@ def sealing_load(seals: Seals, fraction: float) -> NeededPressure:
     return _needed(seals, lambda some: some.needed_on_loading(0.0), seals.loading(), fraction)
 
 
-def _needed(seals: Seals, of: Callable[[Seals], Array], steps: Index, fraction: float) -> NeededPressure:
+def _needed(seals: Seals, of: Callable[[Seals], Array], steps: Indices, fraction: float) -> NeededPressure:
     """The pressure that a fraction of the seals needs, with its interval over seals that are drawn again."""
     each = of(seals)
     again = [pressure_for(of(some), fraction) for _, some in seals.drawn_again()]

@@ -12,14 +12,12 @@ from dataclasses import dataclass, replace
 from math import ceil, inf
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ..base.arrays import Array, Indices
 from ..base.leak_classes import within
 from ..loads import LoadProgramme, LoadStep, relaxed
 from ..results.results import Results
 
-Array = NDArray[np.float64]
-Index = NDArray[np.int64]
 #: Sets of seals that are drawn again for the uncertainty of a figure, and the seed of their random numbers.
 DRAWS, SEED = 400, 13555
 
@@ -61,7 +59,7 @@ class Seals:
         """Number of seals."""
         return len(self.leakage)
 
-    def drawn_again(self, seed: int = SEED) -> Iterator[tuple[Index, Seals]]:
+    def drawn_again(self, seed: int = SEED) -> Iterator[tuple[Indices, Seals]]:
         """As many seals drawn with repetition, from another library: their numbers, and the seals.
 
         The error of the library is taken to be of one sign at all steps and for all seals.
@@ -76,11 +74,11 @@ class Seals:
         """Leakage that a fraction of the seals does not exceed, at each step [m²/s]."""
         return np.sort(self.leakage, axis=0)[_rank(fraction, self.count)]
 
-    def loading(self) -> Index:
+    def loading(self) -> Indices:
         """Steps of the loading, rising."""
         return np.flatnonzero(self.steps.on_loading)
 
-    def unloading(self, peak: float) -> Index:
+    def unloading(self, peak: float) -> Indices:
         """Steps of the unloading from a peak, which they begin with."""
         start = [n for n, s in enumerate(self.steps) if s.unloaded_from is None and s.pressure == peak]
         return np.array(start + [n for n, s in enumerate(self.steps) if s.unloaded_from == peak])
@@ -98,7 +96,7 @@ class Seals:
         steps = self.unloading(peak)
         return crossings(self.steps.pressures[steps], self.leakage[:, steps], limit)
 
-    def peaks(self) -> Index:
+    def peaks(self) -> Indices:
         """Loading steps of the peaks, rising."""
         return np.flatnonzero(self.steps.on_loading & np.isin(self.steps.pressures, self.steps.unload_from))
 
@@ -113,8 +111,6 @@ class Seals:
 def crossings(pressure: Array, leakage: Array, limit: float) -> Array:
     """Lowest pressure down to which the leakage stays within a limit (seals,); inf where it never is, 0 where always.
 
-    Parameters
-    ----------
     pressure : falling (steps,). leakage : (seals, steps). limit : >= 0; 0 asks for the end of all leakage.
     """
     ok = within(leakage, limit)

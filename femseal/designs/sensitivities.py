@@ -20,8 +20,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 import scipy
 
+from ..base.arrays import Indices
 from .requirements import ENDS
-from .seals import SEED, Index, Seals, pressure_for
+from .seals import SEED, Seals, pressure_for
 
 
 @dataclass(frozen=True)
@@ -92,7 +93,7 @@ def sensitivities(seals: Seals, variants: Variants, pressure: float, fraction: f
     return tuple(found)
 
 
-def _drawn(variants: Variants, chosen: Index, some: Seals, seals: Seals) -> Variants:
+def _drawn(variants: Variants, chosen: Indices, some: Seals, seals: Seals) -> Variants:
     """The variants of the seals drawn again: the error of the library is common to a seal and its variants."""
     with np.errstate(divide="ignore", invalid="ignore"):
         former = seals.leakage[chosen]

@@ -17,10 +17,10 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.stats import qmc, sobol_indices, uniform
 
 from ..base import validate
+from ..base.arrays import Array
 from ..base.errors import FemsealError, InputError, shown
 from ..base.files import write_text
 from ..base.leak_units import leak_unit
@@ -40,7 +40,6 @@ from ..sweeps.scenes import SCENES, Scenes, alone, leakage_of
 from ..sweeps.surrogate import Surrogate
 from ..sweeps.variations import short_names, value_text, variations
 
-Array = NDArray[np.float64]
 FILE, TABLE = "sobol.json", "sobol.csv"
 #: Points of the surrogate for each index, a power of two.
 _POINTS = 2**11
@@ -133,15 +132,11 @@ def sobol(
 ) -> SobolIndices:
     """Sobol indices of the leakage of a case over ranges of some of its keys.
 
-    Parameters
-    ----------
     path : a case file. ranges : two values for each dotted key, such as {"material.hardness": ["2 GPa", "4 GPa"]}; keys
-        of the loads excepted. output : folder for the table; solved scenes that it has are taken.
+    of the loads excepted. output : folder for the table; solved scenes that it has are taken.
     scenes : solved at a Sobol sequence over the ranges. workers, progress : see `run`.
 
-    Raises
-    ------
-    InputError : the case, a key or a range cannot be used; nothing has been computed then.
+    Raises InputError: the case, a key or a range cannot be used; nothing has been computed then.
     FemsealError : too few scenes could be solved.
     """
     keys = tuple(KeyRange.of(key, ends) for key, ends in ranges.items())

@@ -67,9 +67,7 @@ class Solver:
     def turned(self) -> TurnedSeals:
         """The seals of the face turned by 90°.
 
-        Raises
-        ------
-        InputError : the turned face does not go with the shape of the seal or with its windows.
+        Raises InputError: the turned face does not go with the shape of the seal or with its windows.
         """
         prepared, scene = self._prepared, self._scene
         scene.check_one_place("lay", "turned", "as measured")

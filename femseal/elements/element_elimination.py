@@ -5,12 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ..base.arrays import Array, Indices
 from ..flow.solvers.elimination import Factors, Links, Order, carry_sources, factored, find_potentials
-
-Array = NDArray[np.float64]
-Indices = NDArray[np.int64]
 
 
 @dataclass(frozen=True, eq=False)
@@ -48,8 +45,6 @@ def mesh_factors(
 ) -> MeshFactors:
     """Eliminate all nodes of an element mesh but the Dirichlet nodes.
 
-    Parameters
-    ----------
     conductances, numbers : of every element what links its nodes (n, n) and their numbers (n,), row after row.
     cells : rows and columns of elements, which tell what lies side by side.
     dirichlet (h,) : nodes whose potential is given.

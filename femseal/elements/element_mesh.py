@@ -7,16 +7,14 @@ from functools import cached_property
 
 import numpy as np
 import scipy.sparse as sp
-from numpy.typing import NDArray
 from scipy.sparse.csgraph import connected_components
 
+from ..base.arrays import Array, Indices
 from ..base.errors import NotConverged
 from ..flow.solution import MAX_IMBALANCE
 from .element_elimination import MeshFactors, mesh_factors
 from .superelement import WindowElement
 
-Array = NDArray[np.float64]
-Indices = NDArray[np.int64]
 #: Numbers of the nodes of the ends.
 INLET, OUTLET = 0, 1
 
@@ -96,9 +94,7 @@ class ElementMesh:
     def solve(self) -> ElementSolution:
         """Solve the mass balance of every node that joins both ends.
 
-        Raises
-        ------
-        NotConverged : inlet and outlet flow differ by more than 1e-5.
+        Raises NotConverged: inlet and outlet flow differ by more than 1e-5.
         """
         if not self.percolates:
             at = self.component

@@ -11,10 +11,11 @@ from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 from threadpoolctl import threadpool_limits
 
 from ..base import validate
+from ..base.arrays import Array
 from ..base.errors import InputError
 from ..base.text import Shown
 from ..flow.solvers.link_network import components, eliminate
@@ -23,7 +24,6 @@ from .element_mesh import ElementMesh
 from .side_points import SidePoints
 from .superelement import WindowElement, WindowLinks, validated_face, window_links
 
-Array = NDArray[np.float64]
 #: Largest distance of two nodes on a side, in pixels.
 NODE_SPACING = 8
 #: Memory that flow through elements needs for each pixel [byte].

@@ -17,16 +17,12 @@ from numba import njit
 def side_nodes(crossing, along, spacing):
     """Nodes of a side of n points, and the interpolation between them.
 
-    Parameters
-    ----------
     crossing (n,) : conductances of the links across the side, 0 where it is closed.
     along (n − 1,) : conductances of the links along the side, of both of its sides together.
     spacing : largest distance of two nodes [points].
 
-    Returns
-    -------
-    node (n, 2), weight (n, 2) : the pressure at a point is the weighted mean of those at two nodes; −1 where closed.
-    place (nodes,) : point of each node.
+    Returns node (n, 2), weight (n, 2) : the pressure at a point is the weighted mean of those at two nodes; −1 where
+    closed. place (nodes,) : point of each node.
     """
     n = crossing.size
     node, weight = np.full((n, 2), -1, np.int64), np.zeros((n, 2))

@@ -17,12 +17,11 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
+from ..base.arrays import Array, Indices
 from ..flow.solvers.elimination import Links, Order, factored
 from ..windows.partition import Partition
 from .element_elimination import MeshFactors
 
-Array = NDArray[np.float64]
-Indices = NDArray[np.int64]
 #: Relative error of the energy at which iterations stop, and how many of them there are at most.
 TOLERANCE, MOST_ITERATIONS = 1e-3, 200
 #: The error of the energy is estimated by what this number of iterations took off: that of the potential before them.
@@ -84,8 +83,6 @@ class SidePoints:
     ) -> PointFlow:
         """Lessen the energy of a potential (points,) until its error is estimated to be below `TOLERANCE`.
 
-        Parameters
-        ----------
         energy : of the potential [m³].
         node, weight (points, 2) : nodes between which the potential at a side point is interpolated.
         factors : of the system of the nodes.

@@ -16,6 +16,7 @@ from numba import njit
 from numpy.typing import ArrayLike, NDArray
 
 from ..base import validate
+from ..base.arrays import Array, Indices
 from ..base.errors import InputError
 from ..flow.edge_flow import cell_stencil
 from ..flow.grid import Grid
@@ -23,8 +24,6 @@ from ..flow.solvers.link_network import condense
 from ..windows.partition import Partition
 from .side_nodes import side_nodes
 
-Array = NDArray[np.float64]
-Indices = NDArray[np.int64]
 #: Rows of pixels beyond a window on which the links on its sides depend.
 _HALO = 2
 

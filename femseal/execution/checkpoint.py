@@ -51,14 +51,11 @@ _NAME = re.compile(r"(\d{3,9})-(\d{9,15})-(\d{9,15})")
 def resumable(output: Path, identity: dict[str, Any]) -> bool:
     """Check whether the output folder has a checkpoint of this identity; nothing is written.
 
-    Parameters
-    ----------
     output : the output folder.
     identity : everything on which the bits of the results depend, as nested plain data.
 
-    Raises
-    ------
-    InputError : the checkpoint is unreadable or of another identity; every changed key is named with both values.
+    Raises InputError: the checkpoint is unreadable or of another identity; every changed key is named with both
+    values.
     """
     path = _folder(output) / MANIFEST
     try:
@@ -94,9 +91,7 @@ def refuse_unfinished(output: Path) -> None:
 def remove(output: Path) -> None:
     """Remove the checkpoint from the output folder, if there is one.
 
-    Raises
-    ------
-    FemsealError : the checkpoint could not be removed.
+    Raises FemsealError: the checkpoint could not be removed.
     """
     folder = _folder(output)
     try:
@@ -119,18 +114,14 @@ def _folder(output: Path) -> Path:
 class Checkpoint:
     """The checkpoint of one run; a context that writes the items still in memory on leaving.
 
-    Parameters
-    ----------
     output : the output folder, which exists.
     identity : what the bits of the results depend on, as nested plain data.
     resume : go on with what is there, found `resumable`; else it is removed.
     part : this process computes its own items only; others may be at work on theirs in the same folder.
     progress : called as progress(stage, done, total) while a part computes its own items.
 
-    Raises
-    ------
-    PartsMissing : from the mappers made by `over`: a part's own items of a stage are kept, and others are not there, of
-        parts that are not under way.
+    Raises PartsMissing: from the mappers made by `over`: a part's own items of a stage are kept, and others are not
+    there, of parts that are not under way.
     FemsealError : the folder cannot be written, also from the mappers made by `over`: what is kept stays.
     """
 

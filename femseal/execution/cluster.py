@@ -36,9 +36,7 @@ RETRIES = 10
 def over_cluster(scheduler: str, count: int) -> Iterator[Mapper]:
     """A mapper over the cluster of a scheduler; "local" starts one with `count` processes, which end with the context.
 
-    Raises
-    ------
-    InputError : as `executor.ordered_map`.
+    Raises InputError: as `mappers.ordered_map`.
     """
     try:
         from dask import config

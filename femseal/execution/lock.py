@@ -34,9 +34,7 @@ _PATIENCE, _POLL = 0.2, 0.02
 def alone_in(folder: Path, part: Part | None = None) -> Iterator[None]:
     """Context in which no other run writes into a folder, which exists; with a part, none but other parts.
 
-    Raises
-    ------
-    InputError : another run is under way there, or the folder cannot be written.
+    Raises InputError: another run is under way there, or the folder cannot be written.
     """
     name = LOCK if part is None else PART_LOCK.format(*part)
     with _locked(folder, name):
@@ -69,7 +67,7 @@ def _locked(folder: Path, name: str) -> Iterator[None]:
     try:
         held = _acquired(path)
     except Timeout:
-        given = f"'{folder}', where {_named(_owner(path))} is under way"
+        given = f"'{folder}', where {_holder(path)} is under way"
         raise InputError("output", given, "another folder, or this one when that run has ended") from None
     except OSError as error:
         raise InputError("output", f"'{folder}'", f"a folder that can be written ({error.strerror})") from None
@@ -102,18 +100,12 @@ def _acquired(path: Path) -> Any:
     raise AssertionError
 
 
-def _owner(path: Path) -> dict[str, Any]:
-    """What the file says of the process that holds the lock; empty where it says nothing."""
+def _holder(path: Path) -> str:
+    """Who holds a lock, by its file, for a message."""
     try:
         found = json.loads(read_plain(path, 1000))
-        return {name: kind(found[name]) for name, kind in {"process": int, "host": str, "started": float}.items()}
+        process, host, started = int(found["process"]), str(found["host"]), float(found["started"])
     except (OSError, ValueError, KeyError, TypeError):
-        return {}
-
-
-def _named(owner: dict[str, Any]) -> str:
-    """Who holds a lock, for a message."""
-    if not owner:
         return "another run"
-    since = time.strftime("%H:%M on %d %B", time.localtime(owner["started"]))
-    return f"another run (process {owner['process']} on {shortened(owner['host'], 60)}, started at {since})"
+    since = time.strftime("%H:%M on %d %B", time.localtime(started))
+    return f"another run (process {process} on {shortened(host, 60)}, started at {since})"

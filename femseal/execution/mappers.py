@@ -20,17 +20,13 @@ def ordered_map(
 ) -> Iterator[Mapper]:
     """Context with a mapper whose results come in the order of the items.
 
-    Parameters
-    ----------
     workers : processes on this machine; None: one for each core.
     scheduler : address of a Dask scheduler to compute on instead, whose first worker is awaited for
-        `cluster.WORKER_SECONDS`; "local": a scheduler and `workers` single-threaded processes started here.
+    `cluster.WORKER_SECONDS`; "local": a scheduler and `workers` single-threaded processes started here.
     before : called with the mapper over processes of this machine before it is used, such as `compile_ahead`.
 
-    Raises
-    ------
-    InputError : no scheduler with workers at the address, workers with other versions, or femseal[cluster] is not
-        installed.
+    Raises InputError: no scheduler with workers at the address, workers with other versions, or femseal[cluster] is
+    not installed.
     FemsealError : workers died again and again; the mapper raises it while results are taken.
     """
     import joblib

@@ -20,9 +20,7 @@ MOST_PARTS = 100_000
 def parsed_part(text: str | None) -> Part | None:
     """The part that a text such as "3/16" names; None without one.
 
-    Raises
-    ------
-    InputError : the text is none of that kind.
+    Raises InputError: the text is none of that kind.
 
     >>> parsed_part("3/16")
     (3, 16)

@@ -25,9 +25,7 @@ _PACKAGE = __name__.partition(".")[0]
 def packed(value: Any) -> bytes:
     """The bytes of a value.
 
-    Raises
-    ------
-    TypeError : something in the value is not plain data.
+    Raises TypeError: something in the value is not plain data.
     """
     content: list[bytes] = []
     size = 0
@@ -68,9 +66,7 @@ def _described(value: Any, kept: Callable[[bytes], int]) -> Any:
 def unpacked(data: bytes) -> Any:
     """The value of the bytes; arrays are copies. No constructor is called.
 
-    Raises
-    ------
-    ValueError : the bytes are damaged, or of other classes than those in use.
+    Raises ValueError: the bytes are damaged, or of other classes than those in use.
     """
     try:
         length = int.from_bytes(data[:_LENGTH], "little")

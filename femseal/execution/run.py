@@ -1,12 +1,14 @@
-"""One run under way: where its stages are computed, who is informed of progress, and how long each took."""
+"""One run under way: where its stages are computed, who is informed of progress, how long each took; its log file."""
 
 from __future__ import annotations
 
 import logging
+import sys
 import time
 from collections.abc import Callable, Iterable, Iterator, Sized
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field
+from pathlib import Path
 from typing import Any
 
 from ..base.stage import Mapper, Stage
@@ -79,3 +81,27 @@ class Run:
 
 def _same(value: Any) -> Any:
     return value
+
+
+class LogFile(logging.FileHandler):
+    """Log lines in a file; on a full disk they end, while the run goes on.
+
+    failure : the first error of the file, None while there is none.
+    """
+
+    failure: OSError | None = None
+
+    def __init__(self, path: Path, mode: str = "a", delay: bool = False) -> None:
+        super().__init__(path, mode=mode, encoding="utf-8", delay=delay)
+        self.setFormatter(logging.Formatter("%(asctime)s %(levelname)s %(message)s"))
+
+    def handleError(self, record: logging.LogRecord) -> None:
+        """Keep the error; lines that cannot be written are lost."""
+        error = sys.exc_info()[1]
+        if isinstance(error, OSError):
+            self.failure = self.failure or error
+
+    def close(self) -> None:
+        """Close the file as far as that goes."""
+        with suppress(OSError):
+            super().close()

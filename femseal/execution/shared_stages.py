@@ -140,9 +140,7 @@ def _item_key(item: tuple[Any, ...]) -> str:
 def digest(value: Any) -> str:
     """Digest of numbers, texts, arrays, functions of modules, and of what is made of them.
 
-    Raises
-    ------
-    Unnamed : something else, such as a function inside a function.
+    Raises Unnamed: something else, such as a function inside a function.
     """
     state = hashlib.blake2b(digest_size=16)
     _feed(state, value)

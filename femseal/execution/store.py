@@ -37,9 +37,7 @@ def write_whole(path: Path, *data: bytes) -> None:
 def read_shard(path: Path, header: tuple[Any, ...]) -> list[bytes]:
     """The packed items of a shard that begins with a header and its own name; unpacking finds what is wrong in them.
 
-    Raises
-    ------
-    OSError, ValueError : there is no such file, it is damaged, or it has another header.
+    Raises OSError, ValueError: there is no such file, it is damaged, or it has another header.
     """
     data = read_plain(path, free_memory())
     size = hashlib.sha256().digest_size
@@ -57,8 +55,6 @@ def read_shard(path: Path, header: tuple[Any, ...]) -> list[bytes]:
 class ShardWriter:
     """Collects items, and writes them as shards.
 
-    Parameters
-    ----------
     header : with which the shards begin.
     place : place(items) gives the path of a shard of the items up to the last one that was kept.
     merge : make one shard of several small ones, which nobody else may be reading.
@@ -79,9 +75,7 @@ class ShardWriter:
     def keep(self, item: Any) -> None:
         """Add an item, and write a shard if it is time.
 
-        Raises
-        ------
-        TypeError : the item is no plain data.
+        Raises TypeError: the item is no plain data.
         OSError : the shard cannot be written.
         """
         self._items.append(packed(item))

@@ -13,9 +13,27 @@ from typing import Annotated, Any
 import typer
 
 from ..base.errors import InputError
-from .log_file import LogFile
+from .run import LogFile
 
-#: Option of the commands whose work several processes divide.
+
+def flag(name: str, help: str) -> Any:
+    """An option of a command that is off unless it is named."""
+    return typer.Option(name, help=help, show_default="off")
+
+
+def option(help: str, default: str, *names: str) -> Any:
+    """An option of a command, named after its argument unless it has names; `default` says what holds without it."""
+    return typer.Option(*names, help=help, show_default=default)
+
+
+#: Arguments and options that several commands have.
+CasePath = Annotated[Path, typer.Argument(metavar="CASE", help="Case file.")]
+Workers = Annotated[int | None, option("Processes.", "all cores")]
+Scheduler = Annotated[
+    str | None, option('Address of a Dask scheduler, or "local" for one with WORKERS processes.', "none")
+]
+Quiet = Annotated[bool, flag("--quiet", "No progress, no log lines, no tables.")]
+#: Of the commands whose work several processes divide.
 PartOption = Annotated[
     str | None,
     typer.Option(

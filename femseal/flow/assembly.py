@@ -17,11 +17,10 @@ from numba import njit
 from numpy.typing import NDArray
 from skfem import Basis, BilinearForm, ElementQuad1, MeshQuad
 
+from ..base.arrays import Array
 from . import forms
 from .grid import Grid
 from .stencil import Stencil
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
@@ -61,17 +60,13 @@ def gauss(*components: tuple[int, int]) -> tuple[Sample, ...]:
 def elemental(form: BilinearForm, element: type, samples: tuple[Sample, ...], coefficient: str = "k") -> Array:
     """Local matrices of a form on the unit square, one for each sample, from scikit-fem.
 
-    Parameters
-    ----------
     form : bilinear form whose coefficient, a tensor of the name `coefficient`, is 1 in the component of the sample.
     element : class of a scikit-fem element of quadrilaterals.
     samples : where the coefficient is taken.
 
-    Returns
-    -------
-    (samples, n, n), the n degrees of freedom in the order of their coordinates: Q1 corners as (0, 0), (0, 1), (1, 0),
-    (1, 1); RT0 facets as ξ1 = 0, ξ2 = 0, ξ2 = 1, ξ1 = 1. On a rectangle Δ1 × Δ2 the matrix of component (a, b) is
-    Δ1Δ2/ΔaΔb times as large for gradients, ΔaΔb/Δ1Δ2 times for total fluxes through the facets.
+    Returns (samples, n, n), the n degrees of freedom in the order of their coordinates: Q1 corners as (0, 0), (0, 1),
+    (1, 0), (1, 1); RT0 facets as ξ1 = 0, ξ2 = 0, ξ2 = 1, ξ1 = 1. On a rectangle Δ1 × Δ2 the matrix of component (a, b)
+    is Δ1Δ2/ΔaΔb times as large for gradients, ΔaΔb/Δ1Δ2 times for total fluxes through the facets.
     """
     return _elemental(form, form.form, element, samples, coefficient)
 
@@ -105,11 +100,9 @@ def conductances_of(local: Array) -> Array:
 def assemble_on_links(grid: Grid, k1: Array, k2: Array) -> Stencil:
     """Operator ∫ K∇p·∇q of Q1 with quadrature at the midpoints of edges: a five-point stencil.
 
-    Parameters
-    ----------
     grid : of the nodes.
     k1, k2 : permeability on the edges along x1, (m1, n2), and on those along x2 between different nodes of the rows
-        that are no end, for instance (m1 − 1, n2) on a strip [m³].
+    that are no end, for instance (m1 − 1, n2) on a strip [m³].
 
     Notes
     -----
@@ -163,8 +156,6 @@ def _edge_weights(grid: Grid, form: BilinearForm, _: Callable[..., Any]) -> Edge
 def assemble_on_elements(grid: Grid, k: Sequence[Array], samples: tuple[Sample, ...], of: Sequence[int]) -> Stencil:
     """Operator ∫ K∇p·∇q of Q1 with any quadrature inside the elements: a nine-point stencil.
 
-    Parameters
-    ----------
     grid : of the nodes.
     k : arrays (m1, m2) of a value for each element [m³].
     samples : of the quadrature.

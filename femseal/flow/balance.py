@@ -10,13 +10,10 @@ from math import frexp
 
 import numpy as np
 from numba import njit
-from numpy.typing import NDArray
 
+from ..base.arrays import Array, Indices
 from .percolation import union
 from .stencil import Stencil
-
-Array = NDArray[np.float64]
-Indices = NDArray[np.int64]
 
 
 def balanced_link_fluxes(stencil: Stencil, potential: Array, complement: Array) -> tuple[Array, Array]:
@@ -185,11 +182,9 @@ def _balance(along, across, chosen, flux1, flux2):
 def balanced_flux(tail: Indices, head: Indices, width: Array, flux: Array, nodes: int) -> Array:
     """Flux near `flux` that balances at every node but node 0, where it enters and leaves.
 
-    Parameters
-    ----------
     tail, head : nodes of each link, both ends of the seal being node 0.
     width : conductance of each link; links of width 0 keep their flux. The tree is the one of the widest
-        links, so that the excess of wide links runs through narrow ones only where there is no other path.
+    links, so that the excess of wide links runs through narrow ones only where there is no other path.
     flux : from tail to head; 0 where the width is.
     nodes : number of nodes; nodes that no link of width > 0 joins to node 0 keep their excess.
     """

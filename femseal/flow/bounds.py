@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 from skfem import ElementQuadRT0
 
+from ..base.arrays import Array
 from ..base.errors import NotConverged
 from . import forms
 from .assembly import Sample, assemble_on_elements, elemental, gauss
@@ -26,7 +27,6 @@ from .solvers.hierarchy import coarsest_nodes
 from .solvers.multigrid import COARSEST_NODES, solve_multigrid
 from .stencil import Stencil
 
-Array = NDArray[np.float64]
 #: Relative error of the upper bound; iterations allowed before factorising.
 _RTOL, _ITERATIONS = 1e-12, 60
 #: Fraction by which bounds are moved apart.

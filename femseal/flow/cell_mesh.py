@@ -11,10 +11,10 @@ from dataclasses import replace
 
 import numpy as np
 import skfem
-from numpy.typing import NDArray
 from skfem import Basis, ElementQuad1, ElementQuadRT0, ElementTriP1, Mesh, MeshQuad, MeshTri
 from skfem.mesh import MeshQuad1DG, MeshTri1DG
 
+from ..base.arrays import Array, Indices
 from ..base.errors import InputError, NotConverged
 from .connected_elements import connected_elements
 from .discretisation import DISCRETISATIONS, Discretisation
@@ -24,8 +24,6 @@ from .mesh import conforming_flow
 from .mixed import flux_conductance
 from .solution import MAX_IMBALANCE, DarcyFlow
 
-Array = NDArray[np.float64]
-Indices = NDArray[np.int64]
 # scikit-fem warns that it copies vertices whenever it makes a mesh of more than 1000 vertices periodic
 logging.getLogger("skfem.mesh.mesh").addFilter(lambda record: "C_CONTIGUOUS" not in record.getMessage())
 
@@ -35,9 +33,7 @@ def mesh_flow(
 ) -> DarcyFlow:
     """Flow along x1 through a cell on a general mesh, its potential at the pixels (n1, n2).
 
-    Raises
-    ------
-    InputError : fewer than 3 columns of pixels in a ring.
+    Raises InputError: fewer than 3 columns of pixels in a ring.
     NotConverged : the linear solver failed, or the contrast of the gap is too high for mixed elements.
     """
     if sides == "periodic" and gap.shape[1] < 3:

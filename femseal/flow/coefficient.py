@@ -13,14 +13,14 @@ from typing import Any
 
 import numpy as np
 from numba import njit
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from ..base import validate
+from ..base.arrays import Array
 from ..base.errors import InputError
 from .grid import Grid
 from .law import cubic_law
 
-Array = NDArray[np.float64]
 SIDES = ("mirror", "periodic")
 #: Largest gap [m] and largest ratio of spacings; their inverses are the smallest.
 _EXTREME = 1e60

@@ -10,8 +10,7 @@ from numpy.typing import NDArray
 from scipy.sparse.csgraph import connected_components
 from skfem import Mesh
 
-Array = NDArray[np.float64]
-Indices = NDArray[np.int64]
+from ..base.arrays import Array, Indices
 
 
 def open_facets(mesh: Mesh, facets: Indices, elements: Indices) -> Indices:

@@ -11,10 +11,9 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
+from ..base.arrays import Array, Flags
 from .stencil import Stencil
 
-Array = NDArray[np.float64]
-Flags = NDArray[np.bool_]
 Indices = NDArray[np.int32]
 _THROUGH = np.int32(-1)
 
@@ -22,15 +21,11 @@ _THROUGH = np.int32(-1)
 def dead_ends(stencil: Stencil, keep: Flags) -> tuple[Flags, tuple[Indices, Indices]]:
     """Find dead ends.
 
-    Parameters
-    ----------
     stencil : a network of links between nodes that are connected to both ends.
     keep : those nodes, the ends among them.
 
-    Returns
-    -------
-    The nodes without dead ends; the numbers (row · n2 + column) of the inner nodes in dead ends, with those that they
-    hang on; two more numbers stand for the inlet and the outlet.
+    Returns the nodes without dead ends; the numbers (row · n2 + column) of the inner nodes in dead ends, with those
+    that they hang on; two more numbers stand for the inlet and the outlet.
     """
     anchor = _anchors(stencil.along, stencil.across, keep, stencil.ring2)
     left = keep.copy()

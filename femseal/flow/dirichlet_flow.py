@@ -14,6 +14,7 @@ import scipy.sparse as sp
 from numpy.typing import ArrayLike, NDArray
 from skfem import Basis, Mesh
 
+from ..base.arrays import Array, Indices
 from ..base.errors import NotConverged
 from . import forms
 from .connected_elements import elements_between, open_facets
@@ -21,9 +22,6 @@ from .mesh import KINDS, RTOL, invertible, permeability_tensors
 from .mixed import flux_rates
 from .solution import MAX_IMBALANCE
 from .solvers.amg import solve_spd
-
-Array = NDArray[np.float64]
-Indices = NDArray[np.int64]
 
 
 @dataclass(frozen=True)
@@ -59,15 +57,11 @@ def dirichlet_flow(
 ) -> DirichletFlow:
     """Flow through a mesh between boundaries at several potentials.
 
-    Parameters
-    ----------
     mesh, permeability, solver : as in `mesh.darcy_conductance`.
     boundaries : facets of each boundary; no two have a vertex in common. levels : their potentials, about 1.
     fluxes : also solve for Raviart-Thomas fluxes, on straight meshes.
 
-    Raises
-    ------
-    InputError : a bad permeability.
+    Raises InputError: a bad permeability.
     NotConverged : inflow and outflow differ by more than 1e-5, or the linear solver failed.
     """
     kind = KINDS[type(mesh)]

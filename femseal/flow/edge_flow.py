@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ..base.arrays import Array
 from .assembly import GAUSS_POINTS, EdgeWeights, assemble_on_elements, edge_weights, gauss, weighted
 from .coefficient import on_links, permeability_at_gauss_points
 from .grid import Grid
@@ -12,7 +12,6 @@ from .solution import DarcyFlow
 from .solvers.choice import ready, solve_ready
 from .stencil import Stencil
 
-Array = NDArray[np.float64]
 _NOTHING = np.zeros((0, 0))
 
 

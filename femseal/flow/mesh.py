@@ -13,7 +13,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 import scipy.sparse as sp
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 from skfem import (
     Basis,
     ElementQuad1,
@@ -30,6 +30,7 @@ from skfem import (
 )
 from skfem.mesh import MeshQuad1DG
 
+from ..base.arrays import Array, Indices
 from ..base.errors import InputError, NotConverged
 from . import forms
 from .connected_elements import connected_elements, open_facets
@@ -37,8 +38,6 @@ from .mixed import flux_conductance
 from .solution import MAX_IMBALANCE, DarcyFlow, potential_rtol
 from .solvers.amg import solve_spd
 
-Array = NDArray[np.float64]
-Indices = NDArray[np.int64]
 #: A tensor closed along one principal axis keeps this fraction of its other value there, so that K⁻¹ exists.
 CLOSED_AXIS = 1e-10
 #: Relative error of the conductance.
@@ -74,27 +73,21 @@ def darcy_conductance(
 ) -> DarcyFlow:
     """Flow [unit of K] through a mesh for a unit drop of potential between two parts of its boundary.
 
-    Parameters
-    ----------
     mesh : scikit-fem MeshTri1, MeshQuad1, MeshTri2 or MeshQuad2 with n elements, or a periodic MeshQuad1DG of
-        rectangles.
+    rectangles.
     permeability : K >= 0; a number, (n,), (n, 2) values along x and y, or (n, 2, 2) symmetric tensors; 0 is
-        closed. A tensor closed along one principal axis only keeps 1e-10 of its other value there, and
-        carries flow across facets only along the open one.
+    closed. A tensor closed along one principal axis only keeps 1e-10 of its other value there, and
+    carries flow across facets only along the open one.
     inlet, outlet : indices of boundary facets, with no vertex in common.
     bounds : also enclose the conductance of this mesh (straight sides, K constant on each element), up
-        to quadrature on quadrilaterals that are not parallelograms; otherwise both bounds are NaN.
+    to quadrature on quadrilaterals that are not parallelograms; otherwise both bounds are NaN.
 
     solver : of the linear system, "direct" (factorisation), "amg" (pyamg), or "auto", the faster of both.
 
-    Returns
-    -------
-    DarcyFlow, `potential` at the vertices; it is 1 or 0 in dead ends of the inlet or outlet, NaN in
+    Returns DarcyFlow, `potential` at the vertices; it is 1 or 0 in dead ends of the inlet or outlet, NaN in
     closed pockets.
 
-    Raises
-    ------
-    InputError : another kind of mesh, wrong facets, a bad K, or bounds on a curved mesh.
+    Raises InputError: another kind of mesh, wrong facets, a bad K, or bounds on a curved mesh.
     NotConverged : inlet and outlet flow differ by more than 1e-5, or the linear solver failed.
 
     Notes
@@ -146,17 +139,13 @@ def conforming_flow(
 ) -> DarcyFlow:
     """Flow of a conforming element, `potential` at its degrees of freedom.
 
-    Parameters
-    ----------
     basis : over the elements that carry the flow, of the mesh.
     k : permeability tensors at the quadrature points, (2, 2, elements, points or 1), of any one unit.
     ends : boundary facets of inlet and outlet; those that no element of the basis has are left out.
     rtol : relative error of the conductance allowed to an iterative solver; the potential errs by about √rtol.
     solver : of the linear system.
 
-    Raises
-    ------
-    NotConverged : inlet and outlet flow differ by more than 1e-5, and 0.01 √rtol, or the linear solver failed.
+    Raises NotConverged: inlet and outlet flow differ by more than 1e-5, and 0.01 √rtol, or the linear solver failed.
     """
     matrix = forms.darcy_flow.assemble(basis, k=k).tocsr()
     carrying = np.arange(basis.mesh.nelements) if basis.tind is None else basis.tind

@@ -12,17 +12,14 @@ from dataclasses import dataclass
 
 import numpy as np
 import scipy.sparse as sp
-from numpy.typing import NDArray
 from skfem import Basis, ElementQuadRT0, ElementTriRT0, Mesh
 
+from ..base.arrays import Array, Indices
 from . import forms
 from .balance import balanced_flux
 from .connected_elements import connected_elements, elements_between, open_facets
 from .solution import DarcyFlow
 from .solvers.amg import LinearSolution, solve_spd
-
-Array = NDArray[np.float64]
-Indices = NDArray[np.int64]
 
 
 def flux_conductance(
@@ -37,8 +34,6 @@ def flux_conductance(
 ) -> DarcyFlow:
     """Q²/∫ q·K⁻¹q of the lowest-order Raviart-Thomas flux; 0 if open elements connect in corners only.
 
-    Parameters
-    ----------
     mesh : straight.
     tensor : K, invertible where not 0 (elements, 2, 2), of any one unit.
     ends : boundary facets of inlet and outlet.
@@ -46,14 +41,10 @@ def flux_conductance(
     rtol : error of the potential allowed in the norm of the energy; balancing the flux magnifies it.
     solver : of the linear system.
 
-    Returns
-    -------
-    DarcyFlow, `potential` the mean of each element; `imbalance` is the relative difference of the energies of the flux
-    and of the potentials of the facets, between which the flow of these elements lies.
+    Returns DarcyFlow, `potential` the mean of each element; `imbalance` is the relative difference of the energies of
+    the flux and of the potentials of the facets, between which the flow of these elements lies.
 
-    Raises
-    ------
-    NotConverged : the linear solver failed.
+    Raises NotConverged: the linear solver failed.
     """
     carrying, at_inlet, at_outlet = connected_elements(mesh, tensor, ends, through_corners=False)
     potential = np.full(mesh.nelements, np.nan)
@@ -90,13 +81,9 @@ def flux_rates(
     It is that of the lowest-order Raviart-Thomas flux, which balances on every element, so that its sum is 0 up to
     rounding; 0 at boundaries without an open path to another.
 
-    Parameters
-    ----------
     ends : facets of the boundaries. levels : their potentials. The others are those of `flux_conductance`.
 
-    Raises
-    ------
-    NotConverged : the linear solver failed.
+    Raises NotConverged: the linear solver failed.
     """
     carrying, _, joined = elements_between(mesh, tensor, ends, through_corners=False)
     if carrying.size == 0:

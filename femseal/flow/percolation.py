@@ -15,8 +15,6 @@ from numpy.typing import NDArray
 
 from .stencil import Stencil
 
-Array = NDArray[np.float64]
-
 
 @njit(cache=True, nogil=True)
 def find(parent, a):

@@ -15,11 +15,11 @@ from typing import Any
 import numpy as np
 from numba import njit
 from numpy.polynomial import chebyshev
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from ..base.arrays import Array
 from ..base.errors import InputError
 
-Array = NDArray[np.float64]
 #: Pressures below this fraction of the inlet's are not looked at, since hardly anything of the drop lies there.
 _LEAST_FRACTION = 1e-3
 #: Number of pressures up to this ratio of the highest to the lowest, and beyond.

@@ -15,12 +15,12 @@ from typing import Any, Generic, Protocol, TypeVar
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from ..base.arrays import Array
 from ..base.fixed_point import fixed_point
 from .constriction import critical_constriction
 from .law import CUBIC_LAW, FlowLaw, law_of, widened
 from .permeability_table import Mobility, table_pressures
 
-Array = NDArray[np.float64]
 Found = TypeVar("Found")
 #: Intervals of the table of pressures, and Gauss points in each of them.
 _INTERVALS, _POINTS = 2000, np.polynomial.legendre.leggauss(3)
@@ -114,14 +114,10 @@ class PressureDrop:
     ) -> FaceSolution[Found]:
         """Solve the flow through a face (n1, n2) [m], periodic along x2.
 
-        Parameters
-        ----------
         solve : from a gap [m], by the cubic law, to the permeability, the potential at the pixels and what is kept.
         rtol : relative error at which the fixed point ends, where the law depends on the pressure.
 
-        Raises
-        ------
-        NotConverged : the linear solver failed, or the flow still changes after many solutions.
+        Raises NotConverged: the linear solver failed, or the flow still changes after many solutions.
         """
         drop = self.at_constriction(gap, spacing)
         if not drop.law.depends_on_pressure:

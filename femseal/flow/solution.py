@@ -5,9 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 
 import numpy as np
-from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from ..base.arrays import Array
+
 #: Inlet and outlet flow may differ by this fraction before a direct or a precise solution is refused.
 MAX_IMBALANCE = 1e-5
 #: Error of the potential in the norm of the energy that is allowed where it is shown or written.

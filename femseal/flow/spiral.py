@@ -18,6 +18,7 @@ import scipy.sparse as sp
 from numpy.typing import NDArray
 from scipy.sparse.csgraph import connected_components
 
+from ..base.arrays import Array, Indices
 from ..base.errors import InputError, NotConverged
 from ..base.quantities import to_text
 from .coefficient import unit_spacing
@@ -27,8 +28,6 @@ from .law import cubic_law
 from .solvers.amg import solve_spd
 from .stencil import Stencil
 
-Array = NDArray[np.float64]
-Indices = NDArray[np.int64]
 #: Least fraction w that is solved: below it rounding decides, and the flow changes by w².
 _LEAST_WEIGHT = 3e-5
 #: Relative change of the flow below which the way along the grooves is left out.
@@ -57,9 +56,7 @@ class Spiral:
     def seam(self, shape: tuple[int, int], spacing: tuple[float, float]) -> tuple[int, float]:
         """Pixels by which the face comes back shifted, and the fraction w of what leaves it that does.
 
-        Raises
-        ------
-        InputError : a face longer than a turn, or no longer than the lead along x1.
+        Raises InputError: a face longer than a turn, or no longer than the lead along x1.
         """
         length, breadth = shape[1] * spacing[1], shape[0] * spacing[0]
         turn = length if self.circumference is None else self.circumference
@@ -76,20 +73,14 @@ class Spiral:
 def spiral_flow(gap: Array, spacing: tuple[float, float], spiral: Spiral, plain: Array) -> tuple[float, Array] | None:
     """Permeability [m³] along x1 of a face with winding grooves, and its potential; None where the lead hardly matters.
 
-    Parameters
-    ----------
     gap : (n1, n2) [m], periodic along x2.
     plain : potential (n1, n2) of the flow without the lead, NaN in contact and in pockets. Its dissipation with the
-        lead is an upper bound (Dirichlet's principle): where that adds less than 0.5 %, the lead is left out, unless
-        there are pockets.
+    lead is an upper bound (Dirichlet's principle): where that adds less than 0.5 %, the lead is left out, unless
+    there are pockets.
 
-    Returns
-    -------
-    The permeability, and the potential (n1, n2), NaN where no open path leads to both ends.
+    Returns the permeability, and the potential (n1, n2), NaN where no open path leads to both ends.
 
-    Raises
-    ------
-    InputError : see `Spiral.seam`.
+    Raises InputError: see `Spiral.seam`.
     NotConverged : the linear solver failed, or inflow and outflow differ.
     """
     n1, n2 = gap.shape

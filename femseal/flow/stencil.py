@@ -10,9 +10,8 @@ import scipy.sparse as sp
 from numba import njit
 from numpy.typing import ArrayLike, NDArray
 
+from ..base.arrays import Array
 from ..base.errors import InputError
-
-Array = NDArray[np.float64]
 
 
 def _nothing() -> Array:
@@ -43,13 +42,9 @@ class Stencil:
     def network(cls, along: ArrayLike, across: ArrayLike, *, ring: bool = True) -> Stencil:
         """A network of links of given conductances, checked.
 
-        Parameters
-        ----------
         along (n1, n2), across (n1 − 1, n2) : conductances >= 0; across has n2 − 1 columns if these form no `ring`.
 
-        Raises
-        ------
-        InputError : shapes that do not match, conductances that are negative or not finite.
+        Raises InputError: shapes that do not match, conductances that are negative or not finite.
         """
         try:
             if np.iscomplexobj(along) or np.iscomplexobj(across):

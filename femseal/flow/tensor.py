@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from ..base.arrays import Array
 from ..base.errors import InputError, NotConverged
 from .assembly import assemble_on_links
 from .coefficient import permeability_on_links, unit_spacing, validated_gap
@@ -16,7 +17,6 @@ from .solvers.amg import solve_spd
 from .stencil import Stencil
 from .torus import can_be_eliminated, torus_dissipation
 
-Array = NDArray[np.float64]
 #: Relative error of the energy of the correction that is allowed to an iterative solver.
 _RTOL = 1e-9
 

@@ -12,11 +12,10 @@ from __future__ import annotations
 
 import numpy as np
 from numba import njit
-from numpy.typing import NDArray
 
+from ..base.arrays import Array
 from .stencil import Stencil
 
-Array = NDArray[np.float64]
 #: Pairs of links at eliminated nodes, about a second's work for 1e8 of them.
 _MOST_WORK = 4e8
 _ROUNDING = 8 * float(np.finfo(float).eps)

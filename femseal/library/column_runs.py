@@ -12,9 +12,10 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from ..base import validate
+from ..base.arrays import Array, Indices
 from ..base.errors import InputError
 from ..elements.element_elimination import mesh_factors
 from ..elements.element_mesh import ElementMesh, ElementSolution
@@ -23,8 +24,6 @@ from ..elements.superelement import WindowElement, WindowLinks, validated_face, 
 from ..windows.outcome import SolverCounts
 from ..windows.partition import Partition
 
-Array = NDArray[np.float64]
-Indices = NDArray[np.int64]
 #: Places at which runs start, for each run that the face has without overlap.
 STARTS = 2
 
@@ -92,14 +91,10 @@ class ColumnRuns:
     def of(cls, gap: ArrayLike, partition: Partition, *, node_spacing: int = NODE_SPACING) -> ColumnRuns:
         """Condense the windows of a face, and solve the flow through it.
 
-        Parameters
-        ----------
         gap : (n1, n2) [m]. partition : of the face.
         node_spacing : largest distance of two nodes on a side [pixels].
 
-        Raises
-        ------
-        InputError : a gap that is negative, undefined or of another shape.
+        Raises InputError: a gap that is negative, undefined or of another shape.
         NotConverged : see `element_mesh.ElementMesh.solve`.
         """
         h = validated_face(gap, partition)
@@ -111,9 +106,7 @@ class ColumnRuns:
     def flows(self, length: int) -> RunFlows:
         """Flow through runs of so many columns, which start at places all along the face.
 
-        Raises
-        ------
-        InputError : more columns than the face has.
+        Raises InputError: more columns than the face has.
         NotConverged : see `element_mesh.ElementMesh.solve`.
         """
         m1, m2 = self.partition.cells

@@ -16,9 +16,9 @@ import scipy
 from numpy.typing import NDArray
 
 from ..analytic import large_gap
+from ..base.arrays import Array
 from .ladder import Ladder, WindowStates
 
-Array = NDArray[np.float64]
 Curve = Callable[[Array], Array]
 #: Relative distance of numbers that are the same but for rounding.
 _ROUNDING = 1e-12

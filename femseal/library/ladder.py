@@ -10,15 +10,13 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ..base.arrays import Array
 from ..base.errors import InputError
 from ..contact import Contact, ContactLaw, HalfSpace, solve_contact
 from ..flow.pressure_drop import VISCOUS, PressureDrop
 from ..windows.outcome import SolveCounts
 from ..windows.window_flow import FlowSettings, window_permeability
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
@@ -33,10 +31,8 @@ class Ladder:
     bounds : also compute a lower and an upper bound of every permeability, for a gap constant on each pixel.
     drop : of the fluid, at whose pressures permeabilities are computed.
 
-    Raises
-    ------
-    InputError : pressures that do not rise from 0, peaks that are not among them, stops that do not fall from below 1
-        to 0, separations that do not rise.
+    Raises InputError: pressures that do not rise from 0, peaks that are not among them, stops that do not fall from
+    below 1 to 0, separations that do not rise.
     """
 
     loading: tuple[float, ...]
@@ -93,14 +89,6 @@ class WindowStates:
     rigid: Array
     counts: SolveCounts = field(default_factory=SolveCounts, compare=False)
 
-    def closing_pressure(self, axis: int) -> float:
-        """Pressure above which nothing flows along `axis` [Pa]; inf if it is still open at the highest step."""
-        shut = np.flatnonzero(self.k[0, axis] == 0)
-        if shut.size == 0:
-            return np.inf
-        first = shut[0]
-        return float(self.pressure[first] if first == 0 else (self.pressure[first - 1] + self.pressure[first]) / 2)
-
 
 def solve_ladder(
     window: Array,
@@ -116,16 +104,12 @@ def solve_ladder(
 
     The result has the states of the ladder and no others of the known cell: it is the same whatever is known.
 
-    Parameters
-    ----------
     window : undeformed gap (n1, n2) [m].
     half_space, rtol : as in `contact.solve_contact`. law : what every point of the window can carry.
     flow : how the flow is discretised and solved.
     known : the same window along another ladder with the same stops, separations and bounds.
 
-    Raises
-    ------
-    NotConverged : a contact or a flow failed.
+    Raises NotConverged: a contact or a flow failed.
     """
     work = _Window(np.asarray(window, float), half_space, law, rtol, ladder, flow)
     before = {} if known is None else dict(zip(known.pressure.tolist(), _states(known), strict=True))

@@ -21,6 +21,7 @@ from zlib import error as ZlibError
 import numpy as np
 from numpy.typing import NDArray
 
+from ..base.arrays import Array
 from ..base.errors import FemsealError, InputError
 from ..base.fields import LIBRARY_CELL, LIBRARY_WINDOW, declared
 from ..base.files import made_folder, replacing
@@ -34,7 +35,6 @@ from ..windows.window_flow import FlowSettings
 from .curves import WindowCurves
 from .ladder import Ladder, WindowStates, merge, restrict, solve_ladder
 
-Array = NDArray[np.float64]
 #: Written into every file; a file of another format is computed again.
 FORMAT = 2
 #: Relative distance of two pressures that are the same but for rounding.
@@ -193,7 +193,7 @@ class LadderLibrary(Shown):
         programme = LoadProgramme(steps)
         pressure = np.broadcast_to(programme.pressures, (self.size, len(steps)))
         return LibraryTable(
-            LoadProgramme(steps),
+            programme,
             pressure,
             **{name: np.array(values) for name, values in columns.items()},
             place=self.place,
@@ -229,14 +229,12 @@ class LadderLibrary(Shown):
     def along(self, paths: Array, gaps: Array, steps: LoadProgramme, axis: int, kind: int = 0) -> Array:
         """Permeability of every cell along every path: (steps, paths, cells) [m³].
 
-        Parameters
-        ----------
         paths : mean pressure of a window at each step of the seal's programme (steps, paths) [Pa].
         gaps : distance between mean planes (steps, paths) [m], used where the pressure is 0.
         steps : the seal's programme.
         axis : direction of the links.
         kind : 0 for the permeability; with bounds also 1 for its lower and 2 for its upper bound. Bounds hold at the
-            steps of the ladder; between them they are interpolated as the permeability is.
+        steps of the ladder; between them they are interpolated as the permeability is.
         """
         p_peak = local_peaks(paths, steps)
         # at its own peak a window is on the loading curve, also where the seal is unloaded
@@ -277,16 +275,12 @@ def build_ladder_library(
 
     The library is the same whatever the folder holds: it has no states of other ladders.
 
-    Parameters
-    ----------
     source, ladder : the windows, and the states in which they are solved.
     count : number of windows.
     folder : where libraries are kept; with None nothing is read or written.
     mapper : computes a stage for all windows, see `base.stage.Mapper`.
 
-    Raises
-    ------
-    InputError : `count` is below 1, or the folder cannot be written.
+    Raises InputError: `count` is below 1, or the folder cannot be written.
     FemsealError : every window failed.
     """
     if count < 1:

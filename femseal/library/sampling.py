@@ -23,11 +23,10 @@ import numpy as np
 import scipy
 from numpy.typing import NDArray
 
+from ..base.arrays import Array, Indices
 from ..base.errors import InputError
 from ..loads import LoadProgramme
 
-Array = NDArray[np.float64]
-Index = NDArray[np.int64]
 #: Permeability of all links (rows, columns) at a step.
 Draw = Callable[[int], Array]
 #: Cells close in rank among which the derivative sampler draws; more than a few bias the median leakage.
@@ -51,12 +50,12 @@ class LinkTable:
     """
 
     k: Array
-    path: Index
+    path: Indices
     steps: LoadProgramme
     run_length: float = 0.0
     correlation_length: float = 1.0
     pressure: Array | None = None
-    place: Index | None = None
+    place: Indices | None = None
 
 
 def draw_links(table: LinkTable, *, sampler: str, seed: int, realisation: int, axis: int) -> Draw:
@@ -64,15 +63,11 @@ def draw_links(table: LinkTable, *, sampler: str, seed: int, realisation: int, a
 
     "history" and "block" hold one number for each link, the others one for each link and step.
 
-    Parameters
-    ----------
     table : the permeabilities to draw from.
     sampler : "history", "derivative", "copula" or "block".
     seed, realisation, axis : choose the random numbers, with the number of the link.
 
-    Raises
-    ------
-    InputError : an unknown sampler, or "block" where the cells are not neighbours.
+    Raises InputError: an unknown sampler, or "block" where the cells are not neighbours.
     """
     if sampler not in SAMPLERS:
         raise InputError("sampler", sampler, f"one of {', '.join(SAMPLERS)}")
@@ -101,8 +96,6 @@ def correlation_length(k: Array) -> float:
 
     It is 1 + 2 Σ of the rank correlations between columns, summed until they vanish.
 
-    Parameters
-    ----------
     k : permeabilities (steps, rows, columns), columns in the order of the face and periodic.
     """
     steps, _, columns = k.shape
@@ -142,13 +135,11 @@ def _block(table: LinkTable, rng: np.random.Generator) -> Draw:
     return lambda s: table.k[s, table.path, column]
 
 
-def drawn_elsewhere(random: Array, begins: Index, ends: Index, further: Index | None = None) -> Index:
+def drawn_elsewhere(random: Array, begins: Indices, ends: Indices, further: Indices | None = None) -> Indices:
     """Numbers of runs drawn one after another, each beginning in another measured place than the last one ended in.
 
-    Parameters
-    ----------
     random : number from 0 to 1 for each draw. begins : place in which each run begins. ends : that in which it ends, of
-        draws that are `further` runs long that of the run so much further on.
+    draws that are `further` runs long that of the run so much further on.
     """
     count = begins.size
     if np.unique(begins).size < 2:

@@ -12,9 +12,9 @@ import numpy as np
 
 from ..base.errors import InputError
 from ..base.quantities import to_text
-from ..case.argument_names import FACE_KEYS, SURFACE_KEYS, with_keys
 from ..case.case import Case
 from ..case.faces import FileFace
+from ..case.faults import FACE_KEYS, SURFACE_KEYS, with_keys
 from ..topography import (
     MOST_POINTS,
     Conditioning,
@@ -56,9 +56,7 @@ class ConditionedFace:
 def conditioned_face(case: Case) -> ConditionedFace:
     """Make or read the faces of a case, and condition their sum.
 
-    Raises
-    ------
-    InputError : a face that cannot be read or used, or windows that do not suit it.
+    Raises InputError: a face that cannot be read or used, or windows that do not suit it.
     """
     for place, table in zip(face_places(case), case.face, strict=True):
         if not isinstance(table, FileFace):
@@ -74,10 +72,11 @@ def conditioned_face(case: Case) -> ConditionedFace:
         separately, repaired = separately or every, replace(repaired, removed=np.zeros(1))
         with with_keys({"places": "face.places"}):
             flat = Places([face for face, _ in every])
+    cut_off, longest = case.surface.continue_spectrum, case.surface.shortest_wave
     with with_keys(SURFACE_KEYS):
-        continued = _continuation(case, flat)
+        continued = None if cut_off is None else continuation_of(flat, cut_off, longest=longest, seed=case.seed)
     shape = _grid(case, flat)
-    wave = continued.longest if continued else case.surface.shortest_wave or default_wave(flat, shape)
+    wave = continued.longest if continued else longest or default_wave(flat, shape)
     if isinstance(flat, Places):
         cells = _cell_count(case, (flat.size[0], min(p.size[1] for p in flat.each)), wave)
         if cells is not None:
@@ -98,12 +97,6 @@ def conditioned_face(case: Case) -> ConditionedFace:
         slope, height = surface.rms_slope, surface.rms_height
         report = replace(report, shortest_wavelength=continued.cut_off, rms_slope=slope, rms_height=height)
     return ConditionedFace(surface, report, overlap, cells, continued)
-
-
-def _continuation(case: Case, flat: Topography) -> Continuation | None:
-    """How the spectrum of a face goes on, if the case says that it does."""
-    cut_off, longest = case.surface.continue_spectrum, case.surface.shortest_wave
-    return None if cut_off is None else continuation_of(flat, cut_off, longest=longest, seed=case.seed)
 
 
 def face_places(case: Case) -> list[str]:
@@ -199,8 +192,6 @@ def _grid(case: Case, flat: Topography) -> tuple[int, int]:
 def default_grid(flat: Topography, shortest_wave: float | None) -> tuple[int, int]:
     """Points on which a measured face is solved unless the case says otherwise, see `topography.resolving_shape`.
 
-    Parameters
-    ----------
     flat : without undefined points.
     shortest_wave : the low-pass, which decides if it is given [m].
     """

@@ -2,27 +2,35 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import replace
 
 from ..base.errors import InputError
 from ..base.quantities import to_text
 from ..budget import FormTolerance
-from ..case.argument_names import MAP_TABLES, SEAL_TABLES, with_tables
 from ..case.case import Case
 from ..case.case_tables import StochasticTable
+from ..case.faults import MAP_TABLES, SEAL_TABLES, with_tables
 from ..seal.laid_windows import SealWindows
 from ..studies import Sampling, Scene, check_sampling, chosen_contact, chosen_flow, chosen_sampler, lay_out_windows
 from ..studies.costs import choose_method
+from ..studies.plausibility import gas_warnings, moduli_warnings, scene_warnings
 from ..studies.seat_rows import ROWS, SeatMap
 from ..studies.window_pressures import check_map, most_paths
-from ..topography import Conditioning, SpikeEffect, Topography
+from ..topography import MOST_POINTS, Conditioning, SpikeEffect, Topography, resolving_shape
 from ..topography.seat import LEAST_DEPTH, FlatSeat
 from ..windows import Partition
-from .case_plausibility import plausibility_warnings
 from .check_memory import check_memory_of_draws, refused_if_too_large
 from .face import conditioned_face
 from .groove_lead import groove_question, wound_layout
 from .prepared import Pair, Prepared, without_short_waves
+
+#: Fraction of the rms slope from which on a case is warned that the low-pass removes it: by itself, and where the
+#: grid of a measured face is limited for its cost. Measured: with 49 % of it gone a turned face leaks 10 to 700 times
+#: less.
+_LOST_SLOPE, _LOST_TO_COST = 0.1, 0.02
+#: Fraction of the rms slope from which on a case is warned that it is of noise.
+_NOISE_SLOPE = 0.25
 
 
 def prepare(case: Case) -> Prepared:
@@ -49,6 +57,9 @@ def prepare(case: Case) -> Prepared:
                 scene.check_spiral(flow if "two-scale" in methods else "resolved", cells or (2, 1))
         if sampling is not None:
             sampling = replace(sampling, sampler=chosen_sampler(sampling, scene, contact))
+        form = None  # of a flat seat
+        if case.seat.kind != "flat":
+            form = FormTolerance(case.seat.seat(case.folder), case.seat.tolerance, not case.seat_is_broader)
         spikes = SpikeEffect(conditioning.spikes_along_lay, conditioning.spikes_extreme).doubts(conditioning.spikes)
         prepared = Prepared(
             scene=scene,
@@ -62,7 +73,7 @@ def prepare(case: Case) -> Prepared:
             contact=contact,
             flow=flow,
             seat=seat,
-            form=_form(case),
+            form=form,
             warnings=(
                 *plausibility_warnings(case, scene, conditioning),
                 *groove_question(case, scene),
@@ -78,9 +89,7 @@ def prepare(case: Case) -> Prepared:
 def _with_seat(case: Case, surface: Topography) -> tuple[Topography, str]:
     """The face with the form of its seat, and what that is as a text, "" where it is flat.
 
-    Raises
-    ------
-    InputError : a form that is too steep, or narrower than the face.
+    Raises InputError: a form that is too steep, or narrower than the face.
     """
     seat = case.seat.seat(case.folder)
     if isinstance(seat, FlatSeat):
@@ -94,13 +103,6 @@ def _with_seat(case: Case, surface: Topography) -> tuple[Topography, str]:
     if not seat.matters(surface):
         return surface, f"{seat}: its depth is below {LEAST_DEPTH:.1%} of the rms height, and is left out"
     return formed, str(seat)
-
-
-def _form(case: Case) -> FormTolerance | None:
-    """The form of the seat and its relative error; None of a flat one."""
-    if case.seat.kind == "flat":
-        return None
-    return FormTolerance(case.seat.seat(case.folder), case.seat.tolerance, not case.seat_is_broader)
 
 
 def _seals(
@@ -178,9 +180,7 @@ def _seal_size(surface: Topography, sampling: Sampling | None, seals: tuple[Seal
 def _pressures(case: Case, seal: tuple[float, float], *, seals: int) -> dict[str, tuple[float, ...]]:
     """Nominal pressures of the cycle on a seal of such a breadth and length [m], one of several or none that are drawn.
 
-    Raises
-    ------
-    InputError : a force without one length of the seal, or more pressure than the faces can carry.
+    Raises InputError: a force without one length of the seal, or more pressure than the faces can carry.
     """
     known = case.stochastic is not None and (case.stochastic.lengths or not case.layout.has_length)
     if case.load.unit == "N" and not (seals == 1 and known):
@@ -243,3 +243,48 @@ def _contact_and_flow(case: Case, scene: Scene, method: str) -> tuple[str, str]:
 def _cheaper_flow(scene: Scene) -> str:
     """Flow of two scales where the deterministic solution is not affordable: resolved flow is not either."""
     return "elements" if scene.discretisation == "edge" and scene.flow.spiral is None else "links"
+
+
+def plausibility_warnings(case: Case, scene: Scene, surface: Conditioning) -> tuple[str, ...]:
+    """One sentence for each thing in a case and its scene that is not plausible, but may be meant."""
+    solids = zip(("material", "counter_material"), case.solids, strict=True)
+    odd = moduli_warnings((f"{name}.young", solid.young) for name, solid in solids if solid is not None)
+    tested: tuple[str, ...] = ()
+    if (test := case.output.test_fluid) is not None:
+        tested = tuple(gas_warnings("output.test_fluid", test.fluid, test.inlet_pressure, test.outlet_pressure))
+    return (
+        *odd,
+        *case.fluid_warnings,
+        *case.solid_warnings,
+        *scene_warnings(scene),
+        *tested,
+        *_odd_filter(case, scene, surface),
+    )
+
+
+def _odd_filter(case: Case, scene: Scene, surface: Conditioning) -> Iterator[str]:
+    """Warn where the low-pass removes much of the measured slope, and say what keeps it."""
+    if case.surface.continue_spectrum is not None:
+        return
+    measured, kept = (to_text(wave, "m", 3) for wave in (surface.shortest_measured, surface.shortest_wavelength))
+    asked = case.surface.shortest_wave is not None or case.surface.points is not None
+    points = resolving_shape(scene.surface.size, surface.shortest_measured)
+    limited = not asked and surface.shape != surface.shape_before and points[0] * points[1] > MOST_POINTS
+    if surface.lost_slope > (_LOST_TO_COST if limited else _LOST_SLOPE):
+        remedy = f"set surface.points = {list(points)}"
+        if case.surface.shortest_wave is not None:
+            keys = "surface.shortest_wave" + (" and surface.points" if case.surface.points is not None else "")
+            remedy = f"leave out {keys}"
+        elif limited:
+            most = " × ".join(map(str, surface.shape))
+            remedy += f' (unasked no more than {most} are taken), with method = "two-scale" if that is too dear'
+        yield (
+            f"the low-pass at {kept} removes {surface.lost_slope:.0%} of the rms slope of the face, whose waves down "
+            f"to {measured} stand above noise: leakage may be off by factors; to keep them {remedy}"
+        )
+    noise = 1 - surface.rms_slope_measured / surface.rms_slope if surface.rms_slope else 0.0
+    if noise > _NOISE_SLOPE:
+        yield (
+            f"{noise:.0%} of the rms slope is of waves from {kept} to {measured}, which are noise or beyond the "
+            f"instrument: surface.shortest_wave = '{measured}' removes them"
+        )

@@ -125,9 +125,7 @@ class Prepared:
 def without_short_waves(prepared: Prepared) -> Scene:
     """The scene without waves shorter than twice the shortest one, on half the points a side.
 
-    Raises
-    ------
-    InputError : waves longer than the face would be left, or windows of fewer than 8 pixels.
+    Raises InputError: waves longer than the face would be left, or windows of fewer than 8 pixels.
     """
     scene, wave = prepared.scene, 2 * prepared.conditioning.shortest_wavelength
     surface = scene.surface

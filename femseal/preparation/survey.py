@@ -1,10 +1,12 @@
-"""Survey of a measured face before a run: its description, and the effect of its conditioning.
+"""Survey of a measured face before a run: its description, the effect of its conditioning, a case to start from.
 
 No face is refused: one that a run refuses is described with the reason, as far as it can be.
 """
 
 from __future__ import annotations
 
+import json
+import os
 from dataclasses import dataclass
 from math import degrees, isnan, pi
 from pathlib import Path
@@ -13,7 +15,8 @@ from typing import Any
 from ..base import validate
 from ..base.errors import InputError
 from ..base.quantities import to_si, to_text
-from ..case.argument_names import with_keys
+from ..case.faces import SurfaceTable
+from ..case.faults import table_to_paste, with_keys
 from ..plots import survey_figure
 from ..topography import (
     Conditioning,
@@ -42,6 +45,14 @@ SURFACE_OPTIONS = {
 }
 _PICTURES = (".png", ".pdf", ".svg")
 Part = tuple[float, float, float, float]
+#: What no file of heights says, by the table that says it.
+_OPEN = {
+    "material": "how strong is the softer face as it was machined? The other one: [counter_material], rigid without",
+    "load": "which contact pressures in assembly, and down to which in service? Or forces: 10 kN, 200 N/mm",
+    "fluid": "which fluid, between which pressures?",
+}
+#: Lines of the description of a face that its case shows.
+_SHOWN = ("points ", "pixel", "undefined", "Sq,", "rms slope ", "Std", "shortest wave above")
 
 
 @dataclass(frozen=True)
@@ -70,15 +81,11 @@ def survey(
 ) -> list[str]:
     """Lines on the face in a file; `picture` also writes its picture.
 
-    Parameters
-    ----------
     path, size, spacing, crop, channel, reading : as `read_topography` takes them, lengths as text with their unit.
     picture : file to write, .png, .pdf or .svg.
     spikes, detrend, shortest_wave, max_undefined : keys of the table [surface] of a case.
 
-    Raises
-    ------
-    InputError : an argument cannot be used, or a file without heights; no picture is written.
+    Raises InputError: an argument cannot be used, or a file without heights; no picture is written.
     """
     if picture is not None and (picture.suffix.lower() not in _PICTURES or not picture.absolute().parent.is_dir()):
         raise InputError("output", f"'{picture}'", f"a file {', '.join(_PICTURES)} in a folder that exists")
@@ -185,3 +192,37 @@ def notes(report: SurfaceReport, conditioning: Conditioning) -> list[str]:
         angle = degrees(abs(report.lay_direction))
         notes.append(f"note: the lay runs {angle:.0f}° off x2, along the leakage: transpose exchanges the axes")
     return notes
+
+
+def case_of_face(path: Path, folder: Path) -> str:
+    """Text of a case of a measured face, for a file in a folder; its last tables hold values of the template.
+
+    Raises InputError: no face can be read from the file.
+    """
+    seen = read_for_a_look(path)
+    given = SurfaceTable().model_dump(include={"detrend", "spikes", "max_undefined"})
+    face, found = seen.topography, look(seen.topography, None, given)
+    sides = [to_text(side, "m", 6) for side in face.size]
+    name = os.path.relpath(path, folder).replace(os.sep, "/")
+    lines = [
+        f"# A case of {path.name}. x1 is the direction of the leakage, x2 runs along the seal.",
+        "# A question mark asks for what the file does not say; `femseal check` says what a run computes.",
+        "",
+        f"title = {json.dumps(path.stem, ensure_ascii=False)}",
+        "",
+        "[face]",
+        f"path = {json.dumps(name, ensure_ascii=False)}",
+        f"# size = {json.dumps(sides, ensure_ascii=False)}  # as the file says: ? is that the field of the instrument",
+    ]
+    questions, surface = [*map(str, seen.doubts), *found.reasons], []
+    if found.report is not None:
+        lines += [f"#   {line}" for line in str(found.report).splitlines() if line.startswith(_SHOWN)]
+    if found.report is not None and found.conditioning is not None:
+        told = [note.removeprefix("note: ") for note in notes(found.report, found.conditioning)]
+        questions += [note for note in told if "shortest_wave" not in note]
+        wave = max(found.report.shortest_wave, found.conditioning.shortest_wavelength)
+        surface = ["", "[surface]", f'shortest_wave = "{to_text(wave, "m", 3)}"  # the shortest one above noise']
+    lines += [f"# ? {question}" for question in questions] + surface
+    for table, question in _OPEN.items():
+        lines += ["", f"# ? {question}", *table_to_paste(table).splitlines()]
+    return "\n".join(lines) + "\n"

@@ -12,9 +12,9 @@ from pathlib import Path
 
 import joblib
 import numpy as np
-from numpy.typing import NDArray
 
 from ..base import validate
+from ..base.arrays import Array
 from ..base.errors import FemsealError, InputError
 from ..base.files import made_folder
 from ..base.stage import Mapper
@@ -29,8 +29,6 @@ from .accuracy_plan import Plan, Variant, make_plan
 from .accuracy_report import AccuracyReport, Comparison, Solution
 from .budgets import budget_of, leakage_of
 from .coarser import coarser_points, coarser_solutions, without_filtered_waves
-
-Array = NDArray[np.float64]
 
 
 def measure_accuracy(

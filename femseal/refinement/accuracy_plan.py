@@ -119,13 +119,9 @@ def make_plan(case: Case, *, limit: float, memory: float) -> Plan:
     One thing is varied at a time, from what the case says; two scales take part if the case has cells, the stochastic
     method if it has a table for it.
 
-    Parameters
-    ----------
     limit, memory : solutions expected to take more seconds on one core, or more bytes, are skipped.
 
-    Raises
-    ------
-    InputError : a face or cells that cannot be used; no affordable reference.
+    Raises InputError: a face or cells that cannot be used; no affordable reference.
     """
     others = (("two-scale",) if case.cells else ()) + (("stochastic",) if case.cells and case.stochastic else ())
     prepared = _on_a_strip(prepare(case.model_copy(update={"compare": others})))

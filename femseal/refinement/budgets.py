@@ -3,15 +3,17 @@
 from __future__ import annotations
 
 import logging
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from math import inf, log2
 from typing import Any
 
 import numpy as np
 
+from ..base.arrays import Array
 from ..base.errors import FemsealError, NotKept
 from ..base.quantities import to_text
+from ..base.stage import Mapper
 from ..budget import (
     CoarserSolution,
     ErrorBudget,
@@ -25,8 +27,7 @@ from ..budget import (
     model_part,
 )
 from ..preparation.prepared import Prepared
-from ..studies import StochasticResult, Study, study_of_result
-from ..studies.scene import Array
+from ..studies import StochasticResult, study_of_result
 from .coarser import (
     coarser_grids,
     compares_links,
@@ -39,8 +40,6 @@ from .coarser import (
 )
 
 log = logging.getLogger("femseal")
-#: Solves a study of a version, with the studies of it that are known by key: solve(version, study, known).
-Solve = Callable[[Prepared, Study, Mapping[str, Any]], Any]
 #: A grid with its results by key, names of parts of the model, and the relative error of the hardness.
 Model = tuple[tuple[Prepared, Mapping[str, Any]] | None, Sequence[str], float]
 
@@ -48,7 +47,7 @@ Model = tuple[tuple[Prepared, Mapping[str, Any]] | None, Sequence[str], float]
 def budgets_of(
     prepared: Prepared,
     studies: Mapping[str, Any],
-    solve: Solve,
+    mapper: Mapper,
     *,
     leakage_filtered: Array | None = None,
     known: Mapping[str, ErrorBudget] | None = None,
@@ -57,8 +56,6 @@ def budgets_of(
 ) -> dict[str, ErrorBudget]:
     """Error budget of every study of a run, by its key.
 
-    Parameters
-    ----------
     studies : results by key.
     leakage_filtered : of the answer at every step without waves up to twice the shortest one, where that was solved.
     known : budgets that are there already, without parts of the model.
@@ -67,12 +64,12 @@ def budgets_of(
     budgets = dict(known or {})
     left = {key: result for key, result in studies.items() if key not in budgets}
     if not left:
-        return _with_model_parts(prepared, studies, budgets, solve, (None, model_parts, hardness))
+        return _with_model_parts(prepared, studies, budgets, mapper, (None, model_parts, hardness))
     answer = leakage_of(studies[prepared.answer.key])
     grids = coarser_grids(prepared, answer)
-    solved = [_solved(grid, solve) for grid in grids]
+    solved = [_solved(grid, mapper) for grid in grids]
     smooth = without_filtered_waves(prepared, answer)
-    again = {} if smooth is None or leakage_filtered is not None else _solved(smooth, solve)
+    again = {} if smooth is None or leakage_filtered is not None else _solved(smooth, mapper)
     for key, result in left.items():
         other = route(prepared, study_of_result(result)).key
         coarse = [against(result, grid, found.get(other)) for grid, found in zip(grids, solved, strict=True)]
@@ -84,11 +81,11 @@ def budgets_of(
         compared = _links_compared(grids[0], solved[0]) if grids and key == "two_scale" else None
         budgets[key] = budget_of(prepared, result, coarse, filtered, compared)
     finest = (grids[0], solved[0]) if grids else None
-    return _with_model_parts(prepared, studies, budgets, solve, (finest, model_parts, hardness))
+    return _with_model_parts(prepared, studies, budgets, mapper, (finest, model_parts, hardness))
 
 
 def _with_model_parts(
-    prepared: Prepared, studies: Mapping[str, Any], budgets: Mapping[str, ErrorBudget], solve: Solve, model: Model
+    prepared: Prepared, studies: Mapping[str, Any], budgets: Mapping[str, ErrorBudget], mapper: Mapper, model: Model
 ) -> dict[str, ErrorBudget]:
     """The budgets with the parts of the model, from changed scenes on the coarser grid.
 
@@ -98,20 +95,20 @@ def _with_model_parts(
     grid = known[0] if known else model_grid(prepared, leakage_of(studies[prepared.answer.key]))
     changes = model_changes(grid.scene, names, hardness, grid.form)
     continued = continued_scenes(grid) if "continuation" in names else []
-    own = known[1] if known else _solved(grid, solve) if changes or continued else {}
+    own = known[1] if known else _solved(grid, mapper) if changes or continued else {}
     found = dict(budgets)
     for key, result in studies.items():
         part = effective_pressure_part(prepared.scene, result) if "effective pressure" in names else None
         if part is not None:
             found[key] = replace(found[key], parts=(*found[key].parts, part))
     if continued:
-        others = [_solved(replace(grid, scene=scene), solve) for scene in continued]
+        others = [_solved(replace(grid, scene=scene), mapper) for scene in continued]
         for key, result in studies.items():
             if (other := route(prepared, study_of_result(result)).key) in own:
                 part = _of_continued(prepared, grid, result, own[other], [one.get(other) for one in others])
                 found[key] = replace(found[key], parts=(*found[key].parts, part))
     for change in changes:
-        moved = _solved(grid.changed(change), solve)
+        moved = _solved(grid.changed(change), mapper)
         for key, result in studies.items():
             other = route(prepared, study_of_result(result)).key
             if other in own and other in moved:
@@ -207,12 +204,12 @@ def _links_compared(coarse: Prepared, found: Mapping[str, Any]) -> CoarserSoluti
     return CoarserSolution(coarse.scene.surface.shape, coarse.scene.steps, whole.leakage, links.leakage)
 
 
-def _solved(coarse: Prepared, solve: Solve) -> dict[str, Any]:
+def _solved(coarse: Prepared, mapper: Mapper) -> dict[str, Any]:
     """Results of a coarser version by key; studies that fail are left out."""
     found: dict[str, Any] = {}
     for study in coarse.studies:
         try:
-            found[study.key] = solve(coarse, study, found)
+            found[study.key] = coarse.solve(study, mapper, found)
         except NotKept:
             raise
         except FemsealError as error:

@@ -11,11 +11,11 @@ from typing import TypeVar
 
 import numpy as np
 
+from ..base.arrays import Array
 from ..base.errors import InputError
 from ..budget import CoarserSolution
 from ..preparation.prepared import Pair, Prepared, without_short_waves
 from ..studies import STUDIES, Scene, Study
-from ..studies.scene import Array
 
 log = logging.getLogger("femseal")
 #: Points a side of the coarser grid over those of the scene.
@@ -72,8 +72,6 @@ def coarser_solutions(
 ) -> list[CoarserSolution]:
     """The same study on half the points a side, and on a quarter where that carries the waves and is known.
 
-    Parameters
-    ----------
     versions : on half and on a quarter of the points of `prepared`, with their points.
     leakages : of the versions that are known at every step; the first one is solved and entered if it is not there.
     """
@@ -164,8 +162,6 @@ def compares_links(prepared: Prepared) -> bool:
 def at_some_steps(scene: Scene, leakage: Array | None, stride: int = 2, *, least: int = LEAST_LOADS) -> Scene:
     """The scene at some of its steps: ends, peaks, both sides of closing, and one of `stride` of the rest.
 
-    Parameters
-    ----------
     leakage : of the scene at every step (steps,); None: it leaks at all of them.
     least : number of open loading steps below which the stride would not fall: it is shorter then.
     """

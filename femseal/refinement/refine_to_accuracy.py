@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import logging
 import time
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from dataclasses import asdict, dataclass, field, replace
 from functools import partial
 from typing import Any
 
 import numpy as np
 
+from ..base.arrays import Array
 from ..base.errors import FemsealError, NotKept
 from ..base.machine import free_memory
 from ..base.stage import Mapper
@@ -20,12 +21,10 @@ from ..case.case import Case
 from ..execution.run import Run
 from ..preparation.check_memory import START_MEMORY
 from ..preparation.prepared import Pair, Prepared
-from ..studies import StochasticResult, Study
-from ..studies.scene import Array
+from ..studies import StochasticResult
 from .accuracy_report import or_none
 from .budgets import against, budget_of, budgets_of, leakage_of
 from .coarser import coarser_solutions, without_filtered_waves
-from .refining import refined
 from .settings import (
     Settings,
     apply_settings,
@@ -33,6 +32,7 @@ from .settings import (
     first_settings,
     grid_points,
     has_windows,
+    refined,
     time_limit,
 )
 
@@ -121,14 +121,10 @@ class RefinedAnswer:
 def refine_to_accuracy(case: Case, made: Prepared, run: Run) -> RefinedAnswer:
     """Refine what limits the error of the answer until the accuracy of the case is reached, or cannot be.
 
-    Parameters
-    ----------
     made : the case as prepared, on the points of its face.
     run : solves the studies; a run that goes on takes the decisions that it took before.
 
-    Raises
-    ------
-    FemsealError : the first attempt failed. One that fails later ends the attempts.
+    Raises FemsealError: the first attempt failed. One that fails later ends the attempts.
     """
     assert case.accuracy is not None
     goal, most = np.log1p(case.accuracy), time_limit(case)
@@ -254,12 +250,8 @@ class _Attempts:
         answer = prepared.answer
         # these are compared with more than themselves
         if answer.name == "stochastic" or (answer.name == "two-scale" and prepared.flow == "links"):
-
-            def solve(version: Prepared, study: Study, known: Mapping[str, Any]) -> Any:
-                return version.solve(study, mapper, known)
-
             alone = replace(prepared, methods=frozenset({answer.name}))
-            return budgets_of(alone, {answer.key: result}, solve)[answer.key]
+            return budgets_of(alone, {answer.key: result}, mapper)[answer.key]
         smooth = without_filtered_waves(prepared, leakage_of(result))
         filtered = None if smooth is None else against(result, smooth, smooth.solve(smooth.answer, mapper))
         leakage = partial(self._leakage, mapper=mapper)

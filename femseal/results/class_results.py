@@ -6,8 +6,8 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ..base.arrays import Array
 from ..base.fields import LEAK_CLASS, REALISATION, Field, Place
 from ..base.leak_classes import LeakClass, leak_classes, within
 from ..base.leak_units import LeakBasis
@@ -19,9 +19,16 @@ from .variables import add, add_coordinate, add_step
 if TYPE_CHECKING:
     import xarray
 
-Array = NDArray[np.float64]
 #: Ratio of the length of a seal to the circumference of its nominal diameter beyond which a warning says so.
 _ODD_LENGTH = 1.5
+#: Attributes of a dataset by the part of the basis of its leakage that they hold.
+_BASIS = {
+    "density": "reference_density_kg_per_m3",
+    "pressure": "reference_pressure_Pa",
+    "temperature": "reference_temperature_K",
+    "molar_mass": "molar_mass_kg_per_mol",
+    "stated": "stated_temperature_K",
+}
 
 
 def add_test_fluid(data: xarray.Dataset, test: OtherLeakage, service: FluidState, stated: float | None) -> None:
@@ -44,31 +51,15 @@ def add_test_fluid(data: xarray.Dataset, test: OtherLeakage, service: FluidState
 
 def basis_attributes(basis: LeakBasis, prefix: str = "") -> dict[str, float]:
     """What `basis_of` reads back, without the length."""
-    known = {
-        "reference_density_kg_per_m3": basis.density,
-        "reference_pressure_Pa": basis.pressure,
-        "reference_temperature_K": basis.temperature,
-        "molar_mass_kg_per_mol": basis.molar_mass,
-        "stated_temperature_K": basis.stated,
-    }
-    return {prefix + name: float(value) for name, value in known.items() if value is not None}
+    values = {prefix + attribute: getattr(basis, name) for name, attribute in _BASIS.items()}
+    return {attribute: float(value) for attribute, value in values.items() if value is not None}
 
 
 def basis_of(attrs: dict[str, Any], prefix: str = "") -> LeakBasis:
     """Length of the seal and reference state of a fluid, from the attributes of a dataset."""
-
-    def number(name: str) -> float | None:
-        value = attrs.get(prefix + name)
-        return None if value is None else float(value)
-
-    return LeakBasis(
-        length=float(attrs["seal_size_m"][1]),
-        density=float(attrs.get(f"{prefix}reference_density_kg_per_m3", np.nan)),
-        pressure=number("reference_pressure_Pa"),
-        temperature=number("reference_temperature_K"),
-        molar_mass=number("molar_mass_kg_per_mol"),
-        stated=number("stated_temperature_K"),
-    )
+    names = {name: prefix + attribute for name, attribute in _BASIS.items()}
+    known = {name: float(attrs[attribute]) for name, attribute in names.items() if attribute in attrs}
+    return LeakBasis(**{"length": float(attrs["seal_size_m"][1]), "density": np.nan} | known)
 
 
 def add_classes(
@@ -82,15 +73,11 @@ def add_classes(
 ) -> list[str]:
     """Add which classes are met at each step, and by which fraction of the realisations; returns warnings.
 
-    Parameters
-    ----------
     basis, leakage, realisations : of the fluid that decides [m²/s]: (steps,) and (realisations, steps).
     diameter : nominal diameter [m], which some classes need. upper : upper end of the band of error (steps,) [m²/s]: a
-        class of a sealed step without a known one is open, neither met nor not.
+    class of a sealed step without a known one is open, neither met nor not.
 
-    Raises
-    ------
-    InputError : a class that needs a diameter without one, or one that is not for the fluid.
+    Raises InputError: a class that needs a diameter without one, or one that is not for the fluid.
     """
     if diameter is not None:
         data.attrs["nominal_diameter_m"] = float(diameter)

@@ -58,8 +58,6 @@ def assemble(
 ) -> Results:
     """One dataset of all the studies of a scene.
 
-    Parameters
-    ----------
     scene : input of the studies.
     deterministic, two_scale, stochastic : results of studies, at least one.
     windows : fields of single windows, for files for ParaView, see `studies.link_flow.window_pixels`.
@@ -69,21 +67,19 @@ def assemble(
     quantiles : lower and upper end of the band of realisations.
     warnings : what casts doubt on the case itself; those of the studies come after them.
     leakage_unit : of leakage in tables, pictures and report, see `base.leak_units`; a readable one per length of seal
-        unless given.
+    unless given.
     leakage_filtered : the leakage at every step of the same face without waves up to twice the shortest one.
     budgets : error budgets of the studies, by their names here.
     test : the leakage of a test fluid through the same seals.
     whole : the scene with all load steps, where `scene` has a part of them: the others are interpolated.
     interpolated_within : relative error of the leakage there.
     classes : leakage classes to be decided on at every step, by the test fluid where there is one, see
-        `base.leak_classes`. nominal_diameter : [m], which some of them need.
+    `base.leak_classes`. nominal_diameter : [m], which some of them need.
     throughput_temperature : at which pressure × volume of a gas is stated [K]; its own unless given.
 
-    Returns
-    -------
-    Results; every variable has `units` and `long_name`. Dimensions: step; realisation; cell1, cell2, windows by their
-    centres [m]; place1, place2, blocks of the measured place that leaks most; node1, corner1, rows of nodes and of
-    x2-links along x1 [m] (the x2-link of column j runs from cell2 j to j + 1); narrowest, numbers of links;
+    Returns Results; every variable has `units` and `long_name`. Dimensions: step; realisation; cell1, cell2, windows by
+    their centres [m]; place1, place2, blocks of the measured place that leaks most; node1, corner1, rows of nodes and
+    of x2-links along x1 [m] (the x2-link of column j runs from cell2 j to j + 1); narrowest, numbers of links;
     library_cell, library_step; part, corner, plane, parts of the
     drawn seal nearest to the median; budget_part, sources of error. Fluxes are volume rates per width at the fluid's
     reference density. Attributes hold the case, the surface, versions, machine, wall times, peak memory of the main
@@ -91,10 +87,8 @@ def assemble(
     worst imbalance of inlet and outlet flow (`solvers`), number of steps that are earlier ones again (`equal_steps`),
     how the errors were estimated (`error_budget`), warnings and failures.
 
-    Raises
-    ------
-    InputError : no study, a study of another load programme, quantiles not 0 <= lower < upper <= 1, a unit or a class
-        that does not exist or is not for the fluid.
+    Raises InputError: no study, a study of another load programme, quantiles not 0 <= lower < upper <= 1, a unit or a
+    class that does not exist or is not for the fluid.
     """
     import xarray
 

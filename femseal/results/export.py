@@ -41,7 +41,31 @@ def export_field(
     cell: tuple[int, int] | None = None,
     window: tuple[float, float, float, float] | None = None,
 ) -> list[Path]:
-    """Write a field over the pixels of the face; see `Results.export`."""
+    """Write the gap, the contact or the fluid pressure over the pixels of the face in SI, in the suffix's format.
+
+    An .npz has the arrays `gap` (n1, n2) [m], or a pressure by the name of its field [Pa], `spacing` [m], `origin`
+    [m] of its first corner, `step`, `name` and `nominal_pressure` [Pa]; `read_topography` and NumPy read it. A .tif
+    is a GeoTIFF in single precision, x1 to the right and x2 up, in a plane of metres without a place on earth. An
+    .x3p holds the gap only, in metres; its x is x1. A .vti is for ParaView, as means over blocks from 2048 pixels a
+    side on; a `window` has all its pixels.
+
+    Parameters
+    ----------
+    path : the file; the number of the step is put before the suffix where there are several.
+    field : "gap", "contact_pressure", or "fluid_pressure" of a resolved flow, NaN where none flows.
+    step : index of the load step; None is all that are stored.
+    cell : window of the study, between its rows of nodes; the whole face unless given.
+    window : instead, x1 from and to, x2 from and to [m]: the pixels whose centres lie between.
+
+    Returns
+    -------
+    Paths of the files.
+
+    Raises
+    ------
+    InputError : another field or format, no such step or window, results without fields, or a file that cannot
+        be written.
+    """
     path = Path(path)
     if field not in FIELDS:
         raise InputError("field", repr(field), f"one of {', '.join(FIELDS)}")

@@ -24,9 +24,7 @@ _ATTRIBUTES: dict[str, type] = {
 def save(results: Results, folder: str | os.PathLike[str]) -> Path:
     """Write `results.nc` into a folder, which is made if needed; an older file is replaced whole or not at all.
 
-    Raises
-    ------
-    InputError : the folder cannot be made.
+    Raises InputError: the folder cannot be made.
     """
     from xarray.backends import H5NetCDFStore
 
@@ -66,13 +64,6 @@ def _refuse_foreign(path: Path) -> None:
         raise InputError("results file", given, f"what fits into the {free / 1e9:.3g} GB of free memory")
 
 
-def _is_json(text: Any, kind: type) -> bool:
-    try:
-        return isinstance(json.loads(text), kind)
-    except (TypeError, ValueError, RecursionError):
-        return False
-
-
 def open_results(folder: str | os.PathLike[str]) -> Results:
     """Read the results in a folder into memory, without the studies' large fields.
 
@@ -98,7 +89,11 @@ def open_results(folder: str | os.PathLike[str]) -> Results:
     if not str(data.attrs.get("source", "")).startswith("femseal") or not any(name in data for _, name in METHODS):
         raise InputError("results file", f"{path}, written by another program", "a file that femseal wrote")
     for name, kind in _ATTRIBUTES.items():
-        if not _is_json(data.attrs.get(name), kind):
+        try:
+            fits = isinstance(json.loads(data.attrs.get(name, "")), kind)
+        except (TypeError, ValueError, RecursionError):
+            fits = False
+        if not fits:
             given = f"{path} with the attribute '{name}' missing or of another kind"
             raise InputError("results file", given, "a file that femseal wrote")
     results = Results(data, Path(folder))

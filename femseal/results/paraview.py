@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ..base.arrays import Array
 from ..base.errors import InputError
 from ..base.fields import PART, PART_VECTOR, PIXEL, WINDOW, Field, fields_of
 from ..base.files import made_folder
@@ -27,7 +28,6 @@ if TYPE_CHECKING:
     from ..studies.link_flow import WindowPixels
     from .run_data import RunData
 
-Array = NDArray[np.float64]
 #: Formats: the series, which every ParaView opens; VTKHDF for ParaView 5.13 or later; both; or none.
 FORMATS = ("vtu", "vtkhdf", "both", "none")
 #: Places of the drawn seal nearer to each other than this fraction of it are one point of the mesh.
@@ -39,22 +39,16 @@ def write_vtk(
 ) -> list[Path]:
     """Write the views of results; open the `.pvd` or the `.vtkhdf` files in ParaView.
 
-    Parameters
-    ----------
     run : of a two-scale study: `seal`, the windows of the whole seal at every step, and `window_i_j`, every field at
-        the pixels of single windows, see `studies.link_flow.window_pixels`; of a stochastic study: `drawn`, the seal
-        nearest to the median at every step.
+    the pixels of single windows, see `studies.link_flow.window_pixels`; of a stochastic study: `drawn`, the seal
+    nearest to the median at every step.
     surface : heights, for `surface` [µm]; None: not written.
     folder : made if needed. Each file is written whole or not at all, a `.pvd` after the files it names.
     file_format : "vtu" (series of `.vtu`, images of windows as `.vti`), "vtkhdf", "both" or "none".
 
-    Returns
-    -------
-    Paths of all files.
+    Returns paths of all files.
 
-    Raises
-    ------
-    InputError : the folder cannot be made, or another format.
+    Raises InputError: the folder cannot be made, or another format.
     """
     if file_format not in FORMATS:
         raise InputError("file_format", file_format, f"one of {', '.join(FORMATS)}")

@@ -96,10 +96,20 @@ def _scaled(values: Any, scale: float, places: NDArray[np.int64]) -> vtk_files.P
     return lambda n: values[places[n]] * np.float32(scale)
 
 
-def read_pixels(run: RunData, name: str, step: int, cell: tuple[int, int] | None) -> xarray.DataArray:
-    """A field over the pixels of the face, or of a window, at one step, see `Results.pixels`.
+def read_pixels(run: RunData, name: str, step: int, cell: tuple[int, int] | None = None) -> xarray.DataArray:
+    """A field over the pixels (x1, x2) at one step in SI, read from the folder where it is not in memory.
 
-    It is taken from the two-scale study, or else from the deterministic one; from memory, or else from the folder.
+    Of the two-scale study where there is one, else of the deterministic.
+
+    Parameters
+    ----------
+    name : "gap", "contact_pressure", "fluid_pressure", or another that a study has at the pixels.
+    step : index of the load step.
+    cell : window, between its rows of nodes; the whole face unless given.
+
+    Raises
+    ------
+    InputError : no such step or window, or a step without the field: `stored_steps` lists those that have fields.
     """
     import xarray
 

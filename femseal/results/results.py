@@ -7,12 +7,16 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
+
 from ..base.errors import InputError
+from ..base.quantities import to_si, to_text
 from ..base.text import Plotted, room
 from ..base.text_table import TextTable
-from . import attempts_table, pixel_fields, seal_lengths, selections, summary, tables
+from . import attempts_table, pixel_fields, seal_lengths, summary, tables
 from .export import export_field
 from .run_data import RunData
+from .selections import Steps, branches_in, window
 
 if TYPE_CHECKING:
     import xarray
@@ -22,9 +26,15 @@ if TYPE_CHECKING:
 class Results(RunData, Plotted):
     """Results of a case, see `RunData`; `dataset` holds every number with its unit."""
 
+    export = export_field
+    pixels = pixel_fields.read_pixels
+    rows = tables.rows
+    table = tables.leakage_table
+    lengths_table = seal_lengths.lengths_table
+
     def loading(self) -> xarray.Dataset:
         """Leakage and all other variables over the steps, on loading, over `nominal_pressure` [Pa]."""
-        return selections.loading(self.dataset)
+        return self._over_pressure(branches_in(self.dataset)[0][1])
 
     def unloading(self, from_: float | str | None = None) -> xarray.Dataset:
         """The same on unloading, beginning with the peak.
@@ -37,7 +47,19 @@ class Results(RunData, Plotted):
         ------
         InputError : no unloading from there.
         """
-        return selections.unloading(self.dataset, from_)
+        parts = branches_in(self.dataset)[1:]
+        if not parts:
+            raise InputError("from_", from_, "nothing: the cycle has no unloading")
+        peaks = [float(self.dataset["nominal_pressure"][steps[0]]) for _, steps in parts]
+        wanted = max(peaks) if from_ is None else to_si(from_, "Pa", "from_") if isinstance(from_, str) else from_
+        for peak, (_, steps) in zip(peaks, parts, strict=True):
+            if np.isclose(peak, wanted, rtol=1e-9, atol=0):
+                return self._over_pressure(steps)
+        raise InputError("from_", from_, f"one of {', '.join(to_text(p, 'Pa') for p in sorted(peaks))}")
+
+    def _over_pressure(self, steps: Steps) -> xarray.Dataset:
+        names = [name for name, variable in self.dataset.data_vars.items() if "step" in variable.dims]
+        return self.dataset[names].isel(step=steps).swap_dims(step="nominal_pressure")
 
     def cell(self, i: int, j: int) -> xarray.Dataset:
         """Curves of the window (i, j) over the steps: permeability, flux, pressure, mean gap, fraction in contact.
@@ -46,7 +68,9 @@ class Results(RunData, Plotted):
         ------
         InputError : no such window, or results without a two-scale study.
         """
-        return selections.cell(self.dataset, i, j)
+        data, (i, j) = self.dataset, window(self.dataset, i, j)
+        names = [name for name, variable in data.data_vars.items() if variable.dims == ("step", "cell1", "cell2")]
+        return data[names].isel(cell1=i, cell2=j)
 
     def library_cell(self, number: int) -> xarray.Dataset:
         """Curves of a cell of the library over the library's own steps.
@@ -55,24 +79,13 @@ class Results(RunData, Plotted):
         ------
         InputError : no such cell, or results without a stochastic study.
         """
-        return selections.library_cell(self.dataset, number)
-
-    def pixels(self, name: str, step: int, cell: tuple[int, int] | None = None) -> xarray.DataArray:
-        """A field over the pixels (x1, x2) at one step in SI, read from the folder where it is not in memory.
-
-        Of the two-scale study where there is one, else of the deterministic.
-
-        Parameters
-        ----------
-        name : "gap", "contact_pressure", "fluid_pressure", or another that a study has at the pixels.
-        step : index of the load step.
-        cell : window, between its rows of nodes; the whole face unless given.
-
-        Raises
-        ------
-        InputError : no such step or window, or a step without the field: `stored_steps` lists those that have fields.
-        """
-        return pixel_fields.read_pixels(self, name, step, cell)
+        data = self.dataset
+        if "library_k" not in data:
+            raise InputError("cell", number, "none: the results have no library, which a stochastic study has")
+        if number not in range(data.sizes["library_cell"]):
+            raise InputError("cell", number, f"0 to {data.sizes['library_cell'] - 1}")
+        names = [name for name, variable in data.data_vars.items() if "library_cell" in variable.dims]
+        return data[names].isel(library_cell=number)
 
     def gap(self, step: int, cell: tuple[int, int] | None = None) -> xarray.DataArray:
         """Deformed gap (x1, x2) [m] at one step, see `pixels`."""
@@ -90,59 +103,6 @@ class Results(RunData, Plotted):
     def stored_steps(self) -> list[int]:
         """Steps whose fields over all pixels are in memory or in the folder."""
         return pixel_fields.stored_steps(self)
-
-    def export(
-        self,
-        path: str | os.PathLike[str],
-        *,
-        field: str = "gap",
-        step: int | None = None,
-        cell: tuple[int, int] | None = None,
-        window: tuple[float, float, float, float] | None = None,
-    ) -> list[Path]:
-        """Write the gap, the contact or the fluid pressure over the pixels of the face in SI, in the suffix's format.
-
-        An .npz has the arrays `gap` (n1, n2) [m], or a pressure by the name of its field [Pa], `spacing` [m], `origin`
-        [m] of its first corner, `step`, `name` and `nominal_pressure` [Pa]; `read_topography` and NumPy read it. A .tif
-        is a GeoTIFF in single precision, x1 to the right and x2 up, in a plane of metres without a place on earth. An
-        .x3p holds the gap only, in metres; its x is x1. A .vti is for ParaView, as means over blocks from 2048 pixels a
-        side on; a `window` has all its pixels.
-
-        Parameters
-        ----------
-        path : the file; the number of the step is put before the suffix where there are several.
-        field : "gap", "contact_pressure", or "fluid_pressure" of a resolved flow, NaN where none flows.
-        step : index of the load step; None is all that are stored.
-        cell : window of the study, between its rows of nodes; the whole face unless given.
-        window : instead, x1 from and to, x2 from and to [m]: the pixels whose centres lie between.
-
-        Returns
-        -------
-        Paths of the files.
-
-        Raises
-        ------
-        InputError : another field or format, no such step or window, results without fields, or a file that cannot
-            be written.
-        """
-        return export_field(self, path, field=field, step=step, cell=cell, window=window)
-
-    def rows(self) -> list[dict[str, Any]]:
-        """The table as dictionaries in SI, one for each step; the keys carry the units."""
-        return tables.rows(self)
-
-    def table(self) -> TextTable:
-        """The table for people, to be given to `rich.print`."""
-        return tables.leakage_table(self)
-
-    def lengths_table(self) -> TextTable:
-        """Median and band by length of seal at a few loads, to be given to `rich.print`.
-
-        Raises
-        ------
-        InputError : seals of one length only.
-        """
-        return seal_lengths.lengths_table(self)
 
     def attempts_table(self) -> TextTable:
         """The attempts at the accuracy that the case asks for, to be given to `rich.print`.

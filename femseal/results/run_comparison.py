@@ -9,8 +9,8 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ..base.arrays import Array
 from ..base.errors import InputError, shown
 from ..base.fields import with_unit
 from ..base.files import made_folder, replacing, write_text
@@ -24,7 +24,6 @@ from .netcdf import open_results
 from .results import Results
 from .tables import format_leakage
 
-Array = NDArray[np.float64]
 #: Ends of the band of realisations, where a run has them.
 BAND = ("leakage_lower", "leakage_upper")
 

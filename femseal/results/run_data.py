@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from ..base.leak_units import LEAK_UNITS, LeakBasis, LeakUnit, leak_unit, leakage_unit
 from ..budget import ErrorBudget
 from ..loads import LoadProgramme, LoadStep
-from ..studies import DeterministicResult, Scene, StochasticResult, TwoScaleResult
+from ..studies import STUDIES, DeterministicResult, Scene, StochasticResult, TwoScaleResult
 from ..studies.link_flow import WindowPixels
 from .class_results import basis_of, tightest_classes
 from .variables import budgets_in
@@ -21,14 +21,9 @@ from .variables import budgets_in
 if TYPE_CHECKING:
     import xarray
 
-#: Methods from the best, each with its leakage in the dataset.
-METHODS = (
-    ("median", "leakage_median"),
-    ("two-scale", "leakage_two_scale"),
-    ("deterministic", "leakage_deterministic"),
-)
-#: Method of every leakage, and its name in the variables of its budget.
-BUDGETED = {"median": "stochastic", "two-scale": "two_scale", "deterministic": "deterministic"}
+#: Methods from the best, each with its leakage in the dataset, and its name in the variables of its budget.
+METHODS = tuple((study.label, study.leakage_variable) for study in reversed(STUDIES.values()))
+BUDGETED = {study.label: study.key for study in STUDIES.values()}
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -73,9 +68,7 @@ class RunData:
     def mass_rate(self) -> xarray.DataArray:
         """The same by mass (step,) [kg/s].
 
-        Raises
-        ------
-        InputError : the density of the fluid is unknown.
+        Raises InputError: the density of the fluid is unknown.
         """
         return self.leakage_in("kg/s")
 
@@ -122,9 +115,7 @@ class RunData:
         Units that are not per length are of the whole seal. Volumes of gases are at 101 325 Pa and their temperature,
         standard ones at 0 °C; pressure × volume is at the temperature stated in the case, else at that of the gas.
 
-        Raises
-        ------
-        InputError : no such unit, or a unit of gases for a liquid.
+        Raises InputError: no such unit, or a unit of gases for a liquid.
         """
         chosen = leak_unit(unit)
         values = self.leakage / self.leak_basis.factor(chosen)

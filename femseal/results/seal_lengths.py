@@ -28,9 +28,7 @@ def has_lengths(run: RunData) -> bool:
 def length_curves(run: RunData) -> dict[str, np.ndarray]:
     """Leakage by length and step (seal_length, step) [m²/s] of every kind that there is.
 
-    Raises
-    ------
-    InputError : seals of one length only.
+    Raises InputError: seals of one length only.
     """
     if not has_lengths(run):
         raise InputError("lengths", "results of one length of seal", "those of a run with a list of lengths")
@@ -57,11 +55,9 @@ def length_scales(run: RunData) -> np.ndarray:
 
 
 def lengths_table(run: RunData) -> TextTable:
-    """The length, and median and band at a few load steps.
+    """Median and band by length of seal at a few loads, to be given to `rich.print`.
 
-    Raises
-    ------
-    InputError : seals of one length only.
+    Raises InputError: seals of one length only.
     """
     curves, names = length_curves(run), run.dataset["name"].values
     median, low, high = (curves[kind] for kind in KINDS[:3])

@@ -28,7 +28,7 @@ _NARROW = 1.2
 
 
 def rows(run: RunData) -> list[dict[str, Any]]:
-    """One dictionary for each step in SI, with the leakage in further units at the end; keys carry the units."""
+    """The table as dictionaries in SI, one for each step, with leakage in more units at the end; keys carry units."""
     data = run.dataset
     columns = {with_unit("leakage", "m^2/s"): run.leakage.values}
     columns |= {Field.of(v).column_name: v.values for v in data.data_vars.values() if v.dims == ("step",)}
@@ -76,7 +76,7 @@ def write_workbook(run: RunData, path: Path) -> Path:
 
 
 def leakage_table(run: RunData) -> TextTable:
-    """The table for people: one unit of leakage in all columns but one, 0 is "sealed".
+    """The table for people, for `rich.print`: one unit of leakage in all columns but one, 0 is "sealed".
 
     Branch, pressure, leakage with its bands, that of the whole seal, and every field over the steps that has a heading.
     """

@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ..base.arrays import Array
 from ..base.fields import (
     BLOCK,
     ERROR_SOURCE,
@@ -36,12 +37,11 @@ from ..studies.link_flow import link_flow
 from ..studies.load_interpolation import at_all_steps
 from ..studies.place_leakage import PlaceLeakage
 from ..topography import Places, Topography
-from .selections import INTERPOLATED
+from .selections import INTERPOLATED, pressures_and_peaks
 
 if TYPE_CHECKING:
     import xarray
 
-Array = NDArray[np.float64]
 #: Most blocks along a side of the maps, of the heights and of a field at every step.
 HEIGHT_BLOCKS, FIELD_BLOCKS = 256, 128
 #: Sources of error in the order in which they are shown.
@@ -86,11 +86,11 @@ def add_declared(data: xarray.Dataset, result: Any) -> None:
 
 def step_coordinates(dim: str, prefix: str, steps: Sequence[LoadStep]) -> dict[str, Any]:
     """Coordinates that describe the load steps along a dimension; `prefix` is prepended to their names."""
-    peaks = [np.nan if s.unloaded_from is None else s.unloaded_from for s in steps]
+    pressures, peaks = pressures_and_peaks(steps)
     columns = {
         dim: (np.arange(len(steps)), "1", "index of the load step"),
         f"{prefix}branch": ([s.branch for s in steps], "1", "branch of the load cycle"),
-        f"{prefix}nominal_pressure": ([float(s.pressure) for s in steps], "Pa", "nominal pressure"),
+        f"{prefix}nominal_pressure": (pressures, "Pa", "nominal pressure"),
         f"{prefix}unloaded_from": (peaks, "Pa", "nominal pressure from which the step is unloaded"),
         f"{prefix}name": ([s.name for s in steps], "1", "name of the load step"),
     }

@@ -23,13 +23,13 @@ from typing import TYPE_CHECKING, Any, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
+from ..base.arrays import Array
 from ..base.files import made_folder, replacing, write_text
 from ..topography import Topography
 
 if TYPE_CHECKING:
     import xarray
 
-Array = NDArray[np.float64]
 PixelValues = Callable[[int], NDArray[Any]]
 #: Endings of an image of pixels in a plane, and of a file by which ParaView recognises VTKHDF.
 IMAGE, HDF = ".vti", ".vtkhdf"
@@ -156,9 +156,7 @@ class Heights:
 def write_series(view: View, folder: Path) -> list[Path]:
     """Write a view as XML: `name.pvd` after the files that it names in the folder `name`; one file without steps.
 
-    Returns
-    -------
-    Paths of all files, each of which is whole or not there.
+    Returns paths of all files, each of which is whole or not there.
     """
     if view.steps is None:
         return [_save(view.at(0), folder / view.name)]

@@ -10,11 +10,12 @@ from typing import Any
 
 import numpy as np
 
+from ..base.arrays import Array, Indices
 from ..execution.run import Run
 from ..loads import LoadProgramme
 from ..preparation.prepared import Prepared
 from ..refinement.budgets import leakage_of
-from ..studies.load_interpolation import Array, Indices, branches, left_out_errors, numbers_of
+from ..studies.load_interpolation import branches, left_out_errors, numbers_of
 
 log = logging.getLogger("femseal.runs.chosen_loads")
 #: Most steps in a row that are left out at first.
@@ -27,13 +28,9 @@ AT_ENDS = 2.0
 def solve_chosen(prepared: Prepared, tolerance: float, run: Run) -> tuple[Prepared, Any]:
     """Solve the answer at a part of the load steps, and at more until the others can be interpolated.
 
-    Parameters
-    ----------
     tolerance : relative error of the leakage between solved steps.
 
-    Returns
-    -------
-    The case with the loads that are solved, and its result.
+    Returns the case with the loads that are solved, and its result.
     """
     found: list[tuple[Prepared, Any]] = []
 
@@ -57,8 +54,6 @@ def choose(steps: LoadProgramme, tolerance: float, leakage_at: Callable[[LoadPro
     would be missed by more than the tolerance if it was left out itself, and between an open and a closed or failed one
     until none is left.
 
-    Parameters
-    ----------
     leakage_at : leakage at the steps of a part.
     """
     loads = _first(steps)

@@ -25,13 +25,9 @@ def finished_results(case: Case, faces: dict[str, str], folder: Path) -> Results
     Where the case asks for other files than those that are there, and their fields are not needed for them, the files
     are written first.
 
-    Parameters
-    ----------
     faces : digest of every face file by its path in the case.
 
-    Raises
-    ------
-    InputError : another run is under way in the folder.
+    Raises InputError: another run is under way in the folder.
     FemsealError : a file could not be written.
     """
     try:

@@ -33,8 +33,6 @@ from .pilot import efforts, pace
 
 #: Shortest waves that a window should hold along each side.
 ADVISED_WAVES = 8
-
-
 #: Seconds of starting, of reading and preparing a face, and of loading compiled loops.
 _START_SECONDS = 2.6
 #: Seconds of pictures, report and tables, and of a byte of fields.
@@ -77,12 +75,56 @@ class Disk:
 
 def describe(case: Case, made: Prepared) -> list[str]:
     """Lines that say what a run of a prepared case computes: surface, steps, cells, unknowns, time and sizes."""
+    return [f"{name:<14} {text}" for name, text in _facts(case, made)]
+
+
+def _facts(case: Case, made: Prepared) -> Iterator[tuple[str, str]]:
+    """Name and text of each line; one that goes on with the name before has none."""
     prepared = first_version(case, made)
     scene = prepared.scene
-    surface, steps = scene.surface, len(scene.steps)
-    pixels = int(np.prod(surface.shape))
-    lines = [_line("case", f"{case.title or '(no title)'}: valid"), *_surface_lines(prepared)]
-    peaks = [to_text(peak, "Pa", 3) for peak in scene.unload_from]
+    yield "case", f"{case.title or '(no title)'}: valid"
+    yield from _surface_facts(prepared)
+    if made.seat:
+        yield "seat", made.seat
+    yield "load", _load_text(case, scene)
+    yield "material", solids_text(case.echo())
+    yield "", contact_text(scene.modulus, str(scene.law))
+    for table, what in ((case.fluid, ""), (case.output.test_fluid, "test fluid: ")):
+        if table is not None:
+            inlet, outlet = (to_text(p, "Pa") for p in (table.inlet_pressure, table.outlet_pressure))
+            fluid = fluid_text(table.model_dump(exclude_none=True), str(table.fluid))
+            yield "fluid", f"{what}{fluid}, from {inlet} to {outlet}"
+    yield "", scene.fluid_effect
+    yield "flow", f"discretisation {scene.discretisation}, solver {scene.solver}"
+    yield from _law_facts(scene)
+    yield from _accuracy_facts(case, made)
+    if prepared.choice:
+        yield "method", prepared.choice
+    yield from _study_facts(prepared)
+    if left := _left_open(case, prepared):
+        yield "by default", left
+    if str(scene.layout) != "a strip":
+        yield "seal", str(scene.layout)
+    if case.surface.filter_sensitivity:
+        points = " × ".join(map(str, without_short_waves(prepared).surface.shape))
+        yield "second run", f"{prepared.answer.name}, on {points} points without waves up to twice the shortest"
+    if budget := _budget_inputs(case, prepared):
+        again = (f"{len(one.scene.steps)} on {' × '.join(map(str, one.scene.surface.shape))} points" for one in budget)
+        yield "error budget", f"states again, {' and '.join(again)}"
+    if leakage := case.output.description:
+        yield "leakage", leakage
+    first = "" if case.accuracy is None else "first attempt: "
+    yield "expected", first + _expected_text(forecast(case, prepared))
+    if not any(Path(__file__).parents[1].rglob("__pycache__/*.nbi")):
+        yield "", "the first run after an installation compiles besides, for a minute or two"
+    yield "disk", _disk_text(disk(case, prepared), len(scene.steps))
+    for text in prepared.warnings:
+        yield "warning", text
+
+
+def _load_text(case: Case, scene: Scene) -> str:
+    """The states of the cycle, and its highest load."""
+    steps, peaks = len(scene.steps), [to_text(peak, "Pa", 3) for peak in scene.unload_from]
     down = steps - len({*scene.loading, *scene.unload_from})
     added = [to_text(peak, "Pa", 3) for peak in scene.unload_from if peak not in scene.loading]
     with_peaks = f" with {' and '.join(added)} to unload from" if added else ""
@@ -92,66 +134,36 @@ def describe(case: Case, made: Prepared) -> list[str]:
         highest += f", from {to_text(case.load.highest, case.load.unit)}"
     if case.load.interpolate is not None:
         highest += f"; at most: those that {100 * case.load.interpolate:.3g} % allows are interpolated"
-    lines += [_line("seat", made.seat)] if made.seat else []
-    lines.append(_line("load", f"{steps} states: {steps - down} loading{with_peaks}{unloading}, up to {highest}"))
-    lines.append(_line("material", solids_text(case.echo())))
-    lines.append(_line("", contact_text(scene.modulus, str(scene.law))))
-    lines += [_line("fluid", text) for text in _fluid_texts(case)]
-    lines.append(_line("", scene.fluid_effect))
-    lines.append(_line("flow", f"discretisation {scene.discretisation}, solver {scene.solver}"))
-    lines += _law_lines(scene)
-    lines += _accuracy_lines(case, made)
-    if prepared.choice:
-        lines.append(_line("method", prepared.choice))
+    return f"{steps} states: {steps - down} loading{with_peaks}{unloading}, up to {highest}"
+
+
+def _study_facts(prepared: Prepared) -> Iterator[tuple[str, str]]:
+    """What every study solves."""
+    scene, steps = prepared.scene, len(prepared.scene.steps)
+    pixels = int(np.prod(scene.surface.shape))
     if "deterministic" in prepared.methods:
-        lines.append(_line("deterministic", f"{steps} contact and {steps} flow solutions of {pixels} unknowns"))
-    if prepared.cells is not None:
-        m1, m2 = prepared.cells
-        partition = Partition(surface.shape, surface.spacing, prepared.cells)
-        if prepared.methods != {"deterministic"}:
-            lines.append(_line("windows", _windows(partition, prepared.conditioning.shortest_wavelength)))
-        if "two-scale" in prepared.methods:
-            links = m1 * m2 + (m1 - 1) * m2
-            solutions = f"{steps * links} flow solutions of windows"
-            if prepared.flow == "resolved":
-                solutions = f"{steps} flow solutions of {pixels} unknowns"
-            elif prepared.flow == "elements":
-                solutions = f"{steps} flow solutions of {m1 * m2} elements"
-            text = f"contact {_contact(prepared)}, flow {prepared.flow}: {solutions}"
-            lines.append(_line("two-scale", text))
-        if prepared.sampling is not None:
-            sampling = prepared.sampling
-            laid, *others = lay_out_windows(scene.layout, partition, sampling)
-            length, *more = (to_text(one.seal.size[1], "m", 3) for one in (laid, *others))
-            text = (
-                f"{_library(prepared, sampling, partition)} (pressure: {sampling.pressure}, "
-                f"sampler: {sampling.sampler}), {sampling.realisations} seals of {laid}, {length} long"
-                + (f"; as many of {', '.join(more)}" if more else "")
-            )
-            lines.append(_line("stochastic", text))
-            if uneven := describe_map(scene, laid, sampling.pressure_map):
-                lines.append(_line("pressure map", uneven))
-    if left := _left_open(case, prepared):
-        lines.append(_line("by default", left))
-    if str(scene.layout) != "a strip":
-        lines.append(_line("seal", str(scene.layout)))
-    if case.surface.filter_sensitivity:
-        points = " × ".join(map(str, without_short_waves(prepared).surface.shape))
-        lines.append(
-            _line("second run", f"{prepared.answer.name}, on {points} points without waves up to twice the shortest")
-        )
-    if budget := _budget_inputs(case, prepared):
-        again = (f"{len(one.scene.steps)} on {' × '.join(map(str, one.scene.surface.shape))} points" for one in budget)
-        lines.append(_line("error budget", f"states again, {' and '.join(again)}"))
-    if leakage := case.output.description:
-        lines.append(_line("leakage", leakage))
-    first = "" if case.accuracy is None else "first attempt: "
-    lines.append(_line("expected", first + _expected_text(forecast(case, prepared))))
-    if not any(Path(__file__).parents[1].rglob("__pycache__/*.nbi")):
-        lines.append(_line("", "the first run after an installation compiles besides, for a minute or two"))
-    lines.append(_line("disk", _disk_text(disk(case, prepared), steps)))
-    lines += [_line("warning", text) for text in prepared.warnings]
-    return lines
+        yield "deterministic", f"{steps} contact and {steps} flow solutions of {pixels} unknowns"
+    if prepared.cells is None:
+        return
+    m1, m2 = prepared.cells
+    partition = Partition(scene.surface.shape, scene.surface.spacing, prepared.cells)
+    if prepared.methods != {"deterministic"}:
+        yield "windows", _windows(partition, prepared.conditioning.shortest_wavelength)
+    if "two-scale" in prepared.methods:
+        solutions = f"{steps * (m1 * m2 + (m1 - 1) * m2)} flow solutions of windows"
+        if prepared.flow == "resolved":
+            solutions = f"{steps} flow solutions of {pixels} unknowns"
+        elif prepared.flow == "elements":
+            solutions = f"{steps} flow solutions of {m1 * m2} elements"
+        yield "two-scale", f"contact {_contact(prepared)}, flow {prepared.flow}: {solutions}"
+    if (sampling := prepared.sampling) is not None:
+        laid, *others = lay_out_windows(scene.layout, partition, sampling)
+        length, *more = (to_text(one.seal.size[1], "m", 3) for one in (laid, *others))
+        text = f"{_library(prepared, sampling, partition)} (pressure: {sampling.pressure}, sampler: {sampling.sampler})"
+        too = f"; as many of {', '.join(more)}" if more else ""
+        yield "stochastic", f"{text}, {sampling.realisations} seals of {laid}, {length} long{too}"
+        if uneven := describe_map(scene, laid, sampling.pressure_map):
+            yield "pressure map", uneven
 
 
 def _left_open(case: Case, prepared: Prepared) -> str:
@@ -167,20 +179,9 @@ def _left_open(case: Case, prepared: Prepared) -> str:
     return ", ".join(found)
 
 
-def _fluid_texts(case: Case) -> Iterator[str]:
-    """The fluid with its pressures, and a test fluid with its own."""
-    for table, what in ((case.fluid, ""), (case.output.test_fluid, "test fluid: ")):
-        if table is not None:
-            inlet, outlet = (to_text(p, "Pa") for p in (table.inlet_pressure, table.outlet_pressure))
-            text = fluid_text(table.model_dump(exclude_none=True), str(table.fluid))
-            yield f"{what}{text}, from {inlet} to {outlet}"
-
-
 def forecast(case: Case, prepared: Prepared, known: tuple[Effort, ...] | None = None) -> Forecast:
     """Expected time and memory of a run.
 
-    Parameters
-    ----------
     known : effort of each load step; found by a few contacts of a small part of the face unless given.
     """
     known = efforts(prepared.scene) if known is None else known
@@ -225,36 +226,36 @@ def refuse_too_large(case: Case, made: Prepared) -> None:
     raise InputError("memory", given, expected)
 
 
-def _accuracy_lines(case: Case, made: Prepared) -> list[str]:
+def _accuracy_facts(case: Case, made: Prepared) -> Iterator[tuple[str, str]]:
     """What the first attempt at a wanted accuracy takes."""
     if case.accuracy is None:
-        return []
+        return
     chosen, given = first_settings(case, made), given_settings(case)
     points = grid_points(made.scene.surface.shape, chosen.grid, chosen.cells)
     first = [f"{' × '.join(map(str, points))} points", f"contact.rtol {chosen.rtol:.0e}"]
     first += [] if chosen.realisations is None else [f"{chosen.realisations} seals"]
     text = f"{100 * case.accuracy:.3g} %, first with {', '.join(first)}; then what limits is refined"
-    lines = [_line("accuracy", f"{text}, for at most {duration(time_limit(case))}")]
+    yield "accuracy", f"{text}, for at most {duration(time_limit(case))}"
     if given:
         keys = ", ".join(dict.fromkeys(given.values()))
-        lines.append(_line("", f"{keys} {'stays' if len(given) == 1 else 'stay'} as given"))
-    return lines
+        yield "", f"{keys} {'stays' if len(given) == 1 else 'stay'} as given"
 
 
-def _law_lines(scene: Scene) -> list[str]:
+def _law_facts(scene: Scene) -> Iterator[tuple[str, str]]:
     """What the law of the fluid does to the flow in a gap of the rms height, where it is not the cubic one."""
     drop = scene.flow.drop
     if drop.law.homogeneous:
-        return []
+        return
     ends = [max(p, drop.least_pressure) for p in (drop.inlet, drop.outlet)]
     at_inlet, at_outlet = drop.law.factor(scene.surface.rms_height, ends)
     if not drop.law.depends_on_pressure:
-        return [_line("slip", f"{at_inlet:.3g} times the viscous flow in a gap of the rms height")]
-    text = (
+        yield "slip", f"{at_inlet:.3g} times the viscous flow in a gap of the rms height"
+        return
+    yield (
+        "gas",
         f"slips: {at_inlet:.3g} (inlet) to {at_outlet:.3g} (outlet) times the viscous flow in a gap of the rms height; "
-        f"permeability of windows at {drop.pressures.size} pressures, other flow solved 3 to 5 times"
+        f"permeability of windows at {drop.pressures.size} pressures, other flow solved 3 to 5 times",
     )
-    return [_line("gas", text)]
 
 
 def _expected_text(expected: Forecast) -> str:
@@ -314,39 +315,35 @@ def _checkpoint(prepared: Prepared) -> float:
     return found
 
 
-def _surface_lines(prepared: Prepared) -> list[str]:
-    """Lines on points, roughness and filter of the face."""
+def _surface_facts(prepared: Prepared) -> Iterator[tuple[str, str]]:
+    """Points, roughness and filter of the face."""
     scene, report = prepared.scene, prepared.conditioning
     surface = scene.surface
     size, pixel = (" × ".join(to_text(x, "m", 4) for x in pair) for pair in (surface.size, surface.spacing))
-    height = to_text(surface.rms_height, "m", 3)
-    lines = [
-        _line("surface", f"{surface.shape[0]} × {surface.shape[1]} points, {size}, pixel {pixel}"),
-        _line("", f"rms height {height}, rms slope {surface.rms_slope:.3g}, "
-                  f"H/(E*·slope) {scene.law.mean_hardness / scene.modulus / surface.rms_slope:.3g}"),
-    ]  # fmt: skip
+    yield "surface", f"{surface.shape[0]} × {surface.shape[1]} points, {size}, pixel {pixel}"
+    height, hard = to_text(surface.rms_height, "m", 3), scene.law.mean_hardness / scene.modulus / surface.rms_slope
+    yield "", f"rms height {height}, rms slope {surface.rms_slope:.3g}, H/(E*·slope) {hard:.3g}"
     if report.undefined_fraction or report.spikes:
-        lines.append(
-            _line("", f"{report.undefined_fraction:.2%} undefined points and {report.spikes} in spikes filled")
-        )
+        yield "", f"{report.undefined_fraction:.2%} undefined points and {report.spikes} in spikes filled"
     if isinstance(surface, Places):
         count, more = len(surface.widths), ""
         if prepared.sampling is not None:
             more = f"; about {places_to_halve(count)} more would halve what they leave open of a drawn seal"
             more = more if count >= FEWEST else f"; from {FEWEST} on their scatter tells the band of a drawn seal"
-        lines.append(_line("", f"{count} places{more}"))
+        yield "", f"{count} places{more}"
     if overlap := prepared.overlap:
         size = " × ".join(to_text(length, "m", 3) for length in overlap.size)
         resampled = ", the second resampled" if overlap.resampled else ""
-        lines.append(_line("", f"two faces overlap on {size}, {overlap.fraction:.0%} of the first{resampled}"))
-    lines += [_line("", prepared.continuation_text)] if prepared.continuation else []
+        yield "", f"two faces overlap on {size}, {overlap.fraction:.0%} of the first{resampled}"
+    if prepared.continuation:
+        yield "", prepared.continuation_text
     shortest = report.shortest_wavelength
     kept = f"waves below {to_text(shortest, 'm', 3)} ({shortest / max(surface.spacing):.3g} pixels) removed"
     removed = 1 - surface.rms_slope / report.rms_slope_before if report.rms_slope_before else 0.0
     if removed > 0.005:
         measured = to_text(report.shortest_measured, "m", 3)
         kept += f", with {removed:.0%} of the rms slope, {report.lost_slope:.0%} of that above noise ({measured})"
-    return [*lines, _line("filter", kept)]
+    yield "filter", kept
 
 
 def _contact(prepared: Prepared) -> str:
@@ -390,7 +387,3 @@ def _size(size: float) -> str:
 def _duration(seconds: float) -> str:
     return next((f"{seconds / length:.2g} {unit}" for unit, length in (("h", 3600.0), ("min", 60.0))
                  if seconds >= 2 * length), f"{seconds:.2g} s")  # fmt: skip
-
-
-def _line(name: str, text: str) -> str:
-    return f"{name:<14} {text}"

@@ -6,7 +6,7 @@ import hashlib
 import json
 import logging
 import time
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager, suppress
 from dataclasses import replace
 from functools import partial
@@ -25,10 +25,9 @@ from ..case.faces import FileFace
 from ..execution import checkpoint
 from ..execution.checkpoint import Checkpoint
 from ..execution.lock import alone_in
-from ..execution.log_file import LogFile
 from ..execution.mappers import ordered_map
 from ..execution.parts import Part, checked_part
-from ..execution.run import Progress, Run, no_progress
+from ..execution.run import LogFile, Progress, Run, no_progress
 from ..execution.shared_stages import SharedStages
 from ..preparation.preparation import prepare
 from ..preparation.prepared import Prepared, without_short_waves
@@ -38,10 +37,9 @@ from ..refinement.settings import chosen
 from ..report import write_folder
 from ..report.case_text import solids_text
 from ..results import Results, assemble
-from ..studies import FluidState, OtherLeakage, Study, drop_ratio
+from ..studies import FluidState, OtherLeakage, drop_ratio
 from ..studies.compiling import compile_ahead
 from ..studies.link_flow import WindowPixels, window_pixels
-from ..studies.scene import Array
 from .chosen_loads import solve_chosen
 from .finished import finished_results
 from .forecast import refuse_too_large
@@ -70,7 +68,7 @@ def run(
         where the case leaves them open; else go on from the checkpoint of a run that was ended, with the same bits.
     workers : processes; all cores unless given. The results do not depend on it.
     scheduler : address of a Dask scheduler to compute on instead (femseal[cluster]), or "local" for one of its own
-        with `workers` processes, see `executor.ordered_map`.
+        with `workers` processes, see `execution.mappers.ordered_map`.
     part : such as (3, 16), to compute the third sixteenth of the items of every stage, and end; parts of a case work in
         one folder at the same time or one after the other, go on from what is there, and write no results. Once all is
         there, a run with `resume` and without `part` writes them, the same bits as those of one process.
@@ -200,14 +198,20 @@ def _results(case: Case, made: Prepared, faces: dict[str, str], run: Run) -> Res
         if study.key not in studies:
             with run.timed(study.name) as mapper:
                 studies[study.key] = prepared.solve(study, mapper, studies)
-    filtered = _without_short_waves(prepared, run) if case.surface.filter_sensitivity else None
+    filtered = None
+    if case.surface.filter_sensitivity:
+        with run.timed("twice the wave") as mapper:
+            smooth = replace(prepared, scene=without_short_waves(prepared), methods=frozenset({prepared.answer.name}))
+            filtered = leakage_of(smooth.solve(smooth.answer, mapper))
     test = None
     if case.output.test_fluid is not None:
         test = _of_test_fluid(case.output.test_fluid.state, prepared, studies[prepared.answer.key], run)
     budgets: dict[str, ErrorBudget] = {}
     if case.output.budget:  # last, so that it can be switched before a run is resumed
         known = {} if refined is None else {prepared.answer.key: refined.budget}
-        budgets = _budgets(case, prepared, studies, filtered, known, run)
+        parts: dict[str, Any] = {"model_parts": case.output.model_parts, "hardness": case.hardness_tolerance}
+        with run.timed("error budget") as mapper:
+            budgets = budgets_of(prepared, studies, mapper, leakage_filtered=filtered, known=known, **parts)
     windows: tuple[WindowPixels, ...] = ()
     if case.output.paraview != "none" and "two_scale" in studies:
         windows = window_pixels(prepared.scene, studies["two_scale"], run.mapper)
@@ -238,13 +242,6 @@ def _results(case: Case, made: Prepared, faces: dict[str, str], run: Run) -> Res
     return results
 
 
-def _without_short_waves(prepared: Prepared, run: Run) -> Array:
-    """Leakage of the answer at every step (steps,) [m²/s] without waves up to twice the shortest one."""
-    with run.timed("twice the wave") as mapper:
-        smooth = replace(prepared, scene=without_short_waves(prepared), methods=frozenset({prepared.answer.name}))
-        return leakage_of(smooth.solve(smooth.answer, mapper))
-
-
 def _of_test_fluid(state: FluidState, prepared: Prepared, own: Any, run: Run) -> OtherLeakage:
     """Leakage of the test fluid on the seals of the answer; they are solved again where their permeability differs."""
     if (ratio := drop_ratio(state, prepared.scene)) is not None:
@@ -252,31 +249,6 @@ def _of_test_fluid(state: FluidState, prepared: Prepared, own: Any, run: Run) ->
     with run.timed("test fluid") as mapper:
         other = replace(prepared, scene=state.in_scene(prepared.scene))
         return OtherLeakage.of_study(state, other.solve(other.answer, mapper))
-
-
-def _budgets(
-    case: Case,
-    prepared: Prepared,
-    studies: dict[str, Any],
-    filtered: Array | None,
-    known: dict[str, ErrorBudget],
-    run: Run,
-) -> dict[str, ErrorBudget]:
-    """Error budgets of the studies by key; `known` are those that are there already."""
-    with run.timed("error budget") as mapper:
-
-        def solve(version: Prepared, study: Study, solved: Mapping[str, Any]) -> Any:
-            return version.solve(study, mapper, solved)
-
-        return budgets_of(
-            prepared,
-            studies,
-            solve,
-            leakage_filtered=filtered,
-            known=known,
-            model_parts=case.output.model_parts,
-            hardness=case.hardness_tolerance,
-        )
 
 
 def _write(results: Results, folder: Path, case: Case) -> None:

@@ -12,9 +12,9 @@ from functools import cached_property
 from typing import Any, ClassVar
 
 import numpy as np
-from numpy.typing import NDArray
 from skfem import Mesh, MeshQuad1, MeshQuad2, MeshTri1, MeshTri2
 
+from ..base.arrays import Array, Indices
 from ..base.errors import InputError
 from ..base.quantities import to_text
 from ..flow.dirichlet_flow import DirichletFlow, dirichlet_flow
@@ -23,8 +23,6 @@ from ..flow.solution import DarcyFlow
 from .mesh_seal import PressureBoundaries
 from .upscaling import combined
 
-Array = NDArray[np.float64]
-Indices = NDArray[np.int64]
 #: Solvers of a system on a mesh; others are of grids.
 _SOLVERS = ("auto", "direct", "amg")
 #: √ of the windows that an element holds, below which elements are refused, and below which they are warned of. An
@@ -93,9 +91,7 @@ class ElementSeal:
         one pressure are the two bounds. The flows through all boundaries are the mean of both solutions, each
         multiplied so that it has this outflow: they balance. Without outflow all are 0.
 
-        Raises
-        ------
-        InputError : inlets on both sides of the outlet.
+        Raises InputError: inlets on both sides of the outlet.
         """
         if min(levels) < 0:
             raise InputError("inlet", "pressures above and below that of the outlet", "all on one side of it")
@@ -220,11 +216,9 @@ class ElementWindows:
     def flux(self, permeability: Array, potential: Array, rate: float) -> Array:
         """Volume rate per width (n, 2) [m²/s] in the middle of every element, in the plane of the seal.
 
-        Parameters
-        ----------
         permeability : tensors (n, 2, 2) [m³]. potential : of the vertices over the density of volume rates [1/s].
         rate : leakage of the seal [m³/s], which the flux is scaled to carry: that of the potential itself would carry
-            the upper bound.
+        the upper bound.
         """
         corners, at = self.seal.outlines, np.nan_to_num(potential)[self.seal.mesh.t.T]
         # along two edges of a triangle or both diagonals of a quadrilateral, where differences are those of the middle
@@ -249,9 +243,7 @@ class ElementWindows:
     def checked(self) -> ElementWindows:
         """These windows, with a warning where elements are smaller than windows.
 
-        Raises
-        ------
-        InputError : elements much smaller than windows.
+        Raises InputError: elements much smaller than windows.
         """
         area = np.sort(self._windows_along.prod(axis=0))
         of_share = np.searchsorted(total := area.cumsum(), _SHARE * total[-1])

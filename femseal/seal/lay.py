@@ -8,12 +8,11 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ..base.arrays import Array
 from ..base.errors import InputError, shown
 from ..base.quantities import to_si, to_text
 
-Array = NDArray[np.float64]
 #: Directions by name: those of the axes of the plane, and those as seen from the centre of the seal.
 NAMES = ("x1", "x2", "radial", "circumferential")
 ALLOWED = (
@@ -50,9 +49,7 @@ class Lay:
         """From a name, {"angle": radians or "30 deg"}, {"kind": "spiral", "lead": metres or "60 um", "starts": 1},
         {"field": "file.vtu:name"} in the folder, or a `Lay`.
 
-        Raises
-        ------
-        InputError : anything else.
+        Raises InputError: anything else.
         """
         if isinstance(given, Lay):
             return given
@@ -76,14 +73,11 @@ class Lay:
     def directions(self, places: Array, centre: tuple[float, float] = (0.0, 0.0), unit: float = 1.0) -> Array:
         """Unit vectors (n, 2) along the lay at places (n, 2) [m].
 
-        Parameters
-        ----------
         centre : from which "radial" is seen [m].
         unit : of the lengths in the file of a field [m].
 
-        Raises
-        ------
-        InputError : a place at the centre; a field that cannot be read, has no such vectors, or does not cover a place.
+        Raises InputError: a place at the centre; a field that cannot be read, has no such vectors, or does not cover a
+        place.
         """
         if self.file is not None:
             return _of_field(self.file, self.array, places, unit)

@@ -12,9 +12,6 @@ from math import isfinite, pi
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar, Literal, Protocol
 
-import numpy as np
-from numpy.typing import NDArray
-
 from ..base import validate
 from ..base.errors import InputError
 from ..base.parameters import check_parameters, parameter
@@ -25,8 +22,6 @@ from .pressure_map import Frame
 if TYPE_CHECKING:
     from ..flow.spiral import Spiral
     from .laid_windows import SealWindows, Windows
-
-Array = NDArray[np.float64]
 
 
 class Layout(Protocol):
@@ -39,9 +34,7 @@ class Layout(Protocol):
     def lay_out(self, windows: Windows) -> SealWindows:
         """Lay windows out over the seal.
 
-        Raises
-        ------
-        InputError : a size that is not given, or given twice; windows larger than the parts of the seal.
+        Raises InputError: a size that is not given, or given twice; windows larger than the parts of the seal.
         """
         ...
 
@@ -116,8 +109,6 @@ class AnnularLayout:
         object.__setattr__(self, "lay", Lay(name="circumferential") if lay.name == "spiral" and not lay.lead else lay)
         if self.lay.file is not None:
             raise InputError("lay", f"'{self.lay}' on a ring", "a field on a mesh only")
-        for name in ("inner_radius", "outer_radius"):
-            validate.number(name, getattr(self, name), unit="m")
         if not self.outer_radius > self.inner_radius:
             expected = f"a number > the inner radius, {self.inner_radius:g} m"
             raise InputError("outer_radius", f"{self.outer_radius:g} m", expected)

@@ -6,8 +6,8 @@ from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ..base.arrays import Array
 from ..base.errors import InputError
 from ..base.text import Shown
 from ..flow.permeability_table import PermeabilityTable
@@ -15,8 +15,6 @@ from ..fluids import Fluid, potential_of
 from .mesh_seal import PressureBoundaries
 from .pressure_dependent import pressure_dependent_flow
 from .shapes import Seal
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, repr=False)

@@ -6,11 +6,9 @@ from dataclasses import dataclass, replace
 from typing import ClassVar
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ..base.arrays import Array
 from .shapes import AnnularSeal, RectangularSeal
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)
@@ -80,10 +78,8 @@ class LinkWindows:
 
         It is that of its link along axis 0, and the mean of those along axis 1 at its corners.
 
-        Parameters
-        ----------
         permeability : of the links [m³]. potential : of the nodes (n1 + 1, n2) over the density of volume rates [1/s],
-            NaN in pockets. rate : leakage of the seal [m³/s]; the links carry it as they are.
+        NaN in pockets. rate : leakage of the seal [m³/s]; the links carry it as they are.
         """
         along = _link_flux(permeability[0], np.diff(potential, axis=0), np.diff(self.seal.points, axis=0))
         across = np.zeros((self.seal.cells[0] + 1, self.seal.cells[1], 2))

@@ -37,8 +37,6 @@ _READING_FACTOR = 4
 def read_mesh(path: str | PathLike[str], unit: float = 1.0) -> Mesh:
     """Mesh of triangles or quadrilaterals (first or second order) with `boundaries` by name.
 
-    Parameters
-    ----------
     path : a file that meshio reads.
     unit : of its coordinates [m].
 
@@ -46,10 +44,8 @@ def read_mesh(path: str | PathLike[str], unit: float = 1.0) -> Mesh:
     are left out. A physical group without a name is called by its number, and so is one of lines in a .vtu, by the
     array "gmsh:physical" or "boundary" of its cells.
 
-    Raises
-    ------
-    InputError : no such file, not readable, no cells, cells of several kinds, or not in a plane of constant
-        z.
+    Raises InputError: no such file, not readable, no cells, cells of several kinds, or not in a plane of constant
+    z.
     """
     file = Path(fspath(path))
     data = read_data(file)
@@ -85,9 +81,7 @@ def read_field(path: str | PathLike[str], name: str) -> tuple[NDArray[np.float64
 
     Places are in the unit of the file; those of cells are the means of their nodes.
 
-    Raises
-    ------
-    InputError : no such file, not readable, or no such field.
+    Raises InputError: no such file, not readable, or no such field.
     """
     file = Path(fspath(path))
     data = read_data(file)

@@ -14,6 +14,7 @@ from skfem import Basis, FacetBasis, Functional, Mesh, MeshQuad1, MeshQuad2, Mes
 from skfem.quadrature import get_quadrature
 
 from ..base import validate
+from ..base.arrays import Array, Indices
 from ..base.errors import InputError
 from ..base.quantities import to_si
 from ..flow.dirichlet_flow import DirichletFlow, dirichlet_flow
@@ -22,8 +23,6 @@ from ..flow.solution import DarcyFlow
 from .mesh_file import read_mesh
 from .overlap import first_overlap
 
-Array = NDArray[np.float64]
-Indices = NDArray[np.int64]
 #: Names of inlets, one or several at one pressure, or pressures [Pa] of inlets by their names.
 Inlet = str | Sequence[str] | Mapping[str, float]
 
@@ -44,9 +43,7 @@ class PressureBoundaries:
     def of(cls, mesh: Mesh, inlet: Mapping[str, float], outlet: Sequence[str]) -> PressureBoundaries:
         """Boundaries of a mesh.
 
-        Raises
-        ------
-        InputError : one is both inlet and outlet, or two of them touch.
+        Raises InputError: one is both inlet and outlet, or two of them touch.
         """
         if both := [name for name in outlet if name in inlet]:
             raise InputError("outlet", f"{both[0]!r}, which is an inlet too", "other boundaries than the inlets")

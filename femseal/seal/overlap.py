@@ -9,11 +9,10 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 import numpy as np
-from numpy.typing import NDArray
 from skfem import Mesh
 
-Array = NDArray[np.float64]
-Index = NDArray[np.int64]
+from ..base.arrays import Array, Indices
+
 #: Depth in fractions of the shorter edge, and of an element, to which parts that touch may lie on each other:
 #: coordinates are rounded, and edges are chords of arcs.
 _EDGE_FRACTION, _ELEMENT_FRACTION = 0.05, 0.1
@@ -24,8 +23,6 @@ _CHUNK = 1_000_000
 def first_overlap(mesh: Mesh) -> tuple[int, ...]:
     """One or two elements that lie on others; empty without any.
 
-    Parameters
-    ----------
     mesh : triangles or quadrilaterals, none of which is tangled or lies on its neighbour.
     """
     start, end, inside, element = _outlines(mesh)
@@ -36,7 +33,7 @@ def first_overlap(mesh: Mesh) -> tuple[int, ...]:
     return (int(element[twice[0]]),) if twice.size else ()
 
 
-def _outlines(mesh: Mesh) -> tuple[Array, Array, Array, Index]:
+def _outlines(mesh: Mesh) -> tuple[Array, Array, Array, Indices]:
     """Start and end of the edges of outlines, places beside them in their elements (m, 2), and these elements (m,)."""
     # along an outline of the usual kind, the edges follow each other in both coordinates when it is turned
     c, s = np.cos(1.0), np.sin(1.0)
@@ -79,7 +76,7 @@ def _crossing(start: Array, end: Array) -> tuple[int, int] | None:
     return None
 
 
-def _rounds(start: Array, end: Array, places: Array) -> Index:
+def _rounds(start: Array, end: Array, places: Array) -> Indices:
     """How often the outlines run round each place, by the edges that a ray to the right of it meets."""
     order = np.argsort(places[:, 1], kind="stable")
     height = places[order, 1]
@@ -93,7 +90,7 @@ def _rounds(start: Array, end: Array, places: Array) -> Index:
     return rounds
 
 
-def _pairs(first: Index, last: Index) -> Iterator[tuple[Index, Index]]:
+def _pairs(first: Indices, last: Indices) -> Iterator[tuple[Indices, Indices]]:
     """Pairs of n and every number from first[n] to last[n], without it; not too many at a time."""
     count = np.maximum(last - first, 0)
     total = np.cumsum(count)

@@ -12,8 +12,8 @@ from dataclasses import replace
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ..base.arrays import Array
 from ..base.errors import InputError
 from ..base.fixed_point import fixed_point
 from ..flow.law import law_of
@@ -23,7 +23,6 @@ from ..flow.solution import DarcyFlow
 from .shapes import Seal
 from .structured import StructuredSeal, element_tensors
 
-Array = NDArray[np.float64]
 #: Relative error at which the fixed point ends.
 RTOL = 1e-5
 
@@ -40,18 +39,13 @@ def pressure_dependent_flow(
 ) -> tuple[DarcyFlow, Any]:
     """Flow through a seal for a unit drop of the viscous potential φ, and the permeability of each part.
 
-    Parameters
-    ----------
     seal, fluid, bounds, solver : as in `seal_leakage`; bounds are those with the permeabilities of the solution.
     table : permeability at several pressures. inlet, outlet : pressures of the ends [Pa].
 
-    Returns
-    -------
-    The flow, its potential as fraction of the drop of φ, and the permeabilities with which φ has this flow [m³].
+    Returns the flow, its potential as fraction of the drop of φ, and the permeabilities with which φ has this flow
+    [m³].
 
-    Raises
-    ------
-    NotConverged : the linear solver failed, or the flow still changes after many solutions.
+    Raises NotConverged: the linear solver failed, or the flow still changes after many solutions.
     """
     pressure, k = table.typical
     drop = PressureDrop(fluid, inlet, outlet, law_of(fluid).gap(k, pressure) if k > 0 else 1e-6)

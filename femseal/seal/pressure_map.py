@@ -12,14 +12,14 @@ from math import pi
 from typing import Any, Protocol
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from ..base import validate
+from ..base.arrays import Array
 from ..base.errors import InputError
 from ..base.quantities import to_text
 from .triangulation import Triangulation
 
-Array = NDArray[np.float64]
 #: Rounding of coordinates, as fractions of a strip of a profile or of a radius.
 _ROUNDING = 1e-9
 

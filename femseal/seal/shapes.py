@@ -9,18 +9,17 @@ from __future__ import annotations
 import itertools
 from dataclasses import dataclass, field
 from math import pi
-from operator import index
 from typing import Any, Protocol
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from ..base import validate
+from ..base.arrays import Array
 from ..base.errors import InputError
 from ..flow.grid import Grid
 from ..flow.solution import DarcyFlow
 from .structured import StructuredSeal
-
-Array = NDArray[np.float64]
 
 
 class Seal(Protocol):
@@ -65,9 +64,12 @@ class RectangularSeal(StructuredSeal):
     rows: tuple[float, ...] = field(default=(), repr=False)
 
     def __post_init__(self) -> None:
-        size = _pair("size", self.size, "two finite numbers > 0 [m]")
-        object.__setattr__(self, "size", tuple(_length("size", s) for s in size))
-        object.__setattr__(self, "cells", _cells(self.cells))
+        try:
+            l1, l2 = self.size
+        except (TypeError, ValueError):
+            raise InputError("size", repr(self.size), "two finite numbers > 0 [m]") from None
+        object.__setattr__(self, "size", tuple(validate.number("size", side, unit="m") for side in (l1, l2)))
+        object.__setattr__(self, "cells", validate.grid("cells", self.cells))
         rows = self.rows or np.linspace(0.0, self.size[0], self.cells[0] + 1)
         object.__setattr__(self, "rows", _rows(rows, self.size[0], self.cells[0]))
 
@@ -122,12 +124,14 @@ class AnnularSeal(StructuredSeal):
     rows: tuple[float, ...] = field(default=(), repr=False)
 
     def __post_init__(self) -> None:
-        inner, outer = _length("inner_radius", self.inner_radius), _length("outer_radius", self.outer_radius)
+        inner, outer = (
+            validate.number(name, getattr(self, name), unit="m") for name in ("inner_radius", "outer_radius")
+        )
         if not outer > inner:
             raise InputError("outer_radius", f"{outer:g} m", f"a number > the inner radius, {inner:g} m")
         object.__setattr__(self, "inner_radius", inner)
         object.__setattr__(self, "outer_radius", outer)
-        object.__setattr__(self, "cells", _cells(self.cells))
+        object.__setattr__(self, "cells", validate.grid("cells", self.cells))
         if self.inlet not in ("inner", "outer"):
             raise InputError("inlet", repr(self.inlet), "'inner' or 'outer'")
         breadth = outer - inner
@@ -171,39 +175,9 @@ class AnnularSeal(StructuredSeal):
         return Grid.of_strip(np.abs(np.log(r / r[0])), 2 * pi / self.cells[1], self.cells[1])
 
 
-def _pair(name: str, value: Any, allowed: str) -> tuple[Any, Any]:
-    try:
-        first, second = value
-    except (TypeError, ValueError):
-        raise InputError(name, repr(value), allowed) from None
-    return first, second
-
-
-def _length(name: str, value: Any) -> float:
-    try:
-        number = float(value)
-    except (TypeError, ValueError):
-        number = np.nan
-    if not (np.isfinite(number) and number > 0):
-        raise InputError(name, repr(value), "a finite number > 0 [m]")
-    return number
-
-
 def _rows(value: Any, length: float, n: int) -> tuple[float, ...]:
     rows = tuple(float(x) for x in value)
     ends = len(rows) == n + 1 and rows[0] == 0 and abs(rows[-1] - length) <= 1e-9 * length
     if not ends or not all(b > a for a, b in itertools.pairwise(rows)):
         raise InputError("rows", f"{len(rows)} values", f"{n + 1} rising numbers from 0 to {length:g} m")
     return rows
-
-
-def _cells(value: Any) -> tuple[int, int]:
-    allowed = "two whole numbers >= 1"
-    pair = _pair("cells", value, allowed)
-    try:
-        n1, n2 = (index(n) for n in pair)
-    except TypeError:
-        raise InputError("cells", repr(value), allowed) from None
-    if n1 < 1 or n2 < 1:
-        raise InputError("cells", repr(value), allowed)
-    return n1, n2

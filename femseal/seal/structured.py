@@ -17,9 +17,10 @@ from dataclasses import replace
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from ..base import validate
+from ..base.arrays import Array
 from ..base.errors import InputError
 from ..flow.assembly import assemble_on_elements, assemble_on_links, gauss
 from ..flow.balance import balanced_link_fluxes
@@ -30,7 +31,6 @@ from ..flow.solution import DarcyFlow
 from ..flow.solvers.choice import solve_flow
 from ..flow.stencil import Stencil
 
-Array = NDArray[np.float64]
 _RTOL = 1e-8
 #: Numbers of links over which the drop of pressure is summed by default.
 NARROWEST = (1, 3, 10)
@@ -57,16 +57,12 @@ class StructuredSeal(ABC):
     def flow(self, permeability: Any, *, bounds: bool = False, solver: str = "auto") -> DarcyFlow:
         """Flow for a unit drop, potential at the nodes (n1 + 1, n2).
 
-        Parameters
-        ----------
         permeability : a number, the links (k1, k2), numbers or arrays (n1, n2) and (n1 − 1, n2), or the elements, see
-            `element_tensors` [m³].
+        `element_tensors` [m³].
         bounds : enclose the flow of the network of links; not with elements.
         solver : see `femseal.flow.solve_flow`.
 
-        Raises
-        ------
-        InputError : a bad permeability, bounds or elimination with elements.
+        Raises InputError: a bad permeability, bounds or elimination with elements.
         NotConverged : see `femseal.flow.solve_flow`.
         """
         stencil = self.stencil(permeability)
@@ -134,9 +130,7 @@ def structured_flow(stencil: Stencil, *, bounds: bool = False, solver: str = "au
     With `bounds`, the upper bound is the energy of the computed potential and the lower one that of a flux that
     balances at every node; they enclose the flow of the network, and the value, whatever the error of the solver.
 
-    Raises
-    ------
-    NotConverged : see `femseal.flow.solve_flow`.
+    Raises NotConverged: see `femseal.flow.solve_flow`.
     """
     flow = solve_flow(stencil, rtol=_RTOL, solver=solver, field_rtol=_RTOL)
     if not bounds:
@@ -173,22 +167,16 @@ def drop_fractions(
     The dissipation q Δφ = c (Δφ)² adds up to the flow times the drop of the whole: wherever all flow passes through one
     link after the other, the fraction of the dissipation in a link is its fraction of the drop.
 
-    Parameters
-    ----------
     k1, k2 : permeability of the links [m³], as in `seal_leakage`.
     seal : with these links.
     potential : at the nodes (n1 + 1, n2), in any unit, NaN in pockets: `Fluid.potential` of the fluid pressure, or the
-        pressure itself of a liquid of constant viscosity.
+    pressure itself of a liquid of constant viscosity.
     counts : numbers of links.
 
-    Returns
-    -------
-    (number of counts,), from 0 to 1; NaN without flow.
+    Returns (number of counts,), from 0 to 1; NaN without flow.
 
-    Raises
-    ------
-    InputError : permeabilities as in `seal_leakage`, a potential of another shape, counts that are not whole
-        numbers >= 1.
+    Raises InputError: permeabilities as in `seal_leakage`, a potential of another shape, counts that are not whole
+    numbers >= 1.
     """
     n1, n2 = seal.cells
     φ = np.asarray(potential, float)

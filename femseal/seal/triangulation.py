@@ -8,9 +8,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from ..base.arrays import Array
 from ..base.errors import InputError
 
-Array = NDArray[np.float64]
 #: Triangles of Delaunay whose longest side is so many times that of most are gaps between the points, not part of
 #: their field. Between points on rings, the triangles that fill the hole are longer than that but for a few at its rim.
 GAP = 4.0
@@ -33,9 +33,7 @@ class Triangulation:
     def of(cls, points: ArrayLike, triangles: ArrayLike | None = None) -> Triangulation:
         """Check points and triangles; without triangles, take those of Delaunay that are no gaps.
 
-        Raises
-        ------
-        InputError : points that are no finite pairs, all on a line, or triangles without area only.
+        Raises InputError: points that are no finite pairs, all on a line, or triangles without area only.
         """
         found = np.array(points, dtype=float)
         if found.ndim != 2 or found.shape[1:] != (2,) or len(found) < 3:
@@ -53,9 +51,7 @@ class Triangulation:
     def interpolate(self, values: Array, places: Array) -> Array:
         """Linear interpolation of values (m,) of the points at places (n, 2); outside, the nearest of the triangle.
 
-        Raises
-        ------
-        InputError : a place that no triangle covers.
+        Raises InputError: a place that no triangle covers.
         """
         triangle, weights = self._around(places)
         uncovered = np.flatnonzero(triangle < 0)

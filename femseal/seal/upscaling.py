@@ -9,22 +9,17 @@ Source: Reynolds, Stanley & Klein, J. Phys. C 10, 1977, L167 (percolation); King
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from ..base.arrays import Array
 
 
 def combined(k1: Array, k2: Array, window: tuple[float, float]) -> tuple[Array, Array]:
     """Permeability of blocks of windows along both of their axes.
 
-    Parameters
-    ----------
     k1, k2 : permeability of the windows of each block (blocks, n1, n2) [m³], n1 and n2 powers of 2.
     window : sides of a window along both axes [m].
 
-    Returns
-    -------
-    (blocks,) each, exactly 0 where no path is open.
+    Returns (blocks,) each, exactly 0 where no path is open.
 
     >>> k = np.full((1, 4, 2), 3.0)
     >>> [float(x[0]) for x in combined(k, k, (1.0, 1.0))]

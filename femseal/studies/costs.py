@@ -235,9 +235,7 @@ def choose_method(
 
     `flow` is that of two scales then.
 
-    Returns
-    -------
-    The method, and a line that says why.
+    Returns the method, and a line that says why.
     """
     efforts = usual_efforts(steps)
     seconds, memory = deterministic_cost(efforts, points)
@@ -260,16 +258,10 @@ TOLERANCE_FRACTION, TOLERANCE_SAFETY = 0.1, 3.0
 def contact_tolerance(accuracy: float) -> float:
     """The largest tolerance of the contact whose error is a small part of the accuracy wanted of the leakage.
 
-    Parameters
-    ----------
     accuracy : relative error that the leakage may have, 0.1 for 10 %.
 
-    Raises
-    ------
-    InputError : an accuracy that is not a positive number.
+    Raises InputError: an accuracy that is not a positive number.
 
-    Examples
-    --------
     >>> contact_tolerance(0.1), contact_tolerance(0.01), contact_tolerance(1e-9)
     (0.001, 0.0001, 1e-07)
     """

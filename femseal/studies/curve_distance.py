@@ -36,14 +36,10 @@ def leakage_factor(leakage: ArrayLike, reference: ArrayLike, steps: Sequence[Loa
     A factor of 1.2 says that the leakage is typically 20 % too high or too low. Leakage falls over decades as a seal
     closes, so errors are measured in its logarithm. The direction of the flow does not matter.
 
-    Parameters
-    ----------
     leakage, reference : leakage at every step (steps,), in any one unit; NaN: failed.
     steps : the load programme.
     branch : "loading" or "unloading" (from any peak).
 
-    Examples
-    --------
     >>> steps = [LoadStep(1e8), LoadStep(2e8), LoadStep(3e8)]
     >>> leakage_factor([2.0, 0.5, 0.0], [1.0, 1.0, 0.1], steps, "loading")
     LeakageFactor(value=2.0..., loads=2, closed=1, failed=0)

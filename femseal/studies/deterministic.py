@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
+from ..base.arrays import Array
 from ..base.fields import PIXEL, ROW, STEP, declared
 from ..base.stage import Mapper
 from ..base.text import Shown
@@ -17,7 +18,7 @@ from .face_contact import band_breadth, cut_contact, solve_face
 from .place_leakage import PlaceLeakage, place_leakage
 from .plausibility import scene_warnings
 from .repeated_steps import first_equal, repeated
-from .scene import Array, Scene
+from .scene import Scene
 from .window_contacts import WindowContacts, face_partition
 
 #: Memory that a pixel of a result takes at every step [byte]: gap and fluid pressure, and the contact pressure where

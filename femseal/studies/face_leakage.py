@@ -8,10 +8,11 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from ..base.arrays import Array
 from ..seal import RectangularSeal
 from ..windows import Failed, SolverCounts
 from .face_flow import FaceFlow
-from .scene import Array, Scene
+from .scene import Scene
 
 
 @dataclass(frozen=True, eq=False)

@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from ..base.arrays import Array
 from ..base.errors import FemsealError
 from ..library import LibraryTable, LinkTable, correlation_length
 from ..windows import Failed, FlowHistory, SolveCounts
@@ -13,7 +14,7 @@ from .face_contact import solve_windows
 from .place_leakage import place_leakage
 from .run_chains import StateRuns, places_of_columns, runs_of_face
 from .sampling_options import count_face_windows
-from .scene import Array, Scene
+from .scene import Scene
 from .two_scale import TwoScaleResult, solve_links
 from .window_contacts import WindowContacts
 from .window_supply import FaceLibrary, TablePressures, WindowRequest, WindowSupply
@@ -29,9 +30,7 @@ def windows_in_place(wanted: WindowRequest) -> WindowSupply:
 
     The sampler "runs" takes runs of their columns instead of links.
 
-    Raises
-    ------
-    FemsealError : every column has a failed window.
+    Raises FemsealError: every column has a failed window.
     """
     scene, partition, two_scale, mapper = wanted.scene, wanted.partition, wanted.two_scale, wanted.mapper
     (m1, m2), w2, n2 = partition.cells, partition.window[1], wanted.seal_windows.draws[0][1]

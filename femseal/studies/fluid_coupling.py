@@ -15,8 +15,8 @@ from dataclasses import dataclass, fields
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ..base.arrays import Array
 from ..base.quantities import to_text
 from ..contact import Contact, HalfSpace, contact_law, solve_contact
 from ..fluids import Fluid
@@ -24,7 +24,6 @@ from ..windows import Failed, FlowSettings, attempt
 from .face_flow import FaceFlow, resolved_flow
 from .trapped_liquid import PocketPressures, TrappedLiquid
 
-Array = NDArray[np.float64]
 #: Relative change of the permeability at which the rounds end, and most of them. Measured on self-affine and turned
 #: faces of 256² points, p̄/H .02 to .2: two to five for p_in/p̄ up to .3, at most six up to 1.
 #: Pockets of liquid that lift the faces off each other's rims take up to twenty-five.
@@ -122,9 +121,7 @@ class FluidPressure:
         The contact alone where the fluid carries less than 1e-4 of the load and none is trapped. `former` is the liquid
         in the pockets of the load before.
 
-        Raises
-        ------
-        NotConverged : a contact failed.
+        Raises NotConverged: a contact failed.
         """
         if abs(self.carried) <= LEAST_FRACTION * pressure and not self.trapped:
             return solve_contact(gap0, half_space, pressure=pressure, **settings)

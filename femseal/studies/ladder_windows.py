@@ -7,13 +7,13 @@ from functools import partial
 
 import numpy as np
 
+from ..base.arrays import Array, Indices
 from ..base.stage import Stage
 from ..contact import HalfSpace
 from ..library import Ladder, LadderLibrary, LinkTable, WindowSource, build_ladder_library, on_ladder
-from ..library.sampling import Index
 from ..seal.pressure_map import AnyMap
 from ..windows import GlobalState, Partition
-from .scene import Array, Scene
+from .scene import Scene
 from .seat_rows import SeatMap, SeatRows, seat_rows
 from .window_pressures import distinct_paths, library_peaks, pressure_fractions
 from .window_supply import TablePressures, WindowRequest, WindowSupply
@@ -119,7 +119,7 @@ class _LinkPaths:
 
     pressure: Array
     gap: Array
-    path: Index
+    path: Indices
 
 
 def _supply(

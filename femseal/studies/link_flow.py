@@ -8,13 +8,14 @@ from functools import partial
 import numpy as np
 from numpy.typing import NDArray
 
+from ..base.arrays import Array
 from ..base.fields import LINK1, LINK2, NARROWEST_LINKS, PIXEL, declared
 from ..base.stage import Mapper, Stage
 from ..flow import cell_permeability
 from ..flow.solution import FIELD_RTOL
 from ..seal import NARROWEST, RectangularSeal, drop_fractions
 from ..windows import Failed, attempt
-from .scene import Array, Scene
+from .scene import Scene
 from .two_scale import TwoScaleResult
 
 Single = NDArray[np.float32]

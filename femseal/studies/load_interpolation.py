@@ -11,12 +11,9 @@ from itertools import pairwise
 
 import numpy as np
 import scipy
-from numpy.typing import NDArray
 
+from ..base.arrays import Array, Indices
 from ..loads import LoadProgramme
-
-Array = NDArray[np.float64]
-Indices = NDArray[np.int64]
 
 
 def numbers_of(part: LoadProgramme, steps: LoadProgramme) -> Indices:

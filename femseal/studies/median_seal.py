@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from ..base.arrays import Array
 from ..base.fields import CORNER, PART, PART_VECTOR, declared
 from ..base.text import Shown
 from ..library import draw_links, draw_pressures
@@ -17,7 +18,7 @@ from ..seal.link_windows import LinkWindows
 from ..windows import Failed, Partition, attempt
 from .run_chains import ChainedSeals, StateRuns
 from .sampling_options import Sampling
-from .scene import Array, Scene
+from .scene import Scene
 from .window_supply import TablePressures, Tables
 
 #: Values of one field, parts times load steps, above which no fields are kept.
@@ -144,8 +145,6 @@ def median_chain(
 
     The flux through every row of windows is scaled so that it carries the leakage of the chain.
 
-    Parameters
-    ----------
     drawn : chains, of which this is one. states : `StateRuns` of every step, or `Failed`.
     pressure : mean contact pressure of the windows of the face (steps, m1, m2) [Pa].
     """

@@ -7,11 +7,12 @@ from typing import Any
 
 import numpy as np
 
+from ..base.arrays import Array, Indices
 from ..flow.law import FlowLaw, law_of
 from ..fluids import Fluid
 from ..loads import LoadProgramme
-from .load_interpolation import Indices, at_all_steps
-from .scene import Array, Scene
+from .load_interpolation import at_all_steps
+from .scene import Scene
 
 
 @dataclass(frozen=True)

@@ -6,16 +6,14 @@ from collections.abc import Callable
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ..base.arrays import Array
 from ..base.errors import InputError
 from ..contact import Contact, ContactLaw, HalfSpace
 from ..topography import Places
 from ..windows import Failed, FlowSettings, attempt
 from .face_flow import FaceFlow, resolved_flow
 from .fluid_coupling import CoupledContact
-
-Array = NDArray[np.float64]
 
 
 def contact_of_places(
@@ -33,9 +31,7 @@ def contact_of_places(
 
     A fluid that presses the places apart flows through the gap of all of them at last.
 
-    Raises
-    ------
-    InputError : a law that differs from place to place. NotConverged : a contact failed.
+    Raises InputError: a law that differs from place to place. NotConverged : a contact failed.
     """
     if not hardness.is_uniform:
         raise InputError("hardness", "a law that differs from place to place", "the same everywhere in several places")

@@ -9,6 +9,7 @@ from typing import ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
+from ..base.arrays import Array
 from ..base.fields import PLACE, STEP, Field, declared
 from ..base.stage import Mapper, Stage
 from ..base.text import Shown
@@ -19,7 +20,7 @@ from ..windows import Failed, FlowSettings, attempt
 from .curve_distance import FLOOR
 from .face_flow import resolved_flow
 from .repeated_steps import first_equal, map_different
-from .scene import Array, Scene
+from .scene import Scene
 
 #: Places from which on their scatter tells how far the leakage of more of them may lie.
 FEWEST = 3

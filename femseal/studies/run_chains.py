@@ -9,6 +9,7 @@ from functools import partial
 import numpy as np
 from numpy.typing import NDArray
 
+from ..base.arrays import Array
 from ..base.stage import Mapper, Stage
 from ..flow.pressure_drop import PressureDrop
 from ..library import RunFlows
@@ -18,7 +19,7 @@ from ..windows import Failed, Partition, SolverCounts, attempt
 from ..windows.window_fields import WindowFields
 from .face_flow import columns_of_face
 from .repeated_steps import first_equal, map_different
-from .scene import Array, Scene
+from .scene import Scene
 
 #: Columns of the face over those of a run. The first is taken by which cuts matter less than the finite library: the
 #: shorter the runs, the better it is known how realisations scatter.

@@ -91,10 +91,8 @@ def chosen_sampler(sampling: Sampling, scene: Scene, contact: str | None = None)
 def lay_out_windows(layout: Layout, partition: Partition, sampling: Sampling) -> tuple[SealWindows, ...]:
     """Windows of a face seal_windows out over the seal that is drawn, and over those of the other lengths.
 
-    Raises
-    ------
-    InputError : as the layout does; options of the sampling that do not go with it; lengths that are the same in whole
-        cells.
+    Raises InputError: as the layout does; options of the sampling that do not go with it; lengths that are the same in
+    whole cells.
     """
     every = tuple(
         _laid_out(layout, partition, replace(sampling, length=length))
@@ -137,10 +135,8 @@ def check_sampling(sampling: Sampling) -> None:
         raise InputError("sampler", sampling.sampler, f"one of {', '.join(DRAWS)}")
     if sampling.pressure not in PRESSURES:
         raise InputError("pressure", sampling.pressure, f"one of {', '.join(PRESSURES)}")
-    if sampling.sampler_of_links == "block" and sampling.pressure != "place":
-        raise InputError("sampler", "block", "another one, or the pressure 'place', whose windows are neighbours")
-    if sampling.sampler_of_links == "runs" and sampling.pressure != "place":
-        raise InputError("sampler", "runs", "another one, or the pressure 'place', whose windows are neighbours")
+    if (links := sampling.sampler_of_links) in ("block", "runs") and sampling.pressure != "place":
+        raise InputError("sampler", links, "another one, or the pressure 'place', whose windows are neighbours")
     if sampling.breadth is not None and (sampling.pressure != "uniform" or not sampling.breadth > 0):
         raise InputError("breadth", sampling.breadth, "a length > 0 with the pressure 'uniform', none with others")
     if sampling.pressure != "uniform" and not is_uniform(sampling.pressure_map):

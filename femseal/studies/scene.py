@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ..base.arrays import Array
 from ..base.errors import InputError
 from ..base.quantities import to_text
 from ..base.stage import Mapper
@@ -28,8 +29,6 @@ from ..windows import FlowSettings, GlobalState, Partition, global_states
 from .choices import FLUID_PRESSURES, NOMINALS
 from .fluid_coupling import LEAST_FRACTION, FluidPressure
 from .place_contacts import contact_of_places
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

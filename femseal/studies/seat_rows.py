@@ -15,8 +15,8 @@ from functools import partial
 from operator import attrgetter
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ..base.arrays import Array
 from ..base.errors import NotConverged
 from ..contact import HalfSpace, load_states
 from ..loads import LoadProgramme, LoadStep
@@ -24,7 +24,6 @@ from ..topography.seat import Seat
 from .face_contact import band_breadth
 from .scene import Scene
 
-Array = NDArray[np.float64]
 #: Rows across the seat; pressures at which the layer is solved, in fractions of the highest, numbers of those from
 #: which it is unloaded, and fractions of them down to which.
 ROWS = 384
@@ -143,9 +142,7 @@ def plane_strain(rows: int, spacing: float, modulus: float) -> Array:
 def seat_rows(scene: Scene, seat: Seat, breadth: float) -> SeatRows:
     """Contact pressure of the rows across a seat of a breadth [m] at every step, the face of the scene being its layer.
 
-    Raises
-    ------
-    InputError : a form that is steeper than a half-space allows.
+    Raises InputError: a form that is steeper than a half-space allows.
     NotConverged : a contact failed.
     """
     spacing = breadth / ROWS

@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ..base.arrays import Array
 from ..base.errors import InputError
 from ..base.quantities import to_text
 from ..base.stage import Mapper, Stage
@@ -27,7 +28,7 @@ from .plausibility import scene_warnings
 from .repeated_steps import first_equal_draws, repeated
 from .run_chains import StateRuns, chained_seals
 from .sampling_options import Sampling, check_sampling, chosen_sampler, lay_out_windows
-from .scene import Array, Scene
+from .scene import Scene
 from .stochastic_result import StochasticResult
 from .two_scale import TwoScaleResult
 from .window_supply import FaceLibrary, Source, TablePressures, Tables, WindowRequest, WindowSupply

@@ -10,6 +10,7 @@ from typing import Any, ClassVar
 
 import numpy as np
 
+from ..base.arrays import Array
 from ..base.fields import REALISATION, ROW, STEP, Field, declared
 from ..base.text import Shown
 from ..library import LadderLibrary
@@ -18,7 +19,6 @@ from ..seal.laid_windows import DrawnSeal
 from ..windows import SolverCounts
 from .median_seal import MedianSeal
 from .place_leakage import PlaceLeakage
-from .scene import Array
 from .window_supply import FaceLibrary
 
 

@@ -4,14 +4,16 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from operator import attrgetter
 from typing import Any
 
+from ..base.arrays import Array
 from ..base.stage import Mapper
 from ..windows import Partition
 from .costs import Effort, count_pressures, count_rounds, deterministic_cost, stochastic_cost, two_scale_cost
 from .deterministic import DeterministicResult, deterministic
 from .sampling_options import Sampling, lay_out_windows
-from .scene import Array, Scene
+from .scene import Scene
 from .stochastic import stochastic
 from .stochastic_result import StochasticResult
 from .two_scale import TwoScaleResult, two_scale
@@ -129,10 +131,6 @@ def _cost_stochastic(
     return stochastic_cost(efforts, points, cells, sampling, seal, options.contact, pressures, rounds, places)
 
 
-def _own_leakage(result: DeterministicResult | TwoScaleResult) -> Array:
-    return result.leakage
-
-
 def _median_leakage(result: StochasticResult) -> Array:
     return result.quantile(0.5)
 
@@ -149,7 +147,7 @@ STUDIES: dict[str, Study] = {
             result=DeterministicResult,
             solve=_solve_deterministic,
             cost=_cost_deterministic,
-            leakage=_own_leakage,
+            leakage=attrgetter("leakage"),
         ),
         Study(
             name="two-scale",
@@ -158,7 +156,7 @@ STUDIES: dict[str, Study] = {
             result=TwoScaleResult,
             solve=_solve_two_scale,
             cost=_cost_two_scale,
-            leakage=_own_leakage,
+            leakage=attrgetter("leakage"),
             needs=("cells",),
         ),
         Study(

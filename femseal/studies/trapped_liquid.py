@@ -12,9 +12,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from ..base.arrays import Array
 from ..contact import HalfSpace
 
-Array = NDArray[np.float64]
 #: Fraction of a Newton step that is taken: pockets lift each other's rims. Largest step over the load.
 _DAMPING, _LARGEST_STEP = 0.7, 0.3
 #: The metal around a pocket flows under a liquid at its hardness. What would need more than this fraction escapes.
@@ -87,8 +87,6 @@ class PocketPressures:
     def next(self, gap: Array, is_pocket: NDArray[np.bool_], given: Array, around: Array) -> TrappedLiquid:
         """Pressures of pockets, and a step of Newton's method towards their amounts.
 
-        Parameters
-        ----------
         gap : (n1, n2) [m] under the pressure `given` (n1, n2) [Pa]. is_pocket : open points that no end reaches.
         around : pressure that a liquid has which does not keep its volume [Pa].
 

@@ -9,6 +9,7 @@ from typing import ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
+from ..base.arrays import Array
 from ..base.errors import InputError
 from ..base.fields import LINK1, LINK2, NODE, PIXEL, ROW, STEP, WINDOW, Field, declared
 from ..base.stage import Mapper, Stage
@@ -31,7 +32,7 @@ from .face_leakage import FaceLeakage, face_leakage
 from .place_leakage import PlaceLeakage, place_leakage
 from .plausibility import scene_warnings
 from .repeated_steps import first_equal, map_different, repeated
-from .scene import Array, Scene
+from .scene import Scene
 from .window_contacts import WindowContacts
 
 #: Largest number of pixels of a face whose flow is resolved unless chosen otherwise: that of 2048².
@@ -46,9 +47,7 @@ def chosen_flow(
     Elements are the resolved flow in a third of the memory and two to three times the time. They know links between
     pixels alone, which the discretisation "edge" has, and no grooves that wind.
 
-    Raises
-    ------
-    InputError : a flow that does not exist.
+    Raises InputError: a flow that does not exist.
     """
     if flow is None:
         if shape[0] * shape[1] <= RESOLVED_PIXELS:

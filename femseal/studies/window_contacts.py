@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ..base.arrays import Array
 from ..base.shared_array import shared_empty
 from ..base.stage import Mapper, Stage
 from ..contact import HalfSpace
@@ -20,7 +21,7 @@ from ..windows.window_contact import ContactHistory, body_standoff, separate
 from ..windows.window_fields import ContactPressure, WindowFields
 from .face_flow import resolved_flow
 from .face_leakage import FaceLeakage
-from .scene import Array, Scene
+from .scene import Scene
 
 #: Wavelength that divides the scales, in window sides: longer ones lose the pressure of features within windows.
 CUT_OFF_WINDOWS = 0.25

@@ -7,15 +7,15 @@ from itertools import pairwise
 
 import numpy as np
 
+from ..base.arrays import Array, Indices
 from ..base.errors import InputError
 from ..base.quantities import to_text
 from ..library.library import local_peaks
-from ..library.sampling import Index
 from ..loads import LoadProgramme
 from ..seal.laid_windows import SealWindows
 from ..seal.layouts import Layout
 from ..seal.pressure_map import AnyMap, MapsAtLoads, PressedSeal, PressureField, is_uniform
-from .scene import Array, Scene
+from .scene import Scene
 from .seat_rows import SeatMap, SeatRows
 
 #: Most paths of pressure for which every library window has its own curve, under one map and under several at different
@@ -43,9 +43,7 @@ def pressure_fractions(
 ) -> Array:
     """Pressure of the windows along an axis in fractions of the nominal one (steps, windows).
 
-    Raises
-    ------
-    InputError : the map does not cover the seal.
+    Raises InputError: the map does not cover the seal.
     """
     count = int(np.prod(seal_windows.draws[axis]))
     if is_uniform(pressure_map):
@@ -60,7 +58,7 @@ def pressure_fractions(
     return seal_for_maps(scene.layout, seal_windows).fractions(pressure_map, points, scene.steps.pressures)
 
 
-def distinct_paths(fractions: Array) -> tuple[Array, Index]:
+def distinct_paths(fractions: Array) -> tuple[Array, Indices]:
     """Distinct paths (steps, paths) of fractions (steps, n), and the number of the path of each (n,).
 
     If there are more than `MOST_PATHS`, or `MOST_OF_SEVERAL`, fractions are rounded in their cube root, in which ln k
@@ -105,7 +103,7 @@ def library_peaks(pressures: list[Array], steps: LoadProgramme) -> tuple[float, 
         ratio *= 1.1
 
 
-def _distinct(keys: Array, fractions: Array) -> tuple[Array, Index]:
+def _distinct(keys: Array, fractions: Array) -> tuple[Array, Indices]:
     """Groups of equal columns of keys, and the mean fraction in each."""
     _, first, number = np.unique(keys, axis=1, return_index=True, return_inverse=True)
     number = number.reshape(-1)
@@ -118,9 +116,7 @@ def _distinct(keys: Array, fractions: Array) -> tuple[Array, Index]:
 def check_map(scene: Scene, seal_windows: SealWindows, pressure_map: AnyMap | SeatMap) -> tuple[str, ...]:
     """Warnings on a map before a run.
 
-    Raises
-    ------
-    InputError : it does not cover the seal, or a window has more than the faces can carry.
+    Raises InputError: it does not cover the seal, or a window has more than the faces can carry.
     """
     if isinstance(pressure_map, SeatMap) or is_uniform(pressure_map):
         return ()

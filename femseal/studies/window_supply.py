@@ -6,6 +6,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
+from ..base.arrays import Array
 from ..base.stage import Mapper
 from ..base.text import Shown
 from ..flow.permeability_table import tabulated
@@ -15,7 +16,7 @@ from ..windows import Failed, Partition, SolveCounts
 from .place_leakage import PlaceLeakage
 from .run_chains import StateRuns
 from .sampling_options import Sampling
-from .scene import Array, Scene
+from .scene import Scene
 from .seat_rows import SeatRows
 from .two_scale import TwoScaleResult
 

@@ -9,30 +9,33 @@ from typing import Annotated
 import typer
 
 from ..execution.parts import parsed_part
-from ..execution.terminal import PartOption, ProgressBars, log_lines, print_table
+from ..execution.terminal import (
+    CasePath,
+    PartOption,
+    ProgressBars,
+    Quiet,
+    Scheduler,
+    Workers,
+    flag,
+    log_lines,
+    option,
+    print_table,
+)
 
 
 def sweep(
-    path: Annotated[Path, typer.Argument(metavar="CASE", help="Case file.")],
+    path: CasePath,
     keys: Annotated[
         list[str],
         typer.Argument(metavar="KEY=V1,V2 …", help="Values of dotted keys, such as material.hardness=3GPa,4GPa."),
     ],
-    output: Annotated[
-        Path | None, typer.Option("-o", "--output", help="Folder of all cases.", show_default="results/CASE-sweep")
-    ] = None,
-    resume: Annotated[
-        bool, typer.Option("--resume", help="Keep complete cases, and go on with the others.", show_default="off")
-    ] = False,
-    unit: Annotated[str | None, typer.Option(help="Unit of leakage.", show_default="as in the case")] = None,
+    output: Annotated[Path | None, option("Folder of all cases.", "results/CASE-sweep", "-o", "--output")] = None,
+    resume: Annotated[bool, flag("--resume", "Keep complete cases, and go on with the others.")] = False,
+    unit: Annotated[str | None, option("Unit of leakage.", "as in the case")] = None,
     part: PartOption = None,
-    workers: Annotated[int | None, typer.Option(help="Processes.", show_default="all cores")] = None,
-    scheduler: Annotated[
-        str | None, typer.Option(help='Address of a Dask scheduler, or "local".', show_default="none")
-    ] = None,
-    quiet: Annotated[
-        bool, typer.Option("--quiet", help="No progress, no log lines, no table.", show_default="off")
-    ] = False,
+    workers: Workers = None,
+    scheduler: Scheduler = None,
+    quiet: Quiet = False,
 ) -> None:
     """Run a case with every combination of the values of some keys; one table and one picture for all of them."""
     from .sweeping import sweep as over_all
@@ -63,10 +66,9 @@ def sweep(
 def compare(
     runs: Annotated[list[str], typer.Argument(metavar="DIR …", help="Results folders, each as DIR or as NAME=DIR.")],
     output: Annotated[
-        Path | None,
-        typer.Option("-o", "--output", help="Folder for comparison.csv and comparison.png.", show_default="none"),
+        Path | None, option("Folder for comparison.csv and comparison.png.", "none", "-o", "--output")
     ] = None,
-    unit: Annotated[str | None, typer.Option(help="Unit of leakage.", show_default="as in the cases")] = None,
+    unit: Annotated[str | None, option("Unit of leakage.", "as in the cases")] = None,
 ) -> None:
     """Compare the leakage of several finished runs in one table and one picture."""
     from ..results import compare as side_by_side

@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ..base.arrays import Array
 from ..base.errors import FemsealError, InputError
 from ..base.files import made_folder, write_text
 from ..base.leak_units import LeakUnit
@@ -22,7 +23,6 @@ from ..execution.lock import alone_in
 from ..execution.parts import Part, missing_parts, own_items, parts_of
 from ..runs import job
 
-Array = NDArray[np.float64]
 #: Solved scenes in a folder: all that a run has, and those of a part.
 SCENES, PART_SCENES = "scenes.json", "scenes-{}-of-{}.json"
 
@@ -58,15 +58,11 @@ class Scenes:
 
     A context in which no other run writes into the folder.
 
-    Parameters
-    ----------
     answer : file of the folder that says that all scenes are solved; it is removed at the start.
     identity : all that the leakages depend on, as text. resume : take the scenes that the folder has.
     part : solve a part of the scenes, while others may be at work on theirs; it takes those that the folder has.
 
-    Raises
-    ------
-    InputError : the folder has scenes of something else, or unfinished ones without `resume`.
+    Raises InputError: the folder has scenes of something else, or unfinished ones without `resume`.
     """
 
     def __init__(self, folder: Path | None, answer: str, identity: str, resume: bool, part: Part | None = None) -> None:
@@ -123,9 +119,7 @@ class Scenes:
     def solve(self, stage: Stage, mapper: Mapper, points: Array) -> Array:
         """Leakages (n, loads) of a stage of values (n, keys); each is written once it is solved.
 
-        Raises
-        ------
-        PartsMissing : a part has solved its scenes, others are not there.
+        Raises PartsMissing: a part has solved its scenes, others are not there.
         """
         wanted = [tuple(map(float, values)) for values in points]
         own = slice(*own_items(self._part or (1, 1), len(wanted)))

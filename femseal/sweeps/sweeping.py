@@ -21,7 +21,7 @@ from ..results.results import Results
 from ..results.run_comparison import RunComparison, compared
 from ..runs import job
 from ..runs.forecast import refuse_too_large
-from .variations import Variation, short_names, variations, with_setting
+from .variations import short_names, variations, with_setting
 
 log = logging.getLogger("femseal.sweeps")
 #: Subfolders of what the cases share: stages while the sweep is under way, and libraries of windows.
@@ -83,7 +83,10 @@ def sweep(
     report = progress or no_progress
     for n, variation in enumerate(cases):
         report("checked cases", n, len(cases))
-        _check(variation)
+        try:
+            refuse_too_large(variation.case, prepare(variation.case))
+        except InputError as error:
+            raise with_setting(error, variation.setting) from error
         if not resume:
             checkpoint.refuse_unfinished(folder / variation.name)
     with alone_in(made_folder(folder), part):
@@ -128,14 +131,6 @@ def sweep(
         if part is None:
             shutil.rmtree(folder / SHARED, ignore_errors=True)
     return found
-
-
-def _check(variation: Variation) -> None:
-    """Raise InputError, which names the case, for one that cannot be run."""
-    try:
-        refuse_too_large(variation.case, prepare(variation.case))
-    except InputError as error:
-        raise with_setting(error, variation.setting) from error
 
 
 def _with_library(case: Case, folder: Path) -> Case:

@@ -17,7 +17,6 @@ from ..case.case import Case, parse_case
 
 #: No sweep has more cases.
 MOST_CASES = 1000
-#: Faults in a message.
 #: Longest name of a folder, in characters.
 _LONGEST_NAME = 100
 _OPENING, _CLOSING, _QUOTES = "[{(", "]})", "\"'"
@@ -42,9 +41,7 @@ def parsed_keys(arguments: Sequence[str]) -> dict[str, list[Any]]:
 
     Values are those of TOML, and text without quotes is text: 3GPa is "3GPa", [4,8] a list of two numbers.
 
-    Raises
-    ------
-    InputError : a text without "=", a key without values, or a key that is given twice.
+    Raises InputError: a text without "=", a key without values, or a key that is given twice.
 
     >>> parsed_keys(["cells.count=[4, 8],[8,16]", "seed=1,2", "material.hardness=3 GPa"])
     {'cells.count': [[4, 8], [8, 16]], 'seed': [1, 2], 'material.hardness': ['3 GPa']}
@@ -88,15 +85,11 @@ def _value(text: str) -> Any:
 def variations(data: dict[str, Any], folder: Path, keys: Mapping[str, Sequence[Any]]) -> list[Variation]:
     """Every combination of the values, the first key slowest; all of them are checked.
 
-    Parameters
-    ----------
     data : the tables of the case. folder : of the case file, to which its paths are relative.
     keys : values of dotted keys such as "material.hardness"; "face.0.pitch" is in the first of several faces.
 
-    Raises
-    ------
-    InputError : no key, a key without values or with one value twice, a key that cannot be, more than `MOST_CASES`
-        cases, or a case that cannot be used; one line for each fault.
+    Raises InputError: no key, a key without values or with one value twice, a key that cannot be, more than
+    `MOST_CASES` cases, or a case that cannot be used; one line for each fault.
     """
     if not keys:
         raise InputError("sweep", "no key", "at least one key of the case with its values, such as seed=1,2,3")
@@ -122,7 +115,10 @@ def variations(data: dict[str, Any], folder: Path, keys: Mapping[str, Sequence[A
         except InputError as error:
             faults += [with_setting(fault, setting) for fault in getattr(error, "faults", (error,))]
             continue
-        name = _file_name("_".join(f"{short}={text}" for short, text in zip(shorts, texts, strict=True)))
+        # letters, numbers and few signs, not too long for a folder
+        name = "_".join(f"{short}={text}" for short, text in zip(shorts, texts, strict=True)).replace(" ", "")
+        name = re.sub(r"[^\w.=+-]+", "-", name).strip("-.")
+        name = name if len(name) <= _LONGEST_NAME else name[:_LONGEST_NAME].rstrip("-.")
         found.append(Variation(name, setting, tuple(texts), case))
     if faults:
         raise InputErrors(faults)
@@ -184,12 +180,6 @@ def _put(data: dict[str, Any], key: str, value: Any) -> None:
             inside[where] = value
         else:
             inside = inside[where] if isinstance(inside, list) else inside.setdefault(where, {})
-
-
-def _file_name(text: str) -> str:
-    """A text as the name of a folder: letters, numbers and few signs, not too long."""
-    name = re.sub(r"[^\w.=+-]+", "-", text.replace(" ", "")).strip("-.")
-    return name if len(name) <= _LONGEST_NAME else name[:_LONGEST_NAME].rstrip("-.")
 
 
 def _with_different_names(found: list[Variation]) -> list[Variation]:

@@ -153,14 +153,10 @@ def resolved_wave(size: tuple[float, float], shape: tuple[int, int]) -> float:
 def resolving_shape(size: tuple[float, float], wave: float, *, most: float = inf) -> tuple[int, int]:
     """Points along x1 and x2 at which a wave has 8 pixels or a little more, in numbers that transform fast.
 
-    Parameters
-    ----------
     size : of the face [m].
     wave : shortest wave that shall be kept [m].
     most : points of the grid at most, about: where the wave takes more, the pixels are wider.
 
-    Examples
-    --------
     >>> resolving_shape((1e-3, 2e-3), 8e-6), resolving_shape((1e-3, 2e-3), 8e-6, most=500_000)
     ((1000, 2000), (500, 1000))
     """

@@ -99,14 +99,10 @@ class Continuation:
 def continuation_of(flat: Topography, cut_off: float, *, longest: float | None = None, seed: Any = 0) -> Continuation:
     """How the spectrum of a flat map without undefined points goes on from where its power law ends to a cut-off.
 
-    Parameters
-    ----------
     flat : as measured. cut_off : shortest wavelength [m]. seed : whole number, or several, of the phases.
     longest : wave from which on measured ones are replaced [m], if not from the end of the law.
 
-    Raises
-    ------
-    InputError : no power law in the spectrum; a cut-off no shorter than the waves that are measured.
+    Raises InputError: no power law in the spectrum; a cut-off no shorter than the waves that are measured.
     """
     shortest = validate.number("continue_spectrum", cut_off, unit="m")
     law = spectrum(flat).law

@@ -19,8 +19,6 @@ ORDERS = "0 (mean), 1 (tilt) or 2 (tilt and curvature)"
 class Form:
     """A fitted polynomial surface.
 
-    Attributes
-    ----------
     coefficients : a_ij (3, 3) [m].
     shape, size : of the map it was fitted to, [-] and [m].
     """
@@ -62,9 +60,7 @@ def fit_form(heights: NDArray, size: tuple[float, float], order: int) -> Form:
     no design matrix of the size of the map. Where points do not fix a term (a single row), it is zero (least
     norm).
 
-    Raises
-    ------
-    InputError : order not 0, 1 or 2; no defined point.
+    Raises InputError: order not 0, 1 or 2; no defined point.
     """
     if order not in (0, 1, 2):
         raise InputError("order", repr(order), ORDERS)

@@ -23,14 +23,10 @@ _ARRAYS = (".npy", *TEXT)
 def read_mask(path: str | os.PathLike[str], shape: tuple[int, int]) -> NDArray[np.bool_]:
     """Undefined points (n1, n2) of a map, true where the file is not 0.
 
-    Parameters
-    ----------
     path : .png .tif .bmp .gif (any colour but black is not 0; transparency is left out), .npy, .csv .asc .txt.
     shape : of the heights as they lie in their file, x first.
 
-    Raises
-    ------
-    InputError : no such file, another kind, not readable, or not of the shape.
+    Raises InputError: no such file, another kind, not readable, or not of the shape.
     """
     path = Path(path)
     suffix = path.suffix.lower()

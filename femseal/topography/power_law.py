@@ -40,8 +40,6 @@ _ERROR = 1.6
 class PowerLaw:
     """C = density · (q/q_bend)^(−2−2H) between two wavelengths, q_bend at the longest, and C constant on a plateau.
 
-    Attributes
-    ----------
     hurst, hurst_error : H and its standard error [-]; the slope of log C over log q is −2−2H.
     longest, shortest : wavelengths between which the law holds [m].
     density : C at the longest [m⁴].

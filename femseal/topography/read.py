@@ -7,7 +7,6 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ..base import validate
 from ..base.errors import InputError
@@ -107,9 +106,7 @@ def read_for_a_look(
 ) -> Look:
     """The map, and why `read_topography` refuses it: a pixel of 1 µm and heights in metres where nothing says them.
 
-    Raises
-    ------
-    InputError : an argument, or a file without heights that can be read.
+    Raises InputError: an argument, or a file without heights that can be read.
     """
     path = Path(path)
     if not path.is_file():
@@ -126,7 +123,11 @@ def read_for_a_look(
     if size is not None and spacing is not None:
         raise InputError("size, spacing", "both", "one of the two")
     raw = _raw(path, Options(delimiter, array, channel))
-    heights, pixel, doubts = _masked(raw, mask, file_mask), raw.spacing, []
+    heights, pixel, doubts = raw.heights, raw.spacing, []
+    if raw.mask is not None and file_mask:
+        heights = np.where(raw.mask, np.nan, heights)
+    if mask is not None:
+        heights = np.where(read_mask(mask, (heights.shape[0], heights.shape[1])), np.nan, heights)
     if transpose:
         heights, pixel = heights.T, pixel and pixel[::-1]
     if spacing is not None:
@@ -145,7 +146,11 @@ def read_for_a_look(
     unit = raw.height_unit if height_unit is None else to_si(f"1 {height_unit}", "m", "height_unit")
     if unit is None and suffix not in READERS:
         doubts.append(bad_file(path, "no unit of height in the file", "height_unit= such as 'um' (--height-unit)"))
-    whole = _checked(path, heights * (unit or 1.0), pixel if pixel and not no_pixel else (_ANY_PIXEL,) * 2, periodic)
+    known = pixel if pixel and not no_pixel else (_ANY_PIXEL, _ANY_PIXEL)
+    try:
+        whole = Topography(heights * (unit or 1.0), known, periodic)
+    except InputError as error:
+        raise InputError(f"{path}: {error.what}", error.given, error.expected) from None
     if not doubts:
         doubts += _implausible(path, whole, size is None and spacing is None, height_unit is None)
     masked_share = 0.0 if raw.mask is None or not file_mask else float(np.mean(raw.mask))
@@ -160,23 +165,6 @@ def _raw(path: Path, options: Options) -> Raw:
         raise bad_file(path, error.strerror or error, "a file that can be read") from None
     except MemoryError:
         raise bad_file(path, "more heights than fit into memory", "a smaller file, or a part of it") from None
-
-
-def _masked(raw: Raw, mask: str | os.PathLike[str] | None, file_mask: bool) -> NDArray[np.float64]:
-    """Heights with NaN under the mask of the file, if it counts, and under that of another file."""
-    heights = raw.heights
-    if raw.mask is not None and file_mask:
-        heights = np.where(raw.mask, np.nan, heights)
-    if mask is not None:
-        heights = np.where(read_mask(mask, (heights.shape[0], heights.shape[1])), np.nan, heights)
-    return heights
-
-
-def _checked(path: Path, heights: np.ndarray, pixel: tuple[float, float], periodic: tuple[bool, bool]) -> Topography:
-    try:
-        return Topography(heights, pixel, periodic)
-    except InputError as error:
-        raise InputError(f"{path}: {error.what}", error.given, error.expected) from None
 
 
 def _implausible(path: Path, topography: Topography, check_size: bool, check_heights: bool) -> list[InputError]:

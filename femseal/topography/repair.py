@@ -54,16 +54,12 @@ def repair(
 ) -> tuple[Topography, Repair]:
     """Flat map without spikes and without undefined points: both filled by the harmonic surface through their rims.
 
-    Parameters
-    ----------
     topography : as measured.
     spikes : threshold of `find_spikes` in robust standard deviations; infinite leaves them.
     max_undefined : largest fraction of points (0 to 1) that may be filled, spikes included.
     detrend : order of the form taken off, see `Topography.detrend`.
 
-    Raises
-    ------
-    InputError : more points to fill, or none that is defined; threshold not > 0; another order.
+    Raises InputError: more points to fill, or none that is defined; threshold not > 0; another order.
     """
     marked = topography.without_spikes(spikes)
     count = round((marked.undefined_fraction - topography.undefined_fraction) * topography.heights.size)
@@ -74,7 +70,7 @@ def repair(
     except TooManyUndefined as error:
         if topography.undefined_fraction > max_undefined:
             raise
-        raise error.with_spikes(count) from None
+        raise TooManyUndefined(error.fraction, error.limit, error.part, count) from None
     spiked = np.isnan(marked.heights) & ~np.isnan(topography.heights)
     removed = np.where(spiked, topography.heights - form.heights - flat.heights, 0.0)
     return flat, Repair(topography.undefined_fraction, count, form, removed)
@@ -112,8 +108,6 @@ class SpikeEffect:
 def spike_effect(flat: Topography, removed: NDArray[np.float64], wavelength: float) -> SpikeEffect:
     """Measure spikes that were filled.
 
-    Parameters
-    ----------
     flat : the map with spikes filled.
     removed : heights of the spikes above what they were filled with (n1, n2) [m], 0 elsewhere.
     wavelength : shortest one [m] that is kept of the map.

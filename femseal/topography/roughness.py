@@ -38,7 +38,8 @@ def roughness(flat: Topography) -> dict[str, Any]:
     along = [_of_profiles(flat, axis) for axis in (0, 1)]
     cut_offs = [profile[0] for profile in along]
     cut_off = max((c for c in cut_offs if c > 0), default=nan)
-    z = _smooth(flat, flat.heights, _short_cut_off(cut_off), (0, 1))
+    short = next((short for _, own, short in _SERIES if own == cut_off), nan)
+    z = _smooth(flat, flat.heights, short, (0, 1))
     z = z - _smooth(flat, z, cut_off, (0, 1))
     names = ("profile_cut_off", "ra", "rq", "rz", "rsk")
     areal = dict(zip(("sa", "sq", "ssk"), _moments(z.ravel()), strict=True))
@@ -70,10 +71,6 @@ def _smooth(flat: Topography, z: NDArray, cut_off: float, axes: tuple[int, ...])
         deviation = sqrt(log(2) / 2) / pi * cut_off / flat.spacing[axis]
         z = scipy.ndimage.gaussian_filter1d(z, deviation, axis, truncate=5.0) if cut_off > 0 else np.full(z.shape, nan)
     return z
-
-
-def _short_cut_off(cut_off: float) -> float:
-    return next((short for _, own, short in _SERIES if own == cut_off), nan)
 
 
 def _moments(z: NDArray) -> tuple[float, float, float]:

@@ -12,14 +12,13 @@ from pathlib import Path
 from typing import Any, ClassVar
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ..base.arrays import Array
 from ..base.errors import InputError
 from ..base.parameters import check_parameters, parameter
 from ..base.quantities import to_si, to_text
 from .topography import Topography
 
-Array = NDArray[np.float64]
 #: Largest slope of a form: a half-space is for slopes well below 1.
 MOST_SLOPE = 0.3
 #: Depth of a form in rms heights of the roughness below which it changes leakage by less than 0.5 % and is left out.
@@ -51,9 +50,7 @@ class Seat:
     def on(self, face: Topography) -> Topography:
         """The face with the form added to its heights.
 
-        Raises
-        ------
-        InputError : a form that is steeper than an elastic half-space allows.
+        Raises InputError: a form that is steeper than an elastic half-space allows.
         """
         below = self.rows_below(face.shape[0], face.spacing[0])
         return face.with_form(-below)
@@ -61,9 +58,7 @@ class Seat:
     def rows_below(self, rows: int, spacing: float) -> Array:
         """How deep rows across the seat (rows,), a spacing apart, lie below the highest one [m].
 
-        Raises
-        ------
-        InputError : a form that is steeper than an elastic half-space allows.
+        Raises InputError: a form that is steeper than an elastic half-space allows.
         """
         breadth = rows * spacing
         depth = self.depth(_rows(rows, spacing), breadth)

@@ -34,14 +34,10 @@ def find_spikes(heights: NDArray, threshold: float = SPIKES) -> NDArray[np.bool_
     kept, as is every summit that the instrument resolves. s is no less than its median over the map, nor than a
     step of quantised heights, and grows with the local slope.
 
-    Parameters
-    ----------
     heights : as measured; their form of second order is taken off first.
     threshold : > 0; infinite finds none.
 
-    Raises
-    ------
-    InputError : threshold not a number > 0.
+    Raises InputError: threshold not a number > 0.
     """
     if threshold == inf or np.isnan(heights).all():
         return np.zeros(heights.shape, dtype=bool)

@@ -157,7 +157,7 @@ class Topography(Plotted):
         return self.with_heights(np.where(find_spikes(self.heights, threshold), np.nan, self.heights))
 
     def fill_undefined(self, max_share: float = 0.05) -> Topography:
-        """Map with undefined points filled by the harmonic surface through their rims (`holes.py`).
+        """Map with undefined points filled by the harmonic surface through their rims (`undefined_points.py`).
 
         Raises
         ------

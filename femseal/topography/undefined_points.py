@@ -29,18 +29,16 @@ class TooManyUndefined(InputError):
 
     def __init__(self, fraction: float, limit: float, part: Part | None, spikes: int = 0) -> None:
         self.fraction, self.limit, self.part, self.spikes = fraction, limit, part, spikes
-        super().__init__("undefined points", f"{100 * fraction:.3g} %", self._expected())
+        largest = "no part of the map has so few"
+        if part is not None:
+            largest = f"the largest part with so few is crop = {part_text(part)} in [face]"
+        note = f"; {spikes} of them are spikes, which spikes=inf leaves alone" if spikes else ""
+        raised = "or raise the fraction that may be filled (max_undefined)"
+        expected = f"at most {100 * limit:.3g} %: {largest}, {raised}{note}"
+        super().__init__("undefined points", f"{100 * fraction:.3g} %", expected)
 
     def __reduce__(self) -> tuple[Any, ...]:
         return type(self), (self.fraction, self.limit, self.part, self.spikes)
-
-    def _expected(self) -> str:
-        largest = "no part of the map has so few"
-        if self.part is not None:
-            largest = f"the largest part with so few is crop = {part_text(self.part)} in [face]"
-        spikes = f"; {self.spikes} of them are spikes, which spikes=inf leaves alone" if self.spikes else ""
-        raised = "or raise the fraction that may be filled (max_undefined)"
-        return f"at most {100 * self.limit:.3g} %: {largest}, {raised}{spikes}"
 
     def from_origin(self, x1: float, x2: float) -> TooManyUndefined:
         """The same error about a map that was cropped before, from x1 and x2 [m] on: its part in the whole map."""
@@ -49,10 +47,6 @@ class TooManyUndefined(InputError):
         from1, to1, from2, to2 = self.part
         moved = (from1 + x1, to1 + x1, from2 + x2, to2 + x2)
         return TooManyUndefined(self.fraction, self.limit, moved, self.spikes)
-
-    def with_spikes(self, count: int) -> TooManyUndefined:
-        """The same error about points of which so many were taken for spikes."""
-        return TooManyUndefined(self.fraction, self.limit, self.part, count)
 
 
 def part_text(part: Part) -> str:
@@ -63,8 +57,6 @@ def part_text(part: Part) -> str:
 def largest_part(undefined: NDArray[np.bool_], spacing: tuple[float, float], limit: float) -> Part | None:
     """A large rectangle of which no more than the fraction `limit` is undefined; None without a useful one.
 
-    Parameters
-    ----------
     undefined : points (n1, n2).
     spacing : pixel [m].
     limit : 0 to 1; the rectangle keeps below it with a little to spare.

@@ -3,24 +3,21 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from typing import Any
 
 import numpy as np
 import scipy
 from numpy.typing import NDArray
 
+from ..base.arrays import Array
 from ..contact import ContactLaw, HalfSpace
-
-Array = NDArray[np.float64]
 
 
 def gap_error(
     gap: NDArray[np.floating],
     pressure: NDArray[np.floating],
     peak_pressure: NDArray[np.floating] | None = None,
-    *,
-    undeformed: Array,
-    half_space: HalfSpace,
-    law: ContactLaw,
+    **body: Any,
 ) -> float:
     """Rms difference between a gap and the gap that its pressure leaves on the whole half-space, over the rms gap [-].
 
@@ -29,19 +26,9 @@ def gap_error(
     v = Kp + h₁ and c = πE*/(4Δ). Measured on gaps stitched from windows, it is 1.0 to 2 times their error against
     deterministic gaps.
 
-    Parameters
-    ----------
-    gap, pressure : deformed gap [m] and contact pressure [Pa] of the whole face (n1, n2).
-    peak_pressure : contact pressure (n1, n2) [Pa] at the peak from which this state is unloaded; its points at the
-        hardness have yielded. None on loading.
-    undeformed : gap before any load (n1, n2) [m], up to a constant.
-    half_space : elastic body of the whole face. law : what its points can carry.
-
-    Returns
-    -------
-    The error; NaN where gap or pressure are not known everywhere.
+    Arguments are those of `corrected_gap`. NaN where gap or pressure are not known everywhere.
     """
-    corrected = corrected_gap(gap, pressure, peak_pressure, undeformed=undeformed, half_space=half_space, law=law)
+    corrected = corrected_gap(gap, pressure, peak_pressure, **body)
     return float("nan") if corrected is None else relative_difference(gap, corrected)
 
 
@@ -65,6 +52,12 @@ def corrected_gap(
     Measured on seven faces, the flow through it was within 0.1 % of that through the deterministic gap on six of them,
     where the flow through the stitched gap was off by factors up to 1.9; on the seventh it was off by 1.5 at most.
     None where gap or pressure are not known everywhere, or where no approach carries the load.
+
+    gap, pressure : deformed gap [m] and contact pressure [Pa] of the whole face (n1, n2).
+    peak_pressure : contact pressure (n1, n2) [Pa] at the peak from which this state is unloaded; its points at the
+    hardness have yielded. None on loading.
+    undeformed : gap before any load (n1, n2) [m], up to a constant.
+    half_space : elastic body of the whole face. law : what its points can carry.
     """
     if not (np.isfinite(gap).all() and np.isfinite(pressure).all()):
         return None

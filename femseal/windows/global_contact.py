@@ -14,13 +14,13 @@ from numpy.typing import NDArray
 from scipy.fft import dctn, idctn
 from scipy.sparse import csr_array
 
+from ..base.arrays import Array
 from ..base.stage import Mapper
 from ..contact import Contact, ContactLaw, HalfSpace, LoadState, load_states, solve_contact
 from ..loads import LoadProgramme, LoadStep
 from ..topography import Topography
 from .partition import Partition
 
-Array = NDArray[np.float64]
 #: Pixels of the global grid for the cut-off wavelength, or the fine grid's if those are fewer.
 PIXELS_PER_CUT_OFF = 8
 

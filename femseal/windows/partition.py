@@ -16,10 +16,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ..base.arrays import Array
 from ..base.errors import InputError
 from ..topography import Topography
 
-Array = NDArray[np.float64]
 #: How far a line of nodes may lie from its face, in window sides.
 MOST_LINE_SHIFT = 0.25
 #: Fraction of the height variance in the profile across the leakage from which on a face has ridges to avoid. Measured:
@@ -33,9 +33,7 @@ class Partition:
 
     lines : the m1 + 1 pixel rows on which the nodes lie, from 0 to n1; the faces between cells unless given.
 
-    Raises
-    ------
-    InputError : cells that do not divide the surface, several of fewer than 8 pixels, lines that do not rise.
+    Raises InputError: cells that do not divide the surface, several of fewer than 8 pixels, lines that do not rise.
     """
 
     shape: tuple[int, int]

@@ -8,12 +8,11 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from ..base.arrays import Array
 from ..contact import ContactLaw, HalfSpace, solve_contact
 from ..loads import LoadProgramme
 from .outcome import Failed, attempt
 from .window_fields import ContactValues
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)
@@ -56,15 +55,13 @@ def contact_history(
 ) -> ContactHistory:
     """Solve the contact of a window at every step of a load programme.
 
-    Parameters
-    ----------
     gap0 : undeformed gap (n1, n2) [m], or one for each step (steps, n1, n2) if a global contact shapes it.
     pressures : mean pressure of the window at each step [Pa].
     steps : the programme; an unloading step starts from the plastic deformation of its peak.
     half_space : elastic body and boundary kinds of the window.
     law : what every point of the window can carry.
     rigid_at_zero : treatment of a window without pressure. True: it keeps the given gap, which may be negative until
-        `separate`. False: it is brought to first touch.
+    `separate`. False: it is brought to first touch.
     """
     shape, n = half_space.shape, len(steps)
     gap = np.full((n, *shape), np.nan, np.float32)
@@ -126,8 +123,6 @@ def body_standoff(standoff: Array, load: Array, lowest: Array) -> Array:
     brings the body to first touch. The global contact of the smoothed face does not see the asperities: where nothing
     touches, its gap is too narrow by this distance.
 
-    Parameters
-    ----------
     standoff : `ContactHistory.standoff` of each window (steps, rows, columns) [m], NaN where unknown.
     load : mean pressure of each window (steps, rows, columns) [Pa].
     lowest : lowest gap of each window (steps, rows, columns) [m], NaN where unknown.

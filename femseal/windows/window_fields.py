@@ -57,8 +57,6 @@ class ContactPressure(NDArrayOperatorsMixin):
     Use it like an array that cannot be changed. Indexing computes the indexed steps only; arithmetic, methods and
     numpy functions compute the whole field.
 
-    Parameters
-    ----------
     partition : the cells of the face.
     windows : for every cell, row after row, its field at every step.
     """
@@ -121,12 +119,8 @@ class WindowFields(Shown):
 
     steps: LoadProgramme
     partition: Partition = field(repr=False)
-    gap: NDArray[np.float32] = field(
-        metadata={"unit": "m", "long_name": "deformed gap stitched from the windows", "dims": ("step", "x1", "x2")}
-    )
-    pressure: ContactPressure = field(
-        metadata={"unit": "Pa", "long_name": "contact pressure of the windows", "dims": ("step", "x1", "x2")}
-    )
+    gap: NDArray[np.float32] = field(metadata={"unit": "m", "long_name": "deformed gap stitched from the windows"})
+    pressure: ContactPressure = field(metadata={"unit": "Pa", "long_name": "contact pressure of the windows"})
 
     def __post_init__(self) -> None:
         gap = self.gap.view()

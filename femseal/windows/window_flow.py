@@ -10,6 +10,7 @@ from numba import njit
 from numpy.typing import ArrayLike, NDArray
 
 from ..base import validate
+from ..base.arrays import Array
 from ..flow import DarcyFlow, Permeability, cell_permeability
 from ..flow.cell import cell_flow, pixel_dissipation
 from ..flow.discretisation import check_discretisation
@@ -19,7 +20,6 @@ from ..flow.spiral import Spiral
 from .outcome import Failed, SolveCounts, SolverCounts, attempt
 from .partition import Partition
 
-Array = NDArray[np.float64]
 #: Below this ratio of rms gap variation to mean gap parallel plates are exact to 2e-4 whatever the lay.
 OPEN_RATIO = 0.005
 
@@ -48,9 +48,7 @@ class FlowSettings:
 
     spiral : how the grooves of a whole face wind, see `femseal.flow.spiral`; None for rings.
 
-    Raises
-    ------
-    InputError : an unknown solver or discretisation, or two that do not go together.
+    Raises InputError: an unknown solver or discretisation, or two that do not go together.
     """
 
     solver: str = "auto"
@@ -110,9 +108,7 @@ def window_permeability(
     Nearly parallel plates have that of their mean gap. `bounds` adds a lower and an upper bound for a gap constant on
     each pixel; for nearly parallel plates they are the harmonic and the arithmetic mean over the pixels.
 
-    Raises
-    ------
-    NotConverged : the linear solver failed.
+    Raises NotConverged: the linear solver failed.
     """
     settings = settings or FlowSettings()
     found = []
@@ -156,14 +152,10 @@ def window_dissipation(gap: ArrayLike, partition: Partition) -> Array:
     These windows tile the face. The sum over them is the conductance k L2/L1, with k of `cell_permeability` on periodic
     sides.
 
-    Parameters
-    ----------
     gap : (n1, n2) [m].
     partition : of the face.
 
-    Raises
-    ------
-    InputError : a gap that is negative, undefined or of another shape.
+    Raises InputError: a gap that is negative, undefined or of another shape.
     NotConverged : the linear solver failed.
     """
     h = validate.field("gap", gap, unit="m", shape=partition.shape)

@@ -16,12 +16,11 @@ from typing import Any
 
 import numpy as np
 import scipy.sparse as sp
-from numpy.typing import NDArray
 from scipy.sparse.linalg import splu
 
+from ...base.arrays import Array
 from ...base.errors import InputError, NotConverged
 
-Array = NDArray[np.float64]
 SOLVERS = ("auto", "direct", "amg")
 #: Unknowns up to which the factorisation of a mesh's matrix takes less time than multigrid. Factorisation against
 #: multigrid in ms on one core, P1, Q1, P2 and Q2: 20,000 unknowns 74:78, 58:61, 75:90, 61:76; 50,000 260:200, 160:150,
@@ -73,15 +72,11 @@ def solve_spd(
 ) -> LinearSolution:
     """Solve A x = b for a mesh by whichever solver is expected to be faster.
 
-    Parameters
-    ----------
     matrix, rhs, rtol, unit_drop : as in `solve_amg`.
     solver : "direct", "amg", or "auto": multigrid from 50,000 unknowns on. Where it fails, the factorisation is taken.
     largest_residual : as in `solve_direct`.
 
-    Raises
-    ------
-    InputError : an unknown solver.
+    Raises InputError: an unknown solver.
     NotConverged : as `solve_direct`.
     """
     if solver not in SOLVERS:
@@ -97,15 +92,11 @@ def solve_spd(
 def solve_direct(matrix: Any, rhs: Array, *, largest_residual: float = 1e-8) -> LinearSolution:
     """Solve A x = b by SuperLU with minimum degree ordering, A scaled to unit diagonal against its contrast.
 
-    Parameters
-    ----------
     matrix : (n, n) symmetric positive definite, sparse.
     rhs : (n,) or (n, m).
     largest_residual : ‖b − Ax‖/‖b‖ of the scaled system that is allowed.
 
-    Raises
-    ------
-    NotConverged : the factorisation failed, or its residual is too large.
+    Raises NotConverged: the factorisation failed, or its residual is too large.
     """
     a = sp.csc_array(matrix)
     scale = 1 / np.sqrt(a.diagonal())
@@ -129,18 +120,14 @@ def solve_amg(matrix: Any, rhs: Array, *, rtol: float, unit_drop: bool = False) 
     the flow, or 0.003 rtol where that is more. Both are checked again with the residual of x itself, taken from
     differences of x, in which large entries of A do not hide small ones.
 
-    Parameters
-    ----------
     matrix : (n, n) symmetric positive semidefinite, sparse; rows of zeros only are allowed where b is 0 as well.
     rhs : (n,) or (n, m).
     rtol : error of x in the norm of the energy that is allowed, relative to the energy. The energy itself, and so the
-        flow for a unit drop, errs by the square of it.
+    flow for a unit drop, errs by the square of it.
     unit_drop : x is a potential between 0 and 1 for a unit drop, and b has the conductances with the nodes at 1. The
-        energy is then the flow Σb − b·x, and otherwise b·x.
+    energy is then the flow Σb − b·x, and otherwise b·x.
 
-    Raises
-    ------
-    NotConverged : the iteration stalled, or its error estimate was not confirmed.
+    Raises NotConverged: the iteration stalled, or its error estimate was not confirmed.
     """
     a = sp.csr_matrix(matrix, copy=True)
     a.sum_duplicates()

@@ -16,6 +16,7 @@ from numba import njit
 from numpy.typing import NDArray
 
 from ...base import validate
+from ...base.arrays import Array, Flags
 from ...base.errors import InputError, NotConverged
 from ..balance import energy_gap
 from ..dead_ends import dead_ends, fill_dead_ends
@@ -28,8 +29,6 @@ from .hierarchy import coarsest_nodes
 from .link_network import eliminate, island_potentials
 from .multigrid import COARSEST_NODES, solve_multigrid
 
-Array = NDArray[np.float64]
-Flags = NDArray[np.bool_]
 #: Largest number of nodes of a network for which elimination may be the first choice (about 4 GB at the limit).
 ELIMINATED_NODES = 5_000_000
 #: About so many rows of links are sampled to estimate their contrast.

@@ -8,10 +8,10 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
+from ...base.arrays import Array
 from .elimination import Factors, borders, carry_sources, eliminated, find_potentials
 from .link_network import dissect, grid_links
 
-Array = NDArray[np.float64]
 #: What the centre has beyond all conductances is taken for a rounding error below this fraction.
 _ROUNDING = 1e-13
 

@@ -16,10 +16,9 @@ from typing import Any, NamedTuple
 
 import numpy as np
 from numba import njit
-from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
-Indices = NDArray[np.int64]
+from ...base.arrays import Array, Indices
+
 #: Pivots eliminated one by one before what follows takes them as one product of matrices.
 _PANEL = 32
 #: Multiplications from which a product of matrices is left to BLAS.

@@ -17,10 +17,10 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
+from ...base.arrays import Array
 from .clusters import clusters
 from .compiled import COMPILED
 
-Array = NDArray[np.float64]
 #: Nodes of an axis at which coarsening ends.
 FEWEST = 4
 #: Coarsening also ends where so small a fraction of the nodes is left: their elimination costs less than the iterations

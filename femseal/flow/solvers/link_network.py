@@ -7,15 +7,12 @@ from __future__ import annotations
 
 import numpy as np
 from numba import njit
-from numpy.typing import NDArray
 
+from ...base.arrays import Array, Flags, Indices
 from ..percolation import find, union
 from ..stencil import Stencil
 from .elimination import Factors, Links, Order, factored, find_potentials
 
-Array = NDArray[np.float64]
-Indices = NDArray[np.int64]
-Flags = NDArray[np.bool_]
 #: Boxes of about so many nodes are not cut any further; deepest nesting of boxes.
 _LEAF, _DEEPEST = 12, 400
 _NOTHING = np.zeros((0, 0))
@@ -26,14 +23,12 @@ def eliminate(
 ) -> tuple[float, Array, Array]:
     """Conductance between inlet and outlet, and of each inner node the potential φ and 1 − φ (n1 − 1, n2).
 
-    Parameters
-    ----------
     c1 (n1, n2), c2 (n1 − 1, n2 or n2 − 1) : conductances of the links as in `Stencil`; those of c1 to the ends are
-        not used. ring : whether the columns form one.
+    not used. ring : whether the columns form one.
     keep (n1 − 1, n2) : nodes to solve for, which both ends have to reach; others get φ = 0 and 1 − φ = 0, and links to
-        them count as closed.
+    them count as closed.
     node, end, link : nodes (row · n2 + column) with links to an end, 0 the inlet with φ = 1, 1 the outlet with φ = 0,
-        and their conductances.
+    and their conductances.
     """
     order, factors = grid_factors(c1, c2, _NOTHING, _NOTHING, keep, ring, node, end, link, 2)
     n = order.nodes.size
@@ -50,16 +45,12 @@ def eliminate(
 def condense(c1: Array, c2: Array) -> tuple[Array, Indices]:
     """Links between the side points of a window, and the component to which each of them belongs inside the window.
 
-    Parameters
-    ----------
     c1 (w1 + 1, w2), c2 (w1, w2 + 1) : conductances of the links along both axes of w1 × w2 nodes; the first and the
-        last ones along an axis lead to the points of the window's sides.
+    last ones along an axis lead to the points of the window's sides.
 
-    Returns
-    -------
-    links (p, p) of the p = 2 w1 + 2 w2 side points: those before the first row of nodes, after the last row, before the
-        first column, and after the last column. Symmetric, >= 0, 0 on the diagonal: the Schur complement. Two side
-        points are linked only if open links inside the window join them.
+    Returns links (p, p) of the p = 2 w1 + 2 w2 side points: those before the first row of nodes, after the last row,
+    before the first column, and after the last column. Symmetric, >= 0, 0 on the diagonal: the Schur complement. Two
+    side points are linked only if open links inside the window join them.
     component (p,) : side points with the same number are joined by open links.
     Source: Guyan, AIAA J. 3, 1965, 380 (static condensation).
     """
@@ -107,8 +98,6 @@ def island_potentials(stencil: Stencil, hidden: Flags, φ: Array) -> tuple[Array
 
     A neighbour of known potential φ acts as the inlet with the fraction φ of its link and as the outlet with 1 − φ.
 
-    Parameters
-    ----------
     stencil : of a network, without nodes that are not connected to both ends.
     hidden : nodes that only very narrow links connect with the others, whose potential is wanted.
     φ : potential of the others.
