@@ -136,7 +136,7 @@ def design(
     yields = bool(np.isfinite(float(data.attrs["hardness_Pa"])))
     variants, turned, notes = Variants(hardness_counts=yields), None, _notes(seals, probability, results)
     if case is None and solve:
-        notes.append("of results nothing is solved again: femseal design CASE.toml gives the hardness and the turned face too")
+        notes.append("of results nothing is solved again: femseal design CASE.toml gives hardness and turned face too")
     if case is not None and solve and np.isfinite(place[1]):
         solver = Solver(case, results, workers, shown)
         if (former := json.loads(data.attrs["versions"]).get("femseal")) != versions()["femseal"]:
