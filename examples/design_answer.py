@@ -24,7 +24,7 @@ if __name__ == "__main__":
 
     try:
         folder = Path(sys.argv[1] if len(sys.argv) > 1 else "results/turned_seal")
-        answer = fs.design(fs.open_results(folder), classes=sys.argv[2:] or ["1000 mg/(m·s)", "300 mg/(m·s)"])
+        answer = fs.design(fs.open_results(folder), classes=sys.argv[2:] or ["1000 mg/(m·s)", "500 mg/(m·s)"])
     except fs.InputError as error:
         sys.exit(f"{error}\nusage: python design_answer.py DIR CLASS …")
     rich.print(answer.table())

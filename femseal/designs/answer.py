@@ -113,8 +113,9 @@ def design(
     seals = Seals.of_results(results)
     if case is None and (lacking := [q for q in extra if not np.isclose(q, seals.steps.unload_from, rtol=1e-9).any()]):
         peaks = ", ".join(to_text(peak, "Pa") for peak in seals.steps.unload_from) or "none"
-        expected = f"those that the run is unloaded from, {peaks}; others are solved of the case instead of results"
-        raise InputError("assembly", ", ".join(to_text(q, "Pa") for q in lacking), expected)
+        wanted_too = ", ".join(to_text(q, "Pa") for q in lacking)
+        how = f"others take a solution: femseal design CASE.toml --assembly '{wanted_too.split(', ')[0]}'"
+        raise InputError("assembly", wanted_too, f"those that the run is unloaded from, {peaks}; {how}")
     if not seals.count:
         raise InputError("results", "no seal whose leakage is known at every load", "results without such failures")
     data = results.dataset
@@ -129,7 +130,7 @@ def design(
     yields = bool(np.isfinite(float(data.attrs["hardness_Pa"])))
     variants, turned, notes = Variants(hardness_counts=yields), None, _notes(seals, probability, results)
     if case is None and solve:
-        notes.append("of results nothing is solved again: the case in their place gives hardness and turned face too")
+        notes.append("of results nothing is solved again: femseal design CASE.toml gives hardness and turned face too")
     if case is not None and solve and np.isfinite(place[1]):
         solver = Solver(case, results, workers, shown)
         if (former := json.loads(data.attrs["versions"]).get("femseal")) != versions()["femseal"]:
