@@ -166,15 +166,14 @@ def test_rows_of_a_test_are_steps_of_the_case(case, tmp_path):
 
 BAD = [
     (HEAD, "without rows"),
-    ("pressure [MPa], branch, leakage\n" + ROWS, "leakage_unit"),
+    ("pressure [MPa], branch, leakage\n" + ROWS, "leakage' without a unit"),
     ("pressure [MPa], branch, leakage [bar]\n" + ROWS, "leakage_unit"),
     ("pressure [MPa], branch, leakage [mbar·L/s]\n" + ROWS, "for a liquid"),
     ("pressure [mm], branch, leakage [m²/s]\n" + ROWS, "column pressure"),
-    ("pressure, branch, leakage [m²/s]\n" + ROWS, "column pressure"),
+    ("pressure, branch, leakage [m²/s]\n" + ROWS, "'pressure' without a unit"),
     ("pressure [MPa], temperature [°C], leakage [m²/s]\n" + ROWS, "temperature"),
     ("pressure [MPa], branch, pressure [bar]\n" + ROWS, "twice"),
     ("branch, leakage [m²/s]\nloading, 1\n", "columns"),
-    ("pressure [MPa], leakage\n50, 1\n", "without a unit"),
     (HEAD + ROWS + "60, up, 1e-5\n", "line 6: branch: given 'up', expected loading or unloading"),
     (HEAD + ROWS + "700, loading, 1e-5\n", "line 6: load: given 700 MPa, expected a load of the case"),
     (HEAD + ROWS + "10, unloading, 1e-5\n", "from 50 MPa to 600 MPa"),
