@@ -290,7 +290,7 @@ def test_tensors_that_are_refused():
     seal = fs.RectangularSeal((1.0, 1.0), (2, 3))
     k = np.broadcast_to(np.eye(2), (2, 3, 2, 2))
     for given, options, words in (
-        (k, {"bounds": True}, "bounds: given true with tensors"),
+        (k, {"bounds": True}, "bounds: given true with elements"),
         (k, {"solver": "elimination"}, "nine points"),
         (-k, {}, "negative principal value"),
         (k + np.array([[0, 1], [0, 0]]), {}, "not symmetric"),

@@ -191,7 +191,7 @@ def meant_in(text: str, message: str) -> str:
         return ""
     key, value = line.groups()
     plain = re.fullmatch(r"([-+]?\d+),(\d+)", value)
-    return f"; perhaps meant: {key} = " + (f"{plain[1]}.{plain[2]}" if plain else f'"{value}"')
+    return shortened(f"; perhaps meant: {key} = " + (f"{plain[1]}.{plain[2]}" if plain else f'"{value}"'))
 
 
 def _with_line(found: InputError, lines: dict[str, int]) -> InputError:
