@@ -10,39 +10,42 @@ import typer
 
 from ..base.errors import FemsealError
 from ..execution.parts import parsed_part
-from ..execution.terminal import PartOption, ProgressBars, log_lines, print_table
+from ..execution.terminal import (
+    CasePath,
+    PartOption,
+    ProgressBars,
+    Quiet,
+    Scheduler,
+    Workers,
+    flag,
+    log_lines,
+    option,
+    print_table,
+)
 
 
 def calibrate(
-    path: Annotated[Path, typer.Argument(metavar="CASE", help="Case file.")],
+    path: CasePath,
     data: Annotated[Path, typer.Argument(metavar="DATA.csv", help="Columns of a leak test: load, branch, leakage.")],
-    output: Annotated[
-        Path | None, typer.Option("-o", "--output", help="Folder.", show_default="results/CASE-calibrated")
-    ] = None,
+    output: Annotated[Path | None, option("Folder.", "results/CASE-calibrated", "-o", "--output")] = None,
     hardness: Annotated[
         tuple[str, str] | None,
-        typer.Option(help="Range of the prior, such as '2 GPa' '5 GPa'.", show_default="a third to 3 times the case's"),
+        option("Range of the prior, such as '2 GPa' '5 GPa'.", "a third to 3 times the case's"),
     ] = None,
     shortest_wave: Annotated[
         tuple[str, str] | None,
-        typer.Option(help="Range of the prior, such as '4 um' '20 um'.", show_default="8 pixels to 3 times the case's"),
+        option("Range of the prior, such as '4 um' '20 um'.", "8 pixels to 3 times the case's"),
     ] = None,
     factor: Annotated[
         tuple[float, float], typer.Option(help="Range of the prior of the factor between test and model.")
     ] = (0.2, 5.0),
     error: Annotated[str, typer.Option(help="Relative error of a measured leakage.")] = "10 %",
     scenes: Annotated[int, typer.Option(help="Scenes that are solved at most.")] = 40,
-    resume: Annotated[
-        bool, typer.Option("--resume", help="Take the scenes that the folder has.", show_default="off")
-    ] = False,
+    resume: Annotated[bool, flag("--resume", "Take the scenes that the folder has.")] = False,
     part: PartOption = None,
-    workers: Annotated[int | None, typer.Option(help="Processes.", show_default="all cores")] = None,
-    scheduler: Annotated[
-        str | None, typer.Option(help='Address of a Dask scheduler, or "local".', show_default="none")
-    ] = None,
-    quiet: Annotated[
-        bool, typer.Option("--quiet", help="No progress, no log lines, no tables.", show_default="off")
-    ] = False,
+    workers: Workers = None,
+    scheduler: Scheduler = None,
+    quiet: Quiet = False,
 ) -> None:
     """Find hardness, shortest wave and the factor between model and test from a measured curve of leakage."""
     from .calibrating import CASE_FILE

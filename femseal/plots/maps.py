@@ -105,15 +105,12 @@ def seal_figure(results: RunData, step: int | None = None, gaps: Sequence[Array]
     return sheet.figure
 
 
-def place_figure(data: xarray.Dataset, step: int | None = None) -> Figure:
-    """Heights of the measured place that leaks most, and its gap at one step where the flow was resolved.
-
-    step : index of the load step; the highest load that still leaks unless given.
-    """
+def place_figure(data: xarray.Dataset) -> Figure:
+    """Heights of the measured place that leaks most, and its gap at the highest load that leaks where it is known."""
     size = _sides(data, "place1", "place2")
     gaps = "place_gap" in data
     sheet = Sheet([map_row(size)], columns=2 if gaps else 1)
-    heights, s = data["place_height"], default_step(data) if step is None else step
+    heights, s = data["place_height"], default_step(data)
     height_panel(sheet.panel(0, 0, MAP), heights.values * 1e6, size, f"place {heights.attrs['place']}: height [µm]")
     if gaps:
         title = f"gap [µm] at {data['name'].values[s]}; grey: contact"

@@ -117,6 +117,14 @@ def check_size(name: str, size: float, unit: str = "") -> None:
         raise InputError(name, given, f"from {to_text(low, 'm')} to {to_text(high, 'm')}: is its unit right?")
 
 
+def check_ring(inner: float, outer: float, inlet: str) -> None:
+    """Raise InputError if radii [m] do not increase, or another than the inner or the outer one is the inlet."""
+    if not outer > inner:
+        raise InputError("outer_radius", f"{outer:g} m", f"a number > the inner radius, {inner:g} m")
+    if inlet not in ("inner", "outer"):
+        raise InputError("inlet", repr(inlet), "'inner' or 'outer'")
+
+
 def _lead(given: Mapping[str, Any]) -> float:
     """Lead of a spiral times its starts [m]; InputError where either cannot be used."""
     starts = given.get("starts", 1)

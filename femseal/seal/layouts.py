@@ -16,7 +16,7 @@ from ..base import validate
 from ..base.errors import InputError
 from ..base.parameters import check_parameters, parameter
 from ..base.quantities import to_si, to_text
-from .lay import Lay, check_size
+from .lay import Lay, check_ring, check_size
 from .pressure_map import Frame
 
 if TYPE_CHECKING:
@@ -109,11 +109,7 @@ class AnnularLayout:
         object.__setattr__(self, "lay", Lay(name="circumferential") if lay.name == "spiral" and not lay.lead else lay)
         if self.lay.file is not None:
             raise InputError("lay", f"'{self.lay}' on a ring", "a field on a mesh only")
-        if not self.outer_radius > self.inner_radius:
-            expected = f"a number > the inner radius, {self.inner_radius:g} m"
-            raise InputError("outer_radius", f"{self.outer_radius:g} m", expected)
-        if self.inlet not in ("inner", "outer"):
-            raise InputError("inlet", repr(self.inlet), "'inner' or 'outer'")
+        check_ring(self.inner_radius, self.outer_radius, self.inlet)
         self.lay.check_lead(self.outer_radius - self.inner_radius)
         check_size("outer_radius", 2 * self.outer_radius)
 

@@ -19,6 +19,7 @@ from ..base.arrays import Array
 from ..base.errors import InputError
 from ..flow.grid import Grid
 from ..flow.solution import DarcyFlow
+from .lay import check_ring
 from .structured import StructuredSeal
 
 
@@ -127,13 +128,10 @@ class AnnularSeal(StructuredSeal):
         inner, outer = (
             validate.number(name, getattr(self, name), unit="m") for name in ("inner_radius", "outer_radius")
         )
-        if not outer > inner:
-            raise InputError("outer_radius", f"{outer:g} m", f"a number > the inner radius, {inner:g} m")
+        check_ring(inner, outer, self.inlet)
         object.__setattr__(self, "inner_radius", inner)
         object.__setattr__(self, "outer_radius", outer)
         object.__setattr__(self, "cells", validate.grid("cells", self.cells))
-        if self.inlet not in ("inner", "outer"):
-            raise InputError("inlet", repr(self.inlet), "'inner' or 'outer'")
         breadth = outer - inner
         rows = self.rows or np.linspace(0.0, breadth, self.cells[0] + 1)
         object.__setattr__(self, "rows", _rows(rows, breadth, self.cells[0]))
