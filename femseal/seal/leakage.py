@@ -53,6 +53,7 @@ def seal_leakage(
     outlet_pressure: float = 0.0,
     bounds: bool = False,
     solver: str = "auto",
+    rtol: float = 1e-5,
 ) -> Leakage:
     """Leakage of a seal, ∇·(k∇φ) = 0 in the pressure potential φ of the fluid; exactly 0 without an open
     path.
@@ -74,6 +75,7 @@ def seal_leakage(
         each element. Not with elements of structured seals, nor with pressures of inlets: the flow out of one of
         several boundaries is no energy.
     solver : of the linear system, see `femseal.flow.solve_flow`; on meshes "auto", "direct" or "amg".
+    rtol : relative error of the rate at which permeabilities that depend on the pressure have settled.
 
     Returns
     -------
@@ -106,7 +108,9 @@ def seal_leakage(
     if isinstance(permeability, PermeabilityTable):
         assert inlet_pressure is not None  # it has a potential
         ends = {"inlet": float(inlet_pressure), "outlet": float(outlet_pressure)}
-        flow, local = pressure_dependent_flow(seal, permeability, fluid, **ends, bounds=bounds, solver=solver)
+        flow, local = pressure_dependent_flow(
+            seal, permeability, fluid, **ends, bounds=bounds, solver=solver, rtol=rtol
+        )
     else:
         flow = seal.flow(permeability, bounds=bounds, solver=solver)
     drop = φ_in - φ_out

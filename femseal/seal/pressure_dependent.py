@@ -23,9 +23,6 @@ from ..flow.solution import DarcyFlow
 from .shapes import Seal
 from .structured import StructuredSeal, element_tensors
 
-#: Relative error at which the fixed point ends.
-RTOL = 1e-5
-
 
 def pressure_dependent_flow(
     seal: Seal,
@@ -36,10 +33,11 @@ def pressure_dependent_flow(
     outlet: float,
     bounds: bool = False,
     solver: str = "auto",
+    rtol: float,
 ) -> tuple[DarcyFlow, Any]:
     """Flow through a seal for a unit drop of the viscous potential φ, and the permeability of each part.
 
-    seal, fluid, bounds, solver : as in `seal_leakage`; bounds are those with the permeabilities of the solution.
+    seal, fluid, bounds, solver, rtol : as in `seal_leakage`; bounds are those with the permeabilities of the solution.
     table : permeability at several pressures. inlet, outlet : pressures of the ends [Pa].
 
     Returns the flow, its potential as fraction of the drop of φ, and the permeabilities with which φ has this flow
@@ -68,7 +66,7 @@ def pressure_dependent_flow(
 
     # along a uniform seal the potential falls evenly
     first = np.linspace(1, 0, len(seal.grid.lines1))[:, None] if isinstance(seal, StructuredSeal) else 0.5
-    solved = fixed_point(permeability, solve, first, rtol=RTOL, name="flow through a seal")
+    solved = fixed_point(permeability, solve, first, rtol=rtol, name="flow through a seal")
     flow, local = solved.found, solved.coefficient
     if bounds:
         flow = seal.flow(local, bounds=True, solver=solver)

@@ -23,6 +23,9 @@ from .window_supply import TablePressures, Tables
 
 #: Values of one field, parts times load steps, above which no fields are kept.
 MOST_VALUES = 4_000_000
+#: Change of the leakage of a drawn seal between two solutions at which permeabilities that depend on the pressure have
+#: settled. The next solution changes it ten times less or more; realisations differ by a percent.
+DRAWN_RTOL = 1e-3
 #: Leakages below this fraction of the first one do not choose the median.
 _FLOOR = 1e-3
 
@@ -106,7 +109,7 @@ def median_seal(
     k, p, flux = (np.full((len(scene.steps), len(outlines), *plane), np.nan) for plane in ((), (), (2,)))
     for s in range(len(scene.steps)):
         given = permeability(s)
-        found = attempt(scene.leakage, seal_windows.seal, given)
+        found = attempt(scene.leakage, seal_windows.seal, given, DRAWN_RTOL)
         if not isinstance(found, Failed):
             at_solution = given if found.permeability is None else found.permeability
             k[s], p[s] = seal_windows.shown(at_solution, found.fluid_pressure)
