@@ -1,5 +1,6 @@
 """A fluid that presses the faces apart: contact under its pressure, coupled with the flow, in all studies."""
 
+import sys
 from dataclasses import replace
 
 import numpy as np
@@ -280,6 +281,17 @@ class TestStudies:
             assert np.isnan(drawn.leakage[:, [0, 2]]).all()
             assert (drawn.leakage[:, 1] > 0).all()
             assert sum("open: the faces part below" in text for text in drawn.failures) == 2
+
+    def test_drawn_seals_stop_at_a_small_error(self, monkeypatch):
+        one, sampling = scene(inlet_pressure=0.8 * 0.05 * H), Sampling(640e-6, 4, 8, 1, pressure="uniform")
+        found = stochastic(one, (4, 4), sampling)
+        shown = found.median_seal
+        monkeypatch.setattr(sys.modules["femseal.studies.stochastic"], "DRAWN_RTOL", 1e-9)
+        monkeypatch.setattr(sys.modules["femseal.studies.median_seal"], "DRAWN_RTOL", 1e-9)
+        settled = stochastic(one, (4, 4), sampling)
+        assert not np.array_equal(found.leakage, settled.leakage)
+        assert_allclose(found.leakage, settled.leakage, rtol=1e-3)
+        assert_allclose(shown.fluid_pressure, settled.median_seal.fluid_pressure, atol=1e-3 * one.inlet_pressure)
 
     def test_equal_windows_leak_as_the_mean_of_their_permeability_over_the_effective_pressure(self):
         """For one k(p̄) and a liquid, (1/p_in) ∫ k(p̄ − s) ds over 0 … p_in: a change of variable."""
