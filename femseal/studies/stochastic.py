@@ -22,7 +22,15 @@ from ..seal.link_windows import LinkWindows
 from ..windows import Failed, Partition, SolverCounts, attempt
 from .face_windows import windows_in_place
 from .ladder_windows import windows_under_global_contact, windows_under_uniform_pressure
-from .median_seal import DRAWN_RTOL, MOST_VALUES, drawn_permeability, median_chain, median_seal, nearest_to_median
+from .median_seal import (
+    DRAWN_RTOL,
+    MOST_VALUES,
+    RESAMPLED_RTOL,
+    drawn_permeability,
+    median_chain,
+    median_seal,
+    nearest_to_median,
+)
 from .place_leakage import PLACE_REALISATIONS, PlaceLeakage, kept_places
 from .plausibility import scene_warnings
 from .repeated_steps import first_equal_draws, repeated
@@ -291,7 +299,8 @@ def _realise(
             if first[s] < s:
                 leakage[kind, s] = leakage[kind, first[s]]
                 continue
-            found = attempt(scene.leakage, seal_windows.seal, permeability(s), DRAWN_RTOL)
+            rtol = RESAMPLED_RTOL if windows is True else DRAWN_RTOL
+            found = attempt(scene.leakage, seal_windows.seal, permeability(s), rtol)
             if isinstance(found, Failed):
                 failures.append(f"realisation {realisation}, {step.name}: {found.reason}")
             else:
