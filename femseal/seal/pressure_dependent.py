@@ -68,7 +68,7 @@ def pressure_dependent_flow(
     # along a uniform seal the potential falls evenly
     first = np.linspace(1, 0, len(seal.grid.lines1))[:, None] if isinstance(seal, StructuredSeal) else 0.5
     # where the bounds are asked for, they are those of a rate that was solved for
-    predict = partial(_next_rate, seal) if pair and isinstance(seal, StructuredSeal) and not bounds else None
+    predict = partial(next_rate, seal) if pair and isinstance(seal, StructuredSeal) and not bounds else None
     solved = fixed_point(permeability, solve, first, rtol=rtol, predict=predict, name="flow through a seal")
     flow, local, rate = solved.found, solved.coefficient, solved.rate
     if bounds:
@@ -91,7 +91,7 @@ def pressure_dependent_flow(
     return scaled, local * steeper[0].reshape(steeper[0].shape + (1,) * (local.ndim - steeper[0].ndim))
 
 
-def _next_rate(seal: StructuredSeal, flow: DarcyFlow, given: Any, following: Any) -> tuple[float, float]:
+def next_rate(seal: StructuredSeal, flow: DarcyFlow, given: Any, following: Any) -> tuple[float, float]:
     """Bounds of the flow with the following permeabilities of links, from the flow with those given.
 
     Its potential gives the upper one by Dirichlet's principle, its flux the lower one by Thomson's.
