@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from ..base.arrays import Array
 from ..base.fields import PIXEL, ROW, STEP, declared
+from ..base.shared_array import one_at_a_time
 from ..base.stage import Mapper
 from ..base.text import Shown
 from ..loads import LoadProgramme
@@ -119,7 +120,7 @@ def deterministic(scene: Scene, *, cells: tuple[int, int] | None = None, mapper:
         contact_pressure=windows.fields.pressure,
         fluid_pressure=through.fluid_pressure,
         carried_pressure=carried,
-        entry_pressure=scene.entry_pressures(gap),
+        entry_pressure=scene.entry_pressures(one_at_a_time(gap)),
         places=place_leakage(scene, gap, mapper),
         residual=float(residual.max()),
         failures=through.failures,
