@@ -21,6 +21,7 @@ import xarray
 from small_cases import TABLES
 
 import femseal as fs
+from femseal.base import shared_array
 from femseal.base.provenance import numerical_versions
 from femseal.base.stage import Stage
 from femseal.execution import checkpoint, store
@@ -354,6 +355,51 @@ def test_kills_besides_the_studies_leave_the_same_numbers(tmp_path):
             whole.attrs.pop(key, None)
         assert_same(whole, again)
         assert not (tmp_path / name / ".checkpoint").exists()
+
+
+#: A run whose states lie on disk, killed when the first of them is solved.
+ON_DISK = """
+import os, signal, sys
+import femseal as fs
+from femseal.base import shared_array
+from femseal.execution import store
+shared_array.PART_OF_MEMORY = store.SHARD_SECONDS = 0
+def progress(stage, done, total):
+    if stage.endswith("contact of the whole face") and done:
+        os.kill(os.getpid(), signal.SIGKILL)
+fs.run(sys.argv[1], sys.argv[2], workers=1, progress=progress)
+"""
+
+
+@pytest.mark.skipif(not hasattr(signal, "SIGKILL"), reason="no such signal")
+@pytest.mark.parametrize("method", ["deterministic", "two-scale"])
+@pytest.mark.parametrize("workers", [1, 2])
+def test_states_on_disk_go_on_from_the_last_one_with_the_bits_of_those_in_memory(
+    case, tmp_path, monkeypatch, method, workers
+):
+    text = case.read_text().replace('"stochastic"', f'"{method}"', 1).partition("[stochastic]")[0]
+    text = (
+        re.sub("compare = .*", "", text)
+        .replace('contact = "windows"', 'contact = "whole"')
+        .replace("links", "elements")
+    )
+    case.write_text(text + "[output]\npictures = false\nreport = false\n")
+    out = tmp_path / "out"
+    done = subprocess.run([sys.executable, "-c", ON_DISK, str(case), str(out)], timeout=HANG)
+    assert done.returncode == -signal.SIGKILL
+    assert [path.name for path in out.iterdir() if path.name not in (".checkpoint", "run.log", ".lock")] == []
+    assert [path.stem for path in (out / ".checkpoint").glob("*.shard")] == ["001-000000000-000000001"]
+    whole = fs.run(case, tmp_path / "whole", workers=1)
+    monkeypatch.setattr(shared_array, "PART_OF_MEMORY", 0)
+    again = fs.run(case, out, resume=True, workers=workers)
+    assert_same(whole.dataset, again.dataset)
+    for one, other in ((whole, again), (fs.open_results(tmp_path / "whole"), fs.open_results(out))):
+        for name in ("gap", "contact_pressure", "fluid_pressure"):
+            for step in range(len(whole.steps)):
+                np.testing.assert_array_equal(one.pixels(name, step), other.pixels(name, step))
+    for results, on_disk in ((whole, False), (again, True)):
+        gap = results.deterministic.gap if results.deterministic else results.two_scale.fields.gap
+        assert isinstance(gap, np.memmap) == on_disk
 
 
 def without_times(dataset):

@@ -111,6 +111,20 @@ def test_a_run_that_does_not_fit_is_refused_unless_the_case_says_so(data, memory
         fs.run(parse_case(data), workers=1)
 
 
+def test_large_states_take_disk_and_no_memory(data):
+    """Large is what takes more than a sixteenth of the memory that the case allows."""
+    ends = {}
+    for memory in ("2 GB", "1 MB"):
+        case = parse_case(data | {"memory": memory})
+        prepared = prepare(case)
+        ends[memory] = (
+            forecast(case, prepared, usual_efforts(len(prepared.scene.steps))).memory,
+            module.disk(case, prepared).checkpoint,
+        )
+    states = (4 + 4 + 1.125) * 64 * 96 * len(prepared.scene.steps)
+    assert_allclose(np.subtract(ends["2 GB"], ends["1 MB"]), [states, -states])
+
+
 def test_memory_is_no_part_of_the_results(data):
     assert parse_case(data | {"memory": "2 GB"}).echo() == parse_case(data).echo()
 

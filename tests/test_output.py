@@ -5,6 +5,7 @@ import io
 import json
 import os
 import re
+import tracemalloc
 import warnings
 from dataclasses import dataclass, fields, replace
 
@@ -15,6 +16,7 @@ import xarray
 from numpy.testing import assert_allclose, assert_array_equal
 from scipy import stats
 
+from femseal.base import shared_array
 from femseal.base.errors import FemsealError, InputError
 from femseal.base.fields import PART, PIXEL, REALISATION, STEP, WINDOW, declared
 from femseal.base.leak_units import leakage_unit
@@ -779,3 +781,25 @@ def test_cells_of_the_picture_are_called_as_results_takes_them(scene, studies):
         for text in labels:
             numbers = [int(n) for n in re.findall(r"\d+", text)]
             assert getattr(told, look)(*numbers).sizes
+
+
+def test_results_are_written_state_by_state(tmp_path, monkeypatch):
+    """Of states that lie on disk, results.nc and fields take the memory of a few, however many there are."""
+    monkeypatch.setattr(shared_array, "PART_OF_MEMORY", 0)
+    monkeypatch.setattr("femseal.results.variables.FIELD_BLOCKS", 8)
+    surface = self_affine((256, 256), (60e-6, 60e-6), hurst=0.8, rms_slope=0.15, roll_off=40e-6, rng=2)
+    loads = np.linspace(50e6, 800e6, 24)
+    scene = Scene(surface, 115e9, 1.4e9, Liquid(1e-3), 1e6, 0.0, loading=tuple(loads), rtol=1e-2)
+
+    def written(folder, steps):
+        shorter = replace(scene, loading=tuple(loads[:steps]))
+        study = deterministic(shorter)
+        tracemalloc.start()
+        save(assemble(shorter, deterministic=study), folder)
+        peak = tracemalloc.get_traced_memory()[1]
+        tracemalloc.stop()
+        return peak
+
+    written(tmp_path / "first", 1)  # loads packages
+    few, many = (written(tmp_path / str(steps), steps) for steps in (4, 24))
+    assert many - few < 4 * 4 * surface.heights.size, "four states of the twenty that are more"

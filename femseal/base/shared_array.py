@@ -1,18 +1,33 @@
-"""Arrays that the processes of a parallel map read and write by reference."""
+"""Arrays that the processes of a parallel map read and write by reference, and that lie on disk where they are large.
+
+A large array is a file of plain numbers, mapped into memory: one state after the other, each written and read as a
+whole or by windows. It needs no library and no packing, views of it are arrays as any, and processes open it by its
+name. The file has no name in its folder, so that it is gone with the run, also when that is killed: what a resumed run
+begins from are the shards of `execution.checkpoint`, of which a large state is one as soon as it is solved.
+"""
 
 from __future__ import annotations
 
 import math
+import mmap
 import os
+import tempfile
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from .machine import free_memory
+
 #: File descriptors of the shared arrays, for each active `sharing`.
 _shared: list[list[int]] = []
+#: Folder of large arrays, and the memory that a run may take [byte], for each active `storing`.
+_stores: list[tuple[Path | None, float]] = []
+#: Part of the memory that a run may take above which an array lies on disk.
+PART_OF_MEMORY = 1 / 16
 
 
 @contextmanager
@@ -26,20 +41,76 @@ def sharing() -> Iterator[None]:
             os.close(descriptor)
 
 
+@contextmanager
+def storing(folder: Path | None, memory: float | None = None) -> Iterator[None]:
+    """Context in which large arrays made by `shared_empty` lie in a folder; None for that of temporary files.
+
+    memory : that the run may take [byte]; what is free unless less is given.
+    """
+    _stores.append((folder, math.inf if memory is None else memory))
+    try:
+        yield
+    finally:
+        _stores.pop()
+
+
+def lies_on_disk(size: float) -> bool:
+    """Whether `shared_empty` puts an array of so many bytes on disk."""
+    return size > PART_OF_MEMORY * min(free_memory(), _stores[-1][1] if _stores else math.inf)
+
+
 def shared_empty(shape: tuple[int, ...], dtype: Any) -> NDArray[Any]:
-    """An array of undefined values, as `numpy.empty` gives it.
+    """An array of undefined values, as `numpy.empty` gives it; a mapped file where it is large, see `storing`.
 
     Within `sharing` on Linux, views of it are sent to processes and come back by reference: what a process writes is
-    written here. The memory is given back with the last view, also when the run is killed.
+    written here. Memory and file are given back with the last view, also when the run is killed.
     """
     size = math.prod(shape) * np.dtype(dtype).itemsize
-    if not _shared or not size or not hasattr(os, "memfd_create"):
+    on_disk = lies_on_disk(size)
+    if not size or not (on_disk or _shared) or (_shared and not hasattr(os, "memfd_create")):
         return np.empty(shape, dtype)
-    try:
-        descriptor = os.memfd_create("femseal")
-        _shared[-1].append(descriptor)
-        os.ftruncate(descriptor, size)
+    with suppress(OSError):  # this system has no such files, or no room for more of them
+        if not on_disk:
+            descriptor = os.memfd_create("femseal")
+            _shared[-1].append(descriptor)
+            os.ftruncate(descriptor, size)
+        else:
+            with tempfile.TemporaryFile(dir=_stores[-1][0] if _stores else None) as file:
+                # a page of a mapped file for which a disk has no room would end the process
+                (os.posix_fallocate if hasattr(os, "posix_fallocate") else _extended)(file.fileno(), 0, size)
+                if not _shared:
+                    return np.memmap(file, dtype, "r+", shape=shape)
+                descriptor = os.dup(file.fileno())
+                _shared[-1].append(descriptor)
         # joblib passes views of mapped files by the name of the file
         return np.memmap(f"/proc/{os.getpid()}/fd/{descriptor}", dtype, "r+", shape=shape)
-    except OSError:  # this system has no such files, or allows no more of them
-        return np.empty(shape, dtype)
+    return np.empty(shape, dtype)
+
+
+def put_aside(values: NDArray[Any]) -> NDArray[Any]:
+    """The values as a mapped file that is read-only; themselves where there are none, or no room for them."""
+    if not values.size:
+        return values
+    with suppress(OSError), tempfile.TemporaryFile(dir=_stores[-1][0] if _stores else None) as file:
+        file.write(values.data)
+        file.flush()
+        return np.memmap(file, values.dtype, "r", shape=values.shape)
+    return values
+
+
+def give_back(array: NDArray[Any]) -> None:
+    """Give back the memory of an array that lies in a file: what is in it stays there, and is read again when used."""
+    mapped = getattr(array, "_mmap", None)
+    if mapped is not None and hasattr(mmap, "MADV_DONTNEED"):
+        mapped.madvise(mmap.MADV_DONTNEED)
+
+
+def one_at_a_time(states: NDArray[Any]) -> Iterator[NDArray[Any]]:
+    """The arrays of all states, of which one that lies in a file takes memory while it is used."""
+    for state in states:
+        yield state
+        give_back(states)
+
+
+def _extended(descriptor: int, start: int, size: int) -> None:
+    os.ftruncate(descriptor, start + size)

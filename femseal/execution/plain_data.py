@@ -63,7 +63,7 @@ def _described(value: Any, kept: Callable[[bytes], int]) -> Any:
     raise TypeError(f"a {kind.__name__} is no plain data")
 
 
-def unpacked(data: bytes) -> Any:
+def unpacked(data: bytes | memoryview) -> Any:
     """The value of the bytes; arrays are copies. No constructor is called.
 
     Raises ValueError: the bytes are damaged, or of other classes than those in use.
@@ -71,7 +71,7 @@ def unpacked(data: bytes) -> Any:
     try:
         length = int.from_bytes(data[:_LENGTH], "little")
         text, content = data[_LENGTH : _LENGTH + length], memoryview(data)[_LENGTH + length :]
-        return _made(json.loads(text), content)
+        return _made(json.loads(bytes(text)), content)
     except (TypeError, LookupError, AttributeError, RecursionError, OverflowError, MemoryError) as error:
         raise ValueError(f"{type(error).__name__}: {error}") from None
 

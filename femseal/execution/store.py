@@ -39,7 +39,7 @@ def read_shard(path: Path, header: tuple[Any, ...]) -> list[bytes]:
 
     Raises OSError, ValueError: there is no such file, it is damaged, or it has another header.
     """
-    data = read_plain(path, free_memory())
+    data = memoryview(read_plain(path, free_memory()))
     size = hashlib.sha256().digest_size
     if hashlib.sha256(data[size:]).digest() != data[:size]:
         raise ValueError("checksum")

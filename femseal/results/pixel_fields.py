@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 from ..base.errors import InputError
 from ..base.fields import PIXEL, READABLE, Field, fields_of
 from ..base.quantities import to_text
+from ..base.shared_array import give_back
 from . import vtk_files
 from .selections import solved_steps, window
 
@@ -93,7 +94,12 @@ def write_fields(run: RunData, plan: FieldPlan, folder: Path) -> list[Path]:
 
 
 def _scaled(values: Any, scale: float, places: NDArray[np.int64]) -> vtk_files.PixelValues:
-    return lambda n: values[places[n]] * np.float32(scale)
+    def at(n: int) -> NDArray[np.float32]:
+        scaled = values[places[n]] * np.float32(scale)
+        give_back(values)
+        return scaled
+
+    return at
 
 
 def read_pixels(run: RunData, name: str, step: int, cell: tuple[int, int] | None = None) -> xarray.DataArray:

@@ -28,6 +28,7 @@ from ..base.fields import (
     fields_of,
 )
 from ..base.leak_units import LEAK_UNITS, LeakBasis
+from ..base.shared_array import one_at_a_time
 from ..budget import MODEL_PARTS, ErrorBudget, ErrorPart
 from ..library import LibraryTable
 from ..loads import LoadProgramme, LoadStep
@@ -189,7 +190,7 @@ def add_block_means(data: xarray.Dataset, scene: Scene, study: DeterministicResu
     for made, at_pixels in fields_of(study):
         if made.place == PIXEL:
             text, name = f"{made.long_name}, mean of each block", f"face_{made.name.removesuffix('_deterministic')}"
-            values = np.array([block_means(values, FIELD_BLOCKS) for values in at_pixels])
+            values = np.array([block_means(values, FIELD_BLOCKS) for values in one_at_a_time(at_pixels)])
             add(data, Field(name, made.unit, text, BLOCK), values)
 
 

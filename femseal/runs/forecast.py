@@ -12,6 +12,7 @@ import psutil
 from ..base.errors import InputError
 from ..base.machine import free_memory
 from ..base.quantities import to_text
+from ..base.shared_array import storing
 from ..base.text import duration
 from ..budget import model_changes, places_to_halve
 from ..case.case import Case
@@ -24,7 +25,7 @@ from ..report.case_text import contact_text, fluid_text, solids_text
 from ..results.pixel_fields import fields_size
 from ..studies import Sampling, Scene, count_face_windows, drop_ratio, lay_out_windows
 from ..studies.costs import Effort, usual_efforts
-from ..studies.deterministic import STEP_BYTES
+from ..studies.deterministic import STEP_BYTES, states_memory
 from ..studies.place_leakage import FEWEST
 from ..studies.window_pressures import describe_map
 from ..topography import Places
@@ -64,7 +65,7 @@ class Disk:
     """Expected sizes before compression [byte].
 
     fields : the fields over all pixels, at `steps` of the load steps. others : all other files. checkpoint : size of
-    the checkpoint during the run.
+    the checkpoint during the run, and of states that lie on disk.
     """
 
     fields: float
@@ -185,17 +186,18 @@ def forecast(case: Case, prepared: Prepared, known: tuple[Effort, ...] | None = 
     known : effort of each load step; found by a few contacts of a small part of the face unless given.
     """
     known = efforts(prepared.scene) if known is None else known
-    costs = [prepared.cost(study, known) for study in prepared.studies]
-    alone = replace(prepared, methods=frozenset({prepared.answer.name}))
-    if case.surface.filter_sensitivity:
-        costs.append(replace(alone, scene=without_short_waves(prepared)).cost(alone.answer, known))
-    for coarse in _budget_inputs(case, prepared):
-        efforts_of = tuple(known[prepared.scene.steps.index(step)] for step in coarse.scene.steps)
-        costs += [coarse.cost(study, efforts_of) for study in coarse.studies]
-    if (test := case.output.test_fluid) is not None:
-        state = test.state
-        if drop_ratio(state, prepared.scene) is None:
-            costs.append(replace(alone, scene=state.in_scene(prepared.scene)).cost(alone.answer, known))
+    with storing(None, case.memory):
+        costs = [prepared.cost(study, known) for study in prepared.studies]
+        alone = replace(prepared, methods=frozenset({prepared.answer.name}))
+        if case.surface.filter_sensitivity:
+            costs.append(replace(alone, scene=without_short_waves(prepared)).cost(alone.answer, known))
+        for coarse in _budget_inputs(case, prepared):
+            efforts_of = tuple(known[prepared.scene.steps.index(step)] for step in coarse.scene.steps)
+            costs += [coarse.cost(study, efforts_of) for study in coarse.studies]
+        if (test := case.output.test_fluid) is not None:
+            state = test.state
+            if drop_ratio(state, prepared.scene) is None:
+                costs.append(replace(alone, scene=state.in_scene(prepared.scene)).cost(alone.answer, known))
     drawn = case.output.pictures or case.output.report
     own = _START_SECONDS + drawn * _PICTURES_SECONDS + disk(case, prepared).fields * _FIELD_BYTE_SECONDS
     shared = sum(seconds for seconds, _ in costs)
@@ -284,6 +286,9 @@ def disk(case: Case, prepared: Prepared) -> Disk:
     if (sampling := prepared.sampling) is not None:
         others += 8.0 * steps * (2 * sampling.realisations + 6 * sampling.library_cells)
     checkpoint = sum(_checkpoint(one) for one in (prepared, *_budget_inputs(case, prepared)))
+    with storing(None, case.memory):
+        if (prepared.cells is not None or "deterministic" in prepared.methods) and not states_memory(pixels, steps):
+            checkpoint += STEP_BYTES * pixels * steps  # the states themselves
     return Disk(float(each * fitting), fitting, others, checkpoint)
 
 

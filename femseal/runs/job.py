@@ -18,6 +18,7 @@ from typing import Any
 from ..base.errors import FemsealError, InputError, PartsMissing
 from ..base.files import made_folder, remove_foreign
 from ..base.provenance import numerical_versions
+from ..base.shared_array import storing
 from ..base.stage import Mapper
 from ..budget import ErrorBudget
 from ..case.case import Case, load_case
@@ -120,6 +121,7 @@ def run(
                 common = stack.enter_context(TemporaryDirectory())
             return mapper if common is None else SharedStages(Path(common)).over(mapper)
 
+        stack.enter_context(storing(folder, case.memory))
         if folder is None:
             prepared = _prepared(case, scheduler)
             mapper = stack.enter_context(ordered_map(workers, scheduler, partial(compile_ahead, progress=progress)))

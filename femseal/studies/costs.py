@@ -14,11 +14,10 @@ import numpy as np
 
 from ..base import validate
 from ..base.machine import free_memory
-from ..contact.cycle import STATE_FIELDS
 from ..elements.elements import ELEMENT_BYTES
 from ..seal.pressure_map import is_uniform
 from ..windows.global_contact import PIXELS_PER_CUT_OFF
-from .deterministic import STEP_BYTES, state_memory
+from .deterministic import STEP_BYTES, state_memory, states_memory
 from .face_contact import chosen_contact
 from .place_leakage import PLACE_REALISATIONS, kept_places
 from .sampling_options import Sampling
@@ -37,8 +36,6 @@ _PAIR_GROWTH = (0.1, 0.5)
 _FLOW_SECONDS, _FLOW_PIXEL_SECONDS, _FLOW_GROWTH = 1.5e-4, (2e-7, 5e-8), (0.12, 0.46)
 #: Seconds of flow through elements for each open pixel: of any window, of one of a pixel, and for each pixel of a side.
 _ELEMENT_SECONDS = 1.25e-6, 1.9e-5, 4e-9
-#: Memory of contact and flow far from closing, for each pixel [byte].
-_EASY_BYTES = 8 * 40.0
 #: Fractions in contact between which flow is near closing.
 _CLOSING = (0.07, 0.45)
 #: Seconds of the runs of columns at a step, for each window and each pixel.
@@ -108,14 +105,7 @@ def deterministic_cost(
     pixels, again = points[0] * points[1], _SUCCESSIVE if pressures > 1 else 1.0
     both = (contact_seconds(pixels, effort) + again * flow_seconds(pixels, effort) for effort in efforts)
     seconds = rounds * sum(both)
-    return seconds, STEP_BYTES * pixels * len(efforts) + _state_memory(pixels, efforts)
-
-
-def _state_memory(pixels: int, efforts: Sequence[Effort]) -> float:
-    """Memory that contact and flow of a step need at most [byte]; elimination, near closing, takes most of it."""
-    low, high = _CLOSING
-    near = any(low <= effort.contact_fraction < high for effort in efforts)
-    return state_memory(pixels) if near else _EASY_BYTES * pixels
+    return seconds, states_memory(pixels, len(efforts)) + state_memory(pixels)
 
 
 def two_scale_cost(
@@ -139,7 +129,7 @@ def two_scale_cost(
     pixels, (m1, m2) = points[0] * points[1], cells
     window, links = pixels // (m1 * m2), m1 * m2 + (m1 - 1) * m2
     coarse = pixels if whole else min(pixels, m1 * m2 * (PIXELS_PER_CUT_OFF / CUT_OFF_WINDOWS) ** 2)
-    seconds, memory = 0.0, 8.0 * (8 * pixels + STATE_FIELDS * coarse)
+    seconds, memory = 0.0, state_memory(coarse) + (0.0 if whole else 8.0 * 8 * pixels)
     coupled = whole and rounds > 1
     for effort in efforts:
         if coupled and not solved:
@@ -155,10 +145,11 @@ def two_scale_cost(
         else:
             seconds += pressures * links * flow_seconds(window, effort)
     if flow == "resolved":
-        memory = max(memory, _state_memory(pixels, efforts))
+        memory = max(memory, state_memory(pixels))
     elif flow == "elements":
         memory = max(memory, ELEMENT_BYTES * pixels)
-    return seconds, 4.0 * pixels * len(efforts) + memory
+    each = STEP_BYTES if flow != "links" else STEP_BYTES - 4.0
+    return seconds, states_memory(pixels, len(efforts), each) + memory
 
 
 def stochastic_cost(

@@ -9,8 +9,10 @@ from numpy.typing import NDArray
 
 from ..base.arrays import Array
 from ..base.fields import PIXEL, ROW, STEP, declared
+from ..base.shared_array import lies_on_disk, one_at_a_time
 from ..base.stage import Mapper
 from ..base.text import Shown
+from ..contact.workspace import KEPT_POINTS
 from ..loads import LoadProgramme
 from ..windows import Partition, SolverCounts
 from ..windows.window_fields import ContactPressure
@@ -24,6 +26,9 @@ from .window_contacts import WindowContacts, face_partition
 #: Memory that a pixel of a result takes at every step [byte]: gap and fluid pressure, and the contact pressure where
 #: there is contact, which is a fourth of the face at high loads.
 STEP_BYTES = 4.0 + 4.0 + 1.125
+#: Memory that contact and flow of a step take for each pixel, and what the contact of smaller faces keeps for its next
+#: [byte]. Measured on 512² to 4096² pixels.
+_STATE_BYTES, _KEPT_BYTES = 120.0, 140.0
 
 
 @dataclass(frozen=True, repr=False)
@@ -119,7 +124,7 @@ def deterministic(scene: Scene, *, cells: tuple[int, int] | None = None, mapper:
         contact_pressure=windows.fields.pressure,
         fluid_pressure=through.fluid_pressure,
         carried_pressure=carried,
-        entry_pressure=scene.entry_pressures(gap),
+        entry_pressure=scene.entry_pressures(one_at_a_time(gap)),
         places=place_leakage(scene, gap, mapper),
         residual=float(residual.max()),
         failures=through.failures,
@@ -130,6 +135,11 @@ def deterministic(scene: Scene, *, cells: tuple[int, int] | None = None, mapper:
     )
 
 
-def state_memory(pixels: int) -> float:
-    """Memory that contact and flow of one step need [byte], measured on 256² to 2048² pixels."""
-    return 8.0 * pixels * (40 + 2.5 * np.log2(pixels))
+def state_memory(pixels: float) -> float:
+    """Memory that contact and flow of one step take [byte]; elimination, where multigrid fails, may take more."""
+    return pixels * (_STATE_BYTES + (_KEPT_BYTES if pixels <= KEPT_POINTS else 0.0))
+
+
+def states_memory(pixels: int, steps: int, each: float = STEP_BYTES) -> float:
+    """Memory that so many steps take, `each` of them for a pixel [byte]: none where they lie on disk."""
+    return 0.0 if lies_on_disk(4.0 * pixels * steps) else each * pixels * steps

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from ..base.errors import InputError
 from ..base.machine import total_memory
-from ..base.shared_array import shared_empty
+from ..base.shared_array import give_back, one_at_a_time, shared_empty
 from ..base.stage import Mapper
 from ..contact import LoadState
 from ..windows import Failed, FlowSettings, Partition, attempt
@@ -25,15 +25,15 @@ from .fluid_coupling import CoupledContact
 from .scene import Array, Scene
 from .window_contacts import WindowContacts, face_partition, windows_contact
 
-#: Memory of the contact of a whole face with the gaps of a dozen states, and how much of a machine's it may take
+#: Memory of the contact of a whole face, whose states may lie on disk, and how much of a machine's it may take
 #: [byte per pixel, 1]. Measured on 512² to 2048² pixels, it takes 0.5 to 1.9 times as long as windows.
-_WHOLE_BYTES, _PART_OF_MEMORY = 170.0, 0.8
+_WHOLE_BYTES, _PART_OF_MEMORY = 120.0, 0.8
 
 
 def whole_pixels() -> int:
     """Largest number of pixels of a face whose contact is solved as a whole unless chosen otherwise.
 
-    A power of two, so that machines of about the same memory choose alike: 8192² pixels for 16 to 28 GB.
+    A power of two, so that machines of about the same memory choose alike: 8192² pixels for 11 to 20 GB.
     """
     return int(2 ** floor(log2(_PART_OF_MEMORY * total_memory() / _WHOLE_BYTES)))
 
@@ -87,7 +87,10 @@ class FaceStates:
 def solve_face(
     scene: Scene, partition: Partition, with_flow: bool, *, memory: float | None = None, mapper: Mapper
 ) -> FaceStates:
-    """Solve the contact of the whole face at every step, and the flow through it where asked for."""
+    """Solve the contact of the whole face at every step, and the flow through it where asked for.
+
+    Where the states are large they lie on disk, see `shared_array`, and one takes memory.
+    """
     gap = shared_empty((len(scene.steps), *scene.surface.shape), np.float32)
     states: list[FaceState] = []
     take = partial(FaceState.of, partition=partition, flow=scene.flow if with_flow else None)
@@ -97,7 +100,9 @@ def solve_face(
         for s, state in enumerate(scene.contact_states(take, memory=memory, mapper=mapper)):
             gap[s] = state.gap
             failed = state.flow.reason if isinstance(state.flow, Failed) else ""
-            states.append(replace(state, gap=gap[s], flow=None, failed=failed))
+            kept = ContactValues.put_aside(state.in_contact, gap)
+            states.append(replace(state, gap=gap[s], in_contact=kept, flow=None, failed=failed))
+            give_back(gap)
             yield state.flow
 
     if with_flow:
@@ -165,7 +170,7 @@ def cut_contact(scene: Scene, partition: Partition, face: FaceStates) -> WindowC
         gap_error=np.zeros(len(states)),
         gap_effect=np.ones(len(states)),
         pressure=pressure,
-        mean_gap=np.array([partition.cell_means(g) for g in gap]),
+        mean_gap=np.array([partition.cell_means(g) for g in one_at_a_time(gap)]),
         contact_fraction=contact_fraction,
         plastic_fraction=plastic_fraction,
         row_pressure=np.array([state.rows for state in states]),

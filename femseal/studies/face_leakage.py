@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..base.arrays import Array
+from ..base.shared_array import give_back, shared_empty
 from ..seal import RectangularSeal
 from ..windows import Failed, SolverCounts
 from .face_flow import FaceFlow
@@ -44,19 +45,20 @@ def face_leakage(
     elements : number of windows (m1, m2) if the flows are through their elements.
     """
     seal, count = RectangularSeal(scene.surface.size, (1, 1)), len(scene.steps)
-    leakage, pressure = np.full(count, np.nan), np.full((count, *scene.surface.shape), np.nan, np.float32)
+    leakage, pressure = np.full(count, np.nan), shared_empty((count, *scene.surface.shape), np.float32)
     error, fraction = (
         (None, None) if elements is None else (np.full(count, np.nan), np.full((count, *elements), np.nan))
     )
     failures, solvers = [], [SolverCounts()] * count
     for s, (step, flow) in enumerate(zip(scene.steps, flows, strict=True)):
+        potential = None if isinstance(flow, Failed) else flow.potential
+        pressure[s] = np.nan if potential is None else scene.pressure_at(potential)
+        give_back(pressure)
         if isinstance(flow, Failed):
             failures.append(f"{step.name}: {flow.reason}")
             continue
         through = scene.leakage(seal, flow.permeability)
         leakage[s], solvers[s] = through.per_length, flow.solvers + SolverCounts.of(through)
-        if flow.potential is not None:
-            pressure[s] = scene.pressure_at(flow.potential)
         if error is not None and fraction is not None:
             error[s], fraction[s] = flow.error, flow.drop_fraction
     return FaceLeakage(leakage, pressure, error, fraction, tuple(failures), tuple(solvers))

@@ -6,7 +6,7 @@ whether it is in contact, and a number for each pixel in contact is its pressure
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -14,6 +14,7 @@ import numpy as np
 from numpy.lib.mixins import NDArrayOperatorsMixin
 from numpy.typing import NDArray
 
+from ..base.shared_array import lies_on_disk, put_aside
 from ..base.text import Shown
 from ..loads import LoadProgramme
 from .partition import Partition
@@ -43,6 +44,17 @@ class ContactValues:
         """A field with the same value at every pixel, such as NaN."""
         bits = np.packbits(np.full(shape, value != 0))
         return cls(shape, bits, np.full(1 if value != 0 else 0, value, np.float32))
+
+    @classmethod
+    def put_aside(cls, fields: Sequence[ContactValues], beside: NDArray[Any]) -> tuple[ContactValues, ...]:
+        """The fields, together in two files where an array as large as `beside` lies in one."""
+        if not lies_on_disk(beside.nbytes):
+            return tuple(fields)
+        bits, values = (
+            np.split(put_aside(np.concatenate(parts)), np.cumsum([part.size for part in parts])[:-1])
+            for parts in ([field.bits for field in fields], [field.values for field in fields])
+        )
+        return tuple(map(cls, (field.shape for field in fields), bits, values))
 
     def dense(self) -> NDArray[np.float32]:
         """The field as an array (n1, n2)."""
