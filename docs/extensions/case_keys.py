@@ -17,10 +17,10 @@ from femseal.case.values import Quantity, Table
 _HEAD = """# All keys of a case file
 
 A quantity is text with any unit of its kind: `"0.2 mm"` where the column *unit* has m. The column *needed* says when a
-key must stand in the file. A key without a default is off, or its meaning says how it is chosen. `femseal schema`
+key must stand in the file, *since* the first version that has it. A key without a default is off, or its meaning says how it is chosen. `femseal schema`
 writes the same for editors. [Case files](case.md) shows the template and explains groups of keys.
 """
-_COLUMNS = "| key | type | unit | default | needed | meaning |\n|---|---|---|---|---|---|"
+_COLUMNS = "| key | type | unit | default | needed | since | meaning |\n|---|---|---|---|---|---|---|"
 _TEMPLATE = Path(femseal.__file__).with_name("case") / "template.toml"
 #: When a key is needed, where the tables of the file do not say it.
 _NEEDED = {
@@ -150,6 +150,14 @@ _MEANING = {
     ("load.map", "length_unit"): "Of the coordinates",
     ("load.map", "pressure_unit"): "Of the pressures",
 }
+#: Keys and whole tables that version 0.1 does not have.
+_SINCE_0_2 = {
+    *(("", "seat"), ("contact", "fluid_pressure"), ("face", "places"), ("load.map", "fractions"), ("load", "nominal")),
+    *(("load", "relaxation"), ("output", "model_parts"), ("surface", "continue_spectrum")),
+    *(("fluid", key) for key in ("ambient_pressure", "bulk_modulus", "slip_length")),
+    *(("material", key) for key in ("name", "hardening", "hardness_table", "hardness_tolerance")),
+    *(("material", key) for key in ("nix_gao_depth", "smallest_depth")),
+}
 _NUMBER_KINDS = {"string": "text", "number": "number", "integer": "whole number", "boolean": "true or false"}
 
 
@@ -189,7 +197,8 @@ def _rows(section, tables, definitions, said):
         names = ", ".join(f'`"{kind}"`' for kind in kinds.values())
         default = tables[0].model_fields["kind"].default
         needed = _NEEDED.get((section, "kind"), "yes")
-        yield f"| `kind` | one of {names} | | {_shown(default, None)} | {needed} | {said[section, 'kind']} |"
+        since = "0.2" if ("", section) in _SINCE_0_2 else "0.1"
+        yield f"| `kind` | one of {names} | | {_shown(default, None)} | {needed} | {since} | {said[section, 'kind']} |"
         keys.pop("kind")
     for name, found in keys.items():
         table, field = found[0]
@@ -208,8 +217,9 @@ def _row(key, field, schema, where, said):
     default = "" if field.is_required() else _shown(field.default, quantity)
     needed = _NEEDED.get(key) or where or ("yes" if field.is_required() else "no")
     unit = "" if quantity is None else quantity.unit.replace("*", "·").replace("^3", "³")
+    since = "0.2" if {key, ("", key[0])} & _SINCE_0_2 else "0.1"
     meaning = said.get(key, "").replace("|", r"\|")
-    return " | ".join([f"| `{key[1]}`", _type(schema, quantity), unit, default, needed, meaning, ""]).strip()
+    return " | ".join([f"| `{key[1]}`", _type(schema, quantity), unit, default, needed, since, meaning, ""]).strip()
 
 
 def _type(schema, quantity):
