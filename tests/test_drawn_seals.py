@@ -6,7 +6,7 @@ import meshio
 import numpy as np
 import pytest
 import pyvista
-from numpy.testing import assert_allclose
+from numpy.testing import assert_allclose, assert_array_equal
 from skfem import MeshQuad, MeshTri
 from small_cases import STRIP
 from vtkmodules.vtkIOHDF import vtkHDFReader
@@ -286,7 +286,11 @@ def test_pressures_of_a_map_are_those_of_their_places():
     )
     profile = Profile((0.5, 1.5))
     sampling = fs.Sampling(240e-6, 4, 4, 1, pressure="uniform", pressure_map=profile)
-    seal = fs.stochastic(scene, (4, 4), sampling).median_seal
+    drawn = fs.stochastic(scene, (4, 4), sampling)
+    without = fs.stochastic(scene, (4, 4), replace(sampling, median_fields=False))
+    assert without.median_seal is None
+    assert_array_equal(without.leakage, drawn.leakage)
+    seal = drawn.median_seal
     rows = seal.pressure.reshape(2, 4, -1)
     assert (np.diff(rows, axis=1) >= 0).all()
     assert_allclose(rows.mean(axis=(1, 2)), [5e7, 3e8])

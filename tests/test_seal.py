@@ -15,8 +15,10 @@ from skfem import MeshLine, MeshQuad, MeshTri, MeshTri2
 
 from femseal.analytic import annulus_rate, log_symmetric_links, stripes_across, stripes_along
 from femseal.base.errors import InputError
+from femseal.flow.permeability_table import Mobility, pressure_curve
 from femseal.fluids import IdealGas, Liquid
 from femseal.seal import AnnularSeal, Leakage, MeshSeal, PermeabilityTable, RectangularSeal, seal_leakage
+from femseal.seal.pressure_dependent import next_rate
 from femseal.seal.structured import conservative_rate
 
 MESHES = Path(__file__).parents[1] / "meshes"
@@ -49,6 +51,37 @@ def test_uniform_rectangle_is_exact(cells):
     expected = 5e6 - 4e6 * seal.points[..., 0] / 3e-3
     assert_allclose(leak.fluid_pressure, expected, rtol=1e-12)
     assert leak.fluid_pressure.shape == (cells[0] + 1, cells[1])
+
+
+@each("seed", [1, 2])
+@each("closed", [0.0, 0.2])
+def test_the_next_rate_is_enclosed_by_the_last_solution(seed, closed):
+    """Of links in a row and side by side it is one of the bounds."""
+    rng = np.random.default_rng(seed)
+    for cells in ((8, 12), (8, 1), (1, 8)):
+        seal = RectangularSeal((3e-3, 8e-3), cells)
+        given = random_links(cells, 1.0, closed if cells == (8, 12) else 0.0, seed)
+        after = tuple(k * rng.uniform(0.5, 2.0, k.shape) for k in given)
+        lower, upper = next_rate(seal, seal.flow(given), given, after)
+        rate = seal.flow(after).conductance
+        assert lower * (1 - 1e-9) <= rate <= upper * (1 + 1e-9)
+        if cells != (8, 12):
+            assert_allclose(lower if cells == (8, 1) else upper, rate, rtol=1e-9)
+
+
+def test_means_between_pressures_are_exact_for_a_liquid():
+    """k = k₀ exp(−p/P) between its knots, constant beyond them, and linear beside a pressure at which it is closed."""
+    scale, knots = 2e6, np.linspace(0.0, 8e6, 5)
+    k = np.stack([np.exp(-knots / scale), np.where(knots < 4e6, 0.0, 3.0)], axis=1)
+    even = Mobility(0.0, 1e7, np.full(11, 5.0), np.full(11, 5.0))
+    curve = pressure_curve(knots, k, True)
+    for a, b in ((1e6, 1.5e6), (7e6, 5e5), (3e6, 3e6 + 1.0), (3e6, 3e6)):
+        mean = scale * (np.exp(-b / scale) - np.exp(-a / scale)) / (a - b) if a != b else np.exp(-a / scale)
+        assert_allclose(curve.between(np.full(2, a), np.full(2, b), even)[0], mean, rtol=1e-9)
+    beyond = curve.between(np.full(2, 7e6), np.full(2, 1e7), even)
+    within = scale * (np.exp(-3.5) - np.exp(-4.0))
+    assert_allclose(beyond, [(within + 2e6 * np.exp(-4.0)) / 3e6, 3.0], rtol=1e-12)
+    assert_allclose(curve.between(np.full(2, 2.5e6), np.full(2, 3.5e6), even)[1], 1.5, rtol=1e-12)
 
 
 @each("inlet", ["inner", "outer"])

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -29,6 +30,8 @@ _POINTS, _WEIGHTS = np.polynomial.legendre.leggauss(5)
 _ROOTS = 0.5 * (1 + _POINTS)
 #: Drop, as a fraction of the pressure, up to which one point will do.
 _SMALL = 0.05
+#: A mobility that varies less than this is the same at all pressures.
+_EVEN = 1e-9
 
 
 def table_pressures(inlet: float, outlet: float) -> Array:
@@ -203,7 +206,7 @@ class PressureCurve:
         a, b = (np.ascontiguousarray(np.broadcast_to(p, self.shape)).ravel() for p in (first, second))
         out = np.empty(a.size)
         _means(a, b, self._coefficients, self._slope, self._open, *self._range, self._knots, mobility.start,
-               mobility.end, mobility.viscous, mobility.own, _ROOTS, _WEIGHTS, out)  # fmt: skip
+               mobility.end, mobility.viscous, mobility.own, mobility.even, _ROOTS, _WEIGHTS, out)  # fmt: skip
         return out.reshape(self.shape)
 
 
@@ -218,6 +221,11 @@ class Mobility:
     end: float
     viscous: Array
     own: Array
+
+    @cached_property
+    def even(self) -> bool:
+        """Whether both are the same at all pressures, as of a liquid of constant viscosity."""
+        return bool(np.ptp(self.viscous) + np.ptp(self.own) <= _EVEN * np.abs(self.viscous).max())
 
 
 @njit(cache=True, nogil=True)
@@ -253,13 +261,45 @@ def _permeability(p, coefficients, slope, low, high, knots):
 
 
 @njit(cache=True, nogil=True)
-def _means(a, b, coefficients, slope, is_open, low, high, knots, start, end, viscous, own, roots, weights, out):
-    """Mean of each permeability between two pressures, by Gauss points dense at the lower one."""
+def _mean_between_knots(least, most, log_k, knots):
+    """Mean over the pressure of a permeability whose logarithm is linear between knots and constant beyond them."""
+    total, here, last = 0.0, least, knots.size - 1
+    for i in range(last + 2):
+        if i <= last and knots[i] <= here:
+            continue
+        there = min(most, knots[i]) if i <= last else most
+        j, k = max(i - 1, 0), min(i, last)
+        first, second = log_k[j], log_k[k]
+        per = 1.0 / (knots[k] - knots[j]) if k > j else 0.0
+        t, u = (here - knots[j]) * per, (there - knots[j]) * per
+        if min(first, second) == -np.inf:
+            mean = np.exp(first) + 0.5 * (t + u) * (np.exp(second) - np.exp(first))
+        else:
+            # half the difference of the logarithms of both ends
+            x = 0.5 * (u - t) * (second - first)
+            mean = np.exp(first + 0.5 * (t + u) * (second - first))
+            mean *= 1.0 + x * x / 6.0 * (1.0 + x * x / 20.0) if abs(x) < 0.05 else np.sinh(x) / x
+        total += mean * (there - here)
+        here = there
+        if here >= most:
+            break
+    return total / (most - least)
+
+
+@njit(cache=True, nogil=True)
+def _means(a, b, coefficients, slope, is_open, low, high, knots, start, end, viscous, own, even, roots, weights, out):
+    """Mean of each permeability between two pressures, by Gauss points dense at the lower one.
+
+    With knots and an even mobility it is exact.
+    """
     for n in range(a.size):
         if not is_open[n]:
             out[n] = 0.0
             continue
         least, most = min(a[n], b[n]), max(a[n], b[n])
+        if even and knots.size and most > least:
+            out[n] = _mean_between_knots(least, most, coefficients[n], knots)
+            continue
         # the mobility of a gas is nearly straight in p: one point will do for a small drop
         if most - least <= _SMALL * most:
             p = 0.5 * (least + most)

@@ -198,6 +198,7 @@ def _reduced(prepared: Prepared, scene: Scene) -> Prepared:
             library_cells=windows,
             width=None,
             resampled=False,
+            median_fields=False,
             bounds=False,
             other_lengths=(),
             library=None,

@@ -9,6 +9,7 @@ pressures. On meshes, and with tensors, the permeability of an element is that a
 from __future__ import annotations
 
 from dataclasses import replace
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -66,15 +67,18 @@ def pressure_dependent_flow(
 
     # along a uniform seal the potential falls evenly
     first = np.linspace(1, 0, len(seal.grid.lines1))[:, None] if isinstance(seal, StructuredSeal) else 0.5
-    solved = fixed_point(permeability, solve, first, rtol=rtol, name="flow through a seal")
-    flow, local = solved.found, solved.coefficient
+    # where the bounds are asked for, they are those of a rate that was solved for
+    predict = partial(next_rate, seal) if pair and isinstance(seal, StructuredSeal) and not bounds else None
+    solved = fixed_point(permeability, solve, first, rtol=rtol, predict=predict, name="flow through a seal")
+    flow, local, rate = solved.found, solved.coefficient, solved.rate
     if bounds:
         flow = seal.flow(local, bounds=True, solver=solver)
+        rate = flow.conductance
     factor, fraction = drop.mean_factor, np.clip(flow.potential, 0.0, 1.0)
     potential = drop.viscous_fraction(fraction)
     scaled = replace(
         flow,
-        conductance=factor * flow.conductance,
+        conductance=factor * rate,
         lower=factor * flow.lower,
         upper=factor * flow.upper,
         potential=potential,
@@ -85,6 +89,21 @@ def pressure_dependent_flow(
     if pair:
         return scaled, tuple(k * by for k, by in zip(local, steeper, strict=True))
     return scaled, local * steeper[0].reshape(steeper[0].shape + (1,) * (local.ndim - steeper[0].ndim))
+
+
+def next_rate(seal: StructuredSeal, flow: DarcyFlow, given: Any, following: Any) -> tuple[float, float]:
+    """Bounds of the flow with the following permeabilities of links, from the flow with those given.
+
+    Its potential gives the upper one by Dirichlet's principle, its flux the lower one by Thomson's.
+    """
+    total, upper, inverse = 0.0, 0.0, 0.0
+    for dissipation, k, after in zip(seal.stencil(given).dissipation(flow.potential), given, following, strict=True):
+        # links that are closed do not open, and none of them has flow
+        ratio = np.divide(after, k, out=np.ones_like(k), where=dissipation > 0)
+        total += dissipation.sum()
+        upper += (dissipation * ratio).sum()
+        inverse += (dissipation / ratio).sum()
+    return flow.conductance * total / inverse, flow.conductance * upper / total
 
 
 def _on_parts(seal: Any, values: Any, pressures: int) -> Any:

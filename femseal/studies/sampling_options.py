@@ -52,6 +52,7 @@ class Sampling:
         The library then takes about three times as long. "global" and "uniform" with the sampler "history" only.
     resampled : also draw as many seals from libraries that are drawn with repetition from the library, which shows the
         error of the library; `width` needs it.
+    median_fields : also keep the fields of the seal whose leakage is nearest to the median.
     """
 
     length: float | None
@@ -67,6 +68,7 @@ class Sampling:
     bounds: bool = False
     other_lengths: tuple[float, ...] = ()
     resampled: bool = True
+    median_fields: bool = True
 
     @property
     def sampler_of_links(self) -> str:

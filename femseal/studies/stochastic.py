@@ -22,7 +22,15 @@ from ..seal.link_windows import LinkWindows
 from ..windows import Failed, Partition, SolverCounts, attempt
 from .face_windows import windows_in_place
 from .ladder_windows import windows_under_global_contact, windows_under_uniform_pressure
-from .median_seal import DRAWN_RTOL, MOST_VALUES, drawn_permeability, median_chain, median_seal, nearest_to_median
+from .median_seal import (
+    DRAWN_RTOL,
+    MOST_VALUES,
+    RESAMPLED_RTOL,
+    drawn_permeability,
+    median_chain,
+    median_seal,
+    nearest_to_median,
+)
 from .place_leakage import PLACE_REALISATIONS, PlaceLeakage, kept_places
 from .plausibility import scene_warnings
 from .repeated_steps import first_equal_draws, repeated
@@ -178,7 +186,8 @@ def _of_windows(
     drawn = list(mapper(stage, *zip(*tasks, strict=True)))[: len(tasks)]
     leakage, *bounds = np.array([r.leakage for r in drawn[:count]]).transpose(1, 0, 2)
     lower, upper = bounds or (None, None)
-    chosen = nearest_to_median(leakage) if len(seal_windows.outlines) * len(scene.steps) <= MOST_VALUES else None
+    few = sampling.median_fields and len(seal_windows.outlines) * len(scene.steps) <= MOST_VALUES
+    chosen = nearest_to_median(leakage) if few else None
     again = Stage("median seal", partial(median_seal, **shared, kinds=kinds[: len(supply.at.pressures)]))
     medians = [] if chosen is None else list(mapper(again, [chosen]))
     return StochasticResult(
@@ -219,7 +228,7 @@ def _of_runs(
     """Seals of one length, drawn as chains of runs of the face."""
     drawn = chained_seals(scene, partition, supply.runs, seal_windows.draws[0][1], sampling.realisations, sampling.seed)
     cells, (d1, d2) = (partition.cells[0], drawn.columns), partition.window_size
-    few = cells[0] * cells[1] * len(scene.steps) <= MOST_VALUES
+    few = sampling.median_fields and cells[0] * cells[1] * len(scene.steps) <= MOST_VALUES
     chosen = nearest_to_median(drawn.leakage) if few else None
     shown: dict[str, Any] = {"scene": scene, "partition": partition, "drawn": drawn, "states": supply.runs}
     # windows row after row, as the face has them
@@ -291,7 +300,8 @@ def _realise(
             if first[s] < s:
                 leakage[kind, s] = leakage[kind, first[s]]
                 continue
-            found = attempt(scene.leakage, seal_windows.seal, permeability(s), DRAWN_RTOL)
+            rtol = RESAMPLED_RTOL if windows is True else DRAWN_RTOL
+            found = attempt(scene.leakage, seal_windows.seal, permeability(s), rtol)
             if isinstance(found, Failed):
                 failures.append(f"realisation {realisation}, {step.name}: {found.reason}")
             else:
