@@ -28,7 +28,7 @@ from .window_contacts import WindowContacts, face_partition
 STEP_BYTES = 4.0 + 4.0 + 1.125
 #: Memory that contact and flow of a step take for each pixel, and what the contact of smaller faces keeps for its next
 #: [byte]. Measured on 512² to 4096² pixels.
-_STATE_BYTES, _KEPT_BYTES = 120.0, 140.0
+_STATE_BYTES, _KEPT_BYTES = 130.0, 130.0
 
 
 @dataclass(frozen=True, repr=False)

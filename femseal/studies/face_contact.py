@@ -27,13 +27,13 @@ from .window_contacts import WindowContacts, face_partition, windows_contact
 
 #: Memory of the contact of a whole face, whose states may lie on disk, and how much of a machine's it may take
 #: [byte per pixel, 1]. Measured on 512² to 2048² pixels, it takes 0.5 to 1.9 times as long as windows.
-_WHOLE_BYTES, _PART_OF_MEMORY = 120.0, 0.8
+_WHOLE_BYTES, _PART_OF_MEMORY = 150.0, 0.8
 
 
 def whole_pixels() -> int:
     """Largest number of pixels of a face whose contact is solved as a whole unless chosen otherwise.
 
-    A power of two, so that machines of about the same memory choose alike: 8192² pixels for 11 to 20 GB.
+    A power of two, so that machines of about the same memory choose alike: 8192² pixels for 13 to 25 GB.
     """
     return int(2 ** floor(log2(_PART_OF_MEMORY * total_memory() / _WHOLE_BYTES)))
 
