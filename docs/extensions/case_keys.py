@@ -17,8 +17,9 @@ from femseal.case.values import Quantity, Table
 _HEAD = """# All keys of a case file
 
 A quantity is text with any unit of its kind: `"0.2 mm"` where the column *unit* has m. The column *needed* says when a
-key must stand in the file, *since* the first version that has it. A key without a default is off, or its meaning says how it is chosen. `femseal schema`
-writes the same for editors. [Case files](case.md) shows the template and explains groups of keys.
+key must stand in the file, *since* the first version that has it. A key without a default is off, or its meaning says
+how it is chosen. `femseal schema` writes the same for editors. [Case files](case.md) shows the template and explains
+groups of keys.
 """
 _COLUMNS = "| key | type | unit | default | needed | since | meaning |\n|---|---|---|---|---|---|---|"
 _TEMPLATE = Path(femseal.__file__).with_name("case") / "template.toml"
