@@ -54,6 +54,7 @@ def seal_leakage(
     bounds: bool = False,
     solver: str = "auto",
     rtol: float = 1e-5,
+    rate_only: bool = False,
 ) -> Leakage:
     """Leakage of a seal, ∇·(k∇φ) = 0 in the pressure potential φ of the fluid; exactly 0 without an open
     path.
@@ -76,6 +77,8 @@ def seal_leakage(
         several boundaries is no energy.
     solver : of the linear system, see `femseal.flow.solve_flow`; on meshes "auto", "direct" or "amg".
     rtol : relative error of the rate at which permeabilities that depend on the pressure have settled.
+    rate_only : of such permeabilities on links, take the rate from bounds of the next solution, which is not solved;
+        fields are those of the solution before and carry another rate.
 
     Returns
     -------
@@ -109,7 +112,7 @@ def seal_leakage(
         assert inlet_pressure is not None  # it has a potential
         ends = {"inlet": float(inlet_pressure), "outlet": float(outlet_pressure)}
         flow, local = pressure_dependent_flow(
-            seal, permeability, fluid, **ends, bounds=bounds, solver=solver, rtol=rtol
+            seal, permeability, fluid, **ends, bounds=bounds, solver=solver, rtol=rtol, rate_only=rate_only
         )
     else:
         flow = seal.flow(permeability, bounds=bounds, solver=solver)

@@ -35,10 +35,12 @@ def pressure_dependent_flow(
     bounds: bool = False,
     solver: str = "auto",
     rtol: float,
+    rate_only: bool = False,
 ) -> tuple[DarcyFlow, Any]:
     """Flow through a seal for a unit drop of the viscous potential φ, and the permeability of each part.
 
-    seal, fluid, bounds, solver, rtol : as in `seal_leakage`; bounds are those with the permeabilities of the solution.
+    seal, fluid, bounds, solver, rtol, rate_only : as in `seal_leakage`; bounds are those with the permeabilities of the
+        solution.
     table : permeability at several pressures. inlet, outlet : pressures of the ends [Pa].
 
     Returns the flow, its potential as fraction of the drop of φ, and the permeabilities with which φ has this flow
@@ -67,8 +69,9 @@ def pressure_dependent_flow(
 
     # along a uniform seal the potential falls evenly
     first = np.linspace(1, 0, len(seal.grid.lines1))[:, None] if isinstance(seal, StructuredSeal) else 0.5
-    # where the bounds are asked for, they are those of a rate that was solved for
-    predict = partial(next_rate, seal) if pair and isinstance(seal, StructuredSeal) and not bounds else None
+    predict = (
+        partial(next_rate, seal) if rate_only and pair and isinstance(seal, StructuredSeal) and not bounds else None
+    )
     solved = fixed_point(permeability, solve, first, rtol=rtol, predict=predict, name="flow through a seal")
     flow, local, rate = solved.found, solved.coefficient, solved.rate
     if bounds:

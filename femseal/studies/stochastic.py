@@ -301,7 +301,7 @@ def _realise(
                 leakage[kind, s] = leakage[kind, first[s]]
                 continue
             rtol = RESAMPLED_RTOL if windows is True else DRAWN_RTOL
-            found = attempt(scene.leakage, seal_windows.seal, permeability(s), rtol)
+            found = attempt(scene.leakage, seal_windows.seal, permeability(s), rtol, True)
             if isinstance(found, Failed):
                 failures.append(f"realisation {realisation}, {step.name}: {found.reason}")
             else:
