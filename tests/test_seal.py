@@ -533,12 +533,12 @@ def test_bad_mesh_files(tmp_path):
     refused(tmp_path, "^path: given .*expected an existing mesh file")
     broken = tmp_path / "broken.msh"
     broken.write_text("$MeshFormat\n2.2 0 8\n$EndMeshFormat\n$Nodes\n3\n1 0 0")
-    refused(broken, r"^path: given '.*broken\.msh' \(.*\), expected a mesh in a format that meshio reads")
+    refused(broken, r"^path: given '.*broken\.msh'.*, expected a mesh in a format that meshio reads")
     broken.write_text("not a mesh")
-    refused(broken, r"broken\.msh' \(.*\), expected a mesh in a format that meshio reads")
+    refused(broken, r"broken\.msh'.*, expected a mesh in a format that meshio reads")
     unknown = tmp_path / "mesh.xyzzy"
     unknown.write_text("x")
-    refused(unknown, r"mesh\.xyzzy' \(.*\), expected a mesh in a format that meshio reads")
+    refused(unknown, r"mesh\.xyzzy'.*, expected a mesh in a format that meshio reads")
     refused(
         RING,
         "^inlet: given 'west', expected the name of a boundary of the mesh: 'inlet', 'outlet'$",
