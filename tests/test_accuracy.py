@@ -199,21 +199,21 @@ class TestPlan:
             assert_allclose(surface.resample(variant.points).rms_height, surface.rms_height, rtol=0.01)
 
     def test_unaffordable_solutions_are_skipped_and_the_reference_moves(self):
-        case = small(face={"points": [128, 128]}, cells={"count": [4, 4], "contact": "windows", "flow": "links"})
+        case = small(face={"points": [512, 512]}, cells={"count": [4, 4], "contact": "windows", "flow": "links"})
         costs = dict(zip((p := make_plan(case, **AMPLE)).variants, p.costs, strict=True))
-        n = (128, 128)
+        n = (512, 512)
         whole, windows = costs[Variant("deterministic", n)], costs[Variant("two-scale", n, (4, 4))]
         assert whole[1] > windows[1]
         plan = make_plan(case, limit=1e6, memory=0.99 * whole[1])
         assert plan.reference == Variant("two-scale", n, (8, 8))
         assert plan.companion == Variant("two-scale", n, (4, 4))
         assert "not affordable" in plan.against
-        assert "two-scale, 128×128 points, 8×8 cells" in plan.against
-        assert "expected to take" in dict(plan.skipped)["deterministic, 128×128 points"]
+        assert "two-scale, 512×512 points, 8×8 cells" in plan.against
+        assert "expected to take" in dict(plan.skipped)["deterministic, 512×512 points"]
         plan = make_plan(case, limit=1.001 * windows[0], memory=0.99 * whole[1])
         assert plan.reference == Variant("two-scale", n, (4, 4))
         assert plan.companion is None
-        with pytest.raises(fs.InputError, match=r"limit, memory: .*enough for deterministic, 128×128 points"):
+        with pytest.raises(fs.InputError, match=r"limit, memory: .*enough for deterministic, 512×512 points"):
             make_plan(case, limit=1e-6, memory=1e12)
 
     def test_lines_say_what_is_done_and_what_is_not(self):

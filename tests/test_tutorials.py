@@ -105,4 +105,4 @@ def test_the_page_of_keys_explains_every_key(tmp_path, monkeypatch):
     write_case_keys(tmp_path / "keys.md")
     rows = [line for line in (tmp_path / "keys.md").read_text("utf-8").splitlines() if line.startswith("| `")]
     assert len(rows) > 120
-    assert [row for row in rows if len(cells := re.split(r"(?<!\\)\|", row)) != 8 or not cells[6].strip()] == []
+    assert [row for row in rows if len(cells := re.split(r"(?<!\\)\|", row)) != 9 or not cells[7].strip()] == []

@@ -64,7 +64,8 @@ def fixed_point(
         if predict is not None:
             following = coefficient(state)
             lower, upper = predict(found, given, following)
-            latest, width = [*rates, float(np.sqrt(lower * upper))], upper / lower - 1
+            latest = [*rates, float(np.sqrt(lower * upper))]
+            width = upper / lower - 1 if lower > 0 else np.inf
         error = _change(latest[-3:]) + _WIDTHS * width
         if error <= rtol:
             return FixedPoint(found, given, latest[-1], n, error)

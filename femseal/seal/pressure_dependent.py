@@ -99,14 +99,14 @@ def next_rate(seal: StructuredSeal, flow: DarcyFlow, given: Any, following: Any)
 
     Its potential gives the upper one by Dirichlet's principle, its flux the lower one by Thomson's.
     """
-    total, upper, inverse = 0.0, 0.0, 0.0
-    for dissipation, k, after in zip(seal.stencil(given).dissipation(flow.potential), given, following, strict=True):
-        # links that are closed do not open, and none of them has flow
-        ratio = np.divide(after, k, out=np.ones_like(k), where=dissipation > 0)
-        total += dissipation.sum()
-        upper += (dissipation * ratio).sum()
-        inverse += (dissipation / ratio).sum()
-    return flow.conductance * total / inverse, flow.conductance * upper / total
+    before, after = (
+        np.concatenate([d.ravel() for d in seal.stencil(k).dissipation(flow.potential)]) for k in (given, following)
+    )
+    flows = before > 0
+    total = before.sum()
+    with np.errstate(divide="ignore"):  # the lower bound is 0 where a link with flow closes
+        inverse = (before[flows] ** 2 / after[flows]).sum()
+    return flow.conductance * total / inverse, flow.conductance * after.sum() / total
 
 
 def _on_parts(seal: Any, values: Any, pressures: int) -> Any:
