@@ -159,10 +159,9 @@ class _Panel:
         else:
             norm = Normalize(float(finite.min()), float(finite.max())) if finite.size else Normalize(0, 1)
         colours = colormaps[self.colours].with_extremes(under=CLOSED, bad=POCKET)
-        parts = PolyCollection(
-            list(corners), array=np.ma.masked_invalid(values[seen]), cmap=colours, norm=norm, rasterized=True
-        )
-        parts.set(edgecolor="face", linewidth=0.2)
+        # an array of all corners takes a fifth of the time of a list of polygons
+        parts = PolyCollection(corners, array=np.ma.masked_invalid(values[seen]), cmap=colours, norm=norm)
+        parts.set(edgecolor="face", linewidth=0.2, rasterized=True)
         axes.add_collection(parts)
         colour_bar(axes, parts)
         panel_title(axes, "; ".join([self.title, *notes]))

@@ -119,11 +119,10 @@ class Cells:
 
     @cached_property
     def _mesh(self) -> Any:
-        import meshio
         import pyvista
 
-        kind = {3: "triangle", 4: "quad"}[self.cells.shape[1]]
-        return pyvista.from_meshio(meshio.Mesh(self.points, [(kind, self.cells)]))
+        kind = {3: pyvista.CellType.TRIANGLE, 4: pyvista.CellType.QUAD}[self.cells.shape[1]]
+        return pyvista.UnstructuredGrid({kind: self.cells}, self.points)
 
     def at(self, n: int) -> Any:
         """The mesh, which all steps share, with its data."""
