@@ -61,10 +61,14 @@ def face_and_leakage(results: fs.Results) -> Figure:
     """Figure 0: heights of the face, and the leakage over the load cycle."""
     heights = results.dataset["face_height"]
     size = [1e3 * float(heights[axis][0] + heights[axis][-1]) for axis in heights.dims]
-    figure = new_figure(WIDTH, 4.0)
+    figure = new_figure(WIDTH, 4.8)
     face, curves = figure.subplots(1, 2, width_ratios=(1, 2.2))
     height_panel(face, heights.values * 1e6, (size[0], size[1]))
     results.plot(ax=curves)
+    inside = curves.get_legend()
+    handles, labels, title = inside.legend_handles, [text.get_text() for text in inside.texts], inside.get_title()
+    look = {"ncols": 2, "frameon": False, "fontsize": 7.5, "title": title.get_text()}
+    curves.legend(handles, labels, loc="upper center", bbox_to_anchor=(0.4, -0.13), **look)  # clear of error bars
     return figure
 
 
