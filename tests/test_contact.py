@@ -13,7 +13,7 @@ from scipy.optimize import lsq_linear
 
 from femseal import analytic
 from femseal.base.errors import InputError, NotConverged
-from femseal.contact import HalfSpace, solve_contact, workspace
+from femseal.contact import HalfSpace, LinearHardening, long_lists, solve_contact, workspace
 
 E = 115e9
 H = 4e9
@@ -506,10 +506,31 @@ def test_an_interrupted_solution_leaves_nothing_behind():
     assert again.fft_pairs == whole.fft_pairs
 
 
-def test_threads_change_nothing():
+LAWS = {
+    "elastic": {"pressure": 0.02 * H},
+    "plastic": {"pressure": 0.1 * H, "hardness": H},
+    "of points": {"pressure": 0.1 * H, "hardness": H * (1 + 0.2 * np.sin(np.arange(96.0 * 96)).reshape(96, 96))},
+    "hardens": {"pressure": 0.1 * H, "hardness": LinearHardening(H, 1e14)},
+    "approach": {"approach": float(np.quantile(rough((96, 96)), 0.1)), "hardness": H},
+}
+
+
+@pytest.mark.parametrize("law", LAWS)
+def test_long_lists_in_parts_change_digits_only_and_threads_not_even_these(law, monkeypatch):
+    given = LAWS[law]
     h, half_space = rough((96, 96)), HalfSpace((96, 96), (D, D), E)
-    one, two = (solve_contact(h, half_space, pressure=0.1 * H, hardness=H, threads=n) for n in (1, 2))
-    assert_allclose(two.pressure, one.pressure, rtol=0, atol=1e-9 * H)
+    whole = solve_contact(h, half_space, rtol=1e-10, **given)
+    monkeypatch.setattr(long_lists, "POINTS", 1000)
+    monkeypatch.setattr(long_lists, "LISTED", 60)
+    monkeypatch.setattr(workspace, "_THREADED", 0)
+    found = []
+    for threads in (1, 2, 3):
+        workspace._kept_grids.cache_clear()
+        found.append(solve_contact(h, half_space, rtol=1e-10, threads=threads, **given))
+    workspace._kept_grids.cache_clear()
+    assert_allclose(found[0].pressure, whole.pressure, rtol=0, atol=1e-7 * H)
+    assert_allclose(found[0].gap, whole.gap, rtol=0, atol=1e-7 * h.std())
+    assert len({contact.pressure.tobytes() + contact.gap.tobytes() for contact in found}) == 1
 
 
 def test_steps_become_monotone_where_active_sets_go_round_in_circles():

@@ -15,7 +15,7 @@ from hypothesis import strategies as st
 from numpy.testing import assert_allclose
 
 from femseal.base.errors import InputError
-from femseal.contact import HalfSpace
+from femseal.contact import HalfSpace, convolution
 from femseal.contact.convolution import Convolution
 from femseal.contact.influence import stiffness_stencil
 
@@ -272,11 +272,19 @@ def test_what_fftw_has_planned_before_changes_no_bits_and_is_kept():
 
 
 @each("boundary", PAIRS)
-def test_threads_share_the_blocks(boundary):
+def test_threads_share_rows_and_columns_and_change_no_bits(boundary, monkeypatch):
+    monkeypatch.setattr(convolution, "_ROW_POINTS", 200)
+    monkeypatch.setattr(convolution, "_BLOCK_BYTES", 8 * 16 * 36)
     half_space = HalfSpace((36, 50), (1e-6, 1e-6), E, boundary)
     p = np.random.default_rng(9).random((36, 50))
-    shared = Convolution(half_space.shape, half_space.boundary, half_space.symbol(), threads=3)
-    shared.pressure[:] = p
-    shared.apply()
+    found = []
+    for threads in (1, 2, 3):
+        shared = Convolution(half_space.shape, half_space.boundary, half_space.symbol(), threads=threads)
+        shared.pressure[:] = p
+        shared.apply()
+        found.append(shared.displacement.tobytes())
+    assert len(shared._rows) > 2
+    assert shared._blocks[-1]
+    assert len(set(found)) == 1
     u = half_space.displacement(p)
     assert_allclose(shared.displacement, u, rtol=0, atol=1e-14 * np.abs(u).max())

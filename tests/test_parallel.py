@@ -17,6 +17,7 @@ from numpy.testing import assert_array_equal
 from test_checkpoint import CASE, HANG, assert_same, start, stop_at, wait_until  # noqa: F401
 
 import femseal as fs
+from femseal.base import threads
 from femseal.base.shared_array import shared_empty
 from femseal.base.stage import Stage
 from femseal.execution import cluster as cluster_map
@@ -410,3 +411,16 @@ def test_processes_that_cannot_end_do_not_keep_the_run(end):
     done = subprocess.run(code, cwd=folder, env={**os.environ, "PYTHONPATH": path}, capture_output=True, timeout=180)
     assert done.stdout.split() == [b"0", b"1", b"2", b"3"]
     assert done.returncode == (end == "error"), done.stderr
+
+
+def _threads(item):
+    return threads.number()
+
+
+def test_processes_that_have_no_item_leave_their_cores_to_the_others():
+    with processes.over_processes(2) as mapper:
+        alone = list(mapper(Stage("one state", _threads), [1]))
+        many = list(mapper(Stage("states", _threads), [1, 2, 3]))
+        large = list(mapper(Stage("large states", _threads, memory=1e15), [1, 2, 3]))
+    assert (alone, many, large) == ([2], [1, 1, 1], [2, 2, 2])
+    assert threads.number() == 1

@@ -17,7 +17,6 @@ from math import inf
 import numpy as np
 from numpy.typing import NDArray
 
-from . import gradient_kernels, kernels
 from .descent import Descent
 from .law import YieldLine
 from .workspace import Workspace
@@ -115,14 +114,17 @@ class ActiveSets:
         grid.respond.apply()
         self.pairs += 1
         self._fresh = True
-        self._n_near, self._n_free, energy, load, total = kernels.add_gap(
-            grid.p, grid.v, self._gap0, self._offset, self._reach, *self._law, grid.state, grid.lists, grid.near
-        )
+        energy, load, total = self._list_near(add=True)
         return energy - (0.0 if self._loaded else self.delta * load), load, total
 
-    def _list_near(self) -> None:
+    def _list_near(self, add: bool = False) -> tuple[float, float, float]:
+        """List the points near contact, after h₁ is added to v where `add`; returns energy, Σ p and Σ v."""
         grid = self._grid
-        self._n_near, self._n_free = kernels.list_near(grid.p, grid.v, self._reach, grid.state, grid.lists, grid.near)
+        self._n_near, self._n_free, *sums = grid.loops.add_gap(
+            add, grid.p, grid.v, self._gap0, self._offset, self._reach,
+            *self._law, grid.state, grid.lists, grid.near,
+        )  # fmt: skip
+        return tuple(sums)
 
     def _look(self) -> None:
         """Find δ and the residual, and decide whether the sets are to be changed.
@@ -132,7 +134,7 @@ class ActiveSets:
         """
         grid, former = self._grid, self.residual
         while True:
-            self.delta, carried, residual, changed, leaving = kernels.look(
+            self.delta, carried, residual, changed, leaving = grid.loops.look(
                 self._n_near, self._c, self._load, self._loaded, self.delta,
                 *self._law, grid.state, grid.lists, grid.near,
             )  # fmt: skip
@@ -150,7 +152,7 @@ class ActiveSets:
         """Project p on the bounds and the load, which decides which points are free, and find v."""
         grid = self._grid
         keep = self.iterations > 1
-        self._n_free = kernels.project(
+        self._n_free = grid.loops.project(
             self._n_near, self._n_free, self._c, self.delta, self._load, self._loaded, keep,
             grid.p, *self._law, grid.state, grid.lists, grid.near, grid.dense,
         )  # fmt: skip
@@ -165,14 +167,14 @@ class ActiveSets:
         """Make a few steps on the free points; their Rayleigh quotients d·Kd/d·d give the step c of the next look."""
         grid, longest, first = self._grid, self._c0, inf
         if self._new_sets:
-            self._ones = gradient_kernels.restart(
+            self._ones = grid.loops.restart(
                 self._n_free, self.delta, self._loaded, self._hardens, *self._law,
                 grid.state, grid.lists, grid.near, grid.on_free, grid.dense, *grid.stencil,
             )  # fmt: skip
             self._former, self._turned, self._new_sets = inf, False, False
         for steps in range(_STEPS_AFTER_CHANGE if self._changed else _STEPS):
             if not self._turned:
-                self._wr = gradient_kernels.turn(
+                self._wr = grid.loops.turn(
                     self._n_free, self._former, self._ones, self._loaded, self._hardens,
                     grid.lists, grid.on_free, grid.dense, *grid.stencil,
                 )  # fmt: skip
@@ -186,7 +188,7 @@ class ActiveSets:
                 break
             grid.search.apply()
             self.pairs += 1
-            curvature, length, made = gradient_kernels.step(
+            curvature, length, made = grid.loops.step(
                 self._n_near, self._n_free, self._wr, self._loaded, self._hardens,
                 grid.kd, grid.lists, grid.near, grid.on_free, grid.dense,
             )  # fmt: skip

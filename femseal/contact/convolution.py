@@ -17,7 +17,6 @@ import math
 import sys
 import threading
 from collections.abc import Iterator, Sequence
-from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
 from functools import cache
 from typing import Any
@@ -26,11 +25,14 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
+from ..base.threads import on_threads, parts
 from .influence import padded_length
 
 Array = NDArray[np.float64]
 #: Bytes of a block of columns, which should fit in a level-2 cache together with the symbol.
 _BLOCK_BYTES = 2**18
+#: Least number of points of the rows that are transformed together, and most parts of all rows.
+_ROW_POINTS, _ROW_PARTS = 2**16, 16
 #: Blocks begin at multiples of so many columns, as the vector instructions of FFTW need.
 _ALIGNED = 8
 #: Rows of waves take 8k + 3 cache lines of 64 bytes: the points of a column do not push each other out of the cache.
@@ -86,16 +88,20 @@ class Convolution:
         spectrum = self._array((l1, _row_length(m2, waves.itemsize)), waves)[:, :m2]
         staged = any(self._mirrors) or boundary[1] == "free"
         self._staged = self._array((n1, l2), real) if staged else None
-        points, target = (self._staged, self._staged) if staged else (self.pressure, self.displacement)
-        self._no_points = spectrum[n1:]
+        points: Any = self._staged if staged else self.pressure
+        target: Any = self._staged if staged else self.displacement
         turn1, turn2 = (np.exp(1j * np.pi * np.arange(n // 2 + 1) / n) for n in (l1, l2))
         cosine1, sine1 = turn1.real.copy(), turn1.imag.copy()
-        width = min(_BLOCK_BYTES // (l1 * waves.itemsize), math.ceil(m2 / threads))
+        width = min(_BLOCK_BYTES // (l1 * waves.itemsize), m2)
         width = max(_ALIGNED, width - width % _ALIGNED)
         starts = range(0, m2, width)
         self._blocks: list[list[Any]] = []
         with _own_wisdom():
-            self._rows = _plans(points, spectrum[:n1], target, axis=1, threads=threads)
+            self._rows = []
+            for i, end in parts(l1, max(_ROW_POINTS / l2, l1 / _ROW_PARTS)):
+                rows = slice(i, min(end, n1))
+                plans = _plans(points[rows], spectrum[rows], target[rows], axis=1) if i < n1 else None
+                self._rows.append((rows, spectrum[max(i, n1) : end], plans))
             for part in np.array_split(starts, threads):
                 block = pyfftw.zeros_aligned((width, l1), dtype=waves)
                 self._blocks.append([])
@@ -105,31 +111,39 @@ class Convolution:
                     plans = _plans(spectrum[:, columns], here.T, spectrum[:, columns], axis=0)
                     arguments = here, j, self._weights, cosine1, sine1, turn2
                     self._blocks[-1].append((*plans, arguments))
-        self._pool = ThreadPoolExecutor(threads) if threads > 1 else None
+        self._threads = threads
+        self._stages = (self._forward, self._rows), (_respond_in, self._blocks), (self._inverse, self._rows)
 
     def _array(self, shape: tuple[int, int], dtype: np.dtype[Any]) -> Any:
-        """An array of zeros, in the memory of `over` as far as it suffices."""
+        """An array, in the memory of `over` as far as it suffices."""
         memory = next(self._lent, None)
         if memory is None:
-            memory = _fftw().zeros_aligned(math.prod(shape) * dtype.itemsize, dtype=np.uint8)
+            memory = _fftw().empty_aligned(math.prod(shape) * dtype.itemsize, dtype=np.uint8)
         self._memory.append(memory)
         return memory[: math.prod(shape) * dtype.itemsize].view(dtype).reshape(shape)
 
     def apply(self) -> None:
         """Fill `displacement` from `pressure`."""
-        forward, inverse = self._rows
-        if self._staged is not None:
-            _lay(self.pressure, self._staged, *self._mirrors)
-        if self._no_points.size:
-            self._no_points[:] = 0
-        forward()
-        if self._pool is None:
-            _respond_in(self._blocks[0])
-        else:
-            list(self._pool.map(_respond_in, self._blocks))
-        inverse()
-        if self._staged is not None:
-            _take(self._staged, self.displacement, *self._mirrors)
+        for work, items in self._stages:
+            on_threads(self._threads, work, items)
+
+    def _forward(self, part: Any) -> None:
+        """Lay out the points of some rows and transform them."""
+        rows, no_points, plans = part
+        if no_points.size:
+            no_points[:] = 0
+        if plans is not None:
+            if self._staged is not None:
+                _lay(self.pressure, self._staged, rows.start, rows.stop, *self._mirrors)
+            plans[0]()
+
+    def _inverse(self, part: Any) -> None:
+        """Transform some rows back and take out their points."""
+        rows, _, plans = part
+        if plans is not None:
+            plans[1]()
+            if self._staged is not None:
+                _take(self._staged, self.displacement, rows.start, rows.stop, *self._mirrors)
 
 
 def _row_length(waves: int, itemsize: int) -> int:
@@ -140,13 +154,13 @@ def _row_length(waves: int, itemsize: int) -> int:
     return (lines + (_MORE_LINES - lines) % _LINES) * _LINE // itemsize
 
 
-def _plans(points: Any, waves: Any, target: Any, *, axis: int, threads: int = 1) -> tuple[Any, Any]:
+def _plans(points: Any, waves: Any, target: Any, *, axis: int) -> tuple[Any, Any]:
     """FFTW's transforms points → waves and, destroying them, waves → target."""
     pyfftw = _fftw()
     flags = "FFTW_ESTIMATE", "FFTW_DESTROY_INPUT"
     pyfftw.forget_wisdom()  # earlier plans would change the choice
-    forward = pyfftw.FFTW(points, waves, (axis,), "FFTW_FORWARD", flags[:1], threads)
-    return forward.execute, pyfftw.FFTW(waves, target, (axis,), "FFTW_BACKWARD", flags, threads).execute
+    forward = pyfftw.FFTW(points, waves, (axis,), "FFTW_FORWARD", flags[:1])
+    return forward.execute, pyfftw.FFTW(waves, target, (axis,), "FFTW_BACKWARD", flags).execute
 
 
 @cache
@@ -260,10 +274,10 @@ def _place(i, n, mirror):
 
 
 @njit(**_compiled)
-def _lay(points, staged, mirror1, mirror2):
-    """Write the points in the order of the transform, and zeros behind them."""
+def _lay(points, staged, first, end, mirror1, mirror2):
+    """Write the points of some rows of the transform in its order, and zeros behind them."""
     n1, n2 = points.shape
-    for i in range(n1):
+    for i in range(first, end):
         row = points[_place(i, n1, mirror1)]
         if mirror2:
             for j in range((n2 + 1) // 2):
@@ -277,10 +291,10 @@ def _lay(points, staged, mirror1, mirror2):
 
 
 @njit(**_compiled)
-def _take(staged, points, mirror1, mirror2):
+def _take(staged, points, first, end, mirror1, mirror2):
     """Write the points back in their own order: the inverse of `_lay`."""
     n1, n2 = points.shape
-    for i in range(n1):
+    for i in range(first, end):
         row = points[_place(i, n1, mirror1)]
         if mirror2:
             for j in range((n2 + 1) // 2):

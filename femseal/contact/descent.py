@@ -156,5 +156,5 @@ class Descent:
         dense = self._grid.dense
         dense[:] = 0
         dense[free] = values * scale
-        gradient_kernels.apply_stencil(free.size, free, dense, out, *self._grid.stencil)
+        gradient_kernels.apply_stencil(free, dense, out, *self._grid.stencil)
         return out * scale

@@ -8,11 +8,9 @@ constant pressure); Liu, Wang, Liu, Wear 243, 2000, 101 (DC-FFT).
 
 from __future__ import annotations
 
-from itertools import product
-
 import numpy as np
 from numpy.typing import NDArray
-from scipy.fft import fft, next_fast_len
+from scipy.fft import fft, next_fast_len, rfft
 from scipy.special import polygamma
 
 Array = NDArray[np.float64]
@@ -74,14 +72,17 @@ def _love(x: Array, y: Array) -> Array:
 
 def free_symbol(shape: tuple[int, int], spacing: tuple[float, float], modulus: float) -> Array:
     """Both axes free: transform of Love's displacement [m/Pa] of a pixel under constant pressure."""
-    (d1, d2) = spacing
-    x = _wrapped_offsets(shape[0])[:, None] * d1
-    y = _wrapped_offsets(shape[1])[None, :] * d2
-    kernel = np.zeros((x.size, y.size))
-    for s, t in product((-1.0, 1.0), repeat=2):
-        kernel += s * t / (np.pi * modulus) * _love(x + s * d1 / 2, y + t * d2 / 2)
-    symbol = fft(kernel, axis=0).real
-    return fft(symbol, axis=1).real[: kernel.shape[0] // 2 + 1, : kernel.shape[1] // 2 + 1]
+    x, y = ((np.arange(padded_length(n) // 2 + 2, dtype=float) - 0.5) * d for n, d in zip(shape, spacing, strict=True))
+    potential = _love(x[:, None], y)
+    kernel = np.diff(np.diff(potential, axis=0), axis=1) / (np.pi * modulus)
+    l1, l2 = (padded_length(n) for n in shape)
+    return np.ascontiguousarray(_even_transform(_even_transform(kernel, l2).T, l1).T)
+
+
+def _even_transform(half: Array, length: int) -> Array:
+    """Transform of rows that are even about 0, of which the first half is given: the first half of it."""
+    rest = length - half.shape[1]
+    return np.asarray(rfft(np.concatenate((half, half[:, rest:0:-1]), axis=1), axis=1).real)
 
 
 def bickley_1(x: Array) -> Array:

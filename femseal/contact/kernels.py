@@ -1,6 +1,7 @@
 """Compiled loops of the contact solver on flat arrays: lists of points near contact, projection on the law, new sets.
 
-`active_sets` calls them, and those in `gradient_kernels`, between two products with K.
+`active_sets` calls them, and those in `gradient_kernels`, between two products with K: `add_gap`, `look` and `project`,
+which are made of loops over some points of a list, from `first` to `end`. `long_lists` runs these on several threads.
 
 State of a point: 0 out of contact (p = 0), 1 elastic (0 < p < H), 2 perfectly plastic (p = H), 3 yielding on a slope
 h > 0 (p = H + h u). Odd ones are free. `hardness` H and `slope` h have one value or one per point, see `law.YieldLine`.
@@ -26,38 +27,41 @@ from numba import njit
 #: Every function is inlined: a called one may be compiled differently in another process and change last digits.
 EXACT: dict[str, Any] = {"cache": True, "nogil": True, "forceinline": True}
 FAST: dict[str, Any] = {**EXACT, "fastmath": {"reassoc", "nsz", "arcp", "contract", "nnan"}}
+#: Most steps of Newton's method for δ.
+ROOT_STEPS = 200
 #: Sets stay while points that would leave them have at most this fraction of the squared residual, and it halves.
 _FRACTION = 0.1
 
 
 @njit(**EXACT)
-def add_gap(p, v, gap0, offset, reach, hardness, slope, state, lists, near):
-    """v = Kp + h₁ from Kp; lists the points in contact or with v below `reach`.
+def add_gap(first, end, add, n, k, p, v, gap0, offset, reach, hardness, slope, state, lists, near):
+    """v = Kp + h₁ from Kp at some points where `add`; lists those in contact or with v below `reach`.
 
-    Returns the numbers of points near contact and of free points, the energy ½⟨p, Kp⟩ + ⟨p, h₁⟩ + ½ Σ (p − H)²/h where
-    points yield on a slope, Σ p, and Σ v on the first list.
+    They are listed from place n, and the free ones of them from place k. Returns the next places, the energy ½⟨p, Kp⟩ +
+    ⟨p, h₁⟩ + ½ Σ (p − H)²/h where points yield on a slope, Σ p, and Σ v of those on the first list.
     """
+    p, v, gap0, state = p[first:end], v[first:end], gap0[first:end], state[first:end]
+    weight = 1.0 if add else 0.0
     energy = 0.0
     load = 0.0
     total = 0.0
-    n = 0
-    k = 0
     for i in range(v.size):
         h = gap0[i] - offset
-        vi = v[i] + h
+        vi = v[i] + weight * h
         v[i] = vi
         if state[i] != 0 or vi < reach:
             energy += 0.5 * p[i] * (vi + h)
             load += p[i]
             total += vi
-            lists[0, n] = i
+            at = first + i
+            lists[0, n] = at
             near[1, n] = p[i]
             near[2, n] = vi
             if state[i] == 3:
-                over = p[i] - hardness[i if hardness.size > 1 else 0]
-                energy += 0.5 * over * over / slope[i if slope.size > 1 else 0]
+                over = p[i] - hardness[at if hardness.size > 1 else 0]
+                energy += 0.5 * over * over / slope[at if slope.size > 1 else 0]
             if state[i] & 1:
-                lists[1, k] = i
+                lists[1, k] = at
                 lists[2, k] = n
                 k += 1
             n += 1
@@ -65,20 +69,18 @@ def add_gap(p, v, gap0, offset, reach, hardness, slope, state, lists, near):
 
 
 @njit(**EXACT)
-def list_near(p, v, reach, state, lists, near):
-    """Lists the points in contact or with v below `reach`; returns how many they are, and how many are free."""
+def count_near(first, end, add, v, gap0, offset, reach, state):
+    """Add h₁ to v at some points where `add`; returns how many of them `add_gap` lists, and how many as free."""
+    v, gap0, state = v[first:end], gap0[first:end], state[first:end]
+    weight = 1.0 if add else 0.0
     n = 0
     k = 0
     for i in range(v.size):
-        if state[i] != 0 or v[i] < reach:
-            lists[0, n] = i
-            near[1, n] = p[i]
-            near[2, n] = v[i]
-            if state[i] & 1:
-                lists[1, k] = i
-                lists[2, k] = n
-                k += 1
-            n += 1
+        vi = v[i] + weight * (gap0[i] - offset)
+        v[i] = vi
+        is_near = (state[i] != 0) | (vi < reach)
+        n += is_near
+        k += is_near & state[i] & 1
     return n, k
 
 
@@ -90,20 +92,33 @@ def look(n, c, load, loaded, delta, hardness, slope, state, lists, near):
     can carry the load, ‖p − y‖/‖p‖, the number of points whose state y changes, and whether they have much of ‖p −
     y‖².
     """
-    listed, x, p, v = lists[0], near[0], near[1], near[2]
-    for j in range(n):
-        x[j] = p[j] - c * v[j]
     carried = True
+    find_trial(0, n, c, near)
     if loaded:
-        delta, carried = root(x, n, hardness, slope, c, listed, c, load, delta)
+        delta, carried = root(near[0], n, hardness, slope, c, lists[0], c, load, delta)
+    return delta, carried, *residual(*compare(0, n, c, delta, hardness, slope, state, lists, near))
+
+
+@njit(**EXACT)
+def find_trial(first, end, c, near):
+    """x = p − c v of some points near contact."""
+    x, p, v = near[0, first:end], near[1, first:end], near[2, first:end]
+    for j in range(end - first):
+        x[j] = p[j] - c * v[j]
+
+
+@njit(**EXACT)
+def compare(first, end, c, delta, hardness, slope, state, lists, near):
+    """‖p − y‖² and ‖y‖² of some points near contact, and the number and ‖p − y‖² of those whose state y changes."""
+    listed, x, p = lists[0, first:end], near[0, first:end], near[1, first:end]
     r2 = 0.0
     y2 = 0.0
-    c2 = 0.0
     changed = 0
+    c2 = 0.0
     shift = c * delta
     one = hardness.size + slope.size == 2
     h, t = _line(0, hardness, slope, c)
-    for j in range(n):
+    for j in range(end - first):
         i = listed[j]
         if not one:
             h, t = _line(i, hardness, slope, c)
@@ -114,8 +129,14 @@ def look(n, c, load, loaded, delta, hardness, slope, state, lists, near):
         if s != state[i]:
             changed += 1
             c2 += e * e
-    residual = np.sqrt(r2 / y2) if y2 > 0.0 else (0.0 if r2 == 0.0 else np.inf)
-    return delta, carried, residual, changed, c2 > _FRACTION * r2
+    return r2, y2, changed, c2
+
+
+@njit(**EXACT)
+def residual(r2, y2, changed, c2):
+    """The last three values of `look` from the sums of `compare`."""
+    relative = np.sqrt(r2 / y2) if y2 > 0.0 else (0.0 if r2 == 0.0 else np.inf)
+    return relative, changed, c2 > _FRACTION * r2
 
 
 @njit(**EXACT)
@@ -142,60 +163,81 @@ def root(x, n, hardness, slope, kept, listed, c, load, start):
     y is the projection on the law with t = h/(h + kept). The sum is monotone and piecewise linear in δ: Newton's method
     within a bracket.
     """
+    limits = capacity(0, n, x, hardness, slope, kept, listed, load)
+    found, carried, d, low, top = bracket(*limits, c, load, start)
+    for _ in range(ROOT_STEPS):
+        if found:
+            break
+        total, slopes = carry(0, n, x, c * d, hardness, slope, kept, listed)
+        found, d, low, top = refine(total, slopes, c, load, d, low, top)
+    return d, carried
+
+
+@njit(**EXACT)
+def capacity(first, end, x, hardness, slope, kept, listed, load):
+    """Of some points: the highest x, the highest min(H, load) − x, Σ H and Σ t."""
+    x, listed = x[first:end], listed[first:end]
     highest = -np.inf
     full = -np.inf
-    capacity = 0.0
+    total = 0.0
     rise = 0.0
     one = hardness.size + slope.size == 2
     h, t = _line(0, hardness, slope, kept)
-    for j in range(n):
+    for j in range(end - first):
         if not one:
             h, t = _line(listed[j], hardness, slope, kept)
         highest = max(highest, x[j])
         full = max(full, min(h, load) - x[j])
-        capacity += h
+        total += h
         rise += t
+    return highest, full, total, rise
+
+
+@njit(**EXACT)
+def bracket(highest, full, capacity, rise, c, load, start):
+    """Whether δ is known, whether the points can carry the load, δ or the first guess of it, and its bounds."""
     if capacity <= load:
         if rise == 0.0:
-            return full / c, capacity >= load
+            return True, capacity >= load, full / c, 0.0, 0.0
         full += (load - capacity) / rise
     low = -highest / c
     top = full / c
     top += 1e-12 * abs(top)
-    d = min(max(start, low), top)
-    for _ in range(200):
-        total, slopes = _total(x, n, c * d, hardness, slope, kept, listed)
-        excess = total - load
-        if excess > 0.0:
-            top = min(top, d)
-        else:
-            low = max(low, d)
-        if abs(excess) <= 1e-14 * load:
-            break
-        new = d - excess / (c * slopes) if slopes > 0.0 else low
-        if new <= low or new >= top:
-            new = 0.5 * (low + top)
-        if new == d:
-            break
-        d = new
-    return d, True
+    return False, True, min(max(start, low), top), low, top
+
+
+@njit(**EXACT)
+def refine(total, slopes, c, load, d, low, top):
+    """Whether δ is found, and the next one with its bounds."""
+    excess = total - load
+    if excess > 0.0:
+        top = min(top, d)
+    else:
+        low = max(low, d)
+    if abs(excess) <= 1e-14 * load:
+        return True, d, low, top
+    new = d - excess / (c * slopes) if slopes > 0.0 else low
+    if new <= low or new >= top:
+        new = 0.5 * (low + top)
+    return new == d, new, low, top
 
 
 @njit(**FAST)
-def _total(x, n, shift, hardness, slope, kept, listed):
-    """Return Σ y(x + shift) and its derivative, the number of points between the bounds where nothing hardens."""
+def carry(first, end, x, shift, hardness, slope, kept, listed):
+    """Σ y(x + shift) of some points and its derivative, the number between the bounds where nothing hardens."""
+    x, listed = x[first:end], listed[first:end]
     total = 0.0
     slopes = 0.0
     if hardness.size == 1 and slope.size == 1 and slope[0] == 0.0:
         h = hardness[0]
-        for j in range(n):
+        for j in range(end - first):
             y = x[j] + shift
             inside = 1.0 if (y > 0.0) & (y < h) else 0.0
             y = y if y > 0.0 else 0.0
             total += y if y < h else h
             slopes += inside
     else:
-        for j in range(n):
+        for j in range(end - first):
             h, t = _line(listed[j], hardness, slope, kept)
             y = x[j] + shift
             above = 0.0 if y < h else t
@@ -213,53 +255,94 @@ def project(n, free, c, delta, load, loaded, keep, p, hardness, slope, state, li
     keep : points that stay free in their state keep the pressure that conjugate gradients gave them. The load that all
     others leave is put on the free points by a uniform shift within the bounds. Returns the number of free points.
     """
-    listed, listed_free, x, pn = lists[0], lists[1], near[0], near[1]
-    for k in range(free):
-        dense[listed_free[k]] = 0.0
-    left = load
-    shift = c * delta
-    k = 0
-    one = hardness.size + slope.size == 2
-    h, t = _line(0, hardness, slope, c)
-    for j in range(n):
-        i = listed[j]
-        if not one:
-            h, t = _line(i, hardness, slope, c)
-        y, s = _projected(x[j] + shift, h, t)
-        if s & 1:
-            if keep and state[i] == s:
-                y = min(max(pn[j], 0.0), h) if s == 1 else max(pn[j], h)
-            listed_free[k] = i
-            x[k] = y
-            k += 1
-        else:
-            left -= y
-        p[i] = y
-        state[i] = s
+    clear(0, free, lists, dense)
+    k, carried = assign(0, n, True, c, delta, keep, p, hardness, slope, state, lists, near)
+    left = load - carried
     if k > 0 and left > 0.0 and loaded:
-        uniform = root(x, k, hardness, slope, 0.0, listed_free, 1.0, left, 0.0)[0]
-        for j in range(k):
-            i = listed_free[j]
-            if not one:
-                h, t = _line(i, hardness, slope, c)
-            y = max(x[j] + uniform, 0.0)
-            p[i] = min(y, h) if t == 0.0 else y
+        uniform = root(near[3], k, hardness, slope, 0.0, lists[1], 1.0, left, 0.0)[0]
+        shift(0, k, c, uniform, p, hardness, slope, lists, near)
     return k
 
 
 @njit(**EXACT)
-def gap_and_deformation(p, gap, delta, c, hardness, slope, deformation, plastic):
-    """Deformed gap, in place of v, and plastic deformation u = (p − H − c g)/(h + c), −g on a law without slope.
+def clear(first, end, lists, dense):
+    """Take some free points from the grid."""
+    for i in lists[1, first:end]:
+        dense[i] = 0.0
 
-    u is that of the projection of p − c g: where h is large p gives it better, where h is small the raw gap g does.
+
+@njit(**EXACT)
+def assign(first, end, enlist, c, delta, keep, p, hardness, slope, state, lists, near):
+    """Pressure and state of some points near contact; returns how many are free, and what the others carry.
+
+    Where `enlist`, the free points are listed from the first place, with their pressures in place of Kd.
     """
+    listed, x, pn = lists[0, first:end], near[0, first:end], near[1, first:end]
+    carried = 0.0
+    k = 0
+    one = hardness.size + slope.size == 2
+    h, t = _line(0, hardness, slope, c)
+    for j in range(end - first):
+        i = listed[j]
+        if not one:
+            h, t = _line(i, hardness, slope, c)
+        y, s = _projected(x[j] + c * delta, h, t)
+        if s & 1:
+            if keep and state[i] == s:
+                y = min(max(pn[j], 0.0), h) if s == 1 else max(pn[j], h)
+            if enlist:
+                lists[1, k] = i
+                near[3, k] = y
+            k += 1
+        else:
+            carried += y
+        x[j] = y
+        p[i] = y
+        state[i] = s
+    return k, carried
+
+
+@njit(**EXACT)
+def list_free(first, end, k, state, lists, near):
+    """List those of some points near contact that are free from place k, with the pressures that `assign` gave them."""
+    listed, x = lists[0, first:end], near[0, first:end]
+    for j in range(end - first):
+        i = listed[j]
+        if state[i] & 1:
+            lists[1, k] = i
+            near[3, k] = x[j]
+            k += 1
+
+
+@njit(**EXACT)
+def shift(first, end, c, uniform, p, hardness, slope, lists, near):
+    """Add a uniform pressure to some free points, within the bounds."""
+    one = hardness.size + slope.size == 2
+    h, t = _line(0, hardness, slope, c)
+    listed, x = lists[1, first:end], near[3, first:end]
+    for k in range(end - first):
+        i = listed[k]
+        if not one:
+            h, t = _line(i, hardness, slope, c)
+        y = max(x[k] + uniform, 0.0)
+        p[i] = min(y, h) if t == 0.0 else y
+
+
+@njit(**EXACT)
+def gap_and_deformation(first, end, p, gap, delta, c, hardness, slope, deformation, plastic):
+    """Deformed gap of some points, in place of v, and plastic deformation u.
+
+    u = (p − H − c g)/(h + c), on a law without slope −g, is that of the projection of p − c g: where h is large p gives
+    it better, where h is small the raw gap g does.
+    """
+    p, gap, deformation, plastic = p[first:end], gap[first:end], deformation[first:end], plastic[first:end]
     for i in range(p.size):
         g = gap[i] - delta
-        h = hardness[i if hardness.size > 1 else 0]
+        h = hardness[first + i if hardness.size > 1 else 0]
         gap[i] = 0.0 if p[i] > 0.0 or g < 0.0 else g
         plastic[i] = p[i] >= h
         if plastic[i]:
-            s = slope[i if slope.size > 1 else 0]
+            s = slope[first + i if slope.size > 1 else 0]
             u = -g if s == 0.0 else (p[i] - h - c * g) / (s + c)
             if u > 0.0:
                 deformation[i] = u

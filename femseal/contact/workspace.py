@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from .convolution import Convolution
 from .half_space import HalfSpace
 from .influence import stiffness_stencil
+from .long_lists import lists_of
 
 Array = NDArray[np.float64]
 #: Points up to which the arrays of a grid are kept for its next problem: 100 bytes each. Making them takes a twentieth
@@ -22,6 +23,8 @@ Array = NDArray[np.float64]
 KEPT_POINTS = 2**21
 #: Largest number of points along the shorter side of the coarsest grid.
 _COARSEST = 48
+#: Number of points from which two threads are faster than one.
+_THREADED = 2**18
 #: Number of points from which single precision is faster for search directions.
 _SINGLE = 160**2
 
@@ -80,13 +83,15 @@ class Workspace:
     respond : v = K p from `pressure` to `displacement`, the same memory as `p` and `v`.
     search : Kd of a direction, from `dense` to `kd`; `kd` is in the memory of `v`.
     stencil : 3×3 stencil of the preconditioner M, truncated from the symbol E*|q|/2, and the maps of its indices.
+    loops : the kernels, in parts where the grid is large.
     stiffness : c₀ [Pa/m], see `HalfSpace.stiffness`. kept : whether the arrays are used again.
     """
 
     def __init__(self, half_space: HalfSpace, threads: int, kept: bool = True) -> None:
-        self.half_space, self.kept = half_space, kept
         n1, n2 = half_space.shape
         n = n1 * n2
+        threads = threads if n >= _THREADED else 1
+        self.half_space, self.threads, self.kept = half_space, threads, kept
         body = half_space.shape, half_space.boundary
         self.respond = Convolution(*body, half_space.symbol(), threads=threads)
         # the next product with the pressure corrects the errors of products in single precision
@@ -107,6 +112,7 @@ class Workspace:
             _index_map(n2, r2, half_space.boundary[1]),
         )
         self.stiffness = half_space.stiffness
+        self.loops = lists_of(n, threads)
 
     def start(self, pressure: Array, limit: Array) -> None:
         """Start from pressures on this grid, or on the next coarser one, nowhere above `limit` (1,) or (n1, n2)."""

@@ -25,6 +25,7 @@ from ..base.errors import FemsealError
 from ..base.machine import free_memory
 from ..base.shared_array import sharing
 from ..base.stage import Mapper, Stage
+from ..base.threads import using
 
 log = logging.getLogger("femseal.execution.processes")
 #: Fraction of the free memory that the concurrent calls of a stage may take together.
@@ -57,7 +58,7 @@ def _map(count: int, folder: str, stage: Stage, *iterables: Iterable[Any]) -> It
     from joblib.externals.loky.process_executor import TerminatedWorkerError
 
     items = zip(*iterables, strict=False)
-    first = list(islice(items, 1))
+    first = list(islice(items, count))
     if not first:
         return
     with NamedTemporaryFile(suffix=".pickle", dir=folder, delete=False) as file:
@@ -66,12 +67,14 @@ def _map(count: int, folder: str, stage: Stage, *iterables: Iterable[Any]) -> It
         under_way: Any = "2 * n_jobs"
         if stage.memory:
             under_way = int(np.clip(FREE_FRACTION * free_memory() / stage.memory, 1, 2 * count))
+        # processes without an item leave their cores to the others
+        threads = max(1, count // min(under_way if stage.memory else count, len(first)))
         results = None
         try:
             with joblib.parallel_config("loky", inner_max_num_threads=1), starting_processes():
                 pool = joblib.Parallel(return_as="generator", n_jobs=count, pre_dispatch=under_way)
                 call = joblib.delayed(_call_stored)
-                results = pool(call(os.getpid(), file.name, *args) for args in chain(first, items))
+                results = pool(call(os.getpid(), file.name, threads, *args) for args in chain(first, items))
             _end_at_exit()
             for result in results:  # noqa: UP028, as it would close them here
                 yield result
@@ -147,9 +150,10 @@ def _end_at_exit() -> None:
     getattr(threading, "_register_atexit", atexit.register)(end_processes)
 
 
-def _call_stored(parent: int, path: str, *args: Any) -> Any:
+def _call_stored(parent: int, path: str, threads: int, *args: Any) -> Any:
     _end_with(parent, str(Path(path).parent))
-    return _stored(path)(*args)
+    with using(threads):
+        return _stored(path)(*args)
 
 
 @lru_cache(maxsize=1)

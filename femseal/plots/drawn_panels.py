@@ -160,7 +160,8 @@ class _Panel:
             norm = Normalize(float(finite.min()), float(finite.max())) if finite.size else Normalize(0, 1)
         colours = colormaps[self.colours].with_extremes(under=CLOSED, bad=POCKET)
         # an array of all corners takes a fifth of the time of a list of polygons
-        parts = PolyCollection(corners, array=np.ma.masked_invalid(values[seen]), cmap=colours, norm=norm)
+        shown: Any = corners
+        parts = PolyCollection(shown, array=np.ma.masked_invalid(values[seen]), cmap=colours, norm=norm)
         parts.set(edgecolor="face", linewidth=0.2, rasterized=True)
         axes.add_collection(parts)
         colour_bar(axes, parts)

@@ -1,0 +1,62 @@
+"""Work on the parts of large arrays by the threads of this process, with the same bits for any number of them.
+
+Parts depend on the size of an array only, and what they return is summed in their order. Compiled loops and transforms
+leave the interpreter to the other threads while they work.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Iterator
+from concurrent.futures import ThreadPoolExecutor
+from contextlib import contextmanager
+from functools import cache
+from typing import Any
+
+#: Threads of this process for work on one array, 1 while as many other processes as there are cores are at work.
+_number = 1
+
+
+def number() -> int:
+    """Threads that may share the work on an array."""
+    return _number
+
+
+@contextmanager
+def using(threads: int) -> Iterator[None]:
+    """Context in which so many threads share the work on an array."""
+    global _number
+    before, _number = _number, threads
+    try:
+        yield
+    finally:
+        _number = before
+
+
+def parts(n: int, length: float) -> list[tuple[int, int]]:
+    """First and last + 1 of equal parts of n items, each of about `length` of them."""
+    number = max(1, round(n / length))
+    return [(n * i // number, n * (i + 1) // number) for i in range(number)]
+
+
+def on_threads(threads: int, work: Callable[..., Any], items: Iterable[Any]) -> list[Any]:
+    """The values of `work` of items, in their order, found by this thread and others, each taking the next item."""
+    items = list(items)
+    if threads == 1 or len(items) == 1:
+        return [work(item) for item in items]
+    values: list[Any] = [None] * len(items)
+    numbers = iter(range(len(items)))
+
+    def take() -> None:
+        for i in numbers:
+            values[i] = work(items[i])
+
+    others = [_pool(threads).submit(take) for _ in range(min(threads, len(items)) - 1)]
+    take()
+    for other in others:
+        other.result()
+    return values
+
+
+@cache
+def _pool(threads: int) -> ThreadPoolExecutor:
+    return ThreadPoolExecutor(threads - 1, "femseal")
