@@ -1,11 +1,19 @@
 """Parts of a run in one folder: which items each computes, what it says where others are missing, the same bits."""
 
 import itertools
+import os
 import random
+import re
+import signal
+import subprocess
+import sys
+import time
 from contextlib import ExitStack
 
 import numpy as np
 import pytest
+from test_calibration import CASE as CALIBRATED
+from test_calibration import HEAD, ROWS
 from test_checkpoint import CASE, SIZES, Crash, assert_complete, assert_same, study
 from test_sweeps import CASE as SWEPT
 from test_sweeps import contacts  # noqa: F401
@@ -13,7 +21,8 @@ from test_sweeps import contacts  # noqa: F401
 import femseal as fs
 from femseal.base.errors import PartsMissing
 from femseal.base.stage import Stage
-from femseal.execution import checkpoint, store
+from femseal.calibration import calibrating
+from femseal.execution import checkpoint, lock, store
 from femseal.execution.checkpoint import Checkpoint
 from femseal.execution.lock import alone_in
 from femseal.execution.parts import parsed_part
@@ -104,7 +113,7 @@ def test_a_part_waits_for_parts_that_are_under_way(tmp_path, monkeypatch):
         if len(looked) == 5:
             other.close()
 
-    monkeypatch.setattr(checkpoint, "sleep", looking)
+    monkeypatch.setattr(lock, "sleep", looking)
     with alone_in(tmp_path, (1, 2)), Checkpoint(tmp_path, {"case": 1}, True, (1, 2)) as kept:
         mapper = kept.over(map)
         assert list(mapper(stage, range(7))) == [n * n for n in range(7)]
@@ -218,3 +227,149 @@ def test_scenes_by_parts_are_solved_once(tmp_path):
     np.testing.assert_array_equal(explored(), whole)
     assert len(solved) == len(set(solved)) == 8
     assert [path.name for path in tmp_path.iterdir()] == ["scenes.json"]
+
+
+def test_a_part_of_a_calibration_waits_for_parts_that_are_under_way(tmp_path, monkeypatch):
+    """A run without a part takes what they have solved, also while it begins."""
+    stage = Stage("scenes", lambda *point: [sum(point)])
+    points = np.arange(10.0).reshape(5, 2)
+
+    def scenes(part=None):
+        return Scenes(tmp_path, "answer.json", "identity", True, part)
+
+    whole, second, looked = scenes(), ExitStack(), []
+    other = second.enter_context(scenes((2, 2)))
+
+    def looking(seconds):
+        looked.append(seconds)
+        assert len(looked) == 1
+        with second:
+            np.testing.assert_array_equal(other.solve(stage, map, points), points.sum(1, keepdims=True))
+
+    monkeypatch.setattr(lock, "sleep", looking)
+    with scenes((1, 2)) as one:
+        np.testing.assert_array_equal(one.solve(stage, map, points), points.sum(1, keepdims=True))
+    assert looked
+    (tmp_path / ".unfinished-killed.json").write_text("[")
+    with whole:  # it has looked into the folder when nothing was there
+        np.testing.assert_array_equal(whole.solve(stage, pytest.fail, points), points.sum(1, keepdims=True))
+    assert [path.name for path in tmp_path.iterdir()] == ["scenes.json"]
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_parts_of_a_calibration_killed_and_run_twice_give_the_bits_of_one_process(tmp_path, monkeypatch, femseal, seed):
+    """Each ends now and then after some scenes, as a kill ends it; what it had solved is not solved again."""
+    (case := tmp_path / "case.toml").write_text(CALIBRATED)
+    (test := tmp_path / "test.csv").write_text(HEAD + ROWS)
+    rng, solved, left = random.Random(seed), [], [0]
+
+    def leakage(case, unit, steps, hardness, shortest_wave):
+        if left[0] == 0:
+            raise Crash
+        left[0] -= 1
+        solved.append((hardness, shortest_wave))
+        return [1e-13 * hardness * shortest_wave / n**3 for n in range(1, len(steps) + 1)]
+
+    monkeypatch.setattr(calibrating, "_leakage", leakage)
+    said, options = set(), {"scenes": 26, "workers": 1}
+    left[0] = 1000
+    whole = fs.calibrate(case, test, **options)
+    solved.clear()
+    ended = set()
+    while len(ended) < 3:
+        n, left[0] = rng.randint(1, 3), rng.randint(1, 6)
+        try:
+            arguments = ["--part", f"{n}/3", "--workers", 1, "--scenes", 26, "--quiet"]
+            code, _, error = femseal("calibrate", case, test, "-o", tmp_path / "out", *arguments)
+        except Crash:
+            continue
+        assert code in (0, WAITS), error
+        if code == 0:
+            ended.add(n)
+        else:
+            said.add(error.splitlines()[-1])
+    line = r"femseal: part \d/3: 'scenes' needs (part \d|parts \d, \d) of 3; run this part again after them"
+    assert said
+    assert all(re.fullmatch(line, text) for text in said)
+    assert not (tmp_path / "out/calibration.json").exists()
+    left[0] = 0  # there is nothing to solve any more
+    again = fs.calibrate(case, test, tmp_path / "out", resume=True, **options)
+    assert len(solved) == len(set(solved)) == len(whole.scenes)
+    np.testing.assert_array_equal(again.samples, whole.samples)
+    np.testing.assert_array_equal(again.leakages, whole.leakages)
+
+
+def test_a_sweep_goes_on_after_a_part_that_was_killed_and_never_came_back(tmp_path, contacts, monkeypatch):  # noqa: F811
+    (case := tmp_path / "small.toml").write_text(SWEPT + "pictures = false\nreport = false\n")
+    keys = {"material.hardness": ["3 GPa", "6 GPa"]}
+    options = {"workers": 1}
+    whole = fs.sweep(case, keys, tmp_path / "whole", **options)
+    every = len(contacts)
+    contacts.clear()
+    monkeypatch.setattr(store, "SHARD_ITEMS", 1)
+
+    def killed(stage, done, total):
+        if stage == "stochastic: contact of the whole face" and done == 1:
+            raise Crash
+
+    with monkeypatch.context() as patch:
+        patch.setattr(Checkpoint, "__exit__", lambda *a: None)  # as a kill leaves it
+        with pytest.raises(Crash):
+            fs.sweep(case, keys, tmp_path / "out", part=(2, 2), progress=killed, **options)
+    fs.sweep(case, keys, tmp_path / "out", part=(1, 2), **options)
+    fs.sweep(case, keys, tmp_path / "out", part=(1, 2), **options)
+    again = fs.sweep(case, keys, tmp_path / "out", resume=True, **options)
+    assert len(contacts) == every
+    for one, other in zip(whole.runs, again.runs, strict=True):
+        assert_same(one.dataset, other.dataset)
+    assert (tmp_path / "out/sweep.csv").read_bytes() == (tmp_path / "whole/sweep.csv").read_bytes()
+    assert not list((tmp_path / "out").rglob(".*"))
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(not hasattr(signal, "SIGKILL"), reason="no such signal")
+@pytest.mark.parametrize("command", ["run", "sweep", "calibrate"])
+def test_three_parts_at_once_that_are_killed_now_and_then_give_the_bits_of_one_process(tmp_path, command):
+    rng = random.Random(command)
+    (test := tmp_path / "test.csv").write_text(HEAD + ROWS.replace("sealed", "1e-7"))
+    larger = SWEPT.replace("library_cells = 8", "library_cells = 60").replace("realisations = 4", "realisations = 300")
+    content = {"run": QUICK, "sweep": larger + "pictures = false\nreport = false\n", "calibrate": CALIBRATED}[command]
+    (case := tmp_path / "case.toml").write_text(content)
+    more = {"run": [], "sweep": ["material.hardness=3GPa,4GPa,6GPa"], "calibrate": [test, "--scenes", 26]}[command]
+    written = {"run": "table.csv", "sweep": "sweep.csv", "calibrate": "calibration.json"}[command]
+
+    def started(out, *arguments):
+        line = [sys.executable, "-m", "femseal", command, case, *more, "-o", tmp_path / out, "--workers", 1, *arguments]
+        options = {"stdout": subprocess.DEVNULL, "stderr": subprocess.PIPE, "text": True}
+        return subprocess.Popen([*map(str, line)], **options, start_new_session=True)
+
+    def ended(process):
+        return process.communicate()[1], process.returncode
+
+    error, code = ended(started("whole"))
+    assert code == 0, error
+    running, done, kills, codes = {}, set(), 0, set()
+    while len(done) < 3:
+        for n in {1, 2, 3} - done - running.keys():
+            running[n] = started("out", "--part", f"{n}/3"), time.monotonic() + rng.uniform(1, 6)
+        for n, (process, end) in list(running.items()):
+            if process.poll() is None and kills < 6 and time.monotonic() > end:
+                os.killpg(process.pid, signal.SIGKILL)
+                kills += 1
+            elif process.poll() is None:
+                continue
+            error, code = ended(running.pop(n)[0])
+            codes.add(code)
+            assert code in (0, WAITS, -signal.SIGKILL), error
+            done |= {n} if code == 0 else set()
+        time.sleep(0.05)
+    assert {0, -signal.SIGKILL} <= codes
+    error, code = ended(started("out", "--resume"))
+    assert code == 0, error
+    assert (tmp_path / "out" / written).read_bytes() == (tmp_path / "whole" / written).read_bytes()
+    for path in (tmp_path / "whole").rglob("results.nc"):
+        one, other = (
+            fs.open_results(tmp_path / f / path.parent.relative_to(tmp_path / "whole")) for f in ("whole", "out")
+        )
+        assert_same(one.dataset, other.dataset)
+    assert not list((tmp_path / "out").rglob(".*"))

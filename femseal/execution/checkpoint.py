@@ -21,7 +21,6 @@ from contextlib import suppress
 from dataclasses import dataclass, replace
 from itertools import islice
 from pathlib import Path
-from time import sleep
 from typing import Any
 
 import numpy as np
@@ -29,7 +28,7 @@ import numpy as np
 from ..base.errors import FemsealError, InputError, NotKept, shortened
 from ..base.files import read_plain
 from ..base.stage import Mapper, Stage
-from .lock import is_under_way
+from .lock import await_parts
 from .parts import Part, missing_parts, own_items, parts_of
 from .plain_data import unpacked
 from .run import Progress, no_progress
@@ -39,8 +38,6 @@ log = logging.getLogger("femseal.execution.checkpoint")
 #: Subfolder of the output folder.
 FOLDER = ".checkpoint"
 MANIFEST = "manifest.json"
-#: Time between two looks for the items of parts that are under way [s].
-POLL_SECONDS = 2.0
 #: No manifest is larger [byte].
 _LARGEST_MANIFEST = 1e8
 #: Changed keys that a message names.
@@ -195,21 +192,17 @@ class Checkpoint:
 
     def _whole(self, part: Part, stage: Stage, count: int) -> list[_Shard]:
         """The shards of all items of a stage; those of parts that are under way are waited for."""
-        waiting = False
-        while True:
-            shards, there = list(self._found(stage, 0, count, check=False)), np.zeros(count, bool)
+        shards: list[_Shard] = []
+
+        def missing() -> list[int]:
+            there = np.zeros(count, bool)
+            shards[:] = self._found(stage, 0, count, check=False)
             for shard in shards:
                 there[shard.used.start : shard.used.stop] = True
-            if there.all():
-                return shards
-            missing = parts_of(np.flatnonzero(~there).tolist(), part, count)
-            error = missing_parts(part, stage.name, missing)
-            if not all(n != part[0] and is_under_way(self._folder.parent, (n, part[1])) for n in missing):
-                raise error
-            if not waiting:
-                log.info("%s", error)
-            waiting = True
-            sleep(POLL_SECONDS)
+            return parts_of(np.flatnonzero(~there).tolist(), part, count)
+
+        await_parts(self._folder.parent, part, stage.name, missing)
+        return shards
 
     def _through(
         self, mapper: Mapper, stage: Stage, iterables: Sequence[Iterable[Any]], start: int = 0, stop: int | None = None

@@ -8,22 +8,26 @@ from __future__ import annotations
 
 import errno
 import json
+import logging
 import platform
-import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
+from time import localtime, sleep, strftime
 from typing import Any
 
 import psutil
 
 from ..base.errors import InputError, shortened
 from ..base.files import read_plain, remove_foreign
-from .parts import Part
+from .parts import Part, missing_parts
 
+log = logging.getLogger("femseal.execution.lock")
 #: Name of the file in the folder, which says who holds the lock, and of that of a part; what is added where there are
 #: no locks.
 LOCK, PART_LOCK, MARK = ".lock", ".part-lock-{}-of-{}", "-mark"
+#: Time between two looks for the items of parts that are under way [s].
+POLL_SECONDS = 2.0
 #: Errors of a file system that has no locks.
 _NO_LOCKS = {errno.ENOLCK, errno.ENOSYS, errno.EOPNOTSUPP, errno.EINVAL}
 #: How long a lock is tried whose file another run removes meanwhile, and how often [s].
@@ -56,6 +60,25 @@ def is_under_way(folder: Path, part: Part) -> bool:
     except InputError:
         return True
     return False
+
+
+def await_parts(folder: Path, part: Part, stage: str, missing: Callable[[], list[int]]) -> None:
+    """Wait until no items of a stage are missing in a folder, as long as all parts that compute them are under way.
+
+    missing : gives the numbers of the parts whose items are not there, of as many as `part` is of.
+
+    Raises PartsMissing: one of them is not under way, or it is this part.
+    """
+    said, waits = False, True
+    while left := missing():
+        if not waits:  # asked before the last look: a part that has ended since then has kept its items
+            raise missing_parts(part, stage, left)
+        waits = all(n != part[0] and is_under_way(folder, (n, part[1])) for n in left)
+        if waits:
+            if not said:
+                log.info("%s", missing_parts(part, stage, left))
+            said = True
+            sleep(POLL_SECONDS)
 
 
 @contextmanager
@@ -107,5 +130,5 @@ def _holder(path: Path) -> str:
         process, host, started = int(found["process"]), str(found["host"]), float(found["started"])
     except (OSError, ValueError, KeyError, TypeError):
         return "another run"
-    since = time.strftime("%H:%M on %d %B", time.localtime(started))
+    since = strftime("%H:%M on %d %B", localtime(started))
     return f"another run (process {process} on {shortened(host, 60)}, started at {since})"

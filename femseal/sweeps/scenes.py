@@ -7,6 +7,7 @@ import json
 import logging
 from collections.abc import Iterable
 from contextlib import ExitStack
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -19,8 +20,8 @@ from ..base.files import made_folder, write_text
 from ..base.leak_units import LeakUnit
 from ..base.stage import Mapper, Stage
 from ..case.case import Case
-from ..execution.lock import alone_in
-from ..execution.parts import Part, missing_parts, own_items, parts_of
+from ..execution.lock import alone_in, await_parts
+from ..execution.parts import Part, own_items, parts_of
 from ..runs import job
 
 #: Solved scenes in a folder: all that a run has, and those of a part.
@@ -70,10 +71,10 @@ class Scenes:
         self._identity = hashlib.sha256(identity.encode()).hexdigest()
         self._known: dict[tuple[float, ...], list[float]] = {}
         self._used: list[tuple[float, ...]] = []
-        self._lock = ExitStack()
-        if (resume or part is not None) and folder is None:
+        self._lock, self._goes_on = ExitStack(), resume or part is not None
+        if self._goes_on and folder is None:
             raise InputError("resume" if part is None else "part", part or True, "an output folder with it")
-        if resume or part is not None:
+        if self._goes_on:
             self._read()
         elif folder is not None and self._files() and not (folder / answer).exists():
             given = f"'{folder}', which has scenes of an unfinished run"
@@ -105,12 +106,15 @@ class Scenes:
     def __enter__(self) -> Scenes:
         if self._folder is not None:
             self._lock.enter_context(alone_in(made_folder(self._folder), self._part))
+            if self._goes_on:  # a part may have ended since the first look
+                self._read()
             if self._part is None:
                 (self._folder / self._answer).unlink(missing_ok=True)
                 if self._known:
                     self._write(SCENES)
-                for path in self._folder.glob(PART_SCENES.format("*", "*")):
-                    path.unlink()
+                for name in (PART_SCENES.format("*", "*"), ".unfinished-*.json"):
+                    for path in self._folder.glob(name):
+                        path.unlink()
         return self
 
     def __exit__(self, *details: Any) -> None:
@@ -119,7 +123,7 @@ class Scenes:
     def solve(self, stage: Stage, mapper: Mapper, points: Array) -> Array:
         """Leakages (n, loads) of a stage of values (n, keys); each is written once it is solved.
 
-        Raises PartsMissing: a part has solved its scenes, others are not there.
+        Raises PartsMissing: a part has solved its scenes, others are not there, of parts that are not under way.
         """
         wanted = [tuple(map(float, values)) for values in points]
         own = slice(*own_items(self._part or (1, 1), len(wanted)))
@@ -129,12 +133,15 @@ class Scenes:
             self._known[point] = leakage
             if self._folder is not None:
                 self._write(SCENES if self._part is None else PART_SCENES.format(*self._part))
-        if self._part is not None:
-            self._read()
-            if left := [n for n, point in enumerate(wanted) if point not in self._known]:
-                raise missing_parts(self._part, stage.name, parts_of(left, self._part, len(wanted)))
+        if self._part is not None and self._folder is not None:
+            await_parts(self._folder, self._part, stage.name, partial(self._missing, self._part, wanted))
         self._used += wanted
         return np.array([self._known[point] for point in wanted])
+
+    def _missing(self, part: Part, wanted: list[tuple[float, ...]]) -> list[int]:
+        """Parts whose scenes of those that are wanted are not in the folder."""
+        self._read()
+        return parts_of((n for n, point in enumerate(wanted) if point not in self._known), part, len(wanted))
 
     def arrays(self) -> tuple[Array, Array]:
         """Values of the scenes that were asked for (n, keys), and their leakages (n, loads)."""
