@@ -33,7 +33,8 @@ extensions = [
     "sphinx.ext.mathjax",
     "sphinx_gallery.gen_gallery",
 ]
-exclude_patterns = ["_build", "_examples", "gallery_header.rst"]
+# paper.md is for a journal, which has its own form of citations
+exclude_patterns = ["_build", "_examples", "gallery_header.rst", "paper.md"]
 # functions in the configuration; spaces in the path of the whole, which do no harm
 suppress_warnings = ["config.cache", "sphinx_gallery.space_in_filename"]
 

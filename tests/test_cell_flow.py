@@ -17,6 +17,7 @@ from femseal import analytic
 from femseal.base.errors import InputError
 from femseal.flow import (
     bounds,
+    cell,
     cell_permeabilities,
     cell_permeability,
     critical_constriction,
@@ -932,3 +933,27 @@ def test_resampling_error_does_not_depend_on_the_seam_of_a_ring():
         for n in (0, 2, 3)
     ]
     assert_allclose(errors, errors[0], rtol=1e-8)
+
+
+@pytest.mark.parametrize("solver", ["elimination", "multigrid"])
+@pytest.mark.parametrize("sides", ["mirror", "periodic"])
+def test_conductances_in_single_precision_change_the_flow_by_no_more_than_they_err(solver, sides, monkeypatch):
+    heights = np.random.default_rng(3).standard_normal((60, 48))
+    gap = np.maximum(0.8 + sum(np.roll(heights, (i, j), (0, 1)) for i in range(4) for j in range(4)) / 4, 0) * 1e-6
+    one = cell_permeability(gap, (D, D), sides=sides, solver=solver)
+    monkeypatch.setattr(cell, "SINGLE_NODES", 1)
+    single = cell_permeability(gap, (D, D), sides=sides, solver=solver)
+    exact = cell_permeability(gap, (D, D), sides=sides, solver=solver, rtol=1e-9)
+    assert single.solver == solver
+    assert single.value != one.value
+    assert exact.value != single.value  # asked for small errors it is in double precision
+    assert_allclose(single.value, exact.value, rtol=6e-8 if solver == "elimination" else 1e-6)
+    assert_allclose(single.fluid_pressure, exact.fluid_pressure, rtol=0, atol=1e-6 if solver == "elimination" else 1e-3)
+
+
+def test_a_flow_at_the_end_of_single_precision_is_solved_in_double(monkeypatch):
+    gap = np.ones((12, 8)) * 1e-6
+    gap[4:9] = 1e-21  # conductances of 1e-45, which is next to nothing in single precision
+    double = cell_permeability(gap, (D, D))
+    monkeypatch.setattr(cell, "SINGLE_NODES", 1)
+    assert cell_permeability(gap, (D, D)).value == double.value > 0

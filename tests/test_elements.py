@@ -9,6 +9,7 @@ from each import each
 from numpy.testing import assert_allclose, assert_array_equal
 
 from femseal import Liquid, Scene, cell_permeability, condition, read_topography, self_affine, two_scale
+from femseal.base import threads
 from femseal.base.errors import InputError, NotConverged
 from femseal.elements import element_flow, element_mesh, face_potential, window_flow
 from femseal.elements.side_nodes import side_nodes
@@ -338,3 +339,14 @@ def test_measured_face(instrument_file):
     result, exact = (two_scale(scene, (16, 16), flow=flow) for flow in ("elements", "resolved"))
     ratio = result.leakage / exact.leakage
     assert np.all(np.abs(ratio - 1) < 1e-4)
+
+
+def test_threads_change_no_bits_of_a_flow_through_elements():
+    gap = np.maximum(np.random.default_rng(2).standard_normal((48, 60)) + 0.7, 0.0) * 1e-6
+    found = []
+    for count in (1, 2, 3):
+        with threads.using(count):
+            flow = element_flow(gap, Partition(gap.shape, (1e-6, 1e-6), (3, 3)))
+        found.append((flow.permeability, flow.row_potential.tobytes(), flow.dissipation.tobytes()))
+    assert flow.percolates
+    assert len(set(found)) == 1

@@ -13,6 +13,7 @@ import femseal as fs
 
 ROOT = Path(__file__).parents[1]
 PAGES = sorted((ROOT / "docs" / "tutorials").glob("*.md"))
+PAGES.remove(ROOT / "docs" / "tutorials" / "index.md")
 TEMPLATE = (ROOT / "femseal" / "case" / "template.toml").read_text(encoding="utf-8")
 #: What makes a run of the small case quick.
 QUICK = "budget = false\npictures = false\nfields = false\nparaview = 'none'\n"
@@ -38,10 +39,14 @@ def tables(text):
 
 
 def merged(*texts):
-    """A case in which tables of the later texts replace those of the same name."""
+    """A case in which tables of the later texts replace those of the same name, and so does a method at their top."""
     found = {}
     for text in texts:
-        found |= {name: body for name, body in tables(text).items() if name or not found}
+        new = tables(text)
+        if found:
+            method = re.search(r"(?m)^method = .*", new[""])
+            new[""] = re.sub(r"(?m)^method = .*", method[0], found[""]) if method else found[""]
+        found |= new
     return "".join(name + body for name, body in found.items())
 
 
@@ -88,6 +93,15 @@ def test_the_case_of_a_tutorial_runs(name, folder, monkeypatch):
     loading = results.loading()
     leakage = loading.leakage_median if name == "bolts" else loading.leakage_deterministic
     assert leakage[-1] < leakage[0]
+
+
+@pytest.mark.parametrize(
+    "page", [*PAGES, *(ROOT / "docs" / name for name in ("calibration.md", "design.md"))], ids=lambda page: page.stem
+)
+def test_a_tutorial_has_goal_file_command_picture_and_what_to_check(page):
+    text = page.read_text(encoding="utf-8")
+    parts = (r"\*\*Goal:", r"\*\*Files?:", r"```(sh|python)|\{literalinclude\}", r"!\[.+\]\(.+\.png\)", "What to check")
+    assert [part for part in parts if not re.search(part, text)] == []
 
 
 def test_the_form_gives_the_permeability_of_the_cell(tmp_path, capsys):

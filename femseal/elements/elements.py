@@ -18,10 +18,11 @@ from ..base import validate
 from ..base.arrays import Array
 from ..base.errors import InputError
 from ..base.text import Shown
+from ..base.threads import number, on_threads
 from ..flow.solvers.link_network import components, eliminate
 from ..windows.partition import Partition
 from .element_mesh import ElementMesh
-from .side_points import SidePoints
+from .side_points import PointLinks, SidePoints
 from .superelement import WindowElement, WindowLinks, validated_face, window_links
 
 #: Largest distance of two nodes on a side, in pixels.
@@ -81,11 +82,15 @@ def _element_flow(h: Array, partition: Partition, node_spacing: int) -> ElementF
     """Condense every window, solve between the nodes, then between all side points; arguments as in `element_flow`."""
     (m1, m2), (w1, w2), (l1, l2) = partition.cells, partition.window, partition.window_size
     elements, points = [], SidePoints(partition)
+
+    def condensed(links: WindowLinks) -> tuple[WindowElement, PointLinks]:
+        element, conductances = WindowElement.with_points(links, node_spacing)
+        return element, PointLinks.of(conductances)
+
     for i in range(m1):
-        for j, links in enumerate(window_links(h, partition, i)):
-            element, conductances = WindowElement.with_points(links, node_spacing)
+        for j, (element, linked) in enumerate(on_threads(number(), condensed, window_links(h, partition, i))):
             elements.append(element)
-            points.add(i, j, conductances)
+            points.add(i, j, linked)
     mesh = ElementMesh.of_face(elements, partition.cells)
     nodes = mesh.solve()
     node, weight, potential = (
@@ -93,12 +98,12 @@ def _element_flow(h: Array, partition: Partition, node_spacing: int) -> ElementF
         np.zeros((points.count, 2)),
         np.full(points.count, np.nan),
     )
-    for (i, j), element, number in zip(partition.places, elements, mesh.numbers, strict=True):
+    for (i, j), element, of_element in zip(partition.places, elements, mesh.numbers, strict=True):
         at, is_open = points.numbers(i, j), element.node[:, 0] >= 0
-        potential[at] = element.at_points(nodes.potential[number])
-        node[at[is_open]], weight[at[is_open]] = number[element.node[is_open]], element.weight[is_open]
+        potential[at] = element.at_points(nodes.potential[of_element])
+        node[at[is_open]], weight[at[is_open]] = of_element[element.node[is_open]], element.weight[is_open]
     percolates = mesh.percolates
-    del elements, element, conductances, mesh  # large faces need their memory
+    del elements, element, mesh  # large faces need their memory
     conductance, error, dissipation = nodes.conductance, 0.0, np.zeros(m1 * m2)
     if nodes.factors is not None:
         closed = np.isnan(potential)

@@ -12,12 +12,14 @@ from __future__ import annotations
 from collections import deque
 from dataclasses import dataclass, field
 from functools import cached_property
+from typing import NamedTuple
 
 import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
 from ..base.arrays import Array, Indices
+from ..base.threads import number, on_threads
 from ..flow.solvers.elimination import Links, Order, factored
 from ..windows.partition import Partition
 from .element_elimination import MeshFactors
@@ -44,6 +46,23 @@ class PointFlow:
     dissipation: Array
 
 
+class PointLinks(NamedTuple):
+    """Conductances between the side points of a window that are open.
+
+    is_open (q,) : numbers of these points in the window. conductances (q (q − 1)/2,) : below the diagonal, in single
+    precision over `unit` [m³], the largest.
+    """
+
+    is_open: Indices
+    conductances: NDArray[np.float32]
+    unit: float
+
+    @classmethod
+    def of(cls, conductances: Array) -> PointLinks:
+        """Those of a window from the conductances (p, p) between all of its side points."""
+        return cls(*_below_diagonal(conductances))
+
+
 @dataclass(frozen=True, eq=False)
 class SidePoints:
     """Conductances between the side points of all windows, in single precision, and the sides as blocks.
@@ -51,8 +70,8 @@ class SidePoints:
     Side points are numbered row after row: those on the lines across x1 (m1 + 1, n2), then those before each column of
     windows (n1, m2).
 
-    partition : of the face. windows : of every window the numbers of its side points that are open (q,), its
-    conductances between them below the diagonal (q (q − 1)/2,), and their unit [m³].
+    partition : of the face. windows : of every window the numbers of its side points that are open (q,), and
+    conductances and unit of its `PointLinks`.
     """
 
     partition: Partition
@@ -71,12 +90,9 @@ class SidePoints:
         across = (m1 + 1) * n2 + rows * m2
         return np.concatenate([i * n2 + columns, (i + 1) * n2 + columns, across + j, across + (j + 1) % m2])
 
-    def add(self, i: int, j: int, conductances: Array) -> None:
-        """Keep the conductances (p, p) of a window."""
-        is_open = np.flatnonzero(conductances.any(axis=1))
-        unit = float(conductances.max()) or 1.0
-        among_open = conductances[np.ix_(is_open, is_open)][np.tril_indices(is_open.size, -1)] / unit
-        self.windows.append((self.numbers(i, j)[is_open], among_open.astype(np.float32), unit))
+    def add(self, i: int, j: int, links: PointLinks) -> None:
+        """Keep the conductances of a window."""
+        self.windows.append((self.numbers(i, j)[links.is_open], links.conductances, links.unit))
 
     def improved(
         self, potential: Array, energy: float, node: Indices, weight: Array, factors: MeshFactors
@@ -130,9 +146,11 @@ class SidePoints:
     def _flows(self, potential: Array) -> tuple[Array, Array]:
         """Flow out of every side point (points,), and the energy of every window [m³]."""
         out, energy = np.zeros(self.count), np.zeros(len(self.windows))
-        for n, (number, conductances, unit) in enumerate(self.windows):
-            flow, energy[n] = _window_flows(conductances, potential[number], unit)
-            np.add.at(out, number, flow)
+        found = on_threads(
+            number(), lambda window: _window_flows(window[1], potential[window[0]], window[2]), self.windows
+        )
+        for n, (flow, energy[n]) in enumerate(found):
+            np.add.at(out, self.windows[n][0], flow)
         return out, energy
 
     def _on_sides(self, sources: Array) -> Array:
@@ -153,7 +171,7 @@ class SidePoints:
         (m1, m2), (w1, w2) = self.partition.cells, self.partition.window
         blocks: dict[tuple[int, int, int], tuple[Indices, Array]] = {}
         points, starts, fractions, inverses = [np.empty(0, np.int64)], [0], [np.empty(0, np.float32)], [np.empty(0)]
-        for place, (number, packed, unit) in enumerate(self.windows):
+        for place, (own, packed, unit) in enumerate(self.windows):
             i, j = divmod(place, m2)
             before, after, left, right = np.split(self.numbers(i, j), [w2, 2 * w2, 2 * w2 + w1])
             sides = {(0, i, j): before, (0, i + 1, j): after, (1, i, j): left, (1, i, (j + 1) % m2): right}
@@ -162,8 +180,8 @@ class SidePoints:
                     continue  # inlet and outlet
                 if key not in blocks:
                     blocks[key] = numbers, np.zeros((numbers.size, numbers.size + 1))
-                point = np.searchsorted(numbers, number) % numbers.size
-                _add_side(packed, np.where(numbers[point] == number, point, -1), unit, blocks[key][1])
+                point = np.searchsorted(numbers, own) % numbers.size
+                _add_side(packed, np.where(numbers[point] == own, point, -1), unit, blocks[key][1])
             if j == m2 - 1:
                 for key in [key for key in blocks if key[1] == i]:
                     numbers, block = blocks.pop(key)
@@ -188,6 +206,29 @@ def _side_fractions(block: Array) -> tuple[NDArray[np.float32], Array]:
     kept = factors.links.reshape(n, n + border)[np.triu_indices(n, 1, n)]
     rows = np.repeat(factors.inverse, np.arange(n - 1, -1, -1))
     return (kept * rows).astype(np.float32), factors.inverse
+
+
+@njit(cache=True, nogil=True)
+def _below_diagonal(conductances):
+    """`PointLinks` of conductances (p, p)."""
+    p = conductances.shape[0]
+    open_points, q, unit = np.empty(p, np.int64), 0, 0.0
+    for a in range(p):
+        largest = 0.0
+        for b in range(p):
+            largest = max(largest, conductances[a, b])
+        if largest > 0.0:
+            open_points[q] = a
+            q += 1
+            unit = max(unit, largest)
+    unit = unit if unit > 0.0 else 1.0
+    packed, k = np.empty(q * (q - 1) // 2, np.float32), 0
+    for m in range(q):
+        a = open_points[m]
+        for n in range(m):
+            packed[k] = conductances[a, open_points[n]] / unit
+            k += 1
+    return open_points[:q].copy(), packed, unit
 
 
 @njit(cache=True, nogil=True, error_model="numpy", fastmath={"reassoc", "contract"})

@@ -82,12 +82,18 @@ def gap_on_links(gap: Array, ring1: bool, ring2: bool) -> tuple[Array, Array]:
     Along an axis that forms a ring n pixels have n links, from each to the next; otherwise the first axis has n + 1
     links, one to each end, beyond which the gap is mirrored, and the second n − 1.
     """
-    return on_links(gap, ring1, ring2, False)
+    return on_links(gap, ring1, ring2, False, *links_of(gap, ring1, ring2))
 
 
 def permeability_on_links(gap: Array, ring1: bool, ring2: bool) -> tuple[Array, Array]:
     """Permeability [m³] of `gap_on_links`."""
-    return on_links(gap, ring1, ring2, True)
+    return on_links(gap, ring1, ring2, True, *links_of(gap, ring1, ring2))
+
+
+def links_of(gap: Array, ring1: bool, ring2: bool, dtype: Any = np.float64) -> tuple[Array, Array]:
+    """Arrays of a number for each link of `gap_on_links`."""
+    n1, n2 = gap.shape
+    return np.empty((n1 if ring1 else n1 + 1, n2), dtype), np.empty((n1, n2 if ring2 else n2 - 1), dtype)
 
 
 def permeability_at_gauss_points(gap: Array, grid: Grid, points: tuple[tuple[float, float], ...]) -> list[Array]:
@@ -144,20 +150,17 @@ def _inside(i, n, ring):
 
 
 @njit(**_compiled)
-def on_links(gap, ring1, ring2, as_permeability):
-    """`gap_on_links` or `permeability_on_links`."""
+def on_links(gap, ring1, ring2, as_permeability, on1, on2):
+    """`gap_on_links` or `permeability_on_links`, written to the arrays of `links_of`."""
     n1, n2 = gap.shape
-    m1 = n1 if ring1 else n1 + 1
-    on1 = np.empty((m1, n2))
-    for i in range(m1):
+    for i in range(on1.shape[0]):
         first = i - 1 if ring1 else i - 2
         rows = [_inside(first + k, n1, ring1) for k in range(4)]
         before, a, b, after = gap[rows[0]], gap[rows[1]], gap[rows[2]], gap[rows[3]]
         for j in range(n2):
             h = _midway(before[j], a[j], b[j], after[j])
             on1[i, j] = _law(h) if as_permeability else h
-    m2 = n2 if ring2 else n2 - 1
-    on2 = np.empty((n1, m2))
+    m2 = on2.shape[1]
     for i in range(n1):
         row = gap[i]
         for j in range(1, n2 - 2):

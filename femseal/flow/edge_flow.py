@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 
 from ..base.arrays import Array
 from .assembly import GAUSS_POINTS, EdgeWeights, assemble_on_elements, edge_weights, gauss, weighted
-from .coefficient import on_links, permeability_at_gauss_points
+from .coefficient import links_of, on_links, permeability_at_gauss_points
 from .grid import Grid
 from .solution import DarcyFlow
 from .solvers.choice import ready, solve_ready
@@ -24,10 +26,10 @@ def edge_flow(
     return solve_ready(reached, conductances, exponent, ring2, rtol=rtol, solver=solver, field_rtol=field_rtol)
 
 
-def edge_conductances(gap: Array, ring2: bool, weights: EdgeWeights) -> tuple[Array, Array]:
+def edge_conductances(gap: Array, ring2: bool, weights: EdgeWeights, dtype: Any = np.float64) -> tuple[Array, Array]:
     """Conductances along and across of a gap at the pixels of a cell, with the `edge_weights` of its grid."""
     w = weights
-    along, across = on_links(gap, False, ring2, True)
+    along, across = on_links(gap, False, ring2, True, *links_of(gap, False, ring2, dtype))
     weighted(along, w.rows1, w.columns1, w.kinds1, along)
     weighted(across, w.rows2, w.columns2, w.kinds2, across)
     return along, across

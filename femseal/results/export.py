@@ -16,7 +16,7 @@ from ..base.errors import InputError
 from ..base.fields import Field
 from ..base.files import replacing
 from . import vtk_files
-from .pixel_fields import read_pixels, stored_steps
+from .pixel_fields import WITH_FIELDS, read_pixels, stored_steps
 from .run_data import RunData
 from .variables import block_means
 
@@ -78,7 +78,7 @@ def export_field(
         raise InputError("window", window, "x1 from and to, x2 from and to [m], rising, and no cell beside")
     steps = stored_steps(run) if step is None else [step]
     if not steps:
-        raise InputError("results", "no gap over all pixels", "results with files in `fields` (fields_limit)")
+        raise InputError("results", "no gap over all pixels", WITH_FIELDS)
     written = []
     for s in steps:
         values = read_pixels(run, field, s, cell)

@@ -28,6 +28,8 @@ if TYPE_CHECKING:
     from .run_data import RunData
 
 NAME = "fields"
+#: What results without fields would need: drawn seals have none.
+WITH_FIELDS = 'a run with "deterministic" or "two-scale" as method or in `compare`, with fields = true in [output]'
 #: Default size above which steps are left out [byte], before compression.
 LIMIT = 1e9
 _BYTES = np.dtype(np.float32).itemsize
@@ -128,7 +130,7 @@ def read_pixels(run: RunData, name: str, step: int, cell: tuple[int, int] | None
         if step in at_hand:  # the flow through links knows the pressure between windows alone
             expected = "another field; or a run with flow = 'resolved' in [cells], or \"deterministic\" in `compare`"
             raise InputError("field", f"no {name.replace('_', ' ')} at pixels of a flow through links", expected)
-        expected = f"one of {', '.join(map(str, at_hand))}" if at_hand else f"a folder with {NAME}.pvd"
+        expected = f"one of {', '.join(map(str, at_hand))}" if at_hand else WITH_FIELDS
         raise InputError("step", f"{step}, which has no {name.replace('_', ' ')}", expected)
     made, values, spacing = found
     rows, columns = _pixels(data, cell, values.shape, spacing)

@@ -6,6 +6,7 @@
 Contact is of self-affine faces with 8 pixels for the shortest wave, free along x1, at a tenth of the hardness. Gaps are such
 faces cut by a plane at 20 % of their points, periodic along x2. Each size is a process of its own on one core; times are CPU times, memory is the peak above that before, for each
 point, without the gap itself. reynoldsflow takes the gap constant on each pixel, so that its permeability differs.
+Times on one and two threads are medians of wall times, one after the other in turn.
 """
 
 from __future__ import annotations
@@ -20,8 +21,10 @@ import numpy as np
 from common import call, forget_peak, kept, machine, resident, rows, save_report
 
 #: Points a side, and those up to which programs go that do not go to all.
-POINTS, OTHERS = (512, 1024, 2048, 4096, 8192, 16384), {"resolved": 8192, "elements": 4096, "reynoldsflow": 1024}
+POINTS, OTHERS = (512, 1024, 2048, 4096, 8192, 16384), {"elements": 4096, "reynoldsflow": 1024}
 PIXEL, CONTACT = 1e-6, 0.2
+#: Points a side of contacts on one and two threads, and how often.
+THREADED, REPEATS = (2048, 4096), 5
 #: Contact modulus and hardness [Pa].
 MODULUS, HARDNESS = 115e9, 2.3e9
 #: Pixels of a side of a window that is an element.
@@ -50,12 +53,17 @@ def cut_gap(n):
     return np.maximum(z, 0, out=z)
 
 
-def contact(gap):
-    """Fraction in contact, iterations and residual of the contact with an undeformed gap."""
+def solved_contact(gap, threads):
+    """The contact with an undeformed gap."""
     from femseal import HalfSpace, solve_contact
 
     body = HalfSpace(gap.shape, (PIXEL, PIXEL), MODULUS, ("free", "periodic"))
-    found = solve_contact(gap, body, pressure=0.1 * HARDNESS, hardness=HARDNESS, rtol=1e-5)
+    return solve_contact(gap, body, pressure=0.1 * HARDNESS, hardness=HARDNESS, rtol=1e-5, threads=threads)
+
+
+def contact(gap):
+    """Fraction in contact, iterations and residual of the contact with an undeformed gap."""
+    found = solved_contact(gap, 1)
     return found.area_fraction, found.iterations, found.residual
 
 
@@ -86,15 +94,36 @@ def reynoldsflow(gap):
     return abs(compute_total_flux(solved, flux, len(gap))[0]) * highest**3 / 12, 0, float("nan")
 
 
+def on_threads(n):
+    """Medians of the wall time [s] of a contact of n² points on one and two threads, and whether all bits are the same."""
+    solved_contact(undeformed_gap(256), 1)
+    gap, seconds, found = undeformed_gap(n), {1: [], 2: []}, {}
+    solved_contact(gap, 2)
+    for _ in range(REPEATS):
+        for threads in seconds:
+            start = time.perf_counter()
+            found[threads] = solved_contact(gap, threads).pressure
+            seconds[threads].append(time.perf_counter() - start)
+    one, two = (float(np.median(seconds[threads])) for threads in (1, 2))
+    return {"program": "threads", "n": n, "one": one, "two": two, "same": bool(np.array_equal(found[1], found[2]))}
+
+
 PROGRAMS = {"contact": contact, "resolved": resolved, "elements": elements, "reynoldsflow": reynoldsflow}
 
 
 def measure(program, n):
     """Record of a program on a gap of n² points, in this process."""
+    from femseal.flow import cell
+
+    if program == "threads":
+        return on_threads(n)
     solve = PROGRAMS[program]
     made = undeformed_gap if program == "contact" else cut_gap
+    largest = cell.SINGLE_NODES
     for small in (128, 768 if program == "resolved" else 256):  # all loops are compiled by then
+        cell.SINGLE_NODES = small**2 if n**2 >= largest else largest
         solve(made(small))
+    cell.SINGLE_NODES = largest
     gap = made(n)
     forget_peak()
     before, start = resident("VmRSS"), time.process_time()
@@ -117,8 +146,14 @@ def records(largest, path):
     return found
 
 
-def report(found):
-    """A table of all records."""
+def thread_records(largest, path):
+    """Records of the contact on threads."""
+    tasks = [{"program": "threads", "n": n} for n in THREADED if n <= largest]
+    return [kept(t, t, path, partial(call, __file__, ["--worker", json.dumps(t)], 2)) for t in tasks]
+
+
+def report(found, threaded):
+    """Tables of all records."""
     of_points = {r["n"]: r for r in found if r["program"] == "resolved"}
     head = ["points", "program", "time [s]", "time a point [µs]", "peak memory [GB]", "bytes a point", "iterations",
             "residual", "permeability over that of all points"]  # fmt: skip
@@ -127,7 +162,11 @@ def report(found):
               "" if np.isnan(r["residual"]) else f"{r['residual']:.1e}",
               "" if r["program"] == "contact" else f"{r['value'] / of_points[r['n']]['value']:.5f}"]
              for r in found]  # fmt: skip
-    return machine({"reynoldsflow": "reynoldsflow"}) + ".\n\n" + rows(head, cells)
+    columns = ["points", "contact on one thread [s]", "on two [s]", "ratio", "same bits"]
+    lines = [[f"{r['n']}²", f"{r['one']:.3g}", f"{r['two']:.3g}", f"{r['one'] / r['two']:.2f}", str(r["same"])]
+             for r in threaded]  # fmt: skip
+    tables = rows(head, cells), rows(columns, lines)
+    return machine({"reynoldsflow": "reynoldsflow"}) + ".\n\n" + "\n\n".join(tables)
 
 
 def main():
@@ -140,7 +179,7 @@ def main():
     if given.worker:
         print(json.dumps(measure(**json.loads(given.worker))))
         return
-    text = report(records(given.largest, given.records))
+    text = report(records(given.largest, given.records), thread_records(given.largest, given.records))
     print(text)
     if given.write:
         save_report(__file__, "Size of faces", text)

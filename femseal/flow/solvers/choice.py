@@ -284,7 +284,7 @@ def _by_iterations(stencil: Stencil, keep: Flags, rtol: float, limit: int, field
 
 def _by_matrix(stencil: Stencil, keep: Flags, rtol: float, field_rtol: float | None, direct: bool = False) -> DarcyFlow:
     """pyamg, or a sparse factorisation, on the assembled matrix of the nodes that are kept."""
-    matrix = stencil.to_csr()
+    matrix = stencil.to_csr().astype(float)
     n2 = keep.shape[1]
     unknown = np.flatnonzero(keep.ravel())
     unknown = unknown[(unknown >= n2) & (unknown < keep.size - n2)]

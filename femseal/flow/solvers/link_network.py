@@ -94,7 +94,7 @@ def _side_nodes(w1: int, w2: int) -> Indices:
 
 
 def island_potentials(stencil: Stencil, hidden: Flags, φ: Array) -> tuple[Array, Array]:
-    """φ and 1 − φ of the inner nodes (n1 − 1, n2) with those of the hidden ones found from the others.
+    """φ and 1 − φ of the inner nodes (n1 − 1, n2) with those of the hidden ones found from the others, in place of φ.
 
     A neighbour of known potential φ acts as the inlet with the fraction φ of its link and as the outlet with 1 − φ.
 
@@ -102,22 +102,57 @@ def island_potentials(stencil: Stencil, hidden: Flags, φ: Array) -> tuple[Array
     hidden : nodes that only very narrow links connect with the others, whose potential is wanted.
     φ : potential of the others.
     """
-    n2 = hidden.shape[1]
-    is_hidden = np.pad(hidden, ((1, 1), (0, 0))).ravel()
-    known = np.clip(np.pad(φ, ((1, 1), (0, 0))), 0.0, 1.0)
-    known[0] = 1.0
-    nodes, links = [], []
-    for c, a, b, _ in stencil.conductances():
-        at = np.flatnonzero((is_hidden[a] != is_hidden[b]) & (c > 0))
-        one, other, conductance = a.ravel()[at], b.ravel()[at], c.ravel()[at]
-        inside, beside = np.where(is_hidden[one], one, other), np.where(is_hidden[one], other, one)
-        fraction = known.ravel()[beside]
-        nodes += [inside - n2, inside - n2]
-        links += [conductance * fraction, conductance * (1.0 - fraction)]
-    ends = [np.full(n.size, k % 2) for k, n in enumerate(nodes)]
-    node, end, link = (np.concatenate(part) for part in (nodes, ends, links))
-    _, high, low = eliminate(stencil.along, stencil.across, hidden, stencil.ring2, node, end, link)
-    return np.where(hidden, high, φ), np.where(hidden, low, 1.0 - φ)
+    node, end, link = _links_to_known(stencil.along, stencil.across, hidden, φ)
+    order, factors = grid_factors(
+        stencil.along, stencil.across, _NOTHING, _NOTHING, hidden, stencil.ring2, node, end, link, 2
+    )
+    ψ = 1.0 - φ
+    n = order.nodes.size
+    for stay, potential in enumerate((φ, ψ)):
+        v = np.zeros(n + 2)
+        v[n + stay] = 1.0
+        find_potentials(factors, v)
+        potential.ravel()[order.nodes] = v[:n]
+    return φ, ψ
+
+
+@njit(cache=True, nogil=True)
+def _links_to_known(along, across, hidden, φ):
+    """Links of hidden nodes with the others: the node, 0 for the inlet or 1 for the outlet, and the conductance."""
+    n1, n2 = hidden.shape
+    m2 = across.shape[1]
+    count = 0
+    node, end, link = np.empty(0, np.int64), np.empty(0, np.int64), np.empty(0)
+    for written in range(2):
+        if written == 1:
+            node, end, link = np.empty(2 * count, np.int64), np.empty(2 * count, np.int64), np.empty(2 * count)
+            count = 0
+        for i in range(n1):
+            for j in range(n2):
+                if not hidden[i, j]:
+                    continue
+                for side in range(4):
+                    a, b, c = i, j, 0.0
+                    if side < 2:
+                        a = i + 2 * side - 1
+                        c = along[i + side, j]
+                    elif side == 2:
+                        b = (j + 1) % n2
+                        c = across[i, j] if j < m2 else 0.0
+                    else:
+                        b = (j - 1) % n2
+                        c = across[i, b] if b < m2 else 0.0
+                    inside = 0 <= a < n1
+                    if not c > 0.0 or (inside and hidden[a, b]):
+                        continue
+                    if written == 1:
+                        fraction = min(max(φ[a, b], 0.0), 1.0) if inside else (1.0 if a < 0 else 0.0)
+                        for k in range(2):
+                            at = 2 * count + k
+                            node[at], end[at] = i * n2 + j, k
+                            link[at] = c * (fraction if k == 0 else 1.0 - fraction)
+                    count += 1
+    return node, end, link
 
 
 def grid_factors(
@@ -150,7 +185,7 @@ def grid_links(c1, c2, falling, rising, ring, order, node, end, link):
     m2 = c2.shape[1]
     kinds = 4 if falling.size > 0 else 2
     n = order.size
-    place = np.empty(n1 * n2, np.int64)
+    place = np.empty(n1 * n2, np.int32)
     for i in range(n1 * n2):
         place[i] = -1
     for i in range(n):
@@ -211,7 +246,7 @@ def dissect(keep, ring):
     """
     n1, n2 = keep.shape
     # nodes above and left of a corner; twice the columns, so that a box may lie across the seam
-    nodes = np.zeros((n1 + 1, 2 * n2 + 1), np.int64)
+    nodes = np.zeros((n1 + 1, 2 * n2 + 1), np.int32)
     for i in range(n1):
         in_row = 0
         for j in range(2 * n2):

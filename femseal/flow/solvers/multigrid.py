@@ -74,7 +74,12 @@ def solve_multigrid(
     levels, (centre, right, below, below_right, below_left) = hierarchy(*conductances, s.ring2)
     coarsest = eliminate_coarsest(centre, right, below, below_right, below_left, s.ring2)
     hidden = _NONE if hidden is None else hidden
-    x, iterations, error, done = _solve(conductances, levels, coarsest, s.ring2, rtol, field, limit, hidden)
+    # in single precision the residual is the right side of the cycle, else that is a copy relative to its size
+    _, _, _, _, b, _, _, _ = level(levels.shape, levels.first, levels.fields, levels.corner_first, levels.corners, 0)
+    single = s.along.dtype == np.float32
+    r = b if single else np.zeros(b.shape)
+    x, iterations, error, done = _solve(conductances, levels, coarsest, s.ring2, rtol, field, limit, hidden, r, single)
+    del levels, coarsest, b, r
     if not done:
         raise NotConverged(
             f"flow: error {error**2:.1e} of the rate after {iterations} iterations of multigrid, wanted {rtol:.1e}"
@@ -219,12 +224,12 @@ def _slowest(steps, ratios, count, nodes):
 
 
 @njit(**COMPILED)
-def _solve(conductances, levels, coarsest, ring, rtol, field, limit, hidden):
+def _solve(conductances, levels, coarsest, ring, rtol, field, limit, hidden, r, single):
     """Conjugate gradients: potential, iterations, error in the norm of the energy, and whether it is what was asked."""
     _, _, inverse, z, b, _, _, _ = level(levels[0], levels[1], levels[2], levels[3], levels[4], np.int64(0))
     n1, n2 = z.shape[0] - 2, z.shape[1] - 2
     nine = conductances[2].size > 0
-    x, r, p = np.zeros(z.shape), np.zeros(z.shape), np.zeros(z.shape, np.float32)
+    x, p = np.zeros(z.shape), np.zeros(z.shape, np.float32)
     _start(conductances, inverse, x, r)
     steps, ratios = np.zeros(limit + 1), np.zeros(limit + 1)
     allowed = min(_SHARE * rtol, (0.1 * field) ** 2)
@@ -234,10 +239,11 @@ def _solve(conductances, levels, coarsest, ring, rtol, field, limit, hidden):
     done = False
     while True:
         # far from the limits of single precision, however small the residual is
-        scale = np.sqrt(rz) if iteration > 0 else 1.0
-        for i in range(1, n1 + 1):
-            for j in range(1, n2 + 1):
-                b[i, j] = r[i, j] / scale
+        scale = np.sqrt(rz) if iteration > 0 and not single else 1.0
+        if not single:
+            for i in range(1, n1 + 1):
+                for j in range(1, n2 + 1):
+                    b[i, j] = r[i, j] / scale
         v_cycle(levels, coarsest, nine, ring)
         before, rz, largest = rz, 0.0, 0.0
         for i in range(1, n1 + 1):
