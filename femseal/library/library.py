@@ -237,7 +237,8 @@ class LadderLibrary(Shown):
         kind : 0 for the permeability; with bounds also 1 for its lower and 2 for its upper bound. Bounds hold at the
         steps of the ladder; between them they are interpolated as the permeability is.
         """
-        p_peak = np.reshape([local_peaks(p, steps) for p in paths.reshape(-1, *paths.shape[-2:])], paths.shape)
+        each = paths if paths.ndim == 3 else paths[None]
+        p_peak = np.reshape([local_peaks(table, steps) for table in each], paths.shape)
         gaps = np.broadcast_to(gaps, paths.shape)
         # at its own peak a window is on the loading curve, also where the seal is unloaded
         down = (paths > 0) & (paths < p_peak)
