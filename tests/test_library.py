@@ -378,6 +378,16 @@ class TestLibrary:
                 k = library.along(paths, np.zeros_like(paths), steps, axis)
                 assert_array_equal(k, fresh.along(paths, np.zeros_like(paths), steps, axis)[:, :, : library.size])
 
+    def test_several_tables_take_their_curves_once(self, source, monkeypatch):
+        library = build_ladder_library(source, LADDER, 2)
+        steps = LoadProgramme.of(LOADING[1:], (8e8,), (4e8, 8e7))
+        paths = steps.pressures[:, None] - np.array([0.0, 2e7, 5e7])[:, None, None]
+        each = [library.along(p, np.zeros_like(p), steps, 0) for p in paths]
+        made, curves = [], femseal.library.library.WindowCurves
+        monkeypatch.setattr(femseal.library.library, "WindowCurves", lambda *a: made.append(a) or curves(*a))
+        assert_array_equal(library.along(paths, np.zeros_like(paths[0]), steps, 0), each)
+        assert len(made) == library.size
+
     def test_what_other_runs_have_left_changes_nothing(self, source, tmp_path):
         """A library from a folder has the states of a fresh one, and the folder keeps those of all runs."""
         high = replace(LADDER, loading=(0.0, 3e8, 9e8, 2.6e9), peaks=(3e8, 9e8))

@@ -229,14 +229,17 @@ class LadderLibrary(Shown):
     def along(self, paths: Array, gaps: Array, steps: LoadProgramme, axis: int, kind: int = 0) -> Array:
         """Permeability of every cell along every path: (steps, paths, cells) [m³].
 
-        paths : mean pressure of a window at each step of the seal's programme (steps, paths) [Pa].
+        paths : mean pressure of a window at each step of the seal's programme (steps, paths) [Pa]; of several tables at
+        once (tables, steps, paths), as are the results.
         gaps : distance between mean planes (steps, paths) [m], used where the pressure is 0.
         steps : the seal's programme.
         axis : direction of the links.
         kind : 0 for the permeability; with bounds also 1 for its lower and 2 for its upper bound. Bounds hold at the
         steps of the ladder; between them they are interpolated as the permeability is.
         """
-        p_peak = local_peaks(paths, steps)
+        each = paths if paths.ndim == 3 else paths[None]
+        p_peak = np.reshape([local_peaks(table, steps) for table in each], paths.shape)
+        gaps = np.broadcast_to(gaps, paths.shape)
         # at its own peak a window is on the loading curve, also where the seal is unloaded
         down = (paths > 0) & (paths < p_peak)
         up = (paths > 0) & ~down
@@ -244,7 +247,7 @@ class LadderLibrary(Shown):
         table = np.zeros((*paths.shape, self.size))
         for c, cell in enumerate(self.windows):
             curves = WindowCurves(cell, self.ladder, axis, self.rms_height, kind)
-            values = table[:, :, c]
+            values = table[..., c]
             values[up] = curves.loaded(paths[up])
             values[down] = curves.unloaded(paths[down], p_peak[down])
             values[apart] = curves.separated(gaps[apart])

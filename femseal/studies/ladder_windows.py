@@ -137,14 +137,22 @@ def _supply(
     """
     own = library.ladder.drop.pressures.size
 
-    def table(axis: int, kind: int, n: int) -> LinkTable:
-        paths = links[axis].pressure - relief[n]
-        k = library.along(paths, links[axis].gap, scene.steps, axes[axis], kind * own + n % own)
-        pressure = links[axis].pressure[:, :, None]
-        return LinkTable(k, links[axis].path, scene.steps, pressure=pressure, place=library.place)
+    def tables_of(axis: int, kind: int) -> list[LinkTable]:
+        link = links[axis]
+        paths = link.pressure - relief[:, None, None]
+        # those that differ in the pressure of a window alone are taken together: its curves are made once
+        k = [
+            library.along(paths[n::own], link.gap, scene.steps, axes[axis], kind * own + n)
+            for n in range(min(own, relief.size))
+        ]
+        pressure = link.pressure[:, :, None]
+        return [
+            LinkTable(k[n % own][n // own], link.path, scene.steps, pressure=pressure, place=library.place)
+            for n in range(relief.size)
+        ]
 
     kinds = range(library.ladder.kinds // own)
-    tables = tuple((table(0, kind, n), table(1, kind, n)) for kind in kinds for n in range(relief.size))
+    tables = tuple(pair for kind in kinds for pair in zip(tables_of(0, kind), tables_of(1, kind), strict=True))
     return WindowSupply(library, tables, at=at, unsolved=scene.parted_steps)
 
 
