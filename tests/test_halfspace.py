@@ -1,9 +1,11 @@
 """Half-space: every boundary kind against sums of Love's solution, plain transforms and closed forms; bad input."""
 
+import gc
 import hashlib
 import itertools
 import subprocess
 import sys
+import weakref
 from pathlib import Path
 
 import numpy as np
@@ -288,3 +290,17 @@ def test_threads_share_rows_and_columns_and_change_no_bits(boundary, monkeypatch
     assert len(set(found)) == 1
     u = half_space.displacement(p)
     assert_allclose(shared.displacement, u, rtol=0, atol=1e-14 * np.abs(u).max())
+
+
+def test_the_memory_of_a_convolution_goes_with_it():
+    """Of nested grids one is there at a time, without waiting for the garbage collector."""
+    half_space = HalfSpace((36, 50), (1e-6, 1e-6), E)
+    one = Convolution(half_space.shape, half_space.boundary, half_space.symbol())
+    one.apply()
+    left = weakref.ref(one)
+    gc.disable()
+    try:
+        del one
+        assert left() is None
+    finally:
+        gc.enable()

@@ -112,7 +112,6 @@ class Convolution:
                     arguments = here, j, self._weights, cosine1, sine1, turn2
                     self._blocks[-1].append((*plans, arguments))
         self._threads = threads
-        self._stages = (self._forward, self._rows), (_respond_in, self._blocks), (self._inverse, self._rows)
 
     def _array(self, shape: tuple[int, int], dtype: np.dtype[Any]) -> Any:
         """An array, in the memory of `over` as far as it suffices."""
@@ -124,8 +123,9 @@ class Convolution:
 
     def apply(self) -> None:
         """Fill `displacement` from `pressure`."""
-        for work, items in self._stages:
-            on_threads(self._threads, work, items)
+        on_threads(self._threads, self._forward, self._rows)
+        on_threads(self._threads, _respond_in, self._blocks)
+        on_threads(self._threads, self._inverse, self._rows)
 
     def _forward(self, part: Any) -> None:
         """Lay out the points of some rows and transform them."""
