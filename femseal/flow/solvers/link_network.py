@@ -31,15 +31,19 @@ def eliminate(
     and their conductances.
     """
     order, factors = grid_factors(c1, c2, _NOTHING, _NOTHING, keep, ring, node, end, link, 2)
+    φ, ψ = np.zeros(keep.shape), np.zeros(keep.shape)
+    _write_potentials(order, factors, φ, ψ)
+    return float(factors.between[0, 1]), φ, ψ
+
+
+def _write_potentials(order: Order, factors: Factors, φ: Array, ψ: Array) -> None:
+    """Write φ and 1 − φ of the eliminated nodes between inlet and outlet to contiguous fields."""
     n = order.nodes.size
-    found = []
-    for stay in (0, 1):
-        v, values = np.zeros(n + 2), np.zeros(keep.size)
+    for stay, potential in enumerate((φ, ψ)):
+        v = np.zeros(n + 2)
         v[n + stay] = 1.0
         find_potentials(factors, v)
-        values[order.nodes] = v[:n]
-        found.append(values.reshape(keep.shape))
-    return float(factors.between[0, 1]), found[0], found[1]
+        potential.ravel()[order.nodes] = v[:n]
 
 
 def condense(c1: Array, c2: Array) -> tuple[Array, Indices]:
@@ -107,12 +111,7 @@ def island_potentials(stencil: Stencil, hidden: Flags, φ: Array) -> tuple[Array
         stencil.along, stencil.across, _NOTHING, _NOTHING, hidden, stencil.ring2, node, end, link, 2
     )
     ψ = 1.0 - φ
-    n = order.nodes.size
-    for stay, potential in enumerate((φ, ψ)):
-        v = np.zeros(n + 2)
-        v[n + stay] = 1.0
-        find_potentials(factors, v)
-        potential.ravel()[order.nodes] = v[:n]
+    _write_potentials(order, factors, φ, ψ)
     return φ, ψ
 
 
