@@ -369,7 +369,7 @@ def test_a_library_of_a_gas_is_kept_apart(scene, tmp_path):
     assert (first.library.reused, again.library.reused) == (0, 3)
     assert_allclose(again.leakage, first.leakage, rtol=1e-12)
     fs.stochastic(replace(scene, fluid=fs.Liquid(1e-3)), (2, 4), sampling)
-    assert len(list(tmp_path.glob("*.npz"))) == 2
+    assert len(list(tmp_path.glob("*.shard"))) == 2
 
 
 def test_a_helium_test_from_case_to_report(tmp_path):

@@ -185,7 +185,7 @@ def test_cases_share_what_their_keys_do_not_change(case, tmp_path, contacts):
 def test_libraries_of_windows_are_kept_for_all_cases(case, tmp_path):
     case.write_text(CASE.replace("library_cells = 8", 'library_cells = 4\npressure = "uniform"'))
     found = fs.sweep(case, {"stochastic.length": ["120 um", "1 mm"]}, tmp_path / "out", workers=1)
-    assert len(list((tmp_path / "out" / "library").glob("*.npz"))) == 1
+    assert len(list((tmp_path / "out" / "library").glob("*.shard"))) == 1
     assert [r.leak_basis.length for r in found.runs] == pytest.approx([120e-6, 1e-3], rel=0.01)
 
 

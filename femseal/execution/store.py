@@ -34,6 +34,16 @@ def write_whole(path: Path, *data: bytes) -> None:
         os.fsync(file.fileno())
 
 
+def write_shard(path: Path, header: tuple[Any, ...], items: list[bytes]) -> int:
+    """Write packed items as a shard that begins with a header and its own name; its number of bytes.
+
+    Raises OSError: the shard cannot be written.
+    """
+    content = packed(((*header, path.stem), items))
+    write_whole(path, hashlib.sha256(content).digest(), content)
+    return len(content)
+
+
 def read_shard(path: Path, header: tuple[Any, ...]) -> list[bytes]:
     """The packed items of a shard that begins with a header and its own name; unpacking finds what is wrong in them.
 
@@ -99,9 +109,8 @@ class ShardWriter:
             return
         items, self._items, self._size = older + self._items, [], 0
         path = self._place(len(items))
-        content = packed(((*self._header, path.stem), items))
-        write_whole(path, hashlib.sha256(content).digest(), content)
-        self._before[len(self._before) - len(merged) :] = [(path, len(items), len(content))]
+        size = write_shard(path, self._header, items)
+        self._before[len(self._before) - len(merged) :] = [(path, len(items), size)]
         for old in merged:
             old.unlink(missing_ok=True)
         self._since = time.monotonic()

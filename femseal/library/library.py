@@ -10,13 +10,10 @@ from __future__ import annotations
 import hashlib
 import json
 from collections.abc import Sequence
-from dataclasses import dataclass, field, fields, replace
+from dataclasses import dataclass, field, replace
 from functools import partial
-from math import prod
 from pathlib import Path
 from typing import Any, ClassVar
-from zipfile import BadZipFile
-from zlib import error as ZlibError
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,11 +21,12 @@ from numpy.typing import NDArray
 from ..base.arrays import Array
 from ..base.errors import FemsealError, InputError
 from ..base.fields import LIBRARY_CELL, LIBRARY_WINDOW, declared
-from ..base.files import made_folder, replacing
-from ..base.machine import within_free_memory
+from ..base.files import made_folder
 from ..base.stage import Mapper, Stage
 from ..base.text import Shown
 from ..contact import ContactLaw, HalfSpace
+from ..execution.plain_data import packed, unpacked
+from ..execution.store import SUFFIX, read_shard, write_shard
 from ..loads import LoadProgramme, LoadStep
 from ..windows.outcome import Failed, SolveCounts, attempt
 from ..windows.window_flow import FlowSettings
@@ -36,14 +34,9 @@ from .curves import WindowCurves
 from .ladder import Ladder, WindowStates, merge, restrict, solve_ladder
 
 #: Written into every file; a file of another format is computed again.
-FORMAT = 2
+FORMAT = 3
 #: Relative distance of two pressures that are the same but for rounding.
 _EQUAL = 1e-6
-#: No file says that it holds more cells.
-_MOST_CELLS = 10**6
-#: Errors of reading a file of arrays that is damaged or was changed.
-_DAMAGES = (OSError, EOFError, ValueError, LookupError, TypeError, AttributeError, ArithmeticError, MemoryError,
-            RuntimeError, BadZipFile, ZlibError)  # fmt: skip
 #: Key of the random stream of windows, far from those of the realisations.
 WINDOW_STREAM = 2**32 - 1
 
@@ -288,7 +281,7 @@ def build_ladder_library(
     """
     if count < 1:
         raise InputError("library", f"{count} windows", "at least one")
-    path = None if folder is None else made_folder(folder) / f"{source.key(ladder)}.npz"
+    path = None if folder is None else made_folder(folder) / f"{source.key(ladder)}{SUFFIX}"
     kept = [] if path is None else _read(path, ladder)
     known = [*kept[:count], *[None] * (count - len(kept))]
     # cells that are complete go there too: what a run asks for does not depend on what is kept
@@ -331,54 +324,35 @@ def _cell(n: int, known: WindowStates | None, *, source: WindowSource, ladder: L
     )
 
 
-_ARRAYS = tuple(f.name for f in fields(WindowStates) if f.name != "counts")
-
-
 def _write(path: Path, cells: Sequence[WindowStates | None]) -> None:
-    """Write all cells into one file, each of their arrays end to end with its shapes; failed cells have none."""
-    good = [n for n, c in enumerate(cells) if c is not None]
-    content: dict[str, Any] = {"format": FORMAT, "count": len(cells), "good": good}
-    for name in _ARRAYS:
-        arrays = [getattr(cells[n], name) for n in good]
-        content[name] = np.concatenate([a.ravel() for a in arrays]) if arrays else np.empty(0)
-        content[f"{name}_shapes"] = np.array([a.shape for a in arrays])
-    with replacing(path) as temporary:
-        np.savez_compressed(temporary, **content)
+    """Write all cells into one file, None for those that failed."""
+    write_shard(path, ("library", FORMAT), [packed(cell) for cell in cells])
 
 
 def _read(path: Path, ladder: Ladder) -> list[WindowStates | None]:
     """Read the cells of a file; an empty list if there is no file, or it is damaged, changed or of another format."""
-    if not path.is_file():
-        return []
     try:
-        with within_free_memory(), np.load(path, allow_pickle=False) as data:
-            count, good = int(data["count"]), data["good"]
-            if data["format"] != FORMAT or not 0 <= count <= _MOST_CELLS or np.unique(good).size != good.size:
-                return []
-            cells: list[WindowStates | None] = [None] * count
-            columns: dict[str, Any] = {}
-            for name in _ARRAYS:
-                if (table := data[f"{name}_shapes"]).dtype.kind not in "iu":
-                    return []
-                shapes = table.tolist()
-                ends = np.cumsum([prod(s) for s in shapes], dtype=int)[:-1]
-                columns[name] = [a.reshape(s) for a, s in zip(np.split(data[name], ends), shapes, strict=True)]
-            for row, n in enumerate(good.tolist()):
-                cells[n] = WindowStates(**{name: columns[name][row] for name in _ARRAYS})
-            return cells if all(cell is None or _is_sound(cell, ladder) for cell in cells) else []
-    except _DAMAGES:
+        cells = [unpacked(item) for item in read_shard(path, ("library", FORMAT))]
+    except (OSError, ValueError):
         return []
+    if not all(cell is None or _is_sound(cell, ladder) for cell in cells):
+        return []
+    # the flows were solved in another run
+    return [None if cell is None else replace(cell, counts=SolveCounts()) for cell in cells]
 
 
-def _is_sound(cell: WindowStates, ladder: Ladder) -> bool:
+def _is_sound(cell: Any, ladder: Ladder) -> bool:
     """Whether a cell that was read has the arrays of one that was computed."""
+    if type(cell) is not WindowStates:
+        return False
+    arrays = {name: values for name, values in vars(cell).items() if name != "counts"}
+    if not all(type(a) is np.ndarray and a.dtype == float and np.isfinite(a).all() for a in arrays.values()):
+        return False
     n, m, kinds, stops = cell.pressure.size, cell.peaks.size, ladder.kinds, len(ladder.stops)
     shapes = {"pressure": (n,), "k": (kinds, 2, n), "peaks": (m,), "k_unloading": (kinds, 2, m, stops)}
     shapes["rigid"] = (kinds, 2, len(ladder.separations))
-    for name in _ARRAYS:
-        values = getattr(cell, name)
-        expected = shapes.get(name, (m, stops) if name.endswith("_unloading") else (n,))
-        if values.shape != expected or values.dtype != float or not np.isfinite(values).all():
+    for name, values in arrays.items():
+        if values.shape != shapes.get(name, (m, stops) if name.endswith("_unloading") else (n,)):
             return False
     rising = (np.diff(cell.pressure) > 0).all() and (np.diff(cell.peaks) > 0).all()
     return bool(rising and n and cell.pressure[0] == 0 and min(cell.k.min(), cell.k_unloading.min(initial=0)) >= 0)
