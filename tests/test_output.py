@@ -19,7 +19,7 @@ from scipy import stats
 from femseal.base import shared_array
 from femseal.base.errors import FemsealError, InputError
 from femseal.base.fields import PART, PIXEL, REALISATION, STEP, WINDOW, declared
-from femseal.base.leak_units import leakage_unit
+from femseal.base.leak_rates import leakage_unit
 from femseal.elements import element_flow
 from femseal.flow import cell_permeability
 from femseal.fluids import IdealGas, Liquid

@@ -13,10 +13,9 @@ from numpy.typing import NDArray
 
 from ..base.errors import InputError
 from ..base.files import made_folder, replacing, write_text
-from ..base.provenance import versions
+from ..base.machine import versions
 from ..base.quantities import to_text
-from ..base.text import comma_separated
-from ..base.text_table import TextTable
+from ..base.text import TextTable, comma_separated
 from ..case.case import Case
 from ..results.tables import format_leakage
 from .leak_test import BELOW, LeakTest

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..base.errors import InputError, InputErrors, shortened, shown
-from ..base.leak_units import LeakUnit, leak_unit
+from ..base.leak_rates import LeakUnit, leak_unit
 from ..base.quantities import to_si, to_text
 from ..case.case import Case
 from ..case.load import Amount

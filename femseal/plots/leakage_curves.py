@@ -11,7 +11,7 @@ from weakref import WeakKeyDictionary
 import numpy as np
 from numpy.typing import NDArray
 
-from ..base.leak_units import leakage_unit
+from ..base.leak_rates import leakage_unit
 from ..results.results import Results
 from ..results.selections import Steps, branches, pressures_and_peaks
 from ..results.tables import leakage_of

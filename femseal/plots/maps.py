@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..base.errors import InputError
-from ..base.leak_units import leakage_unit
+from ..base.leak_rates import leakage_unit
 from ..results.pixel_fields import read_pixels, stored_steps
 from ..results.run_data import RunData
 from ..results.selections import solved_steps

@@ -9,8 +9,7 @@ from numpy.typing import NDArray
 
 from ..base.files import read_plain
 from ..base.quantities import to_text
-from ..base.text import format_deviation
-from ..base.text_table import TextTable
+from ..base.text import TextTable, format_deviation
 from ..results.attempts_table import as_chosen
 from ..results.run_data import RunData
 from ..results.summary import solvers_text

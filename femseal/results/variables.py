@@ -27,7 +27,7 @@ from ..base.fields import (
     Place,
     fields_of,
 )
-from ..base.leak_units import LEAK_UNITS, LeakBasis
+from ..base.leak_rates import LEAK_UNITS, LeakBasis
 from ..base.shared_array import one_at_a_time
 from ..budget import MODEL_PARTS, ErrorBudget, ErrorPart
 from ..library import LibraryTable
