@@ -305,10 +305,9 @@ def _named(name: str) -> list[LeakClass]:
     """Classes of a name: of one class, of a family, or a limit such as '1e-6 mg/(s*m)'."""
     if isinstance(name, str):
         key = _class_key(name)
-        if chosen := [c for c in _CLASSES if key == _class_key(c.name)] or [
-            c for c in _CLASSES if key == _class_key(c.family)
-        ]:
-            return chosen
+        for kind in ("name", "family"):
+            if chosen := [one for one in _CLASSES if _class_key(getattr(one, kind)) == key]:
+                return chosen
         if match := _LIMIT.match(name):
             try:
                 unit = leak_unit(match[2])

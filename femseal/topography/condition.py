@@ -22,7 +22,7 @@ from ..base import validate
 from ..base.errors import InputError
 from ..base.quantities import to_text
 from ..base.text import Labelled
-from .defects import SPIKES, Form, TooManyUndefined, fit_form
+from .defects import ALL_NEIGHBOURS, SPIKES, Form, TooManyUndefined, fit_form
 from .generate import PIXELS_PER_WAVE
 from .spectral import SLACK
 from .texture import spectrum, texture
@@ -39,7 +39,6 @@ _EXTREMES = (0.01, 0.03, 0.1)
 #: Fraction of the extreme points from which on leakage may hang on the spikes.
 _NOTABLE = 0.01
 _ADVICE = "surface.spikes = inf leaves them: compare both leakages, or mark what is no part of the face by face.mask"
-_ALL_NEIGHBOURS = np.ones((3, 3))
 
 
 @dataclass(frozen=True, eq=False)
@@ -139,7 +138,7 @@ def _exchanged(before: NDArray, after: NDArray) -> float:
 
 def _along_lay(spikes: NDArray[np.bool_], flat: Topography) -> float | None:
     """Fraction of pairs of neighbouring spikes that lie rather along the lay, if it is clearly more than half."""
-    groups, count = scipy.ndimage.label(spikes, _ALL_NEIGHBOURS)
+    groups, count = scipy.ndimage.label(spikes, ALL_NEIGHBOURS)
     if count < _FEWEST or isnan(lay := texture(flat).lay_direction):
         return None
     places = np.array(scipy.ndimage.center_of_mass(spikes, groups, np.arange(1, count + 1)))

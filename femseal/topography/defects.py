@@ -101,7 +101,7 @@ MOST_POINTS = 4
 _REACH = 2
 #: Fraction of the points, and no less than a window of them, that lie at one height where data is quantised.
 _COMMON = 1e-3
-_ALL_NEIGHBOURS = np.ones((3, 3))
+ALL_NEIGHBOURS = np.ones((3, 3))
 
 
 def find_spikes(heights: NDArray, threshold: float = SPIKES) -> NDArray[np.bool_]:
@@ -124,7 +124,7 @@ def find_spikes(heights: NDArray, threshold: float = SPIKES) -> NDArray[np.bool_
     median, deviation = _window_medians(flat)
     off = flat - median
     scale = np.maximum(1.4826 * np.maximum(deviation, np.nanmedian(deviation)), _height_step(heights))
-    groups, _ = scipy.ndimage.label(np.abs(off) > threshold * scale, _ALL_NEIGHBOURS)
+    groups, _ = scipy.ndimage.label(np.abs(off) > threshold * scale, ALL_NEIGHBOURS)
     spikes = np.zeros(heights.shape, dtype=bool)
     for number, place in enumerate(scipy.ndimage.find_objects(groups), start=1):
         around = tuple(slice(max(part.start - 1, 0), part.stop + 1) for part in place)
@@ -137,7 +137,7 @@ def find_spikes(heights: NDArray, threshold: float = SPIKES) -> NDArray[np.bool_
 def _stands_alone(group: NDArray[np.bool_], flat: NDArray, median: NDArray) -> bool:
     """Whether no point around `group` goes half as far from the median at its tip as the tip does."""
     tip = np.unravel_index(np.argmax(np.where(group, np.abs(flat - median), -1.0)), group.shape)
-    rim = scipy.ndimage.binary_dilation(group, _ALL_NEIGHBOURS) & ~group
+    rim = scipy.ndimage.binary_dilation(group, ALL_NEIGHBOURS) & ~group
     height = flat[tip] - median[tip]
     follows = (flat[rim] - median[tip]) / height > 0.5  # False where undefined
     return not bool(follows.any())
