@@ -31,7 +31,7 @@ from femseal.results.tables import format_leakage
 from femseal.seal import RectangularSeal
 from femseal.studies import Sampling, Scene, StochasticResult, TwoScaleResult, deterministic, stochastic, two_scale
 from femseal.studies.link_flow import chosen_windows, window_pixels
-from femseal.studies.median_seal import MedianSeal
+from femseal.studies.stochastic_result import MedianSeal
 from femseal.topography import Topography, self_affine
 
 pytestmark = pytest.mark.usefixtures("drawn_pictures")

@@ -8,8 +8,7 @@ import numpy as np
 
 from ..loads import LoadProgramme
 from ..studies import Scene, StochasticResult, StudyResult, TwoScaleResult, study_of_result
-from ..studies.curve_distance import FLOOR
-from ..studies.load_interpolation import Indices, at_all_steps, neighbours
+from ..studies.load_curves import FLOOR, Indices, at_all_steps, neighbours
 from ..studies.scene import Array
 from .coarse import CoarserSolution
 from .error_parts import ErrorBudget, ErrorPart

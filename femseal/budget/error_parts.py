@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..loads import LoadProgramme
-from ..studies.curve_distance import FLOOR
+from ..studies.load_curves import FLOOR
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.int64]

@@ -12,7 +12,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from ..studies import Scene
-from ..studies.curve_distance import FLOOR
+from ..studies.load_curves import FLOOR
 from ..studies.scene import Array
 from .changes import load_sensitivity, part_of_changes, scale_of_changes
 from .coarse import CoarserSolution, on_all_steps

@@ -7,7 +7,7 @@ from math import inf
 
 import numpy as np
 
-from ..studies.curve_distance import FLOOR
+from ..studies.load_curves import FLOOR
 from ..studies.scene import Array
 from .error_parts import ErrorBudget
 

@@ -18,7 +18,7 @@ from ..base.machine import versions
 from ..base.quantities import to_text
 from ..base.text import TextTable, comma_separated
 from ..budget import ErrorBudget, WidestBand, widest_band
-from ..studies.curve_distance import FLOOR, LeakageFactor
+from ..studies.load_curves import FLOOR, LeakageFactor
 from .accuracy_plan import Plan, Variant, by
 
 if TYPE_CHECKING:

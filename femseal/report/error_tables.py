@@ -13,7 +13,7 @@ from ..base.text import TextTable, format_deviation
 from ..results.attempts_table import as_chosen
 from ..results.run_data import RunData
 from ..results.summary import solvers_text
-from ..studies.curve_distance import FLOOR, leakage_factor
+from ..studies.load_curves import FLOOR, leakage_factor
 
 Array = NDArray[np.float64]
 Lines = list[tuple[str, ...]]

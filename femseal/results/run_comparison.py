@@ -18,7 +18,7 @@ from ..base.leak_rates import LEAK_UNITS, LeakUnit, leak_unit, leakage_unit
 from ..base.quantities import to_text
 from ..base.text import Plotted, TextTable, comma_separated, room
 from ..loads import LoadStep
-from ..studies.curve_distance import closing_load
+from ..studies.load_curves import closing_load
 from .netcdf import open_results
 from .results import Results
 from .tables import format_leakage
