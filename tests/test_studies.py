@@ -26,7 +26,7 @@ from femseal.loads import LoadProgramme
 from femseal.report import write_folder
 from femseal.results import assemble, open_results
 from femseal.seal import RectangularSeal
-from femseal.seal.link_windows import LinkWindows
+from femseal.seal.laid_windows import LinkWindows
 from femseal.seal.pressure_map import AngleTable, Profile
 from femseal.studies import Sampling, Scene, StochasticResult, deterministic, stochastic, two_scale
 from femseal.studies.ladder_windows import LOADING_FRACTIONS

@@ -9,8 +9,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ..base.arrays import Array
 from ..base.errors import InputError
 from ..base.files import made_folder, replacing, write_text
 from ..base.machine import versions
@@ -24,7 +24,6 @@ from .posterior import PROBABILITY, UNITS, Estimate, Posterior
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-Array = NDArray[np.float64]
 FILE, TABLE, PICTURE = "calibration.json", "calibration.csv", "calibration.png"
 #: Part of a range at its end, and part of the samples there from which on the range is said to be too narrow.
 _END, _MANY = 0.03, 0.1

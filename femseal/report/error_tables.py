@@ -5,8 +5,8 @@ from __future__ import annotations
 import json
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ..base.arrays import Array
 from ..base.files import read_plain
 from ..base.quantities import to_text
 from ..base.text import TextTable, format_deviation
@@ -15,7 +15,6 @@ from ..results.run_data import RunData
 from ..results.summary import solvers_text
 from ..studies.load_curves import FLOOR, leakage_factor
 
-Array = NDArray[np.float64]
 Lines = list[tuple[str, ...]]
 
 

@@ -15,7 +15,7 @@ from ..base.text import Shown
 from ..contact.workspace import KEPT_POINTS
 from ..loads import LoadProgramme
 from ..windows import Partition, SolverCounts
-from ..windows.window_fields import ContactPressure
+from ..windows.partition import ContactPressure
 from .face_contact import WindowContacts, band_breadth, cut_contact, face_partition, solve_face
 from .face_leakage import PlaceLeakage, first_equal, place_leakage, repeated
 from .scene import Scene, scene_warnings

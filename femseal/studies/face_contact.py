@@ -23,9 +23,8 @@ from ..contact import HalfSpace, LoadState
 from ..loads import LoadProgramme
 from ..topography import Topography
 from ..windows import Failed, FlowSettings, GlobalState, Partition, attempt, contact_history
-from ..windows.gap_error import corrected_gap, relative_difference
-from ..windows.window_contact import ContactHistory, body_standoff, separate
-from ..windows.window_fields import ContactPressure, ContactValues, WindowFields
+from ..windows.partition import ContactPressure, ContactValues, WindowFields
+from ..windows.window_contact import ContactHistory, body_standoff, corrected_gap, relative_difference, separate
 from .choices import CONTACTS
 from .face_flow import FaceFlow, resolved_flow
 from .face_leakage import FaceLeakage, face_leakage

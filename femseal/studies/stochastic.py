@@ -17,8 +17,7 @@ from ..base.quantities import to_text
 from ..base.stage import Mapper, Stage
 from ..library import LadderLibrary
 from ..seal import RectangularSeal
-from ..seal.laid_windows import SealWindows
-from ..seal.link_windows import LinkWindows
+from ..seal.laid_windows import LinkWindows, SealWindows
 from ..windows import Failed, Partition, SolverCounts, attempt
 from .face_leakage import PLACE_REALISATIONS, PlaceLeakage, first_equal_draws, kept_places, repeated
 from .ladder_windows import windows_under_global_contact, windows_under_uniform_pressure

@@ -16,8 +16,7 @@ from ..base.text import Shown
 from ..library import LadderLibrary, draw_links, draw_pressures
 from ..loads import LoadProgramme
 from ..seal import Leakage, RectangularSeal
-from ..seal.laid_windows import DrawnSeal, SealWindows
-from ..seal.link_windows import LinkWindows
+from ..seal.laid_windows import DrawnSeal, LinkWindows, SealWindows
 from ..windows import Failed, Partition, SolverCounts, attempt
 from .face_leakage import PlaceLeakage
 from .run_chains import ChainedSeals, StateRuns

@@ -20,9 +20,9 @@ from ..flow.permeability_table import tabulated
 from ..flow.spiral import Spiral
 from ..loads import LoadProgramme
 from ..seal import RectangularSeal
-from ..seal.link_windows import along_grooves
+from ..seal.laid_windows import along_grooves
 from ..windows import Failed, FlowHistory, FlowSettings, Partition, SolveCounts, SolverCounts, attempt
-from ..windows.window_fields import ContactPressure, WindowFields
+from ..windows.partition import ContactPressure, WindowFields
 from ..windows.window_flow import flow_history
 from .choices import FLOWS
 from .deterministic import state_memory
