@@ -32,8 +32,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from .base import displays
-from .base.lazy_package import load_when_used
-from .base.loop_files import find_place
+from .base.lazy_package import find_place, load_when_used
 
 __version__ = "0.2.0"
 

@@ -46,7 +46,7 @@ app = typer.Typer(
 
 def _version(value: bool) -> None:
     if value:
-        from .base.provenance import versions
+        from .base.machine import versions
 
         for name, number in versions().items():
             typer.echo(f"{name} {number}")

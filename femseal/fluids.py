@@ -17,8 +17,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from .base.errors import InputError
-from .base.leak_units import GAS_CONSTANT, LeakBasis
-from .base.parameters import check_parameters, parameter
+from .base.leak_rates import GAS_CONSTANT, LeakBasis
+from .base.validate import check_parameters, parameter
 from .flow.law import CUBIC_LAW, FlowLaw, FukuiKaneko, SlipLength
 from .real_gas import Gas, RealGas
 

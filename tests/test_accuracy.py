@@ -16,7 +16,7 @@ from femseal.loads import LoadStep
 from femseal.refinement.accuracy_plan import Variant, make_plan
 from femseal.refinement.accuracy_report import AccuracyReport, Comparison, Solution
 from femseal.studies import study_registry
-from femseal.studies.curve_distance import LeakageFactor, closing_load, leakage_factor
+from femseal.studies.load_curves import LeakageFactor, closing_load, leakage_factor
 
 STEPS = (LoadStep(1e8), LoadStep(2e8), LoadStep(3e8), LoadStep(2e8, 3e8), LoadStep(1e8, 3e8))
 

@@ -251,8 +251,8 @@ def test_meshes_larger_than_the_memory_are_refused_before_they_are_read(monkeypa
     path = tmp_path / "seal.msh"
     with path.open("wb") as file:
         file.truncate(3_000_000_000)
-    monkeypatch.setattr("femseal.seal.mesh_file.free_memory", lambda: 4e9)
-    monkeypatch.setattr("femseal.seal.mesh_file._meshio_read", lambda file: pytest.fail("read"))
+    monkeypatch.setattr("femseal.seal.seal_files.free_memory", lambda: 4e9)
+    monkeypatch.setattr("femseal.seal.seal_files._meshio_read", lambda file: pytest.fail("read"))
     assert "of 3 GB, expected a mesh that can be read" in refusal(fs.MeshSeal, path, "inlet", "outlet")
 
 

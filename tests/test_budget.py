@@ -8,10 +8,10 @@ from numpy.testing import assert_allclose
 
 import femseal as fs
 from femseal import CoarserSolution, ErrorPart
-from femseal.budget.coarse import on_all_steps
+from femseal.budget.changes import on_all_steps
 from femseal.budget.estimates import median_interval
-from femseal.budget.pixels import pixels_part
-from femseal.budget.removed_waves import filter_part
+from femseal.budget.grid_convergence import pixels_part
+from femseal.budget.waves import filter_part
 from femseal.loads import LoadProgramme
 from femseal.preparation.preparation import prepare
 from femseal.refinement.coarser import at_some_steps, coarser_points

@@ -11,7 +11,7 @@ from numpy.testing import assert_allclose
 from scipy.stats import norm, qmc
 
 import femseal as fs
-from femseal.base.leak_units import leak_unit
+from femseal.base.leak_rates import leak_unit
 from femseal.calibration import calibrating
 from femseal.calibration.calibrating import with_values
 from femseal.calibration.leak_test import LeakTest, read_leak_test

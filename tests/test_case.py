@@ -12,8 +12,8 @@ from numpy.testing import assert_allclose
 from pydantic import TypeAdapter, ValidationError
 
 import femseal as fs
-from femseal.base.parameters import parameter
 from femseal.base.quantities import to_si
+from femseal.base.validate import parameter
 from femseal.case.case import parse_case
 from femseal.case.schema import case_schema
 from femseal.case.values import Table, table_of_any

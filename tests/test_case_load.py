@@ -21,7 +21,7 @@ from femseal.runs.forecast import describe
 from femseal.runs.job import face_files
 from femseal.seal.pressure_map import AngleTable, Frame, MapsAtLoads, Profile, Uniform, is_uniform
 from femseal.studies import lay_out_windows
-from femseal.studies.window_pressures import pressure_fractions, seal_for_maps
+from femseal.studies.seat_rows import pressure_fractions, seal_for_maps
 from femseal.windows import Partition
 
 ROOT = Path(__file__).parents[1]

@@ -22,7 +22,7 @@ from small_cases import TABLES
 
 import femseal as fs
 from femseal.base import shared_array
-from femseal.base.provenance import numerical_versions
+from femseal.base.machine import numerical_versions
 from femseal.base.stage import Stage
 from femseal.execution import checkpoint, store
 from femseal.execution.checkpoint import Checkpoint

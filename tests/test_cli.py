@@ -16,7 +16,7 @@ from typer.testing import CliRunner
 
 import femseal as fs
 from femseal import cli
-from femseal.base.provenance import versions
+from femseal.base.machine import versions
 from femseal.case.case import parse_case
 from femseal.case.faces import SurfaceTable
 from femseal.case.schema import case_schema

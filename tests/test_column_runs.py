@@ -13,7 +13,7 @@ from femseal.case.case import parse_case
 from femseal.elements import element_flow
 from femseal.library import ColumnRuns, RunFlows
 from femseal.results.dataset import assemble
-from femseal.studies import chosen_sampler, face_windows
+from femseal.studies import chosen_sampler, window_supply
 from femseal.studies.run_chains import StateRuns, chained_seals
 from femseal.windows import Partition, SolverCounts
 
@@ -192,7 +192,7 @@ class TestSeals:
         assert data["leakage_closed_cuts"].dims == ("realisation", "step")
 
     def test_they_are_the_default_and_need_no_links(self, scene, face, seals, monkeypatch):
-        monkeypatch.setattr(face_windows, "solve_links", None)
+        monkeypatch.setattr(window_supply, "solve_links", None)
         drawn = stochastic(scene, (4, 8), replace(SAMPLING, sampler=None), two_scale=face)
         assert drawn.sampler == "runs"
         assert_array_equal(drawn.leakage, seals.leakage)

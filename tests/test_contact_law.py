@@ -14,7 +14,7 @@ from femseal.contact.descent import Descent
 from femseal.contact.workspace import nested_grids
 from femseal.library import Ladder, WindowSource
 from femseal.topography import self_affine
-from femseal.windows.gap_error import gap_error
+from femseal.windows.window_contact import gap_error
 
 E, H, D = 115e9, 4e9, 1e-6
 #: E* over the pixel [Pa/m].

@@ -11,7 +11,7 @@ from scipy import fft, stats
 
 import femseal as fs
 from femseal.budget import continuation_part
-from femseal.budget.removed_waves import filter_part
+from femseal.budget.waves import filter_part
 from femseal.case.case import parse_case
 from femseal.preparation.preparation import prepare
 from femseal.refinement.coarser import continued_scenes

@@ -19,7 +19,7 @@ from femseal.loads import LoadProgramme
 from femseal.plots import seal_figure
 from femseal.results import assemble, open_results, write_vtk
 from femseal.seal.element_windows import ElementSeal, ElementWindows
-from femseal.seal.link_windows import LinkWindows
+from femseal.seal.laid_windows import LinkWindows
 from femseal.seal.pressure_map import Profile
 
 FLUID = fs.Liquid(1e-3)

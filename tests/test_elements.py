@@ -12,8 +12,7 @@ from femseal import Liquid, Scene, cell_permeability, condition, read_topography
 from femseal.base import threads
 from femseal.base.errors import InputError, NotConverged
 from femseal.elements import element_flow, element_mesh, face_potential, window_flow
-from femseal.elements.side_nodes import side_nodes
-from femseal.elements.superelement import WindowElement, WindowLinks, window_links
+from femseal.elements.superelement import WindowElement, WindowLinks, side_nodes, window_links
 from femseal.flow.solvers.link_network import condense
 from femseal.results.dataset import assemble
 from femseal.windows import Partition

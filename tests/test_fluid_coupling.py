@@ -288,7 +288,7 @@ class TestStudies:
         shown = found.median_seal
         for name in ("DRAWN_RTOL", "RESAMPLED_RTOL"):
             monkeypatch.setattr(sys.modules["femseal.studies.stochastic"], name, 1e-9)
-        monkeypatch.setattr(sys.modules["femseal.studies.median_seal"], "DRAWN_RTOL", 1e-9)
+        monkeypatch.setattr(sys.modules["femseal.studies.stochastic_result"], "DRAWN_RTOL", 1e-9)
         settled = stochastic(one, (4, 4), sampling)
         assert not np.array_equal(found.leakage, settled.leakage)
         assert_allclose(found.leakage, settled.leakage, rtol=1e-3)

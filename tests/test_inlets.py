@@ -16,7 +16,7 @@ from femseal.preparation.preparation import prepare
 from femseal.refinement.accuracy_plan import make_plan
 from femseal.seal.element_windows import ElementSeal, ElementWindows
 from femseal.seal.mesh_seal import PressureBoundaries
-from femseal.studies.median_seal import _rate_of_power
+from femseal.studies.stochastic_result import _rate_of_power
 
 ROOT = Path(__file__).parents[1]
 GASKET = ROOT / "meshes" / "bolted_ring.msh"

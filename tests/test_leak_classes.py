@@ -8,8 +8,7 @@ from numpy.testing import assert_allclose
 
 import femseal as fs
 from femseal.base.errors import InputError
-from femseal.base.leak_classes import LEAK_CLASSES, leak_classes
-from femseal.base.leak_units import LEAK_UNITS
+from femseal.base.leak_rates import LEAK_CLASSES, LEAK_UNITS, leak_classes
 from femseal.case.case import parse_case
 from femseal.fluids import leak_basis
 from femseal.report.page import report_html

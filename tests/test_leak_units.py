@@ -8,7 +8,7 @@ from numpy.testing import assert_allclose
 
 import femseal as fs
 from femseal.base.errors import InputError
-from femseal.base.leak_units import LEAK_UNITS, USUAL_UNITS, LeakBasis, leak_unit
+from femseal.base.leak_rates import LEAK_UNITS, USUAL_UNITS, LeakBasis, leak_unit
 from femseal.base.quantities import to_si
 from femseal.case.case import parse_case
 from femseal.fluids import leak_basis

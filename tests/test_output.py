@@ -19,7 +19,7 @@ from scipy import stats
 from femseal.base import shared_array
 from femseal.base.errors import FemsealError, InputError
 from femseal.base.fields import PART, PIXEL, REALISATION, STEP, WINDOW, declared
-from femseal.base.leak_units import leakage_unit
+from femseal.base.leak_rates import leakage_unit
 from femseal.elements import element_flow
 from femseal.flow import cell_permeability
 from femseal.fluids import IdealGas, Liquid
@@ -31,7 +31,7 @@ from femseal.results.tables import format_leakage
 from femseal.seal import RectangularSeal
 from femseal.studies import Sampling, Scene, StochasticResult, TwoScaleResult, deterministic, stochastic, two_scale
 from femseal.studies.link_flow import chosen_windows, window_pixels
-from femseal.studies.median_seal import MedianSeal
+from femseal.studies.stochastic_result import MedianSeal
 from femseal.topography import Topography, self_affine
 
 pytestmark = pytest.mark.usefixtures("drawn_pictures")

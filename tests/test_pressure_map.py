@@ -6,8 +6,8 @@ import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 
 from femseal import InputError
-from femseal.seal.field_file import read_pressure_field
 from femseal.seal.pressure_map import AngleTable, Frame, MapsAtLoads, PressedSeal, PressureField, Profile, Uniform
+from femseal.seal.seal_files import read_pressure_field
 from femseal.seal.triangulation import Triangulation
 
 RNG = np.random.default_rng(5)

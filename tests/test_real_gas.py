@@ -19,7 +19,7 @@ from femseal.fluids import FLUIDS, leak_basis, potential_of
 from femseal.named_fluids import TABLE
 from femseal.real_gas import ideal_gas_error
 from femseal.studies.other_fluid import FluidState, limit_factors
-from femseal.studies.plausibility import gas_warnings
+from femseal.studies.scene import gas_warnings
 
 needs_coolprop = pytest.mark.skipif(find_spec("CoolProp") is None, reason="the extra femseal[fluids] is not installed")
 LEFT_OUT = {"CoolProp": None, "CoolProp.CoolProp": None}

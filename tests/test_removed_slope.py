@@ -7,7 +7,7 @@ import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 
 import femseal as fs
-from femseal.budget.removed_slope import LOAD_POWER, sealed_for_certain, under_less_load
+from femseal.budget.waves import LOAD_POWER, sealed_for_certain, under_less_load
 from femseal.designs.seals import Seals
 from femseal.loads import LoadProgramme
 from femseal.report.leakage_tables import class_table

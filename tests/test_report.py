@@ -18,7 +18,7 @@ from numpy.testing import assert_allclose
 import femseal as fs
 from femseal import cli
 from femseal.base.errors import InputError
-from femseal.base.leak_units import leakage_unit
+from femseal.base.leak_rates import leakage_unit
 from femseal.fluids import Liquid
 from femseal.report import write_folder, write_report
 from femseal.report.case_sentences import pressure_drop_sentences

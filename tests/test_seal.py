@@ -18,8 +18,8 @@ from femseal.base.errors import InputError
 from femseal.flow.permeability_table import Mobility, pressure_curve
 from femseal.fluids import IdealGas, Liquid
 from femseal.seal import AnnularSeal, Leakage, MeshSeal, PermeabilityTable, RectangularSeal, seal_leakage
-from femseal.seal.pressure_dependent import next_rate
-from femseal.seal.structured import conservative_rate
+from femseal.seal.leakage import next_rate
+from femseal.seal.shapes import conservative_rate
 
 MESHES = Path(__file__).parents[1] / "meshes"
 RING = MESHES / "ring.msh"

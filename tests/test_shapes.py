@@ -12,12 +12,10 @@ from skfem import MeshQuad, MeshTri
 from femseal.analytic import annulus_rate, eccentric_annulus_rate, elliptic_annulus_rate, spiral_annulus_rate
 from femseal.base.errors import InputError
 from femseal.seal import AnnularSeal, MeshSeal, RectangularSeal
-from femseal.seal.element_windows import ElementSeal, ElementWindows, straightened
-from femseal.seal.laid_windows import Windows
+from femseal.seal.element_windows import ElementSeal, ElementWindows, combined, straightened
+from femseal.seal.laid_windows import LinkWindows, Windows
 from femseal.seal.lay import Lay
 from femseal.seal.layouts import AnnularLayout, MeshLayout, RectangularLayout
-from femseal.seal.link_windows import LinkWindows
-from femseal.seal.upscaling import combined
 
 MESHES = Path(__file__).parents[1] / "meshes"
 WINDOWS = Windows((1e-4, 1e-4), 10)

@@ -13,7 +13,7 @@ from numpy.testing import assert_allclose
 
 import femseal as fs
 from femseal.base.errors import InputError
-from femseal.base.leak_units import leakage_unit
+from femseal.base.leak_rates import leakage_unit
 from femseal.base.text import Shown, value_text
 from femseal.plots.drawing import png
 from femseal.plots.leakage_curves import LeakageCurves, leakage_panel

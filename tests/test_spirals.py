@@ -12,9 +12,9 @@ from femseal.flow.edge_flow import cell_stencil
 from femseal.flow.grid import Grid
 from femseal.flow.law import cubic_law
 from femseal.flow.spiral import spiral_flow
+from femseal.seal.laid_windows import SpiralWindows
 from femseal.seal.lay import Lay
 from femseal.seal.layouts import AnnularLayout, MeshLayout, RectangularLayout
-from femseal.seal.link_windows import SpiralWindows
 from femseal.studies import Sampling, stochastic
 
 D = 1e-6

@@ -10,10 +10,10 @@ import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 
 import femseal.library.ladder
+import femseal.studies.face_contact as windows_module
 import femseal.studies.face_flow
-import femseal.studies.face_windows
 import femseal.studies.scene
-import femseal.studies.window_contacts as windows_module
+import femseal.studies.window_supply
 import femseal.windows.window_contact
 import femseal.windows.window_flow
 from femseal import analytic
@@ -26,7 +26,7 @@ from femseal.loads import LoadProgramme
 from femseal.report import write_folder
 from femseal.results import assemble, open_results
 from femseal.seal import RectangularSeal
-from femseal.seal.link_windows import LinkWindows
+from femseal.seal.laid_windows import LinkWindows
 from femseal.seal.pressure_map import AngleTable, Profile
 from femseal.studies import Sampling, Scene, StochasticResult, deterministic, stochastic, two_scale
 from femseal.studies.ladder_windows import LOADING_FRACTIONS
@@ -597,8 +597,8 @@ class TestSymmetries:
         monkeypatch.setattr(
             "femseal.studies.ladder_windows.LOADING_FRACTIONS", tuple(sorted({*LOADING_FRACTIONS, *dense}))
         )
-        monkeypatch.setattr("femseal.studies.window_pressures.PEAK_RATIO", 1.1)
-        monkeypatch.setattr("femseal.studies.window_pressures.MOST_PEAKS", 1000)
+        monkeypatch.setattr("femseal.studies.seat_rows.PEAK_RATIO", 1.1)
+        monkeypatch.setattr("femseal.studies.seat_rows.MOST_PEAKS", 1000)
         exact = stochastic(scene, (6, 6), sampling)
         assert_allclose(np.median(found.leakage, axis=0), np.median(exact.leakage, axis=0), rtol=0.02)
 
@@ -699,7 +699,7 @@ class TestDraws:
         sampling = replace(SAMPLING, library_cells=60, sampler="block")
         own = stochastic(rough, (4, 6), sampling)
         two = two_scale(rough, (4, 6), flow="links")
-        monkeypatch.setattr(femseal.studies.face_windows, "solve_windows", None)
+        monkeypatch.setattr(femseal.studies.window_supply, "solve_windows", None)
         given = stochastic(rough, (4, 6), sampling, two_scale=two)
         assert_array_equal(given.leakage, own.leakage)
         assert_array_equal(given.leakage_resampled, own.leakage_resampled)
@@ -726,8 +726,8 @@ class TestDraws:
 
     def test_whole_runs_of_columns_are_the_surface(self, rough, rough_two_scale, monkeypatch):
         """A run that goes all round the face, from wherever it begins, is its two-scale solution."""
-        monkeypatch.setattr(femseal.studies.face_windows, "correlation_length", lambda k: 1e6)
-        monkeypatch.setattr(femseal.studies.face_windows, "RUN_LENGTHS", 1e9)
+        monkeypatch.setattr(femseal.studies.window_supply, "correlation_length", lambda k: 1e6)
+        monkeypatch.setattr(femseal.studies.window_supply, "RUN_LENGTHS", 1e9)
         result = stochastic(rough, (4, 6), replace(SAMPLING, sampler="block"))
         assert result.library.correlation_length == 1e6
         whole = np.isclose(result.leakage, rough_two_scale.leakage, rtol=1e-6).all(axis=1)

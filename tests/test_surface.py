@@ -25,10 +25,8 @@ from femseal.topography import (
     turned,
 )
 from femseal.topography.combine import _largest_rectangle
-from femseal.topography.power_law import spectrum
-from femseal.topography.spikes import _window_medians, find_spikes
-from femseal.topography.texture import autocorrelation, texture
-from femseal.topography.undefined_points import largest_part
+from femseal.topography.defects import _window_medians, find_spikes, largest_part
+from femseal.topography.texture import autocorrelation, spectrum, texture
 
 EXAMPLE = Path(__file__).parents[1] / "examples" / "measured_face.x3p"
 #: Points, Sq and height range without tilt [m], undefined share, most points that may be called spikes.

@@ -9,7 +9,7 @@ from numpy.testing import assert_array_equal
 
 from femseal.loads import LoadProgramme
 from femseal.windows import ContactPressure, Partition, WindowFields
-from femseal.windows.window_fields import ContactValues
+from femseal.windows.partition import ContactValues
 
 PARTITION = Partition((24, 16), (1e-6, 1e-6), (3, 2))
 rng = np.random.default_rng(0)

@@ -1,7 +1,12 @@
-"""Checks of arguments: each returns the clean value or raises an InputError that names the argument."""
+"""Checks of arguments: each returns the clean value or raises an InputError that names the argument.
+
+Parameters of classes that a case can choose, such as fluids, are declared once with unit and range; the case file gets
+a key for each of them from the same metadata.
+"""
 
 from __future__ import annotations
 
+import dataclasses
 from collections.abc import Mapping
 from math import inf, isfinite
 from numbers import Real
@@ -115,3 +120,30 @@ def axis_number(axis: Any) -> int:
     if axis not in (0, 1):
         raise InputError("axis", repr(axis), "0 (x1) or 1 (x2)")
     return int(axis)
+
+
+def parameter(
+    unit: str, allowed: str, *, above: float = 0.0, inclusive: bool = False, default: float | Any = dataclasses.MISSING
+) -> Any:
+    """A field of a dataclass: a finite number > `above`, or >= `above` where `inclusive`.
+
+    unit : in SI, as text that case files may use too, such as "Pa*s".
+    allowed : what a case file may give, with an example, such as "a viscosity > 0, such as '1 mPa*s'".
+    default : value where none is given, which may be None; without it the parameter is required.
+    """
+    metadata = {"unit": unit, "allowed": allowed, "above": above, "inclusive": inclusive}
+    return dataclasses.field(default=default, metadata=metadata)
+
+
+def check_parameters(model: Any) -> None:
+    """Check the parameters of a dataclass.
+
+    Raises InputError: one of them is not a finite number, or is out of its range.
+    """
+    for f in dataclasses.fields(model):
+        if "allowed" in f.metadata:
+            if getattr(model, f.name) is None and f.default is None:
+                continue
+            unit = f.metadata["unit"].replace("*", " ").replace("^3", "³")
+            above, inclusive = f.metadata["above"], f.metadata["inclusive"]
+            number(f.name, getattr(model, f.name), unit=unit, above=above, inclusive=inclusive)

@@ -9,15 +9,13 @@ from typing import TYPE_CHECKING
 from ..base.lazy_package import load_when_used
 
 if TYPE_CHECKING:
-    from .coarse import CoarserSolution, change_of_windows
-    from .continued_waves import continuation_part
+    from .changes import CoarserSolution, change_of_windows
     from .error_budget import at_interpolated_steps, error_budget
-    from .error_parts import MODEL_PARTS, ErrorBudget, ErrorPart
+    from .error_parts import MODEL_PARTS, ErrorBudget, ErrorPart, WidestBand, counting_steps, widest_band
     from .estimates import places_to_halve
     from .grid_convergence import GridConvergence, grid_convergence
     from .model_parts import FormTolerance, ModelChange, effective_pressure_part, model_changes, model_part
-    from .removed_slope import contact_fraction_of
-    from .widest_band import WidestBand, counting_steps, widest_band
+    from .waves import contact_fraction_of, continuation_part
 
 __all__ = [
     "MODEL_PARTS",

@@ -8,16 +8,14 @@ import numpy as np
 
 from ..loads import LoadProgramme
 from ..studies import Scene, StochasticResult, StudyResult, TwoScaleResult, study_of_result
-from ..studies.curve_distance import FLOOR
-from ..studies.load_interpolation import Indices, at_all_steps, neighbours
+from ..studies.load_curves import FLOOR, Indices, at_all_steps, neighbours
 from ..studies.scene import Array
-from .coarse import CoarserSolution
+from .changes import CoarserSolution
 from .error_parts import ErrorBudget, ErrorPart
 from .estimates import elements_part, library_part, realisations_part, solver_part
+from .grid_convergence import USUAL_PIXELS, one_grid_part, pixels_part
 from .model_parts import sampler_part, two_scales_parts
-from .pixels import USUAL_PIXELS, one_grid_part, pixels_part
-from .removed_slope import contact_fraction_of, raised_by_slope
-from .removed_waves import filter_part
+from .waves import contact_fraction_of, filter_part, raised_by_slope
 
 #: Factor of the distances of all parts but those of draws at loads that leak less than 1e-3 of the first, where
 #: curves are steep. Measured on 216 faces of six kinds: with it the bands held 93 of 100 there, without it 83.

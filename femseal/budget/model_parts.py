@@ -12,8 +12,7 @@ from ..loads import LoadProgramme
 from ..studies import Scene, StochasticResult, TwoScaleResult
 from ..studies.scene import Array
 from ..topography.seat import ScaledSeat, Seat
-from .changes import LEAST_SLOPE, load_sensitivity, part_of_changes, scale_of_changes
-from .coarse import CoarserSolution, on_all_steps
+from .changes import LEAST_SLOPE, CoarserSolution, load_sensitivity, on_all_steps, part_of_changes, scale_of_changes
 from .conformal import calibration, decades, model_error
 from .error_parts import MODEL_PARTS, ErrorPart
 

@@ -15,8 +15,8 @@ from scipy.stats import qmc
 from ..base import validate
 from ..base.errors import FemsealError, InputError, shown
 from ..base.files import write_text
-from ..base.leak_units import LeakUnit
-from ..base.provenance import numerical_versions
+from ..base.leak_rates import LeakUnit
+from ..base.machine import numerical_versions
 from ..base.quantities import to_si, to_text
 from ..base.stage import Stage
 from ..case.case import Case, load_case, read_case

@@ -9,14 +9,13 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ..base.arrays import Array
 from ..base.errors import InputError
 from ..base.files import made_folder, replacing, write_text
-from ..base.provenance import versions
+from ..base.machine import versions
 from ..base.quantities import to_text
-from ..base.text import comma_separated
-from ..base.text_table import TextTable
+from ..base.text import TextTable, comma_separated
 from ..case.case import Case
 from ..results.tables import format_leakage
 from .leak_test import BELOW, LeakTest
@@ -25,7 +24,6 @@ from .posterior import PROBABILITY, UNITS, Estimate, Posterior
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-Array = NDArray[np.float64]
 FILE, TABLE, PICTURE = "calibration.json", "calibration.csv", "calibration.png"
 #: Part of a range at its end, and part of the samples there from which on the range is said to be too narrow.
 _END, _MANY = 0.03, 0.1

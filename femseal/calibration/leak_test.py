@@ -10,8 +10,9 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from ..base.arrays import Array
 from ..base.errors import InputError, InputErrors, shortened, shown
-from ..base.leak_units import LeakUnit, leak_unit
+from ..base.leak_rates import LeakUnit, leak_unit
 from ..base.quantities import to_si, to_text
 from ..case.case import Case
 from ..case.load import Amount
@@ -19,7 +20,6 @@ from ..fluids import leak_basis
 from ..loads import LoadProgramme, LoadStep
 from ..sweeps.scenes import alone
 
-Array = NDArray[np.float64]
 COLUMNS = "pressure [MPa], leakage [mL/min]; and, if any row is of an unloading, branch, unloaded from [MPa]"
 BRANCHES = ("loading", "unloading")
 #: What a sealed row says, and how one below the detection limit begins.

@@ -11,13 +11,12 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.special import ndtr
 
+from ..base.arrays import Array
 from ..sweeps.surrogate import Surrogate
 from .leak_test import LeakTest
 
-Array = NDArray[np.float64]
 #: What is calibrated, in the order of all arrays, with its unit.
 UNITS = {"hardness": "Pa", "shortest_wave": "m", "factor": ""}
 #: Probability of the regions that are given; members of the ensemble.

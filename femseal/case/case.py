@@ -15,7 +15,7 @@ from typing import Annotated, Any, Literal
 from pydantic import Field, ValidationError, model_validator
 
 from ..base.errors import InputError, InputErrors, shortened
-from ..base.leak_classes import check_classes
+from ..base.leak_rates import check_classes
 from ..base.quantities import to_text
 from ..contact import ContactLaw, softer_of
 from ..fluids import leak_basis, potential_of

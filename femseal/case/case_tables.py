@@ -9,8 +9,7 @@ from pydantic import BeforeValidator, Field, WithJsonSchema, model_validator
 from pydantic_core import PydanticCustomError
 
 from ..base.errors import InputError
-from ..base.leak_classes import KNOWN, leak_classes
-from ..base.leak_units import LEAK_UNITS, LeakUnit, leak_unit
+from ..base.leak_rates import KNOWN, LEAK_UNITS, LeakUnit, leak_classes, leak_unit
 from ..base.quantities import to_text
 from ..budget.error_parts import MODEL_PARTS
 from ..flow.discretisation import DISCRETISATIONS, SOLVERS, check_discretisation

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 from pydantic import Field
 
 from ..base.errors import InputError, shown
-from ..base.leak_units import STANDARD_PRESSURE
+from ..base.leak_rates import STANDARD_PRESSURE
 from ..base.quantities import absolute_pressure, to_si, to_text
 from ..fluids import FLUIDS, Fluid
 from ..named_fluids import TABLE_TEMPERATURE, named_fluid

@@ -16,8 +16,8 @@ from pydantic_core import PydanticCustomError
 from ..base.errors import InputError
 from ..base.quantities import to_si, to_text
 from ..loads import LOAD_UNITS, nominal_pressure, relaxed
-from ..seal.field_file import read_pressure_field
 from ..seal.pressure_map import AngleTable, AnyMap, MapsAtLoads, PressureField, PressureMap, Profile, Uniform
+from ..seal.seal_files import read_pressure_field
 from ..studies.choices import NOMINALS
 from .faults import faults_of, refusal
 from .values import Accuracy, Angle, Count, Place, Quantity, Relaxation, Table, one_of, quantity_schema

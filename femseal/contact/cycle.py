@@ -20,8 +20,7 @@ from numpy.typing import ArrayLike
 from ..base import validate
 from ..base.quantities import to_text
 from ..base.stage import Mapper, Stage
-from ..base.text import Plotted
-from ..base.text_table import TextTable
+from ..base.text import Plotted, TextTable
 from ..loads import LoadProgramme, LoadStep
 from .half_space import HalfSpace
 from .law import ContactLaw, contact_law

@@ -13,8 +13,8 @@ import numpy as np
 
 from ..base import validate
 from ..base.errors import InputError
-from ..base.leak_classes import USUAL, check_classes, leak_classes
-from ..base.provenance import versions
+from ..base.leak_rates import USUAL, check_classes, leak_classes
+from ..base.machine import versions
 from ..base.quantities import to_si, to_text
 from ..case.case import Case, load_case
 from ..case.load import Amount

@@ -11,8 +11,7 @@ from typing import Any
 from ..base.errors import InputError
 from ..base.files import made_folder, replacing, write_text
 from ..base.quantities import to_text
-from ..base.text import comma_separated
-from ..base.text_table import TextTable
+from ..base.text import TextTable, comma_separated
 from ..loads import relaxed
 from ..plots.drawing import png
 from ..report import write_report

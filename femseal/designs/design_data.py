@@ -4,8 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from ..base.leak_classes import leak_classes
-from ..base.leak_units import LEAK_UNITS, LeakUnit
+from ..base.leak_rates import LEAK_UNITS, LeakUnit, leak_classes
 from ..results.results import Results
 from .requirements import NeededPressure, Requirement
 from .seals import Seals

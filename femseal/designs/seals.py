@@ -14,7 +14,7 @@ from math import ceil, inf
 import numpy as np
 
 from ..base.arrays import Array, Indices
-from ..base.leak_classes import within
+from ..base.leak_rates import within
 from ..loads import LoadProgramme, LoadStep, relaxed
 from ..results.results import Results
 

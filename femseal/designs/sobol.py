@@ -23,11 +23,10 @@ from ..base import validate
 from ..base.arrays import Array
 from ..base.errors import FemsealError, InputError, shown
 from ..base.files import write_text
-from ..base.leak_units import leak_unit
-from ..base.provenance import numerical_versions
+from ..base.leak_rates import leak_unit
+from ..base.machine import numerical_versions
 from ..base.stage import Stage
-from ..base.text import comma_separated
-from ..base.text_table import TextTable
+from ..base.text import TextTable, comma_separated
 from ..case.case import Case, read_case
 from ..execution.mappers import ordered_map
 from ..execution.run import Progress, Run, no_progress

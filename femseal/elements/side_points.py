@@ -22,7 +22,7 @@ from ..base.arrays import Array, Indices
 from ..base.threads import number, on_threads
 from ..flow.solvers.elimination import Links, Order, factored
 from ..windows.partition import Partition
-from .element_elimination import MeshFactors
+from .element_mesh import MeshFactors
 
 #: Relative error of the energy at which iterations stop, and how many of them there are at most.
 TOLERANCE, MOST_ITERATIONS = 1e-3, 200

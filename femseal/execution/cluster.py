@@ -15,7 +15,7 @@ from itertools import islice
 from typing import Any
 
 from ..base.errors import FemsealError, InputError
-from ..base.provenance import numerical_versions
+from ..base.machine import numerical_versions
 from ..base.stage import Mapper, Stage
 from .processes import KEPT_MEMORY, starting_processes
 

@@ -21,7 +21,7 @@ from uuid import uuid4
 import numpy as np
 
 from ..base.errors import NotKept
-from ..base.provenance import numerical_versions
+from ..base.machine import numerical_versions
 from ..base.stage import Mapper, Stage
 from .plain_data import unpacked
 from .store import SUFFIX, ShardWriter, read_shard

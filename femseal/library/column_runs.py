@@ -17,8 +17,7 @@ from numpy.typing import ArrayLike
 from ..base import validate
 from ..base.arrays import Array, Indices
 from ..base.errors import InputError
-from ..elements.element_elimination import mesh_factors
-from ..elements.element_mesh import ElementMesh, ElementSolution
+from ..elements.element_mesh import ElementMesh, ElementSolution, mesh_factors
 from ..elements.elements import NODE_SPACING
 from ..elements.superelement import WindowElement, WindowLinks, validated_face, window_links
 from ..windows.outcome import SolverCounts

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ..base.arrays import Array
 from ..base.errors import InputError
 from ..flow.law import cubic_law
 from ..results.run_data import RunData
@@ -18,8 +19,6 @@ from .scales_of_axes import decades, load_axis
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
-
-Array = NDArray[np.float64]
 
 
 def cells_figure(results: RunData, count: int = 4) -> Figure:

@@ -17,6 +17,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ..base.arrays import Array
 from ..base.errors import InputError
 from .scales_of_axes import decades
 
@@ -24,7 +25,6 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-Array = NDArray[np.float64]
 #: Loading first, then unloadings: colours that the colour-blind tell apart (Okabe & Ito), line style and marker.
 STYLES: tuple[tuple[str, Any, str], ...] = (
     ("#D55E00", "-", "o"),

@@ -9,7 +9,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..base.leak_units import leakage_unit
+from ..base.arrays import Array
+from ..base.leak_rates import leakage_unit
 from ..base.quantities import to_text
 from .drawing import CLOSED, MAP, POCKET, Sheet, colour_bar, flow_arrows, map_row, on_decades, panel_title
 
@@ -18,7 +19,6 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-Array = NDArray[np.float64]
 #: Permeabilities and fluxes shown in colour: so many decades below the largest.
 _DECADES, _FLUX_DECADES = 10, 4
 #: Sides of the detail across and along a strip, or of a square of another seal, and largest ratio of the sides of a

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from ..base.arrays import Array
 from ..base.quantities import to_text
 from ..results.variables import block_means
 from ..topography import SPIKES, Conditioning, SurfaceReport, Topography
@@ -22,7 +23,6 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-Array = NDArray[np.float64]
 #: Least height of the panels of profiles [inch], and most points of a map along a side.
 _PROFILE, _SEEN = 2.2, 1024
 #: Percentiles between which the colours lie at least, and the fraction of their distance that is added at both ends.

@@ -9,9 +9,9 @@ from typing import TYPE_CHECKING, Any
 from weakref import WeakKeyDictionary
 
 import numpy as np
-from numpy.typing import NDArray
 
-from ..base.leak_units import leakage_unit
+from ..base.arrays import Array
+from ..base.leak_rates import leakage_unit
 from ..results.results import Results
 from ..results.selections import Steps, branches, pressures_and_peaks
 from ..results.tables import leakage_of
@@ -24,7 +24,6 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-Array = NDArray[np.float64]
 #: Factor by which the scale reaches beyond the leakages for the ends of their bands of error.
 _BARS_BEYOND = 10.0
 #: Least distance of ln(leakage) of mean and median of the realisations at some step at which both are drawn.

@@ -7,10 +7,10 @@ from functools import partial
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ..base.arrays import Array
 from ..base.errors import InputError
-from ..base.leak_units import leakage_unit
+from ..base.leak_rates import leakage_unit
 from ..results.pixel_fields import read_pixels, stored_steps
 from ..results.run_data import RunData
 from ..results.selections import solved_steps
@@ -39,7 +39,6 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-Array = NDArray[np.float64]
 #: At most this many arrows along a side.
 _ARROWS = 24
 #: Permeabilities shown in colour: this many decades below the largest.

@@ -5,13 +5,13 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
+
+from ..base.arrays import Array
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.axis import Axis
 
-Array = NDArray[np.float64]
 #: Least distance of two labels of loads, as a fraction of the axis.
 _APART = 0.09
 #: Part of the axis between a load of 0 and the least one above it, in decades.

@@ -8,7 +8,6 @@ from math import ceil
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ..results.run_comparison import RunComparison
 from ..results.selections import branches
@@ -22,7 +21,6 @@ if TYPE_CHECKING:
 
     from ..loads import LoadStep
 
-Array = NDArray[np.float64]
 #: Bands of more runs hide each other.
 _MOST_BANDS = 3
 #: Rows of markers in the strip of steps without leakage; more runs share them.

@@ -14,9 +14,8 @@ from ..case.faults import MAP_TABLES, SEAL_TABLES, with_tables
 from ..seal.laid_windows import SealWindows
 from ..studies import Sampling, Scene, check_sampling, chosen_contact, chosen_flow, chosen_sampler, lay_out_windows
 from ..studies.costs import choose_method
-from ..studies.plausibility import gas_warnings, moduli_warnings, scene_warnings
-from ..studies.seat_rows import ROWS, SeatMap
-from ..studies.window_pressures import check_map, most_paths
+from ..studies.scene import gas_warnings, moduli_warnings, scene_warnings
+from ..studies.seat_rows import ROWS, SeatMap, check_map, most_paths
 from ..topography import MOST_POINTS, Conditioning, SpikeEffect, Topography, resolving_shape
 from ..topography.seat import LEAST_DEPTH, FlatSeat
 from ..windows import Partition

@@ -105,8 +105,8 @@ def survey(
     reasons = [*map(str, seen.doubts), *found.reasons]
     lines = [str(path), *_description(face, found)]
     lines += [f"note: a run refuses this face: {reason}" for reason in reasons]
-    if seen.masked_share:
-        fraction = f"{100 * seen.masked_share:.3g} %"
+    if seen.masked_fraction:
+        fraction = f"{100 * seen.masked_fraction:.3g} %"
         lines.append(f"note: {fraction} of the points in the file are masked in it: --no-file-mask takes their heights")
     if found.part is not None:
         origin = (0.0, 0.0) if crop is None else (lengths["crop"][0], lengths["crop"][2])

@@ -24,7 +24,7 @@ from ..execution.mappers import ordered_map
 from ..execution.run import Progress, no_progress
 from ..preparation.prepared import Pair, Prepared
 from ..studies.compiling import compile_ahead
-from ..studies.curve_distance import closing_load, leakage_factor
+from ..studies.load_curves import closing_load, leakage_factor
 from .accuracy_plan import Plan, Variant, make_plan
 from .accuracy_report import AccuracyReport, Comparison, Solution
 from .budgets import budget_of, leakage_of

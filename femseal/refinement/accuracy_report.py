@@ -14,12 +14,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..base.files import made_folder, replacing, write_text
-from ..base.provenance import versions
+from ..base.machine import versions
 from ..base.quantities import to_text
-from ..base.text import comma_separated
-from ..base.text_table import TextTable
+from ..base.text import TextTable, comma_separated
 from ..budget import ErrorBudget, WidestBand, widest_band
-from ..studies.curve_distance import FLOOR, LeakageFactor
+from ..studies.load_curves import FLOOR, LeakageFactor
 from .accuracy_plan import Plan, Variant, by
 
 if TYPE_CHECKING:

@@ -13,8 +13,8 @@ from importlib.resources import files
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ..base.arrays import Array
 from ..plots.drawing import GREY, branch_styles
 from ..plots.leakage_curves import leakage_curves, leakage_range
 from ..plots.maps import pressure_rows
@@ -22,7 +22,6 @@ from ..results.results import Results
 from ..results.selections import branches
 from ..results.tables import format_error_band, format_leakage, leakage_of
 
-Array = NDArray[np.float64]
 Chart = dict[str, Any]
 
 

@@ -5,18 +5,16 @@ from __future__ import annotations
 import json
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ..base.arrays import Array
 from ..base.files import read_plain
 from ..base.quantities import to_text
-from ..base.text import format_deviation
-from ..base.text_table import TextTable
+from ..base.text import TextTable, format_deviation
 from ..results.attempts_table import as_chosen
 from ..results.run_data import RunData
 from ..results.summary import solvers_text
-from ..studies.curve_distance import FLOOR, leakage_factor
+from ..studies.load_curves import FLOOR, leakage_factor
 
-Array = NDArray[np.float64]
 Lines = list[tuple[str, ...]]
 
 

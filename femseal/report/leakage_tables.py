@@ -6,11 +6,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..base.leak_classes import within
-from ..base.leak_units import LeakUnit
+from ..base.leak_rates import LeakUnit, within
 from ..base.quantities import to_text
-from ..base.text import format_deviation
-from ..base.text_table import TextTable
+from ..base.text import TextTable, format_deviation
 from ..results.run_data import RunData
 from ..results.selections import branches_in
 from ..results.tables import class_unit, format_error_band, format_leakage, in_several_units

@@ -5,8 +5,7 @@ from __future__ import annotations
 from math import inf, log1p
 from typing import Any
 
-from ..base.text import duration, format_deviation
-from ..base.text_table import TextTable
+from ..base.text import TextTable, duration, format_deviation
 
 #: Text where a column has nothing to say.
 _NONE = "–"

@@ -9,8 +9,7 @@ import numpy as np
 
 from ..base.arrays import Array
 from ..base.fields import LEAK_CLASS, REALISATION, Field, Place
-from ..base.leak_classes import LeakClass, leak_classes, within
-from ..base.leak_units import LeakBasis
+from ..base.leak_rates import LeakBasis, LeakClass, leak_classes, within
 from ..base.quantities import to_text
 from ..fluids import leak_basis
 from ..studies.other_fluid import FluidState, OtherLeakage, limit_factors

@@ -12,16 +12,13 @@ from numpy.typing import NDArray
 
 from ..base.errors import InputError
 from ..base.fields import STEP, Field
-from ..base.leak_classes import leak_classes
-from ..base.leak_units import leak_unit
-from ..base.machine import machine, peak_memory
-from ..base.provenance import versions
+from ..base.leak_rates import leak_classes, leak_unit
+from ..base.machine import machine, peak_memory, versions
 from ..budget import ErrorBudget, at_interpolated_steps
 from ..fluids import leak_basis
 from ..studies import DeterministicResult, OtherLeakage, Scene, StochasticResult, TwoScaleResult
-from ..studies.curve_distance import leakage_factor
 from ..studies.link_flow import WindowPixels
-from ..studies.load_interpolation import numbers_of
+from ..studies.load_curves import leakage_factor, numbers_of
 from ..studies.other_fluid import FluidState
 from ..topography import Places
 from . import variables

@@ -11,8 +11,7 @@ import numpy as np
 
 from ..base.errors import InputError
 from ..base.quantities import to_si, to_text
-from ..base.text import Plotted, room
-from ..base.text_table import TextTable
+from ..base.text import Plotted, TextTable, room
 from . import attempts_table, pixel_fields, seal_lengths, summary, tables
 from .export import export_field
 from .run_data import RunData

@@ -14,12 +14,11 @@ from ..base.arrays import Array
 from ..base.errors import InputError, shown
 from ..base.fields import with_unit
 from ..base.files import made_folder, replacing, write_text
-from ..base.leak_units import LEAK_UNITS, LeakUnit, leak_unit, leakage_unit
+from ..base.leak_rates import LEAK_UNITS, LeakUnit, leak_unit, leakage_unit
 from ..base.quantities import to_text
-from ..base.text import Plotted, comma_separated, room
-from ..base.text_table import TextTable
+from ..base.text import Plotted, TextTable, comma_separated, room
 from ..loads import LoadStep
-from ..studies.curve_distance import closing_load
+from ..studies.load_curves import closing_load
 from .netcdf import open_results
 from .results import Results
 from .tables import format_leakage

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..base.leak_units import LEAK_UNITS, LeakBasis, LeakUnit, leak_unit, leakage_unit
+from ..base.leak_rates import LEAK_UNITS, LeakBasis, LeakUnit, leak_unit, leakage_unit
 from ..budget import ErrorBudget
 from ..loads import LoadProgramme, LoadStep
 from ..studies import STUDIES, DeterministicResult, Scene, StochasticResult, TwoScaleResult

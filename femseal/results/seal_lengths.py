@@ -9,8 +9,7 @@ import numpy as np
 
 from ..base.errors import InputError
 from ..base.quantities import to_text
-from ..base.text import comma_separated
-from ..base.text_table import TextTable
+from ..base.text import TextTable, comma_separated
 from .run_data import RunData
 from .tables import format_leakage, format_range
 

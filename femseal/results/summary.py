@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from ..base.quantities import to_text
-from ..base.text_table import TextTable
+from ..base.text import TextTable
 from .pixel_fields import stored_steps
 from .run_data import RunData
 from .selections import solved_steps

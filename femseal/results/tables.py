@@ -9,10 +9,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ..base.fields import Field, with_unit
-from ..base.leak_units import LEAK_UNITS, USUAL_UNITS, LeakUnit
+from ..base.leak_rates import LEAK_UNITS, USUAL_UNITS, LeakUnit
 from ..base.quantities import to_text
-from ..base.text import comma_separated
-from ..base.text_table import TextTable
+from ..base.text import TextTable, comma_separated
 from .run_data import BUDGETED, RunData
 from .selections import branch_text, solved_steps
 

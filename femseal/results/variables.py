@@ -27,16 +27,16 @@ from ..base.fields import (
     Place,
     fields_of,
 )
-from ..base.leak_units import LEAK_UNITS, LeakBasis
+from ..base.leak_rates import LEAK_UNITS, LeakBasis
 from ..base.shared_array import one_at_a_time
 from ..budget import MODEL_PARTS, ErrorBudget, ErrorPart
 from ..library import LibraryTable
 from ..loads import LoadProgramme, LoadStep
 from ..seal import NARROWEST
 from ..studies import DeterministicResult, Scene, StochasticResult, TwoScaleResult
+from ..studies.face_leakage import PlaceLeakage
 from ..studies.link_flow import link_flow
-from ..studies.load_interpolation import at_all_steps
-from ..studies.place_leakage import PlaceLeakage
+from ..studies.load_curves import at_all_steps
 from ..topography import Places, Topography
 from .selections import INTERPOLATED, pressures_and_peaks
 

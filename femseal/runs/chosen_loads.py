@@ -15,7 +15,7 @@ from ..execution.run import Run
 from ..loads import LoadProgramme
 from ..preparation.prepared import Prepared
 from ..refinement.budgets import leakage_of
-from ..studies.load_interpolation import branches, left_out_errors, numbers_of
+from ..studies.load_curves import branches, left_out_errors, numbers_of
 
 log = logging.getLogger("femseal.runs.chosen_loads")
 #: Most steps in a row that are left out at first.

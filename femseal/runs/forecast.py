@@ -26,8 +26,8 @@ from ..results.pixel_fields import fields_size
 from ..studies import Sampling, Scene, count_face_windows, drop_ratio, lay_out_windows
 from ..studies.costs import Effort, usual_efforts
 from ..studies.deterministic import STEP_BYTES, states_memory
-from ..studies.place_leakage import FEWEST
-from ..studies.window_pressures import describe_map
+from ..studies.face_leakage import FEWEST
+from ..studies.seat_rows import describe_map
 from ..topography import Places
 from ..windows import Partition
 from .pilot import efforts, pace

@@ -17,7 +17,7 @@ from typing import Any
 
 from ..base.errors import FemsealError, InputError, PartsMissing
 from ..base.files import made_folder, remove_foreign
-from ..base.provenance import numerical_versions
+from ..base.machine import numerical_versions
 from ..base.shared_array import storing
 from ..base.stage import Mapper
 from ..budget import ErrorBudget

@@ -6,12 +6,11 @@ from ..base.lazy_package import load_when_used
 
 if TYPE_CHECKING:
     from ..flow.permeability_table import PermeabilityTable, table_pressures
-    from .field_file import read_pressure_field
     from .leakage import Leakage, seal_leakage
     from .mesh_seal import MeshSeal
     from .pressure_map import AngleTable, MapsAtLoads, PressureField, Profile, Uniform
-    from .shapes import AnnularSeal, RectangularSeal
-    from .structured import NARROWEST, drop_fractions, largest_fractions
+    from .seal_files import read_pressure_field
+    from .shapes import NARROWEST, AnnularSeal, RectangularSeal, drop_fractions, largest_fractions
 
 __all__ = [
     "NARROWEST",

@@ -145,7 +145,7 @@ def _of_field(file: Path, array: str, places: Array, unit: float) -> Array:
     """Unit vectors (n, 2) of the field at its points nearest to the places; InputError where it does not cover them."""
     from scipy.spatial import cKDTree
 
-    from .mesh_file import read_field
+    from .seal_files import read_field
 
     points, values = read_field(file, array)
     points = points * unit

@@ -14,8 +14,8 @@ from typing import TYPE_CHECKING, Any, ClassVar, Literal, Protocol
 
 from ..base import validate
 from ..base.errors import InputError
-from ..base.parameters import check_parameters, parameter
 from ..base.quantities import to_si, to_text
+from ..base.validate import check_parameters, parameter
 from .lay import Lay, check_ring, check_size
 from .pressure_map import Frame
 

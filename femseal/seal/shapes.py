@@ -1,13 +1,22 @@
 """Shapes of seals, and the conductance of a whole seal from the permeability of its parts.
 
-A shape is a frozen dataclass with `length`, `points` and `flow` (see `Seal`); one on a structured grid has a
-`grid` instead of `flow`. Symbols: k permeability [m³], φ potential for a unit drop.
+A shape is a frozen dataclass with `length`, `points` and `flow` (see `Seal`); one on a structured grid has a `grid`
+instead of `flow`. The form is the same in all conformal coordinates, so that a shape is a grid: (x1, x2) of a strip,
+(ln r, θ) of a ring. The permeability is given on the links between nodes (Q1 with quadrature at the midpoints of edges:
+a network of links) or as a tensor in each element between four nodes (Q1, exact).
+
+Symbols: k permeability [m³], φ potential of a node for a unit drop, c conductance of a link = permeability × width /
+length [m³], q its flow.
+Source of the bounds: Dirichlet's and Thomson's principles for networks (Doyle & Snell, Random Walks and Electric
+Networks, 1984).
 """
 
 from __future__ import annotations
 
 import itertools
-from dataclasses import dataclass, field
+from abc import ABC, abstractmethod
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
 from math import pi
 from typing import Any, Protocol
 
@@ -17,10 +26,183 @@ from numpy.typing import ArrayLike
 from ..base import validate
 from ..base.arrays import Array
 from ..base.errors import InputError
+from ..flow.assembly import assemble_on_elements, assemble_on_links, gauss
+from ..flow.balance import balanced_link_fluxes
+from ..flow.bounds import outward
 from ..flow.grid import Grid
+from ..flow.mesh import permeability_tensors
 from ..flow.solution import DarcyFlow
+from ..flow.solvers.choice import solve_flow
+from ..flow.stencil import Stencil
 from .lay import check_ring
-from .structured import StructuredSeal
+
+_RTOL = 1e-8
+#: Numbers of links over which the drop of pressure is summed by default.
+NARROWEST = (1, 3, 10)
+_TENSOR = gauss((0, 0), (0, 1), (1, 1))
+
+
+class StructuredSeal(ABC):
+    """A seal whose nodes lie on a structured grid: a shape has `cells`, `size` and `grid`."""
+
+    cells: tuple[int, int]
+
+    @property
+    @abstractmethod
+    def grid(self) -> Grid:
+        """Grid of the nodes, in coordinates in which the form is that of a plane strip."""
+
+    def stencil(self, permeability: Any) -> Stencil:
+        """Operator of the flow [m³]; permeability as in `flow`. On links, its conductances are theirs."""
+        if (k := element_tensors(permeability, self.cells)) is not None:
+            values = [np.ascontiguousarray(k[..., a, b]) for a, b in ((0, 0), (0, 1), (1, 1))]
+            return assemble_on_elements(self.grid, values, _TENSOR, [0, 1, 2] * 4)
+        return assemble_on_links(self.grid, *link_permeabilities(permeability, self.cells))
+
+    def flow(self, permeability: Any, *, bounds: bool = False, solver: str = "auto") -> DarcyFlow:
+        """Flow for a unit drop, potential at the nodes (n1 + 1, n2).
+
+        permeability : a number, the links (k1, k2), numbers or arrays (n1, n2) and (n1 − 1, n2), or the elements, see
+        `element_tensors` [m³].
+        bounds : enclose the flow of the network of links; not with elements.
+        solver : see `femseal.flow.solve_flow`.
+
+        Raises InputError: a bad permeability, bounds or elimination with elements.
+        NotConverged : see `femseal.flow.solve_flow`.
+        """
+        stencil = self.stencil(permeability)
+        if bounds and stencil.nine:
+            raise InputError("bounds", "true with elements of a structured seal", "true with links, or on a mesh")
+        return structured_flow(stencil, bounds=bounds, solver=solver)
+
+
+def element_tensors(permeability: Any, cells: tuple[int, int]) -> Array | None:
+    """K (n1, n2, 2, 2) [m³] of the elements between four nodes; None of a number, a pair or another shape.
+
+    permeability : an array shaped like the cells, (n1, n2), (n1, n2, 2) along the two axes or symmetric tensors
+        (n1, n2, 2, 2); or the same of the elements row by row, as on a mesh: (n1·n2,), (n1·n2, 2) or (n1·n2, 2, 2).
+    """
+    n1, n2 = cells
+    flat = [(n1 * n2, *parts) for parts in ((), (2,), (2, 2))]
+    shapes = flat + [(n1, n2, *shape[1:]) for shape in flat]
+    if isinstance(permeability, (tuple, list)) or (shape := np.shape(permeability)) not in shapes:
+        return None
+    k = permeability_tensors(np.reshape(permeability, flat[shapes.index(shape) % 3]), n1 * n2)
+    return k.reshape(n1, n2, 2, 2)
+
+
+def link_permeabilities(permeability: Any, cells: tuple[int, int]) -> tuple[Array, Array]:
+    """k1 (n1, n2) and k2 (n1 − 1, n2) [m³] from a number, or a pair of numbers or arrays; or InputError."""
+    n1, n2 = cells
+    shapes = (n1, n2), (n1 - 1, n2)
+    pair = permeability if isinstance(permeability, (tuple, list)) else None
+    if pair is None and np.ndim(permeability) == 0:
+        pair = (permeability, permeability)
+    if pair is None or len(pair) != 2:
+        given = f"{len(pair)} items" if pair is not None else f"one array of shape {np.shape(permeability)}"
+        raise InputError(
+            "permeability",
+            given,
+            f"a number, or the links (k1, k2), numbers or arrays {shapes[0]} and {shapes[1]}, or of the elements "
+            f"an array {shapes[0]}, {(n1, n2, 2)} or {(n1, n2, 2, 2)}",
+        )
+    k1, k2 = (_checked(n, k, s) for n, k, s in zip(("k1", "k2"), pair, shapes, strict=True))
+    return k1, k2
+
+
+def _checked(name: str, value: ArrayLike, shape: tuple[int, int]) -> Array:
+    """Permeability of the links along an axis, a number or an array of that shape; InputError of anything else."""
+    try:
+        k = np.asarray(value, dtype=float)
+    except (TypeError, ValueError):
+        raise InputError(f"permeability {name}", repr(value), "numbers [m³]") from None
+    if k.shape not in ((), shape):
+        raise InputError(f"permeability {name}", f"shape {k.shape}", f"a number or shape {shape}")
+    if not np.all(np.isfinite(k)):
+        raise InputError(
+            f"permeability {name}",
+            f"{np.count_nonzero(~np.isfinite(k))} values not finite",
+            "numbers >= 0 [m³]",
+        )
+    if k.min(initial=0.0) < 0:
+        raise InputError(f"permeability {name}", f"{k.min():g}", "numbers >= 0 [m³]")
+    return np.broadcast_to(k, shape)
+
+
+def structured_flow(stencil: Stencil, *, bounds: bool = False, solver: str = "auto") -> DarcyFlow:
+    """Flow for a unit drop between the first and the last row of nodes.
+
+    With `bounds`, the upper bound is the energy of the computed potential and the lower one that of a flux that
+    balances at every node; they enclose the flow of the network, and the value, whatever the error of the solver.
+
+    Raises NotConverged: see `femseal.flow.solve_flow`.
+    """
+    flow = solve_flow(stencil, rtol=_RTOL, solver=solver, field_rtol=_RTOL)
+    if not bounds:
+        return flow
+    if not flow.percolates:
+        return replace(flow, lower=0.0, upper=0.0)
+    potential = np.nan_to_num(flow.potential)  # pockets carry no flow
+    # an upper bound for any potential that is 1 and 0 at the ends
+    upper = max(stencil.energy(potential), flow.conductance)
+    lower, upper = outward(min(conservative_rate(stencil, potential), flow.conductance), upper)
+    return replace(flow, lower=lower, upper=upper)
+
+
+def conservative_rate(stencil: Stencil, potential: Array) -> float:
+    """Q²/Σ(q²/c) of a balanced flux near −c Δφ: a lower bound for any `potential` (n1 + 1, n2) on five points."""
+    fluxes = balanced_link_fluxes(stencil, potential, 1 - potential)
+    total = min(abs(fluxes[0][0].sum()), abs(fluxes[0][-1].sum()))
+    energy = sum(
+        float(np.divide(q**2, c, out=np.zeros_like(q), where=c > 0).sum())
+        for q, c in zip(fluxes, (stencil.along, stencil.across), strict=True)
+    )
+    return float(total**2 / energy) if energy > 0 else 0.0
+
+
+def drop_fractions(
+    k1: ArrayLike,
+    k2: ArrayLike,
+    seal: StructuredSeal,
+    potential: ArrayLike,
+    counts: Sequence[int] = NARROWEST,
+) -> Array:
+    """Fraction of the drop over the 1, 3, 10 links that dissipate most, those along both axes taken together.
+
+    The dissipation q Δφ = c (Δφ)² adds up to the flow times the drop of the whole: wherever all flow passes through one
+    link after the other, the fraction of the dissipation in a link is its fraction of the drop.
+
+    k1, k2 : permeability of the links [m³], as in `seal_leakage`.
+    seal : with these links.
+    potential : at the nodes (n1 + 1, n2), in any unit, NaN in pockets: `Fluid.potential` of the fluid pressure, or the
+    pressure itself of a liquid of constant viscosity.
+    counts : numbers of links.
+
+    Returns (number of counts,), from 0 to 1; NaN without flow.
+
+    Raises InputError: permeabilities as in `seal_leakage`, a potential of another shape, counts that are not whole
+    numbers >= 1.
+    """
+    n1, n2 = seal.cells
+    φ = np.asarray(potential, float)
+    if φ.shape != (n1 + 1, n2):
+        raise InputError("potential", f"shape {φ.shape}", f"shape {(n1 + 1, n2)}")
+    along, across = seal.stencil((k1, k2)).dissipation(φ)
+    return largest_fractions(np.concatenate([along.ravel(), across.ravel()]), counts)
+
+
+def largest_fractions(dissipation: ArrayLike, counts: Sequence[int] = NARROWEST) -> Array:
+    """Sums of the largest values as fractions of the sum of all, (number of counts,); NaN where all are 0.
+
+    >>> largest_fractions([[1.0, 4.0], [3.0, 0.0]], counts=(1, 2, 10)).tolist()
+    [0.5, 0.875, 1.0]
+    """
+    counts = [validate.count("counts", n) for n in counts]
+    falling = np.sort(np.asarray(dissipation, float), axis=None)[::-1]
+    sums = falling.cumsum()
+    if not sums[-1] > 0:
+        return np.full(len(counts), np.nan)
+    return sums[np.minimum(counts, sums.size) - 1] / sums[-1]
 
 
 class Seal(Protocol):

@@ -7,13 +7,12 @@ entry of `STUDIES`, by which runs solve, forecast and compare it.
     scene               the face, its load, its fluid              -> contact_states: contact at every step
     fluid_coupling      contact of the whole face and flow through its gap, solved in turn: the fluid presses it apart
     trapped_liquid      pressures of pockets that keep their liquid
-    face_contact        contact of the whole face at every step, cut into windows
-    window_contacts     contact of every window under the pressures of a global contact
+    face_contact        contact of all windows of a face, cut from the whole or each by itself
     face_flow           gap -> flow through the whole face
     face_leakage        flow at every step -> leakage and fluid pressure
     two_scale           gap of the windows -> links, elements or the whole face -> leakage
-    window_supply       windows that seals are drawn from: face_windows (at their places), ladder_windows (any pressure)
-    stochastic          drawn seals -> their leakage; run_chains (chains of runs of columns), median_seal (its fields)
+    window_supply       windows that seals are drawn from at their places; ladder_windows at any pressure
+    stochastic          drawn seals -> their leakage; run_chains: chains of runs of columns
 """
 
 from typing import TYPE_CHECKING

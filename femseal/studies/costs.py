@@ -18,12 +18,11 @@ from ..elements.elements import ELEMENT_BYTES
 from ..seal.pressure_map import is_uniform
 from ..windows.global_contact import PIXELS_PER_CUT_OFF
 from .deterministic import STEP_BYTES, state_memory, states_memory
-from .face_contact import chosen_contact
-from .place_leakage import PLACE_REALISATIONS, kept_places
+from .face_contact import CUT_OFF_WINDOWS, chosen_contact
+from .face_leakage import PLACE_REALISATIONS, kept_places
 from .sampling_options import Sampling
 from .scene import Scene
 from .two_scale import chosen_flow
-from .window_contacts import CUT_OFF_WINDOWS
 
 #: Pixels of the contact by which the effort of a load step is given.
 PILOT_PIXELS = 200**2

@@ -15,13 +15,10 @@ from ..base.text import Shown
 from ..contact.workspace import KEPT_POINTS
 from ..loads import LoadProgramme
 from ..windows import Partition, SolverCounts
-from ..windows.window_fields import ContactPressure
-from .face_contact import band_breadth, cut_contact, solve_face
-from .place_leakage import PlaceLeakage, place_leakage
-from .plausibility import scene_warnings
-from .repeated_steps import first_equal, repeated
-from .scene import Scene
-from .window_contacts import WindowContacts, face_partition
+from ..windows.partition import ContactPressure
+from .face_contact import WindowContacts, band_breadth, cut_contact, face_partition, solve_face
+from .face_leakage import PlaceLeakage, first_equal, place_leakage, repeated
+from .scene import Scene, scene_warnings
 
 #: Memory that a pixel of a result takes at every step [byte]: gap and fluid pressure, and the contact pressure where
 #: there is contact, which is a fourth of the face at high loads.

@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from ..base.arrays import Array
 from ..elements import ElementFlow, element_flow, face_potential
 from ..flow import Permeability, cell_permeability
 from ..flow.pressure_drop import FaceSolution, PressureDrop
@@ -14,7 +15,6 @@ from ..flow.spiral import spiral_flow
 from ..library import ColumnRuns
 from ..windows import FlowSettings, Partition, SolverCounts
 
-Array = NDArray[np.float64]
 #: Relative error at which flows end that depend on the pressure; the factor of a gas itself is within 0.9 %.
 PRESSURE_RTOL = 1e-4
 

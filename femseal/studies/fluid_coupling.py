@@ -5,21 +5,24 @@ from another gap, h₁ + K p_f, and carries p̄ − mean p_f (see `contact.solve
 gives p_f. Both are solved in turn until the permeability stays. p_f counts from the pressure of the surroundings, which
 presses on the faces from outside too. In contact p_f is that around it: the fluid wets the lands as far as pockets
 reach.
+Several measured places of a face are in contact each by itself, and joined.
 Source: Shvarts & Yastrebov, J. Mech. Phys. Solids 119, 2018, 140.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, fields
 from typing import Any
 
 import numpy as np
 
 from ..base.arrays import Array
+from ..base.errors import InputError
 from ..base.quantities import to_text
-from ..contact import Contact, HalfSpace, contact_law, solve_contact
+from ..contact import Contact, ContactLaw, HalfSpace, contact_law, solve_contact
 from ..fluids import Fluid
+from ..topography import Places
 from ..windows import Failed, FlowSettings, attempt
 from .face_flow import FaceFlow, resolved_flow
 from .trapped_liquid import PocketPressures, TrappedLiquid
@@ -236,3 +239,50 @@ def fill_undefined(pressure: Array) -> Array:
     mean = np.divide(total, weight, out=np.full_like(total, np.nan), where=weight > 0)
     finer = fill_undefined(mean).repeat(2, axis=0).repeat(2, axis=1)
     return np.where(known, pressure, finer[:n1, :n2])
+
+
+def contact_of_places(
+    gap0: Array,
+    half_space: HalfSpace,
+    *,
+    places: Places,
+    solve: Callable[..., Contact],
+    flow: FlowSettings,
+    hardness: ContactLaw,
+    deformation: Array | None = None,
+    **settings: Any,
+) -> Contact:
+    """Solve the contact of each place under the same pressure, and join them; other arguments are those of `solve`.
+
+    A fluid that presses the places apart flows through the gap of all of them at last.
+
+    Raises InputError: a law that differs from place to place. NotConverged : a contact failed.
+    """
+    if not hardness.is_uniform:
+        raise InputError("hardness", "a law that differs from place to place", "the same everywhere in several places")
+    former = [None] * len(places.widths) if deformation is None else places.divided(deformation)
+    found = []
+    for gap, left in zip(places.divided(gap0), former, strict=True):
+        body = HalfSpace((gap.shape[0], gap.shape[1]), half_space.spacing, half_space.modulus, half_space.boundary)
+        # gaps are counted from the highest point of the face
+        lifted = np.ascontiguousarray(gap - gap.min())
+        found.append(solve(lifted, body, hardness=hardness, deformation=left, **settings))
+    arrays = ("pressure", "gap", "plastic_deformation", "plastic")
+    joined: dict[str, Any] = {name: np.concatenate([getattr(c, name) for c in found], axis=1) for name in arrays}
+    joined |= {
+        "approach": float(np.average([c.approach for c in found], weights=places.widths)),
+        "residual": max(c.residual for c in found),
+        "iterations": max(c.iterations for c in found),
+        "fft_pairs": sum(c.fft_pairs for c in found),
+        "half_space": half_space,
+    }
+    coupled = [c for c in found if isinstance(c, CoupledContact)]
+    if not coupled:
+        return Contact(**joined)
+    carried = float(np.average([getattr(c, "carried", 0.0) for c in found], weights=places.widths))
+    own: FaceFlow | Failed
+    if failed := [c.flow for c in coupled if isinstance(c.flow, Failed)]:
+        own = failed[0]
+    else:
+        own = attempt(resolved_flow, joined["gap"], half_space.spacing, flow, with_potential=True)
+    return CoupledContact(**joined, flow=own, carried=carried, rounds=max(c.rounds for c in coupled))

@@ -14,8 +14,7 @@ from ..library import Ladder, LadderLibrary, LinkTable, WindowSource, build_ladd
 from ..seal.pressure_map import AnyMap
 from ..windows import GlobalState, Partition
 from .scene import Scene
-from .seat_rows import SeatMap, SeatRows, seat_rows
-from .window_pressures import distinct_paths, library_peaks, pressure_fractions
+from .seat_rows import SeatMap, SeatRows, distinct_paths, library_peaks, pressure_fractions, seat_rows
 from .window_supply import TablePressures, WindowRequest, WindowSupply
 
 #: Loading steps of a library over the pressure at which everything is in contact, about: the hardness, or half of E* ×

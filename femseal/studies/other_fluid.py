@@ -11,7 +11,7 @@ from ..base.arrays import Array, Indices
 from ..flow.law import FlowLaw, law_of
 from ..fluids import Fluid
 from ..loads import LoadProgramme
-from .load_interpolation import at_all_steps
+from .load_curves import at_all_steps
 from .scene import Scene
 
 

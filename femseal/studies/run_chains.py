@@ -16,9 +16,9 @@ from ..library import RunFlows
 from ..library.sampling import drawn_elsewhere
 from ..seal import RectangularSeal
 from ..windows import Failed, Partition, SolverCounts, attempt
-from ..windows.window_fields import WindowFields
+from ..windows.partition import WindowFields
 from .face_flow import columns_of_face
-from .repeated_steps import first_equal, map_different
+from .face_leakage import first_equal, map_different
 from .scene import Scene
 
 #: Columns of the face over those of a run. The first is taken by which cuts matter less than the finite library: the

@@ -17,29 +17,33 @@ from ..base.quantities import to_text
 from ..base.stage import Mapper, Stage
 from ..library import LadderLibrary
 from ..seal import RectangularSeal
-from ..seal.laid_windows import SealWindows
-from ..seal.link_windows import LinkWindows
+from ..seal.laid_windows import LinkWindows, SealWindows
 from ..windows import Failed, Partition, SolverCounts, attempt
-from .face_windows import windows_in_place
+from .face_leakage import PLACE_REALISATIONS, PlaceLeakage, first_equal_draws, kept_places, repeated
 from .ladder_windows import windows_under_global_contact, windows_under_uniform_pressure
-from .median_seal import (
+from .run_chains import StateRuns, chained_seals
+from .sampling_options import Sampling, check_sampling, chosen_sampler, lay_out_windows
+from .scene import Scene, scene_warnings
+from .stochastic_result import (
     DRAWN_RTOL,
     MOST_VALUES,
     RESAMPLED_RTOL,
+    StochasticResult,
     drawn_permeability,
     median_chain,
     median_seal,
     nearest_to_median,
 )
-from .place_leakage import PLACE_REALISATIONS, PlaceLeakage, kept_places
-from .plausibility import scene_warnings
-from .repeated_steps import first_equal_draws, repeated
-from .run_chains import StateRuns, chained_seals
-from .sampling_options import Sampling, check_sampling, chosen_sampler, lay_out_windows
-from .scene import Scene
-from .stochastic_result import StochasticResult
 from .two_scale import TwoScaleResult
-from .window_supply import FaceLibrary, Source, TablePressures, Tables, WindowRequest, WindowSupply
+from .window_supply import (
+    FaceLibrary,
+    Source,
+    TablePressures,
+    Tables,
+    WindowRequest,
+    WindowSupply,
+    windows_in_place,
+)
 
 #: For a given `width`: how often realisations and windows are added, and up to what multiple of the given numbers.
 ROUNDS, GROWTH = 4, 8

@@ -20,20 +20,16 @@ from ..flow.permeability_table import tabulated
 from ..flow.spiral import Spiral
 from ..loads import LoadProgramme
 from ..seal import RectangularSeal
-from ..seal.link_windows import along_grooves
+from ..seal.laid_windows import along_grooves
 from ..windows import Failed, FlowHistory, FlowSettings, Partition, SolveCounts, SolverCounts, attempt
-from ..windows.window_fields import ContactPressure, WindowFields
+from ..windows.partition import ContactPressure, WindowFields
 from ..windows.window_flow import flow_history
 from .choices import FLOWS
 from .deterministic import state_memory
-from .face_contact import band_breadth, solve_windows
+from .face_contact import WindowContacts, band_breadth, solve_windows
 from .face_flow import element_face_flow, resolved_flow
-from .face_leakage import FaceLeakage, face_leakage
-from .place_leakage import PlaceLeakage, place_leakage
-from .plausibility import scene_warnings
-from .repeated_steps import first_equal, map_different, repeated
-from .scene import Scene
-from .window_contacts import WindowContacts
+from .face_leakage import FaceLeakage, PlaceLeakage, face_leakage, first_equal, map_different, place_leakage, repeated
+from .scene import Scene, scene_warnings
 
 #: Largest number of pixels of a face whose flow is resolved unless chosen otherwise: that of 2048².
 RESOLVED_PIXELS = 2**22

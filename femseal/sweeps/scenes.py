@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from ..base.arrays import Array
 from ..base.errors import FemsealError, InputError
 from ..base.files import made_folder, write_text
-from ..base.leak_units import LeakUnit
+from ..base.leak_rates import LeakUnit
 from ..base.stage import Mapper, Stage
 from ..case.case import Case
 from ..execution.lock import alone_in, await_parts

@@ -11,12 +11,12 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.linalg import solve_triangular
 from scipy.optimize import minimize
 from scipy.special import ndtr
 
-Array = NDArray[np.float64]
+from ..base.arrays import Array
+
 #: Variance of the linear trend in variances of the values, and part of that variance that rounding may be.
 _TREND, _ROUNDING = 25.0, 1e-8
 #: Priors of size and lengths of the smooth and of the other process: ln of their medians, standard deviations of ln.

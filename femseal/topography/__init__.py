@@ -10,18 +10,28 @@ from ..base.lazy_package import load_when_used
 
 if TYPE_CHECKING:
     from .combine import Overlap, combine
-    from .condition import MOST_POINTS, Conditioning, condition, default_wave, resolved_wave, resolving_shape, smooth
+    from .condition import (
+        MOST_POINTS,
+        Conditioning,
+        Repair,
+        SpikeEffect,
+        condition,
+        default_wave,
+        repair,
+        resolved_wave,
+        resolving_shape,
+        smooth,
+        spike_effect,
+    )
     from .continuation import Continuation, continuation_of, continue_spectrum
-    from .describe import SurfaceReport, as_text, describe_surface
+    from .defects import SPIKES, TooManyUndefined
+    from .describe import SurfaceReport, describe_surface
     from .generate import self_affine, turned
     from .places import Places
-    from .power_law import spectrum
     from .read import read_for_a_look, read_topography
-    from .repair import Repair, SpikeEffect, repair, spike_effect
     from .seat import BallOnCone, CrownedSeat, FlatSeat, ProfileSeat, RoundedSeat, Seat, TiltedSeat
-    from .spikes import SPIKES
+    from .texture import spectrum
     from .topography import Topography
-    from .undefined_points import TooManyUndefined
 
 __all__ = [
     "Seat",
@@ -42,7 +52,6 @@ __all__ = [
     "SurfaceReport",
     "TooManyUndefined",
     "Topography",
-    "as_text",
     "combine",
     "condition",
     "continuation_of",

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from ..base import validate
 from ..base.errors import InputError
 from ..base.quantities import to_text
-from .describe import Labelled
+from ..base.text import Labelled
 from .topography import Topography
 
 

@@ -19,8 +19,7 @@ from ..base.errors import InputError
 from ..base.quantities import to_text
 from .condition import resolved_wave, resolving_shape
 from .generate import random_waves, wave_numbers
-from .power_law import PowerLaw, spectrum
-from .texture import ISOTROPIC, texture
+from .texture import ISOTROPIC, PowerLaw, spectrum, texture
 from .topography import Topography
 
 

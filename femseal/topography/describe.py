@@ -1,55 +1,27 @@
-"""Description of a measured face: size, heights, slopes, texture and spectrum.
+"""Description of a measured face: size, heights, slopes, texture, spectrum, and roughness as drawings have it.
 
-Source: ISO 25178-2 (Sq, Sa, Sz, Ssk, Sku, Sal, Str, Std), ISO 21920-2 (Ra, Rz, Rq, Rsk).
+Parameters of roughness, of profiles and of the face, are those behind the Gaussian filters with the weight
+exp(−π(x/αλ)²)/αλ, α² = ln 2/π: half of a wave of the cut-off λ passes. λs takes off the shorter waves, λc the longer
+ones. Beyond its borders the map goes on as its mirror image.
+Sources: ISO 25178-2 (Sq, Sa, Sz, Ssk, Sku, Sal, Str, Std), ISO 21920-2 (Ra, Rz, Rq, Rsk), ISO 21920-3 (cut-offs),
+ISO 16610-21 and 16610-61 (filters).
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, fields
-from math import atan, degrees, isnan, nan
+from dataclasses import dataclass, field
+from math import atan, log, nan, pi, sqrt
 from typing import Any
 
 import numpy as np
+import scipy
+from numpy.typing import NDArray
 
-from ..base.quantities import to_text
-from .form import fit_form
-from .power_law import spectrum
-from .repair import repair
-from .roughness import roughness
-from .spikes import SPIKES
-from .texture import texture
+from ..base.text import Labelled
+from .condition import repair
+from .defects import SPIKES, fit_form
+from .texture import spectrum, texture
 from .topography import Topography
-
-
-class Labelled:
-    """Base of dataclasses whose fields carry `unit`, `label`, and `percent` for fractions: a line of text for each."""
-
-    def __str__(self) -> str:
-        metadata = {f.name: f.metadata for f in fields(self)}  # type: ignore[arg-type]
-        width = max(len(m["label"]) for m in metadata.values())
-        return "\n".join(f"{m['label']:{width}}  {as_text(getattr(self, name), **m)}" for name, m in metadata.items())
-
-
-def as_text(value: Any, unit: str, *, percent: bool = False, joint: str = "", **_: Any) -> str:
-    """A value in SI for people: angles in degrees, fractions in per cent, None and NaN as a dash; `joint` between two.
-
-    >>> as_text((1e-6, 2e-6), "m"), as_text(0.5, "rad"), as_text(0.0023, "", percent=True)
-    ('1 µm × 2 µm', '28.65°', '0.23 %')
-    """
-    if isinstance(value, tuple):
-        joint = joint or (" × " if unit == "m" or isinstance(value[0], int) else ", ")
-        return joint.join(as_text(v, unit, percent=percent) for v in value)
-    if value is None or (isinstance(value, float) and isnan(value)):
-        return "–"
-    if isinstance(value, bool):
-        return "yes" if value else "no"
-    if isinstance(value, int):
-        return str(value)
-    if percent:
-        return f"{100 * value:.3g} %"
-    if unit == "rad":
-        return f"{degrees(value):.4g}°"
-    return to_text(value, unit) if unit == "m" else f"{value:.4g} {unit}".strip()
 
 
 @dataclass(frozen=True)
@@ -57,8 +29,8 @@ class SurfaceReport(Labelled):
     """Numbers of a map after levelling; NaN and None mark numbers that the face does not have.
 
     Heights are those of the defined points, spikes included, as instruments count them. Slopes, texture and spectrum
-    are those of the map without spikes, with undefined points filled, and so are parameters behind the Gaussian filters
-    (`roughness.py`). Angles are counted from x1 towards x2.
+    are those of the map without spikes, with undefined points filled, and so are parameters behind the Gaussian
+    filters. Angles are counted from x1 towards x2.
     """
 
     shape: tuple[int, int] = field(metadata={"unit": "", "label": "points"})
@@ -158,3 +130,69 @@ def describe_surface(
         power_law_slope=(-2 - 2 * law.hurst, 2 * law.hurst_error) if law else (nan, nan),
         **roughness(flat),
     )
+
+
+#: The Ra above which a cut-off is taken, λc, and its λs [m].
+_SERIES = (
+    (1e-5, 8e-3, 2.5e-5),
+    (2e-6, 2.5e-3, 8e-6),
+    (1e-7, 8e-4, 2.5e-6),
+    (2e-8, 2.5e-4, 2.5e-6),
+    (0.0, 8e-5, 2.5e-6),
+)
+#: Sections of the length λc over which Rz is averaged, where as many fit in.
+_SECTIONS = 5
+
+
+def roughness(flat: Topography) -> dict[str, Any]:
+    """Parameters of a flat map without undefined points, by their names in `SurfaceReport`.
+
+    Those of profiles are along x1 and along x2, means over all of them. λc is the longest of the series that
+    fits into the profile and suits the Ra behind it; NaN where none fits. Sa, Sq, Sz and Ssk are of the map
+    behind the filters of the longer of both λc, along both axes.
+    """
+    along = [_of_profiles(flat, axis) for axis in (0, 1)]
+    cut_offs = [profile[0] for profile in along]
+    cut_off = max((c for c in cut_offs if c > 0), default=nan)
+    short = next((short for _, own, short in _SERIES if own == cut_off), nan)
+    z = _smooth(flat, flat.heights, short, (0, 1))
+    z = z - _smooth(flat, z, cut_off, (0, 1))
+    names = ("profile_cut_off", "ra", "rq", "rz", "rsk")
+    areal = dict(zip(("sa", "sq", "ssk"), _moments(z.ravel()), strict=True))
+    profiles = {name: (along[0][n], along[1][n]) for n, name in enumerate(names)}
+    return {**profiles, **areal, "sz": float(np.ptp(z))}
+
+
+def _of_profiles(flat: Topography, axis: int) -> tuple[float, ...]:
+    """λc, Ra, Rq, Rz, Rsk of the profiles along an axis; NaN where they are shorter than every cut-off."""
+    found = (nan,) * 5
+    for least, cut_off, short in _SERIES:
+        if cut_off > flat.size[axis] * (1 + 1e-9):
+            continue
+        z = _smooth(flat, flat.heights, short, (axis,))
+        z = np.moveaxis(z - _smooth(flat, z, cut_off, (axis,)), axis, -1)
+        ra, rq, rsk = _moments(z)
+        points = max(1, round(cut_off / flat.spacing[axis]))
+        sections = max(1, min(_SECTIONS, z.shape[1] // points))
+        rz = np.mean([np.ptp(part, axis=1) for part in np.split(z[:, : sections * points], sections, axis=1)])
+        found = cut_off, ra, rq, float(rz), rsk
+        if ra > least:
+            break
+    return found
+
+
+def _smooth(flat: Topography, z: NDArray, cut_off: float, axes: tuple[int, ...]) -> NDArray:
+    """Heights (n1, n2) [m] behind the Gaussian filter along axes; NaN without a cut-off."""
+    for axis in axes:
+        deviation = sqrt(log(2) / 2) / pi * cut_off / flat.spacing[axis]
+        z = scipy.ndimage.gaussian_filter1d(z, deviation, axis, truncate=5.0) if cut_off > 0 else np.full(z.shape, nan)
+    return z
+
+
+def _moments(z: NDArray) -> tuple[float, float, float]:
+    """Arithmetic mean height, rms height [m] and skewness, about the mean along the last axis, averaged."""
+    z = z - z.mean(axis=-1, keepdims=True)
+    rms = np.sqrt(np.mean(z**2, axis=-1))
+    with np.errstate(invalid="ignore", divide="ignore"):
+        skewness = np.mean(z**3, axis=-1) / rms**3
+    return float(np.mean(np.abs(z))), float(np.mean(rms)), float(np.mean(skewness))

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from ..base.errors import InputError
 from ..base.quantities import to_text
-from .form import fit_form
+from .defects import fit_form
 from .topography import Topography
 
 #: Pixels that differ by more than this factor do not carry the same waves; rms heights that differ from the median of

@@ -1,4 +1,9 @@
-"""Measured height maps from files of any kind, in metres and with a known pixel, or refused."""
+"""Measured height maps from files of any kind, in metres and with a known pixel, or refused.
+
+A mask may lie in a file of its own, an image, a text or an array whose points other than 0 are undefined. It lies as
+the heights in their file: a line of an image or a text runs along the file's x, the first one at the first y; arrays of
+NumPy are taken as they are.
+"""
 
 from __future__ import annotations
 
@@ -7,12 +12,12 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ..base import validate
 from ..base.errors import InputError
 from ..base.quantities import to_si, to_text
-from .formats import READERS, TEXT, Options, Raw, bad_file, read_instrument, within_memory_of
-from .mask_file import read_mask
+from .formats import READERS, TEXT, Options, Raw, bad_file, read_instrument, read_text, within_memory_of
 from .topography import Topography
 
 #: Smallest and largest size of a measured seal face [m]; beyond them the unit in the file is wrong.
@@ -32,7 +37,7 @@ class Look:
 
     topography: Topography
     doubts: tuple[InputError, ...]
-    masked_share: float
+    masked_fraction: float
 
 
 def read_topography(
@@ -153,8 +158,8 @@ def read_for_a_look(
         raise InputError(f"{path}: {error.what}", error.given, error.expected) from None
     if not doubts:
         doubts += _implausible(path, whole, size is None and spacing is None, height_unit is None)
-    masked_share = 0.0 if raw.mask is None or not file_mask else float(np.mean(raw.mask))
-    return Look(whole if crop is None else whole.crop_to(crop), tuple(doubts), masked_share)
+    masked_fraction = 0.0 if raw.mask is None or not file_mask else float(np.mean(raw.mask))
+    return Look(whole if crop is None else whole.crop_to(crop), tuple(doubts), masked_fraction)
 
 
 def _raw(path: Path, options: Options) -> Raw:
@@ -190,3 +195,60 @@ def _median_slope(topography: Topography) -> float:
     """Median of the slope between neighbouring points along the steeper axis; spikes and holes do not count."""
     steps = (np.abs(np.diff(topography.heights, axis=axis)) / topography.spacing[axis] for axis in (0, 1))
     return max((float(np.median(s[~np.isnan(s)])) for s in steps if not np.isnan(s).all()), default=0.0)
+
+
+#: Suffixes of images, which keep every point as it was drawn.
+_IMAGES = (".png", ".tif", ".tiff", ".bmp", ".gif")
+_ARRAYS = (".npy", *TEXT)
+
+
+def read_mask(path: str | os.PathLike[str], shape: tuple[int, int]) -> NDArray[np.bool_]:
+    """Undefined points (n1, n2) of a map, true where the file is not 0.
+
+    path : .png .tif .bmp .gif (any colour but black is not 0; transparency is left out), .npy, .csv .asc .txt.
+    shape : of the heights as they lie in their file, x first.
+
+    Raises InputError: no such file, another kind, not readable, or not of the shape.
+    """
+    path = Path(path)
+    suffix = path.suffix.lower()
+    if not path.is_file():
+        raise InputError("mask", f"'{path}', {'a folder' if path.is_dir() else 'no such file'}", "a file")
+    if suffix not in (*_IMAGES, *_ARRAYS):
+        raise InputError("mask", f"'{path.name}'", f"a file {', '.join((*_IMAGES, *_ARRAYS))}")
+    try:
+        with within_memory_of(path):
+            found = _read_image(path) if suffix in _IMAGES else _read_array(path)
+    except OSError as error:
+        raise bad_file(path, error.strerror or error, "a file that can be read") from None
+    except MemoryError:
+        raise bad_file(path, "more points than fit into memory", "a mask of the map's size") from None
+    if found.shape != shape:
+        turned = "; turned by its diagonal it would fit" if found.shape == shape[::-1] else ""
+        given = f"{found.shape[0]} × {found.shape[1]} points in '{path.name}'"
+        raise InputError("mask", given, f"{shape[0]} × {shape[1]}, as in the file of the heights, x first{turned}")
+    return found
+
+
+def _read_array(path: Path) -> NDArray[np.bool_]:
+    if path.suffix.lower() != ".npy":
+        return read_text(path, Options()).heights != 0
+    try:
+        array = np.load(path, allow_pickle=False)
+    except (ValueError, EOFError) as error:
+        raise bad_file(path, error, "an array of numbers saved by numpy.save") from None
+    if array.dtype.kind not in "bfiu" or array.ndim != 2:
+        raise bad_file(path, f"an array of {array.dtype} of shape {array.shape}", "numbers or truth values (n1, n2)")
+    return array != 0
+
+
+def _read_image(path: Path) -> NDArray[np.bool_]:
+    from PIL import Image, UnidentifiedImageError
+
+    try:
+        with Image.open(path) as image:
+            pixels = np.asarray(image.convert("RGB") if image.mode in ("P", "PA", "LA", "RGBA", "CMYK") else image)
+    except (UnidentifiedImageError, Image.DecompressionBombError, ValueError, SyntaxError, EOFError) as error:
+        raise bad_file(path, error, "an image of the map's size") from None
+    marked = pixels != 0
+    return (marked.any(axis=2) if marked.ndim == 3 else marked).T

@@ -15,8 +15,8 @@ import numpy as np
 
 from ..base.arrays import Array
 from ..base.errors import InputError
-from ..base.parameters import check_parameters, parameter
 from ..base.quantities import to_si, to_text
+from ..base.validate import check_parameters, parameter
 from .topography import Topography
 
 #: Largest slope of a form: a half-space is for slopes well below 1.

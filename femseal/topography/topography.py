@@ -18,12 +18,9 @@ from numpy.typing import NDArray
 from ..base import validate
 from ..base.errors import InputError
 from ..base.quantities import to_text
-from ..base.text import Plotted
-from ..base.text_table import TextTable
+from ..base.text import Plotted, TextTable
 from . import spectral
-from .form import fit_form
-from .spikes import SPIKES, find_spikes
-from .undefined_points import TooManyUndefined, fill_holes, largest_part
+from .defects import SPIKES, TooManyUndefined, fill_holes, find_spikes, fit_form, largest_part
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -148,7 +145,7 @@ class Topography(Plotted):
         return Topography(z, (self.size[0] / new[0], self.size[1] / new[1]), self.periodic)
 
     def without_spikes(self, threshold: float = SPIKES) -> Topography:
-        """Map with spikes marked undefined: isolated points `threshold` robust deviations off (`spikes.py`).
+        """Map with spikes marked undefined: isolated points `threshold` robust deviations off (`defects.py`).
 
         Raises
         ------
@@ -157,7 +154,7 @@ class Topography(Plotted):
         return self.with_heights(np.where(find_spikes(self.heights, threshold), np.nan, self.heights))
 
     def fill_undefined(self, max_share: float = 0.05) -> Topography:
-        """Map with undefined points filled by the harmonic surface through their rims (`undefined_points.py`).
+        """Map with undefined points filled by the harmonic surface through their rims (`defects.py`).
 
         Raises
         ------

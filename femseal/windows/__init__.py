@@ -5,12 +5,10 @@ from typing import TYPE_CHECKING
 from ..base.lazy_package import load_when_used
 
 if TYPE_CHECKING:
-    from .gap_error import gap_error
     from .global_contact import GlobalState, global_states
     from .outcome import Failed, SolveCounts, SolverCounts, attempt
-    from .partition import Partition
-    from .window_contact import ContactHistory, contact_history
-    from .window_fields import ContactPressure, WindowFields
+    from .partition import ContactPressure, Partition, WindowFields
+    from .window_contact import ContactHistory, contact_history, gap_error
     from .window_flow import FlowHistory, FlowSettings, window_dissipation
 
 __all__ = [

@@ -83,8 +83,7 @@ def compared_links(drawn, scene, leakage):
 def compared(task):
     """Rows of a scene whose truth is its own deterministic solution."""
     from femseal import deterministic, two_scale
-    from femseal.budget.changes import load_sensitivity
-    from femseal.budget.coarse import on_all_steps
+    from femseal.budget.changes import load_sensitivity, on_all_steps
     from femseal.studies.face_contact import solve_windows
 
     drawn = Drawn(task["kind"], task["seed"])

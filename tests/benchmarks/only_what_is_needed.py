@@ -360,7 +360,7 @@ def interpolated_of(task):
     """Share of 38 loads that are solved, and the largest error at the others, by the tolerance, on one face."""
     from femseal import Liquid, Scene, deterministic
     from femseal.runs.chosen_loads import choose
-    from femseal.studies.load_interpolation import at_all_steps, numbers_of
+    from femseal.studies.load_curves import at_all_steps, numbers_of
 
     face, hardness = surface_of(task["scene"], POINTS[0], task["seed"])
     full = min(hardness, 0.5 * MODULUS * face.rms_slope)

@@ -136,7 +136,7 @@ def study(task):
 def compare(task, exact, contacts):
     """Factors of one surface: a record for each kind of contact."""
     from femseal.loads import LoadProgramme
-    from femseal.studies.curve_distance import closing_load, leakage_factor
+    from femseal.studies.load_curves import closing_load, leakage_factor
 
     steps, true = LoadProgramme.of(*cycle(task)), exact["deterministic"]
     record = {name: value for name, value in task.items() if name != "file"}

@@ -1,20 +1,29 @@
-"""Units of leakage that engineers use, all in one table: of volume, of mass, of drops, of gas as pressure × volume.
+"""Units of leakage that engineers use, and the leakage classes of standards, each in one table.
 
 A leakage is known as volume rate per length of seal at the fluid's reference density [m²/s]. The length of the seal,
 the fluid's density and, for a gas, its reference state turn it into any unit of the table. Pressure × volume of a gas
 is proportional to its temperature, so it is stated at one; standard volumes are those at 0 °C and 101 325 Pa. To add
-a unit, add it to the table.
+a unit or a class, add it to its table.
+
+EN 13555   L1, L0.1 and L0.01, which EN 1591-1 calculates with: 1, 0.1 and 0.01 mg/(m·s); tested with helium.
+TA Luft    2021: 0.01 mg/(m·s) of helium, which are 0.0609 mbar·L/(m·s) at 20 °C.
+VDI 2440   1e-4 mbar·L/(m·s) of helium.
+ISO 5208   rates A to G of closed valves, in mm³/s times the nominal diameter in mm, for liquids and for gases that leak
+           to the atmosphere. A: no visible leakage while the test lasts, here none at all. Edition 2015, table 4.
+
+Other limits are leakages with their unit, such as "5 mL/min".
 """
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterable
 from dataclasses import dataclass
-from math import isnan
+from math import inf, isnan
 from typing import Literal
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from .errors import InputError, shown
 
@@ -70,8 +79,6 @@ _READABLE = {
     True: ("L/(m·s)", "mL/(m·s)", "µL/(m·s)", "nL/(m·s)", "pL/(m·s)"),
     False: ("L/s", "mL/s", "mL/min", "mL/h", "nL/s", "pL/s"),
 }
-
-
 #: Other letters for the same.
 _LETTERS = str.maketrans({"μ": "u", "µ": "u", "·": "*", "²": "2", "³": "3", "^": "", " ": "", "l": "L"})
 #: Other names of units.
@@ -85,14 +92,14 @@ def leak_unit(text: str) -> LeakUnit:
     Raises InputError: another name.
     """
     if isinstance(text, str):
-        wanted = _key(text)
+        wanted = _unit_key(text)
         for written, name in (*((unit, unit) for unit in LEAK_UNITS), *_ALIASES.items()):
-            if wanted == _key(written):
+            if wanted == _unit_key(written):
                 return LEAK_UNITS[name]
     raise InputError("leakage_unit", shown(text), f"one of {', '.join(LEAK_UNITS)}")
 
 
-def _key(name: str) -> tuple[str, tuple[str, ...]]:
+def _unit_key(name: str) -> tuple[str, tuple[str, ...]]:
     """Numerator and factors of the denominator, however they are written."""
     name = name.translate(_LETTERS)
     above, _, below = name.partition("/")
@@ -188,3 +195,131 @@ def _readable(values: ArrayLike, per_length: bool) -> LeakUnit:
     middle = float(np.median(size)) if size.size else 1e-9
     units = [LEAK_UNITS[name] for name in _READABLE[per_length]]
     return next((unit for unit in units if middle >= unit.si * (1 - 1e-12)), units[-1])
+
+
+#: Molar mass of helium [kg/mol], and the relative tolerance within which a gas is helium.
+HELIUM, _SAME_GAS = 4.0026e-3, 0.01
+#: A leakage that is the limit up to rounding meets the class.
+_ROUNDING = 1e-9
+
+
+@dataclass(frozen=True)
+class LeakClass:
+    """A class of leakage: what leaks no more than its limit meets it.
+
+    name : as the standard writes it. family : the standard; "" for a leakage of the user's own.
+    amount, unit : the limit, and its unit in `LEAK_UNITS`. gas_amount : that of gases, where it differs.
+    per_diameter : whether the amounts are multiplied by the nominal diameter in mm. helium : whether the class is
+    defined for helium alone.
+    """
+
+    name: str
+    family: str
+    amount: float
+    unit: str
+    gas_amount: float | None = None
+    per_diameter: bool = False
+    helium: bool = False
+
+    def limit(self, basis: LeakBasis, diameter: float | None = None) -> float:
+        """Largest leakage per length of seal in the class [m²/s].
+
+        basis : fluid and length of the seal.
+        diameter : nominal diameter [m], for the rates of ISO 5208.
+
+        Raises InputError: no diameter for a class that needs it, another gas than helium for a class that is defined
+        for it, or a unit that is not for the fluid.
+        """
+        if self.per_diameter and diameter is None:
+            raise InputError("nominal_diameter", f"none for the class {self.name}", "a length > 0, such as '50 mm'")
+        if self.helium and not is_helium(basis):
+            allowed = "a class for the fluid, or helium as the fluid or the test fluid"
+            raise InputError("classes", f"{self.name}, which is defined for helium", allowed)
+        unit = LEAK_UNITS[self.unit]
+        if lack := basis.lacks(unit):
+            fluid = "gas" if basis.is_gas else "liquid"
+            raise InputError("classes", f"{self.name}, a limit in {self.unit}, for a {fluid}", lack)
+        amount = self.gas_amount if basis.is_gas and self.gas_amount is not None else self.amount
+        return amount * basis.factor(unit) * (1e3 * diameter if self.per_diameter and diameter is not None else 1.0)
+
+    def met_by(self, leakage: ArrayLike, basis: LeakBasis, diameter: float | None = None) -> NDArray[np.bool_]:
+        """Whether leakages per length of seal [m²/s] of any direction meet the class; NaN does not."""
+        return within(leakage, self.limit(basis, diameter))
+
+
+def within(leakage: ArrayLike, limit: float) -> NDArray[np.bool_]:
+    """Whether leakages of any direction are no more than a limit, up to rounding; NaN is not."""
+    return np.asarray(np.abs(np.asarray(leakage, dtype=float)) <= limit * (1 + _ROUNDING))
+
+
+def is_helium(basis: LeakBasis) -> bool:
+    """Whether the fluid is helium, by its molar mass."""
+    return basis.molar_mass is not None and abs(basis.molar_mass / HELIUM - 1) < _SAME_GAS
+
+
+#: Rates of ISO 5208: mm³/s per mm of nominal diameter, of liquids and of gases.
+_ISO_5208 = {"A": (0.0, 0.0), "AA": (0.006, 0.18), "B": (0.01, 0.3), "C": (0.03, 3.0), "CC": (0.08, 22.3),
+             "D": (0.1, 30.0), "E": (0.3, 300.0), "EE": (0.39, 470.0), "F": (1.0, 3000.0),
+             "G": (2.0, 6000.0)}  # fmt: skip
+_CLASSES = (
+    *(LeakClass(f"L{amount:g}", "EN 13555", amount, "mg/(m·s)") for amount in (0.01, 0.1, 1.0)),
+    LeakClass("TA Luft", "TA Luft", 0.01, "mg/(m·s)", helium=True),
+    LeakClass("VDI 2440", "VDI 2440", 1e-4, "mbar·L/(m·s)", helium=True),
+    *(LeakClass(f"ISO 5208 {rate}", "ISO 5208", *amounts[:1], "mm³/s", amounts[1], per_diameter=True)
+      for rate, amounts in _ISO_5208.items()),
+)  # fmt: skip
+#: All classes by name, in each family from the tightest.
+LEAK_CLASSES: dict[str, LeakClass] = {found.name: found for found in _CLASSES}
+#: Classes taken where none are asked for.
+USUAL = ("L0.01", "L0.1", "L1")
+_LIMIT = re.compile(r"^\s*(\d+\.?\d*(?:[eE][-+]?\d+)?|\.\d+(?:[eE][-+]?\d+)?)\s*(\D.*)$")
+#: What may be written, for messages.
+KNOWN = (
+    "'L1', 'L0.1', 'L0.01', 'TA Luft', 'VDI 2440', 'ISO 5208 A' (AA, B, C, CC, D, E, EE, F, G), the name of a standard "
+    "for all of its classes, or a leakage with its unit, such as '5 mL/min'"
+)
+
+
+def leak_classes(names: Iterable[str]) -> tuple[LeakClass, ...]:
+    """The classes of names such as "L0.01", "ta-luft", "ISO 5208 C"; the name of a standard stands for all of its own.
+
+    Leakages with a unit, such as "5 mL/min", are classes too.
+
+    Raises InputError: a name that is neither.
+    """
+    found: dict[str, LeakClass] = {}
+    for name in names:
+        for one in _named(name):
+            found[one.name] = one
+    return tuple(found.values())
+
+
+def check_classes(names: Iterable[str], diameter: float | None, basis: LeakBasis) -> None:
+    """Raise InputError for an unknown class, or one that needs a diameter or another fluid."""
+    for one in leak_classes(names):
+        if not np.isfinite(one.limit(basis, diameter)):
+            raise InputError("classes", one.name, "a class with a limit")
+
+
+def _named(name: str) -> list[LeakClass]:
+    """Classes of a name: of one class, of a family, or a limit such as '1e-6 mg/(s*m)'."""
+    if isinstance(name, str):
+        key = _class_key(name)
+        for kind in ("name", "family"):
+            if chosen := [one for one in _CLASSES if _class_key(getattr(one, kind)) == key]:
+                return chosen
+        if match := _LIMIT.match(name):
+            try:
+                unit = leak_unit(match[2])
+            except InputError:
+                raise InputError("classes", shown(name), KNOWN) from None
+            if 0 < (amount := float(match[1])) < inf:
+                return [LeakClass(f"{amount:g} {unit.name}", "", amount, unit.name)]
+    raise InputError("classes", shown(name), KNOWN)
+
+
+def _class_key(name: str) -> str:
+    """A name without case, spaces, hyphens and additions that people write."""
+    for part in ("rate", "class", "2021", "2015", "1591-1"):
+        name = name.lower().replace(part, {"1591-1": "13555"}.get(part, ""))
+    return name.replace(",", ".").translate(str.maketrans("", "", " -_:")).removesuffix(".0")

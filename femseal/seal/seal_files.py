@@ -1,0 +1,286 @@
+"""A mesh of a seal from a file, with its named boundaries, and fields of contact pressure.
+
+meshio reads the mesh; names come from cell sets (Abaqus and others) or from physical groups (gmsh). scikit-fem's own
+import loses the names of second-order boundaries, so facets are matched here by their two end vertices. A field is that
+of a mesh such as .vtu, or of points in a text with columns.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import csv
+import io
+from os import PathLike, fspath
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..base.errors import InputError, shortened
+from ..base.machine import free_memory, within_free_memory
+from ..base.quantities import to_si
+from .pressure_map import PressureField
+
+if TYPE_CHECKING:
+    from skfem import Mesh
+
+#: Classes of scikit-fem for the cells of files, and their corners.
+_KINDS = {
+    "triangle": ("MeshTri1", 3),
+    "quad": ("MeshQuad1", 4),
+    "triangle6": ("MeshTri2", 3),
+    "quad8": ("MeshQuad2", 4),
+    "quad9": ("MeshQuad2", 4),
+}
+_LINES = ("line", "line3")
+#: Arrays of cells whose numbers name boundaries, such as those that meshio keeps in a .vtu.
+_TAGS = ("gmsh:physical", "medit:ref", "boundary")
+#: Memory that reading takes at least, in sizes of the file.
+_READING_FACTOR = 4
+
+
+def read_mesh(path: str | PathLike[str], unit: float = 1.0) -> Mesh:
+    """Mesh of triangles or quadrilaterals (first or second order) with `boundaries` by name.
+
+    path : a file that meshio reads.
+    unit : of its coordinates [m].
+
+    Elements keep the order of the file (blocks of one kind one after the other); nodes that no element uses
+    are left out. A physical group without a name is called by its number, and so is one of lines in a .vtu, by the
+    array "gmsh:physical" or "boundary" of its cells.
+
+    Raises InputError: no such file, not readable, no cells, cells of several kinds, or not in a plane of constant
+    z.
+    """
+    import skfem
+
+    file = Path(fspath(path))
+    data = read_data(file)
+    present = [kind for kind in _KINDS if kind in data.cells_dict]
+    if not present:
+        found = ", ".join(data.cells_dict) or "nothing"
+        raise InputError("path", f"'{file}' with {found}", f"a mesh with cells of one kind of {', '.join(_KINDS)}")
+    if len(present) > 1:
+        raise InputError("path", f"'{file}' with {' and '.join(present)}", "a mesh with cells of one kind")
+    kind = present[0]
+    points = np.asarray(data.points, dtype=float)
+    cells = np.asarray(data.cells_dict[kind])
+    if points.shape[1] > 2 and np.ptp(points[cells, 2]) > 1e-9 * np.ptp(points[cells.ravel()], axis=0).max():
+        raise InputError("path", f"'{file}' with varying z", "a plane mesh, z constant")
+    points = points[:, :2] * unit
+    if kind == "quad8":
+        centre = points[cells[:, 4:]].sum(axis=1) / 2 - points[cells[:, :4]].sum(axis=1) / 4
+        cells = np.hstack([cells, len(points) + np.arange(len(cells))[:, None]])
+        points = np.vstack([points, centre])
+    mesh_type, corners = _KINDS[kind]
+    used, renumbered = np.unique(cells, return_inverse=True)
+    cells = renumbered.reshape(cells.shape)
+    mesh = getattr(skfem, mesh_type)(np.ascontiguousarray(points[used].T), np.ascontiguousarray(cells.T))
+    # scikit-fem numbers the corners among themselves, in the same order
+    vertex = np.full(len(points), -1)
+    vertex[used[np.unique(cells[:, :corners])]] = np.arange(mesh.nvertices)
+    boundaries = {name: _facets_of(mesh, vertex[lines]) for name, lines in _named_lines(data).items()}
+    return mesh.with_boundaries({name: facets for name, facets in boundaries.items() if facets.size})
+
+
+def read_field(path: str | PathLike[str], name: str) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Places (n, 2) and values (n,) or (n, components) of a field at the points or the cells of a mesh file.
+
+    Places are in the unit of the file; those of cells are the means of their nodes.
+
+    Raises InputError: no such file, not readable, or no such field.
+    """
+    file = Path(fspath(path))
+    data = read_data(file)
+    points = np.asarray(data.points, dtype=float)[:, :2]
+    if name in data.point_data:
+        return points, np.asarray(data.point_data[name], dtype=float)
+    if name in data.cell_data:
+        centres = [points[block.data].mean(axis=1) for block in data.cells]
+        return np.vstack(centres), np.concatenate([np.asarray(v, dtype=float) for v in data.cell_data[name]])
+    there = ", ".join(repr(n) for n in (*data.point_data, *data.cell_data)) or "none"
+    raise InputError("field", f"'{name}' of '{file}'", f"one of its fields: {there}")
+
+
+def read_data(file: Path) -> Any:
+    """Contents of a mesh file, if it is there and fits into memory."""
+    if not file.is_file():
+        raise InputError("path", f"'{file}'", "an existing mesh file")
+    if _READING_FACTOR * (length := file.stat().st_size) > (free := free_memory()):
+        allowed = f"a mesh that can be read in the {free / 1e9:.3g} GB of free memory"
+        raise InputError("path", f"'{file}' of {length / 1e9:.3g} GB", allowed)
+    return _meshio_read(file)
+
+
+def _meshio_read(file: Path) -> Any:
+    """What meshio reads, in silence; InputError with its reason where it cannot."""
+    import meshio
+
+    silent = io.StringIO()
+    try:
+        # a file meshio cannot read makes it print and exit
+        with contextlib.redirect_stdout(silent), contextlib.redirect_stderr(silent), within_free_memory():
+            return meshio.read(file)
+    except (Exception, SystemExit) as error:
+        reason = (str(error) if not isinstance(error, SystemExit) else "") or "unknown or damaged format"
+        known = meshio.extension_to_filetypes
+        which = ", not damaged" if file.suffix.lower() in known else f": {' '.join(sorted(known))}; gmsh meshes .step"
+        expected = f"a mesh in a format that meshio reads{which}"
+        raise InputError("path", f"'{file}' ({' '.join(reason.split())})", expected) from None
+
+
+def _named_lines(data: Any) -> dict[str, NDArray[np.int64]]:
+    """End vertices (m, 2) of the line cells of every name."""
+    named: dict[str, list[NDArray[np.int64]]] = {}
+    for name, members in data.cell_sets.items():
+        if name.startswith("gmsh:"):
+            continue
+        for block, chosen in zip(data.cells, members, strict=True):
+            if block.type in _LINES and chosen is not None and len(chosen):
+                named.setdefault(name, []).append(block.data[chosen][:, :2])
+    # a tag counts within its dimension: a surface may have the number of a line
+    names = {int(tag): name for name, (tag, dimension) in data.field_data.items() if int(dimension) == 1}
+    arrays: Any = next((data.cell_data[key] for key in _TAGS if key in data.cell_data), [])
+    for block, tags in zip(data.cells, arrays, strict=False):
+        if block.type not in _LINES:
+            continue
+        for tag in np.unique(tags):
+            name = names.get(int(tag), str(tag))
+            if name not in data.cell_sets:
+                named.setdefault(name, []).append(block.data[tags == tag][:, :2])
+    return {name: np.vstack(parts).astype(np.int64) for name, parts in named.items()}
+
+
+def _facets_of(mesh: Mesh, ends: NDArray[np.int64]) -> NDArray[np.int64]:
+    """Facets of the mesh with the given end vertices; lines that are no facet are left out."""
+    n = mesh.nvertices
+    facets = np.sort(mesh.facets, axis=0)
+    key = facets[0].astype(np.int64) * n + facets[1]
+    ends = np.sort(ends[(ends >= 0).all(axis=1)], axis=1)
+    return np.flatnonzero(np.isin(key, ends[:, 0] * n + ends[:, 1]))
+
+
+#: Cells of a mesh that are taken, by their corners; quadrilaterals are cut in two.
+_TRIANGLES = {
+    "triangle": ((0, 1, 2),),
+    "triangle6": ((0, 1, 2),),
+    "quad": ((0, 1, 2), (0, 2, 3)),
+    "quad8": ((0, 1, 2), (0, 2, 3)),
+    "quad9": ((0, 1, 2), (0, 2, 3)),
+}
+_TEXTS = (".csv", ".txt")
+_DELIMITERS = ",;\t"
+#: Columns of a text with the coordinates.
+_COORDINATES = ("x", "y")
+#: Memory that reading a field takes at least, in sizes of the file.
+_FIELD_FACTOR = 8
+
+
+def read_pressure_field(
+    path: str | PathLike[str], *, length_unit: str, pressure_unit: str, name: str = "pressure"
+) -> PressureField:
+    """Field of contact pressure in the plane of a seal, from a file.
+
+    Parameters
+    ----------
+    path : a mesh of triangles or quadrilaterals that meshio reads, such as .vtu, in a plane of constant z, with `name`
+        among its data of points (linear on the corners of cells) or of cells (constant on them); or a .csv or .txt with
+        columns x, y and `name` under a line of these names, between commas, semicolons, tabs or blanks, whose points
+        are joined by triangles.
+    length_unit, pressure_unit : of the numbers in the file, such as "mm" and "MPa".
+
+    Raises
+    ------
+    InputError : no such file, not readable, no such data, numbers that are not finite, or negative pressures.
+    """
+    file = Path(fspath(path))
+    if not file.is_file():
+        raise InputError("path", f"'{file}'", "an existing file with a field of pressure")
+    if _FIELD_FACTOR * (size := file.stat().st_size) > (free := free_memory()):
+        allowed = f"a file that can be read in the {free / 1e9:.3g} GB of free memory"
+        raise InputError("path", f"'{file}' of {size / 1e9:.3g} GB", allowed)
+    length, unit = to_si(f"1 {length_unit}", "m", "length_unit"), to_si(f"1 {pressure_unit}", "Pa", "pressure_unit")
+    try:
+        points, values, triangles = (_of_text if file.suffix.lower() in _TEXTS else _of_mesh)(file, name)
+    except InputError as error:
+        columns = f"; or a {' or '.join(_TEXTS)} with the columns x, y and {name}"
+        more = "" if file.suffix.lower() in _TEXTS else columns
+        raise InputError(error.what, error.given, f"{error.expected}{more}") from None
+    return PressureField.of(length * points, unit * values, triangles)
+
+
+def _of_text(file: Path, name: str) -> tuple[Any, Any, None]:
+    """Points and values of a text with columns."""
+    try:
+        with within_free_memory():
+            text = file.read_text(encoding="utf-8-sig")
+    except (OSError, UnicodeDecodeError, MemoryError) as error:
+        raise InputError("path", f"'{file}' ({shortened(error)})", "a text with columns") from None
+    lines = [line for line in text.splitlines() if line.strip() and not line.lstrip().startswith("#")]
+    if not lines:
+        raise InputError("path", f"'{file}', which is empty", "a text with columns")
+    delimiter = max(_DELIMITERS, key=lines[0].count)
+    if delimiter in lines[0]:
+        head, *rows = csv.reader(io.StringIO("\n".join(lines)), delimiter=delimiter)
+    else:
+        head, *rows = (line.split() for line in lines)
+    names = [column.strip() for column in head]
+    wanted = (*_COORDINATES, name)
+    if missing := [column for column in wanted if names.count(column) != 1]:
+        given = f"'{file}' with the columns {', '.join(names)}"
+        raise InputError(
+            "path", given, f"one column each of {', '.join(wanted)}, named in the first line: {missing[0]}"
+        )
+    places = [names.index(column) for column in wanted]
+    numbers = np.empty((len(rows), 3))
+    for n, row in enumerate(rows):
+        try:
+            numbers[n] = [float(row[place]) for place in places]
+        except (ValueError, IndexError):
+            allowed = f"numbers with decimal points in the columns {', '.join(wanted)}"
+            raise InputError(
+                "path", f"'{file}' with the line '{shortened(delimiter.join(row), 60)}'", allowed
+            ) from None
+    return numbers[:, :2], numbers[:, 2], None
+
+
+def _of_mesh(file: Path, name: str) -> tuple[Any, Any, Any]:
+    """Points, values and triangles of a mesh; values of cells are at three points of their own for each triangle."""
+
+    data = read_data(file)
+    blocks = [n for n, block in enumerate(data.cells) if block.type in _TRIANGLES]
+    if not blocks:
+        found = ", ".join(dict.fromkeys(block.type for block in data.cells)) or "nothing"
+        raise InputError("path", f"'{file}' with {found}", f"a mesh with cells of {', '.join(_TRIANGLES)}")
+    corners = [
+        np.concatenate([np.asarray(data.cells[n].data)[:, list(part)] for part in _TRIANGLES[data.cells[n].type]])
+        for n in blocks
+    ]
+    points = np.asarray(data.points, float)
+    used = np.unique(np.concatenate(corners))
+    if points.shape[1] > 2 and np.ptp(points[used, 2]) > 1e-6 * np.ptp(points[used], axis=0).max():
+        raise InputError("path", f"'{file}' with varying z", "a plane mesh, z constant")
+    points = points[:, :2]
+    if name in data.point_data:
+        values = _numbers(data.point_data[name], file, name)
+        triangles = np.searchsorted(used, np.concatenate(corners))
+        return points[used], values[used], triangles
+    if name in data.cell_data:
+        parts = [len(_TRIANGLES[data.cells[n].type]) for n in blocks]
+        values = np.concatenate(
+            [np.tile(_numbers(data.cell_data[name][n], file, name), k) for n, k in zip(blocks, parts, strict=True)]
+        )
+        own = np.concatenate(corners)
+        return points[own.ravel()], np.repeat(values, 3), np.arange(own.size).reshape(-1, 3)
+    there = ", ".join(map(repr, (*data.point_data, *data.cell_data))) or "none"
+    raise InputError("name", repr(name), f"the name of data of points or cells in '{file}': {there}")
+
+
+def _numbers(values: Any, file: Path, name: str) -> Any:
+    array = np.asarray(values)
+    if array.ndim == 2 and array.shape[1] == 1:
+        array = array[:, 0]
+    if array.ndim != 1 or array.dtype.kind not in "iuf":
+        raise InputError("name", f"'{name}' in '{file}' with shape {array.shape}", "one number for each point or cell")
+    return array.astype(float)

@@ -1,0 +1,289 @@
+"""What a measured map has to lose, found in its heights: its form, spikes and undefined points.
+
+Form: mean, tilt plane or quadratic surface by least squares. u, v = x1, x2 scaled to (−1, 1) across the map,
+z ≈ Σ a_ij uⁱ vʲ with i + j <= order.
+
+Spikes: isolated points far above or below their surroundings, an artefact of confocal instruments. m median of z in a
+window of 5 × 5 points, s = 1.4826 MAD, the robust standard deviation about m in that window. Source: the Hampel
+identifier, Davies and Gather, J. Am. Stat. Assoc. 88 (1993) 782, with a test of isolation.
+
+Undefined points: filled by the harmonic surface through their rims, ∇²z = 0, or cropped. Too many of them are an error,
+which offers the largest rectangle of the map with few.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from math import inf
+from typing import Any
+
+import numpy as np
+import scipy
+from numpy.typing import NDArray
+
+from ..base import validate
+from ..base.errors import InputError
+from ..base.quantities import to_text
+
+ORDERS = "0 (mean), 1 (tilt) or 2 (tilt and curvature)"
+
+
+@dataclass(frozen=True, eq=False)
+class Form:
+    """A fitted polynomial surface.
+
+    coefficients : a_ij (3, 3) [m].
+    shape, size : of the map it was fitted to, [-] and [m].
+    """
+
+    coefficients: NDArray
+    shape: tuple[int, int]
+    size: tuple[float, float]
+
+    @property
+    def heights(self) -> NDArray:
+        """Form at the pixel centres (n1, n2) [m]."""
+        u, v = (np.vander(scaled_centres(n), 3, increasing=True) for n in self.shape)
+        return u @ self.coefficients @ v.T
+
+    @property
+    def slopes(self) -> tuple[float, float]:
+        """∂z/∂x1, ∂z/∂x2 in the middle of the map [-]."""
+        return (
+            2 * float(self.coefficients[1, 0]) / self.size[0],
+            2 * float(self.coefficients[0, 1]) / self.size[1],
+        )
+
+    @property
+    def curvatures(self) -> tuple[float, float, float]:
+        """∂²z/∂x1², ∂²z/∂x1∂x2, ∂²z/∂x2² [1/m]."""
+        a, (l1, l2) = self.coefficients, self.size
+        return 8 * float(a[2, 0]) / l1**2, 4 * float(a[1, 1]) / (l1 * l2), 8 * float(a[0, 2]) / l2**2
+
+
+def scaled_centres(n: int) -> NDArray:
+    """Pixel centres scaled to (−1, 1)."""
+    return (2 * np.arange(n) + 1 - n) / n
+
+
+def fit_form(heights: NDArray, size: tuple[float, float], order: int) -> Form:
+    """Least-squares form of `heights` (n1, n2) [m] with NaN for undefined points.
+
+    The normal equations need only the moments Σ uⁱ vʲ and Σ z uⁱ vʲ, which are two matrix products per map:
+    no design matrix of the size of the map. Where points do not fix a term (a single row), it is zero (least
+    norm).
+
+    Raises InputError: order not 0, 1 or 2; no defined point.
+    """
+    if order not in (0, 1, 2):
+        raise InputError("order", repr(order), ORDERS)
+    defined = ~np.isnan(heights)
+    if not defined.any():
+        raise InputError("heights", "100 % undefined points", "at least one defined point")
+    mean = float(heights[defined].mean())
+    u, v = (np.vander(scaled_centres(n), 2 * order + 1, increasing=True) for n in heights.shape)
+    moments = u.T @ defined.astype(float) @ v
+    loads = u.T @ np.where(defined, heights - mean, 0.0) @ v
+    terms = [(i, j) for i in range(order + 1) for j in range(order + 1 - i)]
+    normal = np.array([[moments[i + k, j + l] for k, l in terms] for i, j in terms])
+    solution = np.linalg.lstsq(normal, np.array([loads[t] for t in terms]))[0]
+    coefficients = np.zeros((3, 3))
+    for term, value in zip(terms, solution, strict=True):
+        coefficients[term] = value
+    coefficients[0, 0] += mean
+    return Form(coefficients, (heights.shape[0], heights.shape[1]), size)
+
+
+#: A point is far off where |z − m| > SPIKES · s.
+SPIKES = 6.0
+#: More points than this side by side are no spike but a feature of the face.
+MOST_POINTS = 4
+_REACH = 2
+#: Fraction of the points, and no less than a window of them, that lie at one height where data is quantised.
+_COMMON = 1e-3
+ALL_NEIGHBOURS = np.ones((3, 3))
+
+
+def find_spikes(heights: NDArray, threshold: float = SPIKES) -> NDArray[np.bool_]:
+    """Spikes in `heights` (n1, n2) [m], NaN where undefined.
+
+    A spike is a group of at most four points with |z − m| > `threshold` · s, and no neighbour of it deviates, with
+    the same sign, half as far as its tip. Ridges, edges and corners of real asperities continue in a neighbour and are
+    kept, as is every summit that the instrument resolves. s is no less than its median over the map, nor than a
+    step of quantised heights, and grows with the local slope.
+
+    heights : as measured; their form of second order is taken off first.
+    threshold : > 0; infinite finds none.
+
+    Raises InputError: threshold not a number > 0.
+    """
+    if threshold == inf or np.isnan(heights).all():
+        return np.zeros(heights.shape, dtype=bool)
+    validate.number("spikes", threshold)
+    flat = heights - fit_form(heights, (1.0, 1.0), 2).heights
+    median, deviation = _window_medians(flat)
+    off = flat - median
+    scale = np.maximum(1.4826 * np.maximum(deviation, np.nanmedian(deviation)), _height_step(heights))
+    groups, _ = scipy.ndimage.label(np.abs(off) > threshold * scale, ALL_NEIGHBOURS)
+    spikes = np.zeros(heights.shape, dtype=bool)
+    for number, place in enumerate(scipy.ndimage.find_objects(groups), start=1):
+        around = tuple(slice(max(part.start - 1, 0), part.stop + 1) for part in place)
+        group = groups[around] == number
+        if np.count_nonzero(group) <= MOST_POINTS and _stands_alone(group, flat[around], median[around]):
+            spikes[around] |= group
+    return spikes
+
+
+def _stands_alone(group: NDArray[np.bool_], flat: NDArray, median: NDArray) -> bool:
+    """Whether no point around `group` goes half as far from the median at its tip as the tip does."""
+    tip = np.unravel_index(np.argmax(np.where(group, np.abs(flat - median), -1.0)), group.shape)
+    rim = scipy.ndimage.binary_dilation(group, ALL_NEIGHBOURS) & ~group
+    height = flat[tip] - median[tip]
+    follows = (flat[rim] - median[tip]) / height > 0.5  # False where undefined
+    return not bool(follows.any())
+
+
+def _window_medians(z: NDArray, rows: int = 64) -> tuple[NDArray, NDArray]:
+    """Median (n1, n2) of the defined points in the window of each point, and of their distances from it.
+
+    By blocks of `rows`, since all windows at once are 25 maps.
+    """
+    side = 2 * _REACH + 1
+    windows = np.lib.stride_tricks.sliding_window_view(np.pad(z, _REACH, constant_values=np.nan), (side, side))
+    median, deviation = np.empty_like(z), np.empty_like(z)
+    for start in range(0, z.shape[0], rows):
+        part = np.s_[start : start + rows]
+        values = windows[part].reshape(-1, side * side)
+        middle = _row_medians(values)
+        median[part] = middle.reshape(-1, z.shape[1])
+        deviation[part] = _row_medians(np.abs(values - middle[:, None])).reshape(-1, z.shape[1])
+    return median, deviation
+
+
+def _row_medians(values: NDArray) -> NDArray:
+    """Median of the numbers in each row; NaN in rows without any."""
+    ordered = np.sort(values, axis=1)  # NaN comes last
+    count = np.count_nonzero(~np.isnan(ordered), axis=1)
+    row = np.arange(len(ordered))
+    return (ordered[row, np.maximum(count - 1, 0) // 2] + ordered[row, np.minimum(count // 2, count.max() - 1)]) / 2
+
+
+def _height_step(heights: NDArray) -> float:
+    """Step between heights that many points have, as in quantised data; no less than rounding [m]."""
+    values, count = np.unique(heights[~np.isnan(heights)], return_counts=True)
+    steps = np.diff(values[count >= max(_COMMON * count.sum(), 25)])
+    return max(float(steps.min()) if steps.size else 0.0, 1e-9 * float(np.abs(values).max()))
+
+
+#: Lines along each axis between which rectangles are sought.
+_LINES = 96
+#: Fraction of the limit that a rectangle may reach: what is left is for spikes that only the cropped map has.
+_SPARE = 0.8
+#: A part with a side that is a smaller fraction of the map's is not offered.
+_LEAST_SIDE = 0.05
+
+Part = tuple[float, float, float, float]
+
+
+class TooManyUndefined(InputError):
+    """A map with too many undefined points; `part`: the largest one with few, x1 from, to, x2 from, to [m], or None."""
+
+    def __init__(self, fraction: float, limit: float, part: Part | None, spikes: int = 0) -> None:
+        self.fraction, self.limit, self.part, self.spikes = fraction, limit, part, spikes
+        largest = "no part of the map has so few"
+        if part is not None:
+            largest = f"the largest part with so few is crop = {part_text(part)} in [face]"
+        note = f"; {spikes} of them are spikes, which spikes=inf leaves alone" if spikes else ""
+        raised = "or raise the fraction that may be filled (max_undefined)"
+        expected = f"at most {100 * limit:.3g} %: {largest}, {raised}{note}"
+        super().__init__("undefined points", f"{100 * fraction:.3g} %", expected)
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return type(self), (self.fraction, self.limit, self.part, self.spikes)
+
+    def from_origin(self, x1: float, x2: float) -> TooManyUndefined:
+        """The same error about a map that was cropped before, from x1 and x2 [m] on: its part in the whole map."""
+        if self.part is None:
+            return self
+        from1, to1, from2, to2 = self.part
+        moved = (from1 + x1, to1 + x1, from2 + x2, to2 + x2)
+        return TooManyUndefined(self.fraction, self.limit, moved, self.spikes)
+
+
+def part_text(part: Part) -> str:
+    """A part as the key `crop` of a case."""
+    return "[" + ", ".join(f'"{to_text(length, "m", 6)}"' for length in part) + "]"
+
+
+def largest_part(undefined: NDArray[np.bool_], spacing: tuple[float, float], limit: float) -> Part | None:
+    """A large rectangle of which no more than the fraction `limit` is undefined; None without a useful one.
+
+    undefined : points (n1, n2).
+    spacing : pixel [m].
+    limit : 0 to 1; the rectangle keeps below it with a little to spare.
+
+    It has the largest number of points less that of the undefined ones over `limit`: a strip belongs to it only if the
+    strip itself is defined so far. Rectangles between at most 96 lines along each axis, evenly spaced, are compared.
+    """
+    n1, n2 = undefined.shape
+    rows, columns = (np.unique(np.linspace(0, n, min(n, _LINES) + 1).round().astype(int)) for n in (n1, n2))
+    # points counted from the corner of the map to each crossing of lines
+    counted = np.zeros((n1 + 1, n2 + 1), dtype=np.int64)
+    np.cumsum(np.cumsum(undefined, axis=0, dtype=np.int64), axis=1, out=counted[1:, 1:])
+    x1, x2 = rows[:, None], columns[None, :]
+    price = 1 / max(_SPARE * limit, 1 / undefined.size)
+    lost = price * counted[np.ix_(rows, columns)]
+    best = 0.0
+    found: tuple[int, int, int, int] | None = None
+    for a in range(rows.size - 1):
+        # sums over the rows from a to b, then over all pairs of columns: the best one begins at the least sum before
+        gained = (x1[a + 1 :] - x1[a]) * x2 - (lost[a + 1 :] - lost[a])
+        rise = gained - np.minimum.accumulate(gained, axis=1)
+        below, right = (int(n) for n in np.unravel_index(int(rise.argmax()), rise.shape))
+        if rise[below, right] > best:
+            left = int(gained[below, : right + 1].argmin())
+            best, found = float(rise[below, right]), (a, a + 1 + below, left, right)
+    if found is None:
+        return None
+    a, b, c, d = found
+    if rows[b] - rows[a] < _LEAST_SIDE * n1 or columns[d] - columns[c] < _LEAST_SIDE * n2:
+        return None
+    d1, d2 = spacing
+    return float(rows[a] * d1), float(rows[b] * d1), float(columns[c] * d2), float(columns[d] * d2)
+
+
+def fill_holes(heights: NDArray, spacing: tuple[float, float], periodic: tuple[bool, bool]) -> NDArray:
+    """`heights` (n1, n2) [m] with every NaN replaced; at least one point must be defined.
+
+    Five-point Laplacian on the holes, defined neighbours as Dirichlet values, wrapped on periodic axes, no
+    flux through the other borders. Exact for a plane in holes that do not touch a border; the filled values
+    stay between the extremes of the rim (maximum principle), so a hole adds no new summit.
+    """
+    holes = np.argwhere(np.isnan(heights))
+    if not len(holes):
+        return heights
+    number = np.full(heights.shape, -1)
+    number[tuple(holes.T)] = np.arange(len(holes))
+    diagonal, right = np.zeros(len(holes)), np.zeros(len(holes))
+    rows, columns, values = [], [], []
+    for axis in (0, 1):
+        n, weight = heights.shape[axis], (spacing[0] / spacing[axis]) ** 2
+        for step in (-1, 1):
+            at = holes.copy()
+            at[:, axis] += step
+            inside = np.full(len(at), True) if periodic[axis] else (at[:, axis] >= 0) & (at[:, axis] < n)
+            at[:, axis] %= n
+            neighbour = number[tuple(at.T)]
+            unknown, known = inside & (neighbour >= 0), inside & (neighbour < 0)
+            diagonal[inside] += weight
+            right[known] += weight * heights[tuple(at[known].T)]
+            rows.append(np.flatnonzero(unknown))
+            columns.append(neighbour[unknown])
+            values.append(np.full(np.count_nonzero(unknown), -weight))
+    index = np.arange(len(holes))
+    entries = np.concatenate([*values, diagonal])
+    where = (np.concatenate([*rows, index]), np.concatenate([*columns, index]))
+    laplacian = scipy.sparse.csc_array((entries, where), shape=(len(holes), len(holes)))
+    filled = heights.copy()
+    filled[tuple(holes.T)] = scipy.sparse.linalg.spsolve(laplacian, right)
+    return filled
