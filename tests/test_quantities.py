@@ -28,6 +28,12 @@ from femseal.base.quantities import to_si, to_text
         ("300 K", "K", 300.0),
         ("20 °C", "K", 293.15),
         ("-10 degC", "K", 263.15),
+        ("20 degree_Celsius", "K", 293.15),
+        ("68 °F", "K", 293.15),
+        ("-4 degF", "K", 253.15),
+        ("212 Fahrenheit", "K", 373.15),
+        ("540 °R", "K", 300.0),
+        ("9 1/°F", "1/K", 16.2),
         ("0.3", "", 0.3),
         ("30 percent", "", 0.3),
         (0.3, "", 0.3),
@@ -69,6 +75,8 @@ def test_what_may_have_been_meant(text, hint):
         ("1 mm", "Pa"),  # another dimension
         ("1 mm", ""),
         ("20 °C", "Pa"),
+        ("16 degree_Reaumur", "K"),  # a zero of its own
+        ("2.0.0 °C", "K"),
         ("5 furlongz", "m"),
         ("nan Pa", "Pa"),
         ("inf Pa", "Pa"),

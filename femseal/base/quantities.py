@@ -12,7 +12,6 @@ from .errors import InputError, shown
 _DECIMAL_COMMA = re.compile(r"\d,\d")
 #: A number with a decimal comma, or with commas between thousands.
 _WITH_COMMA, _THOUSANDS = re.compile(r"[\d.]*,\d+"), re.compile(r"\d{1,3}(?:,\d{3})+")
-_TEMPERATURE = re.compile(r"^\s*([-+]?[\d.]+(?:[eE][-+]?\d+)?)\s*(°C|degC|celsius)\s*$")
 #: Longest text that can be a quantity, in characters.
 _LONGEST = 80
 _EXPONENT = r"(?:(?:\^|\*\*)?[-+]?\d{1,2}|⁻?[¹²³⁴⁵⁶])"
@@ -25,6 +24,8 @@ _BARE_EXPONENT = re.compile(r"(?<=[^\W\d_])([-+]?\d)(?!\d*[^\W\d_])")
 #: Pressure times time is often written as one word, which a parser of units takes for a plural.
 _PASCAL_SECOND = re.compile(r"(?<=Pa)s\b")
 _NUMBER_AND_UNIT = re.compile(r"^\s*([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)\s*(\S.*)?$")
+#: Scales of temperature whose zero is not the absolute one, however they are written.
+_TEMPERATURE = re.compile(r"(?:(?:[°º]|deg(?:rees?)?)[\s_]?)?([CF]|celsius|fahrenheit)|[℃℉]", re.IGNORECASE)
 #: What a pressure is counted from, gauge or absolute: "(g)", "(a)", a word, or a letter after bar, psi or Pa.
 _REFERENCE = re.compile(
     r"\s?(?:\(\s?([gaü])\s?\)|(?:(?<=bar)|(?<=psi)|(?<=Pa))\s?([gaü])|\s([ga])(?:auge|bs(?:olute)?))\s?$", re.IGNORECASE
@@ -80,12 +81,14 @@ def to_si(text: object, unit: str, name: str = "quantity") -> float:
         raise InputError(name, shown(text), expected)
     if _DECIMAL_COMMA.search(text):
         raise InputError(name, shown(text), f"a number with a decimal point, not a comma: {_without_comma(text)}")
-    if unit == "K" and (match := _TEMPERATURE.match(text)):
-        return _finite(float(match[1]) + 273.15, text, name, example)
     match = _NUMBER_AND_UNIT.match(text)
     if match is None or (match[2] is None and unit):
         raise InputError(name, shown(text), example)
     written = (match[2] or "").strip()
+    if unit == "K" and (scale := _TEMPERATURE.fullmatch(written)):
+        degrees = float(match[1])
+        celsius = (degrees - 32) / 1.8 if (scale[1] or written)[0] in "fF℉" else degrees
+        return _finite(celsius + 273.15, text, name, example)
     if written and not _UNIT.fullmatch(written):
         raise InputError(name, shown(text), example)
     if (factor := _factor(written, unit)) is None:
@@ -128,7 +131,9 @@ def _factor(written: str, unit: str) -> float | None:
     try:
         # N/mm2 is N/mm^2, mPas is mPa*s
         spelled = _BARE_EXPONENT.sub(r"^\1", _PASCAL_SECOND.sub("*s", written.replace(".", "*")))
-        return float((1.0 * _registry().parse_units(spelled)).to(unit or "dimensionless").magnitude)
+        parsed, wanted = _registry().parse_units(spelled), unit or "dimensionless"
+        # a scale with another zero has no factor
+        return None if (0.0 * parsed).to(wanted).magnitude else float((1.0 * parsed).to(wanted).magnitude)
     except Exception:  # a parser of units fails on unknown names in many ways, all of which mean the same
         return None
 
