@@ -506,7 +506,7 @@ def test_nodes_that_no_coarse_one_holds_are_moved_together(ring, rows, columns):
     field[1:-1] = bay
     right_hand = (network(c1, c2).to_csr() @ field.ravel()).reshape(22, 20)[1:-1]
     hierarchy.level(*levels[:5], 0)[4][1:-1, 1:-1] = right_hand
-    v_cycle.v_cycle(levels, factored, False, ring)
+    v_cycle.cycle(levels, factored, False, ring)
     assert_allclose(hierarchy.level(*levels[:5], 0)[3][1:-1, 1:-1][bay], 1.0, rtol=1e-3)
 
 
@@ -519,7 +519,7 @@ def test_the_preconditioner_is_symmetric(shape, ring):
 
     def apply(v):
         hierarchy.level(*levels[:5], 0)[4][1:-1, 1:-1] = v
-        v_cycle.v_cycle(levels, factored, False, ring)
+        v_cycle.cycle(levels, factored, False, ring)
         return hierarchy.level(*levels[:5], 0)[3][1:-1, 1:-1].astype(float)
 
     u, v = np.random.default_rng(1).standard_normal((2, *shape))

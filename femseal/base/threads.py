@@ -57,6 +57,11 @@ def on_threads(threads: int, work: Callable[..., Any], items: Iterable[Any]) -> 
     return values
 
 
+def over(items: Iterable[tuple[int, int]], work: Callable[..., Any], *arguments: Any) -> list[Any]:
+    """The values of `work` of parts, and of arguments that are the same for all, found by `number` threads."""
+    return on_threads(_number, lambda part: work(*part, *arguments), items)
+
+
 @cache
 def _pool(threads: int) -> ThreadPoolExecutor:
     return ThreadPoolExecutor(threads - 1, "femseal")

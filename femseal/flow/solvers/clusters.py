@@ -108,7 +108,7 @@ def clusters(centre, right, below, below_right, below_left, nine, ring):
     neighbours = 8 if nine else 4
     loose = _not_strong(centre, right, below, below_right, below_left, nine, ring)
     if loose.shape[0] < 2:
-        return loose, np.zeros(1, np.int64), np.zeros(0, np.uint8), np.zeros(0, np.float32), np.zeros(0, np.float32)
+        return loose[:0], np.zeros(1, np.int64), np.zeros(0, np.uint8), np.zeros(0, np.float32), np.zeros(0, np.float32)
     number = np.zeros(centre.shape, np.int32)
     for q in range(loose.shape[0]):
         i, j = loose[q]

@@ -11,13 +11,14 @@ would give it; coarse operators are Galerkin's. Source: Dendy, J. Comput. Phys. 
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
 from ...base.arrays import Array
+from ...base.threads import over
 from .clusters import clusters
 from .compiled import COMPILED
 
@@ -28,6 +29,8 @@ FEWEST = 4
 _ELIMINATED = 1 / 40
 #: Largest inverse of a centre; single precision ends at 3e38.
 _MOST_INVERSE = 1e30
+#: Nodes from which threads share the work on a level, and rows of a strip.
+_LARGE, _STRIP = 2**18, 64
 
 
 def coarsest_nodes(n1: int, n2: int) -> int:
@@ -37,6 +40,16 @@ def coarsest_nodes(n1: int, n2: int) -> int:
     return n1 * n2
 
 
+def strips(rows: int) -> list[tuple[int, int]]:
+    """First and last + 1 of the strips of a field of so many rows, the border among them."""
+    return [(i, min(i + _STRIP, rows - 1)) for i in range(1, rows - 1, _STRIP)]
+
+
+def large_levels(shape: NDArray[np.int64]) -> int:
+    """Number of levels that threads share; the coarsest is none of them."""
+    return int(np.count_nonzero(shape[:-1].prod(axis=1) >= _LARGE))
+
+
 class Levels(NamedTuple):
     """All levels of multigrid in a few arrays; `level` gives views of one.
 
@@ -44,7 +57,7 @@ class Levels(NamedTuple):
     fields (6, …) : right, below, inverse centre, x, b and r, see `level`.
     corner_first, corners (2, …) : below right and below left; one number each on a level of five points.
     weight_first, weights : of the interpolation from the next level.
-    cluster_first (levels + 1,) : the first cluster of each level. cluster_start : the first of `cluster_nodes` (…, 2)
+    cluster_first (levels,) : the first cluster of each level. cluster_start : the first of `cluster_nodes` (…, 2)
     of each cluster, and their number. cluster_outside : bits of those of their neighbours that are not of the cluster.
     cluster_ground : their conductances with the ends. cluster_inverse : inverse sums of the conductances of each
     cluster with other nodes.
@@ -84,45 +97,61 @@ def level(shape, first, fields, corner_first, corners, k):
 
 
 @njit(**COMPILED)
+def weights_to(k, shape, weight_first, weights):
+    """View of the weights of level k + 1 at the nodes of level k."""
+    return weights[weight_first[k] : weight_first[k + 1]].reshape((shape[k + 1, 0], shape[k + 1, 1], 3, 3))
+
+
+@njit(**COMPILED)
 def finest(along, across, falling, rising, ring):
     """Centres and conductances of the inner nodes of a stencil, see `level`."""
-    n1, n2 = along.shape[0] - 1, along.shape[1]
-    m2 = across.shape[1]
-    nine = falling.size > 0
-    shape = (n1 + 2, n2 + 2)
+    shape = (along.shape[0] + 1, along.shape[1] + 2)
+    of_corners = shape if falling.size > 0 else (1, 1)
     centre, right, below = np.zeros(shape), np.zeros(shape), np.zeros(shape)
-    of_corners = shape if nine else (1, 1)
     below_right, below_left = np.zeros(of_corners), np.zeros(of_corners)
-    for i in range(1, n1 + 1):
-        for j in range(1, m2 + 1):
+    _links(1, shape[0] - 1, along, across, ring, centre, right, below)
+    if falling.size > 0:
+        _corner_links(falling, rising, ring, centre, below_right, below_left)
+    return centre, right, below, below_right, below_left
+
+
+@njit(**COMPILED)
+def _links(first, end, along, across, ring, centre, right, below):
+    """Write centres and conductances of some rows of a stencil, but for those across corners."""
+    n1, n2 = centre.shape[0] - 2, centre.shape[1] - 2
+    for i in range(first, end):
+        for j in range(1, across.shape[1] + 1):
             right[i, j] = across[i - 1, j - 1]
         if ring:
-            right[i, 0] = right[i, n2]
+            right[i, 0], right[i, n2 + 1] = right[i, n2], right[i, 1]
         for j in range(1, n2 + 1):
             if i < n1:
                 below[i, j] = along[i, j - 1]
             centre[i, j] = along[i - 1, j - 1] + along[i, j - 1] + right[i, j - 1] + right[i, j]
-    if nine:
-        for i in range(n1 + 1):
-            for j in range(m2):
-                k = (j + 1) % n2
-                down, up = falling[i, j], rising[i, j]
-                if i > 0:
-                    centre[i, j + 1] += down
-                    centre[i, k + 1] += up
-                if i < n1:
-                    centre[i + 1, k + 1] += down
-                    centre[i + 1, j + 1] += up
-                if 0 < i < n1:
-                    below_right[i, j + 1] = down
-                    below_left[i, k + 1] = up
         if ring:
-            for i in range(1, n1 + 1):
-                right[i, n2 + 1] = right[i, 1]
-                below[i, 0], below[i, n2 + 1] = below[i, n2], below[i, 1]
-                below_right[i, 0], below_right[i, n2 + 1] = below_right[i, n2], below_right[i, 1]
-                below_left[i, 0], below_left[i, n2 + 1] = below_left[i, n2], below_left[i, 1]
-    return centre, right, below, below_right, below_left
+            below[i, 0], below[i, n2 + 1] = below[i, n2], below[i, 1]
+
+
+@njit(**COMPILED)
+def _corner_links(falling, rising, ring, centre, below_right, below_left):
+    """Add the conductances across corners of a stencil."""
+    n1, n2 = centre.shape[0] - 2, centre.shape[1] - 2
+    for i in range(n1 + 1):
+        for j in range(falling.shape[1]):
+            k = (j + 1) % n2
+            down, up = falling[i, j], rising[i, j]
+            if i > 0:
+                centre[i, j + 1] += down
+                centre[i, k + 1] += up
+            if i < n1:
+                centre[i + 1, k + 1] += down
+                centre[i + 1, j + 1] += up
+            if 0 < i < n1:
+                below_right[i, j + 1] = down
+                below_left[i, k + 1] = up
+        if ring:
+            below_right[i, 0], below_right[i, n2 + 1] = below_right[i, n2], below_right[i, 1]
+            below_left[i, 0], below_left[i, n2 + 1] = below_left[i, n2], below_left[i, 1]
 
 
 @njit(**COMPILED)
@@ -132,15 +161,13 @@ def _share(part, whole):
 
 
 @njit(**COMPILED)
-def _interpolation(centre, right, below, below_right, below_left, nine, ring, w):
-    """Write the weight w of each coarse node, at (2I − 1, 2J − 1), at itself and its eight neighbours."""
-    n1, n2 = centre.shape[0] - 2, centre.shape[1] - 2
-    m1, m2 = (n1 + 1) // 2, (n2 + 1) // 2
-    for i in range(m1 + 2):
-        for j in range(m2 + 2):
-            w[i, j, 1, 1] = 1.0
-    # between two coarse nodes of a row: links above and below are added to those along the row, or left out
-    for i in range(1, n1 + 1, 2):
+def _along_rows(first, end, centre, right, below, below_right, below_left, nine, ring, w):
+    """Write the weight w of each coarse node, at (2I − 1, 2J − 1), at itself and beside it in some coarse rows."""
+    n2, m2 = centre.shape[1] - 2, w.shape[1] - 2
+    for i in range(2 * first - 1, 2 * end - 1, 2):
+        for j in range(1, m2 + 1):
+            w[(i + 1) // 2, j, 1, 1] = 1.0
+        # links above and below are added to those along the row, or left out
         for j in range(2, n2 + 1, 2):
             west, east = right[i, j - 1], right[i, j]
             if nine:
@@ -149,7 +176,15 @@ def _interpolation(centre, right, below, below_right, below_left, nine, ring, w)
             whole = max(centre[i, j] - below[i - 1, j] - below[i, j], west + east)
             w[(i + 1) // 2, j // 2, 1, 2] = _share(west, whole)
             w[(i + 1) // 2, (j // 2) % m2 + 1 if j == n2 else j // 2 + 1, 1, 0] = _share(east, whole)
-    for i in range(2, n1 + 1, 2):
+        if ring:
+            _round(w, (i + 1) // 2, 1)
+
+
+@njit(**COMPILED)
+def _between_rows(first, end, centre, right, below, below_right, below_left, nine, ring, w):
+    """Write the weights of coarse nodes in the rows after some coarse rows, once those of `_along_rows` are there."""
+    n1, n2, m2 = centre.shape[0] - 2, centre.shape[1] - 2, w.shape[1] - 2
+    for i in range(2 * first, min(2 * end, n1 + 1), 2):
         for j in range(1, n2 + 1, 2):
             north, south = below[i - 1, j], below[i, j]
             if nine:
@@ -158,45 +193,48 @@ def _interpolation(centre, right, below, below_right, below_left, nine, ring, w)
             whole = max(centre[i, j] - right[i, j - 1] - right[i, j], north + south)
             w[i // 2, (j + 1) // 2, 2, 1] = _share(north, whole)
             w[i // 2 + 1, (j + 1) // 2, 0, 1] = _share(south, whole)
-    for i in range(2, n1 + 1, 2):
         for j in range(2, n2 + 1, 2):
             c = centre[i, j]
             if c <= 0.0:
                 continue
             top, bottom, left = i // 2, i // 2 + 1, j // 2
-            over = (j // 2) % m2 + 1 if j == n2 else j // 2 + 1
+            right_one = (j // 2) % m2 + 1 if j == n2 else j // 2 + 1
             north, south, west, east = below[i - 1, j], below[i, j], right[i, j - 1], right[i, j]
             nw = north * w[top, left, 1, 2] + west * w[top, left, 2, 1]
-            ne = north * w[top, over, 1, 0] + east * w[top, over, 2, 1]
+            ne = north * w[top, right_one, 1, 0] + east * w[top, right_one, 2, 1]
             sw = south * w[bottom, left, 1, 2] + west * w[bottom, left, 0, 1]
-            se = south * w[bottom, over, 1, 0] + east * w[bottom, over, 0, 1]
+            se = south * w[bottom, right_one, 1, 0] + east * w[bottom, right_one, 0, 1]
             if nine:
                 nw += below_right[i - 1, j - 1]
                 ne += below_left[i - 1, j + 1]
                 sw += below_left[i, j]
                 se += below_right[i, j]
             w[top, left, 2, 2] = _share(nw, c)
-            w[top, over, 2, 0] = _share(ne, c)
+            w[top, right_one, 2, 0] = _share(ne, c)
             w[bottom, left, 0, 2] = _share(sw, c)
-            w[bottom, over, 0, 0] = _share(se, c)
-    for i in range(m1 + 2):
-        for k in range(9):
-            for j in range(0, m2 + 2, 1 if i == 0 or i == m1 + 1 else m2 + 1):
-                w[i, j, k // 3, k % 3] = 0.0
-            if ring:
-                w[i, 0, k // 3, k % 3], w[i, m2 + 1, k // 3, k % 3] = w[i, m2, k // 3, k % 3], w[i, 1, k // 3, k % 3]
+            w[bottom, right_one, 0, 0] = _share(se, c)
+        if ring:
+            _round(w, i // 2, 2)
+            _round(w, i // 2 + 1, 0)
 
 
 @njit(**COMPILED)
-def _galerkin(centre, right, below, below_right, below_left, w, nine, ring):
-    """PᵀAP: centres and conductances of the next level, in the order of these."""
-    n1, n2 = centre.shape[0] - 2, centre.shape[1] - 2
-    m1, m2 = w.shape[0] - 2, w.shape[1] - 2
+def _round(w, i, a):
+    """Copy weights of a row around a ring."""
+    m2 = w.shape[1] - 2
+    for b in range(3):
+        w[i, 0, a, b], w[i, m2 + 1, a, b] = w[i, m2, a, b], w[i, 1, a, b]
+
+
+@njit(**COMPILED)
+def _galerkin(
+    first, end, centre, right, below, below_right, below_left, w, nine, ring, to0, to1, to2, to3, to4
+):  # fmt: skip
+    """PᵀAP: write centres and conductances of some rows of the next level, in the order of these."""
+    n1, n2, m2 = centre.shape[0] - 2, centre.shape[1] - 2, w.shape[1] - 2
     row = np.empty((5, 5))  # of A P_I at the fine nodes around a coarse one
     out = np.empty(5)
-    to0, to1, to2 = np.zeros(w.shape[:2]), np.zeros(w.shape[:2]), np.zeros(w.shape[:2])
-    to3, to4 = np.zeros(w.shape[:2]), np.zeros(w.shape[:2])
-    for ci in range(1, m1 + 1):
+    for ci in range(first, end):
         for cj in range(1, m2 + 1):
             for a in range(25):
                 row[a // 5, a % 5] = 0.0
@@ -244,7 +282,6 @@ def _galerkin(centre, right, below, below_right, below_left, w, nine, ring):
             to2[ci, 0], to2[ci, m2 + 1] = to2[ci, m2], to2[ci, 1]
             to3[ci, 0], to3[ci, m2 + 1] = to3[ci, m2], to3[ci, 1]
             to4[ci, 0], to4[ci, m2 + 1] = to4[ci, m2], to4[ci, 1]
-    return to0, to1, to2, to3, to4
 
 
 def hierarchy(
@@ -264,52 +301,117 @@ def hierarchy(
     fields, corners = np.zeros((6, first[-1]), np.float32), np.zeros((2, corner_first[-1]), np.float32)
     weights = np.zeros(weight_first[-1], np.float32)
     place = shape, first, fields, corner_first, corners, weight_first, weights
-    last, found, coarsest = _filled(along, across, falling, rising, ring, *place)
+    filled = _filled_by_parts if large_levels(shape) else _filled
+    found, coarsest = filled(along, across, falling, rising, ring, *place)
+    last = len(found[0])
     used = shape[:last], first[: last + 1], fields, corner_first[: last + 1], corners, weight_first[:last], weights
     return Levels(*used, *found), coarsest
 
 
 @njit(**COMPILED)
 def _filled(along, across, falling, rising, ring, shape, first, fields, corner_first, corners, weight_first, weights):
-    """Fill the levels; their number, what `Levels` has of clusters, and the operator of the coarsest one."""
-    nine = falling.size > 0
-    cluster_first = np.zeros(shape.shape[0] + 1, np.int64)
-    start, nodes = np.zeros(1, np.int64), np.zeros((0, 2), np.int32)
-    outside, ground, inverses = np.zeros(0, np.uint8), np.zeros(0, np.float32), np.zeros(0, np.float32)
+    """Fill the levels; what `Levels` has of clusters, and the operator of the coarsest one."""
+    place = shape, first, fields, corner_first, corners, weight_first, weights
     operator = finest(along, across, falling, rising, ring)
-    fewest = 0.0
-    k = np.int64(0)  # type: ignore[assignment]
+    return _filled_from(0, operator, 0.0, _no_clusters(), falling.size > 0, ring, *place)
+
+
+def _filled_by_parts(
+    along: Array, across: Array, falling: Array, rising: Array, ring: bool, *place: NDArray[Any]
+) -> tuple[tuple[NDArray[Any], ...], tuple[Array, ...]]:
+    """`_filled`, with threads on large levels."""
+    shape, weight_first, weights = place[0], *place[5:]
+    nine = falling.size > 0
+    operator = _zeros(shape[0], nine)
+    over(strips(shape[0, 0]), _links, along, across, ring, *operator[:3])
+    if nine:
+        _corner_links(falling, rising, ring, operator[0], *operator[3:])
+    fewest, found, large = 0.0, _no_clusters(), large_levels(shape)
+    for k in range(large):
+        all_nine = nine or k > 0
+        count = sum(over(strips(shape[k, 0]), _store, *operator, *level(*place[:5], k)))
+        fewest = fewest or _ELIMINATED * count
+        if count <= fewest:
+            return found, operator
+        rows, w = strips(shape[k + 1, 0]), weights_to(k, shape, weight_first, weights)
+        over(rows, _along_rows, *operator, all_nine, ring, w)
+        over(rows, _between_rows, *operator, all_nine, ring, w)
+        found = _with(found, *clusters(*operator, all_nine, ring))
+        coarse = _zeros(shape[k + 1], True)
+        over(rows, _galerkin, *operator, w, all_nine, ring, *coarse)
+        operator = coarse
+    return _filled_from(large, operator, fewest, found, nine, ring, *place)
+
+
+def _zeros(shape: NDArray[np.int64], nine: bool) -> tuple[Array, ...]:
+    """Centres and conductances of a level, all 0."""
+    return tuple(np.zeros(tuple(shape) if nine or k < 3 else (1, 1)) for k in range(5))
+
+
+@njit(**COMPILED)
+def _filled_from(
+    k, operator, fewest, found, nine, ring, shape, first, fields, corner_first, corners, weight_first, weights
+):  # fmt: skip
+    """Fill the levels from level k on, see `_filled`; for k > 0 `fewest` nodes are those where coarsening ends."""
     while True:
         centre, right, below, below_right, below_left = operator
-        to_right, to_below, inverse, _, _, _, to_below_right, to_below_left = level(
-            shape, first, fields, corner_first, corners, k
-        )
-        count = 0
-        for i in range(centre.shape[0]):
-            for j in range(centre.shape[1]):
-                if centre[i, j] > 0.0:
-                    inverse[i, j] = min(1.0 / centre[i, j], _MOST_INVERSE)
-                    count += 1
-                to_right[i, j], to_below[i, j] = right[i, j], below[i, j]
-        for i in range(below_right.shape[0]):
-            for j in range(below_right.shape[1]):
-                to_below_right[i, j], to_below_left[i, j] = below_right[i, j], below_left[i, j]
+        of_level = level(shape, first, fields, corner_first, corners, k)
+        count = _store(1, centre.shape[0] - 1, centre, right, below, below_right, below_left, *of_level)
         if k == 0:
             fewest = _ELIMINATED * count
-        cluster_first[k + 1] = cluster_first[k]
         if k == shape.shape[0] - 1 or count <= fewest:
             break
         all_nine = nine or k > 0
-        w = weights[weight_first[k] : weight_first[k + 1]].reshape((shape[k + 1, 0], shape[k + 1, 1], 3, 3))
-        _interpolation(centre, right, below, below_right, below_left, all_nine, ring, w)
-        members, begins, beside, to_ends, sums = clusters(centre, right, below, below_right, below_left, all_nine, ring)
-        if sums.size > 0:
-            cluster_first[k + 1] += sums.size
-            for i in range(begins.size):
-                begins[i] += nodes.shape[0]
-            start = np.concatenate((start[:-1], begins))
-            nodes, inverses = np.concatenate((nodes, members)), np.concatenate((inverses, sums))
-            outside, ground = np.concatenate((outside, beside)), np.concatenate((ground, to_ends))
-        operator = _galerkin(centre, right, below, below_right, below_left, w, all_nine, ring)
+        m1, m2 = shape[k + 1, 0], shape[k + 1, 1]
+        w = weights_to(k, shape, weight_first, weights)
+        _along_rows(1, m1 - 1, centre, right, below, below_right, below_left, all_nine, ring, w)
+        _between_rows(1, m1 - 1, centre, right, below, below_right, below_left, all_nine, ring, w)
+        found = _with(found, *clusters(centre, right, below, below_right, below_left, all_nine, ring))
+        to0, to1, to2 = np.zeros((m1, m2)), np.zeros((m1, m2)), np.zeros((m1, m2))
+        to3, to4 = np.zeros((m1, m2)), np.zeros((m1, m2))
+        _galerkin(
+            1, m1 - 1, centre, right, below, below_right, below_left, w, all_nine, ring, to0, to1, to2, to3, to4
+        )  # fmt: skip
+        operator = to0, to1, to2, to3, to4
         k += 1
-    return k + 1, (cluster_first[: k + 2], start, nodes, outside, ground, inverses), operator
+    return found, operator
+
+
+@njit(**COMPILED)
+def _store(
+    start, end, centre, right, below, below_right, below_left,
+    to_right, to_below, inverse, x, b, r, to_below_right, to_below_left,
+):  # fmt: skip
+    """Write some rows of an operator to a level; the number of their nodes that have conductances."""
+    count = 0
+    for i in range(start, end):
+        for j in range(centre.shape[1]):
+            if centre[i, j] > 0.0:
+                inverse[i, j] = min(1.0 / centre[i, j], _MOST_INVERSE)
+                count += 1
+            to_right[i, j], to_below[i, j] = right[i, j], below[i, j]
+        if below_right.size > 1:
+            for j in range(centre.shape[1]):
+                to_below_right[i, j], to_below_left[i, j] = below_right[i, j], below_left[i, j]
+    return count
+
+
+@njit(**COMPILED)
+def _no_clusters():
+    """What `Levels` has of clusters on levels without any."""
+    none = np.zeros(0, np.float32)
+    return np.zeros(1, np.int64), np.zeros(1, np.int64), np.zeros((0, 2), np.int32), np.zeros(0, np.uint8), none, none
+
+
+@njit(**COMPILED)
+def _with(found, nodes, start, outside, ground, inverse):
+    """What `Levels` has of clusters with those of one more level."""
+    first, starts, all_nodes, all_outside, all_ground, all_inverse = found
+    return (
+        np.append(first, first[-1] + inverse.size),
+        np.concatenate((starts[:-1], start + all_nodes.shape[0])),
+        np.concatenate((all_nodes, nodes)),
+        np.concatenate((all_outside, outside)),
+        np.concatenate((all_ground, ground)),
+        np.concatenate((all_inverse, inverse)),
+    )

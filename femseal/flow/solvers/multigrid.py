@@ -6,16 +6,19 @@ in single precision, which the residual then follows to all digits.
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
 from ...base.errors import NotConverged
+from ...base.threads import over
 from ..stencil import Stencil
-from .coarsest import eliminate_coarsest
+from .coarsest import Coarsest, eliminate_coarsest
 from .compiled import COMPILED
-from .hierarchy import hierarchy, level
-from .v_cycle import v_cycle
+from .hierarchy import Levels, hierarchy, large_levels, level, strips
+from .v_cycle import cycle, v_cycle
 
 Array = NDArray[np.float64]
 #: Largest coarsest level, in nodes, for which multigrid pays; only slender grids have more.
@@ -75,10 +78,11 @@ def solve_multigrid(
     coarsest = eliminate_coarsest(centre, right, below, below_right, below_left, s.ring2)
     hidden = _NONE if hidden is None else hidden
     # in single precision the residual is the right side of the cycle, else that is a copy relative to its size
-    _, _, _, _, b, _, _, _ = level(levels.shape, levels.first, levels.fields, levels.corner_first, levels.corners, 0)
+    _, _, _, _, b, _, _, _ = level(*levels[:5], 0)
     single = s.along.dtype == np.float32
     r = b if single else np.zeros(b.shape)
-    x, iterations, error, done = _solve(conductances, levels, coarsest, s.ring2, rtol, field, limit, hidden, r, single)
+    solve = _solve_by_parts if large_levels(levels.shape) else _solve
+    x, iterations, error, done = solve(conductances, levels, coarsest, s.ring2, rtol, field, limit, hidden, r, single)
     del levels, coarsest, b, r
     if not done:
         raise NotConverged(
@@ -117,15 +121,20 @@ def _flow_out(conductances, p, i, ring, y):
 
 
 @njit(**COMPILED)
-def _direction(conductances, z, scale, p, beta, ring):
-    """p = scale z + β p; returns p·A p."""
-    n1, n2 = p.shape[0] - 2, p.shape[1] - 2
-    for i in range(1, n1 + 1):
-        for j in range(1, n2 + 1):
+def _turn(first, end, z, scale, beta, p):
+    """p = scale z + β p on some rows."""
+    for i in range(first, end):
+        for j in range(1, p.shape[1] - 1):
             p[i, j] = scale * z[i, j] + beta * p[i, j]
+
+
+@njit(**COMPILED)
+def _curvature(first, end, conductances, p, ring):
+    """The part of p·A p of some rows."""
+    n2 = p.shape[1] - 2
     y = np.empty(n2 + 2)
     total = 0.0
-    for i in range(1, n1 + 1):
+    for i in range(first, end):
         _flow_out(conductances, p, i, ring, y)
         for j in range(1, n2 + 1):
             total += y[j] * p[i, j]
@@ -133,24 +142,41 @@ def _direction(conductances, z, scale, p, beta, ring):
 
 
 @njit(**COMPILED)
-def _advance(conductances, step, p, x, r, ring):
-    """x += step p, r −= step A p; the sums of r and of r x, by which inlet and outlet flow and the rate differ."""
-    n1, n2 = p.shape[0] - 2, p.shape[1] - 2
+def _advance(first, end, conductances, step, p, scale, ring, x, r, b):
+    """x += step p, r −= step A p, b = r / scale on some rows; their sums of r and of r x.
+
+    Those of all rows are what inlet and outlet flow and the rate differ by.
+    """
+    n2 = p.shape[1] - 2
     y = np.empty(n2 + 2)
     excess = weighted = 0.0
-    for i in range(1, n1 + 1):
+    for i in range(first, end):
         _flow_out(conductances, p, i, ring, y)
         for j in range(1, n2 + 1):
             x[i, j] += step * p[i, j]
             r[i, j] -= step * y[j]
+            b[i, j] = r[i, j] / scale
             excess += r[i, j]
             weighted += r[i, j] * x[i, j]
-    return max(abs(excess), abs(weighted))
+    return excess, weighted
 
 
 @njit(**COMPILED)
-def _start(conductances, inverse, x, r):
-    """x of the least energy among potentials that are constant along rows, and its residual r."""
+def _product(first, end, r, z, hidden):
+    """The part of r·z of some rows, and the largest |z| of their nodes that are not hidden."""
+    total = largest = 0.0
+    for i in range(first, end):
+        for j in range(1, z.shape[1] - 1):
+            total += r[i, j] * z[i, j]
+        for j in range(1, z.shape[1] - 1):
+            if hidden.size == 0 or not hidden[i - 1, j - 1]:
+                largest = max(largest, abs(z[i, j]))
+    return total, largest
+
+
+@njit(**COMPILED)
+def _start(conductances, inverse, x, r, b):
+    """x of the least energy among potentials that are constant along rows, and its residual r, also as b."""
     along, _, falling, rising = conductances
     n1, n2 = x.shape[0] - 2, x.shape[1] - 2
     m2 = falling.shape[1]
@@ -183,6 +209,9 @@ def _start(conductances, inverse, x, r):
             r[i + 1, k + 1] += down
             r[i, k + 1] -= up
             r[i + 1, j + 1] += up
+    for i in range(1, n1 + 1):
+        for j in range(1, n2 + 1):
+            b[i, j] = r[i, j]
 
 
 @njit(**COMPILED)
@@ -224,59 +253,96 @@ def _slowest(steps, ratios, count, nodes):
 
 
 @njit(**COMPILED)
+def _judged(iteration, rz, largest, unbalanced, rate, history, nodes, rtol, field):
+    """Error in the norm of the energy, and whether it is what was asked, or more iterations than allowed are needed.
+
+    history (3, limit + 1) : rᵀM⁻¹r of each iteration, and steps and ratios of those before.
+    """
+    limit = history.shape[1] - 1
+    allowed = min(_SHARE * rtol, (0.1 * field) ** 2)
+    error = np.inf
+    if 0.0 <= rz <= allowed * rate and unbalanced <= 3.0 * max(np.sqrt(rtol), 1e-6) * rate:
+        error = np.sqrt(rz / rate / _slowest(history[1], history[2], np.int64(iteration), nodes))
+        if error**2 <= allowed and largest <= _LARGEST * 0.1 * field:
+            return error, True, False
+    history[0, iteration] = rz
+    hopeless = iteration == limit or not 0.0 < rz < np.inf
+    if not hopeless and iteration >= _FORESEEN and rate > 0.0 and rz > allowed * rate:
+        first = history[0, 0]
+        hopeless = rz >= first or iteration * np.log(first / (allowed * rate)) / np.log(first / rz) > limit
+    return error, False, hopeless
+
+
+@njit(**COMPILED)
 def _solve(conductances, levels, coarsest, ring, rtol, field, limit, hidden, r, single):
     """Conjugate gradients: potential, iterations, error in the norm of the energy, and whether it is what was asked."""
     _, _, inverse, z, b, _, _, _ = level(levels[0], levels[1], levels[2], levels[3], levels[4], np.int64(0))
-    n1, n2 = z.shape[0] - 2, z.shape[1] - 2
-    nine = conductances[2].size > 0
-    x, p = np.zeros(z.shape), np.zeros(z.shape, np.float32)
-    _start(conductances, inverse, x, r)
-    steps, ratios = np.zeros(limit + 1), np.zeros(limit + 1)
-    allowed = min(_SHARE * rtol, (0.1 * field) ** 2)
-    balance = 3.0 * max(np.sqrt(rtol), 1e-6)
-    rz, error, first, unbalanced = 0.0, np.inf, 0.0, 0.0
-    iteration = 0
-    done = False
+    rows, nodes = z.shape[0] - 1, (z.shape[0] - 2) * (z.shape[1] - 2)
+    x, p, history = np.zeros(z.shape), np.zeros(z.shape, np.float32), np.zeros((3, limit + 1))
+    _start(conductances, inverse, x, r, b)
+    scale, unbalanced, iteration = 1.0, 0.0, 0
     while True:
-        # far from the limits of single precision, however small the residual is
-        scale = np.sqrt(rz) if iteration > 0 and not single else 1.0
-        if not single:
-            for i in range(1, n1 + 1):
-                for j in range(1, n2 + 1):
-                    b[i, j] = r[i, j] / scale
-        v_cycle(levels, coarsest, nine, ring)
-        before, rz, largest = rz, 0.0, 0.0
-        for i in range(1, n1 + 1):
-            for j in range(1, n2 + 1):
-                rz += r[i, j] * z[i, j]
+        v_cycle(levels, coarsest, conductances[2].size > 0, ring, 0)
+        rz, largest = _product(1, rows, r, z, hidden)
         rz *= scale
         rate = _outflow(conductances, x)
-        error = np.inf
-        if 0.0 <= rz <= allowed * rate and unbalanced <= balance * rate:
-            error = np.sqrt(rz / rate / _slowest(steps, ratios, np.int64(iteration), n1 * n2))
-            if field < np.inf:
-                for i in range(1, n1 + 1):
-                    for j in range(1, n2 + 1):
-                        if hidden.size == 0 or not hidden[i - 1, j - 1]:
-                            largest = max(largest, scale * abs(z[i, j]))
-            if error**2 <= allowed and largest <= _LARGEST * 0.1 * field:
-                done = True
-                break
-        if iteration == 0:
-            first = rz
-        if iteration == limit or not 0.0 < rz < np.inf:
+        error, done, hopeless = _judged(iteration, rz, scale * largest, unbalanced, rate, history, nodes, rtol, field)
+        if done or hopeless:
             break
-        if iteration >= _FORESEEN and rate > 0.0 and rz > allowed * rate:
-            needed = iteration * np.log(first / (allowed * rate)) / np.log(first / rz)
-            if rz >= first or needed > limit:
-                break
-        beta = rz / before if iteration > 0 else 0.0
-        curvature = _direction(conductances, z, scale, p, beta, ring)
+        beta = rz / history[0, iteration - 1] if iteration > 0 else 0.0
+        _turn(1, rows, z, scale, beta, p)
+        curvature = _curvature(1, rows, conductances, p, ring)
         if not curvature > 0.0:
             break
-        steps[iteration], ratios[iteration] = rz / curvature, beta
-        unbalanced = _advance(conductances, rz / curvature, p, x, r, ring)
+        history[1, iteration], history[2, iteration] = rz / curvature, beta
+        # far from the limits of single precision, however small the residual is
+        scale = 1.0 if single else np.sqrt(rz)
+        excess, weighted = _advance(1, rows, conductances, rz / curvature, p, scale, ring, x, r, b)
+        unbalanced = max(abs(excess), abs(weighted))
         iteration += 1
     if not done and rate > 0.0 and rz >= 0.0:
         error = np.sqrt(rz / rate)
+    return x, iteration, error, done
+
+
+def _solve_by_parts(
+    conductances: tuple[Array, ...],
+    levels: Levels,
+    coarsest: Coarsest,
+    ring: bool,
+    rtol: float,
+    field: float,
+    limit: int,
+    hidden: NDArray[np.bool_],
+    r: NDArray[Any],
+    single: bool,
+) -> tuple[Array, int, float, bool]:
+    """`_solve`, with threads on large levels."""
+    _, _, inverse, z, b, _, _, _ = level(*levels[:5], 0)
+    rows, nodes = strips(len(z)), (z.shape[0] - 2) * (z.shape[1] - 2)
+    x, p, history = np.zeros(z.shape), np.zeros(z.shape, np.float32), np.zeros((3, limit + 1))
+    _start(conductances, inverse, x, r, b)
+    scale, unbalanced, iteration = 1.0, 0.0, 0
+    while True:
+        cycle(levels, coarsest, conductances[2].size > 0, ring)
+        products, largest = zip(*over(rows, _product, r, z, hidden), strict=True)
+        rz = scale * sum(products)
+        rate = _outflow(conductances, x)
+        error, done, hopeless = _judged(
+            iteration, rz, scale * max(largest), unbalanced, rate, history, nodes, rtol, field
+        )
+        if done or hopeless:
+            break
+        beta = rz / history[0, iteration - 1] if iteration > 0 else 0.0
+        over(rows, _turn, z, scale, beta, p)
+        curvature = sum(over(rows, _curvature, conductances, p, ring))
+        if not curvature > 0.0:
+            break
+        history[1:, iteration] = rz / curvature, beta
+        scale = 1.0 if single else float(np.sqrt(rz))
+        sums = over(rows, _advance, conductances, rz / curvature, p, scale, ring, x, r, b)
+        unbalanced = max(abs(sum(of_rows)) for of_rows in zip(*sums, strict=True))
+        iteration += 1
+    if not done and rate > 0.0 and rz >= 0.0:
+        error = float(np.sqrt(rz / rate))
     return x, iteration, error, done

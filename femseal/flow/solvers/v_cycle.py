@@ -1,7 +1,8 @@
 """One V-cycle of multigrid over the levels of `hierarchy`: compiled.
 
 One sweep of Gauss-Seidel forward before and backward after the coarser grid, each with the clusters that a sweep does
-not move, keep the preconditioner symmetric. All arithmetic is in single precision.
+not move, keep the preconditioner symmetric. All arithmetic is in single precision. Large levels are swept by strips of
+rows, every second one first, then those between them, and backward in reverse: threads share the strips.
 """
 
 from __future__ import annotations
@@ -11,10 +12,11 @@ from typing import Any
 import numpy as np
 from numba import njit
 
+from ...base.threads import over
 from .clusters import relax_backward, relax_forward
-from .coarsest import solve_coarsest
+from .coarsest import Coarsest, solve_coarsest
 from .compiled import COMPILED
-from .hierarchy import level
+from .hierarchy import Levels, large_levels, level, strips, weights_to
 
 
 @njit(**COMPILED)
@@ -40,12 +42,50 @@ def _rows_down(first, count, x, b, inverse, right, below, ring):
 
 
 @njit(**COMPILED)
-def _sweep_down(x, b, r, inverse, right, below, below_right, below_left, nine, ring):
-    """Gauss-Seidel forward from zero, and the residual it leaves: the links to later nodes."""
-    n1, n2 = x.shape[0] - 2, x.shape[1] - 2
-    i: Any = np.int64(1)
-    while i <= n1:
-        x[i, n2 + 1] = 0.0
+def _add_below(i, x, to, below, below_right, below_left, nine):
+    """Add to a row what its links to the next one carry of x."""
+    if nine:
+        for j in range(1, x.shape[1] - 1):
+            to[i, j] += (
+                below[i, j] * x[i + 1, j] + below_right[i, j] * x[i + 1, j + 1] + below_left[i, j] * x[i + 1, j - 1]
+            )
+    else:
+        for j in range(1, x.shape[1] - 1):
+            to[i, j] += below[i, j] * x[i + 1, j]
+
+
+@njit(**COMPILED)
+def _residual(i, last, x, r, right, below, below_right, below_left, nine, ring):
+    """Residual of a row after Gauss-Seidel forward from zero: the links to later nodes, of the last row to its own."""
+    n2 = x.shape[1] - 2
+    for j in range(1, n2 + 1):
+        r[i, j] = right[i, j] * x[i, j + 1]
+    if not last:
+        _add_below(i, x, r, below, below_right, below_left, nine)
+    if ring:
+        # the last node comes after the first
+        r[i, n2] -= right[i, n2] * x[i, 1]
+        r[i, 1] += right[i, 0] * x[i, n2]
+        r[i, 0] = r[i, n2]
+
+
+@njit(**COMPILED)
+def _sweep_down(first, end, between, x, b, r, inverse, right, below, below_right, below_left, nine, ring):
+    """Gauss-Seidel forward from zero on a strip of rows, and the residual it leaves.
+
+    Strips beside one that is `between` two were swept before it, and get a part of their residual from it; those beside
+    another strip come later.
+    """
+    n2 = x.shape[1] - 2
+    last = b[end - 1].copy()
+    if between:
+        _add_below(end - 1, x, b, below, below_right, below_left, nine)
+    else:
+        x[first - 1] = 0.0
+    i: Any = np.int64(first)
+    while i < end:
+        start = max(i - 1, first)
+        count = 1
         if nine:
             before = np.float32(0.0)
             for j in range(1, n2 + 1):
@@ -62,34 +102,27 @@ def _sweep_down(x, b, r, inverse, right, below, below_right, below_left, nine, r
             if ring:
                 s += right[i, n2] * x[i, 1]
             x[i, n2] = s * inverse[i, n2]
-            if ring:
-                x[i, 0] = x[i, n2]
-                x[i, n2 + 1] = x[i, 1]
-            i += 1
         else:
-            count = 4 if i + 3 <= n1 else 1
+            count = 4 if i + 4 <= end else 1
             _rows_down(i, count, x, b, inverse, right, below, ring)
-            for _ in range(count):
-                x[i, 0] = x[i, n2] if ring else 0.0
-                x[i, n2 + 1] = x[i, 1] if ring else 0.0
-                i += 1
-    for i in range(1, n1 + 1):
+        if ring:
+            for row in range(i, i + count):
+                x[row, 0], x[row, n2 + 1] = x[row, n2], x[row, 1]
+        i += count
+        for row in range(start, i - 1):
+            _residual(row, False, x, r, right, below, below_right, below_left, nine, ring)
+    _residual(end - 1, True, x, r, right, below, below_right, below_left, nine, ring)
+    b[end - 1] = last
+    if between:
+        _add_below(first - 1, x, r, below, below_right, below_left, nine)
+        for j in range(1, n2 + 1):
+            r[end, j] += below[end - 1, j] * x[end - 1, j]
         if nine:
             for j in range(1, n2 + 1):
-                r[i, j] = (
-                    right[i, j] * x[i, j + 1]
-                    + below[i, j] * x[i + 1, j]
-                    + below_right[i, j] * x[i + 1, j + 1]
-                    + below_left[i, j] * x[i + 1, j - 1]
-                )
-        else:
-            for j in range(1, n2 + 1):
-                r[i, j] = right[i, j] * x[i, j + 1] + below[i, j] * x[i + 1, j]
+                r[end, j] += below_right[end - 1, j - 1] * x[end - 1, j - 1]
+                r[end, j] += below_left[end - 1, j + 1] * x[end - 1, j + 1]
         if ring:
-            # the last node comes after the first
-            r[i, n2] -= right[i, n2] * x[i, 1]
-            r[i, 1] += right[i, 0] * x[i, n2]
-            r[i, 0] = r[i, n2]
+            r[first - 1, 0], r[end, 0] = r[first - 1, n2], r[end, n2]
 
 
 @njit(**COMPILED)
@@ -118,14 +151,14 @@ def _rows_up(last, count, x, b, inverse, right, below, ring):
 
 
 @njit(**COMPILED)
-def _sweep_up(x, b, inverse, right, below, below_right, below_left, nine, ring):
-    """Gauss-Seidel backward."""
-    n1, n2 = x.shape[0] - 2, x.shape[1] - 2
+def _sweep_up(first, end, x, b, inverse, right, below, below_right, below_left, nine, ring):
+    """Gauss-Seidel backward on a strip of rows."""
+    n2 = x.shape[1] - 2
     rest = np.empty(n2 + 2 if nine else 1, np.float32)
-    i = n1
-    while i > 0:
+    i: Any = np.int64(end - 1)
+    while i >= first:
         if not nine:
-            count = 4 if i >= 4 else 1
+            count = 4 if i >= first + 3 else 1
             _rows_up(i, count, x, b, inverse, right, below, ring)
             for _ in range(count):
                 if ring:
@@ -156,10 +189,10 @@ def _sweep_up(x, b, inverse, right, below, below_right, below_left, nine, ring):
 
 
 @njit(**COMPILED)
-def _restrict(r, w, b):
-    """Pᵀ r."""
-    m1, m2 = b.shape[0] - 2, b.shape[1] - 2
-    for ci in range(1, m1 + 1):
+def _restrict(first, end, r, w, b):
+    """Pᵀ r at some rows of the coarser grid."""
+    m2 = b.shape[1] - 2
+    for ci in range(first, end):
         i = 2 * ci - 1
         for cj in range(1, m2 + 1):
             j = 2 * cj - 1
@@ -172,53 +205,89 @@ def _restrict(r, w, b):
 
 
 @njit(**COMPILED)
-def _prolong(coarse, w, x, ring):
-    """x += P coarse."""
+def _prolong(first, end, coarse, w, x, ring):
+    """x += P coarse at some rows of the coarser grid and those after them."""
     n1, n2 = x.shape[0] - 2, x.shape[1] - 2
-    m1, m2 = coarse.shape[0] - 2, coarse.shape[1] - 2
-    if ring:
-        for i in range(1, n1 + 1):
-            x[i, 0] = 0.0
-    for ci in range(1, m1 + 1):
+    m2 = coarse.shape[1] - 2
+    for ci in range(first, end):
         i = 2 * ci - 1
         for cj in range(1, m2 + 1):
             j = 2 * cj - 1
-            v = coarse[ci, cj]
-            for a in range(3):
-                x[i + a - 1, j - 1] += v * w[ci, cj, a, 0]
-                x[i + a - 1, j] += v * w[ci, cj, a, 1]
-                x[i + a - 1, j + 1] += v * w[ci, cj, a, 2]
-    if ring:
-        for i in range(1, n1 + 1):
-            x[i, n2] += x[i, 0]
-            x[i, 0] = x[i, n2]
-            x[i, n2 + 1] = x[i, 1]
+            right = 1 if ring and cj == m2 else cj + 1
+            here, beside = coarse[ci, cj], coarse[ci, right]
+            x[i, j] += here * w[ci, cj, 1, 1]
+            if j < n2:
+                x[i, j + 1] += here * w[ci, cj, 1, 2] + beside * w[ci, right, 1, 0]
+            if i < n1:
+                under, across = coarse[ci + 1, cj], coarse[ci + 1, right]
+                x[i + 1, j] += here * w[ci, cj, 2, 1] + under * w[ci + 1, cj, 0, 1]
+                if j < n2:
+                    x[i + 1, j + 1] += (
+                        here * w[ci, cj, 2, 2]
+                        + beside * w[ci, right, 2, 0]
+                        + under * w[ci + 1, cj, 0, 2]
+                        + across * w[ci + 1, right, 0, 0]
+                    )
+        if ring:
+            for k in range(i, min(i + 2, n1 + 1)):
+                x[k, 0], x[k, n2 + 1] = x[k, n2], x[k, 1]
 
 
 @njit(**COMPILED)
-def v_cycle(levels, coarsest, nine, ring):
-    """One V-cycle from b to x of the finest level, which has nine points or five."""
+def v_cycle(levels, coarsest, nine, ring, top):
+    """One V-cycle from b to x of the level `top`; the finest one, 0, has nine points or five."""
+    last = levels[0].shape[0] - 1
+    for step in range(2 * (last - top) + 1):
+        k = min(top + step, 2 * last - top - step)
+        if k == last:
+            coarse = level(levels[0], levels[1], levels[2], levels[3], levels[4], k)
+            solve_coarsest(coarsest, coarse[4], coarse[3])
+            continue
+        fine, coarse, w, moved, all_nine = _transfer(levels, k, nine)
+        right, below, inverse, x, b, r, below_right, below_left = fine
+        rows, coarse_rows = x.shape[0] - 1, coarse[4].shape[0] - 1
+        if step < last - top:
+            _sweep_down(1, rows, False, x, b, r, inverse, right, below, below_right, below_left, all_nine, ring)
+            if moved[4].size > 0:
+                relax_forward(*moved, x, r, right, below, below_right, below_left, ring)
+            _restrict(1, coarse_rows, r, w, coarse[4])
+        else:
+            _prolong(1, coarse_rows, coarse[3], w, x, ring)
+            if moved[4].size > 0:
+                relax_backward(*moved, x, b, right, below, below_right, below_left, ring)
+            _sweep_up(1, rows, x, b, inverse, right, below, below_right, below_left, all_nine, ring)
+
+
+@njit(**COMPILED)
+def _transfer(levels, k, nine):
+    """Views of a level and of the next one, weights between them, clusters, and whether the level has nine points."""
     shape, first, fields, corner_first, corners, weight_first, weights = levels[:7]
     cluster_first, start, nodes, outside, ground, inverses = levels[7:]
-    last = shape.shape[0] - 1
-    for step in range(2 * last + 1):
-        k = min(step, 2 * last - step)
-        right, below, inverse, x, b, r, below_right, below_left = level(shape, first, fields, corner_first, corners, k)
-        if k == last:
-            solve_coarsest(coarsest, b, x)
+    fine = level(shape, first, fields, corner_first, corners, k)
+    coarse = level(shape, first, fields, corner_first, corners, k + 1)
+    w = weights_to(k, shape, weight_first, weights)
+    c, d = cluster_first[k], cluster_first[k + 1]
+    return fine, coarse, w, (nodes, start[c : d + 1], outside, ground, inverses[c:d]), nine or k > 0
+
+
+def cycle(levels: Levels, coarsest: Coarsest, nine: bool, ring: bool) -> None:
+    """`v_cycle` of the finest level, with threads on large ones."""
+    large = large_levels(levels.shape)
+    for step in range(2 * large + 1):
+        k = min(step, 2 * large - step)
+        if k == large:
+            v_cycle(levels, coarsest, nine, ring, large)
             continue
-        coarse = level(shape, first, fields, corner_first, corners, k + 1)
-        w = weights[weight_first[k] : weight_first[k + 1]].reshape((shape[k + 1, 0], shape[k + 1, 1], 3, 3))
-        all_nine = nine or k > 0
-        c, d = cluster_first[k], cluster_first[k + 1]
-        moved = nodes, start[c : d + 1], outside, ground, inverses[c:d]
-        if step < last:
-            _sweep_down(x, b, r, inverse, right, below, below_right, below_left, all_nine, ring)
-            if d > c:
-                relax_forward(*moved, x, r, right, below, below_right, below_left, ring)
-            _restrict(r, w, coarse[4])
+        (right, below, inverse, x, b, r, *corners), coarse, w, moved, all_nine = _transfer(levels, k, nine)
+        swept, coarse_rows = strips(len(x)), strips(len(coarse[4]))
+        links = right, below, *corners
+        if step < large:
+            for between in (False, True):
+                over(swept[between::2], _sweep_down, between, x, b, r, inverse, *links, all_nine, ring)
+            relax_forward(*moved, x, r, *links, ring)
+            over(coarse_rows, _restrict, r, w, coarse[4])
         else:
-            _prolong(coarse[3], w, x, ring)
-            if d > c:
-                relax_backward(*moved, x, b, right, below, below_right, below_left, ring)
-            _sweep_up(x, b, inverse, right, below, below_right, below_left, all_nine, ring)
+            over(coarse_rows, _prolong, coarse[3], w, x, ring)
+            relax_backward(*moved, x, b, *links, ring)
+            for between in (True, False):
+                over(swept[between::2], _sweep_up, x, b, inverse, *links, all_nine, ring)
