@@ -18,7 +18,6 @@ from ..budget import model_changes, places_to_halve
 from ..case.case import Case
 from ..preparation.check_memory import START_MEMORY
 from ..preparation.prepared import Prepared, without_short_waves
-from ..refinement.budgets import model_grid
 from ..refinement.coarser import CONTINUED_SCENES, coarser_grids, without_filtered_waves
 from ..refinement.settings import first_settings, first_version, given_settings, grid_points, time_limit
 from ..report.case_text import contact_text, fluid_text, solids_text
@@ -109,16 +108,17 @@ def _facts(case: Case, made: Prepared) -> Iterator[tuple[str, str]]:
     if case.surface.filter_sensitivity:
         points = " × ".join(map(str, without_short_waves(prepared).surface.shape))
         yield "second run", f"{prepared.answer.name}, on {points} points without waves up to twice the shortest"
-    if budget := _budget_inputs(case, prepared):
-        again = (f"{len(one.scene.steps)} on {' × '.join(map(str, one.scene.surface.shape))} points" for one in budget)
-        yield "error budget", f"states again, {' and '.join(again)}"
+    again = _budget_inputs(case, prepared)
+    if again:
+        each = (f"{len(one.scene.steps)} on {' × '.join(map(str, one.scene.surface.shape))} points" for one in again)
+        yield "error budget", f"states again, {' and '.join(each)}"
     if leakage := case.output.description:
         yield "leakage", leakage
     first = "" if case.accuracy is None else "first attempt: "
-    yield "expected", first + _expected_text(forecast(case, prepared))
+    yield "expected", first + _expected_text(forecast(case, prepared, again=again))
     if not any(Path(__file__).parents[1].rglob("__pycache__/*.nbi")):
         yield "", "the first run after an installation compiles besides, for a minute or two"
-    yield "disk", _disk_text(disk(case, prepared), len(scene.steps))
+    yield "disk", _disk_text(disk(case, prepared, again), len(scene.steps))
     for text in prepared.warnings:
         yield "warning", text
 
@@ -180,18 +180,22 @@ def _left_open(case: Case, prepared: Prepared) -> str:
     return ", ".join(found)
 
 
-def forecast(case: Case, prepared: Prepared, known: tuple[Effort, ...] | None = None) -> Forecast:
+def forecast(
+    case: Case, prepared: Prepared, known: tuple[Effort, ...] | None = None, again: list[Prepared] | None = None
+) -> Forecast:
     """Expected time and memory of a run.
 
     known : effort of each load step; found by a few contacts of a small part of the face unless given.
+    again : what the error budget solves besides, where it is known already.
     """
     known = efforts(prepared.scene) if known is None else known
+    again = _budget_inputs(case, prepared) if again is None else again
     with storing(None, case.memory):
         costs = [prepared.cost(study, known) for study in prepared.studies]
         alone = replace(prepared, methods=frozenset({prepared.answer.name}))
         if case.surface.filter_sensitivity:
             costs.append(replace(alone, scene=without_short_waves(prepared)).cost(alone.answer, known))
-        for coarse in _budget_inputs(case, prepared):
+        for coarse in again:
             efforts_of = tuple(known[prepared.scene.steps.index(step)] for step in coarse.scene.steps)
             costs += [coarse.cost(study, efforts_of) for study in coarse.studies]
         if (test := case.output.test_fluid) is not None:
@@ -199,7 +203,7 @@ def forecast(case: Case, prepared: Prepared, known: tuple[Effort, ...] | None = 
             if drop_ratio(state, prepared.scene) is None:
                 costs.append(replace(alone, scene=state.in_scene(prepared.scene)).cost(alone.answer, known))
     drawn = case.output.pictures or case.output.report
-    own = _START_SECONDS + drawn * _PICTURES_SECONDS + disk(case, prepared).fields * _FIELD_BYTE_SECONDS
+    own = _START_SECONDS + drawn * _PICTURES_SECONDS + disk(case, prepared, again).fields * _FIELD_BYTE_SECONDS
     shared = sum(seconds for seconds, _ in costs)
     # what a study holds stays until the results are written; what it works with does not
     memory = START_MEMORY + max(memory for _, memory in costs)
@@ -211,9 +215,10 @@ def refuse_too_large(case: Case, made: Prepared) -> None:
     prepared = first_version(case, made)
     most, which = (free_memory(), "that are free") if case.memory is None else (case.memory, "of the key memory")
     # usual loads take no less than those of the case may; only where that is too much, its own are tried
-    if forecast(case, prepared, usual_efforts(len(prepared.scene.steps))).memory <= most:
+    again = _budget_inputs(case, prepared)
+    if forecast(case, prepared, usual_efforts(len(prepared.scene.steps)), again).memory <= most:
         return
-    if (needed := forecast(case, prepared).memory) <= most:
+    if (needed := forecast(case, prepared, again=again).memory) <= most:
         return
     points = " × ".join(map(str, prepared.scene.surface.shape))
     given = f"a run that takes about {needed / 1e9:.3g} GB, on {points} points"
@@ -269,8 +274,9 @@ def _expected_text(expected: Forecast) -> str:
     return f"{text}; {expected.memory / 1e9:.1f} GB of memory{more}"
 
 
-def disk(case: Case, prepared: Prepared) -> Disk:
-    """Expected sizes of the files of a run."""
+def disk(case: Case, prepared: Prepared, again: list[Prepared] | None = None) -> Disk:
+    """Expected sizes of the files of a run; `again` as in `forecast`."""
+    again = _budget_inputs(case, prepared) if again is None else again
     scene = prepared.scene
     steps, pixels = len(scene.steps), int(np.prod(scene.surface.shape))
     studies = {study.key for study in prepared.studies}
@@ -285,7 +291,7 @@ def disk(case: Case, prepared: Prepared) -> Disk:
         others += steps * windows * (80 + 160 * formats) + steps * formats * 36 * pixels / windows
     if (sampling := prepared.sampling) is not None:
         others += 8.0 * steps * (2 * sampling.realisations + 6 * sampling.library_cells)
-    checkpoint = sum(_checkpoint(one) for one in (prepared, *_budget_inputs(case, prepared)))
+    checkpoint = sum(_checkpoint(one) for one in (prepared, *again))
     with storing(None, case.memory):
         if (prepared.cells is not None or "deterministic" in prepared.methods) and not states_memory(pixels, steps):
             checkpoint += STEP_BYTES * pixels * steps  # the states themselves
@@ -297,12 +303,13 @@ def _budget_inputs(case: Case, prepared: Prepared) -> list[Prepared]:
     if not case.output.budget:
         return []
     smooth = None if case.surface.filter_sensitivity else without_filtered_waves(prepared)
-    grid = model_grid(prepared)
+    coarser = coarser_grids(prepared)
+    grid = (*coarser[:1], prepared)[0]
     changes = model_changes(grid.scene, case.output.model_parts, case.hardness_tolerance, grid.form)
     models = [grid.changed(change) for change in changes]
     if prepared.continuation is not None and "continuation" in case.output.model_parts:
         models += [grid] * CONTINUED_SCENES
-    return [*coarser_grids(prepared), *([] if smooth is None else [smooth]), *models]
+    return [*coarser, *([] if smooth is None else [smooth]), *models]
 
 
 def _checkpoint(prepared: Prepared) -> float:

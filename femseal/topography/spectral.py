@@ -18,28 +18,22 @@ Periodic = tuple[bool, bool]
 SLACK = 1e-9
 
 
-def forward(z: NDArray, periodic: Periodic) -> NDArray:
-    """Orthonormal transform of `z` (n1, n2): sum of squared moduli = sum of squared heights."""
-    mirrored, wrapped = _axes(periodic)
-    if mirrored:
-        z = scipy.fft.dctn(z, axes=mirrored, norm="ortho")
-    return scipy.fft.fftn(z, axes=wrapped, norm="ortho") if wrapped else z
-
-
-def inverse(c: NDArray, periodic: Periodic) -> NDArray:
-    """Heights (n1, n2) of the coefficients of `forward`."""
-    mirrored, wrapped = _axes(periodic)
-    z = scipy.fft.ifftn(c, axes=wrapped, norm="ortho").real if wrapped else c
-    return scipy.fft.idctn(z, axes=mirrored, norm="ortho") if mirrored else z
-
-
 def power(z: NDArray, periodic: Periodic) -> NDArray:
     """Fraction (n1, n2) of each wave in the mean square of `z` [m²]; the sum is the mean square (Parseval)."""
-    return np.abs(forward(z, periodic)) ** 2 / z.size
+    c, wrapped = _half(z, periodic)
+    powers = (np.square(c.real) + np.square(c.imag)) / z.size
+    if not wrapped:
+        return powers
+    # wave −k of real heights has the power of wave k
+    powers = np.moveaxis(powers, wrapped[-1], 1)
+    others = powers[:, (z.shape[wrapped[-1]] - 1) // 2 : 0 : -1]
+    if len(wrapped) == 2:
+        others = np.roll(others[::-1], 1, axis=0)
+    return np.moveaxis(np.concatenate((powers, others), axis=1), 1, wrapped[-1])
 
 
 def wavenumbers(n: int, d: float, periodic: bool) -> NDArray:
-    """Wavenumbers q (n,) [rad/m] of an axis in the order of `forward`; signed on a periodic axis."""
+    """Wavenumbers q (n,) [rad/m] of an axis in the order of transforms; signed on a periodic axis."""
     return 2 * np.pi * scipy.fft.fftfreq(n, d) if periodic else np.pi * np.arange(n) / (n * d)
 
 
@@ -53,8 +47,13 @@ def wavenumber_grids(
 
 def truncate(z: NDArray, spacing: tuple[float, float], periodic: Periodic, limit: float) -> NDArray:
     """Waves of `z` with |q| <= `limit` [rad/m]."""
+    c, wrapped = _half(z, periodic)
     q1, q2 = wavenumber_grids((z.shape[0], z.shape[1]), spacing, periodic)
-    return inverse(np.where(q1**2 + q2**2 <= (limit * (1 + SLACK)) ** 2, forward(z, periodic), 0), periodic)
+    c[(q1**2 + q2**2)[: c.shape[0], : c.shape[1]] > (limit * (1 + SLACK)) ** 2] = 0
+    if wrapped:
+        c = scipy.fft.irfftn(c, [z.shape[axis] for axis in wrapped], axes=wrapped, norm="ortho", overwrite_x=True)
+    mirrored = [axis for axis in (0, 1) if not periodic[axis]]
+    return scipy.fft.idctn(c, axes=mirrored, norm="ortho", overwrite_x=True) if mirrored else c
 
 
 def resample_axis(z: NDArray, n: int, axis: int, periodic: bool) -> NDArray:
@@ -90,8 +89,12 @@ def one_sided(powers: NDArray, periodic: bool) -> NDArray:
     return folded
 
 
-def _axes(periodic: Periodic) -> tuple[list[int], list[int]]:
-    return [a for a in (0, 1) if not periodic[a]], [a for a in (0, 1) if periodic[a]]
+def _half(z: NDArray, periodic: Periodic) -> tuple[NDArray, list[int]]:
+    """Orthonormal transform of `z`, of the last periodic axis waves k >= 0 alone; and the periodic axes."""
+    mirrored, wrapped = ([axis for axis in (0, 1) if periodic[axis] == kind] for kind in (False, True))
+    if mirrored:
+        z = scipy.fft.dctn(z, axes=mirrored, norm="ortho")
+    return (scipy.fft.rfftn(z, axes=wrapped, norm="ortho") if wrapped else z), wrapped
 
 
 def _fit(c: NDArray, n: int, axis: int) -> NDArray:

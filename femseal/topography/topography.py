@@ -10,6 +10,7 @@ Source of the definitions: ISO 25178-2 (Sq), Jacobs, Junge, Pastewka, Surf. Topo
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -85,7 +86,7 @@ class Topography(Plotted):
         """Sq, rms height about the mean [m]."""
         return float(self._defined("rms_height").std())
 
-    @property
+    @cached_property
     def rms_slopes(self) -> tuple[float, float]:
         """Rms of ∂z/∂x1 and of ∂z/∂x2 [-], each √(Σ q_i² |c|²) over the waves of the map (Parseval).
 
