@@ -17,8 +17,7 @@ from typing import Annotated, NoReturn
 import typer
 
 from .base.errors import FemsealError, InputError, PartsMissing, shortened
-from .calibration.calibrate_command import calibrate
-from .designs.design_command import design
+from .commands import calibrate, compare, design, sweep
 from .execution.parts import parsed_part
 from .execution.terminal import (
     CasePath,
@@ -32,7 +31,6 @@ from .execution.terminal import (
     option,
     print_table,
 )
-from .sweeps.commands import compare, sweep
 
 app = typer.Typer(
     name="femseal",

@@ -340,7 +340,7 @@ class TestReport:
 
         case = small(method="deterministic", cells=None, stochastic=None)
         (tmp_path / "accuracy.png").write_text("of another case")
-        monkeypatch.setattr("femseal.refinement.accuracy_picture.accuracy_figure", fail)
+        monkeypatch.setattr("femseal.refinement.accuracy_report.accuracy_figure", fail)
         with pytest.raises(ValueError, match="no such colour"):
             fs.measure_accuracy(case, tmp_path, workers=1)
         assert {p.name for p in tmp_path.iterdir()} == {"accuracy.csv", "accuracy.json"}

@@ -22,7 +22,7 @@ from femseal.case.case import parse_case
 from femseal.preparation import check_memory as sizes
 from femseal.preparation.preparation import prepare
 from femseal.results import assemble
-from femseal.results.netcdf import save
+from femseal.results.dataset import save
 from femseal.runs.forecast import describe
 
 ROOT = Path(__file__).parents[1]

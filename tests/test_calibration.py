@@ -14,11 +14,10 @@ import femseal as fs
 from femseal.base.leak_rates import leak_unit
 from femseal.calibration import calibrating
 from femseal.calibration.calibrating import with_values
-from femseal.calibration.leak_test import LeakTest, read_leak_test
-from femseal.calibration.posterior import Estimate, Posterior
+from femseal.calibration.leak_test import Estimate, LeakTest, Posterior, read_leak_test
 from femseal.case.load import Amount
 from femseal.loads import LoadStep
-from femseal.sweeps.surrogate import Surrogate
+from femseal.sweeps.scenes import Surrogate
 
 CASE = """
 method = "deterministic"
@@ -316,7 +315,7 @@ def test_the_example_gives_back_the_hardness_that_made_it():
 
 
 def test_a_calibrated_case_names_its_files_from_where_it_is(tmp_path):
-    from femseal.calibration.calibrated_case import _moved, _toml
+    from femseal.calibration.calibration import _moved, _toml
 
     (tmp_path / "a b.npy").write_text("")
     data = {"face": [{"path": "a b.npy", "kind": "file"}], "lay": {"field": "a b.npy:name"}, "x": ["a", 1, True, 2.5]}

@@ -13,8 +13,7 @@ import femseal as fs
 from femseal.base.errors import InputError
 from femseal.case.case import parse_case
 from femseal.cli import main
-from femseal.designs.requirements import requirement, sealing_load
-from femseal.designs.seals import DRAWS, Seals, crossings, pressure_for
+from femseal.designs.requirements import DRAWS, Seals, crossings, pressure_for, requirement, sealing_load
 from femseal.designs.sensitivities import Variants, level_at, ratio_of, sensitivities, slope_at
 from femseal.loads import LoadProgramme
 from femseal.report.page import report_html

@@ -8,9 +8,8 @@ import pytest
 from numpy.testing import assert_allclose
 
 import femseal as fs
-from femseal.plots.drawing import drawn
+from femseal.plots.drawing import drawn, load_axis
 from femseal.plots.maps import default_step, seal_figure
-from femseal.plots.scales_of_axes import load_axis
 from femseal.report import write_folder
 from femseal.report.page import report_html
 from femseal.results import assemble

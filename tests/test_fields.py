@@ -22,7 +22,7 @@ from femseal.fluids import Liquid
 from femseal.plots import seal_figure
 from femseal.report import write_folder
 from femseal.results import assemble, export, open_results, write_vtk
-from femseal.results.pixel_fields import plan_fields
+from femseal.results.paraview import plan_fields
 from femseal.runs import job
 from femseal.studies import Sampling, Scene, deterministic, stochastic, two_scale
 from femseal.studies.link_flow import chosen_windows, window_pixels

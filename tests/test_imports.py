@@ -45,6 +45,7 @@ ROOMS = (
     "sweeps",
     "designs",
     "calibration",
+    "commands",
     "cli",
     "__main__",
 )

@@ -8,8 +8,7 @@ from test_design import AMPLITUDES, FALL, GROOVED, RISE, case, power_law
 
 import femseal as fs
 from femseal.designs.data_sheet import rows, sheet_tables
-from femseal.designs.requirements import requirement
-from femseal.designs.seals import Seals
+from femseal.designs.requirements import Seals, requirement
 from femseal.loads import LoadProgramme
 from femseal.report.case_sentences import case_sentences
 

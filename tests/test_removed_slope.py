@@ -8,7 +8,7 @@ from numpy.testing import assert_allclose, assert_array_equal
 
 import femseal as fs
 from femseal.budget.waves import LOAD_POWER, sealed_for_certain, under_less_load
-from femseal.designs.seals import Seals
+from femseal.designs.requirements import Seals
 from femseal.loads import LoadProgramme
 from femseal.report.leakage_tables import class_table
 from femseal.results.tables import leakage_table

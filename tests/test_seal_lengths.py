@@ -13,7 +13,7 @@ import femseal as fs
 from femseal.case.case import parse_case
 from femseal.case.schema import case_schema
 from femseal.preparation.preparation import prepare
-from femseal.results import assemble, open_results, seal_lengths
+from femseal.results import assemble, open_results, tables
 from femseal.runs.forecast import describe, forecast
 
 LENGTHS = (240e-6, 60e-6, 2e-3)
@@ -106,14 +106,14 @@ def test_tables_of_lengths(results):
     table = results.lengths_table()
     assert table.heads == ("seal length", "50 MPa", "300 MPa", "unloading 100 MPa from 300 MPa")
     assert [line[0] for line in table.lines] == ["240 µm", "60 µm", "1.995 mm"]
-    rows = list(csv.DictReader(io.StringIO(seal_lengths.csv_text(results))))
+    rows = list(csv.DictReader(io.StringIO(tables.lengths_csv(results))))
     assert len(rows) == 3 * 4
     median = results.dataset["leakage_of_lengths_median"].values
     assert_allclose([float(row["leakage_median_m2_per_s"]) for row in rows], median.ravel())
     whole = assemble(results.scene, stochastic=results.stochastic, leakage_unit="mL/min")
     # of the whole seal, each of its own length
-    told = whole.dataset["leakage_of_lengths_median"].values / seal_lengths.length_scales(whole)[:, None]
-    assert_allclose(told, median * np.array(whole.dataset["seal_length"])[:, None] * 6e7)
+    expected = whole.dataset["leakage_of_lengths_median"].values / tables.length_scales(whole)[:, None]
+    assert_allclose(expected, median * np.array(whole.dataset["seal_length"])[:, None] * 6e7)
     assert whole.lengths_table().lines[2][0] == "1.995 mm"
 
 

@@ -17,7 +17,7 @@ from femseal.loads import LoadProgramme
 from femseal.refinement.settings import first_settings, first_version, last_version, refined
 from femseal.report.error_tables import check_lines
 from femseal.report.leakage_tables import key_numbers
-from femseal.results.attempts_table import attempt_sentences
+from femseal.results.results import attempt_sentences
 from femseal.results.tables import format_error_band
 from femseal.runs.forecast import describe
 

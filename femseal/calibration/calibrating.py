@@ -29,13 +29,10 @@ from ..runs import job
 from ..runs.forecast import forecast, refuse_too_large
 from ..studies.compiling import compile_ahead
 from ..studies.costs import usual_efforts
-from ..sweeps.scenes import Scenes, leakage_of
-from ..sweeps.surrogate import Surrogate
+from ..sweeps.scenes import Scenes, Surrogate, leakage_of
 from ..topography import resolved_wave
-from .calibrated_case import calibrated_text
-from .calibration import FILE, Array, Calibration
-from .leak_test import LeakTest, read_leak_test
-from .posterior import UNITS, Posterior
+from .calibration import FILE, Array, Calibration, calibrated_text
+from .leak_test import UNITS, LeakTest, Posterior, read_leak_test
 
 Range = tuple[float | str, float | str]
 #: Scenes that fill the ranges, and those that are then added at a time where the posterior is; least number in all.

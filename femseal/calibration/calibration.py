@@ -1,10 +1,13 @@
-"""The result of a calibration: prior and posterior, the measured and the calibrated curve; tables and files."""
+"""The result of a calibration: prior and posterior, the measured and the calibrated curve; tables, files, a picture.
+
+One file is the case with the calibrated values, from the tables of its own file.
+"""
 
 from __future__ import annotations
 
 import json
 import os
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -17,11 +20,12 @@ from ..base.machine import versions
 from ..base.quantities import to_text
 from ..base.text import TextTable, comma_separated
 from ..case.case import Case
+from ..plots.drawing import GREY, LEGEND_LINE, LINES, STYLES, Sheet, branch_styles, legend_below
 from ..results.tables import format_leakage
-from .leak_test import BELOW, LeakTest
-from .posterior import PROBABILITY, UNITS, Estimate, Posterior
+from .leak_test import BELOW, PROBABILITY, UNITS, Estimate, LeakTest, Posterior
 
 if TYPE_CHECKING:
+    from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
 FILE, TABLE, PICTURE = "calibration.json", "calibration.csv", "calibration.png"
@@ -172,8 +176,6 @@ class Calibration:
 
     def plot(self) -> Figure:
         """Leakage against load with the band of the posterior, and pairs of the posterior."""
-        from .calibration_picture import calibration_figure
-
         return calibration_figure(self)
 
     def __repr__(self) -> str:
@@ -219,3 +221,116 @@ class Calibration:
 
 def _text(name: str, value: float) -> str:
     return to_text(value, UNITS[name], 3) if UNITS[name] else f"{value:.3g}"
+
+
+#: Units of the axes, by those in SI, and what is 1 in them.
+_SCALES = {"Pa": ("MPa", 1e6), "N": ("kN", 1e3), "N/m": ("N/mm", 1e3), "m": ("µm", 1e-6), "": ("", 1.0)}
+#: Height of the axes [inch].
+_HEIGHT = 3.6
+
+
+def calibration_figure(found: Any) -> Figure:
+    """Of a `Calibration`: leakage against load, log scale; then hardness against shortest wave and factor."""
+    test = found.test
+    peaks = sorted({s.unloaded_from for s in test.steps if s.unloaded_from is not None}, reverse=True)
+    below = 0.75 + LEGEND_LINE * (len(peaks) + 2)
+    sheet = Sheet([_HEIGHT + below], columns=3)
+    margins = replace(LINES, left=1.0, bottom=below)
+    axes = sheet.panel(0, 0, margins)
+    unit, size = _SCALES[found.load_unit]
+    handles = []
+    for peak, (colour, _, marker) in zip([None, *peaks], branch_styles(1 + len(peaks)), strict=True):
+        rows = [n for n, step in enumerate(test.steps) if step.unloaded_from == peak]
+        rows.sort(key=lambda n: test.steps[n].pressure)
+        if not rows:
+            continue
+        load = np.array([test.steps[n].pressure for n in rows]) / size
+        low, median, high = np.where(found.curve > 0, found.curve, np.nan)[:, rows]
+        axes.fill_between(load, np.nan_to_num(low), high, color=colour, alpha=0.25, lw=0)
+        name = "loading" if peak is None else f"unloading from {peak / size:.4g} {unit}"
+        handles += axes.plot(load, median, color=colour, label=f"{name}: calibrated, band of {100 * PROBABILITY:g} %")
+        leaks = ~test.sealed[rows]
+        values = test.leakage[rows]
+        handles += axes.plot(load[leaks], values[leaks], marker, color=colour, mec="black", label=f"{name}: measured")
+        if not leaks.all():
+            label = f"{name}: sealed, or below this"
+            handles += axes.plot(load[~leaks], values[~leaks], "v", color="white", mec=colour, ms=9, label=label)
+    axes.set_yscale("log")
+    axes.set_xlabel(f"{'nominal pressure' if found.load_unit == 'Pa' else 'load'} [{unit}]")
+    axes.set_ylabel(f"leakage [{test.unit.name}]")
+    axes.grid(alpha=0.25, lw=0.6)
+    for column, name in enumerate(("shortest_wave", "factor"), start=1):
+        _pair(sheet.panel(0, column, margins), found, "hardness", name)
+    legend_below(sheet.figure, handles, columns=3)
+    return sheet.figure
+
+
+def _pair(axes: Axes, found: Any, across: str, up: str) -> None:
+    """Samples of two quantities, with solved scenes where they have both, and the medians."""
+    names = list(UNITS)
+    (x, x_size), (y, y_size) = (_SCALES[UNITS[name]] for name in (across, up))
+    samples = found.samples[:, [names.index(across), names.index(up)]] / (x_size, y_size)
+    axes.plot(*samples.T, ".", color=STYLES[0][0], ms=1.5, alpha=0.3, zorder=1)
+    if up == "shortest_wave":
+        axes.plot(*(found.scenes / (x_size, y_size)).T, "+", color=GREY, ms=6, label="solved scenes")
+        axes.legend(loc="upper right", fontsize=8.5, frameon=False)
+    axes.plot(*np.median(samples, axis=0), "o", color="black", ms=6)
+    axes.set_xlabel(f"{across} [{x}]")
+    axes.set_ylabel(f"{up.replace('_', ' ')} [{y}]" if y else "factor between test and model")
+    axes.set_title(f"correlation {found.correlation[names.index(across), names.index(up)]:+.2f}", fontsize=9)
+    axes.grid(alpha=0.25, lw=0.6)
+
+
+def calibrated_text(data: dict[str, Any], base: Path, folder: Path, found: Calibration) -> str:
+    """TOML of the tables of a case, whose files are relative to `base`, for a file in `folder`."""
+    tables: dict[str, Any] = {name: _moved(value, base, folder) for name, value in data.items()}
+    solid = dict(tables[found.solid])
+    solid.pop("yield_stress", None)
+    tables[found.solid] = solid | {"hardness": f"{found.hardness.median / 1e9:.5g} GPa"}
+    tables["surface"] = tables.get("surface", {}) | {"shortest_wave": f"{found.shortest_wave.median * 1e6:.5g} um"}
+    lines = [
+        "# Hardness and shortest wave by a calibration with a leak test, medians of the posterior.",
+        f"# The test leaked {found.factor.median:.3g} times as much as this case does.",
+        *(f"{_key(name)} = {_toml(value)}" for name, value in tables.items() if not _is_table(value)),
+    ]
+    for name, value in tables.items():
+        if _is_table(value):
+            for table in [value] if isinstance(value, dict) else value:
+                head = f"[{_key(name)}]" if isinstance(value, dict) else f"[[{_key(name)}]]"
+                lines += ["", head, *(f"{_key(key)} = {_toml(inner)}" for key, inner in table.items())]
+    return "\n".join(lines) + "\n"
+
+
+def _moved(value: Any, base: Path, folder: Path) -> Any:
+    """A value with the names of files that are there, relative to another folder."""
+    if isinstance(value, dict):
+        return {key: _moved(inner, base, folder) for key, inner in value.items()}
+    if isinstance(value, list):
+        return [_moved(inner, base, folder) for inner in value]
+    if isinstance(value, str):
+        # "lay.vtu:name" is a field of a file
+        name, colon, field = value.rpartition(":") if not (base / value).is_file() else (value, "", "")
+        if name and (base / name).is_file():
+            return os.path.relpath(base / name, folder).replace(os.sep, "/") + colon + field
+    return value
+
+
+def _is_table(value: Any) -> bool:
+    return isinstance(value, dict) or (
+        isinstance(value, list) and bool(value) and all(isinstance(v, dict) for v in value)
+    )
+
+
+def _key(name: str) -> str:
+    return name if name.replace("_", "").replace("-", "").isalnum() and name.isascii() else json.dumps(name)
+
+
+def _toml(value: Any) -> str:
+    """A value of a TOML file, a table on one line."""
+    if isinstance(value, dict):
+        return "{" + ", ".join(f"{_key(key)} = {_toml(inner)}" for key, inner in value.items()) + "}"
+    if isinstance(value, list):
+        return "[" + ", ".join(map(_toml, value)) + "]"
+    if isinstance(value, str):
+        return json.dumps(value, ensure_ascii=False)
+    return str(value).lower() if isinstance(value, bool) else str(value)

@@ -13,8 +13,7 @@ from ..base.leak_rates import KNOWN, LEAK_UNITS, LeakUnit, leak_classes, leak_un
 from ..base.quantities import to_text
 from ..budget.error_parts import MODEL_PARTS
 from ..flow.discretisation import DISCRETISATIONS, SOLVERS, check_discretisation
-from ..results.paraview import FORMATS
-from ..results.pixel_fields import LIMIT
+from ..results.paraview import FORMATS, LIMIT
 from ..studies.choices import CONTACTS, DRAWS, FLOWS, FLUID_PRESSURES, PRESSURES
 from .faults import fault, faults_of, refusal
 from .fluid import AnyFluid

@@ -22,13 +22,9 @@ from ..fluids import leak_basis
 from ..results import open_results
 from ..results.results import Results
 from ..runs import job
-from .data_sheet import sheet_sentences, sheet_tables, write_sheet
-from .design_data import DesignData
-from .design_picture import design_figure
-from .requirements import Requirement, requirement, sealing_load
-from .seals import Seals
-from .sensitivities import TurnedFace, Variants, ratio_of, sensitivities
-from .variants import Solver, inlet_slope, state_of_classes
+from .data_sheet import DesignData, design_figure, sheet_sentences, sheet_tables, write_sheet
+from .requirements import Requirement, Seals, requirement, sealing_load
+from .sensitivities import Solver, TurnedFace, Variants, inlet_slope, ratio_of, sensitivities, state_of_classes
 
 
 @dataclass(frozen=True, eq=False, repr=False)

@@ -1,17 +1,141 @@
-"""Pressures that a seal needs: in assembly for a leakage class, in service to keep it, and to seal at all."""
+"""Pressures that a seal needs: in assembly for a leakage class, in service to keep it, and to seal at all.
+
+Between load steps of the leakage of many seals ln(leakage) is straight in ln(pressure); beyond the steps nothing is
+extrapolated: a pressure is then known to lie above the highest or below the lowest one. Where a seal opens or closes
+between two steps, and at a load of 0, the pressure of the step that keeps the limit is taken.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import dataclass, field
-from math import inf, isinf
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, field, replace
+from math import ceil, inf, isinf
 
 import numpy as np
 
 from ..base.arrays import Array, Indices
+from ..base.leak_rates import within
 from ..base.quantities import to_text
 from ..base.text import Shown
-from .seals import Seals, pressure_for
+from ..loads import LoadProgramme, LoadStep, relaxed
+from ..results.results import Results
+
+#: Sets of seals that are drawn again for the uncertainty of a figure, and the seed of their random numbers.
+DRAWS, SEED = 400, 13555
+
+
+@dataclass(frozen=True, eq=False)
+class Seals:
+    """Leakages of seals of one kind.
+
+    steps : the load programme. leakage : size of the leakage per length (seals, steps) [m²/s]; inf where a seal is
+    computed as sealed, but the upper end of its band of error is not known. library_error : standard
+    deviation of ln(leakage) at each step that the finite library adds, common to all seals drawn from it.
+    """
+
+    steps: LoadProgramme
+    leakage: Array
+    library_error: Array
+
+    @classmethod
+    def of_results(cls, results: Results) -> Seals:
+        """The realisations of a run, or its one seal, with the fluid that decides on leakage classes.
+
+        What is sealed and may be open by its error budget is taken for open: its leakage is inf.
+        """
+        _, several = results.class_leakage
+        if (budget := results.budget) is not None:
+            several = np.where((several == 0) & ~np.isfinite(budget.upper), inf, several)
+        error = results.dataset["library_error"].values if "library_error" in results.dataset else None
+        return cls.of(results.steps, several, error if results.method == "median" else None)
+
+    @classmethod
+    def of(cls, steps: LoadProgramme, leakage: Array, library_error: Array | None = None) -> Seals:
+        """Seals of leakages of any direction, inf where one is not known; those that failed at a step are left out."""
+        size = np.abs(np.atleast_2d(np.asarray(leakage, dtype=float)))
+        error = np.zeros(len(steps)) if library_error is None else np.nan_to_num(library_error)
+        return cls(steps, size[~np.isnan(size).any(axis=1)], error)
+
+    @property
+    def count(self) -> int:
+        """Number of seals."""
+        return len(self.leakage)
+
+    def drawn_again(self, seed: int = SEED) -> Iterator[tuple[Indices, Seals]]:
+        """As many seals drawn with repetition, from another library: their numbers, and the seals.
+
+        The error of the library is taken to be of one sign at all steps and for all seals.
+        """
+        rng = np.random.default_rng(seed)
+        for _ in range(DRAWS if self.count > 1 else 0):
+            chosen = rng.integers(self.count, size=self.count)
+            shift = np.exp(self.library_error * rng.standard_normal())
+            yield chosen, replace(self, leakage=self.leakage[chosen] * shift)
+
+    def curve_of(self, fraction: float) -> Array:
+        """Leakage that a fraction of the seals does not exceed, at each step [m²/s]."""
+        return np.sort(self.leakage, axis=0)[_rank(fraction, self.count)]
+
+    def loading(self) -> Indices:
+        """Steps of the loading, rising."""
+        return np.flatnonzero(self.steps.on_loading)
+
+    def unloading(self, peak: float) -> Indices:
+        """Steps of the unloading from a peak, which they begin with."""
+        start = [n for n, s in enumerate(self.steps) if s.unloaded_from is None and s.pressure == peak]
+        return np.array(start + [n for n, s in enumerate(self.steps) if s.unloaded_from == peak])
+
+    def needed_on_loading(self, limit: float) -> Array:
+        """Pressure from which on each seal leaks no more than the limit (seals,) [Pa]; inf above all loads, 0 below."""
+        steps = self.loading()
+        return crossings(self.steps.pressures[steps][::-1], self.leakage[:, steps[::-1]], limit)
+
+    def needed_on_unloading(self, limit: float, peak: float) -> Array:
+        """Pressure down to which each seal, unloaded from a peak, leaks no more than the limit (seals,) [Pa].
+
+        inf: it leaks more at the peak already; 0: it does not at any load.
+        """
+        steps = self.unloading(peak)
+        return crossings(self.steps.pressures[steps], self.leakage[:, steps], limit)
+
+    def peaks(self) -> Indices:
+        """Loading steps of the peaks, rising."""
+        return np.flatnonzero(self.steps.on_loading & np.isin(self.steps.pressures, self.steps.unload_from))
+
+    def needed_with_relaxation(self, limit: float, relaxation: float) -> Array:
+        """Lowest peak from which on each seal, once relaxed, keeps the limit (seals,) [Pa]; inf, 0 as above."""
+        found = {step: n for n, step in enumerate(self.steps)}
+        peaks = self.steps.pressures[self.peaks()][::-1]
+        after = [found[LoadStep(relaxed(p, relaxation), p)] for p in peaks.tolist()]
+        return crossings(peaks, self.leakage[:, after], limit)
+
+
+def crossings(pressure: Array, leakage: Array, limit: float) -> Array:
+    """Lowest pressure down to which the leakage stays within a limit (seals,); inf where it never is, 0 where always.
+
+    pressure : falling (steps,). leakage : (seals, steps). limit : >= 0; 0 asks for the end of all leakage.
+    """
+    ok = within(leakage, limit)
+    seals = np.arange(len(leakage))
+    first = np.argmin(ok, axis=1)  # the first that is not
+    above = np.maximum(first - 1, 0)
+    high, low = np.broadcast_to(pressure, leakage.shape)[seals, above], pressure[first]
+    kept, lost = leakage[seals, above], leakage[seals, first]
+    smooth = (kept > 0) & (low > 0) & (lost > kept) & (limit > 0)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        way = np.where(smooth, np.log(limit / kept) / np.log(lost / kept), 0.0)
+        between = np.where(smooth, high * (low / high) ** np.clip(way, 0, 1), high)
+    return np.where(ok.all(axis=1), 0.0, np.where(first == 0, inf, between))
+
+
+def pressure_for(pressures: Array, fraction: float) -> float:
+    """Lowest pressure that is enough for a fraction of the seals [Pa]: an order statistic, without interpolation."""
+    return float(np.sort(pressures)[_rank(fraction, len(pressures))])
+
+
+def _rank(fraction: float, count: int) -> int:
+    return min(max(ceil(fraction * count - 1e-9), 1), count) - 1
+
 
 #: Ends of the interval of an uncertainty, and of the band between seals.
 ENDS = (0.05, 0.95)

@@ -35,8 +35,7 @@ from ..preparation.preparation import prepare
 from ..runs import job
 from ..runs.forecast import refuse_too_large
 from ..studies.compiling import compile_ahead
-from ..sweeps.scenes import SCENES, Scenes, alone, leakage_of
-from ..sweeps.surrogate import Surrogate
+from ..sweeps.scenes import SCENES, Scenes, Surrogate, alone, leakage_of
 from ..sweeps.variations import short_names, value_text, variations
 
 FILE, TABLE = "sobol.json", "sobol.csv"

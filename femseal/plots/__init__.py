@@ -4,14 +4,12 @@
 a run. matplotlib is loaded when something is drawn.
 """
 
-from .cell_curves import cells_figure
+from .cell_curves import cells_figure, lengths_figure
 from .drawing import picture, png, shown
 from .heights import heights_figure, survey_figure
 from .leakage_curves import leakage_figure
-from .length_curves import lengths_figure
-from .maps import seal_figure
+from .maps import contact_figure, cycle_figure, permeability_figure, seal_figure, seal_leakage_figure
 from .several_runs import comparison_figure
-from .solutions import contact_figure, cycle_figure, permeability_figure, seal_leakage_figure
 
 __all__ = [
     "cells_figure",

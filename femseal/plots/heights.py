@@ -16,8 +16,20 @@ from ..base.arrays import Array
 from ..base.quantities import to_text
 from ..results.variables import block_means
 from ..topography import SPIKES, Conditioning, SurfaceReport, Topography
-from .drawing import GREY, HEIGHTS, LINES, STYLES, Sheet, colour_bar, map_axes, map_row, new_figure, panel_title, shows
-from .scales_of_axes import decades
+from .drawing import (
+    GREY,
+    HEIGHTS,
+    LINES,
+    STYLES,
+    Sheet,
+    colour_bar,
+    decades,
+    map_axes,
+    map_row,
+    new_figure,
+    panel_title,
+    shows,
+)
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -10,10 +10,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ..results.run_comparison import RunComparison
-from ..results.selections import branches
-from .drawing import GREY, LEGEND_LINE, LINES, STYLES, Sheet, legend_below, shows
+from ..results.variables import branches
+from .drawing import GREY, LEGEND_LINE, LINES, STYLES, Sheet, legend_below, load_axis, shows
 from .leakage_curves import leakage_axis, leakage_band, leakage_line
-from .scales_of_axes import load_axis
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

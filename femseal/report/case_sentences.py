@@ -10,8 +10,8 @@ import numpy as np
 from ..base.quantities import to_text
 from ..plots.maps import default_step, face_leakage, pressure_rows
 from ..results.run_data import RunData
-from ..results.selections import solved_steps
 from ..results.tables import INTERPOLATED
+from ..results.variables import solved_steps
 from .case_text import contact_text, fluid_text, solids_text
 
 if TYPE_CHECKING:

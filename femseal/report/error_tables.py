@@ -10,9 +10,8 @@ from ..base.arrays import Array
 from ..base.files import read_plain
 from ..base.quantities import to_text
 from ..base.text import TextTable, format_deviation
-from ..results.attempts_table import as_chosen
+from ..results.results import as_chosen, solvers_text
 from ..results.run_data import RunData
-from ..results.summary import solvers_text
 from ..studies.load_curves import FLOOR, leakage_factor
 
 Lines = list[tuple[str, ...]]

@@ -13,13 +13,11 @@ from pathlib import Path
 
 from ..base.errors import FemsealError
 from ..base.files import is_inside, made_folder, read_plain, replacing, write_text
-from ..results import seal_lengths
-from ..results.netcdf import FILE_NAME, save
-from ..results.paraview import write_vtk
-from ..results.pixel_fields import LIMIT, FieldPlan, plan_fields, write_fields
-from ..results.pixel_fields import NAME as FIELDS
+from ..results.dataset import FILE_NAME, save
+from ..results.paraview import LIMIT, FieldPlan, plan_fields, write_fields, write_vtk
+from ..results.paraview import NAME as FIELDS
 from ..results.results import Results
-from ..results.tables import csv_text, write_workbook
+from ..results.tables import csv_text, has_lengths, lengths_csv, write_workbook
 from ..topography import Topography
 from .page import REPORT_NAME, write_report
 from .pictures import FILES, draw_all
@@ -164,8 +162,8 @@ def _write_for_people(
 ) -> list[Path]:
     """Tables, pictures and report."""
     written = [write_text(folder / "table.csv", csv_text(results)), write_workbook(results, folder / "table.xlsx")]
-    if seal_lengths.has_lengths(results):
-        written.append(write_text(folder / "lengths.csv", seal_lengths.csv_text(results)))
+    if has_lengths(results):
+        written.append(write_text(folder / "lengths.csv", lengths_csv(results)))
     if not pictures and not report:
         return written
     drawings = draw_all(results, surface)

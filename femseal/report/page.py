@@ -10,11 +10,10 @@ from typing import Any
 
 from ..base.errors import FemsealError, InputError
 from ..base.files import replacing
-from ..results import attempts_table, seal_lengths
-from ..results.netcdf import FILE_NAME, open_results, unfit
-from ..results.results import Results
+from ..results.dataset import FILE_NAME, open_results, unfit
+from ..results.results import Results, as_chosen, attempts_table
 from ..results.run_data import RunData
-from ..results.tables import leakage_table, totals_table
+from ..results.tables import leakage_table, lengths_table, totals_table
 from . import case_sentences, charts, error_tables, leakage_tables, pictures
 from .design_section import design_section
 
@@ -118,18 +117,18 @@ def _content(results: Results, drawings: pictures.Drawings) -> dict[str, Any]:
         "budget": error_tables.budget_table(results),
         "scatter": error_tables.scatter_lines(results),
         "checks": error_tables.check_lines(results),
-        "attempts": None if results.attempts is None else attempts_table.attempts_table(results.attempts),
+        "attempts": None if results.attempts is None else attempts_table(results.attempts),
         "accuracy": error_tables.accuracy_lines(results),
         "times": error_tables.time_lines(results),
         "warnings": results.warnings,
         "failures": results.failures,
         "versions": flat(json.loads(data.attrs["versions"])),
         "machine": flat(json.loads(data.attrs["machine"])),
-        "case": flat(attempts_table.as_chosen(results.case, results.attempts)),
+        "case": flat(as_chosen(results.case, results.attempts)),
     }
     if "lengths" in drawings:
         content["lengths"] = pictures.lengths_picture(results, drawings)
-        content["lengths_table"] = seal_lengths.lengths_table(results)
+        content["lengths_table"] = lengths_table(results)
     if "drop" in drawings:
         content["map_step"], content["maps"] = pictures.map_pictures(results, drawings)
         content["drop"] = pictures.drop_picture(results, drawings)

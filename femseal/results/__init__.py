@@ -9,8 +9,7 @@ from typing import TYPE_CHECKING
 from ..base.lazy_package import load_when_used
 
 if TYPE_CHECKING:
-    from .dataset import assemble
-    from .netcdf import open_results, save
+    from .dataset import assemble, open_results, save
     from .paraview import write_vtk
     from .results import Results
     from .run_comparison import RunComparison, compare

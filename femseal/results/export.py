@@ -16,7 +16,7 @@ from ..base.errors import InputError
 from ..base.fields import Field
 from ..base.files import replacing
 from . import vtk_files
-from .pixel_fields import WITH_FIELDS, read_pixels, stored_steps
+from .paraview import WITH_FIELDS, read_pixels, stored_steps
 from .run_data import RunData
 from .variables import block_means
 

@@ -19,7 +19,7 @@ from ..base.quantities import to_text
 from ..base.text import Plotted, TextTable, comma_separated, room
 from ..loads import LoadStep
 from ..studies.load_curves import closing_load
-from .netcdf import open_results
+from .dataset import open_results
 from .results import Results
 from .tables import format_leakage
 

@@ -1,19 +1,21 @@
-"""Leakage step by step as a table: for people and for a spreadsheet."""
+"""Leakage step by step, and of seals of several lengths, as tables: for people and for a spreadsheet."""
 
 from __future__ import annotations
 
 from collections.abc import Iterable
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from ..base.errors import InputError
 from ..base.fields import Field, with_unit
 from ..base.leak_rates import LEAK_UNITS, USUAL_UNITS, LeakUnit
 from ..base.quantities import to_text
 from ..base.text import TextTable, comma_separated
 from .run_data import BUDGETED, RunData
-from .selections import branch_text, solved_steps
+from .variables import branch_text, solved_steps
 
 if TYPE_CHECKING:
     import xarray
@@ -198,3 +200,79 @@ def format_error_band(low: float, high: float, factor: float) -> str:
         low, high = (float(f"{end / factor:.1e}") for end in (low, high))
         return format_range(low, high, 1.0)
     return format_range(low, high, factor)
+
+
+#: Variables over lengths and steps, by the end of the band that they are.
+KINDS = ("median", "lower", "upper", "lower_together", "upper_together")
+#: Most load steps that are shown.
+_MOST_STEPS = 4
+
+
+def has_lengths(run: RunData) -> bool:
+    """Whether seals of several lengths were drawn."""
+    return "leakage_of_lengths_median" in run.dataset
+
+
+def length_curves(run: RunData) -> dict[str, np.ndarray]:
+    """Leakage by length and step (seal_length, step) [m²/s] of every kind that there is.
+
+    Raises InputError: seals of one length only.
+    """
+    if not has_lengths(run):
+        raise InputError("lengths", "results of one length of seal", "those of a run with a list of lengths")
+    names = {kind: f"leakage_of_lengths_{kind}" for kind in KINDS}
+    return {kind: run.dataset[name].values for kind, name in names.items() if name in run.dataset}
+
+
+def length_steps(run: RunData) -> list[int]:
+    """Loading steps at which the median of some length leaks, spread evenly, and the last step of the programme."""
+    data = run.dataset
+    leaks = (np.nan_to_num(data["leakage_of_lengths_median"].values) != 0).any(axis=0)
+    loading = np.isnan(data["unloaded_from"].values)
+    chosen = np.flatnonzero(loading & leaks)
+    if not chosen.size:
+        chosen = np.flatnonzero(loading)
+    chosen = chosen[np.unique(np.linspace(0, chosen.size - 1, _MOST_STEPS - 1).round().astype(int))]
+    return list(dict.fromkeys([*map(int, chosen), data.sizes["step"] - 1]))
+
+
+def length_scales(run: RunData) -> np.ndarray:
+    """Leakage per length that is 1 in the unit of the results, for every length of seal (seal_length,) [m²/s]."""
+    lengths = run.dataset["seal_length"].values
+    return np.array([replace(run.leak_basis, length=float(x)).factor(run.leak_unit) for x in lengths])
+
+
+def lengths_table(run: RunData) -> TextTable:
+    """Median and band by length of seal at a few loads, to be given to `rich.print`.
+
+    Raises InputError: seals of one length only.
+    """
+    curves, names = length_curves(run), run.dataset["name"].values
+    median, low, high = (curves[kind] for kind in KINDS[:3])
+    lengths, scales = run.dataset["seal_length"].values, length_scales(run)
+
+    def cell(n: int, s: int) -> str:
+        return f"{format_leakage(median[n, s], scales[n])} ({format_range(low[n, s], high[n, s], scales[n])})"
+
+    columns = [("seal length", [to_text(float(length), "m") for length in lengths])]
+    for s in length_steps(run):
+        columns.append((str(names[s]).removeprefix("loading "), [cell(n, s) for n in range(lengths.size)]))
+    return TextTable.of_columns(f"median and band by length of seal, in {run.leak_unit.name}", columns, names=0)
+
+
+def lengths_csv(run: RunData) -> str:
+    """One line for each length and load step in SI, as comma-separated values."""
+    data, curves = run.dataset, length_curves(run)
+    rows: list[dict[str, Any]] = [
+        {
+            "seal_length_m": float(length),
+            "step": s,
+            "branch": str(data["branch"].values[s]),
+            "nominal_pressure_Pa": float(data["nominal_pressure"].values[s]),
+            "unloaded_from_Pa": float(data["unloaded_from"].values[s]),
+        }
+        | {f"leakage_{kind}_m2_per_s": float(values[n, s]) for kind, values in curves.items()}
+        for n, length in enumerate(data["seal_length"].values)
+        for s in range(data.sizes["step"])
+    ]
+    return comma_separated(rows)

@@ -21,7 +21,7 @@ from ..preparation.prepared import Prepared, without_short_waves
 from ..refinement.coarser import CONTINUED_SCENES, coarser_grids, without_filtered_waves
 from ..refinement.settings import first_settings, first_version, given_settings, grid_points, time_limit
 from ..report.case_text import contact_text, fluid_text, solids_text
-from ..results.pixel_fields import fields_size
+from ..results.paraview import fields_size
 from ..studies import Sampling, Scene, count_face_windows, drop_ratio, lay_out_windows
 from ..studies.costs import Effort, usual_efforts
 from ..studies.deterministic import STEP_BYTES, states_memory

@@ -1,4 +1,11 @@
-"""Scenes: a case solved at many values of a few of its keys, each only for its leakage."""
+"""Scenes: a case solved at many values of a few of its keys, each only for its leakage, and a surrogate of that.
+
+The surrogate is a Gaussian process for each load: ln(leakage) is a linear trend, plus a smooth process, plus one that
+jumps along some axes, where its covariance falls as exp(−r), as waves that are removed open and close single channels.
+Lengths and sizes are the most likely ones, with weak priors (Rasmussen and Williams, Gaussian Processes for Machine
+Learning, 2006, sections 2.2, 2.7, 5.4). Scenes that are sealed have no logarithm: whether a scene is open is a process
+of its own, of −1 and 1, by least squares (section 6.5).
+"""
 
 from __future__ import annotations
 
@@ -7,12 +14,16 @@ import json
 import logging
 from collections.abc import Iterable
 from contextlib import ExitStack
+from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.linalg import solve_triangular
+from scipy.optimize import minimize
+from scipy.special import ndtr
 
 from ..base.arrays import Array
 from ..base.errors import FemsealError, InputError
@@ -146,3 +157,110 @@ class Scenes:
     def arrays(self) -> tuple[Array, Array]:
         """Values of the scenes that were asked for (n, keys), and their leakages (n, loads)."""
         return np.array(self._used), np.array([self._known[point] for point in self._used])
+
+
+#: Variance of the linear trend in variances of the values, and part of that variance that rounding may be.
+_TREND, _ROUNDING = 25.0, 1e-8
+#: Priors of size and lengths of the smooth and of the other process: ln of their medians, standard deviations of ln.
+_MEDIANS, _WIDTHS = np.log([[0.5, 1.0], [0.05, 0.3]]), np.array([[1.5, 0.7], [1.5, 1.0]])
+#: Scenes that are open at a load, without which nothing is known of its leakage; least probability of either class.
+FEWEST, LEAST = 4, 1e-3
+#: Standard deviation of an unknown ln(leakage), and of the class by which open and sealed scenes mix at least.
+_UNKNOWN, _BLUR = 30.0, 0.2
+
+
+class Process:
+    """A Gaussian process through values (n,) at points (n, dimensions) of the unit cube; `jumps` are axes."""
+
+    def __init__(self, points: Array, values: Array, jumps: tuple[int, ...]) -> None:
+        self._jumps, self._points, self._mean, self._size = jumps, points, values.mean(), values.std() or 1.0
+        self._scaled = (values - self._mean) / self._size
+        dimensions = points.shape[1]
+        start = np.concatenate([np.r_[m[0], np.full(dimensions, m[1])] for m in _MEDIANS])
+        widths = np.concatenate([np.r_[w[0], np.full(dimensions, w[1])] for w in _WIDTHS])
+
+        def unlikely(parameters: Array) -> float:
+            root, weights = self._solved(parameters)
+            fit = 0.5 * self._scaled @ weights + np.log(np.diag(root)).sum()
+            return float(fit + 0.5 * (((parameters - start) / widths) ** 2).sum())
+
+        bounds = list(zip(start - 4 * widths, start + 4 * widths, strict=True))
+        self._parameters = minimize(unlikely, start, method="L-BFGS-B", bounds=bounds).x
+        root, self._weights = self._solved(self._parameters)
+        self._whitening = solve_triangular(root, np.eye(len(points)), lower=True)
+
+    def at(self, points: Array) -> tuple[Array, Array]:
+        """Mean and standard deviation (m,) at points (m, dimensions)."""
+        between = _covariance(self._parameters, points, self._points, self._jumps)
+        half = self._whitening @ between.T
+        own = (
+            _TREND * (1 + ((points - 0.5) ** 2).sum(-1)) + np.exp(2 * self._parameters[[0, points.shape[1] + 1]]).sum()
+        )
+        variance = np.maximum(own - (half**2).sum(0), _ROUNDING)
+        return self._mean + self._size * (between @ self._weights), self._size * np.sqrt(variance)
+
+    def left_out(self) -> Array:
+        """Error at each point of the process through the others, in its standard deviations (n,)."""
+        return self._weights / np.sqrt((self._whitening**2).sum(0))
+
+    def _solved(self, parameters: Array) -> tuple[Array, Array]:
+        """Cholesky factor of the covariance of the values, and its inverse times the values."""
+        covariance = _covariance(parameters, self._points, self._points, self._jumps)
+        root = np.linalg.cholesky(covariance + _ROUNDING * (1 + _TREND) * np.eye(len(self._points)))
+        weights = solve_triangular(root, solve_triangular(root, self._scaled, lower=True), lower=True, trans="T")
+        return np.asarray(root), np.asarray(weights)
+
+
+def _covariance(parameters: Array, a: Array, b: Array, jumps: tuple[int, ...]) -> Array:
+    """Covariance between points a (m, d) and b (n, d): trend, smooth process, and one that jumps along some axes."""
+    smooth, rough = np.exp(parameters).reshape(2, -1)
+    gap = a[:, None] - b[None]
+    bell = smooth[0] ** 2 * np.exp(-0.5 * ((gap / smooth[1:]) ** 2).sum(-1))
+    exponent = 0.5 * (gap / rough[1:]) ** 2
+    for axis in jumps:
+        exponent[..., axis] = np.abs(gap[..., axis]) / rough[1 + axis]
+    trend = _TREND * (1 + (a - 0.5) @ (b - 0.5).T)
+    return np.asarray(trend + bell + rough[0] ** 2 * np.exp(-exponent.sum(-1)))
+
+
+@dataclass(frozen=True, eq=False)
+class Surrogate:
+    """ln(leakage) and the probability that it is not 0, at several loads.
+
+    leakage : for each load a process of ln(leakage), None where too few scenes are open. open : a process of the class
+    for each load, or the one class of all scenes, −1 or 1. correlation : of the errors at two loads (loads, loads).
+    """
+
+    leakage: tuple[Process | None, ...]
+    open: tuple[Process | float, ...]
+    correlation: Array
+
+    @classmethod
+    def through(cls, points: Array, leakage: Array, jumps: tuple[int, ...]) -> Surrogate:
+        """Through scenes at points (n, dimensions) of the unit cube with leakages (n, loads) >= 0, see `Process`."""
+        is_open = leakage > 0
+        processes: list[Process | None] = []
+        classes: list[Process | float] = []
+        errors = np.full(leakage.shape, np.nan)
+        for load, some in enumerate(is_open.T):
+            known = some.sum() >= FEWEST
+            processes.append(Process(points[some], np.log(leakage[some, load]), jumps) if known else None)
+            if (process := processes[-1]) is not None:
+                errors[some, load] = process.left_out()
+            label = np.where(some, 1.0, -1.0)
+            classes.append(float(label[0]) if len({*label}) == 1 else Process(points, label, jumps))
+        filled = np.nan_to_num(errors)
+        norm = np.sqrt((filled**2).sum(0)) + 1e-30
+        # between 0 and 1 of what few scenes say, so that no combination of loads seems known exactly
+        correlation = 0.95 * np.clip(filled.T @ filled / np.outer(norm, norm), -1, 1)
+        np.fill_diagonal(correlation, 1.0)
+        return cls(tuple(processes), tuple(classes), correlation)
+
+    def at(self, points: Array) -> tuple[Array, Array, Array]:
+        """Mean and standard deviation of ln(leakage) of open seals, and probability to be open, each (m, loads)."""
+        mean, deviation, is_open = (np.zeros((len(points), len(self.leakage))) for _ in range(3))
+        for load, (process, kind) in enumerate(zip(self.leakage, self.open, strict=True)):
+            mean[:, load], deviation[:, load] = (0.0, _UNKNOWN) if process is None else process.at(points)
+            middle, width = kind.at(points) if isinstance(kind, Process) else (kind, 0.0)
+            is_open[:, load] = ndtr(middle / np.hypot(width, _BLUR))
+        return mean, deviation, np.clip(is_open, LEAST, 1 - LEAST)

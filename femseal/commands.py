@@ -1,0 +1,220 @@
+"""The commands that ask many runs: sweep, compare, design, calibrate."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from .base.errors import FemsealError
+from .execution.parts import parsed_part
+from .execution.terminal import (
+    CasePath,
+    PartOption,
+    ProgressBars,
+    Quiet,
+    Scheduler,
+    Workers,
+    flag,
+    log_lines,
+    option,
+    print_table,
+)
+
+
+def sweep(
+    path: CasePath,
+    keys: Annotated[
+        list[str],
+        typer.Argument(metavar="KEY=V1,V2 …", help="Values of dotted keys, such as material.hardness=3GPa,4GPa."),
+    ],
+    output: Annotated[Path | None, option("Folder of all cases.", "results/CASE-sweep", "-o", "--output")] = None,
+    resume: Annotated[bool, flag("--resume", "Keep complete cases, and go on with the others.")] = False,
+    unit: Annotated[str | None, option("Unit of leakage.", "as in the case")] = None,
+    part: PartOption = None,
+    workers: Workers = None,
+    scheduler: Scheduler = None,
+    quiet: Quiet = False,
+) -> None:
+    """Run a case with every combination of the values of some keys; one table and one picture for all of them."""
+    from .sweeps.sweeping import sweep as over_all
+    from .sweeps.variations import parsed_keys
+
+    folder = output or Path("results") / f"{path.stem}-sweep"
+    terminal = sys.stderr.isatty()
+    announce = None if quiet else typer.echo
+    with log_lines(None, quiet, terminal), ProgressBars(show=not quiet and terminal) as progress:
+        found = over_all(
+            path,
+            parsed_keys(keys),
+            folder,
+            resume=resume,
+            workers=workers,
+            scheduler=scheduler,
+            unit=unit,
+            part=parsed_part(part),
+            progress=progress,
+            announce=announce,
+        )
+    if not quiet:
+        print_table(found.table())
+        done = f"part {part}: its cases are done; --resume without --part compares all"
+        typer.echo(done if part else f"table and picture in {folder / 'sweep.csv'} and sweep.png")
+
+
+def compare(
+    runs: Annotated[list[str], typer.Argument(metavar="DIR …", help="Results folders, each as DIR or as NAME=DIR.")],
+    output: Annotated[
+        Path | None, option("Folder for comparison.csv and comparison.png.", "none", "-o", "--output")
+    ] = None,
+    unit: Annotated[str | None, option("Unit of leakage.", "as in the cases")] = None,
+) -> None:
+    """Compare the leakage of several finished runs in one table and one picture."""
+    from .results import compare as side_by_side
+    from .results.run_comparison import named
+
+    found = side_by_side(named(runs), unit=unit)
+    print_table(found.table())
+    if output is not None:
+        found.write(output)
+        typer.echo(f"table and picture in {output / 'comparison.csv'} and comparison.png")
+
+
+def design(
+    path: Annotated[Path, typer.Argument(metavar="CASE|DIR", help="Case file, or results folder of a run.")],
+    classes: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--class",
+            help="Leakage class, such as L0.01, 'TA Luft', 'ISO 5208 C', or '5 mL/min'; may be given several times.",
+            show_default="those of the case, else L0.01, L0.1, L1",
+        ),
+    ] = None,
+    probability: Annotated[float, typer.Option(help="Fraction of the seals that is to keep the class.")] = 0.95,
+    assembly: Annotated[
+        list[str] | None,
+        option(
+            "Pressure in assembly Q_A besides those of the case, such as '300 MPa'; may be given several times.", "none"
+        ),
+    ] = None,
+    diameter: Annotated[str | None, option("Nominal diameter, for ISO 5208.", "that of the case")] = None,
+    output: Annotated[
+        Path | None, option("Folder of results and answer.", "results/CASE, or DIR", "-o", "--output")
+    ] = None,
+    solve: Annotated[
+        bool, typer.Option("--solve/--no-solve", help="Solve a case again with another hardness and turned by 90°.")
+    ] = True,
+    sobol: Annotated[
+        list[str] | None,
+        typer.Option(
+            metavar="KEY=LOW,HIGH",
+            help="Instead, Sobol indices of the leakage over ranges of keys, such as material.hardness=2GPa,4GPa.",
+            show_default="none",
+        ),
+    ] = None,
+    workers: Workers = None,
+    quiet: Quiet = False,
+) -> None:
+    """Say what pressure a seal needs in assembly (Qmin) and in service (QSmin) for leakage classes.
+
+    A case is run unless its folder holds its complete results; a results folder is taken as it is.
+    """
+    if sobol:
+        _sobol(path, sobol, output, workers, quiet)
+        return
+    from .designs.answer import design as answer_of
+
+    folder = output or (path if path.is_dir() else Path("results") / path.stem)
+    terminal = sys.stderr.isatty()
+    try:
+        with log_lines(None, quiet, terminal), ProgressBars(show=not quiet and terminal) as progress:
+            answer = answer_of(
+                path,
+                folder,
+                classes=classes or (),
+                probability=probability,
+                assembly=assembly or (),
+                nominal_diameter=diameter,
+                solve=solve,
+                workers=workers,
+                progress=progress,
+            )
+    except KeyboardInterrupt:
+        raise FemsealError("stopped; the same command goes on with what is complete") from None
+    if not quiet:
+        print_table(answer.table())
+        written = [f"design.{kind}" for kind in ("csv", "json", "png")]
+        written += ["report.html"] if (folder / "report.html").is_file() else []
+        typer.echo(f"{', '.join(written[:-1])} and {written[-1]} in {folder}")
+
+
+def _sobol(path: Path, ranges: list[str], output: Path | None, workers: int | None, quiet: bool) -> None:
+    """Sobol indices of a case file, on the terminal and in a folder."""
+    from .designs.sobol import sobol as indices_of
+    from .sweeps.variations import parsed_keys
+
+    folder = output or Path("results") / f"{path.stem}-sobol"
+    terminal = sys.stderr.isatty()
+    with log_lines(None, quiet or not terminal, terminal), ProgressBars(show=not quiet and terminal) as progress:
+        found = indices_of(path, parsed_keys(ranges), folder, workers=workers, progress=progress)
+    if not quiet:
+        print_table(found.table())
+        typer.echo(f"sobol.csv and sobol.json in {folder}")
+
+
+def calibrate(
+    path: CasePath,
+    data: Annotated[Path, typer.Argument(metavar="DATA.csv", help="Columns of a leak test: load, branch, leakage.")],
+    output: Annotated[Path | None, option("Folder.", "results/CASE-calibrated", "-o", "--output")] = None,
+    hardness: Annotated[
+        tuple[str, str] | None,
+        option("Range of the prior, such as '2 GPa' '5 GPa'.", "a third to 3 times the case's"),
+    ] = None,
+    shortest_wave: Annotated[
+        tuple[str, str] | None,
+        option("Range of the prior, such as '4 um' '20 um'.", "8 pixels to 3 times the case's"),
+    ] = None,
+    factor: Annotated[
+        tuple[float, float], typer.Option(help="Range of the prior of the factor between test and model.")
+    ] = (0.2, 5.0),
+    error: Annotated[str, typer.Option(help="Relative error of a measured leakage.")] = "10 %",
+    scenes: Annotated[int, typer.Option(help="Scenes that are solved at most.")] = 40,
+    resume: Annotated[bool, flag("--resume", "Take the scenes that the folder has.")] = False,
+    part: PartOption = None,
+    workers: Workers = None,
+    scheduler: Scheduler = None,
+    quiet: Quiet = False,
+) -> None:
+    """Find hardness, shortest wave and the factor between model and test from a measured curve of leakage."""
+    from .calibration.calibrating import CASE_FILE
+    from .calibration.calibrating import calibrate as calibrated
+
+    folder = output or Path("results") / f"{path.stem}-calibrated"
+    terminal = sys.stderr.isatty()
+    try:
+        with log_lines(None, quiet or not terminal, terminal), ProgressBars(show=not quiet and terminal) as progress:
+            found = calibrated(
+                path,
+                data,
+                folder,
+                hardness=hardness,
+                shortest_wave=shortest_wave,
+                factor=factor,
+                error=error,
+                scenes=scenes,
+                resume=resume,
+                part=parsed_part(part),
+                workers=workers,
+                scheduler=scheduler,
+                progress=progress,
+            )
+    except KeyboardInterrupt:
+        raise FemsealError(f"stopped; `femseal calibrate {path} {data} -o {folder} --resume` goes on") from None
+    if not quiet:
+        print_table(found.table())
+    if part is not None and not quiet:
+        typer.echo(f"part {part}: all scenes are solved; --resume without --part writes the results")
+    elif not quiet:
+        typer.echo(f"calibration.json, calibration.csv, calibration.png and {CASE_FILE} in {folder}")
