@@ -220,8 +220,7 @@ def refuse_too_large(case: Case, made: Prepared) -> None:
         return
     if (needed := forecast(case, prepared, again=again).memory) <= most:
         return
-    points = " × ".join(map(str, prepared.scene.surface.shape))
-    given = f"a run that takes about {needed / 1e9:.3g} GB, on {points} points"
+    given = f"a run that takes about {needed / 1e9:.3g} GB, on {' × '.join(map(str, prepared.scene.surface.shape))} points"
     cheaper = ', the method two-scale with flow = "elements"' if "deterministic" in prepared.methods else ""
     advice = f"fewer surface.points or load steps{cheaper}"
     if most <= START_MEMORY:
