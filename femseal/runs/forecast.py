@@ -108,8 +108,7 @@ def _facts(case: Case, made: Prepared) -> Iterator[tuple[str, str]]:
     if case.surface.filter_sensitivity:
         points = " × ".join(map(str, without_short_waves(prepared).surface.shape))
         yield "second run", f"{prepared.answer.name}, on {points} points without waves up to twice the shortest"
-    again = _budget_inputs(case, prepared)
-    if again:
+    if again := _budget_inputs(case, prepared):
         each = (f"{len(one.scene.steps)} on {' × '.join(map(str, one.scene.surface.shape))} points" for one in again)
         yield "error budget", f"states again, {' and '.join(each)}"
     if leakage := case.output.description:
@@ -220,7 +219,8 @@ def refuse_too_large(case: Case, made: Prepared) -> None:
         return
     if (needed := forecast(case, prepared, again=again).memory) <= most:
         return
-    given = f"a run that takes about {needed / 1e9:.3g} GB, on {' × '.join(map(str, prepared.scene.surface.shape))} points"
+    points = " × ".join(map(str, prepared.scene.surface.shape))
+    given = f"a run that takes about {needed / 1e9:.3g} GB, on {points} points"
     cheaper = ', the method two-scale with flow = "elements"' if "deterministic" in prepared.methods else ""
     advice = f"fewer surface.points or load steps{cheaper}"
     if most <= START_MEMORY:
