@@ -41,7 +41,7 @@ _PLANNING = threading.RLock()
 
 
 class Convolution:
-    """displacement = K pressure between two arrays of its own, `pressure` and `displacement`.
+    """displacement = K pressure between two arrays of its own, `pressure` and `displacement`, which is `rows` too.
 
     A mirror axis needs no more than the transform of its N points taken in the order 0, 2, 4 … 5, 3, 1: cosine
     coefficients k and N − k are sums of the waves k and N − k, so that K mixes these two. Source: Makhoul, IEEE Trans.
@@ -68,7 +68,7 @@ class Convolution:
         threads: int = 1,
         over: Convolution | None = None,
     ) -> None:
-        pyfftw = _fftw()
+        pyfftw = fftw()
         (n1, n2), real = shape, np.dtype(dtype)
         waves = np.result_type(real, np.complex64)
         l1, l2 = (padded_length(n) if kind == "free" else n for n, kind in zip(shape, boundary, strict=True))
@@ -78,14 +78,14 @@ class Convolution:
         self._lent = iter(() if over is None else over._memory)
         if over is None:
             assert symbol is not None
-            self._weights = _weights(symbol, *self._mirrors)
+            self._weights = weights_of(symbol, *self._mirrors)
             self._weights /= l1 * l2
             del symbol
         else:
             self._weights = over._weights
         self.pressure = pyfftw.zeros_aligned((n1, n2), dtype=real)
-        self.displacement = self._array((n1, n2), real)
-        spectrum = self._array((l1, _row_length(m2, waves.itemsize)), waves)[:, :m2]
+        self.displacement = self.rows = self._array((n1, n2), real)
+        spectrum = self._array((l1, row_length(m2, waves.itemsize)), waves)[:, :m2]
         staged = any(self._mirrors) or boundary[1] == "free"
         self._staged = self._array((n1, l2), real) if staged else None
         points: Any = self._staged if staged else self.pressure
@@ -96,11 +96,11 @@ class Convolution:
         width = max(_ALIGNED, width - width % _ALIGNED)
         starts = range(0, m2, width)
         self._blocks: list[list[Any]] = []
-        with _own_wisdom():
+        with own_wisdom():
             self._rows = []
             for i, end in parts(l1, max(_ROW_POINTS / l2, l1 / _ROW_PARTS)):
                 rows = slice(i, min(end, n1))
-                plans = _plans(points[rows], spectrum[rows], target[rows], axis=1) if i < n1 else None
+                plans = planned(points[rows], spectrum[rows], target[rows], axis=1) if i < n1 else None
                 self._rows.append((rows, spectrum[max(i, n1) : end], plans))
             for part in np.array_split(starts, threads):
                 block = pyfftw.zeros_aligned((width, l1), dtype=waves)
@@ -108,8 +108,8 @@ class Convolution:
                 for j in part:
                     columns = slice(j, min(j + width, m2))
                     here = block[: columns.stop - j]
-                    plans = _plans(spectrum[:, columns], here.T, spectrum[:, columns], axis=0)
-                    arguments = here, j, self._weights, cosine1, sine1, turn2
+                    plans = planned(spectrum[:, columns], here.T, spectrum[:, columns], axis=0)
+                    arguments = here, j, len(here), self._weights, False, cosine1, sine1, turn2
                     self._blocks[-1].append((*plans, arguments))
         self._threads = threads
 
@@ -117,7 +117,7 @@ class Convolution:
         """An array, in the memory of `over` as far as it suffices."""
         memory = next(self._lent, None)
         if memory is None:
-            memory = _fftw().empty_aligned(math.prod(shape) * dtype.itemsize, dtype=np.uint8)
+            memory = fftw().empty_aligned(math.prod(shape) * dtype.itemsize, dtype=np.uint8)
         self._memory.append(memory)
         return memory[: math.prod(shape) * dtype.itemsize].view(dtype).reshape(shape)
 
@@ -134,7 +134,7 @@ class Convolution:
             no_points[:] = 0
         if plans is not None:
             if self._staged is not None:
-                _lay(self.pressure, self._staged, rows.start, rows.stop, *self._mirrors)
+                lay(self.pressure, self._staged, rows.start, rows.stop, *self._mirrors)
             plans[0]()
 
     def _inverse(self, part: Any) -> None:
@@ -143,10 +143,10 @@ class Convolution:
         if plans is not None:
             plans[1]()
             if self._staged is not None:
-                _take(self._staged, self.displacement, rows.start, rows.stop, *self._mirrors)
+                take(self._staged, self.displacement, rows.start, rows.stop, *self._mirrors)
 
 
-def _row_length(waves: int, itemsize: int) -> int:
+def row_length(waves: int, itemsize: int) -> int:
     """Number of waves in the memory of a row; between long rows some cache lines stay empty."""
     lines = math.ceil(waves * itemsize / _LINE)
     if lines <= _LINES:
@@ -154,9 +154,9 @@ def _row_length(waves: int, itemsize: int) -> int:
     return (lines + (_MORE_LINES - lines) % _LINES) * _LINE // itemsize
 
 
-def _plans(points: Any, waves: Any, target: Any, *, axis: int) -> tuple[Any, Any]:
+def planned(points: Any, waves: Any, target: Any, *, axis: int) -> tuple[Any, Any]:
     """FFTW's transforms points → waves and, destroying them, waves → target."""
-    pyfftw = _fftw()
+    pyfftw = fftw()
     flags = "FFTW_ESTIMATE", "FFTW_DESTROY_INPUT"
     pyfftw.forget_wisdom()  # earlier plans would change the choice
     forward = pyfftw.FFTW(points, waves, (axis,), "FFTW_FORWARD", flags[:1])
@@ -164,7 +164,7 @@ def _plans(points: Any, waves: Any, target: Any, *, axis: int) -> tuple[Any, Any
 
 
 @cache
-def _fftw() -> Any:
+def fftw() -> Any:
     """pyfftw without its transforms of Dask arrays, whose import takes longer than a small run (0.5 s of CPU)."""
     hidden = "dask" not in sys.modules
     if hidden:
@@ -178,9 +178,9 @@ def _fftw() -> Any:
 
 
 @contextmanager
-def _own_wisdom() -> Iterator[None]:
+def own_wisdom() -> Iterator[None]:
     """Context after which FFTW knows the plans that it knew before: keeping and restoring them takes milliseconds."""
-    pyfftw = _fftw()
+    pyfftw = fftw()
     with _PLANNING:
         known = pyfftw.export_wisdom()
         try:
@@ -194,91 +194,103 @@ def _respond_in(blocks: Sequence[Any]) -> None:
     """Transform columns, multiply their waves with the symbol, transform them back."""
     for forward, inverse, arguments in blocks:
         forward()
-        _respond(*arguments)
+        respond(*arguments)
         inverse()
 
 
-def _weights(symbol: Array, mirror1: bool, mirror2: bool) -> Array:
+def weights_of(symbol: Array, mirror1: bool, mirror2: bool, transforms: int = 1) -> Array:
     """The symbol or, if an axis is a mirror, its four means of sums and differences over k and N − k, transposed.
 
     The second and the fourth have differences along the first axis, the third and the fourth along the second. The
-    cosine coefficient N of N points is always 0, and its symbol whatever makes a difference vanish.
+    cosine coefficient N of N points is always 0, and its symbol whatever makes a difference vanish. Of two transforms
+    along the first axis, that of the even waves comes before that of the odd ones.
     """
-    parts = [symbol]
+    means = [symbol]
     for axis, mirror in enumerate((mirror1, mirror2)):
         if mirror:
             n = symbol.shape[axis]
             k = np.arange(n // 2 + 1)
-            pairs = [(part.take(k, axis), part.take(-k % n, axis)) for part in parts]
-            parts = [(a + b) / 2 for a, b in pairs] + [(a - b) / 2 for a, b in pairs]
+            pairs = [(part.take(k, axis), part.take(-k % n, axis)) for part in means]
+            means = [(a + b) / 2 for a, b in pairs] + [(a - b) / 2 for a, b in pairs]
         elif mirror1 or mirror2:
-            parts += [np.zeros_like(part) for part in parts]
-    return np.array([part.T for part in parts], order="C")
+            means += [np.zeros_like(part) for part in means]
+    ordered = [np.concatenate([part[i::transforms] for i in range(transforms)]) for part in means]
+    return np.array([part.T for part in ordered], order="C")
 
 
-_compiled: dict[str, Any] = {"cache": True, "nogil": True, "fastmath": {"contract"}}
+COMPILED: dict[str, Any] = {"cache": True, "nogil": True, "fastmath": {"contract"}}
 
 
-@njit(**_compiled)
-def _respond(block, first, weights, cosine1, sine1, turn2):
+@njit(**COMPILED)
+def respond(block, first, count, weights, twisted, cosine1, sine1, turn2):
     """Turn waves of pressure into waves of displacement in a block whose first column is `first`.
 
     With C(k) = ē V(k) + e V(N − k), e = exp(iπk/2N), and 2 V(k) = e (C(k) − i C(N − k)), a symbol S(k) on C is
     V(k) ← ½(S(k) + S(N − k)) V(k) + ½(S(k) − S(N − k)) e² V(N − k) on V. For two mirrors, V(k1, N − k2) is the
-    conjugate of V(N − k1, k2). Parts in rows of their own are what compilers make vector instructions of.
+    conjugate of V(N − k1, k2). Parts in rows of their own are what compilers make vector instructions of. Where
+    `twisted`, the second half of the block has odd waves, and N − 1 − k is the place of the conjugate of k.
     """
     m, n = block.shape
-    if len(weights) == 1:
-        for j in range(m):
-            row = weights[0, first + j]
-            for i in range(n // 2 + 1):
-                block[j, i] *= row[i]
-            for i in range(1, (n + 1) // 2):
-                block[j, n - i] *= row[i]
-        return
-    half = n // 2 + 1
-    rows = np.empty((8, half))
+    rows = np.empty((8, n // 2 + 1))
     ar, ai, br, bi, cr, ci, dr, di = rows[0], rows[1], rows[2], rows[3], rows[4], rows[5], rows[6], rows[7]
-    for j in range(m):
-        row = block[j]
-        k = first + j
-        own, w1, w2, w12 = weights[0, k], weights[1, k], weights[2, k], weights[3, k]
-        x, y = turn2[k].real, turn2[k].imag
-        # a = V(k), b = V(N − k)
-        for i in range(half):
-            ar[i], ai[i] = row[i].real, row[i].imag
-        br[0], bi[0] = ar[0], ai[0]
-        for i in range(1, half):
-            br[i], bi[i] = row[n - i].real, row[n - i].imag
-        for i in range(half):
-            # f = e₁² b, g = e₁² ā, u = w₂ b̄ + w₁₂ g, v = w₂ ā + w₁₂ f̄
-            fr, fi = cosine1[i] * br[i] - sine1[i] * bi[i], cosine1[i] * bi[i] + sine1[i] * br[i]
-            gr, gi = cosine1[i] * ar[i] + sine1[i] * ai[i], sine1[i] * ar[i] - cosine1[i] * ai[i]
-            ur, ui = w2[i] * br[i] + w12[i] * gr, w12[i] * gi - w2[i] * bi[i]
-            vr, vi = w2[i] * ar[i] + w12[i] * fr, -w2[i] * ai[i] - w12[i] * fi
-            # c = own a + w₁ f + e₂² u, d = own b + w₁ ḡ + e₂² v
-            cr[i], ci[i] = own[i] * ar[i] + w1[i] * fr + x * ur - y * ui, own[i] * ai[i] + w1[i] * fi + x * ui + y * ur
-            dr[i], di[i] = own[i] * br[i] + w1[i] * gr + x * vr - y * vi, own[i] * bi[i] - w1[i] * gi + x * vi + y * vr
-        for i in range(1, half):
-            row[n - i] = complex(dr[i], di[i])
-        for i in range(half):
-            row[i] = complex(cr[i], ci[i])
+    for odd in range(2 if twisted else 1):
+        half = (n - odd) // 2 + 1
+        start = odd * (n // 2 + 1)
+        lone = 1 - odd  # the mean is its own conjugate
+        last = n - odd
+        for j in range(count):
+            row = block[odd * (m // 2) + j]
+            k = first + j
+            own = weights[0, k, start : start + half]
+            if len(weights) == 1:
+                for i in range(half):
+                    row[i] *= own[i]
+                for i in range(lone, n - half + lone):
+                    row[last - i] *= own[i]
+                continue
+            w1, w2, w12 = (
+                weights[1, k, start : start + half],
+                weights[2, k, start : start + half],
+                weights[3, k, start : start + half],
+            )
+            x, y = turn2[k].real, turn2[k].imag
+            # a = V(k), b = V(N − k)
+            for i in range(half):
+                ar[i], ai[i] = row[i].real, row[i].imag
+            br[0], bi[0] = ar[0], ai[0]
+            for i in range(lone, half):
+                br[i], bi[i] = row[last - i].real, row[last - i].imag
+            for i in range(half):
+                # f = e₁² b, g = e₁² ā, u = w₂ b̄ + w₁₂ g, v = w₂ ā + w₁₂ f̄
+                fr, fi = cosine1[i] * br[i] - sine1[i] * bi[i], cosine1[i] * bi[i] + sine1[i] * br[i]
+                gr, gi = cosine1[i] * ar[i] + sine1[i] * ai[i], sine1[i] * ar[i] - cosine1[i] * ai[i]
+                ur, ui = w2[i] * br[i] + w12[i] * gr, w12[i] * gi - w2[i] * bi[i]
+                vr, vi = w2[i] * ar[i] + w12[i] * fr, -w2[i] * ai[i] - w12[i] * fi
+                # c = own a + w₁ f + e₂² u, d = own b + w₁ ḡ + e₂² v
+                cr[i] = own[i] * ar[i] + w1[i] * fr + x * ur - y * ui
+                ci[i] = own[i] * ai[i] + w1[i] * fi + x * ui + y * ur
+                dr[i] = own[i] * br[i] + w1[i] * gr + x * vr - y * vi
+                di[i] = own[i] * bi[i] - w1[i] * gi + x * vi + y * vr
+            for i in range(lone, half):
+                row[last - i] = complex(dr[i], di[i])
+            for i in range(half):
+                row[i] = complex(cr[i], ci[i])
 
 
-@njit(**_compiled)
-def _place(i, n, mirror):
+@njit(**COMPILED)
+def place(i, n, mirror):
     """Index of the point that is the i-th to be transformed."""
     if not mirror:
         return i
     return 2 * i if 2 * i < n else 2 * (n - i) - 1
 
 
-@njit(**_compiled)
-def _lay(points, staged, first, end, mirror1, mirror2):
+@njit(**COMPILED)
+def lay(points, staged, first, end, mirror1, mirror2):
     """Write the points of some rows of the transform in its order, and zeros behind them."""
     n1, n2 = points.shape
     for i in range(first, end):
-        row = points[_place(i, n1, mirror1)]
+        row = points[place(i, n1, mirror1)]
         if mirror2:
             for j in range((n2 + 1) // 2):
                 staged[i, j] = row[2 * j]
@@ -290,12 +302,12 @@ def _lay(points, staged, first, end, mirror1, mirror2):
             staged[i, n2:] = 0
 
 
-@njit(**_compiled)
-def _take(staged, points, first, end, mirror1, mirror2):
-    """Write the points back in their own order: the inverse of `_lay`."""
+@njit(**COMPILED)
+def take(staged, points, first, end, mirror1, mirror2):
+    """Write the points back in their own order: the inverse of `lay`."""
     n1, n2 = points.shape
     for i in range(first, end):
-        row = points[_place(i, n1, mirror1)]
+        row = points[place(i, n1, mirror1)]
         if mirror2:
             for j in range((n2 + 1) // 2):
                 row[2 * j] = staged[i, j]

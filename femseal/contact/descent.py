@@ -52,12 +52,11 @@ class Descent:
         while True:
             grid.respond.apply()
             self.pairs += 1
-            grid.v += self._gap
-            v = grid.v.copy()  # the products of directions take its memory
+            v = grid.respond.displacement.ravel() + self._gap  # the products of directions take its memory
             self.delta, y = self._projected(p, v, c0)
             self.residual = float(np.linalg.norm(y - p) / np.linalg.norm(y)) if y.any() else np.inf * p.any()
             if self.residual <= rtol or self.iterations == limit:
-                grid.v[:] = v
+                grid.respond.displacement[:] = v.reshape(grid.pressure.shape)
                 return
             self.iterations += 1
             c = self._gradient_step(p, v, c)
@@ -85,7 +84,7 @@ class Descent:
         self._grid.dense[:] = d
         self._grid.search.apply()
         self.pairs += 1
-        return self._grid.kd.astype(float)
+        return self._grid.search.displacement.ravel().astype(float)
 
     def _gradient_step(self, p: Array, v: Array, c: float) -> float:
         """Step to y or to the lowest energy on the way; returns the length of the next such step."""

@@ -123,7 +123,7 @@ def step(n, free, wr, loaded, hardens, kd, lists, near, on_free, dense):
 
     Returns d·Kd, d·d and whether the step was made: not where d·(Kd + a d) is not > 0.
     """
-    gather(0, n, kd, lists, near)
+    gather(0, n, kd, dense.size // kd.shape[0], lists, near)
     curvature, length, stiff = curvatures(0, free, hardens, lists, near, on_free)
     total = 0.0
     if stiff > 0.0:
@@ -134,11 +134,19 @@ def step(n, free, wr, loaded, hardens, kd, lists, near, on_free, dense):
 
 
 @njit(**FAST)
-def gather(first, end, kd, lists, near):
-    """Kd of some points near contact."""
+def gather(first, end, kd, columns, lists, near):
+    """Kd of some points near contact, of which each row of the grid has so many columns."""
     listed, kn = lists[0, first:end], near[3, first:end]
+    values = kd.ravel()
+    more = kd.shape[1] - columns
+    skipped = 0
+    next_row = columns
     for j in range(end - first):
-        kn[j] = kd[listed[j]]
+        i = listed[j]
+        while more > 0 and i >= next_row:
+            skipped += more
+            next_row += columns
+        kn[j] = values[i + skipped]
 
 
 @njit(**FAST)

@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 from ..base import validate
 from ..base.errors import InputError
 from . import influence
-from .convolution import Convolution
+from .large_convolution import convolution
 
 Array = NDArray[np.float64]
 BOUNDARIES = ("periodic", "mirror", "free")
@@ -80,7 +80,7 @@ class HalfSpace:
     def displacement(self, pressure: ArrayLike) -> Array:
         """Displacement u = K p [m] of shape (n1, n2) under pressures p [Pa] of the same shape."""
         p = validate.field("pressure", pressure, unit="Pa", shape=self.shape)
-        convolution = Convolution(self.shape, self.boundary, self.symbol())
-        convolution.pressure[:] = p
-        convolution.apply()
-        return convolution.displacement
+        product = convolution(self.shape, self.boundary, self.symbol())
+        product.pressure[:] = p
+        product.apply()
+        return np.ascontiguousarray(product.displacement)

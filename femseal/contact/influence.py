@@ -19,8 +19,8 @@ _STRIP_VALUES = 2**20
 
 
 def padded_length(n: int) -> int:
-    """Length to which a free axis of n points is padded, so that a cyclic convolution has no wrap-around."""
-    return int(next_fast_len(2 * n - 1, real=True)) if n > 1 else 1
+    """Even length to which a free axis of n points is padded, so that a cyclic convolution has no wrap-around."""
+    return 2 * int(next_fast_len(n, real=True)) if n > 1 else 1
 
 
 def wave_numbers(n: int, spacing: float, kind: str) -> Array:

@@ -8,6 +8,7 @@ h > 0 (p = H + h u). Odd ones are free. `hardness` H and `slope` h have one valu
 Lists hold a number of points that a kernel returns or is given:
 
 lists : indices of the points near contact, of the free points, and of the free points in the first list.
+v : (n1, >= n2), whose rows begin with those of the grid; so does Kd, before it is gathered.
 near : x, p, v = Kp + h₁ and Kd of the points near contact, in the order of their list.
 on_free : residual r, preconditioned residual w, direction d and M1 of the free points, in the order of their list; of
     a law that hardens also their compliance a (1/h in state 3, else 0) and the scale s = 1/√(1 + a m), m the largest
@@ -35,52 +36,63 @@ _FRACTION = 0.1
 
 @njit(**EXACT)
 def add_gap(first, end, add, n, k, p, v, gap0, offset, reach, hardness, slope, state, lists, near):
-    """v = Kp + h₁ from Kp at some points where `add`; lists those in contact or with v below `reach`.
+    """v = Kp + h₁ from Kp on some rows of points where `add`; lists those in contact or with v below `reach`.
 
     They are listed from place n, and the free ones of them from place k. Returns the next places, the energy ½⟨p, Kp⟩ +
     ⟨p, h₁⟩ + ½ Σ (p − H)²/h where points yield on a slope, Σ p, and Σ v of those on the first list.
     """
-    p, v, gap0, state = p[first:end], v[first:end], gap0[first:end], state[first:end]
     weight = 1.0 if add else 0.0
     energy = 0.0
     load = 0.0
     total = 0.0
-    for i in range(v.size):
-        h = gap0[i] - offset
-        vi = v[i] + weight * h
-        v[i] = vi
-        if state[i] != 0 or vi < reach:
-            energy += 0.5 * p[i] * (vi + h)
-            load += p[i]
-            total += vi
-            at = first + i
-            lists[0, n] = at
-            near[1, n] = p[i]
-            near[2, n] = vi
-            if state[i] == 3:
-                over = p[i] - hardness[at if hardness.size > 1 else 0]
-                energy += 0.5 * over * over / slope[at if slope.size > 1 else 0]
-            if state[i] & 1:
-                lists[1, k] = at
-                lists[2, k] = n
-                k += 1
-            n += 1
+    columns = p.size // v.shape[0]
+    for row in range(first, end):
+        start = row * columns
+        vs, ps, heights, states = (
+            v[row, :columns],
+            p[start : start + columns],
+            gap0[start : start + columns],
+            state[start : start + columns],
+        )
+        for j in range(columns):
+            h = heights[j] - offset
+            vj = vs[j] + weight * h
+            vs[j] = vj
+            if states[j] != 0 or vj < reach:
+                energy += 0.5 * ps[j] * (vj + h)
+                load += ps[j]
+                total += vj
+                at = start + j
+                lists[0, n] = at
+                near[1, n] = ps[j]
+                near[2, n] = vj
+                if states[j] == 3:
+                    over = ps[j] - hardness[at if hardness.size > 1 else 0]
+                    energy += 0.5 * over * over / slope[at if slope.size > 1 else 0]
+                if states[j] & 1:
+                    lists[1, k] = at
+                    lists[2, k] = n
+                    k += 1
+                n += 1
     return n, k, energy, load, total
 
 
 @njit(**EXACT)
 def count_near(first, end, add, v, gap0, offset, reach, state):
-    """Add h₁ to v at some points where `add`; returns how many of them `add_gap` lists, and how many as free."""
-    v, gap0, state = v[first:end], gap0[first:end], state[first:end]
+    """Add h₁ to v on some rows where `add`; returns how many points `add_gap` lists, and how many as free."""
     weight = 1.0 if add else 0.0
     n = 0
     k = 0
-    for i in range(v.size):
-        vi = v[i] + weight * (gap0[i] - offset)
-        v[i] = vi
-        is_near = (state[i] != 0) | (vi < reach)
-        n += is_near
-        k += is_near & state[i] & 1
+    columns = gap0.size // v.shape[0]
+    for row in range(first, end):
+        start = row * columns
+        vs, heights, states = v[row, :columns], gap0[start : start + columns], state[start : start + columns]
+        for j in range(columns):
+            vj = vs[j] + weight * (heights[j] - offset)
+            vs[j] = vj
+            is_near = (states[j] != 0) | (vj < reach)
+            n += is_near
+            k += is_near & states[j] & 1
     return n, k
 
 
@@ -329,20 +341,23 @@ def shift(first, end, c, uniform, p, hardness, slope, lists, near):
 
 
 @njit(**EXACT)
-def gap_and_deformation(first, end, p, gap, delta, c, hardness, slope, deformation, plastic):
-    """Deformed gap of some points, in place of v, and plastic deformation u.
+def gap_and_deformation(first, end, p, v, delta, c, hardness, slope, gap, deformation, plastic):
+    """Deformed gap on some rows of points, and plastic deformation u.
 
     u = (p − H − c g)/(h + c), on a law without slope −g, is that of the projection of p − c g: where h is large p gives
     it better, where h is small the raw gap g does.
     """
-    p, gap, deformation, plastic = p[first:end], gap[first:end], deformation[first:end], plastic[first:end]
-    for i in range(p.size):
-        g = gap[i] - delta
-        h = hardness[first + i if hardness.size > 1 else 0]
-        gap[i] = 0.0 if p[i] > 0.0 or g < 0.0 else g
-        plastic[i] = p[i] >= h
-        if plastic[i]:
-            s = slope[first + i if slope.size > 1 else 0]
-            u = -g if s == 0.0 else (p[i] - h - c * g) / (s + c)
-            if u > 0.0:
-                deformation[i] = u
+    columns = p.size // v.shape[0]
+    for row in range(first, end):
+        for j in range(columns):
+            i = row * columns + j
+            g = v[row, j] - delta
+            h = hardness[i if hardness.size > 1 else 0]
+            gap[i] = 0.0 if p[i] > 0.0 or g < 0.0 else g
+            plastic[i] = p[i] >= h
+            deformation[i] = 0.0
+            if plastic[i]:
+                s = slope[i if slope.size > 1 else 0]
+                u = -g if s == 0.0 else (p[i] - h - c * g) / (s + c)
+                if u > 0.0:
+                    deformation[i] = u

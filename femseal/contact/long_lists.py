@@ -25,8 +25,8 @@ class ShortLists:
 
     @staticmethod
     def add_gap(add: bool, p: Any, *arrays: Any) -> Any:
-        """As `kernels.add_gap` on all points."""
-        return kernels.add_gap(0, p.size, add, 0, 0, p, *arrays)
+        """As `kernels.add_gap` on all rows."""
+        return kernels.add_gap(0, len(arrays[0]), add, 0, 0, p, *arrays)
 
 
 class LongLists:
@@ -38,7 +38,7 @@ class LongLists:
     def add_gap(self, add: bool, p: Any, v: Any, gap0: Any, offset: float, reach: float, *arrays: Any) -> Any:
         """As `kernels.add_gap`."""
         threads, state = self._threads, arrays[2]
-        pieces = parts(v.size, POINTS)
+        pieces = rows_in_parts(v, p.size)
         starts = [(0, 0)]
         head = v, gap0, offset, reach
         for n, k in on_threads(threads, lambda part: kernels.count_near(*part, add, *head, state), pieces):
@@ -143,7 +143,7 @@ class LongLists:
         made = gradient_kernels
         if not _is_long(n):
             return made.step(n, free, wr, loaded, hardens, kd, lists, near, on_free, dense)
-        self._each(n, made.gather, kd, lists, near)
+        self._each(n, made.gather, kd, dense.size // len(kd), lists, near)
         curvature, length, stiff = _sums(self._each(free, made.curvatures, hardens, lists, near, on_free))
         total = 0.0
         if stiff > 0.0:
@@ -161,6 +161,11 @@ class LongLists:
 def lists_of(points: int, threads: int) -> ShortLists | LongLists:
     """The kernels for a grid of so many points."""
     return LongLists(threads) if points > POINTS else ShortLists()
+
+
+def rows_in_parts(v: Any, points: int) -> list[tuple[int, int]]:
+    """First and last + 1 of the rows of the parts of a grid of so many points."""
+    return parts(len(v), POINTS * len(v) / points)
 
 
 def _is_long(n: int) -> bool:

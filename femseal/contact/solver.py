@@ -19,7 +19,7 @@ from numpy.typing import ArrayLike, NDArray
 from ..base import validate
 from ..base.errors import InputError, NotConverged
 from ..base.text import Shown
-from ..base.threads import number, on_threads, parts
+from ..base.threads import number, on_threads
 from . import kernels, long_lists
 from .active_sets import ActiveSets
 from .half_space import HalfSpace
@@ -159,7 +159,7 @@ def solve_contact(
     problem = _Problem(gap, half_space, line, pressure, approach, rtol)
     contact = problem.solve(threads) if law.linear else _by_tangents(law, problem, threads)
     if deformation is not None:
-        contact = replace(contact, plastic_deformation=contact.plastic_deformation + deformation)
+        np.add(contact.plastic_deformation, deformation, out=contact.plastic_deformation)
     return contact
 
 
@@ -316,8 +316,9 @@ class _Problem:
         """Solution whose pressure is known; `approach` None is the least at which every point is in contact."""
         grid.pressure[:] = pressure
         grid.respond.apply()
-        grid.v += (self.gap0 - offset).ravel()
-        delta = float(grid.v.max()) if approach is None else approach - offset
+        v = grid.respond.displacement
+        v += self.gap0 - offset
+        delta = float(v.max()) if approach is None else approach - offset
         return self._result(grid, offset, delta, residual=0.0, iterations=0, pairs=1)
 
     def _check(self, sets: ActiveSets, grid: Workspace) -> None:
@@ -338,13 +339,13 @@ class _Problem:
         self, grid: Workspace, offset: float, delta: float, residual: float, iterations: int, pairs: int
     ) -> Contact:
         """The solution in the fields of a `Contact`."""
-        p, gap = (a.copy() if grid.kept else a for a in (grid.pressure, grid.respond.displacement))
-        deformation, plastic = np.zeros(p.shape), np.empty(p.shape, np.bool_)
+        grid.end()
+        p = grid.pressure.copy() if grid.kept else grid.pressure
+        gap, deformation, plastic = np.empty(p.shape), np.empty(p.shape), np.empty(p.shape, np.bool_)
         law = self.line.hardness.ravel(), self.line.slope.ravel()
-        arrays = p.ravel(), gap.ravel(), delta, grid.stiffness, *law, deformation.ravel(), plastic.ravel()
-        on_threads(
-            grid.threads, lambda part: kernels.gap_and_deformation(*part, *arrays), parts(p.size, long_lists.POINTS)
-        )
+        arrays = p.ravel(), grid.v, delta, grid.stiffness, *law, gap.ravel(), deformation.ravel(), plastic.ravel()
+        pieces = long_lists.rows_in_parts(grid.v, p.size)
+        on_threads(grid.threads, lambda part: kernels.gap_and_deformation(*part, *arrays), pieces)
         return Contact(
             pressure=p,
             gap=gap,

@@ -12,9 +12,9 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from .convolution import Convolution
 from .half_space import HalfSpace
 from .influence import stiffness_stencil
+from .large_convolution import convolution
 from .long_lists import lists_of
 
 Array = NDArray[np.float64]
@@ -80,8 +80,8 @@ class Workspace:
 
     Attributes
     ----------
-    respond : v = K p from `pressure` to `displacement`, the same memory as `p` and `v`.
-    search : Kd of a direction, from `dense` to `kd`; `kd` is in the memory of `v`.
+    respond : v = K p from `pressure` to `displacement`, the same memory as `p` and the rows `v`.
+    search : Kd of a direction, from `dense` to the rows `kd`, which are in the memory of `v`.
     stencil : 3×3 stencil of the preconditioner M, truncated from the symbol E*|q|/2, and the maps of its indices.
     loops : the kernels, in parts where the grid is large.
     stiffness : c₀ [Pa/m], see `HalfSpace.stiffness`. kept : whether the arrays are used again.
@@ -93,13 +93,13 @@ class Workspace:
         threads = threads if n >= _THREADED else 1
         self.half_space, self.threads, self.kept = half_space, threads, kept
         body = half_space.shape, half_space.boundary
-        self.respond = Convolution(*body, half_space.symbol(), threads=threads)
+        self.respond = convolution(*body, half_space.symbol(), threads=threads)
         # the next product with the pressure corrects the errors of products in single precision
         precision = np.float32 if n >= _SINGLE else np.float64
-        self.search = Convolution(*body, None, dtype=precision, threads=threads, over=self.respond)
+        self.search = convolution(*body, None, dtype=precision, threads=threads, over=self.respond)
         self.pressure = self.respond.pressure
-        self.p, self.v = self.respond.pressure.ravel(), self.respond.displacement.ravel()
-        self.dense, self.kd = self.search.pressure.ravel(), self.search.displacement.ravel()
+        self.p, self.v = self.respond.pressure.ravel(), self.respond.rows
+        self.dense, self.kd = self.search.pressure.ravel(), self.search.rows
         self.state = np.zeros(n, np.int8)
         # pages of memory are used only as far as lists are long
         self.lists = np.empty((3, n), np.int32)
@@ -113,6 +113,11 @@ class Workspace:
         )
         self.stiffness = half_space.stiffness
         self.loops = lists_of(n, threads)
+
+    def end(self) -> None:
+        """Keep p and v only, of a grid that is not used again."""
+        if not self.kept:
+            del self.respond, self.search, self.dense, self.kd, self.state, self.lists, self.near, self.on_free
 
     def start(self, pressure: Array, limit: Array) -> None:
         """Start from pressures on this grid, or on the next coarser one, nowhere above `limit` (1,) or (n1, n2)."""

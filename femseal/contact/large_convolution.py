@@ -1,0 +1,179 @@
+"""Products u = K p on large grids, which no cache holds: as `convolution`, with half of the memory.
+
+Waves take the memory of the displacement, in rows that are longer than those of its points. Some columns of them at a
+time are copied to a block, transformed there, multiplied with the symbol, transformed back and copied back: a first
+axis that is free is never padded as a whole. With m points, half of the padded length, its even waves are the transform
+of the points, and its odd ones that of the points times exp(−iπk/m).
+
+Measured against `Convolution`, free along the first axis and periodic along the second, a product takes 0.8 times as
+long at 1024² points, 0.6 at 4096².
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+from ..base.threads import on_threads, parts
+from .convolution import (
+    COMPILED,
+    Convolution,
+    fftw,
+    lay,
+    own_wisdom,
+    place,
+    planned,
+    respond,
+    row_length,
+    take,
+    weights_of,
+)
+from .influence import padded_length
+
+Array = NDArray[np.float64]
+#: Number of points from which a grid is large.
+LARGE = 2**20
+#: Bytes of a block of columns with its padding; it has whole cache lines of each row.
+_BLOCK_BYTES, _LINE = 2**18, 64
+#: Least number of points of the rows that are transformed together, and most parts of all rows.
+_ROW_POINTS, _ROW_PARTS = 2**16, 16
+
+
+def convolution(
+    shape: tuple[int, int], boundary: tuple[str, str], symbol: Array | None, **settings: Any
+) -> Convolution | LargeConvolution:
+    """The products on a grid that its size asks for, with the parameters of `Convolution`."""
+    kind = LargeConvolution if shape[0] * shape[1] >= LARGE else Convolution
+    return kind(shape, boundary, symbol, **settings)
+
+
+class LargeConvolution:
+    """displacement = K pressure with the parameters of `Convolution`.
+
+    Attributes
+    ----------
+    pressure : (n1, n2) [Pa].
+    rows : memory of (n1, >= n2) numbers, whose rows begin with those of the displacement.
+    displacement : (n1, n2) [m], a view of it.
+    """
+
+    def __init__(
+        self,
+        shape: tuple[int, int],
+        boundary: tuple[str, str],
+        symbol: Array | None,
+        *,
+        dtype: Any = np.float64,
+        threads: int = 1,
+        over: LargeConvolution | None = None,
+    ) -> None:
+        pyfftw = fftw()
+        (n1, n2), real = shape, np.dtype(dtype)
+        kind = np.result_type(real, np.complex64)
+        l1, l2 = (padded_length(n) if end == "free" else n for n, end in zip(shape, boundary, strict=True))
+        transforms = 2 if l1 > n1 else 1
+        m1, m2 = l1 // transforms, l2 // 2 + 1
+        self._mirrors = boundary[0] == "mirror", boundary[1] == "mirror"
+        if over is None:
+            assert symbol is not None
+            self._weights = weights_of(symbol, *self._mirrors, transforms)
+            self._weights /= l1 * l2
+            del symbol
+        else:
+            self._weights = over._weights
+        self.pressure = pyfftw.zeros_aligned((n1, n2), dtype=real)
+        length = row_length(m2, kind.itemsize)
+        size = n1 * length * kind.itemsize
+        self._memory = pyfftw.empty_aligned(size, dtype=np.uint8) if over is None else over._memory
+        self._waves = self._memory[:size].view(kind).reshape(n1, length)
+        self.rows = self._waves.view(real)
+        self.displacement = self.rows[:, :n2]
+        padded, self._laid = self.rows[:, :l2], self._mirrors[1] or l2 > n2
+        points: Any = padded if self._laid else self.pressure
+        waves = self._waves[:, :m2]
+        turn1, turn2 = (np.exp(1j * np.pi * np.arange(n // 2 + 1) / n) for n in (m1, l2))
+        turns = turn1.real.copy(), turn1.imag.copy(), turn2
+        twist = np.exp(-1j * np.pi * np.arange(n1 if transforms == 2 else 0) / m1).astype(kind)
+        width = min(max(1, _BLOCK_BYTES // (l1 * kind.itemsize)), m2)
+        width += -width % max(1, _LINE // kind.itemsize)
+        self._blocks: list[Any] = []
+        with own_wisdom():
+            self._parts = []
+            for i, end in parts(n1, max(_ROW_POINTS / l2, n1 / _ROW_PARTS)):
+                plans = planned(points[i:end], waves[i:end], padded[i:end], axis=1)
+                self._parts.append((i, end, padded, plans))
+            for starts in np.array_split(range(0, m2, width), threads):
+                shape = transforms * width, row_length(m1, kind.itemsize)
+                block, transformed = (pyfftw.zeros_aligned(shape, dtype=kind)[:, :m1] for _ in range(2))
+                plans = planned(block, transformed, block, axis=1)
+                self._blocks.append((starts, width, block, transformed, plans))
+        self._columns = waves, twist, self._mirrors[0], self._weights, turns
+        self._threads = threads
+
+    def apply(self) -> None:
+        """Fill `displacement` from `pressure`."""
+        on_threads(self._threads, self._forward, self._parts)
+        on_threads(self._threads, self._respond, self._blocks)
+        on_threads(self._threads, self._inverse, self._parts)
+
+    def _forward(self, part: Any) -> None:
+        """Lay out the points of some rows and transform them."""
+        i, end, padded, plans = part
+        if self._laid:
+            lay(self.pressure, padded, i, end, False, self._mirrors[1])
+        plans[0]()
+
+    def _respond(self, work: Any) -> None:
+        """Transform some columns, multiply their waves with the symbol, transform them back."""
+        starts, width, block, transformed, (forward, inverse) = work
+        waves, twist, mirror, weights, turns = self._columns
+        for j in starts:
+            count = min(width, waves.shape[1] - j)
+            _gather(waves, j, count, block, twist, mirror)
+            forward()
+            respond(transformed, j, count, weights, twist.size > 0, *turns)
+            inverse()
+            _scatter(block, j, count, waves, twist, mirror)
+
+    def _inverse(self, part: Any) -> None:
+        """Transform some rows back and put their points in order."""
+        i, end, _, plans = part
+        plans[1]()
+        if self._mirrors[1]:
+            take(self.displacement[i:end].copy(), self.displacement[i:end], 0, end - i, False, True)
+
+
+@njit(**COMPILED)
+def _gather(waves, first, count, block, twist, mirror):
+    """Copy columns of waves to rows of a block, and behind these the same columns with a twist; zeros follow."""
+    n1 = waves.shape[0]
+    width = block.shape[0] // 2
+    for i in range(n1):
+        row = waves[place(i, n1, mirror), first : first + count]
+        for j in range(count):
+            block[j, i] = row[j]
+        if twist.size:
+            for j in range(count):
+                block[width + j, i] = row[j] * twist[i]
+    if twist.size:
+        for j in range(count):
+            block[j, n1:] = 0
+            block[width + j, n1:] = 0
+
+
+@njit(**COMPILED)
+def _scatter(block, first, count, waves, twist, mirror):
+    """Copy rows of a block to columns of waves, where there is a twist their sums without it."""
+    n1 = waves.shape[0]
+    width = block.shape[0] // 2
+    for i in range(n1):
+        row = waves[place(i, n1, mirror), first : first + count]
+        if twist.size:
+            for j in range(count):
+                row[j] = block[j, i] + block[width + j, i] * np.conj(twist[i])
+        else:
+            for j in range(count):
+                row[j] = block[j, i]
