@@ -30,7 +30,7 @@ extensions = [
     "myst_parser",
     "sphinx.ext.autodoc",
     "sphinx.ext.napoleon",
-    "sphinx.ext.mathjax",
+    "formulas",  # beside this file
     "sphinx_gallery.gen_gallery",
 ]
 # paper.md is for a journal, which has its own form of citations
@@ -41,6 +41,7 @@ suppress_warnings = ["config.cache", "sphinx_gallery.space_in_filename"]
 myst_enable_extensions = ["dollarmath", "amsmath", "deflist"]
 myst_heading_anchors = 3
 
+html_math_renderer = "mathml"
 html_theme = "furo"
 html_title = f"femseal {release}"
 html_static_path = ["static"]
