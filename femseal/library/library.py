@@ -30,8 +30,7 @@ from ..base.stage import Mapper, Stage
 from ..base.text import Shown
 from ..contact import ContactLaw, HalfSpace
 from ..loads import LoadProgramme, LoadStep
-from ..windows.outcome import Failed, SolveCounts, attempt
-from ..windows.window_flow import FlowSettings
+from ..windows.window_flow import Failed, FlowSettings, SolveCounts, attempt
 from .curves import WindowCurves
 from .ladder import Ladder, WindowStates, merge, restrict, solve_ladder
 
