@@ -19,7 +19,7 @@ from femseal.base.errors import shortened, shown
 from femseal.base.machine import within_free_memory
 from femseal.base.quantities import to_si
 from femseal.case.case import parse_case
-from femseal.preparation import check_memory as sizes
+from femseal.preparation import prepared as sizes
 from femseal.preparation.preparation import prepare
 from femseal.results import assemble
 from femseal.results.dataset import save

@@ -15,7 +15,7 @@ from femseal.case.case import parse_case
 from femseal.loads import LoadProgramme
 from femseal.preparation.preparation import prepare
 from femseal.refinement.accuracy_plan import make_plan
-from femseal.report.case_sentences import load_sentences
+from femseal.report.case_text import load_sentences
 from femseal.results.variables import step_coordinates
 from femseal.runs.forecast import describe
 from femseal.runs.job import face_files

@@ -15,7 +15,7 @@ from femseal.budget.waves import filter_part
 from femseal.case.case import parse_case
 from femseal.preparation.preparation import prepare
 from femseal.refinement.coarser import continued_scenes
-from femseal.report.case_sentences import case_sentences
+from femseal.report.case_text import case_sentences
 from femseal.runs.forecast import describe
 from femseal.topography import continuation_of, spectrum
 

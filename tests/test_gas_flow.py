@@ -18,7 +18,7 @@ from femseal.flow.permeability_table import PermeabilityTable, pressure_curve, t
 from femseal.flow.pressure_drop import PressureDrop
 from femseal.preparation.preparation import prepare
 from femseal.rarefied import flow_rate
-from femseal.report.case_sentences import case_sentences
+from femseal.report.case_text import case_sentences
 from femseal.results.dataset import assemble
 from femseal.runs.forecast import describe
 from femseal.studies.face_flow import resolved_flow

@@ -74,8 +74,8 @@ def test_700_bar_and_the_thin_gas(name):
     assert_allclose(real.law.factor(1e-7, 1e3), ideal.law.factor(1e-7, 1e3), rtol=1e-4)
     assert_allclose(real.reference_density, ideal.reference_density, rtol=1e-12)
     assert 1 < real.law.factor(1e-7, 7e7) < 1.05
-    assert_allclose(leak_basis(real, 1.0).factor(fs.base.leak_units.leak_unit("std cm³/s")),
-                    leak_basis(ideal, 1.0).factor(fs.base.leak_units.leak_unit("std cm³/s")))  # fmt: skip
+    assert_allclose(leak_basis(real, 1.0).factor(fs.base.leak_rates.leak_unit("std cm³/s")),
+                    leak_basis(ideal, 1.0).factor(fs.base.leak_rates.leak_unit("std cm³/s")))  # fmt: skip
 
 
 @needs_coolprop

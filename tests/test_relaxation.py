@@ -10,7 +10,7 @@ import femseal as fs
 from femseal.designs.data_sheet import rows, sheet_tables
 from femseal.designs.requirements import Seals, requirement
 from femseal.loads import LoadProgramme
-from femseal.report.case_sentences import case_sentences
+from femseal.report.case_text import case_sentences
 
 LOADING = {"loading": ["20 MPa", "100 MPa", "400 MPa"]}
 DOWN = {"unload_from": ["100 MPa", "400 MPa"], "unloading": ["20 MPa"]}

@@ -21,7 +21,7 @@ from femseal.base.errors import InputError
 from femseal.base.leak_rates import leakage_unit
 from femseal.fluids import Liquid
 from femseal.report import write_folder, write_report
-from femseal.report.case_sentences import pressure_drop_sentences
+from femseal.report.case_text import pressure_drop_sentences
 from femseal.report.error_tables import accuracy_lines, check_lines, scatter_lines
 from femseal.report.page import report_html
 from femseal.results import assemble, save

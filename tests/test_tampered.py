@@ -29,8 +29,7 @@ from femseal.execution.plain_data import packed, unpacked
 from femseal.preparation.preparation import prepare
 from femseal.report import folder as report_folder
 from femseal.runs import job
-from femseal.windows.outcome import Failed, SolveCounts, SolverCounts
-from femseal.windows.window_flow import FlowHistory
+from femseal.windows.window_flow import Failed, FlowHistory, SolveCounts, SolverCounts
 
 # --- values as bytes -----------------------------------------------------------------------------------------------
 
@@ -105,8 +104,8 @@ def text_of(tree, content=b""):
         text_of(["femseal.runs.job.run", "case.toml"]),
         text_of(["femseal.runs.job.Path", "x"]),
         text_of(["femseal.case.case.Case"]),
-        text_of(["femseal.windows.outcome.Failed"]),
-        text_of(["femseal.windows.outcome.Failed", "a", "b"]),
+        text_of(["femseal.windows.window_flow.Failed"]),
+        text_of(["femseal.windows.window_flow.Failed", "a", "b"]),
         text_of(["femseal.no_such_room.Failed", "a"]),
         text_of([1, 2]),
         text_of(["array", "<f8", [10**12], "C", 0], b"12345678"),

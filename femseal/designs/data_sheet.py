@@ -21,7 +21,7 @@ from ..plots.drawing import GREY, LEGEND_LINE, LINES, STYLES, Sheet, branch_styl
 from ..plots.leakage_curves import LeakageCurves, leakage_panel, limit_lines
 from ..report import write_report
 from ..report.case_text import fluid_text
-from ..report.design_section import DESIGN_FILE, DESIGN_PICTURE
+from ..report.leakage_tables import DESIGN_FILE, DESIGN_PICTURE
 from ..results.dataset import FILE_NAME
 from ..results.results import Results
 from ..results.tables import format_leakage

@@ -20,8 +20,8 @@ from ..base.errors import InputError
 from ..elements.element_mesh import ElementMesh, ElementSolution, mesh_factors
 from ..elements.elements import NODE_SPACING
 from ..elements.superelement import WindowElement, WindowLinks, validated_face, window_links
-from ..windows.outcome import SolverCounts
 from ..windows.partition import Partition
+from ..windows.window_flow import SolverCounts
 
 #: Places at which runs start, for each run that the face has without overlap.
 STARTS = 2

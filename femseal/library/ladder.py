@@ -15,8 +15,7 @@ from ..base.arrays import Array
 from ..base.errors import InputError
 from ..contact import Contact, ContactLaw, HalfSpace, solve_contact
 from ..flow.pressure_drop import VISCOUS, PressureDrop
-from ..windows.outcome import SolveCounts
-from ..windows.window_flow import FlowSettings, window_permeability
+from ..windows.window_flow import FlowSettings, SolveCounts, window_permeability
 
 
 @dataclass(frozen=True)

@@ -28,8 +28,7 @@ from ..contact import ContactLaw, HalfSpace
 from ..execution.plain_data import packed, unpacked
 from ..execution.store import SUFFIX, read_shard, write_shard
 from ..loads import LoadProgramme, LoadStep
-from ..windows.outcome import Failed, SolveCounts, attempt
-from ..windows.window_flow import FlowSettings
+from ..windows.window_flow import Failed, FlowSettings, SolveCounts, attempt
 from .curves import WindowCurves
 from .ladder import Ladder, WindowStates, merge, restrict, solve_ladder
 

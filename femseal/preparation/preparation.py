@@ -19,10 +19,8 @@ from ..studies.seat_rows import ROWS, SeatMap, check_map, most_paths
 from ..topography import MOST_POINTS, Conditioning, SpikeEffect, Topography, resolving_shape
 from ..topography.seat import LEAST_DEPTH, FlatSeat
 from ..windows import Partition
-from .check_memory import check_memory_of_draws, refused_if_too_large
-from .face import conditioned_face
-from .groove_lead import groove_question, wound_layout
-from .prepared import Pair, Prepared, without_short_waves
+from .face import conditioned_face, groove_question, wound_layout
+from .prepared import Pair, Prepared, check_memory_of_draws, refused_if_too_large, without_short_waves
 
 #: Fraction of the rms slope from which on a case is warned that the low-pass removes it: by itself, and where the
 #: grid of a measured face is limited for its cost. Measured: with 49 % of it gone a turned face leaks 10 to 700 times

@@ -19,8 +19,7 @@ from ..base.text import duration, format_deviation
 from ..budget import ErrorBudget, widest_band
 from ..case.case import Case
 from ..execution.run import Run
-from ..preparation.check_memory import START_MEMORY
-from ..preparation.prepared import Pair, Prepared
+from ..preparation.prepared import START_MEMORY, Pair, Prepared
 from ..studies import StochasticResult
 from .accuracy_report import or_none
 from .budgets import against, budget_of, budgets_of, leakage_of

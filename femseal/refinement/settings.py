@@ -10,8 +10,7 @@ import numpy as np
 
 from ..base.quantities import to_text
 from ..case.case import Case
-from ..preparation.check_memory import refused_if_too_large
-from ..preparation.prepared import Pair, Prepared, without_short_waves
+from ..preparation.prepared import Pair, Prepared, refused_if_too_large, without_short_waves
 from ..studies.costs import contact_tolerance
 from ..windows import Partition
 

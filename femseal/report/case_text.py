@@ -1,15 +1,23 @@
-"""Solids and fluid of a case in a sentence: what `femseal check` and the report say of them."""
+"""The case and its pressure drop as sentences, for `femseal check` and the report: seal, solids, loads, fluid, methods."""
 
 from __future__ import annotations
 
+import json
 from collections.abc import Mapping
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from ..base.quantities import to_text
 from ..contact.hardness_curves import SMALLEST_DEPTH, NixGao
 from ..materials import HARDNESS_FACTOR, METALS
+from ..plots.maps import default_step, face_leakage, pressure_rows
+from ..results.run_data import RunData
+from ..results.tables import INTERPOLATED
+from ..results.variables import solved_steps
+
+if TYPE_CHECKING:
+    import xarray
 
 #: Ratio of the hardnesses of two faces up to which both are said to be close.
 _CLOSE = 1.1
@@ -83,3 +91,222 @@ def _solid_text(solid: Mapping[str, Any]) -> str:
     keys = ("young", "poisson", "yield_stress", "hardness", "hardness_table")
     own = [k.replace("_", " ") for k in keys if k in solid and solid[k] != getattr(metal, k, None)]
     return f"{names[key]} ({'by the case: ' + ', '.join(own) + '; ' if own else ''}{source}): {text}"
+
+
+def case_sentences(results: RunData) -> list[str]:
+    """The case; sentences without data in the results are left out."""
+    data, case = results.dataset, results.case
+    attrs = data.attrs
+    width, length = (float(v) for v in attrs["seal_size_m"])
+    sides = f"{to_text(width, 'm')} wide along the leakage and {to_text(length, 'm')} long"
+    shape = str(attrs.get("seal", "a strip"))
+    sentences = [f"A seal {sides}." if shape == "a strip" else f"The seal is {shape}; it is about {sides}."]
+    faces = [_face_text(face) for face in case.get("face", [])]
+    if faces:
+        surface = json.loads(attrs["surface"])
+        grid = f", solved on {' × '.join(map(str, surface['shape']))} points" if "shape" in surface else ""
+        text = " against ".join(faces)
+        sentences.append(f"{text[0].upper()}{text[1:]}{grid}.")
+    if surface_text := _surface_text(json.loads(attrs["surface"])):
+        sentences.append(surface_text)
+    sentences += [f"The solids: {solids_text(case)}."] if "young" in case.get("material", {}) else []
+    text = contact_text(float(attrs["contact_modulus_Pa"]), str(attrs["contact_law"]))
+    sentences.append(f"{text[0].upper()}{text[1:]}.")
+    if attrs.get("seat"):
+        sentences.append(_seat_text(data))
+    sentences += load_sentences(data, case)
+    inlet, outlet = (to_text(float(attrs[f"{end}_pressure_Pa"]), "Pa") for end in ("inlet", "outlet"))
+    fluid = fluid_text(case.get("fluid", {}), str(attrs["fluid"]))
+    effect = f": {attrs['fluid_effect']}" if "fluid_effect" in attrs else ""
+    sentences.append(f"The fluid, {fluid}, runs from {inlet} to {outlet}{effect}.")
+    sentences += _method_sentences(results)
+    return sentences
+
+
+def _seat_text(data: xarray.Dataset) -> str:
+    """The form of the seat, and the band on which it touches."""
+    text = f"The seat is {data.attrs['seat']}"
+    if "band_breadth" not in data or "left out" in text:
+        return f"{text}."
+    band, peak = (data[name].values for name in ("band_breadth", "largest_row_pressure"))
+    least, most = (to_text(float(f(band)), "m", 3) for f in (np.nanmin, np.nanmax))
+    highest = to_text(float(np.nanmax(peak)), "Pa", 3)
+    return f"{text}; it touches on a band {least} to {most} broad, with at most {highest} as the mean of a row."
+
+
+def _face_text(face: dict[str, Any]) -> str:
+    """A face of the case, with what it is generated from or how it is placed."""
+    kind = str(face.get("kind", "face"))
+    if kind == "file" and (places := face.get("places")):
+        names = ", ".join(str(place.get("path")) for place in places)
+        return f"several measured places of a face, {names}{_placement_text(face)}"
+    if kind == "file":
+        return f"a measured face from {face.get('path', 'a file')}{_placement_text(face)}"
+    known = (("pitch", "m"), ("depth", "m"), ("roughness", "m"), ("hurst", ""), ("rms_slope", ""), ("rms_height", "m"),
+             ("roll_off", "m"))  # fmt: skip
+    facts = []
+    for name, unit in known:
+        if value := face.get(name):
+            text = name.replace("_", " ").replace("hurst", "Hurst exponent")
+            facts.append(f"{text} {to_text(value, unit, 3) if unit else f'{value:g}'}")
+    return f"a {kind} face" + (f" ({', '.join(facts)})" if facts else "")
+
+
+def _placement_text(face: dict[str, Any]) -> str:
+    """Placement of the second face on the first, in the order of its operations."""
+    facts = [f"mirrored along {face['mirror']}"] if "mirror" in face else []
+    facts += [f"turned by {np.degrees(face['rotate']):.3g}°"] if "rotate" in face else []
+    shift = ", ".join(to_text(length, "m", 3) for length in face.get("shift", ()))
+    facts += [f"shifted by {shift}"] if shift else []
+    return f" ({', '.join(facts)})" if facts else ""
+
+
+def _surface_text(surface: dict[str, Any]) -> str:
+    """Roughness of the face that is solved, what was filled, and how its spectrum is continued."""
+    if "rms_slope" not in surface or "rms_height" not in surface:
+        return ""
+    text = f"Its rms height is {to_text(surface['rms_height'], 'm', 3)}, its rms slope {surface['rms_slope']:.3g}"
+    undefined, spikes = surface.get("undefined_fraction"), surface.get("spikes")
+    filled = [f"{100 * undefined:.2g} % undefined points"] if undefined else []
+    filled += [f"{spikes} {'point' if spikes == 1 else 'points'} in spikes"] if spikes else []
+    if filled:
+        text += f"; {' and '.join(filled)} were filled"
+    if continued := surface.get("continuation"):
+        text += f". {continued['text'][0].upper()}{continued['text'][1:]}"
+    return text + "."
+
+
+def _method_sentences(results: RunData) -> list[str]:
+    """What each method of the run has solved."""
+    data, case = results.dataset, results.case
+    sentences = []
+    if "leakage_deterministic" in data:
+        sentences.append("Deterministic: contact and flow of the whole face at full resolution.")
+    if "window_pressure" in data:
+        windows = f"{data.sizes['cell1']} × {data.sizes['cell2']} windows"
+        flow = (
+            "as finite elements with nodes on their sides"
+            if "element_error" in data
+            else "with the flow resolved at every pixel"
+            if "k1" not in data
+            else "between the nodes of a global flow"
+        )
+        sentences.append(f"Two scales: {windows} {_contact_text(data)}, {flow}.")
+    if "leakage_median" in data:
+        drawn = {name: data.attrs[name] for name in ("sampler",) if name in data.attrs} | case.get("stochastic", {})
+        how = [f"{name} {drawn[name]}" for name in ("sampler", "pressure") if name in drawn]
+        size = int(data.attrs.get("library_windows", data.sizes["library_cell"]))
+        independent = int(data.attrs.get("library_independent", size))
+        sentences.append(
+            f"Stochastic: {data.sizes['realisation']} seals drawn from {size} library windows"
+            + (f", {independent} of them without overlap" if independent < size else "")
+            + (f", {_contact_text(data)}" if "window_contact" in data.attrs and "window_pressure" not in data else "")
+            + (f" ({', '.join(how)})" if how else "")
+            + (f", seed {data.attrs['seed']}" if "seed" in data.attrs else "")
+            + ". The leakage given is their median."
+        )
+        if "seal_length" in data.coords:
+            lengths = ", ".join(to_text(float(x), "m") for x in data["seal_length"].values[1:])
+            sentences.append(f"Seals of other lengths are drawn from the same library: {lengths}.")
+    return sentences
+
+
+def _contact_text(data: xarray.Dataset) -> str:
+    by_windows = data.attrs.get("window_contact") == "windows"
+    return "whose contact is solved in each of them" if by_windows else "cut from the contact of the whole face"
+
+
+def load_sentences(data: xarray.Dataset, case: dict[str, Any]) -> list[str]:
+    """The load steps, and the map of the pressure over the seal if there is one."""
+    given = case.get("load", {})
+    maps = given.get("map") or []
+    return [_load_text(data, given), *([_map_text(data, maps)] if maps else [])]
+
+
+def _load_text(data: xarray.Dataset, given: dict[str, Any]) -> str:
+    """The load steps, their forces, and which of them are interpolated."""
+    pressure, peaks = data["nominal_pressure"].values, data["unloaded_from"].values
+    up = pressure[np.isnan(peaks)]
+    ends = " to ".join(to_text(float(p), "Pa") for p in dict.fromkeys((up.min(), up.max())))
+    text = f"It is loaded in {up.size} {'step' if up.size == 1 else 'steps'}, {ends}"
+    if isinstance(highest := (given.get("loading") or [0.0])[-1], str):  # pressures are numbers
+        force, unit = highest.split()
+        text += f" (a force of {to_text(float(force), unit)} at most)"
+    if tops := [to_text(float(p), "Pa") for p in np.unique(peaks[~np.isnan(peaks)])]:
+        down = to_text(float(pressure[~np.isnan(peaks)].min()), "Pa")
+        text += f", and unloaded from {' and '.join(tops)} down to {down}"
+    if given.get("relaxation"):
+        text += f"; relaxation takes {100 * given['relaxation']:.3g} % of a load in assembly before service"
+    text += "."
+    if (solved := solved_steps(data)).size < pressure.size:
+        tolerance = f"{100 * given['interpolate']:.3g} %" if "interpolate" in given else "a tolerance"
+        text += (
+            f" {solved.size} of the {pressure.size} steps are solved; the others, marked {INTERPOLATED}, have no "
+            f"fields, and their leakage is interpolated within {tolerance}."
+        )
+    return text
+
+
+def _map_text(data: xarray.Dataset, maps: list[dict[str, Any]]) -> str:
+    """Kinds of the maps, and the range of pressures at the highest load."""
+    kinds = " and ".join(dict.fromkeys(_map_kind(one) for one in maps))
+    changing = ", which changes with the load" if len(maps) > 1 else ""
+    text = f"The contact pressure over the seal follows {kinds}{changing}"
+    if "drawn_window_pressure" in data:
+        s = int(data["nominal_pressure"].values.argmax())
+        pressure = data["drawn_window_pressure"].values[s]
+        ends = (to_text(float(p), "Pa", 3) for p in (np.nanmin(pressure), np.nanmax(pressure)))
+        text += f": {' to '.join(ends)} at {data['name'].values[s]}"
+    return text + "."
+
+
+def _map_kind(one: dict[str, Any]) -> str:
+    if one.get("kind") == "field":
+        return f"the field in {one.get('path', 'a file')}"
+    if one.get("kind") == "angle":
+        periods = int(one.get("repeat", 1))
+        return "a table around it" + (f", repeated {periods} times" if periods > 1 else "")
+    return "a profile from inlet to outlet" if one.get("kind") == "profile" else "one value everywhere"
+
+
+def pressure_drop_sentences(results: RunData) -> list[str]:
+    """Place of the pressure drop at the step of the maps: its row, and the number of windows that carry most of it."""
+    data = results.dataset
+    if "k1" not in data:
+        return [_steepest_tenth(results)]
+    s = default_step(data)
+    p, flux = data["fluid_pressure"].values[s], np.nan_to_num(data["flux1"].values[s])
+    name, whole = str(data["name"].values[s]), float(data.attrs["inlet_pressure_Pa"] - data.attrs["outlet_pressure_Pa"])
+    if not np.abs(flux).max() > 0 or whole == 0:
+        return [f"At {name} nothing flows."]
+    drops = -np.diff(np.ma.masked_invalid(p).mean(axis=1).filled(np.nan)) / whole
+    row = int(np.nanargmax(drops))
+    ends = (to_text(float(x), "m", 3) for x in data["node1"].values[row : row + 2])
+    sentences = [f"At {name} {drops[row]:.0%} of the pressure drops between x1 = {' and '.join(ends)}."]
+    power = np.sort(np.nan_to_num(np.abs(flux * np.diff(p, axis=0))).ravel())[::-1]
+    half = int(np.searchsorted(np.cumsum(power), 0.5 * power.sum()) + 1)
+    sentences.append(
+        f"Half of the power that the flow loses along x1 is lost in {half} of {power.size} windows"
+        + (": few constrictions hold the seal." if half <= 0.05 * power.size else ".")
+    )
+    return sentences
+
+
+def _steepest_tenth(results: RunData) -> str:
+    """Where most of the pressure drops over the face: the tenth of its width with the largest drop."""
+    data = results.dataset
+    s = default_step(data)
+    name = str(data["name"].values[s])
+    if np.nan_to_num(face_leakage(data)[s]) == 0:
+        return f"At {name} nothing flows."
+    x1, pressure = pressure_rows(data, s)
+    inlet, outlet = (float(data.attrs[f"{end}_pressure_Pa"]) for end in ("inlet", "outlet"))
+    p = np.r_[inlet, pressure.mean(axis=1).filled(np.nan), outlet]
+    edge = np.r_[0.0, x1, x1[0] + x1[-1]]
+    starts = np.linspace(0, 0.9 * edge[-1], 91)
+    known = np.isfinite(p)
+    ends = (np.interp(place, edge[known], p[known]) for place in (starts, starts + 0.1 * edge[-1]))
+    drops = np.subtract(*ends) / (inlet - outlet)
+    first = float(starts[int(np.argmax(drops))])
+    span = " and ".join(to_text(place, "m", 3) for place in (first, first + 0.1 * float(edge[-1])))
+    return f"At {name} {drops.max():.0%} of the pressure drops over a tenth of the width, between x1 = {span}."

@@ -14,8 +14,8 @@ from ..results.dataset import FILE_NAME, open_results, unfit
 from ..results.results import Results, as_chosen, attempts_table
 from ..results.run_data import RunData
 from ..results.tables import leakage_table, lengths_table, totals_table
-from . import case_sentences, charts, error_tables, leakage_tables, pictures
-from .design_section import design_section
+from . import case_text, charts, error_tables, leakage_tables, pictures
+from .leakage_tables import design_section
 
 REPORT_NAME = "report.html"
 
@@ -94,7 +94,7 @@ def _content(results: Results, drawings: pictures.Drawings) -> dict[str, Any]:
         "limiting": leakage_tables.limiting_text(results),
         **charts.page_code(),
         "charts": {"leakage": charts.leakage_chart(results)},
-        "sentences": case_sentences.case_sentences(results),
+        "sentences": case_text.case_sentences(results),
         "face": pictures.face_picture(results, drawings) if "face" in drawings else None,
         "seat": pictures.seat_picture(results, drawings) if "seat" in drawings else None,
         "place": pictures.place_picture(results, drawings) if "place" in drawings else None,
@@ -133,7 +133,7 @@ def _content(results: Results, drawings: pictures.Drawings) -> dict[str, Any]:
         content["map_step"], content["maps"] = pictures.map_pictures(results, drawings)
         content["drop"] = pictures.drop_picture(results, drawings)
         content["charts"]["drop"] = charts.drop_chart(results, pictures.drop_steps(data))
-        content["drop_sentences"] = case_sentences.pressure_drop_sentences(results)
+        content["drop_sentences"] = case_text.pressure_drop_sentences(results)
     return content
 
 

@@ -66,7 +66,7 @@ def assemble(
     timings : stage to wall time [s].
     quantiles : lower and upper end of the band of realisations.
     warnings : what casts doubt on the case itself; those of the studies come after them.
-    leakage_unit : of leakage in tables, pictures and report, see `base.leak_units`; a readable one per length of seal
+    leakage_unit : of leakage in tables, pictures and report, see `base.leak_rates`; a readable one per length of seal
     unless given.
     leakage_filtered : the leakage at every step of the same face without waves up to twice the shortest one.
     budgets : error budgets of the studies, by their names here.

@@ -16,8 +16,7 @@ from ..base.shared_array import storing
 from ..base.text import duration
 from ..budget import model_changes, places_to_halve
 from ..case.case import Case
-from ..preparation.check_memory import START_MEMORY
-from ..preparation.prepared import Prepared, without_short_waves
+from ..preparation.prepared import START_MEMORY, Prepared, without_short_waves
 from ..refinement.coarser import CONTINUED_SCENES, coarser_grids, without_filtered_waves
 from ..refinement.settings import first_settings, first_version, given_settings, grid_points, time_limit
 from ..report.case_text import contact_text, fluid_text, solids_text

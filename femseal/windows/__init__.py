@@ -6,10 +6,9 @@ from ..base.lazy_package import load_when_used
 
 if TYPE_CHECKING:
     from .global_contact import GlobalState, global_states
-    from .outcome import Failed, SolveCounts, SolverCounts, attempt
     from .partition import ContactPressure, Partition, WindowFields
     from .window_contact import ContactHistory, contact_history, gap_error
-    from .window_flow import FlowHistory, FlowSettings, window_dissipation
+    from .window_flow import Failed, FlowHistory, FlowSettings, SolveCounts, SolverCounts, attempt, window_dissipation
 
 __all__ = [
     "ContactPressure",

@@ -16,8 +16,8 @@ from numpy.typing import NDArray
 from ..base.arrays import Array
 from ..contact import ContactLaw, HalfSpace, solve_contact
 from ..loads import LoadProgramme
-from .outcome import Failed, attempt
 from .partition import ContactValues
+from .window_flow import Failed, attempt
 
 
 @dataclass(frozen=True, eq=False)
