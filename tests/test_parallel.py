@@ -141,15 +141,38 @@ def test_small_items_are_sent_together(cluster, monkeypatch):
     monkeypatch.setattr(cluster_map, "_submit", lambda *a: sizes.append(len(a[2])) or submit(*a))
     monkeypatch.setattr(cluster_map, "time", clock)
     with ordered_map(scheduler=cluster.scheduler_address) as mapping:
-        assert list(mapping(Stage("trial", worked), range(3000), [1e-3 * cluster_map.TASK_SECONDS] * 3000)) == [
-            *range(3000)
-        ]
-        assert sum(sizes) == 3000
+        short = [cluster_map.TASK_SECONDS / 1024] * 10000
+        assert list(mapping(Stage("trial", worked), iter(range(10000)), iter(short))) == [*range(10000)]
+        assert sum(sizes) == 10000
         assert sizes[:4] == [1] * 4
-        assert max(sizes) == 1000
+        assert max(sizes) == 1024
         sizes.clear()
         list(mapping(Stage("trial", worked), range(6), [2 * cluster_map.TASK_SECONDS] * 6))
         assert sizes == [1] * 6
+        # the last ones are sent one by one where their number is known, so that the workers end together
+        sizes.clear()
+        assert list(mapping(Stage("trial", worked), range(10000), short)) == [*range(10000)]
+        left = 10000 - np.cumsum([0, *sizes])
+        assert left[-1] == 0
+        assert max(sizes) > 10
+        assert all(size <= max(1, before // 4) for size, before in zip(sizes, left[:-1], strict=True))
+
+
+others, enough = [], threading.Event()
+
+
+def waits_for_others(n):
+    if n:
+        others.append(n)
+    if len(others) > 5 * cluster_map.UNDER_WAY:
+        enough.set()
+    return n > 0 or enough.wait(HANG)
+
+
+def test_an_item_that_takes_long_holds_up_no_others(cluster):
+    """More of them than are under way at once."""
+    with ordered_map(scheduler=cluster.scheduler_address) as mapping:
+        assert all(mapping(Stage("trial", waits_for_others), range(100)))
 
 
 def test_workers_of_other_versions_are_refused(cluster, monkeypatch):

@@ -7,11 +7,13 @@ import logging
 import time
 import warnings
 from collections import deque
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sized
 from concurrent.futures import CancelledError, ThreadPoolExecutor
 from contextlib import ExitStack, contextmanager
 from functools import partial
 from itertools import islice
+from math import inf
+from threading import Event
 from typing import Any
 
 from ..base.errors import FemsealError, InputError
@@ -28,6 +30,8 @@ WORKER_SECONDS = 600
 TASK_SECONDS = 0.25
 #: Tasks sent for each thread of the cluster: one is computed while the next one waits.
 UNDER_WAY = 2
+#: Tasks sent, with those that are done and wait for an earlier one, for each of these.
+MOST_SENT = 8
 #: How often a task is sent again after the cluster has lost its data.
 RETRIES = 10
 
@@ -94,18 +98,31 @@ def _connected(scheduler: str) -> Any:
 
 
 def _map(client: Any, stage: Stage, *iterables: Iterable[Any]) -> Iterator[Any]:
-    """Results of the stage, which goes to the workers once; a few batches of items for each thread are under way."""
+    """Results of the stage, which goes to the workers once; a few batches of items for each thread are under way.
+
+    A batch that takes long holds up no others: those after it wait for their turn once they are done.
+    """
     items = zip(*iterables, strict=False)
+    left = min((len(iterable) for iterable in iterables if isinstance(iterable, Sized)), default=inf)
     stage_there = _scattered(client, stage)
-    under_way: deque[tuple[list[Any], Any]] = deque()
+    sent: deque[tuple[list[Any], Any]] = deque()
+    one_is_done = Event()
     size = 1
     while True:
+        one_is_done.clear()
         wanted = UNDER_WAY * max(1, _threads(client))
-        while len(under_way) < wanted and (batch := list(islice(items, size))):
-            under_way.append((batch, _submit(client, stage_there, batch)))
-        if not under_way:
+        free = min(wanted - sum(not task.done() for _, task in sent), MOST_SENT * wanted - len(sent))
+        while free > 0 and (batch := list(islice(items, max(1, int(min(size, left / wanted)))))):
+            sent.append((batch, _submit(client, stage_there, batch)))
+            sent[-1][1].add_done_callback(lambda _: one_is_done.set())
+            free, left = free - 1, left - len(batch)
+        if not sent:
             return
-        batch, task = under_way.popleft()
+        if not sent[0][1].done():
+            if not one_is_done.wait(ANSWER_SECONDS):
+                _await_worker(client)
+            continue
+        batch, task = sent.popleft()
         for _ in range(RETRIES):
             try:
                 results, seconds = _outcome(client, task)
@@ -117,7 +134,7 @@ def _map(client: Any, stage: Stage, *iterables: Iterable[Any]) -> Iterator[Any]:
                 task = _submit(client, stage_there, batch)
         else:
             raise FemsealError(f"scheduler: the workers of a task died {RETRIES} times, as when memory runs out")
-        size = min(2 * size, max(1, round(TASK_SECONDS * len(batch) / max(seconds, 1e-6))))
+        size = min(2 * size, max(1, int(TASK_SECONDS * len(batch) / max(seconds, 1e-6))))
         yield from results
 
 

@@ -1,4 +1,4 @@
-"""The case and its pressure drop as sentences, for `femseal check` and the report: seal, solids, loads, fluid, methods."""
+"""The case and its pressure drop as sentences, for `femseal check` and the report: seal, solids, loads, fluid, method."""
 
 from __future__ import annotations
 
