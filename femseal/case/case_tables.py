@@ -13,8 +13,7 @@ from ..base.leak_rates import KNOWN, LEAK_UNITS, LeakUnit, leak_classes, leak_un
 from ..base.quantities import to_text
 from ..budget.error_parts import MODEL_PARTS
 from ..flow.discretisation import DISCRETISATIONS, SOLVERS, check_discretisation
-from ..results.paraview import FORMATS, LIMIT
-from ..studies.choices import CONTACTS, DRAWS, FLOWS, FLUID_PRESSURES, PRESSURES
+from ..studies.choices import CONTACTS, DRAWS, FIELDS_LIMIT, FLOWS, FLUID_PRESSURES, FORMATS, PRESSURES
 from .faults import fault, faults_of, refusal
 from .fluid import AnyFluid
 from .values import (
@@ -137,7 +136,7 @@ class OutputTable(Table):
     report: bool = True
     fields: bool = True
     paraview: Annotated[str, *one_of(FORMATS)] = "vtu"
-    fields_limit: FileSize = LIMIT
+    fields_limit: FileSize = FIELDS_LIMIT
     leakage_unit: Annotated[
         str | None, BeforeValidator(_leak_unit_name), WithJsonSchema({"type": "string", "description": _UNITS_TOLD})
     ] = None

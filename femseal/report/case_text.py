@@ -1,4 +1,4 @@
-"""The case and its pressure drop as sentences, for `femseal check` and the report: seal, solids, loads, fluid, method."""
+"""The case and its pressure drop as sentences: seal, solids, loads, fluid and methods, for the report and `check`."""
 
 from __future__ import annotations
 

@@ -14,10 +14,11 @@ from pathlib import Path
 from ..base.errors import FemsealError
 from ..base.files import is_inside, made_folder, read_plain, replacing, write_text
 from ..results.dataset import FILE_NAME, save
-from ..results.paraview import LIMIT, FieldPlan, plan_fields, write_fields, write_vtk
 from ..results.paraview import NAME as FIELDS
+from ..results.paraview import FieldPlan, plan_fields, write_fields, write_vtk
 from ..results.results import Results
 from ..results.tables import csv_text, has_lengths, lengths_csv, write_workbook
+from ..studies.choices import FIELDS_LIMIT
 from ..topography import Topography
 from .page import REPORT_NAME, write_report
 from .pictures import FILES, draw_all
@@ -41,7 +42,7 @@ def write_folder(
     report: bool = True,
     fields: bool = True,
     paraview: str = "vtu",
-    fields_limit: float = LIMIT,
+    fields_limit: float = FIELDS_LIMIT,
 ) -> list[Path]:
     """Write `results.nc`, `table.csv`, `table.xlsx`, `report.html`, the pictures, the fields over all pixels and, in
     `vtk/`, files for ParaView.

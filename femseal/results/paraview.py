@@ -27,6 +27,7 @@ from ..base.fields import PART, PART_VECTOR, PIXEL, READABLE, WINDOW, Field, fie
 from ..base.files import made_folder
 from ..base.quantities import to_text
 from ..base.shared_array import give_back
+from ..studies.choices import FORMATS
 from ..topography import Topography
 from . import vtk_files
 from .variables import solved_steps, window
@@ -41,8 +42,6 @@ if TYPE_CHECKING:
 NAME = "fields"
 #: What results without fields would need: drawn seals have none.
 WITH_FIELDS = 'a run with "deterministic" or "two-scale" as method or in `compare`, with fields = true in [output]'
-#: Default size above which steps are left out [byte], before compression.
-LIMIT = 1e9
 _BYTES = np.dtype(np.float32).itemsize
 #: Endings of the names of fields: those of two scales come first.
 _ENDINGS = ("", "_deterministic")
@@ -204,8 +203,6 @@ def _pixels(
     return slice(first, last), slice(j * width, (j + 1) * width)
 
 
-#: Formats: the series, which every ParaView opens; VTKHDF for ParaView 5.13 or later; both; or none.
-FORMATS = ("vtu", "vtkhdf", "both", "none")
 #: Places of the drawn seal nearer to each other than this fraction of it are one point of the mesh.
 _ONE_POINT = 1e-9
 

@@ -12,3 +12,7 @@ FLUID_PRESSURES, NOMINALS = ("acts", "trapped", "ignored"), ("total", "contact")
 PRESSURES = ("place", "global", "uniform")
 #: Choices of `Sampling.sampler`: those that draw links, and runs of columns.
 DRAWS = (*SAMPLERS, "runs")
+#: Fields for ParaView: the series, which every ParaView opens; VTKHDF for ParaView 5.13 or later; both; or none.
+FORMATS = ("vtu", "vtkhdf", "both", "none")
+#: Default size of the fields of all pixels above which steps are left out [byte], before compression.
+FIELDS_LIMIT = 1e9
