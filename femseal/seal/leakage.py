@@ -14,12 +14,12 @@ from functools import partial
 from typing import Any
 
 import numpy as np
+from numba import njit
 
 from ..base.arrays import Array
 from ..base.errors import InputError
 from ..base.fixed_point import fixed_point
 from ..base.text import Shown
-from ..flow.law import law_of
 from ..flow.permeability_table import PermeabilityTable, pressure_curve
 from ..flow.pressure_drop import PressureDrop
 from ..flow.solution import DarcyFlow
@@ -51,8 +51,10 @@ def pressure_dependent_flow(
 
     Raises NotConverged: the linear solver failed, or the flow still changes after many solutions.
     """
-    pressure, k = table.typical
-    drop = PressureDrop(fluid, inlet, outlet, law_of(fluid).gap(k, pressure) if k > 0 else 1e-6)
+    drop = PressureDrop(fluid, inlet, outlet)
+    if drop.law.depends_on_pressure:
+        pressure, k = table.typical
+        drop = replace(drop, gap=drop.law.gap(k, pressure) if k > 0 else drop.gap)
     values = _on_parts(seal, table.values, len(table.pressures))
     pair = isinstance(values, tuple)
     curves = [pressure_curve(table.pressures, k, table.piecewise) for k in (values if pair else (values,))]
@@ -90,6 +92,8 @@ def pressure_dependent_flow(
         potential=potential,
         complement=1 - potential,
     )
+    if not drop.law.depends_on_pressure:  # both potentials are the same
+        return scaled, local
     # what flows through each part is the same in both potentials
     steeper = [drop.steepness(*ends) for ends in _ends(seal, np.nan_to_num(fraction, nan=0.5), pair)]
     if pair:
@@ -102,14 +106,27 @@ def next_rate(seal: StructuredSeal, flow: DarcyFlow, given: Any, following: Any)
 
     Its potential gives the upper one by Dirichlet's principle, its flux the lower one by Thomson's.
     """
-    before, after = (
-        np.concatenate([d.ravel() for d in seal.stencil(k).dissipation(flow.potential)]) for k in (given, following)
+    per_permeability = seal.stencil((1.0, 1.0)).dissipation(flow.potential)
+    total, after, inverse = np.sum(
+        [_powers(*of_axis) for of_axis in zip(per_permeability, given, following, strict=True)], axis=0
     )
-    flows = before > 0
-    total = before.sum()
-    with np.errstate(divide="ignore"):  # the lower bound is 0 where a link with flow closes
-        inverse = (before[flows] ** 2 / after[flows]).sum()
-    return flow.conductance * total / inverse, flow.conductance * after.sum() / total
+    return float(flow.conductance * total / inverse), float(flow.conductance * after / total)
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _powers(per_permeability, given, following):
+    """Sums of the dissipation of links with the permeabilities given and following, and of the first's square over
+    the second, which is inf where a link with flow closes.
+    """
+    total, after, inverse = 0.0, 0.0, 0.0
+    for i in range(given.shape[0]):
+        for j in range(given.shape[1]):
+            here, k, k_after = per_permeability[i, j], given[i, j], following[i, j]
+            total += here * k
+            after += here * k_after
+            if here * k > 0.0:
+                inverse += here * k * (k / k_after)
+    return total, after, inverse
 
 
 def _on_parts(seal: Any, values: Any, pressures: int) -> Any:

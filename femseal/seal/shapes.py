@@ -17,6 +17,7 @@ import itertools
 from abc import ABC, abstractmethod
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 from math import pi
 from typing import Any, Protocol
 
@@ -271,7 +272,7 @@ class RectangularSeal(StructuredSeal):
         x2 = (np.asarray(column) + 0.5) * (self.size[1] / self.cells[1])
         return np.stack(np.meshgrid(x1, x2, indexing="ij"), axis=-1)
 
-    @property
+    @cached_property
     def grid(self) -> Grid:
         """Nodes in rows x1 and columns x2."""
         return Grid.of_strip(self.rows, self.size[1] / self.cells[1], self.cells[1])
@@ -348,7 +349,7 @@ class AnnularSeal(StructuredSeal):
         θ = (np.asarray(column) + 0.5) * (2 * pi / self.cells[1])
         return self._radius(x1)[:, None, None] * np.stack([np.cos(θ), np.sin(θ)], axis=-1)
 
-    @property
+    @cached_property
     def grid(self) -> Grid:
         """Nodes in rows of |ln r/r₀| and columns of θ, in which the form is that of a strip."""
         r = self.radii

@@ -292,14 +292,46 @@ def find_potentials(factors, v):
 
     That of a node is the mean of those of its neighbours at the time it was eliminated, and what its source adds.
     """
+    _find(factors, v, v[:0])
+
+
+@njit(**_fast)
+def find_two_potentials(factors, v, w):
+    """`find_potentials` of two fields at once, in about the time of one: most of it is that of reading the links."""
+    _find(factors, v, w)
+
+
+@njit(**_fast)
+def _find(factors, v, w):
+    """Potentials v, and w unless that is empty."""
     first, border, start, at, links, inverse, _ = factors
+    two = w.size > 0
+    widest = 0
+    for f in range(first.size - 1):
+        widest = max(widest, start[f + 1] - start[f])
+    of_border, second = np.empty(widest), np.empty(widest)
     for f in range(first.size - 2, -1, -1):
         a, p, q = first[f], first[f + 1] - first[f], start[f + 1] - start[f]
+        for j in range(q):
+            k = border[start[f] + j]
+            of_border[j] = v[k]
+            if two:
+                second[j] = w[k]
         for i in range(p - 1, -1, -1):
             row = at[f] + i * (p + q)
-            here = v[a + i]
-            for j in range(i + 1, p):
-                here += links[row + j] * v[a + j]
-            for j in range(q):
-                here += links[row + p + j] * v[border[start[f] + j]]
-            v[a + i] = here * inverse[a + i]
+            x = v[a + i]
+            if two:
+                y = w[a + i]
+                for j in range(i + 1, p):
+                    x += links[row + j] * v[a + j]
+                    y += links[row + j] * w[a + j]
+                for j in range(q):
+                    x += links[row + p + j] * of_border[j]
+                    y += links[row + p + j] * second[j]
+                w[a + i] = y * inverse[a + i]
+            else:
+                for j in range(i + 1, p):
+                    x += links[row + j] * v[a + j]
+                for j in range(q):
+                    x += links[row + p + j] * of_border[j]
+            v[a + i] = x * inverse[a + i]

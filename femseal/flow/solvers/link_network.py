@@ -11,7 +11,7 @@ from numba import njit
 from ...base.arrays import Array, Flags, Indices
 from ..percolation import find, union
 from ..stencil import Stencil
-from .elimination import Factors, Links, Order, factored, find_potentials
+from .elimination import Factors, Links, Order, factored, find_two_potentials
 
 #: Boxes of about so many nodes are not cut any further; deepest nesting of boxes.
 _LEAF, _DEEPEST = 12, 400
@@ -39,11 +39,10 @@ def eliminate(
 def _write_potentials(order: Order, factors: Factors, φ: Array, ψ: Array) -> None:
     """Write φ and 1 − φ of the eliminated nodes between inlet and outlet to contiguous fields."""
     n = order.nodes.size
-    for stay, potential in enumerate((φ, ψ)):
-        v = np.zeros(n + 2)
-        v[n + stay] = 1.0
-        find_potentials(factors, v)
-        potential.ravel()[order.nodes] = v[:n]
+    v, w = np.zeros((2, n + 2))
+    v[n] = w[n + 1] = 1.0
+    find_two_potentials(factors, v, w)
+    φ.ravel()[order.nodes], ψ.ravel()[order.nodes] = v[:n], w[:n]
 
 
 def condense(c1: Array, c2: Array) -> tuple[Array, Indices]:
