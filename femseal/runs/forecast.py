@@ -95,7 +95,8 @@ def _facts(case: Case, made: Prepared) -> Iterator[tuple[str, str]]:
             inlet, outlet = (to_text(p, "Pa") for p in (table.inlet_pressure, table.outlet_pressure))
             fluid = fluid_text(table.model_dump(exclude_none=True), str(table.fluid))
             yield "fluid", f"{what}{fluid}, from {inlet} to {outlet}"
-    yield "", scene.fluid_effect
+        if table is case.fluid:
+            yield "", scene.fluid_effect
     yield "flow", f"discretisation {scene.discretisation}, solver {scene.solver}"
     yield from _law_facts(scene)
     yield from _accuracy_facts(case, made)
