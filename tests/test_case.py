@@ -247,6 +247,7 @@ def test_faults_of_a_file_say_line_and_the_key_that_is_meant(tmp_path):
     [
         ('viscosity = "1 mPa*s"', "viscosity = 1 mPa*s  # water", 'viscosity = "1 mPa*s"'),
         ("poisson = 0.3", "poisson = 0,3", "poisson = 0.3"),
+        ("poisson = 0.3", "poisson = “0.3”  # typed in a letter", 'poisson = "0.3"  # typed in a letter'),
     ],
 )
 def test_values_without_quotes_or_with_a_comma_are_shown_as_they_may_be_meant(tmp_path, old, new, meant):
@@ -254,6 +255,19 @@ def test_values_without_quotes_or_with_a_comma_are_shown_as_they_may_be_meant(tm
     (tmp_path / "case.toml").write_text(text.replace(old, new, 1), encoding="utf-8")
     with pytest.raises(fs.InputError, match=rf"; perhaps meant: {re.escape(meant)}$"):
         fs.load_case(tmp_path / "case.toml")
+
+
+def test_nothing_is_guessed_for_a_key_that_is_there_twice(tmp_path):
+    text = (ROOT / "examples" / "turned_seal.toml").read_text(encoding="utf-8")
+    (tmp_path / "case.toml").write_text(text.replace("poisson = 0.3", "poisson = 0.3\npoisson = 0.3"), encoding="utf-8")
+    with pytest.raises(fs.InputError, match=r"Cannot overwrite a value \(at line \d+, column \d+\)\)$"):
+        fs.load_case(tmp_path / "case.toml")
+
+
+def test_a_case_may_begin_with_the_mark_of_its_encoding(tmp_path, data):
+    text = (ROOT / "examples" / "turned_seal.toml").read_text(encoding="utf-8")
+    (tmp_path / "case.toml").write_text(text, encoding="utf-8-sig")
+    assert fs.load_case(tmp_path / "case.toml").echo() == parse_case(data).echo()
 
 
 def test_a_missing_key_is_shown_with_a_value(data):

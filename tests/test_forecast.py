@@ -1,5 +1,6 @@
 """The forecast of a run: it follows sizes, loads and methods, and refuses what does not fit into memory."""
 
+import re
 import tomllib
 from dataclasses import replace
 from pathlib import Path
@@ -141,6 +142,17 @@ def test_check_tells_time_on_one_core_and_on_all(data, monkeypatch):
         "GB of memory, and 0.25 GB or more for each further worker",
     ):
         assert words in line
+
+
+def test_check_names_every_grid_of_the_error_budget_once_and_describes_a_flat_face(data, tmp_path):
+    np.save(tmp_path / "flat.npy", np.zeros((256, 384)))
+    data["face"] = {"path": str(tmp_path / "flat.npy"), "spacing": "0.5 um"}
+    data["output"] = {"budget": True, "model_parts": ["hardness"]}
+    case = parse_case(data)
+    lines = [*describe(case, prepare(case))]
+    (again,) = [line for line in lines if line.startswith("error budget")]
+    assert re.findall(r"on (\d+ × \d+) points", again) == [*dict.fromkeys(re.findall(r"on (\d+ × \d+) points", again))]
+    assert any(line.endswith("rms slope 0: a flat face") for line in lines)
 
 
 @pytest.mark.parametrize(("discretisation", "flow"), [("edge", "elements"), ("gauss", "links")])

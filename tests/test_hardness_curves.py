@@ -125,6 +125,25 @@ def test_a_step_in_the_table_is_solved_however_steep(width):
     assert np.any((p > 0.26 * H) & (p < 0.99 * H) & yields)
 
 
+@each(
+    ("depth", "hardness", "load"),
+    [([0, 0.27, 0.88, 1.36], [4.7, 7.0, 2.3, 4.3], 3e8), ([0, 0.066, 2.323], [4.95, 2.34, 6.37], 1e8)],  # µm, GPa, Pa
+)
+def test_a_table_that_falls_between_rises_is_solved(depth, hardness, load):
+    """Points turn back and forth between two tangents unless they go half way; the law again from the fields."""
+    face = self_affine((32, 32), (2e-4, 2e-4), hurst=0.8, rms_slope=0.2, roll_off=60e-6, rng=1)
+    body = fs.HalfSpace(face.shape, face.spacing, 210e9 / 2 / (1 - 0.3**2))
+    law = HardnessTable(1e-6 * np.array(depth), 1e9 * np.array(hardness))
+    contact = fs.solve_contact(face.gap(), body, pressure=load, hardness=law)
+    p, u = contact.pressure, contact.plastic_deformation
+    yields = u > 0
+    assert u.max() > 1e-6 * depth[1]  # beyond the first turn of the table
+    assert_allclose(p[yields], law.yield_pressure(u[yields]), rtol=1e-5)
+    assert_allclose(p.mean(), load, rtol=1e-9)
+    assert_array_equal(contact.gap[p > 0], 0)
+    assert p[~yields].max() <= law.yield_pressure() * (1 + 1e-6)
+
+
 @pytest.mark.parametrize("law", LAWS, ids=["table", "Nix–Gao", "softer"])
 def test_a_peak_is_kept_and_reloading_is_elastic(law):
     gap, body = rough((32, 32)), fs.HalfSpace((32, 32), (D, D), E, "mirror")

@@ -57,6 +57,8 @@ def test_decimal_comma_is_refused(text):
         ("210,000 MPa", "'210.000 MPa', or '210000 MPa' without separators of thousands$"),
         ("10 MPA", "capitals count: MPa or mPa$"),
         ("10 BAR", "capitals count: bar$"),
+        ("280 HV", "'280 HV' is about 2.75 GPa$"),
+        ("280 HBW", "is about 2.75 GPa$"),
     ],
 )
 def test_what_may_have_been_meant(text, hint):

@@ -26,6 +26,8 @@ _PASCAL_SECOND = re.compile(r"(?<=Pa)s\b")
 _NUMBER_AND_UNIT = re.compile(r"^\s*([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)\s*(\S.*)?$")
 #: Scales of temperature whose zero is not the absolute one, however they are written.
 _TEMPERATURE = re.compile(r"(?:(?:[°º]|deg(?:rees?)?)[\s_]?)?([CF]|celsius|fahrenheit)|[℃℉]", re.IGNORECASE)
+#: Hardness by Vickers or Brinell, in kilograms of force per square millimetre.
+_KILOGRAMS = re.compile(r"H(?:V|BW?|BS)\d*")
 #: What a pressure is counted from, gauge or absolute: "(g)", "(a)", a word, or a letter after bar, psi or Pa.
 _REFERENCE = re.compile(
     r"\s?(?:\(\s?([gaü])\s?\)|(?:(?<=bar)|(?<=psi)|(?<=Pa))\s?([gaü])|\s([ga])(?:auge|bs(?:olute)?))\s?$", re.IGNORECASE
@@ -94,6 +96,8 @@ def to_si(text: object, unit: str, name: str = "quantity") -> float:
     if (factor := _factor(written, unit)) is None:
         alike = [each for each, (kind, _) in _USUAL.items() if kind == unit and each.lower() == written.lower()]
         hint = f"; capitals count: {' or '.join(alike)}" if alike else ""
+        if unit == "Pa" and _KILOGRAMS.fullmatch(written):
+            hint = f"; {shown(text)} is about {to_text(float(match[1]) * 9.80665e6, 'Pa', 3)}"
         raise InputError(name, shown(text), f"{example}{hint}")
     # 15 digits restore the decimal number as written, although the factor of a prefix is not exact in binary
     return _finite(float(f"{float(match[1]) * factor:.15g}"), text, name, example)

@@ -297,7 +297,7 @@ def load_case(path: str | PathLike[str]) -> Case:
     try:
         return parse_case(data, folder)
     except InputError as error:
-        raise with_lines(error, Path(path).read_text(encoding="utf-8")) from None
+        raise with_lines(error, Path(path).read_text(encoding="utf-8-sig")) from None
 
 
 def read_case(path: str | PathLike[str]) -> tuple[dict[str, Any], Path]:
@@ -314,7 +314,7 @@ def read_case(path: str | PathLike[str]) -> tuple[dict[str, Any], Path]:
             content = file.read(_LARGEST_FILE + 1)
         if len(content) > _LARGEST_FILE:
             raise InputError("case", f"'{path}' of more than {_LARGEST_FILE:.0e} bytes", "a TOML file of a case")
-        data = tomllib.loads(content.decode("utf-8").replace("\r\n", "\n"))
+        data = tomllib.loads(content.decode("utf-8-sig").replace("\r\n", "\n"))
     except OSError as error:
         expected = f"a file that can be read ({error.strerror}: {shortened(abspath(path))})"
         raise InputError("case", f"'{path}'", expected) from None
@@ -325,7 +325,7 @@ def read_case(path: str | PathLike[str]) -> tuple[dict[str, Any], Path]:
     except ValueError as error:  # of TOML, or of a number with thousands of digits
         if isinstance(error, InputError):
             raise
-        expected = f"a TOML file ({shortened(error, 120)}){meant_in(content.decode('utf-8'), str(error))}"
+        expected = f"a TOML file ({shortened(error, 120)}){meant_in(content.decode('utf-8-sig'), str(error))}"
         raise InputError("case", f"'{path}', which is not TOML", expected) from None
     return data, path.parent
 

@@ -187,7 +187,12 @@ def with_lines(error: InputError, text: str) -> InputErrors:
 def meant_in(text: str, message: str) -> str:
     """How the line that a message of the parser names may have been meant: a decimal point, or quotes around a unit."""
     at = re.search(r"at line (\d+)", message)
-    if at is None or (line := _UNQUOTED.match(text.splitlines()[int(at[1]) - 1])) is None:
+    if at is None:
+        return ""
+    written = text.splitlines()[int(at[1]) - 1]
+    if (straight := re.sub("[“”„]", '"', written)) != written:
+        return shortened(f"; perhaps meant: {straight.strip()}")
+    if "overwrite" in message or (line := _UNQUOTED.match(written)) is None:  # a key that is there twice
         return ""
     key, value = line.groups()
     plain = re.fullmatch(r"([-+]?\d+),(\d+)", value)

@@ -219,6 +219,7 @@ def _by_tangents(law: ContactLaw, problem: _Problem, threads: int) -> Contact:
     """Solve a curved law by contacts with its tangents, each at the deformation that the former contact gives the law.
 
     A tangent so steep that it leaves no pressure at u = 0 holds from a depth on, which is in the gap of its contact.
+    Where the law softens and u turns back, it goes half way, as it would turn for ever between two tangents.
 
     Raises
     ------
@@ -226,9 +227,10 @@ def _by_tangents(law: ContactLaw, problem: _Problem, threads: int) -> Contact:
     """
     iterations = pairs = 0
     shape, stiffness = problem.half_space.shape, problem.half_space.stiffness
-    u = np.zeros(shape)
+    u, change = np.zeros(shape), np.zeros(shape)
     for _ in range(_MOST_TANGENTS):
-        slope = np.maximum(law.hardening_modulus(u), 1.0)
+        modulus = law.hardening_modulus(u)
+        slope = np.maximum(modulus, 1.0)
         depth = np.maximum(u - _FROM_DEPTH * law.yield_pressure(u) / slope, 0.0)
         line = law.after(depth).tangent(shape, u - depth)
         if problem.load is not None and problem.load >= line.capacity * (1 - 1e-9):
@@ -236,15 +238,19 @@ def _by_tangents(law: ContactLaw, problem: _Problem, threads: int) -> Contact:
         contact = replace(problem, gap0=problem.gap0 + depth, line=line).solve(threads)
         iterations, pairs = iterations + contact.iterations, pairs + contact.fft_pairs
         raw = contact.raw_gap - depth
-        mismatch, u = law.mismatch(contact.pressure, raw, stiffness)
+        mismatch, wanted = law.mismatch(contact.pressure, raw, stiffness)
         if mismatch <= problem.rtol:
             if depth.any():
-                left = np.where(u > 0, np.maximum(-raw, 0.0), 0.0)
-                contact = replace(contact, gap=np.maximum(raw, 0.0), plastic_deformation=left, plastic=u > 0)
+                left = np.where(wanted > 0, np.maximum(-raw, 0.0), 0.0)
+                contact = replace(contact, gap=np.maximum(raw, 0.0), plastic_deformation=left, plastic=wanted > 0)
             return replace(contact, iterations=iterations, fft_pairs=pairs)
+        softens = np.minimum(modulus, law.hardening_modulus(wanted)) < 0
+        change = np.where(softens & ((wanted - u) * change < 0), 0.5, 1.0) * (wanted - u)
+        u = u + change
     raise NotConverged(
         f"contact: pressures are off the law by {mismatch:.1e} after {_MOST_TANGENTS} tangents, wanted "
-        f"{problem.rtol:.1e}; try a law that softens less, such as by a larger smallest depth, or a finer grid",
+        f"{problem.rtol:.1e}; try a law that softens less, such as a smoother table or a larger smallest depth, or a "
+        "finer grid",
         mismatch,
     )
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -93,7 +94,8 @@ def _facts(case: Case, made: Prepared) -> Iterator[tuple[str, str]]:
             inlet, outlet = (to_text(p, "Pa") for p in (table.inlet_pressure, table.outlet_pressure))
             fluid = fluid_text(table.model_dump(exclude_none=True), str(table.fluid))
             yield "fluid", f"{what}{fluid}, from {inlet} to {outlet}"
-    yield "", scene.fluid_effect
+        if table is case.fluid:
+            yield "", scene.fluid_effect
     yield "flow", f"discretisation {scene.discretisation}, solver {scene.solver}"
     yield from _law_facts(scene)
     yield from _accuracy_facts(case, made)
@@ -108,8 +110,11 @@ def _facts(case: Case, made: Prepared) -> Iterator[tuple[str, str]]:
         points = " × ".join(map(str, without_short_waves(prepared).surface.shape))
         yield "second run", f"{prepared.answer.name}, on {points} points without waves up to twice the shortest"
     if again := _budget_inputs(case, prepared):
-        each = (f"{len(one.scene.steps)} on {' × '.join(map(str, one.scene.surface.shape))} points" for one in again)
-        yield "error budget", f"states again, {' and '.join(each)}"
+        counts: Counter[tuple[int, ...]] = Counter()
+        for one in again:
+            counts[one.scene.surface.shape] += len(one.scene.steps)
+        states = (f"{count} on {' × '.join(map(str, shape))} points" for shape, count in counts.items())
+        yield "error budget", f"states again, {' and '.join(states)}"
     if leakage := case.output.description:
         yield "leakage", leakage
     first = "" if case.accuracy is None else "first attempt: "
@@ -331,8 +336,9 @@ def _surface_facts(prepared: Prepared) -> Iterator[tuple[str, str]]:
     surface = scene.surface
     size, pixel = (" × ".join(to_text(x, "m", 4) for x in pair) for pair in (surface.size, surface.spacing))
     yield "surface", f"{surface.shape[0]} × {surface.shape[1]} points, {size}, pixel {pixel}"
-    height, hard = to_text(surface.rms_height, "m", 3), scene.law.mean_hardness / scene.modulus / surface.rms_slope
-    yield "", f"rms height {height}, rms slope {surface.rms_slope:.3g}, H/(E*·slope) {hard:.3g}"
+    height, slope = to_text(surface.rms_height, "m", 3), surface.rms_slope
+    hard = f", H/(E*·slope) {scene.law.mean_hardness / scene.modulus / slope:.3g}" if slope else ": a flat face"
+    yield "", f"rms height {height}, rms slope {slope:.3g}{hard}"
     if report.undefined_fraction or report.spikes:
         yield "", f"{report.undefined_fraction:.2%} undefined points and {report.spikes} in spikes filled"
     if isinstance(surface, Places):

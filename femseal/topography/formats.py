@@ -91,8 +91,13 @@ def read_npy(path: Path, options: Options) -> Raw:
     try:
         array = np.load(path, allow_pickle=False)
     except (ValueError, EOFError) as error:
-        raise bad_file(path, error, "an array of numbers saved by numpy.save") from None
+        raise bad_file(path, _of_numpy(error), "an array of numbers saved by numpy.save") from None
     return Raw(_numbers(path, array))
+
+
+def _of_numpy(error: Exception) -> object:
+    """What was found in a file of numpy, without its advice on pickled objects."""
+    return "no array of numbers" if "pickle" in str(error) else error
 
 
 def read_npz(path: Path, options: Options) -> Raw:
@@ -104,7 +109,7 @@ def read_npz(path: Path, options: Options) -> Raw:
         with np.load(path, allow_pickle=False) as archive:
             stored = {name: archive[name] for name in archive.files}
     except (ValueError, EOFError, BadZipFile, TypeError, AttributeError) as error:
-        raise bad_file(path, error, "arrays of numbers saved by numpy.savez") from None
+        raise bad_file(path, _of_numpy(error), "arrays of numbers saved by numpy.savez") from None
     spacing = stored.pop("spacing", None)
     mask = stored.pop("mask", None) if options.array != "mask" else None
     names = ", ".join(sorted(stored)) or "none"
