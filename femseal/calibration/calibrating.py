@@ -122,9 +122,8 @@ def calibrate(
 def _ranges(case: Case, given: dict[str, Range | None]) -> tuple[Array, float]:
     """Ranges of the three quantities (3, 2) in SI, whose ends are checked, and the memory of a scene [byte].
 
-    Raises
-    ------
-    InputError : a range that does not rise, a solid that does not yield, or ends with which the case cannot be run.
+    Raises InputError: a range that does not rise, a solid that does not yield, or ends with which the case cannot be
+    run.
     """
     table = getattr(case, case.softer)
     known = table.solid.hardness

@@ -103,7 +103,7 @@ class StochasticTable(Table):
 #: Keys of [output] that say which files are written, and change no number.
 FILE_KEYS = ("pictures", "report", "fields", "paraview", "fields_limit")
 #: What the schema says of units.
-_UNITS_TOLD = f"a unit of leakage: {', '.join(LEAK_UNITS)}"
+_LEAK_UNIT_TEXT = f"a unit of leakage: {', '.join(LEAK_UNITS)}"
 
 
 def _leak_unit_name(value: Any) -> str:
@@ -139,7 +139,9 @@ class OutputTable(Table):
     paraview: Annotated[str, *one_of(FORMATS)] = "vtu"
     fields_limit: FileSize = LIMIT
     leakage_unit: Annotated[
-        str | None, BeforeValidator(_leak_unit_name), WithJsonSchema({"type": "string", "description": _UNITS_TOLD})
+        str | None,
+        BeforeValidator(_leak_unit_name),
+        WithJsonSchema({"type": "string", "description": _LEAK_UNIT_TEXT}),
     ] = None
 
     throughput_temperature: Temperature | None = None

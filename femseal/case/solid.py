@@ -23,7 +23,7 @@ from .values import Hardening, Height, Length, Modulus, Place, Poisson, Table, q
 _UNITS = {"young": "Pa", "poisson": "", "yield_stress": "Pa", "hardness": "Pa"}
 #: A column of a file of hardness over depth.
 _COLUMN = re.compile(r"^\s*(depth|hardness)\s*[\[(]\s*(.+?)\s*[\])]\s*$")
-_FILE_TOLD = "two columns with commas, the first line 'depth [um], hardness [GPa]' or with other units"
+_FILE_COLUMNS = "two columns with commas, the first line 'depth [um], hardness [GPa]' or with other units"
 _ROW = {"type": "array", "items": quantity_schema("a depth >= 0, then a hardness > 0"), "minItems": 2, "maxItems": 2}
 
 
@@ -40,7 +40,7 @@ class SolidTable(Table):
     smallest_depth: Length | None = None
     hardness_table: Annotated[
         tuple[tuple[Place, Modulus], ...] | None,
-        WithJsonSchema({"anyOf": [{"type": "string", "description": _FILE_TOLD}, {"type": "array", "items": _ROW}]}),
+        WithJsonSchema({"anyOf": [{"type": "string", "description": _FILE_COLUMNS}, {"type": "array", "items": _ROW}]}),
     ] = None
     name: Annotated[str | None, Field(max_length=60)] = None
 
@@ -125,7 +125,7 @@ def read_hardness_table(path: Path, key: str) -> list[list[str]]:
         places = [[name for name, _ in columns].index(name) for name in ("depth", "hardness")]
         numbers = [[float(row[n]) for n in places] for row in rows if len(row) == len(columns) == 2]
     except (OSError, ValueError):
-        raise fault(key, f"'{shortened(path.name)}'", _FILE_TOLD) from None
+        raise fault(key, f"'{shortened(path.name)}'", _FILE_COLUMNS) from None
     if len(numbers) < len(rows):
-        raise fault(key, f"'{shortened(path.name)}'", _FILE_TOLD)
+        raise fault(key, f"'{shortened(path.name)}'", _FILE_COLUMNS)
     return [[f"{depth!r} {units['depth']}", f"{hardness!r} {units['hardness']}"] for depth, hardness in numbers]

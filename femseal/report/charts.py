@@ -19,8 +19,8 @@ from ..plots.drawing import GREY, branch_styles
 from ..plots.leakage_curves import leakage_curves, leakage_range
 from ..plots.maps import pressure_rows
 from ..results.results import Results
+from ..results.selections import branches
 from ..results.tables import format_error_band, format_leakage, leakage_of
-from ..results.variables import branches
 
 Chart = dict[str, Any]
 

@@ -17,8 +17,8 @@ from ..base.leak_rates import LeakUnit, within
 from ..base.quantities import to_text
 from ..base.text import TextTable, format_deviation
 from ..results.run_data import RunData
+from ..results.selections import branches_in
 from ..results.tables import class_unit, format_error_band, format_leakage, in_several_units
-from ..results.variables import branches_in
 from .case_text import fluid_text
 
 if TYPE_CHECKING:

@@ -89,7 +89,7 @@ def _content(results: Results, drawings: pictures.Drawings) -> dict[str, Any]:
         "title": results.case.get("title") or "Leakage of a metal-to-metal seal",
         "source": data.attrs["source"],
         "key_numbers": leakage_tables.key_numbers(results),
-        "date": _date(results),
+        "date": str(data.attrs.get("date_created", "")).replace("T", " ").replace("+00:00", " UTC"),
         "computed": _digest_lines(results),
         "limiting": leakage_tables.limiting_text(results),
         **charts.page_code(),
@@ -135,11 +135,6 @@ def _content(results: Results, drawings: pictures.Drawings) -> dict[str, Any]:
         content["charts"]["drop"] = charts.drop_chart(results, pictures.drop_steps(data))
         content["drop_sentences"] = case_text.pressure_drop_sentences(results)
     return content
-
-
-def _date(results: RunData) -> str:
-    """When the results were computed."""
-    return str(results.dataset.attrs.get("date_created", "")).replace("T", " ").replace("+00:00", " UTC")
 
 
 def _digest_lines(results: RunData) -> list[tuple[str, str]]:

@@ -300,9 +300,7 @@ def _refuse_foreign(path: Path) -> None:
 def open_results(folder: str | os.PathLike[str]) -> Results:
     """Read the results in a folder into memory, without the studies' large fields.
 
-    Raises
-    ------
-    InputError : no such folder, no `results.nc` in it, or not one that femseal wrote.
+    Raises InputError: no such folder, no `results.nc` in it, or not one that femseal wrote.
     """
     import xarray
 

@@ -29,7 +29,7 @@ from ..base.quantities import to_text
 from ..base.shared_array import give_back
 from ..topography import Topography
 from . import vtk_files
-from .variables import solved_steps, window
+from .selections import solved_steps, window
 from .vtk_files import Cells, Heights, Image, LoadSteps, View, write_hdf, write_series
 
 if TYPE_CHECKING:
