@@ -14,8 +14,8 @@ from femseal import cli
 from femseal.base.errors import FemsealError, InputError
 from femseal.base.text import comma_separated
 from femseal.report import pdf, write_pdf
-from femseal.report.charts import drop_chart, leakage_chart
 from femseal.report.leakage_tables import class_table, limiting_text
+from femseal.report.page import drop_chart, leakage_chart
 from femseal.results import assemble
 from femseal.results.tables import rows, write_workbook
 from femseal.studies import Scene, deterministic
