@@ -2,7 +2,7 @@
 
 Its curves can be hovered and zoomed by uPlot, whose code is in the page: the page's policy names its script by its
 digest, and nothing is loaded. Each curve has a picture, which stands in its place without scripts and on paper. uPlot
-1.6.32 is in `uplot/`, with its licence. The page is printed as PDF by a browser without a window, or else by WeasyPrint.
+1.6.32 is in `uplot/`, with its licence. A browser without a window prints the page as PDF, or else WeasyPrint does.
 """
 
 from __future__ import annotations
