@@ -66,7 +66,7 @@ def calibrate(
     """Hardness, shortest wave that counts and a factor between model and test, from a measured curve of leakage.
 
     The case is solved at the loads of the test for up to `scenes` pairs of hardness and shortest wave: a Sobol sequence
-    over their ranges, then where the posterior is, see `sweeps.surrogate` and `calibration.posterior`.
+    over their ranges, then where the posterior is, see `sweeps.scenes` and `calibration.leak_test`.
 
     Parameters
     ----------

@@ -139,7 +139,7 @@ class OutputTable(Table):
     pictures, report, fields : whether they are written; a run without pictures has no report either, unless it is
     asked for.
     leakage_unit : of tables, pictures and report. throughput_temperature : of the pressure × volume of gases.
-    classes : leakage classes checked at every step, see `base.leak_classes`. nominal_diameter : which some need.
+    classes : leakage classes checked at every step, see `base.leak_rates`. nominal_diameter : which some need.
     test_fluid : of a leak test, whose leakage stands beside; classes are checked with it.
     budget : the error of every leakage, source by source, see `budget.error_budget`. model_parts : those of its sources
     that are errors of the model and its input.

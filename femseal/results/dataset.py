@@ -66,7 +66,7 @@ def assemble(
     timings : stage to wall time [s].
     quantiles : lower and upper end of the band of realisations.
     warnings : what casts doubt on the case itself; those of the studies come after them.
-    leakage_unit : of leakage in tables, pictures and report, see `base.leak_units`; a readable one per length of seal
+    leakage_unit : of leakage in tables, pictures and report, see `base.leak_rates`; a readable one per length of seal
     unless given.
     leakage_filtered : the leakage at every step of the same face without waves up to twice the shortest one.
     budgets : error budgets of the studies, by their names here.
@@ -74,7 +74,7 @@ def assemble(
     whole : the scene with all load steps, where `scene` has a part of them: the others are interpolated.
     interpolated_within : relative error of the leakage there.
     classes : leakage classes to be decided on at every step, by the test fluid where there is one, see
-    `base.leak_classes`. nominal_diameter : [m], which some of them need.
+    `base.leak_rates`. nominal_diameter : [m], which some of them need.
     throughput_temperature : at which pressure × volume of a gas is stated [K]; its own unless given.
 
     Returns Results; every variable has `units` and `long_name`. Dimensions: step; realisation; cell1, cell2, windows by

@@ -68,7 +68,7 @@ class OtherLeakage:
         return cls(state, ratio * study.leakage)
 
     def at_all_steps(self, solved: Indices, steps: LoadProgramme) -> OtherLeakage:
-        """From those at the solved steps, see `load_interpolation.at_all_steps`."""
+        """From those at the solved steps, see `load_curves.at_all_steps`."""
         given = (self.leakage, self.realisations, self.resampled)
         every = (None if q is None else at_all_steps(q, solved, steps, logarithmic=True) for q in given)
         leakage, realisations, resampled = every
