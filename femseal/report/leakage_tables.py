@@ -74,11 +74,9 @@ def limiting_text(results: RunData) -> str:
 
 def total_leakage_text(results: RunData) -> str:
     """Leakage of the whole seal at the highest load, in several units."""
-    steps = results.steps
-    peak = results.peak
-    if not (whole := in_several_units(results, peak)):
+    if not (whole := in_several_units(results, results.peak)):
         return ""
-    length, load = to_text(results.leak_basis.length, "m"), to_text(steps[peak].pressure, "Pa")
+    length, load = to_text(results.leak_basis.length, "m"), to_text(results.steps[results.peak].pressure, "Pa")
     return f"Over its whole length of {length} the seal leaks {whole} at {load}.{_reference_text(results)}"
 
 
