@@ -37,7 +37,7 @@ from femseal.flow.grid import Grid
 from femseal.plots.drawing import STYLES, new_figure
 from femseal.plots.heights import height_panel
 from femseal.plots.maps import default_step, window_flux
-from femseal.results.variables import branches
+from femseal.results.selections import branches
 from femseal.seal import largest_fractions
 from femseal.studies.link_flow import chosen_windows
 from femseal.windows import Partition, window_dissipation

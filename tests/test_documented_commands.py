@@ -20,7 +20,7 @@ from typer.main import get_command
 
 import femseal as fs
 from femseal.cli import app
-from femseal.report import pdf
+from femseal.report import page as report_page
 
 ROOT = Path(__file__).parents[1]
 PAGES = [ROOT / "README.md", ROOT / "CONTRIBUTING.md", *sorted((ROOT / "docs").glob("*.md"))]
@@ -151,7 +151,7 @@ def place(tmp_path, monkeypatch):
 
 @pytest.mark.parametrize("form", [pytest.param(f, marks=[pytest.mark.slow] if f in SLOW else []) for f in FORMS])
 def test_a_documented_command_does_its_work(form, femseal, place, finished):
-    if "--pdf" in form and pdf.find_browser() is None and find_spec("weasyprint") is None:
+    if "--pdf" in form and report_page.find_browser() is None and find_spec("weasyprint") is None:
         pytest.skip("no program that prints a page")
     form, _, into = form.partition(" > ")
     with cluster() if "ADDRESS" in form or "tcp:" in form else nullcontext("") as address:

@@ -26,8 +26,8 @@ from femseal.fluids import IdealGas, Liquid
 from femseal.plots import cells_figure, leakage_figure, seal_figure
 from femseal.report import write_folder
 from femseal.results import assemble, open_results, save, write_vtk
+from femseal.results.selections import branch_text
 from femseal.results.tables import format_leakage
-from femseal.results.variables import branch_text
 from femseal.seal import RectangularSeal
 from femseal.studies import Sampling, Scene, StochasticResult, TwoScaleResult, deterministic, stochastic, two_scale
 from femseal.studies.link_flow import chosen_windows, window_pixels

@@ -13,9 +13,10 @@ import femseal as fs
 from femseal import cli
 from femseal.base.errors import FemsealError, InputError
 from femseal.base.text import comma_separated
-from femseal.report import pdf, write_pdf
-from femseal.report.charts import drop_chart, leakage_chart
+from femseal.report import page as report_page
+from femseal.report import write_pdf
 from femseal.report.leakage_tables import class_table, limiting_text
+from femseal.report.page import drop_chart, leakage_chart
 from femseal.results import assemble
 from femseal.results.tables import rows, write_workbook
 from femseal.studies import Scene, deterministic
@@ -111,8 +112,8 @@ def test_a_workbook_keeps_a_text_that_looks_like_a_formula(scene, study, tmp_pat
 
 def test_without_a_browser_the_error_says_what_is_needed(tmp_path, monkeypatch):
     (tmp_path / "page.html").write_text(PAGE)
-    monkeypatch.setattr(pdf, "find_browser", lambda: None)
-    monkeypatch.setattr(pdf, "find_spec", lambda name: None)
+    monkeypatch.setattr(report_page, "find_browser", lambda: None)
+    monkeypatch.setattr(report_page, "find_spec", lambda name: None)
     with pytest.raises(InputError, match=r"no program that prints a page.*chromium.*pip install weasyprint"):
         write_pdf(tmp_path / "page.html")
     assert [path.name for path in tmp_path.iterdir()] == ["page.html"]

@@ -232,7 +232,8 @@ class LeakClass:
         """
         if self.per_diameter and diameter is None:
             raise InputError("nominal_diameter", f"none for the class {self.name}", "a length > 0, such as '50 mm'")
-        if self.helium and not is_helium(basis):
+        is_helium = basis.molar_mass is not None and abs(basis.molar_mass / HELIUM - 1) < _SAME_GAS
+        if self.helium and not is_helium:
             allowed = "a class for the fluid, or helium as the fluid or the test fluid"
             raise InputError("classes", f"{self.name}, which is defined for helium", allowed)
         unit = LEAK_UNITS[self.unit]
@@ -250,11 +251,6 @@ class LeakClass:
 def within(leakage: ArrayLike, limit: float) -> NDArray[np.bool_]:
     """Whether leakages of any direction are no more than a limit, up to rounding; NaN is not."""
     return np.asarray(np.abs(np.asarray(leakage, dtype=float)) <= limit * (1 + _ROUNDING))
-
-
-def is_helium(basis: LeakBasis) -> bool:
-    """Whether the fluid is helium, by its molar mass."""
-    return basis.molar_mass is not None and abs(basis.molar_mass / HELIUM - 1) < _SAME_GAS
 
 
 #: Rates of ISO 5208: mm³/s per mm of nominal diameter, of liquids and of gases.

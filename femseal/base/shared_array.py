@@ -77,7 +77,10 @@ def shared_empty(shape: tuple[int, ...], dtype: Any) -> NDArray[Any]:
         else:
             with tempfile.TemporaryFile(dir=_stores[-1][0] if _stores else None) as file:
                 # a page of a mapped file for which a disk has no room would end the process
-                (os.posix_fallocate if hasattr(os, "posix_fallocate") else _extended)(file.fileno(), 0, size)
+                if hasattr(os, "posix_fallocate"):
+                    os.posix_fallocate(file.fileno(), 0, size)
+                else:
+                    os.ftruncate(file.fileno(), size)
                 if not _shared:
                     return np.memmap(file, dtype, "r+", shape=shape)
                 descriptor = os.dup(file.fileno())
@@ -110,7 +113,3 @@ def one_at_a_time(states: NDArray[Any]) -> Iterator[NDArray[Any]]:
     for state in states:
         yield state
         give_back(states)
-
-
-def _extended(descriptor: int, start: int, size: int) -> None:
-    os.ftruncate(descriptor, start + size)

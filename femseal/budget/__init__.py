@@ -12,9 +12,15 @@ if TYPE_CHECKING:
     from .changes import CoarserSolution, change_of_windows
     from .error_budget import at_interpolated_steps, error_budget
     from .error_parts import MODEL_PARTS, ErrorBudget, ErrorPart, WidestBand, counting_steps, widest_band
-    from .estimates import places_to_halve
+    from .estimates import (
+        FormTolerance,
+        ModelChange,
+        effective_pressure_part,
+        model_changes,
+        model_part,
+        places_to_halve,
+    )
     from .grid_convergence import GridConvergence, grid_convergence
-    from .model_parts import FormTolerance, ModelChange, effective_pressure_part, model_changes, model_part
     from .waves import contact_fraction_of, continuation_part
 
 __all__ = [

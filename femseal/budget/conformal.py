@@ -37,18 +37,6 @@ _MOST = 5.0
 Features = Mapping[str, Array]
 
 
-def _links(f: Features) -> Array:
-    return 0.1 + f["contact"] + 0.1 * np.maximum(f["decades"], 0.0)
-
-
-def _compared_links(f: Features) -> Array:
-    return np.hypot(np.minimum(f["difference"], _MOST), 0.02 * np.maximum(f["slope"], 1.0))
-
-
-def _windows(f: Features) -> Array:
-    return np.sqrt(0.0003**2 + f["gap_error"] ** 2 + np.minimum(f["effect"], _MOST) ** 2)
-
-
 def _drawn(least: float) -> Callable[[Features], Array]:
     """Seals whose windows scatter have channels that a face as short as theirs may miss."""
     return lambda f: (least + f["scatter"] ** 2) * (1.0 + np.maximum(f["decades"], 0.0) ** 2)
@@ -60,9 +48,9 @@ def _drawn(least: float) -> Callable[[Features], Array]:
 #: points both. slope : |d ln(leakage) / d ln(load)|. scatter : standard deviation of ln(leakage) of drawn seals by
 #: library and realisations.
 DIFFICULTIES: dict[str, Callable[[Features], Array]] = {
-    "links": _links,
-    "compared links": _compared_links,
-    "windows": _windows,
+    "links": lambda f: 0.1 + f["contact"] + 0.1 * np.maximum(f["decades"], 0.0),
+    "compared links": lambda f: np.hypot(np.minimum(f["difference"], _MOST), 0.02 * np.maximum(f["slope"], 1.0)),
+    "windows": lambda f: np.sqrt(0.0003**2 + f["gap_error"] ** 2 + np.minimum(f["effect"], _MOST) ** 2),
     "runs": _drawn(0.03),
     "block": _drawn(0.1),
     "global": _drawn(0.3),
@@ -95,9 +83,7 @@ class Scores:
     def quantile(self, coverage: float) -> float:
         """Width over difficulty that holds the truth of a step of a new scene with this probability.
 
-        Raises
-        ------
-        InputError : too few scenes for the coverage.
+        Raises InputError: too few scenes for the coverage.
         """
         n = self.scenes
         if 1 - coverage < 1 / (n + 1) - 1e-12:

@@ -12,9 +12,8 @@ from ..studies.load_curves import FLOOR, Indices, at_all_steps, neighbours
 from ..studies.scene import Array
 from .changes import CoarserSolution
 from .error_parts import ErrorBudget, ErrorPart
-from .estimates import elements_part, library_part, realisations_part, solver_part
+from .estimates import elements_part, library_part, realisations_part, sampler_part, solver_part, two_scales_parts
 from .grid_convergence import USUAL_PIXELS, one_grid_part, pixels_part
-from .model_parts import sampler_part, two_scales_parts
 from .waves import contact_fraction_of, filter_part, raised_by_slope
 
 #: Factor of the distances of all parts but those of draws at loads that leak less than 1e-3 of the first, where

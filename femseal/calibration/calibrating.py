@@ -66,7 +66,7 @@ def calibrate(
     """Hardness, shortest wave that counts and a factor between model and test, from a measured curve of leakage.
 
     The case is solved at the loads of the test for up to `scenes` pairs of hardness and shortest wave: a Sobol sequence
-    over their ranges, then where the posterior is, see `sweeps.surrogate` and `calibration.posterior`.
+    over their ranges, then where the posterior is, see `sweeps.scenes` and `calibration.leak_test`.
 
     Parameters
     ----------
@@ -122,9 +122,8 @@ def calibrate(
 def _ranges(case: Case, given: dict[str, Range | None]) -> tuple[Array, float]:
     """Ranges of the three quantities (3, 2) in SI, whose ends are checked, and the memory of a scene [byte].
 
-    Raises
-    ------
-    InputError : a range that does not rise, a solid that does not yield, or ends with which the case cannot be run.
+    Raises InputError: a range that does not rise, a solid that does not yield, or ends with which the case cannot be
+    run.
     """
     table = getattr(case, case.softer)
     known = table.solid.hardness

@@ -188,9 +188,7 @@ class Calibration:
     def write(self, folder: str | os.PathLike[str]) -> list[Path]:
         """Write `calibration.json`, `calibration.csv` and `calibration.png` into a folder, which is made if needed.
 
-        Raises
-        ------
-        InputError : the folder cannot be written.
+        Raises InputError: the folder cannot be written.
         """
         from ..plots.drawing import png
 

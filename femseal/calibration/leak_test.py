@@ -77,10 +77,8 @@ def read_leak_test(path: Path, case: Case) -> LeakTest:
     commas, semicolons or tabs. A leakage is a number, "sealed", or "< 0.1" below a detection limit; sealed rows without
     a limit leak less than the least that was measured.
 
-    Raises
-    ------
-    InputError : the file cannot be read, a column or a unit is unknown or missing, or rows cannot be used: no number,
-        no known branch, a load beyond those of the case; one line for each fault, with its line in the file.
+    Raises InputError: the file cannot be read, a column or a unit is unknown or missing, or rows cannot be used: no
+    number, no known branch, a load beyond those of the case; one line for each fault, with its line in the file.
     """
     try:
         if path.stat().st_size > _LARGEST:

@@ -21,13 +21,20 @@ from ..contact import ContactLaw, softer_of
 from ..fluids import leak_basis, potential_of
 from ..materials import Solid, contact_modulus
 from ..seal.layouts import Layout, MeshLayout
-from .case_tables import CellsTable, ContactTable, FlowTable, OutputTable, StochasticTable
+from .case_tables import (
+    CellsTable,
+    ContactTable,
+    FlowTable,
+    OutputTable,
+    SolidTable,
+    StochasticTable,
+    with_named_solids,
+)
 from .faces import Face, FileFace, SurfaceTable
 from .faults import INTERNAL, case_faults, fault, faults_of, meant_in, with_lines
 from .fluid import AnyFluid, with_absolute_pressures, with_named_fluids
 from .load import LoadTable
 from .seal import AnySeal, AnySeat, with_inlet_pressure
-from .solid import SolidTable, with_named_solids
 from .values import Accuracy, Duration, FileSize, Number, Table
 
 #: No case is larger [byte].

@@ -128,7 +128,7 @@ class AngleMap(MapTable):
 
 
 class FieldMap(MapTable):
-    """Pressure from a file, see `seal.field_file.read_pressure_field`."""
+    """Pressure from a file, see `seal.seal_files.read_pressure_field`."""
 
     kind: Literal["field"]
     path: Path

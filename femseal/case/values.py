@@ -212,7 +212,7 @@ def table_of_any(
 ) -> Any:
     """One of the tables of registered dataclasses, by its key `kind`.
 
-    registered : frozen dataclasses by their kind, whose quantities are declared by `base.parameters.parameter`.
+    registered : frozen dataclasses by their kind, whose quantities are declared by `base.validate.parameter`.
     base : base class of their tables.
     more : further keys of the table of each, as pydantic's `create_model` takes them, or others in place of its own.
     """

@@ -75,7 +75,7 @@ def design(
     what : a case or its file, or results or their folder; results are taken as they are, without solving.
     output : folder of the run and of the answer, where complete results of the same case are taken; None writes
         nothing.
-    classes : leakage classes, or leakages with their unit, see `base.leak_classes`; those of the case unless given,
+    classes : leakage classes, or leakages with their unit, see `base.leak_rates`; those of the case unless given,
         else L0.01, L0.1 and L1. The test fluid decides on them where there is one.
     probability : fraction of the seals that is to keep the class, above 0 and below 1.
     assembly : pressures in assembly Q_A besides those that the case unloads from, [Pa] or as "300 MPa"; of results

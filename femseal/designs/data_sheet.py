@@ -24,8 +24,8 @@ from ..report.case_text import fluid_text
 from ..report.leakage_tables import DESIGN_FILE, DESIGN_PICTURE
 from ..results.dataset import FILE_NAME
 from ..results.results import Results
+from ..results.selections import pressures_and_peaks
 from ..results.tables import format_leakage
-from ..results.variables import pressures_and_peaks
 from .requirements import ENDS, NeededPressure, Requirement, Seals
 from .sensitivities import Sensitivity, Slope, TurnedFace
 

@@ -66,9 +66,7 @@ def element_flow(gap: ArrayLike, partition: Partition, *, node_spacing: int = NO
     gap : (n1, n2) [m]. partition : of the face; the windows are its cells.
     node_spacing : largest distance of two nodes on a side [pixels].
 
-    Raises
-    ------
-    InputError : a gap that is negative, undefined or of another shape.
+    Raises InputError: a gap that is negative, undefined or of another shape.
     NotConverged : inlet and outlet flow differ by more than 1e-5.
     """
     node_spacing = validate.count("node_spacing", node_spacing)
@@ -144,9 +142,7 @@ class WindowFlow:
 def window_flow(gap: ArrayLike, partition: Partition, flow: ElementFlow, i: int, j: int) -> WindowFlow:
     """Flow inside the window (i, j) by back substitution, from the potential that `flow` has at its side points.
 
-    Raises
-    ------
-    InputError : a gap that is negative, undefined or of another shape, a window that does not exist.
+    Raises InputError: a gap that is negative, undefined or of another shape, a window that does not exist.
     """
     h = validated_face(gap, partition)
     m1, m2 = partition.cells

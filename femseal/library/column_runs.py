@@ -186,9 +186,9 @@ def _through(element: WindowElement, w2: int) -> float:
     if not np.intersect1d(first, last).size:
         return 0.0
     nodes, (before, after) = np.arange(len(element.conductances)), element.counts[:2]
-    held = nodes[: before + after]
-    factors = mesh_factors([element.conductances], [nodes], (1, 1), held, nodes.size)
-    potential = factors.dirichlet((held < before).astype(float))
+    dirichlet = nodes[: before + after]
+    factors = mesh_factors([element.conductances], [nodes], (1, 1), dirichlet, nodes.size)
+    potential = factors.dirichlet((dirichlet < before).astype(float))
     return float(0.5 * (element.conductances * (potential[:, None] - potential) ** 2).sum())
 
 

@@ -13,8 +13,8 @@ from ..base.errors import InputError
 from ..flow.law import cubic_law
 from ..results import tables
 from ..results.run_data import RunData
+from ..results.selections import Steps, branches, solved_steps
 from ..results.tables import leakage_of
-from ..results.variables import Steps, branches, solved_steps
 from .drawing import GREY, LINES, STYLES, Sheet, decades, legend_below, load_axis, panel_title
 from .leakage_curves import leakage_axis, leakage_band, leakage_line
 
@@ -30,9 +30,7 @@ def cells_figure(results: RunData, count: int = 4) -> Figure:
     from the highest peak after which at least a fifth of the cells are open under pressure. Others: loading, unloading,
     and k = h̄³/12 of parallel plates. Cells are those of the library, else the windows.
 
-    Raises
-    ------
-    InputError : results without cells.
+    Raises InputError: results without cells.
     """
     cells = cells_of(results)
     sheet = Sheet([4.0] * 3)
@@ -79,9 +77,7 @@ class Cells:
 def cells_of(results: RunData) -> Cells:
     """The cells of a run.
 
-    Raises
-    ------
-    InputError : results without cells.
+    Raises InputError: results without cells.
     """
     data = results.dataset.isel(step=solved_steps(results.dataset))
     if "library_k" in data:
@@ -219,9 +215,7 @@ def lengths_figure(results: RunData) -> Figure:
     The shaded band is that between the quantiles of the realisations, which narrows with the length; the lighter one
     has the error of the library besides, which does not.
 
-    Raises
-    ------
-    InputError : results of one length.
+    Raises InputError: results of one length.
     """
     data, curves = results.dataset, tables.length_curves(results)
     sheet = Sheet([5.0])

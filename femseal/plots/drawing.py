@@ -383,10 +383,8 @@ shows = _draw.register
 def picture(result: Any, **options: Any) -> Figure:
     """Draw the picture of a result.
 
-    Raises
-    ------
-    InputError : a result without a picture, or an option that its picture does not have, such as `ax` where it has
-        several panels.
+    Raises InputError: a result without a picture, or an option that its picture does not have, such as `ax` where it
+    has several panels.
     """
     draw = _draw.dispatch(type(result))
     expected = list(signature(draw).parameters)[1:]

@@ -13,8 +13,8 @@ import numpy as np
 from ..base.arrays import Array
 from ..base.leak_rates import leakage_unit
 from ..results.results import Results
+from ..results.selections import Steps, branches, pressures_and_peaks
 from ..results.tables import leakage_of
-from ..results.variables import Steps, branches, pressures_and_peaks
 from ..studies import DeterministicResult, StochasticResult, TwoScaleResult
 from .drawing import GREY, LEGEND_LINE, LINES, Sheet, branch_styles, decades, legend_below, load_axis, one_panel, shows
 

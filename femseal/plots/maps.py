@@ -19,7 +19,7 @@ from ..contact import Contact, LoadCycle, LoadState
 from ..flow import Permeability
 from ..results.paraview import read_pixels, stored_steps
 from ..results.run_data import RunData
-from ..results.variables import branches, pressures_and_peaks, solved_steps
+from ..results.selections import branches, pressures_and_peaks, solved_steps
 from ..seal import Leakage
 from .drawing import (
     CLOSED,
@@ -373,9 +373,7 @@ def permeability_figure(permeability: Permeability, ax: Axes | None = None) -> F
 def seal_leakage_figure(leakage: Leakage, ax: Axes | None = None) -> Figure:
     """Map of the fluid pressure at the nodes of a structured seal.
 
-    Raises
-    ------
-    InputError : the leakage of a mesh, whose nodes have no rows.
+    Raises InputError: the leakage of a mesh, whose nodes have no rows.
     """
     if leakage.fluid_pressure.ndim != 2:
         given = f"the leakage of a mesh, with {leakage.fluid_pressure.size} nodes"

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ..results.run_comparison import RunComparison
-from ..results.variables import branches
+from ..results.selections import branches
 from .drawing import GREY, LEGEND_LINE, LINES, STYLES, Sheet, legend_below, load_axis, shows
 from .leakage_curves import leakage_axis, leakage_band, leakage_line
 

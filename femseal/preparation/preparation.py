@@ -33,9 +33,7 @@ _NOISE_SLOPE = 0.25
 def prepare(case: Case) -> Prepared:
     """Make or read the faces, condition their sum, divide it into windows, and lay out the seals that are drawn.
 
-    Raises
-    ------
-    InputError : a face that cannot be read or used, or windows or seals that do not suit it.
+    Raises InputError: a face that cannot be read or used, or windows or seals that do not suit it.
     """
     with refused_if_too_large():
         face = conditioned_face(case)

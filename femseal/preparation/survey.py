@@ -218,8 +218,8 @@ def case_of_face(path: Path, folder: Path) -> str:
     if found.report is not None:
         lines += [f"#   {line}" for line in str(found.report).splitlines() if line.startswith(_SHOWN)]
     if found.report is not None and found.conditioning is not None:
-        told = [note.removeprefix("note: ") for note in notes(found.report, found.conditioning)]
-        questions += [note for note in told if "shortest_wave" not in note]
+        found_notes = [note.removeprefix("note: ") for note in notes(found.report, found.conditioning)]
+        questions += [note for note in found_notes if "shortest_wave" not in note]
         wave = max(found.report.shortest_wave, found.conditioning.shortest_wavelength)
         surface = ["", "[surface]", f'shortest_wave = "{to_text(wave, "m", 3)}"  # the shortest one above noise']
     lines += [f"# ? {question}" for question in questions] + surface

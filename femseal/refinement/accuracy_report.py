@@ -299,9 +299,7 @@ class AccuracyReport:
     def write(self, folder: str | os.PathLike[str]) -> list[Path]:
         """Write `accuracy.json`, `accuracy.csv` and `accuracy.png`; a file is complete, or not there.
 
-        Raises
-        ------
-        InputError : the folder cannot be made.
+        Raises InputError: the folder cannot be made.
         """
         path = made_folder(folder)
         picture = path / "accuracy.png"

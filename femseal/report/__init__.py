@@ -6,8 +6,7 @@ from ..base.lazy_package import load_when_used
 
 if TYPE_CHECKING:
     from .folder import write_again, write_folder
-    from .page import write_report
-    from .pdf import write_pdf
+    from .page import write_pdf, write_report
 
 __all__ = ["write_again", "write_folder", "write_pdf", "write_report"]
 

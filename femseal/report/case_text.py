@@ -13,8 +13,8 @@ from ..contact.hardness_curves import SMALLEST_DEPTH, NixGao
 from ..materials import HARDNESS_FACTOR, METALS
 from ..plots.maps import default_step, face_leakage, pressure_rows
 from ..results.run_data import RunData
+from ..results.selections import solved_steps
 from ..results.tables import INTERPOLATED
-from ..results.variables import solved_steps
 
 if TYPE_CHECKING:
     import xarray

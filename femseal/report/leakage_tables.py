@@ -17,8 +17,8 @@ from ..base.leak_rates import LeakUnit, within
 from ..base.quantities import to_text
 from ..base.text import TextTable, format_deviation
 from ..results.run_data import RunData
+from ..results.selections import branches_in
 from ..results.tables import class_unit, format_error_band, format_leakage, in_several_units
-from ..results.variables import branches_in
 from .case_text import fluid_text
 
 if TYPE_CHECKING:
@@ -74,11 +74,9 @@ def limiting_text(results: RunData) -> str:
 
 def total_leakage_text(results: RunData) -> str:
     """Leakage of the whole seal at the highest load, in several units."""
-    steps = results.steps
-    peak = results.peak
-    if not (whole := in_several_units(results, peak)):
+    if not (whole := in_several_units(results, results.peak)):
         return ""
-    length, load = to_text(results.leak_basis.length, "m"), to_text(steps[peak].pressure, "Pa")
+    length, load = to_text(results.leak_basis.length, "m"), to_text(results.steps[results.peak].pressure, "Pa")
     return f"Over its whole length of {length} the seal leaks {whole} at {load}.{_reference_text(results)}"
 
 

@@ -1,20 +1,39 @@
-"""The report of a run: one self-contained page of HTML for screens, phones and paper."""
+"""The report of a run: one self-contained page of HTML for screens, phones and paper.
+
+Its curves can be hovered and zoomed by uPlot, whose code is in the page: the page's policy names its script by its
+digest, and nothing is loaded. Each curve has a picture, which stands in its place without scripts and on paper. uPlot
+1.6.32 is in `uplot/`, with its licence. A browser without a window prints the page as PDF, or else WeasyPrint does.
+"""
 
 from __future__ import annotations
 
+import base64
+import hashlib
 import json
 import os
+import shutil
+import subprocess
+import tempfile
+from collections.abc import Sequence
 from importlib.resources import files
+from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
+from ..base.arrays import Array
 from ..base.errors import FemsealError, InputError
 from ..base.files import replacing
+from ..plots.drawing import GREY, branch_styles
+from ..plots.leakage_curves import leakage_curves, leakage_range
+from ..plots.maps import pressure_rows
 from ..results.dataset import FILE_NAME, open_results, unfit
 from ..results.results import Results, as_chosen, attempts_table
 from ..results.run_data import RunData
-from ..results.tables import leakage_table, lengths_table, totals_table
-from . import case_text, charts, error_tables, leakage_tables, pictures
+from ..results.selections import branches
+from ..results.tables import format_error_band, format_leakage, leakage_of, leakage_table, lengths_table, totals_table
+from . import case_text, error_tables, leakage_tables, pictures
 from .leakage_tables import design_section
 
 REPORT_NAME = "report.html"
@@ -89,11 +108,11 @@ def _content(results: Results, drawings: pictures.Drawings) -> dict[str, Any]:
         "title": results.case.get("title") or "Leakage of a metal-to-metal seal",
         "source": data.attrs["source"],
         "key_numbers": leakage_tables.key_numbers(results),
-        "date": _date(results),
+        "date": str(data.attrs.get("date_created", "")).replace("T", " ").replace("+00:00", " UTC"),
         "computed": _digest_lines(results),
         "limiting": leakage_tables.limiting_text(results),
-        **charts.page_code(),
-        "charts": {"leakage": charts.leakage_chart(results)},
+        **page_code(),
+        "charts": {"leakage": leakage_chart(results)},
         "sentences": case_text.case_sentences(results),
         "face": pictures.face_picture(results, drawings) if "face" in drawings else None,
         "seat": pictures.seat_picture(results, drawings) if "seat" in drawings else None,
@@ -132,14 +151,9 @@ def _content(results: Results, drawings: pictures.Drawings) -> dict[str, Any]:
     if "drop" in drawings:
         content["map_step"], content["maps"] = pictures.map_pictures(results, drawings)
         content["drop"] = pictures.drop_picture(results, drawings)
-        content["charts"]["drop"] = charts.drop_chart(results, pictures.drop_steps(data))
+        content["charts"]["drop"] = drop_chart(results, pictures.drop_steps(data))
         content["drop_sentences"] = case_text.pressure_drop_sentences(results)
     return content
-
-
-def _date(results: RunData) -> str:
-    """When the results were computed."""
-    return str(results.dataset.attrs.get("date_created", "")).replace("T", " ").replace("+00:00", " UTC")
 
 
 def _digest_lines(results: RunData) -> list[tuple[str, str]]:
@@ -166,3 +180,164 @@ def flat(value: Any, name: str = "") -> list[tuple[str, str]]:
 
 def _plain(value: Any) -> str:
     return f"{value:g}" if isinstance(value, float) else str(value)
+
+
+Chart = dict[str, Any]
+
+
+def page_code() -> dict[str, str]:
+    """Script and style of the page's charts, and the script's digest for the policy of the page."""
+    folder = files("femseal.report")
+    read = [folder.joinpath(name).read_text(encoding="utf-8") for name in ("uplot/uPlot.iife.min.js", "charts.js")]
+    # a section of plain characters, so that the page is XML too
+    script = "//<![CDATA[\n" + "".join(read) + "//]]>"
+    digest = base64.b64encode(hashlib.sha256(script.encode()).digest()).decode()
+    style = folder.joinpath("uplot/uPlot.min.css").read_text(encoding="utf-8").strip()
+    return {"script": script, "script_digest": f"sha256-{digest}", "chart_style": style}
+
+
+def leakage_chart(results: Results) -> Chart:
+    """Leakage over load, a curve for each branch, with the band of error as bars and the limits of classes."""
+    curves, (unit, factor) = leakage_curves(results), results.leak_scale
+    low, high = leakage_range(curves, factor)
+    loads = np.unique(curves.pressure)
+    parts = branches(curves.pressure, curves.peaks)
+    series = []
+    for (name, steps), (colour, *_) in zip(parts, branch_styles(len(parts)), strict=True):
+        one = _series(name, colour, loads.size)
+        if curves.error is not None:
+            one |= {"low": [None] * loads.size, "high": [None] * loads.size}
+        for s in steps:
+            n, value = int(np.searchsorted(loads, curves.pressure[s])), abs(float(curves.leakage[s]))
+            one["texts"][n] = format_leakage(value, factor)
+            one["values"][n] = None if np.isnan(value) else max(value / factor, low)
+            if curves.error is not None:
+                lower, upper = (abs(float(end[s])) for end in curves.error)
+                one["texts"][n] += f", band {format_error_band(lower, upper, factor)}"
+                one["low"][n], one["high"][n] = (_number(min(end / factor, 10 * high)) for end in (lower, upper))
+        series.append(one)
+    for name, limit in curves.limits.items():
+        if low <= limit / factor <= high:
+            series.append(
+                _series(name, GREY, loads.size, [6, 4])
+                | {"points": False, "values": [limit / factor] * loads.size}
+                | {"texts": [format_leakage(limit, factor)] * loads.size}
+            )
+    caption = "Leakage against nominal pressure; points at the lower edge are sealed."
+    caption += (
+        " Bars: band of error, which holds the truth in about 95 of 100 cases." if curves.error is not None else ""
+    )
+    what = f"{leakage_of(results).rstrip(',')} [{unit.name}]"
+    return _chart("nominal pressure [MPa]", loads / 1e6, what, (low, high), series, caption, log_y=True)
+
+
+def drop_chart(results: Results, steps: Sequence[int]) -> Chart:
+    """Fluid pressure along the leakage at some steps, mean over the length of the seal."""
+    data, series, x = results.dataset, [], np.empty(0)
+    for s, (colour, *_) in zip(steps, branch_styles(len(steps)), strict=True):
+        x, p = pressure_rows(data, s)
+        values = [_number(value) for value in np.ma.filled(p.mean(axis=1), np.nan) / 1e6]
+        texts = ["–" if value is None else f"{value:.4g}" for value in values]
+        series.append(_series(str(data["name"].values[s]), colour, len(x)) | {"values": values, "texts": texts})
+    known = [value for one in series for value in one["values"] if value is not None] or [0.0, 1.0]
+    margin = 0.05 * (max(known) - min(known) or 1.0)
+    span = min(known) - margin, max(known) + margin
+    caption = "Fluid pressure along the leakage, mean over the length of the seal."
+    return _chart("x1, inlet at 0 [mm]", x * 1e3, "fluid pressure [MPa]", span, series, caption)
+
+
+def _series(label: str, colour: str, count: int, dash: Sequence[int] = ()) -> dict[str, Any]:
+    return {"label": label, "colour": colour, "dash": list(dash), "points": True,
+            "values": [None] * count, "texts": [None] * count}  # fmt: skip
+
+
+def _chart(
+    x_label: str,
+    x: Array,
+    y_label: str,
+    span: tuple[float, float],
+    series: list[dict[str, Any]],
+    caption: str,
+    log_y: bool = False,
+) -> Chart:
+    """What `charts.js` takes; the horizontal axis of a logarithmic chart is logarithmic too, but for a load of 0."""
+    log_x = log_y and bool(x[0] > 0 and x[-1] > 3 * x[0])
+    margin = (x[-1] / x[0]) ** 0.02 if log_x else 0.02 * (x[-1] - x[0]) or 1.0
+    ends = (x[0] / margin, x[-1] * margin) if log_x else (x[0] - margin, x[-1] + margin)
+    return {
+        "x": {"label": x_label, "values": [float(v) for v in x], "log": log_x, "range": [float(end) for end in ends]},
+        "y": {"label": y_label, "log": log_y, "range": [float(end) for end in span]},
+        "series": series,
+        "caption": caption,
+    }
+
+
+def _number(value: float) -> float | None:
+    return float(value) if np.isfinite(value) else None
+
+
+#: Browsers that print a page by `--headless --print-to-pdf`, by the names of their commands.
+BROWSERS = (
+    "chromium",
+    "chromium-browser",
+    "google-chrome",
+    "google-chrome-stable",
+    "chrome",
+    "microsoft-edge",
+    "msedge",
+)
+#: Longest time that a browser may take [s].
+_PATIENCE = 120
+
+
+def write_pdf(page: str | os.PathLike[str], path: str | os.PathLike[str] | None = None) -> Path:
+    """Print a page as PDF.
+
+    Parameters
+    ----------
+    page : the HTML file. path : of the PDF; beside the page unless given.
+
+    Returns
+    -------
+    Path of the PDF; it is written whole or not at all.
+
+    Raises
+    ------
+    InputError : neither a browser nor WeasyPrint is there.
+    FemsealError : the browser did not print.
+    """
+    page = Path(page)
+    target = page.with_suffix(".pdf") if path is None else Path(path)
+    browser = find_browser()
+    if browser is None and find_spec("weasyprint") is None:
+        expected = f"one of the browsers {', '.join(BROWSERS)} on the path, or `pip install weasyprint`"
+        raise InputError("PDF", "no program that prints a page", f"{expected}; or print report.html from a browser")
+    with replacing(target) as temporary:
+        if browser is not None:
+            _print(browser, page, temporary)
+        else:
+            from weasyprint import HTML
+
+            HTML(filename=str(page)).write_pdf(str(temporary))
+    return target
+
+
+def find_browser() -> str | None:
+    """Command of the first browser of `BROWSERS` on the path; None without one."""
+    return next(filter(None, map(shutil.which, BROWSERS)), None)
+
+
+def _print(browser: str, page: Path, target: Path) -> None:
+    """Have a browser print a page, in a profile of its own."""
+    flags = ["--headless", "--disable-gpu", "--no-pdf-header-footer", f"--print-to-pdf={target.resolve()}"]
+    # within a container the root user has no sandbox
+    flags += ["--no-sandbox"] if getattr(os, "geteuid", lambda: 1)() == 0 else []
+    with tempfile.TemporaryDirectory() as profile:
+        command = [browser, *flags, f"--user-data-dir={profile}", page.resolve().as_uri()]
+        try:
+            done = subprocess.run(command, capture_output=True, timeout=_PATIENCE, check=False)
+        except (OSError, subprocess.TimeoutExpired) as error:
+            raise FemsealError(f"PDF: '{browser}' did not print the page ({error})") from error
+    if done.returncode or not target.read_bytes().startswith(b"%PDF"):
+        last = (done.stderr.decode(errors="replace").strip().splitlines() or ["no message"])[-1]
+        raise FemsealError(f"PDF: '{browser}' did not print the page ({last})")

@@ -26,8 +26,8 @@ from ..plots.maps import (
     row_panel,
 )
 from ..results.results import Results
+from ..results.selections import solved_steps
 from ..results.tables import format_leakage, has_lengths, leakage_of
-from ..results.variables import solved_steps
 from ..topography import Topography
 from .error_tables import most_leaking_place
 

@@ -74,7 +74,7 @@ def assemble(
     whole : the scene with all load steps, where `scene` has a part of them: the others are interpolated.
     interpolated_within : relative error of the leakage there.
     classes : leakage classes to be decided on at every step, by the test fluid where there is one, see
-    `base.leak_classes`. nominal_diameter : [m], which some of them need.
+    `base.leak_rates`. nominal_diameter : [m], which some of them need.
     throughput_temperature : at which pressure × volume of a gas is stated [K]; its own unless given.
 
     Returns Results; every variable has `units` and `long_name`. Dimensions: step; realisation; cell1, cell2, windows by
@@ -300,9 +300,7 @@ def _refuse_foreign(path: Path) -> None:
 def open_results(folder: str | os.PathLike[str]) -> Results:
     """Read the results in a folder into memory, without the studies' large fields.
 
-    Raises
-    ------
-    InputError : no such folder, no `results.nc` in it, or not one that femseal wrote.
+    Raises InputError: no such folder, no `results.nc` in it, or not one that femseal wrote.
     """
     import xarray
 

@@ -30,7 +30,7 @@ from ..base.shared_array import give_back
 from ..studies.choices import FORMATS
 from ..topography import Topography
 from . import vtk_files
-from .variables import solved_steps, window
+from .selections import solved_steps, window
 from .vtk_files import Cells, Heights, Image, LoadSteps, View, write_hdf, write_series
 
 if TYPE_CHECKING:

@@ -19,8 +19,8 @@ from . import tables
 from .export import export_field
 from .paraview import read_pixels, stored_steps
 from .run_data import RunData
+from .selections import Steps, branches_in, solved_steps, window
 from .tables import format_leakage, in_several_units, leakage_table
-from .variables import Steps, branches_in, solved_steps, window
 
 if TYPE_CHECKING:
     import xarray
@@ -222,9 +222,7 @@ class Results(RunData, Plotted):
     def cell(self, i: int, j: int) -> xarray.Dataset:
         """Curves of the window (i, j) over the steps: permeability, flux, pressure, mean gap, fraction in contact.
 
-        Raises
-        ------
-        InputError : no such window, or results without a two-scale study.
+        Raises InputError: no such window, or results without a two-scale study.
         """
         data, (i, j) = self.dataset, window(self.dataset, i, j)
         names = [name for name, variable in data.data_vars.items() if variable.dims == ("step", "cell1", "cell2")]
@@ -233,9 +231,7 @@ class Results(RunData, Plotted):
     def library_cell(self, number: int) -> xarray.Dataset:
         """Curves of a cell of the library over the library's own steps.
 
-        Raises
-        ------
-        InputError : no such cell, or results without a stochastic study.
+        Raises InputError: no such cell, or results without a stochastic study.
         """
         data = self.dataset
         if "library_k" not in data:
@@ -265,9 +261,7 @@ class Results(RunData, Plotted):
     def attempts_table(self) -> TextTable:
         """The attempts at the accuracy that the case asks for, to be given to `rich.print`.
 
-        Raises
-        ------
-        InputError : a case that asks for no accuracy.
+        Raises InputError: a case that asks for no accuracy.
         """
         if self.attempts is None:
             raise InputError("attempts", "a case that asks for no accuracy", "one with the key accuracy")

@@ -160,9 +160,7 @@ class RunComparison(Plotted):
     def write(self, folder: str | os.PathLike[str], stem: str = "comparison") -> list[Path]:
         """Write the table as `stem`.csv and the picture as `stem`.png into a folder, which is made if needed.
 
-        Raises
-        ------
-        InputError : the folder cannot be made.
+        Raises InputError: the folder cannot be made.
         """
         target = made_folder(folder)
         written = [write_text(target / f"{stem}.csv", self.csv_text())]

@@ -15,7 +15,7 @@ from ..base.leak_rates import LEAK_UNITS, USUAL_UNITS, LeakUnit
 from ..base.quantities import to_text
 from ..base.text import TextTable, comma_separated
 from .run_data import BUDGETED, RunData
-from .variables import branch_text, solved_steps
+from .selections import branch_text, solved_steps
 
 if TYPE_CHECKING:
     import xarray

@@ -110,9 +110,7 @@ def _facts(case: Case, made: Prepared) -> Iterator[tuple[str, str]]:
         points = " × ".join(map(str, without_short_waves(prepared).surface.shape))
         yield "second run", f"{prepared.answer.name}, on {points} points without waves up to twice the shortest"
     if again := _budget_inputs(case, prepared):
-        counts: Counter[tuple[int, ...]] = Counter()
-        for one in again:
-            counts[one.scene.surface.shape] += len(one.scene.steps)
+        counts = Counter(one.scene.surface.shape for one in again for _ in one.scene.steps)
         states = (f"{count} on {' × '.join(map(str, shape))} points" for shape, count in counts.items())
         yield "error budget", f"states again, {' and '.join(states)}"
     if leakage := case.output.description:
@@ -269,10 +267,10 @@ def _law_facts(scene: Scene) -> Iterator[tuple[str, str]]:
 
 
 def _expected_text(expected: Forecast) -> str:
-    text = f"about {_duration(expected.seconds)} on one core"
+    text = f"about {duration(expected.seconds)} on one core"
     cores = psutil.cpu_count() or 1
     if cores > 1:
-        text += f", {_duration(expected.alone + expected.shared / cores)} on the {cores} of this machine"
+        text += f", {duration(expected.alone + expected.shared / cores)} on the {cores} of this machine"
     more = f", and {_WORKER_MEMORY / 1e9:.2g} GB or more for each further worker" if cores > 1 else ""
     return f"{text}; {expected.memory / 1e9:.1f} GB of memory{more}"
 
@@ -398,8 +396,3 @@ def _disk_text(sizes: Disk, steps: int) -> str:
 
 def _size(size: float) -> str:
     return to_text(float(f"{size:.1e}"), "B", 3)
-
-
-def _duration(seconds: float) -> str:
-    return next((f"{seconds / length:.2g} {unit}" for unit, length in (("h", 3600.0), ("min", 60.0))
-                 if seconds >= 2 * length), f"{seconds:.2g} s")  # fmt: skip

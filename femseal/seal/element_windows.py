@@ -83,7 +83,7 @@ _SHUT = 2e5
 #: Steps of two sequences that fill the interval from 0 to 1 evenly; windows that differ from a whole number.
 _TURNS, _EVEN = (0.7548776662466927, 0.5698402909980532), 1e-9
 #: Fraction of the area whose elements may be smaller.
-_SHARE = 0.1
+_FRACTION = 0.1
 #: Places, in a second-order element, of the corners of the four straight ones that fill it.
 _PARTS = {
     MeshTri2: (MeshTri1, ((0, 3, 5), (1, 4, 3), (2, 5, 4), (3, 4, 5))),
@@ -295,8 +295,8 @@ class ElementWindows:
         Raises InputError: elements much smaller than windows.
         """
         area = np.sort(self._windows_along.prod(axis=0))
-        of_share = np.searchsorted(total := area.cumsum(), _SHARE * total[-1])
-        small = float(np.sqrt(area[of_share]))
+        at_fraction = np.searchsorted(total := area.cumsum(), _FRACTION * total[-1])
+        small = float(np.sqrt(area[at_fraction]))
         if small >= _SMALL:
             return self
         sides = " × ".join(to_text(side, "m", 3) for side in self.window)

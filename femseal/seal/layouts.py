@@ -1,6 +1,6 @@
 """Shapes of seals that a case can choose: each lays windows out over a seal of real size.
 
-To add a shape, write a frozen dataclass with its `kind`, the parameters that a case gives (see `base.parameters`) and
+To add a shape, write a frozen dataclass with its `kind`, the parameters that a case gives (see `base.validate`) and
 `lay_out`, and put it into `LAYOUTS`.
 """
 

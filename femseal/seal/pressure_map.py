@@ -61,9 +61,7 @@ class PressureMap(Protocol):
     def at(self, points: Array, frame: Frame) -> Array:
         """Values (n,) >= 0 at points (n, 2) [m] of a seal, in any unit.
 
-        Raises
-        ------
-        InputError : the map does not cover the points.
+        Raises InputError: the map does not cover the points.
         """
         ...
 
@@ -191,9 +189,7 @@ class MapsAtLoads:
 
     On unloading the fractions are those of the nominal pressure there, as where a flange bends elastically.
 
-    Raises
-    ------
-    InputError : no map, or pressures that do not rise or are not as many.
+    Raises InputError: no map, or pressures that do not rise or are not as many.
     """
 
     pressures: tuple[float, ...]

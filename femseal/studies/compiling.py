@@ -76,10 +76,6 @@ def _gap(n: int) -> NDArray[np.float64]:
     return np.maximum(waves[:, None] + 0.5 * waves - 0.4, 0.0)
 
 
-def _elimination() -> None:
-    solve_flow(_network(), solver="elimination")
-
-
 def _levels() -> None:
     s = _network()
     hierarchy(s.along, s.across, s.falling, s.rising, s.ring2)
@@ -104,8 +100,8 @@ def _windows() -> None:
 
 #: Parts of 6 to 15 s, in the order in which they start. Where two processes take them, the loops that "multigrid" and
 #: "windows" call are there by then.
-_PARTS: dict[str, Callable[[], None]] = {
-    "elimination": _elimination,
+_PARTS: dict[str, Callable[[], object]] = {
+    "elimination": lambda: solve_flow(_network(), solver="elimination"),
     "levels": _levels,
     "contact": _contact,
     "multigrid": _multigrid,

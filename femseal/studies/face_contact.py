@@ -85,7 +85,8 @@ def windows_contact(scene: Scene, cells: tuple[int, int], mapper: Mapper) -> Win
     partition = face_partition(surface, cells)
     cut_off = CUT_OFF_WINDOWS * min(partition.window_size)
     body = HalfSpace(partition.window, partition.spacing, scene.modulus, ("mirror", "mirror"))
-    fine = fine_waves(surface, cut_off)
+    # undeformed gap of the waves shorter than the cut-off, its mean plane at 0
+    fine = surface.low_pass(cut_off).heights - surface.heights
     warnings = _unresolved_ridges(surface.heights + fine, fine, partition)
     fine = fine.astype(np.float32)
     # one array for all pixels and steps: the gap that a cell starts from, and in its place the solved gap
@@ -226,11 +227,6 @@ def _unresolved_ridges(smooth: Array, fine: Array, partition: Partition) -> tupl
     return (text,)
 
 
-def fine_waves(surface: Topography, cut_off: float) -> Array:
-    """Undeformed gap of the waves shorter than the cut-off [m], its mean plane at 0."""
-    return surface.low_pass(cut_off).heights - surface.heights
-
-
 #: Memory of the contact of a whole face, whose states may lie on disk, and how much of a machine's it may take
 #: [byte per pixel, 1]. Measured on 512² to 2048² pixels, it takes 0.5 to 1.9 times as long as windows.
 _WHOLE_BYTES, _PART_OF_MEMORY = 150.0, 0.8
@@ -247,9 +243,7 @@ def whole_pixels() -> int:
 def chosen_contact(contact: str | None, shape: tuple[int, int]) -> str:
     """The contact given, or the one that suits the number of pixels of a face and the memory of the machine.
 
-    Raises
-    ------
-    InputError : a contact that does not exist.
+    Raises InputError: a contact that does not exist.
     """
     if contact is None:
         return "whole" if shape[0] * shape[1] <= whole_pixels() else "windows"
@@ -272,11 +266,6 @@ def solve_windows(
     """
     if chosen_contact(contact, scene.contact_shape) == "windows":
         return windows_contact(scene, cells, mapper)
-    return _whole_contact(scene, cells, mapper)
-
-
-def _whole_contact(scene: Scene, cells: tuple[int, int], mapper: Mapper) -> WindowContacts:
-    """Solve the contact of the whole face at every step and cut it into windows."""
     partition = face_partition(scene.surface, cells)
     return cut_contact(scene, partition, solve_face(scene, partition, scene.acting_fluid is not None, mapper=mapper))
 

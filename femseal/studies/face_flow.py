@@ -50,9 +50,7 @@ def resolved_flow(
 
     `with_potential` keeps the potential at every pixel.
 
-    Raises
-    ------
-    NotConverged : see `cell_permeability` and `PressureDrop.solve_face`.
+    Raises NotConverged: see `cell_permeability` and `PressureDrop.solve_face`.
     """
     settings = settings or FlowSettings()
     counts = SolverCounts()
@@ -78,9 +76,7 @@ def resolved_flow(
 def element_face_flow(gap: NDArray[np.floating], partition: Partition, drop: PressureDrop) -> FaceFlow:
     """Solve the flow along x1 through the gap (n1, n2) [m] of a whole face by an element for every window.
 
-    Raises
-    ------
-    NotConverged : see `elements.element_flow` and `PressureDrop.solve_face`.
+    Raises NotConverged: see `elements.element_flow` and `PressureDrop.solve_face`.
     """
     solved = _solve_elements(gap, partition, drop)
     flow, potential = solved.found

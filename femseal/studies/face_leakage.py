@@ -94,7 +94,7 @@ class FaceLeakage:
     step_solvers: tuple[SolverCounts, ...]
 
     def solvers(self, first: NDArray[np.int64]) -> SolverCounts:
-        """Number of systems by solver, those of equal steps once, see `repeated_steps.first_equal`."""
+        """Number of systems by solver, those of equal steps once, see `first_equal`."""
         return SolverCounts.total(self.step_solvers[s] for s in np.flatnonzero(first == np.arange(first.size)))
 
 

@@ -264,9 +264,9 @@ def contact_of_places(
     found = []
     for gap, left in zip(places.divided(gap0), former, strict=True):
         body = HalfSpace((gap.shape[0], gap.shape[1]), half_space.spacing, half_space.modulus, half_space.boundary)
-        # gaps are counted from the highest point of the face
-        lifted = np.ascontiguousarray(gap - gap.min())
-        found.append(solve(lifted, body, hardness=hardness, deformation=left, **settings))
+        # gaps are counted from the highest point of the place
+        from_highest = np.ascontiguousarray(gap - gap.min())
+        found.append(solve(from_highest, body, hardness=hardness, deformation=left, **settings))
     arrays = ("pressure", "gap", "plastic_deformation", "plastic")
     joined: dict[str, Any] = {name: np.concatenate([getattr(c, name) for c in found], axis=1) for name in arrays}
     joined |= {

@@ -91,7 +91,7 @@ def chosen_sampler(sampling: Sampling, scene: Scene, contact: str | None = None)
 
 
 def lay_out_windows(layout: Layout, partition: Partition, sampling: Sampling) -> tuple[SealWindows, ...]:
-    """Windows of a face seal_windows out over the seal that is drawn, and over those of the other lengths.
+    """Windows of a face laid out over the seal that is drawn, and over those of the other lengths.
 
     Raises InputError: as the layout does; options of the sampling that do not go with it; lengths that are the same in
     whole cells.

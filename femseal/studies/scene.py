@@ -110,9 +110,7 @@ class Scene:
     def uniform_law(self) -> ContactLaw:
         """The contact law, where windows are solved by themselves.
 
-        Raises
-        ------
-        InputError : it differs from place to place, or liquid is trapped, in pockets that windows would cut.
+        Raises InputError: it differs from place to place, or liquid is trapped, in pockets that windows would cut.
         """
         if self.fluid_pressure == "trapped":
             given = "'trapped' with windows that are solved by themselves"
@@ -235,9 +233,8 @@ class Scene:
     def check_spiral(self, flow: str = "resolved", cells: tuple[int, int] = (2, 1)) -> None:
         """Refuse grooves that wind where the flow through the face, or of its windows (cells), cannot follow them.
 
-        Raises
-        ------
-        InputError : elements, links of one row of windows, another discretisation, a lead that does not suit the face.
+        Raises InputError: elements, links of one row of windows, another discretisation, a lead that does not suit the
+        face.
         """
         if (spiral := self.flow.spiral) is None:
             return
@@ -261,9 +258,7 @@ class Scene:
     def leakage(self, seal: Seal, permeability: Any, rtol: float = 1e-5, rate_only: bool = False) -> Leakage:
         """Solve the leakage of a seal between the scene's fluid pressures; rtol and rate_only as in `seal_leakage`.
 
-        Raises
-        ------
-        NotConverged : the linear solver failed.
+        Raises NotConverged: the linear solver failed.
         """
         own = getattr(seal, "boundaries", None) is not None
         return seal_leakage(

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from operator import attrgetter
+from operator import attrgetter, methodcaller
 from typing import Any
 
 from ..base.arrays import Array
@@ -131,10 +131,6 @@ def _cost_stochastic(
     return stochastic_cost(efforts, points, cells, sampling, seal, options.contact, pressures, rounds, places)
 
 
-def _median_leakage(result: StochasticResult) -> Array:
-    return result.quantile(0.5)
-
-
 #: All studies by name, in the order in which they are solved: each may use the results of those before it. Of several
 #: studies of a case the last one answers.
 STUDIES: dict[str, Study] = {
@@ -166,7 +162,7 @@ STUDIES: dict[str, Study] = {
             result=StochasticResult,
             solve=_solve_stochastic,
             cost=_cost_stochastic,
-            leakage=_median_leakage,
+            leakage=methodcaller("quantile", 0.5),
             needs=("cells", "sampling"),
         ),
     )

@@ -109,18 +109,14 @@ class Topography(Plotted):
         as usual for measured data: on an axis declared periodic, where a tilt cannot be meant, it also removes
         the small projection of the waves on a plane; use order 0 there.
 
-        Raises
-        ------
-        InputError : another order.
+        Raises InputError: another order.
         """
         return self.with_heights(self.heights - fit_form(self.heights, self.size, order).heights)
 
     def low_pass(self, wavelength: float) -> Topography:
         """Waves with |q| <= 2π/`wavelength`, in any direction: truncation in Fourier space.
 
-        Raises
-        ------
-        InputError : wavelength [m] not a finite number > 0.
+        Raises InputError: wavelength [m] not a finite number > 0.
         """
         limit = 2 * np.pi / validate.number("wavelength", wavelength, unit="m")
         return self.with_heights(spectral.truncate(self._defined("low_pass"), self.spacing, self.periodic, limit))
@@ -135,9 +131,7 @@ class Topography(Plotted):
         Exact for band-limited data, up and down; waves too short for the new grid are left out, never folded.
         Half-pixel shifts of the centres are accounted for, so the surface does not move.
 
-        Raises
-        ------
-        InputError : shape not two whole numbers >= 1.
+        Raises InputError: shape not two whole numbers >= 1.
         """
         new = validate.grid("shape", shape)
         z = self._defined("resample")
@@ -148,19 +142,15 @@ class Topography(Plotted):
     def without_spikes(self, threshold: float = SPIKES) -> Topography:
         """Map with spikes marked undefined: isolated points `threshold` robust deviations off (`defects.py`).
 
-        Raises
-        ------
-        InputError : threshold not > 0; infinite leaves all points.
+        Raises InputError: threshold not > 0; infinite leaves all points.
         """
         return self.with_heights(np.where(find_spikes(self.heights, threshold), np.nan, self.heights))
 
     def fill_undefined(self, max_share: float = 0.05) -> Topography:
         """Map with undefined points filled by the harmonic surface through their rims (`defects.py`).
 
-        Raises
-        ------
-        InputError : more than `max_share` (0 to 1) of the points, or all of them, are undefined; the largest part of
-            the map with fewer is offered.
+        Raises InputError: more than `max_share` (0 to 1) of the points, or all of them, are undefined; the largest part
+        of the map with fewer is offered.
         """
         fraction = self.undefined_fraction
         limit = validate.number("max_share", max_share, inclusive=True)
@@ -173,9 +163,7 @@ class Topography(Plotted):
     def crop(self, shape: tuple[int, int], start: tuple[int, int] = (0, 0)) -> Topography:
         """Part of `shape` points beginning at pixel `start`; an axis that loses points is periodic no more.
 
-        Raises
-        ------
-        InputError : the part reaches beyond the map.
+        Raises InputError: the part reaches beyond the map.
         """
         (m1, m2), (i, j) = validate.grid("shape", shape), validate.grid("start", start, minimum=0)
         if i + m1 > self.shape[0] or j + m2 > self.shape[1]:
@@ -187,9 +175,7 @@ class Topography(Plotted):
     def crop_to(self, part: tuple[float, float, float, float]) -> Topography:
         """Part from x1 to x1, x2 to x2 [m], to whole pixels; see `crop`.
 
-        Raises
-        ------
-        InputError : not four lengths, of no pixel, or beyond the map.
+        Raises InputError: not four lengths, of no pixel, or beyond the map.
         """
         sides = " and ".join(to_text(length, "m") for length in self.size)
         allowed = f"x1 from, x1 to, x2 from, x2 to, each pair rising, within {sides}"
@@ -209,9 +195,7 @@ class Topography(Plotted):
     def mask(self, undefined: NDArray) -> Topography:
         """Map whose points are undefined where `undefined` (n1, n2) is not 0, besides those that are so already.
 
-        Raises
-        ------
-        InputError : an array of another shape.
+        Raises InputError: an array of another shape.
         """
         marked = np.asarray(undefined)
         if marked.shape != self.shape or marked.dtype.kind not in "bfiu":
@@ -229,9 +213,7 @@ class Topography(Plotted):
     def __add__(self, other: Topography) -> Topography:
         """Sum of two faces on one grid, the roughness to press on a rigid flat; periodic where both are.
 
-        Raises
-        ------
-        InputError : shapes or spacings differ.
+        Raises InputError: shapes or spacings differ.
         """
         if not isinstance(other, Topography):
             return NotImplemented

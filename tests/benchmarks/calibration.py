@@ -127,7 +127,7 @@ def piece_of(drawn):
 def drawn_from_a_piece(task):
     """Rows of seals drawn from one breadth of a long face, whose truth is the deterministic solution of all of it."""
     from femseal import FemsealError, Sampling, deterministic, stochastic
-    from femseal.budget.model_parts import scatter_of
+    from femseal.budget.estimates import scatter_of
 
     drawn = Drawn(task["kind"], task["seed"], LENGTH)
     truth, piece, (n, _) = deterministic(drawn.scene()).leakage, piece_of(drawn), drawn.points

@@ -1,0 +1,66 @@
+"""Parts of a dataset of results: branches of the load cycle, solved steps, windows."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..base.arrays import Array
+from ..base.errors import InputError
+from ..base.quantities import to_text
+
+if TYPE_CHECKING:
+    import xarray
+
+Steps = NDArray[np.int64]
+#: Name of the variable that says which steps are interpolated.
+INTERPOLATED = "interpolated"
+
+
+def branch_text(unloaded_from: float | None) -> str:
+    """Name of a branch: "loading", or "unloading from 900 MPa"; `unloaded_from` [Pa], NaN or None on loading."""
+    if unloaded_from is None or np.isnan(unloaded_from):
+        return "loading"
+    return f"unloading from {to_text(unloaded_from, 'Pa')}"
+
+
+def branches(pressure: Array, peaks: Array) -> list[tuple[str, Steps]]:
+    """Name and steps of the loading and of each unloading, which begins at its peak on the loading.
+
+    pressure, peaks : nominal pressure of each step, and the one it is unloaded from, NaN on loading [Pa].
+    """
+    loading = np.flatnonzero(np.isnan(peaks))
+    found = [("loading", loading)]
+    for peak in np.unique(peaks[~np.isnan(peaks)])[::-1]:
+        start = loading[pressure[loading] == peak]
+        found.append((branch_text(float(peak)), np.r_[start, np.flatnonzero(peaks == peak)]))
+    return found
+
+
+def branches_in(data: xarray.Dataset) -> list[tuple[str, Steps]]:
+    """The branches of a dataset, see `branches`."""
+    return branches(data["nominal_pressure"].values, data["unloaded_from"].values)
+
+
+def pressures_and_peaks(steps: Sequence[Any]) -> tuple[Array, Array]:
+    """Nominal pressures and peaks of load steps as `branches` takes them [Pa]."""
+    peaks = [np.nan if s.unloaded_from is None else s.unloaded_from for s in steps]
+    return np.array([s.pressure for s in steps], dtype=float), np.array(peaks, dtype=float)
+
+
+def solved_steps(data: xarray.Dataset) -> Steps:
+    """Steps of a dataset that were solved; the others are interpolated and have no fields."""
+    return np.flatnonzero(data[INTERPOLATED].values == 0) if INTERPOLATED in data else np.arange(data.sizes["step"])
+
+
+def window(data: xarray.Dataset, i: int, j: int) -> tuple[int, int]:
+    """Index of a window, checked."""
+    if "window_pressure" not in data:
+        raise InputError("cell", (i, j), "none: the results have no windows, which a two-scale study has")
+    m1, m2 = data.sizes["cell1"], data.sizes["cell2"]
+    if i not in range(m1) or j not in range(m2):
+        raise InputError("cell", (i, j), f"0 to {m1 - 1} along x1 and 0 to {m2 - 1} along x2")
+    return int(i), int(j)
