@@ -87,7 +87,7 @@ class LargeConvolution:
         self.pressure = pyfftw.zeros_aligned((n1, n2), dtype=real)
         length = row_length(m2, kind.itemsize)
         size = n1 * length * kind.itemsize
-        self._memory = pyfftw.empty_aligned(size, dtype=np.uint8) if over is None else over._memory
+        self._memory: Any = pyfftw.empty_aligned(size, dtype=np.uint8) if over is None else over._memory
         self._waves = self._memory[:size].view(kind).reshape(n1, length)
         self.rows = self._waves.view(real)
         self.displacement = self.rows[:, :n2]

@@ -115,11 +115,12 @@ def limit_factors(test: FluidState, service: FluidState) -> LimitFactors:
     if not both_gases:
         return LimitFactors(viscous, float("nan"))
     viscous *= throughput(service) / throughput(test)
-    try:  # molecules flow with √(T/M)
-        speeds = [
-            (s.inlet_pressure - s.outlet_pressure) * float(np.sqrt(s.fluid.temperature / s.fluid.molar_mass))
-            for s in (service, test)
-        ]
+
+    def molecules(state: FluidState) -> float:
+        gas: Any = state.fluid
+        return float((state.inlet_pressure - state.outlet_pressure) * np.sqrt(gas.temperature / gas.molar_mass))
+
+    try:
+        return LimitFactors(viscous, molecules(service) / molecules(test))
     except AttributeError:
         return LimitFactors(viscous, float("nan"))
-    return LimitFactors(viscous, speeds[0] / speeds[1])
