@@ -14,6 +14,7 @@ from skfem import Basis, BilinearForm, ElementQuad1, ElementQuad2, MeshQuad
 from skfem.helpers import dot, grad
 
 from femseal import analytic
+from femseal.base import threads
 from femseal.base.errors import InputError
 from femseal.flow import (
     bounds,
@@ -28,6 +29,7 @@ from femseal.flow.coefficient import gap_on_links
 from femseal.flow.edge_flow import cell_stencil
 from femseal.flow.grid import Grid
 from femseal.flow.law import cubic_law
+from femseal.flow.solvers import choice, hierarchy
 
 D = 1e-6
 SIDES = ("mirror", "periodic")
@@ -949,6 +951,33 @@ def test_conductances_in_single_precision_change_the_flow_by_no_more_than_they_e
     assert exact.value != single.value  # asked for small errors it is in double precision
     assert_allclose(single.value, exact.value, rtol=6e-8 if solver == "elimination" else 1e-6)
     assert_allclose(single.fluid_pressure, exact.fluid_pressure, rtol=0, atol=1e-6 if solver == "elimination" else 1e-3)
+
+
+@pytest.mark.parametrize("single", [False, True])
+@pytest.mark.parametrize("discretisation", ["edge", "gauss"])
+def test_threads_share_large_grids_and_change_no_bits(discretisation, single, monkeypatch):
+    for module, name, value in (
+        (cell, "SINGLE_NODES", 1 if single else cell.SINGLE_NODES),
+        (choice, "_MANY", 1000),
+        (hierarchy, "_LARGE", 300),
+        (hierarchy, "_STRIP", 8),
+        (threads, "_POINTS", 500),
+    ):
+        monkeypatch.setattr(module, name, value)
+    gap = cut_by_plane((107, 90), 0.2, seed=3)
+    given = {"sides": "periodic", "discretisation": discretisation, "solver": "multigrid", "field_rtol": 1e-5}
+    found = []
+    for count in (1, 2, 3):
+        with threads.using(count):
+            flow = cell_permeability(gap, (D, D), **given)
+        found.append((flow.value, flow.residual, flow.fluid_pressure.tobytes()))
+    assert len(set(found)) == 1
+    monkeypatch.setattr(hierarchy, "_LARGE", gap.size + 1)
+    serial = cell_permeability(gap, (D, D), **given)
+    assert serial.iterations >= flow.iterations - 1
+    assert serial.residual != flow.residual
+    assert_allclose(flow.value, serial.value, rtol=1e-9)
+    assert_allclose(flow.fluid_pressure, serial.fluid_pressure, rtol=0, atol=1e-4)
 
 
 def test_a_flow_at_the_end_of_single_precision_is_solved_in_double(monkeypatch):

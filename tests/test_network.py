@@ -510,16 +510,22 @@ def test_nodes_that_no_coarse_one_holds_are_moved_together(ring, rows, columns):
     assert_allclose(hierarchy.level(*levels[:5], 0)[3][1:-1, 1:-1][bay], 1.0, rtol=1e-3)
 
 
-@each("shape", [(20, 16), (21, 17), (33, 12)])
+@each("shape", [(20, 16), (21, 17), (25, 12)])
 @each("ring", [True, False])
-def test_the_preconditioner_is_symmetric(shape, ring):
+@each("nine", [True, False])
+@each("large", [hierarchy._LARGE, 80])
+def test_the_preconditioner_is_symmetric(shape, ring, nine, large, monkeypatch):
+    """Also where levels are swept by strips of rows."""
+    monkeypatch.setattr(hierarchy, "_LARGE", large)
+    monkeypatch.setattr(hierarchy, "_STRIP", 6)
     c1, c2 = links(shape[0] + 1, shape[1], ring, 3, contrast=1e3, closed=0.1)
-    nothing = np.zeros((0, 0))
-    levels, factored = multigrid(c1, c2, nothing, nothing, ring)
+    corners = np.random.default_rng(5).random((2, len(c1), c2.shape[1])) if nine else np.zeros((2, 0, 0))
+    levels, factored = multigrid(c1, c2, *corners, ring)
+    assert hierarchy.large_levels(levels.shape) == (2 if large == 80 else 0)
 
     def apply(v):
         hierarchy.level(*levels[:5], 0)[4][1:-1, 1:-1] = v
-        v_cycle.cycle(levels, factored, False, ring)
+        v_cycle.cycle(levels, factored, nine, ring)
         return hierarchy.level(*levels[:5], 0)[3][1:-1, 1:-1].astype(float)
 
     u, v = np.random.default_rng(1).standard_normal((2, *shape))

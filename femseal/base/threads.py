@@ -14,6 +14,8 @@ from typing import Any
 
 #: Threads of this process for work on one array, 1 while as many other processes as there are cores are at work.
 _number = 1
+#: Points in a part of an array of two axes.
+_POINTS = 2**17
 
 
 def number() -> int:
@@ -36,6 +38,11 @@ def parts(n: int, length: float) -> list[tuple[int, int]]:
     """First and last + 1 of equal parts of n items, each of about `length` of them."""
     number = max(1, round(n / length))
     return [(n * i // number, n * (i + 1) // number) for i in range(number)]
+
+
+def rows(n1: int, n2: int) -> list[tuple[int, int]]:
+    """First and last + 1 of the parts of the rows of an array (n1, n2), one where it is small."""
+    return parts(n1, max(1.0, _POINTS / n2))
 
 
 def on_threads(threads: int, work: Callable[..., Any], items: Iterable[Any]) -> list[Any]:

@@ -109,8 +109,9 @@ def assemble_on_links(grid: Grid, k1: Array, k2: Array) -> Stencil:
     The elements on both sides of an edge have the same K there, so their parts are summed before they are weighted.
     """
     w = edge_weights(grid)
-    along = weighted(k1, w.rows1, w.columns1, w.kinds1, np.empty(k1.shape))
-    across = weighted(k2, w.rows2, w.columns2, w.kinds2, np.empty(k2.shape))
+    along, across = np.empty(k1.shape), np.empty(k2.shape)
+    weighted(0, len(k1), k1, w.rows1, w.columns1, w.kinds1, along)
+    weighted(0, len(k2), k2, w.rows2, w.columns2, w.kinds2, across)
     return Stencil(along, across, ring1=grid.ring1, ring2=grid.ring2)
 
 
@@ -189,13 +190,12 @@ def _own_conductances(local: Array) -> Array:
 
 
 @njit(cache=True, nogil=True)
-def weighted(k, by_row, by_column, kind, out):
-    """k times the weight of its row and, by the kind of the row, of its column."""
-    for i in range(k.shape[0]):
+def weighted(first, end, k, by_row, by_column, kind, out):
+    """Write some rows of k times the weight of the row and, by the kind of the row, of the column."""
+    for i in range(first, end):
         of_row, of_column = by_row[i], by_column[kind[i]]
         for j in range(k.shape[1]):
             out[i, j] = k[i, j] * (of_row * of_column[j])
-    return out
 
 
 @njit(cache=True, nogil=True)

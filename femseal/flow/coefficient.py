@@ -18,6 +18,7 @@ from numpy.typing import ArrayLike
 from ..base import validate
 from ..base.arrays import Array
 from ..base.errors import InputError
+from ..base.threads import over, rows
 from .grid import Grid
 from .law import cubic_law
 
@@ -82,18 +83,22 @@ def gap_on_links(gap: Array, ring1: bool, ring2: bool) -> tuple[Array, Array]:
     Along an axis that forms a ring n pixels have n links, from each to the next; otherwise the first axis has n + 1
     links, one to each end, beyond which the gap is mirrored, and the second n − 1.
     """
-    return on_links(gap, ring1, ring2, False, *links_of(gap, ring1, ring2))
+    return on_links(gap, ring1, ring2, False)
 
 
 def permeability_on_links(gap: Array, ring1: bool, ring2: bool) -> tuple[Array, Array]:
     """Permeability [m³] of `gap_on_links`."""
-    return on_links(gap, ring1, ring2, True, *links_of(gap, ring1, ring2))
+    return on_links(gap, ring1, ring2, True)
 
 
-def links_of(gap: Array, ring1: bool, ring2: bool, dtype: Any = np.float64) -> tuple[Array, Array]:
-    """Arrays of a number for each link of `gap_on_links`."""
+def on_links(
+    gap: Array, ring1: bool, ring2: bool, as_permeability: bool, dtype: Any = np.float64
+) -> tuple[Array, Array]:
+    """`gap_on_links` or `permeability_on_links`, by threads where they are large."""
     n1, n2 = gap.shape
-    return np.empty((n1 if ring1 else n1 + 1, n2), dtype), np.empty((n1, n2 if ring2 else n2 - 1), dtype)
+    on1, on2 = np.empty((n1 if ring1 else n1 + 1, n2), dtype), np.empty((n1, n2 if ring2 else n2 - 1), dtype)
+    over(rows(n1, n2), _on_links, gap, ring1, ring2, as_permeability, on1, on2)
+    return on1, on2
 
 
 def permeability_at_gauss_points(gap: Array, grid: Grid, points: tuple[tuple[float, float], ...]) -> list[Array]:
@@ -150,18 +155,18 @@ def _inside(i, n, ring):
 
 
 @njit(**_compiled)
-def on_links(gap, ring1, ring2, as_permeability, on1, on2):
-    """`gap_on_links` or `permeability_on_links`, written to the arrays of `links_of`."""
+def _on_links(first, end, gap, ring1, ring2, as_permeability, on1, on2):
+    """Write `on_links` of some rows, with the last one those after it along the first axis."""
     n1, n2 = gap.shape
-    for i in range(on1.shape[0]):
-        first = i - 1 if ring1 else i - 2
-        rows = [_inside(first + k, n1, ring1) for k in range(4)]
+    for i in range(first, on1.shape[0] if end == n1 else end):
+        start = i - 1 if ring1 else i - 2
+        rows = [_inside(start + k, n1, ring1) for k in range(4)]
         before, a, b, after = gap[rows[0]], gap[rows[1]], gap[rows[2]], gap[rows[3]]
         for j in range(n2):
             h = _midway(before[j], a[j], b[j], after[j])
             on1[i, j] = _law(h) if as_permeability else h
     m2 = on2.shape[1]
-    for i in range(n1):
+    for i in range(first, end):
         row = gap[i]
         for j in range(1, n2 - 2):
             h = _midway(row[j - 1], row[j], row[j + 1], row[j + 2])
@@ -171,4 +176,3 @@ def on_links(gap, ring1, ring2, as_permeability, on1, on2):
             if 0 <= j < m2:
                 h = _midway(row[_inside(j - 1, n2, ring2)], row[j], row[(j + 1) % n2], row[_inside(j + 2, n2, ring2)])
                 on2[i, j] = _law(h) if as_permeability else h
-    return on1, on2

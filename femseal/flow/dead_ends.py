@@ -16,6 +16,8 @@ from .stencil import Stencil
 
 Indices = NDArray[np.int32]
 _THROUGH = np.int32(-1)
+#: Links of a node, in the order in which they are tried.
+_DOWN, _RIGHT, _LEFT, _UP = 1, 2, 4, 8
 
 
 def dead_ends(stencil: Stencil, keep: Flags) -> tuple[Flags, tuple[Indices, Indices]]:
@@ -27,10 +29,11 @@ def dead_ends(stencil: Stencil, keep: Flags) -> tuple[Flags, tuple[Indices, Indi
     Returns the nodes without dead ends; the numbers (row · n2 + column) of the inner nodes in dead ends, with those
     that they hang on; two more numbers stand for the inlet and the outlet.
     """
-    anchor = _anchors(stencil.along, stencil.across, keep, stencil.ring2)
+    anchor = _anchors(stencil.along, stencil.across, keep)
+    through = anchor == _THROUGH
     left = keep.copy()
-    left[1:-1] &= anchor == _THROUGH
-    at = np.flatnonzero(anchor != _THROUGH).astype(np.int32)
+    left[1:-1] &= through
+    at = np.flatnonzero(~through).astype(np.int32)
     return left, (at, anchor.ravel()[at])
 
 
@@ -58,34 +61,49 @@ def _fill(potential, anchor, at_inlet, at_outlet):
 
 
 @njit(cache=True, nogil=True)
-def _anchors(along, across, keep, ring):
+def _open_links(along, across):
+    """Bits of the open links of every node, those to the ends among them."""
+    n1, n2 = along.shape[0] - 1, along.shape[1]
+    links = np.zeros(n1 * n2, np.uint8)
+    for i in range(n1):
+        for j in range(n2):
+            links[i * n2 + j] = (along[i + 1, j] > 0.0) * _DOWN + (along[i, j] > 0.0) * _UP
+        for j in range(across.shape[1]):
+            if across[i, j] > 0.0:
+                links[i * n2 + j] |= _RIGHT
+                links[i * n2 + (j + 1) % n2] |= _LEFT
+    return links
+
+
+@njit(cache=True, nogil=True)
+def _anchors(along, across, keep):
     """Depth-first search from both ends as one node, which is number 1, towards the outlet first.
 
     What a node's branch reaches is the lowest number that any of its nodes has a link to. A branch that reaches no
-    further than the node it starts from hangs on that node; what reaches no other end hangs on its end.
+    further than the node it starts from hangs on that node; what reaches no other end hangs on its end. Each open link
+    is tried once, from one of its nodes.
     """
     n1, n2 = along.shape[0] - 1, along.shape[1]
     n = n1 * n2
     number, reach = np.zeros(n, np.int32), np.empty(n, np.int32)
-    parent, anchor = np.empty(n, np.int32), np.full(n, _THROUGH, np.int32)
-    tried = np.zeros(n, np.int8)
+    anchor = np.full(n, _THROUGH, np.int32)
+    links = _open_links(along, across)
     path, found = np.empty(n, np.int32), np.empty(n, np.int32)  # nodes above this one; those not yet sorted
     count = 1
     for first in range(n2):
         if not keep[1, first] or along[0, first] <= 0.0 or number[first] > 0:
             continue
         count += 1
-        number[first], reach[first], parent[first] = count, 1, -1
+        number[first], reach[first] = count, 1
         path[0] = found[0] = first
         depth, waiting = 0, 1
         at_outlet = False
         while depth >= 0:
             v = path[depth]
-            i, j = v // n2, v % n2
-            k = tried[v]
-            if k == 4:
+            untried = links[v]
+            if untried == 0:
                 depth -= 1
-                u = parent[v]
+                u = path[depth] if depth >= 0 else -1
                 if u < 0:
                     if not at_outlet:
                         for q in range(waiting):
@@ -99,28 +117,23 @@ def _anchors(along, across, keep, ring):
                 elif reach[v] < reach[u]:
                     reach[u] = reach[v]
                 continue
-            tried[v] = k + 1
-            w, c = -1, 0.0
-            if k == 0:
-                w, c = v + n2, along[i + 1, j]
-            elif k == 1:
-                if ring or j + 1 < n2:
-                    w, c = i * n2 + (j + 1) % n2, across[i, j]
-            elif k == 2:
-                if ring or j > 0:
-                    a = (j - 1) % n2
-                    w, c = i * n2 + a, across[i, a]
+            if untried & _DOWN:
+                w, there, back = v + n2, _DOWN, _UP
+            elif untried & _RIGHT:
+                w, there, back = (v + 1 if (v + 1) % n2 > 0 else v + 1 - n2), _RIGHT, _LEFT
+            elif untried & _LEFT:
+                w, there, back = (v - 1 if v % n2 > 0 else v - 1 + n2), _LEFT, _RIGHT
             else:
-                w, c = v - n2, along[i, j]
-            if c <= 0.0 or w == parent[v]:
-                continue
+                w, there, back = v - n2, _UP, _DOWN
+            links[v] = untried & ~there
             if w < 0 or w >= n:
                 reach[v] = 1
                 at_outlet = at_outlet or w >= n
-            elif number[w] == 0:
+                continue
+            links[w] &= ~back
+            if number[w] == 0:
                 count += 1
                 number[w] = reach[w] = count
-                parent[w] = v
                 depth += 1
                 path[depth] = w
                 found[waiting] = w

@@ -7,8 +7,9 @@ from typing import Any
 import numpy as np
 
 from ..base.arrays import Array
+from ..base.threads import over, rows
 from .assembly import GAUSS_POINTS, EdgeWeights, assemble_on_elements, edge_weights, gauss, weighted
-from .coefficient import links_of, on_links, permeability_at_gauss_points
+from .coefficient import on_links, permeability_at_gauss_points
 from .grid import Grid
 from .solution import DarcyFlow
 from .solvers.choice import ready, solve_ready
@@ -29,9 +30,9 @@ def edge_flow(
 def edge_conductances(gap: Array, ring2: bool, weights: EdgeWeights, dtype: Any = np.float64) -> tuple[Array, Array]:
     """Conductances along and across of a gap at the pixels of a cell, with the `edge_weights` of its grid."""
     w = weights
-    along, across = on_links(gap, False, ring2, True, *links_of(gap, False, ring2, dtype))
-    weighted(along, w.rows1, w.columns1, w.kinds1, along)
-    weighted(across, w.rows2, w.columns2, w.kinds2, across)
+    along, across = on_links(gap, False, ring2, True, dtype)
+    over(rows(*along.shape), weighted, along, w.rows1, w.columns1, w.kinds1, along)
+    over(rows(*across.shape), weighted, across, w.rows2, w.columns2, w.kinds2, across)
     return along, across
 
 

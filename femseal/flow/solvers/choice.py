@@ -8,8 +8,10 @@ exactly 0.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
 from math import frexp, ldexp, sqrt
+from typing import Any
 
 import numpy as np
 from numba import njit
@@ -18,6 +20,7 @@ from numpy.typing import NDArray
 from ...base import validate
 from ...base.arrays import Array, Flags
 from ...base.errors import InputError, NotConverged
+from ...base.threads import number, on_threads
 from ..balance import energy_gap
 from ..dead_ends import dead_ends, fill_dead_ends
 from ..discretisation import check_solver
@@ -250,15 +253,22 @@ def _by_iterations(stencil: Stencil, keep: Flags, rtol: float, limit: int, field
     inner = keep[1:-1]
     through: Flags | None = None
     dead: tuple[NDArray[np.int32], NDArray[np.int32]] | None = None
-    if not stencil.nine and inner.size >= _MANY and _MANY <= np.count_nonzero(inner) < _MAY_HAVE_DEAD_ENDS * inner.size:
-        through, dead = dead_ends(stencil, keep)
+    unseen: Flags | None = None
+    seen: Flags | None = None
+    if not stencil.nine:
+        searches: list[Callable[..., Any]] = [_unseen]
+        if inner.size >= _MANY and _MANY <= np.count_nonzero(inner) < _MAY_HAVE_DEAD_ENDS * inner.size:
+            searches.append(dead_ends)  # no path to an end leads through them, so that neither search needs the other
+        (unseen, seen), *found = on_threads(number(), lambda search: search(stencil, keep), searches)
+        through, dead = found[0] if found else (None, None)
     hidden = None
     with closed(stencil, through):
-        if not stencil.nine and narrowest(stencil.along, stencil.across) < _SEEN:
-            hidden = ((keep if through is None else through) & (nodes_reached_by(stencil, _SEEN) == 0))[1:-1]
+        if unseen is not None:
+            hidden = (unseen if through is None else unseen & through)[1:-1]
             hidden = hidden if hidden.any() else None
-        del through
-        with closed(stencil, None if hidden is None else nodes_reached_by(stencil, _LOST) == 3, _LOST):
+        del through, unseen
+        with closed(stencil, None if hidden is None else seen, _LOST):
+            del seen
             φ, iterations, error = solve_multigrid(stencil, rtol, limit, hidden, field_rtol)
             if hidden is not None:
                 potential = np.concatenate([np.ones((1, φ.shape[1])), φ, np.zeros((1, φ.shape[1]))])
@@ -280,6 +290,17 @@ def _by_iterations(stencil: Stencil, keep: Flags, rtol: float, limit: int, field
             between,
         )
     return replace(flow, residual=float(max(error, np.sqrt(max(between, 0.0)))))
+
+
+def _unseen(stencil: Stencil, keep: Flags) -> tuple[Flags | None, Flags | None]:
+    """Nodes that only narrow links connect with others, and those that links which are not lost connect with both ends.
+
+    None if there are none of the first.
+    """
+    if narrowest(stencil.along, stencil.across) >= _SEEN:
+        return None, None
+    unseen = keep & (nodes_reached_by(stencil, _SEEN) == 0)
+    return (unseen, nodes_reached_by(stencil, _LOST) == 3) if unseen.any() else (None, None)
 
 
 def _by_matrix(stencil: Stencil, keep: Flags, rtol: float, field_rtol: float | None, direct: bool = False) -> DarcyFlow:

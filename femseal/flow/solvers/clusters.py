@@ -185,6 +185,31 @@ def clusters(centre, right, below, below_right, below_left, nine, ring):
 
 
 @njit(**COMPILED)
+def no_clusters(levels):
+    """What `Levels` of so many levels has of clusters, before there are any."""
+    none = np.zeros(0, np.float32)
+    first = np.zeros(levels, np.int64)
+    return first, np.zeros(1, np.int64), np.zeros((0, 2), np.int32), np.zeros(0, np.uint8), none, none
+
+
+@njit(**COMPILED)
+def with_clusters(found, k, nodes, start, outside, ground, inverse):
+    """What `Levels` has of clusters with those of level k, the last one that has any."""
+    first, starts, all_nodes, all_outside, all_ground, all_inverse = found
+    first[k + 1] = first[k] + inverse.size
+    if inverse.size == 0:
+        return found
+    return (
+        first,
+        np.concatenate((starts[:-1], start + all_nodes.shape[0])),
+        np.concatenate((all_nodes, nodes)),
+        np.concatenate((all_outside, outside)),
+        np.concatenate((all_ground, ground)),
+        np.concatenate((all_inverse, inverse)),
+    )
+
+
+@njit(**COMPILED)
 def relax_forward(nodes, start, outside, ground, inverse, x, r, right, below, below_right, below_left, ring):
     """Move the clusters in turn by their residuals r, which are kept up to date."""
     n2 = x.shape[1] - 2

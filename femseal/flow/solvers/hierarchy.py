@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 
 from ...base.arrays import Array
 from ...base.threads import over
-from .clusters import clusters
+from .clusters import clusters, no_clusters, with_clusters
 from .compiled import COMPILED
 
 #: Nodes of an axis at which coarsening ends.
@@ -313,7 +313,7 @@ def _filled(along, across, falling, rising, ring, shape, first, fields, corner_f
     """Fill the levels; what `Levels` has of clusters, and the operator of the coarsest one."""
     place = shape, first, fields, corner_first, corners, weight_first, weights
     operator = finest(along, across, falling, rising, ring)
-    return _filled_from(0, operator, 0.0, _no_clusters(), falling.size > 0, ring, *place)
+    return _filled_from(0, operator, 0.0, no_clusters(shape.shape[0]), falling.size > 0, ring, *place)
 
 
 def _filled_by_parts(
@@ -326,17 +326,17 @@ def _filled_by_parts(
     over(strips(shape[0, 0]), _links, along, across, ring, *operator[:3])
     if nine:
         _corner_links(falling, rising, ring, operator[0], *operator[3:])
-    fewest, found, large = 0.0, _no_clusters(), large_levels(shape)
+    fewest, found, large = 0.0, no_clusters(len(shape)), large_levels(shape)
     for k in range(large):
         all_nine = nine or k > 0
         count = sum(over(strips(shape[k, 0]), _store, *operator, *level(*place[:5], k)))
         fewest = fewest or _ELIMINATED * count
         if count <= fewest:
-            return found, operator
+            return (found[0][: k + 1], *found[1:]), operator
         rows, w = strips(shape[k + 1, 0]), weights_to(k, shape, weight_first, weights)
         over(rows, _along_rows, *operator, all_nine, ring, w)
         over(rows, _between_rows, *operator, all_nine, ring, w)
-        found = _with(found, *clusters(*operator, all_nine, ring))
+        found = with_clusters(found, k, *clusters(*operator, all_nine, ring))
         coarse = _zeros(shape[k + 1], True)
         over(rows, _galerkin, *operator, w, all_nine, ring, *coarse)
         operator = coarse
@@ -366,7 +366,7 @@ def _filled_from(
         w = weights_to(k, shape, weight_first, weights)
         _along_rows(1, m1 - 1, centre, right, below, below_right, below_left, all_nine, ring, w)
         _between_rows(1, m1 - 1, centre, right, below, below_right, below_left, all_nine, ring, w)
-        found = _with(found, *clusters(centre, right, below, below_right, below_left, all_nine, ring))
+        found = with_clusters(found, k, *clusters(centre, right, below, below_right, below_left, all_nine, ring))
         to0, to1, to2 = np.zeros((m1, m2)), np.zeros((m1, m2)), np.zeros((m1, m2))
         to3, to4 = np.zeros((m1, m2)), np.zeros((m1, m2))
         _galerkin(
@@ -374,7 +374,8 @@ def _filled_from(
         )  # fmt: skip
         operator = to0, to1, to2, to3, to4
         k += 1
-    return found, operator
+    cluster_first, start, nodes, outside, ground, inverse = found
+    return (cluster_first[: k + 1], start, nodes, outside, ground, inverse), operator
 
 
 @njit(**COMPILED)
@@ -394,24 +395,3 @@ def _store(
             for j in range(centre.shape[1]):
                 to_below_right[i, j], to_below_left[i, j] = below_right[i, j], below_left[i, j]
     return count
-
-
-@njit(**COMPILED)
-def _no_clusters():
-    """What `Levels` has of clusters on levels without any."""
-    none = np.zeros(0, np.float32)
-    return np.zeros(1, np.int64), np.zeros(1, np.int64), np.zeros((0, 2), np.int32), np.zeros(0, np.uint8), none, none
-
-
-@njit(**COMPILED)
-def _with(found, nodes, start, outside, ground, inverse):
-    """What `Levels` has of clusters with those of one more level."""
-    first, starts, all_nodes, all_outside, all_ground, all_inverse = found
-    return (
-        np.append(first, first[-1] + inverse.size),
-        np.concatenate((starts[:-1], start + all_nodes.shape[0])),
-        np.concatenate((all_nodes, nodes)),
-        np.concatenate((all_outside, outside)),
-        np.concatenate((all_ground, ground)),
-        np.concatenate((all_inverse, inverse)),
-    )

@@ -162,15 +162,16 @@ def _advance(first, end, conductances, step, p, scale, ring, x, r, b):
 
 
 @njit(**COMPILED)
-def _product(first, end, r, z, hidden):
-    """The part of r·z of some rows, and the largest |z| of their nodes that are not hidden."""
+def _product(first, end, r, z, field, hidden):
+    """The part of r·z of some rows; where the field is wanted also their largest |z| at nodes that are not hidden."""
     total = largest = 0.0
     for i in range(first, end):
         for j in range(1, z.shape[1] - 1):
             total += r[i, j] * z[i, j]
-        for j in range(1, z.shape[1] - 1):
-            if hidden.size == 0 or not hidden[i - 1, j - 1]:
-                largest = max(largest, abs(z[i, j]))
+        if field < np.inf:
+            for j in range(1, z.shape[1] - 1):
+                if hidden.size == 0 or not hidden[i - 1, j - 1]:
+                    largest = max(largest, abs(z[i, j]))
     return total, largest
 
 
@@ -283,7 +284,7 @@ def _solve(conductances, levels, coarsest, ring, rtol, field, limit, hidden, r, 
     scale, unbalanced, iteration = 1.0, 0.0, 0
     while True:
         v_cycle(levels, coarsest, conductances[2].size > 0, ring, 0)
-        rz, largest = _product(1, rows, r, z, hidden)
+        rz, largest = _product(1, rows, r, z, field, hidden)
         rz *= scale
         rate = _outflow(conductances, x)
         error, done, hopeless = _judged(iteration, rz, scale * largest, unbalanced, rate, history, nodes, rtol, field)
@@ -325,7 +326,7 @@ def _solve_by_parts(
     scale, unbalanced, iteration = 1.0, 0.0, 0
     while True:
         cycle(levels, coarsest, conductances[2].size > 0, ring)
-        products, largest = zip(*over(rows, _product, r, z, hidden), strict=True)
+        products, largest = zip(*over(rows, _product, r, z, field, hidden), strict=True)
         rz = scale * sum(products)
         rate = _outflow(conductances, x)
         error, done, hopeless = _judged(

@@ -55,33 +55,41 @@ def _add_below(i, x, to, below, below_right, below_left, nine):
 
 
 @njit(**COMPILED)
-def _residual(i, last, x, r, right, below, below_right, below_left, nine, ring):
-    """Residual of a row after Gauss-Seidel forward from zero: the links to later nodes, of the last row to its own."""
+def _residual(first, end, x, r, right, below, below_right, below_left, nine, ring):
+    """Residual of some rows after Gauss-Seidel forward from zero: the links to later nodes."""
     n2 = x.shape[1] - 2
-    for j in range(1, n2 + 1):
-        r[i, j] = right[i, j] * x[i, j + 1]
-    if not last:
-        _add_below(i, x, r, below, below_right, below_left, nine)
-    if ring:
-        # the last node comes after the first
-        r[i, n2] -= right[i, n2] * x[i, 1]
-        r[i, 1] += right[i, 0] * x[i, n2]
-        r[i, 0] = r[i, n2]
+    for i in range(first, end):
+        if nine:
+            for j in range(1, n2 + 1):
+                r[i, j] = (
+                    right[i, j] * x[i, j + 1]
+                    + below[i, j] * x[i + 1, j]
+                    + below_right[i, j] * x[i + 1, j + 1]
+                    + below_left[i, j] * x[i + 1, j - 1]
+                )
+        else:
+            for j in range(1, n2 + 1):
+                r[i, j] = right[i, j] * x[i, j + 1] + below[i, j] * x[i + 1, j]
+        if ring:
+            # the last node comes after the first
+            r[i, n2] -= right[i, n2] * x[i, 1]
+            r[i, 1] += right[i, 0] * x[i, n2]
+            r[i, 0] = r[i, n2]
 
 
 @njit(**COMPILED)
 def _sweep_down(first, end, between, x, b, r, inverse, right, below, below_right, below_left, nine, ring):
     """Gauss-Seidel forward from zero on a strip of rows, and the residual it leaves.
 
-    Strips beside one that is `between` two were swept before it, and get a part of their residual from it; those beside
-    another strip come later.
+    Strips beside one that comes `between` were swept before it, and it changes their residuals; others come later.
     """
     n2 = x.shape[1] - 2
-    last = b[end - 1].copy()
+    after, last = x[end].copy(), b[end - 1].copy()
     if between:
         _add_below(end - 1, x, b, below, below_right, below_left, nine)
     else:
         x[first - 1] = 0.0
+    x[end] = 0.0
     i: Any = np.int64(first)
     while i < end:
         start = max(i - 1, first)
@@ -109,11 +117,10 @@ def _sweep_down(first, end, between, x, b, r, inverse, right, below, below_right
             for row in range(i, i + count):
                 x[row, 0], x[row, n2 + 1] = x[row, n2], x[row, 1]
         i += count
-        for row in range(start, i - 1):
-            _residual(row, False, x, r, right, below, below_right, below_left, nine, ring)
-    _residual(end - 1, True, x, r, right, below, below_right, below_left, nine, ring)
-    b[end - 1] = last
+        _residual(start, i - 1, x, r, right, below, below_right, below_left, nine, ring)
+    _residual(end - 1, end, x, r, right, below, below_right, below_left, nine, ring)
     if between:
+        x[end], b[end - 1] = after, last
         _add_below(first - 1, x, r, below, below_right, below_left, nine)
         for j in range(1, n2 + 1):
             r[end, j] += below[end - 1, j] * x[end - 1, j]
@@ -206,31 +213,25 @@ def _restrict(first, end, r, w, b):
 
 @njit(**COMPILED)
 def _prolong(first, end, coarse, w, x, ring):
-    """x += P coarse at some rows of the coarser grid and those after them."""
-    n1, n2 = x.shape[0] - 2, x.shape[1] - 2
-    m2 = coarse.shape[1] - 2
+    """x += P coarse of some rows of the coarser grid, the last of whose rows of x the next ones add to as well."""
+    n2, m2 = x.shape[1] - 2, coarse.shape[1] - 2
+    if ring:
+        for i in range(2 * first - 2, 2 * end - 1):
+            x[i, 0] = 0.0
     for ci in range(first, end):
         i = 2 * ci - 1
         for cj in range(1, m2 + 1):
             j = 2 * cj - 1
-            right = 1 if ring and cj == m2 else cj + 1
-            here, beside = coarse[ci, cj], coarse[ci, right]
-            x[i, j] += here * w[ci, cj, 1, 1]
-            if j < n2:
-                x[i, j + 1] += here * w[ci, cj, 1, 2] + beside * w[ci, right, 1, 0]
-            if i < n1:
-                under, across = coarse[ci + 1, cj], coarse[ci + 1, right]
-                x[i + 1, j] += here * w[ci, cj, 2, 1] + under * w[ci + 1, cj, 0, 1]
-                if j < n2:
-                    x[i + 1, j + 1] += (
-                        here * w[ci, cj, 2, 2]
-                        + beside * w[ci, right, 2, 0]
-                        + under * w[ci + 1, cj, 0, 2]
-                        + across * w[ci + 1, right, 0, 0]
-                    )
-        if ring:
-            for k in range(i, min(i + 2, n1 + 1)):
-                x[k, 0], x[k, n2 + 1] = x[k, n2], x[k, 1]
+            v = coarse[ci, cj]
+            for a in range(3):
+                x[i + a - 1, j - 1] += v * w[ci, cj, a, 0]
+                x[i + a - 1, j] += v * w[ci, cj, a, 1]
+                x[i + a - 1, j + 1] += v * w[ci, cj, a, 2]
+    if ring:
+        for i in range(2 * first - 2, 2 * end - 1):
+            x[i, n2] += x[i, 0]
+            x[i, 0] = x[i, n2]
+            x[i, n2 + 1] = x[i, 1]
 
 
 @njit(**COMPILED)
@@ -287,7 +288,8 @@ def cycle(levels: Levels, coarsest: Coarsest, nine: bool, ring: bool) -> None:
             relax_forward(*moved, x, r, *links, ring)
             over(coarse_rows, _restrict, r, w, coarse[4])
         else:
-            over(coarse_rows, _prolong, coarse[3], w, x, ring)
+            for between in (False, True):
+                over(coarse_rows[between::2], _prolong, coarse[3], w, x, ring)
             relax_backward(*moved, x, b, *links, ring)
             for between in (True, False):
                 over(swept[between::2], _sweep_up, x, b, inverse, *links, all_nine, ring)
