@@ -115,12 +115,13 @@ def limit_factors(test: FluidState, service: FluidState) -> LimitFactors:
     if not both_gases:
         return LimitFactors(viscous, float("nan"))
     viscous *= throughput(service) / throughput(test)
-
-    def molecules(state: FluidState) -> float:
-        gas: Any = state.fluid
-        return float((state.inlet_pressure - state.outlet_pressure) * np.sqrt(gas.temperature / gas.molar_mass))
-
     try:
-        return LimitFactors(viscous, molecules(service) / molecules(test))
+        speeds = [(s.inlet_pressure - s.outlet_pressure) * _thermal_speed(s.fluid) for s in (service, test)]
     except AttributeError:
         return LimitFactors(viscous, float("nan"))
+    return LimitFactors(viscous, speeds[0] / speeds[1])
+
+
+def _thermal_speed(fluid: Any) -> float:
+    """√(T/M), with which the free flow of molecules goes."""
+    return float(np.sqrt(fluid.temperature / fluid.molar_mass))
