@@ -12,6 +12,7 @@ import warnings
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager, suppress
 from functools import cache, lru_cache, partial
+from importlib import import_module
 from itertools import chain, islice
 from pathlib import Path
 from shutil import rmtree
@@ -50,6 +51,32 @@ def over_processes(count: int) -> Iterator[Mapper]:
     except BaseException:
         end_processes(kill=True)
         raise
+
+
+def start_processes(count: int | None, module: str) -> None:
+    """Start the processes of `over_processes`, which then load a module, and return at once.
+
+    count : one for each core unless given; one is none, as this process computes then.
+    """
+    import joblib
+    from joblib.externals.loky.process_executor import TerminatedWorkerError
+
+    count = count or joblib.cpu_count()
+    if count <= 1:
+        return
+
+    def start() -> None:
+        settings = joblib.parallel_config("loky", inner_max_num_threads=1)
+        with suppress(TerminatedWorkerError), settings, starting_processes():
+            joblib.Parallel(n_jobs=count)(joblib.delayed(_load)(os.getpid(), module) for _ in range(count))
+
+    _end_at_exit()
+    threading.Thread(target=start).start()
+
+
+def _load(parent: int, module: str) -> None:
+    _end_with(parent, "")
+    import_module(module)
 
 
 def _map(count: int, folder: str, stage: Stage, *iterables: Iterable[Any]) -> Iterator[Any]:

@@ -5,9 +5,9 @@ from typing import TYPE_CHECKING
 from ..base.lazy_package import load_when_used
 
 if TYPE_CHECKING:
-    from .folder import write_again, write_folder
+    from .folder import load_writers, write_again, write_folder
     from .page import write_pdf, write_report
 
-__all__ = ["write_again", "write_folder", "write_pdf", "write_report"]
+__all__ = ["load_writers", "write_again", "write_folder", "write_pdf", "write_report"]
 
 load_when_used(__name__)

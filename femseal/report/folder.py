@@ -10,6 +10,7 @@ from concurrent.futures import ThreadPoolExecutor
 from contextlib import suppress
 from functools import partial
 from pathlib import Path
+from typing import Any
 
 from ..base.errors import FemsealError
 from ..base.files import is_inside, made_folder, read_plain, replacing, write_text
@@ -31,6 +32,20 @@ _LARGEST_MANIFEST = 1e7
 UNFINISHED = ".unfinished"
 #: Subfolder of the files for ParaView.
 VIEWS = "vtk"
+
+
+def load_writers(*, pictures: bool = True, report: bool = True, paraview: str = "vtu", **_: Any) -> None:
+    """Load the libraries that `write_folder` needs with the same options; they take longer than the writing."""
+    with suppress(ImportError):  # said where they are used
+        import h5netcdf  # noqa: F401
+        import xarray.backends  # noqa: F401
+        import xlsxwriter  # noqa: F401
+
+        if pictures or report:
+            import matplotlib.backends.backend_agg
+            import matplotlib.figure  # noqa: F401
+        if paraview != "none":
+            import pyvista  # noqa: F401
 
 
 def write_folder(

@@ -13,6 +13,7 @@ from functools import partial
 from os import PathLike
 from pathlib import Path
 from tempfile import TemporaryDirectory
+from threading import Thread
 from typing import Any
 
 from ..base.errors import FemsealError, InputError, PartsMissing
@@ -35,7 +36,7 @@ from ..preparation.prepared import Prepared, without_short_waves
 from ..refinement.budgets import budgets_of, leakage_of
 from ..refinement.refine_to_accuracy import refine_to_accuracy
 from ..refinement.settings import chosen
-from ..report import write_folder
+from ..report import load_writers, write_folder
 from ..report.case_text import solids_text
 from ..results import Results, assemble
 from ..studies import FluidState, OtherLeakage, drop_ratio
@@ -137,11 +138,14 @@ def run(
             going_on = _goes_on(folder, identity, resume)
         stack.enter_context(_log_file(folder, append=going_on or part is not None))
         kept = stack.enter_context(Checkpoint(folder, identity, going_on, part, progress))
+        loading = Thread(target=_load_ahead, args=(case,))
+        loading.start()
         results = _results(case, prepared, faces, Run(kept.over(found_or_computed(mapper, prepared)), progress))
         if part is not None:
             log.info("part %d/%d: the items of all parts are there", *part)
             return results
         progress("writing results", 0, None)
+        loading.join()
         start = time.perf_counter(), time.process_time()
         # the pictures are small, and drawn on this machine
         _write(results, folder, case)
@@ -151,6 +155,13 @@ def run(
             log.info("left out: %s", text)
         log.info("results in %s", folder)
         return replace(results, folder=folder)
+
+
+def _load_ahead(case: Case) -> None:
+    """Load what this process needs later, while others compute."""
+    import scipy.interpolate  # noqa: F401
+
+    load_writers(**case.output.files)
 
 
 def _goes_on(folder: Path, identity: dict[str, Any], resume: bool) -> bool:

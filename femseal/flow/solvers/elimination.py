@@ -168,20 +168,19 @@ def eliminated(first, parent, row, later, link, border, start, at, room, waiting
     left = np.empty(waiting)  # links within the borders of fronts whose parents have not come yet
     work = np.empty(widest * widest)
     local = np.empty(n + stay, np.int64)
+    places = np.empty(widest, np.int64)
     pending = np.empty(fronts + 1, np.int64)
     n_pending, top = 0, 0
     for f in range(fronts):
         a, p, q = first[f], first[f + 1] - first[f], start[f + 1] - start[f]
         front = links[at[f] : at[f] + p * (p + q)].reshape(p, p + q)
         rest = work[: q * q].reshape(q, q)
+        links[at[f] : at[f] + p * (p + q)] = 0.0
+        work[: q * q] = 0.0
         for i in range(p):
             local[a + i] = i
-            for j in range(p + q):
-                front[i, j] = 0.0
         for i in range(q):
             local[border[start[f] + i]] = p + i
-            for j in range(q):
-                rest[i, j] = 0.0
         for i in range(p):
             for k in range(row[a + i], row[a + i + 1]):
                 front[i, local[later[k]]] += link[k]
@@ -192,17 +191,18 @@ def eliminated(first, parent, row, later, link, border, start, at, room, waiting
             m = nodes.size
             top -= m * m
             for i in range(m):
-                here = local[nodes[i]]
-                for j in range(i + 1, m):
-                    if here < p:
-                        front[here, local[nodes[j]]] += left[top + i * m + j]
-                    else:
-                        rest[here - p, local[nodes[j]] - p] += left[top + i * m + j]
+                places[i] = local[nodes[i]]
+            for i in range(m):
+                here = places[i]
+                if here < p:
+                    for j in range(i + 1, m):
+                        front[here, places[j]] += left[top + i * m + j]
+                else:
+                    for j in range(i + 1, m):
+                        rest[here - p, places[j] - p] += left[top + i * m + j]
         _eliminate_front(front, rest, inverse[a : a + p])
-        for i in range(q):
-            for j in range(q):
-                left[top] = rest[i, j]
-                top += 1
+        left[top : top + q * q] = work[: q * q]
+        top += q * q
         pending[n_pending] = f
         n_pending += 1
     between = np.zeros((stay, stay))
@@ -223,36 +223,52 @@ def _eliminate_front(front, rest, inverse):
     p, q = inverse.size, rest.shape[0]
     for start in range(0, p, _PANEL):
         end = min(start + _PANEL, p)
-        for i in range(start, end):
+        i = start
+        while i < end:
+            # two pivots at once
             s = 0.0
             for j in range(i + 1, p + q):
                 s += front[i, j]
             s = 1.0 / s if s != 0.0 else 0.0
             inverse[i] = s
-            for j in range(i + 1, end):
-                f = front[i, j] * s
-                if f != 0.0:
+            if i + 1 >= end:
+                break
+            f = front[i, i + 1] * s
+            t = 0.0
+            for k in range(i + 2, p + q):
+                front[i + 1, k] += f * front[i, k]
+                t += front[i + 1, k]
+            t = 1.0 / t if t != 0.0 else 0.0
+            inverse[i + 1] = t
+            for j in range(i + 2, end):
+                f, g = front[i, j] * s, front[i + 1, j] * t
+                if f != 0.0 or g != 0.0:
                     for k in range(j + 1, p + q):
-                        front[j, k] += f * front[i, k]
+                        front[j, k] += f * front[i, k] + g * front[i + 1, k]
+            i += 2
         if end < p:
             _add_product(front, inverse, start, end, end, p - end, front, end)
     if p * q * q > _BLAS:
         _add_product(front, inverse, np.int64(0), p, p, q, rest, np.int64(0))
         return
-    # four pivots at once
+    # four pivots and two rows at once
     for i in range(0, p, 4):
         i1, i2, i3 = min(i + 1, p - 1), min(i + 2, p - 1), min(i + 3, p - 1)
         s0 = inverse[i]
         s1 = inverse[i1] if i + 1 < p else 0.0
         s2 = inverse[i2] if i + 2 < p else 0.0
         s3 = inverse[i3] if i + 3 < p else 0.0
-        for j in range(q):
+        for j in range(0, q, 2):
             f0, f1, f2, f3 = s0 * front[i, p + j], s1 * front[i1, p + j], s2 * front[i2, p + j], s3 * front[i3, p + j]
-            if f0 != 0.0 or f1 != 0.0 or f2 != 0.0 or f3 != 0.0:
-                for k in range(j + 1, q):
-                    rest[j, k] += (
-                        f0 * front[i, p + k] + f1 * front[i1, p + k] + f2 * front[i2, p + k] + f3 * front[i3, p + k]
-                    )
+            if j + 1 < q:
+                k = p + j + 1
+                a, b, c, d = front[i, k], front[i1, k], front[i2, k], front[i3, k]
+                rest[j, j + 1] += f0 * a + f1 * b + f2 * c + f3 * d
+                g0, g1, g2, g3 = s0 * a, s1 * b, s2 * c, s3 * d
+                for k in range(j + 2, q):
+                    a, b, c, d = front[i, p + k], front[i1, p + k], front[i2, p + k], front[i3, p + k]
+                    rest[j, k] += f0 * a + f1 * b + f2 * c + f3 * d
+                    rest[j + 1, k] += g0 * a + g1 * b + g2 * c + g3 * d
 
 
 @njit(**_fast)
