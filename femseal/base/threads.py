@@ -42,7 +42,7 @@ def parts(n: int, length: float) -> list[tuple[int, int]]:
 
 def rows(n1: int, n2: int) -> list[tuple[int, int]]:
     """First and last + 1 of the parts of the rows of an array (n1, n2), one where it is small."""
-    return parts(n1, max(1.0, _POINTS / n2))
+    return parts(n1, max(1.0, _POINTS / max(1, n2)))
 
 
 def on_threads(threads: int, work: Callable[..., Any], items: Iterable[Any]) -> list[Any]:
