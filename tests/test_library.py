@@ -6,6 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose, assert_array_equal
+from scipy.interpolate import PchipInterpolator
 
 import femseal.library.library
 from femseal.base.errors import FemsealError, InputError, NotConverged
@@ -22,6 +23,7 @@ from femseal.library import (
     on_ladder,
     solve_ladder,
 )
+from femseal.library.curves import monotone
 from femseal.loads import LoadProgramme
 from femseal.topography import self_affine
 from femseal.windows import SolveCounts
@@ -541,3 +543,13 @@ def test_loads_that_differ_but_for_rounding_are_one(source, cell):
         pressure, peak = np.array([1e7, 2e8, 3e8, 7e8]), np.array([2e8, 5e8, 8e8, 8e8])
         assert_allclose(other.loaded(pressure), one.loaded(pressure), rtol=1e-6)
         assert_allclose(other.unloaded(pressure, peak), one.unloaded(pressure, peak), rtol=1e-6)
+
+
+@pytest.mark.parametrize("points", [2, 3, 4, 9])
+def test_curves_are_those_of_scipy(points):
+    """Rising, falling and flat by turns, so that slopes at the ends are cut off too; at the points and between them."""
+    rng = np.random.default_rng(points)
+    for _ in range(200):
+        x, y = np.cumsum(rng.uniform(0.01, 1, points)), rng.integers(-2, 3, points) * rng.uniform(0, 3, points)
+        at = np.concatenate([x, rng.uniform(x[0], x[-1], 20)])
+        assert_allclose(monotone(x, y)(at), PchipInterpolator(x, y)(at), rtol=0, atol=1e-12)

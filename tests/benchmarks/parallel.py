@@ -6,8 +6,9 @@ A library of windows with a few seals drawn from it, and eight places of a face 
 two of the same study take turns, and the efficiency is the median of the elapsed time of one over that of two, halved: of
 the whole study, and of its stages. What others do on the machine enters it, but not the processor time of two, the main
 process and the workers, over that of one. Processes are started, and have computed something small, before. Every process
-has one thread. Parts keep items that cost nothing, and solve the windows of a library in one folder one after the other;
-times are processor times. `--write` puts the tables beside this file, where the documentation takes them from.
+has one thread. Parts keep items that cost nothing, and solve the windows of a library under one load, in one folder one after
+the other, each in a process of its own; the second is killed half way and run again. Their times are processor times, and
+the bits are checked. `--write` puts the tables beside this file, where the documentation takes them from.
 """
 
 from __future__ import annotations
@@ -15,11 +16,13 @@ from __future__ import annotations
 import argparse
 import json
 import os
+import signal
 import time
 from collections.abc import Callable
 from contextlib import ExitStack, suppress
 from dataclasses import replace
 from functools import partial
+from hashlib import sha256
 from pathlib import Path
 from statistics import median
 from tempfile import TemporaryDirectory
@@ -31,24 +34,27 @@ from common import call, kept, machine, rows, save_report
 
 BACKENDS = {"joblib": {"workers": 2}, "Dask": {"workers": 2, "scheduler": "local"}}
 STUDIES = ("2,000 windows of 16²", "8 places of 128²")
-#: Windows that cost nothing, and of a library, each with numbers of parts.
+#: Windows that cost nothing, and parts of them; those of a library under one load unless another number is asked for,
+#: and parts of these.
 EMPTY, EMPTY_PARTS = 100_000, (1, 16, 100)
-WINDOWS, PARTS = 2000, (4,)
+WINDOWS, PARTS, LOADING = 100_000, (4,), (6e8,)
 
 
-def study(name: str, mapping: Any, windows: int = 2000, points: int = 128) -> None:
-    """A library with seals drawn from it, or several places each in contact by itself."""
+def study(name: str, mapping: Any, windows: int = 2000, points: int = 128, loading: Any = (6e7, 6e8, 2e9)) -> str:
+    """A library with seals drawn from it, or several places each in contact by itself; a digest of the leakage."""
     import femseal as fs
 
     task = {"kind": "self-affine", "n": 256, "seed": 1}
     if name == STUDIES[0]:
         drawn = {"length": 256e-6, "breadth": 256e-6, "pressure": "uniform", "seed": 1}
-        scene = replace(scales.scene_of(task), loading=(6e7, 6e8, 2e9), unload_from=(), unloading=())
-        fs.stochastic(scene, (16, 16), fs.Sampling(**drawn, library_cells=windows, realisations=8), mapper=mapping)
+        scene = replace(scales.scene_of(task), loading=loading, unload_from=(), unloading=())
+        sampling = fs.Sampling(**drawn, library_cells=windows, realisations=8)
+        found = fs.stochastic(scene, (16, 16), sampling, mapper=mapping).leakage
     else:
         faces = [scales.face("self-affine", points, seed) for seed in range(8)]
         scene = scales.scene_of(task)
-        fs.deterministic(fs.Scene(faces, **{n: getattr(scene, n) for n in GIVEN}), mapper=mapping)
+        found = fs.deterministic(fs.Scene(faces, **{n: getattr(scene, n) for n in GIVEN}), mapper=mapping).leakage
+    return sha256(found.tobytes()).hexdigest()
 
 
 GIVEN = ("modulus", "hardness", "fluid", "inlet_pressure", "outlet_pressure", "loading", "unload_from", "unloading")
@@ -67,15 +73,15 @@ def used() -> float:
     return taken
 
 
-def timed(mapping: Any, seconds: dict[str, float]) -> Any:
+def timed(mapping: Any, seconds: dict[str, float], clock: Callable[[], float] = time.perf_counter) -> Any:
     """The same map, adding up what its stages take."""
 
     def watched(stage: Any, *iterables: Any) -> Any:
-        start = time.perf_counter()
+        start = clock()
         for item in mapping(stage, *iterables):
-            seconds[stage.name] = seconds.get(stage.name, 0.0) + time.perf_counter() - start
+            seconds[stage.name] = seconds.get(stage.name, 0.0) + clock() - start
             yield item
-            start = time.perf_counter()
+            start = clock()
 
     return watched
 
@@ -104,39 +110,82 @@ def nothing(n: int) -> dict[str, Any]:
     return {"permeability": np.full(8, float(n)), "counts": (n, 1)}
 
 
+def apart(work: Callable[[], Any]) -> dict[str, Any]:
+    """What work gives in a process of its own, its processor time [s] and its peak of memory [MB]."""
+    ends = os.pipe()
+    if not (process := os.fork()):
+        try:
+            os.write(ends[1], json.dumps(work()).encode())
+        finally:
+            os._exit(0)
+    taken = os.wait4(process, 0)[2]
+    os.close(ends[1])
+    with os.fdopen(ends[0]) as found:
+        text = found.read()
+    return {
+        "found": json.loads(text) if text else None,
+        "seconds": taken.ru_utime + taken.ru_stime,
+        "peak": taken.ru_maxrss / 1024,
+    }
+
+
 def in_parts(parts: int, solve: Callable[[Any], Any], count: int) -> dict[str, Any]:
-    """Processor times of one process without a folder, of parts one after the other, and of the run that gathers."""
+    """One process without a folder, parts one after the other, the second killed half way and run again, and the
+    run that gathers: processor times, peaks of memory, most files, and whether the results are the same bits."""
     from femseal.base.errors import PartsMissing
     from femseal.execution.checkpoint import Checkpoint
 
-    taken, start = [], time.process_time()
-    solve(map)
-    one = time.process_time() - start
+    def alone() -> Any:
+        seconds: dict[str, float] = {}
+        digest = solve(timed(map, seconds, time.process_time))
+        return digest, seconds.get("library windows", 0.0)
+
+    def keeping(part: tuple[int, int] | None, kill: bool) -> str | None:
+        def watch(stage: str, done: int, total: int | None) -> None:
+            if kill and total and 2 * done > total:
+                os.kill(os.getpid(), signal.SIGKILL)
+
+        with suppress(PartsMissing), Checkpoint(folder, {}, True, part, watch) as checkpoint:
+            return solve(checkpoint.over(map))
+        return None
+
+    one = apart(alone)
+    runs = [((n, parts), killed) for n in range(1, parts + 1) for killed in ((True, False) if n == 2 else (False,))]
     with TemporaryDirectory() as name:
         folder = Path(name)
-        files = 0
-        for part in (*((n, parts) for n in range(1, parts + 1)), None):
-            start = time.process_time()
-            with suppress(PartsMissing), Checkpoint(folder, {}, True, part) as checkpoint:
-                solve(checkpoint.over(map))
-            taken.append(time.process_time() - start)
+        taken, files = [], 0
+        for part, killed in [*runs, (None, False)]:
+            taken.append(apart(partial(keeping, part, killed)))
             files = max(files, sum(1 for path in folder.rglob("*.shard")))
-    return {"count": count, "one": one, "own": sum(taken[:-1]), "gather": taken[-1], "files": files}
+    digest, windows = one["found"]
+    return {
+        "count": count,
+        "one": one["seconds"],
+        "windows": windows,
+        "own": sum(run["seconds"] for run in taken[:-1]),
+        "gather": taken[-1]["seconds"],
+        "peaks": [one["peak"], max(run["peak"] for run in taken[:-1]), taken[-1]["peak"]],
+        "files": files,
+        "same": taken[-1]["found"] == digest,
+    }
 
 
-def of_nothing(mapping: Any) -> None:
+def of_nothing(mapping: Any) -> str:
     from femseal.base.stage import Stage
 
-    for _ in mapping(Stage("nothing", nothing), range(EMPTY)):
-        pass
+    digest = sha256()
+    for item in mapping(Stage("nothing", nothing), range(EMPTY)):
+        digest.update(item["permeability"].tobytes())
+    return digest.hexdigest()
 
 
 def measure(task: dict[str, Any]) -> dict[str, Any]:
     if "study" in task:
         return against_one(task["study"], task["backend"], task["repeat"])
-    solve, count = (of_nothing, EMPTY) if task["empty"] else (partial(study, STUDIES[0], windows=WINDOWS), WINDOWS)
+    count = task["windows"]
+    solve = partial(study, STUDIES[0], windows=count, loading=LOADING) if count else of_nothing
     study(STUDIES[0], map, 50)
-    return {"turns": [in_parts(task["parts"], solve, count) for _ in range(task["repeat"])]}
+    return {"turns": [in_parts(task["parts"], solve, count or EMPTY) for _ in range(task["repeat"])]}
 
 
 def workers_table(records: list[dict[str, Any]]) -> str:
@@ -164,19 +213,23 @@ def parts_table(records: list[dict[str, Any]]) -> str:
     cells = []
     for record in (r for r in records if "parts" in r):
         turns = record["turns"]
-        count, kind = turns[0]["count"], "that cost nothing" if record["empty"] else "of 16², and eight seals"
-        times = [f"{median(t[name] for t in turns):.3g}" for name in ("one", "own", "gather")]
-        more = median(t["own"] - t["one"] for t in turns)
-        per_cent = "" if record["empty"] else f"{100 * median(t['own'] / t['one'] - 1 for t in turns):.1f} %"
+        count, kind = turns[0]["count"], "of 16²" if record["windows"] else "that cost nothing"
+        assert all(t["same"] for t in turns)
+        times = [f"{median(t[name] for t in turns):.3g}" for name in ("windows", "one", "own", "gather")]
+        more = median(t["own"] + t["gather"] - t["one"] for t in turns)
+        per_cent = f"{100 * more / median(t['windows'] for t in turns):.1f} %" if record["windows"] else ""
         line = [f"{count:,} {kind}", str(record["parts"]), *times, f"{1e6 * more / count:.0f}", per_cent]
-        cells.append([*line, f"{1000 * turns[0]['files'] / count:.2g}"])
-    head = ["windows", "parts", "one process [s]", "all parts [s]", "run that gathers [s]", "more for a window [µs]"]
-    return rows([*head, "in all", "most files for 1,000 windows"], cells)
+        peaks = [median(t["peaks"][n] for t in turns) for n in range(3)]
+        cells.append([*line, f"{1000 * turns[0]['files'] / count:.2g}", ", ".join(f"{peak:.0f}" for peak in peaks)])
+    head = ["windows", "parts", "their solution [s]", "one process [s]", "all parts [s]", "run that gathers [s]"]
+    head += ["more for a window [µs]", "of their solution", "most files for 1,000 windows"]
+    return rows([*head, "memory of one process, a part, the run that gathers [MB]"], cells)
 
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--repeat", type=int, default=5, help="turns of one process and two")
+    parser.add_argument("--windows", type=int, default=WINDOWS, help="windows of a library that parts solve")
     parser.add_argument("--records", type=Path, help="file of what is measured, to go on from there")
     parser.add_argument("--write", action="store_true", help="write the tables")
     parser.add_argument("--worker", help=argparse.SUPPRESS)
@@ -184,12 +237,12 @@ def main() -> None:
     if options.worker:
         print(json.dumps(measure(json.loads(options.worker))))
         return
-    tasks: list[dict[str, Any]] = [{"empty": True, "parts": parts} for parts in EMPTY_PARTS]
-    tasks += [{"empty": False, "parts": parts} for parts in PARTS]
+    tasks: list[dict[str, Any]] = [{"windows": 0, "parts": parts} for parts in EMPTY_PARTS]
+    tasks += [{"windows": options.windows, "parts": parts} for parts in PARTS]
     tasks += [{"study": s, "backend": b} for s in STUDIES for b in BACKENDS]
     records = []
     for task in tasks:
-        task["repeat"] = options.repeat
+        task["repeat"] = 1 if task.get("windows") else options.repeat
         compute = partial(call, __file__, ["--worker", json.dumps(task)], 1)
         record = kept({"task": task}, ["task"], options.records, lambda c=compute, t=task: {"task": t} | c())
         records.append(task | record)
