@@ -192,19 +192,22 @@ def place_leakage(scene: Scene, gap: NDArray[np.floating], mapper: Mapper = map)
     surface = scene.surface
     if not isinstance(surface, Places):
         return None
-    count, first = len(surface.widths), first_equal(gap, scene.steps)
-    different, of_step = np.unique(first, return_inverse=True)
-    places = divided(gap, surface.widths)
-    pieces = [[places[n - 1][s] for n in of] for s in different for of in kept_places(count)]
-    solve = partial(_permeability, spacing=surface.spacing, settings=scene.flow)
-    found = np.array(list(mapper(Stage("flow of places", solve), pieces))).reshape(different.size, -1)[of_step]
+    count = len(surface.widths)
+    solve = partial(_permeabilities, widths=surface.widths, spacing=surface.spacing, settings=scene.flow)
+    found = map_different(mapper, Stage("flow of places", solve), gap, first_equal(gap, scene.steps))
     # leakage per length of a unit permeability
     unit = scene.leakage(RectangularSeal(surface.size, (1, 1)), 1.0).per_length
-    leakage = unit * found.T
+    leakage = unit * np.array(list(found)).T
     return PlaceLeakage(leakage[:count], leakage[count:] if count >= FEWEST else None)
 
 
-def _permeability(pieces: list[NDArray[np.floating]], spacing: tuple[float, float], settings: FlowSettings) -> float:
-    """Permeability of places side by side, by their gaps (n1, n2) [m], in m³; NaN where the flow failed."""
-    flow = attempt(resolved_flow, np.concatenate(pieces, axis=1), spacing, settings)
-    return np.nan if isinstance(flow, Failed) else flow.permeability
+def _permeabilities(
+    gap: NDArray[np.floating], widths: tuple[int, ...], spacing: tuple[float, float], settings: FlowSettings
+) -> Array:
+    """Permeability of each place, and from three on of all but each (2 places,) [m³]; NaN where the flow failed."""
+    pieces = divided(gap, widths)
+    found = []
+    for of in kept_places(len(pieces)):
+        flow = attempt(resolved_flow, np.concatenate([pieces[n - 1] for n in of], axis=1), spacing, settings)
+        found.append(np.nan if isinstance(flow, Failed) else flow.permeability)
+    return np.array(found)
