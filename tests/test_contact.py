@@ -13,7 +13,7 @@ from scipy.optimize import lsq_linear
 
 from femseal import analytic
 from femseal.base.errors import InputError, NotConverged
-from femseal.contact import HalfSpace, LinearHardening, long_lists, solve_contact, workspace
+from femseal.contact import HalfSpace, LinearHardening, large_convolution, long_lists, solve_contact, workspace
 
 E = 115e9
 H = 4e9
@@ -533,13 +533,33 @@ def test_long_lists_in_parts_change_digits_only_and_threads_not_even_these(law, 
     assert len({contact.pressure.tobytes() + contact.gap.tobytes() for contact in found}) == 1
 
 
-def test_steps_become_monotone_where_active_sets_go_round_in_circles():
+@pytest.mark.parametrize("law", LAWS)
+@each("boundary", [("periodic", "periodic"), ("free", "periodic"), ("mirror", "free")])
+def test_large_grids_change_digits_only(law, boundary, monkeypatch):
+    given = LAWS[law]
+    h, half_space = rough((96, 96)), HalfSpace((96, 96), (D, D), E, boundary)
+    whole = solve_contact(h, half_space, rtol=1e-10, **given)
+    with monkeypatch.context() as patch:
+        patch.setattr(large_convolution, "LARGE", 48**2)
+        patch.setattr(workspace, "KEPT_POINTS", 0)
+        patch.setattr(long_lists, "POINTS", 1000)
+        large = solve_contact(h, half_space, rtol=1e-10, **given)
+    assert large.gap.flags.c_contiguous
+    for name, size in (("pressure", H), ("gap", h.std()), ("plastic_deformation", h.std())):
+        assert_allclose(getattr(large, name), getattr(whole, name), rtol=0, atol=1e-7 * size)
+
+
+def test_steps_become_monotone_where_active_sets_go_round_in_circles(monkeypatch):
     """Bars of 1:19 pixels: without the line search the sets repeat for ever."""
     shape, spacing = (12, 21), (D, 19 * D)
     h, half_space = rough(shape, 0.125, 1, spacing), HalfSpace(shape, spacing, E)
-    contact = solve_contact(h, half_space, pressure=0.09375 * H, hardness=H, rtol=1e-9)
-    assert contact.iterations > 60
-    assert residual(contact, h, half_space, lambda p, body: body.displacement(p), H) <= 1.001e-9
+    for large in (np.inf, 1):
+        monkeypatch.setattr(large_convolution, "LARGE", large)
+        workspace._kept_grids.cache_clear()
+        contact = solve_contact(h, half_space, pressure=0.09375 * H, hardness=H, rtol=1e-9)
+        assert contact.iterations > 60
+        assert residual(contact, h, half_space, lambda p, body: body.displacement(p), H) <= 1.001e-9
+    workspace._kept_grids.cache_clear()
 
 
 def test_solutions_do_not_depend_on_those_before():

@@ -17,13 +17,15 @@ from hypothesis import strategies as st
 from numpy.testing import assert_allclose
 
 from femseal.base.errors import InputError
-from femseal.contact import HalfSpace, convolution
+from femseal.contact import HalfSpace, convolution, large_convolution
 from femseal.contact.convolution import Convolution
 from femseal.contact.influence import stiffness_stencil
+from femseal.contact.large_convolution import LargeConvolution
 
 E = 115e9
 KINDS = ("periodic", "mirror", "free")
 PAIRS = list(itertools.product(KINDS, KINDS))
+WAYS = [Convolution, LargeConvolution]
 SIZES = [(6, 9), (7, 5), (1, 8), (8, 1), (2, 2), (1, 1), (3, 16)]
 
 
@@ -162,9 +164,23 @@ def test_linear_and_transposed(shape, boundary, ratio, seed):
 
 
 @each("boundary", PAIRS)
-def test_workspace_can_be_used_again(boundary):
+@each("shape", [*SIZES, (36, 50), (125, 40)])
+def test_large_grids_have_the_products_of_small_ones(shape, boundary, monkeypatch):
+    monkeypatch.setattr(large_convolution, "_BLOCK_BYTES", 16 * 16 * shape[0])
+    half_space = HalfSpace(shape, (1e-6, 2e-6), E, boundary)
+    p = np.random.default_rng(5).random(shape)
+    monkeypatch.setattr(large_convolution, "LARGE", np.inf)
+    u = half_space.displacement(p)
+    monkeypatch.setattr(large_convolution, "LARGE", 1)
+    assert_allclose(half_space.displacement(p), u, rtol=0, atol=1e-14 * np.abs(u).max())
+
+
+@each("boundary", PAIRS)
+@each("kind", WAYS)
+def test_workspace_can_be_used_again(kind, boundary, monkeypatch):
+    monkeypatch.setattr(large_convolution, "LARGE", 1 if kind is LargeConvolution else np.inf)
     half_space = HalfSpace((10, 7), (1e-6, 1e-6), E, boundary)
-    workspace = Convolution(half_space.shape, half_space.boundary, half_space.symbol())
+    workspace = kind(half_space.shape, half_space.boundary, half_space.symbol())
     p, q = np.random.default_rng(7).random((2, 10, 7))
 
     def displacement(pressure):
@@ -180,10 +196,12 @@ def test_workspace_can_be_used_again(boundary):
 
 @each("boundary", PAIRS)
 @each(("dtype", "error"), [(np.float64, 0), (np.float32, 1e-5)])
-def test_two_workspaces_in_the_same_memory(boundary, dtype, error):
+@each("kind", WAYS)
+def test_two_workspaces_in_the_same_memory(kind, boundary, dtype, error, monkeypatch):
+    monkeypatch.setattr(large_convolution, "LARGE", 1 if kind is LargeConvolution else np.inf)
     half_space = HalfSpace((10, 7), (1e-6, 1e-6), E, boundary)
-    first = Convolution(half_space.shape, half_space.boundary, half_space.symbol())
-    second = Convolution(half_space.shape, half_space.boundary, half_space.symbol(), dtype=dtype, over=first)
+    first = kind(half_space.shape, half_space.boundary, half_space.symbol())
+    second = kind(half_space.shape, half_space.boundary, half_space.symbol(), dtype=dtype, over=first)
     p, q = np.random.default_rng(7).random((2, 10, 7))
     for _ in range(2):
         for workspace, pressure, rtol in ((first, p, 0), (second, q, error)):
@@ -274,28 +292,30 @@ def test_what_fftw_has_planned_before_changes_no_bits_and_is_kept():
 
 
 @each("boundary", PAIRS)
-def test_threads_share_rows_and_columns_and_change_no_bits(boundary, monkeypatch):
-    monkeypatch.setattr(convolution, "_ROW_POINTS", 200)
-    monkeypatch.setattr(convolution, "_BLOCK_BYTES", 8 * 16 * 36)
+@each(("kind", "module"), zip(WAYS, [convolution, large_convolution], strict=True))
+def test_threads_share_rows_and_columns_and_change_no_bits(kind, module, boundary, monkeypatch):
+    monkeypatch.setattr(module, "_ROW_POINTS", 200)
+    monkeypatch.setattr(module, "_BLOCK_BYTES", 8 * 16 * 36)
     half_space = HalfSpace((36, 50), (1e-6, 1e-6), E, boundary)
     p = np.random.default_rng(9).random((36, 50))
     found = []
     for threads in (1, 2, 3):
-        shared = Convolution(half_space.shape, half_space.boundary, half_space.symbol(), threads=threads)
+        shared = kind(half_space.shape, half_space.boundary, half_space.symbol(), threads=threads)
         shared.pressure[:] = p
         shared.apply()
         found.append(shared.displacement.tobytes())
-    assert len(shared._rows) > 2
-    assert shared._blocks[-1]
+    assert len(shared._rows if kind is Convolution else shared._parts) > 2
+    assert len(shared._blocks[-1] if kind is Convolution else shared._blocks[-1][0]) > 0
     assert len(set(found)) == 1
     u = half_space.displacement(p)
     assert_allclose(shared.displacement, u, rtol=0, atol=1e-14 * np.abs(u).max())
 
 
-def test_the_memory_of_a_convolution_goes_with_it():
+@each("kind", WAYS)
+def test_the_memory_of_a_convolution_goes_with_it(kind):
     """Of nested grids one is there at a time, without waiting for the garbage collector."""
     half_space = HalfSpace((36, 50), (1e-6, 1e-6), E)
-    one = Convolution(half_space.shape, half_space.boundary, half_space.symbol())
+    one = kind(half_space.shape, half_space.boundary, half_space.symbol())
     one.apply()
     left = weakref.ref(one)
     gc.disable()
