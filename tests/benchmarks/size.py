@@ -23,7 +23,7 @@ from common import call, forget_peak, kept, machine, resident, rows, save_report
 #: Points a side, and those up to which programs go that do not go to all.
 POINTS, OTHERS = (512, 1024, 2048, 4096, 8192, 16384), {"elements": 4096, "reynoldsflow": 1024}
 PIXEL, CONTACT = 1e-6, 0.2
-#: Points a side of contacts on one and two threads, and how often.
+#: Points a side of contacts and flows on one and two threads, and how often.
 THREADED, REPEATS = (2048, 4096), 5
 #: Contact modulus and hardness [Pa].
 MODULUS, HARDNESS = 115e9, 2.3e9
@@ -94,29 +94,47 @@ def reynoldsflow(gap):
     return abs(compute_total_flux(solved, flux, len(gap))[0]) * highest**3 / 12, 0, float("nan")
 
 
-def on_threads(n):
-    """Medians of the wall time [s] of a contact of n² points on one and two threads, and whether all bits are the same."""
-    solved_contact(undeformed_gap(256), 1)
-    gap, seconds, found = undeformed_gap(n), {1: [], 2: []}, {}
-    solved_contact(gap, 2)
+def resolved_pressure(gap, threads):
+    """Fluid pressure of the flow resolved on all points."""
+    from femseal import cell_permeability
+    from femseal.base.threads import using
+
+    with using(threads):
+        return cell_permeability(gap, (PIXEL, PIXEL), sides="periodic").fluid_pressure
+
+
+def on_threads(shared, n):
+    """Medians of the wall time [s] of n² points on one and two threads, and whether all bits are the same."""
+    made, solve = SHARED[shared]
+    solve(made(256), 1)
+    gap, seconds, found = made(n), {1: [], 2: []}, {}
+    solve(gap, 2)
     for _ in range(REPEATS):
         for threads in seconds:
             start = time.perf_counter()
-            found[threads] = solved_contact(gap, threads).pressure
+            found[threads] = solve(gap, threads)
             seconds[threads].append(time.perf_counter() - start)
     one, two = (float(np.median(seconds[threads])) for threads in (1, 2))
-    return {"program": "threads", "n": n, "one": one, "two": two, "same": bool(np.array_equal(found[1], found[2]))}
+    same = np.array_equal(found[1], found[2], equal_nan=True)
+    return {"program": "threads", "shared": shared, "n": n, "one": one, "two": two, "same": bool(same)}
+
+
+#: What threads share: the gap, and what is computed of it.
+SHARED = {
+    "contact": (undeformed_gap, lambda gap, threads: solved_contact(gap, threads).pressure),
+    "resolved": (cut_gap, resolved_pressure),
+}
 
 
 PROGRAMS = {"contact": contact, "resolved": resolved, "elements": elements, "reynoldsflow": reynoldsflow}
 
 
-def measure(program, n):
-    """Record of a program on a gap of n² points, in this process."""
+def measure(program, n, shared=""):
+    """Record of a program on a gap of n² points, in this process; of threads, of what they share."""
     from femseal.flow import cell
 
     if program == "threads":
-        return on_threads(n)
+        return on_threads(shared, n)
     solve = PROGRAMS[program]
     made = undeformed_gap if program == "contact" else cut_gap
     largest = cell.SINGLE_NODES
@@ -147,8 +165,8 @@ def records(largest, path):
 
 
 def thread_records(largest, path):
-    """Records of the contact on threads."""
-    tasks = [{"program": "threads", "n": n} for n in THREADED if n <= largest]
+    """Records of contact and flow on threads."""
+    tasks = [{"program": "threads", "shared": s, "n": n} for s in SHARED for n in THREADED if n <= largest]
     return [kept(t, t, path, partial(call, __file__, ["--worker", json.dumps(t)], 2)) for t in tasks]
 
 
@@ -162,8 +180,8 @@ def report(found, threaded):
               "" if np.isnan(r["residual"]) else f"{r['residual']:.1e}",
               "" if r["program"] == "contact" else f"{r['value'] / of_points[r['n']]['value']:.5f}"]
              for r in found]  # fmt: skip
-    columns = ["points", "contact on one thread [s]", "on two [s]", "ratio", "same bits"]
-    lines = [[f"{r['n']}²", f"{r['one']:.3g}", f"{r['two']:.3g}", f"{r['one'] / r['two']:.2f}", str(r["same"])]
+    columns = ["points", "program", "on one thread [s]", "on two [s]", "ratio", "same bits"]
+    lines = [[f"{r['n']}²", r["shared"], f"{r['one']:.3g}", f"{r['two']:.3g}", f"{r['one'] / r['two']:.2f}", str(r["same"])]
              for r in threaded]  # fmt: skip
     tables = rows(head, cells), rows(columns, lines)
     return machine({"reynoldsflow": "reynoldsflow"}) + ".\n\n" + "\n\n".join(tables)
