@@ -278,13 +278,7 @@ def _mean_between_knots(least, most, log_k, knots):
             # half the difference of the logarithms of both ends
             x = 0.5 * (u - t) * (second - first)
             mean = np.exp(first + 0.5 * (t + u) * (second - first))
-            if abs(x) < 0.5:  # the series of sinh(x)/x
-                y = x * x
-                mean *= 1.0 + y / 6.0 * (1.0 + y / 20.0 * (1.0 + y / 42.0 * (1.0 + y / 72.0 * (1.0 + y / 110.0))))
-            else:
-                mean *= np.sinh(x) / x
-        if here == least and there == most:
-            return mean
+            mean *= 1.0 + x * x / 6.0 * (1.0 + x * x / 20.0) if abs(x) < 0.05 else np.sinh(x) / x
         total += mean * (there - here)
         here = there
         if here >= most:
