@@ -257,6 +257,14 @@ def test_chains_are_in_pictures_reports_and_files(chain):
     assert_allclose(mesh.cell_data["fluid_pressure_Pa"][0], chain.dataset["drawn_fluid_pressure"].values[1], rtol=1e-6)
 
 
+def test_a_short_seal_is_drawn_once_as_a_whole():
+    short = {"length": "60 um", "realisations": 3, "library_cells": 8, "sampler": "block"}
+    figure = seal_figure(fs.run(parse_case(CASE | {"stochastic": short}), workers=1), 1)
+    assert figure.get_suptitle().endswith("\nthe whole seal")
+    titles = [axes.get_title().split(" [")[0] for axes in figure.axes if axes.get_title()]
+    assert titles == ["fluid pressure", "flux", "contact pressure of windows", "permeability"]
+
+
 def test_fields_of_a_ring_flow_outwards(ring):
     data = ring.dataset
     centres = data["drawn_corners"].values.mean(axis=1)

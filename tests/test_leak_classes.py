@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from matplotlib.figure import Figure
 from numpy.testing import assert_allclose
 
 import femseal as fs
@@ -11,6 +12,7 @@ from femseal.base.errors import InputError
 from femseal.base.leak_rates import LEAK_CLASSES, LEAK_UNITS, leak_classes
 from femseal.case.case import parse_case
 from femseal.fluids import leak_basis
+from femseal.plots.leakage_curves import limit_lines
 from femseal.report.page import report_html
 from femseal.results import assemble
 from femseal.results.tables import csv_text
@@ -19,6 +21,14 @@ from femseal.studies.other_fluid import FluidState, OtherLeakage, drop_ratio, li
 HELIUM = fs.IdealGas(viscosity=19.6e-6, molar_mass=4.0026e-3, temperature=293.15, slip=False)
 NITROGEN = fs.IdealGas(viscosity=17.5e-6, molar_mass=28.0134e-3, temperature=293.15, slip=False)
 WATER = fs.Liquid(1e-3, 998.0)
+
+
+def test_classes_of_one_limit_share_a_line_in_pictures():
+    axes = Figure().subplots()
+    axes.set(yscale="log", ylim=(1e-3, 1e3))
+    limit_lines(axes, {"L0.01": 0.01, "10 mg/(m·s)": 10.0, "TA Luft": 0.01 * (1 + 1e-15), "L1e-9": 1e-9})
+    assert [text.get_text().strip() for text in axes.texts] == ["10 mg/(m·s)", "L0.01, TA Luft"]
+    assert len(axes.lines) == 2
 
 
 def test_limits_are_those_published():

@@ -45,12 +45,17 @@ class _View:
         """Parts that lie in it, if only with a corner."""
         return np.asarray(((corners.max(axis=1) >= self.low) & (corners.min(axis=1) <= self.high)).all(axis=1))
 
+    def spans(self, corners: Array) -> bool:
+        """Whether all parts lie in it as a whole."""
+        return bool((corners >= self.low).all() and (corners <= self.high).all())
+
 
 def drawn_figure(data: xarray.Dataset, s: int) -> Figure:
     """The whole seal, with fluid pressure and permeability, and the surroundings of its largest flux in detail.
 
     The detail adds the flux, as arrows and by its size, and the contact pressure of the windows, where it is not the
-    same everywhere. Long or fine seals are shown in detail alone, and the title says which part of them.
+    same everywhere. Long or fine seals are shown in detail alone, and the title says which part of them; so are short
+    ones, whose detail is the whole seal.
     """
     strip = _is_strip(corners := data["drawn_corners"].values * 1e3)
     flux = data["drawn_flux"].values[s]
@@ -65,7 +70,8 @@ def drawn_figure(data: xarray.Dataset, s: int) -> Figure:
     if "drawn_window_pressure" in data and np.ptp(p := data["drawn_window_pressure"].values[s]) > 1e-6 * p.max():
         contact = _Panel("contact pressure of windows [MPa]", p / 1e6, "viridis")
         # the whole of a seal shows a map, a long strip without its proportions
-        wide = _View(low, high) if _has_map(data) and len(corners) <= _MOST else detail
+        mapped = _has_map(data) and len(corners) <= _MOST and not detail.spans(corners)
+        wide = _View(low, high) if mapped else detail
         rows.append([(whole[0] if whole and wide is not detail else wide, contact), (detail, k)])
     elif not whole:
         rows.append([(detail, k)])
@@ -88,18 +94,21 @@ def drawn_figure(data: xarray.Dataset, s: int) -> Figure:
 
 
 def _views(data: xarray.Dataset, s: int) -> tuple[_View, list[_View]]:
-    """The surroundings of the largest flux, and the whole seal, if it is neither long nor fine."""
+    """The surroundings of the largest flux, and the whole seal, if it is more, and neither long nor fine."""
     corners = data["drawn_corners"].values * 1e3
     low, high = corners.min(axis=(0, 1)), corners.max(axis=(0, 1))
     size, breadth = high - low, float(data.attrs["seal_size_m"][0]) * 1e3
     detail = _detail(corners, data["drawn_flux"].values[s], breadth, _is_strip(corners))
-    return detail, [_View(low, high)] if size.max() <= _LONGEST * size.min() and len(corners) <= _MOST else []
+    shown = size.max() <= _LONGEST * size.min() and len(corners) <= _MOST and not detail.spans(corners)
+    return detail, [_View(low, high)] if shown else []
 
 
 def part_text(data: xarray.Dataset, s: int) -> str:
     """Which part of the seal the maps of `drawn_figure` show."""
     corners = data["drawn_corners"].values
     detail, whole = _views(data, s)
+    if detail.spans(corners * 1e3):
+        return "the whole seal"
     ends = [(float(detail.low[n]) / 1e3, float(detail.high[n]) / 1e3) for n in (0, 1)]
     x1, x2 = (f"{to_text(low, 'm', 3)} to {to_text(high, 'm', 3)}" for low, high in ends)
     part = f"x1 = {x1}, x2 = {x2}"

@@ -118,13 +118,18 @@ def limit_lines(axes: Axes, limits: dict[str, float]) -> None:
     """A line for each limit within the scale of a logarithmic axis, named at its right end; names do not overlap."""
     low, high = axes.get_ylim()
     free = np.inf
-    for name, limit in sorted(limits.items(), key=lambda item: -item[1]):
+    named: dict[float, list[str]] = {}
+    for name, limit in limits.items():
+        named.setdefault(float(f"{limit:.9g}"), []).append(name)
+    for limit, names in sorted(named.items(), reverse=True):
         if not low < limit < high:
             continue
         axes.axhline(limit, color=GREY, lw=0.9, ls=(0, (4, 2)), zorder=1)
         place = np.log(limit / low) / np.log(high / low)
         if free - place > _NAME_HEIGHT:
-            axes.annotate(f" {name}", (1, limit), xycoords=("axes fraction", "data"), va="center", fontsize=8.5)
+            axes.annotate(
+                f" {', '.join(names)}", (1, limit), xycoords=("axes fraction", "data"), va="center", fontsize=8.5
+            )
             free = place
 
 
