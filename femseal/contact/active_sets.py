@@ -17,15 +17,17 @@ from math import inf
 import numpy as np
 from numpy.typing import NDArray
 
+from . import large_convolution
 from .descent import Descent
 from .law import YieldLine
 from .workspace import Workspace
 
 Array = NDArray[np.float64]
-#: Steps of conjugate gradients after a change of the sets, and without one.
-_STEPS_AFTER_CHANGE, _STEPS = 3, 5
-#: Conjugate gradients stop when the squared energy norm of the residual has fallen to this fraction.
-_DROP = 0.04
+#: Steps of conjugate gradients after a change of the sets, and without one, and the fraction to which the squared
+#: energy norm of the residual falls in them at most.
+_STEPS = 3, 5, 0.04
+#: The same on large grids, where patches in contact are wide: an unloading of 2048² points takes 37 products, not 48.
+_LARGE_STEPS = 8, 16, 0.01
 #: Iterations after which no step may raise the energy (`Descent`), a slower rule that is seldom needed.
 _MONOTONE_AFTER = 60
 
@@ -60,6 +62,7 @@ class ActiveSets:
         self._load = 0.0 if load is None else load * gap0.size
         self.delta = 0.0 if approach is None else approach - offset
         self.residual, self.iterations, self.pairs = inf, 0, 0
+        self._steps = _LARGE_STEPS if gap0.size >= large_convolution.LARGE else _STEPS
         self._c = self._c0 = grid.stiffness
         self._least_c = grid.stiffness / (4 * max(grid.half_space.shape))
         self._damping, self._energy = 1.0, inf
@@ -166,13 +169,14 @@ class ActiveSets:
     def _conjugate_gradients(self) -> None:
         """Make a few steps on the free points; their Rayleigh quotients d·Kd/d·d give the step c of the next look."""
         grid, longest, first = self._grid, self._c0, inf
+        after_change, without, drop = self._steps
         if self._new_sets:
             self._ones = grid.loops.restart(
                 self._n_free, self.delta, self._loaded, self._hardens, *self._law,
                 grid.state, grid.lists, grid.near, grid.on_free, grid.dense, *grid.stencil,
             )  # fmt: skip
             self._former, self._turned, self._new_sets = inf, False, False
-        for steps in range(_STEPS_AFTER_CHANGE if self._changed else _STEPS):
+        for steps in range(after_change if self._changed else without):
             if not self._turned:
                 self._wr = grid.loops.turn(
                     self._n_free, self._former, self._ones, self._loaded, self._hardens,
@@ -184,7 +188,7 @@ class ActiveSets:
                 if not first > 0.0:  # flat on the free points: the sets have to change
                     self._c = max(self._least_c, self._damping * self._c0)
                     return
-            if not (self._wr > 0.0 and self._wr >= _DROP * first):
+            if not (self._wr > 0.0 and self._wr >= drop * first):
                 break
             grid.search.apply()
             self.pairs += 1
