@@ -91,6 +91,16 @@ def test_processes_return_results_in_order_and_end_with_a_reason():
         assert list(mapping(Stage("trial", abs), [-1, 2])) == [1, 2]
 
 
+def test_processes_that_were_started_before_compute():
+    processes.start_processes(2, "colorsys")
+    with ordered_map(workers=2) as mapping:
+        wait_until(lambda: any(mapping(Stage("trial", _knows), ["colorsys"] * 4)))
+
+
+def _knows(module):
+    return module in sys.modules
+
+
 def deaf(n):
     os.kill(os.getpid(), signal.SIGINT)
     return n
