@@ -11,7 +11,6 @@ would give it; coarse operators are Galerkin's. Source: Dendy, J. Comput. Phys. 
 
 from __future__ import annotations
 
-from functools import partial
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -19,7 +18,7 @@ from numba import njit
 from numpy.typing import NDArray
 
 from ...base.arrays import Array
-from ...base.threads import number, on_threads, over
+from ...base.threads import over
 from .clusters import clusters, no_clusters, with_clusters
 from .compiled import COMPILED
 
@@ -337,11 +336,9 @@ def _filled_by_parts(
         rows, w = strips(shape[k + 1, 0]), weights_to(k, shape, weight_first, weights)
         over(rows, _along_rows, *operator, all_nine, ring, w)
         over(rows, _between_rows, *operator, all_nine, ring, w)
+        found = with_clusters(found, k, *clusters(*operator, all_nine, ring))
         coarse = _zeros(shape[k + 1], True)
-        tasks = [partial(_galerkin, *part, *operator, w, all_nine, ring, *coarse) for part in rows]
-        tasks.insert(0, partial(clusters, *operator, all_nine, ring))
-        searched, *_ = on_threads(number(), lambda task: task(), tasks)
-        found = with_clusters(found, k, *searched)
+        over(rows, _galerkin, *operator, w, all_nine, ring, *coarse)
         operator = coarse
     return _filled_from(large, operator, fewest, found, nine, ring, *place)
 

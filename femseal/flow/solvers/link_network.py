@@ -247,11 +247,9 @@ def dissect(keep, ring):
     nodes = np.zeros((n1 + 1, 2 * n2 + 1), np.int32)
     for i in range(n1):
         in_row = 0
-        for j in range(n2):
-            in_row += keep[i, j]
+        for j in range(2 * n2):
+            in_row += keep[i, j % n2]
             nodes[i + 1, j + 1] = nodes[i, j + 1] + in_row
-        for j in range(1, n2 + 1):
-            nodes[i + 1, n2 + j] = nodes[i + 1, n2] + nodes[i + 1, j]
     n = nodes[n1, n2]
     order = np.empty(n, np.int64)
     first = np.empty(n + 1, np.int64)

@@ -14,7 +14,6 @@ from numpy.typing import NDArray
 
 from ...base.errors import NotConverged
 from ...base.threads import over
-from ...base.threads import rows as parts_of_rows
 from ..stencil import Stencil
 from .coarsest import Coarsest, eliminate_coarsest
 from .compiled import COMPILED
@@ -177,48 +176,41 @@ def _product(first, end, r, z, field, hidden):
 
 
 @njit(**COMPILED)
-def _row_sums(first, end, conductances, sums):
-    """Write the sums of the conductances between some rows and the next ones."""
+def _start(conductances, inverse, x, r, b):
+    """x of the least energy among potentials that are constant along rows, and its residual r, also as b."""
     along, _, falling, rising = conductances
-    for i in range(first, end):
-        s = 0.0
-        for j in range(along.shape[1]):
-            s += along[i, j]
-        for j in range(falling.shape[1]):
-            s += falling[i, j] + rising[i, j]
-        sums[i] = s
-
-
-@njit(**COMPILED)
-def _row_potentials(sums):
-    """Drops from each row to the next, and potentials, of the least energy where these are constant along rows."""
-    drop = 1.0 / sums
+    n1, n2 = x.shape[0] - 2, x.shape[1] - 2
+    m2 = falling.shape[1]
+    drop = np.empty(n1 + 1)
     total = 0.0
-    for i in range(drop.size):
+    for i in range(n1 + 1):
+        s = 0.0
+        for j in range(n2):
+            s += along[i, j]
+        for j in range(m2):
+            s += falling[i, j] + rising[i, j]
+        drop[i] = 1.0 / s
         total += drop[i]
     rest = 0.0
-    potential = np.empty(drop.size)
-    for i in range(drop.size - 1, -1, -1):
+    for i in range(n1, -1, -1):
         drop[i] /= total
         rest += drop[i]
-        potential[i] = rest
-    return drop, potential
-
-
-@njit(**COMPILED)
-def _start(first, end, conductances, inverse, drop, potential, x, r, b):
-    """x of `_row_potentials` on some rows, and its residual r, also as b."""
-    along, _, falling, rising = conductances
-    n2 = along.shape[1]
-    for i in range(first, end):
         for j in range(1, n2 + 1):
-            if inverse[i, j] > 0.0:
-                x[i, j] = potential[i]
-            r[i, j] = along[i - 1, j - 1] * drop[i - 1] - along[i, j - 1] * drop[i]
-        for j in range(falling.shape[1]):
+            if i > 0 and inverse[i, j] > 0.0:
+                x[i, j] = rest
+        # flows from row i to the next; those at the ends leave r of the border, which counts nothing
+        for j in range(n2):
+            flow = along[i, j] * drop[i]
+            r[i, j + 1] -= flow
+            r[i + 1, j + 1] += flow
+        for j in range(m2):
             k = (j + 1) % n2
-            r[i, j + 1] += rising[i - 1, j] * drop[i - 1] - falling[i, j] * drop[i]
-            r[i, k + 1] += falling[i - 1, j] * drop[i - 1] - rising[i, j] * drop[i]
+            down, up = falling[i, j] * drop[i], rising[i, j] * drop[i]
+            r[i, j + 1] -= down
+            r[i + 1, k + 1] += down
+            r[i, k + 1] -= up
+            r[i + 1, j + 1] += up
+    for i in range(1, n1 + 1):
         for j in range(1, n2 + 1):
             b[i, j] = r[i, j]
 
@@ -288,10 +280,7 @@ def _solve(conductances, levels, coarsest, ring, rtol, field, limit, hidden, r, 
     _, _, inverse, z, b, _, _, _ = level(levels[0], levels[1], levels[2], levels[3], levels[4], np.int64(0))
     rows, nodes = z.shape[0] - 1, (z.shape[0] - 2) * (z.shape[1] - 2)
     x, p, history = np.zeros(z.shape), np.zeros(z.shape, np.float32), np.zeros((3, limit + 1))
-    sums = np.empty(rows)
-    _row_sums(0, rows, conductances, sums)
-    drop, potential = _row_potentials(sums)
-    _start(1, rows, conductances, inverse, drop, potential, x, r, b)
+    _start(conductances, inverse, x, r, b)
     scale, unbalanced, iteration = 1.0, 0.0, 0
     while True:
         v_cycle(levels, coarsest, conductances[2].size > 0, ring, 0)
@@ -333,10 +322,7 @@ def _solve_by_parts(
     _, _, inverse, z, b, _, _, _ = level(*levels[:5], 0)
     rows, nodes = strips(len(z)), (z.shape[0] - 2) * (z.shape[1] - 2)
     x, p, history = np.zeros(z.shape), np.zeros(z.shape, np.float32), np.zeros((3, limit + 1))
-    along = conductances[0]
-    row_sums = np.empty(len(along))
-    over(parts_of_rows(*along.shape), _row_sums, conductances, row_sums)
-    over(rows, _start, conductances, inverse, *_row_potentials(row_sums), x, r, b)
+    _start(conductances, inverse, x, r, b)
     scale, unbalanced, iteration = 1.0, 0.0, 0
     while True:
         cycle(levels, coarsest, conductances[2].size > 0, ring)
