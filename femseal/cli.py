@@ -27,9 +27,9 @@ from .execution.terminal import (
     Scheduler,
     Workers,
     flag,
-    log_lines,
     option,
     print_table,
+    show_progress,
 )
 
 app = typer.Typer(
@@ -140,10 +140,9 @@ def run(
         start_processes(workers, "femseal.studies.study_registry")  # while this process loads the solvers too
     from .runs import job
 
-    terminal = sys.stderr.isatty()
     again = f"femseal run {path} -o {folder}"
     try:
-        with log_lines(log_file, quiet, terminal), ProgressBars(show=not quiet and terminal) as progress:
+        with show_progress(quiet, log_file) as progress:
             results = job.run(case, folder, resume, workers, scheduler, part=own, progress=progress)
     except KeyboardInterrupt:
         raise FemsealError(f"stopped; `{again} {f'--part {part}' if part else '--resume'}` goes on") from None
@@ -155,7 +154,7 @@ def run(
             print_table(results.lengths_table())
         if results.attempts is not None:
             print_table(results.attempts_table())
-        if terminal:  # without a terminal, the log lines say it
+        if sys.stderr.isatty():  # without a terminal, the log lines say it
             for kind, texts in (("warning", results.warnings), ("failure", results.failures)):
                 for text in texts[:5]:
                     typer.echo(f"{kind}: {text}", err=True)

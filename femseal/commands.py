@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import sys
 from pathlib import Path
 from typing import Annotated
 
@@ -13,14 +12,13 @@ from .execution.parts import parsed_part
 from .execution.terminal import (
     CasePath,
     PartOption,
-    ProgressBars,
     Quiet,
     Scheduler,
     Workers,
     flag,
-    log_lines,
     option,
     print_table,
+    show_progress,
 )
 
 
@@ -43,9 +41,8 @@ def sweep(
     from .sweeps.variations import parsed_keys
 
     folder = output or Path("results") / f"{path.stem}-sweep"
-    terminal = sys.stderr.isatty()
     announce = None if quiet else typer.echo
-    with log_lines(None, quiet, terminal), ProgressBars(show=not quiet and terminal) as progress:
+    with show_progress(quiet) as progress:
         found = over_all(
             path,
             parsed_keys(keys),
@@ -127,9 +124,8 @@ def design(
     from .designs.answer import design as answer_of
 
     folder = output or (path if path.is_dir() else Path("results") / path.stem)
-    terminal = sys.stderr.isatty()
     try:
-        with log_lines(None, quiet, terminal), ProgressBars(show=not quiet and terminal) as progress:
+        with show_progress(quiet) as progress:
             answer = answer_of(
                 path,
                 folder,
@@ -156,8 +152,7 @@ def _sobol(path: Path, ranges: list[str], output: Path | None, workers: int | No
     from .sweeps.variations import parsed_keys
 
     folder = output or Path("results") / f"{path.stem}-sobol"
-    terminal = sys.stderr.isatty()
-    with log_lines(None, quiet or not terminal, terminal), ProgressBars(show=not quiet and terminal) as progress:
+    with show_progress(quiet, lines=False) as progress:
         found = indices_of(path, parsed_keys(ranges), folder, workers=workers, progress=progress)
     if not quiet:
         print_table(found.table())
@@ -192,9 +187,8 @@ def calibrate(
     from .calibration.calibrating import calibrate as calibrated
 
     folder = output or Path("results") / f"{path.stem}-calibrated"
-    terminal = sys.stderr.isatty()
     try:
-        with log_lines(None, quiet or not terminal, terminal), ProgressBars(show=not quiet and terminal) as progress:
+        with show_progress(quiet, lines=False) as progress:
             found = calibrated(
                 path,
                 data,

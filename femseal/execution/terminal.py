@@ -52,6 +52,18 @@ def print_table(table: Any) -> None:
 
 
 @contextmanager
+def show_progress(quiet: bool, log_file: Path | None = None, *, lines: bool = True) -> Iterator[ProgressBars]:
+    """Bars on a terminal, log lines elsewhere where a command has them; nothing if quiet.
+
+    log_file : to whose end log lines go too.
+    """
+    terminal = sys.stderr.isatty()
+    silent = quiet or not (terminal or lines)
+    with log_lines(log_file, silent, terminal), ProgressBars(show=not quiet and terminal) as progress:
+        yield progress
+
+
+@contextmanager
 def log_lines(path: Path | None, quiet: bool, terminal: bool) -> Iterator[None]:
     """Log lines to the end of a file and, unless quiet, to stderr."""
     log = logging.getLogger("femseal")
