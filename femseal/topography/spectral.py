@@ -20,7 +20,7 @@ SLACK = 1e-9
 
 def power(z: NDArray, periodic: Periodic) -> NDArray:
     """Fraction (n1, n2) of each wave in the mean square of `z` [m²]; the sum is the mean square (Parseval)."""
-    c, wrapped = _half(z, periodic)
+    c, _, wrapped = _half(z, periodic)
     powers = (np.square(c.real) + np.square(c.imag)) / z.size
     if not wrapped:
         return powers
@@ -47,12 +47,11 @@ def wavenumber_grids(
 
 def truncate(z: NDArray, spacing: tuple[float, float], periodic: Periodic, limit: float) -> NDArray:
     """Waves of `z` with |q| <= `limit` [rad/m]."""
-    c, wrapped = _half(z, periodic)
+    c, mirrored, wrapped = _half(z, periodic)
     q1, q2 = wavenumber_grids((z.shape[0], z.shape[1]), spacing, periodic)
-    c[(q1**2 + q2**2)[: c.shape[0], : c.shape[1]] > (limit * (1 + SLACK)) ** 2] = 0
+    c[q1[: c.shape[0]] ** 2 + q2[:, : c.shape[1]] ** 2 > (limit * (1 + SLACK)) ** 2] = 0
     if wrapped:
         c = scipy.fft.irfftn(c, [z.shape[axis] for axis in wrapped], axes=wrapped, norm="ortho", overwrite_x=True)
-    mirrored = [axis for axis in (0, 1) if not periodic[axis]]
     return scipy.fft.idctn(c, axes=mirrored, norm="ortho", overwrite_x=True) if mirrored else c
 
 
@@ -89,12 +88,12 @@ def one_sided(powers: NDArray, periodic: bool) -> NDArray:
     return folded
 
 
-def _half(z: NDArray, periodic: Periodic) -> tuple[NDArray, list[int]]:
-    """Orthonormal transform of `z`, of the last periodic axis waves k >= 0 alone; and the periodic axes."""
+def _half(z: NDArray, periodic: Periodic) -> tuple[NDArray, list[int], list[int]]:
+    """Orthonormal transform of `z`, of the last periodic axis waves k >= 0 alone; mirror axes and periodic ones."""
     mirrored, wrapped = ([axis for axis in (0, 1) if periodic[axis] == kind] for kind in (False, True))
     if mirrored:
         z = scipy.fft.dctn(z, axes=mirrored, norm="ortho")
-    return (scipy.fft.rfftn(z, axes=wrapped, norm="ortho") if wrapped else z), wrapped
+    return (scipy.fft.rfftn(z, axes=wrapped, norm="ortho") if wrapped else z), mirrored, wrapped
 
 
 def _fit(c: NDArray, n: int, axis: int) -> NDArray:
