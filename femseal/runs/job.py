@@ -139,7 +139,8 @@ def run(
         stack.enter_context(_log_file(folder, append=going_on or part is not None))
         kept = stack.enter_context(Checkpoint(folder, identity, going_on, part, progress))
         loading = Thread(target=_load_ahead, args=(case,))
-        loading.start()
+        if part is None:
+            loading.start()
         results = _results(case, prepared, faces, Run(kept.over(found_or_computed(mapper, prepared)), progress))
         if part is not None:
             log.info("part %d/%d: the items of all parts are there", *part)
