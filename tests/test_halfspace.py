@@ -166,7 +166,7 @@ def test_linear_and_transposed(shape, boundary, ratio, seed):
 @each("boundary", PAIRS)
 @each("shape", [*SIZES, (36, 50), (125, 40)])
 def test_large_grids_have_the_products_of_small_ones(shape, boundary, monkeypatch):
-    monkeypatch.setattr(large_convolution, "_BLOCK_BYTES", 16 * 16 * shape[0])
+    monkeypatch.setattr(large_convolution, "BLOCK_BYTES", 16 * 16 * shape[0])
     half_space = HalfSpace(shape, (1e-6, 2e-6), E, boundary)
     p = np.random.default_rng(5).random(shape)
     monkeypatch.setattr(large_convolution, "LARGE", np.inf)
@@ -294,8 +294,8 @@ def test_what_fftw_has_planned_before_changes_no_bits_and_is_kept():
 @each("boundary", PAIRS)
 @each(("kind", "module"), zip(WAYS, [convolution, large_convolution], strict=True))
 def test_threads_share_rows_and_columns_and_change_no_bits(kind, module, boundary, monkeypatch):
-    monkeypatch.setattr(module, "_ROW_POINTS", 200)
-    monkeypatch.setattr(module, "_BLOCK_BYTES", 8 * 16 * 36)
+    monkeypatch.setattr(module, "ROW_POINTS", 200)
+    monkeypatch.setattr(module, "BLOCK_BYTES", 8 * 16 * 36)
     half_space = HalfSpace((36, 50), (1e-6, 1e-6), E, boundary)
     p = np.random.default_rng(9).random((36, 50))
     found = []

@@ -30,13 +30,13 @@ from .influence import padded_length
 
 Array = NDArray[np.float64]
 #: Bytes of a block of columns, which should fit in a level-2 cache together with the symbol.
-_BLOCK_BYTES = 2**18
+BLOCK_BYTES = 2**18
 #: Least number of points of the rows that are transformed together, and most parts of all rows.
-_ROW_POINTS, _ROW_PARTS = 2**16, 16
+ROW_POINTS, ROW_PARTS = 2**16, 16
 #: Blocks begin at multiples of so many columns, as the vector instructions of FFTW need.
 _ALIGNED = 8
 #: Rows of waves take 8k + 3 cache lines of 64 bytes: the points of a column do not push each other out of the cache.
-_LINE, _LINES, _MORE_LINES = 64, 8, 3
+LINE, _LINES, _MORE_LINES = 64, 8, 3
 _PLANNING = threading.RLock()
 
 
@@ -78,8 +78,7 @@ class Convolution:
         self._lent = iter(() if over is None else over._memory)
         if over is None:
             assert symbol is not None
-            self._weights = weights_of(symbol, *self._mirrors)
-            self._weights /= l1 * l2
+            self._weights = weights_of(symbol, l1 * l2, *self._mirrors)
             del symbol
         else:
             self._weights = over._weights
@@ -92,13 +91,13 @@ class Convolution:
         target: Any = self._staged if staged else self.displacement
         turn1, turn2 = (np.exp(1j * np.pi * np.arange(n // 2 + 1) / n) for n in (l1, l2))
         cosine1, sine1 = turn1.real.copy(), turn1.imag.copy()
-        width = min(_BLOCK_BYTES // (l1 * waves.itemsize), m2)
+        width = min(BLOCK_BYTES // (l1 * waves.itemsize), m2)
         width = max(_ALIGNED, width - width % _ALIGNED)
         starts = range(0, m2, width)
         self._blocks: list[list[Any]] = []
         with own_wisdom():
             self._rows = []
-            for i, end in parts(l1, max(_ROW_POINTS / l2, l1 / _ROW_PARTS)):
+            for i, end in parts(l1, max(ROW_POINTS / l2, l1 / ROW_PARTS)):
                 rows = slice(i, min(end, n1))
                 plans = planned(points[rows], spectrum[rows], target[rows], axis=1) if i < n1 else None
                 self._rows.append((rows, spectrum[max(i, n1) : end], plans))
@@ -148,10 +147,10 @@ class Convolution:
 
 def row_length(waves: int, itemsize: int) -> int:
     """Number of waves in the memory of a row; between long rows some cache lines stay empty."""
-    lines = math.ceil(waves * itemsize / _LINE)
+    lines = math.ceil(waves * itemsize / LINE)
     if lines <= _LINES:
         return waves
-    return (lines + (_MORE_LINES - lines) % _LINES) * _LINE // itemsize
+    return (lines + (_MORE_LINES - lines) % _LINES) * LINE // itemsize
 
 
 def planned(points: Any, waves: Any, target: Any, *, axis: int) -> tuple[Any, Any]:
@@ -198,12 +197,13 @@ def _respond_in(blocks: Sequence[Any]) -> None:
         inverse()
 
 
-def weights_of(symbol: Array, mirror1: bool, mirror2: bool, transforms: int = 1) -> Array:
+def weights_of(symbol: Array, points: int, mirror1: bool, mirror2: bool, transforms: int = 1) -> Array:
     """The symbol or, if an axis is a mirror, its four means of sums and differences over k and N − k, transposed.
 
     The second and the fourth have differences along the first axis, the third and the fourth along the second. The
     cosine coefficient N of N points is always 0, and its symbol whatever makes a difference vanish. Of two transforms
-    along the first axis, that of the even waves comes before that of the odd ones.
+    along the first axis, that of the even waves comes before that of the odd ones. All are over the number of points,
+    which transforms there and back multiply with.
     """
     means = [symbol]
     for axis, mirror in enumerate((mirror1, mirror2)):
@@ -215,7 +215,9 @@ def weights_of(symbol: Array, mirror1: bool, mirror2: bool, transforms: int = 1)
         elif mirror1 or mirror2:
             means += [np.zeros_like(part) for part in means]
     ordered = [np.concatenate([part[i::transforms] for i in range(transforms)]) for part in means]
-    return np.array([part.T for part in ordered], order="C")
+    weights = np.array([part.T for part in ordered], order="C")
+    weights /= points
+    return weights
 
 
 COMPILED: dict[str, Any] = {"cache": True, "nogil": True, "fastmath": {"contract"}}

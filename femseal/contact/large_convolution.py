@@ -19,7 +19,11 @@ from numpy.typing import NDArray
 
 from ..base.threads import on_threads, parts
 from .convolution import (
+    BLOCK_BYTES,
     COMPILED,
+    LINE,
+    ROW_PARTS,
+    ROW_POINTS,
     Convolution,
     fftw,
     lay,
@@ -36,10 +40,6 @@ from .influence import padded_length
 Array = NDArray[np.float64]
 #: Number of points from which a grid is large.
 LARGE = 2**20
-#: Bytes of a block of columns with its padding; it has whole cache lines of each row.
-_BLOCK_BYTES, _LINE = 2**18, 64
-#: Least number of points of the rows that are transformed together, and most parts of all rows.
-_ROW_POINTS, _ROW_PARTS = 2**16, 16
 
 
 def convolution(
@@ -79,8 +79,7 @@ class LargeConvolution:
         self._mirrors = boundary[0] == "mirror", boundary[1] == "mirror"
         if over is None:
             assert symbol is not None
-            self._weights = weights_of(symbol, *self._mirrors, transforms)
-            self._weights /= l1 * l2
+            self._weights = weights_of(symbol, l1 * l2, *self._mirrors, transforms)
             del symbol
         else:
             self._weights = over._weights
@@ -91,20 +90,21 @@ class LargeConvolution:
         self._waves = self._memory[:size].view(kind).reshape(n1, length)
         self.rows = self._waves.view(real)
         self.displacement = self.rows[:, :n2]
-        padded, self._laid = self.rows[:, :l2], self._mirrors[1] or l2 > n2
-        points: Any = padded if self._laid else self.pressure
+        self._padded, self._laid = self.rows[:, :l2], self._mirrors[1] or l2 > n2
+        points: Any = self._padded if self._laid else self.pressure
         waves = self._waves[:, :m2]
         turn1, turn2 = (np.exp(1j * np.pi * np.arange(n // 2 + 1) / n) for n in (m1, l2))
         turns = turn1.real.copy(), turn1.imag.copy(), turn2
         twist = np.exp(-1j * np.pi * np.arange(n1 if transforms == 2 else 0) / m1).astype(kind)
-        width = min(max(1, _BLOCK_BYTES // (l1 * kind.itemsize)), m2)
-        width += -width % max(1, _LINE // kind.itemsize)
+        # a block has whole cache lines of each row
+        width = min(max(1, BLOCK_BYTES // (l1 * kind.itemsize)), m2)
+        width += -width % max(1, LINE // kind.itemsize)
         self._blocks: list[Any] = []
         with own_wisdom():
             self._parts = []
-            for i, end in parts(n1, max(_ROW_POINTS / l2, n1 / _ROW_PARTS)):
-                plans = planned(points[i:end], waves[i:end], padded[i:end], axis=1)
-                self._parts.append((i, end, padded, plans))
+            for i, end in parts(n1, max(ROW_POINTS / l2, n1 / ROW_PARTS)):
+                plans = planned(points[i:end], waves[i:end], self._padded[i:end], axis=1)
+                self._parts.append((i, end, plans))
             for starts in np.array_split(range(0, m2, width), threads):
                 shape = transforms * width, row_length(m1, kind.itemsize)
                 block, transformed = (pyfftw.zeros_aligned(shape, dtype=kind)[:, :m1] for _ in range(2))
@@ -121,9 +121,9 @@ class LargeConvolution:
 
     def _forward(self, part: Any) -> None:
         """Lay out the points of some rows and transform them."""
-        i, end, padded, plans = part
+        i, end, plans = part
         if self._laid:
-            lay(self.pressure, padded, i, end, False, self._mirrors[1])
+            lay(self.pressure, self._padded, i, end, False, self._mirrors[1])
         plans[0]()
 
     def _respond(self, work: Any) -> None:
@@ -140,7 +140,7 @@ class LargeConvolution:
 
     def _inverse(self, part: Any) -> None:
         """Transform some rows back and put their points in order."""
-        i, end, _, plans = part
+        i, end, plans = part
         plans[1]()
         if self._mirrors[1]:
             take(self.displacement[i:end].copy(), self.displacement[i:end], 0, end - i, False, True)
