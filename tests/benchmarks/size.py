@@ -126,6 +126,8 @@ SHARED = {
 }
 
 
+#: Points a side from which a program has its loops of large faces; forced, or of 2^20 points.
+WARM = {"contact": 1024, "resolved": 768}
 PROGRAMS = {"contact": contact, "resolved": resolved, "elements": elements, "reynoldsflow": reynoldsflow}
 
 
@@ -138,7 +140,7 @@ def measure(program, n, shared=""):
     solve = PROGRAMS[program]
     made = undeformed_gap if program == "contact" else cut_gap
     largest = cell.SINGLE_NODES
-    for small in (128, 768 if program == "resolved" else 256):  # all loops are compiled by then
+    for small in (128, WARM.get(program, 256)):  # all loops are compiled by then
         cell.SINGLE_NODES = small**2 if n**2 >= largest else largest
         solve(made(small))
     cell.SINGLE_NODES = largest
