@@ -73,9 +73,9 @@ class HalfSpace:
         spacings = [d for n, d in zip(self.shape, self.spacing, strict=True) if n > 1] or [min(self.spacing)]
         return np.pi * self.modulus / (4 * float(np.prod(spacings) ** (1 / len(spacings))))
 
-    def symbol(self) -> Array:
-        """Eigenvalues of K [m/Pa]; see `influence.symbol`."""
-        return influence.symbol(self.shape, self.spacing, self.modulus, self.boundary)
+    def symbol(self, threads: int = 1) -> Array:
+        """Eigenvalues of K [m/Pa], by so many threads; see `influence.symbol`."""
+        return influence.symbol(self.shape, self.spacing, self.modulus, self.boundary, threads)
 
     def displacement(self, pressure: ArrayLike) -> Array:
         """Displacement u = K p [m] of shape (n1, n2) under pressures p [Pa] of the same shape."""

@@ -10,8 +10,10 @@ from __future__ import annotations
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.fft import fft, next_fast_len, rfft
+from scipy.fft import next_fast_len, rfft
 from scipy.special import polygamma
+
+from ..base.threads import on_threads
 
 Array = NDArray[np.float64]
 #: Values of the kernel of a free axis that are computed at a time.
@@ -41,7 +43,9 @@ def spectral_symbol(q1: Array, q2: Array, modulus: float) -> Array:
     return np.divide(2.0, q, out=q, where=q > 0)
 
 
-def symbol(shape: tuple[int, int], spacing: tuple[float, float], modulus: float, boundary: tuple[str, str]) -> Array:
+def symbol(
+    shape: tuple[int, int], spacing: tuple[float, float], modulus: float, boundary: tuple[str, str], threads: int = 1
+) -> Array:
     """Eigenvalues of K [m/Pa] for the waves of periodic and padded free axes and the cosines of mirror axes.
 
     A wave and its conjugate respond alike, and so does that with one number reversed: half of both axes is enough, but
@@ -52,17 +56,10 @@ def symbol(shape: tuple[int, int], spacing: tuple[float, float], modulus: float,
         return free_symbol(shape, spacing, modulus)
     q1, q2 = wave_numbers(n1, d1, b1), wave_numbers(n2, d2, b2)
     if b1 == "free":
-        return strip_symbol(n1, d1, q2, d2, modulus)
+        return strip_symbol(n1, d1, q2, d2, modulus, threads)
     if b2 == "free":
-        return np.ascontiguousarray(strip_symbol(n2, d2, q1, d1, modulus).T)
+        return np.ascontiguousarray(strip_symbol(n2, d2, q1, d1, modulus, threads).T)
     return spectral_symbol(q1, q2, modulus)
-
-
-def _wrapped_offsets(n: int) -> Array:
-    """Offsets 0, 1, …, 1 of a padded axis, even about 0; those beyond n − 1 have no effect on the result."""
-    length = padded_length(n)
-    i = np.arange(length)
-    return np.minimum(i, length - i).astype(float)
 
 
 def _love(x: Array, y: Array) -> Array:
@@ -106,7 +103,7 @@ def bickley_1(x: Array) -> Array:
     return out
 
 
-def strip_symbol(n_free: int, d_free: float, q: Array, d_other: float, modulus: float) -> Array:
+def strip_symbol(n_free: int, d_free: float, q: Array, d_other: float, modulus: float, threads: int = 1) -> Array:
     """One free axis of pixels d_free, the other periodic or mirrored with wave numbers q: (half of it padded, q.size).
 
     A wave q along the other axis decays as (2/πE*) K₀(|q||x|) across it; q = 0 is the plane-strain logarithm, whose
@@ -114,40 +111,44 @@ def strip_symbol(n_free: int, d_free: float, q: Array, d_other: float, modulus: 
     Love's solution summed over all periodic images, to rounding. Aliases decay exponentially with the distance;
     their part at zero distance is an alternating series with a closed form.
     """
-    x = _wrapped_offsets(n_free) * d_free
-    width = max(1, _STRIP_VALUES // x.size)
-    parts = [_strip_columns(x, n_free * d_free, d_free, q[j : j + width], d_other) for j in range(0, q.size, width)]
+    length = padded_length(n_free)
+    width = max(1, _STRIP_VALUES // length)
+    columns = [q[j : j + width] for j in range(0, q.size, width)]
+    parts = on_threads(threads, lambda some: _strip_columns(n_free, length, d_free, some, d_other), columns)
     found = np.concatenate(parts, axis=1)
     found *= 2 / (np.pi * modulus)
     return found
 
 
-def _strip_columns(x: Array, length: float, d_free: float, q: Array, d_other: float) -> Array:
-    """Half of the transform of the kernel of a free axis at offsets x for some waves q, see `strip_symbol`."""
-    kernel = np.zeros((x.size, q.size))
+def _strip_columns(n: int, length: int, d: float, q: Array, d_other: float) -> Array:
+    """Half of the transform of the kernel of a free axis for some waves q, see `strip_symbol`.
+
+    The kernel is even about 0; offsets beyond n − 1 have no effect on the result.
+    """
+    kernel = np.zeros((q.size, length // 2 + 1))
     live = q > 0
     p = q[live]
     period = 2 * np.pi / d_other
     a = p / period
-    waves = np.zeros((x.size, p.size))
-    for m in range(int(38 * d_other / (np.pi * d_free)) + 2):
+    waves = np.zeros((p.size, kernel.shape[1]))
+    for m in range(int(38 * d_other / (np.pi * d)) + 2):
         for sign in (1, -1) if m else (1,):
-            _add_wave(waves, x, d_free, np.abs(p + sign * m * period), np.sinc(a + sign * m))
+            _add_wave(waves, d, np.abs(p + sign * m * period), np.sinc(a + sign * m))
     # Σ_m sinc(π(a + m)) π/|q_m|: the integral of every alias over the whole line
-    waves[0] += np.sin(np.pi * a) / period * (_alternating(a) + _alternating(1 - a))
-    kernel[:, live] = waves
-    t1, t2 = (x - d_free / 2) / length, (x + d_free / 2) / length
-    kernel[:, ~live] = -length * (t2 * np.log(t2) - t1 * np.log(np.abs(t1)) - (t2 - t1))[:, None]
-    return np.ascontiguousarray(fft(kernel, axis=0).real[: x.size // 2 + 1])
+    waves[:, 0] += np.sin(np.pi * a) / period * (_alternating(a) + _alternating(1 - a))
+    kernel[live] = waves
+    t1, t2 = ((np.arange(kernel.shape[1]) + side) / n for side in (-0.5, 0.5))
+    kernel[~live] = -n * d * (t2 * np.log(t2) - t1 * np.log(np.abs(t1)) - (t2 - t1))
+    return _even_transform(kernel, length).T
 
 
-def _add_wave(waves: Array, x: Array, d: float, q: Array, weight: Array) -> None:
-    """Add weight · ∫ K₀(q|t|) dt over the pixels at x; at x = 0 minus what lies outside the pixel."""
-    near = np.flatnonzero((x - d / 2) * q.min(initial=np.inf) < 38.0)
-    inner = bickley_1(np.abs(x[near] - d / 2)[:, None] * q)
-    outer = bickley_1((x[near] + d / 2)[:, None] * q)
-    self_row = (x[near] == 0)[:, None]
-    waves[near] += weight / q * np.where(self_row, -inner - outer, inner - outer)
+def _add_wave(waves: Array, d: float, q: Array, weight: Array) -> None:
+    """Add weight · ∫ K₀(q|t|) dt over the pixels at 0, d, 2d, …; at 0 minus what lies outside the pixel."""
+    near = min(waves.shape[1], int(38 / (q.min(initial=np.inf) * d) + 0.5) + 1)
+    beyond = bickley_1(q[:, None] * ((np.arange(near) + 0.5) * d))
+    beyond *= (weight / q)[:, None]
+    waves[:, 0] -= 2 * beyond[:, 0]
+    waves[:, 1:near] += beyond[:, :-1] - beyond[:, 1:]
 
 
 def _alternating(a: Array) -> Array:

@@ -27,9 +27,8 @@ from .convolution import (
     Convolution,
     fftw,
     lay,
-    own_wisdom,
     place,
-    planned,
+    planner,
     respond,
     row_length,
     take,
@@ -100,7 +99,7 @@ class LargeConvolution:
         width = min(max(1, BLOCK_BYTES // (l1 * kind.itemsize)), m2)
         width += -width % max(1, LINE // kind.itemsize)
         self._blocks: list[Any] = []
-        with own_wisdom():
+        with planner() as planned:
             self._parts = []
             for i, end in parts(n1, max(ROW_POINTS / l2, n1 / ROW_PARTS)):
                 plans = planned(points[i:end], waves[i:end], self._padded[i:end], axis=1)

@@ -93,7 +93,7 @@ class Workspace:
         threads = threads if n >= _THREADED else 1
         self.half_space, self.threads, self.kept = half_space, threads, kept
         body = half_space.shape, half_space.boundary
-        self.respond = convolution(*body, half_space.symbol(), threads=threads)
+        self.respond = convolution(*body, half_space.symbol(threads), threads=threads)
         # the next product with the pressure corrects the errors of products in single precision
         precision = np.float32 if n >= _SINGLE else np.float64
         self.search = convolution(*body, None, dtype=precision, threads=threads, over=self.respond)
