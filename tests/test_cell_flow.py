@@ -966,12 +966,14 @@ def test_threads_share_large_grids_and_change_no_bits(discretisation, single, mo
         monkeypatch.setattr(module, name, value)
     gap = cut_by_plane((107, 90), 0.2, seed=3)
     given = {"sides": "periodic", "discretisation": discretisation, "solver": "multigrid", "field_rtol": 1e-5}
-    found = []
+    found, shared, pool = [], set(), threads._pool
+    monkeypatch.setattr(threads, "_pool", lambda count: shared.add(count) or pool(count))
     for count in (1, 2, 3):
-        with threads.using(count):
-            flow = cell_permeability(gap, (D, D), **given)
+        flow = cell_permeability(gap, (D, D), **given, threads=count)
         found.append((flow.value, flow.residual, flow.fluid_pressure.tobytes()))
     assert len(set(found)) == 1
+    assert shared == {2, 3}
+    assert threads.number() == 1
     monkeypatch.setattr(hierarchy, "_LARGE", gap.size + 1)
     serial = cell_permeability(gap, (D, D), **given)
     assert serial.iterations >= flow.iterations - 1

@@ -16,6 +16,7 @@ from numpy.typing import ArrayLike, NDArray
 from ..base import validate
 from ..base.errors import InputError
 from ..base.text import Shown
+from ..base.threads import number, using
 from .assembly import edge_weights
 from .bounds import pixel_bounds
 from .cell_mesh import mesh_flow
@@ -73,6 +74,7 @@ def cell_permeability(
     field_rtol: float | None = None,
     law: FlowLaw = CUBIC_LAW,
     pressure: ArrayLike | None = None,
+    threads: int | None = None,
 ) -> Permeability:
     """Permeability [m³] of a cell whose gap h >= 0 is given at pixel centres; h = 0 is contact.
 
@@ -98,6 +100,8 @@ def cell_permeability(
         right to the eye everywhere, also in bays that hardly anything flows through.
     law, pressure : permeability of a gap, see `femseal.flow.law`, such as `fluid.law`, and the pressure of the fluid, a
         number or (n1, n2) [Pa], which a law needs that depends on it.
+    threads : that share the work on a grid of 512² points or more; those that the run leaves free, 1 without a run.
+        Any number gives the same bits.
 
     Raises
     ------
@@ -108,16 +112,17 @@ def cell_permeability(
     if law != CUBIC_LAW:
         gap = gap_by_law(validated_cell(gap, spacing, 0, sides)[0], law, pressure)
     check_discretisation(discretisation, solver, estimate)
-    cell = cell_flow(
-        gap,
-        spacing,
-        axis=axis,
-        sides=sides,
-        rtol=rtol,
-        discretisation=discretisation,
-        solver=solver,
-        field_rtol=field_rtol,
-    )
+    with using(number() if threads is None else validate.count("threads", threads)):
+        cell = cell_flow(
+            gap,
+            spacing,
+            axis=axis,
+            sides=sides,
+            rtol=rtol,
+            discretisation=discretisation,
+            solver=solver,
+            field_rtol=field_rtol,
+        )
     flow, potential = cell.flow, cell.flow.potential
     if on_grid(discretisation):
         # nodes in contact have a pressure where a Q1 element reaches into contact

@@ -97,10 +97,8 @@ def reynoldsflow(gap):
 def resolved_pressure(gap, threads):
     """Fluid pressure of the flow resolved on all points."""
     from femseal import cell_permeability
-    from femseal.base.threads import using
 
-    with using(threads):
-        return cell_permeability(gap, (PIXEL, PIXEL), sides="periodic").fluid_pressure
+    return cell_permeability(gap, (PIXEL, PIXEL), sides="periodic", threads=threads).fluid_pressure
 
 
 def on_threads(shared, n):
