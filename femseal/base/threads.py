@@ -47,9 +47,9 @@ def rows(n1: int, n2: int) -> list[tuple[int, int]]:
 
 def on_threads(threads: int, work: Callable[..., Any], items: Iterable[Any]) -> list[Any]:
     """The values of `work` of items, in their order, found by this thread and others, each taking the next item."""
+    if threads == 1:
+        return list(map(work, items))
     items = list(items)
-    if threads == 1 or len(items) == 1:
-        return [work(item) for item in items]
     values: list[Any] = [None] * len(items)
     numbers = iter(range(len(items)))
 

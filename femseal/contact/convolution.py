@@ -18,7 +18,7 @@ import sys
 import threading
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
-from functools import cache
+from functools import cache, partial
 from typing import Any
 
 import numpy as np
@@ -80,6 +80,9 @@ class Convolution:
             assert symbol is not None
             self._weights = weights_of(symbol, l1 * l2, *self._mirrors)
             del symbol
+            if not any(self._mirrors):  # waves k and N − k have the same: as many as waves, so that they are read in order
+                half = self._weights.shape[2]
+                self._weights = np.concatenate((self._weights, self._weights[..., l1 - half : 0 : -1]), axis=2)
         else:
             self._weights = over._weights
         self.pressure = pyfftw.zeros_aligned((n1, n2), dtype=real)
@@ -108,8 +111,10 @@ class Convolution:
                     columns = slice(j, min(j + width, m2))
                     here = block[: columns.stop - j]
                     plans = planned(spectrum[:, columns], here.T, spectrum[:, columns], axis=0)
-                    arguments = here, j, len(here), self._weights, False, cosine1, sine1, turn2
-                    self._blocks[-1].append((*plans, arguments))
+                    work: Any = partial(multiply, here, self._weights[0, columns])
+                    if any(self._mirrors):
+                        work = partial(respond, here, j, len(here), self._weights, False, cosine1, sine1, turn2)
+                    self._blocks[-1].append((plans[0], work, plans[1]))
         self._threads = threads
 
     def _array(self, shape: tuple[int, int], dtype: np.dtype[Any]) -> Any:
@@ -198,9 +203,9 @@ def planner() -> Iterator[Callable[..., tuple[Any, Any]]]:
 
 def _respond_in(blocks: Sequence[Any]) -> None:
     """Transform columns, multiply their waves with the symbol, transform them back."""
-    for forward, inverse, arguments in blocks:
+    for forward, work, inverse in blocks:
         forward()
-        respond(*arguments)
+        work()
         inverse()
 
 
@@ -228,6 +233,14 @@ def weights_of(symbol: Array, points: int, mirror1: bool, mirror2: bool, transfo
 
 
 COMPILED: dict[str, Any] = {"cache": True, "nogil": True, "fastmath": {"contract"}}
+
+
+@njit(**COMPILED)
+def multiply(block, weights):
+    """Multiply waves in a block with their weights."""
+    for j in range(block.shape[0]):
+        for i in range(block.shape[1]):
+            block[j, i] *= weights[j, i]
 
 
 @njit(**COMPILED)
