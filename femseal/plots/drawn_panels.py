@@ -160,6 +160,7 @@ class _Panel:
         """Draw the parts that are seen, in the colours of all of them."""
         from matplotlib import colormaps
         from matplotlib.colors import Normalize
+        from matplotlib.tri import Triangulation
 
         values, finite = self.values, self.values[np.isfinite(self.values)]
         notes = [f"white: {self.bad}"] if finite.size < values.size else []
@@ -174,8 +175,8 @@ class _Panel:
         number = np.arange(corners[..., 0].size).reshape(corners.shape[:2])
         triangles = np.concatenate([number[:, [0, n, n + 1]] for n in range(1, corners.shape[1] - 1)])
         each = np.repeat(np.ma.masked_invalid(values[seen]), corners.shape[1])
-        look: Any = {"shading": "gouraud", "cmap": colours, "norm": norm, "rasterized": True}
-        parts = axes.tripcolor(*corners.reshape(-1, 2).T, triangles, each, **look)
+        mesh = Triangulation(corners[..., 0].ravel(), corners[..., 1].ravel(), triangles)
+        parts = axes.tripcolor(mesh, each, shading="gouraud", cmap=colours, norm=norm, rasterized=True)
         colour_bar(axes, parts)
         panel_title(axes, "; ".join([self.title, *notes]))
 

@@ -21,7 +21,7 @@ from ..results.results import Results
 from ..results.tables import csv_text, has_lengths, lengths_csv, write_workbook
 from ..studies.choices import FIELDS_LIMIT
 from ..topography import Topography
-from .page import REPORT_NAME, write_report
+from .page import REPORT_NAME, page_template, write_report
 from .pictures import FILES, draw_all
 
 #: Manifest of the files of a run, one a line; the next run removes those that it does not write again.
@@ -44,6 +44,8 @@ def load_writers(*, pictures: bool = True, report: bool = True, paraview: str = 
         if pictures or report:
             import matplotlib.backends.backend_agg
             import matplotlib.figure  # noqa: F401
+        if report:
+            page_template()
         if paraview != "none":
             import pyvista  # noqa: F401
 

@@ -309,7 +309,10 @@ def _joined(corners: Array) -> tuple[Array, NDArray[np.int64]]:
     """Points (n, 3) and the points of each part, from the corners of the parts, many of which are the same."""
     flat = corners.reshape(-1, 2)
     size = np.ptp(flat, axis=0).max() or 1.0
-    _, first, number = np.unique(np.rint(flat / (_ONE_POINT * size)), axis=0, return_index=True, return_inverse=True)
+    place = np.rint(flat / (_ONE_POINT * size)).astype(np.int64)
+    place -= place.min(axis=0)
+    # one whole number for both, in a quarter of the time of pairs
+    _, first, number = np.unique(place @ (2**31, 1), return_index=True, return_inverse=True)
     points = np.column_stack([flat[first], np.zeros(first.size)])
     return points, number.reshape(corners.shape[:2])
 
