@@ -38,9 +38,10 @@ def load_writers(*, pictures: bool = True, report: bool = True, paraview: str = 
     """Load the libraries that `write_folder` needs with the same options; they take longer than the writing."""
     with suppress(ImportError):  # said where they are used
         import h5netcdf  # noqa: F401
-        import xarray.backends  # noqa: F401
+        import xarray.backends
         import xlsxwriter  # noqa: F401
 
+        xarray.Dataset({"": ("step", [0.0])})  # the first one loads Dask and pint if they are there
         if pictures or report:
             import matplotlib.backends.backend_agg
             import matplotlib.figure  # noqa: F401
