@@ -165,10 +165,7 @@ def png(figure: Figure) -> bytes:
 
 @dataclass(frozen=True, eq=False)
 class Drawn:
-    """A figure that was drawn: its pixels (rows, columns, 3), and the rows and columns of each of its panels.
-
-    They are packed as PNG once they are asked for, as most pictures are wanted either whole or in panels.
-    """
+    """Pixels (rows, columns, 3) of a figure, and the rows and columns of its panels; each is packed when asked for."""
 
     pixels: NDArray[np.uint8]
     cuts: tuple[tuple[slice, slice], ...] = ()
@@ -191,12 +188,10 @@ def drawn(figure: Figure) -> Drawn:
     canvas = FigureCanvasAgg(figure)
     canvas.draw()
     pixels = np.array(np.asarray(canvas.buffer_rgba())[..., :3])
-    cuts = []
-    for left, bottom, width, height in getattr(figure, "panels", ()):
-        rows = (round(len(pixels) - side * figure.dpi) for side in (bottom + height, bottom))
-        columns = (round(side * figure.dpi) for side in (left, left + width))
-        cuts.append((slice(*rows), slice(*columns)))
-    return Drawn(pixels, tuple(cuts))
+    n, dpi, boxes = len(pixels), figure.dpi, getattr(figure, "panels", ())
+    rows = (slice(round(n - (bottom + height) * dpi), round(n - bottom * dpi)) for _, bottom, _, height in boxes)
+    columns = (slice(round(left * dpi), round((left + width) * dpi)) for left, _, width, _ in boxes)
+    return Drawn(pixels, tuple(zip(rows, columns, strict=True)))
 
 
 def _packed(pixels: NDArray[np.uint8]) -> bytes:

@@ -14,6 +14,7 @@ from typing import Any
 
 from ..base.errors import FemsealError
 from ..base.files import is_inside, made_folder, read_plain, replacing, write_text
+from ..base.stage import Mapper
 from ..results.dataset import FILE_NAME, save
 from ..results.paraview import NAME as FIELDS
 from ..results.paraview import FieldPlan, plan_fields, write_fields, write_vtk
@@ -34,20 +35,20 @@ UNFINISHED = ".unfinished"
 VIEWS = "vtk"
 
 
-def load_writers(*, pictures: bool = True, report: bool = True, paraview: str = "vtu", **_: Any) -> None:
+def load_writers(*, pictures: bool = True, report: bool = True, fields: bool = True, **_: Any) -> None:
     """Load the libraries that `write_folder` needs with the same options; they take longer than the writing."""
     with suppress(ImportError):  # said where they are used
         import h5netcdf  # noqa: F401
         import xarray.backends
         import xlsxwriter  # noqa: F401
 
-        xarray.Dataset({"": ("step", [0.0])})  # the first one loads Dask and pint if they are there
+        xarray.Dataset(coords={"step": [0]})  # the first one loads Dask and pint where they are installed
         if pictures or report:
             import matplotlib.backends.backend_agg
             import matplotlib.figure  # noqa: F401
         if report:
             page_template()
-        if paraview != "none":
+        if fields:
             import pyvista  # noqa: F401
 
 
@@ -61,6 +62,7 @@ def write_folder(
     fields: bool = True,
     paraview: str = "vtu",
     fields_limit: float = FIELDS_LIMIT,
+    mapper: Mapper = map,
 ) -> list[Path]:
     """Write `results.nc`, `table.csv`, `table.xlsx`, `report.html`, the pictures, the fields over all pixels and, in
     `vtk/`, files for ParaView.
@@ -77,6 +79,7 @@ def write_folder(
     paraview : format of the files in `vtk/`, see `write_vtk`.
     fields_limit : size of the fields over all pixels before compression [byte] above which steps are left out; the
         attribute "left_out" of the dataset then says so.
+    mapper : such as over processes of this machine, one of which writes the files for ParaView.
 
     Returns
     -------
@@ -92,8 +95,8 @@ def write_folder(
 
     def write(unfinished: Path) -> list[Path]:
         with ThreadPoolExecutor(1) as beside:
-            # VTK packs files while pictures are drawn
-            files = beside.submit(_write_fields, results, plan, surface, unfinished, paraview)
+            # another process packs files while pictures are drawn
+            files = beside.submit(_write_fields, results, plan, surface, unfinished, paraview, mapper)
             written = _write_for_people(results, surface, pictures, report, unfinished)
             return written + files.result()
 
@@ -195,10 +198,10 @@ def _write_for_people(
 
 
 def _write_fields(
-    results: Results, plan: FieldPlan, surface: Topography | None, folder: Path, paraview: str
+    results: Results, plan: FieldPlan, surface: Topography | None, folder: Path, paraview: str, mapper: Mapper
 ) -> list[Path]:
     written = write_fields(results, plan, folder) if plan.steps.size else []
-    return [*written, *write_vtk(results, surface, folder / VIEWS, paraview)]
+    return [*written, *write_vtk(results, surface, folder / VIEWS, paraview, mapper)]
 
 
 def _clear(folder: Path) -> None:
