@@ -91,6 +91,7 @@ _OPTIONAL = ("SurfaceTopography", "distributed", "gmsh")
 _NUMERICAL = ("numpy", "scipy", "numba", "llvmlite", "pyfftw", "pyamg", "scikit-fem")
 
 
+@cache
 def versions() -> dict[str, str]:
     """Version of femseal, Python and every package used; "–" for one that is not installed, optional ones left out."""
     found = {"femseal": __version__, "python": platform.python_version()}

@@ -10,7 +10,7 @@ import io
 import sys
 from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import cache, singledispatch
+from functools import cache, cached_property, singledispatch
 from inspect import signature
 from typing import TYPE_CHECKING, Any
 
@@ -163,38 +163,42 @@ def png(figure: Figure) -> bytes:
     return stream.getvalue()
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Drawn:
-    """A figure as PNG, and each of its panels by itself."""
+    """Pixels (rows, columns, 3) of a figure, and the rows and columns of its panels; each is packed when asked for."""
 
-    whole: bytes
-    panels: tuple[bytes, ...]
+    pixels: NDArray[np.uint8]
+    cuts: tuple[tuple[slice, slice], ...] = ()
+
+    @cached_property
+    def whole(self) -> bytes:
+        """The figure as PNG."""
+        return _packed(self.pixels)
+
+    @cached_property
+    def panels(self) -> tuple[bytes, ...]:
+        """Each of its panels as PNG; a figure without panels is one."""
+        return tuple(_packed(self.pixels[cut]) for cut in self.cuts) if len(self.cuts) > 1 else (self.whole,)
 
 
 def drawn(figure: Figure) -> Drawn:
-    """Draw a figure once and cut its panels out of it; a figure without panels is one."""
+    """Draw a figure once, so that its panels can be cut out of it."""
     from matplotlib.backends.backend_agg import FigureCanvasAgg
 
     canvas = FigureCanvasAgg(figure)
     canvas.draw()
-    image = np.asarray(canvas.buffer_rgba())[..., :3]
-    whole = _packed(image)
-    boxes = getattr(figure, "panels", ())
-    if len(boxes) < 2:
-        return Drawn(whole, (whole,))
-    cut = []
-    for left, bottom, width, height in boxes:
-        rows = (round(len(image) - side * figure.dpi) for side in (bottom + height, bottom))
-        columns = (round(side * figure.dpi) for side in (left, left + width))
-        cut.append(_packed(image[slice(*rows), slice(*columns)]))
-    return Drawn(whole, tuple(cut))
+    pixels = np.array(np.asarray(canvas.buffer_rgba())[..., :3])
+    n, dpi, boxes = len(pixels), figure.dpi, getattr(figure, "panels", ())
+    rows = (slice(round(n - (bottom + height) * dpi), round(n - bottom * dpi)) for _, bottom, _, height in boxes)
+    columns = (slice(round(left * dpi), round((left + width) * dpi)) for left, _, width, _ in boxes)
+    return Drawn(pixels, tuple(zip(rows, columns, strict=True)))
 
 
-def _packed(image: NDArray[np.uint8]) -> bytes:
+def _packed(pixels: NDArray[np.uint8]) -> bytes:
     from PIL import Image
 
     stream = io.BytesIO()
-    Image.fromarray(np.ascontiguousarray(image)).save(stream, "png", compress_level=_PACKING)
+    Image.fromarray(np.ascontiguousarray(pixels)).save(stream, "png", compress_level=_PACKING)
     return stream.getvalue()
 
 

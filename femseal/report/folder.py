@@ -14,6 +14,7 @@ from typing import Any
 
 from ..base.errors import FemsealError
 from ..base.files import is_inside, made_folder, read_plain, replacing, write_text
+from ..base.stage import Mapper
 from ..results.dataset import FILE_NAME, save
 from ..results.paraview import NAME as FIELDS
 from ..results.paraview import FieldPlan, plan_fields, write_fields, write_vtk
@@ -21,7 +22,7 @@ from ..results.results import Results
 from ..results.tables import csv_text, has_lengths, lengths_csv, write_workbook
 from ..studies.choices import FIELDS_LIMIT
 from ..topography import Topography
-from .page import REPORT_NAME, write_report
+from .page import REPORT_NAME, page_template, write_report
 from .pictures import FILES, draw_all
 
 #: Manifest of the files of a run, one a line; the next run removes those that it does not write again.
@@ -34,17 +35,20 @@ UNFINISHED = ".unfinished"
 VIEWS = "vtk"
 
 
-def load_writers(*, pictures: bool = True, report: bool = True, paraview: str = "vtu", **_: Any) -> None:
+def load_writers(*, pictures: bool = True, report: bool = True, fields: bool = True, **_: Any) -> None:
     """Load the libraries that `write_folder` needs with the same options; they take longer than the writing."""
     with suppress(ImportError):  # said where they are used
         import h5netcdf  # noqa: F401
-        import xarray.backends  # noqa: F401
+        import xarray.backends
         import xlsxwriter  # noqa: F401
 
+        xarray.Dataset(coords={"step": [0]})  # the first one loads Dask and pint where they are installed
         if pictures or report:
             import matplotlib.backends.backend_agg
             import matplotlib.figure  # noqa: F401
-        if paraview != "none":
+        if report:
+            page_template()
+        if fields:
             import pyvista  # noqa: F401
 
 
@@ -58,6 +62,7 @@ def write_folder(
     fields: bool = True,
     paraview: str = "vtu",
     fields_limit: float = FIELDS_LIMIT,
+    mapper: Mapper = map,
 ) -> list[Path]:
     """Write `results.nc`, `table.csv`, `table.xlsx`, `report.html`, the pictures, the fields over all pixels and, in
     `vtk/`, files for ParaView.
@@ -74,6 +79,7 @@ def write_folder(
     paraview : format of the files in `vtk/`, see `write_vtk`.
     fields_limit : size of the fields over all pixels before compression [byte] above which steps are left out; the
         attribute "left_out" of the dataset then says so.
+    mapper : such as over processes of this machine, one of which writes the files for ParaView.
 
     Returns
     -------
@@ -89,8 +95,8 @@ def write_folder(
 
     def write(unfinished: Path) -> list[Path]:
         with ThreadPoolExecutor(1) as beside:
-            # VTK packs files while pictures are drawn
-            files = beside.submit(_write_fields, results, plan, surface, unfinished, paraview)
+            # another process packs files while pictures are drawn
+            files = beside.submit(_write_fields, results, plan, surface, unfinished, paraview, mapper)
             written = _write_for_people(results, surface, pictures, report, unfinished)
             return written + files.result()
 
@@ -192,10 +198,10 @@ def _write_for_people(
 
 
 def _write_fields(
-    results: Results, plan: FieldPlan, surface: Topography | None, folder: Path, paraview: str
+    results: Results, plan: FieldPlan, surface: Topography | None, folder: Path, paraview: str, mapper: Mapper
 ) -> list[Path]:
     written = write_fields(results, plan, folder) if plan.steps.size else []
-    return [*written, *write_vtk(results, surface, folder / VIEWS, paraview)]
+    return [*written, *write_vtk(results, surface, folder / VIEWS, paraview, mapper)]
 
 
 def _clear(folder: Path) -> None:

@@ -15,10 +15,11 @@ import shutil
 import subprocess
 import tempfile
 from collections.abc import Sequence
+from functools import cache
 from importlib.resources import files
 from importlib.util import find_spec
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -35,6 +36,9 @@ from ..results.selections import branches
 from ..results.tables import format_error_band, format_leakage, leakage_of, leakage_table, lengths_table, totals_table
 from . import case_text, error_tables, leakage_tables, pictures
 from .leakage_tables import design_section
+
+if TYPE_CHECKING:
+    from jinja2 import Template
 
 REPORT_NAME = "report.html"
 
@@ -92,13 +96,17 @@ def write_report(
 
 def report_html(results: Results, drawings: pictures.Drawings | None = None) -> str:
     """The page as text; pictures are drawn unless given."""
+    return page_template().render(_content(results, pictures.draw_all(results) if drawings is None else drawings))
+
+
+@cache
+def page_template() -> Template:
+    """The template of the page, which is compiled once."""
     from jinja2 import Environment, StrictUndefined
 
     environment = Environment(autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True)
     source = files("femseal.report").joinpath("report.html.jinja").read_text(encoding="utf-8")
-    return environment.from_string(source).render(
-        _content(results, pictures.draw_all(results) if drawings is None else drawings)
-    )
+    return environment.from_string(source)
 
 
 def _content(results: Results, drawings: pictures.Drawings) -> dict[str, Any]:

@@ -13,7 +13,7 @@ from ..base.quantities import to_text
 from ..plots import cells_figure, heights_figure, leakage_figure, lengths_figure, seal_figure
 from ..plots.cell_curves import cells_of
 from ..plots.drawing import HEIGHTS, LINES, Drawn, Sheet, drawn, map_row
-from ..plots.drawn_panels import drawn_figure, part_text
+from ..plots.drawn_panels import DrawnSeal, drawn_figure, part_text
 from ..plots.heights import height_panel
 from ..plots.maps import (
     critical_gaps,
@@ -237,8 +237,9 @@ def drawn_picture(results: Results, drawings: Drawings) -> Picture:
     fluid, k = data["drawn_fluid_pressure"].values[s], data["drawn_permeability"].values[s]
     parts, step = data.sizes["part"], data["name"].values[s]
     alt = f"Maps of {parts} parts of a drawn seal at {step}: fluid pressure, {_range(fluid, 'Pa')}; {_open_text(k)}."
+    part = part_text(DrawnSeal(data, s))
     caption = (
-        f"The drawn seal nearest to the median, in its plane, at {step}; {part_text(data, s)}. Arrows are as long as "
+        f"The drawn seal nearest to the median, in its plane, at {step}; {part}. Arrows are as long as "
         "the root of the flux."
     )
     return Picture(_uri(drawings["drawn" if "drawn" in drawings else "seal"].whole), alt, caption)

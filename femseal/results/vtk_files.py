@@ -212,6 +212,7 @@ def as_xml(mesh: Any) -> bytes:
     # VTK crashes where a disk is full, so it writes into memory
     writer = (pyvista.XMLImageDataWriter if image else pyvista.XMLUnstructuredGridWriter)("none", mesh).writer
     writer.SetDataModeToAppended()
+    writer.SetCompressionLevel(_LEVEL)
     writer.SetEncodeAppendedData(not image)
     writer.WriteToOutputStringOn()
     if not writer.Write():

@@ -138,7 +138,7 @@ def run(
             going_on = _goes_on(folder, identity, resume)
         stack.enter_context(_log_file(folder, append=going_on or part is not None))
         kept = stack.enter_context(Checkpoint(folder, identity, going_on, part, progress))
-        loading = Thread(target=_load_ahead, args=(case,))
+        loading = Thread(target=_load_ahead, args=(case, prepared))
         if part is None:
             loading.start()
         results = _results(case, prepared, faces, Run(kept.over(found_or_computed(mapper, prepared)), progress))
@@ -149,7 +149,7 @@ def run(
         loading.join()
         start = time.perf_counter(), time.process_time()
         # the pictures are small, and drawn on this machine
-        _write(results, folder, case)
+        _write(results, folder, case, mapper if scheduler is None else map)
         seconds = time.perf_counter() - start[0], time.process_time() - start[1]
         log.info("pictures, report and files in %.1f s, %.1f s of this process", *seconds)
         for text in results.left_out:
@@ -158,11 +158,11 @@ def run(
         return replace(results, folder=folder)
 
 
-def _load_ahead(case: Case) -> None:
+def _load_ahead(case: Case, prepared: Prepared) -> None:
     """Load what this process needs later, while others compute."""
     import scipy.interpolate  # noqa: F401
 
-    load_writers(**case.output.files)
+    load_writers(**case.output.files | {"fields": case.output.fields and prepared.methods != {"stochastic"}})
 
 
 def _goes_on(folder: Path, identity: dict[str, Any], resume: bool) -> bool:
@@ -265,10 +265,10 @@ def _of_test_fluid(state: FluidState, prepared: Prepared, own: Any, run: Run) ->
         return OtherLeakage.of_study(state, other.solve(other.answer, mapper))
 
 
-def _write(results: Results, folder: Path, case: Case) -> None:
+def _write(results: Results, folder: Path, case: Case, mapper: Mapper) -> None:
     try:
         surface = None if results.scene is None else results.scene.surface
-        write_folder(results, folder, surface, **case.output.files)
+        write_folder(results, folder, surface, mapper=mapper, **case.output.files)
     except Exception as error:
         reason = str(error) if isinstance(error, FemsealError) else f"results: {error or type(error).__name__}"
         raise FemsealError(f"{reason}; mend that, then a run with --resume has only to write them") from error
