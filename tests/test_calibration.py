@@ -2,6 +2,7 @@
 
 import csv
 import json
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -87,8 +88,7 @@ def test_errors_of_scenes_left_out_are_those_of_a_surrogate_without_them():
     kept = np.arange(len(POINTS)) != 7
     other = object.__new__(type(found))
     other.__dict__ |= found.__dict__ | {"_points": POINTS[kept], "_scaled": found._scaled[kept]}
-    root, other._weights = other._solved(found._parameters)
-    other._whitening = np.linalg.inv(root)
+    _, other._whitening, other._weights = other._solved(found._parameters)
     mean, deviation = other.at(POINTS[7:8])
     assert_allclose(found.left_out()[7], (values[7] - mean[0]) / deviation[0], rtol=1e-4)
 
@@ -127,7 +127,7 @@ def test_a_posterior_of_a_linear_model_is_that_of_linear_regression():
     matrix = np.array([[-1.0, 1.0], [-2.0, 1.0], [-4.0, 1.0]])
     measured = matrix @ truth + 0.05 * rng.standard_normal(3)
     found = posterior(np.exp(measured))
-    samples = np.log(found.quantities(found.samples(20_000, seed=1, steps=1500)))
+    samples = np.log(found.quantities(found.samples(2**14)))
     covariance = np.linalg.inv(matrix.T @ matrix) * 0.05**2
     assert_allclose(samples[:, [0, 2]].mean(0), covariance @ matrix.T @ measured / 0.05**2, atol=0.005)
     assert_allclose(np.cov(samples[:, [0, 2]].T), covariance, rtol=0.15)
@@ -329,6 +329,25 @@ def test_processes_solve_the_scenes_of_a_calibration(calibrated):
     folder, options, _, found = calibrated
     again = fs.calibrate(folder / "case.toml", folder / "test.csv", workers=2, **options)
     assert_allclose(again.leakages, found.leakages, rtol=1e-9)
+
+
+def test_a_calibration_is_not_one_of_last_digits(case, tmp_path, monkeypatch):
+    def model(rng, case, unit, steps, hardness, wave):
+        x, y, load = np.log(hardness / 3e9), np.log(wave / 1e-5), 1 + np.asarray(steps)
+        value = np.exp(-10 - load * (1 - 0.7 * x) + 0.1 * load**1.5 * np.sin(5 * y) + 0.03 * np.sin(90 * y * load))
+        return list(value * (1 + 1e-10 * rng.standard_normal(len(value))))
+
+    def estimates(seed):
+        monkeypatch.setattr(calibrating, "_leakage", partial(model, np.random.default_rng(seed)))
+        found = fs.calibrate(case, test, workers=1, shortest_wave=("8 um", "20 um"), scenes=28)
+        return np.log([[one.median, one.lower, one.upper] for one in found.posterior.values()])
+
+    leakage = model(np.random.default_rng(0), None, None, range(5), 3.3e9, 1.2e-5)
+    loads = ("50,loading", "200,loading", "400,loading", "50,unloading", "200,unloading")
+    test = written(tmp_path, HEAD + "".join(f"{load},{value}\n" for load, value in zip(loads, leakage, strict=True)))
+    found = np.array([estimates(seed) for seed in range(4)])
+    widths = found[0, :, 2:] - found[0, :, 1:2]
+    assert np.max(np.abs(found - found[0]) / widths) < 0.1
 
 
 def test_added_scenes_are_apart():

@@ -63,7 +63,6 @@ HEAVY = {
     "dask",
     "pyamg",
     "pyfftw",
-    "emcee",
     "CoolProp",
     "gmsh",
 }

@@ -84,7 +84,7 @@ def _processor() -> str:
 
 
 _REQUIRED = ("numpy", "scipy", "scikit-fem", "pyamg", "pyfftw", "numba", "meshio", "pyvista", "vtk", "pydantic",
-             "pint", "typer", "rich", "xarray", "h5netcdf", "h5py", "joblib", "emcee", "filelock", "threadpoolctl",
+             "pint", "typer", "rich", "xarray", "h5netcdf", "h5py", "joblib", "filelock", "threadpoolctl",
              "matplotlib", "jinja2", "psutil", "x3pio", "sdfio", "pillow", "xlsxwriter")  # fmt: skip
 _OPTIONAL = ("SurfaceTopography", "distributed", "gmsh")
 #: Packages on which the bits of a result depend.

@@ -43,8 +43,8 @@ WIDTHS = {"hardness": 3.0, "shortest_wave": 3.0, "factor": 5.0}
 _EXACT = 0.2
 #: The calibrated case in the folder.
 CASE_FILE = "calibrated.toml"
-#: Samples of the posterior, and steps of the ensemble between scenes and at the end.
-_SAMPLES, _STEPS = 4000, (150, 600)
+#: Samples of the posterior between scenes, and at the end.
+_SAMPLES = 2**9, 2**12
 
 
 def calibrate(
@@ -108,9 +108,7 @@ def calibrate(
             posterior = _explored(
                 partial(store.solve, Stage("scenes", solved, memory), watched), test, rows, ranges, deviation, scenes
             )
-        found = Calibration.of(
-            posterior, posterior.samples(_SAMPLES, seed=1, steps=_STEPS[1]), *store.arrays(), tested, loaded.softer
-        )
+        found = Calibration.of(posterior, posterior.samples(_SAMPLES[1]), *store.arrays(), tested, loaded.softer)
         if folder is not None and part is None:
             tables = None if isinstance(case, Case) else calibrated_text(*read_case(case), folder, found)
             found.write(folder)
@@ -189,7 +187,7 @@ def _explored(solve: Any, test: LeakTest, rows: Any, ranges: Array, error: float
         posterior = Posterior(test, list(rows), ranges, Surrogate.through(points, leakage, jumps=(1,)), error)
         if scenes <= 0:
             return posterior
-        cube = posterior.samples(500, seed=len(points), steps=_STEPS[0])
+        cube = posterior.samples(_SAMPLES[0])
         if np.median(posterior.curves(cube)[1], axis=0).max() < _EXACT * error:
             return posterior
         wanted = _spread(cube[:, :2], points, min(ADDED, scenes))

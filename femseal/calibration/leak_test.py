@@ -3,20 +3,21 @@
 Posterior of hardness, shortest wave and factor by Bayes' rule, with a surrogate of the leakage. The test is the factor
 times the model: ln(measured) is normal around ln(factor) + ln(model), with the error of the test, independent at each
 row, and that of the surrogate, correlated between loads. A sealed row is one whose model is closed, or leaks less than
-the limit. Priors are uniform in the logarithm within ranges. Sampled by emcee's affine-invariant ensemble
-(Foreman-Mackey et al. 2013).
+the limit. Priors are uniform in the logarithm within ranges.
 """
 
 from __future__ import annotations
 
 import csv
 import re
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.special import ndtr
+from scipy.stats import qmc
 
 from ..base.arrays import Array
 from ..base.errors import InputError, InputErrors, shortened, shown
@@ -195,8 +196,11 @@ def _leakage(text: str) -> tuple[float, bool]:
 
 #: What is calibrated, in the order of all arrays, with its unit.
 UNITS = {"hardness": "Pa", "shortest_wave": "m", "factor": ""}
-#: Probability of the regions that are given; members of the ensemble.
-PROBABILITY, WALKERS = 0.9, 96
+#: Probability of the regions that are given.
+PROBABILITY = 0.9
+#: Cells of the posterior along hardness and wave at first, and part of its mass that is left out where the best are
+#: divided; slabs along ln(factor), and how far they reach to either side of its mean, in deviations.
+_CELLS, _LEFT, _SLABS, _FAR = 64, 1e-4, 24, 4.5
 
 
 @dataclass(frozen=True)
@@ -243,32 +247,59 @@ class Posterior:
         """ln of the density, but for a constant (n,)."""
         inside = ((cube >= 0) & (cube <= 1)).all(axis=1)
         value = np.full(len(cube), -np.inf)
-        if not inside.any():
-            return value
-        mean, deviation, is_open = self.curves(cube[inside])
-        low, measured = self.test.sealed, np.log(self.test.leakage)
-        below = ndtr((measured - mean)[:, low] / np.hypot(deviation[:, low], self.error))
-        found = np.log(1 - is_open[:, low] * (1 - below)).sum(1) + np.log(is_open[:, ~low]).sum(1)
-        steps = np.array(self.rows)[~low]
-        deviation, rest = deviation[:, ~low], (measured - mean)[:, ~low]
-        covariance = self.surrogate.correlation[np.ix_(steps, steps)] * deviation[:, :, None] * deviation[:, None]
-        root = np.linalg.cholesky(covariance + self.error**2 * np.eye(len(steps)))
-        white = np.linalg.solve(root, rest[..., None])[..., 0]
-        found -= 0.5 * (white**2).sum(1) + np.log(np.diagonal(root, axis1=1, axis2=2)).sum(1)
-        value[inside] = found
+        if inside.any():
+            factor = np.log(self.quantities(cube[inside])[:, 2:])
+            value[inside] = self._along_factor(cube[inside, :2])[2](factor)[:, 0]
         return value
 
-    def samples(self, count: int, seed: int, steps: int) -> Array:
-        """Samples of the posterior in the unit cube (count, 3), after a third of the steps of the ensemble.
-
-        The ensemble starts at random points of the cube, drawn without repetition by their density (Gumbel's trick).
+    def _along_factor(self, plane: Array) -> tuple[Array, Array, Callable[[Array], Array]]:
+        """At hardnesses and waves (n, 2): mean and deviation of ln(factor) by the rows that leak, each (n, 1), as it is
+        normal; and a function that gives the ln of the density at ln(factors) (n, m).
         """
-        import emcee
+        mean, deviation, is_open = (part[:, self.rows] for part in self.surrogate.at(plane))
+        low, rest = self.test.sealed, np.log(self.test.leakage) - mean
+        steps, errors = np.array(self.rows)[~low], deviation[:, ~low]
+        covariance = self.surrogate.correlation[np.ix_(steps, steps)] * errors[:, :, None] * errors[:, None]
+        root = np.linalg.cholesky(covariance + self.error**2 * np.eye(len(steps)))
+        both = np.linalg.solve(root, np.stack([rest[:, ~low], np.ones_like(errors)], axis=-1))
+        white, one = both[..., 0], both[..., 1]
+        width = (one**2).sum(1, keepdims=True) ** -0.5
+        middle = (one * white).sum(1, keepdims=True) * width**2
+        least = ((white - one * middle) ** 2).sum(1, keepdims=True)
+        fixed = np.log(is_open[:, ~low]).sum(1) - np.log(np.diagonal(root, axis1=1, axis2=2)).sum(1)
 
-        rng = np.random.default_rng(seed)
-        start = rng.random((100 * WALKERS, 3))
-        start = start[np.argsort(self.log_density(start) + rng.gumbel(size=len(start)))[-WALKERS:]]
-        sampler = emcee.EnsembleSampler(WALKERS, 3, self.log_density, vectorize=True)
-        sampler.run_mcmc(emcee.State(start, random_state=np.random.RandomState(seed).get_state()), steps)
-        chain = sampler.get_chain(discard=steps // 3, flat=True)
-        return np.asarray(chain[np.linspace(0, len(chain) - 1, count).astype(int)])
+        def density(factor: Array) -> Array:
+            found = fixed[:, None] - 0.5 * (least + ((factor - middle) / width) ** 2)
+            for row in np.flatnonzero(low):
+                above = ndtr((factor - rest[:, row, None]) / np.hypot(deviation[:, row, None], self.error))
+                found += np.log(1 - is_open[:, row, None] * above)
+            return np.asarray(found)
+
+        return middle, width, density
+
+    def samples(self, count: int) -> Array:
+        """Samples of the posterior in the unit cube (count, 3), evenly drawn; `count` is a power of 2.
+
+        The cube is divided into cells along hardness and wave, of which the quarter with the most mass is divided
+        further as long as it holds nearly all, and into slabs along the factor. A Sobol sequence draws from them: no
+        sample depends on the last digits of the density, as the states of a Markov chain do.
+        """
+        low, high = np.log(self.ranges[2])
+        side = _CELLS
+        plane = (np.indices((side, side)).reshape(2, -1).T + 0.5) / side
+        while True:
+            middle, width, density = self._along_factor(plane)
+            first, last = (np.clip(np.clip(middle, low, high) + far * width, low, high) for far in (-_FAR, _FAR))
+            weight = density(first + (last - first) * (np.arange(_SLABS) + 0.5) / _SLABS) + np.log(last - first)
+            weight = np.exp(weight - weight.max())
+            mass = weight.sum(1)
+            best = np.argsort(-mass, kind="stable")[: len(mass) // 4]
+            if not mass[best].sum() >= (1 - _LEFT) * mass.sum():
+                break
+            side *= 2
+            plane = (plane[best, None] + np.array([[-1, -1], [-1, 1], [1, -1], [1, 1]]) / (2 * side)).reshape(-1, 2)
+        drawn = qmc.Sobol(4, rng=np.random.default_rng(1)).random_base2(count.bit_length() - 1)
+        ends = np.cumsum(weight) / weight.sum()
+        cell, slab = np.divmod(np.searchsorted(ends[:-1], drawn[:, 0]), _SLABS)
+        factor = first[cell, 0] + (last - first)[cell, 0] * (slab + drawn[:, 3]) / _SLABS
+        return np.c_[plane[cell] + (drawn[:, 1:3] - 0.5) / side, (factor - low) / (high - low)]

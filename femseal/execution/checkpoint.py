@@ -263,8 +263,7 @@ class Checkpoint:
     def _is_damaged(self, stage: Stage, shard: _Shard) -> bool:
         """Whether the items of a shard cannot be read; then it is reported and removed."""
         with suppress(OSError, ValueError):
-            found = read_shard(shard.path, (self._key, stage.name))
-            if sum(1 for _ in map(unpacked, found)) == len(shard.items) > 0:
+            if len(read_shard(shard.path, (self._key, stage.name))) == len(shard.items) > 0:
                 return False
         log.warning("checkpoint: %s is damaged; its items are computed again (%s)", shard.path, stage.name)
         self._kept(shard.path.unlink, True)

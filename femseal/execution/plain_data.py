@@ -1,7 +1,8 @@
 """Results of stages as bytes and back, as data alone: reading them runs no code and takes memory for what is there.
 
-A text in JSON holds the structure; the numbers of arrays follow it as they are in memory. A value may be None, a
-number, a text, bytes, an array of numbers, or a tuple, list, dictionary or dataclass of femseal with such values.
+A text in JSON holds the structure; floats and the numbers of arrays follow it as they are in memory. A value may be
+None, a number, a text, bytes, an array of numbers, or a tuple, list, dictionary or dataclass of femseal with such
+values.
 """
 
 from __future__ import annotations
@@ -11,6 +12,8 @@ import math
 import sys
 from collections.abc import Callable
 from dataclasses import fields, is_dataclass
+from functools import lru_cache
+from operator import itemgetter, methodcaller
 from typing import Any, Literal
 
 import numpy as np
@@ -20,6 +23,10 @@ _NUMBERS = "biufc"
 #: Bytes of the length of the text, which comes first.
 _LENGTH = 8
 _PACKAGE = __name__.partition(".")[0]
+#: Texts of fewer bytes are kept with what they describe.
+_KEPT_TEXT = 4096
+#: Makes a value of the content behind its text.
+_Reader = Callable[[memoryview], Any]
 
 
 def packed(value: Any) -> bytes:
@@ -43,8 +50,10 @@ def packed(value: Any) -> bytes:
 def _described(value: Any, kept: Callable[[bytes], int]) -> Any:
     """A value as nested lists, numbers and texts; bytes of arrays go to `kept`, which returns where they begin."""
     kind = type(value)
-    if value is None or kind in (bool, int, float, str):
+    if value is None or kind in (bool, int, str):
         return value
+    if kind is float:
+        return ["float", kept(np.float64(value).tobytes())]
     if kind in (tuple, list):
         return [kind.__name__, *(_described(v, kept) for v in value)]
     if kind is dict:
@@ -70,59 +79,74 @@ def unpacked(data: bytes | memoryview) -> Any:
     """
     try:
         length = int.from_bytes(data[:_LENGTH], "little")
-        text, content = data[_LENGTH : _LENGTH + length], memoryview(data)[_LENGTH + length :]
-        return _made(json.loads(bytes(text)), content)
+        text, content = bytes(data[_LENGTH : _LENGTH + length]), memoryview(data)[_LENGTH + length :]
+        return (_reader if length < _KEPT_TEXT else _reader.__wrapped__)(text)(content)
     except (TypeError, LookupError, AttributeError, RecursionError, OverflowError, MemoryError) as error:
         raise ValueError(f"{type(error).__name__}: {error}") from None
 
 
-def _made(tree: Any, content: memoryview) -> Any:
-    """The value that `_described` described."""
+@lru_cache(maxsize=256)
+def _reader(text: bytes) -> _Reader:
+    """What makes the value that a text describes; many values of a stage have one text."""
+    return _reader_of(json.loads(text))
+
+
+def _reader_of(tree: Any) -> _Reader:
+    """What makes the value that `_described` described."""
     if not isinstance(tree, list):
         if isinstance(tree, dict):
             raise ValueError("no description of a value")
-        return tree
+        return lambda content: tree
     kind, *parts = tree
-    if kind == "tuple":
-        return tuple(_made(part, content) for part in parts)
-    if kind == "list":
-        return [_made(part, content) for part in parts]
-    if kind == "dict":
-        return {_made(key, content): _made(value, content) for key, value in parts}
     if kind == "bytes":
         size, start = parts
-        return bytes(_part(content, start, size))
+        return _array(np.dtype(np.uint8), (size,), "C", start, np.ndarray.tobytes)
+    if kind == "float":
+        return _array(np.dtype(float), (), "C", parts[0], float)
     if kind == "number":
-        dtype, start = parts
-        return _numbers(content, dtype, [], start)[()]
+        return _array(_numbers(parts[0]), (), "C", parts[1], itemgetter(()))
     if kind == "array":
-        dtype, shape, order, start = parts
-        return _numbers(content, dtype, shape, start).reshape(shape, order=order).copy(order="K")
-    return _instance(kind, [_made(part, content) for part in parts])
+        name, shape, order, start = parts
+        return _array(_numbers(name), tuple(shape), order, start, methodcaller("copy", "K"))
+    if kind == "dict":
+        pairs = [(_reader_of(key), _reader_of(value)) for key, value in parts]
+        return lambda content: {key(content): value(content) for key, value in pairs}
+    readers = [_reader_of(part) for part in parts]
+    if kind == "tuple":
+        return lambda content: tuple([reader(content) for reader in readers])
+    if kind == "list":
+        return lambda content: [reader(content) for reader in readers]
+    return _instances(kind, readers)
 
 
-def _part(content: memoryview, start: int, size: int) -> memoryview:
-    if not 0 <= start <= start + size <= len(content):
-        raise ValueError("numbers that are not there")
-    return content[start : start + size]
+def _array(numbers: np.dtype[Any], shape: Any, order: Any, start: int, taken: Callable[[Any], Any]) -> _Reader:
+    """What takes something of an array of numbers that begin somewhere; content that is too short is an error then."""
+    if min((start, *shape)) < 0:
+        raise ValueError("a place or a size below 0")
+    stop = start + math.prod(shape) * numbers.itemsize
+    if stop == start:
+        return lambda content: taken(np.ndarray(shape, numbers, order=order))
+    return lambda content: taken(np.ndarray(shape, numbers, content[start:stop], order=order))
 
 
-def _numbers(content: memoryview, name: str, shape: list[int], start: int) -> Any:
-    dtype = np.dtype(name)
-    if dtype.kind not in _NUMBERS or any(n < 0 for n in shape):
+def _numbers(name: str) -> np.dtype[Any]:
+    if (dtype := np.dtype(name)).kind not in _NUMBERS:
         raise ValueError(f"an array of {dtype}")
-    count = math.prod(shape)
-    flat = np.frombuffer(_part(content, start, count * dtype.itemsize), dtype, count) if count else np.empty(0, dtype)
-    return flat if shape else flat.reshape(())
+    return dtype
 
 
-def _instance(name: str, values: list[Any]) -> Any:
-    """A dataclass of femseal with these fields; only modules that are in use are looked at."""
+def _instances(name: str, readers: list[_Reader]) -> _Reader:
+    """What makes a dataclass of femseal with these fields; only modules that are in use are looked at."""
     module, _, title = name.rpartition(".")
     kind = vars(sys.modules[module]).get(title) if module.partition(".")[0] == _PACKAGE else None
     if not (isinstance(kind, type) and is_dataclass(kind) and kind.__module__ == module):
         raise ValueError(f"'{name[:80]}' is no class of data")
-    made = object.__new__(kind)
-    for field, value in zip(fields(kind), values, strict=True):
-        object.__setattr__(made, field.name, value)
+    named = [(field.name, reader) for field, reader in zip(fields(kind), readers, strict=True)]
+
+    def made(content: memoryview) -> Any:
+        value = object.__new__(kind)
+        for field, reader in named:
+            object.__setattr__(value, field, reader(content))
+        return value
+
     return made

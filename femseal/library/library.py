@@ -236,13 +236,21 @@ class LadderLibrary(Shown):
         down = (paths > 0) & (paths < p_peak)
         up = (paths > 0) & ~down
         apart = paths <= 0
+        ways = [
+            (way, values_of, [given[way] for given in arguments])
+            for way, values_of, arguments in (
+                (up, WindowCurves.loaded, [paths]),
+                (down, WindowCurves.unloaded, [paths, p_peak]),
+                (apart, WindowCurves.separated, [gaps]),
+            )
+            if way.any()
+        ]
         table = np.zeros((*paths.shape, self.size))
         for c, cell in enumerate(self.windows):
             curves = WindowCurves(cell, self.ladder, axis, self.rms_height, kind)
             values = table[..., c]
-            values[up] = curves.loaded(paths[up])
-            values[down] = curves.unloaded(paths[down], p_peak[down])
-            values[apart] = curves.separated(gaps[apart])
+            for way, values_of, given in ways:
+                values[way] = values_of(curves, *given)
         return table
 
 

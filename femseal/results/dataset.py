@@ -302,12 +302,12 @@ def open_results(folder: str | os.PathLike[str]) -> Results:
 
     Raises InputError: no such folder, no `results.nc` in it, or not one that femseal wrote.
     """
-    import xarray
-
     path = Path(folder) / FILE_NAME
     if not path.is_file():
         given = f"{folder} (no such folder)" if not Path(folder).is_dir() else f"{folder} (no {FILE_NAME} in it)"
         raise InputError("results folder", given, f"a folder with the {FILE_NAME} of a finished run")
+    import xarray
+
     try:
         _refuse_foreign(path)
         with xarray.open_dataset(path, engine="h5netcdf") as data:

@@ -4,15 +4,16 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from functools import partial
+from typing import Any
 
 import numpy as np
 
 from ..base.arrays import Array, Indices
 from ..base.stage import Stage
 from ..contact import HalfSpace
-from ..library import Ladder, LadderLibrary, LinkTable, WindowSource, build_ladder_library, on_ladder
+from ..library import Ladder, LadderLibrary, LinkTable, WindowSource, WindowStates, build_ladder_library, on_ladder
 from ..seal.pressure_map import AnyMap
-from ..windows import GlobalState, Partition
+from ..windows import GlobalState, Partition, SolveCounts
 from .scene import Scene
 from .seat_rows import SeatMap, SeatRows, distinct_paths, library_peaks, pressure_fractions, seat_rows
 from .window_supply import TablePressures, WindowRequest, WindowSupply
@@ -27,6 +28,8 @@ SEPARATIONS = (-1.0, 0.0, 1.0, 2.0, 3.0, 5.0, 8.0)
 #: Fluid pressures at which the permeability of windows is known that the fluid presses apart. Measured against 129:
 #: leakage within 1.1e-3 with p_in up to .3 of the lowest load, within 9e-3 where they are equal.
 FLUID_PRESSURES = 9
+#: Windows whose curves are made at a time.
+BLOCK = 64
 #: The global contact that gives the pressures of library windows carries waves longer than a window.
 CUT_OFF_WINDOWS = 1.0
 
@@ -58,7 +61,7 @@ def windows_under_global_contact(wanted: WindowRequest) -> WindowSupply:
         flat = (len(pressure), (m1 - axis) * m2)
         links.append(_LinkPaths(pressure.reshape(flat), gaps.reshape(flat), path))
     at = TablePressures(tuple(scene.flow.drop.pressures))
-    return _supply(library, links, scene, wanted.seal_windows.axes, at, np.zeros(len(at.pressures)))
+    return _supply(library, links, wanted, at, np.zeros(len(at.pressures)))
 
 
 def _link_means(state: GlobalState, partition: Partition) -> tuple[Array, Array, Array, Array]:
@@ -93,7 +96,7 @@ def windows_under_uniform_pressure(wanted: WindowRequest) -> WindowSupply:
         effective = [np.maximum(link.pressure - by, 0.0) for link in links for by in ends]
         library = _library(wanted, highest, peaks=library_peaks(effective, scene.steps))
     seat = pressure_map if isinstance(pressure_map, SeatRows) else None
-    return replace(_supply(library, links, scene, seal_windows.axes, at, relief), seat=seat)
+    return replace(_supply(library, links, wanted, at, relief), seat=seat)
 
 
 def _table_pressures(scene: Scene) -> TablePressures:
@@ -124,35 +127,45 @@ class _LinkPaths:
 def _supply(
     library: LadderLibrary,
     links: list[_LinkPaths],
-    scene: Scene,
-    axes: tuple[int, int],
+    wanted: WindowRequest,
     at: TablePressures,
     relief: Array,
 ) -> WindowSupply:
     """Tables of the permeabilities at each fluid pressure, and with bounds of their lower and their upper bounds.
 
-    axes : of the windows, from which the links along both axes take theirs. relief : what each of the fluid pressures
-    takes off the pressure of a window [Pa], with the history that this gives it.
+    relief : what each of the fluid pressures takes off the pressure of a window [Pa], with the history that this gives
+    it. The windows from which the links along both axes take theirs are those of the axes of the seal's windows.
     """
-    own = library.ladder.drop.pressures.size
-
-    def tables_of(axis: int, kind: int) -> list[LinkTable]:
-        link = links[axis]
-        paths = link.pressure - relief[:, None, None]
-        # those that differ in the pressure of a window alone are taken together: its curves are made once
-        k = [
-            library.along(paths[n::own], link.gap, scene.steps, axes[axis], kind * own + n)
-            for n in range(min(own, relief.size))
-        ]
-        pressure = link.pressure[:, :, None]
-        return [
-            LinkTable(k[n % own][n // own], link.path, scene.steps, pressure=pressure, place=library.place)
-            for n in range(relief.size)
-        ]
-
+    steps, own = wanted.scene.steps, library.ladder.drop.pressures.size
     kinds = range(library.ladder.kinds // own)
-    tables = tuple(pair for kind in kinds for pair in zip(tables_of(0, kind), tables_of(1, kind), strict=True))
-    return WindowSupply(library, tables, at=at, unsolved=scene.parted_steps)
+    # those that differ in the pressure of a window alone are taken together: its curves are made once
+    paths = {
+        (kind, axis, n): (link.pressure - relief[n::own, None, None], link.gap, steps, turned, kind * own + n)
+        for kind in kinds
+        for axis, (link, turned) in enumerate(zip(links, wanted.seal_windows.axes, strict=True))
+        for n in range(min(own, relief.size))
+    }
+    k = {key: np.empty((*pressure.shape, library.size)) for key, (pressure, *_) in paths.items()}
+    no_windows = replace(library, windows=(), counts=SolveCounts(), reused=0, failures=(), place=None)
+    stage = Stage("curves of windows", partial(_along, library=no_windows, paths=list(paths.values())))
+    blocks = [library.windows[n : n + BLOCK] for n in range(0, library.size, BLOCK)]
+    for n, found in enumerate(wanted.mapper(stage, blocks)):
+        for every, values in zip(k.values(), found, strict=True):
+            every[..., n * BLOCK : (n + 1) * BLOCK] = values
+
+    def table(kind: int, axis: int, n: int) -> LinkTable:
+        link = links[axis]
+        pressure = link.pressure[:, :, None]
+        return LinkTable(k[kind, axis, n % own][n // own], link.path, steps, pressure=pressure, place=library.place)
+
+    tables = tuple((table(kind, 0, n), table(kind, 1, n)) for kind in kinds for n in range(relief.size))
+    return WindowSupply(library, tables, at=at, unsolved=wanted.scene.parted_steps)
+
+
+def _along(windows: tuple[WindowStates, ...], *, library: LadderLibrary, paths: list[Any]) -> list[Array]:
+    """Permeabilities of some windows of a library along several paths, see `LadderLibrary.along`."""
+    some = replace(library, windows=windows)
+    return [some.along(*each) for each in paths]
 
 
 def _library(

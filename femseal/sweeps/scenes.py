@@ -179,15 +179,18 @@ class Process:
         start = np.concatenate([np.r_[m[0], np.full(dimensions, m[1])] for m in _MEDIANS])
         widths = np.concatenate([np.r_[w[0], np.full(dimensions, w[1])] for w in _WIDTHS])
 
-        def unlikely(parameters: Array) -> float:
-            root, weights = self._solved(parameters)
+        def unlikely(parameters: Array) -> tuple[float, Array]:
+            root, whitening, weights = self._solved(parameters)
             fit = 0.5 * self._scaled @ weights + np.log(np.diag(root)).sum()
-            return float(fit + 0.5 * (((parameters - start) / widths) ** 2).sum())
+            slopes = _slopes(parameters, points, jumps) * (whitening.T @ whitening - np.outer(weights, weights))
+            off = (parameters - start) / widths
+            return float(fit + 0.5 * off @ off), 0.5 * slopes.sum((1, 2)) + off / widths
 
         bounds = list(zip(start - 4 * widths, start + 4 * widths, strict=True))
-        self._parameters = minimize(unlikely, start, method="L-BFGS-B", bounds=bounds).x
-        root, self._weights = self._solved(self._parameters)
-        self._whitening = solve_triangular(root, np.eye(len(points)), lower=True)
+        # to the digits that the values have: what follows from them must not depend on where a search stops
+        options = {"ftol": 1e-14, "gtol": 1e-7}
+        self._parameters = minimize(unlikely, start, jac=True, method="L-BFGS-B", bounds=bounds, options=options).x
+        _, self._whitening, self._weights = self._solved(self._parameters)
 
     def at(self, points: Array) -> tuple[Array, Array]:
         """Mean and standard deviation (m,) at points (m, dimensions)."""
@@ -203,24 +206,37 @@ class Process:
         """Error at each point of the process through the others, in its standard deviations (n,)."""
         return self._weights / np.sqrt((self._whitening**2).sum(0))
 
-    def _solved(self, parameters: Array) -> tuple[Array, Array]:
-        """Cholesky factor of the covariance of the values, and its inverse times the values."""
+    def _solved(self, parameters: Array) -> tuple[Array, Array, Array]:
+        """Cholesky factor of the covariance of the values, its inverse, and that of the covariance times the values."""
         covariance = _covariance(parameters, self._points, self._points, self._jumps)
         root = np.linalg.cholesky(covariance + _ROUNDING * (1 + _TREND) * np.eye(len(self._points)))
+        whitening = solve_triangular(root, np.eye(len(root)), lower=True)
         weights = solve_triangular(root, solve_triangular(root, self._scaled, lower=True), lower=True, trans="T")
-        return np.asarray(root), np.asarray(weights)
+        return np.asarray(root), np.asarray(whitening), np.asarray(weights)
 
 
 def _covariance(parameters: Array, a: Array, b: Array, jumps: tuple[int, ...]) -> Array:
     """Covariance between points a (m, d) and b (n, d): trend, smooth process, and one that jumps along some axes."""
-    smooth, rough = np.exp(parameters).reshape(2, -1)
-    gap = a[:, None] - b[None]
-    bell = smooth[0] ** 2 * np.exp(-0.5 * ((gap / smooth[1:]) ** 2).sum(-1))
-    exponent = 0.5 * (gap / rough[1:]) ** 2
-    for axis in jumps:
-        exponent[..., axis] = np.abs(gap[..., axis]) / rough[1 + axis]
     trend = _TREND * (1 + (a - 0.5) @ (b - 0.5).T)
-    return np.asarray(trend + bell + rough[0] ** 2 * np.exp(-exponent.sum(-1)))
+    return np.asarray(trend + _processes(parameters, a, b, jumps)[0].sum(0))
+
+
+def _processes(parameters: Array, a: Array, b: Array, jumps: tuple[int, ...]) -> tuple[Array, Array]:
+    """Covariances of the smooth process and the other (2, m, n), and their exponents along each axis (2, m, n, d)."""
+    sizes, lengths = np.exp(parameters).reshape(2, -1, 1, 1)[:, 0], np.exp(parameters).reshape(2, 1, 1, -1)[..., 1:]
+    gap = np.abs(a[:, None] - b[None]) / lengths
+    exponents = 0.5 * gap**2
+    exponents[1][..., list(jumps)] = gap[1][..., list(jumps)]
+    return sizes**2 * np.exp(-exponents.sum(-1)), exponents
+
+
+def _slopes(parameters: Array, points: Array, jumps: tuple[int, ...]) -> Array:
+    """Derivatives of the covariance between points by the parameters (parameters, n, n)."""
+    covariances, exponents = _processes(parameters, points, points, jumps)
+    orders = np.full((2, points.shape[1]), 2.0)
+    orders[1, list(jumps)] = 1.0
+    by_length = np.moveaxis(exponents, -1, 1) * orders[..., None, None] * covariances[:, None]
+    return np.concatenate([2 * covariances[:, None], by_length], axis=1).reshape(-1, len(points), len(points))
 
 
 @dataclass(frozen=True, eq=False)

@@ -136,7 +136,7 @@ def main() -> None:
     counts = [summary(found[:10])] + ([summary(found)] if len(found) > 10 else [])
     report = "\n".join(
         [
-            machine({"emcee": "emcee"}),
+            machine({"scipy": "scipy"}),
             "",
             "In brackets: 90 % regions.",
             "",
