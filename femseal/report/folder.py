@@ -38,7 +38,9 @@ def load_writers(*, pictures: bool = True, report: bool = True, paraview: str = 
     """Load the libraries that `write_folder` needs with the same options; they take longer than the writing."""
     with suppress(ImportError):  # said where they are used
         import h5netcdf  # noqa: F401
-        import xarray.backends  # noqa: F401
+
+        # as a whole: a module of it would enter its circle of imports beside a thread that imports it
+        import xarray  # noqa: F401
         import xlsxwriter  # noqa: F401
 
         if pictures or report:
