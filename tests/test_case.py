@@ -570,13 +570,14 @@ def test_a_face_is_masked_and_cropped_as_the_case_says(tmp_path, data):
         ("crop", ["0 um", "10 um"]),
         ("crop", ["-1 um", "10 um", "0 um", "9 um"]),
         ("crop", "10 um"),
+        ("crop: given .* expected four lengths in one list", [["0 um", "10 um"], ["0 um", "9 um"]]),
         ("channel", -1),
         ("channel", ""),
         ("channel", True),
         ("file_mask", "maybe"),
     ):
         with pytest.raises(fs.InputError, match=rf"face\.{key}"):
-            parse_case(data | {"face": data["face"] | {key: value}}, tmp_path)
+            parse_case(data | {"face": data["face"] | {key.partition(":")[0]: value}}, tmp_path)
     assert parse_case(data | {"face": data["face"] | {"channel": "Height"}}, tmp_path).face[0].channel == "Height"
 
 

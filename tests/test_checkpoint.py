@@ -470,7 +470,7 @@ def test_an_unfinished_run_is_not_lost_to_one_without_resume(case, tmp_path):
     with pytest.raises(KeyboardInterrupt):
         fs.run(case, out, workers=1, progress=stop_at("two-scale: contact of windows", 1))
     before = {p: p.stat().st_mtime_ns for p in out.rglob("*")}
-    with pytest.raises(fs.InputError, match=r"files of an unfinished run, expected --resume"):
+    with pytest.raises(fs.InputError, match=r"which holds an unfinished run, expected --resume"):
         fs.run(case, out, workers=1)
     assert {p: p.stat().st_mtime_ns for p in out.rglob("*")} == before
     shutil.rmtree(out / ".checkpoint")

@@ -15,7 +15,7 @@ from femseal.fluids import leak_basis
 from femseal.plots.leakage_curves import limit_lines
 from femseal.report.page import report_html
 from femseal.results import assemble
-from femseal.results.tables import csv_text
+from femseal.results.tables import csv_text, leakage_table
 from femseal.studies.other_fluid import FluidState, OtherLeakage, drop_ratio, limit_factors
 
 HELIUM = fs.IdealGas(viscosity=19.6e-6, molar_mass=4.0026e-3, temperature=293.15, slip=False)
@@ -203,6 +203,13 @@ HELIUM_TABLE = {
     "inlet_pressure": "40 bar",
     "slip": False,
 }
+
+
+def test_a_unit_of_gases_is_that_of_the_test_fluid():
+    results = fs.run(parse_case(case(test_fluid=HELIUM_TABLE, leakage_unit="mbar·L/s")), workers=1)
+    assert results.leak_unit.per_length
+    assert leakage_table(results).heads[-1] == "test fluid [mbar·L/s]"
+    assert fs.compare({"a": results, "b": results}).unit == results.leak_unit
 
 
 def test_a_case_asks_for_classes_and_a_test_fluid():

@@ -77,6 +77,8 @@ def test_npz(tmp_path):
         read_topography(path)
     with pytest.raises(InputError, match="given array='c', expected one of its arrays: a, b"):
         read_topography(path, array="c")
+    np.savez(path, a=Z, spacing=PIXEL, step=3, name="loading")
+    same(read_topography(path), Z)
     np.savez(path, a=Z, spacing=1e-6)
     with pytest.raises(InputError, match=r"a spacing of shape \(\)"):
         read_topography(path)

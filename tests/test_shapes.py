@@ -16,6 +16,7 @@ from femseal.seal.element_windows import ElementSeal, ElementWindows, combined, 
 from femseal.seal.laid_windows import LinkWindows, Windows
 from femseal.seal.lay import Lay
 from femseal.seal.layouts import AnnularLayout, MeshLayout, RectangularLayout
+from femseal.seal.mesh_seal import parts_without_flow
 
 MESHES = Path(__file__).parents[1] / "meshes"
 WINDOWS = Windows((1e-4, 1e-4), 10)
@@ -382,3 +383,16 @@ def test_elements_near_the_size_of_a_window_are_warned_of():
     assert "elements with sides of 0.5" in told
     (told,) = AnnularLayout(1e-3, 3e-3).lay_out(WINDOWS).warnings
     assert "50% as wide as windows" in told
+
+
+def test_parts_of_a_mesh_that_nothing_flows_through_are_warned_of():
+    strip = MeshQuad.init_tensor(np.linspace(0, 2e-3, 3), np.linspace(0, 1e-3, 2))
+    mesh = (strip + strip.translated((3e-3, 0.0)) + strip.scaled(0.5).translated((6e-3, 0.0))).with_boundaries(
+        {"in": lambda x: x[0] == 0, "out": lambda x: np.isin(x[0], (2e-3, 5e-3))}
+    )
+    seal = MeshSeal(mesh, "in", "out")
+    assert [*parts_without_flow(mesh, *seal.ends)] == [
+        "a part of the mesh around (4 mm, 500 µm), 2 of 4.5 mm², touches no inlet: nothing flows there",
+        "a part of the mesh around (6.5 mm, 250 µm), 0.5 of 4.5 mm², touches neither inlet nor outlet: "
+        "nothing flows there",
+    ]

@@ -59,7 +59,7 @@ def test_a_value_far_from_that_of_the_name_is_warned_of(tmp_path, femseal):
     )
     one, two = odd.solid_warnings
     assert one == (
-        "material.hardness 9 GPa is 3.1 times that of Inconel 718, aged, 2.895 GPa: leave out the key, or the name"
+        "material.hardness 9 GPa is 3.1 times that of Inconel 718, aged, 2.895 GPa: right if it was measured, else leave out the key"
     )
     assert two.startswith("counter_material.young 2400 GPa is 12 times that of steel")
     assert "solid_warnings" not in odd.echo()

@@ -19,7 +19,7 @@ from . import displays
 from .quantities import to_text
 
 #: Width of the column under the names of groups in the terminal.
-_GROUP = 12
+_GROUP = 13
 
 
 @dataclass(frozen=True)

@@ -34,6 +34,7 @@ BRANCHES = ("loading", "unloading")
 #: What a sealed row says, and how one below the detection limit begins.
 SEALED, BELOW = "sealed", "<"
 _HEAD = re.compile(r"\s*([^\[(]+?)\s*(?:[\[(]\s*(.*\S)\s*[\])])?\s*")
+_COMMA = re.compile(r"\d+,\d+")
 _NAMES = {"pressure": "load", "load": "load", "force": "load", "branch": "branch", "unloaded from": "peak",
           "leakage": "leakage"}  # fmt: skip
 #: No file of a leak test is larger [byte].
@@ -110,7 +111,7 @@ def read_leak_test(path: Path, case: Case) -> LeakTest:
     if below.all():
         raise InputError("data", "no row that leaks", "leakages at three loads or more, besides rows that are sealed")
     if len({step for step, low in zip(steps, below, strict=True) if not low}) < 3:
-        raise InputError("data", f"{int((~below).sum())} rows that leak", "leakages at three loads or more")
+        raise InputError("data", "too few that were measured", "leakages at three loads or more")
     values[np.isnan(values)] = values[~below].min()
     return LeakTest(tuple(steps), values, below, unit)
 
@@ -131,7 +132,8 @@ def _columns(heads: list[str], case: Case) -> tuple[dict[str, tuple[int, float]]
             raise InputError("data: columns", f"{shown(head)} without a unit", COLUMNS)
         if name == "leakage":
             basis = leak_basis((case.output.test_fluid or case.fluid).fluid, 1.0)
-            basis.factor(leakage_in := leak_unit(unit))
+            if lack := basis.lacks(leakage_in := leak_unit(unit)):
+                raise InputError("data: columns", shown(head), lack)
         elif name != "branch":
             factor = to_si(f"1 {unit}", case.load.unit, f"data: column {match[1]}")
         found[name] = n, factor
@@ -146,7 +148,8 @@ def _number(text: str, what: str, expected: str) -> float:
     except ValueError:
         value = np.nan
     if not (np.isfinite(value) and value >= 0):
-        raise InputError(what, shown(text), expected)
+        meant = f"; perhaps meant: {text.replace(',', '.')}" if _COMMA.fullmatch(text) else ""
+        raise InputError(what, shown(text), expected + meant)
     return value
 
 

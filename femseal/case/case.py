@@ -127,14 +127,12 @@ class Case(Table):
     def _check_output(self) -> None:
         """Raise a fault if the unit or a class of leakage does not go with the fluid that it is of."""
         output = self.output
-        basis = leak_basis(self.fluid.fluid, 1.0)
-        if output.unit is not None and (lack := basis.lacks(output.unit)):
+        basis, test = (leak_basis(fluid.fluid, 1.0) for fluid in (self.fluid, output.test_fluid or self.fluid))
+        if output.unit is not None and (lack := basis.lacks(output.unit)) and test.lacks(output.unit):
             kind = "gas" if basis.is_gas else "liquid"
             raise fault("output.leakage_unit", f"{output.unit.name} for a {kind}", lack)
         with faults_of("output"):
-            check_classes(
-                output.classes, output.nominal_diameter, leak_basis((output.test_fluid or self.fluid).fluid, 1.0)
-            )
+            check_classes(output.classes, output.nominal_diameter, test)
 
     def _check_seal(self) -> None:
         """Raise a fault if the shape of the seal does not go with the method, the lengths or the files."""

@@ -14,7 +14,7 @@ from pydantic import BeforeValidator, Field, WithJsonSchema
 
 from ..base.errors import shortened
 from ..topography import SPIKES, Topography, read_topography, self_affine, turned
-from .faults import fault
+from .faults import fault, refusal
 from .values import Angle, Both, Channel, Count, Height, Hurst, Length, Place, Ratio, Shift, Slope, Table, Threshold
 
 
@@ -60,6 +60,14 @@ class TurnedFace(Table):
         return turned(self.points, self.size, rng=rng, **given)
 
 
+def _part(value: Any) -> Any:
+    if value is None or (
+        isinstance(value, (list, tuple)) and len(value) == 4 and not any(isinstance(x, (list, tuple)) for x in value)
+    ):
+        return value
+    raise refusal("four lengths in one list, x1 from and to, x2 from and to: ['0.1 mm', '0.9 mm', '0 mm', '0.5 mm']")
+
+
 class MapFile(Table):
     """A file with a map of heights, see `topography.read_topography`; paths are relative to the case file."""
 
@@ -73,7 +81,7 @@ class MapFile(Table):
     transpose: bool = False
     mask: Path | None = None
     file_mask: bool = True
-    crop: tuple[Place, Place, Place, Place] | None = None
+    crop: Annotated[tuple[Place, Place, Place, Place] | None, BeforeValidator(_part)] = None
     periodic: Annotated[tuple[bool, bool], Both()] = (False, False)
 
 

@@ -27,6 +27,7 @@ if TYPE_CHECKING:
 
 #: Ratio of a given property to that of the named fluid from which on a warning says so.
 _ODD_RATIO = 2.0
+_LEAVE_OUT = "leave out the key, or the name"
 
 
 class FluidTable(Table):
@@ -192,7 +193,9 @@ def overriding(given: dict[str, Any], known: dict[str, float], units: dict[str, 
         if value > 0 and not 1 / _ODD_RATIO <= (ratio := value / known[key]) <= _ODD_RATIO:
             unit = units[key].replace("*", "·")
             times = f"{ratio:.2g} times" if ratio > 1 else f"{1 / ratio:.2g} times less than"
+            # machining hardens a soft metal
+            advice = "right if it was measured, else leave out the key" if key == "hardness" else _LEAVE_OUT
             yield (
                 f"{place}.{key} {to_text(value, unit)} is {times} that of {given['name']}, "
-                f"{to_text(known[key], unit)}: leave out the key, or the name"
+                f"{to_text(known[key], unit)}: {advice}"
             )

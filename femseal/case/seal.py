@@ -16,7 +16,7 @@ from ..base.errors import InputError, shortened
 from ..base.leak_rates import STANDARD_PRESSURE
 from ..base.quantities import to_si
 from ..seal.lay import ALLOWED, NAMES, Lay
-from ..seal.layouts import LAYOUTS, Layout, MeshLayout
+from ..seal.layouts import LAYOUTS, Layout, MeshLayout, RectangularLayout
 from ..topography.seat import SEATS, Seat
 from .faults import fault, faults_of, refusal
 from .values import Length, LengthUnit, Pressure, Quantity, Shift, Table, quantity_schema, table_of_any
@@ -114,10 +114,14 @@ def _keys(layout: Any) -> dict[str, Any]:
     }
 
 
+def _strip_by_default(value: Any) -> Any:
+    return {"kind": RectangularLayout.kind, **value} if isinstance(value, dict) else value
+
+
 if TYPE_CHECKING:
     AnySeal = SealTable
 else:
-    AnySeal = table_of_any(LAYOUTS, SealTable, _keys)
+    AnySeal = Annotated[table_of_any(LAYOUTS, SealTable, _keys), BeforeValidator(_strip_by_default)]
 
 
 class SeatTable(Table):

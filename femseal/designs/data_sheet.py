@@ -17,7 +17,18 @@ from ..base.leak_rates import LEAK_UNITS, LeakUnit, leak_classes
 from ..base.quantities import to_text
 from ..base.text import TextTable, comma_separated
 from ..loads import relaxed
-from ..plots.drawing import GREY, LEGEND_LINE, LINES, STYLES, Sheet, branch_styles, decades, legend_below, png
+from ..plots.drawing import (
+    GREY,
+    LEGEND_LINE,
+    LINES,
+    STYLES,
+    Sheet,
+    branch_styles,
+    decades,
+    legend_below,
+    load_axis,
+    png,
+)
 from ..plots.leakage_curves import LeakageCurves, leakage_panel, limit_lines
 from ..report import write_report
 from ..report.case_text import fluid_text
@@ -56,6 +67,7 @@ def design_figure(answer: DesignData) -> Figure:
     margins = replace(LINES, left=1.0, right=1.1, top=0.2, bottom=0.7 + LEGEND_LINE * lines)
     axes = sheet.panel(0, 0, margins)
     handles = leakage_panel(axes, curves)
+    load_axis(axes, curves.pressure / 1e6, logarithmic=True)  # on which lines are what marks were read off
     _limits(axes, answer, scale)
     legend_below(sheet.figure, handles + _marks(axes, answer, scale))
     return sheet.figure

@@ -78,10 +78,9 @@ def resumable(output: Path, identity: dict[str, Any]) -> bool:
 
 def refuse_unfinished(output: Path) -> None:
     """Raise InputError if the output folder has an unfinished run, whose results a new run would remove."""
-    kept = len(list(_folder(output).glob(f"*{SUFFIX}")))
-    if kept:
-        given = f"'{output}', which holds {kept} files of an unfinished run"
-        expected = f"--resume to go on; another folder, or none of '{output / FOLDER}', to start anew"
+    if any(_folder(output).glob(f"*{SUFFIX}")):
+        given = f"'{output}', which holds an unfinished run"
+        expected = f"--resume to go on, or another folder; to start anew, remove '{output / FOLDER}'"
         raise InputError("output", given, expected)
 
 
@@ -149,7 +148,7 @@ class Checkpoint:
         except OSError as error:
             raise self._failure(error) from error
         if resume:
-            log.info("resumed: %d shards in %s", len(list(self._folder.glob(f"*{SUFFIX}"))), self._folder)
+            log.info("resumed from %s", self._folder)
 
     def __enter__(self) -> Checkpoint:
         return self

@@ -36,15 +36,17 @@ _SUPERSCRIPTS = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 _PLAIN = range(-2, 4)
 
 
-def load_axis(axes: Axes, loads: Array) -> None:
+def load_axis(axes: Axes, loads: Array, *, logarithmic: bool = False) -> None:
     """Scale of the x axis over loads: linear or logarithmic, whichever keeps the closest two further apart.
 
     A load of 0 stands left of the others on the logarithmic scale.
+    logarithmic : takes this one for any two loads or more.
     """
     loads = np.unique(loads[np.isfinite(loads) & (loads >= 0)])
     if not loads.size or not loads[-1] > 0:
         return
-    if not _spread(places := _log_places(loads)) > _spread(np.unique(np.r_[0.0, loads])):
+    apart = _spread(places := _log_places(loads)) > _spread(np.unique(np.r_[0.0, loads]))
+    if loads.size == 1 or not (logarithmic or apart):
         axes.set_xlim(0, loads[-1] * 1.03)
         return
     positive = loads[loads > 0]

@@ -205,7 +205,11 @@ def _under_map(
         check_sampling(sampling)
     paths = most_paths(sampling.pressure_map)
     for laid in seals:
-        check_memory_of_draws(len(scene.steps), laid.draws[0], sampling.realisations, sampling.library_cells, paths)
+        across = " by ".join(to_text(side, "m", 3) for side in laid.seal.size)
+        shape = "" if case.layout.has_length else f"a seal {across}"
+        check_memory_of_draws(
+            len(scene.steps), laid.draws[0], sampling.realisations, sampling.library_cells, paths, shape
+        )
     with with_tables(MAP_TABLES):
         return sampling, (*seals[0].warnings, *check_map(scene, seals[0], sampling.pressure_map))
 

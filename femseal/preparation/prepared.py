@@ -36,21 +36,24 @@ def check_memory_of_points(key: str, shape: tuple[int, int]) -> None:
 
 
 def check_memory_of_draws(
-    steps: int, seal: tuple[int, int], realisations: int, library_cells: int, paths: int = 1
+    steps: int, seal: tuple[int, int], realisations: int, library_cells: int, paths: int = 1, shape: str = ""
 ) -> None:
     """Raise InputError if drawn seals, their leakages, or the curves of a library do not fit into the free memory.
 
-    paths : of pressure, for each of which every library window has its own curve.
+    shape : of a seal with a length of its own, as text. paths : of pressure, for each of which every library window has
+    its own curve.
     """
-    check_memory("stochastic.length", f"a seal of {seal[0]} × {seal[1]:.4g} windows", prod(seal) * _LINK_BYTES)
+    windows = f"of {seal[0]} × {seal[1]:.4g} windows"
+    key, given = ("seal", f"{shape}, {windows}") if shape else ("stochastic.length", f"a seal {windows}")
+    check_memory(key, given, prod(seal) * _LINK_BYTES, "; is its unit of length right?" if shape else "")
     check_memory("stochastic.realisations", realisations, 16 * steps * realisations)
     check_memory("stochastic.library_cells", library_cells, 48 * steps * library_cells * paths)
 
 
-def check_memory(key: str, given: object, needed: int) -> None:
-    """Raise InputError, which names a key and its value, if so many bytes are not free."""
+def check_memory(key: str, given: object, needed: int, hint: str = "") -> None:
+    """Raise InputError, which names a key and its value and ends with a hint, if so many bytes are not free."""
     if needed > (free := free_memory()):
-        expected = f"what fits into the {free / 1e9:.3g} GB of free memory; it takes about {needed / 1e9:.3g} GB"
+        expected = f"what fits into the {free / 1e9:.3g} GB of free memory; it takes about {needed / 1e9:.3g} GB{hint}"
         raise InputError(key, given, expected)
 
 

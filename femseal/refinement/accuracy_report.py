@@ -278,6 +278,8 @@ class AccuracyReport:
                 against = "(reference)" if itself else comparison.against.short
                 factors = (_factor_text(f) for f in (comparison.loading, comparison.unloading))
                 lines.append((solution.variant.method, *own, against, *factors, *last))
+        compared = (c for s in self.solutions for c in s.comparisons)
+        shut = any(c.loading.closed or c.unloading.closed for c in compared)
         return TextTable(
             "factors of leakage, exp(rms ln ratio); stochastic: of the median",
             (*heads, "closes at"),
@@ -286,7 +288,7 @@ class AccuracyReport:
             wrap=6,
             notes=(
                 self.plan.against,
-                "+1: and one load at which only one of the two is closed",
+                *(["+1: and one load at which only one of the two is closed"] if shut else []),
                 "budget: widest 95 % band of error at a load that leaks, as a factor",
                 f"→ {self.advice}",
             ),

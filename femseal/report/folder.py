@@ -39,7 +39,9 @@ def load_writers(*, pictures: bool = True, report: bool = True, fields: bool = T
     """Load the libraries that `write_folder` needs with the same options; they take longer than the writing."""
     with suppress(ImportError):  # said where they are used
         import h5netcdf  # noqa: F401
-        import xarray.backends
+
+        # as a whole: a module of it would enter its circle of imports beside a thread that imports it
+        import xarray  # noqa: F401
         import xlsxwriter  # noqa: F401
 
         xarray.Dataset(coords={"step": [0]})  # the first one loads Dask and pint where they are installed

@@ -66,8 +66,8 @@ def assemble(
     timings : stage to wall time [s].
     quantiles : lower and upper end of the band of realisations.
     warnings : what casts doubt on the case itself; those of the studies come after them.
-    leakage_unit : of leakage in tables, pictures and report, see `base.leak_rates`; a readable one per length of seal
-    unless given.
+    leakage_unit : of leakage in tables, pictures and report, see `base.leak_rates`, of the fluid, the test fluid or
+        both; a readable one per length of seal unless given.
     leakage_filtered : the leakage at every step of the same face without waves up to twice the shortest one.
     budgets : error budgets of the studies, by their names here.
     test : the leakage of a test fluid through the same seals.
@@ -153,7 +153,8 @@ def assemble(
     basis = leak_basis(scene.fluid, float(seal_size[1]), throughput_temperature)
     if leakage_unit is not None:
         unit = leak_unit(leakage_unit)
-        basis.factor(unit)  # raises if the unit is not for the fluid
+        if test is None or not leak_basis(test.state.fluid, 1.0).has(unit):
+            basis.factor(unit)  # raises if the unit is not for the fluid
         leakage_unit = unit.name
     data.attrs = {
         "title": "Leakage of a metal-to-metal seal over a load cycle",

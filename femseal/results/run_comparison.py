@@ -238,9 +238,11 @@ def compared(
 
 def _unit(runs: Sequence[Results]) -> LeakUnit:
     """The unit of the cases if they agree, else a readable one per length of seal for all of them."""
-    asked = {results.dataset.attrs.get("leakage_unit", "") for results in runs}
-    name = asked.pop() if len(asked) == 1 else ""
-    return LEAK_UNITS.get(name) or LEAK_UNITS[leakage_unit(np.concatenate([r.leakage.values for r in runs]))[1]]
+    asked = {results.asked_unit for results in runs}
+    unit = asked.pop() if len(asked) == 1 else None
+    if unit is not None and all(results.leak_basis.has(unit) for results in runs):
+        return unit
+    return LEAK_UNITS[leakage_unit(np.concatenate([r.leakage.values for r in runs]))[1]]
 
 
 def _names(runs: Sequence[Results]) -> tuple[str, ...]:

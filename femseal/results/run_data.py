@@ -230,10 +230,14 @@ class RunData:
     @property
     def leak_unit(self) -> LeakUnit:
         """The unit of leakage in tables and pictures: that of the case, else a readable one per length of seal."""
-        return (
-            LEAK_UNITS.get(self.dataset.attrs.get("leakage_unit", ""))
-            or LEAK_UNITS[leakage_unit(self.leakage.values)[1]]
-        )
+        if (asked := self.asked_unit) is not None and self.leak_basis.has(asked):
+            return asked
+        return LEAK_UNITS[leakage_unit(self.leakage.values)[1]]
+
+    @property
+    def asked_unit(self) -> LeakUnit | None:
+        """The unit of leakage that the case gives, for its fluid, for its test fluid, or for both."""
+        return LEAK_UNITS.get(self.dataset.attrs.get("leakage_unit", ""))
 
     @property
     def leak_scale(self) -> tuple[LeakUnit, float]:

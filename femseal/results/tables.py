@@ -133,10 +133,12 @@ def _loads(data: xarray.Dataset) -> list[tuple[str, list[str]]]:
 
 
 def class_unit(run: RunData) -> LeakUnit:
-    """The unit of the leakage that decides on classes: that of the leakage where it is for both fluids."""
-    own, basis = run.leak_unit, run.class_basis
-    if "test_leakage" not in run.dataset or (basis.has(own) and run.dataset.attrs.get("leakage_unit")):
-        return own
+    """The unit of the leakage that decides on classes: that of the case where it is for the test fluid."""
+    basis = run.class_basis
+    if "test_leakage" not in run.dataset:
+        return run.leak_unit
+    if (asked := run.asked_unit) is not None and basis.has(asked):
+        return asked
     return LEAK_UNITS["mbar·L/(m·s)" if basis.is_gas else "mL/(m·min)"]
 
 

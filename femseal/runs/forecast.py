@@ -177,7 +177,7 @@ def _left_open(case: Case, prepared: Prepared) -> str:
         if case.layout.has_length and not drawn.lengths:
             found.append("seals as long as the face")
         if "realisations" not in drawn.model_fields_set:
-            found.append(f"{drawn.realisations} of them")
+            found.append(f"{drawn.realisations} seals")
     return ", ".join(found)
 
 

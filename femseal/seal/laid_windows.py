@@ -18,7 +18,7 @@ from ..base.quantities import to_si, to_text
 from ..flow.spiral import Spiral
 from .element_windows import ElementSeal, ElementWindows, straightened
 from .lay import Lay, check_size
-from .mesh_seal import MeshSeal
+from .mesh_seal import MeshSeal, parts_without_flow
 from .shapes import AnnularSeal, RectangularSeal
 
 
@@ -253,7 +253,8 @@ def laid_on_mesh(
     boundaries = replace(given, facets=ends[2:]) if given else None
     size = seal.area / along, along
     laid = ElementSeal(mesh, ends[0], ends[1], size, mesh.p.T[mesh.t.T], boundaries)
-    return _elements(laid, windows, lay, centre, to_si(f"1 {unit}", "m", "unit"))
+    found = _elements(laid, windows, lay, centre, to_si(f"1 {unit}", "m", "unit"))
+    return replace(found, warnings=(*found.warnings, *parts_without_flow(mesh, ends[0], ends[1])))
 
 
 @lru_cache(maxsize=2)

@@ -15,13 +15,15 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.sparse import coo_array
+from scipy.sparse.csgraph import connected_components
 from skfem import Basis, FacetBasis, Functional, Mesh, MeshQuad1, MeshQuad2, MeshTri1, MeshTri2
 from skfem.quadrature import get_quadrature
 
 from ..base import validate
 from ..base.arrays import Array, Indices
 from ..base.errors import InputError
-from ..base.quantities import to_si
+from ..base.quantities import to_si, to_text
 from ..flow.dirichlet_flow import DirichletFlow, dirichlet_flow
 from ..flow.mesh import darcy_conductance, is_connected
 from ..flow.solution import DarcyFlow
@@ -238,6 +240,27 @@ class MeshSeal:
     ) -> DirichletFlow:
         """Flow between boundaries at potentials, permeability as in `flow`."""
         return dirichlet_flow(self.mesh, permeability, boundaries.facets, levels, solver=solver)
+
+
+def parts_without_flow(mesh: Mesh, inlet: Indices, outlet: Indices) -> Iterator[str]:
+    """A sentence for each part of a mesh of straight sides [m] that does not join boundary facets of both ends."""
+    corners = mesh.t
+    links = coo_array(
+        (np.ones(corners[1:].size), (np.tile(corners[0], len(corners) - 1), corners[1:].ravel())),
+        shape=(mesh.nvertices, mesh.nvertices),
+    )
+    part = connected_components(links, directed=False)[1]
+    at_inlet, at_outlet = (np.unique(part[mesh.facets[:, facets]]) for facets in (inlet, outlet))
+    of_element, (x, y) = part[corners[0]], mesh.p[:, corners]
+    area = np.abs((x * np.roll(y, -1, axis=0) - np.roll(x, -1, axis=0) * y).sum(axis=0)) / 2
+    for n in np.setdiff1d(of_element, np.intersect1d(at_inlet, at_outlet)):
+        inside = of_element == n
+        where = ", ".join(to_text(float(c[:, inside].mean()), "m", 3) for c in (x, y))
+        lacks = "no outlet" if n in at_inlet else "no inlet" if n in at_outlet else "neither inlet nor outlet"
+        yield (
+            f"a part of the mesh around ({where}), {area[inside].sum() * 1e6:.3g} of {area.sum() * 1e6:.3g} mm², "
+            f"touches {lacks}: nothing flows there"
+        )
 
 
 @Functional

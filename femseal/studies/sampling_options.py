@@ -110,6 +110,8 @@ def _laid_out(layout: Layout, partition: Partition, sampling: Sampling) -> SealW
     """Windows laid out over the seal of one length, checked against the options of the sampling."""
     windows = Windows(partition.window_size, partition.cells[0], sampling.length, sampling.breadth)
     seal_windows = layout.lay_out(windows)
+    if seal_windows.together and sampling.pressure != "uniform":
+        raise InputError("pressure", f"'{sampling.pressure}' with {layout}", "'uniform'")
     if seal_windows.together and sampling.sampler_of_links != "history":
         raise InputError("sampler", sampling.sampler_of_links, f"history with {layout}, whose elements take windows")
     if seal_windows.together and sampling.bounds:

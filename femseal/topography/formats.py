@@ -101,7 +101,7 @@ def _of_numpy(error: Exception) -> object:
 
 
 def read_npz(path: Path, options: Options) -> Raw:
-    """A .npz archive: the heights under `array`, or its only array; `spacing` [m] and `mask` if they are there.
+    """A .npz archive: the heights under `array`, or its only map; `spacing` [m] and `mask` if they are there.
 
     Points where `mask` is not 0 are masked.
     """
@@ -113,6 +113,8 @@ def read_npz(path: Path, options: Options) -> Raw:
     spacing = stored.pop("spacing", None)
     mask = stored.pop("mask", None) if options.array != "mask" else None
     names = ", ".join(sorted(stored)) or "none"
+    if options.array is None and len(stored) > 1:  # the only map among numbers and lists
+        stored = {name: array for name, array in stored.items() if array.ndim == 2}
     if options.array is None and len(stored) != 1:
         raise bad_file(path, f"the arrays {names}", "one array, or array= the name of one of them")
     name = next(iter(stored)) if options.array is None else options.array
