@@ -56,12 +56,12 @@ def test_uniform_rectangle_is_exact(cells):
 def test_a_rate_that_alone_is_wanted(cells):
     """Each linear solution begins at the one before, and errs by no more than the whole may."""
     seal, (k1, k2) = RectangularSeal((1e-3, 1e-3 * cells[1] / cells[0]), cells), random_links(cells, 1.0)
-    rising = np.array([0.5, 1.0, 3.0])[:, None, None]
+    rising = np.array([0.8, 1.0, 1.5])[:, None, None]
     for k in (PermeabilityTable((1e5, 1e6, 1e7), (rising * k1, rising * k2), True), (k1, k2)):
         exact = seal_leakage(seal, k, WATER, inlet_pressure=1e7, rtol=1e-9)
         loose = seal_leakage(seal, k, WATER, inlet_pressure=1e7, rtol=1e-3, rate_only=True)
         assert_allclose(loose.volume_rate, exact.volume_rate, rtol=1e-3)
-        assert loose.residual > 1e3 * exact.residual
+        assert (loose.solver == "incomplete Cholesky") == (cells == (8, 300))
 
 
 def test_means_between_pressures_are_exact_for_a_liquid():
