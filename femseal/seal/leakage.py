@@ -25,8 +25,8 @@ from ..fluids import Fluid, potential_of
 from .mesh_seal import PressureBoundaries
 from .shapes import Seal, StructuredSeal, element_tensors
 
-#: Error allowed to the potential of linear solutions where the rate alone is wanted, in the norm of the energy, over that
-#: of the rate, which errs by the square of it, and through the permeabilities by about a tenth of it.
+#: Error allowed to the potential of linear solutions where the rate alone is wanted, in the norm of the energy, over
+#: that of the rate: it errs by the square of it, and through the permeabilities by about a tenth of it.
 _FIRST_ORDER = 10.0
 
 
