@@ -301,17 +301,6 @@ def test_a_fixed_point_is_found_with_its_counts():
     assert (closed.solutions, closed.error) == (1, 0.0)
 
 
-def test_a_fixed_point_whose_next_rate_is_enclosed():
-    """y = 1 + x/10 has the fixed point 10/9; bounds of its next rate save the last solution."""
-    solve, start = (lambda y: (y, y, None)), 1.0
-    plain = fixed_point(lambda x: 1 + x / 10, solve, start, rtol=1e-6)
-    found = fixed_point(lambda x: 1 + x / 10, solve, start, rtol=1e-6, predict=lambda f, y, after: (after, after))
-    assert (found.rate, found.solutions) == (plain.rate, plain.solutions - 1)
-    assert abs(found.rate / (10 / 9) - 1) <= 1.001 * found.error <= 1.001e-6
-    with pytest.raises(fs.NotConverged, match="40 solutions"):  # bounds too far apart say nothing
-        fixed_point(lambda x: 1 + x / 10, solve, start, rtol=1e-2, predict=lambda f, y, after: (0.99 * y, 1.01 * y))
-
-
 def test_a_fixed_point_that_does_not_settle():
     flows = iter(range(1, 1000))
     with pytest.raises(fs.NotConverged, match=r"40 solutions it still changes by .*try pressures"):

@@ -60,13 +60,22 @@ class StructuredSeal(ABC):
             return assemble_on_elements(self.grid, values, _TENSOR, [0, 1, 2] * 4)
         return assemble_on_links(self.grid, *link_permeabilities(permeability, self.cells))
 
-    def flow(self, permeability: Any, *, bounds: bool = False, solver: str = "auto") -> DarcyFlow:
+    def flow(
+        self,
+        permeability: Any,
+        *,
+        bounds: bool = False,
+        solver: str = "auto",
+        rtol: float | None = None,
+        start: Array | None = None,
+    ) -> DarcyFlow:
         """Flow for a unit drop, potential at the nodes (n1 + 1, n2).
 
         permeability : a number, the links (k1, k2), numbers or arrays (n1, n2) and (n1 − 1, n2), or the elements, see
         `element_tensors` [m³].
         bounds : enclose the flow of the network of links; not with elements.
-        solver : see `femseal.flow.solve_flow`.
+        solver, start : see `femseal.flow.solve_flow`.
+        rtol : relative error allowed to the flow where it alone is wanted; unless given, 1e-8 to it and the potential.
 
         Raises InputError: a bad permeability, bounds or elimination with elements.
         NotConverged : see `femseal.flow.solve_flow`.
@@ -74,7 +83,7 @@ class StructuredSeal(ABC):
         stencil = self.stencil(permeability)
         if bounds and stencil.nine:
             raise InputError("bounds", "true with elements of a structured seal", "true with links, or on a mesh")
-        return structured_flow(stencil, bounds=bounds, solver=solver)
+        return structured_flow(stencil, bounds=bounds, solver=solver, rtol=rtol, start=start)
 
 
 def element_tensors(permeability: Any, cells: tuple[int, int]) -> Array | None:
@@ -130,15 +139,23 @@ def _checked(name: str, value: ArrayLike, shape: tuple[int, int]) -> Array:
     return np.broadcast_to(k, shape)
 
 
-def structured_flow(stencil: Stencil, *, bounds: bool = False, solver: str = "auto") -> DarcyFlow:
-    """Flow for a unit drop between the first and the last row of nodes.
+def structured_flow(
+    stencil: Stencil,
+    *,
+    bounds: bool = False,
+    solver: str = "auto",
+    rtol: float | None = None,
+    start: Array | None = None,
+) -> DarcyFlow:
+    """Flow for a unit drop between the first and the last row of nodes; rtol and start as in `StructuredSeal.flow`.
 
     With `bounds`, the upper bound is the energy of the computed potential and the lower one that of a flux that
     balances at every node; they enclose the flow of the network, and the value, whatever the error of the solver.
 
     Raises NotConverged: see `femseal.flow.solve_flow`.
     """
-    flow = solve_flow(stencil, rtol=_RTOL, solver=solver, field_rtol=_RTOL)
+    field_rtol = _RTOL if rtol is None else None
+    flow = solve_flow(stencil, rtol=rtol or _RTOL, solver=solver, field_rtol=field_rtol, start=start)
     if not bounds:
         return flow
     if not flow.percolates:
