@@ -41,7 +41,7 @@ def load_writers(*, pictures: bool = True, report: bool = True, fields: bool = T
         import h5netcdf  # noqa: F401
 
         # as a whole: a module of it would enter its circle of imports beside a thread that imports it
-        import xarray  # noqa: F401
+        import xarray
         import xlsxwriter  # noqa: F401
 
         xarray.Dataset(coords={"step": [0]})  # the first one loads Dask and pint where they are installed
