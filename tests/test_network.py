@@ -525,7 +525,8 @@ def test_the_rate_of_a_gap_near_closing_is_as_right_as_asked(n, seed):
 
 def multigrid(along, across, falling, rising, ring):
     """Levels, and the eliminated coarsest one."""
-    levels, operator = hierarchy.hierarchy(along, across, falling, rising, ring)
+    build = hierarchy.hierarchy_by_parts if hierarchy.is_large(along) else hierarchy.hierarchy
+    levels, operator = build(along, across, falling, rising, ring)
     return levels, coarsest.eliminate_coarsest(*operator, ring)
 
 

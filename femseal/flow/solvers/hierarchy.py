@@ -45,9 +45,15 @@ def strips(rows: int) -> list[tuple[int, int]]:
     return [(i, min(i + _STRIP, rows - 1)) for i in range(1, rows - 1, _STRIP)]
 
 
+def is_large(along: Array) -> bool:
+    """Whether threads share levels of a stencil."""
+    n1, n2 = along.shape[0] - 1, along.shape[1]
+    return (n1 + 2) * (n2 + 2) >= _LARGE and min(n1, n2) > FEWEST
+
+
 def large_levels(shape: NDArray[np.int64]) -> int:
     """Number of levels that threads share; the coarsest is none of them."""
-    return int(np.count_nonzero(shape[:-1].prod(axis=1) >= _LARGE))
+    return sum(int(n1 * n2) >= _LARGE for n1, n2 in shape[:-1])
 
 
 class Levels(NamedTuple):
@@ -284,44 +290,54 @@ def _galerkin(
             to4[ci, 0], to4[ci, m2 + 1] = to4[ci, m2], to4[ci, 1]
 
 
-def hierarchy(
-    along: Array, across: Array, falling: Array, rising: Array, ring: bool
-) -> tuple[Levels, tuple[Array, ...]]:
-    """`Levels` of a stencil, and centres and conductances of the coarsest one in double precision."""
-    nine = falling.size > 0
-    sizes = [(along.shape[0] + 1, along.shape[1] + 2)]
-    while min(sizes[-1]) - 2 > FEWEST:
-        sizes.append(((sizes[-1][0] - 1) // 2 + 2, (sizes[-1][1] - 1) // 2 + 2))
-    shape = np.array(sizes)
-    nodes = shape.prod(axis=1)
-    first = np.concatenate([[0], np.cumsum(nodes)])
-    corner_first = first if nine else np.concatenate([[0], 1 + first[1:] - first[1]])
-    weight_first = 9 * (first[1:] - first[1])
+@njit(**COMPILED)
+def _places(n1, n2, nine):
+    """Sizes of all levels, and memory for what they have but for clusters, see `Levels`."""
+    count, m1, m2 = 1, n1, n2
+    while min(m1, m2) > FEWEST:
+        count, m1, m2 = count + 1, (m1 + 1) // 2, (m2 + 1) // 2
+    shape, first = np.empty((count, 2), np.int64), np.zeros(count + 1, np.int64)
+    corner_first, weight_first = np.zeros(count + 1, np.int64), np.zeros(count, np.int64)
+    for k in range(count):
+        shape[k, 0], shape[k, 1] = n1 + 2, n2 + 2
+        nodes = (n1 + 2) * (n2 + 2)
+        first[k + 1] = first[k] + nodes
+        corner_first[k + 1] = corner_first[k] + (nodes if nine or k > 0 else 1)
+        if k > 0:
+            weight_first[k] = weight_first[k - 1] + 9 * nodes
+        n1, n2 = (n1 + 1) // 2, (n2 + 1) // 2
     # memory that is not written to is not taken
-    fields, corners = np.zeros((6, first[-1]), np.float32), np.zeros((2, corner_first[-1]), np.float32)
-    weights = np.zeros(weight_first[-1], np.float32)
-    place = shape, first, fields, corner_first, corners, weight_first, weights
-    filled = _filled_by_parts if large_levels(shape) else _filled
-    found, coarsest = filled(along, across, falling, rising, ring, *place)
-    last = len(found[0])
-    used = shape[:last], first[: last + 1], fields, corner_first[: last + 1], corners, weight_first[:last], weights
-    return Levels(*used, *found), coarsest
+    fields, corners = np.zeros((6, first[count]), np.float32), np.zeros((2, corner_first[count]), np.float32)
+    return shape, first, fields, corner_first, corners, weight_first, np.zeros(weight_first[count - 1], np.float32)
 
 
 @njit(**COMPILED)
-def _filled(along, across, falling, rising, ring, shape, first, fields, corner_first, corners, weight_first, weights):
-    """Fill the levels; what `Levels` has of clusters, and the operator of the coarsest one."""
-    place = shape, first, fields, corner_first, corners, weight_first, weights
-    operator = finest(along, across, falling, rising, ring)
-    return _filled_from(0, operator, 0.0, no_clusters(shape.shape[0]), falling.size > 0, ring, *place)
-
-
-def _filled_by_parts(
-    along: Array, across: Array, falling: Array, rising: Array, ring: bool, *place: NDArray[Any]
-) -> tuple[tuple[NDArray[Any], ...], tuple[Array, ...]]:
-    """`_filled`, with threads on large levels."""
-    shape, weight_first, weights = place[0], *place[5:]
+def hierarchy(along, across, falling, rising, ring):
+    """`Levels` of a stencil, and centres and conductances of the coarsest one in double precision."""
     nine = falling.size > 0
+    place = _places(along.shape[0] - 1, along.shape[1], nine)
+    operator = finest(along, across, falling, rising, ring)
+    found, coarsest = _filled_from(0, operator, 0.0, no_clusters(place[0].shape[0]), nine, ring, *place)
+    return _levels(place, found), coarsest
+
+
+@njit(**COMPILED)
+def _levels(place, found):
+    """`Levels` as far as there are clusters of them."""
+    shape, first, fields, corner_first, corners, weight_first, weights = place
+    last = found[0].size
+    return Levels(
+        shape[:last], first[: last + 1], fields, corner_first[: last + 1], corners, weight_first[:last], weights, *found
+    )
+
+
+def hierarchy_by_parts(
+    along: Array, across: Array, falling: Array, rising: Array, ring: bool
+) -> tuple[Levels, tuple[Array, ...]]:
+    """`hierarchy`, with threads on large levels."""
+    nine = falling.size > 0
+    place: tuple[Any, ...] = _places(along.shape[0] - 1, along.shape[1], nine)
+    shape, _, _, _, _, weight_first, weights = place
     operator = _zeros(shape[0], nine)
     over(strips(shape[0, 0]), _links, along, across, ring, *operator[:3])
     if nine:
@@ -332,7 +348,7 @@ def _filled_by_parts(
         count = sum(over(strips(shape[k, 0]), _store, *operator, *level(*place[:5], k)))
         fewest = fewest or _ELIMINATED * count
         if count <= fewest:
-            return (found[0][: k + 1], *found[1:]), operator
+            return _levels(place, (found[0][: k + 1], *found[1:])), operator
         rows, w = strips(shape[k + 1, 0]), weights_to(k, shape, weight_first, weights)
         over(rows, _along_rows, *operator, all_nine, ring, w)
         over(rows, _between_rows, *operator, all_nine, ring, w)
@@ -340,7 +356,8 @@ def _filled_by_parts(
         coarse = _zeros(shape[k + 1], True)
         over(rows, _galerkin, *operator, w, all_nine, ring, *coarse)
         operator = coarse
-    return _filled_from(large, operator, fewest, found, nine, ring, *place)
+    found, operator = _filled_from(large, operator, fewest, found, nine, ring, *place)
+    return _levels(place, found), operator
 
 
 def _zeros(shape: NDArray[np.int64], nine: bool) -> tuple[Array, ...]:
@@ -352,7 +369,7 @@ def _zeros(shape: NDArray[np.int64], nine: bool) -> tuple[Array, ...]:
 def _filled_from(
     k, operator, fewest, found, nine, ring, shape, first, fields, corner_first, corners, weight_first, weights
 ):  # fmt: skip
-    """Fill the levels from level k on, see `_filled`; for k > 0 `fewest` nodes are those where coarsening ends."""
+    """Fill the levels from level k on, see `Levels`; for k > 0 `fewest` nodes are those where coarsening ends."""
     while True:
         centre, right, below, below_right, below_left = operator
         of_level = level(shape, first, fields, corner_first, corners, k)

@@ -6,8 +6,6 @@ in single precision, which the residual then follows to all digits.
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 from numba import njit
 from numpy.typing import NDArray
@@ -15,9 +13,9 @@ from numpy.typing import NDArray
 from ...base.errors import NotConverged
 from ...base.threads import over
 from ..stencil import Stencil
-from .coarsest import Coarsest, eliminate_coarsest
+from .coarsest import eliminate_coarsest
 from .compiled import COMPILED
-from .hierarchy import Levels, hierarchy, large_levels, level, strips
+from .hierarchy import hierarchy, hierarchy_by_parts, is_large, level, strips
 from .v_cycle import cycle, v_cycle
 
 Array = NDArray[np.float64]
@@ -72,18 +70,10 @@ def solve_multigrid(
     Sources: Strakoš & Tichý, ETNA 13, 2002, 56; Meurant, Papež & Tichý, Numer. Algorithms 88, 2021, 1337.
     """
     s = stencil
-    field = np.inf if field_rtol is None else field_rtol
+    field, hidden = np.inf if field_rtol is None else field_rtol, _NONE if hidden is None else hidden
     conductances = s.along, s.across, s.falling, s.rising
-    levels, (centre, right, below, below_right, below_left) = hierarchy(*conductances, s.ring2)
-    coarsest = eliminate_coarsest(centre, right, below, below_right, below_left, s.ring2)
-    hidden = _NONE if hidden is None else hidden
-    # in single precision the residual is the right side of the cycle, else that is a copy relative to its size
-    _, _, _, _, b, _, _, _ = level(*levels[:5], 0)
-    single = s.along.dtype == np.float32
-    r = b if single else np.zeros(b.shape)
-    solve = _solve_by_parts if large_levels(levels.shape) else _solve
-    x, iterations, error, done = solve(conductances, levels, coarsest, s.ring2, rtol, field, limit, hidden, r, single)
-    del levels, coarsest, b, r
+    solve = _solve_by_parts if is_large(s.along) else _solve
+    x, iterations, error, done = solve(conductances, s.ring2, rtol, field, limit, hidden)
     if not done:
         raise NotConverged(
             f"flow: error {error**2:.1e} of the rate after {iterations} iterations of multigrid, wanted {rtol:.1e}"
@@ -275,9 +265,13 @@ def _judged(iteration, rz, largest, unbalanced, rate, history, nodes, rtol, fiel
 
 
 @njit(**COMPILED)
-def _solve(conductances, levels, coarsest, ring, rtol, field, limit, hidden, r, single):
+def _solve(conductances, ring, rtol, field, limit, hidden):
     """Conjugate gradients: potential, iterations, error in the norm of the energy, and whether it is what was asked."""
+    along, across, falling, rising = conductances
+    levels, (centre, right, below, below_right, below_left) = hierarchy(along, across, falling, rising, ring)
+    coarsest = eliminate_coarsest(centre, right, below, below_right, below_left, ring)
     _, _, inverse, z, b, _, _, _ = level(levels[0], levels[1], levels[2], levels[3], levels[4], np.int64(0))
+    r = np.zeros(b.shape)
     rows, nodes = z.shape[0] - 1, (z.shape[0] - 2) * (z.shape[1] - 2)
     x, p, history = np.zeros(z.shape), np.zeros(z.shape, np.float32), np.zeros((3, limit + 1))
     _start(conductances, inverse, x, r, b)
@@ -297,7 +291,7 @@ def _solve(conductances, levels, coarsest, ring, rtol, field, limit, hidden, r, 
             break
         history[1, iteration], history[2, iteration] = rz / curvature, beta
         # far from the limits of single precision, however small the residual is
-        scale = 1.0 if single else np.sqrt(rz)
+        scale = np.sqrt(rz)
         excess, weighted = _advance(1, rows, conductances, rz / curvature, p, scale, ring, x, r, b)
         unbalanced = max(abs(excess), abs(weighted))
         iteration += 1
@@ -307,19 +301,16 @@ def _solve(conductances, levels, coarsest, ring, rtol, field, limit, hidden, r, 
 
 
 def _solve_by_parts(
-    conductances: tuple[Array, ...],
-    levels: Levels,
-    coarsest: Coarsest,
-    ring: bool,
-    rtol: float,
-    field: float,
-    limit: int,
-    hidden: NDArray[np.bool_],
-    r: NDArray[Any],
-    single: bool,
+    conductances: tuple[Array, ...], ring: bool, rtol: float, field: float, limit: int, hidden: NDArray[np.bool_]
 ) -> tuple[Array, int, float, bool]:
     """`_solve`, with threads on large levels."""
+    along, across, falling, rising = conductances
+    levels, (centre, right, below, below_right, below_left) = hierarchy_by_parts(along, across, falling, rising, ring)
+    coarsest = eliminate_coarsest(centre, right, below, below_right, below_left, ring)
     _, _, inverse, z, b, _, _, _ = level(*levels[:5], 0)
+    # in single precision the residual is the right side of the cycle, else that is a copy relative to its size
+    single = conductances[0].dtype == np.float32
+    r = b if single else np.zeros(b.shape)
     rows, nodes = strips(len(z)), (z.shape[0] - 2) * (z.shape[1] - 2)
     x, p, history = np.zeros(z.shape), np.zeros(z.shape, np.float32), np.zeros((3, limit + 1))
     _start(conductances, inverse, x, r, b)
