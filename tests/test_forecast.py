@@ -88,7 +88,8 @@ def test_forecast_adds_up_the_methods_and_the_second_run(data):
     assert resolved.memory >= two.memory
 
 
-def test_a_run_that_does_not_fit_is_refused_unless_the_case_says_so(data, memory, tmp_path):
+def test_a_run_that_does_not_fit_is_refused_unless_the_case_says_so(data, memory, monkeypatch, tmp_path):
+    monkeypatch.setattr(module, "pace", lambda: pytest.fail("memory needs no time"))
     case = parse_case(data)
     needed = forecast(case, prepare(case)).memory / 1e9
     least = 0.501e9

@@ -11,6 +11,8 @@ from numpy.testing import assert_allclose, assert_array_equal
 import femseal as fs
 from femseal import cli
 from femseal.case.case import parse_case
+from femseal.plots import seal_figure
+from femseal.plots.drawing import drawn
 from femseal.preparation.preparation import prepare
 from femseal.refinement.accuracy_plan import make_plan
 from femseal.runs.forecast import describe
@@ -66,9 +68,11 @@ def test_leakage_is_that_of_the_shape(done):
 
 
 @pytest.mark.parametrize("done", ["gasket_seal"], indirect=True)
-def test_results_do_not_depend_on_workers_and_a_finished_run_is_found(done):
+def test_results_do_not_depend_on_workers_and_a_finished_run_is_found(done, tmp_path):
     case, results, folder = done
-    again = fs.run(case, workers=2)
+    again = fs.run(case, tmp_path, workers=2)
+    for view in sorted((folder / "vtk").rglob("*.vt?")):  # by another process than that of the pictures
+        assert (tmp_path / view.relative_to(folder)).read_bytes() == view.read_bytes()
     assert_array_equal(again.dataset["leakage"].values, results.dataset["leakage"].values)
     assert_array_equal(again.dataset["drawn_permeability"].values, results.dataset["drawn_permeability"].values)
     log = (folder / "run.log").read_text(encoding="utf-8")
@@ -98,6 +102,21 @@ def test_files_for_people_and_paraview(done):
     words = {"annular": "a ring between the radii 10 mm and 10.6 mm", "mesh": "the mesh bolted_ring.msh, lay x2"}
     assert words[case.seal.kind] in page
     assert "The drawn seal nearest to the median" in page
+
+
+def test_parts_are_drawn_in_the_colours_of_their_values(done):
+    _, results, _ = done
+    figure, data = seal_figure(results, 0), results.dataset
+    pixels = drawn(figure).pixels
+    detail = [axes for axes in figure.axes if axes.get_title().startswith("permeability")][-1]
+    places = detail.transData.transform(data["drawn_corners"].values.mean(axis=1) * 1e3)
+    low, high = detail.bbox.get_points()
+    seen = ((places > low + 3) & (places < high - 3)).all(axis=1)
+    assert seen.sum() > 100
+    columns, rows = places[seen].astype(int).T
+    (parts,) = detail.collections
+    colours = parts.to_rgba(data["drawn_permeability"].values[0, seen], bytes=True)[:, :3]
+    assert_allclose(pixels[len(pixels) - 1 - rows, columns].astype(int), colours, atol=1)
 
 
 @pytest.mark.parametrize("name", sorted(REDUCED))

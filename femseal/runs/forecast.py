@@ -43,15 +43,25 @@ _WORKER_MEMORY = 0.25e9
 
 @dataclass(frozen=True)
 class Forecast:
-    """Expected time on one core [s] and memory [byte] of a run.
+    """Expected time on one core and memory [byte] of a run.
 
-    alone : seconds of what one process does, whatever the number of workers: starting, pictures, files.
-    shared : seconds of contact and flow, which the workers share. memory : with one worker.
+    own : seconds of what one process does, whatever the number of workers: starting, pictures, files. work : seconds
+    of contact and flow, which the workers share; both where the costs were measured. memory : with one worker.
     """
 
-    alone: float
-    shared: float
+    own: float
+    work: float
     memory: float
+
+    @property
+    def alone(self) -> float:
+        """What one process does on this machine [s]; its pace is taken where a time is asked for."""
+        return self.own * pace()
+
+    @property
+    def shared(self) -> float:
+        """What the workers share on this machine [s]."""
+        return self.work * pace()
 
     @property
     def seconds(self) -> float:
@@ -205,10 +215,10 @@ def forecast(
                 costs.append(replace(alone, scene=state.in_scene(prepared.scene)).cost(alone.answer, known))
     drawn = case.output.pictures or case.output.report
     own = _START_SECONDS + drawn * _PICTURES_SECONDS + disk(case, prepared, again).fields * _FIELD_BYTE_SECONDS
-    shared = sum(seconds for seconds, _ in costs)
+    work = sum(seconds for seconds, _ in costs)
     # what a study holds stays until the results are written; what it works with does not
     memory = START_MEMORY + max(memory for _, memory in costs)
-    return Forecast(own * pace(), shared * pace(), memory)
+    return Forecast(own, work, memory)
 
 
 def refuse_too_large(case: Case, made: Prepared) -> None:
