@@ -38,7 +38,7 @@ def load_writers(*, pictures: bool = True, report: bool = True, paraview: str = 
     """Load the libraries that `write_folder` needs with the same options; they take longer than the writing."""
     with suppress(ImportError):  # said where they are used
         import h5netcdf  # noqa: F401
-        import xarray.backends  # noqa: F401
+        import xarray  # noqa: F401, with its back ends: another thread that waits for it would find one half loaded
         import xlsxwriter  # noqa: F401
 
         if pictures or report:
