@@ -2,6 +2,7 @@
 
 import json
 import os
+import subprocess
 import sys
 
 import numpy as np
@@ -140,3 +141,10 @@ def test_a_browser_prints(tmp_path, monkeypatch, capsys, scene, study):
     with pytest.raises(FemsealError, match=r"did not print the page .*no printer"):
         write_pdf(bad)
     assert not (tmp_path / "bad.pdf").exists()
+
+
+def test_what_writes_results_is_loaded_beside_what_assembles_them():
+    """Two threads that load a package at once, one of them by a module in it, find the other's half loaded."""
+    code = "from threading import Thread; from femseal.report import load_writers; Thread(target=load_writers).start()"
+    for _ in range(3):
+        subprocess.run([sys.executable, "-c", f"{code}; import xarray"], check=True)

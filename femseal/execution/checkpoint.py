@@ -212,6 +212,7 @@ class Checkpoint:
         computed = iter(mapper(stage, *(_left(islice(items, start, stop), start, ranges) for items in iterables)))
         self._next = start
         self._writer = ShardWriter((self._key, stage.name), self._place, merge=True)
+        added = False
         while True:
             if shards and shards[0].used.start == self._next:
                 self._kept(self._writer.flush)
@@ -227,9 +228,11 @@ class Checkpoint:
             except StopIteration:
                 break
             self._next += 1
+            added = True
             self._kept(self._writer.keep, item)
             yield item
-        self._kept(self._writer.flush, True)
+        if added:  # else shards stay as they are
+            self._kept(self._writer.flush, True)
 
     def _items(self, stage: Stage, shard: _Shard) -> Iterator[Any]:
         """The items of a shard that are used."""

@@ -12,7 +12,7 @@ import math
 import sys
 from collections.abc import Callable
 from dataclasses import fields, is_dataclass
-from functools import lru_cache
+from functools import lru_cache, partial
 from operator import itemgetter, methodcaller
 from typing import Any, Literal
 
@@ -100,7 +100,7 @@ def _reader_of(tree: Any) -> _Reader:
     kind, *parts = tree
     if kind == "bytes":
         size, start = parts
-        return _array(np.dtype(np.uint8), (size,), "C", start, np.ndarray.tobytes)
+        return partial(_bytes, start, start + size)
     if kind == "float":
         return _array(np.dtype(float), (), "C", parts[0], float)
     if kind == "number":
@@ -117,6 +117,12 @@ def _reader_of(tree: Any) -> _Reader:
     if kind == "list":
         return lambda content: [reader(content) for reader in readers]
     return _instances(kind, readers)
+
+
+def _bytes(start: int, stop: int, content: memoryview) -> bytes:
+    if not 0 <= start <= stop <= len(content):
+        raise ValueError("bytes that are not there")
+    return bytes(content[start:stop])
 
 
 def _array(numbers: np.dtype[Any], shape: Any, order: Any, start: int, taken: Callable[[Any], Any]) -> _Reader:

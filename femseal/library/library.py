@@ -11,7 +11,7 @@ import hashlib
 import json
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
-from functools import partial
+from functools import cached_property, partial
 from pathlib import Path
 from typing import Any, ClassVar
 
@@ -168,28 +168,24 @@ class LadderLibrary(Shown):
         """Number of cells that do not overlap: the error of the library is that of so many."""
         return min(self.size, self.tiles)
 
-    @property
+    @cached_property
     def curves(self) -> LibraryTable:
         """All cells at the loading steps, the peaks and the stops of the ladder."""
         ladder = self.ladder
         steps = [LoadStep(p) for p in ladder.loading]
         steps += [LoadStep(fraction * peak, peak) for peak in ladder.peaks for fraction in ladder.stops]
-        columns: dict[str, list[Array]] = {"k": [], "mean_gap": [], "contact_fraction": []}
-        for cell in self.windows:
-            on_ladder = np.searchsorted(cell.pressure, ladder.loading)
-            peaks = np.searchsorted(cell.peaks, ladder.peaks)
-            columns["k"].append(np.r_[cell.k[0, 0, on_ladder], cell.k_unloading[0, 0, peaks].ravel()])
-            for name in ("mean_gap", "contact_fraction"):
-                unloading = getattr(cell, f"{name}_unloading")[peaks].ravel()
-                columns[name].append(np.r_[getattr(cell, name)[on_ladder], unloading])
+        columns = {name: np.empty((self.size, len(steps))) for name in ("k", "mean_gap", "contact_fraction")}
+        loads = len(ladder.loading)
+        for n, cell in enumerate(self.windows):
+            on_ladder, peaks = np.searchsorted(cell.pressure, ladder.loading), np.searchsorted(cell.peaks, ladder.peaks)
+            for name, values in columns.items():
+                loading, unloading = getattr(cell, name), getattr(cell, f"{name}_unloading")
+                if name == "k":
+                    loading, unloading = loading[0, 0], unloading[0, 0]
+                values[n, :loads], values[n, loads:] = loading[on_ladder], unloading[peaks].ravel()
         programme = LoadProgramme(steps)
         pressure = np.broadcast_to(programme.pressures, (self.size, len(steps)))
-        return LibraryTable(
-            programme,
-            pressure,
-            **{name: np.array(values) for name, values in columns.items()},
-            place=self.place,
-        )
+        return LibraryTable(programme, pressure, **columns, place=self.place)
 
     def loaded(self, name: str, pressure: Array) -> Array:
         """Mean over the cells of "standoff" or "plastic_deformation" at mean pressures on loading [m]."""
@@ -236,21 +232,14 @@ class LadderLibrary(Shown):
         down = (paths > 0) & (paths < p_peak)
         up = (paths > 0) & ~down
         apart = paths <= 0
-        ways = [
-            (way, values_of, [given[way] for given in arguments])
-            for way, values_of, arguments in (
-                (up, WindowCurves.loaded, [paths]),
-                (down, WindowCurves.unloaded, [paths, p_peak]),
-                (apart, WindowCurves.separated, [gaps]),
-            )
-            if way.any()
-        ]
+        ways = {"loaded": (up, paths), "unloaded": (down, paths, p_peak), "separated": (apart, gaps)}
+        given = {name: (way, [of[way] for of in values]) for name, (way, *values) in ways.items() if way.any()}
         table = np.zeros((*paths.shape, self.size))
         for c, cell in enumerate(self.windows):
             curves = WindowCurves(cell, self.ladder, axis, self.rms_height, kind)
             values = table[..., c]
-            for way, values_of, given in ways:
-                values[way] = values_of(curves, *given)
+            for name, (way, arguments) in given.items():
+                values[way] = getattr(curves, name)(*arguments)
         return table
 
 

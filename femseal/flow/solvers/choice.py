@@ -28,7 +28,7 @@ from ..percolation import closed, narrowest, nodes_reached_by, nodes_reached_of,
 from ..solution import MAX_IMBALANCE, DarcyFlow, potential_rtol
 from ..stencil import Stencil, energy_of
 from .amg import solve_amg, solve_direct
-from .hierarchy import coarsest_nodes
+from .coarsest import coarsest_nodes
 from .incomplete_cholesky import solve_incomplete
 from .link_network import eliminate, island_potentials
 from .multigrid import COARSEST_NODES, solve_multigrid

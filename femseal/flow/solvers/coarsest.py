@@ -10,10 +10,18 @@ from numpy.typing import NDArray
 
 from ...base.arrays import Array
 from .elimination import Factors, borders, carry_sources, eliminated, find_potentials
+from .hierarchy import FEWEST
 from .link_network import dissect, grid_links
 
 #: What the centre has beyond all conductances is taken for a rounding error below this fraction.
 _ROUNDING = 1e-13
+
+
+def coarsest_nodes(n1: int, n2: int) -> int:
+    """Nodes of the coarsest level for n1 × n2 unknowns; many if the network is slender."""
+    while min(n1, n2) > FEWEST:
+        n1, n2 = (n1 + 1) // 2, (n2 + 1) // 2
+    return n1 * n2
 
 
 class Coarsest(NamedTuple):

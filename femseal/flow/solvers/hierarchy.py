@@ -33,13 +33,6 @@ _MOST_INVERSE = 1e30
 _LARGE, _STRIP = 2**18, 64
 
 
-def coarsest_nodes(n1: int, n2: int) -> int:
-    """Nodes of the coarsest level for n1 × n2 unknowns; many if the network is slender."""
-    while min(n1, n2) > FEWEST:
-        n1, n2 = (n1 + 1) // 2, (n2 + 1) // 2
-    return n1 * n2
-
-
 def strips(rows: int) -> list[tuple[int, int]]:
     """First and last + 1 of the strips of a field of so many rows, the border among them."""
     return [(i, min(i + _STRIP, rows - 1)) for i in range(1, rows - 1, _STRIP)]
@@ -323,12 +316,10 @@ def hierarchy(along, across, falling, rising, ring):
 
 @njit(**COMPILED)
 def _levels(place, found):
-    """`Levels` as far as there are clusters of them."""
+    """`Levels` up to the last one that is filled."""
     shape, first, fields, corner_first, corners, weight_first, weights = place
-    last = found[0].size
-    return Levels(
-        shape[:last], first[: last + 1], fields, corner_first[: last + 1], corners, weight_first[:last], weights, *found
-    )
+    n = found[0].size
+    return Levels(shape[:n], first[: n + 1], fields, corner_first[: n + 1], corners, weight_first[:n], weights, *found)
 
 
 def hierarchy_by_parts(
