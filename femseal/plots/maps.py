@@ -260,7 +260,10 @@ def row_panel(axes: Axes, data: xarray.Dataset, steps: Sequence[int]) -> None:
     for s, (colour, line, _) in zip(steps, STYLES, strict=False):
         x1 = data["row"].values * 1e3
         axes.plot(x1, data["row_pressure"].values[s] / 1e6, color=colour, ls=line, lw=1.2, label=names[s])
+    highest = float(np.nanmax(data["row_pressure"].values[list(steps)])) / 1e6
     axes.set(xlabel="x1, inlet at 0 [mm]", ylabel="mean contact pressure of rows [MPa]")
+    if highest > 0:
+        axes.set_ylim(-0.03 * highest, 1.35 * highest)  # with room for the legend
     axes.grid(alpha=0.25, lw=0.6)
     axes.legend(fontsize=8, framealpha=0.9)
 
