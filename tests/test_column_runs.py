@@ -274,7 +274,7 @@ class TestRunsOfAFace:
         found = self.seals([flows, flows], scene, columns=5)
         assert (found.length, found.columns) == (4, 4)
         (text,) = found.warnings
-        assert "whole runs of 4 columns of windows make seals of 32 µm, not 40 µm" in text
+        assert "whole runs of 4 columns of windows make seals 32 µm long, not 40 µm" in text
 
     def test_the_scatter_of_libraries_is_that_of_the_mean_of_their_runs(self, scene):
         """Faces of four independent runs each: their means scatter by a half of what runs do."""

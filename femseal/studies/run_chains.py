@@ -121,8 +121,8 @@ def chained_seals(
     length, independent = (solved[0].length, solved[0].independent) if solved else (1, 1)
     runs = max(1, round(columns / length))
     if abs(runs * length / columns - 1) > _ROUNDED:
-        drawn, asked = (to_text(n * partition.window_size[1], "m", 3) for n in (runs * length, columns))
-        text = f"whole runs of {length} columns of windows make seals of {drawn}, not {asked}"
+        sides = tuple(to_text(n * partition.window_size[1], "m", 3) for n in (runs * length, columns))
+        text = f"whole runs of {length} columns of windows make seals {' long, not '.join(sides)}"
         warnings = (*warnings, f"sampler 'runs': {text}: the leakage of the whole seal is of that length")
     starts = solved[0].starts if solved else np.zeros(1, np.int64)
     of_column = places_of_columns(scene, partition)
