@@ -451,6 +451,7 @@ def test_the_schema_refuses_what_a_case_refuses(schema, table, key, value):
         ("material", "poisson", "0.3"),
         ("surface", "spikes", inf),
         ("surface", "max_undefined", 0),
+        ("seal", "lay", "x1"),
     ],
 )
 def test_the_schema_takes_what_a_case_takes(schema, table, key, value):

@@ -269,6 +269,13 @@ class TestRunsOfAFace:
         assert "factor of 20" in text
         assert scene.steps[0].name in text
 
+    def test_a_length_that_no_runs_make_is_warned_of(self, scene):
+        flows = [self.flow(n, 1 / q, q) for n, q in zip((1, 2, 4), (1.5, 1.4, 1.3), strict=True)]
+        found = self.seals([flows, flows], scene, columns=5)
+        assert (found.length, found.columns) == (4, 4)
+        (text,) = found.warnings
+        assert "whole runs of 4 columns of windows make seals 32 µm long, not 40 µm" in text
+
     def test_the_scatter_of_libraries_is_that_of_the_mean_of_their_runs(self, scene):
         """Faces of four independent runs each: their means scatter by a half of what runs do."""
         rng = np.random.default_rng(1)

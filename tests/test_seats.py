@@ -6,6 +6,7 @@ from numpy.testing import assert_allclose
 
 import femseal as fs
 from femseal.case.case import parse_case
+from femseal.plots.maps import load_names
 from femseal.studies.seat_rows import SeatMap, seat_rows
 from femseal.topography.seat import (
     LEAST_DEPTH,
@@ -195,6 +196,8 @@ def test_results_have_band_and_profile(tmp_path):
     area = data["row_pressure"].values.sum(axis=1) * float(np.diff(data["row"].values[:2])[0])
     assert_allclose(area + data["fluid_carried_pressure"].values * 128e-6, [2e3, 10e3], rtol=1e-3)
     assert (np.diff(data["band_breadth"].values) > 0).all()
+    assert load_names(data) == ["loading 2 N/mm (15.62 MPa)", "loading 10 N/mm (78.12 MPa)"]
+    assert load_names(data.assign_attrs(case="{}"))[1] == "loading 78.12 MPa"
     page = (tmp_path / "out" / "report.html").read_text(encoding="utf-8")
     assert "crowned with radius 2 mm" in page
     assert (tmp_path / "out" / "seat.png").read_bytes().startswith(b"\x89PNG")

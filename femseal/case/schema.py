@@ -22,8 +22,9 @@ def case_schema() -> dict[str, Any]:
     kinds = [schema["definitions"][option["$ref"].split("/")[-1]] for option in schema["properties"]["fluid"]["oneOf"]]
     for kind in kinds:  # inlets of the seal may have pressures of their own
         kind["required"] = [key for key in kind["required"] if key != "inlet_pressure"]
-    # what a name fills in need not be given, nor the kind of a face with a path
-    del schema["definitions"]["SolidTable"]["required"], schema["definitions"]["FileFace"]["required"]
+    # what a name fills in need not be given, nor the kind of a face with a path or of a strip
+    for name in ("SolidTable", "FileFace", "RectangularLayoutTable"):
+        del schema["definitions"][name]["required"]
     keys = {key: value for kind in reversed(kinds) for key, value in kind["properties"].items() if key != "kind"}
     names = {"kind": {"enum": [kind["properties"]["kind"]["const"] for kind in kinds]}, "name": {"type": "string"}}
     named = {"type": "object", "properties": keys | names, "required": ["name"]}

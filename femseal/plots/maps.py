@@ -5,6 +5,7 @@ Also single solutions: a contact, a load cycle, the flow in a cell, the leakage 
 
 from __future__ import annotations
 
+import json
 from collections.abc import Callable, Sequence
 from functools import partial
 from typing import TYPE_CHECKING, Any
@@ -15,6 +16,7 @@ from numpy.typing import NDArray
 from ..base.arrays import Array
 from ..base.errors import InputError
 from ..base.leak_rates import leakage_unit
+from ..base.quantities import to_text
 from ..contact import Contact, LoadCycle, LoadState
 from ..flow import Permeability
 from ..results.paraview import read_pixels, stored_steps
@@ -219,11 +221,11 @@ def window_flux(data: xarray.Dataset, s: int) -> tuple[Array, Array]:
 
 def drop_panel(axes: Axes, data: xarray.Dataset, steps: Sequence[int]) -> None:
     """Fluid pressure along the leakage, mean over the seal's length, and its range at the last step."""
+    names = load_names(data)
     for s, (colour, line, marker) in zip(steps, STYLES, strict=False):
         x1, p = pressure_rows(data, s)
         points = marker if len(x1) < 40 else ""
-        name = str(data["name"].values[s])
-        axes.plot(x1 * 1e3, p.mean(axis=1) / 1e6, color=colour, ls=line, marker=points, ms=4.5, label=name)
+        axes.plot(x1 * 1e3, p.mean(axis=1) / 1e6, color=colour, ls=line, marker=points, ms=4.5, label=names[s])
         if s == steps[-1]:
             low, high = p.min(axis=1) / 1e6, p.max(axis=1) / 1e6
             axes.fill_between(x1 * 1e3, low, high, color=colour, alpha=0.15, lw=0, label="lowest to highest there")
@@ -232,12 +234,36 @@ def drop_panel(axes: Axes, data: xarray.Dataset, steps: Sequence[int]) -> None:
     axes.legend(fontsize=8, framealpha=0.9)
 
 
+def load_names(data: xarray.Dataset) -> list[str]:
+    """Branch and load of every step for people; forces of a case stand before their nominal pressures."""
+    pressure = data["nominal_pressure"].values
+    table = json.loads(data.attrs.get("case", "{}")).get("load", {})
+    loads = [str(load).split() for key in ("loading", "unload_from") for load in table.get(key) or ()]
+    unit = loads[0][1] if loads and len(loads[0]) > 1 else ""
+
+    def text(p: float) -> str:
+        nominal = to_text(p, "Pa")
+        if not unit:
+            return nominal
+        load = max(float(number) for number, _ in loads) * p / float(pressure.max())
+        return f"{f'{load / 1e3:.4g} N/mm' if unit == 'N/m' else to_text(load, unit)} ({nominal})"
+
+    return [
+        f"loading {text(p)}" if np.isnan(peak) else f"unloading {text(p)} from {text(peak)}"
+        for p, peak in zip(pressure, data["unloaded_from"].values, strict=True)
+    ]
+
+
 def row_panel(axes: Axes, data: xarray.Dataset, steps: Sequence[int]) -> None:
     """Mean contact pressure of the rows of the face along the leakage: the band on which a seat touches."""
+    names = load_names(data)
     for s, (colour, line, _) in zip(steps, STYLES, strict=False):
-        name, x1 = str(data["name"].values[s]), data["row"].values * 1e3
-        axes.plot(x1, data["row_pressure"].values[s] / 1e6, color=colour, ls=line, lw=1.2, label=name)
+        x1 = data["row"].values * 1e3
+        axes.plot(x1, data["row_pressure"].values[s] / 1e6, color=colour, ls=line, lw=1.2, label=names[s])
+    highest = float(np.nanmax(data["row_pressure"].values[list(steps)])) / 1e6
     axes.set(xlabel="x1, inlet at 0 [mm]", ylabel="mean contact pressure of rows [MPa]")
+    if highest > 0:
+        axes.set_ylim(-0.03 * highest, 1.35 * highest)  # with room for the legend
     axes.grid(alpha=0.25, lw=0.6)
     axes.legend(fontsize=8, framealpha=0.9)
 

@@ -220,8 +220,11 @@ def case_of_face(path: Path, folder: Path) -> str:
     if found.report is not None and found.conditioning is not None:
         found_notes = [note.removeprefix("note: ") for note in notes(found.report, found.conditioning)]
         questions += [note for note in found_notes if "shortest_wave" not in note]
-        wave = max(found.report.shortest_wave, found.conditioning.shortest_wavelength)
-        surface = ["", "[surface]", f'shortest_wave = "{to_text(wave, "m", 3)}"  # the shortest one above noise']
+        measured, kept = found.report.shortest_wave, found.conditioning.shortest_wavelength
+        text, why = to_text(max(measured, kept), "m", 3), "the shortest one above noise"
+        if text != (shortest := to_text(measured, "m", 3)):
+            why = f"8 pixels of the grid of a run; waves down to {shortest} stand above noise"
+        surface = ["", "[surface]", f'shortest_wave = "{text}"  # {why}']
     lines += [f"# ? {question}" for question in questions] + surface
     for table, question in _OPEN.items():
         lines += ["", f"# ? {question}", *table_to_paste(table).splitlines()]

@@ -137,12 +137,13 @@ def test_fluid_sentences(results: RunData) -> list[str]:
         return []
     attrs, unit, basis = data.attrs, class_unit(results), results.class_basis
     best, _ = results.class_leakage
+    most = int(np.argmax(data["nominal_pressure"].values))
     inlet, outlet = (to_text(float(attrs[f"test_{end}_pressure_Pa"]), "Pa") for end in ("inlet", "outlet"))
     own = results.leakage.values
     fluid = fluid_text(results.case.get("output", {}).get("test_fluid") or {}, str(attrs["test_fluid"]))
     sentences = [
         f"A test fluid, {fluid}, runs from {inlet} to {outlet} through the same seals: "
-        f"{format_leakage(float(best[0]), basis.factor(unit))} {unit.name} at {data['name'].values[0]}."
+        f"{format_leakage(float(best[most]), basis.factor(unit))} {unit.name} at {data['name'].values[most]}."
     ]
     if both_gases := basis.is_gas and results.leak_basis.is_gas:
         assert basis.pressure is not None

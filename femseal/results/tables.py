@@ -26,6 +26,8 @@ INTERPOLATED = "≈"
 _HEADING = 10
 #: Ratio of the ends of a narrow band.
 _NARROW = 1.2
+#: Lower end of a band, as a fraction of the upper one, of which no number says more than 0.
+_NEARLY_SEALED = 1e-9
 
 
 def rows(run: RunData) -> list[dict[str, Any]]:
@@ -193,11 +195,17 @@ def format_range(low: float, high: float, factor: float) -> str:
 
 
 def format_error_band(low: float, high: float, factor: float) -> str:
-    """Both ends of a band of error in the unit `factor`, as text; in two digits unless it is narrow."""
+    """Both ends of a band of error in the unit `factor`, as text; in two digits unless it is narrow.
+
+    >>> format_error_band(0.0, 2e-9, 1e-9), format_error_band(1e-30, 2e-9, 1e-9), format_error_band(1e-10, 2e-9, 1e-9)
+    ('sealed–2', '≈0–2', '0.1–2')
+    """
     if np.isnan(low) or np.isnan(high):
         return "unknown"
     if np.isinf(high):
         return "open or sealed" if low == 0 else f"{format_leakage(low, factor)} or more"
+    if 0 < low < _NEARLY_SEALED * high:
+        return f"≈0–{format_leakage(float(f'{high / factor:.1e}'), 1.0)}"
     if high > _NARROW * low:
         low, high = (float(f"{end / factor:.1e}") for end in (low, high))
         return format_range(low, high, 1.0)

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..base.arrays import Array
+from ..base.quantities import to_text
 from ..base.stage import Mapper, Stage
 from ..flow.pressure_drop import PressureDrop
 from ..library import RunFlows
@@ -28,6 +29,8 @@ COLUMNS_OVER_RUN = (8, 4, 2)
 WIDE = 1.15
 #: Fraction of the first step's flow from which on a step counts for that.
 _COUNTS = 1e-3
+#: Fraction of the length of a seal from which on a run warns that whole runs make it longer or shorter.
+_ROUNDED = 0.05
 
 
 @dataclass(frozen=True, eq=False)
@@ -117,6 +120,10 @@ def chained_seals(
     solved = [flow for flow in flows if flow is not None]
     length, independent = (solved[0].length, solved[0].independent) if solved else (1, 1)
     runs = max(1, round(columns / length))
+    if abs(runs * length / columns - 1) > _ROUNDED:
+        sides = tuple(to_text(n * partition.window_size[1], "m", 3) for n in (runs * length, columns))
+        text = f"whole runs of {length} columns of windows make seals {' long, not '.join(sides)}"
+        warnings = (*warnings, f"sampler 'runs': {text}: the leakage of the whole seal is of that length")
     starts = solved[0].starts if solved else np.zeros(1, np.int64)
     of_column = places_of_columns(scene, partition)
     ends = of_column[np.stack([starts, starts + length - 1]) % of_column.size]
