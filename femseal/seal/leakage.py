@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from ..base.arrays import Array
+from ..base.arrays import Array, Indices
 from ..base.errors import InputError
 from ..base.fixed_point import fixed_point
 from ..base.text import Shown
@@ -57,9 +57,13 @@ def pressure_dependent_flow(
     if drop.law.depends_on_pressure:
         pressure, k = table.typical
         drop = replace(drop, gap=drop.law.gap(k, pressure) if k > 0 else drop.gap)
-    values = _on_parts(seal, table.values, len(table.pressures))
+    values = _on_parts(seal, table.values, len(table.pressures), table.cells)
     pair = isinstance(values, tuple)
-    curves = [pressure_curve(table.pressures, k, table.piecewise) for k in (values if pair else (values,))]
+    cells = table.cells or (None, None)
+    curves = [
+        pressure_curve(table.pressures, k, table.piecewise, of)
+        for k, of in zip(values if pair else (values,), cells, strict=False)
+    ]
 
     def permeability(fraction: Any) -> Any:
         p = drop.pressure(np.nan_to_num(np.asarray(fraction, dtype=float), nan=0.5))
@@ -110,8 +114,10 @@ def _settings(seal: Any, solver: str, rtol: float | None) -> dict[str, Any]:
     return {"solver": solver} | ({"rtol": rtol} if rtol is not None and isinstance(seal, StructuredSeal) else {})
 
 
-def _on_parts(seal: Any, values: Any, pressures: int) -> Any:
+def _on_parts(seal: Any, values: Any, pressures: int, cells: tuple[Indices, Indices] | None = None) -> Any:
     """Values of a table, a number or two at each pressure taken for that of all parts; InputError of other shapes."""
+    if cells is not None:
+        return values
     if not isinstance(seal, StructuredSeal):
         n = seal.mesh.nelements
         k = np.repeat(values[:, None], n, axis=1) if np.ndim(values) == 1 else values

@@ -164,20 +164,34 @@ def _turned(a, c, beta, z, p, flow):
 
 
 @njit(**COMPILED)
+def _advance(step, p, flow, x, r):
+    """x += step p and r −= step A p."""
+    for t in range(x.shape[0]):
+        for i in range(1, x.shape[1] - 1):
+            x[t, i] += step * p[t, i]
+            r[t, i] -= step * flow[t, i]
+
+
+@njit(**COMPILED)
 def _solve(along, across, start, rtol, limit):
     """Potential, iterations, bound of the error of the rate, and whether it is what was asked."""
     a, c, x = _places(along, across, start)
-    inverse, bounding, (r, z, p, flow) = _factorised(a, c, _LOST), _factorised(a, c, 0.0), np.zeros((4, *a.shape))
+    inverse, bounding, exact = _factorised(a, c, _LOST).astype(np.float32), _factorised(a, c, 0.0), np.zeros(a.shape)
     φ = np.empty(start.shape)
     if not bounding.sum() < np.inf:  # closed links leave nodes of M without a way to the ends
         return φ, 0, np.inf, False
-    rate, _ = _residual(a, c, x, r)
-    allowed, first, before, error, iteration, done = _SHARE * rtol, 0.0, 0.0, np.inf, 0, False
+    rate, _ = _residual(a, c, x, exact)
+    # the iteration is in single precision but for the potential, of which the residual is found anew where it ends
+    r = exact.astype(np.float32)
+    z, p, flow = np.zeros_like(r), np.zeros_like(r), np.zeros_like(r)
+    a_single, c_single = a.astype(np.float32), c.astype(np.float32)
+    allowed, first, before, error, iteration, done = _SHARE * rtol, 0.0, 1.0, np.inf, 0, False
     while True:
-        product = _forward(a, c, inverse, r, z)
+        product = _forward(a_single, c_single, inverse, r, z)
         if product <= allowed * rate:
-            rate, imbalance = _residual(a, c, x, r)
-            error = _forward(a, c, bounding, r, z) / rate
+            rate, imbalance = _residual(a, c, x, exact)
+            r[:] = exact
+            error = _forward(a, c, bounding, exact, exact) / rate
             over = max(error / rtol, (imbalance / rate) ** 2 / (9.0 * rtol))
             done = over <= 1.0
             allowed *= min(0.5, 0.7 / over)
@@ -193,14 +207,10 @@ def _solve(along, across, start, rtol, limit):
         if hopeless:
             error = product / rate
             break
-        _backward(a, c, inverse, z)
-        curvature = _turned(a, c, product / before if iteration > 0 else 0.0, z, p, flow)
-        step = product / curvature
-        for t in range(x.shape[0]):
-            for i in range(1, x.shape[1] - 1):
-                x[t, i] += step * p[t, i]
-                r[t, i] -= step * flow[t, i]
-        rate -= step * product
+        _backward(a_single, c_single, inverse, z)
+        curvature = _turned(a_single, c_single, np.float32(product / before), z, p, flow)
+        _advance(np.float32(product / curvature), p, flow, x, r)
+        rate -= product**2 / curvature
         before = product
         iteration += 1
     for i in range(φ.shape[0]):
