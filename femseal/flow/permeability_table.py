@@ -226,7 +226,7 @@ class PressureCurve:
         of_parts = self._cells, self._coefficients, self._slope, self._open, *self._range, self._knots
         of_fluid = mobility.start, mobility.end, mobility.viscous, mobility.own, mobility.even
         _means(a, b, *of_parts, *of_fluid, _ROOTS, _WEIGHTS, out)
-        return out.reshape(self.shape)
+        return np.exp(out, out=out).reshape(self.shape)
 
 
 @dataclass(frozen=True, eq=False)
@@ -280,28 +280,31 @@ def _permeability(p, coefficients, slope, low, high, knots):
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def _mean_between_knots(least, most, log_k, knots, first_knot):
-    """Mean over the pressure of a permeability whose logarithm is linear between knots and constant beyond them."""
-    total, here, last = 0.0, least, knots.size - 1
-    for i in range(first_knot, last + 2):
-        if i <= last and knots[i] <= here:
-            continue
-        there = min(most, knots[i]) if i <= last else most
-        j, k = max(i - 1, 0), min(i, last)
-        first, second = log_k[j], log_k[k]
-        per = 1.0 / (knots[k] - knots[j]) if k > j else 0.0
-        t, u = (here - knots[j]) * per, (there - knots[j]) * per
-        if min(first, second) == -np.inf:
-            mean = np.exp(first) + 0.5 * (t + u) * (np.exp(second) - np.exp(first))
+def _mean_between_knots(least, most, log_k, knots, inverse, knot):
+    """Mean over the pressure of a permeability whose logarithm is linear between knots and constant beyond them.
+
+    inverse : of the distance from each knot to the next one, 0 at the last. knot : the last one up to `least`, or 0.
+    """
+    total, here = 0.0, least
+    while here < most:
+        first = following = log_k[knot]
+        there = most
+        if here < knots[0]:
+            there = min(most, knots[0])
+        elif knot < knots.size - 1:
+            there, following = min(most, knots[knot + 1]), log_k[knot + 1]
+        middle = (0.5 * (here + there) - knots[knot]) * inverse[knot]
+        if min(first, following) == -np.inf:
+            mean = np.exp(first) + middle * (np.exp(following) - np.exp(first))
         else:
             # half the difference of the logarithms of both ends
-            x = 0.5 * (u - t) * (second - first)
-            mean = np.exp(first + 0.5 * (t + u) * (second - first))
+            x = 0.5 * (there - here) * inverse[knot] * (following - first)
+            mean = np.exp(first + middle * (following - first))
             mean *= 1.0 + x * x / 6.0 * (1.0 + x * x / 20.0) if abs(x) < 0.05 else np.sinh(x) / x
         total += mean * (there - here)
+        if here >= knots[0]:
+            knot += 1
         here = there
-        if here >= most:
-            break
     return total / (most - least)
 
 
@@ -309,7 +312,7 @@ def _mean_between_knots(least, most, log_k, knots, first_knot):
 def _means(
     a, b, cells, coefficients, slope, is_open, low, high, knots, start, end, viscous, own, even, roots, weights, out
 ):
-    """Mean of each permeability between two pressures, by Gauss points dense at the lower one.
+    """Logarithm of the mean of each permeability between two pressures, by Gauss points dense at the lower one.
 
     With knots and an even mobility it is exact.
     """
@@ -320,7 +323,7 @@ def _means(
     for n in range(a.size):
         cell = cells[n] if cells.size else n
         if not is_open[cell]:
-            out[n] = 0.0
+            out[n] = -np.inf
             continue
         least, most = min(a[n], b[n]), max(a[n], b[n])
         if even and knots.size and most > least:
@@ -328,22 +331,20 @@ def _means(
                 knot -= 1
             while knot < knots.size - 1 and knots[knot + 1] <= least:
                 knot += 1
-            # between two knots without a sum: x is half the difference of ln k at both ends
-            following = min(knot + 1, knots.size - 1)
-            here = coefficients[cell, knot]
-            rise = (coefficients[cell, following] - here) * inverse[knot]
-            x = 0.5 * rise * (most - least)
-            if most <= knots[following] and least >= knots[knot] and abs(x) < 0.05:
-                out[n] = np.exp(here + rise * (0.5 * (least + most) - knots[knot]))
-                out[n] *= 1.0 + x * x / 6.0 * (1.0 + x * x / 20.0)
-            else:
-                out[n] = _mean_between_knots(least, most, coefficients[cell], knots, knot)
+            if knots[knot] <= least and knot < knots.size - 1 and most <= knots[knot + 1]:
+                rise = (coefficients[cell, knot + 1] - coefficients[cell, knot]) * inverse[knot]
+                x = 0.5 * rise * (most - least)  # of the mean, ln(sinh x/x) is what follows
+                if abs(x) < 0.05:
+                    middle = coefficients[cell, knot] + rise * (0.5 * (least + most) - knots[knot])
+                    out[n] = middle + x * x / 6.0 * (1.0 - x * x / 30.0)
+                    continue
+            out[n] = np.log(_mean_between_knots(least, most, coefficients[cell], knots, inverse, knot))
             continue
         # the mobility of a gas is nearly straight in p: one point will do for a small drop
         if most - least <= _SMALL * most:
             p = 0.5 * (least + most)
             k = _permeability(p, coefficients[cell], slope[cell], low, high, knots)
-            out[n] = k * _interpolated(p, start, end, viscous) / _interpolated(p, start, end, own)
+            out[n] = np.log(k * _interpolated(p, start, end, viscous) / _interpolated(p, start, end, own))
             continue
         top, bottom = 0.0, 0.0
         for q in range(roots.size):
@@ -352,4 +353,4 @@ def _means(
             slope_φ = _interpolated(p, start, end, viscous)
             top += weight * slope_φ * _permeability(p, coefficients[cell], slope[cell], low, high, knots)
             bottom += weight * _interpolated(p, start, end, own)
-        out[n] = top / bottom
+        out[n] = np.log(top / bottom)

@@ -34,7 +34,7 @@ _FORESEEN = 10
 def solve_incomplete(stencil: Stencil, rtol: float, limit: int, start: Array | None = None) -> tuple[Array, int, float]:
     """Potential φ of the inner nodes for a unit drop, iterations, and a bound of its error in the norm of the energy.
 
-    stencil : a network of five points; every coupled node must be connected to both ends.
+    stencil : a network of five points, of more columns than rows; every coupled node must be connected to both ends.
     rtol : relative error of the rate Σ c (Δφ)² allowed; inlet and outlet flow differ by no more than 3 √rtol.
     limit : of iterations.
     start : potential of all nodes (n1 + 1, n2) to start from; unless given, that of the least energy among those that
@@ -63,16 +63,16 @@ def _places(along, across, start):
     """`along`, `across` and the potential at places, see the module."""
     n1, n2 = along.shape
     a, c, x = np.zeros((n2, n1 + 1)), np.zeros((n2, n1 + 1)), np.zeros((n2, n1 + 1))
-    for i in range(1, n1 + 1):
-        for j in range(n2):
-            t = (i + j) % n2
+    for t in range(n2):
+        x[t, 0] = 1.0
+        for i in range(1, n1 + 1):
+            j = t - i if t >= i else t - i + n2
             a[t, i] = along[i - 1, j]
             if i < n1:
                 x[t, i] = start[i - 1, j]
+                j = j - 1 if j > 0 else n2 - 1
                 if j < across.shape[1]:
-                    c[(t + 1) % n2, i] = across[i - 1, j]
-    for t in range(n2):
-        x[t, 0] = 1.0
+                    c[t, i] = across[i - 1, j]
     return a, c, x
 
 
@@ -175,6 +175,7 @@ def _advance(step, p, flow, x, r):
 @njit(**COMPILED)
 def _solve(along, across, start, rtol, limit):
     """Potential, iterations, bound of the error of the rate, and whether it is what was asked."""
+    n1, n2 = along.shape
     a, c, x = _places(along, across, start)
     inverse, bounding, exact = _factorised(a, c, _LOST).astype(np.float32), _factorised(a, c, 0.0), np.zeros(a.shape)
     φ = np.empty(start.shape)
@@ -213,7 +214,7 @@ def _solve(along, across, start, rtol, limit):
         rate -= product**2 / curvature
         before = product
         iteration += 1
-    for i in range(φ.shape[0]):
-        for j in range(φ.shape[1]):
-            φ[i, j] = x[(i + 1 + j) % φ.shape[1], i + 1]
+    for t in range(n2):
+        for i in range(1, n1):
+            φ[i - 1, t - i if t >= i else t - i + n2] = x[t, i]
     return φ, iteration, error, done
