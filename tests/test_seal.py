@@ -62,6 +62,9 @@ def test_a_rate_that_alone_is_wanted(cells):
         loose = seal_leakage(seal, k, WATER, inlet_pressure=1e7, rtol=1e-3, rate_only=True)
         assert_allclose(loose.volume_rate, exact.volume_rate, rtol=1e-3)
         assert (loose.solver == "incomplete Cholesky") == (cells == (8, 300))
+        again = seal_leakage(seal, k, WATER, inlet_pressure=1e7, rtol=1e-3, rate_only=True, near=loose)
+        assert_allclose(again.volume_rate, exact.volume_rate, rtol=1e-3)
+        assert again.iterations == 0
 
 
 def test_means_between_pressures_are_exact_for_a_liquid():

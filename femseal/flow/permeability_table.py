@@ -18,7 +18,7 @@ from numba import njit
 from numpy.polynomial import chebyshev
 from numpy.typing import ArrayLike
 
-from ..base.arrays import Array
+from ..base.arrays import Array, Indices
 from ..base.errors import InputError
 
 #: Pressures below this fraction of the inlet's are not looked at, since hardly anything of the drop lies there.
@@ -61,6 +61,8 @@ class PermeabilityTable:
     values : what `seal_leakage` takes as permeability, with a first axis of m: (m,) numbers, the links as a pair of
         arrays (m, n1, n2) and (m, n1 − 1, n2), or (m, n_elements) … [m³]. A part that is closed at one pressure counts
         as closed.
+    cells : numbers (n1, n2) and (n1 − 1, n2) of the value that each link takes, where many links share a few: a pair of
+        arrays (m, number).
     piecewise : interpolate ln k between each two pressures, which may be 0 and at which a part may be closed (k is then
         linear between them); else by one polynomial in ln p.
 
@@ -87,6 +89,7 @@ class PermeabilityTable:
     pressures: Sequence[float] | Array
     values: Any
     piecewise: bool = False
+    cells: tuple[Indices, Indices] | None = None
 
     def __post_init__(self) -> None:
         p = np.array(self.pressures, dtype=float).ravel()
@@ -109,7 +112,7 @@ class PermeabilityTable:
         """A pressure in the middle [Pa] and the median of the open permeabilities at it [m³], 0 where all is closed."""
         first = self.values[0] if isinstance(self.values, tuple) else self.values
         middle = int(np.argsort(self.pressures)[len(self.pressures) // 2])
-        k = first[middle]
+        k = first[middle] if self.cells is None else first[middle].take(self.cells[0])
         return self.pressures[middle], float(np.median(k[k > 0])) if (k > 0).any() else 0.0
 
 
@@ -118,18 +121,27 @@ def _are_tensors(values: Array) -> bool:
     return values.ndim >= 4 and values.shape[-2:] == (2, 2)
 
 
-def tabulated(pressures: Sequence[float] | Array, values: Sequence[Any], piecewise: bool = False) -> Any:
+def tabulated(
+    pressures: Sequence[float] | Array,
+    values: Sequence[Any],
+    piecewise: bool = False,
+    cells: tuple[Indices, Indices] | None = None,
+) -> Any:
     """Table of the permeabilities at each of the pressures; the only permeability where there is one."""
     if len(values) == 1:
         return values[0]
     pair = isinstance(values[0], (tuple, list))
     stacked = tuple(np.array(v) for v in zip(*values, strict=True)) if pair else np.array(values)
-    return PermeabilityTable(tuple(pressures), stacked, piecewise)
+    return PermeabilityTable(tuple(pressures), stacked, piecewise, cells)
 
 
-def pressure_curve(pressures: ArrayLike, values: Array, piecewise: bool = False) -> PressureCurve | TensorCurve:
+def pressure_curve(
+    pressures: ArrayLike, values: Array, piecewise: bool = False, cells: Indices | None = None
+) -> PressureCurve | TensorCurve:
     """Permeabilities (m, …), numbers or tensors, as functions of the pressure; see `PermeabilityTable`."""
-    return (TensorCurve if _are_tensors(values) else PressureCurve)(pressures, values, piecewise)
+    if _are_tensors(values):
+        return TensorCurve(pressures, values, piecewise)
+    return PressureCurve(pressures, values, piecewise, cells)
 
 
 class TensorCurve:
@@ -172,13 +184,20 @@ class TensorCurve:
 
 
 class PressureCurve:
-    """Permeabilities as functions of the pressure, each of its own: values (m, …) at m pressures."""
+    """Permeabilities as functions of the pressure, each of its own: values (m, …) at m pressures.
 
-    def __init__(self, pressures: ArrayLike, values: Array, piecewise: bool = False) -> None:
+    cells : number of the value of each permeability, where several have the same one.
+    """
+
+    def __init__(
+        self, pressures: ArrayLike, values: Array, piecewise: bool = False, cells: Indices | None = None
+    ) -> None:
         self._knots = np.empty(0)
+        self.shape = values.shape[1:] if cells is None else cells.shape
+        self._cells = np.empty(0, np.int64) if cells is None else cells.ravel()
         if piecewise:
             order = np.argsort(pressures)
-            self._knots, self.shape = np.asarray(pressures, dtype=float)[order], values.shape[1:]
+            self._knots = np.asarray(pressures, dtype=float)[order]
             with np.errstate(divide="ignore"):
                 self._coefficients = np.ascontiguousarray(np.log(values[order]).reshape(len(values), -1).T)
             self._range, self._slope = (0.0, 1.0), np.zeros(len(self._coefficients))
@@ -186,7 +205,6 @@ class PressureCurve:
             return
         x = np.log(np.asarray(pressures, dtype=float))
         self._range = float(x.min()), float(x.max())
-        self.shape = values.shape[1:]
         is_open = (values > 0).all(axis=0)
         log_k = np.log(np.where(is_open, values, 1.0)).reshape(len(values), -1)
         coefficients = np.linalg.solve(chebyshev.chebvander(self.scaled(x), len(x) - 1), log_k)
@@ -205,9 +223,10 @@ class PressureCurve:
         """Mean of each permeability between two pressures > 0, ∫ k dφ/∫ dψ."""
         a, b = (np.ascontiguousarray(np.broadcast_to(p, self.shape)).ravel() for p in (first, second))
         out = np.empty(a.size)
-        _means(a, b, self._coefficients, self._slope, self._open, *self._range, self._knots, mobility.start,
-               mobility.end, mobility.viscous, mobility.own, mobility.even, _ROOTS, _WEIGHTS, out)  # fmt: skip
-        return out.reshape(self.shape)
+        of_parts = self._cells, self._coefficients, self._slope, self._open, *self._range, self._knots
+        of_fluid = mobility.start, mobility.end, mobility.viscous, mobility.own, mobility.even
+        _means(a, b, *of_parts, *of_fluid, _ROOTS, _WEIGHTS, out)
+        return np.exp(out, out=out).reshape(self.shape)
 
 
 @dataclass(frozen=True, eq=False)
@@ -228,7 +247,7 @@ class Mobility:
         return bool(np.ptp(self.viscous) + np.ptp(self.own) <= _EVEN * np.abs(self.viscous).max())
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, error_model="numpy")
 def _interpolated(p, start, end, values):
     n = values.size - 1
     fraction = (p - start) / (end - start) if end != start else 0.0
@@ -240,7 +259,7 @@ def _interpolated(p, start, end, values):
     return (1.0 - weight) * values[i] + weight * values[i + 1]
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, error_model="numpy")
 def _permeability(p, coefficients, slope, low, high, knots):
     """k of one part at a pressure; coefficients are ln k at the knots, or those of a polynomial without knots."""
     if knots.size:
@@ -260,57 +279,78 @@ def _permeability(p, coefficients, slope, low, high, knots):
     return np.exp(t * here - before + coefficients[0] + slope * min(x - low, 0.0))
 
 
-@njit(cache=True, nogil=True)
-def _mean_between_knots(least, most, log_k, knots):
-    """Mean over the pressure of a permeability whose logarithm is linear between knots and constant beyond them."""
-    total, here, last = 0.0, least, knots.size - 1
-    for i in range(last + 2):
-        if i <= last and knots[i] <= here:
-            continue
-        there = min(most, knots[i]) if i <= last else most
-        j, k = max(i - 1, 0), min(i, last)
-        first, second = log_k[j], log_k[k]
-        per = 1.0 / (knots[k] - knots[j]) if k > j else 0.0
-        t, u = (here - knots[j]) * per, (there - knots[j]) * per
-        if min(first, second) == -np.inf:
-            mean = np.exp(first) + 0.5 * (t + u) * (np.exp(second) - np.exp(first))
+@njit(cache=True, nogil=True, error_model="numpy")
+def _mean_between_knots(least, most, log_k, knots, inverse, knot):
+    """Mean over the pressure of a permeability whose logarithm is linear between knots and constant beyond them.
+
+    inverse : of the distance from each knot to the next one, 0 at the last. knot : the last one up to `least`, or 0.
+    """
+    total, here = 0.0, least
+    while here < most:
+        first = following = log_k[knot]
+        there = most
+        if here < knots[0]:
+            there = min(most, knots[0])
+        elif knot < knots.size - 1:
+            there, following = min(most, knots[knot + 1]), log_k[knot + 1]
+        middle = (0.5 * (here + there) - knots[knot]) * inverse[knot]
+        if min(first, following) == -np.inf:
+            mean = np.exp(first) + middle * (np.exp(following) - np.exp(first))
         else:
             # half the difference of the logarithms of both ends
-            x = 0.5 * (u - t) * (second - first)
-            mean = np.exp(first + 0.5 * (t + u) * (second - first))
+            x = 0.5 * (there - here) * inverse[knot] * (following - first)
+            mean = np.exp(first + middle * (following - first))
             mean *= 1.0 + x * x / 6.0 * (1.0 + x * x / 20.0) if abs(x) < 0.05 else np.sinh(x) / x
         total += mean * (there - here)
+        if here >= knots[0]:
+            knot += 1
         here = there
-        if here >= most:
-            break
     return total / (most - least)
 
 
-@njit(cache=True, nogil=True)
-def _means(a, b, coefficients, slope, is_open, low, high, knots, start, end, viscous, own, even, roots, weights, out):
-    """Mean of each permeability between two pressures, by Gauss points dense at the lower one.
+@njit(cache=True, nogil=True, error_model="numpy")
+def _means(
+    a, b, cells, coefficients, slope, is_open, low, high, knots, start, end, viscous, own, even, roots, weights, out
+):
+    """Logarithm of the mean of each permeability between two pressures, by Gauss points dense at the lower one.
 
     With knots and an even mobility it is exact.
     """
+    inverse = np.zeros(knots.size)
+    for i in range(knots.size - 1):
+        inverse[i] = 1.0 / (knots[i + 1] - knots[i])
+    knot = 0  # the last one below the link before, near which this one's is
     for n in range(a.size):
-        if not is_open[n]:
-            out[n] = 0.0
+        cell = cells[n] if cells.size else n
+        if not is_open[cell]:
+            out[n] = -np.inf
             continue
         least, most = min(a[n], b[n]), max(a[n], b[n])
         if even and knots.size and most > least:
-            out[n] = _mean_between_knots(least, most, coefficients[n], knots)
+            while knot > 0 and knots[knot] > least:
+                knot -= 1
+            while knot < knots.size - 1 and knots[knot + 1] <= least:
+                knot += 1
+            if knots[knot] <= least and knot < knots.size - 1 and most <= knots[knot + 1]:
+                rise = (coefficients[cell, knot + 1] - coefficients[cell, knot]) * inverse[knot]
+                x = 0.5 * rise * (most - least)  # of the mean, ln(sinh x/x) is what follows
+                if abs(x) < 0.05:
+                    middle = coefficients[cell, knot] + rise * (0.5 * (least + most) - knots[knot])
+                    out[n] = middle + x * x / 6.0 * (1.0 - x * x / 30.0)
+                    continue
+            out[n] = np.log(_mean_between_knots(least, most, coefficients[cell], knots, inverse, knot))
             continue
         # the mobility of a gas is nearly straight in p: one point will do for a small drop
         if most - least <= _SMALL * most:
             p = 0.5 * (least + most)
-            k = _permeability(p, coefficients[n], slope[n], low, high, knots)
-            out[n] = k * _interpolated(p, start, end, viscous) / _interpolated(p, start, end, own)
+            k = _permeability(p, coefficients[cell], slope[cell], low, high, knots)
+            out[n] = np.log(k * _interpolated(p, start, end, viscous) / _interpolated(p, start, end, own))
             continue
         top, bottom = 0.0, 0.0
         for q in range(roots.size):
             p = least + (most - least) * roots[q] ** 2
             weight = weights[q] * roots[q]
             slope_φ = _interpolated(p, start, end, viscous)
-            top += weight * slope_φ * _permeability(p, coefficients[n], slope[n], low, high, knots)
+            top += weight * slope_φ * _permeability(p, coefficients[cell], slope[cell], low, high, knots)
             bottom += weight * _interpolated(p, start, end, own)
-        out[n] = top / bottom
+        out[n] = np.log(top / bottom)

@@ -9,7 +9,7 @@ if TYPE_CHECKING:
     from .curves import WindowCurves
     from .ladder import Ladder, WindowStates, solve_ladder
     from .library import LadderLibrary, LibraryTable, WindowSource, build_ladder_library, on_ladder
-    from .sampling import SAMPLERS, LinkTable, correlation_length, draw_links, draw_pressures
+    from .sampling import SAMPLERS, LinkTable, correlation_length, draw_cells, draw_links, draw_pressures
 
 __all__ = [
     "WindowStates",
@@ -24,6 +24,7 @@ __all__ = [
     "WindowSource",
     "build_ladder_library",
     "correlation_length",
+    "draw_cells",
     "draw_links",
     "draw_pressures",
     "solve_ladder",

@@ -31,6 +31,8 @@ from ..loads import LoadProgramme
 Draw = Callable[[int], Array]
 #: Cells close in rank among which the derivative sampler draws; more than a few bias the median leakage.
 NEIGHBOURS = 5
+#: Samplers whose links take one cell at all steps.
+WHOLE_CELLS = ("history", "block")
 #: Links for which the copula holds normal numbers of all steps at a time.
 CHUNK = 100_000
 
@@ -69,6 +71,17 @@ def draw_links(table: LinkTable, *, sampler: str, seed: int, realisation: int, a
 
     Raises InputError: an unknown sampler, or "block" where the cells are not neighbours.
     """
+    drawn = _drawn(table, sampler, seed, realisation, axis)
+    return drawn if callable(drawn) else lambda s: table.k[s].ravel().take(drawn)
+
+
+def draw_cells(table: LinkTable, *, sampler: str, seed: int, realisation: int, axis: int) -> Indices | None:
+    """Number in `table.k[s].ravel()` of what `draw_links` draws for each link at all steps; None of other samplers."""
+    drawn = _drawn(table, sampler, seed, realisation, axis) if sampler in WHOLE_CELLS else None
+    return None if callable(drawn) else drawn
+
+
+def _drawn(table: LinkTable, sampler: str, seed: int, realisation: int, axis: int) -> Draw | Indices:
     if sampler not in SAMPLERS:
         raise InputError("sampler", sampler, f"one of {', '.join(SAMPLERS)}")
     # runs of columns are common to the links along both axes
@@ -85,7 +98,7 @@ def draw_pressures(table: LinkTable, *, sampler: str, seed: int, realisation: in
     pressure, path = table.pressure, table.path
     if pressure is None:
         return None
-    if pressure.shape[2] > 1 and sampler in ("history", "block"):
+    if pressure.shape[2] > 1 and sampler in WHOLE_CELLS:
         return draw_links(replace(table, k=pressure), sampler=sampler, seed=seed, realisation=realisation, axis=axis)
     of_path = pressure.mean(axis=2)
     return lambda s: of_path[s, path]
@@ -111,12 +124,12 @@ def correlation_length(k: Array) -> float:
     return float(min(length, max(columns / 2, 1.0)))
 
 
-def _history(table: LinkTable, rng: np.random.Generator) -> Draw:
+def _history(table: LinkTable, rng: np.random.Generator) -> Indices:
     cell = _on_links((rng.random(table.path.size) * table.k.shape[2]).astype(np.int64), table)
-    return lambda s: table.k[s, table.path, cell]
+    return table.path * table.k.shape[2] + cell
 
 
-def _block(table: LinkTable, rng: np.random.Generator) -> Draw:
+def _block(table: LinkTable, rng: np.random.Generator) -> Indices:
     """Draw runs of neighbouring columns of cells, of random length, see the module."""
     if table.run_length < 1:
         raise InputError("sampler", "block", "another sampler, because these cells are not neighbours on a face")
@@ -132,7 +145,7 @@ def _block(table: LinkTable, rng: np.random.Generator) -> Draw:
         lengths = np.diff(first, append=columns)
         begins = drawn_elsewhere(fresh[first, 1], table.place, table.place, lengths - 1)
     column = (begins[run] + np.arange(columns) - first[run]) % cells
-    return lambda s: table.k[s, table.path, column]
+    return table.path * cells + column
 
 
 def drawn_elsewhere(random: Array, begins: Indices, ends: Indices, further: Indices | None = None) -> Indices:
@@ -263,7 +276,7 @@ def _step_down(k_start: Array, k_end: Array, k: Array, u: Array) -> Array:
     return np.maximum(k + increment[low + (u * width).astype(np.int64)], 0.0)
 
 
-SAMPLERS: dict[str, Callable[[LinkTable, np.random.Generator], Draw]] = {
+SAMPLERS: dict[str, Callable[[LinkTable, np.random.Generator], Draw | Indices]] = {
     "history": _history,
     "derivative": _derivative,
     "copula": _copula,

@@ -255,8 +255,8 @@ class Scene:
         found = (critical_constriction(np.maximum(gap, 0.0), self.surface.spacing, sides="periodic") for gap in gaps)
         return np.array([capillary_entry_pressure(self.fluid, 0.0 if c is None else c.gap) for c in found])
 
-    def leakage(self, seal: Seal, permeability: Any, rtol: float = 1e-5, rate_only: bool = False) -> Leakage:
-        """Solve the leakage of a seal between the scene's fluid pressures; rtol and rate_only as in `seal_leakage`.
+    def leakage(self, seal: Seal, permeability: Any, rtol: float = 1e-5, **options: Any) -> Leakage:
+        """Solve the leakage of a seal between the scene's fluid pressures; rtol and options as in `seal_leakage`.
 
         Raises NotConverged: the linear solver failed.
         """
@@ -269,7 +269,7 @@ class Scene:
             outlet_pressure=self.outlet_pressure,
             solver=self.solver,
             rtol=rtol,
-            rate_only=rate_only,
+            **options,
         )
 
     def pressure_at(self, potential: NDArray[np.floating]) -> Array:

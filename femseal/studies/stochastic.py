@@ -296,6 +296,7 @@ def _realise(
         kinds = tuple(_of_places(tables, windows) for tables in kinds[:pressures])
     leakage = np.full((len(kinds) // pressures, len(steps)), np.nan)
     failures, solvers = [], SolverCounts()
+    near = None
     for kind in range(len(leakage)):
         permeability = drawn_permeability(
             seal_windows, kinds[kind * pressures : (kind + 1) * pressures], sampling, realisation, at
@@ -305,10 +306,11 @@ def _realise(
                 leakage[kind, s] = leakage[kind, first[s]]
                 continue
             rtol = RESAMPLED_RTOL if windows is True else DRAWN_RTOL
-            found = attempt(scene.leakage, seal_windows.seal, permeability(s), rtol, True)
+            found = attempt(scene.leakage, seal_windows.seal, permeability(s), rtol, rate_only=True, near=near)
             if isinstance(found, Failed):
                 failures.append(f"realisation {realisation}, {step.name}: {found.reason}")
             else:
+                near = found
                 leakage[kind, s] = found.per_length
                 solvers += SolverCounts.of(found)
     return Realisation(leakage, tuple(failures), solvers)

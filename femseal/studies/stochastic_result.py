@@ -13,7 +13,7 @@ import numpy as np
 from ..base.arrays import Array
 from ..base.fields import CORNER, PART, PART_VECTOR, REALISATION, ROW, STEP, Field, declared
 from ..base.text import Shown
-from ..library import LadderLibrary, draw_links, draw_pressures
+from ..library import LadderLibrary, draw_cells, draw_links, draw_pressures
 from ..loads import LoadProgramme
 from ..seal import Leakage, RectangularSeal
 from ..seal.laid_windows import DrawnSeal, LinkWindows, SealWindows
@@ -67,17 +67,14 @@ def drawn_permeability(
 
     kinds : tables of the windows, one for each of the pressures.
     """
-    sampler, seed = sampling.sampler_of_links, sampling.seed
-    draws = [
-        [
-            # windows whose two values belong together are drawn with the same random numbers
-            draw_links(
-                t, sampler=sampler, seed=seed, realisation=realisation, axis=0 if seal_windows.together else axis
-            )
-            for axis, t in enumerate(tables)
-        ]
-        for tables in kinds
-    ]
+    which: dict[str, Any] = {"sampler": sampling.sampler_of_links, "seed": sampling.seed, "realisation": realisation}
+    # windows whose two values belong together are drawn with the same random numbers
+    axes = (0, 0) if seal_windows.together else (0, 1)
+    if len(kinds) > 1 and isinstance(seal_windows, LinkWindows) and not seal_windows.together:
+        first, second = (draw_cells(t, **which, axis=axis) for t, axis in zip(kinds[0], axes, strict=True))
+        if first is not None and second is not None and kinds[0][0].k[0].size <= first.size:
+            return lambda s: at.table([(a.k[s].ravel(), b.k[s].ravel()) for a, b in kinds], (first, second))
+    draws = [[draw_links(t, **which, axis=axis) for t, axis in zip(tables, axes, strict=True)] for tables in kinds]
     return lambda s: at.table([seal_windows.permeability(along(s), across(s)) for along, across in draws])
 
 

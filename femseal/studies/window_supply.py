@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from ..base.arrays import Array
+from ..base.arrays import Array, Indices
 from ..base.errors import FemsealError
 from ..base.stage import Mapper
 from ..base.text import Shown
@@ -60,9 +60,9 @@ class TablePressures:
     pressures: tuple[float, ...]
     piecewise: bool = False
 
-    def table(self, values: Sequence[Any]) -> Any:
-        """What `seal_leakage` takes, from the permeabilities at each of the pressures."""
-        return tabulated(self.pressures, values, self.piecewise)
+    def table(self, values: Sequence[Any], cells: tuple[Indices, Indices] | None = None) -> Any:
+        """What `seal_leakage` takes, from values at each of the pressures; cells as in `PermeabilityTable`."""
+        return tabulated(self.pressures, values, self.piecewise, cells)
 
 
 @dataclass(frozen=True, eq=False)

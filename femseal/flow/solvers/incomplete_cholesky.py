@@ -34,7 +34,7 @@ _FORESEEN = 10
 def solve_incomplete(stencil: Stencil, rtol: float, limit: int, start: Array | None = None) -> tuple[Array, int, float]:
     """Potential φ of the inner nodes for a unit drop, iterations, and a bound of its error in the norm of the energy.
 
-    stencil : a network of five points; every coupled node must be connected to both ends.
+    stencil : a network of five points, of more columns than rows; every coupled node must be connected to both ends.
     rtol : relative error of the rate Σ c (Δφ)² allowed; inlet and outlet flow differ by no more than 3 √rtol.
     limit : of iterations.
     start : potential of all nodes (n1 + 1, n2) to start from; unless given, that of the least energy among those that
@@ -63,16 +63,16 @@ def _places(along, across, start):
     """`along`, `across` and the potential at places, see the module."""
     n1, n2 = along.shape
     a, c, x = np.zeros((n2, n1 + 1)), np.zeros((n2, n1 + 1)), np.zeros((n2, n1 + 1))
-    for i in range(1, n1 + 1):
-        for j in range(n2):
-            t = (i + j) % n2
+    for t in range(n2):
+        x[t, 0] = 1.0
+        for i in range(1, n1 + 1):
+            j = t - i if t >= i else t - i + n2
             a[t, i] = along[i - 1, j]
             if i < n1:
                 x[t, i] = start[i - 1, j]
+                j = j - 1 if j > 0 else n2 - 1
                 if j < across.shape[1]:
-                    c[(t + 1) % n2, i] = across[i - 1, j]
-    for t in range(n2):
-        x[t, 0] = 1.0
+                    c[t, i] = across[i - 1, j]
     return a, c, x
 
 
@@ -164,20 +164,35 @@ def _turned(a, c, beta, z, p, flow):
 
 
 @njit(**COMPILED)
+def _advance(step, p, flow, x, r):
+    """x += step p and r −= step A p."""
+    for t in range(x.shape[0]):
+        for i in range(1, x.shape[1] - 1):
+            x[t, i] += step * p[t, i]
+            r[t, i] -= step * flow[t, i]
+
+
+@njit(**COMPILED)
 def _solve(along, across, start, rtol, limit):
     """Potential, iterations, bound of the error of the rate, and whether it is what was asked."""
+    n1, n2 = along.shape
     a, c, x = _places(along, across, start)
-    inverse, bounding, (r, z, p, flow) = _factorised(a, c, _LOST), _factorised(a, c, 0.0), np.zeros((4, *a.shape))
+    inverse, bounding, exact = _factorised(a, c, _LOST).astype(np.float32), _factorised(a, c, 0.0), np.zeros(a.shape)
     φ = np.empty(start.shape)
     if not bounding.sum() < np.inf:  # closed links leave nodes of M without a way to the ends
         return φ, 0, np.inf, False
-    rate, _ = _residual(a, c, x, r)
-    allowed, first, before, error, iteration, done = _SHARE * rtol, 0.0, 0.0, np.inf, 0, False
+    rate, _ = _residual(a, c, x, exact)
+    # the iteration is in single precision but for the potential, of which the residual is found anew where it ends
+    r = exact.astype(np.float32)
+    z, p, flow = np.zeros_like(r), np.zeros_like(r), np.zeros_like(r)
+    a_single, c_single = a.astype(np.float32), c.astype(np.float32)
+    allowed, first, before, error, iteration, done = _SHARE * rtol, 0.0, 1.0, np.inf, 0, False
     while True:
-        product = _forward(a, c, inverse, r, z)
+        product = _forward(a_single, c_single, inverse, r, z)
         if product <= allowed * rate:
-            rate, imbalance = _residual(a, c, x, r)
-            error = _forward(a, c, bounding, r, z) / rate
+            rate, imbalance = _residual(a, c, x, exact)
+            r[:] = exact
+            error = _forward(a, c, bounding, exact, exact) / rate
             over = max(error / rtol, (imbalance / rate) ** 2 / (9.0 * rtol))
             done = over <= 1.0
             allowed *= min(0.5, 0.7 / over)
@@ -193,17 +208,13 @@ def _solve(along, across, start, rtol, limit):
         if hopeless:
             error = product / rate
             break
-        _backward(a, c, inverse, z)
-        curvature = _turned(a, c, product / before if iteration > 0 else 0.0, z, p, flow)
-        step = product / curvature
-        for t in range(x.shape[0]):
-            for i in range(1, x.shape[1] - 1):
-                x[t, i] += step * p[t, i]
-                r[t, i] -= step * flow[t, i]
-        rate -= step * product
+        _backward(a_single, c_single, inverse, z)
+        curvature = _turned(a_single, c_single, np.float32(product / before), z, p, flow)
+        _advance(np.float32(product / curvature), p, flow, x, r)
+        rate -= product**2 / curvature
         before = product
         iteration += 1
-    for i in range(φ.shape[0]):
-        for j in range(φ.shape[1]):
-            φ[i, j] = x[(i + 1 + j) % φ.shape[1], i + 1]
+    for t in range(n2):
+        for i in range(1, n1):
+            φ[i - 1, t - i if t >= i else t - i + n2] = x[t, i]
     return φ, iteration, error, done
