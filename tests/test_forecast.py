@@ -71,17 +71,18 @@ def test_a_contact_takes_longer_with_more_pixels_and_more_contact():
     assert contact_seconds(4e6, Effort(20, 0.9)) > 3 * contact_seconds(4e6, Effort(20, 0.05))
 
 
-def test_forecast_adds_up_the_methods_and_the_second_run(data):
+def test_forecast_adds_up_the_methods_and_the_second_run(data, monkeypatch):
     known = (Effort(),) * 30
     one = forecast(parse_case(data), prepare(parse_case(data)), known)
     data["compare"] = ["two-scale"]
     two = forecast(parse_case(data), prepare(parse_case(data)), known)
-    assert two.shared >= one.shared  # contact and flow of the face are those of both
-    assert two.alone >= one.alone
+    assert two.work >= one.work  # contact and flow of the face are those of both
+    assert two.own >= one.own
     data["surface"] = {"filter_sensitivity": True}
     three = forecast(parse_case(data), prepare(parse_case(data)), known)
-    assert two.shared < three.shared < 2 * two.shared
-    assert_allclose(one.seconds, one.alone + one.shared)
+    assert two.work < three.work < 2 * two.work
+    monkeypatch.setattr(module, "pace", lambda: 3.0)
+    assert_allclose(one.seconds(2), 3 * (one.own + one.work / 2))
     del data["surface"]
     data["cells"]["flow"] = "resolved"
     resolved = forecast(parse_case(data), prepare(parse_case(data)), known)

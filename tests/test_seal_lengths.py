@@ -136,7 +136,7 @@ def test_a_case_with_a_list_of_lengths(tmp_path):
     assert "240 µm long; as many of 60 µm, 2 mm" in text
     one = parse_case(CASE | {"stochastic": CASE["stochastic"] | {"length": "240 um"}})
     assert one.stochastic.length == pytest.approx(240e-6)
-    assert forecast(one, prepare(one)).seconds < forecast(case, prepare(case)).seconds
+    assert forecast(one, prepare(one)).work < forecast(case, prepare(case)).work
     found = fs.run(case, tmp_path / "out", workers=1)
     assert {"lengths.csv", "lengths.png"} <= {path.name for path in (tmp_path / "out").iterdir()}
     back = open_results(tmp_path / "out")

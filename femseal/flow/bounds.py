@@ -23,7 +23,7 @@ from .percolation import nodes_reached, restricted
 from .solution import FIELD_RTOL
 from .solvers.amg import solve_direct
 from .solvers.choice import solve_flow
-from .solvers.hierarchy import coarsest_nodes
+from .solvers.coarsest import coarsest_nodes
 from .solvers.multigrid import COARSEST_NODES, solve_multigrid
 from .stencil import Stencil
 

@@ -160,8 +160,7 @@ def png(figure: Figure) -> bytes:
     """The figure as PNG, laid out and drawn once; `savefig` would draw it twice."""
     from matplotlib.backends.backend_agg import FigureCanvasAgg
 
-    stream = io.BytesIO()
-    FigureCanvasAgg(figure).print_png(stream)
+    FigureCanvasAgg(figure).print_png(stream := io.BytesIO())
     return stream.getvalue()
 
 
@@ -199,8 +198,7 @@ def drawn(figure: Figure) -> Drawn:
 def _packed(pixels: NDArray[np.uint8]) -> bytes:
     from PIL import Image
 
-    stream = io.BytesIO()
-    Image.fromarray(np.ascontiguousarray(pixels)).save(stream, "png", compress_level=_PACKING)
+    Image.fromarray(np.ascontiguousarray(pixels)).save(stream := io.BytesIO(), "png", compress_level=_PACKING)
     return stream.getvalue()
 
 

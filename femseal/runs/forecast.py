@@ -53,20 +53,9 @@ class Forecast:
     work: float
     memory: float
 
-    @property
-    def alone(self) -> float:
-        """What one process does on this machine [s]; its pace is taken where a time is asked for."""
-        return self.own * pace()
-
-    @property
-    def shared(self) -> float:
-        """What the workers share on this machine [s]."""
-        return self.work * pace()
-
-    @property
-    def seconds(self) -> float:
-        """Time with one worker [s]."""
-        return self.alone + self.shared
+    def seconds(self, workers: int = 1) -> float:
+        """Time on this machine [s], whose pace is measured when a time is first asked for."""
+        return (self.own + self.work / workers) * pace()
 
 
 @dataclass(frozen=True)
@@ -277,10 +266,10 @@ def _law_facts(scene: Scene) -> Iterator[tuple[str, str]]:
 
 
 def _expected_text(expected: Forecast) -> str:
-    text = f"about {duration(expected.seconds)} on one core"
+    text = f"about {duration(expected.seconds())} on one core"
     cores = psutil.cpu_count() or 1
     if cores > 1:
-        text += f", {duration(expected.alone + expected.shared / cores)} on the {cores} of this machine"
+        text += f", {duration(expected.seconds(cores))} on the {cores} of this machine"
     more = f", and {_WORKER_MEMORY / 1e9:.2g} GB or more for each further worker" if cores > 1 else ""
     return f"{text}; {expected.memory / 1e9:.1f} GB of memory{more}"
 

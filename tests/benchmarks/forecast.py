@@ -129,7 +129,7 @@ def main():
         case = case_of(task)
         expected = forecast(case, prepare(case))
         # as fast as the machine was then
-        seconds = expected.seconds * found["pace"] / pace()
+        seconds = expected.seconds() * found["pace"] / pace()
         pairs = ((seconds, found["seconds"]), (expected.memory, found["memory"]))
         for name, (said, true) in zip(ratios, pairs, strict=True):
             ratios[name].append(said / true)

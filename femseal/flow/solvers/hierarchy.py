@@ -21,6 +21,7 @@ from ...base.arrays import Array
 from ...base.threads import over
 from .clusters import clusters, no_clusters, with_clusters
 from .compiled import COMPILED
+from .finest import corner_links, finest, straight_links
 
 #: Nodes of an axis at which coarsening ends.
 FEWEST = 4
@@ -99,58 +100,6 @@ def level(shape, first, fields, corner_first, corners, k):
 def weights_to(k, shape, weight_first, weights):
     """View of the weights of level k + 1 at the nodes of level k."""
     return weights[weight_first[k] : weight_first[k + 1]].reshape((shape[k + 1, 0], shape[k + 1, 1], 3, 3))
-
-
-@njit(**COMPILED)
-def finest(along, across, falling, rising, ring):
-    """Centres and conductances of the inner nodes of a stencil, see `level`."""
-    shape = (along.shape[0] + 1, along.shape[1] + 2)
-    of_corners = shape if falling.size > 0 else (1, 1)
-    centre, right, below = np.zeros(shape), np.zeros(shape), np.zeros(shape)
-    below_right, below_left = np.zeros(of_corners), np.zeros(of_corners)
-    _links(1, shape[0] - 1, along, across, ring, centre, right, below)
-    if falling.size > 0:
-        _corner_links(falling, rising, ring, centre, below_right, below_left)
-    return centre, right, below, below_right, below_left
-
-
-@njit(**COMPILED)
-def _links(first, end, along, across, ring, centre, right, below):
-    """Write centres and conductances of some rows of a stencil, but for those across corners."""
-    n1, n2 = centre.shape[0] - 2, centre.shape[1] - 2
-    for i in range(first, end):
-        for j in range(1, across.shape[1] + 1):
-            right[i, j] = across[i - 1, j - 1]
-        if ring:
-            right[i, 0], right[i, n2 + 1] = right[i, n2], right[i, 1]
-        for j in range(1, n2 + 1):
-            if i < n1:
-                below[i, j] = along[i, j - 1]
-            centre[i, j] = along[i - 1, j - 1] + along[i, j - 1] + right[i, j - 1] + right[i, j]
-        if ring:
-            below[i, 0], below[i, n2 + 1] = below[i, n2], below[i, 1]
-
-
-@njit(**COMPILED)
-def _corner_links(falling, rising, ring, centre, below_right, below_left):
-    """Add the conductances across corners of a stencil."""
-    n1, n2 = centre.shape[0] - 2, centre.shape[1] - 2
-    for i in range(n1 + 1):
-        for j in range(falling.shape[1]):
-            k = (j + 1) % n2
-            down, up = falling[i, j], rising[i, j]
-            if i > 0:
-                centre[i, j + 1] += down
-                centre[i, k + 1] += up
-            if i < n1:
-                centre[i + 1, k + 1] += down
-                centre[i + 1, j + 1] += up
-            if 0 < i < n1:
-                below_right[i, j + 1] = down
-                below_left[i, k + 1] = up
-        if ring:
-            below_right[i, 0], below_right[i, n2 + 1] = below_right[i, n2], below_right[i, 1]
-            below_left[i, 0], below_left[i, n2 + 1] = below_left[i, n2], below_left[i, 1]
 
 
 @njit(**COMPILED)
@@ -284,8 +233,8 @@ def _galerkin(
 
 
 @njit(**COMPILED)
-def _places(n1, n2, nine):
-    """Sizes of all levels, and memory for what they have but for clusters, see `Levels`."""
+def _sizes(n1, n2, nine):
+    """Sizes of all levels, and where their fields, corners and weights start, see `Levels`."""
     count, m1, m2 = 1, n1, n2
     while min(m1, m2) > FEWEST:
         count, m1, m2 = count + 1, (m1 + 1) // 2, (m2 + 1) // 2
@@ -299,18 +248,24 @@ def _places(n1, n2, nine):
         if k > 0:
             weight_first[k] = weight_first[k - 1] + 9 * nodes
         n1, n2 = (n1 + 1) // 2, (n2 + 1) // 2
-    # memory that is not written to is not taken
-    fields, corners = np.zeros((6, first[count]), np.float32), np.zeros((2, corner_first[count]), np.float32)
-    return shape, first, fields, corner_first, corners, weight_first, np.zeros(weight_first[count - 1], np.float32)
+    return shape, first, corner_first, weight_first
+
+
+@njit(**COMPILED)
+def _places(shape, first, corner_first, weight_first):
+    """Sizes and memory of what the levels have but for clusters, in the order of `Levels`."""
+    fields, corners = np.zeros((6, first[-1]), np.float32), np.zeros((2, corner_first[-1]), np.float32)
+    return shape, first, fields, corner_first, corners, weight_first, np.zeros(weight_first[-1], np.float32)
 
 
 @njit(**COMPILED)
 def hierarchy(along, across, falling, rising, ring):
     """`Levels` of a stencil, and centres and conductances of the coarsest one in double precision."""
     nine = falling.size > 0
-    place = _places(along.shape[0] - 1, along.shape[1], nine)
+    shape, first, corner_first, weight_first = _sizes(along.shape[0] - 1, along.shape[1], nine)
+    place = _places(shape, first, corner_first, weight_first)
     operator = finest(along, across, falling, rising, ring)
-    found, coarsest = _filled_from(0, operator, 0.0, no_clusters(place[0].shape[0]), nine, ring, *place)
+    found, coarsest = _filled_from(0, operator, 0.0, no_clusters(shape.shape[0]), nine, ring, *place)
     return _levels(place, found), coarsest
 
 
@@ -327,12 +282,13 @@ def hierarchy_by_parts(
 ) -> tuple[Levels, tuple[Array, ...]]:
     """`hierarchy`, with threads on large levels."""
     nine = falling.size > 0
-    place: tuple[Any, ...] = _places(along.shape[0] - 1, along.shape[1], nine)
+    # zeros of numpy take no memory before they are written to
+    place: tuple[Any, ...] = _places.py_func(*_sizes(along.shape[0] - 1, along.shape[1], nine))
     shape, _, _, _, _, weight_first, weights = place
     operator = _zeros(shape[0], nine)
-    over(strips(shape[0, 0]), _links, along, across, ring, *operator[:3])
+    over(strips(shape[0, 0]), straight_links, along, across, ring, *operator[:3])
     if nine:
-        _corner_links(falling, rising, ring, operator[0], *operator[3:])
+        corner_links(falling, rising, ring, operator[0], *operator[3:])
     fewest, found, large = 0.0, no_clusters(len(shape)), large_levels(shape)
     for k in range(large):
         all_nine = nine or k > 0
