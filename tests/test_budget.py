@@ -283,10 +283,10 @@ def test_check_says_what_the_budget_solves_besides(case):
     (line,) = (line for line in describe(loaded, prepared) if line.startswith("error budget"))
     assert "24 × 24 points" in line
     off = loaded.model_copy(update={"output": loaded.output.model_copy(update={"budget": False})})
-    assert 1.02 < forecast(loaded, prepared).shared / forecast(off, prepared).shared < 2.2
+    assert 1.02 < forecast(loaded, prepared).work / forecast(off, prepared).work < 2.2
     sure = loaded.output.model_copy(update={"model_parts": ()})
     numbers = loaded.model_copy(update={"output": sure})
-    assert 1.02 < forecast(numbers, prepared).shared / forecast(off, prepared).shared < 1.6
+    assert 1.02 < forecast(numbers, prepared).work / forecast(off, prepared).work < 1.6
 
 
 def test_a_run_that_was_stopped_in_its_budget_goes_on_with_the_same_bits(case, tmp_path):
