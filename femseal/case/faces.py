@@ -136,7 +136,9 @@ class FileFace(MapFile):
                 paths = [Path(path) for path in sorted(glob.glob(name, root_dir=folder))]
             found += [self.model_copy(update={**own, "places": None, "path": path}) for path in paths]
         if len(found) < 2:
-            raise fault("face.places", f"{len(found)} of them", "at least two; path for a single one")
+            names = ", ".join(str(place.path) for place in self.places)
+            given = f"'{shortened(names)}', which is {'one file' if found else 'no file'}"
+            raise fault("face.places", given, "at least two; path for a single one")
         if (twice := [table for n, table in enumerate(found) if table in found[:n]]) != []:
             raise fault("face.places", f"'{shortened(twice[0].path)}' twice", "each place once")
         return found

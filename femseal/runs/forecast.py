@@ -341,7 +341,7 @@ def _surface_facts(prepared: Prepared) -> Iterator[tuple[str, str]]:
     if isinstance(surface, Places):
         count, more = len(surface.widths), ""
         if prepared.sampling is not None:
-            more = f"; about {places_to_halve(count)} more would halve what they leave open of a drawn seal"
+            more = f"; about {places_to_halve(count)} more would halve their part of the band of error"
             more = more if count >= FEWEST else f"; from {FEWEST} on their scatter tells the band of a drawn seal"
         yield "", f"{count} places{more}"
     if overlap := prepared.overlap:
