@@ -104,6 +104,7 @@ _PARTS: dict[str, Callable[[], object]] = {
     "elimination": lambda: solve_flow(_network(), solver="elimination"),
     "levels": _levels,
     "contact": _contact,
+    "slender": lambda: solve_flow(flow.Stencil(np.ones((3, 200)), np.ones((2, 200)))),
     "multigrid": _multigrid,
     "windows": _windows,
 }
