@@ -201,9 +201,9 @@ def _leakage(text: str) -> tuple[float, bool]:
 UNITS = {"hardness": "Pa", "shortest_wave": "m", "factor": ""}
 #: Probability of the regions that are given.
 PROBABILITY = 0.9
-#: Cells of the posterior along hardness and wave at first, and part of its mass that is left out where the best are
-#: divided; slabs along ln(factor), and how far they reach to either side of its mean, in deviations.
-_CELLS, _LEFT, _SLABS, _FAR = 64, 1e-4, 24, 4.5
+#: Part of the mass of the posterior that is left out where the best cells are divided; slabs along ln(factor), and how
+#: far they reach to either side of its mean, in deviations.
+_LEFT, _SLABS, _FAR = 1e-4, 24, 4.5
 
 
 @dataclass(frozen=True)
@@ -283,12 +283,12 @@ class Posterior:
     def samples(self, count: int) -> Array:
         """Samples of the posterior in the unit cube (count, 3), evenly drawn; `count` is a power of 2.
 
-        The cube is divided into cells along hardness and wave, of which the quarter with the most mass is divided
-        further as long as it holds nearly all, and into slabs along the factor. A Sobol sequence draws from them: no
-        sample depends on the last digits of the density, as the states of a Markov chain do.
+        The cube is divided into four cells a sample along hardness and wave, of which the quarter with the most mass is
+        divided further as long as it holds nearly all, and into slabs along the factor. A Sobol sequence draws from
+        them: no sample depends on the last digits of the density, as the states of a Markov chain do.
         """
         low, high = np.log(self.ranges[2])
-        side = _CELLS
+        side = round(2 * count**0.5)
         plane = (np.indices((side, side)).reshape(2, -1).T + 0.5) / side
         while True:
             middle, width, density = self._along_factor(plane)
