@@ -10,7 +10,9 @@ from numpy.testing import assert_allclose, assert_array_equal
 
 import femseal as fs
 from femseal import cli
+from femseal.base.stage import Stage
 from femseal.case.case import parse_case
+from femseal.execution.processes import over_processes
 from femseal.plots import seal_figure
 from femseal.plots.drawing import drawn
 from femseal.preparation.preparation import prepare
@@ -68,11 +70,14 @@ def test_leakage_is_that_of_the_shape(done):
 
 
 @pytest.mark.parametrize("done", ["gasket_seal"], indirect=True)
-def test_results_do_not_depend_on_workers_and_a_finished_run_is_found(done, tmp_path):
+def test_results_do_not_depend_on_workers_and_a_finished_run_is_found(done, monkeypatch, tmp_path):
     case, results, folder = done
-    again = fs.run(case, tmp_path, workers=2)
+    with over_processes(2) as mapper:
+        list(mapper(Stage("start", abs), [1, 2]))
+    monkeypatch.chdir(tmp_path)  # the processes stay where they were
+    again = fs.run(case, "again", workers=2)
     for view in sorted((folder / "vtk").rglob("*.vt?")):  # by another process than that of the pictures
-        assert (tmp_path / view.relative_to(folder)).read_bytes() == view.read_bytes()
+        assert (tmp_path / "again" / view.relative_to(folder)).read_bytes() == view.read_bytes()
     assert_array_equal(again.dataset["leakage"].values, results.dataset["leakage"].values)
     assert_array_equal(again.dataset["drawn_permeability"].values, results.dataset["drawn_permeability"].values)
     log = (folder / "run.log").read_text(encoding="utf-8")

@@ -239,14 +239,17 @@ def write_vtk(
     views += [drawn_cells(data)] if "drawn_corners" in data else []
     views += [_window(window, LoadSteps.of(data)) for window in run.windows]
     views += [] if surface is None else [Heights(surface)]
-    stage = Stage("files for ParaView", partial(_written, made_folder(folder), file_format))
-    (paths,) = mapper(stage, [views])
-    return paths
+    target = made_folder(folder)
+    # other processes may be at work in another folder
+    stage = Stage("files for ParaView", partial(_written, target.absolute(), file_format))
+    (names,) = mapper(stage, [views])
+    return [target / name for name in names]
 
 
 def _written(folder: Path, file_format: str, views: list[View]) -> list[Path]:
+    """Write views into an absolute folder; returns paths relative to it."""
     writers = [write for name, write in (("vtu", write_series), ("vtkhdf", write_hdf)) if file_format in (name, "both")]
-    return [path for write in writers for view in views for path in write(view, folder)]
+    return [path.relative_to(folder) for write in writers for view in views for path in write(view, folder)]
 
 
 def seal_grid(data: xarray.Dataset) -> Cells:
