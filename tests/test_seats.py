@@ -6,7 +6,7 @@ from numpy.testing import assert_allclose
 
 import femseal as fs
 from femseal.case.case import parse_case
-from femseal.plots.maps import load_names
+from femseal.results.selections import load_names
 from femseal.studies.seat_rows import SeatMap, seat_rows
 from femseal.topography.seat import (
     LEAST_DEPTH,

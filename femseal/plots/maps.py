@@ -5,7 +5,6 @@ Also single solutions: a contact, a load cycle, the flow in a cell, the leakage 
 
 from __future__ import annotations
 
-import json
 from collections.abc import Callable, Sequence
 from functools import partial
 from typing import TYPE_CHECKING, Any
@@ -16,12 +15,11 @@ from numpy.typing import NDArray
 from ..base.arrays import Array
 from ..base.errors import InputError
 from ..base.leak_rates import leakage_unit
-from ..base.quantities import to_text
 from ..contact import Contact, LoadCycle, LoadState
 from ..flow import Permeability
 from ..results.paraview import read_pixels, stored_steps
 from ..results.run_data import RunData
-from ..results.selections import branches, pressures_and_peaks, solved_steps
+from ..results.selections import branches, load_names, pressures_and_peaks, solved_steps
 from ..seal import Leakage
 from .drawing import (
     CLOSED,
@@ -232,26 +230,6 @@ def drop_panel(axes: Axes, data: xarray.Dataset, steps: Sequence[int]) -> None:
     axes.set(xlabel="x1, inlet at 0 [mm]", ylabel="fluid pressure [MPa]")
     axes.grid(alpha=0.25, lw=0.6)
     axes.legend(fontsize=8, framealpha=0.9)
-
-
-def load_names(data: xarray.Dataset) -> list[str]:
-    """Branch and load of every step for people; forces of a case stand before their nominal pressures."""
-    pressure = data["nominal_pressure"].values
-    table = json.loads(data.attrs.get("case", "{}")).get("load", {})
-    loads = [str(load).split() for key in ("loading", "unload_from") for load in table.get(key) or ()]
-    unit = loads[0][1] if loads and len(loads[0]) > 1 else ""
-
-    def text(p: float) -> str:
-        nominal = to_text(p, "Pa")
-        if not unit:
-            return nominal
-        load = max(float(number) for number, _ in loads) * p / float(pressure.max())
-        return f"{f'{load / 1e3:.4g} N/mm' if unit == 'N/m' else to_text(load, unit)} ({nominal})"
-
-    return [
-        f"loading {text(p)}" if np.isnan(peak) else f"unloading {text(p)} from {text(peak)}"
-        for p, peak in zip(pressure, data["unloaded_from"].values, strict=True)
-    ]
 
 
 def row_panel(axes: Axes, data: xarray.Dataset, steps: Sequence[int]) -> None:
