@@ -59,11 +59,12 @@ class TextTable:
     def __rich__(self) -> Any:
         """The table as `rich.print` shows it."""
         from rich.box import SIMPLE_HEAD
+        from rich.console import Group
         from rich.markup import escape as plain
         from rich.table import Table
+        from rich.text import Text
 
         table = Table(box=SIMPLE_HEAD, pad_edge=False, padding=(0, 1, 0, 0), show_header=bool(self.heads))
-        table.title, table.title_justify = plain(self.title) or None, "left"
         table.caption, table.caption_justify = plain("\n".join(self.notes)) or None, "left"
         first = 1 if self.grouped else 0
         for n, head in list(enumerate(self.heads or self.lines[0]))[first:]:
@@ -86,7 +87,8 @@ class TextTable:
             if self.grouped:
                 texts[0] = f"{texts[0]:>{_GROUP - 3}}"
             table.add_row(*texts)
-        return table
+        # above the table, as a title of the table is no wider than it
+        return Group(Text(self.title, style="table.title"), table) if self.title else table
 
     def __str__(self) -> str:
         """The table as plain text, as wide as it needs."""

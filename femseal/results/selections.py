@@ -28,6 +28,26 @@ def branch_text(unloaded_from: float | None) -> str:
     return f"unloading from {to_text(unloaded_from, 'Pa')}"
 
 
+def load_names(data: xarray.Dataset) -> list[str]:
+    """Branch and load of every step for people; forces of a case stand before their nominal pressures."""
+    pressure = data["nominal_pressure"].values
+    table = json.loads(data.attrs.get("case", "{}")).get("load", {})
+    loads = [str(load).split() for key in ("loading", "unload_from") for load in table.get(key) or ()]
+    unit = loads[0][1] if loads and len(loads[0]) > 1 else ""
+
+    def text(p: float) -> str:
+        nominal = to_text(p, "Pa")
+        if not unit:
+            return nominal
+        load = max(float(number) for number, _ in loads) * p / float(pressure.max())
+        return f"{f'{load / 1e3:.4g} N/mm' if unit == 'N/m' else to_text(load, unit)} ({nominal})"
+
+    return [
+        f"loading {text(p)}" if np.isnan(peak) else f"unloading {text(p)} from {text(peak)}"
+        for p, peak in zip(pressure, data["unloaded_from"].values, strict=True)
+    ]
+
+
 def branches(pressure: Array, peaks: Array) -> list[tuple[str, Steps]]:
     """Name and steps of the loading and of each unloading, which begins at its peak on the loading.
 
