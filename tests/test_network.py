@@ -370,6 +370,11 @@ def test_bad_tolerance_is_named(rtol, solver):
         solve_links(np.ones((3, 3)), np.ones((2, 3)), rtol=rtol, solver=solver)
 
 
+def test_a_start_of_another_shape_is_named():
+    with pytest.raises(InputError, match=r"start: given shape \(3, 2\), expected shape \(4, 2\)"):
+        solve_links(np.ones((3, 2)), np.ones((2, 2)), start=np.ones((3, 2)))
+
+
 @each("c", ["links", [[1, 2], [3]], np.full((2, 2), 1j)])
 def test_what_is_no_array_is_named(c):
     with pytest.raises(InputError, match="along"):

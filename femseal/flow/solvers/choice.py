@@ -92,7 +92,7 @@ def solve_flow(
 
     Raises
     ------
-    InputError : an unknown solver, "elimination" on nine points, a bad rtol.
+    InputError : an unknown solver, "elimination" on nine points, a bad rtol, a start of another shape.
     NotConverged : the solver failed, or inlet and outlet flow differ by more than 1e-5, after multigrid by more than
         10 √rtol, or 10 field_rtol if that is given, after pyamg by a thousandth of these, where this is more than 1e-5;
         "multigrid" fails where links narrower than 1e-13 of the widest may carry more than rtol of the flow.
@@ -103,6 +103,8 @@ def solve_flow(
     validate.tolerance("rtol", rtol)
     if field_rtol is not None:
         validate.tolerance("field_rtol", field_rtol)
+    if start is not None and np.shape(start) != stencil.nodes:
+        raise InputError("start", f"shape {np.shape(start)}", f"shape {stencil.nodes}, of the nodes")
     conductances = stencil.along.copy(), stencil.across.copy(), stencil.falling.copy(), stencil.rising.copy()
     reached, exponent = ready(*conductances)
     settings: dict[str, Any] = {"rtol": rtol, "solver": solver, "field_rtol": field_rtol, "start": start}

@@ -1,14 +1,14 @@
 """Conjugate gradients with an incomplete Cholesky factorisation, for networks with a short way from inlet to outlet.
 
-The factorisation M = (D + L) D⁻¹ (D + U) has the links of the network alone; the links that eliminating a node would
-add between its neighbours are moved to their diagonals, all but a few percent: with all of them M is below A, as the
-energy of a network is that of A without the links left out, and rᵀM⁻¹r bounds the error of the rate from above; with a
-little less the iteration is twice as fast. Nothing is subtracted, so that M keeps its relative accuracy.
+M = (D + L) D⁻¹ (D + U) has the links of the network A alone, not those that eliminating a node would add between its
+neighbours; what these would carry is moved to the diagonals. If all of it is, A is M and the links left out besides,
+and rᵀM⁻¹r bounds the error of the rate from above; with nine tenths of it the iteration is twice as fast. The
+diagonals are sums without a subtraction, so that they keep their relative accuracy.
 
 Node (i, j) lies at place (t, i), t = (i + j) modulo the columns: all links of a place with earlier ones come from the
 place before, so that the sweeps go along t with all i at once, contiguous in memory. `along` (t, i) links places
-(t − 1, i − 1) and (t, i), `across` (t, i) links (t − 1, i) and (t, i); links from the last to the first t, around the
-ring, are not in M. Rows 0 and n + 1 are inlet and outlet.
+(t − 1, i − 1) and (t, i), `across` (t, i) links (t − 1, i) and (t, i). Rows 0 and n + 1 are inlet and outlet. Links
+from the last t to the first are left out too; with nine tenths they count as links with an end.
 Sources: Gustafsson, BIT 18, 1978, 142 (modified factorisation); Meijerink & van der Vorst, Math. Comp. 31, 1977, 148.
 """
 
@@ -22,10 +22,10 @@ from ...base.errors import NotConverged
 from ..stencil import Stencil
 from .compiled import COMPILED
 
-#: Part of the links left out that is moved to no diagonal.
+#: Part of what the links left out would carry that is moved to no diagonal where M is not for the bound.
 _LOST = 0.1
-#: The iteration stops where rᵀM⁻¹r, then about the error of the rate, is this fraction of what is allowed; where the
-#: bound is more than what is allowed after all, again and again at a tenth of it.
+#: The iteration stops where rᵀM⁻¹r, about the error of the rate, is this fraction of what is allowed; if the bound is
+#: more than that after all, at less.
 _SHARE = 0.1
 #: Iterations after which the number still needed is extrapolated.
 _FORESEEN = 10
@@ -78,7 +78,7 @@ def _places(along, across, start):
 
 @njit(**COMPILED)
 def _factorised(a, c, lost):
-    """D⁻¹, with a fraction of the links left out that is moved to no diagonal; 0 at nodes without links.
+    """D⁻¹, with a part of what the links left out would carry that is moved to no diagonal; 0 at nodes without links.
 
     A diagonal is the sum of the links with later nodes and of a rest: its links with the ends, and its share of the
     rests before.
