@@ -85,23 +85,3 @@ def window(data: xarray.Dataset, i: int, j: int) -> tuple[int, int]:
     if i not in range(m1) or j not in range(m2):
         raise InputError("cell", (i, j), f"0 to {m1 - 1} along x1 and 0 to {m2 - 1} along x2")
     return int(i), int(j)
-
-
-def load_names(data: xarray.Dataset) -> list[str]:
-    """Branch and load of every step for people; forces of a case stand before their nominal pressures."""
-    pressure = data["nominal_pressure"].values
-    table = json.loads(data.attrs.get("case", "{}")).get("load", {})
-    loads = [str(load).split() for key in ("loading", "unload_from") for load in table.get(key) or ()]
-    unit = loads[0][1] if loads and len(loads[0]) > 1 else ""
-
-    def text(p: float) -> str:
-        nominal = to_text(p, "Pa")
-        if not unit:
-            return nominal
-        load = max(float(number) for number, _ in loads) * p / float(pressure.max())
-        return f"{f'{load / 1e3:.4g} N/mm' if unit == 'N/m' else to_text(load, unit)} ({nominal})"
-
-    return [
-        f"loading {text(p)}" if np.isnan(peak) else f"unloading {text(p)} from {text(peak)}"
-        for p, peak in zip(pressure, data["unloaded_from"].values, strict=True)
-    ]
