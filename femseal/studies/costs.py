@@ -41,8 +41,9 @@ _CLOSING = (0.07, 0.45)
 _RUN_SECONDS, _RUN_PIXEL_SECONDS = 1.2e-3, 6e-7
 #: Seconds of a seal of runs of columns, and for each of its columns of windows.
 _DRAW_SECONDS, _DRAW_COLUMN_SECONDS = 1e-4, 2e-8
-#: Seconds of a link of a drawn seal at a load step, for each doubling of its rows.
-_LINK_SECONDS = 1.1e-7
+#: Seconds of a link of a drawn seal at a load step, for each doubling of its rows; so many times as long where the
+#: permeability depends on the fluid pressure.
+_LINK_SECONDS, _LINK_SUCCESSIVE = 4e-8, 1.6
 #: Flow solutions, and what they need besides, that the flow of a rarefied gas takes.
 _SUCCESSIVE = 4.5
 #: Rounds of contact and flow where the fluid presses the faces apart: two or three up to p_in/p̄ of .3.
@@ -193,7 +194,7 @@ def stochastic_cost(
     if places > 1 and sampling.pressure != "place":
         draws += len(kept_places(places)) * min(sampling.realisations, PLACE_REALISATIONS)
     seconds += (
-        (_SUCCESSIVE if max(pressures, rounds) > 1 else 1.0)
+        (_LINK_SUCCESSIVE if max(pressures, rounds) > 1 else 1.0)
         * draws
         * steps
         * _LINK_SECONDS
