@@ -621,7 +621,6 @@ def test_ctrl_c_ends_the_workers_and_says_how_to_go_on(case, start, tmp_path, ar
     assert list(out.glob(beyond_others))
 
 
-@pytest.mark.slow
 @pytest.mark.skipif(not Path("/proc/self/stat").exists(), reason="looks for processes in /proc")
 def test_processes_end_with_their_parent(case, start, tmp_path):
     """Also where it is killed, so that it cannot end them."""

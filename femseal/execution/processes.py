@@ -8,6 +8,7 @@ import os
 import pickle
 import signal
 import threading
+import time
 import warnings
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager, suppress
@@ -33,6 +34,8 @@ log = logging.getLogger("femseal.execution.processes")
 FREE_FRACTION = 0.7
 #: Time that processes without work get to end [s].
 END_SECONDS = 10.0
+#: How often a process looks for its parent [s].
+WATCH_SECONDS = 0.5
 #: Settings of the GNU C library by which processes keep freed memory up to this size [byte]: getting new memory for
 #: each result takes as long as sending the result.
 KEPT_MEMORY = {"MALLOC_TRIM_THRESHOLD_": str(2**25), "MALLOC_MMAP_THRESHOLD_": str(2**25)}
@@ -194,7 +197,10 @@ def _end_with(parent: int, folder: str) -> None:
 
     def watch() -> None:
         with suppress(psutil.NoSuchProcess):
-            psutil.Process(parent).wait()
+            process = psutil.Process(parent)
+            # `wait` would also wait for who started the parent to ask for its end
+            while process.is_running() and process.status() != psutil.STATUS_ZOMBIE:
+                time.sleep(WATCH_SECONDS)
         rmtree(folder, ignore_errors=True)
         os._exit(1)
 
