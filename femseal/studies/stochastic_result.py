@@ -70,9 +70,11 @@ def drawn_permeability(
     which: dict[str, Any] = {"sampler": sampling.sampler_of_links, "seed": sampling.seed, "realisation": realisation}
     # windows whose two values belong together are drawn with the same random numbers
     axes = (0, 0) if seal_windows.together else (0, 1)
-    if len(kinds) > 1 and isinstance(seal_windows, LinkWindows) and not seal_windows.together:
+    # values of cells pay where they are no more than the links
+    few = kinds[0][0].k[0].size <= kinds[0][0].path.size
+    if few and len(kinds) > 1 and isinstance(seal_windows, LinkWindows) and not seal_windows.together:
         first, second = (draw_cells(t, **which, axis=axis) for t, axis in zip(kinds[0], axes, strict=True))
-        if first is not None and second is not None and kinds[0][0].k[0].size <= first.size:
+        if first is not None and second is not None:
             return lambda s: at.table([(a.k[s].ravel(), b.k[s].ravel()) for a, b in kinds], (first, second))
     draws = [[draw_links(t, **which, axis=axis) for t, axis in zip(tables, axes, strict=True)] for tables in kinds]
     return lambda s: at.table([seal_windows.permeability(along(s), across(s)) for along, across in draws])
