@@ -25,8 +25,6 @@ KEPT_POINTS = 2**21
 _COARSEST = 48
 #: Number of points from which two threads are faster than one.
 _THREADED = 2**18
-#: Number of points from which single precision is faster for search directions.
-_SINGLE = 160**2
 
 
 def nested_grids(half_space: HalfSpace, thread: int, threads: int) -> Sequence[Workspace]:
@@ -95,8 +93,7 @@ class Workspace:
         body = half_space.shape, half_space.boundary
         self.respond = convolution(*body, half_space.symbol(threads), threads=threads)
         # the next product with the pressure corrects the errors of products in single precision
-        precision = np.float32 if n >= _SINGLE else np.float64
-        self.search = convolution(*body, None, dtype=precision, threads=threads, over=self.respond)
+        self.search = convolution(*body, None, dtype=np.float32, threads=threads, over=self.respond)
         self.pressure = self.respond.pressure
         self.p, self.v = self.respond.pressure.ravel(), self.respond.rows
         self.dense, self.kd = self.search.pressure.ravel(), self.search.rows

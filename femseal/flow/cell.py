@@ -144,7 +144,7 @@ def cell_permeability(
         upper=upper,
         resampling_error=estimated,
         percolates=flow.percolates,
-        percolating_fraction=float(np.isfinite(potential).mean()) if flow.percolates else 0.0,
+        percolating_fraction=np.count_nonzero(np.isfinite(potential)) / potential.size if flow.percolates else 0.0,
         iterations=flow.iterations,
         residual=flow.residual,
         imbalance=flow.imbalance,

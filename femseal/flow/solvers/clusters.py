@@ -9,8 +9,11 @@ a correction in the subspace of its indicator. Levels and conductances are as in
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 from numba import njit
+from numpy.typing import NDArray
 
 from .compiled import COMPILED
 
@@ -184,8 +187,7 @@ def clusters(centre, right, below, below_right, below_left, nine, ring):
     return nodes[:size].copy(), first[: found + 1].copy(), outside, ground, inverse
 
 
-@njit(**COMPILED)
-def no_clusters(levels):
+def no_clusters(levels: int) -> tuple[NDArray[Any], ...]:
     """What `Levels` of so many levels has of clusters, before there are any."""
     none = np.zeros(0, np.float32)
     first = np.zeros(levels, np.int64)

@@ -201,7 +201,8 @@ def eliminated(first, parent, row, later, link, border, start, at, room, waiting
                     for j in range(i + 1, m):
                         rest[here - p, places[j] - p] += left[top + i * m + j]
         _eliminate_front(front, rest, inverse[a : a + p])
-        left[top : top + q * q] = work[: q * q]
+        for i in range(q * q):
+            left[top + i] = work[i]
         top += q * q
         pending[n_pending] = f
         n_pending += 1

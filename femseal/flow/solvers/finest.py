@@ -2,23 +2,9 @@
 
 from __future__ import annotations
 
-import numpy as np
 from numba import njit
 
 from .compiled import COMPILED
-
-
-@njit(**COMPILED)
-def finest(along, across, falling, rising, ring):
-    """Centres and conductances of the inner nodes of a stencil, see `level`."""
-    shape = (along.shape[0] + 1, along.shape[1] + 2)
-    of_corners = shape if falling.size > 0 else (1, 1)
-    centre, right, below = np.zeros(shape), np.zeros(shape), np.zeros(shape)
-    below_right, below_left = np.zeros(of_corners), np.zeros(of_corners)
-    straight_links(1, shape[0] - 1, along, across, ring, centre, right, below)
-    if falling.size > 0:
-        corner_links(falling, rising, ring, centre, below_right, below_left)
-    return centre, right, below, below_right, below_left
 
 
 @njit(**COMPILED)

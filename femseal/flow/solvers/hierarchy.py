@@ -11,6 +11,7 @@ would give it; coarse operators are Galerkin's. Source: Dendy, J. Comput. Phys. 
 
 from __future__ import annotations
 
+from functools import lru_cache
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -21,7 +22,7 @@ from ...base.arrays import Array
 from ...base.threads import over
 from .clusters import clusters, no_clusters, with_clusters
 from .compiled import COMPILED
-from .finest import corner_links, finest, straight_links
+from .finest import corner_links, straight_links
 
 #: Nodes of an axis at which coarsening ends.
 FEWEST = 4
@@ -39,15 +40,9 @@ def strips(rows: int) -> list[tuple[int, int]]:
     return [(i, min(i + _STRIP, rows - 1)) for i in range(1, rows - 1, _STRIP)]
 
 
-def is_large(along: Array) -> bool:
-    """Whether threads share levels of a stencil."""
-    n1, n2 = along.shape[0] - 1, along.shape[1]
-    return (n1 + 2) * (n2 + 2) >= _LARGE and min(n1, n2) > FEWEST
-
-
 def large_levels(shape: NDArray[np.int64]) -> int:
     """Number of levels that threads share; the coarsest is none of them."""
-    return sum(int(n1 * n2) >= _LARGE for n1, n2 in shape[:-1])
+    return np.count_nonzero(shape[:-1, 0] * shape[:-1, 1] >= _LARGE)
 
 
 class Levels(NamedTuple):
@@ -232,59 +227,13 @@ def _galerkin(
             to4[ci, 0], to4[ci, m2 + 1] = to4[ci, m2], to4[ci, 1]
 
 
-@njit(**COMPILED)
-def _sizes(n1, n2, nine):
-    """Sizes of all levels, and where their fields, corners and weights start, see `Levels`."""
-    count, m1, m2 = 1, n1, n2
-    while min(m1, m2) > FEWEST:
-        count, m1, m2 = count + 1, (m1 + 1) // 2, (m2 + 1) // 2
-    shape, first = np.empty((count, 2), np.int64), np.zeros(count + 1, np.int64)
-    corner_first, weight_first = np.zeros(count + 1, np.int64), np.zeros(count, np.int64)
-    for k in range(count):
-        shape[k, 0], shape[k, 1] = n1 + 2, n2 + 2
-        nodes = (n1 + 2) * (n2 + 2)
-        first[k + 1] = first[k] + nodes
-        corner_first[k + 1] = corner_first[k] + (nodes if nine or k > 0 else 1)
-        if k > 0:
-            weight_first[k] = weight_first[k - 1] + 9 * nodes
-        n1, n2 = (n1 + 1) // 2, (n2 + 1) // 2
-    return shape, first, corner_first, weight_first
-
-
-@njit(**COMPILED)
-def _places(shape, first, corner_first, weight_first):
-    """Sizes and memory of what the levels have but for clusters, in the order of `Levels`."""
-    fields, corners = np.zeros((6, first[-1]), np.float32), np.zeros((2, corner_first[-1]), np.float32)
-    return shape, first, fields, corner_first, corners, weight_first, np.zeros(weight_first[-1], np.float32)
-
-
-@njit(**COMPILED)
-def hierarchy(along, across, falling, rising, ring):
-    """`Levels` of a stencil, and centres and conductances of the coarsest one in double precision."""
-    nine = falling.size > 0
-    shape, first, corner_first, weight_first = _sizes(along.shape[0] - 1, along.shape[1], nine)
-    place = _places(shape, first, corner_first, weight_first)
-    operator = finest(along, across, falling, rising, ring)
-    found, coarsest = _filled_from(0, operator, 0.0, no_clusters(shape.shape[0]), nine, ring, *place)
-    return _levels(place, found), coarsest
-
-
-@njit(**COMPILED)
-def _levels(place, found):
-    """`Levels` up to the last one that is filled."""
-    shape, first, fields, corner_first, corners, weight_first, weights = place
-    n = found[0].size
-    return Levels(shape[:n], first[: n + 1], fields, corner_first[: n + 1], corners, weight_first[:n], weights, *found)
-
-
-def hierarchy_by_parts(
+def hierarchy(
     along: Array, across: Array, falling: Array, rising: Array, ring: bool
 ) -> tuple[Levels, tuple[Array, ...]]:
-    """`hierarchy`, with threads on large levels."""
+    """`Levels` of a stencil, and centres and conductances of the coarsest one in double precision."""
     nine = falling.size > 0
-    # zeros of numpy take no memory before they are written to
-    place: tuple[Any, ...] = _places.py_func(*_sizes(along.shape[0] - 1, along.shape[1], nine))
-    shape, _, _, _, _, weight_first, weights = place
+    place = _places(along.shape[0] - 1, along.shape[1], nine)
+    shape, *_, weight_first, weights = place
     operator = _zeros(shape[0], nine)
     over(strips(shape[0, 0]), straight_links, along, across, ring, *operator[:3])
     if nine:
@@ -305,6 +254,33 @@ def hierarchy_by_parts(
         operator = coarse
     found, operator = _filled_from(large, operator, fewest, found, nine, ring, *place)
     return _levels(place, found), operator
+
+
+def _places(n1: int, n2: int, nine: bool) -> tuple[NDArray[Any], ...]:
+    """Sizes and memory of what the levels have but for clusters, in the order of `Levels`."""
+    shape, first, corner_first, weight_first = _sizes(n1, n2, nine, FEWEST)
+    # zeros of numpy take no memory before they are written to
+    fields, corners = np.zeros((6, first[-1]), np.float32), np.zeros((2, corner_first[-1]), np.float32)
+    return shape, first, fields, corner_first, corners, weight_first, np.zeros(weight_first[-1], np.float32)
+
+
+@lru_cache(16)
+def _sizes(n1: int, n2: int, nine: bool, fewest: int) -> tuple[NDArray[np.int64], ...]:
+    """Sizes of all levels, and where their fields, corners and weights start, see `Levels`."""
+    sizes = [(n1 + 2, n2 + 2)]
+    while min(n1, n2) > fewest:
+        n1, n2 = (n1 + 1) // 2, (n2 + 1) // 2
+        sizes.append((n1 + 2, n2 + 2))
+    nodes = [a * b for a, b in sizes]
+    first = np.cumsum([0, *nodes])
+    return np.array(sizes), first, np.cumsum([0, nodes[0] if nine else 1, *nodes[1:]]), 9 * (first[1:] - nodes[0])
+
+
+def _levels(place: tuple[NDArray[Any], ...], found: tuple[NDArray[Any], ...]) -> Levels:
+    """`Levels` up to the last one that is filled."""
+    shape, first, fields, corner_first, corners, weight_first, weights = place
+    n = found[0].size
+    return Levels(shape[:n], first[: n + 1], fields, corner_first[: n + 1], corners, weight_first[:n], weights, *found)
 
 
 def _zeros(shape: NDArray[np.int64], nine: bool) -> tuple[Array, ...]:

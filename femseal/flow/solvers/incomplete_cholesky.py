@@ -191,7 +191,9 @@ def _solve(along, across, start, rtol, limit):
         product = _forward(a_single, c_single, inverse, r, z)
         if product <= allowed * rate:
             rate, imbalance = _residual(a, c, x, exact)
-            r[:] = exact
+            for t in range(n2):
+                for i in range(1, n1):
+                    r[t, i] = exact[t, i]
             error = _forward(a, c, bounding, exact, exact) / rate
             over = max(error / rtol, (imbalance / rate) ** 2 / (9.0 * rtol))
             done = over <= 1.0

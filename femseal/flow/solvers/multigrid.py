@@ -13,9 +13,9 @@ from numpy.typing import NDArray
 from ...base.errors import NotConverged
 from ...base.threads import over
 from ..stencil import Stencil
-from .coarsest import eliminate_coarsest
+from .coarsest import Coarsest, eliminate_coarsest
 from .compiled import COMPILED
-from .hierarchy import hierarchy, hierarchy_by_parts, is_large, level, strips
+from .hierarchy import Levels, hierarchy, large_levels, level, strips
 from .v_cycle import cycle, v_cycle
 
 Array = NDArray[np.float64]
@@ -35,6 +35,8 @@ _FEW = 6
 _LARGEST = 100.0
 #: No nodes are hidden.
 _NONE = np.zeros((0, 0), np.bool_)
+#: Large levels save the memory of a field: A p is found twice.
+_NOTHING = np.zeros((0, 0))
 #: Iterations after which the number still needed is extrapolated.
 _FORESEEN = 10
 
@@ -72,8 +74,10 @@ def solve_multigrid(
     s = stencil
     field, hidden = np.inf if field_rtol is None else field_rtol, _NONE if hidden is None else hidden
     conductances = s.along, s.across, s.falling, s.rising
-    solve = _solve_by_parts if is_large(s.along) else _solve
-    x, iterations, error, done = solve(conductances, s.ring2, rtol, field, limit, hidden)
+    levels, operator = hierarchy(*conductances, s.ring2)
+    coarsest = eliminate_coarsest(*operator, s.ring2)
+    iterate = _iterate_by_parts if large_levels(levels.shape) else _iterate
+    x, iterations, error, done = iterate(levels, coarsest, conductances, s.ring2, rtol, field, limit, hidden)
     if not done:
         raise NotConverged(
             f"flow: error {error**2:.1e} of the rate after {iterations} iterations of multigrid, wanted {rtol:.1e}"
@@ -119,12 +123,14 @@ def _turn(first, end, z, scale, beta, p):
 
 
 @njit(**COMPILED)
-def _curvature(first, end, conductances, p, ring):
-    """The part of p·A p of some rows."""
+def _curvature(first, end, conductances, p, ring, flow):
+    """The part of p·A p of some rows; A p is written to `flow`, unless that is empty."""
     n2 = p.shape[1] - 2
     y = np.empty(n2 + 2)
     total = 0.0
     for i in range(first, end):
+        if flow.size > 0:
+            y = flow[i]
         _flow_out(conductances, p, i, ring, y)
         for j in range(1, n2 + 1):
             total += y[j] * p[i, j]
@@ -132,16 +138,19 @@ def _curvature(first, end, conductances, p, ring):
 
 
 @njit(**COMPILED)
-def _advance(first, end, conductances, step, p, scale, ring, x, r, b):
+def _advance(first, end, conductances, step, p, scale, ring, flow, x, r, b):
     """x += step p, r −= step A p, b = r / scale on some rows; their sums of r and of r x.
 
-    Those of all rows are what inlet and outlet flow and the rate differ by.
+    Those of all rows are what inlet and outlet flow and the rate differ by. A p is found again where `flow` is empty.
     """
     n2 = p.shape[1] - 2
     y = np.empty(n2 + 2)
     excess = weighted = 0.0
     for i in range(first, end):
-        _flow_out(conductances, p, i, ring, y)
+        if flow.size > 0:
+            y = flow[i]
+        else:
+            _flow_out(conductances, p, i, ring, y)
         for j in range(1, n2 + 1):
             x[i, j] += step * p[i, j]
             r[i, j] -= step * y[j]
@@ -265,17 +274,15 @@ def _judged(iteration, rz, largest, unbalanced, rate, history, nodes, rtol, fiel
 
 
 @njit(**COMPILED)
-def _solve(conductances, ring, rtol, field, limit, hidden):
+def _iterate(levels, coarsest, conductances, ring, rtol, field, limit, hidden):
     """Conjugate gradients: potential, iterations, error in the norm of the energy, and whether it is what was asked."""
-    along, across, falling, rising = conductances
-    levels, (centre, right, below, below_right, below_left) = hierarchy(along, across, falling, rising, ring)
-    coarsest = eliminate_coarsest(centre, right, below, below_right, below_left, ring)
     _, _, inverse, z, b, _, _, _ = level(levels[0], levels[1], levels[2], levels[3], levels[4], np.int64(0))
     r = np.zeros(b.shape)
     rows, nodes = z.shape[0] - 1, (z.shape[0] - 2) * (z.shape[1] - 2)
     x, p, history = np.zeros(z.shape), np.zeros(z.shape, np.float32), np.zeros((3, limit + 1))
+    flow = np.empty(z.shape)
     _start(conductances, inverse, x, r, b)
-    scale, unbalanced, iteration = 1.0, 0.0, 0
+    scale, unbalanced, iteration = 1.0, 0.0, np.int64(0)
     while True:
         v_cycle(levels, coarsest, conductances[2].size > 0, ring, 0)
         rz, largest = _product(1, rows, r, z, field, hidden)
@@ -286,13 +293,13 @@ def _solve(conductances, ring, rtol, field, limit, hidden):
             break
         beta = rz / history[0, iteration - 1] if iteration > 0 else 0.0
         _turn(1, rows, z, scale, beta, p)
-        curvature = _curvature(1, rows, conductances, p, ring)
+        curvature = _curvature(1, rows, conductances, p, ring, flow)
         if not curvature > 0.0:
             break
         history[1, iteration], history[2, iteration] = rz / curvature, beta
         # far from the limits of single precision, however small the residual is
         scale = np.sqrt(rz)
-        excess, weighted = _advance(1, rows, conductances, rz / curvature, p, scale, ring, x, r, b)
+        excess, weighted = _advance(1, rows, conductances, rz / curvature, p, scale, ring, flow, x, r, b)
         unbalanced = max(abs(excess), abs(weighted))
         iteration += 1
     if not done and rate > 0.0 and rz >= 0.0:
@@ -300,13 +307,17 @@ def _solve(conductances, ring, rtol, field, limit, hidden):
     return x, iteration, error, done
 
 
-def _solve_by_parts(
-    conductances: tuple[Array, ...], ring: bool, rtol: float, field: float, limit: int, hidden: NDArray[np.bool_]
+def _iterate_by_parts(
+    levels: Levels,
+    coarsest: Coarsest,
+    conductances: tuple[Array, ...],
+    ring: bool,
+    rtol: float,
+    field: float,
+    limit: int,
+    hidden: NDArray[np.bool_],
 ) -> tuple[Array, int, float, bool]:
-    """`_solve`, with threads on large levels."""
-    along, across, falling, rising = conductances
-    levels, (centre, right, below, below_right, below_left) = hierarchy_by_parts(along, across, falling, rising, ring)
-    coarsest = eliminate_coarsest(centre, right, below, below_right, below_left, ring)
+    """`_iterate`, with threads on large levels."""
     _, _, inverse, z, b, _, _, _ = level(*levels[:5], 0)
     # in single precision the residual is the right side of the cycle, else that is a copy relative to its size
     single = conductances[0].dtype == np.float32
@@ -327,12 +338,12 @@ def _solve_by_parts(
             break
         beta = rz / history[0, iteration - 1] if iteration > 0 else 0.0
         over(rows, _turn, z, scale, beta, p)
-        curvature = sum(over(rows, _curvature, conductances, p, ring))
+        curvature = sum(over(rows, _curvature, conductances, p, ring, _NOTHING))
         if not curvature > 0.0:
             break
         history[1:, iteration] = rz / curvature, beta
         scale = 1.0 if single else float(np.sqrt(rz))
-        sums = over(rows, _advance, conductances, rz / curvature, p, scale, ring, x, r, b)
+        sums = over(rows, _advance, conductances, rz / curvature, p, scale, ring, _NOTHING, x, r, b)
         unbalanced = max(abs(sum(of_rows)) for of_rows in zip(*sums, strict=True))
         iteration += 1
     if not done and rate > 0.0 and rz >= 0.0:

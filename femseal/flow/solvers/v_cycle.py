@@ -120,7 +120,8 @@ def _sweep_down(first, end, between, x, b, r, inverse, right, below, below_right
         _residual(start, i - 1, x, r, right, below, below_right, below_left, nine, ring)
     _residual(end - 1, end, x, r, right, below, below_right, below_left, nine, ring)
     if between:
-        x[end], b[end - 1] = after, last
+        for j in range(n2 + 2):
+            x[end, j], b[end - 1, j] = after[j], last[j]
         _add_below(first - 1, x, r, below, below_right, below_left, nine)
         for j in range(1, n2 + 1):
             r[end, j] += below[end - 1, j] * x[end - 1, j]
