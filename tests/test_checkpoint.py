@@ -622,14 +622,17 @@ def test_ctrl_c_ends_the_workers_and_says_how_to_go_on(case, start, tmp_path, ar
 
 
 @pytest.mark.skipif(not Path("/proc/self/stat").exists(), reason="looks for processes in /proc")
-def test_processes_end_with_their_parent(case, start, tmp_path):
-    """Also where it is killed, so that it cannot end them."""
+def test_processes_end_with_their_parent(case, start, tmp_path, monkeypatch):
+    """Also where it is killed, so that it cannot end them; they remove the files by which it sent its stages."""
+    monkeypatch.setenv("TMPDIR", str(tmp_path))
     case.write_text(CASE.replace("realisations = 24", "realisations = 100000"))
     process = start(case, tmp_path / "out", "--workers", "2")
     wait_until(lambda: list(tmp_path.glob("out/.checkpoint/012-*")) or process.poll() is not None)
     assert len(alive(process.pid)) > 2
+    assert list(tmp_path.glob("femseal-*"))
     process.kill()
     wait_until(lambda: not alive(process.pid))
+    assert not list(tmp_path.glob("femseal-*"))
 
 
 @pytest.mark.slow

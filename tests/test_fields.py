@@ -462,7 +462,7 @@ def test_export_on_the_command_line(folder, tmp_path):
     done = CliRunner().invoke(app, ["export", str(folder), "-o", str(tmp_path / "gap.tif"), "--step", "2"])
     assert (done.exit_code, done.output.split()) == (0, [str(tmp_path / "gap.tif")])
     assert (tmp_path / "gap.tif").stat().st_size > 1000
-    window = ("--window", "0 mm", "1 mm", "0 mm", "1 mm")
+    window = ("--window", "0 mm", ".06 mm", "0 mm", "50 um")
     done = CliRunner().invoke(app, ["export", str(folder), "-o", str(tmp_path / "gap.vti"), "--step", "2", *window])
     assert (done.exit_code, done.output.split()) == (0, [str(tmp_path / "gap.vti")])
 
@@ -479,11 +479,19 @@ def test_what_cannot_be_exported(back, scene, studies, tmp_path):
         ("a.npz", {"step": 9}, "step: given 9, expected 0 to 5"),
         ("a.npz", {"cell": (9, 9), "step": 0}, "cell: given"),
         ("a.npz", {"window": (0, 1e-3, 2e-3, 1e-3)}, r"window: given \(0, 0.001, 0.002, 0.001\)"),
-        ("a.npz", {"window": (1e3, 2e3, 0, 1)}, "expected pixels of the face"),
+        (
+            "a.npz",
+            {"window": (0, 6.1e-5, 0, 6e-5)},
+            r"window: given \(0, 6.1e-05, .* x1 from 0 to 6e-05 m, x2 from 0 to",
+        ),
+        ("a.npz", {"window": (0, 6e-5, -1e-6, 6e-5)}, "expected a part of the face"),
+        ("a.npz", {"window": (0, 6e-5, 1.4e-6, 1.8e-6)}, "with the centre of a pixel of 1.25e-06 m"),
         ("none/a.npz", {"step": 0}, "a file that can be written"),
     ):
         with pytest.raises(InputError, match=message):
             back.export(tmp_path / name, **given)
+    with pytest.raises(InputError, match="expected a part of the face"):
+        assemble(scene, deterministic=studies["deterministic"]).export(tmp_path / "a.npz", window=(0, 1, 0, 1))
     with pytest.raises(InputError, match=r"no gap over all pixels, .* \"two-scale\" as method or in `compare`"):
         assemble(scene, stochastic=studies["stochastic"]).export(tmp_path / "a.npz")
     assert not list(tmp_path.iterdir())

@@ -101,6 +101,17 @@ def _knows(module):
     return module in sys.modules
 
 
+def _watchers(_):
+    return [thread.name for thread in threading.enumerate()].count(processes.WATCHER)
+
+
+def test_a_process_watches_its_parent_once_whatever_runs_it_computes_for():
+    processes.start_processes(2, "colorsys")
+    for _ in range(2):
+        with ordered_map(workers=2) as mapping:
+            assert list(mapping(Stage("trial", _watchers), range(4))) == [1] * 4
+
+
 def deaf(n):
     os.kill(os.getpid(), signal.SIGINT)
     return n

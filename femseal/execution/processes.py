@@ -36,6 +36,8 @@ FREE_FRACTION = 0.7
 END_SECONDS = 10.0
 #: How often a process looks for its parent [s].
 WATCH_SECONDS = 0.5
+#: Name of the thread that does.
+WATCHER = "watches the parent"
 #: Settings of the GNU C library by which processes keep freed memory up to this size [byte]: getting new memory for
 #: each result takes as long as sending the result.
 KEPT_MEMORY = {"MALLOC_TRIM_THRESHOLD_": str(2**25), "MALLOC_MMAP_THRESHOLD_": str(2**25)}
@@ -78,7 +80,7 @@ def start_processes(count: int | None, module: str) -> None:
 
 
 def _load(parent: int, module: str) -> None:
-    _end_with(parent, "")
+    _end_with(parent)
     import_module(module)
 
 
@@ -181,7 +183,8 @@ def _end_at_exit() -> None:
 
 
 def _call_stored(parent: int, path: str, threads: int, *args: Any) -> Any:
-    _end_with(parent, str(Path(path).parent))
+    _folders.add(str(Path(path).parent))
+    _end_with(parent)
     with using(threads):
         return _stored(path)(*args)
 
@@ -191,9 +194,13 @@ def _stored(path: str) -> Stage:
     return pickle.loads(Path(path).read_bytes())
 
 
+#: Folders that the parent of this process leaves if it is killed.
+_folders: set[str] = set()
+
+
 @cache
-def _end_with(parent: int, folder: str) -> None:
-    """End this process soon after its parent, even if the parent is killed; remove the folder that it leaves then."""
+def _end_with(parent: int) -> None:
+    """End this process soon after its parent, even if the parent is killed, and remove the folders that it leaves."""
 
     def watch() -> None:
         with suppress(psutil.NoSuchProcess):
@@ -201,7 +208,8 @@ def _end_with(parent: int, folder: str) -> None:
             # `wait` would also wait for who started the parent to ask for its end
             while process.is_running() and process.status() != psutil.STATUS_ZOMBIE:
                 time.sleep(WATCH_SECONDS)
-        rmtree(folder, ignore_errors=True)
+        for folder in tuple(_folders):
+            rmtree(folder, ignore_errors=True)
         os._exit(1)
 
-    threading.Thread(target=watch, daemon=True).start()
+    threading.Thread(target=watch, name=WATCHER, daemon=True).start()

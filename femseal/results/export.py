@@ -16,7 +16,7 @@ from ..base.errors import InputError
 from ..base.fields import Field
 from ..base.files import replacing
 from . import vtk_files
-from .paraview import WITH_FIELDS, read_pixels, stored_steps
+from .paraview import WITH_FIELDS, pixels_of_face, read_pixels, stored_steps
 from .run_data import RunData
 from .variables import block_means
 
@@ -30,6 +30,8 @@ _PLANE = (1, 1, 1, 3, 1024, 0, 1, 32767, 1025, 0, 1, 1, 3076, 0, 1, 9001)
 FIELDS = ("gap", "contact_pressure", "fluid_pressure")
 #: Most pixels a side of an image for ParaView: larger ones are means over blocks.
 MOST_PIXELS = 2048
+#: By which a window may lie beyond a face, over its size: ends are texts.
+_ROUNDING = 1e-6
 
 
 def export_field(
@@ -55,7 +57,7 @@ def export_field(
     field : "gap", "contact_pressure", or "fluid_pressure" of a resolved flow, NaN where none flows.
     step : index of the load step; None is all that are stored.
     cell : window of the study, between its rows of nodes; the whole face unless given.
-    window : instead, x1 from and to, x2 from and to [m]: the pixels whose centres lie between.
+    window : instead, a part of the face, x1 from and to, x2 from and to [m]: the pixels whose centres lie between.
 
     Returns
     -------
@@ -79,11 +81,13 @@ def export_field(
     steps = stored_steps(run) if step is None else [step]
     if not steps:
         raise InputError("results", "no gap over all pixels", WITH_FIELDS)
+    if window is not None:
+        _check_window(window, *pixels_of_face(run))
     written = []
     for s in steps:
         values = read_pixels(run, field, s, cell)
         if window is not None:
-            values = _part(values, window)
+            values = values.sel(x1=slice(*window[:2]), x2=slice(*window[2:]))
         target = path if step is not None else path.with_stem(f"{path.stem}_{s:04d}")
         try:
             with replacing(target) as temporary:
@@ -94,13 +98,17 @@ def export_field(
     return written
 
 
-def _part(values: xarray.DataArray, window: tuple[float, float, float, float]) -> xarray.DataArray:
-    """The pixels whose centres lie in a window, x1 from and to, x2 from and to [m]."""
-    part = values.sel(x1=slice(*window[:2]), x2=slice(*window[2:]))
-    if part.size == 0:
-        ends = " to ".join(f"{float(values[x][n]):.3g}" for x in ("x1", "x2") for n in (0, -1))
-        raise InputError("window", window, f"pixels of the face, whose centres have x1 and x2 from {ends} m")
-    return part
+def _check_window(
+    window: tuple[float, float, float, float], shape: tuple[int, int], pixel: tuple[float, float]
+) -> None:
+    """Raise InputError unless a window lies within a face of such pixels, and has the centre of one."""
+    size = [count * d for count, d in zip(shape, pixel, strict=True)]
+    for ends, whole, d in zip((window[:2], window[2:]), size, pixel, strict=True):
+        inside = -_ROUNDING * whole <= ends[0] and ends[1] <= (1 + _ROUNDING) * whole
+        if not inside or np.ceil(ends[0] / d - 0.5) > np.floor(ends[1] / d - 0.5):
+            face = f"x1 from 0 to {size[0]:.9g} m, x2 from 0 to {size[1]:.9g} m"
+            expected = f"a part of the face, {face}, with the centre of a pixel of {pixel[0]:.3g} m × {pixel[1]:.3g} m"
+            raise InputError("window", window, expected)
 
 
 def _frame(values: xarray.DataArray) -> tuple[tuple[float, float], tuple[float, float]]:
