@@ -6,6 +6,7 @@ Exit code 0 done, 2 bad input (nothing written), 1 anything else; 3 of a part of
 from __future__ import annotations
 
 import errno
+import gc
 import os
 import signal
 import sys
@@ -137,8 +138,12 @@ def run(
     if scheduler is None and not resume and own is None:
         from .execution.processes import start_processes
 
-        start_processes(workers, "femseal.studies.study_registry")  # while this process loads the solvers too
+        start_processes(workers, "femseal.studies.worker_process")  # while this process loads the solvers too
+    gc.disable()  # loading makes hundreds of thousands of objects, and no garbage
     from .runs import job
+
+    gc.freeze()
+    gc.enable()
 
     again = f"femseal run {path} -o {folder}"
     try:
@@ -342,6 +347,8 @@ def main() -> None:
             error.show()
             sys.exit(error.exit_code)
         _stop(error, f"{type(error).__name__}: {error}", 1)
+    finally:
+        gc.freeze()  # at its end Python would look for garbage among the objects of all libraries for half a second
 
 
 def _is_of_output(error: OSError) -> bool:

@@ -1,5 +1,6 @@
 """Maps over processes and clusters: order, threads, small items sent together, workers that die or come late."""
 
+import multiprocessing
 import os
 import pickle
 import re
@@ -13,6 +14,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from joblib.externals.loky.backend import context
 from numpy.testing import assert_array_equal
 from test_checkpoint import CASE, HANG, assert_same, start, stop_at, wait_until  # noqa: F401
 
@@ -91,7 +93,14 @@ def test_processes_return_results_in_order_and_end_with_a_reason():
         assert list(mapping(Stage("trial", abs), [-1, 2])) == [1, 2]
 
 
-def test_processes_that_were_started_before_compute():
+@pytest.fixture
+def usual_start():
+    """Later tests start processes as `fs.run` does."""
+    yield
+    context.set_start_method(None, force=True)
+
+
+def test_processes_that_were_started_before_compute(usual_start):
     processes.start_processes(2, "colorsys")
     with ordered_map(workers=2) as mapping:
         wait_until(lambda: any(mapping(Stage("trial", _knows), ["colorsys"] * 4)))
@@ -101,11 +110,37 @@ def _knows(module):
     return module in sys.modules
 
 
+COPIES = """
+import gc, os, sys
+from femseal.base.stage import Stage
+from femseal.execution import processes
+from femseal.execution.mappers import ordered_map
+
+def state(_):
+    loaded = "femseal.studies.study_registry" in sys.modules and gc.get_freeze_count() > 0
+    return os.getppid(), loaded, os.environ["OMP_NUM_THREADS"]
+
+if __name__ == "__main__":
+    processes.start_processes(2, "femseal.studies.worker_process")
+    with ordered_map(workers=2) as mapping:
+        print(*{(parent == os.getpid(), *rest) for parent, *rest in mapping(Stage("trial", state), range(8))})
+"""
+
+
+@pytest.mark.skipif("forkserver" not in multiprocessing.get_all_start_methods(), reason="processes are not copied here")
+def test_processes_of_the_command_are_copies_of_one_that_has_loaded_the_solvers(tmp_path):
+    (tmp_path / "copies.py").write_text(COPIES)
+    printed = subprocess.run(
+        [sys.executable, tmp_path / "copies.py"], capture_output=True, text=True, check=True, timeout=HANG
+    )
+    assert printed.stdout.strip() == "(False, True, '1')"
+
+
 def _watchers(_):
     return [thread.name for thread in threading.enumerate()].count(processes.WATCHER)
 
 
-def test_a_process_watches_its_parent_once_whatever_runs_it_computes_for():
+def test_a_process_watches_its_parent_once_whatever_runs_it_computes_for(usual_start):
     processes.start_processes(2, "colorsys")
     for _ in range(2):
         with ordered_map(workers=2) as mapping:

@@ -59,21 +59,33 @@ def over_processes(count: int) -> Iterator[Mapper]:
 
 
 def start_processes(count: int | None, module: str) -> None:
-    """Start the processes of `over_processes`, which then load a module, and return at once.
+    """Start the processes of `over_processes` with a module loaded, and return at once.
+
+    Where the system can, one process loads it and the others are copies of that one. They import the main module of
+    this program, which must not start it again; so that this is for the command line only.
 
     count : one for each core unless given; one is none, as this process computes then.
     """
+    import multiprocessing
+
     import joblib
+    from joblib.externals.loky.backend.context import set_start_method
     from joblib.externals.loky.process_executor import TerminatedWorkerError
 
     count = count or joblib.cpu_count()
     if count <= 1:
         return
 
+    if "forkserver" in multiprocessing.get_all_start_methods():
+        multiprocessing.set_forkserver_preload([module])
+        set_start_method("forkserver", force=True)
+
     def start() -> None:
         settings = joblib.parallel_config("loky", inner_max_num_threads=1)
         with suppress(TerminatedWorkerError), settings, starting_processes():
-            joblib.Parallel(n_jobs=count)(joblib.delayed(_load)(os.getpid(), module) for _ in range(count))
+            joblib.Parallel(n_jobs=count, max_nbytes=None)(
+                joblib.delayed(_load)(os.getpid(), module) for _ in range(count)
+            )
 
     _end_at_exit()
     threading.Thread(target=start).start()
@@ -104,7 +116,8 @@ def _map(count: int, folder: str, stage: Stage, *iterables: Iterable[Any]) -> It
         results = None
         try:
             with joblib.parallel_config("loky", inner_max_num_threads=1), starting_processes():
-                pool = joblib.Parallel(return_as="generator", n_jobs=count, pre_dispatch=under_way)
+                # large arrays of items go through pipes: files for them would outlive a run that is killed
+                pool = joblib.Parallel(return_as="generator", n_jobs=count, pre_dispatch=under_way, max_nbytes=None)
                 call = joblib.delayed(_call_stored)
                 results = pool(call(os.getpid(), file.name, threads, *args) for args in chain(first, items))
             _end_at_exit()

@@ -42,7 +42,7 @@ def strips(rows: int) -> list[tuple[int, int]]:
 
 def large_levels(shape: NDArray[np.int64]) -> int:
     """Number of levels that threads share; the coarsest is none of them."""
-    return np.count_nonzero(shape[:-1, 0] * shape[:-1, 1] >= _LARGE)
+    return int(np.count_nonzero(shape[:-1, 0] * shape[:-1, 1] >= _LARGE))
 
 
 class Levels(NamedTuple):

@@ -6,6 +6,8 @@ in single precision, which the residual then follows to all digits.
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 from numba import njit
 from numpy.typing import NDArray
@@ -74,9 +76,9 @@ def solve_multigrid(
     s = stencil
     field, hidden = np.inf if field_rtol is None else field_rtol, _NONE if hidden is None else hidden
     conductances = s.along, s.across, s.falling, s.rising
-    levels, operator = hierarchy(*conductances, s.ring2)
-    coarsest = eliminate_coarsest(*operator, s.ring2)
-    iterate = _iterate_by_parts if large_levels(levels.shape) else _iterate
+    levels, (centre, right, below, below_right, below_left) = hierarchy(*conductances, s.ring2)
+    coarsest = eliminate_coarsest(centre, right, below, below_right, below_left, s.ring2)
+    iterate: Any = _iterate_by_parts if large_levels(levels.shape) else _iterate
     x, iterations, error, done = iterate(levels, coarsest, conductances, s.ring2, rtol, field, limit, hidden)
     if not done:
         raise NotConverged(
