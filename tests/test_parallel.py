@@ -129,10 +129,12 @@ if __name__ == "__main__":
 
 @pytest.mark.skipif("forkserver" not in multiprocessing.get_all_start_methods(), reason="processes are not copied here")
 def test_processes_of_the_command_are_copies_of_one_that_has_loaded_the_solvers(tmp_path):
-    (tmp_path / "copies.py").write_text(COPIES)
-    printed = subprocess.run(
-        [sys.executable, tmp_path / "copies.py"], capture_output=True, text=True, check=True, timeout=HANG
-    )
+    (tmp_path / "scripts").mkdir()
+    (tmp_path / "scripts" / "copies.py").write_text(COPIES)
+    (tmp_path / "femseal").mkdir()
+    (tmp_path / "femseal" / "__init__.py").write_text("raise RuntimeError('imported from the working folder')")
+    command = [sys.executable, tmp_path / "scripts" / "copies.py"]
+    printed = subprocess.run(command, capture_output=True, text=True, check=True, timeout=HANG, cwd=tmp_path)
     assert printed.stdout.strip() == "(False, True, '1')"
 
 

@@ -19,7 +19,7 @@ from typing import Any
 from ..base.errors import FemsealError, InputError
 from ..base.machine import numerical_versions
 from ..base.stage import Mapper, Stage
-from .processes import KEPT_MEMORY, starting_processes
+from .processes import ENVIRONMENT, starting_processes
 
 log = logging.getLogger("femseal.execution.cluster")
 #: Time limit for a cluster to answer, and to accept a client [s].
@@ -54,7 +54,7 @@ def over_cluster(scheduler: str, count: int) -> Iterator[Mapper]:
         return
     with ExitStack() as stack:
         # by default, workers of Dask return memory at once and profile themselves continuously
-        environment = {f"distributed.nanny.pre-spawn-environ.{name}": value for name, value in KEPT_MEMORY.items()}
+        environment = {f"distributed.nanny.pre-spawn-environ.{name}": value for name, value in ENVIRONMENT.items()}
         with starting_processes(), config.set({**environment, "distributed.worker.profile.enabled": False}):
             one_each: dict[str, Any] = {"n_workers": count, "threads_per_worker": 1, "processes": True}
             cluster = LocalCluster(**one_each, dashboard_address="127.0.0.1:0", silence_logs=logging.ERROR)

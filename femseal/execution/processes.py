@@ -38,9 +38,13 @@ END_SECONDS = 10.0
 WATCH_SECONDS = 0.5
 #: Name of the thread that does.
 WATCHER = "watches the parent"
-#: Settings of the GNU C library by which processes keep freed memory up to this size [byte]: getting new memory for
-#: each result takes as long as sending the result.
-KEPT_MEMORY = {"MALLOC_TRIM_THRESHOLD_": str(2**25), "MALLOC_MMAP_THRESHOLD_": str(2**25)}
+#: Environment of processes. The GNU C library keeps freed memory up to this size [byte]: getting new memory for each
+#: result takes as long as sending the result. A package is not looked for in the working folder, as the command does.
+ENVIRONMENT = {
+    "MALLOC_TRIM_THRESHOLD_": str(2**25),
+    "MALLOC_MMAP_THRESHOLD_": str(2**25),
+    "PYTHONSAFEPATH": "1",
+}
 
 
 @contextmanager
@@ -137,7 +141,7 @@ def _map(count: int, folder: str, stage: Stage, *iterables: Iterable[Any]) -> It
 
 @contextmanager
 def starting_processes() -> Iterator[None]:
-    """Context in which new processes keep freed memory and ignore SIGINT and SIGTERM.
+    """Context in which new processes have `ENVIRONMENT` and ignore SIGINT and SIGTERM.
 
     The processes inherit that the signals are blocked; this process receives them when the context ends, and ends the
     others.
@@ -146,8 +150,8 @@ def starting_processes() -> Iterator[None]:
 
     from joblib.externals.loky.backend import resource_tracker as loky_tracker
 
-    added = KEPT_MEMORY.keys() - os.environ.keys()
-    os.environ.update({name: KEPT_MEMORY[name] for name in added})
+    added = ENVIRONMENT.keys() - os.environ.keys()
+    os.environ.update({name: ENVIRONMENT[name] for name in added})
     heard = None
     if hasattr(signal, "pthread_sigmask"):  # not on Windows
         # these unblock the signals when they start
