@@ -112,30 +112,43 @@ def _knows(module):
 
 COPIES = """
 import gc, os, sys
-from femseal.base.stage import Stage
-from femseal.execution import processes
-from femseal.execution.mappers import ordered_map
 
 def state(_):
     loaded = "femseal.studies.study_registry" in sys.modules and gc.get_freeze_count() > 0
     return os.getppid(), loaded, os.environ["OMP_NUM_THREADS"]
 
 if __name__ == "__main__":
+    import copies
+    from femseal.base.errors import FemsealError
+    from femseal.base.stage import Stage
+    from femseal.execution import processes
+    from femseal.execution.mappers import ordered_map
+
     processes.start_processes(2, "femseal.studies.worker_process")
     with ordered_map(workers=2) as mapping:
-        print(*{(parent == os.getpid(), *rest) for parent, *rest in mapping(Stage("trial", state), range(8))})
+        states = mapping(Stage("trial", copies.state), range(8))
+        print(*{(parent == os.getpid(), *rest) for parent, *rest in states})
+        try:
+            list(mapping(Stage("trial", os._exit), [3]))
+        except FemsealError as error:
+            print(error)
 """
 
 
 @pytest.mark.skipif("forkserver" not in multiprocessing.get_all_start_methods(), reason="processes are not copied here")
-def test_processes_of_the_command_are_copies_of_one_that_has_loaded_the_solvers(tmp_path):
-    (tmp_path / "scripts").mkdir()
+@pytest.mark.parametrize("temporary", ["short", "too_long_for_a_socket" * 5])
+def test_processes_of_the_command_are_copies_of_one_that_has_loaded_the_solvers(tmp_path, temporary):
+    for folder in ("scripts", "femseal", temporary):
+        (tmp_path / folder).mkdir()
     (tmp_path / "scripts" / "copies.py").write_text(COPIES)
-    (tmp_path / "femseal").mkdir()
     (tmp_path / "femseal" / "__init__.py").write_text("raise RuntimeError('imported from the working folder')")
     command = [sys.executable, tmp_path / "scripts" / "copies.py"]
-    printed = subprocess.run(command, capture_output=True, text=True, check=True, timeout=HANG, cwd=tmp_path)
-    assert printed.stdout.strip() == "(False, True, '1')"
+    given = {"cwd": tmp_path, "env": os.environ | {"TMPDIR": str(tmp_path / temporary)}}
+    run = subprocess.run(command, capture_output=True, text=True, check=True, timeout=HANG, **given)
+    state, error = run.stdout.splitlines()
+    assert state == f"({temporary != 'short'}, True, '1')"
+    assert "a process died" in error
+    assert not run.stderr
 
 
 def _watchers(_):

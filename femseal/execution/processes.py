@@ -80,9 +80,15 @@ def start_processes(count: int | None, module: str) -> None:
     if count <= 1:
         return
 
+    _end_at_exit()
     if "forkserver" in multiprocessing.get_all_start_methods():
+        from multiprocessing import forkserver
+
         multiprocessing.set_forkserver_preload([module])
-        set_start_method("forkserver", force=True)
+        # its socket is in the folder for temporary files, whose path may be too long for one
+        with suppress(OSError), starting_processes():
+            forkserver.ensure_running()
+            set_start_method("forkserver", force=True)
 
     def start() -> None:
         settings = joblib.parallel_config("loky", inner_max_num_threads=1)
@@ -91,7 +97,6 @@ def start_processes(count: int | None, module: str) -> None:
                 joblib.delayed(_load)(os.getpid(), module) for _ in range(count)
             )
 
-    _end_at_exit()
     threading.Thread(target=start).start()
 
 
