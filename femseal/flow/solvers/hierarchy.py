@@ -22,7 +22,6 @@ from ...base.arrays import Array
 from ...base.threads import over
 from .clusters import clusters, no_clusters, with_clusters
 from .compiled import COMPILED
-from .finest import corner_links, straight_links
 
 #: Nodes of an axis at which coarsening ends.
 FEWEST = 4
@@ -95,6 +94,45 @@ def level(shape, first, fields, corner_first, corners, k):
 def weights_to(k, shape, weight_first, weights):
     """View of the weights of level k + 1 at the nodes of level k."""
     return weights[weight_first[k] : weight_first[k + 1]].reshape((shape[k + 1, 0], shape[k + 1, 1], 3, 3))
+
+
+@njit(**COMPILED)
+def _straight_links(first, end, along, across, ring, centre, right, below):
+    """Write centres and conductances of some rows of a stencil, but for those across corners."""
+    n1, n2 = centre.shape[0] - 2, centre.shape[1] - 2
+    for i in range(first, end):
+        for j in range(1, across.shape[1] + 1):
+            right[i, j] = across[i - 1, j - 1]
+        if ring:
+            right[i, 0], right[i, n2 + 1] = right[i, n2], right[i, 1]
+        for j in range(1, n2 + 1):
+            if i < n1:
+                below[i, j] = along[i, j - 1]
+            centre[i, j] = along[i - 1, j - 1] + along[i, j - 1] + right[i, j - 1] + right[i, j]
+        if ring:
+            below[i, 0], below[i, n2 + 1] = below[i, n2], below[i, 1]
+
+
+@njit(**COMPILED)
+def _corner_links(falling, rising, ring, centre, below_right, below_left):
+    """Add the conductances across corners of a stencil."""
+    n1, n2 = centre.shape[0] - 2, centre.shape[1] - 2
+    for i in range(n1 + 1):
+        for j in range(falling.shape[1]):
+            k = (j + 1) % n2
+            down, up = falling[i, j], rising[i, j]
+            if i > 0:
+                centre[i, j + 1] += down
+                centre[i, k + 1] += up
+            if i < n1:
+                centre[i + 1, k + 1] += down
+                centre[i + 1, j + 1] += up
+            if 0 < i < n1:
+                below_right[i, j + 1] = down
+                below_left[i, k + 1] = up
+        if ring:
+            below_right[i, 0], below_right[i, n2 + 1] = below_right[i, n2], below_right[i, 1]
+            below_left[i, 0], below_left[i, n2 + 1] = below_left[i, n2], below_left[i, 1]
 
 
 @njit(**COMPILED)
@@ -235,9 +273,9 @@ def hierarchy(
     place = _places(along.shape[0] - 1, along.shape[1], nine)
     shape, *_, weight_first, weights = place
     operator = _zeros(shape[0], nine)
-    over(strips(shape[0, 0]), straight_links, along, across, ring, *operator[:3])
+    over(strips(shape[0, 0]), _straight_links, along, across, ring, *operator[:3])
     if nine:
-        corner_links(falling, rising, ring, operator[0], *operator[3:])
+        _corner_links(falling, rising, ring, operator[0], *operator[3:])
     fewest, found, large = 0.0, no_clusters(len(shape)), large_levels(shape)
     for k in range(large):
         all_nine = nine or k > 0
