@@ -31,8 +31,7 @@ from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from .base import displays
-from .base.lazy_package import find_place, load_when_used
+from .base.lazy_package import displays, find_place, load_when_used
 
 __version__ = "0.2.0"
 

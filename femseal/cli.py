@@ -16,7 +16,7 @@ from typing import Annotated, NoReturn
 
 import typer
 
-from .base.errors import FemsealError, InputError, PartsMissing, shortened
+from .base import FemsealError, InputError, PartsMissing, shortened
 from .commands import calibrate, compare, design, sweep
 from .execution.parts import parsed_part
 from .execution.terminal import (

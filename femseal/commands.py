@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from .base.errors import FemsealError
+from .base import FemsealError
 from .execution.parts import parsed_part
 from .execution.terminal import (
     CasePath,

@@ -15,7 +15,7 @@ from typing import Any, ClassVar
 import numpy as np
 from numpy.lib.mixins import NDArrayOperatorsMixin
 
-from . import displays
+from .lazy_package import displays
 from .quantities import to_text
 
 #: Width of the column under the names of groups in the terminal.

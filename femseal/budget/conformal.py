@@ -26,8 +26,7 @@ from pathlib import Path
 
 import numpy as np
 
-from ..base import validate
-from ..base.errors import InputError
+from ..base import InputError, validate
 from ..studies.scene import Array
 
 #: The calibration set, which `tests/benchmarks/calibration.py` makes.

@@ -16,7 +16,7 @@ from math import copysign, isfinite, log
 import numpy as np
 import scipy
 
-from ..base.errors import InputError
+from ..base import InputError
 from ..studies import Scene
 from ..studies.load_curves import FLOOR
 from ..studies.scene import Array

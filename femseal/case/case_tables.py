@@ -11,9 +11,8 @@ import numpy as np
 from pydantic import BeforeValidator, Field, WithJsonSchema, model_validator
 from pydantic_core import PydanticCustomError
 
-from ..base.errors import InputError, shortened
+from ..base import InputError, shortened, to_text
 from ..base.leak_rates import KNOWN, LEAK_UNITS, LeakUnit, leak_classes, leak_unit
-from ..base.quantities import to_text
 from ..budget.error_parts import MODEL_PARTS
 from ..contact import ContactLaw, HardnessTable, LinearHardening, NixGao, PerfectlyPlastic
 from ..contact.hardness_curves import SMALLEST_DEPTH

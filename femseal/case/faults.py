@@ -16,7 +16,8 @@ from typing import Any, get_args
 from pydantic import BaseModel, ValidationError
 from pydantic_core import PydanticCustomError
 
-from ..base.errors import MISSING, InputError, InputErrors, shortened, shown
+from ..base import InputError, InputErrors, shortened, shown
+from ..base.errors import MISSING
 
 _UNKNOWN, _NOTHING, _MEANT = "an unknown key", "nothing", "; perhaps meant: "
 #: Longest key of a user in a message, in characters.

@@ -24,8 +24,7 @@ from pydantic import (
 )
 from pydantic_core import core_schema
 
-from ..base.errors import InputError
-from ..base.quantities import to_si
+from ..base import InputError, to_si
 from .faults import refusal
 
 #: Largest value in SI of a quantity, one over it the smallest: products of several stay finite.

@@ -11,11 +11,8 @@ from typing import Any
 
 import numpy as np
 
-from ..base import validate
-from ..base.errors import InputError
+from ..base import InputError, to_si, to_text, validate, versions
 from ..base.leak_rates import USUAL, check_classes, leak_classes
-from ..base.machine import versions
-from ..base.quantities import to_si, to_text
 from ..case.case import Case, load_case
 from ..case.load import Amount
 from ..fluids import leak_basis

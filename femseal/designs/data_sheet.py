@@ -11,11 +11,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ..base.errors import InputError
-from ..base.files import made_folder, replacing, write_text
+from ..base import InputError, TextTable, comma_separated, made_folder, replacing, to_text, write_text
 from ..base.leak_rates import LEAK_UNITS, LeakUnit, leak_classes
-from ..base.quantities import to_text
-from ..base.text import TextTable, comma_separated
 from ..loads import relaxed
 from ..plots.drawing import (
     GREY,

@@ -23,7 +23,7 @@ from typing import Any, cast
 import numpy as np
 import scipy
 
-from ..base.arrays import Indices
+from ..base import Indices
 from ..case.case import Case
 from ..execution.mappers import ordered_map
 from ..execution.run import Progress, Run

@@ -17,8 +17,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..base.arrays import Array
-from ..base.errors import InputError
+from ..base import Array, InputError
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

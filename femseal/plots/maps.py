@@ -12,8 +12,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..base.arrays import Array
-from ..base.errors import InputError
+from ..base import Array, InputError
 from ..base.leak_rates import leakage_unit
 from ..contact import Contact, LoadCycle, LoadState
 from ..flow import Permeability

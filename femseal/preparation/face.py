@@ -13,8 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from ..base.errors import InputError, NotConverged
-from ..base.quantities import to_text
+from ..base import InputError, NotConverged, to_text
 from ..case.case import Case
 from ..case.faces import FileFace, TurnedFace
 from ..case.faults import FACE_KEYS, SURFACE_KEYS, with_keys

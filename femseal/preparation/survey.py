@@ -12,9 +12,7 @@ from math import degrees, isnan, pi
 from pathlib import Path
 from typing import Any
 
-from ..base import validate
-from ..base.errors import InputError
-from ..base.quantities import to_si, to_text
+from ..base import InputError, to_si, to_text, validate
 from ..case.faces import SurfaceTable
 from ..case.faults import table_to_paste, with_keys
 from ..plots import survey_figure

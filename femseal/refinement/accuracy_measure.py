@@ -13,11 +13,7 @@ from pathlib import Path
 import joblib
 import numpy as np
 
-from ..base import validate
-from ..base.arrays import Array
-from ..base.errors import FemsealError, InputError
-from ..base.files import made_folder
-from ..base.stage import Mapper
+from ..base import Array, FemsealError, InputError, Mapper, made_folder, validate
 from ..budget import CoarserSolution, ErrorBudget
 from ..case.case import Case, load_case
 from ..execution.mappers import ordered_map

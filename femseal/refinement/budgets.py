@@ -10,10 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from ..base.arrays import Array
-from ..base.errors import FemsealError, NotKept
-from ..base.quantities import to_text
-from ..base.stage import Mapper
+from ..base import Array, FemsealError, Mapper, NotKept, to_text
 from ..budget import (
     CoarserSolution,
     ErrorBudget,

@@ -11,8 +11,7 @@ from typing import TypeVar
 
 import numpy as np
 
-from ..base.arrays import Array
-from ..base.errors import InputError
+from ..base import Array, InputError
 from ..budget import CoarserSolution
 from ..preparation.prepared import Pair, Prepared, without_short_waves
 from ..studies import STUDIES, Scene, Study

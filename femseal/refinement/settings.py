@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from ..base.quantities import to_text
+from ..base import to_text
 from ..case.case import Case
 from ..preparation.prepared import Pair, Prepared, refused_if_too_large, without_short_waves
 from ..studies.costs import contact_tolerance

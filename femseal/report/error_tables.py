@@ -6,10 +6,7 @@ import json
 
 import numpy as np
 
-from ..base.arrays import Array
-from ..base.files import read_plain
-from ..base.quantities import to_text
-from ..base.text import TextTable, format_deviation
+from ..base import Array, TextTable, format_deviation, read_plain, to_text
 from ..results.results import as_chosen, solvers_text
 from ..results.run_data import RunData
 from ..studies.load_curves import FLOOR, leakage_factor

@@ -12,9 +12,8 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-from ..base.errors import FemsealError
-from ..base.files import is_inside, made_folder, read_plain, replacing, write_text
-from ..base.stage import Mapper
+from ..base import FemsealError, Mapper, made_folder, read_plain, replacing, write_text
+from ..base.files import is_inside
 from ..results.dataset import FILE_NAME, save
 from ..results.paraview import NAME as FIELDS
 from ..results.paraview import FieldPlan, plan_fields, write_fields, write_vtk

@@ -23,9 +23,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ..base.arrays import Array
-from ..base.errors import FemsealError, InputError
-from ..base.files import replacing
+from ..base import Array, FemsealError, InputError, replacing
 from ..plots.drawing import GREY, branch_styles
 from ..plots.leakage_curves import leakage_curves, leakage_range
 from ..plots.maps import pressure_rows

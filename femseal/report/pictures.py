@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ..base.quantities import to_text
+from ..base import to_text
 from ..plots import cells_figure, heights_figure, leakage_figure, lengths_figure, seal_figure
 from ..plots.cell_curves import cells_of
 from ..plots.drawing import HEIGHTS, LINES, Drawn, Sheet, drawn, map_row

@@ -12,11 +12,11 @@ from typing import Any, cast
 import numpy as np
 from numpy.typing import NDArray
 
-from ..base.errors import InputError, shortened
+from ..base import InputError, free_memory, made_folder, shortened, versions
 from ..base.fields import STEP, Field
-from ..base.files import made_folder, replacing_hdf5
+from ..base.files import replacing_hdf5
 from ..base.leak_rates import leak_classes, leak_unit
-from ..base.machine import free_memory, machine, peak_memory, versions
+from ..base.machine import machine, peak_memory
 from ..budget import ErrorBudget, at_interpolated_steps
 from ..fluids import leak_basis
 from ..studies import DeterministicResult, OtherLeakage, Scene, StochasticResult, TwoScaleResult

@@ -12,9 +12,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ..base.errors import InputError
+from ..base import InputError, replacing
 from ..base.fields import Field
-from ..base.files import replacing
 from . import vtk_files
 from .paraview import WITH_FIELDS, read_pixels, stored_steps
 from .run_data import RunData

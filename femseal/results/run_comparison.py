@@ -10,13 +10,21 @@ from typing import Any
 
 import numpy as np
 
-from ..base.arrays import Array
-from ..base.errors import InputError, shown
+from ..base import (
+    Array,
+    InputError,
+    Plotted,
+    TextTable,
+    comma_separated,
+    made_folder,
+    replacing,
+    shown,
+    to_text,
+    write_text,
+)
 from ..base.fields import with_unit
-from ..base.files import made_folder, replacing, write_text
 from ..base.leak_rates import LEAK_UNITS, LeakUnit, leak_unit, leakage_unit
-from ..base.quantities import to_text
-from ..base.text import Plotted, TextTable, comma_separated, room
+from ..base.text import room
 from ..loads import LoadStep
 from ..studies.load_curves import closing_load
 from .dataset import open_results

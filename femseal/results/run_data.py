@@ -14,10 +14,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..base.arrays import Array
+from ..base import Array, to_text
 from ..base.fields import LEAK_CLASS, REALISATION, Field, Place
 from ..base.leak_rates import LEAK_UNITS, LeakBasis, LeakClass, LeakUnit, leak_classes, leak_unit, leakage_unit, within
-from ..base.quantities import to_text
 from ..budget import ErrorBudget
 from ..fluids import leak_basis
 from ..loads import LoadProgramme, LoadStep

@@ -23,8 +23,7 @@ from typing import TYPE_CHECKING, Any, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from ..base.arrays import Array
-from ..base.files import made_folder, replacing, write_text
+from ..base import Array, made_folder, replacing, write_text
 from ..topography import Topography
 
 if TYPE_CHECKING:

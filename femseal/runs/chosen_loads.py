@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from ..base.arrays import Array, Indices
+from ..base import Array, Indices
 from ..execution.run import Run
 from ..loads import LoadProgramme
 from ..preparation.prepared import Prepared

@@ -7,7 +7,7 @@ import logging
 from pathlib import Path
 from typing import Any
 
-from ..base.errors import FemsealError
+from ..base import FemsealError
 from ..case.case import Case
 from ..case.case_tables import FILE_KEYS
 from ..execution.lock import alone_in

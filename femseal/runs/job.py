@@ -16,11 +16,9 @@ from tempfile import TemporaryDirectory
 from threading import Thread
 from typing import Any
 
-from ..base.errors import FemsealError, InputError, PartsMissing
-from ..base.files import made_folder, remove_foreign
-from ..base.machine import numerical_versions
+from ..base import FemsealError, InputError, Mapper, PartsMissing, made_folder, numerical_versions
+from ..base.files import remove_foreign
 from ..base.shared_array import storing
-from ..base.stage import Mapper
 from ..budget import ErrorBudget
 from ..case.case import Case, load_case
 from ..case.faces import FileFace

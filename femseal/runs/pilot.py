@@ -14,7 +14,7 @@ from statistics import median
 import numpy as np
 from scipy import fft
 
-from ..base.errors import FemsealError
+from ..base import FemsealError
 from ..contact import HalfSpace, solve_contact
 from ..studies import Scene
 from ..studies.costs import PILOT_PIXELS, Effort

@@ -14,10 +14,8 @@ from typing import Any
 
 import numpy as np
 
-from ..base.arrays import Array, Indices
-from ..base.errors import InputError
+from ..base import Array, Indices, InputError, Shown
 from ..base.fixed_point import fixed_point
-from ..base.text import Shown
 from ..flow.permeability_table import PermeabilityTable, pressure_curve
 from ..flow.pressure_drop import PressureDrop
 from ..flow.solution import DarcyFlow

@@ -24,9 +24,7 @@ from typing import Any, Protocol
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ..base import validate
-from ..base.arrays import Array
-from ..base.errors import InputError
+from ..base import Array, InputError, validate
 from ..flow.assembly import assemble_on_elements, assemble_on_links, gauss
 from ..flow.balance import balanced_link_fluxes
 from ..flow.bounds import outward

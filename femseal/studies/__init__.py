@@ -37,35 +37,4 @@ if TYPE_CHECKING:
     from .study_registry import STUDIES, Study, StudyOptions, StudyResult, study_of_result
     from .two_scale import TwoScaleResult, chosen_flow, two_scale
 
-__all__ = [
-    "CONTACTS",
-    "DRAWS",
-    "FLOWS",
-    "FLUID_PRESSURES",
-    "NOMINALS",
-    "PRESSURES",
-    "STUDIES",
-    "DeterministicResult",
-    "FluidState",
-    "OtherLeakage",
-    "Sampling",
-    "Scene",
-    "StochasticResult",
-    "Study",
-    "StudyOptions",
-    "StudyResult",
-    "TwoScaleResult",
-    "check_sampling",
-    "chosen_contact",
-    "chosen_flow",
-    "chosen_sampler",
-    "deterministic",
-    "drop_ratio",
-    "lay_out_windows",
-    "count_face_windows",
-    "stochastic",
-    "study_of_result",
-    "two_scale",
-]
-
 load_when_used(__name__)

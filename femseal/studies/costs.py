@@ -12,8 +12,7 @@ from statistics import mean
 
 import numpy as np
 
-from ..base import validate
-from ..base.machine import free_memory
+from ..base import free_memory, validate
 from ..elements.elements import ELEMENT_BYTES
 from ..seal.pressure_map import is_uniform
 from ..windows.global_contact import PIXELS_PER_CUT_OFF

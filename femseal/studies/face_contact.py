@@ -14,11 +14,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..base.arrays import Array
-from ..base.errors import InputError
+from ..base import Array, InputError, Mapper, Stage
 from ..base.machine import total_memory
 from ..base.shared_array import give_back, one_at_a_time, shared_empty
-from ..base.stage import Mapper, Stage
 from ..contact import HalfSpace, LoadState
 from ..loads import LoadProgramme
 from ..topography import Topography

@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from ..base.arrays import Array
+from ..base import Array
 from ..elements import ElementFlow, element_flow, face_potential
 from ..flow import Permeability, cell_permeability
 from ..flow.pressure_drop import FaceSolution, PressureDrop

@@ -17,9 +17,7 @@ from typing import Any
 
 import numpy as np
 
-from ..base.arrays import Array
-from ..base.errors import InputError
-from ..base.quantities import to_text
+from ..base import Array, InputError, to_text
 from ..contact import Contact, ContactLaw, HalfSpace, contact_law, solve_contact
 from ..fluids import Fluid
 from ..topography import Places

@@ -8,8 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from ..base.arrays import Array, Indices
-from ..base.stage import Stage
+from ..base import Array, Indices, Stage
 from ..contact import HalfSpace
 from ..library import Ladder, LadderLibrary, LinkTable, WindowSource, WindowStates, build_ladder_library, on_ladder
 from ..seal.pressure_map import AnyMap

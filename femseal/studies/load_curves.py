@@ -15,7 +15,7 @@ import numpy as np
 import scipy
 from numpy.typing import ArrayLike
 
-from ..base.arrays import Array, Indices
+from ..base import Array, Indices
 from ..loads import LoadProgramme, LoadStep
 
 

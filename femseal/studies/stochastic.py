@@ -11,10 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..base.arrays import Array
-from ..base.errors import InputError
-from ..base.quantities import to_text
-from ..base.stage import Mapper, Stage
+from ..base import Array, InputError, Mapper, Stage, to_text
 from ..library import LadderLibrary
 from ..seal import RectangularSeal
 from ..seal.laid_windows import LinkWindows, SealWindows

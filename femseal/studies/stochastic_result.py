@@ -10,9 +10,8 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from ..base.arrays import Array
+from ..base import Array, Shown
 from ..base.fields import CORNER, PART, PART_VECTOR, REALISATION, ROW, STEP, Field, declared
-from ..base.text import Shown
 from ..library import LadderLibrary, draw_cells, draw_links, draw_pressures
 from ..loads import LoadProgramme
 from ..seal import Leakage, RectangularSeal

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from ..base.arrays import Array
+from ..base import Array
 from ..contact import HalfSpace
 
 #: Fraction of a Newton step that is taken: pockets lift each other's rims. Largest step over the load.

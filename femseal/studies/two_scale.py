@@ -9,11 +9,8 @@ from typing import ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from ..base.arrays import Array
-from ..base.errors import InputError
+from ..base import Array, InputError, Mapper, Shown, Stage
 from ..base.fields import LINK1, LINK2, NODE, PIXEL, ROW, STEP, WINDOW, Field, declared
-from ..base.stage import Mapper, Stage
-from ..base.text import Shown
 from ..elements.elements import ELEMENT_BYTES
 from ..flow.percolation import percolates
 from ..flow.permeability_table import tabulated

@@ -9,8 +9,7 @@ from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from ..base.errors import FemsealError, InputError
-from ..base.files import made_folder
+from ..base import FemsealError, InputError, made_folder
 from ..case.case import Case, read_case
 from ..execution import checkpoint
 from ..execution.lock import alone_in

@@ -12,7 +12,7 @@ from math import prod
 from pathlib import Path
 from typing import Any
 
-from ..base.errors import InputError, InputErrors, shortened, shown
+from ..base import InputError, InputErrors, shortened, shown
 from ..case.case import Case, parse_case
 
 #: No sweep has more cases.

@@ -14,10 +14,7 @@ import numpy as np
 import scipy
 from numpy.typing import NDArray
 
-from ..base import validate
-from ..base.errors import InputError
-from ..base.quantities import to_text
-from ..base.text import Labelled
+from ..base import InputError, Labelled, to_text, validate
 from .topography import Topography
 
 

@@ -18,10 +18,7 @@ import scipy
 from numpy.typing import NDArray
 from scipy.fft import next_fast_len
 
-from ..base import validate
-from ..base.errors import InputError
-from ..base.quantities import to_text
-from ..base.text import Labelled
+from ..base import InputError, Labelled, to_text, validate
 from .defects import ALL_NEIGHBOURS, SPIKES, Form, TooManyUndefined, fit_form
 from .generate import PIXELS_PER_WAVE
 from .spectral import SLACK

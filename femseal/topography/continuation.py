@@ -14,9 +14,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..base import validate
-from ..base.errors import InputError
-from ..base.quantities import to_text
+from ..base import InputError, to_text, validate
 from .condition import resolved_wave, resolving_shape
 from .generate import random_waves, wave_numbers
 from .texture import ISOTROPIC, PowerLaw, spectrum, texture

@@ -21,9 +21,7 @@ import numpy as np
 import scipy
 from numpy.typing import NDArray
 
-from ..base import validate
-from ..base.errors import InputError
-from ..base.quantities import to_text
+from ..base import InputError, to_text, validate
 
 ORDERS = "0 (mean), 1 (tilt) or 2 (tilt and curvature)"
 

@@ -17,7 +17,7 @@ import numpy as np
 import scipy
 from numpy.typing import NDArray
 
-from ..base.text import Labelled
+from ..base import Labelled
 from .condition import repair
 from .defects import SPIKES, fit_form
 from .texture import spectrum, texture

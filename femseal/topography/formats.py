@@ -19,9 +19,8 @@ from zipfile import BadZipFile, ZipFile
 import numpy as np
 from numpy.typing import NDArray
 
-from ..base.errors import InputError, shortened
-from ..base.machine import free_memory, within_free_memory
-from ..base.quantities import to_si
+from ..base import InputError, free_memory, shortened, to_si
+from ..base.machine import within_free_memory
 
 _ESRI_KEYS = {"ncols", "nrows", "xllcorner", "xllcenter", "yllcorner", "yllcenter", "cellsize", "dx", "dy",
               "nodata_value"}  # fmt: skip

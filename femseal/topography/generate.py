@@ -14,8 +14,7 @@ import numpy as np
 import scipy
 from numpy.typing import NDArray
 
-from ..base import validate
-from ..base.errors import InputError
+from ..base import InputError, validate
 from .spectral import SLACK
 from .topography import Topography
 

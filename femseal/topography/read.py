@@ -14,9 +14,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from ..base import validate
-from ..base.errors import InputError
-from ..base.quantities import to_si, to_text
+from ..base import InputError, to_si, to_text, validate
 from .formats import READERS, TEXT, Options, Raw, bad_file, read_instrument, read_text, within_memory_of
 from .topography import Topography
 

@@ -13,9 +13,7 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from ..base.arrays import Array
-from ..base.errors import InputError
-from ..base.quantities import to_si, to_text
+from ..base import Array, InputError, to_si, to_text
 from ..base.validate import check_parameters, parameter
 from .topography import Topography
 

@@ -13,7 +13,7 @@ import numpy as np
 import scipy
 from numpy.typing import NDArray
 
-from ..base.arrays import Array
+from ..base import Array
 from ..contact import ContactLaw, HalfSpace, solve_contact
 from ..loads import LoadProgramme
 from .partition import ContactValues

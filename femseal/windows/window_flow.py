@@ -13,9 +13,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import ArrayLike, NDArray
 
-from ..base import validate
-from ..base.arrays import Array
-from ..base.errors import FemsealError
+from ..base import Array, FemsealError, validate
 from ..flow import DarcyFlow, Permeability, cell_permeability
 from ..flow.cell import cell_flow, pixel_dissipation
 from ..flow.discretisation import check_discretisation
