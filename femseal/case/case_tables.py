@@ -149,9 +149,7 @@ class OutputTable(Table):
     paraview: Annotated[str, *one_of(FORMATS)] = "vtu"
     fields_limit: FileSize = FIELDS_LIMIT
     leakage_unit: Annotated[
-        str | None,
-        BeforeValidator(_leak_unit_name),
-        WithJsonSchema({"type": "string", "description": _LEAK_UNIT_TEXT}),
+        str | None, BeforeValidator(_leak_unit_name), WithJsonSchema({"type": "string", "description": _LEAK_UNIT_TEXT})
     ] = None
 
     throughput_temperature: Temperature | None = None

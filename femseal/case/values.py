@@ -181,9 +181,7 @@ Poisson = Annotated[float, Quantity("", lambda x: -1 < x <= 0.5, "a Poisson's ra
 Angle = Annotated[float, Quantity("rad", lambda x: True, "an angle, such as '90 deg'")]
 Duration = Annotated[float, Quantity("s", _positive, "a time > 0, such as '30 min'")]
 Accuracy = Annotated[
-    float,
-    BeforeValidator(_accuracy),
-    WithJsonSchema({"type": ["number", "string"], "description": _ACCURACY_EXPECTED}),
+    float, BeforeValidator(_accuracy), WithJsonSchema({"type": ["number", "string"], "description": _ACCURACY_EXPECTED})
 ]
 Shift = Annotated[float, Quantity("m", lambda x: True, "a length, such as '-20 um'")]
 Place = Annotated[float, Quantity("m", _not_negative, "a length >= 0, such as '0.1 mm'")]

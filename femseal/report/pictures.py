@@ -223,10 +223,7 @@ def _face_texts(data: xarray.Dataset, s: int) -> list[tuple[str, str]]:
             f"Map of the contact pressure of {blocks} blocks of the face, {_range(pressure, 'Pa')}.",
             "Contact pressure, mean of each block of pixels.",
         ),
-        (
-            f"Map of the gap of {blocks} blocks of the face, {_range(gap, 'm')}.",
-            "Gap, mean of each block of pixels.",
-        ),
+        (f"Map of the gap of {blocks} blocks of the face, {_range(gap, 'm')}.", "Gap, mean of each block of pixels."),
     ]
 
 

@@ -53,10 +53,7 @@ class LoadSteps:
     @property
     def fields(self) -> dict[str, Array]:
         """Field data, one value for each step; on loading the peak is NaN."""
-        return {
-            "nominal_pressure_MPa": self.nominal_pressure / 1e6,
-            "unloaded_from_MPa": self.unloaded_from / 1e6,
-        }
+        return {"nominal_pressure_MPa": self.nominal_pressure / 1e6, "unloaded_from_MPa": self.unloaded_from / 1e6}
 
     def label(self, mesh: Any, n: int) -> Any:
         """A data set with the loads of the n-th step."""

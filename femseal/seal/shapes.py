@@ -128,9 +128,7 @@ def _checked(name: str, value: ArrayLike, shape: tuple[int, int]) -> Array:
         raise InputError(f"permeability {name}", f"shape {k.shape}", f"a number or shape {shape}")
     if not np.all(np.isfinite(k)):
         raise InputError(
-            f"permeability {name}",
-            f"{np.count_nonzero(~np.isfinite(k))} values not finite",
-            "numbers >= 0 [m³]",
+            f"permeability {name}", f"{np.count_nonzero(~np.isfinite(k))} values not finite", "numbers >= 0 [m³]"
         )
     if k.min(initial=0.0) < 0:
         raise InputError(f"permeability {name}", f"{k.min():g}", "numbers >= 0 [m³]")
@@ -177,11 +175,7 @@ def conservative_rate(stencil: Stencil, potential: Array) -> float:
 
 
 def drop_fractions(
-    k1: ArrayLike,
-    k2: ArrayLike,
-    seal: StructuredSeal,
-    potential: ArrayLike,
-    counts: Sequence[int] = NARROWEST,
+    k1: ArrayLike, k2: ArrayLike, seal: StructuredSeal, potential: ArrayLike, counts: Sequence[int] = NARROWEST
 ) -> Array:
     """Fraction of the drop over the 1, 3, 10 links that dissipate most, those along both axes taken together.
 

@@ -24,13 +24,7 @@ if TYPE_CHECKING:
     from .deterministic import DeterministicResult, deterministic
     from .face_contact import chosen_contact
     from .other_fluid import FluidState, OtherLeakage, drop_ratio
-    from .sampling_options import (
-        Sampling,
-        check_sampling,
-        chosen_sampler,
-        count_face_windows,
-        lay_out_windows,
-    )
+    from .sampling_options import Sampling, check_sampling, chosen_sampler, count_face_windows, lay_out_windows
     from .scene import Scene
     from .stochastic import stochastic
     from .stochastic_result import StochasticResult

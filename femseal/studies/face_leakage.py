@@ -157,7 +157,7 @@ class PlaceLeakage(Shown):
             "standard deviation of the leakage of single places over its mean",
             STEP,
             "places ± [%]",
-        ),
+        )
     }
 
     @property

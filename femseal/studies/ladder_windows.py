@@ -124,11 +124,7 @@ class _LinkPaths:
 
 
 def _supply(
-    library: LadderLibrary,
-    links: list[_LinkPaths],
-    wanted: WindowRequest,
-    at: TablePressures,
-    relief: Array,
+    library: LadderLibrary, links: list[_LinkPaths], wanted: WindowRequest, at: TablePressures, relief: Array
 ) -> WindowSupply:
     """Tables of the permeabilities at each fluid pressure, and with bounds of their lower and their upper bounds.
 

@@ -32,15 +32,7 @@ from .stochastic_result import (
     nearest_to_median,
 )
 from .two_scale import TwoScaleResult
-from .window_supply import (
-    FaceLibrary,
-    Source,
-    TablePressures,
-    Tables,
-    WindowRequest,
-    WindowSupply,
-    windows_in_place,
-)
+from .window_supply import FaceLibrary, Source, TablePressures, Tables, WindowRequest, WindowSupply, windows_in_place
 
 #: For a given `width`: how often realisations and windows are added, and up to what multiple of the given numbers.
 ROUNDS, GROWTH = 4, 8

@@ -217,11 +217,7 @@ class StochasticResult(Shown):
         "leakage_held_cuts", "m^2/s", "leakage per unit seal length, Dirichlet cuts", REALISATION, default=None
     )
     leakage_of_face: Array | None = declared(
-        "leakage_of_face",
-        "m^2/s",
-        "leakage per unit seal length, of the face that the runs are of",
-        STEP,
-        default=None,
+        "leakage_of_face", "m^2/s", "leakage per unit seal length, of the face that the runs are of", STEP, default=None
     )
     row_pressure: Array | None = declared(
         "row_pressure", "Pa", "mean contact pressure of rows", ROW, default=None, repr=False

@@ -62,13 +62,7 @@ class PocketPressures:
     """
 
     def __init__(
-        self,
-        former: TrappedLiquid | None,
-        half_space: HalfSpace,
-        *,
-        bulk_modulus: float,
-        hardness: float,
-        load: float,
+        self, former: TrappedLiquid | None, half_space: HalfSpace, *, bulk_modulus: float, hardness: float, load: float
     ):
         self.former, self.half_space, self.bulk_modulus, self.load = former, half_space, bulk_modulus, load
         self.most = _MOST_OF_HARDNESS * hardness

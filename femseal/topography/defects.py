@@ -47,10 +47,7 @@ class Form:
     @property
     def slopes(self) -> tuple[float, float]:
         """∂z/∂x1, ∂z/∂x2 in the middle of the map [-]."""
-        return (
-            2 * float(self.coefficients[1, 0]) / self.size[0],
-            2 * float(self.coefficients[0, 1]) / self.size[1],
-        )
+        return (2 * float(self.coefficients[1, 0]) / self.size[0], 2 * float(self.coefficients[0, 1]) / self.size[1])
 
     @property
     def curvatures(self) -> tuple[float, float, float]:

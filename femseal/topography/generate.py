@@ -164,13 +164,7 @@ def turned(
     face = Topography(z, spacing, periodic).low_pass(cut_off)
     if roughness:
         face += self_affine(
-            shape,
-            size,
-            hurst=hurst,
-            rms_height=roughness,
-            roll_off=roughness_roll_off,
-            cut_off=cut_off,
-            rng=rng,
+            shape, size, hurst=hurst, rms_height=roughness, roll_off=roughness_roll_off, cut_off=cut_off, rng=rng
         )
     return face
 

@@ -99,13 +99,7 @@ def contact_history(
                 continue
         pressure = min(pressures[s], law.capacity)
         contact = attempt(
-            solve_contact,
-            undeformed,
-            half_space,
-            pressure=pressure,
-            hardness=law,
-            deformation=deformation,
-            rtol=rtol,
+            solve_contact, undeformed, half_space, pressure=pressure, hardness=law, deformation=deformation, rtol=rtol
         )
         if isinstance(contact, Failed):
             failures.append(f"{step.name}: {contact.reason}")

@@ -212,12 +212,7 @@ class WindowPermeability:
 
 
 def window_permeability(
-    gap: Array,
-    spacing: tuple[float, float],
-    axis: int,
-    *,
-    bounds: bool = False,
-    settings: FlowSettings | None = None,
+    gap: Array, spacing: tuple[float, float], axis: int, *, bounds: bool = False, settings: FlowSettings | None = None
 ) -> WindowPermeability:
     """Permeability along `axis` of a window (n1, n2) [m] with closed sides.
 
