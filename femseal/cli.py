@@ -3,8 +3,6 @@
 Exit code 0 done, 2 bad input (nothing written), 1 anything else; 3 of a part of a run that needs others first.
 """
 
-from __future__ import annotations
-
 import errno
 import os
 import signal

@@ -1,7 +1,5 @@
 """The commands that ask many runs: sweep, compare, design, calibrate."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Annotated
 

@@ -1,7 +1,5 @@
 """Importing femseal: packages whose names are loaded when first used (PEP 562), and a folder for compiled loops."""
 
-from __future__ import annotations
-
 import ast
 import atexit
 import os

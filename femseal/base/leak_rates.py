@@ -14,8 +14,6 @@ ISO 5208   rates A to G of closed valves, in mm³/s times the nominal diameter i
 Other limits are leakages with their unit, such as "5 mL/min".
 """
 
-from __future__ import annotations
-
 import re
 from collections.abc import Iterable
 from dataclasses import dataclass

@@ -4,8 +4,6 @@ They tell how much pixels and removed waves matter. The change at a step is that
 is a shift of the load at which the seal closes, times the slope of ln(leakage) over ln(load).
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

@@ -16,8 +16,6 @@ Papadopoulos, Gammerman & Vovk, Neural conformal prediction, 2008 (scores over d
 J. R. Stat. Soc. B, 2025 (several steps of a scene).
 """
 
-from __future__ import annotations
-
 import csv
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass

@@ -1,7 +1,5 @@
 """The error budget of a study of a scene."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 import numpy as np

@@ -3,8 +3,6 @@
 Also for what a method leaves out of a face, by the calibration set, and for what the model does.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from math import sqrt

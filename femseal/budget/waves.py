@@ -6,8 +6,6 @@ erf(c p / (E* h')), with the rms slope h', so that a face of κ times its slope 
 at p. The same was measured of leakage, see `LOAD_POWER`.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import replace
 

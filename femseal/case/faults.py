@@ -3,8 +3,6 @@
 They are those that pydantic finds, and errors of arguments, which name keys of the case in place of the arguments.
 """
 
-from __future__ import annotations
-
 import re
 from collections import Counter
 from collections.abc import Iterator

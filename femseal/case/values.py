@@ -3,8 +3,6 @@
 Registered classes, such as fluids, get their tables automatically.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterable
 from dataclasses import MISSING, dataclass, fields
 from functools import partial, reduce

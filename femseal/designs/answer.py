@@ -1,7 +1,5 @@
 """The design answer for a case or a finished run: what pressures a seal needs, and what changes them most."""
 
-from __future__ import annotations
-
 import json
 import os
 from collections.abc import Iterable

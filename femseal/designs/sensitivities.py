@@ -15,8 +15,6 @@ stay the same, the pressure goes with −s/s_p.
 For the two slopes, and for the face turned by 90°, the case is solved again with one thing changed.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass, fields, replace
 from typing import Any, cast
 

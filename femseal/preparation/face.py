@@ -3,8 +3,6 @@
 Its grooves run around the seal as rings, or as the spiral that a lathe cuts.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, replace

@@ -1,7 +1,5 @@
 """From a case to the input of the studies: its face, the windows of it, the seals that are drawn, the scene."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from dataclasses import replace
 

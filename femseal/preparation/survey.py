@@ -3,8 +3,6 @@
 No face is refused: one that a run refuses is described with the reason, as far as it can be.
 """
 
-from __future__ import annotations
-
 import json
 import os
 from dataclasses import dataclass

@@ -1,7 +1,5 @@
 """The planned solutions of a case, each timed and compared with the reference."""
 
-from __future__ import annotations
-
 import time
 from collections.abc import Callable, Iterator
 from contextlib import suppress

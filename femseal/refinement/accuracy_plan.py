@@ -1,7 +1,5 @@
 """Plan of an accuracy comparison: its solutions, their expected cost, and the reference."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from math import log2, prod

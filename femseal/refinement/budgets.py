@@ -1,7 +1,5 @@
 """The error budget of every study of a run, from coarser versions of it that are solved too."""
 
-from __future__ import annotations
-
 import logging
 from collections.abc import Mapping, Sequence
 from dataclasses import replace

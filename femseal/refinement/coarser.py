@@ -1,7 +1,5 @@
 """Coarser versions of a prepared case, which tell how much its pixels and its removed waves matter."""
 
-from __future__ import annotations
-
 import logging
 from collections.abc import Callable, Hashable, Iterable
 from dataclasses import replace

@@ -1,7 +1,5 @@
 """A run whose case asks for an accuracy: attempts, each of which refines what limits the one before."""
 
-from __future__ import annotations
-
 import logging
 import time
 from collections.abc import Iterator

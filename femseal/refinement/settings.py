@@ -1,7 +1,5 @@
 """What a run computes with where its case asks for an accuracy: the first choice, and what is refined after it."""
 
-from __future__ import annotations
-
 from dataclasses import asdict, dataclass, replace
 from math import ceil, prod
 from typing import Any

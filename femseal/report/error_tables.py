@@ -1,7 +1,5 @@
 """Tables of the report on the error of the numbers: budget of errors, scatter, checks, other resolutions, times."""
 
-from __future__ import annotations
-
 import json
 
 import numpy as np

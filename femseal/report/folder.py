@@ -1,7 +1,5 @@
 """The results folder of a run."""
 
-from __future__ import annotations
-
 import json
 import os
 import shutil

@@ -1,7 +1,5 @@
 """The studies of a scene gathered into one labelled dataset, and its netCDF file, which any tool reads."""
 
-from __future__ import annotations
-
 import json
 import os
 from collections.abc import Mapping, Sequence

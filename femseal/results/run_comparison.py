@@ -1,7 +1,5 @@
 """Several runs side by side: one table, one picture, in one unit of leakage."""
 
-from __future__ import annotations
-
 import os
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field

@@ -1,7 +1,5 @@
 """Loads of a case that are solved where the others may be interpolated: as few as the curves of leakage allow."""
 
-from __future__ import annotations
-
 import logging
 from collections.abc import Callable
 from dataclasses import replace

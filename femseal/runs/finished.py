@@ -1,7 +1,5 @@
 """Complete results of a case in a folder: taken as they are, or with other files written beside them."""
 
-from __future__ import annotations
-
 import json
 import logging
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Forecast of a run: unknowns, time, memory and disk, before it is started."""
 
-from __future__ import annotations
-
 from collections import Counter
 from collections.abc import Iterator
 from dataclasses import dataclass, replace

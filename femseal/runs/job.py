@@ -1,7 +1,5 @@
 """One run of a case: prepare, compute each study, write the results folder."""
 
-from __future__ import annotations
-
 import hashlib
 import json
 import logging

@@ -3,8 +3,6 @@
 Numbers of transforms are counted, not timed: they do not depend on what else the machine does.
 """
 
-from __future__ import annotations
-
 import time
 from dataclasses import replace
 from functools import cache

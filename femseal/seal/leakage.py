@@ -7,8 +7,6 @@ each flow rises with its drop. It is solved as a fixed point of linear flows, in
 permeability of an element is that at the mean of its nodes.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass, field, replace
 from typing import Any
 

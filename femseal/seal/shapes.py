@@ -11,8 +11,6 @@ Source of the bounds: Dirichlet's and Thomson's principles for networks (Doyle &
 Networks, 1984).
 """
 
-from __future__ import annotations
-
 import itertools
 from abc import ABC, abstractmethod
 from collections.abc import Sequence

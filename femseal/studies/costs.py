@@ -3,8 +3,6 @@
 Seconds are those of one core of the machine on which the constants were measured, by `tests/benchmarks/forecast.py`.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 from math import log1p

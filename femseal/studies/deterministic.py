@@ -1,7 +1,5 @@
 """Contact and flow of a whole face at full resolution."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, field
 
 import numpy as np

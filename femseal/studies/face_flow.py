@@ -1,7 +1,5 @@
 """Flow through a whole face, at full resolution or through elements."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, replace
 
 import numpy as np

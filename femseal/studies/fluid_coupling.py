@@ -9,8 +9,6 @@ Several measured places of a face are in contact each by itself, and joined.
 Source: Shvarts & Yastrebov, J. Mech. Phys. Solids 119, 2018, 140.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, fields
 from typing import Any

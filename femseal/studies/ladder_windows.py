@@ -1,7 +1,5 @@
 """Sources of windows that are solved along a ladder of pressures, and the pressures that the links of a seal have."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, replace
 from functools import partial
 from typing import Any

@@ -1,7 +1,5 @@
 """What flows through the links of two scales, and the fields in a few of their windows at every pixel."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from functools import partial
 

@@ -1,7 +1,5 @@
 """Options of a drawn seal, and the check that they go together."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """The input of all studies: a rough face under load, and the fluid that it seals; warnings of implausible numbers."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, field
 from functools import partial

@@ -1,7 +1,5 @@
 """The stochastic study: seals of any length, whose windows are drawn from a library of real ones."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, fields, replace
 from functools import partial
 from pathlib import Path

@@ -1,7 +1,5 @@
 """The studies that a case can choose, each registered once: how it is solved, what it costs, and what it answers."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from operator import attrgetter, methodcaller

@@ -5,8 +5,6 @@ pocket that closes between two loads has the volume of the later one; one that d
 What opens towards an end of the face is lost: a pocket whose liquid lifts its rim loses what lifts it.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

@@ -1,7 +1,5 @@
 """The two-scale study: contact and flow in the windows of a face, and over the whole face."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, field, replace
 from functools import partial
 from typing import ClassVar

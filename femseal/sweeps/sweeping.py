@@ -1,7 +1,5 @@
 """Run the cases of a sweep one after the other, each into its own folder, and set them side by side."""
 
-from __future__ import annotations
-
 import logging
 import os
 import shutil

@@ -1,7 +1,5 @@
 """The cases of a sweep: every combination of the values of some keys of a case file."""
 
-from __future__ import annotations
-
 import copy
 import re
 import tomllib

@@ -4,8 +4,6 @@ Symbols: p place in the plane from the middle of the first face [m], u place on 
 p = s + R(θ) M u with the shift s, the turn R and the mirror image M.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass, field
 from math import cos, sin
 from typing import Literal

@@ -8,8 +8,6 @@ Source: section 4.1 of the model, after Pérez-Ràfols et al., Tribol. Lett. (20
 in Fourier space so that the shortest wave is resolved by at least 8 pixels.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass, field
 from math import atan, ceil, inf, isnan, prod, sqrt
 

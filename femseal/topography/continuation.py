@@ -5,8 +5,6 @@ Symbols: C spectral density [m⁴] of a wave vector q, L sides of the map; a wav
 Source: Jacobs, Junge, Pastewka, Surf. Topogr.: Metrol. Prop. 5 (2017) 013001 (densities and their slope).
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from math import exp, inf, log1p, pi, sqrt
 from typing import Any

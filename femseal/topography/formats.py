@@ -4,8 +4,6 @@ Orientation: the file's x is axis 0, its y axis 1. In a text x runs along a line
 Sources: ISO 25178-71 (.sdf), ISO 25178-72 (.x3p), the Esri ASCII raster format, the text export of Gwyddion.
 """
 
-from __future__ import annotations
-
 import os
 import re
 import sys

@@ -6,8 +6,6 @@ Sources: Persson et al., J. Phys.: Condens. Matter 17 (2005) R1 (self-affine spe
 turned profile is the envelope of the passes of a round tool nose, height of the cusps pitch²/8r.
 """
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

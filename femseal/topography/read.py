@@ -5,8 +5,6 @@ the heights in their file: a line of an image or a text runs along the file's x,
 NumPy are taken as they are.
 """
 
-from __future__ import annotations
-
 import os
 from dataclasses import dataclass
 from pathlib import Path

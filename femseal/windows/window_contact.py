@@ -3,8 +3,6 @@
 For that error the pressure is given to the half-space of the whole face, and the gaps are compared.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any
