@@ -95,14 +95,10 @@ class Scores:
 def model_error(kind: str, *, coverage: float = 0.95, **features: Array) -> Array:
     """Distance of ln(leakage) to both ends of the band of a model error (steps,).
 
-    Parameters
-    ----------
     kind : of method, one of `DIFFICULTIES`. coverage : fraction of new scenes' steps whose truth the band holds.
     features : what the difficulty of the kind is made of, at every step (steps,), see `DIFFICULTIES`.
 
-    Raises
-    ------
-    InputError : another kind, a feature that is missing, a coverage for which the calibration set is too small.
+    Raises InputError: another kind, a feature that is missing, a coverage for which the calibration set is too small.
     """
     validate.number("coverage", coverage)
     if not coverage < 1 or kind not in DIFFICULTIES:

@@ -76,8 +76,6 @@ def places_part(leakage: Array, without: Array) -> ErrorPart:
     freedom, and the interval is Student's. Where all but one place do not leak the seal may be sealed; then the upper
     end is by the jackknife of the leakage itself.
 
-    Parameters
-    ----------
     leakage : (steps,). without : of all places but one (places, steps) [m²/s].
 
     Source: Efron & Tibshirani, An Introduction to the Bootstrap, 1993, chapter 11.
@@ -158,8 +156,6 @@ def median_interval(values: Array) -> tuple[float, float]:
 def two_scales_parts(study: TwoScaleResult, compared: CoarserSolution | None = None) -> list[ErrorPart]:
     """Flow through links, and contact solved in windows; none of contact and flow of the whole face.
 
-    Parameters
-    ----------
     compared : leakage of the whole face on fewer points against that of the study's own method there.
     """
     q, parts = study.leakage, []

@@ -220,8 +220,6 @@ PANEL = 5.4
 class Sheet:
     """A figure of rows of panels at fixed places: layouts that look for the places draw everything twice.
 
-    Parameters
-    ----------
     heights : of the rows [inch], from the top.
     columns : panels in a row.
     head : height of the space above the rows [inch].

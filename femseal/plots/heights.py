@@ -102,8 +102,6 @@ def height_panel(axes: Axes, heights: NDArray, size: tuple[float, float], title:
 def heights_figure(topography: Topography) -> Figure:
     """Heights, their profiles through the middle, and the spectral density of profiles along both axes.
 
-    Parameters
-    ----------
     topography : heights; where points are undefined the spectral densities are left out.
     """
     l1, l2 = topography.size
@@ -175,8 +173,6 @@ def survey_figure(
 ) -> Figure:
     """Levelled map with undefined points and spikes, histogram of heights, radial and profile spectral densities.
 
-    Parameters
-    ----------
     topography : as measured.
     report, conditioning : of the same map, or of its `part`, from `describe_surface` and `condition`; None is unknown.
     part : x1 from, to, x2 from, to [m] of the part that is described; None is the whole.

@@ -69,8 +69,6 @@ def write_folder(
     They are written into the folder `.unfinished` and take the place of an earlier run's files once all are there,
     `results.nc` last. Files that femseal did not write stay as they are.
 
-    Parameters
-    ----------
     results : of a run; pictures and fields without data are left out.
     folder : made if needed; files of the same name are replaced.
     surface : the combined heights, for `surface.png` and ParaView; None: without.
@@ -80,13 +78,8 @@ def write_folder(
         attribute "left_out" of the dataset then says so.
     mapper : such as over processes of this machine, one of which writes the files for ParaView.
 
-    Returns
-    -------
-    Paths of all files written, with `files.txt`, which lists them.
-
-    Raises
-    ------
-    InputError : the folder cannot be made.
+    Returns the paths of all files written, with `files.txt`, which lists them.
+    Raises InputError: the folder cannot be made.
     FemsealError : a file could not be written; `.unfinished/results.nc` then holds the results.
     """
     plan = plan_fields(results, fields_limit if fields else 0.0)

@@ -299,17 +299,10 @@ _PATIENCE = 120
 def write_pdf(page: str | os.PathLike[str], path: str | os.PathLike[str] | None = None) -> Path:
     """Print a page as PDF.
 
-    Parameters
-    ----------
     page : the HTML file. path : of the PDF; beside the page unless given.
 
-    Returns
-    -------
-    Path of the PDF; it is written whole or not at all.
-
-    Raises
-    ------
-    InputError : neither a browser nor WeasyPrint is there.
+    Returns the path of the PDF; it is written whole or not at all.
+    Raises InputError: neither a browser nor WeasyPrint is there.
     FemsealError : the browser did not print.
     """
     page = Path(page)

@@ -53,8 +53,6 @@ class Picture:
 def draw_all(results: Results, surface: Topography | None = None) -> dict[str, Drawn]:
     """Draw every picture for which there are data.
 
-    Parameters
-    ----------
     results : of a run.
     surface : the combined heights, for the picture "surface"; None: without.
     """

@@ -255,8 +255,6 @@ def solve_windows(
 ) -> WindowContacts:
     """Solve the contact of a face and divide it into windows.
 
-    Parameters
-    ----------
     contact : "whole": the contact of the whole face at full resolution, as in the deterministic study, cut into
         windows. "windows": the contact of each window, under the mean pressure that the contact of the low-pass face
         gives it (Pérez-Ràfols et al., 2018); its error is estimated, see `windows.gap_error`. Unless given, "whole" up
