@@ -14,7 +14,7 @@ from typing import Annotated, NoReturn
 
 import typer
 
-from .base import FemsealError, InputError, PartsMissing, shortened
+from .base import FemsealError, InputError, PartsMissing, shortened, writing
 from .commands import calibrate, compare, design, sweep
 from .execution.parts import parsed_part
 from .execution.terminal import (
@@ -87,10 +87,8 @@ def new(
         from .preparation.survey import case_of_face
 
         text = case_of_face(face, path.absolute().parent)
-    try:
+    with writing("path", path):
         path.write_text(text, encoding="utf-8")
-    except OSError as error:
-        raise InputError("path", f"'{path}'", f"a file that can be written ({error.strerror})") from None
     typer.echo(f"{path} written; edit it, then: femseal run {path}")
 
 

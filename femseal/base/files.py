@@ -85,6 +85,15 @@ def replacing(path: Path) -> Iterator[Path]:
         temporary.unlink(missing_ok=True)
 
 
+@contextmanager
+def writing(what: str, path: object, kind: str = "a file") -> Iterator[None]:
+    """Context in which a file that the system cannot write is an InputError of an argument, which names its path."""
+    try:
+        yield
+    except OSError as error:
+        raise InputError(what, f"'{path}'", f"{kind} that can be written ({error.strerror})") from None
+
+
 class _LateFailingFile(io.FileIO):
     """A file that keeps the error of a failed write in `failure`, since HDF5 crashes the process if a write raises.
 

@@ -166,15 +166,13 @@ def two_scales_parts(study: TwoScaleResult, compared: CoarserSolution | None = N
         parts.append(_part("two scales", study, q, text, "compared links", **features))
     elif study.flow == "links":
         features = {"contact": study.contact_fraction.mean(axis=(1, 2)), "decades": decades(q)}
-        parts.append(
-            _part("two scales", study, q, "flow through links against that of the whole face", "links", **features)
-        )
+        text = "flow through links against that of the whole face"
+        parts.append(_part("two scales", study, q, text, "links", **features))
     if study.contact == "windows":
         with np.errstate(divide="ignore"):
             features = {"gap_error": study.gap_error, "effect": np.abs(np.log(study.gap_effect))}
-        parts.append(
-            _part("windows", study, q, "contact in windows against that of the whole face", "windows", **features)
-        )
+        text = "contact in windows against that of the whole face"
+        parts.append(_part("windows", study, q, text, "windows", **features))
     return parts
 
 
@@ -275,15 +273,8 @@ def sampler_part(scene: Scene, study: StochasticResult) -> ErrorPart:
     """Seals drawn from a face, against a face of their length: what library and realisations leave over."""
     kind = study.pressure if study.pressure != "place" else "runs" if study.sampler == "runs" else "block"
     q = study.quantile(0.5)
-    return _part(
-        "sampler",
-        study,
-        q,
-        f"seals drawn by '{kind}' against long faces",
-        kind,
-        decades=decades(q),
-        scatter=scatter_of(study),
-    )
+    text = f"seals drawn by '{kind}' against long faces"
+    return _part("sampler", study, q, text, kind, decades=decades(q), scatter=scatter_of(study))
 
 
 def scatter_of(study: StochasticResult) -> Array:

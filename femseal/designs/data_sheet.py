@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ..base import InputError, TextTable, comma_separated, made_folder, replacing, to_text, write_text
+from ..base import TextTable, comma_separated, made_folder, replacing, to_text, write_text, writing
 from ..base.leak_rates import LEAK_UNITS, LeakUnit, leak_classes
 from ..loads import relaxed
 from ..plots.drawing import (
@@ -303,13 +303,11 @@ def write_sheet(answer: DesignData, folder: str | os.PathLike[str]) -> list[Path
         "sheet": {"heads": sheet.heads, "lines": sheet.lines},
         "slopes": {"title": slopes[0].title, "heads": slopes[0].heads, "lines": slopes[0].lines} if slopes else None,
     }
-    try:
+    with writing("output", target, "a folder"):
         with replacing(target / DESIGN_PICTURE) as temporary:
             temporary.write_bytes(png(design_figure(answer)))
         write_text(target / TABLE_FILE, comma_separated(table))
         write_text(target / DESIGN_FILE, json.dumps(content, indent=1, ensure_ascii=False))
-    except OSError as error:
-        raise InputError("output", f"'{target}'", f"a folder that can be written ({error.strerror})") from None
     written = [target / name for name in (TABLE_FILE, DESIGN_FILE, DESIGN_PICTURE)]
     if (target / FILE_NAME).is_file():
         written.append(write_report(target))

@@ -279,14 +279,14 @@ def branch_styles(count: int) -> list[tuple[str, Any, str]]:
 
 def map_panel(
     axes: Axes, values: Array, size: tuple[float, float], colours: Any, title: str, unit: str = "mm", **scale: Any
-) -> None:
-    """Map of values (n1, n2) over a face of the given size [`unit`], x1 to the right, with its colour bar."""
+) -> Any:
+    """Map of values (n1, n2) over a face of the given size [`unit`], x1 to the right; returns its colour bar."""
     image = axes.imshow(
         values.T, origin="lower", extent=(0.0, size[0], 0.0, size[1]), cmap=colours, interpolation="nearest", **scale
     )
     map_axes(axes, size, unit)
-    colour_bar(axes, image)
     panel_title(axes, title)
+    return colour_bar(axes, image)
 
 
 def map_axes(axes: Axes, size: tuple[float, float], unit: str = "mm") -> None:

@@ -15,20 +15,7 @@ from numpy.typing import NDArray
 from ..base import Array, to_text
 from ..results.variables import block_means
 from ..topography import SPIKES, Conditioning, SurfaceReport, Topography
-from .drawing import (
-    GREY,
-    HEIGHTS,
-    LINES,
-    STYLES,
-    Sheet,
-    colour_bar,
-    decades,
-    map_axes,
-    map_row,
-    new_figure,
-    panel_title,
-    shows,
-)
+from .drawing import GREY, HEIGHTS, LINES, STYLES, Sheet, decades, map_panel, map_row, new_figure, panel_title, shows
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -86,16 +73,11 @@ def height_panel(axes: Axes, heights: NDArray, size: tuple[float, float], title:
 
     shown = height_range(heights)
     colours = colormaps["viridis"].with_extremes(over=ABOVE[0], under=BELOW[0], bad="white")
-    image = axes.imshow(
-        heights.T, origin="lower", extent=(0.0, size[0], 0.0, size[1]), cmap=colours, interpolation="nearest",
-        vmin=shown.low, vmax=shown.high,
-    )  # fmt: skip
-    map_axes(axes, size)
     beyond = {(True, True): "both", (True, False): "min", (False, True): "max", (False, False): "neither"}
-    bar = colour_bar(axes, image, extend=beyond[shown.below > 0, shown.above > 0])
+    colours.colorbar_extend = beyond[shown.below > 0, shown.above > 0]  # type: ignore[assignment]
+    bar = map_panel(axes, heights, size, colours, title, vmin=shown.low, vmax=shown.high)
     if shown.text:
         bar.set_label(shown.text, fontsize=8)
-    panel_title(axes, title)
 
 
 @shows(Topography)

@@ -87,7 +87,9 @@ def _with_model_parts(
     model : that grid with its results where they are known, else None; names and hardness of `budget.model_changes`.
     """
     known, names, hardness = model
-    grid = known[0] if known else model_grid(prepared, leakage_of(studies[prepared.answer.key]))
+    # the coarser grid, or that of the case where there is none
+    coarser = [] if known else coarser_grids(prepared, leakage_of(studies[prepared.answer.key]))
+    grid = known[0] if known else (*coarser, prepared)[0]
     changes = model_changes(grid.scene, names, hardness, grid.form)
     continued = continued_scenes(grid) if "continuation" in names else []
     own = known[1] if known else _solved(grid, mapper) if changes or continued else {}
@@ -140,14 +142,6 @@ def _of_continued(prepared: Prepared, grid: Prepared, result: Any, own: Any, mov
     last = continued.last_that_counts(scene.law.mean_hardness, scene.modulus)
     octaves = max(1.0, log2(continued.cut_off / last)) if last else inf
     return continuation_part(prepared.scene, leakage_of(result), others, shorter, octaves, note)
-
-
-def model_grid(prepared: Prepared, leakage: Array | None = None) -> Prepared:
-    """The version on which changes of the model are solved: the coarser grid, or that of the case where there is none.
-
-    leakage : of the answer, see `coarser_grids`.
-    """
-    return (*coarser_grids(prepared, leakage)[:1], prepared)[0]
 
 
 def budget_of(

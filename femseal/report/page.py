@@ -23,7 +23,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ..base import Array, FemsealError, InputError, replacing
+from ..base import Array, FemsealError, InputError, replacing, write_text, writing
 from ..plots.drawing import GREY, branch_styles
 from ..plots.leakage_curves import leakage_curves, leakage_range
 from ..plots.maps import pressure_rows
@@ -83,13 +83,8 @@ def write_report(
         if folder is None:
             raise
         raise unfit(Path(folder) / FILE_NAME, error) from error
-    try:
-        with replacing(target) as temporary:
-            temporary.write_text(page, encoding="utf-8", newline="")
-    except OSError as error:
-        expected = f"a file in a folder that can be written ({error.strerror})"
-        raise InputError("path", f"'{target}'", expected) from None
-    return target
+    with writing("path", target, "a file in a folder"):
+        return write_text(target, page)
 
 
 def report_html(results: Results, drawings: pictures.Drawings | None = None) -> str:

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ..base import InputError, replacing
+from ..base import InputError, replacing, writing
 from ..base.fields import Field
 from . import vtk_files
 from .paraview import WITH_FIELDS, read_pixels, stored_steps
@@ -84,11 +84,8 @@ def export_field(
         if window is not None:
             values = _part(values, window)
         target = path if step is not None else path.with_stem(f"{path.stem}_{s:04d}")
-        try:
-            with replacing(target) as temporary:
-                write(temporary, values, run, s)
-        except OSError as error:
-            raise InputError("output", f"'{target}'", f"a file that can be written ({error.strerror})") from None
+        with writing("output", target), replacing(target) as temporary:
+            write(temporary, values, run, s)
         written.append(target)
     return written
 

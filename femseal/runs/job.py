@@ -14,7 +14,7 @@ from tempfile import TemporaryDirectory
 from threading import Thread
 from typing import Any
 
-from ..base import FemsealError, InputError, Mapper, PartsMissing, made_folder, numerical_versions
+from ..base import FemsealError, InputError, Mapper, PartsMissing, made_folder, numerical_versions, writing
 from ..base.files import remove_foreign
 from ..base.shared_array import storing
 from ..budget import ErrorBudget
@@ -293,12 +293,10 @@ def face_files(case: Case) -> dict[str, str]:
 @contextmanager
 def _log_file(folder: Path, append: bool) -> Iterator[None]:
     """Context in which log lines are written to run.log in the results folder."""
-    try:
+    with writing("output", folder, "a folder"):
         # lines through a link would end up elsewhere, and nobody reads a pipe
         remove_foreign(folder / "run.log")
         handler = LogFile(folder / "run.log", mode="a" if append else "w")
-    except OSError as error:
-        raise InputError("output", f"'{folder}'", f"a folder that can be written ({error.strerror})") from None
     level = log.level
     log.addHandler(handler)
     log.setLevel(logging.INFO)

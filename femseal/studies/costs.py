@@ -190,14 +190,8 @@ def stochastic_cost(
     draws = ((3 if sampling.bounds else 1) + sampling.resampled) * sampling.realisations
     if places > 1 and sampling.pressure != "place":
         draws += len(kept_places(places)) * min(sampling.realisations, PLACE_REALISATIONS)
-    seconds += (
-        (_LINK_SUCCESSIVE if max(pressures, rounds) > 1 else 1.0)
-        * draws
-        * steps
-        * _LINK_SECONDS
-        * links
-        * max(1.0, np.log2(min(seal)))
-    )
+    again = _LINK_SUCCESSIVE if max(pressures, rounds) > 1 else 1.0
+    seconds += again * draws * steps * _LINK_SECONDS * links * max(1.0, np.log2(min(seal)))
     in_memory = 1 if sampling.sampler_of_links in ("history", "block") else steps
     return seconds, faces + 8.0 * links * (in_memory * 2 + 30 + (6 * pressures if pressures > 1 else 0))
 
