@@ -44,7 +44,8 @@ if TYPE_CHECKING:
     from .contact import Contact, HalfSpace, LoadCycle, LoadState, load_cycle, solve_contact
     from .contact.hardness_curves import HardnessTable, NixGao
     from .contact.law import ContactLaw, LinearHardening, PerfectlyPlastic
-    from .designs.answer import Design, design
+    from .designs.answer import design
+    from .designs.data_sheet import Design
     from .flow import (
         Constriction,
         CubicLaw,

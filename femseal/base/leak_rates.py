@@ -241,10 +241,6 @@ class LeakClass:
         amount = self.gas_amount if basis.is_gas and self.gas_amount is not None else self.amount
         return amount * basis.factor(unit) * (1e3 * diameter if self.per_diameter and diameter is not None else 1.0)
 
-    def met_by(self, leakage: ArrayLike, basis: LeakBasis, diameter: float | None = None) -> NDArray[np.bool_]:
-        """Whether leakages per length of seal [m²/s] of any direction meet the class; NaN does not."""
-        return within(leakage, self.limit(basis, diameter))
-
 
 def within(leakage: ArrayLike, limit: float) -> NDArray[np.bool_]:
     """Whether leakages of any direction are no more than a limit, up to rounding; NaN is not."""
