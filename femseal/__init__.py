@@ -31,8 +31,7 @@ from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from .base import displays
-from .base.lazy_package import find_place, load_when_used
+from .base.lazy_package import displays, find_place, load_when_used
 
 __version__ = "0.2.0"
 
@@ -45,7 +44,8 @@ if TYPE_CHECKING:
     from .contact import Contact, HalfSpace, LoadCycle, LoadState, load_cycle, solve_contact
     from .contact.hardness_curves import HardnessTable, NixGao
     from .contact.law import ContactLaw, LinearHardening, PerfectlyPlastic
-    from .designs.answer import Design, design
+    from .designs.answer import design
+    from .designs.data_sheet import Design
     from .flow import (
         Constriction,
         CubicLaw,

@@ -3,8 +3,6 @@
 Exit code 0 done, 2 bad input (nothing written), 1 anything else; 3 of a part of a run that needs others first.
 """
 
-from __future__ import annotations
-
 import errno
 import gc
 import os
@@ -17,7 +15,7 @@ from typing import Annotated, NoReturn
 
 import typer
 
-from .base.errors import FemsealError, InputError, PartsMissing, shortened
+from .base import FemsealError, InputError, PartsMissing, shortened, writing
 from .commands import calibrate, compare, design, sweep
 from .execution.parts import parsed_part
 from .execution.terminal import (
@@ -90,10 +88,8 @@ def new(
         from .preparation.survey import case_of_face
 
         text = case_of_face(face, path.absolute().parent)
-    try:
+    with writing("path", path):
         path.write_text(text, encoding="utf-8")
-    except OSError as error:
-        raise InputError("path", f"'{path}'", f"a file that can be written ({error.strerror})") from None
     typer.echo(f"{path} written; edit it, then: femseal run {path}")
 
 

@@ -1,13 +1,11 @@
 """The commands that ask many runs: sweep, compare, design, calibrate."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
-from .base.errors import FemsealError
+from .base import FemsealError
 from .execution.parts import parsed_part
 from .execution.terminal import (
     CasePath,
@@ -164,12 +162,10 @@ def calibrate(
     data: Annotated[Path, typer.Argument(metavar="DATA.csv", help="Columns of a leak test: load, branch, leakage.")],
     output: Annotated[Path | None, option("Folder.", "results/CASE-calibrated", "-o", "--output")] = None,
     hardness: Annotated[
-        tuple[str, str] | None,
-        option("Range of the prior, such as '2 GPa' '5 GPa'.", "a third to 3 times the case's"),
+        tuple[str, str] | None, option("Range of the prior, such as '2 GPa' '5 GPa'.", "a third to 3 times the case's")
     ] = None,
     shortest_wave: Annotated[
-        tuple[str, str] | None,
-        option("Range of the prior, such as '4 um' '20 um'.", "8 pixels to 3 times the case's"),
+        tuple[str, str] | None, option("Range of the prior, such as '4 um' '20 um'.", "8 pixels to 3 times the case's")
     ] = None,
     factor: Annotated[
         tuple[float, float], typer.Option(help="Range of the prior of the factor between test and model.")

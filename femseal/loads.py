@@ -13,8 +13,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from .base import validate
-from .base.errors import InputError
+from .base import InputError, validate
 
 #: Units of loads: a nominal pressure, a force on the whole seal, a force on its length.
 LOAD_UNITS = ("Pa", "N", "N/m")

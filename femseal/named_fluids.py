@@ -9,8 +9,7 @@ from dataclasses import dataclass
 from functools import cache
 from typing import Any
 
-from .base.errors import InputError, shown
-from .base.quantities import to_text
+from .base import InputError, shown, to_text
 
 #: Temperature of the table, and of named fluids unless given [K].
 TABLE_TEMPERATURE = 293.15

@@ -17,7 +17,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import ArrayLike
 
-from .base.arrays import Array
+from .base import Array
 
 #: Borders of the four formulas.
 FREE_MOLECULAR, TRANSITION, SLIP = 0.01, 0.15, 5.0

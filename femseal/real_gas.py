@@ -14,10 +14,8 @@ from typing import Any, ClassVar, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
-from .base.arrays import Array
-from .base.errors import InputError, shown
+from .base import Array, InputError, shown, to_text
 from .base.leak_rates import GAS_CONSTANT, STANDARD_PRESSURE
-from .base.quantities import to_text
 from .base.validate import check_parameters, parameter
 from .flow.law import CUBIC_LAW, FlowLaw, FukuiKaneko
 from .named_fluids import TABLE_TEMPERATURE, known_to_coolprop, names_in_coolprop, refuse

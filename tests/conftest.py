@@ -144,10 +144,10 @@ def instrument_file():
 
 
 @contextmanager
-def _pictures(figure, drawn):
-    """Pictures of results folders are made by these functions: of a figure by its name, of its content by the figure."""
+def _pictures(figures, drawn):
+    """Pictures of results folders are made by these functions: what draws each figure, and the content of a figure."""
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("femseal.report.pictures._figure", figure)
+        patch.setattr("femseal.report.pictures._figures", figures)
         patch.setattr("femseal.report.pictures.drawn", drawn)
         yield
 
@@ -166,8 +166,8 @@ def _how_pictures_are_made():
     """
     from femseal.report import pictures
 
-    made = pictures._figure, pictures.drawn
-    with _pictures(lambda *given: None, _nothing):
+    made = pictures._figures, pictures.drawn
+    with _pictures(lambda *given: dict.fromkeys(made[0](*given), lambda: None), _nothing):
         yield made
 
 

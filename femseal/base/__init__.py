@@ -1,7 +1,16 @@
 """Tools: errors, quantities with units, fields, tables of texts, files, checks of arguments."""
 
-from collections.abc import Callable
-from types import ModuleType
+from typing import TYPE_CHECKING
 
-#: Rooms above that display results, by name; the package enters what imports them, so that no file here does.
-displays: dict[str, Callable[[], ModuleType]] = {}
+from .lazy_package import load_when_used
+
+if TYPE_CHECKING:
+    from .arrays import Array, Flags, Indices
+    from .errors import FemsealError, InputError, InputErrors, NotConverged, NotKept, PartsMissing, shortened, shown
+    from .files import made_folder, read_plain, replacing, write_text, writing
+    from .machine import free_memory, numerical_versions, versions
+    from .quantities import to_si, to_text
+    from .stage import Mapper, Stage
+    from .text import Labelled, Plotted, Shown, TextTable, comma_separated, duration, format_deviation
+
+load_when_used(__name__)

@@ -1,7 +1,5 @@
 """Types of arrays: of real numbers, of whole numbers such as indices, and of truth values."""
 
-from __future__ import annotations
-
 import numpy as np
 from numpy.typing import NDArray
 

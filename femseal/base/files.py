@@ -1,7 +1,5 @@
 """Files that are either complete or not there."""
 
-from __future__ import annotations
-
 import io
 import os
 import stat
@@ -85,6 +83,15 @@ def replacing(path: Path) -> Iterator[Path]:
         os.replace(temporary, path)
     finally:
         temporary.unlink(missing_ok=True)
+
+
+@contextmanager
+def writing(what: str, path: object, kind: str = "a file") -> Iterator[None]:
+    """Context in which a file that the system cannot write is an InputError of an argument, which names its path."""
+    try:
+        yield
+    except OSError as error:
+        raise InputError(what, f"'{path}'", f"{kind} that can be written ({error.strerror})") from None
 
 
 class _LateFailingFile(io.FileIO):

@@ -1,7 +1,5 @@
 """Fixed points of two functions of arrays, such as fluid pressures and the permeabilities that depend on them."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any, Generic, TypeVar

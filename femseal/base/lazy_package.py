@@ -1,11 +1,10 @@
 """Importing femseal: packages whose names are loaded when first used (PEP 562), and a folder for compiled loops."""
 
-from __future__ import annotations
-
 import ast
 import atexit
 import os
 import sys
+from collections.abc import Callable
 from functools import cached_property
 from importlib import import_module
 from pathlib import Path
@@ -14,6 +13,9 @@ from shutil import rmtree
 from tempfile import mkdtemp
 from types import ModuleType
 from typing import Any
+
+#: Rooms that display results, by name; the package enters what imports them, so that no file of a room above does.
+displays: dict[str, Callable[[], ModuleType]] = {}
 
 
 class LazyPackage(ModuleType):
@@ -66,7 +68,7 @@ def find_place(package: Path) -> None:
     Numba takes NUMBA_CACHE_DIR, the `__pycache__` beside each module, or a folder of the user. Where none can be
     written, as in containers that are read only, loops are compiled in every run, once for all its processes.
     """
-    if os.environ.get("NUMBA_CACHE_DIR") or _can_write(package / "base" / "__pycache__") or _user_can_write():
+    if os.environ.get("NUMBA_CACHE_DIR") or _can_write(package / "base/__pycache__") or _user_can_write():
         return
     folder = mkdtemp(prefix="femseal-")
     atexit.register(rmtree, folder, ignore_errors=True)

@@ -14,8 +14,6 @@ ISO 5208   rates A to G of closed valves, in mm³/s times the nominal diameter i
 Other limits are leakages with their unit, such as "5 mL/min".
 """
 
-from __future__ import annotations
-
 import re
 from collections.abc import Iterable
 from dataclasses import dataclass
@@ -242,10 +240,6 @@ class LeakClass:
             raise InputError("classes", f"{self.name}, a limit in {self.unit}, for a {fluid}", lack)
         amount = self.gas_amount if basis.is_gas and self.gas_amount is not None else self.amount
         return amount * basis.factor(unit) * (1e3 * diameter if self.per_diameter and diameter is not None else 1.0)
-
-    def met_by(self, leakage: ArrayLike, basis: LeakBasis, diameter: float | None = None) -> NDArray[np.bool_]:
-        """Whether leakages per length of seal [m²/s] of any direction meet the class; NaN does not."""
-        return within(leakage, self.limit(basis, diameter))
 
 
 def within(leakage: ArrayLike, limit: float) -> NDArray[np.bool_]:

@@ -3,8 +3,6 @@
 Versions come from the metadata of the installation, without importing the packages.
 """
 
-from __future__ import annotations
-
 import hashlib
 import platform
 import sys

@@ -1,7 +1,5 @@
 """Quantities as text: '210 GPa' -> 210e9. The only place that knows units as text; everything else is SI."""
 
-from __future__ import annotations
-
 import re
 from functools import cache, lru_cache
 from math import isfinite

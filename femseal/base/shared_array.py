@@ -6,8 +6,6 @@ name. The file has no name in its folder, so that it is gone with the run, also 
 begins from are the shards of `execution.checkpoint`, of which a large state is one as soon as it is solved.
 """
 
-from __future__ import annotations
-
 import math
 import mmap
 import os

@@ -1,7 +1,5 @@
 """Stages of a study: a function that is computed for each of many items, with a readable name."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from typing import Any

@@ -5,7 +5,7 @@ from __future__ import annotations
 import csv
 import io
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass, field, fields
+from dataclasses import dataclass, field, fields, replace
 from html import escape
 from math import degrees, expm1, isfinite, isnan
 from textwrap import fill
@@ -15,7 +15,7 @@ from typing import Any, ClassVar
 import numpy as np
 from numpy.lib.mixins import NDArrayOperatorsMixin
 
-from . import displays
+from .lazy_package import displays
 from .quantities import to_text
 
 #: Width of the column under the names of groups in the terminal.
@@ -52,9 +52,7 @@ class TextTable:
         kept = [n for n, head in enumerate(self.heads) if head not in heads]
         lines = tuple(tuple(line[n] for n in kept) for line in self.lines)
         names = sum(n < self.names for n in kept)
-        return TextTable(
-            self.title, tuple(self.heads[n] for n in kept), lines, names, self.grouped, self.notes, self.wrap
-        )
+        return replace(self, heads=tuple(self.heads[n] for n in kept), lines=lines, names=names)
 
     def __rich__(self) -> Any:
         """The table as `rich.print` shows it."""

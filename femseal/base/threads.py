@@ -4,8 +4,6 @@ Parts depend on the size of an array only, and what they return is summed in the
 leave the interpreter to the other threads while they work.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager

@@ -4,8 +4,6 @@ Parameters of classes that a case can choose, such as fluids, are declared once 
 a key for each of them from the same metadata.
 """
 
-from __future__ import annotations
-
 import dataclasses
 from collections.abc import Mapping
 from math import inf, isfinite

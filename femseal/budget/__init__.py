@@ -23,27 +23,4 @@ if TYPE_CHECKING:
     from .grid_convergence import GridConvergence, grid_convergence
     from .waves import contact_fraction_of, continuation_part
 
-__all__ = [
-    "MODEL_PARTS",
-    "CoarserSolution",
-    "ErrorBudget",
-    "ErrorPart",
-    "FormTolerance",
-    "GridConvergence",
-    "ModelChange",
-    "WidestBand",
-    "at_interpolated_steps",
-    "change_of_windows",
-    "continuation_part",
-    "contact_fraction_of",
-    "counting_steps",
-    "effective_pressure_part",
-    "error_budget",
-    "grid_convergence",
-    "model_changes",
-    "model_part",
-    "places_to_halve",
-    "widest_band",
-]
-
 load_when_used(__name__)

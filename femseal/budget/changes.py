@@ -4,8 +4,6 @@ They tell how much pixels and removed waves matter. The change at a step is that
 is a shift of the load at which the seal closes, times the slope of ln(leakage) over ln(load).
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np
@@ -108,8 +106,6 @@ def scale_of_changes(steps: LoadProgramme, change: Array, slope: Array, known: l
 
     It is made of the rms change of the nearest two or more steps, and of the mean shift of the load over the cycle.
 
-    Parameters
-    ----------
     change : of ln(leakage) at every step. slope : see `load_sensitivity`, > 0. known : numbers of the steps solved.
     """
     finite = [s for s in known if np.isfinite(change[s])]
@@ -160,8 +156,6 @@ def sealed_upper(
     It is the upper end of the next open step, where that is within the shift of the load at which the error would open
     the seal; and what the other solution leaks there, if there is one.
 
-    Parameters
-    ----------
     q : leakage. distance : of ln(leakage) to the upper end. change : of ln(leakage) to the other solution.
     """
     found = np.zeros(q.size)

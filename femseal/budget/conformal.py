@@ -16,8 +16,6 @@ Papadopoulos, Gammerman & Vovk, Neural conformal prediction, 2008 (scores over d
 J. R. Stat. Soc. B, 2025 (several steps of a scene).
 """
 
-from __future__ import annotations
-
 import csv
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
@@ -26,8 +24,7 @@ from pathlib import Path
 
 import numpy as np
 
-from ..base import validate
-from ..base.errors import InputError
+from ..base import InputError, validate
 from ..studies.scene import Array
 
 #: The calibration set, which `tests/benchmarks/calibration.py` makes.
@@ -98,14 +95,10 @@ class Scores:
 def model_error(kind: str, *, coverage: float = 0.95, **features: Array) -> Array:
     """Distance of ln(leakage) to both ends of the band of a model error (steps,).
 
-    Parameters
-    ----------
     kind : of method, one of `DIFFICULTIES`. coverage : fraction of new scenes' steps whose truth the band holds.
     features : what the difficulty of the kind is made of, at every step (steps,), see `DIFFICULTIES`.
 
-    Raises
-    ------
-    InputError : another kind, a feature that is missing, a coverage for which the calibration set is too small.
+    Raises InputError: another kind, a feature that is missing, a coverage for which the calibration set is too small.
     """
     validate.number("coverage", coverage)
     if not coverage < 1 or kind not in DIFFICULTIES:

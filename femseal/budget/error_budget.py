@@ -1,7 +1,5 @@
 """The error budget of a study of a scene."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 import numpy as np
@@ -89,8 +87,6 @@ def at_interpolated_steps(budget: ErrorBudget, solved: Indices, steps: LoadProgr
 
     A part is as wide as at the wider of the two solved steps beside; the interpolation is a part of its own.
 
-    Parameters
-    ----------
     solved : numbers of the solved steps. tolerance : relative error of an interpolated leakage.
     """
     leakage = at_all_steps(budget.leakage, solved, steps, logarithmic=True)

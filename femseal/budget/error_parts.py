@@ -8,7 +8,7 @@ from math import inf
 
 import numpy as np
 
-from ..base.arrays import Array, Indices
+from ..base import Array, Indices
 from ..loads import LoadProgramme
 from ..studies.load_curves import FLOOR
 

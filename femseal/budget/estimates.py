@@ -3,8 +3,6 @@
 Also for what a method leaves out of a face, by the calibration set, and for what the model does.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from math import sqrt
@@ -78,8 +76,6 @@ def places_part(leakage: Array, without: Array) -> ErrorPart:
     freedom, and the interval is Student's. Where all but one place do not leak the seal may be sealed; then the upper
     end is by the jackknife of the leakage itself.
 
-    Parameters
-    ----------
     leakage : (steps,). without : of all places but one (places, steps) [m²/s].
 
     Source: Efron & Tibshirani, An Introduction to the Bootstrap, 1993, chapter 11.
@@ -160,8 +156,6 @@ def median_interval(values: Array) -> tuple[float, float]:
 def two_scales_parts(study: TwoScaleResult, compared: CoarserSolution | None = None) -> list[ErrorPart]:
     """Flow through links, and contact solved in windows; none of contact and flow of the whole face.
 
-    Parameters
-    ----------
     compared : leakage of the whole face on fewer points against that of the study's own method there.
     """
     q, parts = study.leakage, []
@@ -172,15 +166,13 @@ def two_scales_parts(study: TwoScaleResult, compared: CoarserSolution | None = N
         parts.append(_part("two scales", study, q, text, "compared links", **features))
     elif study.flow == "links":
         features = {"contact": study.contact_fraction.mean(axis=(1, 2)), "decades": decades(q)}
-        parts.append(
-            _part("two scales", study, q, "flow through links against that of the whole face", "links", **features)
-        )
+        text = "flow through links against that of the whole face"
+        parts.append(_part("two scales", study, q, text, "links", **features))
     if study.contact == "windows":
         with np.errstate(divide="ignore"):
             features = {"gap_error": study.gap_error, "effect": np.abs(np.log(study.gap_effect))}
-        parts.append(
-            _part("windows", study, q, "contact in windows against that of the whole face", "windows", **features)
-        )
+        text = "contact in windows against that of the whole face"
+        parts.append(_part("windows", study, q, text, "windows", **features))
     return parts
 
 
@@ -281,15 +273,8 @@ def sampler_part(scene: Scene, study: StochasticResult) -> ErrorPart:
     """Seals drawn from a face, against a face of their length: what library and realisations leave over."""
     kind = study.pressure if study.pressure != "place" else "runs" if study.sampler == "runs" else "block"
     q = study.quantile(0.5)
-    return _part(
-        "sampler",
-        study,
-        q,
-        f"seals drawn by '{kind}' against long faces",
-        kind,
-        decades=decades(q),
-        scatter=scatter_of(study),
-    )
+    text = f"seals drawn by '{kind}' against long faces"
+    return _part("sampler", study, q, text, kind, decades=decades(q), scatter=scatter_of(study))
 
 
 def scatter_of(study: StochasticResult) -> Array:

@@ -6,8 +6,6 @@ taken from the changes at its neighbours too, and from the typical shift of the 
 Source: Celik, Ghia, Roache, Freitas, Coleman & Raad, J. Fluids Eng. 130, 2008, 078001.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
@@ -16,7 +14,7 @@ from math import copysign, isfinite, log
 import numpy as np
 import scipy
 
-from ..base.errors import InputError
+from ..base import InputError
 from ..studies import Scene
 from ..studies.load_curves import FLOOR
 from ..studies.scene import Array

@@ -6,8 +6,6 @@ erf(c p / (E* h')), with the rms slope h', so that a face of κ times its slope 
 at p. The same was measured of leakage, see `LOAD_POWER`.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import replace
 
@@ -36,8 +34,6 @@ _LEAST_SLOPE = 1.0
 def filter_part(scene: Scene, leakage: Array, filtered: CoarserSolution, octaves: float) -> ErrorPart:
     """Part of the removed waves: the effect of the shortest octave that is kept, carried on to those removed.
 
-    Parameters
-    ----------
     filtered : without the shortest octave of waves. octaves : of waves that were removed from the face.
     """
     steps = scene.steps
@@ -67,8 +63,6 @@ def continuation_part(
     The scatter is Student's interval of one more realisation: the face has phases of its own. The trend is the effect
     of the shortest octave, carried on beyond the cut-off.
 
-    Parameters
-    ----------
     others : with other phases. shorter : without the shortest octave of waves. octaves : beyond the cut-off that count.
     note : a sentence that goes before how it was estimated.
     """
@@ -115,8 +109,6 @@ def contact_fraction_of(study: object, steps: LoadProgramme) -> Array:
 def raised_by_slope(part: ErrorPart, steps: LoadProgramme, leakage: Array, contact: Array, kept: float) -> ErrorPart:
     """The part with upper ends that are at least the leakage under the load of the removed waves.
 
-    Parameters
-    ----------
     leakage, contact : leakage and fraction in contact at every step (steps,). kept : rms slope over that with the
         removed waves; 1: none were removed. The upper end is inf at sealed steps where no load says what they leak.
     """

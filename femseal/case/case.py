@@ -14,9 +14,8 @@ from typing import Annotated, Any, Literal
 
 from pydantic import Field, ValidationError, model_validator
 
-from ..base.errors import InputError, InputErrors, shortened
+from ..base import InputError, InputErrors, shortened, to_text
 from ..base.leak_rates import check_classes
-from ..base.quantities import to_text
 from ..contact import ContactLaw, softer_of
 from ..fluids import leak_basis, potential_of
 from ..materials import Solid, contact_modulus

@@ -11,9 +11,8 @@ import numpy as np
 from pydantic import BeforeValidator, Field, WithJsonSchema, model_validator
 from pydantic_core import PydanticCustomError
 
-from ..base.errors import InputError, shortened
+from ..base import InputError, shortened, to_text
 from ..base.leak_rates import KNOWN, LEAK_UNITS, LeakUnit, leak_classes, leak_unit
-from ..base.quantities import to_text
 from ..budget.error_parts import MODEL_PARTS
 from ..contact import ContactLaw, HardnessTable, LinearHardening, NixGao, PerfectlyPlastic
 from ..contact.hardness_curves import SMALLEST_DEPTH
@@ -150,9 +149,7 @@ class OutputTable(Table):
     paraview: Annotated[str, *one_of(FORMATS)] = "vtu"
     fields_limit: FileSize = FIELDS_LIMIT
     leakage_unit: Annotated[
-        str | None,
-        BeforeValidator(_leak_unit_name),
-        WithJsonSchema({"type": "string", "description": _LEAK_UNIT_TEXT}),
+        str | None, BeforeValidator(_leak_unit_name), WithJsonSchema({"type": "string", "description": _LEAK_UNIT_TEXT})
     ] = None
 
     throughput_temperature: Temperature | None = None

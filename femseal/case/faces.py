@@ -12,7 +12,7 @@ from typing import Annotated, Any, Literal
 import numpy as np
 from pydantic import BeforeValidator, Field, WithJsonSchema
 
-from ..base.errors import shortened
+from ..base import shortened
 from ..topography import SPIKES, Topography, read_topography, self_affine, turned
 from .faults import fault, refusal
 from .values import Angle, Both, Channel, Count, Height, Hurst, Length, Place, Ratio, Shift, Slope, Table, Threshold

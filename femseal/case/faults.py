@@ -3,8 +3,6 @@
 They are those that pydantic finds, and errors of arguments, which name keys of the case in place of the arguments.
 """
 
-from __future__ import annotations
-
 import re
 from collections import Counter
 from collections.abc import Iterator
@@ -16,7 +14,8 @@ from typing import Any, get_args
 from pydantic import BaseModel, ValidationError
 from pydantic_core import PydanticCustomError
 
-from ..base.errors import MISSING, InputError, InputErrors, shortened, shown
+from ..base import InputError, InputErrors, shortened, shown
+from ..base.errors import MISSING
 
 _UNKNOWN, _NOTHING, _MEANT = "an unknown key", "nothing", "; perhaps meant: "
 #: Longest key of a user in a message, in characters.

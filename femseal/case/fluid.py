@@ -13,9 +13,9 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 from pydantic import Field
 
-from ..base.errors import InputError, shown
+from ..base import InputError, shown, to_si, to_text
 from ..base.leak_rates import STANDARD_PRESSURE
-from ..base.quantities import absolute_pressure, to_si, to_text
+from ..base.quantities import absolute_pressure
 from ..fluids import FLUIDS, Fluid
 from ..named_fluids import TABLE_TEMPERATURE, named_fluid
 from ..real_gas import RealGas

@@ -1,7 +1,5 @@
 """JSON schema of the case file, for editors that check and complete it while it is written."""
 
-from __future__ import annotations
-
 from typing import Any
 
 from .case import Case

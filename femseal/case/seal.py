@@ -12,9 +12,8 @@ from typing import TYPE_CHECKING, Annotated, Any, get_args
 
 from pydantic import BeforeValidator, Field, WithJsonSchema, model_validator
 
-from ..base.errors import InputError, shortened
+from ..base import InputError, shortened, to_si
 from ..base.leak_rates import STANDARD_PRESSURE
-from ..base.quantities import to_si
 from ..seal.lay import ALLOWED, NAMES, Lay
 from ..seal.layouts import LAYOUTS, Layout, MeshLayout, RectangularLayout
 from ..topography.seat import SEATS, Seat

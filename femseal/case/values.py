@@ -3,8 +3,6 @@
 Registered classes, such as fluids, get their tables automatically.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterable
 from dataclasses import MISSING, dataclass, fields
 from functools import partial, reduce
@@ -24,8 +22,7 @@ from pydantic import (
 )
 from pydantic_core import core_schema
 
-from ..base.errors import InputError
-from ..base.quantities import to_si
+from ..base import InputError, to_si
 from .faults import refusal
 
 #: Largest value in SI of a quantity, one over it the smallest: products of several stay finite.
@@ -182,9 +179,7 @@ Poisson = Annotated[float, Quantity("", lambda x: -1 < x <= 0.5, "a Poisson's ra
 Angle = Annotated[float, Quantity("rad", lambda x: True, "an angle, such as '90 deg'")]
 Duration = Annotated[float, Quantity("s", _positive, "a time > 0, such as '30 min'")]
 Accuracy = Annotated[
-    float,
-    BeforeValidator(_accuracy),
-    WithJsonSchema({"type": ["number", "string"], "description": _ACCURACY_EXPECTED}),
+    float, BeforeValidator(_accuracy), WithJsonSchema({"type": ["number", "string"], "description": _ACCURACY_EXPECTED})
 ]
 Shift = Annotated[float, Quantity("m", lambda x: True, "a length, such as '-20 um'")]
 Place = Annotated[float, Quantity("m", _not_negative, "a length >= 0, such as '0.1 mm'")]

@@ -1,53 +1,24 @@
 """The design answer for a case or a finished run: what pressures a seal needs, and what changes them most."""
 
-from __future__ import annotations
-
 import json
 import os
 from collections.abc import Iterable
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
-from ..base import validate
-from ..base.errors import InputError
+from ..base import InputError, to_si, to_text, validate, versions
 from ..base.leak_rates import USUAL, check_classes, leak_classes
-from ..base.machine import versions
-from ..base.quantities import to_si, to_text
 from ..case.case import Case, load_case
 from ..case.load import Amount
 from ..fluids import leak_basis
 from ..results import open_results
 from ..results.results import Results
 from ..runs import job
-from .data_sheet import DesignData, design_figure, sheet_sentences, sheet_tables, write_sheet
+from .data_sheet import Design
 from .requirements import Requirement, Seals, requirement, sealing_load
 from .sensitivities import Solver, TurnedFace, Variants, inlet_slope, ratio_of, sensitivities, state_of_classes
-
-
-@dataclass(frozen=True, eq=False, repr=False)
-class Design(DesignData):
-    """What a seal needs, see `design` and `DesignData`."""
-
-    plot = design_figure
-    write = write_sheet
-
-    def table(self) -> Any:
-        """The data sheet for a terminal, to be given to `rich.print`."""
-        from rich.console import Group
-        from rich.markup import escape
-
-        return Group(*map(escape, sheet_sentences(self)), *sheet_tables(self))
-
-    def __repr__(self) -> str:
-        needs = "; ".join(f"{need.name}: Qmin {need.assembly.text()}" for need in self.requirements)
-        count = "1 seal" if self.seals.count == 1 else f"{self.seals.count} seals"
-        return f"<femseal.Design of {count}, probability {self.probability:g}: {needs}>"
-
-    def _repr_html_(self) -> str:
-        return "".join(table._repr_html_() for table in sheet_tables(self))
 
 
 def design(

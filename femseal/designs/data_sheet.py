@@ -11,11 +11,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ..base.errors import InputError
-from ..base.files import made_folder, replacing, write_text
+from ..base import TextTable, comma_separated, made_folder, replacing, to_text, write_text, writing
 from ..base.leak_rates import LEAK_UNITS, LeakUnit, leak_classes
-from ..base.quantities import to_text
-from ..base.text import TextTable, comma_separated
 from ..loads import relaxed
 from ..plots.drawing import (
     GREY,
@@ -48,7 +45,7 @@ if TYPE_CHECKING:
 _RIGHT = 0.86
 
 
-def design_figure(answer: DesignData) -> Figure:
+def design_figure(answer: Design) -> Figure:
     """Leakage that a fraction of the seals does not exceed over nominal pressure: limits of classes, Qmin, QSmin."""
     unit, scale = answer.leak_scale
     seals = answer.seals
@@ -73,7 +70,7 @@ def design_figure(answer: DesignData) -> Figure:
     return sheet.figure
 
 
-def _limits(axes: Axes, answer: DesignData, scale: float) -> None:
+def _limits(axes: Axes, answer: Design, scale: float) -> None:
     """A line for each class within the axis, named at its right end; those beyond it are named at the edge."""
     low, high = axes.get_ylim()
     limits = [need.limit / scale for need in answer.requirements if need.limit > 0]
@@ -94,7 +91,7 @@ def _limits(axes: Axes, answer: DesignData, scale: float) -> None:
             axes.annotate(text, (1, place), xycoords="axes fraction", va=side, fontsize=8.5, color=GREY)
 
 
-def _marks(axes: Axes, answer: DesignData, scale: float) -> list[Any]:
+def _marks(axes: Axes, answer: Design, scale: float) -> list[Any]:
     """Qmin on the loading and QSmin on the unloadings, each with its uncertainty; returns handles of the legend."""
     from matplotlib.lines import Line2D
     from matplotlib.patheffects import withStroke
@@ -138,7 +135,7 @@ def _marks(axes: Axes, answer: DesignData, scale: float) -> list[Any]:
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class DesignData:
+class Design:
     """What a seal needs, see `design`.
 
     results : of the run. seals : the leakages that decide. probability : fraction of the seals that keep a class.
@@ -170,11 +167,34 @@ class DesignData:
             unit = LEAK_UNITS[leak_classes([self.requirements[0].name])[0].unit]
         return unit, self.results.class_basis.factor(unit)
 
+    def table(self) -> Any:
+        """The data sheet for a terminal, to be given to `rich.print`."""
+        from rich.console import Group
+        from rich.markup import escape
+
+        return Group(*map(escape, sheet_sentences(self)), *sheet_tables(self))
+
+    def plot(self) -> Figure:
+        """Leakage over load with Qmin and QSmin, see `design_figure`."""
+        return design_figure(self)
+
+    def write(self, folder: str | os.PathLike[str]) -> list[Path]:
+        """Write the data sheet, see `write_sheet`."""
+        return write_sheet(self, folder)
+
+    def __repr__(self) -> str:
+        needs = "; ".join(f"{need.name}: Qmin {need.assembly.text()}" for need in self.requirements)
+        count = "1 seal" if self.seals.count == 1 else f"{self.seals.count} seals"
+        return f"<femseal.Design of {count}, probability {self.probability:g}: {needs}>"
+
+    def _repr_html_(self) -> str:
+        return "".join(table._repr_html_() for table in sheet_tables(self))
+
 
 TABLE_FILE = "design.csv"
 
 
-def sheet_tables(answer: DesignData) -> list[TextTable]:
+def sheet_tables(answer: Design) -> list[TextTable]:
     """A line for each class, with Qmin and with QSmin by the pressure in assembly; and what changes them most."""
     unit, scale = answer.leak_scale
     needs, peaks = answer.requirements, answer.seals.steps.unload_from
@@ -219,7 +239,7 @@ def _service_text(needed: NeededPressure, left: float | None) -> str:
     return needed.text() + enough
 
 
-def sheet_sentences(answer: DesignData) -> list[str]:
+def sheet_sentences(answer: Design) -> list[str]:
     """What the tables are of, the sealing load, the turned face, and what to keep in mind."""
     data, count = answer.results.dataset, answer.seals.count
     prefix = "test_" if "test_leakage" in data else ""
@@ -251,24 +271,24 @@ def _band(needed: NeededPressure, count: int) -> str:
     return f"; 5 and 95 % of the seals need {band}" if count > 1 and band != needed.text() else ""
 
 
-def rows(answer: DesignData) -> list[dict[str, Any]]:
+def rows(answer: Design) -> list[dict[str, Any]]:
     """All figures, one dictionary each: pressures in Pa, slopes and factors without unit."""
     found: list[dict[str, Any]] = []
 
+    def add_row(
+        figure: str, name: str, assembly: float | None, relation: str, *numbers: float | None, how: str
+    ) -> None:
+        head = {"figure": figure, "class": name, "assembly_pressure_Pa": assembly, "relation": relation}
+        found.append(head | dict(zip(("value", "low", "high", "seals_low", "seals_high"), numbers, strict=True)))
+        found[-1]["how"] = how
+
     def add(figure: str, name: str, assembly: float | None, needed: NeededPressure) -> None:
-        found.append({
-            "figure": figure, "class": name, "assembly_pressure_Pa": assembly, "relation": needed.relation,
-            "value": needed.bound(needed.value), "low": _end(needed.low), "high": _end(needed.high),
-            "seals_low": _end(needed.seals_low), "seals_high": _end(needed.seals_high), "how": "",
-        })  # fmt: skip
+        ends = map(_end, (needed.low, needed.high, needed.seals_low, needed.seals_high))
+        add_row(figure, name, assembly, needed.relation, needed.bound(needed.value), *ends, how="")
 
     def add_slope(figure: str, name: str, slope: Slope, how: str) -> None:
-        low, high = (end if isfinite(end) else None for end in (slope.low, slope.high))
-        found.append({
-            "figure": figure, "class": name, "assembly_pressure_Pa": answer.at[1], "relation": "=",
-            "value": slope.value if isfinite(slope.value) else None, "low": low, "high": high,
-            "seals_low": None, "seals_high": None, "how": how,
-        })  # fmt: skip
+        numbers = (x if isfinite(x) else None for x in (slope.value, slope.low, slope.high))
+        add_row(figure, name, answer.at[1], "=", *numbers, None, None, how=how)
 
     for need in answer.requirements:
         add("Qmin [Pa]", need.name, None, need.assembly)
@@ -290,7 +310,7 @@ def _end(value: float) -> float | None:
     return value if isfinite(value) and value > 0 else None
 
 
-def write_sheet(answer: DesignData, folder: str | os.PathLike[str]) -> list[Path]:
+def write_sheet(answer: Design, folder: str | os.PathLike[str]) -> list[Path]:
     """Write `design.csv`, `design.json` and `design.png`; the report of results in the folder shows them."""
     target = made_folder(folder)
     table, (unit, scale) = rows(answer), answer.leak_scale
@@ -306,13 +326,11 @@ def write_sheet(answer: DesignData, folder: str | os.PathLike[str]) -> list[Path
         "sheet": {"heads": sheet.heads, "lines": sheet.lines},
         "slopes": {"title": slopes[0].title, "heads": slopes[0].heads, "lines": slopes[0].lines} if slopes else None,
     }
-    try:
+    with writing("output", target, "a folder"):
         with replacing(target / DESIGN_PICTURE) as temporary:
             temporary.write_bytes(png(design_figure(answer)))
         write_text(target / TABLE_FILE, comma_separated(table))
         write_text(target / DESIGN_FILE, json.dumps(content, indent=1, ensure_ascii=False))
-    except OSError as error:
-        raise InputError("output", f"'{target}'", f"a folder that can be written ({error.strerror})") from None
     written = [target / name for name in (TABLE_FILE, DESIGN_FILE, DESIGN_PICTURE)]
     if (target / FILE_NAME).is_file():
         written.append(write_report(target))

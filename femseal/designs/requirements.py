@@ -13,10 +13,8 @@ from math import ceil, inf, isinf
 
 import numpy as np
 
-from ..base.arrays import Array, Indices
+from ..base import Array, Indices, Shown, to_text
 from ..base.leak_rates import within
-from ..base.quantities import to_text
-from ..base.text import Shown
 from ..loads import LoadProgramme, LoadStep, relaxed
 from ..results.results import Results
 

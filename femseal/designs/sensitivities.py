@@ -15,15 +15,13 @@ stay the same, the pressure goes with −s/s_p.
 For the two slopes, and for the face turned by 90°, the case is solved again with one thing changed.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass, fields, replace
 from typing import Any, cast
 
 import numpy as np
 import scipy
 
-from ..base.arrays import Indices
+from ..base import Indices
 from ..case.case import Case
 from ..execution.mappers import ordered_map
 from ..execution.run import Progress, Run

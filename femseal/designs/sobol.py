@@ -19,14 +19,19 @@ from typing import Any
 import numpy as np
 from scipy.stats import qmc, sobol_indices, uniform
 
-from ..base import validate
-from ..base.arrays import Array
-from ..base.errors import FemsealError, InputError, shown
-from ..base.files import write_text
+from ..base import (
+    Array,
+    FemsealError,
+    InputError,
+    Stage,
+    TextTable,
+    comma_separated,
+    numerical_versions,
+    shown,
+    validate,
+    write_text,
+)
 from ..base.leak_rates import leak_unit
-from ..base.machine import numerical_versions
-from ..base.stage import Stage
-from ..base.text import TextTable, comma_separated
 from ..case.case import Case, read_case
 from ..execution.mappers import ordered_map
 from ..execution.run import Progress, Run, no_progress

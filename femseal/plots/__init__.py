@@ -10,20 +10,3 @@ from .heights import heights_figure, survey_figure
 from .leakage_curves import leakage_figure
 from .maps import contact_figure, cycle_figure, permeability_figure, seal_figure, seal_leakage_figure
 from .several_runs import comparison_figure
-
-__all__ = [
-    "cells_figure",
-    "comparison_figure",
-    "contact_figure",
-    "cycle_figure",
-    "heights_figure",
-    "leakage_figure",
-    "lengths_figure",
-    "permeability_figure",
-    "picture",
-    "png",
-    "seal_figure",
-    "seal_leakage_figure",
-    "shown",
-    "survey_figure",
-]

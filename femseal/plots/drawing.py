@@ -17,8 +17,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..base.arrays import Array
-from ..base.errors import InputError
+from ..base import Array, InputError
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -221,8 +220,6 @@ PANEL = 5.4
 class Sheet:
     """A figure of rows of panels at fixed places: layouts that look for the places draw everything twice.
 
-    Parameters
-    ----------
     heights : of the rows [inch], from the top.
     columns : panels in a row.
     head : height of the space above the rows [inch].
@@ -282,14 +279,14 @@ def branch_styles(count: int) -> list[tuple[str, Any, str]]:
 
 def map_panel(
     axes: Axes, values: Array, size: tuple[float, float], colours: Any, title: str, unit: str = "mm", **scale: Any
-) -> None:
-    """Map of values (n1, n2) over a face of the given size [`unit`], x1 to the right, with its colour bar."""
+) -> Any:
+    """Map of values (n1, n2) over a face of the given size [`unit`], x1 to the right; returns its colour bar."""
     image = axes.imshow(
         values.T, origin="lower", extent=(0.0, size[0], 0.0, size[1]), cmap=colours, interpolation="nearest", **scale
     )
     map_axes(axes, size, unit)
-    colour_bar(axes, image)
     panel_title(axes, title)
+    return colour_bar(axes, image)
 
 
 def map_axes(axes: Axes, size: tuple[float, float], unit: str = "mm") -> None:

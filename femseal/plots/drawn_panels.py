@@ -9,9 +9,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..base.arrays import Array
+from ..base import Array, to_text
 from ..base.leak_rates import leakage_unit
-from ..base.quantities import to_text
 from .drawing import CLOSED, MAP, POCKET, Sheet, colour_bar, flow_arrows, map_row, on_decades, panel_title
 
 if TYPE_CHECKING:

@@ -12,24 +12,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from ..base.arrays import Array
-from ..base.quantities import to_text
+from ..base import Array, to_text
 from ..results.variables import block_means
 from ..topography import SPIKES, Conditioning, SurfaceReport, Topography
-from .drawing import (
-    GREY,
-    HEIGHTS,
-    LINES,
-    STYLES,
-    Sheet,
-    colour_bar,
-    decades,
-    map_axes,
-    map_row,
-    new_figure,
-    panel_title,
-    shows,
-)
+from .drawing import GREY, HEIGHTS, LINES, STYLES, Sheet, decades, map_panel, map_row, new_figure, panel_title, shows
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -87,24 +73,17 @@ def height_panel(axes: Axes, heights: NDArray, size: tuple[float, float], title:
 
     shown = height_range(heights)
     colours = colormaps["viridis"].with_extremes(over=ABOVE[0], under=BELOW[0], bad="white")
-    image = axes.imshow(
-        heights.T, origin="lower", extent=(0.0, size[0], 0.0, size[1]), cmap=colours, interpolation="nearest",
-        vmin=shown.low, vmax=shown.high,
-    )  # fmt: skip
-    map_axes(axes, size)
     beyond = {(True, True): "both", (True, False): "min", (False, True): "max", (False, False): "neither"}
-    bar = colour_bar(axes, image, extend=beyond[shown.below > 0, shown.above > 0])
+    colours.colorbar_extend = beyond[shown.below > 0, shown.above > 0]  # type: ignore[assignment]
+    bar = map_panel(axes, heights, size, colours, title, vmin=shown.low, vmax=shown.high)
     if shown.text:
         bar.set_label(shown.text, fontsize=8)
-    panel_title(axes, title)
 
 
 @shows(Topography)
 def heights_figure(topography: Topography) -> Figure:
     """Heights, their profiles through the middle, and the spectral density of profiles along both axes.
 
-    Parameters
-    ----------
     topography : heights; where points are undefined the spectral densities are left out.
     """
     l1, l2 = topography.size
@@ -176,8 +155,6 @@ def survey_figure(
 ) -> Figure:
     """Levelled map with undefined points and spikes, histogram of heights, radial and profile spectral densities.
 
-    Parameters
-    ----------
     topography : as measured.
     report, conditioning : of the same map, or of its `part`, from `describe_surface` and `condition`; None is unknown.
     part : x1 from, to, x2 from, to [m] of the part that is described; None is the whole.

@@ -10,7 +10,7 @@ from weakref import WeakKeyDictionary
 
 import numpy as np
 
-from ..base.arrays import Array
+from ..base import Array
 from ..base.leak_rates import leakage_unit
 from ..results.results import Results
 from ..results.selections import Steps, branches, pressures_and_peaks

@@ -12,8 +12,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..base.arrays import Array
-from ..base.errors import InputError
+from ..base import Array, InputError
 from ..base.leak_rates import leakage_unit
 from ..contact import Contact, LoadCycle, LoadState
 from ..flow import Permeability
@@ -79,14 +78,10 @@ def seal_figure(results: RunData, step: int | None = None, gaps: Sequence[Array]
     in memory or in the folder. Else of a deterministic study, in blocks. Else of the seal drawn from a library that is
     nearest to the median.
 
-    Parameters
-    ----------
     step : index of the load step; the highest load that still leaks unless given.
     gaps : of A and B, see `critical_gaps`; taken from the results unless given.
 
-    Raises
-    ------
-    InputError : results without fields over the face, or no such step.
+    Raises InputError: results without fields over the face, or no such step.
     """
     data = results.dataset
     if not has_maps(data) and "drawn_corners" not in data:

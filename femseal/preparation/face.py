@@ -3,8 +3,6 @@
 Its grooves run around the seal as rings, or as the spiral that a lathe cuts.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
@@ -13,8 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from ..base.errors import InputError, NotConverged
-from ..base.quantities import to_text
+from ..base import InputError, NotConverged, to_text
 from ..case.case import Case
 from ..case.faces import FileFace, TurnedFace
 from ..case.faults import FACE_KEYS, SURFACE_KEYS, with_keys

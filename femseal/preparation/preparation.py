@@ -1,12 +1,9 @@
 """From a case to the input of the studies: its face, the windows of it, the seals that are drawn, the scene."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from dataclasses import replace
 
-from ..base.errors import InputError
-from ..base.quantities import to_text
+from ..base import InputError, to_text
 from ..budget import FormTolerance
 from ..case.case import Case
 from ..case.case_tables import StochasticTable

@@ -11,10 +11,7 @@ from dataclasses import asdict, dataclass, replace
 from math import ceil, prod
 from typing import Any
 
-from ..base.errors import InputError
-from ..base.machine import free_memory
-from ..base.quantities import to_text
-from ..base.stage import Mapper
+from ..base import InputError, Mapper, free_memory, to_text
 from ..budget import FormTolerance, ModelChange
 from ..studies import STUDIES, Sampling, Scene, Study, StudyOptions
 from ..studies.costs import Effort, usual_efforts

@@ -3,8 +3,6 @@
 No face is refused: one that a run refuses is described with the reason, as far as it can be.
 """
 
-from __future__ import annotations
-
 import json
 import os
 from dataclasses import dataclass
@@ -12,9 +10,7 @@ from math import degrees, isnan, pi
 from pathlib import Path
 from typing import Any
 
-from ..base import validate
-from ..base.errors import InputError
-from ..base.quantities import to_si, to_text
+from ..base import InputError, to_si, to_text, validate, writing
 from ..case.faces import SurfaceTable
 from ..case.faults import table_to_paste, with_keys
 from ..plots import survey_figure
@@ -116,10 +112,8 @@ def survey(
     if picture is not None:
         figure = survey_figure(face, found.report, found.conditioning, part=found.part, detrend=detrend, spikes=spikes)
         figure.suptitle(path.name, fontsize=11, parse_math=False)
-        try:
+        with writing("output", picture):
             figure.savefig(picture)
-        except OSError as error:
-            raise InputError("output", f"'{picture}'", f"a file that can be written ({error.strerror})") from None
         lines.append(f"picture in {picture}")
     return lines
 

@@ -1,7 +1,5 @@
 """The planned solutions of a case, each timed and compared with the reference."""
 
-from __future__ import annotations
-
 import time
 from collections.abc import Callable, Iterator
 from contextlib import suppress
@@ -13,11 +11,7 @@ from pathlib import Path
 import joblib
 import numpy as np
 
-from ..base import validate
-from ..base.arrays import Array
-from ..base.errors import FemsealError, InputError
-from ..base.files import made_folder
-from ..base.stage import Mapper
+from ..base import Array, FemsealError, InputError, Mapper, made_folder, validate
 from ..budget import CoarserSolution, ErrorBudget
 from ..case.case import Case, load_case
 from ..execution.mappers import ordered_map

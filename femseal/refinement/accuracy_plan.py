@@ -1,14 +1,10 @@
 """Plan of an accuracy comparison: its solutions, their expected cost, and the reference."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from math import log2, prod
 
-from ..base.errors import InputError
-from ..base.quantities import to_text
-from ..base.text import duration
+from ..base import InputError, duration, to_text
 from ..case.case import Case
 from ..preparation.preparation import prepare
 from ..preparation.prepared import Pair, Prepared

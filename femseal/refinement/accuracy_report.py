@@ -13,10 +13,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..base.files import made_folder, replacing, write_text
-from ..base.machine import versions
-from ..base.quantities import to_text
-from ..base.text import TextTable, comma_separated
+from ..base import TextTable, comma_separated, made_folder, replacing, to_text, versions, write_text
 from ..budget import ErrorBudget, WidestBand, widest_band
 from ..plots.drawing import STYLES, new_figure
 from ..studies.load_curves import FLOOR, LeakageFactor

@@ -1,7 +1,5 @@
 """The error budget of every study of a run, from coarser versions of it that are solved too."""
 
-from __future__ import annotations
-
 import logging
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
@@ -10,10 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from ..base.arrays import Array
-from ..base.errors import FemsealError, NotKept
-from ..base.quantities import to_text
-from ..base.stage import Mapper
+from ..base import Array, FemsealError, Mapper, NotKept, to_text
 from ..budget import (
     CoarserSolution,
     ErrorBudget,
@@ -92,7 +87,9 @@ def _with_model_parts(
     model : that grid with its results where they are known, else None; names and hardness of `budget.model_changes`.
     """
     known, names, hardness = model
-    grid = known[0] if known else model_grid(prepared, leakage_of(studies[prepared.answer.key]))
+    # the coarser grid, or that of the case where there is none
+    coarser = [] if known else coarser_grids(prepared, leakage_of(studies[prepared.answer.key]))
+    grid = known[0] if known else (*coarser, prepared)[0]
     changes = model_changes(grid.scene, names, hardness, grid.form)
     continued = continued_scenes(grid) if "continuation" in names else []
     own = known[1] if known else _solved(grid, mapper) if changes or continued else {}
@@ -145,14 +142,6 @@ def _of_continued(prepared: Prepared, grid: Prepared, result: Any, own: Any, mov
     last = continued.last_that_counts(scene.law.mean_hardness, scene.modulus)
     octaves = max(1.0, log2(continued.cut_off / last)) if last else inf
     return continuation_part(prepared.scene, leakage_of(result), others, shorter, octaves, note)
-
-
-def model_grid(prepared: Prepared, leakage: Array | None = None) -> Prepared:
-    """The version on which changes of the model are solved: the coarser grid, or that of the case where there is none.
-
-    leakage : of the answer, see `coarser_grids`.
-    """
-    return (*coarser_grids(prepared, leakage)[:1], prepared)[0]
 
 
 def budget_of(

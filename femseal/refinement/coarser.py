@@ -1,7 +1,5 @@
 """Coarser versions of a prepared case, which tell how much its pixels and its removed waves matter."""
 
-from __future__ import annotations
-
 import logging
 from collections.abc import Callable, Hashable, Iterable
 from dataclasses import replace
@@ -11,8 +9,7 @@ from typing import TypeVar
 
 import numpy as np
 
-from ..base.arrays import Array
-from ..base.errors import InputError
+from ..base import Array, InputError
 from ..budget import CoarserSolution
 from ..preparation.prepared import Pair, Prepared, without_short_waves
 from ..studies import STUDIES, Scene, Study

@@ -1,7 +1,5 @@
 """A run whose case asks for an accuracy: attempts, each of which refines what limits the one before."""
 
-from __future__ import annotations
-
 import logging
 import time
 from collections.abc import Iterator
@@ -11,11 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from ..base.arrays import Array
-from ..base.errors import FemsealError, NotKept
-from ..base.machine import free_memory
-from ..base.stage import Mapper
-from ..base.text import duration, format_deviation
+from ..base import Array, FemsealError, Mapper, NotKept, duration, format_deviation, free_memory
 from ..budget import ErrorBudget, widest_band
 from ..case.case import Case
 from ..execution.run import Run

@@ -1,14 +1,12 @@
 """What a run computes with where its case asks for an accuracy: the first choice, and what is refined after it."""
 
-from __future__ import annotations
-
 from dataclasses import asdict, dataclass, replace
 from math import ceil, prod
 from typing import Any
 
 import numpy as np
 
-from ..base.quantities import to_text
+from ..base import to_text
 from ..case.case import Case
 from ..preparation.prepared import Pair, Prepared, refused_if_too_large, without_short_waves
 from ..studies.costs import contact_tolerance

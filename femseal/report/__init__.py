@@ -8,6 +8,4 @@ if TYPE_CHECKING:
     from .folder import load_writers, write_again, write_folder
     from .page import write_pdf, write_report
 
-__all__ = ["load_writers", "write_again", "write_folder", "write_pdf", "write_report"]
-
 load_when_used(__name__)

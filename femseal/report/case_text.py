@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ..base.quantities import to_text
+from ..base import to_text
 from ..contact.hardness_curves import SMALLEST_DEPTH, NixGao
 from ..materials import HARDNESS_FACTOR, METALS
 from ..plots.maps import default_step, face_leakage, pressure_rows

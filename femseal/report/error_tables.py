@@ -1,15 +1,10 @@
 """Tables of the report on the error of the numbers: budget of errors, scatter, checks, other resolutions, times."""
 
-from __future__ import annotations
-
 import json
 
 import numpy as np
 
-from ..base.arrays import Array
-from ..base.files import read_plain
-from ..base.quantities import to_text
-from ..base.text import TextTable, format_deviation
+from ..base import Array, TextTable, format_deviation, read_plain, to_text
 from ..results.results import as_chosen, solvers_text
 from ..results.run_data import RunData
 from ..studies.load_curves import FLOOR, leakage_factor
@@ -158,19 +153,13 @@ def check_lines(results: RunData) -> Lines:
         open_ = np.nan_to_num(whole) != 0
         if open_.any():
             balance = np.abs(rows[open_] / whole[open_, None] - 1)
-            lines.append(
-                ("flow balance", f"{np.nanmax(balance):.0e}", "largest difference of a row's flow from the leakage")
-            )
+            meaning = "largest difference of a row's flow from the leakage"
+            lines.append(("flow balance", f"{np.nanmax(balance):.0e}", meaning))
     for study, counts in json.loads(data.attrs["counts"]).items():
         if counts:
             text = ", ".join(f"{n} {kind}" for kind, n in counts.items())
-            lines.append(
-                (
-                    f"flows of windows, {study.replace('_', '-')}",
-                    text,
-                    "closed ones are exactly 0, open ones follow h̄³/12, equal ones were solved at an earlier step",
-                )
-            )
+            meaning = "closed ones are exactly 0, open ones follow h̄³/12, equal ones were solved at an earlier step"
+            lines.append((f"flows of windows, {study.replace('_', '-')}", text, meaning))
     for study, solvers in json.loads(data.attrs.get("solvers", "{}")).items():
         meaning = "which solver solved how many; the imbalance is that of inlet and outlet flow"
         lines.append((f"linear systems, {study.replace('_', '-')}", solvers_text(solvers), meaning))
@@ -181,13 +170,8 @@ def check_lines(results: RunData) -> Lines:
     surface = json.loads(data.attrs["surface"])
     if "shortest_wavelength" in surface and "spacing" in surface:
         wave, pixel = surface["shortest_wavelength"], max(surface["spacing"])
-        lines.append(
-            (
-                "resolution",
-                f"{wave / pixel:.3g} pixels",
-                f"of {to_text(pixel, 'm', 3)} to the shortest wave, {to_text(wave, 'm', 3)}",
-            )
-        )
+        meaning = f"of {to_text(pixel, 'm', 3)} to the shortest wave, {to_text(wave, 'm', 3)}"
+        lines.append(("resolution", f"{wave / pixel:.3g} pixels", meaning))
         if (before := surface.get("rms_slope_before")) and "continuation" not in surface:
             lost = 1 - surface["rms_slope"] / before
             meaning = "of the rms slope, with the waves shorter than that"

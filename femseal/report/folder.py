@@ -1,7 +1,5 @@
 """The results folder of a run."""
 
-from __future__ import annotations
-
 import json
 import os
 import shutil
@@ -12,9 +10,8 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-from ..base.errors import FemsealError
-from ..base.files import is_inside, made_folder, read_plain, replacing, write_text
-from ..base.stage import Mapper
+from ..base import FemsealError, Mapper, made_folder, read_plain, replacing, write_text
+from ..base.files import is_inside
 from ..results.dataset import FILE_NAME, save
 from ..results.paraview import NAME as FIELDS
 from ..results.paraview import FieldPlan, plan_fields, write_fields, write_vtk
@@ -72,8 +69,6 @@ def write_folder(
     They are written into the folder `.unfinished` and take the place of an earlier run's files once all are there,
     `results.nc` last. Files that femseal did not write stay as they are.
 
-    Parameters
-    ----------
     results : of a run; pictures and fields without data are left out.
     folder : made if needed; files of the same name are replaced.
     surface : the combined heights, for `surface.png` and ParaView; None: without.
@@ -83,13 +78,8 @@ def write_folder(
         attribute "left_out" of the dataset then says so.
     mapper : such as over processes of this machine, one of which writes the files for ParaView.
 
-    Returns
-    -------
-    Paths of all files written, with `files.txt`, which lists them.
-
-    Raises
-    ------
-    InputError : the folder cannot be made.
+    Returns the paths of all files written, with `files.txt`, which lists them.
+    Raises InputError: the folder cannot be made.
     FemsealError : a file could not be written; `.unfinished/results.nc` then holds the results.
     """
     plan = plan_fields(results, fields_limit if fields else 0.0)

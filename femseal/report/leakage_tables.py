@@ -12,10 +12,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ..base.files import read_plain
+from ..base import TextTable, format_deviation, read_plain, to_text
 from ..base.leak_rates import LeakUnit, within
-from ..base.quantities import to_text
-from ..base.text import TextTable, format_deviation
 from ..results.run_data import RunData
 from ..results.selections import branches_in
 from ..results.tables import class_unit, format_error_band, format_leakage, in_several_units

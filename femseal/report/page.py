@@ -23,9 +23,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ..base.arrays import Array
-from ..base.errors import FemsealError, InputError
-from ..base.files import replacing
+from ..base import Array, FemsealError, InputError, replacing, write_text, writing
 from ..plots.drawing import GREY, branch_styles
 from ..plots.leakage_curves import leakage_curves, leakage_range
 from ..plots.maps import pressure_rows
@@ -85,13 +83,8 @@ def write_report(
         if folder is None:
             raise
         raise unfit(Path(folder) / FILE_NAME, error) from error
-    try:
-        with replacing(target) as temporary:
-            temporary.write_text(page, encoding="utf-8", newline="")
-    except OSError as error:
-        expected = f"a file in a folder that can be written ({error.strerror})"
-        raise InputError("path", f"'{target}'", expected) from None
-    return target
+    with writing("path", target, "a file in a folder"):
+        return write_text(target, page)
 
 
 def report_html(results: Results, drawings: pictures.Drawings | None = None) -> str:
@@ -301,17 +294,10 @@ _PATIENCE = 120
 def write_pdf(page: str | os.PathLike[str], path: str | os.PathLike[str] | None = None) -> Path:
     """Print a page as PDF.
 
-    Parameters
-    ----------
     page : the HTML file. path : of the PDF; beside the page unless given.
 
-    Returns
-    -------
-    Path of the PDF; it is written whole or not at all.
-
-    Raises
-    ------
-    InputError : neither a browser nor WeasyPrint is there.
+    Returns the path of the PDF; it is written whole or not at all.
+    Raises InputError: neither a browser nor WeasyPrint is there.
     FemsealError : the browser did not print.
     """
     page = Path(page)

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import base64
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, cast
 
 import numpy as np
 
-from ..base.quantities import to_text
+from ..base import to_text
 from ..plots import cells_figure, heights_figure, leakage_figure, lengths_figure, seal_figure
 from ..plots.cell_curves import cells_of
 from ..plots.drawing import HEIGHTS, LINES, Drawn, Sheet, drawn, map_row
@@ -53,54 +53,43 @@ class Picture:
 def draw_all(results: Results, surface: Topography | None = None) -> dict[str, Drawn]:
     """Draw every picture for which there are data.
 
-    Parameters
-    ----------
     results : of a run.
     surface : the combined heights, for the picture "surface"; None: without.
     """
-    data = results.dataset
-    wanted = {
-        "surface": surface is not None,
-        "seal": has_maps(data) or "drawn_corners" in data,
-        "drawn": has_maps(data) and "drawn_corners" in data,
-        "cells": "library_k" in data or "k1" in data,
-        "leakage": True,
-        "drop": has_maps(data),
-        "face": "face_height" in data,
-        "seat": bool(data.attrs.get("seat")) and "row_pressure" in data,
-        "place": "place_height" in data,
-        "lengths": has_lengths(results),
-    }
-    gaps = critical_gaps(results, default_step(data)) if "k1" in data else []
     # in one process: others would import what draws once more, which takes as long as half of the pictures
-    return {name: drawn(_figure(name, results, surface, gaps)) for name, there in wanted.items() if there}
+    return {name: drawn(draw()) for name, draw in _figures(results, surface).items()}
 
 
-def _figure(name: str, results: Results, surface: Topography | None, gaps: list[Array]) -> Figure:
-    """Draw the picture of a name."""
-    data = results.dataset
-    if name == "surface" and surface is not None:
-        return heights_figure(surface)
-    if name == "seal":
-        return seal_figure(results, gaps=gaps)
-    if name == "drawn":
-        return drawn_figure(data, default_step(data))
-    if name == "cells":
-        return cells_figure(results)
-    if name == "lengths":
-        return lengths_figure(results)
-    if name == "place":
-        return place_figure(data)
-    if name in ("drop", "seat"):
-        sheet, panel = Sheet([4.0]), drop_panel if name == "drop" else row_panel
-        panel(sheet.panel(0, 0, LINES), data, drop_steps(data))
-        return sheet.figure
-    if name == "face":
-        sheet = Sheet([map_row(face_size(data), HEIGHTS)])
-        axes = sheet.panel(0, 0, HEIGHTS)
-        height_panel(axes, data["face_height"].values * 1e6, face_size(data))
-        return sheet.figure
-    return leakage_figure(results)
+def _figures(results: Results, surface: Topography | None) -> dict[str, Callable[[], Figure]]:
+    """What draws each picture for which there are data."""
+    data, s = results.dataset, default_step(results.dataset)
+    gaps = critical_gaps(results, s) if "k1" in data else []
+    maps, drawn_seal = has_maps(data), "drawn_corners" in data
+    pictures: dict[str, tuple[bool, Callable[[], Figure]]] = {
+        "surface": (surface is not None, lambda: heights_figure(cast(Topography, surface))),
+        "seal": (maps or drawn_seal, lambda: seal_figure(results, gaps=gaps)),
+        "drawn": (maps and drawn_seal, lambda: drawn_figure(data, s)),
+        "cells": ("library_k" in data or "k1" in data, lambda: cells_figure(results)),
+        "leakage": (True, lambda: leakage_figure(results)),
+        "drop": (maps, lambda: _lines_figure(drop_panel, data)),
+        "face": ("face_height" in data, lambda: _face_figure(data)),
+        "seat": (bool(data.attrs.get("seat")) and "row_pressure" in data, lambda: _lines_figure(row_panel, data)),
+        "place": ("place_height" in data, lambda: place_figure(data)),
+        "lengths": (has_lengths(results), lambda: lengths_figure(results)),
+    }
+    return {name: draw for name, (there, draw) in pictures.items() if there}
+
+
+def _lines_figure(panel: Callable[..., None], data: xarray.Dataset) -> Figure:
+    sheet = Sheet([4.0])
+    panel(sheet.panel(0, 0, LINES), data, drop_steps(data))
+    return sheet.figure
+
+
+def _face_figure(data: xarray.Dataset) -> Figure:
+    sheet = Sheet([map_row(face_size(data), HEIGHTS)])
+    height_panel(sheet.panel(0, 0, HEIGHTS), data["face_height"].values * 1e6, face_size(data))
+    return sheet.figure
 
 
 def seat_picture(results: Results, drawings: Drawings) -> Picture:
@@ -223,10 +212,7 @@ def _face_texts(data: xarray.Dataset, s: int) -> list[tuple[str, str]]:
             f"Map of the contact pressure of {blocks} blocks of the face, {_range(pressure, 'Pa')}.",
             "Contact pressure, mean of each block of pixels.",
         ),
-        (
-            f"Map of the gap of {blocks} blocks of the face, {_range(gap, 'm')}.",
-            "Gap, mean of each block of pixels.",
-        ),
+        (f"Map of the gap of {blocks} blocks of the face, {_range(gap, 'm')}.", "Gap, mean of each block of pixels."),
     ]
 
 

@@ -14,6 +14,4 @@ if TYPE_CHECKING:
     from .results import Results
     from .run_comparison import RunComparison, compare
 
-__all__ = ["Results", "RunComparison", "assemble", "compare", "open_results", "save", "write_vtk"]
-
 load_when_used(__name__)

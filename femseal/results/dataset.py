@@ -1,7 +1,5 @@
 """The studies of a scene gathered into one labelled dataset, and its netCDF file, which any tool reads."""
 
-from __future__ import annotations
-
 import json
 import os
 from collections.abc import Mapping, Sequence
@@ -12,11 +10,11 @@ from typing import Any, cast
 import numpy as np
 from numpy.typing import NDArray
 
-from ..base.errors import InputError, shortened
+from ..base import InputError, free_memory, made_folder, shortened, versions
 from ..base.fields import STEP, Field
-from ..base.files import made_folder, replacing_hdf5
+from ..base.files import replacing_hdf5
 from ..base.leak_rates import leak_classes, leak_unit
-from ..base.machine import free_memory, machine, peak_memory, versions
+from ..base.machine import machine, peak_memory
 from ..budget import ErrorBudget, at_interpolated_steps
 from ..fluids import leak_basis
 from ..studies import DeterministicResult, OtherLeakage, Scene, StochasticResult, TwoScaleResult
@@ -185,7 +183,12 @@ def assemble(
         "leakage_unit": leakage_unit or "",
         **basis_attributes(basis),
     }
-    data.attrs |= _windows(two_scale, stochastic)
+    library = None if stochastic is None else stochastic.library
+    if (placed := two_scale or library) is not None and hasattr(placed, "contact"):
+        data.attrs["window_contact"] = placed.contact
+    if stochastic is not None and library is not None:
+        data.attrs |= {"sampler": stochastic.sampler, "library_windows": library.size}
+        data.attrs["library_independent"] = library.independent
     variables.add_budgets(data, budgets or {})
     if case and case.get("seed") is not None:
         data.attrs["seed"] = case["seed"]
@@ -200,18 +203,6 @@ def assemble(
     if later:
         data.attrs["warnings"] = _shortened([*results.warnings, *later])
     return results
-
-
-def _windows(two_scale: TwoScaleResult | None, stochastic: StochasticResult | None) -> dict[str, Any]:
-    """Attributes on how the contact of windows was solved, and on the library and its windows without overlap."""
-    found: dict[str, Any] = {}
-    library = None if stochastic is None else stochastic.library
-    if (placed := two_scale or library) is not None and hasattr(placed, "contact"):
-        found["window_contact"] = placed.contact
-    if stochastic is not None and library is not None:
-        found["sampler"] = stochastic.sampler
-        found["library_windows"], found["library_independent"] = library.size, library.independent
-    return found
 
 
 def _filter_doubts(filtered: NDArray[np.float64], results: Results, scene: Scene) -> list[str]:

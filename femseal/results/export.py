@@ -12,9 +12,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ..base.errors import InputError
+from ..base import InputError, replacing, writing
 from ..base.fields import Field
-from ..base.files import replacing
 from . import vtk_files
 from .paraview import WITH_FIELDS, pixels_of_face, read_pixels, stored_steps
 from .run_data import RunData
@@ -89,11 +88,8 @@ def export_field(
         if window is not None:
             values = values.sel(x1=slice(*window[:2]), x2=slice(*window[2:]))
         target = path if step is not None else path.with_stem(f"{path.stem}_{s:04d}")
-        try:
-            with replacing(target) as temporary:
-                write(temporary, values, run, s)
-        except OSError as error:
-            raise InputError("output", f"'{target}'", f"a file that can be written ({error.strerror})") from None
+        with writing("output", target), replacing(target) as temporary:
+            write(temporary, values, run, s)
         written.append(target)
     return written
 

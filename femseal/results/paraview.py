@@ -22,13 +22,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..base.arrays import Array
-from ..base.errors import InputError
+from ..base import Array, InputError, Mapper, Stage, made_folder, to_text
 from ..base.fields import PART, PART_VECTOR, PIXEL, READABLE, WINDOW, Field, fields_of
-from ..base.files import made_folder
-from ..base.quantities import to_text
 from ..base.shared_array import give_back
-from ..base.stage import Mapper, Stage
 from ..studies.choices import FORMATS
 from ..topography import Topography
 from . import vtk_files

@@ -12,9 +12,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ..base.errors import InputError
-from ..base.quantities import to_si, to_text
-from ..base.text import Plotted, TextTable, duration, format_deviation, room
+from ..base import InputError, Plotted, TextTable, duration, format_deviation, to_si, to_text
+from ..base.text import room
 from . import tables
 from .export import export_field
 from .paraview import read_pixels, stored_steps

@@ -1,7 +1,5 @@
 """Several runs side by side: one table, one picture, in one unit of leakage."""
 
-from __future__ import annotations
-
 import os
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
@@ -10,13 +8,21 @@ from typing import Any
 
 import numpy as np
 
-from ..base.arrays import Array
-from ..base.errors import InputError, shown
+from ..base import (
+    Array,
+    InputError,
+    Plotted,
+    TextTable,
+    comma_separated,
+    made_folder,
+    replacing,
+    shown,
+    to_text,
+    write_text,
+)
 from ..base.fields import with_unit
-from ..base.files import made_folder, replacing, write_text
 from ..base.leak_rates import LEAK_UNITS, LeakUnit, leak_unit, leakage_unit
-from ..base.quantities import to_text
-from ..base.text import Plotted, TextTable, comma_separated, room
+from ..base.text import room
 from ..loads import LoadStep
 from ..studies.load_curves import closing_load
 from .dataset import open_results
@@ -82,7 +88,8 @@ class RunComparison(Plotted):
         for n, (name, results) in enumerate(zip(self.names, self.runs, strict=True)):
             data = results.dataset
             values, in_unit = results.leakage.values, self.leakage(n)
-            low, high = self._band_in_si(n)
+            nothing, factor = np.full(len(values), np.nan), results.leak_basis.factor(self.unit)
+            low, high = (end * factor for end in self.band(n) or (nothing, nothing))
             varied = dict(zip(self.keys, self.settings[n], strict=True)) if self.keys else {}
             for s, step in enumerate(results.steps):
                 rows.append(
@@ -102,14 +109,6 @@ class RunComparison(Plotted):
                     | ({column: float(in_unit[s])} if column != "leakage_m2_per_s" else {})
                 )
         return rows
-
-    def _band_in_si(self, run: int) -> tuple[Array, Array]:
-        band = self.band(run)
-        if band is None:
-            nothing = np.full(len(self.runs[run].steps), np.nan)
-            return nothing, nothing
-        factor = self.runs[run].leak_basis.factor(self.unit)
-        return band[0] * factor, band[1] * factor
 
     def csv_text(self) -> str:
         """The rows as comma-separated values, with one line of column names."""

@@ -14,10 +14,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..base.arrays import Array
+from ..base import Array, to_text
 from ..base.fields import LEAK_CLASS, REALISATION, Field, Place
 from ..base.leak_rates import LEAK_UNITS, LeakBasis, LeakClass, LeakUnit, leak_classes, leak_unit, leakage_unit, within
-from ..base.quantities import to_text
 from ..budget import ErrorBudget
 from ..fluids import leak_basis
 from ..loads import LoadProgramme, LoadStep
@@ -105,16 +104,10 @@ def add_classes(
     if upper is not None:
         met[:, (leakage == 0) & ~np.isfinite(upper)] = np.nan
         fraction[:, (realisations == 0).any(axis=0) & ~np.isfinite(upper)] = np.nan
-    add(
-        data,
-        Field("class_met", "1", "1 where the leakage given meets the class, 0 where not, NaN: open", LEAK_CLASS),
-        met,
-    )
-    add(
-        data,
-        Field("class_fraction", "1", "fraction of the realisations that meet the class, NaN: open", LEAK_CLASS),
-        fraction,
-    )
+    text = "1 where the leakage given meets the class, 0 where not, NaN: open"
+    add(data, Field("class_met", "1", text, LEAK_CLASS), met)
+    text = "fraction of the realisations that meet the class, NaN: open"
+    add(data, Field("class_fraction", "1", text, LEAK_CLASS), fraction)
     return _doubts(classes, basis.length, diameter)
 
 

@@ -9,9 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..base.arrays import Array
-from ..base.errors import InputError
-from ..base.quantities import to_text
+from ..base import Array, InputError, to_text
 
 if TYPE_CHECKING:
     import xarray

@@ -9,11 +9,9 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ..base.errors import InputError
+from ..base import InputError, TextTable, comma_separated, to_text
 from ..base.fields import Field, with_unit
 from ..base.leak_rates import LEAK_UNITS, USUAL_UNITS, LeakUnit
-from ..base.quantities import to_text
-from ..base.text import TextTable, comma_separated
 from .run_data import BUDGETED, RunData
 from .selections import branch_text, solved_steps
 

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..base.arrays import Array
+from ..base import Array
 from ..base.fields import (
     BLOCK,
     ERROR_SOURCE,

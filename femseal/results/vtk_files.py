@@ -18,13 +18,12 @@ from dataclasses import dataclass
 from functools import cached_property
 from html import escape
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Protocol
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ..base.arrays import Array
-from ..base.files import made_folder, replacing, write_text
+from ..base import Array, made_folder, replacing, write_text
 from ..topography import Topography
 
 if TYPE_CHECKING:
@@ -54,34 +53,13 @@ class LoadSteps:
     @property
     def fields(self) -> dict[str, Array]:
         """Field data, one value for each step; on loading the peak is NaN."""
-        return {
-            "nominal_pressure_MPa": self.nominal_pressure / 1e6,
-            "unloaded_from_MPa": self.unloaded_from / 1e6,
-        }
+        return {"nominal_pressure_MPa": self.nominal_pressure / 1e6, "unloaded_from_MPa": self.unloaded_from / 1e6}
 
     def label(self, mesh: Any, n: int) -> Any:
         """A data set with the loads of the n-th step."""
         for name, values in self.fields.items():
             mesh.field_data[name] = values[n : n + 1]
         return mesh
-
-
-class View(Protocol):
-    """Data written under one name: a pyvista data set for each step, or a single one without steps."""
-
-    @property
-    def name(self) -> str:
-        """Of the file, without its ending."""
-        ...
-
-    @property
-    def steps(self) -> LoadSteps | None:
-        """The steps, or None."""
-        ...
-
-    def at(self, n: int) -> Any:
-        """The data set at the n-th step."""
-        ...
 
 
 @dataclass(frozen=True)
@@ -150,6 +128,10 @@ class Heights:
         image = pyvista.ImageData(dimensions=(n1, n2, 1), spacing=(d1, d2, 1.0), origin=(d1 / 2, d2 / 2, 0.0))
         image.point_data["height_um"] = (self.surface.heights * 1e6).astype(np.float32).ravel(order="F")
         return image
+
+
+#: Data written under one name: a pyvista data set for each step, or a single one without steps.
+View = Image | Cells | Heights
 
 
 def write_series(view: View, folder: Path) -> list[Path]:

@@ -1,7 +1,5 @@
 """Loads of a case that are solved where the others may be interpolated: as few as the curves of leakage allow."""
 
-from __future__ import annotations
-
 import logging
 from collections.abc import Callable
 from dataclasses import replace
@@ -10,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from ..base.arrays import Array, Indices
+from ..base import Array, Indices
 from ..execution.run import Run
 from ..loads import LoadProgramme
 from ..preparation.prepared import Prepared

@@ -1,13 +1,11 @@
 """Complete results of a case in a folder: taken as they are, or with other files written beside them."""
 
-from __future__ import annotations
-
 import json
 import logging
 from pathlib import Path
 from typing import Any
 
-from ..base.errors import FemsealError
+from ..base import FemsealError
 from ..case.case import Case
 from ..case.case_tables import FILE_KEYS
 from ..execution.lock import alone_in

@@ -1,7 +1,5 @@
 """Forecast of a run: unknowns, time, memory and disk, before it is started."""
 
-from __future__ import annotations
-
 from collections import Counter
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
@@ -10,11 +8,8 @@ from pathlib import Path
 import numpy as np
 import psutil
 
-from ..base.errors import InputError
-from ..base.machine import free_memory
-from ..base.quantities import to_text
+from ..base import InputError, duration, free_memory, to_text
 from ..base.shared_array import storing
-from ..base.text import duration
 from ..budget import model_changes, places_to_halve
 from ..case.case import Case
 from ..preparation.prepared import START_MEMORY, Prepared, without_short_waves

@@ -1,7 +1,5 @@
 """One run of a case: prepare, compute each study, write the results folder."""
 
-from __future__ import annotations
-
 import hashlib
 import json
 import logging
@@ -16,11 +14,9 @@ from tempfile import TemporaryDirectory
 from threading import Thread
 from typing import Any
 
-from ..base.errors import FemsealError, InputError, PartsMissing
-from ..base.files import made_folder, remove_foreign
-from ..base.machine import numerical_versions
+from ..base import FemsealError, InputError, Mapper, PartsMissing, made_folder, numerical_versions, writing
+from ..base.files import remove_foreign
 from ..base.shared_array import storing
-from ..base.stage import Mapper
 from ..budget import ErrorBudget
 from ..case.case import Case, load_case
 from ..case.faces import FileFace
@@ -297,12 +293,10 @@ def face_files(case: Case) -> dict[str, str]:
 @contextmanager
 def _log_file(folder: Path, append: bool) -> Iterator[None]:
     """Context in which log lines are written to run.log in the results folder."""
-    try:
+    with writing("output", folder, "a folder"):
         # lines through a link would end up elsewhere, and nobody reads a pipe
         remove_foreign(folder / "run.log")
         handler = LogFile(folder / "run.log", mode="a" if append else "w")
-    except OSError as error:
-        raise InputError("output", f"'{folder}'", f"a folder that can be written ({error.strerror})") from None
     level = log.level
     log.addHandler(handler)
     log.setLevel(logging.INFO)

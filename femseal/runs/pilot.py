@@ -3,8 +3,6 @@
 Numbers of transforms are counted, not timed: they do not depend on what else the machine does.
 """
 
-from __future__ import annotations
-
 import time
 from dataclasses import replace
 from functools import cache
@@ -14,7 +12,7 @@ from statistics import median
 import numpy as np
 from scipy import fft
 
-from ..base.errors import FemsealError
+from ..base import FemsealError
 from ..contact import HalfSpace, solve_contact
 from ..studies import Scene
 from ..studies.costs import PILOT_PIXELS, Effort

@@ -12,23 +12,4 @@ if TYPE_CHECKING:
     from .seal_files import read_pressure_field
     from .shapes import NARROWEST, AnnularSeal, RectangularSeal, drop_fractions, largest_fractions
 
-__all__ = [
-    "NARROWEST",
-    "AngleTable",
-    "AnnularSeal",
-    "Leakage",
-    "MapsAtLoads",
-    "MeshSeal",
-    "PermeabilityTable",
-    "PressureField",
-    "Profile",
-    "RectangularSeal",
-    "Uniform",
-    "drop_fractions",
-    "largest_fractions",
-    "read_pressure_field",
-    "seal_leakage",
-    "table_pressures",
-]
-
 load_when_used(__name__)

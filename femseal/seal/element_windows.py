@@ -18,9 +18,7 @@ from typing import Any, ClassVar
 import numpy as np
 from skfem import Mesh, MeshQuad1, MeshQuad2, MeshTri1, MeshTri2
 
-from ..base.arrays import Array, Indices
-from ..base.errors import InputError
-from ..base.quantities import to_text
+from ..base import Array, Indices, InputError, to_text
 from ..flow.dirichlet_flow import DirichletFlow, dirichlet_flow
 from ..flow.mesh import CLOSED_AXIS, darcy_conductance, permeability_tensors
 from ..flow.solution import DarcyFlow

@@ -12,9 +12,7 @@ import numpy as np
 from skfem import MeshQuad
 from skfem.mesh import MeshQuad1DG
 
-from ..base.arrays import Array
-from ..base.errors import InputError
-from ..base.quantities import to_si, to_text
+from ..base import Array, InputError, to_si, to_text
 from ..flow.spiral import Spiral
 from .element_windows import ElementSeal, ElementWindows, straightened
 from .lay import Lay, check_size

@@ -9,9 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from ..base.arrays import Array
-from ..base.errors import InputError, shown
-from ..base.quantities import to_si, to_text
+from ..base import Array, InputError, shown, to_si, to_text
 
 #: Directions by name: those of the axes of the plane, and those as seen from the centre of the seal.
 NAMES = ("x1", "x2", "radial", "circumferential")

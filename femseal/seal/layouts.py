@@ -12,9 +12,7 @@ from math import isfinite, pi
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar, Literal, Protocol
 
-from ..base import validate
-from ..base.errors import InputError
-from ..base.quantities import to_si, to_text
+from ..base import InputError, to_si, to_text, validate
 from ..base.validate import check_parameters, parameter
 from .lay import Lay, check_ring, check_size
 from .pressure_map import Frame

@@ -7,17 +7,13 @@ each flow rises with its drop. It is solved as a fixed point of linear flows, in
 permeability of an element is that at the mean of its nodes.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
 
-from ..base.arrays import Array, Indices
-from ..base.errors import InputError
+from ..base import Array, Indices, InputError, Shown
 from ..base.fixed_point import fixed_point
-from ..base.text import Shown
 from ..flow.permeability_table import PermeabilityTable, pressure_curve
 from ..flow.pressure_drop import PressureDrop
 from ..flow.solution import DarcyFlow
@@ -269,24 +265,29 @@ def seal_leakage(
         wanted = min(rtol, _ONCE_RTOL) if rate_only and not bounds else None
         flow = seal.flow(permeability, bounds=bounds, **_settings(seal, solver, wanted, start))
     to_volume = drop / fluid.reference_density
-    volume_rate = flow.conductance * to_volume
     lower, upper = sorted((flow.lower * to_volume, flow.upper * to_volume))
     # rounding errors, and elements with oblique tensors, may exceed the end pressures
     potential = φ_out + drop * np.clip(flow.potential, 0.0, 1.0)
+    known = {"lower": lower, "upper": upper, "percolates": flow.percolates, "permeability": local}
+    return _leakage(seal, fluid, flow, flow.conductance, drop, potential, **known)
+
+
+def _leakage(
+    seal: Seal, fluid: Fluid, flow: Any, conductance: float, drop: float, potential: Array, **known: Any
+) -> Leakage:
+    """Leakage of a flow of a conductance [m³] under a drop of the potential; what else is known of it by its name."""
+    volume_rate = conductance * (drop / fluid.reference_density)
     return Leakage(
         volume_rate=volume_rate,
-        mass_rate=flow.conductance * drop,
+        mass_rate=conductance * drop,
         per_length=volume_rate / seal.length,
-        lower=lower,
-        upper=upper,
         fluid_pressure=fluid.pressure(potential),
-        conductance=flow.conductance,
+        conductance=conductance,
         iterations=flow.iterations,
         residual=flow.residual,
         imbalance=flow.imbalance,
-        percolates=flow.percolates,
         solver=flow.solver,
-        permeability=local,
+        **known,
     )
 
 
@@ -308,21 +309,8 @@ def _between_boundaries(
     levels[: len(names)] = np.divide(drops, drop) if drop else 1.0
     flow = seal.flow_between(permeability, boundaries, levels, solver=solver)
     outflow = flow.rates[len(names) :]
-    conductance = 0.0 - float(outflow.sum())
-    to_volume = drop / fluid.reference_density
+    rates = drop / fluid.reference_density * flow.rates
     potential = φ_out + drop * np.clip(flow.potential, levels.min(), levels.max())
-    return Leakage(
-        volume_rate=conductance * to_volume,
-        mass_rate=conductance * drop,
-        per_length=conductance * to_volume / seal.length,
-        lower=np.nan,
-        upper=np.nan,
-        fluid_pressure=fluid.pressure(potential),
-        conductance=conductance,
-        iterations=flow.iterations,
-        residual=flow.residual,
-        imbalance=flow.imbalance,
-        percolates=bool(outflow.any()),
-        solver=flow.solver,
-        boundary_rates=dict(zip(boundaries.names, (to_volume * flow.rates).tolist(), strict=True)),
-    )
+    known: dict[str, Any] = {"lower": np.nan, "upper": np.nan, "percolates": bool(outflow.any())}
+    known["boundary_rates"] = dict(zip(boundaries.names, rates.tolist(), strict=True))
+    return _leakage(seal, fluid, flow, 0.0 - float(outflow.sum()), drop, potential, **known)

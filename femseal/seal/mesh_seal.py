@@ -20,10 +20,7 @@ from scipy.sparse.csgraph import connected_components
 from skfem import Basis, FacetBasis, Functional, Mesh, MeshQuad1, MeshQuad2, MeshTri1, MeshTri2
 from skfem.quadrature import get_quadrature
 
-from ..base import validate
-from ..base.arrays import Array, Indices
-from ..base.errors import InputError
-from ..base.quantities import to_si, to_text
+from ..base import Array, Indices, InputError, to_si, to_text, validate
 from ..flow.dirichlet_flow import DirichletFlow, dirichlet_flow
 from ..flow.mesh import darcy_conductance, is_connected
 from ..flow.solution import DarcyFlow

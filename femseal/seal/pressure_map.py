@@ -14,10 +14,7 @@ from typing import Any, Protocol
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ..base import validate
-from ..base.arrays import Array
-from ..base.errors import InputError
-from ..base.quantities import to_text
+from ..base import Array, InputError, to_text, validate
 from .triangulation import Triangulation
 
 #: Rounding of coordinates, as fractions of a strip of a profile or of a radius.

@@ -17,9 +17,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..base.errors import InputError, shortened
-from ..base.machine import free_memory, within_free_memory
-from ..base.quantities import to_si
+from ..base import InputError, free_memory, shortened, to_si
+from ..base.machine import within_free_memory
 from .pressure_map import PressureField
 
 if TYPE_CHECKING:

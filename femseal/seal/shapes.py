@@ -11,8 +11,6 @@ Source of the bounds: Dirichlet's and Thomson's principles for networks (Doyle &
 Networks, 1984).
 """
 
-from __future__ import annotations
-
 import itertools
 from abc import ABC, abstractmethod
 from collections.abc import Sequence
@@ -24,9 +22,7 @@ from typing import Any, Protocol
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ..base import validate
-from ..base.arrays import Array
-from ..base.errors import InputError
+from ..base import Array, InputError, validate
 from ..flow.assembly import assemble_on_elements, assemble_on_links, gauss
 from ..flow.balance import balanced_link_fluxes
 from ..flow.bounds import outward
@@ -130,9 +126,7 @@ def _checked(name: str, value: ArrayLike, shape: tuple[int, int]) -> Array:
         raise InputError(f"permeability {name}", f"shape {k.shape}", f"a number or shape {shape}")
     if not np.all(np.isfinite(k)):
         raise InputError(
-            f"permeability {name}",
-            f"{np.count_nonzero(~np.isfinite(k))} values not finite",
-            "numbers >= 0 [m³]",
+            f"permeability {name}", f"{np.count_nonzero(~np.isfinite(k))} values not finite", "numbers >= 0 [m³]"
         )
     if k.min(initial=0.0) < 0:
         raise InputError(f"permeability {name}", f"{k.min():g}", "numbers >= 0 [m³]")
@@ -179,11 +173,7 @@ def conservative_rate(stencil: Stencil, potential: Array) -> float:
 
 
 def drop_fractions(
-    k1: ArrayLike,
-    k2: ArrayLike,
-    seal: StructuredSeal,
-    potential: ArrayLike,
-    counts: Sequence[int] = NARROWEST,
+    k1: ArrayLike, k2: ArrayLike, seal: StructuredSeal, potential: ArrayLike, counts: Sequence[int] = NARROWEST
 ) -> Array:
     """Fraction of the drop over the 1, 3, 10 links that dissipate most, those along both axes taken together.
 

@@ -24,48 +24,11 @@ if TYPE_CHECKING:
     from .deterministic import DeterministicResult, deterministic
     from .face_contact import chosen_contact
     from .other_fluid import FluidState, OtherLeakage, drop_ratio
-    from .sampling_options import (
-        Sampling,
-        check_sampling,
-        chosen_sampler,
-        count_face_windows,
-        lay_out_windows,
-    )
+    from .sampling_options import Sampling, check_sampling, chosen_sampler, count_face_windows, lay_out_windows
     from .scene import Scene
     from .stochastic import stochastic
     from .stochastic_result import StochasticResult
     from .study_registry import STUDIES, Study, StudyOptions, StudyResult, study_of_result
     from .two_scale import TwoScaleResult, chosen_flow, two_scale
-
-__all__ = [
-    "CONTACTS",
-    "DRAWS",
-    "FLOWS",
-    "FLUID_PRESSURES",
-    "NOMINALS",
-    "PRESSURES",
-    "STUDIES",
-    "DeterministicResult",
-    "FluidState",
-    "OtherLeakage",
-    "Sampling",
-    "Scene",
-    "StochasticResult",
-    "Study",
-    "StudyOptions",
-    "StudyResult",
-    "TwoScaleResult",
-    "check_sampling",
-    "chosen_contact",
-    "chosen_flow",
-    "chosen_sampler",
-    "deterministic",
-    "drop_ratio",
-    "lay_out_windows",
-    "count_face_windows",
-    "stochastic",
-    "study_of_result",
-    "two_scale",
-]
 
 load_when_used(__name__)

@@ -3,8 +3,6 @@
 Seconds are those of one core of the machine on which the constants were measured, by `tests/benchmarks/forecast.py`.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 from math import log1p
@@ -12,8 +10,7 @@ from statistics import mean
 
 import numpy as np
 
-from ..base import validate
-from ..base.machine import free_memory
+from ..base import free_memory, validate
 from ..elements.elements import ELEMENT_BYTES
 from ..seal.pressure_map import is_uniform
 from ..windows.global_contact import PIXELS_PER_CUT_OFF
@@ -193,14 +190,8 @@ def stochastic_cost(
     draws = ((3 if sampling.bounds else 1) + sampling.resampled) * sampling.realisations
     if places > 1 and sampling.pressure != "place":
         draws += len(kept_places(places)) * min(sampling.realisations, PLACE_REALISATIONS)
-    seconds += (
-        (_LINK_SUCCESSIVE if max(pressures, rounds) > 1 else 1.0)
-        * draws
-        * steps
-        * _LINK_SECONDS
-        * links
-        * max(1.0, np.log2(min(seal)))
-    )
+    again = _LINK_SUCCESSIVE if max(pressures, rounds) > 1 else 1.0
+    seconds += again * draws * steps * _LINK_SECONDS * links * max(1.0, np.log2(min(seal)))
     in_memory = 1 if sampling.sampler_of_links in ("history", "block") else steps
     return seconds, faces + 8.0 * links * (in_memory * 2 + 30 + (6 * pressures if pressures > 1 else 0))
 

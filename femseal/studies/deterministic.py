@@ -1,17 +1,13 @@
 """Contact and flow of a whole face at full resolution."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ..base.arrays import Array
+from ..base import Array, Mapper, Shown
 from ..base.fields import PIXEL, ROW, STEP, declared
 from ..base.shared_array import lies_on_disk, one_at_a_time
-from ..base.stage import Mapper
-from ..base.text import Shown
 from ..contact.workspace import KEPT_POINTS
 from ..loads import LoadProgramme
 from ..windows import Partition, SolverCounts

@@ -14,11 +14,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..base.arrays import Array
-from ..base.errors import InputError
+from ..base import Array, InputError, Mapper, Stage
 from ..base.machine import total_memory
 from ..base.shared_array import give_back, one_at_a_time, shared_empty
-from ..base.stage import Mapper, Stage
 from ..contact import HalfSpace, LoadState
 from ..loads import LoadProgramme
 from ..topography import Topography
@@ -257,8 +255,6 @@ def solve_windows(
 ) -> WindowContacts:
     """Solve the contact of a face and divide it into windows.
 
-    Parameters
-    ----------
     contact : "whole": the contact of the whole face at full resolution, as in the deterministic study, cut into
         windows. "windows": the contact of each window, under the mean pressure that the contact of the low-pass face
         gives it (Pérez-Ràfols et al., 2018); its error is estimated, see `windows.gap_error`. Unless given, "whole" up

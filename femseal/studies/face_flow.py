@@ -1,13 +1,11 @@
 """Flow through a whole face, at full resolution or through elements."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ..base.arrays import Array
+from ..base import Array
 from ..elements import ElementFlow, element_flow, face_potential
 from ..flow import Permeability, cell_permeability
 from ..flow.pressure_drop import FaceSolution, PressureDrop

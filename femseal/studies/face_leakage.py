@@ -14,11 +14,9 @@ from typing import Any, ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from ..base.arrays import Array
+from ..base import Array, Mapper, Shown, Stage
 from ..base.fields import PLACE, STEP, Field, declared
 from ..base.shared_array import give_back, shared_empty
-from ..base.stage import Mapper, Stage
-from ..base.text import Shown
 from ..library import LinkTable
 from ..loads import LoadProgramme
 from ..seal import RectangularSeal
@@ -159,7 +157,7 @@ class PlaceLeakage(Shown):
             "standard deviation of the leakage of single places over its mean",
             STEP,
             "places ± [%]",
-        ),
+        )
     }
 
     @property

@@ -1,15 +1,12 @@
 """Sources of windows that are solved along a ladder of pressures, and the pressures that the links of a seal have."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, replace
 from functools import partial
 from typing import Any
 
 import numpy as np
 
-from ..base.arrays import Array, Indices
-from ..base.stage import Stage
+from ..base import Array, Indices, Stage
 from ..contact import HalfSpace
 from ..library import Ladder, LadderLibrary, LinkTable, WindowSource, WindowStates, build_ladder_library, on_ladder
 from ..seal.pressure_map import AnyMap
@@ -125,11 +122,7 @@ class _LinkPaths:
 
 
 def _supply(
-    library: LadderLibrary,
-    links: list[_LinkPaths],
-    wanted: WindowRequest,
-    at: TablePressures,
-    relief: Array,
+    library: LadderLibrary, links: list[_LinkPaths], wanted: WindowRequest, at: TablePressures, relief: Array
 ) -> WindowSupply:
     """Tables of the permeabilities at each fluid pressure, and with bounds of their lower and their upper bounds.
 

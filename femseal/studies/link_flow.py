@@ -1,16 +1,13 @@
 """What flows through the links of two scales, and the fields in a few of their windows at every pixel."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ..base.arrays import Array
+from ..base import Array, Mapper, Stage
 from ..base.fields import LINK1, LINK2, NARROWEST_LINKS, PIXEL, declared
-from ..base.stage import Mapper, Stage
 from ..flow import cell_permeability
 from ..flow.solution import FIELD_RTOL
 from ..seal import NARROWEST, RectangularSeal, drop_fractions

@@ -5,8 +5,6 @@ pressure, in which it is nearly straight from first touch to closing; any other 
 along each branch, monotonically and never wildly.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
@@ -15,7 +13,7 @@ import numpy as np
 import scipy
 from numpy.typing import ArrayLike
 
-from ..base.arrays import Array, Indices
+from ..base import Array, Indices
 from ..loads import LoadProgramme, LoadStep
 
 

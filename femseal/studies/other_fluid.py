@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from ..base.arrays import Array, Indices
+from ..base import Array, Indices
 from ..flow.law import FlowLaw, law_of
 from ..fluids import Fluid
 from ..loads import LoadProgramme

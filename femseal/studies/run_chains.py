@@ -9,9 +9,7 @@ from functools import partial
 import numpy as np
 from numpy.typing import NDArray
 
-from ..base.arrays import Array
-from ..base.quantities import to_text
-from ..base.stage import Mapper, Stage
+from ..base import Array, Mapper, Stage, to_text
 from ..flow.pressure_drop import PressureDrop
 from ..library import RunFlows
 from ..library.sampling import drawn_elsewhere

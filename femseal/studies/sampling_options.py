@@ -1,15 +1,11 @@
 """Options of a drawn seal, and the check that they go together."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import numpy as np
 
-from ..base import validate
-from ..base.errors import InputError
-from ..base.quantities import to_text
+from ..base import InputError, to_text, validate
 from ..seal.laid_windows import SealWindows, Windows
 from ..seal.layouts import Layout
 from ..seal.pressure_map import AnyMap, MapsAtLoads, Profile, Uniform, is_uniform

@@ -1,7 +1,5 @@
 """The input of all studies: a rough face under load, and the fluid that it seals; warnings of implausible numbers."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, field
 from functools import partial
@@ -12,10 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..base.arrays import Array
-from ..base.errors import InputError
-from ..base.quantities import to_text
-from ..base.stage import Mapper
+from ..base import Array, InputError, Mapper, to_text
 from ..contact import Contact, ContactLaw, HalfSpace, LoadState, contact_law, load_states, solve_contact
 from ..flow import critical_constriction
 from ..flow.pressure_drop import PressureDrop

@@ -19,9 +19,7 @@ from operator import attrgetter
 
 import numpy as np
 
-from ..base.arrays import Array, Indices
-from ..base.errors import InputError, NotConverged
-from ..base.quantities import to_text
+from ..base import Array, Indices, InputError, NotConverged, to_text
 from ..contact import HalfSpace, load_states
 from ..library.library import local_peaks
 from ..loads import LoadProgramme, LoadStep

@@ -1,7 +1,5 @@
 """The stochastic study: seals of any length, whose windows are drawn from a library of real ones."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, fields, replace
 from functools import partial
 from pathlib import Path
@@ -11,10 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..base.arrays import Array
-from ..base.errors import InputError
-from ..base.quantities import to_text
-from ..base.stage import Mapper, Stage
+from ..base import Array, InputError, Mapper, Stage, to_text
 from ..library import LadderLibrary
 from ..seal import RectangularSeal
 from ..seal.laid_windows import LinkWindows, SealWindows
@@ -35,15 +30,7 @@ from .stochastic_result import (
     nearest_to_median,
 )
 from .two_scale import TwoScaleResult
-from .window_supply import (
-    FaceLibrary,
-    Source,
-    TablePressures,
-    Tables,
-    WindowRequest,
-    WindowSupply,
-    windows_in_place,
-)
+from .window_supply import FaceLibrary, Source, TablePressures, Tables, WindowRequest, WindowSupply, windows_in_place
 
 #: For a given `width`: how often realisations and windows are added, and up to what multiple of the given numbers.
 ROUNDS, GROWTH = 4, 8

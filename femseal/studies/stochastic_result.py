@@ -10,9 +10,8 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from ..base.arrays import Array
+from ..base import Array, Shown
 from ..base.fields import CORNER, PART, PART_VECTOR, REALISATION, ROW, STEP, Field, declared
-from ..base.text import Shown
 from ..library import LadderLibrary, draw_cells, draw_links, draw_pressures
 from ..loads import LoadProgramme
 from ..seal import Leakage, RectangularSeal
@@ -218,11 +217,7 @@ class StochasticResult(Shown):
         "leakage_held_cuts", "m^2/s", "leakage per unit seal length, Dirichlet cuts", REALISATION, default=None
     )
     leakage_of_face: Array | None = declared(
-        "leakage_of_face",
-        "m^2/s",
-        "leakage per unit seal length, of the face that the runs are of",
-        STEP,
-        default=None,
+        "leakage_of_face", "m^2/s", "leakage per unit seal length, of the face that the runs are of", STEP, default=None
     )
     row_pressure: Array | None = declared(
         "row_pressure", "Pa", "mean contact pressure of rows", ROW, default=None, repr=False

@@ -1,14 +1,11 @@
 """The studies that a case can choose, each registered once: how it is solved, what it costs, and what it answers."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from operator import attrgetter, methodcaller
 from typing import Any
 
-from ..base.arrays import Array
-from ..base.stage import Mapper
+from ..base import Array, Mapper
 from ..windows import Partition
 from .costs import Effort, count_pressures, count_rounds, deterministic_cost, stochastic_cost, two_scale_cost
 from .deterministic import DeterministicResult, deterministic

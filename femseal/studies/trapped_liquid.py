@@ -5,14 +5,12 @@ pocket that closes between two loads has the volume of the later one; one that d
 What opens towards an end of the face is lost: a pocket whose liquid lifts its rim loses what lifts it.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ..base.arrays import Array
+from ..base import Array
 from ..contact import HalfSpace
 
 #: Fraction of a Newton step that is taken: pockets lift each other's rims. Largest step over the load.
@@ -62,13 +60,7 @@ class PocketPressures:
     """
 
     def __init__(
-        self,
-        former: TrappedLiquid | None,
-        half_space: HalfSpace,
-        *,
-        bulk_modulus: float,
-        hardness: float,
-        load: float,
+        self, former: TrappedLiquid | None, half_space: HalfSpace, *, bulk_modulus: float, hardness: float, load: float
     ):
         self.former, self.half_space, self.bulk_modulus, self.load = former, half_space, bulk_modulus, load
         self.most = _MOST_OF_HARDNESS * hardness

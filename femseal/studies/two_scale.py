@@ -1,7 +1,5 @@
 """The two-scale study: contact and flow in the windows of a face, and over the whole face."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, field, replace
 from functools import partial
 from typing import ClassVar
@@ -9,11 +7,8 @@ from typing import ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from ..base.arrays import Array
-from ..base.errors import InputError
+from ..base import Array, InputError, Mapper, Shown, Stage
 from ..base.fields import LINK1, LINK2, NODE, PIXEL, ROW, STEP, WINDOW, Field, declared
-from ..base.stage import Mapper, Stage
-from ..base.text import Shown
 from ..elements.elements import ELEMENT_BYTES
 from ..flow.percolation import percolates
 from ..flow.permeability_table import tabulated

@@ -12,10 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from ..base.arrays import Array, Indices
-from ..base.errors import FemsealError
-from ..base.stage import Mapper
-from ..base.text import Shown
+from ..base import Array, FemsealError, Indices, Mapper, Shown
 from ..flow.permeability_table import tabulated
 from ..library import LadderLibrary, LibraryTable, LinkTable, correlation_length
 from ..seal.laid_windows import SealWindows

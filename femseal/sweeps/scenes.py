@@ -25,11 +25,8 @@ from scipy.linalg import solve_triangular
 from scipy.optimize import minimize
 from scipy.special import ndtr
 
-from ..base.arrays import Array
-from ..base.errors import FemsealError, InputError
-from ..base.files import made_folder, write_text
+from ..base import Array, FemsealError, InputError, Mapper, Stage, made_folder, write_text
 from ..base.leak_rates import LeakUnit
-from ..base.stage import Mapper, Stage
 from ..case.case import Case
 from ..execution.lock import alone_in, await_parts
 from ..execution.parts import Part, own_items, parts_of

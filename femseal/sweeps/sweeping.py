@@ -1,7 +1,5 @@
 """Run the cases of a sweep one after the other, each into its own folder, and set them side by side."""
 
-from __future__ import annotations
-
 import logging
 import os
 import shutil
@@ -9,8 +7,7 @@ from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from ..base.errors import FemsealError, InputError
-from ..base.files import made_folder
+from ..base import FemsealError, InputError, made_folder
 from ..case.case import Case, read_case
 from ..execution import checkpoint
 from ..execution.lock import alone_in

@@ -1,7 +1,5 @@
 """The cases of a sweep: every combination of the values of some keys of a case file."""
 
-from __future__ import annotations
-
 import copy
 import re
 import tomllib
@@ -12,7 +10,7 @@ from math import prod
 from pathlib import Path
 from typing import Any
 
-from ..base.errors import InputError, InputErrors, shortened, shown
+from ..base import InputError, InputErrors, shortened, shown
 from ..case.case import Case, parse_case
 
 #: No sweep has more cases.

@@ -33,41 +33,4 @@ if TYPE_CHECKING:
     from .texture import spectrum
     from .topography import Topography
 
-__all__ = [
-    "Seat",
-    "TiltedSeat",
-    "RoundedSeat",
-    "ProfileSeat",
-    "FlatSeat",
-    "CrownedSeat",
-    "BallOnCone",
-    "MOST_POINTS",
-    "SPIKES",
-    "Conditioning",
-    "Continuation",
-    "Overlap",
-    "Places",
-    "Repair",
-    "SpikeEffect",
-    "SurfaceReport",
-    "TooManyUndefined",
-    "Topography",
-    "combine",
-    "condition",
-    "continuation_of",
-    "continue_spectrum",
-    "default_wave",
-    "describe_surface",
-    "read_for_a_look",
-    "read_topography",
-    "repair",
-    "resolved_wave",
-    "resolving_shape",
-    "self_affine",
-    "smooth",
-    "spectrum",
-    "spike_effect",
-    "turned",
-]
-
 load_when_used(__name__)

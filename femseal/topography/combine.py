@@ -4,8 +4,6 @@ Symbols: p place in the plane from the middle of the first face [m], u place on 
 p = s + R(θ) M u with the shift s, the turn R and the mirror image M.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass, field
 from math import cos, sin
 from typing import Literal
@@ -14,10 +12,7 @@ import numpy as np
 import scipy
 from numpy.typing import NDArray
 
-from ..base import validate
-from ..base.errors import InputError
-from ..base.quantities import to_text
-from ..base.text import Labelled
+from ..base import InputError, Labelled, to_text, validate
 from .topography import Topography
 
 

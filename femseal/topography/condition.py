@@ -8,8 +8,6 @@ Source: section 4.1 of the model, after Pérez-Ràfols et al., Tribol. Lett. (20
 in Fourier space so that the shortest wave is resolved by at least 8 pixels.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass, field
 from math import atan, ceil, inf, isnan, prod, sqrt
 
@@ -18,10 +16,7 @@ import scipy
 from numpy.typing import NDArray
 from scipy.fft import next_fast_len
 
-from ..base import validate
-from ..base.errors import InputError
-from ..base.quantities import to_text
-from ..base.text import Labelled
+from ..base import InputError, Labelled, to_text, validate
 from .defects import ALL_NEIGHBOURS, SPIKES, Form, TooManyUndefined, fit_form
 from .generate import PIXELS_PER_WAVE
 from .spectral import SLACK

@@ -5,8 +5,6 @@ Symbols: C spectral density [m⁴] of a wave vector q, L sides of the map; a wav
 Source: Jacobs, Junge, Pastewka, Surf. Topogr.: Metrol. Prop. 5 (2017) 013001 (densities and their slope).
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from math import exp, inf, log1p, pi, sqrt
 from typing import Any
@@ -14,9 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..base import validate
-from ..base.errors import InputError
-from ..base.quantities import to_text
+from ..base import InputError, to_text, validate
 from .condition import resolved_wave, resolving_shape
 from .generate import random_waves, wave_numbers
 from .texture import ISOTROPIC, PowerLaw, spectrum, texture

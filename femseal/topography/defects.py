@@ -21,9 +21,7 @@ import numpy as np
 import scipy
 from numpy.typing import NDArray
 
-from ..base import validate
-from ..base.errors import InputError
-from ..base.quantities import to_text
+from ..base import InputError, to_text, validate
 
 ORDERS = "0 (mean), 1 (tilt) or 2 (tilt and curvature)"
 
@@ -49,10 +47,7 @@ class Form:
     @property
     def slopes(self) -> tuple[float, float]:
         """∂z/∂x1, ∂z/∂x2 in the middle of the map [-]."""
-        return (
-            2 * float(self.coefficients[1, 0]) / self.size[0],
-            2 * float(self.coefficients[0, 1]) / self.size[1],
-        )
+        return (2 * float(self.coefficients[1, 0]) / self.size[0], 2 * float(self.coefficients[0, 1]) / self.size[1])
 
     @property
     def curvatures(self) -> tuple[float, float, float]:

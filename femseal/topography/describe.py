@@ -7,8 +7,6 @@ Sources: ISO 25178-2 (Sq, Sa, Sz, Ssk, Sku, Sal, Str, Std), ISO 21920-2 (Ra, Rz,
 ISO 16610-21 and 16610-61 (filters).
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass, field
 from math import atan, log, nan, pi, sqrt
 from typing import Any
@@ -17,7 +15,7 @@ import numpy as np
 import scipy
 from numpy.typing import NDArray
 
-from ..base.text import Labelled
+from ..base import Labelled
 from .condition import repair
 from .defects import SPIKES, fit_form
 from .texture import spectrum, texture

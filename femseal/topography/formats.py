@@ -4,8 +4,6 @@ Orientation: the file's x is axis 0, its y axis 1. In a text x runs along a line
 Sources: ISO 25178-71 (.sdf), ISO 25178-72 (.x3p), the Esri ASCII raster format, the text export of Gwyddion.
 """
 
-from __future__ import annotations
-
 import os
 import re
 import sys
@@ -19,9 +17,8 @@ from zipfile import BadZipFile, ZipFile
 import numpy as np
 from numpy.typing import NDArray
 
-from ..base.errors import InputError, shortened
-from ..base.machine import free_memory, within_free_memory
-from ..base.quantities import to_si
+from ..base import InputError, free_memory, shortened, to_si
+from ..base.machine import within_free_memory
 
 _ESRI_KEYS = {"ncols", "nrows", "xllcorner", "xllcenter", "yllcorner", "yllcenter", "cellsize", "dx", "dy",
               "nodata_value"}  # fmt: skip

@@ -6,16 +6,13 @@ Sources: Persson et al., J. Phys.: Condens. Matter 17 (2005) R1 (self-affine spe
 turned profile is the envelope of the passes of a round tool nose, height of the cusps pitch²/8r.
 """
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np
 import scipy
 from numpy.typing import NDArray
 
-from ..base import validate
-from ..base.errors import InputError
+from ..base import InputError, validate
 from .spectral import SLACK
 from .topography import Topography
 
@@ -165,13 +162,7 @@ def turned(
     face = Topography(z, spacing, periodic).low_pass(cut_off)
     if roughness:
         face += self_affine(
-            shape,
-            size,
-            hurst=hurst,
-            rms_height=roughness,
-            roll_off=roughness_roll_off,
-            cut_off=cut_off,
-            rng=rng,
+            shape, size, hurst=hurst, rms_height=roughness, roll_off=roughness_roll_off, cut_off=cut_off, rng=rng
         )
     return face
 

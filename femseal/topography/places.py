@@ -13,8 +13,7 @@ from math import gcd
 import numpy as np
 from numpy.typing import NDArray
 
-from ..base.errors import InputError
-from ..base.quantities import to_text
+from ..base import InputError, to_text
 from .defects import fit_form
 from .topography import Topography
 

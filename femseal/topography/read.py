@@ -5,8 +5,6 @@ the heights in their file: a line of an image or a text runs along the file's x,
 NumPy are taken as they are.
 """
 
-from __future__ import annotations
-
 import os
 from dataclasses import dataclass
 from pathlib import Path
@@ -14,9 +12,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from ..base import validate
-from ..base.errors import InputError
-from ..base.quantities import to_si, to_text
+from ..base import InputError, to_si, to_text, validate
 from .formats import READERS, TEXT, Options, Raw, bad_file, read_instrument, read_text, within_memory_of
 from .topography import Topography
 

@@ -5,17 +5,13 @@ then finds its own band, and every row its pressure. The faces are half-spaces, 
 Source: Johnson, Contact Mechanics, 1985, ch. 4 (line contact); Greenwood & Tripp, J. Appl. Mech. 34, 1967, 153 (rough).
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, ClassVar
 
 import numpy as np
 
-from ..base.arrays import Array
-from ..base.errors import InputError
-from ..base.quantities import to_si, to_text
+from ..base import Array, InputError, to_si, to_text
 from ..base.validate import check_parameters, parameter
 from .topography import Topography
 

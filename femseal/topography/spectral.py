@@ -7,8 +7,6 @@ axis. A wave of number k along a periodic axis of length L is exp(i q x), q = 2�
 mirror axis cos(q x), q = πk/L, k = 0 … n−1. x = 0 is the edge of the first pixel, not its centre.
 """
 
-from __future__ import annotations
-
 import numpy as np
 import scipy
 from numpy.typing import NDArray

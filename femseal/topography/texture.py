@@ -6,8 +6,6 @@ are lengths in which the autocorrelation decays to 0.2, Std the direction of the
 Sources: Jacobs, Junge, Pastewka, Surf. Topogr.: Metrol. Prop. 5 (2017) 013001; ISO 25178-2 (Sal, Str, Std).
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from math import nan, pi, sqrt
 from typing import Any

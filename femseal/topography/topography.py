@@ -16,10 +16,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..base import validate
-from ..base.errors import InputError
-from ..base.quantities import to_text
-from ..base.text import Plotted, TextTable
+from ..base import InputError, Plotted, TextTable, to_text, validate
 from . import spectral
 from .defects import SPIKES, TooManyUndefined, fill_holes, find_spikes, fit_form, largest_part
 

@@ -10,22 +10,4 @@ if TYPE_CHECKING:
     from .window_contact import ContactHistory, contact_history, gap_error
     from .window_flow import Failed, FlowHistory, FlowSettings, SolveCounts, SolverCounts, attempt, window_dissipation
 
-__all__ = [
-    "ContactPressure",
-    "Failed",
-    "FlowHistory",
-    "FlowSettings",
-    "GlobalState",
-    "Partition",
-    "SolveCounts",
-    "SolverCounts",
-    "WindowFields",
-    "ContactHistory",
-    "attempt",
-    "gap_error",
-    "global_states",
-    "contact_history",
-    "window_dissipation",
-]
-
 load_when_used(__name__)

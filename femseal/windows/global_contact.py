@@ -14,8 +14,7 @@ from numpy.typing import NDArray
 from scipy.fft import dctn, idctn
 from scipy.sparse import csr_array
 
-from ..base.arrays import Array
-from ..base.stage import Mapper
+from ..base import Array, Mapper
 from ..contact import Contact, ContactLaw, HalfSpace, LoadState, load_states, solve_contact
 from ..loads import LoadProgramme, LoadStep
 from ..topography import Topography

@@ -22,10 +22,8 @@ import numpy as np
 from numpy.lib.mixins import NDArrayOperatorsMixin
 from numpy.typing import NDArray
 
-from ..base.arrays import Array
-from ..base.errors import InputError
+from ..base import Array, InputError, Shown
 from ..base.shared_array import lies_on_disk, put_aside
-from ..base.text import Shown
 from ..loads import LoadProgramme
 from ..topography import Topography
 

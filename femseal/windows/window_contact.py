@@ -3,8 +3,6 @@
 For that error the pressure is given to the half-space of the whole face, and the gaps are compared.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -13,7 +11,7 @@ import numpy as np
 import scipy
 from numpy.typing import NDArray
 
-from ..base.arrays import Array
+from ..base import Array
 from ..contact import ContactLaw, HalfSpace, solve_contact
 from ..loads import LoadProgramme
 from .partition import ContactValues
@@ -99,13 +97,7 @@ def contact_history(
                 continue
         pressure = min(pressures[s], law.capacity)
         contact = attempt(
-            solve_contact,
-            undeformed,
-            half_space,
-            pressure=pressure,
-            hardness=law,
-            deformation=deformation,
-            rtol=rtol,
+            solve_contact, undeformed, half_space, pressure=pressure, hardness=law, deformation=deformation, rtol=rtol
         )
         if isinstance(contact, Failed):
             failures.append(f"{step.name}: {contact.reason}")

@@ -13,9 +13,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import ArrayLike, NDArray
 
-from ..base import validate
-from ..base.arrays import Array
-from ..base.errors import FemsealError
+from ..base import Array, FemsealError, validate
 from ..flow import DarcyFlow, Permeability, cell_permeability
 from ..flow.cell import cell_flow, pixel_dissipation
 from ..flow.discretisation import check_discretisation
@@ -214,12 +212,7 @@ class WindowPermeability:
 
 
 def window_permeability(
-    gap: Array,
-    spacing: tuple[float, float],
-    axis: int,
-    *,
-    bounds: bool = False,
-    settings: FlowSettings | None = None,
+    gap: Array, spacing: tuple[float, float], axis: int, *, bounds: bool = False, settings: FlowSettings | None = None
 ) -> WindowPermeability:
     """Permeability along `axis` of a window (n1, n2) [m] with closed sides.
 
