@@ -149,7 +149,7 @@ def run(
         raise FemsealError(f"stopped; `{again} {f'--part {part}' if part else '--resume'}` goes on") from None
     if own is not None and not quiet:
         typer.echo(f"part {part}: all parts are done; `{again} --resume` writes the results")
-    elif not quiet:
+    elif results is not None and not quiet:
         print_table(results.table())
         if "seal_length" in results.dataset.coords:
             print_table(results.lengths_table())

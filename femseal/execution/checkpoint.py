@@ -19,6 +19,7 @@ from collections import deque
 from collections.abc import Callable, Iterable, Iterator, Sequence, Sized
 from contextlib import suppress
 from dataclasses import dataclass, replace
+from functools import partial
 from itertools import islice
 from pathlib import Path
 from typing import Any
@@ -137,6 +138,7 @@ class Checkpoint:
         self._taken = 0
         self._next = 0
         self._writer = ShardWriter((), self._place)
+        self._read: tuple[Path | None, list[bytes]] = (None, [])
         if not resume and part is None:
             remove(output)
         try:
@@ -166,42 +168,55 @@ class Checkpoint:
             raise FemsealError(f"resume: {text}; if they were changed, remove that folder to start anew") from error
 
     def over(self, mapper: Mapper) -> Mapper:
-        """The same mapper, but items in shards are read from them, and computed items are written to shards."""
+        """The same mapper, but items in shards are read from them, and computed items are written to shards.
 
-        def mapping(stage: Stage, *iterables: Iterable[Any]) -> Iterator[Any]:
-            self._stages += 1
-            if self._part is None:
-                yield from self._through(mapper, stage, iterables)
+        Of a stage that a study takes `apart`, a part gets a sequence that reads the items which are asked for.
+        """
+
+        def whole(stage: Stage, *iterables: Iterable[Any]) -> Iterator[Any]:
+            if self._part is not None:
+                yield from self._shared(mapper, self._part, stage, iterables)
                 return
-            if not any(isinstance(iterable, Sized) for iterable in iterables):
-                iterables = tuple(zip(*zip(*iterables, strict=False), strict=True))
-            count = min((len(iterable) for iterable in iterables if isinstance(iterable, Sized)), default=0)
-            start, stop = own_items(self._part, count)
-            own = f"part {self._part[0]}/{self._part[1]}: {stage.name}"
-            for done, _ in enumerate(self._through(mapper, stage, iterables, start, stop), start=1):
-                self._progress(own, done, stop - start)
-            for shard in self._whole(self._part, stage, count):
-                try:
-                    yield from self._items(stage, shard)
-                except (OSError, ValueError) as error:
-                    log.warning("checkpoint: %s cannot be read (%s)", shard.path, error)
-                    raise missing_parts(self._part, stage.name, parts_of(shard.used, self._part, count)) from None
+            self._stages += 1
+            yield from self._through(mapper, stage, iterables)
+
+        def mapping(stage: Stage, *iterables: Iterable[Any]) -> Iterable[Any]:
+            if self._part is not None and stage.apart:
+                return self._shared(mapper, self._part, stage, iterables)
+            return whole(stage, *iterables)
 
         return mapping
 
-    def _whole(self, part: Part, stage: Stage, count: int) -> list[_Shard]:
-        """The shards of all items of a stage; those of parts that are under way are waited for."""
+    def _shared(self, mapper: Mapper, part: Part, stage: Stage, iterables: Sequence[Iterable[Any]]) -> _Items:
+        """The items of a stage that parts compute, once those of this part are kept."""
+        self._stages += 1
+        if not any(isinstance(iterable, Sized) for iterable in iterables):
+            iterables = tuple(zip(*zip(*iterables, strict=False), strict=True))
+        count = min((len(iterable) for iterable in iterables if isinstance(iterable, Sized)), default=0)
+        start, stop = own_items(part, count)
+        own = f"part {part[0]}/{part[1]}: {stage.name}"
+        for done, _ in enumerate(self._through(mapper, stage, iterables, start, stop), start=1):
+            self._progress(own, done, stop - start)
+        return _Items(partial(self._of_parts, part, stage, self._stages, count), range(count))
+
+    def _of_parts(self, part: Part, stage: Stage, number: int, count: int, wanted: range) -> Iterator[Any]:
+        """Some of the items of a stage of this number; those of parts that are under way are waited for."""
         shards: list[_Shard] = []
 
         def missing() -> list[int]:
-            there = np.zeros(count, bool)
-            shards[:] = self._found(stage, 0, count, check=False)
+            there = np.zeros(len(wanted), bool)
+            shards[:] = self._found(stage, wanted.start, wanted.stop, check=False, number=number)
             for shard in shards:
-                there[shard.used.start : shard.used.stop] = True
-            return parts_of(np.flatnonzero(~there).tolist(), part, count)
+                there[shard.used.start - wanted.start : shard.used.stop - wanted.start] = True
+            return parts_of((wanted.start + np.flatnonzero(~there)).tolist(), part, count)
 
         await_parts(self._folder.parent, part, stage.name, missing)
-        return shards
+        for shard in shards:
+            try:
+                yield from self._items(stage, shard)
+            except (OSError, ValueError) as error:
+                log.warning("checkpoint: %s cannot be read (%s)", shard.path, error)
+                raise missing_parts(part, stage.name, parts_of(shard.used, part, count)) from None
 
     def _through(
         self, mapper: Mapper, stage: Stage, iterables: Sequence[Iterable[Any]], start: int = 0, stop: int | None = None
@@ -236,9 +251,10 @@ class Checkpoint:
 
     def _items(self, stage: Stage, shard: _Shard) -> Iterator[Any]:
         """The items of a shard that are used."""
-        found = read_shard(shard.path, (self._key, stage.name))
+        if self._read[0] != shard.path:
+            self._read = shard.path, read_shard(shard.path, (self._key, stage.name))
         first = shard.items.start
-        yield from map(unpacked, found[shard.used.start - first : shard.used.stop - first])
+        yield from map(unpacked, self._read[1][shard.used.start - first : shard.used.stop - first])
 
     def _place(self, count: int) -> Path:
         """Path of a shard of so many items, up to the one that was kept last."""
@@ -251,9 +267,14 @@ class Checkpoint:
         except OSError as error:
             raise self._failure(error) from error
 
-    def _found(self, stage: Stage, start: int, stop: int | None, check: bool) -> Iterator[_Shard]:
-        """Shards with items of a range of a stage by their names, in order; `check`: and by what is in them."""
-        there = [_Shard.at(path) for path in self._folder.glob(f"{self._stages:03d}-*{SUFFIX}")]
+    def _found(
+        self, stage: Stage, start: int, stop: int | None, check: bool, number: int | None = None
+    ) -> Iterator[_Shard]:
+        """Shards with items of a range of a stage by their names, in order; `check`: and by what is in them.
+
+        number : of the stage, unless it is the last one.
+        """
+        there = [_Shard.at(path) for path in self._folder.glob(f"{number or self._stages:03d}-*{SUFFIX}")]
         # of those that begin with the same item the longest comes first, which the others were merged into
         for shard in sorted(there, key=lambda s: (s.items.start, -s.items.stop, s.path)):
             last = shard.items.stop if stop is None else min(shard.items.stop, stop)
@@ -282,6 +303,32 @@ class Checkpoint:
             f"checkpoint: {error}; the results of {kept} items are kept in '{self._folder}': "
             f"{todo}, then a run with --resume goes on from there"
         )
+
+
+class _Items(Sequence[Any]):
+    """Items of a stage by their numbers; they are read when they are asked for, and a slice reads none.
+
+    read : gives the items of a range of numbers. numbers : those of these items.
+    """
+
+    def __init__(self, read: Callable[[range], Iterable[Any]], numbers: range) -> None:
+        self._read, self._numbers = read, numbers
+
+    def __len__(self) -> int:
+        return len(self._numbers)
+
+    def __iter__(self) -> Iterator[Any]:
+        return iter(self._read(self._numbers))
+
+    def __getitem__(self, key: Any) -> Any:
+        if isinstance(key, slice):
+            return _Items(self._read, self._numbers[key])
+        number = self._numbers[key]
+        (item,) = self._read(range(number, number + 1))
+        return item
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return list, (list(self),)
 
 
 @dataclass(frozen=True)

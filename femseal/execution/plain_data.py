@@ -151,8 +151,7 @@ def _instances(name: str, readers: list[_Reader]) -> _Reader:
 
     def made(content: memoryview) -> Any:
         value = object.__new__(kind)
-        for field, reader in named:
-            object.__setattr__(value, field, reader(content))
+        vars(value).update([(name, reader(content)) for name, reader in named])
         return value
 
     return made

@@ -7,7 +7,7 @@ from ..base.lazy_package import load_when_used
 if TYPE_CHECKING:
     from .column_runs import ColumnRuns, RunFlows
     from .curves import WindowCurves
-    from .ladder import Ladder, WindowStates, solve_ladder
+    from .ladder import Ladder, LibrarySummary, WindowStates, solve_ladder
     from .library import LadderLibrary, LibraryTable, WindowSource, build_ladder_library, on_ladder
     from .sampling import SAMPLERS, LinkTable, correlation_length, draw_cells, draw_links, draw_pressures
 
@@ -17,6 +17,7 @@ __all__ = [
     "ColumnRuns",
     "Ladder",
     "LadderLibrary",
+    "LibrarySummary",
     "LibraryTable",
     "LinkTable",
     "RunFlows",

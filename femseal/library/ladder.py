@@ -6,16 +6,17 @@ bisection refines the ladder until the closing pressure is known to a tolerance.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, field, replace
 
 import numpy as np
 
 from ..base.arrays import Array
 from ..base.errors import InputError
+from ..base.stage import BLOCK
 from ..contact import Contact, ContactLaw, HalfSpace, solve_contact
 from ..flow.pressure_drop import VISCOUS, PressureDrop
-from ..windows.window_flow import FlowSettings, SolveCounts, window_permeability
+from ..windows.window_flow import Failed, FlowSettings, SolveCounts, window_permeability
 
 
 @dataclass(frozen=True)
@@ -87,6 +88,32 @@ class WindowStates:
     contact_fraction_unloading: Array
     rigid: Array
     counts: SolveCounts = field(default_factory=SolveCounts, compare=False)
+
+
+@dataclass(frozen=True)
+class LibrarySummary:
+    """Of some windows of a library, the reasons of those that failed by their numbers, and the flows of the others."""
+
+    failed: dict[int, str]
+    counts: SolveCounts
+
+    @classmethod
+    def of(cls, outcomes: Iterable[WindowStates | Failed]) -> LibrarySummary:
+        """Summary of windows, which are numbered from 0."""
+        failed, counts = {}, []
+        for n, window in enumerate(outcomes):
+            if isinstance(window, Failed):
+                failed[n] = window.reason
+            else:
+                counts.append(window.counts)
+        return cls(failed, SolveCounts.total(counts))
+
+    @classmethod
+    def joined(cls, blocks: Iterable[LibrarySummary]) -> LibrarySummary:
+        """Summary of blocks of `BLOCK` windows each."""
+        every = list(blocks)
+        failed = {n * BLOCK + m: reason for n, block in enumerate(every) for m, reason in block.failed.items()}
+        return cls(failed, SolveCounts.total(block.counts for block in every))
 
 
 def solve_ladder(

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import hashlib
 import json
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property, partial
 from pathlib import Path
@@ -30,7 +30,7 @@ from ..execution.store import SUFFIX, read_shard, write_shard
 from ..loads import LoadProgramme, LoadStep
 from ..windows.window_flow import Failed, FlowSettings, SolveCounts, attempt
 from .curves import WindowCurves
-from .ladder import Ladder, WindowStates, merge, restrict, solve_ladder
+from .ladder import Ladder, LibrarySummary, WindowStates, merge, restrict, solve_ladder
 
 #: Written into every file; a file of another format is computed again.
 FORMAT = 3
@@ -90,10 +90,6 @@ class WindowSource:
         w1, w2 = self.half_space.shape
         return sum((n1 // w1) * (n2 // w2) for n1, n2 in (t.shape for t in self.topographies))
 
-    def places(self, windows: NDArray[np.int64]) -> NDArray[np.int64] | None:
-        """Number of the face that windows are cut from, from 1; None of one face."""
-        return windows % len(self.topographies) + 1 if len(self.topographies) > 1 else None
-
     def window(self, n: int) -> Array:
         """Undeformed gap of window n (w1, w2) [m].
 
@@ -138,30 +134,68 @@ class WindowSource:
 class LadderLibrary(Shown):
     """Windows solved along a ladder.
 
-    windows : those that did not fail.
+    outcomes : every window, and why those failed that did; a part of a run reads them when they are asked for.
     rms_height : root mean square height of the windows [m].
     tiles : number of windows that tile the faces without overlap.
-    counts : flows of windows in this run, solved or known without solving.
+    faces : number of measured places that windows are cut from in turn.
     reused : number of cells that were read and complete.
-    failures : windows that failed and are left out, one line each.
-    place : number of the measured place of every window, from 1; None of one place.
     """
 
     ladder: Ladder
-    windows: tuple[WindowStates, ...] = field(repr=False)
+    outcomes: Sequence[WindowStates | Failed] = field(repr=False)
     rms_height: float = field(metadata={"unit": "m"})
     tiles: int
-    counts: SolveCounts = field(default_factory=SolveCounts)
+    faces: int = 1
     reused: int = 0
-    failures: tuple[str, ...] = ()
-    place: NDArray[np.int64] | None = field(default=None, repr=False)
 
     _derived: ClassVar = {"size": "1", "independent": "1"}
+
+    @cached_property
+    def windows(self) -> tuple[WindowStates, ...]:
+        """Those that did not fail."""
+        return tuple(window for window in self.outcomes if not isinstance(window, Failed))
+
+    @cached_property
+    def summary(self) -> LibrarySummary:
+        """Which windows failed, and the flows of the others."""
+        return LibrarySummary.of(self.outcomes)
+
+    def with_summary(self, blocks: Iterable[LibrarySummary]) -> LadderLibrary:
+        """The same library, whose windows need not be read for a summary, from those of its blocks of `BLOCK` windows.
+
+        Raises FemsealError: every window failed.
+        """
+        library = replace(self)
+        vars(library)["summary"] = LibrarySummary.joined(blocks)
+        library.refuse_empty()
+        return library
+
+    def refuse_empty(self) -> None:
+        """Raise FemsealError if every window failed."""
+        if not self.size:
+            raise FemsealError(f"library: every cell failed; the first: {self.failures[0]}")
+
+    @property
+    def counts(self) -> SolveCounts:
+        """Flows of windows in this run, solved or known without solving."""
+        return self.summary.counts
+
+    @property
+    def failures(self) -> tuple[str, ...]:
+        """Windows that failed and are left out, one line each."""
+        return tuple(f"cell {n}: {reason}" for n, reason in self.summary.failed.items())
+
+    @property
+    def place(self) -> NDArray[np.int64] | None:
+        """Number of the measured place of every window, from 1; None of one place."""
+        if self.faces == 1:
+            return None
+        return np.array([n % self.faces + 1 for n in range(len(self.outcomes)) if n not in self.summary.failed])
 
     @property
     def size(self) -> int:
         """Number of cells."""
-        return len(self.windows)
+        return len(self.outcomes) - len(self.summary.failed)
 
     @property
     def independent(self) -> int:
@@ -281,27 +315,25 @@ def build_ladder_library(
     kept = [] if path is None else _read(path, ladder)
     known = [*kept[:count], *[None] * (count - len(kept))]
     # cells that are complete go there too: what a run asks for does not depend on what is kept
-    stage = Stage("library windows", partial(_cell, source=source, ladder=ladder))
-    outcomes = list(mapper(stage, range(count), known))
-    cells = [None if isinstance(cell, Failed) else cell for cell in outcomes]
-    failures = tuple(f"cell {n}: {cell.reason}" for n, cell in enumerate(outcomes) if isinstance(cell, Failed))
+    stage = Stage("library windows", partial(_cell, source=source, ladder=ladder), apart=True)
+    found = mapper(stage, range(count), known)
+    outcomes = found if isinstance(found, Sequence) else list(found)
     complete = [cell is not None and restrict(cell, ladder) is not None for cell in known]
     if path is not None and not all(complete):
+        cells = [None if isinstance(cell, Failed) else cell for cell in outcomes]
         both = [c if k is None else k if c is None else merge(c, k, ladder) for c, k in zip(cells, known, strict=True)]
         _write(path, both + kept[count:])
-    good = tuple(c for c in cells if c is not None)
-    if not good:
-        raise FemsealError(f"library: every cell failed; the first: {failures[0]}")
-    return LadderLibrary(
+    library = LadderLibrary(
         ladder=ladder,
-        windows=good,
+        outcomes=outcomes,
         rms_height=source.rms_height,
         tiles=source.tiles,
-        counts=SolveCounts.total(cell.counts for cell in good),
+        faces=len(source.topographies),
         reused=sum(complete),
-        failures=failures,
-        place=source.places(np.array([n for n, c in enumerate(cells) if c is not None])),
     )
+    if isinstance(outcomes, list):  # others are read when they are needed
+        library.refuse_empty()
+    return library
 
 
 def _cell(n: int, known: WindowStates | None, *, source: WindowSource, ladder: Ladder) -> WindowStates | Failed:

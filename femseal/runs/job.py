@@ -12,7 +12,7 @@ from os import PathLike
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from threading import Thread
-from typing import Any
+from typing import Any, overload
 
 from ..base import FemsealError, InputError, Mapper, PartsMissing, made_folder, numerical_versions, writing
 from ..base.files import remove_foreign
@@ -45,6 +45,36 @@ from .forecast import refuse_too_large
 log = logging.getLogger("femseal")
 
 
+@overload
+def run(
+    case: Case | str | PathLike[str],
+    output: str | PathLike[str] | None = None,
+    resume: bool = False,
+    workers: int | None = None,
+    scheduler: str | None = None,
+    *,
+    part: None = None,
+    shared: str | PathLike[str] | None = None,
+    progress: Progress | None = None,
+) -> Results:
+    """Run a case."""
+
+
+@overload
+def run(
+    case: Case | str | PathLike[str],
+    output: str | PathLike[str] | None = None,
+    resume: bool = False,
+    workers: int | None = None,
+    scheduler: str | None = None,
+    *,
+    part: Part | None,
+    shared: str | PathLike[str] | None = None,
+    progress: Progress | None = None,
+) -> Results | None:
+    """Run a part of a case, whose results others write."""
+
+
 def run(
     case: Case | str | PathLike[str],
     output: str | PathLike[str] | None = None,
@@ -55,7 +85,7 @@ def run(
     part: Part | None = None,
     shared: str | PathLike[str] | None = None,
     progress: Progress | None = None,
-) -> Results:
+) -> Results | None:
     """Run a case, from surface to leakage.
 
     Parameters
@@ -68,8 +98,9 @@ def run(
     scheduler : address of a Dask scheduler to compute on instead (femseal[cluster]), or "local" for one of its own
         with `workers` processes, see `execution.mappers.ordered_map`.
     part : such as (3, 16), to compute the third sixteenth of the items of every stage, and end; parts of a case work in
-        one folder at the same time or one after the other, go on from what is there, and write no results. Once all is
-        there, a run with `resume` and without `part` writes them, the same bits as those of one process.
+        one folder at the same time or one after the other, go on from what is there, and write no results: None is
+        returned. Once all is there, a run with `resume` and without `part` writes them, the same bits as those of one
+        process.
     shared : folder with results of stages, where a run keeps its own and finds those of other runs that do the same
         with the same numbers; it grows with every run.
     progress : called as progress(stage, done, total) while windows and realisations are computed.
@@ -137,10 +168,10 @@ def run(
         loading = Thread(target=_load_ahead, args=(case, prepared))
         if part is None:
             loading.start()
-        results = _results(case, prepared, faces, Run(kept.over(found_or_computed(mapper, prepared)), progress))
-        if part is not None:
-            log.info("part %d/%d: the items of all parts are there", *part)
-            return results
+        results = _results(case, prepared, faces, Run(kept.over(found_or_computed(mapper, prepared)), progress), part)
+        if results is None:
+            log.info("part %s: the items of all parts are there", "/".join(map(str, part or ())))
+            return None
         progress("writing results", 0, None)
         loading.join()
         start = time.perf_counter(), time.process_time()
@@ -192,8 +223,8 @@ def _interrupts() -> Iterator[None]:
 
 
 @_interrupts()
-def _results(case: Case, made: Prepared, faces: dict[str, str], run: Run) -> Results:
-    """Solve the studies of a prepared case, and put their results together."""
+def _results(case: Case, made: Prepared, faces: dict[str, str], run: Run, part: Part | None = None) -> Results | None:
+    """Solve the studies of a prepared case, and put their results together; None of a part, which others need not."""
     log.info("case %s: surface %s", case.title or "without title", made.scene.surface)
     if made.choice:
         log.info("method %s", made.choice)
@@ -225,6 +256,8 @@ def _results(case: Case, made: Prepared, faces: dict[str, str], run: Run) -> Res
     windows: tuple[WindowPixels, ...] = ()
     if case.output.paraview != "none" and "two_scale" in studies:
         windows = window_pixels(prepared.scene, studies["two_scale"], run.mapper)
+    if part is not None:
+        return None
     results = assemble(
         prepared.scene,
         **studies,

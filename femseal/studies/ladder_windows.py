@@ -1,5 +1,6 @@
 """Sources of windows that are solved along a ladder of pressures, and the pressures that the links of a seal have."""
 
+from collections.abc import Iterable
 from dataclasses import dataclass, replace
 from functools import partial
 from typing import Any
@@ -7,10 +8,20 @@ from typing import Any
 import numpy as np
 
 from ..base import Array, Indices, Stage
+from ..base.stage import BLOCK
 from ..contact import HalfSpace
-from ..library import Ladder, LadderLibrary, LinkTable, WindowSource, WindowStates, build_ladder_library, on_ladder
+from ..library import (
+    Ladder,
+    LadderLibrary,
+    LibrarySummary,
+    LinkTable,
+    WindowSource,
+    WindowStates,
+    build_ladder_library,
+    on_ladder,
+)
 from ..seal.pressure_map import AnyMap
-from ..windows import GlobalState, Partition, SolveCounts
+from ..windows import Failed, GlobalState, Partition
 from .scene import Scene
 from .seat_rows import SeatMap, SeatRows, distinct_paths, library_peaks, pressure_fractions, seat_rows
 from .window_supply import TablePressures, WindowRequest, WindowSupply
@@ -25,8 +36,6 @@ SEPARATIONS = (-1.0, 0.0, 1.0, 2.0, 3.0, 5.0, 8.0)
 #: Fluid pressures at which the permeability of windows is known that the fluid presses apart. Measured against 129:
 #: leakage within 1.1e-3 with p_in up to .3 of the lowest load, within 9e-3 where they are equal.
 FLUID_PRESSURES = 9
-#: Windows whose curves are made at a time.
-BLOCK = 64
 #: The global contact that gives the pressures of library windows carries waves longer than a window.
 CUT_OFF_WINDOWS = 1.0
 
@@ -138,27 +147,38 @@ def _supply(
         for axis, (link, turned) in enumerate(zip(links, wanted.seal_windows.axes, strict=True))
         for n in range(min(own, relief.size))
     }
-    k = {key: np.empty((*pressure.shape, library.size)) for key, (pressure, *_) in paths.items()}
-    no_windows = replace(library, windows=(), counts=SolveCounts(), reused=0, failures=(), place=None)
-    stage = Stage("curves of windows", partial(_along, library=no_windows, paths=list(paths.values())))
-    blocks = [library.windows[n : n + BLOCK] for n in range(0, library.size, BLOCK)]
-    for n, found in enumerate(wanted.mapper(stage, blocks)):
+    outcomes = library.outcomes
+    k = {key: np.empty((*pressure.shape, len(outcomes))) for key, (pressure, *_) in paths.items()}
+    stage = Stage(
+        "curves of windows", partial(_along, library=replace(library, outcomes=()), paths=list(paths.values()))
+    )
+    blocks, size = [], 0
+    for found, block in wanted.mapper(stage, [outcomes[n : n + BLOCK] for n in range(0, len(outcomes), BLOCK)]):
+        blocks.append(block)
         for every, values in zip(k.values(), found, strict=True):
-            every[..., n * BLOCK : (n + 1) * BLOCK] = values
+            every[..., size : size + values.shape[-1]] = values
+        size += values.shape[-1]
+    library = library.with_summary(blocks)
+    if size < len(outcomes):
+        k = {key: np.ascontiguousarray(every[..., :size]) for key, every in k.items()}
+
+    place = library.place
 
     def table(kind: int, axis: int, n: int) -> LinkTable:
         link = links[axis]
         pressure = link.pressure[:, :, None]
-        return LinkTable(k[kind, axis, n % own][n // own], link.path, steps, pressure=pressure, place=library.place)
+        return LinkTable(k[kind, axis, n % own][n // own], link.path, steps, pressure=pressure, place=place)
 
     tables = tuple((table(kind, 0, n), table(kind, 1, n)) for kind in kinds for n in range(relief.size))
     return WindowSupply(library, tables, at=at, unsolved=wanted.scene.parted_steps)
 
 
-def _along(windows: tuple[WindowStates, ...], *, library: LadderLibrary, paths: list[Any]) -> list[Array]:
-    """Permeabilities of some windows of a library along several paths, see `LadderLibrary.along`."""
-    some = replace(library, windows=windows)
-    return [some.along(*each) for each in paths]
+def _along(
+    outcomes: Iterable[WindowStates | Failed], *, library: LadderLibrary, paths: list[Any]
+) -> tuple[list[Array], LibrarySummary]:
+    """Permeabilities of some windows of a library along several paths, see `LadderLibrary.along`, and their summary."""
+    some = replace(library, outcomes=list(outcomes))
+    return [some.along(*each) for each in paths], some.summary
 
 
 def _library(

@@ -6,9 +6,11 @@ A library of windows with a few seals drawn from it, and eight places of a face 
 two of the same study take turns, and the efficiency is the median of the elapsed time of one over that of two, halved: of
 the whole study, and of its stages. What others do on the machine enters it, but not the processor time of two, the main
 process and the workers, over that of one. Processes are started, and have computed something small, before. Every process
-has one thread. Parts keep items that cost nothing, and solve the windows of a library under one load, in one folder one after
-the other, each in a process of its own; the second is killed half way and run again. Their times are processor times, and
-the bits are checked. `--write` puts the tables beside this file, where the documentation takes them from.
+has one thread. Parts keep items that cost nothing, in one folder one after the other, each in a process of its own; the second
+is killed half way and run again. Parts of a run are those of the command: each solves its windows of a library, and makes
+their curves, two at once; the third is killed half way and run again. Their times are processor times from the start of the
+processes to their end, and the bits are checked. `--write` puts the tables beside this file, where the documentation takes
+them from.
 """
 
 from __future__ import annotations
@@ -17,8 +19,11 @@ import argparse
 import json
 import os
 import signal
+import subprocess
+import sys
 import time
 from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
 from contextlib import ExitStack, suppress
 from dataclasses import replace
 from functools import partial
@@ -34,20 +39,54 @@ from common import call, kept, machine, rows, save_report
 
 BACKENDS = {"joblib": {"workers": 2}, "Dask": {"workers": 2, "scheduler": "local"}}
 STUDIES = ("2,000 windows of 16²", "8 places of 128²")
-#: Windows that cost nothing, and parts of them; those of a library under one load unless another number is asked for,
-#: and parts of these.
+#: Windows that cost nothing, and parts of them; those of a library unless another number is asked for, and parts of these.
 EMPTY, EMPTY_PARTS = 100_000, (1, 16, 100)
-WINDOWS, PARTS, LOADING = 100_000, (4,), (6e8,)
+WINDOWS, PARTS = 100_000, 16
+#: Their case.
+CASE = """
+method = "stochastic"
+seed = 1
+[face]
+kind = "self-affine"
+points = [256, 256]
+size = ["256 um", "256 um"]
+rms_slope = 0.25
+roll_off = "64 um"
+[material]
+young = "210 GPa"
+hardness = "4 GPa"
+[load]
+loading = ["600 MPa"]
+[fluid]
+kind = "liquid"
+viscosity = "1 mPa*s"
+inlet_pressure = "10 MPa"
+[cells]
+count = [16, 16]
+[stochastic]
+length = "256 um"
+pressure = "uniform"
+realisations = 8
+library_cells = {}
+[output]
+pictures = false
+report = false
+budget = false
+paraview = "none"
+"""
+COMMAND = "from femseal.cli import main; main()"
+#: How often a process is looked at that is to be killed half way [s].
+LOOK_SECONDS = 1.0
 
 
-def study(name: str, mapping: Any, windows: int = 2000, points: int = 128, loading: Any = (6e7, 6e8, 2e9)) -> str:
+def study(name: str, mapping: Any, windows: int = 2000, points: int = 128) -> str:
     """A library with seals drawn from it, or several places each in contact by itself; a digest of the leakage."""
     import femseal as fs
 
     task = {"kind": "self-affine", "n": 256, "seed": 1}
     if name == STUDIES[0]:
         drawn = {"length": 256e-6, "breadth": 256e-6, "pressure": "uniform", "seed": 1}
-        scene = replace(scales.scene_of(task), loading=loading, unload_from=(), unloading=())
+        scene = replace(scales.scene_of(task), loading=(6e7, 6e8, 2e9), unload_from=(), unloading=())
         sampling = fs.Sampling(**drawn, library_cells=windows, realisations=8)
         found = fs.stochastic(scene, (16, 16), sampling, mapper=mapping).leakage
     else:
@@ -129,16 +168,11 @@ def apart(work: Callable[[], Any]) -> dict[str, Any]:
     }
 
 
-def in_parts(parts: int, solve: Callable[[Any], Any], count: int) -> dict[str, Any]:
+def in_parts(parts: int) -> dict[str, Any]:
     """One process without a folder, parts one after the other, the second killed half way and run again, and the
     run that gathers: processor times, peaks of memory, most files, and whether the results are the same bits."""
     from femseal.base.errors import PartsMissing
     from femseal.execution.checkpoint import Checkpoint
-
-    def alone() -> Any:
-        seconds: dict[str, float] = {}
-        digest = solve(timed(map, seconds, time.process_time))
-        return digest, seconds.get("library windows", 0.0)
 
     def keeping(part: tuple[int, int] | None, kill: bool) -> str | None:
         def watch(stage: str, done: int, total: int | None) -> None:
@@ -146,10 +180,10 @@ def in_parts(parts: int, solve: Callable[[Any], Any], count: int) -> dict[str, A
                 os.kill(os.getpid(), signal.SIGKILL)
 
         with suppress(PartsMissing), Checkpoint(folder, {}, True, part, watch) as checkpoint:
-            return solve(checkpoint.over(map))
+            return of_nothing(checkpoint.over(map))
         return None
 
-    one = apart(alone)
+    one = apart(lambda: of_nothing(map))
     runs = [((n, parts), killed) for n in range(1, parts + 1) for killed in ((True, False) if n == 2 else (False,))]
     with TemporaryDirectory() as name:
         folder = Path(name)
@@ -157,17 +191,69 @@ def in_parts(parts: int, solve: Callable[[Any], Any], count: int) -> dict[str, A
         for part, killed in [*runs, (None, False)]:
             taken.append(apart(partial(keeping, part, killed)))
             files = max(files, sum(1 for path in folder.rglob("*.shard")))
-    digest, windows = one["found"]
+    return summed(one, taken[:-1], taken[-1]) | {"files": files, "same": taken[-1]["found"] == one["found"]}
+
+
+def summed(one: dict[str, Any], parts: list[dict[str, Any]], gather: dict[str, Any]) -> dict[str, Any]:
+    """Processor times and peaks of memory of one process, the parts and the run that gathers."""
     return {
-        "count": count,
         "one": one["seconds"],
-        "windows": windows,
-        "own": sum(run["seconds"] for run in taken[:-1]),
-        "gather": taken[-1]["seconds"],
-        "peaks": [one["peak"], max(run["peak"] for run in taken[:-1]), taken[-1]["peak"]],
-        "files": files,
-        "same": taken[-1]["found"] == digest,
+        "own": sum(run["seconds"] for run in parts),
+        "gather": gather["seconds"],
+        "peaks": [one["peak"], max(run["peak"] for run in parts), gather["peak"]],
     }
+
+
+def commanded(case: Path, folder: Path, *options: str, after: float | None = None) -> dict[str, Any]:
+    """The command in a process of its own: its processor time [s], peak of memory [MB] and exit code; it is killed
+    after some of that time if that is given."""
+    import psutil
+
+    command = [sys.executable, "-c", COMMAND, "run", case, "-o", folder, "--workers", "1", "--quiet", *options]
+    process = subprocess.Popen([*map(str, command)], stderr=subprocess.DEVNULL)
+    while after is not None:
+        time.sleep(LOOK_SECONDS)
+        if psutil.Process(process.pid).cpu_times().user > after:
+            process.kill()
+            break
+    _, code, taken = os.wait4(process.pid, 0)
+    process.returncode = os.waitstatus_to_exitcode(code)
+    return {
+        "seconds": taken.ru_utime + taken.ru_stime,
+        "peak": taken.ru_maxrss / 1024,
+        "code": process.returncode,
+    }
+
+
+def run_in_parts(windows: int, parts: int) -> dict[str, Any]:
+    """The command by one process, and beside it by parts, two at once, with the run that gathers, as `in_parts`."""
+    import femseal as fs
+
+    with TemporaryDirectory() as name, ThreadPoolExecutor(2) as pool, ThreadPoolExecutor(1) as beside:
+        whole, folder, case = Path(name) / "whole", Path(name) / "parts", Path(name) / "case.toml"
+        case.write_text(CASE.format(64))
+        for option in (("--part", "1/1"), ("--resume",)):  # what is compiled once is in no time
+            commanded(case, Path(name) / "small", *option)
+        case.write_text(CASE.format(windows))
+        alone = beside.submit(commanded, case, whole)
+        first = commanded(case, folder, "--part", f"1/{parts}")
+        taken, files = [first], 0
+
+        def part(n: int) -> None:
+            nonlocal files
+            own = ("--part", f"{n}/{parts}")
+            if n == 3:
+                taken.append(commanded(case, folder, *own, after=first["seconds"] / 2))
+            taken.append(commanded(case, folder, *own))
+            files = max(files, sum(1 for _ in folder.rglob("*.shard")))
+
+        list(pool.map(part, range(2, parts + 1)))
+        gather = commanded(case, folder, "--resume")
+        one = alone.result()
+        same = fs.open_results(folder).dataset.equals(fs.open_results(whole).dataset)
+    codes = sorted(run["code"] for run in taken)
+    assert (one["code"], gather["code"], *codes[:2]) == (0, 0, -signal.SIGKILL, 0 if parts == 1 else 3), codes
+    return summed(one, taken, gather) | {"files": files, "same": same}
 
 
 def of_nothing(mapping: Any) -> str:
@@ -182,10 +268,9 @@ def of_nothing(mapping: Any) -> str:
 def measure(task: dict[str, Any]) -> dict[str, Any]:
     if "study" in task:
         return against_one(task["study"], task["backend"], task["repeat"])
-    count = task["windows"]
-    solve = partial(study, STUDIES[0], windows=count, loading=LOADING) if count else of_nothing
-    study(STUDIES[0], map, 50)
-    return {"turns": [in_parts(task["parts"], solve, count or EMPTY) for _ in range(task["repeat"])]}
+    if task["windows"]:
+        return {"turns": [run_in_parts(task["windows"], task["parts"])]}
+    return {"turns": [in_parts(task["parts"]) for _ in range(task["repeat"])]}
 
 
 def workers_table(records: list[dict[str, Any]]) -> str:
@@ -213,16 +298,16 @@ def parts_table(records: list[dict[str, Any]]) -> str:
     cells = []
     for record in (r for r in records if "parts" in r):
         turns = record["turns"]
-        count, kind = turns[0]["count"], "of 16²" if record["windows"] else "that cost nothing"
+        count, kind = record["windows"] or EMPTY, "of 16²" if record["windows"] else "that cost nothing"
         assert all(t["same"] for t in turns)
-        times = [f"{median(t[name] for t in turns):.3g}" for name in ("windows", "one", "own", "gather")]
+        times = [f"{median(t[name] for t in turns):.3g}" for name in ("one", "own", "gather")]
         more = median(t["own"] + t["gather"] - t["one"] for t in turns)
-        per_cent = f"{100 * more / median(t['windows'] for t in turns):.1f} %" if record["windows"] else ""
+        per_cent = f"{100 * more / median(t['one'] for t in turns):.1f} %" if record["windows"] else ""
         line = [f"{count:,} {kind}", str(record["parts"]), *times, f"{1e6 * more / count:.0f}", per_cent]
         peaks = [median(t["peaks"][n] for t in turns) for n in range(3)]
         cells.append([*line, f"{1000 * turns[0]['files'] / count:.2g}", ", ".join(f"{peak:.0f}" for peak in peaks)])
-    head = ["windows", "parts", "their solution [s]", "one process [s]", "all parts [s]", "run that gathers [s]"]
-    head += ["more for a window [µs]", "of their solution", "most files for 1,000 windows"]
+    head = ["windows", "parts", "one process [s]", "all parts [s]", "run that gathers [s]"]
+    head += ["more for a window [µs]", "of one process", "most files for 1,000 windows"]
     return rows([*head, "memory of one process, a part, the run that gathers [MB]"], cells)
 
 
@@ -238,11 +323,11 @@ def main() -> None:
         print(json.dumps(measure(json.loads(options.worker))))
         return
     tasks: list[dict[str, Any]] = [{"windows": 0, "parts": parts} for parts in EMPTY_PARTS]
-    tasks += [{"windows": options.windows, "parts": parts} for parts in PARTS]
+    tasks.append({"windows": options.windows, "parts": PARTS})
     tasks += [{"study": s, "backend": b} for s in STUDIES for b in BACKENDS]
     records = []
     for task in tasks:
-        task["repeat"] = 1 if task.get("windows") else options.repeat
+        task["repeat"] = options.repeat
         compute = partial(call, __file__, ["--worker", json.dumps(task)], 1)
         record = kept({"task": task}, ["task"], options.records, lambda c=compute, t=task: {"task": t} | c())
         records.append(task | record)
