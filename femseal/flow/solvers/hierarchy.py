@@ -41,7 +41,7 @@ def strips(rows: int) -> list[tuple[int, int]]:
 
 def large_levels(shape: NDArray[np.int64]) -> int:
     """Number of levels that threads share; the coarsest is none of them."""
-    return int(np.count_nonzero(shape[:-1, 0] * shape[:-1, 1] >= _LARGE))
+    return sum(n1 * n2 >= _LARGE for n1, n2 in shape[:-1].tolist())
 
 
 class Levels(NamedTuple):
