@@ -136,17 +136,17 @@ if __name__ == "__main__":
 
 
 @pytest.mark.skipif("forkserver" not in multiprocessing.get_all_start_methods(), reason="processes are not copied here")
-@pytest.mark.parametrize("temporary", ["short", "too_long_for_a_socket" * 5])
+@pytest.mark.parametrize("temporary", ["", "too_long_for_a_socket" * 5])
 def test_processes_of_the_command_are_copies_of_one_that_has_loaded_the_solvers(tmp_path, temporary):
     for folder in ("scripts", "femseal", temporary):
-        (tmp_path / folder).mkdir()
+        (tmp_path / folder).mkdir(exist_ok=True)
     (tmp_path / "scripts" / "copies.py").write_text(COPIES)
     (tmp_path / "femseal" / "__init__.py").write_text("raise RuntimeError('imported from the working folder')")
     command = [sys.executable, tmp_path / "scripts" / "copies.py"]
-    given = {"cwd": tmp_path, "env": os.environ | {"TMPDIR": str(tmp_path / temporary)}}
+    given = {"cwd": tmp_path, "env": os.environ | ({"TMPDIR": str(tmp_path / temporary)} if temporary else {})}
     run = subprocess.run(command, capture_output=True, text=True, check=True, timeout=HANG, **given)
     state, error = run.stdout.splitlines()
-    assert state == f"({temporary != 'short'}, True, '1')"
+    assert state == f"({temporary != ''}, True, '1')"
     assert "a process died" in error
     assert not run.stderr
 
