@@ -164,10 +164,8 @@ def run(
         typer.echo(f"results in {folder}")
 
 
-app.command()(sweep)
-app.command()(compare)
-app.command()(design)
-app.command()(calibrate)
+for command in (sweep, compare, design, calibrate):
+    app.command()(command)
 
 
 @app.command()

@@ -92,14 +92,17 @@ _NUMERICAL = ("numpy", "scipy", "numba", "llvmlite", "pyfftw", "pyamg", "scikit-
 @cache
 def versions() -> dict[str, str]:
     """Version of femseal, Python and every package used; "–" for one that is not installed, optional ones left out."""
-    found = {"femseal": __version__, "python": platform.python_version()}
-    for name in (*_REQUIRED, *_OPTIONAL):
-        try:
-            found[name] = version(name)
-        except PackageNotFoundError:
-            if name in _REQUIRED:
-                found[name] = "–"
-    return found
+    others = {name: _version(name) for name in (*_REQUIRED, *_OPTIONAL)}
+    found = {name: number or "–" for name, number in others.items() if number or name in _REQUIRED}
+    return {"femseal": __version__, "python": platform.python_version(), **found}
+
+
+def _version(name: str) -> str:
+    """Version of a package; "" of one that is not installed."""
+    try:
+        return version(name)
+    except PackageNotFoundError:
+        return ""
 
 
 @cache
@@ -116,9 +119,4 @@ def numerical_versions() -> dict[str, str]:
         "python": platform.python_version(),
         "processor": platform.machine(),
     }
-    for name in _NUMERICAL:
-        try:
-            found[name] = version(name)
-        except PackageNotFoundError:
-            found[name] = "none"
-    return found
+    return found | {name: _version(name) or "none" for name in _NUMERICAL}

@@ -123,7 +123,7 @@ def assemble(
         rows = (np.arange(data.sizes["row"]) + 0.5) * (breadth / data.sizes["row"])
         variables.add_coordinate(data, "row", "m", "x1 of rows, from the inlet", rows)
     variables.add_heights(data, scene)
-    variables.add_contact_fraction(data, scene, deterministic, two_scale, stochastic)
+    variables.add_contact_fraction(data, scene.steps, known)
     doubts = []
     if leakage_filtered is not None:
         text = "leakage per unit seal length, of the face without waves up to twice the shortest"

@@ -29,7 +29,7 @@ from ..base.fields import (
 )
 from ..base.leak_rates import LEAK_UNITS, LeakBasis
 from ..base.shared_array import one_at_a_time
-from ..budget import MODEL_PARTS, ErrorBudget, ErrorPart
+from ..budget import MODEL_PARTS, ErrorBudget, ErrorPart, contact_fraction_of
 from ..library import LibraryTable
 from ..loads import LoadProgramme, LoadStep
 from ..seal import NARROWEST
@@ -217,26 +217,14 @@ def block_means(values: NDArray[Any], most: int) -> NDArray[np.float32]:
     return np.divide(total, count, out=np.full(total.shape, np.nan), where=count > 0).astype(np.float32)
 
 
-def add_contact_fraction(
-    data: xarray.Dataset,
-    scene: Scene,
-    deterministic: DeterministicResult | None,
-    two_scale: TwoScaleResult | None,
-    stochastic: StochasticResult | None,
-) -> None:
+def add_contact_fraction(data: xarray.Dataset, steps: LoadProgramme, studies: Mapping[str, Any]) -> None:
     """Add the fraction of the face in contact at every step, from the windows, the whole face, or the library."""
-    if two_scale is not None:
-        fraction, origin = two_scale.contact_fraction.mean(axis=(1, 2)), "windows"
-    elif deterministic is not None:
-        fraction, origin = deterministic.contact_fraction, "deterministic"
-    elif stochastic is not None and set(scene.steps) <= set(stochastic.library.curves.steps):
-        curves = stochastic.library.curves
-        fraction = np.nanmean(curves.contact_fraction[:, [curves.steps.index(s) for s in scene.steps]], axis=0)
-        origin = "library"
-    else:
-        return
-    text = f"fraction of the face in contact, {origin}"
-    add(data, Field("contact_fraction", "1", text, STEP, "contact [%]"), fraction)
+    origins = {"two_scale": "windows", "deterministic": "deterministic", "stochastic": "library"}
+    key = next(key for key in origins if key in studies)
+    fraction = contact_fraction_of(studies[key], steps)
+    if not np.isnan(fraction).all():
+        text = f"fraction of the face in contact, {origins[key]}"
+        add(data, Field("contact_fraction", "1", text, STEP, "contact [%]"), fraction)
 
 
 def add_totals(data: xarray.Dataset, leakage: xarray.DataArray, basis: LeakBasis) -> None:

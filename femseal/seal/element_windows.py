@@ -23,6 +23,7 @@ from ..flow.dirichlet_flow import DirichletFlow, dirichlet_flow
 from ..flow.mesh import CLOSED_AXIS, darcy_conductance, permeability_tensors
 from ..flow.solution import DarcyFlow
 from .mesh_seal import PressureBoundaries
+from .triangulation import polygon_areas
 
 
 def combined(k1: Array, k2: Array, window: tuple[float, float]) -> tuple[Array, Array]:
@@ -211,8 +212,7 @@ class ElementWindows:
     def _windows_along(self) -> Array:
         """Windows along both of their axes in a rectangle of the area and shape of each element (2, n)."""
         corners = self.seal.outlines
-        x, y = corners[..., 0], corners[..., 1]
-        area = 0.5 * np.abs((x * np.roll(y, -1, axis=1) - np.roll(x, -1, axis=1) * y).sum(axis=1))
+        area = np.abs(polygon_areas(corners))
         along, across = (np.einsum("nca,na->nc", corners, t).std(axis=1) for t in (self.lay, self._across))
         return np.sqrt(area * np.stack([across / along, along / across])) / np.array(self.window)[:, None]
 

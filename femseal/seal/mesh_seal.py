@@ -25,6 +25,7 @@ from ..flow.dirichlet_flow import DirichletFlow, dirichlet_flow
 from ..flow.mesh import darcy_conductance, is_connected
 from ..flow.solution import DarcyFlow
 from .seal_files import read_mesh
+from .triangulation import polygon_areas
 
 #: Depth in fractions of the shorter edge, and of an element, to which parts that touch may lie on each other:
 #: coordinates are rounded, and edges are chords of arcs.
@@ -52,9 +53,7 @@ def _outlines(mesh: Mesh) -> tuple[Array, Array, Array, Indices]:
     c, s = np.cos(1.0), np.sin(1.0)
     points = (np.array([[c, -s], [s, c]]) @ mesh.p[:, : mesh.nvertices]).T
     corners = mesh.t.T
-    x, y = points[corners].transpose(2, 0, 1)
-    area = (x * np.roll(y, -1, axis=1) - np.roll(x, -1, axis=1) * y).sum(axis=1)
-    corners = np.where(area[:, None] > 0, corners, corners[:, ::-1])
+    corners = np.where(polygon_areas(points[corners])[:, None] > 0, corners, corners[:, ::-1])
     first, second = corners, np.roll(corners, -1, axis=1)
     key = np.minimum(first, second).astype(np.int64) * mesh.nvertices + np.maximum(first, second)
     _, edge, count = np.unique(key, return_inverse=True, return_counts=True)
@@ -249,7 +248,7 @@ def parts_without_flow(mesh: Mesh, inlet: Indices, outlet: Indices) -> Iterator[
     part = connected_components(links, directed=False)[1]
     at_inlet, at_outlet = (np.unique(part[mesh.facets[:, facets]]) for facets in (inlet, outlet))
     of_element, (x, y) = part[corners[0]], mesh.p[:, corners]
-    area = np.abs((x * np.roll(y, -1, axis=0) - np.roll(x, -1, axis=0) * y).sum(axis=0)) / 2
+    area = np.abs(polygon_areas(mesh.p.T[corners.T]))
     for n in np.setdiff1d(of_element, np.intersect1d(at_inlet, at_outlet)):
         inside = of_element == n
         where = ", ".join(to_text(float(c[:, inside].mean()), "m", 3) for c in (x, y))
@@ -288,9 +287,7 @@ def _check_sides(mesh: Mesh) -> None:
     """Refuse elements that overlap: two that share an edge, walked anticlockwise, walk it in opposite directions."""
     corners = mesh.t.T
     following = np.roll(corners, -1, axis=1)
-    (x, y), (x_following, y_following) = mesh.p[:, corners], mesh.p[:, following]
-    area = (x * y_following - x_following * y).sum(axis=1)
-    direction = np.sign(following - corners) * np.sign(area)[:, None]
+    direction = np.sign(following - corners) * np.sign(polygon_areas(mesh.p.T[corners]))[:, None]
     first, second = np.minimum(corners, following), np.maximum(corners, following)
     _, edge, count = np.unique(
         first.astype(np.int64) * mesh.nvertices + second, return_inverse=True, return_counts=True
@@ -304,12 +301,8 @@ def _check_sides(mesh: Mesh) -> None:
         raise InputError("path", given, "elements that lie beside each other")
     if found := first_overlap(mesh):
         named = " and ".join(map(str, found))
-        given = (
-            f"a mesh whose elements {named} overlap"
-            if len(found) > 1
-            else f"a mesh whose element {named} lies on others"
-        )
-        raise InputError("path", given, "elements that lie beside each other")
+        given = f"elements {named} overlap" if len(found) > 1 else f"element {named} lies on others"
+        raise InputError("path", f"a mesh whose {given}", "elements that lie beside each other")
 
 
 def _names(given: Inlet) -> tuple[str, ...]:

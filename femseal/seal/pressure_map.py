@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ..base import Array, InputError, to_text, validate
-from .triangulation import Triangulation
+from .triangulation import Triangulation, polygon_areas
 
 #: Rounding of coordinates, as fractions of a strip of a profile or of a radius.
 _ROUNDING = 1e-9
@@ -224,8 +224,7 @@ class PressedSeal:
     @property
     def areas(self) -> Array:
         """Areas of the parts (n,) [m²]."""
-        x, y = self.outlines[..., 0], self.outlines[..., 1]
-        return np.asarray(np.abs((x * np.roll(y, -1, axis=1) - np.roll(x, -1, axis=1) * y).sum(axis=1)) / 2)
+        return np.abs(polygon_areas(self.outlines))
 
     def mean(self, pressure_map: PressureMap) -> float:
         """Mean of a map over the area, in the unit of the map."""

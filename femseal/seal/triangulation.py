@@ -42,7 +42,7 @@ class Triangulation:
             raise InputError("points", f"{bad} of {len(found)} points not finite", "finite coordinates [m]")
         corners = _delaunay(found) if triangles is None else np.array(triangles, dtype=np.int64)
         size = np.ptp(found, axis=0).max()
-        corners = corners[np.abs(_areas(found, corners)) > 1e-12 * size**2]
+        corners = corners[np.abs(polygon_areas(found[corners])) > 1e-12 * size**2]
         if not len(corners):
             raise InputError("points", f"{len(found)} points on a line", "points of a plane field")
         return cls(found, corners)
@@ -123,8 +123,7 @@ def _delaunay(points: Array) -> NDArray[np.int64]:
     return np.asarray(corners[sides <= GAP * np.median(sides)], np.int64)
 
 
-def _areas(points: Array, triangles: NDArray[np.int64]) -> Array:
-    """Signed areas [m²]."""
-    first, second, third = (points[triangles[:, n]] for n in range(3))
-    a, b = second - first, third - first
-    return np.asarray(a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0]) / 2
+def polygon_areas(corners: Array) -> Array:
+    """Areas (n,) [m²] of polygons with corners (n, corners, 2) [m], negative where these run clockwise."""
+    x, y = np.moveaxis(corners - corners[:, :1], -1, 0)
+    return np.asarray((x * np.roll(y, -1, axis=1) - np.roll(x, -1, axis=1) * y).sum(axis=1) / 2)

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field, replace
-from typing import Any, Protocol, TypeVar
+from typing import Any, TypeVar
 
 import numpy as np
 from numba import njit
@@ -43,18 +43,6 @@ def attempt(solve: Callable[..., Result], *arguments: Any, **options: Any) -> Re
         return Failed(str(error))
 
 
-class Solved(Protocol):
-    """The fields of a `Permeability` or a `Leakage` about its linear system."""
-
-    @property
-    def solver(self) -> str:
-        """Name of the solver; "none" if there was no system to solve."""
-
-    @property
-    def imbalance(self) -> float:
-        """Relative difference of inlet and outlet flow."""
-
-
 @dataclass(frozen=True)
 class SolverCounts:
     """How many linear systems each solver solved.
@@ -70,8 +58,8 @@ class SolverCounts:
     worst_imbalance: float = 0.0
 
     @classmethod
-    def of(cls, flow: Solved) -> SolverCounts:
-        """The count of one flow; empty if there was no system to solve."""
+    def of(cls, flow: Any) -> SolverCounts:
+        """The count of one flow, by its `solver` and `imbalance`; empty if there was no system to solve."""
         return cls() if flow.solver == "none" else cls(((flow.solver, 1),), flow.imbalance)
 
     def __add__(self, other: SolverCounts) -> SolverCounts:
@@ -125,10 +113,8 @@ class SolveCounts:
     def total(cls, counts: Iterable[SolveCounts]) -> SolveCounts:
         """Add them all up."""
         counts = list(counts)
-        solved, closed, opened, equal = (
-            sum(getattr(c, kind) for c in counts) for kind in ("solved", "closed", "open", "equal")
-        )
-        return cls(solved, closed, opened, equal, SolverCounts.total(c.solvers for c in counts))
+        numbers = {kind: sum(getattr(c, kind) for c in counts) for kind in ("solved", "closed", "open", "equal")}
+        return cls(**numbers, solvers=SolverCounts.total(c.solvers for c in counts))
 
     def by_kind(self) -> dict[str, int]:
         """The numbers of solved, closed and open flows, and of equal ones if there are any, by these names."""
