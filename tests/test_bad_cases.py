@@ -565,7 +565,7 @@ def test_a_page_that_cannot_be_written_is_bad_input(monkeypatch, tmp_path):
 
     monkeypatch.setattr(page, "open_results", lambda folder: None)
     monkeypatch.setattr(page, "report_html", lambda *given: "page")
-    monkeypatch.setattr(page, "replacing", full)
+    monkeypatch.setattr(page, "write_text", full)
     assert "No space left" in refusal(page.write_report, tmp_path, tmp_path / "page.html")
 
 
