@@ -170,13 +170,15 @@ def test_small_items_are_sent_together(cluster, monkeypatch):
         sizes.clear()
         list(mapping(Stage("trial", worked), range(6), [2 * cluster_map.TASK_SECONDS] * 6))
         assert sizes == [1] * 6
-        # the last ones are sent one by one where their number is known, so that the workers end together
+        # the last batches are small where their number is known, so that the workers end together
         sizes.clear()
         assert list(mapping(Stage("trial", worked), range(10000), short)) == [*range(10000)]
         left = 10000 - np.cumsum([0, *sizes])
         assert left[-1] == 0
-        assert max(sizes) > 10
-        assert all(size <= max(1, before // 4) for size, before in zip(sizes, left[:-1], strict=True))
+        assert max(sizes) > 500
+        least = int(1024 * cluster_map.LEAST_SECONDS / cluster_map.TASK_SECONDS)
+        assert all(size <= max(least, before // 4) for size, before in zip(sizes, left[:-1], strict=True))
+        assert set(sizes[-3:-1]) == {least}, sizes
 
 
 others, enough = [], threading.Event()
