@@ -10,6 +10,7 @@ import threading
 import time
 from contextlib import ExitStack, contextmanager, nullcontext, suppress
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -25,6 +26,7 @@ from femseal.execution import processes
 from femseal.execution.mappers import ordered_map
 
 distributed = pytest.importorskip("distributed")
+dask = pytest.importorskip("dask")
 
 
 @pytest.fixture
@@ -181,6 +183,29 @@ def test_small_items_are_sent_together(cluster, monkeypatch):
         assert set(sizes[-3:-1]) == {least}, sizes
 
 
+class LateTask:
+    """A task whose result comes late, or whose function has failed with an error of the same name."""
+
+    def __init__(self, status, late):
+        self.status, self.late = status, late
+
+    def done(self):
+        return True
+
+    def result(self, timeout):
+        if self.late:
+            self.late -= 1
+            raise TimeoutError
+        return [7], 0.1
+
+
+def test_a_result_that_comes_late_is_awaited():
+    client = SimpleNamespace(nthreads=lambda: {"worker": 1})
+    assert cluster_map._outcome(client, LateTask("finished", 2)) == ([7], 0.1)
+    with pytest.raises(TimeoutError):
+        cluster_map._outcome(client, LateTask("error", 1))
+
+
 others, enough = [], threading.Event()
 
 
@@ -269,6 +294,12 @@ def test_a_scheduler_of_its_own_gives_the_same_bits(case):
     one = fs.run(case, workers=1)
     assert_same(one.dataset, fs.run(case, workers=2, scheduler="local").dataset)
     assert not distributed.client._get_global_client()
+
+
+@pytest.mark.slow
+def test_workers_of_a_cluster_of_its_own_are_quiet():
+    with ordered_map(workers=1, scheduler="local") as mapping:
+        assert list(mapping(Stage("trial", dask.config.get), cluster_map.QUIET)) == [*cluster_map.QUIET.values()]
 
 
 @pytest.mark.slow
