@@ -11,6 +11,7 @@ import threading
 import time
 from contextlib import ExitStack, contextmanager, nullcontext, suppress
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -27,6 +28,7 @@ from femseal.execution import processes
 from femseal.execution.mappers import ordered_map
 
 distributed = pytest.importorskip("distributed")
+dask = pytest.importorskip("dask")
 
 
 @pytest.fixture
@@ -220,13 +222,38 @@ def test_small_items_are_sent_together(cluster, monkeypatch):
         sizes.clear()
         list(mapping(Stage("trial", worked), range(6), [2 * cluster_map.TASK_SECONDS] * 6))
         assert sizes == [1] * 6
-        # the last ones are sent one by one where their number is known, so that the workers end together
+        # the last batches are small where their number is known, so that the workers end together
         sizes.clear()
         assert list(mapping(Stage("trial", worked), range(10000), short)) == [*range(10000)]
         left = 10000 - np.cumsum([0, *sizes])
         assert left[-1] == 0
-        assert max(sizes) > 10
-        assert all(size <= max(1, before // 4) for size, before in zip(sizes, left[:-1], strict=True))
+        assert max(sizes) > 500
+        least = int(1024 * cluster_map.LEAST_SECONDS / cluster_map.TASK_SECONDS)
+        assert all(size <= max(least, before // 4) for size, before in zip(sizes, left[:-1], strict=True))
+        assert set(sizes[-3:-1]) == {least}, sizes
+
+
+class LateTask:
+    """A task whose result comes late, or whose function has failed with an error of the same name."""
+
+    def __init__(self, status, late):
+        self.status, self.late = status, late
+
+    def done(self):
+        return True
+
+    def result(self, timeout):
+        if self.late:
+            self.late -= 1
+            raise TimeoutError
+        return [7], 0.1
+
+
+def test_a_result_that_comes_late_is_awaited():
+    client = SimpleNamespace(nthreads=lambda: {"worker": 1})
+    assert cluster_map._outcome(client, LateTask("finished", 2)) == ([7], 0.1)
+    with pytest.raises(TimeoutError):
+        cluster_map._outcome(client, LateTask("error", 1))
 
 
 others, enough = [], threading.Event()
@@ -317,6 +344,12 @@ def test_a_scheduler_of_its_own_gives_the_same_bits(case):
     one = fs.run(case, workers=1)
     assert_same(one.dataset, fs.run(case, workers=2, scheduler="local").dataset)
     assert not distributed.client._get_global_client()
+
+
+@pytest.mark.slow
+def test_workers_of_a_cluster_of_its_own_are_quiet():
+    with ordered_map(workers=1, scheduler="local") as mapping:
+        assert list(mapping(Stage("trial", dask.config.get), cluster_map.QUIET)) == [*cluster_map.QUIET.values()]
 
 
 @pytest.mark.slow

@@ -138,7 +138,7 @@ class Checkpoint:
         self._taken = 0
         self._next = 0
         self._writer = ShardWriter((), self._place)
-        self._read: tuple[Path | None, list[bytes]] = (None, [])
+        self._read: tuple[Path | None, list[bytes]] = (None, [])  # the shard that was read last
         if not resume and part is None:
             remove(output)
         try:
@@ -255,6 +255,8 @@ class Checkpoint:
             self._read = shard.path, read_shard(shard.path, (self._key, stage.name))
         first = shard.items.start
         yield from map(unpacked, self._read[1][shard.used.start - first : shard.used.stop - first])
+        if shard.used == shard.items:
+            self._read = (None, [])
 
     def _place(self, count: int) -> Path:
         """Path of a shard of so many items, up to the one that was kept last."""
