@@ -170,7 +170,10 @@ class SidePoints:
         """
         (m1, m2), (w1, w2) = self.partition.cells, self.partition.window
         blocks: dict[tuple[int, int, int], tuple[Indices, Array]] = {}
-        points, starts, fractions, inverses = [np.empty(0, np.int64)], [0], [np.empty(0, np.float32)], [np.empty(0)]
+        points, starts, inverses = [np.empty(0, np.int64)], [0], [np.empty(0)]
+        # no list of parts: joining them would take their memory twice
+        fractions = np.empty(m2 * ((m1 - 1) * w2 * (w2 - 1) + m1 * w1 * (w1 - 1)) // 2, np.float32)
+        filled = 0
         for place, (own, packed, unit) in enumerate(self.windows):
             i, j = divmod(place, m2)
             before, after, left, right = np.split(self.numbers(i, j), [w2, 2 * w2, 2 * w2 + w1])
@@ -188,9 +191,10 @@ class SidePoints:
                     points.append(numbers)
                     starts.append(starts[-1] + numbers.size)
                     of_side, inverse = _side_fractions(block)
-                    fractions.append(of_side)
+                    fractions[filled : filled + of_side.size] = of_side
+                    filled += of_side.size
                     inverses.append(inverse)
-        return np.concatenate(points), np.array(starts), np.concatenate(fractions), np.concatenate(inverses)
+        return np.concatenate(points), np.array(starts), fractions, np.concatenate(inverses)
 
 
 def _side_fractions(block: Array) -> tuple[NDArray[np.float32], Array]:
