@@ -82,6 +82,17 @@ def test_the_record_is_of_this_code_and_machine(monkeypatch):
     assert compiling._record() != known
 
 
+def test_loops_are_loaded_where_they_were_compiled(tmp_path, monkeypatch):
+    loaded = []
+    monkeypatch.setattr(compiling, "_record", lambda: tmp_path / "compiled")
+    monkeypatch.setattr(compiling, "_compile", loaded.append)
+    compiling.load_compiled()
+    assert not loaded
+    (tmp_path / "compiled").touch()
+    compiling.load_compiled()
+    assert loaded == list(compiling._PARTS)
+
+
 @pytest.mark.slow
 def test_the_parts_hold_what_a_run_compiles(tmp_path):
     (tmp_path / "case.toml").write_text(CASE)
