@@ -37,7 +37,7 @@ _FEW = 6
 _LARGEST = 100.0
 #: No nodes are hidden.
 _NONE = np.zeros((0, 0), np.bool_)
-#: Large levels save the memory of a field: A p is found twice.
+#: Where memory is short, A p is not kept but found twice.
 _NOTHING = np.zeros((0, 0))
 #: Iterations after which the number still needed is extrapolated.
 _FORESEEN = 10
@@ -323,7 +323,7 @@ def _iterate_by_parts(
     _, _, inverse, z, b, _, _, _ = level(*levels[:5], 0)
     # in single precision the residual is the right side of the cycle, else that is a copy relative to its size
     single = conductances[0].dtype == np.float32
-    r = b if single else np.zeros(b.shape)
+    r, flow = (b, _NOTHING) if single else (np.zeros(b.shape), np.empty(b.shape))
     rows, nodes = strips(len(z)), (z.shape[0] - 2) * (z.shape[1] - 2)
     x, p, history = np.zeros(z.shape), np.zeros(z.shape, np.float32), np.zeros((3, limit + 1))
     _start(conductances, inverse, x, r, b)
@@ -340,12 +340,12 @@ def _iterate_by_parts(
             break
         beta = rz / history[0, iteration - 1] if iteration > 0 else 0.0
         over(rows, _turn, z, scale, beta, p)
-        curvature = sum(over(rows, _curvature, conductances, p, ring, _NOTHING))
+        curvature = sum(over(rows, _curvature, conductances, p, ring, flow))
         if not curvature > 0.0:
             break
         history[1:, iteration] = rz / curvature, beta
         scale = 1.0 if single else float(np.sqrt(rz))
-        sums = over(rows, _advance, conductances, rz / curvature, p, scale, ring, _NOTHING, x, r, b)
+        sums = over(rows, _advance, conductances, rz / curvature, p, scale, ring, flow, x, r, b)
         unbalanced = max(abs(sum(of_rows)) for of_rows in zip(*sums, strict=True))
         iteration += 1
     if not done and rate > 0.0 and rz >= 0.0:
