@@ -1,10 +1,12 @@
 """Scenes: a case solved at many values of a few of its keys, each only for its leakage, and a surrogate of that.
 
-The surrogate is a Gaussian process for each load: ln(leakage) is a linear trend, plus a smooth process, plus one that
-jumps along some axes, where its covariance falls as exp(−r), as waves that are removed open and close single channels.
-Lengths and sizes are the most likely ones, with weak priors (Rasmussen and Williams, Gaussian Processes for Machine
-Learning, 2006, sections 2.2, 2.7, 5.4). Scenes that are sealed have no logarithm: whether a scene is open is a process
-of its own, of −1 and 1, by least squares (section 6.5).
+The surrogate is a Gaussian process for each load. The cube root of the leakage, which is as the gap of a channel that
+closes and so errs alike near sealing and far from it, is a linear trend, plus a smooth process, plus one that jumps
+along some axes, where its covariance falls as exp(−r), as waves that are removed open and close single channels.
+Lengths and ratios of sizes are the most likely ones for all loads together, with weak priors; each load has a scale of
+its own (Rasmussen and Williams, Gaussian Processes for Machine Learning, 2006, sections 2.2, 2.7, 5.4; Conti and
+O'Hagan, J Stat Plan Inference 140, 2010, section 2). Scenes that are sealed are left out of it: whether a scene is open
+is a process of its own, of −1 and 1, by least squares (section 6.5 of the book).
 """
 
 from __future__ import annotations
@@ -23,7 +25,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import solve_triangular
 from scipy.optimize import minimize
-from scipy.special import ndtr
+from scipy.special import log_ndtr, ndtr, ndtri_exp
 
 from ..base import Array, FemsealError, InputError, Mapper, Stage, made_folder, write_text
 from ..base.leak_rates import LeakUnit
@@ -161,55 +163,80 @@ _TREND, _ROUNDING = 25.0, 1e-8
 #: Priors of size and lengths of the smooth and of the other process: ln of their medians, standard deviations of ln.
 _MEDIANS, _WIDTHS = np.log([[0.5, 1.0], [0.05, 0.3]]), np.array([[1.5, 0.7], [1.5, 1.0]])
 #: Scenes that are open at a load, without which nothing is known of its leakage; least probability of either class.
-FEWEST, LEAST = 4, 1e-3
+FEWEST, LEAST = 6, 1e-3
 #: Standard deviation of an unknown ln(leakage), and of the class by which open and sealed scenes mix at least.
 _UNKNOWN, _BLUR = 30.0, 0.2
 
 
 class Process:
-    """A Gaussian process through values (n,) at points (n, dimensions) of the unit cube; `jumps` are axes."""
+    """Gaussian processes through values (n, k) at points (n, dimensions) of the unit cube, each with its own scale."""
 
-    def __init__(self, points: Array, values: Array, jumps: tuple[int, ...]) -> None:
-        self._jumps, self._points, self._mean, self._size = jumps, points, values.mean(), values.std() or 1.0
-        self._scaled = (values - self._mean) / self._size
-        dimensions = points.shape[1]
-        start = np.concatenate([np.r_[m[0], np.full(dimensions, m[1])] for m in _MEDIANS])
-        widths = np.concatenate([np.r_[w[0], np.full(dimensions, w[1])] for w in _WIDTHS])
-
-        def unlikely(parameters: Array) -> tuple[float, Array]:
-            root, whitening, weights = self._solved(parameters)
-            fit = 0.5 * self._scaled @ weights + np.log(np.diag(root)).sum()
-            slopes = _slopes(parameters, points, jumps) * (whitening.T @ whitening - np.outer(weights, weights))
-            off = (parameters - start) / widths
-            return float(fit + 0.5 * off @ off), 0.5 * slopes.sum((1, 2)) + off / widths
-
-        bounds = list(zip(start - 4 * widths, start + 4 * widths, strict=True))
-        # to the digits that the values have: what follows from them must not depend on where a search stops
-        options = {"ftol": 1e-14, "gtol": 1e-7}
-        self._parameters = minimize(unlikely, start, jac=True, method="L-BFGS-B", bounds=bounds, options=options).x
-        _, self._whitening, self._weights = self._solved(self._parameters)
+    def __init__(self, parameters: Array, points: Array, values: Array, jumps: tuple[int, ...]) -> None:
+        self._jumps, self._points, self._parameters, self._mean = jumps, points, parameters, values.mean(0)
+        size, scaled = _standard(values)
+        _, self._whitening, weights, squares = _solved(parameters, points, scaled, jumps)
+        # variance of the Student distribution that an unknown scale makes of a normal one
+        self._size = size * np.sqrt(squares / max(len(points) - points.shape[1] - 3, 1))
+        self._weights = size * weights
 
     def at(self, points: Array) -> tuple[Array, Array]:
-        """Mean and standard deviation (m,) at points (m, dimensions)."""
+        """Mean and standard deviation (m, k) at points (m, dimensions)."""
         between = _covariance(self._parameters, points, self._points, self._jumps)
         half = self._whitening @ between.T
         own = (
             _TREND * (1 + ((points - 0.5) ** 2).sum(-1)) + np.exp(2 * self._parameters[[0, points.shape[1] + 1]]).sum()
         )
         variance = np.maximum(own - (half**2).sum(0), _ROUNDING)
-        return self._mean + self._size * (between @ self._weights), self._size * np.sqrt(variance)
+        return self._mean + between @ self._weights, self._size * np.sqrt(variance)[:, None]
 
     def left_out(self) -> Array:
-        """Error at each point of the process through the others, in its standard deviations (n,)."""
-        return self._weights / np.sqrt((self._whitening**2).sum(0))
+        """Error at each point of the processes through the others, in their standard deviations (n, k)."""
+        return np.asarray(self._weights / self._size / np.sqrt((self._whitening**2).sum(0))[:, None])
 
-    def _solved(self, parameters: Array) -> tuple[Array, Array, Array]:
-        """Cholesky factor of the covariance of the values, its inverse, and that of the covariance times the values."""
-        covariance = _covariance(parameters, self._points, self._points, self._jumps)
-        root = np.linalg.cholesky(covariance + _ROUNDING * (1 + _TREND) * np.eye(len(self._points)))
-        whitening = solve_triangular(root, np.eye(len(root)), lower=True)
-        weights = solve_triangular(root, solve_triangular(root, self._scaled, lower=True), lower=True, trans="T")
-        return np.asarray(root), np.asarray(whitening), np.asarray(weights)
+
+def _standard(values: Array) -> tuple[Array, Array]:
+    """Standard deviations of values (n, k), and the values in them."""
+    size = np.where(np.ptp(values, axis=0) > 0, values.std(0), 1.0)
+    return size, (values - values.mean(0)) / size
+
+
+def _through(sets: list[tuple[Array, Array]], jumps: tuple[int, ...]) -> list[Process]:
+    """Processes through sets of points (n, dimensions) and values (n, k), with the parameters most likely for all."""
+    if not sets:
+        return []
+    dimensions = sets[0][0].shape[1]
+    start = np.concatenate([np.r_[m[0], np.full(dimensions, m[1])] for m in _MEDIANS])
+    widths = np.concatenate([np.r_[w[0], np.full(dimensions, w[1])] for w in _WIDTHS])
+    standard = [(points, _standard(values)[1]) for points, values in sets]
+
+    def unlikely(parameters: Array) -> tuple[float, Array]:
+        off = (parameters - start) / widths
+        fit, slope = 0.5 * off @ off, off / widths
+        for points, scaled in standard:
+            volume, whitening, weights, squares = _solved(parameters, points, scaled, jumps)
+            free = max(len(points) - dimensions - 1, 1)
+            fit += 0.5 * free * np.log(squares).sum() + len(squares) * volume
+            by_covariance = len(squares) * whitening.T @ whitening - free * (weights / squares) @ weights.T
+            slope = slope + 0.5 * (_slopes(parameters, points, jumps) * by_covariance).sum((1, 2))
+        return float(fit), slope
+
+    bounds = list(zip(start - 4 * widths, start + 4 * widths, strict=True))
+    # to the digits that the values have: what follows from them must not depend on where a search stops
+    options = {"ftol": 1e-14, "gtol": 1e-7}
+    found = minimize(unlikely, start, jac=True, method="L-BFGS-B", bounds=bounds, options=options).x
+    return [Process(found, points, values, jumps) for points, values in sets]
+
+
+def _solved(
+    parameters: Array, points: Array, scaled: Array, jumps: tuple[int, ...]
+) -> tuple[float, Array, Array, Array]:
+    """Of values y (n, k) with the covariance K = LLᵀ: ln|L|, L⁻¹, K⁻¹y, and the squares yᵀK⁻¹y (k,)."""
+    covariance = _covariance(parameters, points, points, jumps)
+    root = np.linalg.cholesky(covariance + _ROUNDING * (1 + _TREND) * np.eye(len(points)))
+    whitening = solve_triangular(root, np.eye(len(root)), lower=True)
+    white = whitening @ scaled
+    squares = np.maximum((white**2).sum(0), _ROUNDING)
+    return float(np.log(np.diag(root)).sum()), np.asarray(whitening), np.asarray(whitening.T @ white), squares
 
 
 def _covariance(parameters: Array, a: Array, b: Array, jumps: tuple[int, ...]) -> Array:
@@ -240,40 +267,55 @@ def _slopes(parameters: Array, points: Array, jumps: tuple[int, ...]) -> Array:
 class Surrogate:
     """ln(leakage) and the probability that it is not 0, at several loads.
 
-    leakage : for each load a process of ln(leakage), None where too few scenes are open. open : a process of the class
-    for each load, or the one class of all scenes, −1 or 1. correlation : of the errors at two loads (loads, loads).
+    leakage : sets of loads that are open in the same scenes, and the processes of the cube root of their leakage; loads
+    that are open in too few have none. open : the loads at which only some scenes are open, and the processes of their
+    class. alike : class of the scenes at the other loads (loads,), −1 or 1. correlation : of the errors at two loads
+    (loads, loads).
     """
 
-    leakage: tuple[Process | None, ...]
-    open: tuple[Process | float, ...]
+    leakage: tuple[tuple[list[int], Process], ...]
+    open: tuple[tuple[list[int], Process], ...]
+    alike: Array
     correlation: Array
 
     @classmethod
     def through(cls, points: Array, leakage: Array, jumps: tuple[int, ...]) -> Surrogate:
         """Through scenes at points (n, dimensions) of the unit cube with leakages (n, loads) >= 0, see `Process`."""
-        is_open = leakage > 0
-        processes: list[Process | None] = []
-        classes: list[Process | float] = []
-        errors = np.full(leakage.shape, np.nan)
-        for load, some in enumerate(is_open.T):
-            known = some.sum() >= FEWEST
-            processes.append(Process(points[some], np.log(leakage[some, load]), jumps) if known else None)
-            if (process := processes[-1]) is not None:
-                errors[some, load] = process.left_out()
-            label = np.where(some, 1.0, -1.0)
-            classes.append(float(label[0]) if len({*label}) == 1 else Process(points, label, jumps))
-        filled = np.nan_to_num(errors)
-        norm = np.sqrt((filled**2).sum(0)) + 1e-30
+        is_open, errors = leakage > 0, np.zeros(leakage.shape)
+        sets: dict[bytes, list[int]] = {}
+        for load in np.flatnonzero(is_open.sum(0) >= FEWEST):
+            sets.setdefault(is_open[:, load].tobytes(), []).append(int(load))
+        there = [np.flatnonzero(is_open[:, loads[0]]) for loads in sets.values()]
+        gaps = [
+            (points[some], np.cbrt(leakage[some][:, loads])) for some, loads in zip(there, sets.values(), strict=True)
+        ]
+        processes = tuple(zip(sets.values(), _through(gaps, jumps), strict=True))
+        for some, (loads, process) in zip(there, processes, strict=True):
+            errors[some[:, None], loads] = process.left_out()
+        label = np.where(is_open, 1.0, -1.0)
+        mixed = [int(load) for load in np.flatnonzero(np.ptp(label, axis=0))]
+        classes = tuple((mixed, one) for one in _through([(points, label[:, mixed])] * bool(mixed), jumps))
+        norm = np.sqrt((errors**2).sum(0)) + 1e-30
         # between 0 and 1 of what few scenes say, so that no combination of loads seems known exactly
-        correlation = 0.95 * np.clip(filled.T @ filled / np.outer(norm, norm), -1, 1)
+        correlation = 0.95 * np.clip(errors.T @ errors / np.outer(norm, norm), -1, 1)
         np.fill_diagonal(correlation, 1.0)
-        return cls(tuple(processes), tuple(classes), correlation)
+        return cls(processes, classes, label[0], correlation)
 
     def at(self, points: Array) -> tuple[Array, Array, Array]:
         """Mean and standard deviation of ln(leakage) of open seals, and probability to be open, each (m, loads)."""
-        mean, deviation, is_open = (np.zeros((len(points), len(self.leakage))) for _ in range(3))
-        for load, (process, kind) in enumerate(zip(self.leakage, self.open, strict=True)):
-            mean[:, load], deviation[:, load] = (0.0, _UNKNOWN) if process is None else process.at(points)
-            middle, width = kind.at(points) if isinstance(kind, Process) else (kind, 0.0)
-            is_open[:, load] = ndtr(middle / np.hypot(width, _BLUR))
-        return mean, deviation, np.clip(is_open, LEAST, 1 - LEAST)
+        mean, deviation, middle, width = (np.zeros((len(points), len(self.alike))) for _ in range(4))
+        deviation += _UNKNOWN
+        middle += self.alike
+        for loads, process in self.leakage:
+            mean[:, loads], deviation[:, loads] = _logarithm(*process.at(points))
+        for loads, process in self.open:
+            middle[:, loads], width[:, loads] = process.at(points)
+        return mean, deviation, np.clip(ndtr(middle / np.hypot(width, _BLUR)), LEAST, 1 - LEAST)
+
+
+def _logarithm(mean: Array, deviation: Array) -> tuple[Array, Array]:
+    """Median of ln(leakage), and half the range of its middle 68 %, where its cube root is normal and above 0."""
+    ratio = np.maximum(mean / deviation, -1e3)
+    quantiles = (ratio - ndtri_exp(log_ndtr(ratio) + log_ndtr(below)) for below in (1.0, 0.0, -1.0))
+    low, middle, high = (3 * np.log(deviation * quantile) for quantile in quantiles)
+    return middle, (high - low) / 2
