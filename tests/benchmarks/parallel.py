@@ -8,9 +8,9 @@ the whole study, and of its stages. What others do on the machine enters it, but
 process and the workers, over that of one. Processes are started, and have computed something small, before. Every process
 has one thread. Parts keep items that cost nothing, in one folder one after the other, each in a process of its own; the second
 is killed half way and run again. Parts of a run are those of the command: each solves its windows of a library, and makes
-their curves, two at once; the third is killed half way and run again, the first again when it has nothing to do. Their times are processor times from the start of the
-processes to their end, and the bits are checked. `--write` puts the tables beside this file, where the documentation takes
-them from.
+their curves, two at once; the third is killed half way and run again, and the first when it has nothing left to do. Their
+times are processor times from the start of the processes to their end, and the bits are checked. `--write` puts the tables
+beside this file, where the documentation takes them from.
 """
 
 from __future__ import annotations
