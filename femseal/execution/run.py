@@ -74,7 +74,8 @@ class Run:
                     said, done_then = now, done
             seconds = time.monotonic() - start
             self.timings[name] = self.timings.get(name, 0.0) + seconds
-            log.info("%s %d in %.1f s", name, done, seconds)
+            if done:
+                log.info("%s %d in %.1f s", name, done, seconds)
 
         return mapping
 
