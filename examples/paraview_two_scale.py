@@ -96,7 +96,7 @@ def draw(folder, time):
     pv.AssignViewToLayout(view=upper, layout=layout, hint=0)
     layout.SplitVertical(0, 0.5)
     pv.AssignViewToLayout(view=lower, layout=layout, hint=2)
-    coloured(seal, ("POINTS", "fluid_pressure_Pa"), "fluid pressure [Pa]", PALETTES[0], upper, time)
+    coloured(seal, ("POINTS", "fluid_pressure_MPa"), "fluid pressure [MPa]", PALETTES[0], upper, time)
     side = (2 * bounds[1] * bounds[3] / quads) ** 0.5
     arrows = flow(seal, time, max(side, max(bounds[1], bounds[3]) / 24))
     if arrows is not None:

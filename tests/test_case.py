@@ -247,6 +247,7 @@ def test_faults_of_a_file_say_line_and_the_key_that_is_meant(tmp_path):
     [
         ('viscosity = "1 mPa*s"', "viscosity = 1 mPa*s  # water", 'viscosity = "1 mPa*s"'),
         ("poisson = 0.3", "poisson = 0,3", "poisson = 0.3"),
+        ("poisson = 0.3", "poisson = .3", "poisson = 0.3"),
         ("poisson = 0.3", "poisson = “0.3”  # typed in a letter", 'poisson = "0.3"  # typed in a letter'),
     ],
 )

@@ -254,7 +254,8 @@ def test_chains_are_in_pictures_reports_and_files(chain):
     assert titles == ["fluid pressure", "flux", "contact pressure of windows", "permeability"]
     assert "drawn seal nearest to the median" in (chain.folder / "report.html").read_text(encoding="utf-8")
     mesh = meshio.read(chain.folder / "vtk" / "drawn" / "step_0001.vtu")
-    assert_allclose(mesh.cell_data["fluid_pressure_Pa"][0], chain.dataset["drawn_fluid_pressure"].values[1], rtol=1e-6)
+    pressure = chain.dataset["drawn_fluid_pressure"].values[1] / 1e6
+    assert_allclose(mesh.cell_data["fluid_pressure_MPa"][0], pressure, rtol=1e-6)
 
 
 def test_a_short_seal_is_drawn_once_as_a_whole():
@@ -327,7 +328,7 @@ def test_files_of_drawn_seals_are_read_by_vtk_and_meshio(strip):
     folder, data = strip.folder, strip.dataset
     expected = {
         "permeability_m3": data["drawn_permeability"].values[1],
-        "fluid_pressure_Pa": data["drawn_fluid_pressure"].values[1],
+        "fluid_pressure_MPa": data["drawn_fluid_pressure"].values[1] / 1e6,
         "window_pressure_MPa": data["drawn_window_pressure"].values[1] / 1e6,
     }
     by_step = pyvista.get_reader(folder / "vtk" / "drawn.pvd")

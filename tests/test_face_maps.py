@@ -102,7 +102,7 @@ def test_they_are_read_back_and_by_vtk(study, folder):
     for name, unit, expected in (
         ("gap_deterministic_um", 1e-6, study.gap[1]),
         ("contact_pressure_deterministic_MPa", 1e6, study.contact_pressure[1]),
-        ("fluid_pressure_deterministic_Pa", 1, study.fluid_pressure[1]),
+        ("fluid_pressure_deterministic_MPa", 1e6, study.fluid_pressure[1]),
     ):
         values = vtk_to_numpy(arrays.GetArray(name)).reshape(study.gap.shape[1:], order="F")
         assert_allclose(values * unit, expected, rtol=1e-6)

@@ -135,7 +135,8 @@ def test_seal_is_a_mesh_in_time(results, folder):
             for half in (0, 1):
                 assert_allclose(cells[name].reshape(M1, M2, 2)[..., half], data[variable][s] * factor, rtol=1e-12)
         assert_allclose(cells["flux_m2_per_s"].reshape(M1, M2, 2, 3)[:, :, 1, 0], data["flux1"][s])
-        assert_array_equal(points["fluid_pressure_Pa"].reshape(M1 + 1, -1)[:, 1::2], data["fluid_pressure"][s])
+        pressure = points["fluid_pressure_MPa"].reshape(M1 + 1, -1)[:, 1::2]
+        assert_allclose(pressure, data["fluid_pressure"][s] / 1e6, rtol=1e-12)
         assert_array_equal(points["k2_m3"].reshape(M1 + 1, -1)[1:-1, 2::2], data["k2"][s])
 
 
@@ -146,10 +147,8 @@ def test_windows_of_the_seal_lie_where_they_should(results, folder):
     node1, cell2 = results.dataset["node1"].values, results.dataset["cell2"].values
     number = pyvista.wrap(grid).find_containing_cell((node1[1] * 0.6 + node1[2] * 0.4, cell2[2] * 1.02, 0.0))
     assert cells["k1_m3"][number] == results.dataset["k1"][-1, 1, 2]
-    assert (
-        points["fluid_pressure_Pa"][grid.FindPoint((node1[2], cell2[1], 0.0))]
-        == results.dataset["fluid_pressure"][-1, 2, 1]
-    )
+    pressure = points["fluid_pressure_MPa"][grid.FindPoint((node1[2], cell2[1], 0.0))]
+    assert_allclose(pressure, results.dataset["fluid_pressure"][-1, 2, 1] / 1e6, rtol=1e-12)
 
 
 def test_the_mesh_is_stored_once_and_the_data_are_packed(folder, results):
@@ -198,7 +197,7 @@ def test_chosen_windows_carry_gap_contact_and_fluid_pressure(results, studies, s
             assert_allclose(cells["gap_um"].reshape(shape, order="F"), gap * 1e6, rtol=1e-6)
             pressure = two.contact_pressure[s, rows, columns] / 1e6
             assert_allclose(cells["contact_pressure_MPa"].reshape(shape, order="F"), pressure, rtol=1e-6)
-            shown = cells["fluid_pressure_Pa"].reshape(shape, order="F")
+            shown = cells["fluid_pressure_MPa"].reshape(shape, order="F") * 1e6
             ends = two.fluid_pressure[s, i : i + 2, j]
             if two.k1[s, i, j] > 0:
                 share = cell_permeability(gap, (d1, d2), solver="elimination").fluid_pressure
@@ -222,7 +221,7 @@ def test_fluid_that_stands_at_one_end_of_a_closed_window_keeps_its_pressure(scen
     closed = replace(two, fields=replace(two.fields, gap=gap), k1=k1, fluid_pressure=fluid_pressure)
     write_vtk(assemble(scene, two_scale=closed, windows=window_pixels(scene, closed)), None, tmp_path)
     _, cells, *_ = next(in_time(tmp_path / "window_001_002.pvd"))
-    shown = cells["fluid_pressure_Pa"].reshape((last - first, 24), order="F")
+    shown = cells["fluid_pressure_MPa"].reshape((last - first, 24), order="F") * 1e6
     assert_allclose(shown[:5], 2e7, rtol=1e-6)
     assert np.isnan(shown[5:]).all()
 
@@ -237,7 +236,7 @@ def test_heights_are_points(scene, folder):
 
 
 def test_names_are_plain_and_carry_units(folder):
-    units = ("_Pa", "_MPa", "_um", "_m3", "_m2_per_s", "_fraction", "Time")
+    units = ("_MPa", "_um", "_m3", "_m2_per_s", "_fraction", "Time")
     for path in (*folder.glob("vtk/*.vtkhdf"), *folder.glob("**/*.pvd")):
         _, cells, points, fields, _ = next(in_time(path))
         for name in (*cells, *points, *fields):
@@ -666,7 +665,7 @@ def test_the_macro_of_paraview_names_what_is_written(folder):
     compile(text, "macro", "exec")
     _, cells, points, fields, _ = next(in_time(folder / "vtk/seal.pvd"))
     _, pixels, *_ = next(in_time(folder / "fields.pvd"))
-    for name in ("fluid_pressure_Pa", "flux_m2_per_s", "nominal_pressure_MPa", "contact_pressure_MPa"):
+    for name in ("fluid_pressure_MPa", "flux_m2_per_s", "nominal_pressure_MPa", "contact_pressure_MPa"):
         assert name in text
         assert name in {*cells, *points, *fields, *pixels}
 
@@ -710,7 +709,7 @@ def test_resolved_flow_of_two_scales_has_its_pressure_at_every_pixel(scene, tmp_
     results = assemble(scene, two_scale=two)
     write_folder(results, tmp_path, scene.surface)
     for s, (_, cells, *_) in enumerate(in_time(tmp_path / "fields.pvd")):
-        shown = cells["fluid_pressure_Pa"].reshape(two.gap.shape[1:], order="F")
+        shown = cells["fluid_pressure_MPa"].reshape(two.gap.shape[1:], order="F") * 1e6
         assert_allclose(shown, two.face_fluid_pressure[s], rtol=1e-6)
         assert_allclose(results.fluid_pressure(s), two.face_fluid_pressure[s], rtol=1e-6)
         assert np.isnan(shown[two.gap[s] <= 0]).all()

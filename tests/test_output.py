@@ -152,7 +152,7 @@ def test_fluid_of_a_closed_seal_stands_at_the_pressures_of_its_ends(scene, studi
     _, points, _, _ = arrays("vtkXMLUnstructuredGridReader", tmp_path / "seal/step_0002.vtu")
     expected = np.array([[1e6], [1e6], [0], [0], [0]]) * np.ones((1, M2))
     expected[3, 5] = np.nan
-    assert_array_equal(points["fluid_pressure_Pa"].reshape(M1 + 1, 2 * M2 + 1)[:, 1::2], expected)
+    assert_array_equal(points["fluid_pressure_MPa"].reshape(M1 + 1, 2 * M2 + 1)[:, 1::2], expected / 1e6)
     figure = seal_figure(r)
     assert figure.axes[0].get_title() == "fluid pressure [MPa], no flow; white: pockets"
     figure.savefig(io.BytesIO(), dpi=40)
@@ -657,8 +657,8 @@ def test_seal_is_read_back_by_vtk(results, folder):
             values = cells[name].reshape(M1, M2, 2)
             assert_allclose(values[..., 0], data[variable][s] * factor, rtol=1e-12)
             assert_allclose(values[..., 1], data[variable][s] * factor, rtol=1e-12)
-        pressure = points["fluid_pressure_Pa"].reshape(M1 + 1, 2 * M2 + 1)
-        assert_array_equal(pressure[:, 1::2], data["fluid_pressure"][s])
+        pressure = points["fluid_pressure_MPa"].reshape(M1 + 1, 2 * M2 + 1)
+        assert_allclose(pressure[:, 1::2], data["fluid_pressure"][s] / 1e6, rtol=1e-12)
         assert_array_equal(pressure[:, 0], pressure[:, -1])
         k2 = points["k2_m3"].reshape(M1 + 1, 2 * M2 + 1)
         assert_array_equal(k2[1:-1, 2::2], data["k2"][s])
@@ -679,7 +679,7 @@ def test_seal_lies_where_it_should(results, folder):
     place = (1.5 * 15e-6, 6.4 * 15e-6, 0.0)
     assert_allclose(grid.cell_data["k1_m3"][grid.find_containing_cell(place)], results.dataset["k1"][0, 1, 6])
     node = grid.find_closest_point((3 * 15e-6, 6.5 * 15e-6, 0.0))
-    assert grid.point_data["fluid_pressure_Pa"][node] == results.dataset["fluid_pressure"][0, 3, 6]
+    assert_allclose(grid.point_data["fluid_pressure_MPa"][node], results.dataset["fluid_pressure"][0, 3, 6] / 1e6)
     corner = grid.find_closest_point((2 * 15e-6, 6 * 15e-6, 0.0))
     assert grid.point_data["k2_m3"][corner] == results.dataset["k2"][0, 1, 5]
 
@@ -701,7 +701,7 @@ def test_windows_are_read_back_by_vtk(results, studies, scene, folder):
             inlet, outlet = two.fluid_pressure[s, i : i + 2, j]
             exact = cell_permeability(gap, scene.surface.spacing, solver="elimination").fluid_pressure
             fluid = outlet + (inlet - outlet) * exact
-            assert_allclose(cells["fluid_pressure_Pa"].reshape(16, 16, order="F"), fluid, rtol=1e-6, atol=1e-30)
+            assert_allclose(cells["fluid_pressure_MPa"].reshape(16, 16, order="F"), fluid / 1e6, rtol=1e-6, atol=1e-30)
             # off the diagonal: pixel (2, 9) by its place
             d1, d2 = scene.surface.spacing
             number = pyvista.wrap(grid).find_containing_cell(((i * 16 + 2.5) * d1, (j * 16 + 9.5) * d2, 0.0))

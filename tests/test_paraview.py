@@ -77,8 +77,8 @@ def test_meshio_reads_every_mesh(results, folder):
         assert (block.type, block.data.shape) == ("quad", (2 * M1 * M2, 4))
         k1 = mesh.cell_data["k1_m3"][0].reshape(M1, M2, 2)
         assert_array_equal(k1[..., 0], results.dataset["k1"][s])
-        p = mesh.point_data["fluid_pressure_Pa"].reshape(M1 + 1, -1)
-        assert_array_equal(p[:, 1::2], results.dataset["fluid_pressure"][s])
+        p = mesh.point_data["fluid_pressure_MPa"].reshape(M1 + 1, -1)
+        assert_allclose(p[:, 1::2], results.dataset["fluid_pressure"][s] / 1e6, rtol=1e-12)
         assert_allclose(mesh.field_data["nominal_pressure_MPa"], results.steps[s].pressure / 1e6)
 
 
@@ -139,7 +139,7 @@ def test_paraview_opens_every_file(results, folder, tmp_path):
         assert_allclose(cells.pop("k2_m3")[0], data["k2"][s, 0], rtol=1e-12)
         assert not cells
         points = {name: np.array(values).reshape(M1 + 1, -1) for name, values in step["Point"].items()}
-        assert_array_equal(points.pop("fluid_pressure_Pa")[:, 1::2], data["fluid_pressure"][s])
+        assert_allclose(points.pop("fluid_pressure_MPa")[:, 1::2], data["fluid_pressure"][s] / 1e6, rtol=1e-12)
         assert_array_equal(points.pop("k2_m3")[1:-1, 2::2], data["k2"][s])
         assert not points
     for s, step in enumerate(found[str(folder / "fields.pvd")]):
@@ -152,7 +152,7 @@ def test_paraview_opens_every_file(results, folder, tmp_path):
     assert windows
     for path in windows:
         for step in found[str(path)]:
-            assert set(step["Cell"]) == {"gap_um", "contact_pressure_MPa", "fluid_pressure_Pa"}
+            assert set(step["Cell"]) == {"gap_um", "contact_pressure_MPa", "fluid_pressure_MPa"}
     (heights,) = found[str(folder / "vtk/surface.vti")]
     shown = np.reshape(heights["Point"]["height_um"], (48, 96), order="F")
     assert_allclose(shown, results.scene.surface.heights * 1e6, rtol=1e-6)
@@ -166,7 +166,7 @@ def test_the_macro_draws_both_scales(folder, tmp_path):
     shutil.copytree(folder, tmp_path / "run")
     path = tmp_path / "run/vtk/seal/step_0001.vtu"
     mesh = pyvista.read(path)
-    pressure = mesh.point_data["fluid_pressure_Pa"].reshape(M1 + 1, -1)
+    pressure = mesh.point_data["fluid_pressure_MPa"].reshape(M1 + 1, -1)
     pressure[1:-1, 2:-2] = np.nan
     mesh.save(path)
     run = pvpython(MACRO, tmp_path / "run", tmp_path / "view.png", 1)

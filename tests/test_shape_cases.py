@@ -97,7 +97,7 @@ def test_files_for_people_and_paraview(done):
     assert block.n_cells == data.sizes["part"]
     assert block.n_points < 0.9 * data.sizes["part"] * data.sizes["corner"]  # corners that parts share are one point
     assert_allclose(block.cell_data["permeability_m3"], data["drawn_permeability"].values[1])
-    p = block.cell_data["fluid_pressure_Pa"]
+    p = block.cell_data["fluid_pressure_MPa"] * 1e6
     assert 0 <= p.min() < 0.15 * p.max() < p.max() <= case.fluid.inlet_pressure
     # the fluid pressure falls from the bore outwards
     r = np.hypot(*block.cell_centers().points[:, :2].T)

@@ -25,7 +25,7 @@ _COLUMNS = "| key | type | unit | default | needed | since | meaning |\n|---|---
 _TEMPLATE = Path(femseal.__file__).with_name("case") / "template.toml"
 #: When a key is needed, where the tables of the file do not say it.
 _NEEDED = {
-    ("face", "kind"): "yes",
+    ("face", "kind"): "yes, without a `path` or `places`",
     ("face", "path"): '`"file"`: this or `places`',
     ("face", "places"): '`"file"`: this or `path`',
     ("face", "rms_slope"): '`"self-affine"`: this or `rms_height`',
@@ -40,9 +40,8 @@ _NEEDED = {
     ("fluid", "molar_mass"): '`"ideal-gas"` without a `name`',
     ("fluid", "temperature"): '`"ideal-gas"` without a `name`',
     ("fluid", "inlet_pressure"): "yes, unless the inlets of a mesh have pressures",
-    ("cells", "count"): "this or `size`",
-    ("cells", "size"): "this or `count`",
-    ("stochastic", "length"): "drawn seals without a `[seal]` of its own length",
+    ("cells", "count"): "no; in place of `size`",
+    ("cells", "size"): "no; in place of `count`",
     ("load.map", "length_unit"): '`"field"`',
 }
 #: Meaning of keys that the template shows without a comment, or with one that only its own line explains.
@@ -128,11 +127,11 @@ _MEANING = {
     ("seat", "tilt"): "Slope across the seal, highest at the inlet",
     ("seat", "path"): "File with the columns x1 and z",
     ("seat", "unit"): "Of its lengths",
-    ("cells", "count"): "Windows along x1 and x2; a window holds eight shortest waves a side or more",
+    ("cells", "count"): "Windows along x1 and x2; unless given as many as hold eight shortest waves a side",
     ("cells", "size"): "Side of a window, about",
     ("cells", "flow"): "On all pixels, by an element for each window, or by links between windows",
     ("cells", "contact"): "Contact of the whole face, cut into windows, or of each window by itself",
-    ("stochastic", "length"): "Of a straight seal, along x2; of a list the first is the seal, the others stand beside",
+    ("stochastic", "length"): "Of a straight seal, along x2, the face unless given; of a list the first is the seal",
     ("stochastic", "library_cells"): 'Windows in the library; `"place"` takes all of the face',
     ("stochastic", "sampler"): '`"runs"` unless given with `"place"` and contact of the whole face, else `"history"`',
     ("stochastic", "quantiles"): "Ends of the band between seals",

@@ -55,7 +55,6 @@ class Field:
 
     name : in the dataset and in all files. unit : in SI, such as "m^2/s"; "1" for a number. long_name : its meaning.
     place : where it lives. heading : of its column in tables for people, for a field over the load steps; "" for none.
-    in_si : whether pictures and files for ParaView too have it in SI, else in µm and MPa.
     """
 
     name: str
@@ -63,31 +62,29 @@ class Field:
     long_name: str
     place: Place
     heading: str = ""
-    in_si: bool = False
 
     @classmethod
     def of(cls, variable: xarray.DataArray) -> Field:
         """The declaration of a variable of a dataset."""
         attrs, dims = variable.attrs, tuple(map(str, variable.dims))
-        heading, in_si = str(attrs.get("heading", "")), bool(attrs.get("in_si", 0))
-        return cls(str(variable.name), attrs["units"], attrs["long_name"], Place("", dims), heading, in_si)
+        heading = str(attrs.get("heading", ""))
+        return cls(str(variable.name), attrs["units"], attrs["long_name"], Place("", dims), heading)
 
     @property
     def attrs(self) -> dict[str, Any]:
         """Attributes of the variable in the dataset."""
         more = {"heading": self.heading} if self.heading else {}
-        return {"units": self.unit, "long_name": self.long_name} | more | ({"in_si": 1} if self.in_si else {})
+        return {"units": self.unit, "long_name": self.long_name} | more
 
     @property
     def scale(self) -> float:
         """Factor from SI to the unit of pictures and of files for ParaView."""
-        return 1.0 if self.in_si else READABLE.get(self.unit, ("", 1.0))[1]
+        return READABLE.get(self.unit, ("", 1.0))[1]
 
     @property
     def array_name(self) -> str:
         """Name in files for ParaView, with that unit: "mean_gap_um"."""
-        unit = self.unit if self.in_si else READABLE.get(self.unit, (self.unit, 1.0))[0]
-        return with_unit(self.name, unit)
+        return with_unit(self.name, READABLE.get(self.unit, (self.unit, 1.0))[0])
 
     @property
     def column_name(self) -> str:
@@ -115,12 +112,11 @@ def declared(
     place: Place,
     *,
     heading: str = "",
-    in_si: bool = False,
     default: Any = MISSING,
     repr: bool = True,
 ) -> Any:
     """An attribute of a dataclass that is a `Field`, with what `dataclasses.field` takes."""
-    made = Field(name, unit, long_name, place, heading, in_si)
+    made = Field(name, unit, long_name, place, heading)
     return field(default=default, repr=repr, metadata={"field": made, "unit": unit, "long_name": long_name})
 
 

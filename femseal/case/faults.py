@@ -194,8 +194,9 @@ def meant_in(text: str, message: str) -> str:
     if "overwrite" in message or (line := _UNQUOTED.match(written)) is None:  # a key that is there twice
         return ""
     key, value = line.groups()
-    plain = re.fullmatch(r"([-+]?\d+),(\d+)", value)
-    return shortened(f"; perhaps meant: {key} = " + (f"{plain[1]}.{plain[2]}" if plain else f'"{value}"'))
+    plain = re.fullmatch(r"([-+]?)(\d*)[.,](\d+)", value)
+    meant = f"{plain[1]}{plain[2] or 0}.{plain[3]}" if plain else f'"{value}"'
+    return shortened(f"; perhaps meant: {key} = {meant}")
 
 
 def _with_line(found: InputError, lines: dict[str, int]) -> InputError:

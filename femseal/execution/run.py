@@ -88,7 +88,8 @@ class Run:
         """Note the wall time of a stage."""
         seconds = time.monotonic() - start
         self.timings[name] = self.timings.get(name, 0.0) + seconds
-        log.info("%s %d in %.1f s", name, done, seconds)
+        if done:
+            log.info("%s %d in %.1f s", name, done, seconds)
 
 
 def _same(value: Any) -> Any:

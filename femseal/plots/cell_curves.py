@@ -62,7 +62,7 @@ class Cells:
 
     def name(self, cell: int) -> str:
         """The cell as `Results.cell` and `Results.library_cell` take it."""
-        return f"window {divmod(cell, self.columns)}" if self.columns else f"library cell {cell}"
+        return f"window {divmod(cell, self.columns)}" if self.columns else f"library window {cell}"
 
     @property
     def limits(self) -> tuple[float, float]:
@@ -80,7 +80,7 @@ def cells_of(results: RunData) -> Cells:
     """
     data = results.dataset.isel(step=solved_steps(results.dataset))
     if "library_k" in data:
-        prefix, origin, columns = "library_", "cells of the library", 0
+        prefix, origin, columns = "library_", "windows of the library", 0
         arrays = [data[f"library_{n}"].values for n in ("pressure", "k", "mean_gap")]
     elif "k1" in data:
         prefix, origin, columns = "", "windows", data.sizes["cell2"]
@@ -110,11 +110,11 @@ def cell_curves_panel(axes: Axes, cells: Cells, count: int = 4) -> None:
     parts = branches(cells.nominal, cells.peaks)
     up, down, name = _example_path(parts, (k > 0) & (cells.pressure > 0))
     for cell, (colour, line, _) in zip(_examples(k, cells.pressure, up, down, count), STYLES[1:], strict=False):
-        for steps, width, size in ((up, 1.0, 2.5), (down, 2.4, 3.5)):
+        for steps, width, size in ((up, 1.0, 2.5), (down, 2.4, 3.5)) if name else ((up, 2.4, 3.5),):
             y = np.where(k[cell, steps] > 0, k[cell, steps], np.nan)
             label = cells.name(int(cell)) if width > 2 else None
             axes.plot(nominal[steps], y, color=colour, ls=line, lw=width, marker="o", ms=size, label=label)
-    panel_title(axes, f"thin: loading{name};\nno line: closed")
+    panel_title(axes, f"thin: loading{name};\nno line: closed" if name else "no line: closed")
     load_axis(axes, nominal)
     if not _log_permeability(axes, cells):
         return
@@ -126,7 +126,7 @@ def gap_panel(axes: Axes, cells: Cells) -> None:
     """Permeability against mean gap, loading and unloading, with k = h̄³/12 of parallel plates."""
     from matplotlib.ticker import LogLocator, NullFormatter
 
-    axes.set(xlabel="mean gap of the cell [µm]", ylabel="permeability k along x1 [m³]")
+    axes.set(xlabel="mean gap of the window [µm]", ylabel="permeability k along x1 [m³]")
     axes.grid(alpha=0.25, lw=0.6)
     _branch_clouds(axes, cells, cells.mean_gap * 1e6)
     if not _log_permeability(axes, cells):
@@ -151,7 +151,7 @@ def gap_panel(axes: Axes, cells: Cells) -> None:
 
 def pressure_panel(axes: Axes, cells: Cells) -> None:
     """Permeability against the contact pressure of the cell, loading and unloading."""
-    axes.set(xlabel="contact pressure of the cell [MPa]", ylabel="permeability k along x1 [m³]")
+    axes.set(xlabel="contact pressure of the window [MPa]", ylabel="permeability k along x1 [m³]")
     axes.grid(alpha=0.25, lw=0.6)
     _branch_clouds(axes, cells, cells.pressure / 1e6)
     if _log_permeability(axes, cells):

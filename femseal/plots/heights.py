@@ -115,7 +115,7 @@ def heights_figure(topography: Topography) -> Figure:
         decades(density.yaxis)
     for axes in (profile, density):
         axes.grid(alpha=0.25, lw=0.6)
-        axes.tick_params(labelsize=8)
+        axes.tick_params(which="both", labelsize=8)
     return sheet.figure
 
 
@@ -172,7 +172,7 @@ def survey_figure(
         _densities_panel(profiles, flat)
     for axes in (histogram, radial, profiles):
         axes.grid(alpha=0.25, lw=0.6)
-        axes.tick_params(labelsize=8)
+        axes.tick_params(which="both", labelsize=8)
     return figure
 
 

@@ -66,8 +66,10 @@ def limiting_text(results: RunData) -> str:
     budget, peak = results.budget, results.peak
     if budget is None or not (name := budget.limiting(peak)):
         return ""
-    width = format_deviation(float(budget.half_width(peak)))
-    return f"At {results.steps[peak].name} the band of error reaches {width} to one side; its widest source is: {name}."
+    half_width, step = float(budget.half_width(peak)), results.steps[peak].name
+    if not np.isfinite(half_width):
+        return f"One end of the band of error at {step} is unknown; its widest source: {name}."
+    return f"Half-width of the band of error at {step}: {format_deviation(half_width)}; its widest source: {name}."
 
 
 def total_leakage_text(results: RunData) -> str:

@@ -153,12 +153,12 @@ def cell_pictures(results: Results, drawings: Drawings) -> list[Picture]:
     texts = [
         (
             f"Permeability of a few of {many} against nominal pressure; {shut:.0%} are closed at {top}.",
-            f"Single cells over the cycle, in front of all {many}. At {top} {shut:.0%} of them are closed.",
+            f"Single windows over the cycle, in front of all {many}. At {top} {shut:.0%} of them are closed.",
         ),
         (
             f"Permeability of {many} against their mean gap, on loading and unloading, and that of parallel plates.",
-            "Permeability against mean gap: wide cells follow the asymptote h̄³/12 of parallel plates, narrow ones fall "
-            "below it and close.",
+            "Permeability against mean gap: wide windows follow h̄³/12 of parallel plates, narrow ones fall below "
+            "it and close.",
         ),
         (
             f"Permeability of {many} against their contact pressure: loading in circles, unloading in squares.",

@@ -79,7 +79,7 @@ def export_field(
         raise InputError("window", window, "x1 from and to, x2 from and to [m], rising, and no cell beside")
     steps = stored_steps(run) if step is None else [step]
     if not steps:
-        raise InputError("results", "no gap over all pixels", WITH_FIELDS)
+        raise InputError("results", f"no {field} over all pixels", WITH_FIELDS)
     if window is not None:
         _check_window(window, *pixels_of_face(run))
     written = []

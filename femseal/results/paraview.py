@@ -185,10 +185,7 @@ def _from_folder(run: RunData, name: str, step: int) -> tuple[Field, Any, tuple[
         return None
     arrays = vtk_files.array_names(path)
     known = (
-        Field(name + ending, unit, (name + ending).replace("_", " "), PIXEL, in_si=in_si)
-        for ending in _ENDINGS
-        for unit in READABLE
-        for in_si in (False, True)
+        Field(name + ending, unit, (name + ending).replace("_", " "), PIXEL) for ending in _ENDINGS for unit in READABLE
     )
     if (made := next((one for one in known if one.array_name in arrays), None)) is None:
         return None
@@ -263,8 +260,9 @@ def seal_grid(data: xarray.Dataset) -> Cells:
     x, y = np.meshgrid(data["node1"].values, np.arange(2 * m2 + 1) * float(data["cell2"][0]), indexing="ij")
     number = np.arange(x.size).reshape(x.shape)
     quads = np.stack([number[:-1, :-1], number[1:, :-1], number[1:, 1:], number[:-1, 1:]], axis=-1)
-    pressure = at_points(data["fluid_pressure"].values).reshape(count, -1)
-    point_data: dict[str, NDArray[Any]] = {Field.of(data["fluid_pressure"]).array_name: pressure}
+    made = Field.of(data["fluid_pressure"])
+    pressure = at_points(data["fluid_pressure"].values * made.scale).reshape(count, -1)
+    point_data: dict[str, NDArray[Any]] = {made.array_name: pressure}
     if "k2" in data:
         k2 = np.pad(data["k2"].values, ((0, 0), (1, 1), (0, 0)), constant_values=np.nan)
         # the link from column j to j + 1 lies at their common corner, half a window beyond the node

@@ -59,7 +59,6 @@ class DeterministicResult(Shown):
         "Pa",
         "fluid pressure, deterministic, NaN in contact and in pockets",
         PIXEL,
-        in_si=True,
     )
     carried_pressure: Array | None = declared(
         "fluid_carried_pressure", "Pa", "mean pressure that the fluid carries of the load", STEP, default=None

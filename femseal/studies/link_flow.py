@@ -62,7 +62,7 @@ class WindowPixels:
     origin: tuple[float, float]
     gap: Single = declared("gap", "m", "gap", PIXEL)
     contact_pressure: Single = declared("contact_pressure", "Pa", "contact pressure", PIXEL)
-    fluid_pressure: Single = declared("fluid_pressure", "Pa", "fluid pressure, NaN in contact", PIXEL, in_si=True)
+    fluid_pressure: Single = declared("fluid_pressure", "Pa", "fluid pressure, NaN in contact", PIXEL)
 
 
 def chosen_windows(k1: Array, pressure: Array) -> list[tuple[int, int]]:

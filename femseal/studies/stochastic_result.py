@@ -50,9 +50,7 @@ class MedianSeal(Shown):
         "drawn_corners", "m", "corners of the parts of the drawn seal, in its plane", CORNER, repr=False
     )
     permeability: Array = declared("drawn_permeability", "m^3", "permeability, median realisation", PART)
-    fluid_pressure: Array = declared(
-        "drawn_fluid_pressure", "Pa", "fluid pressure, median realisation", PART, in_si=True
-    )
+    fluid_pressure: Array = declared("drawn_fluid_pressure", "Pa", "fluid pressure, median realisation", PART)
     flux: Array = declared("drawn_flux", "m^2/s", "flow per width, median realisation", PART_VECTOR)
     pressure: Array | None = declared(
         "drawn_window_pressure", "Pa", "contact pressure of windows, median realisation", PART, default=None

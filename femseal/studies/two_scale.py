@@ -84,10 +84,10 @@ class TwoScaleResult(Shown):
     contact_fraction: Array = declared("window_contact_fraction", "1", "fraction of windows in contact", WINDOW)
     plastic_fraction: Array = declared("window_plastic_fraction", "1", "fraction of windows at the hardness", WINDOW)
     fluid_pressure: Array | None = declared(
-        "fluid_pressure", "Pa", "fluid pressure at the global nodes, NaN in pockets", NODE, in_si=True
+        "fluid_pressure", "Pa", "fluid pressure at the global nodes, NaN in pockets", NODE
     )
     face_fluid_pressure: NDArray[np.float32] | None = declared(
-        "fluid_pressure", "Pa", "fluid pressure, NaN in contact and in pockets", PIXEL, in_si=True
+        "fluid_pressure", "Pa", "fluid pressure, NaN in contact and in pockets", PIXEL
     )
     row_pressure: Array = declared("row_pressure", "Pa", "mean contact pressure of rows", ROW, repr=False)
     band_breadth: Array = declared("band_breadth", "m", "breadth of the band in contact", STEP, repr=False)
