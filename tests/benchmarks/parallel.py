@@ -301,7 +301,8 @@ def parts_table(records: list[dict[str, Any]]) -> str:
         turns = record["turns"]
         count, kind = record["windows"] or EMPTY, "of 16² in three states" if record["windows"] else "that cost nothing"
         assert all(t["same"] for t in turns)
-        times = [f"{median(t.get(name, np.nan) for t in turns):.3g}" for name in ("one", "own", "again", "gather")]
+        names = ("one", "own", "again", "gather")
+        times = [f"{median(t[name] for t in turns):.3g}" if name in turns[0] else "" for name in names]
         more = median(t["own"] + t["gather"] - t["one"] for t in turns)
         per_cent = f"{100 * more / median(t['one'] for t in turns):.1f} %" if record["windows"] else ""
         line = [f"{count:,} {kind}", str(record["parts"]), *times, f"{1e6 * more / count:.0f}", per_cent]
