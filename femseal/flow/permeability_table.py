@@ -221,7 +221,7 @@ class PressureCurve:
 
     def between(self, first: Array, second: Array, mobility: Mobility) -> Array:
         """Mean of each permeability between two pressures > 0, ∫ k dφ/∫ dψ."""
-        a, b = (np.ascontiguousarray(np.broadcast_to(p, self.shape)).ravel() for p in (first, second))
+        a, b = (np.broadcast_to(p, self.shape).flatten() for p in (first, second))
         out = np.empty(a.size)
         of_parts = self._cells, self._coefficients, self._slope, self._open, *self._range, self._knots
         of_fluid = mobility.start, mobility.end, mobility.viscous, mobility.own, mobility.even
@@ -263,7 +263,9 @@ def _interpolated(p, start, end, values):
 def _permeability(p, coefficients, slope, low, high, knots):
     """k of one part at a pressure; coefficients are ln k at the knots, or those of a polynomial without knots."""
     if knots.size:
-        i = min(max(np.searchsorted(knots, p), 1), knots.size - 1)
+        i = 1
+        while i < knots.size - 1 and knots[i] < p:
+            i += 1
         weight = min(max((p - knots[i - 1]) / (knots[i] - knots[i - 1]), 0.0), 1.0)
         a, b = coefficients[i - 1], coefficients[i]
         if min(a, b) == -np.inf:
@@ -274,8 +276,8 @@ def _permeability(p, coefficients, slope, low, high, knots):
     t = (2.0 * inside - low - high) / (high - low)
     # Clenshaw's recurrence
     before, here = 0.0, 0.0
-    for c in coefficients[:0:-1]:
-        before, here = here, 2.0 * t * here - before + c
+    for i in range(coefficients.size - 1, 0, -1):
+        before, here = here, 2.0 * t * here - before + coefficients[i]
     return np.exp(t * here - before + coefficients[0] + slope * min(x - low, 0.0))
 
 

@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 
 from .. import contact, elements, flow, windows
 from ..base.stage import Mapper, Stage
+from ..flow.permeability_table import Mobility, PressureCurve
 from ..flow.solvers.choice import solve_flow
 from ..flow.solvers.hierarchy import hierarchy
 from ..flow.solvers.v_cycle import v_cycle
@@ -106,6 +107,12 @@ def _windows() -> None:
     elements.element_flow(gap, windows.Partition(gap.shape, (1.0, 1.0), (2, 2)))
 
 
+def _seals() -> None:
+    solve_flow(flow.Stencil(np.ones((3, 200)), np.ones((2, 200))))
+    curve = PressureCurve((0.0, 1.0), np.ones((2, 3)), piecewise=True)
+    curve.between(np.zeros(3), np.ones(3), Mobility(0.0, 1.0, np.ones(2), np.ones(2)))
+
+
 #: Parts of 4 to 19 s, in the order in which they start. Where two processes take them, the loops that "multigrid" and
 #: "windows" call are there by then, and both processes end at about the same time.
 _PARTS: dict[str, Callable[[], object]] = {
@@ -114,5 +121,5 @@ _PARTS: dict[str, Callable[[], object]] = {
     "multigrid": _multigrid,
     "contact": _contact,
     "windows": _windows,
-    "slender": lambda: solve_flow(flow.Stencil(np.ones((3, 200)), np.ones((2, 200)))),
+    "seals": _seals,
 }

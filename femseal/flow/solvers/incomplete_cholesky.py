@@ -42,10 +42,10 @@ def solve_incomplete(stencil: Stencil, rtol: float, limit: int, start: Array | N
 
     Raises NotConverged: as soon as the extrapolated number of iterations exceeds `limit`.
     """
-    n1, n2 = stencil.along.shape
+    n2 = stencil.along.shape[1]
     if start is None:
         drop = 1 / stencil.along.sum(axis=1)
-        start = np.broadcast_to((1 - np.cumsum(drop)[:-1] / drop.sum())[:, None], (n1 - 1, n2))
+        start = np.repeat((1 - np.cumsum(drop)[:-1] / drop.sum())[:, None], n2, axis=1)
     else:
         start = np.nan_to_num(start[1:-1], nan=0.5)
     φ, iterations, error, done = _solve(stencil.along, stencil.across, start, rtol, limit)
