@@ -1,4 +1,4 @@
-"""Types of arrays: of real numbers, of whole numbers such as indices, and of truth values."""
+"""Types: arrays of real numbers, of whole numbers such as indices, and of truth values; lengths along both axes."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -6,3 +6,5 @@ from numpy.typing import NDArray
 Array = NDArray[np.float64]
 Indices = NDArray[np.int64]
 Flags = NDArray[np.bool_]
+#: Along x1 and x2, or the same along both.
+Lengths = float | tuple[float, float]

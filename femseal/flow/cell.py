@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ..base import validate
+from ..base.arrays import Lengths
 from ..base.errors import InputError
 from ..base.text import Shown
 from ..base.threads import number, using
@@ -62,7 +63,7 @@ class Permeability(Shown):
 
 def cell_permeability(
     gap: ArrayLike,
-    spacing: tuple[float, float],
+    spacing: Lengths,
     *,
     axis: int = 0,
     sides: str = "mirror",
@@ -171,7 +172,7 @@ class CellFlow:
 
 def cell_flow(
     gap: ArrayLike,
-    spacing: tuple[float, float],
+    spacing: Lengths,
     *,
     axis: int,
     sides: str,
@@ -210,9 +211,7 @@ def cell_flow(
     return CellFlow(scale**3 * (shape[0] * d1) / (shape[1] * d2), flow)
 
 
-def _scaled(
-    gap: ArrayLike, spacing: tuple[float, float], axis: int, sides: str
-) -> tuple[Array, tuple[float, float], float]:
+def _scaled(gap: ArrayLike, spacing: Lengths, axis: int, sides: str) -> tuple[Array, tuple[float, float], float]:
     """The gap of `validated_cell` over the largest one, its unit spacing, and the largest [m], 1 if all is closed."""
     h, spacing = validated_cell(gap, spacing, axis, sides)
     scale = float(h.max()) or 1.0
@@ -222,7 +221,7 @@ def _scaled(
 
 def cell_permeabilities(
     gaps: ArrayLike,
-    spacing: tuple[float, float],
+    spacing: Lengths,
     *,
     axes: Sequence[int] = (0, 1),
     sides: str = "mirror",

@@ -16,7 +16,7 @@ from numba import njit
 from numpy.typing import ArrayLike
 
 from ..base import validate
-from ..base.arrays import Array
+from ..base.arrays import Array, Lengths
 from ..base.errors import InputError
 from ..base.threads import over, rows
 from .grid import Grid
@@ -36,7 +36,7 @@ _DOUBTED, _JUMP = 0.8, 8.0
 _compiled: dict[str, Any] = {"cache": True, "nogil": True}
 
 
-def validated_gap(gap: ArrayLike, spacing: tuple[float, float]) -> tuple[Array, tuple[float, float]]:
+def validated_gap(gap: ArrayLike, spacing: Lengths) -> tuple[Array, tuple[float, float]]:
     """Gap as a 2-D array of finite numbers >= 0 and spacing as two numbers > 0, or an InputError.
 
     Numbers whose cubes or ratios double precision cannot bear are refused too.
@@ -66,9 +66,7 @@ def unit_spacing(spacing: tuple[float, float]) -> tuple[float, float]:
     return ldexp(spacing[0], -exponent), ldexp(spacing[1], -exponent)
 
 
-def validated_cell(
-    gap: ArrayLike, spacing: tuple[float, float], axis: int, sides: str
-) -> tuple[Array, tuple[float, float]]:
+def validated_cell(gap: ArrayLike, spacing: Lengths, axis: int, sides: str) -> tuple[Array, tuple[float, float]]:
     """Gap and spacing with the flow along the first axis, or an InputError that names what is wrong."""
     h, (d1, d2) = validated_gap(gap, spacing)
     axis = validate.axis_number(axis)

@@ -13,6 +13,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import ArrayLike
 
+from ..base.arrays import Lengths
 from .coefficient import gap_on_links, validated_cell
 from .percolation import find, union
 
@@ -26,7 +27,7 @@ class Constriction:
 
 
 def critical_constriction(
-    gap: ArrayLike, spacing: tuple[float, float], *, axis: int = 0, sides: str = "mirror"
+    gap: ArrayLike, spacing: Lengths, *, axis: int = 0, sides: str = "mirror"
 ) -> Constriction | None:
     """Critical constriction of a cell, None where the gap does not percolate.
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ..base.arrays import Array
+from ..base.arrays import Array, Lengths
 from ..base.errors import InputError, NotConverged
 from .assembly import assemble_on_links
 from .coefficient import permeability_on_links, unit_spacing, validated_gap
@@ -23,7 +23,7 @@ _RTOL = 1e-9
 
 def permeability_tensor(
     gap: ArrayLike,
-    spacing: tuple[float, float],
+    spacing: Lengths,
     *,
     solver: str = "auto",
     law: FlowLaw = CUBIC_LAW,

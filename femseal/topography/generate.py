@@ -13,6 +13,7 @@ import scipy
 from numpy.typing import NDArray
 
 from ..base import InputError, validate
+from ..base.arrays import Lengths
 from .spectral import SLACK
 from .topography import Topography
 
@@ -22,7 +23,7 @@ PIXELS_PER_WAVE = 8
 
 def self_affine(
     shape: tuple[int, int],
-    size: tuple[float, float],
+    size: Lengths,
     *,
     hurst: float,
     rms_slope: float | None = None,
@@ -84,7 +85,7 @@ def self_affine(
 
 def turned(
     shape: tuple[int, int],
-    size: tuple[float, float],
+    size: Lengths,
     *,
     pitch: float,
     depth: float,

@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..base import InputError, to_si, to_text, validate
+from ..base.arrays import Lengths
 from .formats import READERS, TEXT, Options, Raw, bad_file, read_instrument, read_text, within_memory_of
 from .topography import Topography
 
@@ -39,8 +40,8 @@ class Look:
 def read_topography(
     path: str | os.PathLike[str],
     *,
-    size: tuple[float, float] | None = None,
-    spacing: tuple[float, float] | None = None,
+    size: Lengths | None = None,
+    spacing: Lengths | None = None,
     height_unit: str | None = None,
     delimiter: str | None = None,
     array: str | None = None,
@@ -93,8 +94,8 @@ def read_topography(
 def read_for_a_look(
     path: str | os.PathLike[str],
     *,
-    size: tuple[float, float] | None = None,
-    spacing: tuple[float, float] | None = None,
+    size: Lengths | None = None,
+    spacing: Lengths | None = None,
     height_unit: str | None = None,
     delimiter: str | None = None,
     array: str | None = None,
