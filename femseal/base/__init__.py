@@ -5,12 +5,12 @@ from typing import TYPE_CHECKING
 from .lazy_package import load_when_used
 
 if TYPE_CHECKING:
-    from .arrays import Array, Flags, Indices
+    from .arrays import Array, Flags, Indices, Lengths
     from .errors import FemsealError, InputError, InputErrors, NotConverged, NotKept, PartsMissing, shortened, shown
     from .files import made_folder, read_plain, replacing, write_text, writing
     from .machine import free_memory, numerical_versions, versions
     from .quantities import to_si, to_text
-    from .stage import Mapper, Stage
+    from .stage import BLOCK, Mapper, Stage
     from .text import Labelled, Plotted, Shown, TextTable, comma_separated, duration, format_deviation
 
 load_when_used(__name__)

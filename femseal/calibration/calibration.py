@@ -14,8 +14,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ..base.arrays import Array
-from ..base.errors import InputError
-from ..base.files import made_folder, replacing, write_text
+from ..base.files import made_folder, replacing, write_text, writing
 from ..base.machine import versions
 from ..base.quantities import to_text
 from ..base.text import TextTable, comma_separated
@@ -207,13 +206,11 @@ class Calibration:
             "versions": versions(),
         }
         text = json.dumps(content, indent=1, ensure_ascii=False).replace("NaN", "null")
-        try:
+        with writing("output", target, "a folder"):
             with replacing(target / PICTURE) as temporary:
                 temporary.write_bytes(png(self.plot()))
             write_text(target / TABLE, comma_separated(self.rows()))
             write_text(target / FILE, text)
-        except OSError as error:
-            raise InputError("output", f"'{target}'", f"a folder that can be written ({error.strerror})") from None
         return [target / FILE, target / TABLE, target / PICTURE]
 
 

@@ -80,9 +80,8 @@ class Convolution:
             assert symbol is not None
             self._weights = weights_of(symbol, l1 * l2, *self._mirrors)
             del symbol
-            if not any(
-                self._mirrors
-            ):  # as many weights as waves, of which k and N − k have the same: they are read in order
+            if not any(self._mirrors):
+                # as many weights as waves, of which k and N − k have the same: they are read in order
                 half = self._weights.shape[2]
                 self._weights = np.concatenate((self._weights, self._weights[..., l1 - half : 0 : -1]), axis=2)
         else:

@@ -7,8 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from ..base import Array, Indices, Stage
-from ..base.stage import BLOCK
+from ..base import BLOCK, Array, Indices, Stage
 from ..contact import HalfSpace
 from ..library import (
     Ladder,

@@ -12,8 +12,7 @@ import numpy as np
 import scipy
 from numpy.typing import NDArray
 
-from ..base import InputError, validate
-from ..base.arrays import Lengths
+from ..base import InputError, Lengths, validate
 from .spectral import SLACK
 from .topography import Topography
 

@@ -12,8 +12,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from ..base import InputError, to_si, to_text, validate
-from ..base.arrays import Lengths
+from ..base import InputError, Lengths, to_si, to_text, validate
 from .formats import READERS, TEXT, Options, Raw, bad_file, read_instrument, read_text, within_memory_of
 from .topography import Topography
 
