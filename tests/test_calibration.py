@@ -18,7 +18,7 @@ from femseal.calibration.calibrating import with_values
 from femseal.calibration.leak_test import Estimate, LeakTest, Posterior, read_leak_test
 from femseal.case.load import Amount
 from femseal.loads import LoadStep
-from femseal.sweeps.scenes import Surrogate, _solved
+from femseal.sweeps.scenes import Surrogate, _covariance, _solved
 
 CASE = """
 method = "deterministic"
@@ -88,7 +88,8 @@ def test_errors_of_scenes_left_out_are_those_of_a_surrogate_without_them():
     # the same lengths and sizes, one point less
     kept = np.arange(len(POINTS)) != 7
     other = object.__new__(type(found))
-    _, whitening, weights, _ = _solved(found._parameters, POINTS[kept], (values - found._mean)[kept], (1,))
+    covariance = _covariance(found._parameters, POINTS[kept], POINTS[kept], (1,))
+    _, whitening, weights, _ = _solved(covariance, (values - found._mean)[kept])
     other.__dict__ |= found.__dict__ | {"_points": POINTS[kept], "_whitening": whitening, "_weights": weights}
     mean, deviation = other.at(POINTS[7:8])
     assert_allclose(found.left_out()[7], ((values[7] - mean) / deviation)[0], rtol=1e-4)

@@ -174,7 +174,7 @@ class Process:
     def __init__(self, parameters: Array, points: Array, values: Array, jumps: tuple[int, ...]) -> None:
         self._jumps, self._points, self._parameters, self._mean = jumps, points, parameters, values.mean(0)
         size, scaled = _standard(values)
-        _, self._whitening, weights, squares = _solved(parameters, points, scaled, jumps)
+        _, self._whitening, weights, squares = _solved(_covariance(parameters, points, points, jumps), scaled)
         # variance of the Student distribution that an unknown scale makes of a normal one
         self._size = size * np.sqrt(squares / max(len(points) - points.shape[1] - 3, 1))
         self._weights = size * weights
@@ -213,11 +213,12 @@ def _through(sets: list[tuple[Array, Array]], jumps: tuple[int, ...]) -> list[Pr
         off = (parameters - start) / widths
         fit, slope = 0.5 * off @ off, off / widths
         for points, scaled in standard:
-            volume, whitening, weights, squares = _solved(parameters, points, scaled, jumps)
+            covariances, exponents = _processes(parameters, points, points, jumps)
+            volume, whitening, weights, squares = _solved(_trend(points, points) + covariances.sum(0), scaled)
             free = max(len(points) - dimensions - 1, 1)
             fit += 0.5 * free * np.log(squares).sum() + len(squares) * volume
             by_covariance = len(squares) * whitening.T @ whitening - free * (weights / squares) @ weights.T
-            slope = slope + 0.5 * (_slopes(parameters, points, jumps) * by_covariance).sum((1, 2))
+            slope = slope + 0.5 * (_slopes(covariances, exponents, jumps) * by_covariance).sum((1, 2))
         return float(fit), slope
 
     bounds = list(zip(start - 4 * widths, start + 4 * widths, strict=True))
@@ -227,12 +228,9 @@ def _through(sets: list[tuple[Array, Array]], jumps: tuple[int, ...]) -> list[Pr
     return [Process(found, points, values, jumps) for points, values in sets]
 
 
-def _solved(
-    parameters: Array, points: Array, scaled: Array, jumps: tuple[int, ...]
-) -> tuple[float, Array, Array, Array]:
+def _solved(covariance: Array, scaled: Array) -> tuple[float, Array, Array, Array]:
     """Of values y (n, k) with the covariance K = LLᵀ: ln|L|, L⁻¹, K⁻¹y, and the squares yᵀK⁻¹y (k,)."""
-    covariance = _covariance(parameters, points, points, jumps)
-    root = np.linalg.cholesky(covariance + _ROUNDING * (1 + _TREND) * np.eye(len(points)))
+    root = np.linalg.cholesky(covariance + _ROUNDING * (1 + _TREND) * np.eye(len(covariance)))
     whitening = solve_triangular(root, np.eye(len(root)), lower=True)
     white = whitening @ scaled
     squares = np.maximum((white**2).sum(0), _ROUNDING)
@@ -241,8 +239,11 @@ def _solved(
 
 def _covariance(parameters: Array, a: Array, b: Array, jumps: tuple[int, ...]) -> Array:
     """Covariance between points a (m, d) and b (n, d): trend, smooth process, and one that jumps along some axes."""
-    trend = _TREND * (1 + (a - 0.5) @ (b - 0.5).T)
-    return np.asarray(trend + _processes(parameters, a, b, jumps)[0].sum(0))
+    return np.asarray(_trend(a, b) + _processes(parameters, a, b, jumps)[0].sum(0))
+
+
+def _trend(a: Array, b: Array) -> Array:
+    return np.asarray(_TREND * (1 + (a - 0.5) @ (b - 0.5).T))
 
 
 def _processes(parameters: Array, a: Array, b: Array, jumps: tuple[int, ...]) -> tuple[Array, Array]:
@@ -254,13 +255,12 @@ def _processes(parameters: Array, a: Array, b: Array, jumps: tuple[int, ...]) ->
     return sizes**2 * np.exp(-exponents.sum(-1)), exponents
 
 
-def _slopes(parameters: Array, points: Array, jumps: tuple[int, ...]) -> Array:
-    """Derivatives of the covariance between points by the parameters (parameters, n, n)."""
-    covariances, exponents = _processes(parameters, points, points, jumps)
-    orders = np.full((2, points.shape[1]), 2.0)
+def _slopes(covariances: Array, exponents: Array, jumps: tuple[int, ...]) -> Array:
+    """Derivatives of the covariance between points by the parameters (parameters, n, n), from `_processes`."""
+    orders = np.full((2, exponents.shape[-1]), 2.0)
     orders[1, list(jumps)] = 1.0
     by_length = np.moveaxis(exponents, -1, 1) * orders[..., None, None] * covariances[:, None]
-    return np.concatenate([2 * covariances[:, None], by_length], axis=1).reshape(-1, len(points), len(points))
+    return np.concatenate([2 * covariances[:, None], by_length], axis=1).reshape(-1, *covariances.shape[1:])
 
 
 @dataclass(frozen=True, eq=False)
@@ -294,7 +294,7 @@ class Surrogate:
             errors[some[:, None], loads] = process.left_out()
         label = np.where(is_open, 1.0, -1.0)
         mixed = [int(load) for load in np.flatnonzero(np.ptp(label, axis=0))]
-        classes = tuple((mixed, one) for one in _through([(points, label[:, mixed])] * bool(mixed), jumps))
+        classes = tuple((mixed, one) for one in _through([(points, label[:, mixed])] if mixed else [], jumps))
         norm = np.sqrt((errors**2).sum(0)) + 1e-30
         # between 0 and 1 of what few scenes say, so that no combination of loads seems known exactly
         correlation = 0.95 * np.clip(errors.T @ errors / np.outer(norm, norm), -1, 1)
