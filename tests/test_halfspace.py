@@ -304,8 +304,9 @@ def test_threads_share_rows_and_columns_and_change_no_bits(kind, module, boundar
         shared.pressure[:] = p
         shared.apply()
         found.append(shared.displacement.tobytes())
-    assert len(shared._rows if kind is Convolution else shared._parts) > 2
-    assert len(shared._blocks[-1] if kind is Convolution else shared._blocks[-1][0]) > 0
+    rows, blocks = shared._stages[:2] if kind is Convolution else (shared._parts, [b[0] for b in shared._blocks])
+    assert len(rows) > 2
+    assert [len(part) > 0 for part in blocks] == [True] * 3
     assert len(set(found)) == 1
     u = half_space.displacement(p)
     assert_allclose(shared.displacement, u, rtol=0, atol=1e-14 * np.abs(u).max())

@@ -19,17 +19,17 @@ from .errors import InputError
 
 def number(name: str, value: Any, *, unit: str = "", above: float = 0.0, inclusive: bool = False) -> float:
     """A finite number > `above`, or >= `above` when `inclusive`; above −inf, any."""
-    relation = ">=" if inclusive else ">"
-    allowed = "a finite number" + (f" {relation} {above:g}" if isfinite(above) else "") + (f" [{unit}]" if unit else "")
-    if isinstance(value, (str, bytes, bool)):
-        raise InputError(name, repr(value), allowed)
+    shown = value
     try:
+        if isinstance(value, (str, bytes, bool)):
+            raise TypeError
         given = float(value)
+        if isfinite(given) and (given > above or (given == above and inclusive)):
+            return given
     except (TypeError, ValueError):
-        raise InputError(name, repr(value), allowed) from None
-    if not isfinite(given) or given < above or (given == above and not inclusive):
-        raise InputError(name, value, allowed)
-    return given
+        shown = repr(value)
+    least = f" {'>=' if inclusive else '>'} {above:g}" if isfinite(above) else ""
+    raise InputError(name, shown, "a finite number" + least + (f" [{unit}]" if unit else ""))
 
 
 def tolerance(name: str, value: Any) -> float:

@@ -124,7 +124,7 @@ class ActiveSets:
         """List the points near contact, after h₁ is added to v where `add`; returns energy, Σ p and Σ v."""
         grid = self._grid
         self._n_near, self._n_free, *sums = grid.loops.add_gap(
-            add, grid.p, grid.v, self._gap0, self._offset, self._reach,
+            0, len(grid.v), add, 0, 0, grid.p, grid.v, self._gap0, self._offset, self._reach,
             *self._law, grid.state, grid.lists, grid.near,
         )  # fmt: skip
         return tuple(sums)

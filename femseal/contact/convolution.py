@@ -19,7 +19,7 @@ import threading
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from functools import cache, partial
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 from numba import njit
@@ -90,24 +90,36 @@ class Convolution:
         self.displacement = self.rows = self._array((n1, n2), real)
         spectrum = self._array((l1, row_length(m2, waves.itemsize)), waves)[:, :m2]
         staged = any(self._mirrors) or boundary[1] == "free"
-        self._staged = self._array((n1, l2), real) if staged else None
-        points: Any = self._staged if staged else self.pressure
-        target: Any = self._staged if staged else self.displacement
+        laid = self._array((n1, l2), real) if staged else None
+        points: Any = laid if staged else self.pressure
+        target: Any = laid if staged else self.displacement
         turn1, turn2 = (np.exp(1j * np.pi * np.arange(n // 2 + 1) / n) for n in (l1, l2))
         cosine1, sine1 = turn1.real.copy(), turn1.imag.copy()
-        width = min(BLOCK_BYTES // (l1 * waves.itemsize), m2)
-        width = max(_ALIGNED, width - width % _ALIGNED)
+        width = BLOCK_BYTES // (l1 * waves.itemsize)
+        width = m2 if width >= m2 else max(_ALIGNED, width - width % _ALIGNED)
         starts = range(0, m2, width)
-        self._blocks: list[list[Any]] = []
+        # of each stage the parts that threads share, and of each part the calls
+        forward, blocks, inverse = self._stages = cast(list[list[list[Callable[[], Any]]]], [[], [], []])
         with planner() as planned:
-            self._rows = []
             for i, end in parts(l1, max(ROW_POINTS / l2, l1 / ROW_PARTS)):
-                rows = slice(i, min(end, n1))
-                plans = planned(points[rows], spectrum[rows], target[rows], axis=1) if i < n1 else None
-                self._rows.append((rows, spectrum[max(i, n1) : end], plans))
+                there: list[Callable[[], Any]] = []
+                back: list[Callable[[], Any]] = []
+                if end > n1:
+                    there.append(partial(spectrum[max(i, n1) : end].fill, 0))
+                if i < n1:
+                    rows = slice(i, min(end, n1))
+                    plans = planned(points[rows], spectrum[rows], target[rows], axis=1)
+                    if staged:
+                        of_rows = i, rows.stop, *self._mirrors
+                        there.append(partial(lay, self.pressure, laid, *of_rows))
+                        back.append(partial(take, laid, self.displacement, *of_rows))
+                    there.append(plans[0])
+                    back.insert(0, plans[1])
+                forward.append(there)
+                inverse.append(back)
             for part in np.array_split(starts, threads):
                 block = pyfftw.zeros_aligned((width, l1), dtype=waves)
-                self._blocks.append([])
+                blocks.append([])
                 for j in part:
                     columns = slice(j, min(j + width, m2))
                     here = block[: columns.stop - j]
@@ -115,7 +127,9 @@ class Convolution:
                     work: Any = partial(multiply, here, self._weights[0, columns])
                     if any(self._mirrors):
                         work = partial(respond, here, j, len(here), self._weights, False, cosine1, sine1, turn2)
-                    self._blocks[-1].append((plans[0], work, plans[1]))
+                    blocks[-1] += plans[0], work, plans[1]
+        if threads == 1:  # on small grids passing from call to call is what takes time
+            self._stages = [[[call for stage in self._stages for part in stage for call in part]]]
         self._threads = threads
 
     def _array(self, shape: tuple[int, int], dtype: np.dtype[Any]) -> Any:
@@ -128,27 +142,8 @@ class Convolution:
 
     def apply(self) -> None:
         """Fill `displacement` from `pressure`."""
-        on_threads(self._threads, self._forward, self._rows)
-        on_threads(self._threads, _respond_in, self._blocks)
-        on_threads(self._threads, self._inverse, self._rows)
-
-    def _forward(self, part: Any) -> None:
-        """Lay out the points of some rows and transform them."""
-        rows, no_points, plans = part
-        if no_points.size:
-            no_points[:] = 0
-        if plans is not None:
-            if self._staged is not None:
-                lay(self.pressure, self._staged, rows.start, rows.stop, *self._mirrors)
-            plans[0]()
-
-    def _inverse(self, part: Any) -> None:
-        """Transform some rows back and take out their points."""
-        rows, _, plans = part
-        if plans is not None:
-            plans[1]()
-            if self._staged is not None:
-                take(self._staged, self.displacement, rows.start, rows.stop, *self._mirrors)
+        for parts_of_stage in self._stages:
+            on_threads(self._threads, _in_turn, parts_of_stage)
 
 
 def row_length(waves: int, itemsize: int) -> int:
@@ -202,12 +197,9 @@ def planner() -> Iterator[Callable[..., tuple[Any, Any]]]:
             pyfftw.import_wisdom(known)
 
 
-def _respond_in(blocks: Sequence[Any]) -> None:
-    """Transform columns, multiply their waves with the symbol, transform them back."""
-    for forward, work, inverse in blocks:
-        forward()
-        work()
-        inverse()
+def _in_turn(calls: Sequence[Callable[[], Any]]) -> None:
+    for call in calls:
+        call()
 
 
 def weights_of(symbol: Array, points: int, mirror1: bool, mirror2: bool, transforms: int = 1) -> Array:

@@ -13,6 +13,7 @@ from __future__ import annotations
 
 import hashlib
 from dataclasses import dataclass, fields, is_dataclass, replace
+from functools import cached_property, lru_cache
 from math import inf
 from typing import Any
 
@@ -129,8 +130,11 @@ class ContactLaw:
         ------
         InputError : the law has arrays of another shape, or a yield pressure that is not > 0.
         """
-        slope = np.maximum(self.hardening_modulus(deformation), 0.0)
-        hardness = self.yield_pressure(deformation) - slope * np.asarray(deformation, dtype=float)
+        hardness, slope = self.yield_pressure(deformation), self.hardening_modulus(deformation)
+        if isinstance(hardness, float) and isinstance(slope, float) and hardness > 0.0 >= slope:
+            return _flat(hardness)
+        slope = np.maximum(slope, 0.0)
+        hardness = hardness - slope * np.asarray(deformation, dtype=float)
         hardness, slope = (np.atleast_1d(np.asarray(values, dtype=float)) for values in (hardness, slope))
         for values in (hardness, slope):
             if values.size != 1 and values.shape != shape:
@@ -325,22 +329,31 @@ class YieldLine:
     hardness: Array
     slope: Array
 
-    @property
+    @cached_property
     def hardens(self) -> bool:
         """Whether any point hardens."""
         return bool(np.any(self.slope > 0))
 
+    @cached_property
+    def mean_hardness(self) -> float:
+        """Mean of the hardness [Pa]."""
+        return self.hardness.item() if self.hardness.size == 1 else float(self.hardness.mean())
+
     @property
     def capacity(self) -> float:
         """Largest mean pressure that the points carry [Pa]."""
-        if self.hardens:
-            return inf
-        return self.hardness.item() if self.hardness.size == 1 else float(self.hardness.mean())
+        return inf if self.hardens else self.mean_hardness
 
     @property
     def limit(self) -> Array:
         """Largest pressure of each point [Pa], inf where it hardens: (1,) or (n1, n2)."""
         return np.where(self.slope > 0, inf, self.hardness) if self.hardens else self.hardness
+
+
+@lru_cache(16)
+def _flat(hardness: float) -> YieldLine:
+    """The line of points that all have one hardness; it is the same object for the many contacts of small windows."""
+    return YieldLine(np.array([hardness]), np.zeros(1))
 
 
 def contact_law(hardness: float | ArrayLike | ContactLaw) -> ContactLaw:

@@ -20,13 +20,8 @@ POINTS, LISTED = 2**19, 2**16
 class ShortLists:
     """The kernels as they are, for a grid whose lists are short."""
 
-    look, project = staticmethod(kernels.look), staticmethod(kernels.project)
+    add_gap, look, project = map(staticmethod, (kernels.add_gap, kernels.look, kernels.project))
     restart, turn, step = map(staticmethod, (gradient_kernels.restart, gradient_kernels.turn, gradient_kernels.step))
-
-    @staticmethod
-    def add_gap(add: bool, p: Any, *arrays: Any) -> Any:
-        """As `kernels.add_gap` on all rows."""
-        return kernels.add_gap(0, len(arrays[0]), add, 0, 0, p, *arrays)
 
 
 class LongLists:
@@ -35,8 +30,11 @@ class LongLists:
     def __init__(self, threads: int) -> None:
         self._threads = threads
 
-    def add_gap(self, add: bool, p: Any, v: Any, gap0: Any, offset: float, reach: float, *arrays: Any) -> Any:
-        """As `kernels.add_gap`."""
+    def add_gap(
+        self, _: int, end: int, add: bool, n: int, k: int, p: Any, v: Any, gap0: Any, offset: float, reach: float,
+        *arrays: Any,
+    ) -> Any:  # fmt: skip
+        """As `kernels.add_gap`, on all rows."""
         threads, state = self._threads, arrays[2]
         pieces = rows_in_parts(v, p.size)
         starts = [(0, 0)]

@@ -313,7 +313,7 @@ class _Problem:
             assert self.approach is not None
             size = max(n * d for n, d in zip(grid.half_space.shape, grid.half_space.spacing, strict=True))
             return np.maximum(self.approach - gap0, 0.0) * np.pi * modulus / size
-        soft = min(float(line.hardness.mean()), 0.1 * modulus)
+        soft = min(line.mean_hardness, 0.1 * modulus)
         n = max(min(4, gap0.size), min(gap0.size, int(load / soft * gap0.size)))
         touching = gap0 <= np.partition(gap0, n - 1, axis=None)[n - 1]
         return touching * (load * gap0.size / np.count_nonzero(touching))
@@ -329,7 +329,7 @@ class _Problem:
 
     def _check(self, sets: ActiveSets, grid: Workspace) -> None:
         """Raise NotConverged if the load or the residual is not what was asked for."""
-        carried = float(grid.p.mean())
+        carried = float(grid.p.sum()) / grid.p.size
         if self.load and not abs(carried - self.load) <= 1e-9 * self.load:
             raise NotConverged(
                 f"contact: the load is {carried / self.load:.6g} of the given one; try another grid", sets.residual

@@ -81,21 +81,19 @@ def gap_on_links(gap: Array, ring1: bool, ring2: bool) -> tuple[Array, Array]:
     Along an axis that forms a ring n pixels have n links, from each to the next; otherwise the first axis has n + 1
     links, one to each end, beyond which the gap is mirrored, and the second n − 1.
     """
-    return on_links(gap, ring1, ring2, False)
+    return _on_links(gap, ring1, ring2, False)
 
 
 def permeability_on_links(gap: Array, ring1: bool, ring2: bool) -> tuple[Array, Array]:
     """Permeability [m³] of `gap_on_links`."""
-    return on_links(gap, ring1, ring2, True)
+    return _on_links(gap, ring1, ring2, True)
 
 
-def on_links(
-    gap: Array, ring1: bool, ring2: bool, as_permeability: bool, dtype: Any = np.float64
-) -> tuple[Array, Array]:
+def _on_links(gap: Array, ring1: bool, ring2: bool, as_permeability: bool) -> tuple[Array, Array]:
     """`gap_on_links` or `permeability_on_links`, by threads where they are large."""
     n1, n2 = gap.shape
-    on1, on2 = np.empty((n1 if ring1 else n1 + 1, n2), dtype), np.empty((n1, n2 if ring2 else n2 - 1), dtype)
-    over(rows(n1, n2), _on_links, gap, ring1, ring2, as_permeability, on1, on2)
+    on1, on2 = np.empty((n1 if ring1 else n1 + 1, n2)), np.empty((n1, n2 if ring2 else n2 - 1))
+    over(rows(n1, n2), links_of_rows, gap, ring1, ring2, as_permeability, on1, on2)
     return on1, on2
 
 
@@ -153,8 +151,8 @@ def _inside(i, n, ring):
 
 
 @njit(**_compiled)
-def _on_links(first, end, gap, ring1, ring2, as_permeability, on1, on2):
-    """Write `on_links` of some rows, with the last one those after it along the first axis."""
+def links_of_rows(first, end, gap, ring1, ring2, as_permeability, on1, on2):
+    """Write gap or permeability on the links of some rows, with the last one those after it along the first axis."""
     n1, n2 = gap.shape
     for i in range(first, on1.shape[0] if end == n1 else end):
         start = i - 1 if ring1 else i - 2

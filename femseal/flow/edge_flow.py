@@ -5,11 +5,12 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
+from numba import njit
 
 from ..base.arrays import Array
 from ..base.threads import over, rows
 from .assembly import GAUSS_POINTS, EdgeWeights, assemble_on_elements, edge_weights, gauss, weighted
-from .coefficient import on_links, permeability_at_gauss_points
+from .coefficient import links_of_rows, permeability_at_gauss_points
 from .grid import Grid
 from .solution import DarcyFlow
 from .solvers.choice import ready, solve_ready
@@ -29,11 +30,18 @@ def edge_flow(
 
 def edge_conductances(gap: Array, ring2: bool, weights: EdgeWeights, dtype: Any = np.float64) -> tuple[Array, Array]:
     """Conductances along and across of a gap at the pixels of a cell, with the `edge_weights` of its grid."""
-    w = weights
-    along, across = on_links(gap, False, ring2, True, dtype)
-    over(rows(*along.shape), weighted, along, w.rows1, w.columns1, w.kinds1, along)
-    over(rows(*across.shape), weighted, across, w.rows2, w.columns2, w.kinds2, across)
+    n1, n2 = gap.shape
+    along, across = np.empty((n1 + 1, n2), dtype), np.empty((n1, n2 if ring2 else n2 - 1), dtype)
+    over(rows(n1, n2), _conductances, gap, ring2, *weights, along, across)
     return along, across
+
+
+@njit(cache=True, nogil=True)
+def _conductances(first, end, gap, ring2, rows1, columns1, kinds1, rows2, columns2, kinds2, along, across):
+    """Write `edge_conductances` of some rows, with the last one those to the outlet."""
+    links_of_rows(first, end, gap, False, ring2, True, along, across)
+    weighted(first, end + 1 if end == gap.shape[0] else end, along, rows1, columns1, kinds1, along)
+    weighted(first, end, across, rows2, columns2, kinds2, across)
 
 
 def cell_stencil(gap: Array, grid: Grid, discretisation: str = "edge") -> Stencil:

@@ -6,7 +6,7 @@ Nodes that are not connected to both ends carry no flow and are left out. Withou
 from __future__ import annotations
 
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import AbstractContextManager, contextmanager, nullcontext
 from dataclasses import replace
 
 import numpy as np
@@ -153,24 +153,27 @@ def restricted(stencil: Stencil, keep: NDArray[np.bool_], least: float = 0.0) ->
     return replace(stencil, along=along, across=across, falling=falling, rising=rising)
 
 
-@contextmanager
-def closed(stencil: Stencil, keep: NDArray[np.bool_] | None, least: float = 0.0) -> Iterator[None]:
+def closed(stencil: Stencil, keep: NDArray[np.bool_] | None, least: float = 0.0) -> AbstractContextManager[None]:
     """Meanwhile close the links of a network that `restricted` does without, in its own arrays, none without `keep`.
 
     Only the few that are closed are copied.
     """
+    return nullcontext() if keep is None else _closed(stencil, keep, least)
+
+
+@contextmanager
+def _closed(stencil: Stencil, keep: NDArray[np.bool_], least: float) -> Iterator[None]:
     aside = []
-    if keep is not None:
-        m2 = stencil.across.shape[1]
-        for c, one, other in (
-            (stencil.along, keep[:-1], keep[1:]),
-            (stencil.across, keep[1:-1, :m2], np.roll(keep[1:-1], -1, axis=1)[:, :m2]),
-        ):
-            links = c.reshape(-1)
-            at = np.flatnonzero((c > 0) & ~(one & other & (c >= least)))
-            aside.append((links, at, links[at]))
-            links[at] = 0.0
-        del keep, one, other
+    m2 = stencil.across.shape[1]
+    for c, one, other in (
+        (stencil.along, keep[:-1], keep[1:]),
+        (stencil.across, keep[1:-1, :m2], np.roll(keep[1:-1], -1, axis=1)[:, :m2]),
+    ):
+        links = c.reshape(-1)
+        at = np.flatnonzero((c > 0) & ~(one & other & (c >= least)))
+        aside.append((links, at, links[at]))
+        links[at] = 0.0
+    del keep, one, other
     try:
         yield
     finally:

@@ -18,6 +18,9 @@ from ..contact import Contact, ContactLaw, HalfSpace, solve_contact
 from ..flow.pressure_drop import VISCOUS, PressureDrop
 from ..windows.window_flow import Failed, FlowSettings, SolveCounts, window_permeability
 
+#: A flow that is known to be 0.
+_CLOSED = SolveCounts(closed=1)
+
 
 @dataclass(frozen=True)
 class Ladder:
@@ -150,7 +153,8 @@ def solve_ladder(
         for p in ladder.peaks
     ]
     rigid = known.rigid if known is not None else work.separated(ladder.separations)
-    return replace(_cell(loading, dict(zip(ladder.peaks, unloadings, strict=True)), ladder, rigid), counts=work.counts)
+    cell = _cell(loading, dict(zip(ladder.peaks, unloadings, strict=True)), ladder, rigid)
+    return replace(cell, counts=SolveCounts.total(work.counts))
 
 
 def restrict(known: WindowStates, ladder: Ladder) -> WindowStates | None:
@@ -253,7 +257,7 @@ class _Window:
         self.gap0, self.half_space, self.law, self.rtol = gap0, half_space, law, rtol
         self.kinds, self.bounds = ladder.kinds, ladder.bounds
         self.flow = replace(flow or FlowSettings(), drop=ladder.drop)
-        self.counts = SolveCounts()
+        self.counts: list[SolveCounts] = []
         # plastic deformation at the peaks that have been loaded
         self._deformed: dict[float, Array | None] = dict.fromkeys(ladder.peaks)
 
@@ -305,11 +309,11 @@ class _Window:
         k = np.zeros((self.kinds, 2))
         for axis in (0, 1):
             if closed[axis]:
-                self.counts += SolveCounts(closed=1)
+                self.counts.append(_CLOSED)
             else:
                 found = window_permeability(gap, self.half_space.spacing, axis, bounds=self.bounds, settings=self.flow)
                 k[:, axis] = found.k
-                self.counts += found.counts
+                self.counts.append(found.counts)
         return k
 
 

@@ -214,8 +214,9 @@ def window_permeability(
         if not found[0].k.any():  # closed at every pressure
             found *= settings.drop.pressures.size
             break
-    # one flow, however many systems were solved for it
-    counts = replace(found[0].counts, solvers=SolverCounts.total(one.counts.solvers for one in found))
+    counts = found[0].counts
+    if len(found) > 1:  # one flow, however many systems were solved for it
+        counts = replace(counts, solvers=SolverCounts.total(one.counts.solvers for one in found))
     return WindowPermeability(np.array([one.k for one in found]).T.ravel(), counts)
 
 

@@ -48,8 +48,7 @@ class Levels(NamedTuple):
     """All levels of multigrid in a few arrays; `level` gives views of one.
 
     shape (levels, 2) : rows and columns with the border. first (levels + 1,) : where the fields of each level start.
-    fields (6, …) : right, below, inverse centre, x, b and r, see `level`.
-    corner_first, corners (2, …) : below right and below left; one number each on a level of five points.
+    fields : right, below, inverse centre, x, b and r, of nine points also below right and below left, see `level`.
     weight_first, weights : of the interpolation from the next level.
     cluster_first (levels,) : the first cluster of each level. cluster_start : the first of `cluster_nodes` (…, 2)
     of each cluster, and their number. cluster_outside : bits of those of their neighbours that are not of the cluster.
@@ -60,8 +59,6 @@ class Levels(NamedTuple):
     shape: NDArray[np.int64]
     first: NDArray[np.int64]
     fields: NDArray[np.float32]
-    corner_first: NDArray[np.int64]
-    corners: NDArray[np.float32]
     weight_first: NDArray[np.int64]
     weights: NDArray[np.float32]
     cluster_first: NDArray[np.int64]
@@ -73,21 +70,17 @@ class Levels(NamedTuple):
 
 
 @njit(**COMPILED)
-def level(shape, first, fields, corner_first, corners, k):
-    """Views of level k, of the first fields of `Levels`: the six fields, below right and below left."""
-    a, b, size = first[k], first[k + 1], (shape[k, 0], shape[k, 1])
-    c, d = corner_first[k], corner_first[k + 1]
-    corner_size = (1, 1) if d - c == 1 else size
-    return (
-        fields[0, a:b].reshape(size),
-        fields[1, a:b].reshape(size),
-        fields[2, a:b].reshape(size),
-        fields[3, a:b].reshape(size),
-        fields[4, a:b].reshape(size),
-        fields[5, a:b].reshape(size),
-        corners[0, c:d].reshape(corner_size),
-        corners[1, c:d].reshape(corner_size),
-    )
+def level(shape, first, fields, k):
+    """Views of level k, of the first fields of `Levels`: the six fields, below right and below left.
+
+    The last two have one number each on a level of five points.
+    """
+    n1, n2, own = shape[k, 0], shape[k, 1], fields[first[k] : first[k + 1]]
+    f = own.reshape((own.size // (n1 * n2), n1, n2))
+    if f.shape[0] > 6:
+        return f[0], f[1], f[2], f[3], f[4], f[5], f[6], f[7]
+    none = own[:1].reshape((1, 1))
+    return f[0], f[1], f[2], f[3], f[4], f[5], none, none
 
 
 @njit(**COMPILED)
@@ -279,7 +272,7 @@ def hierarchy(
     fewest, found, large = 0.0, no_clusters(len(shape)), large_levels(shape)
     for k in range(large):
         all_nine = nine or k > 0
-        count = sum(over(strips(shape[k, 0]), _store, *operator, *level(*place[:5], k)))
+        count = sum(over(strips(shape[k, 0]), _store, *operator, *level(*place[:3], k)))
         fewest = fewest or _ELIMINATED * count
         if count <= fewest:
             return _levels(place, (found[0][: k + 1], *found[1:])), operator
@@ -296,44 +289,43 @@ def hierarchy(
 
 def _places(n1: int, n2: int, nine: bool) -> tuple[NDArray[Any], ...]:
     """Sizes and memory of what the levels have but for clusters, in the order of `Levels`."""
-    shape, first, corner_first, weight_first = _sizes(n1, n2, nine, FEWEST)
+    shape, first, weight_first = _sizes(n1, n2, nine, FEWEST)
     # zeros of numpy take no memory before they are written to
-    fields, corners = np.zeros((6, first[-1]), np.float32), np.zeros((2, corner_first[-1]), np.float32)
-    return shape, first, fields, corner_first, corners, weight_first, np.zeros(weight_first[-1], np.float32)
+    return shape, first, np.zeros(first[-1], np.float32), weight_first, np.zeros(weight_first[-1], np.float32)
 
 
 @lru_cache(16)
 def _sizes(n1: int, n2: int, nine: bool, fewest: int) -> tuple[NDArray[np.int64], ...]:
-    """Sizes of all levels, and where their fields, corners and weights start, see `Levels`."""
+    """Sizes of all levels, and where their fields and weights start, see `Levels`."""
     sizes = [(n1 + 2, n2 + 2)]
     while min(n1, n2) > fewest:
         n1, n2 = (n1 + 1) // 2, (n2 + 1) // 2
         sizes.append((n1 + 2, n2 + 2))
-    nodes = [a * b for a, b in sizes]
-    first = np.cumsum([0, *nodes])
-    return np.array(sizes), first, np.cumsum([0, nodes[0] if nine else 1, *nodes[1:]]), 9 * (first[1:] - nodes[0])
+    nodes = np.array([a * b for a, b in sizes])
+    each = [8 if nine else 6] + [8] * (len(sizes) - 1)
+    return np.array(sizes), np.cumsum([0, *nodes * each]), 9 * (np.cumsum(nodes) - nodes[0])
 
 
 def _levels(place: tuple[NDArray[Any], ...], found: tuple[NDArray[Any], ...]) -> Levels:
     """`Levels` up to the last one that is filled."""
-    shape, first, fields, corner_first, corners, weight_first, weights = place
+    shape, first, fields, weight_first, weights = place
     n = found[0].size
-    return Levels(shape[:n], first[: n + 1], fields, corner_first[: n + 1], corners, weight_first[:n], weights, *found)
+    return Levels(shape[:n], first[: n + 1], fields, weight_first[:n], weights, *found)
 
 
 def _zeros(shape: NDArray[np.int64], nine: bool) -> tuple[Array, ...]:
     """Centres and conductances of a level, all 0."""
-    return tuple(np.zeros(tuple(shape) if nine or k < 3 else (1, 1)) for k in range(5))
+    return (*np.zeros((5 if nine else 3, *shape)), *(() if nine else np.zeros((2, 1, 1))))
 
 
 @njit(**COMPILED)
 def _filled_from(
-    k, operator, fewest, found, nine, ring, shape, first, fields, corner_first, corners, weight_first, weights
+    k, operator, fewest, found, nine, ring, shape, first, fields, weight_first, weights
 ):  # fmt: skip
     """Fill the levels from level k on, see `Levels`; for k > 0 `fewest` nodes are those where coarsening ends."""
     while True:
         centre, right, below, below_right, below_left = operator
-        of_level = level(shape, first, fields, corner_first, corners, k)
+        of_level = level(shape, first, fields, k)
         count = _store(1, centre.shape[0] - 1, centre, right, below, below_right, below_left, *of_level)
         if k == 0:
             fewest = _ELIMINATED * count

@@ -91,29 +91,27 @@ def solve_multigrid(
 
 
 @njit(**COMPILED)
-def _flow_out(conductances, p, i, ring, y):
-    """Write A p of row i, of p with a border of one node that is 0 at the ends: from differences."""
+def _flow_out(conductances, p, i, ring, beside, y):
+    """Write A p of row i, of p with a border of one node that is 0 at the ends: from differences.
+
+    beside : room for the flow from each node of the row to the next one. Loops over few arrays become vector
+    instructions: they take a third of the time of one over all.
+    """
     along, across, falling, rising = conductances
     n2 = along.shape[1]
-    above, below, beside = along[i - 1], along[i], across[i - 1]
+    above, below, to_right = along[i - 1], along[i], across[i - 1]
+    before, here, after = p[i - 1], p[i], p[i + 1]
+    for j in range(1, n2):
+        beside[j] = to_right[j - 1] * (np.float64(here[j]) - here[j + 1])
+    beside[0] = beside[n2] = to_right[n2 - 1] * (np.float64(here[n2]) - here[1]) if ring else 0.0
     for j in range(1, n2 + 1):
-        here = np.float64(p[i, j])
-        y[j] = above[j - 1] * (here - p[i - 1, j]) + below[j - 1] * (here - p[i + 1, j])
-    for j in range(2, n2):
-        here = np.float64(p[i, j])
-        y[j] += beside[j - 1] * (here - p[i, j + 1]) + beside[j - 2] * (here - p[i, j - 1])
-    if n2 > 1:
-        y[1] += beside[0] * (np.float64(p[i, 1]) - p[i, 2])
-        y[n2] += beside[n2 - 2] * (np.float64(p[i, n2]) - p[i, n2 - 1])
-    if ring:
-        flow = beside[n2 - 1] * (np.float64(p[i, n2]) - p[i, 1])
-        y[n2] += flow
-        y[1] -= flow
+        x = np.float64(here[j])
+        y[j] = above[j - 1] * (x - before[j]) + below[j - 1] * (x - after[j]) + (beside[j] - beside[j - 1])
     for j in range(falling.shape[1]):
         a, b = j + 1, (j + 1) % n2 + 1
-        left, right = np.float64(p[i, a]), np.float64(p[i, b])
-        y[b] += falling[i - 1, j] * (right - p[i - 1, a]) + rising[i, j] * (right - p[i + 1, a])
-        y[a] += rising[i - 1, j] * (left - p[i - 1, b]) + falling[i, j] * (left - p[i + 1, b])
+        left, right = np.float64(here[a]), np.float64(here[b])
+        y[b] += falling[i - 1, j] * (right - before[a]) + rising[i, j] * (right - after[a])
+        y[a] += rising[i - 1, j] * (left - before[b]) + falling[i, j] * (left - after[b])
 
 
 @njit(**COMPILED)
@@ -128,12 +126,12 @@ def _turn(first, end, z, scale, beta, p):
 def _curvature(first, end, conductances, p, ring, flow):
     """The part of p·A p of some rows; A p is written to `flow`, unless that is empty."""
     n2 = p.shape[1] - 2
-    y = np.empty(n2 + 2)
+    y, beside = np.empty(n2 + 2), np.empty(n2 + 1)
     total = 0.0
     for i in range(first, end):
         if flow.size > 0:
             y = flow[i]
-        _flow_out(conductances, p, i, ring, y)
+        _flow_out(conductances, p, i, ring, beside, y)
         for j in range(1, n2 + 1):
             total += y[j] * p[i, j]
     return total
@@ -146,19 +144,21 @@ def _advance(first, end, conductances, step, p, scale, ring, flow, x, r, b):
     Those of all rows are what inlet and outlet flow and the rate differ by. A p is found again where `flow` is empty.
     """
     n2 = p.shape[1] - 2
-    y = np.empty(n2 + 2)
+    y, beside = np.empty(n2 + 2), np.empty(n2 + 1)
     excess = weighted = 0.0
     for i in range(first, end):
         if flow.size > 0:
             y = flow[i]
         else:
-            _flow_out(conductances, p, i, ring, y)
+            _flow_out(conductances, p, i, ring, beside, y)
+        xs, rs, ps, bs = x[i], r[i], p[i], b[i]
         for j in range(1, n2 + 1):
-            x[i, j] += step * p[i, j]
-            r[i, j] -= step * y[j]
-            b[i, j] = r[i, j] / scale
-            excess += r[i, j]
-            weighted += r[i, j] * x[i, j]
+            value, rest = xs[j] + step * ps[j], rs[j] - step * y[j]
+            xs[j], rs[j] = value, rest
+            excess += rest
+            weighted += rest * value
+        for j in range(1, n2 + 1):
+            bs[j] = rs[j] / scale
     return excess, weighted
 
 
@@ -278,7 +278,7 @@ def _judged(iteration, rz, largest, unbalanced, rate, history, nodes, rtol, fiel
 @njit(**COMPILED)
 def _iterate(levels, coarsest, conductances, ring, rtol, field, limit, hidden):
     """Conjugate gradients: potential, iterations, error in the norm of the energy, and whether it is what was asked."""
-    _, _, inverse, z, b, _, _, _ = level(levels[0], levels[1], levels[2], levels[3], levels[4], np.int64(0))
+    _, _, inverse, z, b, _, _, _ = level(levels[0], levels[1], levels[2], np.int64(0))
     r = np.zeros(b.shape)
     rows, nodes = z.shape[0] - 1, (z.shape[0] - 2) * (z.shape[1] - 2)
     x, p, history = np.zeros(z.shape), np.zeros(z.shape, np.float32), np.zeros((3, limit + 1))
@@ -320,7 +320,7 @@ def _iterate_by_parts(
     hidden: NDArray[np.bool_],
 ) -> tuple[Array, int, float, bool]:
     """`_iterate`, with threads on large levels."""
-    _, _, inverse, z, b, _, _, _ = level(*levels[:5], 0)
+    _, _, inverse, z, b, _, _, _ = level(*levels[:3], 0)
     # in single precision the residual is the right side of the cycle, else that is a copy relative to its size
     single = conductances[0].dtype == np.float32
     r, flow = (b, _NOTHING) if single else (np.zeros(b.shape), np.empty(b.shape))

@@ -238,38 +238,39 @@ def _prolong(first, end, coarse, w, x, ring):
 @njit(**COMPILED)
 def v_cycle(levels, coarsest, nine, ring, top):
     """One V-cycle from b to x of the level `top`; the finest one, 0, has nine points or five."""
-    last = levels[0].shape[0] - 1
+    shape, first, fields, weight_first, weights, moved = levels[:6]
+    last = shape.shape[0] - 1
+    here = level(shape, first, fields, top)
     for step in range(2 * (last - top) + 1):
         k = min(top + step, 2 * last - top - step)
         if k == last:
-            coarse = level(levels[0], levels[1], levels[2], levels[3], levels[4], k)
-            solve_coarsest(coarsest, coarse[4], coarse[3])
+            solve_coarsest(coarsest, here[4], here[3])
             continue
-        fine, coarse, w, moved, all_nine = _transfer(levels, k, nine)
+        down = step < last - top
+        other = level(shape, first, fields, k + 1 if down else k)
+        coarse, fine = (other, here) if down else (here, other)
+        here = other
         right, below, inverse, x, b, r, below_right, below_left = fine
+        w, all_nine, moves = weights_to(k, shape, weight_first, weights), nine or k > 0, moved[k + 1] > moved[k]
         rows, coarse_rows = x.shape[0] - 1, coarse[4].shape[0] - 1
-        if step < last - top:
+        if down:
             _sweep_down(1, rows, False, x, b, r, inverse, right, below, below_right, below_left, all_nine, ring)
-            if moved[4].size > 0:
-                relax_forward(*moved, x, r, right, below, below_right, below_left, ring)
+            if moves:
+                relax_forward(*_clusters_of(levels, k), x, r, right, below, below_right, below_left, ring)
             _restrict(1, coarse_rows, r, w, coarse[4])
         else:
             _prolong(1, coarse_rows, coarse[3], w, x, ring)
-            if moved[4].size > 0:
-                relax_backward(*moved, x, b, right, below, below_right, below_left, ring)
+            if moves:
+                relax_backward(*_clusters_of(levels, k), x, b, right, below, below_right, below_left, ring)
             _sweep_up(1, rows, x, b, inverse, right, below, below_right, below_left, all_nine, ring)
 
 
 @njit(**COMPILED)
-def _transfer(levels, k, nine):
-    """Views of a level and of the next one, weights between them, clusters, and whether the level has nine points."""
-    shape, first, fields, corner_first, corners, weight_first, weights = levels[:7]
-    cluster_first, start, nodes, outside, ground, inverses = levels[7:]
-    fine = level(shape, first, fields, corner_first, corners, k)
-    coarse = level(shape, first, fields, corner_first, corners, k + 1)
-    w = weights_to(k, shape, weight_first, weights)
+def _clusters_of(levels, k):
+    """The clusters of a level, as `relax_forward` takes them."""
+    cluster_first, start, nodes, outside, ground, inverses = levels[5:]
     c, d = cluster_first[k], cluster_first[k + 1]
-    return fine, coarse, w, (nodes, start[c : d + 1], outside, ground, inverses[c:d]), nine or k > 0
+    return nodes, start[c : d + 1], outside, ground, inverses[c:d]
 
 
 def cycle(levels: Levels, coarsest: Coarsest, nine: bool, ring: bool) -> None:
@@ -280,7 +281,8 @@ def cycle(levels: Levels, coarsest: Coarsest, nine: bool, ring: bool) -> None:
         if k == large:
             v_cycle(levels, coarsest, nine, ring, large)
             continue
-        (right, below, inverse, x, b, r, *corners), coarse, w, moved, all_nine = _transfer(levels, k, nine)
+        (right, below, inverse, x, b, r, *corners), coarse = (level(*levels[:3], n) for n in (k, k + 1))
+        w, moved, all_nine = weights_to(k, levels.shape, *levels[3:5]), _clusters_of(levels, k), nine or k > 0
         swept, coarse_rows = strips(len(x)), strips(len(coarse[4]))
         links = right, below, *corners
         if step < large:
