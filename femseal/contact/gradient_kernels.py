@@ -9,18 +9,18 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
-from .kernels import FAST
+from .kernels import FAST, ZERO
 
 
 @njit(**FAST)
 def restart(free, delta, loaded, hardens, hardness, slope, state, lists, near, on_free, dense, stencil, rows, columns):
     """Residual r = δ − v − a (p − H) and M1 on the free points, with which conjugate gradients begin; returns Σ M1."""
-    lay_ones(0, free, hardens, slope, state, lists, on_free, dense, stencil)
+    lay_ones(ZERO, free, hardens, slope, state, lists, on_free, dense, stencil)
     line = hardness, slope
     ones, total = first_residual(
         0, free, delta, hardens, *line, state, lists, near, on_free, dense, stencil, rows, columns
     )
-    spread_residual(0, free, total / free if loaded and free > 0 else 0.0, hardens, lists, on_free, dense)
+    spread_residual(ZERO, free, total / free if loaded and free > 0 else 0.0, hardens, lists, on_free, dense)
     return ones
 
 
@@ -77,10 +77,10 @@ def turn(free, former, ones_total, loaded, hardens, lists, on_free, dense, stenc
 
     Returns w·r. Where that is not > 0, there is no direction.
     """
-    total = precondition(0, free, hardens, lists, on_free, dense, stencil, rows, columns)
-    wr = level(0, free, total / ones_total if loaded else 0.0, on_free)
+    total = precondition(ZERO, free, hardens, lists, on_free, dense, stencil, rows, columns)
+    wr = level(ZERO, free, total / ones_total if loaded else 0.0, on_free)
     if wr > 0.0:
-        direct(0, free, wr / former, lists, on_free, dense)
+        direct(ZERO, free, wr / former, lists, on_free, dense)
     return wr
 
 
@@ -123,13 +123,13 @@ def step(n, free, wr, loaded, hardens, kd, lists, near, on_free, dense):
 
     Returns d·Kd, d·d and whether the step was made: not where d·(Kd + a d) is not > 0.
     """
-    gather(0, n, kd, dense.size // kd.shape[0], lists, near)
-    curvature, length, stiff = curvatures(0, free, hardens, lists, near, on_free)
+    gather(ZERO, n, kd, dense.size // kd.shape[0], lists, near)
+    curvature, length, stiff = curvatures(ZERO, free, hardens, lists, near, on_free)
     total = 0.0
     if stiff > 0.0:
-        total = advance(0, free, wr / stiff, hardens, lists, near, on_free)
-        advance_gap(0, n, wr / stiff, near)
-    spread_residual(0, free, total / free if loaded and free > 0 else 0.0, hardens, lists, on_free, dense)
+        total = advance(ZERO, free, wr / stiff, hardens, lists, near, on_free)
+        advance_gap(ZERO, n, wr / stiff, near)
+    spread_residual(ZERO, free, total / free if loaded and free > 0 else 0.0, hardens, lists, on_free, dense)
     return curvature, length, stiff > 0.0
 
 

@@ -28,6 +28,8 @@ from numba import njit
 #: Every function is inlined: a called one may be compiled differently in another process and change last digits.
 EXACT: dict[str, Any] = {"cache": True, "nogil": True, "forceinline": True}
 FAST: dict[str, Any] = {**EXACT, "fastmath": {"reassoc", "nsz", "arcp", "contract", "nnan"}}
+#: Numbers, as loops in parts pass them: numba would compile its functions once more for a constant 0 or True.
+ZERO, YES = np.int64(0), np.bool_(True)
 #: Most steps of Newton's method for δ.
 ROOT_STEPS = 200
 #: Sets stay while points that would leave them have at most this fraction of the squared residual, and it halves.
@@ -105,10 +107,10 @@ def look(n, c, load, loaded, delta, hardness, slope, state, lists, near):
     y‖².
     """
     carried = True
-    find_trial(0, n, c, near)
+    find_trial(ZERO, n, c, near)
     if loaded:
         delta, carried = root(near[0], n, hardness, slope, c, lists[0], c, load, delta)
-    return delta, carried, *residual(*compare(0, n, c, delta, hardness, slope, state, lists, near))
+    return delta, carried, *residual(*compare(ZERO, n, c, delta, hardness, slope, state, lists, near))
 
 
 @njit(**EXACT)
@@ -129,7 +131,7 @@ def compare(first, end, c, delta, hardness, slope, state, lists, near):
     c2 = 0.0
     shift = c * delta
     one = hardness.size + slope.size == 2
-    h, t = _line(0, hardness, slope, c)
+    h, t = _line(ZERO, hardness, slope, c)
     for j in range(end - first):
         i = listed[j]
         if not one:
@@ -175,12 +177,12 @@ def root(x, n, hardness, slope, kept, listed, c, load, start):
     y is the projection on the law with t = h/(h + kept). The sum is monotone and piecewise linear in δ: Newton's method
     within a bracket.
     """
-    limits = capacity(0, n, x, hardness, slope, kept, listed, load)
+    limits = capacity(ZERO, n, x, hardness, slope, kept, listed, load)
     found, carried, d, low, top = bracket(*limits, c, load, start)
     for _ in range(ROOT_STEPS):
         if found:
             break
-        total, slopes = carry(0, n, x, c * d, hardness, slope, kept, listed)
+        total, slopes = carry(ZERO, n, x, c * d, hardness, slope, kept, listed)
         found, d, low, top = refine(total, slopes, c, load, d, low, top)
     return d, carried
 
@@ -194,7 +196,7 @@ def capacity(first, end, x, hardness, slope, kept, listed, load):
     total = 0.0
     rise = 0.0
     one = hardness.size + slope.size == 2
-    h, t = _line(0, hardness, slope, kept)
+    h, t = _line(ZERO, hardness, slope, kept)
     for j in range(end - first):
         if not one:
             h, t = _line(listed[j], hardness, slope, kept)
@@ -267,12 +269,12 @@ def project(n, free, c, delta, load, loaded, keep, p, hardness, slope, state, li
     keep : points that stay free in their state keep the pressure that conjugate gradients gave them. The load that all
     others leave is put on the free points by a uniform shift within the bounds. Returns the number of free points.
     """
-    clear(0, free, lists, dense)
-    k, carried = assign(0, n, True, c, delta, keep, p, hardness, slope, state, lists, near)
+    clear(ZERO, free, lists, dense)
+    k, carried = assign(ZERO, n, YES, c, delta, keep, p, hardness, slope, state, lists, near)
     left = load - carried
     if k > 0 and left > 0.0 and loaded:
         uniform = root(near[3], k, hardness, slope, 0.0, lists[1], 1.0, left, 0.0)[0]
-        shift(0, k, c, uniform, p, hardness, slope, lists, near)
+        shift(ZERO, k, c, uniform, p, hardness, slope, lists, near)
     return k
 
 
@@ -293,7 +295,7 @@ def assign(first, end, enlist, c, delta, keep, p, hardness, slope, state, lists,
     carried = 0.0
     k = 0
     one = hardness.size + slope.size == 2
-    h, t = _line(0, hardness, slope, c)
+    h, t = _line(ZERO, hardness, slope, c)
     for j in range(end - first):
         i = listed[j]
         if not one:
@@ -330,7 +332,7 @@ def list_free(first, end, k, state, lists, near):
 def shift(first, end, c, uniform, p, hardness, slope, lists, near):
     """Add a uniform pressure to some free points, within the bounds."""
     one = hardness.size + slope.size == 2
-    h, t = _line(0, hardness, slope, c)
+    h, t = _line(ZERO, hardness, slope, c)
     listed, x = lists[1, first:end], near[3, first:end]
     for k in range(end - first):
         i = listed[k]

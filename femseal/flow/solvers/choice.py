@@ -29,6 +29,7 @@ from ..solution import MAX_IMBALANCE, DarcyFlow, potential_rtol
 from ..stencil import Stencil, energy_of
 from .amg import solve_amg, solve_direct
 from .coarsest import coarsest_nodes
+from .compiled import NO
 from .incomplete_cholesky import solve_incomplete
 from .link_network import eliminate, island_potentials
 from .multigrid import COARSEST_NODES, solve_multigrid
@@ -391,7 +392,7 @@ def _flows(along, across, falling, rising, keep, φ, ψ):
         k = (j + 1) % n2
         inlet += falling[0, j] * complement[1, k] + rising[0, j] * complement[1, j]
         outlet += rising[n1 - 1, j] * potential[n1 - 1, k] + falling[n1 - 1, j] * potential[n1 - 1, j]
-    energy = energy_of(along, across, falling, rising, potential, False)
+    energy = energy_of(along, across, falling, rising, potential, NO)
     for i in range(n1 + 1):
         for j in range(n2):
             if not keep[i, j]:

@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 from ...base.arrays import Array
 from ...base.threads import over
 from .clusters import clusters, no_clusters, with_clusters
-from .compiled import COMPILED
+from .compiled import COMPILED, FIRST
 
 #: Nodes of an axis at which coarsening ends.
 FEWEST = 4
@@ -32,6 +32,10 @@ _ELIMINATED = 1 / 40
 _MOST_INVERSE = 1e30
 #: Nodes from which threads share the work on a level, and rows of a strip.
 _LARGE, _STRIP = 2**18, 64
+
+
+#: No operator.
+_NOTHING: tuple[Array, ...] = (np.zeros((0, 0)),) * 5
 
 
 def strips(rows: int) -> list[tuple[int, int]]:
@@ -265,11 +269,13 @@ def hierarchy(
     nine = falling.size > 0
     place = _places(along.shape[0] - 1, along.shape[1], nine)
     shape, *_, weight_first, weights = place
-    operator = _zeros(shape[0], nine)
-    over(strips(shape[0, 0]), _straight_links, along, across, ring, *operator[:3])
-    if nine:
-        _corner_links(falling, rising, ring, operator[0], *operator[3:])
     fewest, found, large = 0.0, no_clusters(len(shape)), large_levels(shape)
+    operator, conductances = _NOTHING, (along, across, falling, rising)
+    if large:
+        operator = _zeros(shape[0], nine)
+        over(strips(shape[0, 0]), _straight_links, along, across, ring, *operator[:3])
+    if large and nine:
+        _corner_links(falling, rising, ring, operator[0], *operator[3:])
     for k in range(large):
         all_nine = nine or k > 0
         count = sum(over(strips(shape[k, 0]), _store, *operator, *level(*place[:3], k)))
@@ -283,7 +289,7 @@ def hierarchy(
         coarse = _zeros(shape[k + 1], True)
         over(rows, _galerkin, *operator, w, all_nine, ring, *coarse)
         operator = coarse
-    found, operator = _filled_from(large, operator, fewest, found, nine, ring, *place)
+    found, operator = _filled_from(large, operator, conductances, fewest, found, ring, *place)
     return _levels(place, found), operator
 
 
@@ -320,13 +326,25 @@ def _zeros(shape: NDArray[np.int64], nine: bool) -> tuple[Array, ...]:
 
 @njit(**COMPILED)
 def _filled_from(
-    k, operator, fewest, found, nine, ring, shape, first, fields, weight_first, weights
+    k, operator, conductances, fewest, found, ring, shape, first, fields, weight_first, weights
 ):  # fmt: skip
-    """Fill the levels from level k on, see `Levels`; for k > 0 `fewest` nodes are those where coarsening ends."""
+    """Fill the levels from level k on, see `Levels`.
+
+    For k > 0 `operator` has that of level k, and `fewest` nodes are those where coarsening ends.
+    """
+    along, across, falling, rising = conductances
+    nine = falling.size > 0
+    if k == 0:
+        size = shape[0, 0], shape[0, 1]
+        corners = size if nine else (1, 1)
+        operator = np.zeros(size), np.zeros(size), np.zeros(size), np.zeros(corners), np.zeros(corners)
+        _straight_links(FIRST, size[0] - 1, along, across, ring, operator[0], operator[1], operator[2])
+        if nine:
+            _corner_links(falling, rising, ring, operator[0], operator[3], operator[4])
     while True:
         centre, right, below, below_right, below_left = operator
         of_level = level(shape, first, fields, k)
-        count = _store(1, centre.shape[0] - 1, centre, right, below, below_right, below_left, *of_level)
+        count = _store(FIRST, centre.shape[0] - 1, centre, right, below, below_right, below_left, *of_level)
         if k == 0:
             fewest = _ELIMINATED * count
         if k == shape.shape[0] - 1 or count <= fewest:
@@ -334,13 +352,13 @@ def _filled_from(
         all_nine = nine or k > 0
         m1, m2 = shape[k + 1, 0], shape[k + 1, 1]
         w = weights_to(k, shape, weight_first, weights)
-        _along_rows(1, m1 - 1, centre, right, below, below_right, below_left, all_nine, ring, w)
-        _between_rows(1, m1 - 1, centre, right, below, below_right, below_left, all_nine, ring, w)
+        _along_rows(FIRST, m1 - 1, centre, right, below, below_right, below_left, all_nine, ring, w)
+        _between_rows(FIRST, m1 - 1, centre, right, below, below_right, below_left, all_nine, ring, w)
         found = with_clusters(found, k, *clusters(centre, right, below, below_right, below_left, all_nine, ring))
         to0, to1, to2 = np.zeros((m1, m2)), np.zeros((m1, m2)), np.zeros((m1, m2))
         to3, to4 = np.zeros((m1, m2)), np.zeros((m1, m2))
         _galerkin(
-            1, m1 - 1, centre, right, below, below_right, below_left, w, all_nine, ring, to0, to1, to2, to3, to4
+            FIRST, m1 - 1, centre, right, below, below_right, below_left, w, all_nine, ring, to0, to1, to2, to3, to4
         )  # fmt: skip
         operator = to0, to1, to2, to3, to4
         k += 1

@@ -16,7 +16,7 @@ from ...base.errors import NotConverged
 from ...base.threads import over
 from ..stencil import Stencil
 from .coarsest import Coarsest, eliminate_coarsest
-from .compiled import COMPILED
+from .compiled import COMPILED, FINEST, FIRST
 from .hierarchy import Levels, hierarchy, large_levels, level, strips
 from .v_cycle import cycle, v_cycle
 
@@ -278,7 +278,7 @@ def _judged(iteration, rz, largest, unbalanced, rate, history, nodes, rtol, fiel
 @njit(**COMPILED)
 def _iterate(levels, coarsest, conductances, ring, rtol, field, limit, hidden):
     """Conjugate gradients: potential, iterations, error in the norm of the energy, and whether it is what was asked."""
-    _, _, inverse, z, b, _, _, _ = level(levels[0], levels[1], levels[2], np.int64(0))
+    _, _, inverse, z, b, _, _, _ = level(levels[0], levels[1], levels[2], FINEST)
     r = np.zeros(b.shape)
     rows, nodes = z.shape[0] - 1, (z.shape[0] - 2) * (z.shape[1] - 2)
     x, p, history = np.zeros(z.shape), np.zeros(z.shape, np.float32), np.zeros((3, limit + 1))
@@ -286,22 +286,22 @@ def _iterate(levels, coarsest, conductances, ring, rtol, field, limit, hidden):
     _start(conductances, inverse, x, r, b)
     scale, unbalanced, iteration = 1.0, 0.0, np.int64(0)
     while True:
-        v_cycle(levels, coarsest, conductances[2].size > 0, ring, 0)
-        rz, largest = _product(1, rows, r, z, field, hidden)
+        v_cycle(levels, coarsest, conductances[2].size > 0, ring, FINEST)
+        rz, largest = _product(FIRST, rows, r, z, field, hidden)
         rz *= scale
         rate = _outflow(conductances, x)
         error, done, hopeless = _judged(iteration, rz, scale * largest, unbalanced, rate, history, nodes, rtol, field)
         if done or hopeless:
             break
         beta = rz / history[0, iteration - 1] if iteration > 0 else 0.0
-        _turn(1, rows, z, scale, beta, p)
-        curvature = _curvature(1, rows, conductances, p, ring, flow)
+        _turn(FIRST, rows, z, scale, beta, p)
+        curvature = _curvature(FIRST, rows, conductances, p, ring, flow)
         if not curvature > 0.0:
             break
         history[1, iteration], history[2, iteration] = rz / curvature, beta
         # far from the limits of single precision, however small the residual is
         scale = np.sqrt(rz)
-        excess, weighted = _advance(1, rows, conductances, rz / curvature, p, scale, ring, flow, x, r, b)
+        excess, weighted = _advance(FIRST, rows, conductances, rz / curvature, p, scale, ring, flow, x, r, b)
         unbalanced = max(abs(excess), abs(weighted))
         iteration += 1
     if not done and rate > 0.0 and rz >= 0.0:

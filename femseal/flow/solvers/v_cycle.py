@@ -15,7 +15,7 @@ from numba import njit
 from ...base.threads import over
 from .clusters import relax_backward, relax_forward
 from .coarsest import Coarsest, solve_coarsest
-from .compiled import COMPILED
+from .compiled import COMPILED, FIRST, NO
 from .hierarchy import Levels, large_levels, level, strips, weights_to
 
 
@@ -254,15 +254,15 @@ def v_cycle(levels, coarsest, nine, ring, top):
         w, all_nine, moves = weights_to(k, shape, weight_first, weights), nine or k > 0, moved[k + 1] > moved[k]
         rows, coarse_rows = x.shape[0] - 1, coarse[4].shape[0] - 1
         if down:
-            _sweep_down(1, rows, False, x, b, r, inverse, right, below, below_right, below_left, all_nine, ring)
+            _sweep_down(FIRST, rows, NO, x, b, r, inverse, right, below, below_right, below_left, all_nine, ring)
             if moves:
                 relax_forward(*_clusters_of(levels, k), x, r, right, below, below_right, below_left, ring)
-            _restrict(1, coarse_rows, r, w, coarse[4])
+            _restrict(FIRST, coarse_rows, r, w, coarse[4])
         else:
-            _prolong(1, coarse_rows, coarse[3], w, x, ring)
+            _prolong(FIRST, coarse_rows, coarse[3], w, x, ring)
             if moves:
                 relax_backward(*_clusters_of(levels, k), x, b, right, below, below_right, below_left, ring)
-            _sweep_up(1, rows, x, b, inverse, right, below, below_right, below_left, all_nine, ring)
+            _sweep_up(FIRST, rows, x, b, inverse, right, below, below_right, below_left, all_nine, ring)
 
 
 @njit(**COMPILED)
