@@ -19,6 +19,7 @@ class Stage:
     function : called for each item; processes get it as a pickle.
     memory : of one call [byte], 0 if it is small; a machine runs no more calls at once than fit in its memory.
     apart : whether the results may come as a sequence that reads those which are asked for, as in a part of a run.
+    here : whether sending the items to other processes takes longer than the calls.
 
     >>> stage = Stage("quotients", divmod)
     >>> stage.name, list(map(stage, [7, 9], [2, 2]))
@@ -29,6 +30,7 @@ class Stage:
     function: Callable[..., Any]
     memory: float = 0.0
     apart: bool = False
+    here: bool = False
 
     def __call__(self, *item: Any) -> Any:
         """Compute the result of one item."""

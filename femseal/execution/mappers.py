@@ -6,10 +6,12 @@ not compete for cores and results do not depend on where they were computed.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
+from functools import partial
+from typing import Any
 
-from ..base.stage import Mapper
+from ..base.stage import Mapper, Stage
 
 
 @contextmanager
@@ -39,11 +41,15 @@ def ordered_map(
     with threadpool_limits(1):
         if scheduler is not None:
             with over_cluster(scheduler, count) as mapper:
-                yield mapper
+                yield partial(_map, mapper)
         elif count == 1:
             yield map
         else:
             with over_processes(count) as mapper:
                 if before is not None:
                     before(mapper)
-                yield mapper
+                yield partial(_map, mapper)
+
+
+def _map(elsewhere: Mapper, stage: Stage, *iterables: Iterable[Any]) -> Iterable[Any]:
+    return (map if stage.here else elsewhere)(stage, *iterables)
