@@ -28,7 +28,7 @@ from .superelement import WindowElement, WindowLinks, validated_face, window_lin
 #: Largest distance of two nodes on a side, in pixels.
 NODE_SPACING = 8
 #: Memory that flow through elements needs for each pixel [byte].
-ELEMENT_BYTES = 45.0
+ELEMENT_BYTES = 36.0
 #: Pixels beside the four sides of a window.
 _AT_SIDES: tuple[Any, ...] = (np.s_[0], np.s_[-1], np.s_[:, 0], np.s_[:, -1])
 

@@ -66,7 +66,7 @@ def condense(c1: Array, c2: Array) -> tuple[Array, Indices]:
         np.ascontiguousarray(c1), inner, _NOTHING, _NOTHING, keep, False, node[at_sides], at_sides, link[at_sides],
         node.size, only_between=True,
     )  # fmt: skip
-    return factors.between, components(c1, c2)[keep.size :]
+    return factors.between, components(c1, c2)[keep.size :].copy()  # of the sides alone, not of all nodes
 
 
 @njit(cache=True, nogil=True)
