@@ -16,6 +16,7 @@ from typing import Annotated, NoReturn
 import typer
 
 from .base import FemsealError, InputError, PartsMissing, shortened, writing
+from .base.lazy_package import loading
 from .commands import calibrate, compare, design, sweep
 from .execution.parts import parsed_part
 from .execution.terminal import (
@@ -135,11 +136,8 @@ def run(
         from .execution.processes import start_processes
 
         start_processes(workers, "femseal.studies.worker_process")  # while this process loads the solvers too
-    gc.disable()  # loading makes hundreds of thousands of objects, and no garbage
-    from .runs import job
-
-    gc.freeze()
-    gc.enable()
+    with loading():
+        from .runs import job
 
     again = f"femseal run {path} -o {folder}"
     try:
