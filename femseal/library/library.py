@@ -317,7 +317,7 @@ def build_ladder_library(
     # cells that are complete go there too: what a run asks for does not depend on what is kept
     stage = Stage("library windows", partial(_cell, source=source, ladder=ladder), apart=True)
     found = mapper(stage, range(count), known)
-    outcomes = found if isinstance(found, Sequence) else list(found)
+    outcomes = found if isinstance(found, Sequence) else list(found)  # a sequence reads those that are asked for
     complete = [cell is not None and restrict(cell, ladder) is not None for cell in known]
     if path is not None and not all(complete):
         cells = [None if isinstance(cell, Failed) else cell for cell in outcomes]
@@ -331,7 +331,7 @@ def build_ladder_library(
         faces=len(source.topographies),
         reused=sum(complete),
     )
-    if isinstance(outcomes, list):  # others are read when they are needed
+    if outcomes is not found:
         library.refuse_empty()
     return library
 
