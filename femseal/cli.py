@@ -10,6 +10,7 @@ import signal
 import sys
 import traceback
 from contextlib import suppress
+from functools import partial
 from pathlib import Path
 from typing import Annotated, NoReturn
 
@@ -102,11 +103,13 @@ def check(path: CasePath) -> None:
     case = load_case(path)  # before the solvers are loaded, so that a fault is shown at once
     from .preparation.preparation import prepare
     from .runs.forecast import describe, refuse_too_large
+    from .studies.compiling import telling
 
-    prepared = prepare(case)
-    for line in describe(case, prepared):
-        typer.echo(line)
-    refuse_too_large(case, prepared)
+    with telling(partial(typer.echo, err=True)):
+        prepared = prepare(case)
+        for line in describe(case, prepared):
+            typer.echo(line)
+        refuse_too_large(case, prepared)
 
 
 @app.command()
