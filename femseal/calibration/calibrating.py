@@ -12,13 +12,8 @@ from typing import Any
 import numpy as np
 from scipy.stats import qmc
 
-from ..base import validate
-from ..base.errors import FemsealError, InputError, shown
-from ..base.files import write_text
+from ..base import FemsealError, InputError, Stage, numerical_versions, shown, to_si, to_text, validate, write_text
 from ..base.leak_rates import LeakUnit
-from ..base.machine import numerical_versions
-from ..base.quantities import to_si, to_text
-from ..base.stage import Stage
 from ..case.case import Case, load_case, read_case
 from ..execution.mappers import ordered_map
 from ..execution.parts import Part, checked_part

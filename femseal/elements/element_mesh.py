@@ -13,8 +13,7 @@ import scipy.sparse as sp
 from numba import njit
 from scipy.sparse.csgraph import connected_components
 
-from ..base.arrays import Array, Indices
-from ..base.errors import NotConverged
+from ..base import Array, Indices, NotConverged
 from ..flow.solution import MAX_IMBALANCE
 from ..flow.solvers.elimination import Factors, Links, Order, carry_sources, factored, find_potentials
 from .superelement import WindowElement

@@ -14,10 +14,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 from threadpoolctl import threadpool_limits
 
-from ..base import validate
-from ..base.arrays import Array
-from ..base.errors import InputError
-from ..base.text import Shown
+from ..base import Array, InputError, Shown, validate
 from ..base.threads import number, on_threads
 from ..flow.solvers.link_network import components, eliminate
 from ..windows.partition import Partition

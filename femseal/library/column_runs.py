@@ -14,9 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ..base import validate
-from ..base.arrays import Array, Indices
-from ..base.errors import InputError
+from ..base import Array, Indices, InputError, validate
 from ..elements.element_mesh import ElementMesh, ElementSolution, mesh_factors
 from ..elements.elements import NODE_SPACING
 from ..elements.superelement import WindowElement, WindowLinks, validated_face, window_links

@@ -18,12 +18,8 @@ from typing import Any, ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from ..base.arrays import Array
-from ..base.errors import FemsealError, InputError
+from ..base import Array, FemsealError, InputError, Mapper, Shown, Stage, made_folder
 from ..base.fields import LIBRARY_CELL, LIBRARY_WINDOW, declared
-from ..base.files import made_folder
-from ..base.stage import Mapper, Stage
-from ..base.text import Shown
 from ..contact import ContactLaw, HalfSpace
 from ..execution.plain_data import packed, unpacked
 from ..execution.store import SUFFIX, read_shard, write_shard
