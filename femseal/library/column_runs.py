@@ -18,8 +18,7 @@ from ..base import Array, Indices, InputError, validate
 from ..elements.element_mesh import ElementMesh, ElementSolution, mesh_factors
 from ..elements.elements import NODE_SPACING
 from ..elements.superelement import WindowElement, WindowLinks, validated_face, window_links
-from ..windows.partition import Partition
-from ..windows.window_flow import SolverCounts
+from ..windows import Partition, SolverCounts
 
 #: Places at which runs start, for each run that the face has without overlap.
 STARTS = 2
