@@ -19,7 +19,6 @@ from ..execution.mappers import ordered_map
 from ..execution.parts import Part, checked_part
 from ..execution.run import Progress, Run, no_progress
 from ..preparation.preparation import prepare
-from ..preparation.prepared import Prepared
 from ..runs import job
 from ..runs.forecast import forecast, refuse_too_large
 from ..studies.compiling import compile_ahead
@@ -143,11 +142,7 @@ def _ranges(case: Case, given: dict[str, Range | None]) -> tuple[Array, float]:
     for corner in product(*found[:2]):
         at = with_values(case, *corner)
         refuse_too_large(at, prepare(at))
-    return np.array(found), _memory(case, prepared)
-
-
-def _memory(case: Case, prepared: Prepared) -> float:
-    return float(forecast(case, prepared, usual_efforts(len(prepared.scene.steps))).memory)
+    return np.array(found), forecast(case, prepared, usual_efforts(len(prepared.scene.steps))).memory
 
 
 def with_values(case: Case, hardness: float, shortest_wave: float) -> Case:

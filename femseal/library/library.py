@@ -318,7 +318,7 @@ def build_ladder_library(
     if path is not None and not all(complete):
         cells = [None if isinstance(cell, Failed) else cell for cell in outcomes]
         both = [c if k is None else k if c is None else merge(c, k, ladder) for c, k in zip(cells, known, strict=True)]
-        _write(path, both + kept[count:])
+        write_shard(path, ("library", FORMAT), [packed(cell) for cell in both + kept[count:]])
     library = LadderLibrary(
         ladder=ladder,
         outcomes=outcomes,
@@ -346,11 +346,6 @@ def _cell(n: int, known: WindowStates | None, *, source: WindowSource, ladder: L
         flow=source.flow,
         known=known,
     )
-
-
-def _write(path: Path, cells: Sequence[WindowStates | None]) -> None:
-    """Write all cells into one file, None for those that failed."""
-    write_shard(path, ("library", FORMAT), [packed(cell) for cell in cells])
 
 
 def _read(path: Path, ladder: Ladder) -> list[WindowStates | None]:
