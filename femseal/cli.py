@@ -10,12 +10,14 @@ import signal
 import sys
 import traceback
 from contextlib import suppress
+from functools import partial
 from pathlib import Path
 from typing import Annotated, NoReturn
 
 import typer
 
 from .base import FemsealError, InputError, PartsMissing, shortened, writing
+from .base.lazy_package import loading
 from .commands import calibrate, compare, design, sweep
 from .execution.parts import parsed_part
 from .execution.terminal import (
@@ -101,11 +103,13 @@ def check(path: CasePath) -> None:
     case = load_case(path)  # before the solvers are loaded, so that a fault is shown at once
     from .preparation.preparation import prepare
     from .runs.forecast import describe, refuse_too_large
+    from .studies.compiling import telling
 
-    prepared = prepare(case)
-    for line in describe(case, prepared):
-        typer.echo(line)
-    refuse_too_large(case, prepared)
+    with telling(partial(typer.echo, err=True)):
+        prepared = prepare(case)
+        for line in describe(case, prepared):
+            typer.echo(line)
+        refuse_too_large(case, prepared)
 
 
 @app.command()
@@ -135,11 +139,8 @@ def run(
         from .execution.processes import start_processes
 
         start_processes(workers, "femseal.studies.worker_process")  # while this process loads the solvers too
-    gc.disable()  # loading makes hundreds of thousands of objects, and no garbage
-    from .runs import job
-
-    gc.freeze()
-    gc.enable()
+    with loading():
+        from .runs import job
 
     again = f"femseal run {path} -o {folder}"
     try:

@@ -5,6 +5,7 @@ Symbols: E Young's modulus, ν Poisson's ratio, E* contact modulus, σ_y yield s
 
 from __future__ import annotations
 
+import re
 from dataclasses import dataclass
 from difflib import get_close_matches
 from math import inf, isfinite
@@ -98,7 +99,7 @@ def named_solid(name: str) -> Solid:
 
     Raises
     ------
-    InputError : an unknown name; the message gives the nearest first.
+    InputError : an unknown name; the message gives the nearest.
 
     Examples
     --------
@@ -109,6 +110,7 @@ def named_solid(name: str) -> Solid:
     text = name.casefold().strip() if isinstance(name, str) else ""
     if text in known:
         return METALS[known[text]][0]
-    near = [key for key in known if text and text in key] or get_close_matches(text, known, 1, 0.4)
-    perhaps = f"{shown(known[near[0]])}, or another " if near else "one "
-    raise InputError("name", shown(name), f"{perhaps}of {', '.join(map(repr, METALS))}")
+    parts = [part for part in (text, *re.findall(r"\d{3,}", text)) if part]
+    near = [key for key in known if any(part in key for part in parts)] or get_close_matches(text, known, 1, 0.4)
+    perhaps = f"; perhaps meant: {known[near[0]]!r}" if near else ""
+    raise InputError("name", shown(name), f"one of {', '.join(map(repr, METALS))}{perhaps}")

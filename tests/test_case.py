@@ -567,6 +567,10 @@ def test_a_face_is_masked_and_cropped_as_the_case_says(tmp_path, data):
         case = parse_case(data | {"face": data["face"] | wrong | {key: value}}, tmp_path)
         with pytest.raises(fs.InputError, match=rf"^face\.{key}: given"):
             prepare(case)
+    (tmp_path / "bad.npy").write_text("no numbers")
+    for key in ("path", "mask"):
+        with pytest.raises(fs.InputError, match=rf"^face\.{key}, {re.escape(str(tmp_path / 'bad.npy'))}: given"):
+            prepare(parse_case(data | {"face": data["face"] | {key: "bad.npy"}}, tmp_path))
     for key, value in (
         ("crop", ["0 um", "10 um"]),
         ("crop", ["-1 um", "10 um", "0 um", "9 um"]),

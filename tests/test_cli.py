@@ -12,6 +12,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from numba import njit
 from typer.testing import CliRunner
 
 import femseal as fs
@@ -41,6 +42,12 @@ def test_a_stop_before_the_work_is_told_and_no_success(femseal, monkeypatch, com
     code, _, errors = femseal(command, ROOT / "examples" / "turned_seal.toml")
     assert code == 1
     assert "stopped" in errors
+
+
+def test_check_tells_once_that_loops_are_compiled(femseal, monkeypatch):
+    monkeypatch.setattr("femseal.runs.forecast.describe", lambda *_: [njit(lambda x: x)(one) for one in ("a", 1.0)])
+    code, lines, errors = femseal("check", ROOT / "examples" / "turned_seal.toml")
+    assert (code, lines, errors) == (0, "a\n1.0\n", "compiling, once after an installation\n")
 
 
 @pytest.fixture

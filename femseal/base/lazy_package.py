@@ -2,9 +2,11 @@
 
 import ast
 import atexit
+import gc
 import os
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from functools import cached_property
 from importlib import import_module
 from pathlib import Path
@@ -60,6 +62,17 @@ class LazyPackage(ModuleType):
 def load_when_used(package: str) -> None:
     """Make a package lazy: to be called by its `__init__`."""
     sys.modules[package].__class__ = LazyPackage
+
+
+@contextmanager
+def loading() -> Iterator[None]:
+    """Context of imports: hundreds of thousands of objects and no garbage, which is not looked for among them."""
+    gc.disable()
+    try:
+        yield
+    finally:
+        gc.freeze()
+        gc.enable()
 
 
 def find_place(package: Path) -> None:

@@ -12,19 +12,13 @@ from typing import Any
 import numpy as np
 from scipy.stats import qmc
 
-from ..base import validate
-from ..base.errors import FemsealError, InputError, shown
-from ..base.files import write_text
+from ..base import FemsealError, InputError, Stage, numerical_versions, shown, to_si, to_text, validate, write_text
 from ..base.leak_rates import LeakUnit
-from ..base.machine import numerical_versions
-from ..base.quantities import to_si, to_text
-from ..base.stage import Stage
 from ..case.case import Case, load_case, read_case
 from ..execution.mappers import ordered_map
 from ..execution.parts import Part, checked_part
 from ..execution.run import Progress, Run, no_progress
 from ..preparation.preparation import prepare
-from ..preparation.prepared import Prepared
 from ..runs import job
 from ..runs.forecast import forecast, refuse_too_large
 from ..studies.compiling import compile_ahead
@@ -148,11 +142,7 @@ def _ranges(case: Case, given: dict[str, Range | None]) -> tuple[Array, float]:
     for corner in product(*found[:2]):
         at = with_values(case, *corner)
         refuse_too_large(at, prepare(at))
-    return np.array(found), _memory(case, prepared)
-
-
-def _memory(case: Case, prepared: Prepared) -> float:
-    return float(forecast(case, prepared, usual_efforts(len(prepared.scene.steps))).memory)
+    return np.array(found), forecast(case, prepared, usual_efforts(len(prepared.scene.steps))).memory
 
 
 def with_values(case: Case, hardness: float, shortest_wave: float) -> Case:

@@ -13,11 +13,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ..base.arrays import Array
-from ..base.files import made_folder, replacing, write_text, writing
-from ..base.machine import versions
-from ..base.quantities import to_text
-from ..base.text import TextTable, comma_separated
+from ..base import Array, TextTable, comma_separated, made_folder, replacing, to_text, versions, write_text, writing
 from ..case.case import Case
 from ..plots.drawing import GREY, LEGEND_LINE, LINES, STYLES, Sheet, branch_styles, legend_below
 from ..results.tables import format_leakage

@@ -19,10 +19,8 @@ from numpy.typing import NDArray
 from scipy.special import ndtr
 from scipy.stats import qmc
 
-from ..base.arrays import Array
-from ..base.errors import InputError, InputErrors, shortened, shown
+from ..base import Array, InputError, InputErrors, shortened, shown, to_si, to_text
 from ..base.leak_rates import LeakUnit, leak_unit
-from ..base.quantities import to_si, to_text
 from ..case.case import Case
 from ..case.load import Amount
 from ..fluids import leak_basis

@@ -12,7 +12,7 @@ from typing import Annotated, Any, Literal
 import numpy as np
 from pydantic import BeforeValidator, Field, WithJsonSchema
 
-from ..base import shortened
+from ..base import InputError, shortened
 from ..topography import SPIKES, Topography, read_topography, self_affine, turned
 from .faults import fault, refusal
 from .values import Angle, Both, Channel, Count, Height, Hurst, Length, Place, Ratio, Shift, Slope, Table, Threshold
@@ -146,8 +146,12 @@ class FileFace(MapFile):
     def make(self, folder: Path, rng: np.random.Generator) -> Topography:
         """The face, of one map."""
         given = self.model_dump(exclude={"kind", "path", "places", "mask", *_PLACEMENT})
-        mask = None if self.mask is None else folder / self.mask
-        return read_topography(folder / (self.path or ""), mask=mask, **given)
+        path, mask = folder / (self.path or ""), None if self.mask is None else folder / self.mask
+        try:
+            return read_topography(path, mask=mask, **given)
+        except InputError as error:  # of a file, which it names
+            keys = (f"{key}, " for key, file in (("path", path), ("mask", mask)) if error.what.startswith(str(file)))
+            raise InputError(next(keys, "") + error.what, error.given, error.expected) from None
 
 
 _PLACEMENT = {"mirror", "rotate", "shift"}

@@ -17,10 +17,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ..base import validate
-from ..base.quantities import to_text
-from ..base.stage import Mapper, Stage
-from ..base.text import Plotted, TextTable
+from ..base import Mapper, Plotted, Stage, TextTable, to_text, validate
 from ..loads import LoadProgramme, LoadStep
 from .half_space import HalfSpace
 from .law import ContactLaw, contact_law

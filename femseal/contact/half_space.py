@@ -7,8 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ..base import validate
-from ..base.errors import InputError
+from ..base import InputError, validate
 from . import influence
 from .large_convolution import convolution
 

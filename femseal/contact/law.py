@@ -20,8 +20,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ..base.errors import InputError
-from ..base.quantities import to_text
+from ..base import InputError, to_text
 
 Array = NDArray[np.float64]
 #: Relative distance from H within which a point counts as yielding, where pressures were kept in single precision.

@@ -16,9 +16,7 @@ from typing import ClassVar, cast
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ..base import validate
-from ..base.errors import InputError, NotConverged
-from ..base.text import Shown
+from ..base import InputError, NotConverged, Shown, validate
 from ..base.threads import number, on_threads
 from . import kernels, long_lists
 from .active_sets import ActiveSets

@@ -13,8 +13,7 @@ from ..base.leak_rates import USUAL, check_classes, leak_classes
 from ..case.case import Case, load_case
 from ..case.load import Amount
 from ..fluids import leak_basis
-from ..results import open_results
-from ..results.results import Results
+from ..results import Results, open_results
 from ..runs import job
 from .data_sheet import Design
 from .requirements import Requirement, Seals, requirement, sealing_load

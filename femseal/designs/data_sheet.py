@@ -283,7 +283,9 @@ def rows(answer: Design) -> list[dict[str, Any]]:
         found[-1]["how"] = how
 
     def add(figure: str, name: str, assembly: float | None, needed: NeededPressure) -> None:
-        ends = map(_end, (needed.low, needed.high, needed.seals_low, needed.seals_high))
+        values = needed.low, needed.high, needed.seals_low, needed.seals_high
+        # None where an end lies beyond the loads or is unknown
+        ends = (value if isfinite(value) and value > 0 else None for value in values)
         add_row(figure, name, assembly, needed.relation, needed.bound(needed.value), *ends, how="")
 
     def add_slope(figure: str, name: str, slope: Slope, how: str) -> None:
@@ -303,11 +305,6 @@ def rows(answer: Design) -> list[dict[str, Any]]:
     if answer.turned is not None:
         add_slope("leakage of the face turned by 90°, factor", answer.at[0], answer.turned.leakage, answer.turned.how)
     return found
-
-
-def _end(value: float) -> float | None:
-    """An end of an interval within the loads; None where it lies beyond them or is unknown."""
-    return value if isfinite(value) and value > 0 else None
 
 
 def write_sheet(answer: Design, folder: str | os.PathLike[str]) -> list[Path]:

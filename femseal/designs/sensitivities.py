@@ -30,9 +30,8 @@ from ..fluids import FLUIDS
 from ..preparation.preparation import Prepared, prepare
 from ..refinement.settings import last_version
 from ..results.results import Results
-from ..studies import Scene
+from ..studies import FluidState, Scene
 from ..studies.compiling import compile_ahead
-from ..studies.other_fluid import FluidState
 from ..topography import Topography
 from .requirements import ENDS, SEED, Seals, pressure_for
 

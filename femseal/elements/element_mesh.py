@@ -10,10 +10,10 @@ from functools import cached_property
 
 import numpy as np
 import scipy.sparse as sp
+from numba import njit
 from scipy.sparse.csgraph import connected_components
 
-from ..base.arrays import Array, Indices
-from ..base.errors import NotConverged
+from ..base import Array, Indices, NotConverged
 from ..flow.solution import MAX_IMBALANCE
 from ..flow.solvers.elimination import Factors, Links, Order, carry_sources, factored, find_potentials
 from .superelement import WindowElement
@@ -96,21 +96,33 @@ def mesh_factors(
     n = order.size - dirichlet.size
     rank = np.full(nodes, -1, np.int32)
     rank[order] = np.arange(order.size)
-    parts = []
-    for c, number in zip(conductances, numbers, strict=True):
-        i, j = np.nonzero(np.triu(c, 1))
-        one, other = rank[number[i]], rank[number[j]]
-        parts.append((np.minimum(one, other), np.maximum(one, other), c[i, j]))
-    first, later, value = (np.concatenate(part) for part in zip(*parts, strict=True))
-    del parts  # large faces need their memory
-    chosen = np.flatnonzero((first < n) & (first != later))
-    chosen = chosen[np.argsort(first[chosen], kind="stable")]
-    row = np.searchsorted(first[chosen], np.arange(n + 1))
     starts = np.cumsum([0, *(front.size for front in fronts)])
-    links = Links(row, later[chosen].astype(np.int64), value[chosen])
-    del first, later, value, chosen
+    # counted first: all links as a list would take their memory several times
+    row, later, value = np.zeros(n + 2, np.int64), np.empty(0, np.int64), np.empty(0)
+    for counted in range(2):
+        if counted:
+            np.cumsum(row, out=row)
+            later, value = np.empty(row[-1], np.int64), np.empty(row[-1])
+        for c, number in zip(conductances, numbers, strict=True):
+            _add_links(c, rank[number], row[2 - counted :][:n], later, value)
+    links = Links(row[:-1], later, value)
     factors = factored(Order(order, starts, np.array(parent, np.int64)), links, dirichlet.size)
     return MeshFactors(nodes, order, factors)
+
+
+@njit(cache=True, nogil=True)
+def _add_links(conductances, rank, end, later, value):
+    """Add the links of an element behind those that each eliminated node has, which end at `end`; without room count.
+
+    rank : place of each node of the element in the order of all.
+    """
+    for i in range(rank.size):
+        for j in range(i + 1, rank.size):
+            first = min(rank[i], rank[j])
+            if conductances[i, j] != 0.0 and first < end.size and rank[i] != rank[j]:
+                if later.size > 0:
+                    later[end[first]], value[end[first]] = max(rank[i], rank[j]), conductances[i, j]
+                end[first] += 1
 
 
 #: Numbers of the nodes of the ends.

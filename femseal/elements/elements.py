@@ -8,18 +8,14 @@ what they take off estimates the error that is left. Whether anything flows is d
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 from threadpoolctl import threadpool_limits
 
-from ..base import validate
-from ..base.arrays import Array
-from ..base.errors import InputError
-from ..base.text import Shown
+from ..base import Array, InputError, Shown, validate
 from ..base.threads import number, on_threads
-from ..flow.solvers.link_network import components, eliminate
+from ..flow.solvers.link_network import beside_sides, components, eliminate
 from ..windows.partition import Partition
 from .element_mesh import ElementMesh
 from .side_points import PointLinks, SidePoints
@@ -28,9 +24,7 @@ from .superelement import WindowElement, WindowLinks, validated_face, window_lin
 #: Largest distance of two nodes on a side, in pixels.
 NODE_SPACING = 8
 #: Memory that flow through elements needs for each pixel [byte].
-ELEMENT_BYTES = 45.0
-#: Pixels beside the four sides of a window.
-_AT_SIDES: tuple[Any, ...] = (np.s_[0], np.s_[-1], np.s_[:, 0], np.s_[:, -1])
+ELEMENT_BYTES = 36.0
 
 
 @dataclass(frozen=True, repr=False)
@@ -193,11 +187,9 @@ def _inside(links: WindowLinks, sides: tuple[Array, Array, Array, Array]) -> Win
     size = float(np.ptp(values[known])) or 1.0
     # a side point of a potential p between 0 and 1 acts as the inlet with the weight p and as the outlet with 1 − p
     link = np.concatenate([c1[0], c1[-1], c2[:, 0], c2[:, -1]])
-    number = np.arange(w1 * w2).reshape(w1, w2)
-    beside = np.concatenate([number[at] for at in _AT_SIDES])
     at_sides = np.flatnonzero((link > 0) & known)
     fraction = (values[at_sides] - low) / size
-    node, end = np.tile(beside[at_sides], 2), np.repeat([0, 1], at_sides.size)
+    node, end = np.tile(beside_sides(w1, w2)[at_sides], 2), np.repeat([0, 1], at_sides.size)
     links_to_ends = np.concatenate([link[at_sides] * fraction, link[at_sides] * (1 - fraction)])
     inner = np.ascontiguousarray(c2[:, 1:-1])
     _, high, _ = eliminate(np.ascontiguousarray(c1), inner, keep, False, node, end, links_to_ends)

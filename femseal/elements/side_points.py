@@ -164,7 +164,7 @@ class SidePoints:
 
     @cached_property
     def _sides(self) -> tuple[Indices, Indices, NDArray[np.float32], Array]:
-        """The points of all sides between windows, eliminated side by side; all other points have 0.
+        """The open points of all sides between windows, eliminated side by side; all other points have 0.
 
         Points, where those of each side start and end, see `_side_fractions`, and the inverse sums.
         """
@@ -188,6 +188,8 @@ class SidePoints:
             if j == m2 - 1:
                 for key in [key for key in blocks if key[1] == i]:
                     numbers, block = blocks.pop(key)
+                    is_open = block.any(axis=1)
+                    numbers, block = numbers[is_open], block[is_open][:, np.append(is_open, True)]
                     points.append(numbers)
                     starts.append(starts[-1] + numbers.size)
                     of_side, inverse = _side_fractions(block)

@@ -18,9 +18,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import ArrayLike, NDArray
 
-from ..base import validate
-from ..base.arrays import Array, Indices
-from ..base.errors import InputError
+from ..base import Array, Indices, InputError, validate
 from ..flow.edge_flow import cell_stencil
 from ..flow.grid import Grid
 from ..flow.solvers.link_network import condense

@@ -26,9 +26,7 @@ from typing import Any
 
 import numpy as np
 
-from ..base.errors import FemsealError, InputError, NotKept, shortened
-from ..base.files import read_plain
-from ..base.stage import Mapper, Stage
+from ..base import FemsealError, InputError, Mapper, NotKept, Stage, read_plain, shortened
 from .lock import await_parts
 from .parts import Part, missing_parts, own_items, parts_of
 from .plain_data import unpacked

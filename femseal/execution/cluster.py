@@ -17,9 +17,7 @@ from math import inf
 from threading import Event
 from typing import Any
 
-from ..base.errors import FemsealError, InputError
-from ..base.machine import numerical_versions
-from ..base.stage import Mapper, Stage
+from ..base import FemsealError, InputError, Mapper, Stage, numerical_versions
 from .processes import ENVIRONMENT, starting_processes
 
 log = logging.getLogger("femseal.execution.cluster")

@@ -9,8 +9,7 @@ from __future__ import annotations
 import re
 from collections.abc import Iterable
 
-from ..base.errors import InputError, PartsMissing, shown
-from ..base.stage import BLOCK
+from ..base import BLOCK, InputError, PartsMissing, shown
 
 #: Number of a part, from 1, and how many there are.
 Part = tuple[int, int]

@@ -23,10 +23,8 @@ from typing import Any
 import numpy as np
 import psutil
 
-from ..base.errors import FemsealError
-from ..base.machine import free_memory
+from ..base import FemsealError, Mapper, Stage, free_memory
 from ..base.shared_array import sharing
-from ..base.stage import Mapper, Stage
 from ..base.threads import using
 
 log = logging.getLogger("femseal.execution.processes")

@@ -20,9 +20,7 @@ from uuid import uuid4
 
 import numpy as np
 
-from ..base.errors import NotKept
-from ..base.machine import numerical_versions
-from ..base.stage import Mapper, Stage
+from ..base import Mapper, NotKept, Stage, numerical_versions
 from .plain_data import unpacked
 from .store import SUFFIX, ShardWriter, read_shard
 

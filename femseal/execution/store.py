@@ -13,8 +13,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-from ..base.files import read_plain, replacing
-from ..base.machine import free_memory
+from ..base import free_memory, read_plain, replacing
 from .plain_data import packed, unpacked
 
 #: A shard is written when it has this number of items or bytes, or when this time has passed since the last one [s].

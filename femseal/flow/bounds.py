@@ -12,8 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 from skfem import ElementQuadRT0
 
-from ..base.arrays import Array
-from ..base.errors import NotConverged
+from ..base import Array, NotConverged
 from . import forms
 from .assembly import Sample, assemble_on_elements, elemental, gauss
 from .balance import balanced_link_fluxes

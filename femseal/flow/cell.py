@@ -13,10 +13,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ..base import validate
-from ..base.arrays import Lengths
-from ..base.errors import InputError
-from ..base.text import Shown
+from ..base import InputError, Lengths, Shown, validate
 from ..base.threads import number, using
 from .assembly import edge_weights
 from .bounds import pixel_bounds

@@ -14,8 +14,7 @@ import skfem
 from skfem import Basis, ElementQuad1, ElementQuadRT0, ElementTriP1, Mesh, MeshQuad, MeshTri
 from skfem.mesh import MeshQuad1DG, MeshTri1DG
 
-from ..base.arrays import Array, Indices
-from ..base.errors import InputError, NotConverged
+from ..base import Array, Indices, InputError, NotConverged
 from .connected_elements import connected_elements
 from .discretisation import DISCRETISATIONS, Discretisation
 from .grid import Grid

@@ -15,9 +15,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import ArrayLike
 
-from ..base import validate
-from ..base.arrays import Array, Lengths
-from ..base.errors import InputError
+from ..base import Array, InputError, Lengths, validate
 from ..base.threads import over, rows
 from .grid import Grid
 from .law import cubic_law

@@ -14,8 +14,7 @@ import scipy.sparse as sp
 from numpy.typing import ArrayLike, NDArray
 from skfem import Basis, Mesh
 
-from ..base.arrays import Array, Indices
-from ..base.errors import NotConverged
+from ..base import Array, Indices, NotConverged
 from . import forms
 from .connected_elements import elements_between, open_facets
 from .mesh import KINDS, RTOL, invertible, permeability_tensors

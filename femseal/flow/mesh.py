@@ -30,8 +30,7 @@ from skfem import (
 )
 from skfem.mesh import MeshQuad1DG
 
-from ..base.arrays import Array, Indices
-from ..base.errors import InputError, NotConverged
+from ..base import Array, Indices, InputError, NotConverged
 from . import forms
 from .connected_elements import connected_elements, open_facets
 from .mixed import flux_conductance

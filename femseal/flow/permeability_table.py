@@ -18,8 +18,7 @@ from numba import njit
 from numpy.polynomial import chebyshev
 from numpy.typing import ArrayLike
 
-from ..base.arrays import Array, Indices
-from ..base.errors import InputError
+from ..base import Array, Indices, InputError
 
 #: Pressures below this fraction of the inlet's are not looked at, since hardly anything of the drop lies there.
 _LEAST_FRACTION = 1e-3

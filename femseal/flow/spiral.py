@@ -18,9 +18,7 @@ import scipy.sparse as sp
 from numpy.typing import NDArray
 from scipy.sparse.csgraph import connected_components
 
-from ..base.arrays import Array, Indices
-from ..base.errors import InputError, NotConverged
-from ..base.quantities import to_text
+from ..base import Array, Indices, InputError, NotConverged, to_text
 from .coefficient import unit_spacing
 from .edge_flow import cell_stencil
 from .grid import Grid

@@ -5,8 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ..base.arrays import Array, Lengths
-from ..base.errors import InputError, NotConverged
+from ..base import Array, InputError, Lengths, NotConverged
 from .assembly import assemble_on_links
 from .coefficient import permeability_on_links, unit_spacing, validated_gap
 from .grid import Grid

@@ -14,14 +14,11 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ..base import validate
-from ..base.arrays import Array, Indices
-from ..base.errors import InputError
+from ..base import Array, Indices, InputError, validate
 from ..elements.element_mesh import ElementMesh, ElementSolution, mesh_factors
 from ..elements.elements import NODE_SPACING
 from ..elements.superelement import WindowElement, WindowLinks, validated_face, window_links
-from ..windows.partition import Partition
-from ..windows.window_flow import SolverCounts
+from ..windows import Partition, SolverCounts
 
 #: Places at which runs start, for each run that the face has without overlap.
 STARTS = 2

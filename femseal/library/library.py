@@ -18,12 +18,8 @@ from typing import Any, ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from ..base.arrays import Array
-from ..base.errors import FemsealError, InputError
+from ..base import Array, FemsealError, InputError, Mapper, Shown, Stage, made_folder
 from ..base.fields import LIBRARY_CELL, LIBRARY_WINDOW, declared
-from ..base.files import made_folder
-from ..base.stage import Mapper, Stage
-from ..base.text import Shown
 from ..contact import ContactLaw, HalfSpace
 from ..execution.plain_data import packed, unpacked
 from ..execution.store import SUFFIX, read_shard, write_shard
@@ -317,12 +313,12 @@ def build_ladder_library(
     # cells that are complete go there too: what a run asks for does not depend on what is kept
     stage = Stage("library windows", partial(_cell, source=source, ladder=ladder), apart=True)
     found = mapper(stage, range(count), known)
-    outcomes = found if isinstance(found, Sequence) else list(found)
+    outcomes = found if isinstance(found, Sequence) else list(found)  # a sequence reads those that are asked for
     complete = [cell is not None and restrict(cell, ladder) is not None for cell in known]
     if path is not None and not all(complete):
         cells = [None if isinstance(cell, Failed) else cell for cell in outcomes]
         both = [c if k is None else k if c is None else merge(c, k, ladder) for c, k in zip(cells, known, strict=True)]
-        _write(path, both + kept[count:])
+        write_shard(path, ("library", FORMAT), [packed(cell) for cell in both + kept[count:]])
     library = LadderLibrary(
         ladder=ladder,
         outcomes=outcomes,
@@ -331,7 +327,7 @@ def build_ladder_library(
         faces=len(source.topographies),
         reused=sum(complete),
     )
-    if isinstance(outcomes, list):  # others are read when they are needed
+    if outcomes is not found:
         library.refuse_empty()
     return library
 
@@ -350,11 +346,6 @@ def _cell(n: int, known: WindowStates | None, *, source: WindowSource, ladder: L
         flow=source.flow,
         known=known,
     )
-
-
-def _write(path: Path, cells: Sequence[WindowStates | None]) -> None:
-    """Write all cells into one file, None for those that failed."""
-    write_shard(path, ("library", FORMAT), [packed(cell) for cell in cells])
 
 
 def _read(path: Path, ladder: Ladder) -> list[WindowStates | None]:

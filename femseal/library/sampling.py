@@ -23,8 +23,7 @@ import numpy as np
 import scipy
 from numpy.typing import NDArray
 
-from ..base.arrays import Array, Indices
-from ..base.errors import InputError
+from ..base import Array, Indices, InputError
 from ..loads import LoadProgramme
 
 #: Permeability of all links (rows, columns) at a step.

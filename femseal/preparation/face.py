@@ -117,10 +117,8 @@ def _combined_faces(case: Case) -> tuple[list[Topography], list[tuple[Topography
     seeds = np.random.SeedSequence(case.seed).spawn(len(case.face))
     faces: list[list[Topography]] = []
     for place, table, seed in zip(face_places(case), case.face, seeds, strict=True):
-        of_file = isinstance(table, FileFace)
-        keys = {key: f"{place}.{key}" for key in ("crop", "mask", "file_mask")} if of_file else FACE_KEYS
         rng = np.random.default_rng(seed)
-        with with_keys(keys, "" if of_file else place):
+        with with_keys(FACE_KEYS, place):
             tables = table.each(case.folder) if isinstance(table, FileFace) else [table]
             faces.append([one.make(case.folder, rng) for one in tables])
     thresholds = [case.surface.spikes if isinstance(table, FileFace) else inf for table in case.face]

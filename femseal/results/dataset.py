@@ -17,10 +17,9 @@ from ..base.leak_rates import leak_classes, leak_unit
 from ..base.machine import machine, peak_memory
 from ..budget import ErrorBudget, at_interpolated_steps
 from ..fluids import leak_basis
-from ..studies import DeterministicResult, OtherLeakage, Scene, StochasticResult, TwoScaleResult
+from ..studies import DeterministicResult, FluidState, OtherLeakage, Scene, StochasticResult, TwoScaleResult
 from ..studies.link_flow import WindowPixels
 from ..studies.load_curves import leakage_factor, numbers_of
-from ..studies.other_fluid import FluidState
 from ..topography import Places
 from . import variables
 from .results import Results

@@ -111,7 +111,7 @@ def _facts(case: Case, made: Prepared) -> Iterator[tuple[str, str]]:
         yield "leakage", leakage
     first = "" if case.accuracy is None else "first attempt: "
     yield "expected", first + _expected_text(forecast(case, prepared, again=again))
-    if not any(Path(__file__).parents[1].rglob("__pycache__/*.nbi")):
+    if not any((Path(__file__).parents[1] / "flow").rglob("__pycache__/*.nbi")):
         yield "", "the first run after an installation compiles besides, for a minute or two"
     yield "disk", _disk_text(disk(case, prepared, again), len(scene.steps))
     for text in prepared.warnings:

@@ -19,16 +19,17 @@ from ..studies.costs import PILOT_PIXELS, Effort
 
 #: Load steps that are solved at most.
 _MOST_STEPS = 4
-#: Seconds of a pair of transforms of 512² numbers on the machine where the constants of the costs were measured.
-_PACE_SECONDS = 3.1e-3
+#: Seconds of a pair of transforms of 128² numbers on the machine where the constants of the costs were measured. They
+#: stay in the cache: those of larger arrays take the time in which the system gives new memory, as no solver does.
+_PACE_SECONDS = 1.2e-4
 
 
 @cache
 def pace() -> float:
     """Time that this machine takes for transforms, as a multiple of the one on which the costs were measured."""
-    heights = np.random.default_rng(0).random((512, 512))
+    heights = np.random.default_rng(0).random((128, 128))
     taken = []
-    for _ in range(15):
+    for _ in range(100):
         start = time.thread_time()  # of the processor: what others do on the machine is not forecast
         fft.irfft2(fft.rfft2(heights), heights.shape)
         taken.append(time.thread_time() - start)

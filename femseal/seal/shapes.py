@@ -23,14 +23,12 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ..base import Array, InputError, validate
+from ..flow import DarcyFlow, Stencil, solve_flow
 from ..flow.assembly import assemble_on_elements, assemble_on_links, gauss
 from ..flow.balance import balanced_link_fluxes
 from ..flow.bounds import outward
 from ..flow.grid import Grid
 from ..flow.mesh import permeability_tensors
-from ..flow.solution import DarcyFlow
-from ..flow.solvers.choice import solve_flow
-from ..flow.stencil import Stencil
 from .lay import check_ring
 
 _RTOL = 1e-8

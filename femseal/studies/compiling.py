@@ -8,13 +8,14 @@ from __future__ import annotations
 
 import hashlib
 import logging
-from collections.abc import Callable
-from contextlib import suppress
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, suppress
 from pathlib import Path
 
 import numba
 import numpy as np
 from llvmlite.binding import get_host_cpu_features, get_host_cpu_name
+from numba.core import event
 from numpy.typing import NDArray
 
 from .. import contact, elements, flow, windows
@@ -26,6 +27,27 @@ from ..flow.solvers.v_cycle import v_cycle
 from ..windows.window_flow import window_permeability
 
 log = logging.getLogger("femseal")
+#: What is said while loops are compiled.
+_COMPILING = "compiling, once after an installation"
+
+
+@contextmanager
+def telling(tell: Callable[[str], None]) -> Iterator[None]:
+    """Context in which it is told once that loops are compiled, when the first one is."""
+
+    class First(event.Listener):  # type: ignore[misc]
+        told = False
+
+        def on_start(self, _: event.Event) -> None:
+            if not self.told:
+                tell(_COMPILING)
+            self.told = True
+
+        def on_end(self, _: event.Event) -> None:
+            pass
+
+    with event.install_listener("numba:compile", First()):
+        yield
 
 
 def compile_ahead(
@@ -38,7 +60,7 @@ def compile_ahead(
     done = _record()
     if done is None or done.exists():
         return
-    stage = Stage("compiling, once after an installation", _compile)
+    stage = Stage(_COMPILING, _compile)
     log.info("%s", stage.name)
     progress(stage.name, 0, len(_PARTS))
     for count, _ in enumerate(mapper(stage, list(_PARTS)), start=1):

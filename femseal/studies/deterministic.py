@@ -10,8 +10,7 @@ from ..base.fields import PIXEL, ROW, STEP, declared
 from ..base.shared_array import lies_on_disk, one_at_a_time
 from ..contact.workspace import KEPT_POINTS
 from ..loads import LoadProgramme
-from ..windows import Partition, SolverCounts
-from ..windows.partition import ContactPressure
+from ..windows import ContactPressure, Partition, SolverCounts
 from .face_contact import WindowContacts, band_breadth, cut_contact, face_partition, solve_face
 from .face_leakage import PlaceLeakage, first_equal, place_leakage, repeated
 from .scene import Scene, scene_warnings

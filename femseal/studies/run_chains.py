@@ -14,8 +14,7 @@ from ..flow.pressure_drop import PressureDrop
 from ..library import RunFlows
 from ..library.sampling import drawn_elsewhere
 from ..seal import RectangularSeal
-from ..windows import Failed, Partition, SolverCounts, attempt
-from ..windows.partition import WindowFields
+from ..windows import Failed, Partition, SolverCounts, WindowFields, attempt
 from .face_flow import columns_of_face
 from .face_leakage import first_equal, map_different
 from .scene import Scene

@@ -269,12 +269,12 @@ class Surrogate:
 
     leakage : sets of loads that are open in the same scenes, and the processes of the cube root of their leakage; loads
     that are open in too few have none. open : the loads at which only some scenes are open, and the processes of their
-    class. alike : class of the scenes at the other loads (loads,), −1 or 1. correlation : of the errors at two loads
-    (loads, loads).
+    class; None where there is none. alike : class of the scenes at the other loads (loads,), −1 or 1. correlation : of
+    the errors at two loads (loads, loads).
     """
 
     leakage: tuple[tuple[list[int], Process], ...]
-    open: tuple[tuple[list[int], Process], ...]
+    open: tuple[list[int], Process] | None
     alike: Array
     correlation: Array
 
@@ -294,7 +294,7 @@ class Surrogate:
             errors[some[:, None], loads] = process.left_out()
         label = np.where(is_open, 1.0, -1.0)
         mixed = [int(load) for load in np.flatnonzero(np.ptp(label, axis=0))]
-        classes = tuple((mixed, one) for one in _through([(points, label[:, mixed])] if mixed else [], jumps))
+        classes = (mixed, _through([(points, label[:, mixed])], jumps)[0]) if mixed else None
         norm = np.sqrt((errors**2).sum(0)) + 1e-30
         # between 0 and 1 of what few scenes say, so that no combination of loads seems known exactly
         correlation = 0.95 * np.clip(errors.T @ errors / np.outer(norm, norm), -1, 1)
@@ -308,7 +308,8 @@ class Surrogate:
         middle += self.alike
         for loads, process in self.leakage:
             mean[:, loads], deviation[:, loads] = _logarithm(*process.at(points))
-        for loads, process in self.open:
+        if self.open is not None:
+            loads, process = self.open
             middle[:, loads], width[:, loads] = process.at(points)
         return mean, deviation, np.clip(ndtr(middle / np.hypot(width, _BLUR)), LEAST, 1 - LEAST)
 

@@ -14,12 +14,11 @@ from numba import njit
 from numpy.typing import ArrayLike, NDArray
 
 from ..base import Array, FemsealError, validate
-from ..flow import DarcyFlow, Permeability, cell_permeability
+from ..flow import DarcyFlow, Permeability, Spiral, cell_permeability
 from ..flow.cell import cell_flow, pixel_dissipation
 from ..flow.discretisation import check_discretisation
 from ..flow.law import cubic_law
 from ..flow.pressure_drop import VISCOUS, PressureDrop
-from ..flow.spiral import Spiral
 from .partition import Partition
 
 Result = TypeVar("Result")

@@ -18,8 +18,7 @@ import numpy as np
 import scipy.sparse as sp
 from scipy.sparse.linalg import splu
 
-from ...base.arrays import Array
-from ...base.errors import InputError, NotConverged
+from ...base import Array, InputError, NotConverged
 
 SOLVERS = ("auto", "direct", "amg")
 #: Unknowns up to which the factorisation of a mesh's matrix takes less time than multigrid. Factorisation against

@@ -17,9 +17,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from ...base import validate
-from ...base.arrays import Array, Flags
-from ...base.errors import InputError, NotConverged
+from ...base import Array, Flags, InputError, NotConverged, validate
 from ...base.threads import number, on_threads
 from ..balance import energy_gap
 from ..dead_ends import dead_ends, fill_dead_ends

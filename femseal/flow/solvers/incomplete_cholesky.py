@@ -17,8 +17,7 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
-from ...base.arrays import Array
-from ...base.errors import NotConverged
+from ...base import Array, NotConverged
 from ..stencil import Stencil
 from .compiled import COMPILED
 

@@ -58,7 +58,7 @@ def condense(c1: Array, c2: Array) -> tuple[Array, Indices]:
     Source: Guyan, AIAA J. 3, 1965, 380 (static condensation).
     """
     keep = (c1[:-1] + c1[1:] + c2[:, :-1] + c2[:, 1:]) > 0
-    node = _side_nodes(*keep.shape)
+    node = beside_sides(*keep.shape)
     link = np.concatenate([c1[0], c1[-1], c2[:, 0], c2[:, -1]])
     at_sides = np.flatnonzero(link)
     inner = np.ascontiguousarray(c2[:, 1:-1])
@@ -66,7 +66,7 @@ def condense(c1: Array, c2: Array) -> tuple[Array, Indices]:
         np.ascontiguousarray(c1), inner, _NOTHING, _NOTHING, keep, False, node[at_sides], at_sides, link[at_sides],
         node.size, only_between=True,
     )  # fmt: skip
-    return factors.between, components(c1, c2)[keep.size :]
+    return factors.between, components(c1, c2)[keep.size :].copy()  # of the sides alone, not of all nodes
 
 
 @njit(cache=True, nogil=True)
@@ -90,8 +90,8 @@ def components(c1, c2):
     return parent
 
 
-def _side_nodes(w1: int, w2: int) -> Indices:
-    """Node beside every side point of a window, in the order of `condense`."""
+def beside_sides(w1: int, w2: int) -> Indices:
+    """Node of a window beside every side point, in the order of `condense`."""
     number = np.arange(w1 * w2).reshape(w1, w2)
     return np.concatenate([number[0], number[-1], number[:, 0], number[:, -1]])
 
