@@ -62,7 +62,7 @@ def on_threads(threads: int, work: Callable[..., Any], items: Iterable[Any]) -> 
     return values
 
 
-def over(items: Iterable[tuple[int, int]], work: Callable[..., Any], *arguments: Any) -> list[Any]:
+def over(items: Iterable[tuple[Any, ...]], work: Callable[..., Any], *arguments: Any) -> list[Any]:
     """The values of `work` of parts, and of arguments that are the same for all, found by `number` threads."""
     return on_threads(_number, lambda part: work(*part, *arguments), items)
 

@@ -14,7 +14,7 @@ from numba import njit
 
 from ...base.threads import over
 from .clusters import relax_backward, relax_forward
-from .coarsest import Coarsest, solve_coarsest
+from .coarsest import Coarsest, solve_by_parts, solve_coarsest
 from .compiled import COMPILED
 from .hierarchy import Levels, large_levels, level, strips, weights_to
 
@@ -277,6 +277,9 @@ def cycle(levels: Levels, coarsest: Coarsest, nine: bool, ring: bool) -> None:
     large = large_levels(levels.shape)
     for step in range(2 * large + 1):
         k = min(step, 2 * large - step)
+        if k == large and k == len(levels.shape) - 1:
+            solve_by_parts(coarsest, *level(*levels[:5], k)[4:2:-1])
+            continue
         if k == large:
             v_cycle(levels, coarsest, nine, ring, large)
             continue
