@@ -13,6 +13,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
+from ..base.threads import over, rows
 from .stencil import Stencil
 
 
@@ -161,21 +162,42 @@ def closed(stencil: Stencil, keep: NDArray[np.bool_] | None, least: float = 0.0)
     """
     aside = []
     if keep is not None:
-        m2 = stencil.across.shape[1]
-        for c, one, other in (
-            (stencil.along, keep[:-1], keep[1:]),
-            (stencil.across, keep[1:-1, :m2], np.roll(keep[1:-1], -1, axis=1)[:, :m2]),
-        ):
-            links = c.reshape(-1)
-            at = np.flatnonzero((c > 0) & ~(one & other & (c >= least)))
+        parts = over(rows(*stencil.along.shape), _closing, stencil.along, stencil.across, keep, least)
+        for c, of_parts in zip((stencil.along, stencil.across), zip(*parts, strict=True), strict=True):
+            links, at = c.reshape(-1), np.concatenate(of_parts)
             aside.append((links, at, links[at]))
             links[at] = 0.0
-        del keep, one, other
     try:
         yield
     finally:
         for links, at, conductances in aside:
             links[at] = conductances
+
+
+@njit(cache=True, nogil=True)
+def _closing(begin, end, along, across, keep, least):
+    """Places of the open links along and across of some rows that `restricted` does without."""
+    n2, m2 = along.shape[1], across.shape[1]
+    found = np.empty(0, np.int64), np.empty(0, np.int64)
+    for written in range(2):
+        first = second = 0
+        for i in range(begin, end):
+            for j in range(n2):
+                c = along[i, j]
+                if c > 0.0 and not (keep[i, j] and keep[i + 1, j] and c >= least):
+                    if written == 1:
+                        found[0][first] = i * n2 + j
+                    first += 1
+        for i in range(begin, min(end, across.shape[0])):
+            for j in range(m2):
+                c = across[i, j]
+                if c > 0.0 and not (keep[i + 1, j] and keep[i + 1, (j + 1) % n2] and c >= least):
+                    if written == 1:
+                        found[1][second] = i * m2 + j
+                    second += 1
+        if written == 0:
+            found = np.empty(first, np.int64), np.empty(second, np.int64)
+    return found
 
 
 @njit(cache=True, nogil=True)

@@ -20,13 +20,13 @@ from numpy.typing import NDArray
 from ...base import validate
 from ...base.arrays import Array, Flags
 from ...base.errors import InputError, NotConverged
-from ...base.threads import number, on_threads
+from ...base.threads import number, on_threads, over, rows
 from ..balance import energy_gap
 from ..dead_ends import dead_ends, fill_dead_ends
 from ..discretisation import check_solver
 from ..percolation import closed, narrowest, nodes_reached_by, nodes_reached_of, restrict, widest
 from ..solution import MAX_IMBALANCE, DarcyFlow, potential_rtol
-from ..stencil import Stencil, energy_of
+from ..stencil import Stencil, end_flows, energy_of, leave_out
 from .amg import solve_amg, solve_direct
 from .coarsest import coarsest_nodes
 from .incomplete_cholesky import solve_incomplete
@@ -165,7 +165,7 @@ def _solve(
         if first == "incomplete Cholesky":
             φ, iterations, error = solve_incomplete(stencil, rtol, limit, start)
             allowed = max(MAX_IMBALANCE, 10 * sqrt(rtol))
-            return _balanced(stencil, keep, φ, 1 - φ, None, iterations, error, first, allowed)
+            return _balanced(stencil, keep, φ, 1 - φ, None, iterations, error, first, allowed=allowed)
         if first == "multigrid":
             return _by_multigrid(stencil, keep, rtol, limit, field_rtol)
         if first == "amg":
@@ -290,17 +290,22 @@ def _by_iterations(stencil: Stencil, keep: Flags, rtol: float, limit: int, field
         del through, unseen
         with closed(stencil, None if hidden is None else seen, _LOST):
             del seen
-            φ, iterations, error = solve_multigrid(stencil, rtol, limit, hidden, field_rtol)
+            potential, iterations, error = solve_multigrid(stencil, rtol, limit, hidden, field_rtol)
             if hidden is not None:
-                potential = np.concatenate([np.ones((1, φ.shape[1])), φ, np.zeros((1, φ.shape[1]))])
                 least = stencil.energy(potential) * (1 - error**2)
-                del potential
-        φ, ψ = (φ, 1 - φ) if hidden is None else island_potentials(stencil, hidden, φ)
+        complement, parts = np.empty(potential.shape), rows(*potential.shape)
+        over(parts, lambda a, b: np.subtract(1.0, potential[a:b], complement[a:b]))
+        φ, ψ = potential[1:-1], complement[1:-1]
+        if hidden is not None:
+            island_potentials(stencil, hidden, φ, ψ)
     if dead is not None:
         fill_dead_ends(φ, dead, 1.0, 0.0)
         fill_dead_ends(ψ, dead, 0.0, 1.0)
+    inlet, outlet = end_flows(stencil.along, stencil.falling, stencil.rising, potential, complement)
     allowed = max(MAX_IMBALANCE, 10 * (sqrt(rtol) if field_rtol is None else field_rtol))
-    flow = _balanced(stencil, keep, φ, ψ, None, iterations, error, "multigrid", allowed)
+    rate = stencil.energy(potential)
+    flow = _checked(potential, complement, inlet, outlet, rate, iterations, error, "multigrid", allowed)
+    over(parts, leave_out, keep, potential, complement)
     if hidden is None:
         return flow
     between = 1 - least / flow.conductance
@@ -342,28 +347,28 @@ def _by_matrix(stencil: Stencil, keep: Flags, rtol: float, field_rtol: float | N
         allowed = max(MAX_IMBALANCE, 0.01 * wanted)
     φ, ψ = np.zeros((2, keep.size))
     φ[unknown], ψ[unknown] = found.x, found.complement
-    return _balanced(stencil, keep, φ[n2:-n2], ψ[n2:-n2], None, found.iterations, found.residual, found.solver, allowed)
+    how = found.iterations, found.residual, found.solver
+    return _balanced(stencil, keep, φ[n2:-n2], ψ[n2:-n2], None, *how, allowed=allowed)
 
 
 def _balanced(
-    stencil: Stencil,
-    keep: Flags,
-    φ: Array,
-    ψ: Array,
-    rate: float | None,
-    iterations: int,
-    residual: float,
-    solver: str,
-    allowed: float = MAX_IMBALANCE,
+    stencil: Stencil, keep: Flags, φ: Array, ψ: Array, rate: float | None, *found: Any, allowed: float = MAX_IMBALANCE
 ) -> DarcyFlow:
-    """The solution with the potentials φ and 1 − φ = ψ of the inner nodes, unless inlet and outlet flow differ."""
+    """The solution with the potentials φ and 1 − φ = ψ of the inner nodes, see `_checked`."""
     inner = keep[1:-1].shape
     potential, complement, inlet, outlet, energy = _flows(
         stencil.along, stencil.across, stencil.falling, stencil.rising, keep, φ.reshape(inner), ψ.reshape(inner)
     )
-    if rate is None:
-        # the energy sum keeps its relative accuracy where a difference of flows would not
-        rate = energy
+    # the energy sum keeps its relative accuracy where a difference of flows would not
+    rate = energy if rate is None else rate
+    return _checked(potential, complement, inlet, outlet, rate, *found, allowed=allowed)
+
+
+def _checked(
+    potential: Array, complement: Array, inlet: float, outlet: float, rate: float,
+    iterations: int, residual: float, solver: str, allowed: float,
+) -> DarcyFlow:  # fmt: skip
+    """The solution, unless inlet and outlet flow differ."""
     imbalance = max(abs(inlet - outlet), abs(inlet - rate)) / rate if rate > 0 else np.inf
     if not imbalance <= allowed:
         raise NotConverged(
@@ -382,18 +387,9 @@ def _flows(along, across, falling, rising, keep, φ, ψ):
     for i in range(1, n1):
         for j in range(n2):
             potential[i, j], complement[i, j] = φ[i - 1, j], ψ[i - 1, j]
-    inlet = outlet = 0.0
     for j in range(n2):
         potential[0, j] = complement[n1, j] = 1.0
-        inlet += along[0, j] * complement[1, j]
-        outlet += along[n1 - 1, j] * potential[n1 - 1, j]
-    for j in range(falling.shape[1]):
-        k = (j + 1) % n2
-        inlet += falling[0, j] * complement[1, k] + rising[0, j] * complement[1, j]
-        outlet += rising[n1 - 1, j] * potential[n1 - 1, k] + falling[n1 - 1, j] * potential[n1 - 1, j]
-    energy = energy_of(along, across, falling, rising, potential, False)
-    for i in range(n1 + 1):
-        for j in range(n2):
-            if not keep[i, j]:
-                potential[i, j] = complement[i, j] = np.nan
+    inlet, outlet = end_flows(along, falling, rising, potential, complement)
+    energy = energy_of(0, n1, along, across, falling, rising, potential, False)
+    leave_out(0, n1 + 1, keep, potential, complement)
     return potential, complement, inlet, outlet, energy

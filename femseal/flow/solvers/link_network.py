@@ -96,22 +96,20 @@ def _side_nodes(w1: int, w2: int) -> Indices:
     return np.concatenate([number[0], number[-1], number[:, 0], number[:, -1]])
 
 
-def island_potentials(stencil: Stencil, hidden: Flags, φ: Array) -> tuple[Array, Array]:
-    """φ and 1 − φ of the inner nodes (n1 − 1, n2) with those of the hidden ones found from the others, in place of φ.
+def island_potentials(stencil: Stencil, hidden: Flags, φ: Array, ψ: Array) -> None:
+    """Write φ and 1 − φ = ψ of the hidden ones of the inner nodes (n1 − 1, n2), found from the others.
 
     A neighbour of known potential φ acts as the inlet with the fraction φ of its link and as the outlet with 1 − φ.
 
     stencil : of a network, without nodes that are not connected to both ends.
     hidden : nodes that only very narrow links connect with the others, whose potential is wanted.
-    φ : potential of the others.
+    φ, ψ : potential of the others, and its complement.
     """
     node, end, link = _links_to_known(stencil.along, stencil.across, hidden, φ)
     order, factors = grid_factors(
         stencil.along, stencil.across, _NOTHING, _NOTHING, hidden, stencil.ring2, node, end, link, 2
     )
-    ψ = 1.0 - φ
     _write_potentials(order, factors, φ, ψ)
-    return φ, ψ
 
 
 @njit(cache=True, nogil=True)

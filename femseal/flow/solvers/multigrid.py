@@ -50,7 +50,7 @@ def solve_multigrid(
     hidden: NDArray[np.bool_] | None = None,
     field_rtol: float | None = None,
 ) -> tuple[Array, int, float]:
-    """Potential φ of the inner nodes for a unit drop, iterations, and the error of φ in the norm of the energy.
+    """Potential φ of all nodes for a unit drop, iterations, and the error of φ in the norm of the energy.
 
     Parameters
     ----------
@@ -87,7 +87,7 @@ def solve_multigrid(
             + "; try the solver 'elimination'",
             error,
         )
-    return x[1:-1, 1:-1].copy(), iterations, error
+    return x, iterations, error
 
 
 @njit(**COMPILED)
@@ -154,11 +154,11 @@ def _advance(first, end, conductances, step, p, scale, ring, flow, x, r, b):
         else:
             _flow_out(conductances, p, i, ring, y)
         for j in range(1, n2 + 1):
-            x[i, j] += step * p[i, j]
+            x[i, j - 1] += step * p[i, j]
             r[i, j] -= step * y[j]
             b[i, j] = r[i, j] / scale
             excess += r[i, j]
-            weighted += r[i, j] * x[i, j]
+            weighted += r[i, j] * x[i, j - 1]
     return excess, weighted
 
 
@@ -177,41 +177,53 @@ def _product(first, end, r, z, field, hidden):
 
 
 @njit(**COMPILED)
-def _start(conductances, inverse, x, r, b):
-    """x of the least energy among potentials that are constant along rows, and its residual r, also as b."""
+def _resistances(first, end, conductances, drop):
+    """Write the inverse sum of the conductances from some rows to the next ones, the inlet's with the first."""
     along, _, falling, rising = conductances
-    n1, n2 = x.shape[0] - 2, x.shape[1] - 2
-    m2 = falling.shape[1]
-    drop = np.empty(n1 + 1)
-    total = 0.0
-    for i in range(n1 + 1):
+    for i in range(first if first > 1 else 0, end):
         s = 0.0
-        for j in range(n2):
+        for j in range(along.shape[1]):
             s += along[i, j]
-        for j in range(m2):
+        for j in range(falling.shape[1]):
             s += falling[i, j] + rising[i, j]
         drop[i] = 1.0 / s
+
+
+@njit(**{**COMPILED, "fastmath": {"arcp"}})
+def _drops(drop):
+    """Make resistances from row to row the drops of a flow through all; the potentials of the rows before them."""
+    rest, total = np.empty(drop.size), 0.0
+    for i in range(drop.size):
         total += drop[i]
-    rest = 0.0
-    for i in range(n1, -1, -1):
+    before = 0.0
+    for i in range(drop.size - 1, -1, -1):
         drop[i] /= total
-        rest += drop[i]
-        for j in range(1, n2 + 1):
-            if i > 0 and inverse[i, j] > 0.0:
-                x[i, j] = rest
-        # flows from row i to the next; those at the ends leave r of the border, which counts nothing
+        before += drop[i]
+        rest[i] = before
+    return rest
+
+
+@njit(**{**COMPILED, "fastmath": False})
+def _start(first, end, conductances, drop, rest, inverse, x, r, b):
+    """x of the least energy among potentials that are constant along rows, and its residual r, also as b."""
+    along, _, falling, rising = conductances
+    n2 = along.shape[1]
+    m2 = falling.shape[1]
+    for i in range(first, end):
         for j in range(n2):
-            flow = along[i, j] * drop[i]
-            r[i, j + 1] -= flow
-            r[i + 1, j + 1] += flow
+            if inverse[i, j + 1] > 0.0:
+                x[i, j] = rest[i]
+        # flows to the next row, and from the one before
+        for j in range(n2):
+            r[i, j + 1] -= along[i, j] * drop[i]
         for j in range(m2):
-            k = (j + 1) % n2
-            down, up = falling[i, j] * drop[i], rising[i, j] * drop[i]
-            r[i, j + 1] -= down
-            r[i + 1, k + 1] += down
-            r[i, k + 1] -= up
-            r[i + 1, j + 1] += up
-    for i in range(1, n1 + 1):
+            r[i, j + 1] -= falling[i, j] * drop[i]
+            r[i, (j + 1) % n2 + 1] -= rising[i, j] * drop[i]
+        for j in range(n2):
+            r[i, j + 1] += along[i - 1, j] * drop[i - 1]
+        for j in range(m2):
+            r[i, (j + 1) % n2 + 1] += falling[i - 1, j] * drop[i - 1]
+            r[i, j + 1] += rising[i - 1, j] * drop[i - 1]
         for j in range(1, n2 + 1):
             b[i, j] = r[i, j]
 
@@ -223,9 +235,9 @@ def _outflow(conductances, x):
     n1, n2 = along.shape[0] - 1, along.shape[1]
     rate = 0.0
     for j in range(n2):
-        rate += along[n1, j] * x[n1, j + 1]
+        rate += along[n1, j] * x[n1, j]
     for j in range(falling.shape[1]):
-        rate += falling[n1, j] * x[n1, j + 1] + rising[n1, j] * x[n1, (j + 1) % n2 + 1]
+        rate += falling[n1, j] * x[n1, j] + rising[n1, j] * x[n1, (j + 1) % n2]
     return rate
 
 
@@ -281,9 +293,11 @@ def _iterate(levels, coarsest, conductances, ring, rtol, field, limit, hidden):
     _, _, inverse, z, b, _, _, _ = level(levels[0], levels[1], levels[2], levels[3], levels[4], np.int64(0))
     r = np.zeros(b.shape)
     rows, nodes = z.shape[0] - 1, (z.shape[0] - 2) * (z.shape[1] - 2)
-    x, p, history = np.zeros(z.shape), np.zeros(z.shape, np.float32), np.zeros((3, limit + 1))
-    flow = np.empty(z.shape)
-    _start(conductances, inverse, x, r, b)
+    x, p, history = np.zeros((rows + 1, z.shape[1] - 2)), np.zeros(z.shape, np.float32), np.zeros((3, limit + 1))
+    flow, drop = np.empty(z.shape), np.empty(rows)
+    x[0] = 1.0
+    _resistances(1, rows, conductances, drop)
+    _start(1, rows, conductances, drop, _drops(drop), inverse, x, r, b)
     scale, unbalanced, iteration = 1.0, 0.0, np.int64(0)
     while True:
         v_cycle(levels, coarsest, conductances[2].size > 0, ring, 0)
@@ -325,8 +339,10 @@ def _iterate_by_parts(
     single = conductances[0].dtype == np.float32
     r, flow = (b, _NOTHING) if single else (np.zeros(b.shape), np.empty(b.shape))
     rows, nodes = strips(len(z)), (z.shape[0] - 2) * (z.shape[1] - 2)
-    x, p, history = np.zeros(z.shape), np.zeros(z.shape, np.float32), np.zeros((3, limit + 1))
-    _start(conductances, inverse, x, r, b)
+    x, p, history = np.zeros((len(z), z.shape[1] - 2)), np.zeros(z.shape, np.float32), np.zeros((3, limit + 1))
+    x[0], drop = 1.0, np.empty(len(z) - 1)
+    over(rows, _resistances, conductances, drop)
+    over(rows, _start, conductances, drop, _drops(drop), inverse, x, r, b)
     scale, unbalanced, iteration = 1.0, 0.0, 0
     while True:
         cycle(levels, coarsest, conductances[2].size > 0, ring)
