@@ -17,7 +17,7 @@ from ..base import validate
 from ..base.arrays import Lengths
 from ..base.errors import InputError
 from ..base.text import Shown
-from ..base.threads import number, using
+from ..base.threads import number, over, rows, using
 from .assembly import edge_weights
 from .bounds import pixel_bounds
 from .cell_mesh import mesh_flow
@@ -124,11 +124,13 @@ def cell_permeability(
             solver=solver,
             field_rtol=field_rtol,
         )
-    flow, potential = cell.flow, cell.flow.potential
-    if on_grid(discretisation):
-        # nodes in contact have a pressure where a Q1 element reaches into contact
-        is_open = np.asarray(gap) > 0
-        potential = np.where(is_open.T if axis == 1 else is_open, potential[1:-1], np.nan)
+        flow, potential = cell.flow, cell.flow.potential
+        if on_grid(discretisation):
+            # nodes in contact have a pressure where a Q1 element reaches into contact
+            potential = potential[1:-1]
+            h = np.asarray(gap).T if axis == 1 else np.asarray(gap)
+            over(rows(*h.shape), lambda a, b: np.copyto(potential[a:b], np.nan, where=h[a:b] <= 0))
+        filled = sum(over(rows(*potential.shape), lambda a, b: np.count_nonzero(np.isfinite(potential[a:b]))))
     lower, upper = np.nan, np.nan
     if bounds or estimate:
         h, unit, _ = _scaled(gap, spacing, axis, sides)
@@ -145,7 +147,7 @@ def cell_permeability(
         upper=upper,
         resampling_error=estimated,
         percolates=flow.percolates,
-        percolating_fraction=np.count_nonzero(np.isfinite(potential)) / potential.size if flow.percolates else 0.0,
+        percolating_fraction=filled / potential.size if flow.percolates else 0.0,
         iterations=flow.iterations,
         residual=flow.residual,
         imbalance=flow.imbalance,

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import replace
-from math import frexp, ldexp, sqrt
+from math import ldexp, sqrt
 from typing import Any
 
 import numpy as np
@@ -24,7 +24,7 @@ from ...base.threads import number, on_threads, over, rows
 from ..balance import energy_gap
 from ..dead_ends import dead_ends, fill_dead_ends
 from ..discretisation import check_solver
-from ..percolation import closed, narrowest, nodes_reached_by, nodes_reached_of, restrict, widest
+from ..percolation import closed, narrowest, nodes_reached_by, ready
 from ..solution import MAX_IMBALANCE, DarcyFlow, potential_rtol
 from ..stencil import Stencil, end_flows, energy_of, leave_out
 from .amg import solve_amg, solve_direct
@@ -109,28 +109,6 @@ def solve_flow(
     reached, exponent = ready(*conductances)
     settings: dict[str, Any] = {"rtol": rtol, "solver": solver, "field_rtol": field_rtol, "start": start}
     return solve_ready(reached, conductances, exponent, stencil.ring2, **settings)
-
-
-@njit(cache=True, nogil=True)
-def ready(along, across, falling, rising):
-    """Make the conductances of a stencil what `solve_ready` takes, in place: between nodes that reach both ends.
-
-    They are over a power of two near the widest. Returns which ends each node reaches, see `percolation.nodes_reached`,
-    and the exponent.
-    """
-    reached = nodes_reached_of(along, across, falling, rising, 0.0)
-    least, exponent = 0, 0
-    if reached[0, 0] == 3 and along.shape[0] > 1:
-        least, exponent = 3, frexp(widest(along, across))[1] - 1
-    keep = np.empty(reached.shape, np.bool_)
-    for i in range(reached.shape[0]):
-        for j in range(reached.shape[1]):
-            keep[i, j] = reached[i, j] >= least
-    # a power of two changes no digit and keeps products from overflowing; two of half the exponent are in range
-    half = exponent // 2
-    factors = ldexp(1.0, -half), ldexp(1.0, half - exponent)
-    restrict(along, across, falling, rising, keep, factors, 0.0)
-    return reached, exponent
 
 
 def solve_ready(
@@ -277,11 +255,16 @@ def _by_iterations(stencil: Stencil, keep: Flags, rtol: float, limit: int, field
     unseen: Flags | None = None
     seen: Flags | None = None
     if not stencil.nine:
-        searches: list[Callable[..., Any]] = [_unseen]
+        searches: list[Callable[..., Any]] = []
+        if min(over(rows(*stencil.along.shape), narrowest, stencil.along, stencil.across)) < _SEEN:
+            searches.append(_unseen)
         if inner.size >= _MANY and _MANY <= np.count_nonzero(inner) < _MAY_HAVE_DEAD_ENDS * inner.size:
             searches.append(dead_ends)  # no path to an end leads through them, so that neither search needs the other
-        (unseen, seen), *found = on_threads(number(), lambda search: search(stencil, keep), searches)
-        through, dead = found[0] if found else (None, None)
+        found = on_threads(number(), lambda search: search(stencil, keep), searches)
+        if dead_ends in searches:
+            through, dead = found.pop()
+        if found:
+            unseen, seen = found.pop()
     hidden = None
     with closed(stencil, through):
         if unseen is not None:
@@ -323,8 +306,6 @@ def _unseen(stencil: Stencil, keep: Flags) -> tuple[Flags | None, Flags | None]:
 
     None if there are none of the first.
     """
-    if narrowest(stencil.along, stencil.across) >= _SEEN:
-        return None, None
     unseen = keep & (nodes_reached_by(stencil, _SEEN) == 0)
     return (unseen, nodes_reached_by(stencil, _LOST) == 3) if unseen.any() else (None, None)
 

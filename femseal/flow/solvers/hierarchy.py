@@ -11,7 +11,7 @@ would give it; coarse operators are Galerkin's. Source: Dendy, J. Comput. Phys. 
 
 from __future__ import annotations
 
-from functools import lru_cache
+from functools import lru_cache, partial
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -19,7 +19,7 @@ from numba import njit
 from numpy.typing import NDArray
 
 from ...base.arrays import Array
-from ...base.threads import over
+from ...base.threads import number, on_threads, over
 from .clusters import clusters, no_clusters, with_clusters
 from .compiled import COMPILED
 
@@ -286,9 +286,11 @@ def hierarchy(
         rows, w = strips(shape[k + 1, 0]), weights_to(k, shape, weight_first, weights)
         over(rows, _along_rows, *operator, all_nine, ring, w)
         over(rows, _between_rows, *operator, all_nine, ring, w)
-        found = with_clusters(found, k, *clusters(*operator, all_nine, ring))
         coarse = _zeros(shape[k + 1], True)
-        over(rows, _galerkin, *operator, w, all_nine, ring, *coarse)
+        work = [partial(clusters, *operator, all_nine, ring)]
+        work += [partial(_galerkin, *part, *operator, w, all_nine, ring, *coarse) for part in rows]
+        of_level, *_ = on_threads(number(), lambda part: part(), work)
+        found = with_clusters(found, k, *of_level)
         operator = coarse
     found, operator = _filled_from(large, operator, fewest, found, nine, ring, *place)
     return _levels(place, found), operator

@@ -241,13 +241,15 @@ def dissect(keep, ring):
     two halves. A front comes after the fronts of both halves, the second half first.
     """
     n1, n2 = keep.shape
-    # nodes above and left of a corner; twice the columns, so that a box may lie across the seam
-    nodes = np.zeros((n1 + 1, 2 * n2 + 1), np.int32)
+    # nodes above and left of a corner; twice the columns of a ring, so that a box may lie across the seam
+    around = 2 if ring else 1
+    nodes = np.zeros((n1 + 1, around * n2 + 1), np.int32)
     for i in range(n1):
         in_row = 0
-        for j in range(2 * n2):
-            in_row += keep[i, j % n2]
-            nodes[i + 1, j + 1] = nodes[i, j + 1] + in_row
+        for start in range(0, around * n2, n2):
+            for j in range(n2):
+                in_row += keep[i, j]
+                nodes[i + 1, start + j + 1] = nodes[i, start + j + 1] + in_row
     n = nodes[n1, n2]
     order = np.empty(n, np.int64)
     first = np.empty(n + 1, np.int64)
