@@ -106,9 +106,12 @@ def island_potentials(stencil: Stencil, hidden: Flags, φ: Array, ψ: Array) -> 
     φ, ψ : potential of the others, and its complement.
     """
     node, end, link = _links_to_known(stencil.along, stencil.across, hidden, φ)
-    order, factors = grid_factors(
-        stencil.along, stencil.across, _NOTHING, _NOTHING, hidden, stencil.ring2, node, end, link, 2
-    )
+    # they are few: only the rows and columns that have some are dissected
+    rows, columns = np.flatnonzero(hidden.any(axis=1)), np.flatnonzero(hidden.any(axis=0))
+    among, *fronts = dissect(hidden[np.ix_(rows, columns)], stencil.ring2)
+    order = Order(rows[among // columns.size] * hidden.shape[1] + columns[among % columns.size], *fronts)
+    grid = stencil.along, stencil.across, _NOTHING, _NOTHING, stencil.ring2
+    factors = factored(order, Links(*grid_links(*grid, order.nodes, node, end, link)), 2)
     _write_potentials(order, factors, φ, ψ)
 
 
