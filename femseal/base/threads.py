@@ -40,7 +40,7 @@ def parts(n: int, length: float) -> list[tuple[int, int]]:
 
 def rows(n1: int, n2: int) -> list[tuple[int, int]]:
     """First and last + 1 of the parts of the rows of an array (n1, n2), one where it is small."""
-    return parts(n1, max(1.0, _POINTS / max(1, n2)))
+    return [(0, n1)] if n1 * n2 <= _POINTS else parts(n1, max(1.0, _POINTS / max(1, n2)))
 
 
 def on_threads(threads: int, work: Callable[..., Any], items: Iterable[Any]) -> list[Any]:
@@ -62,8 +62,10 @@ def on_threads(threads: int, work: Callable[..., Any], items: Iterable[Any]) -> 
     return values
 
 
-def over(items: Iterable[tuple[Any, ...]], work: Callable[..., Any], *arguments: Any) -> list[Any]:
+def over(items: list[tuple[Any, ...]], work: Callable[..., Any], *arguments: Any) -> list[Any]:
     """The values of `work` of parts, and of arguments that are the same for all, found by `number` threads."""
+    if len(items) == 1:
+        return [work(*items[0], *arguments)]
     return on_threads(_number, lambda part: work(*part, *arguments), items)
 
 

@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -129,8 +130,9 @@ def cell_permeability(
             # nodes in contact have a pressure where a Q1 element reaches into contact
             potential = potential[1:-1]
             h = np.asarray(gap).T if axis == 1 else np.asarray(gap)
-            over(rows(*h.shape), lambda a, b: np.copyto(potential[a:b], np.nan, where=h[a:b] <= 0))
-        filled = sum(over(rows(*potential.shape), lambda a, b: np.count_nonzero(np.isfinite(potential[a:b]))))
+            filled = sum(over(rows(*h.shape), _close, h, potential))
+        else:
+            filled = np.count_nonzero(np.isfinite(potential))
     lower, upper = np.nan, np.nan
     if bounds or estimate:
         h, unit, _ = _scaled(gap, spacing, axis, sides)
@@ -154,6 +156,13 @@ def cell_permeability(
         solver=flow.solver,
         fluid_pressure=potential.T if axis == 1 else potential,
     )
+
+
+def _close(begin: int, end: int, gap: NDArray[Any], potential: Array) -> int:
+    """Make a potential NaN where the gap is 0, in some rows, and count where it is not."""
+    here = potential[begin:end]
+    here[gap[begin:end] <= 0] = np.nan
+    return int(np.count_nonzero(here == here))
 
 
 @dataclass(frozen=True, eq=False)

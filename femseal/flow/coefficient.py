@@ -42,9 +42,8 @@ def validated_gap(gap: ArrayLike, spacing: Lengths) -> tuple[Array, tuple[float,
     Numbers whose cubes or ratios double precision cannot bear are refused too.
     """
     h = validate.field("gap", gap, unit="m")
-    extents = over(rows(*h.shape), _extent, h)
-    lowest, smallest, largest = (of(e) for of, e in zip((min, min, max), zip(*extents, strict=True), strict=True))
-    smallest = min(smallest, largest)
+    lowest, smallest, largest = map(min, zip(*over(rows(*h.shape), _extent, h), strict=True))
+    largest = -largest
     if lowest < 0:
         raise InputError("gap", f"{lowest:g} m", "numbers >= 0 [m]")
     if largest > 0 and not 1 / _EXTREME <= largest <= _EXTREME:
@@ -117,7 +116,7 @@ _law = njit(**_compiled)(cubic_law)
 
 @njit(**_compiled)
 def _extent(begin, end, gap):
-    """The lowest gap of some rows, the smallest that is open, inf if none is, and the largest."""
+    """The lowest gap of some rows, the smallest that is open, inf if none is, and minus the largest."""
     smallest = lowest = np.inf
     largest = -np.inf
     for i in range(begin, end):
@@ -125,7 +124,7 @@ def _extent(begin, end, gap):
             here = gap[i, j]
             lowest, largest = min(lowest, here), max(largest, here)
             smallest = here if 0.0 < here < smallest else smallest
-    return lowest, smallest, largest
+    return lowest, smallest, -largest
 
 
 @njit(**_compiled)

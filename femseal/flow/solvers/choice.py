@@ -143,7 +143,7 @@ def _solve(
         if first == "incomplete Cholesky":
             φ, iterations, error = solve_incomplete(stencil, rtol, limit, start)
             allowed = max(MAX_IMBALANCE, 10 * sqrt(rtol))
-            return _balanced(stencil, keep, φ, 1 - φ, None, iterations, error, first, allowed=allowed)
+            return _balanced(stencil, keep, φ, 1 - φ, None, iterations, error, first, allowed)
         if first == "multigrid":
             return _by_multigrid(stencil, keep, rtol, limit, field_rtol)
         if first == "amg":
@@ -329,12 +329,13 @@ def _by_matrix(stencil: Stencil, keep: Flags, rtol: float, field_rtol: float | N
     φ, ψ = np.zeros((2, keep.size))
     φ[unknown], ψ[unknown] = found.x, found.complement
     how = found.iterations, found.residual, found.solver
-    return _balanced(stencil, keep, φ[n2:-n2], ψ[n2:-n2], None, *how, allowed=allowed)
+    return _balanced(stencil, keep, φ[n2:-n2], ψ[n2:-n2], None, *how, allowed)
 
 
 def _balanced(
-    stencil: Stencil, keep: Flags, φ: Array, ψ: Array, rate: float | None, *found: Any, allowed: float = MAX_IMBALANCE
-) -> DarcyFlow:
+    stencil: Stencil, keep: Flags, φ: Array, ψ: Array, rate: float | None,
+    iterations: int, residual: float, solver: str, allowed: float = MAX_IMBALANCE,
+) -> DarcyFlow:  # fmt: skip
     """The solution with the potentials φ and 1 − φ = ψ of the inner nodes, see `_checked`."""
     inner = keep[1:-1].shape
     potential, complement, inlet, outlet, energy = _flows(
@@ -342,7 +343,7 @@ def _balanced(
     )
     # the energy sum keeps its relative accuracy where a difference of flows would not
     rate = energy if rate is None else rate
-    return _checked(potential, complement, inlet, outlet, rate, *found, allowed=allowed)
+    return _checked(potential, complement, inlet, outlet, rate, iterations, residual, solver, allowed)
 
 
 def _checked(
