@@ -982,6 +982,29 @@ def test_threads_share_large_grids_and_change_no_bits(discretisation, single, mo
     assert_allclose(flow.fluid_pressure, serial.fluid_pressure, rtol=0, atol=1e-4)
 
 
+@pytest.mark.parametrize("nine", [False, True])
+@pytest.mark.parametrize("ring", [False, True])
+def test_rows_searched_by_parts_reach_what_they_reach_in_one(ring, nine, monkeypatch):
+    reached = set()
+    for seed in range(40):
+        rng = np.random.default_rng([5, seed])
+        n1, n2 = rng.integers(1, 30, 2)
+        m2 = n2 if ring else n2 - 1
+        shapes = (n1, n2), (n1 - 1, m2), *((((n1, m2),) * 2) if nine else ((0, 0),) * 2)
+        fraction = rng.uniform(0.1, 0.4 if nine else 0.8)
+        at_random = [(rng.random(shape) < fraction) * rng.uniform(0.1, 9, shape) for shape in shapes]
+        one, parted = ([c.copy() for c in at_random] for _ in range(2))
+        monkeypatch.setattr(threads, "_POINTS", int(rng.integers(1, 3 * n2)))
+        with threads.using(2):
+            ends, exponent = percolation.ready_by_parts(*parted)
+        expected = percolation.ready(*one)
+        assert exponent == expected[1]
+        assert np.array_equal(ends, expected[0])
+        assert all(map(np.array_equal, parted, one))
+        reached |= set(ends.ravel().tolist())
+    assert reached == {0, 1, 2, 3}
+
+
 def test_a_flow_at_the_end_of_single_precision_is_solved_in_double(monkeypatch):
     gap = np.ones((12, 8)) * 1e-6
     gap[4:9] = 1e-21  # conductances of 1e-45, which is next to nothing in single precision

@@ -611,7 +611,8 @@ def test_potentials_of_islands_follow_their_neighbours(side, ring):
     hidden = np.zeros((29, 40), bool)
     hidden[3 : 3 + side, 5 : 5 + side] = hidden[20:23, :2] = hidden[20:22, 38:] = True
     given = np.where(hidden, 7.0, exact.potential[1:-1])
-    φ, ψ = link_network.island_potentials(network(c1, c2), hidden, given)
+    φ, ψ = given, 1 - given
+    link_network.island_potentials(network(c1, c2), hidden, φ, ψ)
     assert_allclose(φ, exact.potential[1:-1], rtol=1e-12)
     assert_allclose(ψ, 1 - φ, rtol=0, atol=1e-14)
 

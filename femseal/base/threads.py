@@ -10,10 +10,15 @@ from contextlib import contextmanager
 from functools import cache
 from typing import Any
 
+import numpy as np
+
 #: Threads of this process for work on one array, 1 while as many other processes as there are cores are at work.
 _number = 1
 #: Points in a part of an array of two axes.
 _POINTS = 2**17
+#: Arguments of compiled functions that work on parts, where another one calls them for the whole: numba would compile
+#: them once more for a constant 0, 1, False or True.
+ZERO, ONE, NO, YES = np.int64(0), np.int64(1), np.bool_(False), np.bool_(True)
 
 
 def number() -> int:
@@ -40,7 +45,7 @@ def parts(n: int, length: float) -> list[tuple[int, int]]:
 
 def rows(n1: int, n2: int) -> list[tuple[int, int]]:
     """First and last + 1 of the parts of the rows of an array (n1, n2), one where it is small."""
-    return parts(n1, max(1.0, _POINTS / max(1, n2)))
+    return [(0, n1)] if n1 * n2 <= _POINTS else parts(n1, max(1.0, _POINTS / max(1, n2)))
 
 
 def on_threads(threads: int, work: Callable[..., Any], items: Iterable[Any]) -> list[Any]:
@@ -62,8 +67,10 @@ def on_threads(threads: int, work: Callable[..., Any], items: Iterable[Any]) -> 
     return values
 
 
-def over(items: Iterable[tuple[int, int]], work: Callable[..., Any], *arguments: Any) -> list[Any]:
+def over(items: list[tuple[Any, ...]], work: Callable[..., Any], *arguments: Any) -> list[Any]:
     """The values of `work` of parts, and of arguments that are the same for all, found by `number` threads."""
+    if len(items) == 1:
+        return [work(*items[0], *arguments)]
     return on_threads(_number, lambda part: work(*part, *arguments), items)
 
 

@@ -9,7 +9,8 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
-from .kernels import FAST, ZERO
+from ..base.threads import ZERO
+from .kernels import FAST
 
 
 @njit(**FAST)

@@ -25,11 +25,11 @@ from typing import Any
 import numpy as np
 from numba import njit
 
+from ..base.threads import YES, ZERO
+
 #: Every function is inlined: a called one may be compiled differently in another process and change last digits.
 EXACT: dict[str, Any] = {"cache": True, "nogil": True, "forceinline": True}
 FAST: dict[str, Any] = {**EXACT, "fastmath": {"reassoc", "nsz", "arcp", "contract", "nnan"}}
-#: Numbers, as loops in parts pass them: numba would compile its functions once more for a constant 0 or True.
-ZERO, YES = np.int64(0), np.bool_(True)
 #: Most steps of Newton's method for δ.
 ROOT_STEPS = 200
 #: Sets stay while points that would leave them have at most this fraction of the squared residual, and it halves.

@@ -121,7 +121,7 @@ def _upper(k: Array, spacing: tuple[float, float], sides: str, potential: Array)
         return energy(np.zeros((0, columns)))
     if coarsest_nodes(n1 - 1, columns) <= COARSEST_NODES:
         try:
-            return energy(solve_multigrid(stencil, _RTOL, _ITERATIONS)[0])
+            return energy(solve_multigrid(stencil, _RTOL, _ITERATIONS)[0][1:-1])
         except NotConverged:
             pass
     fallen = np.cumsum(1 / k.sum(axis=1))  # of a pressure that is the same along each row

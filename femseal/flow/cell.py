@@ -9,12 +9,13 @@ from __future__ import annotations
 from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ..base import InputError, Lengths, Shown, validate
-from ..base.threads import number, using
+from ..base.threads import number, over, rows, using
 from .assembly import edge_weights
 from .bounds import pixel_bounds
 from .cell_mesh import mesh_flow
@@ -121,11 +122,14 @@ def cell_permeability(
             solver=solver,
             field_rtol=field_rtol,
         )
-    flow, potential = cell.flow, cell.flow.potential
-    if on_grid(discretisation):
-        # nodes in contact have a pressure where a Q1 element reaches into contact
-        is_open = np.asarray(gap) > 0
-        potential = np.where(is_open.T if axis == 1 else is_open, potential[1:-1], np.nan)
+        flow, potential = cell.flow, cell.flow.potential
+        if on_grid(discretisation):
+            # nodes in contact have a pressure where a Q1 element reaches into contact
+            potential = potential[1:-1]
+            h = np.asarray(gap).T if axis == 1 else np.asarray(gap)
+            filled = sum(over(rows(*h.shape), _close, h, potential))
+        else:
+            filled = np.count_nonzero(np.isfinite(potential))
     lower, upper = np.nan, np.nan
     if bounds or estimate:
         h, unit, _ = _scaled(gap, spacing, axis, sides)
@@ -142,13 +146,20 @@ def cell_permeability(
         upper=upper,
         resampling_error=estimated,
         percolates=flow.percolates,
-        percolating_fraction=np.count_nonzero(np.isfinite(potential)) / potential.size if flow.percolates else 0.0,
+        percolating_fraction=filled / potential.size if flow.percolates else 0.0,
         iterations=flow.iterations,
         residual=flow.residual,
         imbalance=flow.imbalance,
         solver=flow.solver,
         fluid_pressure=potential.T if axis == 1 else potential,
     )
+
+
+def _close(begin: int, end: int, gap: NDArray[Any], potential: Array) -> int:
+    """Make a potential NaN where the gap is 0, in some rows, and count where it is not."""
+    here = potential[begin:end]
+    here[gap[begin:end] <= 0] = np.nan
+    return int(np.count_nonzero(here == here))
 
 
 @dataclass(frozen=True, eq=False)

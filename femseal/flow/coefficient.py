@@ -40,7 +40,8 @@ def validated_gap(gap: ArrayLike, spacing: Lengths) -> tuple[Array, tuple[float,
     Numbers whose cubes or ratios double precision cannot bear are refused too.
     """
     h = validate.field("gap", gap, unit="m")
-    lowest, smallest, largest = _extent(h)
+    lowest, smallest, largest = map(min, zip(*over(rows(*h.shape), _extent, h), strict=True))
+    largest = -largest
     if lowest < 0:
         raise InputError("gap", f"{lowest:g} m", "numbers >= 0 [m]")
     if largest > 0 and not 1 / _EXTREME <= largest <= _EXTREME:
@@ -110,18 +111,16 @@ _law = njit(**_compiled)(cubic_law)
 
 
 @njit(**_compiled)
-def _extent(gap):
-    """The lowest gap, the smallest that is open, if any, and the largest."""
-    n1, n2 = gap.shape
-    lowest = largest = gap[0, 0]
-    for i in range(n1):
-        for j in range(n2):
-            lowest, largest = min(lowest, gap[i, j]), max(largest, gap[i, j])
-    smallest = largest
-    for i in range(n1):
-        for j in range(n2):
-            smallest = gap[i, j] if 0.0 < gap[i, j] < smallest else smallest
-    return lowest, smallest, largest
+def _extent(begin, end, gap):
+    """The lowest gap of some rows, the smallest that is open, inf if none is, and minus the largest."""
+    smallest = lowest = np.inf
+    largest = -np.inf
+    for i in range(begin, end):
+        for j in range(gap.shape[1]):
+            here = gap[i, j]
+            lowest, largest = min(lowest, here), max(largest, here)
+            smallest = here if 0.0 < here < smallest else smallest
+    return lowest, smallest, -largest
 
 
 @njit(**_compiled)

@@ -11,13 +11,13 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from ..base.arrays import Array, Flags
+from ..base.arrays import Flags
 from .stencil import Stencil
 
 Indices = NDArray[np.int32]
-_THROUGH = np.int32(-1)
-#: Links of a node, in the order in which they are tried.
-_DOWN, _RIGHT, _LEFT, _UP = 1, 2, 4, 8
+#: Links of a node, in the order in which they are tried: along a row first, as its nodes are neighbours in memory. The
+#: next two are those around a ring, between the last and the first node of a row.
+_RIGHT, _LEFT, _ONWARD, _BACK, _DOWN, _UP = 1, 2, 4, 8, 16, 32
 
 
 def dead_ends(stencil: Stencil, keep: Flags) -> tuple[Flags, tuple[Indices, Indices]]:
@@ -27,74 +27,69 @@ def dead_ends(stencil: Stencil, keep: Flags) -> tuple[Flags, tuple[Indices, Indi
     keep : those nodes, the ends among them.
 
     Returns the nodes without dead ends; the numbers (row · n2 + column) of the inner nodes in dead ends, with those
-    that they hang on; two more numbers stand for the inlet and the outlet.
+    that they hang on, which come before them if they are in dead ends too; two more numbers stand for the inlet and the
+    outlet.
     """
-    anchor = _anchors(stencil.along, stencil.across, keep)
-    through = anchor == _THROUGH
+    n2 = keep.shape[1]
+    n = keep[1:-1].size
+    number, path, found = np.zeros(n, np.int32), np.empty(n, np.int32), np.empty(n, np.int32)
+    at = found[n - _search(stencil.along, stencil.across, keep, number, path, found) :].copy()
     left = keep.copy()
-    left[1:-1] &= through
-    at = np.flatnonzero(~through).astype(np.int32)
-    return left, (at, anchor.ravel()[at])
-
-
-def fill_dead_ends(potential: Array, dead: tuple[Indices, Indices], at_inlet: float, at_outlet: float) -> None:
-    """Write the potential of all `dead_ends` of the inner nodes, given that of both ends."""
-    anchor = np.full(potential.shape, _THROUGH)
-    anchor.ravel()[dead[0]] = dead[1]
-    _fill(potential, anchor, at_inlet, at_outlet)
+    left.reshape(-1)[n2:][at] = False
+    return left, (at, number[at])
 
 
 @njit(cache=True, nogil=True)
-def _fill(potential, anchor, at_inlet, at_outlet):
-    """`fill_dead_ends` of what each node hangs on."""
-    n2 = potential.shape[1]
-    for i in range(potential.shape[0]):
-        for j in range(n2):
-            a = anchor[i, j]
-            if a != _THROUGH:
-                while a < anchor.size and anchor[a // n2, a % n2] != _THROUGH:
-                    a = anchor[a // n2, a % n2]
-                if a < anchor.size:
-                    potential[i, j] = potential[a // n2, a % n2]
-                else:
-                    potential[i, j] = at_inlet if a == anchor.size else at_outlet
+def fill_dead_ends(potential, dead, at_inlet, at_outlet):
+    """Write the potential of all `dead_ends` of the inner nodes, given that of both ends."""
+    n1, n2 = potential.shape
+    at, anchor = dead
+    for k in range(at.size):
+        i, a = at[k], anchor[k]
+        here = at_inlet if a == n1 * n2 else at_outlet
+        potential[i // n2, i % n2] = potential[a // n2, a % n2] if a < n1 * n2 else here
 
 
 @njit(cache=True, nogil=True)
 def _open_links(along, across):
     """Bits of the open links of every node, those to the ends among them."""
     n1, n2 = along.shape[0] - 1, along.shape[1]
-    links = np.zeros(n1 * n2, np.uint8)
+    links = np.zeros((n1, n2), np.uint8)
     for i in range(n1):
         for j in range(n2):
-            links[i * n2 + j] = (along[i + 1, j] > 0.0) * _DOWN + (along[i, j] > 0.0) * _UP
-        for j in range(across.shape[1]):
+            links[i, j] = (along[i + 1, j] > 0.0) * _DOWN + (along[i, j] > 0.0) * _UP
+        for j in range(n2 - 1):
             if across[i, j] > 0.0:
-                links[i * n2 + j] |= _RIGHT
-                links[i * n2 + (j + 1) % n2] |= _LEFT
-    return links
+                links[i, j] |= _RIGHT
+                links[i, j + 1] |= _LEFT
+        if across.shape[1] == n2 and across[i, n2 - 1] > 0.0:
+            links[i, n2 - 1] |= _ONWARD
+            links[i, 0] |= _BACK
+    return links.reshape(-1)
 
 
 @njit(cache=True, nogil=True)
-def _anchors(along, across, keep):
-    """Depth-first search from both ends as one node, which is number 1, towards the outlet first.
+def _search(along, across, keep, number, path, found):
+    """Depth-first search from both ends as one node, which is number 1: how many nodes are in dead ends.
 
     What a node's branch reaches is the lowest number that any of its nodes has a link to. A branch that reaches no
     further than the node it starts from hangs on that node; what reaches no other end hangs on its end. Each open link
     is tried once, from one of its nodes.
+
+    number : 0 at first; at last the number of each node, and what it hangs on in dead ends, which have no open link
+    left. path : room for the nodes above this one. found : room for those not yet sorted, and from its end for those in
+    dead ends.
     """
     n1, n2 = along.shape[0] - 1, along.shape[1]
     n = n1 * n2
-    number, reach = np.zeros(n, np.int32), np.empty(n, np.int32)
-    anchor = np.full(n, _THROUGH, np.int32)
     links = _open_links(along, across)
-    path, found = np.empty(n, np.int32), np.empty(n, np.int32)  # nodes above this one; those not yet sorted
-    count = 1
+    reach = np.empty(n, np.int32)  # of the nodes above
+    count, dead = 1, n
     for first in range(n2):
         if not keep[1, first] or along[0, first] <= 0.0 or number[first] > 0:
             continue
         count += 1
-        number[first], reach[first] = count, 1
+        number[first], reach[0] = count, 1
         path[0] = found[0] = first
         depth, waiting = 0, 1
         at_outlet = False
@@ -102,45 +97,51 @@ def _anchors(along, across, keep):
             v = path[depth]
             untried = links[v]
             if untried == 0:
+                here, reached = -1, reach[depth]
                 depth -= 1
-                u = path[depth] if depth >= 0 else -1
-                if u < 0:
-                    if not at_outlet:
-                        for q in range(waiting):
-                            anchor[found[q]] = n
-                elif reach[v] >= number[u]:
-                    here = -1
+                if depth < 0:
+                    while not at_outlet and waiting > 0:
+                        waiting -= 1
+                        dead -= 1
+                        here = found[waiting]
+                        found[dead], number[here] = here, n
+                elif reached >= number[path[depth]]:
                     while here != v:
                         waiting -= 1
+                        dead -= 1
                         here = found[waiting]
-                        anchor[here] = u
-                elif reach[v] < reach[u]:
-                    reach[u] = reach[v]
+                        found[dead], number[here] = here, path[depth]
+                elif reached < reach[depth]:
+                    reach[depth] = reached
                 continue
-            if untried & _DOWN:
-                w, there, back = v + n2, _DOWN, _UP
-            elif untried & _RIGHT:
-                w, there, back = (v + 1 if (v + 1) % n2 > 0 else v + 1 - n2), _RIGHT, _LEFT
+            if untried & _RIGHT:
+                w, there, back = v + 1, _RIGHT, _LEFT
             elif untried & _LEFT:
-                w, there, back = (v - 1 if v % n2 > 0 else v - 1 + n2), _LEFT, _RIGHT
+                w, there, back = v - 1, _LEFT, _RIGHT
+            elif untried & _ONWARD:
+                w, there, back = v + 1 - n2, _ONWARD, _BACK
+            elif untried & _BACK:
+                w, there, back = v - 1 + n2, _BACK, _ONWARD
+            elif untried & _DOWN:
+                w, there, back = v + n2, _DOWN, _UP
             else:
                 w, there, back = v - n2, _UP, _DOWN
             links[v] = untried & ~there
             if w < 0 or w >= n:
-                reach[v] = 1
+                reach[depth] = 1
                 at_outlet = at_outlet or w >= n
                 continue
             links[w] &= ~back
             if number[w] == 0:
                 count += 1
-                number[w] = reach[w] = count
                 depth += 1
-                path[depth] = w
-                found[waiting] = w
+                number[w] = reach[depth] = count
+                path[depth] = found[waiting] = w
                 waiting += 1
-            elif number[w] < reach[v]:
-                reach[v] = number[w]
+            elif number[w] < reach[depth]:
+                reach[depth] = number[w]
     for v in range(n):
         if number[v] == 0 and keep[v // n2 + 1, v % n2]:
-            anchor[v] = n + 1
-    return anchor.reshape(n1, n2)
+            dead -= 1
+            found[dead], number[v] = v, n + 1
+    return n - dead

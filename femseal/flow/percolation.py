@@ -1,4 +1,4 @@
-"""Percolation: which nodes are joined to the inlet, to the outlet, or around a periodic cell, by union-find.
+"""Percolation: which nodes are joined to the inlet and to the outlet, by union-find.
 
 Nodes that are not connected to both ends carry no flow and are left out. Without a path the flow is exactly 0.
 """
@@ -8,11 +8,13 @@ from __future__ import annotations
 from collections.abc import Iterator
 from contextlib import AbstractContextManager, contextmanager, nullcontext
 from dataclasses import replace
+from math import frexp, ldexp
 
 import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
+from ..base.threads import ZERO, over, rows
 from .stencil import Stencil
 
 
@@ -50,81 +52,139 @@ def nodes_reached_by(stencil: Stencil, least: float) -> NDArray[np.int8]:
     return nodes_reached_of(stencil.along, stencil.across, stencil.falling, stencil.rising, least)
 
 
+def _reached_by_parts(along, across, falling, rising, least):
+    """`nodes_reached_of`, by threads."""
+    n1, n2 = along.shape
+    label, parent = np.empty((n1 + 1, n2), np.int32), np.empty((n1 + 1) * n2 + 2, np.int32)
+    parent[:2] = 0, 1
+    parts = rows(n1 + 1, n2)
+    links = along, across, falling, rising, least
+    counts = over(parts, _label_rows, *links, label, parent)
+    for first, _ in parts[1:]:
+        _join_rows(first, *links, label, parent)
+    reached = np.empty(label.shape, np.int8)
+    over([(*part, count) for part, count in zip(parts, counts, strict=True)], _reached_rows, label, parent, reached)
+    return reached
+
+
 @njit(cache=True, nogil=True)
 def nodes_reached_of(along, across, falling, rising, least):
-    """`nodes_reached_by` of the conductances of a stencil.
+    """`nodes_reached_by` of the conductances of a stencil."""
+    n1, n2 = along.shape
+    label, parent = np.empty((n1 + 1, n2), np.int32), np.empty((n1 + 1) * n2 + 2, np.int32)
+    parent[0], parent[1] = 0, 1
+    count = _label_rows(ZERO, n1 + 1, along, across, falling, rising, least, label, parent)
+    reached = np.empty((n1 + 1, n2), np.int8)
+    _reached_rows(ZERO, n1 + 1, count, label, parent, reached)
+    return reached
 
-    Row by row: a node takes the label of a neighbour that it is joined to, and where two meet they become one.
 
-    Labels are few against nodes: those of inlet and outlet are 0 and 1.
+@njit(cache=True, nogil=True)
+def _is_open(c, least):
+    return c != 0.0 and abs(c) >= least
+
+
+@njit(cache=True, nogil=True)
+def _label_rows(begin, end, along, across, falling, rising, least, label, parent):
+    """Label some rows of nodes, and tell the label after the last: those of inlet and outlet are 0 and 1.
+
+    Row by row: a node takes the label of a neighbour that it is joined to, and where two meet they become one. Labels
+    are few against nodes.
     """
     n1, n2 = along.shape
     m2 = across.shape[1]
-    nine = falling.size > 0
-    label = np.empty((n1 + 1, n2), np.int32)
-    parent = np.empty((n1 - 1) * n2 + 2, np.int32)
-    parent[0], parent[1] = 0, 1
-    count = 2
-    for j in range(n2):
-        label[0, j] = 0
-    for i in range(1, n1 + 1):
+    count = begin * n2 + 2
+    if begin == 0:
+        for j in range(n2):
+            label[0, j] = 0
+    for i in range(max(begin, 1), end):
         last = i == n1
         for j in range(n2):
             here = np.int32(1 if last else -1)
-            c = along[i - 1, j]
-            if c != 0.0 and abs(c) >= least:
+            if i > begin and _is_open(along[i - 1, j], least):
                 above = label[i - 1, j]
                 if here < 0:
                     here = above
                 elif here != above:
                     union(parent, here, above)
-            if not last and j > 0:
-                c = across[i - 1, j - 1]
-                if c != 0.0 and abs(c) >= least:
-                    left = label[i, j - 1]
-                    if here < 0:
-                        here = left
-                    elif here != left:
-                        union(parent, here, left)
+            if not last and j > 0 and _is_open(across[i - 1, j - 1], least):
+                left = label[i, j - 1]
+                if here < 0:
+                    here = left
+                elif here != left:
+                    union(parent, here, left)
             if here < 0:
                 here = np.int32(count)
                 parent[count] = count
                 count += 1
             label[i, j] = here
-        if not last and m2 == n2 and n2 > 1:
-            c = across[i - 1, n2 - 1]
-            if c != 0.0 and abs(c) >= least and label[i, n2 - 1] != label[i, 0]:
-                union(parent, label[i, n2 - 1], label[i, 0])
-        if nine:
-            for j in range(m2):
-                k = (j + 1) % n2
-                c = falling[i - 1, j]
-                if c != 0.0 and abs(c) >= least and label[i - 1, j] != label[i, k]:
-                    union(parent, label[i - 1, j], label[i, k])
-                c = rising[i - 1, j]
-                if c != 0.0 and abs(c) >= least and label[i - 1, k] != label[i, j]:
-                    union(parent, label[i - 1, k], label[i, j])
-    inlet, outlet = find(parent, np.int64(0)), find(parent, np.int64(1))
-    ends = np.empty(count, np.int8)
-    for a in range(count):
-        root = find(parent, a)
-        ends[a] = (root == inlet) + 2 * (root == outlet)
-    reached = np.empty((n1 + 1, n2), np.int8)
-    for i in range(n1 + 1):
-        for j in range(n2):
-            reached[i, j] = ends[label[i, j]]
-    return reached
+        around = not last and m2 == n2 and n2 > 1
+        if around and _is_open(across[i - 1, n2 - 1], least) and label[i, n2 - 1] != label[i, 0]:
+            union(parent, label[i, n2 - 1], label[i, 0])
+        if falling.size > 0 and i > begin:
+            _join_corners(i, falling, rising, least, label, parent)
+    return count
 
 
 @njit(cache=True, nogil=True)
-def narrowest(along, across):
-    """The smallest of these conductances that is not 0; inf if all are."""
+def _join_corners(i, falling, rising, least, label, parent):
+    """Join the labels of a row of nodes and those of the row above across corners."""
+    for j in range(falling.shape[1]):
+        k = (j + 1) % label.shape[1]
+        if _is_open(falling[i - 1, j], least) and label[i - 1, j] != label[i, k]:
+            union(parent, label[i - 1, j], label[i, k])
+        if _is_open(rising[i - 1, j], least) and label[i - 1, k] != label[i, j]:
+            union(parent, label[i - 1, k], label[i, j])
+
+
+@njit(cache=True, nogil=True)
+def _join_rows(i, along, across, falling, rising, least, label, parent):
+    """Join the labels of a row of nodes and those of the row above."""
+    for j in range(along.shape[1]):
+        if _is_open(along[i - 1, j], least):
+            union(parent, label[i - 1, j], label[i, j])
+    _join_corners(i, falling, rising, least, label, parent)
+
+
+@njit(cache=True, nogil=True)
+def _reached_rows(begin, end, count, label, parent, reached):
+    """Write which ends some rows of nodes are joined to, `count` being the label after the last of them."""
+    n2 = label.shape[1]
+    least = begin * n2 + 2 if begin > 0 else 0
+    ends = np.empty(count - least, np.int8)
+    for a in range(least, count):
+        up = parent[a]
+        if least <= up < a:  # the root of a component is the lowest of its labels
+            ends[a - least] = ends[up - least]
+        else:
+            ends[a - least] = _ends(parent, a)
+    for i in range(begin, end):
+        for j in range(n2):
+            a = label[i, j]
+            reached[i, j] = ends[a - least] if a >= least else _ends(parent, a)
+
+
+@njit(cache=True, nogil=True)
+def _ends(parent, a):
+    """The ends that a label is joined to: `find` that writes nothing."""
+    while parent[a] != a:
+        a = parent[a]
+    if a > 1:
+        return 0
+    if parent[1] == 0:
+        return 3
+    return a + 1
+
+
+@njit(cache=True, nogil=True)
+def narrowest(begin, end, along, across):
+    """The smallest of the conductances of some rows that is not 0; inf if all are."""
     least = np.inf
-    for i in range(along.shape[0]):
+    for i in range(begin, end):
         for j in range(along.shape[1]):
             if 0.0 < along[i, j] < least:
                 least = along[i, j]
-    for i in range(across.shape[0]):
+    for i in range(begin, min(end, across.shape[0])):
         for j in range(across.shape[1]):
             if 0.0 < across[i, j] < least:
                 least = across[i, j]
@@ -132,13 +192,13 @@ def narrowest(along, across):
 
 
 @njit(cache=True, nogil=True)
-def widest(along, across):
-    """The largest of these conductances."""
+def widest(begin, end, along, across):
+    """The largest of the conductances of some rows."""
     most = 0.0
-    for i in range(along.shape[0]):
+    for i in range(begin, end):
         for j in range(along.shape[1]):
             most = along[i, j] if along[i, j] > most else most
-    for i in range(across.shape[0]):
+    for i in range(begin, min(end, across.shape[0])):
         for j in range(across.shape[1]):
             most = across[i, j] if across[i, j] > most else most
     return most
@@ -149,7 +209,7 @@ def restricted(stencil: Stencil, keep: NDArray[np.bool_], least: float = 0.0) ->
     along, across, falling, rising = (
         c.copy() for c in (stencil.along, stencil.across, stencil.falling, stencil.rising)
     )
-    restrict(along, across, falling, rising, keep, (1.0, 1.0), least)
+    over(rows(*along.shape), restrict, along, across, falling, rising, keep, (1.0, 1.0), least)
     return replace(stencil, along=along, across=across, falling=falling, rising=rising)
 
 
@@ -164,16 +224,11 @@ def closed(stencil: Stencil, keep: NDArray[np.bool_] | None, least: float = 0.0)
 @contextmanager
 def _closed(stencil: Stencil, keep: NDArray[np.bool_], least: float) -> Iterator[None]:
     aside = []
-    m2 = stencil.across.shape[1]
-    for c, one, other in (
-        (stencil.along, keep[:-1], keep[1:]),
-        (stencil.across, keep[1:-1, :m2], np.roll(keep[1:-1], -1, axis=1)[:, :m2]),
-    ):
-        links = c.reshape(-1)
-        at = np.flatnonzero((c > 0) & ~(one & other & (c >= least)))
+    parts = over(rows(*stencil.along.shape), _closing, stencil.along, stencil.across, keep, least)
+    for c, of_parts in zip((stencil.along, stencil.across), zip(*parts, strict=True), strict=True):
+        links, at = c.reshape(-1), np.concatenate(of_parts)
         aside.append((links, at, links[at]))
         links[at] = 0.0
-    del keep, one, other
     try:
         yield
     finally:
@@ -182,27 +237,88 @@ def _closed(stencil: Stencil, keep: NDArray[np.bool_], least: float) -> Iterator
 
 
 @njit(cache=True, nogil=True)
-def restrict(along, across, falling, rising, keep, factors, least):
-    """`restricted` of the conductances of a stencil in place, times two factors."""
+def _closing(begin, end, along, across, keep, least):
+    """Places of the open links along and across of some rows that `restricted` does without."""
+    n2, m2 = along.shape[1], across.shape[1]
+    found = np.empty(0, np.int64), np.empty(0, np.int64)
+    for written in range(2):
+        first = second = 0
+        for i in range(begin, end):
+            for j in range(n2):
+                c = along[i, j]
+                if c > 0.0 and not (keep[i, j] and keep[i + 1, j] and c >= least):
+                    if written == 1:
+                        found[0][first] = i * n2 + j
+                    first += 1
+        for i in range(begin, min(end, across.shape[0])):
+            for j in range(m2):
+                c = across[i, j]
+                if c > 0.0 and not (keep[i + 1, j] and keep[i + 1, (j + 1) % n2] and c >= least):
+                    if written == 1:
+                        found[1][second] = i * m2 + j
+                    second += 1
+        if written == 0:
+            found = np.empty(first, np.int64), np.empty(second, np.int64)
+    return found
+
+
+@njit(cache=True, nogil=True)
+def restrict(begin, end, along, across, falling, rising, keep, factors, least):
+    """`restricted` of some rows of the conductances of a stencil in place, times two factors."""
     first, second = factors
-    n1, n2 = along.shape
-    m2 = across.shape[1]
-    for i in range(n1):
+    n2, m2 = along.shape[1], across.shape[1]
+    for i in range(begin, end):
         for j in range(n2):
             kept = keep[i, j] and keep[i + 1, j] and abs(along[i, j]) >= least
             along[i, j] = second * (first * along[i, j]) if kept else 0.0
-    for i in range(n1 - 1):
+    for i in range(begin, min(end, across.shape[0])):
         for j in range(m2):
             kept = keep[i + 1, j] and keep[i + 1, (j + 1) % n2] and abs(across[i, j]) >= least
             across[i, j] = second * (first * across[i, j]) if kept else 0.0
     if falling.size > 0:
-        for i in range(n1):
+        for i in range(begin, end):
             for j in range(m2):
                 k = (j + 1) % n2
                 kept = keep[i, j] and keep[i + 1, k] and abs(falling[i, j]) >= least
                 falling[i, j] = second * (first * falling[i, j]) if kept else 0.0
                 kept = keep[i, k] and keep[i + 1, j] and abs(rising[i, j]) >= least
                 rising[i, j] = second * (first * rising[i, j]) if kept else 0.0
+
+
+@njit(cache=True, nogil=True)
+def ready(along, across, falling, rising):
+    """Make the conductances of a stencil what `solve_ready` takes, in place: between nodes that reach both ends.
+
+    They are over a power of two near the widest. Returns which ends each node reaches, see `nodes_reached`, and the
+    exponent.
+    """
+    reached = nodes_reached_of(along, across, falling, rising, 0.0)
+    through = reached[0, 0] == 3 and along.shape[0] > 1
+    exponent = frexp(widest(ZERO, along.shape[0], along, across))[1] - 1 if through else 0
+    keep = np.empty(reached.shape, np.bool_)
+    for i in range(reached.shape[0]):
+        for j in range(reached.shape[1]):
+            keep[i, j] = reached[i, j] == 3 or not through
+    restrict(ZERO, along.shape[0], along, across, falling, rising, keep, _factors(exponent), 0.0)
+    return reached, exponent
+
+
+def ready_by_parts(along, across, falling, rising):
+    """`ready`, by threads."""
+    parts = rows(*along.shape)
+    reached = _reached_by_parts(along, across, falling, rising, 0.0)
+    through = reached[0, 0] == 3 and len(along) > 1
+    exponent = frexp(max(over(parts, widest, along, across)))[1] - 1 if through else 0
+    keep = np.equal(reached, 3) if through else np.ones(reached.shape, np.bool_)
+    over(parts, restrict, along, across, falling, rising, keep, _factors(exponent), 0.0)
+    return reached, exponent
+
+
+@njit(cache=True, nogil=True)
+def _factors(exponent):
+    """Factors over a power of two, which changes no digit; two of half the exponent are in range."""
+    half = exponent // 2
+    return ldexp(1.0, -half), ldexp(1.0, half - exponent)
 
 
 @njit(cache=True, nogil=True)
@@ -226,73 +342,3 @@ def percolates(is_open):
         waiting.append((i, (j + 1) % n2))
         waiting.append((i + 1, j))
     return False
-
-
-@njit(cache=True, nogil=True)
-def winding_components(c1, c2):
-    """Doubly periodic network: component of each node, and which components wind around each axis.
-
-    c1, c2 (n1, n2) link node (i, j) to (i + 1, j) and (i, j + 1), wrapped. Each node keeps its displacement to its
-    parent, so that a link closing a loop shows how often the loop winds around the cell.
-    """
-    n1, n2 = c1.shape
-    n = n1 * n2
-    parent = np.arange(n)
-    shift = np.zeros((n, 2), np.int64)
-    winds = np.zeros((n, 2), np.bool_)
-    for axis in range(2):
-        for i in range(n1):
-            for j in range(n2):
-                if (c1[i, j] if axis == 0 else c2[i, j]) <= 0:
-                    continue
-                a = i * n2 + j
-                if axis == 0:
-                    b = ((i + 1) % n1) * n2 + j
-                else:
-                    b = i * n2 + (j + 1) % n2
-                sa0 = sa1 = sb0 = sb1 = 0
-                while parent[a] != a:
-                    sa0 += shift[a, 0]
-                    sa1 += shift[a, 1]
-                    a = parent[a]
-                while parent[b] != b:
-                    sb0 += shift[b, 0]
-                    sb1 += shift[b, 1]
-                    b = parent[b]
-                # displacement from root b to root a along the new link
-                d0 = sb0 - sa0 - (1 if axis == 0 else 0)
-                d1 = sb1 - sa1 - (1 if axis == 1 else 0)
-                if a == b:
-                    winds[a, 0] |= d0 != 0
-                    winds[a, 1] |= d1 != 0
-                else:
-                    parent[a] = b
-                    shift[a, 0] = d0
-                    shift[a, 1] = d1
-                    winds[b, 0] |= winds[a, 0]
-                    winds[b, 1] |= winds[a, 1]
-                # compress the path of the node the link started from
-                a = i * n2 + j
-                t0 = t1 = 0
-                c = a
-                while parent[c] != c:
-                    t0 += shift[c, 0]
-                    t1 += shift[c, 1]
-                    c = parent[c]
-                while parent[a] != a:
-                    up = parent[a]
-                    u0 = shift[a, 0]
-                    u1 = shift[a, 1]
-                    parent[a] = c
-                    shift[a, 0] = t0
-                    shift[a, 1] = t1
-                    t0 -= u0
-                    t1 -= u1
-                    a = up
-    label = np.empty(n, np.int64)
-    for a in range(n):
-        c = a
-        while parent[c] != c:
-            c = parent[c]
-        label[a] = c
-    return label, winds

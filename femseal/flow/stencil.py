@@ -11,6 +11,7 @@ from numba import njit
 from numpy.typing import ArrayLike, NDArray
 
 from ..base import Array, InputError
+from ..base.threads import over, rows
 
 
 def _nothing() -> Array:
@@ -96,7 +97,8 @@ class Stencil:
 
     def energy(self, pressure: Array) -> float:
         """Σ c (Δp)² over all conductances for a pressure at the nodes: from differences, so that nothing cancels."""
-        return float(energy_of(self.along, self.across, self.falling, self.rising, pressure, self.ring1))
+        links = self.along, self.across, self.falling, self.rising
+        return float(sum(over(rows(*self.along.shape), energy_of, *links, pressure, self.ring1)))
 
     def dissipation(self, potential: Array) -> tuple[Array, Array]:
         """Dissipation c (Δφ)² of the conductances along both axes of a five-point stencil.
@@ -121,15 +123,14 @@ class Stencil:
 
 
 @njit(cache=True, nogil=True)
-def energy_of(along, across, falling, rising, p, ring1):
-    """`Stencil.energy` of a pressure p."""
-    n1, n2 = along.shape
+def energy_of(begin, end, along, across, falling, rising, p, ring1):
+    """`Stencil.energy` of a pressure p, of some rows of conductances."""
+    n2 = along.shape[1]
     m2 = across.shape[1]
     first = 0 if ring1 else 1
-    rows = p.shape[0]
     total = 0.0
-    for i in range(n1):
-        here, below = p[i], p[(i + 1) % rows]
+    for i in range(begin, end):
+        here, below = p[i], p[(i + 1) % p.shape[0]]
         of_row = 0.0
         for j in range(n2):
             of_row += along[i, j] * (here[j] - below[j]) ** 2
@@ -138,7 +139,7 @@ def energy_of(along, across, falling, rising, p, ring1):
                 k = (j + 1) % n2
                 of_row += falling[i, j] * (here[j] - below[k]) ** 2 + rising[i, j] * (here[k] - below[j]) ** 2
         total += of_row
-    for i in range(across.shape[0]):
+    for i in range(begin, min(end, across.shape[0])):
         here = p[i + first]
         of_row = 0.0
         for j in range(n2 - 1):
@@ -147,3 +148,27 @@ def energy_of(along, across, falling, rising, p, ring1):
             of_row += across[i, n2 - 1] * (here[n2 - 1] - here[0]) ** 2
         total += of_row
     return total
+
+
+@njit(cache=True, nogil=True)
+def end_flows(along, falling, rising, potential, complement):
+    """Flow into the inlet and out of the outlet of a potential and its complement."""
+    n1, n2 = along.shape
+    inlet = outlet = 0.0
+    for j in range(n2):
+        inlet += along[0, j] * complement[1, j]
+        outlet += along[n1 - 1, j] * potential[n1 - 1, j]
+    for j in range(falling.shape[1]):
+        k = (j + 1) % n2
+        inlet += falling[0, j] * complement[1, k] + rising[0, j] * complement[1, j]
+        outlet += rising[n1 - 1, j] * potential[n1 - 1, k] + falling[n1 - 1, j] * potential[n1 - 1, j]
+    return inlet, outlet
+
+
+@njit(cache=True, nogil=True)
+def leave_out(begin, end, keep, potential, complement):
+    """Make some rows of a potential and its complement NaN where nodes are not kept."""
+    for i in range(begin, end):
+        for j in range(keep.shape[1]):
+            if not keep[i, j]:
+                potential[i, j] = complement[i, j] = np.nan

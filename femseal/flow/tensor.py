@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+from numba import njit
 from numpy.typing import ArrayLike, NDArray
 
 from ..base import Array, InputError, Lengths, NotConverged
@@ -10,7 +11,6 @@ from .assembly import assemble_on_links
 from .coefficient import permeability_on_links, unit_spacing, validated_gap
 from .grid import Grid
 from .law import CUBIC_LAW, FlowLaw, gap_by_law
-from .percolation import winding_components
 from .solution import MAX_IMBALANCE
 from .solvers.amg import solve_spd
 from .stencil import Stencil
@@ -54,7 +54,7 @@ def permeability_tensor(
     scale = float(h.max()) or 1.0
     d1, d2 = unit_spacing((d1, d2))
     k1, k2 = permeability_on_links(h / scale, True, True)
-    label, winds = winding_components(k1, k2)
+    label, winds = _winding_components(k1, k2)
     winds = winds[label].reshape(n1, n2, 2)
     carrying = winds.any(axis=2)
     if not carrying.any():
@@ -117,3 +117,73 @@ def _by_elimination(stencil: Stencil, spacing: tuple[float, float], closed: NDAr
     largest = tensor.diagonal()
     error = np.divide(noise, largest, out=np.zeros(2), where=largest > 0).max()
     return np.outer(around, around) * tensor, float(error)
+
+
+@njit(cache=True, nogil=True)
+def _winding_components(c1, c2):
+    """Doubly periodic network: component of each node, and which components wind around each axis.
+
+    c1, c2 (n1, n2) link node (i, j) to (i + 1, j) and (i, j + 1), wrapped. Each node keeps its displacement to its
+    parent, so that a link closing a loop shows how often the loop winds around the cell.
+    """
+    n1, n2 = c1.shape
+    n = n1 * n2
+    parent = np.arange(n)
+    shift = np.zeros((n, 2), np.int64)
+    winds = np.zeros((n, 2), np.bool_)
+    for axis in range(2):
+        for i in range(n1):
+            for j in range(n2):
+                if (c1[i, j] if axis == 0 else c2[i, j]) <= 0:
+                    continue
+                a = i * n2 + j
+                if axis == 0:
+                    b = ((i + 1) % n1) * n2 + j
+                else:
+                    b = i * n2 + (j + 1) % n2
+                sa0 = sa1 = sb0 = sb1 = 0
+                while parent[a] != a:
+                    sa0 += shift[a, 0]
+                    sa1 += shift[a, 1]
+                    a = parent[a]
+                while parent[b] != b:
+                    sb0 += shift[b, 0]
+                    sb1 += shift[b, 1]
+                    b = parent[b]
+                # displacement from root b to root a along the new link
+                d0 = sb0 - sa0 - (1 if axis == 0 else 0)
+                d1 = sb1 - sa1 - (1 if axis == 1 else 0)
+                if a == b:
+                    winds[a, 0] |= d0 != 0
+                    winds[a, 1] |= d1 != 0
+                else:
+                    parent[a] = b
+                    shift[a, 0] = d0
+                    shift[a, 1] = d1
+                    winds[b, 0] |= winds[a, 0]
+                    winds[b, 1] |= winds[a, 1]
+                # compress the path of the node the link started from
+                a = i * n2 + j
+                t0 = t1 = 0
+                c = a
+                while parent[c] != c:
+                    t0 += shift[c, 0]
+                    t1 += shift[c, 1]
+                    c = parent[c]
+                while parent[a] != a:
+                    up = parent[a]
+                    u0 = shift[a, 0]
+                    u1 = shift[a, 1]
+                    parent[a] = c
+                    shift[a, 0] = t0
+                    shift[a, 1] = t1
+                    t0 -= u0
+                    t1 -= u1
+                    a = up
+    label = np.empty(n, np.int64)
+    for a in range(n):
+        c = a
+        while parent[c] != c:
+            c = parent[c]
+        label[a] = c
+    return label, winds

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import replace
-from math import frexp, ldexp, sqrt
+from math import ldexp, sqrt
 from typing import Any
 
 import numpy as np
@@ -18,16 +18,15 @@ from numba import njit
 from numpy.typing import NDArray
 
 from ...base import Array, Flags, InputError, NotConverged, validate
-from ...base.threads import number, on_threads
+from ...base.threads import NO, ZERO, number, on_threads, over, rows
 from ..balance import energy_gap
 from ..dead_ends import dead_ends, fill_dead_ends
 from ..discretisation import check_solver
-from ..percolation import closed, narrowest, nodes_reached_by, nodes_reached_of, restrict, widest
+from ..percolation import closed, narrowest, nodes_reached_by, ready
 from ..solution import MAX_IMBALANCE, DarcyFlow, potential_rtol
-from ..stencil import Stencil, energy_of
+from ..stencil import Stencil, end_flows, energy_of, leave_out
 from .amg import solve_amg, solve_direct
 from .coarsest import coarsest_nodes
-from .compiled import NO
 from .incomplete_cholesky import solve_incomplete
 from .link_network import eliminate, island_potentials
 from .multigrid import COARSEST_NODES, solve_multigrid
@@ -108,28 +107,6 @@ def solve_flow(
     reached, exponent = ready(*conductances)
     settings: dict[str, Any] = {"rtol": rtol, "solver": solver, "field_rtol": field_rtol, "start": start}
     return solve_ready(reached, conductances, exponent, stencil.ring2, **settings)
-
-
-@njit(cache=True, nogil=True)
-def ready(along, across, falling, rising):
-    """Make the conductances of a stencil what `solve_ready` takes, in place: between nodes that reach both ends.
-
-    They are over a power of two near the widest. Returns which ends each node reaches, see `percolation.nodes_reached`,
-    and the exponent.
-    """
-    reached = nodes_reached_of(along, across, falling, rising, 0.0)
-    least, exponent = 0, 0
-    if reached[0, 0] == 3 and along.shape[0] > 1:
-        least, exponent = 3, frexp(widest(along, across))[1] - 1
-    keep = np.empty(reached.shape, np.bool_)
-    for i in range(reached.shape[0]):
-        for j in range(reached.shape[1]):
-            keep[i, j] = reached[i, j] >= least
-    # a power of two changes no digit and keeps products from overflowing; two of half the exponent are in range
-    half = exponent // 2
-    factors = ldexp(1.0, -half), ldexp(1.0, half - exponent)
-    restrict(along, across, falling, rising, keep, factors, 0.0)
-    return reached, exponent
 
 
 def solve_ready(
@@ -276,11 +253,16 @@ def _by_iterations(stencil: Stencil, keep: Flags, rtol: float, limit: int, field
     unseen: Flags | None = None
     seen: Flags | None = None
     if not stencil.nine:
-        searches: list[Callable[..., Any]] = [_unseen]
+        searches: list[Callable[..., Any]] = []
+        if min(over(rows(*stencil.along.shape), narrowest, stencil.along, stencil.across)) < _SEEN:
+            searches.append(_unseen)
         if inner.size >= _MANY and _MANY <= np.count_nonzero(inner) < _MAY_HAVE_DEAD_ENDS * inner.size:
             searches.append(dead_ends)  # no path to an end leads through them, so that neither search needs the other
-        (unseen, seen), *found = on_threads(number(), lambda search: search(stencil, keep), searches)
-        through, dead = found[0] if found else (None, None)
+        found = on_threads(number(), lambda search: search(stencil, keep), searches)
+        if dead_ends in searches:
+            through, dead = found.pop()
+        if found:
+            unseen, seen = found.pop()
     hidden = None
     with closed(stencil, through):
         if unseen is not None:
@@ -289,17 +271,22 @@ def _by_iterations(stencil: Stencil, keep: Flags, rtol: float, limit: int, field
         del through, unseen
         with closed(stencil, None if hidden is None else seen, _LOST):
             del seen
-            φ, iterations, error = solve_multigrid(stencil, rtol, limit, hidden, field_rtol)
+            potential, iterations, error = solve_multigrid(stencil, rtol, limit, hidden, field_rtol)
             if hidden is not None:
-                potential = np.concatenate([np.ones((1, φ.shape[1])), φ, np.zeros((1, φ.shape[1]))])
                 least = stencil.energy(potential) * (1 - error**2)
-                del potential
-        φ, ψ = (φ, 1 - φ) if hidden is None else island_potentials(stencil, hidden, φ)
+        complement, parts = np.empty(potential.shape), rows(*potential.shape)
+        over(parts, lambda a, b: np.subtract(1.0, potential[a:b], complement[a:b]))
+        φ, ψ = potential[1:-1], complement[1:-1]
+        if hidden is not None:
+            island_potentials(stencil, hidden, φ, ψ)
     if dead is not None:
         fill_dead_ends(φ, dead, 1.0, 0.0)
         fill_dead_ends(ψ, dead, 0.0, 1.0)
+    inlet, outlet = end_flows(stencil.along, stencil.falling, stencil.rising, potential, complement)
     allowed = max(MAX_IMBALANCE, 10 * (sqrt(rtol) if field_rtol is None else field_rtol))
-    flow = _balanced(stencil, keep, φ, ψ, None, iterations, error, "multigrid", allowed)
+    rate = stencil.energy(potential)
+    flow = _checked(potential, complement, inlet, outlet, rate, iterations, error, "multigrid", allowed)
+    over(parts, leave_out, keep, potential, complement)
     if hidden is None:
         return flow
     between = 1 - least / flow.conductance
@@ -317,8 +304,6 @@ def _unseen(stencil: Stencil, keep: Flags) -> tuple[Flags | None, Flags | None]:
 
     None if there are none of the first.
     """
-    if narrowest(stencil.along, stencil.across) >= _SEEN:
-        return None, None
     unseen = keep & (nodes_reached_by(stencil, _SEEN) == 0)
     return (unseen, nodes_reached_by(stencil, _LOST) == 3) if unseen.any() else (None, None)
 
@@ -341,28 +326,29 @@ def _by_matrix(stencil: Stencil, keep: Flags, rtol: float, field_rtol: float | N
         allowed = max(MAX_IMBALANCE, 0.01 * wanted)
     φ, ψ = np.zeros((2, keep.size))
     φ[unknown], ψ[unknown] = found.x, found.complement
-    return _balanced(stencil, keep, φ[n2:-n2], ψ[n2:-n2], None, found.iterations, found.residual, found.solver, allowed)
+    how = found.iterations, found.residual, found.solver
+    return _balanced(stencil, keep, φ[n2:-n2], ψ[n2:-n2], None, *how, allowed)
 
 
 def _balanced(
-    stencil: Stencil,
-    keep: Flags,
-    φ: Array,
-    ψ: Array,
-    rate: float | None,
-    iterations: int,
-    residual: float,
-    solver: str,
-    allowed: float = MAX_IMBALANCE,
-) -> DarcyFlow:
-    """The solution with the potentials φ and 1 − φ = ψ of the inner nodes, unless inlet and outlet flow differ."""
+    stencil: Stencil, keep: Flags, φ: Array, ψ: Array, rate: float | None,
+    iterations: int, residual: float, solver: str, allowed: float = MAX_IMBALANCE,
+) -> DarcyFlow:  # fmt: skip
+    """The solution with the potentials φ and 1 − φ = ψ of the inner nodes, see `_checked`."""
     inner = keep[1:-1].shape
     potential, complement, inlet, outlet, energy = _flows(
         stencil.along, stencil.across, stencil.falling, stencil.rising, keep, φ.reshape(inner), ψ.reshape(inner)
     )
-    if rate is None:
-        # the energy sum keeps its relative accuracy where a difference of flows would not
-        rate = energy
+    # the energy sum keeps its relative accuracy where a difference of flows would not
+    rate = energy if rate is None else rate
+    return _checked(potential, complement, inlet, outlet, rate, iterations, residual, solver, allowed)
+
+
+def _checked(
+    potential: Array, complement: Array, inlet: float, outlet: float, rate: float,
+    iterations: int, residual: float, solver: str, allowed: float,
+) -> DarcyFlow:  # fmt: skip
+    """The solution, unless inlet and outlet flow differ."""
     imbalance = max(abs(inlet - outlet), abs(inlet - rate)) / rate if rate > 0 else np.inf
     if not imbalance <= allowed:
         raise NotConverged(
@@ -381,18 +367,9 @@ def _flows(along, across, falling, rising, keep, φ, ψ):
     for i in range(1, n1):
         for j in range(n2):
             potential[i, j], complement[i, j] = φ[i - 1, j], ψ[i - 1, j]
-    inlet = outlet = 0.0
     for j in range(n2):
         potential[0, j] = complement[n1, j] = 1.0
-        inlet += along[0, j] * complement[1, j]
-        outlet += along[n1 - 1, j] * potential[n1 - 1, j]
-    for j in range(falling.shape[1]):
-        k = (j + 1) % n2
-        inlet += falling[0, j] * complement[1, k] + rising[0, j] * complement[1, j]
-        outlet += rising[n1 - 1, j] * potential[n1 - 1, k] + falling[n1 - 1, j] * potential[n1 - 1, j]
-    energy = energy_of(along, across, falling, rising, potential, NO)
-    for i in range(n1 + 1):
-        for j in range(n2):
-            if not keep[i, j]:
-                potential[i, j] = complement[i, j] = np.nan
+    inlet, outlet = end_flows(along, falling, rising, potential, complement)
+    energy = energy_of(ZERO, n1, along, across, falling, rising, potential, NO)
+    leave_out(ZERO, n1 + 1, keep, potential, complement)
     return potential, complement, inlet, outlet, energy

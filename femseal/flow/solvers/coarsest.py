@@ -9,12 +9,15 @@ from numba import njit
 from numpy.typing import NDArray
 
 from ...base.arrays import Array
-from .elimination import Factors, borders, carry_sources, eliminated, find_potentials
+from ...base.threads import over
+from .elimination import Factors, borders, carry_from, carry_sources, eliminated, find_on, find_potentials
 from .hierarchy import FEWEST
 from .link_network import dissect, grid_links
 
 #: What the centre has beyond all conductances is taken for a rounding error below this fraction.
 _ROUNDING = 1e-13
+#: Fronts that threads share are parts of no more than this fraction of the links.
+_PART = 0.3
 
 
 def coarsest_nodes(n1: int, n2: int) -> int:
@@ -25,11 +28,15 @@ def coarsest_nodes(n1: int, n2: int) -> int:
 
 
 class Coarsest(NamedTuple):
-    """The eliminated level: numbers of its nodes in their order, factors, and room for potentials in that order."""
+    """The eliminated level: numbers of its nodes in their order, factors, and room for potentials in that order.
+
+    parts (…, 2) : first and last + 1 of the fronts of parts, which are linked by later ones only.
+    """
 
     nodes: NDArray[np.int64]
     factors: Factors
     work: Array
+    parts: NDArray[np.int64]
 
 
 @njit(cache=True, nogil=True)
@@ -70,18 +77,101 @@ def eliminate_coarsest(centre, right, below, below_right, below_left, ring):
     links, inverse, between = eliminated(
         first, parent, row, later, value, border, start, at, at[first.size - 1], waiting, widest, np.int64(1)
     )
-    return Coarsest(order, Factors(first, border, start, at, links, inverse, between), np.zeros(order.size + 1))
+    factors = Factors(first, border, start, at, links, inverse, between)
+    return Coarsest(order, factors, np.zeros(order.size + 1), _parts(parent, at))
+
+
+@njit(cache=True, nogil=True)
+def _parts(parent, at):
+    """Parts of fronts, see `Coarsest`: the largest trees of them that are small enough."""
+    fronts = parent.size
+    earliest = np.arange(fronts)
+    for f in range(fronts):
+        if parent[f] < fronts:
+            earliest[parent[f]] = min(earliest[parent[f]], earliest[f])
+    parts = np.empty((fronts, 2), np.int64)
+    count = 0
+    most = _PART * at[fronts]
+    for f in range(fronts):
+        above = parent[f]
+        is_small = at[f + 1] - at[earliest[f]] <= most
+        if is_small and (above == fronts or at[above + 1] - at[earliest[above]] > most):
+            parts[count, 0], parts[count, 1] = earliest[f], f + 1
+            count += 1
+    return parts[:count].copy()
 
 
 @njit(cache=True, nogil=True)
 def solve_coarsest(coarsest, b, x):
     """x of the level from its right-hand side b, both with a border."""
-    nodes, factors, v = coarsest
-    n, n2 = nodes.size, x.shape[1] - 2
-    for i in range(n):
-        v[i] = b[nodes[i] // n2 + 1, nodes[i] % n2 + 1]
+    nodes, factors, v, _ = coarsest
+    n = nodes.size
+    _take(nodes, 0, n, b, v)
     carry_sources(factors, v)
     v[n] = 0.0
     find_potentials(factors, v)
-    for i in range(n):
+    _put(nodes, 0, n, v, x)
+
+
+@njit(cache=True, nogil=True)
+def _take(nodes, begin, end, b, v):
+    """Write what b has at some nodes to v."""
+    n2 = b.shape[1] - 2
+    for i in range(begin, end):
+        v[i] = b[nodes[i] // n2 + 1, nodes[i] % n2 + 1]
+
+
+@njit(cache=True, nogil=True)
+def _put(nodes, begin, end, v, x):
+    """Write what v has at some nodes to x."""
+    n2 = x.shape[1] - 2
+    for i in range(begin, end):
         x[nodes[i] // n2 + 1, nodes[i] % n2 + 1] = v[i]
+
+
+@njit(cache=True, nogil=True)
+def _carry_part(begin, end, beyond, coarsest, b):
+    """Carry the sources of a part on, and to `beyond`, which is 0 at first, where they leave it."""
+    nodes, factors, v, _ = coarsest
+    _take(nodes, factors.first[begin], factors.first[end], b, v)
+    carry_from(factors, begin, end, v, beyond)
+
+
+@njit(cache=True, nogil=True)
+def _between_parts(coarsest, beyond, b, x):
+    """Potentials of the fronts of no part, from what the parts carry beyond them."""
+    nodes, factors, v, parts = coarsest
+    first, border, start = factors.first, factors.border, factors.start
+    last = parts.shape[0]
+    fronts = np.empty((last + 1, 2), np.int64)
+    fronts[0, 0], fronts[last, 1] = 0, first.size - 1
+    fronts[1:, 0], fronts[:last, 1] = parts[:, 1], parts[:, 0]
+    for begin, end in fronts:
+        _take(nodes, first[begin], first[end], b, v)
+    for k in range(last):
+        f = parts[k, 1] - 1
+        for place in border[start[f] : start[f + 1]]:
+            v[place] += beyond[k, place]
+    for begin, end in fronts:
+        carry_from(factors, begin, end, v, v)
+    v[nodes.size] = 0.0
+    for begin, end in fronts[::-1]:
+        find_on(factors, begin, end, v, v[:0])
+        _put(nodes, first[begin], first[end], v, x)
+
+
+@njit(cache=True, nogil=True)
+def _find_part(begin, end, _, coarsest, x):
+    """Potentials of a part from those of later fronts."""
+    nodes, factors, v, _ = coarsest
+    find_on(factors, begin, end, v, v[:0])
+    _put(nodes, factors.first[begin], factors.first[end], v, x)
+
+
+def solve_by_parts(coarsest: Coarsest, b: NDArray[np.float32], x: NDArray[np.float32]) -> None:
+    """`solve_coarsest`, with threads on the parts."""
+    beyond = np.zeros((len(coarsest.parts), coarsest.work.size))
+    parts = [(*part, row) for part, row in zip(coarsest.parts.tolist(), beyond, strict=True)]
+    over(parts, _carry_part, coarsest, b)
+    _between_parts(coarsest, beyond, b, x)
+    over(parts, _find_part, coarsest, x)

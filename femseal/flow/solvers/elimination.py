@@ -291,16 +291,27 @@ def _add_product(front, inverse, start, end, column, rows, out, first):
 @njit(**_fast)
 def carry_sources(factors, v):
     """Sources v (n + stay,) at all places, carried on by every node to the later ones, in place."""
+    carry_from(factors, 0, factors[0].size - 1, v, v)
+
+
+@njit(**_fast)
+def carry_from(factors, begin, end, v, beyond):
+    """`carry_sources` of the nodes of some fronts; what these carry to later fronts is added to `beyond`."""
     first, border, start, at, links, inverse, _ = factors
-    for f in range(first.size - 1):
+    for f in range(begin, end):
         a, p, q = first[f], first[f + 1] - first[f], start[f + 1] - start[f]
+        inside = q
+        while inside > 0 and border[start[f] + inside - 1] >= first[end]:
+            inside -= 1
         for i in range(p):
             row = at[f] + i * (p + q)
             here = v[a + i] * inverse[a + i]
             for j in range(i + 1, p):
                 v[a + j] += links[row + j] * here
-            for j in range(q):
+            for j in range(inside):
                 v[border[start[f] + j]] += links[row + p + j] * here
+            for j in range(inside, q):
+                beyond[border[start[f] + j]] += links[row + p + j] * here
 
 
 @njit(**_fast)
@@ -309,25 +320,25 @@ def find_potentials(factors, v):
 
     That of a node is the mean of those of its neighbours at the time it was eliminated, and what its source adds.
     """
-    _find(factors, v, v[:0])
+    find_on(factors, 0, factors[0].size - 1, v, v[:0])
 
 
 @njit(**_fast)
 def find_two_potentials(factors, v, w):
     """`find_potentials` of two fields at once, in about the time of one: most of it is that of reading the links."""
-    _find(factors, v, w)
+    find_on(factors, 0, factors[0].size - 1, v, w)
 
 
 @njit(**_fast)
-def _find(factors, v, w):
-    """Potentials v, and w unless that is empty."""
+def find_on(factors, begin, end, v, w):
+    """`find_two_potentials` on some fronts, and of v only where w is empty; those of later fronts are given."""
     first, border, start, at, links, inverse, _ = factors
     two = w.size > 0
     widest = 0
-    for f in range(first.size - 1):
+    for f in range(begin, end):
         widest = max(widest, start[f + 1] - start[f])
     of_border, second = np.empty(widest), np.empty(widest)
-    for f in range(first.size - 2, -1, -1):
+    for f in range(end - 1, begin - 1, -1):
         a, p, q = first[f], first[f + 1] - first[f], start[f + 1] - start[f]
         for j in range(q):
             k = border[start[f] + j]

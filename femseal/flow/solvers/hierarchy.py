@@ -11,7 +11,7 @@ would give it; coarse operators are Galerkin's. Source: Dendy, J. Comput. Phys. 
 
 from __future__ import annotations
 
-from functools import lru_cache
+from functools import lru_cache, partial
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -19,9 +19,9 @@ from numba import njit
 from numpy.typing import NDArray
 
 from ...base.arrays import Array
-from ...base.threads import over
+from ...base.threads import ONE, number, on_threads, over
 from .clusters import clusters, no_clusters, with_clusters
-from .compiled import COMPILED, FIRST
+from .compiled import COMPILED
 
 #: Nodes of an axis at which coarsening ends.
 FEWEST = 4
@@ -285,9 +285,11 @@ def hierarchy(
         rows, w = strips(shape[k + 1, 0]), weights_to(k, shape, weight_first, weights)
         over(rows, _along_rows, *operator, all_nine, ring, w)
         over(rows, _between_rows, *operator, all_nine, ring, w)
-        found = with_clusters(found, k, *clusters(*operator, all_nine, ring))
         coarse = _zeros(shape[k + 1], True)
-        over(rows, _galerkin, *operator, w, all_nine, ring, *coarse)
+        work = [partial(clusters, *operator, all_nine, ring)]
+        work += [partial(_galerkin, *part, *operator, w, all_nine, ring, *coarse) for part in rows]
+        of_level, *_ = on_threads(number(), lambda part: part(), work)
+        found = with_clusters(found, k, *of_level)
         operator = coarse
     found, operator = _filled_from(large, operator, conductances, fewest, found, ring, *place)
     return _levels(place, found), operator
@@ -338,13 +340,13 @@ def _filled_from(
         size = shape[0, 0], shape[0, 1]
         corners = size if nine else (1, 1)
         operator = np.zeros(size), np.zeros(size), np.zeros(size), np.zeros(corners), np.zeros(corners)
-        _straight_links(FIRST, size[0] - 1, along, across, ring, operator[0], operator[1], operator[2])
+        _straight_links(ONE, size[0] - 1, along, across, ring, operator[0], operator[1], operator[2])
         if nine:
             _corner_links(falling, rising, ring, operator[0], operator[3], operator[4])
     while True:
         centre, right, below, below_right, below_left = operator
         of_level = level(shape, first, fields, k)
-        count = _store(FIRST, centre.shape[0] - 1, centre, right, below, below_right, below_left, *of_level)
+        count = _store(ONE, centre.shape[0] - 1, centre, right, below, below_right, below_left, *of_level)
         if k == 0:
             fewest = _ELIMINATED * count
         if k == shape.shape[0] - 1 or count <= fewest:
@@ -352,13 +354,13 @@ def _filled_from(
         all_nine = nine or k > 0
         m1, m2 = shape[k + 1, 0], shape[k + 1, 1]
         w = weights_to(k, shape, weight_first, weights)
-        _along_rows(FIRST, m1 - 1, centre, right, below, below_right, below_left, all_nine, ring, w)
-        _between_rows(FIRST, m1 - 1, centre, right, below, below_right, below_left, all_nine, ring, w)
+        _along_rows(ONE, m1 - 1, centre, right, below, below_right, below_left, all_nine, ring, w)
+        _between_rows(ONE, m1 - 1, centre, right, below, below_right, below_left, all_nine, ring, w)
         found = with_clusters(found, k, *clusters(centre, right, below, below_right, below_left, all_nine, ring))
         to0, to1, to2 = np.zeros((m1, m2)), np.zeros((m1, m2)), np.zeros((m1, m2))
         to3, to4 = np.zeros((m1, m2)), np.zeros((m1, m2))
         _galerkin(
-            FIRST, m1 - 1, centre, right, below, below_right, below_left, w, all_nine, ring, to0, to1, to2, to3, to4
+            ONE, m1 - 1, centre, right, below, below_right, below_left, w, all_nine, ring, to0, to1, to2, to3, to4
         )  # fmt: skip
         operator = to0, to1, to2, to3, to4
         k += 1

@@ -96,22 +96,23 @@ def beside_sides(w1: int, w2: int) -> Indices:
     return np.concatenate([number[0], number[-1], number[:, 0], number[:, -1]])
 
 
-def island_potentials(stencil: Stencil, hidden: Flags, φ: Array) -> tuple[Array, Array]:
-    """φ and 1 − φ of the inner nodes (n1 − 1, n2) with those of the hidden ones found from the others, in place of φ.
+def island_potentials(stencil: Stencil, hidden: Flags, φ: Array, ψ: Array) -> None:
+    """Write φ and 1 − φ = ψ of the hidden ones of the inner nodes (n1 − 1, n2), found from the others.
 
     A neighbour of known potential φ acts as the inlet with the fraction φ of its link and as the outlet with 1 − φ.
 
     stencil : of a network, without nodes that are not connected to both ends.
     hidden : nodes that only very narrow links connect with the others, whose potential is wanted.
-    φ : potential of the others.
+    φ, ψ : potential of the others, and its complement.
     """
     node, end, link = _links_to_known(stencil.along, stencil.across, hidden, φ)
-    order, factors = grid_factors(
-        stencil.along, stencil.across, _NOTHING, _NOTHING, hidden, stencil.ring2, node, end, link, 2
-    )
-    ψ = 1.0 - φ
+    # they are few: only the rows and columns that have some are dissected
+    rows, columns = np.flatnonzero(hidden.any(axis=1)), np.flatnonzero(hidden.any(axis=0))
+    among, *fronts = dissect(hidden[np.ix_(rows, columns)], stencil.ring2)
+    order = Order(rows[among // columns.size] * hidden.shape[1] + columns[among % columns.size], *fronts)
+    grid = stencil.along, stencil.across, _NOTHING, _NOTHING, stencil.ring2
+    factors = factored(order, Links(*grid_links(*grid, order.nodes, node, end, link)), 2)
     _write_potentials(order, factors, φ, ψ)
-    return φ, ψ
 
 
 @njit(cache=True, nogil=True)
@@ -243,13 +244,15 @@ def dissect(keep, ring):
     two halves. A front comes after the fronts of both halves, the second half first.
     """
     n1, n2 = keep.shape
-    # nodes above and left of a corner; twice the columns, so that a box may lie across the seam
-    nodes = np.zeros((n1 + 1, 2 * n2 + 1), np.int32)
+    # nodes above and left of a corner; twice the columns of a ring, so that a box may lie across the seam
+    around = 2 if ring else 1
+    nodes = np.zeros((n1 + 1, around * n2 + 1), np.int32)
     for i in range(n1):
         in_row = 0
-        for j in range(2 * n2):
-            in_row += keep[i, j % n2]
-            nodes[i + 1, j + 1] = nodes[i, j + 1] + in_row
+        for start in range(0, around * n2, n2):
+            for j in range(n2):
+                in_row += keep[i, j]
+                nodes[i + 1, start + j + 1] = nodes[i, start + j + 1] + in_row
     n = nodes[n1, n2]
     order = np.empty(n, np.int64)
     first = np.empty(n + 1, np.int64)

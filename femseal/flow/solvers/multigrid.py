@@ -13,10 +13,10 @@ from numba import njit
 from numpy.typing import NDArray
 
 from ...base.errors import NotConverged
-from ...base.threads import over
+from ...base.threads import ONE, ZERO, over
 from ..stencil import Stencil
 from .coarsest import Coarsest, eliminate_coarsest
-from .compiled import COMPILED, FINEST, FIRST
+from .compiled import COMPILED
 from .hierarchy import Levels, hierarchy, large_levels, level, strips
 from .v_cycle import cycle, v_cycle
 
@@ -50,7 +50,7 @@ def solve_multigrid(
     hidden: NDArray[np.bool_] | None = None,
     field_rtol: float | None = None,
 ) -> tuple[Array, int, float]:
-    """Potential φ of the inner nodes for a unit drop, iterations, and the error of φ in the norm of the energy.
+    """Potential φ of all nodes for a unit drop, iterations, and the error of φ in the norm of the energy.
 
     Parameters
     ----------
@@ -87,7 +87,7 @@ def solve_multigrid(
             + "; try the solver 'elimination'",
             error,
         )
-    return x[1:-1, 1:-1].copy(), iterations, error
+    return x, iterations, error
 
 
 @njit(**COMPILED)
@@ -153,8 +153,8 @@ def _advance(first, end, conductances, step, p, scale, ring, flow, x, r, b):
             _flow_out(conductances, p, i, ring, beside, y)
         xs, rs, ps, bs = x[i], r[i], p[i], b[i]
         for j in range(1, n2 + 1):
-            value, rest = xs[j] + step * ps[j], rs[j] - step * y[j]
-            xs[j], rs[j] = value, rest
+            value, rest = xs[j - 1] + step * ps[j], rs[j] - step * y[j]
+            xs[j - 1], rs[j] = value, rest
             excess += rest
             weighted += rest * value
         for j in range(1, n2 + 1):
@@ -177,41 +177,53 @@ def _product(first, end, r, z, field, hidden):
 
 
 @njit(**COMPILED)
-def _start(conductances, inverse, x, r, b):
-    """x of the least energy among potentials that are constant along rows, and its residual r, also as b."""
+def _resistances(first, end, conductances, drop):
+    """Write the inverse sum of the conductances from some rows to the next ones, the inlet's with the first."""
     along, _, falling, rising = conductances
-    n1, n2 = x.shape[0] - 2, x.shape[1] - 2
-    m2 = falling.shape[1]
-    drop = np.empty(n1 + 1)
-    total = 0.0
-    for i in range(n1 + 1):
+    for i in range(first if first > 1 else 0, end):
         s = 0.0
-        for j in range(n2):
+        for j in range(along.shape[1]):
             s += along[i, j]
-        for j in range(m2):
+        for j in range(falling.shape[1]):
             s += falling[i, j] + rising[i, j]
         drop[i] = 1.0 / s
+
+
+@njit(**{**COMPILED, "fastmath": {"arcp"}})
+def _drops(drop):
+    """Make resistances from row to row the drops of a flow through all; the potentials of the rows before them."""
+    rest, total = np.empty(drop.size), 0.0
+    for i in range(drop.size):
         total += drop[i]
-    rest = 0.0
-    for i in range(n1, -1, -1):
+    before = 0.0
+    for i in range(drop.size - 1, -1, -1):
         drop[i] /= total
-        rest += drop[i]
-        for j in range(1, n2 + 1):
-            if i > 0 and inverse[i, j] > 0.0:
-                x[i, j] = rest
-        # flows from row i to the next; those at the ends leave r of the border, which counts nothing
+        before += drop[i]
+        rest[i] = before
+    return rest
+
+
+@njit(**{**COMPILED, "fastmath": False})
+def _start(first, end, conductances, drop, rest, inverse, x, r, b):
+    """x of the least energy among potentials that are constant along rows, and its residual r, also as b."""
+    along, _, falling, rising = conductances
+    n2 = along.shape[1]
+    m2 = falling.shape[1]
+    for i in range(first, end):
         for j in range(n2):
-            flow = along[i, j] * drop[i]
-            r[i, j + 1] -= flow
-            r[i + 1, j + 1] += flow
+            if inverse[i, j + 1] > 0.0:
+                x[i, j] = rest[i]
+        # flows to the next row, and from the one before
+        for j in range(n2):
+            r[i, j + 1] -= along[i, j] * drop[i]
         for j in range(m2):
-            k = (j + 1) % n2
-            down, up = falling[i, j] * drop[i], rising[i, j] * drop[i]
-            r[i, j + 1] -= down
-            r[i + 1, k + 1] += down
-            r[i, k + 1] -= up
-            r[i + 1, j + 1] += up
-    for i in range(1, n1 + 1):
+            r[i, j + 1] -= falling[i, j] * drop[i]
+            r[i, (j + 1) % n2 + 1] -= rising[i, j] * drop[i]
+        for j in range(n2):
+            r[i, j + 1] += along[i - 1, j] * drop[i - 1]
+        for j in range(m2):
+            r[i, (j + 1) % n2 + 1] += falling[i - 1, j] * drop[i - 1]
+            r[i, j + 1] += rising[i - 1, j] * drop[i - 1]
         for j in range(1, n2 + 1):
             b[i, j] = r[i, j]
 
@@ -223,9 +235,9 @@ def _outflow(conductances, x):
     n1, n2 = along.shape[0] - 1, along.shape[1]
     rate = 0.0
     for j in range(n2):
-        rate += along[n1, j] * x[n1, j + 1]
+        rate += along[n1, j] * x[n1, j]
     for j in range(falling.shape[1]):
-        rate += falling[n1, j] * x[n1, j + 1] + rising[n1, j] * x[n1, (j + 1) % n2 + 1]
+        rate += falling[n1, j] * x[n1, j] + rising[n1, j] * x[n1, (j + 1) % n2]
     return rate
 
 
@@ -278,30 +290,32 @@ def _judged(iteration, rz, largest, unbalanced, rate, history, nodes, rtol, fiel
 @njit(**COMPILED)
 def _iterate(levels, coarsest, conductances, ring, rtol, field, limit, hidden):
     """Conjugate gradients: potential, iterations, error in the norm of the energy, and whether it is what was asked."""
-    _, _, inverse, z, b, _, _, _ = level(levels[0], levels[1], levels[2], FINEST)
+    _, _, inverse, z, b, _, _, _ = level(levels[0], levels[1], levels[2], ZERO)
     r = np.zeros(b.shape)
     rows, nodes = z.shape[0] - 1, (z.shape[0] - 2) * (z.shape[1] - 2)
-    x, p, history = np.zeros(z.shape), np.zeros(z.shape, np.float32), np.zeros((3, limit + 1))
-    flow = np.empty(z.shape)
-    _start(conductances, inverse, x, r, b)
+    x, p, history = np.zeros((rows + 1, z.shape[1] - 2)), np.zeros(z.shape, np.float32), np.zeros((3, limit + 1))
+    flow, drop = np.empty(z.shape), np.empty(rows)
+    x[0] = 1.0
+    _resistances(ONE, rows, conductances, drop)
+    _start(ONE, rows, conductances, drop, _drops(drop), inverse, x, r, b)
     scale, unbalanced, iteration = 1.0, 0.0, np.int64(0)
     while True:
-        v_cycle(levels, coarsest, conductances[2].size > 0, ring, FINEST)
-        rz, largest = _product(FIRST, rows, r, z, field, hidden)
+        v_cycle(levels, coarsest, conductances[2].size > 0, ring, ZERO)
+        rz, largest = _product(ONE, rows, r, z, field, hidden)
         rz *= scale
         rate = _outflow(conductances, x)
         error, done, hopeless = _judged(iteration, rz, scale * largest, unbalanced, rate, history, nodes, rtol, field)
         if done or hopeless:
             break
         beta = rz / history[0, iteration - 1] if iteration > 0 else 0.0
-        _turn(FIRST, rows, z, scale, beta, p)
-        curvature = _curvature(FIRST, rows, conductances, p, ring, flow)
+        _turn(ONE, rows, z, scale, beta, p)
+        curvature = _curvature(ONE, rows, conductances, p, ring, flow)
         if not curvature > 0.0:
             break
         history[1, iteration], history[2, iteration] = rz / curvature, beta
         # far from the limits of single precision, however small the residual is
         scale = np.sqrt(rz)
-        excess, weighted = _advance(FIRST, rows, conductances, rz / curvature, p, scale, ring, flow, x, r, b)
+        excess, weighted = _advance(ONE, rows, conductances, rz / curvature, p, scale, ring, flow, x, r, b)
         unbalanced = max(abs(excess), abs(weighted))
         iteration += 1
     if not done and rate > 0.0 and rz >= 0.0:
@@ -325,8 +339,10 @@ def _iterate_by_parts(
     single = conductances[0].dtype == np.float32
     r, flow = (b, _NOTHING) if single else (np.zeros(b.shape), np.empty(b.shape))
     rows, nodes = strips(len(z)), (z.shape[0] - 2) * (z.shape[1] - 2)
-    x, p, history = np.zeros(z.shape), np.zeros(z.shape, np.float32), np.zeros((3, limit + 1))
-    _start(conductances, inverse, x, r, b)
+    x, p, history = np.zeros((len(z), z.shape[1] - 2)), np.zeros(z.shape, np.float32), np.zeros((3, limit + 1))
+    x[0], drop = 1.0, np.empty(len(z) - 1)
+    over(rows, _resistances, conductances, drop)
+    over(rows, _start, conductances, drop, _drops(drop), inverse, x, r, b)
     scale, unbalanced, iteration = 1.0, 0.0, 0
     while True:
         cycle(levels, coarsest, conductances[2].size > 0, ring)

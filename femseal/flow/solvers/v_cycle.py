@@ -12,10 +12,10 @@ from typing import Any
 import numpy as np
 from numba import njit
 
-from ...base.threads import over
+from ...base.threads import NO, ONE, over
 from .clusters import relax_backward, relax_forward
-from .coarsest import Coarsest, solve_coarsest
-from .compiled import COMPILED, FIRST, NO
+from .coarsest import Coarsest, solve_by_parts, solve_coarsest
+from .compiled import COMPILED
 from .hierarchy import Levels, large_levels, level, strips, weights_to
 
 
@@ -254,15 +254,15 @@ def v_cycle(levels, coarsest, nine, ring, top):
         w, all_nine, moves = weights_to(k, shape, weight_first, weights), nine or k > 0, moved[k + 1] > moved[k]
         rows, coarse_rows = x.shape[0] - 1, coarse[4].shape[0] - 1
         if down:
-            _sweep_down(FIRST, rows, NO, x, b, r, inverse, right, below, below_right, below_left, all_nine, ring)
+            _sweep_down(ONE, rows, NO, x, b, r, inverse, right, below, below_right, below_left, all_nine, ring)
             if moves:
                 relax_forward(*_clusters_of(levels, k), x, r, right, below, below_right, below_left, ring)
-            _restrict(FIRST, coarse_rows, r, w, coarse[4])
+            _restrict(ONE, coarse_rows, r, w, coarse[4])
         else:
-            _prolong(FIRST, coarse_rows, coarse[3], w, x, ring)
+            _prolong(ONE, coarse_rows, coarse[3], w, x, ring)
             if moves:
                 relax_backward(*_clusters_of(levels, k), x, b, right, below, below_right, below_left, ring)
-            _sweep_up(FIRST, rows, x, b, inverse, right, below, below_right, below_left, all_nine, ring)
+            _sweep_up(ONE, rows, x, b, inverse, right, below, below_right, below_left, all_nine, ring)
 
 
 @njit(**COMPILED)
@@ -278,6 +278,9 @@ def cycle(levels: Levels, coarsest: Coarsest, nine: bool, ring: bool) -> None:
     large = large_levels(levels.shape)
     for step in range(2 * large + 1):
         k = min(step, 2 * large - step)
+        if k == large and k == len(levels.shape) - 1:
+            solve_by_parts(coarsest, *level(*levels[:5], k)[4:2:-1])
+            continue
         if k == large:
             v_cycle(levels, coarsest, nine, ring, large)
             continue
