@@ -223,6 +223,7 @@ def closed(stencil: Stencil, keep: NDArray[np.bool_] | None, least: float = 0.0)
 
 @contextmanager
 def _closed(stencil: Stencil, keep: NDArray[np.bool_], least: float) -> Iterator[None]:
+    """`closed` where some may be."""
     aside = []
     parts = over(rows(*stencil.along.shape), _closing, stencil.along, stencil.across, keep, least)
     for c, of_parts in zip((stencil.along, stencil.across), zip(*parts, strict=True), strict=True):

@@ -279,7 +279,7 @@ def cycle(levels: Levels, coarsest: Coarsest, nine: bool, ring: bool) -> None:
     for step in range(2 * large + 1):
         k = min(step, 2 * large - step)
         if k == large and k == len(levels.shape) - 1:
-            solve_by_parts(coarsest, *level(*levels[:5], k)[4:2:-1])
+            solve_by_parts(coarsest, *level(*levels[:3], k)[4:2:-1])
             continue
         if k == large:
             v_cycle(levels, coarsest, nine, ring, large)
