@@ -103,9 +103,9 @@ def check(path: CasePath) -> None:
     case = load_case(path)  # before the solvers are loaded, so that a fault is shown at once
     from .preparation.preparation import prepare
     from .runs.forecast import describe, refuse_too_large
-    from .studies.compiling import telling
+    from .studies.compiling import reporting_compilation
 
-    with telling(partial(typer.echo, err=True)):
+    with reporting_compilation(partial(typer.echo, err=True)):
         prepared = prepare(case)
         for line in describe(case, prepared):
             typer.echo(line)

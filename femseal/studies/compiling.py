@@ -32,16 +32,16 @@ _COMPILING = "compiling, once after an installation"
 
 
 @contextmanager
-def telling(tell: Callable[[str], None]) -> Iterator[None]:
-    """Context in which it is told once that loops are compiled, when the first one is."""
+def reporting_compilation(report: Callable[[str], None]) -> Iterator[None]:
+    """Context in which the first loop that is compiled is reported, as they take a minute after an installation."""
 
     class First(event.Listener):  # type: ignore[misc]
-        told = False
+        reported = False
 
         def on_start(self, _: event.Event) -> None:
-            if not self.told:
-                tell(_COMPILING)
-            self.told = True
+            if not self.reported:
+                report(_COMPILING)
+            self.reported = True
 
         def on_end(self, _: event.Event) -> None:
             pass
