@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numba import njit
@@ -10,7 +10,17 @@ from numpy.typing import NDArray
 
 from ...base.arrays import Array
 from ...base.threads import over
-from .elimination import Factors, borders, carry_from, carry_sources, eliminated, find_on, find_potentials
+from .elimination import (
+    Factors,
+    borders,
+    carry_from,
+    carry_sources,
+    eliminated,
+    eliminated_fronts,
+    find_on,
+    find_potentials,
+    links_between,
+)
 from .hierarchy import FEWEST
 from .link_network import dissect, grid_links
 
@@ -42,6 +52,30 @@ class Coarsest(NamedTuple):
 @njit(cache=True, nogil=True)
 def eliminate_coarsest(centre, right, below, below_right, below_left, ring):
     """Eliminate an operator, given with a border of one node, on its nodes that have links."""
+    order, parts, network = _dissected(centre, right, below, below_right, below_left, ring)
+    first, parent, row, later, value, border, start, at, waiting, widest, stay = network
+    links, inverse, between = eliminated(
+        first, parent, row, later, value, border, start, at, at[first.size - 1], waiting, widest, stay
+    )
+    factors = Factors(first, border, start, at, links, inverse, between)
+    return Coarsest(order, factors, np.zeros(order.size + 1), parts)
+
+
+def eliminate_by_parts(*operator: Any) -> Coarsest:
+    """`eliminate_coarsest`, with threads on the parts."""
+    order, parts, network = _dissected(*operator)
+    first, _, _, _, _, border, start, at, _, _, stay = network
+    links, inverse = np.empty(at[-1]), np.empty(order.size)
+    none = parts[:0], inverse[:0]
+    left = [of_part for of_part, _ in over(parts.tolist(), eliminated_fronts, *none, *network, links, inverse)]
+    rest = eliminated_fronts(0, len(at) - 1, parts, np.concatenate([*left, none[1]]), *network, links, inverse)
+    between = links_between(first, border, start, stay, *rest)
+    return Coarsest(order, Factors(first, border, start, at, links, inverse, between), np.zeros(order.size + 1), parts)
+
+
+@njit(cache=True, nogil=True)
+def _dissected(centre, right, below, below_right, below_left, ring):
+    """Order of the nodes of an operator, `Coarsest.parts`, and what `eliminated_fronts` takes of the network."""
     n1, n2 = centre.shape[0] - 2, centre.shape[1] - 2
     nine = below_right.size > 1
     m2 = n2 if ring else n2 - 1
@@ -74,11 +108,8 @@ def eliminate_coarsest(centre, right, below, below_right, below_left, ring):
     for f in range(first.size - 1):
         p = first[f + 1] - first[f]
         at[f + 1] = at[f] + p * (p + start[f + 1] - start[f])
-    links, inverse, between = eliminated(
-        first, parent, row, later, value, border, start, at, at[first.size - 1], waiting, widest, np.int64(1)
-    )
-    factors = Factors(first, border, start, at, links, inverse, between)
-    return Coarsest(order, factors, np.zeros(order.size + 1), _parts(parent, at))
+    network = first, parent, row, later, value, border, start, at, waiting, widest, np.int64(1)
+    return order, _parts(parent, at), network
 
 
 @njit(cache=True, nogil=True)

@@ -162,16 +162,43 @@ def _sort(values, first, last):
 def eliminated(first, parent, row, later, link, border, start, at, room, waiting, widest, stay):
     """Links of all fronts, inverse sums, and what links the nodes that stay, see `Factors`."""
     fronts = first.size - 1
-    n = first[fronts]
-    links = np.empty(room)
-    inverse = np.empty(n)
+    links, inverse = np.empty(room), np.empty(first[fronts])
+    no_parts = np.empty((0, 2), np.int64)
+    left, pending = eliminated_fronts(
+        0, fronts, no_parts, inverse[:0], first, parent, row, later, link, border, start, at, waiting, widest, stay,
+        links, inverse,
+    )  # fmt: skip
+    return links, inverse, links_between(first, border, start, stay, left, pending)
+
+
+@njit(**_exact)
+def eliminated_fronts(
+    begin, end, parts, left_by_parts, first, parent, row, later, link, border, start, at, waiting, widest, stay,
+    links, inverse,
+):  # fmt: skip
+    """Write links and inverse sums of some fronts: links within the borders of those without a parent, and these.
+
+    parts (…, 2) : first and last + 1 of fronts that are eliminated already, only the last of which has no parent among
+    them. left_by_parts : links within its border, part by part.
+    """
+    n = first[first.size - 1]
     left = np.empty(waiting)  # links within the borders of fronts whose parents have not come yet
     work = np.empty(widest * widest)
     local = np.empty(n + stay, np.int64)
     places = np.empty(widest, np.int64)
-    pending = np.empty(fronts + 1, np.int64)
-    n_pending, top = 0, 0
-    for f in range(fronts):
+    pending = np.empty(end - begin + 1, np.int64)
+    n_pending, top, part, taken = 0, 0, 0, 0
+    next_one = begin
+    while next_one < end:
+        f = next_one
+        if part < parts.shape[0] and f == parts[part, 0]:
+            f = parts[part, 1] - 1
+            size = (start[f + 1] - start[f]) ** 2
+            left[top : top + size] = left_by_parts[taken : taken + size]
+            pending[n_pending] = f
+            next_one, part, taken, top, n_pending = f + 1, part + 1, taken + size, top + size, n_pending + 1
+            continue
+        next_one += 1
         a, p, q = first[f], first[f + 1] - first[f], start[f + 1] - start[f]
         front = links[at[f] : at[f] + p * (p + q)].reshape(p, p + q)
         rest = work[: q * q].reshape(q, q)
@@ -206,8 +233,15 @@ def eliminated(first, parent, row, later, link, border, start, at, room, waiting
         top += q * q
         pending[n_pending] = f
         n_pending += 1
+    return left[:top], pending[:n_pending]
+
+
+@njit(**_exact)
+def links_between(first, border, start, stay, left, pending):
+    """What links the nodes that stay, from `eliminated_fronts` of all."""
+    n, top = first[first.size - 1], left.size
     between = np.zeros((stay, stay))
-    for k in range(n_pending - 1, -1, -1):
+    for k in range(pending.size - 1, -1, -1):
         nodes = border[start[pending[k]] : start[pending[k] + 1]]
         m = nodes.size
         top -= m * m
@@ -215,7 +249,7 @@ def eliminated(first, parent, row, later, link, border, start, at, room, waiting
             for j in range(i + 1, m):
                 between[nodes[i] - n, nodes[j] - n] += left[top + i * m + j]
                 between[nodes[j] - n, nodes[i] - n] = between[nodes[i] - n, nodes[j] - n]
-    return links, inverse, between
+    return between
 
 
 @njit(**_fast)

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from ...base.errors import NotConverged
 from ...base.threads import ONE, ZERO, over
 from ..stencil import Stencil
-from .coarsest import Coarsest, eliminate_coarsest
+from .coarsest import Coarsest, eliminate_by_parts, eliminate_coarsest
 from .compiled import COMPILED
 from .hierarchy import Levels, hierarchy, large_levels, level, strips
 from .v_cycle import cycle, v_cycle
@@ -76,9 +76,11 @@ def solve_multigrid(
     s = stencil
     field, hidden = np.inf if field_rtol is None else field_rtol, _NONE if hidden is None else hidden
     conductances = s.along, s.across, s.falling, s.rising
-    levels, (centre, right, below, below_right, below_left) = hierarchy(*conductances, s.ring2)
-    coarsest = eliminate_coarsest(centre, right, below, below_right, below_left, s.ring2)
-    iterate: Any = _iterate_by_parts if large_levels(levels.shape) else _iterate
+    levels, operator = hierarchy(*conductances, s.ring2)
+    large = large_levels(levels.shape)
+    eliminate: Any = eliminate_by_parts if large == len(levels.shape) - 1 else eliminate_coarsest
+    coarsest = eliminate(*operator, s.ring2)
+    iterate: Any = _iterate_by_parts if large else _iterate
     x, iterations, error, done = iterate(levels, coarsest, conductances, s.ring2, rtol, field, limit, hidden)
     if not done:
         raise NotConverged(
