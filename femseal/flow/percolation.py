@@ -86,7 +86,7 @@ def _is_open(c, least):
 
 @njit(cache=True, nogil=True)
 def _label_rows(begin, end, along, across, falling, rising, least, label, parent):
-    """Label some rows of nodes, and tell the label after the last: those of inlet and outlet are 0 and 1.
+    """Label some rows of nodes; returns the label after the last. Those of inlet and outlet are 0 and 1.
 
     Row by row: a node takes the label of a neighbour that it is joined to, and where two meet they become one. Labels
     are few against nodes.
