@@ -32,6 +32,8 @@ _ELIMINATED = 1 / 40
 _MOST_INVERSE = 1e30
 #: Nodes from which threads share the work on a level, and rows of a strip.
 _LARGE, _STRIP = 2**18, 64
+#: Rows between the fields of a large level.
+_APART = 64
 
 
 #: No operator.
@@ -80,11 +82,19 @@ def level(shape, first, fields, k):
     The last two have one number each on a level of five points.
     """
     n1, n2, own = shape[k, 0], shape[k, 1], fields[first[k] : first[k + 1]]
-    f = own.reshape((own.size // (n1 * n2), n1, n2))
+    rows = n1 + _rows_apart(n1 * n2)
+    f = own.reshape((own.size // (rows * n2), rows, n2))
+    six = f[0, :n1], f[1, :n1], f[2, :n1], f[3, :n1], f[4, :n1], f[5, :n1]
     if f.shape[0] > 6:
-        return f[0], f[1], f[2], f[3], f[4], f[5], f[6], f[7]
+        return *six, f[6, :n1], f[7, :n1]
     none = own[:1].reshape((1, 1))
-    return f[0], f[1], f[2], f[3], f[4], f[5], none, none
+    return *six, none, none
+
+
+@njit(**COMPILED)
+def _rows_apart(nodes):
+    """Rows between the fields of a level, which nothing is written to: else nodes of 2ⁿ columns share cache lines."""
+    return _APART if nodes >= _LARGE else 0
 
 
 @njit(**COMPILED)
@@ -311,7 +321,8 @@ def _sizes(n1: int, n2: int, nine: bool, fewest: int) -> tuple[NDArray[np.int64]
         sizes.append((n1 + 2, n2 + 2))
     nodes = np.array([a * b for a, b in sizes])
     each = [8 if nine else 6] + [8] * (len(sizes) - 1)
-    return np.array(sizes), np.cumsum([0, *nodes * each]), 9 * (np.cumsum(nodes) - nodes[0])
+    fields = [count * (a + _rows_apart(a * b)) * b for count, (a, b) in zip(each, sizes, strict=True)]
+    return np.array(sizes), np.cumsum([0, *fields]), 9 * (np.cumsum(nodes) - nodes[0])
 
 
 def _levels(place: tuple[NDArray[Any], ...], found: tuple[NDArray[Any], ...]) -> Levels:
