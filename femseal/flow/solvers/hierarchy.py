@@ -32,8 +32,8 @@ _ELIMINATED = 1 / 40
 _MOST_INVERSE = 1e30
 #: Nodes from which threads share the work on a level, and rows of a strip.
 _LARGE, _STRIP = 2**18, 64
-#: Rows between the fields of a large level.
-_APART = 64
+#: Nodes of a level from which its fields stand apart, and rows between them.
+_MANY, _APART = 2**16, 64
 
 
 #: No operator.
@@ -94,7 +94,7 @@ def level(shape, first, fields, k):
 @njit(**COMPILED)
 def _rows_apart(nodes):
     """Rows between the fields of a level, which nothing is written to: else nodes of 2ⁿ columns share cache lines."""
-    return _APART if nodes >= _LARGE else 0
+    return _APART if nodes >= _MANY else 0
 
 
 @njit(**COMPILED)
