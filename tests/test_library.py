@@ -504,6 +504,8 @@ class TestLibrary:
         monkeypatch.setattr(femseal.library.library, "solve_ladder", lambda *a, **k: failing(source.window(1)))
         with pytest.raises(FemsealError, match="every cell failed; the first: cell 0: did not"):
             build_ladder_library(source, ladder, 2)
+        with pytest.raises(FemsealError, match="every cell failed; the first: cell 0: did not"):
+            build_ladder_library(source, ladder, 2, mapper=lambda *stage_and_items: list(map(*stage_and_items)))
 
     def test_curves_show_the_steps_of_the_ladder(self, source):
         library = build_ladder_library(source, LADDER, 2)

@@ -313,7 +313,7 @@ def build_ladder_library(
     # cells that are complete go there too: what a run asks for does not depend on what is kept
     stage = Stage("library windows", partial(_cell, source=source, ladder=ladder), apart=True)
     found = mapper(stage, range(count), known)
-    outcomes = found if isinstance(found, Sequence) else list(found)  # a sequence reads those that are asked for
+    outcomes = found if isinstance(found, Sequence) else list(found)
     complete = [cell is not None and restrict(cell, ladder) is not None for cell in known]
     if path is not None and not all(complete):
         cells = [None if isinstance(cell, Failed) else cell for cell in outcomes]
@@ -327,7 +327,7 @@ def build_ladder_library(
         faces=len(source.topographies),
         reused=sum(complete),
     )
-    if outcomes is not found:
+    if isinstance(outcomes, list):  # other sequences read windows when they are needed
         library.refuse_empty()
     return library
 

@@ -34,8 +34,6 @@ _MOST_INVERSE = 1e30
 _LARGE, _STRIP = 2**18, 64
 #: Nodes of a level from which its fields stand apart, and rows between them.
 _MANY, _APART = 2**16, 64
-
-
 #: No operator.
 _NOTHING: tuple[Array, ...] = (np.zeros((0, 0)),) * 5
 
@@ -284,8 +282,8 @@ def hierarchy(
     if large:
         operator = _zeros(shape[0], nine)
         over(strips(shape[0, 0]), _straight_links, along, across, ring, *operator[:3])
-    if large and nine:
-        _corner_links(falling, rising, ring, operator[0], *operator[3:])
+        if nine:
+            _corner_links(falling, rising, ring, operator[0], *operator[3:])
     for k in range(large):
         all_nine = nine or k > 0
         count = sum(over(strips(shape[k, 0]), _store, *operator, *level(*place[:3], k)))
