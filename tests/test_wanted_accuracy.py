@@ -239,6 +239,11 @@ class TestCase:
         assert case().method == "auto"
         assert case(method="two-scale").method == "two-scale"
         assert parse_case(DRAWN).method == "stochastic"
+        for chosen in ({"method": "stochastic"}, {"compare": ["stochastic"]}):
+            drawn = case(**chosen)
+            assert drawn.stochastic is not None
+            assert drawn.method == chosen.get("method", "auto")
+            describe(drawn, prepare(drawn))
         ring = {"kind": "annular", "inner_radius": "1 mm", "outer_radius": "2 mm", "inlet": "inner"}
         shaped = case(seal=ring)
         assert (shaped.method, shaped.stochastic.pressure) == ("stochastic", "uniform")

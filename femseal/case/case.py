@@ -274,16 +274,15 @@ def _with_what_is_open(data: Any) -> Any:
     if not isinstance(data, dict):
         return data
     wanted, seal, drawn = data.get("accuracy") is not None, data.get("seal"), data.get("stochastic")
-    methods = [data.get("method", "stochastic"), *(c if isinstance(c := data.get("compare"), list) else [])]
     shaped = isinstance(seal, dict) and seal.get("kind", "rectangular") != "rectangular"
-    if drawn is None and "stochastic" in methods and not wanted:
+    method = data.get("method", "auto" if wanted and drawn is None and not shaped else "stochastic")
+    methods = [method, *(c if isinstance(c := data.get("compare"), list) else [])]
+    if drawn is None and "stochastic" in methods:
         drawn = {}
-    if shaped and methods[0] == "stochastic" and isinstance(drawn, dict | None) and (wanted or not drawn):
-        drawn = {"pressure": "uniform"} | (drawn or {})
-    found = dict(data) if drawn is None else data | {"stochastic": drawn}
-    if wanted:
-        return {"method": "auto" if drawn is None else "stochastic"} | found
-    return found if {*map(str, methods)} <= {"deterministic", "auto"} else {"cells": {}} | found
+    if shaped and method == "stochastic" and isinstance(drawn, dict) and (wanted or not drawn):
+        drawn = {"pressure": "uniform"} | drawn
+    found = data | {"method": method} | ({} if drawn is None else {"stochastic": drawn})
+    return found if wanted or {*map(str, methods)} <= {"deterministic", "auto"} else {"cells": {}} | found
 
 
 def load_case(path: str | PathLike[str]) -> Case:
