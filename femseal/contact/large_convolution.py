@@ -21,7 +21,6 @@ from ..base.threads import on_threads, parts
 from .convolution import (
     BLOCK_BYTES,
     COMPILED,
-    LINE,
     ROW_PARTS,
     ROW_POINTS,
     Convolution,
@@ -39,6 +38,8 @@ from .influence import padded_length
 Array = NDArray[np.float64]
 #: Number of points from which a grid is large.
 LARGE = 2**20
+#: A block has a multiple of so many columns.
+_COLUMNS = 8
 
 
 def convolution(
@@ -95,9 +96,8 @@ class LargeConvolution:
         turn1, turn2 = (np.exp(1j * np.pi * np.arange(n // 2 + 1) / n) for n in (m1, l2))
         turns = turn1.real.copy(), turn1.imag.copy(), turn2
         twist = np.exp(-1j * np.pi * np.arange(n1 if transforms == 2 else 0) / m1).astype(kind)
-        # a block has whole cache lines of each row
-        width = min(max(1, BLOCK_BYTES // (l1 * kind.itemsize)), m2)
-        width += -width % max(1, LINE // kind.itemsize)
+        # a block and its transform fit in the cache; of fewer columns, or of 16 long ones, copies take thrice the time
+        width = min(max(_COLUMNS, BLOCK_BYTES // (2 * l1 * kind.itemsize) // _COLUMNS * _COLUMNS), m2)
         self._blocks: list[Any] = []
         with planner() as planned:
             self._parts = []
