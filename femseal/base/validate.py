@@ -45,11 +45,13 @@ def field(
 ) -> NDArray[np.float64]:
     """An array (n1, n2) of finite real numbers, of the given shape if any; a new one unless `copy` is false."""
     try:
-        if np.ma.is_masked(value) or np.iscomplexobj(value):
+        plain = type(value) is np.ndarray and value.dtype == np.float64
+        if not plain and (np.ma.is_masked(value) or np.iscomplexobj(value)):
             raise TypeError
         array = np.array(value, dtype=float, copy=True if copy else None)
         # the last digits of results depend on the alignment in memory, which differs for arrays sent by a cluster
-        array = np.require(array, requirements=("C", "ALIGNED"))
+        if not array.flags.carray:
+            array = np.require(array, requirements=("C", "ALIGNED"))
     except (TypeError, ValueError):
         raise InputError(name, f"a {type(value).__name__}", f"an array (n1, n2) of real numbers [{unit}]") from None
     if array.ndim != 2 or array.size == 0 or (shape is not None and array.shape != shape):

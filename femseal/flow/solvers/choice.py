@@ -258,7 +258,7 @@ def _by_iterations(stencil: Stencil, keep: Flags, rtol: float, limit: int, field
             searches.append(_unseen)
         if inner.size >= _MANY and _MANY <= np.count_nonzero(inner) < _MAY_HAVE_DEAD_ENDS * inner.size:
             searches.append(dead_ends)  # no path to an end leads through them, so that neither search needs the other
-        found = on_threads(number(), lambda search: search(stencil, keep), searches)
+        found = on_threads(number(), lambda search: search(stencil, keep), searches) if searches else []
         if dead_ends in searches:
             through, dead = found.pop()
         if found:
