@@ -126,7 +126,7 @@ class Convolution:
                     plans = planned(spectrum[:, columns], here.T, spectrum[:, columns], axis=0)
                     work: Any = partial(multiply, here, self._weights[0, columns])
                     if any(self._mirrors):
-                        work = partial(respond, here, j, len(here), self._weights, False, cosine1, sine1, turn2)
+                        work = partial(respond, here, l1, j, len(here), self._weights, False, cosine1, sine1, turn2)
                     blocks[-1] += plans[0], work, plans[1]
         if threads == 1:  # on small grids passing from call to call is what takes time
             self._stages = [[[call for stage in self._stages for part in stage for call in part]]]
@@ -237,15 +237,14 @@ def multiply(block, weights):
 
 
 @njit(**COMPILED)
-def respond(block, first, count, weights, twisted, cosine1, sine1, turn2):
-    """Turn waves of pressure into waves of displacement in a block whose first column is `first`.
+def respond(block, n, first, count, weights, twisted, cosine1, sine1, turn2):
+    """Turn waves of pressure into waves of displacement in the first n places of a block whose first column is `first`.
 
     With C(k) = ē V(k) + e V(N − k), e = exp(iπk/2N), and 2 V(k) = e (C(k) − i C(N − k)), a symbol S(k) on C is
     V(k) ← ½(S(k) + S(N − k)) V(k) + ½(S(k) − S(N − k)) e² V(N − k) on V. For two mirrors, V(k1, N − k2) is the
     conjugate of V(N − k1, k2). Parts in rows of their own are what compilers make vector instructions of. Where
     `twisted`, the second half of the block has odd waves, and N − 1 − k is the place of the conjugate of k.
     """
-    m, n = block.shape
     rows = np.empty((8, n // 2 + 1))
     ar, ai, br, bi, cr, ci, dr, di = rows[0], rows[1], rows[2], rows[3], rows[4], rows[5], rows[6], rows[7]
     for odd in range(2 if twisted else 1):
@@ -254,7 +253,7 @@ def respond(block, first, count, weights, twisted, cosine1, sine1, turn2):
         lone = 1 - odd  # the mean is its own conjugate
         last = n - odd
         for j in range(count):
-            row = block[odd * (m // 2) + j]
+            row = block[odd * (block.shape[0] // 2) + j]
             k = first + j
             own = weights[0, k, start : start + half]
             if len(weights) == 1:

@@ -106,10 +106,10 @@ class LargeConvolution:
                 self._parts.append((i, end, plans))
             for starts in np.array_split(range(0, m2, width), threads):
                 shape = transforms * width, row_length(m1, kind.itemsize)
-                block, transformed = (pyfftw.zeros_aligned(shape, dtype=kind)[:, :m1] for _ in range(2))
-                plans = planned(block, transformed, block, axis=1)
+                block, transformed = (pyfftw.zeros_aligned(shape, dtype=kind) for _ in range(2))
+                plans = planned(block[:, :m1], transformed[:, :m1], block[:, :m1], axis=1)
                 self._blocks.append((starts, width, block, transformed, plans))
-        self._columns = waves, twist, self._mirrors[0], self._weights, turns
+        self._columns = waves, m1, twist, self._mirrors[0], self._weights, turns
         self._threads = threads
 
     def apply(self) -> None:
@@ -128,12 +128,12 @@ class LargeConvolution:
     def _respond(self, work: Any) -> None:
         """Transform some columns, multiply their waves with the symbol, transform them back."""
         starts, width, block, transformed, (forward, inverse) = work
-        waves, twist, mirror, weights, turns = self._columns
+        waves, m1, twist, mirror, weights, turns = self._columns
         for j in starts:
             count = min(width, waves.shape[1] - j)
             _gather(waves, j, count, block, twist, mirror)
             forward()
-            respond(transformed, j, count, weights, twist.size > 0, *turns)
+            respond(transformed, m1, j, count, weights, twist.size > 0, *turns)
             inverse()
             _scatter(block, j, count, waves, twist, mirror)
 

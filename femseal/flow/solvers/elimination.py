@@ -6,8 +6,7 @@ factorisation of the assembled matrix loses it, as weak links vanish in the diag
 a few of condensed windows are; a pivot is then still the sum of its links.
 
 Nodes are eliminated front by front: all nodes of a front with all their neighbours in one dense array (multifrontal).
-Sources: Grassmann, Taksar & Heyman, Oper. Res. 33, 1985, 1107 (subtraction-free elimination); Duff & Reid, ACM TOMS 9,
-1983, 302 (multifrontal).
+Sources: Grassmann, Taksar & Heyman, Oper. Res. 33, 1985, 1107 (no subtractions); Duff & Reid, ACM TOMS 9, 1983, 302.
 """
 
 from __future__ import annotations
@@ -18,6 +17,7 @@ import numpy as np
 from numba import njit
 
 from ...base.arrays import Array, Indices
+from ...base.threads import ZERO
 
 #: Pivots eliminated one by one before what follows takes them as one product of matrices.
 _PANEL = 32
@@ -165,7 +165,7 @@ def eliminated(first, parent, row, later, link, border, start, at, room, waiting
     links, inverse = np.empty(room), np.empty(first[fronts])
     no_parts = np.empty((0, 2), np.int64)
     left, pending = eliminated_fronts(
-        0, fronts, no_parts, inverse[:0], first, parent, row, later, link, border, start, at, waiting, widest, stay,
+        ZERO, fronts, no_parts, inverse[:0], first, parent, row, later, link, border, start, at, waiting, widest, stay,
         links, inverse,
     )  # fmt: skip
     return links, inverse, links_between(first, border, start, stay, left, pending)
@@ -187,14 +187,14 @@ def eliminated_fronts(
     local = np.empty(n + stay, np.int64)
     places = np.empty(widest, np.int64)
     pending = np.empty(end - begin + 1, np.int64)
-    n_pending, top, part, taken = 0, 0, 0, 0
-    next_one = begin
+    n_pending, top, part, taken, next_one = 0, 0, 0, 0, begin
     while next_one < end:
         f = next_one
         if part < parts.shape[0] and f == parts[part, 0]:
             f = parts[part, 1] - 1
             size = (start[f + 1] - start[f]) ** 2
-            left[top : top + size] = left_by_parts[taken : taken + size]
+            for i in range(size):
+                left[top + i] = left_by_parts[taken + i]
             pending[n_pending] = f
             next_one, part, taken, top, n_pending = f + 1, part + 1, taken + size, top + size, n_pending + 1
             continue
