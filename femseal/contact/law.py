@@ -357,7 +357,15 @@ def _flat(hardness: float) -> YieldLine:
 
 def contact_law(hardness: float | ArrayLike | ContactLaw) -> ContactLaw:
     """A law as given, or the perfectly plastic one of a hardness [Pa], a number or an array (n1, n2)."""
-    return hardness if isinstance(hardness, ContactLaw) else PerfectlyPlastic(hardness)  # type: ignore[arg-type]
+    if isinstance(hardness, ContactLaw):
+        return hardness
+    return _uniform(hardness) if isinstance(hardness, float) else PerfectlyPlastic(hardness)  # type: ignore[arg-type]
+
+
+@lru_cache(16)
+def _uniform(hardness: float) -> ContactLaw:
+    """The perfectly plastic law of one hardness, as `_flat` the same object for many contacts."""
+    return PerfectlyPlastic(hardness)
 
 
 def _numbers(name: str, value: Any, unit: str, *, zero: bool = False) -> float | Array:
