@@ -280,6 +280,7 @@ def test_files_that_claim_more_heights_than_fit_into_memory_are_refused(monkeypa
         ("cells", "size", "1e-25 m", ["cells", "GB of free memory"]),
         ("stochastic", "length", "1e6 km", ["stochastic.length", "GB of free memory"]),
         ("stochastic", "length", "1e29 m", ["stochastic.length", "GB of free memory"]),
+        ("stochastic", "breadth", "100 km", ["stochastic.breadth", "at most 1000000 windows"]),
         ("stochastic", "realisations", 10**11, ["stochastic.realisations", "GB of free memory"]),
         ("stochastic", "library_cells", 10**11, ["stochastic.library_cells", "GB of free memory"]),
         ("load", "loading", ["1e-300 Pa"], ["load.loading", "1e+30"]),

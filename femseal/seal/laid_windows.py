@@ -160,6 +160,8 @@ def _link_flux(k: Array, drop: Array, way: Array) -> Array:
 
 #: Widths of columns of windows on the inner edge of a ring, in widths of windows: below them it is refused, or warned.
 _NARROWEST, _NARROW = 0.35, 0.7
+#: Windows between inlet and outlet: no seal has more.
+_MOST_ROWS = 10**6
 #: Windows laid out over a seal: how many are drawn, where they lie, and the permeability that they make.
 SealWindows = LinkWindows | ElementWindows
 #: Seals of these windows, with their size: breadth from inlet to outlet, about, and length along the seal [m].
@@ -190,7 +192,7 @@ def laid_on_strip(windows: Windows, lay: Lay) -> SealWindows:
     elif turned:
         d1, d2 = d2, d1
     breadth = windows.breadth if windows.breadth is not None else windows.rows * windows.size[0]
-    cells = max(1, round(breadth / d1)), max(1, round(windows.length / d2))
+    cells = _rows_of(breadth, d1, "breadth", breadth), max(1, round(windows.length / d2))
     size = cells[0] * d1, cells[1] * d2
     if lay.name == "spiral":
         lay.check_lead(size[0])
@@ -199,6 +201,16 @@ def laid_on_strip(windows: Windows, lay: Lay) -> SealWindows:
     if straight:
         return LinkWindows(RectangularSeal(size, cells), turned)
     return _elements(_strip(size, cells), windows, lay)
+
+
+def _rows_of(breadth: float, side: float, name: str, given: float) -> int:
+    """Number of windows between inlet and outlet; raises InputError that names the length [m] it comes from."""
+    rows = max(1, round(breadth / side))
+    if rows > _MOST_ROWS:
+        raise InputError(
+            name, to_text(given, "m"), f"at most {_MOST_ROWS:.0e} windows from inlet to outlet, {rows:.1e} here"
+        )
+    return rows
 
 
 def laid_on_ring(windows: Windows, lay: Lay, radii: tuple[float, float], inlet: str) -> SealWindows:
@@ -215,7 +227,7 @@ def laid_on_ring(windows: Windows, lay: Lay, radii: tuple[float, float], inlet: 
         sides = " × ".join(to_text(side, "m", 3) for side in windows.size)
         raise InputError("outer_radius", f"a ring {to_text(breadth, 'm', 3)} broad",
                             f"a ring at least as broad as a window, {sides}")  # fmt: skip
-    cells = max(1, round(breadth / d1)), max(3, round(2 * pi * middle / d2))
+    cells = _rows_of(breadth, d1, "outer_radius", outer), max(3, round(2 * pi * middle / d2))
     seal = AnnularSeal(inner, outer, cells, inlet)
     if not along_axes:
         return _elements(_ring(seal), windows, lay)
