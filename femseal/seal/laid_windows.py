@@ -207,9 +207,8 @@ def _rows_of(breadth: float, side: float, name: str, given: float) -> int:
     """Number of windows between inlet and outlet; raises InputError that names the length [m] it comes from."""
     rows = max(1, round(breadth / side))
     if rows > _MOST_ROWS:
-        raise InputError(
-            name, to_text(given, "m"), f"at most {_MOST_ROWS:.0e} windows from inlet to outlet, {rows:.1e} here"
-        )
+        expected = f"at most {_MOST_ROWS} windows from inlet to outlet, not {rows}"
+        raise InputError(name, to_text(given, "m"), expected)
     return rows
 
 
