@@ -23,6 +23,8 @@ from ..windows import FlowSettings
 
 #: Load steps that are solved at most.
 _MOST_STEPS = 5
+#: Rounds of contact and flow beyond which a larger face, of which single paths are a smaller part, takes half as many.
+_MANY_ROUNDS = 3.0
 #: Iterations of multigrid that take as long as elimination on `PILOT_PIXELS`, and their growth with the fraction open.
 _ELIMINATED = 50.0, 1.65
 #: Seconds of a pair of transforms of 128² numbers on the machine where the constants of the costs were measured. They
@@ -68,7 +70,8 @@ def efforts(scene: Scene) -> tuple[Effort, ...]:
         except FemsealError:  # the run will tell
             found[pressure] = Effort()
             continue
-        effort = Effort(contact.fft_pairs, contact.area_fraction, rounds=getattr(contact, "rounds", 1.0))
+        rounds = getattr(contact, "rounds", 1.0)
+        effort = Effort(contact.fft_pairs, contact.area_fraction, rounds=min(rounds, 0.5 * (rounds + _MANY_ROUNDS)))
         larger, (most, power) = PILOT_PIXELS / gap.size, _ELIMINATED
         iterations = flow.iterations or most * flow.percolating_fraction**power
         if iterations:
