@@ -28,7 +28,7 @@ PILOT_PIXELS = 200**2
 #: Seconds of a pair of transforms of contact, and least number of pairs.
 _PAIR_SECONDS, _LEAST_PAIRS = 5e-5, 6
 #: For each pixel, seconds of a pair of transforms of rows of 2ⁿ points, of each doubling from `PILOT_PIXELS` on; and
-#: what rows of another length, of odd length, and each prime factor above 7 over itself add. Measured on 40 grids.
+#: what rows of another length, of odd length, and each prime factor above 13 times itself add. Measured on 30 grids.
 _TRANSFORM_SECONDS, _OF_LENGTH = (6.5e-9, 1.5e-9), (4e-9, 8e-9, 2e-10)
 #: For each pixel, seconds of what a pair of transforms has about it, and what contact everywhere adds to it.
 _POINT_SECONDS = 2.5e-9, 1.5e-8
@@ -127,7 +127,7 @@ def _transform_seconds(points: tuple[int, int]) -> float:
     while rest > 1:
         while rest % factor == 0:
             rest //= factor
-            factors += factor if factor > 7 else 0
+            factors += factor if factor > 13 else 0
         factor += 1
     return seconds + other + odd * (length % 2) + prime * factors
 
