@@ -10,7 +10,6 @@ import signal
 import sys
 import traceback
 from contextlib import suppress
-from functools import partial
 from pathlib import Path
 from typing import Annotated, NoReturn
 
@@ -105,7 +104,7 @@ def check(path: CasePath) -> None:
     from .runs.forecast import describe, refuse_too_large
     from .studies.compiling import reporting_compilation
 
-    with reporting_compilation(partial(typer.echo, err=True)):
+    with reporting_compilation(lambda what, done, _: None if done else typer.echo(what, err=True)):
         prepared = prepare(case)
         for line in describe(case, prepared):
             typer.echo(line)

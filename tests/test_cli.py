@@ -50,6 +50,22 @@ def test_check_tells_once_that_loops_are_compiled(femseal, monkeypatch):
     assert (code, lines, errors) == (0, "a\n1.0\n", "compiling, once after an installation\n")
 
 
+def test_a_run_in_one_process_tells_that_loops_are_compiled(femseal, monkeypatch):
+    path, words = ROOT / "examples" / "turned_seal.toml", "compiling, once after an installation"
+    monkeypatch.setattr("femseal.runs.job._results", lambda *_: [njit(lambda x: x)(one) for one in ("a", 1.0)])
+    told = []
+    fs.run(path, workers=1, progress=lambda *state: told.append(state))
+    assert told == [(words, 0, None), (words, 1, None), (words, 2, None), (words, 2, 2)]
+
+    def refused(*_):
+        njit(lambda x: x)(1.0)
+        raise fs.InputError("face", "none", "one")
+
+    monkeypatch.setattr("femseal.runs.job._prepared", refused)
+    _, _, errors = femseal("run", path, "--workers", 1)
+    assert errors.count(words) == 1
+
+
 @pytest.fixture
 def face(tmp_path):
     """A face whose x is across its grooves, with a spike and two undefined points."""

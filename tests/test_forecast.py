@@ -2,6 +2,7 @@
 
 import re
 import tomllib
+from collections import Counter
 from dataclasses import replace
 from pathlib import Path
 
@@ -15,6 +16,7 @@ from femseal.preparation.preparation import prepare
 from femseal.runs import forecast as module
 from femseal.runs import pilot
 from femseal.runs.forecast import describe, forecast
+from femseal.studies import deterministic, face_flow, fluid_coupling
 from femseal.studies.costs import (
     PILOT_PIXELS,
     Effort,
@@ -24,6 +26,7 @@ from femseal.studies.costs import (
     two_scale_cost,
     usual_efforts,
 )
+from femseal.studies.fluid_coupling import FluidPressure
 
 ROOT = Path(__file__).parents[1]
 
@@ -43,18 +46,56 @@ def memory(monkeypatch):
 
 
 def test_the_effort_of_a_small_face_is_that_of_its_contacts(data):
-    """At the lowest and the highest load, which are among those that are solved; between them it lies between."""
+    """With the fluid, at the lowest and the highest load, which are among those solved; between them it lies between."""
     scene = prepare(parse_case(data)).scene
     found = pilot.efforts(scene)
     half_space = fs.HalfSpace((64, 96), scene.surface.spacing, scene.modulus, ("mirror", "mirror"))
     gap = scene.surface.detrend().gap()
     for k in (0, len(scene.loading) - 1):
-        contact = fs.solve_contact(gap, half_space, pressure=scene.loading[k], hardness=scene.hardness, rtol=scene.rtol)
+        settings = {"pressure": scene.loading[k], "hardness": scene.hardness, "rtol": scene.rtol}
+        contact = scene.acting_fluid.contact(gap, half_space, **settings)
         assert_allclose(found[k].contact_fraction, contact.area_fraction)
         assert_allclose(found[k].pairs, contact.fft_pairs * (PILOT_PIXELS / gap.size) ** found[k].growth)
+        assert found[k].rounds == contact.rounds
     shares = [effort.contact_fraction for effort in found[: len(scene.loading)]]
     assert shares == sorted(shares)
     assert len(found) == len(scene.steps)
+
+
+@pytest.fixture
+def counts(monkeypatch):
+    """Rounds of contact and flow, transforms of contacts and iterations of flow, as they are solved."""
+    found = Counter()
+    flow, contact, coupled = face_flow.cell_permeability, fluid_coupling.solve_contact, FluidPressure.contact
+
+    def counting(name, number, solve):
+        def counted(*arguments, **options):
+            solution = solve(*arguments, **options)
+            found[name] += number(solution)
+            return solution
+
+        return counted
+
+    monkeypatch.setattr(face_flow, "cell_permeability", counting("iterations", lambda x: x.iterations, flow))
+    monkeypatch.setattr(fluid_coupling, "solve_contact", counting("pairs", lambda x: x.fft_pairs, contact))
+    monkeypatch.setattr(FluidPressure, "contact", counting("rounds", lambda x: x.rounds, coupled))
+    return found
+
+
+@pytest.mark.parametrize("pressures", [["100 MPa", "200 MPa"], ["250 MPa", "500 MPa"]], ids=["open", "near closing"])
+def test_the_pilot_counts_what_a_larger_face_takes(data, counts, pressures):
+    """A face of nine times as many points, pressed apart: rounds, transforms and iterations within two fifths."""
+    data["face"] = {"kind": "self-affine", "points": [600, 600], "size": ["600 um", "600 um"], "hurst": 0.8}
+    data["face"] |= {"rms_slope": 0.05, "roll_off": "60 um"}
+    data |= {"load": {"loading": pressures}}
+    data["fluid"] = {"kind": "liquid", "viscosity": "1 mPa*s", "inlet_pressure": "30 MPa", "outlet_pressure": "0 MPa"}
+    scene = prepare(parse_case(data)).scene
+    known, pixels = pilot.efforts(scene), scene.surface.heights.size
+    counts.clear()
+    deterministic(scene)
+    assert_allclose(sum(effort.rounds for effort in known), counts["rounds"], rtol=0.4)
+    assert_allclose(sum(e.rounds * e.pairs_on(pixels) for e in known), counts["pairs"], rtol=0.4)
+    assert_allclose(sum(e.rounds * e.iterations_on(pixels) for e in known), counts["iterations"], rtol=0.4)
 
 
 def test_the_effort_does_not_depend_on_the_points_of_a_large_face(data):
@@ -67,8 +108,28 @@ def test_the_effort_does_not_depend_on_the_points_of_a_large_face(data):
 
 
 def test_a_contact_takes_longer_with_more_pixels_and_more_contact():
-    assert 4 < contact_seconds(4e6, Effort(20, 0.0)) / contact_seconds(1e6, Effort(20, 0.0)) < 5
-    assert contact_seconds(4e6, Effort(20, 0.9)) > 3 * contact_seconds(4e6, Effort(20, 0.05))
+    assert 4 < contact_seconds((2000, 2000), Effort(20, 0.0)) / contact_seconds((1000, 1000), Effort(20, 0.0)) < 6
+    assert contact_seconds((2000, 2000), Effort(20, 0.9)) > 3 * contact_seconds((2000, 2000), Effort(20, 0.05))
+
+
+def test_rows_of_odd_and_prime_lengths_take_longer():
+    lengths = (512, 450, 456, 675)
+    seconds = [contact_seconds((2**20 // n, n), Effort(20, 0.1)) for n in lengths]
+    assert seconds == sorted(seconds)
+    assert seconds[-1] > 1.5 * seconds[0]
+
+
+@pytest.mark.parametrize(("hardness", "again"), [(1e9, 0), (np.inf, 3)], ids=["plastic", "elastic"])
+def test_an_unloading_that_is_the_loading_again_takes_no_time(data, hardness, again):
+    """Where nothing deforms for good: its stops are loads of the loading."""
+    data["load"] = {"loading": ["10 MPa", "20 MPa", "40 MPa", "80 MPa"], "unload_from": ["80 MPa"]}
+    data["load"]["unloading"] = ["40 MPa", "20 MPa", "10 MPa"]
+    scene = replace(prepare(parse_case(data)).scene, hardness=hardness)
+    known = pilot.solved_once(scene, usual_efforts(len(scene.steps)))
+    assert [effort.rounds for effort in known].count(0.0) == again
+    assert deterministic(scene).equal_steps == again
+    cost = deterministic_cost(known, scene.surface.shape, acts=True)[0]
+    assert_allclose(cost, deterministic_cost(usual_efforts(7 - again), scene.surface.shape, acts=True)[0])
 
 
 def test_forecast_adds_up_the_methods_and_the_second_run(data, monkeypatch):

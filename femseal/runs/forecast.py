@@ -12,6 +12,7 @@ from ..base import InputError, duration, free_memory, to_text
 from ..base.shared_array import storing
 from ..budget import model_changes, places_to_halve
 from ..case.case import Case
+from ..case.faces import FileFace
 from ..preparation.prepared import START_MEMORY, Prepared, without_short_waves
 from ..refinement.coarser import CONTINUED_SCENES, coarser_grids, without_filtered_waves
 from ..refinement.settings import first_settings, first_version, given_settings, grid_points, time_limit
@@ -24,14 +25,15 @@ from ..studies.face_leakage import FEWEST
 from ..studies.seat_rows import describe_map
 from ..topography import Places
 from ..windows import Partition
-from .pilot import efforts, pace
+from .pilot import efforts, pace, solved_once
 
 #: Shortest waves that a window should hold along each side.
 ADVISED_WAVES = 8
-#: Seconds of starting, of reading and preparing a face, and of loading compiled loops.
-_START_SECONDS = 2.6
+#: Seconds of starting, of loading compiled loops and making a face; what reading and repairing a file adds, and what
+#: the compiled loops of windows and their pictures do.
+_START_SECONDS, _READ_SECONDS, _WINDOWS_SECONDS = 2.0, 1.0, 0.5
 #: Seconds of pictures, report and tables, and of a byte of fields.
-_PICTURES_SECONDS, _FIELD_BYTE_SECONDS = 1.4, 5e-8
+_PICTURES_SECONDS, _FIELD_BYTE_SECONDS = 1.4, 3e-8
 #: Memory of another process [byte].
 _WORKER_MEMORY = 0.25e9
 
@@ -186,19 +188,23 @@ def forecast(
     known = efforts(prepared.scene) if known is None else known
     again = _budget_inputs(case, prepared) if again is None else again
     with storing(None, case.memory):
-        costs = [prepared.cost(study, known) for study in prepared.studies]
+        own_efforts = solved_once(prepared.scene, known)
+        costs = [prepared.cost(study, own_efforts) for study in prepared.studies]
         alone = replace(prepared, methods=frozenset({prepared.answer.name}))
         if case.surface.filter_sensitivity:
-            costs.append(replace(alone, scene=without_short_waves(prepared)).cost(alone.answer, known))
+            costs.append(replace(alone, scene=without_short_waves(prepared)).cost(alone.answer, own_efforts))
         for coarse in again:
-            efforts_of = tuple(known[prepared.scene.steps.index(step)] for step in coarse.scene.steps)
+            of_steps = (known[prepared.scene.steps.index(step)] for step in coarse.scene.steps)
+            efforts_of = solved_once(coarse.scene, tuple(effort.on_fewer_points for effort in of_steps))
             costs += [coarse.cost(study, efforts_of) for study in coarse.studies]
         if (test := case.output.test_fluid) is not None:
             state = test.state
             if drop_ratio(state, prepared.scene) is None:
-                costs.append(replace(alone, scene=state.in_scene(prepared.scene)).cost(alone.answer, known))
+                costs.append(replace(alone, scene=state.in_scene(prepared.scene)).cost(alone.answer, own_efforts))
     drawn = case.output.pictures or case.output.report
-    own = _START_SECONDS + drawn * _PICTURES_SECONDS + disk(case, prepared, again).fields * _FIELD_BYTE_SECONDS
+    own = _START_SECONDS + any(isinstance(face, FileFace) for face in case.face) * _READ_SECONDS
+    own += (prepared.methods != {"deterministic"}) * _WINDOWS_SECONDS
+    own += drawn * _PICTURES_SECONDS + disk(case, prepared, again).fields * _FIELD_BYTE_SECONDS
     work = sum(seconds for seconds, _ in costs)
     # what a study holds stays until the results are written; what it works with does not
     memory = START_MEMORY + max(memory for _, memory in costs)

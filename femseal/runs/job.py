@@ -36,7 +36,7 @@ from ..report import load_writers, write_folder
 from ..report.case_text import solids_text
 from ..results import Results, assemble
 from ..studies import FluidState, OtherLeakage, drop_ratio
-from ..studies.compiling import compile_ahead
+from ..studies.compiling import compile_ahead, reporting_compilation
 from ..studies.link_flow import WindowPixels, window_pixels
 from .chosen_loads import solve_chosen
 from .finished import finished_results
@@ -150,6 +150,7 @@ def run(
             return mapper if common is None else SharedStages(Path(common)).over(mapper)
 
         stack.enter_context(storing(folder, case.memory))
+        stack.enter_context(reporting_compilation(progress))
         if folder is None:
             prepared = _prepared(case, scheduler)
             mapper = stack.enter_context(ordered_map(workers, scheduler, partial(compile_ahead, progress=progress)))

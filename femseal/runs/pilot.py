@@ -4,21 +4,29 @@ Numbers of transforms are counted, not timed: they do not depend on what else th
 """
 
 import time
-from dataclasses import replace
+from collections.abc import Callable
+from dataclasses import astuple, replace
 from functools import cache
 from math import log, sqrt
 from statistics import median
 
 import numpy as np
 from scipy import fft
+from scipy.fft import next_fast_len
 
 from ..base import FemsealError
-from ..contact import HalfSpace, solve_contact
+from ..contact import Contact, HalfSpace, solve_contact
+from ..flow import cell_permeability
 from ..studies import Scene
-from ..studies.costs import PILOT_PIXELS, Effort
+from ..studies.costs import FEW_ITERATIONS, PILOT_PIXELS, Effort
+from ..windows import FlowSettings
 
 #: Load steps that are solved at most.
-_MOST_STEPS = 4
+_MOST_STEPS = 5
+#: Rounds of contact and flow beyond which a larger face, of which single paths are a smaller part, takes half as many.
+_MANY_ROUNDS = 3.0
+#: Iterations of multigrid that take as long as elimination on `PILOT_PIXELS`, and their growth with the fraction open.
+_ELIMINATED = 50.0, 1.65
 #: Seconds of a pair of transforms of 128² numbers on the machine where the constants of the costs were measured. They
 #: stay in the cache: those of larger arrays take the time in which the system gives new memory, as no solver does.
 _PACE_SECONDS = 1.2e-4
@@ -37,35 +45,69 @@ def pace() -> float:
 
 
 def efforts(scene: Scene) -> tuple[Effort, ...]:
-    """Effort of every load step, from contacts of the middle of the face at some of the pressures.
+    """Effort of every load step, from contact and flow of the middle of the face at some of the pressures.
 
-    The state that an earlier load left is left out: unloading takes about as many transforms as loading.
+    The state that an earlier load left is left out: unloading takes about as many transforms as loading. So are what a
+    gas slips, grooves that wind and what pockets hold, which the costs count by themselves.
     """
     surface = scene.surface
     scale = min(1.0, sqrt(PILOT_PIXELS / surface.heights.size))
-    n1, n2 = (max(16, int(n * scale)) if n > 16 else n for n in surface.shape)
+    n1, n2 = (_fast(max(16, int(n * scale))) if n > 16 else n for n in surface.shape)
     start = (surface.shape[0] - n1) // 2, (surface.shape[1] - n2) // 2
     part = surface.crop((n1, n2), start).detrend()
     half_space = HalfSpace(part.shape, part.spacing, scene.modulus, ("mirror", "mirror"))
     gap = part.heights.max() - part.heights
+    solve: Callable[..., Contact] = solve_contact
+    if (fluid := scene.acting_fluid) is not None:
+        solve = replace(fluid, settings=FlowSettings(), trapped=False).contact
     pressures = sorted({step.pressure for step in scene.steps if step.pressure > 0})
     tried = [pressures[k] for k in np.unique(np.linspace(0, len(pressures) - 1, _MOST_STEPS).round().astype(int))]
     found: dict[float, Effort] = {}
     for pressure in tried:
         try:
-            contact = solve_contact(gap, half_space, pressure=pressure, hardness=scene.hardness, rtol=scene.rtol)
-            effort = Effort(contact.fft_pairs, contact.area_fraction)
-            found[pressure] = replace(effort, pairs=effort.pairs * (PILOT_PIXELS / gap.size) ** effort.growth)
+            contact = solve(gap, half_space, pressure=pressure, hardness=scene.hardness, rtol=scene.rtol)
+            flow = cell_permeability(contact.gap, part.spacing, sides="periodic")
         except FemsealError:  # the run will tell
             found[pressure] = Effort()
+            continue
+        rounds = getattr(contact, "rounds", 1.0)
+        effort = Effort(contact.fft_pairs, contact.area_fraction, rounds=min(rounds, 0.5 * (rounds + _MANY_ROUNDS)))
+        larger, (most, power) = PILOT_PIXELS / gap.size, _ELIMINATED
+        iterations = flow.iterations or most * flow.percolating_fraction**power
+        if iterations:
+            iterations = FEW_ITERATIONS + max(0.0, iterations - FEW_ITERATIONS) * larger**0.5
+        found[pressure] = replace(effort, pairs=effort.pairs * larger**effort.growth, iterations=iterations)
     return tuple(_between(found, step.pressure) for step in scene.steps)
+
+
+def solved_once(scene: Scene, efforts: tuple[Effort, ...]) -> tuple[Effort, ...]:
+    """Efforts of the steps of a scene, without rounds where an unloading is the loading again, as nothing has deformed.
+
+    So it is where the pressure that flattens the steepest slope of the face stays below the hardness.
+    """
+    if not scene.unload_from or scene.fluid_pressure == "trapped":
+        return efforts
+    heights, spacing = scene.surface.heights, scene.surface.spacing
+    strips = [heights[i : i + 1025] for i in range(0, len(heights), 1024)]
+    slope = max(float(np.abs(np.diff(z, axis=k)).max(initial=0.0)) / spacing[k] for z in strips for k in (0, 1))
+    if scene.modulus * slope + max(scene.steps.pressures) > float(np.min(scene.law.yield_pressure())):
+        return efforts
+    pressures = [step.pressure for step in scene.steps]
+    return tuple(
+        replace(effort, rounds=0.0) if pressure in pressures[:k] else effort
+        for k, (pressure, effort) in enumerate(zip(pressures, efforts, strict=True))
+    )
+
+
+def _fast(points: int) -> int:
+    """The largest number up to `points` whose transforms are fast: one without prime factors above 5."""
+    return next(n for n in range(points, 0, -1) if next_fast_len(n, real=True) == n)
 
 
 def _between(found: dict[float, Effort], pressure: float) -> Effort:
     """Effort at a pressure, linear in its logarithm between those that were solved."""
     if not found or pressure <= 0:
-        return Effort(0.0, 0.0)
+        return Effort(0.0, 0.0, FEW_ITERATIONS, 1.0)
     known = [log(p) for p in found]
-    pairs, fraction = (np.interp(log(pressure), known, values) for values in
-                    ([e.pairs for e in found.values()], [e.contact_fraction for e in found.values()]))  # fmt: skip
-    return Effort(float(pairs), float(fraction))
+    values = zip(*(astuple(effort) for effort in found.values()), strict=True)
+    return Effort(*(float(np.interp(log(pressure), known, each)) for each in values))

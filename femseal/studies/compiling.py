@@ -32,22 +32,31 @@ _COMPILING = "compiling, once after an installation"
 
 
 @contextmanager
-def reporting_compilation(report: Callable[[str], None]) -> Iterator[None]:
-    """Context in which the first loop that is compiled is reported, as they take a minute after an installation."""
+def reporting_compilation(progress: Callable[[str, int, int | None], None]) -> Iterator[None]:
+    """Context in which loops that are compiled are reported, as they take a minute after an installation.
 
-    class First(event.Listener):  # type: ignore[misc]
-        reported = False
+    progress : called as progress(stage, done, total): when the first one begins, when one is done, and at the end; how
+        many there will be is not known before.
+    """
+
+    class Loops(event.Listener):  # type: ignore[misc]
+        begun, done = False, 0
 
         def on_start(self, _: event.Event) -> None:
-            if not self.reported:
-                report(_COMPILING)
-            self.reported = True
+            if not self.begun:
+                log.info("%s", _COMPILING)
+                progress(_COMPILING, 0, None)
+            self.begun = True
 
         def on_end(self, _: event.Event) -> None:
-            pass
+            self.done += 1
+            progress(_COMPILING, self.done, None)
 
-    with event.install_listener("numba:compile", First()):
+    loops = Loops()
+    with event.install_listener("numba:compile", loops):
         yield
+    if loops.done:
+        progress(_COMPILING, loops.done, loops.done)
 
 
 def compile_ahead(

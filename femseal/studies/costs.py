@@ -3,9 +3,11 @@
 Seconds are those of one core of the machine on which the constants were measured, by `tests/benchmarks/forecast.py`.
 """
 
+from __future__ import annotations
+
 from collections.abc import Sequence
-from dataclasses import dataclass
-from math import log1p
+from dataclasses import dataclass, replace
+from math import log1p, log2
 from statistics import mean
 
 import numpy as np
@@ -23,17 +25,29 @@ from .two_scale import chosen_flow
 
 #: Pixels of the contact by which the effort of a load step is given.
 PILOT_PIXELS = 200**2
-#: Seconds of a pair of transforms, and for each of its pixels, twice that in contact everywhere; least number of pairs.
-_PAIR_SECONDS, _LEAST_PAIRS = (5e-5, 1.55e-8), 6
-#: Growth of the number of pairs with the pixels: power without contact, and what contact everywhere adds to it.
-_PAIR_GROWTH = (0.1, 0.5)
-#: Seconds of a flow solution, and for each pixel of 100² where it is open and closed; their growth with the pixels far
-#: from closing and near it.
-_FLOW_SECONDS, _FLOW_PIXEL_SECONDS, _FLOW_GROWTH = 1.5e-4, (2e-7, 5e-8), (0.12, 0.46)
+#: Seconds of a pair of transforms of contact, and least number of pairs.
+_PAIR_SECONDS, _LEAST_PAIRS = 5e-5, 6
+#: For each pixel, seconds of a pair of transforms of rows of 2ⁿ points, of each doubling from `PILOT_PIXELS` on; and
+#: what rows of another length, of odd length, and each prime factor above 13 times itself add. Measured on 30 grids.
+_TRANSFORM_SECONDS, _OF_LENGTH = (6.5e-9, 1.5e-9), (4e-9, 8e-9, 2e-10)
+#: For each pixel, seconds of what a pair of transforms has about it, and what contact everywhere adds to it.
+_POINT_SECONDS = 2.5e-9, 1.5e-8
+#: Growth of the number of pairs with the pixels: power without contact, what contact adds to it, and the largest.
+_PAIR_GROWTH = 0.1, 0.6, 0.37
+#: Seconds of a flow solution, and for each pixel where it is open, and of each iteration of multigrid; iterations where
+#: the gap hardly varies, beyond which they grow as the side of the grid.
+_FLOW_SECONDS, _FLOW_PIXEL_SECONDS, FEW_ITERATIONS = 1.5e-4, (1.2e-7, 2e-8), 5.0
+#: Iterations that the side of a grid beyond that of `PILOT_PIXELS` adds, times the square of the fraction in contact: a
+#: larger face has narrower paths.
+_NARROW_ITERATIONS = 150.0
+#: Transforms of contact, and iterations beyond these, on half the points a side over those on as many finer points.
+_COARSER = 1.2, 3.0
+#: Seconds for each pixel where the pilot is closed, and what the square of the open fraction adds: there may be a path.
+_CLOSED_SECONDS = 2e-8, 1.5e-6
+#: Seconds that the fluid pressure takes for each pixel in a round of contact and flow.
+_ROUND_PIXEL_SECONDS = 1.7e-7
 #: Seconds of flow through elements for each open pixel: of any window, of one of a pixel, and for each pixel of a side.
 _ELEMENT_SECONDS = 1.25e-6, 1.9e-5, 4e-9
-#: Fractions in contact between which flow is near closing.
-_CLOSING = (0.07, 0.45)
 #: Seconds of the runs of columns at a step, for each window and each pixel.
 _RUN_SECONDS, _RUN_PIXEL_SECONDS = 1.2e-3, 6e-7
 #: Seconds of a seal of runs of columns, and for each of its columns of windows.
@@ -43,8 +57,6 @@ _DRAW_SECONDS, _DRAW_COLUMN_SECONDS = 1e-4, 2e-8
 _LINK_SECONDS, _LINK_SUCCESSIVE = 4e-8, 1.6
 #: Flow solutions, and what they need besides, that the flow of a rarefied gas takes.
 _SUCCESSIVE = 4.5
-#: Rounds of contact and flow where the fluid presses the faces apart: two or three up to p_in/p̄ of .3.
-_ROUNDS = 2.3
 #: Transforms that the estimate of the error of a gap takes.
 _ERROR_PAIRS = 3
 #: Number of states of a window on its ladder, under one pressure or a map: loading, unloading and without contact.
@@ -56,15 +68,39 @@ class Effort:
     """What decides on the work of a load step.
 
     pairs : transforms of a contact of `PILOT_PIXELS`. contact_fraction : of the face in contact, 0 to 1.
+    iterations : of multigrid in a flow of `PILOT_PIXELS`, 0 where it is closed. rounds : solutions of contact and flow
+    where the fluid presses the faces apart; 0 of a step that is an earlier one again.
     """
 
     pairs: float = 22.0
     contact_fraction: float = 0.15
+    iterations: float = 13.0
+    rounds: float = 2.3
 
     @property
     def growth(self) -> float:
         """Power of the pixels with which the number of transforms grows."""
-        return _PAIR_GROWTH[0] + _PAIR_GROWTH[1] * self.contact_fraction
+        least, contact, most = _PAIR_GROWTH
+        return min(most, least + contact * self.contact_fraction)
+
+    def pairs_on(self, pixels: float) -> float:
+        """Transforms of a contact of so many pixels."""
+        return max(_LEAST_PAIRS, self.pairs * (pixels / PILOT_PIXELS) ** self.growth)
+
+    def iterations_on(self, pixels: float) -> float:
+        """Iterations of multigrid in a flow of so many pixels; 0 where it is closed."""
+        if not self.iterations:
+            return 0.0
+        side = (pixels / PILOT_PIXELS) ** 0.5
+        narrow = _NARROW_ITERATIONS * self.contact_fraction**2 * max(0.0, side - 1)
+        return FEW_ITERATIONS + max(0.0, self.iterations - FEW_ITERATIONS) * side + narrow
+
+    @property
+    def on_fewer_points(self) -> Effort:
+        """That of half the points a side, whose gaps differ more from point to point."""
+        pairs, iterations = _COARSER
+        more = FEW_ITERATIONS + iterations * (self.iterations - FEW_ITERATIONS) if self.iterations else 0.0
+        return replace(self, pairs=pairs * self.pairs, iterations=more)
 
 
 def usual_efforts(steps: int) -> tuple[Effort, ...]:
@@ -72,18 +108,46 @@ def usual_efforts(steps: int) -> tuple[Effort, ...]:
     return (Effort(),) * steps
 
 
-def contact_seconds(pixels: float, effort: Effort) -> float:
+def contact_seconds(points: tuple[int, int], effort: Effort) -> float:
     """Expected time of one contact solution [s]."""
-    pairs = max(_LEAST_PAIRS, effort.pairs * (pixels / PILOT_PIXELS) ** effort.growth)
-    return pairs * (_PAIR_SECONDS[0] + _PAIR_SECONDS[1] * pixels * (1 + effort.contact_fraction**4))
+    pixels = points[0] * points[1]
+    about, contact = _POINT_SECONDS
+    each = _transform_seconds(points) + about + contact * effort.contact_fraction
+    return effort.pairs_on(pixels) * (_PAIR_SECONDS + pixels * each)
+
+
+def _transform_seconds(points: tuple[int, int]) -> float:
+    """Expected time of a pair of transforms for each pixel [s]; free columns are padded to a length that suits."""
+    (pixel, doubling), (other, odd, prime) = _TRANSFORM_SECONDS, _OF_LENGTH
+    seconds = pixel + doubling * max(0.0, log2(points[0] * points[1] / PILOT_PIXELS))
+    length = points[1]
+    if length & (length - 1) == 0:
+        return seconds
+    factors, rest, factor = 0, length, 2
+    while rest > 1:
+        while rest % factor == 0:
+            rest //= factor
+            factors += factor if factor > 13 else 0
+        factor += 1
+    return seconds + other + odd * (length % 2) + prime * factors
 
 
 def flow_seconds(pixels: float, effort: Effort) -> float:
     """Expected time of one flow solution [s]."""
-    low, high = _CLOSING
-    far, closed = _FLOW_PIXEL_SECONDS
-    growth = max(1.0, pixels / 100**2) ** _FLOW_GROWTH[effort.contact_fraction >= low]
-    return _FLOW_SECONDS + pixels * (far * growth if effort.contact_fraction < high else closed)
+    once, iteration = _FLOW_PIXEL_SECONDS
+    if not effort.iterations:
+        closed, path = _CLOSED_SECONDS
+        return _FLOW_SECONDS + pixels * (closed + path * (1 - effort.contact_fraction) ** 2)
+    return _FLOW_SECONDS + pixels * (once + iteration * effort.iterations_on(pixels))
+
+
+def _face_seconds(points: tuple[int, int], effort: Effort, pressures: int, acts: bool) -> float:
+    """Expected time of contact and flow of a whole face at a step [s]."""
+    pixels, again = points[0] * points[1], _SUCCESSIVE if pressures > 1 else 1.0
+    seconds = contact_seconds(points, effort) + again * flow_seconds(pixels, effort)
+    if acts:
+        return effort.rounds * (seconds + _ROUND_PIXEL_SECONDS * pixels)
+    return seconds if effort.rounds else 0.0
 
 
 def element_seconds(pixels: float, side: float, effort: Effort) -> float:
@@ -93,15 +157,14 @@ def element_seconds(pixels: float, side: float, effort: Effort) -> float:
 
 
 def deterministic_cost(
-    efforts: Sequence[Effort], points: tuple[int, int], pressures: int = 1, rounds: float = 1.0
+    efforts: Sequence[Effort], points: tuple[int, int], pressures: int = 1, acts: bool = False
 ) -> tuple[float, float]:
     """Expected time on one core [s] and memory [byte] of the deterministic solution.
 
-    pressures, rounds : see `count_pressures` and `count_rounds`.
+    pressures : see `count_pressures`. acts : whether the fluid presses the faces apart.
     """
-    pixels, again = points[0] * points[1], _SUCCESSIVE if pressures > 1 else 1.0
-    both = (contact_seconds(pixels, effort) + again * flow_seconds(pixels, effort) for effort in efforts)
-    seconds = rounds * sum(both)
+    pixels = points[0] * points[1]
+    seconds = sum(_face_seconds(points, effort, pressures, acts) for effort in efforts)
     return seconds, states_memory(pixels, len(efforts)) + state_memory(pixels)
 
 
@@ -114,27 +177,31 @@ def two_scale_cost(
     *,
     solved: bool = False,
     pressures: int = 1,
-    rounds: float = 1.0,
+    acts: bool = False,
 ) -> tuple[float, float]:
     """Expected time on one core [s] and memory [byte] of the two-scale solution.
 
-    `solved` says that the deterministic solution before it leaves the contact of the whole face. pressures, rounds :
-    see `count_pressures` and `count_rounds`.
+    `solved` says that the deterministic solution before it leaves the contact of the whole face. pressures, acts : see
+    `deterministic_cost`.
     """
     again = _SUCCESSIVE if pressures > 1 else 1.0
     whole, flow = chosen_contact(contact, points) == "whole", chosen_flow(flow, points)
     pixels, (m1, m2) = points[0] * points[1], cells
-    window, links = pixels // (m1 * m2), m1 * m2 + (m1 - 1) * m2
+    sides, links = (points[0] // m1, points[1] // m2), m1 * m2 + (m1 - 1) * m2
+    window = sides[0] * sides[1]
     coarse = pixels if whole else min(pixels, m1 * m2 * (PIXELS_PER_CUT_OFF / CUT_OFF_WINDOWS) ** 2)
     seconds, memory = 0.0, state_memory(coarse) + (0.0 if whole else 8.0 * 8 * pixels)
-    coupled = whole and rounds > 1
+    coupled = whole and acts
+    grid = points if coarse == pixels else (int(coarse**0.5),) * 2
     for effort in efforts:
+        if not effort.rounds:
+            continue
         if coupled and not solved:
-            seconds += rounds * (contact_seconds(pixels, effort) + again * flow_seconds(pixels, effort))
+            seconds += _face_seconds(points, effort, pressures, acts)
         elif not (whole and solved):
-            seconds += contact_seconds(coarse, effort)
+            seconds += contact_seconds(grid, effort)
         if not whole:
-            seconds += m1 * m2 * contact_seconds(window, effort) + _ERROR_PAIRS * _PAIR_SECONDS[1] * pixels
+            seconds += m1 * m2 * contact_seconds(sides, effort) + _ERROR_PAIRS * _transform_seconds(points) * pixels
         if flow == "elements":
             seconds += again * element_seconds(pixels, window**0.5, effort)
         elif flow == "resolved":
@@ -157,29 +224,31 @@ def stochastic_cost(
     seal: tuple[int, int],
     contact: str | None = None,
     pressures: int = 1,
-    rounds: float = 1.0,
+    acts: bool = False,
     places: int = 1,
 ) -> tuple[float, float]:
     """Expected time on one core [s] and memory [byte] of a library and of the drawn seals of n1 × n2 links.
 
-    `sampling` names its sampler, see `sampling_options.chosen_sampler`. pressures, rounds : see
-    `count_pressures` and `count_rounds`. places : measured ones.
+    `sampling` names its sampler, see `sampling_options.chosen_sampler`. pressures, acts : see `deterministic_cost`.
+    places : measured ones.
     """
     pixels, windows, steps = points[0] * points[1], cells[0] * cells[1], len(efforts)
-    window = pixels // windows
-    ladder = mean(contact_seconds(window, effort) for effort in efforts)
+    sides = points[0] // cells[0], points[1] // cells[1]
+    window = sides[0] * sides[1]
+    ladder = mean(contact_seconds(sides, effort) for effort in efforts)
     flow = pressures * mean(flow_seconds(window, effort) for effort in efforts)
     faces = 8.0 * 8 * pixels
     if sampling.sampler == "runs":
-        whole, faces = two_scale_cost(efforts, points, cells, "links", contact, rounds=rounds)
+        whole, faces = two_scale_cost(efforts, points, cells, "links", contact, acts=acts)
         links = windows + (cells[0] - 1) * cells[1]
-        contacts = whole - links * sum(flow_seconds(window, effort) for effort in efforts)
-        seconds = contacts + steps * (windows * _RUN_SECONDS + pixels * _RUN_PIXEL_SECONDS)
+        new = [effort for effort in efforts if effort.rounds]
+        contacts = whole - links * sum(flow_seconds(window, effort) for effort in new)
+        seconds = contacts + len(new) * (windows * _RUN_SECONDS + pixels * _RUN_PIXEL_SECONDS)
         if pressures > 1:  # the flow through the face, which gives the pressures in it
-            seconds += _SUCCESSIVE * sum(element_seconds(pixels, window**0.5, effort) for effort in efforts)
+            seconds += _SUCCESSIVE * sum(element_seconds(pixels, window**0.5, effort) for effort in new)
         return seconds + sampling.realisations * (_DRAW_SECONDS + _DRAW_COLUMN_SECONDS * seal[1]), faces
     if sampling.pressure == "place":
-        whole, faces = two_scale_cost(efforts, points, cells, "links", contact, pressures=pressures, rounds=rounds)
+        whole, faces = two_scale_cost(efforts, points, cells, "links", contact, pressures=pressures, acts=acts)
         links = windows + (cells[0] - 1) * cells[1]
         seconds = whole + steps * (2 * max(sampling.library_cells, windows) - links) * flow
     else:
@@ -190,7 +259,7 @@ def stochastic_cost(
     draws = ((3 if sampling.bounds else 1) + sampling.resampled) * sampling.realisations
     if places > 1 and sampling.pressure != "place":
         draws += len(kept_places(places)) * min(sampling.realisations, PLACE_REALISATIONS)
-    again = _LINK_SUCCESSIVE if max(pressures, rounds) > 1 else 1.0
+    again = _LINK_SUCCESSIVE if pressures > 1 or acts else 1.0
     seconds += again * draws * steps * _LINK_SECONDS * links * max(1.0, np.log2(min(seal)))
     in_memory = 1 if sampling.sampler_of_links in ("history", "block") else steps
     return seconds, faces + 8.0 * links * (in_memory * 2 + 30 + (6 * pressures if pressures > 1 else 0))
@@ -199,11 +268,6 @@ def stochastic_cost(
 def count_pressures(scene: Scene) -> int:
     """Number of pressures at which permeabilities are needed: 1 unless the law of the fluid depends on it."""
     return scene.flow.drop.pressures.size
-
-
-def count_rounds(scene: Scene) -> float:
-    """How often contact and flow of the whole face are solved at each step: once where the fluid does not act."""
-    return 1.0 if scene.acting_fluid is None else _ROUNDS
 
 
 #: Limits of the deterministic solution in an automatic choice: time on one core [s], and fraction of the free memory.

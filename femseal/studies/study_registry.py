@@ -7,7 +7,7 @@ from typing import Any
 
 from ..base import Array, Mapper
 from ..windows import Partition
-from .costs import Effort, count_pressures, count_rounds, deterministic_cost, stochastic_cost, two_scale_cost
+from .costs import Effort, count_pressures, deterministic_cost, stochastic_cost, two_scale_cost
 from .deterministic import DeterministicResult, deterministic
 from .sampling_options import Sampling, lay_out_windows
 from .scene import Scene
@@ -91,7 +91,8 @@ def _solve_stochastic(
 def _cost_deterministic(
     scene: Scene, options: StudyOptions, efforts: Sequence[Effort], points: Pair | None = None
 ) -> tuple[float, float]:
-    return deterministic_cost(efforts, points or scene.surface.shape, count_pressures(scene), count_rounds(scene))
+    acts = scene.acting_fluid is not None
+    return deterministic_cost(efforts, points or scene.surface.shape, count_pressures(scene), acts)
 
 
 def _cost_two_scale(
@@ -107,7 +108,7 @@ def _cost_two_scale(
         options.contact,
         solved=options.shares_contact,
         pressures=count_pressures(scene),
-        rounds=count_rounds(scene),
+        acts=scene.acting_fluid is not None,
     )
 
 
@@ -124,8 +125,8 @@ def _cost_stochastic(
     )
     # seals of all lengths take the work of one as long as all of them together
     seal = every[0].unknowns[0], sum(seal_windows.unknowns[1] for seal_windows in every)
-    pressures, rounds, places = count_pressures(scene), count_rounds(scene), len(surface.each)
-    return stochastic_cost(efforts, points, cells, sampling, seal, options.contact, pressures, rounds, places)
+    pressures, acts, places = count_pressures(scene), scene.acting_fluid is not None, len(surface.each)
+    return stochastic_cost(efforts, points, cells, sampling, seal, options.contact, pressures, acts, places)
 
 
 #: All studies by name, in the order in which they are solved: each may use the results of those before it. Of several

@@ -51,7 +51,9 @@ def case_of(task):
         "load": LOADS,
         "fluid": {"kind": "liquid", "viscosity": "1 mPa*s", "inlet_pressure": "1 MPa", "outlet_pressure": "0.1 MPa"},
     }
-    if task["scale"] != 1:
+    if "points" in task:
+        data["surface"] = {"points": task["points"]}
+    elif task["scale"] != 1:
         shape = prepare(parse_case({**data, "method": "deterministic"})).scene.surface.shape
         data["surface"] = {"points": [max(64, round(n * task["scale"])) for n in shape]}
     if task["method"] != "deterministic":
@@ -64,8 +66,9 @@ def case_of(task):
 def measure(task):
     """CPU time [s] and peak memory [byte] of a run in a process of its own."""
     environment = os.environ | {"OMP_NUM_THREADS": "1"}
+    points = case_of(task).surface.points  # which the run is not to find again
     done = subprocess.run(
-        [sys.executable, __file__, "--task", json.dumps(task)],
+        [sys.executable, __file__, "--task", json.dumps(task | ({"points": points} if points else {}))],
         env=environment,
         stdout=subprocess.PIPE,
         text=True,
