@@ -247,7 +247,8 @@ def with_keys(keys: dict[str, str], place: str = "") -> Iterator[None]:
     try:
         yield
     except InputError as error:
-        # a name before "=" is that of other values which are proposed
-        expected = re.sub(r"\b(\w+)=\((.*?)\)", lambda m: f"{keys.get(m[1], m[1])} = [{m[2]}]", error.expected)
+        # a name before "=" is that of another value which is proposed, numbers in brackets a list of the file
+        expected = re.sub(r"\b(\w+)(?==)", lambda name: keys.get(name[1], name[1]), error.expected)
+        expected = re.sub(r"=\((.*?)\)", r" = [\1]", expected)
         found = InputError(keys.get(error.what, error.what), error.given, expected)
         raise (found.inside(place) if place else found) from error
