@@ -116,7 +116,11 @@ class TestFactor:
         for pair in ((self.exact * [1, np.nan, 1, 1, 1], self.exact), (self.exact, self.exact * [1, np.nan, 1, 1, 1])):
             factor = leakage_factor(*pair, STEPS, "loading")
             assert (factor.value, factor.loads, factor.failed) == (1.0, 2, 1)
-        factor = leakage_factor(self.exact, self.exact * [np.nan, 1, 1, 1, 1], STEPS, "unloading")
+        first_unknown = self.exact * [np.nan, 1, 1, 1, 1]
+        for branch, loads, failed in (("loading", 2, 1), ("unloading", 2, 0)):
+            factor = leakage_factor(self.exact, first_unknown, STEPS, branch)
+            assert (factor.value, factor.loads, factor.failed) == (1.0, loads, failed)
+        factor = leakage_factor(self.exact, np.nan * self.exact, STEPS, "unloading")
         assert np.isnan(factor.value)
         assert (factor.loads, factor.failed) == (0, 2)
 

@@ -506,13 +506,24 @@ def test_results_that_make_no_page_are_refused(monkeypatch, folder):
 
 def test_messages_name_keys_of_the_case(tmp_path, data):
     for surface, words in [
-        ({"shortest_wave": "1 um"}, ["surface.shortest_wave: given 1 µm", "µm", "surface.points="]),
+        ({"shortest_wave": "1 um"}, ["surface.shortest_wave: given 1 µm", "µm", "surface.points = [480, 960]"]),
         ({"shortest_wave": "1 mm"}, ["surface.shortest_wave: given 1 mm", "less than the larger side"]),
     ]:
         message = refusal(lambda surface=surface: prepare(parse_case(data | {"surface": surface})))
         assert all(word in message for word in words), message
     data["face"]["pitch"] = "1 um"
     assert refusal(lambda: prepare(parse_case(data))).startswith("face.pitch: given")
+    data["face"]["pitch"] = "30 um"
+    spiral = {"seal": {"lay": {"kind": "spiral", "lead": "30 um"}}, "method": "two-scale", "compare": []}
+    for tables, words in [
+        ({"contact": {"fluid_pressure": "trapped"}} | spiral, "contact.fluid_pressure: given 'trapped'"),
+        ({"fluid": data["fluid"] | {"inlet_pressure": "5 GPa"}}, "fluid.inlet_pressure: given 5 GPa, expected less"),
+        (spiral | {"flow": {"discretisation": "Q2"}}, "flow.discretisation: given 'Q2'"),
+        (spiral | {"cells": {"flow": "elements", "count": [2, 4]}}, "cells.flow: given 'elements'"),
+        ({"method": "two-scale", "cells": {"count": [16, 1]}}, "cells: given 16 × 1 of 4 × 96 pixels, expected"),
+    ]:
+        message = refusal(lambda tables=tables: prepare(parse_case(data | tables)))
+        assert message.startswith(words), message
     heights = np.zeros((64, 96))
     heights[:20] = np.nan
     np.save(tmp_path / "face.npy", heights)

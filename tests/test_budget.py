@@ -175,6 +175,11 @@ def test_loads_that_leak_very_little_have_wider_bands(scene):
     plain = pixels_part(scene, q, [half])
     widths = error_budget_of(scene, q, coarse=[half])["pixels"]
     assert_allclose(widths, np.log(plain.upper / q) * np.where(q < 1e-3, 3.0, 1.0))
+    # the fluid carries all of the first load, or more: the next one is the first that tells
+    q = np.array([np.nan, 1.0, 0.2, 0.9e-3, 0.8e-3, 1e-2, 0.1])
+    half = CoarserSolution((32, 32), scene.steps, 1.1 * q)
+    widths, plain = error_budget_of(scene, q, coarse=[half])["pixels"], pixels_part(scene, q, [half])
+    assert_allclose(widths, np.log(plain.upper / q) * np.where(q < 1e-3, 3.0, 1.0))
 
 
 def error_budget_of(scene, q, **solutions):

@@ -36,6 +36,10 @@ from femseal.preparation.prepared import Prepared
 from femseal.refinement.budgets import budgets_of
 
 
+def test_decades_are_below_the_first_known_leakage():
+    assert decades(np.array([np.nan, -2.0, 0.02, 0.0])).tolist() == [0.0, 0.0, 2.0, 0.0]
+
+
 class TestQuantile:
     def test_scenes_of_one_step_give_the_order_statistic_of_split_conformal_prediction(self):
         """The ⌈(n + 1)(1 − α)⌉-th smallest of n scores."""

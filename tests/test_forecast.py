@@ -234,6 +234,13 @@ def test_an_automatic_choice_of_two_scales_takes_elements(data, monkeypatch, dis
     assert any("contact of the whole face, cut into windows, flow resolved" in line for line in lines)
 
 
+def test_check_describes_first_touch_alone(data):
+    """At no load the contact takes no transforms, and the fluid carries no fraction of it."""
+    data["load"] = {"loading": ["0 MPa"]}
+    case = parse_case(data)
+    assert any(line.endswith("with the contact") for line in describe(case, prepare(case)))
+
+
 def test_check_says_which_windows_a_library_takes(data):
     data |= {"method": "stochastic"}
     for count, words in (

@@ -100,6 +100,8 @@ def test_leakage_by_places():
     assert_allclose(found.without[1], fs.deterministic(scene([places[0], places[2]])).leakage, rtol=2e-3)
     assert_allclose(found.scatter, np.std(alone, axis=0, ddof=1) / np.mean(alone, axis=0), rtol=1e-2)
     assert fs.deterministic(scene(places[:2])).places.without is None
+    unknown = replace(found, alone=np.insert(found.alone, 0, np.nan, axis=1))
+    assert_allclose(unknown.relative, found.relative)  # the fluid carries all of the first load
     assert fs.deterministic(scene(places[0])).places is None
 
 

@@ -269,6 +269,18 @@ def test_loads_that_count():
     sealed = ErrorPart("pixels", 0 * q, np.array([0.0, 0.0, 0.0, 1e-5, 0.0]), "")
     assert counting_steps(ErrorBudget("deterministic", 0 * q, (sealed,))).tolist() == [3]
     assert widest_band(ErrorBudget("deterministic", 0 * q, (sealed,))).half_width == np.inf
+    unknown = np.where([True, False, False, False, True], np.nan, q)
+    assert counting_steps(ErrorBudget("deterministic", unknown, (part,))).tolist() == [0, 1, 2, 4]
+    assert counting_steps(ErrorBudget("deterministic", unknown, (part,), parted=(0,))).tolist() == [1, 2, 4]
+
+
+def test_loads_that_the_fluid_carries_do_not_hinder_the_accuracy():
+    """At first touch the fluid carries all: no leakage, which no finer pixels give either."""
+    load = {"loading": ["0 MPa", "200 MPa"], "unload_from": ["200 MPa"], "unloading": ["0 MPa"]}
+    results = fs.run(case(accuracy="90 %", load=load, output={"model_parts": []}), workers=1)
+    assert np.isnan(results.leakage.values).tolist() == [True, False, True]
+    assert results.attempts["reached"]
+    assert results.attempts["load"] == "loading 200 MPa"
 
 
 @pytest.mark.slow

@@ -25,6 +25,7 @@ from pathlib import Path
 import numpy as np
 
 from ..base import InputError, validate
+from ..studies.load_curves import first_known
 from ..studies.scene import Array
 
 #: The calibration set, which `tests/benchmarks/calibration.py` makes.
@@ -56,10 +57,11 @@ DIFFICULTIES: dict[str, Callable[[Features], Array]] = {
 
 
 def decades(leakage: Array) -> Array:
-    """Decades of the leakage below that of the first step (steps,), 0 of a sealed one."""
+    """Decades of the leakage below that of the first known step (steps,), 0 of a sealed one."""
     q = np.abs(np.asarray(leakage, float))
+    first = q[first_known(q)]
     with np.errstate(divide="ignore", invalid="ignore"):
-        return np.where((q > 0) & (q[0] > 0), np.log10(q[0] / q), 0.0)
+        return np.where((q > 0) & (first > 0), np.log10(first / q), 0.0)
 
 
 @dataclass(frozen=True, eq=False)

@@ -6,7 +6,7 @@ import numpy as np
 
 from ..loads import LoadProgramme
 from ..studies import Scene, StochasticResult, StudyResult, TwoScaleResult, study_of_result
-from ..studies.load_curves import FLOOR, Indices, at_all_steps, neighbours
+from ..studies.load_curves import FLOOR, Indices, at_all_steps, first_known, neighbours
 from ..studies.scene import Array
 from .changes import CoarserSolution
 from .error_parts import ErrorBudget, ErrorPart
@@ -68,7 +68,7 @@ def error_budget(
             parts.append(elements_part(study))
         parts += two_scales_parts(study, compared)
     q = np.abs(leakage)
-    steeper = np.where(q < FLOOR * q[0], _NEAR_CLOSING, 1.0)
+    steeper = np.where(q < FLOOR * q[first_known(q)], _NEAR_CLOSING, 1.0)
     parts = [part.widened(leakage, steeper) for part in parts]
     if kept_slope < 1:
         parts = [
@@ -79,7 +79,7 @@ def error_budget(
         parts += [library_part(study), realisations_part(study)]
         if study.without_place is None:  # the scatter of places shows what one patch cannot
             parts.append(sampler_part(scene, study))
-    return ErrorBudget(own.name, leakage, tuple(parts), scene.steps)
+    return ErrorBudget(own.name, leakage, tuple(parts), scene.steps, tuple(s for s, _ in scene.parted_steps))
 
 
 def at_interpolated_steps(budget: ErrorBudget, solved: Indices, steps: LoadProgramme, tolerance: float) -> ErrorBudget:

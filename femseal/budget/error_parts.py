@@ -10,7 +10,7 @@ import numpy as np
 
 from ..base import Array, Indices
 from ..loads import LoadProgramme
-from ..studies.load_curves import FLOOR
+from ..studies.load_curves import FLOOR, first_known
 
 #: Sources of error of the model and its input, in the order in which they are shown; the others are of its solution.
 MODEL_PARTS = ("hardness", "fluid pressure", "effective pressure", "form", "continuation")
@@ -60,13 +60,15 @@ class ErrorBudget:
 
     method : "deterministic", "two-scale", or "stochastic". leakage : at every step (steps,) [m²/s]. parts : sources of
     error. steps : the load programme, by which no load leaks more than a lower one: the band of a load ends where those
-    of others do, see `within_others`. Without it each load has its own band.
+    of others do, see `within_others`. Without it each load has its own band. parted : steps of which the fluid carries
+    all: they have no leakage.
     """
 
     method: str
     leakage: Array
     parts: tuple[ErrorPart, ...]
     steps: LoadProgramme | None = None
+    parted: tuple[int, ...] = ()
 
     def __repr__(self) -> str:
         parts = ", ".join(part.name for part in self.parts)
@@ -123,7 +125,7 @@ class ErrorBudget:
             return ""
         if step is None:
             q = np.abs(self.leakage)
-            chosen = np.flatnonzero(q > FLOOR * q[0])
+            chosen = np.flatnonzero(q > FLOOR * q[first_known(q)])
             chosen = chosen if chosen.size else np.arange(q.size)
         else:
             chosen = np.array([step])
@@ -199,12 +201,13 @@ def counting_steps(budget: ErrorBudget) -> np.ndarray:
     """Indices of the loads at which the leakage is more than 1e-3 of the first, or unknown.
 
     Where nothing leaks at the first load, all count that leak or may do so. Others that are found sealed do not count:
-    the wide bands at the loads before them tell if they may be open.
+    the wide bands at the loads before them tell if they may be open. Nor do those of which the fluid carries all.
     """
     q, upper = np.abs(budget.leakage), np.abs(budget.upper)
-    if q[0] == 0:
-        return np.flatnonzero((q != 0) | (upper != 0))
-    return np.flatnonzero((q > FLOOR * (q[0] if np.isfinite(q[0]) else 0.0)) | np.isnan(q))
+    first = np.nan_to_num(q[first_known(q)])
+    counts = (q != 0) | (upper != 0) if first == 0 else (q > FLOOR * first) | np.isnan(q)
+    counts[list(budget.parted)] = False
+    return np.flatnonzero(counts)
 
 
 def widest_band(budget: ErrorBudget) -> WidestBand:

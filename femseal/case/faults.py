@@ -58,6 +58,14 @@ FACE_KEYS = {"shape": "points", "height_unit": "height_unit"}
 SEAL_TABLES = dict.fromkeys(
     ("path", "unit", "inlet", "outlet", "lay", "centre", "inner_radius", "outer_radius", "field"), "seal"
 ) | dict.fromkeys(("length", "breadth", "sampler", "pressure", "bounds", "width", "library"), "stochastic")
+#: Tables of the arguments of a scene and of how it is solved.
+SCENE_TABLES = {
+    "fluid_pressure": "contact",
+    "inlet_pressure": "fluid",
+    "places": "face",
+    "discretisation": "flow",
+    "flow": "cells",
+}
 #: Tables of the arguments of maps of the pressure.
 MAP_TABLES = {"map": "load", "sampler": "stochastic"} | dict.fromkeys(
     ("fractions", "positions", "angles", "path", "name", "length_unit", "pressure_unit", "points", "pressure", "field"),
@@ -239,7 +247,8 @@ def with_keys(keys: dict[str, str], place: str = "") -> Iterator[None]:
     try:
         yield
     except InputError as error:
-        # a name before "=" is that of another value which is proposed
+        # a name before "=" is that of another value which is proposed, numbers in brackets a list of the file
         expected = re.sub(r"\b(\w+)(?==)", lambda name: keys.get(name[1], name[1]), error.expected)
+        expected = re.sub(r"=\((.*?)\)", r" = [\1]", expected)
         found = InputError(keys.get(error.what, error.what), error.given, expected)
         raise (found.inside(place) if place else found) from error

@@ -180,8 +180,8 @@ def _grid(case: Case, flat: Topography) -> tuple[int, int]:
     """
     cut_off, points = case.surface.continue_spectrum, case.surface.points
     if cut_off is not None and points is not None and cut_off < resolved_wave(flat.size, points) * (1 - 1e-9):
-        expected = f"8 pixels to continue_spectrum, {resolving_shape(flat.size, cut_off)}"
-        raise InputError("surface.points", points, expected)
+        expected = f"8 pixels to continue_spectrum, {list(resolving_shape(flat.size, cut_off))}"
+        raise InputError("surface.points", list(points), expected)
     if points is not None:
         return points
     if cut_off is not None:

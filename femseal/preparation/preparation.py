@@ -7,7 +7,7 @@ from ..base import InputError, to_text
 from ..budget import FormTolerance
 from ..case.case import Case
 from ..case.case_tables import StochasticTable
-from ..case.faults import MAP_TABLES, SEAL_TABLES, with_tables
+from ..case.faults import MAP_TABLES, SCENE_TABLES, SEAL_TABLES, with_tables
 from ..seal.laid_windows import SealWindows
 from ..studies import Sampling, Scene, check_sampling, chosen_contact, chosen_flow, chosen_sampler, lay_out_windows
 from ..studies.costs import choose_method
@@ -32,7 +32,7 @@ def prepare(case: Case) -> Prepared:
 
     Raises InputError: a face that cannot be read or used, or windows or seals that do not suit it.
     """
-    with refused_if_too_large():
+    with refused_if_too_large(), with_tables(SCENE_TABLES):
         face = conditioned_face(case)
         surface, conditioning, cells = face.surface, face.conditioning, face.cells
         sampling, seals = _seals(case, surface, conditioning, cells)

@@ -110,11 +110,13 @@ def _measure(plan: Plan, workers: int, mapper: Mapper, progress: Progress) -> Ac
                 coarse = coarser_solutions(version, _coarser(variant), leakages, leakage)
             budgets[variant] = budget_of(version, result, coarse, filtered)
         progress("solutions", done, len(plan.variants))
-    steps = plan.prepared.scene.steps
+    steps, parted = plan.prepared.scene.steps, dict(plan.prepared.scene.parted_steps)
+    # those of which the fluid carries all have no leakage
+    held = [s for s in range(len(steps)) if s not in parted] or [*range(len(steps))]
 
     def compare(variant: Variant, reference: Variant) -> Comparison:
-        pair = leakages[variant], leakages[reference]
-        return Comparison(reference, *(leakage_factor(*pair, steps, branch) for branch in ("loading", "unloading")))
+        pair, loads = (leakages[variant][held], leakages[reference][held]), [steps[s] for s in held]
+        return Comparison(reference, *(leakage_factor(*pair, loads, branch) for branch in ("loading", "unloading")))
 
     # drawn seals are compared with two scales of the surface they are drawn from, too
     beside = {"stochastic": [plan.companion]} if plan.companion is not None else {}

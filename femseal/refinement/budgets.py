@@ -23,6 +23,7 @@ from ..budget import (
 )
 from ..preparation.prepared import Prepared
 from ..studies import StochasticResult, study_of_result
+from ..studies.load_curves import first_known
 from .coarser import (
     coarser_grids,
     compares_links,
@@ -124,15 +125,16 @@ def _of_continued(prepared: Prepared, grid: Prepared, result: Any, own: Any, mov
     scene, continued = grid.scene, prepared.continuation
     assert continued is not None
     nothing, q = np.full(len(scene.steps), np.nan), leakage_of(own)
+    at = first_known(q)
     leakages = [nothing if one is None else leakage_of(one) for one in moved]
     *others, shorter = (CoarserSolution(scene.surface.shape, scene.steps, one, q) for one in leakages[:-1])
     # as measured, to twice the cut-off where that is below the measured waves, and to the cut-off
     wave = continued.cut_off
     versions = [(continued.longest, moved[-1]), (2 * wave, moved[-2]), (wave, own)]
     rows = [
-        (cut, continued.slope_to(cut), contact_fraction_of(one, scene.steps)[0], leakage_of(one)[0] / q[0])
+        (cut, continued.slope_to(cut), contact_fraction_of(one, scene.steps)[at], leakage_of(one)[at] / q[at])
         for cut, one in versions
-        if one is not None and q[0] != 0 and (cut <= continued.longest)
+        if one is not None and q[at] != 0 and (cut <= continued.longest)
     ]
     note = "; ".join(
         f"cut-off {to_text(cut, 'm', 3)}: rms slope {slope:.3g}, at the first load {area:.2%} in contact and "

@@ -61,7 +61,8 @@ def efforts(scene: Scene) -> tuple[Effort, ...]:
     if (fluid := scene.acting_fluid) is not None:
         solve = replace(fluid, settings=FlowSettings(), trapped=False).contact
     pressures = sorted({step.pressure for step in scene.steps if step.pressure > 0})
-    tried = [pressures[k] for k in np.unique(np.linspace(0, len(pressures) - 1, _MOST_STEPS).round().astype(int))]
+    chosen = np.linspace(0, len(pressures) - 1, min(_MOST_STEPS, len(pressures)))
+    tried = [pressures[k] for k in chosen.round().astype(int)]
     found: dict[float, Effort] = {}
     for pressure in tried:
         try:

@@ -130,6 +130,11 @@ def _of_run(x: Array, y: Array, wanted: float, low: float, high: float) -> float
 FLOOR = 1e-3
 
 
+def first_known(leakage: Array) -> int:
+    """Number of the first load at which a leakage (steps,) is known, 0 without one; the fluid may carry others."""
+    return int(np.argmax(np.isfinite(leakage)))
+
+
 @dataclass(frozen=True)
 class LeakageFactor:
     """Distance of two leakage curves over one branch.
@@ -162,8 +167,8 @@ def leakage_factor(leakage: ArrayLike, reference: ArrayLike, steps: Sequence[Loa
     """
     q, exact = (np.abs(np.asarray(values, dtype=float)) for values in (leakage, reference))
     chosen = np.array([s.branch == branch for s in steps])
-    known = np.isfinite(q) & np.isfinite(exact) & np.isfinite(exact[0])
-    least = FLOOR * exact[0]
+    known = np.isfinite(q) & np.isfinite(exact)
+    least = FLOOR * exact[first_known(exact)]
     with np.errstate(invalid="ignore"):
         closed = chosen & known & (((q == 0) & (exact > least)) | ((exact == 0) & (q > least)))
         compared = chosen & known & (exact > least) & (q > 0)

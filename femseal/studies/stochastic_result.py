@@ -18,6 +18,7 @@ from ..seal import Leakage, RectangularSeal
 from ..seal.laid_windows import DrawnSeal, LinkWindows, SealWindows
 from ..windows import Failed, Partition, SolverCounts, attempt
 from .face_leakage import PlaceLeakage
+from .load_curves import FLOOR, first_known
 from .run_chains import ChainedSeals, StateRuns
 from .sampling_options import Sampling
 from .scene import Scene
@@ -30,8 +31,6 @@ MOST_VALUES = 4_000_000
 DRAWN_RTOL = 3e-4
 #: The same where the library is drawn again, whose error is several percent.
 RESAMPLED_RTOL = 3e-3
-#: Leakages below this fraction of the first one do not choose the median.
-_FLOOR = 1e-3
 
 
 @dataclass(frozen=True, repr=False)
@@ -87,7 +86,7 @@ def nearest_to_median(leakage: Array) -> int | None:
     if not size.size or not whole.any():
         return None
     median = np.median(size[whole], axis=0)
-    chosen = np.asarray(median > _FLOOR * median.max())
+    chosen = np.asarray(median > FLOOR * median.max())
     if not chosen.any():
         return None
     with np.errstate(divide="ignore"):
@@ -295,7 +294,7 @@ class StochasticResult(Shown):
         library may each cause half of the variance.
         """
         median = self.quantile(0.5)
-        chosen = np.abs(median) > 1e-3 * np.abs(median[0])
+        chosen = np.abs(median) > FLOOR * np.abs(median[first_known(median)])
         if not chosen.any():
             return len(self.leakage), self.library.independent
         # the median of n normal numbers scatters by 1.2533 σ/√n

@@ -53,7 +53,8 @@ class Partition:
         if any(m < 1 or n % m for n, m in zip(self.shape, self.cells, strict=True)):
             raise InputError("cells", self.cells, f"divisors of the surface's {self.shape} pixels")
         if min(self.window) < 8 and self.cells != (1, 1):
-            raise InputError("cells", self.cells, f"windows of at least 8 pixels, not {self.window}")
+            given = "{} × {} of {} × {} pixels".format(*self.cells, *self.window)
+            raise InputError("cells", given, "windows of at least 8 × 8 pixels")
         m1, w1 = self.cells[0], self.window[0]
         lines = self.lines or tuple(i * w1 for i in range(m1 + 1))
         ends = len(lines) == m1 + 1 and (lines[0], lines[-1]) == (0, self.shape[0])
