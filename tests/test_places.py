@@ -12,6 +12,7 @@ from femseal.budget.estimates import library_part, places_part, places_to_halve
 from femseal.case.case import parse_case
 from femseal.library.sampling import drawn_elsewhere
 from femseal.preparation.preparation import prepare
+from femseal.report.error_tables import most_leaking_place
 from femseal.runs.forecast import describe
 
 PIXEL = 1e-6
@@ -100,6 +101,7 @@ def test_leakage_by_places():
     assert_allclose(found.without[1], fs.deterministic(scene([places[0], places[2]])).leakage, rtol=2e-3)
     assert_allclose(found.scatter, np.std(alone, axis=0, ddof=1) / np.mean(alone, axis=0), rtol=1e-2)
     assert fs.deterministic(scene(places[:2])).places.without is None
+    assert not replace(found, alone=0 * found.alone).relative.any()
     unknown = replace(found, alone=np.insert(found.alone, 0, np.nan, axis=1))
     assert_allclose(unknown.relative, found.relative)  # the fluid carries all of the first load
     assert fs.deterministic(scene(places[0])).places is None
@@ -224,6 +226,17 @@ def test_results_tell_of_places(tmp_path, files):
     for other in (again, parallel):
         assert_allclose(other.leakage, results.leakage, rtol=0)
         assert_allclose(other.dataset["leakage_of_places"], data["leakage_of_places"], rtol=0)
+
+
+def test_places_of_which_none_leaks_or_one_has_windows(tmp_path, files):
+    sealed = {"method": "deterministic", "load": {"loading": ["2.9 GPa"]}, "output": {"budget": False}}
+    results = fs.run(parse_case(files | sealed, tmp_path), workers=1)
+    assert results.leakage.values == [0.0]
+    assert most_leaking_place(results) == "place 1 of 4, of which none leaks"
+    one = {"stochastic": files["stochastic"] | {"pressure": "uniform", "library_cells": 1}}
+    data = fs.run(parse_case(files | one, tmp_path), workers=1).dataset
+    assert data["library_place"].values.tolist() == [1]
+    assert "place_scatter" not in data
 
 
 def test_the_place_that_leaks_most_is_drawn_with_its_gap(tmp_path, files):

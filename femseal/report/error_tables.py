@@ -110,6 +110,8 @@ def most_leaking_place(results: RunData) -> str:
     """Which of several measured places leaks most by itself, and how much, over the loads that count."""
     about = results.dataset["place_height"].attrs
     count = results.dataset.sizes["place"]
+    if not about["over_mean"]:
+        return f"place {about['place']} of {count}, of which none leaks"
     return f"place {about['place']} of {count} leaks most, {about['over_mean']:.3g} times their mean"
 
 

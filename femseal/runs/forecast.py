@@ -335,7 +335,9 @@ def _surface_facts(prepared: Prepared) -> Iterator[tuple[str, str]]:
     size, pixel = (" × ".join(to_text(x, "m", 4) for x in pair) for pair in (surface.size, surface.spacing))
     yield "surface", f"{surface.shape[0]} × {surface.shape[1]} points, {size}, pixel {pixel}"
     height, slope = to_text(surface.rms_height, "m", 3), surface.rms_slope
-    hard = f", H/(E*·slope) {scene.law.mean_hardness / scene.modulus / slope:.3g}" if slope else ": a flat face"
+    hard = ": a flat face" if not slope else ""
+    if slope and np.isfinite(scene.law.mean_hardness):  # of elastic faces it is not
+        hard = f", H/(E*·slope) {scene.law.mean_hardness / scene.modulus / slope:.3g}"
     yield "", f"rms height {height}, rms slope {slope:.3g}{hard}"
     if report.undefined_fraction or report.spikes:
         yield "", f"{report.undefined_fraction:.2%} undefined points and {report.spikes} in spikes filled"

@@ -162,10 +162,10 @@ class PlaceLeakage(Shown):
 
     @property
     def relative(self) -> Array:
-        """Leakage of each place over that of their mean (places,), mean over the loads that count."""
+        """Leakage of each place over that of their mean (places,), mean over the loads that count; 0 if none leaks."""
         mean = self.alone.mean(axis=0)
         counts = mean > FLOOR * mean[first_known(mean)]
-        return np.asarray((self.alone[:, counts] / mean[counts]).mean(axis=1))
+        return np.asarray((self.alone[:, counts] / mean[counts]).sum(axis=1) / max(1, counts.sum()))
 
     @property
     def scatter(self) -> Array:

@@ -172,7 +172,7 @@ def _of_windows(
         (n, again) for again in (False, True)[: 1 + sampling.resampled] for n in range(count)
     ]
     own, number = len(tasks), getattr(library, "place", None)
-    some = () if number is None else kept_places(int(number.max()))
+    some = () if number is None or number.max() == 1 else kept_places(int(number.max()))
     tasks += [(n, kept) for kept in some for n in range(min(count, PLACE_REALISATIONS))]
     drawn = list(mapper(stage, *zip(*tasks, strict=True)))[: len(tasks)]
     leakage, *bounds = np.array([r.leakage for r in drawn[:count]]).transpose(1, 0, 2)
