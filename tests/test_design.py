@@ -82,6 +82,15 @@ def test_nothing_is_extrapolated():
     assert np.isnan(below.assembly.low)
 
 
+def test_loads_that_the_fluid_carries_alone_are_open():
+    leakage, limit = power_law(AMPLITUDES), 1e12 * 2e8**-FALL
+    seals = Seals.of(STEPS, np.where(STEPS.pressures == 1e7, np.nan, leakage))
+    assert seals.count == len(AMPLITUDES)
+    assert_allclose(seals.needed_on_loading(limit), (AMPLITUDES / limit) ** (1 / FALL))
+    assert np.all(seals.needed_on_unloading(limit, 9e8) >= 3e7)
+    assert Seals.of(STEPS, np.full_like(leakage, np.nan)).count == 0
+
+
 def test_where_a_seal_closes_the_step_that_keeps_the_limit_is_taken():
     """No logarithm reaches 0: between an open and a closed step the closed one is known to be enough."""
     pressure = np.array([4e8, 1e8, 3e7, 0.0])

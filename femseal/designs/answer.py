@@ -194,7 +194,8 @@ def _notes(seals: Seals, fraction: float, results: Results) -> list[str]:
     if doubts := len(results.warnings):
         notes.append(f"the run has {doubts} warning{'s' if doubts > 1 else ''}, which its report lists")
     if unknown := int(np.isinf(seals.leakage).any(axis=0).sum()):
-        notes.append(f"at {unknown} of the loads what is computed as sealed may leak, and counts as leaking")
+        why = "what is computed as sealed may leak, or the fluid carries the load alone"
+        notes.append(f"{unknown} of the loads count as leaking: {why}")
     lost = results.dataset.sizes.get("realisation", seals.count) - seals.count
     if lost > 0 and results.method == "median":
         notes.append(f"{lost} seals failed at some load and are left out")

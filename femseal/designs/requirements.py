@@ -49,8 +49,14 @@ class Seals:
 
     @classmethod
     def of(cls, steps: LoadProgramme, leakage: Array, library_error: Array | None = None) -> Seals:
-        """Seals of leakages of any direction, inf where one is not known; those that failed at a step are left out."""
+        """Seals of leakages of any direction, inf where one is not known; those that failed at a step are left out.
+
+        Loads below all whose leakage is known, as those that the fluid carries alone, are taken for open.
+        """
         size = np.abs(np.atleast_2d(np.asarray(leakage, dtype=float)))
+        known, pressures = ~np.isnan(size).all(axis=0), np.asarray(steps.pressures)
+        if known.any():
+            size[:, pressures < pressures[known].min()] = inf
         error = np.zeros(len(steps)) if library_error is None else np.nan_to_num(library_error)
         return cls(steps, size[~np.isnan(size).any(axis=1)], error)
 
