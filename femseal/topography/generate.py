@@ -12,7 +12,7 @@ import numpy as np
 import scipy
 from numpy.typing import NDArray
 
-from ..base import InputError, Lengths, validate
+from ..base import InputError, Lengths, to_text, validate
 from .spectral import SLACK
 from .topography import Topography
 
@@ -71,7 +71,7 @@ def self_affine(
     cut_off = _cut_off(cut_off, spacing, size)
     roll_off = max(size) if roll_off is None else validate.number("roll_off", roll_off, unit="m")
     if roll_off <= cut_off:
-        raise InputError("roll_off", roll_off, f"a wavelength > cut_off = {cut_off:g} [m]")
+        raise InputError("roll_off", to_text(roll_off, "m"), f"a wavelength > cut_off = {to_text(cut_off, 'm')}")
 
     k1, k2 = wave_numbers(size, cut_off)
     q = 2 * np.pi * np.hypot(k1 / size[0], k2 / size[1])
@@ -135,8 +135,8 @@ def turned(
     pitch, depth = validate.number("pitch", pitch, unit="m"), validate.number("depth", depth, unit="m")
     cut_off = _cut_off(cut_off, spacing, size)
     if not cut_off < pitch <= size[0] * (1 + SLACK):
-        allowed = f"more than cut_off = {cut_off:g} and at most size[0] = {size[0]:g} [m]"
-        raise InputError("pitch", pitch, allowed)
+        allowed = f"more than cut_off = {to_text(cut_off, 'm')} and at most size[0] = {to_text(size[0], 'm')}"
+        raise InputError("pitch", to_text(pitch, "m"), allowed)
     radius = pitch**2 / (8 * depth)
     if nose_radius is not None:
         radius = validate.number("nose_radius", nose_radius, unit="m")
@@ -237,10 +237,14 @@ def _cut_off(cut_off: float | None, spacing: tuple[float, float], size: tuple[fl
     shortest = 2 * max(spacing)
     given = PIXELS_PER_WAVE * max(spacing) if cut_off is None else validate.number("cut_off", cut_off, unit="m")
     if given < shortest * (1 - SLACK):
-        raise InputError("cut_off", cut_off, f"a wavelength >= 2 pixels = {shortest:g} [m]")
+        raise InputError("cut_off", to_text(given, "m"), f"a wavelength >= 2 pixels = {to_text(shortest, 'm')}")
     if given >= max(size) * (1 - SLACK):
-        text = f"{given:g}" if cut_off is not None else f"none, which is {PIXELS_PER_WAVE} pixels = {given:g}"
-        raise InputError("cut_off", text, f"a wavelength < the larger side = {max(size):g} [m]")
+        text = (
+            to_text(given, "m")
+            if cut_off is not None
+            else f"none, which is {PIXELS_PER_WAVE} pixels = {to_text(given, 'm')}"
+        )
+        raise InputError("cut_off", text, f"a wavelength < the larger side = {to_text(max(size), 'm')}")
     return given
 
 
