@@ -160,8 +160,9 @@ def test_processes_of_the_command_are_copies_of_one_that_has_loaded_the_solvers(
     command = [sys.executable, tmp_path / "scripts" / "copies.py"]
     given = {"cwd": tmp_path, "env": os.environ | ({"TMPDIR": str(tmp_path / temporary)} if temporary else {})}
     run = subprocess.run(command, capture_output=True, text=True, check=True, timeout=HANG, **given)
-    state, error = run.stdout.splitlines()
-    assert state == f"({temporary != ''}, True, '1')"
+    states, error = run.stdout.splitlines()
+    # processes of their own may begin before they have loaded the solvers
+    assert re.fullmatch(r"(\(True, (True|False), '1'\) ?)+" if temporary else r"\(False, True, '1'\)", states)
     assert "a process died" in error
     assert not run.stderr
 
