@@ -234,6 +234,7 @@ def wave_numbers(size: tuple[float, float], cut_off: float) -> tuple[NDArray, ND
 
 
 def _cut_off(cut_off: float | None, spacing: tuple[float, float], size: tuple[float, float]) -> float:
+    """The shortest wavelength [m] as given, or of 8 pixels; raises InputError if the grid or the face has none such."""
     shortest = 2 * max(spacing)
     given = PIXELS_PER_WAVE * max(spacing) if cut_off is None else validate.number("cut_off", cut_off, unit="m")
     if given < shortest * (1 - SLACK):
