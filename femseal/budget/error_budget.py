@@ -6,7 +6,7 @@ import numpy as np
 
 from ..loads import LoadProgramme
 from ..studies import Scene, StochasticResult, StudyResult, TwoScaleResult, study_of_result
-from ..studies.load_curves import FLOOR, Indices, at_all_steps, first_known, neighbours
+from ..studies.load_curves import Indices, at_all_steps, least_counted, neighbours
 from ..studies.scene import Array
 from .changes import CoarserSolution
 from .error_parts import ErrorBudget, ErrorPart
@@ -68,7 +68,7 @@ def error_budget(
             parts.append(elements_part(study))
         parts += two_scales_parts(study, compared)
     q = np.abs(leakage)
-    steeper = np.where(q < FLOOR * q[first_known(q)], _NEAR_CLOSING, 1.0)
+    steeper = np.where(q < least_counted(q), _NEAR_CLOSING, 1.0)
     parts = [part.widened(leakage, steeper) for part in parts]
     if kept_slope < 1:
         parts = [

@@ -10,7 +10,7 @@ import numpy as np
 
 from ..base import Array, Indices
 from ..loads import LoadProgramme
-from ..studies.load_curves import FLOOR, first_known
+from ..studies.load_curves import least_counted
 
 #: Sources of error of the model and its input, in the order in which they are shown; the others are of its solution.
 MODEL_PARTS = ("hardness", "fluid pressure", "effective pressure", "form", "continuation")
@@ -125,7 +125,7 @@ class ErrorBudget:
             return ""
         if step is None:
             q = np.abs(self.leakage)
-            chosen = np.flatnonzero(q > FLOOR * q[first_known(q)])
+            chosen = np.flatnonzero(q > least_counted(q))
             chosen = chosen if chosen.size else np.arange(q.size)
         else:
             chosen = np.array([step])
@@ -204,8 +204,8 @@ def counting_steps(budget: ErrorBudget) -> np.ndarray:
     the wide bands at the loads before them tell if they may be open. Nor do those of which the fluid carries all.
     """
     q, upper = np.abs(budget.leakage), np.abs(budget.upper)
-    first = np.nan_to_num(q[first_known(q)])
-    counts = (q != 0) | (upper != 0) if first == 0 else (q > FLOOR * first) | np.isnan(q)
+    least = np.nan_to_num(least_counted(q))
+    counts = (q != 0) | (upper != 0) if least == 0 else (q > least) | np.isnan(q)
     counts[list(budget.parted)] = False
     return np.flatnonzero(counts)
 

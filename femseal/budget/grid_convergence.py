@@ -16,7 +16,7 @@ import scipy
 
 from ..base import InputError
 from ..studies import Scene
-from ..studies.load_curves import FLOOR, first_known
+from ..studies.load_curves import least_counted
 from ..studies.scene import Array
 from .changes import CoarserSolution, load_sensitivity, on_all_steps, part_of_changes, scale_of_changes
 from .error_parts import ErrorPart
@@ -199,7 +199,7 @@ def pixels_part(
     loads = sum(1 for s in known[0] if np.isfinite(changes[0][s]) and steps[s].unloaded_from is None)
     factor = PER_CHANGE * FEW_LOADS.get(loads, 1.0) * (1.0 if falling else OFF_ORDER)
     distance = factor * np.sqrt(np.mean(np.square(scales), axis=0))
-    may_close = (q < FLOOR * q[first_known(q)]) & (distance > _MAY_CLOSE)
+    may_close = (q < least_counted(q)) & (distance > _MAY_CLOSE)
     below = np.where(may_close | np.isneginf(changes[0]), np.inf, distance)
     note = _note(coarse, order, changes)
     return part_of_changes("pixels", steps, leakage, below, distance, note, change=changes[0], coarse=coarse[0])

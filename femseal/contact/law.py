@@ -199,6 +199,11 @@ class PerfectlyPlastic(ContactLaw):
         """True."""
         return True
 
+    @property
+    def capacity(self) -> float:
+        """Mean hardness [Pa]: no point hardens."""
+        return self.mean_hardness
+
     def yield_pressure(self, deformation: Any = 0.0) -> Any:
         """H, whatever the deformation."""
         return self.hardness

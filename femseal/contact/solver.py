@@ -152,7 +152,7 @@ def solve_contact(
     if np.ndim(fluid_pressure) or fluid_pressure != 0:
         gap, law, pressure = _with_fluid(gap, half_space, law, pressure, fluid_pressure, threads)
     line = law.tangent(half_space.shape)
-    pressure, approach = _checked_load(gap, half_space, line if law.linear else law, pressure, approach)
+    pressure, approach = _checked_load(gap, half_space, law, pressure, approach)
     validate.tolerance("rtol", rtol)
     problem = _Problem(gap, half_space, line, pressure, approach, rtol)
     contact = problem.solve(threads) if law.linear else _by_tangents(law, problem, threads)
@@ -192,7 +192,7 @@ def _with_fluid(
 
 
 def _checked_load(
-    gap: Array, half_space: HalfSpace, law: ContactLaw | YieldLine, pressure: float | None, approach: float | None
+    gap: Array, half_space: HalfSpace, law: ContactLaw, pressure: float | None, approach: float | None
 ) -> tuple[float | None, float | None]:
     """Pressure and approach as numbers that the law can carry, one of them None; raises InputError."""
     if (pressure is None) == (approach is None):
@@ -207,7 +207,7 @@ def _checked_load(
     return pressure, approach
 
 
-def check_capacity(name: str, pressure: float, law: ContactLaw | YieldLine) -> None:
+def check_capacity(name: str, pressure: float, law: ContactLaw) -> None:
     """Raise InputError if the points cannot carry a mean pressure [Pa]."""
     if pressure > law.capacity * (1 + 1e-12):
         raise InputError(name, f"{pressure:g} Pa", f"at most the mean hardness, {law.capacity:g} Pa")

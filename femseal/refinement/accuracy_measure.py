@@ -112,10 +112,10 @@ def _measure(plan: Plan, workers: int, mapper: Mapper, progress: Progress) -> Ac
         progress("solutions", done, len(plan.variants))
     steps, parted = plan.prepared.scene.steps, dict(plan.prepared.scene.parted_steps)
     # those of which the fluid carries all have no leakage
-    held = [s for s in range(len(steps)) if s not in parted] or [*range(len(steps))]
+    pressed = [s for s in range(len(steps)) if s not in parted] or [*range(len(steps))]
 
     def compare(variant: Variant, reference: Variant) -> Comparison:
-        pair, loads = (leakages[variant][held], leakages[reference][held]), [steps[s] for s in held]
+        pair, loads = (leakages[variant][pressed], leakages[reference][pressed]), [steps[s] for s in pressed]
         return Comparison(reference, *(leakage_factor(*pair, loads, branch) for branch in ("loading", "unloading")))
 
     # drawn seals are compared with two scales of the surface they are drawn from, too

@@ -7,7 +7,7 @@ import numpy as np
 from ..base import Array, TextTable, format_deviation, read_plain, to_text
 from ..results.results import as_chosen, solvers_text
 from ..results.run_data import RunData
-from ..studies.load_curves import FLOOR, first_known, leakage_factor
+from ..studies.load_curves import first_known, leakage_factor, least_counted
 
 Lines = list[tuple[str, ...]]
 
@@ -15,10 +15,10 @@ Lines = list[tuple[str, ...]]
 def important_steps(results: RunData) -> list[int]:
     """The first load, the highest, the highest that leaks more than 1e-3 of the first, and the last one."""
     leakage, steps = np.abs(results.leakage.values), results.steps
-    first = first_known(leakage)
+    least = least_counted(leakage)
     peak = max(range(len(steps)), key=lambda s: steps[s].pressure)
-    leaking = [s for s in range(len(steps)) if leakage[s] > FLOOR * leakage[first] and steps[s].unloaded_from is None]
-    return list(dict.fromkeys((first, *leaking[-1:], peak, len(steps) - 1)))
+    leaking = [s for s in range(len(steps)) if leakage[s] > least and steps[s].unloaded_from is None]
+    return list(dict.fromkeys((first_known(leakage), *leaking[-1:], peak, len(steps) - 1)))
 
 
 def budget_table(results: RunData) -> TextTable | None:
@@ -59,7 +59,7 @@ def scatter_lines(results: RunData) -> Lines:
     """Scatter and differences as factors: source, typical value, largest value, its step, meaning."""
     data, steps = results.dataset, results.steps
     leakage = np.abs(results.leakage.values)
-    leaking = leakage > FLOOR * leakage[first_known(leakage)]
+    leaking = leakage > least_counted(leakage)
     lines: Lines = []
 
     def deviation(source: str, sigma: Array, meaning: str) -> None:
@@ -118,7 +118,7 @@ def most_leaking_place(results: RunData) -> str:
 def _comparison(results: RunData, one: str, leakage: Array, other: str, reference: Array) -> Lines:
     """Lines of a leakage against a reference: the factor between them, on each branch."""
     lines: Lines = []
-    steps, least = results.steps, FLOOR * np.abs(reference[first_known(reference)])
+    steps, least = results.steps, least_counted(reference)
     for branch in dict.fromkeys(s.branch for s in steps):
         factor = leakage_factor(leakage, reference, steps, branch)
         if not factor.loads:

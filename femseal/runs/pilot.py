@@ -12,7 +12,6 @@ from statistics import median
 
 import numpy as np
 from scipy import fft
-from scipy.fft import next_fast_len
 
 from ..base import FemsealError
 from ..contact import Contact, HalfSpace, solve_contact
@@ -52,7 +51,8 @@ def efforts(scene: Scene) -> tuple[Effort, ...]:
     """
     surface = scene.surface
     scale = min(1.0, sqrt(PILOT_PIXELS / surface.heights.size))
-    n1, n2 = (_fast(max(16, int(n * scale))) if n > 16 else n for n in surface.shape)
+    # lengths whose transforms are fast: without prime factors above 5
+    n1, n2 = (fft.prev_fast_len(max(16, int(n * scale)), real=True) if n > 16 else n for n in surface.shape)
     start = (surface.shape[0] - n1) // 2, (surface.shape[1] - n2) // 2
     part = surface.crop((n1, n2), start).detrend()
     half_space = HalfSpace(part.shape, part.spacing, scene.modulus, ("mirror", "mirror"))
@@ -98,11 +98,6 @@ def solved_once(scene: Scene, efforts: tuple[Effort, ...]) -> tuple[Effort, ...]
         replace(effort, rounds=0.0) if pressure in pressures[:k] else effort
         for k, (pressure, effort) in enumerate(zip(pressures, efforts, strict=True))
     )
-
-
-def _fast(points: int) -> int:
-    """The largest number up to `points` whose transforms are fast: one without prime factors above 5."""
-    return next(n for n in range(points, 0, -1) if next_fast_len(n, real=True) == n)
 
 
 def _between(found: dict[float, Effort], pressure: float) -> Effort:

@@ -24,7 +24,7 @@ from ..topography import Places
 from ..topography.places import divided
 from ..windows import Failed, FlowSettings, SolverCounts, attempt
 from .face_flow import FaceFlow, resolved_flow
-from .load_curves import FLOOR, first_known
+from .load_curves import least_counted
 from .scene import Scene
 
 
@@ -164,7 +164,7 @@ class PlaceLeakage(Shown):
     def relative(self) -> Array:
         """Leakage of each place over that of their mean (places,), mean over the loads that count; 0 if none leaks."""
         mean = self.alone.mean(axis=0)
-        counts = mean > FLOOR * mean[first_known(mean)]
+        counts = mean > least_counted(mean)
         return np.asarray((self.alone[:, counts] / mean[counts]).sum(axis=1) / max(1, counts.sum()))
 
     @property

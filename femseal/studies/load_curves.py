@@ -135,6 +135,11 @@ def first_known(leakage: Array) -> int:
     return int(np.argmax(np.isfinite(leakage)))
 
 
+def least_counted(leakage: Array) -> float:
+    """Size of a leakage (steps,) below which a load does not count: 1e-3 of the first known one, NaN without one."""
+    return float(FLOOR * np.abs(leakage[first_known(leakage)]))
+
+
 @dataclass(frozen=True)
 class LeakageFactor:
     """Distance of two leakage curves over one branch.
@@ -168,7 +173,7 @@ def leakage_factor(leakage: ArrayLike, reference: ArrayLike, steps: Sequence[Loa
     q, exact = (np.abs(np.asarray(values, dtype=float)) for values in (leakage, reference))
     chosen = np.array([s.branch == branch for s in steps])
     known = np.isfinite(q) & np.isfinite(exact)
-    least = FLOOR * exact[first_known(exact)]
+    least = least_counted(exact)
     with np.errstate(invalid="ignore"):
         closed = chosen & known & (((q == 0) & (exact > least)) | ((exact == 0) & (q > least)))
         compared = chosen & known & (exact > least) & (q > 0)

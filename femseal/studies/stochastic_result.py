@@ -18,7 +18,7 @@ from ..seal import Leakage, RectangularSeal
 from ..seal.laid_windows import DrawnSeal, LinkWindows, SealWindows
 from ..windows import Failed, Partition, SolverCounts, attempt
 from .face_leakage import PlaceLeakage
-from .load_curves import FLOOR, first_known
+from .load_curves import FLOOR, least_counted
 from .run_chains import ChainedSeals, StateRuns
 from .sampling_options import Sampling
 from .scene import Scene
@@ -294,7 +294,7 @@ class StochasticResult(Shown):
         library may each cause half of the variance.
         """
         median = self.quantile(0.5)
-        chosen = np.abs(median) > FLOOR * np.abs(median[first_known(median)])
+        chosen = np.abs(median) > least_counted(median)
         if not chosen.any():
             return len(self.leakage), self.library.independent
         # the median of n normal numbers scatters by 1.2533 σ/√n
