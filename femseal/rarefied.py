@@ -14,10 +14,10 @@ from __future__ import annotations
 from math import log, pi, sqrt
 
 import numpy as np
-from numba import njit
 from numpy.typing import ArrayLike
 
 from .base import Array
+from .base.compiled import compiled
 
 #: Borders of the four formulas.
 FREE_MOLECULAR, TRANSITION, SLIP = 0.01, 0.15, 5.0
@@ -30,7 +30,7 @@ _EXCESS = (-2.22919e-2 + 2.10673 + 1.653 - 0.694 - _FREE + log(FREE_MOLECULAR) /
 )
 
 
-@njit(cache=True, nogil=True)
+@compiled()
 def _flow_rates(inverse_knudsen, out):
     """Q of every D."""
     for i in range(out.size):

@@ -22,9 +22,9 @@ from functools import cache, partial
 from typing import Any, cast
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
+from ..base.compiled import compiled, inner
 from ..base.threads import on_threads, parts
 from .influence import padded_length
 
@@ -225,10 +225,10 @@ def weights_of(symbol: Array, points: int, mirror1: bool, mirror2: bool, transfo
     return weights
 
 
-COMPILED: dict[str, Any] = {"cache": True, "nogil": True, "fastmath": {"contract"}}
+COMPILED: dict[str, Any] = {"fastmath": {"contract"}}
 
 
-@njit(**COMPILED)
+@compiled(**COMPILED)
 def multiply(block, weights):
     """Multiply waves in a block with their weights."""
     for j in range(block.shape[0]):
@@ -236,7 +236,7 @@ def multiply(block, weights):
             block[j, i] *= weights[j, i]
 
 
-@njit(**COMPILED)
+@compiled(**COMPILED)
 def respond(block, n, first, count, weights, twisted, cosine1, sine1, turn2):
     """Turn waves of pressure into waves of displacement in the first n places of a block whose first column is `first`.
 
@@ -291,7 +291,7 @@ def respond(block, n, first, count, weights, twisted, cosine1, sine1, turn2):
                 row[i] = complex(cr[i], ci[i])
 
 
-@njit(**COMPILED)
+@inner(**COMPILED)
 def place(i, n, mirror):
     """Index of the point that is the i-th to be transformed."""
     if not mirror:
@@ -299,7 +299,7 @@ def place(i, n, mirror):
     return 2 * i if 2 * i < n else 2 * (n - i) - 1
 
 
-@njit(**COMPILED)
+@compiled(**COMPILED)
 def lay(points, staged, first, end, mirror1, mirror2):
     """Write the points of some rows of the transform in its order, and zeros behind them."""
     n1, n2 = points.shape
@@ -316,7 +316,7 @@ def lay(points, staged, first, end, mirror1, mirror2):
             staged[i, n2:] = 0
 
 
-@njit(**COMPILED)
+@compiled(**COMPILED)
 def take(staged, points, first, end, mirror1, mirror2):
     """Write the points back in their own order: the inverse of `lay`."""
     n1, n2 = points.shape

@@ -7,13 +7,13 @@ The arrays are those of `kernels`. `restart`, `turn` and `step` are made of loop
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 
+from ..base.compiled import compiled, inner
 from ..base.threads import ZERO
 from .kernels import FAST
 
 
-@njit(**FAST)
+@compiled(**FAST)
 def restart(free, delta, loaded, hardens, hardness, slope, state, lists, near, on_free, dense, stencil, rows, columns):
     """Residual r = δ − v − a (p − H) and M1 on the free points, with which conjugate gradients begin; returns Σ M1."""
     lay_ones(ZERO, free, hardens, slope, state, lists, on_free, dense, stencil)
@@ -25,7 +25,7 @@ def restart(free, delta, loaded, hardens, hardness, slope, state, lists, near, o
     return ones
 
 
-@njit(**FAST)
+@compiled(**FAST)
 def lay_ones(first, end, hardens, slope, state, lists, on_free, dense, stencil):
     """Compliance and scale of some free points, and what M1 is found from."""
     listed, soft, scale = lists[1, first:end], on_free[4, first:end], on_free[5, first:end]
@@ -40,7 +40,7 @@ def lay_ones(first, end, hardens, slope, state, lists, on_free, dense, stencil):
             dense[listed[k]] = 1.0
 
 
-@njit(**FAST)
+@compiled(**FAST)
 def first_residual(
     first, end, delta, hardens, hardness, slope, state, lists, near, on_free, dense, stencil, rows, columns
 ):
@@ -62,7 +62,7 @@ def first_residual(
     return ones_total, total
 
 
-@njit(**FAST)
+@inner(**FAST)
 def _scaled(values, scale):
     """Multiply values by the scale of their points; returns their sum."""
     total = 0.0
@@ -72,7 +72,7 @@ def _scaled(values, scale):
     return total
 
 
-@njit(**FAST)
+@compiled(**FAST)
 def turn(free, former, ones_total, loaded, hardens, lists, on_free, dense, stencil, rows, columns):
     """Next direction d = w + (w·r / former) d, where w = M r less a multiple of M1 that keeps Σ w = 0 under a load.
 
@@ -85,7 +85,7 @@ def turn(free, former, ones_total, loaded, hardens, lists, on_free, dense, stenc
     return wr
 
 
-@njit(**FAST)
+@compiled(**FAST)
 def precondition(first, end, hardens, lists, on_free, dense, stencil, rows, columns):
     """w = M r of some free points; returns its sum."""
     w = on_free[1, first:end]
@@ -93,7 +93,7 @@ def precondition(first, end, hardens, lists, on_free, dense, stencil, rows, colu
     return _scaled(w, on_free[5, first:end]) if hardens else total
 
 
-@njit(**FAST)
+@compiled(**FAST)
 def level(first, end, factor, on_free):
     """Take a multiple of M1 from w at some free points; returns w·r."""
     r, w, ones = on_free[0, first:end], on_free[1, first:end], on_free[3, first:end]
@@ -104,7 +104,7 @@ def level(first, end, factor, on_free):
     return wr
 
 
-@njit(**FAST)
+@compiled(**FAST)
 def direct(first, end, beta, lists, on_free, dense):
     """d = w + beta d at some free points, and on the grid."""
     listed, w, d = lists[1, first:end], on_free[1, first:end], on_free[2, first:end]
@@ -118,7 +118,7 @@ def direct(first, end, beta, lists, on_free, dense):
             dense[listed[k]] = d[k]
 
 
-@njit(**FAST)
+@compiled(**FAST)
 def step(n, free, wr, loaded, hardens, kd, lists, near, on_free, dense):
     """One step of conjugate gradients, p += α d, v += α Kd and r −= α (Kd + a d), with α = w·r / d·(Kd + a d).
 
@@ -134,7 +134,7 @@ def step(n, free, wr, loaded, hardens, kd, lists, near, on_free, dense):
     return curvature, length, stiff > 0.0
 
 
-@njit(**FAST)
+@compiled(**FAST)
 def gather(first, end, kd, columns, lists, near):
     """Kd of some points near contact, of which each row of the grid has so many columns."""
     listed, kn = lists[0, first:end], near[3, first:end]
@@ -150,7 +150,7 @@ def gather(first, end, kd, columns, lists, near):
         kn[j] = values[i + skipped]
 
 
-@njit(**FAST)
+@compiled(**FAST)
 def curvatures(first, end, hardens, lists, near, on_free):
     """d·Kd, d·d and d·(Kd + a d) of some free points."""
     place, kn, d, soft = lists[2, first:end], near[3], on_free[2, first:end], on_free[4, first:end]
@@ -166,7 +166,7 @@ def curvatures(first, end, hardens, lists, near, on_free):
     return curvature, length, stiff
 
 
-@njit(**FAST)
+@compiled(**FAST)
 def advance(first, end, alpha, hardens, lists, near, on_free):
     """p += α d and r −= α (Kd + a d) at some free points; returns Σ r."""
     place, p, kn = lists[2, first:end], near[1], near[3]
@@ -182,7 +182,7 @@ def advance(first, end, alpha, hardens, lists, near, on_free):
     return total
 
 
-@njit(**FAST)
+@compiled(**FAST)
 def advance_gap(first, end, alpha, near):
     """v += α Kd at some points near contact."""
     v, kn = near[2, first:end], near[3, first:end]
@@ -190,7 +190,7 @@ def advance_gap(first, end, alpha, near):
         v[j] += alpha * kn[j]
 
 
-@njit(**FAST)
+@compiled(**FAST)
 def spread_residual(first, end, mean, hardens, lists, on_free, dense):
     """Write residuals to the points of the grid, less their mean under a load, which only rounding would leave over."""
     listed, r, scale = lists[1, first:end], on_free[0, first:end], on_free[5, first:end]
@@ -204,7 +204,7 @@ def spread_residual(first, end, mean, hardens, lists, on_free, dense):
             dense[listed[k]] = r[k]
 
 
-@njit(**FAST)
+@compiled(**FAST)
 def apply_stencil(listed, dense, out, stencil, rows, columns):
     """Write stencil ∗ dense at the listed points to `out` and return its sum.
 

@@ -23,12 +23,12 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from numba import njit
 
+from ..base.compiled import compiled, inner
 from ..base.threads import YES, ZERO
 
 #: Every function is inlined: a called one may be compiled differently in another process and change last digits.
-EXACT: dict[str, Any] = {"cache": True, "nogil": True, "forceinline": True}
+EXACT: dict[str, Any] = {"forceinline": True}
 FAST: dict[str, Any] = {**EXACT, "fastmath": {"reassoc", "nsz", "arcp", "contract", "nnan"}}
 #: Most steps of Newton's method for δ.
 ROOT_STEPS = 200
@@ -36,7 +36,7 @@ ROOT_STEPS = 200
 _FRACTION = 0.1
 
 
-@njit(**EXACT)
+@compiled(**EXACT)
 def add_gap(first, end, add, n, k, p, v, gap0, offset, reach, hardness, slope, state, lists, near):
     """v = Kp + h₁ from Kp on some rows of points where `add`; lists those in contact or with v below `reach`.
 
@@ -79,7 +79,7 @@ def add_gap(first, end, add, n, k, p, v, gap0, offset, reach, hardness, slope, s
     return n, k, energy, load, total
 
 
-@njit(**EXACT)
+@compiled(**EXACT)
 def count_near(first, end, add, v, gap0, offset, reach, state):
     """Add h₁ to v on some rows where `add`; returns how many points `add_gap` lists, and how many as free."""
     weight = 1.0 if add else 0.0
@@ -98,7 +98,7 @@ def count_near(first, end, add, v, gap0, offset, reach, state):
     return n, k
 
 
-@njit(**EXACT)
+@compiled(**EXACT)
 def look(n, c, load, loaded, delta, hardness, slope, state, lists, near):
     """Approach δ and residual of the complementarity on the points near contact.
 
@@ -113,7 +113,7 @@ def look(n, c, load, loaded, delta, hardness, slope, state, lists, near):
     return delta, carried, *residual(*compare(ZERO, n, c, delta, hardness, slope, state, lists, near))
 
 
-@njit(**EXACT)
+@compiled(**EXACT)
 def find_trial(first, end, c, near):
     """x = p − c v of some points near contact."""
     x, p, v = near[0, first:end], near[1, first:end], near[2, first:end]
@@ -121,7 +121,7 @@ def find_trial(first, end, c, near):
         x[j] = p[j] - c * v[j]
 
 
-@njit(**EXACT)
+@compiled(**EXACT)
 def compare(first, end, c, delta, hardness, slope, state, lists, near):
     """‖p − y‖² and ‖y‖² of some points near contact, and the number and ‖p − y‖² of those whose state y changes."""
     listed, x, p = lists[0, first:end], near[0, first:end], near[1, first:end]
@@ -146,21 +146,21 @@ def compare(first, end, c, delta, hardness, slope, state, lists, near):
     return r2, y2, changed, c2
 
 
-@njit(**EXACT)
+@compiled(**EXACT)
 def residual(r2, y2, changed, c2):
     """The last three values of `look` from the sums of `compare`."""
     relative = np.sqrt(r2 / y2) if y2 > 0.0 else (0.0 if r2 == 0.0 else np.inf)
     return relative, changed, c2 > _FRACTION * r2
 
 
-@njit(**EXACT)
+@inner(**EXACT)
 def _line(i, hardness, slope, c):
     """Hardness of a point, and the fraction t = h/(h + c) by which its pressure follows a trial pressure above it."""
     h = slope[i if slope.size > 1 else 0]
     return hardness[i if hardness.size > 1 else 0], h / (h + c) if h > 0.0 else 0.0
 
 
-@njit(**EXACT)
+@compiled(**EXACT)
 def _projected(z, h, t):
     """Projection of a trial pressure on the law, z between 0 and H and above H + t (z − H), and the point's state."""
     y = min(max(z, 0.0), h)
@@ -170,7 +170,7 @@ def _projected(z, h, t):
     return y, s
 
 
-@njit(**EXACT)
+@compiled(**EXACT)
 def root(x, n, hardness, slope, kept, listed, c, load, start):
     """Find δ with Σ y(x + cδ) = load on a list of points; returns whether they can carry the load.
 
@@ -187,7 +187,7 @@ def root(x, n, hardness, slope, kept, listed, c, load, start):
     return d, carried
 
 
-@njit(**EXACT)
+@compiled(**EXACT)
 def capacity(first, end, x, hardness, slope, kept, listed, load):
     """Of some points: the highest x, the highest min(H, load) − x, Σ H and Σ t."""
     x, listed = x[first:end], listed[first:end]
@@ -207,7 +207,7 @@ def capacity(first, end, x, hardness, slope, kept, listed, load):
     return highest, full, total, rise
 
 
-@njit(**EXACT)
+@compiled(**EXACT)
 def bracket(highest, full, capacity, rise, c, load, start):
     """Whether δ is known, whether the points can carry the load, δ or the first guess of it, and its bounds."""
     if capacity <= load:
@@ -220,7 +220,7 @@ def bracket(highest, full, capacity, rise, c, load, start):
     return False, True, min(max(start, low), top), low, top
 
 
-@njit(**EXACT)
+@compiled(**EXACT)
 def refine(total, slopes, c, load, d, low, top):
     """Whether δ is found, and the next one with its bounds."""
     excess = total - load
@@ -236,7 +236,7 @@ def refine(total, slopes, c, load, d, low, top):
     return new == d, new, low, top
 
 
-@njit(**FAST)
+@compiled(**FAST)
 def carry(first, end, x, shift, hardness, slope, kept, listed):
     """Σ y(x + shift) of some points and its derivative, the number between the bounds where nothing hardens."""
     x, listed = x[first:end], listed[first:end]
@@ -262,7 +262,7 @@ def carry(first, end, x, shift, hardness, slope, kept, listed):
     return total, slopes
 
 
-@njit(**EXACT)
+@compiled(**EXACT)
 def project(n, free, c, delta, load, loaded, keep, p, hardness, slope, state, lists, near, dense):
     """Give every point near contact the state and value of the projection of x + cδ on the law; the load is then exact.
 
@@ -278,14 +278,14 @@ def project(n, free, c, delta, load, loaded, keep, p, hardness, slope, state, li
     return k
 
 
-@njit(**EXACT)
+@compiled(**EXACT)
 def clear(first, end, lists, dense):
     """Take some free points from the grid."""
     for i in lists[1, first:end]:
         dense[i] = 0.0
 
 
-@njit(**EXACT)
+@compiled(**EXACT)
 def assign(first, end, enlist, c, delta, keep, p, hardness, slope, state, lists, near):
     """Pressure and state of some points near contact; returns how many are free, and what the others carry.
 
@@ -316,7 +316,7 @@ def assign(first, end, enlist, c, delta, keep, p, hardness, slope, state, lists,
     return k, carried
 
 
-@njit(**EXACT)
+@compiled(**EXACT)
 def list_free(first, end, k, state, lists, near):
     """List those of some points near contact that are free from place k, with the pressures that `assign` gave them."""
     listed, x = lists[0, first:end], near[0, first:end]
@@ -328,7 +328,7 @@ def list_free(first, end, k, state, lists, near):
             k += 1
 
 
-@njit(**EXACT)
+@compiled(**EXACT)
 def shift(first, end, c, uniform, p, hardness, slope, lists, near):
     """Add a uniform pressure to some free points, within the bounds."""
     one = hardness.size + slope.size == 2
@@ -342,7 +342,7 @@ def shift(first, end, c, uniform, p, hardness, slope, lists, near):
         p[i] = min(y, h) if t == 0.0 else y
 
 
-@njit(**EXACT)
+@compiled(**EXACT)
 def gap_and_deformation(first, end, p, v, delta, c, hardness, slope, gap, deformation, plastic):
     """Deformed gap on some rows of points, and plastic deformation u.
 

@@ -14,9 +14,9 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
+from ..base.compiled import compiled
 from ..base.threads import on_threads, parts
 from .convolution import (
     BLOCK_BYTES,
@@ -145,7 +145,7 @@ class LargeConvolution:
             take(self.displacement[i:end].copy(), self.displacement[i:end], 0, end - i, False, True)
 
 
-@njit(**COMPILED)
+@compiled(**COMPILED)
 def _gather(waves, first, count, block, twist, mirror):
     """Copy columns of waves to rows of a block, and behind these the same columns with a twist; zeros follow."""
     n1 = waves.shape[0]
@@ -163,7 +163,7 @@ def _gather(waves, first, count, block, twist, mirror):
             block[width + j, n1:] = 0
 
 
-@njit(**COMPILED)
+@compiled(**COMPILED)
 def _scatter(block, first, count, waves, twist, mirror):
     """Copy rows of a block to columns of waves, where there is a twist their sums without it."""
     n1 = waves.shape[0]

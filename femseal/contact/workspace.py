@@ -9,9 +9,9 @@ from math import prod
 from typing import Any
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
+from ..base.compiled import compiled
 from .half_space import HalfSpace
 from .influence import stiffness_stencil
 from .large_convolution import convolution
@@ -136,7 +136,7 @@ def _index_map(n: int, radius: int, boundary: str) -> NDArray[np.int64]:
     return np.where((i < 0) | (i >= n), -1, i)
 
 
-@njit(cache=True, nogil=True)
+@compiled()
 def prolong(coarse, limit, p, state):
     """Values of a grid of half the points on the finer one, at most `limit`; state 1 where there is pressure."""
     n1, n2 = p.shape
@@ -149,7 +149,7 @@ def prolong(coarse, limit, p, state):
             state[i, j] = 1 if y > 0.0 else 0
 
 
-@njit(cache=True, nogil=True)
+@compiled()
 def coarsen(a):
     """Means over 2×2 points; an odd last row or column is averaged alone."""
     n1, n2 = a.shape

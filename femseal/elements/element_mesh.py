@@ -10,10 +10,10 @@ from functools import cached_property
 
 import numpy as np
 import scipy.sparse as sp
-from numba import njit
 from scipy.sparse.csgraph import connected_components
 
 from ..base import Array, Indices, NotConverged
+from ..base.compiled import compiled
 from ..flow.solution import MAX_IMBALANCE
 from ..flow.solvers.elimination import Factors, Links, Order, carry_sources, factored, find_potentials
 from .superelement import WindowElement
@@ -110,7 +110,7 @@ def mesh_factors(
     return MeshFactors(nodes, order, factors)
 
 
-@njit(cache=True, nogil=True)
+@compiled()
 def _add_links(conductances, rank, end, later, value):
     """Add the links of an element behind those that each eliminated node has, which end at `end`; without room count.
 

@@ -15,10 +15,10 @@ from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
 from ..base.arrays import Array, Indices
+from ..base.compiled import compiled
 from ..base.threads import number, on_threads
 from ..flow.solvers.elimination import Links, Order, factored
 from ..windows.partition import Partition
@@ -214,7 +214,7 @@ def _side_fractions(block: Array) -> tuple[NDArray[np.float32], Array]:
     return (kept * rows).astype(np.float32), factors.inverse
 
 
-@njit(cache=True, nogil=True)
+@compiled()
 def _below_diagonal(conductances):
     """`PointLinks` of conductances (p, p)."""
     p = conductances.shape[0]
@@ -237,7 +237,7 @@ def _below_diagonal(conductances):
     return open_points[:q].copy(), packed, unit
 
 
-@njit(cache=True, nogil=True, error_model="numpy", fastmath={"reassoc", "contract"})
+@compiled(error_model="numpy", fastmath={"reassoc", "contract"})
 def _solve_sides(starts, fractions, inverse, v):
     """Potentials of the points of all sides in place of sources v, all other points having 0."""
     k = 0
@@ -258,7 +258,7 @@ def _solve_sides(starts, fractions, inverse, v):
         k += (b - a) * (b - a - 1) // 2
 
 
-@njit(cache=True, nogil=True)
+@compiled()
 def _add_side(packed, point, unit, block):
     """Add the conductances of a window between points of a side and, last column, to its other points.
 
@@ -279,7 +279,7 @@ def _add_side(packed, point, unit, block):
                 block[j, -1] += c
 
 
-@njit(cache=True, nogil=True, error_model="numpy", fastmath={"reassoc", "contract"})
+@compiled(error_model="numpy", fastmath={"reassoc", "contract"})
 def _window_flows(conductances, potential, unit):
     """Flow out of the points of a window into it, and its energy."""
     q = potential.size

@@ -15,17 +15,17 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numba import njit
 from numpy.typing import ArrayLike, NDArray
 
 from ..base import Array, Indices, InputError, validate
+from ..base.compiled import compiled, inner
 from ..flow.edge_flow import cell_stencil
 from ..flow.grid import Grid
 from ..flow.solvers.link_network import condense
 from ..windows.partition import Partition
 
 
-@njit(cache=True, nogil=True)
+@compiled()
 def side_nodes(crossing, along, spacing):
     """Nodes of a side of n points, and the interpolation between them.
 
@@ -56,7 +56,7 @@ def side_nodes(crossing, along, spacing):
     return node, weight, place[:count].copy()
 
 
-@njit(cache=True, nogil=True)
+@inner()
 def _place(first, last, n, spacing, place):
     """Put nodes on the segment from point `first` to `last` of a side of n points; return their number."""
     # half a distance is left beside contact, none in a corner of the window
@@ -73,7 +73,7 @@ def _place(first, last, n, spacing, place):
     return nodes
 
 
-@njit(cache=True, nogil=True)
+@inner()
 def _between(along, place, nodes, point):
     """The two of the `nodes` of a segment between which a point lies, and their weights."""
     for k in range(nodes.size):
@@ -88,7 +88,7 @@ def _between(along, place, nodes, point):
     return (a, b), (after / (before + after), before / (before + after))
 
 
-@njit(cache=True, nogil=True)
+@inner()
 def _resistance(along, a, b):
     total = 0.0
     for i in range(a, b):
@@ -204,7 +204,7 @@ def window_links(gap: NDArray[np.floating], partition: Partition, row: int) -> l
     return found
 
 
-@njit(cache=True, nogil=True)
+@compiled()
 def _element(conductances, along, across, beside1, beside2, ends, spacing):
     """Conductances between the nodes on the sides of a window, from those between its side points.
 
@@ -245,7 +245,7 @@ def _element(conductances, along, across, beside1, beside2, ends, spacing):
     return projected, counts, node, weight, place[:count].copy()
 
 
-@njit(cache=True, nogil=True)
+@inner()
 def _projected(conductances, node, weight, nodes):
     """Conductances of nodes (nodes, nodes) from those of side points (p, p), by c (p_i − p_j)² of interpolations."""
     out = np.zeros((nodes, nodes))

@@ -13,11 +13,11 @@ from functools import lru_cache
 from typing import Any, NamedTuple
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 from skfem import Basis, BilinearForm, ElementQuad1, MeshQuad
 
 from ..base.arrays import Array
+from ..base.compiled import compiled
 from . import forms
 from .grid import Grid
 from .stencil import Stencil
@@ -189,7 +189,7 @@ def _own_conductances(local: Array) -> Array:
     return own
 
 
-@njit(cache=True, nogil=True)
+@compiled()
 def weighted(first, end, k, by_row, by_column, kind, out):
     """Write some rows of k times the weight of the row and, by the kind of the row, of the column."""
     for i in range(first, end):
@@ -198,7 +198,7 @@ def weighted(first, end, k, by_row, by_column, kind, out):
             out[i, j] = k[i, j] * (of_row * of_column[j])
 
 
-@njit(cache=True, nogil=True)
+@compiled()
 def _scatter(k, table, d1, d2, rows, columns, first, along, across, falling, rising):
     """Sum the six conductances of every element; table (arrays, K11 K12 K22, conductances) is of the unit square."""
     value = np.empty(6)

@@ -9,9 +9,9 @@ from __future__ import annotations
 from math import frexp
 
 import numpy as np
-from numba import njit
 
 from ..base.arrays import Array, Indices
+from ..base.compiled import compiled, inner
 from .percolation import union
 from .stencil import Stencil
 
@@ -40,7 +40,7 @@ def energy_gap(stencil: Stencil, potential: Array, complement: Array) -> float:
     return float(gap / energy) if energy > 0 else np.nan
 
 
-@njit(cache=True, nogil=True)
+@inner()
 def _drop(φ, ψ, i, j, a, b):
     """Difference of the potential between nodes (i, j) and (a, b)."""
     one, other = φ[i, j], φ[a, b]
@@ -51,7 +51,7 @@ def _drop(φ, ψ, i, j, a, b):
     return (0.0 if np.isnan(other) else other) - (0.0 if np.isnan(one) else one)
 
 
-@njit(cache=True, nogil=True)
+@compiled()
 def _link_fluxes(along, across, φ, ψ, flux1, flux2):
     """Write c times the drop of all links along and across."""
     n2 = along.shape[1]
@@ -63,7 +63,7 @@ def _link_fluxes(along, across, φ, ψ, flux1, flux2):
             flux2[i, j] = across[i, j] * _drop(φ, ψ, i + 1, j, i + 1, (j + 1) % n2)
 
 
-@njit(cache=True, nogil=True)
+@compiled()
 def _energies(along, across, φ, ψ, flux1, flux2):
     """Energy of the difference between these fluxes and those of the potential, and energy of the potential."""
     n2 = along.shape[1]
@@ -83,7 +83,7 @@ def _energies(along, across, φ, ψ, flux1, flux2):
     return gap, energy
 
 
-@njit(cache=True, nogil=True)
+@compiled()
 def _spanning_tree(along, across):
     """Which links along, then across, are of the spanning tree of the widest ones (Kruskal), both ends being one node.
 
@@ -120,7 +120,7 @@ def _spanning_tree(along, across):
     return chosen
 
 
-@njit(cache=True, nogil=True)
+@compiled()
 def _balance(along, across, chosen, flux1, flux2):
     """Send what every node between the ends has too much of to the ends along a spanning tree, in place."""
     n1, n2 = along.shape
@@ -197,7 +197,7 @@ def balanced_flux(tail: Indices, head: Indices, width: Array, flux: Array, nodes
     return result
 
 
-@njit(cache=True, nogil=True)
+@compiled()
 def _send_out(tail, head, widest_first, excess, flux):
     """Send the excess of each node to node 0 along the spanning tree of the widest links (Kruskal)."""
     n = excess.size

@@ -9,13 +9,12 @@ gap jumps beyond one of the two pixels, that pixel's outer neighbour is left out
 from __future__ import annotations
 
 from math import frexp, ldexp
-from typing import Any
 
 import numpy as np
-from numba import njit
 from numpy.typing import ArrayLike
 
 from ..base import Array, InputError, Lengths, validate
+from ..base.compiled import compiled, inner
 from ..base.threads import over, rows
 from .grid import Grid
 from .law import cubic_law
@@ -30,8 +29,6 @@ _CONTRAST = 1e50
 #: times the other: that is a jump beyond one of the two. On 36 gaps with eight pixels for the shortest wave, cut by a
 #: plane or in contact, that changed no permeability by more than 4e-7, at errors of 7e-5 to 2e-2 by the pixels.
 _DOUBTED, _JUMP = 0.8, 8.0
-
-_compiled: dict[str, Any] = {"cache": True, "nogil": True}
 
 
 def validated_gap(gap: ArrayLike, spacing: Lengths) -> tuple[Array, tuple[float, float]]:
@@ -107,10 +104,10 @@ def permeability_at_gauss_points(gap: Array, grid: Grid, points: tuple[tuple[flo
     return found
 
 
-_law = njit(**_compiled)(cubic_law)
+_law = inner()(cubic_law)
 
 
-@njit(**_compiled)
+@compiled()
 def _extent(begin, end, gap):
     """The lowest gap of some rows, the smallest that is open, inf if none is, and minus the largest."""
     smallest = lowest = np.inf
@@ -123,7 +120,7 @@ def _extent(begin, end, gap):
     return lowest, smallest, -largest
 
 
-@njit(**_compiled)
+@inner()
 def _midway(before, a, b, after):
     smaller = min(a, b)
     if not smaller > 0.0:
@@ -136,7 +133,7 @@ def _midway(before, a, b, after):
     return max(middle, 0.1 * smaller)
 
 
-@njit(**_compiled)
+@inner()
 def _inside(i, n, ring):
     """Index of the pixel that stands for i beyond the ends of an axis, which is periodic (`ring`) or mirrored."""
     while i < 0 or i >= n:
@@ -147,7 +144,7 @@ def _inside(i, n, ring):
     return i
 
 
-@njit(**_compiled)
+@compiled()
 def links_of_rows(first, end, gap, ring1, ring2, as_permeability, on1, on2):
     """Write gap or permeability on the links of some rows, with the last one those after it along the first axis."""
     n1, n2 = gap.shape

@@ -10,10 +10,10 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 
 import numpy as np
-from numba import njit
 from numpy.typing import ArrayLike
 
 from ..base.arrays import Lengths
+from ..base.compiled import compiled
 from .coefficient import gap_on_links, validated_cell
 from .percolation import find, union
 
@@ -55,7 +55,7 @@ def critical_constriction(
     return Constriction(position if axis == 0 else position[::-1], float(values[link]))
 
 
-@njit(cache=True, nogil=True)
+@compiled()
 def _joining(widest_first, values, n1, n2, m2):
     """Number of the link that joins inlet and outlet; −1 without an open path."""
     parent = np.arange(n1 * n2 + 2).astype(np.int32)

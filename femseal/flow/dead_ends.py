@@ -8,10 +8,10 @@ components), with inlet and outlet as one node.
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
 from ..base.arrays import Flags
+from ..base.compiled import compiled, inner
 from .stencil import Stencil
 
 Indices = NDArray[np.int32]
@@ -39,7 +39,7 @@ def dead_ends(stencil: Stencil, keep: Flags) -> tuple[Flags, tuple[Indices, Indi
     return left, (at, number[at])
 
 
-@njit(cache=True, nogil=True)
+@compiled()
 def fill_dead_ends(potential, dead, at_inlet, at_outlet):
     """Write the potential of all `dead_ends` of the inner nodes, given that of both ends."""
     n1, n2 = potential.shape
@@ -50,7 +50,7 @@ def fill_dead_ends(potential, dead, at_inlet, at_outlet):
         potential[i // n2, i % n2] = potential[a // n2, a % n2] if a < n1 * n2 else here
 
 
-@njit(cache=True, nogil=True)
+@inner()
 def _open_links(along, across):
     """Bits of the open links of every node, those to the ends among them."""
     n1, n2 = along.shape[0] - 1, along.shape[1]
@@ -68,7 +68,7 @@ def _open_links(along, across):
     return links.reshape(-1)
 
 
-@njit(cache=True, nogil=True)
+@compiled()
 def _search(along, across, keep, number, path, found):
     """Depth-first search from both ends as one node, which is number 1: how many nodes are in dead ends.
 

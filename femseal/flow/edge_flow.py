@@ -5,9 +5,9 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from numba import njit
 
 from ..base.arrays import Array
+from ..base.compiled import compiled
 from ..base.threads import over, rows
 from .assembly import GAUSS_POINTS, EdgeWeights, assemble_on_elements, edge_weights, gauss, weighted
 from .coefficient import links_of_rows, permeability_at_gauss_points
@@ -37,7 +37,7 @@ def edge_conductances(gap: Array, ring2: bool, weights: EdgeWeights, dtype: Any 
     return along, across
 
 
-@njit(cache=True, nogil=True)
+@compiled()
 def _conductances(first, end, gap, ring2, rows1, columns1, kinds1, rows2, columns2, kinds2, along, across):
     """Write `edge_conductances` of some rows, with the last one those to the outlet."""
     links_of_rows(first, end, gap, False, ring2, True, along, across)

@@ -11,14 +11,14 @@ from dataclasses import replace
 from math import frexp, ldexp
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
+from ..base.compiled import compiled, inner
 from ..base.threads import ZERO, over, rows
 from .stencil import Stencil
 
 
-@njit(cache=True, nogil=True)
+@inner()
 def find(parent, a):
     """Find the root of a node, halving the path to it."""
     while parent[a] != a:
@@ -27,7 +27,7 @@ def find(parent, a):
     return a
 
 
-@njit(cache=True, nogil=True)
+@inner()
 def union(parent, a, b):
     """Join two components; return whether they were different. The root is the lowest node of a component."""
     a = find(parent, np.int64(a))
@@ -67,7 +67,7 @@ def _reached_by_parts(along, across, falling, rising, least):
     return reached
 
 
-@njit(cache=True, nogil=True)
+@compiled()
 def nodes_reached_of(along, across, falling, rising, least):
     """`nodes_reached_by` of the conductances of a stencil."""
     n1, n2 = along.shape
@@ -79,12 +79,12 @@ def nodes_reached_of(along, across, falling, rising, least):
     return reached
 
 
-@njit(cache=True, nogil=True)
+@inner()
 def _is_open(c, least):
     return c != 0.0 and abs(c) >= least
 
 
-@njit(cache=True, nogil=True)
+@compiled()
 def _label_rows(begin, end, along, across, falling, rising, least, label, parent):
     """Label some rows of nodes; returns the label after the last. Those of inlet and outlet are 0 and 1.
 
@@ -126,7 +126,7 @@ def _label_rows(begin, end, along, across, falling, rising, least, label, parent
     return count
 
 
-@njit(cache=True, nogil=True)
+@inner()
 def _join_corners(i, falling, rising, least, label, parent):
     """Join the labels of a row of nodes and those of the row above across corners."""
     for j in range(falling.shape[1]):
@@ -137,7 +137,7 @@ def _join_corners(i, falling, rising, least, label, parent):
             union(parent, label[i - 1, k], label[i, j])
 
 
-@njit(cache=True, nogil=True)
+@compiled()
 def _join_rows(i, along, across, falling, rising, least, label, parent):
     """Join the labels of a row of nodes and those of the row above."""
     for j in range(along.shape[1]):
@@ -146,7 +146,7 @@ def _join_rows(i, along, across, falling, rising, least, label, parent):
     _join_corners(i, falling, rising, least, label, parent)
 
 
-@njit(cache=True, nogil=True)
+@compiled()
 def _reached_rows(begin, end, count, label, parent, reached):
     """Write which ends some rows of nodes are joined to, `count` being the label after the last of them."""
     n2 = label.shape[1]
@@ -164,7 +164,7 @@ def _reached_rows(begin, end, count, label, parent, reached):
             reached[i, j] = ends[a - least] if a >= least else _ends(parent, a)
 
 
-@njit(cache=True, nogil=True)
+@inner()
 def _ends(parent, a):
     """The ends that a label is joined to: `find` that writes nothing."""
     while parent[a] != a:
@@ -176,7 +176,7 @@ def _ends(parent, a):
     return a + 1
 
 
-@njit(cache=True, nogil=True)
+@compiled()
 def narrowest(begin, end, along, across):
     """The smallest of the conductances of some rows that is not 0; inf if all are."""
     least = np.inf
@@ -191,7 +191,7 @@ def narrowest(begin, end, along, across):
     return least
 
 
-@njit(cache=True, nogil=True)
+@compiled()
 def widest(begin, end, along, across):
     """The largest of the conductances of some rows."""
     most = 0.0
@@ -237,7 +237,7 @@ def _closed(stencil: Stencil, keep: NDArray[np.bool_], least: float) -> Iterator
             links[at] = conductances
 
 
-@njit(cache=True, nogil=True)
+@compiled()
 def _closing(begin, end, along, across, keep, least):
     """Places of the open links along and across of some rows that `restricted` does without."""
     n2, m2 = along.shape[1], across.shape[1]
@@ -263,7 +263,7 @@ def _closing(begin, end, along, across, keep, least):
     return found
 
 
-@njit(cache=True, nogil=True)
+@compiled()
 def restrict(begin, end, along, across, falling, rising, keep, factors, least):
     """`restricted` of some rows of the conductances of a stencil in place, times two factors."""
     first, second = factors
@@ -286,7 +286,7 @@ def restrict(begin, end, along, across, falling, rising, keep, factors, least):
                 rising[i, j] = second * (first * rising[i, j]) if kept else 0.0
 
 
-@njit(cache=True, nogil=True)
+@compiled()
 def ready(along, across, falling, rising):
     """Make the conductances of a stencil what `solve_ready` takes, in place: between nodes that reach both ends.
 
@@ -315,14 +315,14 @@ def ready_by_parts(along, across, falling, rising):
     return reached, exponent
 
 
-@njit(cache=True, nogil=True)
+@compiled()
 def _factors(exponent):
     """Factors over a power of two, which changes no digit; two of half the exponent are in range."""
     half = exponent // 2
     return ldexp(1.0, -half), ldexp(1.0, half - exponent)
 
 
-@njit(cache=True, nogil=True)
+@compiled()
 def percolates(is_open):
     """Whether pixels (n1, n2), periodic along x2, join the ends of x1 over common sides.
 

@@ -14,11 +14,11 @@ from functools import cached_property
 from typing import Any
 
 import numpy as np
-from numba import njit
 from numpy.polynomial import chebyshev
 from numpy.typing import ArrayLike
 
 from ..base import Array, Indices, InputError
+from ..base.compiled import compiled, inner
 
 #: Pressures below this fraction of the inlet's are not looked at, since hardly anything of the drop lies there.
 _LEAST_FRACTION = 1e-3
@@ -246,7 +246,7 @@ class Mobility:
         return bool(np.ptp(self.viscous) + np.ptp(self.own) <= _EVEN * np.abs(self.viscous).max())
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@inner(error_model="numpy")
 def _interpolated(p, start, end, values):
     n = values.size - 1
     fraction = (p - start) / (end - start) if end != start else 0.0
@@ -258,7 +258,7 @@ def _interpolated(p, start, end, values):
     return (1.0 - weight) * values[i] + weight * values[i + 1]
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@inner(error_model="numpy")
 def _permeability(p, coefficients, slope, low, high, knots):
     """k of one part at a pressure; coefficients are ln k at the knots, or those of a polynomial without knots."""
     if knots.size:
@@ -280,7 +280,7 @@ def _permeability(p, coefficients, slope, low, high, knots):
     return np.exp(t * here - before + coefficients[0] + slope * min(x - low, 0.0))
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@inner(error_model="numpy")
 def _mean_between_knots(least, most, log_k, knots, inverse, knot):
     """Mean over the pressure of a permeability whose logarithm is linear between knots and constant beyond them.
 
@@ -309,7 +309,7 @@ def _mean_between_knots(least, most, log_k, knots, inverse, knot):
     return total / (most - least)
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled(error_model="numpy")
 def _means(
     a, b, cells, coefficients, slope, is_open, low, high, knots, start, end, viscous, own, even, roots, weights, out
 ):

@@ -7,10 +7,10 @@ from dataclasses import dataclass, field
 
 import numpy as np
 import scipy.sparse as sp
-from numba import njit
 from numpy.typing import ArrayLike, NDArray
 
 from ..base import Array, InputError
+from ..base.compiled import compiled
 from ..base.threads import over, rows
 
 
@@ -122,7 +122,7 @@ class Stencil:
         return sp.coo_array((entries, (i, j)), shape=(size, size)).tocsr()
 
 
-@njit(cache=True, nogil=True)
+@compiled()
 def energy_of(begin, end, along, across, falling, rising, p, ring1):
     """`Stencil.energy` of a pressure p, of some rows of conductances."""
     n2 = along.shape[1]
@@ -150,7 +150,7 @@ def energy_of(begin, end, along, across, falling, rising, p, ring1):
     return total
 
 
-@njit(cache=True, nogil=True)
+@compiled()
 def end_flows(along, falling, rising, potential, complement):
     """Flow into the inlet and out of the outlet of a potential and its complement."""
     n1, n2 = along.shape
@@ -165,7 +165,7 @@ def end_flows(along, falling, rising, potential, complement):
     return inlet, outlet
 
 
-@njit(cache=True, nogil=True)
+@compiled()
 def leave_out(begin, end, keep, potential, complement):
     """Make some rows of a potential and its complement NaN where nodes are not kept."""
     for i in range(begin, end):

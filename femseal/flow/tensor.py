@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 from numpy.typing import ArrayLike, NDArray
 
 from ..base import Array, InputError, Lengths, NotConverged
+from ..base.compiled import compiled
 from .assembly import assemble_on_links
 from .coefficient import permeability_on_links, unit_spacing, validated_gap
 from .grid import Grid
@@ -119,7 +119,7 @@ def _by_elimination(stencil: Stencil, spacing: tuple[float, float], closed: NDAr
     return np.outer(around, around) * tensor, float(error)
 
 
-@njit(cache=True, nogil=True)
+@compiled()
 def _winding_components(c1, c2):
     """Doubly periodic network: component of each node, and which components wind around each axis.
 

@@ -11,9 +11,9 @@ Source of the elimination: Doyle & Snell, Random Walks and Electric Networks, 19
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 
 from ..base.arrays import Array
+from ..base.compiled import compiled, inner
 from .stencil import Stencil
 
 #: Pairs of links at eliminated nodes, about a second's work for 1e8 of them.
@@ -39,7 +39,7 @@ def torus_dissipation(stencil: Stencil) -> tuple[Array, Array]:
     return (energy[::-1, ::-1], noise[::-1]) if turned else (energy, noise)
 
 
-@njit(cache=True, nogil=True)
+@inner()
 def _join(c, e, a, b, conductance, e1, e2, energy, noise):
     """Add a link from node a to node b of the front, and what it dissipates beside the one there is."""
     if a == b:
@@ -64,7 +64,7 @@ def _join(c, e, a, b, conductance, e1, e2, energy, noise):
     e[b, a, 0], e[b, a, 1] = -m1, -m2
 
 
-@njit(cache=True, nogil=True)
+@inner()
 def _dissipate(energy, noise, conductance, d1, d2, size):
     energy[0, 0] += conductance * d1 * d1
     energy[0, 1] += conductance * d1 * d2
@@ -75,7 +75,7 @@ def _dissipate(energy, noise, conductance, d1, d2, size):
     noise[1] += conductance * error * (error + 2 * abs(d2))
 
 
-@njit(cache=True, nogil=True)
+@inner()
 def _eliminate(c, e, i, near, energy, noise):
     """Eliminate node i of the front."""
     k = 0
@@ -98,7 +98,7 @@ def _eliminate(c, e, i, near, energy, noise):
         c[i, a] = c[a, i] = 0.0
 
 
-@njit(cache=True, nogil=True)
+@compiled()
 def _eliminated(along, across):
     """Eliminate row after row; the front holds the first row, to which the last one is linked, and two more."""
     n1, n2 = along.shape

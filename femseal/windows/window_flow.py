@@ -10,10 +10,10 @@ from dataclasses import dataclass, field, replace
 from typing import Any, TypeVar
 
 import numpy as np
-from numba import njit
 from numpy.typing import ArrayLike, NDArray
 
 from ..base import Array, FemsealError, validate
+from ..base.compiled import compiled
 from ..flow import DarcyFlow, Permeability, Spiral, cell_permeability
 from ..flow.cell import cell_flow, pixel_dissipation
 from ..flow.discretisation import check_discretisation
@@ -261,7 +261,7 @@ def window_dissipation(gap: ArrayLike, partition: Partition) -> Array:
     return rows.reshape(*partition.cells, partition.window[1]).sum(axis=2)
 
 
-@njit(cache=True, nogil=True)
+@compiled()
 def _between_plates(gap, ratio):
     """Mean of a gap that is open everywhere and whose standard deviation is below this ratio of it, 0 of any other."""
     n1, n2 = gap.shape

@@ -14,10 +14,10 @@ from math import ldexp, sqrt
 from typing import Any
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
 from ...base import Array, Flags, InputError, NotConverged, validate
+from ...base.compiled import compiled, inner
 from ...base.threads import NO, ZERO, number, on_threads, over, rows
 from ..balance import energy_gap
 from ..dead_ends import dead_ends, fill_dead_ends
@@ -167,7 +167,7 @@ def _chosen(stencil: Stencil, keep: Flags, field_rtol: float | None) -> tuple[st
     return ("multigrid" if worth else "elimination"), limit
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled(error_model="numpy")
 def _worth_of_multigrid(along, unknowns, nodes):
     """Whether multigrid is expected to take less time than elimination, and after how many iterations to give it up.
 
@@ -188,7 +188,7 @@ def _worth_of_multigrid(along, unknowns, nodes):
     return expected < 1.2 * elimination, int(_PATIENCE * elimination / iteration)
 
 
-@njit(cache=True, nogil=True)
+@inner()
 def _roughness(along, step):
     """Mean difference of the logarithms of open neighbours, fraction of pairs with one closed, and lost fraction.
 
@@ -359,7 +359,7 @@ def _checked(
     return DarcyFlow(rate, potential, complement, True, iterations, residual, imbalance, solver)
 
 
-@njit(cache=True, nogil=True)
+@compiled()
 def _flows(along, across, falling, rising, keep, φ, ψ):
     """Potentials of all nodes and their complements, NaN where they are not kept; inlet and outlet flow, and energy."""
     n1, n2 = along.shape

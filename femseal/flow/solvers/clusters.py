@@ -12,10 +12,9 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
-from .compiled import COMPILED
+from ...base.compiled import REORDERED, compiled, inner
 
 #: A node is strong if coarse nodes, or others that are strong, have this fraction of its conductances.
 _STRONG = 0.1
@@ -27,7 +26,7 @@ _TIED = 0.1
 _ROUNDING = 1e-10
 
 
-@njit(**COMPILED, inline="always")
+@inner(**REORDERED, inline="always")
 def _conductance(k, i, j, right, below, below_right, below_left):
     """Row, column and conductance of the k-th neighbour of a node; the last four are those across corners."""
     if k == 0:
@@ -47,7 +46,7 @@ def _conductance(k, i, j, right, below, below_right, below_left):
     return i - 1, j + 1, below_left[i - 1, j + 1]
 
 
-@njit(**COMPILED)
+@inner(**REORDERED)
 def _not_strong(centre, right, below, below_right, below_left, nine, ring):
     """Nodes with weak conductances to coarse nodes, and to nodes between two that have strong ones."""
     n1, n2 = centre.shape[0] - 2, centre.shape[1] - 2
@@ -90,7 +89,7 @@ def _not_strong(centre, right, below, below_right, below_left, nine, ring):
     return found
 
 
-@njit(**COMPILED)
+@inner(**REORDERED)
 def _copied(field, i, j, ring):
     """Copy a value at the first or last column to the border, around a ring."""
     n2 = field.shape[1] - 2
@@ -101,7 +100,7 @@ def _copied(field, i, j, ring):
             field[i, 0] = field[i, n2]
 
 
-@njit(**COMPILED)
+@compiled(**REORDERED)
 def clusters(centre, right, below, below_right, below_left, nine, ring):
     """Nodes by cluster, first places, bits of neighbours outside, conductances with the ends, inverse sums.
 
@@ -194,7 +193,7 @@ def no_clusters(levels: int) -> tuple[NDArray[Any], ...]:
     return first, np.zeros(1, np.int64), np.zeros((0, 2), np.int32), np.zeros(0, np.uint8), none, none
 
 
-@njit(**COMPILED)
+@compiled(**REORDERED)
 def with_clusters(found, k, nodes, start, outside, ground, inverse):
     """What `Levels` has of clusters with those of level k, the last one that has any."""
     first, starts, all_nodes, all_outside, all_ground, all_inverse = found
@@ -211,7 +210,7 @@ def with_clusters(found, k, nodes, start, outside, ground, inverse):
     )
 
 
-@njit(**COMPILED)
+@compiled(**REORDERED)
 def relax_forward(nodes, start, outside, ground, inverse, x, r, right, below, below_right, below_left, ring):
     """Move the clusters in turn by their residuals r, which are kept up to date."""
     n2 = x.shape[1] - 2
@@ -236,7 +235,7 @@ def relax_forward(nodes, start, outside, ground, inverse, x, r, right, below, be
             _copied(r, i, j, ring)
 
 
-@njit(**COMPILED)
+@compiled(**REORDERED)
 def relax_backward(nodes, start, outside, ground, inverse, x, right_hand, right, below, below_right, below_left, ring):
     """Move the clusters in reverse, from x and the right-hand side."""
     for s in range(inverse.size - 1, -1, -1):

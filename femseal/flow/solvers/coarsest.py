@@ -5,10 +5,10 @@ from __future__ import annotations
 from typing import Any, NamedTuple
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
 from ...base.arrays import Array
+from ...base.compiled import compiled, inner
 from ...base.threads import over
 from .elimination import (
     Factors,
@@ -49,7 +49,7 @@ class Coarsest(NamedTuple):
     parts: NDArray[np.int64]
 
 
-@njit(cache=True, nogil=True)
+@compiled()
 def eliminate_coarsest(centre, right, below, below_right, below_left, ring):
     """Eliminate an operator, given with a border of one node, on its nodes that have links."""
     order, parts, network = _dissected(centre, right, below, below_right, below_left, ring)
@@ -73,7 +73,7 @@ def eliminate_by_parts(*operator: Any) -> Coarsest:
     return Coarsest(order, Factors(first, border, start, at, links, inverse, between), np.zeros(order.size + 1), parts)
 
 
-@njit(cache=True, nogil=True)
+@compiled()
 def _dissected(centre, right, below, below_right, below_left, ring):
     """Order of the nodes of an operator, `Coarsest.parts`, and what `eliminated_fronts` takes of the network."""
     n1, n2 = centre.shape[0] - 2, centre.shape[1] - 2
@@ -112,7 +112,7 @@ def _dissected(centre, right, below, below_right, below_left, ring):
     return order, _parts(parent, at), network
 
 
-@njit(cache=True, nogil=True)
+@inner()
 def _parts(parent, at):
     """Parts of fronts, see `Coarsest`: the largest trees of them that are small enough."""
     fronts = parent.size
@@ -132,7 +132,7 @@ def _parts(parent, at):
     return parts[:count].copy()
 
 
-@njit(cache=True, nogil=True)
+@compiled()
 def solve_coarsest(coarsest, b, x):
     """x of the level from its right-hand side b, both with a border."""
     nodes, factors, v, _ = coarsest
@@ -144,7 +144,7 @@ def solve_coarsest(coarsest, b, x):
     _put(nodes, 0, n, v, x)
 
 
-@njit(cache=True, nogil=True)
+@inner()
 def _take(nodes, begin, end, b, v):
     """Write what b has at some nodes to v."""
     n2 = b.shape[1] - 2
@@ -152,7 +152,7 @@ def _take(nodes, begin, end, b, v):
         v[i] = b[nodes[i] // n2 + 1, nodes[i] % n2 + 1]
 
 
-@njit(cache=True, nogil=True)
+@inner()
 def _put(nodes, begin, end, v, x):
     """Write what v has at some nodes to x."""
     n2 = x.shape[1] - 2
@@ -160,7 +160,7 @@ def _put(nodes, begin, end, v, x):
         x[nodes[i] // n2 + 1, nodes[i] % n2 + 1] = v[i]
 
 
-@njit(cache=True, nogil=True)
+@compiled()
 def _carry_part(begin, end, beyond, coarsest, b):
     """Carry the sources of a part on, and to `beyond`, which is 0 at first, where they leave it."""
     nodes, factors, v, _ = coarsest
@@ -168,7 +168,7 @@ def _carry_part(begin, end, beyond, coarsest, b):
     carry_from(factors, begin, end, v, beyond)
 
 
-@njit(cache=True, nogil=True)
+@compiled()
 def _between_parts(coarsest, beyond, b, x):
     """Potentials of the fronts of no part, from what the parts carry beyond them."""
     nodes, factors, v, parts = coarsest
@@ -191,7 +191,7 @@ def _between_parts(coarsest, beyond, b, x):
         _put(nodes, first[begin], first[end], v, x)
 
 
-@njit(cache=True, nogil=True)
+@compiled()
 def _find_part(begin, end, _, coarsest, x):
     """Potentials of a part from those of later fronts."""
     nodes, factors, v, _ = coarsest

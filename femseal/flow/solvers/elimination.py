@@ -14,9 +14,9 @@ from __future__ import annotations
 from typing import Any, NamedTuple
 
 import numpy as np
-from numba import njit
 
 from ...base.arrays import Array, Indices
+from ...base.compiled import compiled, inner
 from ...base.threads import ZERO
 
 #: Pivots eliminated one by one before what follows takes them as one product of matrices.
@@ -24,7 +24,7 @@ _PANEL = 32
 #: Multiplications from which a product of matrices is left to BLAS.
 _BLAS = 30_000
 
-_exact: dict[str, Any] = {"cache": True, "nogil": True, "error_model": "numpy"}
+_exact: dict[str, Any] = {"error_model": "numpy"}
 _fast: dict[str, Any] = {**_exact, "fastmath": {"reassoc", "contract"}}
 
 
@@ -90,7 +90,7 @@ def factored(order: Order, links: Links, stay: int, *, only_between: bool = Fals
     return Factors(first, border, start, at, kept, inverse, between)
 
 
-@njit(**_exact)
+@compiled(**_exact)
 def borders(first, parent, row, later, stay):
     """Later places that each front is linked to and where they start, most numbers left over, and the widest border."""
     fronts = first.size - 1
@@ -141,7 +141,7 @@ def borders(first, parent, row, later, stay):
     return border, start, waiting, widest
 
 
-@njit(**_exact)
+@inner(**_exact)
 def _sort(values, first, last):
     """Sort a part in place by Shell's method with Tokuda's gaps; most lists are short and nearly sorted."""
     gap = 1
@@ -158,7 +158,7 @@ def _sort(values, first, last):
         gap = (4 * gap) // 9
 
 
-@njit(**_exact)
+@compiled(**_exact)
 def eliminated(first, parent, row, later, link, border, start, at, room, waiting, widest, stay):
     """Links of all fronts, inverse sums, and what links the nodes that stay, see `Factors`."""
     fronts = first.size - 1
@@ -171,7 +171,7 @@ def eliminated(first, parent, row, later, link, border, start, at, room, waiting
     return links, inverse, links_between(first, border, start, stay, left, pending)
 
 
-@njit(**_exact)
+@compiled(**_exact)
 def eliminated_fronts(
     begin, end, parts, left_by_parts, first, parent, row, later, link, border, start, at, waiting, widest, stay,
     links, inverse,
@@ -236,7 +236,7 @@ def eliminated_fronts(
     return left[:top], pending[:n_pending]
 
 
-@njit(**_exact)
+@compiled(**_exact)
 def links_between(first, border, start, stay, left, pending):
     """What links the nodes that stay, from `eliminated_fronts` of all."""
     n, top = first[first.size - 1], left.size
@@ -252,7 +252,7 @@ def links_between(first, border, start, stay, left, pending):
     return between
 
 
-@njit(**_fast)
+@inner(**_fast)
 def _eliminate_front(front, rest, inverse):
     """Eliminate the pivots of a front, the rows of `front`; links to later nodes only, also within its border."""
     p, q = inverse.size, rest.shape[0]
@@ -306,7 +306,7 @@ def _eliminate_front(front, rest, inverse):
                     rest[j + 1, k] += g0 * a + g1 * b + g2 * c + g3 * d
 
 
-@njit(**_fast)
+@inner(**_fast)
 def _add_product(front, inverse, start, end, column, rows, out, first):
     """Add what some pivots join beyond a column to rows of `out`, from its row and column `first` on."""
     count, columns = end - start, front.shape[1] - column
@@ -322,13 +322,13 @@ def _add_product(front, inverse, start, end, column, rows, out, first):
             out[first + i, first + j] += product[i, j]
 
 
-@njit(**_fast)
+@compiled(**_fast)
 def carry_sources(factors, v):
     """Sources v (n + stay,) at all places, carried on by every node to the later ones, in place."""
     carry_from(factors, 0, factors[0].size - 1, v, v)
 
 
-@njit(**_fast)
+@inner(**_fast)
 def carry_from(factors, begin, end, v, beyond):
     """`carry_sources` of the nodes of some fronts; what these carry to later fronts is added to `beyond`."""
     first, border, start, at, links, inverse, _ = factors
@@ -348,7 +348,7 @@ def carry_from(factors, begin, end, v, beyond):
                 beyond[border[start[f] + j]] += links[row + p + j] * here
 
 
-@njit(**_fast)
+@compiled(**_fast)
 def find_potentials(factors, v):
     """Potentials v (n + stay,), given for the nodes that stay, in place of the sources carried to each node, or of 0.
 
@@ -357,13 +357,13 @@ def find_potentials(factors, v):
     find_on(factors, 0, factors[0].size - 1, v, v[:0])
 
 
-@njit(**_fast)
+@compiled(**_fast)
 def find_two_potentials(factors, v, w):
     """`find_potentials` of two fields at once, in about the time of one: most of it is that of reading the links."""
     find_on(factors, 0, factors[0].size - 1, v, w)
 
 
-@njit(**_fast)
+@inner(**_fast)
 def find_on(factors, begin, end, v, w):
     """`find_two_potentials` on some fronts, and of v only where w is empty; those of later fronts are given."""
     first, border, start, at, links, inverse, _ = factors

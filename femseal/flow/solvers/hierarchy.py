@@ -15,13 +15,12 @@ from functools import lru_cache, partial
 from typing import Any, NamedTuple
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
 from ...base.arrays import Array
+from ...base.compiled import REORDERED, compiled, inner
 from ...base.threads import ONE, number, on_threads, over
 from .clusters import clusters, no_clusters, with_clusters
-from .compiled import COMPILED
 
 #: Nodes of an axis at which coarsening ends.
 FEWEST = 4
@@ -73,7 +72,7 @@ class Levels(NamedTuple):
     cluster_inverse: NDArray[np.float32]
 
 
-@njit(**COMPILED)
+@compiled(**REORDERED)
 def level(shape, first, fields, k):
     """Views of level k, of the first fields of `Levels`: the six fields, below right and below left.
 
@@ -89,19 +88,19 @@ def level(shape, first, fields, k):
     return *six, none, none
 
 
-@njit(**COMPILED)
+@compiled(**REORDERED)
 def _rows_apart(nodes):
     """Rows between the fields of a level, which nothing is written to: else nodes of 2ⁿ columns share cache lines."""
     return _APART if nodes >= _MANY else 0
 
 
-@njit(**COMPILED)
+@compiled(**REORDERED)
 def weights_to(k, shape, weight_first, weights):
     """View of the weights of level k + 1 at the nodes of level k."""
     return weights[weight_first[k] : weight_first[k + 1]].reshape((shape[k + 1, 0], shape[k + 1, 1], 3, 3))
 
 
-@njit(**COMPILED)
+@compiled(**REORDERED)
 def _straight_links(first, end, along, across, ring, centre, right, below):
     """Write centres and conductances of some rows of a stencil, but for those across corners."""
     n1, n2 = centre.shape[0] - 2, centre.shape[1] - 2
@@ -118,7 +117,7 @@ def _straight_links(first, end, along, across, ring, centre, right, below):
             below[i, 0], below[i, n2 + 1] = below[i, n2], below[i, 1]
 
 
-@njit(**COMPILED)
+@compiled(**REORDERED)
 def _corner_links(falling, rising, ring, centre, below_right, below_left):
     """Add the conductances across corners of a stencil."""
     n1, n2 = centre.shape[0] - 2, centre.shape[1] - 2
@@ -140,13 +139,13 @@ def _corner_links(falling, rising, ring, centre, below_right, below_left):
             below_left[i, 0], below_left[i, n2 + 1] = below_left[i, n2], below_left[i, 1]
 
 
-@njit(**COMPILED)
+@inner(**REORDERED)
 def _share(part, whole):
     """part / whole, or 0 if either is not > 0."""
     return part / whole if part > 0.0 and whole > 0.0 else 0.0
 
 
-@njit(**COMPILED)
+@compiled(**REORDERED)
 def _along_rows(first, end, centre, right, below, below_right, below_left, nine, ring, w):
     """Write the weight w of each coarse node, at (2I − 1, 2J − 1), at itself and beside it in some coarse rows."""
     n2, m2 = centre.shape[1] - 2, w.shape[1] - 2
@@ -166,7 +165,7 @@ def _along_rows(first, end, centre, right, below, below_right, below_left, nine,
             _round(w, (i + 1) // 2, 1)
 
 
-@njit(**COMPILED)
+@compiled(**REORDERED)
 def _between_rows(first, end, centre, right, below, below_right, below_left, nine, ring, w):
     """Write the weights of coarse nodes in the rows after some coarse rows, once those of `_along_rows` are there."""
     n1, n2, m2 = centre.shape[0] - 2, centre.shape[1] - 2, w.shape[1] - 2
@@ -204,7 +203,7 @@ def _between_rows(first, end, centre, right, below, below_right, below_left, nin
             _round(w, i // 2 + 1, 0)
 
 
-@njit(**COMPILED)
+@inner(**REORDERED)
 def _round(w, i, a):
     """Copy weights of a row around a ring."""
     m2 = w.shape[1] - 2
@@ -212,7 +211,7 @@ def _round(w, i, a):
         w[i, 0, a, b], w[i, m2 + 1, a, b] = w[i, m2, a, b], w[i, 1, a, b]
 
 
-@njit(**COMPILED)
+@compiled(**REORDERED)
 def _galerkin(
     first, end, centre, right, below, below_right, below_left, w, nine, ring, to0, to1, to2, to3, to4
 ):  # fmt: skip
@@ -335,7 +334,7 @@ def _zeros(shape: NDArray[np.int64], nine: bool) -> tuple[Array, ...]:
     return (*np.zeros((5 if nine else 3, *shape)), *(() if nine else np.zeros((2, 1, 1))))
 
 
-@njit(**COMPILED)
+@compiled(**REORDERED)
 def _filled_from(
     k, operator, conductances, fewest, found, ring, shape, first, fields, weight_first, weights
 ):  # fmt: skip
@@ -377,7 +376,7 @@ def _filled_from(
     return (cluster_first[: k + 1], start, nodes, outside, ground, inverse), operator
 
 
-@njit(**COMPILED)
+@compiled(**REORDERED)
 def _store(
     start, end, centre, right, below, below_right, below_left,
     to_right, to_below, inverse, x, b, r, to_below_right, to_below_left,

@@ -15,11 +15,10 @@ Sources: Gustafsson, BIT 18, 1978, 142 (modified factorisation); Meijerink & van
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 
 from ...base import Array, NotConverged
+from ...base.compiled import REORDERED, compiled, inner
 from ..stencil import Stencil
-from .compiled import COMPILED
 
 #: Part of what the links left out would carry that is moved to no diagonal where M is not for the bound.
 _LOST = 0.1
@@ -57,7 +56,7 @@ def solve_incomplete(stencil: Stencil, rtol: float, limit: int, start: Array | N
     return φ, iterations, float(np.sqrt(error))
 
 
-@njit(**COMPILED)
+@inner(**REORDERED)
 def _places(along, across, start):
     """`along`, `across` and the potential at places, see the module."""
     n1, n2 = along.shape
@@ -75,7 +74,7 @@ def _places(along, across, start):
     return a, c, x
 
 
-@njit(**COMPILED)
+@inner(**REORDERED)
 def _factorised(a, c, lost):
     """D⁻¹, with a part of what the links left out would carry that is moved to no diagonal; 0 at nodes without links.
 
@@ -102,7 +101,7 @@ def _factorised(a, c, lost):
     return inverse
 
 
-@njit(**COMPILED)
+@inner(**REORDERED)
 def _residual(a, c, x, r):
     """Write the residual of x; its energy, and by how much inlet and outlet flow and the energy differ."""
     n2, n = a.shape[0], a.shape[1] - 2
@@ -121,7 +120,7 @@ def _residual(a, c, x, r):
     return energy, max(abs(inlet - outlet), abs(inlet - energy))
 
 
-@njit(**COMPILED)
+@inner(**REORDERED)
 def _forward(a, c, inverse, r, z):
     """z = (D + L)⁻¹ r, and rᵀM⁻¹r."""
     n2, n = a.shape[0], a.shape[1] - 2
@@ -136,7 +135,7 @@ def _forward(a, c, inverse, r, z):
     return product
 
 
-@njit(**COMPILED)
+@inner(**REORDERED)
 def _backward(a, c, inverse, z):
     """z = (D + U)⁻¹ D z."""
     for t in range(a.shape[0] - 2, -1, -1):
@@ -144,7 +143,7 @@ def _backward(a, c, inverse, z):
             z[t, i] += inverse[t, i] * (a[t + 1, i + 1] * z[t + 1, i + 1] + c[t + 1, i] * z[t + 1, i])
 
 
-@njit(**COMPILED)
+@inner(**REORDERED)
 def _turned(a, c, beta, z, p, flow):
     """p = z + β p and its flow A p; p·A p."""
     n2, n = a.shape[0], a.shape[1] - 2
@@ -162,7 +161,7 @@ def _turned(a, c, beta, z, p, flow):
     return curvature
 
 
-@njit(**COMPILED)
+@inner(**REORDERED)
 def _advance(step, p, flow, x, r):
     """x += step p and r −= step A p."""
     for t in range(x.shape[0]):
@@ -171,7 +170,7 @@ def _advance(step, p, flow, x, r):
             r[t, i] -= step * flow[t, i]
 
 
-@njit(**COMPILED)
+@compiled(**REORDERED)
 def _solve(along, across, start, rtol, limit):
     """Potential, iterations, bound of the error of the rate, and whether it is what was asked."""
     n1, n2 = along.shape

@@ -6,9 +6,9 @@ The order is nested dissection of the open nodes. Source: George, SIAM J. Numer.
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 
 from ...base.arrays import Array, Flags, Indices
+from ...base.compiled import compiled, inner
 from ..percolation import find, union
 from ..stencil import Stencil
 from .elimination import Factors, Links, Order, factored, find_two_potentials
@@ -69,7 +69,7 @@ def condense(c1: Array, c2: Array) -> tuple[Array, Indices]:
     return factors.between, components(c1, c2)[keep.size :].copy()  # of the sides alone, not of all nodes
 
 
-@njit(cache=True, nogil=True)
+@compiled()
 def components(c1, c2):
     """Component of every node of a window and then of its side points; arguments as in `condense`."""
     w1, w2 = c2.shape[0], c1.shape[1]
@@ -115,7 +115,7 @@ def island_potentials(stencil: Stencil, hidden: Flags, φ: Array, ψ: Array) -> 
     _write_potentials(order, factors, φ, ψ)
 
 
-@njit(cache=True, nogil=True)
+@compiled()
 def _links_to_known(along, across, hidden, φ):
     """Links of hidden nodes with the others: the node, 0 for the inlet or 1 for the outlet, and the conductance."""
     n1, n2 = hidden.shape
@@ -174,7 +174,7 @@ def grid_factors(
     return order, factored(order, links, stay, only_between=only_between)
 
 
-@njit(cache=True, nogil=True)
+@compiled()
 def grid_links(c1, c2, falling, rising, ring, order, node, end, link):
     """`Links` of the nodes of a grid, and of some of them to ends; links of nodes that are not in the order are closed.
 
@@ -236,7 +236,7 @@ def grid_links(c1, c2, falling, rising, ring, order, node, end, link):
     return row, later, value
 
 
-@njit(cache=True, nogil=True)
+@compiled()
 def dissect(keep, ring):
     """`Order` of the nodes of a grid by nested dissection.
 
@@ -317,7 +317,7 @@ def dissect(keep, ring):
     return order, starts, parents
 
 
-@njit(cache=True, nogil=True)
+@inner()
 def _thinnest(nodes, a, b, c, d, rows):
     """Line with the fewest nodes in the middle third of a box, the one nearest to its middle, and its nodes.
 

@@ -9,14 +9,13 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
+from ...base.compiled import REORDERED, compiled, inner
 from ...base.errors import NotConverged
 from ...base.threads import ONE, ZERO, over
 from ..stencil import Stencil
 from .coarsest import Coarsest, eliminate_by_parts, eliminate_coarsest
-from .compiled import COMPILED
 from .hierarchy import Levels, hierarchy, large_levels, level, strips
 from .v_cycle import cycle, v_cycle
 
@@ -92,7 +91,7 @@ def solve_multigrid(
     return x, iterations, error
 
 
-@njit(**COMPILED)
+@inner(**REORDERED)
 def _flow_out(conductances, p, i, ring, beside, y):
     """Write A p of row i, of p with a border of one node that is 0 at the ends: from differences.
 
@@ -116,7 +115,7 @@ def _flow_out(conductances, p, i, ring, beside, y):
         y[a] += rising[i - 1, j] * (left - before[b]) + falling[i, j] * (left - after[b])
 
 
-@njit(**COMPILED)
+@compiled(**REORDERED)
 def _turn(first, end, z, scale, beta, p):
     """p = scale z + β p on some rows."""
     for i in range(first, end):
@@ -124,7 +123,7 @@ def _turn(first, end, z, scale, beta, p):
             p[i, j] = scale * z[i, j] + beta * p[i, j]
 
 
-@njit(**COMPILED)
+@compiled(**REORDERED)
 def _curvature(first, end, conductances, p, ring, flow):
     """The part of p·A p of some rows; A p is written to `flow`, unless that is empty."""
     n2 = p.shape[1] - 2
@@ -139,7 +138,7 @@ def _curvature(first, end, conductances, p, ring, flow):
     return total
 
 
-@njit(**COMPILED)
+@compiled(**REORDERED)
 def _advance(first, end, conductances, step, p, scale, ring, flow, x, r, b):
     """x += step p, r −= step A p, b = r / scale on some rows; their sums of r and of r x.
 
@@ -164,7 +163,7 @@ def _advance(first, end, conductances, step, p, scale, ring, flow, x, r, b):
     return excess, weighted
 
 
-@njit(**COMPILED)
+@compiled(**REORDERED)
 def _product(first, end, r, z, field, hidden):
     """The part of r·z of some rows; where the field is wanted also their largest |z| at nodes that are not hidden."""
     total = largest = 0.0
@@ -178,7 +177,7 @@ def _product(first, end, r, z, field, hidden):
     return total, largest
 
 
-@njit(**COMPILED)
+@compiled(**REORDERED)
 def _resistances(first, end, conductances, drop):
     """Write the inverse sum of the conductances from some rows to the next ones, the inlet's with the first."""
     along, _, falling, rising = conductances
@@ -191,7 +190,7 @@ def _resistances(first, end, conductances, drop):
         drop[i] = 1.0 / s
 
 
-@njit(**{**COMPILED, "fastmath": {"arcp"}})
+@compiled(**{**REORDERED, "fastmath": {"arcp"}})
 def _drops(drop):
     """Make resistances from row to row the drops of a flow through all; the potentials of the rows before them."""
     rest, total = np.empty(drop.size), 0.0
@@ -205,7 +204,7 @@ def _drops(drop):
     return rest
 
 
-@njit(**{**COMPILED, "fastmath": False})
+@compiled(**{**REORDERED, "fastmath": False})
 def _start(first, end, conductances, drop, rest, inverse, x, r, b):
     """x of the least energy among potentials that are constant along rows, and its residual r, also as b."""
     along, _, falling, rising = conductances
@@ -230,7 +229,7 @@ def _start(first, end, conductances, drop, rest, inverse, x, r, b):
             b[i, j] = r[i, j]
 
 
-@njit(**COMPILED)
+@compiled(**REORDERED)
 def _outflow(conductances, x):
     """Flow of x into the outlet."""
     along, _, falling, rising = conductances
@@ -243,7 +242,7 @@ def _outflow(conductances, x):
     return rate
 
 
-@njit(**COMPILED)
+@inner(**REORDERED)
 def _slowest(steps, ratios, count, nodes):
     """The slowest part of the error that is reckoned with, from the lowest eigenvalue of M⁻¹A on the space searched.
 
@@ -268,7 +267,7 @@ def _slowest(steps, ratios, count, nodes):
     return min(max(unmet, last), lowest)
 
 
-@njit(**COMPILED)
+@compiled(**REORDERED)
 def _judged(iteration, rz, largest, unbalanced, rate, history, nodes, rtol, field):
     """Error in the norm of the energy, and whether it is what was asked, or more iterations than allowed are needed.
 
@@ -289,7 +288,7 @@ def _judged(iteration, rz, largest, unbalanced, rate, history, nodes, rtol, fiel
     return error, False, hopeless
 
 
-@njit(**COMPILED)
+@compiled(**REORDERED)
 def _iterate(levels, coarsest, conductances, ring, rtol, field, limit, hidden):
     """Conjugate gradients: potential, iterations, error in the norm of the energy, and whether it is what was asked."""
     _, _, inverse, z, b, _, _, _ = level(levels[0], levels[1], levels[2], ZERO)

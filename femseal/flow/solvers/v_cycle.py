@@ -10,16 +10,15 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from numba import njit
 
+from ...base.compiled import REORDERED, compiled, inner
 from ...base.threads import NO, ONE, over
 from .clusters import relax_backward, relax_forward
 from .coarsest import Coarsest, solve_by_parts, solve_coarsest
-from .compiled import COMPILED
 from .hierarchy import Levels, large_levels, level, strips, weights_to
 
 
-@njit(**COMPILED)
+@inner(**REORDERED)
 def _rows_down(first, count, x, b, inverse, right, below, ring):
     """Gauss-Seidel forward on up to four rows of a network, column by column: each row waits for its own sum only."""
     n2 = x.shape[1] - 2
@@ -41,7 +40,7 @@ def _rows_down(first, count, x, b, inverse, right, below, ring):
             x[i, n2] = (s + right[i, n2] * x[i, 1]) * inverse[i, n2]
 
 
-@njit(**COMPILED)
+@inner(**REORDERED)
 def _add_below(i, x, to, below, below_right, below_left, nine):
     """Add to a row what its links to the next one carry of x."""
     if nine:
@@ -54,7 +53,7 @@ def _add_below(i, x, to, below, below_right, below_left, nine):
             to[i, j] += below[i, j] * x[i + 1, j]
 
 
-@njit(**COMPILED)
+@inner(**REORDERED)
 def _residual(first, end, x, r, right, below, below_right, below_left, nine, ring):
     """Residual of some rows after Gauss-Seidel forward from zero: the links to later nodes."""
     n2 = x.shape[1] - 2
@@ -77,7 +76,7 @@ def _residual(first, end, x, r, right, below, below_right, below_left, nine, rin
             r[i, 0] = r[i, n2]
 
 
-@njit(**COMPILED)
+@compiled(**REORDERED)
 def _sweep_down(first, end, between, x, b, r, inverse, right, below, below_right, below_left, nine, ring):
     """Gauss-Seidel forward from zero on a strip of rows, and the residual it leaves.
 
@@ -133,7 +132,7 @@ def _sweep_down(first, end, between, x, b, r, inverse, right, below, below_right
             r[first - 1, 0], r[end, 0] = r[first - 1, n2], r[end, n2]
 
 
-@njit(**COMPILED)
+@inner(**REORDERED)
 def _rows_up(last, count, x, b, inverse, right, below, ring):
     """Gauss-Seidel backward on up to four rows of a network, column by column."""
     n2 = x.shape[1] - 2
@@ -158,7 +157,7 @@ def _rows_up(last, count, x, b, inverse, right, below, ring):
             x[n, j] = t
 
 
-@njit(**COMPILED)
+@compiled(**REORDERED)
 def _sweep_up(first, end, x, b, inverse, right, below, below_right, below_left, nine, ring):
     """Gauss-Seidel backward on a strip of rows."""
     n2 = x.shape[1] - 2
@@ -196,7 +195,7 @@ def _sweep_up(first, end, x, b, inverse, right, below, below_right, below_left, 
         i -= 1
 
 
-@njit(**COMPILED)
+@compiled(**REORDERED)
 def _restrict(first, end, r, w, b):
     """Pᵀ r at some rows of the coarser grid."""
     m2 = b.shape[1] - 2
@@ -212,7 +211,7 @@ def _restrict(first, end, r, w, b):
             b[ci, cj] = s
 
 
-@njit(**COMPILED)
+@compiled(**REORDERED)
 def _prolong(first, end, coarse, w, x, ring):
     """x += P coarse of some rows of the coarser grid, the last of whose rows of x the next ones add to as well."""
     n2, m2 = x.shape[1] - 2, coarse.shape[1] - 2
@@ -235,7 +234,7 @@ def _prolong(first, end, coarse, w, x, ring):
             x[i, n2 + 1] = x[i, 1]
 
 
-@njit(**COMPILED)
+@compiled(**REORDERED)
 def v_cycle(levels, coarsest, nine, ring, top):
     """One V-cycle from b to x of the level `top`; the finest one, 0, has nine points or five."""
     shape, first, fields, weight_first, weights, moved = levels[:6]
@@ -265,7 +264,7 @@ def v_cycle(levels, coarsest, nine, ring, top):
             _sweep_up(ONE, rows, x, b, inverse, right, below, below_right, below_left, all_nine, ring)
 
 
-@njit(**COMPILED)
+@compiled(**REORDERED)
 def _clusters_of(levels, k):
     """The clusters of a level, as `relax_forward` takes them."""
     cluster_first, start, nodes, outside, ground, inverses = levels[5:]
