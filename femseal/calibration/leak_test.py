@@ -283,7 +283,7 @@ class Posterior:
 
         The cube is divided into four cells a sample along hardness and wave, of which the quarter with the most mass is
         divided further as long as it holds nearly all, and into slabs along the factor. A Sobol sequence draws from
-        them: no sample depends on the last digits of the density, as the states of a Markov chain do.
+        them: the last digits of the density move few samples, and to the next cell, unlike the states of a Markov chain.
         """
         low, high = np.log(self.ranges[2])
         side = round(2 * count**0.5)
@@ -294,7 +294,7 @@ class Posterior:
             weight = density(first + (last - first) * (np.arange(_SLABS) + 0.5) / _SLABS) + np.log(last - first)
             weight = np.exp(weight - weight.max())
             mass = weight.sum(1)
-            best = np.argsort(-mass, kind="stable")[: len(mass) // 4]
+            best = np.sort(np.argsort(-mass, kind="stable")[: len(mass) // 4])
             if not mass[best].sum() >= (1 - _LEFT) * mass.sum():
                 break
             side *= 2
