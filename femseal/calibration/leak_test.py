@@ -283,7 +283,7 @@ class Posterior:
 
         The cube is divided into four cells a sample along hardness and wave, of which the quarter with the most mass is
         divided further as long as it holds nearly all, and into slabs along the factor. A Sobol sequence draws from
-        them: the last digits of the density move few samples, and to the next cell, unlike the states of a Markov chain.
+        them: last digits of the density move few samples, and to the next cell, unlike the states of a Markov chain.
         """
         low, high = np.log(self.ranges[2])
         side = round(2 * count**0.5)

@@ -141,12 +141,16 @@ def chained_seals(
         rng = np.random.default_rng(np.random.SeedSequence(seed, spawn_key=(n, 2)))
         library = rng.integers(starts.size, size=fewer)
         again[n] = np.bincount(library[rng.integers(fewer, size=runs)], minlength=starts.size)
-    per_length = unit / runs
+
+    def leakage(counts: Array, of_run: Array) -> Array:
+        # the sums of a product of matrices may depend on how many rows these have
+        return unit / runs * (counts[:, :, None] * of_run).sum(1)
+
     return ChainedSeals(
-        leakage=per_length * drawn @ value,
-        neumann=per_length * drawn @ neumann,
-        dirichlet=per_length * drawn @ dirichlet,
-        resampled=per_length * again @ value,
+        leakage=leakage(drawn, value),
+        neumann=leakage(drawn, neumann),
+        dirichlet=leakage(drawn, dirichlet),
+        resampled=leakage(again, value),
         of_face=unit * whole,
         columns=runs * length,
         length=length,
