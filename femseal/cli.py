@@ -17,12 +17,11 @@ import typer
 
 from .base import FemsealError, InputError, PartsMissing, shortened, writing
 from .base.lazy_package import loading
-from .commands import calibrate, compare, design, sweep
+from .commands import all_progress, calibrate, compare, design, sweep
 from .execution.parts import parsed_part
 from .execution.terminal import (
     CasePath,
     PartOption,
-    ProgressBars,
     Quiet,
     Scheduler,
     Workers,
@@ -224,7 +223,7 @@ def accuracy(
 
     limits = {"limit": to_si(limit, "s", "limit"), "memory": to_si(memory, "byte", "memory")}
     announce = None if quiet else typer.echo
-    with ProgressBars(show=not quiet and sys.stderr.isatty()) as progress:
+    with all_progress(quiet) as progress:
         report = measure_accuracy(path, output, workers, **limits, announce=announce, progress=progress)
     if not quiet:
         print_table(report.table())

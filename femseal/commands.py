@@ -1,5 +1,7 @@
 """The commands that ask many runs: sweep, compare, design, calibrate."""
 
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Annotated
 
@@ -10,6 +12,7 @@ from .execution.parts import parsed_part
 from .execution.terminal import (
     CasePath,
     PartOption,
+    ProgressBars,
     Quiet,
     Scheduler,
     Workers,
@@ -18,6 +21,15 @@ from .execution.terminal import (
     print_table,
     show_progress,
 )
+
+
+@contextmanager
+def all_progress(quiet: bool) -> Iterator[ProgressBars]:
+    """Progress of a command whose runs are not all of its work: loops that are compiled beside them are told too."""
+    from .studies.compiling import reporting_compilation
+
+    with show_progress(quiet) as progress, reporting_compilation(progress):
+        yield progress
 
 
 def sweep(
@@ -40,7 +52,7 @@ def sweep(
 
     folder = output or Path("results") / f"{path.stem}-sweep"
     announce = None if quiet else typer.echo
-    with show_progress(quiet) as progress:
+    with all_progress(quiet) as progress:
         found = over_all(
             path,
             parsed_keys(keys),
@@ -123,7 +135,7 @@ def design(
 
     folder = output or (path if path.is_dir() else Path("results") / path.stem)
     try:
-        with show_progress(quiet) as progress:
+        with all_progress(quiet) as progress:
             answer = answer_of(
                 path,
                 folder,
@@ -150,7 +162,7 @@ def _sobol(path: Path, ranges: list[str], output: Path | None, workers: int | No
     from .sweeps.variations import parsed_keys
 
     folder = output or Path("results") / f"{path.stem}-sobol"
-    with show_progress(quiet, lines=False) as progress:
+    with all_progress(quiet) as progress:
         found = indices_of(path, parsed_keys(ranges), folder, workers=workers, progress=progress)
     if not quiet:
         print_table(found.table())
@@ -184,7 +196,7 @@ def calibrate(
 
     folder = output or Path("results") / f"{path.stem}-calibrated"
     try:
-        with show_progress(quiet, lines=False) as progress:
+        with all_progress(quiet) as progress:
             found = calibrated(
                 path,
                 data,

@@ -126,7 +126,7 @@ class TestMaps:
             ({"kind": "profile", "fractions": [1, float("nan")]}, r"load.map.fractions.1"),
             ({"kind": "profile", "fractions": []}, r"load.map: fractions: given \[\]|load.map.fractions"),
             ({"kind": "profile", "fractions": [0, 0]}, "not all of them 0"),
-            ({"kind": "profile", "fractions": [1, 2], "positions": ["0 mm"]}, "positions: given 1 numbers, expected 2"),
+            ({"kind": "profile", "fractions": [1, 2], "positions": ["0 mm"]}, "positions: given 1 number, expected 2"),
             ({"kind": "profile", "share": [1]}, "load.map.share: given an unknown key"),
             ({"kind": "angle", "fractions": [1, 2], "repeat": 0}, "load.map.repeat"),
             (

@@ -66,6 +66,28 @@ def test_a_run_in_one_process_tells_that_loops_are_compiled(femseal, monkeypatch
     assert errors.count(words) == 1
 
 
+@pytest.mark.parametrize(
+    ("command", "place", "further"),
+    [
+        ("sweep", "sweeps.sweeping.prepare", ["seed=1"]),
+        ("design", "designs.answer.job._prepared", ["--no-solve"]),
+        ("calibrate", "calibration.calibrating.prepare", ["test.csv"]),
+        ("accuracy", "refinement.accuracy_measure.make_plan", []),
+    ],
+)
+def test_other_commands_tell_once_too_that_loops_are_compiled(femseal, monkeypatch, tmp_path, command, place, further):
+    def refused(*_, **__):
+        for one in ("a", 1.0):
+            njit(lambda x: x)(one)
+        raise fs.InputError("face", "none", "one")
+
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "test.csv").write_text("pressure [MPa],leakage [mL/(m*s)]\n100,12\n200,6\n300,3.5\n")
+    monkeypatch.setattr(f"femseal.{place}", refused)
+    code, _, errors = femseal(command, ROOT / "examples" / "turned_seal.toml", *further, "--workers", 1)
+    assert (code, errors.count("compiling, once after an installation")) == (2, 1)
+
+
 @pytest.fixture
 def face(tmp_path):
     """A face whose x is across its grooves, with a spike and two undefined points."""

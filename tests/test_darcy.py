@@ -256,8 +256,8 @@ def test_elements_closed_along_one_axis():
 @each(
     ("k", "message"),
     [
-        (np.nan, "^permeability: given 1 values not finite, expected numbers >= 0"),
-        (np.inf, "^permeability: given 1 values not finite"),
+        (np.nan, "^permeability: given 1 value not finite, expected numbers >= 0"),
+        (np.inf, "^permeability: given 1 value not finite"),
         (-1e-18, "^permeability: given -1e-18, expected numbers >= 0"),
         (
             np.ones(5),

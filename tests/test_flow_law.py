@@ -301,6 +301,13 @@ def test_a_fixed_point_is_found_with_its_counts():
     assert (closed.solutions, closed.error) == (1, 0.0)
 
 
+def test_a_fixed_point_that_overshoots_settles_half_way():
+    """x = 2/x is √2, but lies as far above as below by turns; a part without a state has none."""
+    found = fixed_point(lambda x: 2 / x, lambda y: (float(y[0]), y, None), np.array([1.2, np.nan]), rtol=1e-6)
+    assert_allclose(found.coefficient[0], np.sqrt(2), rtol=1e-5)
+    assert np.isnan(found.coefficient[1])
+
+
 def test_a_fixed_point_that_does_not_settle():
     flows = iter(range(1, 1000))
     with pytest.raises(fs.NotConverged, match=r"40 solutions it still changes by .*try pressures"):

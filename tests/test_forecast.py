@@ -13,6 +13,7 @@ from numpy.testing import assert_allclose
 import femseal as fs
 from femseal.case.case import parse_case
 from femseal.preparation.preparation import prepare
+from femseal.report.page import report_html
 from femseal.runs import forecast as module
 from femseal.runs import pilot
 from femseal.runs.forecast import describe, forecast
@@ -241,6 +242,21 @@ def test_check_describes_first_touch_alone(data):
     lines = [*describe(case, prepare(case))]
     assert any(line.endswith("with the contact") for line in lines)
     assert not any("inf" in line for line in lines)  # of the hardness of elastic faces
+
+
+def test_one_load_and_one_window_are_named_in_the_singular(data):
+    drawn = {"realisations": 2, "library_cells": 1, "pressure": "global"}
+    data |= {"method": "stochastic", "load": {"loading": ["50 MPa"]}, "stochastic": drawn}
+    case = parse_case(data)
+    lines = [*describe(case, prepare(case))]
+    assert any("1 state: 1 loading" in line for line in lines)
+    results = fs.run(case, workers=1)
+    texts = [*lines, *results.warnings, results._repr_html_(), report_html(results)]
+    assert "2 realisations from 1 library cell" in texts[-2]
+    things = "state|step|load|seal|realisation|window|cell|row|column|solution"
+    for text in texts:
+        plain = re.sub(r"<[^>]*>", " ", text)
+        assert not (found := re.findall(rf"(?<![×.]) 1 (?:\w+ )?(?:{things})s\b.*", plain)), found
 
 
 def test_check_says_which_windows_a_library_takes(data):

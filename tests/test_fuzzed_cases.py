@@ -19,7 +19,7 @@ from femseal.runs.forecast import describe, refuse_too_large
 #: CPU time that checking a case may take [s], and memory that it may ask for [byte].
 LONGEST, MOST = 2.0, 2e9
 #: A line of a refusal: key, what was given, what is allowed.
-LINE = re.compile(r"\d+ more faults|.+: (given .+, |missing, )?expected .+")
+LINE = re.compile(r"\d+ more faults?|.+: (given .+, |missing, )?expected .+")
 #: A table to paste, below a line that says so.
 PASTED = re.compile(r"(?<=expected a table such as)(\n(\[.+\]|\w+ = .+))+")
 #: What only a programmer understands.

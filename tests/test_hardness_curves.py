@@ -219,16 +219,16 @@ def test_the_softer_face_yields_and_where_curves_cross_the_softer_at_each_depth(
     [
         (
             lambda: HardnessTable([0.0], [H]),
-            "hardness table: given 1 depths and 1 hardnesses, expected as many of both",
+            "hardness table: given 1 value of depth and 1 of hardness, expected as many of both",
         ),
-        (lambda: HardnessTable([0.0, 1e-6], [H]), "2 depths and 1 hardnesses"),
+        (lambda: HardnessTable([0.0, 1e-6], [H]), "2 values of depth and 1 of hardness"),
         (
             lambda: HardnessTable([0.0, 1e-6, 1e-6], [H, H, H]),
             "depth: given 0 m, 1 µm, 1 µm, expected depths >= 0 that",
         ),
         (lambda: HardnessTable([-1e-9, 1e-6], [H, H]), "expected depths >= 0 that rise"),
         (lambda: HardnessTable([0.0, 1e-6], [H, 0.0]), "hardness: given 0 Pa, expected numbers > 0"),
-        (lambda: HardnessTable([0.0, np.nan], [H, H]), "depth: given 1 points not finite"),
+        (lambda: HardnessTable([0.0, np.nan], [H, H]), "depth: given 1 point not finite"),
         (lambda: HardnessTable(["a", "b"], [H, H]), "depth: given"),
         (lambda: NixGao(0.0, 1e-6), "hardness: given 0.0"),
         (lambda: NixGao(H, -1e-6), "depth: given -1e-06"),

@@ -259,7 +259,7 @@ class TestFiles:
         (lambda: Profile((1.0, -1.0)), "fractions: given -1.0"),
         (lambda: Profile((1.0, np.nan)), "fractions: given nan"),
         (lambda: Profile(3.0), "a list of numbers"),
-        (lambda: Profile((1.0, 2.0), (0.0,)), "positions: given 1 numbers, expected 2"),
+        (lambda: Profile((1.0, 2.0), (0.0,)), "positions: given 1 number, expected 2"),
         (lambda: Profile((1.0, 2.0), (1.0, 0.0)), "rising numbers"),
         (lambda: AngleTable((1.0, 2.0), (0.0, 2 * np.pi)), "below one period, 360°"),
         (lambda: AngleTable((1.0, 2.0), (0.0, 1.0), 8), "below one period, 45°"),

@@ -184,7 +184,7 @@ def test_esri_raster(tmp_path):
 @pytest.mark.parametrize(
     ("text", "message"),
     [
-        ("1,2\n3\n", "given 1 numbers in line 2 after 2 in line 1"),
+        ("1,2\n3\n", "given 1 number in line 2 after 2 in line 1"),
         ("1;2\n3;x4\n", "given 'x4' in line 2, expected numbers with a decimal point"),
         ("1.5;2,5\n", "given '2,5' in line 1"),
         ("1,5;2,5,1\n", "given '2,5,1' in line 1"),

@@ -70,7 +70,7 @@ def test_a_design_counts_an_open_class_as_not_met(tmp_path):
     assert answer.results.leakage.values[1] == 0
     assert answer.requirements[0].assembly.text() == "above 3 GPa"
     assert answer.sealing.text() == "above 3 GPa"
-    assert any("count as leaking" in note for note in answer.notes)
+    assert any("counted as leaking" in note for note in answer.notes)
 
 
 def test_what_is_sealed_by_far_stays_sealed(tmp_path):

@@ -124,7 +124,7 @@ def test_a_second_run_shows_what_the_filter_decides(case):
     for share, told in (
         (0.1, ["off by a factor of 10: the shortest waves"]),
         (0.8, []),
-        (0.0, ["is closed in one only at 1 loads: the"]),
+        (0.0, ["is closed in one only at 1 load: the"]),
     ):
         again = assemble(
             results.scene, deterministic=results.deterministic, leakage_filtered=share * results.leakage.values

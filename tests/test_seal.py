@@ -457,8 +457,8 @@ def leak(permeability=1e-18, seal=STRIP, fluid=WATER, **kwargs):
 @each(
     ("k", "message"),
     [
-        (np.nan, "^permeability k1: given 1 values not finite, expected numbers >= 0"),
-        ((1.0, np.inf), "^permeability k2: given 1 values not finite"),
+        (np.nan, "^permeability k1: given 1 value not finite, expected numbers >= 0"),
+        ((1.0, np.inf), "^permeability k2: given 1 value not finite"),
         (-1.0, "^permeability k1: given -1, expected numbers >= 0"),
         (-np.ones((6, 10)), "^permeability: given -1, expected numbers >= 0"),
         ("much", "^permeability k1: given 'much', expected numbers"),

@@ -164,7 +164,9 @@ def test_spikes_count_as_undefined():
     z = rough().heights.copy()
     z[5::10, 5::10] += 1e-4
     face = Topography(z, (1e-6, 1e-6))
-    with pytest.raises(InputError, match=r"undefined points: given 1 %, .*; 192 of them are spikes, which spikes=inf"):
+    with pytest.raises(
+        InputError, match=r"heights: given 1 % undefined points, .*; 192 of them are spikes, which spikes=inf"
+    ):
         fs.condition(face, max_undefined=0.005)
     _, report = fs.condition(face)
     assert (report.spikes, report.undefined_fraction) == (192, 0)
@@ -257,9 +259,7 @@ def test_spikes_that_follow_the_lay_are_told(angle):
     assert report.spikes_along_lay > 0.8
     assert report.spikes_extreme > 0.05
     doubts = SpikeEffect(report.spikes_along_lay, report.spikes_extreme).doubts(report.spikes)
-    assert re.search(
-        rf"^{report.spikes} points called spikes are filled although they follow the lay \(\d+%", doubts[0]
-    )
+    assert re.search(rf"^spikes \({report.spikes} points\) are filled although they follow the lay \(\d+%", doubts[0])
     assert all("surface.spikes = inf" in text for text in doubts)
 
 

@@ -303,7 +303,7 @@ def test_compare_on_the_command_line(femseal, swept, tmp_path):
     assert all(name[:12] in text for name in found.names[:3])
     assert sorted(p.name for p in (tmp_path / "out").iterdir()) == ["comparison.csv", "comparison.png"]
     for wrong, fault in (
-        ([runs[0]], "given 1 runs, expected two or more"),
+        ([runs[0]], "given 1 run, expected two or more"),
         ([runs[0], tmp_path / "none"], "no such folder"),
         ([*runs, "--unit", "miles"], "leakage_unit: given 'miles'"),
     ):

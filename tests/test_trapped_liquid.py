@@ -107,6 +107,12 @@ class TestStudies:
         assert np.all(trapped.leakage[1:] >= 0.999 * acts.leakage[1:])
         assert trapped.leakage[2] > 1.01 * acts.leakage[2]
 
+    def test_where_none_is_trapped_the_fluid_that_flows_carries_nearly_all(self):
+        nearly = {"loading": (0.1 * H,), "unload_from": (), "unloading": (), "inlet_pressure": 0.165 * H}
+        acts, trapped = (fs.deterministic(scene(fluid_pressure=how, **nearly)) for how in ("acts", "trapped"))
+        assert 0.9 * 0.1 * H < acts.carried_pressure[0] < 0.1 * H
+        assert_allclose(trapped.leakage, acts.leakage, rtol=1e-9)
+
     def test_pockets_keep_their_volume(self):
         whole = scene(unload_from=(), unloading=())
         states = list(whole.contact_states(lambda state: state.contact, mapper=map))

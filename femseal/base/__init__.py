@@ -6,7 +6,17 @@ from .lazy_package import load_when_used
 
 if TYPE_CHECKING:
     from .arrays import Array, Flags, Indices, Lengths
-    from .errors import FemsealError, InputError, InputErrors, NotConverged, NotKept, PartsMissing, shortened, shown
+    from .errors import (
+        FemsealError,
+        InputError,
+        InputErrors,
+        NotConverged,
+        NotKept,
+        PartsMissing,
+        counted,
+        shortened,
+        shown,
+    )
     from .files import made_folder, read_plain, replacing, write_text, writing
     from .machine import free_memory, numerical_versions, versions
     from .quantities import to_si, to_text

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from reprlib import Repr
-from typing import Any
+from typing import Any, SupportsInt
 
 #: Longest text of a user in a message, in characters; longer ones lose their middle.
 _LONGEST = 160
@@ -62,7 +62,7 @@ class InputErrors(InputError):
     def __str__(self) -> str:
         lines = [str(fault) for fault in self.faults[:_MOST_FAULTS]]
         more = len(self.faults) - len(lines)
-        return "\n".join([*lines, f"{more} more faults"] if more else lines)
+        return "\n".join([*lines, counted(more, "more fault")] if more else lines)
 
     def __reduce__(self) -> tuple[Any, ...]:
         return InputErrors, (self.faults,)
@@ -81,6 +81,15 @@ def shortened(given: object, longest: int = _LONGEST) -> str:
         return text
     half = (longest - 1) // 2
     return f"{text[:half]}…{text[-half:]}"
+
+
+def counted(count: SupportsInt, noun: str) -> str:
+    """A number of things for a message.
+
+    >>> counted(1, "more step"), counted(2, "window")
+    ('1 more step', '2 windows')
+    """
+    return f"{count} {noun}" if count == 1 else f"{count} {noun}s"
 
 
 def shown(given: object) -> str:

@@ -9,8 +9,9 @@ import numpy as np
 from .errors import NotConverged
 
 Found = TypeVar("Found")
-#: Most solutions of a fixed point.
-_MOST_SOLUTIONS = 40
+#: Most solutions of a fixed point, and those from which on a state goes half way: it may overshoot again and again, as
+#: where a fluid opens the last paths that it flows through.
+_MOST_SOLUTIONS, _UNDAMPED = 40, 8
 
 
 @dataclass(frozen=True, eq=False)
@@ -40,7 +41,7 @@ def fixed_point(
 
     coefficient : of a state, such as permeabilities of pressures.
     solve : from a coefficient to the rate, the state that has it, and whatever is to be kept.
-    state : the first one.
+    state : the first one; NaN where there is none.
     rtol : relative error of the rate, estimated from the last three rates, whose differences fall by a factor each.
     name : of the problem, for the message.
 
@@ -50,6 +51,7 @@ def fixed_point(
     error = np.inf
     for n in range(1, _MOST_SOLUTIONS + 1):
         given = coefficient(state)
+        former = state
         rate, state, found = solve(given)
         if rate == 0:
             return FixedPoint(found, given, 0.0, n, 0.0)
@@ -57,6 +59,9 @@ def fixed_point(
         error = _change(rates[-3:])
         if error <= rtol:
             return FixedPoint(found, given, rate, n, error)
+        if n > _UNDAMPED:
+            half_way = 0.5 * (former + state)
+            state = np.where(np.isnan(half_way), state, half_way)
     raise NotConverged(
         f"{name}: after {_MOST_SOLUTIONS} solutions it still changes by {error:.1e}, expected is at most {rtol:.0e}; "
         "try pressures at both ends that are nearer to each other",

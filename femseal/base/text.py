@@ -15,6 +15,7 @@ from typing import Any, ClassVar
 import numpy as np
 from numpy.lib.mixins import NDArrayOperatorsMixin
 
+from .errors import counted
 from .lazy_package import displays
 from .quantities import to_text
 
@@ -234,7 +235,7 @@ def value_text(value: Any, unit: str = "1") -> str:
     if isinstance(value, dict):
         return ", ".join(f"{name} {value_text(each, unit)}" for name, each in value.items())
     if isinstance(value, tuple) and value and all(hasattr(v, "pressure") for v in value):
-        return f"of {len(value)} load steps"
+        return f"of {counted(len(value), 'load step')}"
     if isinstance(value, tuple) and value and all(isinstance(v, str) for v in value):
         return f"{len(value)}, the first: {value[0]}"
     return repr(value)

@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from .errors import InputError
+from .errors import InputError, counted
 
 
 def number(name: str, value: Any, *, unit: str = "", above: float = 0.0, inclusive: bool = False) -> float:
@@ -58,7 +58,7 @@ def field(
         raise InputError(name, f"shape {array.shape}", "a shape (n1, n2)" if shape is None else f"shape {shape}")
     if not np.isfinite(array).all():
         count = np.count_nonzero(~np.isfinite(array))
-        raise InputError(name, f"{count} points not finite", f"finite numbers [{unit}]")
+        raise InputError(name, f"{counted(count, 'point')} not finite", f"finite numbers [{unit}]")
     return array
 
 

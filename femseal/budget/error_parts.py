@@ -8,7 +8,7 @@ from math import inf
 
 import numpy as np
 
-from ..base import Array, Indices
+from ..base import Array, Indices, counted
 from ..loads import LoadProgramme
 from ..studies.load_curves import least_counted
 
@@ -72,7 +72,7 @@ class ErrorBudget:
 
     def __repr__(self) -> str:
         parts = ", ".join(part.name for part in self.parts)
-        return f"<femseal.ErrorBudget of the {self.method} leakage at {len(self.leakage)} loads: {parts}>"
+        return f"<femseal.ErrorBudget of the {self.method} leakage at {counted(len(self.leakage), 'load')}: {parts}>"
 
     @property
     def numerical(self) -> ErrorBudget:

@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 from scipy.special import bdtr, stdtrit
 
+from ..base import counted
 from ..loads import LoadProgramme
 from ..studies import Scene, StochasticResult, TwoScaleResult
 from ..studies.scene import Array
@@ -97,7 +98,7 @@ def places_part(leakage: Array, without: Array) -> ErrorPart:
     below, above = np.where(shut, np.inf, logs), np.where(shut, plain, logs)
     note = (
         f"Student's interval by the jackknife over {count} measured places, in ln(leakage), with the scatter that is "
-        f"usual; {places_to_halve(count)} more places would halve it"
+        f"usual; {counted(places_to_halve(count), 'more place')} would halve it"
     )
     part = ErrorPart.of("library", leakage, below, above, note)
     # without leakage the others tell how much there may be
@@ -123,7 +124,7 @@ def places_to_halve(count: int) -> int:
 
 def realisations_part(study: StochasticResult) -> ErrorPart:
     """Finite number of realisations: interval of their median, by its ranks."""
-    note = f"interval of the median of {len(study.leakage)} realisations by its ranks"
+    note = f"interval of the median of {counted(len(study.leakage), 'realisation')} by its ranks"
     ends = np.array([median_interval(column) for column in study.leakage.T])
     return ErrorPart("realisations", ends[:, 0], ends[:, 1], note)
 

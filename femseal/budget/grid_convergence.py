@@ -14,7 +14,7 @@ from math import copysign, isfinite, log
 import numpy as np
 import scipy
 
-from ..base import InputError
+from ..base import InputError, counted
 from ..studies import Scene
 from ..studies.load_curves import least_counted
 from ..studies.scene import Array
@@ -93,7 +93,9 @@ def grid_convergence(values: Sequence[float], sizes: Sequence[float], *, order: 
     """
     v, h = [float(x) for x in values], [float(x) for x in sizes]
     if len(v) not in (2, 3) or len(h) != len(v):
-        raise InputError("values", f"{len(v)} values on {len(h)} grids", "two or three, each on its own grid")
+        raise InputError(
+            "values", f"{counted(len(v), 'value')} on {counted(len(h), 'grid')}", "two or three, each on its own grid"
+        )
     if not all(0 < a < b for a, b in pairwise(h)) or not all(map(isfinite, (*v, *h))):
         raise InputError("sizes", h, "rising sizes > 0, the finest grid first, with finite values")
     change, ratio = v[1] - v[0], h[1] / h[0]
@@ -230,7 +232,7 @@ def _order(changes: list[Array], sizes: list[float], slope: Array) -> tuple[floa
 
 def _note(coarse: Sequence[CoarserSolution], order: float, changes: list[Array]) -> str:
     points = " and ".join(" × ".join(map(str, c.points)) for c in coarse)
-    text = f"changes of ln(leakage) to {points} points at {len(coarse[0].steps)} steps and their neighbours"
+    text = f"changes of ln(leakage) to {points} points at {counted(len(coarse[0].steps), 'step')} and their neighbours"
     if len(changes) < 2:
         return f"{text}; two grids, order {ORDER:g} expected"
     known = np.isfinite(changes[0]) & np.isfinite(changes[1])

@@ -13,7 +13,18 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ..base import Array, TextTable, comma_separated, made_folder, replacing, to_text, versions, write_text, writing
+from ..base import (
+    Array,
+    TextTable,
+    comma_separated,
+    counted,
+    made_folder,
+    replacing,
+    to_text,
+    versions,
+    write_text,
+    writing,
+)
 from ..case.case import Case
 from ..plots.drawing import GREY, LEGEND_LINE, LINES, STYLES, Sheet, branch_styles, legend_below
 from ..results.tables import format_leakage
@@ -81,7 +92,7 @@ class Calibration:
         if not misfit < _MISFIT:
             notes.append(f"the model does not fit: it is {misfit:.2g} times the error off by the root mean square")
         if (missed := int((~test.sealed & (curve[1] == 0)).sum())) > 0:
-            notes.append(f"{missed} rows leak where the calibrated case is sealed")
+            notes.append(f"the calibrated case is sealed where the test leaks, in {counted(missed, 'row')}")
         if (worst := float(np.median(deviation, axis=0)[leaks].max(initial=0.0))) > posterior.error:
             notes.append(f"the surrogate is {100 * worst:.2g} % off at some load, more than the test: more scenes help")
         return cls(
@@ -145,7 +156,8 @@ class Calibration:
             (f"correlation with {name.replace('_', ' ')}", [f"{value:+.2f}" for value in self.correlation[n]])
             for n, name in enumerate(UNITS)
         ]
-        title = f"Calibration by {len(self.test.steps)} measured leakages and {len(self.scenes)} solved scenes"
+        leakages, scenes = counted(len(self.test.steps), "measured leakage"), counted(len(self.scenes), "solved scene")
+        title = f"Calibration by {leakages} and {scenes}"
         first = TextTable.of_columns(title, columns, notes=tuple(f"note: {note}" for note in self.notes), wrap=16)
         rows = zip(self.test.steps, self.test.sealed, self.test.leakage, *self.curve, strict=True)
         lines = [
@@ -175,7 +187,7 @@ class Calibration:
 
     def __repr__(self) -> str:
         texts = [f"{name.replace('_', ' ')} {_text(name, one.median)}" for name, one in self.posterior.items()]
-        return f"<femseal.Calibration: {', '.join(texts)}, by {len(self.scenes)} scenes>"
+        return f"<femseal.Calibration: {', '.join(texts)}, by {counted(len(self.scenes), 'scene')}>"
 
     def _repr_html_(self) -> str:
         return "".join(table._repr_html_() for table in self.tables())

@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from scipy.special import ndtr
 from scipy.stats import qmc
 
-from ..base import Array, InputError, InputErrors, shortened, shown, to_si, to_text
+from ..base import Array, InputError, InputErrors, counted, shortened, shown, to_si, to_text
 from ..base.leak_rates import LeakUnit, leak_unit
 from ..case.case import Case
 from ..case.load import Amount
@@ -97,7 +97,7 @@ def read_leak_test(path: Path, case: Case) -> LeakTest:
     for (number, _), row in zip(numbered[1:], cells, strict=False):
         try:
             if len(row) != len(heads):
-                raise InputError("row", f"{len(row)} cells", f"{len(heads)} as in the heads")
+                raise InputError("row", counted(len(row), "cell"), f"{len(heads)} as in the heads")
             named = {name: row[n].strip() for name, (n, _) in columns.items()}
             rows.append((_step(named, {k: f for k, (_, f) in columns.items()}, case), *_leakage(named["leakage"])))
         except InputError as error:

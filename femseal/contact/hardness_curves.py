@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..base import InputError, to_text, validate
+from ..base import InputError, counted, to_text, validate
 from .law import ContactLaw
 
 Array = NDArray[np.float64]
@@ -50,7 +50,7 @@ class HardnessTable(ContactLaw):
             values = validate.field(name, np.atleast_2d(np.asarray(getattr(self, name), dtype=object)), unit=unit)[0]
             object.__setattr__(self, name, values)
         if self.depth.size < 2 or self.depth.size != self.hardness.size:
-            given = f"{self.depth.size} depths and {self.hardness.size} hardnesses"
+            given = f"{counted(self.depth.size, 'value')} of depth and {self.hardness.size} of hardness"
             raise InputError("hardness table", given, "as many of both, two or more")
         if not (self.depth[0] >= 0 and np.all(np.diff(self.depth) > 0)):
             raise InputError("depth", ", ".join(to_text(d, "m") for d in self.depth), "depths >= 0 that rise")

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
-from ..base import InputError, to_si, to_text, validate, versions
+from ..base import InputError, counted, to_si, to_text, validate, versions
 from ..base.leak_rates import USUAL, check_classes, leak_classes
 from ..case.case import Case, load_case
 from ..case.load import Amount
@@ -192,11 +192,11 @@ def _notes(seals: Seals, fraction: float, results: Results) -> list[str]:
     if not seals.steps.unload_from:
         notes.append("the case is not unloaded: QSmin takes `unload_from`, or --assembly with a case")
     if doubts := len(results.warnings):
-        notes.append(f"the run has {doubts} warning{'s' if doubts > 1 else ''}, which its report lists")
+        notes.append(f"the run has {counted(doubts, 'warning')}, which its report lists")
     if unknown := int(np.isinf(seals.leakage).any(axis=0).sum()):
         why = "what is computed as sealed may leak, or the fluid carries the load alone"
-        notes.append(f"{unknown} of the loads count as leaking: {why}")
+        notes.append(f"{counted(unknown, 'load')} counted as leaking: {why}")
     lost = results.dataset.sizes.get("realisation", seals.count) - seals.count
     if lost > 0 and results.method == "median":
-        notes.append(f"{lost} seals failed at some load and are left out")
+        notes.append(f"without {counted(lost, 'seal')} that failed at some load")
     return notes

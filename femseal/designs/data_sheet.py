@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ..base import TextTable, comma_separated, made_folder, replacing, to_text, write_text, writing
+from ..base import TextTable, comma_separated, counted, made_folder, replacing, to_text, write_text, writing
 from ..base.leak_rates import LEAK_UNITS, LeakUnit, leak_classes
 from ..loads import relaxed
 from ..plots.drawing import (
@@ -184,8 +184,7 @@ class Design:
 
     def __repr__(self) -> str:
         needs = "; ".join(f"{need.name}: Qmin {need.assembly.text()}" for need in self.requirements)
-        count = "1 seal" if self.seals.count == 1 else f"{self.seals.count} seals"
-        return f"<femseal.Design of {count}, probability {self.probability:g}: {needs}>"
+        return f"<femseal.Design of {counted(self.seals.count, 'seal')}, probability {self.probability:g}: {needs}>"
 
     def _repr_html_(self) -> str:
         return "".join(table._repr_html_() for table in sheet_tables(self))

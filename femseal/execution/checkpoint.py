@@ -26,7 +26,7 @@ from typing import Any
 
 import numpy as np
 
-from ..base import FemsealError, InputError, Mapper, NotKept, Stage, read_plain, shortened
+from ..base import FemsealError, InputError, Mapper, NotKept, Stage, counted, read_plain, shortened
 from .lock import await_parts
 from .parts import Part, missing_parts, own_items, parts_of
 from .plain_data import unpacked
@@ -69,7 +69,7 @@ def resumable(output: Path, identity: dict[str, Any]) -> bool:
             f"{shortened(key)}: was {shortened(old.get(key, 'not given'))}, is {shortened(new.get(key, 'not given'))}"
             for key in changed[:_MOST_CHANGES]
         ]
-        lines += [f"{len(changed) - _MOST_CHANGES} more keys"] if len(changed) > _MOST_CHANGES else []
+        lines += [counted(len(changed) - _MOST_CHANGES, "more key")] if len(changed) > _MOST_CHANGES else []
         expected = f"that of the same case, files and versions; remove '{path.parent}' to start anew"
         raise InputError("resume", "a checkpoint of another run", "\n".join([expected, *lines]))
     return True
@@ -162,7 +162,7 @@ class Checkpoint:
             log.warning("%s", failure)
         if self._taken and isinstance(error, Exception) and not isinstance(error, FemsealError):
             reason = f"{type(error).__name__}: {shortened(error)}"
-            text = f"a run with {self._taken} items from '{self._folder}' stopped ({reason})"
+            text = f"a run with {counted(self._taken, 'item')} from '{self._folder}' stopped ({reason})"
             raise FemsealError(f"resume: {text}; if they were changed, remove that folder to start anew") from error
 
     def over(self, mapper: Mapper) -> Mapper:
@@ -300,7 +300,7 @@ class Checkpoint:
         kept = sum(len(_Shard.at(path).items) for path in self._folder.glob(f"*{SUFFIX}"))
         todo = "make room" if error.errno in (errno.ENOSPC, errno.EDQUOT) else "mend that"
         return NotKept(
-            f"checkpoint: {error}; the results of {kept} items are kept in '{self._folder}': "
+            f"checkpoint: {error}; the results of {counted(kept, 'item')} are kept in '{self._folder}': "
             f"{todo}, then a run with --resume goes on from there"
         )
 

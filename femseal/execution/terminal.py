@@ -52,14 +52,13 @@ def print_table(table: Any) -> None:
 
 
 @contextmanager
-def show_progress(quiet: bool, log_file: Path | None = None, *, lines: bool = True) -> Iterator[ProgressBars]:
-    """Bars on a terminal, log lines elsewhere where a command has them; nothing if quiet.
+def show_progress(quiet: bool, log_file: Path | None = None) -> Iterator[ProgressBars]:
+    """Bars on a terminal, log lines elsewhere; nothing if quiet.
 
     log_file : to whose end log lines go too.
     """
     terminal = sys.stderr.isatty()
-    silent = quiet or not (terminal or lines)
-    with log_lines(log_file, silent, terminal), ProgressBars(show=not quiet and terminal) as progress:
+    with log_lines(log_file, quiet, terminal), ProgressBars(show=not quiet and terminal) as progress:
         yield progress
 
 

@@ -14,7 +14,7 @@ import skfem
 from skfem import Basis, ElementQuad1, ElementQuadRT0, ElementTriP1, Mesh, MeshQuad, MeshTri
 from skfem.mesh import MeshQuad1DG, MeshTri1DG
 
-from ..base import Array, Indices, InputError, NotConverged
+from ..base import Array, Indices, InputError, NotConverged, counted
 from .connected_elements import connected_elements
 from .discretisation import DISCRETISATIONS, Discretisation
 from .grid import Grid
@@ -36,7 +36,9 @@ def mesh_flow(
     NotConverged : the linear solver failed, or the contrast of the gap is too high for mixed elements.
     """
     if sides == "periodic" and gap.shape[1] < 3:
-        raise InputError("gap", f"{gap.shape[1]} columns", f"at least 3 with periodic sides and '{discretisation}'")
+        raise InputError(
+            "gap", counted(gap.shape[1], "column"), f"at least 3 with periodic sides and '{discretisation}'"
+        )
     kind = DISCRETISATIONS[discretisation]
     if discretisation == "RT0":
         return _mixed(gap, spacing, sides, kind, rtol, solver)

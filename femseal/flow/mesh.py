@@ -30,7 +30,7 @@ from skfem import (
 )
 from skfem.mesh import MeshQuad1DG
 
-from ..base import Array, Indices, InputError, NotConverged
+from ..base import Array, Indices, InputError, NotConverged, counted
 from . import forms
 from .connected_elements import connected_elements, open_facets
 from .mixed import flux_conductance
@@ -188,7 +188,9 @@ def permeability_tensors(permeability: ArrayLike, elements: int) -> Array:
             f"a number, or shape ({n},), ({n}, 2) or ({n}, 2, 2) for {n} elements",
         )
     if not np.all(np.isfinite(k)):
-        raise InputError("permeability", f"{np.count_nonzero(~np.isfinite(k))} values not finite", "numbers >= 0 [m³]")
+        raise InputError(
+            "permeability", f"{counted(np.count_nonzero(~np.isfinite(k)), 'value')} not finite", "numbers >= 0 [m³]"
+        )
     if k.ndim < 3:
         if k.min(initial=0.0) < 0:
             raise InputError("permeability", f"{k.min():g}", "numbers >= 0 [m³]")

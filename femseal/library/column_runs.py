@@ -14,7 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ..base import Array, Indices, InputError, validate
+from ..base import Array, Indices, InputError, counted, validate
 from ..elements.element_mesh import ElementMesh, ElementSolution, mesh_factors
 from ..elements.elements import NODE_SPACING
 from ..elements.superelement import WindowElement, WindowLinks, validated_face, window_links
@@ -108,7 +108,7 @@ class ColumnRuns:
         m1, m2 = self.partition.cells
         length = validate.count("length", length)
         if length > m2:
-            raise InputError("length", length, f"at most the {m2} columns of the face")
+            raise InputError("length", length, f"at most {counted(m2, 'column')}, as the face has")
         independent = m2 // length
         starts = np.unique(np.linspace(0, m2, min(m2, STARTS * independent), endpoint=False).astype(int))
         neumann, dirichlet = [], []

@@ -49,7 +49,7 @@ class Cells:
     """Cells along a cycle, of the library or else the windows: pressure, k, mean gap, each (cells, steps).
 
     nominal, peaks : nominal pressure of each step, and the one it is unloaded from, NaN on loading [Pa].
-    origin : a text on the cells. columns : of windows in a row, 0 for a library.
+    origin : a text on the cells, after their number. columns : of windows in a row, 0 for a library.
     """
 
     nominal: Array
@@ -80,10 +80,10 @@ def cells_of(results: RunData) -> Cells:
     """
     data = results.dataset.isel(step=solved_steps(results.dataset))
     if "library_k" in data:
-        prefix, origin, columns = "library_", "windows of the library", 0
+        prefix, origin, columns = "library_", " of the library", 0
         arrays = [data[f"library_{n}"].values for n in ("pressure", "k", "mean_gap")]
     elif "k1" in data:
-        prefix, origin, columns = "", "windows", data.sizes["cell2"]
+        prefix, origin, columns = "", "", data.sizes["cell2"]
         names = "window_pressure", "k1", "window_mean_gap"
         arrays = [data[name].values.reshape(data.sizes["step"], -1).T for name in names]
     else:

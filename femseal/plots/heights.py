@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from ..base import Array, to_text
+from ..base import Array, counted, to_text
 from ..results.variables import block_means
 from ..topography import SPIKES, Conditioning, SurfaceReport, Topography
 from .drawing import GREY, HEIGHTS, LINES, STYLES, Sheet, decades, map_panel, map_row, new_figure, panel_title, shows
@@ -186,7 +186,7 @@ def _map_panel(
     if measured.undefined_fraction:
         notes.append(f"white: {100 * measured.undefined_fraction:.2g} % undefined")
     if count := np.count_nonzero(spikes):
-        notes.append(f"{'circles' if count <= _MOST_CIRCLES else 'dots'}: {count} points in spikes")
+        notes.append(f"{'circles' if count <= _MOST_CIRCLES else 'dots'}: {counted(count, 'point')} in spikes")
     if part is not None:
         notes.append("frame: largest part with few of them")
     l1, l2 = (length * 1e3 for length in measured.size)

@@ -68,7 +68,7 @@ def conditioned_face(case: Case) -> ConditionedFace:
     raws, separately, overlap, spikes = _combined_faces(case)
     every = []
     for raw in raws:
-        with with_keys(SURFACE_KEYS), _in_the_whole_map(case.face[0]):
+        with with_keys(SURFACE_KEYS | {"heights": "face"}), _in_the_whole_map(case.face[0]):
             every.append(repair(raw, spikes=spikes, **_treatment(case)))
     flat, repaired = every[0]
     if len(every) > 1:
@@ -126,7 +126,7 @@ def _combined_faces(case: Case) -> tuple[list[Topography], list[tuple[Topography
         return faces[0], [], None, thresholds[0]
     repaired: list[list[tuple[Topography, Repair]]] = []
     for place, table, maps, most in zip(face_places(case), case.face, faces, thresholds, strict=True):
-        with with_keys(SURFACE_KEYS, place), _in_the_whole_map(table):
+        with with_keys(SURFACE_KEYS | {"heights": place}), _in_the_whole_map(table):
             repaired.append([repair(face, spikes=most, **_treatment(case)) for face in maps])
     table = case.face[1]
     placement = table.placement if isinstance(table, FileFace) else {}

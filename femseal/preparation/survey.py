@@ -10,7 +10,7 @@ from math import degrees, isnan, pi
 from pathlib import Path
 from typing import Any
 
-from ..base import InputError, to_si, to_text, validate, writing
+from ..base import InputError, counted, to_si, to_text, validate, writing
 from ..case.faces import SurfaceTable
 from ..case.faults import table_to_paste, with_keys
 from ..plots import survey_figure
@@ -127,7 +127,7 @@ def look(face: Topography, wave: float | None, treatment: dict[str, Any]) -> _Lo
     try:
         report = describe_surface(face, **treatment)
     except TooManyUndefined as error:
-        spikes = f", {error.spikes} points in spikes with them" if error.spikes else ""
+        spikes = f", {counted(error.spikes, 'point')} in spikes with them" if error.spikes else ""
         given, most = (f"{100 * fraction:.3g} %" for fraction in (error.fraction, error.limit))
         reasons.append(f"{given} of its points are undefined{spikes}, and at most {most} are filled (--max-undefined)")
         if (part := error.part) is not None:

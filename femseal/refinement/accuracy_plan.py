@@ -4,7 +4,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from math import log2, prod
 
-from ..base import InputError, duration, to_text
+from ..base import InputError, counted, duration, to_text
 from ..case.case import Case
 from ..preparation.preparation import prepare
 from ..preparation.prepared import Pair, Prepared
@@ -99,7 +99,7 @@ class Plan:
     def lines(self) -> list[str]:
         """The plan as text."""
         total = sum(seconds for seconds, _ in self.costs)
-        lines = [f"{len(self.variants)} solutions, about {duration(total)} on one core; {self.against}"]
+        lines = [f"{counted(len(self.variants), 'solution')}, about {duration(total)} on one core; {self.against}"]
         lines += [
             f"  {variant.label}: about {duration(seconds)}, {to_text(memory, 'B', 3)}"
             for variant, (seconds, memory) in zip(self.variants, self.costs, strict=True)

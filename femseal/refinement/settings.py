@@ -281,7 +281,7 @@ def _library(made: Prepared, settings: Settings, given: dict[str, str]) -> Refin
     assert settings.cells is not None
     apart = prod(settings.cells)
     if made.sampling.pressure == "place" or settings.library_cells >= apart:
-        return Refinement(None, f"all {apart} windows of the face are in the library: a larger face has more")
+        return Refinement(None, f"the library has all windows of the face, {apart}: a larger one has more")
     if "library_cells" in given:
         return _is_given(given["library_cells"])
     more = min(HALVING * settings.library_cells, apart, MOST_WINDOWS)

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ..base import to_text
+from ..base import counted, to_text
 from ..contact.hardness_curves import SMALLEST_DEPTH, NixGao
 from ..materials import HARDNESS_FACTOR, METALS
 from ..plots.maps import default_step, face_leakage, pressure_rows
@@ -168,7 +168,7 @@ def _surface_text(surface: dict[str, Any]) -> str:
     text = f"Its rms height is {to_text(surface['rms_height'], 'm', 3)}, its rms slope {surface['rms_slope']:.3g}"
     undefined, spikes = surface.get("undefined_fraction"), surface.get("spikes")
     filled = [f"{100 * undefined:.2g} % undefined points"] if undefined else []
-    filled += [f"{spikes} {'point' if spikes == 1 else 'points'} in spikes"] if spikes else []
+    filled += [f"{counted(spikes, 'point')} in spikes"] if spikes else []
     if filled:
         text += f"; {' and '.join(filled)} were filled"
     if continued := surface.get("continuation"):
@@ -198,7 +198,7 @@ def _method_sentences(results: RunData) -> list[str]:
         size = int(data.attrs.get("library_windows", data.sizes["library_cell"]))
         independent = int(data.attrs.get("library_independent", size))
         sentences.append(
-            f"Stochastic: {data.sizes['realisation']} seals drawn from {size} library windows"
+            f"Stochastic: {counted(data.sizes['realisation'], 'seal')} drawn from {counted(size, 'library window')}"
             + (f", {independent} of them without overlap" if independent < size else "")
             + (f", {_contact_text(data)}" if "window_contact" in data.attrs and "window_pressure" not in data else "")
             + (f" ({', '.join(how)})" if how else "")
@@ -228,7 +228,7 @@ def _load_text(data: xarray.Dataset, given: dict[str, Any]) -> str:
     pressure, peaks = data["nominal_pressure"].values, data["unloaded_from"].values
     up = pressure[np.isnan(peaks)]
     ends = " to ".join(to_text(float(p), "Pa") for p in dict.fromkeys((up.min(), up.max())))
-    text = f"It is loaded in {up.size} {'step' if up.size == 1 else 'steps'}, {ends}"
+    text = f"It is loaded in {counted(up.size, 'step')}, {ends}"
     if isinstance(highest := (given.get("loading") or [0.0])[-1], str):  # pressures are numbers
         force, unit = highest.split()
         text += f" (a force of {to_text(float(force), unit)} at most)"

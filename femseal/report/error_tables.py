@@ -4,7 +4,7 @@ import json
 
 import numpy as np
 
-from ..base import Array, TextTable, format_deviation, read_plain, to_text
+from ..base import Array, TextTable, counted, format_deviation, read_plain, to_text
 from ..results.results import as_chosen, solvers_text
 from ..results.run_data import RunData
 from ..studies.load_curves import first_known, leakage_factor, least_counted
@@ -127,7 +127,7 @@ def _comparison(results: RunData, one: str, leakage: Array, other: str, referenc
         with np.errstate(divide="ignore", invalid="ignore"):
             ratio = np.where(chosen & (leakage * reference > 0), np.abs(np.log(leakage / reference)), np.nan)
         worst = int(np.nanargmax(ratio))
-        meaning = f"rms over {factor.loads} loads" + (
+        meaning = f"rms over {counted(factor.loads, 'load')}" + (
             f", {factor.closed} more closed in one only" if factor.closed else ""
         )
         source = f"{one} against {other}, {branch}"

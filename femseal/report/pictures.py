@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, cast
 
 import numpy as np
 
-from ..base import to_text
+from ..base import counted, to_text
 from ..plots import cells_figure, heights_figure, leakage_figure, lengths_figure, seal_figure
 from ..plots.cell_curves import cells_of
 from ..plots.drawing import HEIGHTS, LINES, Drawn, Sheet, drawn, map_row
@@ -149,7 +149,7 @@ def cell_pictures(results: Results, drawings: Drawings) -> list[Picture]:
     cells = cells_of(results)
     shut = np.nanmean(cells.k[:, np.isnan(cells.peaks)][:, -1] == 0)
     count, top = len(cells.k), to_text(float(np.nanmax(cells.nominal)), "Pa")
-    many = f"{count} {cells.origin}"
+    many = f"{counted(count, 'window')}{cells.origin}"
     texts = [
         (
             f"Permeability of a few of {many} against nominal pressure; {shut:.0%} are closed at {top}.",

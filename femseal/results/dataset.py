@@ -10,7 +10,7 @@ from typing import Any, cast
 import numpy as np
 from numpy.typing import NDArray
 
-from ..base import InputError, free_memory, made_folder, shortened, versions
+from ..base import InputError, counted, free_memory, made_folder, shortened, versions
 from ..base.fields import STEP, Field
 from ..base.files import replacing_hdf5
 from ..base.leak_rates import leak_classes, leak_unit
@@ -210,7 +210,7 @@ def _filter_doubts(filtered: NDArray[np.float64], results: Results, scene: Scene
     if not factor.closed and not factor.value > _FILTER_FACTOR:
         return []
     found = [f"is off by a factor of {factor.value:.2g}"] if factor.loads else []
-    found += [f"is closed in one only at {factor.closed} loads"] if factor.closed else []
+    found += [f"is closed in one only at {counted(factor.closed, 'load')}"] if factor.closed else []
     return [
         f"with twice the shortest wave leakage on loading {' and '.join(found)}: the "
         "shortest waves that are kept decide it, and shorter ones, which the instrument may not see, may do so too"

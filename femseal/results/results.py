@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ..base import InputError, Plotted, TextTable, duration, format_deviation, to_si, to_text
+from ..base import InputError, Plotted, TextTable, counted, duration, format_deviation, to_si, to_text
 from ..base.text import room
 from . import tables
 from .export import export_field
@@ -129,14 +129,17 @@ def contents(run: RunData) -> dict[str, str]:
     peaks = sorted({step.unloaded_from for step in steps if step.unloaded_from is not None})
     down = f", {len(steps) - up} unloading from {', '.join(to_text(p, 'Pa') for p in peaks)}" if peaks else ""
     between = len(steps) - solved_steps(data).size
-    found["load"] = f"{len(steps)} steps: {up} loading{down}" + (f"; {between} interpolated" if between else "")
+    found["load"] = f"{counted(len(steps), 'step')}: {up} loading{down}" + (
+        f"; {between} interpolated" if between else ""
+    )
     cells = [f"{data.sizes['cell1']} × {data.sizes['cell2']} windows"] if "window_pressure" in data else []
     if "realisation" in data.sizes:
-        cells.append(f"{data.sizes['realisation']} realisations from {data.sizes['library_cell']} library cells")
+        drawn = counted(data.sizes["realisation"], "realisation")
+        cells.append(f"{drawn} from {counted(data.sizes['library_cell'], 'library cell')}")
     if cells:
         found["cells"] = ", ".join(cells)
     if stored := stored_steps(run):
-        found["fields"] = f"over all pixels at {len(stored)} of {len(steps)} steps"
+        found["fields"] = f"over all pixels at {len(stored)} of {counted(len(steps), 'step')}"
     for name, texts in (("warnings", run.warnings), ("failures", run.failures)):
         if texts:
             found[name] = f"{len(texts)}, the first: {texts[0]}"

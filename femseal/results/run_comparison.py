@@ -14,6 +14,7 @@ from ..base import (
     Plotted,
     TextTable,
     comma_separated,
+    counted,
     made_folder,
     replacing,
     shown,
@@ -168,8 +169,8 @@ class RunComparison(Plotted):
         return [*written, target / f"{stem}.png"]
 
     def __repr__(self) -> str:
-        loads = f"{len(self.common_steps)} load steps in common"
-        lines = [f"<femseal.RunComparison of {len(self.runs)} runs, {loads}, in {self.unit.name}>"]
+        loads = f"{counted(len(self.common_steps), 'load step')} in common"
+        lines = [f"<femseal.RunComparison of {counted(len(self.runs), 'run')}, {loads}, in {self.unit.name}>"]
         return "\n".join(
             [*lines, *(f"{n}: {results.method}" for n, results in zip(self.names, self.runs, strict=True))]
         )
@@ -200,7 +201,7 @@ def compare(runs: Mapping[str, Run] | Sequence[Run], *, unit: str | None = None)
     """
     given = list(runs.values()) if isinstance(runs, Mapping) else list(runs)
     if len(given) < 2:
-        raise InputError("compare", f"{len(given)} runs", "two or more")
+        raise InputError("compare", counted(len(given), "run"), "two or more")
     opened = tuple(run if isinstance(run, Results) else open_results(run) for run in given)
     names = tuple(runs) if isinstance(runs, Mapping) else _names(opened)
     return compared(names, opened, unit=unit)

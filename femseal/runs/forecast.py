@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import psutil
 
-from ..base import InputError, duration, free_memory, to_text
+from ..base import InputError, counted, duration, free_memory, to_text
 from ..base.shared_array import storing
 from ..budget import model_changes, places_to_halve
 from ..case.case import Case
@@ -132,7 +132,7 @@ def _load_text(case: Case, scene: Scene) -> str:
         highest += f", from {to_text(case.load.highest, case.load.unit)}"
     if case.load.interpolate is not None:
         highest += f"; at most: those that {100 * case.load.interpolate:.3g} % allows are interpolated"
-    return f"{steps} states: {steps - down} loading{with_peaks}{unloading}, up to {highest}"
+    return f"{counted(steps, 'state')}: {steps - down} loading{with_peaks}{unloading}, up to {highest}"
 
 
 def _study_facts(prepared: Prepared) -> Iterator[tuple[str, str]]:
@@ -140,7 +140,7 @@ def _study_facts(prepared: Prepared) -> Iterator[tuple[str, str]]:
     scene, steps = prepared.scene, len(prepared.scene.steps)
     pixels = int(np.prod(scene.surface.shape))
     if "deterministic" in prepared.methods:
-        yield "deterministic", f"{steps} contact and {steps} flow solutions of {pixels} unknowns"
+        yield "deterministic", f"{steps} contact and {counted(steps, 'flow solution')} of {pixels} unknowns"
     if prepared.cells is None:
         return
     m1, m2 = prepared.cells
@@ -148,18 +148,18 @@ def _study_facts(prepared: Prepared) -> Iterator[tuple[str, str]]:
     if prepared.methods != {"deterministic"}:
         yield "windows", _windows(partition, prepared.conditioning.shortest_wavelength)
     if "two-scale" in prepared.methods:
-        solutions = f"{steps * (m1 * m2 + (m1 - 1) * m2)} flow solutions of windows"
+        solutions = f"{counted(steps * (m1 * m2 + (m1 - 1) * m2), 'flow solution')} of windows"
         if prepared.flow == "resolved":
-            solutions = f"{steps} flow solutions of {pixels} unknowns"
+            solutions = f"{counted(steps, 'flow solution')} of {pixels} unknowns"
         elif prepared.flow == "elements":
-            solutions = f"{steps} flow solutions of {m1 * m2} elements"
+            solutions = f"{counted(steps, 'flow solution')} of {counted(m1 * m2, 'element')}"
         yield "two-scale", f"contact {_contact(prepared)}, flow {prepared.flow}: {solutions}"
     if (sampling := prepared.sampling) is not None:
         laid, *others = lay_out_windows(scene.layout, partition, sampling)
         length, *more = (to_text(one.seal.size[1], "m", 3) for one in (laid, *others))
         text = f"{_library(prepared, sampling, partition)} (pressure: {sampling.pressure}, sampler: {sampling.sampler})"
         too = f"; as many of {', '.join(more)}" if more else ""
-        yield "stochastic", f"{text}, {sampling.realisations} seals of {laid}, {length} long{too}"
+        yield "stochastic", f"{text}, {counted(sampling.realisations, 'seal')} of {laid}, {length} long{too}"
         if uneven := describe_map(scene, laid, sampling.pressure_map):
             yield "pressure map", uneven
 
@@ -173,7 +173,7 @@ def _left_open(case: Case, prepared: Prepared) -> str:
         if case.layout.has_length and not drawn.lengths:
             found.append("seals as long as the face")
         if "realisations" not in drawn.model_fields_set:
-            found.append(f"{drawn.realisations} seals")
+            found.append(counted(drawn.realisations, "seal"))
     return ", ".join(found)
 
 
@@ -241,7 +241,7 @@ def _accuracy_facts(case: Case, made: Prepared) -> Iterator[tuple[str, str]]:
     chosen, given = first_settings(case, made), given_settings(case)
     points = grid_points(made.scene.surface.shape, chosen.grid, chosen.cells)
     first = [f"{' × '.join(map(str, points))} points", f"contact.rtol {chosen.rtol:.0e}"]
-    first += [] if chosen.realisations is None else [f"{chosen.realisations} seals"]
+    first += [] if chosen.realisations is None else [counted(chosen.realisations, "seal")]
     text = f"{100 * case.accuracy:.3g} %, first with {', '.join(first)}; then what limits is refined"
     yield "accuracy", f"{text}, for at most {duration(time_limit(case))}"
     if given:
@@ -371,11 +371,11 @@ def _contact(prepared: Prepared) -> str:
 def _library(prepared: Prepared, sampling: Sampling, partition: Partition) -> str:
     """The windows of a library that are used, and how many of them do not overlap."""
     if sampling.pressure != "place":
-        return f"{sampling.library_cells} library windows"
+        return counted(sampling.library_cells, "library window")
     used, of_face = count_face_windows(sampling, partition), partition.cells[0] * partition.cells[1]
     asked = f", not {sampling.library_cells}" if sampling.library_cells != used else ""
     again = f", the {of_face} of the face cut {used // of_face} times" if used > of_face else " of the face"
-    return f"{used} library windows{again}{asked}, contact {_contact(prepared)}"
+    return f"{counted(used, 'library window')}{again}{asked}, contact {_contact(prepared)}"
 
 
 def _windows(partition: Partition, shortest_wave: float) -> str:

@@ -18,7 +18,7 @@ from typing import Any, ClassVar
 import numpy as np
 from skfem import Mesh, MeshQuad1, MeshQuad2, MeshTri1, MeshTri2
 
-from ..base import Array, Indices, InputError, to_text
+from ..base import Array, Indices, InputError, counted, to_text
 from ..flow.dirichlet_flow import DirichletFlow, dirichlet_flow
 from ..flow.mesh import CLOSED_AXIS, darcy_conductance, permeability_tensors
 from ..flow.solution import DarcyFlow
@@ -285,7 +285,7 @@ class ElementWindows:
 
     def __str__(self) -> str:
         windows, elements = self.draws[0][1], len(self.lay)
-        return f"{windows} windows in {elements} elements"
+        return f"{counted(windows, 'window')} in {counted(elements, 'element')}"
 
     def checked(self) -> ElementWindows:
         """These windows, with a warning where elements are smaller than windows.

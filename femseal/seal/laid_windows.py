@@ -12,7 +12,7 @@ import numpy as np
 from skfem import MeshQuad
 from skfem.mesh import MeshQuad1DG
 
-from ..base import Array, InputError, to_si, to_text
+from ..base import Array, InputError, counted, to_si, to_text
 from ..flow.spiral import Spiral
 from .element_windows import ElementSeal, ElementWindows, straightened
 from .lay import Lay, check_size
@@ -231,7 +231,7 @@ def laid_on_ring(windows: Windows, lay: Lay, radii: tuple[float, float], inlet: 
     if not along_axes:
         return _elements(_ring(seal), windows, lay)
     narrow = 2 * pi * inner / (cells[1] * d2)
-    given = f"a ring whose {cells[1]} columns of windows are {narrow:.0%} as wide as windows at its inner radius"
+    given = f"a ring with {counted(cells[1], 'column')} of windows, {narrow:.0%} as wide as windows at its inner radius"
     if narrow < _NARROWEST:
         raise InputError("inner_radius", given, f"at least {_NARROWEST:.0%}; a mesh has none of them")
     warnings = (f"{given}: windows there are drawn too close together; a mesh has equal ones",)
@@ -283,7 +283,7 @@ def _elements(
 def _strip(size: tuple[float, float], cells: tuple[int, int]) -> ElementSeal:
     """A strip of quadrilaterals, periodic along x2."""
     if cells[1] < 3:
-        raise InputError("length", f"{cells[1]} windows", "at least 3 where the lay runs between the axes")
+        raise InputError("length", counted(cells[1], "window"), "at least 3 where the lay runs between the axes")
     plain = MeshQuad.init_tensor(*(np.linspace(0.0, side, n + 1) for side, n in zip(size, cells, strict=True)))
     x1, x2 = plain.p
     ring = MeshQuad1DG.periodic(plain, np.flatnonzero(x2 == x2.max()), np.flatnonzero(x2 == 0.0))

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from ..base import Array, InputError, shown, to_si, to_text
+from ..base import Array, InputError, counted, shown, to_si, to_text
 
 #: Directions by name: those of the axes of the plane, and those as seen from the centre of the seal.
 NAMES = ("x1", "x2", "radial", "circumferential")
@@ -154,5 +154,7 @@ def _of_field(file: Path, array: str, places: Array, unit: float) -> Array:
     spacing = tree.query(points, k=2)[0][:, 1].max() if len(points) > 1 else np.inf
     distance, nearest = tree.query(places)
     if (far := int(np.count_nonzero(distance > _REACH * spacing))) > 0:
-        raise InputError("lay.field", f"'{file}', which leaves out {far} elements", "a field that covers the seal")
+        raise InputError(
+            "lay.field", f"'{file}', which leaves out {counted(far, 'element')}", "a field that covers the seal"
+        )
     return values[nearest, :2] / size[nearest, None]

@@ -14,7 +14,7 @@ from typing import Any, Protocol
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ..base import Array, InputError, to_text, validate
+from ..base import Array, InputError, counted, to_text, validate
 from .triangulation import Triangulation, polygon_areas
 
 #: Rounding of coordinates, as fractions of a strip of a profile or of a radius.
@@ -196,7 +196,7 @@ class MapsAtLoads:
         if not self.maps:
             raise InputError("maps", "none", "at least one")
         if len(self.pressures) != len(self.maps):
-            raise InputError("pressures", f"{len(self.pressures)} numbers", f"{len(self.maps)}, one for each map")
+            raise InputError("pressures", counted(len(self.pressures), "number"), f"{len(self.maps)}, one for each map")
         object.__setattr__(self, "pressures", _rising("pressures", self.pressures, len(self.maps), "[Pa]"))
 
 
@@ -280,7 +280,7 @@ def _rising(name: str, values: Any, count: int, unit: str) -> tuple[float, ...]:
     except TypeError:
         raise InputError(name, repr(values), f"a list of numbers {unit}") from None
     if len(numbers) != count:
-        raise InputError(name, f"{len(numbers)} numbers", f"{count}, one for each value")
+        raise InputError(name, counted(len(numbers), "number"), f"{count}, one for each value")
     if any(b <= a for a, b in pairwise(numbers)):
         raise InputError(name, list(numbers), f"rising numbers {unit}")
     return numbers

@@ -22,7 +22,7 @@ from typing import Any, Protocol
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ..base import Array, InputError, validate
+from ..base import Array, InputError, counted, validate
 from ..flow import DarcyFlow, Stencil, solve_flow
 from ..flow.assembly import assemble_on_elements, assemble_on_links, gauss
 from ..flow.balance import balanced_link_fluxes
@@ -103,7 +103,7 @@ def link_permeabilities(permeability: Any, cells: tuple[int, int]) -> tuple[Arra
     if pair is None and np.ndim(permeability) == 0:
         pair = (permeability, permeability)
     if pair is None or len(pair) != 2:
-        given = f"{len(pair)} items" if pair is not None else f"one array of shape {np.shape(permeability)}"
+        given = counted(len(pair), "item") if pair is not None else f"one array of shape {np.shape(permeability)}"
         raise InputError(
             "permeability",
             given,
@@ -124,7 +124,9 @@ def _checked(name: str, value: ArrayLike, shape: tuple[int, int]) -> Array:
         raise InputError(f"permeability {name}", f"shape {k.shape}", f"a number or shape {shape}")
     if not np.all(np.isfinite(k)):
         raise InputError(
-            f"permeability {name}", f"{np.count_nonzero(~np.isfinite(k))} values not finite", "numbers >= 0 [m³]"
+            f"permeability {name}",
+            f"{counted(np.count_nonzero(~np.isfinite(k)), 'value')} not finite",
+            "numbers >= 0 [m³]",
         )
     if k.min(initial=0.0) < 0:
         raise InputError(f"permeability {name}", f"{k.min():g}", "numbers >= 0 [m³]")
@@ -365,5 +367,5 @@ def _rows(value: Any, length: float, n: int) -> tuple[float, ...]:
     rows = tuple(float(x) for x in value)
     ends = len(rows) == n + 1 and rows[0] == 0 and abs(rows[-1] - length) <= 1e-9 * length
     if not ends or not all(b > a for a, b in itertools.pairwise(rows)):
-        raise InputError("rows", f"{len(rows)} values", f"{n + 1} rising numbers from 0 to {length:g} m")
+        raise InputError("rows", counted(len(rows), "value"), f"{n + 1} rising numbers from 0 to {length:g} m")
     return rows

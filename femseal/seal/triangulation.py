@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ..base import Array, InputError
+from ..base import Array, InputError, counted
 
 #: Triangles of Delaunay whose longest side is so many times that of most are gaps between the points, not part of
 #: their field. Between points on rings, the triangles that fill the hole are longer than that but for a few at its rim.
@@ -44,7 +44,7 @@ class Triangulation:
         size = np.ptp(found, axis=0).max()
         corners = corners[np.abs(polygon_areas(found[corners])) > 1e-12 * size**2]
         if not len(corners):
-            raise InputError("points", f"{len(found)} points on a line", "points of a plane field")
+            raise InputError("points", f"{counted(len(found), 'point')} on a line", "points of a plane field")
         return cls(found, corners)
 
     def interpolate(self, values: Array, places: Array) -> Array:
@@ -118,7 +118,7 @@ def _delaunay(points: Array) -> NDArray[np.int64]:
         # the size of the whole does not matter to what lies on a line
         corners = Delaunay((points - points.mean(axis=0)) / (np.ptp(points, axis=0).max() or 1.0)).simplices
     except QhullError:
-        raise InputError("points", f"{len(points)} points on a line", "points of a plane field") from None
+        raise InputError("points", f"{counted(len(points), 'point')} on a line", "points of a plane field") from None
     sides = np.linalg.norm(points[corners] - np.roll(points[corners], 1, axis=1), axis=2).max(axis=1)
     return np.asarray(corners[sides <= GAP * np.median(sides)], np.int64)
 

@@ -29,6 +29,8 @@ from ..windows.window_flow import window_permeability
 log = logging.getLogger("femseal")
 #: What is said while loops are compiled.
 _COMPILING = "compiling, once after an installation"
+#: What reports that loops are compiled; empty where nothing does.
+_REPORTED: list[event.Listener] = []
 
 
 @contextmanager
@@ -36,8 +38,11 @@ def reporting_compilation(progress: Callable[[str, int, int | None], None]) -> I
     """Context in which loops that are compiled are reported, as they take a minute after an installation.
 
     progress : called as progress(stage, done, total): when the first one begins, when one is done, and at the end; how
-        many there will be is not known before.
+        many there will be is not known before. Within another such context that one reports.
     """
+    if _REPORTED:
+        yield
+        return
 
     class Loops(event.Listener):  # type: ignore[misc]
         begun, done = False, 0
@@ -53,8 +58,12 @@ def reporting_compilation(progress: Callable[[str, int, int | None], None]) -> I
             progress(_COMPILING, self.done, None)
 
     loops = Loops()
-    with event.install_listener("numba:compile", loops):
-        yield
+    _REPORTED.append(loops)
+    try:
+        with event.install_listener("numba:compile", loops):
+            yield
+    finally:
+        _REPORTED.clear()
     if loops.done:
         progress(_COMPILING, loops.done, loops.done)
 

@@ -125,6 +125,7 @@ class FluidPressure:
         if abs(self.carried) <= LEAST_FRACTION * pressure and not self.trapped:
             return solve_contact(gap0, half_space, pressure=pressure, **settings)
         p_f = self.even_drop(half_space.shape)  # that of parted faces: a face that the fluid can open is found open
+        around = p_f
         trapped, pockets = None, self._pockets(former, half_space, pressure, settings) if self.trapped else None
         if pockets is not None:
             p_f = pockets.first(p_f)
@@ -134,9 +135,12 @@ class FluidPressure:
         given, gave, closed = p_f, p_f, 0
         for n in range(1, most + 1):
             carried = float(p_f.mean())
-            if pockets is not None and self.nominal == "total" and self.carried < 0.9 * pressure < carried:
-                p_f = p_f * (0.9 * pressure / carried)
-                carried = 0.9 * pressure  # pockets that carry all of the load open
+            liquid = former if trapped is None else trapped
+            if liquid is not None and self.nominal == "total" and self.carried < 0.9 * pressure < carried:
+                # pockets that carry all of the load open; what flows around them may carry more than most of it
+                above = np.where(liquid.pocket > 0, np.maximum(p_f - around, 0.0), 0.0)
+                p_f = p_f - above * min((carried - 0.9 * pressure) / max(float(above.mean()), 1e-300), 1.0)
+                carried = float(p_f.mean())
             parted = self.nominal == "total" and carried >= pressure
             load = carried if parted else pressure if self.nominal == "total" else pressure + carried
             contact = solve_contact(gap0, half_space, pressure=max(load, 0.0), fluid_pressure=p_f, **settings)
@@ -147,7 +151,7 @@ class FluidPressure:
                 return _coupled(contact, flow, carried, n)
             last_p_f, open_pressure = p_f, self.above_surroundings(flow.potential)
             found = fill_undefined(open_pressure)
-            found = found if np.isfinite(found).all() else last_p_f  # no gap that an end reaches
+            around = found = found if np.isfinite(found).all() else last_p_f  # no gap that an end reaches
             if pockets is not None:
                 is_pocket = ~np.isfinite(open_pressure) & (contact.gap > 0)
                 trapped = pockets.next(contact.gap, is_pocket, last_p_f, found)

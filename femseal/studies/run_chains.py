@@ -9,7 +9,7 @@ from functools import partial
 import numpy as np
 from numpy.typing import NDArray
 
-from ..base import Array, Mapper, Stage, to_text
+from ..base import Array, Mapper, Stage, counted, to_text
 from ..flow.pressure_drop import PressureDrop
 from ..library import RunFlows
 from ..library.sampling import drawn_elsewhere
@@ -119,7 +119,7 @@ def chained_seals(
     runs = max(1, round(columns / length))
     if abs(runs * length / columns - 1) > _ROUNDED:
         sides = tuple(to_text(n * partition.window_size[1], "m", 3) for n in (runs * length, columns))
-        text = f"whole runs of {length} columns of windows make seals {' long, not '.join(sides)}"
+        text = f"whole runs of {counted(length, 'column')} of windows make seals {' long, not '.join(sides)}"
         warnings = (*warnings, f"sampler 'runs': {text}: the leakage of the whole seal is of that length")
     starts = solved[0].starts if solved else np.zeros(1, np.int64)
     of_column = places_of_columns(scene, partition)
@@ -195,8 +195,9 @@ def _long_enough(
     if wide:
         worst = max(wide, key=wide.__getitem__)
         text = (
-            f"sampler 'runs': Neumann and Dirichlet cuts between runs of {first[chosen].length} columns bound the "
-            f"leakage within a factor of {np.exp(2 * wide[worst]):.2g} at {worst}: its channels need a longer face"
+            f"sampler 'runs': Neumann and Dirichlet cuts between runs of {counted(first[chosen].length, 'column')} "
+            f"bound the leakage within a factor of {np.exp(2 * wide[worst]):.2g} at {worst}: "
+            "its channels need a longer face"
         )
         warnings = (text,)
     return [state.flows[chosen] if isinstance(state, StateRuns) else None for state in found], warnings

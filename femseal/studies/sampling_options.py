@@ -5,7 +5,7 @@ from pathlib import Path
 
 import numpy as np
 
-from ..base import InputError, to_text, validate
+from ..base import InputError, counted, to_text, validate
 from ..seal.laid_windows import SealWindows, Windows
 from ..seal.layouts import Layout
 from ..seal.pressure_map import AnyMap, MapsAtLoads, Profile, Uniform, is_uniform
@@ -115,7 +115,7 @@ def _laid_out(layout: Layout, partition: Partition, sampling: Sampling) -> SealW
     if sampling.sampler_of_links == "runs" and layout.kind != "rectangular":
         raise InputError("sampler", "runs", f"another one with {layout}")
     if sampling.pressure != "uniform" and seal_windows.rows != partition.cells[0]:
-        face = f"a face with {partition.cells[0]} rows of windows"
+        face = f"a face with {counted(partition.cells[0], 'row')} of windows"
         given = f"'{sampling.pressure}' of {face} for {layout}, which has {seal_windows.rows or 'none'}"
         raise InputError("pressure", given, "'uniform', or as many rows from inlet to outlet on both")
     return seal_windows

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..base import Array, InputError, Mapper, to_text
+from ..base import Array, InputError, Mapper, counted, to_text
 from ..contact import Contact, ContactLaw, HalfSpace, LoadState, contact_law, load_states, solve_contact
 from ..flow import critical_constriction
 from ..flow.pressure_drop import PressureDrop
@@ -311,9 +311,10 @@ def _pressure_warnings(scene: Scene) -> Iterator[str]:
     steps, fluid = scene.steps, scene.acting_fluid
     parted = [step for step in steps if fluid is not None and step.pressure > 0 and fluid.parts(step.pressure)]
     if fluid is not None and parted:
+        more = f" and {counted(len(parted) - 1, 'more step')}" if len(parted) > 1 else ""
         yield (
             f"of {to_text(parted[0].pressure, 'Pa')}, the load at {parted[0].name}"
-            f"{f' and {len(parted) - 1} more steps' if len(parted) > 1 else ''}, the fluid carries all: the faces part "
+            f"{more}, the fluid carries all: the faces part "
             f"below about {to_text(fluid.carried, 'Pa', 3)}, and the seal is open"
         )
     if leak_basis(scene.fluid, 1.0).is_gas and scene.outlet_pressure == 0:

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..base import Array, InputError, Mapper, Stage, to_text
+from ..base import Array, InputError, Mapper, Stage, counted, to_text
 from ..library import LadderLibrary
 from ..seal import RectangularSeal
 from ..seal.laid_windows import LinkWindows, SealWindows
@@ -97,8 +97,9 @@ def stochastic(
     realisations, windows = result.needed(sampling.width)
     if realisations > len(result.leakage) or windows > result.library.independent:
         text = (
-            f"width {sampling.width:g} not reached: about {realisations} realisations and {windows} windows without "
-            f"overlap needed, {len(result.leakage)} and {result.library.independent} used"
+            f"width {sampling.width:g} not reached: about {counted(realisations, 'realisation')} and "
+            f"{counted(windows, 'window')} without overlap needed, "
+            f"{len(result.leakage)} and {result.library.independent} used"
         )
         result = replace(result, warnings=(*result.warnings, text))
     return result

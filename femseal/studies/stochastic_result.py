@@ -10,7 +10,7 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from ..base import Array, Shown
+from ..base import Array, Shown, counted
 from ..base.fields import CORNER, PART, PART_VECTOR, REALISATION, ROW, STEP, Field, declared
 from ..library import LadderLibrary, draw_cells, draw_links, draw_pressures
 from ..loads import LoadProgramme
@@ -322,7 +322,7 @@ class StochasticResult(Shown):
         if len(self.leakage) >= needed:
             return ""
         named = " and ".join(f"{q:g}" for q in quantiles)
-        return f"quantile {named} of {len(self.leakage)} realisations: at least {needed} needed"
+        return f"quantile {named} of {counted(len(self.leakage), 'realisation')}: at least {needed} needed"
 
     def unsupported(self, q: float) -> tuple[str, ...]:
         """Reasons not to trust a quantile: too few realisations, or a library that scatters more than the tail."""
@@ -332,8 +332,8 @@ class StochasticResult(Shown):
         weak = [s.name for s, d, e in zip(self.steps, distance, self.library_error, strict=True) if e > max(d, 0.1)]
         if weak:
             reasons.append(
-                f"quantile {q:g}: the error of {self.library.independent} library windows is larger than the band at "
-                f"{weak[0]}" + (f" and {len(weak) - 1} more steps" if len(weak) > 1 else "")
+                f"quantile {q:g}: the error of {counted(self.library.independent, 'library window')} is larger than "
+                f"the band at {weak[0]}" + (f" and {counted(len(weak) - 1, 'more step')}" if len(weak) > 1 else "")
             )
         return tuple(reasons)
 

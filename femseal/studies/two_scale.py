@@ -7,7 +7,7 @@ from typing import ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from ..base import Array, InputError, Mapper, Shown, Stage
+from ..base import Array, InputError, Mapper, Shown, Stage, counted
 from ..base.fields import LINK1, LINK2, NODE, PIXEL, ROW, STEP, WINDOW, Field, declared
 from ..elements.elements import ELEMENT_BYTES
 from ..flow.percolation import percolates
@@ -338,7 +338,7 @@ def _wrongly_closed(fields: WindowFields, leakage: Array) -> tuple[str, ...]:
             if np.isfinite(q) and (q != 0) == flows != percolates(gap > 0)
         ]
         if names:
-            more = f" and {len(names) - 1} more steps" if len(names) > 1 else ""
+            more = f" and {counted(len(names) - 1, 'more step')}" if len(names) > 1 else ""
             warnings.append(
                 f"links are {said} at {names[0]}{more} where the gap of the whole face is still {other}: take "
                 'flow = "resolved"'

@@ -7,7 +7,7 @@ from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from ..base import FemsealError, InputError, made_folder
+from ..base import FemsealError, InputError, counted, made_folder
 from ..case.case import Case, read_case
 from ..execution import checkpoint
 from ..execution.lock import alone_in
@@ -73,7 +73,7 @@ def sweep(
         part, resume = checked_part(part), True
         first, end = own_items(part, count := len(cases))
         if not (cases := cases[first:end]):
-            raise InputError("part", f"{part[0]}/{part[1]} of {count} cases", "no more parts than cases")
+            raise InputError("part", f"{part[0]}/{part[1]} of {counted(count, 'case')}", "no more parts than cases")
     folder = Path(output)
     if folder.exists() and not folder.is_dir():
         raise InputError("output", f"'{folder}', which is a file", "a folder, or one that does not exist")
@@ -123,7 +123,7 @@ def sweep(
             found.write(folder, STEM)
         if failures:
             lines = "\n".join(failures)
-            text = f"sweep: {len(failures)} of {len(cases)} cases failed; --resume tries them again\n{lines}"
+            text = f"sweep: {len(failures)} of {counted(len(cases), 'case')} failed; --resume tries them again\n{lines}"
             raise FemsealError(text)
         if part is None:
             shutil.rmtree(folder / SHARED, ignore_errors=True)

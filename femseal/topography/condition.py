@@ -16,7 +16,7 @@ import scipy
 from numpy.typing import NDArray
 from scipy.fft import next_fast_len
 
-from ..base import InputError, Labelled, to_text, validate
+from ..base import InputError, Labelled, counted, to_text, validate
 from .defects import ALL_NEIGHBOURS, SPIKES, Form, TooManyUndefined, fit_form
 from .generate import PIXELS_PER_WAVE
 from .spectral import SLACK
@@ -94,13 +94,13 @@ class SpikeEffect:
         found = []
         if self.along_lay is not None:
             found.append(
-                f"{count} points called spikes are filled although they follow the lay ({self.along_lay:.0%} of "
+                f"spikes ({counted(count, 'point')}) are filled although they follow the lay ({self.along_lay:.0%} of "
                 "neighbours lie along it, scattered ones would by half): they may be part of the marks of machining"
             )
         if self.extreme is not None and self.extreme > _NOTABLE:
             found.append(
-                f"{self.extreme:.0%} of the highest or deepest points of the face hang on {count} points called "
-                "spikes, which are filled: so may contact and leakage"
+                f"{self.extreme:.0%} of the highest or deepest points of the face hang on "
+                f"spikes ({counted(count, 'point')}), which are filled: so may contact and leakage"
             )
         return [f"{text}; {_ADVICE}" for text in found]
 

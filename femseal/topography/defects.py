@@ -191,7 +191,7 @@ class TooManyUndefined(InputError):
         note = f"; {spikes} of them are spikes, which spikes=inf leaves alone" if spikes else ""
         raised = "or raise the fraction that may be filled (max_undefined)"
         expected = f"at most {100 * limit:.3g} %: {largest}, {raised}{note}"
-        super().__init__("undefined points", f"{100 * fraction:.3g} %", expected)
+        super().__init__("heights", f"{100 * fraction:.3g} % undefined points", expected)
 
     def __reduce__(self) -> tuple[Any, ...]:
         return type(self), (self.fraction, self.limit, self.part, self.spikes)

@@ -17,7 +17,7 @@ from zipfile import BadZipFile, ZipFile
 import numpy as np
 from numpy.typing import NDArray
 
-from ..base import InputError, free_memory, shortened, to_si
+from ..base import InputError, counted, free_memory, shortened, to_si
 from ..base.machine import within_free_memory
 
 _ESRI_KEYS = {"ncols", "nrows", "xllcorner", "xllcenter", "yllcorner", "yllcenter", "cellsize", "dx", "dy",
@@ -201,7 +201,7 @@ def _matrix(path: Path, rows: list[tuple[int, str]], delimiter: str | None) -> N
         fields = [row[:-1] for row in fields]
     for (at, _), row in zip(rows, fields, strict=True):
         if len(row) != len(fields[0]):
-            given = f"{len(row)} numbers in line {at} after {len(fields[0])} in line {rows[0][0]}"
+            given = f"{counted(len(row), 'number')} in line {at} after {len(fields[0])} in line {rows[0][0]}"
             raise bad_file(path, given, "lines of equal length: check the delimiter")
     return np.array([[_value(path, at, f) for f in row] for (at, _), row in zip(rows, fields, strict=True)])
 
@@ -228,7 +228,7 @@ def _esri(path: Path, rows: list[tuple[int, str]]) -> Raw:
     z = np.array([_value(path, at, token) for at, text in rows for token in text.split()])
     shape = int(header["nrows"]), int(header["ncols"])
     if z.size != shape[0] * shape[1]:
-        raise bad_file(path, f"{z.size} numbers", f"nrows × ncols = {shape[0]} × {shape[1]} of them")
+        raise bad_file(path, counted(z.size, "number"), f"nrows × ncols = {shape[0]} × {shape[1]} of them")
     z[z == header.get("nodata_value", -9999.0)] = np.nan
     return Raw(z.reshape(shape).T, spacing=(step2, step1))
 
