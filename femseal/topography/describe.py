@@ -140,6 +140,8 @@ _SERIES = (
 )
 #: Sections of the length λc over which Rz is averaged, where as many fit in.
 _SECTIONS = 5
+#: Standard deviation of a Gaussian filter [points] from which cosine transforms take less time than sums of neighbours.
+_WIDE = 4.0
 
 
 def roughness(flat: Topography) -> dict[str, Any]:
@@ -180,10 +182,16 @@ def _of_profiles(flat: Topography, axis: int) -> tuple[float, ...]:
 
 
 def _smooth(flat: Topography, z: NDArray, cut_off: float, axes: tuple[int, ...]) -> NDArray:
-    """Heights (n1, n2) [m] behind the Gaussian filter along axes; NaN without a cut-off."""
+    """Heights (n1, n2) [m] behind the Gaussian filter along axes, mirrored at the edges; NaN without a cut-off."""
+    if not cut_off > 0:
+        return np.full(z.shape, nan)
     for axis in axes:
-        deviation = sqrt(log(2) / 2) / pi * cut_off / flat.spacing[axis]
-        z = scipy.ndimage.gaussian_filter1d(z, deviation, axis, truncate=5.0) if cut_off > 0 else np.full(z.shape, nan)
+        n, deviation = z.shape[axis], sqrt(log(2) / 2) / pi * cut_off / flat.spacing[axis]
+        if deviation < _WIDE:
+            z = scipy.ndimage.gaussian_filter1d(z, deviation, axis, truncate=5.0)
+        else:
+            passed = np.exp(-0.5 * (pi * deviation * np.arange(n) / n) ** 2)
+            z = scipy.fft.idct(scipy.fft.dct(z, axis=axis) * np.expand_dims(passed, 1 - axis), axis=axis)
     return z
 
 
@@ -192,5 +200,5 @@ def _moments(z: NDArray) -> tuple[float, float, float]:
     z = z - z.mean(axis=-1, keepdims=True)
     rms = np.sqrt(np.mean(z**2, axis=-1))
     with np.errstate(invalid="ignore", divide="ignore"):
-        skewness = np.mean(z**3, axis=-1) / rms**3
+        skewness = np.mean(z * z * z, axis=-1) / rms**3  # a power takes ten times as long
     return float(np.mean(np.abs(z))), float(np.mean(rms)), float(np.mean(skewness))
