@@ -1,5 +1,6 @@
 """What the fluid does beside flowing: the part of the load that it carries, and capillary entry pressures."""
 
+import warnings
 from dataclasses import replace
 from math import inf, radians
 
@@ -55,6 +56,13 @@ def test_results_say_what_the_fluid_does(scene):
     for table in (opened.table(), totals_table(opened), sides):
         assert "open" in str(table)
         assert "failed" not in str(table)
+    two = replace(scene, loading=(1e6, 100e6), unload_from=(), unloading=())
+    single = fs.deterministic(two)
+    part = fs.ErrorPart.of("pixels", single.leakage, np.full(2, 0.1), np.full(2, 0.1), "")
+    budget = fs.ErrorBudget("deterministic", single.leakage, (part,), two.steps)
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        assemble(two, deterministic=single, budgets={"deterministic": budget}).plot()  # one load has a leakage
     numbers = [number.value for number in key_numbers(opened)]
     assert ("open" in numbers, "failed" in numbers) == (True, False)
     little = replace(scene, inlet_pressure=5e3)
