@@ -1,6 +1,7 @@
 """The error budget: grid convergence, parts and their combination."""
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -8,11 +9,11 @@ from numpy.testing import assert_allclose
 
 import femseal as fs
 from femseal import CoarserSolution, ErrorPart
-from femseal.budget.changes import on_all_steps
+from femseal.budget.changes import change_of_windows, on_all_steps
 from femseal.budget.estimates import median_interval
 from femseal.budget.grid_convergence import pixels_part
 from femseal.budget.waves import filter_part
-from femseal.loads import LoadProgramme
+from femseal.loads import LoadProgramme, LoadStep
 from femseal.preparation.preparation import prepare
 from femseal.refinement.coarser import at_some_steps, coarser_points
 from femseal.runs.forecast import describe, forecast
@@ -317,6 +318,13 @@ def test_two_scales_of_the_whole_face_are_looked_at_by_the_deterministic_one_on_
     assert contacts == {"error budget: contact of the whole face"}
     one, two = (results.budgets[name].widths()["pixels"] for name in ("deterministic", "two_scale"))
     assert_allclose(one, two, rtol=1e-6)
+
+
+def test_windows_that_are_closed_on_both_grids_change_nothing():
+    steps = LoadProgramme(LoadStep(p) for p in (1e6, 2e6, 3e6))
+    own = SimpleNamespace(steps=steps, k=np.array([[1.0, 0.0, 0.0], [2.0, 0.0, 0.0]]))
+    other = SimpleNamespace(steps=steps, k=np.array([[2.0, 0.0, 1.0], [4.0, 0.0, 0.0]]))
+    assert_allclose(change_of_windows(own, other, steps), [np.log(2), 0.0, np.nan])
 
 
 def test_windows_keep_eight_pixels_on_coarser_points():

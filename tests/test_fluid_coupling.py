@@ -281,6 +281,8 @@ class TestStudies:
             assert np.isnan(drawn.leakage[:, [0, 2]]).all()
             assert (drawn.leakage[:, 1] > 0).all()
             assert sum("open: the faces part below" in text for text in drawn.failures) == 2
+            assert np.isnan(drawn.median_seal.permeability[[0, 2]]).all()  # not solved
+            assert np.isfinite(drawn.median_seal.permeability[1]).all()
 
     def test_drawn_seals_stop_at_a_small_error(self, monkeypatch):
         one, sampling = scene(inlet_pressure=0.8 * 0.05 * H), Sampling(640e-6, 4, 8, 1, pressure="uniform")

@@ -1,5 +1,6 @@
 """What the fluid does beside flowing: the part of the load that it carries, and capillary entry pressures."""
 
+import warnings
 from dataclasses import replace
 from math import inf, radians
 
@@ -10,7 +11,9 @@ from numpy.testing import assert_allclose
 import femseal as fs
 from femseal.contact import HalfSpace, solve_contact
 from femseal.fluids import capillary_entry_pressure
+from femseal.report.leakage_tables import key_numbers
 from femseal.results.dataset import assemble
+from femseal.results.tables import totals_table
 
 WATER = fs.Liquid(1e-3, surface_tension=0.073, contact_angle=radians(120))
 
@@ -46,8 +49,22 @@ def test_results_say_what_the_fluid_does(scene):
     assert_allclose(data["fluid_carried_pressure"].values, study.carried_pressure)
     assert data.attrs["fluid_effect"].startswith("it presses the faces apart, and carries about 20 MPa")
     parted = replace(scene, inlet_pressure=200e6)
-    warned = assemble(parted, deterministic=fs.deterministic(parted)).warnings
-    assert any("the fluid carries all: the faces part below about 100 MPa" in text for text in warned)
+    opened = assemble(parted, deterministic=fs.deterministic(parted))
+    assert any("the fluid carries all: the faces part below about 100 MPa" in text for text in opened.warnings)
+    sides = fs.compare({"open": opened, "shut": assemble(scene, deterministic=study)}).table()
+    assert opened.open_steps
+    for table in (opened.table(), totals_table(opened), sides):
+        assert "open" in str(table)
+        assert "failed" not in str(table)
+    two = replace(scene, loading=(1e6, 100e6), unload_from=(), unloading=())
+    single = fs.deterministic(two)
+    part = fs.ErrorPart.of("pixels", single.leakage, np.full(2, 0.1), np.full(2, 0.1), "")
+    budget = fs.ErrorBudget("deterministic", single.leakage, (part,), two.steps)
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        assemble(two, deterministic=single, budgets={"deterministic": budget}).plot()  # one load has a leakage
+    numbers = [number.value for number in key_numbers(opened)]
+    assert ("open" in numbers, "failed" in numbers) == (True, False)
     little = replace(scene, inlet_pressure=5e3)
     assert "left out" in assemble(little, deterministic=fs.deterministic(little)).dataset.attrs["fluid_effect"]
 

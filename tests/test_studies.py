@@ -856,6 +856,7 @@ class TestErrorOfTheLibrary:
                 kinds=((table, none),),
                 sampling=replace(SAMPLING, sampler="history"),
                 at=TablePressures((0.0,)),
+                unsolved=frozenset(),
                 independent=1 / copies,
                 first=np.arange(1),
             ).leakage

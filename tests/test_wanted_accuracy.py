@@ -199,7 +199,7 @@ class TestRefining:
         drawn["cells"] = {"count": [2, 2]}
         settings, change = self.change(drawn, "realisations")
         assert change.settings == replace(settings, realisations=80)
-        assert "all 4 windows of the face" in self.change(drawn, "library")[1].text
+        assert "all windows of the face, 4" in self.change(drawn, "library")[1].text
         drawn["stochastic"] = drawn["stochastic"] | {"library_cells": 2}
         assert "stochastic.library_cells is given" in self.change(drawn, "library")[1].text
 

@@ -60,7 +60,7 @@ def change_of_windows(own: LibraryTable, other: LibraryTable, steps: LoadProgram
     """Change of ln(leakage) at steps from the windows of a library to the same windows solved otherwise (steps,).
 
     It is the median change of ln(k) of the windows that are open in both, at the step where both libraries have it,
-    else on loading at its nominal pressure; NaN where all are closed.
+    else on loading at its nominal pressure; 0 where all are closed in both, NaN where in one.
     """
     count = min(len(own.k), len(other.k))
     wanted = _log_loads(steps, [*range(len(steps))])
@@ -76,8 +76,10 @@ def change_of_windows(own: LibraryTable, other: LibraryTable, steps: LoadProgram
             logs.append(np.array([np.interp(wanted, at, row) for row in ln_k[:, loading]]))
     with np.errstate(invalid="ignore"):
         change = logs[1] - logs[0]
+    shut = np.isneginf(logs).all(axis=(0, 1))
     finite = [column[np.isfinite(column)] for column in change.T]
-    return np.array([float(np.median(column)) if column.size else np.nan for column in finite])
+    medians = [float(np.median(column)) if column.size else np.nan for column in finite]
+    return np.where(shut, 0.0, medians)
 
 
 def _log_loads(steps: LoadProgramme, places: list[int]) -> Array:

@@ -50,12 +50,13 @@ def load_axis(axes: Axes, loads: Array, *, logarithmic: bool = False) -> None:
         return
     positive = loads[loads > 0]
     margin = 0.03 * (places[-1] - places[0])
+    # before the scale, which would look for ends itself and warn where a single load has a value
+    left = loads[0] / 10**margin if loads[0] > 0 else -positive[0] * margin / _ZERO_DECADES
+    axes.set_xlim(left, loads[-1] * 10**margin)
     if loads[0] > 0:
         axes.set_xscale("log")
-        axes.set_xlim(loads[0] / 10**margin, loads[-1] * 10**margin)
     else:
         axes.set_xscale("symlog", linthresh=positive[0], linscale=_ZERO_DECADES, subs=[])
-        axes.set_xlim(-positive[0] * margin / _ZERO_DECADES, loads[-1] * 10**margin)
     # from both ends inwards, so that the least and the highest load have a label
     kept: list[int] = []
     for n in sorted(range(loads.size), key=lambda n: (min(n, loads.size - 1 - n) > 0, -n)):

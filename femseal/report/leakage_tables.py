@@ -16,7 +16,7 @@ from ..base import TextTable, format_deviation, read_plain, to_text
 from ..base.leak_rates import LeakUnit, within
 from ..results.run_data import RunData
 from ..results.selections import branches_in
-from ..results.tables import class_unit, format_error_band, format_leakage, in_several_units
+from ..results.tables import class_unit, format_error_band, format_leakage, in_several_units, leakage_at
 from .case_text import fluid_text
 
 if TYPE_CHECKING:
@@ -39,7 +39,7 @@ def key_numbers(results: RunData) -> list[KeyNumber]:
     peak = results.peak
     numbers, budget = [], results.budget
     for s in dict.fromkeys((peak, 0, len(steps) - 1)):
-        value = format_leakage(leakage[s], factor)
+        value = leakage_at(results, s, factor)
         value += f" {unit.name}" if leakage[s] and not np.isnan(leakage[s]) else ""
         note = ""
         if budget is not None:

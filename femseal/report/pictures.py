@@ -27,7 +27,7 @@ from ..plots.maps import (
 )
 from ..results.results import Results
 from ..results.selections import solved_steps
-from ..results.tables import format_leakage, has_lengths, leakage_of
+from ..results.tables import has_lengths, leakage_at, leakage_of
 from ..topography import Topography
 from .error_tables import most_leaking_place
 
@@ -118,11 +118,11 @@ def place_picture(results: Results, drawings: Drawings) -> Picture:
 
 def leakage_picture(results: Results, drawings: Drawings) -> Picture:
     """Leakage over load with its bands."""
-    steps, leakage = results.steps, results.leakage.values
+    steps = results.steps
     unit, factor = results.leak_scale
     peak = max(range(len(steps)), key=lambda s: steps[s].pressure)
     places = dict.fromkeys((0, peak, len(steps) - 1))
-    texts = [f"{format_leakage(leakage[s], factor)} at {steps[s].name}" for s in places]
+    texts = [f"{leakage_at(results, s, factor)} at {steps[s].name}" for s in places]
     what = leakage_of(results).capitalize()
     alt = f"{what} in {unit.name} against nominal pressure: {', '.join(texts)}. See the table for all."
     caption = "Leakage against nominal pressure, one line and marker for each branch of the load cycle."

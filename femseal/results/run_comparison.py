@@ -28,7 +28,7 @@ from ..loads import LoadStep
 from ..studies.load_curves import closing_load
 from .dataset import open_results
 from .results import Results
-from .tables import format_leakage
+from .tables import leakage_at
 
 #: Ends of the band of realisations, where a run has them.
 BAND = ("leakage_lower", "leakage_upper")
@@ -152,7 +152,7 @@ class RunComparison(Plotted):
         ]
 
     def _cell(self, run: int, step: int) -> str:
-        text = format_leakage(float(self.leakage(run)[step]), 1.0)
+        text = leakage_at(self.runs[run], step, self.runs[run].leak_basis.factor(self.unit))
         if self.common_steps:
             return text
         return f"{text} ({to_text(self.runs[run].steps[step].pressure, 'Pa', 3)})"

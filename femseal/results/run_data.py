@@ -281,6 +281,12 @@ class RunData:
         return json.loads(self.dataset.attrs["failures"])
 
     @property
+    def open_steps(self) -> list[int]:
+        """Numbers of the steps without leakage at which the fluid carries all of the load, so that the seal is open."""
+        names, failures = self.dataset["name"].values, self.failures
+        return [s for s, name in enumerate(names) if any(f"{name}: open: " in text for text in failures)]
+
+    @property
     def left_out(self) -> list[str]:
         """Files that were not written to the folder, with the reason, one line each; empty if there are none."""
         return json.loads(self.dataset.attrs.get("left_out", "[]"))

@@ -112,8 +112,8 @@ def leakage_table(run: RunData) -> TextTable:
         columns.append((f"test fluid [{test.name}]", texts))
     if "leak_class" in data.coords:
         columns.append(("class", run.classes))
-    title = f"{leakage_of(run)} in {unit.name}"
-    return TextTable.of_columns(title, columns, grouped=True, wrap=_HEADING)
+    title, shown = f"{leakage_of(run)} in {unit.name}", [(head, _of_steps(run, texts)) for head, texts in columns]
+    return TextTable.of_columns(title, shown, grouped=True, wrap=_HEADING)
 
 
 def totals_table(run: RunData) -> TextTable:
@@ -121,7 +121,8 @@ def totals_table(run: RunData) -> TextTable:
     basis, own = run.leak_basis, run.leak_unit.name
     units = basis.units(USUAL_UNITS if own in USUAL_UNITS else [*USUAL_UNITS, own])
     columns = [
-        (unit.name, [format_leakage(float(q), basis.factor(unit)) for q in run.leakage.values]) for unit in units
+        (unit.name, _of_steps(run, [format_leakage(float(q), basis.factor(unit)) for q in run.leakage.values]))
+        for unit in units
     ]
     return TextTable.of_columns("leakage in several units", [*_loads(run.dataset), *columns], grouped=True)
 
@@ -156,6 +157,17 @@ def in_several_units(run: RunData, step: int) -> str:
         return ""
     units = [unit for unit in basis.units() if not unit.per_length]
     return " = ".join(f"{format_leakage(leakage, basis.factor(unit))} {unit.name}" for unit in units)
+
+
+def leakage_at(run: RunData, step: int, factor: float) -> str:
+    """The leakage at a step in the unit `factor`, see `format_leakage`; "open" where the fluid carries all."""
+    return _of_steps(run, [format_leakage(q, factor) for q in run.leakage.values])[step]
+
+
+def _of_steps(run: RunData, texts: Iterable[str]) -> list[str]:
+    """Texts over the steps, "open" for "failed" where the fluid carries all of the load."""
+    open_steps = run.open_steps
+    return ["open" if text == "failed" and s in open_steps else text for s, text in enumerate(texts)]
 
 
 def _cells(variable: xarray.DataArray, factor: float) -> list[str]:

@@ -277,10 +277,9 @@ class ElementWindows:
         power = -float(area @ (flux * gradient).sum(axis=1))
         return flux * (abs(rate) * np.ptp(potential[np.isfinite(potential)]) / power if power > 0 else 0.0)
 
-    @property
-    def unknowns(self) -> tuple[int, int]:
-        """Rows and columns of a network that takes about as much work."""
-        side = max(1, round(np.sqrt(10 * len(self.lay) + 0.1 * self.draws[0][1])))
+    def unknowns(self, pressures: int = 1) -> tuple[int, int]:
+        """Rows and columns of a network that takes about as much work, windows being joined at each fluid pressure."""
+        side = max(1, round(np.sqrt(10 * len(self.lay) + 0.1 * pressures * self.draws[0][1])))
         return side, side
 
     def __str__(self) -> str:

@@ -99,9 +99,8 @@ class LinkWindows:
         rows = (across[:-1] + across[1:]) / 2
         return (along + (rows + np.roll(rows, 1, axis=1)) / 2).reshape(-1, 2)
 
-    @property
-    def unknowns(self) -> tuple[int, int]:
-        """Rows and columns of the network."""
+    def unknowns(self, pressures: int = 1) -> tuple[int, int]:
+        """Rows and columns of the network, whatever the number of fluid pressures at which windows are drawn."""
         return self.seal.cells
 
     def __str__(self) -> str:

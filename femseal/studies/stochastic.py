@@ -165,6 +165,7 @@ def _of_windows(
     library = supply.library
     kinds = tuple(_for(seal_windows, tables) for tables in supply.tables)
     shared: dict[str, Any] = {"scene": scene, "seal_windows": seal_windows, "sampling": sampling, "at": supply.at}
+    shared["unsolved"] = frozenset(s for s, _ in supply.unsolved)
     independent = library.independent / library.size
     first = first_equal_draws(kinds, scene.steps, sampling.sampler_of_links)
     stage = Stage("drawn seals", partial(_realise, **shared, kinds=kinds, independent=independent, first=first))
@@ -267,10 +268,11 @@ def _realise(
     kinds: tuple[Tables, ...],
     sampling: Sampling,
     at: TablePressures,
+    unsolved: frozenset[int],
     independent: float,
     first: NDArray[np.int64],
 ) -> Realisation:
-    """Draw one seal and solve its flow at every step.
+    """Draw one seal and solve its flow at every step but those without leakage, `unsolved`.
 
     The same random numbers draw the same windows from each kind of tables. Each kind has a table for every pressure of
     `at`. windows : True draws a new library from the library, and numbers of places take their windows alone; then
@@ -290,6 +292,8 @@ def _realise(
             seal_windows, kinds[kind * pressures : (kind + 1) * pressures], sampling, realisation, at
         )
         for s, step in enumerate(steps):
+            if s in unsolved:
+                continue
             if first[s] < s:
                 leakage[kind, s] = leakage[kind, first[s]]
                 continue

@@ -102,12 +102,13 @@ def median_seal(
     kinds: tuple[Tables, ...],
     sampling: Sampling,
     at: TablePressures,
+    unsolved: frozenset[int],
 ) -> MedianSeal:
-    """Draw a realisation again and solve its flow at every step; kinds as in `drawn_permeability`."""
+    """Draw a realisation again and solve its flow at every step but `unsolved`; kinds as in `drawn_permeability`."""
     permeability = drawn_permeability(seal_windows, kinds, sampling, realisation, at)
     outlines = seal_windows.outlines
     k, p, flux = (np.full((len(scene.steps), len(outlines), *plane), np.nan) for plane in ((), (), (2,)))
-    for s in range(len(scene.steps)):
+    for s in sorted({*range(len(scene.steps))} - unsolved):
         given = permeability(s)
         found = attempt(scene.leakage, seal_windows.seal, given, DRAWN_RTOL)
         if not isinstance(found, Failed):

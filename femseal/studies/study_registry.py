@@ -9,6 +9,7 @@ from ..base import Array, Mapper
 from ..windows import Partition
 from .costs import Effort, count_pressures, deterministic_cost, stochastic_cost, two_scale_cost
 from .deterministic import DeterministicResult, deterministic
+from .ladder_windows import FLUID_PRESSURES
 from .sampling_options import Sampling, lay_out_windows
 from .scene import Scene
 from .stochastic import stochastic
@@ -123,9 +124,10 @@ def _cost_stochastic(
     every = lay_out_windows(
         scene.layout, Partition(points, (surface.size[0] / n1, surface.size[1] / n2), cells), sampling
     )
-    # seals of all lengths take the work of one as long as all of them together
-    seal = every[0].unknowns[0], sum(seal_windows.unknowns[1] for seal_windows in every)
     pressures, acts, places = count_pressures(scene), scene.acting_fluid is not None, len(surface.each)
+    networks = [windows.unknowns(FLUID_PRESSURES if acts and pressures == 1 else pressures) for windows in every]
+    # seals of all lengths take the work of one as long as all of them together
+    seal = networks[0][0], sum(columns for _, columns in networks)
     return stochastic_cost(efforts, points, cells, sampling, seal, options.contact, pressures, acts, places)
 
 
