@@ -55,15 +55,20 @@ def windows_under_global_contact(wanted: WindowRequest) -> WindowSupply:
     p, p_across, gap, gap_across = (np.array(values) for values in zip(*states, strict=True))
     peaks_of_library = library_peaks([pressure.reshape(len(pressure), -1) for pressure in (p, p_across)], scene.steps)
     library = _library(wanted, float(p.max()), apart=True, peaks=peaks_of_library)
-    # the standoff of the whole body separates windows without pressure from the face
+    # the standoff of the body separates it from the face, on unloading that of all windows that held it at the peak
     peaks = scene.steps.peak_indices
-    load = p.sum(axis=(1, 2))
-    own = library.loaded("standoff", p) - library.flattening(p, p[peaks])
-    standoff = np.divide((p * own).sum(axis=(1, 2)), load, out=np.zeros_like(load), where=load > 0)
+    weight = p[peaks]
+    load = weight.sum(axis=(1, 2))
+    own = library.loaded("standoff", p) - library.flattening(p, weight)
+    standoff = np.divide((weight * own).sum(axis=(1, 2)), load, out=own[:, 0, 0].copy(), where=load > 0)
     links = []
-    for axis, (pressure, distance) in enumerate(((p, gap), (p_across, gap_across))):
+    for axis, (touching, between) in enumerate(((p, gap), (p_across, gap_across))):
+        distance = between + standoff[:, None, None]
+        # a window that hardly touches does not lift off the body: its asperities carry what they do at that distance
+        peak = library.held(touching[peaks], touching[peaks], distance[peaks])
+        pressure = library.held(touching, peak, distance)
         # the plastic deformation of a peak widens their gap
-        gaps = distance + standoff[:, None, None] + library.loaded("plastic_deformation", pressure[peaks])
+        gaps = distance + library.loaded("plastic_deformation", pressure[peaks])
         path = np.arange(m1 - axis)[:, None] * m2 + np.arange(n2) % m2
         flat = (len(pressure), (m1 - axis) * m2)
         links.append(_LinkPaths(pressure.reshape(flat), gaps.reshape(flat), path))
