@@ -97,16 +97,19 @@ def windows_under_uniform_pressure(wanted: WindowRequest) -> WindowSupply:
         pressure = nominal * paths
         links.append(_LinkPaths(pressure, np.full(pressure.shape, -np.inf), number.reshape(seal_windows.draws[axis])))
     at, fluid = _table_pressures(scene), scene.acting_fluid
-    relief = np.zeros(len(at.pressures))
+    relief, middle = np.zeros(len(at.pressures)), 0.0
     if fluid is not None:  # with several inlets the mean stands for every place
         relief = fluid.relief(at.pressures if relief.size > 1 else [fluid.mean])
+        middle = float(fluid.relief(fluid.mean))
     highest = float(max(link.pressure.max(initial=0) for link in links) - relief.min())
-    if all(np.all(s == 1) for s in fractions) and not relief.any():
-        library = _library(wanted, highest, exact=scene.steps.loading, peaks=scene.steps.unload_from)
-    else:
+    # windows are solved at the pressures that those in the middle of the seal bear
+    even = all(np.all(s == 1) for s in fractions)
+    exact = tuple(max(p - middle, 0.0) for p in scene.steps.loading) if even else ()
+    peaks = scene.steps.unload_from
+    if not even or relief.any():
         ends = (float(relief.min()), float(relief.max()))
-        effective = [np.maximum(link.pressure - by, 0.0) for link in links for by in ends]
-        library = _library(wanted, highest, peaks=library_peaks(effective, scene.steps))
+        peaks = library_peaks([np.maximum(link.pressure - by, 0.0) for link in links for by in ends], scene.steps)
+    library = _library(wanted, highest, exact=exact, peaks=peaks)
     seat = pressure_map if isinstance(pressure_map, SeatRows) else None
     return replace(_supply(library, links, wanted, at, relief), seat=seat)
 
