@@ -111,16 +111,8 @@ class WindowSource:
         """Digest of all that the response of window n depends on, except the loading pressures and the peaks."""
         body = self.half_space
         settings = [FORMAT, body.shape, body.spacing, body.modulus, body.boundary, self.law.key()]
-        settings += [
-            self.flow.solver,
-            self.flow.discretisation,
-            self.seed,
-            self.rtol,
-            ladder.stops,
-            ladder.separations,
-            ladder.closing_rtol,
-            ladder.bounds,
-        ]
+        settings += [self.flow.solver, self.flow.discretisation, self.seed, self.rtol]
+        settings += [ladder.stops, ladder.separations, ladder.closing_rtol, ladder.bounds]
         settings += ladder.drop.key
         digest = hashlib.sha256(json.dumps(settings).encode())
         for topography in self.topographies:
