@@ -188,6 +188,26 @@ def test_fields_are_those_of_one_realisation(strip):
     assert np.corrcoef(pressure[1], data["drawn_permeability"].values[1])[0, 1] < 0
 
 
+def test_seals_under_a_global_contact_leak_less_under_every_higher_load_and_more_when_relieved():
+    """Windows that only began to touch lifted off the body, and relieved ones sank to where the deepest pressed lie."""
+    face = STRIP["face"] | {"rms_slope": 0.05}
+    steps = ["10 MPa", "30 MPa", "50 MPa", "100 MPa", "200 MPa", "250 MPa", "300 MPa"]
+    load = {"loading": ["0 MPa", *steps], "unload_from": ["300 MPa"], "unloading": [*steps[-2::-1], "0 MPa"]}
+    for points, cells in (([32, 64], [2, 4]), ([64, 128], [4, 8])):
+        drawn = {"length": "600 um", "realisations": 8, "library_cells": 8, "pressure": "global"}
+        case = STRIP | {
+            "face": face | {"points": points},
+            "load": load,
+            "cells": {"count": cells},
+            "contact": {"boundary": ["mirror", "periodic"], "fluid_pressure": "ignored"},
+            "stochastic": drawn,
+            "output": {"pictures": False, "budget": False},
+        }
+        loading, unloading = np.split(fs.run(parse_case(case), workers=1).stochastic.leakage, [8], axis=1)
+        assert (loading[:, 1:] < loading[:, :-1]).all()
+        assert (unloading[:, 1:] > unloading[:, :-1]).all()
+
+
 # --- chains of runs ----------------------------------------------------------------------------------------
 
 DEFAULT = {"stochastic": {"length": "480 um", "realisations": 5, "library_cells": 8}}

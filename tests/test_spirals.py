@@ -8,6 +8,7 @@ from numpy.testing import assert_allclose
 from scipy.integrate import quad
 
 import femseal as fs
+from femseal.case.case import parse_case
 from femseal.flow.edge_flow import cell_stencil
 from femseal.flow.grid import Grid
 from femseal.flow.law import cubic_law
@@ -331,3 +332,40 @@ def test_a_measured_face_with_grooves_is_asked_whether_they_wind(tmp_path, lay, 
 def test_bad_spirals(make, text):
     with pytest.raises(fs.InputError, match=text):
         make()
+
+
+def test_a_seal_that_leaks_along_its_grooves_alone_has_a_band():
+    """Where all windows are closed across, the change of their permeability to fewer pixels is not known."""
+    case = {
+        "method": "stochastic",
+        "seed": 77,
+        "face": {
+            "kind": "turned",
+            "points": [96, 64],
+            "size": ["57.6 um", "38.4 um"],
+            "pitch": "19.2 um",
+            "depth": "0.817 um",
+            "feed_error": 0.03,
+            "depth_error": 0.1,
+            "roughness": "0.2 um",
+            "roughness_roll_off": "19.2 um",
+        },
+        "material": {"young": "200 GPa", "hardness": "2.4 GPa"},
+        "load": {"loading": ["200 MPa", "300 MPa", "500 MPa"]},
+        "contact": {"fluid_pressure": "ignored"},
+        "fluid": {"kind": "liquid", "viscosity": "1 mPa*s", "inlet_pressure": "1 MPa"},
+        "seat": {"kind": "tilted", "tilt": "0.3 deg"},
+        "cells": {"count": [2, 4]},
+        "stochastic": {
+            "length": "230.4 um",
+            "realisations": 2,
+            "library_cells": 6,
+            "pressure": "uniform",
+            "breadth": "115.2 um",
+        },
+        "output": {"pictures": False},
+    }
+    results = fs.run(parse_case(case), workers=1)
+    assert (results.leakage > 0).all()
+    assert (results.budget.upper > results.leakage.values).all()
+    assert (results.budget.lower < results.leakage.values).all()

@@ -32,6 +32,8 @@ from .ladder import Ladder, LibrarySummary, WindowStates, merge, restrict, solve
 FORMAT = 3
 #: Relative distance of two pressures that are the same but for rounding.
 _EQUAL = 1e-6
+#: Halvings of an interval of pressures.
+_HALVINGS = 40
 #: Key of the random stream of windows, far from those of the realisations.
 WINDOW_STREAM = 2**32 - 1
 
@@ -109,16 +111,8 @@ class WindowSource:
         """Digest of all that the response of window n depends on, except the loading pressures and the peaks."""
         body = self.half_space
         settings = [FORMAT, body.shape, body.spacing, body.modulus, body.boundary, self.law.key()]
-        settings += [
-            self.flow.solver,
-            self.flow.discretisation,
-            self.seed,
-            self.rtol,
-            ladder.stops,
-            ladder.separations,
-            ladder.closing_rtol,
-            ladder.bounds,
-        ]
+        settings += [self.flow.solver, self.flow.discretisation, self.seed, self.rtol]
+        settings += [ladder.stops, ladder.separations, ladder.closing_rtol, ladder.bounds]
         settings += ladder.drop.key
         digest = hashlib.sha256(json.dumps(settings).encode())
         for topography in self.topographies:
@@ -236,13 +230,29 @@ class LadderLibrary(Shown):
         for m, top in enumerate(cell.peaks):
             virgin = np.interp(np.cbrt(top * stops), np.cbrt(cell.pressure), cell.standoff)
             left = np.array([virgin[-1], *cell.standoff_unloading[m]])[::-1]
-            taken.append(np.interp(fraction, stops, virgin - left))
+            taken.append(np.interp(np.cbrt(fraction), np.cbrt(stops), virgin - left))
         knots = np.r_[0.0, cell.peaks]
         upper = np.clip(np.searchsorted(knots, peak), 1, knots.size - 1)
         weight = np.clip((peak - knots[upper - 1]) / (knots[upper] - knots[upper - 1]), 0, 1)
         stack = np.array(taken)
         low, high = (np.take_along_axis(stack, n[None], axis=0)[0] for n in (upper - 1, upper))
         return (1 - weight) * low + weight * high
+
+    def held(self, pressure: Array, peak: Array, distance: Array) -> Array:
+        """Mean pressures of windows at a distance of the mean planes [m], by the mean standoff; the given where higher.
+
+        pressure : the given ones [Pa]. peak : those from which windows are unloaded, where they are above them [Pa].
+        """
+        held = pressure.copy()
+        light = self.loaded("standoff", pressure) - self.flattening(pressure, peak) > distance
+        low, peak, distance = held[light], peak[light], distance[light]
+        high = np.where(peak > low, peak, max(window.pressure[-1] for window in self.windows))
+        for _ in range(_HALVINGS if low.size else 0):
+            middle = (low + high) / 2
+            far = self.loaded("standoff", middle) - self.flattening(middle, np.maximum(peak, middle)) > distance
+            low, high = np.where(far, middle, low), np.where(far, high, middle)
+        held[light] = high
+        return held
 
     def along(self, paths: Array, gaps: Array, steps: LoadProgramme, axis: int, kind: int = 0) -> Array:
         """Permeability of every cell along every path: (steps, paths, cells) [m³].

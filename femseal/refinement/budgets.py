@@ -184,7 +184,9 @@ def against(result: Any, coarse: Prepared, found: Any) -> CoarserSolution:
         return CoarserSolution(points, steps, found.leakage, result.leakage_of_face[places])
     own = leakage_of(result)[places]
     change = change_of_windows(result.library.curves, found.library.curves, steps)
-    return CoarserSolution(points, steps, own * np.exp(change), own)
+    # a seal may leak where all windows are closed across: along its grooves, or where it is pressed less
+    coarser = np.where(np.isnan(change) & (own > 0), leakage_of(found), own * np.exp(change))
+    return CoarserSolution(points, steps, coarser, own)
 
 
 def _links_compared(coarse: Prepared, found: Mapping[str, Any]) -> CoarserSolution | None:

@@ -55,15 +55,20 @@ def windows_under_global_contact(wanted: WindowRequest) -> WindowSupply:
     p, p_across, gap, gap_across = (np.array(values) for values in zip(*states, strict=True))
     peaks_of_library = library_peaks([pressure.reshape(len(pressure), -1) for pressure in (p, p_across)], scene.steps)
     library = _library(wanted, float(p.max()), apart=True, peaks=peaks_of_library)
-    # the standoff of the whole body separates windows without pressure from the face
+    # the standoff of the body separates it from the face, on unloading that of all windows that held it at the peak
     peaks = scene.steps.peak_indices
-    load = p.sum(axis=(1, 2))
-    own = library.loaded("standoff", p) - library.flattening(p, p[peaks])
-    standoff = np.divide((p * own).sum(axis=(1, 2)), load, out=np.zeros_like(load), where=load > 0)
+    weight = p[peaks]
+    load = weight.sum(axis=(1, 2))
+    own = library.loaded("standoff", p) - library.flattening(p, weight)
+    standoff = np.divide((weight * own).sum(axis=(1, 2)), load, out=own[:, 0, 0].copy(), where=load > 0)
     links = []
-    for axis, (pressure, distance) in enumerate(((p, gap), (p_across, gap_across))):
+    for axis, (touching, between) in enumerate(((p, gap), (p_across, gap_across))):
+        distance = between + standoff[:, None, None]
+        # a window that hardly touches does not lift off the body: its asperities carry what they do at that distance
+        peak = library.held(touching[peaks], touching[peaks], distance[peaks])
+        pressure = library.held(touching, peak, distance)
         # the plastic deformation of a peak widens their gap
-        gaps = distance + standoff[:, None, None] + library.loaded("plastic_deformation", pressure[peaks])
+        gaps = distance + library.loaded("plastic_deformation", pressure[peaks])
         path = np.arange(m1 - axis)[:, None] * m2 + np.arange(n2) % m2
         flat = (len(pressure), (m1 - axis) * m2)
         links.append(_LinkPaths(pressure.reshape(flat), gaps.reshape(flat), path))
@@ -92,16 +97,19 @@ def windows_under_uniform_pressure(wanted: WindowRequest) -> WindowSupply:
         pressure = nominal * paths
         links.append(_LinkPaths(pressure, np.full(pressure.shape, -np.inf), number.reshape(seal_windows.draws[axis])))
     at, fluid = _table_pressures(scene), scene.acting_fluid
-    relief = np.zeros(len(at.pressures))
+    relief, middle = np.zeros(len(at.pressures)), 0.0
     if fluid is not None:  # with several inlets the mean stands for every place
         relief = fluid.relief(at.pressures if relief.size > 1 else [fluid.mean])
+        middle = float(fluid.relief(fluid.mean))
     highest = float(max(link.pressure.max(initial=0) for link in links) - relief.min())
-    if all(np.all(s == 1) for s in fractions) and not relief.any():
-        library = _library(wanted, highest, exact=scene.steps.loading, peaks=scene.steps.unload_from)
-    else:
+    # windows are solved at the pressures that those in the middle of the seal bear
+    even = all(np.all(s == 1) for s in fractions)
+    exact = tuple(max(p - middle, 0.0) for p in scene.steps.loading) if even else ()
+    peaks = scene.steps.unload_from
+    if not even or relief.any():
         ends = (float(relief.min()), float(relief.max()))
-        effective = [np.maximum(link.pressure - by, 0.0) for link in links for by in ends]
-        library = _library(wanted, highest, peaks=library_peaks(effective, scene.steps))
+        peaks = library_peaks([np.maximum(link.pressure - by, 0.0) for link in links for by in ends], scene.steps)
+    library = _library(wanted, highest, exact=exact, peaks=peaks)
     seat = pressure_map if isinstance(pressure_map, SeatRows) else None
     return replace(_supply(library, links, wanted, at, relief), seat=seat)
 
