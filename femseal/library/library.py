@@ -238,21 +238,21 @@ class LadderLibrary(Shown):
         low, high = (np.take_along_axis(stack, n[None], axis=0)[0] for n in (upper - 1, upper))
         return (1 - weight) * low + weight * high
 
-    def held(self, pressure: Array, peak: Array, distance: Array) -> Array:
+    def pressure_at(self, pressure: Array, peak: Array, distance: Array) -> Array:
         """Mean pressures of windows at a distance of the mean planes [m], by the mean standoff; the given where higher.
 
         pressure : the given ones [Pa]. peak : those from which windows are unloaded, where they are above them [Pa].
         """
-        held = pressure.copy()
+        found = pressure.copy()
         light = self.loaded("standoff", pressure) - self.flattening(pressure, peak) > distance
-        low, peak, distance = held[light], peak[light], distance[light]
+        low, peak, distance = found[light], peak[light], distance[light]
         high = np.where(peak > low, peak, max(window.pressure[-1] for window in self.windows))
         for _ in range(_HALVINGS if low.size else 0):
             middle = (low + high) / 2
             far = self.loaded("standoff", middle) - self.flattening(middle, np.maximum(peak, middle)) > distance
             low, high = np.where(far, middle, low), np.where(far, high, middle)
-        held[light] = high
-        return held
+        found[light] = high
+        return found
 
     def along(self, paths: Array, gaps: Array, steps: LoadProgramme, axis: int, kind: int = 0) -> Array:
         """Permeability of every cell along every path: (steps, paths, cells) [m³].

@@ -55,7 +55,7 @@ def windows_under_global_contact(wanted: WindowRequest) -> WindowSupply:
     p, p_across, gap, gap_across = (np.array(values) for values in zip(*states, strict=True))
     peaks_of_library = library_peaks([pressure.reshape(len(pressure), -1) for pressure in (p, p_across)], scene.steps)
     library = _library(wanted, float(p.max()), apart=True, peaks=peaks_of_library)
-    # the standoff of the body separates it from the face, on unloading that of all windows that held it at the peak
+    # the standoff of the body separates it from the face, on unloading that of all windows that bore it at the peak
     peaks = scene.steps.peak_indices
     weight = p[peaks]
     load = weight.sum(axis=(1, 2))
@@ -65,8 +65,8 @@ def windows_under_global_contact(wanted: WindowRequest) -> WindowSupply:
     for axis, (touching, between) in enumerate(((p, gap), (p_across, gap_across))):
         distance = between + standoff[:, None, None]
         # a window that hardly touches does not lift off the body: its asperities carry what they do at that distance
-        peak = library.held(touching[peaks], touching[peaks], distance[peaks])
-        pressure = library.held(touching, peak, distance)
+        peak = library.pressure_at(touching[peaks], touching[peaks], distance[peaks])
+        pressure = library.pressure_at(touching, peak, distance)
         # the plastic deformation of a peak widens their gap
         gaps = distance + library.loaded("plastic_deformation", pressure[peaks])
         path = np.arange(m1 - axis)[:, None] * m2 + np.arange(n2) % m2
