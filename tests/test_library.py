@@ -527,15 +527,15 @@ class TestLibrary:
         expected = np.mean([c.standoff[0] - c.standoff_unloading[1, -1] for c in library.windows])
         assert_allclose(left[2], expected)
 
-    def test_held(self, source):
+    def test_pressure_at_a_distance(self, source):
         """Windows at their own standoff have the pressure that gives it, on loading and from a peak; no other is lower."""
         library = build_ladder_library(source, LADDER, 2)
         pressure, peak = np.array([5e7, 2e8, 5e7, 2e8]), np.array([0.0, 0.0, 8e8, 8e8])
         standoff = library.loaded("standoff", pressure) - library.flattening(pressure, np.maximum(peak, pressure))
         for given in (np.zeros(4), pressure):
-            assert_allclose(library.held(given, peak, standoff), pressure, rtol=1e-9)
-        assert_array_equal(library.held(pressure, peak, np.full(4, 1.0)), pressure)
-        assert_array_equal(library.held(pressure, peak, np.full(4, -1.0)), [8e8] * 4)
+            assert_allclose(library.pressure_at(given, peak, standoff), pressure, rtol=1e-9)
+        assert_array_equal(library.pressure_at(pressure, peak, np.full(4, 1.0)), pressure)
+        assert_array_equal(library.pressure_at(pressure, peak, np.full(4, -1.0)), [8e8] * 4)
 
     def test_no_windows(self, source):
         with pytest.raises(InputError, match="at least one"):

@@ -327,7 +327,7 @@ def test_filled_points_stay_between_their_rims():
 def test_too_many_undefined_points_are_refused():
     z = np.zeros((10, 10))
     z[0] = np.nan
-    with pytest.raises(InputError, match="undefined points: given 10 %, expected at most 5 %"):
+    with pytest.raises(InputError, match="heights: given 10 % undefined points, expected at most 5 %"):
         Topography(z, (1, 1)).fill_undefined()
     assert Topography(z, (1, 1)).fill_undefined(0.1).undefined_fraction == 0
     with pytest.raises(InputError, match="given 100 %"):

@@ -301,7 +301,7 @@ def open_results(folder: str | os.PathLike[str]) -> Results:
 
     try:
         _refuse_foreign(path)
-        with xarray.open_dataset(path, engine="h5netcdf") as data:
+        with xarray.open_dataset(path, engine="h5netcdf", phony_dims="access") as data:
             data.load()
     except InputError:
         raise
