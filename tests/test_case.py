@@ -258,6 +258,21 @@ def test_values_without_quotes_or_with_a_comma_are_shown_as_they_may_be_meant(tm
         fs.load_case(tmp_path / "case.toml")
 
 
+@pytest.mark.parametrize(
+    ("table", "key", "meant"),
+    [
+        ("cells", "discretisation", "flow"),
+        ("fluid", "loading", "load"),
+        ("cells", "young", "material"),
+        ("", "hurst", "face"),
+    ],
+)
+def test_a_key_of_another_table_is_said_to_be_there(data, table, key, meant):
+    (data[table] if table else data)[key] = 1
+    with pytest.raises(fs.InputError, match=rf"{key}: given an unknown key, .*; perhaps meant: {key} in \[{meant}\]"):
+        parse_case(data)
+
+
 def test_nothing_is_guessed_for_a_key_that_is_there_twice(tmp_path):
     text = (ROOT / "examples" / "turned_seal.toml").read_text(encoding="utf-8")
     (tmp_path / "case.toml").write_text(text.replace("poisson = 0.3", "poisson = 0.3\npoisson = 0.3"), encoding="utf-8")

@@ -114,7 +114,7 @@ def _fault(case: type[BaseModel], error: dict[str, Any]) -> InputError:
     if kind == "extra_forbidden":
         known = [name for name in tables[0].model_fields if name not in INTERNAL]
         keys = ", ".join(known)
-        near = get_close_matches(place[-1], known, 1)
+        near = _elsewhere(case, place[-1]) or get_close_matches(place[-1], known, 1)
         return InputError(key, _UNKNOWN, f"{keys}{_MEANT}{near[0]}" if near else keys)
     if kind == "missing":
         table = "" if len(place) > 1 else table_to_paste(key)
@@ -171,6 +171,12 @@ def _place(case: type[BaseModel], loc: tuple[Any, ...]) -> tuple[list[str], list
         if isinstance(part, str) and part in inside[0].model_fields:
             inside = _tables(inside[0].model_fields[part].annotation) or inside
     return place, inside
+
+
+def _elsewhere(case: type[BaseModel], key: str) -> list[str]:
+    """The key with each table of a case that has it."""
+    tables = {name: _tables(field.annotation) for name, field in case.model_fields.items() if name not in INTERNAL}
+    return [f"{key} in [{name}]" for name, kinds in tables.items() if any(key in kind.model_fields for kind in kinds)]
 
 
 def _tables(annotation: Any) -> list[Any]:
