@@ -25,7 +25,7 @@ from .execution.terminal import (
 
 @contextmanager
 def all_progress(quiet: bool) -> Iterator[ProgressBars]:
-    """Progress of a command whose runs are not all of its work: loops that are compiled beside them are told too."""
+    """Progress of a command whose runs are not all of its work, with that of compiling beside them."""
     from .studies.compiling import reporting_compilation
 
     with show_progress(quiet) as progress, reporting_compilation(progress):

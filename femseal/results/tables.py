@@ -161,13 +161,16 @@ def in_several_units(run: RunData, step: int) -> str:
 
 def leakage_at(run: RunData, step: int, factor: float) -> str:
     """The leakage at a step in the unit `factor`, see `format_leakage`; "open" where the fluid carries all."""
-    return _of_steps(run, [format_leakage(q, factor) for q in run.leakage.values])[step]
+    return _at_step(run, step, format_leakage(float(run.leakage.values[step]), factor))
 
 
 def _of_steps(run: RunData, texts: Iterable[str]) -> list[str]:
     """Texts over the steps, "open" for "failed" where the fluid carries all of the load."""
-    open_steps = run.open_steps
-    return ["open" if text == "failed" and s in open_steps else text for s, text in enumerate(texts)]
+    return [_at_step(run, step, text) for step, text in enumerate(texts)]
+
+
+def _at_step(run: RunData, step: int, text: str) -> str:
+    return "open" if text == "failed" and step in run.open_steps else text
 
 
 def _cells(variable: xarray.DataArray, factor: float) -> list[str]:
