@@ -73,9 +73,9 @@ def _open_ways(mesh: Mesh, tensor: Array) -> tuple[NDArray[np.bool_], NDArray[np
         full = tensor[:, 0, 0] > 0
         return full, np.broadcast_to(full, mesh.t2f.shape)
     values = np.linalg.eigvalsh(tensor)
-    # normals of the chords: their length does not matter
-    chord = mesh.p[:, mesh.facets[1]] - mesh.p[:, mesh.facets[0]]
-    normal = np.array([chord[1], -chord[0]]) / np.linalg.norm(chord, axis=0)
-    n = normal[:, mesh.t2f]
+    # normals of the chords of each element: vertices of periodic meshes have no single place
+    corners = mesh.mapping().F(mesh.refdom.p)
+    chord = np.stack([corners[:, :, end] - corners[:, :, start] for start, end in mesh.refdom.facets], axis=1)
+    n = np.array([chord[1], -chord[0]]) / np.linalg.norm(chord, axis=0)
     across = np.einsum("ife,eij,jfe->fe", n, tensor, n) > 1e-12 * values[:, 1]
     return values[:, 0] > 1e-14 * values[:, 1], across

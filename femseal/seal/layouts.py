@@ -1,4 +1,4 @@
-"""Shapes of seals that a case can choose: each lays windows out over a seal of real size.
+"""Shapes of seals that a case can choose: each lays tiles out over a seal of real size.
 
 To add a shape, write a frozen dataclass with its `kind`, the parameters that a case gives (see `base.validate`) and
 `lay_out`, and put it into `LAYOUTS`.
@@ -19,7 +19,7 @@ from .pressure_map import Frame
 
 if TYPE_CHECKING:
     from ..flow.spiral import Spiral
-    from .laid_windows import SealWindows, Windows
+    from .tiles import PieceSize, SealTiles
 
 
 class Layout(Protocol):
@@ -29,10 +29,10 @@ class Layout(Protocol):
     #: Whether the sampling gives the length of the seal.
     has_length: ClassVar[bool]
 
-    def lay_out(self, windows: Windows) -> SealWindows:
-        """Lay windows out over the seal.
+    def lay_out(self, pieces: PieceSize) -> SealTiles:
+        """Lay tiles out over the seal, each as large as a piece of the face.
 
-        Raises InputError: a size that is not given, or given twice; windows larger than the parts of the seal.
+        Raises InputError: a size that is not given, or given twice; pieces broader than the seal.
         """
         ...
 
@@ -49,7 +49,7 @@ class Layout(Protocol):
 class RectangularLayout:
     """A straight strip; it goes on periodically along x2.
 
-    lay : of the windows on the strip, see `Lay`; along x2, as on the face, unless given.
+    lay : of the face on the strip, see `Lay`; along x2, as on the face, unless given.
     """
 
     kind: ClassVar[str] = "rectangular"
@@ -63,13 +63,13 @@ class RectangularLayout:
         around = lay.name == "circumferential" or (lay.name == "spiral" and lay.lead == 0)
         object.__setattr__(self, "lay", Lay(name="x2") if around else lay)
 
-    def lay_out(self, windows: Windows) -> SealWindows:
-        """Links along the axes of the strip; quadrilaterals where the lay runs between them."""
-        from .laid_windows import laid_on_strip
+    def lay_out(self, pieces: PieceSize) -> SealTiles:
+        """Rows and columns of tiles."""
+        from .tiles import laid_on_strip
 
-        if windows.length is None:
+        if pieces.length is None:
             raise InputError("length", "none", "the length of a rectangular seal")
-        return laid_on_strip(windows, self.lay)
+        return laid_on_strip(pieces, self.lay)
 
     @property
     def spiral(self) -> Spiral | None:
@@ -91,7 +91,7 @@ class AnnularLayout:
     """A ring, which leaks along the radius.
 
     inner_radius, outer_radius : [m]. inlet : at the "inner" or the "outer" one.
-    lay : of the windows on the ring, see `Lay`; "circumferential" unless given.
+    lay : of the face on the ring, see `Lay`; "circumferential" unless given.
     """
 
     kind: ClassVar[str] = "annular"
@@ -111,12 +111,12 @@ class AnnularLayout:
         self.lay.check_lead(self.outer_radius - self.inner_radius)
         check_size("outer_radius", 2 * self.outer_radius)
 
-    def lay_out(self, windows: Windows) -> SealWindows:
-        """Links along radius and angle; quadrilaterals where the lay runs between them."""
-        _refuse_sizes(self.kind, windows)
-        from .laid_windows import laid_on_ring
+    def lay_out(self, pieces: PieceSize) -> SealTiles:
+        """Rows of tiles along the radius, columns along the angle."""
+        _refuse_sizes(self.kind, pieces)
+        from .tiles import laid_on_ring
 
-        return laid_on_ring(windows, self.lay, (self.inner_radius, self.outer_radius), self.inlet)
+        return laid_on_ring(pieces, self.lay, (self.inner_radius, self.outer_radius), self.inlet)
 
     @property
     def circumference(self) -> float:
@@ -147,7 +147,7 @@ class MeshLayout:
 
     path : the file, see `MeshSeal`. unit : of its lengths, such as "mm". inlet, outlet : names of boundaries, one or
     several each; all others are closed. Inlets at several pressures are given as {name: pressure [Pa]}.
-    lay : of the windows on the seal, see `Lay`. centre : from which "radial", "circumferential" and the maps of the
+    lay : of the face on the seal, see `Lay`. centre : from which "radial", "circumferential" and the maps of the
     pressure are seen [m].
     length : by which leakage is divided [m]; that of the outlet unless given.
     """
@@ -183,14 +183,14 @@ class MeshLayout:
         """Pressures of the inlets by their names [Pa]; empty where all have that of the scene."""
         return dict(self.inlet) if isinstance(self.inlet, Mapping) else {}
 
-    def lay_out(self, windows: Windows) -> SealWindows:
-        """Each element takes the windows that fit into it."""
-        _refuse_sizes(self.kind, windows)
-        from .laid_windows import laid_on_mesh
+    def lay_out(self, pieces: PieceSize) -> SealTiles:
+        """Each element is a tile, or shares one with its neighbours."""
+        _refuse_sizes(self.kind, pieces)
+        from .tiles import laid_on_mesh
 
         inlet = tuple(self.inlet.items()) if isinstance(self.inlet, Mapping) else self.inlet
         return laid_on_mesh(
-            windows, self.lay, (Path(self.path), inlet, self.outlet, self.unit), self.length, self.centre
+            pieces, self.lay, (Path(self.path), inlet, self.outlet, self.unit), self.length, self.centre
         )
 
     def frame(self, size: tuple[float, float]) -> Frame:
@@ -202,8 +202,8 @@ class MeshLayout:
         return f"the mesh {Path(self.path).name}, {f'inlets {inlets}, ' if inlets else ''}lay {self.lay}"
 
 
-def _refuse_sizes(kind: str, windows: Windows) -> None:
-    for name, value in (("length", windows.length), ("breadth", windows.breadth)):
+def _refuse_sizes(kind: str, pieces: PieceSize) -> None:
+    for name, value in (("length", pieces.length), ("breadth", pieces.breadth)):
         if value is not None:
             raise InputError(name, to_text(value, "m"), f"none with a seal of kind {kind}: it has its own")
 

@@ -191,7 +191,7 @@ def place_leakage(scene: Scene, gap: NDArray[np.floating], mapper: Mapper = map)
     if not isinstance(surface, Places):
         return None
     count = len(surface.widths)
-    solve = partial(_permeabilities, widths=surface.widths, spacing=surface.spacing, settings=scene.flow)
+    solve = partial(permeabilities_of_places, widths=surface.widths, spacing=surface.spacing, settings=scene.flow)
     found = map_different(mapper, Stage("flow of places", solve), gap, first_equal(gap, scene.steps))
     # leakage per length of a unit permeability
     unit = scene.leakage(RectangularSeal(surface.size, (1, 1)), 1.0).per_length
@@ -199,7 +199,7 @@ def place_leakage(scene: Scene, gap: NDArray[np.floating], mapper: Mapper = map)
     return PlaceLeakage(leakage[:count], leakage[count:] if count >= FEWEST else None)
 
 
-def _permeabilities(
+def permeabilities_of_places(
     gap: NDArray[np.floating], widths: tuple[int, ...], spacing: tuple[float, float], settings: FlowSettings
 ) -> Array:
     """Permeability of each place, and from three on of all but each (2 places,) [m³]; NaN where the flow failed."""

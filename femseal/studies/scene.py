@@ -170,9 +170,17 @@ class Scene:
         return tuple((s, fluid.parted(fluid.carried)) for s, p in enumerate(self.steps.pressures) if fluid.parts(p))
 
     def contact_states(
-        self, take: Callable[[LoadState], Any], *, memory: float | None = None, mapper: Mapper
+        self,
+        take: Callable[[LoadState], Any],
+        *,
+        steps: LoadProgramme | None = None,
+        memory: float | None = None,
+        mapper: Mapper,
     ) -> Iterator[Any]:
-        """Solve the contact of the whole face at every step, see `contact.load_states`; with its fluid if that acts."""
+        """Solve the contact of the whole face at every step, see `contact.load_states`; with its fluid if that acts.
+
+        steps : in place of those of the scene.
+        """
         gap0 = self.surface.heights.max() - self.surface.heights
         fluid = self.acting_fluid
         solve: Callable[..., Contact] = solve_contact if fluid is None else partial(FluidPressure.contact, fluid)
@@ -182,7 +190,7 @@ class Scene:
         return load_states(
             gap0,
             self.half_space,
-            self.steps,
+            self.steps if steps is None else steps,
             law=self.law,
             rtol=self.rtol,
             take=take,

@@ -1,337 +1,344 @@
-"""The stochastic study: seals of any length, whose windows are drawn from a library of real ones."""
+"""The stochastic study: seals of any size and shape, whose tiles draw pieces of a measured face."""
 
-from dataclasses import dataclass, fields, replace
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
 from functools import partial
-from pathlib import Path
-from tempfile import TemporaryDirectory
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-from ..base import Array, InputError, Mapper, Stage, counted, to_text
-from ..library import LadderLibrary
-from ..seal import RectangularSeal
-from ..seal.laid_windows import LinkWindows, SealWindows
-from ..windows import Failed, Partition, SolverCounts, attempt
-from .face_leakage import PLACE_REALISATIONS, PlaceLeakage, first_equal_draws, kept_places, repeated
-from .ladder_windows import windows_under_global_contact, windows_under_uniform_pressure
-from .run_chains import StateRuns, chained_seals
-from .sampling_options import Sampling, check_sampling, chosen_sampler, lay_out_windows
+from ..base import Array, FemsealError, Indices, Mapper, Stage
+from ..face.curves import PieceCurves
+from ..face.pieces import MOST_RATIO, Cut, usual_pieces
+from ..flow.permeability_table import tabulated
+from ..seal.tiles import SealTiles
+from ..windows import Failed, SolverCounts, attempt
+from .deterministic import DeterministicResult
+from .drawn_error import half_width, patch_scatter
+from .face_contact import band_breadth
+from .face_leakage import FEWEST, PlaceLeakage
+from .load_curves import least_counted
+from .piece_states import FacePieces, along_paths, ladder_of, pieces_at_loads, pieces_on_ladder
+from .sampling import Sampling, lay_out_tiles
 from .scene import Scene, scene_warnings
-from .stochastic_result import (
-    DRAWN_RTOL,
-    MOST_VALUES,
-    RESAMPLED_RTOL,
-    StochasticResult,
-    drawn_permeability,
-    median_chain,
-    median_seal,
-    nearest_to_median,
-)
-from .two_scale import TwoScaleResult
-from .window_supply import FaceLibrary, Source, TablePressures, Tables, WindowRequest, WindowSupply, windows_in_place
+from .seat_rows import SeatMap, SeatRows, distinct_paths, pressure_fractions, seat_rows
+from .stochastic_result import MedianSeal, StochasticResult, nearest_to_median
 
-#: For a given `width`: how often realisations and windows are added, and up to what multiple of the given numbers.
-ROUNDS, GROWTH = 4, 8
-#: Source of windows for every `Sampling.pressure`.
-SOURCES: dict[str, Source] = {
-    "place": windows_in_place,
-    "global": windows_under_global_contact,
-    "uniform": windows_under_uniform_pressure,
-}
-#: Which windows a seal is drawn from: all, as many drawn from them with repetition, or those of some places.
-Windows = bool | tuple[int, ...]
-#: Leakages of a result whose last axis is that of the steps.
-_BY_STEP = tuple(f.name for f in fields(StochasticResult) if f.name.startswith("leakage"))
+#: Fluid pressures at which the permeability of pieces is known that the fluid presses apart. Measured against 129:
+#: leakage within 1.1e-3 with p_in up to .3 of the lowest load, within 9e-3 where they are equal.
+FLUID_PRESSURES = 9
+#: Fewest seals that are drawn, and most; and the standard error of ln(median leakage) that is wanted of them, in parts
+#: of the band of what one patch does not know.
+FEWEST_SEALS, MOST_SEALS, PART_OF_BAND = 3, 200, 1 / 20
+#: Standard error of the median of n normal numbers in standard deviations, times √n.
+_MEDIAN_ERROR = 1.2533
+#: Values of one field, parts times load steps, above which no fields are kept.
+MOST_VALUES = 4_000_000
+#: Relative error, as estimated, at which the leakage of a drawn seal has settled where permeabilities depend on the
+#: pressure; it was within 1e-3 up to a fluid pressure of .95 of the load.
+DRAWN_RTOL = 3e-4
 
 
 def stochastic(
     scene: Scene,
-    cells: tuple[int, int],
+    cells: tuple[int, int] | None,
     sampling: Sampling,
     *,
-    contact: str | None = None,
-    two_scale: TwoScaleResult | None = None,
+    known: DeterministicResult | None = None,
     mapper: Mapper = map,
 ) -> StochasticResult:
-    """Build a library of real windows, draw seals from it, and solve the flow over each seal at every step.
+    """Cut the contact of a face into pieces, draw seals whose tiles take them, and solve the flow over each seal.
+
+    Pieces lie in the contact of the whole face: at the loads of the scene where a seal is as broad as the face and is
+    pressed evenly; else along a ladder of nominal pressures, from which each tile takes that of its own pressure, less
+    that of the fluid. One factor for every state makes the pieces in their own order leak what the face leaks.
 
     Parameters
     ----------
     scene : the face, its load and its fluid.
-    cells : number of windows of the face along x1 and x2.
-    sampling : how seals are drawn.
-    contact : how the contact of windows with the pressure "place" is solved, see `two_scale`.
-    two_scale : the two-scale solution of the same scene and cells; its windows are not solved again ("place").
+    cells : number of pieces of the face along x1 and x2; None: two or three on its shorter side.
+    sampling : how seals are drawn. Without a number of realisations seals are drawn until the standard error of
+        their median is a twentieth of the band of what one patch does not know, at least three.
+    known : the deterministic solution of the scene, whose contact is not solved again.
     mapper : computes a stage for many items, such as the builtin `map`; it may use several processes.
 
     Raises
     ------
-    InputError : an option does not exist or does not go with the others.
-    FemsealError : every window of the library failed.
+    InputError : pieces that are too small, a size of the seal that is missing or given twice, a map that does not
+        cover it.
+    NotConverged : a contact failed.
+    FemsealError : the flow through every piece failed.
     """
-    check_sampling(sampling)
-    if sampling.width is not None and not sampling.resampled:
-        raise InputError("resampled", "False with a width", "True with it: the error of the library has to be known")
-    sampling = replace(sampling, sampler=chosen_sampler(sampling, scene, two_scale.contact if two_scale else contact))
-    if sampling.sampler == "runs" and scene.discretisation != "edge":
-        raise InputError("sampler", f"'runs' with the discretisation '{scene.discretisation}'", "'edge' with it")
-    if sampling.width is None:
-        return _draw(scene, cells, sampling, contact, two_scale, mapper)
-    with TemporaryDirectory() as folder:
-        # the next round keeps the windows that this one has solved
-        growing = replace(sampling, library=sampling.library or Path(folder))
-        result = _draw(scene, cells, growing, contact, two_scale, mapper)
-        for _ in range(ROUNDS):
-            realisations, windows = result.needed(sampling.width)
-            wanted = replace(
-                growing,
-                realisations=int(np.clip(realisations, growing.realisations, GROWTH * sampling.realisations)),
-                library_cells=_grown(windows, growing, result.library, GROWTH * sampling.library_cells),
-            )
-            if wanted == growing:
-                break
-            growing = wanted
-            result = _draw(scene, cells, growing, contact, two_scale, mapper)
-    realisations, windows = result.needed(sampling.width)
-    if realisations > len(result.leakage) or windows > result.library.independent:
-        text = (
-            f"width {sampling.width:g} not reached: about {counted(realisations, 'realisation')} and "
-            f"{counted(windows, 'window')} without overlap needed, "
-            f"{len(result.leakage)} and {result.library.independent} used"
-        )
-        result = replace(result, warnings=(*result.warnings, text))
-    return result
-
-
-def _draw(
-    scene: Scene,
-    cells: tuple[int, int],
-    sampling: Sampling,
-    contact: str | None,
-    two_scale: TwoScaleResult | None,
-    mapper: Mapper,
-) -> StochasticResult:
-    """Draw the seals of all lengths from one supply of windows."""
-    partition = Partition(scene.surface.shape, scene.surface.spacing, cells)
-    every = lay_out_windows(scene.layout, partition, sampling)
-    longest = max(every, key=lambda seal_windows: seal_windows.draws[0][1])
-    supply = SOURCES[sampling.pressure](WindowRequest(scene, partition, sampling, longest, two_scale, contact, mapper))
-    of = _of_runs if sampling.sampler == "runs" else _of_windows
-    first, *others = (
-        _without(of(scene, partition, sampling, supply, seal_windows, mapper), supply) for seal_windows in every
-    )
-    library = supply.library
-    failures = (f"{to_text(seals.seal.size[1], 'm')}, {text}" for seals in others for text in seals.failures)
-    return replace(
-        first,
-        pressure=sampling.pressure,
-        window=partition.window,
-        places=supply.places or first.places,
-        other_lengths=tuple(others),
-        row_pressure=None if supply.seat is None else supply.seat.pressure,
-        band_breadth=None if supply.seat is None else supply.seat.band,
-        largest_row_pressure=None if supply.seat is None else supply.seat.pressure.max(axis=1),
-        failures=library.failures + first.failures + tuple(failures),
-        warnings=scene_warnings(scene) + first.warnings + supply.warnings,
-        solvers=library.counts.solvers
-        + SolverCounts.total(state.solvers for state in supply.runs if isinstance(state, StateRuns))
-        + SolverCounts.total(seals.solvers for seals in (first, *others)),
-    )
-
-
-def _without(seals: StochasticResult, supply: WindowSupply) -> StochasticResult:
-    """The seals without leakage at the steps at which the windows have no gap."""
-    for s, _ in supply.unsolved:
-        for name in _BY_STEP:
-            if (values := getattr(seals, name)) is not None:
-                values[..., s] = np.nan
-    failures = (f"{seals.steps[s].name}: {reason}" for s, reason in supply.unsolved)
-    return replace(seals, failures=(*seals.failures, *failures))
-
-
-def _of_windows(
-    scene: Scene,
-    partition: Partition,
-    sampling: Sampling,
-    supply: WindowSupply,
-    seal_windows: SealWindows,
-    mapper: Mapper,
-) -> StochasticResult:
-    """Seals of one length, whose windows are drawn one by one or in blocks."""
-    if isinstance(seal_windows, LinkWindows):
-        seal_windows = seal_windows.with_rows(supply.node_rows)
-    library = supply.library
-    kinds = tuple(_for(seal_windows, tables) for tables in supply.tables)
-    shared: dict[str, Any] = {"scene": scene, "seal_windows": seal_windows, "sampling": sampling, "at": supply.at}
-    shared["unsolved"] = frozenset(s for s, _ in supply.unsolved)
-    independent = library.independent / library.size
-    first = first_equal_draws(kinds, scene.steps, sampling.sampler_of_links)
-    stage = Stage("drawn seals", partial(_realise, **shared, kinds=kinds, independent=independent, first=first))
-    count = sampling.realisations
-    tasks: list[tuple[int, Windows]] = [
-        (n, again) for again in (False, True)[: 1 + sampling.resampled] for n in range(count)
-    ]
-    own, number = len(tasks), getattr(library, "place", None)
-    some = () if number is None or number.max() == 1 else kept_places(int(number.max()))
-    tasks += [(n, kept) for kept in some for n in range(min(count, PLACE_REALISATIONS))]
-    drawn = list(mapper(stage, *zip(*tasks, strict=True)))[: len(tasks)]
-    leakage, *bounds = np.array([r.leakage for r in drawn[:count]]).transpose(1, 0, 2)
-    lower, upper = bounds or (None, None)
-    few = sampling.median_fields and len(seal_windows.outlines) * len(scene.steps) <= MOST_VALUES
+    cut, tiles = cut_and_tiles(scene, cells, sampling)
+    seat, fractions = _fractions(scene, tiles, sampling, mapper)
+    supply = _supply(scene, cut, tiles, fractions, known, mapper)
+    if not np.isfinite(supply.k).any():
+        raise FemsealError(f"pieces: every flow failed; the first: {supply.pieces.failures[0]}")
+    scatter = patch_scatter(scene, supply.pieces, tiles.in_place)
+    drawn = _drawn(scene, tiles, supply, sampling, scatter, mapper)
+    leakage = np.array([one.leakage for one in drawn])
+    few = sampling.median_fields and len(tiles.outlines) * len(scene.steps) <= MOST_VALUES
     chosen = nearest_to_median(leakage) if few else None
-    again = Stage("median seal", partial(median_seal, **shared, kinds=kinds[: len(supply.at.pressures)]))
-    medians = [] if chosen is None else list(mapper(again, [chosen]))
+    median = None
+    if chosen is not None:
+        stage = Stage("median seal", partial(_median_seal, scene=scene, tiles=tiles, supply=supply, seed=sampling.seed))
+        (median,) = mapper(stage, [chosen])
+    rows = _rows(scene, supply, seat)
+    unsolved = [f"{scene.steps[s].name}: {reason}" for s, reason in supply.unsolved]
+    failures = [*supply.pieces.failures, *(text for one in drawn for text in one.failures), *unsolved]
     return StochasticResult(
         steps=scene.steps,
-        seal=seal_windows.seal,
-        sampler=sampling.sampler_of_links,
-        library=library,
+        tiles=tiles,
+        pieces=supply.pieces,
         leakage=leakage,
-        leakage_resampled=np.array([r.leakage[0] for r in drawn[count:own]]) if sampling.resampled else None,
-        leakage_lower_bound=lower,
-        leakage_upper_bound=upper,
-        median_seal=medians[0] if medians else None,
-        places=PlaceLeakage.of_drawn(np.array([r.leakage[0] for r in drawn[own:]]), some),
-        failures=tuple(text for r in drawn for text in r.failures),
-        warnings=seal_windows.warnings,
-        solvers=SolverCounts.total(r.solvers for r in drawn),
-        equal_steps=repeated(first),
+        scatter=scatter,
+        places=_places(scene, supply, leakage),
+        row_pressure=rows,
+        band_breadth=_band(scene, supply, seat),
+        largest_row_pressure=None if rows is None else rows.max(axis=1),
+        median_seal=median,
+        failures=tuple(failures),
+        warnings=(*scene_warnings(scene), *tiles.warnings),
+        solvers=SolverCounts.total((supply.pieces.counts.solvers, *(one.solvers for one in drawn))),
     )
 
 
-def _for(seal_windows: SealWindows, tables: Tables) -> Tables:
-    """Tables of the first columns of links of a longer seal: a realisation begins with that of the shorter one."""
-    along, across = (
-        t if t.path.shape[1] == columns else replace(t, path=t.path[:, :columns])
-        for t, (_, columns) in zip(tables, seal_windows.draws, strict=True)
-    )
-    return along, across
+def cut_and_tiles(scene: Scene, cells: tuple[int, int] | None, sampling: Sampling) -> tuple[Cut, SealTiles]:
+    """The cut of the face, and the tiles of the seal, each as large as a piece.
 
-
-def _of_runs(
-    scene: Scene,
-    partition: Partition,
-    sampling: Sampling,
-    supply: WindowSupply,
-    seal_windows: SealWindows,
-    mapper: Mapper,
-) -> StochasticResult:
-    """Seals of one length, drawn as chains of runs of the face."""
-    drawn = chained_seals(scene, partition, supply.runs, seal_windows.draws[0][1], sampling.realisations, sampling.seed)
-    cells, (d1, d2) = (partition.cells[0], drawn.columns), partition.window_size
-    few = sampling.median_fields and cells[0] * cells[1] * len(scene.steps) <= MOST_VALUES
-    chosen = nearest_to_median(drawn.leakage) if few else None
-    shown: dict[str, Any] = {"scene": scene, "partition": partition, "drawn": drawn, "states": supply.runs}
-    # windows row after row, as the face has them
-    pressure = supply.library.curves.pressure.T.reshape(-1, *partition.cells)
-    return StochasticResult(
-        steps=scene.steps,
-        seal=RectangularSeal((cells[0] * d1, cells[1] * d2), cells, supply.node_rows),
-        sampler="runs",
-        library=supply.library,
-        leakage=drawn.leakage,
-        leakage_resampled=drawn.resampled if sampling.resampled else None,
-        leakage_neumann_cuts=drawn.neumann,
-        leakage_dirichlet_cuts=drawn.dirichlet,
-        leakage_of_face=drawn.of_face,
-        median_seal=None if chosen is None else median_chain(chosen, **shown, pressure=pressure),
-        failures=tuple(
-            f"runs, {step.name}: {state.reason}"
-            for step, state in zip(scene.steps, supply.runs, strict=True)
-            if isinstance(state, Failed)
-        ),
-        warnings=drawn.warnings,
-        equal_steps=len(supply.runs) - len({*map(id, supply.runs)}),
-    )
+    Raises InputError: see `stochastic`.
+    """
+    cut = Cut.of(scene.surface, cells or usual_pieces(scene.surface, in_place=True))
+    tiles = lay_out_tiles(scene.layout, cut, sampling)
+    if cells is None and not tiles.in_place:
+        cut = Cut.of(scene.surface, usual_pieces(scene.surface))
+        tiles = lay_out_tiles(scene.layout, cut, sampling)
+    return cut, tiles
 
 
 @dataclass(frozen=True, eq=False)
-class Realisation:
-    """Leakage of one drawn seal at every step (kinds, steps) [m²/s], NaN where it failed.
+class _Supply:
+    """Permeabilities of pieces from which tiles draw.
 
-    The kinds are the value, and with bounds its lower and its upper bound.
+    k : (pressures, 2, steps, paths, pieces) [m³], at each of the fluid pressures. pressures : of the fluid [Pa].
+    piecewise : see `flow.PermeabilityTable`. path : number of the path of the pressure of every tile (tiles,).
+    paths : nominal pressure along each path (steps, paths) [Pa]. relief : see `_relief`.
+    most : largest ratio of the leakage of a seal to that of the face, or its inverse.
     """
+
+    pieces: FacePieces
+    k: Array
+    pressures: tuple[float, ...]
+    piecewise: bool
+    path: Indices
+    paths: Array
+    unsolved: tuple[tuple[int, str], ...]
+    in_place: bool
+
+    def permeability(self, tiles: SealTiles, piece: Indices, step: int) -> Any:
+        """What `seal_leakage` takes, of a seal whose tiles have drawn pieces (tiles,)."""
+        k = self.k[:, :, step, self.path, piece]
+        return tabulated(self.pressures, list(tiles.permeability(k[:, 0], k[:, 1])), self.piecewise)
+
+
+def _fractions(
+    scene: Scene, tiles: SealTiles, sampling: Sampling, mapper: Mapper
+) -> tuple[SeatRows | None, Array]:
+    """Contact of a seat that is broader than the face, and pressure of tiles over the nominal one (steps, tiles)."""
+    seat, pressure_map = None, sampling.pressure_map
+    if isinstance(pressure_map, SeatMap):
+        solve = Stage("contact of the seat", partial(seat_rows, scene, breadth=tiles.seal.size[0]))
+        (seat,) = mapper(solve, [pressure_map.seat])
+    return seat, pressure_fractions(scene, tiles, seat or pressure_map)
+
+
+def _supply(
+    scene: Scene, cut: Cut, tiles: SealTiles, fractions: Array, known: DeterministicResult | None, mapper: Mapper
+) -> _Supply:
+    """Pieces at the loads of the scene, or along a ladder of the pressures that tiles have."""
+    steps, drop = scene.steps, scene.flow.drop
+    if tiles.in_place:
+        pieces = pieces_at_loads(scene, cut, known, mapper)
+        k = pieces.k.reshape(*pieces.k.shape[:3], 1, -1)
+        nominal = steps.pressures[:, None]
+        pressures = tuple(drop.pressures)
+        path = np.zeros(tiles.count, np.int64)
+        return _Supply(pieces, k, pressures, False, path, nominal, pieces.unsolved, True)
+    paths, number = distinct_paths(fractions)
+    paths = steps.pressures[:, None] * paths
+    pressures, piecewise = _table_pressures(scene)
+    relief = _relief(scene, pressures)
+    # a path for every fluid pressure that changes the contact
+    effective = np.maximum(paths[None] - relief[:, None, None], 0.0)
+    each = np.concatenate(list(effective), axis=1)
+    uniform = each.shape[1] == 1 and np.array_equal(each[:, 0], steps.pressures)
+    ladder = steps if uniform else ladder_of(each, steps, scene.law.is_elastic)
+    pieces = pieces_on_ladder(scene, cut, ladder, mapper)
+    if uniform:
+        k = (pieces.k * pieces.factor[:, None, None]).reshape(*pieces.k.shape[:3], 1, -1)
+    else:
+        k = along_paths(pieces, each, steps)
+        if relief.size > 1:  # of each fluid pressure, its own effective pressure; without slip all have one flow
+            split = k.reshape(*k.shape[:3], relief.size, paths.shape[1], -1)
+            own = np.arange(relief.size) if len(k) > 1 else np.zeros(relief.size, np.int64)
+            k = np.array([split[n, :, :, m] for m, n in enumerate(own)])
+    return _Supply(pieces, k, pressures, piecewise, number, paths, scene.parted_steps, False)
+
+
+def _table_pressures(scene: Scene) -> tuple[tuple[float, ...], bool]:
+    """Fluid pressures [Pa] at which permeabilities are needed, and whether ln k is linear between them."""
+    drop, fluid = scene.flow.drop, scene.acting_fluid
+    if fluid is None or drop.law.depends_on_pressure or getattr(scene.layout, "inlet_pressures", {}):
+        return tuple(drop.pressures), False
+    # ln k is nearly straight in the cube root of the pressure that the fluid leaves to the pieces
+    full = max(min((p for p in scene.steps.pressures if p > 0), default=0.0), fluid.inlet, fluid.outlet)
+    first, last = (float(np.cbrt(full - p)) for p in (fluid.outlet, fluid.inlet))
+    between = full - np.linspace(first, last, FLUID_PRESSURES)[1:-1] ** 3
+    return (fluid.outlet, *between.tolist(), fluid.inlet), True
+
+
+def _relief(scene: Scene, pressures: tuple[float, ...]) -> Array:
+    """What the fluid takes off the pressure of a piece, at each of its pressures, or at their mean [Pa]."""
+    if (fluid := scene.acting_fluid) is None:
+        return np.zeros(1)
+    # with several inlets the mean stands for every place
+    return fluid.relief(pressures if len(pressures) > 1 else [fluid.mean])
+
+
+@dataclass(frozen=True, eq=False)
+class _Realisation:
+    """Leakage of one drawn seal at every step (steps,) [m²/s], NaN where it failed."""
 
     leakage: Array
     failures: tuple[str, ...]
     solvers: SolverCounts
 
 
-def _realise(
-    realisation: int,
-    windows: Windows,
-    *,
-    scene: Scene,
-    seal_windows: SealWindows,
-    kinds: tuple[Tables, ...],
-    sampling: Sampling,
-    at: TablePressures,
-    unsolved: frozenset[int],
-    independent: float,
-    first: NDArray[np.int64],
-) -> Realisation:
-    """Draw one seal and solve its flow at every step but those without leakage, `unsolved`.
+def _drawn(
+    scene: Scene, tiles: SealTiles, supply: _Supply, sampling: Sampling, scatter: Array, mapper: Mapper
+) -> list[_Realisation]:
+    """The given number of seals, or as many as the band needs."""
+    stage = Stage("drawn seals", partial(_realise, scene=scene, tiles=tiles, supply=supply, seed=sampling.seed))
+    count = sampling.realisations or FEWEST_SEALS
+    drawn = list(mapper(stage, range(count)))
+    while sampling.realisations is None:
+        more = min(_needed(np.array([one.leakage for one in drawn]), scatter, supply.in_place), 4 * len(drawn))
+        if more <= len(drawn):
+            break
+        drawn += mapper(stage, range(len(drawn), more))
+    return drawn
 
-    The same random numbers draw the same windows from each kind of tables. Each kind has a table for every pressure of
-    `at`. windows : True draws a new library from the library, and numbers of places take their windows alone; then
-    values have no bounds.
-    first : number of the first step with the same windows.
+
+def _needed(leakage: Array, scatter: Array, in_place: bool) -> int:
+    """Number of seals whose median has the standard error that is wanted, at all steps that count."""
+    median = np.nanmedian(leakage, axis=0)
+    width = half_width("in place" if in_place else "anywhere", leakage=median, scatter=scatter)
+    counts = (np.abs(median) > least_counted(median)) & np.isfinite(width)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        spread = np.log(np.abs(leakage[:, counts])).std(axis=0, ddof=1)
+    wanted = (_MEDIAN_ERROR * spread / (PART_OF_BAND * width[counts])) ** 2
+    most = float(np.max(wanted[np.isfinite(wanted)], initial=0.0))
+    return int(np.clip(np.ceil(most), FEWEST_SEALS, MOST_SEALS))
+
+
+def _stream(seed: int, realisation: int) -> np.random.Generator:
+    """Random numbers of a realisation, whoever draws it."""
+    return np.random.default_rng(np.random.SeedSequence(seed, spawn_key=(realisation,)))
+
+
+def _realise(realisation: int, *, scene: Scene, tiles: SealTiles, supply: _Supply, seed: int) -> _Realisation:
+    """Draw one seal and solve its flow at every step that has one.
+
+    Where pieces stay in their rows, the seal leaks what the face leaks, times the ratio of its tiles to the pieces in
+    their own order, at most twice or half.
     """
-    steps, pressures = scene.steps, len(at.pressures)
-    if windows is True:
-        kinds = tuple(_resample(tables, sampling.seed, realisation, independent) for tables in kinds[:pressures])
-    elif windows:
-        kinds = tuple(_of_places(tables, windows) for tables in kinds[:pressures])
-    leakage = np.full((len(kinds) // pressures, len(steps)), np.nan)
-    failures, solvers = [], SolverCounts()
-    near = None
-    for kind in range(len(leakage)):
-        permeability = drawn_permeability(
-            seal_windows, kinds[kind * pressures : (kind + 1) * pressures], sampling, realisation, at
-        )
-        for s, step in enumerate(steps):
-            if s in unsolved:
-                continue
-            if first[s] < s:
-                leakage[kind, s] = leakage[kind, first[s]]
-                continue
-            rtol = RESAMPLED_RTOL if windows is True else DRAWN_RTOL
-            found = attempt(scene.leakage, seal_windows.seal, permeability(s), rtol, rate_only=True, near=near)
-            if isinstance(found, Failed):
-                failures.append(f"realisation {realisation}, {step.name}: {found.reason}")
-            else:
-                near = found
-                leakage[kind, s] = found.per_length
-                solvers += SolverCounts.of(found)
-    return Realisation(leakage, tuple(failures), solvers)
+    piece = tiles.draw(supply.pieces.cut.shape, _stream(seed, realisation))
+    leakage, failures, solvers = np.full(len(scene.steps), np.nan), [], []
+    face, own = supply.pieces.face, supply.pieces.own
+    skipped, near = {s for s, _ in supply.unsolved}, None
+    for s, step in enumerate(scene.steps):
+        if s in skipped or not np.isfinite(supply.k[:, :, s]).all():
+            continue
+        if supply.in_place and own[s] == 0:
+            leakage[s] = face[s]
+            continue
+        given = supply.permeability(tiles, piece, s)
+        found = attempt(scene.leakage, tiles.seal, given, DRAWN_RTOL, rate_only=True, near=near)
+        if isinstance(found, Failed):
+            failures.append(f"realisation {realisation}, {step.name}: {found.reason}")
+            continue
+        near, leakage[s] = found, found.per_length
+        solvers.append(SolverCounts.of(found))
+        if supply.in_place:
+            leakage[s] = face[s] * np.clip(leakage[s] / own[s], 1 / MOST_RATIO, MOST_RATIO)
+    return _Realisation(leakage, tuple(failures), SolverCounts.total(solvers))
 
 
-def _of_places(tables: Tables, kept: tuple[int, ...]) -> Tables:
-    """Tables of the windows of some measured places."""
-    taken = np.isin(np.asarray(tables[0].place), kept)
-    along, across = (replace(t, k=t.k[:, :, taken], place=None) for t in tables)
-    return along, across
+def _median_seal(realisation: int, *, scene: Scene, tiles: SealTiles, supply: _Supply, seed: int) -> MedianSeal:
+    """Draw a realisation again and keep its fields."""
+    piece = tiles.draw(supply.pieces.cut.shape, _stream(seed, realisation))
+    shape = len(scene.steps), len(tiles.outlines)
+    k, p, flux = (np.full((*shape, *plane), np.nan) for plane in ((), (), (2,)))
+    skipped = {s for s, _ in supply.unsolved}
+    for s in range(len(scene.steps)):
+        if s in skipped or not np.isfinite(supply.k[:, :, s]).all():
+            continue
+        given = supply.permeability(tiles, piece, s)
+        found = attempt(scene.leakage, tiles.seal, given, DRAWN_RTOL)
+        if isinstance(found, Failed):
+            continue
+        at_solution = given if found.permeability is None else found.permeability
+        k[s], p[s] = tiles.shown(at_solution, found.fluid_pressure)
+        potential = scene.fluid.potential(found.fluid_pressure) / scene.fluid.reference_density
+        flux[s] = tiles.flux(at_solution, potential, _rate_of_power(scene, tiles, found))
+    if supply.in_place:
+        pressure = supply.pieces.pressure.reshape(len(scene.steps), -1)[:, piece[tiles.tile]]
+    else:
+        pressure = supply.paths[:, supply.path[tiles.tile]]
+        if (fluid := scene.acting_fluid) is not None:
+            pressure = np.maximum(pressure - np.nan_to_num(fluid.relief(p)), 0.0)
+    return MedianSeal(realisation, tiles.outlines, k, p, flux, pressure)
 
 
-def _grown(windows: int, sampling: Sampling, library: LadderLibrary | FaceLibrary, most: int) -> int:
-    """Size of the next library: windows that overlap others lessen no error."""
-    if isinstance(library, FaceLibrary):
-        return sampling.library_cells
-    return max(sampling.library_cells, min(windows, most, library.tiles))
+def _rate_of_power(scene: Scene, tiles: SealTiles, found: Any) -> float:
+    """Leakage [m³/s] that dissipates as much over the highest drop as the flow between all boundaries does."""
+    if found.boundary_rates is None:
+        return float(found.volume_rate)
+    ends = tiles.seal.boundaries
+    assert ends is not None
+    drops = scene.fluid.potential(ends.pressures) - scene.fluid.potential(scene.outlet_pressure)
+    rates = [found.boundary_rates[name] for name in ends.names[: len(drops)]]
+    return float(drops @ rates / np.abs(drops).max())
 
 
-def _resample(tables: Tables, seed: int, realisation: int, independent: float) -> Tables:
-    """Tables of cells drawn with repetition, as many as do not overlap; neighbours that are alike are drawn together.
+def _rows(scene: Scene, supply: _Supply, seat: SeatRows | None) -> Array | None:
+    """Mean contact pressure of the rows of the seal (steps, rows) [Pa]; None where it has no rows of its own."""
+    if seat is not None:
+        return seat.pressure
+    return supply.pieces.rows if supply.in_place else None
 
-    independent : fraction of the cells that do not overlap.
-    """
-    cells = tables[0].k.shape[2]
-    rng = np.random.default_rng(np.random.SeedSequence(seed, spawn_key=(realisation, 2)))
-    length = min(max(1, round(tables[0].correlation_length)), cells)
-    count = max(1, round(cells * independent))
-    first = rng.integers(cells, size=-(-count // length))
-    taken = ((first[:, None] + np.arange(length)) % cells).ravel()[:count]
-    first_table, second = (replace(t, k=t.k[:, :, taken]) for t in tables)
-    return first_table, second
+
+def _band(scene: Scene, supply: _Supply, seat: SeatRows | None) -> Array | None:
+    """Breadth of the band in contact (steps,) [m], of a seal with rows of its own."""
+    if seat is not None:
+        return seat.band
+    return band_breadth(supply.pieces.rows, scene.surface.spacing[0]) if supply.in_place else None
+
+
+def _places(scene: Scene, supply: _Supply, leakage: Array) -> PlaceLeakage | None:
+    """Leakage by measured places: that of the seals, times the ratio of the face of those places to the whole one."""
+    pieces = supply.pieces
+    if pieces.places is None:
+        return None
+    face, places = pieces.face, pieces.places
+    if pieces.steps != scene.steps:
+        fluid = scene.acting_fluid
+        relief = 0.0 if fluid is None else float(fluid.relief([fluid.mean])[0])
+        nominal = np.maximum(scene.steps.pressures[:, None] - relief, 0.0)
+        every = [PieceCurves(pieces.steps, q).along(nominal, scene.steps)[:, 0] for q in (face, *places)]
+        face, places = every[0], np.array(every[1:])
+    with np.errstate(divide="ignore", invalid="ignore"):
+        scale = np.where(face > 0, np.nanmedian(leakage, axis=0) / face, 1.0)
+    count = len(places) // (2 if len(places) >= 2 * FEWEST else 1)
+    return PlaceLeakage(scale * places[:count], scale * places[count:] if count >= FEWEST else None)

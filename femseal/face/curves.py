@@ -1,0 +1,154 @@
+"""Permeability of a piece at any pressure of any load cycle, interpolated between the states of a ladder.
+
+ln k is interpolated monotonically (PCHIP; Fritsch & Carlson, SIAM J. Numer. Anal. 17, 1980, 238) in the cube root of
+the pressure, in which it is nearly straight from first touch to closing. Unloading curves are interpolated between the
+peaks of the ladder, at equal fractions of the pressure at which the piece opens again; so every unloading curve starts
+on the loading curve. Below the lowest peak it tends to the loading curve, as without yielding.
+"""
+
+from __future__ import annotations
+
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.interpolate import PchipInterpolator
+
+from ..base import Array
+from ..loads import LoadProgramme
+
+
+class LogCurve:
+    """ln k as a function of a rising x. Where k falls to 0 the curve ends, halfway between open and closed."""
+
+    def __init__(self, x: Array, k: Array) -> None:
+        """Take values k at rising x; the curve ends where k is 0 for the first time."""
+        n_open = int(np.argmin(k > 0)) if not np.all(k > 0) else k.size
+        self.end = np.inf if n_open == k.size else -np.inf if n_open == 0 else (x[n_open - 1] + x[n_open]) / 2
+        self._x, self._log_k = x[:n_open], np.log(k[:n_open])
+        self._inner = PchipInterpolator(self._x, self._log_k) if n_open > 1 else None
+
+    def __call__(self, x: Array) -> Array:
+        """ln k at x, −inf where the piece is closed.
+
+        Below the first point the curve is constant; beyond the last open point it keeps its last slope to its end.
+        """
+        x = np.asarray(x, float)
+        if not self._x.size:
+            return np.full(x.shape, -np.inf)
+        if self._inner is None:
+            return np.where(x <= self.end, self._log_k[0], -np.inf)
+        slope = min(0.0, float(np.diff(self._log_k[-2:])[0] / np.diff(self._x[-2:])[0]))
+        beyond = np.maximum(x - self._x[-1], 0.0) if np.isfinite(self.end) else 0.0
+        value = self._inner(np.clip(x, self._x[0], self._x[-1])) + slope * beyond
+        return np.where(x <= self.end, value, -np.inf)
+
+
+class PieceCurves:
+    """Permeability of a piece along one axis, on loading and on unloading from any peak.
+
+    steps : of the ladder, whose unloadings stop at equal fractions of their peaks. k : at every step (steps,) [m³].
+    """
+
+    def __init__(self, steps: LoadProgramme, k: Array) -> None:
+        """Sort the states of a ladder into curves."""
+        on_loading = steps.on_loading
+        self._pressure, self._k = steps.pressures[on_loading], k[on_loading]
+        self._peaks = np.array(steps.unload_from)
+        self._unloading = []
+        for peak in steps.unload_from:
+            down = [s for s, step in enumerate(steps) if step.unloaded_from == peak][::-1]
+            fractions = np.array([*(steps[s].pressure / peak for s in down), 1.0])
+            top = k[steps.loading.index(peak)]
+            self._unloading.append(LogCurve(fractions, np.array([*k[down], top])))
+
+    @cached_property
+    def loading(self) -> LogCurve:
+        """ln k as a function of the cube root of the loading pressure."""
+        return LogCurve(np.cbrt(self._pressure), self._k)
+
+    def loaded(self, pressure: Array) -> Array:
+        """k on loading [m³]."""
+        return np.exp(self.loading(np.cbrt(pressure)))
+
+    def unloaded(self, pressure: Array, peak: Array) -> Array:
+        """k on unloading from any peak to any pressure below it, both > 0 [m³]."""
+        if not self._peaks.size:
+            return self.loaded(pressure)
+        fraction = np.clip(pressure / peak, 0.0, 1.0)
+        knots = np.r_[0.0, self._peaks]
+        upper = np.clip(np.searchsorted(knots, peak), 1, knots.size - 1)
+        closing = self._closing_root**3
+        opens = np.array([_reopening(curve) for curve in self._unloading])
+        # below the closing pressure a peak leaves the piece open: the fraction at which it reopens falls from 1 there
+        start = np.clip(closing, knots[upper - 1], knots[upper])
+        before = np.where(closing > knots[upper - 1], 1.0, np.r_[1.0, opens][upper - 1])
+        span = knots[upper] - start
+        way = np.divide(peak - start, span, out=np.zeros(peak.shape), where=span > 0)
+        reopening = np.where(peak <= closing, 1.0, before + np.clip(way, 0, 1) * (np.r_[1.0, opens][upper] - before))
+        relative = np.divide(fraction, reopening, out=np.full(fraction.shape, np.inf), where=reopening > 0)
+        x = np.cbrt(knots)
+        weight = np.clip((np.cbrt(peak) - x[upper - 1]) / (x[upper] - x[upper - 1]), 0, 1)
+        inside = np.clip(relative, 0, 1)
+        value, top = (
+            _between(weight, self._at(upper - 1, at, peak), self._at(upper, at, peak))
+            for at in (inside, np.ones_like(inside))
+        )
+        ceiling, floor = self.loading(np.cbrt(pressure)), self.loading(np.cbrt(peak))
+        # from a peak at which the piece is open, k starts at its value on loading
+        value += np.subtract(floor, top, out=np.zeros_like(top), where=np.isfinite(floor) & np.isfinite(top))
+        value = np.clip(value, np.minimum(floor, ceiling), ceiling)
+        return np.where((relative <= 1) & np.isfinite(ceiling), np.exp(value), 0.0)
+
+    @property
+    def _closing_root(self) -> float:
+        """Cube root of the pressure at which the piece closes on loading; 0 if it is never open."""
+        return max(self.loading.end, 0.0)
+
+    def _at(self, knot: NDArray[np.int64], inside: Array, peak: Array) -> Array:
+        """ln k of the peak at each knot, at fractions of the pressure at which the piece reopens; knot 0 is loading."""
+        out = self.loading(np.cbrt(inside) * np.minimum(np.cbrt(peak), self._closing_root))
+        for m, curve in enumerate(self._unloading):
+            chosen = knot == m + 1
+            if chosen.any():
+                out[chosen] = curve(inside[chosen] * _reopening(curve))
+        return out
+
+    def along(self, paths: Array, steps: LoadProgramme) -> Array:
+        """k (steps, paths) [m³] along paths of the pressure, those of a piece at every step (steps, paths) [Pa]."""
+        peak = local_peaks(paths, steps)
+        # at its own peak a piece is on the loading curve, also where the seal is unloaded
+        down = paths < peak
+        k = self.loaded(np.maximum(paths, 0.0))
+        k[down] = self.unloaded(np.maximum(paths[down], 0.0), peak[down])
+        return k
+
+
+def _reopening(unloading: LogCurve) -> float:
+    """Fraction of the peak below which a piece is open on unloading; 0 if it never is."""
+    return min(max(unloading.end, 0.0), 1.0)
+
+
+def _between(weight: Array, a: Array, b: Array) -> Array:
+    """(1 − weight) a + weight b of ln k; a curve that is never open, −inf, has no shape, and the other's is taken."""
+    shut_a, shut_b = np.isneginf(a), np.isneginf(b)
+    weight = np.where(shut_a, 1.0, np.where(shut_b, 0.0, weight))
+    mean = (1 - weight) * np.where(shut_a, 0.0, a) + weight * np.where(shut_b, 0.0, b)
+    return np.where(shut_a & shut_b, -np.inf, mean)
+
+
+def local_peaks(paths: Array, steps: LoadProgramme) -> Array:
+    """Highest pressure that a piece has had up to each step on its way there (steps, paths) [Pa].
+
+    The way to an unloading step is the loading up to its peak and the unloading from there. Where the pressure of a
+    piece falls while that of the seal rises, or the other way round, its own peak is not at the peak of the seal.
+    """
+    loading = steps.on_loading
+    highest = paths.copy()
+    highest[loading] = np.maximum.accumulate(paths[loading], axis=0)
+    last: dict[int, int] = {}
+    for s, peak in enumerate(steps.peak_indices.tolist()):
+        if not loading[s]:
+            highest[s] = np.maximum(paths[s], highest[last.get(peak, peak)])
+            last[peak] = s
+    return highest

@@ -1,0 +1,426 @@
+"""Tiles of a seal of any shape: finite elements, each of which takes the two permeabilities of a piece of a face.
+
+k1 and k2 of a piece are principal values, k2 along the lay and k1 across it. A strip is a rectangle, periodic along x2;
+a ring is the same in (ln r, θ), in which the form is that of a strip; any other seal is a mesh. Elements that are
+smaller than a piece share its tile.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+from functools import cached_property, lru_cache
+from math import log, pi
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from skfem import Mesh, MeshQuad
+from skfem.mesh import MeshQuad1DG
+
+from ..base import Array, Indices, InputError, counted, to_si, to_text
+from ..flow.dirichlet_flow import DirichletFlow, dirichlet_flow
+from ..flow.mesh import CLOSED_AXIS, darcy_conductance
+from ..flow.open_elements import OpenElements
+from ..flow.solution import DarcyFlow
+from ..flow.spiral import Spiral
+from .lay import Lay, check_size
+from .mesh_seal import MeshSeal, PressureBoundaries, parts_without_flow
+from .straightened import straightened
+
+#: Solvers of a system on a mesh; others are of grids.
+_SOLVERS = ("auto", "direct", "amg")
+#: A piece closed along one axis keeps `CLOSED_AXIS` of its other permeability there. A seal that only this opens
+#: has measured 0.002 to 7e3 of that median in squares, an open one 7e6 and more: below this many it counts as closed.
+_SHUT = 2e5
+#: Ratio of the smallest permeability to the largest from which on all elements count as open.
+_OPEN = 1e-12
+#: Most tiles between inlet and outlet.
+_MOST_ROWS = 1000
+#: Least breadth of a seal, and length around its inner radius, in pieces and tiles.
+_NARROW, _NARROWEST = 0.7, 0.35
+#: Fewest columns of a periodic mesh.
+_FEWEST = 3
+#: Relative difference of two breadths that are the same.
+_SAME = 1e-6
+
+
+@dataclass(frozen=True, eq=False)
+class ElementSeal:
+    """A seal whose permeability is constant on each element and varies at random from one to the next.
+
+    The flow is √(upper × lower) of its two bounds, of linear elements and of Raviart-Thomas fluxes: on random maps of
+    elements, whose ln k scatters symmetrically, this is within 3 % where the bounds are off by factors.
+
+    mesh : straight triangles or quadrilaterals, of a ring in (ln r, θ). inlet, outlet : its boundary facets.
+    size : breadth from inlet to outlet, about, and length along the seal [m].
+    outlines : corners of the elements in the plane of the seal (n, corners, 2) [m].
+    axes : unit vectors across and along the lay of every element, in the coordinates of the mesh (n, 2, 2).
+    boundaries : inlets with pressures of their own, and outlets; None where all inlets have one pressure.
+    """
+
+    mesh: Mesh = field(repr=False)
+    inlet: Indices = field(repr=False)
+    outlet: Indices = field(repr=False)
+    size: tuple[float, float]
+    outlines: Array = field(repr=False)
+    axes: Array = field(repr=False)
+    boundaries: PressureBoundaries | None = field(default=None, repr=False)
+
+    @cached_property
+    def _open(self) -> OpenElements:
+        """The flow where all elements are open."""
+        return OpenElements(self.mesh, self.inlet, self.outlet)
+
+    @property
+    def length(self) -> float:
+        """Length along the seal by which leakage is divided [m]."""
+        return self.size[1]
+
+    @property
+    def points(self) -> Array:
+        """Coordinates of the vertices (n_vertices, 2) [m]."""
+        points = np.empty((self.mesh.nvertices, 2))
+        points[self.mesh.t.T] = self.outlines
+        return points
+
+    def tensors(self, permeability: Any) -> Array:
+        """Tensors (n, 2, 2) [m³] in the coordinates of the mesh, from a number or (n, 2) across and along the lay."""
+        principal = np.broadcast_to(permeability, (self.mesh.nelements, 2))
+        return np.asarray(np.einsum("ni,nia,nib->nab", principal, self.axes, self.axes))
+
+    def flow(self, permeability: Any, *, bounds: bool = False, solver: str = "auto") -> DarcyFlow:
+        """Flow for a unit drop, with its bounds; permeability (n, 2) [m³], solvers of grids are "auto"."""
+        k, solver = self.tensors(permeability), solver if solver in _SOLVERS else "auto"
+        principal = np.asarray(permeability)
+        if principal.min() > _OPEN * principal.max():
+            return self._open.flow(k, solver)
+        flow = darcy_conductance(self.mesh, k, self.inlet, self.outlet, bounds=True, solver=solver)
+        lower = flow.lower if flow.lower > self._through_closed_axes(permeability) else 0.0
+        conductance = float(np.sqrt(lower) * np.sqrt(flow.upper))
+        return replace(flow, conductance=conductance, lower=lower, percolates=lower > 0)
+
+    def flow_between(
+        self,
+        permeability: Any,
+        boundaries: PressureBoundaries,
+        levels: Sequence[float],
+        *,
+        solver: str = "auto",
+    ) -> DirichletFlow:
+        """Flow between boundaries of given potentials, the outlets at 0 and all inlets on one side of it.
+
+        The outflow is √ of the product of those of linear elements and of Raviart-Thomas fluxes, which with inlets at
+        one pressure are the two bounds. The flows through all boundaries are the mean of both solutions, each
+        multiplied so that it has this outflow: they balance. Without outflow all are 0.
+
+        Raises InputError: inlets on both sides of the outlet.
+        """
+        if min(levels) < 0:
+            raise InputError("inlet", "pressures above and below that of the outlet", "all on one side of it")
+        k, solver = self.tensors(permeability), solver if solver in _SOLVERS else "auto"
+        flow = dirichlet_flow(self.mesh, k, boundaries.facets, levels, fluxes=True, solver=solver)
+        outlets = slice(len(boundaries.pressures), None)
+        fluxes = flow.rates if flow.flux_rates is None else flow.flux_rates
+        upper, lower = -float(flow.rates[outlets].sum()), -float(fluxes[outlets].sum())
+        if not (lower > self._through_closed_axes(permeability) * max(levels) and upper > 0):
+            return replace(flow, rates=np.zeros_like(flow.rates))
+        outflow = np.sqrt(lower) * np.sqrt(upper)
+        return replace(flow, rates=0.5 * outflow * (flow.rates / upper + fluxes / lower))
+
+    def _through_closed_axes(self, permeability: Any) -> float:
+        """Flow for a unit drop below which it may go through axes of pieces that are closed [m³]."""
+        principal = np.broadcast_to(permeability, (self.mesh.nelements, 2))
+        most = principal.max(axis=1)
+        half = (most > 0) & (principal.min(axis=1) <= 1e-14 * most)
+        typical = float(np.median(most[half])) if half.any() else 0.0
+        return _SHUT * CLOSED_AXIS * typical * self.size[1] / self.size[0]
+
+
+@dataclass(frozen=True)
+class PieceSize:
+    """What a layout needs to know of the pieces of a face, and what is asked of the seal.
+
+    size : sides of a piece along x1 and x2 [m]. rows : number of pieces of the face along x1.
+    length, breadth : of the seal [m], None where not given.
+    """
+
+    size: tuple[float, float]
+    rows: int
+    length: float | None = None
+    breadth: float | None = None
+
+
+@dataclass(frozen=True, eq=False)
+class SealTiles:
+    """A seal of tiles, each of which draws a piece of a face.
+
+    seal : its finite elements. lay : unit vectors along the lay in the plane of the seal (n, 2).
+    tile : number of the tile of every element (n,). grid : rows from inlet to outlet and columns of the tiles of a
+    strip or a ring, which are numbered row by row; None of meshes.
+    in_place : every row of tiles draws from the row of the face at the same distance from the inlet.
+    turned : pieces lie with x1 of the face along the seal.
+    tangent : tan α of grooves that wind (n,); None of others.
+    """
+
+    seal: ElementSeal
+    lay: Array = field(repr=False)
+    tile: Indices = field(repr=False)
+    grid: tuple[int, int] | None = None
+    in_place: bool = False
+    turned: bool = False
+    tangent: Array | None = field(default=None, repr=False)
+    warnings: tuple[str, ...] = ()
+
+    @property
+    def count(self) -> int:
+        """Number of tiles."""
+        return int(self.tile.max()) + 1
+
+    @property
+    def outlines(self) -> Array:
+        """Corners of the elements in the plane of the seal (n, corners, 2) [m]."""
+        return self.seal.outlines
+
+    @property
+    def centres(self) -> Array:
+        """Middles of the elements (n, 2) [m]."""
+        return np.asarray(self.seal.outlines.mean(axis=1))
+
+    @property
+    def middles(self) -> Array:
+        """Middles of the tiles (tiles, 2) [m]."""
+        elements = np.bincount(self.tile)
+        return np.stack([np.bincount(self.tile, x) / elements for x in self.centres.T], axis=1)
+
+    def draw(self, pieces: tuple[int, int], rng: np.random.Generator) -> Indices:
+        """Number of the piece that each tile draws (tiles,), pieces (m1, m2) being numbered row by row.
+
+        Columns of tiles are drawn one after another: a longer seal begins with the tiles of a shorter one.
+        """
+        m1, m2 = pieces
+        rows, columns = self.grid or (1, self.count)
+        number = rng.random((columns, rows, 2))
+        row = (number[..., 0] * m1).astype(np.int64)
+        if self.in_place:
+            row = np.broadcast_to(np.arange(rows), row.shape)
+        column = (number[..., 1] * m2).astype(np.int64)
+        return np.ascontiguousarray((row * m2 + column).T).ravel()
+
+    def permeability(self, along_x1: Array, along_x2: Array) -> Array:
+        """Permeability of the elements (…, n, 2) [m³] across and along the lay, from that of the tiles (…, tiles).
+
+        Where grooves wind, each passes all tiles of a row: its flow along the lay has their harmonic mean, and
+        the element has k₁ cos²α + k₂ sin²α.
+        """
+        across, along = along_x1, along_x2
+        if self.tangent is None:
+            return np.stack([across[..., self.tile], along[..., self.tile]], axis=-1)
+        assert self.grid is not None
+        in_rows = along.reshape(*along.shape[:-1], *self.grid)
+        grooves = np.broadcast_to(along_grooves(in_rows)[..., None], in_rows.shape).reshape(along.shape)
+        square = self.tangent**2
+        radial = (across[..., self.tile] + square * grooves[..., self.tile]) / (1 + square)
+        round_ = (along[..., self.tile] + square * across[..., self.tile]) / (1 + square)
+        return np.stack([radial, round_], axis=-1)
+
+    def shown(self, permeability: Array, fluid_pressure: Array) -> tuple[Array, Array]:
+        """Permeability [m³], √ of the product of its principal values, and fluid pressure [Pa] of elements (n,)."""
+        return np.sqrt(permeability[:, 0]) * np.sqrt(permeability[:, 1]), self.of_elements(fluid_pressure)
+
+    def of_elements(self, values: Array) -> Array:
+        """Means (n,) over the vertices of every element of values at the vertices."""
+        return np.asarray(values[self.seal.mesh.t].mean(axis=0))
+
+    def flux(self, permeability: Array, potential: Array, rate: float) -> Array:
+        """Volume rate per width (n, 2) [m²/s] in the middle of every element, in the plane of the seal.
+
+        permeability : (n, 2) [m³]. potential : of the vertices over the density of volume rates [1/s].
+        rate : leakage of the seal [m³/s], which the flux is scaled to carry: that of the potential itself would carry
+        the upper bound.
+        """
+        corners, at = self.seal.outlines, np.nan_to_num(potential)[self.seal.mesh.t.T]
+        # along two edges of a triangle or both diagonals of a quadrilateral, where differences are those of the middle
+        ends, starts = ([1, 2], [0, 0]) if corners.shape[1] == 3 else ([2, 3], [0, 1])
+        ways, drops = corners[:, ends] - corners[:, starts], at[:, ends] - at[:, starts]
+        gradient = np.linalg.solve(ways, drops[..., None])[..., 0]
+        axes = np.stack([np.stack([self.lay[:, 1], -self.lay[:, 0]], axis=1), self.lay], axis=1)
+        flux = -np.einsum("ni,nia,nib,nb->na", permeability, axes, axes, gradient)
+        first, second = ways[:, 0], ways[:, 1]
+        area = 0.5 * np.abs(first[:, 0] * second[:, 1] - first[:, 1] * second[:, 0])
+        power = -float(area @ (flux * gradient).sum(axis=1))
+        drop = float(np.ptp(potential[np.isfinite(potential)]))
+        return np.asarray(flux * (abs(rate) * drop / power if power > 0 else 0.0))
+
+    def __str__(self) -> str:
+        if self.grid is not None:
+            return "{} × {} tiles".format(*self.grid)
+        return f"{counted(self.count, 'tile')} in {counted(len(self.tile), 'element')}"
+
+
+def along_grooves(across: Array) -> Array:
+    """Harmonic mean (…, rows) of the permeabilities along the grooves of each row (…, rows, columns); 0 beside a 0."""
+    with np.errstate(divide="ignore"):
+        return np.asarray(1 / np.mean(1 / across, axis=-1))
+
+
+def face_tiles(size: tuple[float, float], pieces: tuple[int, int]) -> SealTiles:
+    """The pieces of a face of a size [m] in their own order, its lay along x2."""
+    laid = _strip(size, pieces, np.tile([0.0, 1.0], (pieces[0] * pieces[1], 1)))
+    return replace(laid, in_place=True)
+
+
+def laid_on_strip(pieces: PieceSize, lay: Lay) -> SealTiles:
+    """On a strip whose length is given; as broad as the face, its rows are those of the face."""
+    (d1, d2), turned = pieces.size, lay.name == "x1"
+    assert pieces.length is not None
+    if lay.name not in ("x1", "x2", "spiral"):
+        d1 = d2 = (d1 * d2) ** 0.5
+    elif turned:
+        d1, d2 = d2, d1
+    of_face = pieces.rows * pieces.size[0]
+    breadth = of_face if pieces.breadth is None else pieces.breadth
+    cells = _rows_of(breadth, d1, "breadth", breadth), max(1, round(pieces.length / d2))
+    size = breadth, cells[1] * d2
+    straight = lay.name in ("x2", "spiral") and cells[0] == pieces.rows and abs(breadth / of_face - 1) < _SAME
+    middles = _middles(size, cells)
+    laid = _strip(size, cells, lay.directions(middles))
+    if lay.name == "spiral":
+        lay.check_lead(size[0])
+        slope = Spiral(lay.lead, lay.circumference).tangent(size[1])
+        laid = _strip(size, cells, np.tile([0.0, 1.0], (len(middles), 1)))
+        laid = replace(laid, tangent=np.full(len(laid.tile), slope))
+    return replace(laid, in_place=straight, turned=turned)
+
+
+def _rows_of(breadth: float, side: float, name: str, given: float) -> int:
+    """Number of tiles between inlet and outlet; raises InputError that names the length [m] it comes from."""
+    rows = max(1, round(breadth / side))
+    if rows > _MOST_ROWS:
+        expected = f"at most {_MOST_ROWS} tiles from inlet to outlet, not {rows}"
+        raise InputError(name, to_text(given, "m"), expected)
+    return rows
+
+
+def laid_on_ring(pieces: PieceSize, lay: Lay, radii: tuple[float, float], inlet: str) -> SealTiles:
+    """On a ring between two radii [m], in (ln r, θ) from the inlet on."""
+    inner, outer = radii
+    d1, d2 = pieces.size
+    if lay.name not in ("radial", "circumferential", "spiral"):
+        d1 = d2 = (d1 * d2) ** 0.5
+    elif lay.name == "radial":
+        d1, d2 = d2, d1
+    breadth, middle = outer - inner, (inner + outer) / 2
+    if breadth < _NARROW * d1:
+        sides = " × ".join(to_text(side, "m", 3) for side in pieces.size)
+        given, expected = f"a ring {to_text(breadth, 'm', 3)} broad", f"a ring at least as broad as a piece, {sides}"
+        raise InputError("outer_radius", given, expected)
+    cells = _rows_of(breadth, d1, "outer_radius", outer), max(3, round(2 * pi * middle / d2))
+    narrow = 2 * pi * inner / (cells[1] * d2)
+    given = f"a ring with {counted(cells[1], 'column')} of tiles, {narrow:.0%} as wide as pieces at its inner radius"
+    if narrow < _NARROWEST:
+        raise InputError("inner_radius", given, f"at least {_NARROWEST:.0%}; a mesh has none of them")
+    doubts = (f"{given}: tiles there are drawn too close together; a mesh has equal ones",)
+    warnings = doubts if narrow < _NARROW else ()
+    radius = np.linspace(inner, outer, cells[0] + 1)
+    radius = radius if inlet == "inner" else radius[::-1]
+    plain, ring, ends = _periodic_quads(np.abs(np.log(radius / radius[0])), 2 * pi, cells[1])
+    r, angle = radius[0] * np.exp(plain.p[0] if inlet == "inner" else -plain.p[0]), plain.p[1]
+    outlines = (r * np.array([np.cos(angle), np.sin(angle)])).T[plain.t.T]
+    centre = plain.p[:, plain.t].mean(axis=1)
+    at = radius[0] * np.exp(centre[0] if inlet == "inner" else -centre[0])
+    outward = np.array([np.cos(centre[1]), np.sin(centre[1])])
+    wound = lay.name == "spiral"
+    direction = (Lay(name="circumferential") if wound else lay).directions((at * outward).T)
+    # components along the way from the inlet and along the angle
+    sign = 1.0 if inlet == "inner" else -1.0
+    around = np.array([-outward[1], outward[0]])
+    frame = np.stack([sign * outward, around]).transpose(2, 0, 1)
+    along = np.einsum("nab,nb->na", frame, direction)
+    seal = ElementSeal(ring, *ends, (breadth, 2 * pi * middle), outlines, _axes(along))
+    tangent = lay.lead / (2 * pi * at) if wound else None
+    in_place = lay.name != "radial" and cells[0] == pieces.rows and abs(breadth / (pieces.rows * d1) - 1) < _SAME
+    tile = np.arange(len(along))
+    return SealTiles(
+        seal, direction, tile, cells, in_place, lay.name == "radial", tangent, warnings
+    )
+
+
+def laid_on_mesh(
+    pieces: PieceSize,
+    lay: Lay,
+    file: tuple[Path, Any, Any, str],
+    length: float | None,
+    centre: tuple[float, float],
+) -> SealTiles:
+    """On a mesh: each element is a tile, or shares that of its neighbours where elements are smaller than pieces.
+
+    file : path, inlet (a tuple of names and pressures where it has these), outlet and unit, see `MeshSeal`. length :
+        of the seal [m], that of the outlet unless given. centre : of the lay [m].
+    """
+    path, *_, unit = file
+    stat = path.stat() if path.is_file() else None
+    stamp = None if stat is None else (stat.st_mtime_ns, stat.st_size)
+    whole = _mesh_seal(*file, stamp)
+    check_size("path", float(np.ptp(whole.points, axis=0).max()), unit)
+    given = whole.boundaries
+    mesh, ends = straightened(whole.mesh, *whole.ends, *(given.facets if given else ()))
+    along = length or whole.length
+    boundaries = replace(given, facets=ends[2:]) if given else None
+    outlines = mesh.p.T[mesh.t.T]
+    centres = outlines.mean(axis=1)
+    direction = lay.directions(centres, centre, to_si(f"1 {unit}", "m", "unit"))
+    size = whole.area / along, along
+    seal = ElementSeal(mesh, ends[0], ends[1], size, outlines, _axes(direction), boundaries)
+    side = (pieces.size[0] * pieces.size[1]) ** 0.5
+    _, tile = np.unique(np.floor(centres / side), axis=0, return_inverse=True)
+    return SealTiles(seal, direction, tile.ravel(), warnings=tuple(parts_without_flow(mesh, *ends[:2])))
+
+
+@lru_cache(maxsize=2)
+def _mesh_seal(path: Path, inlet: Any, outlet: Any, unit: str, stamp: Any) -> MeshSeal:
+    """The seal of a mesh file, read once while its time and size (`stamp`) stay; a run lays it out several times."""
+    of_pressures = isinstance(inlet, tuple) and isinstance(inlet[0], tuple)
+    return MeshSeal(path, dict(inlet) if of_pressures else inlet, outlet, unit)
+
+
+def _strip(size: tuple[float, float], cells: tuple[int, int], lay: Array) -> SealTiles:
+    """A strip of rectangles, periodic along x2, with the lay of each (n, 2).
+
+    A periodic mesh has three columns or more: fewer are repeated.
+    """
+    times = -(-_FEWEST // cells[1])
+    n1, n2 = cells[0], times * cells[1]
+    whole = size[0], times * size[1]
+    plain, ring, ends = _periodic_quads(np.linspace(0.0, size[0], n1 + 1), whole[1], n2)
+    tile = np.tile(np.arange(n1 * cells[1]).reshape(cells), (1, times)).ravel()
+    seal = ElementSeal(ring, *ends, whole, plain.p.T[plain.t.T], _axes(lay[tile]))
+    return SealTiles(seal, lay[tile], tile, cells)
+
+
+def _middles(size: tuple[float, float], cells: tuple[int, int]) -> Array:
+    """Middles (n, 2) of equal cells of a rectangle, row by row."""
+    first, second = ((np.arange(n) + 0.5) * (side / n) for side, n in zip(size, cells, strict=True))
+    return np.stack(np.meshgrid(first, second, indexing="ij"), axis=-1).reshape(-1, 2)
+
+
+def _periodic_quads(first: Array, period: float, columns: int) -> tuple[Mesh, Mesh, tuple[Indices, Indices]]:
+    """Rectangles between rows (n1 + 1,) and equal columns, row by row: plain, periodic, and facets of both ends."""
+    second = np.linspace(0.0, period, columns + 1)
+    n1 = first.size - 1
+    number = np.arange((n1 + 1) * (columns + 1)).reshape(n1 + 1, columns + 1)
+    quads = np.stack([number[:-1, :-1], number[1:, :-1], number[1:, 1:], number[:-1, 1:]]).reshape(4, -1)
+    points = np.stack(np.meshgrid(first, second, indexing="ij")).reshape(2, -1)
+    plain = MeshQuad(points, quads)
+    ring = MeshQuad1DG.periodic(plain, number[:, -1], number[:, 0])
+    at = np.empty(ring.nvertices)
+    at[ring.t] = plain.p[0][plain.t]
+    facets = ring.boundary_facets()
+    inlet, outlet = (facets[(at[ring.facets[:, facets]] == end).all(axis=0)] for end in (first[0], first[-1]))
+    return plain, ring, (inlet, outlet)
+
+
+def _axes(lay: Array) -> Array:
+    """Unit vectors across and along the lay (n, 2, 2) from those along it (n, 2)."""
+    across = np.stack([lay[:, 1], -lay[:, 0]], axis=1)
+    return np.stack([across, lay], axis=1)

@@ -1,0 +1,211 @@
+"""States of a face cut into pieces, at the loads of a scene or along a ladder of nominal pressures."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from functools import partial
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..base import Array, Mapper, Stage
+from ..contact import LoadState
+from ..face.curves import PieceCurves, local_peaks
+from ..face.pieces import Cut, PieceState, branches, factors
+from ..flow.permeability_table import tabulated
+from ..loads import LoadProgramme, LoadStep
+from ..seal import RectangularSeal
+from ..seal.tiles import face_tiles
+from ..windows import Failed, FlowSettings, SolveCounts, attempt
+from .deterministic import DeterministicResult
+from .face_flow import FaceFlow, resolved_flow
+from .face_leakage import permeabilities_of_places
+from .fluid_coupling import CoupledContact
+from .scene import Scene
+
+#: Distance of the rungs of a ladder in the cube root of the pressure, over that of the highest one. ln k is nearly
+#: straight in it.
+_RUNG = 1 / 16
+#: Stops on the way down in fractions of a peak; ratio of neighbouring peaks, and most of them.
+_STOPS, _PEAK_RATIO, _MOST_PEAKS = (0.8, 0.6, 0.4, 0.25, 0.12, 0.04, 0.0), 1.3, 4
+
+
+@dataclass(frozen=True, eq=False)
+class FacePieces:
+    """Pieces of a face at every step of a load programme, NaN where a flow failed.
+
+    k : at each pressure of the drop, along x1 and x2 (pressures, 2, steps, m1, m2) [m³].
+    pressure [Pa], mean_gap [m], contact_fraction : means of the pieces (steps, m1, m2). rows : mean contact pressure of
+    the rows of points (steps, n1) [Pa].
+    face : leakage of the face at full resolution (steps,) [m²/s]. own : that of the pieces in their own order.
+    places : leakage of each measured place, and from three on of all but each (2 places, steps) [m²/s]; None of one.
+    counts : flows through pieces. failures : one line each. unsolved : steps without a gap by number, and why.
+    """
+
+    steps: LoadProgramme
+    cut: Cut
+    k: Array
+    pressure: Array
+    mean_gap: Array
+    contact_fraction: Array
+    rows: Array
+    face: Array
+    own: Array
+    places: Array | None
+    counts: SolveCounts
+    failures: tuple[str, ...] = ()
+    unsolved: tuple[tuple[int, str], ...] = ()
+
+    @property
+    def factor(self) -> Array:
+        """Factor of every state, see `face.pieces.factors` (steps,)."""
+        return factors(self.face, self.own, self.steps)
+
+
+@dataclass(frozen=True, eq=False)
+class _Taken:
+    """What is kept of a state: its pieces, permeabilities of the face, and of its places [m³]."""
+
+    pieces: PieceState | Failed
+    face: float
+    reason: str
+    places: Array | None
+
+
+def pieces_at_loads(scene: Scene, cut: Cut, known: DeterministicResult | None, mapper: Mapper) -> FacePieces:
+    """The pieces at the loads of the scene, in the contact of the face as it is, with its fluid where that acts.
+
+    known : solution of the same face; its contact is not solved again.
+    """
+    if known is None:
+        return _joined(scene, cut, scene.steps, list(scene.contact_states(_take(scene, cut), mapper=mapper)))
+    solve = partial(_of_fields, cut=cut, flow=scene.flow)
+    found = list(mapper(Stage("pieces of the face", solve), known.gap, iter(known.contact_pressure)))
+    unit = _unit(scene)
+    taken = [_Taken(pieces, float(q) / unit, "", None) for pieces, q in zip(found, known.leakage, strict=True)]
+    pieces = _joined(scene, cut, scene.steps, taken)
+    places = known.places
+    if places is None:
+        return pieces
+    both = places.alone if places.without is None else np.concatenate([places.alone, places.without])
+    return replace(pieces, places=both)
+
+
+def pieces_on_ladder(scene: Scene, cut: Cut, steps: LoadProgramme, mapper: Mapper) -> FacePieces:
+    """The pieces along a programme of nominal pressures, the face going on periodically and without fluid."""
+    dry = replace(scene, boundary=("periodic", "periodic"), fluid_pressure="ignored")
+    return _joined(scene, cut, steps, list(dry.contact_states(_take(scene, cut), steps=steps, mapper=mapper)))
+
+
+def _take(scene: Scene, cut: Cut) -> Callable[[LoadState], _Taken]:
+    """What is kept of the states of a face; grooves that wind are those of the seal."""
+    widths = getattr(scene.surface, "widths", ())
+    return partial(_of_state, cut=cut, flow=replace(scene.flow, spiral=None), widths=widths)
+
+
+def _of_state(state: LoadState, *, cut: Cut, flow: FlowSettings, widths: tuple[int, ...]) -> _Taken:
+    """Cut the contact of a state into pieces, and solve the flow through the face and its places."""
+    contact = state.contact
+    pieces = attempt(PieceState.of, contact.gap, contact.pressure, cut, flow)
+    of_places = permeabilities_of_places(contact.gap, widths, cut.spacing, flow) if widths else None
+    through: FaceFlow | Failed
+    if isinstance(contact, CoupledContact):
+        through = contact.flow
+    else:
+        through = attempt(resolved_flow, contact.gap, cut.spacing, flow)
+    if isinstance(through, Failed):
+        return _Taken(pieces, np.nan, through.reason, of_places)
+    return _Taken(pieces, through.permeability, "", of_places)
+
+
+def _of_fields(gap: NDArray[Any], pressure: NDArray[Any], *, cut: Cut, flow: FlowSettings) -> PieceState | Failed:
+    return attempt(PieceState.of, gap, pressure, cut, flow)
+
+
+def _unit(scene: Scene) -> float:
+    """Leakage [m²/s] of a face with a permeability of 1 m³."""
+    return scene.leakage(RectangularSeal(scene.surface.size, (1, 1)), 1.0).per_length
+
+
+def _joined(scene: Scene, cut: Cut, steps: LoadProgramme, taken: Sequence[_Taken]) -> FacePieces:
+    """Join the states, and solve the flow over the pieces in their own order."""
+    pressures, shape = scene.flow.drop.pressures.size, (len(steps), *cut.shape)
+    k = np.full((pressures, 2, *shape), np.nan)
+    means = {name: np.full(shape, np.nan) for name in ("pressure", "mean_gap", "contact_fraction")}
+    rows, own = np.full((len(steps), cut.rows[-1]), np.nan), np.full(len(steps), np.nan)
+    tiles = face_tiles(scene.surface.size, cut.shape)
+    counts, failures, unsolved = [], [], []
+    for s, (step, state) in enumerate(zip(steps, taken, strict=True)):
+        if state.reason:
+            unsolved.append((s, state.reason))
+        if isinstance(state.pieces, Failed):
+            failures.append(f"pieces, {step.name}: {state.pieces.reason}")
+            continue
+        k[:, :, s], rows[s] = state.pieces.k, state.pieces.rows
+        counts.append(state.pieces.counts)
+        for name, values in means.items():
+            values[s] = getattr(state.pieces, name)
+        in_order = k[:, :, s].reshape(pressures, 2, -1)
+        values = tiles.permeability(in_order[:, 0], in_order[:, 1])
+        through = attempt(scene.leakage, tiles.seal, tabulated(scene.flow.drop.pressures, values))
+        own[s] = np.nan if isinstance(through, Failed) else through.per_length
+    unit = _unit(scene)
+    places = None
+    if taken[0].places is not None:
+        places = unit * np.array([state.places for state in taken]).T
+    face = unit * np.array([state.face for state in taken])
+    total = SolveCounts.total(counts)
+    return FacePieces(
+        steps, cut, k, **means, rows=rows, face=face, own=own, places=places, counts=total,
+        failures=tuple(failures), unsolved=tuple(unsolved),
+    )
+
+
+def ladder_of(paths: Array, steps: LoadProgramme, elastic: bool) -> LoadProgramme:
+    """A programme of nominal pressures from which the pieces of all paths (steps, paths) [Pa] are interpolated.
+
+    Its loading steps are equidistant in the cube root of the pressure, from the lowest to the highest of the paths;
+    its peaks are among those of the paths.
+    """
+    peak = local_peaks(paths, steps)
+    down = (paths > 0) & (paths < peak) & (not elastic)
+    highest, lowest = float(paths.max()), float(paths.min())
+    peaks = _chosen_peaks(peak[down])
+    first = np.cbrt(max(lowest, 0.0) / highest) if highest > 0 else 0.0
+    count = int(np.ceil((1 - first) / _RUNG)) + 1
+    rungs = (highest * np.linspace(first, 1.0, count) ** 3).tolist() if highest > 0 else [0.0]
+    loading = sorted({*(p for p in rungs if all(abs(p / q - 1) > 0.02 for q in peaks)), *peaks, highest})
+    deepest = float((paths[down] / peak[down]).min()) if down.any() else 1.0
+    stops = [f for n, f in enumerate(_STOPS) if n == 0 or _STOPS[n - 1] > deepest]
+    unloading = [LoadStep(f * p, p) for p in peaks for f in stops]
+    return LoadProgramme([*map(LoadStep, loading), *unloading])
+
+
+def _chosen_peaks(peaks: Array) -> list[float]:
+    """Some of the peaks, rising: the highest and the lowest, and others apart by a ratio, not too many."""
+    values = np.unique(peaks)[::-1]
+    ratio = _PEAK_RATIO
+    while True:
+        chosen: list[float] = []
+        for peak in values.tolist():
+            gap = 1.02 if peak == values[-1] else ratio
+            if not chosen or peak * gap <= chosen[-1]:
+                chosen.append(peak)
+        if len(chosen) <= _MOST_PEAKS:
+            return chosen[::-1]
+        ratio *= 1.1
+
+
+def along_paths(pieces: FacePieces, paths: Array, steps: LoadProgramme) -> Array:
+    """Permeability of the pieces, times the factor of each state, along paths of the pressure (steps, paths) [Pa].
+
+    Returns (pressures, 2, steps, paths, pieces) [m³].
+    """
+    k = (pieces.k * pieces.factor[:, None, None]).reshape(*pieces.k.shape[:3], -1)
+    out = np.empty((*k.shape[:2], *paths.shape, k.shape[-1]))
+    for at in np.ndindex(*k.shape[:2]):
+        for n in range(k.shape[-1]):
+            out[*at, :, :, n] = PieceCurves(pieces.steps, k[*at, :, n]).along(paths, steps)
+    return out

@@ -1,0 +1,54 @@
+"""Options of a drawn seal, and its tiles."""
+
+from dataclasses import KW_ONLY, dataclass, field, replace
+
+from ..base import validate
+from ..face.pieces import Cut
+from ..seal.layouts import Layout
+from ..seal.pressure_map import AnyMap, Uniform, is_uniform
+from ..seal.tiles import PieceSize, SealTiles
+from .seat_rows import SeatMap
+
+
+@dataclass(frozen=True)
+class Sampling:
+    """Options of a drawn seal.
+
+    length : of a straight seal along x2 [m], rounded to whole tiles; None where the layout has its own size.
+    realisations : number of seals that are drawn; None draws as many as the band needs, see `stochastic`.
+    seed : of all random numbers.
+    breadth : of a straight seal from inlet to outlet [m]; that of the face unless given.
+    pressure_map : contact pressure over the seal in fractions of the nominal one, see `seal.pressure_map`. A `SeatMap`
+        is a form of the seat that is broader than the face.
+    median_fields : also keep the fields of the seal whose leakage is nearest to the median.
+
+    Raises InputError: a number of realisations below 1, a breadth that is not > 0.
+    """
+
+    length: float | None
+    realisations: int | None = None
+    _: KW_ONLY
+    seed: int
+    breadth: float | None = None
+    pressure_map: AnyMap | SeatMap = field(default_factory=Uniform)
+    median_fields: bool = True
+
+    def __post_init__(self) -> None:
+        if self.realisations is not None:
+            object.__setattr__(self, "realisations", validate.count("realisations", self.realisations))
+        for name in ("length", "breadth"):
+            if getattr(self, name) is not None:
+                validate.number(name, getattr(self, name), unit="m")
+
+
+def lay_out_tiles(layout: Layout, cut: Cut, sampling: Sampling) -> SealTiles:
+    """Tiles of the seal, each as large as a piece of the face.
+
+    They stay in the rows of the face where the seal is as broad and pressed evenly.
+
+    Raises InputError: see `seal.layouts.Layout.lay_out`.
+    """
+    tiles = layout.lay_out(PieceSize(cut.size, cut.shape[0], sampling.length, sampling.breadth))
+    if tiles.in_place and not is_uniform(sampling.pressure_map):
+        return replace(tiles, in_place=False)
+    return tiles
