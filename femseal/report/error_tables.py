@@ -184,14 +184,12 @@ def accuracy_lines(results: RunData) -> Lines:
         return [
             (
                 f"{s['method']}, {' × '.join(map(str, s['points']))} points"
-                + (f", {' × '.join(map(str, s['cells']))} windows" if s["cells"] else ""),
-                c["against"],
-                *(_factor(c[branch]["factor"]) for branch in ("loading", "unloading")),
+                + (f", {' × '.join(map(str, s['cells']))} pieces" if s["cells"] else ""),
+                *(_factor(s[branch]["factor"]) for branch in ("loading", "unloading")),
                 _factor(s["budget"]["factor"] if s.get("budget") else None),
                 f"{s['seconds']:.3g} s" + (", recommended" if s.get("recommended") else ""),
             )
             for s in found["solutions"]
-            for c in s["comparisons"]
         ]
     except (OSError, ValueError, KeyError, TypeError, RecursionError):
         return []
