@@ -190,9 +190,9 @@ class TestPartsOfABudget:
         }
 
     def test_links_compared_with_the_whole_face_on_fewer_points_have_a_narrower_band(self, scene):
-        study = two_scale(scene, (4, 4), flow="links")
+        study = two_scale(scene, (4, 4))
         coarse = replace(scene, surface=scene.surface.resample((32, 32)))
-        links, whole = two_scale(coarse, (4, 4), flow="links").leakage, deterministic(coarse).leakage
+        links, whole = two_scale(coarse, (4, 4)).leakage, deterministic(coarse).leakage
         alone, told = (
             {part.name: part for part in error_budget(scene, study, compared=compared).parts}["two scales"]
             for compared in (None, CoarserSolution((32, 32), scene.steps, whole, links))

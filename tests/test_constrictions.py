@@ -181,7 +181,7 @@ def study():
         unload_from=(1.5e9,),
         unloading=(1e8,),
     )
-    return scene, two_scale(scene, (4, 6), flow="links")
+    return scene, two_scale(scene, (4, 6))
 
 
 class TestDataset:

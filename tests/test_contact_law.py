@@ -354,7 +354,7 @@ def test_hardness_of_every_place_is_for_whole_faces():
     surface = self_affine((48, 64), (48e-6, 64e-6), hurst=0.8, rms_slope=0.25, roll_off=24e-6, cut_off=8e-6, rng=1)
     field = LinearHardening(np.where(np.arange(64) < 32, 1.0, 40.0) * np.full((48, 1), 1e9), 1e15)
     scene = fs.Scene(surface, E, field, fs.Liquid(1e-3), 1e6, 0.0, (3e8,), rtol=1e-4)
-    found = fs.two_scale(scene, (3, 4), contact="whole")
+    found = fs.two_scale(scene, (3, 4))
     assert found.plastic_fraction[0, :, :2].mean() > 2 * found.plastic_fraction[0, :, 2:].mean()
     with pytest.raises(fs.InputError, match="hardness: given a law that differs from place to place"):
         fs.two_scale(scene, (3, 4), contact="windows")

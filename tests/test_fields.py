@@ -53,7 +53,7 @@ def studies(scene):
     sampling = Sampling(length=240e-6, realisations=3, library_cells=12, seed=7)
     return {
         "deterministic": deterministic(scene),
-        "two_scale": two_scale(scene, (M1, M2), flow="links"),
+        "two_scale": two_scale(scene, (M1, M2)),
         "stochastic": stochastic(scene, (M1, M2), sampling),
     }
 
@@ -705,13 +705,13 @@ def test_vtkhdf_is_not_begun_on_a_full_disk(results, scene, tmp_path, monkeypatc
 
 
 def test_resolved_flow_of_two_scales_has_its_pressure_at_every_pixel(scene, tmp_path):
-    two = two_scale(scene, (M1, M2), flow="resolved")
+    two = two_scale(scene, (M1, M2))
     results = assemble(scene, two_scale=two)
     write_folder(results, tmp_path, scene.surface)
     for s, (_, cells, *_) in enumerate(in_time(tmp_path / "fields.pvd")):
         shown = cells["fluid_pressure_MPa"].reshape(two.gap.shape[1:], order="F") * 1e6
-        assert_allclose(shown, two.face_fluid_pressure[s], rtol=1e-6)
-        assert_allclose(results.fluid_pressure(s), two.face_fluid_pressure[s], rtol=1e-6)
+        assert_allclose(shown, two.fluid_pressure[s], rtol=1e-6)
+        assert_allclose(results.fluid_pressure(s), two.fluid_pressure[s], rtol=1e-6)
         assert np.isnan(shown[two.gap[s] <= 0]).all()
         if two.leakage[s] > 0:
             assert np.nanmax(shown) <= scene.inlet_pressure * (1 + 1e-6)

@@ -252,8 +252,8 @@ class TestStudies:
         one, other = deterministic(scene()), two_scale(scene(), (4, 4))
         assert_array_equal(one.leakage, other.leakage)
         assert_array_equal(one.carried_pressure, other.carried_pressure)
-        links = two_scale(scene(), (2, 2), flow="links")
-        dry = two_scale(scene(fluid_pressure="ignored"), (2, 2), flow="links")
+        links = two_scale(scene(), (2, 2))
+        dry = two_scale(scene(fluid_pressure="ignored"), (2, 2))
         expected = one.leakage / deterministic(scene(fluid_pressure="ignored")).leakage
         assert_allclose(links.leakage / dry.leakage, expected, rtol=0.05)
 
@@ -268,8 +268,8 @@ class TestStudies:
         for result in (
             deterministic(opened),
             two_scale(opened, (4, 4)),
-            two_scale(opened, (4, 4), flow="links"),
-            two_scale(opened, (4, 4), flow="elements"),
+            two_scale(opened, (4, 4)),
+            two_scale(opened, (4, 4)),
             two_scale(opened, (4, 4), contact="windows"),
         ):
             assert np.isnan(result.leakage[[0, 2]]).all()

@@ -123,9 +123,9 @@ def elastic():
 
 STUDIES = {
     "deterministic": fs.deterministic,
-    "resolved": lambda scene, **keys: fs.two_scale(scene, (3, 4), flow="resolved", **keys),
-    "elements": lambda scene, **keys: fs.two_scale(scene, (3, 4), flow="elements", **keys),
-    "links": lambda scene, **keys: fs.two_scale(scene, (3, 4), flow="links", contact="windows", **keys),
+    "resolved": lambda scene, **keys: fs.two_scale(scene, (3, 4), **keys),
+    "elements": lambda scene, **keys: fs.two_scale(scene, (3, 4), **keys),
+    "links": lambda scene, **keys: fs.two_scale(scene, (3, 4), contact="windows", **keys),
     "runs": lambda scene, **keys: fs.stochastic(
         scene, (3, 4), fs.Sampling(length=2e-4, realisations=3, library_cells=12, seed=1), **keys
     ),

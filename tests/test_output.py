@@ -61,7 +61,7 @@ def studies(scene):
     sampling = Sampling(length=240e-6, realisations=3, library_cells=12, seed=7)
     return {
         "deterministic": deterministic(scene),
-        "two_scale": two_scale(scene, (M1, M2), flow="links"),
+        "two_scale": two_scale(scene, (M1, M2)),
         "stochastic": stochastic(scene, (M1, M2), sampling),
     }
 
@@ -160,7 +160,7 @@ def test_fluid_of_a_closed_seal_stands_at_the_pressures_of_its_ends(scene, studi
 
 def test_flux_of_a_gas_is_its_volume_rate(scene, studies):
     gas = replace(scene, fluid=IdealGas(1.8e-5, 0.029, 293.15), inlet_pressure=2e5, outlet_pressure=1e5)
-    two = two_scale(gas, (M1, M2), flow="links")
+    two = two_scale(gas, (M1, M2))
     data = assemble(gas, two_scale=two).dataset
     assert two.leakage.max() > 0
     assert_allclose(data["flux1"].mean("cell2").values[:, 0], two.leakage, rtol=1e-6)
@@ -232,8 +232,8 @@ def test_statistics_are_those_of_the_realisations_that_did_not_fail(studies):
 def test_flow_towards_the_inlet_and_failed_steps_are_shown(scene, studies):
     dry = replace(scene, fluid_pressure="ignored")
     back = replace(dry, inlet_pressure=0.0, outlet_pressure=1e6)
-    two, drawn = two_scale(back, (M1, M2), flow="links"), studies["stochastic"]
-    assert_allclose(two.leakage, -two_scale(dry, (M1, M2), flow="links").leakage, rtol=1e-9)
+    two, drawn = two_scale(back, (M1, M2)), studies["stochastic"]
+    assert_allclose(two.leakage, -two_scale(dry, (M1, M2)).leakage, rtol=1e-9)
     leakage = -drawn.leakage
     leakage[:, 1] = np.nan
     failed = {name: getattr(two, name).copy() for name in ("leakage", "k1", "fluid_pressure")}
@@ -751,7 +751,7 @@ def test_names_are_plain(folder):
 def test_a_single_row_or_column_of_windows_goes_all_the_way(scene, cells, pressure, tmp_path, request):
     if (cells, pressure) != ((1, 1), "place"):
         request.getfixturevalue("undrawn")  # pictures of such seals are drawn once
-    two = two_scale(scene, cells, flow="links")
+    two = two_scale(scene, cells)
     drawn = stochastic(scene, cells, Sampling(240e-6, 2, cells[0], seed=7, pressure=pressure))
     # a row of windows leaks as they do side by side, a column as they do behind one another
     mean = two.k1.mean(axis=(1, 2)) if cells[0] == 1 else stats.hmean(two.k1[..., 0], axis=1)

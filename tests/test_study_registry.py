@@ -18,10 +18,10 @@ def small_scene():
 
 def test_a_registered_study_is_what_its_function_gives():
     scene = small_scene()
-    options = StudyOptions(CELLS, flow="links", contact="whole", sampling=SAMPLING, shares_contact=True)
+    options = StudyOptions(CELLS, contact="whole", sampling=SAMPLING, shares_contact=True)
     own = {
         "deterministic": lambda known: fs.deterministic(scene),
-        "two-scale": lambda known: fs.two_scale(scene, CELLS, flow="links", contact="whole"),
+        "two-scale": lambda known: fs.two_scale(scene, CELLS),
         "stochastic": lambda known: fs.stochastic(scene, CELLS, SAMPLING, two_scale=known["two_scale"]),
     }
     assert list(STUDIES) == list(own)

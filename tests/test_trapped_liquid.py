@@ -132,7 +132,7 @@ class TestStudies:
 
     def test_two_scales_cut_the_same_contact(self):
         one = fs.deterministic(scene())
-        two = fs.two_scale(scene(), (3, 3), flow="elements")
+        two = fs.two_scale(scene(), (3, 3))
         assert_allclose(two.leakage, one.leakage, rtol=1e-2)
 
     @pytest.mark.parametrize(
