@@ -22,6 +22,7 @@ from pathlib import Path
 
 import matplotlib
 import numpy as np
+from femseal.studies.link_flow import chosen_windows
 from matplotlib.collections import LineCollection
 from matplotlib.colors import ListedColormap
 from matplotlib.figure import Figure
@@ -39,7 +40,6 @@ from femseal.plots.heights import height_panel
 from femseal.plots.maps import default_step, window_flux
 from femseal.results.selections import branches
 from femseal.seal import largest_fractions
-from femseal.studies.link_flow import chosen_windows
 from femseal.windows import Partition, window_dissipation
 
 WIDTH = 7.2  # 183 mm, two columns of a journal

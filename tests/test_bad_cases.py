@@ -519,7 +519,11 @@ def test_messages_name_keys_of_the_case(tmp_path, data):
         ({"contact": {"fluid_pressure": "trapped"}} | spiral, "contact.fluid_pressure: given 'trapped'"),
         ({"fluid": data["fluid"] | {"inlet_pressure": "5 GPa"}}, "fluid.inlet_pressure: given 5 GPa, expected less"),
         (spiral | {"flow": {"discretisation": "Q2"}}, "flow.discretisation: given 'Q2'"),
-        (spiral | {"cells": {"flow": "elements", "count": [2, 4]}}, "cells.flow: given 'elements'"),
+        (
+            {"cells": {"flow": "links"}},
+            "cells.flow: given 'links', expected none: removed; the flow of a face is always",
+        ),
+        ({"cells": {"contact": "windows"}}, "cells.contact: given 'windows', expected none: removed; the contact is"),
         ({"method": "two-scale", "cells": {"count": [16, 1]}}, "cells: given 16 × 1 of 4 × 96 pixels, expected"),
     ]:
         message = refusal(lambda tables=tables: prepare(parse_case(data | tables)))

@@ -43,8 +43,6 @@ roll_off = "20 um"
 boundary = ["periodic", "periodic"]
 [cells]
 count = [2, 2]
-contact = "windows"
-flow = "links"
 [stochastic]
 length = "200 um"
 realisations = 24
@@ -378,11 +376,7 @@ def test_states_on_disk_go_on_from_the_last_one_with_the_bits_of_those_in_memory
     case, tmp_path, monkeypatch, method, workers
 ):
     text = case.read_text().replace('"stochastic"', f'"{method}"', 1).partition("[stochastic]")[0]
-    text = (
-        re.sub("compare = .*", "", text)
-        .replace('contact = "windows"', 'contact = "whole"')
-        .replace("links", "elements")
-    )
+    text = re.sub("compare = .*", "", text)
     case.write_text(text + "[output]\npictures = false\nreport = false\n")
     out = tmp_path / "out"
     done = subprocess.run([sys.executable, "-c", ON_DISK, str(case), str(out)], timeout=HANG)
@@ -527,14 +521,12 @@ def test_finished_results_of_another_face_file_are_not_taken(case, tmp_path):
     ("method", "choice", "other"),
     [
         ("stochastic", "chosen_sampler", "copula"),
-        ("two-scale", "chosen_flow", "links"),
-        ("two-scale", "chosen_contact", "whole"),
-        ("deterministic", "chosen_flow", None),
+        ("deterministic", "chosen_sampler", None),
     ],
 )
 def test_finished_results_of_another_choice_are_not_taken(case, tmp_path, monkeypatch, method, choice, other):
     """The case leaves open how it is solved, and another version of the program would choose otherwise."""
-    text = case.read_text().replace('"stochastic"', f'"{method}"', 1).replace('flow = "links"', "")
+    text = case.read_text().replace('"stochastic"', f'"{method}"', 1)
     case.write_text(text.replace('compare = ["deterministic", "two-scale"]', ""))
     done = fs.run(case, tmp_path / "out", workers=1)
     calls = []
@@ -544,7 +536,7 @@ def test_finished_results_of_another_choice_are_not_taken(case, tmp_path, monkey
     assert not calls
     monkeypatch.setattr(f"femseal.preparation.preparation.{choice}", lambda *a: other)
     fs.run(case, tmp_path / "out", resume=True, workers=1, progress=lambda *a: calls.append(a))
-    assert bool(calls) == (method != "deterministic")  # which has no windows
+    assert bool(calls) == (method != "deterministic")  # which draws nothing
 
 
 # --- signals -------------------------------------------------------------------------------------------------------

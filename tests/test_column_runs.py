@@ -153,7 +153,7 @@ SAMPLING = Sampling(length=512e-6, realisations=60, library_cells=32, seed=1, sa
 
 @pytest.fixture(scope="module")
 def face(scene):
-    return two_scale(scene, (4, 8), flow="elements")
+    return two_scale(scene, (4, 8))
 
 
 @pytest.fixture(scope="module")

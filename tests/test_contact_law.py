@@ -14,7 +14,6 @@ from femseal.contact.descent import Descent
 from femseal.contact.workspace import nested_grids
 from femseal.library import Ladder, WindowSource
 from femseal.topography import self_affine
-from femseal.windows.window_contact import gap_error
 
 E, H, D = 115e9, 4e9, 1e-6
 #: E* over the pixel [Pa/m].
@@ -341,10 +340,9 @@ def test_a_law_from_outside_runs_through_every_study(law):
     assert np.all(whole.plastic_fraction[1] > 0.01)
     assert whole.mean_gap[1] < whole.mean_gap[2] < whole.mean_gap[0]
     assert whole.leakage[2] < whole.leakage[0]
-    for contact in ("whole", "windows"):
-        windows = fs.two_scale(scene, (3, 4), contact=contact)
-        assert not windows.failures
-        assert_allclose(windows.mean_gap.mean(axis=(1, 2)), whole.mean_gap, rtol=0.05)
+    pieces = fs.two_scale(scene, (3, 4))
+    assert not pieces.failures
+    assert_allclose(pieces.mean_gap.mean(axis=(1, 2)), whole.mean_gap, rtol=1e-6)
     drawn = fs.stochastic(scene, (3, 4), fs.Sampling(length=2e-4, realisations=3, library_cells=4, seed=1))
     assert not drawn.failures
     assert np.isfinite(drawn.leakage).all()
@@ -354,24 +352,13 @@ def test_hardness_of_every_place_is_for_whole_faces():
     surface = self_affine((48, 64), (48e-6, 64e-6), hurst=0.8, rms_slope=0.25, roll_off=24e-6, cut_off=8e-6, rng=1)
     field = LinearHardening(np.where(np.arange(64) < 32, 1.0, 40.0) * np.full((48, 1), 1e9), 1e15)
     scene = fs.Scene(surface, E, field, fs.Liquid(1e-3), 1e6, 0.0, (3e8,), rtol=1e-4)
-    found = fs.two_scale(scene, (3, 4), contact="whole")
+    found = fs.two_scale(scene, (3, 4))
     assert found.plastic_fraction[0, :, :2].mean() > 2 * found.plastic_fraction[0, :, 2:].mean()
     with pytest.raises(fs.InputError, match="hardness: given a law that differs from place to place"):
-        fs.two_scale(scene, (3, 4), contact="windows")
+        fs.stochastic(scene, (3, 4), fs.Sampling(2e-4, 3, 4, seed=1, pressure="uniform"))
 
 
 # --- scales, libraries, cases ---
-
-
-def test_a_stitched_solution_has_no_error():
-    gap, law = rough((48, 40)), LinearHardening(0.5 * H, 0.05 * STIFF)
-    half_space = HalfSpace(gap.shape, (D, D), E)
-    loading, peak, down = load_cycle(
-        gap, half_space, loading=(0.1 * H,), hardness=law, unload_from=(0.4 * H,), unloading=(0.1 * H,), rtol=RTOL
-    )
-    for state, before in ((loading, None), (peak, None), (down, peak)):
-        fields = state.contact.gap, state.contact.pressure, None if before is None else before.contact.pressure
-        assert gap_error(*fields, undeformed=gap, half_space=half_space, law=law) < 1e-5
 
 
 def test_a_library_knows_its_law():

@@ -242,14 +242,14 @@ def test_a_chain_of_one_run_again_and_again_has_the_fields_of_the_face():
     one = fs.self_affine((48, 24), (48e-6, 24e-6), hurst=0.8, rms_slope=0.1, roll_off=16e-6, cut_off=6e-6, rng=1)
     repeated = fs.Topography(np.tile(one.heights, (1, 4)), (1e-6, 1e-6))
     scene = fs.Scene(repeated, 115e9, 3e9, FLUID, 2e6, 1e6, loading=(5e7, 2e8))
-    face = fs.two_scale(scene, (2, 4), flow="elements")
+    face = fs.two_scale(scene, (2, 4))
     seals = fs.stochastic(scene, (2, 4), fs.Sampling(480e-6, 3, 1, 1), two_scale=face)
     fields, like = seals.median_seal, np.ones(20)
     assert seals.seal.cells == (2, 20)
     assert_allclose(fields.pressure.reshape(2, 2, 20), face.pressure[..., :1] * like, rtol=1e-5)
     flux = fields.flux.reshape(2, 2, 20, 2)
     # the mean over the four sides of a window is nearly that over its fluid
-    of_windows = np.nanmean(face.face_fluid_pressure.astype(float).reshape(2, 2, 24, 96), axis=(2, 3))
+    of_windows = np.nanmean(face.fluid_pressure.astype(float).reshape(2, 2, 24, 96), axis=(2, 3))
     assert_allclose(fields.fluid_pressure.reshape(2, 2, 20), of_windows[..., None] * like, atol=0.1e6)
     for s in range(2):
         through = ColumnRuns.of(face.gap[s], face.partition).window_flux()[:, :1] * 1e6 / FLUID.viscosity

@@ -310,7 +310,7 @@ class TestStudy:
         assert np.all(result.element_error < 1e-3)
         assert result.solvers.by_solver()["elimination"] >= 3
         assert exact.element_error is exact.drop_fraction is result.k1 is None
-        inside, expected = result.face_fluid_pressure, exact.face_fluid_pressure
+        inside, expected = result.fluid_pressure, exact.fluid_pressure
         assert_array_equal(np.isnan(inside), np.isnan(expected))
         assert np.nanmean(np.abs(inside - expected)) < 1e-4 * scene.inlet_pressure
         data = assemble(scene, two_scale=result).dataset
@@ -319,7 +319,7 @@ class TestStudy:
 
     def test_needs_links_between_pixels(self, scene):
         with pytest.raises(InputError, match="gauss"):
-            two_scale(replace(scene, discretisation="gauss"), (4, 6), flow="elements")
+            two_scale(replace(scene, discretisation="gauss"), (4, 6))
 
 
 @pytest.mark.slow

@@ -241,7 +241,6 @@ class TestMeasuredSurfaces:
                 inlet_pressure = "10 kPa"
                 [cells]
                 count = {list(cells)}
-                flow = "links"
                 [stochastic]
                 length = "10 mm"
                 realisations = 4

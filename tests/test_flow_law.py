@@ -147,10 +147,9 @@ def test_all_studies_of_a_liquid_that_slips(scene):
     whole, plain = fs.deterministic(scene), fs.deterministic(cubic)
     assert (whole.leakage > 1.05 * plain.leakage).all()
     assert (fs.deterministic(replace(scene, fluid=fs.Liquid(1e-3, slip_length=0.0))).leakage == plain.leakage).all()
-    for flow, rtol in (("resolved", 1e-8), ("elements", 0.02), ("links", 0.1)):
-        found, still = (fs.two_scale(s, (2, 4), flow=flow) for s in (scene, cubic))
-        assert_allclose(found.leakage, whole.leakage, rtol=rtol)
-        assert_allclose(found.leakage / whole.leakage, still.leakage / plain.leakage, rtol=0.03)
+    found, still = (fs.two_scale(s, (2, 4)) for s in (scene, cubic))
+    assert (found.leakage == whole.leakage).all()
+    assert (found.k1 > 1.05 * still.k1).all()
 
 
 @pytest.mark.parametrize(
@@ -265,8 +264,9 @@ def test_a_law_from_outside_runs_through_the_studies(scene):
     assert_allclose(whole["stiff"].leakage, whole["cubic"].leakage, rtol=1e-5)
     # of a gap that does not change the flow goes with P ln(1 + p/P)/p, here ln 2
     assert_allclose(whole["soft"].leakage / whole["cubic"].leakage, np.log(2), rtol=1e-3)
-    for flow, rtol in (("resolved", 1e-9), ("elements", 0.02), ("links", 0.1)):
-        assert_allclose(fs.two_scale(soft, (2, 4), flow=flow).leakage, whole["soft"].leakage, rtol=rtol + 1e-8)
+    pieces = fs.two_scale(soft, (2, 4))
+    assert_allclose(pieces.leakage, whole["soft"].leakage, rtol=1e-8)
+    assert_allclose(pieces.drop_fraction.sum(axis=(1, 2)), 1, rtol=1e-9)
 
 
 def test_flows_of_fluids_of_one_law_are_the_same(scene):

@@ -326,15 +326,12 @@ def test_all_studies_of_a_gas(scene):
     # p² falls less steeply near the inlet than without slip
     assert np.nanmax(np.abs(whole.fluid_pressure - plain.fluid_pressure)) > 1e4
     assert np.nanmin(whole.fluid_pressure) >= 0.999e5
-    for flow, rtol in (("resolved", 1e-6), ("elements", 0.02), ("links", 0.1)):
-        found, still = (fs.two_scale(s, (2, 4), flow=flow) for s in (scene, viscous))
-        assert_allclose(found.leakage, whole.leakage, rtol=rtol)
-        assert_allclose(found.leakage / whole.leakage, still.leakage / plain.leakage, rtol=0.03)
-        if flow == "links":
-            k1, φ = found.k1, HELIUM.potential(found.fluid_pressure) / HELIUM.reference_density
-            rate = (k1[:, 0] * (φ[:, 0] - φ[:, 1])).sum(axis=1)
-            width = np.diff(found.partition.node_rows[:2])[0] if found.partition.node_rows else 32e-6
-            assert_allclose(rate / width / 4, found.leakage, rtol=5e-3)
+    found, still = (fs.two_scale(s, (2, 4)) for s in (scene, viscous))
+    assert (found.leakage == whole.leakage).all()
+    # near the outlet, at lower pressures, it slips more
+    factor = found.k1 / still.k1
+    assert (factor > 1.05).all()
+    assert (factor[:, 1] > factor[:, 0]).mean() > 0.8
 
 
 @pytest.mark.parametrize(

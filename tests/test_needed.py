@@ -123,9 +123,7 @@ def elastic():
 
 STUDIES = {
     "deterministic": fs.deterministic,
-    "resolved": lambda scene, **keys: fs.two_scale(scene, (3, 4), flow="resolved", **keys),
-    "elements": lambda scene, **keys: fs.two_scale(scene, (3, 4), flow="elements", **keys),
-    "links": lambda scene, **keys: fs.two_scale(scene, (3, 4), flow="links", contact="windows", **keys),
+    "two-scale": lambda scene, **keys: fs.two_scale(scene, (3, 4), **keys),
     "runs": lambda scene, **keys: fs.stochastic(
         scene, (3, 4), fs.Sampling(length=2e-4, realisations=3, library_cells=12, seed=1), **keys
     ),
@@ -150,7 +148,6 @@ def test_elastic_unloading_is_the_loading_backwards_and_solved_once(elastic, nam
     assert found.equal_steps == 5
     if name != "library":
         assert items["contact of the whole face"] == 5
-        assert items.get("flow of the whole face", 5) == items.get("flow through elements", 5) == 5
         assert items.get("runs of columns", 5) == 5
     whole = STUDIES[name](solved_again(elastic))
     assert whole.equal_steps == 3  # the stops that both peaks have in common

@@ -88,8 +88,6 @@ def test_bad_places_are_refused():
             fs.Places(given)
         with pytest.raises(fs.InputError, match=reason):
             scene(given)
-    with pytest.raises(fs.InputError, match="'windows' with several places"):
-        fs.two_scale(scene([a, b]), (2, 4), contact="windows")
 
 
 def test_leakage_by_places():
@@ -279,6 +277,5 @@ def test_bad_places_of_a_case_are_refused(tmp_path, files):
     ):
         with pytest.raises(fs.InputError, match=reason):
             prepare(parse_case(files | {"face": {"kind": "file"} | face}, tmp_path))
-    for key, table in (("cells", {"contact": "windows"}), ("stochastic", {"pressure": "global"})):
-        with pytest.raises(fs.InputError, match="several places"):
-            prepare(parse_case(files | {key: files[key] | table}, tmp_path))
+    with pytest.raises(fs.InputError, match="several places"):
+        prepare(parse_case(files | {"stochastic": files["stochastic"] | {"pressure": "global"}}, tmp_path))

@@ -5,6 +5,7 @@ import pickle
 import numpy as np
 import pytest
 from each import each
+from femseal.windows.window_contact import body_standoff, separate
 from numpy.testing import assert_allclose, assert_array_equal
 from scipy.ndimage import zoom
 
@@ -15,7 +16,6 @@ from femseal.loads import LoadProgramme, LoadStep
 from femseal.topography import Topography, self_affine
 from femseal.windows import GlobalState, Partition, contact_history, global_states
 from femseal.windows.global_contact import Refinement
-from femseal.windows.window_contact import body_standoff, separate
 from femseal.windows.window_flow import flow_history
 
 E, H = 115e9, 3e9

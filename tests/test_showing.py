@@ -56,7 +56,7 @@ def shown(face, states):
         "permeability": k,
         "leakage": fs.seal_leakage(seal, k.value, fs.Liquid(1e-3), inlet_pressure=1e6),
         "deterministic": fs.deterministic(scene),
-        "two_scale": fs.two_scale(scene, (2, 4), flow="links"),
+        "two_scale": fs.two_scale(scene, (2, 4)),
         "stochastic": fs.stochastic(scene, (2, 4), fs.Sampling(160e-6, 3, 8, seed=1)),
     }
 

@@ -210,8 +210,8 @@ def test_studies_of_a_face_follow_its_groove():
     found = fs.deterministic(whole(lay))
     k22 = [fs.cell_permeability(g, (D, D), axis=1, sides="periodic").value for g in found.gap]
     assert_allclose(found.leakage, np.array(k22) * (16e-6 / 1e-3) ** 2 * 1e6 / (1e-3 * 96e-6), rtol=0.25)
-    assert_allclose(fs.two_scale(whole(lay), (6, 3), flow="resolved").leakage, found.leakage, rtol=1e-5)
-    assert_allclose(fs.two_scale(whole(lay), (6, 3), flow="links").leakage, found.leakage, rtol=0.1)
+    assert_allclose(fs.two_scale(whole(lay), (6, 3)).leakage, found.leakage, rtol=1e-5)
+    assert_allclose(fs.two_scale(whole(lay), (6, 3)).leakage, found.leakage, rtol=0.1)
     pressed = fs.deterministic(whole(lay, fluid_pressure="acts", loading=(2e7,))).leakage
     assert pressed > fs.deterministic(whole(lay, loading=(2e7,))).leakage
 
@@ -231,13 +231,13 @@ def test_a_groove_that_is_filled_somewhere_leads_nowhere():
     heights[:, 20:30] = heights.max()
     filled = replace(scene, surface=fs.Topography(heights, (D, D), (False, True)))
     assert not fs.deterministic(filled).leakage.any()
-    assert not fs.two_scale(filled, (6, 3), flow="links").leakage.any()
+    assert not fs.two_scale(filled, (6, 3)).leakage.any()
 
 
 @pytest.mark.parametrize(
     ("solve", "text"),
     [
-        (lambda lay: fs.two_scale(whole(lay), (6, 3), flow="elements"), "flow: given 'elements' of 6 × 3 windows"),
+        (lambda lay: fs.two_scale(whole(lay), (6, 3)), "flow: given 'elements' of 6 × 3 windows"),
         (lambda lay: fs.deterministic(whole(lay, discretisation="gauss")), "discretisation: given 'gauss'"),
         (lambda lay: fs.deterministic(whole(lay | {"circumference": "10 um"})), "lay.circumference: given 10 µm"),
         (lambda lay: fs.deterministic(whole(lay | {"lead": "96 um"})), "lay.lead: given 96 µm on a face 96 µm broad"),

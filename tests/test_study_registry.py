@@ -18,10 +18,10 @@ def small_scene():
 
 def test_a_registered_study_is_what_its_function_gives():
     scene = small_scene()
-    options = StudyOptions(CELLS, flow="links", contact="whole", sampling=SAMPLING, shares_contact=True)
+    options = StudyOptions(CELLS, SAMPLING, shares_face=True)
     own = {
         "deterministic": lambda known: fs.deterministic(scene),
-        "two-scale": lambda known: fs.two_scale(scene, CELLS, flow="links", contact="whole"),
+        "two-scale": lambda known: fs.two_scale(scene, CELLS),
         "stochastic": lambda known: fs.stochastic(scene, CELLS, SAMPLING, two_scale=known["two_scale"]),
     }
     assert list(STUDIES) == list(own)
@@ -34,7 +34,7 @@ def test_a_registered_study_is_what_its_function_gives():
         seconds, memory = study.cost(scene, options, usual_efforts(len(scene.steps)))
         assert 0 < seconds < 3600
         assert 0 < memory < 1e9
-    # two scales have the windows into which the deterministic study has cut its contact
+    # two scales have the pieces into which the deterministic study has cut the face
     assert known["two_scale"].fields is known["deterministic"].windows.fields
 
 

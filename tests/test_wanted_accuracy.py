@@ -185,11 +185,7 @@ class TestRefining:
         assert change.settings == replace(settings, grid=settings.grid + 1)
         assert change.text == "64 × 64 points"
 
-    def test_what_does_not_fit_into_memory_is_tried_with_elements(self):
-        """With the contact of windows, which takes less than that of the whole face."""
-        windows = SMALL | {"cells": {"contact": "windows"}}
-        _, change = self.change(windows, "pixels", memory=1e6)
-        assert (change.settings.method, change.settings.flow) == ("two-scale", "elements")
+    def test_what_does_not_fit_into_memory_is_not_tried(self):
         _, change = self.change(SMALL, "pixels", memory=1e5)
         assert change.settings is None
         assert "of memory, expected 100 kB" in change.text
@@ -202,13 +198,6 @@ class TestRefining:
         assert "all windows of the face, 4" in self.change(drawn, "library")[1].text
         drawn["stochastic"] = drawn["stochastic"] | {"library_cells": 2}
         assert "stochastic.library_cells is given" in self.change(drawn, "library")[1].text
-
-    def test_windows_make_place_for_the_whole(self):
-        two = SMALL | {"method": "two-scale"}
-        settings, change = self.change(two | {"cells": {"count": [2, 2], "flow": "links"}}, "two scales")
-        assert settings.flow == "links"
-        assert change.text == "cells.flow and cells.count are given in the case"
-        assert self.change(two, "windows")[1].text == "1 × 1 windows cannot be halved: a larger face has larger ones"
 
     def test_residuals_are_a_tenth(self):
         settings, change = self.change(SMALL, "solver")
@@ -236,13 +225,13 @@ class TestCase:
             parse_case(plain | {"time_limit": "1 h"})
 
     def test_the_method_is_what_the_tables_call_for(self):
-        assert case().method == "auto"
+        assert case().method == "deterministic"
         assert case(method="two-scale").method == "two-scale"
         assert parse_case(DRAWN).method == "stochastic"
         for chosen in ({"method": "stochastic"}, {"compare": ["stochastic"]}):
             drawn = case(**chosen)
             assert drawn.stochastic is not None
-            assert drawn.method == chosen.get("method", "auto")
+            assert drawn.method == chosen.get("method", "deterministic")
             describe(drawn, prepare(drawn))
         ring = {"kind": "annular", "inner_radius": "1 mm", "outer_radius": "2 mm", "inlet": "inner"}
         shaped = case(seal=ring)

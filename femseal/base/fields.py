@@ -24,9 +24,7 @@ class Place:
 
 
 STEP = Place("load steps", ("step",))
-WINDOW = Place("windows of the face", ("step", "cell1", "cell2"))
-LINK1, LINK2 = Place("links along x1", WINDOW.dims), Place("links along x2", ("step", "corner1", "cell2"))
-NODE = Place("nodes of the links", ("step", "node1", "cell2"))
+WINDOW = Place("pieces of the face", ("step", "cell1", "cell2"))
 ROW = Place("rows of pixels of the face", ("step", "row"))
 PIXEL = Place("pixels of the face", ("step", "x1", "x2"))
 BLOCK = Place("blocks of pixels", ("step", "block1", "block2"))
@@ -41,7 +39,6 @@ LIBRARY_CELL = Place("cells of the library", ("library_cell", "library_step"))
 PART = Place("parts of the drawn seal", ("step", "part"))
 PART_VECTOR = Place("vectors of the parts of the drawn seal", ("step", "part", "plane"))
 CORNER = Place("corners of the parts of the drawn seal", ("part", "corner", "plane"))
-NARROWEST_LINKS = Place("links that dissipate most", ("step", "narrowest"))
 LEAK_CLASS = Place("leakage classes", ("leak_class", "step"))
 ERROR_SOURCE = Place("sources of error", ("budget_part", "step"))
 

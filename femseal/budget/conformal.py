@@ -1,4 +1,4 @@
-"""Model error of two scales and of drawn seals, from scenes that were also solved in full: split conformal prediction.
+"""Model error of drawn seals, from scenes that were also solved in full: split conformal prediction.
 
 `calibration.csv` holds the leakage by each method over the deterministic one, at every step of scenes drawn at random.
 A score is the distance of ln(leakage) that the other parts of the budget leave over, divided by the difficulty of the
@@ -30,8 +30,6 @@ from ..studies.scene import Array
 
 #: The calibration set, which `tests/benchmarks/calibration.py` makes.
 CALIBRATION = Path(__file__).with_name("calibration.csv")
-#: What a change of ln(leakage) counts where one of both leakages is sealed.
-_MOST = 5.0
 Features = Mapping[str, Array]
 
 
@@ -41,14 +39,9 @@ def _drawn(least: float) -> Callable[[Features], Array]:
 
 
 #: Difficulty of a step by the kind of method: the size of the error to be expected, up to a factor, from what is known
-#: without the truth. contact : fraction in contact. decades : below the leakage of the first load. gap_error, effect :
-#: see `TwoScaleResult`, effect as |ln|. difference : |ln| of the leakage by links over that of the whole face, on fewer
-#: points both. slope : |d ln(leakage) / d ln(load)|. scatter : standard deviation of ln(leakage) of drawn seals by
-#: library and realisations.
+#: without the truth. decades : below the leakage of the first load. scatter : standard deviation of ln(leakage) of
+#: drawn seals by library and realisations.
 DIFFICULTIES: dict[str, Callable[[Features], Array]] = {
-    "links": lambda f: 0.1 + f["contact"] + 0.1 * np.maximum(f["decades"], 0.0),
-    "compared links": lambda f: np.hypot(np.minimum(f["difference"], _MOST), 0.02 * np.maximum(f["slope"], 1.0)),
-    "windows": lambda f: np.sqrt(0.0003**2 + f["gap_error"] ** 2 + np.minimum(f["effect"], _MOST) ** 2),
     "runs": _drawn(0.03),
     "block": _drawn(0.1),
     "global": _drawn(0.3),

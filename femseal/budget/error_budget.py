@@ -5,12 +5,12 @@ from collections.abc import Sequence
 import numpy as np
 
 from ..loads import LoadProgramme
-from ..studies import Scene, StochasticResult, StudyResult, TwoScaleResult, study_of_result
+from ..studies import Scene, StochasticResult, StudyResult, study_of_result
 from ..studies.load_curves import Indices, at_all_steps, least_counted, neighbours
 from ..studies.scene import Array
 from .changes import CoarserSolution
 from .error_parts import ErrorBudget, ErrorPart
-from .estimates import elements_part, library_part, realisations_part, sampler_part, solver_part, two_scales_parts
+from .estimates import library_part, realisations_part, sampler_part, solver_part
 from .grid_convergence import USUAL_PIXELS, one_grid_part, pixels_part
 from .waves import contact_fraction_of, filter_part, raised_by_slope
 
@@ -27,7 +27,6 @@ def error_budget(
     filtered: CoarserSolution | None = None,
     octaves: float = 0.0,
     kept_slope: float = 1.0,
-    compared: CoarserSolution | None = None,
     wave_pixels: float = USUAL_PIXELS,
 ) -> ErrorBudget:
     """What is known of the error of a leakage: a band for each source, and all of them together.
@@ -41,8 +40,6 @@ def error_budget(
     kept_slope : rms slope over that with the waves that were removed. Where these may open what is sealed, and no load
         shows what it then leaks, the upper end is inf: unknown. So it is of what is sealed where no coarser solution is
         given.
-    compared : of two scales by links, the deterministic solution on fewer points against that by links on these points.
-        It shows the error of links better than the scenes of the calibration do.
     wave_pixels : pixels to the shortest wave of the scene: with more than 8 the least error of the pixels is less.
 
     Returns
@@ -63,10 +60,6 @@ def error_budget(
     elif kept_slope < 1:
         nothing = np.zeros(len(scene.steps))
         parts.append(ErrorPart.of("filter", leakage, nothing, nothing, "no solution without the shortest waves"))
-    if isinstance(study, TwoScaleResult):
-        if study.element_error is not None:
-            parts.append(elements_part(study))
-        parts += two_scales_parts(study, compared)
     q = np.abs(leakage)
     steeper = np.where(q < least_counted(q), _NEAR_CLOSING, 1.0)
     parts = [part.widened(leakage, steeper) for part in parts]

@@ -13,7 +13,7 @@ from scipy.special import bdtr, stdtrit
 
 from ..base import counted
 from ..loads import LoadProgramme
-from ..studies import Scene, StochasticResult, TwoScaleResult
+from ..studies import Scene, StochasticResult
 from ..studies.scene import Array
 from ..topography.seat import ScaledSeat, Seat
 from .changes import LEAST_SLOPE, CoarserSolution, load_sensitivity, on_all_steps, part_of_changes, scale_of_changes
@@ -40,14 +40,6 @@ def solver_part(scene: Scene, leakage: Array) -> ErrorPart:
     distance = _RESIDUAL * scene.rtol * np.maximum(slope, 1.0) + _FLOW
     note = f"contact residual {scene.rtol:.0e} as a change of the load, by the slope of ln(leakage) over ln(load)"
     return ErrorPart.of("solver", leakage, distance, distance, note)
-
-
-def elements_part(study: TwoScaleResult) -> ErrorPart:
-    """Flow through elements: its leakage is an upper bound, and its own estimate the largest error."""
-    assert study.element_error is not None
-    below = -np.log1p(-np.minimum(study.element_error, 0.99))
-    note = "flow through elements, an upper bound; largest error estimated from its last iterations"
-    return ErrorPart.of("two scales", study.leakage, below, np.zeros(len(below)), note)
 
 
 def library_part(study: StochasticResult) -> ErrorPart:
@@ -154,29 +146,6 @@ def median_interval(values: Array) -> tuple[float, float]:
     return float(np.exp(middle - half)), float(np.exp(middle + half))
 
 
-def two_scales_parts(study: TwoScaleResult, compared: CoarserSolution | None = None) -> list[ErrorPart]:
-    """Flow through links, and contact solved in windows; none of contact and flow of the whole face.
-
-    compared : leakage of the whole face on fewer points against that of the study's own method there.
-    """
-    q, parts = study.leakage, []
-    if study.flow == "links" and compared is not None:
-        difference = np.abs(on_all_steps(study.steps, compared, q))
-        text = f"flow through links against that of the whole face on {' × '.join(map(str, compared.points))} points"
-        features = {"difference": difference, "slope": load_sensitivity(study.steps, q)}
-        parts.append(_part("two scales", study, q, text, "compared links", **features))
-    elif study.flow == "links":
-        features = {"contact": study.contact_fraction.mean(axis=(1, 2)), "decades": decades(q)}
-        text = "flow through links against that of the whole face"
-        parts.append(_part("two scales", study, q, text, "links", **features))
-    if study.contact == "windows":
-        with np.errstate(divide="ignore"):
-            features = {"gap_error": study.gap_error, "effect": np.abs(np.log(study.gap_effect))}
-        text = "contact in windows against that of the whole face"
-        parts.append(_part("windows", study, q, text, "windows", **features))
-    return parts
-
-
 @dataclass(frozen=True, eq=False)
 class ModelChange:
     """A scene with another model or input, whose leakage shows how much that matters.
@@ -248,23 +217,16 @@ def model_part(change: ModelChange, steps: LoadProgramme, leakage: Array, soluti
 
 
 def effective_pressure_part(scene: Scene, study: Any) -> ErrorPart | None:
-    """What windows under their effective pressure, or an even potential, differ by from the coupled face.
+    """What windows under their effective pressure differ by from the coupled face.
 
     Measured on seven faces four long waves broad, p_in/p̄ .1 to 1: drawn windows leak at most by half of what the fluid
-    does to ln(leakage) too much, and by a fifth too little, less on broader seals. So do windows under a potential that
-    falls evenly, at 93 of 100 loads of 36 faces of six kinds. None of other studies.
+    does to ln(leakage) too much, and by a fifth too little, less on broader seals. None of other studies.
     """
     fluid = scene.acting_fluid
-    drawn = isinstance(study, StochasticResult)
-    if drawn:
-        chosen = study.pressure != "place"
-        note = "windows under their effective pressure against a coupled face, measured on faces four waves broad"
-    else:
-        chosen = isinstance(study, TwoScaleResult) and study.contact == "windows"
-        note = "contact of windows under a fluid whose potential falls evenly, measured against that of the flow"
-    if fluid is None or not chosen:
+    if fluid is None or not isinstance(study, StochasticResult) or study.pressure == "place":
         return None
-    q = study.quantile(0.5) if drawn else study.leakage
+    note = "windows under their effective pressure against a coupled face, measured on faces four waves broad"
+    q = study.quantile(0.5)
     loads = np.maximum(study.steps.pressures, abs(fluid.carried))
     effect = load_sensitivity(study.steps, q) * np.abs(fluid.carried) / np.where(loads > 0, loads, 1.0)
     return part_of_changes("effective pressure", study.steps, q, 0.5 * effect, 0.2 * effect, note)
@@ -274,19 +236,12 @@ def sampler_part(scene: Scene, study: StochasticResult) -> ErrorPart:
     """Seals drawn from a face, against a face of their length: what library and realisations leave over."""
     kind = study.pressure if study.pressure != "place" else "runs" if study.sampler == "runs" else "block"
     q = study.quantile(0.5)
-    text = f"seals drawn by '{kind}' against long faces"
-    return _part("sampler", study, q, text, kind, decades=decades(q), scatter=scatter_of(study))
+    distance = model_error(kind, decades=decades(q), scatter=scatter_of(study))
+    scenes = calibration()[kind].scenes
+    note = f"seals drawn by '{kind}' against long faces: by split conformal prediction from {scenes} scenes"
+    return part_of_changes("sampler", study.steps, q, distance, distance, note)
 
 
 def scatter_of(study: StochasticResult) -> Array:
     """Standard deviation of ln(leakage) of drawn seals (steps,), by library and realisations; 0 where none leaks."""
     return np.hypot(np.nan_to_num(study.library_error), np.nan_to_num(study.realisation_spread))
-
-
-def _part(
-    name: str, study: TwoScaleResult | StochasticResult, q: Array, what: str, kind: str, **features: Any
-) -> ErrorPart:
-    """A part with the same distance on both sides, by the scenes of a kind in the calibration set."""
-    distance = model_error(kind, **features)
-    note = f"{what}: by split conformal prediction from {calibration()[kind].scenes} scenes"
-    return part_of_changes(name, study.steps, q, distance, distance, note)

@@ -39,7 +39,7 @@ from .values import Accuracy, Duration, FileSize, Number, Table
 #: No case is larger [byte].
 _LARGEST_FILE = 1_000_000
 
-Method = Literal["auto", "deterministic", "two-scale", "stochastic"]
+Method = Literal["deterministic", "two-scale", "stochastic"]
 
 
 class Case(Table):
@@ -53,7 +53,7 @@ class Case(Table):
 
     title: Annotated[str, Field(max_length=200)] = ""
     method: Method = "stochastic"
-    compare: tuple[Literal["deterministic", "two-scale", "stochastic"], ...] = ()
+    compare: tuple[Method, ...] = ()
     accuracy: Accuracy | None = None
     time_limit: Duration | None = None
     seed: Number = 0
@@ -90,8 +90,6 @@ class Case(Table):
             raise fault("output.budget", "false with accuracy", "true: attempts end by their error budget")
         if self.time_limit is not None and self.accuracy is None:
             raise fault("time_limit", "a time without accuracy", "one with accuracy, whose attempts it ends")
-        if self.cells is not None and self.cells.flow == "elements" and self.flow.discretisation != "edge":
-            raise fault("cells.flow", f"elements with the discretisation {self.flow.discretisation}", "edge with them")
         if self.stochastic is not None and self.stochastic.sampler == "runs" and self.flow.discretisation != "edge":
             given = f"runs with the discretisation {self.flow.discretisation}"
             raise fault("stochastic.sampler", given, "edge with them")
@@ -269,20 +267,22 @@ def _with_what_is_open(data: Any) -> Any:
     """The tables of a case, with those that its methods need and it leaves out.
 
     Shapes with a length of their own take windows under a uniform pressure. With `accuracy` and no method, the method
-    is "stochastic" if seals are to be drawn: with a table for it, or such a shape. Else it is "auto".
+    is "stochastic" if seals are to be drawn: with a table for it, or such a shape. Else it is "deterministic", which
+    "auto" is too.
     """
     if not isinstance(data, dict):
         return data
     wanted, seal, drawn = data.get("accuracy") is not None, data.get("seal"), data.get("stochastic")
     shaped = isinstance(seal, dict) and seal.get("kind", "rectangular") != "rectangular"
-    method = data.get("method", "auto" if wanted and drawn is None and not shaped else "stochastic")
+    method = data.get("method", "deterministic" if wanted and drawn is None and not shaped else "stochastic")
+    method = "deterministic" if method == "auto" else method
     methods = [method, *(c if isinstance(c := data.get("compare"), list) else [])]
     if drawn is None and "stochastic" in methods:
         drawn = {}
     if shaped and method == "stochastic" and isinstance(drawn, dict) and (wanted or not drawn):
         drawn = {"pressure": "uniform"} | drawn
     found = data | {"method": method} | ({} if drawn is None else {"stochastic": drawn})
-    return found if wanted or {*map(str, methods)} <= {"deterministic", "auto"} else {"cells": {}} | found
+    return found if wanted or {*map(str, methods)} <= {"deterministic"} else {"cells": {}} | found
 
 
 def load_case(path: str | PathLike[str]) -> Case:

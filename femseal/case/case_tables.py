@@ -18,7 +18,7 @@ from ..contact import ContactLaw, HardnessTable, LinearHardening, NixGao, Perfec
 from ..contact.hardness_curves import SMALLEST_DEPTH
 from ..flow.discretisation import DISCRETISATIONS, SOLVERS, check_discretisation
 from ..materials import HARDNESS_FACTOR, Solid, named_solid
-from ..studies.choices import CONTACTS, DRAWS, FIELDS_LIMIT, FLOWS, FLUID_PRESSURES, FORMATS, PRESSURES
+from ..studies.choices import DRAWS, FIELDS_LIMIT, FLUID_PRESSURES, FORMATS, PRESSURES
 from .faults import fault, faults_of, refusal
 from .fluid import AnyFluid, overriding
 from .values import (
@@ -64,17 +64,13 @@ class FlowTable(Table):
 
 
 class CellsTable(Table):
-    """Windows of the two-scale and stochastic methods: their number, or about their size; their contact and flow.
+    """Pieces of the face of the two-scale and stochastic methods: their number, or about their size.
 
-    Without number and size their sides are eight of the shortest waves.
-
-    flow, contact : see `studies.two_scale`.
+    Without both their sides are eight of the shortest waves.
     """
 
     count: tuple[Count, Count] | None = None
     size: Length | None = None
-    flow: Annotated[str, *one_of(FLOWS)] | None = None
-    contact: Annotated[str, *one_of(CONTACTS)] | None = None
 
     @model_validator(mode="after")
     def _one_of(self) -> CellsTable:

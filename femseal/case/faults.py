@@ -24,8 +24,12 @@ _LONGEST_KEY = 40
 _LONGEST_FAULT = 400
 #: Fields of a case that are no keys of its file.
 INTERNAL = ("folder", "fluid_warnings", "solid_warnings")
-#: What took the place of keys that are gone.
-_REPLACED = {"stochastic.profile": 'map = { kind = "profile", fractions = [...] } in the table load, in its place'}
+#: Keys that are gone, and what does now what they did.
+REMOVED = {
+    "cells.flow": "none: removed; the flow of a face is always at full resolution",
+    "cells.contact": "none: removed; the contact is always that of the whole face",
+    "stochastic.profile": 'map = { kind = "profile", fractions = [...] } in the table load, in its place',
+}
 #: What pydantic expects of a value of another type, as a user of TOML says it.
 _IN_TOML = {
     "tuple_type": "a list in square brackets",
@@ -64,7 +68,6 @@ SCENE_TABLES = {
     "inlet_pressure": "fluid",
     "places": "face",
     "discretisation": "flow",
-    "flow": "cells",
 }
 #: Tables of the arguments of maps of the pressure.
 MAP_TABLES = {"map": "load", "sampler": "stochastic"} | dict.fromkeys(
@@ -109,8 +112,8 @@ def _fault(case: type[BaseModel], error: dict[str, Any]) -> InputError:
     place, tables = _place(case, error["loc"])
     key = ".".join(place) or "case"
     kind, given = error["type"], error["input"]
-    if kind == "extra_forbidden" and key in _REPLACED:
-        return InputError(key, shown(given), _REPLACED[key])
+    if kind == "extra_forbidden" and key in REMOVED:
+        return InputError(key, shown(given), REMOVED[key])
     if kind == "extra_forbidden":
         known = [name for name in tables[0].model_fields if name not in INTERNAL]
         keys = ", ".join(known)

@@ -142,18 +142,13 @@ class WindowElement:
     @classmethod
     def of(cls, links: WindowLinks, node_spacing: int) -> WindowElement:
         """Condense a window; nodes on its sides are at most `node_spacing` pixels apart."""
-        return cls.with_points(links, node_spacing)[0]
-
-    @classmethod
-    def with_points(cls, links: WindowLinks, node_spacing: int) -> tuple[WindowElement, Array]:
-        """Condense a window; the element, and the conductances (p, p) of all its side points."""
         condensed, component = condense(links.along, links.across)
         along, across = (np.ascontiguousarray(c) for c in (links.along, links.across))
         beside1, beside2 = (np.ascontiguousarray(c) for c in (links.beside1, links.beside2))
         projected, counts, node, weight, place = _element(
             condensed, along, across, beside1, beside2, links.ends, node_spacing
         )
-        return cls(projected, counts, node, weight, component, place), condensed
+        return cls(projected, counts, node, weight, component, place)
 
     @property
     def side(self) -> Indices:

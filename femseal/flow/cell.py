@@ -24,7 +24,7 @@ from .discretisation import check_discretisation, on_grid
 from .edge_flow import cell_stencil, edge_conductances, edge_flow
 from .grid import Grid
 from .law import CUBIC_LAW, FlowLaw, gap_by_law
-from .solution import FIELD_RTOL, DarcyFlow
+from .solution import DarcyFlow
 from .solvers.choice import solve_flow
 
 Array = NDArray[np.float64]
@@ -283,20 +283,25 @@ def cell_permeabilities(
     return np.array(values, dtype=float).reshape(len(stack), len(axes))
 
 
-def pixel_dissipation(gap: Array, spacing: tuple[float, float]) -> Array:
-    """Dissipation of each pixel (n1, n2) [m³] of the flow through a cell with periodic sides for a unit drop along x1.
+def pixel_dissipation(
+    gap: Array, spacing: tuple[float, float], potential: NDArray[np.floating], *, seam: bool = True
+) -> Array:
+    """Dissipation of each pixel (n1, n2) [m³] of a flow along x1 through a cell with periodic sides for a unit drop.
 
-    Each pixel gets half of the dissipation of a link to another pixel, and all of that of a link to an end. The sum
-    is the conductance k L2/L1 with k of `cell_permeability`.
+    Each pixel gets half of the dissipation of a link to another pixel, and all of that of a link to an end. For the
+    potential of `cell_permeability` the sum is the conductance k L2/L1.
 
-    Raises
-    ------
-    InputError : a gap that is negative, undefined or not two-dimensional.
-    NotConverged : the linear solver failed.
+    gap : (n1, n2) [m]. potential : there, between 1 at the inlet and 0 at the outlet, NaN where nothing flows.
+    seam : whether fluid flows through the links from the last column to the first one.
+
+    Raises InputError: a gap that is negative, undefined or not two-dimensional.
     """
     h, spacing = validated_cell(gap, spacing, 0, "periodic")
+    n2 = h.shape[1]
     stencil = cell_stencil(h, Grid.of_pixel_centres(h.shape, spacing, "periodic"))
-    along, across = stencil.dissipation(solve_flow(stencil, field_rtol=FIELD_RTOL).potential)
+    along, across = stencil.dissipation(np.concatenate([np.ones((1, n2)), potential, np.zeros((1, n2))]))
+    if not seam:
+        across[:, -1] = 0.0
     along[[0, -1]] *= 2  # halved below
     return (along[:-1] + along[1:] + across + np.roll(across, 1, axis=1)) / 2
 

@@ -62,7 +62,7 @@ class Cells:
 
     def name(self, cell: int) -> str:
         """The cell as `Results.cell` and `Results.library_cell` take it."""
-        return f"window {divmod(cell, self.columns)}" if self.columns else f"library window {cell}"
+        return f"piece {divmod(cell, self.columns)}" if self.columns else f"library window {cell}"
 
     @property
     def limits(self) -> tuple[float, float]:

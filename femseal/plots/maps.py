@@ -1,4 +1,4 @@
-"""Maps of the seal: contact, flow and permeability of its windows, or the fields of its face in blocks.
+"""Maps of the face: its fields in blocks, and where the pressure drops and how permeable it is in its pieces.
 
 Also single solutions: a contact, a load cycle, the flow in a cell, the leakage of a seal.
 """
@@ -13,10 +13,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..base import Array, InputError
-from ..base.leak_rates import leakage_unit
 from ..contact import Contact, LoadCycle, LoadState
 from ..flow import Permeability
-from ..results.paraview import read_pixels, stored_steps
 from ..results.run_data import RunData
 from ..results.selections import branches, load_names, pressures_and_peaks, solved_steps
 from ..seal import Leakage
@@ -26,19 +24,14 @@ from .drawing import (
     MAP,
     POCKET,
     STYLES,
-    Margins,
     Sheet,
     branch_styles,
-    colour_bar,
-    flow_arrows,
-    map_axes,
     map_height,
     map_panel,
     map_row,
     new_figure,
     on_decades,
     one_panel,
-    panel_title,
     shows,
     with_closed,
 )
@@ -50,8 +43,6 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-#: At most this many arrows along a side.
-_ARROWS = 24
 #: Permeabilities shown in colour: this many decades below the largest.
 _DECADES = 10
 
@@ -66,20 +57,17 @@ def default_step(data: xarray.Dataset) -> int:
 
 
 def has_maps(data: xarray.Dataset) -> bool:
-    """Whether there are fields over the face: of windows, or of a deterministic study."""
-    return "k1" in data or "face_gap" in data
+    """Whether there are fields over the face."""
+    return "face_gap" in data
 
 
-def seal_figure(results: RunData, step: int | None = None, gaps: Sequence[Array] | None = None) -> Figure:
-    """Maps of the seal at one step: fluid pressure, contact pressure, and permeability or gap.
+def seal_figure(results: RunData, step: int | None = None) -> Figure:
+    """Maps of the face at one step: fluid pressure, contact pressure and gap in blocks, and the fall of the pressure.
 
-    Of a two-scale study: the windows, with the flow as arrows, and A and B, the critical window, in which the flow
-    loses most power, and the one that carries most flow of the others; with their gaps if the fields of the study are
-    in memory or in the folder. Else of a deterministic study, in blocks. Else of the seal drawn from a library that is
-    nearest to the median.
+    Of a two-scale study also the fraction of the pressure drop in each piece, and their permeability. Without fields
+    over the face: of the seal drawn from a library that is nearest to the median.
 
     step : index of the load step; the highest load that still leaks unless given.
-    gaps : of A and B, see `critical_gaps`; taken from the results unless given.
 
     Raises InputError: results without fields over the face, or no such step.
     """
@@ -94,19 +82,16 @@ def seal_figure(results: RunData, step: int | None = None, gaps: Sequence[Array]
         raise InputError("step", f"{step}, which is interpolated", f"one of {', '.join(map(str, solved))}")
     if not has_maps(data):
         return drawn_figure(data, s)
-    windows = "k1" in data
-    row = map_row(seal_size(data) if windows else face_size(data))
-    sheet = Sheet([row, max(row, 2.9)], columns=2, head=0.35)
-    panels: tuple[Callable[..., None], ...] = (fluid_panel, contact_panel, permeability_panel)
-    if not windows:
-        panels = tuple(partial(_face_map, name=name) for name in ("fluid_pressure", "contact_pressure", "gap"))
+    row = map_row(face_size(data))
+    panels: list[Callable[..., None]] = [
+        partial(_face_map, name=name) for name in ("fluid_pressure", "contact_pressure", "gap")
+    ]
+    panels += [fraction_panel, permeability_panel] if "k1" in data else []
+    heights = [row] * (len(panels) // 2) + [max(row, 2.9)]
+    sheet = Sheet(heights, columns=2, head=0.35)
     for n, draw in enumerate(panels):
         draw(sheet.panel(*divmod(n, 2), MAP), data, s)
-    if windows:
-        found = critical_gaps(results, s) if gaps is None else gaps
-        _critical_windows(sheet, data, s, found, 72 * (row - MAP.bottom - MAP.top) / data.sizes["cell2"])
-    else:
-        drop_panel(sheet.panel(1, 1, LINES), data, [s])
+    drop_panel(sheet.panel(*divmod(len(panels), 2), LINES), data, [s])
     sheet.figure.suptitle(f"{data['name'].values[s]}; inlet at x1 = 0", fontsize=11, y=1 - 0.1 / sheet.height, va="top")
     return sheet.figure
 
@@ -122,11 +107,6 @@ def place_figure(data: xarray.Dataset) -> Figure:
         title = f"gap [µm] at {data['name'].values[s]}; grey: contact"
         _gap_panel(sheet.panel(0, 1, MAP), data["place_gap"].values[s], size, title)
     return sheet.figure
-
-
-def seal_size(data: xarray.Dataset) -> tuple[float, float]:
-    """Sides of the face that the windows cover [mm]."""
-    return float(data["node1"][-1]) * 1e3, float(data["cell2"][0] + data["cell2"][-1]) * 1e3
 
 
 def face_size(data: xarray.Dataset) -> tuple[float, float]:
@@ -165,51 +145,11 @@ def _gap_panel(axes: Axes, gap: Array, size: tuple[float, float], title: str = "
     map_panel(axes, np.where(gap > 0, gap, np.nan) * 1e6, size, with_closed("magma"), title, vmin=0)
 
 
-def contact_panel(axes: Axes, data: xarray.Dataset, s: int) -> None:
-    """Mean contact pressure of the windows at a step."""
-    values = data["window_pressure"].values[s] / 1e6
-    map_panel(axes, values, seal_size(data), "viridis", "contact pressure of windows [MPa]")
-
-
-def fluid_panel(axes: Axes, data: xarray.Dataset, s: int) -> None:
-    """Pressure of the nodes, each over its own area, and the flux of the windows."""
-    size = seal_size(data)
-    map_axes(axes, size)
-    p = data["fluid_pressure"].values[s]
-    (m1, m2), (x1, x2) = data["k1"].shape[1:], (data[n].values * 1e3 for n in ("cell1", "cell2"))
-    rows, columns = np.r_[0, x1, size[0]], np.linspace(0, size[1], m2 + 1)
-    known = bool(np.isfinite(data["flux1"].values[s]).all())
-    pockets = "; white: pockets" if known and np.isnan(p).any() else ""
-    axes.set_facecolor(POCKET)
-    image = axes.pcolormesh(rows, columns, p.T / 1e6, cmap="cividis", rasterized=True)
-    colour_bar(axes, image)
-    along, across = window_flux(data, s)
-    every = int(np.ceil(m1 / _ARROWS)), int(np.ceil(m2 / _ARROWS))
-    pick = np.s_[:: every[0], :: every[1]]
-    length = np.nan_to_num(np.hypot(along, across))
-    if not length.max() > 0:
-        state = "no flow" if known else "unknown: a window failed"
-        panel_title(axes, f"fluid pressure [MPa], {state}{pockets}")
-        return
-    longest = min(1.6 * max(size[1] / m2 * every[1], size[0] / m1 * every[0]), 0.8 * min(size))
-    # the length goes with the root of the flux, so that the weaker paths are seen beside the strongest
-    root = np.divide(longest, np.sqrt(length * length.max()), out=np.zeros_like(length), where=length > 0)
-    shown = np.where(length > 1e-3 * length.max(), root, np.nan)
-    places = np.meshgrid(x1[pick[0]], x2[pick[1]], indexing="ij")
-    flow_arrows(axes, *places, (along * shown)[pick], (across * shown)[pick], width=0.028, clip_on=False)
-    factor, unit = leakage_unit(length.max())
-    longest_text = f"{length.max() / factor:.3g} {unit}"
-    panel_title(axes, f"fluid pressure [MPa]{pockets};\narrows ∝ √flux, longest {longest_text}")
-
-
-def window_flux(data: xarray.Dataset, s: int) -> tuple[Array, Array]:
-    """Flux (cell1, cell2) [m²/s] through each window along x1, and along x2 as the mean of the links at its corners."""
-    along = data["flux1"].values[s]
-    if "flux2" not in data:
-        return along, np.zeros_like(along)
-    links = np.pad(data["flux2"].values[s], ((1, 1), (0, 0)))
-    rows = (links[:-1] + links[1:]) / 2
-    return along, (rows + np.roll(rows, 1, axis=1)) / 2
+def fraction_panel(axes: Axes, data: xarray.Dataset, s: int) -> None:
+    """Fraction of the pressure drop in each piece at a step."""
+    values = 100 * data["window_drop_fraction"].values[s]
+    title = "pressure drop in pieces [%]" + ("" if np.isfinite(values).any() else ", no flow")
+    map_panel(axes, values, face_size(data), with_closed("magma", POCKET), title, vmin=0)
 
 
 def drop_panel(axes: Axes, data: xarray.Dataset, steps: Sequence[int]) -> None:
@@ -242,79 +182,19 @@ def row_panel(axes: Axes, data: xarray.Dataset, steps: Sequence[int]) -> None:
 
 
 def pressure_rows(data: xarray.Dataset, s: int) -> tuple[Array, Any]:
-    """x1 [m] and fluid pressure [Pa] (rows, columns) of the nodes or blocks of the face, masked where undefined."""
-    if "fluid_pressure" in data:
-        return data["node1"].values, np.ma.masked_invalid(data["fluid_pressure"].values[s])
+    """x1 [m] and fluid pressure [Pa] (rows, columns) of the blocks of the face, masked where undefined."""
     return data["block1"].values, np.ma.masked_invalid(data["face_fluid_pressure"].values[s].astype(float))
 
 
 def permeability_panel(axes: Axes, data: xarray.Dataset, s: int) -> None:
-    """Permeability of the windows along x1 at a step, log scale."""
+    """Permeability of the pieces along x1 at a step, log scale."""
     from matplotlib import colormaps
 
     k = data["k1"].values[s]
     shown, scale = on_decades(k, _DECADES)
-    label = "permeability of windows along x1 [m³]; grey: closed" + ("; white: failed" if np.isnan(k).any() else "")
+    label = "permeability of pieces along x1 [m³]; grey: closed" + ("; white: failed" if np.isnan(k).any() else "")
     colours = colormaps["viridis"].with_extremes(under=CLOSED)
-    map_panel(axes, shown, seal_size(data), colours, label, norm=scale)
-
-
-def critical_gaps(results: RunData, s: int) -> list[Array]:
-    """Gaps [m] of the windows A and B of `seal_figure`; none without fields in memory or in the folder."""
-    if "k1" not in results.dataset or s not in stored_steps(results):
-        return []
-    return [read_pixels(results, "gap", s, place).values for place, _ in _chosen_windows(results.dataset, s)]
-
-
-def _critical_windows(sheet: Sheet, data: xarray.Dataset, s: int, gaps: Sequence[Array], height: float) -> None:
-    """Two windows, `height` points high, marked on the maps of contact and permeability, and their gaps if known."""
-    from matplotlib.patches import Rectangle
-    from matplotlib.patheffects import withStroke
-
-    w1, w2 = (2e3 * float(data[name][0]) for name in ("cell1", "cell2"))
-    chosen = _chosen_windows(data, s)
-    letter: Any = {"ha": "center", "va": "center", "color": "white", "fontweight": "bold"}
-    letter |= {
-        "fontsize": float(np.clip(0.6 * height, 3, 8)),
-        "path_effects": [withStroke(linewidth=2, foreground="black")],
-    }
-    maps = [axes for axes in sheet.figure.axes if axes.get_title().startswith(("contact", "permeability"))]
-    for n, ((i, j), text) in enumerate(chosen):
-        for panel in maps:
-            panel.add_patch(Rectangle((i * w1, j * w2), w1, w2, fill=False, ec="black", lw=3.0))
-            panel.add_patch(Rectangle((i * w1, j * w2), w1, w2, fill=False, ec="white", lw=1.4))
-            panel.annotate("AB"[n], ((i + 0.5) * w1, (j + 0.5) * w2), **letter)
-        if not gaps:
-            continue
-        axes = sheet.panel(1, 1, Margins(0.6, 0.6, 0.5, 0.6), (n, 2))
-        gap = gaps[n] * 1e6
-        length = float(np.diff(data["node1"].values[i : i + 2])[0]) * 1e6
-        shown = np.where(gap > 0, gap, np.nan)
-        top = float(np.nanmax(shown)) if np.isfinite(shown).any() else 1.0
-        title, sides = f"{'AB'[n]}: gap [µm],\n{text}", (length, w2 * 1e3)
-        map_panel(axes, shown, sides, with_closed("magma"), title, vmin=0, vmax=top)
-        axes.set(xlabel="x1 [µm]", ylabel="x2 [µm]" if n == 0 else "")
-
-
-def _chosen_windows(data: xarray.Dataset, s: int) -> list[tuple[tuple[int, int], str]]:
-    """The window in which the flow loses most power, and the one that carries most flow of the others.
-
-    Without flow, the most permeable ones; closed windows are left out.
-    """
-    flux, p = np.abs(np.nan_to_num(data["flux1"].values[s])), np.nan_to_num(data["fluid_pressure"].values[s])
-    if flux.max() == 0:
-        flux = np.nan_to_num(data["k1"].values[s])
-        texts = "most permeable", "second most permeable"
-        loss = flux
-    else:
-        texts = "critical: most power lost", "most flow of the others"
-        loss = flux * np.abs(np.diff(p, axis=0))
-    first = np.unravel_index(int(np.argmax(loss)), loss.shape)
-    others = flux.copy()
-    others[first] = 0.0
-    second = np.unravel_index(int(np.argmax(others)), flux.shape)
-    places = ((first, flux), (second, others))
-    return [((int(p[0]), int(p[1])), text) for (p, f), text in zip(places, texts, strict=True) if f[p] > 0]
+    map_panel(axes, shown, face_size(data), colours, label, norm=scale)
 
 
 @shows(Contact)

@@ -244,7 +244,7 @@ def wound_layout(case: Case) -> Layout:
     """The shape of the seal. The lead of a spiral goes with the circumference, the length of a drawn strip.
 
     The grooves of one turned face that is generated wind with its pitch, unless the case says how its lay runs, or asks
-    for what cannot follow them: windows that keep their places, elements, another discretisation, a choice of method.
+    for what cannot follow them: windows that keep their places, another discretisation.
     """
     layout, circumference = case.layout, _circumference(case)
     if not isinstance(layout, RectangularLayout | AnnularLayout):
@@ -263,9 +263,7 @@ def _asks_otherwise(case: Case) -> bool:
     table = case.stochastic if "stochastic" in case.methods else None
     return (
         "lay" in case.seal.model_fields_set
-        or "auto" in case.methods
         or case.flow.discretisation != "edge"
-        or (case.cells is not None and case.cells.flow == "elements")
         or (table is not None and (table.pressure != "uniform" or table.sampler not in (None, "history")))
     )
 

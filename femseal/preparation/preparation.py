@@ -9,8 +9,7 @@ from ..case.case import Case
 from ..case.case_tables import StochasticTable
 from ..case.faults import MAP_TABLES, SCENE_TABLES, SEAL_TABLES, with_tables
 from ..seal.laid_windows import SealWindows
-from ..studies import Sampling, Scene, check_sampling, chosen_contact, chosen_flow, chosen_sampler, lay_out_windows
-from ..studies.costs import choose_method
+from ..studies import Sampling, Scene, check_sampling, chosen_sampler, lay_out_windows
 from ..studies.scene import gas_warnings, moduli_warnings, scene_warnings
 from ..studies.seat_rows import ROWS, SeatMap, check_map, most_paths
 from ..topography import MOST_POINTS, Conditioning, SpikeEffect, Topography, resolving_shape
@@ -41,14 +40,13 @@ def prepare(case: Case) -> Prepared:
         doubts: tuple[str, ...] = ()
         if sampling is not None:
             sampling, doubts = _under_map(case, scene, sampling, seals)
-        method, choice = _method(case, scene, cells)
-        contact, flow = _contact_and_flow(case, scene, method)
-        methods = frozenset({method, *case.compare})
+        _check_library(case, scene)
+        methods = frozenset(case.methods)
         if methods & {"deterministic", "two-scale"}:
             with with_tables(SEAL_TABLES):
-                scene.check_spiral(flow if "two-scale" in methods else "resolved", cells or (2, 1))
+                scene.check_spiral()
         if sampling is not None:
-            sampling = replace(sampling, sampler=chosen_sampler(sampling, scene, contact))
+            sampling = replace(sampling, sampler=chosen_sampler(sampling, scene))
         form = None  # of a flat seat
         if case.seat.kind != "flat":
             form = FormTolerance(case.seat.seat(case.folder), case.seat.tolerance, not case.seat_is_broader)
@@ -61,9 +59,6 @@ def prepare(case: Case) -> Prepared:
             overlap=face.overlap,
             continuation=face.continuation,
             methods=methods,
-            choice=choice,
-            contact=contact,
-            flow=flow,
             seat=seat,
             form=form,
             warnings=(
@@ -211,34 +206,12 @@ def _under_map(
         return sampling, (*seals[0].warnings, *check_map(scene, seals[0], sampling.pressure_map))
 
 
-def _method(case: Case, scene: Scene, cells: Pair | None) -> tuple[str, str]:
-    """The method of the case, of "auto" the one that it is, and why."""
-    if case.method != "auto":
-        return case.method, ""
-    assert cells is not None
-    method, reason = choose_method(len(scene.steps), scene.surface.shape, cells, _cheaper_flow(scene))
-    return method, f"{method}: {reason}"
-
-
-def _contact_and_flow(case: Case, scene: Scene, method: str) -> tuple[str, str]:
-    """How contact and flow of windows are solved, as the case says or as suits the face."""
-    contact, flow = (None, None) if case.cells is None else (case.cells.contact, case.cells.flow)
-    if flow is None and case.method == "auto" and method == "two-scale":
-        flow = _cheaper_flow(scene)
-    contact = chosen_contact(contact, scene.contact_shape)
-    if contact == "windows" and case.methods != {"deterministic"}:
-        scene.check_one_place("cells.contact", contact, "whole")
-        _ = scene.uniform_law
+def _check_library(case: Case, scene: Scene) -> None:
+    """Refuse drawn windows that are solved by themselves where the scene has none."""
     if case.stochastic is not None and case.stochastic.pressure == "global":
         scene.check_one_place("stochastic.pressure", "global", "place")
     if case.stochastic is not None and case.stochastic.pressure != "place":
         _ = scene.uniform_law
-    return contact, chosen_flow(flow, scene.surface.shape, scene.discretisation, scene.flow.spiral)
-
-
-def _cheaper_flow(scene: Scene) -> str:
-    """Flow of two scales where the deterministic solution is not affordable: resolved flow is not either."""
-    return "elements" if scene.discretisation == "edge" and scene.flow.spiral is None else "links"
 
 
 def plausibility_warnings(case: Case, scene: Scene, surface: Conditioning) -> tuple[str, ...]:
@@ -273,7 +246,7 @@ def _odd_filter(case: Case, scene: Scene, surface: Conditioning) -> Iterator[str
             remedy = f"leave out {keys}"
         elif limited:
             most = " × ".join(map(str, surface.shape))
-            remedy += f' (unasked no more than {most} are taken), with method = "two-scale" if that takes too long'
+            remedy += f" (unasked no more than {most} are taken)"
         yield (
             f"the low-pass at {kept} removes {surface.lost_slope:.0%} of the rms slope of the face, whose waves down "
             f"to {measured} stand above noise: leakage may be off by factors; to keep them {remedy}"

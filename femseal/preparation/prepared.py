@@ -71,9 +71,8 @@ Pair = tuple[int, int]
 class Prepared:
     """Input of the studies: the scene, its windows, the sampling of seals; and the history of the surface.
 
-    continuation : of the spectrum of the face, None without. methods : to be run, with "auto" resolved. choice : the
-    method that "auto" is and why, "" without. contact, flow : of windows, see `studies.two_scale`. seat : its form, ""
-    where it is flat; form : that and its error. warnings : what is not plausible in the case.
+    continuation : of the spectrum of the face, None without. methods : to be run. seat : its form, "" where
+    it is flat; form : that and its error. warnings : what is not plausible in the case.
     """
 
     scene: Scene
@@ -83,9 +82,6 @@ class Prepared:
     overlap: Overlap | None
     continuation: Continuation | None
     methods: frozenset[str]
-    choice: str
-    contact: str
-    flow: str
     seat: str = ""
     form: FormTolerance | None = None
     warnings: tuple[str, ...] = ()
@@ -101,14 +97,14 @@ class Prepared:
         return self.studies[-1]
 
     @property
-    def shares_contact(self) -> bool:
-        """Whether two scales take the contact of the whole face from the deterministic solution of the same run."""
-        return self.methods >= {"deterministic", "two-scale"} and self.contact == "whole"
+    def shares_face(self) -> bool:
+        """Whether two scales take the whole face from the deterministic solution of the same run."""
+        return self.methods >= {"deterministic", "two-scale"}
 
     @property
     def options(self) -> StudyOptions:
         """The options of the studies."""
-        return StudyOptions(self.cells, self.flow, self.contact, self.sampling, self.shares_contact)
+        return StudyOptions(self.cells, self.sampling, self.shares_face)
 
     def changed(self, change: ModelChange) -> Prepared:
         """The input with a change of the model."""
@@ -142,9 +138,7 @@ class Prepared:
             "solver": scene.solver,
         }
         if self.cells is not None and self.methods & {"two-scale", "stochastic"}:
-            found |= {"cells": list(self.cells), "contact of windows": self.contact}
-        if "two-scale" in self.methods:
-            found["flow of windows"] = self.flow
+            found["cells"] = list(self.cells)
         if self.sampling is not None:
             found["sampler"] = self.sampling.sampler
         return found

@@ -35,12 +35,11 @@ def measure_accuracy(
     announce: Callable[[str], None] | None = None,
     progress: Progress | None = None,
 ) -> AccuracyReport:
-    """Speed against error for a case: time and error with coarser pixels, other windows and smaller libraries.
+    """Speed against error for a case: time and error with coarser pixels and smaller libraries.
 
-    The scene is solved on its own grid and on two coarser ones of the same surface, with about half and double the
-    windows, and with libraries of a half and a quarter, one thing varied at a time. Errors are factors of leakage, see
-    `leakage_factor`, against the deterministic solution on the scene's own grid; if that is not affordable, against two
-    scales with the smallest windows. Medians of drawn seals are compared with two scales of the same windows besides.
+    The scene is solved on its own grid and on two coarser ones of the same surface, and with libraries of a half and a
+    quarter, one thing varied at a time. Errors are factors of leakage, see `leakage_factor`, against the deterministic
+    solution on the scene's own grid.
     Every solution has its error budget, from itself on half the points a side; the cheapest whose measured error and
     budget are within the accuracy of the case, 10 % unless given, is recommended.
 
@@ -55,7 +54,7 @@ def measure_accuracy(
 
     Raises
     ------
-    InputError : the case or an argument cannot be used, or no affordable solution can be the reference; nothing has
+    InputError : the case or an argument cannot be used, or the reference is not affordable; nothing has
         been computed or written then.
     FemsealError : the reference could not be computed. Other solutions that fail are reported as failed.
     """
@@ -114,12 +113,10 @@ def _measure(plan: Plan, workers: int, mapper: Mapper, progress: Progress) -> Ac
     # those of which the fluid carries all have no leakage
     pressed = [s for s in range(len(steps)) if s not in parted] or [*range(len(steps))]
 
-    def compare(variant: Variant, reference: Variant) -> Comparison:
-        pair, loads = (leakages[variant][pressed], leakages[reference][pressed]), [steps[s] for s in pressed]
-        return Comparison(reference, *(leakage_factor(*pair, loads, branch) for branch in ("loading", "unloading")))
+    def compare(variant: Variant) -> Comparison:
+        pair, loads = (leakages[variant][pressed], leakages[plan.reference][pressed]), [steps[s] for s in pressed]
+        return Comparison(*(leakage_factor(*pair, loads, branch) for branch in ("loading", "unloading")))
 
-    # drawn seals are compared with two scales of the surface they are drawn from, too
-    beside = {"stochastic": [plan.companion]} if plan.companion is not None else {}
     solutions = [
         Solution(
             variant=variant,
@@ -128,9 +125,7 @@ def _measure(plan: Plan, workers: int, mapper: Mapper, progress: Progress) -> Ac
             expected_memory=cost[1],
             leakage=leakages[variant],
             closing_load=closing_load(leakages[variant], steps),
-            comparisons=tuple(
-                compare(variant, reference) for reference in (plan.reference, *beside.get(variant.method, ()))
-            ),
+            comparison=compare(variant),
             failures=failures[variant],
             budget=budgets.get(variant),
         )

@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 
 #: Colour and marker of each method.
 _METHODS = {name: (style[0], style[2]) for name, style in zip(
-    ("deterministic", "two-scale", "stochastic"), STYLES[:3], strict=True)}  # fmt: skip
+    ("deterministic", "stochastic"), STYLES[::2][:2], strict=True)}  # fmt: skip
 #: Smaller errors are drawn at this value, the accuracy of the contact solution.
 _LEAST = 1e-5
 _GREY = "#666666"
@@ -34,7 +34,7 @@ _GREY = "#666666"
 def accuracy_figure(report: Any) -> Figure:
     """Error factor minus 1 over wall time, log scales, one panel for each branch of the load cycle.
 
-    Open markers: medians of drawn seals against two scales. The time of the reference is a dashed line.
+    The time of the reference is a dashed line.
     """
     branches = ["loading"]
     branches += ["unloading"] if any(s.unloaded_from is not None for s in report.plan.prepared.scene.steps) else []
@@ -46,8 +46,7 @@ def accuracy_figure(report: Any) -> Figure:
         axes.grid(alpha=0.25, lw=0.6)
         axes.axvline(report.solutions[0].seconds, color=_GREY, ls="--", lw=1)
         for solution in report.solutions[1:]:
-            for comparison in solution.comparisons:
-                _mark(axes, report, solution, comparison, branch)
+            _mark(axes, report, solution, branch)
         _mark_budgets(axes, report)
         axes.margins(0.18, 0.1)
     panels[0].set_ylabel("factor of leakage − 1")
@@ -56,21 +55,18 @@ def accuracy_figure(report: Any) -> Figure:
     return figure
 
 
-def _mark(axes: Axes, report: Any, solution: Any, comparison: Any, branch: str) -> None:
+def _mark(axes: Axes, report: Any, solution: Any, branch: str) -> None:
     """Draw the error of a solution over its time, and its label."""
-    factor = getattr(comparison, branch)
+    factor = getattr(solution.comparison, branch)
     if not factor.loads:
         return
     variant = solution.variant
     colour, marker = _METHODS[variant.method]
-    first = comparison is solution.comparisons[0]
     at = solution.seconds, max(factor.value - 1, _LEAST)
-    axes.plot(*at, color=colour, ls="", marker=marker, ms=7, mew=1.3, mfc=colour if first else "none")
-    text = _name(report, variant) if first else ""
+    axes.plot(*at, color=colour, ls="", marker=marker, ms=7)
+    text = _name(variant)
     text += f" (+{factor.closed} closed)" if factor.closed else ""
-    # libraries and coarser grids lie among the windows of the case
-    apart = variant.library_cells is not None or (variant.cells and variant.points != report.plan.reference.points)
-    side: dict[str, Any] = {"xytext": (-5, -9), "ha": "right"} if apart else {"xytext": (5, 4)}
+    side: dict[str, Any] = {"xytext": (5, 4)} if variant.cells is None else {"xytext": (-5, -9), "ha": "right"}
     axes.annotate(text, at, textcoords="offset points", fontsize=7, color=_GREY, **side)
 
 
@@ -87,14 +83,9 @@ def _mark_budgets(axes: Axes, report: Any) -> None:
     axes.axhline(report.plan.accuracy, color=_GREY, ls=":", lw=1)
 
 
-def _name(report: Any, variant: Variant) -> str:
+def _name(variant: Variant) -> str:
     """Text that distinguishes a solution from others of its method."""
-    if variant.library_cells is not None:
-        return str(variant.library_cells)
-    if variant.cells is None:
-        return by(variant.points)
-    own = variant.points == report.plan.reference.points
-    return by(variant.cells) + ("" if own else f" on {by(variant.points)}")
+    return by(variant.points) if variant.library_cells is None else str(variant.library_cells)
 
 
 def _legend(report: Any) -> list[Any]:
@@ -103,15 +94,10 @@ def _legend(report: Any) -> list[Any]:
 
     labels = {
         "deterministic": "deterministic: points",
-        "two-scale": "two-scale: cells",
         "stochastic": "stochastic: cells in the library",
     }
     drawn = dict.fromkeys(s.variant.method for s in report.solutions[1:])
     handles = [Line2D([], [], ls="", color=_METHODS[m][0], marker=_METHODS[m][1], ms=7, label=labels[m]) for m in drawn]
-    if "stochastic" in drawn and report.plan.companion is not None:
-        colour, marker = _METHODS["stochastic"]
-        label = f"open: against {report.plan.companion.short}"
-        handles.append(Line2D([], [], ls="", color=colour, marker=marker, ms=7, mew=1.3, mfc="none", label=label))
     handles.append(Line2D([], [], color=_GREY, ls="--", lw=1, label="time of the reference"))
     handles.append(Line2D([], [], color=_GREY, ls="", marker="_", ms=13, mew=2, label="budget"))
     wanted = f"{100 * report.plan.accuracy:.3g} %"
@@ -124,9 +110,8 @@ def _legend(report: Any) -> list[Any]:
 
 @dataclass(frozen=True)
 class Comparison:
-    """Distance of a solution from another one, on loading and on unloading."""
+    """Distance of a solution from the reference, on loading and on unloading."""
 
-    against: Variant
     loading: LeakageFactor
     unloading: LeakageFactor
 
@@ -138,7 +123,7 @@ class Solution:
     seconds : wall time. expected_seconds, expected_memory : expected before the run, on one core [s], [byte].
     leakage : per length of seal at every step [m²/s]; the median of drawn seals; NaN: failed.
     closing_load : lowest loading step that is closed [Pa]; inf if none is.
-    comparisons : with the reference first. failures : one line each. budget : its error budget; None: failed.
+    comparison : with the reference. failures : one line each. budget : its error budget; None: failed.
     """
 
     variant: Variant
@@ -147,7 +132,7 @@ class Solution:
     expected_memory: float
     leakage: NDArray[np.float64]
     closing_load: float
-    comparisons: tuple[Comparison, ...]
+    comparison: Comparison
     failures: tuple[str, ...]
     budget: ErrorBudget | None = None
 
@@ -158,7 +143,7 @@ class Solution:
 
     def is_within(self, accuracy: float) -> bool:
         """Whether measured error and budget are within an accuracy, a fraction, and nothing is closed or failed."""
-        found, first = self.widest_band, self.comparisons[0]
+        found, first = self.widest_band, self.comparison
         if found is None or not found.half_width <= np.log1p(accuracy):
             return False
         branches = [branch for branch in (first.loading, first.unloading) if branch.loads or branch.closed]
@@ -202,28 +187,26 @@ class AccuracyReport:
         return [f"{s.variant.label}: {text}" for s in self.solutions for text in s.failures]
 
     def rows(self) -> list[dict[str, Any]]:
-        """One dictionary for each comparison, in SI; keys carry the units."""
+        """One dictionary for each solution, in SI; keys carry the units."""
         rows = []
         for solution in self.solutions:
             variant = solution.variant
-            for comparison in solution.comparisons:
-                row: dict[str, Any] = {
-                    "method": variant.method,
-                    "points_1": variant.points[0],
-                    "points_2": variant.points[1],
-                    "cells_1": None if variant.cells is None else variant.cells[0],
-                    "cells_2": None if variant.cells is None else variant.cells[1],
-                    "library_cells": variant.library_cells,
-                    "seconds": solution.seconds,
-                    "against": comparison.against.label,
-                }
-                found = solution.widest_band
-                row["budget_factor"] = found and or_none(np.exp(found.half_width))
-                row["budget_limit"] = found and found.limit
-                row["recommended"] = solution is self.recommended
-                for branch in ("loading", "unloading"):
-                    row |= {f"{branch}_{name}": v for name, v in _plain(getattr(comparison, branch)).items()}
-                rows.append(row | {"closing_load_Pa": or_none(solution.closing_load)})
+            row: dict[str, Any] = {
+                "method": variant.method,
+                "points_1": variant.points[0],
+                "points_2": variant.points[1],
+                "cells_1": None if variant.cells is None else variant.cells[0],
+                "cells_2": None if variant.cells is None else variant.cells[1],
+                "library_cells": variant.library_cells,
+                "seconds": solution.seconds,
+            }
+            found = solution.widest_band
+            row["budget_factor"] = found and or_none(np.exp(found.half_width))
+            row["budget_limit"] = found and found.limit
+            row["recommended"] = solution is self.recommended
+            for branch in ("loading", "unloading"):
+                row |= {f"{branch}_{name}": v for name, v in _plain(getattr(solution.comparison, branch)).items()}
+            rows.append(row | {"closing_load_Pa": or_none(solution.closing_load)})
         return rows
 
     def csv_text(self) -> str:
@@ -261,22 +244,15 @@ class AccuracyReport:
 
     def table(self) -> TextTable:
         """The table for a terminal of 80 columns, for `rich.print`; each method has a line of its own."""
-        heads = "method", "points", "cells", "library", "time [s]", "against", "loading", "unloading", "budget"
+        heads = "method", "points", "cells", "library", "time [s]", "loading", "unloading", "budget"
         lines = []
         methods = [s.variant.method for s in self.solutions]  # in the order of their first solutions
         for solution in sorted(self.solutions, key=lambda s: methods.index(s.variant.method)):
-            for n, comparison in enumerate(solution.comparisons):
-                own, last = ([""] * 4, ["", ""])
-                if n == 0:
-                    own = _own_cells(solution, "→" if solution is self.recommended else " ")
-                    closes = to_text(solution.closing_load, "Pa", 3) if isfinite(solution.closing_load) else "–"
-                    last = [_budget_text(solution), closes]
-                itself = comparison.against == solution.variant
-                against = "(reference)" if itself else comparison.against.short
-                factors = (_factor_text(f) for f in (comparison.loading, comparison.unloading))
-                lines.append((solution.variant.method, *own, against, *factors, *last))
-        compared = (c for s in self.solutions for c in s.comparisons)
-        shut = any(c.loading.closed or c.unloading.closed for c in compared)
+            own = _own_cells(solution, "→" if solution is self.recommended else " ")
+            closes = to_text(solution.closing_load, "Pa", 3) if isfinite(solution.closing_load) else "–"
+            factors = (_factor_text(f) for f in (solution.comparison.loading, solution.comparison.unloading))
+            lines.append((solution.variant.method, *own, *factors, _budget_text(solution), closes))
+        shut = any(s.comparison.loading.closed or s.comparison.unloading.closed for s in self.solutions)
         return TextTable(
             "factors of leakage, exp(rms ln ratio); stochastic: of the median",
             (*heads, "closes at"),
@@ -352,10 +328,8 @@ def _as_dictionary(solution: Solution) -> dict[str, Any]:
         "leakage_m2_per_s": [or_none(float(q)) for q in solution.leakage],
         "closing_load_Pa": or_none(solution.closing_load),
         "budget": None if solution.budget is None else _budget(solution.budget),
-        "comparisons": [
-            {"against": c.against.label, "loading": _plain(c.loading), "unloading": _plain(c.unloading)}
-            for c in solution.comparisons
-        ],
+        "loading": _plain(solution.comparison.loading),
+        "unloading": _plain(solution.comparison.unloading),
         "failures": list(solution.failures),
     }
 

@@ -26,7 +26,6 @@ from ..studies import StochasticResult, study_of_result
 from ..studies.load_curves import first_known
 from .coarser import (
     coarser_grids,
-    compares_links,
     continued_scenes,
     kept_slope,
     removed_octaves,
@@ -74,8 +73,7 @@ def budgets_of(
         filtered = None if smooth is None else against(result, smooth, again.get(other))
         if smooth is not None and leakage_filtered is not None:
             filtered = CoarserSolution(smooth.scene.surface.shape, result.steps, leakage_filtered, answer)
-        compared = _links_compared(grids[0], solved[0]) if grids and key == "two_scale" else None
-        budgets[key] = budget_of(prepared, result, coarse, filtered, compared)
+        budgets[key] = budget_of(prepared, result, coarse, filtered)
     finest = (grids[0], solved[0]) if grids else None
     return _with_model_parts(prepared, studies, budgets, mapper, (finest, model_parts, hardness))
 
@@ -151,7 +149,6 @@ def budget_of(
     result: Any,
     coarse: list[CoarserSolution],
     filtered: CoarserSolution | None,
-    compared: CoarserSolution | None = None,
 ) -> ErrorBudget:
     """Error budget of a result of a prepared case, see `error_budget`."""
     return error_budget(
@@ -161,7 +158,6 @@ def budget_of(
         filtered=filtered,
         octaves=removed_octaves(prepared),
         kept_slope=kept_slope(prepared),
-        compared=compared,
         wave_pixels=wave_pixels(prepared),
     )
 
@@ -187,14 +183,6 @@ def against(result: Any, coarse: Prepared, found: Any) -> CoarserSolution:
     # a seal may leak where all windows are closed across: along its grooves, or where it is pressed less
     coarser = np.where(np.isnan(change) & (own > 0), leakage_of(found), own * np.exp(change))
     return CoarserSolution(points, steps, coarser, own)
-
-
-def _links_compared(coarse: Prepared, found: Mapping[str, Any]) -> CoarserSolution | None:
-    """The whole face on fewer points against links there; None where they are not compared."""
-    if not compares_links(coarse) or not {"deterministic", "two_scale"} <= found.keys():
-        return None
-    whole, links = found["deterministic"], found["two_scale"]
-    return CoarserSolution(coarse.scene.surface.shape, coarse.scene.steps, whole.leakage, links.leakage)
 
 
 def _solved(coarse: Prepared, mapper: Mapper) -> dict[str, Any]:

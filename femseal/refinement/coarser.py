@@ -85,13 +85,11 @@ def coarser_solutions(
 def route(prepared: Prepared, study: Study) -> Study:
     """The study that has the same contact and flow as another one on a coarser grid.
 
-    The deterministic one stands for two scales whose contact and flow are those of the whole face, and for seals drawn
-    as runs of it.
+    The deterministic one stands for two scales, and for seals drawn as runs of the face.
     """
-    whole = prepared.contact == "whole"
     runs = prepared.sampling is not None and prepared.sampling.sampler == "runs"
-    of_face = {"two-scale": prepared.flow != "links", "stochastic": runs}.get(study.name, False)
-    return STUDIES["deterministic"] if whole and of_face else study
+    of_face = study.name == "two-scale" or (study.name == "stochastic" and runs)
+    return STUDIES["deterministic"] if of_face else study
 
 
 def coarser_grids(prepared: Prepared, leakage: Array | None = None) -> list[Prepared]:
@@ -99,8 +97,8 @@ def coarser_grids(prepared: Prepared, leakage: Array | None = None) -> list[Prep
 
     leakage : of the answer, which shows what steps are near closing.
     """
-    # where the filter or the comparison of links takes its part of the time too, no more steps than every other
-    least = 0 if removed_octaves(prepared) >= LEAST_OCTAVES or compares_links(prepared) else LEAST_LOADS
+    # where the filter takes its part of the time too, no more steps than every other
+    least = 0 if removed_octaves(prepared) >= LEAST_OCTAVES else LEAST_LOADS
     some = at_some_steps(prepared.scene, leakage, GRID_STRIDE, least=least)
     points, found = prepared.scene.surface.shape, []
     for _ in range(1 + carries_quarter(prepared)):
@@ -151,11 +149,6 @@ def kept_slope(prepared: Prepared) -> float:
     return 1.0 if removed_octaves(prepared) < LEAST_OCTAVES else 1.0 - prepared.conditioning.lost_slope
 
 
-def compares_links(prepared: Prepared) -> bool:
-    """Whether two scales have the contact of the whole face and the flow of links, which cost little to compare."""
-    return "two-scale" in prepared.methods and prepared.contact == "whole" and prepared.flow == "links"
-
-
 def at_some_steps(scene: Scene, leakage: Array | None, stride: int = 2, *, least: int = LEAST_LOADS) -> Scene:
     """The scene at some of its steps: ends, peaks, both sides of closing, and one of `stride` of the rest.
 
@@ -201,8 +194,6 @@ def _reduced(prepared: Prepared, scene: Scene) -> Prepared:
             library=None,
         )
     methods = frozenset(route(prepared, study).name for study in prepared.studies)
-    if compares_links(prepared):
-        methods |= {"deterministic"}
     return replace(prepared, scene=scene, sampling=sampling, methods=methods)
 
 

@@ -242,7 +242,7 @@ class _Attempts:
         """The budget of the answer; versions on coarser grids that are known already are not solved again."""
         answer = prepared.answer
         # these are compared with more than themselves
-        if answer.name == "stochastic" or (answer.name == "two-scale" and prepared.flow == "links"):
+        if answer.name == "stochastic":
             alone = replace(prepared, methods=frozenset({answer.name}))
             return budgets_of(alone, {answer.key: result}, mapper)[answer.key]
         smooth = without_filtered_waves(prepared, leakage_of(result))

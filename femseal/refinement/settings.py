@@ -35,16 +35,13 @@ class Settings:
     """What a run computes with where its case leaves it open.
 
     method : of the answer. grid : doublings of the points of the face a side, negative: halvings. rtol : residual of
-    contact. cells, flow, contact : of windows, see `studies.two_scale`; cells None without windows. library_cells,
-    realisations : of drawn seals, None without.
+    contact. cells : number of pieces, None without. library_cells, realisations : of drawn seals, None without.
     """
 
     method: str
     grid: int
     rtol: float
     cells: Pair | None
-    flow: str
-    contact: str
     library_cells: int | None
     realisations: int | None
 
@@ -52,16 +49,13 @@ class Settings:
 def given_settings(case: Case) -> dict[str, str]:
     """Settings that the case gives, by the key that gives them."""
     found: dict[str, str] = {}
-    if case.method in ("deterministic", "two-scale"):
-        found["method"] = "method"
     if case.surface.points is not None:
         found["grid"] = "surface.points"
     if "rtol" in case.contact.model_fields_set:
         found["rtol"] = "contact.rtol"
-    if (cells := case.cells) is not None:
-        if cells.count is not None or cells.size is not None:
-            found["cells"] = "cells.count" if cells.size is None else "cells.size"
-        found |= {key: f"cells.{key}" for key in ("flow", "contact") if getattr(cells, key) is not None}
+    cells = case.cells
+    if cells is not None and (cells.count is not None or cells.size is not None):
+        found["cells"] = "cells.count" if cells.size is None else "cells.size"
     if (drawn := case.stochastic) is not None:
         for key in ("library_cells", "realisations"):
             if key in drawn.model_fields_set:
@@ -83,8 +77,6 @@ def first_settings(case: Case, made: Prepared) -> Settings:
         grid=0,
         rtol=case.contact.rtol if "rtol" in given else contact_tolerance(case.accuracy),
         cells=made.cells,
-        flow=made.flow,
-        contact=made.contact,
         library_cells=None if sampling is None else sampling.library_cells,
         realisations=None if sampling is None else sampling.realisations,
     )
@@ -138,9 +130,6 @@ def apply_settings(case: Case, made: Prepared, settings: Settings) -> Prepared:
         cells=settings.cells,
         sampling=sampling,
         conditioning=replace(made.conditioning, shape=face.shape, spacing=face.spacing),
-        methods=frozenset({settings.method, *case.compare}) if case.method == "auto" else made.methods,
-        flow=settings.flow,
-        contact=settings.contact,
     )
 
 
@@ -204,8 +193,6 @@ def refined(case: Case, made: Prepared, settings: Settings, part: str, memory: f
         "solver": ("rtol", _contact_residual),
         "pixels": ("grid", _pixels),
         "filter": ("", _filter),
-        "windows": ("", _windows),
-        "two scales": ("", _windows),
         "sampler": ("", _sampler),
         "library": ("", _library),
         "realisations": ("realisations", _realisations),
@@ -214,12 +201,6 @@ def refined(case: Case, made: Prepared, settings: Settings, part: str, memory: f
     if found.settings is None:
         return found
     needed = expected_cost(apply_settings(case, made, found.settings))[1]
-    if needed > memory and found.settings.method == "deterministic" and "method" not in given and settings.cells:
-        flow = "elements" if made.scene.discretisation == "edge" else "links"
-        cheaper = replace(found.settings, method="two-scale", flow=flow)
-        less = expected_cost(apply_settings(case, made, cheaper))[1]
-        if less < needed:
-            found, needed = Refinement(cheaper, f"{found.text}, two scales with {flow}"), less
     if needed > memory:
         needs, expected = (to_text(size, "B", 3) for size in (needed, memory))
         text = f"{found.text} would take about {needs} of memory, expected {expected}"
@@ -246,27 +227,6 @@ def _filter(made: Prepared, settings: Settings, given: dict[str, str]) -> Refine
     wave = to_text(made.conditioning.shortest_wavelength, "m", 3)
     text = f"waves below {wave} were removed: a shorter surface.shortest_wave with more surface.points keeps them"
     return Refinement(None, f"{text}, as far as they were measured")
-
-
-def _windows(made: Prepared, settings: Settings, given: dict[str, str]) -> Refinement:
-    """Whole contact, then flow without links, then larger windows."""
-    hinders = []
-    if settings.contact == "windows":
-        if "contact" not in given:
-            return Refinement(replace(settings, contact="whole"), "contact of the whole face")
-        hinders.append(given["contact"])
-    if settings.method == "two-scale" and settings.flow != "resolved":
-        if "flow" not in given:
-            better = "elements" if settings.flow == "links" and made.scene.discretisation == "edge" else "resolved"
-            return Refinement(replace(settings, flow=better), f"flow {better}")
-        hinders.append(given["flow"])
-    if "cells" in given:
-        return _is_given(*hinders, given["cells"])
-    cells = settings.cells or (1, 1)
-    m1, m2 = (m // 2 if m % 2 == 0 else m for m in cells)
-    if (m1, m2) == cells:
-        return Refinement(None, f"{cells[0]} × {cells[1]} windows cannot be halved: a larger face has larger ones")
-    return Refinement(replace(settings, cells=(m1, m2)), f"{m1} × {m2} windows")
 
 
 def _sampler(made: Prepared, settings: Settings, given: dict[str, str]) -> Refinement:

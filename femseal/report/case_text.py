@@ -183,15 +183,8 @@ def _method_sentences(results: RunData) -> list[str]:
     if "leakage_deterministic" in data:
         sentences.append("Deterministic: contact and flow of the whole face at full resolution.")
     if "window_pressure" in data:
-        windows = f"{data.sizes['cell1']} × {data.sizes['cell2']} windows"
-        flow = (
-            "as finite elements with nodes on their sides"
-            if "element_error" in data
-            else "with the flow resolved at every pixel"
-            if "k1" not in data
-            else "between the nodes of a global flow"
-        )
-        sentences.append(f"Two scales: {windows} {_contact_text(data)}, {flow}.")
+        pieces = f"{data.sizes['cell1']} × {data.sizes['cell2']} pieces"
+        sentences.append(f"Two scales: contact and flow of the whole face at full resolution, cut into {pieces}.")
     if "leakage_median" in data:
         drawn = {name: data.attrs[name] for name in ("sampler",) if name in data.attrs} | case.get("stochastic", {})
         how = [f"{name} {drawn[name]}" for name in ("sampler", "pressure") if name in drawn]
@@ -200,7 +193,6 @@ def _method_sentences(results: RunData) -> list[str]:
         sentences.append(
             f"Stochastic: {counted(data.sizes['realisation'], 'seal')} drawn from {counted(size, 'library window')}"
             + (f", {independent} of them without overlap" if independent < size else "")
-            + (f", {_contact_text(data)}" if "window_contact" in data.attrs and "window_pressure" not in data else "")
             + (f" ({', '.join(how)})" if how else "")
             + (f", seed {data.attrs['seed']}" if "seed" in data.attrs else "")
             + ". The leakage given is their median."
@@ -209,11 +201,6 @@ def _method_sentences(results: RunData) -> list[str]:
             lengths = ", ".join(to_text(float(x), "m") for x in data["seal_length"].values[1:])
             sentences.append(f"Seals of other lengths are drawn from the same library: {lengths}.")
     return sentences
-
-
-def _contact_text(data: xarray.Dataset) -> str:
-    by_windows = data.attrs.get("window_contact") == "windows"
-    return "whose contact is solved in each of them" if by_windows else "cut from the contact of the whole face"
 
 
 def load_sentences(data: xarray.Dataset, case: dict[str, Any]) -> list[str]:
@@ -270,25 +257,15 @@ def _map_kind(one: dict[str, Any]) -> str:
 
 
 def pressure_drop_sentences(results: RunData) -> list[str]:
-    """Place of the pressure drop at the step of the maps: its row, and the number of windows that carry most of it."""
-    data = results.dataset
-    if "k1" not in data:
-        return [_steepest_tenth(results)]
-    s = default_step(data)
-    p, flux = data["fluid_pressure"].values[s], np.nan_to_num(data["flux1"].values[s])
-    name, whole = str(data["name"].values[s]), float(data.attrs["inlet_pressure_Pa"] - data.attrs["outlet_pressure_Pa"])
-    if not np.abs(flux).max() > 0 or whole == 0:
-        return [f"At {name} nothing flows."]
-    drops = -np.diff(np.ma.masked_invalid(p).mean(axis=1).filled(np.nan)) / whole
-    row = int(np.nanargmax(drops))
-    ends = (to_text(float(x), "m", 3) for x in data["node1"].values[row : row + 2])
-    sentences = [f"At {name} {drops[row]:.0%} of the pressure drops between x1 = {' and '.join(ends)}."]
-    power = np.sort(np.nan_to_num(np.abs(flux * np.diff(p, axis=0))).ravel())[::-1]
-    half = int(np.searchsorted(np.cumsum(power), 0.5 * power.sum()) + 1)
-    sentences.append(
-        f"Half of the power that the flow loses along x1 is lost in {half} of {power.size} windows"
-        + (": few constrictions hold the seal." if half <= 0.05 * power.size else ".")
-    )
+    """Place of the pressure drop at the step of the maps, and the number of pieces that carry half of it."""
+    data, sentences = results.dataset, [_steepest_tenth(results)]
+    if "window_drop_fraction" not in data:
+        return sentences
+    fraction = np.sort(data["window_drop_fraction"].values[default_step(data)].ravel())[::-1]
+    if np.isfinite(fraction).all():
+        half = int(np.searchsorted(np.cumsum(fraction), 0.5) + 1)
+        few = ": few constrictions hold the seal." if half <= 0.05 * fraction.size else "."
+        sentences.append(f"Half of it drops in {half} of {fraction.size} pieces{few}")
     return sentences
 
 

@@ -81,9 +81,6 @@ def scatter_lines(results: RunData) -> Lines:
     if "place_scatter" in data:
         meaning = f"one standard deviation between measured places; {most_leaking_place(results)}"
         deviation("places", np.log1p(data["place_scatter"].values), meaning)
-    if "element_error" in data:
-        meaning = "at most, estimated from the last iterations; the leakage through elements is an upper bound"
-        deviation("flow through elements", np.log1p(data["element_error"].values), meaning)
     if "cut_error" in data:
         meaning = "half the way from Neumann to Dirichlet cuts; a longer face lowers it"
         deviation("cuts between runs", data["cut_error"].values, meaning)
@@ -92,7 +89,6 @@ def scatter_lines(results: RunData) -> Lines:
         half = 0.5 * np.log(np.divide(high, low, out=np.full(low.shape, np.nan), where=low != 0))
         deviation("pixels", half, "half the way between the bounds of the flow through pixels; finer ones lower it")
     pairs = (
-        ("two-scale", "leakage_two_scale", "deterministic", "leakage_deterministic"),
         ("median", "leakage_median", "two-scale", "leakage_two_scale"),
         ("median", "leakage_median", "deterministic", "leakage_deterministic"),
     )
@@ -148,17 +144,7 @@ def check_lines(results: RunData) -> Lines:
             carried += data["fluid_carried_pressure"].values
         off = np.abs(carried - nominal)[nominal > 0] / nominal[nominal > 0]
         if off.size:
-            lines.append(("load of the windows", f"{np.nanmax(off):.0e}", "largest distance from the nominal pressure"))
-        if data.attrs.get("window_contact") == "windows":
-            meaning = "rms distance of the stitched gap from that of its pressure on the whole half-space"
-            lines.append(("gap of the windows", f"{np.nanmax(data['gap_error'].values):.1%}", meaning))
-    if "flux1" in data:
-        rows, whole = data["flux1"].values.mean(axis=2), data["leakage_two_scale"].values
-        open_ = np.nan_to_num(whole) != 0
-        if open_.any():
-            balance = np.abs(rows[open_] / whole[open_, None] - 1)
-            meaning = "largest difference of a row's flow from the leakage"
-            lines.append(("flow balance", f"{np.nanmax(balance):.0e}", meaning))
+            lines.append(("load of the pieces", f"{np.nanmax(off):.0e}", "largest distance from the nominal pressure"))
     for study, counts in json.loads(data.attrs["counts"]).items():
         if counts:
             text = ", ".join(f"{n} {kind}" for kind, n in counts.items())
@@ -198,14 +184,12 @@ def accuracy_lines(results: RunData) -> Lines:
         return [
             (
                 f"{s['method']}, {' × '.join(map(str, s['points']))} points"
-                + (f", {' × '.join(map(str, s['cells']))} windows" if s["cells"] else ""),
-                c["against"],
-                *(_factor(c[branch]["factor"]) for branch in ("loading", "unloading")),
+                + (f", {' × '.join(map(str, s['cells']))} pieces" if s["cells"] else ""),
+                *(_factor(s[branch]["factor"]) for branch in ("loading", "unloading")),
                 _factor(s["budget"]["factor"] if s.get("budget") else None),
                 f"{s['seconds']:.3g} s" + (", recommended" if s.get("recommended") else ""),
             )
             for s in found["solutions"]
-            for c in s["comparisons"]
         ]
     except (OSError, ValueError, KeyError, TypeError, RecursionError):
         return []

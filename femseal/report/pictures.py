@@ -16,7 +16,6 @@ from ..plots.drawing import HEIGHTS, LINES, Drawn, Sheet, drawn, map_row
 from ..plots.drawn_panels import DrawnSeal, drawn_figure, part_text
 from ..plots.heights import height_panel
 from ..plots.maps import (
-    critical_gaps,
     default_step,
     drop_panel,
     face_leakage,
@@ -63,11 +62,10 @@ def draw_all(results: Results, surface: Topography | None = None) -> dict[str, D
 def _figures(results: Results, surface: Topography | None) -> dict[str, Callable[[], Figure]]:
     """What draws each picture for which there are data."""
     data, s = results.dataset, default_step(results.dataset)
-    gaps = critical_gaps(results, s) if "k1" in data else []
     maps, drawn_seal = has_maps(data), "drawn_corners" in data
     pictures: dict[str, tuple[bool, Callable[[], Figure]]] = {
         "surface": (surface is not None, lambda: heights_figure(cast(Topography, surface))),
-        "seal": (maps or drawn_seal, lambda: seal_figure(results, gaps=gaps)),
+        "seal": (maps or drawn_seal, lambda: seal_figure(results)),
         "drawn": (maps and drawn_seal, lambda: drawn_figure(data, s)),
         "cells": ("library_k" in data or "k1" in data, lambda: cells_figure(results)),
         "leakage": (True, lambda: leakage_figure(results)),
@@ -170,31 +168,26 @@ def cell_pictures(results: Results, drawings: Drawings) -> list[Picture]:
 
 
 def map_pictures(results: Results, drawings: Drawings) -> tuple[str, list[Picture]]:
-    """Name of the step of the maps, and maps of the windows, or of the face, there."""
+    """Name of the step of the maps, and maps of the face, and of its pieces, there."""
     data = results.dataset
     s = default_step(data)
-    texts = _window_texts(data, s) if "k1" in data else _face_texts(data, s)
+    texts = _face_texts(data, s) + (_piece_texts(data, s) if "k1" in data else [])
     return str(data["name"].values[s]), _panels(drawings["seal"], texts)
 
 
-def _window_texts(data: xarray.Dataset, s: int) -> list[tuple[str, str]]:
-    """Alternative texts and captions of the maps of windows."""
-    rows, columns = data.sizes["cell1"], data.sizes["cell2"]
-    pressure, k = data["window_pressure"].values[s], data["k1"].values[s]
-    fluid = data["fluid_pressure"].values[s]
+def _piece_texts(data: xarray.Dataset, s: int) -> list[tuple[str, str]]:
+    """Alternative texts and captions of the maps of pieces."""
+    pieces = f"{data.sizes['cell1']} × {data.sizes['cell2']} pieces"
+    fraction, k = data["window_drop_fraction"].values[s], data["k1"].values[s]
+    most = f"at most {np.nanmax(fraction):.0%} in one" if np.isfinite(fraction).any() else "no flow"
     return [
         (
-            f"Map of the fluid pressure at {fluid.shape[0]} × {columns} nodes, {_range(fluid, 'Pa')}; arrows: flow.",
-            "Fluid pressure at the nodes and the flow through the windows, from the inlet at x1 = 0.",
+            f"Map of the fraction of the pressure drop in {pieces}, {most}.",
+            f"Where the pressure drops: fraction of it in each of the {pieces}, {most}.",
         ),
         (
-            f"Map of the mean contact pressure of {rows} × {columns} windows, {_range(pressure, 'Pa')}.",
-            "Contact pressure of the windows; A: the critical one, in which the flow loses most power, B: the one that "
-            "carries most flow of the others.",
-        ),
-        (
-            f"Map of the permeability of {rows} × {columns} windows, {_open_text(k)}.",
-            f"Permeability of the windows along x1: {_open_text(k)}.",
+            f"Map of the permeability of {pieces} along x1, {_open_text(k)}.",
+            f"Permeability of each piece along x1, with closed sides: {_open_text(k)}.",
         ),
     ]
 

@@ -18,7 +18,6 @@ from ..base.machine import machine, peak_memory
 from ..budget import ErrorBudget, at_interpolated_steps
 from ..fluids import leak_basis
 from ..studies import DeterministicResult, FluidState, OtherLeakage, Scene, StochasticResult, TwoScaleResult
-from ..studies.link_flow import WindowPixels
 from ..studies.load_curves import leakage_factor, numbers_of
 from ..topography import Places
 from . import variables
@@ -37,7 +36,6 @@ def assemble(
     deterministic: DeterministicResult | None = None,
     two_scale: TwoScaleResult | None = None,
     stochastic: StochasticResult | None = None,
-    windows: tuple[WindowPixels, ...] = (),
     case: dict[str, Any] | None = None,
     surface_report: dict[str, Any] | None = None,
     timings: dict[str, float] | None = None,
@@ -57,7 +55,6 @@ def assemble(
 
     scene : input of the studies.
     deterministic, two_scale, stochastic : results of studies, at least one.
-    windows : fields of single windows, for files for ParaView, see `studies.link_flow.window_pixels`.
     case : the case in SI, of plain values; its "seed", if any, is stored by itself too.
     surface_report : what was done to the measured face.
     timings : stage to wall time [s].
@@ -74,15 +71,13 @@ def assemble(
     `base.leak_rates`. nominal_diameter : [m], which some of them need.
     throughput_temperature : at which pressure × volume of a gas is stated [K]; its own unless given.
 
-    Returns Results; every variable has `units` and `long_name`. Dimensions: step; realisation; cell1, cell2, windows by
-    their centres [m]; place1, place2, blocks of the measured place that leaks most; node1, corner1, rows of nodes and
-    of x2-links along x1 [m] (the x2-link of column j runs from cell2 j to j + 1); narrowest, numbers of links;
-    library_cell, library_step; part, corner, plane, parts of the
-    drawn seal nearest to the median; budget_part, sources of error. Fluxes are volume rates per width at the fluid's
-    reference density. Attributes hold the case, the surface, versions, machine, wall times, peak memory of the main
-    process, numbers of flows solved or known without solving (`counts`), number of linear systems by solver with the
-    worst imbalance of inlet and outlet flow (`solvers`), number of steps that are earlier ones again (`equal_steps`),
-    how the errors were estimated (`error_budget`), warnings and failures.
+    Returns Results; every variable has `units` and `long_name`. Dimensions: step; realisation; cell1, cell2, pieces by
+    their centres [m]; place1, place2, blocks of the measured place that leaks most; library_cell, library_step; part,
+    corner, plane, parts of the drawn seal nearest to the median; budget_part, sources of error. Attributes hold the
+    case, the surface, versions, machine, wall times, peak memory of the main process, numbers of flows solved or
+    known without solving (`counts`), number of linear systems by solver with the worst imbalance of inlet and outlet
+    flow (`solvers`), number of steps that are earlier ones again (`equal_steps`), how the errors were estimated
+    (`error_budget`), warnings and failures.
 
     Raises InputError: no study, a study of another load programme, quantiles not 0 <= lower < upper <= 1, a unit or a
     class that does not exist or is not for the fluid.
@@ -103,8 +98,8 @@ def assemble(
         variables.add_declared(data, deterministic)
         variables.add_block_means(data, scene, deterministic)
     if two_scale is not None:
-        variables.add_windows(data, scene, two_scale)
-        if two_scale.face_fluid_pressure is not None and deterministic is None:
+        variables.add_pieces(data, two_scale)
+        if deterministic is None:
             variables.add_block_means(data, scene, two_scale)
     if stochastic is not None:
         variables.add_realisations(data, stochastic, quantiles)
@@ -182,16 +177,14 @@ def assemble(
         "leakage_unit": leakage_unit or "",
         **basis_attributes(basis),
     }
-    library = None if stochastic is None else stochastic.library
-    if (placed := two_scale or library) is not None and hasattr(placed, "contact"):
-        data.attrs["window_contact"] = placed.contact
-    if stochastic is not None and library is not None:
+    if stochastic is not None:
+        library = stochastic.library
         data.attrs |= {"sampler": stochastic.sampler, "library_windows": library.size}
         data.attrs["library_independent"] = library.independent
     variables.add_budgets(data, budgets or {})
     if case and case.get("seed") is not None:
         data.attrs["seed"] = case["seed"]
-    results = Results(data, None, scene, deterministic, two_scale, stochastic, windows)
+    results = Results(data, None, scene, deterministic, two_scale, stochastic)
     variables.add_totals(data, results.leakage, results.leak_basis)
     later = []
     if test is not None:

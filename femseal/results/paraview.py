@@ -1,8 +1,7 @@
-"""Files for ParaView: the seal at every load step, a few windows seen closely, the drawn seal, and the heights.
+"""Files for ParaView: the pieces of the face at every load step, the drawn seal, and the heights.
 
-The seal is a mesh of quadrilaterals, two to a window, so that both the nodes of the flow and the corners of the windows
-are points of it. Coordinates are x = x1, y = x2 in metres. Names of arrays carry the units and have no brackets. There
-are no arrays of texts, because meshio cannot read them.
+Each piece is a quadrilateral. Coordinates are x = x1, y = x2 in metres. Names of arrays carry the units and have no
+brackets. There are no arrays of texts, because meshio cannot read them.
 
 Fields over all pixels of the face, such as gap, contact and fluid pressure, are an image for each load step. They are
 large, so they are not part of `results.nc`: `fields.pvd` and the images in the folder `fields` hold them once, in
@@ -28,13 +27,12 @@ from ..base.shared_array import give_back
 from ..studies.choices import FORMATS
 from ..topography import Topography
 from . import vtk_files
-from .selections import solved_steps, window
-from .vtk_files import Cells, Heights, Image, LoadSteps, View, write_hdf, write_series
+from .selections import piece, solved_steps
+from .vtk_files import Cells, Heights, LoadSteps, View, write_hdf, write_series
 
 if TYPE_CHECKING:
     import xarray
 
-    from ..studies.link_flow import WindowPixels
     from .run_data import RunData
 
 NAME = "fields"
@@ -54,10 +52,9 @@ class FieldPlan:
 
 
 def _in_memory(run: RunData) -> Iterator[tuple[Field, Any]]:
-    """Fields over all pixels (steps, n1, n2) of the studies in memory, at the steps that were solved."""
-    for study in (run.two_scale, run.deterministic):
-        if study is not None:
-            yield from ((made, values) for made, values in fields_of(study) if made.place == PIXEL)
+    """Fields over all pixels (steps, n1, n2) of a study in memory, at the steps that were solved."""
+    if (study := run.two_scale or run.deterministic) is not None:
+        yield from ((made, values) for made, values in fields_of(study) if made.place == PIXEL)
 
 
 def plan_fields(run: RunData, limit: float) -> FieldPlan:
@@ -84,12 +81,9 @@ def plan_fields(run: RunData, limit: float) -> FieldPlan:
     return FieldPlan(solved[np.sort(chosen)], f"fields over all pixels at steps {numbers}: {sizes} (fields_limit)")
 
 
-def fields_size(shape: tuple[int, int], studies: Container[str], links: bool) -> int:
-    """Size of one step of the fields of the named studies, before compression [byte].
-
-    links : whether the flow of two scales goes through links, which have no fluid pressure at the pixels.
-    """
-    count = (2 if links else 3) * ("two_scale" in studies) + 3 * ("deterministic" in studies)
+def fields_size(shape: tuple[int, int], studies: Container[str]) -> int:
+    """Size of one step of the fields of the named studies, before compression [byte]."""
+    count = 3 * ("two_scale" in studies or "deterministic" in studies)
     return count * _BYTES * shape[0] * shape[1]
 
 
@@ -121,11 +115,11 @@ def read_pixels(run: RunData, name: str, step: int, cell: tuple[int, int] | None
     ----------
     name : "gap", "contact_pressure", "fluid_pressure", or another that a study has at the pixels.
     step : index of the load step.
-    cell : window, between its rows of nodes; the whole face unless given.
+    cell : piece; the whole face unless given.
 
     Raises
     ------
-    InputError : no such step or window, or a step without the field: `stored_steps` lists those that have fields.
+    InputError : no such step or piece, or a step without the field: `stored_steps` lists those that have fields.
     """
     import xarray
 
@@ -135,13 +129,10 @@ def read_pixels(run: RunData, name: str, step: int, cell: tuple[int, int] | None
     found = _from_memory(run, name, step) or _from_folder(run, name, step)
     if found is None:
         at_hand = stored_steps(run)
-        if step in at_hand:  # the flow through links knows the pressure between windows alone
-            expected = "another field; or a run with flow = 'resolved' in [cells], or \"deterministic\" in `compare`"
-            raise InputError("field", f"no {name.replace('_', ' ')} at pixels of a flow through links", expected)
         expected = f"one of {', '.join(map(str, at_hand))}" if at_hand else WITH_FIELDS
         raise InputError("step", f"{step}, which has no {name.replace('_', ' ')}", expected)
     made, values, spacing = found
-    rows, columns = _pixels(data, cell, values.shape, spacing)
+    rows, columns = _pixels(data, cell, values.shape)
     values = np.asarray(values[rows, columns], np.float64)
     coordinates = {}
     for n, (start, count, d) in enumerate(zip((rows.start, columns.start), values.shape, spacing, strict=True), 1):
@@ -195,16 +186,14 @@ def _from_folder(run: RunData, name: str, step: int) -> tuple[Field, Any, tuple[
     return made, values / made.scale, tuple(image.spacing[:2])
 
 
-def _pixels(
-    data: xarray.Dataset, cell: tuple[int, int] | None, shape: tuple[int, ...], spacing: tuple[float, float]
-) -> tuple[slice, slice]:
-    """Pixels of a window along x1, between its rows of nodes, and along x2; all of them without a window."""
+def _pixels(data: xarray.Dataset, cell: tuple[int, int] | None, shape: tuple[int, ...]) -> tuple[slice, slice]:
+    """Pixels of a piece along x1 and x2; all of them without one."""
     if cell is None:
         return slice(0, shape[0]), slice(0, shape[1])
-    i, j = window(data, *cell)
-    first, last = (round(float(data["node1"][n]) / spacing[0]) for n in (i, i + 1))
-    width = shape[1] // data.sizes["cell2"]
-    return slice(first, last), slice(j * width, (j + 1) * width)
+    at = piece(data, *cell)
+    sides = (n // data.sizes[name] for n, name in zip(shape, ("cell1", "cell2"), strict=True))
+    rows, columns = (slice(n * side, (n + 1) * side) for n, side in zip(at, sides, strict=True))
+    return rows, columns
 
 
 #: Places of the drawn seal nearer to each other than this fraction of it are one point of the mesh.
@@ -220,12 +209,11 @@ def write_vtk(
 ) -> list[Path]:
     """Write the views of results; open the `.pvd` or the `.vtkhdf` files in ParaView.
 
-    run : of a two-scale study: `seal`, the windows of the whole seal at every step, and `window_i_j`, every field at
-    the pixels of single windows, see `studies.link_flow.window_pixels`; of a stochastic study: `drawn`, the seal
+    run : of a two-scale study: `seal`, the pieces of the face at every step; of a stochastic study: `drawn`, the seal
     nearest to the median at every step.
     surface : heights, for `surface` [µm]; None: not written.
     folder : made if needed. Each file is written whole or not at all, a `.pvd` after the files it names.
-    file_format : "vtu" (series of `.vtu`, images of windows as `.vti`), "vtkhdf", "both" or "none".
+    file_format : "vtu" (series of `.vtu`), "vtkhdf", "both" or "none".
     mapper : such as over processes of this machine, one of which writes them: VTK lets no other thread work.
 
     Returns paths of all files.
@@ -239,7 +227,6 @@ def write_vtk(
     data = run.dataset.isel(step=solved_steps(run.dataset))
     views: list[View] = [seal_grid(data)] if "k1" in data else []
     views += [drawn_cells(data)] if "drawn_corners" in data else []
-    views += [_window(window, LoadSteps.of(data)) for window in run.windows]
     views += [] if surface is None else [Heights(surface)]
     target = made_folder(folder)
     # other processes may be at work in another folder
@@ -255,58 +242,18 @@ def _written(folder: Path, file_format: str, views: list[View]) -> list[Path]:
 
 
 def seal_grid(data: xarray.Dataset) -> Cells:
-    """Windows of the whole seal: every field of windows, k2 and the flow, and fluid pressure and k2 at the points."""
-    count, m2 = data.sizes["step"], data.sizes["cell2"]
-    x, y = np.meshgrid(data["node1"].values, np.arange(2 * m2 + 1) * float(data["cell2"][0]), indexing="ij")
+    """Pieces of the face with every field of them."""
+    edges = ((np.arange(data.sizes[name] + 1)) * 2 * float(data[name][0]) for name in ("cell1", "cell2"))
+    x, y = np.meshgrid(*edges, indexing="ij")
     number = np.arange(x.size).reshape(x.shape)
     quads = np.stack([number[:-1, :-1], number[1:, :-1], number[1:, 1:], number[:-1, 1:]], axis=-1)
-    made = Field.of(data["fluid_pressure"])
-    pressure = at_points(data["fluid_pressure"].values * made.scale).reshape(count, -1)
-    point_data: dict[str, NDArray[Any]] = {made.array_name: pressure}
-    if "k2" in data:
-        k2 = np.pad(data["k2"].values, ((0, 0), (1, 1), (0, 0)), constant_values=np.nan)
-        # the link from column j to j + 1 lies at their common corner, half a window beyond the node
-        at_corners = np.roll(at_points(k2)[..., :-1], 1, axis=-1)
-        at_corners = np.concatenate([at_corners, at_corners[..., :1]], axis=-1)
-        point_data[Field.of(data["k2"]).array_name] = at_corners.reshape(count, -1)
     cell_data: dict[str, NDArray[Any]] = {}
-    for name, variable in data.data_vars.items():
-        # the flux is one vector
-        if variable.dims == WINDOW.dims and name != "flux1":
+    for variable in data.data_vars.values():
+        if variable.dims == WINDOW.dims:
             made = Field.of(variable)
-            cell_data[made.array_name] = np.repeat(variable.values * made.scale, 2, axis=2).reshape(count, -1)
-    if "k2" in data:
-        # of half windows: the mean of the links at their corners, of which the first and the last row have one
-        rows = np.stack([k2[:, :-1], k2[:, 1:]])
-        known = np.isfinite(rows)
-        mean = np.where(known, rows, 0.0).sum(axis=0) / np.maximum(known.sum(axis=0), 1)
-        mean[~known.any(axis=0)] = np.nan
-        halves = np.stack([np.roll(mean, 1, axis=-1), mean], axis=-1)
-        cell_data[Field.of(data["k2"]).array_name] = halves.reshape(count, -1)
-    cell_data["flux_m2_per_s"] = _flux(data).reshape(count, -1, 3)
+            cell_data[made.array_name] = (variable.values * made.scale).reshape(data.sizes["step"], -1)
     points = np.column_stack([x.ravel(), y.ravel(), np.zeros(x.size)])
-    return Cells("seal", points, quads.reshape(-1, 4), LoadSteps.of(data), point_data, cell_data)
-
-
-def at_points(nodes: Array) -> Array:
-    """Values (…, rows, m2) at nodes, mid-windows, onto the points (…, rows, 2 m2 + 1); between nodes their mean."""
-    points = np.empty((*nodes.shape[:-1], 2 * nodes.shape[-1] + 1))
-    points[..., 1::2] = nodes
-    points[..., 2::2] = (nodes + np.roll(nodes, -1, axis=-1)) / 2
-    points[..., 0] = points[..., -1]
-    return points
-
-
-def _flux(data: xarray.Dataset) -> Array:
-    """Flux (steps, m1, 2 m2, 3) of half windows: of their x1-link, and the mean of the x2-links at their corners."""
-    flux = np.zeros((data.sizes["step"], data.sizes["cell1"], 2 * data.sizes["cell2"], 3))
-    flux[..., 0] = np.repeat(data["flux1"].values, 2, axis=-1)
-    if "flux2" in data:
-        links = np.pad(data["flux2"].values, ((0, 0), (1, 1), (0, 0)))
-        rows = (links[:, :-1] + links[:, 1:]) / 2
-        flux[..., 1::2, 1] = rows
-        flux[..., 0::2, 1] = np.roll(rows, 1, axis=-1)
-    return flux
+    return Cells("seal", points, quads.reshape(-1, 4), LoadSteps.of(data), {}, cell_data)
 
 
 def drawn_cells(data: xarray.Dataset) -> Cells:
@@ -333,17 +280,3 @@ def _joined(corners: Array) -> tuple[Array, NDArray[np.int64]]:
     _, first, number = np.unique(place @ (2**31, 1), return_index=True, return_inverse=True)
     points = np.column_stack([flat[first], np.zeros(first.size)])
     return points, number.reshape(corners.shape[:2])
-
-
-def _at_step(values: Any, scale: float, n: int) -> NDArray[np.float32]:
-    return np.asarray(values[n] * np.float32(scale))
-
-
-def _window(window: WindowPixels, steps: LoadSteps) -> Image:
-    """A single window, with every field that it has at its pixels."""
-    cells, (i, j) = {}, window.window
-    for made, values in fields_of(window):
-        if made.place == PIXEL:
-            cells[made.array_name] = partial(_at_step, values, made.scale)
-    name = f"window_{i:03d}_{j:03d}"
-    return Image(name, window.spacing, window.origin, window.gap.shape[1:], steps, cells)

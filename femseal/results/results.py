@@ -18,7 +18,7 @@ from . import tables
 from .export import export_field
 from .paraview import read_pixels, stored_steps
 from .run_data import RunData
-from .selections import Steps, branches_in, solved_steps, window
+from .selections import Steps, branches_in, piece, solved_steps
 from .tables import format_leakage, in_several_units, leakage_table
 
 if TYPE_CHECKING:
@@ -85,8 +85,7 @@ def as_chosen(case: dict[str, Any], found: dict[str, Any] | None) -> dict[str, A
 def _windows(settings: dict[str, Any]) -> str:
     if settings["method"] == "deterministic" or settings["cells"] is None:
         return _NONE
-    cells = " × ".join(map(str, settings["cells"]))
-    return f"{cells}, {settings['flow']}" if settings["method"] == "two-scale" else cells
+    return " × ".join(map(str, settings["cells"]))
 
 
 def _count(number: int | None) -> str:
@@ -132,7 +131,7 @@ def contents(run: RunData) -> dict[str, str]:
     found["load"] = f"{counted(len(steps), 'step')}: {up} loading{down}" + (
         f"; {between} interpolated" if between else ""
     )
-    cells = [f"{data.sizes['cell1']} × {data.sizes['cell2']} windows"] if "window_pressure" in data else []
+    cells = [f"{data.sizes['cell1']} × {data.sizes['cell2']} pieces"] if "window_pressure" in data else []
     if "realisation" in data.sizes:
         drawn = counted(data.sizes["realisation"], "realisation")
         cells.append(f"{drawn} from {counted(data.sizes['library_cell'], 'library cell')}")
@@ -222,11 +221,11 @@ class Results(RunData, Plotted):
         return self.dataset[names].isel(step=steps).swap_dims(step="nominal_pressure")
 
     def cell(self, i: int, j: int) -> xarray.Dataset:
-        """Curves of the window (i, j) over the steps: permeability, flux, pressure, mean gap, fraction in contact.
+        """Curves of the piece (i, j) over the steps: permeabilities, pressure, mean gap, fraction in contact, drop.
 
-        Raises InputError: no such window, or results without a two-scale study.
+        Raises InputError: no such piece, or results without a two-scale study.
         """
-        data, (i, j) = self.dataset, window(self.dataset, i, j)
+        data, (i, j) = self.dataset, piece(self.dataset, i, j)
         names = [name for name, variable in data.data_vars.items() if variable.dims == ("step", "cell1", "cell2")]
         return data[names].isel(cell1=i, cell2=j)
 
@@ -252,7 +251,7 @@ class Results(RunData, Plotted):
         return self.pixels("contact_pressure", step, cell)
 
     def fluid_pressure(self, step: int, cell: tuple[int, int] | None = None) -> xarray.DataArray:
-        """Fluid pressure (x1, x2) [Pa] of a resolved flow at one step, NaN where none flows, see `pixels`."""
+        """Fluid pressure (x1, x2) [Pa] at one step, NaN where none flows, see `pixels`."""
         return self.pixels("fluid_pressure", step, cell)
 
     @property

@@ -21,7 +21,6 @@ from ..budget import ErrorBudget
 from ..fluids import leak_basis
 from ..loads import LoadProgramme, LoadStep
 from ..studies import STUDIES, DeterministicResult, Scene, StochasticResult, TwoScaleResult
-from ..studies.link_flow import WindowPixels
 from ..studies.other_fluid import FluidState, OtherLeakage, limit_factors
 from .variables import add, add_coordinate, add_step, budgets_in
 
@@ -156,7 +155,7 @@ class RunData:
 
     dataset : every number with its unit, see `assemble`. folder : from which it was read, or to which it was saved.
     scene : the input of the studies; deterministic, two_scale, stochastic : the results of the studies with the fields
-    that are too large for the dataset; windows : fields of single windows. None, or empty, if not run, or read from a
+    that are too large for the dataset. None if not run, or read from a
     folder.
     """
 
@@ -166,7 +165,6 @@ class RunData:
     deterministic: DeterministicResult | None = None
     two_scale: TwoScaleResult | None = None
     stochastic: StochasticResult | None = None
-    windows: tuple[WindowPixels, ...] = ()
 
     @property
     def method(self) -> str:

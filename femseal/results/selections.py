@@ -75,10 +75,10 @@ def solved_steps(data: xarray.Dataset) -> Steps:
     return np.flatnonzero(data[INTERPOLATED].values == 0) if INTERPOLATED in data else np.arange(data.sizes["step"])
 
 
-def window(data: xarray.Dataset, i: int, j: int) -> tuple[int, int]:
-    """Index of a window, checked."""
+def piece(data: xarray.Dataset, i: int, j: int) -> tuple[int, int]:
+    """Index of a piece, checked."""
     if "window_pressure" not in data:
-        raise InputError("cell", (i, j), "none: the results have no windows, which a two-scale study has")
+        raise InputError("cell", (i, j), "none: the results have no pieces, which a two-scale study has")
     m1, m2 = data.sizes["cell1"], data.sizes["cell2"]
     if i not in range(m1) or j not in range(m2):
         raise InputError("cell", (i, j), f"0 to {m1 - 1} along x1 and 0 to {m2 - 1} along x2")

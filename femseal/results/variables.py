@@ -32,10 +32,8 @@ from ..base.shared_array import one_at_a_time
 from ..budget import MODEL_PARTS, ErrorBudget, ErrorPart, contact_fraction_of
 from ..library import LibraryTable
 from ..loads import LoadProgramme, LoadStep
-from ..seal import NARROWEST
 from ..studies import DeterministicResult, Scene, StochasticResult, TwoScaleResult
 from ..studies.face_leakage import PlaceLeakage
-from ..studies.link_flow import link_flow
 from ..studies.load_curves import at_all_steps
 from ..topography import Places, Topography
 from .selections import INTERPOLATED, pressures_and_peaks
@@ -51,8 +49,6 @@ SOURCES = (
     "solver",
     "pixels",
     "filter",
-    "windows",
-    "two scales",
     "sampler",
     "library",
     "realisations",
@@ -99,19 +95,12 @@ def step_coordinates(dim: str, prefix: str, steps: Sequence[LoadStep]) -> dict[s
     return {name: (dim, values, {"units": unit, "long_name": text}) for name, (values, unit, text) in columns.items()}
 
 
-def add_windows(data: xarray.Dataset, scene: Scene, result: TwoScaleResult) -> None:
-    """Add fields of the windows and of the nodes, and what flows through the links."""
+def add_pieces(data: xarray.Dataset, result: TwoScaleResult) -> None:
+    """Add fields of the whole face and of its pieces."""
     (m1, m2), (d1, d2) = result.partition.cells, result.partition.window_size
-    rows = np.array(result.partition.node_rows)
-    add_coordinate(data, "cell1", "m", "x1 of window centres, from the inlet", (np.arange(m1) + 0.5) * d1)
-    add_coordinate(data, "cell2", "m", "x2 of window centres, along the seal", (np.arange(m2) + 0.5) * d2)
-    add_coordinate(data, "node1", "m", "x1 of the global nodes", rows)
-    if m1 > 1:
-        add_coordinate(data, "corner1", "m", "x1 of links along x2", rows[1:-1])
+    add_coordinate(data, "cell1", "m", "x1 of the centres of pieces, from the inlet", (np.arange(m1) + 0.5) * d1)
+    add_coordinate(data, "cell2", "m", "x2 of the centres of pieces, along the seal", (np.arange(m2) + 0.5) * d2)
     add_declared(data, result)
-    if (flow := link_flow(scene, result)) is not None:
-        add_declared(data, flow)
-        add_coordinate(data, "narrowest", "1", "number of links that dissipate most", list(NARROWEST))
 
 
 def add_realisations(data: xarray.Dataset, result: StochasticResult, quantiles: tuple[float, float]) -> None:
@@ -183,7 +172,7 @@ def add_heights(data: xarray.Dataset, scene: Scene) -> None:
 
 
 def add_block_means(data: xarray.Dataset, scene: Scene, study: DeterministicResult | TwoScaleResult) -> None:
-    """Add the fields over all pixels of a study that resolves the flow, as means over blocks at every step.
+    """Add the fields over all pixels of a study of the whole face, as means over blocks at every step.
 
     The fields themselves are too large for the dataset. Blocks without a number are NaN.
     """
@@ -218,8 +207,8 @@ def block_means(values: NDArray[Any], most: int) -> NDArray[np.float32]:
 
 
 def add_contact_fraction(data: xarray.Dataset, steps: LoadProgramme, studies: Mapping[str, Any]) -> None:
-    """Add the fraction of the face in contact at every step, from the windows, the whole face, or the library."""
-    origins = {"two_scale": "windows", "deterministic": "deterministic", "stochastic": "library"}
+    """Add the fraction of the face in contact at every step, from the whole face, or the library."""
+    origins = {"two_scale": "two-scale", "deterministic": "deterministic", "stochastic": "library"}
     key = next(key for key in origins if key in studies)
     fraction = contact_fraction_of(studies[key], steps)
     if not np.isnan(fraction).all():

@@ -95,8 +95,6 @@ def _facts(case: Case, made: Prepared) -> Iterator[tuple[str, str]]:
     yield "flow", f"discretisation {scene.discretisation}, solver {scene.solver}"
     yield from _law_facts(scene)
     yield from _accuracy_facts(case, made)
-    if prepared.choice:
-        yield "method", prepared.choice
     yield from _study_facts(prepared)
     if left := _left_open(case, prepared):
         yield "by default", left
@@ -146,18 +144,14 @@ def _study_facts(prepared: Prepared) -> Iterator[tuple[str, str]]:
     m1, m2 = prepared.cells
     partition = Partition(scene.surface.shape, scene.surface.spacing, prepared.cells)
     if prepared.methods != {"deterministic"}:
-        yield "windows", _windows(partition, prepared.conditioning.shortest_wavelength)
+        yield "pieces", _pieces(partition, prepared.conditioning.shortest_wavelength)
     if "two-scale" in prepared.methods:
-        solutions = f"{counted(steps * (m1 * m2 + (m1 - 1) * m2), 'flow solution')} of windows"
-        if prepared.flow == "resolved":
-            solutions = f"{counted(steps, 'flow solution')} of {pixels} unknowns"
-        elif prepared.flow == "elements":
-            solutions = f"{counted(steps, 'flow solution')} of {counted(m1 * m2, 'element')}"
-        yield "two-scale", f"contact {_contact(prepared)}, flow {prepared.flow}: {solutions}"
+        of_face = f"{steps} contact and {counted(steps, 'flow solution')} of {pixels} unknowns"
+        yield "two-scale", f"{of_face}, {counted(2 * steps * m1 * m2, 'flow solution')} of pieces"
     if (sampling := prepared.sampling) is not None:
         laid, *others = lay_out_windows(scene.layout, partition, sampling)
         length, *more = (to_text(one.seal.size[1], "m", 3) for one in (laid, *others))
-        text = f"{_library(prepared, sampling, partition)} (pressure: {sampling.pressure}, sampler: {sampling.sampler})"
+        text = f"{_library(sampling, partition)} (pressure: {sampling.pressure}, sampler: {sampling.sampler})"
         too = f"; as many of {', '.join(more)}" if more else ""
         yield "stochastic", f"{text}, {counted(sampling.realisations, 'seal')} of {laid}, {length} long{too}"
         if uneven := describe_map(scene, laid, sampling.pressure_map):
@@ -168,7 +162,7 @@ def _left_open(case: Case, prepared: Prepared) -> str:
     """What the case leaves open of windows and drawn seals, as text."""
     cells, drawn, found = case.cells, case.stochastic, []
     if prepared.cells is not None and (cells is None or cells.count is cells.size is None):
-        found.append("windows of eight shortest waves or more a side")
+        found.append("pieces of eight shortest waves or more a side")
     if prepared.sampling is not None and drawn is not None:
         if case.layout.has_length and not drawn.lengths:
             found.append("seals as long as the face")
@@ -223,8 +217,7 @@ def refuse_too_large(case: Case, made: Prepared) -> None:
         return
     points = " × ".join(map(str, prepared.scene.surface.shape))
     given = f"a run that takes about {needed / 1e9:.3g} GB, on {points} points"
-    cheaper = ', the method two-scale with flow = "elements"' if "deterministic" in prepared.methods else ""
-    advice = f"fewer surface.points or load steps{cheaper}"
+    advice = "fewer surface.points or load steps"
     if most <= START_MEMORY:
         advice = f"more than the {START_MEMORY / 1e9:g} GB that any run takes before its work"
     expected = (
@@ -281,15 +274,14 @@ def disk(case: Case, prepared: Prepared, again: list[Prepared] | None = None) ->
     scene = prepared.scene
     steps, pixels = len(scene.steps), int(np.prod(scene.surface.shape))
     studies = {study.key for study in prepared.studies}
-    each = fields_size(scene.surface.shape, studies, links=prepared.flow == "links")
+    each = fields_size(scene.surface.shape, studies)
     fitting = int(min(case.output.fields_limit // each, steps)) if each and case.output.fields else 0
     formats = {"none": 0, "both": 2}.get(case.output.paraview, 1)
     # pictures and report; heights for ParaView
     others = 2e6 * (case.output.pictures or case.output.report) + 4.0 * pixels * formats
     if prepared.cells is not None and prepared.methods != {"deterministic"}:
-        windows = prepared.cells[0] * prepared.cells[1]
-        # a window: ten numbers in results.nc, twenty in the mesh of the seal; three windows with three fields
-        others += steps * windows * (80 + 160 * formats) + steps * formats * 36 * pixels / windows
+        # a piece: ten numbers in results.nc, and in the mesh of the seal
+        others += steps * prepared.cells[0] * prepared.cells[1] * (80 + 80 * formats)
     if (sampling := prepared.sampling) is not None:
         others += 8.0 * steps * (2 * sampling.realisations + 6 * sampling.library_cells)
     checkpoint = sum(_checkpoint(one) for one in (prepared, *again))
@@ -317,14 +309,10 @@ def _checkpoint(prepared: Prepared) -> float:
     """Expected size of the checkpoint of the studies of an input [byte]."""
     scene, found = prepared.scene, 0.0
     steps, pixels, peaks = len(scene.steps), int(np.prod(scene.surface.shape)), len(set(scene.unload_from))
-    if "deterministic" in prepared.methods:
+    if prepared.methods & {"deterministic", "two-scale"}:
         found += pixels * (STEP_BYTES * steps + 8.0 * peaks)
-    if prepared.cells is not None and prepared.methods != {"deterministic"}:
-        # the gap that the global contact leaves, and gap and pressure of the windows
-        if not prepared.shares_contact:
-            found += pixels * (8.0 * steps + 8.0 * peaks)
-        elif prepared.flow != "links":
-            found += pixels * 4.0 * steps
+    if "stochastic" in prepared.methods and "two-scale" not in prepared.methods:
+        found += pixels * (8.0 * steps + 8.0 * peaks)
     return found
 
 
@@ -362,23 +350,17 @@ def _surface_facts(prepared: Prepared) -> Iterator[tuple[str, str]]:
     yield "filter", kept
 
 
-def _contact(prepared: Prepared) -> str:
-    """How the contact of windows with places is solved."""
-    whole = prepared.contact == "whole"
-    return "of the whole face, cut into windows" if whole else "of each window, under that of the low-pass face"
-
-
-def _library(prepared: Prepared, sampling: Sampling, partition: Partition) -> str:
+def _library(sampling: Sampling, partition: Partition) -> str:
     """The windows of a library that are used, and how many of them do not overlap."""
     if sampling.pressure != "place":
         return counted(sampling.library_cells, "library window")
     used, of_face = count_face_windows(sampling, partition), partition.cells[0] * partition.cells[1]
     asked = f", not {sampling.library_cells}" if sampling.library_cells != used else ""
     again = f", the {of_face} of the face cut {used // of_face} times" if used > of_face else " of the face"
-    return f"{counted(used, 'library window')}{again}{asked}, contact {_contact(prepared)}"
+    return f"{counted(used, 'library window')}{again}{asked}"
 
 
-def _windows(partition: Partition, shortest_wave: float) -> str:
+def _pieces(partition: Partition, shortest_wave: float) -> str:
     (m1, m2), (n1, n2) = partition.cells, partition.window
     size = " × ".join(to_text(length, "m", 3) for length in partition.window_size)
     waves = [length / shortest_wave for length in partition.window_size]

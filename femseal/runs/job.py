@@ -37,7 +37,6 @@ from ..report.case_text import solids_text
 from ..results import Results, assemble
 from ..studies import FluidState, OtherLeakage, drop_ratio
 from ..studies.compiling import compile_ahead, reporting_compilation
-from ..studies.link_flow import WindowPixels, window_pixels
 from .chosen_loads import solve_chosen
 from .finished import finished_results
 from .forecast import refuse_too_large
@@ -227,8 +226,6 @@ def _interrupts() -> Iterator[None]:
 def _results(case: Case, made: Prepared, faces: dict[str, str], run: Run, part: Part | None = None) -> Results | None:
     """Solve the studies of a prepared case, and put their results together; None of a part, which others need not."""
     log.info("case %s: surface %s", case.title or "without title", made.scene.surface)
-    if made.choice:
-        log.info("method %s", made.choice)
     prepared, studies, refined = made, {}, None
     if case.accuracy is not None:
         refined = refine_to_accuracy(case, made, run)
@@ -254,15 +251,11 @@ def _results(case: Case, made: Prepared, faces: dict[str, str], run: Run, part: 
         parts: dict[str, Any] = {"model_parts": case.output.model_parts, "hardness": case.hardness_tolerance}
         with run.timed("error budget") as mapper:
             budgets = budgets_of(prepared, studies, mapper, leakage_filtered=filtered, known=known, **parts)
-    windows: tuple[WindowPixels, ...] = ()
-    if case.output.paraview != "none" and "two_scale" in studies:
-        windows = window_pixels(prepared.scene, studies["two_scale"], run.mapper)
     if part is not None:
         return None
     results = assemble(
         prepared.scene,
         **studies,
-        windows=windows,
         budgets=budgets,
         case=case.echo(),
         surface_report=prepared.surface_report,

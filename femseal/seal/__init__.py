@@ -10,6 +10,6 @@ if TYPE_CHECKING:
     from .mesh_seal import MeshSeal
     from .pressure_map import AngleTable, MapsAtLoads, PressureField, Profile, Uniform
     from .seal_files import read_pressure_field
-    from .shapes import NARROWEST, AnnularSeal, RectangularSeal, drop_fractions, largest_fractions
+    from .shapes import AnnularSeal, RectangularSeal
 
 load_when_used(__name__)

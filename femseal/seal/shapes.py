@@ -13,7 +13,6 @@ Networks, 1984).
 
 import itertools
 from abc import ABC, abstractmethod
-from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from math import pi
@@ -32,8 +31,6 @@ from ..flow.mesh import permeability_tensors
 from .lay import check_ring
 
 _RTOL = 1e-8
-#: Numbers of links over which the drop of pressure is summed by default.
-NARROWEST = (1, 3, 10)
 _TENSOR = gauss((0, 0), (0, 1), (1, 1))
 
 
@@ -170,47 +167,6 @@ def conservative_rate(stencil: Stencil, potential: Array) -> float:
         for q, c in zip(fluxes, (stencil.along, stencil.across), strict=True)
     )
     return float(total**2 / energy) if energy > 0 else 0.0
-
-
-def drop_fractions(
-    k1: ArrayLike, k2: ArrayLike, seal: StructuredSeal, potential: ArrayLike, counts: Sequence[int] = NARROWEST
-) -> Array:
-    """Fraction of the drop over the 1, 3, 10 links that dissipate most, those along both axes taken together.
-
-    The dissipation q Δφ = c (Δφ)² adds up to the flow times the drop of the whole: wherever all flow passes through one
-    link after the other, the fraction of the dissipation in a link is its fraction of the drop.
-
-    k1, k2 : permeability of the links [m³], as in `seal_leakage`.
-    seal : with these links.
-    potential : at the nodes (n1 + 1, n2), in any unit, NaN in pockets: `Fluid.potential` of the fluid pressure, or the
-    pressure itself of a liquid of constant viscosity.
-    counts : numbers of links.
-
-    Returns (number of counts,), from 0 to 1; NaN without flow.
-
-    Raises InputError: permeabilities as in `seal_leakage`, a potential of another shape, counts that are not whole
-    numbers >= 1.
-    """
-    n1, n2 = seal.cells
-    φ = np.asarray(potential, float)
-    if φ.shape != (n1 + 1, n2):
-        raise InputError("potential", f"shape {φ.shape}", f"shape {(n1 + 1, n2)}")
-    along, across = seal.stencil((k1, k2)).dissipation(φ)
-    return largest_fractions(np.concatenate([along.ravel(), across.ravel()]), counts)
-
-
-def largest_fractions(dissipation: ArrayLike, counts: Sequence[int] = NARROWEST) -> Array:
-    """Sums of the largest values as fractions of the sum of all, (number of counts,); NaN where all are 0.
-
-    >>> largest_fractions([[1.0, 4.0], [3.0, 0.0]], counts=(1, 2, 10)).tolist()
-    [0.5, 0.875, 1.0]
-    """
-    counts = [validate.count("counts", n) for n in counts]
-    falling = np.sort(np.asarray(dissipation, float), axis=None)[::-1]
-    sums = falling.cumsum()
-    if not sums[-1] > 0:
-        return np.full(len(counts), np.nan)
-    return sums[np.minimum(counts, sums.size) - 1] / sums[-1]
 
 
 class Seal(Protocol):

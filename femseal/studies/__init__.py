@@ -1,16 +1,16 @@
 """The chains from a rough surface to leakage over a load cycle, readable top to bottom.
 
-`deterministic` resolves everything on the surface's own grid; `two_scale` cuts it into windows between global nodes;
+`deterministic` resolves everything on the surface's own grid; `two_scale` cuts that into pieces and maps them;
 `stochastic` draws the windows of a seal of any length from a library of real ones. All take a `Scene`, and each is an
 entry of `STUDIES`, by which runs solve, forecast and compare it.
 
     scene               the face, its load, its fluid              -> contact_states: contact at every step
     fluid_coupling      contact of the whole face and flow through its gap, solved in turn: the fluid presses it apart
     trapped_liquid      pressures of pockets that keep their liquid
-    face_contact        contact of all windows of a face, cut from the whole or each by itself
+    face_contact        contact of the whole face at every step, and the same cut into pieces
     face_flow           gap -> flow through the whole face
     face_leakage        flow at every step -> leakage and fluid pressure
-    two_scale           gap of the windows -> links, elements or the whole face -> leakage
+    two_scale           the deterministic solution, and permeability and pressure drop of the pieces of the face
     window_supply       windows that seals are drawn from at their places; ladder_windows at any pressure
     stochastic          drawn seals -> their leakage; run_chains: chains of runs of columns
 """
@@ -20,15 +20,14 @@ from typing import TYPE_CHECKING
 from ..base.lazy_package import load_when_used
 
 if TYPE_CHECKING:
-    from .choices import CONTACTS, DRAWS, FLOWS, FLUID_PRESSURES, NOMINALS, PRESSURES
+    from .choices import DRAWS, FLUID_PRESSURES, NOMINALS, PRESSURES
     from .deterministic import DeterministicResult, deterministic
-    from .face_contact import chosen_contact
     from .other_fluid import FluidState, OtherLeakage, drop_ratio
     from .sampling_options import Sampling, check_sampling, chosen_sampler, count_face_windows, lay_out_windows
     from .scene import Scene
     from .stochastic import stochastic
     from .stochastic_result import StochasticResult
     from .study_registry import STUDIES, Study, StudyOptions, StudyResult, study_of_result
-    from .two_scale import TwoScaleResult, chosen_flow, two_scale
+    from .two_scale import TwoScaleResult, two_scale
 
 load_when_used(__name__)

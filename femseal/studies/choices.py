@@ -2,10 +2,6 @@
 
 from ..library.sampling import SAMPLERS
 
-#: Contact of a face as a whole, or of each window under the pressure of a global contact.
-CONTACTS = ("whole", "windows")
-#: Flow of two scales: links of windows, the whole face, windows condensed to elements.
-FLOWS = ("links", "resolved", "elements")
 #: Whether the fluid presses the faces apart, and liquid in closed pockets keeps its volume; what carries the load.
 FLUID_PRESSURES, NOMINALS = ("acts", "trapped", "ignored"), ("total", "contact")
 #: Choices of `Sampling.pressure`: how library windows are loaded.

@@ -18,7 +18,7 @@ from llvmlite.binding import get_host_cpu_features, get_host_cpu_name
 from numba.core import event
 from numpy.typing import NDArray
 
-from .. import contact, elements, flow, windows
+from .. import contact, flow, windows
 from ..base.stage import Mapper, Stage
 from ..flow.permeability_table import Mobility, PressureCurve
 from ..flow.solvers.choice import solve_flow
@@ -103,9 +103,7 @@ def _record() -> Path | None:
     seen = hashlib.sha256(
         repr((numba.__version__, np.__version__, get_host_cpu_name(), get_host_cpu_features().flatten())).encode()
     )
-    for path in sorted(
-        p for room in ("contact", "flow", "windows", "elements", "library") for p in (package / room).rglob("*.py")
-    ):
+    for path in sorted(p for room in ("contact", "flow", "windows", "library") for p in (package / room).rglob("*.py")):
         found = path.stat()
         seen.update(f"{path} {found.st_mtime_ns} {found.st_size}".encode())
     return Path(v_cycle.stats.cache_path) / f"compiled-{seen.hexdigest()[:16]}"
@@ -144,7 +142,6 @@ def _contact() -> None:
 def _windows() -> None:
     gap = _gap(32)
     window_permeability(gap, (1.0, 1.0), 0, settings=windows.FlowSettings(solver="elimination"))
-    elements.element_flow(gap, windows.Partition(gap.shape, (1.0, 1.0), (2, 2)))
 
 
 def _seals() -> None:

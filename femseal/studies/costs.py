@@ -12,16 +12,12 @@ from statistics import mean
 
 import numpy as np
 
-from ..base import free_memory, validate
-from ..elements.elements import ELEMENT_BYTES
+from ..base import validate
 from ..seal.pressure_map import is_uniform
-from ..windows.global_contact import PIXELS_PER_CUT_OFF
-from .deterministic import STEP_BYTES, state_memory, states_memory
-from .face_contact import CUT_OFF_WINDOWS, chosen_contact
+from .deterministic import state_memory, states_memory
 from .face_leakage import PLACE_REALISATIONS, kept_places
 from .sampling_options import Sampling
 from .scene import Scene
-from .two_scale import chosen_flow
 
 #: Pixels of the contact by which the effort of a load step is given.
 PILOT_PIXELS = 200**2
@@ -46,8 +42,6 @@ _COARSER = 1.2, 3.0
 _CLOSED_SECONDS = 2e-8, 1.5e-6
 #: Seconds that the fluid pressure takes for each pixel in a round of contact and flow.
 _ROUND_PIXEL_SECONDS = 1.7e-7
-#: Seconds of flow through elements for each open pixel: of any window, of one of a pixel, and for each pixel of a side.
-_ELEMENT_SECONDS = 1.25e-6, 1.9e-5, 4e-9
 #: Seconds of the runs of columns at a step, for each window and each pixel.
 _RUN_SECONDS, _RUN_PIXEL_SECONDS = 1.2e-3, 6e-7
 #: Seconds of a seal of runs of columns, and for each of its columns of windows.
@@ -57,8 +51,6 @@ _DRAW_SECONDS, _DRAW_COLUMN_SECONDS = 1e-4, 2e-8
 _LINK_SECONDS, _LINK_SUCCESSIVE = 4e-8, 1.6
 #: Flow solutions, and what they need besides, that the flow of a rarefied gas takes.
 _SUCCESSIVE = 4.5
-#: Transforms that the estimate of the error of a gap takes.
-_ERROR_PAIRS = 3
 #: Number of states of a window on its ladder, under one pressure or a map: loading, unloading and without contact.
 _LADDER_STATES, _MAP_STATES = 60, 120
 
@@ -151,12 +143,6 @@ def _face_seconds(points: tuple[int, int], effort: Effort, pressures: int, acts:
     return seconds if effort.rounds else 0.0
 
 
-def element_seconds(pixels: float, side: float, effort: Effort) -> float:
-    """Expected time of one flow solution through elements, windows of `side` pixels along each side [s]."""
-    each, small, large = _ELEMENT_SECONDS
-    return pixels * (1 - effort.contact_fraction) * (each + small / side + large * side)
-
-
 def deterministic_cost(
     efforts: Sequence[Effort], points: tuple[int, int], pressures: int = 1, acts: bool = False
 ) -> tuple[float, float]:
@@ -173,8 +159,6 @@ def two_scale_cost(
     efforts: Sequence[Effort],
     points: tuple[int, int],
     cells: tuple[int, int],
-    flow: str | None = None,
-    contact: str | None = None,
     *,
     solved: bool = False,
     pressures: int = 1,
@@ -182,39 +166,21 @@ def two_scale_cost(
 ) -> tuple[float, float]:
     """Expected time on one core [s] and memory [byte] of the two-scale solution.
 
-    `solved` says that the deterministic solution before it leaves the contact of the whole face. pressures, acts : see
+    `solved` says that the deterministic solution leaves contact and flow of the face. pressures, acts : see
     `deterministic_cost`.
     """
-    again = _SUCCESSIVE if pressures > 1 else 1.0
-    whole, flow = chosen_contact(contact, points) == "whole", chosen_flow(flow, points)
-    pixels, (m1, m2) = points[0] * points[1], cells
-    sides, links = (points[0] // m1, points[1] // m2), m1 * m2 + (m1 - 1) * m2
-    window = sides[0] * sides[1]
-    coarse = pixels if whole else min(pixels, m1 * m2 * (PIXELS_PER_CUT_OFF / CUT_OFF_WINDOWS) ** 2)
-    seconds, memory = 0.0, state_memory(coarse) + (0.0 if whole else 8.0 * 8 * pixels)
-    coupled = whole and acts
-    grid = points if coarse == pixels else (int(coarse**0.5),) * 2
-    for effort in efforts:
-        if not effort.rounds:
-            continue
-        if coupled and not solved:
-            seconds += _face_seconds(points, effort, pressures, acts)
-        elif not (whole and solved):
-            seconds += contact_seconds(grid, effort)
-        if not whole:
-            seconds += m1 * m2 * contact_seconds(sides, effort) + _ERROR_PAIRS * _transform_seconds(points) * pixels
-        if flow == "elements":
-            seconds += again * element_seconds(pixels, window**0.5, effort)
-        elif flow == "resolved":
-            seconds += 0.0 if coupled else again * flow_seconds(pixels, effort)
-        else:
-            seconds += pressures * links * flow_seconds(window, effort)
-    if flow == "resolved":
-        memory = max(memory, state_memory(pixels))
-    elif flow == "elements":
-        memory = max(memory, ELEMENT_BYTES * pixels)
-    each = STEP_BYTES if flow != "links" else STEP_BYTES - 4.0
-    return seconds, states_memory(pixels, len(efforts), each) + memory
+    seconds, memory = deterministic_cost(efforts, points, pressures, acts)
+    piece = points[0] // cells[0] * (points[1] // cells[1])
+    of_pieces = sum(flow_seconds(piece, effort) for effort in efforts if effort.rounds)
+    return (0.0 if solved else seconds) + 2 * cells[0] * cells[1] * of_pieces, memory
+
+
+def _face_contact_seconds(efforts: Sequence[Effort], points: tuple[int, int], pressures: int, acts: bool) -> float:
+    """Expected time of the contact of a whole face, and of its flow where the fluid acts on it [s]."""
+    new = [effort for effort in efforts if effort.rounds]
+    if acts:
+        return sum(_face_seconds(points, effort, pressures, acts) for effort in new)
+    return sum(contact_seconds(points, effort) for effort in new)
 
 
 def stochastic_cost(
@@ -223,7 +189,6 @@ def stochastic_cost(
     cells: tuple[int, int],
     sampling: Sampling,
     seal: tuple[int, int],
-    contact: str | None = None,
     pressures: int = 1,
     acts: bool = False,
     places: int = 1,
@@ -239,19 +204,18 @@ def stochastic_cost(
     ladder = mean(contact_seconds(sides, effort) for effort in efforts)
     flow = pressures * mean(flow_seconds(window, effort) for effort in efforts)
     faces = 8.0 * 8 * pixels
+    if sampling.sampler == "runs" or sampling.pressure == "place":
+        faces = deterministic_cost(efforts, points)[1]
     if sampling.sampler == "runs":
-        whole, faces = two_scale_cost(efforts, points, cells, "links", contact, acts=acts)
-        links = windows + (cells[0] - 1) * cells[1]
         new = [effort for effort in efforts if effort.rounds]
-        contacts = whole - links * sum(flow_seconds(window, effort) for effort in new)
-        seconds = contacts + len(new) * (windows * _RUN_SECONDS + pixels * _RUN_PIXEL_SECONDS)
+        seconds = _face_contact_seconds(efforts, points, 1, acts)
+        seconds += len(new) * (windows * _RUN_SECONDS + pixels * _RUN_PIXEL_SECONDS)
         if pressures > 1:  # the flow through the face, which gives the pressures in it
-            seconds += _SUCCESSIVE * sum(element_seconds(pixels, window**0.5, effort) for effort in new)
+            seconds += _SUCCESSIVE * sum(flow_seconds(pixels, effort) for effort in new)
         return seconds + sampling.realisations * (_DRAW_SECONDS + _DRAW_COLUMN_SECONDS * seal[1]), faces
     if sampling.pressure == "place":
-        whole, faces = two_scale_cost(efforts, points, cells, "links", contact, pressures=pressures, acts=acts)
-        links = windows + (cells[0] - 1) * cells[1]
-        seconds = whole + steps * (2 * max(sampling.library_cells, windows) - links) * flow
+        seconds = _face_contact_seconds(efforts, points, pressures, acts)
+        seconds += steps * 2 * max(sampling.library_cells, windows) * flow
     else:
         states = _LADDER_STATES if is_uniform(sampling.pressure_map) else _MAP_STATES
         seconds = states * sampling.library_cells * (ladder + 2 * (3 if sampling.bounds else 1) * flow)
@@ -269,30 +233,6 @@ def stochastic_cost(
 def count_pressures(scene: Scene) -> int:
     """Number of pressures at which permeabilities are needed: 1 unless the law of the fluid depends on it."""
     return scene.flow.drop.pressures.size
-
-
-#: Limits of the deterministic solution in an automatic choice: time on one core [s], and fraction of the free memory.
-AFFORDABLE_SECONDS, AFFORDABLE_FRACTION = 3600.0, 0.7
-
-
-def choose_method(
-    steps: int, points: tuple[int, int], cells: tuple[int, int], flow: str = "elements"
-) -> tuple[str, str]:
-    """Choose "deterministic", which is exact on its pixels, if it is affordable, and "two-scale" otherwise.
-
-    `flow` is that of two scales then.
-
-    Returns the method, and a line that says why.
-    """
-    efforts = usual_efforts(steps)
-    seconds, memory = deterministic_cost(efforts, points)
-    free = free_memory()
-    cost = f"deterministic about {seconds:.0f} s and {memory / 1e9:.2g} GB of {free / 1e9:.2g} GB free"
-    if seconds <= AFFORDABLE_SECONDS and memory <= AFFORDABLE_FRACTION * free:
-        return "deterministic", f"{cost}: affordable, and nothing is more exact on these pixels"
-    other, less = two_scale_cost(efforts, points, cells, flow)
-    reason = "too long" if memory <= AFFORDABLE_FRACTION * free else "too much"
-    return "two-scale", f"{cost}: {reason}; two scales with {flow} about {other:.0f} s and {less / 1e9:.2g} GB"
 
 
 #: Tolerance of the contact, and the largest error of ln(leakage) measured with it on six faces, elastic and plastic,

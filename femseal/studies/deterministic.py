@@ -31,8 +31,8 @@ class DeterministicResult(Shown):
     where there is contact, see `ContactPressure`. The fluid pressure is NaN in contact and in pockets.
     places : leakage by measured places, None of one.
     residual : largest residual of the contacts. failures : steps whose flow failed; their leakage is NaN. warnings :
-    reasons to doubt the result. solvers : number of systems by solver. windows : the contact cut into windows, for
-    `two_scale`; None unless asked for. equal_steps : number of steps that are an earlier one again, solved once.
+    reasons to doubt the result. solvers : number of systems by solver. windows : its pieces, for `two_scale`; None
+    unless asked for. equal_steps : number of steps that are an earlier one again, solved once.
     """
 
     steps: LoadProgramme
@@ -84,7 +84,7 @@ def deterministic(scene: Scene, *, cells: tuple[int, int] | None = None, mapper:
     Parameters
     ----------
     scene : the face, its load and its fluid.
-    cells : number of windows along x1 and x2 into which the contact is cut besides, so that `two_scale` need not solve
+    cells : number of pieces along x1 and x2 into which the face is cut besides, so that `two_scale` need not solve
         it again; None for none.
     mapper : computes a stage for many items, such as the builtin `map`; it may use several processes.
 

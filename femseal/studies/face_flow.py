@@ -1,4 +1,4 @@
-"""Flow through a whole face, at full resolution or through elements."""
+"""Flow through a whole face at full resolution."""
 
 from dataclasses import dataclass, replace
 
@@ -6,9 +6,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..base import Array
-from ..elements import ElementFlow, element_flow, face_potential
 from ..flow import Permeability, cell_permeability
-from ..flow.pressure_drop import FaceSolution, PressureDrop
+from ..flow.cell import pixel_dissipation
+from ..flow.pressure_drop import PressureDrop
 from ..flow.spiral import spiral_flow
 from ..library import ColumnRuns
 from ..windows import FlowSettings, Partition, SolverCounts
@@ -24,15 +24,11 @@ class FaceFlow:
     permeability : that which the drop of the viscous potential sees [m³]. solvers : of its systems.
     potential : between 1 at the inlet and 0 at the outlet (n1, n2), NaN in contact and in pockets; None where it was
         not asked for.
-    error, drop_fraction : through elements, the estimated relative error of the permeability, and the fraction of the
-        drop in every window (m1, m2); None at full resolution.
     """
 
     permeability: float
     solvers: SolverCounts
-    potential: NDArray[np.float32] | None = None
-    error: float | None = None
-    drop_fraction: Array | None = None
+    potential: NDArray[np.floating] | None = None
 
 
 def resolved_flow(
@@ -67,26 +63,28 @@ def resolved_flow(
     flow, drop = solved.found, solved.drop
     value, potential = flow.value * drop.mean_factor, drop.viscous_fraction(flow.fluid_pressure)
     # the potential has no extremes inside; the solver's error, about 1e-3 in the norm of the energy, may give it some
-    kept = np.clip(potential, 0.0, 1.0).astype(np.float32) if with_potential else None
+    kept = np.clip(potential, 0.0, 1.0) if with_potential else None
     return FaceFlow(value, counts, kept)
 
 
-def element_face_flow(gap: NDArray[np.floating], partition: Partition, drop: PressureDrop) -> FaceFlow:
-    """Solve the flow along x1 through the gap (n1, n2) [m] of a whole face by an element for every window.
+def drop_fractions(
+    gap: Array, spacing: tuple[float, float], potential: NDArray[np.floating], settings: FlowSettings
+) -> Array:
+    """Fraction of the pressure drop at each pixel (n1, n2): of the dissipation of the flow; NaN where nothing flows.
 
-    Raises NotConverged: see `elements.element_flow` and `PressureDrop.solve_face`.
+    gap : (n1, n2) [m]. potential : see `FaceFlow`.
     """
-    solved = _solve_elements(gap, partition, drop)
-    flow, potential = solved.found
-    viscous = solved.drop.viscous_fraction(np.clip(potential, 0.0, 1.0)).astype(np.float32)
-    dissipation = solved.drop.mean_factor * flow.dissipation
-    return FaceFlow(
-        permeability=solved.drop.mean_factor * flow.permeability,
-        solvers=SolverCounts.of(flow),
-        potential=viscous,
-        error=flow.error,
-        drop_fraction=dissipation / (dissipation.sum() or 1.0),
-    )
+    drop = settings.drop
+    pressure: Array | float = 0.0
+    if drop.law.depends_on_pressure:
+        inlet, outlet = drop.fluid.potential([drop.inlet, drop.outlet])
+        pressure = drop.fluid.pressure(outlet + (inlet - outlet) * np.nan_to_num(potential, nan=0.5))
+        pressure = np.maximum(pressure, drop.least_pressure)
+    equivalent = drop.law.equivalent_gap(gap, pressure)
+    # grooves that wind leave the last column for another row of the first one
+    found = pixel_dissipation(equivalent, spacing, potential, seam=settings.spiral is None)
+    whole = found.sum()
+    return found / whole if whole > 0 else np.full(found.shape, np.nan)
 
 
 def columns_of_face(
@@ -97,20 +95,12 @@ def columns_of_face(
     A law that depends on the pressure has the pressures in the whole face. The `mean_factor` of the drop multiplies the
     conductances.
     """
+
+    def solve(gap: Array) -> tuple[float, Array, None]:
+        flow = cell_permeability(gap, partition.spacing, sides="periodic")
+        return flow.value, flow.fluid_pressure, None
+
     if not drop.law.depends_on_pressure:
         return ColumnRuns.of(drop.law.equivalent_gap(gap), partition), drop
-    solved = _solve_elements(gap, partition, drop)
+    solved = drop.solve_face(np.asarray(gap, float), partition.spacing, solve, PRESSURE_RTOL)
     return ColumnRuns.of(solved.gap, partition), solved.drop
-
-
-def _solve_elements(
-    gap: NDArray[np.floating], partition: Partition, drop: PressureDrop
-) -> FaceSolution[tuple[ElementFlow, Array]]:
-    """Flow through the elements of a face, at its own pressures where the law depends on them, and its potential."""
-
-    def solve(gap: Array) -> tuple[float, Array, tuple[ElementFlow, Array]]:
-        flow = element_flow(gap, partition)
-        potential = face_potential(gap, partition, flow)
-        return flow.permeability, potential, (flow, potential)
-
-    return drop.solve_face(np.asarray(gap, float), partition.spacing, solve, PRESSURE_RTOL)

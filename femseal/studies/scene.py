@@ -233,19 +233,15 @@ class Scene:
         drop = PressureDrop.of(self.fluid, self.inlet_pressure, self.outlet_pressure)
         return FlowSettings(self.solver, self.discretisation, drop, getattr(self.layout, "spiral", None))
 
-    def check_spiral(self, flow: str = "resolved", cells: tuple[int, int] = (2, 1)) -> None:
-        """Refuse grooves that wind where the flow through the face, or of its windows (cells), cannot follow them.
+    def check_spiral(self) -> None:
+        """Refuse grooves that wind where the flow through the face cannot follow them.
 
-        Raises InputError: elements, links of one row of windows, another discretisation, a lead that does not suit the
-        face.
+        Raises InputError: another discretisation, a lead that does not suit the face.
         """
         if (spiral := self.flow.spiral) is None:
             return
         if self.discretisation != "edge":
             raise InputError("discretisation", f"'{self.discretisation}' with a spiral lay", "'edge' with it")
-        if flow == "elements" or (flow == "links" and cells[0] < 2):
-            given = f"'{flow}' of {cells[0]} × {cells[1]} windows with a spiral lay"
-            raise InputError("flow", given, "'resolved', or 'links' of at least two rows of windows")
         spiral.seam(self.surface.shape, self.surface.spacing)
 
     def entry_pressures(self, gaps: Iterable[NDArray[np.floating]]) -> Array | None:

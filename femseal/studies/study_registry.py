@@ -24,15 +24,13 @@ StudyResult = DeterministicResult | TwoScaleResult | StochasticResult
 class StudyOptions:
     """Options of all studies; each takes those that it needs.
 
-    cells : number of windows along x1 and x2. flow, contact : see `two_scale`. sampling : see `stochastic`.
-    shares_contact : the deterministic study leaves its contact, cut into windows, to two scales.
+    cells : number of pieces of the face along x1 and x2. sampling : see `stochastic`.
+    shares_face : the deterministic study leaves the face, cut into pieces, to two scales.
     """
 
     cells: tuple[int, int] | None = None
-    flow: str | None = None
-    contact: str | None = None
     sampling: Sampling | None = None
-    shares_contact: bool = False
+    shares_face: bool = False
 
 
 @dataclass(frozen=True)
@@ -71,13 +69,12 @@ def study_of_result(result: StudyResult) -> Study:
 def _solve_deterministic(
     scene: Scene, options: StudyOptions, known: Mapping[str, Any], mapper: Mapper
 ) -> DeterministicResult:
-    return deterministic(scene, cells=options.cells if options.shares_contact else None, mapper=mapper)
+    return deterministic(scene, cells=options.cells if options.shares_face else None, mapper=mapper)
 
 
 def _solve_two_scale(scene: Scene, options: StudyOptions, known: Mapping[str, Any], mapper: Mapper) -> TwoScaleResult:
     assert options.cells is not None
-    solved = known["deterministic"].windows if "deterministic" in known else None
-    return two_scale(scene, options.cells, flow=options.flow, contact=options.contact, solved=solved, mapper=mapper)
+    return two_scale(scene, options.cells, solved=known.get("deterministic"), mapper=mapper)
 
 
 def _solve_stochastic(
@@ -86,7 +83,7 @@ def _solve_stochastic(
     assert options.cells is not None
     assert options.sampling is not None
     two = known.get("two_scale")
-    return stochastic(scene, options.cells, options.sampling, contact=options.contact, two_scale=two, mapper=mapper)
+    return stochastic(scene, options.cells, options.sampling, two_scale=two, mapper=mapper)
 
 
 def _cost_deterministic(
@@ -105,9 +102,7 @@ def _cost_two_scale(
         efforts,
         points or scene.surface.shape,
         options.cells,
-        options.flow,
-        options.contact,
-        solved=options.shares_contact,
+        solved=options.shares_face,
         pressures=count_pressures(scene),
         acts=scene.acting_fluid is not None,
     )
@@ -128,7 +123,7 @@ def _cost_stochastic(
     networks = [windows.unknowns(FLUID_PRESSURES if acts and pressures == 1 else pressures) for windows in every]
     # seals of all lengths take the work of one as long as all of them together
     seal = networks[0][0], sum(columns for _, columns in networks)
-    return stochastic_cost(efforts, points, cells, sampling, seal, options.contact, pressures, acts, places)
+    return stochastic_cost(efforts, points, cells, sampling, seal, pressures, acts, places)
 
 
 #: All studies by name, in the order in which they are solved: each may use the results of those before it. Of several

@@ -3,15 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import partial
 from math import ceil
 from typing import Any
 
 import numpy as np
 import scipy
-from numpy.typing import NDArray
-from scipy.fft import dctn, idctn
 from scipy.sparse import csr_array
 
 from ..base import Array, Mapper
@@ -39,26 +37,6 @@ class GlobalState:
     pressure_across: Array
     raw_gap: Array
     contact_pressure: Array
-
-    def outer_gap(self, partition: Partition, body: HalfSpace) -> NDArray[np.float32]:
-        """Raw gap minus the displacement that each cell's own pressure causes in that cell (n1, n2) [m].
-
-        The displacement is that of `body`, the mirrored half-space of a window. A window that starts from this gap
-        responds to its own pressure with all waves, and no displacement is counted twice: if the window finds the
-        global pressure again, it finds the global gap again.
-        """
-        coarse = Partition(self.contact_pressure.shape, partition.spacing, partition.cells).window
-        size = partition.window_size
-        spacing = (size[0] / coarse[0], size[1] / coarse[1])
-        symbol = replace(body, shape=coarse, spacing=spacing).symbol()
-        gap = np.empty(self.raw_gap.shape, np.float32)
-        for i in range(partition.cells[0]):
-            band = self.contact_pressure[i * coarse[0] : (i + 1) * coarse[0]].reshape(coarse[0], -1, coarse[1])
-            waves = dctn(band, axes=(0, 2), norm="forward") * symbol[:, None, :]
-            own = idctn(waves, s=partition.window, axes=(0, 2), norm="forward")
-            rows = slice(i * partition.window[0], (i + 1) * partition.window[0])
-            gap[rows] = self.raw_gap[rows] - own.reshape(partition.window[0], -1)
-        return gap
 
 
 def global_states(

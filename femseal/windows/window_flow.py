@@ -10,16 +10,15 @@ from dataclasses import dataclass, field, replace
 from typing import Any, TypeVar
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
-from ..base import Array, FemsealError, validate
+from ..base import Array, FemsealError
 from ..base.compiled import compiled
 from ..flow import DarcyFlow, Permeability, Spiral, cell_permeability
-from ..flow.cell import cell_flow, pixel_dissipation
+from ..flow.cell import cell_flow
 from ..flow.discretisation import check_discretisation
 from ..flow.law import cubic_law
 from ..flow.pressure_drop import VISCOUS, PressureDrop
-from .partition import Partition
 
 Result = TypeVar("Result")
 
@@ -241,24 +240,6 @@ def _of_gap(
     solvers = SolverCounts.of(flow)
     counts = SolveCounts(solved=1, solvers=solvers) if flow.percolates else SolveCounts(closed=1, solvers=solvers)
     return WindowPermeability(np.array(k), counts)
-
-
-def window_dissipation(gap: ArrayLike, partition: Partition) -> Array:
-    """Dissipation (m1, m2) [m³] of the flow through a whole face for a unit drop, in the windows of its x1-links.
-
-    These windows tile the face. The sum over them is the conductance k L2/L1, with k of `cell_permeability` on periodic
-    sides.
-
-    gap : (n1, n2) [m].
-    partition : of the face.
-
-    Raises InputError: a gap that is negative, undefined or of another shape.
-    NotConverged : the linear solver failed.
-    """
-    h = validate.field("gap", gap, unit="m", shape=partition.shape)
-    pixels = pixel_dissipation(h, partition.spacing)
-    rows = np.add.reduceat(pixels, partition.lines[:-1], axis=0)
-    return rows.reshape(*partition.cells, partition.window[1]).sum(axis=2)
 
 
 @compiled()

@@ -64,8 +64,8 @@ def strip(kind, seed):
     drawn = Drawn(kind, seed)
     found = whole_face(drawn, drawn.cells)
     scene, whole = found["scene"], found["studies"]["deterministic"]
-    links = two_scale(scene, drawn.cells, flow="links", solved=whole.windows)
-    windows = two_scale(scene, drawn.cells, flow="resolved", solved=solve_windows(scene, drawn.cells, "windows"))
+    links = two_scale(scene, drawn.cells, solved=whole.windows)
+    windows = two_scale(scene, drawn.cells, solved=solve_windows(scene, drawn.cells, "windows"))
     # a budget needs no fields
     bare = {"gap": None, "contact_pressure": None, "fluid_pressure": None, "windows": None}
     few = {"fields": None, "face_fluid_pressure": None, "link_flows": None}

@@ -2,8 +2,8 @@
 
     python tests/benchmarks/calibration.py --records calibration.jsonl --write
 
-Of each kind of face `--scenes` scenes are solved in full, by links, and by contact in windows; of most kinds `--long` faces
-of four breadths are compared with seals drawn from one breadth. `--write` puts the set where the package reads it.
+Of most kinds of face `--long` faces
+of four breadths are solved in full and compared with seals drawn from one breadth. `--write` puts the set where the package reads it.
 `--seeds pilot` takes other scenes, by which the forms of the difficulties were chosen.
 """
 
@@ -33,21 +33,7 @@ SAMPLERS = {
     "global": (None, "global"),
     "uniform": (None, "uniform"),
 }
-COLUMNS = (
-    "method",
-    "surface",
-    "scene",
-    "step",
-    "log_ratio",
-    "own",
-    "decades",
-    "contact",
-    "gap_error",
-    "effect",
-    "difference",
-    "slope",
-    "scatter",
-)
+COLUMNS = ("method", "surface", "scene", "step", "log_ratio", "own", "decades", "scatter")
 
 
 def log_ratio(leakage, truth):
@@ -66,53 +52,6 @@ def rows_of(method, drawn, steps, leakage, truth, **features):
         row |= {name: float(f"{values[s]:.4g}") for name, values in every.items()}
         if np.isfinite(leakage[s]) and np.isfinite(truth[s]) and (leakage[s] > 0 or truth[s] > 0):
             yield row
-
-
-def compared_links(drawn, scene, leakage):
-    """The whole face on half the points against links on these, at the steps that a run takes."""
-    from femseal import CoarserSolution, deterministic, two_scale
-    from femseal.refinement.coarser import at_some_steps
-
-    half = scene.surface.resample(tuple(n // 2 for n in drawn.points))
-    some = replace(at_some_steps(scene, leakage), surface=half)
-    whole = deterministic(some, cells=drawn.cells)
-    links = two_scale(some, drawn.cells, flow="links", solved=whole.windows)
-    return CoarserSolution(half.shape, some.steps, whole.leakage, links.leakage)
-
-
-def compared(task):
-    """Rows of a scene whose truth is its own deterministic solution."""
-    from femseal import deterministic, two_scale
-    from femseal.budget.changes import load_sensitivity, on_all_steps
-    from femseal.studies.face_contact import solve_windows
-
-    drawn = Drawn(task["kind"], task["seed"])
-    scene = drawn.scene()
-    whole = deterministic(scene, cells=drawn.cells)
-    steps, q = scene.steps, whole.leakage
-    links = two_scale(scene, drawn.cells, flow="links", solved=whole.windows)
-    compared = compared_links(drawn, scene, links.leakage)
-    rows = list(rows_of("links", drawn, steps, links.leakage, q, contact=links.contact_fraction.mean(axis=(1, 2))))
-    rows += rows_of(
-        "compared links",
-        drawn,
-        steps,
-        links.leakage,
-        q,
-        slope=load_sensitivity(steps, links.leakage),
-        difference=np.abs(on_all_steps(steps, compared, links.leakage)),
-    )
-    windows = two_scale(scene, drawn.cells, flow="resolved", solved=solve_windows(scene, drawn.cells, "windows"))
-    rows += rows_of(
-        "windows",
-        drawn,
-        steps,
-        windows.leakage,
-        q,
-        gap_error=windows.gap_error,
-        effect=np.abs(np.log(windows.gap_effect)),
-    )
-    return task | {"rows": rows}
 
 
 def piece_of(drawn):
@@ -153,23 +92,20 @@ def drawn_from_a_piece(task):
     return task | {"rows": rows}
 
 
-def tasks_of(seeds, scenes, long, ladders):
+def tasks_of(seeds, long, ladders):
     """Every scene to be solved, and what is done with it."""
-    for seed in seeds[: max(scenes, long)]:
+    for seed in seeds[:long]:
         for kind in KINDS:
-            if seed - seeds[0] < scenes:
-                yield compared, {"kind": kind, "seed": seed, "methods": ""}
             for methods, wanted in (
                 (["runs", "block"], range(long)),
                 (["global", "uniform"], range(LOOKED_AT, ladders)),
             ):
                 if seed - seeds[0] in wanted and kind in LONG_KINDS:
-                    yield drawn_from_a_piece, {"kind": kind, "seed": seed, "methods": methods}
+                    yield {"kind": kind, "seed": seed, "methods": methods}
 
 
 def main():
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--scenes", type=int, default=20, help="of each kind of face")
     parser.add_argument("--long", type=int, default=24, help="long faces of each kind")
     parser.add_argument(
         "--ladders", type=int, default=20, help="those of them up to which ladders of windows are compared"
@@ -181,9 +117,9 @@ def main():
     warnings.simplefilter("ignore", RuntimeWarning)  # logarithms of sealed steps
     seeds = CALIBRATION if options.seeds == "calibration" else PILOT
     rows = []
-    for function, task in tasks_of(seeds, options.scenes, options.long, options.ladders):
-        rows += kept(task, ("kind", "seed", "methods"), options.records, partial(function, task))["rows"]
-    rows.sort(key=lambda row: list(SAMPLERS).index(row["method"]) + 9 if row["method"] in SAMPLERS else 0)
+    for task in tasks_of(seeds, options.long, options.ladders):
+        rows += kept(task, ("kind", "seed", "methods"), options.records, partial(drawn_from_a_piece, task))["rows"]
+    rows.sort(key=lambda row: list(SAMPLERS).index(row["method"]))
     print({m: len({r["scene"] for r in rows if r["method"] == m}) for m in dict.fromkeys(r["method"] for r in rows)})
     if options.write:
         from femseal.budget.conformal import CALIBRATION as PATH

@@ -79,8 +79,8 @@ def own_study(task, n, pixels):
 
     studies = {
         "deterministic": lambda: deterministic(scene).leakage,
-        "elements": lambda: two_scale(scene, cells, flow="elements").leakage,
-        "two-scale": lambda: two_scale(scene, cells, flow="links").leakage,
+        "elements": lambda: two_scale(scene, cells).leakage,
+        "two-scale": lambda: two_scale(scene, cells).leakage,
         "stochastic": lambda: stochastic(scene, cells, sampling).quantile(0.5),
         "contact": contact,
     }

@@ -340,7 +340,7 @@ def coarse_windows(task):
     start = time.process_time()
     fine = solve_windows(scene, (8, 8), "windows").fields
     middle = time.process_time()
-    coarse = two_scale(half, (8, 8), contact="windows", flow="elements")
+    coarse = two_scale(half, (8, 8), contact="windows")
     seconds = middle - start, time.process_time() - middle
     share = coarse.drop_fraction.max(axis=0)
     order = np.sort(share.ravel())

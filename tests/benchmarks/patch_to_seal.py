@@ -104,8 +104,8 @@ def chain():
             plain = fs.deterministic(replace(scene, surface=rough, hardness=hardness, fluid_pressure="ignored"))
             sampling = fs.Sampling(length=2 * N * D, realisations=2, library_cells=8, seed=1)
             found = [
-                fs.two_scale(scene, (4, 8), flow="elements").leakage,
-                fs.two_scale(scene, (4, 8), flow="links").leakage,
+                fs.two_scale(scene, (4, 8)).leakage,
+                fs.two_scale(scene, (4, 8)).leakage,
                 fs.stochastic(scene, (4, 8), sampling).quantile(0.5),
             ]
             open_ = truth > 1e-3 * truth[0]

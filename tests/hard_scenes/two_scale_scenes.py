@@ -22,7 +22,7 @@ scene = partial(HardScene, stage="chain")
 def _scales(cells: tuple[int, int], heights: np.ndarray, load: float = 1e8) -> float:
     """Leakage of two scales over the deterministic one."""
     scene = chain_scene(heights, loading=(load,))
-    return float(two_scale(scene, cells, flow="resolved").leakage[0] / deterministic(scene).leakage[0])
+    return float(two_scale(scene, cells).leakage[0] / deterministic(scene).leakage[0])
 
 
 def _symmetric() -> np.ndarray:
