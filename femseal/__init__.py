@@ -7,9 +7,8 @@ The flow of data, top to bottom::
     contact      heights + load -> contact pressure, gap                 HalfSpace, solve_contact, load_cycle
     flow         gap -> permeability of a cell                           cell_permeability, permeability_tensor
     seal         permeability -> leakage of a seal of some shape         RectangularSeal, ..., seal_leakage
-    windows      windows of a face: contact and flow of each
-    elements     windows condensed to their sides
-    library      windows along a ladder of pressures, and draws from them
+    windows      windows of a face: flow of each
+    face         a face cut into pieces, and their permeability along any path of the pressure
     studies      the chains: deterministic, two-scale, stochastic
     budget       error of every leakage, source by source             error_budget
     results      one dataset: netCDF, tables, files for ParaView         open_results
@@ -69,7 +68,7 @@ if TYPE_CHECKING:
     from .runs.job import run
     from .seal import AnnularSeal, Leakage, MeshSeal, PermeabilityTable, RectangularSeal, seal_leakage, table_pressures
     from .studies.deterministic import DeterministicResult, deterministic
-    from .studies.sampling_options import Sampling
+    from .studies.sampling import Sampling
     from .studies.scene import Scene
     from .studies.seat_rows import SeatMap
     from .studies.stochastic import stochastic

@@ -1,7 +1,7 @@
 """The chains from a rough surface to leakage over a load cycle, readable top to bottom.
 
 `deterministic` resolves everything on the surface's own grid; `two_scale` cuts that into pieces and maps them;
-`stochastic` draws the windows of a seal of any length from a library of real ones. All take a `Scene`, and each is an
+`stochastic` draws the pieces for the tiles of a seal of any size and shape. All take a `Scene`, and each is an
 entry of `STUDIES`, by which runs solve, forecast and compare it.
 
     scene               the face, its load, its fluid              -> contact_states: contact at every step
@@ -11,8 +11,9 @@ entry of `STUDIES`, by which runs solve, forecast and compare it.
     face_flow           gap -> flow through the whole face
     face_leakage        flow at every step -> leakage and fluid pressure
     two_scale           the deterministic solution, and permeability and pressure drop of the pieces of the face
-    window_supply       windows that seals are drawn from at their places; ladder_windows at any pressure
-    stochastic          drawn seals -> their leakage; run_chains: chains of runs of columns
+    piece_states        the pieces of a face at the loads, or along a ladder of nominal pressures
+    sampling            options of a drawn seal -> its tiles; seat_rows: their pressure under maps and seats
+    stochastic          tiles draw pieces -> leakage of the seal; drawn_error: what one patch does not know
 """
 
 from typing import TYPE_CHECKING
@@ -20,12 +21,12 @@ from typing import TYPE_CHECKING
 from ..base.lazy_package import load_when_used
 
 if TYPE_CHECKING:
-    from .choices import DRAWS, FLUID_PRESSURES, NOMINALS, PRESSURES
+    from .choices import FLUID_PRESSURES, NOMINALS
     from .deterministic import DeterministicResult, deterministic
     from .other_fluid import FluidState, OtherLeakage, drop_ratio
-    from .sampling_options import Sampling, check_sampling, chosen_sampler, count_face_windows, lay_out_windows
+    from .sampling import Sampling, lay_out_tiles
     from .scene import Scene
-    from .stochastic import stochastic
+    from .stochastic import cut_and_tiles, stochastic
     from .stochastic_result import StochasticResult
     from .study_registry import STUDIES, Study, StudyOptions, StudyResult, study_of_result
     from .two_scale import TwoScaleResult, two_scale

@@ -103,7 +103,7 @@ def _record() -> Path | None:
     seen = hashlib.sha256(
         repr((numba.__version__, np.__version__, get_host_cpu_name(), get_host_cpu_features().flatten())).encode()
     )
-    for path in sorted(p for room in ("contact", "flow", "windows", "library") for p in (package / room).rglob("*.py")):
+    for path in sorted(p for room in ("contact", "flow", "windows") for p in (package / room).rglob("*.py")):
         found = path.stat()
         seen.update(f"{path} {found.st_mtime_ns} {found.st_size}".encode())
     return Path(v_cycle.stats.cache_path) / f"compiled-{seen.hexdigest()[:16]}"

@@ -14,9 +14,9 @@ import numpy as np
 
 from ..base import validate
 from ..seal.pressure_map import is_uniform
+from ..seal.tiles import SealTiles
 from .deterministic import state_memory, states_memory
-from .face_leakage import PLACE_REALISATIONS, kept_places
-from .sampling_options import Sampling
+from .sampling import Sampling
 from .scene import Scene
 
 #: Pixels of the contact by which the effort of a load step is given.
@@ -42,17 +42,13 @@ _COARSER = 1.2, 3.0
 _CLOSED_SECONDS = 2e-8, 1.5e-6
 #: Seconds that the fluid pressure takes for each pixel in a round of contact and flow.
 _ROUND_PIXEL_SECONDS = 1.7e-7
-#: Seconds of the runs of columns at a step, for each window and each pixel.
-_RUN_SECONDS, _RUN_PIXEL_SECONDS = 1.2e-3, 6e-7
-#: Seconds of a seal of runs of columns, and for each of its columns of windows.
-_DRAW_SECONDS, _DRAW_COLUMN_SECONDS = 1e-4, 2e-8
-#: Seconds of a link of a drawn seal at a load step, for each doubling of its rows; so many times as long where the
-#: permeability depends on the fluid pressure.
-_LINK_SECONDS, _LINK_SUCCESSIVE = 4e-8, 1.6
+#: Seconds of a drawn seal at a step, and for each element; solutions where permeabilities depend on the pressure, seals
+#: that a band usually needs, and memory for each element [byte].
+_SEAL_SECONDS, _ELEMENT_SECONDS, _PRESSURE_SOLUTIONS, _USUAL_SEALS, _ELEMENT_BYTES = 1e-3, 4e-6, 6.0, 20, 4e3
 #: Flow solutions, and what they need besides, that the flow of a rarefied gas takes.
 _SUCCESSIVE = 4.5
-#: Number of states of a window on its ladder, under one pressure or a map: loading, unloading and without contact.
-_LADDER_STATES, _MAP_STATES = 60, 120
+#: Number of states of a face on a ladder of nominal pressures.
+_LADDER_STATES = 25.0
 
 
 @dataclass(frozen=True)
@@ -187,47 +183,26 @@ def stochastic_cost(
     efforts: Sequence[Effort],
     points: tuple[int, int],
     cells: tuple[int, int],
+    tiles: SealTiles,
     sampling: Sampling,
-    seal: tuple[int, int],
+    *,
     pressures: int = 1,
     acts: bool = False,
-    places: int = 1,
 ) -> tuple[float, float]:
-    """Expected time on one core [s] and memory [byte] of a library and of the drawn seals of n1 × n2 links.
+    """Expected time on one core [s] and memory [byte] of the states of a face and of the seals drawn from its pieces.
 
-    `sampling` names its sampler, see `sampling_options.chosen_sampler`. pressures, acts : see `deterministic_cost`.
-    places : measured ones.
+    cells : number of pieces. pressures, acts : see `deterministic_cost`.
     """
-    pixels, windows, steps = points[0] * points[1], cells[0] * cells[1], len(efforts)
-    sides = points[0] // cells[0], points[1] // cells[1]
-    window = sides[0] * sides[1]
-    ladder = mean(contact_seconds(sides, effort) for effort in efforts)
-    flow = pressures * mean(flow_seconds(window, effort) for effort in efforts)
-    faces = 8.0 * 8 * pixels
-    if sampling.sampler == "runs" or sampling.pressure == "place":
-        faces = deterministic_cost(efforts, points)[1]
-    if sampling.sampler == "runs":
-        new = [effort for effort in efforts if effort.rounds]
-        seconds = _face_contact_seconds(efforts, points, 1, acts)
-        seconds += len(new) * (windows * _RUN_SECONDS + pixels * _RUN_PIXEL_SECONDS)
-        if pressures > 1:  # the flow through the face, which gives the pressures in it
-            seconds += _SUCCESSIVE * sum(flow_seconds(pixels, effort) for effort in new)
-        return seconds + sampling.realisations * (_DRAW_SECONDS + _DRAW_COLUMN_SECONDS * seal[1]), faces
-    if sampling.pressure == "place":
-        seconds = _face_contact_seconds(efforts, points, pressures, acts)
-        seconds += steps * 2 * max(sampling.library_cells, windows) * flow
-    else:
-        states = _LADDER_STATES if is_uniform(sampling.pressure_map) else _MAP_STATES
-        seconds = states * sampling.library_cells * (ladder + 2 * (3 if sampling.bounds else 1) * flow)
-    links = seal[0] * seal[1]
-    # as many seals again from resampled libraries, and from lower and upper bounds
-    draws = ((3 if sampling.bounds else 1) + sampling.resampled) * sampling.realisations
-    if places > 1 and sampling.pressure != "place":
-        draws += len(kept_places(places)) * min(sampling.realisations, PLACE_REALISATIONS)
-    again = _LINK_SUCCESSIVE if pressures > 1 or acts else 1.0
-    seconds += again * draws * steps * _LINK_SECONDS * links * max(1.0, np.log2(min(seal)))
-    in_memory = 1 if sampling.sampler_of_links in ("history", "block") else steps
-    return seconds, faces + 8.0 * links * (in_memory * 2 + 30 + (6 * pressures if pressures > 1 else 0))
+    pixels, elements = points[0] * points[1], len(tiles.tile)
+    piece = pixels / (cells[0] * cells[1])
+    ladder = acts or not is_uniform(sampling.pressure_map)
+    states = float(len(efforts)) if tiles.in_place or not ladder else _LADDER_STATES
+    each = mean(_face_seconds(points, effort, pressures, acts and tiles.in_place) for effort in efforts)
+    flows = 2 * cells[0] * cells[1] * pressures * mean(flow_seconds(piece, effort) for effort in efforts)
+    draws = (sampling.realisations or _USUAL_SEALS) * len(efforts)
+    again = _PRESSURE_SOLUTIONS if pressures > 1 or (acts and not tiles.in_place) else 1.0
+    seals = again * draws * (_SEAL_SECONDS + _ELEMENT_SECONDS * elements)
+    return states * (each + flows) + seals, state_memory(pixels) + _ELEMENT_BYTES * elements
 
 
 def count_pressures(scene: Scene) -> int:

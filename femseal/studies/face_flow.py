@@ -10,7 +10,6 @@ from ..flow import Permeability, cell_permeability
 from ..flow.cell import pixel_dissipation
 from ..flow.pressure_drop import PressureDrop
 from ..flow.spiral import spiral_flow
-from ..library import ColumnRuns
 from ..windows import FlowSettings, Partition, SolverCounts
 
 #: Relative error at which flows end that depend on the pressure; the factor of a gas itself is within 0.9 %.
@@ -85,22 +84,3 @@ def drop_fractions(
     found = pixel_dissipation(equivalent, spacing, potential, seam=settings.spiral is None)
     whole = found.sum()
     return found / whole if whole > 0 else np.full(found.shape, np.nan)
-
-
-def columns_of_face(
-    gap: NDArray[np.floating], partition: Partition, drop: PressureDrop
-) -> tuple[ColumnRuns, PressureDrop]:
-    """Columns of a face, see `library.ColumnRuns`, and the drop whose fractions their potential is.
-
-    A law that depends on the pressure has the pressures in the whole face. The `mean_factor` of the drop multiplies the
-    conductances.
-    """
-
-    def solve(gap: Array) -> tuple[float, Array, None]:
-        flow = cell_permeability(gap, partition.spacing, sides="periodic")
-        return flow.value, flow.fluid_pressure, None
-
-    if not drop.law.depends_on_pressure:
-        return ColumnRuns.of(drop.law.equivalent_gap(gap), partition), drop
-    solved = drop.solve_face(np.asarray(gap, float), partition.spacing, solve, PRESSURE_RTOL)
-    return ColumnRuns.of(solved.gap, partition), solved.drop

@@ -17,7 +17,6 @@ from numpy.typing import NDArray
 from ..base import Array, Mapper, Shown, Stage
 from ..base.fields import PLACE, STEP, Field, declared
 from ..base.shared_array import give_back, shared_empty
-from ..library import LinkTable
 from ..loads import LoadProgramme
 from ..seal import RectangularSeal
 from ..topography import Places
@@ -44,13 +43,6 @@ def _same(a: Any, b: Any) -> bool:
     if isinstance(a, tuple):
         return all(_same(x, y) for x, y in zip(a, b, strict=True))
     return np.array_equal(a, b, equal_nan=True)
-
-
-def first_equal_draws(kinds: Sequence[Sequence[LinkTable]], steps: LoadProgramme, sampler: str) -> NDArray[np.int64]:
-    """`first_equal` of the permeabilities that links draw from tables, with samplers that draw whole histories."""
-    if sampler not in ("history", "block"):
-        return np.arange(len(steps))
-    return first_equal([tuple(t.k[s] for tables in kinds for t in tables) for s in range(len(steps))], steps)
 
 
 def repeated(first: NDArray[np.int64]) -> int:
@@ -112,8 +104,6 @@ def face_leakage(scene: Scene, flows: Iterable[FaceFlow | Failed]) -> FaceLeakag
 
 #: Places from which on their scatter tells how far the leakage of more of them may lie.
 FEWEST = 3
-#: Seals that are drawn at most of each of these, where windows keep no places.
-PLACE_REALISATIONS = 12
 
 
 @dataclass(frozen=True, repr=False)
@@ -127,15 +117,6 @@ class PlaceLeakage(Shown):
     without: Array | None = declared(
         "leakage_without_place", "m^2/s", "leakage per unit seal length, of all places but one", PLACE, default=None
     )
-
-    @classmethod
-    def of_drawn(cls, leakage: Array, kept: tuple[tuple[int, ...], ...]) -> PlaceLeakage | None:
-        """Medians of seals (seals, steps) drawn from some places, as many for each entry of `kept_places`."""
-        if not kept:
-            return None
-        median = np.median(leakage.reshape(len(kept), -1, leakage.shape[-1]), axis=1)
-        count = sum(len(of) == 1 for of in kept)
-        return cls(median[:count], median[count:] if len(kept) > count else None)
 
     computed_fields: ClassVar[dict[str, Field]] = {
         "scatter": Field(

@@ -21,7 +21,7 @@ from ..seal import Leakage, seal_leakage
 from ..seal.layouts import Layout, RectangularLayout
 from ..seal.shapes import Seal
 from ..topography import Places, Topography
-from ..windows import FlowSettings, GlobalState, Partition, global_states
+from ..windows import FlowSettings
 from .choices import FLUID_PRESSURES, NOMINALS
 from .fluid_coupling import LEAST_FRACTION, FluidPressure, contact_of_places
 
@@ -100,19 +100,6 @@ class Scene:
     def law(self) -> ContactLaw:
         """What the points of the faces can carry."""
         return contact_law(self.hardness)
-
-    @property
-    def uniform_law(self) -> ContactLaw:
-        """The contact law, where windows are solved by themselves.
-
-        Raises InputError: it differs from place to place, or liquid is trapped, in pockets that windows would cut.
-        """
-        if self.fluid_pressure == "trapped":
-            given = "'trapped' with windows that are solved by themselves"
-            raise InputError("fluid_pressure", given, "'acts' with them, or the contact of the whole face")
-        if not self.law.is_uniform:
-            raise InputError("hardness", "a law that differs from place to place", "the same everywhere for windows")
-        return self.law
 
     @property
     def steps(self) -> LoadProgramme:
@@ -197,33 +184,6 @@ class Scene:
             solve=solve,
             remember=attrgetter("trapped") if trapped else None,
             memory=memory,
-            mapper=mapper,
-        )
-
-    def global_states(
-        self,
-        partition: Partition,
-        cut_off: float,
-        *,
-        take: Callable[[GlobalState], Any],
-        fluid: FluidPressure | None = None,
-        mapper: Mapper,
-    ) -> Iterator[Any]:
-        """Solve the global contact of the scene at every step, see `windows.global_states`.
-
-        `fluid` presses the faces apart, its potential falling evenly.
-        """
-        return global_states(
-            self.surface,
-            partition,
-            cut_off,
-            self.steps,
-            modulus=self.modulus,
-            law=self.uniform_law,
-            boundary=self.boundary,
-            rtol=self.rtol,
-            take=take,
-            solve=solve_contact if fluid is None else partial(FluidPressure.contact_of_even_drop, fluid),
             mapper=mapper,
         )
 

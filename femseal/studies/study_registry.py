@@ -6,13 +6,11 @@ from operator import attrgetter, methodcaller
 from typing import Any
 
 from ..base import Array, Mapper
-from ..windows import Partition
 from .costs import Effort, count_pressures, deterministic_cost, stochastic_cost, two_scale_cost
 from .deterministic import DeterministicResult, deterministic
-from .ladder_windows import FLUID_PRESSURES
-from .sampling_options import Sampling, lay_out_windows
+from .sampling import Sampling
 from .scene import Scene
-from .stochastic import stochastic
+from .stochastic import cut_and_tiles, stochastic
 from .stochastic_result import StochasticResult
 from .two_scale import TwoScaleResult, two_scale
 
@@ -80,10 +78,9 @@ def _solve_two_scale(scene: Scene, options: StudyOptions, known: Mapping[str, An
 def _solve_stochastic(
     scene: Scene, options: StudyOptions, known: Mapping[str, Any], mapper: Mapper
 ) -> StochasticResult:
-    assert options.cells is not None
     assert options.sampling is not None
-    two = known.get("two_scale")
-    return stochastic(scene, options.cells, options.sampling, two_scale=two, mapper=mapper)
+    face = known.get("deterministic")
+    return stochastic(scene, options.cells, options.sampling, known=face, mapper=mapper)
 
 
 def _cost_deterministic(
@@ -111,19 +108,18 @@ def _cost_two_scale(
 def _cost_stochastic(
     scene: Scene, options: StudyOptions, efforts: Sequence[Effort], points: Pair | None = None
 ) -> tuple[float, float]:
-    """Cost of the library and of the seals of all lengths."""
-    cells, sampling, surface = options.cells, options.sampling, scene.surface
-    n1, n2 = points = points or surface.shape
-    assert cells is not None
-    assert sampling is not None
-    every = lay_out_windows(
-        scene.layout, Partition(points, (surface.size[0] / n1, surface.size[1] / n2), cells), sampling
+    """Cost of the states of the face, and of the seals."""
+    assert options.sampling is not None
+    cut, tiles = cut_and_tiles(scene, options.cells, options.sampling)
+    return stochastic_cost(
+        efforts,
+        points or scene.surface.shape,
+        cut.shape,
+        tiles,
+        options.sampling,
+        pressures=count_pressures(scene),
+        acts=scene.acting_fluid is not None,
     )
-    pressures, acts, places = count_pressures(scene), scene.acting_fluid is not None, len(surface.each)
-    networks = [windows.unknowns(FLUID_PRESSURES if acts and pressures == 1 else pressures) for windows in every]
-    # seals of all lengths take the work of one as long as all of them together
-    seal = networks[0][0], sum(columns for _, columns in networks)
-    return stochastic_cost(efforts, points, cells, sampling, seal, pressures, acts, places)
 
 
 #: All studies by name, in the order in which they are solved: each may use the results of those before it. Of several
@@ -158,7 +154,7 @@ STUDIES: dict[str, Study] = {
             solve=_solve_stochastic,
             cost=_cost_stochastic,
             leakage=methodcaller("quantile", 0.5),
-            needs=("cells", "sampling"),
+            needs=("sampling",),
         ),
     )
 }

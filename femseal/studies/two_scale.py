@@ -78,9 +78,6 @@ class TwoScaleResult(Shown):
     equal_steps: int = 0
     unsolved: tuple[tuple[int, str], ...] = field(default=(), repr=False)
 
-    #: Of the drawn seals, which take the pieces: how their contact was solved, and flows that are known.
-    contact: ClassVar[str] = "whole"
-    link_flows: ClassVar[tuple[FlowHistory, FlowHistory] | None] = None
     computed_fields: ClassVar[dict[str, Field]] = {
         "gap": Field("gap", "m", "deformed gap", PIXEL),
         "contact_pressure": Field("contact_pressure", "Pa", "contact pressure", PIXEL),

@@ -1,11 +1,10 @@
-"""Windows of a face: their partition, and the flow of one window; the contact of the long waves of a face."""
+"""Windows of a face: their partition, and the flow of one window."""
 
 from typing import TYPE_CHECKING
 
 from ..base.lazy_package import load_when_used
 
 if TYPE_CHECKING:
-    from .global_contact import GlobalState, global_states
     from .partition import ContactPressure, Partition, WindowFields
     from .window_flow import Failed, FlowHistory, FlowSettings, SolveCounts, SolverCounts, attempt
 

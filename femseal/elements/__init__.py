@@ -1,1 +1,0 @@
-"""Windows as elements: a window condensed to its sides, and the flow through runs of them."""
