@@ -179,7 +179,8 @@ def _in_the_whole_map(table: Any) -> Iterator[None]:
 def _grid(case: Case, flat: Topography) -> tuple[int, int]:
     """Points of the grid: those of the case, or of a generated face, or what the shortest measured wave takes.
 
-    Those of the case are of one place, the others of all that were measured, side by side. A measured face keeps its own pixels where waves of 8 of them have nearly all of its slope.
+    Those of the case are of one place, the others of all that were measured, side by side. A measured face keeps its
+    own pixels where waves of 8 of them have nearly all of its slope.
     """
     cut_off, points, size = case.surface.continue_spectrum, case.surface.points, shortest_place(flat).size
     if cut_off is not None and points is not None and cut_off < resolved_wave(size, points) * (1 - 1e-9):
