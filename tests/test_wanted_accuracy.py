@@ -126,7 +126,7 @@ def test_the_page_tells_what_was_chosen_and_the_band_of_error(tmp_path):
     assert told["stochastic.library_cells"] == "2"
     basis, peak = results.leak_basis, results.peak
     factor = basis.factor(basis.readable(results.leakage.values))
-    band = format_error_band(results.budget.lower[peak], results.budget.upper[peak], factor)
+    band = format_error_band(results.budget.lower[peak], results.budget.upper[peak], factor, results.leakage[peak])
     assert key_numbers(results)[0].note == f"95 % band of error {band}"
 
 
