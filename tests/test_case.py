@@ -283,7 +283,9 @@ def test_a_key_of_another_table_is_said_to_be_there(data, table, key, meant):
 )
 def test_a_key_of_another_kind_of_the_table_is_said_to_be_of_that(data, table, key, kinds):
     data.setdefault(table, {"kind": "flat"})[key] = 1
-    with pytest.raises(fs.InputError, match=rf"{table}\.{key}: given an unknown key, .*; {key} is a key of kind {kinds}$"):
+    with pytest.raises(
+        fs.InputError, match=rf"{table}\.{key}: given an unknown key, .*; {key} is a key of kind {kinds}$"
+    ):
         parse_case(data)
 
 

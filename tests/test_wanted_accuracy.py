@@ -93,6 +93,9 @@ def test_every_attempt_is_of_the_same_face(reached):
 def test_what_was_tried_is_told(reached):
     table, sentences = reached.attempts_table(), attempt_sentences(reached.attempts)
     assert sentences[0].startswith("The accuracy of 3 % is reached: the leakage is known within ")
+    assert sentences[0].endswith(", by the numbers alone of its error budget.")
+    assert sentences[1].startswith("With the model and its input (hardness) it is known within ")
+    assert reached.attempts["with_model"] > np.log(1.03) > reached.attempts["half_width"]
     assert sentences[-1].startswith("Half the error: ")
     assert table.notes == (" ".join(sentences),)
     assert table.lines[0][table.heads.index("points")] == "32 × 32"
@@ -253,7 +256,7 @@ class TestCase:
         wanted = case(contact={"rtol": 1e-5}, time_limit="20 min")
         text = "\n".join(describe(wanted, prepare(wanted)))
         assert (
-            "3 %, first with 32 × 32 points, contact.rtol 1e-05; then what limits is refined, for at most 20 min"
+            "3 % of the numbers alone, first with 32 × 32 points, contact.rtol 1e-05; then what limits is refined, for at most 20 min"
             in text
         )
         assert "contact.rtol stays as given" in text

@@ -267,7 +267,7 @@ def _with_list_of_faces(data: Any) -> Any:
 
 
 def _least_detrend(kind: object) -> int:
-    """Least order of the form that is taken off a measured face on a seat of a kind, so that it does not count twice."""
+    """Least order of the form that is taken off a measured face on a seat of a kind, that it does not count twice."""
     return {"flat": 0, "tilted": 1}.get(str(kind), 2)
 
 

@@ -95,8 +95,8 @@ def conditioned_face(case: Case) -> ConditionedFace:
         # refuses windows of too few pixels
         Partition((shape[0], shape[1] // cells[1] * of_one[1]), flat.spacing, of_one)
     with with_keys(SURFACE_KEYS):
-        place = shortest_place(flat)
-        check_wave(wave, place.size, (shape[0], round(shape[1] * place.shape[1] / flat.shape[1])))
+        one = shortest_place(flat)
+        check_wave(wave, one.size, (shape[0], round(shape[1] * one.shape[1] / flat.shape[1])))
         surface, report = smooth(flat, repaired, shortest_wavelength=wave, shape=shape)
     report = _of_generated(case, flat, replace(report, **_found(separately, wave)))
     if continued is not None:
