@@ -213,6 +213,7 @@ def test_points_and_windows_of_a_case_are_those_of_one_place(tmp_path, files):
     assert prepared(face=unlike, **other).scene.surface.widths == (96, 48)
     for given, reason in (
         ({"points": [72, 24]}, r"surface\.shortest_wave: .*surface\.points = \[48, 48\]"),
+        ({"points": [100_000, 100_000]}, r"surface\.points: given 100000 × 400000 points of 4 places together"),
         ({"shortest_wave": "60 um"}, "less than the larger side, 48 µm"),
     ):
         with pytest.raises(fs.InputError, match=reason):

@@ -88,10 +88,10 @@ def conditioned_face(case: Case) -> ConditionedFace:
     if of_one is not None and isinstance(flat, Places):
         flat, columns = flat.whole_columns(of_one[1])
         cells = (of_one[0], columns)
-    check_memory_of_points("surface.points", shape)
+    check_memory_of_points("surface.points", shape, len(flat.each))
     if cells is not None and of_one is not None:
         shape = (next_multiple(shape[0], cells[0]), next_multiple(shape[1], cells[1]))
-        check_memory_of_points("cells", shape)
+        check_memory_of_points("cells", shape, len(flat.each))
         # refuses windows of too few pixels
         Partition((shape[0], shape[1] // cells[1] * of_one[1]), flat.spacing, of_one)
     with with_keys(SURFACE_KEYS):
