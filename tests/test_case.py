@@ -273,6 +273,22 @@ def test_a_key_of_another_table_is_said_to_be_there(data, table, key, meant):
         parse_case(data)
 
 
+@pytest.mark.parametrize(
+    ("table", "key", "kinds"),
+    [
+        ("face", "shift", "'file'"),
+        ("fluid", "molar_mass", "'ideal-gas'"),
+        ("seat", "radius", "'crowned' or 'ball-on-cone'"),
+    ],
+)
+def test_a_key_of_another_kind_of_the_table_is_said_to_be_of_that(data, table, key, kinds):
+    data.setdefault(table, {"kind": "flat"})[key] = 1
+    with pytest.raises(
+        fs.InputError, match=rf"{table}\.{key}: given an unknown key, .*; {key} is a key of kind {kinds}$"
+    ):
+        parse_case(data)
+
+
 def test_nothing_is_guessed_for_a_key_that_is_there_twice(tmp_path):
     text = (ROOT / "examples" / "turned_seal.toml").read_text(encoding="utf-8")
     (tmp_path / "case.toml").write_text(text.replace("poisson = 0.3", "poisson = 0.3\npoisson = 0.3"), encoding="utf-8")

@@ -19,6 +19,7 @@ from femseal.base import shared_array
 from femseal.base.errors import FemsealError, InputError
 from femseal.base.fields import PART, PIXEL, REALISATION, STEP, WINDOW, declared
 from femseal.base.leak_rates import leakage_unit
+from femseal.budget import ErrorBudget, ErrorPart
 from femseal.fluids import Liquid
 from femseal.plots import cells_figure, leakage_figure, seal_figure
 from femseal.report import write_folder
@@ -703,3 +704,20 @@ def test_results_are_written_state_by_state(tmp_path, monkeypatch):
     written(tmp_path / "first", 1)  # loads packages
     few, many = (written(tmp_path / str(steps), steps) for steps in (4, 24))
     assert many - few < 4 * 4 * surface.heights.size, "four states of the twenty that are more"
+
+
+def test_a_band_that_says_nothing_has_no_number_and_a_warning_with_its_source(scene, studies):
+    study = studies["deterministic"]
+    q, wide = study.leakage, np.zeros(len(scene.steps))
+    wide[0] = 90.0
+    parts = (ErrorPart.of("solver", q, 0 * q + 0.1, 0 * q + 0.1, ""), ErrorPart.of("filter", q, wide, wide, ""))
+    budget = ErrorBudget("deterministic", q, parts)
+    results = assemble(scene, deterministic=study, budgets={"deterministic": budget})
+    table = results.table()
+    column = table.heads.index("95 % band of error")
+    assert [line[column].endswith(" to > 1000 times") for line in table.lines] == [True, *[False] * (q.size - 1)]
+    (text,) = (text for text in results.warnings if "factor of 1000" in text)
+    assert text.startswith("the leakage at loading 50 MPa is not known")
+    assert text.endswith(": filter")
+    again = assemble(scene, deterministic=study, budgets={"deterministic": replace(budget, parts=parts[:1])})
+    assert not any("factor of 1000" in text for text in again.warnings)

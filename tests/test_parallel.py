@@ -167,6 +167,24 @@ def test_processes_of_the_command_are_copies_of_one_that_has_loaded_the_solvers(
     assert not run.stderr
 
 
+ENDS = """
+import sys, time
+from femseal.execution import processes
+
+if __name__ == "__main__":
+    processes.start_processes(2, "femseal.studies.worker_process")
+    time.sleep(float(sys.argv[1]))
+    sys.exit("the case is refused")
+"""
+
+
+@pytest.mark.parametrize("seconds", [0, 0.3, 1])
+def test_a_command_that_ends_while_its_processes_start_says_no_more_than_why(tmp_path, seconds):
+    (script := tmp_path / "ends.py").write_text(ENDS)
+    run = subprocess.run([sys.executable, script, str(seconds)], capture_output=True, text=True, timeout=HANG)
+    assert run.stderr == "the case is refused\n"
+
+
 def _watchers(_):
     return [thread.name for thread in threading.enumerate()].count(processes.WATCHER)
 

@@ -27,6 +27,7 @@ from femseal.calibration import calibrating
 from femseal.execution import checkpoint, lock, parts, store
 from femseal.execution.checkpoint import Checkpoint
 from femseal.execution.lock import alone_in
+from femseal.execution.mappers import ordered_map
 from femseal.execution.parts import parsed_part
 from femseal.library import WindowSource, WindowStates, library
 from femseal.sweeps.scenes import Scenes
@@ -183,6 +184,31 @@ def test_curves_need_the_windows_of_no_other_part(tmp_path, monkeypatch):
     assert both.library.failures == ("cell 70: stalled",)
     assert (both.library.size, both.library.counts, both.solvers) == (199, one.library.counts, one.solvers)
     np.testing.assert_array_equal(both.library.curves.k, one.library.curves.k)
+
+
+def test_workers_are_sent_what_other_parts_have_kept_or_the_part_ends_as_it_should(tmp_path):
+    """Blocks of items of a stage before, as curves have, of which some are missing, and one cannot be read."""
+    squares, sums = Stage("squares", abs, apart=True), Stage("sums", sum)
+
+    def summed(part, mapper):
+        with Checkpoint(tmp_path, {"case": 1}, True, part) as kept:
+            own = kept.over(mapper)
+            found = own(squares, range(9))
+            return list(own(sums, [found[n : n + 3] for n in range(0, 9, 3)]))
+
+    with ordered_map(workers=2) as mapper:
+        for _ in range(2):
+            with pytest.raises(PartsMissing, match="part 1/2: 'squares' needs part 2 of 2"):
+                summed((1, 2), mapper)
+        with pytest.raises(PartsMissing, match="part 2/2: 'sums' needs part 1 of 2"):
+            summed((2, 2), mapper)
+        (shard,) = tmp_path.glob(".checkpoint/001-*-000000009.shard")
+        content = shard.read_bytes()
+        shard.write_bytes(content[:-1])
+        with pytest.raises(PartsMissing, match="part 1/2: 'squares' needs part 2 of 2"):
+            summed((1, 2), mapper)
+        shard.write_bytes(content)
+        assert summed((1, 2), mapper) == [3, 12, 21]
 
 
 def test_a_damaged_item_of_another_part_is_missing_and_its_own_is_computed_again(tmp_path, caplog):

@@ -195,6 +195,33 @@ def test_places_of_a_case(tmp_path, files):
     assert [w % (cut.scene.surface.shape[1] // 4) for w in cut.scene.surface.widths] == [0, 0]
 
 
+def test_points_and_windows_of_a_case_are_those_of_one_place(tmp_path, files):
+    """Also in messages; of places of unlike length, of the shortest."""
+
+    def prepared(**tables):
+        return prepare(parse_case(files | tables, tmp_path))
+
+    surface = {"points": [72, 72], "shortest_wave": "8 um"}
+    fine = prepared(surface=surface)
+    assert fine.scene.surface.widths == (72,) * 4
+    assert fine.cells == (2, 8)
+    np.savez(tmp_path / "short.npz", z=patches()[3].heights[:, :24], spacing=(PIXEL, PIXEL))
+    unlike = {"kind": "file", "places": ["place0.npz", "short.npz"]}
+    other = {"surface": {"points": [96, 48], "shortest_wave": "8 um"}, "cells": {"count": [2, 1]}}
+    assert prepared(face=unlike, **other).scene.surface.widths == (96, 48)
+    for given, reason in (
+        ({"points": [72, 24]}, r"surface\.shortest_wave: .*surface\.points = \[48, 48\]"),
+        ({"points": [100_000, 100_000]}, r"surface\.points: given 100000 × 400000 points of 4 places together"),
+        ({"shortest_wave": "60 um"}, "less than the larger side, 48 µm"),
+    ):
+        with pytest.raises(fs.InputError, match=reason):
+            prepared(surface={"shortest_wave": "8 um"} | given)
+    with pytest.raises(fs.InputError, match=r"cells: given 2 × 12 of 24 × 4 pixels"):
+        prepared(cells={"count": [2, 12]})
+    coarse = prepared(surface={"points": [24, 24]}, cells={"count": [1, 1]})
+    assert any("to keep them set surface.points = [192, 192]" in text for text in coarse.warnings)
+
+
 @pytest.mark.parametrize("pressure", ["place", "uniform"])
 def test_check_says_how_many_places_halve_the_band(tmp_path, files, pressure):
     drawn = files | {"method": "stochastic", "stochastic": files["stochastic"] | {"pressure": pressure}}

@@ -148,3 +148,6 @@ def test_what_writes_results_is_loaded_beside_what_assembles_them():
     code = "from threading import Thread; from femseal.report import load_writers; Thread(target=load_writers).start()"
     for _ in range(3):
         subprocess.run([sys.executable, "-c", f"{code}; import xarray"], check=True)
+    # nor does the thread say more where the main one ends meanwhile, as of a run that is stopped or refused
+    ended = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert ended.stderr == ""

@@ -183,7 +183,12 @@ def test_a_measured_face_has_no_form_of_its_own(tmp_path):
     path = tmp_path / "face.csv"
     np.savetxt(path, rough(64, 64).heights * 1e6)
     face = {"kind": "file", "path": str(path), "height_unit": "um", "size": ["64 um", "64 um"]}
-    for seat, detrend in (({"kind": "crowned", "radius": "5 mm"}, 1), ({"kind": "tilted", "tilt": "0.1 deg"}, 0)):
+    crowned, tilted = {"kind": "crowned", "radius": "5 mm"}, {"kind": "tilted", "tilt": "0.1 deg"}
+    for seat, detrend in ((crowned, 2), (tilted, 1), ({"kind": "flat"}, 1)):
+        assert parse_case(CASE | {"face": face, "seat": seat}).surface.detrend == detrend
+    assert parse_case(CASE | {"seat": crowned}).surface.detrend == 1
+    assert parse_case(CASE | {"face": face, "surface": {"detrend": 0}}).surface.detrend == 0
+    for seat, detrend in ((crowned, 1), (tilted, 0)):
         with pytest.raises(fs.InputError, match=f"surface.detrend: given {detrend} with a .* would count twice"):
             parse_case(CASE | {"face": face, "seat": seat, "surface": {"detrend": detrend}})
 

@@ -93,6 +93,9 @@ def test_every_attempt_is_of_the_same_face(reached):
 def test_what_was_tried_is_told(reached):
     table, sentences = reached.attempts_table(), attempt_sentences(reached.attempts)
     assert sentences[0].startswith("The accuracy of 3 % is reached: the leakage is known within ")
+    assert sentences[0].endswith(", by the numbers alone of its error budget.")
+    assert sentences[1].startswith("With the model and its input (hardness) it is known within ")
+    assert reached.attempts["with_model"] > np.log(1.03) > reached.attempts["half_width"]
     assert sentences[-1].startswith("Half the error: ")
     assert table.notes == (" ".join(sentences),)
     assert table.lines[0][table.heads.index("points")] == "32 × 32"
@@ -126,7 +129,7 @@ def test_the_page_tells_what_was_chosen_and_the_band_of_error(tmp_path):
     assert told["stochastic.library_cells"] == "2"
     basis, peak = results.leak_basis, results.peak
     factor = basis.factor(basis.readable(results.leakage.values))
-    band = format_error_band(results.budget.lower[peak], results.budget.upper[peak], factor)
+    band = format_error_band(results.budget.lower[peak], results.budget.upper[peak], factor, results.leakage[peak])
     assert key_numbers(results)[0].note == f"95 % band of error {band}"
 
 
@@ -242,7 +245,7 @@ class TestCase:
         wanted = case(contact={"rtol": 1e-5}, time_limit="20 min")
         text = "\n".join(describe(wanted, prepare(wanted)))
         assert (
-            "3 %, first with 32 × 32 points, contact.rtol 1e-05; then what limits is refined, for at most 20 min"
+            "3 % of the numbers alone, first with 32 × 32 points, contact.rtol 1e-05; then what limits is refined, for at most 20 min"
             in text
         )
         assert "contact.rtol stays as given" in text

@@ -11,7 +11,16 @@ from ..base.lazy_package import load_when_used
 if TYPE_CHECKING:
     from .changes import CoarserSolution, change_of_windows
     from .error_budget import at_interpolated_steps, error_budget
-    from .error_parts import MODEL_PARTS, ErrorBudget, ErrorPart, WidestBand, counting_steps, widest_band
+    from .error_parts import (
+        MODEL_PARTS,
+        VAGUE,
+        ErrorBudget,
+        ErrorPart,
+        WidestBand,
+        counting_steps,
+        vague_steps,
+        widest_band,
+    )
     from .estimates import (
         FormTolerance,
         ModelChange,

@@ -14,6 +14,8 @@ from ..studies.load_curves import least_counted
 
 #: Sources of error of the model and its input, in the order in which they are shown; the others are of its solution.
 MODEL_PARTS = ("hardness", "fluid pressure", "effective pressure", "form", "continuation")
+#: Factor between a leakage and an end of its band from which on the number of that end says nothing.
+VAGUE = 1000.0
 #: Ratio by which a leakage may rise under a higher load by the errors of its solution.
 _RISE = 1.001
 
@@ -208,6 +210,13 @@ def counting_steps(budget: ErrorBudget) -> np.ndarray:
     counts = (q != 0) | (upper != 0) if least == 0 else (q > least) | np.isnan(q)
     counts[list(budget.parted)] = False
     return np.flatnonzero(counts)
+
+
+def vague_steps(budget: ErrorBudget) -> Indices:
+    """Indices of the loads that may leak more than `VAGUE` times as much as found, or, where they count, as little."""
+    q, counts = np.abs(budget.leakage), np.zeros(len(budget.leakage), bool)
+    counts[counting_steps(budget)] = True
+    return np.flatnonzero((q > 0) & ((budget.upper > VAGUE * q) | (counts & (VAGUE * budget.lower < q))))
 
 
 def widest_band(budget: ErrorBudget) -> WidestBand:

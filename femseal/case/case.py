@@ -79,7 +79,8 @@ class Case(Table):
     @classmethod
     def _filled(cls, data: Any) -> Any:
         data = with_absolute_pressures(_with_what_is_open(data))
-        return _with_list_of_faces(with_named_solids(with_named_fluids(with_inlet_pressure(data))))
+        faces = _with_list_of_faces(with_named_solids(with_named_fluids(with_inlet_pressure(data))))
+        return _with_detrending(faces)
 
     @model_validator(mode="after")
     def _complete(self) -> Case:
@@ -165,7 +166,7 @@ class Case(Table):
             return
         if self.contact.boundary[0] != "free":
             raise fault("contact.boundary", f"{self.contact.boundary[0]} along x1 with a {kind} seat", "free along x1")
-        least = 1 if kind == "tilted" else 2
+        least = _least_detrend(kind)
         if any(isinstance(face, FileFace) for face in self.face) and self.surface.detrend < least:
             given = f"{self.surface.detrend} with a {kind} seat: the form would count twice"
             raise fault("surface.detrend", given, f"{least}: the form is that of [seat]")
@@ -261,6 +262,23 @@ def _with_list_of_faces(data: Any) -> Any:
     if isinstance(faces, list):
         faces = [{"kind": "file", **f} if isinstance(f, dict) and {"path", "places"} & {*f} else f for f in faces]
     return {**data, "face": faces}
+
+
+def _least_detrend(kind: object) -> int:
+    """Least order of the form that is taken off a measured face on a seat of a kind, that it does not count twice."""
+    return {"flat": 0, "tilted": 1}.get(str(kind), 2)
+
+
+def _with_detrending(data: Any) -> Any:
+    """The data of a case whose measured faces lose the form that its seat gives them, where it does not say what."""
+    if not isinstance(data, dict):
+        return data
+    seat, faces, surface = data.get("seat"), data.get("face"), data.get("surface", {})
+    measured = isinstance(faces, list) and any(isinstance(face, dict) and face.get("kind") == "file" for face in faces)
+    if not (measured and isinstance(seat, dict) and isinstance(surface, dict)):
+        return data
+    least = _least_detrend(seat.get("kind"))
+    return data | {"surface": {"detrend": least} | surface} if least > SurfaceTable().detrend else data
 
 
 def _with_what_is_open(data: Any) -> Any:

@@ -117,6 +117,8 @@ def _fault(case: type[BaseModel], error: dict[str, Any]) -> InputError:
     if kind == "extra_forbidden":
         known = [name for name in tables[0].model_fields if name not in INTERNAL]
         keys = ", ".join(known)
+        if kinds := _other_kinds(case, place, tables[0]):
+            return InputError(key, _UNKNOWN, f"{keys}; {place[-1]} is a key of kind {kinds}")
         near = _elsewhere(case, place[-1]) or get_close_matches(place[-1], known, 1)
         return InputError(key, _UNKNOWN, f"{keys}{_MEANT}{near[0]}" if near else keys)
     if kind == "missing":
@@ -180,6 +182,14 @@ def _elsewhere(case: type[BaseModel], key: str) -> list[str]:
     """The key with each table of a case that has it."""
     tables = {name: _tables(field.annotation) for name, field in case.model_fields.items() if name not in INTERNAL}
     return [f"{key} in [{name}]" for name, kinds in tables.items() if any(key in kind.model_fields for kind in kinds)]
+
+
+def _other_kinds(case: type[BaseModel], place: list[str], table: Any) -> str:
+    """The kinds besides that of a table which have the last key of a place, "" where none has."""
+    field = case.model_fields.get(place[0])
+    kinds = [] if field is None else _tables(field.annotation)
+    found = [repr(_kind(kind)) for kind in kinds if table in kinds and place[-1] in kind.model_fields]
+    return " or ".join(found)
 
 
 def _tables(annotation: Any) -> list[Any]:

@@ -192,13 +192,17 @@ class Checkpoint:
             iterables = tuple(zip(*zip(*iterables, strict=False), strict=True))
         count = min((len(iterable) for iterable in iterables if isinstance(iterable, Sized)), default=0)
         start, stop = own_items(part, count)
+        for items in iterables:  # joblib's threads read what is there: waiting there would keep Ctrl-C from ending it
+            for item in items[start:stop] if isinstance(items, Sequence) else ():
+                if isinstance(item, _Items):
+                    iter(item)
         own = f"part {part[0]}/{part[1]}: {stage.name}"
         for done, _ in enumerate(self._through(mapper, stage, iterables, start, stop), start=1):
             self._progress(own, done, stop - start)
         return _Items(partial(self._of_parts, part, stage, self._stages, count), range(count))
 
     def _of_parts(self, part: Part, stage: Stage, number: int, count: int, wanted: range) -> Iterator[Any]:
-        """Some of the items of a stage of this number; those of parts that are under way are waited for."""
+        """Some of the items of a stage of this number; those of parts that are under way are waited for at once."""
         shards: list[_Shard] = []
 
         def missing() -> list[int]:
@@ -208,13 +212,16 @@ class Checkpoint:
                 there[shard.used.start - wanted.start : shard.used.stop - wanted.start] = True
             return parts_of((wanted.start + np.flatnonzero(~there)).tolist(), part, count)
 
+        def items() -> Iterator[Any]:
+            for shard in shards:
+                try:
+                    yield from self._items(stage, shard)
+                except (OSError, ValueError) as error:
+                    log.warning("checkpoint: %s cannot be read (%s)", shard.path, error)
+                    raise missing_parts(part, stage.name, parts_of(shard.used, part, count)) from None
+
         await_parts(self._folder.parent, part, stage.name, missing)
-        for shard in shards:
-            try:
-                yield from self._items(stage, shard)
-            except (OSError, ValueError) as error:
-                log.warning("checkpoint: %s cannot be read (%s)", shard.path, error)
-                raise missing_parts(part, stage.name, parts_of(shard.used, part, count)) from None
+        return items()
 
     def _through(
         self, mapper: Mapper, stage: Stage, iterables: Sequence[Iterable[Any]], start: int = 0, stop: int | None = None
@@ -222,7 +229,9 @@ class Checkpoint:
         """Results of a range of items: those in shards, and the others computed and kept."""
         shards = deque(self._found(stage, start, stop, check=True))
         ranges = [shard.used for shard in shards]
-        computed = iter(mapper(stage, *(_left(islice(items, start, stop), start, ranges) for items in iterables)))
+        left = (_left(islice(items, start, stop), start, ranges) for items in iterables)
+        # what cannot be read ends the items of a mapper, which says so; while it sends them, it would not
+        computed = iter(mapper(stage, *(map(_read_now, items) for items in left)))
         self._next = start
         self._writer = ShardWriter((self._key, stage.name), self._place, merge=True)
         added = False
@@ -249,10 +258,12 @@ class Checkpoint:
 
     def _items(self, stage: Stage, shard: _Shard) -> Iterator[Any]:
         """The items of a shard that are used."""
-        if self._read[0] != shard.path:
-            self._read = shard.path, read_shard(shard.path, (self._key, stage.name))
+        path, items = self._read  # other threads read too
+        if path != shard.path:
+            items = read_shard(shard.path, (self._key, stage.name))
+            self._read = shard.path, items
         first = shard.items.start
-        yield from map(unpacked, self._read[1][shard.used.start - first : shard.used.stop - first])
+        yield from map(unpacked, items[shard.used.start - first : shard.used.stop - first])
         if shard.used == shard.items:
             self._read = (None, [])
 
@@ -329,6 +340,11 @@ class _Items(Sequence[Any]):
 
     def __reduce__(self) -> tuple[Any, ...]:
         return list, (list(self),)
+
+
+def _read_now(item: Any) -> Any:
+    """An item as it can be sent: those that another stage has kept are read."""
+    return list(item) if isinstance(item, _Items) else item
 
 
 @dataclass(frozen=True)

@@ -74,7 +74,6 @@ def start_processes(count: int | None, module: str) -> None:
 
     import joblib
     from joblib.externals.loky.backend.context import set_start_method
-    from joblib.externals.loky.process_executor import TerminatedWorkerError
 
     count = count or joblib.cpu_count()
     if count <= 1:
@@ -92,7 +91,8 @@ def start_processes(count: int | None, module: str) -> None:
 
     def start() -> None:
         settings = joblib.parallel_config("loky", inner_max_num_threads=1)
-        with suppress(TerminatedWorkerError), settings, starting_processes():
+        # of processes that die, or where this one ends meanwhile, as when a case is refused
+        with suppress(RuntimeError), settings, starting_processes():
             joblib.Parallel(n_jobs=count, max_nbytes=None)(
                 joblib.delayed(_load)(os.getpid(), module) for _ in range(count)
             )

@@ -29,12 +29,15 @@ from ..topography import (
     Repair,
     TooManyUndefined,
     Topography,
+    check_wave,
     combine,
     continuation_of,
     default_wave,
+    of_all_places,
     repair,
     resolved_wave,
     resolving_shape,
+    shortest_place,
     smooth,
     spectrum,
     spike_effect,
@@ -81,19 +84,19 @@ def conditioned_face(case: Case) -> ConditionedFace:
         continued = None if cut_off is None else continuation_of(flat, cut_off, longest=longest, seed=case.seed)
     shape = _grid(case, flat)
     wave = continued.longest if continued else longest or default_wave(flat, shape)
-    if isinstance(flat, Places):
-        cells = _cell_count(case, (flat.size[0], min(p.size[1] for p in flat.each)), wave)
-        if cells is not None:
-            flat, columns = flat.whole_columns(cells[1])
-            cells = (cells[0], columns)
-    else:
-        cells = _cell_count(case, flat.size, wave)
-    check_memory_of_points("surface.points", shape)
-    if cells is not None:
+    cells = of_one = _cell_count(case, shortest_place(flat).size, wave)
+    if of_one is not None and isinstance(flat, Places):
+        flat, columns = flat.whole_columns(of_one[1])
+        cells = (of_one[0], columns)
+    check_memory_of_points("surface.points", shape, len(flat.each))
+    if cells is not None and of_one is not None:
         shape = (next_multiple(shape[0], cells[0]), next_multiple(shape[1], cells[1]))
-        check_memory_of_points("cells", shape)
-        Partition(shape, flat.spacing, cells)  # refuses windows of too few pixels
+        check_memory_of_points("cells", shape, len(flat.each))
+        # refuses windows of too few pixels
+        Partition((shape[0], shape[1] // cells[1] * of_one[1]), flat.spacing, of_one)
     with with_keys(SURFACE_KEYS):
+        one = shortest_place(flat)
+        check_wave(wave, one.size, (shape[0], round(shape[1] * one.shape[1] / flat.shape[1])))
         surface, report = smooth(flat, repaired, shortest_wavelength=wave, shape=shape)
     report = _of_generated(case, flat, replace(report, **_found(separately, wave)))
     if continued is not None:
@@ -176,14 +179,15 @@ def _in_the_whole_map(table: Any) -> Iterator[None]:
 def _grid(case: Case, flat: Topography) -> tuple[int, int]:
     """Points of the grid: those of the case, or of a generated face, or what the shortest measured wave takes.
 
-    A measured face keeps its own pixels where waves of 8 of them have nearly all of its slope.
+    Those of the case are of one place, the others of all that were measured, side by side. A measured face keeps its
+    own pixels where waves of 8 of them have nearly all of its slope.
     """
-    cut_off, points = case.surface.continue_spectrum, case.surface.points
-    if cut_off is not None and points is not None and cut_off < resolved_wave(flat.size, points) * (1 - 1e-9):
-        expected = f"8 pixels to continue_spectrum, {list(resolving_shape(flat.size, cut_off))}"
+    cut_off, points, size = case.surface.continue_spectrum, case.surface.points, shortest_place(flat).size
+    if cut_off is not None and points is not None and cut_off < resolved_wave(size, points) * (1 - 1e-9):
+        expected = f"8 pixels to continue_spectrum, {list(resolving_shape(size, cut_off))}"
         raise InputError("surface.points", list(points), expected)
     if points is not None:
-        return points
+        return of_all_places(flat, points)
     if cut_off is not None:
         return resolving_shape(flat.size, cut_off)
     if not any(isinstance(face, FileFace) for face in case.face):

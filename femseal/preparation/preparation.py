@@ -12,7 +12,7 @@ from ..seal.laid_windows import SealWindows
 from ..studies import Sampling, Scene, check_sampling, chosen_sampler, lay_out_windows
 from ..studies.scene import gas_warnings, moduli_warnings, scene_warnings
 from ..studies.seat_rows import ROWS, SeatMap, check_map, most_paths
-from ..topography import MOST_POINTS, Conditioning, SpikeEffect, Topography, resolving_shape
+from ..topography import MOST_POINTS, Conditioning, SpikeEffect, Topography, resolving_shape, shortest_place
 from ..topography.seat import LEAST_DEPTH, FlatSeat
 from ..windows import Partition
 from .face import conditioned_face, groove_question, wound_layout
@@ -237,16 +237,17 @@ def _odd_filter(case: Case, scene: Scene, surface: Conditioning) -> Iterator[str
         return
     measured, kept = (to_text(wave, "m", 3) for wave in (surface.shortest_measured, surface.shortest_wavelength))
     asked = case.surface.shortest_wave is not None or case.surface.points is not None
-    points = resolving_shape(scene.surface.size, surface.shortest_measured)
-    limited = not asked and surface.shape != surface.shape_before and points[0] * points[1] > MOST_POINTS
+    place, places = shortest_place(scene.surface), len(scene.surface.each)
+    points = resolving_shape(place.size, surface.shortest_measured)
+    limited = not asked and surface.shape != surface.shape_before and places * points[0] * points[1] > MOST_POINTS
     if surface.lost_slope > (_LOST_TO_COST if limited else _LOST_SLOPE):
         remedy = f"set surface.points = {list(points)}"
         if case.surface.shortest_wave is not None:
             keys = "surface.shortest_wave" + (" and surface.points" if case.surface.points is not None else "")
             remedy = f"leave out {keys}"
         elif limited:
-            most = " × ".join(map(str, surface.shape))
-            remedy += f" (unasked no more than {most} are taken)"
+            most = " × ".join(map(str, place.shape))
+            remedy += f' (unasked no more than {most} are taken)'
         yield (
             f"the low-pass at {kept} removes {surface.lost_slope:.0%} of the rms slope of the face, whose waves down "
             f"to {measured} stand above noise: leakage may be off by factors; to keep them {remedy}"

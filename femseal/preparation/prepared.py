@@ -27,9 +27,10 @@ _POINT_BYTES = 64
 _LINK_BYTES = 8 * 32
 
 
-def check_memory_of_points(key: str, shape: tuple[int, int]) -> None:
-    """Raise InputError if a face of so many points does not fit into the free memory."""
-    check_memory(key, f"{shape[0]} × {shape[1]} points", prod(shape) * _POINT_BYTES)
+def check_memory_of_points(key: str, shape: tuple[int, int], places: int = 1) -> None:
+    """Raise InputError if a face of so many points, those of all its places, does not fit into the free memory."""
+    together = f" of {places} places together" if places > 1 else ""
+    check_memory(key, f"{shape[0]} × {shape[1]} points{together}", prod(shape) * _POINT_BYTES)
 
 
 def check_memory_of_draws(

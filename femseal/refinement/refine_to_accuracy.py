@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from ..base import Array, FemsealError, Mapper, NotKept, duration, format_deviation, free_memory
-from ..budget import ErrorBudget, widest_band
+from ..budget import MODEL_PARTS, ErrorBudget, widest_band
 from ..case.case import Case
 from ..execution.run import Run
 from ..preparation.prepared import START_MEMORY, Pair, Prepared
@@ -92,15 +92,20 @@ class RefinedAnswer:
             return ()
         last, wanted = self.attempts[-1], format_deviation(np.log1p(self.wanted))
         error = f"{format_deviation(last.half_width)} at {last.load}"
-        return (f"accuracy {wanted} is not reached: the error may be {error}; {self.why}",)
+        return (f"accuracy {wanted} is not reached: the error of the numbers alone may be {error}; {self.why}",)
 
-    def as_data(self) -> dict[str, Any]:
-        """What the results say of the attempts, as plain data; None for a width without end."""
-        last = self.attempts[-1]
+    def as_data(self, budget: ErrorBudget) -> dict[str, Any]:
+        """What the results say of the attempts, as plain data; None for a width without end.
+
+        budget : with the parts of the model.
+        """
+        last, model = self.attempts[-1], [part.name for part in budget.parts if part.name in MODEL_PARTS]
         return {
             "wanted": self.wanted,
             "reached": not self.why,
             "half_width": or_none(last.half_width),
+            "model_parts": model,
+            "with_model": or_none(widest_band(budget).half_width),
             "limit": last.limit,
             "load": last.load,
             "why": self.why,

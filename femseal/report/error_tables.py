@@ -34,7 +34,7 @@ def budget_table(results: RunData) -> TextTable | None:
     together = "root of the sum of squares of the distances of ln(leakage)"
     lines = [(part.name, widths[part.name], part.note) for part in order]
     if len(budget.numerical.parts) < len(budget.parts):
-        text = "of the solution: without hardness, fluid pressure, form and continued waves"
+        text = "without the model and its input (hardness, fluid pressure, form, …): what an accuracy asks for"
         lines.append(("numbers alone", np.asarray(budget.numerical.half_width()), text))
     lines.append(("together", np.asarray(budget.half_width()), together))
     heads = ("source", *(results.steps[s].name for s in steps), "how it was estimated")

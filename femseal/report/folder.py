@@ -34,7 +34,8 @@ VIEWS = "vtk"
 
 def load_writers(*, pictures: bool = True, report: bool = True, fields: bool = True, **_: Any) -> None:
     """Load the libraries that `write_folder` needs with the same options; they take longer than the writing."""
-    with suppress(ImportError):  # said where they are used
+    # said where they are used; where the main thread ends meanwhile, nobody needs them
+    with suppress(Exception):
         import h5netcdf  # noqa: F401
 
         # as a whole: a module of it would enter its circle of imports beside a thread that imports it

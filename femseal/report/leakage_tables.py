@@ -43,7 +43,7 @@ def key_numbers(results: RunData) -> list[KeyNumber]:
         value += f" {unit.name}" if leakage[s] and not np.isnan(leakage[s]) else ""
         note = ""
         if budget is not None:
-            note = f"95 % band of error {format_error_band(budget.lower[s], budget.upper[s], factor)}"
+            note = f"95 % band of error {format_error_band(budget.lower[s], budget.upper[s], factor, leakage[s])}"
         elif "leakage_lower" in data:
             ends = (format_leakage(float(data[f"leakage_{end}"][s]), factor) for end in ("lower", "upper"))
             note = f"between seals {'–'.join(ends)}"

@@ -214,7 +214,7 @@ def leakage_chart(results: Results) -> Chart:
             one["values"][n] = None if np.isnan(value) else max(value / factor, low)
             if curves.error is not None:
                 lower, upper = (abs(float(end[s])) for end in curves.error)
-                one["texts"][n] += f", band {format_error_band(lower, upper, factor)}"
+                one["texts"][n] += f", band {format_error_band(lower, upper, factor, value)}"
                 one["low"][n], one["high"][n] = (_number(min(end / factor, 10 * high)) for end in (lower, upper))
         series.append(one)
     for name, limit in curves.limits.items():

@@ -15,7 +15,7 @@ from ..base.fields import STEP, Field
 from ..base.files import replacing_hdf5
 from ..base.leak_rates import leak_classes, leak_unit
 from ..base.machine import machine, peak_memory
-from ..budget import ErrorBudget, at_interpolated_steps
+from ..budget import VAGUE, ErrorBudget, at_interpolated_steps, vague_steps
 from ..fluids import leak_basis
 from ..studies import DeterministicResult, FluidState, OtherLeakage, Scene, StochasticResult, TwoScaleResult
 from ..studies.load_curves import leakage_factor, numbers_of
@@ -190,7 +190,10 @@ def assemble(
     if test is not None:
         add_test_fluid(data, test, FluidState.of(scene), throughput_temperature)
     wanted = leak_classes(classes)
-    upper = None if results.budget is None else np.asarray(results.budget.upper)
+    upper = None
+    if (budget := results.budget) is not None:
+        upper = np.asarray(budget.upper)
+        later += _band_doubts(budget, data["name"].values)
     later += add_classes(data, wanted, results.class_basis, nominal_diameter, *results.class_leakage, upper)
     if later:
         data.attrs["warnings"] = _shortened([*results.warnings, *later])
@@ -207,6 +210,18 @@ def _filter_doubts(filtered: NDArray[np.float64], results: Results, scene: Scene
     return [
         f"with twice the shortest wave leakage on loading {' and '.join(found)}: the "
         "shortest waves that are kept decide it, and shorter ones, which the instrument may not see, may do so too"
+    ]
+
+
+def _band_doubts(budget: ErrorBudget, names: NDArray[Any]) -> list[str]:
+    """Warn of a band that says nothing: at which load, and by what part of the budget."""
+    if not (vague := vague_steps(budget)).size:
+        return []
+    first = int(vague[0])
+    more = f" and {counted(vague.size - 1, 'more load')}" if vague.size > 1 else ""
+    return [
+        f"the leakage at {names[first]}{more} is not known within a factor of {VAGUE:g}; "
+        f"the widest source of error there is: {budget.limiting(first)}"
     ]
 
 

@@ -34,8 +34,11 @@ def attempt_sentences(found: dict[str, Any]) -> list[str]:
     met = "" if found["reached"] else "not "
     lines = [
         f"The accuracy of {wanted} is {met}reached: the leakage is known within {error} at all loads that leak more "
-        "than 1/1000 of the first, by its error budget."
+        "than 1/1000 of the first, by the numbers alone of its error budget."
     ]
+    if model := found.get("model_parts"):
+        both = format_deviation(inf if found["with_model"] is None else found["with_model"])
+        lines.append(f"With the model and its input ({', '.join(model)}) it is known within {both}.")
     if found["half_width"] != 0:
         # "pixels" and "realisations" are several
         verb = "limit" if found["limit"].endswith("s") else "limits"

@@ -12,6 +12,7 @@ import numpy as np
 from ..base import InputError, TextTable, comma_separated, to_text
 from ..base.fields import Field, with_unit
 from ..base.leak_rates import LEAK_UNITS, USUAL_UNITS, LeakUnit
+from ..budget import VAGUE
 from .run_data import BUDGETED, RunData
 from .selections import branch_text, solved_steps
 
@@ -24,8 +25,6 @@ INTERPOLATED = "≈"
 _HEADING = 10
 #: Ratio of the ends of a narrow band.
 _NARROW = 1.2
-#: Lower end of a band, as a fraction of the upper one, of which no number says more than 0.
-_NEARLY_SEALED = 1e-9
 
 
 def rows(run: RunData) -> list[dict[str, Any]]:
@@ -89,7 +88,8 @@ def leakage_table(run: RunData) -> TextTable:
     budget = f"leakage_{BUDGETED[run.method]}_budget"
     if f"{budget}_lower" in data:
         band = zip(data[f"{budget}_lower"].values, data[f"{budget}_upper"].values, strict=True)
-        columns.append(("95 % band of error", [format_error_band(low, high, factor) for low, high in band]))
+        texts = [format_error_band(*ends, factor, q) for ends, q in zip(band, best.values, strict=True)]
+        columns.append(("95 % band of error", texts))
     if "leakage_lower" in data:
         ends = (100 * data[name].attrs["quantile"] for name in ("leakage_lower", "leakage_upper"))
         # second to the band of error, which is of the leakage that is given
@@ -207,22 +207,29 @@ def format_range(low: float, high: float, factor: float) -> str:
     return (" to " if low < 0 else "–").join(ends)
 
 
-def format_error_band(low: float, high: float, factor: float) -> str:
-    """Both ends of a band of error in the unit `factor`, as text; in two digits unless it is narrow.
+def format_error_band(low: float, high: float, factor: float, leakage: float) -> str:
+    """Both ends of the band of error of a leakage in the unit `factor`, as text; in two digits unless it is narrow.
 
-    >>> format_error_band(0.0, 2e-9, 1e-9), format_error_band(1e-30, 2e-9, 1e-9), format_error_band(1e-10, 2e-9, 1e-9)
-    ('sealed–2', '≈0–2', '0.1–2')
+    Ends that are more than `VAGUE` times off the leakage have no number.
+
+    >>> [format_error_band(low, high, 1.0, 1.0) for low, high in ((0.1, 2.0), (0.0, 2.0), (1e-6, 2.0), (1e-6, 2e39))]
+    ['0.1–2', 'sealed–2', '≈0–2', '≈0 to > 1000 times']
     """
+    q = abs(leakage)
     if np.isnan(low) or np.isnan(high):
         return "unknown"
     if np.isinf(high):
         return "open or sealed" if low == 0 else f"{format_leakage(low, factor)} or more"
-    if 0 < low < _NEARLY_SEALED * high:
-        return f"≈0–{format_leakage(float(f'{high / factor:.1e}'), 1.0)}"
+    if high > VAGUE * q > 0 or 0 < VAGUE * low < q:
+        above = f" to > {VAGUE:g} times" if high > VAGUE * q else f"–{format_leakage(_two_digits(high / factor), 1.0)}"
+        return f"{'≈0' if 0 < VAGUE * low < q else format_leakage(_two_digits(low / factor), 1.0)}{above}"
     if high > _NARROW * low:
-        low, high = (float(f"{end / factor:.1e}") for end in (low, high))
-        return format_range(low, high, 1.0)
+        return format_range(_two_digits(low / factor), _two_digits(high / factor), 1.0)
     return format_range(low, high, factor)
+
+
+def _two_digits(value: float) -> float:
+    return float(f"{value:.1e}")
 
 
 #: Variables over lengths and steps, by the end of the band that they are.

@@ -235,8 +235,8 @@ def _accuracy_facts(case: Case, made: Prepared) -> Iterator[tuple[str, str]]:
     points = grid_points(made.scene.surface.shape, chosen.grid, chosen.cells)
     first = [f"{' × '.join(map(str, points))} points", f"contact.rtol {chosen.rtol:.0e}"]
     first += [] if chosen.realisations is None else [counted(chosen.realisations, "seal")]
-    text = f"{100 * case.accuracy:.3g} %, first with {', '.join(first)}; then what limits is refined"
-    yield "accuracy", f"{text}, for at most {duration(time_limit(case))}"
+    text = f"{100 * case.accuracy:.3g} % of the numbers alone, first with {', '.join(first)}"
+    yield "accuracy", f"{text}; then what limits is refined, for at most {duration(time_limit(case))}"
     if given:
         keys = ", ".join(dict.fromkeys(given.values()))
         yield "", f"{keys} {'stays' if len(given) == 1 else 'stay'} as given"

@@ -273,7 +273,7 @@ def _results(case: Case, made: Prepared, faces: dict[str, str], run: Run, part: 
     results.dataset.attrs["solids"] = solids_text(case.echo())
     results.dataset.attrs["chosen"] = json.dumps(chosen(case, made))
     if refined is not None:
-        results.dataset.attrs["accuracy"] = json.dumps(refined.as_data())
+        results.dataset.attrs["accuracy"] = json.dumps(refined.as_data(budgets[prepared.answer.key]))
     for text in [*results.warnings, *results.failures]:
         log.warning("%s", text)
     return results

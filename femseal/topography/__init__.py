@@ -15,6 +15,7 @@ if TYPE_CHECKING:
         Conditioning,
         Repair,
         SpikeEffect,
+        check_wave,
         condition,
         default_wave,
         repair,
@@ -27,7 +28,7 @@ if TYPE_CHECKING:
     from .defects import SPIKES, TooManyUndefined
     from .describe import SurfaceReport, describe_surface
     from .generate import self_affine, turned
-    from .places import Places
+    from .places import Places, of_all_places, shortest_place
     from .read import read_for_a_look, read_topography
     from .seat import BallOnCone, CrownedSeat, FlatSeat, ProfileSeat, RoundedSeat, Seat, TiltedSeat
     from .texture import spectrum

@@ -220,7 +220,7 @@ def condition(
     """
     final = topography.shape if shape is None else validate.grid("shape", shape)
     if shortest_wavelength is not None:
-        _check_wave(shortest_wavelength, topography.size, final)
+        check_wave(shortest_wavelength, topography.size, final)
     flat, repaired = repair(topography, spikes=spikes, max_undefined=max_undefined, detrend=detrend)
     return smooth(flat, repaired, shortest_wavelength=shortest_wavelength, shape=final)
 
@@ -236,7 +236,7 @@ def smooth(
     final = flat.shape if shape is None else shape
     measured = spectrum(flat).shortest_wave
     wave = default_wave(flat, final) if shortest_wavelength is None else shortest_wavelength
-    shortest = _check_wave(wave, flat.size, final)
+    shortest = check_wave(wave, flat.size, final)
     kept = flat.low_pass(shortest).resample(final)
     tilt1, tilt2 = repaired.form.slopes
     effect = spike_effect(flat, repaired.removed, shortest)
@@ -290,7 +290,8 @@ def resolving_shape(size: tuple[float, float], wave: float, *, most: float = inf
     return n1, n2
 
 
-def _check_wave(wave: float, size: tuple[float, float], shape: tuple[int, int]) -> float:
+def check_wave(wave: float, size: tuple[float, float], shape: tuple[int, int]) -> float:
+    """The wave; InputError if it has fewer than 8 pixels of a grid, or is no shorter than a face of such sides [m]."""
     shortest, resolved = validate.number("shortest_wavelength", wave, unit="m"), resolved_wave(size, shape)
     if shortest < resolved * (1 - SLACK):
         finer = tuple(int(np.ceil(PIXELS_PER_WAVE * length / shortest - SLACK)) for length in size)
