@@ -213,7 +213,9 @@ def _raw_gap(pressure: NDArray[np.floating], undeformed: Array, half_space: Half
     c = half_space.stiffness
 
     def excess(delta: float, p: Array, v: Array) -> float:
-        return float(law.project(p - c * (v - delta), c).sum()) - load
+        gap = v - delta
+        y = law.project(p - c * gap, c) if law.linear else law.admissible(p, gap, c)[0]
+        return float(y.sum()) - load
 
     if not law.is_uniform:
         return v - _root(excess, p, v, load / (c * p.size))
