@@ -107,7 +107,7 @@ class ContactLaw:
     def admissible(self, pressure: Array, gap: Array, stiffness: float) -> tuple[Array, Array]:
         """The admissible pressure y >= 0 [Pa] near a pressure p with the raw gap g, and its deformation u [m].
 
-        It is the projection of p − c g. Where the law falls steeply there are several, and a point that has gone through
+        It is the projection of p − c g. Where the law falls steeply there are several: a point that has gone through
         the steep part stays at its overlap, as its neighbours have taken what it no longer carries.
         """
         trial = pressure - stiffness * gap
