@@ -530,7 +530,7 @@ def test_a_part_of_the_error_that_few_iterations_do_not_meet_is_seen(monkeypatch
     assert unchecked.conductance > exact * (1 + 1e-6)
 
 
-@each(("n", "wave", "contact", "seed"), [(128, 1, 0.42, 3), (256, 1.5, 0.42, 2)])
+@each(("n", "wave", "contact", "seed"), [(256, 1, 0.38, 1), (256, 1.5, 0.42, 2)])
 def test_multigrid_by_hand_takes_what_is_right_though_slow_parts_may_be_unseen(n, wave, contact, seed):
     links = cell_links(filtered_gap(n, wave, contact, seed), (1.0, 1.0), "mirror")
     flow = solve_links(*links, solver="multigrid")
