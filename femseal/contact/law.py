@@ -25,15 +25,16 @@ from ..base import InputError, to_text
 Array = NDArray[np.float64]
 #: Relative distance from H within which a point counts as yielding, where pressures were kept in single precision.
 _AT_YIELD = 1e-6
-#: Newton steps, or halvings, of a projection onto a curved law; it is exact after one for a straight line.
-_NEWTON_STEPS = 60
+#: Overlap times c over the pressure, from which on a point has yielded though its pressure is off H by a tolerance.
+_DEEP = 1e-2
+#: Newton steps, or halvings, of a projection onto a curved law, one for a straight line; steepest fall over c for them.
+_NEWTON_STEPS, _STEEPEST = 60, 0.8
 
 
 class ContactLaw:
     """A law of contact: base of all; a new one defines `yield_pressure` and `hardening_modulus`.
 
     A law is best a frozen dataclass (with `eq=False`) whose fields are its parameters: they make its key.
-
     """
 
     @property
@@ -90,12 +91,11 @@ class ContactLaw:
     def deformation(self, pressure: Array, gap: Array, stiffness: float) -> Array:
         """Plastic deformation u >= 0 [m] where points are at their yield pressure, 0 elsewhere.
 
-        pressure, gap : p [Pa] and raw gap g [m] of a solution, or nearly so. stiffness : c [Pa/m]. u is that of the
-        projection of p − c g, whichever of p and g gives it better.
+        pressure, gap : p [Pa] and raw gap g [m] of a solution, or nearly so. stiffness : c [Pa/m].
         """
-        u = self._deformation(pressure - stiffness * gap, stiffness)
+        u = self.admissible(pressure, gap, stiffness)[1]
         yields = pressure >= np.minimum(self.yield_pressure(), self.yield_pressure(u)) * (1 - _AT_YIELD)
-        return np.where(yields, u, 0.0)
+        return np.where(yields | (-stiffness * gap > _DEEP * pressure), u, 0.0)
 
     def project(self, trial: Array, stiffness: float) -> Array:
         """The admissible pressure y >= 0 [Pa] of a trial pressure z, with z = y + c u and y = H(u) where y yields.
@@ -103,6 +103,24 @@ class ContactLaw:
         It minimises ½(y − z)² + c ψ(y), ψ the energy of the law: for perfect plasticity, z between 0 and H.
         """
         return np.clip(trial, 0.0, self.yield_pressure(self._deformation(trial, stiffness)))
+
+    def admissible(self, pressure: Array, gap: Array, stiffness: float) -> tuple[Array, Array]:
+        """The admissible pressure y >= 0 [Pa] near a pressure p with the raw gap g, and its deformation u [m].
+
+        It is the projection of p − c g. Where the law falls steeply there are several: a point that has gone through
+        the steep part stays at its overlap, as its neighbours have taken what it no longer carries.
+        """
+        trial = pressure - stiffness * gap
+        u = self._deformation(trial, stiffness)
+        y = np.clip(trial, 0.0, self.yield_pressure(u))
+        overlap = np.maximum(-gap, 0.0)
+        slope = self.hardening_modulus(overlap)
+        if not np.any(slope < 0):
+            return y, u
+        yields = self.yield_pressure(overlap)
+        deep = (slope < 0) & (overlap > 0) & ((overlap > u) | (np.abs(pressure - yields) < np.abs(pressure - y)))
+        slack = np.maximum(slope, -_STEEPEST * stiffness) + stiffness  # near 0 Newton's method goes anywhere
+        return np.where(deep, yields, y), np.where(deep, np.maximum(overlap + (pressure - yields) / slack, 0.0), u)
 
     def _deformation(self, trial: Array, stiffness: float) -> Array:
         """u >= 0 with H(u) + c u = z, 0 where z < H(0), by Newton's method between bounds, which it halves."""
@@ -141,17 +159,6 @@ class ContactLaw:
         if not np.all(hardness > 0):
             raise InputError("hardness", f"{hardness.min():g} Pa", "numbers > 0 [Pa]")
         return YieldLine(hardness, slope)
-
-    def mismatch(self, pressure: Array, gap: Array, stiffness: float) -> tuple[float, Array]:
-        """How far a pressure p is from the projection y of p − c g, ‖p − y‖/‖p‖, and the deformation u of y.
-
-        gap : raw gap g [m] of the pressure. stiffness : c [Pa/m].
-        """
-        trial = pressure - stiffness * gap
-        u = self._deformation(trial, stiffness)
-        off = pressure - np.clip(trial, 0.0, self.yield_pressure(u))
-        scale = float(np.linalg.norm(pressure))
-        return (float(np.linalg.norm(off)) / scale if scale > 0 else 0.0), u
 
     def key(self) -> str:
         """The law as text, the same for the same parameters: what was computed with one law serves no other."""
@@ -198,11 +205,6 @@ class PerfectlyPlastic(ContactLaw):
     def linear(self) -> bool:
         """True."""
         return True
-
-    @property
-    def capacity(self) -> float:
-        """Mean hardness [Pa]: no point hardens."""
-        return self.mean_hardness
 
     def yield_pressure(self, deformation: Any = 0.0) -> Any:
         """H, whatever the deformation."""

@@ -29,7 +29,7 @@ _COARSE_RTOL = 1e-2
 _COARSE_ITERATIONS = 40
 _MAX_ITERATIONS = 400
 #: Solutions with tangents of a curved law after which it does not settle.
-_MOST_TANGENTS = 50
+_MOST_TANGENTS = 100
 #: Part of its pressure that a tangent has left at the depth from which on it holds.
 _FROM_DEPTH = 0.5
 
@@ -236,7 +236,8 @@ def _by_tangents(law: ContactLaw, problem: _Problem, threads: int) -> Contact:
         contact = replace(problem, gap0=problem.gap0 + depth, line=line).solve(threads)
         iterations, pairs = iterations + contact.iterations, pairs + contact.fft_pairs
         raw = contact.raw_gap - depth
-        mismatch, wanted = law.mismatch(contact.pressure, raw, stiffness)
+        y, wanted = law.admissible(contact.pressure, raw, stiffness)
+        mismatch = float(np.linalg.norm(contact.pressure - y)) / (float(np.linalg.norm(contact.pressure)) or 1.0)
         if mismatch <= problem.rtol:
             if depth.any():
                 left = np.where(wanted > 0, np.maximum(-raw, 0.0), 0.0)

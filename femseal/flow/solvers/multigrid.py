@@ -26,7 +26,8 @@ COARSEST_NODES = 128
 #: has not met the slowest part of the error yet.
 _SHARE = 0.1
 #: The slowest part of the error, as an eigenvalue of M⁻¹A, that may be there without the iteration having met it, at
-#: first and at last. Without this, 1 in 2000 random cells of extreme contrast erred by more than was allowed.
+#: first and at last. Without this, 1 in 2000 random cells of extreme contrast erred by more than was allowed; with it,
+#: 3 of 1200 smooth gaps with 10 to 35 % in contact, where the caller did not check the solution.
 _SLOWEST = 2e-3, 1e-7
 #: Iterations that are usual on 128² nodes, and two more on twice as many; where it takes more there may be slower
 #: parts, half so slow with each.
@@ -48,6 +49,7 @@ def solve_multigrid(
     limit: int,
     hidden: NDArray[np.bool_] | None = None,
     field_rtol: float | None = None,
+    checked: bool = False,
 ) -> tuple[Array, int, float]:
     """Potential φ of all nodes for a unit drop, iterations, and the error of φ in the norm of the energy.
 
@@ -59,6 +61,8 @@ def solve_multigrid(
     hidden : inner nodes (n1 − 1, n2) whose potential need not be right, none unless given.
     field_rtol : if the potential itself has to be right, its error allowed in the norm of the energy; M⁻¹r, an estimate
         of the error itself, may be 100 times that at any node not hidden.
+    checked : whether the caller bounds the error of a solution of many iterations: then slower parts of the error than
+        usual are not reckoned with just because there were many, and a solution that they may spoil is returned too.
 
     Raises
     ------
@@ -80,12 +84,17 @@ def solve_multigrid(
     eliminate: Any = eliminate_by_parts if large == len(levels.shape) - 1 else eliminate_coarsest
     coarsest = eliminate(*operator, s.ring2)
     iterate: Any = _iterate_by_parts if large else _iterate
-    x, iterations, error, done = iterate(levels, coarsest, conductances, s.ring2, rtol, field, limit, hidden)
-    if not done:
+    doublings = max(0.0, np.log2((len(s.along) - 1) * s.along.shape[1] / 128**2))
+    usual = np.inf if checked else _FEW + 2.0 * doublings
+    x, iterations, error, done = iterate(levels, coarsest, conductances, s.ring2, rtol, field, limit, hidden, usual)
+    small = error**2 <= rtol and error <= field
+    if not (done or (small and checked and field_rtol is None)):
+        found = f"error {error**2:.1e} of the rate" + (f" and {error:.1e} of the pressure" if field_rtol else "")
+        wanted = f"{rtol:.1e}" + (f" and {field:.1e}" if field_rtol else "")
+        hedged = ", but slow parts of it may not be seen" if small else ""
         raise NotConverged(
-            f"flow: error {error**2:.1e} of the rate after {iterations} iterations of multigrid, wanted {rtol:.1e}"
-            + (f", and {error:.1e} of the pressure, wanted {field:.1e}" if field_rtol else "")
-            + "; try the solver 'elimination'",
+            f"flow: {found} after {iterations} iterations of multigrid, wanted {wanted}{hedged}; "
+            "try the solver 'elimination'",
             error,
         )
     return x, iterations, error
@@ -243,7 +252,7 @@ def _outflow(conductances, x):
 
 
 @inner(**REORDERED)
-def _slowest(steps, ratios, count, nodes):
+def _slowest(steps, ratios, count, usual):
     """The slowest part of the error that is reckoned with, from the lowest eigenvalue of M⁻¹A on the space searched.
 
     That is found within a factor of two from the steps and ratios of `count` iterations.
@@ -262,13 +271,12 @@ def _slowest(steps, ratios, count, nodes):
             break
         lowest *= 0.5
     first, last = _SLOWEST
-    usual = _FEW + 2.0 * max(0.0, np.log2(nodes / 128**2))
     unmet = min(lowest**2 / first, first) * 0.5 ** max(0.0, count - usual)
     return min(max(unmet, last), lowest)
 
 
 @compiled(**REORDERED)
-def _judged(iteration, rz, largest, unbalanced, rate, history, nodes, rtol, field):
+def _judged(iteration, rz, largest, unbalanced, rate, history, usual, rtol, field):
     """Error in the norm of the energy, and whether it is what was asked, or more iterations than allowed are needed.
 
     history (3, limit + 1) : rᵀM⁻¹r of each iteration, and steps and ratios of those before.
@@ -277,7 +285,7 @@ def _judged(iteration, rz, largest, unbalanced, rate, history, nodes, rtol, fiel
     allowed = min(_SHARE * rtol, (0.1 * field) ** 2)
     error = np.inf
     if 0.0 <= rz <= allowed * rate and unbalanced <= 3.0 * max(np.sqrt(rtol), 1e-6) * rate:
-        error = np.sqrt(rz / rate / _slowest(history[1], history[2], np.int64(iteration), nodes))
+        error = np.sqrt(rz / rate / _slowest(history[1], history[2], np.int64(iteration), usual))
         if error**2 <= allowed and largest <= _LARGEST * 0.1 * field:
             return error, True, False
     history[0, iteration] = rz
@@ -289,11 +297,11 @@ def _judged(iteration, rz, largest, unbalanced, rate, history, nodes, rtol, fiel
 
 
 @compiled(**REORDERED)
-def _iterate(levels, coarsest, conductances, ring, rtol, field, limit, hidden):
+def _iterate(levels, coarsest, conductances, ring, rtol, field, limit, hidden, usual):
     """Conjugate gradients: potential, iterations, error in the norm of the energy, and whether it is what was asked."""
     _, _, inverse, z, b, _, _, _ = level(levels[0], levels[1], levels[2], ZERO)
     r = np.zeros(b.shape)
-    rows, nodes = z.shape[0] - 1, (z.shape[0] - 2) * (z.shape[1] - 2)
+    rows = z.shape[0] - 1
     x, p, history = np.zeros((rows + 1, z.shape[1] - 2)), np.zeros(z.shape, np.float32), np.zeros((3, limit + 1))
     flow, drop = np.empty(z.shape), np.empty(rows)
     x[0] = 1.0
@@ -305,7 +313,7 @@ def _iterate(levels, coarsest, conductances, ring, rtol, field, limit, hidden):
         rz, largest = _product(ONE, rows, r, z, field, hidden)
         rz *= scale
         rate = _outflow(conductances, x)
-        error, done, hopeless = _judged(iteration, rz, scale * largest, unbalanced, rate, history, nodes, rtol, field)
+        error, done, hopeless = _judged(iteration, rz, scale * largest, unbalanced, rate, history, usual, rtol, field)
         if done or hopeless:
             break
         beta = rz / history[0, iteration - 1] if iteration > 0 else 0.0
@@ -333,13 +341,14 @@ def _iterate_by_parts(
     field: float,
     limit: int,
     hidden: NDArray[np.bool_],
+    usual: float,
 ) -> tuple[Array, int, float, bool]:
     """`_iterate`, with threads on large levels."""
     _, _, inverse, z, b, _, _, _ = level(*levels[:3], 0)
     # in single precision the residual is the right side of the cycle, else that is a copy relative to its size
     single = conductances[0].dtype == np.float32
     r, flow = (b, _NOTHING) if single else (np.zeros(b.shape), np.empty(b.shape))
-    rows, nodes = strips(len(z)), (z.shape[0] - 2) * (z.shape[1] - 2)
+    rows = strips(len(z))
     x, p, history = np.zeros((len(z), z.shape[1] - 2)), np.zeros(z.shape, np.float32), np.zeros((3, limit + 1))
     x[0], drop = 1.0, np.empty(len(z) - 1)
     over(rows, _resistances, conductances, drop)
@@ -351,7 +360,7 @@ def _iterate_by_parts(
         rz = scale * sum(products)
         rate = _outflow(conductances, x)
         error, done, hopeless = _judged(
-            iteration, rz, scale * max(largest), unbalanced, rate, history, nodes, rtol, field
+            iteration, rz, scale * max(largest), unbalanced, rate, history, usual, rtol, field
         )
         if done or hopeless:
             break
