@@ -1,0 +1,150 @@
+"""The paper's own method
+======================
+
+Two scales as Pérez-Ràfols, Larsson, van Riet and Almqvist (2018) solve them, and seals drawn by
+derivatives of the permeability, beside the face at full resolution and femseal's own drawn seals.
+"""
+
+from __future__ import annotations
+
+from itertools import pairwise
+
+import numpy as np
+
+import femseal as fs
+
+CELLS = (8, 8)
+#: Windows in a group that is alike: in pressure at the highest load, in permeability at others.
+ALIKE_IN_PRESSURE, ALIKE_IN_PERMEABILITY = 16, 5
+
+
+def strip(points: int = 256, seed: int = 2) -> fs.Scene:
+    """A self-affine face, a point for each µm, loaded to 1 GPa and unloaded."""
+    steel = fs.Solid(young=210e9, poisson=0.3, yield_stress=1.2e9)
+    size = (points * 1e-6, points * 1e-6)
+    return fs.Scene(
+        fs.self_affine((points, points), size, hurst=0.8, rms_slope=0.2, roll_off=1e-4, rng=seed),
+        fs.contact_modulus(steel, steel),
+        steel.hardness,
+        fs.Liquid(viscosity=1e-3),
+        inlet_pressure=10e6,
+        outlet_pressure=0.0,
+        loading=(50e6, 200e6, 500e6, 1000e6),
+        unload_from=(1000e6,),
+        unloading=(500e6, 50e6),
+        fluid_pressure="ignored",
+    )
+
+
+def cut(field: np.ndarray, cells: tuple[int, int], axis: int) -> np.ndarray:
+    """Windows (row, column, n1, n2), each centred on its link between two nodes along an axis."""
+    (rows, columns), (n1, n2) = cells, np.array(field.shape) // cells
+    if axis == 1:  # half a cell from the windows of the links along x1, which are the cells
+        field = np.roll(field, (-(n1 // 2), -(n2 // 2)), axis=(0, 1))
+    return field.reshape(rows, n1, columns, n2).swapaxes(1, 2)[: rows - axis]
+
+
+def global_contact(scene: fs.Scene, cells: tuple[int, int]) -> list[tuple]:
+    """States of the waves longer than half a cell, and raw gaps of all waves over them (n1, n2)."""
+    face = scene.surface
+    smooth = face.low_pass(face.size[0] / cells[0] / 2)
+    coarse = smooth.resample((face.shape[0] // 2, face.shape[1] // 2))
+    body = fs.HalfSpace(coarse.shape, coarse.spacing, scene.modulus, scene.boundary)
+    load = {"loading": scene.loading, "unload_from": scene.unload_from}
+    load |= {"unloading": scene.unloading, "hardness": scene.hardness}
+    periodic = tuple(kind == "periodic" for kind in scene.boundary)
+    found = []
+    for state in fs.load_cycle(coarse.gap(), body, **load):
+        opposite = state.contact.raw_gap + coarse.heights
+        opposite = fs.Topography(opposite, coarse.spacing, periodic).resample(face.shape).heights
+        found.append((state, opposite - face.heights))
+    return found
+
+
+def window_contact(gap0, raw_gap, body, pressure, hardness, deformation):
+    """Gap and plastic deformation of a window [m]; without pressure it keeps its raw gap."""
+    if pressure == 0:
+        apart = raw_gap + deformation
+        return apart - min(apart.min(), 0.0), deformation
+    law = {"hardness": hardness, "deformation": deformation}
+    contact = fs.solve_contact(gap0, body, pressure=min(pressure, hardness), **law)
+    return contact.gap, contact.plastic_deformation
+
+
+def windows_of_links(scene: fs.Scene, axis: int, states: list, cells=CELLS) -> np.ndarray:
+    """Pressure [Pa], mean raw gap [m] and permeability [m³] of each window (step, row, column)."""
+    gap0 = cut(scene.surface.gap(), cells, axis)
+    body = fs.HalfSpace(gap0.shape[2:], scene.surface.spacing, scene.modulus, "mirror")
+    left = {None: np.zeros_like(gap0)}  # plastic deformation by the peak of an unloading
+    found = []
+    for state, of_face in states:
+        raw_gap = cut(of_face, cells, axis)
+        pressure = cut(state.contact.pressure, cells, axis).mean(axis=(2, 3))
+        k, deformed = np.empty(pressure.shape), left[state.unloaded_from].copy()
+        for w in np.ndindex(pressure.shape):
+            given = (gap0[w], raw_gap[w], body, pressure[w], scene.hardness, deformed[w])
+            gap, deformed[w] = window_contact(*given)
+            k[w] = fs.cell_permeability(gap, scene.surface.spacing, axis=axis).value
+        if state.unloaded_from is None:
+            left[state.pressure] = deformed
+        found.append((pressure, raw_gap.mean(axis=(2, 3)), k))
+    return np.array(found).swapaxes(0, 1)
+
+
+def leakage(scene: fs.Scene, k1: np.ndarray, k2: np.ndarray) -> np.ndarray:
+    """Leakage over links along x1 and x2 (step, row, column) at every step [m²/s]."""
+    seal = fs.RectangularSeal(scene.surface.size, k1.shape[1:])
+    drop = {"inlet_pressure": scene.inlet_pressure, "outlet_pressure": scene.outlet_pressure}
+    flows = (fs.seal_leakage(seal, k, scene.fluid, **drop) for k in zip(k1, k2, strict=True))
+    return np.array([flow.per_length for flow in flows])
+
+
+def alike(rank, first, last, count, rng) -> np.ndarray:
+    """A rank from the same group as each rank: groups of `count`, from `first` to before `last`."""
+    rank = np.minimum(rank, last - 1)
+    low = first + (rank - first) // count * count
+    return rng.integers(low, np.minimum(low + count, last))
+
+
+def step_down(k, start, end, change, rng) -> np.ndarray:
+    """Add dk/dp of windows of like k, whose own goes from start to end; closed take closed ones."""
+    order, closed = np.argsort(start, kind="stable"), np.count_nonzero(start == 0)
+    first, last = np.where(k > 0, closed, 0), np.where(k > 0, start.size, closed)
+    count = np.where(k > 0, ALIKE_IN_PERMEABILITY, closed)
+    chosen = order[alike(np.searchsorted(start[order], k), first, last, count, rng)]
+    derivative = np.minimum((end - start)[chosen] / change, 0.0)
+    return k + derivative * change
+
+
+def drawn_links(scene: fs.Scene, windows: np.ndarray, rng: np.random.Generator) -> np.ndarray:
+    """Permeability (step, row, column) of the links along one axis of a drawn seal."""
+    steps, load = scene.steps, scene.steps.pressures
+    pressure, separation, of_windows = (field.reshape(len(steps), -1) for field in windows)
+    top, links = len(steps.loading) - 1, of_windows.shape[1]
+    order = np.lexsort((-separation[top], pressure[top]))
+    k = np.empty_like(of_windows)
+    k[top] = of_windows[top, order[alike(np.argsort(order), 0, links, ALIKE_IN_PRESSURE, rng)]]
+    for branch in (range(top, -1, -1), range(top, len(steps))):
+        for s, t in pairwise(branch):
+            k[t] = step_down(k[s], of_windows[s], of_windows[t], load[t] - load[s], rng)
+    return k.reshape(windows.shape[1:])
+
+
+def drawn_seals(scene: fs.Scene) -> np.ndarray:
+    """Median leakage of femseal's own drawn seals, as large as the face [m²/s]."""
+    sampling = fs.Sampling(scene.surface.size[1], realisations=16, seed=1)
+    return fs.stochastic(scene, CELLS, sampling).quantile(0.5)
+
+
+if __name__ == "__main__":
+    scene, rng = strip(), np.random.default_rng(1)
+    of_face, states = fs.deterministic(scene).leakage, global_contact(scene, CELLS)
+    windows = [windows_of_links(scene, axis, states) for axis in (0, 1)]
+    links = leakage(scene, *(permeability for _, _, permeability in windows))
+    drawn = [leakage(scene, *(drawn_links(scene, w, rng) for w in windows)) for _ in range(16)]
+    low, median, high = np.quantile(drawn, (0.05, 0.5, 0.95), axis=0)
+    table = np.array([links, median, low, high, drawn_seals(scene)]) / of_face
+    print(f"{'load':31}  face [mL/(m·s)]  links  drawn derivatives    drawn seals")
+    for step, whole, ratio in zip(scene.steps, of_face, table.T, strict=True):
+        ratios = "{:5.2f}  {:4.2f} ({:.2f} to {:.2f})  {:11.2f}".format(*ratio)
+        print(f"{step.name:31}  {1e6 * whole:15.3g}  {ratios}")
