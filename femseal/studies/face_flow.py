@@ -8,9 +8,8 @@ from numpy.typing import NDArray
 from ..base import Array
 from ..flow import Permeability, cell_permeability
 from ..flow.cell import pixel_dissipation
-from ..flow.pressure_drop import PressureDrop
 from ..flow.spiral import spiral_flow
-from ..windows import FlowSettings, Partition, SolverCounts
+from ..windows import FlowSettings, SolverCounts
 
 #: Relative error at which flows end that depend on the pressure; the factor of a gas itself is within 0.9 %.
 PRESSURE_RTOL = 1e-4

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from ..base import Array, Mapper, Stage
 from ..contact import LoadState
 from ..face.curves import PieceCurves, local_peaks
-from ..face.pieces import Cut, PieceState, branches, factors
+from ..face.pieces import Cut, PieceState, factors
 from ..flow.permeability_table import tabulated
 from ..loads import LoadProgramme, LoadStep
 from ..seal import RectangularSeal
@@ -158,8 +158,17 @@ def _joined(scene: Scene, cut: Cut, steps: LoadProgramme, taken: Sequence[_Taken
     face = unit * np.array([state.face for state in taken])
     total = SolveCounts.total(counts)
     return FacePieces(
-        steps, cut, k, **means, rows=rows, face=face, own=own, places=places, counts=total,
-        failures=tuple(failures), unsolved=tuple(unsolved),
+        steps,
+        cut,
+        k,
+        **means,
+        rows=rows,
+        face=face,
+        own=own,
+        places=places,
+        counts=total,
+        failures=tuple(failures),
+        unsolved=tuple(unsolved),
     )
 
 
