@@ -149,7 +149,7 @@ def _joined(scene: Scene, cut: Cut, steps: LoadProgramme, taken: Sequence[_Taken
             values[s] = getattr(state.pieces, name)
         in_order = k[:, :, s].reshape(pressures, 2, -1)
         values = tiles.permeability(in_order[:, 0], in_order[:, 1])
-        through = attempt(scene.leakage, tiles.seal, tabulated(scene.flow.drop.pressures, values))
+        through = attempt(scene.leakage, tiles.seal, tabulated(scene.flow.drop.pressures, list(values)))
         own[s] = np.nan if isinstance(through, Failed) else through.per_length
     unit = _unit(scene)
     places = None
