@@ -204,7 +204,7 @@ def test_formats_are_chosen(results, scene, tmp_path):
 
 
 def test_steps_above_the_limit_are_left_out_and_named(results, scene, studies, tmp_path):
-    each = 5 * 4 * 48 * 96
+    each = 3 * 4 * 48 * 96
     for limit, kept in ((6 * each, range(6)), (3.5 * each, (2, 3, 5)), (each, (2,)), (each - 1, ())):
         plan = plan_fields(results, limit)
         assert list(plan.steps) == list(kept)
@@ -214,7 +214,7 @@ def test_steps_above_the_limit_are_left_out_and_named(results, scene, studies, t
     (text,) = back.left_out
     assert (
         text
-        == "fields over all pixels at steps 0, 1, 4: 553 kB of all steps are above the limit of 323 kB (fields_limit)"
+        == "fields over all pixels at steps 0, 1, 4: 332 kB of all steps are above the limit of 194 kB (fields_limit)"
     )
     assert text in repr(back)
     assert text in back._repr_html_()
