@@ -3,8 +3,8 @@
 The traction between the faces is t = p + p_f; the fluid keeps it from falling below p_f. The contact under p_f begins
 from another gap, h₁ + K p_f, and carries p̄ − mean p_f (see `contact.solve_contact`); the flow through the gap it leaves
 gives p_f. Both are solved in turn until the permeability stays. p_f counts from the pressure of the surroundings, which
-presses on the faces from outside too. In contact p_f is that around it: the fluid wets the lands as far as pockets
-reach.
+presses on the faces from outside too. In contact, and in pockets that no flow reaches, Δp_f = 0 between the pressures
+around, as in a film of even permeability, however thin.
 Several measured places of a face are in contact each by itself, and joined.
 Source: Shvarts & Yastrebov, J. Mech. Phys. Solids 119, 2018, 140.
 """
@@ -17,6 +17,7 @@ import numpy as np
 
 from ..base import Array, InputError, to_text
 from ..contact import Contact, ContactLaw, HalfSpace, contact_law, solve_contact
+from ..flow.harmonic import harmonic_fill
 from ..fluids import Fluid
 from ..topography import Places
 from ..windows import Failed, FlowSettings, attempt
@@ -150,14 +151,13 @@ class FluidPressure:
             if isinstance(flow, Failed):
                 return _coupled(contact, flow, carried, n)
             last_p_f, open_pressure = p_f, self.above_surroundings(flow.potential)
-            found = fill_undefined(open_pressure)
+            found = harmonic_fill(open_pressure, last_p_f)
             around = found = found if np.isfinite(found).all() else last_p_f  # no gap that an end reaches
             if pockets is not None:
                 is_pocket = ~np.isfinite(open_pressure) & (contact.gap > 0)
                 trapped = pockets.next(contact.gap, is_pocket, last_p_f, found)
-                found = fill_undefined(
-                    np.where(contact.gap > 0, trapped.on(found), np.nan if contact.gap.any() else found)
-                )
+                in_contact = np.nan if contact.gap.any() else found
+                found = harmonic_fill(np.where(contact.gap > 0, trapped.on(found), in_contact), found)
                 scale = max(scale, float(np.abs(found).max()))
             p_f, given, gave = _mixed(last_p_f, found, given, gave), last_p_f, found
             if trapped is not None:
@@ -221,24 +221,6 @@ def _coupled(
     """The contact of the last round with its flow."""
     known = {f.name: getattr(contact, f.name) for f in fields(contact)}
     return CoupledContact(**known, flow=flow, carried=carried, rounds=rounds, trapped=trapped)
-
-
-def fill_undefined(pressure: Array) -> Array:
-    """Pressures (n1, n2) with those that are NaN filled from around: contact and pockets take what is next to them.
-
-    Means over 2 × 2 points, again and again until every point is known; then back from coarse to fine.
-    """
-    known = np.isfinite(pressure)
-    if known.all() or not known.any():
-        return pressure
-    n1, n2 = pressure.shape
-    shape = (n1 + n1 % 2, n2 + n2 % 2)
-    total, weight = np.zeros(shape), np.zeros(shape)
-    total[:n1, :n2], weight[:n1, :n2] = np.where(known, pressure, 0.0), known
-    total, weight = (a.reshape(shape[0] // 2, 2, shape[1] // 2, 2).sum(axis=(1, 3)) for a in (total, weight))
-    mean = np.divide(total, weight, out=np.full_like(total, np.nan), where=weight > 0)
-    finer = fill_undefined(mean).repeat(2, axis=0).repeat(2, axis=1)
-    return np.where(known, pressure, finer[:n1, :n2])
 
 
 def contact_of_places(
