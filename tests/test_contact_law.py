@@ -128,7 +128,7 @@ def test_a_face_that_hardens_is_pressed_past_its_mean_by_load_and_by_approach(bo
     assert loaded.approach > gap.mean()
     moved = solved(gap, law, None, boundary, approach=loaded.approach)
     assert_allclose(moved.pressure, loaded.pressure, rtol=0, atol=1e-7 * loaded.pressure.max())
-    with pytest.raises(fs.InputError, match="approach: given .* less than the mean of gap0"):
+    with pytest.raises(fs.InputError, match=r"approach: given .* less than the mean of gap0"):
         solved(gap, np.inf, None, boundary, approach=loaded.approach)
 
 

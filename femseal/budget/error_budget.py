@@ -79,7 +79,8 @@ def error_budget(
         parts += [library_part(study), realisations_part(study)]
         if study.without_place is None:  # the scatter of places shows what one patch cannot
             parts.append(sampler_part(scene, study))
-    return ErrorBudget(own.name, leakage, tuple(parts), scene.steps, tuple(s for s, _ in scene.parted_steps))
+    parted = tuple(s for s, _ in scene.parted_steps if np.isnan(leakage[s]))
+    return ErrorBudget(own.name, leakage, tuple(parts), scene.steps, parted)
 
 
 def at_interpolated_steps(budget: ErrorBudget, solved: Indices, steps: LoadProgramme, tolerance: float) -> ErrorBudget:

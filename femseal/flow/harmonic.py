@@ -114,7 +114,7 @@ def _coarser(right: Single, below: Single, total: Single) -> Links:
         for j in range(n2):
             a, b = i // 2, j // 2
             whole[a, b] += _COARSE * total[i, j]
-            if j % 2 == 0 and j + 1 < n2 or m2 == 1:
+            if (j % 2 == 0 and j + 1 < n2) or m2 == 1:
                 whole[a, b] -= 2 * _COARSE * right[i, j]
             else:
                 to_right[a, b] += _COARSE * right[i, j]
