@@ -194,6 +194,19 @@ class TestCoupling:
         exact = acting(fraction * load).contact(gap0, body, pressure=load, hardness=H)
         assert_allclose(found.flow.permeability, exact.flow.permeability, rtol=2e-3)
 
+    def test_two_permeabilities_that_are_equal_by_chance_end_nothing(self, monkeypatch):
+        import femseal.studies.fluid_coupling as module
+
+        surface = fs.self_affine(
+            (64, 64), (64 * D, 64 * D), hurst=0.8, rms_slope=0.1, roll_off=16 * D, cut_off=8 * D, rng=248123
+        )
+        body = fs.HalfSpace(surface.shape, surface.spacing, E, "periodic")
+        given = {"pressure": 0.2 * H, "hardness": H, "rtol": 1e-6}
+        found = acting(0.28577 * 0.2 * H).contact(raised(surface), body, **given)
+        monkeypatch.setattr(module, "RTOL", 1e-6)
+        exact = acting(0.28577 * 0.2 * H).contact(raised(surface), body, **given)
+        assert_allclose(found.flow.permeability, exact.flow.permeability, rtol=1e-3)
+
     def test_a_load_below_the_fluid_pressure_is_open(self):
         surface = rough(32, 32)
         body = fs.HalfSpace(surface.shape, surface.spacing, E, ("free", "periodic"))

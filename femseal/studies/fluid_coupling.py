@@ -209,7 +209,7 @@ class FluidPressure:
             ratio = min(moved / before, 0.5) if before > 0 else 0.5
             steepness = max(change / before, _LEAST_STEEPNESS * scale / max(load, 1.0)) if before > 0 else change
             error = steepness * moved / (1 - ratio) if np.isfinite(before) else change
-            error = min(error, max(change, changed))  # where single points take turns in touching
+            error = min(error, max(changed, change))  # where single points take turns; NaN until two changes are known
             if trapped is not None:  # of closed faces only the volumes have to stay
                 closed = closed + 1 if k == 0 else 0
                 error = max(error if closed < _CLOSED_ROUNDS else 0.0, trapped.error)
