@@ -1,6 +1,7 @@
 """Cases that nobody should write: refused with a short message, before anything large is made, or warned of."""
 
 import os
+import re
 import subprocess
 import sys
 import tomllib
@@ -407,7 +408,10 @@ def test_a_run_warns_of_odd_cases(data):
     data["fluid"]["inlet_pressure"] = "400 MPa"
     results = fs.run(parse_case(data), workers=1)
     assert "the fluid carries all: the faces part below about 200 MPa" in results.warnings[0]
-    assert results.failures == ["loading 100 MPa: open: the faces part below 200 MPa, all of which the fluid carries"]
+    (failure,) = results.failures
+    assert re.fullmatch(
+        r"loading 100 MPa: open: the faces part below 20\d MPa, all of which the fluid carries", failure
+    )
 
 
 def test_results_of_studies_called_from_python_warn_of_odd_scenes_too():

@@ -151,7 +151,10 @@ class Scene:
 
     @property
     def parted_steps(self) -> tuple[tuple[int, str], ...]:
-        """Steps at which the fluid carries all of the load, by their number, and what that means."""
+        """Steps at which the fluid between parted faces carries all of the load, by their number, and what that means.
+
+        Windows are open there. The contact of a whole face may hold the fluid back, see `studies.fluid_coupling`.
+        """
         if (fluid := self.acting_fluid) is None:
             return ()
         return tuple((s, fluid.parted(fluid.carried)) for s, p in enumerate(self.steps.pressures) if fluid.parts(p))
@@ -279,7 +282,8 @@ def _pressure_warnings(scene: Scene) -> Iterator[str]:
         yield (
             f"of {to_text(parted[0].pressure, 'Pa')}, the load at {parted[0].name}"
             f"{more}, the fluid carries all: the faces part "
-            f"below about {to_text(fluid.carried, 'Pa', 3)}, and the seal is open"
+            f"below about {to_text(fluid.carried, 'Pa', 3)}, and the seal is open unless its contact holds the fluid "
+            "back"
         )
     if leak_basis(scene.fluid, 1.0).is_gas and scene.outlet_pressure == 0:
         yield (
