@@ -69,19 +69,12 @@ def error_budget(
             for part in parts
         ]
     if isinstance(study, StochasticResult):
-<<<<<<< HEAD
         parts.append(realisations_part(study))
         # the scatter of places shows what one patch cannot
         without = study.without_place
         parts.append(patch_part(study) if without is None else places_part(study.quantile(0.5), without))
-    return ErrorBudget(own.name, leakage, tuple(parts), scene.steps, tuple(s for s, _ in scene.parted_steps))
-=======
-        parts += [library_part(study), realisations_part(study)]
-        if study.without_place is None:  # the scatter of places shows what one patch cannot
-            parts.append(sampler_part(scene, study))
     parted = tuple(s for s, _ in scene.parted_steps if np.isnan(leakage[s]))
     return ErrorBudget(own.name, leakage, tuple(parts), scene.steps, parted)
->>>>>>> fluid
 
 
 def at_interpolated_steps(budget: ErrorBudget, solved: Indices, steps: LoadProgramme, tolerance: float) -> ErrorBudget:

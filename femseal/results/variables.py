@@ -30,7 +30,6 @@ from ..base.fields import (
 from ..base.leak_rates import LEAK_UNITS, LeakBasis
 from ..base.shared_array import one_at_a_time
 from ..budget import MODEL_PARTS, ErrorBudget, ErrorPart, contact_fraction_of
-from ..library import LibraryTable
 from ..loads import LoadProgramme, LoadStep
 from ..studies import DeterministicResult, Scene, StochasticResult, TwoScaleResult
 from ..studies.face_leakage import PlaceLeakage
@@ -156,7 +155,7 @@ def add_places(data: xarray.Dataset, places: Places, result: PlaceLeakage, gap: 
         add(data, Field("place_gap", "m", text.format("gap"), PLACE_BLOCK), gaps)
 
 
-def add_library(data: xarray.Dataset, curves: LibraryTable) -> None:
+def add_library(data: xarray.Dataset, curves: Any) -> None:
     """Add the curves of the cells of the library over the steps of the library."""
     for name, entry in step_coordinates("library_step", "library_", curves.steps).items():
         data.coords[name] = entry
