@@ -11,7 +11,7 @@ import numpy as np
 from pydantic import BeforeValidator, Field, WithJsonSchema, model_validator
 from pydantic_core import PydanticCustomError
 
-from ..base import InputError, shortened, to_text
+from ..base import InputError, counted, shortened, to_text
 from ..base.leak_rates import KNOWN, LEAK_UNITS, LeakUnit, leak_classes, leak_unit
 from ..budget.error_parts import MODEL_PARTS
 from ..contact import ContactLaw, HardnessTable, LinearHardening, NixGao, PerfectlyPlastic
@@ -202,6 +202,12 @@ _FILE_COLUMNS = "two columns with commas, the first line 'depth [um], hardness [
 _ROW = {"type": "array", "items": quantity_schema("a depth >= 0, then a hardness > 0"), "minItems": 2, "maxItems": 2}
 
 
+def _two_rows(value: Any) -> Any:
+    if isinstance(value, (list, tuple)) and len(value) < 2:
+        raise refusal("two rows or more, such as ['0.1 um', '2 GPa']")
+    return value
+
+
 class SolidTable(Table):
     """A solid, see `materials.Solid`, and the law by which it yields."""
 
@@ -215,6 +221,7 @@ class SolidTable(Table):
     smallest_depth: Length | None = None
     hardness_table: Annotated[
         tuple[tuple[Place, Modulus], ...] | None,
+        BeforeValidator(_two_rows),
         WithJsonSchema({"anyOf": [{"type": "string", "description": _FILE_COLUMNS}, {"type": "array", "items": _ROW}]}),
     ] = None
     name: Annotated[str | None, Field(max_length=60)] = None
@@ -303,4 +310,7 @@ def read_hardness_table(path: Path, key: str) -> list[list[str]]:
         raise fault(key, f"'{shortened(path.name)}'", _FILE_COLUMNS) from None
     if len(numbers) < len(rows):
         raise fault(key, f"'{shortened(path.name)}'", _FILE_COLUMNS)
+    if len(rows) < 2:
+        given = f"'{shortened(path.name)}' with {counted(len(rows), 'row')} of numbers"
+        raise fault(key, given, f"{_FILE_COLUMNS}, and two rows or more")
     return [[f"{depth!r} {units['depth']}", f"{hardness!r} {units['hardness']}"] for depth, hardness in numbers]
