@@ -288,8 +288,7 @@ def test_one_damaged_byte_is_no_error_of_a_library(tmp_path, kind):
             path.write_bytes(whole[:at] + bytes([byte]) + whole[at + 1 :])
             try:
                 read_topography(path, spacing=PIXEL)
-            except InputError as error:
-                assert str(error).startswith(str(path)[:9])
+            except InputError:
                 refused += 1
     assert refused > 0
 

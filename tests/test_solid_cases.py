@@ -106,7 +106,9 @@ def test_a_table_from_a_file_has_its_units(tmp_path):
             parse_case(CASE | {"material": YOUNG | {"hardness_table": "indentation.csv"}}, tmp_path)
     for rows, said in (("", "0 rows"), ("0, 1\n", "1 row")):
         path.write_text("depth [um], hardness [GPa]\n" + rows)
-        with pytest.raises(fs.InputError, match=rf"^material.hardness_table: given '.*' with {said} of numbers, expected"):
+        with pytest.raises(
+            fs.InputError, match=rf"^material.hardness_table: given '.*' with {said} of numbers, expected"
+        ):
             parse_case(CASE | {"material": YOUNG | {"hardness_table": "indentation.csv"}}, tmp_path)
 
 

@@ -33,8 +33,10 @@ from .values import (
     Place,
     Poisson,
     Ratio,
+    Strength,
     Table,
     Temperature,
+    Usual,
     one_of,
     quantity_schema,
 )
@@ -72,7 +74,7 @@ class CellsTable(Table):
     """
 
     count: tuple[Count, Count] | None = None
-    size: Length | None = None
+    size: Annotated[Length, Usual(1e-7, 0.1, "m")] | None = None
     flow: Annotated[str, *one_of(FLOWS)] | None = None
     contact: Annotated[str, *one_of(CONTACTS)] | None = None
 
@@ -87,7 +89,7 @@ class StochasticTable(Table):
     """How a seal is drawn, see `studies.Sampling`."""
 
     length: Lengths | None = None
-    breadth: Length | None = None
+    breadth: Annotated[Length, Usual(1e-6, 1.0, "m")] | None = None
     realisations: Annotated[int, Field(strict=True, ge=2)] = 50
     library_cells: Count = 128
     sampler: Annotated[str, *one_of(DRAWS)] | None = None
@@ -156,7 +158,7 @@ class OutputTable(Table):
     classes: tuple[
         Annotated[str, BeforeValidator(_class_name), WithJsonSchema({"type": "string", "description": KNOWN})], ...
     ] = ()
-    nominal_diameter: Length | None = None
+    nominal_diameter: Annotated[Length, Usual(1e-3, 10.0, "m")] | None = None
     test_fluid: AnyFluid | None = None
     budget: bool = True
     model_parts: tuple[Literal[MODEL_PARTS], ...] = MODEL_PARTS  # type: ignore[valid-type]
@@ -213,14 +215,14 @@ class SolidTable(Table):
 
     young: Modulus
     poisson: Poisson = 0.3
-    yield_stress: Modulus | None = None
-    hardness: Modulus | None = None
+    yield_stress: Strength | None = None
+    hardness: Strength | None = None
     hardening: Hardening | None = None
     hardness_tolerance: Annotated[float, Field(ge=0, lt=1)] = 0.1
-    nix_gao_depth: Height | None = None
-    smallest_depth: Length | None = None
+    nix_gao_depth: Annotated[Height, Usual(1e-8, 1e-4, "m")] | None = None
+    smallest_depth: Annotated[Length, Usual(1e-9, 1e-5, "m")] | None = None
     hardness_table: Annotated[
-        tuple[tuple[Place, Modulus], ...] | None,
+        tuple[tuple[Annotated[Place, Usual(1e-10, 1e-3, "m")], Strength], ...] | None,
         BeforeValidator(_two_rows),
         WithJsonSchema({"anyOf": [{"type": "string", "description": _FILE_COLUMNS}, {"type": "array", "items": _ROW}]}),
     ] = None

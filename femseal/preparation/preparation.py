@@ -8,10 +8,11 @@ from ..budget import FormTolerance
 from ..case.case import Case
 from ..case.case_tables import StochasticTable
 from ..case.faults import MAP_TABLES, SCENE_TABLES, SEAL_TABLES, with_tables
+from ..case.values import unusual
 from ..seal.laid_windows import SealWindows
 from ..studies import Sampling, Scene, check_sampling, chosen_contact, chosen_flow, chosen_sampler, lay_out_windows
 from ..studies.costs import choose_method
-from ..studies.scene import gas_warnings, moduli_warnings, scene_warnings
+from ..studies.scene import gas_warnings, scene_warnings
 from ..studies.seat_rows import ROWS, SeatMap, check_map, most_paths
 from ..topography import MOST_POINTS, Conditioning, SpikeEffect, Topography, resolving_shape
 from ..topography.seat import LEAST_DEPTH, FlatSeat
@@ -243,13 +244,11 @@ def _cheaper_flow(scene: Scene) -> str:
 
 def plausibility_warnings(case: Case, scene: Scene, surface: Conditioning) -> tuple[str, ...]:
     """One sentence for each thing in a case and its scene that is not plausible, but may be meant."""
-    solids = zip(("material", "counter_material"), case.solids, strict=True)
-    odd = moduli_warnings((f"{name}.young", solid.young) for name, solid in solids if solid is not None)
     tested: tuple[str, ...] = ()
     if (test := case.output.test_fluid) is not None:
         tested = tuple(gas_warnings("output.test_fluid", test.fluid, test.inlet_pressure, test.outlet_pressure))
     return (
-        *odd,
+        *unusual(case),
         *case.fluid_warnings,
         *case.solid_warnings,
         *scene_warnings(scene),
