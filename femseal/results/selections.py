@@ -1,4 +1,4 @@
-"""Parts of a dataset of results: branches of the load cycle, solved steps, windows."""
+"""Parts of a dataset of results: branches of the load cycle, solved steps, pieces."""
 
 from __future__ import annotations
 
