@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 from ..base.lazy_package import load_when_used
 
 if TYPE_CHECKING:
-    from .changes import CoarserSolution, change_of_windows
+    from .changes import CoarserSolution
     from .error_budget import at_interpolated_steps, error_budget
     from .error_parts import (
         MODEL_PARTS,

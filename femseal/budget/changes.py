@@ -8,7 +8,6 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..library import LibraryTable
 from ..loads import LoadProgramme
 from ..studies.scene import Array
 from .error_parts import ErrorPart
@@ -54,32 +53,6 @@ def on_all_steps(steps: LoadProgramme, coarse: CoarserSolution, leakage: Array) 
         for n, x in zip(others, _log_loads(steps, others), strict=True):
             found[n] = _straight(float(x), at, found[known])
     return found
-
-
-def change_of_windows(own: LibraryTable, other: LibraryTable, steps: LoadProgramme) -> Array:
-    """Change of ln(leakage) at steps from the windows of a library to the same windows solved otherwise (steps,).
-
-    It is the median change of ln(k) of the windows that are open in both, at the step where both libraries have it,
-    else on loading at its nominal pressure; 0 where all are closed in both, NaN where in one.
-    """
-    count = min(len(own.k), len(other.k))
-    wanted = _log_loads(steps, [*range(len(steps))])
-    logs = []
-    for table in (own, other):
-        with np.errstate(divide="ignore", invalid="ignore"):
-            ln_k = np.log(table.k[:count])
-            if set(steps) <= set(table.steps):
-                logs.append(ln_k[:, [table.steps.index(step) for step in steps]])
-                continue
-            loading = [n for n, step in enumerate(table.steps) if step.unloaded_from is None]
-            at = _log_loads(table.steps, loading)
-            logs.append(np.array([np.interp(wanted, at, row) for row in ln_k[:, loading]]))
-    with np.errstate(invalid="ignore"):
-        change = logs[1] - logs[0]
-    shut = np.isneginf(logs).all(axis=(0, 1))
-    finite = [column[np.isfinite(column)] for column in change.T]
-    medians = [float(np.median(column)) if column.size else np.nan for column in finite]
-    return np.where(shut, 0.0, medians)
 
 
 def _log_loads(steps: LoadProgramme, places: list[int]) -> Array:

@@ -10,7 +10,7 @@ from ..studies.load_curves import Indices, at_all_steps, least_counted, neighbou
 from ..studies.scene import Array
 from .changes import CoarserSolution
 from .error_parts import ErrorBudget, ErrorPart
-from .estimates import library_part, realisations_part, sampler_part, solver_part
+from .estimates import patch_part, realisations_part, solver_part
 from .grid_convergence import USUAL_PIXELS, one_grid_part, pixels_part
 from .waves import contact_fraction_of, filter_part, raised_by_slope
 
@@ -69,9 +69,7 @@ def error_budget(
             for part in parts
         ]
     if isinstance(study, StochasticResult):
-        parts += [library_part(study), realisations_part(study)]
-        if study.without_place is None:  # the scatter of places shows what one patch cannot
-            parts.append(sampler_part(scene, study))
+        parts += [patch_part(study), realisations_part(study)]
     return ErrorBudget(own.name, leakage, tuple(parts), scene.steps, tuple(s for s, _ in scene.parted_steps))
 
 

@@ -17,7 +17,7 @@ from ..studies import Scene, StochasticResult
 from ..studies.scene import Array
 from ..topography.seat import ScaledSeat, Seat
 from .changes import LEAST_SLOPE, CoarserSolution, load_sensitivity, on_all_steps, part_of_changes, scale_of_changes
-from .conformal import calibration, decades, model_error
+from ..studies.drawn_error import count_scenes, decades, half_width
 from .error_parts import MODEL_PARTS, ErrorPart
 
 #: Fraction of the cases that a band holds, and the number of standard deviations of a normal number for it.
@@ -42,24 +42,15 @@ def solver_part(scene: Scene, leakage: Array) -> ErrorPart:
     return ErrorPart.of("solver", leakage, distance, distance, note)
 
 
-def library_part(study: StochasticResult) -> ErrorPart:
-    """Finite library: scatter between three or more measured places, else of seals from resampled libraries.
-
-    The latter is the difference of two variances of as many seals; it counts at least as half of its standard error.
-    """
+def patch_part(study: StochasticResult) -> ErrorPart:
+    """What one measured patch does not know of a seal, see `studies.drawn_error`; by the scatter of several places."""
     median = study.quantile(0.5)
     if study.without_place is not None:
         return places_part(median, study.without_place)
-    own, error = study.realisation_spread**2, study.library_error**2
-    noise = np.sqrt(2 / max(len(study.leakage) - 1, 1)) * np.hypot(own, own + error)
-    distance = DEVIATIONS * np.sqrt(np.maximum(error, 0.5 * noise))
-    note = "1.96 standard deviations of ln(leakage) between libraries drawn with repetition from the library"
-    part = ErrorPart.of("library", median, distance, distance, note)
-    # too few leak to have a deviation
-    few = np.isnan(distance) | (median == 0)
-    ends = [study.quantile(q, resampled=True) for q in ((1 - COVERAGE) / 2, (1 + COVERAGE) / 2)]
-    lower, upper = (np.where(few, end, own) for end, own in zip(ends, (part.lower, part.upper), strict=True))
-    return ErrorPart(part.name, np.minimum(lower, median), np.maximum(upper, median), note)
+    kind = "in place" if study.tiles.in_place else "anywhere"
+    distance = half_width(kind, leakage=median, scatter=study.scatter)
+    note = f"seals drawn from one patch {kind}: by split conformal prediction from {count_scenes(kind)} scenes"
+    return part_of_changes("patch", study.steps, median, distance, distance, note)
 
 
 def places_part(leakage: Array, without: Array) -> ErrorPart:
@@ -92,7 +83,7 @@ def places_part(leakage: Array, without: Array) -> ErrorPart:
         f"Student's interval by the jackknife over {count} measured places, in ln(leakage), with the scatter that is "
         f"usual; {counted(places_to_halve(count), 'more place')} would halve it"
     )
-    part = ErrorPart.of("library", leakage, below, above, note)
+    part = ErrorPart.of("patch", leakage, below, above, note)
     # without leakage the others tell how much there may be
     upper = np.where(leakage == 0, (1 + student) * np.max(without, axis=0), part.upper)
     return ErrorPart(part.name, part.lower, upper, note)
@@ -223,7 +214,7 @@ def effective_pressure_part(scene: Scene, study: Any) -> ErrorPart | None:
     does to ln(leakage) too much, and by a fifth too little, less on broader seals. None of other studies.
     """
     fluid = scene.acting_fluid
-    if fluid is None or not isinstance(study, StochasticResult) or study.pressure == "place":
+    if fluid is None or not isinstance(study, StochasticResult) or study.tiles.in_place:
         return None
     note = "windows under their effective pressure against a coupled face, measured on faces four waves broad"
     q = study.quantile(0.5)
@@ -232,16 +223,3 @@ def effective_pressure_part(scene: Scene, study: Any) -> ErrorPart | None:
     return part_of_changes("effective pressure", study.steps, q, 0.5 * effect, 0.2 * effect, note)
 
 
-def sampler_part(scene: Scene, study: StochasticResult) -> ErrorPart:
-    """Seals drawn from a face, against a face of their length: what library and realisations leave over."""
-    kind = study.pressure if study.pressure != "place" else "runs" if study.sampler == "runs" else "block"
-    q = study.quantile(0.5)
-    distance = model_error(kind, decades=decades(q), scatter=scatter_of(study))
-    scenes = calibration()[kind].scenes
-    note = f"seals drawn by '{kind}' against long faces: by split conformal prediction from {scenes} scenes"
-    return part_of_changes("sampler", study.steps, q, distance, distance, note)
-
-
-def scatter_of(study: StochasticResult) -> Array:
-    """Standard deviation of ln(leakage) of drawn seals (steps,), by library and realisations; 0 where none leaks."""
-    return np.hypot(np.nan_to_num(study.library_error), np.nan_to_num(study.realisation_spread))

@@ -99,10 +99,10 @@ def contact_fraction_of(study: object, steps: LoadProgramme) -> Array:
     if isinstance(study, TwoScaleResult):
         return study.contact_fraction.mean(axis=(1, 2))
     if isinstance(study, StochasticResult):
-        curves = study.library.curves
-        if not set(steps) <= set(curves.steps):
+        pieces = study.pieces
+        if not set(steps) <= set(pieces.steps):
             return np.full(len(steps), np.nan)
-        return np.nanmean(curves.contact_fraction[:, [curves.steps.index(step) for step in steps]], axis=0)
+        return pieces.contact_fraction[[pieces.steps.index(step) for step in steps]].mean(axis=(1, 2))
     return np.asarray(getattr(study, "contact_fraction", np.full(len(steps), np.nan)), float)
 
 

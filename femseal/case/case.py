@@ -91,9 +91,6 @@ class Case(Table):
             raise fault("output.budget", "false with accuracy", "true: attempts end by their error budget")
         if self.time_limit is not None and self.accuracy is None:
             raise fault("time_limit", "a time without accuracy", "one with accuracy, whose attempts it ends")
-        if self.stochastic is not None and self.stochastic.sampler == "runs" and self.flow.discretisation != "edge":
-            given = f"runs with the discretisation {self.flow.discretisation}"
-            raise fault("stochastic.sampler", given, "edge with them")
         if self.load.unit == "Pa" and self.load.highest >= self.law.capacity:
             expected = f"pressures below the hardness, {to_text(self.law.capacity, 'Pa')}"
             raise fault("load", to_text(self.load.highest, "Pa"), expected)
@@ -137,10 +134,10 @@ class Case(Table):
         layout, table = self.layout, self.stochastic
         if not layout.has_length and "stochastic" not in self.methods:
             given = f"{layout.kind} with the method {self.method}"
-            raise fault("seal.kind", given, "it with stochastic, which draws its windows")
+            raise fault("seal.kind", given, "it with stochastic, which draws its tiles")
         for name in ("length", "breadth") if table is not None and not layout.has_length else ():
             if (value := getattr(table, name)) is not None:
-                given = to_text(value[0] if isinstance(value, tuple) else value, "m")
+                given = to_text(value, "m")
                 raise fault(f"stochastic.{name}", given, f"none with a seal of kind {layout.kind}: it has its own")
         self._check_inlets()
         for key, path in self.seal.files():
@@ -170,36 +167,20 @@ class Case(Table):
         if any(isinstance(face, FileFace) for face in self.face) and self.surface.detrend < least:
             given = f"{self.surface.detrend} with a {kind} seat: the form would count twice"
             raise fault("surface.detrend", given, f"{least}: the form is that of [seat]")
-        if self.stochastic is not None and "stochastic" in self.methods:
-            if self.stochastic.pressure == "global":
-                given = f"global with a {kind} seat"
-                raise fault("stochastic.pressure", given, "place: windows keep their rows, or uniform on broader seats")
-            if self.seat_is_broader and self.methods != {"stochastic"}:
-                given = f"uniform with a {kind} seat and the methods {', '.join(sorted(self.methods))}"
-                raise fault("stochastic.pressure", given, "place, or the method stochastic alone")
-            if self.seat_is_broader and self.load.map is not None:
-                raise fault("load.map", f"a map with a {kind} seat", "none: the form gives the pressure of the rows")
+        if self.load.map is not None:
+            raise fault("load.map", f"a map with a {kind} seat", "none: the form gives the pressure of the rows")
         if self.layout.kind == MeshLayout.kind:
             raise fault("seal.kind", f"{self.layout.kind} with a {kind} seat", "a strip or a ring")
         if (path := getattr(self.seat, "path", None)) is not None:
             self._check_file("seat.path", path)
 
-    @property
-    def seat_is_broader(self) -> bool:
-        """Whether windows follow the pressures of a seat with a form, instead of keeping their rows on it."""
-        drawn = self.stochastic if "stochastic" in self.methods else None
-        return self.seat.kind != "flat" and drawn is not None and drawn.pressure == "uniform"
-
     def _check_map(self) -> None:
         """Raise a fault if a map of the pressure does not go with the method, or its file does not exist."""
         if self.load.map is None:
             return
-        if self.methods != {"stochastic"} or self.stochastic is None:
+        if self.methods != {"stochastic"}:
             given = f"a map with the method {', '.join(sorted(self.methods - {'stochastic'}))}"
             raise fault("load.map", given, "stochastic alone: a face has one nominal pressure")
-        if self.stochastic.pressure != "uniform":
-            given = f"{self.stochastic.pressure} with load.map"
-            raise fault("stochastic.pressure", given, "uniform, whose windows follow any pressure")
         for path in self.load.files:
             self._check_file("load.map.path", path)
 
@@ -284,9 +265,8 @@ def _with_detrending(data: Any) -> Any:
 def _with_what_is_open(data: Any) -> Any:
     """The tables of a case, with those that its methods need and it leaves out.
 
-    Shapes with a length of their own take windows under a uniform pressure. With `accuracy` and no method, the method
-    is "stochastic" if seals are to be drawn: with a table for it, or such a shape. Else it is "deterministic", which
-    "auto" is too.
+    With `accuracy` and no method, the method is "stochastic" if seals are to be drawn: with a table for it, or a shape
+    with a length of its own. Else it is "deterministic", which "auto" is too.
     """
     if not isinstance(data, dict):
         return data
@@ -297,10 +277,7 @@ def _with_what_is_open(data: Any) -> Any:
     methods = [method, *(c if isinstance(c := data.get("compare"), list) else [])]
     if drawn is None and "stochastic" in methods:
         drawn = {}
-    if shaped and method == "stochastic" and isinstance(drawn, dict) and (wanted or not drawn):
-        drawn = {"pressure": "uniform"} | drawn
-    found = data | {"method": method} | ({} if drawn is None else {"stochastic": drawn})
-    return found if wanted or {*map(str, methods)} <= {"deterministic"} else {"cells": {}} | found
+    return data | {"method": method} | ({} if drawn is None else {"stochastic": drawn})
 
 
 def load_case(path: str | PathLike[str]) -> Case:

@@ -1,4 +1,4 @@
-"""Tables of a case file except those of faces, load, fluid and seal: solid, contact, flow, windows, draws, output."""
+"""Tables of a case file except those of faces, load, fluid and seal: solid, contact, flow, pieces, draws, output."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from ..contact import ContactLaw, HardnessTable, LinearHardening, NixGao, Perfec
 from ..contact.hardness_curves import SMALLEST_DEPTH
 from ..flow.discretisation import DISCRETISATIONS, SOLVERS, check_discretisation
 from ..materials import HARDNESS_FACTOR, Solid, named_solid
-from ..studies.choices import DRAWS, FIELDS_LIMIT, FLUID_PRESSURES, FORMATS, PRESSURES
+from ..studies.choices import FIELDS_LIMIT, FLUID_PRESSURES, FORMATS
 from .faults import fault, faults_of, refusal
 from .fluid import AnyFluid, overriding
 from .values import (
@@ -28,7 +28,6 @@ from .values import (
     Hardening,
     Height,
     Length,
-    Lengths,
     Modulus,
     Place,
     Poisson,
@@ -51,7 +50,7 @@ class ContactTable(Table):
 
 
 class FlowTable(Table):
-    """How flow is discretised and solved, in windows, in whole faces and over the seal."""
+    """How flow is discretised and solved, in pieces, in whole faces and over the seal."""
 
     solver: Annotated[str, *one_of(SOLVERS)] = "auto"
     discretisation: Annotated[str, *one_of(DISCRETISATIONS)] = "edge"
@@ -64,9 +63,9 @@ class FlowTable(Table):
 
 
 class CellsTable(Table):
-    """Pieces of the face of the two-scale and stochastic methods: their number, or about their size.
+    """Pieces of a measured place for the two-scale and stochastic methods: their number, or about their size.
 
-    Without both their sides are eight of the shortest waves.
+    Without both, drawn seals have as many as suit them, and sides of two scales are eight of the shortest waves.
     """
 
     count: tuple[Count, Count] | None = None
@@ -79,25 +78,19 @@ class CellsTable(Table):
         return self
 
 
+def _one_length(value: Any) -> Any:
+    if isinstance(value, list):
+        raise refusal("one length, such as '10 mm'; lists are removed: femseal sweep runs a case with several values")
+    return value
+
+
 class StochasticTable(Table):
     """How a seal is drawn, see `studies.Sampling`."""
 
-    length: Lengths | None = None
+    length: Annotated[Length | None, BeforeValidator(_one_length)] = None
     breadth: Length | None = None
-    realisations: Annotated[int, Field(strict=True, ge=2)] = 50
-    library_cells: Count = 128
-    sampler: Annotated[str, *one_of(DRAWS)] | None = None
-    pressure: Annotated[str, *one_of(PRESSURES)] = "place"
-    library: Path | None = None
-    width: Annotated[float, Field(gt=0)] | None = None
-    bounds: bool = False
+    realisations: Annotated[int, Field(strict=True, ge=2)] | None = None
     quantiles: tuple[Ratio, Ratio] = (0.05, 0.95)
-
-    @property
-    def lengths(self) -> tuple[float, ...]:
-        """All lengths of seal that are given."""
-        given = self.length
-        return () if given is None else given if isinstance(given, tuple) else (given,)
 
     @model_validator(mode="after")
     def _ordered(self) -> StochasticTable:

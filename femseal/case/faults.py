@@ -25,9 +25,18 @@ _LONGEST_FAULT = 400
 #: Fields of a case that are no keys of its file.
 INTERNAL = ("folder", "fluid_warnings", "solid_warnings")
 #: Keys that are gone, and what does now what they did.
+_IN_WHOLE_FACE = "none: removed; pieces lie in the contact of the whole face, each at its own pressure"
+_BY_BAND = "none: removed; seals are drawn until the band of error has no more from their number"
+_PIECES = "none: removed; seals are drawn from all pieces of the face, see [cells]"
 REMOVED = {
     "cells.flow": "none: removed; the flow of a face is always at full resolution",
     "cells.contact": "none: removed; the contact is always that of the whole face",
+    "stochastic.pressure": _IN_WHOLE_FACE,
+    "stochastic.sampler": "none: removed; each tile of the seal draws a piece, in its row where that is known",
+    "stochastic.library": "none: removed; the states of a face are kept with the run",
+    "stochastic.library_cells": _PIECES,
+    "stochastic.width": _BY_BAND,
+    "stochastic.bounds": "none: removed; the band of error stands beside the leakage, see output.budget",
     "stochastic.profile": 'map = { kind = "profile", fractions = [...] } in the table load, in its place',
 }
 #: What pydantic expects of a value of another type, as a user of TOML says it.
@@ -58,10 +67,10 @@ SURFACE_KEYS = {
     "order": "surface.detrend",
 }
 FACE_KEYS = {"shape": "points", "height_unit": "height_unit"}
-#: Tables of the arguments of seals and drawn windows.
+#: Tables of the arguments of seals and their tiles.
 SEAL_TABLES = dict.fromkeys(
     ("path", "unit", "inlet", "outlet", "lay", "centre", "inner_radius", "outer_radius", "field"), "seal"
-) | dict.fromkeys(("length", "breadth", "sampler", "pressure", "bounds", "width", "library"), "stochastic")
+) | dict.fromkeys(("length", "breadth"), "stochastic")
 #: Tables of the arguments of a scene and of how it is solved.
 SCENE_TABLES = {
     "fluid_pressure": "contact",
@@ -70,7 +79,7 @@ SCENE_TABLES = {
     "discretisation": "flow",
 }
 #: Tables of the arguments of maps of the pressure.
-MAP_TABLES = {"map": "load", "sampler": "stochastic"} | dict.fromkeys(
+MAP_TABLES = {"map": "load"} | dict.fromkeys(
     ("fractions", "positions", "angles", "path", "name", "length_unit", "pressure_unit", "points", "pressure", "field"),
     "load.map",
 )

@@ -88,24 +88,6 @@ def quantity_schema(described: str) -> dict[str, Any]:
     return {"type": "string", "pattern": pattern, "description": described}
 
 
-@dataclass(frozen=True)
-class OneOrMore(Quantity):
-    """A quantity, or a list of several that differ, as a float or a tuple of floats in SI."""
-
-    def read(self, value: Any) -> Any:
-        """The value or values in SI; PydanticCustomError where they cannot be used."""
-        if not isinstance(value, (list, tuple)):
-            return super().read(value)
-        numbers = tuple(super(OneOrMore, self).read(each) for each in value)
-        if not numbers or len({*numbers}) < len(numbers):
-            raise refusal(f"{self.expected}, or a list of some that differ")
-        return numbers
-
-    def __get_pydantic_json_schema__(self, core: Any, handler: GetJsonSchemaHandler) -> dict[str, Any]:
-        one = super().__get_pydantic_json_schema__(core, handler)
-        return {"anyOf": [one, {"type": "array", "items": one, "minItems": 1}], "description": self.expected}
-
-
 def _known(value: Any, names: tuple[str, ...]) -> str:
     if value not in names:
         raise refusal(f"one of {', '.join(names)}")
@@ -163,8 +145,6 @@ def _not_negative(x: float) -> bool:
 
 
 Length = Annotated[float, Quantity("m", _positive, "a length > 0, such as '1.5 mm'")]
-#: A length, or several.
-Lengths = Annotated[float | tuple[float, ...], OneOrMore("m", _positive, "a length > 0, such as '1.5 mm'")]
 Height = Annotated[float, Quantity("m", _not_negative, "a height >= 0, such as '0.2 um'")]
 Pressure = Annotated[float, Quantity("Pa", _not_negative, "a pressure >= 0, such as '300 MPa'")]
 Temperature = Annotated[float, Quantity("K", _positive, "a temperature above absolute zero, such as '20 °C'")]

@@ -1,4 +1,4 @@
-"""The face of a case: faces made or read, repaired, summed, and conditioned on a grid that its windows divide.
+"""The face of a case: faces made or read, repaired, summed, and conditioned on its grid.
 
 Its grooves run around the seal as rings, or as the spiral that a lathe cuts.
 """
@@ -51,19 +51,24 @@ KEPT_SLOPE = 0.99
 
 @dataclass(frozen=True)
 class ConditionedFace:
-    """The face that is solved, how it was conditioned and continued, overlap of two faces, number of windows."""
+    """The face that is solved, how it was conditioned and continued, and the overlap of two faces.
+
+    cells : number of pieces of two scales, which divide the grid; None without. pieces : of drawn seals where the case
+    says how many.
+    """
 
     surface: Topography
     conditioning: Conditioning
     overlap: Overlap | None
     cells: Pair | None
+    pieces: Pair | None
     continuation: Continuation | None
 
 
 def conditioned_face(case: Case) -> ConditionedFace:
     """Make or read the faces of a case, and condition their sum.
 
-    Raises InputError: a face that cannot be read or used, or windows that do not suit it.
+    Raises InputError: a face that cannot be read or used, or pieces that do not suit it.
     """
     for place, table in zip(face_places(case), case.face, strict=True):
         if not isinstance(table, FileFace):
@@ -84,15 +89,18 @@ def conditioned_face(case: Case) -> ConditionedFace:
         continued = None if cut_off is None else continuation_of(flat, cut_off, longest=longest, seed=case.seed)
     shape = _grid(case, flat)
     wave = continued.longest if continued else longest or default_wave(flat, shape)
-    cells = of_one = _cell_count(case, shortest_place(flat).size, wave)
-    if of_one is not None and isinstance(flat, Places):
-        flat, columns = flat.whole_columns(of_one[1])
-        cells = (of_one[0], columns)
+    asked = _asked_pieces(case, shortest_place(flat).size)
+    pieces = None if asked is None else (asked[0], asked[1] * len(flat.each))
     check_memory_of_points("surface.points", shape, len(flat.each))
-    if cells is not None and of_one is not None:
+    cells = None
+    if "two-scale" in case.methods:
+        cells = of_one = asked or _long_pieces(shortest_place(flat).size, wave)
+        if isinstance(flat, Places):
+            flat, columns = flat.whole_columns(of_one[1])
+            cells = (of_one[0], columns)
         shape = (next_multiple(shape[0], cells[0]), next_multiple(shape[1], cells[1]))
         check_memory_of_points("cells", shape, len(flat.each))
-        # refuses windows of too few pixels
+        # refuses pieces of too few pixels
         Partition((shape[0], shape[1] // cells[1] * of_one[1]), flat.spacing, of_one)
     with with_keys(SURFACE_KEYS):
         one = shortest_place(flat)
@@ -103,7 +111,7 @@ def conditioned_face(case: Case) -> ConditionedFace:
         surface = continued.added_to(surface)
         slope, height = surface.rms_slope, surface.rms_height
         report = replace(report, shortest_wavelength=continued.cut_off, rms_slope=slope, rms_height=height)
-    return ConditionedFace(surface, report, overlap, cells, continued)
+    return ConditionedFace(surface, report, overlap, cells, pieces, continued)
 
 
 def face_places(case: Case) -> list[str]:
@@ -219,22 +227,21 @@ def _treatment(case: Case) -> dict[str, Any]:
     return {"max_undefined": case.surface.max_undefined, "detrend": case.surface.detrend}
 
 
-def _cell_count(case: Case, face: tuple[float, float], wave: float) -> Pair | None:
-    """Number of windows along both axes of a face of such sides [m]; None where none are needed."""
-    if case.methods == {"deterministic"}:
-        return None
-    if case.cells is not None and case.cells.count is not None:
-        return case.cells.count
-    if case.cells is not None and case.cells.size is not None:
-        size, shorter = case.cells.size, min(face)
-        if size > shorter * (1 + 1e-9):
-            expected = f"at most the shorter side of the face, {to_text(shorter, 'm')}"
-            raise InputError("cells.size", to_text(size, "m"), expected)
-    else:  # eight shortest waves or more: shorter windows cut off more paths than two scales save
-        size = 8 * wave
-        return max(1, int(face[0] / size + 1e-9)), max(1, int(face[1] / size + 1e-9))
+def _asked_pieces(case: Case, face: tuple[float, float]) -> Pair | None:
+    """Number of pieces along both axes of a place of such sides [m] that the case asks for; None where it does not."""
+    if case.cells is None or case.cells.size is None:
+        return None if case.cells is None else case.cells.count
+    size, shorter = case.cells.size, min(face)
+    if size > shorter * (1 + 1e-9):
+        expected = f"at most the shorter side of the face, {to_text(shorter, 'm')}"
+        raise InputError("cells.size", to_text(size, "m"), expected)
     m1, m2 = (max(1, round(length / size)) for length in face)
     return m1, m2
+
+
+def _long_pieces(face: tuple[float, float], wave: float) -> Pair:
+    """Pieces of eight shortest waves or more: shorter ones cut off more paths than two scales save."""
+    return max(1, int(face[0] / (8 * wave) + 1e-9)), max(1, int(face[1] / (8 * wave) + 1e-9))
 
 
 #: Fractions of the variance of the heights that means along x2 keep where grooves run along x2, and of the power of
@@ -247,29 +254,20 @@ _LEAST_GROOVES = 3
 def wound_layout(case: Case) -> Layout:
     """The shape of the seal. The lead of a spiral goes with the circumference, the length of a drawn strip.
 
-    The grooves of one turned face that is generated wind with its pitch, unless the case says how its lay runs, or asks
-    for what cannot follow them: windows that keep their places, another discretisation.
+    The grooves of one turned face that is generated wind with its pitch, unless the case says how its lay runs, or has
+    another discretisation, which cannot follow them.
     """
     layout, circumference = case.layout, _circumference(case)
     if not isinstance(layout, RectangularLayout | AnnularLayout):
         return layout
     lay = layout.lay
     pitches = [face.pitch for face in case.face if isinstance(face, TurnedFace) and face.pitch < face.size[0]]
-    if len(case.face) == len(pitches) == 1 and circumference is not None and not _asks_otherwise(case):
+    asks_otherwise = "lay" in case.seal.model_fields_set or case.flow.discretisation != "edge"
+    if len(case.face) == len(pitches) == 1 and circumference is not None and not asks_otherwise:
         lay = Lay(name="spiral", lead=pitches[0])
     if lay.name == "spiral" and isinstance(layout, RectangularLayout) and lay.circumference is None:
         lay = replace(lay, circumference=circumference)
     return replace(layout, lay=lay)
-
-
-def _asks_otherwise(case: Case) -> bool:
-    """Whether a case says how its lay runs, or asks for what cannot follow a spiral."""
-    table = case.stochastic if "stochastic" in case.methods else None
-    return (
-        "lay" in case.seal.model_fields_set
-        or case.flow.discretisation != "edge"
-        or (table is not None and (table.pressure != "uniform" or table.sampler not in (None, "history")))
-    )
 
 
 def groove_question(case: Case, scene: Scene) -> Iterator[str]:
@@ -317,4 +315,4 @@ def _circumference(case: Case) -> float | None:
     layout, table = case.layout, case.stochastic
     if isinstance(layout, AnnularLayout):
         return layout.circumference
-    return table.lengths[0] if table is not None and table.lengths else None
+    return None if table is None else table.length

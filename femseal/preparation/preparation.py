@@ -1,4 +1,4 @@
-"""From a case to the input of the studies: its face, the windows of it, the seals that are drawn, the scene."""
+"""From a case to the input of the studies: its face, the pieces of it, the seals that are drawn, the scene."""
 
 from collections.abc import Iterator
 from dataclasses import replace
@@ -6,17 +6,23 @@ from dataclasses import replace
 from ..base import InputError, to_text
 from ..budget import FormTolerance
 from ..case.case import Case
-from ..case.case_tables import StochasticTable
 from ..case.faults import MAP_TABLES, SCENE_TABLES, SEAL_TABLES, with_tables
-from ..seal.laid_windows import SealWindows
-from ..studies import Sampling, Scene, check_sampling, chosen_sampler, lay_out_windows
+from ..seal.layouts import Layout
+from ..seal.pressure_map import AnyMap
+from ..studies import Sampling, Scene, laid_out
 from ..studies.scene import gas_warnings, moduli_warnings, scene_warnings
-from ..studies.seat_rows import ROWS, SeatMap, check_map, most_paths
+from ..studies.seat_rows import ROWS, SeatMap, check_map
 from ..topography import MOST_POINTS, Conditioning, SpikeEffect, Topography, resolving_shape, shortest_place
 from ..topography.seat import LEAST_DEPTH, FlatSeat
-from ..windows import Partition
 from .face import conditioned_face, groove_question, wound_layout
-from .prepared import Pair, Prepared, check_memory_of_draws, refused_if_too_large, without_short_waves
+from .prepared import (
+    Pair,
+    Prepared,
+    check_memory,
+    check_memory_of_tiles,
+    refused_if_too_large,
+    without_short_waves,
+)
 
 #: Fraction of the rms slope from which on a case is warned that the low-pass removes it: by itself, and where the
 #: grid of a measured face is limited for its cost. Measured: with 49 % of it gone a turned face leaks 10 to 700 times
@@ -27,33 +33,32 @@ _NOISE_SLOPE = 0.25
 
 
 def prepare(case: Case) -> Prepared:
-    """Make or read the faces, condition their sum, divide it into windows, and lay out the seals that are drawn.
+    """Make or read the faces, condition their sum, cut it into pieces, and lay out the seals that are drawn.
 
-    Raises InputError: a face that cannot be read or used, or windows or seals that do not suit it.
+    Raises InputError: a face that cannot be read or used, or pieces or seals that do not suit it.
     """
     with refused_if_too_large(), with_tables(SCENE_TABLES):
         face = conditioned_face(case)
-        surface, conditioning, cells = face.surface, face.conditioning, face.cells
-        sampling, seals = _seals(case, surface, conditioning, cells)
-        surface, seat = _with_seat(case, surface)
-        scene = _scene(case, surface, sampling, seals)
-        doubts: tuple[str, ...] = ()
+        surface, conditioning, layout = face.surface, face.conditioning, wound_layout(case)
+        _check_pieces(surface, conditioning, face.cells, face.pieces)
+        sampling, size, broader = _seals(case, surface, layout, face.pieces)
+        formed, seat = _with_seat(case, surface, broader)
+        scene = _scene(case, formed, layout, size)
+        pieces, doubts = None, ()
         if sampling is not None:
-            sampling, doubts = _under_map(case, scene, sampling, seals)
-        _check_library(case, scene)
+            sampling, pieces, doubts = _under_map(case, scene, sampling, face.pieces, size, broader)
         methods = frozenset(case.methods)
         if methods & {"deterministic", "two-scale"}:
             with with_tables(SEAL_TABLES):
                 scene.check_spiral()
-        if sampling is not None:
-            sampling = replace(sampling, sampler=chosen_sampler(sampling, scene))
         form = None  # of a flat seat
         if case.seat.kind != "flat":
-            form = FormTolerance(case.seat.seat(case.folder), case.seat.tolerance, not case.seat_is_broader)
+            form = FormTolerance(case.seat.seat(case.folder), case.seat.tolerance, not broader)
         spikes = SpikeEffect(conditioning.spikes_along_lay, conditioning.spikes_extreme).doubts(conditioning.spikes)
         prepared = Prepared(
             scene=scene,
-            cells=cells,
+            cells=face.cells,
+            pieces=pieces,
             sampling=sampling,
             conditioning=conditioning,
             overlap=face.overlap,
@@ -73,15 +78,57 @@ def prepare(case: Case) -> Prepared:
         return prepared
 
 
-def _with_seat(case: Case, surface: Topography) -> tuple[Topography, str]:
+def _check_pieces(surface: Topography, conditioning: Conditioning, cells: Pair | None, pieces: Pair | None) -> None:
+    """Refuse pieces of fewer than two shortest waves a side that a case asks for."""
+    least = 2 * conditioning.shortest_wavelength
+    for count in (cells, pieces):
+        sides = [] if count is None else [side / m for side, m in zip(surface.size, count, strict=True)]
+        if min(sides, default=least) < least * (1 - 1e-9):
+            given = f"pieces of {' × '.join(to_text(side, 'm', 3) for side in sides)}"
+            raise InputError("cells", given, f"pieces of at least two shortest waves, {to_text(least, 'm', 3)}")
+
+
+def _seals(
+    case: Case, surface: Topography, layout: Layout, pieces: Pair | None
+) -> tuple[Sampling | None, tuple[float, float], bool]:
+    """How seals are drawn, None where none are; breadth and length of the seal that loads act on [m], as given.
+
+    Also whether the seal takes pieces anywhere of the face: of a seat with a form it has the pressures then, where a
+    seal in the rows of the face has the form on its heights.
+    """
+    table = case.stochastic if "stochastic" in case.methods else None
+    if table is None:
+        return None, surface.size, False
+    length = surface.size[1] if table.length is None and layout.has_length else table.length
+    sampling = Sampling(length, table.realisations, seed=case.seed, breadth=table.breadth)
+    check_memory_of_tiles(layout, sampling, surface)
+    if table.realisations is not None:
+        steps = len(case.load.loading) + len(case.load.peaks) * (1 + len(case.load.unloading))
+        check_memory("stochastic.realisations", table.realisations, 16 * steps * table.realisations)
+    with with_tables(SEAL_TABLES):
+        cut, tiles = laid_out(surface, layout, pieces, sampling)
+    if length is None:
+        return sampling, tiles.seal.size, not tiles.in_place
+    if length < (least := cut.size[1]) * (1 - 1e-9):
+        expected = f"at least one piece, {to_text(least, 'm', 3)}"
+        raise InputError("stochastic.length", to_text(length, "m", 3), expected)
+    return sampling, (table.breadth or surface.size[0], length), not tiles.in_place
+
+
+def _with_seat(case: Case, surface: Topography, broader: bool) -> tuple[Topography, str]:
     """The face with the form of its seat, and what that is as a text, "" where it is flat.
 
-    Raises InputError: a form that is too steep, or narrower than the face.
+    broader : the seat has the form beside the face, whose heights stay as they are.
+
+    Raises InputError: a form that is too steep, or narrower than the face; a broader seat with a method of the face.
     """
     seat = case.seat.seat(case.folder)
     if isinstance(seat, FlatSeat):
         return surface, ""
-    if case.seat_is_broader:
+    if broader and case.methods != {"stochastic"}:
+        given = f"a seal that takes pieces anywhere of the face, with {', '.join(sorted(case.methods))}"
+        raise InputError("seat.kind", given, "the method stochastic alone, or a seal as broad as the face")
+    if broader:
         return surface, str(seat)
     try:
         formed = seat.on(surface)
@@ -92,47 +139,7 @@ def _with_seat(case: Case, surface: Topography) -> tuple[Topography, str]:
     return formed, str(seat)
 
 
-def _seals(
-    case: Case, surface: Topography, conditioning: Conditioning, cells: Pair | None
-) -> tuple[Sampling | None, tuple[SealWindows, ...]]:
-    """How seals are drawn from the windows of a face, and their windows for each length; None and none without."""
-    if cells is None:
-        return None, ()
-    partition = Partition(surface.shape, surface.spacing, cells)
-    window, least = partition.window_size, 2 * conditioning.shortest_wavelength
-    if min(window) < least * (1 - 1e-9):
-        given = f"windows of {' × '.join(to_text(w, 'm', 3) for w in window)}"
-        raise InputError("cells", given, f"windows of at least two shortest waves, {to_text(least, 'm', 3)}")
-    if case.stochastic is None or "stochastic" not in case.methods:
-        return None, ()
-    sampling = _sampling(case, case.stochastic, window[1], surface.size[1])
-    with with_tables(SEAL_TABLES):
-        check_sampling(sampling)
-        return sampling, lay_out_windows(wound_layout(case), partition, sampling)
-
-
-def _sampling(case: Case, table: StochasticTable, window_length: float, face_length: float) -> Sampling:
-    """The sampling of a table, for windows of such a length [m]; a strip is as long as the face unless given."""
-    if table.lengths and min(table.lengths) < window_length * (1 - 1e-9):
-        cell, given = to_text(window_length, "m", 3), to_text(min(table.lengths), "m", 3)
-        raise InputError("stochastic.length", given, f"at least one cell, {cell}")
-    return Sampling(
-        length=table.lengths[0] if table.lengths else face_length if case.layout.has_length else None,
-        other_lengths=table.lengths[1:],
-        breadth=table.breadth,
-        realisations=table.realisations,
-        resampled=case.output.budget or table.width is not None or case.accuracy is not None,
-        library_cells=table.library_cells,
-        seed=case.seed,
-        sampler=table.sampler,
-        pressure=table.pressure,
-        library=None if table.library is None else case.folder / table.library,
-        width=table.width,
-        bounds=table.bounds,
-    )
-
-
-def _scene(case: Case, surface: Topography, sampling: Sampling | None, seals: tuple[SealWindows, ...]) -> Scene:
+def _scene(case: Case, surface: Topography, layout: Layout, seal: tuple[float, float]) -> Scene:
     """The face between its solids, under its loads, with its fluid."""
     fluid = case.fluid
     return Scene(
@@ -143,36 +150,27 @@ def _scene(case: Case, surface: Topography, sampling: Sampling | None, seals: tu
         inlet_pressure=fluid.inlet_pressure,
         outlet_pressure=fluid.outlet_pressure,
         surroundings=fluid.ambient_pressure,
-        **_pressures(case, _seal_size(surface, sampling, seals), seals=len(seals)),
+        **_pressures(case, seal),
         boundary=case.contact.boundary,
         rtol=case.contact.rtol,
         fluid_pressure=case.contact.fluid_pressure,
         nominal=case.load.nominal,
-        layout=wound_layout(case),
+        layout=layout,
         solver=case.flow.solver,
         discretisation=case.flow.discretisation,
     )
 
 
-def _seal_size(surface: Topography, sampling: Sampling | None, seals: tuple[SealWindows, ...]) -> tuple[float, float]:
-    """Breadth and length of the seal that loads act on [m]: as given, not in whole windows."""
-    if sampling is None:
-        return surface.size
-    if sampling.length is None:
-        breadth, length = seals[0].seal.size
-        return breadth, length
-    return surface.size[0] if sampling.breadth is None else sampling.breadth, sampling.length
+def _pressures(case: Case, seal: tuple[float, float]) -> dict[str, tuple[float, ...]]:
+    """Nominal pressures of the cycle on a seal of such a breadth and length [m].
 
-
-def _pressures(case: Case, seal: tuple[float, float], *, seals: int) -> dict[str, tuple[float, ...]]:
-    """Nominal pressures of the cycle on a seal of such a breadth and length [m], one of several or none that are drawn.
-
-    Raises InputError: a force without one length of the seal, or more pressure than the faces can carry.
+    Raises InputError: a force without a length of the seal, or more pressure than the faces can carry.
     """
-    known = case.stochastic is not None and (case.stochastic.lengths or not case.layout.has_length)
-    if case.load.unit == "N" and not (seals == 1 and known):
-        given = f"forces on a seal of {'several lengths' if seals > 1 else 'no length'}"
-        raise InputError("load.loading", given, "pressures, forces per length, or one length in [stochastic]")
+    drawn = case.stochastic if "stochastic" in case.methods else None
+    known = drawn is not None and (drawn.length is not None or not case.layout.has_length)
+    if case.load.unit == "N" and not known:
+        given = "forces on a seal of no length"
+        raise InputError("load.loading", given, "pressures, forces per length, or a length in [stochastic]")
     area = seal[0] * seal[1] / case.seat.seat(case.folder).load_factor
     found = case.load.pressures(area, seal[1])
     highest = max((*found["loading"], *found["unload_from"]))
@@ -184,34 +182,20 @@ def _pressures(case: Case, seal: tuple[float, float], *, seals: int) -> dict[str
 
 
 def _under_map(
-    case: Case, scene: Scene, sampling: Sampling, seals: tuple[SealWindows, ...]
-) -> tuple[Sampling, tuple[str, ...]]:
-    """The sampling with the map of the pressure over the seal, and what is not plausible in it."""
-    breadth, length = _seal_size(scene.surface, sampling, seals)
+    case: Case, scene: Scene, sampling: Sampling, pieces: Pair | None, seal: tuple[float, float], broader: bool
+) -> tuple[Sampling, Pair, tuple[str, ...]]:
+    """The sampling with the map of the pressure over the seal, the pieces of the face, and what is not plausible."""
+    breadth, length = seal
     with with_tables(MAP_TABLES):
-        seat = SeatMap(case.seat.seat(case.folder)) if case.seat_is_broader else None
-        if seat is not None:
-            seat.seat.rows_below(ROWS, breadth / ROWS)  # refuses a form that is too steep
-        made = seat or case.load.pressure_map(case.folder, breadth * length, length)
+        made: AnyMap | SeatMap
+        if broader and case.seat.kind != "flat":
+            made = SeatMap(case.seat.seat(case.folder))
+            made.seat.rows_below(ROWS, breadth / ROWS)  # refuses a form that is too steep
+        else:
+            made = case.load.pressure_map(case.folder, breadth * length, length)
         sampling = replace(sampling, pressure_map=made)
-        check_sampling(sampling)
-    paths = most_paths(sampling.pressure_map)
-    for laid in seals:
-        across = " by ".join(to_text(side, "m", 3) for side in laid.seal.size)
-        shape = "" if case.layout.has_length else f"a seal {across}"
-        check_memory_of_draws(
-            len(scene.steps), laid.draws[0], sampling.realisations, sampling.library_cells, paths, shape
-        )
-    with with_tables(MAP_TABLES):
-        return sampling, (*seals[0].warnings, *check_map(scene, seals[0], sampling.pressure_map))
-
-
-def _check_library(case: Case, scene: Scene) -> None:
-    """Refuse drawn windows that are solved by themselves where the scene has none."""
-    if case.stochastic is not None and case.stochastic.pressure == "global":
-        scene.check_one_place("stochastic.pressure", "global", "place")
-    if case.stochastic is not None and case.stochastic.pressure != "place":
-        _ = scene.uniform_law
+        cut, tiles = laid_out(scene.surface, scene.layout, pieces, sampling)
+        return sampling, cut.shape, (*tiles.warnings, *check_map(scene, tiles, made))
 
 
 def plausibility_warnings(case: Case, scene: Scene, surface: Conditioning) -> tuple[str, ...]:

@@ -13,18 +13,21 @@ from typing import Any
 
 from ..base import InputError, Mapper, free_memory, to_text
 from ..budget import FormTolerance, ModelChange
-from ..studies import STUDIES, Sampling, Scene, Study, StudyOptions
+from ..face.pieces import Cut, usual_pieces
+from ..seal.layouts import AnnularLayout, Layout
+from ..seal.tiles import SealTiles
+from ..studies import STUDIES, Sampling, Scene, Study, StudyOptions, laid_out
 from ..studies.costs import Effort, usual_efforts
 from ..studies.seat_rows import SeatMap
-from ..topography import Conditioning, Continuation, Overlap
+from ..topography import Conditioning, Continuation, Overlap, Topography
 from ..windows import Partition
 
 #: Memory of the libraries that a run imports [byte].
 START_MEMORY = 0.5e9
 #: Memory that a point of a face takes at least while faces are made, low-passed and resampled [byte].
 _POINT_BYTES = 64
-#: Memory of a link of a drawn seal: its permeabilities at one step and a row of the solver [byte].
-_LINK_BYTES = 8 * 32
+#: Memory of a tile of a drawn seal, with its element and a row of the solver [byte].
+_TILE_BYTES = 4000
 
 
 def check_memory_of_points(key: str, shape: tuple[int, int], places: int = 1) -> None:
@@ -33,22 +36,23 @@ def check_memory_of_points(key: str, shape: tuple[int, int], places: int = 1) ->
     check_memory(key, f"{shape[0]} × {shape[1]} points{together}", prod(shape) * _POINT_BYTES)
 
 
-def check_memory_of_draws(
-    steps: int, seal: tuple[int, int], realisations: int, library_cells: int, paths: int = 1, shape: str = ""
-) -> None:
-    """Raise InputError if drawn seals, their leakages, or the curves of a library do not fit into the free memory.
+def check_memory_of_tiles(layout: Layout, sampling: Sampling, surface: Topography) -> None:
+    """Raise InputError if the tiles of a strip or a ring, about as large as pieces of a face, do not fit into memory."""
+    piece = prod(Cut.of(surface, usual_pieces(surface)).size)
+    if isinstance(layout, AnnularLayout):
+        key, given = "seal", f"a ring {to_text(layout.circumference, 'm', 3)} long"
+        area = layout.circumference * (layout.outer_radius - layout.inner_radius)
+    elif sampling.length is not None:
+        key, given = "stochastic.length", f"a seal {to_text(sampling.length, 'm', 3)} long"
+        area = sampling.length * (sampling.breadth or surface.size[0])
+    else:
+        return
+    tiles = area / piece
+    hint = "; is its unit of length right?" if key == "seal" else ""
+    check_memory(key, f"{given}, of {tiles:.3g} tiles", tiles * _TILE_BYTES, hint)
 
-    shape : of a seal with a length of its own, as text. paths : of pressure, for each of which every library window has
-    its own curve.
-    """
-    windows = f"of {seal[0]} × {seal[1]:.4g} windows"
-    key, given = ("seal", f"{shape}, {windows}") if shape else ("stochastic.length", f"a seal {windows}")
-    check_memory(key, given, prod(seal) * _LINK_BYTES, "; is its unit of length right?" if shape else "")
-    check_memory("stochastic.realisations", realisations, 16 * steps * realisations)
-    check_memory("stochastic.library_cells", library_cells, 48 * steps * library_cells * paths)
 
-
-def check_memory(key: str, given: object, needed: int, hint: str = "") -> None:
+def check_memory(key: str, given: object, needed: float, hint: str = "") -> None:
     """Raise InputError, which names a key and its value and ends with a hint, if so many bytes are not free."""
     if needed > (free := free_memory()):
         expected = f"what fits into the {free / 1e9:.3g} GB of free memory; it takes about {needed / 1e9:.3g} GB{hint}"
@@ -70,14 +74,16 @@ Pair = tuple[int, int]
 
 @dataclass(frozen=True)
 class Prepared:
-    """Input of the studies: the scene, its windows, the sampling of seals; and the history of the surface.
+    """Input of the studies: the scene, its pieces, the sampling of seals; and the history of the surface.
 
+    cells : number of pieces along x1 and x2 of two scales, which divide the grid; pieces : of drawn seals; None without.
     continuation : of the spectrum of the face, None without. methods : to be run. seat : its form, "" where
     it is flat; form : that and its error. warnings : what is not plausible in the case.
     """
 
     scene: Scene
     cells: Pair | None
+    pieces: Pair | None
     sampling: Sampling | None
     conditioning: Conditioning
     overlap: Overlap | None
@@ -102,10 +108,16 @@ class Prepared:
         """Whether two scales take the whole face from the deterministic solution of the same run."""
         return self.methods >= {"deterministic", "two-scale"}
 
+    def options(self, study: Study) -> StudyOptions:
+        """The options of a study."""
+        cells = self.pieces if study.name == "stochastic" else self.cells
+        return StudyOptions(cells, self.sampling, self.shares_face)
+
     @property
-    def options(self) -> StudyOptions:
-        """The options of the studies."""
-        return StudyOptions(self.cells, self.sampling, self.shares_face)
+    def cut_and_tiles(self) -> tuple[Cut, SealTiles]:
+        """The cut of the face, and the tiles of the drawn seals."""
+        assert self.sampling is not None
+        return laid_out(self.scene.surface, self.scene.layout, self.pieces, self.sampling)
 
     def changed(self, change: ModelChange) -> Prepared:
         """The input with a change of the model."""
@@ -116,7 +128,7 @@ class Prepared:
 
     def solve(self, study: Study, mapper: Mapper, known: Mapping[str, Any] | None = None) -> Any:
         """Result of a study; `known` are the results of earlier studies of the same scene by key."""
-        return study.solve(self.scene, self.options, known or {}, mapper)
+        return study.solve(self.scene, self.options(study), known or {}, mapper)
 
     def cost(self, study: Study, efforts: Sequence[Effort] | None = None) -> tuple[float, float]:
         """Expected time on one core [s] and memory [byte] of a study.
@@ -124,7 +136,7 @@ class Prepared:
         efforts : of each load step; usual ones unless given.
         """
         known = usual_efforts(len(self.scene.steps)) if efforts is None else efforts
-        return study.cost(self.scene, self.options, known)
+        return study.cost(self.scene, self.options(study), known)
 
     @property
     def chosen(self) -> dict[str, Any]:
@@ -138,10 +150,10 @@ class Prepared:
             **({"seat": self.seat} if self.seat else {}),
             "solver": scene.solver,
         }
-        if self.cells is not None and self.methods & {"two-scale", "stochastic"}:
+        if self.cells is not None and "two-scale" in self.methods:
             found["cells"] = list(self.cells)
-        if self.sampling is not None:
-            found["sampler"] = self.sampling.sampler
+        if self.pieces is not None:
+            found["pieces"] = list(self.pieces)
         return found
 
     @property
@@ -167,7 +179,7 @@ class Prepared:
 def without_short_waves(prepared: Prepared) -> Scene:
     """The scene without waves shorter than twice the shortest one, on half the points a side.
 
-    Raises InputError: waves longer than the face would be left, or windows of fewer than 8 pixels.
+    Raises InputError: waves longer than the face would be left, or pieces of fewer than 8 pixels.
     """
     scene, wave = prepared.scene, 2 * prepared.conditioning.shortest_wavelength
     surface = scene.surface
@@ -178,7 +190,10 @@ def without_short_waves(prepared: Prepared) -> Scene:
     shape = next_multiple(ceil(surface.shape[0] / 2), m1), next_multiple(ceil(surface.shape[1] / 2), m2)
     if prepared.cells is not None:
         Partition(shape, surface.spacing, prepared.cells)
-    return replace(scene, surface=surface.low_pass(wave).resample(shape))
+    smooth = surface.low_pass(wave).resample(shape)
+    if prepared.pieces is not None:
+        Cut.of(smooth, prepared.pieces)
+    return replace(scene, surface=smooth)
 
 
 def next_multiple(n: int, of: int) -> int:

@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from .choices import FLUID_PRESSURES, NOMINALS
     from .deterministic import DeterministicResult, deterministic
     from .other_fluid import FluidState, OtherLeakage, drop_ratio
-    from .sampling import Sampling, lay_out_tiles
+    from .sampling import Sampling, laid_out, lay_out_tiles
     from .scene import Scene
     from .stochastic import cut_and_tiles, stochastic
     from .stochastic_result import StochasticResult

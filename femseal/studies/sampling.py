@@ -3,10 +3,11 @@
 from dataclasses import KW_ONLY, dataclass, field, replace
 
 from ..base import validate
-from ..face.pieces import Cut
+from ..face.pieces import Cut, usual_pieces
 from ..seal.layouts import Layout
 from ..seal.pressure_map import AnyMap, Uniform, is_uniform
 from ..seal.tiles import PieceSize, SealTiles
+from ..topography import Topography
 from .seat_rows import SeatMap
 
 
@@ -52,3 +53,20 @@ def lay_out_tiles(layout: Layout, cut: Cut, sampling: Sampling) -> SealTiles:
     if tiles.in_place and not is_uniform(sampling.pressure_map):
         return replace(tiles, in_place=False)
     return tiles
+
+
+def laid_out(
+    surface: Topography, layout: Layout, pieces: tuple[int, int] | None, sampling: Sampling
+) -> tuple[Cut, SealTiles]:
+    """The cut of a face into pieces along x1 and x2, and the tiles of the seal, each as large as a piece.
+
+    pieces : None: as many as suit the seal, see `face.pieces.usual_pieces`.
+
+    Raises InputError: pieces that are too small; see `seal.layouts.Layout.lay_out`.
+    """
+    cut = Cut.of(surface, pieces or usual_pieces(surface, in_place=True))
+    tiles = lay_out_tiles(layout, cut, sampling)
+    if pieces is None and not tiles.in_place:
+        cut = Cut.of(surface, usual_pieces(surface))
+        tiles = lay_out_tiles(layout, cut, sampling)
+    return cut, tiles

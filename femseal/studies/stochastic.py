@@ -10,7 +10,7 @@ import numpy as np
 
 from ..base import Array, FemsealError, Indices, Mapper, Stage
 from ..face.curves import PieceCurves
-from ..face.pieces import MOST_RATIO, Cut, usual_pieces
+from ..face.pieces import MOST_RATIO, Cut
 from ..flow.permeability_table import tabulated
 from ..seal.tiles import SealTiles
 from ..windows import Failed, SolverCounts, attempt
@@ -20,7 +20,7 @@ from .face_contact import band_breadth
 from .face_leakage import FEWEST, PlaceLeakage
 from .load_curves import least_counted
 from .piece_states import FacePieces, along_paths, ladder_of, pieces_at_loads, pieces_on_ladder
-from .sampling import Sampling, lay_out_tiles
+from .sampling import Sampling, laid_out
 from .scene import Scene, scene_warnings
 from .seat_rows import SeatMap, SeatRows, distinct_paths, pressure_fractions, seat_rows
 from .stochastic_result import MedianSeal, StochasticResult, nearest_to_median
@@ -109,12 +109,7 @@ def cut_and_tiles(scene: Scene, cells: tuple[int, int] | None, sampling: Samplin
 
     Raises InputError: see `stochastic`.
     """
-    cut = Cut.of(scene.surface, cells or usual_pieces(scene.surface, in_place=True))
-    tiles = lay_out_tiles(scene.layout, cut, sampling)
-    if cells is None and not tiles.in_place:
-        cut = Cut.of(scene.surface, usual_pieces(scene.surface))
-        tiles = lay_out_tiles(scene.layout, cut, sampling)
-    return cut, tiles
+    return laid_out(scene.surface, scene.layout, cells, sampling)
 
 
 @dataclass(frozen=True, eq=False)
