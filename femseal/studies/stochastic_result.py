@@ -28,7 +28,7 @@ class MedianSeal(Shown):
     outlines : corners of the parts (parts, corners, 2) [m]. permeability, fluid_pressure : (steps, parts), NaN at steps
         that failed, and the fluid pressure also in pockets.
     flux : volume rate per width at the fluid's reference density, in the plane of the seal (steps, parts, 2).
-    pressure : mean contact pressure of the windows of every part (steps, parts).
+    pressure : mean contact pressure of the tile of every part (steps, parts).
     """
 
     realisation: int
@@ -39,7 +39,7 @@ class MedianSeal(Shown):
     fluid_pressure: Array = declared("drawn_fluid_pressure", "Pa", "fluid pressure, median realisation", PART)
     flux: Array = declared("drawn_flux", "m^2/s", "flow per width, median realisation", PART_VECTOR)
     pressure: Array | None = declared(
-        "drawn_window_pressure", "Pa", "contact pressure of windows, median realisation", PART, default=None
+        "drawn_contact_pressure", "Pa", "contact pressure of tiles, median realisation", PART, default=None
     )
 
 
