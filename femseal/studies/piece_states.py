@@ -170,7 +170,7 @@ def ladder_of(paths: Array, steps: LoadProgramme, elastic: bool) -> LoadProgramm
     its peaks are among those of the paths.
     """
     peak = local_peaks(paths, steps)
-    down = (paths > 0) & (paths < peak) & (not elastic)
+    down = (paths < peak) & (not elastic)
     highest, lowest = float(paths.max()), float(paths.min())
     peaks = _chosen_peaks(peak[down])
     first = np.cbrt(max(lowest, 0.0) / highest) if highest > 0 else 0.0
