@@ -83,8 +83,8 @@ def test_independent_tiles_have_the_mean_of_the_logarithm():
         found.append(np.log([one.lower, one.conductance, one.upper]))
     lower, value, upper = np.median(found, axis=0)
     assert abs(value) < 3 * 1.25 * np.std(found, axis=0)[1] / 5
-    assert lower < -0.3
-    assert upper > 0.3
+    assert lower < -0.2
+    assert upper > 0.2
 
 
 @pytest.mark.parametrize("triangles", [False, True])
