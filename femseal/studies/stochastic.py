@@ -118,8 +118,8 @@ class _Supply:
 
     k : (pressures, 2, steps, paths, pieces) [m³], at each of the fluid pressures. pressures : of the fluid [Pa].
     piecewise : see `flow.PermeabilityTable`. path : number of the path of the pressure of every tile (tiles,).
-    paths : nominal pressure along each path (steps, paths) [Pa]. relief : see `_relief`.
-    most : largest ratio of the leakage of a seal to that of the face, or its inverse.
+    paths : nominal pressure along each path (steps, paths) [Pa]. unsolved : steps without a gap by number, and why.
+    in_place : pieces stay in the rows of the face.
     """
 
     pieces: FacePieces
@@ -182,7 +182,8 @@ def _supply(
 def _table_pressures(scene: Scene) -> tuple[tuple[float, ...], bool]:
     """Fluid pressures [Pa] at which permeabilities are needed, and whether ln k is linear between them."""
     drop, fluid = scene.flow.drop, scene.acting_fluid
-    if fluid is None or drop.law.depends_on_pressure or getattr(scene.layout, "inlet_pressures", {}):
+    even = fluid is None or fluid.inlet == fluid.outlet
+    if even or drop.law.depends_on_pressure or getattr(scene.layout, "inlet_pressures", {}):
         return tuple(drop.pressures), False
     # ln k is nearly straight in the cube root of the pressure that the fluid leaves to the pieces
     full = max(min((p for p in scene.steps.pressures if p > 0), default=0.0), fluid.inlet, fluid.outlet)
@@ -225,7 +226,7 @@ def _drawn(
 
 def _needed(leakage: Array, scatter: Array, in_place: bool) -> int:
     """Number of seals whose median has the standard error that is wanted, at all steps that count."""
-    median = np.nanmedian(leakage, axis=0)
+    median = _medians(leakage)
     width = half_width("in place" if in_place else "anywhere", leakage=median, scatter=scatter)
     counts = (np.abs(median) > least_counted(median)) & np.isfinite(width)
     with np.errstate(divide="ignore", invalid="ignore"):
@@ -233,6 +234,12 @@ def _needed(leakage: Array, scatter: Array, in_place: bool) -> int:
     wanted = (_MEDIAN_ERROR * spread / (PART_OF_BAND * width[counts])) ** 2
     most = float(np.max(wanted[np.isfinite(wanted)], initial=0.0))
     return int(np.clip(np.ceil(most), FEWEST_SEALS, MOST_SEALS))
+
+
+def _medians(leakage: Array) -> Array:
+    """Median of the realisations that did not fail, at every step (steps,); NaN where all failed."""
+    known = [column[np.isfinite(column)] for column in leakage.T]
+    return np.array([np.median(column) if column.size else np.nan for column in known])
 
 
 def _stream(seed: int, realisation: int) -> np.random.Generator:
@@ -332,6 +339,6 @@ def _places(scene: Scene, supply: _Supply, leakage: Array) -> PlaceLeakage | Non
         every = [PieceCurves(pieces.steps, q).along(nominal, scene.steps)[:, 0] for q in (face, *places)]
         face, places = every[0], np.array(every[1:])
     with np.errstate(divide="ignore", invalid="ignore"):
-        scale = np.where(face > 0, np.nanmedian(leakage, axis=0) / face, 1.0)
+        scale = np.where(face > 0, _medians(leakage) / face, 1.0)
     count = len(places) // (2 if len(places) >= 2 * FEWEST else 1)
     return PlaceLeakage(scale * places[:count], scale * places[count:] if count >= FEWEST else None)
