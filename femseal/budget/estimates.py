@@ -14,10 +14,10 @@ from scipy.special import bdtr, stdtrit
 from ..base import counted
 from ..loads import LoadProgramme
 from ..studies import Scene, StochasticResult
+from ..studies.drawn_error import count_scenes, decades, half_width
 from ..studies.scene import Array
 from ..topography.seat import ScaledSeat, Seat
 from .changes import LEAST_SLOPE, CoarserSolution, load_sensitivity, on_all_steps, part_of_changes, scale_of_changes
-from ..studies.drawn_error import count_scenes, decades, half_width
 from .error_parts import MODEL_PARTS, ErrorPart
 
 #: Fraction of the cases that a band holds, and the number of standard deviations of a normal number for it.
@@ -221,5 +221,3 @@ def effective_pressure_part(scene: Scene, study: Any) -> ErrorPart | None:
     loads = np.maximum(study.steps.pressures, abs(fluid.carried))
     effect = load_sensitivity(study.steps, q) * np.abs(fluid.carried) / np.where(loads > 0, loads, 1.0)
     return part_of_changes("effective pressure", study.steps, q, 0.5 * effect, 0.2 * effect, note)
-
-

@@ -231,7 +231,7 @@ def _odd_filter(case: Case, scene: Scene, surface: Conditioning) -> Iterator[str
             remedy = f"leave out {keys}"
         elif limited:
             most = " × ".join(map(str, place.shape))
-            remedy += f' (unasked no more than {most} are taken)'
+            remedy += f" (unasked no more than {most} are taken)"
         yield (
             f"the low-pass at {kept} removes {surface.lost_slope:.0%} of the rms slope of the face, whose waves down "
             f"to {measured} stand above noise: leakage may be off by factors; to keep them {remedy}"

@@ -42,9 +42,7 @@ Version = TypeVar("Version", bound=Hashable)
 
 def coarser_points(points: Pair, pieces: Pair | None = None) -> Pair | None:
     """Half the points a side, or as few more as pieces ask for; None where that shows nothing."""
-    wanted = [
-        max(ceil(COARSENING * n), FEWEST_POINTS * m) for n, m in zip(points, pieces or (1, 1), strict=True)
-    ]
+    wanted = [max(ceil(COARSENING * n), FEWEST_POINTS * m) for n, m in zip(points, pieces or (1, 1), strict=True)]
     if wanted[0] * wanted[1] > MOST_POINTS_FRACTION * points[0] * points[1]:
         return None
     return wanted[0], wanted[1]

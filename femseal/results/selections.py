@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -26,23 +26,29 @@ def branch_text(unloaded_from: float | None) -> str:
     return f"unloading from {to_text(unloaded_from, 'Pa')}"
 
 
-def load_names(data: xarray.Dataset) -> list[str]:
-    """Branch and load of every step for people; forces of a case stand before their nominal pressures."""
-    pressure = data["nominal_pressure"].values
+def loads_as_given(data: xarray.Dataset, digits: int = 4) -> Callable[[float], str]:
+    """Nominal pressures [Pa] as text for people; forces of a case stand before them."""
     table = json.loads(data.attrs.get("case", "{}")).get("load", {})
     loads = [str(load).split() for key in ("loading", "unload_from") for load in table.get(key) or ()]
     unit = loads[0][1] if loads and len(loads[0]) > 1 else ""
+    highest = float(data["nominal_pressure"].values.max())
 
     def text(p: float) -> str:
-        nominal = to_text(p, "Pa")
+        nominal = to_text(p, "Pa", digits)
         if not unit:
             return nominal
-        load = max(float(number) for number, _ in loads) * p / float(pressure.max())
-        return f"{f'{load / 1e3:.4g} N/mm' if unit == 'N/m' else to_text(load, unit)} ({nominal})"
+        load = max(float(number) for number, _ in loads) * p / highest
+        return f"{f'{load / 1e3:.{digits}g} N/mm' if unit == 'N/m' else to_text(load, unit, digits)} ({nominal})"
 
+    return text
+
+
+def load_names(data: xarray.Dataset) -> list[str]:
+    """Branch and load of every step for people, see `loads_as_given`."""
+    text = loads_as_given(data)
     return [
         f"loading {text(p)}" if np.isnan(peak) else f"unloading {text(p)} from {text(peak)}"
-        for p, peak in zip(pressure, data["unloaded_from"].values, strict=True)
+        for p, peak in zip(data["nominal_pressure"].values, data["unloaded_from"].values, strict=True)
     ]
 
 

@@ -10,8 +10,6 @@ from dataclasses import dataclass, replace
 from math import log1p, log2
 from statistics import mean
 
-import numpy as np
-
 from ..base import validate
 from ..seal.pressure_map import is_uniform
 from ..seal.tiles import SealTiles

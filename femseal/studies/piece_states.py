@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from ..base import Array, Mapper, Stage
 from ..contact import LoadState
 from ..face.curves import PieceCurves, local_peaks
-from ..face.pieces import Cut, PieceState, branches, factors
+from ..face.pieces import Cut, PieceState, factors
 from ..flow.permeability_table import tabulated
 from ..loads import LoadProgramme, LoadStep
 from ..seal import RectangularSeal
