@@ -267,15 +267,15 @@ class Solver:
         scene.check_one_place("lay", "turned", "as measured")
         surface = scene.surface
         turned = replace(scene, surface=Topography(np.ascontiguousarray(surface.heights.T), surface.spacing[::-1]))
-        counts = {
-            name: value and value[::-1] for name, value in (("cells", prepared.cells), ("pieces", prepared.pieces))
-        }
+        cells, pieces = (None if count is None else count[::-1] for count in (prepared.cells, prepared.pieces))
         sampling = prepared.sampling
         # other shapes than strips have a breadth of their own, and no length is given
         strip = sampling is not None and sampling.length is not None
         if sampling is not None and strip and sampling.breadth is None:
             sampling = replace(sampling, breadth=surface.size[0])
-        study = self._solved("face turned by 90°", turned, replace(prepared, sampling=sampling, **counts))
+        study = self._solved(
+            "face turned by 90°", turned, replace(prepared, cells=cells, pieces=pieces, sampling=sampling)
+        )
         # leakage goes with one over the breadth
         factor = _breadth(study, turned) / self._breadth
         how = "solved again with the face turned by 90°"

@@ -44,7 +44,8 @@ def prepare(case: Case) -> Prepared:
         sampling, size, broader = _seals(case, surface, layout, face.pieces)
         formed, seat = _with_seat(case, surface, broader)
         scene = _scene(case, formed, layout, size)
-        pieces, doubts = None, ()
+        pieces: Pair | None = None
+        doubts: tuple[str, ...] = ()
         if sampling is not None:
             sampling, pieces, doubts = _under_map(case, scene, sampling, face.pieces, size, broader)
         methods = frozenset(case.methods)

@@ -37,7 +37,7 @@ def check_memory_of_points(key: str, shape: tuple[int, int], places: int = 1) ->
 
 
 def check_memory_of_tiles(layout: Layout, sampling: Sampling, surface: Topography) -> None:
-    """Raise InputError if the tiles of a strip or a ring, about as large as pieces of a face, do not fit into memory."""
+    """Raise InputError if the tiles of a strip or a ring, as large as pieces of a face, do not fit into memory."""
     piece = prod(Cut.of(surface, usual_pieces(surface)).size)
     if isinstance(layout, AnnularLayout):
         key, given = "seal", f"a ring {to_text(layout.circumference, 'm', 3)} long"
@@ -76,8 +76,8 @@ Pair = tuple[int, int]
 class Prepared:
     """Input of the studies: the scene, its pieces, the sampling of seals; and the history of the surface.
 
-    cells : number of pieces along x1 and x2 of two scales, which divide the grid; pieces : of drawn seals; None without.
-    continuation : of the spectrum of the face, None without. methods : to be run. seat : its form, "" where
+    cells : number of pieces along x1 and x2 of two scales, which divide the grid; pieces : of drawn seals; None
+    without. continuation : of the spectrum of the face, None without. methods : to be run. seat : its form, "" where
     it is flat; form : that and its error. warnings : what is not plausible in the case.
     """
 

@@ -37,8 +37,8 @@ def measure_accuracy(
 ) -> AccuracyReport:
     """Speed against error for a case: time and error with coarser pixels, of the whole face and of drawn seals.
 
-    The scene is solved on its own grid and on two coarser ones of the same surface. Errors are factors of leakage, see `leakage_factor`, against the deterministic
-    solution on the scene's own grid.
+    The scene is solved on its own grid and on two coarser ones of the same surface. Errors are factors of leakage, see
+    `leakage_factor`, against the deterministic solution on the scene's own grid.
     Every solution has its error budget, from itself on half the points a side; the cheapest whose measured error and
     budget are within the accuracy of the case, 10 % unless given, is recommended.
 

@@ -146,6 +146,8 @@ def _candidates(prepared: Prepared) -> Iterator[tuple[Variant, str]]:
     grids = [*dict.fromkeys(grid_points(points, -n, prepared.cells) for n in HALVINGS)]
     for grid in grids:
         yield Variant("deterministic", grid), ""
-    for grid in grids if pieces is not None else ():
+    if pieces is None:
+        return
+    for grid in grids:
         few = min(n // m for n, m in zip(grid, pieces, strict=True)) < FEWEST_POINTS
         yield Variant("stochastic", grid, pieces), f"pieces of fewer than {FEWEST_POINTS} points" if few else ""

@@ -80,7 +80,7 @@ def coarser_solutions(
 
 
 def route(prepared: Prepared, study: Study) -> Study:
-    """The study that has the same contact and flow as another one on a coarser grid: that of the face for two scales."""
+    """The study with the contact and flow of another one on a coarser grid: that of the face for two scales."""
     return STUDIES["deterministic"] if study.name == "two-scale" else study
 
 
