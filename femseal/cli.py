@@ -150,8 +150,6 @@ def run(
         typer.echo(f"part {part}: all parts are done; `{again} --resume` writes the results")
     elif results is not None and not quiet:
         print_table(results.table())
-        if "seal_length" in results.dataset.coords:
-            print_table(results.lengths_table())
         if results.attempts is not None:
             print_table(results.attempts_table())
         if sys.stderr.isatty():  # without a terminal, the log lines say it
@@ -190,7 +188,7 @@ def export(
     field: Annotated[
         str, typer.Option(help='Over the pixels of the face: "gap", "contact_pressure" or "fluid_pressure".')
     ] = "gap",
-    cell: Annotated[tuple[int, int] | None, option("Window, counted from 0 along x1 and x2.", "the face")] = None,
+    piece: Annotated[tuple[int, int] | None, option("Piece, counted from 0 along x1 and x2.", "the face")] = None,
     window: Annotated[
         tuple[str, str, str, str] | None,
         option('Part of the face: x1 from and to, x2 from and to, as "0 mm" "1 mm" "2 mm" "3 mm".', "the face"),
@@ -204,7 +202,7 @@ def export(
     if window is not None:
         a, b, c, d = (to_si(text, "m", "window") for text in window)
         ends = a, b, c, d
-    for path in open_results(folder).export(output, step=step, field=field, cell=cell, window=ends):
+    for path in open_results(folder).export(output, step=step, field=field, piece=piece, window=ends):
         typer.echo(path)
 
 

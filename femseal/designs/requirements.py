@@ -68,14 +68,17 @@ class Seals:
     ) -> Seals:
         """Seals of leakages of any direction, inf where one is not known; those that failed at a step are left out.
 
-        Loads below all whose leakage is known, as those that the fluid carries alone, are taken for open.
+        Loads below all of their branch whose leakage is known, as those that the fluid carries alone, are taken for
+        open. A fluid opens a face that is unloaded at another load than one that is pressed for the first time.
 
         lower, upper : ends of the band over the leakage (steps,). opened : least upper end (steps,) [m²/s].
         """
         size = np.abs(np.atleast_2d(np.asarray(leakage, dtype=float)))
         known, pressures = ~np.isnan(size).all(axis=0), np.asarray(steps.pressures)
-        if known.any():
-            size[:, pressures < pressures[known].min()] = inf
+        for peak in {step.unloaded_from for step in steps} if known.any() else ():
+            own = np.array([step.unloaded_from == peak for step in steps])
+            lowest = pressures[own & known].min(initial=inf if peak is None else peak)
+            size[:, own & (pressures < lowest)] = inf
         size = size[~np.isnan(size).any(axis=1)]
         with np.errstate(invalid="ignore"):
             low, high = (np.where(size == 0, 0.0, size * factor) for factor in (lower, upper))

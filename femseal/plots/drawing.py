@@ -120,7 +120,7 @@ STYLES: tuple[tuple[str, Any, str], ...] = (
     ("#000000", (0, (8, 2)), "P"),
 )
 GREY = "#666666"
-#: Colour of places without a value on a map: contact, closed windows.
+#: Colour of places without a value on a map: contact, closed pieces.
 CLOSED = "#B0B0B0"
 #: Colour of pockets, apart from all colours of the map of fluid pressure, in whose middle is grey.
 POCKET = "#FFFFFF"

@@ -86,7 +86,7 @@ class DrawnSeal:
 def drawn_figure(data: xarray.Dataset, s: int) -> Figure:
     """The whole seal, with fluid pressure and permeability, and the surroundings of its largest flux in detail.
 
-    The detail adds the flux, as arrows and by its size, and the contact pressure of the windows, where it is not the
+    The detail adds the flux, as arrows and by its size, and the contact pressure of the tiles, where it is not the
     same everywhere. Long or fine seals are shown in detail alone, and the title says which part of them; so are short
     ones, whose detail is the whole seal.
     """
@@ -98,8 +98,8 @@ def drawn_figure(data: xarray.Dataset, s: int) -> Figure:
     factor, unit = leakage_unit(flow.max()) if flow.max() > 0 else (1.0, "m²/s")
     rows = [[(view, fluid), (view, k)] for view in whole]
     rows.append([(detail, fluid), (detail, _Panel(f"flux [{unit}]", flow / factor, "magma", _FLUX_DECADES))])
-    if "drawn_window_pressure" in data and np.ptp(p := data["drawn_window_pressure"].values[s]) > 1e-6 * p.max():
-        contact = _Panel("contact pressure of windows [MPa]", p / 1e6, "viridis")
+    if "drawn_contact_pressure" in data and np.ptp(p := data["drawn_contact_pressure"].values[s]) > 1e-6 * p.max():
+        contact = _Panel("contact pressure of tiles [MPa]", p / 1e6, "viridis")
         # the whole of a seal shows a map, a long strip without its proportions
         mapped = _has_map(data) and len(corners) <= _MOST and not detail.spans(seal)
         wide = seal.all if mapped else detail

@@ -13,7 +13,7 @@ import numpy as np
 from ..base import Array
 from ..base.leak_rates import leakage_unit
 from ..results.results import Results
-from ..results.selections import Steps, branches, pressures_and_peaks
+from ..results.selections import Steps, branches, force_scale, pressures_and_peaks
 from ..results.tables import leakage_of
 from ..studies import DeterministicResult, StochasticResult, TwoScaleResult
 from .drawing import GREY, LEGEND_LINE, LINES, Sheet, branch_styles, decades, legend_below, load_axis, one_panel, shows
@@ -38,12 +38,11 @@ class LeakageCurves:
     """Leakages per length of seal over a cycle [m²/s] that are drawn together.
 
     pressure, peaks : of the steps [Pa], see `branches`. leakage, title : the main curve and its name.
-    band, band_together : lower and upper ends over realisations, and over realisations with the error of the library.
-    error : lower and upper end of the band of error.
-    quantiles : lower and upper one of the bands. mean : thin and dotted. others : single markers, by method.
+    band : lower and upper quantile of the realisations, which `quantiles` names.
+    error : lower and upper end of the band of error. mean : thin and dotted. others : single markers, by method.
     notes : added to the axis. limits : of leakage classes, by their name.
     scale : the leakage that is 1 on the axis, and the axis's name with its unit; a readable unit for all curves that
-    are drawn together, unless all of them ask for the same.
+    are drawn together, unless all of them ask for the same. force : see `force_scale`.
     """
 
     pressure: Array
@@ -51,7 +50,6 @@ class LeakageCurves:
     leakage: Array
     title: str
     band: tuple[Array, Array] | None = None
-    band_together: tuple[Array, Array] | None = None
     error: tuple[Array, Array] | None = None
     quantiles: tuple[float, float] = (0.05, 0.95)
     mean: Array | None = None
@@ -59,12 +57,12 @@ class LeakageCurves:
     notes: tuple[str, ...] = ()
     scale: tuple[float, str] | None = None
     limits: dict[str, float] = field(default_factory=dict)
+    force: tuple[str, float] | None = None
 
     @property
     def drawn(self) -> list[Array]:
         """All leakages that are drawn."""
-        ends = [end for band in (self.band, self.band_together) if band is not None for end in band]
-        return [self.leakage, *ends, *([] if self.mean is None else [self.mean]), *self.others.values()]
+        return [self.leakage, *(self.band or ()), *([] if self.mean is None else [self.mean]), *self.others.values()]
 
 
 def leakage_panel(axes: Axes, *several: LeakageCurves) -> list[Any]:
@@ -90,11 +88,24 @@ def leakage_panel(axes: Axes, *several: LeakageCurves) -> list[Any]:
     axes.grid(alpha=0.25, lw=0.6)
     if len(several) == 1:
         limit_lines(axes, {name: limit / factor for name, limit in several[0].limits.items()})
+        if force := several[0].force:
+            _force_axis(axes, *force)
     if len(several) > 1:
         for curves in several:
             for handle in handles[id(curves)]:
                 handle.set_label(f"{curves.title}, {handle.get_label()}")
     return [*(handle for curves in several for handle in handles[id(curves)]), *_other_handles(several)]
+
+
+def _force_axis(axes: Axes, unit: str, factor: float) -> None:
+    """A second axis above, with the forces at the nominal pressures that have labels."""
+    above = axes.twiny()
+    above.set(xscale=axes.get_xscale(), xlim=axes.get_xlim())
+    above.set_xlabel(f"force [{unit}]")
+    low, high = axes.get_xlim()
+    ticks = [tick for tick in axes.get_xticks() if low <= tick <= high]
+    above.set_xticks(ticks, labels=[f"{factor * 1e6 * tick:.3g}" for tick in ticks])
+    above.set_xticks([], minor=True)
 
 
 def _near_ends(drawn: Array, several: Sequence[LeakageCurves]) -> Array:
@@ -139,13 +150,8 @@ def _branch(
     """Draw one branch; returns its main line."""
     colour, line, marker = style
     x, y = curves.pressure[steps] / 1e6, np.abs(curves.leakage[steps]) / factor
-    for band, alpha in ((curves.band_together, 0.09), (curves.band, 0.2)):
-        if band is not None:
-            leakage_band(axes, x, band[0][steps] / factor, band[1][steps] / factor, floor, colour, alpha)
-    if curves.band_together is not None:
-        for end in curves.band_together:
-            edge = np.abs(end[steps]) / factor
-            axes.plot(x, np.where(edge > 0, edge, np.nan), color=colour, ls=(0, (1, 3)), lw=0.8)
+    if curves.band is not None:
+        leakage_band(axes, x, *(end[steps] / factor for end in curves.band), floor, colour, 0.2)
     if curves.mean is not None:
         mean = np.abs(curves.mean[steps]) / factor
         axes.plot(x, np.where(mean > 0, mean, np.nan), color=colour, ls=":", lw=1.1)
@@ -224,9 +230,6 @@ def _other_handles(several: Sequence[LeakageCurves]) -> list[Any]:
     low, high = (100 * q for q in several[0].quantiles)
     if any(curves.band is not None for curves in several):
         handles.append(Patch(color=GREY, alpha=0.35, lw=0, label=f"between seals, {low:g} – {high:g} %"))
-    if any(curves.band_together is not None for curves in several):
-        label = "the same with the\nerror of the library"
-        handles.append(Patch(fc="#EFEFEF", ec=GREY, ls=(0, (1, 3)), lw=0.8, label=label))
     if any(curves.mean is not None for curves in several):
         handles.append(Line2D([], [], color=GREY, ls=":", lw=1.1, label="mean of realisations"))
     if any(curves.error is not None for curves in several):
@@ -249,7 +252,7 @@ def _curves_figure(curves: LeakageCurves, ax: Axes | None, label: str | None) ->
         entries = 3 + len(branches(curves.pressure, curves.peaks)) + extra + (curves.error is not None)
         below = LEGEND_LINE * ceil(entries / 2)
         sheet, right = Sheet([4.2 + below]), 1.1 if curves.limits else 0.65
-        margins = replace(LINES, left=1.0, right=right, top=0.15, bottom=0.7 + below)
+        margins = replace(LINES, left=1.0, right=right, top=0.55 if curves.force else 0.15, bottom=0.7 + below)
         legend_below(sheet.figure, leakage_panel(sheet.panel(0, 0, margins), curves), title=curves.title)
         return sheet.figure
     several, artists = _SHARED.setdefault(ax, ([], []))
@@ -276,17 +279,13 @@ def study_figure(
 
 @shows(StochasticResult)
 def realisations_figure(study: StochasticResult, ax: Axes | None = None, label: str | None = None) -> Figure:
-    """Median of the leakage against nominal pressure, with the bands from 5 to 95 %."""
+    """Median of the leakage against nominal pressure, with the band from 5 to 95 % where there are enough seals."""
     low, high = 0.05, 0.95
-    together = None
-    if study.leakage_resampled is not None:
-        together = study.quantile(low, resampled=True), study.quantile(high, resampled=True)
     curves = LeakageCurves(
         *pressures_and_peaks(study.steps),
         study.quantile(0.5),
         "median of realisations",
-        band=(study.quantile(low), study.quantile(high)),
-        band_together=together,
+        band=None if study.too_few(low, high) else (study.quantile(low), study.quantile(high)),
         quantiles=(low, high),
         mean=_apart(study.mean, study.quantile(0.5)),
     )
@@ -297,8 +296,8 @@ def realisations_figure(study: StochasticResult, ax: Axes | None = None, label: 
 def leakage_figure(results: Results, ax: Axes | None = None, label: str | None = None) -> Figure:
     """Size of the leakage per length against nominal pressure, log scale; steps without leakage stand in a strip below.
 
-    Bands: between the quantiles of the realisations, and with the error of the library besides; mean thin and dotted.
-    Bars: the band of error.
+    Band: between the quantiles of the realisations; mean thin and dotted. Bars: the band of error. Forces of a case
+    stand on a second axis above.
     `label` names the run in the legend; several runs are drawn together into one `ax`.
     """
     return _curves_figure(leakage_curves(results), ax, label)
@@ -316,8 +315,7 @@ def leakage_curves(results: Results) -> LeakageCurves:
         peaks=data["unloaded_from"].values,
         leakage=results.leakage.values,
         title="median of realisations" if results.method == "median" else results.method,
-        band=_band(data, ""),
-        band_together=_band(data, "_together"),
+        band=_band(data),
         error=None if results.budget is None else (results.budget.lower, results.budget.upper),
         quantiles=(quantiles[0], quantiles[1]),
         mean=_apart(data["leakage_mean"].values, results.leakage.values) if "leakage_mean" in data else None,
@@ -325,6 +323,7 @@ def leakage_curves(results: Results) -> LeakageCurves:
         notes=tuple(notes),
         scale=_scale(results) if data.attrs.get("leakage_unit") else None,
         limits=_limits(results),
+        force=force_scale(data),
     )
 
 
@@ -350,6 +349,5 @@ def _scale(results: Results) -> tuple[float, str]:
     return factor, f"{leakage_of(results).rstrip(',')} [{unit.name}]"
 
 
-def _band(data: xarray.Dataset, end: str) -> tuple[Array, Array] | None:
-    names = f"leakage_lower{end}", f"leakage_upper{end}"
-    return (data[names[0]].values, data[names[1]].values) if names[0] in data else None
+def _band(data: xarray.Dataset) -> tuple[Array, Array] | None:
+    return (data["leakage_lower"].values, data["leakage_upper"].values) if "leakage_lower" in data else None

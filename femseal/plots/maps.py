@@ -65,7 +65,7 @@ def seal_figure(results: RunData, step: int | None = None) -> Figure:
     """Maps of the face at one step: fluid pressure, contact pressure and gap in blocks, and the fall of the pressure.
 
     Of a two-scale study also the fraction of the pressure drop in each piece, and their permeability. Without fields
-    over the face: of the seal drawn from a library that is nearest to the median.
+    over the face: of the drawn seal that is nearest to the median.
 
     step : index of the load step; the highest load that still leaks unless given.
 
@@ -86,7 +86,7 @@ def seal_figure(results: RunData, step: int | None = None) -> Figure:
     panels: list[Callable[..., None]] = [
         partial(_face_map, name=name) for name in ("fluid_pressure", "contact_pressure", "gap")
     ]
-    panels += [fraction_panel, permeability_panel] if "k1" in data else []
+    panels += [fraction_panel, permeability_panel] if "piece_k1" in data else []
     heights = [row] * (len(panels) // 2) + [max(row, 2.9)]
     sheet = Sheet(heights, columns=2, head=0.35)
     for n, draw in enumerate(panels):
@@ -147,7 +147,7 @@ def _gap_panel(axes: Axes, gap: Array, size: tuple[float, float], title: str = "
 
 def fraction_panel(axes: Axes, data: xarray.Dataset, s: int) -> None:
     """Fraction of the pressure drop in each piece at a step."""
-    values = 100 * data["window_drop_fraction"].values[s]
+    values = 100 * data["piece_drop_fraction"].values[s]
     title = "pressure drop in pieces [%]" + ("" if np.isfinite(values).any() else ", no flow")
     map_panel(axes, values, face_size(data), with_closed("magma", POCKET), title, vmin=0)
 
@@ -190,7 +190,7 @@ def permeability_panel(axes: Axes, data: xarray.Dataset, s: int) -> None:
     """Permeability of the pieces along x1 at a step, log scale."""
     from matplotlib import colormaps
 
-    k = data["k1"].values[s]
+    k = data["piece_k1"].values[s]
     shown, scale = on_decades(k, _DECADES)
     label = "permeability of pieces along x1 [m³]; grey: closed" + ("; white: failed" if np.isnan(k).any() else "")
     colours = colormaps["viridis"].with_extremes(under=CLOSED)

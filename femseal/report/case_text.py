@@ -178,28 +178,21 @@ def _surface_text(surface: dict[str, Any]) -> str:
 
 def _method_sentences(results: RunData) -> list[str]:
     """What each method of the run has solved."""
-    data, case = results.dataset, results.case
+    data = results.dataset
     sentences = []
     if "leakage_deterministic" in data:
         sentences.append("Deterministic: contact and flow of the whole face at full resolution.")
-    if "window_pressure" in data:
-        pieces = f"{data.sizes['cell1']} × {data.sizes['cell2']} pieces"
+    pieces = f"{data.sizes['piece1']} × {data.sizes['piece2']} pieces" if "piece1" in data.dims else ""
+    if "piece_pressure" in data:
         sentences.append(f"Two scales: contact and flow of the whole face at full resolution, cut into {pieces}.")
     if "leakage_median" in data:
-        drawn = {name: data.attrs[name] for name in ("sampler",) if name in data.attrs} | case.get("stochastic", {})
-        how = [f"{name} {drawn[name]}" for name in ("sampler", "pressure") if name in drawn]
-        size = int(data.attrs.get("library_windows", data.sizes["library_cell"]))
-        independent = int(data.attrs.get("library_independent", size))
+        where = "which stay in their rows" if data.attrs["tiles_in_place"] else "each at the pressure of its tile"
+        seed = f", seed {data.attrs['seed']}" if "seed" in data.attrs else ""
         sentences.append(
-            f"Stochastic: {counted(data.sizes['realisation'], 'seal')} drawn from {counted(size, 'library window')}"
-            + (f", {independent} of them without overlap" if independent < size else "")
-            + (f" ({', '.join(how)})" if how else "")
-            + (f", seed {data.attrs['seed']}" if "seed" in data.attrs else "")
-            + ". The leakage given is their median."
+            f"Stochastic: {counted(data.sizes['realisation'], 'seal')} of {data.attrs['tiles']}{seed}. Tiles draw from "
+            f"{pieces} of the contact of the whole face in {counted(data.sizes['state'], 'state')}, {where}. The "
+            "leakage given is their median."
         )
-        if "seal_length" in data.coords:
-            lengths = ", ".join(to_text(float(x), "m") for x in data["seal_length"].values[1:])
-            sentences.append(f"Seals of other lengths are drawn from the same library: {lengths}.")
     return sentences
 
 
@@ -239,9 +232,9 @@ def _map_text(data: xarray.Dataset, maps: list[dict[str, Any]]) -> str:
     kinds = " and ".join(dict.fromkeys(_map_kind(one) for one in maps))
     changing = ", which changes with the load" if len(maps) > 1 else ""
     text = f"The contact pressure over the seal follows {kinds}{changing}"
-    if "drawn_window_pressure" in data:
+    if "drawn_contact_pressure" in data:
         s = int(data["nominal_pressure"].values.argmax())
-        pressure = data["drawn_window_pressure"].values[s]
+        pressure = data["drawn_contact_pressure"].values[s]
         ends = (to_text(float(p), "Pa", 3) for p in (np.nanmin(pressure), np.nanmax(pressure)))
         text += f": {' to '.join(ends)} at {data['name'].values[s]}"
     return text + "."
@@ -259,9 +252,9 @@ def _map_kind(one: dict[str, Any]) -> str:
 def pressure_drop_sentences(results: RunData) -> list[str]:
     """Place of the pressure drop at the step of the maps, and the number of pieces that carry half of it."""
     data, sentences = results.dataset, [_steepest_tenth(results)]
-    if "window_drop_fraction" not in data:
+    if "piece_drop_fraction" not in data:
         return sentences
-    fraction = np.sort(data["window_drop_fraction"].values[default_step(data)].ravel())[::-1]
+    fraction = np.sort(data["piece_drop_fraction"].values[default_step(data)].ravel())[::-1]
     if np.isfinite(fraction).all():
         half = int(np.searchsorted(np.cumsum(fraction), 0.5) + 1)
         few = ": few constrictions hold the seal." if half <= 0.05 * fraction.size else "."

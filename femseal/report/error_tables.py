@@ -72,22 +72,14 @@ def scatter_lines(results: RunData) -> Lines:
     if "realisation_spread" in data:
         spread = data["realisation_spread"].values
         deviation("realisations", spread, "one standard deviation between drawn seals")
-        if "library_error" in data:
-            error = data["library_error"].values
-            deviation("finite library", error, "one standard deviation between libraries of this size")
-            deviation("both together", np.hypot(spread, error), "what a seal of this kind may differ from the median")
         fraction = 1.2533 / np.sqrt(data.sizes["realisation"])
         deviation("median", fraction * spread, "standard error of the median; more realisations lower it")
+    if "patch_scatter" in data:
+        meaning = "one standard deviation between redraws as small as the measured patch"
+        deviation("measured patch", data["patch_scatter"].values, meaning)
     if "place_scatter" in data:
         meaning = f"one standard deviation between measured places; {most_leaking_place(results)}"
         deviation("places", np.log1p(data["place_scatter"].values), meaning)
-    if "cut_error" in data:
-        meaning = "half the way from Neumann to Dirichlet cuts; a longer face lowers it"
-        deviation("cuts between runs", data["cut_error"].values, meaning)
-    if "leakage_lower_bound" in data:
-        low, high = (np.median(data[f"leakage_{end}_bound"].values, axis=0) for end in ("lower", "upper"))
-        half = 0.5 * np.log(np.divide(high, low, out=np.full(low.shape, np.nan), where=low != 0))
-        deviation("pixels", half, "half the way between the bounds of the flow through pixels; finer ones lower it")
     pairs = (
         ("median", "leakage_median", "two-scale", "leakage_two_scale"),
         ("median", "leakage_median", "deterministic", "leakage_deterministic"),
@@ -137,9 +129,9 @@ def check_lines(results: RunData) -> Lines:
     lines: Lines = []
     if (rtol := case.get("contact", {}).get("rtol")) is not None:
         lines.append(("contact residual", f"≤ {rtol:.0e}", "of every contact that is not among the failures"))
-    if "window_pressure" in data:
+    if "piece_pressure" in data:
         nominal = data["nominal_pressure"].values
-        carried = data["window_pressure"].values.mean(axis=(1, 2))
+        carried = data["piece_pressure"].values.mean(axis=(1, 2))
         if "fluid_carried_pressure" in data and case.get("load", {}).get("nominal") != "contact":
             carried += data["fluid_carried_pressure"].values
         off = np.abs(carried - nominal)[nominal > 0] / nominal[nominal > 0]
@@ -149,7 +141,7 @@ def check_lines(results: RunData) -> Lines:
         if counts:
             text = ", ".join(f"{n} {kind}" for kind, n in counts.items())
             meaning = "closed ones are exactly 0, open ones follow h̄³/12, equal ones were solved at an earlier step"
-            lines.append((f"flows of windows, {study.replace('_', '-')}", text, meaning))
+            lines.append((f"flows of pieces, {study.replace('_', '-')}", text, meaning))
     for study, solvers in json.loads(data.attrs.get("solvers", "{}")).items():
         meaning = "which solver solved how many; the imbalance is that of inlet and outlet flow"
         lines.append((f"linear systems, {study.replace('_', '-')}", solvers_text(solvers), meaning))

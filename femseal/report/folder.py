@@ -16,7 +16,7 @@ from ..results.dataset import FILE_NAME, save
 from ..results.paraview import NAME as FIELDS
 from ..results.paraview import FieldPlan, plan_fields, write_fields, write_vtk
 from ..results.results import Results
-from ..results.tables import csv_text, has_lengths, lengths_csv, write_workbook
+from ..results.tables import csv_text, write_workbook
 from ..studies.choices import FIELDS_LIMIT
 from ..topography import Topography
 from .page import REPORT_NAME, page_template, write_report
@@ -177,8 +177,6 @@ def _write_for_people(
 ) -> list[Path]:
     """Tables, pictures and report."""
     written = [write_text(folder / "table.csv", csv_text(results)), write_workbook(results, folder / "table.xlsx")]
-    if has_lengths(results):
-        written.append(write_text(folder / "lengths.csv", lengths_csv(results)))
     if not pictures and not report:
         return written
     drawings = draw_all(results, surface)

@@ -31,7 +31,7 @@ from ..results.dataset import FILE_NAME, open_results, unfit
 from ..results.results import Results, as_chosen, attempts_table
 from ..results.run_data import RunData
 from ..results.selections import branches
-from ..results.tables import format_error_band, format_leakage, leakage_of, leakage_table, lengths_table, totals_table
+from ..results.tables import format_error_band, format_leakage, leakage_of, leakage_table, totals_table
 from . import case_text, error_tables, leakage_tables, pictures
 from .leakage_tables import design_section
 
@@ -49,7 +49,7 @@ def write_report(
     """Write one self-contained HTML page about a run: it loads nothing, and prints.
 
     First the verdict on leakage classes, the leakage of the whole seal, its band and what limits it, warnings, and the
-    leakage over load, to be hovered and zoomed; then maps, cells, faces, tables, error budget and the rest. It
+    leakage over load, to be hovered and zoomed; then maps, pieces, faces, tables, error budget and the rest. It
     depends on the dataset alone, so that a page made from a folder equals the one that the run wrote; an
     `accuracy.json` in the folder is added.
 
@@ -127,8 +127,7 @@ def _content(results: Results, drawings: pictures.Drawings) -> dict[str, Any]:
         "test_fluid": leakage_tables.test_fluid_sentences(results),
         "design": design_section(results),
         "method": results.method,
-        "lengths": None,
-        "cells": pictures.cell_pictures(results, drawings) if "cells" in drawings else [],
+        "pieces": pictures.piece_pictures(results, drawings) if "pieces" in drawings else [],
         "drawn": pictures.drawn_picture(results, drawings) if "drawn_corners" in data else None,
         "map_step": "",
         "maps": [],
@@ -146,9 +145,6 @@ def _content(results: Results, drawings: pictures.Drawings) -> dict[str, Any]:
         "machine": flat(json.loads(data.attrs["machine"])),
         "case": flat(as_chosen(results.case, results.attempts)),
     }
-    if "lengths" in drawings:
-        content["lengths"] = pictures.lengths_picture(results, drawings)
-        content["lengths_table"] = lengths_table(results)
     if "drop" in drawings:
         content["map_step"], content["maps"] = pictures.map_pictures(results, drawings)
         content["drop"] = pictures.drop_picture(results, drawings)

@@ -10,8 +10,7 @@ from typing import TYPE_CHECKING, cast
 import numpy as np
 
 from ..base import counted, to_text
-from ..plots import cells_figure, heights_figure, leakage_figure, lengths_figure, seal_figure
-from ..plots.cell_curves import cells_of
+from ..plots import heights_figure, leakage_figure, pieces_figure, seal_figure
 from ..plots.drawing import HEIGHTS, LINES, Drawn, Sheet, drawn, map_row
 from ..plots.drawn_panels import DrawnSeal, drawn_figure, part_text
 from ..plots.heights import height_panel
@@ -24,9 +23,10 @@ from ..plots.maps import (
     place_figure,
     row_panel,
 )
+from ..plots.piece_curves import pieces_of
 from ..results.results import Results
 from ..results.selections import solved_steps
-from ..results.tables import has_lengths, leakage_at, leakage_of
+from ..results.tables import leakage_at, leakage_of
 from ..topography import Topography
 from .error_tables import most_leaking_place
 
@@ -36,7 +36,7 @@ if TYPE_CHECKING:
 
 Array = np.ndarray
 #: Pictures that are files of the folder too, by their name without ending; the page alone has the others.
-FILES = ("surface", "seal", "seat", "place", "drawn", "cells", "leakage", "lengths")
+FILES = ("surface", "seal", "seat", "place", "drawn", "pieces", "leakage")
 Drawings = Mapping[str, Drawn]
 
 
@@ -67,13 +67,12 @@ def _figures(results: Results, surface: Topography | None) -> dict[str, Callable
         "surface": (surface is not None, lambda: heights_figure(cast(Topography, surface))),
         "seal": (maps or drawn_seal, lambda: seal_figure(results)),
         "drawn": (maps and drawn_seal, lambda: drawn_figure(data, s)),
-        "cells": ("library_k" in data or "k1" in data, lambda: cells_figure(results)),
+        "pieces": ("piece1" in data.dims, lambda: pieces_figure(results)),
         "leakage": (True, lambda: leakage_figure(results)),
         "drop": (maps, lambda: _lines_figure(drop_panel, data)),
         "face": ("face_height" in data, lambda: _face_figure(data)),
         "seat": (bool(data.attrs.get("seat")) and "row_pressure" in data, lambda: _lines_figure(row_panel, data)),
         "place": ("place_height" in data, lambda: place_figure(data)),
-        "lengths": (has_lengths(results), lambda: lengths_figure(results)),
     }
     return {name: draw for name, (there, draw) in pictures.items() if there}
 
@@ -126,37 +125,22 @@ def leakage_picture(results: Results, drawings: Drawings) -> Picture:
     caption = "Leakage against nominal pressure, one line and marker for each branch of the load cycle."
     if results.budget is not None:
         caption += " Bars: band of error, which holds the truth in about 95 of 100 cases."
-    if "leakage_lower_together" in results.dataset:
-        caption += " Shaded: scatter between seals, and lighter that with the error of the finite library besides."
+    if "leakage_lower" in results.dataset:
+        caption += " Shaded: scatter between seals."
     return Picture(_uri(drawings["leakage"].whole), alt, caption)
 
 
-def lengths_picture(results: Results, drawings: Drawings) -> Picture:
-    """Leakage over the length of the seal."""
-    lengths = [to_text(float(x), "m") for x in results.dataset["seal_length"].values]
-    alt = f"Median and band of the leakage against the length of the seal: {', '.join(lengths)}. See the table."
-    caption = (
-        "Leakage against the length of the seal, drawn from one library. The band of the realisations narrows as seals "
-        "grow; the error of the library, in the lighter band, stays."
-    )
-    return Picture(_uri(drawings["lengths"].whole), alt, caption)
-
-
-def cell_pictures(results: Results, drawings: Drawings) -> list[Picture]:
-    """Single cells over the cycle; permeability against mean gap, and against pressure."""
-    cells = cells_of(results)
-    shut = np.nanmean(cells.k[:, np.isnan(cells.peaks)][:, -1] == 0)
-    count, top = len(cells.k), to_text(float(np.nanmax(cells.nominal)), "Pa")
-    many = f"{counted(count, 'window')}{cells.origin}"
+def piece_pictures(results: Results, drawings: Drawings) -> list[Picture]:
+    """Permeability of pieces against mean gap, and against pressure."""
+    pieces = pieces_of(results)
+    top = int(np.argmax(np.where(pieces.loading, pieces.nominal, -np.inf)))
+    shut, load = np.nanmean(pieces.k[top] == 0), to_text(float(pieces.nominal[top]), "Pa")
+    many = f"{counted(pieces.k.shape[1], 'piece')} of the face in {counted(len(pieces.k), 'state')}"
     texts = [
         (
-            f"Permeability of a few of {many} against nominal pressure; {shut:.0%} are closed at {top}.",
-            f"Single windows over the cycle, in front of all {many}. At {top} {shut:.0%} of them are closed.",
-        ),
-        (
             f"Permeability of {many} against their mean gap, on loading and unloading, and that of parallel plates.",
-            "Permeability against mean gap: wide windows follow h̄³/12 of parallel plates, narrow ones fall below "
-            "it and close.",
+            f"Permeability of {many} against mean gap: wide ones follow h̄³/12 of parallel plates, narrow ones fall "
+            f"below it and close. At {load} {shut:.0%} of them are closed.",
         ),
         (
             f"Permeability of {many} against their contact pressure: loading in circles, unloading in squares.",
@@ -164,21 +148,21 @@ def cell_pictures(results: Results, drawings: Drawings) -> list[Picture]:
             "plastic deformation that the peak left.",
         ),
     ]
-    return _panels(drawings["cells"], texts)
+    return _panels(drawings["pieces"], texts)
 
 
 def map_pictures(results: Results, drawings: Drawings) -> tuple[str, list[Picture]]:
     """Name of the step of the maps, and maps of the face, and of its pieces, there."""
     data = results.dataset
     s = default_step(data)
-    texts = _face_texts(data, s) + (_piece_texts(data, s) if "k1" in data else [])
+    texts = _face_texts(data, s) + (_piece_texts(data, s) if "piece_k1" in data else [])
     return str(data["name"].values[s]), _panels(drawings["seal"], texts)
 
 
 def _piece_texts(data: xarray.Dataset, s: int) -> list[tuple[str, str]]:
     """Alternative texts and captions of the maps of pieces."""
-    pieces = f"{data.sizes['cell1']} × {data.sizes['cell2']} pieces"
-    fraction, k = data["window_drop_fraction"].values[s], data["k1"].values[s]
+    pieces = f"{data.sizes['piece1']} × {data.sizes['piece2']} pieces"
+    fraction, k = data["piece_drop_fraction"].values[s], data["piece_k1"].values[s]
     most = f"at most {np.nanmax(fraction):.0%} in one" if np.isfinite(fraction).any() else "no flow"
     return [
         (

@@ -71,9 +71,10 @@ def assemble(
     `base.leak_rates`. nominal_diameter : [m], which some of them need.
     throughput_temperature : at which pressure × volume of a gas is stated [K]; its own unless given.
 
-    Returns Results; every variable has `units` and `long_name`. Dimensions: step; realisation; cell1, cell2, pieces by
-    their centres [m]; place1, place2, blocks of the measured place that leaks most; library_cell, library_step; part,
-    corner, plane, parts of the drawn seal nearest to the median; budget_part, sources of error. Attributes hold the
+    Returns Results; every variable has `units` and `long_name`. Dimensions: step; realisation; piece1, piece2, pieces
+    by their centres [m]; state, states of the face that seals are drawn from; place1, place2, blocks of the measured
+    place that leaks most; part, corner, plane, parts of the drawn seal nearest to the median; budget_part, sources of
+    error. Attributes hold the
     case, the surface, versions, machine, wall times, peak memory of the main process, numbers of flows solved or
     known without solving (`counts`), number of linear systems by solver with the worst imbalance of inlet and outlet
     flow (`solvers`), number of steps that are earlier ones again (`equal_steps`), how the errors were estimated
@@ -103,7 +104,7 @@ def assemble(
             variables.add_block_means(data, scene, two_scale)
     if stochastic is not None:
         variables.add_realisations(data, stochastic, quantiles)
-        variables.add_library(data, stochastic.library.curves)
+        variables.add_states(data, stochastic.pieces)
         if (drawn := stochastic.median_seal) is not None:
             variables.add_declared(data, drawn)
             data["drawn_corners"].attrs["realisation"] = drawn.realisation
@@ -133,13 +134,12 @@ def assemble(
             for name, budget in (budgets or {}).items()
         }
     counts = {"two_scale": two_scale.counts.by_kind()} if two_scale is not None else {}
-    counts |= {"library": stochastic.library.counts.by_kind()} if stochastic is not None else {}
+    counts |= {"stochastic": stochastic.pieces.counts.by_kind()} if stochastic is not None else {}
     solvers = {
         name: {"systems": study.solvers.by_solver(), "worst_imbalance": study.solvers.worst_imbalance}
         for name, study in known.items()
     }
-    equal = {name: study.equal_steps for name, study in known.items() if study.equal_steps}
-    few = [text] if stochastic is not None and (text := stochastic.too_few(*quantiles)) else []
+    equal = {name: equal for name, study in known.items() if (equal := getattr(study, "equal_steps", 0))}
     of_studies = (text for study in studies for text in study.warnings)
     seal_size = stochastic.seal.size if stochastic is not None else scene.surface.size
     basis = leak_basis(scene.fluid, float(seal_size[1]), throughput_temperature)
@@ -160,7 +160,7 @@ def assemble(
         "solvers": _json(solvers),
         "equal_steps": _json(equal),
         # every study warns of what is odd in the scene
-        "warnings": _shortened(list(dict.fromkeys([*warnings, *of_studies, *few, *doubts]))),
+        "warnings": _shortened(list(dict.fromkeys([*warnings, *of_studies, *doubts]))),
         "failures": _shortened([text for study in studies for text in study.failures]),
         "versions": _json(versions()),
         "machine": _json(machine()),
@@ -178,9 +178,7 @@ def assemble(
         **basis_attributes(basis),
     }
     if stochastic is not None:
-        library = stochastic.library
-        data.attrs |= {"sampler": stochastic.sampler, "library_windows": library.size}
-        data.attrs["library_independent"] = library.independent
+        data.attrs |= {"tiles": str(stochastic.tiles), "tiles_in_place": int(stochastic.tiles.in_place)}
     variables.add_budgets(data, budgets or {})
     if case and case.get("seed") is not None:
         data.attrs["seed"] = case["seed"]

@@ -39,7 +39,7 @@ def export_field(
     *,
     field: str = "gap",
     step: int | None = None,
-    cell: tuple[int, int] | None = None,
+    piece: tuple[int, int] | None = None,
     window: tuple[float, float, float, float] | None = None,
 ) -> list[Path]:
     """Write the gap, the contact or the fluid pressure over the pixels of the face in SI, in the suffix's format.
@@ -55,7 +55,7 @@ def export_field(
     path : the file; the number of the step is put before the suffix where there are several.
     field : "gap", "contact_pressure", or "fluid_pressure" of a resolved flow, NaN where none flows.
     step : index of the load step; None is all that are stored.
-    cell : window of the study, between its rows of nodes; the whole face unless given.
+    piece : row and column of a piece of the study; the whole face unless given.
     window : instead, a part of the face, x1 from and to, x2 from and to [m]: the pixels whose centres lie between.
 
     Returns
@@ -75,8 +75,8 @@ def export_field(
         raise InputError("output", f"'{path.name}'", f"a file {', '.join(_FORMATS)}")
     if field != "gap" and path.suffix.lower() == ".x3p":
         raise InputError("output", f"'{path.name}' for {field}", "a file .npz, .tif, .vti: an .x3p holds heights only")
-    if window is not None and (cell is not None or not (window[0] < window[1] and window[2] < window[3])):
-        raise InputError("window", window, "x1 from and to, x2 from and to [m], rising, and no cell beside")
+    if window is not None and (piece is not None or not (window[0] < window[1] and window[2] < window[3])):
+        raise InputError("window", window, "x1 from and to, x2 from and to [m], rising, and no piece beside")
     steps = stored_steps(run) if step is None else [step]
     if not steps:
         raise InputError("results", f"no {field} over all pixels", WITH_FIELDS)
@@ -84,7 +84,7 @@ def export_field(
         _check_window(window, *pixels_of_face(run))
     written = []
     for s in steps:
-        values = read_pixels(run, field, s, cell)
+        values = read_pixels(run, field, s, piece)
         if window is not None:
             values = values.sel(x1=slice(*window[:2]), x2=slice(*window[2:]))
         target = path if step is not None else path.with_stem(f"{path.stem}_{s:04d}")

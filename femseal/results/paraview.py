@@ -1,4 +1,4 @@
-"""Files for ParaView: the pieces of the face at every load step, the drawn seal, and the heights.
+"""Files for ParaView: the pieces of the face at every load step or state, the drawn seal, and the heights.
 
 Each piece is a quadrilateral. Coordinates are x = x1, y = x2 in metres. Names of arrays carry the units and have no
 brackets. There are no arrays of texts, because meshio cannot read them.
@@ -22,12 +22,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..base import Array, InputError, Mapper, Stage, made_folder, to_text
-from ..base.fields import PART, PART_VECTOR, PIXEL, READABLE, WINDOW, Field, fields_of
+from ..base.fields import PART, PART_VECTOR, PIECE, PIECE_STATE, PIXEL, READABLE, Field, Place, fields_of
 from ..base.shared_array import give_back
 from ..studies.choices import FORMATS
 from ..topography import Topography
 from . import vtk_files
-from .selections import piece, solved_steps
+from .selections import piece as checked_piece
+from .selections import solved_steps
 from .vtk_files import Cells, Heights, LoadSteps, View, write_hdf, write_series
 
 if TYPE_CHECKING:
@@ -106,7 +107,7 @@ def _scaled(values: Any, scale: float, places: NDArray[np.int64]) -> vtk_files.P
     return at
 
 
-def read_pixels(run: RunData, name: str, step: int, cell: tuple[int, int] | None = None) -> xarray.DataArray:
+def read_pixels(run: RunData, name: str, step: int, piece: tuple[int, int] | None = None) -> xarray.DataArray:
     """A field over the pixels (x1, x2) at one step in SI, read from the folder where it is not in memory.
 
     Of the two-scale study where there is one, else of the deterministic.
@@ -115,7 +116,7 @@ def read_pixels(run: RunData, name: str, step: int, cell: tuple[int, int] | None
     ----------
     name : "gap", "contact_pressure", "fluid_pressure", or another that a study has at the pixels.
     step : index of the load step.
-    cell : piece; the whole face unless given.
+    piece : its row and column; the whole face unless given.
 
     Raises
     ------
@@ -132,7 +133,7 @@ def read_pixels(run: RunData, name: str, step: int, cell: tuple[int, int] | None
         expected = f"one of {', '.join(map(str, at_hand))}" if at_hand else WITH_FIELDS
         raise InputError("step", f"{step}, which has no {name.replace('_', ' ')}", expected)
     made, values, spacing = found
-    rows, columns = _pixels(data, cell, values.shape)
+    rows, columns = _pixels(data, piece, values.shape)
     values = np.asarray(values[rows, columns], np.float64)
     coordinates = {}
     for n, (start, count, d) in enumerate(zip((rows.start, columns.start), values.shape, spacing, strict=True), 1):
@@ -186,12 +187,12 @@ def _from_folder(run: RunData, name: str, step: int) -> tuple[Field, Any, tuple[
     return made, values / made.scale, tuple(image.spacing[:2])
 
 
-def _pixels(data: xarray.Dataset, cell: tuple[int, int] | None, shape: tuple[int, ...]) -> tuple[slice, slice]:
+def _pixels(data: xarray.Dataset, piece: tuple[int, int] | None, shape: tuple[int, ...]) -> tuple[slice, slice]:
     """Pixels of a piece along x1 and x2; all of them without one."""
-    if cell is None:
+    if piece is None:
         return slice(0, shape[0]), slice(0, shape[1])
-    at = piece(data, *cell)
-    sides = (n // data.sizes[name] for n, name in zip(shape, ("cell1", "cell2"), strict=True))
+    at = checked_piece(data, *piece)
+    sides = (n // data.sizes[name] for n, name in zip(shape, ("piece1", "piece2"), strict=True))
     rows, columns = (slice(n * side, (n + 1) * side) for n, side in zip(at, sides, strict=True))
     return rows, columns
 
@@ -209,8 +210,8 @@ def write_vtk(
 ) -> list[Path]:
     """Write the views of results; open the `.pvd` or the `.vtkhdf` files in ParaView.
 
-    run : of a two-scale study: `seal`, the pieces of the face at every step; of a stochastic study: `drawn`, the seal
-    nearest to the median at every step.
+    run : of a two-scale study: `pieces`, those of the face at every step; of a stochastic study: `states`, the pieces
+    in every state of the face, and `drawn`, the seal nearest to the median at every step.
     surface : heights, for `surface` [µm]; None: not written.
     folder : made if needed. Each file is written whole or not at all, a `.pvd` after the files it names.
     file_format : "vtu" (series of `.vtu`), "vtkhdf", "both" or "none".
@@ -225,7 +226,11 @@ def write_vtk(
     if file_format == "none":
         return []
     data = run.dataset.isel(step=solved_steps(run.dataset))
-    views: list[View] = [seal_grid(data)] if "k1" in data else []
+    views: list[View] = [
+        pieces_view(name, data, of, LoadSteps.of(data, dim=of.dims[0]))
+        for name, of, field in (("pieces", PIECE, "piece_k1"), ("states", PIECE_STATE, "state_k1"))
+        if field in data
+    ]
     views += [drawn_cells(data)] if "drawn_corners" in data else []
     views += [] if surface is None else [Heights(surface)]
     target = made_folder(folder)
@@ -241,19 +246,25 @@ def _written(folder: Path, file_format: str, views: list[View]) -> list[Path]:
     return [path.relative_to(folder) for write in writers for view in views for path in write(view, folder)]
 
 
-def seal_grid(data: xarray.Dataset) -> Cells:
-    """Pieces of the face with every field of them."""
-    edges = ((np.arange(data.sizes[name] + 1)) * 2 * float(data[name][0]) for name in ("cell1", "cell2"))
+def pieces_view(name: str, data: xarray.Dataset, place: Place, steps: LoadSteps) -> Cells:
+    """Pieces of the face with every field of a place, at load steps or in states."""
+    edges = []
+    for dim in place.dims[1:]:
+        ends = [0.0]
+        for centre in data[dim].values:
+            ends.append(2 * float(centre) - ends[-1])
+        edges.append(ends)
     x, y = np.meshgrid(*edges, indexing="ij")
     number = np.arange(x.size).reshape(x.shape)
     quads = np.stack([number[:-1, :-1], number[1:, :-1], number[1:, 1:], number[:-1, 1:]], axis=-1)
     cell_data: dict[str, NDArray[Any]] = {}
     for variable in data.data_vars.values():
-        if variable.dims == WINDOW.dims:
+        if variable.dims == place.dims:
             made = Field.of(variable)
-            cell_data[made.array_name] = (variable.values * made.scale).reshape(data.sizes["step"], -1)
+            named = made.array_name.removeprefix("piece_").removeprefix("state_")
+            cell_data[named] = (variable.values * made.scale).reshape(len(steps.index), -1)
     points = np.column_stack([x.ravel(), y.ravel(), np.zeros(x.size)])
-    return Cells("seal", points, quads.reshape(-1, 4), LoadSteps.of(data), {}, cell_data)
+    return Cells(name, points, quads.reshape(-1, 4), steps, {}, cell_data)
 
 
 def drawn_cells(data: xarray.Dataset) -> Cells:

@@ -59,8 +59,7 @@ def attempts_table(found: dict[str, Any]) -> TextTable:
         "method": [each["method"] for each in settings],
         "points": [" × ".join(map(str, attempt["points"])) for attempt in attempts],
         "residual": [f"{each['rtol']:.0e}" for each in settings],
-        "windows": [_windows(each) for each in settings],
-        "library": [_count(attempt["windows"]) for attempt in attempts],
+        "pieces": [_pieces(each) for each in settings],
         "seals": [_count(each["realisations"]) for each in settings],
         "time": [duration(attempt["with_coarse"]) for attempt in attempts],
         "error": [_half_width(attempt) for attempt in attempts],
@@ -80,12 +79,12 @@ def as_chosen(case: dict[str, Any], found: dict[str, Any] | None) -> dict[str, A
     chosen = found["settings"]
     drawn = case.get("stochastic")
     if drawn is not None and chosen["realisations"] is not None and drawn.get("width") is None:
-        drawn = drawn | {key: chosen[key] for key in ("realisations", "library_cells")}
+        drawn = drawn | {"realisations": chosen["realisations"]}
     changed = {"method": chosen["method"], "contact": case["contact"] | {"rtol": chosen["rtol"]}}
     return case | changed | ({} if drawn is None else {"stochastic": drawn})
 
 
-def _windows(settings: dict[str, Any]) -> str:
+def _pieces(settings: dict[str, Any]) -> str:
     if settings["method"] == "deterministic" or settings["cells"] is None:
         return _NONE
     return " × ".join(map(str, settings["cells"]))
@@ -134,12 +133,12 @@ def contents(run: RunData) -> dict[str, str]:
     found["load"] = f"{counted(len(steps), 'step')}: {up} loading{down}" + (
         f"; {between} interpolated" if between else ""
     )
-    cells = [f"{data.sizes['cell1']} × {data.sizes['cell2']} pieces"] if "window_pressure" in data else []
-    if "realisation" in data.sizes:
+    if "piece1" in data.dims:
+        states = f" in {counted(data.sizes['state'], 'state')}" if "state" in data.dims else ""
+        found["pieces"] = f"{data.sizes['piece1']} × {data.sizes['piece2']} of the face{states}"
+    if "realisation" in data.dims:
         drawn = counted(data.sizes["realisation"], "realisation")
-        cells.append(f"{drawn} from {counted(data.sizes['library_cell'], 'library cell')}")
-    if cells:
-        found["cells"] = ", ".join(cells)
+        found["drawn"] = f"{drawn} of {data.attrs['tiles']}"
     if stored := stored_steps(run):
         found["fields"] = f"over all pixels at {len(stored)} of {counted(len(steps), 'step')}"
     for name, texts in (("warnings", run.warnings), ("failures", run.failures)):
@@ -192,7 +191,6 @@ class Results(RunData, Plotted):
     pixels = read_pixels
     rows = tables.rows
     table = tables.leakage_table
-    lengths_table = tables.lengths_table
 
     def loading(self) -> xarray.Dataset:
         """Leakage and all other variables over the steps, on loading, over `nominal_pressure` [Pa]."""
@@ -223,39 +221,26 @@ class Results(RunData, Plotted):
         names = [name for name, variable in self.dataset.data_vars.items() if "step" in variable.dims]
         return self.dataset[names].isel(step=steps).swap_dims(step="nominal_pressure")
 
-    def cell(self, i: int, j: int) -> xarray.Dataset:
-        """Curves of the piece (i, j) over the steps: permeabilities, pressure, mean gap, fraction in contact, drop.
+    def piece(self, i: int, j: int) -> xarray.Dataset:
+        """Curves of the piece (i, j), over the steps of a two-scale study, and over the states that seals draw from.
 
-        Raises InputError: no such piece, or results without a two-scale study.
+        Raises InputError: no such piece, or results without pieces.
         """
         data, (i, j) = self.dataset, piece(self.dataset, i, j)
-        names = [name for name, variable in data.data_vars.items() if variable.dims == ("step", "cell1", "cell2")]
-        return data[names].isel(cell1=i, cell2=j)
+        names = [name for name, variable in data.data_vars.items() if "piece1" in variable.dims]
+        return data[names].isel(piece1=i, piece2=j)
 
-    def library_cell(self, number: int) -> xarray.Dataset:
-        """Curves of a cell of the library over the library's own steps.
-
-        Raises InputError: no such cell, or results without a stochastic study.
-        """
-        data = self.dataset
-        if "library_k" not in data:
-            raise InputError("cell", number, "none: the results have no library, which a stochastic study has")
-        if number not in range(data.sizes["library_cell"]):
-            raise InputError("cell", number, f"0 to {data.sizes['library_cell'] - 1}")
-        names = [name for name, variable in data.data_vars.items() if "library_cell" in variable.dims]
-        return data[names].isel(library_cell=number)
-
-    def gap(self, step: int, cell: tuple[int, int] | None = None) -> xarray.DataArray:
+    def gap(self, step: int, piece: tuple[int, int] | None = None) -> xarray.DataArray:
         """Deformed gap (x1, x2) [m] at one step, see `pixels`."""
-        return self.pixels("gap", step, cell)
+        return self.pixels("gap", step, piece)
 
-    def contact_pressure(self, step: int, cell: tuple[int, int] | None = None) -> xarray.DataArray:
+    def contact_pressure(self, step: int, piece: tuple[int, int] | None = None) -> xarray.DataArray:
         """Contact pressure (x1, x2) [Pa] at one step, see `pixels`."""
-        return self.pixels("contact_pressure", step, cell)
+        return self.pixels("contact_pressure", step, piece)
 
-    def fluid_pressure(self, step: int, cell: tuple[int, int] | None = None) -> xarray.DataArray:
+    def fluid_pressure(self, step: int, piece: tuple[int, int] | None = None) -> xarray.DataArray:
         """Fluid pressure (x1, x2) [Pa] at one step, NaN where none flows, see `pixels`."""
-        return self.pixels("fluid_pressure", step, cell)
+        return self.pixels("fluid_pressure", step, piece)
 
     @property
     def stored_steps(self) -> list[int]:
@@ -271,13 +256,9 @@ class Results(RunData, Plotted):
             raise InputError("attempts", "a case that asks for no accuracy", "one with the key accuracy")
         return attempts_table(self.attempts)
 
-    def plot_lengths(self) -> Any:
-        """Leakage against the length of the seal, see `lengths_figure`."""
-        return room("plots").shown(room("plots").lengths_figure(self))
-
-    def plot_cells(self, count: int = 4) -> Any:
-        """Permeability of cells along the cycle, see `cells_figure`."""
-        return room("plots").shown(room("plots").cells_figure(self, count))
+    def plot_pieces(self) -> Any:
+        """Permeability of pieces over their mean gap and their pressure, see `pieces_figure`."""
+        return room("plots").shown(room("plots").pieces_figure(self))
 
     def plot_seal(self, step: int | None = None) -> Any:
         """Contact, fluid pressure and permeability over the seal at one step, see `seal_figure`."""

@@ -43,9 +43,8 @@ def add_test_fluid(data: xarray.Dataset, test: OtherLeakage, service: FluidState
     """Add the leakage of the test fluid, and attributes with its state and what both limits of flow would give."""
     text = "leakage per unit seal length, test fluid"
     add_step(data, "test_leakage", "m^2/s", text, test.leakage)
-    for name, values in (("realisations", test.realisations), ("resampled", test.resampled)):
-        if values is not None:
-            add(data, Field(f"test_leakage_{name}", "m^2/s", text, REALISATION), values)
+    if test.realisations is not None:
+        add(data, Field("test_leakage_realisations", "m^2/s", text, REALISATION), test.realisations)
     basis, factors = leak_basis(test.state.fluid, 1.0, stated), limit_factors(test.state, service)
     data.attrs |= {
         "test_fluid": repr(test.state.fluid),
@@ -155,8 +154,7 @@ class RunData:
 
     dataset : every number with its unit, see `assemble`. folder : from which it was read, or to which it was saved.
     scene : the input of the studies; deterministic, two_scale, stochastic : the results of the studies with the fields
-    that are too large for the dataset. None if not run, or read from a
-    folder.
+    that are too large for the dataset. None if not run, or read from a folder.
     """
 
     dataset: xarray.Dataset

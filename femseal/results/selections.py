@@ -1,4 +1,4 @@
-"""Parts of a dataset of results: branches of the load cycle, solved steps, windows."""
+"""Parts of a dataset of results: branches of the load cycle, solved steps, pieces."""
 
 from __future__ import annotations
 
@@ -26,19 +26,24 @@ def branch_text(unloaded_from: float | None) -> str:
     return f"unloading from {to_text(unloaded_from, 'Pa')}"
 
 
-def loads_as_given(data: xarray.Dataset, digits: int = 4) -> Callable[[float], str]:
-    """Nominal pressures [Pa] as text for people; forces of a case stand before them."""
+def force_scale(data: xarray.Dataset) -> tuple[str, float] | None:
+    """Unit of the forces of a case for people, and the force in it at a nominal pressure of 1 Pa; None of pressures."""
     table = json.loads(data.attrs.get("case", "{}")).get("load", {})
     loads = [str(load).split() for key in ("loading", "unload_from") for load in table.get(key) or ()]
-    unit = loads[0][1] if loads and len(loads[0]) > 1 else ""
-    highest = float(data["nominal_pressure"].values.max())
+    if not loads or len(loads[0]) < 2:
+        return None
+    highest = max(float(number) for number, _ in loads)
+    unit, factor = ("N/mm", 1e-3) if loads[0][1] == "N/m" else ("kN", 1e-3) if highest >= 1e3 else ("N", 1.0)
+    return unit, factor * highest / float(data["nominal_pressure"].max())
+
+
+def loads_as_given(data: xarray.Dataset, digits: int = 4) -> Callable[[float], str]:
+    """Nominal pressures [Pa] as text for people; forces of a case stand before them."""
+    force = force_scale(data)
 
     def text(p: float) -> str:
         nominal = to_text(p, "Pa", digits)
-        if not unit:
-            return nominal
-        load = max(float(number) for number, _ in loads) * p / highest
-        return f"{f'{load / 1e3:.{digits}g} N/mm' if unit == 'N/m' else to_text(load, unit, digits)} ({nominal})"
+        return f"{force[1] * p:.{digits}g} {force[0]} ({nominal})" if force else nominal
 
     return text
 
@@ -83,9 +88,9 @@ def solved_steps(data: xarray.Dataset) -> Steps:
 
 def piece(data: xarray.Dataset, i: int, j: int) -> tuple[int, int]:
     """Index of a piece, checked."""
-    if "window_pressure" not in data:
-        raise InputError("cell", (i, j), "none: the results have no pieces, which a two-scale study has")
-    m1, m2 = data.sizes["cell1"], data.sizes["cell2"]
+    if "piece1" not in data.dims:
+        raise InputError("piece", (i, j), "none: the results have no pieces, which two scales and drawn seals have")
+    m1, m2 = data.sizes["piece1"], data.sizes["piece2"]
     if i not in range(m1) or j not in range(m2):
-        raise InputError("cell", (i, j), f"0 to {m1 - 1} along x1 and 0 to {m2 - 1} along x2")
+        raise InputError("piece", (i, j), f"0 to {m1 - 1} along x1 and 0 to {m2 - 1} along x2")
     return int(i), int(j)

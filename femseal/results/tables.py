@@ -1,20 +1,19 @@
-"""Leakage step by step, and of seals of several lengths, as tables: for people and for a spreadsheet."""
+"""Leakage step by step as tables: for people and for a spreadsheet."""
 
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ..base import InputError, TextTable, comma_separated, to_text
+from ..base import TextTable, comma_separated, format_deviation, to_text
 from ..base.fields import Field, with_unit
 from ..base.leak_rates import LEAK_UNITS, USUAL_UNITS, LeakUnit
 from ..budget import VAGUE
 from .run_data import BUDGETED, RunData
-from .selections import branch_text, solved_steps
+from .selections import branch_text, force_scale, solved_steps
 
 if TYPE_CHECKING:
     import xarray
@@ -93,10 +92,10 @@ def leakage_table(run: RunData) -> TextTable:
     if "leakage_lower" in data:
         ends = (100 * data[name].attrs["quantile"] for name in ("leakage_lower", "leakage_upper"))
         # second to the band of error, which is of the leakage that is given
-        columns.append((f"between seals, {'–'.join(f'{end:g}' for end in ends)} %", _ranges(data, "", factor)))
-        # the band of error has that of the library
-        if "leakage_lower_together" in data and f"{budget}_lower" not in data:
-            columns.append(("with error of library", _ranges(data, "_together", factor)))
+        columns.append((f"between seals, {'–'.join(f'{end:g}' for end in ends)} %", _ranges(data, factor)))
+    if "patch_scatter" in data:
+        scatter = [format_deviation(float(sigma), "× ") for sigma in data["patch_scatter"].values]
+        columns.append(("scatter of redraws of the measured patch", scatter))
     if unit.per_length:
         whole = basis.readable(best.values)
         texts = [format_leakage(q, basis.factor(whole)) for q in best.values]
@@ -128,9 +127,13 @@ def totals_table(run: RunData) -> TextTable:
 
 
 def _loads(data: xarray.Dataset) -> list[tuple[str, list[str]]]:
-    """The columns of branch and nominal pressure."""
+    """The columns of branch, of the force where the case gives forces, and of nominal pressure."""
     branch = [branch_text(float(peak)) for peak in data["unloaded_from"].values]
-    return [("branch", branch), ("pressure", [to_text(float(p), "Pa") for p in data["nominal_pressure"].values])]
+    nominal = [float(p) for p in data["nominal_pressure"].values]
+    columns = [("branch", branch)]
+    if force := force_scale(data):
+        columns.append((f"force [{force[0]}]", [f"{force[1] * p:.4g}" for p in nominal]))
+    return [*columns, ("pressure", [to_text(p, "Pa") for p in nominal])]
 
 
 def class_unit(run: RunData) -> LeakUnit:
@@ -183,9 +186,9 @@ def _cells(variable: xarray.DataArray, factor: float) -> list[str]:
     return [to_text(float(value), unit, 3) for value in variable.values]
 
 
-def _ranges(data: xarray.Dataset, end: str, factor: float) -> list[str]:
+def _ranges(data: xarray.Dataset, factor: float) -> list[str]:
     """The band between the quantiles of the realisations at every step."""
-    ends = zip(data[f"leakage_lower{end}"].values, data[f"leakage_upper{end}"].values, strict=True)
+    ends = zip(data["leakage_lower"].values, data["leakage_upper"].values, strict=True)
     return [format_range(low, high, factor) for low, high in ends]
 
 
@@ -230,79 +233,3 @@ def format_error_band(low: float, high: float, factor: float, leakage: float) ->
 
 def _two_digits(value: float) -> float:
     return float(f"{value:.1e}")
-
-
-#: Variables over lengths and steps, by the end of the band that they are.
-KINDS = ("median", "lower", "upper", "lower_together", "upper_together")
-#: Most load steps that are shown.
-_MOST_STEPS = 4
-
-
-def has_lengths(run: RunData) -> bool:
-    """Whether seals of several lengths were drawn."""
-    return "leakage_of_lengths_median" in run.dataset
-
-
-def length_curves(run: RunData) -> dict[str, np.ndarray]:
-    """Leakage by length and step (seal_length, step) [m²/s] of every kind that there is.
-
-    Raises InputError: seals of one length only.
-    """
-    if not has_lengths(run):
-        raise InputError("lengths", "results of one length of seal", "those of a run with a list of lengths")
-    names = {kind: f"leakage_of_lengths_{kind}" for kind in KINDS}
-    return {kind: run.dataset[name].values for kind, name in names.items() if name in run.dataset}
-
-
-def length_steps(run: RunData) -> list[int]:
-    """Loading steps at which the median of some length leaks, spread evenly, and the last step of the programme."""
-    data = run.dataset
-    leaks = (np.nan_to_num(data["leakage_of_lengths_median"].values) != 0).any(axis=0)
-    loading = np.isnan(data["unloaded_from"].values)
-    chosen = np.flatnonzero(loading & leaks)
-    if not chosen.size:
-        chosen = np.flatnonzero(loading)
-    chosen = chosen[np.unique(np.linspace(0, chosen.size - 1, _MOST_STEPS - 1).round().astype(int))]
-    return list(dict.fromkeys([*map(int, chosen), data.sizes["step"] - 1]))
-
-
-def length_scales(run: RunData) -> np.ndarray:
-    """Leakage per length that is 1 in the unit of the results, for every length of seal (seal_length,) [m²/s]."""
-    lengths = run.dataset["seal_length"].values
-    return np.array([replace(run.leak_basis, length=float(x)).factor(run.leak_unit) for x in lengths])
-
-
-def lengths_table(run: RunData) -> TextTable:
-    """Median and band by length of seal at a few loads, to be given to `rich.print`.
-
-    Raises InputError: seals of one length only.
-    """
-    curves, names = length_curves(run), run.dataset["name"].values
-    median, low, high = (curves[kind] for kind in KINDS[:3])
-    lengths, scales = run.dataset["seal_length"].values, length_scales(run)
-
-    def cell(n: int, s: int) -> str:
-        return f"{format_leakage(median[n, s], scales[n])} ({format_range(low[n, s], high[n, s], scales[n])})"
-
-    columns = [("seal length", [to_text(float(length), "m") for length in lengths])]
-    for s in length_steps(run):
-        columns.append((str(names[s]).removeprefix("loading "), [cell(n, s) for n in range(lengths.size)]))
-    return TextTable.of_columns(f"median and band by length of seal, in {run.leak_unit.name}", columns, names=0)
-
-
-def lengths_csv(run: RunData) -> str:
-    """One line for each length and load step in SI, as comma-separated values."""
-    data, curves = run.dataset, length_curves(run)
-    rows: list[dict[str, Any]] = [
-        {
-            "seal_length_m": float(length),
-            "step": s,
-            "branch": str(data["branch"].values[s]),
-            "nominal_pressure_Pa": float(data["nominal_pressure"].values[s]),
-            "unloaded_from_Pa": float(data["unloaded_from"].values[s]),
-        }
-        | {f"leakage_{kind}_m2_per_s": float(values[n, s]) for kind, values in curves.items()}
-        for n, length in enumerate(data["seal_length"].values)
-        for s in range(data.sizes["step"])
-    ]
-    return comma_separated(rows)

@@ -1,6 +1,6 @@
 """Variables of the dataset: the declared fields of the studies' results, and those that are computed from several.
 
-A field over the load steps is a column of the tables, with a heading also of the table for people; one over windows, or
+A field over the load steps is a column of the tables, with a heading also of the table for people; one over pieces, or
 over parts of the drawn seal, is an array in ParaView.
 """
 
@@ -13,12 +13,11 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..base import Array
+from ..base import Array, InputError
 from ..base.fields import (
     BLOCK,
     ERROR_SOURCE,
     FACE,
-    LENGTH,
     PIXEL,
     PLACE_BLOCK,
     PLACE_FACE,
@@ -34,6 +33,7 @@ from ..loads import LoadProgramme, LoadStep
 from ..studies import DeterministicResult, Scene, StochasticResult, TwoScaleResult
 from ..studies.face_leakage import PlaceLeakage
 from ..studies.load_curves import at_all_steps
+from ..studies.piece_states import FacePieces
 from ..topography import Places, Topography
 from .selections import INTERPOLATED, pressures_and_peaks
 
@@ -43,19 +43,8 @@ if TYPE_CHECKING:
 
 #: Most blocks along a side of the maps, of the heights and of a field at every step.
 HEIGHT_BLOCKS, FIELD_BLOCKS = 256, 128
-#: Sources of error in the order in which they are shown.
-SOURCES = (
-    "solver",
-    "pixels",
-    "filter",
-    "sampler",
-    "library",
-    "realisations",
-    "loads",
-    *MODEL_PARTS,
-)
 #: Dimensions beside the steps whose every entry is a number of its own; variables with others are fields.
-_OF_NUMBERS = {"step", "realisation", "seal_length", "place"}
+_OF_NUMBERS = {"step", "realisation", "place"}
 
 
 def add(data: xarray.Dataset, made: Field, values: Any, **attrs: Any) -> None:
@@ -97,43 +86,45 @@ def step_coordinates(dim: str, prefix: str, steps: Sequence[LoadStep]) -> dict[s
 def add_pieces(data: xarray.Dataset, result: TwoScaleResult) -> None:
     """Add fields of the whole face and of its pieces."""
     (m1, m2), (d1, d2) = result.partition.cells, result.partition.window_size
-    add_coordinate(data, "cell1", "m", "x1 of the centres of pieces, from the inlet", (np.arange(m1) + 0.5) * d1)
-    add_coordinate(data, "cell2", "m", "x2 of the centres of pieces, along the seal", (np.arange(m2) + 0.5) * d2)
+    add_piece_centres(data, (np.arange(m1) + 0.5) * d1, (np.arange(m2) + 0.5) * d2)
     add_declared(data, result)
+
+
+def add_piece_centres(data: xarray.Dataset, x1: Array, x2: Array) -> None:
+    """Add the coordinates of the pieces, once for all studies.
+
+    Raises InputError: another study has other pieces.
+    """
+    if "piece1" in data.coords:
+        known = data.sizes["piece1"], data.sizes["piece2"]
+        if known != (len(x1), len(x2)):
+            raise InputError("cells", f"{len(x1)} × {len(x2)} pieces", "{} × {}, as in the other study".format(*known))
+        return
+    add_coordinate(data, "piece1", "m", "x1 of the centres of pieces, from the inlet", x1)
+    add_coordinate(data, "piece2", "m", "x2 of the centres of pieces, along the seal", x2)
 
 
 def add_realisations(data: xarray.Dataset, result: StochasticResult, quantiles: tuple[float, float]) -> None:
-    """Add the leakage of every realisation, and its quantiles, mean and spread; those of all lengths if several."""
+    """Add the leakage of every realisation, its median and mean, and the quantiles for which there are enough."""
     add_declared(data, result)
     add_coordinate(data, "realisation", "1", "realisation", np.arange(len(result.leakage)))
-    ends = {"median": (0.5, False)} | {
-        f"{name}{end}": (q, resampled)
-        for name, q in zip(("lower", "upper"), quantiles, strict=True)
-        for end, resampled in (("", False), ("_together", True))
-        if not resampled or result.leakage_resampled is not None
-    }
-    text = "leakage per unit seal length, {}"
-    for name, (q, resampled) in ends.items():
-        of = "median" if name == "median" else f"{name.partition('_')[0]} quantile {q:g}"
-        more = " with the error of the finite library" if resampled else ""
-        values = result.quantile(q, resampled=resampled)
-        add_step(data, f"leakage_{name}", "m^2/s", text.format(f"{of} of the realisations{more}"), values, quantile=q)
-    if result.leakage_resampled is not None:
-        error = result.library_error
-        add_step(data, "library_error", "1", "standard deviation of ln(leakage), finite library", error)
-    if not result.other_lengths:
-        return
-    every = (result, *result.other_lengths)
-    sizes = np.array([seals.seal.size[1] for seals in every])
-    add_coordinate(data, "seal_length", "m", "length of drawn seals", sizes)
-    for name, (q, resampled) in ends.items():
-        values = np.array([seals.quantile(q, resampled=resampled) for seals in every])
-        of = f"{'median' if name == 'median' else f'quantile {q:g}'} by length"
-        more = " with the error of the finite library" if resampled else ""
-        add(data, Field(f"leakage_of_lengths_{name}", "m^2/s", text.format(of + more), LENGTH), values, quantile=q)
-    sealed = np.array([seals.sealed_fraction for seals in every])
-    of = "fraction of the realisations without leakage by length"
-    add(data, Field("sealed_fraction_of_lengths", "1", of, LENGTH), sealed)
+    ends = {"median": 0.5}
+    if not result.too_few(*quantiles):
+        ends |= dict(zip(("lower", "upper"), quantiles, strict=True))
+    for name, q in ends.items():
+        of = "median" if name == "median" else f"{name} quantile {q:g}"
+        text = f"leakage per unit seal length, {of} of the realisations"
+        add_step(data, f"leakage_{name}", "m^2/s", text, result.quantile(q), quantile=q)
+
+
+def add_states(data: xarray.Dataset, pieces: FacePieces) -> None:
+    """Add the states of the face and its pieces in each of them."""
+    for name, entry in step_coordinates("state", "state_", pieces.steps).items():
+        data.coords[name] = entry
+    (d1, d2), cut = pieces.cut.spacing, pieces.cut
+    lines = (np.array(of) * d for of, d in ((cut.rows, d1), (cut.columns, d2)))
+    add_piece_centres(data, *((at[:-1] + at[1:]) / 2 for at in lines))
+    add_declared(data, pieces)
 
 
 def add_places(data: xarray.Dataset, places: Places, result: PlaceLeakage, gap: NDArray[Any] | None) -> None:
@@ -153,14 +144,6 @@ def add_places(data: xarray.Dataset, places: Places, result: PlaceLeakage, gap: 
     if gap is not None:
         gaps = np.array([block_means(places.divided(of)[most], FIELD_BLOCKS) for of in gap])
         add(data, Field("place_gap", "m", text.format("gap"), PLACE_BLOCK), gaps)
-
-
-def add_library(data: xarray.Dataset, curves: Any) -> None:
-    """Add the curves of the cells of the library over the steps of the library."""
-    for name, entry in step_coordinates("library_step", "library_", curves.steps).items():
-        data.coords[name] = entry
-    add_coordinate(data, "library_cell", "1", "number of the library cell", np.arange(len(curves.k)))
-    add_declared(data, curves)
 
 
 def add_heights(data: xarray.Dataset, scene: Scene) -> None:
@@ -206,8 +189,8 @@ def block_means(values: NDArray[Any], most: int) -> NDArray[np.float32]:
 
 
 def add_contact_fraction(data: xarray.Dataset, steps: LoadProgramme, studies: Mapping[str, Any]) -> None:
-    """Add the fraction of the face in contact at every step, from the whole face, or the library."""
-    origins = {"two_scale": "two-scale", "deterministic": "deterministic", "stochastic": "library"}
+    """Add the fraction of the face in contact at every step, from the whole face, or its states."""
+    origins = {"two_scale": "two-scale", "deterministic": "deterministic", "stochastic": "its states"}
     key = next(key for key in origins if key in studies)
     fraction = contact_fraction_of(studies[key], steps)
     if not np.isnan(fraction).all():
@@ -238,8 +221,7 @@ def add_budgets(data: xarray.Dataset, budgets: Mapping[str, ErrorBudget]) -> Non
     """Add the band of error of every leakage, and that of each source, by the name of the method in variables."""
     if not budgets:
         return
-    present = {part.name for budget in budgets.values() for part in budget.parts}
-    names = [name for name in SOURCES if name in present]
+    names = list(dict.fromkeys(part.name for budget in budgets.values() for part in budget.parts))
     add_coordinate(data, "budget_part", "1", "source of error of the leakage", names)
     notes = {}
     for method, budget in budgets.items():

@@ -45,10 +45,12 @@ class LoadSteps:
     unloaded_from: Array
 
     @classmethod
-    def of(cls, data: xarray.Dataset, index: NDArray[np.int64] | None = None) -> LoadSteps:
-        """Steps of a dataset; all of them unless `index` says which."""
-        chosen = np.arange(data.sizes["step"]) if index is None else index
-        return cls(*(data[name].values[chosen] for name in ("step", "nominal_pressure", "unloaded_from")))
+    def of(cls, data: xarray.Dataset, index: NDArray[np.int64] | None = None, dim: str = "step") -> LoadSteps:
+        """Steps of a dataset, or states of its face by `dim`; all of them unless `index` says which."""
+        chosen = np.arange(data.sizes[dim]) if index is None else index
+        prefix = "" if dim == "step" else f"{dim}_"
+        names = dim, f"{prefix}nominal_pressure", f"{prefix}unloaded_from"
+        return cls(*(data[name].values[chosen] for name in names))
 
     @property
     def fields(self) -> dict[str, Array]:

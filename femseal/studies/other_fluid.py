@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -50,30 +51,26 @@ class FluidState:
 class OtherLeakage:
     """Leakage of another fluid through the same seals, per length at its own reference density [m²/s].
 
-    leakage : (steps,), of the median seal where there are realisations. realisations, resampled : as in
-    `StochasticResult` (realisation, step); None without.
+    leakage : (steps,), of the median seal where there are realisations. realisations : (realisation, step); None
+    without.
     """
 
     state: FluidState
     leakage: Array
     realisations: Array | None = None
-    resampled: Array | None = None
 
     @classmethod
     def of_study(cls, state: FluidState, study: Any, ratio: float = 1.0) -> OtherLeakage:
         """From a study of the same seals, whose leakage is multiplied by a ratio."""
         if hasattr(study, "quantile"):
-            resampled = None if study.leakage_resampled is None else ratio * study.leakage_resampled
-            return cls(state, ratio * study.quantile(0.5), ratio * study.leakage, resampled)
+            return cls(state, ratio * study.quantile(0.5), ratio * study.leakage)
         return cls(state, ratio * study.leakage)
 
     def at_all_steps(self, solved: Indices, steps: LoadProgramme) -> OtherLeakage:
         """From those at the solved steps, see `load_curves.at_all_steps`."""
-        given = (self.leakage, self.realisations, self.resampled)
-        every = (None if q is None else at_all_steps(q, solved, steps, logarithmic=True) for q in given)
-        leakage, realisations, resampled = every
-        assert leakage is not None
-        return OtherLeakage(self.state, leakage, realisations, resampled)
+        every = partial(at_all_steps, solved=solved, steps=steps, logarithmic=True)
+        realisations = None if self.realisations is None else every(self.realisations)
+        return OtherLeakage(self.state, every(self.leakage), realisations)
 
 
 def drop_ratio(state: FluidState, scene: Scene) -> float | None:

@@ -5,12 +5,13 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ..base import Array, Mapper, Stage
+from ..base.fields import PIECE_STATE, STATE, Field, declared
 from ..contact import LoadState
 from ..face.curves import PieceCurves, local_peaks
 from ..face.pieces import Cut, PieceState, factors
@@ -47,16 +48,36 @@ class FacePieces:
     steps: LoadProgramme
     cut: Cut
     k: Array
-    pressure: Array
-    mean_gap: Array
-    contact_fraction: Array
+    pressure: Array = declared("state_pressure", "Pa", "contact pressure of pieces, by state", PIECE_STATE)
+    mean_gap: Array = declared("state_mean_gap", "m", "mean gap of pieces, by state", PIECE_STATE)
+    contact_fraction: Array = declared(
+        "state_contact_fraction", "1", "fraction of pieces in contact, by state", PIECE_STATE
+    )
     rows: Array
-    face: Array
-    own: Array
+    face: Array = declared("state_leakage", "m^2/s", "leakage of the face per unit length, by state", STATE)
+    own: Array = declared(
+        "state_pieces_leakage", "m^2/s", "leakage of the pieces in their own order per unit length, by state", STATE
+    )
     places: Array | None
     counts: SolveCounts
     failures: tuple[str, ...] = ()
     unsolved: tuple[tuple[int, str], ...] = ()
+
+    computed_fields: ClassVar[dict[str, Field]] = {
+        "k1": Field("state_k1", "m^3", "permeability of pieces along x1, their sides closed, by state", PIECE_STATE),
+        "k2": Field("state_k2", "m^3", "permeability of pieces along x2, their sides closed, by state", PIECE_STATE),
+        "factor": Field("state_factor", "1", "factor on the permeabilities of pieces in a state", STATE),
+    }
+
+    @property
+    def k1(self) -> Array:
+        """Permeability along x1, mean over the pressures of the drop (steps, m1, m2) [m³]."""
+        return np.asarray(self.k[:, 0].mean(axis=0))
+
+    @property
+    def k2(self) -> Array:
+        """Permeability along x2, mean over the pressures of the drop (steps, m1, m2) [m³]."""
+        return np.asarray(self.k[:, 1].mean(axis=0))
 
     @property
     def factor(self) -> Array:
@@ -149,7 +170,7 @@ def _joined(scene: Scene, cut: Cut, steps: LoadProgramme, taken: Sequence[_Taken
             values[s] = getattr(state.pieces, name)
         in_order = k[:, :, s].reshape(pressures, 2, -1)
         values = tiles.permeability(in_order[:, 0], in_order[:, 1])
-        through = attempt(scene.leakage, tiles.seal, tabulated(scene.flow.drop.pressures, values))
+        through = attempt(scene.leakage, tiles.seal, tabulated(scene.flow.drop.pressures, list(values)))
         own[s] = np.nan if isinstance(through, Failed) else through.per_length
     unit = _unit(scene)
     places = None
@@ -158,8 +179,17 @@ def _joined(scene: Scene, cut: Cut, steps: LoadProgramme, taken: Sequence[_Taken
     face = unit * np.array([state.face for state in taken])
     total = SolveCounts.total(counts)
     return FacePieces(
-        steps, cut, k, **means, rows=rows, face=face, own=own, places=places, counts=total,
-        failures=tuple(failures), unsolved=tuple(unsolved),
+        steps,
+        cut,
+        k,
+        **means,
+        rows=rows,
+        face=face,
+        own=own,
+        places=places,
+        counts=total,
+        failures=tuple(failures),
+        unsolved=tuple(unsolved),
     )
 
 

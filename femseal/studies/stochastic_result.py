@@ -28,7 +28,7 @@ class MedianSeal(Shown):
     outlines : corners of the parts (parts, corners, 2) [m]. permeability, fluid_pressure : (steps, parts), NaN at steps
         that failed, and the fluid pressure also in pockets.
     flux : volume rate per width at the fluid's reference density, in the plane of the seal (steps, parts, 2).
-    pressure : mean contact pressure of the windows of every part (steps, parts).
+    pressure : mean contact pressure of the tile of every part (steps, parts).
     """
 
     realisation: int
@@ -39,7 +39,7 @@ class MedianSeal(Shown):
     fluid_pressure: Array = declared("drawn_fluid_pressure", "Pa", "fluid pressure, median realisation", PART)
     flux: Array = declared("drawn_flux", "m^2/s", "flow per width, median realisation", PART_VECTOR)
     pressure: Array | None = declared(
-        "drawn_window_pressure", "Pa", "contact pressure of windows, median realisation", PART, default=None
+        "drawn_contact_pressure", "Pa", "contact pressure of tiles, median realisation", PART, default=None
     )
 
 
@@ -100,11 +100,27 @@ class StochasticResult(Shown):
 
     computed_fields: ClassVar[dict[str, Field]] = {
         "mean": Field("leakage_mean", "m^2/s", "leakage per unit seal length, mean of the realisations", STEP),
-        "realisation_spread": Field("realisation_spread", "1", "scatter of redraws of the measured patch, standard deviation of ln(leakage)", STEP),
+        "realisation_spread": Field(
+            "realisation_spread",
+            "1",
+            "scatter of redraws of the measured patch: deviation of ln(leakage)",
+            STEP,
+        ),
         "sealed_fraction": Field(
             "sealed_fraction", "1", "fraction of the realisations without leakage", STEP, "sealed [%]"
         ),
     }
+
+    @property
+    def contact_fraction(self) -> Array:
+        """Fraction of the face in contact (steps,); NaN on unloading where it is not solved there."""
+        pieces = self.pieces
+        of_states = pieces.contact_fraction.mean(axis=(1, 2))
+        if pieces.steps == self.steps:
+            return np.asarray(of_states)
+        loading = pieces.steps.on_loading
+        found = np.interp(self.steps.pressures, pieces.steps.pressures[loading], of_states[loading])
+        return np.where(self.steps.on_loading, found, np.nan)
 
     @property
     def seal(self) -> ElementSeal:

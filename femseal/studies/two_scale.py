@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..base import Array, InputError, Mapper, Shown, Stage
-from ..base.fields import PIXEL, ROW, STEP, WINDOW, Field, declared
+from ..base.fields import PIECE, PIXEL, ROW, STEP, Field, declared
 from ..flow.pressure_drop import VISCOUS
 from ..loads import LoadProgramme
 from ..windows import FlowHistory, FlowSettings, Partition, SolveCounts, SolverCounts
@@ -38,14 +38,14 @@ class TwoScaleResult(Shown):
     leakage: Array = declared(
         "leakage_two_scale", "m^2/s", "leakage per unit seal length, two-scale", STEP, heading="two-scale"
     )
-    k1: Array = declared("k1", "m^3", "permeability of pieces along x1, their sides closed", WINDOW)
-    k2: Array = declared("k2", "m^3", "permeability of pieces along x2, their sides closed", WINDOW)
-    pressure: Array = declared("window_pressure", "Pa", "contact pressure of pieces", WINDOW)
-    mean_gap: Array = declared("window_mean_gap", "m", "mean gap of pieces", WINDOW)
-    contact_fraction: Array = declared("window_contact_fraction", "1", "fraction of pieces in contact", WINDOW)
-    plastic_fraction: Array = declared("window_plastic_fraction", "1", "fraction of pieces at the hardness", WINDOW)
+    k1: Array = declared("piece_k1", "m^3", "permeability of pieces along x1, their sides closed", PIECE)
+    k2: Array = declared("piece_k2", "m^3", "permeability of pieces along x2, their sides closed", PIECE)
+    pressure: Array = declared("piece_pressure", "Pa", "contact pressure of pieces", PIECE)
+    mean_gap: Array = declared("piece_mean_gap", "m", "mean gap of pieces", PIECE)
+    contact_fraction: Array = declared("piece_contact_fraction", "1", "fraction of pieces in contact", PIECE)
+    plastic_fraction: Array = declared("piece_plastic_fraction", "1", "fraction of pieces at the hardness", PIECE)
     drop_fraction: Array = declared(
-        "window_drop_fraction", "1", "fraction of the pressure drop in pieces, NaN without flow", WINDOW
+        "piece_drop_fraction", "1", "fraction of the pressure drop in pieces, NaN without flow", PIECE
     )
     fluid_pressure: NDArray[np.float32] = declared(
         "fluid_pressure", "Pa", "fluid pressure, NaN in contact and in pockets", PIXEL
