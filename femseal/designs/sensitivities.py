@@ -267,15 +267,13 @@ class Solver:
         scene.check_one_place("lay", "turned", "as measured")
         surface = scene.surface
         turned = replace(scene, surface=Topography(np.ascontiguousarray(surface.heights.T), surface.spacing[::-1]))
-        cells, pieces = (None if count is None else count[::-1] for count in (prepared.cells, prepared.pieces))
+        cells = None if prepared.cells is None else prepared.cells[::-1]
         sampling = prepared.sampling
         # other shapes than strips have a breadth of their own, and no length is given
         strip = sampling is not None and sampling.length is not None
         if sampling is not None and strip and sampling.breadth is None:
             sampling = replace(sampling, breadth=surface.size[0])
-        study = self._solved(
-            "face turned by 90°", turned, replace(prepared, cells=cells, pieces=pieces, sampling=sampling)
-        )
+        study = self._solved("face turned by 90°", turned, replace(prepared, cells=cells, sampling=sampling))
         # leakage goes with one over the breadth
         factor = _breadth(study, turned) / self._breadth
         how = "solved again with the face turned by 90°"

@@ -11,7 +11,6 @@ import numpy as np
 
 from ..base import Array, InputError
 from ..budget import CoarserSolution
-from ..face.pieces import FEWEST_POINTS
 from ..preparation.prepared import Pair, Prepared, without_short_waves
 from ..studies import STUDIES, Scene, Study
 from ..studies.stochastic import FEWEST_SEALS
@@ -40,9 +39,9 @@ CONTINUED_SCENES = OTHER_PHASES + 2
 Version = TypeVar("Version", bound=Hashable)
 
 
-def coarser_points(points: Pair, pieces: Pair | None = None) -> Pair | None:
+def coarser_points(points: Pair, least: Pair = (1, 1)) -> Pair | None:
     """Half the points a side, or as few more as pieces ask for; None where that shows nothing."""
-    wanted = [max(ceil(COARSENING * n), FEWEST_POINTS * m) for n, m in zip(points, pieces or (1, 1), strict=True)]
+    wanted = [max(ceil(COARSENING * n), few) for n, few in zip(points, least, strict=True)]
     if wanted[0] * wanted[1] > MOST_POINTS_FRACTION * points[0] * points[1]:
         return None
     return wanted[0], wanted[1]
@@ -79,7 +78,7 @@ def coarser_solutions(
     return found
 
 
-def route(prepared: Prepared, study: Study) -> Study:
+def route(study: Study) -> Study:
     """The study with the contact and flow of another one on a coarser grid: that of the face for two scales."""
     return STUDIES["deterministic"] if study.name == "two-scale" else study
 
@@ -94,7 +93,7 @@ def coarser_grids(prepared: Prepared, leakage: Array | None = None) -> list[Prep
     some = at_some_steps(prepared.scene, leakage, GRID_STRIDE, least=least)
     points, found = prepared.scene.surface.shape, []
     for _ in range(1 + carries_quarter(prepared)):
-        if (fewer := coarser_points(points, prepared.pieces)) is None:
+        if (fewer := coarser_points(points, prepared.least_points)) is None:
             break
         points = fewer
         found.append(_reduced(prepared, replace(some, surface=some.surface.resample(points))))
@@ -106,7 +105,7 @@ def without_filtered_waves(prepared: Prepared, leakage: Array | None = None) -> 
     if removed_octaves(prepared) < LEAST_OCTAVES:
         return None
     try:
-        smooth = without_short_waves(replace(prepared, cells=None))
+        smooth = without_short_waves(replace(prepared, methods=_routes(prepared)))
     except InputError as error:
         log.warning("error budget: no solution without the shortest waves: %s", error)
         return None
@@ -169,8 +168,12 @@ def _reduced(prepared: Prepared, scene: Scene) -> Prepared:
     if sampling is not None:
         few = min(sampling.realisations or FEWEST_SEALS, SEALS_AGAIN)
         sampling = replace(sampling, realisations=few, median_fields=False)
-    methods = frozenset(route(prepared, study).name for study in prepared.studies)
-    return replace(prepared, scene=scene, sampling=sampling, methods=methods)
+    return replace(prepared, scene=scene, sampling=sampling, methods=_routes(prepared))
+
+
+def _routes(prepared: Prepared) -> frozenset[str]:
+    """Names of the studies that coarser solutions take."""
+    return frozenset(route(study).name for study in prepared.studies)
 
 
 def with_points(prepared: Prepared, points: Pair) -> Prepared:

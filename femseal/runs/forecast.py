@@ -139,16 +139,16 @@ def _study_facts(prepared: Prepared) -> Iterator[tuple[str, str]]:
     pixels = int(np.prod(scene.surface.shape))
     if "deterministic" in prepared.methods:
         yield "deterministic", f"{steps} contact and {counted(steps, 'flow solution')} of {pixels} unknowns"
-    if prepared.cells is not None and "two-scale" in prepared.methods:
-        m1, m2 = prepared.cells
-        yield "pieces", _pieces(prepared, prepared.cells)
+    if prepared.cells is None:
+        return
+    m1, m2 = prepared.cells
+    yield "pieces", _pieces(prepared, prepared.cells)
+    if "two-scale" in prepared.methods:
         of_face = f"{steps} contact and {counted(steps, 'flow solution')} of {pixels} unknowns"
         yield "two-scale", f"{of_face}, {counted(2 * steps * m1 * m2, 'flow solution')} of pieces"
     if (sampling := prepared.sampling) is None or "stochastic" not in prepared.methods:
         return
-    cut, tiles = prepared.cut_and_tiles
-    if cut.shape != prepared.cells:
-        yield "pieces", _pieces(prepared, cut.shape)
+    _, tiles = prepared.cut_and_tiles
     length = to_text(tiles.seal.size[1], "m", 3)
     number = "seals" if sampling.realisations is None else counted(sampling.realisations, "seal")
     how = "as many as the band of error needs" if sampling.realisations is None else ""
@@ -166,11 +166,8 @@ def _study_facts(prepared: Prepared) -> Iterator[tuple[str, str]]:
 def _left_open(case: Case, prepared: Prepared) -> str:
     """What the case leaves open of pieces and drawn seals, as text."""
     cells, drawn, found = case.cells, case.stochastic, []
-    if cells is None or cells.count is cells.size is None:
-        if prepared.cells is not None:
-            found.append("two scales by pieces of eight shortest waves or more a side")
-        if prepared.pieces is not None:
-            found.append("{} × {} pieces of drawn seals".format(*prepared.pieces))
+    if prepared.cells is not None and (cells is None or cells.count is cells.size is None):
+        found.append("the number of pieces")
     if prepared.sampling is not None and drawn is not None and case.layout.has_length and drawn.length is None:
         found.append("seals as long as the face")
     return ", ".join(found)
@@ -237,7 +234,7 @@ def _accuracy_facts(case: Case, made: Prepared) -> Iterator[tuple[str, str]]:
     if case.accuracy is None:
         return
     chosen, given = first_settings(case, made), given_settings(case)
-    points = grid_points(made.scene.surface.shape, chosen.grid, chosen.cells)
+    points = grid_points(made.scene.surface.shape, chosen.grid, made.divisor)
     first = [f"{' × '.join(map(str, points))} points", f"contact.rtol {chosen.rtol:.0e}"]
     first += [] if chosen.realisations is None else [counted(chosen.realisations, "seal")]
     text = f"{100 * case.accuracy:.3g} % of the numbers alone, first with {', '.join(first)}"
@@ -285,7 +282,7 @@ def disk(case: Case, prepared: Prepared, again: list[Prepared] | None = None) ->
     # pictures and report; heights for ParaView
     others = 2e6 * (case.output.pictures or case.output.report) + 4.0 * pixels * formats
     # a piece: ten numbers in results.nc, and in the mesh of the seal
-    others += sum(80 * steps * prod(count) * (1 + formats) for count in (prepared.cells, prepared.pieces) if count)
+    others += 80 * steps * prod(prepared.cells or (0, 0)) * (1 + formats)
     if (sampling := prepared.sampling) is not None:
         elements = len(prepared.cut_and_tiles[1].tile)
         others += 8.0 * steps * ((sampling.realisations or USUAL_SEALS) + 5 * elements * (1 + formats))

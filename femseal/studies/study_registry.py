@@ -79,7 +79,7 @@ def _solve_stochastic(
     scene: Scene, options: StudyOptions, known: Mapping[str, Any], mapper: Mapper
 ) -> StochasticResult:
     assert options.sampling is not None
-    face = known.get("deterministic")
+    face = known.get("deterministic", known.get("two_scale"))
     return stochastic(scene, options.cells, options.sampling, known=face, mapper=mapper)
 
 
