@@ -110,7 +110,7 @@ class Prepared:
     @property
     def options(self) -> StudyOptions:
         """The options of the studies."""
-        return StudyOptions(self.cells, self.sampling, self.shares_face)
+        return StudyOptions(self.cells, self.sampling, self.shares_face, len(self.methods) > 1)
 
     @property
     def divisor(self) -> Pair:

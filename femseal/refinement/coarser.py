@@ -4,7 +4,7 @@ import logging
 from collections.abc import Callable, Hashable, Iterable
 from dataclasses import replace
 from itertools import islice
-from math import ceil, log2
+from math import ceil, log2, prod
 from typing import TypeVar
 
 import numpy as np
@@ -13,7 +13,7 @@ from ..base import Array, InputError
 from ..budget import CoarserSolution
 from ..preparation.prepared import Pair, Prepared, without_short_waves
 from ..studies import STUDIES, Scene, Study
-from ..studies.stochastic import FEWEST_SEALS
+from ..studies.sampling import FEWEST_SEALS
 
 log = logging.getLogger("femseal")
 #: Points a side of the coarser grid over those of the scene.
@@ -25,8 +25,9 @@ MOST_POINTS_FRACTION = 0.6
 LEAST_LOADS = 5
 #: One of so many steps is solved on a coarser grid, and one of so many without the shortest waves.
 GRID_STRIDE, FILTER_STRIDE = 2, 4
-#: Seals that are drawn again from a changed face, at most; each is compared with that of the same pieces.
-SEALS_AGAIN = 5
+#: Seals that are drawn again from a changed face, at most, and as long as how many faces they are together; each is
+#: compared with that of the same pieces.
+SEALS_AGAIN, FACES_AGAIN = 5, 40
 #: Pixels to the shortest wave from which on a grid of a quarter of the points a side carries the waves too.
 THIRD_GRID_PIXELS = 16.0
 #: Octaves of removed waves from which on they matter.
@@ -166,7 +167,9 @@ def _reduced(prepared: Prepared, scene: Scene) -> Prepared:
     """The version for a coarser scene: each study by its route, with the same pieces and few of the same seals."""
     sampling = prepared.sampling
     if sampling is not None:
-        few = min(sampling.realisations or FEWEST_SEALS, SEALS_AGAIN)
+        cut, tiles = prepared.cut_and_tiles
+        enough = ceil(FACES_AGAIN * prod(cut.shape) / tiles.count)
+        few = min(sampling.realisations or FEWEST_SEALS, SEALS_AGAIN, enough)
         sampling = replace(sampling, realisations=few, median_fields=False)
     return replace(prepared, scene=scene, sampling=sampling, methods=_routes(prepared))
 

@@ -20,7 +20,7 @@ from ..refinement.settings import first_settings, first_version, given_settings,
 from ..report.case_text import contact_text, fluid_text, solids_text
 from ..results.paraview import fields_size
 from ..studies import Scene, drop_ratio
-from ..studies.costs import LADDER_STATES, USUAL_SEALS, Effort, on_ladder, usual_efforts
+from ..studies.costs import LADDER_STATES, Effort, on_ladder, usual_efforts, usual_seals
 from ..studies.deterministic import STEP_BYTES, states_memory
 from ..studies.face_leakage import FEWEST
 from ..studies.seat_rows import describe_map
@@ -104,7 +104,9 @@ def _facts(case: Case, made: Prepared) -> Iterator[tuple[str, str]]:
         points = " × ".join(map(str, without_short_waves(prepared).surface.shape))
         yield "second run", f"{prepared.answer.name}, on {points} points without waves up to twice the shortest"
     if again := _budget_inputs(case, prepared):
-        counts = Counter(one.scene.surface.shape for one in again for _ in one.scene.steps)
+        counts = Counter[tuple[int, int]]()
+        for one in again:
+            counts[one.scene.surface.shape] += _face_states(one)
         states = (f"{count} on {' × '.join(map(str, shape))} points" for shape, count in counts.items())
         yield "error budget", f"states again, {' and '.join(states)}"
     if leakage := case.output.description:
@@ -152,15 +154,24 @@ def _study_facts(prepared: Prepared) -> Iterator[tuple[str, str]]:
     length = to_text(tiles.seal.size[1], "m", 3)
     number = "seals" if sampling.realisations is None else counted(sampling.realisations, "seal")
     how = "as many as the band of error needs" if sampling.realisations is None else ""
+    states, where = counted(steps, "state"), "at its loads"
     if tiles.in_place:
-        states, where = counted(steps, "state"), "at its loads; pieces stay in their rows"
-    else:
-        states = f"about {LADDER_STATES:.0f} states" if on_ladder(scene, sampling) else counted(steps, "state")
-        where = "on a ladder of nominal pressures" if on_ladder(scene, sampling) else "at its loads"
+        where = "at its loads; pieces stay in their rows"
+    elif on_ladder(scene, sampling):
+        states, where = f"about {LADDER_STATES:.0f} states", "on a ladder of nominal pressures"
     yield "stochastic", f"{states} of the face, {where}"
     yield "", f"{number} of {tiles}, {length} long{f', {how}' if how else ''}"
     if uneven := describe_map(scene, tiles, sampling.pressure_map):
         yield "pressure map", uneven
+
+
+def _face_states(prepared: Prepared) -> int:
+    """Number of states of the whole face that are solved, about."""
+    sampling, steps = prepared.sampling, len(prepared.scene.steps)
+    if prepared.methods != {"stochastic"} or sampling is None:
+        return steps
+    ladder = on_ladder(prepared.scene, sampling) and not prepared.cut_and_tiles[1].in_place
+    return round(LADDER_STATES) if ladder else steps
 
 
 def _left_open(case: Case, prepared: Prepared) -> str:
@@ -284,8 +295,9 @@ def disk(case: Case, prepared: Prepared, again: list[Prepared] | None = None) ->
     # a piece: ten numbers in results.nc, and in the mesh of the seal
     others += 80 * steps * prod(prepared.cells or (0, 0)) * (1 + formats)
     if (sampling := prepared.sampling) is not None:
-        elements = len(prepared.cut_and_tiles[1].tile)
-        others += 8.0 * steps * ((sampling.realisations or USUAL_SEALS) + 5 * elements * (1 + formats))
+        cut, tiles = prepared.cut_and_tiles
+        seals = sampling.realisations or usual_seals(cut.shape, tiles)
+        others += 8.0 * steps * (seals + 5 * len(tiles.tile) * (1 + formats))
     checkpoint = sum(_checkpoint(one) for one in (prepared, *again))
     with storing(None, case.memory):
         if prepared.methods - {"stochastic"} and not states_memory(pixels, steps):

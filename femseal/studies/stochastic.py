@@ -19,7 +19,7 @@ from .face_contact import band_breadth
 from .face_leakage import FEWEST, PlaceLeakage
 from .load_curves import least_counted
 from .piece_states import FacePieces, FaceResult, along_paths, ladder_of, pieces_at_loads, pieces_on_ladder
-from .sampling import Sampling, laid_out
+from .sampling import FEWEST_SEALS, MOST_SEALS, Sampling, laid_out
 from .scene import Scene, scene_warnings
 from .seat_rows import SeatMap, SeatRows, distinct_paths, pressure_fractions, seat_rows
 from .stochastic_result import MedianSeal, StochasticResult, nearest_to_median
@@ -27,9 +27,8 @@ from .stochastic_result import MedianSeal, StochasticResult, nearest_to_median
 #: Fluid pressures at which the permeability of pieces is known that the fluid presses apart. Measured against 129:
 #: leakage within 1.1e-3 with p_in up to .3 of the lowest load, within 9e-3 where they are equal.
 FLUID_PRESSURES = 9
-#: Fewest seals that are drawn, and most; and the standard error of ln(median leakage) that is wanted of them, in parts
-#: of the band of what one patch does not know.
-FEWEST_SEALS, MOST_SEALS, PART_OF_BAND = 3, 200, 1 / 20
+#: Standard error of ln(median leakage) that is wanted, in parts of the band of what one patch does not know.
+PART_OF_BAND = 1 / 20
 #: Standard error of the median of n normal numbers in standard deviations, times √n.
 _MEDIAN_ERROR = 1.2533
 #: Values of one field, parts times load steps, above which no fields are kept.
