@@ -18,6 +18,7 @@ from ..face.pieces import Cut, PieceState, factors
 from ..flow.permeability_table import tabulated
 from ..loads import LoadProgramme, LoadStep
 from ..seal import RectangularSeal
+from ..seal.layouts import RectangularLayout
 from ..seal.tiles import face_tiles
 from ..windows import Failed, FlowSettings, SolveCounts, attempt
 from .deterministic import DeterministicResult
@@ -25,6 +26,7 @@ from .face_flow import FaceFlow, resolved_flow
 from .face_leakage import permeabilities_of_places
 from .fluid_coupling import CoupledContact
 from .scene import Scene
+from .two_scale import TwoScaleResult
 
 #: Distance of the rungs of a ladder in the cube root of the pressure, over that of the highest one. ln k is nearly
 #: straight in it.
@@ -34,6 +36,10 @@ _STOPS, _PEAK_RATIO, _MOST_PEAKS = (0.8, 0.6, 0.4, 0.25, 0.12, 0.04, 0.0), 1.3, 
 #: Relative distance to a peak, or to the lowest or highest pressure, within which there is no rung; and to a peak within
 #: which these need no state of their own: a slope between closer states is that of the errors of their solutions.
 _NEAR, _SAME = 0.02, 1e-3
+
+
+#: Results of a whole face at the loads of a scene.
+FaceResult = DeterministicResult | TwoScaleResult
 
 
 @dataclass(frozen=True, eq=False)
@@ -98,11 +104,13 @@ class _Taken:
     places: Array | None
 
 
-def pieces_at_loads(scene: Scene, cut: Cut, known: DeterministicResult | None, mapper: Mapper) -> FacePieces:
+def pieces_at_loads(scene: Scene, cut: Cut, known: FaceResult | None, mapper: Mapper) -> FacePieces:
     """The pieces at the loads of the scene, in the contact of the face as it is, with its fluid where that acts.
 
-    known : solution of the same face; its contact is not solved again.
+    known : solution of the same face; its contact is not solved again, unless its grooves wind: those are of the seal.
     """
+    if scene.flow.spiral is not None:
+        scene, known = replace(scene, layout=RectangularLayout()), None
     if known is None:
         return _joined(scene, cut, scene.steps, list(scene.contact_states(_take(scene, cut), mapper=mapper)))
     solve = partial(_of_fields, cut=cut, flow=scene.flow)

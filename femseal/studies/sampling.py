@@ -10,6 +10,9 @@ from ..seal.tiles import PieceSize, SealTiles
 from ..topography import Topography
 from .seat_rows import SeatMap
 
+#: Fewest seals that are drawn, and most, where their number is not given.
+FEWEST_SEALS, MOST_SEALS = 3, 200
+
 
 @dataclass(frozen=True)
 class Sampling:

@@ -14,13 +14,12 @@ from ..face.pieces import MOST_RATIO, Cut
 from ..flow.permeability_table import tabulated
 from ..seal.tiles import SealTiles
 from ..windows import Failed, SolverCounts, attempt
-from .deterministic import DeterministicResult
 from .drawn_error import half_width, patch_scatter
 from .face_contact import band_breadth
 from .face_leakage import FEWEST, PlaceLeakage
 from .load_curves import least_counted
-from .piece_states import FacePieces, along_paths, ladder_of, pieces_at_loads, pieces_on_ladder
-from .sampling import Sampling, laid_out
+from .piece_states import FacePieces, FaceResult, along_paths, ladder_of, pieces_at_loads, pieces_on_ladder
+from .sampling import FEWEST_SEALS, MOST_SEALS, Sampling, laid_out
 from .scene import Scene, scene_warnings
 from .seat_rows import SeatMap, SeatRows, distinct_paths, pressure_fractions, seat_rows
 from .stochastic_result import MedianSeal, StochasticResult, nearest_to_median
@@ -28,9 +27,8 @@ from .stochastic_result import MedianSeal, StochasticResult, nearest_to_median
 #: Fluid pressures at which the permeability of pieces is known that the fluid presses apart. Measured against 129:
 #: leakage within 1.1e-3 with p_in up to .3 of the lowest load, within 9e-3 where they are equal.
 FLUID_PRESSURES = 9
-#: Fewest seals that are drawn, and most; and the standard error of ln(median leakage) that is wanted of them, in parts
-#: of the band of what one patch does not know.
-FEWEST_SEALS, MOST_SEALS, PART_OF_BAND = 3, 200, 1 / 20
+#: Standard error of ln(median leakage) that is wanted, in parts of the band of what one patch does not know.
+PART_OF_BAND = 1 / 20
 #: Standard error of the median of n normal numbers in standard deviations, times √n.
 _MEDIAN_ERROR = 1.2533
 #: Values of one field, parts times load steps, above which no fields are kept.
@@ -45,7 +43,7 @@ def stochastic(
     cells: tuple[int, int] | None,
     sampling: Sampling,
     *,
-    known: DeterministicResult | None = None,
+    known: FaceResult | None = None,
     mapper: Mapper = map,
 ) -> StochasticResult:
     """Cut the contact of a face into pieces, draw seals whose tiles take them, and solve the flow over each seal.
@@ -60,7 +58,7 @@ def stochastic(
     cells : number of pieces of the face along x1 and x2; None: two or three on its shorter side.
     sampling : how seals are drawn. Without a number of realisations seals are drawn until the standard error of
         their median is a twentieth of the band of what one patch does not know, at least three.
-    known : the deterministic solution of the scene, whose contact is not solved again.
+    known : the deterministic or two-scale solution of the scene, whose contact is not solved again.
     mapper : computes a stage for many items, such as the builtin `map`; it may use several processes.
 
     Raises
@@ -147,7 +145,7 @@ def _fractions(scene: Scene, tiles: SealTiles, sampling: Sampling, mapper: Mappe
 
 
 def _supply(
-    scene: Scene, cut: Cut, tiles: SealTiles, fractions: Array, known: DeterministicResult | None, mapper: Mapper
+    scene: Scene, cut: Cut, tiles: SealTiles, fractions: Array, known: FaceResult | None, mapper: Mapper
 ) -> _Supply:
     """Pieces at the loads of the scene, or along a ladder of the pressures that tiles have."""
     steps, drop = scene.steps, scene.flow.drop
