@@ -84,7 +84,8 @@ def decades(axis: Axis) -> None:
 
     low, high = axis.get_view_interval()
     axis.set_major_formatter(FuncFormatter(lambda value, _: power_text(value)))
-    if high / low < 30:
+    powers = np.floor(np.log10(high)) - np.ceil(np.log10(low)) + 1
+    if high / low < 30 or powers < 2:
         axis.set_minor_locator(LogLocator(subs=(2, 5)))
         axis.set_minor_formatter(FuncFormatter(lambda value, _: _number_text(value)))
     else:

@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 _DECADES, _FLUX_DECADES = 10, 4
 #: Sides of the detail across and along a strip, or of a square of another seal, and largest ratio of the sides of a
 #: seal that is shown as a whole, in breadths of the seal.
-_STRIP, _DETAIL, _LONGEST = (1.0, 2.5), 1.5, 8.0
+_STRIP, _DETAIL, _LONGEST = (1.0, 2.5), 1.2, 8.0
 #: Most parts that are shown as a whole, and most arrows along the longer side of a map.
 _MOST, _ARROWS = 200_000, 20
 
@@ -78,7 +78,10 @@ class DrawnSeal:
         """The surroundings of the largest flux."""
         low, high = self.all.low, self.all.high
         sides = breadth * np.array(_STRIP if self.strip else (_DETAIL, _DETAIL))
-        place = self.corners[np.argmax(np.nan_to_num(np.hypot(*flux.T)))].mean(axis=0)
+        middles = self.corners.mean(axis=1)
+        place = middles[np.argmax(np.nan_to_num(np.hypot(*flux.T)))]
+        if not self.strip:  # in the middle of the seal rather than at its edge, where half of a map would be empty
+            place = middles[np.hypot(*(middles - place).T) <= breadth].mean(axis=0)
         start = np.maximum(low, np.minimum(place - sides / 2, high - sides))
         return _View(start, np.minimum(start + sides, high))
 

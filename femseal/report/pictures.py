@@ -67,7 +67,7 @@ def _figures(results: Results, surface: Topography | None) -> dict[str, Callable
         "surface": (surface is not None, lambda: heights_figure(cast(Topography, surface))),
         "seal": (maps or drawn_seal, lambda: seal_figure(results)),
         "drawn": (maps and drawn_seal, lambda: drawn_figure(data, s)),
-        "pieces": ("piece1" in data.dims, lambda: pieces_figure(results)),
+        "pieces": ("piece_k1" in data or "state_k1" in data, lambda: pieces_figure(results)),
         "leakage": (True, lambda: leakage_figure(results)),
         "drop": (maps, lambda: _lines_figure(drop_panel, data)),
         "face": ("face_height" in data, lambda: _face_figure(data)),
