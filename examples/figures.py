@@ -3,15 +3,15 @@
     python examples/figures.py RESULTS OUT [CASE]
 
 0 face           heights of the face, and the leakage of its seals over the load cycle
-1 two_scales     fluid pressure with the flow, contact pressure, and three windows seen closely
+1 two_scales     fluid pressure, contact pressure, and three pieces seen closely
 2 cycles         permeability of single windows on loading and unloading, and its scatter over all
 3 permeability   against mean gap, with the asymptote h̄³/12, and against pressure
 4 leakage        of seals of several lengths, and of one unloaded from four loads
-5 constrictions  the share of the pressure drop over the narrowest links
+5 constrictions  the share of the pressure drop over the narrowest pieces
 
 0 comes from any folder of results, all others but 4 from that of a two-scale run, 2 and 3 from its library if it has
 one. The case of the run, if given, is used for figure 4, whose seals are drawn from one library of windows under the
-nominal pressure, and for the deterministic part of figure 5. Every picture is written as .pdf and .png, 183 mm wide.
+nominal pressure. Every picture is written as .pdf and .png, 183 mm wide.
 """
 
 from __future__ import annotations
@@ -22,11 +22,8 @@ from pathlib import Path
 
 import matplotlib
 import numpy as np
-from femseal.studies.link_flow import chosen_windows
-from matplotlib.collections import LineCollection
 from matplotlib.colors import ListedColormap
 from matplotlib.figure import Figure
-from matplotlib.lines import Line2D
 from matplotlib.patches import Rectangle
 from matplotlib.patheffects import withStroke
 from matplotlib.ticker import LogLocator, NullFormatter
@@ -37,10 +34,8 @@ from femseal.flow.edge_flow import cell_stencil
 from femseal.flow.grid import Grid
 from femseal.plots.drawing import STYLES, new_figure
 from femseal.plots.heights import height_panel
-from femseal.plots.maps import default_step, window_flux
+from femseal.plots.maps import default_step
 from femseal.results.selections import branches
-from femseal.seal import largest_fractions
-from femseal.windows import Partition, window_dissipation
 
 WIDTH = 7.2  # 183 mm, two columns of a journal
 CLOSED, RED = "#B0B0B0", "#D7191C"
@@ -48,7 +43,8 @@ CLOSED, RED = "#B0B0B0", "#D7191C"
 BRANCHES = (("loading", "#E69F00", "-", None), ("unloading", "#00467F", "--", "////"))
 PRINT = {"font.size": 8, "axes.titlesize": 8, "legend.fontsize": 7, "lines.linewidth": 1.2, "axes.grid": False,
          "axes.linewidth": 0.6, "legend.frameon": False, "savefig.dpi": 300, "pdf.fonttype": 42}  # fmt: skip
-#: Figure 5: the narrowest 1, 3 and 10.
+#: Figure 5: numbers of the narrowest pieces, and their colours.
+NARROWEST = 1, 3, 10
 SHADES = ("#00467F", "#009E73", "#E69F00")
 #: Figure 4: shares of the highest load from which seals are unloaded, and of the peak at which they are looked at.
 PEAKS, STOPS = (0.25, 0.5, 0.75, 1.0), (0.9, 0.8, 0.7, 0.6, 0.5, 0.4, 0.3, 0.2, 0.1, 0.04)
@@ -77,26 +73,20 @@ def two_scales(results: fs.Results, step: int | None = None) -> Figure:
     data = _with(results, "k1", "a two-scale run")
     s = default_step(data) if step is None else step
     windows = closely(results, s)
-    x1, x2 = float(data["node1"][-1]) * 1e3, float(data["cell2"][0] + data["cell2"][-1]) * 1e3
+    x1, x2 = (2e3 * float(data[name].mean()) for name in ("cell1", "cell2"))
     w1, w2 = x1 / data.sizes["cell1"], x2 / data.sizes["cell2"]
     heights = min(0.42 * WIDTH * x2 / x1, 0.6 * WIDTH) + 0.8, 1.75 * len(windows) + 1.0
     figure = new_figure(WIDTH, sum(heights))
     above, below = figure.subfigures(2, 1, height_ratios=heights)
     flow, contact = above.subplots(1, 2)
-    columns, rows = np.r_[0, data["cell1"].values * 1e3, x1], np.linspace(0, x2, data.sizes["cell2"] + 1)
-    image = flow.pcolormesh(columns, rows, data["fluid_pressure"].values[s].T / 1e6, cmap="cividis", rasterized=True)
+    fluid = data["face_fluid_pressure"].values[s] / 1e6
+    image = flow.imshow(fluid.T, origin="lower", extent=(0, x1, 0, x2), cmap="cividis")
     above.colorbar(image, ax=flow, shrink=0.8)
-    along, across = (np.nan_to_num(part).T for part in window_flux(data, s))
-    size = np.hypot(along, across)
-    root = np.divide(1.3 * max(w1, w2), np.sqrt(size * size.max()), out=np.zeros_like(size), where=size > 0)
-    centres = np.meshgrid(data["cell1"] * 1e3, data["cell2"] * 1e3)
-    flow.quiver(*centres, along * root, across * root, color=RED, edgecolor="white", linewidth=0.3, pivot="mid",
-                angles="xy", scale_units="xy", scale=1, width=0.006)  # fmt: skip
-    flow.set(facecolor=CLOSED, title="fluid pressure [MPa], arrows ∝ √flow", ylabel="$x_2$ along the seal [mm]")
+    flow.set(facecolor=CLOSED, title="fluid pressure [MPa]", ylabel="$x_2$ along the seal [mm]")
     pressure = data["window_pressure"].values[s] / 1e6
     image = contact.imshow(pressure.T, origin="lower", extent=(0, x1, 0, x2), cmap="viridis")
     above.colorbar(image, ax=contact, shrink=0.8)
-    contact.set(title="contact pressure of windows [MPa]")
+    contact.set(title="contact pressure of pieces [MPa]")
     for axes in (flow, contact):
         axes.set(aspect="equal", xlabel="$x_1$ [mm], inlet at 0", xlim=(0, x1), ylim=(0, x2))
         for letter, (i, j) in zip("ABC", windows, strict=False):
@@ -113,12 +103,14 @@ def two_scales(results: fs.Results, step: int | None = None) -> Figure:
 
 
 def closely(results: fs.Results, step: int) -> dict[tuple[int, int], dict[str, np.ndarray]]:
-    """Typical windows: gap [µm], contact pressure [MPa], fluid pressure for a unit drop and its flow.
+    """Gap [µm], contact [MPa], fluid pressure for a unit drop and its flow, of pieces with largest to smallest k1.
 
     The flow is that of the links between pixels, in shares of the largest.
     """
-    windows = {}
-    for place in chosen_windows(results.dataset["k1"].values, results.steps.pressures):
+    windows, k = {}, results.dataset["k1"].values[step]
+    is_open = np.argwhere(k > 0)
+    order = is_open[np.argsort(k[k > 0])]
+    for place in dict.fromkeys(tuple(map(int, order[n])) for n in (-1, len(order) // 2, 0)):
         gap, contact = results.gap(step, place), results.contact_pressure(step, place)
         spacing = tuple(float(gap[axis][1] - gap[axis][0]) for axis in gap.dims)
         h = gap.values.astype(float)
@@ -326,77 +318,33 @@ def _open(values):
     return np.where(values > 0, values, np.nan)
 
 
-def resolved(case: fs.Case, results: fs.Results) -> tuple[np.ndarray, np.ndarray]:
-    """Deterministic leakage (steps,) [m²/s] and dissipation (steps, m1, m2) in the windows of the two-scale run."""
-    prepared = fs.prepare(case)
-    surface, rows = prepared.scene.surface, results.dataset["node1"].values
-    lines = tuple(round(x / surface.spacing[0]) for x in rows)
-    partition = Partition(surface.shape, surface.spacing, prepared.cells, lines)
-    study = fs.deterministic(prepared.scene)
-    return study.leakage, np.array([window_dissipation(gap, partition) for gap in study.gap])
-
-
-def link_shares(data, step: int) -> tuple[np.ndarray, np.ndarray]:
-    """Dissipation q²/c of all links in shares of their sum: (segments (links, 2, 2) as x1, x2 [mm]; shares)."""
-    x1, x2 = data["node1"].values, data["cell2"].values
-    lengths, width = np.diff(x1)[:, None], 2 * x2[0]
-    shapes = [("flux1", "k1", lengths * width, x1[:-1], lengths[:, 0], 0.0)]
-    if "flux2" in data:
-        middle = (lengths[:-1] + lengths[1:]) / 2
-        shapes.append(("flux2", "k2", middle * width, x1[1:-1], np.zeros(len(middle)), width))
-    segments, dissipation = [], []
-    for flux, k, size, start, up, across in shapes:
-        q, k = data[flux].values[step], data[k].values[step]
-        dissipation.append(np.divide(q**2 * size, k, out=np.zeros_like(q), where=k > 0).ravel())
-        from_, to = np.broadcast_arrays(start[:, None], x2), np.broadcast_arrays((start + up)[:, None], x2 + across)
-        segments.append(1e3 * np.stack([np.stack(end, axis=-1) for end in (from_, to)], axis=2).reshape(-1, 2, 2))
-    together = np.concatenate(dissipation)
-    return np.concatenate(segments), together / together.sum()
-
-
-def constrictions(results: fs.Results, deterministic: tuple[np.ndarray, np.ndarray] | None = None) -> Figure:
-    """Figure 5. Shares of the pressure drop over the leakage, and where it drops at the least; see `resolved`."""
-    data = _with(results, "drop_fraction", "a two-scale run")
-    q = data["leakage_two_scale"].values
-    rate, windows = deterministic if deterministic is not None else (q, None)
-    leaking = np.flatnonzero(np.nan_to_num(q * rate) != 0)
+def constrictions(results: fs.Results) -> Figure:
+    """Figure 5. Shares of the pressure drop over the leakage, and where it drops at the least."""
+    data = _with(results, "window_drop_fraction", "a two-scale run")
+    q, fractions = data["leakage_two_scale"].values, data["window_drop_fraction"].values
+    leaking = np.flatnonzero(np.nan_to_num(q) != 0)
     if leaking.size == 0:
         raise InputError("results", "a seal that never leaks", "one that does")
     least = int(leaking[np.argmin(np.abs(q[leaking]))])
     figure = new_figure(WIDTH, 3.1)
     left, right = figure.subplots(1, 2)
     loading = np.isnan(data["unloaded_from"].values)
-    curves = [("links of the network", "-", "full", q / q[0], data["drop_fraction"].values)]
-    if windows is not None:
-        shares = np.array([largest_fractions(w) for w in windows])
-        curves.append(("windows, deterministic", "--", "none", rate / rate[0], shares))
-    for n, (colour, marker) in enumerate(zip(SHADES, "os^", strict=True)):
-        for _, line, fill, x, shares in curves:
-            style = {"color": colour, "marker": marker, "fillstyle": fill, "mew": 0.8}
-            left.plot(x[loading], shares[loading, n], ls=line, ms=4, **style)
-            left.plot(x[~loading], shares[~loading, n], ls="", ms=2, **style)
-    keys = [
-        Line2D([], [], color="grey", ls=line, marker="o", fillstyle=fill, label=name) for name, line, fill, *_ in curves
-    ]
-    keys += [Line2D([], [], color=c, marker=m, ls="", label=f"the narrowest {n}" if n > 1 else "the narrowest")
-             for n, c, m in zip(data["narrowest"].values, SHADES, "os^", strict=True)]  # fmt: skip
-    figure.legend(handles=keys, loc="outside lower center", ncols=5, handlelength=3)
+    falling = np.sort(fractions.reshape(len(q), -1), axis=1)[:, ::-1].cumsum(axis=1)
+    for count, colour, marker in zip(NARROWEST, SHADES, "os^", strict=True):
+        shares, style = falling[:, min(count, falling.shape[1]) - 1], {"color": colour, "marker": marker, "mew": 0.8}
+        name = f"the narrowest {count}" if count > 1 else "the narrowest"
+        left.plot(np.abs(q / q[0])[loading], shares[loading], ms=4, label=name, **style)
+        left.plot(np.abs(q / q[0])[~loading], shares[~loading], ls="", ms=2, **style)
     left.set(
         xscale="log", xlabel="leakage / leakage at the first load", ylabel="share of the pressure drop", ylim=(0, 1.03)
     )
     left.invert_xaxis()
     left.set_title("(a) large: loading, small: unloading")
-    segments, shares = link_shares(data, least)
-    x1, x2 = data["node1"].values * 1e3, np.linspace(0, 2e3 * data["cell2"].values.mean(), data.sizes["cell2"] + 1)
-    if windows is not None:
-        image = right.pcolormesh(x1, x2, 100 * windows[least].T / windows[least].sum(), cmap="Blues", rasterized=True)
-        figure.colorbar(image, ax=right, shrink=0.7, label="deterministic: in a window [%]")
-    right.add_collection(LineCollection(segments, linewidths=6 * np.sqrt(shares), colors=RED))
-    for n, link in enumerate(np.argsort(shares)[::-1][:10], start=1):
-        text = right.text(*segments[link].mean(axis=0), str(n), ha="center", va="center", fontsize=6, clip_on=True)
-        text.set_bbox({"facecolor": "white", "edgecolor": RED, "pad": 0.8, "lw": 0.5})
-    right.set(aspect="equal", xlim=(0, x1[-1]), ylim=(0, x2[-1]), xlabel="$x_1$, inlet at 0 [mm]", ylabel="$x_2$ [mm]")
-    right.set_title(f"(b) {data['name'].values[least]};\nlinks: width ∝ √share, ten numbered")
+    left.legend()
+    sides = [2e3 * data[name].values.mean() for name in ("cell1", "cell2")]
+    image = right.imshow(100 * fractions[least].T, origin="lower", extent=(0, sides[0], 0, sides[1]), cmap="Blues")
+    figure.colorbar(image, ax=right, shrink=0.7, label="pressure drop in a piece [%]")
+    right.set(xlabel="$x_1$, inlet at 0 [mm]", ylabel="$x_2$ [mm]", title=f"(b) {data['name'].values[least]}")
     return figure
 
 
@@ -416,7 +364,7 @@ def main() -> None:
         "1_two_scales": lambda: two_scales(results),
         "2_cycles": lambda: cycles(results),
         "3_permeability": lambda: permeability(results),
-        "5_constrictions": lambda: constrictions(results, resolved(case, results) if case else None),
+        "5_constrictions": lambda: constrictions(results),
     }
     if case is not None and case.stochastic is not None:
         drawings["4_leakage"] = lambda: leakage(drawn_seals(case, library=given.out / "library"))

@@ -1,4 +1,4 @@
-"""The two-scale view of a results folder: fluid pressure with the flow over the seal, contact pressure over all pixels.
+"""The two-scale view of a results folder: where the pressure drops in its pieces, contact pressure over all pixels.
 
     python examples/two_scale_view.py results/turned_seal view.png
 
@@ -12,10 +12,8 @@ from pathlib import Path
 import numpy as np
 import pyvista as pv
 
-#: Colours of the fluid pressure and of the contact pressure.
-COLOURS = "cividis", "inferno"
-#: About as many arrows along a side, at most.
-ARROWS = 24
+#: Colours of the pressure drop and of the contact pressure.
+COLOURS = "magma", "inferno"
 
 
 def read(path, step):
@@ -26,23 +24,6 @@ def read(path, step):
     return mesh.scale(1e6, inplace=False)
 
 
-def flow_arrows(seal, longest):
-    """Arrows [µm] at the windows, their length as the root of the flux; None without flow."""
-    centres = seal.cell_centers()
-    flux = np.nan_to_num(centres["flux_m2_per_s"])
-    size = np.linalg.norm(flux, axis=1)
-    # of the many windows of a long seal some stand for all
-    every = np.arange(size.size) % max(1, size.size // (2 * ARROWS**2)) == 0
-    shown = every & (size > 1e-3 * size.max())
-    if not shown.any():
-        return None
-    arrows = pv.PolyData(np.asarray(centres.points)[shown])
-    arrows["length"] = longest * np.sqrt(size[shown] / size.max())
-    arrows["direction"] = flux[shown] / size[shown, None]
-    thick = pv.Arrow(start=(-0.5, 0.0, 0.0), tip_length=0.4, tip_radius=0.16, shaft_radius=0.06)
-    return arrows.glyph(orient="direction", scale="length", geom=thick)
-
-
 def draw(folder, step):
     """A plotter with both views at a step: inlet at the left, x1 to the right."""
     folder = Path(folder)
@@ -50,9 +31,9 @@ def draw(folder, step):
     x1, x2 = seal.bounds[1], seal.bounds[3]
     stacked = x1 > x2
     plotter = pv.Plotter(shape=(2, 1) if stacked else (1, 2), off_screen=True, window_size=(1000, 1100))
-    seal["fluid pressure [MPa]"] = seal["fluid_pressure_MPa"]
+    seal["pressure drop [%]"] = 100 * seal["window_drop_fraction"]
     face["contact pressure [MPa]"] = face["contact_pressure_MPa"]
-    for n, (mesh, name) in enumerate(((seal, "fluid pressure [MPa]"), (face, "contact pressure [MPa]"))):
+    for n, (mesh, name) in enumerate(((seal, "pressure drop [%]"), (face, "contact pressure [MPa]"))):
         plotter.subplot(*((n, 0) if stacked else (0, n)))
         plotter.set_background("white")
         bar = {
@@ -73,9 +54,6 @@ def draw(folder, step):
         width, height = plotter.renderer.GetSize()
         plotter.camera.parallel_scale = 0.7 * max(x2, x1 * height / width)
     plotter.subplot(0, 0)
-    arrows = flow_arrows(seal, max(np.sqrt(2 * x1 * x2 / seal.n_cells), max(x1, x2) / ARROWS))
-    if arrows is not None:
-        plotter.add_mesh(arrows, color="#D7191C", lighting=False)
     load, peak = (float(seal.field_data[name][0]) for name in ("nominal_pressure_MPa", "unloaded_from_MPa"))
     branch = "loading" if np.isnan(peak) else f"unloading from {peak:g} MPa"
     plotter.add_text(f"{load:g} MPa, {branch}", font_size=12, color="black")

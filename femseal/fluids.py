@@ -46,7 +46,7 @@ class Fluid(Protocol):
 
 
 def _viscosity() -> Any:
-    return parameter("Pa*s", "a viscosity > 0, such as '1 mPa*s'")
+    return parameter("Pa*s", "a viscosity > 0, such as '1 mPa*s'", usual=(1e-6, 1e3))
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -60,12 +60,16 @@ class _OnFaces:
 
     #: Outlet pressure of a case that gives none [Pa], above that of the surroundings.
     outlet_pressure: ClassVar[float] = 0.0
-    surface_tension: float | None = parameter("N/m", "a surface tension > 0, such as '73 mN/m'", default=None)
-    contact_angle: float | None = parameter(
-        "rad", "a contact angle >= 0, such as '110 deg'", inclusive=True, default=None
+    surface_tension: float | None = parameter(
+        "N/m", "a surface tension > 0, such as '73 mN/m'", usual=(1e-3, 3.0), default=None
     )
-    slip_length: float = parameter("m", "a length >= 0, such as '20 nm'", inclusive=True, default=0.0)
-    bulk_modulus: float | None = parameter("Pa", "a bulk modulus > 0, such as '2 GPa'", default=None)
+    contact_angle: float | None = parameter(
+        "rad", "a contact angle >= 0, such as '110 deg'", usual=(1e-3, 3.15), inclusive=True, default=None
+    )
+    slip_length: float = parameter(
+        "m", "a length >= 0, such as '20 nm'", usual=(1e-10, 1e-5), inclusive=True, default=0.0
+    )
+    bulk_modulus: float | None = parameter("Pa", "a bulk modulus > 0, such as '2 GPa'", usual=(5e7, 1e11), default=None)
 
     def __post_init__(self) -> None:
         check_parameters(self)
@@ -93,8 +97,10 @@ class Liquid(_OnFaces):
 
     kind: ClassVar[str] = "liquid"
     viscosity: float = _viscosity()
-    density: float = parameter("kg/m^3", "a density > 0, such as '870 kg/m^3'", default=1000.0)
-    pressure_viscosity: float = parameter("1/Pa", "a coefficient >= 0, such as '20 1/GPa'", inclusive=True, default=0.0)
+    density: float = parameter("kg/m^3", "a density > 0, such as '870 kg/m^3'", usual=(50.0, 2.5e4), default=1000.0)
+    pressure_viscosity: float = parameter(
+        "1/Pa", "a coefficient >= 0, such as '20 1/GPa'", usual=(1e-10, 1e-7), inclusive=True, default=0.0
+    )
 
     @property
     def reference_density(self) -> float:
@@ -129,9 +135,11 @@ class RoelandsLiquid(_OnFaces):
     """
 
     kind: ClassVar[str] = "roelands-liquid"
-    viscosity: float = parameter("Pa*s", "a viscosity > 63.1 uPa*s, such as '50 mPa*s'", above=6.31e-5)
-    pressure_viscosity: float = parameter("1/Pa", "a coefficient > 0, such as '20 1/GPa'")
-    density: float = parameter("kg/m^3", "a density > 0, such as '870 kg/m^3'", default=870.0)
+    viscosity: float = parameter(
+        "Pa*s", "a viscosity > 63.1 uPa*s, such as '50 mPa*s'", usual=(1e-6, 1e3), above=6.31e-5
+    )
+    pressure_viscosity: float = parameter("1/Pa", "a coefficient > 0, such as '20 1/GPa'", usual=(1e-10, 1e-7))
+    density: float = parameter("kg/m^3", "a density > 0, such as '870 kg/m^3'", usual=(50.0, 2.5e4), default=870.0)
 
     @property
     def reference_density(self) -> float:
@@ -190,8 +198,8 @@ class IdealGas(Gas):
 
     kind: ClassVar[str] = "ideal-gas"
     viscosity: float = _viscosity()
-    molar_mass: float = parameter("kg/mol", "a molar mass > 0, such as '29 g/mol'")
-    temperature: float = parameter("K", "a temperature above absolute zero, such as '20 °C'")
+    molar_mass: float = parameter("kg/mol", "a molar mass > 0, such as '29 g/mol'", usual=(1e-3, 1.0))
+    temperature: float = parameter("K", "a temperature above absolute zero, such as '20 °C'", usual=(2.0, 2000.0))
     slip: bool = True
 
     @property

@@ -14,6 +14,8 @@ from .base import InputError, shown
 
 #: H = HARDNESS_FACTOR · σ_y, full plasticity of an indentation (Johnson, Contact Mechanics, 1985, ch. 6).
 HARDNESS_FACTOR = 2.8
+#: Young's moduli of metals, and of hard coatings, lie between these [Pa].
+YOUNG_LIMITS = (5e9, 1.2e12)
 
 
 @dataclass(frozen=True)

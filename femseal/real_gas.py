@@ -95,7 +95,9 @@ class RealGas(Gas):
 
     kind: ClassVar[str] = "real-gas"
     name: str
-    temperature: float = parameter("K", "a temperature above absolute zero, such as '20 °C'", default=TABLE_TEMPERATURE)
+    temperature: float = parameter(
+        "K", "a temperature above absolute zero, such as '20 °C'", usual=(2.0, 2000.0), default=TABLE_TEMPERATURE
+    )
     slip: bool = True
 
     def __post_init__(self) -> None:

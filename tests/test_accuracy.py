@@ -137,17 +137,10 @@ class TestPlan:
             Variant("deterministic", n),
             Variant("deterministic", (64, 64)),
             Variant("deterministic", (32, 32)),
-            Variant("two-scale", n, (4, 4)),
-            Variant("two-scale", (64, 64), (4, 4)),
-            Variant("two-scale", n, (2, 2)),
-            Variant("two-scale", n, (8, 8)),
             Variant("stochastic", n, (4, 4), 16),
         )
         assert plan.reference == plan.variants[0]
-        assert plan.companion == plan.variants[3]
-        reasons = dict(plan.skipped)
-        assert len(reasons) == 1
-        assert "windows of 8 pixels" in reasons["two-scale, 32×32 points, 4×4 cells"]
+        assert plan.skipped == ()
 
     def test_libraries(self):
         """Of ladders as many windows as wanted; of a face all of its windows, or their multiples."""
@@ -169,30 +162,11 @@ class TestPlan:
         def methods(case):
             return {v.method for v in make_plan(case, **AMPLE).variants}
 
-        assert methods(small(method=method)) == {"deterministic", "two-scale", "stochastic"}
+        assert methods(small(method=method)) == {"deterministic", "stochastic"}
         if method != "stochastic":
-            assert methods(small(method=method, stochastic=None)) == {"deterministic", "two-scale"}
+            assert methods(small(method=method, stochastic=None)) == {"deterministic"}
         if method == "deterministic":
             assert methods(small(method=method, cells=None, stochastic=None)) == {"deterministic"}
-
-    def test_cells_keep_dividing_the_surface(self):
-        """Windows of 22 pixels: half of 3 cells is 2, double is not to be had with windows of 16 pixels."""
-        plan = make_plan(small(cells={"count": [3, 3]}), **AMPLE)
-        assert plan.prepared.scene.surface.shape == (66, 66)
-        assert {v.cells for v in plan.variants if v.method == "two-scale"} == {(3, 3), (2, 2)}
-        assert "windows of 11 pixels" in dict(plan.skipped)["two-scale, 66×66 points, 6×6 cells"]
-        for variant in plan.variants:
-            assert all(n % m == 0 for n, m in zip(variant.points, variant.cells or (1, 1), strict=True))
-        # windows of an odd number of pixels are not halved, one cell is not either
-        plan = make_plan(small(face={"points": [46, 46]}, cells={"count": [1, 2]}), **AMPLE)
-        assert "no such divisors" in dict(plan.skipped)["two-scale, double the 1×2 cells"]
-        assert Variant("two-scale", (46, 46), (1, 1)) in plan.variants
-        plan = make_plan(small(cells={"count": [1, 1]}), **AMPLE)
-        assert "no such divisors" in dict(plan.skipped)["two-scale, half the 1×1 cells"]
-
-    def test_windows_keep_two_of_the_shortest_waves(self):
-        plan = make_plan(small(surface={"shortest_wave": "12 um"}), **AMPLE)
-        assert "windows of 1.2 shortest waves" in dict(plan.skipped)["two-scale, 64×64 points, 4×4 cells"]
 
     def test_coarser_grids_hold_the_same_surface(self):
         face = {"kind": "self-affine", "points": [64, 61], "size": ["60 um"] * 2, "rms_slope": 0.2, "roll_off": "40 um"}
@@ -202,21 +176,14 @@ class TestPlan:
         for variant in plan.variants:
             assert_allclose(surface.resample(variant.points).rms_height, surface.rms_height, rtol=0.01)
 
-    def test_unaffordable_solutions_are_skipped_and_the_reference_moves(self):
-        case = small(face={"points": [512, 512]}, cells={"count": [4, 4], "contact": "windows", "flow": "links"})
+    def test_unaffordable_solutions_are_skipped_but_not_the_reference(self):
+        case = small(face={"points": [512, 512]}, cells={"count": [4, 4]}, stochastic={"pressure": "uniform"})
         costs = dict(zip((p := make_plan(case, **AMPLE)).variants, p.costs, strict=True))
-        n = (512, 512)
-        whole, windows = costs[Variant("deterministic", n)], costs[Variant("two-scale", n, (4, 4))]
-        assert whole[1] > windows[1]
-        plan = make_plan(case, limit=1e6, memory=0.99 * whole[1])
-        assert plan.reference == Variant("two-scale", n, (8, 8))
-        assert plan.companion == Variant("two-scale", n, (4, 4))
-        assert "not affordable" in plan.against
-        assert "two-scale, 512×512 points, 8×8 cells" in plan.against
-        assert "expected to take" in dict(plan.skipped)["deterministic, 512×512 points"]
-        plan = make_plan(case, limit=1.001 * windows[0], memory=0.99 * whole[1])
-        assert plan.reference == Variant("two-scale", n, (4, 4))
-        assert plan.companion is None
+        whole = costs[Variant("deterministic", (512, 512))]
+        plan = make_plan(case, limit=1.01 * whole[0], memory=1e12)
+        assert plan.reference == Variant("deterministic", (512, 512))
+        dear = {v.label for v, (seconds, _) in costs.items() if seconds > 1.01 * whole[0]}
+        assert {what for what, reason in plan.skipped if "expected to take" in reason} == dear
         with pytest.raises(fs.InputError, match=r"limit, memory: .*enough for deterministic, 512×512 points"):
             make_plan(case, limit=1e-6, memory=1e12)
 
@@ -243,20 +210,15 @@ class TestWaveThatWindowsSolveExactly:
     @staticmethod
     def factors(report, variant):
         (solution,) = (s for s in report.solutions if s.variant == variant)
-        return np.array([[c.loading.value, c.unloading.value] for c in solution.comparisons])
+        return np.array([solution.comparison.loading.value, solution.comparison.unloading.value])
 
     def test_reference_has_factor_one(self, wave):
         assert wave.plan.reference == Variant("deterministic", (256, 256))
         assert_array_equal(self.factors(wave, wave.plan.reference), 1)
 
-    @pytest.mark.parametrize("cells", [(1, 1), (2, 2)])
-    def test_two_scales_are_right(self, wave, cells):
-        assert_allclose(self.factors(wave, Variant("two-scale", (256, 256), cells)), 1, atol=1e-5)
-
     @pytest.mark.parametrize("library", [8, 4])
-    def test_drawn_seals_are_right_by_both_references(self, wave, library):
+    def test_drawn_seals_are_right(self, wave, library):
         factors = self.factors(wave, Variant("stochastic", (256, 256), (2, 2), library))
-        assert factors.shape == (2, 2)
         assert_allclose(factors, 1, atol=1e-5)
 
     def test_drawn_runs_are_right(self, wave):
@@ -265,12 +227,11 @@ class TestWaveThatWindowsSolveExactly:
         assert seals.sampler == "runs"
         assert_allclose(seals.leakage, np.tile(wave.solutions[0].leakage, (2, 1)), rtol=1e-5)
 
-    def test_coarser_pixels_are_not_and_two_scales_on_them_are_wrong_by_the_same(self, wave):
+    def test_coarser_pixels_are_not(self, wave):
         least = 1.01
         for n in ((128, 128), (64, 64)):
             coarse = self.factors(wave, Variant("deterministic", n))
             assert (coarse > least).all()
-            assert_allclose(self.factors(wave, Variant("two-scale", n, (2, 2))), coarse, rtol=1e-5)
             least = coarse
 
     def test_all_loads_are_compared(self, wave):
@@ -278,27 +239,23 @@ class TestWaveThatWindowsSolveExactly:
         for solution in wave.solutions:
             assert solution.closing_load == np.inf
             assert solution.seconds > 0
-            for c in solution.comparisons:
-                assert [(f.loads, f.closed, f.failed) for f in (c.loading, c.unloading)] == [(3, 0, 0), (2, 0, 0)]
+            c = solution.comparison
+            assert [(f.loads, f.closed, f.failed) for f in (c.loading, c.unloading)] == [(3, 0, 0), (2, 0, 0)]
 
 
 class TestReport:
-    def test_drawn_seals_are_compared_with_both_references(self):
+    def test_all_are_compared_with_the_reference(self):
         done = []
         report = fs.measure_accuracy(small(), workers=1, progress=lambda *state: done.append(state))
         assert done == [("solutions", n, len(report.solutions)) for n in range(len(report.solutions) + 1)]
         leakage = {s.variant: s.leakage for s in report.solutions}
         for s in report.solutions:
-            expected = [Variant("deterministic", (64, 64))]
-            expected += [Variant("two-scale", (64, 64), (2, 2))] if s.variant.method == "stochastic" else []
-            assert [c.against for c in s.comparisons] == expected
-            for c in s.comparisons:
-                ratio = np.log(s.leakage / leakage[c.against])
-                assert_allclose(c.loading.value, np.exp(np.sqrt(np.mean(ratio[:2] ** 2))), rtol=1e-12)
-                assert_allclose(c.unloading.value, np.exp(np.abs(ratio[2])), rtol=1e-12)
+            ratio = np.log(s.leakage / leakage[Variant("deterministic", (64, 64))])
+            assert_allclose(s.comparison.loading.value, np.exp(np.sqrt(np.mean(ratio[:2] ** 2))), rtol=1e-12)
+            assert_allclose(s.comparison.unloading.value, np.exp(np.abs(ratio[2])), rtol=1e-12)
 
     def test_leakages_are_those_of_a_run(self):
-        case = small(compare=["deterministic", "two-scale"])
+        case = small(compare=["deterministic"])
         report, results = fs.measure_accuracy(case, workers=1), fs.run(case, workers=1)
         own = {
             s.variant.method: s.leakage
@@ -306,11 +263,10 @@ class TestReport:
             if s.variant
             in (
                 Variant("deterministic", (64, 64)),
-                Variant("two-scale", (64, 64), (2, 2)),
                 Variant("stochastic", (64, 64), (2, 2), 4),
             )
         }
-        for method, name in (("deterministic", "deterministic"), ("two-scale", "two_scale"), ("stochastic", "median")):
+        for method, name in (("deterministic", "deterministic"), ("stochastic", "median")):
             assert_array_equal(own[method], results.dataset[f"leakage_{name}"].values)
 
     def test_files_hold_what_the_report_says(self, tmp_path):
@@ -331,11 +287,9 @@ class TestReport:
         assert [tuple(s.values()) for s in found["skipped"]] == list(report.plan.skipped)
         with (out / "accuracy.csv").open(encoding="utf-8") as file:
             rows = list(csv.DictReader(file))
-        assert len(rows) == sum(len(s.comparisons) for s in report.solutions)
-        first = [c.loading.value for s in report.solutions for c in s.comparisons]
+        first = [s.comparison.loading.value for s in report.solutions]
         assert_allclose([float(r["loading_factor"]) for r in rows], first, rtol=1e-12)
-        drawn = [r["against"] for r in rows if r["library_cells"] == "4"]
-        assert drawn == ["deterministic, 64×64 points", "two-scale, 64×64 points, 2×2 cells"]
+        assert [r["method"] for r in rows if r["library_cells"] == "4"] == ["stochastic"]
         assert (out / "accuracy.png").read_bytes().startswith(b"\x89PNG")
 
     def test_no_picture_of_an_earlier_case_stays_beside_new_numbers(self, tmp_path, monkeypatch):
@@ -353,7 +307,7 @@ class TestReport:
         case = small(method="deterministic", cells=None, stochastic=None, load={"unload_from": [], "unloading": []})
         report = fs.measure_accuracy(case, workers=1)
         assert len(report.plot().axes) == 1
-        assert all(np.isnan(c.unloading.value) for s in report.solutions for c in s.comparisons)
+        assert all(np.isnan(s.comparison.unloading.value) for s in report.solutions)
         assert report.rows()[0]["unloading_factor"] is None
 
     def test_a_solution_that_fails_is_reported_and_a_reference_that_fails_raises(self, monkeypatch):
@@ -372,8 +326,8 @@ class TestReport:
         report = fs.measure_accuracy(case, workers=1)
         assert report.warnings == ["deterministic, 32×32 points: stalled"]
         (failed,) = (s for s in report.solutions if s.variant.points == (32, 32))
-        assert failed.comparisons[0].loading.failed == 2
-        assert failed.comparisons[0].loading.loads == 0
+        assert failed.comparison.loading.failed == 2
+        assert failed.comparison.loading.loads == 0
         json.loads(report.json_text())
         monkeypatch.setattr("femseal.studies.study_registry.deterministic", failing((64, 64)))
         with pytest.raises(fs.NotConverged, match="stalled"):
@@ -435,8 +389,7 @@ class TestCommand:
         plan = make_plan(fs.load_case(case), limit=600, memory=4e9)
         *lines, rest = printed.split("\n", len(plan.lines()))
         assert lines == plan.lines()
-        assert "(reference)" in rest
-        assert "two-scale 2×2" in rest
+        assert "stochastic" in rest
         assert f"accuracy in {out}" in rest
         assert {p.name for p in out.iterdir()} == {"accuracy.csv", "accuracy.json", "accuracy.png"}
 
@@ -476,7 +429,7 @@ class TestRecommended:
                     expected_memory=1.0,
                     leakage=q,
                     closing_load=np.inf,
-                    comparisons=(Comparison(variant, distance, distance),),
+                    comparison=Comparison(distance, distance),
                     failures=(),
                     budget=ErrorBudget(method, q, (part,)),
                 )

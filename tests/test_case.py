@@ -41,7 +41,7 @@ def test_shipped_cases_are_valid_and_forecast(path):
     assert prepared.scene.surface.rms_height > 0
     words = [line.split()[0] for line in describe(case, prepared)]
     # the first attempt is deterministic, which has no windows
-    divided = {"accuracy"} if case.accuracy else {"windows"} if case.cells else set()
+    divided = {"accuracy"} if case.accuracy else {"pieces"} if case.cells else set()
     assert {"case", "surface", "filter", "load", "expected", "disk"} | divided <= set(words)
 
 
@@ -225,7 +225,7 @@ def test_face_material_load_and_fluid_are_a_case(data, method):
     if method == "stochastic":
         assert (prepared.sampling.length, prepared.sampling.realisations) == (pytest.approx(90e-6), 50)
     lines = "\n".join(describe(case, prepared))
-    assert ("windows of eight shortest waves or more a side" in lines) == (method != "deterministic")
+    assert ("pieces of eight shortest waves or more a side" in lines) == (method != "deterministic")
 
 
 def test_faults_of_a_file_say_line_and_the_key_that_is_meant(tmp_path):

@@ -10,7 +10,7 @@ from numpy.testing import assert_allclose, assert_array_equal
 from femseal import Liquid, Sampling, Scene, self_affine, stochastic, two_scale
 from femseal.base.errors import InputError
 from femseal.case.case import parse_case
-from femseal.elements import element_flow
+from femseal.flow import cell_permeability
 from femseal.library import ColumnRuns, RunFlows
 from femseal.results.dataset import assemble
 from femseal.studies import chosen_sampler, window_supply
@@ -47,7 +47,7 @@ class TestRuns:
         assert_allclose(runs.neumann, expected, rtol=1e-9)
 
     def test_the_uncut_face_lies_between_the_bounds(self, gap, cells):
-        whole = element_flow(gap, cells).node_permeability * 96 / 64
+        whole = ColumnRuns.of(gap, cells).face.conductance
         apart = []
         for length in (1, 2, 3, 6):
             runs = ColumnRuns.of(gap, cells).flows(length)
@@ -63,7 +63,7 @@ class TestRuns:
     def test_cuts_along_the_flow_through_a_gap_that_varies_across_it_alone_cost_nothing(self, cells, length):
         h = 1e-6 * (2 + np.sin(2 * np.pi * (np.arange(64) + 0.5) / 64))[:, None] * np.ones(96)
         runs = ColumnRuns.of(h, cells).flows(length)
-        expected = element_flow(h, cells).dissipation.sum() * length / 6
+        expected = cell_permeability(h, PIXEL, sides="periodic").value * 96 / 64 * length / 6
         for found in (runs.neumann, runs.dirichlet, runs.value):
             assert_allclose(found, expected, rtol=1e-9)
 
@@ -203,7 +203,6 @@ class TestSeals:
     @pytest.mark.parametrize(
         ("options", "contact", "sampler"),
         [
-            ({}, "windows", "block"),
             ({"discretisation": "gauss"}, None, "block"),
             ({"pressure": "uniform"}, None, "history"),
         ],
@@ -295,20 +294,13 @@ CASE = {
     "material": {"young": "210 GPa", "poisson": 0.3, "hardness": "4 GPa"},
     "load": {"loading": ["100 MPa"]},
     "fluid": {"kind": "liquid", "viscosity": "1 mPa s", "inlet_pressure": "1 MPa"},
-    "cells": {"count": [4, 8], "flow": "elements"},
+    "cells": {"count": [4, 8]},
     "stochastic": {"length": "1 mm", "realisations": 4, "library_cells": 32, "sampler": "runs"},
     "seed": 1,
 }
 
 
-@pytest.mark.parametrize("key", ["cells.flow", "stochastic.sampler"])
-def test_a_case_takes_them_with_links_between_pixels_only(key):
-    table, name = key.split(".")
-    case = {**CASE, "flow": {"discretisation": "gauss"}}
-    case[table] = dict(CASE[table])
-    for other, inner in (("cells", "flow"), ("stochastic", "sampler")):
-        case[other] = {k: v for k, v in CASE[other].items() if k != inner or other == table}
-    with pytest.raises(InputError, match=rf"{key}: given .* edge"):
-        parse_case(case)
-    del case["flow"]
-    assert parse_case(case).cells.flow == ("elements" if name == "flow" else None)
+def test_a_case_takes_them_with_links_between_pixels_only():
+    with pytest.raises(InputError, match=r"stochastic.sampler: given .* edge"):
+        parse_case({**CASE, "flow": {"discretisation": "gauss"}})
+    assert parse_case(CASE).stochastic.sampler == "runs"

@@ -91,6 +91,18 @@ def test_loads_that_the_fluid_carries_alone_are_open():
     assert Seals.of(STEPS, np.full_like(leakage, np.nan)).count == 0
 
 
+def test_an_unloading_is_open_at_loads_that_the_first_loading_sealed():
+    leakage = power_law(AMPLITUDES)
+    late = np.array([step.unloaded_from is not None and step.pressure < 5e7 for step in STEPS])
+    assert late.any()
+    assert np.isin(STEPS.pressures[late], STEPS.pressures[STEPS.on_loading]).any()
+    seals = Seals.of(STEPS, np.where(late, np.nan, leakage))
+    assert seals.count == len(AMPLITUDES)
+    assert np.isinf(seals.leakage[:, late]).all()
+    assert np.isfinite(seals.leakage[:, ~late]).all()
+    assert np.all(seals.needed_on_unloading(1.0, 9e8) == 1e8)
+
+
 def test_where_a_seal_closes_the_step_that_keeps_the_limit_is_taken():
     """No logarithm reaches 0: between an open and a closed step the closed one is known to be enough."""
     pressure = np.array([4e8, 1e8, 3e7, 0.0])

@@ -13,7 +13,6 @@ from vtkmodules.vtkIOHDF import vtkHDFReader
 
 import femseal as fs
 from femseal.case.case import parse_case
-from femseal.elements import element_flow
 from femseal.library import ColumnRuns, LinkTable, draw_links, draw_pressures
 from femseal.loads import LoadProgramme
 from femseal.plots import seal_figure
@@ -254,7 +253,7 @@ def test_a_chain_of_one_run_again_and_again_has_the_fields_of_the_face():
     for s in range(2):
         through = ColumnRuns.of(face.gap[s], face.partition).window_flux()[:, :1] * 1e6 / FLUID.viscosity
         assert_allclose(flux[s], np.repeat(through, 20, axis=1), rtol=1e-6)
-        permeability = element_flow(face.gap[s], face.partition).node_permeability
+        permeability = ColumnRuns.of(face.gap[s], face.partition).face.conductance * 48 / 96
         assert_allclose(flux[s, ..., 0], permeability * 1e6 / FLUID.viscosity / 48e-6, rtol=1e-6)
 
 

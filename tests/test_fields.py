@@ -204,7 +204,7 @@ def test_formats_are_chosen(results, scene, tmp_path):
 
 
 def test_steps_above_the_limit_are_left_out_and_named(results, scene, studies, tmp_path):
-    each = 5 * 4 * 48 * 96
+    each = 3 * 4 * 48 * 96
     for limit, kept in ((6 * each, range(6)), (3.5 * each, (2, 3, 5)), (each, (2,)), (each - 1, ())):
         plan = plan_fields(results, limit)
         assert list(plan.steps) == list(kept)
@@ -214,7 +214,7 @@ def test_steps_above_the_limit_are_left_out_and_named(results, scene, studies, t
     (text,) = back.left_out
     assert (
         text
-        == "fields over all pixels at steps 0, 1, 4: 553 kB of all steps are above the limit of 323 kB (fields_limit)"
+        == "fields over all pixels at steps 0, 1, 4: 332 kB of all steps are above the limit of 194 kB (fields_limit)"
     )
     assert text in repr(back)
     assert text in back._repr_html_()
@@ -271,7 +271,7 @@ def test_curves_of_a_cell(back, studies, scene):
     with pytest.raises(InputError, match="expected 0 to 11"):
         back.library_cell(12)
     alone = assemble(scene, deterministic=studies["deterministic"])
-    with pytest.raises(InputError, match="no windows"):
+    with pytest.raises(InputError, match="no pieces"):
         alone.cell(0, 0)
     with pytest.raises(InputError, match="no library"):
         alone.library_cell(0)
@@ -280,7 +280,7 @@ def test_curves_of_a_cell(back, studies, scene):
 @pytest.mark.parametrize("source", ["results", "back"])
 def test_fields_on_demand(source, studies, scene, request):
     r, two = request.getfixturevalue(source), studies["two_scale"]
-    (d1, d2), first, last = scene.surface.spacing, *two.partition.lines[1:3]
+    (d1, d2), first, last = scene.surface.spacing, 16, 32
     assert (r.two_scale is None) == (source == "back")
     assert r.stored_steps == list(range(6))
     for s in (0, 4):
@@ -309,9 +309,6 @@ def test_fields_of_a_deterministic_study(scene, studies, tmp_path):
     for at_hand in (r, open_results(tmp_path)):
         for name in ("gap", "contact_pressure", "fluid_pressure"):
             assert_allclose(getattr(at_hand, name)(3), getattr(studies["deterministic"], name)[3], rtol=1e-6)
-    two = assemble(scene, two_scale=studies["two_scale"])
-    with pytest.raises(InputError, match="no fluid pressure"):
-        two.fluid_pressure(3)
 
 
 @pytest.mark.parametrize("suffix", [".npz", ".x3p", ".tif"])
@@ -365,11 +362,11 @@ def test_all_fields_of_a_deterministic_study_are_exported(scene, studies, tmp_pa
     assert np.isnan(values[study.gap[2] == 0]).all()
 
 
-def test_all_steps_and_windows_are_exported(back, studies, scene, tmp_path):
+def test_all_steps_and_pieces_are_exported(back, studies, scene, tmp_path):
     paths = back.export(tmp_path / "p.npz", field="contact_pressure", cell=(1, 2))
     assert [path.name for path in paths] == [f"p_{s:04d}.npz" for s in range(6)]
     two = studies["two_scale"]
-    first, last = two.partition.lines[1:3]
+    first, last = 16, 32
     with np.load(paths[3]) as stored:
         assert_allclose(stored["contact_pressure"], two.contact_pressure[3, first:last, 48:72], rtol=1e-6)
         assert_allclose(stored["origin"], (first * scene.surface.spacing[0], 48 * scene.surface.spacing[1]), atol=1e-15)
@@ -452,7 +449,6 @@ def test_pictures_of_results_read_back(back, results):
     for r in (back, results):
         assert r.plot().axes
         assert r.plot_cells(2).axes
-    # the gaps of two windows are among them
     shown, expected = (r.plot_seal(1).axes for r in (back, results))
     assert len(shown) == len(expected) > 3
     for a, b in zip(shown, expected, strict=True):
@@ -465,7 +461,7 @@ def test_text_and_html_say_what_there_is(back, results, folder):
     text = repr(back)
     assert text.startswith("<femseal.Results 'trial'>\n")
     assert "6 steps: 3 loading, 3 unloading from 200 MPa, 700 MPa" in text
-    assert "3 × 4 windows, 3 realisations from 12 library cells" in text
+    assert "3 × 4 pieces, 3 realisations from 12 library cells" in text
     assert "over all pixels at 6 of 6 steps" in text
     assert str(folder) in text
     page = back._repr_html_()
@@ -594,8 +590,8 @@ def test_two_scale_view_is_drawn(folder, back, tmp_path):
     picture = matplotlib.image.imread(tmp_path / "view.png")[..., :3]
     # side by side, with a line between them
     upper, lower = picture[:, :490], picture[:, 510:]
-    # arrows in red over the fluid pressure; black where there is no contact
-    assert np.mean(np.abs(upper - [0.84, 0.1, 0.11]).max(axis=-1) < 0.05) > 0.002
+    # black where hardly anything of the pressure drops, and where there is no contact
+    assert np.mean(upper.max(axis=-1) < 0.1) > 0.02
     assert np.mean(lower.max(axis=-1) < 0.1) > 0.05
     # the share of contact as in the results
     x, y = (np.flatnonzero((lower[40:-160] < 0.99).any(axis=-1).any(axis=n)) for n in (0, 1))
@@ -609,7 +605,7 @@ def test_the_macro_of_paraview_names_what_is_written(folder):
     compile(text, "macro", "exec")
     _, cells, points, fields, _ = next(in_time(folder / "vtk/seal.pvd"))
     _, pixels, *_ = next(in_time(folder / "fields.pvd"))
-    for name in ("fluid_pressure_MPa", "flux_m2_per_s", "nominal_pressure_MPa", "contact_pressure_MPa"):
+    for name in ("window_drop_fraction", "nominal_pressure_MPa", "contact_pressure_MPa"):
         assert name in text
         assert name in {*cells, *points, *fields, *pixels}
 

@@ -192,10 +192,9 @@ def test_curves_run_through_every_study(law):
     whole = fs.deterministic(scene)
     assert whole.plastic_fraction[1] > 0.01
     assert whole.mean_gap[1] < whole.mean_gap[2] < whole.mean_gap[0]
-    for contact in ("whole", "windows"):
-        windows = fs.two_scale(scene, (3, 4), contact=contact)
-        assert not windows.failures
-        assert_allclose(windows.mean_gap.mean(axis=(1, 2)), whole.mean_gap, rtol=0.05)
+    pieces = fs.two_scale(scene, (3, 4))
+    assert not pieces.failures
+    assert_allclose(pieces.mean_gap.mean(axis=(1, 2)), whole.mean_gap, rtol=1e-6)
     for pressure in ("place", "uniform"):
         sampling = fs.Sampling(length=2e-4, realisations=3, library_cells=4, seed=1, pressure=pressure)
         drawn = fs.stochastic(scene, (3, 4), sampling)

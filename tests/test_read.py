@@ -264,6 +264,35 @@ def test_damaged_files(tmp_path, suffix, content):
     assert "\n" not in str(error.value)
 
 
+@pytest.mark.parametrize("kind", ["npy", "npz", "packed.npz", "csv", "asc", "x3p", "ASCII.sdf", "BINARY.sdf"])
+def test_one_damaged_byte_is_no_error_of_a_library(tmp_path, kind):
+    """A file with a wrong byte is read, or refused with its name."""
+    import sdfio
+    import x3pio
+
+    path, z = tmp_path / f"face.{kind}", np.arange(20.0).reshape(4, 5) * 1e-7
+    if kind == "npy":
+        np.save(path, z)
+    elif kind.endswith("npz"):
+        (np.savez_compressed if "packed" in kind else np.savez)(path, heights=z, spacing=PIXEL)
+    elif kind == "x3p":
+        x3pio.write(path, z, x_scale=1e-6, y_scale=1e-6)
+    elif kind.endswith("sdf"):
+        sdfio.write(path, z, x_scale=1e-6, y_scale=1e-6, format=sdfio.FileFormat[kind[:-4]])
+    else:
+        head = {"csv": "# Width: 1 mm\n# Height: 2 mm\n", "asc": "ncols 5\nnrows 4\ncellsize 1\nnodata_value -9\n"}
+        path.write_text(head[kind] + "\n".join(" ".join(f"{h:g}" for h in row) for row in z))
+    whole, refused = path.read_bytes(), 0
+    for at in range(0, len(whole), 1 + len(whole) // 200):
+        for byte in (0, 255, ord("("), ord("n"), whole[at] ^ 1):
+            path.write_bytes(whole[:at] + bytes([byte]) + whole[at + 1 :])
+            try:
+                read_topography(path, spacing=PIXEL)
+            except InputError:
+                refused += 1
+    assert refused > 0
+
+
 def test_truncated_archives(tmp_path):
     np.savez(tmp_path / "whole.npz", a=np.zeros((50, 50)))
     path = write(tmp_path, "face.npz", (tmp_path / "whole.npz").read_bytes()[:300])

@@ -150,7 +150,7 @@ def test_nothing_is_loaded_from_elsewhere(page):
 
 def test_every_picture_says_what_it_shows(page):
     texts = [p.get("alt") for p in pictures(page)]
-    assert len(texts) == len(set(texts)) == 10  # face, leakage, three of cells, three maps, drawn seal, drop
+    assert len(texts) == len(set(texts)) == 12  # face, leakage, three of cells, five maps, drawn seal, drop
     assert all(len(text) > 40 for text in texts)
 
 
@@ -217,10 +217,10 @@ def test_error_budget_is_that_of_the_studies(results, studies, page):
         assert_allclose(typical, np.exp(np.median(sigma[leaking])), rtol=6e-3)
         assert_allclose(largest, np.exp(np.max(sigma[leaking])), rtol=6e-3)
         assert lines[source][3] == results.steps[np.flatnonzero(leaking)[np.argmax(sigma[leaking])]].name
-    two, exact = studies["two_scale"].leakage[:3], studies["deterministic"].leakage[:3]
+    median, exact = drawn.quantile(0.5)[:3], studies["deterministic"].leakage[:3]
     chosen = exact > 1e-3 * exact[0]
-    ratio = np.log(two[chosen] / exact[chosen])
-    line = lines["two-scale against deterministic, loading"]
+    ratio = np.log(median[chosen] / exact[chosen])
+    line = lines["median against deterministic, loading"]
     assert_allclose(float(line[1].removeprefix("× ")), np.exp(np.sqrt(np.mean(ratio**2))), rtol=6e-3)
     assert_allclose(float(line[2].removeprefix("× ")), np.exp(np.abs(ratio).max()), rtol=6e-3)
     text = words(section(page, "errors"))

@@ -136,7 +136,7 @@ def test_check_and_accuracy_know_the_shape(name):
     assert plan.prepared.scene.layout.kind == "rectangular"
     assert plan.prepared.sampling.length == plan.prepared.scene.surface.size[1]
     assert "strips as long as the face" in "\n".join(plan.lines())
-    assert {v.method for v in plan.variants} == {"deterministic", "two-scale", "stochastic"}
+    assert {v.method for v in plan.variants} == {"deterministic", "stochastic"}
 
 
 def refused(data, folder=EXAMPLES):

@@ -104,6 +104,12 @@ def test_a_table_from_a_file_has_its_units(tmp_path):
         path.write_text(text)
         with pytest.raises(fs.InputError, match=r"^material.hardness_table: given 'indentation.csv', expected two col"):
             parse_case(CASE | {"material": YOUNG | {"hardness_table": "indentation.csv"}}, tmp_path)
+    for rows, said in (("", "0 rows"), ("0, 1\n", "1 row")):
+        path.write_text("depth [um], hardness [GPa]\n" + rows)
+        with pytest.raises(
+            fs.InputError, match=rf"^material.hardness_table: given '.*' with {said} of numbers, expected"
+        ):
+            parse_case(CASE | {"material": YOUNG | {"hardness_table": "indentation.csv"}}, tmp_path)
 
 
 @each(
@@ -113,7 +119,8 @@ def test_a_table_from_a_file_has_its_units(tmp_path):
             {"hardness_table": [["0 um", "1 GPa"], ["0 um", "2 GPa"]]},
             "material: expected hardness_table: depths >= 0 that",
         ),
-        ({"hardness_table": [["0 um", "1 GPa"]]}, "hardness_table: as many of both, two or more"),
+        ({"hardness_table": [["0 um", "1 GPa"]]}, r"material.hardness_table: given .*, expected two rows or more"),
+        ({"hardness_table": []}, r"^material.hardness_table: given \[\], expected two rows or more"),
         (
             {"hardness_table": [["0 um", "0 GPa"], ["1 um", "2 GPa"]]},
             r"hardness_table.0.1: given '0 GPa', expected .* > 0",

@@ -47,7 +47,6 @@ _NEEDED = {
 #: Meaning of keys that the template shows without a comment, or with one that only its own line explains.
 _MEANING = {
     ("", "title"): "Heading of the report",
-    ("", "method"): '`"auto"` takes the deterministic method where time and memory allow, else two scales',
     ("face", "kind"): "How the heights are made or read",
     ("face", "points"): "Points along x1 and x2",
     ("face", "size"): "Length along x1 and x2; of a file only where the file has none, or a wrong one",
@@ -127,10 +126,8 @@ _MEANING = {
     ("seat", "tilt"): "Slope across the seal, highest at the inlet",
     ("seat", "path"): "File with the columns x1 and z",
     ("seat", "unit"): "Of its lengths",
-    ("cells", "count"): "Windows along x1 and x2; unless given as many as hold eight shortest waves a side",
-    ("cells", "size"): "Side of a window, about",
-    ("cells", "flow"): "On all pixels, by an element for each window, or by links between windows",
-    ("cells", "contact"): "Contact of the whole face, cut into windows, or of each window by itself",
+    ("cells", "count"): "Pieces along x1 and x2; unless given as many as hold eight shortest waves a side",
+    ("cells", "size"): "Side of a piece, about",
     ("stochastic", "length"): "Of a straight seal, along x2, the face unless given; of a list the first is the seal",
     ("stochastic", "library_cells"): 'Windows in the library; `"place"` takes all of the face',
     ("stochastic", "sampler"): '`"runs"` unless given with `"place"` and contact of the whole face, else `"history"`',

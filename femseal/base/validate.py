@@ -123,15 +123,22 @@ def axis_number(axis: Any) -> int:
 
 
 def parameter(
-    unit: str, allowed: str, *, above: float = 0.0, inclusive: bool = False, default: float | Any = dataclasses.MISSING
+    unit: str,
+    allowed: str,
+    *,
+    usual: tuple[float, float] = (-inf, inf),
+    above: float = 0.0,
+    inclusive: bool = False,
+    default: float | Any = dataclasses.MISSING,
 ) -> Any:
     """A field of a dataclass: a finite number > `above`, or >= `above` where `inclusive`.
 
     unit : in SI, as text that case files may use too, such as "Pa*s".
     allowed : what a case file may give, with an example, such as "a viscosity > 0, such as '1 mPa*s'".
+    usual : range out of which a case is asked whether the unit is meant.
     default : value where none is given, which may be None; without it the parameter is required.
     """
-    metadata = {"unit": unit, "allowed": allowed, "above": above, "inclusive": inclusive}
+    metadata = {"unit": unit, "allowed": allowed, "usual": usual, "above": above, "inclusive": inclusive}
     return dataclasses.field(default=default, metadata=metadata)
 
 

@@ -1,4 +1,4 @@
-"""The error budget of a leakage: what solver, pixels, filter, windows, library and realisations may be off.
+"""The error budget of a leakage: what solver, pixels, filter, realisations and one measured patch may be off.
 
 A budget belongs to one study of one scene: `error_budget` gathers the estimates of its parts (`estimates.py`) and
 combines them to one band (`error_parts.py`). All distances are of ln(leakage): near closing, errors are factors.

@@ -10,7 +10,7 @@ from ..studies.load_curves import Indices, at_all_steps, least_counted, neighbou
 from ..studies.scene import Array
 from .changes import CoarserSolution
 from .error_parts import ErrorBudget, ErrorPart
-from .estimates import patch_part, realisations_part, solver_part
+from .estimates import patch_part, places_part, realisations_part, solver_part
 from .grid_convergence import USUAL_PIXELS, one_grid_part, pixels_part
 from .waves import contact_fraction_of, filter_part, raised_by_slope
 
@@ -69,8 +69,12 @@ def error_budget(
             for part in parts
         ]
     if isinstance(study, StochasticResult):
-        parts += [patch_part(study), realisations_part(study)]
-    return ErrorBudget(own.name, leakage, tuple(parts), scene.steps, tuple(s for s, _ in scene.parted_steps))
+        parts.append(realisations_part(study))
+        # the scatter of places shows what one patch cannot
+        without = study.without_place
+        parts.append(patch_part(study) if without is None else places_part(study.quantile(0.5), without))
+    parted = tuple(s for s, _ in scene.parted_steps if np.isnan(leakage[s]))
+    return ErrorBudget(own.name, leakage, tuple(parts), scene.steps, parted)
 
 
 def at_interpolated_steps(budget: ErrorBudget, solved: Indices, steps: LoadProgramme, tolerance: float) -> ErrorBudget:

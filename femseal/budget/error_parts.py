@@ -24,7 +24,7 @@ _RISE = 1.001
 class ErrorPart:
     """One source of error of a leakage, with the band that holds its truth in about 95 of 100 cases.
 
-    name : "solver", "pixels", "filter", "windows", "two scales", "patch", "realisations", or one of
+    name : "solver", "pixels", "filter", "realisations", "patch", "places", or one of
         `MODEL_PARTS`.
     lower, upper : leakage at every step if only this source erred (steps,) [m²/s]. A lower end of 0: may be sealed; an
         upper end of inf: no bound is known; NaN: unknown.

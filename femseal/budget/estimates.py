@@ -14,10 +14,10 @@ from scipy.special import bdtr, stdtrit
 from ..base import counted
 from ..loads import LoadProgramme
 from ..studies import Scene, StochasticResult
+from ..studies.drawn_error import count_scenes, decades, half_width
 from ..studies.scene import Array
 from ..topography.seat import ScaledSeat, Seat
 from .changes import LEAST_SLOPE, CoarserSolution, load_sensitivity, on_all_steps, part_of_changes, scale_of_changes
-from ..studies.drawn_error import count_scenes, decades, half_width
 from .error_parts import MODEL_PARTS, ErrorPart
 
 #: Fraction of the cases that a band holds, and the number of standard deviations of a normal number for it.
@@ -40,17 +40,6 @@ def solver_part(scene: Scene, leakage: Array) -> ErrorPart:
     distance = _RESIDUAL * scene.rtol * np.maximum(slope, 1.0) + _FLOW
     note = f"contact residual {scene.rtol:.0e} as a change of the load, by the slope of ln(leakage) over ln(load)"
     return ErrorPart.of("solver", leakage, distance, distance, note)
-
-
-def patch_part(study: StochasticResult) -> ErrorPart:
-    """What one measured patch does not know of a seal, see `studies.drawn_error`; by the scatter of several places."""
-    median = study.quantile(0.5)
-    if study.without_place is not None:
-        return places_part(median, study.without_place)
-    kind = "in place" if study.tiles.in_place else "anywhere"
-    distance = half_width(kind, leakage=median, scatter=study.scatter)
-    note = f"seals drawn from one patch {kind}: by split conformal prediction from {count_scenes(kind)} scenes"
-    return part_of_changes("patch", study.steps, median, distance, distance, note)
 
 
 def places_part(leakage: Array, without: Array) -> ErrorPart:
@@ -83,7 +72,7 @@ def places_part(leakage: Array, without: Array) -> ErrorPart:
         f"Student's interval by the jackknife over {count} measured places, in ln(leakage), with the scatter that is "
         f"usual; {counted(places_to_halve(count), 'more place')} would halve it"
     )
-    part = ErrorPart.of("patch", leakage, below, above, note)
+    part = ErrorPart.of("places", leakage, below, above, note)
     # without leakage the others tell how much there may be
     upper = np.where(leakage == 0, (1 + student) * np.max(without, axis=0), part.upper)
     return ErrorPart(part.name, part.lower, upper, note)
@@ -208,18 +197,26 @@ def model_part(change: ModelChange, steps: LoadProgramme, leakage: Array, soluti
 
 
 def effective_pressure_part(scene: Scene, study: Any) -> ErrorPart | None:
-    """What windows under their effective pressure differ by from the coupled face.
+    """What pieces under their effective pressure differ by from the coupled face.
 
-    Measured on seven faces four long waves broad, p_in/p̄ .1 to 1: drawn windows leak at most by half of what the fluid
+    Measured on seven faces four long waves broad, p_in/p̄ .1 to 1: drawn seals leak at most by half of what the fluid
     does to ln(leakage) too much, and by a fifth too little, less on broader seals. None of other studies.
     """
     fluid = scene.acting_fluid
     if fluid is None or not isinstance(study, StochasticResult) or study.tiles.in_place:
         return None
-    note = "windows under their effective pressure against a coupled face, measured on faces four waves broad"
+    note = "pieces under their effective pressure against a coupled face, measured on faces four waves broad"
     q = study.quantile(0.5)
     loads = np.maximum(study.steps.pressures, abs(fluid.carried))
     effect = load_sensitivity(study.steps, q) * np.abs(fluid.carried) / np.where(loads > 0, loads, 1.0)
     return part_of_changes("effective pressure", study.steps, q, 0.5 * effect, 0.2 * effect, note)
 
 
+def patch_part(study: StochasticResult) -> ErrorPart:
+    """What one measured patch does not know of a drawn seal, by the scenes of a calibration set."""
+    q = study.quantile(0.5)
+    kind = "in place" if study.tiles.in_place else "anywhere"
+    distance = half_width(kind, leakage=q, scatter=study.scatter)
+    where = "as broad as the face" if study.tiles.in_place else "of another breadth or shape than the face"
+    note = f"seals {where}, drawn from one patch: by split conformal prediction from {count_scenes(kind)} whole faces"
+    return part_of_changes("patch", study.steps, q, distance, distance, note)

@@ -99,10 +99,7 @@ def contact_fraction_of(study: object, steps: LoadProgramme) -> Array:
     if isinstance(study, TwoScaleResult):
         return study.contact_fraction.mean(axis=(1, 2))
     if isinstance(study, StochasticResult):
-        pieces = study.pieces
-        if not set(steps) <= set(pieces.steps):
-            return np.full(len(steps), np.nan)
-        return pieces.contact_fraction[[pieces.steps.index(step) for step in steps]].mean(axis=(1, 2))
+        return study.contact_fraction[[study.steps.index(step) for step in steps]]
     return np.asarray(getattr(study, "contact_fraction", np.full(len(steps), np.nan)), float)
 
 

@@ -11,7 +11,7 @@ import numpy as np
 from pydantic import BeforeValidator, Field, WithJsonSchema, model_validator
 from pydantic_core import PydanticCustomError
 
-from ..base import InputError, shortened, to_text
+from ..base import InputError, counted, shortened, to_text
 from ..base.leak_rates import KNOWN, LEAK_UNITS, LeakUnit, leak_classes, leak_unit
 from ..budget.error_parts import MODEL_PARTS
 from ..contact import ContactLaw, HardnessTable, LinearHardening, NixGao, PerfectlyPlastic
@@ -32,8 +32,10 @@ from .values import (
     Place,
     Poisson,
     Ratio,
+    Strength,
     Table,
     Temperature,
+    Usual,
     one_of,
     quantity_schema,
 )
@@ -69,7 +71,7 @@ class CellsTable(Table):
     """
 
     count: tuple[Count, Count] | None = None
-    size: Length | None = None
+    size: Annotated[Length, Usual(1e-7, 0.1, "m")] | None = None
 
     @model_validator(mode="after")
     def _one_of(self) -> CellsTable:
@@ -88,7 +90,7 @@ class StochasticTable(Table):
     """How a seal is drawn, see `studies.Sampling`."""
 
     length: Annotated[Length | None, BeforeValidator(_one_length)] = None
-    breadth: Length | None = None
+    breadth: Annotated[Length, Usual(1e-6, 1.0, "m")] | None = None
     realisations: Annotated[int, Field(strict=True, ge=2)] | None = None
     quantiles: tuple[Ratio, Ratio] = (0.05, 0.95)
 
@@ -145,7 +147,7 @@ class OutputTable(Table):
     classes: tuple[
         Annotated[str, BeforeValidator(_class_name), WithJsonSchema({"type": "string", "description": KNOWN})], ...
     ] = ()
-    nominal_diameter: Length | None = None
+    nominal_diameter: Annotated[Length, Usual(1e-3, 10.0, "m")] | None = None
     test_fluid: AnyFluid | None = None
     budget: bool = True
     model_parts: tuple[Literal[MODEL_PARTS], ...] = MODEL_PARTS  # type: ignore[valid-type]
@@ -191,19 +193,26 @@ _FILE_COLUMNS = "two columns with commas, the first line 'depth [um], hardness [
 _ROW = {"type": "array", "items": quantity_schema("a depth >= 0, then a hardness > 0"), "minItems": 2, "maxItems": 2}
 
 
+def _two_rows(value: Any) -> Any:
+    if isinstance(value, (list, tuple)) and len(value) < 2:
+        raise refusal("two rows or more, such as ['0.1 um', '2 GPa']")
+    return value
+
+
 class SolidTable(Table):
     """A solid, see `materials.Solid`, and the law by which it yields."""
 
     young: Modulus
     poisson: Poisson = 0.3
-    yield_stress: Modulus | None = None
-    hardness: Modulus | None = None
+    yield_stress: Strength | None = None
+    hardness: Strength | None = None
     hardening: Hardening | None = None
     hardness_tolerance: Annotated[float, Field(ge=0, lt=1)] = 0.1
-    nix_gao_depth: Height | None = None
-    smallest_depth: Length | None = None
+    nix_gao_depth: Annotated[Height, Usual(1e-8, 1e-4, "m")] | None = None
+    smallest_depth: Annotated[Length, Usual(1e-9, 1e-5, "m")] | None = None
     hardness_table: Annotated[
-        tuple[tuple[Place, Modulus], ...] | None,
+        tuple[tuple[Annotated[Place, Usual(1e-10, 1e-3, "m")], Strength], ...] | None,
+        BeforeValidator(_two_rows),
         WithJsonSchema({"anyOf": [{"type": "string", "description": _FILE_COLUMNS}, {"type": "array", "items": _ROW}]}),
     ] = None
     name: Annotated[str | None, Field(max_length=60)] = None
@@ -292,4 +301,7 @@ def read_hardness_table(path: Path, key: str) -> list[list[str]]:
         raise fault(key, f"'{shortened(path.name)}'", _FILE_COLUMNS) from None
     if len(numbers) < len(rows):
         raise fault(key, f"'{shortened(path.name)}'", _FILE_COLUMNS)
+    if len(rows) < 2:
+        given = f"'{shortened(path.name)}' with {counted(len(rows), 'row')} of numbers"
+        raise fault(key, given, f"{_FILE_COLUMNS}, and two rows or more")
     return [[f"{depth!r} {units['depth']}", f"{hardness!r} {units['hardness']}"] for depth, hardness in numbers]

@@ -15,7 +15,28 @@ from pydantic import BeforeValidator, Field, WithJsonSchema
 from ..base import InputError, shortened
 from ..topography import SPIKES, Topography, read_topography, self_affine, turned
 from .faults import fault, refusal
-from .values import Angle, Both, Channel, Count, Height, Hurst, Length, Place, Ratio, Shift, Slope, Table, Threshold
+from .values import (
+    Angle,
+    Both,
+    Channel,
+    Count,
+    Height,
+    Hurst,
+    Length,
+    Place,
+    Ratio,
+    Shift,
+    Slope,
+    Table,
+    Threshold,
+    Usual,
+)
+
+#: Sides and pixels of a face, and heights and waves on it.
+Side = Annotated[Length, Usual(1e-7, 1.0, "m")]
+Pixel = Annotated[Length, Usual(1e-10, 1e-3, "m")]
+Wave = Annotated[Length, Usual(1e-9, 0.1, "m")]
+Relief = Annotated[Length, Usual(1e-10, 1e-3, "m")]
 
 
 class SelfAffineFace(Table):
@@ -23,12 +44,12 @@ class SelfAffineFace(Table):
 
     kind: Literal["self-affine"]
     points: tuple[Count, Count]
-    size: tuple[Length, Length]
+    size: tuple[Side, Side]
     hurst: Hurst = 0.8
     rms_slope: Slope | None = None
-    rms_height: Length | None = None
-    roll_off: Length | None = None
-    cut_off: Length | None = None
+    rms_height: Relief | None = None
+    roll_off: Wave | None = None
+    cut_off: Wave | None = None
 
     def make(self, folder: Path, rng: np.random.Generator) -> Topography:
         """The face."""
@@ -41,18 +62,18 @@ class TurnedFace(Table):
 
     kind: Literal["turned"]
     points: tuple[Count, Count]
-    size: tuple[Length, Length]
-    pitch: Length
-    depth: Length
-    nose_radius: Length | None = None
+    size: tuple[Side, Side]
+    pitch: Wave
+    depth: Relief
+    nose_radius: Wave | None = None
     feed_error: Ratio = 0.0
     depth_error: Ratio = 0.0
     waviness: Height = 0.0
-    waviness_length: Length | None = None
+    waviness_length: Wave | None = None
     roughness: Height = 0.0
     hurst: Hurst = 0.8
-    roughness_roll_off: Length | None = None
-    cut_off: Length | None = None
+    roughness_roll_off: Wave | None = None
+    cut_off: Wave | None = None
 
     def make(self, folder: Path, rng: np.random.Generator) -> Topography:
         """The face."""
@@ -72,8 +93,8 @@ class MapFile(Table):
     """A file with a map of heights, see `topography.read_topography`; paths are relative to the case file."""
 
     path: Path | None = None
-    size: tuple[Length, Length] | None = None
-    spacing: Annotated[tuple[Length, Length], Both()] | None = None
+    size: tuple[Side, Side] | None = None
+    spacing: Annotated[tuple[Pixel, Pixel], Both()] | None = None
     height_unit: str | None = None
     delimiter: str | None = None
     array: str | None = None
@@ -167,8 +188,8 @@ class SurfaceTable(Table):
 
     spikes: Threshold = SPIKES
     detrend: Literal[0, 1, 2] = 1
-    shortest_wave: Length | None = None
+    shortest_wave: Wave | None = None
     max_undefined: Ratio = 0.05
     points: tuple[Count, Count] | None = None
-    continue_spectrum: Length | None = None
+    continue_spectrum: Wave | None = None
     filter_sensitivity: bool = False

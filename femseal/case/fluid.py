@@ -20,7 +20,7 @@ from ..fluids import FLUIDS, Fluid
 from ..named_fluids import TABLE_TEMPERATURE, named_fluid
 from ..real_gas import RealGas
 from .faults import fault, faults_of
-from .values import Pressure, Table, table_of_any
+from .values import Pressure, Table, Usual, table_of_any
 
 if TYPE_CHECKING:
     from ..studies.other_fluid import FluidState
@@ -56,9 +56,9 @@ class FluidTable(Table):
 
 def _state(fluid: Any) -> dict[str, Any]:
     pressures = {
-        "inlet_pressure": (Pressure, ...),
+        "inlet_pressure": (Annotated[Pressure, Usual(100.0, 2e9, "Pa")], ...),
         "outlet_pressure": (Pressure, fluid.outlet_pressure),
-        "ambient_pressure": (Pressure | None, None),
+        "ambient_pressure": (Annotated[Pressure, Usual(100.0, 2e8, "Pa")] | None, None),
     }
     needed = any(f.name == "name" for f in fields(fluid))
     name: Any = str if needed else str | None

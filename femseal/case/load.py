@@ -19,7 +19,7 @@ from ..seal.pressure_map import AngleTable, AnyMap, MapsAtLoads, PressureField, 
 from ..seal.seal_files import read_pressure_field
 from ..studies.choices import NOMINALS
 from .faults import faults_of, refusal
-from .values import Accuracy, Angle, Count, Place, Quantity, Relaxation, Table, one_of, quantity_schema
+from .values import Accuracy, Angle, Count, Place, Quantity, Relaxation, Table, Usual, one_of, quantity_schema
 
 #: No cycle is longer [load steps].
 _MOST_STEPS = 10_000
@@ -66,6 +66,9 @@ Load = Annotated[
     PlainValidator(_load),
     PlainSerializer(lambda load: float(load) if load.unit == "Pa" else f"{float(load)!r} {load.unit}"),
     WithJsonSchema(quantity_schema(_ALLOWED)),
+    Usual(1e3, 2e10, "Pa"),
+    Usual(1e-3, 1e8, "N"),
+    Usual(1.0, 1e8, "N/m"),
 ]
 Fraction = Annotated[float, Field(ge=0, allow_inf_nan=False)]
 

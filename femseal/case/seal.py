@@ -18,7 +18,7 @@ from ..seal.lay import ALLOWED, NAMES, Lay
 from ..seal.layouts import LAYOUTS, Layout, MeshLayout, RectangularLayout
 from ..topography.seat import SEATS, Seat
 from .faults import fault, faults_of, refusal
-from .values import Length, LengthUnit, Pressure, Quantity, Shift, Table, quantity_schema, table_of_any
+from .values import Length, LengthUnit, Pressure, Quantity, Shift, Table, Usual, quantity_schema, table_of_any
 
 
 class SealTable(Table):
@@ -101,7 +101,7 @@ _KEYS: dict[str, Any] = {
     "lay": Annotated[Any, BeforeValidator(_lay), WithJsonSchema(_LAY_SCHEMA)],
     "unit": LengthUnit,
     "centre": tuple[Shift, Shift],
-    "length": Length | None,
+    "length": Annotated[Length, Usual(1e-5, 1e3, "m")] | None,
 }
 _KEYS_OF_MESHES: dict[str, Any] = {"inlet": _Inlets, "outlet": _Names}
 

@@ -3,11 +3,12 @@
 Registered classes, such as fluids, get their tables automatically.
 """
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import MISSING, dataclass, fields
 from functools import partial, reduce
 from operator import or_
-from typing import Annotated, Any, Literal, get_type_hints
+from types import UnionType
+from typing import Annotated, Any, Literal, Union, get_args, get_origin, get_type_hints
 
 from pydantic import (
     BaseModel,
@@ -22,7 +23,8 @@ from pydantic import (
 )
 from pydantic_core import core_schema
 
-from ..base import InputError, to_si
+from ..base import InputError, to_si, to_text
+from ..materials import YOUNG_LIMITS
 from .faults import refusal
 
 #: Largest value in SI of a quantity, one over it the smallest: products of several stay finite.
@@ -59,6 +61,18 @@ class Quantity:
         if self.unit:
             return quantity_schema(self.expected)
         return {"type": ["number", "string"], "description": self.expected}
+
+
+@dataclass(frozen=True)
+class Usual:
+    """Annotation of a quantity: the range in SI out of which a value is possible, but may be a slip of its unit.
+
+    The last one counts, so that a key may have another one than its kind. Of a kind with several units, each has one.
+    """
+
+    low: float
+    high: float
+    unit: str
 
 
 @dataclass(frozen=True)
@@ -144,25 +158,32 @@ def _not_negative(x: float) -> bool:
     return x >= 0
 
 
-Length = Annotated[float, Quantity("m", _positive, "a length > 0, such as '1.5 mm'")]
-Height = Annotated[float, Quantity("m", _not_negative, "a height >= 0, such as '0.2 um'")]
-Pressure = Annotated[float, Quantity("Pa", _not_negative, "a pressure >= 0, such as '300 MPa'")]
-Temperature = Annotated[float, Quantity("K", _positive, "a temperature above absolute zero, such as '20 °C'")]
-Hardening = Annotated[float, Quantity("Pa/m", _not_negative, "a stress per depth >= 0, such as '2 GPa/um'")]
-Modulus = Annotated[float, Quantity("Pa", _positive, "a stress > 0, such as '210 GPa'")]
+Length = Annotated[float, Quantity("m", _positive, "a length > 0, such as '1.5 mm'"), Usual(1e-9, 1e3, "m")]
+Height = Annotated[float, Quantity("m", _not_negative, "a height >= 0, such as '0.2 um'"), Usual(1e-10, 1e-3, "m")]
+Pressure = Annotated[float, Quantity("Pa", _not_negative, "a pressure >= 0, such as '300 MPa'"), Usual(1e-7, 2e9, "Pa")]
+Temperature = Annotated[
+    float, Quantity("K", _positive, "a temperature above absolute zero, such as '20 °C'"), Usual(2.0, 2000.0, "K")
+]
+Hardening = Annotated[
+    float, Quantity("Pa/m", _not_negative, "a stress per depth >= 0, such as '2 GPa/um'"), Usual(1e12, 1e18, "Pa/m")
+]
+Modulus = Annotated[float, Quantity("Pa", _positive, "a stress > 0, such as '210 GPa'"), Usual(*YOUNG_LIMITS, "Pa")]
+Strength = Annotated[float, Quantity("Pa", _positive, "a stress > 0, such as '2 GPa'"), Usual(5e6, 1e11, "Pa")]
 FileSize = Annotated[float, Quantity("byte", _not_negative, "a size >= 0, such as '500 MB'")]
 Ratio = Annotated[float, Quantity("", lambda x: 0 <= x <= 1, "a number from 0 to 1")]
 Relaxation = Annotated[float, Quantity("", lambda x: 0 <= x < 1, "a fraction from 0, below 1, such as '10 %'")]
 Hurst = Annotated[float, Quantity("", lambda x: 0 < x <= 1, "a Hurst exponent above 0, at most 1")]
-Slope = Annotated[float, Quantity("", _positive, "a slope > 0")]
-Poisson = Annotated[float, Quantity("", lambda x: -1 < x <= 0.5, "a Poisson's ratio above -1, at most 0.5")]
-Angle = Annotated[float, Quantity("rad", lambda x: True, "an angle, such as '90 deg'")]
-Duration = Annotated[float, Quantity("s", _positive, "a time > 0, such as '30 min'")]
+Slope = Annotated[float, Quantity("", _positive, "a slope > 0"), Usual(1e-4, 3.0, "")]
+Poisson = Annotated[
+    float, Quantity("", lambda x: -1 < x <= 0.5, "a Poisson's ratio above -1, at most 0.5"), Usual(0.0, 0.5, "")
+]
+Angle = Annotated[float, Quantity("rad", lambda x: True, "an angle, such as '90 deg'"), Usual(-6.3, 6.3, "rad")]
+Duration = Annotated[float, Quantity("s", _positive, "a time > 0, such as '30 min'"), Usual(1.0, 3e7, "s")]
 Accuracy = Annotated[
     float, BeforeValidator(_accuracy), WithJsonSchema({"type": ["number", "string"], "description": _ACCURACY_EXPECTED})
 ]
-Shift = Annotated[float, Quantity("m", lambda x: True, "a length, such as '-20 um'")]
-Place = Annotated[float, Quantity("m", _not_negative, "a length >= 0, such as '0.1 mm'")]
+Shift = Annotated[float, Quantity("m", lambda x: True, "a length, such as '-20 um'"), Usual(-10.0, 10.0, "m")]
+Place = Annotated[float, Quantity("m", _not_negative, "a length >= 0, such as '0.1 mm'"), Usual(1e-9, 10.0, "m")]
 LengthUnit = Annotated[str, BeforeValidator(_length_unit)]
 #: A channel of a file, by its number or its name.
 Channel = Annotated[
@@ -180,6 +201,48 @@ class Table(BaseModel):
     """A table of a case file: its keys are the fields, any other key is a fault."""
 
     model_config = ConfigDict(extra="forbid", frozen=True)
+
+
+def unusual(table: Table, place: str = "") -> Iterator[str]:
+    """A sentence for each key of a table, and of those in it, with a value out of its `Usual` range; 0 is in any."""
+    for name, info in type(table).model_fields.items():
+        kind, value, key = info.annotation, getattr(table, name), f"{place}.{name}".lstrip(".")
+        if isinstance(value, Table):
+            yield from unusual(value, key)
+        elif isinstance(value, tuple) and any(isinstance(one, Table) for one in value):
+            for n, one in enumerate(value):
+                yield from unusual(one, f"{key}.{n}" if len(value) > 1 else key)
+        else:
+            odd = tuple(_out_of_range(Annotated[(kind, *info.metadata)] if info.metadata else kind, value))
+            more = f" (and {len(odd) - 1} more)" if len(odd) > 1 else ""
+            for one, ends in odd[:1]:
+                yield f"{key} {one}{more} is not in the usual range, {ends}: is its unit meant?"
+
+
+def _out_of_range(kind: Any, value: Any) -> Iterator[tuple[str, str]]:
+    """Each number in a value of a kind that is out of its range, and the range, as text."""
+    origin, args = get_origin(kind), get_args(kind)
+    if ranges := [m for m in getattr(kind, "__metadata__", ()) if isinstance(m, Usual)]:
+        for one in value if isinstance(value, tuple) else (value,):
+            usual = next((u for u in ranges if u.unit == getattr(one, "unit", None)), ranges[-1])
+            if one and not usual.low <= one <= usual.high:
+                ends = " to ".join(_as_text(end, usual.unit) for end in (usual.low, usual.high))
+                yield _as_text(one, usual.unit), ends
+    elif origin is Annotated:
+        yield from _out_of_range(args[0], value)
+    elif origin in (Union, UnionType):
+        for each in args:
+            yield from _out_of_range(each, value)
+    elif origin is tuple and isinstance(value, tuple):
+        for each, one in zip(args[:1] * len(value) if Ellipsis in args else args, value, strict=True):
+            yield from _out_of_range(each, one)
+
+
+def _as_text(value: float, unit: str) -> str:
+    """A value in SI as text, with a prefix where its unit takes one."""
+    if unit and unit[0] in "PmNs":
+        return to_text(value, unit.replace("*", "·"))
+    return f"{value:.4g} {unit}".rstrip()
 
 
 def table_of_any(
@@ -201,7 +264,7 @@ def _table(kind: str, made: Any, base: type[Table], more: dict[str, Any]) -> typ
     hints = get_type_hints(made)
     keys: dict[str, Any] = {"kind": (Literal[kind], ...)}
     for f in sorted(fields(made), key=lambda f: bool(f.kw_only)):  # the parameters that count most come first
-        value = Annotated[hints[f.name], _quantity(f.metadata)] if "allowed" in f.metadata else hints[f.name]
+        value = Annotated[hints[f.name], *_quantity(f.metadata)] if "allowed" in f.metadata else hints[f.name]
         keys[f.name] = (value, ... if f.default is MISSING else f.default)
     summary = (made.__doc__ or "").split("\n\n")[0]
     table = create_model(f"{made.__name__}Table", __base__=base, __doc__=summary, **keys | more)
@@ -209,6 +272,8 @@ def _table(kind: str, made: Any, base: type[Table], more: dict[str, Any]) -> typ
     return table
 
 
-def _quantity(metadata: Any) -> Quantity:
-    above, inclusive = metadata["above"], metadata["inclusive"]
-    return Quantity(metadata["unit"], lambda x: x > above or (inclusive and x == above), metadata["allowed"])
+def _quantity(metadata: Any) -> tuple[Any, ...]:
+    above, inclusive, unit = metadata["above"], metadata["inclusive"], metadata["unit"]
+    quantity = Quantity(unit, lambda x: x > above or (inclusive and x == above), metadata["allowed"])
+    low, high = metadata["usual"]
+    return quantity, Usual(low, high, unit)

@@ -118,7 +118,7 @@ def solve_contact(
     pressure : nominal pressure p̄ [Pa], 0 ≤ p̄ ≤ mean H; 0 is first touch, mean H all plastic. A law that hardens carries
         any. A fluid carries its mean pressure of it, and the contact the rest.
     approach : rigid-body approach δ [m] instead, g = Kp + h₁ − δ. Where no axis is free, K leaves the mean displacement
-        out, and δ has to stay below the mean of h₁, at which the load has no bound.
+        out, and δ of faces that do not yield has to stay below the mean of h₁, at which the load has no bound.
     hardness : H [Pa] of perfect plasticity, a number or one per point, inf is elastic; or a law, such as
         `LinearHardening`.
     deformation : plastic deformation (n1, n2) >= 0 [m] that an earlier load has left; that of the result is this and
@@ -202,7 +202,7 @@ def _checked_load(
         check_capacity("pressure", pressure, law)
     if approach is not None:
         approach = validate.number("approach", approach, unit="m", above=-inf)
-        if "free" not in half_space.boundary and np.isinf(law.capacity) and approach >= gap.mean():
+        if "free" not in half_space.boundary and law.is_elastic and approach >= gap.mean():
             raise InputError("approach", f"{approach:g} m", f"less than the mean of gap0, {gap.mean():g} m")
     return pressure, approach
 

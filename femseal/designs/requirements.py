@@ -51,12 +51,15 @@ class Seals:
     def of(cls, steps: LoadProgramme, leakage: Array, library_error: Array | None = None) -> Seals:
         """Seals of leakages of any direction, inf where one is not known; those that failed at a step are left out.
 
-        Loads below all whose leakage is known, as those that the fluid carries alone, are taken for open.
+        Loads below all of their branch whose leakage is known, as those that the fluid carries alone, are taken for
+        open. A fluid opens a face that is unloaded at another load than one that is pressed for the first time.
         """
         size = np.abs(np.atleast_2d(np.asarray(leakage, dtype=float)))
         known, pressures = ~np.isnan(size).all(axis=0), np.asarray(steps.pressures)
-        if known.any():
-            size[:, pressures < pressures[known].min()] = inf
+        for peak in {step.unloaded_from for step in steps} if known.any() else ():
+            own = np.array([step.unloaded_from == peak for step in steps])
+            lowest = pressures[own & known].min(initial=inf if peak is None else peak)
+            size[:, own & (pressures < lowest)] = inf
         error = np.zeros(len(steps)) if library_error is None else np.nan_to_num(library_error)
         return cls(steps, size[~np.isnan(size).any(axis=1)], error)
 

@@ -7,10 +7,11 @@ from ..base import InputError, to_text
 from ..budget import FormTolerance
 from ..case.case import Case
 from ..case.faults import MAP_TABLES, SCENE_TABLES, SEAL_TABLES, with_tables
+from ..case.values import unusual
 from ..seal.layouts import Layout
 from ..seal.pressure_map import AnyMap
 from ..studies import Sampling, Scene, laid_out
-from ..studies.scene import gas_warnings, moduli_warnings, scene_warnings
+from ..studies.scene import gas_warnings, scene_warnings
 from ..studies.seat_rows import ROWS, SeatMap, check_map
 from ..topography import MOST_POINTS, Conditioning, SpikeEffect, Topography, resolving_shape, shortest_place
 from ..topography.seat import LEAST_DEPTH, FlatSeat
@@ -200,13 +201,11 @@ def _under_map(
 
 def plausibility_warnings(case: Case, scene: Scene, surface: Conditioning) -> tuple[str, ...]:
     """One sentence for each thing in a case and its scene that is not plausible, but may be meant."""
-    solids = zip(("material", "counter_material"), case.solids, strict=True)
-    odd = moduli_warnings((f"{name}.young", solid.young) for name, solid in solids if solid is not None)
     tested: tuple[str, ...] = ()
     if (test := case.output.test_fluid) is not None:
         tested = tuple(gas_warnings("output.test_fluid", test.fluid, test.inlet_pressure, test.outlet_pressure))
     return (
-        *odd,
+        *unusual(case),
         *case.fluid_warnings,
         *case.solid_warnings,
         *scene_warnings(scene),

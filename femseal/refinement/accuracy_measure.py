@@ -35,10 +35,9 @@ def measure_accuracy(
     announce: Callable[[str], None] | None = None,
     progress: Progress | None = None,
 ) -> AccuracyReport:
-    """Speed against error for a case: time and error with coarser pixels and smaller libraries.
+    """Speed against error for a case: time and error with coarser pixels, of the whole face and of drawn seals.
 
-    The scene is solved on its own grid and on two coarser ones of the same surface, and with libraries of a half and a
-    quarter, one thing varied at a time. Errors are factors of leakage, see `leakage_factor`, against the deterministic
+    The scene is solved on its own grid and on two coarser ones of the same surface. Errors are factors of leakage, see `leakage_factor`, against the deterministic
     solution on the scene's own grid.
     Every solution has its error budget, from itself on half the points a side; the cheapest whose measured error and
     budget are within the accuracy of the case, 10 % unless given, is recommended.
@@ -135,11 +134,11 @@ def _measure(plan: Plan, workers: int, mapper: Mapper, progress: Progress) -> Ac
 
 
 def _coarser(variant: Variant) -> Iterator[tuple[Variant, Pair]]:
-    """The variant on half and on a quarter of the points, as far as its windows allow."""
-    points = coarser_points(variant.points, variant.cells)
+    """The variant on half and on a quarter of the points, as far as its pieces allow."""
+    points = coarser_points(variant.points, variant.pieces)
     while points is not None:
         yield replace(variant, points=points), points
-        points = coarser_points(points, variant.cells)
+        points = coarser_points(points, variant.pieces)
 
 
 def _leakage(prepared: Prepared, variant: Variant, mapper: Mapper) -> Array:
@@ -152,7 +151,7 @@ def _filtered(prepared: Prepared, mapper: Mapper) -> CoarserSolution | None:
 
     Both are on half the points a side: what removed waves would change is the same for all solutions.
     """
-    whole = replace(prepared, cells=None, sampling=None, methods=frozenset({"deterministic"}))
+    whole = replace(prepared, cells=None, pieces=None, sampling=None, methods=frozenset({"deterministic"}))
     smooth = without_filtered_waves(whole)
     if smooth is None:
         return None
@@ -165,6 +164,6 @@ def _filtered(prepared: Prepared, mapper: Mapper) -> CoarserSolution | None:
 def _warm_up(version: Prepared, workers: int, mapper: Mapper) -> None:
     """Run a load in each process untimed, so that no time includes loading of libraries and planning of FFTs."""
     first = replace(version.scene, loading=version.scene.loading[:workers], unload_from=(), unloading=())
-    sampling = version.sampling and replace(version.sampling, realisations=workers)
+    sampling = version.sampling and replace(version.sampling, realisations=1)
     with suppress(FemsealError):
         replace(version, scene=first, sampling=sampling).solve(version.answer, mapper)

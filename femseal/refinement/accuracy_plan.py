@@ -5,18 +5,17 @@ from dataclasses import dataclass, replace
 
 from ..base import InputError, counted, duration, to_text
 from ..case.case import Case
+from ..face.pieces import FEWEST_POINTS
 from ..preparation.preparation import prepare
 from ..preparation.prepared import Pair, Prepared
 from ..seal.layouts import RectangularLayout
 from ..seal.pressure_map import Uniform
-from ..studies import count_face_windows
 from ..studies.costs import usual_efforts
-from ..windows import Partition
 from .coarser import with_points
 from .settings import grid_points
 
-#: Points along a side, and cells in the library, are halved so often. The shortest wave of a scene has at least 8
-#: pixels, so 2 are left, which is what a grid can carry.
+#: Points along a side are halved so often. The shortest wave of a scene has at least 8 pixels, so 2 are left, which is
+#: what a grid can carry.
 HALVINGS = (0, 1, 2)
 #: Accuracy of a setting that is recommended, where the case asks for none.
 DEFAULT_ACCURACY = 0.1
@@ -24,31 +23,26 @@ DEFAULT_ACCURACY = 0.1
 
 @dataclass(frozen=True)
 class Variant:
-    """One solution of the scene: a method with its resolution, pieces and library.
+    """One solution of the scene: a method with its resolution and its pieces.
 
-    points : of the surface. cells : pieces; None: deterministic. library_cells : None unless stochastic.
+    points : of the surface. pieces : from which seals are drawn; None: deterministic.
     """
 
     method: str
     points: Pair
-    cells: Pair | None = None
-    library_cells: int | None = None
+    pieces: Pair | None = None
 
     @property
     def label(self) -> str:
         """Description in a line."""
         parts = [self.method, f"{by(self.points)} points"]
-        parts += [f"{by(self.cells)} cells"] if self.cells else []
-        parts += [f"library of {self.library_cells}"] if self.library_cells is not None else []
+        parts += [f"{by(self.pieces)} pieces"] if self.pieces else []
         return ", ".join(parts)
 
     def applied(self, prepared: Prepared, resampled: bool = True) -> Prepared:
         """The version of a prepared case that this is the solution of; its face as it is, unless `resampled`."""
-        sampling = prepared.sampling
-        if sampling is not None and self.library_cells is not None:
-            sampling = replace(sampling, library_cells=self.library_cells, other_lengths=())
         version = with_points(prepared, self.points) if resampled else prepared
-        return replace(version, cells=self.cells, sampling=sampling, methods=frozenset({self.method}))
+        return replace(version, methods=frozenset({self.method}))
 
 
 @dataclass(frozen=True)
@@ -94,16 +88,15 @@ class Plan:
 
 
 def make_plan(case: Case, *, limit: float, memory: float) -> Plan:
-    """Plan the solutions of a case: three resolutions and three library sizes at most.
+    """Plan the solutions of a case: three resolutions at most of each method.
 
-    One thing is varied at a time, from what the case says; the stochastic method takes part if the case has a table for
-    it.
+    The stochastic method takes part if the case has a table for it.
 
     limit, memory : solutions expected to take more seconds on one core, or more bytes, are skipped.
 
     Raises InputError: a face or cells that cannot be used; the reference is not affordable.
     """
-    others = ("stochastic",) if case.cells and case.stochastic else ()
+    others = ("stochastic",) if case.stochastic else ()
     prepared = _on_a_strip(prepare(case.model_copy(update={"compare": others})))
     known = usual_efforts(len(prepared.scene.steps))
     variants: list[Variant] = []
@@ -114,7 +107,7 @@ def make_plan(case: Case, *, limit: float, memory: float) -> Plan:
             skipped.append((variant.label, reason))
             continue
         version = variant.applied(prepared, resampled=False)
-        cost = version.answer.cost(version.scene, version.options, known, variant.points)
+        cost = version.answer.cost(version.scene, version.options(version.answer), known, variant.points)
         if cost[0] > limit or cost[1] > memory:
             expected = f"expected to take {duration(cost[0])} and {to_text(cost[1], 'B', 3)}"
             given = f"{duration(limit)} and {to_text(memory, 'B', 3)}"
@@ -132,11 +125,10 @@ def _on_a_strip(prepared: Prepared) -> Prepared:
     sampling, scene = prepared.sampling, prepared.scene
     if sampling is None:
         return prepared
-    sampling = replace(sampling, pressure_map=Uniform())
-    if scene.layout.has_length:
-        return replace(prepared, sampling=sampling)
-    strip = replace(sampling, length=scene.surface.size[1])
-    return replace(prepared, scene=replace(scene, layout=RectangularLayout()), sampling=strip)
+    strip = replace(sampling, pressure_map=Uniform(), length=scene.surface.size[1], breadth=None)
+    if not scene.layout.has_length:
+        scene = replace(scene, layout=RectangularLayout())
+    return replace(prepared, scene=scene, sampling=strip)
 
 
 def by(pair: Pair) -> str:
@@ -150,15 +142,10 @@ def by(pair: Pair) -> str:
 
 def _candidates(prepared: Prepared) -> Iterator[tuple[Variant, str]]:
     """Every possible solution, the reference first, with the reason to leave it out ("": none)."""
-    scene, cells, sampling = prepared.scene, prepared.cells, prepared.sampling
-    points = scene.surface.shape
-    for grid in dict.fromkeys(grid_points(points, -n, cells) for n in HALVINGS):
+    points, pieces = prepared.scene.surface.shape, prepared.pieces
+    grids = [*dict.fromkeys(grid_points(points, -n, prepared.cells) for n in HALVINGS)]
+    for grid in grids:
         yield Variant("deterministic", grid), ""
-    if cells is None or sampling is None:
-        return
-    sizes = [sampling.library_cells // 2**n for n in HALVINGS]
-    if sampling.pressure == "place":  # all windows of the face, however few are asked for
-        partition = Partition(points, scene.surface.spacing, cells)
-        sizes = [count_face_windows(replace(sampling, library_cells=size), partition) for size in sizes]
-    for size in dict.fromkeys(sizes):
-        yield Variant("stochastic", points, cells, size), "" if size else "a library of at least 1 is needed"
+    for grid in grids if pieces is not None else ():
+        few = min(n // m for n, m in zip(grid, pieces, strict=True)) < FEWEST_POINTS
+        yield Variant("stochastic", grid, pieces), f"pieces of fewer than {FEWEST_POINTS} points" if few else ""

@@ -66,7 +66,7 @@ def _mark(axes: Axes, report: Any, solution: Any, branch: str) -> None:
     axes.plot(*at, color=colour, ls="", marker=marker, ms=7)
     text = _name(variant)
     text += f" (+{factor.closed} closed)" if factor.closed else ""
-    side: dict[str, Any] = {"xytext": (5, 4)} if variant.cells is None else {"xytext": (-5, -9), "ha": "right"}
+    side: dict[str, Any] = {"xytext": (5, 4)} if variant.pieces is None else {"xytext": (-5, -9), "ha": "right"}
     axes.annotate(text, at, textcoords="offset points", fontsize=7, color=_GREY, **side)
 
 
@@ -85,7 +85,7 @@ def _mark_budgets(axes: Axes, report: Any) -> None:
 
 def _name(variant: Variant) -> str:
     """Text that distinguishes a solution from others of its method."""
-    return by(variant.points) if variant.library_cells is None else str(variant.library_cells)
+    return by(variant.points)
 
 
 def _legend(report: Any) -> list[Any]:
@@ -94,7 +94,7 @@ def _legend(report: Any) -> list[Any]:
 
     labels = {
         "deterministic": "deterministic: points",
-        "stochastic": "stochastic: cells in the library",
+        "stochastic": "stochastic: points",
     }
     drawn = dict.fromkeys(s.variant.method for s in report.solutions[1:])
     handles = [Line2D([], [], ls="", color=_METHODS[m][0], marker=_METHODS[m][1], ms=7, label=labels[m]) for m in drawn]
@@ -195,9 +195,8 @@ class AccuracyReport:
                 "method": variant.method,
                 "points_1": variant.points[0],
                 "points_2": variant.points[1],
-                "cells_1": None if variant.cells is None else variant.cells[0],
-                "cells_2": None if variant.cells is None else variant.cells[1],
-                "library_cells": variant.library_cells,
+                "pieces_1": None if variant.pieces is None else variant.pieces[0],
+                "pieces_2": None if variant.pieces is None else variant.pieces[1],
                 "seconds": solution.seconds,
             }
             found = solution.widest_band
@@ -244,7 +243,7 @@ class AccuracyReport:
 
     def table(self) -> TextTable:
         """The table for a terminal of 80 columns, for `rich.print`; each method has a line of its own."""
-        heads = "method", "points", "cells", "library", "time [s]", "loading", "unloading", "budget"
+        heads = "method", "points", "pieces", "time [s]", "loading", "unloading", "budget"
         lines = []
         methods = [s.variant.method for s in self.solutions]  # in the order of their first solutions
         for solution in sorted(self.solutions, key=lambda s: methods.index(s.variant.method)):
@@ -294,8 +293,7 @@ def _own_cells(solution: Solution, mark: str) -> list[str]:
     variant = solution.variant
     return [
         f"{mark}{by(variant.points)}",
-        "" if variant.cells is None else by(variant.cells),
-        "" if variant.library_cells is None else str(variant.library_cells),
+        "" if variant.pieces is None else by(variant.pieces),
         f"{solution.seconds:.2f}" if solution.seconds < 10 else f"{solution.seconds:.3g}",
     ]
 

@@ -13,7 +13,6 @@ from ..budget import (
     CoarserSolution,
     ErrorBudget,
     ErrorPart,
-    change_of_windows,
     contact_fraction_of,
     continuation_part,
     effective_pressure_part,
@@ -68,7 +67,7 @@ def budgets_of(
     for key, result in left.items():
         other = route(prepared, study_of_result(result)).key
         coarse = [against(result, grid, found.get(other)) for grid, found in zip(grids, solved, strict=True)]
-        if not grids:  # windows of too few pixels to be halved: nothing is known
+        if not grids:  # pieces of too few pixels to be halved: nothing is known
             coarse = [against(result, prepared, None)]
         filtered = None if smooth is None else against(result, smooth, again.get(other))
         if smooth is not None and leakage_filtered is not None:
@@ -174,15 +173,10 @@ def against(result: Any, coarse: Prepared, found: Any) -> CoarserSolution:
         return CoarserSolution(points, steps, np.full(len(steps), np.nan))
     if not isinstance(result, StochasticResult):
         return CoarserSolution(points, steps, leakage_of(found))
-    places = [result.steps.index(step) for step in steps]
-    if not isinstance(found, StochasticResult):
-        assert result.leakage_of_face is not None
-        return CoarserSolution(points, steps, found.leakage, result.leakage_of_face[places])
-    own = leakage_of(result)[places]
-    change = change_of_windows(result.library.curves, found.library.curves, steps)
-    # a seal may leak where all windows are closed across: along its grooves, or where it is pressed less
-    coarser = np.where(np.isnan(change) & (own > 0), leakage_of(found), own * np.exp(change))
-    return CoarserSolution(points, steps, coarser, own)
+    # the same pieces in the same tiles: the first seals of both are compared
+    places, few = [result.steps.index(step) for step in steps], len(found.leakage)
+    own = replace(result, leakage=result.leakage[:few])
+    return CoarserSolution(points, steps, leakage_of(found), leakage_of(own)[places])
 
 
 def _solved(coarse: Prepared, mapper: Mapper) -> dict[str, Any]:

@@ -11,24 +11,23 @@ import numpy as np
 
 from ..base import Array, InputError
 from ..budget import CoarserSolution
+from ..face.pieces import FEWEST_POINTS
 from ..preparation.prepared import Pair, Prepared, without_short_waves
 from ..studies import STUDIES, Scene, Study
+from ..studies.stochastic import FEWEST_SEALS
 
 log = logging.getLogger("femseal")
 #: Points a side of the coarser grid over those of the scene.
 COARSENING = 0.5
 #: A coarser grid of more than this fraction of the points shows nothing.
 MOST_POINTS_FRACTION = 0.6
-#: Windows have at least this many pixels a side.
-WINDOW_PIXELS = 8
 #: Loading steps that tell the error of pixels well. Measured on 160 faces with 3 to 5 of them, for the same coverage:
 #: all of them give bands of 4.2 times the error in the median, every other 5.2 times.
 LEAST_LOADS = 5
 #: One of so many steps is solved on a coarser grid, and one of so many without the shortest waves.
 GRID_STRIDE, FILTER_STRIDE = 2, 4
-#: Fraction of the windows of a library that are solved again on the coarser grid, and the least number of them; they
-#: are compared window by window.
-COARSE_WINDOWS, LEAST_WINDOWS = 0.25, 4
+#: Seals that are drawn again from a changed face, at most; each is compared with that of the same pieces.
+SEALS_AGAIN = 5
 #: Pixels to the shortest wave from which on a grid of a quarter of the points a side carries the waves too.
 THIRD_GRID_PIXELS = 16.0
 #: Octaves of removed waves from which on they matter.
@@ -41,11 +40,11 @@ CONTINUED_SCENES = OTHER_PHASES + 2
 Version = TypeVar("Version", bound=Hashable)
 
 
-def coarser_points(points: Pair, cells: Pair | None = None) -> Pair | None:
-    """Half the points a side, or as few more as the windows ask for; None where windows have too few pixels."""
-    wanted = [ceil(COARSENING * n) for n in points]
-    if cells is not None:
-        wanted = [max(ceil(n / m), WINDOW_PIXELS) * m for n, m in zip(wanted, cells, strict=True)]
+def coarser_points(points: Pair, pieces: Pair | None = None) -> Pair | None:
+    """Half the points a side, or as few more as pieces ask for; None where that shows nothing."""
+    wanted = [
+        max(ceil(COARSENING * n), FEWEST_POINTS * m) for n, m in zip(points, pieces or (1, 1), strict=True)
+    ]
     if wanted[0] * wanted[1] > MOST_POINTS_FRACTION * points[0] * points[1]:
         return None
     return wanted[0], wanted[1]
@@ -83,13 +82,8 @@ def coarser_solutions(
 
 
 def route(prepared: Prepared, study: Study) -> Study:
-    """The study that has the same contact and flow as another one on a coarser grid.
-
-    The deterministic one stands for two scales, and for seals drawn as runs of the face.
-    """
-    runs = prepared.sampling is not None and prepared.sampling.sampler == "runs"
-    of_face = study.name == "two-scale" or (study.name == "stochastic" and runs)
-    return STUDIES["deterministic"] if of_face else study
+    """The study that has the same contact and flow as another one on a coarser grid: that of the face for two scales."""
+    return STUDIES["deterministic"] if study.name == "two-scale" else study
 
 
 def coarser_grids(prepared: Prepared, leakage: Array | None = None) -> list[Prepared]:
@@ -102,7 +96,7 @@ def coarser_grids(prepared: Prepared, leakage: Array | None = None) -> list[Prep
     some = at_some_steps(prepared.scene, leakage, GRID_STRIDE, least=least)
     points, found = prepared.scene.surface.shape, []
     for _ in range(1 + carries_quarter(prepared)):
-        if (fewer := coarser_points(points, _cells(prepared))) is None:
+        if (fewer := coarser_points(points, prepared.pieces)) is None:
             break
         points = fewer
         found.append(_reduced(prepared, replace(some, surface=some.surface.resample(points))))
@@ -114,7 +108,7 @@ def without_filtered_waves(prepared: Prepared, leakage: Array | None = None) -> 
     if removed_octaves(prepared) < LEAST_OCTAVES:
         return None
     try:
-        smooth = without_short_waves(replace(prepared, cells=_cells(prepared)))
+        smooth = without_short_waves(replace(prepared, cells=None))
     except InputError as error:
         log.warning("error budget: no solution without the shortest waves: %s", error)
         return None
@@ -171,28 +165,12 @@ def at_some_steps(scene: Scene, leakage: Array | None, stride: int = 2, *, least
     return replace(scene, loading=chosen, unloading=tuple(p for n, p in enumerate(stops) if n in ends))
 
 
-def _cells(prepared: Prepared) -> Pair | None:
-    """Windows that coarser solutions need too."""
-    routes = {route(prepared, study).name for study in prepared.studies}
-    return prepared.cells if routes - {"deterministic"} else None
-
-
 def _reduced(prepared: Prepared, scene: Scene) -> Prepared:
-    """The version for a coarser scene: each study by its route, with few windows and realisations."""
+    """The version for a coarser scene: each study by its route, with the same pieces and few of the same seals."""
     sampling = prepared.sampling
     if sampling is not None:
-        windows = min(sampling.library_cells, max(LEAST_WINDOWS, round(COARSE_WINDOWS * sampling.library_cells)))
-        sampling = replace(
-            sampling,
-            realisations=2,  # the windows are compared
-            library_cells=windows,
-            width=None,
-            resampled=False,
-            median_fields=False,
-            bounds=False,
-            other_lengths=(),
-            library=None,
-        )
+        few = min(sampling.realisations or FEWEST_SEALS, SEALS_AGAIN)
+        sampling = replace(sampling, realisations=few, median_fields=False)
     methods = frozenset(route(prepared, study).name for study in prepared.studies)
     return replace(prepared, scene=scene, sampling=sampling, methods=methods)
 

@@ -14,7 +14,6 @@ from ..budget import MODEL_PARTS, ErrorBudget, widest_band
 from ..case.case import Case
 from ..execution.run import Run
 from ..preparation.prepared import START_MEMORY, Pair, Prepared
-from ..studies import StochasticResult
 from .accuracy_report import or_none
 from .budgets import against, budget_of, budgets_of, leakage_of
 from .coarser import coarser_solutions, without_filtered_waves
@@ -24,7 +23,7 @@ from .settings import (
     expected_cost,
     first_settings,
     grid_points,
-    has_windows,
+    has_pieces,
     refined,
     time_limit,
 )
@@ -40,7 +39,7 @@ class Attempt:
     with_coarse : with that of the coarser one that shows the error of its pixels, where no earlier attempt was that
     one. half_width : largest half-width of ln(leakage) of the budget at the loads that count, inf where it has no end.
     limit : the source of error that is widest there. parts : half-widths of the sources there. load : name of the load
-    where it is largest. windows : of the library, None without.
+    where it is largest.
     """
 
     settings: Settings
@@ -51,7 +50,6 @@ class Attempt:
     limit: str
     load: str
     parts: dict[str, float]
-    windows: int | None
 
     def __str__(self) -> str:
         """The attempt as a line of the log."""
@@ -193,7 +191,6 @@ class _Attempts:
                 limit=found.limit,
                 load=prepared.scene.steps[found.step].name,
                 parts=found.parts,
-                windows=result.library.size if isinstance(result, StochasticResult) else None,
             )
         )
         return prepared, result, budget
@@ -257,10 +254,10 @@ class _Attempts:
         return budget_of(prepared, result, coarse, filtered)
 
     def _coarser(self, settings: Settings) -> Iterator[tuple[Settings, Pair]]:
-        """Settings with half and with a fourth of the points a side as far as windows allow, and their points."""
+        """Settings with half and with a fourth of the points a side as far as pieces allow, and their points."""
         for halvings in (1, 2):
             coarse = replace(settings, grid=settings.grid - halvings)
-            if coarse not in self.leakages and not has_windows(self.made, coarse):
+            if coarse not in self.leakages and not has_pieces(self.made, coarse):
                 return
             yield coarse, grid_points(self.made.scene.surface.shape, coarse.grid, coarse.cells)
 

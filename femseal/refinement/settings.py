@@ -1,13 +1,12 @@
 """What a run computes with where its case asks for an accuracy: the first choice, and what is refined after it."""
 
 from dataclasses import asdict, dataclass, replace
-from math import ceil, prod
+from math import ceil
 from typing import Any
-
-import numpy as np
 
 from ..base import to_text
 from ..case.case import Case
+from ..face.pieces import FEWEST_POINTS
 from ..preparation.prepared import Pair, Prepared, refused_if_too_large, without_short_waves
 from ..studies.costs import contact_tolerance
 from ..windows import Partition
@@ -18,16 +17,10 @@ TIME_LIMIT = 3600.0
 #: has 8 pixels on the points of a face: 4 in the first attempt, and 2 on the coarser grid that shows its error.
 #: Measured: with 2 pixels the budget may be half of the error.
 FIRST_GRID, MOST_GRID = -1, 4
-#: Windows have at least this many pixels a side on the coarser grid that shows the error of an attempt.
-_WINDOW_PIXELS = 8
 #: Least residual of contact.
 LEAST_RTOL = 1e-8
-#: Seals that are drawn at first and at most. Windows of a library at first, of a face that has as few without overlap
-#: and of others, and at most.
-FIRST_SEALS, MOST_SEALS = 20, 20480
-FIRST_WINDOWS, MOST_WINDOWS = (16, 32), 8192
-#: Factor of the number of seals, and of library windows, that halves their error.
-HALVING = 4
+#: Seals that are drawn at first and at most, and the factor of their number that halves its error.
+FIRST_SEALS, MOST_SEALS, HALVING = 20, 20480, 4
 
 
 @dataclass(frozen=True)
@@ -35,14 +28,14 @@ class Settings:
     """What a run computes with where its case leaves it open.
 
     method : of the answer. grid : doublings of the points of the face a side, negative: halvings. rtol : residual of
-    contact. cells : number of pieces, None without. library_cells, realisations : of drawn seals, None without.
+    contact. cells : number of pieces of two scales, pieces, realisations : of drawn seals; None without.
     """
 
     method: str
     grid: int
     rtol: float
     cells: Pair | None
-    library_cells: int | None
+    pieces: Pair | None
     realisations: int | None
 
 
@@ -56,12 +49,8 @@ def given_settings(case: Case) -> dict[str, str]:
     cells = case.cells
     if cells is not None and (cells.count is not None or cells.size is not None):
         found["cells"] = "cells.count" if cells.size is None else "cells.size"
-    if (drawn := case.stochastic) is not None:
-        for key in ("library_cells", "realisations"):
-            if key in drawn.model_fields_set:
-                found[key] = f"stochastic.{key}"
-            elif drawn.width is not None:
-                found[key] = "stochastic.width"
+    if case.stochastic is not None and case.stochastic.realisations is not None:
+        found["realisations"] = "stochastic.realisations"
     return found
 
 
@@ -77,16 +66,14 @@ def first_settings(case: Case, made: Prepared) -> Settings:
         grid=0,
         rtol=case.contact.rtol if "rtol" in given else contact_tolerance(case.accuracy),
         cells=made.cells,
-        library_cells=None if sampling is None else sampling.library_cells,
+        pieces=made.pieces,
         realisations=None if sampling is None else sampling.realisations,
     )
     if sampling is not None and "realisations" not in given:
         settings = replace(settings, realisations=FIRST_SEALS)
-    if sampling is not None and sampling.pressure != "place" and "library_cells" not in given:
-        settings = replace(settings, library_cells=int(np.clip(prod(made.cells or ()), *FIRST_WINDOWS)))
     coarse = replace(settings, grid=FIRST_GRID)
-    # the coarser grid that shows the error needs windows too
-    fits = has_windows(made, replace(coarse, grid=FIRST_GRID - 1))
+    # the coarser grid that shows the error needs pieces too
+    fits = has_pieces(made, replace(coarse, grid=FIRST_GRID - 1))
     return coarse if fits and "grid" not in given else settings
 
 
@@ -96,7 +83,7 @@ def time_limit(case: Case) -> float:
 
 
 def grid_points(shape: Pair, grid: int, cells: Pair | None) -> Pair:
-    """Points of a face that is `grid` doublings finer, in whole pixels of its windows.
+    """Points of a face that is `grid` doublings finer, in whole pixels of the pieces of two scales.
 
     >>> grid_points((64, 96), -1, None), grid_points((60, 96), -1, (4, 8)), grid_points((64, 96), 1, (4, 8))
     ((32, 48), (32, 48), (128, 192))
@@ -105,10 +92,11 @@ def grid_points(shape: Pair, grid: int, cells: Pair | None) -> Pair:
     return n1, n2
 
 
-def has_windows(made: Prepared, settings: Settings) -> bool:
-    """Whether the windows have enough pixels on a grid, and the face a few of them."""
+def has_pieces(made: Prepared, settings: Settings) -> bool:
+    """Whether the pieces have enough pixels on a grid, and the face a few of them."""
     points = grid_points(made.scene.surface.shape, settings.grid, settings.cells)
-    return min(n // m for n, m in zip(points, settings.cells or (1, 1), strict=True)) >= _WINDOW_PIXELS
+    counts = settings.cells or (1, 1), settings.pieces or (1, 1)
+    return all(n // m >= FEWEST_POINTS for count in counts for n, m in zip(points, count, strict=True))
 
 
 def apply_settings(case: Case, made: Prepared, settings: Settings) -> Prepared:
@@ -120,10 +108,10 @@ def apply_settings(case: Case, made: Prepared, settings: Settings) -> Prepared:
     points = grid_points(surface.shape, settings.grid, settings.cells)
     face = surface if points == surface.shape else surface.resample(points)
     if settings.cells is not None:
-        Partition(points, face.spacing, settings.cells)  # refuses windows of too few pixels
+        Partition(points, face.spacing, settings.cells)  # refuses pieces of too few pixels
     sampling = made.sampling
-    if sampling is not None and settings.library_cells is not None and settings.realisations is not None:
-        sampling = replace(sampling, library_cells=settings.library_cells, realisations=settings.realisations)
+    if sampling is not None and settings.realisations is not None:
+        sampling = replace(sampling, realisations=settings.realisations)
     return replace(
         made,
         scene=replace(made.scene, surface=face, rtol=settings.rtol),
@@ -152,8 +140,8 @@ def last_version(case: Case, made: Prepared, attempts: dict[str, Any] | None) ->
     if attempts is None or case.accuracy is None:
         return made
     found: dict[str, Any] = attempts["settings"]
-    cells = None if found["cells"] is None else (found["cells"][0], found["cells"][1])
-    return apply_settings(case, made, Settings(**found | {"cells": cells}))
+    pairs = {key: found[key] and tuple(found[key]) for key in ("cells", "pieces")}
+    return apply_settings(case, made, Settings(**found | pairs))
 
 
 def chosen(case: Case, made: Prepared) -> dict[str, Any]:
@@ -193,8 +181,7 @@ def refined(case: Case, made: Prepared, settings: Settings, part: str, memory: f
         "solver": ("rtol", _contact_residual),
         "pixels": ("grid", _pixels),
         "filter": ("", _filter),
-        "sampler": ("", _sampler),
-        "library": ("", _library),
+        "patch": ("", _patch),
         "realisations": ("realisations", _realisations),
     }.get(part, ("", lambda *_: Refinement(None, "nothing refines it")))
     found = _is_given(given[key]) if key in given else refine(made, settings, given)
@@ -229,25 +216,8 @@ def _filter(made: Prepared, settings: Settings, given: dict[str, str]) -> Refine
     return Refinement(None, f"{text}, as far as they were measured")
 
 
-def _sampler(made: Prepared, settings: Settings, given: dict[str, str]) -> Refinement:
-    name = "" if made.sampling is None or made.sampling.sampler is None else f" {made.sampling.sampler}"
-    return Refinement(None, f"the sampler{name} cuts the face into pieces: a longer face has longer ones")
-
-
-def _library(made: Prepared, settings: Settings, given: dict[str, str]) -> Refinement:
-    """Settings with more windows in the library, or why there are none."""
-    assert made.sampling is not None
-    assert settings.library_cells is not None
-    assert settings.cells is not None
-    apart = prod(settings.cells)
-    if made.sampling.pressure == "place" or settings.library_cells >= apart:
-        return Refinement(None, f"the library has all windows of the face, {apart}: a larger one has more")
-    if "library_cells" in given:
-        return _is_given(given["library_cells"])
-    more = min(HALVING * settings.library_cells, apart, MOST_WINDOWS)
-    if more == settings.library_cells:
-        return Refinement(None, f"the library has {more} windows, the most that are taken")
-    return Refinement(replace(settings, library_cells=more), f"{more} library windows")
+def _patch(made: Prepared, settings: Settings, given: dict[str, str]) -> Refinement:
+    return Refinement(None, "it is what one measured patch does not know: more measured places make it smaller")
 
 
 def _realisations(made: Prepared, settings: Settings, given: dict[str, str]) -> Refinement:

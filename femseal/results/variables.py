@@ -28,7 +28,7 @@ from ..base.fields import (
 )
 from ..base.leak_rates import LEAK_UNITS, LeakBasis
 from ..base.shared_array import one_at_a_time
-from ..budget import ErrorBudget, ErrorPart, contact_fraction_of
+from ..budget import MODEL_PARTS, ErrorBudget, ErrorPart, contact_fraction_of
 from ..loads import LoadProgramme, LoadStep
 from ..studies import DeterministicResult, Scene, StochasticResult, TwoScaleResult
 from ..studies.face_leakage import PlaceLeakage

@@ -3,6 +3,7 @@
 from collections import Counter
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
+from math import prod
 from pathlib import Path
 
 import numpy as np
@@ -18,16 +19,15 @@ from ..refinement.coarser import CONTINUED_SCENES, coarser_grids, without_filter
 from ..refinement.settings import first_settings, first_version, given_settings, grid_points, time_limit
 from ..report.case_text import contact_text, fluid_text, solids_text
 from ..results.paraview import fields_size
-from ..studies import Sampling, Scene, count_face_windows, drop_ratio, lay_out_windows
-from ..studies.costs import Effort, usual_efforts
+from ..studies import Scene, drop_ratio
+from ..studies.costs import LADDER_STATES, USUAL_SEALS, Effort, on_ladder, usual_efforts
 from ..studies.deterministic import STEP_BYTES, states_memory
 from ..studies.face_leakage import FEWEST
 from ..studies.seat_rows import describe_map
 from ..topography import Places
-from ..windows import Partition
 from .pilot import efforts, pace, solved_once
 
-#: Shortest waves that a window should hold along each side.
+#: Shortest waves that a piece should hold along each side.
 ADVISED_WAVES = 8
 #: Seconds of starting, of loading compiled loops and making a face; what reading and repairing a file adds, and what
 #: the compiled loops of windows and their pictures do.
@@ -139,35 +139,40 @@ def _study_facts(prepared: Prepared) -> Iterator[tuple[str, str]]:
     pixels = int(np.prod(scene.surface.shape))
     if "deterministic" in prepared.methods:
         yield "deterministic", f"{steps} contact and {counted(steps, 'flow solution')} of {pixels} unknowns"
-    if prepared.cells is None:
-        return
-    m1, m2 = prepared.cells
-    partition = Partition(scene.surface.shape, scene.surface.spacing, prepared.cells)
-    if prepared.methods != {"deterministic"}:
-        yield "pieces", _pieces(partition, prepared.conditioning.shortest_wavelength)
-    if "two-scale" in prepared.methods:
+    if prepared.cells is not None and "two-scale" in prepared.methods:
+        m1, m2 = prepared.cells
+        yield "pieces", _pieces(prepared, prepared.cells)
         of_face = f"{steps} contact and {counted(steps, 'flow solution')} of {pixels} unknowns"
         yield "two-scale", f"{of_face}, {counted(2 * steps * m1 * m2, 'flow solution')} of pieces"
-    if (sampling := prepared.sampling) is not None:
-        laid, *others = lay_out_windows(scene.layout, partition, sampling)
-        length, *more = (to_text(one.seal.size[1], "m", 3) for one in (laid, *others))
-        text = f"{_library(sampling, partition)} (pressure: {sampling.pressure}, sampler: {sampling.sampler})"
-        too = f"; as many of {', '.join(more)}" if more else ""
-        yield "stochastic", f"{text}, {counted(sampling.realisations, 'seal')} of {laid}, {length} long{too}"
-        if uneven := describe_map(scene, laid, sampling.pressure_map):
-            yield "pressure map", uneven
+    if (sampling := prepared.sampling) is None or "stochastic" not in prepared.methods:
+        return
+    cut, tiles = prepared.cut_and_tiles
+    if cut.shape != prepared.cells:
+        yield "pieces", _pieces(prepared, cut.shape)
+    length = to_text(tiles.seal.size[1], "m", 3)
+    number = "seals" if sampling.realisations is None else counted(sampling.realisations, "seal")
+    how = "as many as the band of error needs" if sampling.realisations is None else ""
+    if tiles.in_place:
+        states, where = counted(steps, "state"), "at its loads; pieces stay in their rows"
+    else:
+        states = f"about {LADDER_STATES:.0f} states" if on_ladder(scene, sampling) else counted(steps, "state")
+        where = "on a ladder of nominal pressures" if on_ladder(scene, sampling) else "at its loads"
+    yield "stochastic", f"{states} of the face, {where}"
+    yield "", f"{number} of {tiles}, {length} long{f', {how}' if how else ''}"
+    if uneven := describe_map(scene, tiles, sampling.pressure_map):
+        yield "pressure map", uneven
 
 
 def _left_open(case: Case, prepared: Prepared) -> str:
-    """What the case leaves open of windows and drawn seals, as text."""
+    """What the case leaves open of pieces and drawn seals, as text."""
     cells, drawn, found = case.cells, case.stochastic, []
-    if prepared.cells is not None and (cells is None or cells.count is cells.size is None):
-        found.append("pieces of eight shortest waves or more a side")
-    if prepared.sampling is not None and drawn is not None:
-        if case.layout.has_length and not drawn.lengths:
-            found.append("seals as long as the face")
-        if "realisations" not in drawn.model_fields_set:
-            found.append(counted(drawn.realisations, "seal"))
+    if cells is None or cells.count is cells.size is None:
+        if prepared.cells is not None:
+            found.append("two scales by pieces of eight shortest waves or more a side")
+        if prepared.pieces is not None:
+            found.append("{} × {} pieces of drawn seals".format(*prepared.pieces))
+    if prepared.sampling is not None and drawn is not None and case.layout.has_length and drawn.length is None:
+        found.append("seals as long as the face")
     return ", ".join(found)
 
 
@@ -255,7 +260,7 @@ def _law_facts(scene: Scene) -> Iterator[tuple[str, str]]:
     yield (
         "gas",
         f"slips: {at_inlet:.3g} (inlet) to {at_outlet:.3g} (outlet) times the viscous flow in a gap of the rms height; "
-        f"permeability of windows at {drop.pressures.size} pressures, other flow solved 3 to 5 times",
+        f"permeability of pieces at {drop.pressures.size} pressures, other flow solved 3 to 5 times",
     )
 
 
@@ -279,14 +284,14 @@ def disk(case: Case, prepared: Prepared, again: list[Prepared] | None = None) ->
     formats = {"none": 0, "both": 2}.get(case.output.paraview, 1)
     # pictures and report; heights for ParaView
     others = 2e6 * (case.output.pictures or case.output.report) + 4.0 * pixels * formats
-    if prepared.cells is not None and prepared.methods != {"deterministic"}:
-        # a piece: ten numbers in results.nc, and in the mesh of the seal
-        others += steps * prepared.cells[0] * prepared.cells[1] * (80 + 80 * formats)
+    # a piece: ten numbers in results.nc, and in the mesh of the seal
+    others += sum(80 * steps * prod(count) * (1 + formats) for count in (prepared.cells, prepared.pieces) if count)
     if (sampling := prepared.sampling) is not None:
-        others += 8.0 * steps * (2 * sampling.realisations + 6 * sampling.library_cells)
+        elements = len(prepared.cut_and_tiles[1].tile)
+        others += 8.0 * steps * ((sampling.realisations or USUAL_SEALS) + 5 * elements * (1 + formats))
     checkpoint = sum(_checkpoint(one) for one in (prepared, *again))
     with storing(None, case.memory):
-        if (prepared.cells is not None or "deterministic" in prepared.methods) and not states_memory(pixels, steps):
+        if prepared.methods - {"stochastic"} and not states_memory(pixels, steps):
             checkpoint += STEP_BYTES * pixels * steps  # the states themselves
     return Disk(float(each * fitting), fitting, others, checkpoint)
 
@@ -311,8 +316,8 @@ def _checkpoint(prepared: Prepared) -> float:
     steps, pixels, peaks = len(scene.steps), int(np.prod(scene.surface.shape)), len(set(scene.unload_from))
     if prepared.methods & {"deterministic", "two-scale"}:
         found += pixels * (STEP_BYTES * steps + 8.0 * peaks)
-    if "stochastic" in prepared.methods and "two-scale" not in prepared.methods:
-        found += pixels * (8.0 * steps + 8.0 * peaks)
+    if "stochastic" in prepared.methods:
+        found += 8.0 * pixels * max(peaks, 1)
     return found
 
 
@@ -350,22 +355,13 @@ def _surface_facts(prepared: Prepared) -> Iterator[tuple[str, str]]:
     yield "filter", kept
 
 
-def _library(sampling: Sampling, partition: Partition) -> str:
-    """The windows of a library that are used, and how many of them do not overlap."""
-    if sampling.pressure != "place":
-        return counted(sampling.library_cells, "library window")
-    used, of_face = count_face_windows(sampling, partition), partition.cells[0] * partition.cells[1]
-    asked = f", not {sampling.library_cells}" if sampling.library_cells != used else ""
-    again = f", the {of_face} of the face cut {used // of_face} times" if used > of_face else " of the face"
-    return f"{counted(used, 'library window')}{again}{asked}"
-
-
-def _pieces(partition: Partition, shortest_wave: float) -> str:
-    (m1, m2), (n1, n2) = partition.cells, partition.window
-    size = " × ".join(to_text(length, "m", 3) for length in partition.window_size)
-    waves = [length / shortest_wave for length in partition.window_size]
+def _pieces(prepared: Prepared, count: tuple[int, int]) -> str:
+    """Number and size of pieces."""
+    sizes = [side / m for side, m in zip(prepared.scene.surface.size, count, strict=True)]
+    waves = [length / prepared.conditioning.shortest_wavelength for length in sizes]
     few = f"; {ADVISED_WAVES} or more are advised" if min(waves) < ADVISED_WAVES * 0.99 else ""
-    return f"{m1} × {m2} of {n1} × {n2} pixels, {size}, that is {waves[0]:.3g} × {waves[1]:.3g} shortest waves{few}"
+    size = " × ".join(to_text(length, "m", 3) for length in sizes)
+    return f"{count[0]} × {count[1]} of about {size}, that is {waves[0]:.3g} × {waves[1]:.3g} shortest waves{few}"
 
 
 def _disk_text(sizes: Disk, steps: int) -> str:

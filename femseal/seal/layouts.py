@@ -96,8 +96,8 @@ class AnnularLayout:
 
     kind: ClassVar[str] = "annular"
     has_length: ClassVar[bool] = False
-    inner_radius: float = parameter("m", "a length > 0, such as '10 mm'")
-    outer_radius: float = parameter("m", "a length > 0, such as '15 mm'")
+    inner_radius: float = parameter("m", "a length > 0, such as '10 mm'", usual=(1e-5, 100.0))
+    outer_radius: float = parameter("m", "a length > 0, such as '15 mm'", usual=(1e-5, 100.0))
     inlet: Literal["inner", "outer"] = "inner"
     lay: Any = "circumferential"
 

@@ -10,7 +10,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property, lru_cache
-from math import log, pi
+from math import pi
 from pathlib import Path
 from typing import Any
 
@@ -341,9 +341,7 @@ def laid_on_ring(pieces: PieceSize, lay: Lay, radii: tuple[float, float], inlet:
     tangent = lay.lead / (2 * pi * at) if wound else None
     in_place = lay.name != "radial" and cells[0] == pieces.rows and abs(breadth / (pieces.rows * d1) - 1) < _SAME
     tile = np.arange(len(along))
-    return SealTiles(
-        seal, direction, tile, cells, in_place, lay.name == "radial", tangent, warnings
-    )
+    return SealTiles(seal, direction, tile, cells, in_place, lay.name == "radial", tangent, warnings)
 
 
 def laid_on_mesh(

@@ -20,6 +20,7 @@ from numpy.typing import NDArray
 
 from .. import contact, flow, windows
 from ..base.stage import Mapper, Stage
+from ..flow.harmonic import harmonic_fill
 from ..flow.permeability_table import Mobility, PressureCurve
 from ..flow.solvers.choice import solve_flow
 from ..flow.solvers.hierarchy import hierarchy
@@ -146,6 +147,7 @@ def _windows() -> None:
 
 def _seals() -> None:
     solve_flow(flow.Stencil(np.ones((3, 200)), np.ones((2, 200))))
+    harmonic_fill(np.where(_gap(4) > 1, _gap(4), np.nan), _gap(4))
     curve = PressureCurve((0.0, 1.0), np.ones((2, 3)), piecewise=True)
     curve.between(np.zeros(3), np.ones(3), Mobility(0.0, 1.0, np.ones(2), np.ones(2)))
 

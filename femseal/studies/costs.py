@@ -10,8 +10,6 @@ from dataclasses import dataclass, replace
 from math import log1p, log2
 from statistics import mean
 
-import numpy as np
-
 from ..base import validate
 from ..seal.pressure_map import is_uniform
 from ..seal.tiles import SealTiles
@@ -44,11 +42,11 @@ _CLOSED_SECONDS = 2e-8, 1.5e-6
 _ROUND_PIXEL_SECONDS = 1.7e-7
 #: Seconds of a drawn seal at a step, and for each element; solutions where permeabilities depend on the pressure, seals
 #: that a band usually needs, and memory for each element [byte].
-_SEAL_SECONDS, _ELEMENT_SECONDS, _PRESSURE_SOLUTIONS, _USUAL_SEALS, _ELEMENT_BYTES = 1e-3, 4e-6, 6.0, 20, 4e3
+_SEAL_SECONDS, _ELEMENT_SECONDS, _PRESSURE_SOLUTIONS, USUAL_SEALS, _ELEMENT_BYTES = 1e-3, 4e-6, 6.0, 20, 4e3
 #: Flow solutions, and what they need besides, that the flow of a rarefied gas takes.
 _SUCCESSIVE = 4.5
 #: Number of states of a face on a ladder of nominal pressures.
-_LADDER_STATES = 25.0
+LADDER_STATES = 25.0
 
 
 @dataclass(frozen=True)
@@ -196,13 +194,18 @@ def stochastic_cost(
     pixels, elements = points[0] * points[1], len(tiles.tile)
     piece = pixels / (cells[0] * cells[1])
     ladder = acts or not is_uniform(sampling.pressure_map)
-    states = float(len(efforts)) if tiles.in_place or not ladder else _LADDER_STATES
+    states = float(len(efforts)) if tiles.in_place or not ladder else LADDER_STATES
     each = mean(_face_seconds(points, effort, pressures, acts and tiles.in_place) for effort in efforts)
     flows = 2 * cells[0] * cells[1] * pressures * mean(flow_seconds(piece, effort) for effort in efforts)
-    draws = (sampling.realisations or _USUAL_SEALS) * len(efforts)
+    draws = (sampling.realisations or USUAL_SEALS) * len(efforts)
     again = _PRESSURE_SOLUTIONS if pressures > 1 or (acts and not tiles.in_place) else 1.0
     seals = again * draws * (_SEAL_SECONDS + _ELEMENT_SECONDS * elements)
     return states * (each + flows) + seals, state_memory(pixels) + _ELEMENT_BYTES * elements
+
+
+def on_ladder(scene: Scene, sampling: Sampling) -> bool:
+    """Whether drawn seals take pieces from a ladder of nominal pressures, unless these stay in their rows."""
+    return scene.acting_fluid is not None or not is_uniform(sampling.pressure_map)
 
 
 def count_pressures(scene: Scene) -> int:

@@ -2,21 +2,23 @@
 
 The traction between the faces is t = p + p_f; the fluid keeps it from falling below p_f. The contact under p_f begins
 from another gap, h₁ + K p_f, and carries p̄ − mean p_f (see `contact.solve_contact`); the flow through the gap it leaves
-gives p_f. Both are solved in turn until the permeability stays. p_f counts from the pressure of the surroundings, which
-presses on the faces from outside too. In contact p_f is that around it: the fluid wets the lands as far as pockets
-reach.
+gives p_f. Both are solved in turn until the permeability stays. A face is open where no contact carries the rest of p̄.
+p_f counts from the pressure of the surroundings, which
+presses on the faces from outside too. In contact, and in pockets that no flow reaches, Δp_f = 0 between the pressures
+around, as in a film of even permeability, however thin.
 Several measured places of a face are in contact each by itself, and joined.
 Source: Shvarts & Yastrebov, J. Mech. Phys. Solids 119, 2018, 140.
 """
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 from typing import Any
 
 import numpy as np
 
 from ..base import Array, InputError, to_text
 from ..contact import Contact, ContactLaw, HalfSpace, contact_law, solve_contact
+from ..flow.harmonic import harmonic_fill
 from ..fluids import Fluid
 from ..topography import Places
 from ..windows import Failed, FlowSettings, attempt
@@ -26,12 +28,20 @@ from .trapped_liquid import PocketPressures, TrappedLiquid
 #: Relative change of the permeability at which the rounds end, and most of them. Measured on self-affine and turned
 #: faces of 256² points, p̄/H .02 to .2: two to five for p_in/p̄ up to .3, at most six up to 1.
 #: Pockets of liquid that lift the faces off each other's rims take up to twenty-five.
-RTOL, MOST_ROUNDS, MOST_TRAPPED_ROUNDS = 1e-3, 20, 60
+RTOL, MOST_ROUNDS, MOST_TRAPPED_ROUNDS = 1e-3, 40, 60
 #: Mean fluid pressure over the nominal pressure below which it changes leakage by less than 0.5 % and is left out.
 LEAST_FRACTION = 1e-4
 #: −d ln k/d ln p̄ of any rough face is larger.
 _LEAST_STEEPNESS = 2.0
 _POINTS = 201
+#: Part of the nominal pressure that the fluid carries at most in the first round; part left to the contact where the
+#: rounds end and the load is sought at which the faces part.
+_FIRST_CARRIED, _LEAST_ROOM = 0.9, 0.01
+#: Rounds after which half of each step is taken.
+_WHOLE_STEPS = 10
+#: Loads of the contact over the pressure of the inlet among which the least nominal pressure is sought; the factor from
+#: one load to the next above them; relative error of a load; share of the tolerance of the rounds under it.
+_LOADS, _STEP, _LOAD_RTOL, _SHARE = np.array([1e-4, 1e-2, 1e-1]), 3.0, 1e-4, 0.1
 #: Rounds after which a face that holds trapped liquid counts as closed.
 _CLOSED_ROUNDS = 4
 
@@ -124,7 +134,31 @@ class FluidPressure:
         """
         if abs(self.carried) <= LEAST_FRACTION * pressure and not self.trapped:
             return solve_contact(gap0, half_space, pressure=pressure, **settings)
-        p_f = self.even_drop(half_space.shape)  # that of parted faces: a face that the fluid can open is found open
+        found = self._rounds(gap0, half_space, pressure, settings, former)
+        if not isinstance(found.flow, Failed) or self._room(found.carried, pressure) > _LEAST_ROOM * pressure:
+            return found
+        return self._near_opening(gap0, half_space, pressure, settings)
+
+    def _room(self, carried: float, pressure: float) -> float:
+        """What is left to the contact of a nominal pressure of which the fluid carries some [Pa]."""
+        return pressure - carried if self.nominal == "total" else np.inf
+
+    def _rounds(
+        self,
+        gap0: Array,
+        half_space: HalfSpace,
+        pressure: float,
+        settings: Mapping[str, Any],
+        former: TrappedLiquid | None = None,
+        start: Array | None = None,
+        share: float = 1.0,
+    ) -> CoupledContact:
+        """Solve contact and flow in turn until the permeability stays, or hardly anything is left to the contact.
+
+        start : fluid pressure of the first round; that of an even drop unless given. share : of the tolerance, which is
+        enough once the rounds are many.
+        """
+        p_f = self.even_drop(half_space.shape) if start is None else start
         around = p_f
         trapped, pockets = None, self._pockets(former, half_space, pressure, settings) if self.trapped else None
         if pockets is not None:
@@ -132,7 +166,7 @@ class FluidPressure:
         most = MOST_ROUNDS if pockets is None else MOST_TRAPPED_ROUNDS
         last, moved, change, error = np.nan, np.nan, np.inf, np.inf
         scale = max(abs(self.inlet), abs(self.outlet))
-        given, gave, closed = p_f, p_f, 0
+        given, gave, closed, part = p_f, p_f, 0, 1.0
         for n in range(1, most + 1):
             carried = float(p_f.mean())
             liquid = former if trapped is None else trapped
@@ -141,44 +175,84 @@ class FluidPressure:
                 above = np.where(liquid.pocket > 0, np.maximum(p_f - around, 0.0), 0.0)
                 p_f = p_f - above * min((carried - 0.9 * pressure) / max(float(above.mean()), 1e-300), 1.0)
                 carried = float(p_f.mean())
-            parted = self.nominal == "total" and carried >= pressure
-            load = carried if parted else pressure if self.nominal == "total" else pressure + carried
+            if n == 1 and self.nominal == "total" and carried > _FIRST_CARRIED * pressure:
+                p_f = p_f * (_FIRST_CARRIED * pressure / carried)
+                carried = float(p_f.mean())
+                given = gave = p_f
+            room = self._room(carried, pressure)
+            load = pressure if self.nominal == "total" else pressure + carried
             contact = solve_contact(gap0, half_space, pressure=max(load, 0.0), fluid_pressure=p_f, **settings)
-            if parted:
-                return _coupled(contact, Failed(self.parted(carried)), carried, n)
             flow = attempt(resolved_flow, contact.gap, half_space.spacing, self.settings, with_potential=True)
             if isinstance(flow, Failed):
                 return _coupled(contact, flow, carried, n)
-            last_p_f, open_pressure = p_f, self.above_surroundings(flow.potential)
-            found = fill_undefined(open_pressure)
-            around = found = found if np.isfinite(found).all() else last_p_f  # no gap that an end reaches
+            last_p_f = p_f
+            around = found = self._pressure(flow, last_p_f)
             if pockets is not None:
-                is_pocket = ~np.isfinite(open_pressure) & (contact.gap > 0)
+                is_pocket = np.isnan(self.above_surroundings(flow.potential)) & (contact.gap > 0)
                 trapped = pockets.next(contact.gap, is_pocket, last_p_f, found)
-                found = fill_undefined(
-                    np.where(contact.gap > 0, trapped.on(found), np.nan if contact.gap.any() else found)
-                )
+                in_contact = np.nan if contact.gap.any() else found
+                found = harmonic_fill(np.where(contact.gap > 0, trapped.on(found), in_contact), found)
                 scale = max(scale, float(np.abs(found).max()))
             p_f, given, gave = _mixed(last_p_f, found, given, gave), last_p_f, found
             if trapped is not None:
                 p_f = trapped.on(p_f)
+            taken, part = part, 1.0 if n <= _WHOLE_STEPS or trapped is not None else 0.5
+            if p_f.mean() >= carried + room:  # too far: half of the way to where the contact carries nothing
+                part = 0.5 * room / (float(p_f.mean()) - carried)
+            if part < 1:
+                p_f = last_p_f + part * (p_f - last_p_f)
             k, before = flow.permeability, moved
             moved = float(np.abs((found - last_p_f).mean(axis=1)).max()) / scale
             # closed faces have to stay as they are
-            changed, change = change, abs(k / last - 1) if last else moved if last == 0 and k == 0 else np.inf
+            changed, change = change, abs(k / last - 1) / taken if last else moved if last == 0 and k == 0 else np.inf
             # the next change of k is to this one as the moves of p_f; two equal k by chance end nothing
             ratio = min(moved / before, 0.5) if before > 0 else 0.5
             steepness = max(change / before, _LEAST_STEEPNESS * scale / max(load, 1.0)) if before > 0 else change
             error = steepness * moved / (1 - ratio) if np.isfinite(before) else change
-            error = min(error, max(change, changed))  # where single points take turns in touching
+            error = min(error, max(changed, change))  # where single points take turns; NaN until two changes are known
             if trapped is not None:  # of closed faces only the volumes have to stay
                 closed = closed + 1 if k == 0 else 0
                 error = max(error if closed < _CLOSED_ROUNDS else 0.0, trapped.error)
-            if error <= RTOL:
+            if error <= (share if n <= _WHOLE_STEPS else 1.0) * RTOL:
                 return _coupled(contact, flow, carried, n, trapped)
+            if room <= _LEAST_ROOM * pressure:
+                break
             last = k
         reason = f"contact and fluid pressure: after {n} rounds the permeability still changes by {error:.1e}"
         return _coupled(contact, Failed(reason), carried, n)
+
+    def _near_opening(
+        self, gap0: Array, half_space: HalfSpace, pressure: float, settings: Mapping[str, Any]
+    ) -> CoupledContact:
+        """The contact at a nominal pressure [Pa] near to that at which the faces part, or below it.
+
+        A load that the contact carries has a solution whatever the fluid carries besides, and both together are the
+        nominal pressure. The faces part at the least of these. Above it the higher of two loads of the contact is
+        taken, which a face has that is unloaded, or let under pressure, from where it is closed. No pockets are left.
+        """
+        known: dict[float, CoupledContact] = {}
+        alone, start = replace(self, nominal="contact", trapped=False), self.even_drop(half_space.shape)
+
+        def total(load: float) -> float:
+            nonlocal start
+            if load not in known:
+                known[load] = alone._rounds(gap0, half_space, load, settings, start=start, share=_SHARE)
+                if not isinstance(flow := known[load].flow, Failed):
+                    start = self._pressure(flow, start)
+            return load + known[load].carried
+
+        least, opening = _least(total, _LOADS * max(abs(self.inlet), abs(self.outlet)))
+        if pressure > opening:
+            from scipy.optimize import brentq
+
+            above = least
+            while total(above) < pressure:
+                above *= _STEP
+            found = brentq(lambda load: total(load) - pressure, above / _STEP, above, rtol=_LOAD_RTOL)
+            return known[found]
+        p_f = self.even_drop(half_space.shape)
+        contact = solve_contact(gap0, half_space, pressure=float(p_f.mean()), fluid_pressure=p_f, **settings)
+        return _coupled(contact, Failed(self.parted(opening)), pressure, sum(c.rounds for c in known.values()))
 
     def _pockets(
         self, former: TrappedLiquid | None, half_space: HalfSpace, pressure: float, settings: Mapping[str, Any]
@@ -194,6 +268,11 @@ class FluidPressure:
         carried = float(p_f.mean())
         load = max(pressure, carried) if self.nominal == "total" else pressure + carried
         return solve_contact(gap0, half_space, pressure=max(load, 0.0), fluid_pressure=p_f, **settings)
+
+    def _pressure(self, flow: FaceFlow, former: Array) -> Array:
+        """Pressure above the surroundings (n1, n2) [Pa] of a flow, also in contact; the former one if no gap is wet."""
+        found = harmonic_fill(self.above_surroundings(flow.potential), former)
+        return found if np.isfinite(found).all() else former
 
     def even_drop(self, shape: tuple[int, int]) -> Array:
         """Pressure above the surroundings (n1, n2) [Pa] where the potential falls evenly along x1."""
@@ -215,30 +294,25 @@ def _mixed(given: Array, gave: Array, former: Array, former_gave: Array) -> Arra
     return (1 - weight) * gave + weight * former_gave
 
 
+def _least(total: Callable[[float], float], loads: Array) -> tuple[float, float]:
+    """Where a function of the load is least, and its least value: at the first of some loads or between others."""
+    values = [total(float(load)) for load in loads]
+    n = int(np.argmin(values))
+    if n == 0:
+        return float(loads[0]), values[0]
+    from scipy.optimize import minimize_scalar
+
+    ends = np.log(loads[n - 1]), np.log(loads[min(n + 1, loads.size - 1)])
+    found = minimize_scalar(lambda x: total(float(np.exp(x))), bounds=ends, method="bounded", options={"xatol": 0.3})
+    return float(np.exp(found.x)), float(found.fun)
+
+
 def _coupled(
     contact: Contact, flow: FaceFlow | Failed, carried: float, rounds: int, trapped: TrappedLiquid | None = None
 ) -> CoupledContact:
     """The contact of the last round with its flow."""
     known = {f.name: getattr(contact, f.name) for f in fields(contact)}
     return CoupledContact(**known, flow=flow, carried=carried, rounds=rounds, trapped=trapped)
-
-
-def fill_undefined(pressure: Array) -> Array:
-    """Pressures (n1, n2) with those that are NaN filled from around: contact and pockets take what is next to them.
-
-    Means over 2 × 2 points, again and again until every point is known; then back from coarse to fine.
-    """
-    known = np.isfinite(pressure)
-    if known.all() or not known.any():
-        return pressure
-    n1, n2 = pressure.shape
-    shape = (n1 + n1 % 2, n2 + n2 % 2)
-    total, weight = np.zeros(shape), np.zeros(shape)
-    total[:n1, :n2], weight[:n1, :n2] = np.where(known, pressure, 0.0), known
-    total, weight = (a.reshape(shape[0] // 2, 2, shape[1] // 2, 2).sum(axis=(1, 3)) for a in (total, weight))
-    mean = np.divide(total, weight, out=np.full_like(total, np.nan), where=weight > 0)
-    finer = fill_undefined(mean).repeat(2, axis=0).repeat(2, axis=1)
-    return np.where(known, pressure, finer[:n1, :n2])
 
 
 def contact_of_places(

@@ -14,7 +14,7 @@ from ..base import Array, Mapper, Stage
 from ..base.fields import PIECE_STATE, STATE, Field, declared
 from ..contact import LoadState
 from ..face.curves import PieceCurves, local_peaks
-from ..face.pieces import Cut, PieceState, branches, factors
+from ..face.pieces import Cut, PieceState, factors
 from ..flow.permeability_table import tabulated
 from ..loads import LoadProgramme, LoadStep
 from ..seal import RectangularSeal
@@ -170,7 +170,7 @@ def _joined(scene: Scene, cut: Cut, steps: LoadProgramme, taken: Sequence[_Taken
             values[s] = getattr(state.pieces, name)
         in_order = k[:, :, s].reshape(pressures, 2, -1)
         values = tiles.permeability(in_order[:, 0], in_order[:, 1])
-        through = attempt(scene.leakage, tiles.seal, tabulated(scene.flow.drop.pressures, values))
+        through = attempt(scene.leakage, tiles.seal, tabulated(scene.flow.drop.pressures, list(values)))
         own[s] = np.nan if isinstance(through, Failed) else through.per_length
     unit = _unit(scene)
     places = None
@@ -179,8 +179,17 @@ def _joined(scene: Scene, cut: Cut, steps: LoadProgramme, taken: Sequence[_Taken
     face = unit * np.array([state.face for state in taken])
     total = SolveCounts.total(counts)
     return FacePieces(
-        steps, cut, k, **means, rows=rows, face=face, own=own, places=places, counts=total,
-        failures=tuple(failures), unsolved=tuple(unsolved),
+        steps,
+        cut,
+        k,
+        **means,
+        rows=rows,
+        face=face,
+        own=own,
+        places=places,
+        counts=total,
+        failures=tuple(failures),
+        unsolved=tuple(unsolved),
     )
 
 

@@ -16,6 +16,7 @@ from ..flow import critical_constriction
 from ..flow.pressure_drop import PressureDrop
 from ..fluids import Fluid, IdealGas, Liquid, capillary_entry_pressure, leak_basis
 from ..loads import LoadProgramme
+from ..materials import YOUNG_LIMITS
 from ..real_gas import ideal_gas_error
 from ..seal import Leakage, seal_leakage
 from ..seal.layouts import Layout, RectangularLayout
@@ -151,7 +152,10 @@ class Scene:
 
     @property
     def parted_steps(self) -> tuple[tuple[int, str], ...]:
-        """Steps at which the fluid carries all of the load, by their number, and what that means."""
+        """Steps at which the fluid between parted faces carries all of the load, by their number, and what that means.
+
+        Windows are open there. The contact of a whole face may hold the fluid back, see `studies.fluid_coupling`.
+        """
         if (fluid := self.acting_fluid) is None:
             return ()
         return tuple((s, fluid.parted(fluid.carried)) for s, p in enumerate(self.steps.pressures) if fluid.parts(p))
@@ -237,9 +241,6 @@ class Scene:
         return self.fluid.pressure(outlet + (inlet - outlet) * np.asarray(potential, float))
 
 
-#: Young's moduli of metals, and of hard coatings, lie between these [Pa]; contact moduli between half of the lower one
-#: and a fifth more than the higher one.
-YOUNG_LIMITS = (5e9, 1.2e12)
 #: Fraction of the hardness from which on the nominal pressure flattens most of the face, where hardness is no constant.
 _FLATTENING_FRACTION = 0.5
 #: Largest rms slope for which a face is near to a half-space.
@@ -253,17 +254,8 @@ def scene_warnings(scene: Scene) -> tuple[str, ...]:
     return (*_modulus_warnings(scene), *_pressure_warnings(scene), *_surface_warnings(scene))
 
 
-def moduli_warnings(young: Iterable[tuple[str, float]]) -> Iterator[str]:
-    """One sentence for each Young's modulus [Pa], given with its name, that is not that of a metal."""
-    low, high = YOUNG_LIMITS
-    for name, value in young:
-        if not low <= value <= high:
-            usual = f"{to_text(low, 'Pa')} to {to_text(high, 'Pa')}"
-            yield f"{name} {to_text(value, 'Pa')} is not that of a metal ({usual}): is its unit right?"
-
-
 def _modulus_warnings(scene: Scene) -> Iterator[str]:
-    """A contact modulus that is not that of metals."""
+    """A contact modulus that is not that of metals: below half of theirs, or more than a fifth above."""
     low, high = 0.5 * YOUNG_LIMITS[0], 1.2 * YOUNG_LIMITS[1]
     if not low <= scene.modulus <= high:
         usual = f"{to_text(low, 'Pa')} to {to_text(high, 'Pa')}"
@@ -279,7 +271,8 @@ def _pressure_warnings(scene: Scene) -> Iterator[str]:
         yield (
             f"of {to_text(parted[0].pressure, 'Pa')}, the load at {parted[0].name}"
             f"{more}, the fluid carries all: the faces part "
-            f"below about {to_text(fluid.carried, 'Pa', 3)}, and the seal is open"
+            f"below about {to_text(fluid.carried, 'Pa', 3)}, and the seal is open unless its contact holds the fluid "
+            "back"
         )
     if leak_basis(scene.fluid, 1.0).is_gas and scene.outlet_pressure == 0:
         yield (

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import partial
 from typing import Any
 
@@ -137,9 +137,7 @@ class _Supply:
         return tabulated(self.pressures, list(tiles.permeability(k[:, 0], k[:, 1])), self.piecewise)
 
 
-def _fractions(
-    scene: Scene, tiles: SealTiles, sampling: Sampling, mapper: Mapper
-) -> tuple[SeatRows | None, Array]:
+def _fractions(scene: Scene, tiles: SealTiles, sampling: Sampling, mapper: Mapper) -> tuple[SeatRows | None, Array]:
     """Contact of a seat that is broader than the face, and pressure of tiles over the nominal one (steps, tiles)."""
     seat, pressure_map = None, sampling.pressure_map
     if isinstance(pressure_map, SeatMap):

@@ -101,12 +101,26 @@ class StochasticResult(Shown):
     computed_fields: ClassVar[dict[str, Field]] = {
         "mean": Field("leakage_mean", "m^2/s", "leakage per unit seal length, mean of the realisations", STEP),
         "realisation_spread": Field(
-            "realisation_spread", "1", "standard deviation of ln(leakage) between drawn seals", STEP
+            "realisation_spread",
+            "1",
+            "scatter of redraws of the measured patch: deviation of ln(leakage)",
+            STEP,
         ),
         "sealed_fraction": Field(
             "sealed_fraction", "1", "fraction of the realisations without leakage", STEP, "sealed [%]"
         ),
     }
+
+    @property
+    def contact_fraction(self) -> Array:
+        """Fraction of the face in contact (steps,); NaN on unloading where it is not solved there."""
+        pieces = self.pieces
+        of_states = pieces.contact_fraction.mean(axis=(1, 2))
+        if pieces.steps == self.steps:
+            return np.asarray(of_states)
+        loading = pieces.steps.on_loading
+        found = np.interp(self.steps.pressures, pieces.steps.pressures[loading], of_states[loading])
+        return np.where(self.steps.on_loading, found, np.nan)
 
     @property
     def seal(self) -> ElementSeal:

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from ..base import FemsealError, InputError, counted, made_folder
-from ..case.case import Case, read_case
+from ..case.case import read_case
 from ..execution import checkpoint
 from ..execution.lock import alone_in
 from ..execution.parts import Part, checked_part, own_items
@@ -21,8 +21,8 @@ from ..runs.forecast import refuse_too_large
 from .variations import short_names, variations, with_setting
 
 log = logging.getLogger("femseal.sweeps")
-#: Subfolders of what the cases share: stages while the sweep is under way, and libraries of windows.
-SHARED, LIBRARY = ".shared", "library"
+#: Subfolder of the stages that the cases share while the sweep is under way.
+SHARED = ".shared"
 #: Files of the table and the picture.
 STEM = "sweep"
 
@@ -42,8 +42,8 @@ def sweep(
 ) -> RunComparison:
     """Run a case with every combination of some values of its keys, and compare the leakages.
 
-    Every case is checked before the first is run. What two cases have in common is computed once: contact and flow of
-    windows that no key changes, and libraries of windows, which are kept in `output`/library.
+    Every case is checked before the first is run. What two cases have in common is computed once, such as the contact
+    of a face that no key changes.
 
     Parameters
     ----------
@@ -96,7 +96,7 @@ def sweep(
                 announce(f"case {n + 1} of {len(cases)}: {variation.setting}")
             try:
                 kept[n] = job.run(
-                    _with_library(variation.case, folder),
+                    variation.case,
                     folder / variation.name,
                     resume,
                     workers,
@@ -128,12 +128,3 @@ def sweep(
         if part is None:
             shutil.rmtree(folder / SHARED, ignore_errors=True)
     return found
-
-
-def _with_library(case: Case, folder: Path) -> Case:
-    """The case, its windows that follow a ladder kept in the folder of the sweep unless it names one."""
-    drawn = case.stochastic
-    if drawn is None or drawn.pressure == "place" or drawn.library is not None or "stochastic" not in case.methods:
-        return case
-    library = folder.resolve() / LIBRARY
-    return case.model_copy(update={"stochastic": drawn.model_copy(update={"library": library})})

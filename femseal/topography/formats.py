@@ -65,11 +65,11 @@ def bad_file(path: Path, given: object, allowed: str) -> InputError:
 
 
 @contextmanager
-def within_memory_of(path: Path) -> Iterator[None]:
-    """Context in which a file may be read.
+def reading(path: Path, smaller: str) -> Iterator[None]:
+    """Context in which a file is read: whatever a library makes of its bytes, they are refused by an InputError.
 
-    One that cannot be read in the free memory is refused, by its size, or by what it unpacks to if it is a zip. Others
-    that unpack to more than the free memory raise MemoryError.
+    One that cannot be read in the free memory is refused, by its size, or by what it unpacks to if it is a zip. Of
+    others that unpack to more than the free memory a `smaller` one is asked for.
     """
     factor = _TEXT_FACTOR if path.suffix.lower() in TEXT else _NUMBERS_FACTOR
     length, verb = path.stat().st_size, "of"
@@ -79,8 +79,18 @@ def within_memory_of(path: Path) -> Iterator[None]:
     if factor * length > (free := free_memory()):
         allowed = f"one that can be read in the {free / 1e9:.3g} GB of free memory"
         raise bad_file(path, f"a file {verb} {length / 1e9:.3g} GB", allowed)
-    with within_free_memory():
-        yield
+    try:
+        with within_free_memory():
+            yield
+    except InputError:
+        raise
+    except OSError as error:
+        raise bad_file(path, error.strerror or error, "a file that can be read") from None
+    except MemoryError:
+        raise bad_file(path, "more points than fit into memory", smaller) from None
+    except Exception as error:  # a damaged head makes libraries raise errors of any kind
+        allowed = f"an intact {path.suffix.lower()} file"
+        raise bad_file(path, f"a damaged one ({type(error).__name__}: {error})", allowed) from error
 
 
 def read_npy(path: Path, options: Options) -> Raw:
@@ -103,7 +113,7 @@ def read_npz(path: Path, options: Options) -> Raw:
     Points where `mask` is not 0 are masked.
     """
     try:
-        with np.load(path, allow_pickle=False) as archive:
+        with path.open("rb") as file, np.load(file, allow_pickle=False) as archive:
             stored = {name: archive[name] for name in archive.files}
     except (ValueError, EOFError, BadZipFile, TypeError, AttributeError) as error:
         raise bad_file(path, _of_numpy(error), "arrays of numbers saved by numpy.savez") from None
@@ -269,7 +279,7 @@ def read_instrument(path: Path, options: Options) -> Raw:
         raise bad_file(path, f"a file of kind {path.suffix or 'unknown'!r}", allowed) from None
     # Dozens of readers behind one call raise whatever their formats lead them to: all of it means a bad file.
     try:
-        with _unprinted():
+        with unprinted():
             channels = list(open_topography(str(path)).channels)
     except Exception as error:
         known = sorted({*READERS, *(f".{end}" for reader in readers for end in reader.file_extensions())})
@@ -289,7 +299,7 @@ def read_instrument(path: Path, options: Options) -> Raw:
     if channel.physical_sizes is None:
         missing["physical_sizes"] = tuple(float(n) for n in channel.nb_grid_pts)
     try:
-        with _unprinted():
+        with unprinted():
             topography = channel.topography(**missing)
             heights, mask = _under_mask(topography) if path.suffix.lower() == ".gwy" else (topography.heights(), None)
         heights = np.ma.filled(np.ma.masked_invalid(heights).astype(float), np.nan)
@@ -303,7 +313,7 @@ def read_instrument(path: Path, options: Options) -> Raw:
 
 
 @contextmanager
-def _unprinted() -> Iterator[None]:
+def unprinted() -> Iterator[None]:
     """Context in which nothing is printed, from Python or below it: readers print what they find in damaged files."""
     with ExitStack() as stack, open(os.devnull, "w", encoding="utf-8") as nothing:
         for stream, number in ((sys.stdout, 1), (sys.stderr, 2)):
@@ -350,7 +360,8 @@ def _numbers(path: Path, array: NDArray) -> NDArray:
     if array.dtype.kind not in "fiu" or array.ndim != 2 or not array.size:
         given = f"an array of {array.dtype} of shape {array.shape}"
         raise bad_file(path, given, "a non-empty array of real numbers of shape (n1, n2)")
-    return array.astype(np.float64)
+    with np.errstate(invalid="ignore"):  # bytes of numbers that are none, in single precision
+        return array.astype(np.float64)
 
 
 READERS: dict[str, Callable[[Path, Options], Raw]] = {

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..base import InputError, Lengths, to_si, to_text, validate
-from .formats import READERS, TEXT, Options, Raw, bad_file, read_instrument, read_text, within_memory_of
+from .formats import READERS, TEXT, Options, Raw, bad_file, read_instrument, read_text, reading, unprinted
 from .topography import Topography
 
 #: Smallest and largest size of a measured seal face [m]; beyond them the unit in the file is wrong.
@@ -159,13 +159,8 @@ def read_for_a_look(
 
 
 def _raw(path: Path, options: Options) -> Raw:
-    try:
-        with within_memory_of(path):
-            return READERS.get(path.suffix.lower(), read_instrument)(path, options)
-    except OSError as error:
-        raise bad_file(path, error.strerror or error, "a file that can be read") from None
-    except MemoryError:
-        raise bad_file(path, "more heights than fit into memory", "a smaller file, or a part of it") from None
+    with reading(path, "a smaller file, or a part of it"):
+        return READERS.get(path.suffix.lower(), read_instrument)(path, options)
 
 
 def _implausible(path: Path, topography: Topography, check_size: bool, check_heights: bool) -> list[InputError]:
@@ -177,8 +172,10 @@ def _implausible(path: Path, topography: Topography, check_size: bool, check_hei
         allowed = "1 nm to 1 m; if it is right, or to correct it, pass size= (--size)"
         found.append(bad_file(path, f"a size of {given}", allowed))
     defined = topography.heights[~np.isnan(topography.heights)]
-    if check_heights and defined.size and defined.std() > _RMS_HEIGHT_LIMIT:
-        given = f"Sq = {to_text(float(defined.std()), 'm')}"
+    with np.errstate(over="ignore"):
+        deviation = float(defined.std()) if defined.size else 0.0
+    if check_heights and deviation > _RMS_HEIGHT_LIMIT:
+        given = f"Sq = {to_text(deviation, 'm')}"
         allowed = "at most 10 mm; if it is right, or to correct it, pass height_unit= such as 'um' (--height-unit)"
         found.append(bad_file(path, given, allowed))
     if not found and (check_size or check_heights) and (slope := _median_slope(topography)) > _SLOPE_LIMIT:
@@ -212,13 +209,8 @@ def read_mask(path: str | os.PathLike[str], shape: tuple[int, int]) -> NDArray[n
         raise InputError("mask", f"'{path}', {'a folder' if path.is_dir() else 'no such file'}", "a file")
     if suffix not in (*_IMAGES, *_ARRAYS):
         raise InputError("mask", f"'{path.name}'", f"a file {', '.join((*_IMAGES, *_ARRAYS))}")
-    try:
-        with within_memory_of(path):
-            found = _read_image(path) if suffix in _IMAGES else _read_array(path)
-    except OSError as error:
-        raise bad_file(path, error.strerror or error, "a file that can be read") from None
-    except MemoryError:
-        raise bad_file(path, "more points than fit into memory", "a mask of the map's size") from None
+    with reading(path, "a mask of the map's size"):
+        found = _read_image(path) if suffix in _IMAGES else _read_array(path)
     if found.shape != shape:
         turned = "; turned by its diagonal it would fit" if found.shape == shape[::-1] else ""
         given = f"{found.shape[0]} × {found.shape[1]} points in '{path.name}'"
@@ -242,7 +234,7 @@ def _read_image(path: Path) -> NDArray[np.bool_]:
     from PIL import Image, UnidentifiedImageError
 
     try:
-        with Image.open(path) as image:
+        with unprinted(), Image.open(path) as image:
             pixels = np.asarray(image.convert("RGB") if image.mode in ("P", "PA", "LA", "RGBA", "CMYK") else image)
     except (UnidentifiedImageError, Image.DecompressionBombError, ValueError, SyntaxError, EOFError) as error:
         raise bad_file(path, error, "an image of the map's size") from None

@@ -23,7 +23,7 @@ LEAST_DEPTH = 0.003
 
 
 def _radius() -> Any:
-    return parameter("m", "a radius > 0, such as '50 mm'")
+    return parameter("m", "a radius > 0, such as '50 mm'", usual=(1e-6, 1e3))
 
 
 class Seat:
@@ -117,7 +117,7 @@ class BallOnCone(Seat):
 
     kind: ClassVar[str] = "ball-on-cone"
     radius: float = _radius()
-    angle: float = parameter("rad", "half the angle of the cone, such as '45 deg'")
+    angle: float = parameter("rad", "half the angle of the cone, such as '45 deg'", usual=(1e-3, 1.6))
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -148,7 +148,7 @@ class RoundedSeat(Seat):
     """
 
     kind: ClassVar[str] = "rounded"
-    land: float = parameter("m", "a breadth > 0, such as '0.5 mm'")
+    land: float = parameter("m", "a breadth > 0, such as '0.5 mm'", usual=(1e-7, 1.0))
     edge_radius: float = _radius()
 
     def depth(self, x: Array, breadth: float) -> Array:
@@ -169,7 +169,7 @@ class TiltedSeat(Seat):
     """
 
     kind: ClassVar[str] = "tilted"
-    tilt: float = parameter("rad", "an angle, such as '0.02 deg'", above=-np.inf)
+    tilt: float = parameter("rad", "an angle, such as '0.02 deg'", usual=(-0.2, 0.2), above=-np.inf)
 
     def depth(self, x: Array, breadth: float) -> Array:
         """x tan(tilt)."""

@@ -18,7 +18,7 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
-from calibration import LENGTH, LONG_KINDS, compared_links, piece_of
+from calibration import LENGTH, LONG_KINDS, piece_of
 from common import machine, rows, save_report
 from drawn_scenes import FINER, HELD_OUT, KINDS, PIXEL, Drawn
 
@@ -39,12 +39,12 @@ def coarser(scene, surface, leakage, solve):
     return CoarserSolution(surface.shape, some.steps, found, own)
 
 
-def whole_face(drawn, cells=None):
-    """A scene by the deterministic method, with what its budget needs, and its truth; windows are cut out for `cells`."""
+def whole_face(drawn):
+    """A scene by the deterministic method, with what its budget needs, and its truth."""
     from femseal import deterministic
 
     scene, solutions = drawn.scene(), {}
-    whole = deterministic(scene, cells=cells)
+    whole = deterministic(scene)
     half = tuple(n // 2 for n in drawn.points)
     solutions["coarse"] = [coarser(scene, scene.surface.resample(half), whole.leakage, deterministic)]
     if drawn.kind == "filtered":
@@ -57,25 +57,11 @@ def whole_face(drawn, cells=None):
 
 
 def strip(kind, seed):
-    """A scene by the deterministic method, by links, and with contact in windows."""
-    from femseal import two_scale
-    from femseal.studies.face_contact import solve_windows
-
-    drawn = Drawn(kind, seed)
-    found = whole_face(drawn, drawn.cells)
-    scene, whole = found["scene"], found["studies"]["deterministic"]
-    links = two_scale(scene, drawn.cells, solved=whole.windows)
-    windows = two_scale(scene, drawn.cells, solved=solve_windows(scene, drawn.cells, "windows"))
+    """A scene by the deterministic method."""
+    found = whole_face(Drawn(kind, seed))
     # a budget needs no fields
-    bare = {"gap": None, "contact_pressure": None, "fluid_pressure": None, "windows": None}
-    few = {"fields": None, "face_fluid_pressure": None, "link_flows": None}
-    studies = {
-        "deterministic": replace(whole, **bare),
-        "two scales, links": replace(links, **few),
-        "two scales, windows": replace(windows, **few),
-    }
-    solutions = found["solutions"] | {"compared": compared_links(drawn, scene, links.leakage)}
-    return found | {"studies": studies, "solutions": solutions}
+    bare = {"gap": None, "contact_pressure": None, "fluid_pressure": None}
+    return found | {"studies": {name: replace(study, **bare) for name, study in found["studies"].items()}}
 
 
 def drawn_seals(kind, seed):

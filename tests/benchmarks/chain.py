@@ -5,8 +5,8 @@
 A self-affine face (Hurst 0.8, longest wave a quarter of the face, shortest 8 pixels, rms slope 0.25, H = 0.14 E* h′),
 periodic along both axes, is loaded to 0.3 H and unloaded. The plain way, `plain_way.py`, takes the contact by Tamaas or
 ContactMechanics and the flow by scikit-fem with pyamg or PARDISO. Studies: contact and flow of all pixels
-(deterministic); contact of the whole face, and flow through windows and the links between nodes (two-scale); seals
-of runs of neighbouring columns of these windows (stochastic). Errors are exp(rms ln(Q/Q_ref)) − 1 over the loads that leak more
+(deterministic); seals of runs of neighbouring columns of windows of the face, with flow through windows and the links between nodes
+(stochastic). Errors are exp(rms ln(Q/Q_ref)) − 1 over the loads that leak more
 than 1e-3 of the first; the reference is Richardson's limit of femseal's deterministic solutions on two and four times
 the pixels a side, from gaps sampled anew. The tolerance of each peer's contact is the loosest that changes the
 leakage of a face of 256² by a quarter of its error at most.
@@ -36,7 +36,7 @@ PACKAGES = {
     "pyamg": "pyamg",
     "pypardiso": "pypardiso",
 }
-STUDIES = ("deterministic", "two-scale", "stochastic")
+STUDIES = ("deterministic", "stochastic")
 #: Solvers of the flow of the plain way, and the modules that they need.
 FLOWS = {"pyamg": "pyamg", "PARDISO": "pypardiso"}
 #: Contacts of the plain way with the tolerances that are tried, and those of them that are as their manuals have them.
@@ -90,8 +90,7 @@ def curve_points(options, n):
     exact = exact_permeability(options, n, 8)
     points = []
     for pixels in (n // 2, n, 2 * n, 4 * n):
-        studies = ("deterministic", "elements", "two-scale") if pixels <= 2 * n else ("deterministic",)
-        for record in run(options, *({"does": "femseal", "study": s, "n": n, "pixels": pixels} for s in studies)):
+        for record in run(options, {"does": "femseal", "study": "deterministic", "n": n, "pixels": pixels}):
             points.append(
                 {
                     "label": f"femseal, {record['task']['study']}",
@@ -327,7 +326,7 @@ def draw_points(points, n, path):
 
     figure, ax = plt.subplots(figsize=(8.5, 6.2), layout="constrained")
     colours = dict(zip(["femseal", *TOLERANCES], ("C0", "C1", "C3", "C4"), strict=True))
-    styles = {"deterministic": "o-", "elements": "D--", "two-scale": "s:", "pyamg": "^-", "PARDISO": "v--"}
+    styles = {"deterministic": "o-", "pyamg": "^-", "PARDISO": "v--"}
     for label in dict.fromkeys(p["label"] for p in points):
         who, how = label.split(", ")
         for pixels in [None] if who == "femseal" else sorted({p["pixels"] for p in of(points, label)}):
@@ -342,7 +341,7 @@ def draw_points(points, n, path):
                 mfc="none" if pixels == 2 * n else None,
                 label=label if pixels in (None, n) else None,
             )
-            if who == "femseal" and how != "elements":
+            if who == "femseal":
                 for p in line:
                     ax.annotate(
                         f"{p['pixels']}²",

@@ -57,7 +57,7 @@ def scene_of(n, pixels):
 
 def own_study(task, n, pixels):
     """A study by femseal, or its contact alone."""
-    from femseal import HalfSpace, Sampling, deterministic, stochastic, two_scale
+    from femseal import HalfSpace, Sampling, deterministic, stochastic
     from femseal.contact import PerfectlyPlastic, load_states
 
     scene, cells, size = scene_of(n, pixels), cells_of(n), n * PIXEL
@@ -79,8 +79,6 @@ def own_study(task, n, pixels):
 
     studies = {
         "deterministic": lambda: deterministic(scene).leakage,
-        "elements": lambda: two_scale(scene, cells).leakage,
-        "two-scale": lambda: two_scale(scene, cells).leakage,
         "stochastic": lambda: stochastic(scene, cells, sampling).quantile(0.5),
         "contact": contact,
     }
@@ -128,12 +126,8 @@ def plain_study(task, n, pixels):
     if task.get("windows"):
         start = clock()
         k1, k2 = plain_way.links_of_windows(gaps, cells)
-        windows = clock() - start
-        k["two-scale"] = [plain_way.network_permeability(*links) for links in zip(k1, k2, strict=True)]
-        seconds["two-scale"] = clock() - start
-        start = clock()
         k["stochastic"] = np.median(plain_way.drawn_seals(k1, k2, COLUMNS, REALISATIONS), axis=0).tolist()
-        seconds["stochastic"] = windows + clock() - start
+        seconds["stochastic"] = clock() - start
     return {"seconds": seconds, "k": k}
 
 

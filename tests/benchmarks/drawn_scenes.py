@@ -25,13 +25,15 @@ FINER = 4
 class Drawn:
     """A scene of a kind and a seed.
 
-    length : of the face along x2 in breadths. side : points along x1, a multiple of 16; drawn unless given.
+    length : of the face along x2 in sides. side : points of a side, a multiple of 16; drawn unless given.
+    breadth : of the face along x1 in sides, whose waves are those of one side.
     """
 
     kind: str
     seed: int
     length: int = 1
     side: int = 0
+    breadth: int = 1
 
     @cached_property
     def numbers(self) -> dict:
@@ -72,13 +74,13 @@ class Drawn:
     def points(self) -> tuple[int, int]:
         """Points of the face along x1 and x2."""
         n = self.numbers["points"]
-        return n, self.length * n
+        return self.breadth * n, self.length * n
 
     @property
     def cells(self) -> tuple[int, int]:
         """Windows along x1 and x2."""
         m = self.numbers["points"] // self.numbers["window"]
-        return m, self.length * m
+        return self.breadth * m, self.length * m
 
     @property
     def waves(self) -> float:
@@ -101,7 +103,7 @@ class Drawn:
         n = self.numbers
         (n1, n2), rng = self.points, np.random.default_rng(n["face"])
         shape, size = (finer * n1, finer * n2), (n1 * PIXEL, n2 * PIXEL)
-        breadth, pixel = size[0], PIXEL / finer
+        breadth, pixel = n["points"] * PIXEL, PIXEL / finer
         # a breadth of a long face, from which seals are drawn, holds several of its longest waves
         longest = 0.4 if self.length > 1 else 1.0
         rough = {
@@ -130,7 +132,7 @@ class Drawn:
         elif self.kind == "milling arcs":
             x1, x2 = ((np.arange(count) + 0.5) * pixel for count in shape)
             marks = max(5, n["marks"] - 2) / breadth
-            along = x2 + np.sqrt((1.5 * breadth) ** 2 - x1[:, None] ** 2)
+            along = x2 + np.sqrt((1.5 * size[0]) ** 2 - x1[:, None] ** 2)
             arcs = Topography(np.cos(2 * np.pi * marks * along), (pixel, pixel), (False, True))
             fine = self_affine(shape, size, rms_height=2 * n["fine"], **rough)
             face = Topography(arcs.heights + fine.heights, (pixel, pixel), (False, True))
@@ -141,7 +143,8 @@ class Drawn:
             face = self_affine(shape, squeezed, rms_slope=1.0, **rough)
             face = Topography(face.heights, (pixel, pixel))
         else:
-            face = _bumps(shape, size, round(n["count"] * self.length / longest), 0.12 * longest**0.5, rng)
+            count = round(n["count"] * self.length * self.breadth / longest)
+            face = _bumps(shape, size, count, 0.12 * longest**0.5, rng, breadth)
         return _scaled(face, n["slope"])
 
     def scene(self, times: int = 1, *, filtered: bool = True, **changes):
@@ -166,8 +169,8 @@ class Drawn:
         )
 
 
-def _bumps(shape, size, count, widest, rng):
-    """Gaussian bumps up to a width in breadths, periodic, without waves shorter than 8 pixels."""
+def _bumps(shape, size, count, widest, rng, side):
+    """Gaussian bumps up to a width in sides [m], periodic, without waves shorter than 8 pixels."""
     from scipy import fft
 
     from femseal import Topography
@@ -176,7 +179,7 @@ def _bumps(shape, size, count, widest, rng):
     q2 = 2 * np.pi * fft.rfftfreq(shape[1], size[1] / shape[1])[None, :]
     total = 0.0
     for _ in range(count):
-        width = size[0] * np.exp(rng.uniform(np.log(0.03), np.log(widest)))
+        width = side * np.exp(rng.uniform(np.log(0.03), np.log(widest)))
         place = rng.uniform(0, 1, 2) * size
         total = total + width**3 * rng.uniform(0.5, 1) * np.exp(
             -((q1**2 + q2**2) * width**2) / 2 - 1j * (q1 * place[0] + q2 * place[1])

@@ -24,14 +24,7 @@ from common import kept, machine, rows, save_report
 
 from femseal.preparation.preparation import prepare
 
-#: Method, flow of two scales.
-ROUTES = (
-    ("deterministic", None),
-    ("two-scale", "links"),
-    ("two-scale", "elements"),
-    ("two-scale", "resolved"),
-    ("stochastic", None),
-)
+METHODS = ("deterministic", "two-scale", "stochastic")
 LOADS = {
     "loading": ["5 MPa", "10 MPa", "20 MPa", "40 MPa", "80 MPa"],
     "unload_from": ["80 MPa"],
@@ -57,7 +50,7 @@ def case_of(task):
         shape = prepare(parse_case({**data, "method": "deterministic"})).scene.surface.shape
         data["surface"] = {"points": [max(64, round(n * task["scale"])) for n in shape]}
     if task["method"] != "deterministic":
-        data["cells"] = {"count": task["cells"]} | ({"flow": task["flow"]} if task["flow"] else {})
+        data["cells"] = {"count": task["cells"]}
     if task["method"] == "stochastic":
         data["stochastic"] = {"length": "20 mm", "realisations": 20, "library_cells": 64}
     return parse_case(data)
@@ -102,12 +95,11 @@ def run(task):
 def tasks(files, scales):
     for file in files:
         for scale in scales:
-            for method, flow in ROUTES:
+            for method in METHODS:
                 yield {
                     "file": str(Path(file).resolve()),
                     "scale": scale,
                     "method": method,
-                    "flow": flow,
                     "cells": [6, 8],
                 }
 
@@ -137,9 +129,8 @@ def main():
         for name, (said, true) in zip(ratios, pairs, strict=True):
             ratios[name].append(said / true)
         points = " × ".join(map(str, found["points"]))
-        route = " ".join(filter(None, (task["method"], task["flow"])))
         cells.append(
-            [Path(task["file"]).name, points, route]
+            [Path(task["file"]).name, points, task["method"]]
             + [
                 f"{scale * x:.{digits}f}"
                 for pair, scale, digits in zip(pairs, (1, 1e-9), (0, 2), strict=True)

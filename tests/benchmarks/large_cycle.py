@@ -1,9 +1,9 @@
-"""A cycle of twelve states on a large face: killed once and resumed, then with contact in windows in place of the whole face.
+"""A cycle of twelve states on a large face, killed once and resumed.
 
     python tests/benchmarks/large_cycle.py --points 1024 --folder DIR
     python tests/benchmarks/large_cycle.py --folder DIR --kill-after 900 --write
 
-The face is self-affine with 8 pixels for the shortest wave; windows have 128 pixels a side. `femseal run` is ended by SIGKILL
+The face is self-affine with 8 pixels for the shortest wave; pieces have 128 pixels a side. `femseal run` is ended by SIGKILL
 after `--kill-after` seconds and run again with `--resume`, until it ends by itself. A folder with runs is gone on with.
 """
 
@@ -50,8 +50,7 @@ viscosity = "1 mPa*s"
 inlet_pressure = "1 MPa"
 
 [cells]
-count = [{windows}, {windows}]
-contact = "{contact}"
+count = [{pieces}, {pieces}]
 
 [output]
 budget = false
@@ -95,16 +94,14 @@ def leakages(output: Path) -> dict[str, list[float]]:
     }
 
 
-def report(points: int, records: list[dict[str, Any]], found: dict[str, dict[str, list[float]]]) -> str:
+def report(points: int, records: list[dict[str, Any]], found: dict[str, list[float]]) -> str:
     """Tables of the runs and of the leakage of all states."""
-    head = ["contact", "run", "processor time [min]", "elapsed [min]", "peak memory [GB]", "disk [GB]"]
-    cells = [[r["contact"], f"{r['run']}{', killed' if r['status'] else ''}", f"{r['processor'] / 60:.1f}",
+    head = ["run", "processor time [min]", "elapsed [min]", "peak memory [GB]", "disk [GB]"]
+    cells = [[f"{r['run']}{', killed' if r['status'] else ''}", f"{r['processor'] / 60:.1f}",
               f"{r['elapsed'] / 60:.1f}", f"{r['memory'] / 1e9:.1f}", f"{r['disk'] / 1e9:.1f}"] for r in records]  # fmt: skip
-    whole, windows = found["whole"], found["windows"]
-    columns = ["state", "load [MPa]", "leakage, whole [m²/s]", "in windows [m²/s]", "windows over whole"]
-    values = zip(whole["pressure"], whole["leakage"], windows["leakage"], strict=True)
-    lines = [[str(step), f"{load / 1e6:.0f}", f"{a:.4g}", f"{b:.4g}", f"{b / a:.3f}" if a else ""]
-             for step, (load, a, b) in enumerate(values)]  # fmt: skip
+    columns = ["state", "load [MPa]", "leakage [m²/s]"]
+    values = zip(found["pressure"], found["leakage"], strict=True)
+    lines = [[str(step), f"{load / 1e6:.0f}", f"{q:.4g}"] for step, (load, q) in enumerate(values)]
     return f"{machine({})}; {points}² points.\n\n{rows(head, cells)}\n\n{rows(columns, lines)}"
 
 
@@ -116,19 +113,17 @@ def main() -> None:
     parser.add_argument("--write", action="store_true", help="write the report beside the script")
     given = parser.parse_args()
     given.folder.mkdir(parents=True, exist_ok=True)
-    path, records, found = given.folder / "records.jsonl", [], {}
-    for contact in ("whole", "windows"):
-        case = given.folder / f"{contact}.toml"
-        values = {"roll_off": given.points / 8, "windows": given.points // 128, "contact": contact}
-        case.write_text(CASE.format(points=given.points, **values), encoding="utf-8")
-        status, number = -1, 0
-        while status:
-            number += 1
-            task = {"contact": contact, "run": number, "points": given.points}
-            kill_after = given.kill_after if contact == "whole" and number == 1 else None
-            records.append(kept(task, task, path, lambda c=case, k=kill_after, t=task: t | run(c, k)))
-            status = records[-1]["status"]
-        found[contact] = leakages(case.with_suffix(""))
+    path, records, status, number = given.folder / "records.jsonl", [], -1, 0
+    case = given.folder / "cycle.toml"
+    values = {"roll_off": given.points / 8, "pieces": given.points // 128}
+    case.write_text(CASE.format(points=given.points, **values), encoding="utf-8")
+    while status:
+        number += 1
+        task = {"run": number, "points": given.points}
+        kill_after = given.kill_after if number == 1 else None
+        records.append(kept(task, task, path, lambda k=kill_after, t=task: t | run(case, k)))
+        status = records[-1]["status"]
+    found = leakages(case.with_suffix(""))
     text = report(given.points, records, found)
     print(text)
     if given.write:

@@ -224,11 +224,11 @@ RULES = {
         CYCLE | {"n": 512, "strength": ""},
         "none: the bits are the same",
     ),
-    "equal load states once, two scales by windows": (
+    "equal load states once, two scales": (
         "two-scale",
         {"stops": ["300.0000001 MPa", "150.0000001 MPa", "50.0000001 MPa"]},
         {},
-        CYCLE | {"strength": "", "cells": 'contact = "windows"\nflow = "links"'},
+        CYCLE | {"strength": ""},
         "none: the bits are the same",
     ),
     "elastic libraries are not unloaded": (
@@ -325,37 +325,6 @@ def resampled_of(task):
     return {"without": without, "with": with_it, "error": worst, "solved": [2, 2]}
 
 
-def coarse_windows(task):
-    """Windows that matter little at half the points a side are left there: their share, the gain, and the error."""
-    from femseal import Liquid, Scene, two_scale
-    from femseal.studies.face_contact import solve_windows
-    from femseal.studies.face_flow import resolved_flow
-
-    face, hardness = surface_of("self-affine, 0.14", 256)
-    loads = tuple(share * hardness for share in task["loads"])
-    scene = Scene(face, MODULUS, hardness, Liquid(1e-3), 1e6, 0.0, loading=loads)
-    half = replace(scene, surface=face.resample((128, 128)))
-    for one in (scene, half):
-        solve_windows(one, (8, 8), "windows")
-    start = time.process_time()
-    fine = solve_windows(scene, (8, 8), "windows").fields
-    middle = time.process_time()
-    coarse = two_scale(half, (8, 8), contact="windows")
-    seconds = middle - start, time.process_time() - middle
-    share = coarse.drop_fraction.max(axis=0)
-    order = np.sort(share.ravel())
-    little = share <= order[max(np.searchsorted(np.cumsum(order), task["left out"]) - 1, 0)]
-    worst = 0.0
-    for s in range(len(loads)):
-        gap = fine.gap[s].copy()
-        left = np.repeat(np.repeat(coarse.fields.gap[s], 2, axis=0), 2, axis=1)
-        for place in np.argwhere(little):
-            fine.partition.cell(gap, *place)[:] = fine.partition.cell(left, *place)
-        values = (resolved_flow(g, face.spacing).permeability for g in (gap, fine.gap[s]))
-        worst = max(worst, error(*values))
-    return {"share": float(little.mean()), "fine": seconds[0], "coarse": seconds[1], "error": worst}
-
-
 def interpolated_of(task):
     """Share of 38 loads that are solved, and the largest error at the others, by the tolerance, on one face."""
     from femseal import Liquid, Scene, deterministic
@@ -429,33 +398,6 @@ def rules_table(records):
     return rows(head, cells)
 
 
-def coarse_table(records):
-    cells = []
-    for record in records:
-        found = record["found"]
-        after = found["fine"] * (1 - found["share"]) + found["coarse"]
-        loads = ", ".join(f"{share:g}" for share in record["loads"])
-        cells.append(
-            [
-                loads,
-                f"{record['left out']:g}",
-                f"{found['share']:.0%}",
-                f"{found['fine']:.2f} s",
-                f"{after:.2f} s",
-                f"{found['error']:.1e}",
-            ]
-        )
-    head = [
-        "loads in shares of the hardness",
-        "share of the drop in the windows left coarse",
-        "windows left coarse",
-        "contact of all windows",
-        "with coarse ones, at best",
-        "error of ln(leakage)",
-    ]
-    return rows(head, cells)
-
-
 def main():
     parser = argparse.ArgumentParser()
     parser.add_argument("--records", type=Path)
@@ -467,11 +409,6 @@ def main():
 
     rules = [found({"rule": rule}, rule_of) for rule in RULES]
     rules += [found({"rule": rule}, resampled_of) for rule in RESAMPLED]
-    coarse = [
-        found({"rule": "coarse windows", "loads": list(loads), "left out": left}, coarse_windows)
-        for loads in ((0.02, 0.07), (0.16, 0.2))
-        for left in (0.01, 0.05)
-    ]
     measured = [
         found({"rule": "tolerances", "scene": scene, "points": points}, tolerances_of)
         for points, scene in product(POINTS, SCENES)
@@ -490,8 +427,6 @@ def main():
         *tolerance_tables(measured),
         "## Loads interpolated, 24 on loading and 14 on unloading",
         interpolated_table(chosen),
-        "## Coarse windows: tried and not kept",
-        coarse_table(coarse),
     ]
     text = "\n\n".join(parts)
     print(text)

@@ -88,7 +88,7 @@ def seats():
 
 
 def chain():
-    """Ratios of leakage to the deterministic one with everything on: elements, links, runs, by kind of face."""
+    """Ratios of leakage to the deterministic one with everything on: runs, by kind of face."""
     lines = []
     for kind in ("self-affine", "turned"):
         ratios, effect = [], []
@@ -104,14 +104,12 @@ def chain():
             plain = fs.deterministic(replace(scene, surface=rough, hardness=hardness, fluid_pressure="ignored"))
             sampling = fs.Sampling(length=2 * N * D, realisations=2, library_cells=8, seed=1)
             found = [
-                fs.two_scale(scene, (4, 8)).leakage,
-                fs.two_scale(scene, (4, 8)).leakage,
                 fs.stochastic(scene, (4, 8), sampling).quantile(0.5),
             ]
             open_ = truth > 1e-3 * truth[0]
             ratios.append([one[open_] / truth[open_] for one in found])
             effect.append(truth[open_] / plain.leakage[open_])
-        for n, name in enumerate(("elements", "links", "runs")):
+        for n, name in enumerate(("runs",)):
             all_ = np.concatenate([r[n] for r in ratios])
             lines.append([kind, name, f"{np.median(all_):.3f}", f"{all_.min():.3f}–{all_.max():.3f}"])
         all_ = np.concatenate(effect)

@@ -21,14 +21,12 @@ import numpy as np
 from common import call, forget_peak, kept, machine, resident, rows, save_report
 
 #: Points a side, and those up to which programs go that do not go to all.
-POINTS, OTHERS = (512, 1024, 2048, 4096, 8192, 16384), {"elements": 4096, "reynoldsflow": 1024}
+POINTS, OTHERS = (512, 1024, 2048, 4096, 8192, 16384), {"reynoldsflow": 1024}
 PIXEL, CONTACT = 1e-6, 0.2
 #: Points a side of contacts and flows on one and two threads, and how often.
 THREADED, REPEATS = (2048, 4096), 5
 #: Contact modulus and hardness [Pa].
 MODULUS, HARDNESS = 115e9, 2.3e9
-#: Pixels of a side of a window that is an element.
-WINDOW = 128
 
 
 def face_heights(n):
@@ -75,16 +73,6 @@ def resolved(gap):
     return flow.value, flow.iterations, flow.residual
 
 
-def elements(gap):
-    """Permeability [m³] by elements, and its estimated error."""
-    from femseal.elements import element_flow
-    from femseal.windows import Partition
-
-    cells = tuple(max(2, n // WINDOW) for n in gap.shape)
-    flow = element_flow(gap, Partition(gap.shape, (PIXEL, PIXEL), cells))
-    return flow.permeability, 0, flow.error
-
-
 def reynoldsflow(gap):
     """Permeability [m³] by reynoldsflow."""
     from reynoldsflow.transport import compute_total_flux, solve_fluid_problem
@@ -126,7 +114,7 @@ SHARED = {
 
 #: Points a side from which a program has its loops of large faces; forced, or of 2^20 points.
 WARM = {"contact": 1024, "resolved": 768}
-PROGRAMS = {"contact": contact, "resolved": resolved, "elements": elements, "reynoldsflow": reynoldsflow}
+PROGRAMS = {"contact": contact, "resolved": resolved, "reynoldsflow": reynoldsflow}
 
 
 def measure(program, n, shared=""):
