@@ -35,7 +35,10 @@ def pieces_figure(results: RunData) -> Figure:
     sheet = Sheet([4.2], columns=2)
     margins = replace(LINES, left=0.95)
     for column, (x, label) in enumerate(
-        ((pieces.mean_gap * 1e6, "mean gap of the piece [µm]"), (pieces.pressure / 1e6, "contact pressure of the piece [MPa]"))
+        (
+            (pieces.mean_gap * 1e6, "mean gap of the piece [µm]"),
+            (pieces.pressure / 1e6, "contact pressure of the piece [MPa]"),
+        )
     ):
         axes = sheet.panel(0, column, margins)
         axes.set(xlabel=label, ylabel="permeability along x1 [m³]")
@@ -68,17 +71,17 @@ def pieces_of(results: RunData) -> Pieces:
     if kind is None:
         raise InputError("pieces figure", "results without pieces", "those of a two-scale or a stochastic study")
     k, gap, pressure = (data[f"{kind}_{name}"].values for name in ("k1", "mean_gap", "pressure"))
-    flat = [values.reshape(len(values), -1) for values in (k, gap, pressure)]
+    k, gap, pressure = (values.reshape(len(values), -1) for values in (k, gap, pressure))
     prefix = "state_" if kind == "state" else ""
     loading = np.isnan(data[f"{prefix}unloaded_from"].values)
-    return Pieces(*flat, loading, data[f"{prefix}nominal_pressure"].values)
+    return Pieces(k, gap, pressure, loading, data[f"{prefix}nominal_pressure"].values)
 
 
 def _clouds(axes: Axes, pieces: Pieces, x: Array, *, plates: bool) -> None:
     """A point for each open piece in each state, in two colours, and the line of parallel plates over a gap [µm]."""
     k = pieces.k
     with np.errstate(invalid="ignore"):
-        shown = (k > np.nanmax(k, initial=0.0) * 10.0**-_DECADES) & (x > 0)
+        shown = (k > np.nanmax(k, initial=0.0) * 10.0**-_DECADES) & ((x > 0) | (not plates))
     if not shown.any():
         axes.annotate("every piece is closed", (0.5, 0.5), xycoords="axes fraction", ha="center", color=GREY)
         return

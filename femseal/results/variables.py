@@ -28,7 +28,7 @@ from ..base.fields import (
 )
 from ..base.leak_rates import LEAK_UNITS, LeakBasis
 from ..base.shared_array import one_at_a_time
-from ..budget import MODEL_PARTS, ErrorBudget, ErrorPart, contact_fraction_of
+from ..budget import ErrorBudget, ErrorPart, contact_fraction_of
 from ..loads import LoadProgramme, LoadStep
 from ..studies import DeterministicResult, Scene, StochasticResult, TwoScaleResult
 from ..studies.face_leakage import PlaceLeakage
@@ -90,7 +90,7 @@ def add_pieces(data: xarray.Dataset, result: TwoScaleResult) -> None:
     add_declared(data, result)
 
 
-def add_piece_centres(data: xarray.Dataset, prefix: str, x1: Array, x2: Array) -> None:
+def add_piece_centres(data: xarray.Dataset, prefix: str, x1: NDArray[Any], x2: NDArray[Any]) -> None:
     """Add the coordinates of pieces, of two scales or with a prefix of states."""
     add_coordinate(data, f"{prefix}piece1", "m", "x1 of the centres of pieces, from the inlet", x1)
     add_coordinate(data, f"{prefix}piece2", "m", "x2 of the centres of pieces, along the seal", x2)
