@@ -19,9 +19,9 @@ from ..results.run_data import RunData
 from ..results.selections import branches, load_names, pressures_and_peaks, solved_steps
 from ..seal import Leakage
 from .drawing import CLOSED, LINES, MAP, POCKET, STYLES, Sheet, branch_styles, new_figure, one_panel, shows
-from .map_panels import lying, map_height, map_panel, map_row, on_decades, with_closed
 from .drawn_panels import drawn_figure
 from .heights import height_panel
+from .map_panels import lying, map_height, map_panel, map_row, on_decades, with_closed
 
 if TYPE_CHECKING:
     import xarray

@@ -12,9 +12,9 @@ import numpy as np
 from ..base import counted, to_text
 from ..plots import heights_figure, leakage_figure, pieces_figure, seal_figure
 from ..plots.drawing import HEIGHTS, LINES, Drawn, Sheet, drawn
-from ..plots.map_panels import lying, map_row
 from ..plots.drawn_panels import DrawnSeal, drawn_figure, part_text
 from ..plots.heights import height_panel
+from ..plots.map_panels import lying, map_row
 from ..plots.maps import (
     default_step,
     drop_panel,
