@@ -57,18 +57,18 @@ class FacePieces:
     steps: LoadProgramme
     cut: Cut
     k: Array
+    rows: Array
+    places: Array | None
+    counts: SolveCounts
     pressure: Array = declared("state_pressure", "Pa", "contact pressure of pieces, by state", PIECE_STATE)
     mean_gap: Array = declared("state_mean_gap", "m", "mean gap of pieces, by state", PIECE_STATE)
     contact_fraction: Array = declared(
         "state_contact_fraction", "1", "fraction of pieces in contact, by state", PIECE_STATE
     )
-    rows: Array
     face: Array = declared("state_leakage", "m^2/s", "leakage of the face per unit length, by state", STATE)
     own: Array = declared(
         "state_pieces_leakage", "m^2/s", "leakage of the pieces in their own order per unit length, by state", STATE
     )
-    places: Array | None
-    counts: SolveCounts
     failures: tuple[str, ...] = ()
     unsolved: tuple[tuple[int, str], ...] = ()
 
