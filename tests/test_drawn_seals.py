@@ -6,6 +6,9 @@ import meshio
 import numpy as np
 import pytest
 import pyvista
+from femseal.library import ColumnRuns, LinkTable, draw_links, draw_pressures
+from femseal.seal.element_windows import ElementSeal, ElementWindows
+from femseal.seal.laid_windows import LinkWindows
 from numpy.testing import assert_allclose, assert_array_equal
 from skfem import MeshQuad, MeshTri
 from small_cases import STRIP
@@ -13,12 +16,9 @@ from vtkmodules.vtkIOHDF import vtkHDFReader
 
 import femseal as fs
 from femseal.case.case import parse_case
-from femseal.library import ColumnRuns, LinkTable, draw_links, draw_pressures
 from femseal.loads import LoadProgramme
 from femseal.plots import seal_figure
 from femseal.results import assemble, open_results, write_vtk
-from femseal.seal.element_windows import ElementSeal, ElementWindows
-from femseal.seal.laid_windows import LinkWindows
 from femseal.seal.pressure_map import Profile
 
 FLUID = fs.Liquid(1e-3)

@@ -26,7 +26,7 @@ class Place:
 STEP = Place("load steps", ("step",))
 PIECE = Place("pieces of the face", ("step", "piece1", "piece2"))
 STATE = Place("states of the face", ("state",))
-PIECE_STATE = Place("pieces of the face in its states", ("state", "piece1", "piece2"))
+PIECE_STATE = Place("pieces of the face in its states", ("state", "state_piece1", "state_piece2"))
 ROW = Place("rows of pixels of the face", ("step", "row"))
 PIXEL = Place("pixels of the face", ("step", "x1", "x2"))
 BLOCK = Place("blocks of pixels", ("step", "block1", "block2"))

@@ -84,7 +84,8 @@ def decades(axis: Axis) -> None:
 
     low, high = axis.get_view_interval()
     axis.set_major_formatter(FuncFormatter(lambda value, _: power_text(value)))
-    if high / low < 30:
+    powers = np.floor(np.log10(high)) - np.ceil(np.log10(low)) + 1
+    if high / low < 30 or powers < 2:
         axis.set_minor_locator(LogLocator(subs=(2, 5)))
         axis.set_minor_formatter(FuncFormatter(lambda value, _: _number_text(value)))
     else:
@@ -247,12 +248,6 @@ class Sheet:
         return self.figure.add_axes([float(side / all_) for side, all_ in zip(box, whole, strict=True)])  # type: ignore[call-overload]
 
 
-def map_row(size: tuple[float, float], margins: Margins = MAP) -> float:
-    """Height [inch] of a row of panels with a map of the given sides."""
-    width = PANEL - margins.left - margins.right
-    return map_height(size, width) + margins.bottom + margins.top
-
-
 #: Height of a line of a legend below the panels [inch].
 LEGEND_LINE = 0.19
 
@@ -278,78 +273,9 @@ def branch_styles(count: int) -> list[tuple[str, Any, str]]:
     return [STYLES[n] if n == 0 else STYLES[1 + (n - 1) % (len(STYLES) - 1)] for n in range(count)]
 
 
-def map_panel(
-    axes: Axes, values: Array, size: tuple[float, float], colours: Any, title: str, unit: str = "mm", **scale: Any
-) -> Any:
-    """Map of values (n1, n2) over a face of the given size [`unit`], x1 to the right; returns its colour bar."""
-    image = axes.imshow(
-        values.T, origin="lower", extent=(0.0, size[0], 0.0, size[1]), cmap=colours, interpolation="nearest", **scale
-    )
-    map_axes(axes, size, unit)
-    panel_title(axes, title)
-    return colour_bar(axes, image)
-
-
-def map_axes(axes: Axes, size: tuple[float, float], unit: str = "mm") -> None:
-    """Axes of a map of sides (x1, x2) [`unit`]: x1 to the right, as in all files of a run, x2 upwards."""
-    axes.set(xlabel=f"x1, inlet at 0 [{unit}]", ylabel=f"x2 along the seal [{unit}]", aspect="equal")
-    axes.set(xlim=(0.0, size[0]), ylim=(0.0, size[1]))
-
-
 def panel_title(axes: Axes, title: str) -> None:
     """A title at a place of its own: one that is looked for costs a second layout."""
     axes.set_title(title, fontsize=9.5, y=1.0, pad=6)
-
-
-def colour_bar(axes: Axes, image: Any, **options: Any) -> Any:
-    """A bar as high as the map, and as broad for narrow maps as for others."""
-    figure = axes.get_figure(root=True)
-    box, (low, high) = axes.get_position(), (axes.get_xlim(), axes.get_ylim())
-    width, height = (float(side) for side in figure.get_size_inches())  # type: ignore[union-attr]
-    across, upwards = box.width * width, box.height * height
-    shown = across
-    if axes.get_aspect() != "auto":
-        shown = min(across, upwards * abs((low[1] - low[0]) / (high[1] - high[0])))
-    place = (1 + 0.08 / shown, 0, 0.12 / shown, 1)
-    bar = figure.colorbar(image, cax=axes.inset_axes(place), **options)  # type: ignore[union-attr]
-    if bar.ax.get_yscale() == "log":
-        decades(bar.ax.yaxis)
-    bar.ax.tick_params(which="both", labelsize=8)
-    axes.tick_params(labelsize=8)
-    return bar
-
-
-def flow_arrows(axes: Axes, *vectors: Any, **options: Any) -> None:
-    """Arrows of a flow: places along x and y, and vectors in the units of the axes."""
-    arrows = axes.quiver(
-        *vectors, pivot="mid", angles="xy", scale_units="xy", scale=1.0, units="inches", headwidth=4, headlength=4,
-        headaxislength=3.6, color="#D7191C", edgecolor="white", linewidth=0.5, **options,
-    )  # fmt: skip
-    arrows.set_in_layout(False)
-
-
-def on_decades(values: Array, decades: int) -> tuple[Array, Any]:
-    """Values >= 0 and their scale of so many decades at most; 0 lies below it, NaN stays."""
-    from matplotlib.colors import LogNorm
-
-    positive = values[np.isfinite(values) & (values > 0)]
-    top = float(positive.max()) if positive.size else 1.0
-    low = max(float(positive.min()), top * 10.0**-decades) if positive.size else 0.1
-    low = low if low < top else low / 10
-    shown = np.where(values > 0, np.maximum(values, low), np.where(values == 0, low / 10, np.nan))
-    return shown, LogNorm(low, top)
-
-
-def with_closed(name: str, colour: str = CLOSED) -> Any:
-    """A colour map that shows undefined points and those below its range in one colour, grey unless given."""
-    from matplotlib import colormaps
-
-    return colormaps[name].with_extremes(bad=colour, under=colour)
-
-
-def map_height(size: tuple[float, float], width: float) -> float:
-    """Height [inch] of a map of sides (x1, x2) in a panel of a width, within what can be read."""
-    return float(np.clip(width * size[1] / size[0], 0.4, width))
 
 
 #: Figures that the notebook shows at the end of the cell unless it has shown them.

@@ -11,7 +11,8 @@ from numpy.typing import NDArray
 
 from ..base import Array, to_text
 from ..base.leak_rates import leakage_unit
-from .drawing import CLOSED, MAP, POCKET, Sheet, colour_bar, flow_arrows, map_row, on_decades, panel_title
+from .drawing import CLOSED, MAP, POCKET, Sheet, panel_title
+from .map_panels import colour_bar, flow_arrows, lying, map_row, on_decades
 
 if TYPE_CHECKING:
     import xarray
@@ -22,7 +23,7 @@ if TYPE_CHECKING:
 _DECADES, _FLUX_DECADES = 10, 4
 #: Sides of the detail across and along a strip, or of a square of another seal, and largest ratio of the sides of a
 #: seal that is shown as a whole, in breadths of the seal.
-_STRIP, _DETAIL, _LONGEST = (1.0, 2.5), 1.5, 8.0
+_STRIP, _DETAIL, _LONGEST = (1.0, 2.5), 1.2, 8.0
 #: Most parts that are shown as a whole, and most arrows along the longer side of a map.
 _MOST, _ARROWS = 200_000, 20
 
@@ -52,8 +53,8 @@ class _View:
 class DrawnSeal:
     """Corners (parts, corners, 2) of the parts of a drawn seal, and the ends of each (parts, 2) [mm].
 
-    strip : whether it is a rectangle, its first side the breadth. detail : around the largest flux at a step.
-    whole : the whole seal, if it is more, and neither long nor fine.
+    strip : whether it is a rectangle, its first side the breadth; lies : a long one, with x2 to the right. detail :
+    around the largest flux at a step. whole : the whole seal, if it is more, and neither long nor fine.
     """
 
     def __init__(self, data: xarray.Dataset, s: int) -> None:
@@ -62,6 +63,10 @@ class DrawnSeal:
         self.low, self.high = (ends.reduce(list(self.corners.swapaxes(0, 1))) for ends in (np.minimum, np.maximum))
         self.all = _View(self.low.min(axis=0), self.high.max(axis=0))
         self.strip = self._is_strip()
+        self.lies = self.strip and lying(self.all.size) != self.all.size
+        if self.lies:
+            self.corners, self.low, self.high = (values[..., ::-1] for values in (self.corners, self.low, self.high))
+            self.all = _View(self.all.low[::-1], self.all.high[::-1])
         self.detail = self._detail(data["drawn_flux"].values[s], float(data.attrs["seal_size_m"][0]) * 1e3)
         fits = max(self.all.size) <= _LONGEST * min(self.all.size) and len(self.corners) <= _MOST
         self.whole = [self.all] if fits and not self.detail.spans(self) else []
@@ -77,8 +82,12 @@ class DrawnSeal:
     def _detail(self, flux: Array, breadth: float) -> _View:
         """The surroundings of the largest flux."""
         low, high = self.all.low, self.all.high
-        sides = breadth * np.array(_STRIP if self.strip else (_DETAIL, _DETAIL))
-        place = self.corners[np.argmax(np.nan_to_num(np.hypot(*flux.T)))].mean(axis=0)
+        along_strip = _STRIP[::-1] if self.lies else _STRIP
+        sides = breadth * np.array(along_strip if self.strip else (_DETAIL, _DETAIL))
+        middles = self.corners.mean(axis=1)
+        place = middles[np.argmax(np.nan_to_num(np.hypot(*flux.T)))]
+        if not self.strip:  # in the middle of the seal rather than at its edge, where half of a map would be empty
+            place = middles[np.hypot(*(middles - place).T) <= breadth].mean(axis=0)
         start = np.maximum(low, np.minimum(place - sides / 2, high - sides))
         return _View(start, np.minimum(start + sides, high))
 
@@ -108,6 +117,7 @@ def drawn_figure(data: xarray.Dataset, s: int) -> Figure:
         rows.append([(detail, k)])
     sheet = Sheet([map_row(row[-1][0].size) for row in rows], columns=2, head=0.5)
     labels = ("x1, inlet at 0 [mm]", "x2 along the seal [mm]") if seal.strip else ("x1 [mm]", "x2 [mm]")
+    labels, flux = (labels[::-1], flux[:, ::-1]) if seal.lies else (labels, flux)
     for n, row in enumerate(rows):
         for column, (view, panel) in enumerate(row):
             axes = sheet.panel(n, column, MAP)
@@ -129,12 +139,12 @@ def part_text(seal: DrawnSeal) -> str:
     detail = seal.detail
     if detail.spans(seal):
         return "the whole seal"
-    ends = [(float(detail.low[n]) / 1e3, float(detail.high[n]) / 1e3) for n in (0, 1)]
+    ends = [(float(detail.low[n]) / 1e3, float(detail.high[n]) / 1e3) for n in ((1, 0) if seal.lies else (0, 1))]
     x1, x2 = (f"{to_text(low, 'm', 3)} to {to_text(high, 'm', 3)}" for low, high in ends)
-    part = f"x1 = {x1}, x2 = {x2}"
+    part = f", x1 = {x1}, x2 = {x2}"
     if seal.strip:
-        part = f"x2 = {x2} of {to_text(float(seal.all.high[1]) / 1e3, 'm', 4)}"
-    return f"{'the whole seal, and around its largest flux' if seal.whole else 'shown around the largest flux:'} {part}"
+        part = f", x2 = {x2} of {to_text(float(seal.all.high.max()) / 1e3, 'm', 4)}"
+    return f"{'the whole seal, and around its largest flux' if seal.whole else 'shown around the largest flux'}{part}"
 
 
 def _has_map(data: xarray.Dataset) -> bool:

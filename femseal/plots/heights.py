@@ -15,7 +15,8 @@ from numpy.typing import NDArray
 from ..base import Array, counted, to_text
 from ..results.variables import block_means
 from ..topography import SPIKES, Conditioning, SurfaceReport, Topography
-from .drawing import GREY, HEIGHTS, LINES, STYLES, Sheet, decades, map_panel, map_row, new_figure, panel_title, shows
+from .drawing import GREY, HEIGHTS, LINES, STYLES, Sheet, decades, new_figure, panel_title, shows
+from .map_panels import lying, map_panel, map_row
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -64,10 +65,12 @@ def height_range(heights: NDArray) -> HeightRange:
     return HeightRange(low, high, float(np.mean(z < low)), float(np.mean(z > high)))
 
 
-def height_panel(axes: Axes, heights: NDArray, size: tuple[float, float], title: str = "height [µm]") -> None:
+def height_panel(
+    axes: Axes, heights: NDArray, size: tuple[float, float], title: str = "height [µm]", *, upright: bool = False
+) -> None:
     """Map of heights (n1, n2) [µm] over a face of a size [mm]; the colour bar says what is out of its range.
 
-    Undefined points are white.
+    Undefined points are white. upright : see `map_panel`.
     """
     from matplotlib import colormaps
 
@@ -75,7 +78,7 @@ def height_panel(axes: Axes, heights: NDArray, size: tuple[float, float], title:
     colours = colormaps["viridis"].with_extremes(over=ABOVE[0], under=BELOW[0], bad="white")
     beyond = {(True, True): "both", (True, False): "min", (False, True): "max", (False, False): "neither"}
     colours.colorbar_extend = beyond[shown.below > 0, shown.above > 0]  # type: ignore[assignment]
-    bar = map_panel(axes, heights, size, colours, title, vmin=shown.low, vmax=shown.high)
+    bar = map_panel(axes, heights, size, colours, title, upright=upright, vmin=shown.low, vmax=shown.high)
     if shown.text:
         bar.set_label(shown.text, fontsize=8)
 
@@ -87,7 +90,7 @@ def heights_figure(topography: Topography) -> Figure:
     topography : heights; where points are undefined the spectral densities are left out.
     """
     l1, l2 = topography.size
-    row = max(map_row((l1, l2), HEIGHTS), 2 * _PROFILE)
+    row = max(map_row(lying((l1, l2)), HEIGHTS), 2 * _PROFILE)
     sheet = Sheet([row], columns=2)
     heights = topography.heights
     seen = heights if max(heights.shape) <= _SEEN else block_means(heights, _SEEN).astype(float)
@@ -190,7 +193,7 @@ def _map_panel(
     if part is not None:
         notes.append("frame: largest part with few of them")
     l1, l2 = (length * 1e3 for length in measured.size)
-    height_panel(axes, measured.heights * 1e6, (l1, l2), "; ".join(["levelled height [µm]", *notes]))
+    height_panel(axes, measured.heights * 1e6, (l1, l2), "; ".join(["levelled height [µm]", *notes]), upright=True)
     if count:
         x1, x2 = ((k + 0.5) * d * 1e3 for k, d in zip(np.nonzero(spikes), measured.spacing, strict=True))
         if count <= _MOST_CIRCLES:

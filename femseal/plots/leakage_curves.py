@@ -151,7 +151,8 @@ def _branch(
     colour, line, marker = style
     x, y = curves.pressure[steps] / 1e6, np.abs(curves.leakage[steps]) / factor
     if curves.band is not None:
-        leakage_band(axes, x, *(end[steps] / factor for end in curves.band), floor, colour, 0.2)
+        low, high = (end[steps] / factor for end in curves.band)
+        leakage_band(axes, x, low, high, floor, colour, 0.2)
     if curves.mean is not None:
         mean = np.abs(curves.mean[steps]) / factor
         axes.plot(x, np.where(mean > 0, mean, np.nan), color=colour, ls=":", lw=1.1)
@@ -248,10 +249,13 @@ def _curves_figure(curves: LeakageCurves, ax: Axes | None, label: str | None) ->
     """The curves in a figure of their own, or together with those drawn into the same axes before."""
     curves = curves if label is None else replace(curves, title=label)
     if ax is None:
-        extra = sum(name in curves.others for name, *_ in _SINGLE) + 2 * (curves.band is not None)
-        entries = 3 + len(branches(curves.pressure, curves.peaks)) + extra + (curves.error is not None)
-        below = LEGEND_LINE * ceil(entries / 2)
-        sheet, right = Sheet([4.2 + below]), 1.1 if curves.limits else 0.65
+        further = (curves.band, curves.mean, curves.error)
+        entries = len(branches(curves.pressure, curves.peaks)) + len(curves.others)
+        entries += sum(one is not None for one in further)
+        below = LEGEND_LINE * (ceil(entries / 2) + 1)
+        low, high = leakage_range(curves, 1.0)
+        named = any(low / 2 < limit < 2 * high for limit in curves.limits.values())
+        sheet, right = Sheet([4.2 + below]), 1.1 if named else 0.65
         margins = replace(LINES, left=1.0, right=right, top=0.55 if curves.force else 0.15, bottom=0.7 + below)
         legend_below(sheet.figure, leakage_panel(sheet.panel(0, 0, margins), curves), title=curves.title)
         return sheet.figure

@@ -18,25 +18,10 @@ from ..flow import Permeability
 from ..results.run_data import RunData
 from ..results.selections import branches, load_names, pressures_and_peaks, solved_steps
 from ..seal import Leakage
-from .drawing import (
-    CLOSED,
-    LINES,
-    MAP,
-    POCKET,
-    STYLES,
-    Sheet,
-    branch_styles,
-    map_height,
-    map_panel,
-    map_row,
-    new_figure,
-    on_decades,
-    one_panel,
-    shows,
-    with_closed,
-)
+from .drawing import CLOSED, LINES, MAP, POCKET, STYLES, Sheet, branch_styles, new_figure, one_panel, shows
 from .drawn_panels import drawn_figure
 from .heights import height_panel
+from .map_panels import lying, map_height, map_panel, map_row, on_decades, with_closed
 
 if TYPE_CHECKING:
     import xarray
@@ -82,7 +67,7 @@ def seal_figure(results: RunData, step: int | None = None) -> Figure:
         raise InputError("step", f"{step}, which is interpolated", f"one of {', '.join(map(str, solved))}")
     if not has_maps(data):
         return drawn_figure(data, s)
-    row = map_row(face_size(data))
+    row = map_row(lying(face_size(data)))
     panels: list[Callable[..., None]] = [
         partial(_face_map, name=name) for name in ("fluid_pressure", "contact_pressure", "gap")
     ]
@@ -100,7 +85,7 @@ def place_figure(data: xarray.Dataset) -> Figure:
     """Heights of the measured place that leaks most, and its gap at the highest load that leaks where it is known."""
     size = _sides(data, "place1", "place2")
     gaps = "place_gap" in data
-    sheet = Sheet([map_row(size)], columns=2 if gaps else 1)
+    sheet = Sheet([map_row(lying(size))], columns=2 if gaps else 1)
     heights, s = data["place_height"], default_step(data)
     height_panel(sheet.panel(0, 0, MAP), heights.values * 1e6, size, f"place {heights.attrs['place']}: height [µm]")
     if gaps:
@@ -201,7 +186,7 @@ def permeability_panel(axes: Axes, data: xarray.Dataset, s: int) -> None:
 def contact_figure(contact: Contact) -> Figure:
     """Maps of contact pressure and gap; grey: no contact, contact."""
     l1, l2 = (n * d * 1e3 for n, d in zip(contact.gap.shape, contact.half_space.spacing, strict=True))
-    figure = new_figure(11.0, map_height((l1, l2), 4.4) + 0.9)
+    figure = new_figure(11.0, map_height(lying((l1, l2)), 4.4) + 0.9)
     left, right = figure.subplots(1, 2)
     pressure, gap = (np.where(a > 0, a, np.nan) for a in (contact.pressure / 1e6, contact.gap * 1e6))
     map_panel(left, pressure, (l1, l2), with_closed("viridis"), "contact pressure [MPa]; grey: no contact")
@@ -242,7 +227,7 @@ def _cycle_panel(axes: Axes, steps: Sequence[Any], values: NDArray[np.float64], 
 def permeability_figure(permeability: Permeability, ax: Axes | None = None) -> Figure:
     """Map of the fluid pressure in a cell for a unit drop."""
     n1, n2 = permeability.fluid_pressure.shape
-    figure, axes = one_panel(ax, 6.0, map_height((n1, n2), 4.6) + 0.9)
+    figure, axes = one_panel(ax, 6.0, map_height(lying((n1, n2)), 4.6) + 0.9)
     title = "fluid pressure for a unit drop; white: contact, pockets"
     map_panel(axes, permeability.fluid_pressure, (n1, n2), with_closed("cividis", POCKET), title, "pixels")
     return figure
@@ -258,7 +243,7 @@ def seal_leakage_figure(leakage: Leakage, ax: Axes | None = None) -> Figure:
         given = f"the leakage of a mesh, with {leakage.fluid_pressure.size} nodes"
         raise InputError("plot", given, "that of a seal with rows of nodes, rectangular or annular")
     n1, n2 = leakage.fluid_pressure.shape
-    figure, axes = one_panel(ax, 6.4, map_height((n1, n2), 4.8) + 0.9)
+    figure, axes = one_panel(ax, 6.4, map_height(lying((n1, n2)), 4.8) + 0.9)
     title = "fluid pressure [MPa]; white: pockets"
     map_panel(axes, leakage.fluid_pressure / 1e6, (n1, n2), with_closed("cividis", POCKET), title, "nodes")
     return figure

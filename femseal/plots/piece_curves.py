@@ -19,12 +19,13 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 #: Decades of permeability below the largest one that are shown, and factor of the scale beyond what is shown.
-_DECADES, _BEYOND = 12, 1.5
+_DECADES, _BEYOND = 6, 1.5
 
 
 def pieces_figure(results: RunData) -> Figure:
-    """Permeability of open pieces along x1 against their mean gap and their pressure, on loading and on unloading.
+    """Permeability of pieces along x1 against their mean gap and their pressure, on loading and on unloading.
 
+    Closed pieces, and those a million times less permeable than the most permeable one, are not drawn.
     The line in the first panel is h̄³/12, of parallel plates. Pieces are those that seals draw from, in every state of
     the face, or else those of two scales.
 
@@ -34,10 +35,13 @@ def pieces_figure(results: RunData) -> Figure:
     sheet = Sheet([4.2], columns=2)
     margins = replace(LINES, left=0.95)
     for column, (x, label) in enumerate(
-        ((pieces.mean_gap * 1e6, "mean gap [µm]"), (pieces.pressure / 1e6, "contact pressure [MPa]"))
+        (
+            (pieces.mean_gap * 1e6, "mean gap of the piece [µm]"),
+            (pieces.pressure / 1e6, "contact pressure of the piece [MPa]"),
+        )
     ):
         axes = sheet.panel(0, column, margins)
-        axes.set(xlabel=f"{label} of the piece", ylabel="permeability along x1 [m³]")
+        axes.set(xlabel=label, ylabel="permeability along x1 [m³]")
         axes.grid(alpha=0.25, lw=0.6)
         _clouds(axes, pieces, x, plates=column == 0)
     return sheet.figure
@@ -67,17 +71,17 @@ def pieces_of(results: RunData) -> Pieces:
     if kind is None:
         raise InputError("pieces figure", "results without pieces", "those of a two-scale or a stochastic study")
     k, gap, pressure = (data[f"{kind}_{name}"].values for name in ("k1", "mean_gap", "pressure"))
-    flat = [values.reshape(len(values), -1) for values in (k, gap, pressure)]
+    k, gap, pressure = (values.reshape(len(values), -1) for values in (k, gap, pressure))
     prefix = "state_" if kind == "state" else ""
     loading = np.isnan(data[f"{prefix}unloaded_from"].values)
-    return Pieces(*flat, loading, data[f"{prefix}nominal_pressure"].values)
+    return Pieces(k, gap, pressure, loading, data[f"{prefix}nominal_pressure"].values)
 
 
 def _clouds(axes: Axes, pieces: Pieces, x: Array, *, plates: bool) -> None:
     """A point for each open piece in each state, in two colours, and the line of parallel plates over a gap [µm]."""
     k = pieces.k
     with np.errstate(invalid="ignore"):
-        shown = (k > np.nanmax(k, initial=0.0) * 10.0**-_DECADES) & (x > 0)
+        shown = (k > np.nanmax(k, initial=0.0) * 10.0**-_DECADES) & ((x > 0) | (not plates))
     if not shown.any():
         axes.annotate("every piece is closed", (0.5, 0.5), xycoords="axes fraction", ha="center", color=GREY)
         return

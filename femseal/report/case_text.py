@@ -182,11 +182,12 @@ def _method_sentences(results: RunData) -> list[str]:
     sentences = []
     if "leakage_deterministic" in data:
         sentences.append("Deterministic: contact and flow of the whole face at full resolution.")
-    pieces = f"{data.sizes['piece1']} × {data.sizes['piece2']} pieces" if "piece1" in data.dims else ""
     if "piece_pressure" in data:
+        pieces = f"{data.sizes['piece1']} × {data.sizes['piece2']} pieces"
         sentences.append(f"Two scales: contact and flow of the whole face at full resolution, cut into {pieces}.")
     if "leakage_median" in data:
         where = "which stay in their rows" if data.attrs["tiles_in_place"] else "each at the pressure of its tile"
+        pieces = f"{data.sizes['state_piece1']} × {data.sizes['state_piece2']} pieces"
         seed = f", seed {data.attrs['seed']}" if "seed" in data.attrs else ""
         sentences.append(
             f"Stochastic: {counted(data.sizes['realisation'], 'seal')} of {data.attrs['tiles']}{seed}. Tiles draw from "

@@ -11,9 +11,10 @@ import numpy as np
 
 from ..base import counted, to_text
 from ..plots import heights_figure, leakage_figure, pieces_figure, seal_figure
-from ..plots.drawing import HEIGHTS, LINES, Drawn, Sheet, drawn, map_row
+from ..plots.drawing import HEIGHTS, LINES, Drawn, Sheet, drawn
 from ..plots.drawn_panels import DrawnSeal, drawn_figure, part_text
 from ..plots.heights import height_panel
+from ..plots.map_panels import lying, map_row
 from ..plots.maps import (
     default_step,
     drop_panel,
@@ -67,7 +68,7 @@ def _figures(results: Results, surface: Topography | None) -> dict[str, Callable
         "surface": (surface is not None, lambda: heights_figure(cast(Topography, surface))),
         "seal": (maps or drawn_seal, lambda: seal_figure(results)),
         "drawn": (maps and drawn_seal, lambda: drawn_figure(data, s)),
-        "pieces": ("piece1" in data.dims, lambda: pieces_figure(results)),
+        "pieces": ("piece_k1" in data or "state_k1" in data, lambda: pieces_figure(results)),
         "leakage": (True, lambda: leakage_figure(results)),
         "drop": (maps, lambda: _lines_figure(drop_panel, data)),
         "face": ("face_height" in data, lambda: _face_figure(data)),
@@ -84,7 +85,7 @@ def _lines_figure(panel: Callable[..., None], data: xarray.Dataset) -> Figure:
 
 
 def _face_figure(data: xarray.Dataset) -> Figure:
-    sheet = Sheet([map_row(face_size(data), HEIGHTS)])
+    sheet = Sheet([map_row(lying(face_size(data)), HEIGHTS)])
     height_panel(sheet.panel(0, 0, HEIGHTS), data["face_height"].values * 1e6, face_size(data))
     return sheet.figure
 
@@ -139,8 +140,8 @@ def piece_pictures(results: Results, drawings: Drawings) -> list[Picture]:
     texts = [
         (
             f"Permeability of {many} against their mean gap, on loading and unloading, and that of parallel plates.",
-            f"Permeability of {many} against mean gap: wide ones follow h̄³/12 of parallel plates, narrow ones fall "
-            f"below it and close. At {load} {shut:.0%} of them are closed.",
+            f"Permeability of {many} against mean gap: wide gaps follow h̄³/12 of parallel plates, single channels pass "
+            f"more, and narrow gaps close. At {load} {shut:.0%} of them are closed.",
         ),
         (
             f"Permeability of {many} against their contact pressure: loading in circles, unloading in squares.",

@@ -72,13 +72,12 @@ def assemble(
     throughput_temperature : at which pressure × volume of a gas is stated [K]; its own unless given.
 
     Returns Results; every variable has `units` and `long_name`. Dimensions: step; realisation; piece1, piece2, pieces
-    by their centres [m]; state, states of the face that seals are drawn from; place1, place2, blocks of the measured
-    place that leaks most; part, corner, plane, parts of the drawn seal nearest to the median; budget_part, sources of
-    error. Attributes hold the
-    case, the surface, versions, machine, wall times, peak memory of the main process, numbers of flows solved or
-    known without solving (`counts`), number of linear systems by solver with the worst imbalance of inlet and outlet
-    flow (`solvers`), number of steps that are earlier ones again (`equal_steps`), how the errors were estimated
-    (`error_budget`), warnings and failures.
+    by their centres [m]; state, state_piece1, state_piece2, states of the face, and the pieces that seals draw; place1,
+    place2, blocks of the measured place that leaks most; part, corner, plane, parts of the drawn seal nearest to the
+    median; budget_part, sources of error. Attributes hold the case, the surface, versions, machine, wall times, peak
+    memory of the main process, numbers of flows solved or known without solving (`counts`), number of linear systems by
+    solver with the worst imbalance of inlet and outlet flow (`solvers`), number of steps that are earlier ones again
+    (`equal_steps`), how the errors were estimated (`error_budget`), warnings and failures.
 
     Raises InputError: no study, a study of another load programme, quantiles not 0 <= lower < upper <= 1, a unit or a
     class that does not exist or is not for the fluid.

@@ -134,11 +134,11 @@ def contents(run: RunData) -> dict[str, str]:
         f"; {between} interpolated" if between else ""
     )
     if "piece1" in data.dims:
-        states = f" in {counted(data.sizes['state'], 'state')}" if "state" in data.dims else ""
-        found["pieces"] = f"{data.sizes['piece1']} × {data.sizes['piece2']} of the face{states}"
+        found["pieces"] = f"{data.sizes['piece1']} × {data.sizes['piece2']}"
     if "realisation" in data.dims:
         drawn = counted(data.sizes["realisation"], "realisation")
-        found["drawn"] = f"{drawn} of {data.attrs['tiles']}"
+        pieces = f"{data.sizes['state_piece1']} × {data.sizes['state_piece2']} pieces"
+        found["drawn"] = f"{drawn} of {data.attrs['tiles']}, from {pieces} in {counted(data.sizes['state'], 'state')}"
     if stored := stored_steps(run):
         found["fields"] = f"over all pixels at {len(stored)} of {counted(len(steps), 'step')}"
     for name, texts in (("warnings", run.warnings), ("failures", run.failures)):
@@ -222,13 +222,15 @@ class Results(RunData, Plotted):
         return self.dataset[names].isel(step=steps).swap_dims(step="nominal_pressure")
 
     def piece(self, i: int, j: int) -> xarray.Dataset:
-        """Curves of the piece (i, j), over the steps of a two-scale study, and over the states that seals draw from.
+        """Curves of the piece (i, j) over the steps of a two-scale study, else over the states that seals draw from.
 
         Raises InputError: no such piece, or results without pieces.
         """
-        data, (i, j) = self.dataset, piece(self.dataset, i, j)
-        names = [name for name, variable in data.data_vars.items() if "piece1" in variable.dims]
-        return data[names].isel(piece1=i, piece2=j)
+        data = self.dataset
+        prefix = "" if "piece1" in data.dims or "state" not in data.dims else "state_"
+        one, two = f"{prefix}piece1", f"{prefix}piece2"
+        at = dict(zip((one, two), piece(data, i, j, (one, two)), strict=True))
+        return data[[name for name, variable in data.data_vars.items() if one in variable.dims]].isel(at)
 
     def gap(self, step: int, piece: tuple[int, int] | None = None) -> xarray.DataArray:
         """Deformed gap (x1, x2) [m] at one step, see `pixels`."""

@@ -86,11 +86,11 @@ def solved_steps(data: xarray.Dataset) -> Steps:
     return np.flatnonzero(data[INTERPOLATED].values == 0) if INTERPOLATED in data else np.arange(data.sizes["step"])
 
 
-def piece(data: xarray.Dataset, i: int, j: int) -> tuple[int, int]:
-    """Index of a piece, checked."""
-    if "piece1" not in data.dims:
-        raise InputError("piece", (i, j), "none: the results have no pieces, which two scales and drawn seals have")
-    m1, m2 = data.sizes["piece1"], data.sizes["piece2"]
+def piece(data: xarray.Dataset, i: int, j: int, dims: tuple[str, str] = ("piece1", "piece2")) -> tuple[int, int]:
+    """Index of a piece along two dimensions, checked."""
+    if dims[0] not in data.dims:
+        raise InputError("piece", (i, j), "none: the results have no pieces of the kind that a two-scale study has")
+    m1, m2 = (data.sizes[dim] for dim in dims)
     if i not in range(m1) or j not in range(m2):
         raise InputError("piece", (i, j), f"0 to {m1 - 1} along x1 and 0 to {m2 - 1} along x2")
     return int(i), int(j)

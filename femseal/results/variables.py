@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..base import Array, InputError
+from ..base import Array
 from ..base.fields import (
     BLOCK,
     ERROR_SOURCE,
@@ -28,7 +28,7 @@ from ..base.fields import (
 )
 from ..base.leak_rates import LEAK_UNITS, LeakBasis
 from ..base.shared_array import one_at_a_time
-from ..budget import MODEL_PARTS, ErrorBudget, ErrorPart, contact_fraction_of
+from ..budget import ErrorBudget, ErrorPart, contact_fraction_of
 from ..loads import LoadProgramme, LoadStep
 from ..studies import DeterministicResult, Scene, StochasticResult, TwoScaleResult
 from ..studies.face_leakage import PlaceLeakage
@@ -86,22 +86,14 @@ def step_coordinates(dim: str, prefix: str, steps: Sequence[LoadStep]) -> dict[s
 def add_pieces(data: xarray.Dataset, result: TwoScaleResult) -> None:
     """Add fields of the whole face and of its pieces."""
     (m1, m2), (d1, d2) = result.partition.cells, result.partition.window_size
-    add_piece_centres(data, (np.arange(m1) + 0.5) * d1, (np.arange(m2) + 0.5) * d2)
+    add_piece_centres(data, "", (np.arange(m1) + 0.5) * d1, (np.arange(m2) + 0.5) * d2)
     add_declared(data, result)
 
 
-def add_piece_centres(data: xarray.Dataset, x1: Array, x2: Array) -> None:
-    """Add the coordinates of the pieces, once for all studies.
-
-    Raises InputError: another study has other pieces.
-    """
-    if "piece1" in data.coords:
-        known = data.sizes["piece1"], data.sizes["piece2"]
-        if known != (len(x1), len(x2)):
-            raise InputError("cells", f"{len(x1)} × {len(x2)} pieces", "{} × {}, as in the other study".format(*known))
-        return
-    add_coordinate(data, "piece1", "m", "x1 of the centres of pieces, from the inlet", x1)
-    add_coordinate(data, "piece2", "m", "x2 of the centres of pieces, along the seal", x2)
+def add_piece_centres(data: xarray.Dataset, prefix: str, x1: NDArray[Any], x2: NDArray[Any]) -> None:
+    """Add the coordinates of pieces, of two scales or with a prefix of states."""
+    add_coordinate(data, f"{prefix}piece1", "m", "x1 of the centres of pieces, from the inlet", x1)
+    add_coordinate(data, f"{prefix}piece2", "m", "x2 of the centres of pieces, along the seal", x2)
 
 
 def add_realisations(data: xarray.Dataset, result: StochasticResult, quantiles: tuple[float, float]) -> None:
@@ -123,7 +115,7 @@ def add_states(data: xarray.Dataset, pieces: FacePieces) -> None:
         data.coords[name] = entry
     (d1, d2), cut = pieces.cut.spacing, pieces.cut
     lines = (np.array(of) * d for of, d in ((cut.rows, d1), (cut.columns, d2)))
-    add_piece_centres(data, *((at[:-1] + at[1:]) / 2 for at in lines))
+    add_piece_centres(data, "state_", *((at[:-1] + at[1:]) / 2 for at in lines))
     add_declared(data, pieces)
 
 

@@ -33,6 +33,9 @@ from .two_scale import TwoScaleResult
 _RUNG = 1 / 16
 #: Stops on the way down in fractions of a peak; ratio of neighbouring peaks, and most of them.
 _STOPS, _PEAK_RATIO, _MOST_PEAKS = (0.8, 0.6, 0.4, 0.25, 0.12, 0.04, 0.0), 1.3, 4
+#: Relative distance to a peak, or to the lowest or highest pressure, within which there is no rung; and to a peak within
+#: which these need no state of their own: a slope between closer states is that of the errors of their solutions.
+_NEAR, _SAME = 0.02, 1e-3
 
 
 #: Results of a whole face at the loads of a scene.
@@ -54,18 +57,18 @@ class FacePieces:
     steps: LoadProgramme
     cut: Cut
     k: Array
+    rows: Array
+    places: Array | None
+    counts: SolveCounts
     pressure: Array = declared("state_pressure", "Pa", "contact pressure of pieces, by state", PIECE_STATE)
     mean_gap: Array = declared("state_mean_gap", "m", "mean gap of pieces, by state", PIECE_STATE)
     contact_fraction: Array = declared(
         "state_contact_fraction", "1", "fraction of pieces in contact, by state", PIECE_STATE
     )
-    rows: Array
     face: Array = declared("state_leakage", "m^2/s", "leakage of the face per unit length, by state", STATE)
     own: Array = declared(
         "state_pieces_leakage", "m^2/s", "leakage of the pieces in their own order per unit length, by state", STATE
     )
-    places: Array | None
-    counts: SolveCounts
     failures: tuple[str, ...] = ()
     unsolved: tuple[tuple[int, str], ...] = ()
 
@@ -208,13 +211,17 @@ def ladder_of(paths: Array, steps: LoadProgramme, elastic: bool) -> LoadProgramm
     its peaks are among those of the paths.
     """
     peak = local_peaks(paths, steps)
-    down = (paths > 0) & (paths < peak) & (not elastic)
-    highest, lowest = float(paths.max()), float(paths.min())
+    down = (paths < peak) & (not elastic)
+    highest, lowest = float(paths.max()), max(float(paths.min()), 0.0)
     peaks = _chosen_peaks(peak[down])
-    first = np.cbrt(max(lowest, 0.0) / highest) if highest > 0 else 0.0
+    first = np.cbrt(lowest / highest) if highest > 0 else 0.0
     count = int(np.ceil((1 - first) / _RUNG)) + 1
-    rungs = (highest * np.linspace(first, 1.0, count) ** 3).tolist() if highest > 0 else [0.0]
-    loading = sorted({*(p for p in rungs if all(abs(p / q - 1) > 0.02 for q in peaks)), *peaks, highest})
+    rungs = (highest * np.linspace(first, 1.0, count)[:-1] ** 3).tolist()
+    kept = [*peaks]
+    for end in (lowest, highest):
+        if all(abs(end - q) > _SAME * q for q in kept):
+            kept.append(end)
+    loading = sorted([*(p for p in rungs if all(abs(p - q) > _NEAR * q for q in kept)), *kept])
     deepest = float((paths[down] / peak[down]).min()) if down.any() else 1.0
     stops = [f for n, f in enumerate(_STOPS) if n == 0 or _STOPS[n - 1] > deepest]
     unloading = [LoadStep(f * p, p) for p in peaks for f in stops]
