@@ -72,7 +72,7 @@ def studies(scene):
     return {
         "deterministic": deterministic(scene),
         "two_scale": two_scale(scene, (3, 6)),
-        "stochastic": stochastic(scene, (3, 6), Sampling(240e-6, 6, 18, seed=7, sampler="block")),
+        "stochastic": stochastic(scene, (3, 6), Sampling(240e-6, 6, 18, seed=7)),
     }
 
 
