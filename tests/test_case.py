@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from each import each
+from femseal.seal.laid_windows import Windows
 from numpy.testing import assert_allclose
 from pydantic import TypeAdapter, ValidationError
 
@@ -21,7 +22,6 @@ from femseal.contact import PerfectlyPlastic
 from femseal.fluids import FLUIDS
 from femseal.preparation.preparation import prepare
 from femseal.runs.forecast import describe
-from femseal.seal.laid_windows import Windows
 from femseal.studies import Sampling
 from femseal.topography import repair
 

@@ -4,6 +4,8 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from femseal.library import ColumnRuns, RunFlows
+from femseal.studies.run_chains import StateRuns, chained_seals
 from networks import cell_links, solve_links
 from numpy.testing import assert_allclose, assert_array_equal
 
@@ -11,10 +13,8 @@ from femseal import Liquid, Sampling, Scene, self_affine, stochastic, two_scale
 from femseal.base.errors import InputError
 from femseal.case.case import parse_case
 from femseal.flow import cell_permeability
-from femseal.library import ColumnRuns, RunFlows
 from femseal.results.dataset import assemble
 from femseal.studies import chosen_sampler, window_supply
-from femseal.studies.run_chains import StateRuns, chained_seals
 from femseal.windows import Partition, SolverCounts
 
 PIXEL = (1e-6, 1e-6)

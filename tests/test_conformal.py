@@ -4,6 +4,14 @@ import csv
 
 import numpy as np
 import pytest
+from femseal.budget.conformal import (
+    CALIBRATION,
+    DIFFICULTIES,
+    Scores,
+    calibration,
+    decades,
+    model_error,
+)
 from numpy.testing import assert_allclose, assert_array_equal
 
 from femseal import (
@@ -16,14 +24,6 @@ from femseal import (
 )
 from femseal.base.errors import InputError
 from femseal.budget.changes import sealed_upper
-from femseal.budget.conformal import (
-    CALIBRATION,
-    DIFFICULTIES,
-    Scores,
-    calibration,
-    decades,
-    model_error,
-)
 from femseal.loads import LoadProgramme
 
 

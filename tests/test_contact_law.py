@@ -5,6 +5,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 import pytest
+from femseal.library import Ladder, WindowSource
 from numpy.testing import assert_allclose, assert_array_equal
 
 import femseal as fs
@@ -12,7 +13,6 @@ from femseal.case.case import parse_case
 from femseal.contact import ContactLaw, HalfSpace, LinearHardening, PerfectlyPlastic, load_cycle, solve_contact
 from femseal.contact.descent import Descent
 from femseal.contact.workspace import nested_grids
-from femseal.library import Ladder, WindowSource
 from femseal.topography import self_affine
 
 E, H, D = 115e9, 4e9, 1e-6

@@ -5,10 +5,10 @@ from fractions import Fraction
 import numpy as np
 import pytest
 from each import each
+from femseal.elements.superelement import WindowElement, WindowLinks, side_nodes, window_links
 from numpy.testing import assert_allclose, assert_array_equal
 
 from femseal import self_affine
-from femseal.elements.superelement import WindowElement, WindowLinks, side_nodes, window_links
 from femseal.flow.solvers.link_network import condense
 from femseal.windows import Partition
 

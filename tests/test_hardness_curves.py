@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 from each import each
+from femseal.library import Ladder, WindowSource
 from numpy.testing import assert_allclose, assert_array_equal
 from scipy.optimize import brentq, minimize, root
 from test_contact_law import RTOL, STIFF, D, E, H, rough, solved
@@ -10,7 +11,6 @@ from test_contact_law import RTOL, STIFF, D, E, H, rough, solved
 import femseal as fs
 from femseal.contact import HardnessTable, LinearHardening, NixGao, PerfectlyPlastic, load_cycle, softer_of
 from femseal.contact.hardness_curves import SofterOf
-from femseal.library import Ladder, WindowSource
 from femseal.topography import self_affine
 
 RISING = HardnessTable([0.0, 0.02 * D, 0.1 * D, 0.3 * D], [0.25 * H, 0.33 * H, 0.5 * H, 0.6 * H])

@@ -5,6 +5,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from femseal.seal.element_windows import ElementSeal, ElementWindows
 from numpy.testing import assert_allclose
 from skfem import MeshQuad
 
@@ -14,7 +15,6 @@ from femseal.case.case import parse_case
 from femseal.flow.permeability_table import PermeabilityTable
 from femseal.preparation.preparation import prepare
 from femseal.refinement.accuracy_plan import make_plan
-from femseal.seal.element_windows import ElementSeal, ElementWindows
 from femseal.seal.mesh_seal import PressureBoundaries
 from femseal.studies.stochastic_result import _rate_of_power
 

@@ -3,17 +3,9 @@
 import os
 from dataclasses import replace
 
+import femseal.library.library
 import numpy as np
 import pytest
-from numpy.testing import assert_allclose, assert_array_equal
-from scipy.interpolate import PchipInterpolator
-
-import femseal.library.library
-from femseal.base.errors import FemsealError, InputError, NotConverged
-from femseal.contact import HalfSpace, PerfectlyPlastic, load_cycle
-from femseal.execution.plain_data import packed, unpacked
-from femseal.execution.store import read_shard, write_shard
-from femseal.flow import cell_permeability
 from femseal.library import (
     Ladder,
     WindowCurves,
@@ -24,6 +16,14 @@ from femseal.library import (
     solve_ladder,
 )
 from femseal.library.curves import monotone
+from numpy.testing import assert_allclose, assert_array_equal
+from scipy.interpolate import PchipInterpolator
+
+from femseal.base.errors import FemsealError, InputError, NotConverged
+from femseal.contact import HalfSpace, PerfectlyPlastic, load_cycle
+from femseal.execution.plain_data import packed, unpacked
+from femseal.execution.store import read_shard, write_shard
+from femseal.flow import cell_permeability
 from femseal.loads import LoadProgramme
 from femseal.topography import self_affine
 from femseal.windows import SolveCounts

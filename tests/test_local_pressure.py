@@ -4,11 +4,11 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from femseal.library import Ladder, on_ladder
+from femseal.library.library import local_peaks
 from numpy.testing import assert_allclose, assert_array_equal
 
 from femseal import InputError, Liquid, Topography, self_affine
-from femseal.library import Ladder, on_ladder
-from femseal.library.library import local_peaks
 from femseal.loads import LoadProgramme
 from femseal.seal.layouts import AnnularLayout
 from femseal.seal.pressure_map import AngleTable, MapsAtLoads, PressureField, Profile, Uniform

@@ -14,6 +14,7 @@ from operator import itemgetter
 
 import numpy as np
 import pytest
+from femseal.library import WindowSource, WindowStates, library
 from test_calibration import CASE as CALIBRATED
 from test_calibration import HEAD, ROWS
 from test_checkpoint import CASE, SIZES, Crash, assert_complete, assert_same, study
@@ -29,7 +30,6 @@ from femseal.execution.checkpoint import Checkpoint
 from femseal.execution.lock import alone_in
 from femseal.execution.mappers import ordered_map
 from femseal.execution.parts import parsed_part
-from femseal.library import WindowSource, WindowStates, library
 from femseal.sweeps.scenes import Scenes
 
 QUICK = CASE.split("[stochastic]")[0].replace('"stochastic"\ncompare = ["deterministic", "two-scale"]', '"two-scale"')

@@ -4,13 +4,13 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from femseal.library.sampling import drawn_elsewhere
 from numpy.testing import assert_allclose
 from small_cases import STRIP
 
 import femseal as fs
 from femseal.budget.estimates import library_part, places_part, places_to_halve
 from femseal.case.case import parse_case
-from femseal.library.sampling import drawn_elsewhere
 from femseal.preparation.preparation import prepare
 from femseal.report.error_tables import most_leaking_place
 from femseal.runs.forecast import describe

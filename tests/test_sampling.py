@@ -3,11 +3,11 @@
 import numpy as np
 import pytest
 from each import each
+from femseal.library import SAMPLERS, LinkTable, correlation_length, draw_links
 from numpy.testing import assert_allclose, assert_array_equal
 from scipy.stats import spearmanr
 
 from femseal.base.errors import InputError
-from femseal.library import SAMPLERS, LinkTable, correlation_length, draw_links
 from femseal.loads import LoadProgramme
 
 STEPS = LoadProgramme.of((1e8, 2e8, 3e8), (3e8,), (2e8, 1e8))

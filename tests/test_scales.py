@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 from each import each
+from femseal.windows.global_contact import Refinement
 from numpy.testing import assert_allclose, assert_array_equal
 from scipy.ndimage import zoom
 
@@ -12,7 +13,6 @@ from femseal.flow import cell_permeability
 from femseal.loads import LoadProgramme
 from femseal.topography import Topography, self_affine
 from femseal.windows import Partition, global_states
-from femseal.windows.global_contact import Refinement
 from femseal.windows.window_flow import flow_history
 
 E, H = 115e9, 3e9

@@ -6,14 +6,14 @@ from pathlib import Path
 import meshio
 import numpy as np
 import pytest
+from femseal.seal.element_windows import ElementSeal, ElementWindows, combined, straightened
+from femseal.seal.laid_windows import LinkWindows, Windows
 from numpy.testing import assert_allclose, assert_array_equal
 from skfem import MeshQuad, MeshTri
 
 from femseal.analytic import annulus_rate, eccentric_annulus_rate, elliptic_annulus_rate, spiral_annulus_rate
 from femseal.base.errors import InputError
 from femseal.seal import AnnularSeal, MeshSeal, RectangularSeal
-from femseal.seal.element_windows import ElementSeal, ElementWindows, combined, straightened
-from femseal.seal.laid_windows import LinkWindows, Windows
 from femseal.seal.lay import Lay
 from femseal.seal.layouts import AnnularLayout, MeshLayout, RectangularLayout
 from femseal.seal.mesh_seal import parts_without_flow

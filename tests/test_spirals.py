@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from femseal.seal.laid_windows import SpiralWindows
 from numpy.testing import assert_allclose
 from scipy.integrate import quad
 
@@ -13,7 +14,6 @@ from femseal.flow.edge_flow import cell_stencil
 from femseal.flow.grid import Grid
 from femseal.flow.law import cubic_law
 from femseal.flow.spiral import spiral_flow
-from femseal.seal.laid_windows import SpiralWindows
 from femseal.seal.lay import Lay
 from femseal.seal.layouts import AnnularLayout, MeshLayout, RectangularLayout
 from femseal.studies import Sampling, stochastic

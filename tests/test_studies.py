@@ -5,31 +5,31 @@ from importlib import import_module
 from pathlib import Path
 from types import SimpleNamespace
 
+import femseal.library.ladder
+import femseal.studies.window_supply
 import numpy as np
 import pytest
+from femseal.library import LinkTable, draw_links
+from femseal.seal.laid_windows import LinkWindows
+from femseal.studies.ladder_windows import LOADING_FRACTIONS
+from femseal.studies.window_supply import TablePressures
 from numpy.testing import assert_allclose, assert_array_equal
 
-import femseal.library.ladder
 import femseal.studies.face_flow
 import femseal.studies.scene
-import femseal.studies.window_supply
 import femseal.windows.window_flow
 from femseal import analytic
 from femseal.base.errors import FemsealError, InputError, NotConverged
 from femseal.contact import HalfSpace, load_states
 from femseal.flow import cell_permeability
 from femseal.fluids import IdealGas, Liquid
-from femseal.library import LinkTable, draw_links
 from femseal.loads import LoadProgramme
 from femseal.report import write_folder
 from femseal.results import assemble, open_results
 from femseal.seal import RectangularSeal
-from femseal.seal.laid_windows import LinkWindows
 from femseal.seal.pressure_map import AngleTable, Profile
 from femseal.studies import Sampling, Scene, StochasticResult, deterministic, stochastic, two_scale
-from femseal.studies.ladder_windows import LOADING_FRACTIONS
 from femseal.studies.two_scale import solve_links
-from femseal.studies.window_supply import TablePressures
 from femseal.topography import Topography, self_affine, turned
 
 # the package has a function of this name

@@ -14,10 +14,20 @@ from ..case.case import Case, load_case
 from ..case.load import Amount
 from ..fluids import leak_basis
 from ..results import Results, open_results
+from ..results.selections import loads_as_given
 from ..runs import job
 from .data_sheet import Design
-from .requirements import Requirement, Seals, requirement, sealing_load
-from .sensitivities import Solver, TurnedFace, Variants, inlet_slope, ratio_of, sensitivities, state_of_classes
+from .requirements import LoadText, Requirement, Seals, requirement, sealing_load
+from .sensitivities import (
+    Solver,
+    TurnedFace,
+    TurnedSeals,
+    Variants,
+    inlet_slope,
+    ratio_of,
+    sensitivities,
+    state_of_classes,
+)
 
 
 def design(
@@ -36,7 +46,8 @@ def design(
 
     Qmin(L) is the nominal pressure in assembly from which on a fraction of the seals leaks no more than a class L
     allows, QSmin(L; Q_A) that to which it may fall after an assembly at Q_A, as EN 13555 and EN 1591-1 use them:
-    along the loading, and along the unloading from Q_A. Where loads relax (`relaxation` of the case), also the pressure
+    along the loading, and along the unloading from Q_A; by the upper end of the whole band of error of the run, with
+    what the leakage as computed needs beside. Where loads relax (`relaxation` of the case), also the pressure
     in assembly from which on the class is kept with what relaxation leaves. Between load steps ln(leakage) is straight
     in ln(pressure); nothing is extrapolated.
 
@@ -93,6 +104,7 @@ def design(
     relaxation = float(results.case.get("load", {}).get("relaxation", 0.0))
     needs = tuple(requirement(seals, name, limit, probability, relaxation) for name, limit in limits)
     place = _place(needs, seals, probability)
+    shown_as = loads_as_given(data, 3)
     yields = bool(np.isfinite(float(data.attrs["hardness_Pa"])))
     variants, turned, notes = Variants(hardness_counts=yields), None, _notes(seals, probability, results)
     if case is None and solve:
@@ -104,7 +116,7 @@ def design(
         variants = solver.variants()
         try:
             other = solver.turned()
-            turned = _turned(seals, other.seals, other.factor, needs, place, probability, other.how)
+            turned = _turned(seals, other, needs, place, probability, shown_as)
         except InputError as error:  # a face and a shape of seal that go together only one way round
             notes.append(f"the face was not turned by 90°: {error}")
     if (state := state_of_classes(results)) is not None:
@@ -155,8 +167,8 @@ def _assembled(case: Case, extra: list[float]) -> Case:
 def _place(needs: tuple[Requirement, ...], seals: Seals, fraction: float) -> tuple[str, float]:
     """Class and load of the sensitivities: Qmin of the first class that has one, else half way over the open loads."""
     for need in needs:
-        if need.assembly.known:
-            return need.name, need.assembly.value
+        if np.isfinite(need.assembly.at):
+            return need.name, need.assembly.at
     steps = seals.loading()
     pressure, leak = seals.steps.pressures[steps], seals.curve_of(fraction)[steps]
     open_ = pressure[(pressure > 0) & (leak > 0) & np.isfinite(leak)]
@@ -165,20 +177,19 @@ def _place(needs: tuple[Requirement, ...], seals: Seals, fraction: float) -> tup
 
 def _turned(
     seals: Seals,
-    other: Seals,
-    factor: float,
+    other: TurnedSeals,
     needs: tuple[Requirement, ...],
     place: tuple[str, float],
     fraction: float,
-    how: str,
+    shown: LoadText,
 ) -> TurnedFace:
-    """Factor of the leakage, and what the class takes, with the face turned by 90°."""
-    ratio = ratio_of(seals, other, factor, place[1], fraction)
+    """Factor of the leakage, and what the class takes as computed, with the face turned by 90°."""
+    ratio = ratio_of(seals, other.seals, other.factor, place[1], fraction)
     limit = next((need.limit for need in needs if need.name == place[0]), None)
     if limit is None:
-        return TurnedFace(ratio, "", how)
-    scaled = replace(other, leakage=other.leakage * factor)
-    return TurnedFace(ratio, requirement(scaled, place[0], limit, fraction).assembly.text(), how)
+        return TurnedFace(ratio, "", other.how)
+    need = requirement(other.seals.times(other.factor), place[0], limit, fraction)
+    return TurnedFace(ratio, need.assembly.text(shown), other.how)
 
 
 def _notes(seals: Seals, fraction: float, results: Results) -> list[str]:
@@ -186,9 +197,11 @@ def _notes(seals: Seals, fraction: float, results: Results) -> list[str]:
     notes = []
     tail = min(fraction, 1 - fraction)
     if seals.count == 1:
-        notes.append("one seal: its figures have no probability and no uncertainty; a stochastic run draws many")
+        notes.append("one seal: its figures have no probability; a stochastic run draws many")
     elif seals.count * tail < 1 - 1e-9:
         notes.append(f"{seals.count} seals are few for the fraction {fraction:g}: it takes at least {round(1 / tail)}")
+    if results.budget is None:
+        notes.append("without an error budget the pressures are those of the leakage as computed: output.budget = true")
     if not seals.steps.unload_from:
         notes.append("the case is not unloaded: QSmin takes `unload_from`, or --assembly with a case")
     if doubts := len(results.warnings):

@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import os
 from dataclasses import dataclass, replace
-from math import ceil, isfinite
+from math import ceil, isfinite, isinf
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -32,9 +32,9 @@ from ..report.case_text import fluid_text
 from ..report.leakage_tables import DESIGN_FILE, DESIGN_PICTURE
 from ..results.dataset import FILE_NAME
 from ..results.results import Results
-from ..results.selections import pressures_and_peaks
+from ..results.selections import loads_as_given, pressures_and_peaks
 from ..results.tables import format_leakage
-from .requirements import ENDS, NeededPressure, Requirement, Seals
+from .requirements import ENDS, LoadText, NeededPressure, Requirement, Seals
 from .sensitivities import Sensitivity, Slope, TurnedFace
 
 if TYPE_CHECKING:
@@ -104,18 +104,18 @@ def _marks(axes: Axes, answer: Design, scale: float) -> list[Any]:
         marks = [(need.assembly, STYLES[0][0], "v")]
         marks += [(needed, colours[peak], "^") for peak, needed in need.service.items()]
         for needed, colour, marker in marks:
-            if not needed.known or not need.limit > 0:
+            if not np.isfinite(needed.at) or not need.limit > 0:
                 continue
             drawn = True
-            x, y = needed.value / 1e6, need.limit / scale
-            if np.isfinite(needed.low):
-                ends = [needed.bound(end) / 1e6 for end in (needed.low, needed.high)]
+            x, y = needed.at / 1e6, need.limit / scale
+            if needed.low != needed.value:
+                ends = [needed.bound(end) / 1e6 for end in (needed.low, needed.value)]
                 axes.plot(ends, [y, y], color=colour, lw=3.5, alpha=0.45, solid_capstyle="butt", zorder=4)
             axes.plot([x], [y], color=colour, marker=marker, ms=9, mec="black", mew=0.9, ls="", zorder=5)
             # names at the right end of the axis stand to the left of their mark
             right = axes.transLimits.transform(axes.transScale.transform((x, y)))[0] > _RIGHT
             axes.annotate(
-                to_text(needed.value, "Pa", 3),
+                answer.load_text(needed.at),
                 (x, y),
                 xytext=(-4 if right else 4, 7 if marker == "v" else -15),
                 textcoords="offset points",
@@ -126,11 +126,11 @@ def _marks(axes: Axes, answer: Design, scale: float) -> list[Any]:
             )
     if not drawn:
         return []
-    names = [("v", "Qmin, pressure in assembly")]
-    names += [("^", "QSmin, pressure in service")] if answer.seals.steps.unload_from else []
+    names = [("v", "Qmin as computed")]
+    names += [("^", "QSmin as computed")] if answer.seals.steps.unload_from else []
     handles = [Line2D([], [], color="white", marker=m, ms=8, mec="black", ls="", label=text) for m, text in names]
-    if answer.seals.count > 1:
-        handles.append(Line2D([], [], color=GREY, lw=3.5, alpha=0.45, label="their uncertainty, 90 %"))
+    if answer.results.budget is not None:
+        handles.append(Line2D([], [], color=GREY, lw=3.5, alpha=0.45, label="with the whole band of error"))
     return handles
 
 
@@ -167,6 +167,11 @@ class Design:
             unit = LEAK_UNITS[leak_classes([self.requirements[0].name])[0].unit]
         return unit, self.results.class_basis.factor(unit)
 
+    @property
+    def load_text(self) -> LoadText:
+        """A pressure as text, with the force that makes it where the loads of the case are forces."""
+        return loads_as_given(self.results.dataset, 3)
+
     def table(self) -> Any:
         """The data sheet for a terminal, to be given to `rich.print`."""
         from rich.console import Group
@@ -183,7 +188,7 @@ class Design:
         return write_sheet(self, folder)
 
     def __repr__(self) -> str:
-        needs = "; ".join(f"{need.name}: Qmin {need.assembly.text()}" for need in self.requirements)
+        needs = "; ".join(f"{need.name}: Qmin {need.assembly.text(self.load_text)}" for need in self.requirements)
         return f"<femseal.Design of {counted(self.seals.count, 'seal')}, probability {self.probability:g}: {needs}>"
 
     def _repr_html_(self) -> str:
@@ -196,29 +201,27 @@ TABLE_FILE = "design.csv"
 def sheet_tables(answer: Design) -> list[TextTable]:
     """A line for each class, with Qmin and with QSmin by the pressure in assembly; and what changes them most."""
     unit, scale = answer.leak_scale
-    needs, peaks = answer.requirements, answer.seals.steps.unload_from
+    needs, peaks, shown = answer.requirements, answer.seals.steps.unload_from, answer.load_text
     columns = [
         ("class L", [need.name for need in needs]),
         (f"limit [{unit.name}]", [format_leakage(need.limit, scale) for need in needs]),
-        ("Qmin(L)", [need.assembly.text() for need in needs]),
+        ("Qmin(L)", [need.assembly.text(shown) for need in needs]),
     ]
     lost = answer.relaxation
     if lost:
-        texts = [need.relaxed.text() if need.relaxed else "" for need in needs]
+        texts = [need.relaxed.text(shown) if need.relaxed else "" for need in needs]
         columns.append((f"Qmin(L), {100 * lost:.3g} % relaxation", texts))
     for q in peaks:
         left = relaxed(q, lost) if lost else None
-        head = f"QSmin(L), Q_A = {to_text(q, 'Pa')}"
-        columns.append((head, [_service_text(need.service[q], left) for need in needs]))
+        head = f"QSmin(L), Q_A = {shown(q)}"
+        columns.append((head, [_service_text(need.service[q], left, shown) for need in needs]))
     tables = [TextTable.of_columns("Pressure in assembly and in service", columns, names=len(columns))]
     if answer.sensitivities:
         values = [one.leakage.value for one in answer.sensitivities]
         # the largest change of the leakage first, unknown ones last
         order = sorted(range(len(values)), key=lambda n: -abs(values[n]) if isfinite(values[n]) else 1.0)
         found = [answer.sensitivities[n] for n in order]
-        place = f"at {to_text(answer.at[1], 'Pa', 3)} on loading" + (
-            f", Qmin of {answer.at[0]}" if answer.at[0] else ""
-        )
+        place = f"at {shown(answer.at[1])} on loading" + (f", Qmin of {answer.at[0]}" if answer.at[0] else "")
         columns = [
             ("quantity x", [one.quantity for one in found]),
             ("d ln L / d ln x", [one.leakage.text() for one in found]),
@@ -230,12 +233,14 @@ def sheet_tables(answer: Design) -> list[TextTable]:
     return tables
 
 
-def _service_text(needed: NeededPressure, left: float | None) -> str:
+def _service_text(needed: NeededPressure, left: float | None, shown: LoadText) -> str:
     """QSmin, and whether the pressure that relaxation leaves [Pa] is enough."""
-    if needed.relation == ">":
-        return "not met at Q_A"
-    enough = "" if left is None else f"; {to_text(left, 'Pa')} is {'enough' if needed.value <= left else 'too low'}"
-    return needed.text() + enough
+    text = needed.text(shown)
+    if isinf(needed.value):
+        of_computed = "not met at Q_A" if isinf(needed.computed) else f"not met at Q_A (as{text.partition('(as')[2]}"
+        return of_computed
+    enough = "" if left is None else f"; {shown(left)} is {'enough' if needed.value <= left else 'too low'}"
+    return text + enough
 
 
 def sheet_sentences(answer: Design) -> list[str]:
@@ -250,24 +255,30 @@ def sheet_sentences(answer: Design) -> list[str]:
     found = [f"A seal {width} wide and {length} long; {fluid}."]
     if count > 1:
         found.append(
-            f"Qmin and QSmin are nominal pressures that keep {answer.probability:.4g} of {count} seals in the class; "
-            "in brackets the interval in which they lie with 90 %, by seals drawn again and the error of the library."
+            f"Qmin and QSmin are nominal pressures that keep {answer.probability:.4g} of {count} seals in the class."
         )
-    found.append("The load that seals without leakage: " + answer.sealing.text() + _band(answer.sealing, count) + ".")
+    if answer.results.budget is not None:
+        found.append(
+            "They are those of the upper end of the whole band of error, which holds the leakage with 95 %; in "
+            "brackets what the leakage as computed needs."
+        )
+    shown = answer.load_text
+    sealing = answer.sealing.text(shown) + _band(answer.sealing, count, shown)
+    found.append(f"The load that seals without leakage: {sealing}.")
     if answer.turned is not None:
         low, high = answer.turned.leakage.low, answer.turned.leakage.high
         band = f" ({low:.3g} to {high:.3g})" if isfinite(low) else ""
         text = f"With the face turned by 90° it leaks {answer.turned.leakage.value:.3g}{band} times as much"
-        text += f" at {to_text(answer.at[1], 'Pa', 3)}"
+        text += f" at {shown(answer.at[1])}"
         if answer.turned.need:
             text += f", and {answer.at[0]} takes {answer.turned.need}"
         found.append(f"{text} ({answer.turned.how}).")
     return found + [f"{note[0].upper()}{note[1:]}." for note in answer.notes]
 
 
-def _band(needed: NeededPressure, count: int) -> str:
-    band = needed.band_text()
-    return f"; 5 and 95 % of the seals need {band}" if count > 1 and band != needed.text() else ""
+def _band(needed: NeededPressure, count: int, shown: LoadText) -> str:
+    band = needed.band_text(shown)
+    return f"; 5 and 95 % of the seals need {band} as computed" if count > 1 and band != needed.text(shown) else ""
 
 
 def rows(answer: Design) -> list[dict[str, Any]]:
@@ -275,21 +286,24 @@ def rows(answer: Design) -> list[dict[str, Any]]:
     found: list[dict[str, Any]] = []
 
     def add_row(
-        figure: str, name: str, assembly: float | None, relation: str, *numbers: float | None, how: str
+        figure: str, name: str, assembly: float | None, relation: str, value: float | None, **more: Any
     ) -> None:
-        head = {"figure": figure, "class": name, "assembly_pressure_Pa": assembly, "relation": relation}
-        found.append(head | dict(zip(("value", "low", "high", "seals_low", "seals_high"), numbers, strict=True)))
-        found[-1]["how"] = how
+        head = {"figure": figure, "class": name, "assembly_pressure_Pa": assembly, "relation": relation, "value": value}
+        others = dict.fromkeys(("load", "computed", "low", "high", "seals_low", "seals_high", "how"))
+        found.append(head | others | more)
 
     def add(figure: str, name: str, assembly: float | None, needed: NeededPressure) -> None:
-        values = needed.low, needed.high, needed.seals_low, needed.seals_high
+        names = "computed", "low", "seals_low", "seals_high"
         # None where an end lies beyond the loads or is unknown
-        ends = (value if isfinite(value) and value > 0 else None for value in values)
-        add_row(figure, name, assembly, needed.relation, needed.bound(needed.value), *ends, how="")
+        ends = {key: value for key in names if isfinite(value := getattr(needed, key)) and value > 0}
+        high = needed.value if needed.known else None
+        value = needed.bound(needed.value)
+        load = answer.load_text(value)
+        add_row(figure, name, assembly, needed.relation, value, load=load, high=high, **ends)
 
     def add_slope(figure: str, name: str, slope: Slope, how: str) -> None:
-        numbers = (x if isfinite(x) else None for x in (slope.value, slope.low, slope.high))
-        add_row(figure, name, answer.at[1], "=", *numbers, None, None, how=how)
+        value, low, high = (x if isfinite(x) else None for x in (slope.value, slope.low, slope.high))
+        add_row(figure, name, answer.at[1], "=", value, low=low, high=high, how=how)
 
     for need in answer.requirements:
         add("Qmin [Pa]", need.name, None, need.assembly)

@@ -3,6 +3,9 @@
 Between load steps of the leakage of many seals ln(leakage) is straight in ln(pressure); beyond the steps nothing is
 extrapolated: a pressure is then known to lie above the highest or below the lowest one. Where a seal opens or closes
 between two steps, and at a load of 0, the pressure of the step that keeps the limit is taken.
+
+What is needed is that of the upper end of the whole band of error of the run; that of the seals as they were computed,
+and of the lower end, stand beside.
 """
 
 from __future__ import annotations
@@ -13,7 +16,7 @@ from math import ceil, inf, isinf
 
 import numpy as np
 
-from ..base import Array, Indices, Shown, to_text
+from ..base import Array, Indices, Shown
 from ..base.leak_rates import within
 from ..loads import LoadProgramme, LoadStep, relaxed
 from ..results.results import Results
@@ -27,13 +30,14 @@ class Seals:
     """Leakages of seals of one kind.
 
     steps : the load programme. leakage : size of the leakage per length (seals, steps) [m²/s]; inf where a seal is
-    computed as sealed, but the upper end of its band of error is not known. library_error : standard
-    deviation of ln(leakage) at each step that the finite library adds, common to all seals drawn from it.
+    computed as sealed, but the upper end of its band of error is not known. lower, upper : leakages at the ends of the
+    whole band of error (seals, steps), the leakage itself where no band is known.
     """
 
     steps: LoadProgramme
     leakage: Array
-    library_error: Array
+    lower: Array
+    upper: Array
 
     @classmethod
     def of_results(cls, results: Results) -> Seals:
@@ -41,18 +45,33 @@ class Seals:
 
         What is sealed and may be open by its error budget is taken for open: its leakage is inf.
         """
-        _, several = results.class_leakage
-        if (budget := results.budget) is not None:
-            several = np.where((several == 0) & ~np.isfinite(budget.upper), inf, several)
-        error = results.dataset["library_error"].values if "library_error" in results.dataset else None
-        return cls.of(results.steps, several, error if results.method == "median" else None)
+        best, several = results.class_leakage
+        if (budget := results.budget) is None:
+            return cls.of(results.steps, several)
+        several = np.where((several == 0) & ~np.isfinite(budget.upper), inf, several)
+        # the band is that of the fluid of the run
+        own, best = np.abs(budget.leakage), np.abs(best)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            ratio = np.nanmax(np.where(own > 0, best / own, np.nan), initial=0.0) or 1.0
+            ends = [np.where(own > 0, end / own, 1.0) for end in (budget.lower, budget.upper)]
+        lower, upper = (np.nan_to_num(end, nan=1.0, posinf=inf) for end in ends)
+        return cls.of(results.steps, several, lower, upper, np.where(own > 0, 0.0, ratio * budget.upper))
 
     @classmethod
-    def of(cls, steps: LoadProgramme, leakage: Array, library_error: Array | None = None) -> Seals:
+    def of(
+        cls,
+        steps: LoadProgramme,
+        leakage: Array,
+        lower: Array | float = 1.0,
+        upper: Array | float = 1.0,
+        opened: Array | float = 0.0,
+    ) -> Seals:
         """Seals of leakages of any direction, inf where one is not known; those that failed at a step are left out.
 
         Loads below all of their branch whose leakage is known, as those that the fluid carries alone, are taken for
         open. A fluid opens a face that is unloaded at another load than one that is pressed for the first time.
+
+        lower, upper : ends of the band over the leakage (steps,). opened : least upper end (steps,) [m²/s].
         """
         size = np.abs(np.atleast_2d(np.asarray(leakage, dtype=float)))
         known, pressures = ~np.isnan(size).all(axis=0), np.asarray(steps.pressures)
@@ -60,8 +79,11 @@ class Seals:
             own = np.array([step.unloaded_from == peak for step in steps])
             lowest = pressures[own & known].min(initial=inf if peak is None else peak)
             size[:, own & (pressures < lowest)] = inf
-        error = np.zeros(len(steps)) if library_error is None else np.nan_to_num(library_error)
-        return cls(steps, size[~np.isnan(size).any(axis=1)], error)
+        size = size[~np.isnan(size).any(axis=1)]
+        with np.errstate(invalid="ignore"):
+            low, high = (np.where(size == 0, 0.0, size * factor) for factor in (lower, upper))
+        low, high = (np.where(np.isnan(end), size, end) for end in (low, high))
+        return cls(steps, size, np.minimum(low, size), np.fmax(high, opened))
 
     @property
     def count(self) -> int:
@@ -69,15 +91,19 @@ class Seals:
         return len(self.leakage)
 
     def drawn_again(self, seed: int = SEED) -> Iterator[tuple[Indices, Seals]]:
-        """As many seals drawn with repetition, from another library: their numbers, and the seals.
-
-        The error of the library is taken to be of one sign at all steps and for all seals.
-        """
+        """As many seals drawn with repetition: their numbers, and the seals."""
         rng = np.random.default_rng(seed)
         for _ in range(DRAWS if self.count > 1 else 0):
             chosen = rng.integers(self.count, size=self.count)
-            shift = np.exp(self.library_error * rng.standard_normal())
-            yield chosen, replace(self, leakage=self.leakage[chosen] * shift)
+            yield chosen, self.some(chosen)
+
+    def some(self, chosen: Indices) -> Seals:
+        """Seals of some numbers."""
+        return Seals(self.steps, self.leakage[chosen], self.lower[chosen], self.upper[chosen])
+
+    def times(self, factor: float) -> Seals:
+        """Seals that leak more by a factor."""
+        return Seals(self.steps, *(factor * values for values in (self.leakage, self.lower, self.upper)))
 
     def curve_of(self, fraction: float) -> Array:
         """Leakage that a fraction of the seals does not exceed, at each step [m²/s]."""
@@ -144,6 +170,8 @@ def _rank(fraction: float, count: int) -> int:
     return min(max(ceil(fraction * count - 1e-9), 1), count) - 1
 
 
+#: A pressure [Pa] as text, with the force that makes it where the loads are forces.
+LoadText = Callable[[float], str]
 #: Ends of the interval of an uncertainty, and of the band between seals.
 ENDS = (0.05, 0.95)
 
@@ -152,14 +180,14 @@ ENDS = (0.05, 0.95)
 class NeededPressure(Shown):
     """A nominal pressure that is enough for a fraction of the seals.
 
-    value : [Pa]; inf where the loads of the run are not enough, 0 where the lowest of them is. low, high : interval in
-    which it lies with 90 %, by seals drawn again from other libraries; NaN for a single seal. seals_low, seals_high :
-    what 5 % and 95 % of the seals need. lowest, highest : loads between which it is known.
+    value : by the upper end of the whole band of error [Pa]; inf where the loads of the run are not enough, 0 where the
+    lowest of them is. computed, low : by the leakage as computed, and by the lower end of the band. seals_low,
+    seals_high : what 5 % and 95 % of the seals as computed need. lowest, highest : loads between which it is known.
     """
 
-    value: float = field(metadata={"unit": "Pa", "long_name": "pressure needed"})
-    low: float = field(metadata={"unit": "Pa", "long_name": "lower end of its uncertainty"})
-    high: float = field(metadata={"unit": "Pa", "long_name": "upper end of its uncertainty"})
+    value: float = field(metadata={"unit": "Pa", "long_name": "pressure needed with the whole band of error"})
+    computed: float = field(metadata={"unit": "Pa", "long_name": "pressure needed by the leakage as computed"})
+    low: float = field(metadata={"unit": "Pa", "long_name": "pressure needed by the lower end of the band"})
     seals_low: float = field(metadata={"unit": "Pa", "long_name": "what 5 % of the seals need"})
     seals_high: float = field(metadata={"unit": "Pa", "long_name": "what 95 % of the seals need"})
     lowest: float = field(metadata={"unit": "Pa", "long_name": "lowest load"})
@@ -171,6 +199,11 @@ class NeededPressure(Shown):
         return 0 < self.value < inf
 
     @property
+    def at(self) -> float:
+        """The pressure by the leakage as computed, where it lies within the loads; else NaN."""
+        return self.computed if 0 < self.computed < inf else np.nan
+
+    @property
     def relation(self) -> str:
         """ "=", or "<=" or ">" where only a bound is known."""
         return "=" if self.known else ">" if isinf(self.value) else "<="
@@ -179,21 +212,26 @@ class NeededPressure(Shown):
         """A pressure, or the load that bounds it."""
         return self.highest if isinf(value) else self.lowest if value == 0 else value
 
-    def text(self, with_interval: bool = True) -> str:
-        """The value as text, with its uncertainty."""
-        value = self._text(self.value, "above ", "at most ")
-        if not with_interval or np.isnan(self.low) or not self.known:
-            return value
-        return f"{value} ({self._text(self.low, '>', '<')} to {self._text(self.high, '>', '<')})"
+    def text(self, shown: LoadText) -> str:
+        """The value as text; in brackets what the leakage as computed needs, where that differs."""
+        value, computed = self._text(self.value, shown), self._text(self.computed, shown)
+        return value if value == computed else f"{value} (as computed: {computed})"
 
-    def band_text(self) -> str:
+    def interval_text(self, shown: LoadText) -> str:
+        """What the two ends of the band need, as text."""
+        return _joined(self._text(self.low, shown), self._text(self.value, shown))
+
+    def band_text(self, shown: LoadText) -> str:
         """What 5 % and 95 % of the seals need, as text."""
-        ends = [self._text(value, "above ", "at most ") for value in (self.seals_low, self.seals_high)]
-        return ends[0] if ends[0] == ends[1] else " to ".join(ends)
+        return _joined(*(self._text(value, shown) for value in (self.seals_low, self.seals_high)))
 
-    def _text(self, value: float, above: str, below: str) -> str:
-        before = above if isinf(value) else below if value == 0 else ""
-        return before + to_text(self.bound(value), "Pa", 3)
+    def _text(self, value: float, shown: LoadText) -> str:
+        before = "above " if isinf(value) else "at most " if value == 0 else ""
+        return before + shown(self.bound(value))
+
+
+def _joined(low: str, high: str) -> str:
+    return low if low == high else f"{low} to {high}"
 
 
 @dataclass(frozen=True)
@@ -231,15 +269,14 @@ def sealing_load(seals: Seals, fraction: float) -> NeededPressure:
 
 
 def _needed(seals: Seals, of: Callable[[Seals], Array], steps: Indices, fraction: float) -> NeededPressure:
-    """The pressure that a fraction of the seals needs, with its interval over seals that are drawn again."""
+    """The pressure that a fraction of the seals needs: as computed, and by both ends of the whole band of error."""
     each = of(seals)
-    again = [pressure_for(of(some), fraction) for _, some in seals.drawn_again()]
-    low, high = (pressure_for(np.array(again), end) if again else np.nan for end in ENDS)
+    low, high = (pressure_for(of(replace(seals, leakage=end)), fraction) for end in (seals.lower, seals.upper))
     pressure = seals.steps.pressures[steps]
     return NeededPressure(
-        value=pressure_for(each, fraction),
+        value=high,
+        computed=pressure_for(each, fraction),
         low=low,
-        high=high,
         seals_low=pressure_for(each, ENDS[0]),
         seals_high=pressure_for(each, ENDS[1]),
         lowest=float(pressure.min()),

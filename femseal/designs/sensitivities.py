@@ -88,9 +88,7 @@ def sensitivities(seals: Seals, variants: Variants, pressure: float, fraction: f
     """Slopes at a nominal pressure on loading, of the leakage that a fraction of the seals does not exceed."""
     rows = {name: how for name, _, how in _slopes(seals, variants, pressure, fraction)}
     best = _values(seals, variants, pressure, fraction)
-    again = [
-        _values(some, _drawn(variants, chosen, some, seals), pressure, fraction) for chosen, some in seals.drawn_again()
-    ]
+    again = [_values(some, _drawn(variants, chosen, seals), pressure, fraction) for chosen, some in seals.drawn_again()]
     found = []
     for n, (name, how) in enumerate(rows.items()):
         slopes = []
@@ -104,16 +102,11 @@ def sensitivities(seals: Seals, variants: Variants, pressure: float, fraction: f
     return tuple(found)
 
 
-def _drawn(variants: Variants, chosen: Indices, some: Seals, seals: Seals) -> Variants:
-    """The variants of the seals drawn again: the error of the library is common to a seal and its variants."""
-    with np.errstate(divide="ignore", invalid="ignore"):
-        former = seals.leakage[chosen]
-        shift = np.where((former > 0) & np.isfinite(former), some.leakage / former, 1.0)
+def _drawn(variants: Variants, chosen: Indices, seals: Seals) -> Variants:
+    """The variants of the seals drawn again."""
 
     def again(variant: Seals | None) -> Seals | None:
-        if variant is None or variant.count != seals.count:
-            return variant
-        return Seals(variant.steps, variant.leakage[chosen] * shift, variant.library_error)
+        return variant if variant is None or variant.count != seals.count else variant.some(chosen)
 
     return replace(variants, harder=again(variants.harder), longer=again(variants.longer))
 
@@ -158,7 +151,7 @@ def _slopes(seals: Seals, variants: Variants, pressure: float, fraction: float) 
         else ("roughness amplitude", 2 - hard - load - thick - at_wall, "scaling law of contact and flow, exact"),
         ("hardness", hard, how_hard),
         ("contact modulus", -hard - load, "scaling law of contact, exact"),
-        ("breadth, same pressure", -1.0, "Darcy's law over many windows"),
+        ("breadth, same pressure", -1.0, "Darcy's law over many pieces"),
         ("breadth, same force", -1.0 - load, "Darcy's law, with the pressure of the force; Qmin: the force"),
         ("viscosity", thick, how_thick),
         *slip,
@@ -244,12 +237,10 @@ class Solver:
     def __init__(self, case: Case, results: Results, workers: int | None, progress: Progress) -> None:
         self._case, self._workers, self._progress = case, workers, progress
         prepared: Prepared = last_version(case, prepare(case), results.attempts)
-        if prepared.sampling is not None and prepared.sampling.width is not None:
-            # as many seals and windows as the run took in the end
-            size = int(results.dataset.attrs.get("library_windows", prepared.sampling.library_cells))
+        if prepared.sampling is not None and "realisation" in results.dataset.sizes:
+            # as many seals as the run took in the end
             count = results.dataset.sizes["realisation"]
-            sampling = replace(prepared.sampling, width=None, realisations=count, library_cells=size)
-            prepared = replace(prepared, sampling=sampling)
+            prepared = replace(prepared, sampling=replace(prepared.sampling, realisations=count))
         self._prepared, self._breadth = prepared, float(results.dataset.attrs["seal_size_m"][0])
         state = (case.output.test_fluid or case.fluid).state
         self._scene = state.in_scene(self._prepared.scene)
@@ -270,7 +261,7 @@ class Solver:
     def turned(self) -> TurnedSeals:
         """The seals of the face turned by 90°.
 
-        Raises InputError: the turned face does not go with the shape of the seal or with its windows.
+        Raises InputError: the turned face does not go with the shape of the seal or with its pieces.
         """
         prepared, scene = self._prepared, self._scene
         scene.check_one_place("lay", "turned", "as measured")
@@ -280,7 +271,7 @@ class Solver:
         sampling = prepared.sampling
         # other shapes than strips have a breadth of their own, and no length is given
         strip = sampling is not None and sampling.length is not None
-        if sampling is not None and strip and sampling.pressure == "uniform" and sampling.breadth is None:
+        if sampling is not None and strip and sampling.breadth is None:
             sampling = replace(sampling, breadth=surface.size[0])
         study = self._solved("face turned by 90°", turned, replace(prepared, cells=cells, sampling=sampling))
         # leakage goes with one over the breadth
@@ -305,7 +296,7 @@ def _breadth(study: Any, scene: Scene) -> float:
 
 
 def _of_study(study: Any, scene: Scene) -> Seals:
-    return Seals.of(scene.steps, study.leakage, getattr(study, "library_error", None))
+    return Seals.of(scene.steps, study.leakage)
 
 
 def state_of_classes(results: Results) -> FluidState | None:

@@ -47,20 +47,26 @@ class LogCurve:
 class PieceCurves:
     """Permeability of a piece along one axis, on loading and on unloading from any peak.
 
-    steps : of the ladder, whose unloadings stop at equal fractions of their peaks. k : at every step (steps,) [m³].
+    steps : of the ladder, whose unloadings stop at equal fractions of their peaks. k : at every step (steps,) [m³]; where
+    it is NaN the curves go on from the states beside it. Without any state on loading, or on unloading where the ladder
+    unloads, k is NaN there.
     """
 
     def __init__(self, steps: LoadProgramme, k: Array) -> None:
         """Sort the states of a ladder into curves."""
-        on_loading = steps.on_loading
+        known = np.isfinite(k)
+        on_loading = steps.on_loading & known
         self._pressure, self._k = steps.pressures[on_loading], k[on_loading]
-        self._peaks = np.array(steps.unload_from)
+        peaks = []
         self._unloading = []
         for peak in steps.unload_from:
-            down = [s for s, step in enumerate(steps) if step.unloaded_from == peak][::-1]
-            fractions = np.array([*(steps[s].pressure / peak for s in down), 1.0])
-            top = k[steps.loading.index(peak)]
-            self._unloading.append(LogCurve(fractions, np.array([*k[down], top])))
+            down = [s for s, step in enumerate(steps) if step.unloaded_from == peak and known[s]][::-1]
+            if down and on_loading.any():
+                fractions = np.array([*(steps[s].pressure / peak for s in down), 1.0])
+                self._unloading.append(LogCurve(fractions, np.append(k[down], self.loaded(peak))))
+                peaks.append(peak)
+        self._peaks = np.array(peaks)
+        self._unloads = bool(steps.unload_from)
 
     @cached_property
     def loading(self) -> LogCurve:
@@ -69,12 +75,14 @@ class PieceCurves:
 
     def loaded(self, pressure: Array) -> Array:
         """k on loading [m³]."""
+        if not self._k.size:
+            return np.full(np.shape(pressure), np.nan)
         return np.exp(self.loading(np.cbrt(pressure)))
 
     def unloaded(self, pressure: Array, peak: Array) -> Array:
         """k on unloading from any peak to any pressure below it, both > 0 [m³]."""
         if not self._peaks.size:
-            return self.loaded(pressure)
+            return np.full(np.shape(pressure), np.nan) if self._unloads else self.loaded(pressure)
         fraction = np.clip(pressure / peak, 0.0, 1.0)
         knots = np.r_[0.0, self._peaks]
         upper = np.clip(np.searchsorted(knots, peak), 1, knots.size - 1)

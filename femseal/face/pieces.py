@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..base import Array, InputError
+from ..base import Array, InputError, validate
 from ..loads import LoadProgramme
 from ..topography import Topography
 from ..windows.window_flow import FlowSettings, SolveCounts, window_permeability
@@ -72,16 +72,17 @@ class Cut:
 
         Raises InputError: pieces of fewer than 8 points a side, fewer columns than places.
         """
-        widths, (m1, m2) = _widths(surface), pieces
-        if m1 < 1 or m2 < len(widths):
-            raise InputError("cells", pieces, f"whole numbers from 1, along x2 from {len(widths)}, one for each place")
+        widths, (m1, m2) = _widths(surface), validate.grid("cells", pieces)
+        if m2 < len(widths):
+            raise InputError("cells", pieces, f"along x2 from {len(widths)}, one for each place")
         of_place = _shares(widths, m2)
         rows = _lines(0, surface.shape[0], m1)
         columns, place = [0], []
         for number, (width, count) in enumerate(zip(widths, of_place, strict=True)):
             columns += _lines(columns[-1], width, count)[1:]
             place += [number] * count
-        if (m1, m2) != (1, 1) and min(b - a for a, b in (*pairwise(rows), *pairwise(columns))) < FEWEST_POINTS:
+        lines = [*([rows] if m1 > 1 else []), *([columns] if m2 > len(widths) else [])]
+        if min((b - a for cut in lines for a, b in pairwise(cut)), default=FEWEST_POINTS) < FEWEST_POINTS:
             given = "{} × {} of {} × {} points".format(m1, m2, *surface.shape)
             raise InputError("cells", given, f"pieces of at least {FEWEST_POINTS} × {FEWEST_POINTS} points")
         return cls(tuple(rows), tuple(columns), tuple(place), surface.spacing)

@@ -15,6 +15,7 @@ from ..base import InputError, NotConverged, to_text
 from ..case.case import Case
 from ..case.faces import FileFace, TurnedFace
 from ..case.faults import FACE_KEYS, SURFACE_KEYS, with_keys
+from ..face.pieces import usual_pieces
 from ..flow.law import cubic_law
 from ..seal import RectangularSeal
 from ..seal.lay import Lay
@@ -53,15 +54,14 @@ KEPT_SLOPE = 0.99
 class ConditionedFace:
     """The face that is solved, how it was conditioned and continued, and the overlap of two faces.
 
-    cells : number of pieces of two scales, which divide the grid; None without. pieces : of drawn seals where the case
-    says how many.
+    cells : number of pieces, which divide the grid where two scales take them; None where there are none, or as many as
+    suit the drawn seals.
     """
 
     surface: Topography
     conditioning: Conditioning
     overlap: Overlap | None
     cells: Pair | None
-    pieces: Pair | None
     continuation: Continuation | None
 
 
@@ -89,12 +89,11 @@ def conditioned_face(case: Case) -> ConditionedFace:
         continued = None if cut_off is None else continuation_of(flat, cut_off, longest=longest, seed=case.seed)
     shape = _grid(case, flat)
     wave = continued.longest if continued else longest or default_wave(flat, shape)
-    asked = _asked_pieces(case, shortest_place(flat).size)
-    pieces = None if asked is None else (asked[0], asked[1] * len(flat.each))
+    of_one = _asked_pieces(case, shortest_place(flat).size)
+    cells = None if of_one is None else (of_one[0], of_one[1] * len(flat.each))
     check_memory_of_points("surface.points", shape, len(flat.each))
-    cells = None
     if "two-scale" in case.methods:
-        cells = of_one = asked or _long_pieces(shortest_place(flat).size, wave)
+        cells = of_one = of_one or _usual_pieces(case, shortest_place(flat), wave)
         if isinstance(flat, Places):
             flat, columns = flat.whole_columns(of_one[1])
             cells = (of_one[0], columns)
@@ -111,7 +110,7 @@ def conditioned_face(case: Case) -> ConditionedFace:
         surface = continued.added_to(surface)
         slope, height = surface.rms_slope, surface.rms_height
         report = replace(report, shortest_wavelength=continued.cut_off, rms_slope=slope, rms_height=height)
-    return ConditionedFace(surface, report, overlap, cells, pieces, continued)
+    return ConditionedFace(surface, report, overlap, cells, continued)
 
 
 def face_places(case: Case) -> list[str]:
@@ -229,6 +228,8 @@ def _treatment(case: Case) -> dict[str, Any]:
 
 def _asked_pieces(case: Case, face: tuple[float, float]) -> Pair | None:
     """Number of pieces along both axes of a place of such sides [m] that the case asks for; None where it does not."""
+    if case.methods == {"deterministic"}:
+        return None
     if case.cells is None or case.cells.size is None:
         return None if case.cells is None else case.cells.count
     size, shorter = case.cells.size, min(face)
@@ -239,9 +240,11 @@ def _asked_pieces(case: Case, face: tuple[float, float]) -> Pair | None:
     return m1, m2
 
 
-def _long_pieces(face: tuple[float, float], wave: float) -> Pair:
-    """Pieces of eight shortest waves or more: shorter ones cut off more paths than two scales save."""
-    return max(1, int(face[0] / (8 * wave) + 1e-9)), max(1, int(face[1] / (8 * wave) + 1e-9))
+def _usual_pieces(case: Case, place: Topography, wave: float) -> Pair:
+    """Pieces of two scales: those of seals that are drawn too, else of eight shortest waves or more a side."""
+    if (drawn := case.stochastic) is not None and "stochastic" in case.methods:
+        return usual_pieces(place, in_place=case.layout.has_length and drawn.breadth is None)
+    return max(1, int(place.size[0] / (8 * wave) + 1e-9)), max(1, int(place.size[1] / (8 * wave) + 1e-9))
 
 
 #: Fractions of the variance of the heights that means along x2 keep where grooves run along x2, and of the power of

@@ -41,13 +41,13 @@ def prepare(case: Case) -> Prepared:
     with refused_if_too_large(), with_tables(SCENE_TABLES):
         face = conditioned_face(case)
         surface, conditioning, layout = face.surface, face.conditioning, wound_layout(case)
-        _check_pieces(surface, conditioning, face.cells, face.pieces)
-        sampling, size, broader = _seals(case, surface, layout, face.pieces)
+        _check_pieces(surface, conditioning, cells := face.cells)
+        sampling, size, broader = _seals(case, surface, layout, cells)
         formed, seat = _with_seat(case, surface, broader)
         scene = _scene(case, formed, layout, size)
-        pieces, doubts = None, ()
+        doubts: tuple[str, ...] = ()
         if sampling is not None:
-            sampling, pieces, doubts = _under_map(case, scene, sampling, face.pieces, size, broader)
+            sampling, cells, doubts = _under_map(case, scene, sampling, cells, size, broader)
         methods = frozenset(case.methods)
         if methods & {"deterministic", "two-scale"}:
             with with_tables(SEAL_TABLES):
@@ -58,8 +58,7 @@ def prepare(case: Case) -> Prepared:
         spikes = SpikeEffect(conditioning.spikes_along_lay, conditioning.spikes_extreme).doubts(conditioning.spikes)
         prepared = Prepared(
             scene=scene,
-            cells=face.cells,
-            pieces=pieces,
+            cells=cells,
             sampling=sampling,
             conditioning=conditioning,
             overlap=face.overlap,
@@ -79,18 +78,17 @@ def prepare(case: Case) -> Prepared:
         return prepared
 
 
-def _check_pieces(surface: Topography, conditioning: Conditioning, cells: Pair | None, pieces: Pair | None) -> None:
-    """Refuse pieces of fewer than two shortest waves a side that a case asks for."""
+def _check_pieces(surface: Topography, conditioning: Conditioning, cells: Pair | None) -> None:
+    """Refuse pieces of fewer than two shortest waves a side."""
     least = 2 * conditioning.shortest_wavelength
-    for count in (cells, pieces):
-        sides = [] if count is None else [side / m for side, m in zip(surface.size, count, strict=True)]
-        if min(sides, default=least) < least * (1 - 1e-9):
-            given = f"pieces of {' × '.join(to_text(side, 'm', 3) for side in sides)}"
-            raise InputError("cells", given, f"pieces of at least two shortest waves, {to_text(least, 'm', 3)}")
+    sides = [side / m for side, m in zip(surface.size, cells or (1, 1), strict=True)]
+    if cells is not None and min(sides) < least * (1 - 1e-9):
+        given = f"pieces of {' × '.join(to_text(side, 'm', 3) for side in sides)}"
+        raise InputError("cells", given, f"pieces of at least two shortest waves, {to_text(least, 'm', 3)}")
 
 
 def _seals(
-    case: Case, surface: Topography, layout: Layout, pieces: Pair | None
+    case: Case, surface: Topography, layout: Layout, cells: Pair | None
 ) -> tuple[Sampling | None, tuple[float, float], bool]:
     """How seals are drawn, None where none are; breadth and length of the seal that loads act on [m], as given.
 
@@ -107,7 +105,7 @@ def _seals(
         steps = len(case.load.loading) + len(case.load.peaks) * (1 + len(case.load.unloading))
         check_memory("stochastic.realisations", table.realisations, 16 * steps * table.realisations)
     with with_tables(SEAL_TABLES):
-        cut, tiles = laid_out(surface, layout, pieces, sampling)
+        cut, tiles = laid_out(surface, layout, cells, sampling)
     if length is None:
         return sampling, tiles.seal.size, not tiles.in_place
     if length < (least := cut.size[1]) * (1 - 1e-9):
@@ -183,7 +181,7 @@ def _pressures(case: Case, seal: tuple[float, float]) -> dict[str, tuple[float, 
 
 
 def _under_map(
-    case: Case, scene: Scene, sampling: Sampling, pieces: Pair | None, seal: tuple[float, float], broader: bool
+    case: Case, scene: Scene, sampling: Sampling, cells: Pair | None, seal: tuple[float, float], broader: bool
 ) -> tuple[Sampling, Pair, tuple[str, ...]]:
     """The sampling with the map of the pressure over the seal, the pieces of the face, and what is not plausible."""
     breadth, length = seal
@@ -195,7 +193,7 @@ def _under_map(
         else:
             made = case.load.pressure_map(case.folder, breadth * length, length)
         sampling = replace(sampling, pressure_map=made)
-        cut, tiles = laid_out(scene.surface, scene.layout, pieces, sampling)
+        cut, tiles = laid_out(scene.surface, scene.layout, cells, sampling)
         return sampling, cut.shape, (*tiles.warnings, *check_map(scene, tiles, made))
 
 
@@ -230,7 +228,7 @@ def _odd_filter(case: Case, scene: Scene, surface: Conditioning) -> Iterator[str
             remedy = f"leave out {keys}"
         elif limited:
             most = " × ".join(map(str, place.shape))
-            remedy += f' (unasked no more than {most} are taken)'
+            remedy += f" (unasked no more than {most} are taken)"
         yield (
             f"the low-pass at {kept} removes {surface.lost_slope:.0%} of the rms slope of the face, whose waves down "
             f"to {measured} stand above noise: leakage may be off by factors; to keep them {remedy}"

@@ -13,7 +13,7 @@ from typing import Any
 
 from ..base import InputError, Mapper, free_memory, to_text
 from ..budget import FormTolerance, ModelChange
-from ..face.pieces import Cut, usual_pieces
+from ..face.pieces import FEWEST_POINTS, Cut, usual_pieces
 from ..seal.layouts import AnnularLayout, Layout
 from ..seal.tiles import SealTiles
 from ..studies import STUDIES, Sampling, Scene, Study, StudyOptions, laid_out
@@ -37,7 +37,7 @@ def check_memory_of_points(key: str, shape: tuple[int, int], places: int = 1) ->
 
 
 def check_memory_of_tiles(layout: Layout, sampling: Sampling, surface: Topography) -> None:
-    """Raise InputError if the tiles of a strip or a ring, about as large as pieces of a face, do not fit into memory."""
+    """Raise InputError if the tiles of a strip or a ring, as large as pieces of a face, do not fit into memory."""
     piece = prod(Cut.of(surface, usual_pieces(surface)).size)
     if isinstance(layout, AnnularLayout):
         key, given = "seal", f"a ring {to_text(layout.circumference, 'm', 3)} long"
@@ -76,14 +76,13 @@ Pair = tuple[int, int]
 class Prepared:
     """Input of the studies: the scene, its pieces, the sampling of seals; and the history of the surface.
 
-    cells : number of pieces along x1 and x2 of two scales, which divide the grid; pieces : of drawn seals; None without.
-    continuation : of the spectrum of the face, None without. methods : to be run. seat : its form, "" where
-    it is flat; form : that and its error. warnings : what is not plausible in the case.
+    cells : number of pieces along x1 and x2; None where there are none. continuation : of the spectrum of the face,
+    None without. methods : to be run. seat : its form, "" where it is flat; form : that and its error. warnings : what
+    is not plausible in the case.
     """
 
     scene: Scene
     cells: Pair | None
-    pieces: Pair | None
     sampling: Sampling | None
     conditioning: Conditioning
     overlap: Overlap | None
@@ -108,16 +107,27 @@ class Prepared:
         """Whether two scales take the whole face from the deterministic solution of the same run."""
         return self.methods >= {"deterministic", "two-scale"}
 
-    def options(self, study: Study) -> StudyOptions:
-        """The options of a study."""
-        cells = self.pieces if study.name == "stochastic" else self.cells
-        return StudyOptions(cells, self.sampling, self.shares_face)
+    @property
+    def options(self) -> StudyOptions:
+        """The options of the studies."""
+        return StudyOptions(self.cells, self.sampling, self.shares_face, len(self.methods) > 1)
+
+    @property
+    def divisor(self) -> Pair:
+        """Numbers by which the points of the face can be divided: those of the pieces of two scales."""
+        return self.cells if self.cells is not None and "two-scale" in self.methods else (1, 1)
+
+    @property
+    def least_points(self) -> Pair:
+        """Fewest points of the face along x1 and x2 for pieces of drawn seals."""
+        m1, m2 = self.cells if self.cells is not None and "stochastic" in self.methods else (1, 1)
+        return FEWEST_POINTS * m1, FEWEST_POINTS * m2
 
     @property
     def cut_and_tiles(self) -> tuple[Cut, SealTiles]:
         """The cut of the face, and the tiles of the drawn seals."""
         assert self.sampling is not None
-        return laid_out(self.scene.surface, self.scene.layout, self.pieces, self.sampling)
+        return laid_out(self.scene.surface, self.scene.layout, self.cells, self.sampling)
 
     def changed(self, change: ModelChange) -> Prepared:
         """The input with a change of the model."""
@@ -128,7 +138,7 @@ class Prepared:
 
     def solve(self, study: Study, mapper: Mapper, known: Mapping[str, Any] | None = None) -> Any:
         """Result of a study; `known` are the results of earlier studies of the same scene by key."""
-        return study.solve(self.scene, self.options(study), known or {}, mapper)
+        return study.solve(self.scene, self.options, known or {}, mapper)
 
     def cost(self, study: Study, efforts: Sequence[Effort] | None = None) -> tuple[float, float]:
         """Expected time on one core [s] and memory [byte] of a study.
@@ -136,7 +146,7 @@ class Prepared:
         efforts : of each load step; usual ones unless given.
         """
         known = usual_efforts(len(self.scene.steps)) if efforts is None else efforts
-        return study.cost(self.scene, self.options(study), known)
+        return study.cost(self.scene, self.options, known)
 
     @property
     def chosen(self) -> dict[str, Any]:
@@ -150,10 +160,8 @@ class Prepared:
             **({"seat": self.seat} if self.seat else {}),
             "solver": scene.solver,
         }
-        if self.cells is not None and "two-scale" in self.methods:
+        if self.cells is not None:
             found["cells"] = list(self.cells)
-        if self.pieces is not None:
-            found["pieces"] = list(self.pieces)
         return found
 
     @property
@@ -186,13 +194,12 @@ def without_short_waves(prepared: Prepared) -> Scene:
     if wave >= max(surface.size):
         expected = f"true only where the larger side holds more than {to_text(wave, 'm', 3)}, twice the shortest wave"
         raise InputError("surface.filter_sensitivity", True, expected)
-    m1, m2 = prepared.cells or (1, 1)
+    m1, m2 = prepared.divisor
     shape = next_multiple(ceil(surface.shape[0] / 2), m1), next_multiple(ceil(surface.shape[1] / 2), m2)
-    if prepared.cells is not None:
-        Partition(shape, surface.spacing, prepared.cells)
+    Partition(shape, surface.spacing, prepared.divisor)
     smooth = surface.low_pass(wave).resample(shape)
-    if prepared.pieces is not None:
-        Cut.of(smooth, prepared.pieces)
+    if prepared.cells is not None and "stochastic" in prepared.methods:
+        Cut.of(smooth, prepared.cells)
     return replace(scene, surface=smooth)
 
 

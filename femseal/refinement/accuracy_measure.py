@@ -16,6 +16,7 @@ from ..budget import CoarserSolution, ErrorBudget
 from ..case.case import Case, load_case
 from ..execution.mappers import ordered_map
 from ..execution.run import Progress, no_progress
+from ..face.pieces import FEWEST_POINTS
 from ..preparation.prepared import Pair, Prepared
 from ..studies.compiling import compile_ahead
 from ..studies.load_curves import closing_load, leakage_factor
@@ -37,8 +38,8 @@ def measure_accuracy(
 ) -> AccuracyReport:
     """Speed against error for a case: time and error with coarser pixels, of the whole face and of drawn seals.
 
-    The scene is solved on its own grid and on two coarser ones of the same surface. Errors are factors of leakage, see `leakage_factor`, against the deterministic
-    solution on the scene's own grid.
+    The scene is solved on its own grid and on two coarser ones of the same surface. Errors are factors of leakage, see
+    `leakage_factor`, against the deterministic solution on the scene's own grid.
     Every solution has its error budget, from itself on half the points a side; the cheapest whose measured error and
     budget are within the accuracy of the case, 10 % unless given, is recommended.
 
@@ -135,10 +136,11 @@ def _measure(plan: Plan, workers: int, mapper: Mapper, progress: Progress) -> Ac
 
 def _coarser(variant: Variant) -> Iterator[tuple[Variant, Pair]]:
     """The variant on half and on a quarter of the points, as far as its pieces allow."""
-    points = coarser_points(variant.points, variant.pieces)
-    while points is not None:
+    m1, m2 = variant.pieces or (1, 1)
+    points = variant.points
+    while (fewer := coarser_points(points, (FEWEST_POINTS * m1, FEWEST_POINTS * m2))) is not None:
+        points = fewer
         yield replace(variant, points=points), points
-        points = coarser_points(points, variant.pieces)
 
 
 def _leakage(prepared: Prepared, variant: Variant, mapper: Mapper) -> Array:
@@ -151,7 +153,7 @@ def _filtered(prepared: Prepared, mapper: Mapper) -> CoarserSolution | None:
 
     Both are on half the points a side: what removed waves would change is the same for all solutions.
     """
-    whole = replace(prepared, cells=None, pieces=None, sampling=None, methods=frozenset({"deterministic"}))
+    whole = replace(prepared, cells=None, sampling=None, methods=frozenset({"deterministic"}))
     smooth = without_filtered_waves(whole)
     if smooth is None:
         return None

@@ -107,7 +107,7 @@ def make_plan(case: Case, *, limit: float, memory: float) -> Plan:
             skipped.append((variant.label, reason))
             continue
         version = variant.applied(prepared, resampled=False)
-        cost = version.answer.cost(version.scene, version.options(version.answer), known, variant.points)
+        cost = version.answer.cost(version.scene, version.options, known, variant.points)
         if cost[0] > limit or cost[1] > memory:
             expected = f"expected to take {duration(cost[0])} and {to_text(cost[1], 'B', 3)}"
             given = f"{duration(limit)} and {to_text(memory, 'B', 3)}"
@@ -142,10 +142,12 @@ def by(pair: Pair) -> str:
 
 def _candidates(prepared: Prepared) -> Iterator[tuple[Variant, str]]:
     """Every possible solution, the reference first, with the reason to leave it out ("": none)."""
-    points, pieces = prepared.scene.surface.shape, prepared.pieces
-    grids = [*dict.fromkeys(grid_points(points, -n, prepared.cells) for n in HALVINGS)]
+    points, pieces = prepared.scene.surface.shape, prepared.cells
+    grids = [*dict.fromkeys(grid_points(points, -n) for n in HALVINGS)]
     for grid in grids:
         yield Variant("deterministic", grid), ""
-    for grid in grids if pieces is not None else ():
+    if pieces is None:
+        return
+    for grid in grids:
         few = min(n // m for n, m in zip(grid, pieces, strict=True)) < FEWEST_POINTS
         yield Variant("stochastic", grid, pieces), f"pieces of fewer than {FEWEST_POINTS} points" if few else ""

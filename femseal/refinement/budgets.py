@@ -65,7 +65,7 @@ def budgets_of(
     smooth = without_filtered_waves(prepared, answer)
     again = {} if smooth is None or leakage_filtered is not None else _solved(smooth, mapper)
     for key, result in left.items():
-        other = route(prepared, study_of_result(result)).key
+        other = route(study_of_result(result)).key
         coarse = [against(result, grid, found.get(other)) for grid, found in zip(grids, solved, strict=True)]
         if not grids:  # pieces of too few pixels to be halved: nothing is known
             coarse = [against(result, prepared, None)]
@@ -99,13 +99,13 @@ def _with_model_parts(
     if continued:
         others = [_solved(replace(grid, scene=scene), mapper) for scene in continued]
         for key, result in studies.items():
-            if (other := route(prepared, study_of_result(result)).key) in own:
+            if (other := route(study_of_result(result)).key) in own:
                 part = _of_continued(prepared, grid, result, own[other], [one.get(other) for one in others])
                 found[key] = replace(found[key], parts=(*found[key].parts, part))
     for change in changes:
         moved = _solved(grid.changed(change), mapper)
         for key, result in studies.items():
-            other = route(prepared, study_of_result(result)).key
+            other = route(study_of_result(result)).key
             if other in own and other in moved:
                 leakage, against_own = leakage_of(moved[other]), leakage_of(own[other])
                 solution = CoarserSolution(grid.scene.surface.shape, grid.scene.steps, leakage, against_own)

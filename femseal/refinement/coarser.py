@@ -4,17 +4,16 @@ import logging
 from collections.abc import Callable, Hashable, Iterable
 from dataclasses import replace
 from itertools import islice
-from math import ceil, log2
+from math import ceil, log2, prod
 from typing import TypeVar
 
 import numpy as np
 
 from ..base import Array, InputError
 from ..budget import CoarserSolution
-from ..face.pieces import FEWEST_POINTS
 from ..preparation.prepared import Pair, Prepared, without_short_waves
 from ..studies import STUDIES, Scene, Study
-from ..studies.stochastic import FEWEST_SEALS
+from ..studies.sampling import FEWEST_SEALS
 
 log = logging.getLogger("femseal")
 #: Points a side of the coarser grid over those of the scene.
@@ -26,8 +25,9 @@ MOST_POINTS_FRACTION = 0.6
 LEAST_LOADS = 5
 #: One of so many steps is solved on a coarser grid, and one of so many without the shortest waves.
 GRID_STRIDE, FILTER_STRIDE = 2, 4
-#: Seals that are drawn again from a changed face, at most; each is compared with that of the same pieces.
-SEALS_AGAIN = 5
+#: Seals that are drawn again from a changed face, at most, and as long as how many faces they are together; each is
+#: compared with that of the same pieces.
+SEALS_AGAIN, FACES_AGAIN = 5, 40
 #: Pixels to the shortest wave from which on a grid of a quarter of the points a side carries the waves too.
 THIRD_GRID_PIXELS = 16.0
 #: Octaves of removed waves from which on they matter.
@@ -40,11 +40,9 @@ CONTINUED_SCENES = OTHER_PHASES + 2
 Version = TypeVar("Version", bound=Hashable)
 
 
-def coarser_points(points: Pair, pieces: Pair | None = None) -> Pair | None:
+def coarser_points(points: Pair, least: Pair = (1, 1)) -> Pair | None:
     """Half the points a side, or as few more as pieces ask for; None where that shows nothing."""
-    wanted = [
-        max(ceil(COARSENING * n), FEWEST_POINTS * m) for n, m in zip(points, pieces or (1, 1), strict=True)
-    ]
+    wanted = [max(ceil(COARSENING * n), few) for n, few in zip(points, least, strict=True)]
     if wanted[0] * wanted[1] > MOST_POINTS_FRACTION * points[0] * points[1]:
         return None
     return wanted[0], wanted[1]
@@ -81,8 +79,8 @@ def coarser_solutions(
     return found
 
 
-def route(prepared: Prepared, study: Study) -> Study:
-    """The study that has the same contact and flow as another one on a coarser grid: that of the face for two scales."""
+def route(study: Study) -> Study:
+    """The study with the contact and flow of another one on a coarser grid: that of the face for two scales."""
     return STUDIES["deterministic"] if study.name == "two-scale" else study
 
 
@@ -96,7 +94,7 @@ def coarser_grids(prepared: Prepared, leakage: Array | None = None) -> list[Prep
     some = at_some_steps(prepared.scene, leakage, GRID_STRIDE, least=least)
     points, found = prepared.scene.surface.shape, []
     for _ in range(1 + carries_quarter(prepared)):
-        if (fewer := coarser_points(points, prepared.pieces)) is None:
+        if (fewer := coarser_points(points, prepared.least_points)) is None:
             break
         points = fewer
         found.append(_reduced(prepared, replace(some, surface=some.surface.resample(points))))
@@ -108,7 +106,7 @@ def without_filtered_waves(prepared: Prepared, leakage: Array | None = None) -> 
     if removed_octaves(prepared) < LEAST_OCTAVES:
         return None
     try:
-        smooth = without_short_waves(replace(prepared, cells=None))
+        smooth = without_short_waves(replace(prepared, methods=_routes(prepared)))
     except InputError as error:
         log.warning("error budget: no solution without the shortest waves: %s", error)
         return None
@@ -169,10 +167,16 @@ def _reduced(prepared: Prepared, scene: Scene) -> Prepared:
     """The version for a coarser scene: each study by its route, with the same pieces and few of the same seals."""
     sampling = prepared.sampling
     if sampling is not None:
-        few = min(sampling.realisations or FEWEST_SEALS, SEALS_AGAIN)
+        cut, tiles = prepared.cut_and_tiles
+        enough = ceil(FACES_AGAIN * prod(cut.shape) / tiles.count)
+        few = min(sampling.realisations or FEWEST_SEALS, SEALS_AGAIN, enough)
         sampling = replace(sampling, realisations=few, median_fields=False)
-    methods = frozenset(route(prepared, study).name for study in prepared.studies)
-    return replace(prepared, scene=scene, sampling=sampling, methods=methods)
+    return replace(prepared, scene=scene, sampling=sampling, methods=_routes(prepared))
+
+
+def _routes(prepared: Prepared) -> frozenset[str]:
+    """Names of the studies that coarser solutions take."""
+    return frozenset(route(study).name for study in prepared.studies)
 
 
 def with_points(prepared: Prepared, points: Pair) -> Prepared:

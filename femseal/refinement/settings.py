@@ -28,14 +28,12 @@ class Settings:
     """What a run computes with where its case leaves it open.
 
     method : of the answer. grid : doublings of the points of the face a side, negative: halvings. rtol : residual of
-    contact. cells : number of pieces of two scales, pieces, realisations : of drawn seals; None without.
+    contact. realisations : number of drawn seals; None without.
     """
 
     method: str
     grid: int
     rtol: float
-    cells: Pair | None
-    pieces: Pair | None
     realisations: int | None
 
 
@@ -65,8 +63,6 @@ def first_settings(case: Case, made: Prepared) -> Settings:
         method=made.answer.name,
         grid=0,
         rtol=case.contact.rtol if "rtol" in given else contact_tolerance(case.accuracy),
-        cells=made.cells,
-        pieces=made.pieces,
         realisations=None if sampling is None else sampling.realisations,
     )
     if sampling is not None and "realisations" not in given:
@@ -82,21 +78,20 @@ def time_limit(case: Case) -> float:
     return TIME_LIMIT if case.time_limit is None else case.time_limit
 
 
-def grid_points(shape: Pair, grid: int, cells: Pair | None) -> Pair:
-    """Points of a face that is `grid` doublings finer, in whole pixels of the pieces of two scales.
+def grid_points(shape: Pair, grid: int, divisor: Pair = (1, 1)) -> Pair:
+    """Points of a face that is `grid` doublings finer, as multiples of a number of pieces.
 
-    >>> grid_points((64, 96), -1, None), grid_points((60, 96), -1, (4, 8)), grid_points((64, 96), 1, (4, 8))
+    >>> grid_points((64, 96), -1), grid_points((60, 96), -1, (4, 8)), grid_points((64, 96), 1, (4, 8))
     ((32, 48), (32, 48), (128, 192))
     """
-    n1, n2 = (ceil(n * 2.0**grid / m) * m for n, m in zip(shape, cells or (1, 1), strict=True))
+    n1, n2 = (ceil(n * 2.0**grid / m) * m for n, m in zip(shape, divisor, strict=True))
     return n1, n2
 
 
 def has_pieces(made: Prepared, settings: Settings) -> bool:
     """Whether the pieces have enough pixels on a grid, and the face a few of them."""
-    points = grid_points(made.scene.surface.shape, settings.grid, settings.cells)
-    counts = settings.cells or (1, 1), settings.pieces or (1, 1)
-    return all(n // m >= FEWEST_POINTS for count in counts for n, m in zip(points, count, strict=True))
+    points = grid_points(made.scene.surface.shape, settings.grid, made.divisor)
+    return all(n // m >= FEWEST_POINTS for n, m in zip(points, made.cells or (1, 1), strict=True))
 
 
 def apply_settings(case: Case, made: Prepared, settings: Settings) -> Prepared:
@@ -105,17 +100,15 @@ def apply_settings(case: Case, made: Prepared, settings: Settings) -> Prepared:
     made : the case as prepared, on the points of its face.
     """
     surface = made.scene.surface
-    points = grid_points(surface.shape, settings.grid, settings.cells)
+    points = grid_points(surface.shape, settings.grid, made.divisor)
     face = surface if points == surface.shape else surface.resample(points)
-    if settings.cells is not None:
-        Partition(points, face.spacing, settings.cells)  # refuses pieces of too few pixels
+    Partition(points, face.spacing, made.divisor)  # refuses pieces of too few pixels
     sampling = made.sampling
     if sampling is not None and settings.realisations is not None:
         sampling = replace(sampling, realisations=settings.realisations)
     return replace(
         made,
         scene=replace(made.scene, surface=face, rtol=settings.rtol),
-        cells=settings.cells,
         sampling=sampling,
         conditioning=replace(made.conditioning, shape=face.shape, spacing=face.spacing),
     )
@@ -139,9 +132,7 @@ def last_version(case: Case, made: Prepared, attempts: dict[str, Any] | None) ->
     """A prepared case with the settings of the last attempt of its results; the case itself without attempts."""
     if attempts is None or case.accuracy is None:
         return made
-    found: dict[str, Any] = attempts["settings"]
-    pairs = {key: found[key] and tuple(found[key]) for key in ("cells", "pieces")}
-    return apply_settings(case, made, Settings(**found | pairs))
+    return apply_settings(case, made, Settings(**attempts["settings"]))
 
 
 def chosen(case: Case, made: Prepared) -> dict[str, Any]:
@@ -149,8 +140,7 @@ def chosen(case: Case, made: Prepared) -> dict[str, Any]:
     if case.accuracy is None:
         return made.chosen
     settings = first_settings(case, made)
-    plain = {name: list(v) if isinstance(v, tuple) else v for name, v in asdict(settings).items()}
-    return first_version(case, made).chosen | {f"settings.{name}": value for name, value in plain.items()}
+    return first_version(case, made).chosen | {f"settings.{name}": v for name, v in asdict(settings).items()}
 
 
 def expected_cost(prepared: Prepared) -> tuple[float, float]:
@@ -204,7 +194,7 @@ def _contact_residual(made: Prepared, settings: Settings, given: dict[str, str])
 
 def _pixels(made: Prepared, settings: Settings, given: dict[str, str]) -> Refinement:
     finer = replace(settings, grid=settings.grid + 1)
-    points = " × ".join(map(str, grid_points(made.scene.surface.shape, finer.grid, finer.cells)))
+    points = " × ".join(map(str, grid_points(made.scene.surface.shape, finer.grid, made.divisor)))
     if finer.grid > MOST_GRID:
         return Refinement(None, f"pixels are {2**MOST_GRID} times finer than those of the face")
     return Refinement(finer, f"{points} points")

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -37,14 +37,20 @@ def force_scale(data: xarray.Dataset) -> tuple[str, float] | None:
     return unit, factor * highest / float(data["nominal_pressure"].max())
 
 
-def load_names(data: xarray.Dataset) -> list[str]:
-    """Branch and load of every step for people; forces of a case stand before their nominal pressures."""
+def loads_as_given(data: xarray.Dataset, digits: int = 4) -> Callable[[float], str]:
+    """Nominal pressures [Pa] as text for people; forces of a case stand before them."""
     force = force_scale(data)
 
     def text(p: float) -> str:
-        nominal = to_text(p, "Pa")
-        return f"{force[1] * p:.4g} {force[0]} ({nominal})" if force else nominal
+        nominal = to_text(p, "Pa", digits)
+        return f"{force[1] * p:.{digits}g} {force[0]} ({nominal})" if force else nominal
 
+    return text
+
+
+def load_names(data: xarray.Dataset) -> list[str]:
+    """Branch and load of every step for people, see `loads_as_given`."""
+    text = loads_as_given(data)
     return [
         f"loading {text(p)}" if np.isnan(peak) else f"unloading {text(p)} from {text(peak)}"
         for p, peak in zip(data["nominal_pressure"].values, data["unloaded_from"].values, strict=True)

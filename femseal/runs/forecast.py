@@ -20,7 +20,7 @@ from ..refinement.settings import first_settings, first_version, given_settings,
 from ..report.case_text import contact_text, fluid_text, solids_text
 from ..results.paraview import fields_size
 from ..studies import Scene, drop_ratio
-from ..studies.costs import LADDER_STATES, USUAL_SEALS, Effort, on_ladder, usual_efforts
+from ..studies.costs import LADDER_STATES, Effort, on_ladder, usual_efforts, usual_seals
 from ..studies.deterministic import STEP_BYTES, states_memory
 from ..studies.face_leakage import FEWEST
 from ..studies.seat_rows import describe_map
@@ -104,7 +104,9 @@ def _facts(case: Case, made: Prepared) -> Iterator[tuple[str, str]]:
         points = " × ".join(map(str, without_short_waves(prepared).surface.shape))
         yield "second run", f"{prepared.answer.name}, on {points} points without waves up to twice the shortest"
     if again := _budget_inputs(case, prepared):
-        counts = Counter(one.scene.surface.shape for one in again for _ in one.scene.steps)
+        counts = Counter[tuple[int, int]]()
+        for one in again:
+            counts[one.scene.surface.shape] += _face_states(one)
         states = (f"{count} on {' × '.join(map(str, shape))} points" for shape, count in counts.items())
         yield "error budget", f"states again, {' and '.join(states)}"
     if leakage := case.output.description:
@@ -139,38 +141,44 @@ def _study_facts(prepared: Prepared) -> Iterator[tuple[str, str]]:
     pixels = int(np.prod(scene.surface.shape))
     if "deterministic" in prepared.methods:
         yield "deterministic", f"{steps} contact and {counted(steps, 'flow solution')} of {pixels} unknowns"
-    if prepared.cells is not None and "two-scale" in prepared.methods:
-        m1, m2 = prepared.cells
-        yield "pieces", _pieces(prepared, prepared.cells)
+    if prepared.cells is None:
+        return
+    m1, m2 = prepared.cells
+    yield "pieces", _pieces(prepared, prepared.cells)
+    if "two-scale" in prepared.methods:
         of_face = f"{steps} contact and {counted(steps, 'flow solution')} of {pixels} unknowns"
         yield "two-scale", f"{of_face}, {counted(2 * steps * m1 * m2, 'flow solution')} of pieces"
     if (sampling := prepared.sampling) is None or "stochastic" not in prepared.methods:
         return
-    cut, tiles = prepared.cut_and_tiles
-    if cut.shape != prepared.cells:
-        yield "pieces", _pieces(prepared, cut.shape)
+    _, tiles = prepared.cut_and_tiles
     length = to_text(tiles.seal.size[1], "m", 3)
     number = "seals" if sampling.realisations is None else counted(sampling.realisations, "seal")
     how = "as many as the band of error needs" if sampling.realisations is None else ""
+    states, where = counted(steps, "state"), "at its loads"
     if tiles.in_place:
-        states, where = counted(steps, "state"), "at its loads; pieces stay in their rows"
-    else:
-        states = f"about {LADDER_STATES:.0f} states" if on_ladder(scene, sampling) else counted(steps, "state")
-        where = "on a ladder of nominal pressures" if on_ladder(scene, sampling) else "at its loads"
+        where = "at its loads; pieces stay in their rows"
+    elif on_ladder(scene, sampling):
+        states, where = f"about {LADDER_STATES:.0f} states", "on a ladder of nominal pressures"
     yield "stochastic", f"{states} of the face, {where}"
     yield "", f"{number} of {tiles}, {length} long{f', {how}' if how else ''}"
     if uneven := describe_map(scene, tiles, sampling.pressure_map):
         yield "pressure map", uneven
 
 
+def _face_states(prepared: Prepared) -> int:
+    """Number of states of the whole face that are solved, about."""
+    sampling, steps = prepared.sampling, len(prepared.scene.steps)
+    if prepared.methods != {"stochastic"} or sampling is None:
+        return steps
+    ladder = on_ladder(prepared.scene, sampling) and not prepared.cut_and_tiles[1].in_place
+    return round(LADDER_STATES) if ladder else steps
+
+
 def _left_open(case: Case, prepared: Prepared) -> str:
     """What the case leaves open of pieces and drawn seals, as text."""
     cells, drawn, found = case.cells, case.stochastic, []
-    if cells is None or cells.count is cells.size is None:
-        if prepared.cells is not None:
-            found.append("two scales by pieces of eight shortest waves or more a side")
-        if prepared.pieces is not None:
-            found.append("{} × {} pieces of drawn seals".format(*prepared.pieces))
+    if prepared.cells is not None and (cells is None or cells.count is cells.size is None):
+        found.append("the number of pieces")
     if prepared.sampling is not None and drawn is not None and case.layout.has_length and drawn.length is None:
         found.append("seals as long as the face")
     return ", ".join(found)
@@ -237,7 +245,7 @@ def _accuracy_facts(case: Case, made: Prepared) -> Iterator[tuple[str, str]]:
     if case.accuracy is None:
         return
     chosen, given = first_settings(case, made), given_settings(case)
-    points = grid_points(made.scene.surface.shape, chosen.grid, chosen.cells)
+    points = grid_points(made.scene.surface.shape, chosen.grid, made.divisor)
     first = [f"{' × '.join(map(str, points))} points", f"contact.rtol {chosen.rtol:.0e}"]
     first += [] if chosen.realisations is None else [counted(chosen.realisations, "seal")]
     text = f"{100 * case.accuracy:.3g} % of the numbers alone, first with {', '.join(first)}"
@@ -285,10 +293,11 @@ def disk(case: Case, prepared: Prepared, again: list[Prepared] | None = None) ->
     # pictures and report; heights for ParaView
     others = 2e6 * (case.output.pictures or case.output.report) + 4.0 * pixels * formats
     # a piece: ten numbers in results.nc, and in the mesh of the seal
-    others += sum(80 * steps * prod(count) * (1 + formats) for count in (prepared.cells, prepared.pieces) if count)
+    others += 80 * steps * prod(prepared.cells or (0, 0)) * (1 + formats)
     if (sampling := prepared.sampling) is not None:
-        elements = len(prepared.cut_and_tiles[1].tile)
-        others += 8.0 * steps * ((sampling.realisations or USUAL_SEALS) + 5 * elements * (1 + formats))
+        cut, tiles = prepared.cut_and_tiles
+        seals = sampling.realisations or usual_seals(cut.shape, tiles)
+        others += 8.0 * steps * (seals + 5 * len(tiles.tile) * (1 + formats))
     checkpoint = sum(_checkpoint(one) for one in (prepared, *again))
     with storing(None, case.memory):
         if prepared.methods - {"stochastic"} and not states_memory(pixels, steps):

@@ -182,16 +182,24 @@ class SealTiles:
         """Corners of the elements in the plane of the seal (n, corners, 2) [m]."""
         return self.seal.outlines
 
+    @cached_property
+    def once(self) -> Indices:
+        """Numbers of the elements but those of the repeated columns of a short strip."""
+        if self.grid is None:
+            return np.arange(len(self.tile))
+        return np.unique(self.tile, return_index=True)[1]
+
     @property
-    def centres(self) -> Array:
-        """Middles of the elements (n, 2) [m]."""
-        return np.asarray(self.seal.outlines.mean(axis=1))
+    def size(self) -> tuple[float, float]:
+        """Breadth and length of the seal without repeated columns [m]."""
+        breadth, length = self.seal.size
+        return breadth, length * (self.once.size / self.tile.size)
 
     @property
     def middles(self) -> Array:
         """Middles of the tiles (tiles, 2) [m]."""
-        elements = np.bincount(self.tile)
-        return np.stack([np.bincount(self.tile, x) / elements for x in self.centres.T], axis=1)
+        tile, centres = self.tile[self.once], self.outlines[self.once].mean(axis=1)
+        return np.stack([np.bincount(tile, x) / np.bincount(tile) for x in centres.T], axis=1)
 
     def draw(self, pieces: tuple[int, int], rng: np.random.Generator) -> Indices:
         """Number of the piece that each tile draws (tiles,), pieces (m1, m2) being numbered row by row.
@@ -282,7 +290,7 @@ def laid_on_strip(pieces: PieceSize, lay: Lay) -> SealTiles:
     breadth = of_face if pieces.breadth is None else pieces.breadth
     cells = _rows_of(breadth, d1, "breadth", breadth), max(1, round(pieces.length / d2))
     size = breadth, cells[1] * d2
-    straight = lay.name in ("x2", "spiral") and cells[0] == pieces.rows and abs(breadth / of_face - 1) < _SAME
+    straight = lay.name == "x2" and cells[0] == pieces.rows and abs(breadth / of_face - 1) < _SAME
     middles = _middles(size, cells)
     laid = _strip(size, cells, lay.directions(middles))
     if lay.name == "spiral":
@@ -339,7 +347,8 @@ def laid_on_ring(pieces: PieceSize, lay: Lay, radii: tuple[float, float], inlet:
     along = np.einsum("nab,nb->na", frame, direction)
     seal = ElementSeal(ring, *ends, (breadth, 2 * pi * middle), outlines, _axes(along))
     tangent = lay.lead / (2 * pi * at) if wound else None
-    in_place = lay.name != "radial" and cells[0] == pieces.rows and abs(breadth / (pieces.rows * d1) - 1) < _SAME
+    as_broad = cells[0] == pieces.rows and abs(breadth / (pieces.rows * d1) - 1) < _SAME
+    in_place = lay.name == "circumferential" and as_broad
     tile = np.arange(len(along))
     return SealTiles(seal, direction, tile, cells, in_place, lay.name == "radial", tangent, warnings)
 

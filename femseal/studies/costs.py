@@ -14,7 +14,7 @@ from ..base import validate
 from ..seal.pressure_map import is_uniform
 from ..seal.tiles import SealTiles
 from .deterministic import state_memory, states_memory
-from .sampling import Sampling
+from .sampling import FEWEST_SEALS, MOST_SEALS, Sampling
 from .scene import Scene
 
 #: Pixels of the contact by which the effort of a load step is given.
@@ -40,9 +40,9 @@ _COARSER = 1.2, 3.0
 _CLOSED_SECONDS = 2e-8, 1.5e-6
 #: Seconds that the fluid pressure takes for each pixel in a round of contact and flow.
 _ROUND_PIXEL_SECONDS = 1.7e-7
-#: Seconds of a drawn seal at a step, and for each element; solutions where permeabilities depend on the pressure, seals
-#: that a band usually needs, and memory for each element [byte].
-_SEAL_SECONDS, _ELEMENT_SECONDS, _PRESSURE_SOLUTIONS, USUAL_SEALS, _ELEMENT_BYTES = 1e-3, 4e-6, 6.0, 20, 4e3
+#: Seconds of a drawn seal at a step, and for each element; solutions where permeabilities depend on the pressure, and
+#: memory for each element [byte].
+_SEAL_SECONDS, _ELEMENT_SECONDS, _PRESSURE_SOLUTIONS, _ELEMENT_BYTES = 1e-3, 1.5e-5, 4.0, 4e3
 #: Flow solutions, and what they need besides, that the flow of a rarefied gas takes.
 _SUCCESSIVE = 4.5
 #: Number of states of a face on a ladder of nominal pressures.
@@ -184,12 +184,14 @@ def stochastic_cost(
     tiles: SealTiles,
     sampling: Sampling,
     *,
+    solved: bool = False,
     pressures: int = 1,
     acts: bool = False,
 ) -> tuple[float, float]:
     """Expected time on one core [s] and memory [byte] of the states of a face and of the seals drawn from its pieces.
 
-    cells : number of pieces. pressures, acts : see `deterministic_cost`.
+    cells : number of pieces. solved : another study leaves contact and flow of the face at its loads. pressures, acts :
+    see `deterministic_cost`.
     """
     pixels, elements = points[0] * points[1], len(tiles.tile)
     piece = pixels / (cells[0] * cells[1])
@@ -197,10 +199,17 @@ def stochastic_cost(
     states = float(len(efforts)) if tiles.in_place or not ladder else LADDER_STATES
     each = mean(_face_seconds(points, effort, pressures, acts and tiles.in_place) for effort in efforts)
     flows = 2 * cells[0] * cells[1] * pressures * mean(flow_seconds(piece, effort) for effort in efforts)
-    draws = (sampling.realisations or USUAL_SEALS) * len(efforts)
+    each = 0.0 if solved and tiles.in_place else each
+    draws = (sampling.realisations or usual_seals(cells, tiles)) * len(efforts)
     again = _PRESSURE_SOLUTIONS if pressures > 1 or (acts and not tiles.in_place) else 1.0
     seals = again * draws * (_SEAL_SECONDS + _ELEMENT_SECONDS * elements)
     return states * (each + flows) + seals, state_memory(pixels) + _ELEMENT_BYTES * elements
+
+
+def usual_seals(cells: tuple[int, int], tiles: SealTiles) -> int:
+    """Number of seals that a band of error usually needs: fewer of long ones, whose leakage scatters less."""
+    faces = tiles.count / (cells[0] * cells[1])
+    return round(min(max(MOST_SEALS / max(faces, 1.0) ** 0.5, FEWEST_SEALS), MOST_SEALS))
 
 
 def on_ladder(scene: Scene, sampling: Sampling) -> bool:

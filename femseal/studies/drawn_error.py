@@ -26,6 +26,7 @@ import numpy as np
 from ..base import Array, Indices, InputError, validate
 from ..face.curves import PieceCurves
 from ..seal.tiles import face_tiles
+from ..windows import Failed, attempt
 from .load_curves import first_known
 from .piece_states import FacePieces
 from .scene import Scene
@@ -104,7 +105,8 @@ def _scores() -> dict[str, tuple[Indices, Array]]:
 def patch_scatter(scene: Scene, pieces: FacePieces, in_place: bool) -> Array:
     """Standard deviation of ln(leakage) of seals as small as the patch, drawn from its pieces (steps,).
 
-    A closed one counts as one of e⁻⁶ of the median. 0 where most are closed.
+    A closed one, and one whose flow fails as nearly all of it is closed, counts as one of e⁻⁶ of the median. 0 where
+    most are closed.
     """
     tiles = face_tiles(scene.surface.size, pieces.cut.shape)
     rng = np.random.default_rng(0)
@@ -125,7 +127,8 @@ def patch_scatter(scene: Scene, pieces: FacePieces, in_place: bool) -> Array:
     for n, piece in enumerate(draws):
         for s in np.flatnonzero(np.isfinite(k).all(axis=(0, 2))):
             drawn = tiles.permeability(k[0, s, piece], k[1, s, piece])
-            found[n, s] = tiles.seal.flow(drawn).conductance
+            flow = attempt(tiles.seal.flow, drawn)
+            found[n, s] = 0.0 if isinstance(flow, Failed) else flow.conductance
     median = np.median(found, axis=0)
     with np.errstate(divide="ignore", invalid="ignore"):
         logs = np.log(found / median)

@@ -18,6 +18,7 @@ from ..face.pieces import Cut, PieceState, factors
 from ..flow.permeability_table import tabulated
 from ..loads import LoadProgramme, LoadStep
 from ..seal import RectangularSeal
+from ..seal.layouts import RectangularLayout
 from ..seal.tiles import face_tiles
 from ..windows import Failed, FlowSettings, SolveCounts, attempt
 from .deterministic import DeterministicResult
@@ -25,12 +26,20 @@ from .face_flow import FaceFlow, resolved_flow
 from .face_leakage import permeabilities_of_places
 from .fluid_coupling import CoupledContact
 from .scene import Scene
+from .two_scale import TwoScaleResult
 
 #: Distance of the rungs of a ladder in the cube root of the pressure, over that of the highest one. ln k is nearly
 #: straight in it.
 _RUNG = 1 / 16
 #: Stops on the way down in fractions of a peak; ratio of neighbouring peaks, and most of them.
 _STOPS, _PEAK_RATIO, _MOST_PEAKS = (0.8, 0.6, 0.4, 0.25, 0.12, 0.04, 0.0), 1.3, 4
+#: Relative distance to a peak, or to the lowest or highest pressure, within which there is no rung; and to a peak within
+#: which these need no state of their own: a slope between closer states is that of the errors of their solutions.
+_NEAR, _SAME = 0.02, 1e-3
+
+
+#: Results of a whole face at the loads of a scene.
+FaceResult = DeterministicResult | TwoScaleResult
 
 
 @dataclass(frozen=True, eq=False)
@@ -95,11 +104,13 @@ class _Taken:
     places: Array | None
 
 
-def pieces_at_loads(scene: Scene, cut: Cut, known: DeterministicResult | None, mapper: Mapper) -> FacePieces:
+def pieces_at_loads(scene: Scene, cut: Cut, known: FaceResult | None, mapper: Mapper) -> FacePieces:
     """The pieces at the loads of the scene, in the contact of the face as it is, with its fluid where that acts.
 
-    known : solution of the same face; its contact is not solved again.
+    known : solution of the same face; its contact is not solved again, unless its grooves wind: those are of the seal.
     """
+    if scene.flow.spiral is not None:
+        scene, known = replace(scene, layout=RectangularLayout()), None
     if known is None:
         return _joined(scene, cut, scene.steps, list(scene.contact_states(_take(scene, cut), mapper=mapper)))
     solve = partial(_of_fields, cut=cut, flow=scene.flow)
@@ -200,13 +211,17 @@ def ladder_of(paths: Array, steps: LoadProgramme, elastic: bool) -> LoadProgramm
     its peaks are among those of the paths.
     """
     peak = local_peaks(paths, steps)
-    down = (paths > 0) & (paths < peak) & (not elastic)
-    highest, lowest = float(paths.max()), float(paths.min())
+    down = (paths < peak) & (not elastic)
+    highest, lowest = float(paths.max()), max(float(paths.min()), 0.0)
     peaks = _chosen_peaks(peak[down])
-    first = np.cbrt(max(lowest, 0.0) / highest) if highest > 0 else 0.0
+    first = np.cbrt(lowest / highest) if highest > 0 else 0.0
     count = int(np.ceil((1 - first) / _RUNG)) + 1
-    rungs = (highest * np.linspace(first, 1.0, count) ** 3).tolist() if highest > 0 else [0.0]
-    loading = sorted({*(p for p in rungs if all(abs(p / q - 1) > 0.02 for q in peaks)), *peaks, highest})
+    rungs = (highest * np.linspace(first, 1.0, count)[:-1] ** 3).tolist()
+    kept = [*peaks]
+    for end in (lowest, highest):
+        if all(abs(end - q) > _SAME * q for q in kept):
+            kept.append(end)
+    loading = sorted([*(p for p in rungs if all(abs(p - q) > _NEAR * q for q in kept)), *kept])
     deepest = float((paths[down] / peak[down]).min()) if down.any() else 1.0
     stops = [f for n, f in enumerate(_STOPS) if n == 0 or _STOPS[n - 1] > deepest]
     unloading = [LoadStep(f * p, p) for p in peaks for f in stops]

@@ -10,6 +10,9 @@ from ..seal.tiles import PieceSize, SealTiles
 from ..topography import Topography
 from .seat_rows import SeatMap
 
+#: Fewest seals that are drawn, and most, where their number is not given.
+FEWEST_SEALS, MOST_SEALS = 3, 200
+
 
 @dataclass(frozen=True)
 class Sampling:
@@ -23,7 +26,8 @@ class Sampling:
         is a form of the seat that is broader than the face.
     median_fields : also keep the fields of the seal whose leakage is nearest to the median.
 
-    Raises InputError: a number of realisations below 1, a breadth that is not > 0.
+    Raises InputError: a number of realisations below 1, a seed that is no whole number from 0, a length or breadth
+    that is not > 0.
     """
 
     length: float | None
@@ -37,6 +41,7 @@ class Sampling:
     def __post_init__(self) -> None:
         if self.realisations is not None:
             object.__setattr__(self, "realisations", validate.count("realisations", self.realisations))
+        object.__setattr__(self, "seed", validate.count("seed", self.seed, least=0))
         for name in ("length", "breadth"):
             if getattr(self, name) is not None:
                 validate.number(name, getattr(self, name), unit="m")

@@ -210,7 +210,7 @@ _FAR_LOAD = 10.0
 
 def seal_for_maps(layout: Layout, tiles: SealTiles) -> PressedSeal:
     """The seal in the coordinates of maps."""
-    return PressedSeal(layout.frame(tiles.seal.size), tiles.outlines)
+    return PressedSeal(layout.frame(tiles.size), tiles.outlines[tiles.once])
 
 
 def pressure_fractions(scene: Scene, tiles: SealTiles, pressure_map: AnyMap | SeatMap | SeatRows) -> Array:

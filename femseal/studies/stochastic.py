@@ -14,13 +14,12 @@ from ..face.pieces import MOST_RATIO, Cut
 from ..flow.permeability_table import tabulated
 from ..seal.tiles import SealTiles
 from ..windows import Failed, SolverCounts, attempt
-from .deterministic import DeterministicResult
 from .drawn_error import half_width, patch_scatter
 from .face_contact import band_breadth
 from .face_leakage import FEWEST, PlaceLeakage
 from .load_curves import least_counted
-from .piece_states import FacePieces, along_paths, ladder_of, pieces_at_loads, pieces_on_ladder
-from .sampling import Sampling, laid_out
+from .piece_states import FacePieces, FaceResult, along_paths, ladder_of, pieces_at_loads, pieces_on_ladder
+from .sampling import FEWEST_SEALS, MOST_SEALS, Sampling, laid_out
 from .scene import Scene, scene_warnings
 from .seat_rows import SeatMap, SeatRows, distinct_paths, pressure_fractions, seat_rows
 from .stochastic_result import MedianSeal, StochasticResult, nearest_to_median
@@ -28,9 +27,8 @@ from .stochastic_result import MedianSeal, StochasticResult, nearest_to_median
 #: Fluid pressures at which the permeability of pieces is known that the fluid presses apart. Measured against 129:
 #: leakage within 1.1e-3 with p_in up to .3 of the lowest load, within 9e-3 where they are equal.
 FLUID_PRESSURES = 9
-#: Fewest seals that are drawn, and most; and the standard error of ln(median leakage) that is wanted of them, in parts
-#: of the band of what one patch does not know.
-FEWEST_SEALS, MOST_SEALS, PART_OF_BAND = 3, 200, 1 / 20
+#: Standard error of ln(median leakage) that is wanted, in parts of the band of what one patch does not know.
+PART_OF_BAND = 1 / 20
 #: Standard error of the median of n normal numbers in standard deviations, times √n.
 _MEDIAN_ERROR = 1.2533
 #: Values of one field, parts times load steps, above which no fields are kept.
@@ -45,7 +43,7 @@ def stochastic(
     cells: tuple[int, int] | None,
     sampling: Sampling,
     *,
-    known: DeterministicResult | None = None,
+    known: FaceResult | None = None,
     mapper: Mapper = map,
 ) -> StochasticResult:
     """Cut the contact of a face into pieces, draw seals whose tiles take them, and solve the flow over each seal.
@@ -60,7 +58,7 @@ def stochastic(
     cells : number of pieces of the face along x1 and x2; None: two or three on its shorter side.
     sampling : how seals are drawn. Without a number of realisations seals are drawn until the standard error of
         their median is a twentieth of the band of what one patch does not know, at least three.
-    known : the deterministic solution of the scene, whose contact is not solved again.
+    known : the deterministic or two-scale solution of the scene, whose contact is not solved again.
     mapper : computes a stage for many items, such as the builtin `map`; it may use several processes.
 
     Raises
@@ -118,8 +116,8 @@ class _Supply:
 
     k : (pressures, 2, steps, paths, pieces) [m³], at each of the fluid pressures. pressures : of the fluid [Pa].
     piecewise : see `flow.PermeabilityTable`. path : number of the path of the pressure of every tile (tiles,).
-    paths : nominal pressure along each path (steps, paths) [Pa]. relief : see `_relief`.
-    most : largest ratio of the leakage of a seal to that of the face, or its inverse.
+    paths : nominal pressure along each path (steps, paths) [Pa]. unsolved : steps without a gap by number, and why.
+    in_place : pieces stay in the rows of the face.
     """
 
     pieces: FacePieces
@@ -147,7 +145,7 @@ def _fractions(scene: Scene, tiles: SealTiles, sampling: Sampling, mapper: Mappe
 
 
 def _supply(
-    scene: Scene, cut: Cut, tiles: SealTiles, fractions: Array, known: DeterministicResult | None, mapper: Mapper
+    scene: Scene, cut: Cut, tiles: SealTiles, fractions: Array, known: FaceResult | None, mapper: Mapper
 ) -> _Supply:
     """Pieces at the loads of the scene, or along a ladder of the pressures that tiles have."""
     steps, drop = scene.steps, scene.flow.drop
@@ -182,7 +180,8 @@ def _supply(
 def _table_pressures(scene: Scene) -> tuple[tuple[float, ...], bool]:
     """Fluid pressures [Pa] at which permeabilities are needed, and whether ln k is linear between them."""
     drop, fluid = scene.flow.drop, scene.acting_fluid
-    if fluid is None or drop.law.depends_on_pressure or getattr(scene.layout, "inlet_pressures", {}):
+    even = fluid is None or fluid.inlet == fluid.outlet
+    if even or drop.law.depends_on_pressure or getattr(scene.layout, "inlet_pressures", {}):
         return tuple(drop.pressures), False
     # ln k is nearly straight in the cube root of the pressure that the fluid leaves to the pieces
     full = max(min((p for p in scene.steps.pressures if p > 0), default=0.0), fluid.inlet, fluid.outlet)
@@ -225,7 +224,7 @@ def _drawn(
 
 def _needed(leakage: Array, scatter: Array, in_place: bool) -> int:
     """Number of seals whose median has the standard error that is wanted, at all steps that count."""
-    median = np.nanmedian(leakage, axis=0)
+    median = _medians(leakage)
     width = half_width("in place" if in_place else "anywhere", leakage=median, scatter=scatter)
     counts = (np.abs(median) > least_counted(median)) & np.isfinite(width)
     with np.errstate(divide="ignore", invalid="ignore"):
@@ -233,6 +232,12 @@ def _needed(leakage: Array, scatter: Array, in_place: bool) -> int:
     wanted = (_MEDIAN_ERROR * spread / (PART_OF_BAND * width[counts])) ** 2
     most = float(np.max(wanted[np.isfinite(wanted)], initial=0.0))
     return int(np.clip(np.ceil(most), FEWEST_SEALS, MOST_SEALS))
+
+
+def _medians(leakage: Array) -> Array:
+    """Median of the realisations that did not fail, at every step (steps,); NaN where all failed."""
+    known = [column[np.isfinite(column)] for column in leakage.T]
+    return np.array([np.median(column) if column.size else np.nan for column in known])
 
 
 def _stream(seed: int, realisation: int) -> np.random.Generator:
@@ -332,6 +337,6 @@ def _places(scene: Scene, supply: _Supply, leakage: Array) -> PlaceLeakage | Non
         every = [PieceCurves(pieces.steps, q).along(nominal, scene.steps)[:, 0] for q in (face, *places)]
         face, places = every[0], np.array(every[1:])
     with np.errstate(divide="ignore", invalid="ignore"):
-        scale = np.where(face > 0, np.nanmedian(leakage, axis=0) / face, 1.0)
+        scale = np.where(face > 0, _medians(leakage) / face, 1.0)
     count = len(places) // (2 if len(places) >= 2 * FEWEST else 1)
     return PlaceLeakage(scale * places[:count], scale * places[count:] if count >= FEWEST else None)

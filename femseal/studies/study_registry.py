@@ -23,12 +23,14 @@ class StudyOptions:
     """Options of all studies; each takes those that it needs.
 
     cells : number of pieces of the face along x1 and x2. sampling : see `stochastic`.
-    shares_face : the deterministic study leaves the face, cut into pieces, to two scales.
+    shares_face : the deterministic study leaves the face, cut into pieces, to two scales. knows_face : a study of the
+    face comes before the drawn seals.
     """
 
     cells: tuple[int, int] | None = None
     sampling: Sampling | None = None
     shares_face: bool = False
+    knows_face: bool = False
 
 
 @dataclass(frozen=True)
@@ -79,7 +81,7 @@ def _solve_stochastic(
     scene: Scene, options: StudyOptions, known: Mapping[str, Any], mapper: Mapper
 ) -> StochasticResult:
     assert options.sampling is not None
-    face = known.get("deterministic")
+    face = known.get("deterministic", known.get("two_scale"))
     return stochastic(scene, options.cells, options.sampling, known=face, mapper=mapper)
 
 
@@ -117,6 +119,7 @@ def _cost_stochastic(
         cut.shape,
         tiles,
         options.sampling,
+        solved=options.knows_face and scene.flow.spiral is None,
         pressures=count_pressures(scene),
         acts=scene.acting_fluid is not None,
     )

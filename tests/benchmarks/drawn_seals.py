@@ -17,7 +17,7 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
-from drawn_scenes import PIXEL, Drawn
+from drawn_scenes import Drawn
 
 import femseal as fs
 from femseal.studies import drawn_error

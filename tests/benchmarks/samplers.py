@@ -37,11 +37,12 @@ LONG = {
 
 def library_table(windows):
     """Permeabilities (cells, steps) along x1 and x2, and the steps."""
+    from femseal.library import Ladder, WindowSource, build_ladder_library
+    from femseal.studies.ladder_windows import LOADING_FRACTIONS, STOPS
+
     from femseal import self_affine
     from femseal.contact import HalfSpace, PerfectlyPlastic
-    from femseal.library import Ladder, WindowSource, build_ladder_library
     from femseal.loads import LoadProgramme
-    from femseal.studies.ladder_windows import LOADING_FRACTIONS, STOPS
 
     n = 16 * WINDOW
     face = self_affine((n, n), (n * PIXEL,) * 2, hurst=0.8, rms_slope=SLOPE, roll_off=40e-6, cut_off=8 * PIXEL, rng=1)

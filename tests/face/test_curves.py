@@ -1,0 +1,205 @@
+"""Curves of a piece over any path of the pressure: exact at the states of the ladder, and sane between them."""
+
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose, assert_array_equal
+
+from femseal.face.curves import LogCurve, PieceCurves, local_peaks
+from femseal.loads import LoadProgramme, LoadStep
+
+FRACTIONS = (0.8, 0.5, 0.2, 0.05)
+LOADING = np.linspace(0.2, 1.0, 9) ** 3 * 8e8
+
+
+def ladder(peaks=(2, 5, 8), loading=LOADING):
+    loads = [float(p) for p in loading]
+    down = [LoadStep(f * loads[n], loads[n]) for n in peaks for f in FRACTIONS]
+    return LoadProgramme([*map(LoadStep, loads), *down])
+
+
+def law(p, peak=None, steep=6.0):
+    """ln k that is straight in the cube root on loading; unloading gives a part of it back, as ln(peak/p)."""
+    top = -steep * np.cbrt(p / 8e8)
+    if peak is None:
+        return top
+    below = -steep * np.cbrt(peak / 8e8)
+    return below + 0.3 * (top - below)
+
+
+def values(steps, closed=np.inf, reopens=1.0):
+    """k of the states of a ladder; closed from a pressure on, open again below a fraction of the peak."""
+    found = []
+    for step in steps:
+        if step.unloaded_from is None:
+            found.append(np.exp(law(step.pressure)) if step.pressure < closed else 0.0)
+        else:
+            shut = step.unloaded_from >= closed and step.pressure > reopens * step.unloaded_from
+            found.append(0.0 if shut else np.exp(law(step.pressure, step.unloaded_from)))
+    return np.array(found)
+
+
+def path_to(p, peak):
+    """A programme that goes to a peak and down to p, and the path of the pressure of a piece."""
+    steps = LoadProgramme([LoadStep(peak), *([LoadStep(p, peak)] if p < peak else [])])
+    return steps, steps.pressures[:, None]
+
+
+@pytest.mark.parametrize("closed", [np.inf, 3e8])
+@pytest.mark.parametrize("peaks", [(8,), (2, 5, 8)])
+def test_states_of_the_ladder_are_exact(closed, peaks):
+    steps = ladder(peaks)
+    k = values(steps, closed, reopens=0.3)
+    assert (k == 0).any() == np.isfinite(closed)
+    assert_allclose(PieceCurves(steps, k).along(steps.pressures[:, None], steps)[:, 0], k, rtol=1e-10)
+
+
+def test_a_straight_line_in_the_cube_root_is_exact_between_states():
+    steps = ladder(())
+    p = np.linspace(LOADING[0], LOADING[-1], 101)
+    assert_allclose(PieceCurves(steps, values(steps)).loaded(p), np.exp(law(p)), rtol=1e-10)
+    # beyond the ends it is constant
+    assert_allclose(PieceCurves(steps, values(steps)).loaded(np.array([0.0, 2e9])), np.exp(law(LOADING[[0, -1]])))
+
+
+def test_the_error_between_states_falls_with_the_third_order_or_better():
+    """ln k of a smooth bend, from ladders of 5, 9 and 17 states."""
+    p = np.linspace(LOADING[0], LOADING[-1], 301)
+
+    def bent(p):
+        return np.exp(-3 * np.cbrt(p / 8e8) - 4 * np.cbrt(p / 8e8) ** 3)
+
+    errors = []
+    for n in (5, 9, 17):
+        steps = ladder((), np.linspace(0.2, 1.0, n) ** 3 * 8e8)
+        found = PieceCurves(steps, bent(steps.pressures)).loaded(p)
+        errors.append(np.abs(np.log(found / bent(p))).max())
+    assert errors[1] < errors[0] / 4
+    assert errors[2] < errors[1] / 4
+    assert errors[2] < 2e-3
+
+
+@pytest.mark.parametrize("closed", [np.inf, 3e8, 2.2e8])
+def test_curves_are_monotone_and_unloading_lies_below_loading(closed):
+    steps = ladder()
+    curves = PieceCurves(steps, values(steps, closed, reopens=0.3))
+    p = np.linspace(1e6, 8e8, 400)
+    loaded = curves.loaded(p)
+    assert (np.diff(loaded) <= 0).all()
+    for peak in np.linspace(2e7, 8e8, 23):
+        below = p[p < peak]
+        found = curves.unloaded(below, np.full(below.shape, peak))
+        assert (np.diff(found) <= 1e-12 * found[:-1]).all()
+        assert (found <= curves.loaded(below) * (1 + 1e-12)).all()
+        if peak < closed:
+            floor = curves.loaded(np.array([peak]))
+            assert (found >= floor * (1 - 1e-12)).all()
+
+
+def test_unloading_starts_on_the_loading_curve():
+    steps = ladder()
+    curves = PieceCurves(steps, values(steps))
+    for peak in np.linspace(5e7, 8e8, 37):
+        near = curves.unloaded(np.array([peak * (1 - 1e-9)]), np.array([peak]))
+        assert_allclose(near, curves.loaded(np.array([peak])), rtol=1e-6)
+
+
+def test_unloading_between_peaks_is_that_of_the_law():
+    """ln k of the law is smooth in both pressures: three peaks give it within some per cent."""
+    steps = ladder()
+    curves = PieceCurves(steps, values(steps))
+    for peak in (9e7, 2.5e8, 6e8):
+        p = peak * np.array([0.1, 0.3, 0.6, 0.9])
+        assert_allclose(curves.unloaded(p, np.full(4, peak)), np.exp(law(p, peak)), rtol=0.06)
+
+
+def test_small_peaks_tend_to_the_loading_curve():
+    steps = ladder((8,))
+    curves = PieceCurves(steps, values(steps))
+    p, peak = np.array([4e7]), np.array([5e7])
+    k = curves.unloaded(p, peak)
+    assert curves.loaded(peak) < k <= curves.loaded(p)
+    assert np.log(k / curves.loaded(peak)) > 0.6 * np.log(curves.loaded(p) / curves.loaded(peak))
+
+
+def test_a_closed_piece_stays_closed_until_it_reopens():
+    steps = ladder()
+    k = values(steps, closed=3e8, reopens=0.3)
+    curves = PieceCurves(steps, k)
+    loading = LOADING[LOADING < 3e8]
+    end = np.cbrt(loading[-1]) / 2 + np.cbrt(LOADING[len(loading)]) / 2
+    assert curves.loaded(np.array([(0.999 * end) ** 3]))[0] > 0
+    assert curves.loaded(np.array([(1.001 * end) ** 3]))[0] == 0
+    peak = np.full(60, 8e8)
+    p = np.linspace(0.01, 0.99, 60) * 8e8
+    found = curves.unloaded(p, peak)
+    reopened = p / peak < 0.35  # halfway between the open and the closed state, .2 and .5
+    assert_array_equal(found > 0, reopened)
+    # between the peak that just closes it and the next of the ladder, it reopens at every fraction in between
+    opens = []
+    for peak in np.linspace(end**3 * 1.0001, 8e8, 7):
+        p = np.linspace(0.01, 0.9999, 400) * peak
+        opens.append((p / peak)[curves.unloaded(p, np.full(400, peak)) > 0].max())
+    assert opens[0] > 0.99
+    assert (np.diff(opens) < 0).all()
+    assert opens[-1] == pytest.approx(0.35, abs=0.01)
+
+
+def test_a_piece_that_never_opens_stays_closed():
+    steps = ladder()
+    curves = PieceCurves(steps, np.zeros(len(steps)))
+    assert not curves.along(steps.pressures[:, None], steps).any()
+    assert not curves.unloaded(np.array([1e6, 3e8]), np.array([1e8, 8e8])).any()
+
+
+def test_without_unloading_in_the_ladder_a_piece_comes_back_as_it_went():
+    steps = ladder(())
+    curves = PieceCurves(steps, values(steps))
+    p = np.array([1e8, 5e8])
+    assert_array_equal(curves.unloaded(p, np.full(2, 8e8)), curves.loaded(p))
+
+
+def test_the_peak_of_a_piece_is_that_of_its_own_path():
+    """A map that presses a piece less while the load rises, and more while it falls."""
+    seal = LoadProgramme.of([1e8, 2e8, 4e8], unload_from=[2e8, 4e8], unloading=[3e8, 1e8])
+    names = [(s.pressure, s.unloaded_from) for s in seal]
+    assert names == [(1e8, None), (2e8, None), (4e8, None), (1e8, 2e8), (3e8, 4e8), (1e8, 4e8)]
+    falling = np.array([3.0, 2.0, 1.0, 2.5, 0.5, 4.0])[:, None] * 1e8
+    rising = np.array([1.0, 2.0, 4.0, 1.0, 3.0, 1.0])[:, None] * 1e8
+    found = local_peaks(np.hstack([falling, rising]), seal)
+    assert_allclose(found[:, 0] / 1e8, [3, 3, 3, 3, 3, 4])
+    assert_allclose(found[:, 1] / 1e8, [1, 2, 4, 2, 4, 4])
+    steps = ladder()
+    curves = PieceCurves(steps, values(steps))
+    k = curves.along(falling, seal)[:, 0]
+    expected = [curves.loaded(3e8), *(curves.unloaded(np.array([p]), np.array([3e8]))[0] for p in falling[1:5, 0])]
+    assert_allclose(k[:5], expected)
+    assert_allclose(k[5], curves.loaded(4e8))
+
+
+def test_a_step_whose_flow_failed_is_left_out():
+    steps = ladder((5, 8))
+    k = values(steps)
+    whole = PieceCurves(steps, k)
+    for lost in (0, 3, 8, 9, 12, len(steps) - 1):
+        holed = k.copy()
+        holed[lost] = np.nan
+        curves = PieceCurves(steps, holed)
+        p = np.linspace(3e7, 7.9e8, 50)
+        assert_allclose(curves.loaded(p), whole.loaded(p), rtol=0.01 if lost not in (0, 8) else 4)
+        assert np.isfinite(curves.unloaded(0.5 * p, p)).all()
+        assert (curves.loaded(p) > 0).all()
+    on_loading, down = steps.on_loading, ~steps.on_loading
+    lost = PieceCurves(steps, np.where(on_loading, np.nan, k))
+    assert np.isnan(lost.along(steps.pressures[:, None], steps)).all()
+    lost = PieceCurves(steps, np.where(down, np.nan, k)).along(steps.pressures[:, None], steps)[:, 0]
+    assert_allclose(lost[on_loading], k[on_loading])
+    assert np.isnan(lost[down]).all()
+
+
+def test_a_curve_of_logarithms_ends_where_it_closes():
+    curve = LogCurve(np.array([1.0, 2.0, 3.0, 4.0]), np.exp([-1.0, -2.0, -np.inf, -1.0]))
+    assert curve.end == 2.5
+    assert_allclose(curve(np.array([0.0, 1.0, 1.5, 2.0, 2.4])), [-1, -1, -1.5, -2, -2.4])
+    assert np.isneginf(curve(np.array([2.6, 4.0]))).all()
+    single = LogCurve(np.array([1.0, 2.0]), np.array([1.0, 0.0]))
+    assert_allclose(single(np.array([0.5, 1.4, 1.6])), [0, 0, -np.inf])

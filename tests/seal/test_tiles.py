@@ -1,0 +1,294 @@
+"""Tiles of strips, rings and meshes: closed forms, what closes a seal, how pieces are drawn, and faults."""
+
+from dataclasses import replace
+
+import meshio
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose, assert_array_equal
+from skfem import MeshQuad, MeshQuad2, MeshTri, MeshTri2
+
+from femseal.base import InputError
+from femseal.flow.mesh import darcy_conductance
+from femseal.seal.layouts import AnnularLayout, MeshLayout, RectangularLayout
+from femseal.seal.pressure_map import AngleTable, PressedSeal
+from femseal.seal.straightened import straightened
+from femseal.seal.tiles import PieceSize, along_grooves, face_tiles
+
+A = 1e-4
+PIECE = PieceSize((A, A), 3, length=9 * A)
+
+
+def wide(rows=4, columns=9, lay="x2"):
+    return RectangularLayout(lay).lay_out(replace(PIECE, length=columns * A, breadth=rows * A))
+
+
+def ring(lay="circumferential", inlet="inner", inner=1e-3, outer=1.4e-3):
+    return AnnularLayout(inner, outer, inlet, lay=lay).lay_out(PieceSize((A, A), 3))
+
+
+def conductance(tiles, k1, k2=None):
+    k1 = np.broadcast_to(k1, tiles.count)
+    return tiles.seal.flow(tiles.permeability(k1, k1 if k2 is None else np.broadcast_to(k2, tiles.count))).conductance
+
+
+def mesh_file(folder, mesh, ends, unit=1e3):
+    """A mesh with named ends, as Gmsh writes it, in millimetres."""
+    cells = [("triangle", mesh.t.T)]
+    tags = [np.zeros(mesh.nelements, int)]
+    names = {}
+    for number, (name, facets) in enumerate(ends.items(), 1):
+        cells.append(("line", mesh.facets[:, facets].T))
+        tags.append(np.full(len(facets), number))
+        names[name] = np.array([number, 1])
+    names["face"] = np.array([9, 2])
+    tags[0][:] = 9
+    points = np.c_[mesh.p.T * unit, np.zeros(mesh.nvertices)]
+    data = {"gmsh:physical": tags, "gmsh:geometrical": tags}
+    path = folder / "seal.msh"
+    meshio.write(path, meshio.Mesh(points, cells, cell_data=data, field_data=names), file_format="gmsh22", binary=False)
+    return path
+
+
+def triangles_of_ring(n, inner=1e-3, outer=1.4e-3):
+    """A quarter of a ring of triangles, its facets at both radii."""
+    mesh = MeshTri.init_tensor(np.linspace(inner, outer, n + 1), np.linspace(0, np.pi / 2, 4 * n + 1))
+    facets = mesh.boundary_facets()
+    radius = mesh.p[0][mesh.facets[:, facets]]
+    ends = {"in": facets[np.isclose(radius, inner).all(axis=0)], "out": facets[np.isclose(radius, outer).all(axis=0)]}
+    r, angle = mesh.p
+    return MeshTri(np.stack([r * np.cos(angle), r * np.sin(angle)]), mesh.t), ends
+
+
+@pytest.mark.parametrize("columns", [1, 2, 3, 9])
+def test_equal_tiles_of_a_strip_are_the_closed_form(columns):
+    tiles = wide(4, columns)
+    per_length = conductance(tiles, 2e-18) / tiles.seal.length
+    assert_allclose(per_length, 2e-18 / (4 * A), rtol=1e-7)
+    assert tiles.size == pytest.approx((4 * A, columns * A))
+
+
+@pytest.mark.parametrize("inlet", ["inner", "outer"])
+def test_equal_tiles_of_a_ring_are_the_closed_form(inlet):
+    exact = 2 * np.pi * 3e-19 / np.log(1.4)
+    assert_allclose(conductance(ring(inlet=inlet), 3e-19), exact, rtol=1e-7)
+    assert_allclose(conductance(ring("x1", inlet), 3e-19), exact, rtol=1e-7)
+
+
+def test_equal_tiles_of_triangles_are_the_closed_form(tmp_path):
+    """A rectangle exactly, a quarter of a ring with the second order of its edges."""
+    plate = MeshTri.init_tensor(np.linspace(0, 5 * A, 6), np.linspace(0, 8 * A, 9))
+    facets = plate.boundary_facets()
+    x = plate.p[0][plate.facets[:, facets]]
+    path = mesh_file(tmp_path, plate, {"in": facets[(x == 0).all(axis=0)], "out": facets[(x == 5 * A).all(axis=0)]})
+    tiles = MeshLayout(path, "mm", "in", "out", lay="x2").lay_out(PieceSize((A, A), 3))
+    assert_allclose(conductance(tiles, 3e-19, 7e-19), 3e-19 * 8 / 5, rtol=1e-6)
+    errors = []
+    for n in (4, 8, 16):
+        path = mesh_file(tmp_path, *triangles_of_ring(n))
+        tiles = MeshLayout(path, "mm", "in", "out", lay="x1").lay_out(PieceSize((A, A), 3))
+        errors.append(abs(conductance(tiles, 1e-18) / (np.pi / 2 * 1e-18 / np.log(1.4)) - 1))
+    assert errors[2] < 1e-4
+    assert errors[0] / errors[2] == pytest.approx(16, rel=0.2)
+
+
+@pytest.mark.parametrize(
+    ("lay", "share"), [("x2", 0.0), ("x1", 1.0), ({"angle": np.pi / 6}, 0.75), ({"angle": 2.0}, np.cos(2.0) ** 2)]
+)
+def test_the_lay_turns_the_permeability(lay, share):
+    """k1 sin² + k2 cos² of the angle from x1, on a strip along which nothing changes."""
+    tiles = wide(lay=lay)
+    assert_allclose(conductance(tiles, 1e-18, 5e-18) / tiles.seal.length * 4 * A, (1 + 4 * share) * 1e-18, rtol=1e-6)
+
+
+@pytest.mark.parametrize("inlet", ["inner", "outer"])
+def test_the_lay_of_a_ring_chooses_the_permeability(inlet):
+    for lay, k in (("circumferential", 1e-18), ("radial", 5e-18)):
+        assert_allclose(conductance(ring(lay, inlet), 1e-18, 5e-18), 2 * np.pi * k / np.log(1.4), rtol=1e-7)
+    straight = [conductance(ring(lay, inlet), 1e-18, 5e-18) * np.log(1.4) / (2 * np.pi) for lay in ("x1", "x2")]
+    assert_allclose(straight[0], straight[1], rtol=1e-2)
+    assert 2 * 5 / (1 + 5) < straight[0] / 1e-18 < (1 + 5) / 2
+
+
+def test_a_groove_that_winds_adds_its_own_way():
+    """k1 cos²α + k2 sin²α, of tiles in a row by their harmonic mean; no lead, none of it."""
+    lead, k2 = 2 * A, np.exp(np.random.default_rng(0).normal(0, 1, (4, 9)))
+    tiles = wide(lay={"kind": "spiral", "lead": lead})
+    tangent = lead / (9 * A)
+    assert_allclose(tiles.tangent, tangent)
+    rows = 1 / np.mean(1 / k2, axis=1)
+    found = conductance(tiles, 1e-30, k2.ravel()) / tiles.seal.length
+    assert_allclose(found, 1 / np.sum(A / (tangent**2 * rows / (1 + tangent**2))), rtol=1e-6)
+    short = wide(lay={"kind": "spiral", "lead": lead, "circumference": 1.0})
+    assert_allclose(conductance(short, 1.0, 3.0), conductance(wide(), 1.0), rtol=1e-6)
+    assert_array_equal(along_grooves(np.array([[1.0, 0.0], [2.0, 2.0]])), [0.0, 2.0])
+
+
+@pytest.mark.parametrize("tiles", [wide(), ring(), ring("x1")], ids=["strip", "ring", "ring x1"])
+def test_a_closed_row_closes_the_seal(tiles):
+    k = np.ones(tiles.grid)
+    k[2] = 0
+    assert conductance(tiles, k.ravel()) == 0
+    k[2, 1] = 1
+    assert conductance(tiles, k.ravel()) > 0
+    assert conductance(tiles, 0.0) == 0
+
+
+def test_half_closed_tiles_carry_along_their_open_axis_alone():
+    tiles = wide()
+    assert conductance(tiles, 0.0, 1e-18) == 0
+    assert_allclose(conductance(tiles, 1e-18, 0.0), 1e-18 * 9 / 4, rtol=1e-6)
+    across = wide(lay="x1")
+    assert conductance(across, 1e-18, 0.0) == 0
+    one = np.zeros(tiles.grid)
+    one[:, 3] = 1e-18
+    assert_allclose(conductance(tiles, one.ravel(), 0.0), 1e-18 / 4, rtol=1e-6)
+
+
+def test_tiles_that_meet_in_corners_do_not_leak():
+    tiles = wide(4, 8)
+    board = (np.indices((4, 8)).sum(axis=0) % 2).astype(float)
+    assert conductance(tiles, board.ravel()) == 0
+    board[0, 0] = board[1, 1] = board[2, 2] = 1  # a way through sides
+    assert conductance(tiles, board.ravel()) > 0
+
+
+def test_a_large_contrast_is_that_of_a_dense_solution():
+    """Eleven decades of permeability: both bounds are those of the general solver, and enclose the series."""
+    tiles = wide(5, 6)
+    k = 10.0 ** np.random.default_rng(5).uniform(-11, 0, (2, tiles.count))
+    found = tiles.seal.flow(tiles.permeability(*k), solver="direct")
+    tensors = tiles.seal.tensors(tiles.permeability(*k))
+    whole = darcy_conductance(
+        tiles.seal.mesh, tensors, tiles.seal.inlet, tiles.seal.outlet, bounds=True, solver="direct"
+    )
+    assert_allclose([found.lower, found.upper], [whole.lower, whole.upper], rtol=1e-6)
+
+
+def test_an_open_seal_goes_over_into_a_closed_one_without_a_jump():
+    """The limit at which elements count as closed changes the way of solution, not the leakage."""
+    tiles = wide(3, 5)
+    k = np.exp(np.random.default_rng(0).normal(0, 1, tiles.count))
+    k[7] = 2e-12 * k.max()
+    before = conductance(tiles, k)
+    k[7] = 0.5e-12 * k.max()
+    assert_allclose(conductance(tiles, k), before, rtol=1e-5)
+
+
+def test_a_longer_seal_begins_with_the_tiles_of_a_shorter_one():
+    short, long = wide(4, 9), wide(4, 30)
+    a, b = (t.draw((3, 5), np.random.default_rng(7)).reshape(t.grid) for t in (short, long))
+    assert_array_equal(a, b[:, :9])
+    again = long.draw((3, 5), np.random.default_rng(7)).reshape(long.grid)
+    assert_array_equal(b, again)
+
+
+def test_every_piece_is_drawn_as_often_and_independent_of_its_neighbour():
+    tiles = wide(10, 2000)
+    piece = tiles.draw((3, 4), np.random.default_rng(1))
+    count = np.bincount(piece, minlength=12)
+    expected = piece.size / 12
+    assert ((count - expected) ** 2 / expected).sum() < 31.3  # 99.9 % of chi² of 11 degrees
+    drawn = piece.reshape(tiles.grid)
+    for pairs in (drawn[:, 1:] * 12 + drawn[:, :-1], drawn[1:] * 12 + drawn[:-1]):
+        count = np.bincount(pairs.ravel(), minlength=144)
+        expected = pairs.size / 144
+        assert ((count - expected) ** 2 / expected).sum() < 200
+
+
+def test_in_place_rows_draw_from_their_own_row():
+    tiles = wide(3, 50)
+    assert tiles.in_place
+    assert_array_equal(tiles.draw((3, 4), np.random.default_rng(0)).reshape(3, 50) // 4, [[0] * 50, [1] * 50, [2] * 50])
+    assert set(tiles.draw((3, 4), np.random.default_rng(0)).reshape(3, 50)[1].tolist()) == {4, 5, 6, 7}
+
+
+def test_pieces_stay_in_place_where_the_seal_is_like_the_face_alone():
+    assert wide(3).in_place
+    assert ring(outer=1e-3 + 3 * A).in_place
+    assert not wide(4).in_place
+    # a lay that does not run along the seal, or grooves that wind: rows of the face are none of the seal
+    assert not any(wide(3, lay=lay).in_place for lay in ("x1", {"angle": 1.0}, {"kind": "spiral", "lead": A}))
+    spiral = {"kind": "spiral", "lead": A}
+    assert not any(ring(lay, outer=1e-3 + 3 * A).in_place for lay in ("radial", "x1", "x2", {"angle": 1.0}, spiral))
+
+
+@pytest.mark.parametrize("columns", [1, 2, 3, 8])
+def test_maps_see_a_short_strip_once(columns):
+    """A periodic mesh repeats fewer than three columns; places and mean of a map are those of the strip itself."""
+    layout, tiles = RectangularLayout(), wide(2, columns)
+    x1, x2 = tiles.middles.reshape(2, columns, 2).transpose(2, 0, 1)
+    assert_allclose(x1, np.broadcast_to([[0.5 * A], [1.5 * A]], x1.shape))
+    assert_allclose(x2, np.broadcast_to((np.arange(columns) + 0.5) * A, x2.shape))
+    seal = PressedSeal(layout.frame(tiles.size), tiles.outlines[tiles.once])
+    found = seal.fractions(AngleTable((1.0, 3.0, 5.0)), tiles.middles, [1.0])
+    assert_allclose(found.mean(), 1.0, rtol=1e-12)
+
+
+def test_elements_smaller_than_a_piece_share_its_tile(tmp_path):
+    path = mesh_file(tmp_path, *triangles_of_ring(8))
+    fine, coarse = (MeshLayout(path, "mm", "in", "out").lay_out(PieceSize((s, s), 3)) for s in (1e-6, 2 * A))
+    assert fine.count == len(fine.tile)
+    assert coarse.count < 0.5 * len(coarse.tile)
+    spread = [np.ptp(coarse.outlines[coarse.tile == n].mean(axis=1), axis=0).max() for n in range(coarse.count)]
+    assert max(spread) <= 2 * A
+    k = np.exp(np.random.default_rng(0).normal(0, 1, (2, coarse.count)))
+    assert_array_equal(coarse.permeability(*k), k.T[coarse.tile])
+
+
+@pytest.mark.parametrize("tiles", [wide(lay={"angle": 0.4}), ring("x1"), ring(inlet="outer")], ids=["strip", "in", "out"])
+def test_the_flux_carries_the_leakage(tiles):
+    """Through every row it is the rate, up to what the middles of tiles do not see."""
+    k = tiles.permeability(*np.exp(np.random.default_rng(0).normal(0, 0.5, (2, tiles.count))))
+    flow = tiles.seal.flow(k)
+    flux, centre = tiles.flux(k, flow.potential, flow.conductance), tiles.outlines.mean(axis=1)
+    radius = np.hypot(*centre.T)
+    around = centre[:, 0].max() < 5 * A  # a strip
+    across = flux[:, 0] if around else (flux * centre).sum(axis=1) / radius
+    width = tiles.seal.length / tiles.grid[1] if around else 2 * np.pi * radius / tiles.grid[1]
+    rows = (across * width).reshape(tiles.grid).sum(axis=1)
+    inward = -1 if not around and tiles.outlines[0, 0] @ tiles.outlines[0, 0] > 1.3e-3**2 else 1
+    assert_allclose(inward * rows, flow.conductance, rtol=0.1)
+
+
+@pytest.mark.parametrize("kind", [MeshTri2, MeshQuad2])
+def test_meshes_of_the_second_order_are_straightened(kind):
+    plain = (MeshTri if kind is MeshTri2 else MeshQuad).init_tensor(np.linspace(0, 2, 4), np.linspace(0, 1, 3))
+    mesh = kind.from_mesh(plain)
+    facets = mesh.boundary_facets()
+    x = plain.p[0][mesh.facets[:, facets]]
+    ends = [facets[(x == at).all(axis=0)] for at in (0.0, 2.0)]
+    straight, found = straightened(mesh, *ends)
+    assert straight.nelements == 4 * mesh.nelements
+    assert [len(end) for end in found] == [2 * len(end) for end in ends]
+    for end, at in zip(found, (0.0, 2.0), strict=True):
+        assert (straight.p[0][straight.facets[:, end]] == at).all()
+    flow = darcy_conductance(straight, 1.0, *found, bounds=True)
+    assert_allclose([flow.lower, flow.upper], 0.5, rtol=1e-7)
+
+
+def test_faults_of_sizes():
+    with pytest.raises(InputError, match="length"):
+        RectangularLayout().lay_out(replace(PIECE, length=None))
+    with pytest.raises(InputError, match="at most 1000 tiles"):
+        wide(1001)
+    with pytest.raises(InputError, match="at least as broad as a piece"):
+        ring(outer=1e-3 + 0.5 * A)
+    with pytest.raises(InputError, match="a mesh has none of them"):
+        ring(inner=1e-5)
+    assert "too close together" in ring(inner=2e-4, outer=8e-4).warnings[0]
+    for size in ({"length": A}, {"breadth": A}):
+        with pytest.raises(InputError, match="it has its own"):
+            AnnularLayout(1e-3, 1.4e-3).lay_out(replace(PieceSize((A, A), 3), **size))
+    with pytest.raises(InputError, match="cross it within a turn"):
+        wide(lay={"kind": "spiral", "lead": 5 * A})
+
+
+def test_the_pieces_of_a_face_lie_in_their_order():
+    tiles = face_tiles((2.0, 6.0), (2, 3))
+    assert tiles.in_place
+    assert_allclose(tiles.middles, [[0.5 + i, 1 + 2 * j] for i in range(2) for j in range(3)])
+    k = np.arange(1.0, 7.0)
+    # columns that hardly exchange: in series along x1, beside each other along x2
+    found = conductance(tiles, k, 1e-9)
+    assert_allclose(found, 2 * (1 / (1 / k.reshape(2, 3)).sum(axis=0)).sum(), rtol=5e-3)

@@ -1,0 +1,226 @@
+"""States of a face cut into pieces: what the face leaks, the ladder, and pieces along any path of the pressure."""
+
+from dataclasses import replace
+from functools import cache
+
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose, assert_array_equal
+
+from femseal.face.curves import local_peaks
+from femseal.face.pieces import Cut
+from femseal.fluids import IdealGas, Liquid
+from femseal.loads import LoadProgramme, LoadStep
+from femseal.seal.tiles import face_tiles
+from femseal.studies import piece_states
+from femseal.studies.deterministic import deterministic
+from femseal.studies.piece_states import along_paths, ladder_of, pieces_at_loads, pieces_on_ladder
+from femseal.studies.scene import Scene
+from femseal.topography import Places, self_affine
+from femseal.windows import Failed
+
+E, H, SIDE = 115e9, 3e9, 48e-6
+OIL = Liquid(1e-3)
+
+
+@cache
+def face(rng=2, n=48):
+    return self_affine((n, n), (SIDE, SIDE), hurst=0.8, rms_slope=0.15, roll_off=SIDE / 2, rng=rng)
+
+
+def scene(**changed):
+    given = {
+        "surface": face(),
+        "modulus": E,
+        "hardness": H,
+        "fluid": OIL,
+        "inlet_pressure": 1e6,
+        "outlet_pressure": 0.0,
+        "loading": (5e7, 2e8, 5e8),
+        "unload_from": (5e8,),
+        "unloading": (2e8, 5e7),
+        "fluid_pressure": "ignored",
+    }
+    return Scene(**(given | changed))
+
+
+def in_order(one, pieces):
+    """Leakage of the pieces in their own order, times the factor of each state."""
+    tiles = face_tiles(one.surface.size, pieces.cut.shape)
+    k = pieces.k[0].reshape(2, len(pieces.steps), -1)
+    flows = [tiles.seal.flow(tiles.permeability(*k[:, s])).conductance for s in range(len(pieces.steps))]
+    return np.array(flows) / tiles.seal.length * (one.inlet_pressure / 1e-3) * pieces.factor
+
+
+@pytest.mark.parametrize("cells", [(2, 2), (4, 4), (1, 3), (3, 1)])
+def test_pieces_in_their_order_times_the_factor_leak_what_the_face_leaks(cells):
+    one = scene()
+    pieces = pieces_at_loads(one, Cut.of(one.surface, cells), None, map)
+    assert_allclose(in_order(one, pieces), deterministic(one).leakage, rtol=2e-5)
+    assert_allclose(pieces.face, deterministic(one).leakage, rtol=1e-9)
+    assert_allclose(pieces.own * pieces.factor, pieces.face, rtol=1e-9)
+    assert not pieces.failures
+    assert not pieces.unsolved
+
+
+@pytest.mark.parametrize("options", [{}, {"fluid_pressure": "acts", "inlet_pressure": 5e6}], ids=["dry", "acts"])
+def test_a_known_solution_gives_the_same_pieces(options):
+    one = scene(**options)
+    cut = Cut.of(one.surface, (2, 2))
+    found, known = (pieces_at_loads(one, cut, of, map) for of in (None, deterministic(one)))
+    for name in ("k", "pressure", "mean_gap", "contact_fraction", "rows", "face", "own"):
+        assert_allclose(getattr(known, name), getattr(found, name), rtol=1e-5, atol=1e-30, err_msg=name)
+
+
+def test_known_places_are_kept():
+    one = scene(surface=Places([face(), face(3), face(4)]))
+    cut = Cut.of(one.surface, (2, 6))
+    found, known = (pieces_at_loads(one, cut, of, map) for of in (None, deterministic(one)))
+    assert found.places.shape == (6, 5)
+    assert_allclose(known.places, found.places, rtol=1e-5)
+
+
+def test_pressures_of_pieces_carry_the_load():
+    one = scene()
+    for cells in ((2, 2), (3, 4)):
+        pieces = pieces_on_ladder(one, Cut.of(one.surface, cells), one.steps, map)
+        assert_allclose(pieces.pressure.mean(axis=(1, 2)), one.steps.pressures, rtol=1e-4)
+        assert_allclose(pieces.rows.mean(axis=1), one.steps.pressures, rtol=1e-4)
+        loading = slice(0, 3)
+        assert (np.diff(pieces.mean_gap[loading].mean(axis=(1, 2))) < 0).all()
+        assert (np.diff(pieces.contact_fraction[loading].mean(axis=(1, 2))) > 0).all()
+
+
+def test_a_ladder_is_dry_and_periodic_whatever_the_scene():
+    one = scene(fluid_pressure="acts", inlet_pressure=2e7)
+    cut = Cut.of(one.surface, (2, 2))
+    dry = replace(one, fluid_pressure="ignored", boundary=("periodic", "periodic"))
+    assert_allclose(pieces_on_ladder(one, cut, one.steps, map).k, pieces_at_loads(dry, cut, None, map).k, rtol=1e-12)
+
+
+@pytest.mark.parametrize("elastic", [False, True])
+@pytest.mark.parametrize("seed", range(6))
+def test_a_ladder_covers_all_paths(seed, elastic):
+    rng = np.random.default_rng(seed)
+    steps = LoadProgramme.of([1e7, 1e8, 4e8], unload_from=[1e8, 4e8], unloading=[2e8, 5e7, 0.0][: 1 + seed % 3])
+    steps = steps if any(s.unloaded_from for s in steps) else LoadProgramme([LoadStep(1e8)])
+    paths = steps.pressures[:, None] * rng.uniform(0.3, 1.7, (1, 20))
+    ladder = ladder_of(paths, steps, elastic)
+    highest, lowest = paths.max(), paths.min()
+    loading = np.array(ladder.loading)
+    assert loading[-1] == pytest.approx(highest, rel=1e-3)
+    assert loading[0] == pytest.approx(lowest, rel=1e-3, abs=1.0)
+    roots = np.cbrt(loading / highest)
+    assert np.diff(roots).max() <= 1.15 * piece_states._RUNG
+    assert np.diff(loading).min() > 5e-4 * loading[1:][np.diff(loading).argmin()]
+    if elastic:
+        assert not ladder.unload_from
+        return
+    peaks = local_peaks(paths, steps)[~steps.on_loading]
+    assert len(ladder.unload_from) <= piece_states._MOST_PEAKS
+    assert ladder.unload_from[-1] == pytest.approx(peaks.max())
+    assert ladder.unload_from[0] == pytest.approx(peaks.min())
+    deepest = (paths / local_peaks(paths, steps))[~steps.on_loading].min()
+    for peak in ladder.unload_from:
+        stops = [s.pressure / peak for s in ladder if s.unloaded_from == peak]
+        assert min(stops) <= deepest
+
+
+def test_paths_that_differ_by_rounding_have_one_state():
+    steps = LoadProgramme([LoadStep(2e8)])
+    paths = 2e8 * np.array([[1.0, 1 + 3e-16, 1 - 2e-16, 1 + 1e-12]])
+    ladder = ladder_of(paths, steps, False)
+    assert len(ladder) == 1
+    one = scene()
+    pieces = pieces_on_ladder(one, Cut.of(one.surface, (2, 2)), ladder, map)
+    found = along_paths(pieces, paths, steps)
+    assert_array_equal(found, np.broadcast_to(found[:, :, :, :1], found.shape))
+
+
+def test_no_load_at_all_is_a_state_too():
+    steps = LoadProgramme([LoadStep(0.0)])
+    assert ladder_of(np.zeros((1, 3)), steps, False) == steps
+
+
+def test_pieces_along_the_ladder_itself_are_those_of_its_states():
+    one = scene()
+    pieces = pieces_on_ladder(one, Cut.of(one.surface, (2, 2)), one.steps, map)
+    found = along_paths(pieces, one.steps.pressures[:, None], one.steps)
+    expected = (pieces.k * pieces.factor[:, None, None]).reshape(1, 2, 5, 4)
+    assert_allclose(found[:, :, :, 0], expected, rtol=1e-9)
+
+
+@pytest.fixture(scope="module")
+def between():
+    """Pieces along a default ladder, and in states of their own at pressures and peaks between its rungs."""
+    one = scene(loading=(4e7, 1.2e8, 3.5e8), unload_from=(1.2e8, 3.5e8), unloading=(2e8, 9e7, 3e7))
+    paths = one.steps.pressures[:, None] * np.array([0.6, 0.83, 1.0, 1.17, 1.4])
+    ladder = ladder_of(paths, one.steps, False)
+    cut = Cut.of(one.surface, (2, 2))
+    found = along_paths(pieces_on_ladder(one, cut, ladder, map), paths, one.steps)
+    own = np.empty_like(found)
+    for n, path in enumerate(paths.T):
+        steps = LoadProgramme([*map(LoadStep, path[one.steps.on_loading]),
+                               *(LoadStep(p, path[q]) for p, q, s in zip(path, one.steps.peak_indices, one.steps, strict=True)
+                                 if s.unloaded_from)])  # fmt: skip
+        pieces = pieces_on_ladder(one, cut, steps, map)
+        own[:, :, :, n] = (pieces.k * pieces.factor[:, None, None]).reshape(*found.shape[:3], -1)
+    return one.steps, found, own
+
+
+def test_between_the_rungs_pieces_are_within_some_per_cent(between):
+    """Of the mean over the pieces, what a seal averages: 2 % on loading, 5 % on unloading."""
+    steps, found, own = between
+    error = np.abs(np.log(found.mean(axis=-1) / own.mean(axis=-1)))
+    loading = steps.on_loading
+    assert error[:, :, loading].max() < 0.02
+    assert error[:, :, ~loading].max() < 0.05
+    assert np.median(error) < 0.005
+
+
+def test_after_unloading_to_nothing_the_peak_is_not_forgotten():
+    """Steps with no other unloading than that to 0: the states of the ladder are unloaded from the peak."""
+    one = scene(loading=(5e7, 5e8), unload_from=(5e8,), unloading=(0.0,))
+    paths = one.steps.pressures[:, None] * np.array([0.999, 1.001])
+    ladder = ladder_of(paths, one.steps, False)
+    cut = Cut.of(one.surface, (2, 2))
+    found = along_paths(pieces_on_ladder(one, cut, ladder, map), paths, one.steps)[0, :, -1, 0]
+    pieces = pieces_on_ladder(one, cut, one.steps, map)
+    assert_allclose(found, (pieces.k * pieces.factor[:, None, None])[0, :, -1].reshape(2, -1), rtol=0.02)
+    fresh = pieces_on_ladder(one, cut, LoadProgramme([LoadStep(0.0)]), map)
+    assert fresh.k.mean() > 2 * found.mean()
+
+
+def test_a_state_whose_pieces_failed_is_interpolated(monkeypatch):
+    one = scene(unload_from=(), unloading=())
+    cut, ladder = Cut.of(one.surface, (2, 2)), LoadProgramme([LoadStep(p) for p in np.linspace(0.4, 0.8, 9) ** 3 * 1e9])
+    whole = along_paths(pieces_on_ladder(one, cut, ladder, map), one.steps.pressures[:, None], one.steps)
+    of_state = piece_states._of_state
+
+    def lost(state, **options):
+        taken = of_state(state, **options)
+        return replace(taken, pieces=Failed("lost")) if state.pressure == ladder[4].pressure else taken
+
+    monkeypatch.setattr(piece_states, "_of_state", lost)
+    pieces = pieces_on_ladder(one, cut, ladder, map)
+    assert pieces.failures == (f"pieces, {ladder[4].name}: lost",)
+    assert np.isnan(pieces.k[:, :, 4]).all()
+    assert np.isnan(pieces.own[4])
+    found = along_paths(pieces, one.steps.pressures[:, None], one.steps)
+    assert (found > 0).all()
+    assert_allclose(found, whole, rtol=0.1)
+
+
+def test_a_gas_with_slip_has_a_permeability_at_each_pressure():
+    gas = IdealGas(2e-5, 4e-3, 293.0)
+    one = scene(fluid=gas, inlet_pressure=1e6, outlet_pressure=1e4)
+    cut = Cut.of(one.surface, (2, 2))
+    pieces = pieces_on_ladder(one, cut, one.steps, map)
+    pressures = one.flow.drop.pressures
+    assert pieces.k.shape == (pressures.size, 2, 5, 2, 2)
+    order = np.argsort(pressures)
+    open_ = pieces.k[0] > 0
+    assert (np.diff(pieces.k[order], axis=0)[:, open_] < 0).all()  # thinner gas slips more
+    viscous = pieces_on_ladder(scene(), cut, one.steps, map).k[0]
+    assert (pieces.k[order[-1]][open_] > viscous[open_]).all()
+    assert_allclose(pieces.face, deterministic(replace(one, boundary=("periodic", "periodic"))).leakage, rtol=1e-9)
