@@ -9,8 +9,9 @@
 4 leakage        of seals of several lengths, and of one unloaded from four loads
 5 constrictions  the share of the pressure drop over the narrowest pieces
 
-0 comes from any folder of results, all others but 4 from that of a two-scale run, 2 and 3 from the pieces that
-its seals draw if it has some. The case of the run, if given, is used for figure 4, whose seals draw the same pieces. Every picture is written as .pdf and .png, 183 mm wide.
+0 comes from any folder of results, all others but 4 from that of a two-scale run, 2 and 3 from the pieces that its
+seals draw if it has some. The case of the run, if given, is used for figure 4, whose seals draw the same pieces. Every
+picture is written as .pdf and .png, 183 mm wide.
 """
 
 from __future__ import annotations
@@ -263,7 +264,7 @@ def drawn_seals(case: fs.Case, lengths=LENGTHS) -> list:
     return [
         fs.stochastic(
             scene,
-            prepared.pieces,
+            prepared.cells,
             fs.Sampling(n * scene.surface.size[1], table.realisations, seed=case.seed, median_fields=False),
         )
         for n in lengths

@@ -97,10 +97,12 @@ def test_pictures_of_drawn_seals(strip, ring):
 
 
 def test_a_short_seal_is_drawn_once_as_a_whole():
-    figure = seal_figure(
-        fs.run(parse_case(CASE | {"stochastic": {"length": "60 um", "realisations": 3}}), workers=1), 1
-    )
+    short = {"stochastic": {"length": "60 um", "realisations": 3}, "cells": {"count": [2, 2]}}
+    found = fs.run(parse_case(CASE | short), workers=1)
+    figure = seal_figure(found, 1)
     assert figure.get_suptitle().endswith("\nthe whole seal")
+    assert_allclose(found.leak_basis.length, 60e-6)  # columns are repeated for the elements alone
+    assert_allclose(np.ptp(found.dataset["drawn_corners"].values, axis=(0, 1)), (30e-6, 60e-6))
     titles = [axes.get_title().split(" [")[0] for axes in figure.axes if axes.get_title()]
     assert titles == ["fluid pressure", "flux", "contact pressure of tiles", "permeability"]
 
