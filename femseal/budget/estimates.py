@@ -216,7 +216,7 @@ def patch_part(study: StochasticResult) -> ErrorPart:
     """What one measured patch does not know of a drawn seal, by the scenes of a calibration set."""
     q = study.quantile(0.5)
     kind = "in place" if study.tiles.in_place else "anywhere"
-    distance = half_width(kind, leakage=q, scatter=study.scatter)
+    distance = half_width(kind, study.steps, q)
     where = "as broad as the face" if study.tiles.in_place else "of another breadth or shape than the face"
     note = f"seals {where}, drawn from one patch: by split conformal prediction from {count_scenes(kind)} whole faces"
     return part_of_changes("patch", study.steps, q, distance, distance, note)

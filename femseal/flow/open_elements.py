@@ -114,7 +114,9 @@ class _System:
         values[self.inlet] = 1.0
         found = None
         if self.unknown.size:
-            rhs = -np.bincount(self.dofs.ravel(), (local @ values[self.dofs][:, :, None]).ravel(), self.number.size)
+            flux = (local @ values[self.dofs][:, :, None]).ravel()
+            rhs = np.zeros(self.number.size)
+            rhs -= np.bincount(self.dofs.ravel(), flux, self.number.size)
             rows, columns = self._places
             data = local.ravel()[self._inner]
             matrix = sp.coo_array((data, (rows, columns)), shape=(self.unknown.size,) * 2).tocsc()

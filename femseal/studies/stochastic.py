@@ -12,9 +12,10 @@ from ..base import Array, FemsealError, Indices, Mapper, Stage
 from ..face.curves import PieceCurves
 from ..face.pieces import MOST_RATIO, Cut
 from ..flow.permeability_table import tabulated
+from ..loads import LoadProgramme
 from ..seal.tiles import SealTiles
 from ..windows import Failed, SolverCounts, attempt
-from .drawn_error import half_width, patch_scatter
+from .drawn_error import half_width
 from .face_contact import band_breadth
 from .face_leakage import FEWEST, PlaceLeakage
 from .load_curves import least_counted
@@ -73,8 +74,7 @@ def stochastic(
     supply = _supply(scene, cut, tiles, fractions, known, mapper)
     if not np.isfinite(supply.k).any():
         raise FemsealError(f"pieces: every flow failed; the first: {supply.pieces.failures[0]}")
-    scatter = patch_scatter(scene, supply.pieces, tiles.in_place)
-    drawn = _drawn(scene, tiles, supply, sampling, scatter, mapper)
+    drawn = _drawn(scene, tiles, supply, sampling, mapper)
     leakage = np.array([one.leakage for one in drawn])
     few = sampling.median_fields and len(tiles.outlines) * len(scene.steps) <= MOST_VALUES
     chosen = nearest_to_median(leakage) if few else None
@@ -90,7 +90,6 @@ def stochastic(
         tiles=tiles,
         pieces=supply.pieces,
         leakage=leakage,
-        scatter=scatter,
         places=_places(scene, supply, leakage),
         row_pressure=rows,
         band_breadth=_band(scene, supply, seat),
@@ -180,8 +179,12 @@ def _supply(
 def _table_pressures(scene: Scene) -> tuple[tuple[float, ...], bool]:
     """Fluid pressures [Pa] at which permeabilities are needed, and whether ln k is linear between them."""
     drop, fluid = scene.flow.drop, scene.acting_fluid
-    even = fluid is None or fluid.inlet == fluid.outlet
-    if even or drop.law.depends_on_pressure or getattr(scene.layout, "inlet_pressures", {}):
+    if (
+        fluid is None
+        or fluid.inlet == fluid.outlet
+        or drop.law.depends_on_pressure
+        or getattr(scene.layout, "inlet_pressures", {})
+    ):
         return tuple(drop.pressures), False
     # ln k is nearly straight in the cube root of the pressure that the fluid leaves to the pieces
     full = max(min((p for p in scene.steps.pressures if p > 0), default=0.0), fluid.inlet, fluid.outlet)
@@ -207,25 +210,24 @@ class _Realisation:
     solvers: SolverCounts
 
 
-def _drawn(
-    scene: Scene, tiles: SealTiles, supply: _Supply, sampling: Sampling, scatter: Array, mapper: Mapper
-) -> list[_Realisation]:
+def _drawn(scene: Scene, tiles: SealTiles, supply: _Supply, sampling: Sampling, mapper: Mapper) -> list[_Realisation]:
     """The given number of seals, or as many as the band needs."""
     stage = Stage("drawn seals", partial(_realise, scene=scene, tiles=tiles, supply=supply, seed=sampling.seed))
     count = sampling.realisations or FEWEST_SEALS
     drawn = list(mapper(stage, range(count)))
     while sampling.realisations is None:
-        more = min(_needed(np.array([one.leakage for one in drawn]), scatter, supply.in_place), 4 * len(drawn))
+        wanted = _needed(scene.steps, np.array([one.leakage for one in drawn]), supply.in_place)
+        more = min(wanted, 4 * len(drawn))
         if more <= len(drawn):
             break
         drawn += mapper(stage, range(len(drawn), more))
     return drawn
 
 
-def _needed(leakage: Array, scatter: Array, in_place: bool) -> int:
+def _needed(steps: LoadProgramme, leakage: Array, in_place: bool) -> int:
     """Number of seals whose median has the standard error that is wanted, at all steps that count."""
     median = _medians(leakage)
-    width = half_width("in place" if in_place else "anywhere", leakage=median, scatter=scatter)
+    width = half_width("in place" if in_place else "anywhere", steps, median)
     counts = (np.abs(median) > least_counted(median)) & np.isfinite(width)
     with np.errstate(divide="ignore", invalid="ignore"):
         spread = np.log(np.abs(leakage[:, counts])).std(axis=0, ddof=1)

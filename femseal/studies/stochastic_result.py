@@ -66,8 +66,6 @@ class StochasticResult(Shown):
     """Realisations of a seal drawn from the pieces of a face. A realisation is a curve over the steps.
 
     leakage : of each realisation (realisations, steps).
-    scatter : standard deviation of ln(leakage) of redraws as small as the measured patch, which tells what one patch
-        does not know.
     tiles : of the seal. pieces : of the face, at the loads of the scene or along a ladder.
     row_pressure, band_breadth, largest_row_pressure : of a seal as broad as the face, or of a seat; None of others.
     places : leakage by measured places; None of one.
@@ -80,9 +78,6 @@ class StochasticResult(Shown):
     tiles: SealTiles = field(repr=False)
     pieces: FacePieces = field(repr=False)
     leakage: Array = declared("leakage", "m^2/s", "leakage per unit seal length, realisations", REALISATION)
-    scatter: Array = declared(
-        "patch_scatter", "1", "standard deviation of ln(leakage) of redraws as small as the measured patch", STEP
-    )
     row_pressure: Array | None = declared(
         "row_pressure", "Pa", "mean contact pressure of rows", ROW, default=None, repr=False
     )
