@@ -298,7 +298,8 @@ def _median_seal(realisation: int, *, scene: Scene, tiles: SealTiles, supply: _S
         pressure = supply.paths[:, supply.path[tiles.tile]]
         if (fluid := scene.acting_fluid) is not None:
             pressure = np.maximum(pressure - np.nan_to_num(fluid.relief(p)), 0.0)
-    return MedianSeal(realisation, tiles.outlines, k, p, flux, pressure)
+    once = tiles.once
+    return MedianSeal(realisation, tiles.outlines[once], k[:, once], p[:, once], flux[:, once], pressure[:, once])
 
 
 def _rate_of_power(scene: Scene, tiles: SealTiles, found: Any) -> float:
