@@ -98,15 +98,18 @@ class PieceCurves:
         x = np.cbrt(knots)
         weight = np.clip((np.cbrt(peak) - x[upper - 1]) / (x[upper] - x[upper - 1]), 0, 1)
         inside = np.clip(relative, 0, 1)
-        value, top = (
+        value, top, released = (
             _between(weight, self._at(upper - 1, at, peak), self._at(upper, at, peak))
-            for at in (inside, np.ones_like(inside))
+            for at in (inside, np.ones_like(inside), np.zeros_like(inside))
         )
         ceiling, floor = self.loading(np.cbrt(pressure)), self.loading(np.cbrt(peak))
         # from a peak at which the piece is open, k starts at its value on loading, which the mean of two peaks misses
-        # most near the peak: lower down ln k is straighter between them
-        missed = np.subtract(floor, top, out=np.zeros_like(top), where=np.isfinite(floor) & np.isfinite(top))
-        value += np.sqrt(inside) * missed
+        # there, and less the more the piece has been released; below all peaks it misses the same everywhere
+        is_open = np.isfinite(floor) & np.isfinite(top)
+        missed, mean = floor[is_open] - top[is_open], value[is_open] - top[is_open]
+        whole = np.maximum(released[is_open] - top[is_open], missed)
+        left = 1 - np.divide(mean, whole, out=np.zeros_like(mean), where=(whole > 0) & (upper[is_open] > 1))
+        value[is_open] += missed * left
         value = np.clip(value, np.minimum(floor, ceiling), ceiling)
         return np.where((relative <= 1) & np.isfinite(ceiling), np.exp(value), 0.0)
 
