@@ -65,17 +65,12 @@ def refusal(call, *arguments):
         ("load", "loading", "50 MPa", "a list in square brackets"),
         ("output", "test_fluid", "helium", "a table"),
         ("contact", "rtol", "small", "a number"),
-        ("stochastic", "bounds", "maybe", "true or false"),
+        ("output", "budget", "maybe", "true or false"),
     ],
 )
 def test_values_of_another_type_are_told_in_words_of_the_file(data, table, key, given, expected):
     data.setdefault(table, {})[key] = given
     assert f"{table}.{key}: given {shown(given)}, expected {expected}" in refusal(parse_case, data).splitlines()
-
-
-def test_samplers_that_do_not_suit_are_told_by_their_key(data):
-    data["stochastic"] |= {}
-    assert refusal(lambda: prepare(parse_case(data))).startswith("stochastic.sampler: given block")
 
 
 @pytest.mark.parametrize(
@@ -85,11 +80,11 @@ def test_samplers_that_do_not_suit_are_told_by_their_key(data):
         ({"seal": {"kind": "annular", "inner_radius": "5 mm", "outer_radius": "49 m"}}, "seal.outer_radius"),
     ],
 )
-def test_seals_of_too_many_rows_of_windows_are_refused_before_they_are_laid_out(data, changes, key):
+def test_seals_of_too_many_rows_of_tiles_are_refused_before_they_are_laid_out(data, changes, key):
     data["stochastic"] = {}
     message = refusal(lambda: prepare(parse_case(data | changes)))
     assert message.startswith(f"{key}: given ")
-    assert "expected at most 1000000 windows from inlet to outlet" in message
+    assert "expected at most 1000 tiles from inlet to outlet" in message
 
 
 def test_tables_and_values_in_place_of_one_another_are_told(data):
@@ -296,7 +291,6 @@ def test_files_that_claim_more_heights_than_fit_into_memory_are_refused(monkeypa
         ("stochastic", "length", "1e6 km", ["stochastic.length", "GB of free memory"]),
         ("stochastic", "length", "1e29 m", ["stochastic.length", "GB of free memory"]),
         ("stochastic", "realisations", 10**11, ["stochastic.realisations", "GB of free memory"]),
-        ("stochastic", "library_cells", 10**11, ["stochastic.library_cells", "GB of free memory"]),
         ("load", "loading", ["1e-300 Pa"], ["load.loading", "1e+30"]),
         ("face", "size", ["1e300 m", "1 mm"], ["face.size", "1e+30"]),
         ("load", "unloading", [f"{n + 1} kPa" for n in range(9000)], ["load", "at most 10000 steps"]),
@@ -655,4 +649,4 @@ def test_long_lists_of_what_is_allowed_lose_their_end(data, monkeypatch):
 def test_long_seals_are_weighed_before_their_pressures_are_looked_at(monkeypatch, data):
     monkeypatch.setattr("femseal.preparation.preparation.check_map", lambda *_: pytest.fail("looked at"))
     data["stochastic"] |= {"length": "1000 km"}
-    assert "stochastic.length: given a seal of 2 × " in refusal(lambda: prepare(parse_case(data)))
+    assert "stochastic.length: given a seal 1 Mm long, of 2.67e+11 tiles" in refusal(lambda: prepare(parse_case(data)))

@@ -315,7 +315,7 @@ def test_a_case_gives_files_and_a_section_of_the_report(tmp_path):
     assert answer.turned.leakage > 2  # along its grooves
     with (tmp_path / "design.csv").open(encoding="utf-8") as file:
         rows = list(csv.DictReader(file))
-    assert_allclose(float(rows[0]["value"]), need.assembly.value)
+    assert_allclose(float(rows[0]["computed"]), need.assembly.computed)
     assert next(row["relation"] for row in rows if row["class"] == "L0.01") == ">"
     assert json.loads((tmp_path / "design.json").read_text(encoding="utf-8"))["probability"] == 0.95
     assert (tmp_path / "design.png").read_bytes().startswith(b"\x89PNG")

@@ -36,7 +36,7 @@ _SHUT = 2e5
 #: Ratio of the smallest permeability to the largest from which on all elements count as open.
 _OPEN = 1e-12
 #: Most tiles between inlet and outlet.
-_MOST_ROWS = 1000
+MOST_ROWS = 1000
 #: Least breadth of a seal, and length around its inner radius, in pieces and tiles.
 _NARROW, _NARROWEST = 0.7, 0.35
 #: Fewest columns of a periodic mesh.
@@ -317,8 +317,8 @@ def laid_on_strip(pieces: PieceSize, lay: Lay) -> SealTiles:
 def _rows_of(breadth: float, side: float, name: str, given: float) -> int:
     """Number of tiles between inlet and outlet; raises InputError that names the length [m] it comes from."""
     rows = max(1, round(breadth / side))
-    if rows > _MOST_ROWS:
-        expected = f"at most {_MOST_ROWS} tiles from inlet to outlet, not {rows}"
+    if rows > MOST_ROWS:
+        expected = f"at most {MOST_ROWS} tiles from inlet to outlet, not {rows}"
         raise InputError(name, to_text(given, "m"), expected)
     return rows
 
