@@ -230,7 +230,7 @@ def _other_handles(several: Sequence[LeakageCurves]) -> list[Any]:
     handles: list[Any] = []
     low, high = (100 * q for q in several[0].quantiles)
     if any(curves.band is not None for curves in several):
-        handles.append(Patch(color=GREY, alpha=0.35, lw=0, label=f"between seals, {low:g} – {high:g} %"))
+        handles.append(Patch(color=GREY, alpha=0.35, lw=0, label=f"redraws of the\nmeasured patch, {low:g} – {high:g} %"))
     if any(curves.mean is not None for curves in several):
         handles.append(Line2D([], [], color=GREY, ls=":", lw=1.1, label="mean of realisations"))
     if any(curves.error is not None for curves in several):
