@@ -49,8 +49,6 @@ count = [2, 2]
 [stochastic]
 length = "128 um"
 realisations = 2
-library_cells = 8
-sampler = "block"
 """
 
 SMALL = {
@@ -61,7 +59,7 @@ SMALL = {
     "load": {"loading": ["100 MPa", "300 MPa"], "unload_from": ["300 MPa"], "unloading": ["100 MPa"]},
     "fluid": {"kind": "liquid", "viscosity": "1 mPa*s", "inlet_pressure": "1 MPa"},
     "cells": {"count": [2, 2]},
-    "stochastic": {"length": "200 um", "realisations": 3, "library_cells": 8},
+    "stochastic": {"length": "200 um", "realisations": 3},
 }
 #: No limit that these faces reach.
 AMPLE = {"limit": 1e6, "memory": 1e12}
@@ -149,11 +147,11 @@ class TestPlan:
             plan = make_plan(small(stochastic=table), **AMPLE)
             return [v.library_cells for v in plan.variants if v.library_cells is not None], dict(plan.skipped)
 
-        assert libraries(library_cells=8, pressure="place", sampler="block")[0] == [8, 4]
-        assert libraries(library_cells=2, pressure="place", sampler="block")[0] == [4]
+        assert libraries(library_cells=8)[0] == [8, 4]
+        assert libraries(library_cells=2)[0] == [4]
         # runs of columns are not cut again
-        assert libraries(library_cells=8, pressure="place")[0] == [4]
-        sizes, reasons = libraries(library_cells=2, pressure="uniform")
+        assert libraries(library_cells=8)[0] == [4]
+        sizes, reasons = libraries(library_cells=2)
         assert sizes == [2, 1]
         assert "at least 1" in reasons["stochastic, 64×64 points, 2×2 cells, library of 0"]
 
@@ -177,7 +175,7 @@ class TestPlan:
             assert_allclose(surface.resample(variant.points).rms_height, surface.rms_height, rtol=0.01)
 
     def test_unaffordable_solutions_are_skipped_but_not_the_reference(self):
-        case = small(face={"points": [512, 512]}, cells={"count": [4, 4]}, stochastic={"pressure": "uniform"})
+        case = small(face={"points": [512, 512]}, cells={"count": [4, 4]}, stochastic={})
         costs = dict(zip((p := make_plan(case, **AMPLE)).variants, p.costs, strict=True))
         whole = costs[Variant("deterministic", (512, 512))]
         plan = make_plan(case, limit=1.01 * whole[0], memory=1e12)

@@ -439,12 +439,12 @@ class TestPrepare:
         small["stochastic"] = {
             "length": "3 mm",
             "realisations": 7,
-            "library_cells": 5,
-            "sampler": "derivative",
-            "pressure": "uniform",
+            ,
+            ,
+            ,
         }
         expected = Sampling(
-            length=3e-3, realisations=7, library_cells=5, seed=9, sampler="derivative", pressure="uniform"
+            length=3e-3, realisations=7, seed=9
         )
         assert prepare(parse_case(small)).sampling == expected
         small |= {"method": "two-scale", "compare": []}

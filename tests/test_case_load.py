@@ -32,7 +32,7 @@ def data():
     case = tomllib.loads((ROOT / "examples" / "turned_seal.toml").read_text(encoding="utf-8"))
     case["face"] |= {"points": [64, 96], "size": ["60 um", "120 um"], "pitch": "30 um"}
     case["cells"] = {"count": [2, 4]}
-    case["stochastic"] = {"length": "1 mm", "pressure": "uniform", "library_cells": 4, "realisations": 4}
+    case["stochastic"] = {"length": "1 mm", "realisations": 4}
     case["load"] = {"loading": ["50 MPa", "100 MPa"], "unload_from": ["100 MPa"], "unloading": ["50 MPa"]}
     case.pop("compare", None)
     return case
@@ -157,7 +157,7 @@ class TestMaps:
     def test_only_windows_that_follow_any_pressure_have_maps(self, data):
         """Nor faces that are solved as a whole."""
         uneven = {"load": data["load"] | {"map": {"kind": "profile", "fractions": [1, 3]}}}
-        place = {"stochastic": data["stochastic"] | {"pressure": "place"}}
+        place = {"stochastic": data["stochastic"] | {}}
         with pytest.raises(fs.InputError, match=r"stochastic.pressure: given place with load.map, expected uniform"):
             parse_case(data | uneven | place)
         for other in ({"method": "two-scale"}, {"compare": ["deterministic"]}):

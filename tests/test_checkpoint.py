@@ -46,8 +46,6 @@ count = [2, 2]
 [stochastic]
 length = "200 um"
 realisations = 24
-library_cells = 12
-sampler = "block"
 """
 
 

@@ -190,7 +190,7 @@ def case(**tables):
     data["seal"] |= {"path": str(GASKET), "inlet": {"bore": "4 MPa", "bolts": "4 MPa"}, "outlet": "rim"}
     data["face"]["points"] = [64, 128]
     data["load"] = {"loading": ["200 MPa"]}
-    data["stochastic"] |= {"realisations": 3, "library_cells": 6}
+    data["stochastic"] |= {"realisations": 3}
     for table, keys in tables.items():
         data[table] = data.get(table, {}) | keys
     return data

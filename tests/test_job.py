@@ -42,7 +42,6 @@ count = [3, 6]
 [stochastic]
 length = "200 um"
 realisations = 4
-library_cells = 9
 """
 
 
@@ -87,11 +86,7 @@ def test_methods_that_are_compared_solve_the_contact_of_the_whole_face_once(case
 def test_every_choice_of_the_stochastic_method_goes_through_a_case(case, tmp_path):
     """A wider band, a broader seal, bounds: each choice shows in the results, and a second run finds the library."""
     choices = """
-pressure = "uniform"
-sampler = "history"
 breadth = "100 um"
-library = "kept"
-bounds = true
 quantiles = [0.2, 0.8]
 """
     uneven = 'unloading = ["100 MPa"]\n[load.map]\nkind = "profile"\nfractions = [1.4, 1.2, 1.0, 0.8, 0.6]\n'

@@ -150,7 +150,7 @@ def test_windows_under_their_effective_pressure_have_a_part():
         (96, 96), (96 * D, 96 * D), hurst=0.75, rms_slope=0.2, roll_off=24 * D, cut_off=8 * D, rng=4
     )
     scene = fs.Scene(surface, E, H, fs.Liquid(1e-3), 60e6, 0.0, loading=(100e6, 150e6, 200e6))
-    given = {"length": 960 * D, "realisations": 12, "library_cells": 16, "seed": 1, "resampled": False}
+    given = {"length": 960 * D, "realisations": 12, "seed": 1, "resampled": False}
     drawn, dry = (
         fs.stochastic(replace(scene, fluid_pressure=how), (4, 4), fs.Sampling(pressure="uniform", **given))
         for how in ("acts", "ignored")

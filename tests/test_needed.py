@@ -125,10 +125,10 @@ STUDIES = {
     "deterministic": fs.deterministic,
     "two-scale": lambda scene, **keys: fs.two_scale(scene, (3, 4), **keys),
     "runs": lambda scene, **keys: fs.stochastic(
-        scene, (3, 4), fs.Sampling(length=2e-4, realisations=3, library_cells=12, seed=1), **keys
+        scene, (3, 4), fs.Sampling(length=2e-4, realisations=3, seed=1), **keys
     ),
     "library": lambda scene, **keys: fs.stochastic(
-        scene, (3, 4), fs.Sampling(length=2e-4, realisations=3, library_cells=4, seed=1, pressure="uniform"), **keys
+        scene, (3, 4), fs.Sampling(length=2e-4, realisations=3, seed=1), **keys
     ),
 }
 
@@ -230,7 +230,7 @@ def test_nothing_is_interpolated_across_closing():
 @pytest.mark.parametrize("sampler", ["runs", "block"])
 def test_seals_are_resampled_for_the_error_of_the_library_alone(elastic, sampler, tmp_path):
     sampling = fs.Sampling(
-        length=2e-4, other_lengths=(3e-4,), realisations=3, library_cells=12, seed=1, sampler=sampler
+        length=2e-4, other_lengths=(3e-4,), realisations=3, seed=1, sampler=sampler
     )
     items = []
 

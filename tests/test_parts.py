@@ -157,7 +157,7 @@ def test_curves_need_the_windows_of_no_other_part(tmp_path, monkeypatch):
     monkeypatch.setattr(checkpoint, "unpacked", lambda item: read.append(unpacked(item)) or read[-1])
     surface = fs.self_affine((32, 32), (32e-6, 32e-6), hurst=0.8, rms_slope=0.3, cut_off=4e-6, rng=1)
     scene = fs.Scene(surface, 1e11, 4e9, fs.Liquid(1e-3), 1e6, 0.0, loading=(5e8,))
-    sampling = fs.Sampling(length=32e-6, library_cells=200, realisations=3, pressure="uniform", seed=1)
+    sampling = fs.Sampling(length=32e-6, realisations=3, seed=1)
 
     def drawn(part, mapper=map):
         solved.clear()

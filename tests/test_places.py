@@ -127,10 +127,10 @@ def test_the_jackknife_of_a_mean_is_its_interval():
 def test_a_drawn_seal_never_joins_a_place_to_itself():
     """Runs of columns and blocks of links begin in another place than the last one ended in."""
     surface = scene(patches(3))
-    drawn = fs.stochastic(surface, (2, 12), fs.Sampling(length=2e-3, realisations=6, library_cells=12, seed=1))
+    drawn = fs.stochastic(surface, (2, 12), fs.Sampling(length=2e-3, realisations=6, seed=1))
     assert drawn.sampler == "runs"
     assert drawn.library.curves.place.tolist() == [1] * 4 + [2] * 4 + [3] * 4 + [1] * 4 + [2] * 4 + [3] * 4
-    ladder = fs.stochastic(surface, (2, 12), fs.Sampling(2e-3, 4, library_cells=7, seed=1, pressure="uniform"))
+    ladder = fs.stochastic(surface, (2, 12), fs.Sampling(2e-3, 4, seed=1))
     assert ladder.library.curves.place.tolist() == [1, 2, 3, 1, 2, 3, 1]
     assert_allclose(drawn.quantile(0.5), fs.deterministic(surface).leakage, rtol=0.15)
     random = np.random.default_rng(1).random(500)
@@ -143,7 +143,7 @@ def test_a_drawn_seal_never_joins_a_place_to_itself():
     further = np.full(500, 2)
     blocks = drawn_elsewhere(random, place, place, further)
     assert np.all(place[blocks[1:]] != place[(blocks[:-1] + 2) % 12])
-    links = fs.Sampling(length=2e-3, realisations=6, library_cells=12, seed=1, sampler="block")
+    links = fs.Sampling(length=2e-3, realisations=6, seed=1)
     by_links = fs.stochastic(surface, (2, 12), links)
     assert np.isfinite(by_links.leakage).all()
 
@@ -151,11 +151,11 @@ def test_a_drawn_seal_never_joins_a_place_to_itself():
 def test_windows_of_a_ladder_know_their_places():
     """Seals of one place's windows are those of a library of that place; the band is the scatter between places."""
     places = patches(3)
-    sampling = fs.Sampling(2e-3, 12, library_cells=12, seed=1, pressure="uniform")
+    sampling = fs.Sampling(2e-3, 12, seed=1)
     found = fs.stochastic(scene(places), (2, 12), sampling)
     assert found.places.alone.shape == found.places.without.shape == (3, len(found.steps))
     # windows of the first place are those of a library of it alone
-    alone = fs.stochastic(scene(places[0]), (2, 4), replace(sampling, library_cells=4))
+    alone = fs.stochastic(scene(places[0]), (2, 4), replace(sampling))
     assert_allclose(found.places.alone[0], alone.quantile(0.5), rtol=1e-3)
     assert_allclose(np.log(found.places.without[:, 0]).mean(), np.log(found.quantile(0.5)[0]), atol=0.1)
     part = library_part(found)
@@ -174,7 +174,7 @@ def files(tmp_path):
         "face": {"kind": "file", "places": [f"place{n}.npz" for n in range(4)]},
         "surface": {"shortest_wave": "8 um"},
         "cells": {"count": [2, 2]},
-        "stochastic": {"length": "1 mm", "realisations": 8, "library_cells": 4},
+        "stochastic": {"length": "1 mm", "realisations": 8},
     }
 
 
@@ -258,7 +258,7 @@ def test_places_of_which_none_leaks_or_one_has_windows(tmp_path, files):
     results = fs.run(parse_case(files | sealed, tmp_path), workers=1)
     assert results.leakage.values == [0.0]
     assert most_leaking_place(results) == "place 1 of 4, of which none leaks"
-    one = {"stochastic": files["stochastic"] | {"pressure": "uniform", "library_cells": 1}}
+    one = {"stochastic": files["stochastic"] | {}}
     data = fs.run(parse_case(files | one, tmp_path), workers=1).dataset
     assert data["library_place"].values.tolist() == [1]
     assert "place_scatter" not in data
@@ -305,4 +305,4 @@ def test_bad_places_of_a_case_are_refused(tmp_path, files):
         with pytest.raises(fs.InputError, match=reason):
             prepare(parse_case(files | {"face": {"kind": "file"} | face}, tmp_path))
     with pytest.raises(fs.InputError, match="several places"):
-        prepare(parse_case(files | {"stochastic": files["stochastic"] | {"pressure": "global"}}, tmp_path))
+        prepare(parse_case(files | {"stochastic": files["stochastic"] | {}}, tmp_path))

@@ -36,7 +36,7 @@ LOAD = {"loading": ["50 MPa", "200 MPa"], "unload_from": ["200 MPa"], "unloading
 
 def reduced(name, **more):
     data = tomllib.loads((EXAMPLES / f"{name}.toml").read_text(encoding="utf-8"))
-    changes = REDUCED[name] | {"load": LOAD, "stochastic": {"realisations": 3, "library_cells": 6}}
+    changes = REDUCED[name] | {"load": LOAD, "stochastic": {"realisations": 3}}
     for table, keys in (*changes.items(), *more.items()):
         data[table] = data[table] | keys
     return data

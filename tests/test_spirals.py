@@ -65,7 +65,7 @@ def drawn(lay, load, length=2e-3):
     surface = fs.Topography(np.tile(window(), (4, 4)), (D, D), (True, True))
     scene = fs.Scene(surface, 115e9, 2e9, OIL, 1e6, 0.0, loading=(load,), fluid_pressure="ignored",
                      layout=RectangularLayout(lay))  # fmt: skip
-    sampling = Sampling(length=length, breadth=128 * D, realisations=2, library_cells=1, seed=1, pressure="uniform")
+    sampling = Sampling(length=length, breadth=128 * D, realisations=2, seed=1)
     return stochastic(scene, (4, 4), sampling)
 
 
@@ -94,7 +94,7 @@ def test_a_closed_ring_leaks_along_its_groove(inlet):
     lead = 32e-6
     layout = AnnularLayout(0.5e-3, 0.756e-3, inlet, lay={"kind": "spiral", "lead": lead, "starts": 2})
     scene = fs.Scene(surface, 115e9, 2e9, OIL, 1e6, 0.0, loading=(2e8,), fluid_pressure="ignored", layout=layout)
-    found = stochastic(scene, (4, 4), Sampling(None, realisations=2, library_cells=1, seed=1, pressure="uniform"))
+    found = stochastic(scene, (4, 4), Sampling(None, realisations=2, seed=1))
     k2 = along_at(found.library, 2e8)
     exact = fs.analytic.turned_annulus_rate(k2, 0.0, 2 * lead, 1e6, 1e-3, 0.5e-3, 0.756e-3)
     assert_allclose(found.leakage[0, 0] * found.seal.length, exact, rtol=2e-3)
@@ -308,7 +308,7 @@ def test_a_measured_face_with_grooves_is_asked_whether_they_wind(tmp_path, lay, 
     )
     face = 'kind = "file"\npath = "face.npy"\nheight_unit = "m"\nspacing = ["2 um", "2 um"]'
     path = tmp_path / "case.toml"
-    path.write_text(CASE.format(face=face, lay=lay, method="deterministic", pressure="place"))
+    path.write_text(CASE.format(face=face, lay=lay, method="deterministic"))
     warnings = [w for w in fs.prepare(fs.load_case(path)).warnings if "grooves along x2" in w]
     assert len(warnings) == asked
     if asked:
@@ -359,8 +359,8 @@ def test_a_seal_that_leaks_along_its_grooves_alone_has_a_band():
         "stochastic": {
             "length": "230.4 um",
             "realisations": 2,
-            "library_cells": 6,
-            "pressure": "uniform",
+            ,
+            ,
             "breadth": "115.2 um",
         },
         "output": {"pictures": False},

@@ -35,7 +35,6 @@ count = [2, 4]
 [stochastic]
 length = "120 um"
 realisations = 4
-library_cells = 8
 [output]
 paraview = "none"
 budget = false

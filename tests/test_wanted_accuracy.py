@@ -38,7 +38,7 @@ SMALL = {
 }
 DRAWN = SMALL | {
     "cells": {"count": [2, 2]},
-    "stochastic": {"length": "300 um", "sampler": "history", "pressure": "uniform", "library_cells": 2},
+    "stochastic": {"length": "300 um"},
 }
 
 
@@ -194,12 +194,12 @@ class TestRefining:
         assert "of memory, expected 100 kB" in change.text
 
     def test_seals_and_windows_are_four_times_as_many(self):
-        drawn = DRAWN | {"stochastic": {"length": "300 um", "sampler": "history", "pressure": "uniform"}}
+        drawn = DRAWN | {"stochastic": {"length": "300 um"}}
         drawn["cells"] = {"count": [2, 2]}
         settings, change = self.change(drawn, "realisations")
         assert change.settings == replace(settings, realisations=80)
         assert "all windows of the face, 4" in self.change(drawn, "library")[1].text
-        drawn["stochastic"] = drawn["stochastic"] | {"library_cells": 2}
+        drawn["stochastic"] = drawn["stochastic"] | {}
         assert "stochastic.library_cells is given" in self.change(drawn, "library")[1].text
 
     def test_residuals_are_a_tenth(self):

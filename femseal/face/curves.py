@@ -103,8 +103,10 @@ class PieceCurves:
             for at in (inside, np.ones_like(inside))
         )
         ceiling, floor = self.loading(np.cbrt(pressure)), self.loading(np.cbrt(peak))
-        # from a peak at which the piece is open, k starts at its value on loading
-        value += np.subtract(floor, top, out=np.zeros_like(top), where=np.isfinite(floor) & np.isfinite(top))
+        # from a peak at which the piece is open, k starts at its value on loading, which the mean of two peaks misses
+        # most near the peak: lower down ln k is straighter between them
+        missed = np.subtract(floor, top, out=np.zeros_like(top), where=np.isfinite(floor) & np.isfinite(top))
+        value += np.sqrt(inside) * missed
         value = np.clip(value, np.minimum(floor, ceiling), ceiling)
         return np.where((relative <= 1) & np.isfinite(ceiling), np.exp(value), 0.0)
 

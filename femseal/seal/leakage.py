@@ -77,8 +77,10 @@ def pressure_dependent_flow(
     allowed = min(rtol, (_FIRST_ORDER * rtol) ** 2)
     settings = _settings(seal, solver, allowed if rate_only and not bounds else None, start)
 
+    two_bounds = hasattr(seal, "axes")  # of which one is enough until the permeabilities have settled
+
     def solve(local: Any) -> tuple[float, Array, DarcyFlow]:
-        flow = seal.flow(local, **settings)
+        flow = seal.flow(local, **settings, **({"draft": True} if two_bounds else {}))
         if "rtol" in settings:
             settings["start"] = flow.potential
         return flow.conductance, flow.potential, flow
@@ -88,8 +90,8 @@ def pressure_dependent_flow(
     first = first if start is None else start
     solved = fixed_point(permeability, solve, first, rtol=rtol, name="flow through a seal")
     flow, local, rate = solved.found, solved.coefficient, solved.rate
-    if bounds:
-        flow = seal.flow(local, bounds=True, solver=solver)
+    if bounds or two_bounds:
+        flow = seal.flow(local, bounds=bounds, solver=solver)
         rate = flow.conductance
     factor, fraction = drop.mean_factor, np.clip(flow.potential, 0.0, 1.0)
     potential = drop.viscous_fraction(fraction)
@@ -223,7 +225,7 @@ def seal_leakage(
     rtol : relative error of the rate at which permeabilities that depend on the pressure have settled.
     rate_only : fields need not be right: on structured seals they err by about 15 rtol, or, where permeabilities do not
         depend on the pressure, by 1e-3.
-    near : leakage of the same structured seal at other permeabilities, from whose pressures the solution starts.
+    near : leakage of the same seal, structured or drawn, at other permeabilities, from whose pressures the solution starts.
 
     Returns
     -------
@@ -254,7 +256,7 @@ def seal_leakage(
     φ_out = potential_of(fluid, "outlet_pressure", outlet_pressure)
     local, drop = None, φ_in - φ_out
     start = None
-    if near is not None and drop != 0 and isinstance(seal, StructuredSeal):
+    if near is not None and drop != 0 and (isinstance(seal, StructuredSeal) or hasattr(seal, "axes")):
         start = (fluid.potential(near.fluid_pressure) - φ_out) / drop
     if isinstance(permeability, PermeabilityTable):
         assert inlet_pressure is not None  # it has a potential
