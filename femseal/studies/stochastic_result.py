@@ -78,8 +78,8 @@ class StochasticResult(Shown):
     steps: LoadProgramme
     tiles: SealTiles = field(repr=False)
     pieces: FacePieces = field(repr=False)
-    leakage: Array = declared("leakage", "m^2/s", "leakage per unit seal length, realisations", REALISATION)
     contact_fraction: Array = field(repr=False)
+    leakage: Array = declared("leakage", "m^2/s", "leakage per unit seal length, realisations", REALISATION)
     row_pressure: Array | None = declared(
         "row_pressure", "Pa", "mean contact pressure of rows", ROW, default=None, repr=False
     )
