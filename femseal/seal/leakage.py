@@ -78,11 +78,12 @@ def pressure_dependent_flow(
     settings = _settings(seal, solver, allowed if rate_only and not bounds else None, start)
 
     two_bounds = hasattr(seal, "axes")  # of which one is enough until the permeabilities have settled
+    first_settings: dict[str, Any] = settings | ({"draft": True} if two_bounds else {})
 
     def solve(local: Any) -> tuple[float, Array, DarcyFlow]:
-        flow = seal.flow(local, **settings, **({"draft": True} if two_bounds else {}))
-        if "rtol" in settings:
-            settings["start"] = flow.potential
+        flow = seal.flow(local, **first_settings)
+        if "rtol" in first_settings:
+            first_settings["start"] = flow.potential
         return flow.conductance, flow.potential, flow
 
     # along a uniform seal the potential falls evenly
@@ -225,7 +226,8 @@ def seal_leakage(
     rtol : relative error of the rate at which permeabilities that depend on the pressure have settled.
     rate_only : fields need not be right: on structured seals they err by about 15 rtol, or, where permeabilities do not
         depend on the pressure, by 1e-3.
-    near : leakage of the same seal, structured or drawn, at other permeabilities, from whose pressures the solution starts.
+    near : leakage of the same seal, structured or drawn, at other permeabilities, from whose pressures the solution
+        starts.
 
     Returns
     -------
