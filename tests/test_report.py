@@ -17,7 +17,6 @@ from numpy.testing import assert_allclose
 
 import femseal as fs
 from femseal import cli
-from femseal.base import format_deviation
 from femseal.base.errors import InputError
 from femseal.base.leak_rates import leakage_unit
 from femseal.fluids import Liquid
@@ -187,13 +186,11 @@ def test_table_has_the_numbers_of_the_dataset(results, page):
         shown = [row[heads.index(head)] for row in rows]
         values = [0.0 if text == "sealed" else float(text) * factor for text in shown]
         assert_allclose(values, data[name].values, rtol=6e-3)
-    column = heads.index("between seals, 5–95 %")
+    column = heads.index("redraws of the measured patch, 5–95 %")
     low, high = np.array([row[column].split("–") for row in rows if "–" in row[column]], float).T * factor
     leaking = data["leakage_lower"].values > 0
     assert_allclose(low, data["leakage_lower"].values[leaking], rtol=6e-3)
     assert_allclose(high, data["leakage_upper"].values[leaking], rtol=6e-3)
-    shown = [row[heads.index("scatter of redraws of the measured patch")] for row in rows]
-    assert shown == [format_deviation(float(sigma), "× ") for sigma in data["patch_scatter"]]
 
 
 def test_first_numbers_are_those_of_first_and_highest_load(results, page):
@@ -214,11 +211,11 @@ def test_error_budget_is_that_of_the_studies(results, studies, page):
     lines = {line[0]: line for line in scatter_lines(results)}
     leaking = results.leakage.values > 1e-3 * results.leakage.values[0]
     drawn = studies["stochastic"]
-    for source, sigma in (("realisations", drawn.realisation_spread), ("measured patch", drawn.scatter)):
-        typical, largest = (float(text.removeprefix("× ")) for text in lines[source][1:3])
-        assert_allclose(typical, np.exp(np.median(sigma[leaking])), rtol=6e-3)
-        assert_allclose(largest, np.exp(np.max(sigma[leaking])), rtol=6e-3)
-        assert lines[source][3] == results.steps[np.flatnonzero(leaking)[np.argmax(sigma[leaking])]].name
+    sigma = drawn.realisation_spread
+    typical, largest = (float(text.removeprefix("× ")) for text in lines["realisations"][1:3])
+    assert_allclose(typical, np.exp(np.median(sigma[leaking])), rtol=6e-3)
+    assert_allclose(largest, np.exp(np.max(sigma[leaking])), rtol=6e-3)
+    assert lines["realisations"][3] == results.steps[np.flatnonzero(leaking)[np.argmax(sigma[leaking])]].name
     median, exact = drawn.quantile(0.5)[:3], studies["deterministic"].leakage[:3]
     chosen = exact > 1e-3 * exact[0]
     ratio = np.log(median[chosen] / exact[chosen])
@@ -302,7 +299,7 @@ def test_closed_and_failed_seals_are_told(results):
     assert "sealed" in words(section(page, "numbers"))
     data = results.dataset.copy(deep=True)
     for name in data.data_vars:
-        if name.startswith(("leakage", "realisation_spread", "patch_scatter", "flux", "fluid_pressure")):
+        if name.startswith(("leakage", "realisation_spread", "flux", "fluid_pressure")):
             data[name][-1 if "realisation" in data[name].dims else slice(None)] = np.nan
     assert "failed" in words(section(report_html(replace(results, dataset=data)), "numbers"))
 
