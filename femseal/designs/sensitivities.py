@@ -21,7 +21,7 @@ from typing import Any, cast
 import numpy as np
 import scipy
 
-from ..base import Indices
+from ..base import Indices, InputError
 from ..case.case import Case
 from ..execution.mappers import ordered_map
 from ..execution.run import Progress, Run
@@ -32,7 +32,7 @@ from ..refinement.settings import last_version
 from ..results.results import Results
 from ..studies import FluidState, Scene
 from ..studies.compiling import compile_ahead
-from ..topography import Topography
+from ..topography import Places, Topography
 from .requirements import ENDS, SEED, Seals, pressure_for
 
 
@@ -264,8 +264,9 @@ class Solver:
         Raises InputError: the turned face does not go with the shape of the seal or with its pieces.
         """
         prepared, scene = self._prepared, self._scene
-        scene.check_one_place("lay", "turned", "as measured")
         surface = scene.surface
+        if isinstance(surface, Places):
+            raise InputError("lay", "'turned' with several places", "'as measured' with them")
         turned = replace(scene, surface=Topography(np.ascontiguousarray(surface.heights.T), surface.spacing[::-1]))
         cells = None if prepared.cells is None else prepared.cells[::-1]
         sampling = prepared.sampling

@@ -114,7 +114,8 @@ class _System:
         values[self.inlet] = 1.0
         found = None
         if self.unknown.size:
-            rhs = -np.bincount(self.dofs.ravel(), (local @ values[self.dofs][:, :, None]).ravel(), self.number.size)
+            of_ends = (local @ values[self.dofs][:, :, None]).ravel()
+            rhs: Array = -np.bincount(self.dofs.ravel(), of_ends, self.number.size)
             rows, columns = self._places
             data = local.ravel()[self._inner]
             matrix = sp.coo_array((data, (rows, columns)), shape=(self.unknown.size,) * 2).tocsc()

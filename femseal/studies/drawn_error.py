@@ -25,8 +25,8 @@ import numpy as np
 
 from ..base import Array, Indices, InputError, validate
 from ..face.curves import PieceCurves
+from ..face.piece_flow import Failed, attempt
 from ..seal.tiles import face_tiles
-from ..windows import Failed, attempt
 from .load_curves import first_known
 from .piece_states import FacePieces
 from .scene import Scene

@@ -10,10 +10,10 @@ import numpy as np
 
 from ..base import Array, FemsealError, Indices, Mapper, Stage
 from ..face.curves import PieceCurves
+from ..face.piece_flow import Failed, SolverCounts, attempt
 from ..face.pieces import MOST_RATIO, Cut
 from ..flow.permeability_table import tabulated
 from ..seal.tiles import SealTiles
-from ..windows import Failed, SolverCounts, attempt
 from .drawn_error import half_width, patch_scatter
 from .face_contact import band_breadth
 from .face_leakage import FEWEST, PlaceLeakage
@@ -180,8 +180,9 @@ def _supply(
 def _table_pressures(scene: Scene) -> tuple[tuple[float, ...], bool]:
     """Fluid pressures [Pa] at which permeabilities are needed, and whether ln k is linear between them."""
     drop, fluid = scene.flow.drop, scene.acting_fluid
-    even = fluid is None or fluid.inlet == fluid.outlet
-    if even or drop.law.depends_on_pressure or getattr(scene.layout, "inlet_pressures", {}):
+    if fluid is None or fluid.inlet == fluid.outlet:
+        return tuple(drop.pressures), False
+    if drop.law.depends_on_pressure or getattr(scene.layout, "inlet_pressures", {}):
         return tuple(drop.pressures), False
     # ln k is nearly straight in the cube root of the pressure that the fluid leaves to the pieces
     full = max(min((p for p in scene.steps.pressures if p > 0), default=0.0), fluid.inlet, fluid.outlet)
