@@ -48,8 +48,8 @@ class PieceCurves:
     """Permeability of a piece along one axis, on loading and on unloading from any peak.
 
     steps : of the ladder, whose unloadings stop at equal fractions of their peaks. k : at every step (steps,) [m³];
-    where it is NaN the curves go on from the states beside it. Without any state on loading, or on unloading where the ladder
-    unloads, k is NaN there.
+    where it is NaN the curves go on from the states beside it. Without any state on loading, or on
+    unloading where the ladder unloads, k is NaN there.
     """
 
     def __init__(self, steps: LoadProgramme, k: Array) -> None:

@@ -152,7 +152,7 @@ class PiecePermeability:
 def piece_permeability(
     gap: Array, spacing: tuple[float, float], axis: int, settings: FlowSettings | None = None
 ) -> PiecePermeability:
-    """Permeability along `axis` of a piece (n1, n2) [m] with closed sides; that of the mean gap of nearly parallel plates.
+    """Permeability along `axis` of a piece (n1, n2) [m] with closed sides: of about parallel plates that of their mean.
 
     Raises NotConverged: the linear solver failed.
     """
