@@ -287,10 +287,7 @@ def test_windows_in_elements_are_joined_at_every_fluid_pressure(data):
 def test_a_gas_with_slip_takes_longer():
     """Windows at several pressures, and other flow solved again and again."""
     efforts, points, cells = usual_efforts(4), (256, 512), (8, 16)
-    sampling = {
-        name: fs.Sampling(length=1e-2, realisations=9, seed=1, sampler=name)
-        for name in ("runs", "block")
-    }
+    sampling = {name: fs.Sampling(length=1e-2, realisations=9, seed=1, sampler=name) for name in ("runs", "block")}
     for cost in (
         lambda n: deterministic_cost(efforts, points, n),
         lambda n: two_scale_cost(efforts, points, cells, pressures=n),

@@ -30,7 +30,6 @@ ROOMS = (
     "real_gas",
     "fluids",
     "seal",
-    "windows",
     "face",
     "studies",
     "budget",

@@ -229,9 +229,7 @@ def test_nothing_is_interpolated_across_closing():
 
 @pytest.mark.parametrize("sampler", ["runs", "block"])
 def test_seals_are_resampled_for_the_error_of_the_library_alone(elastic, sampler, tmp_path):
-    sampling = fs.Sampling(
-        length=2e-4, other_lengths=(3e-4,), realisations=3, seed=1, sampler=sampler
-    )
+    sampling = fs.Sampling(length=2e-4, other_lengths=(3e-4,), realisations=3, seed=1, sampler=sampler)
     items = []
 
     def counting(stage, *iterables):

@@ -14,13 +14,13 @@ from ..base import Array, Mapper, Stage
 from ..base.fields import PIECE_STATE, STATE, Field, declared
 from ..contact import LoadState
 from ..face.curves import PieceCurves, local_peaks
+from ..face.piece_flow import Failed, FlowSettings, SolveCounts, attempt
 from ..face.pieces import Cut, PieceState, factors
 from ..flow.permeability_table import tabulated
 from ..loads import LoadProgramme, LoadStep
 from ..seal import RectangularSeal
 from ..seal.layouts import RectangularLayout
 from ..seal.tiles import face_tiles
-from ..windows import Failed, FlowSettings, SolveCounts, attempt
 from .deterministic import DeterministicResult
 from .face_flow import FaceFlow, resolved_flow
 from .face_leakage import permeabilities_of_places
@@ -36,7 +36,8 @@ _RUNG = 1 / 16
 #: in the median, 6 % in 95 of 100; with four peaks 1.5 and 10 to 20 %.
 _STOPS, _PEAK_STEP, _MOST_PEAKS = (0.8, 0.6, 0.4, 0.25, 0.12, 0.04, 0.0), 1 / 12, 6
 #: Relative distance to a peak, or to the lowest or highest pressure, within which there is no rung; and to a peak
-#: within which these need no state of their own: a slope between closer states is that of the errors of their solutions.
+#: within which these need no state of their own: a slope between closer states is that of the errors of their
+#: solutions.
 _NEAR, _SAME = 0.02, 1e-3
 
 

@@ -10,11 +10,11 @@ import numpy as np
 
 from ..base import Array, FemsealError, Indices, Mapper, Stage
 from ..face.curves import PieceCurves
+from ..face.piece_flow import Failed, SolverCounts, attempt
 from ..face.pieces import MOST_RATIO, Cut
 from ..flow.permeability_table import tabulated
 from ..loads import LoadProgramme
 from ..seal.tiles import SealTiles
-from ..windows import Failed, SolverCounts, attempt
 from .drawn_error import half_width
 from .face_contact import band_breadth
 from .face_leakage import FEWEST, PlaceLeakage

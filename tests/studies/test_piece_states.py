@@ -8,6 +8,7 @@ import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 
 from femseal.face.curves import local_peaks
+from femseal.face.piece_flow import Failed
 from femseal.face.pieces import Cut
 from femseal.fluids import IdealGas, Liquid
 from femseal.loads import LoadProgramme, LoadStep
@@ -17,7 +18,6 @@ from femseal.studies.deterministic import deterministic
 from femseal.studies.piece_states import along_paths, ladder_of, pieces_at_loads, pieces_on_ladder
 from femseal.studies.scene import Scene
 from femseal.topography import Places, self_affine
-from femseal.windows import Failed
 
 E, H, SIDE = 115e9, 3e9, 48e-6
 OIL = Liquid(1e-3)
