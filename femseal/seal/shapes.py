@@ -46,26 +46,17 @@ class StructuredSeal(ABC):
         """Operator of the flow [m³], whose conductances are those of the links; permeability as in `flow`."""
         return assemble_on_links(self.grid, *link_permeabilities(permeability, self.cells))
 
-    def flow(
-        self,
-        permeability: Any,
-        *,
-        bounds: bool = False,
-        solver: str = "auto",
-        rtol: float | None = None,
-        start: Array | None = None,
-    ) -> DarcyFlow:
+    def flow(self, permeability: Any, *, bounds: bool = False, solver: str = "auto") -> DarcyFlow:
         """Flow for a unit drop, potential at the nodes (n1 + 1, n2).
 
         permeability : a number, or the links (k1, k2), numbers or arrays (n1, n2) and (n1 − 1, n2) [m³].
         bounds : enclose the flow of the network of links.
-        solver, start : see `femseal.flow.solve_flow`.
-        rtol : relative error allowed to the flow where it alone is wanted; unless given, 1e-8 to it and the potential.
+        solver : see `femseal.flow.solve_flow`.
 
         Raises InputError: a bad permeability.
         NotConverged : see `femseal.flow.solve_flow`.
         """
-        return structured_flow(self.stencil(permeability), bounds=bounds, solver=solver, rtol=rtol, start=start)
+        return structured_flow(self.stencil(permeability), bounds=bounds, solver=solver)
 
 
 def link_permeabilities(permeability: Any, cells: tuple[int, int]) -> tuple[Array, Array]:
@@ -105,23 +96,15 @@ def _checked(name: str, value: ArrayLike, shape: tuple[int, int]) -> Array:
     return np.broadcast_to(k, shape)
 
 
-def structured_flow(
-    stencil: Stencil,
-    *,
-    bounds: bool = False,
-    solver: str = "auto",
-    rtol: float | None = None,
-    start: Array | None = None,
-) -> DarcyFlow:
-    """Flow for a unit drop between the first and the last row of nodes; rtol and start as in `StructuredSeal.flow`.
+def structured_flow(stencil: Stencil, *, bounds: bool = False, solver: str = "auto") -> DarcyFlow:
+    """Flow for a unit drop between the first and the last row of nodes, with an error of 1e-8 in the potential too.
 
     With `bounds`, the upper bound is the energy of the computed potential and the lower one that of a flux that
     balances at every node; they enclose the flow of the network, and the value, whatever the error of the solver.
 
     Raises NotConverged: see `femseal.flow.solve_flow`.
     """
-    field_rtol = _RTOL if rtol is None else None
-    flow = solve_flow(stencil, rtol=rtol or _RTOL, solver=solver, field_rtol=field_rtol, start=start)
+    flow = solve_flow(stencil, rtol=_RTOL, solver=solver, field_rtol=_RTOL)
     if not bounds:
         return flow
     if not flow.percolates:

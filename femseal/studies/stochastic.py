@@ -257,7 +257,7 @@ def _realise(realisation: int, *, scene: Scene, tiles: SealTiles, supply: _Suppl
     piece = tiles.draw(supply.pieces.cut.shape, _stream(seed, realisation))
     leakage, failures, solvers = np.full(len(scene.steps), np.nan), [], []
     face, own = supply.pieces.face, supply.pieces.own
-    skipped, near = {s for s, _ in supply.unsolved}, None
+    skipped = {s for s, _ in supply.unsolved}
     for s, step in enumerate(scene.steps):
         if s in skipped or not np.isfinite(supply.k[:, :, s]).all():
             continue
@@ -265,11 +265,11 @@ def _realise(realisation: int, *, scene: Scene, tiles: SealTiles, supply: _Suppl
             leakage[s] = face[s]
             continue
         given = supply.permeability(tiles, piece, s)
-        found = attempt(scene.leakage, tiles.seal, given, DRAWN_RTOL, rate_only=True, near=near)
+        found = attempt(scene.leakage, tiles.seal, given, DRAWN_RTOL)
         if isinstance(found, Failed):
             failures.append(f"realisation {realisation}, {step.name}: {found.reason}")
             continue
-        near, leakage[s] = found, found.per_length
+        leakage[s] = found.per_length
         solvers.append(SolverCounts.of(found))
         if supply.in_place:
             leakage[s] = face[s] * np.clip(leakage[s] / own[s], 1 / MOST_RATIO, MOST_RATIO)
