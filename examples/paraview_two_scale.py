@@ -18,7 +18,7 @@ GREY = [0.69, 0.69, 0.69]
 
 
 def opened(folder):
-    """The seal and the fields over all pixels."""
+    """The pieces of the face and the fields over all pixels."""
     paths = [os.path.join(folder, *name) for name in (("vtk", "pieces.pvd"), ("fields.pvd",))]
     missing = [path for path in paths if not os.path.isfile(path)]
     if missing:
@@ -73,7 +73,7 @@ def draw(folder, time):
     pv.AssignViewToLayout(view=upper, layout=layout, hint=0)
     layout.SplitVertical(0, 0.5)
     pv.AssignViewToLayout(view=lower, layout=layout, hint=2)
-    coloured(seal, ("CELLS", "piece_drop_fraction"), "fraction of the pressure drop", PALETTES[0], upper, time)
+    coloured(seal, ("CELLS", "drop_fraction"), "fraction of the pressure drop", PALETTES[0], upper, time)
     load = pv.PythonAnnotation(Input=seal)
     load.ArrayAssociation = "Field Data"
     load.Expression = "'%g MPa' % nominal_pressure_MPa[0]"

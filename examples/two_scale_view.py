@@ -31,7 +31,7 @@ def draw(folder, step):
     x1, x2 = seal.bounds[1], seal.bounds[3]
     stacked = x1 > x2
     plotter = pv.Plotter(shape=(2, 1) if stacked else (1, 2), off_screen=True, window_size=(1000, 1100))
-    seal["pressure drop [%]"] = 100 * seal["piece_drop_fraction"]
+    seal["pressure drop [%]"] = 100 * seal["drop_fraction"]
     face["contact pressure [MPa]"] = face["contact_pressure_MPa"]
     for n, (mesh, name) in enumerate(((seal, "pressure drop [%]"), (face, "contact pressure [MPa]"))):
         plotter.subplot(*((n, 0) if stacked else (0, n)))
