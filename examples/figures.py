@@ -59,7 +59,7 @@ def face_and_leakage(results: fs.Results) -> Figure:
     size = [1e3 * float(heights[axis][0] + heights[axis][-1]) for axis in heights.dims]
     figure = new_figure(WIDTH, 4.8)
     face, curves = figure.subplots(1, 2, width_ratios=(1, 2.2))
-    height_panel(face, heights.values * 1e6, (size[0], size[1]))
+    height_panel(face, heights.values * 1e6, (size[0], size[1]), upright=True)
     results.plot(ax=curves)
     inside = curves.get_legend()
     handles, labels, title = inside.legend_handles, [text.get_text() for text in inside.texts], inside.get_title()

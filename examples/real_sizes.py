@@ -134,18 +134,19 @@ def draw(rows, faces, path):
     matplotlib.use("Agg")
     import matplotlib.pyplot as plt
 
+    plt.rcParams.update({"font.size": 9, "axes.titlesize": 9})
     ratios = sorted({r["H/(E* slope)"] for r in rows})
     figure, axes = plt.subplots(2, 3, figsize=(10.2, 7.4), layout="constrained")
     _draw_pieces(axes[0], faces)
     peaks, shades = sorted({r["peak/H"] for r in rows}), ("#E69F00", "#00467F", "#009E73", "#666666")
     for ax, ratio in zip(axes[1], ratios, strict=False):
         chosen = [r for r in rows if r["H/(E* slope)"] == ratio]
-        for peak, marker, colour in zip(peaks, "osD^", shades, strict=False):
-            for breadth, line in zip(sorted({r["breadth_mm"] for r in chosen}), ("-", "--", ":", "-."), strict=False):
+        for peak, colour in zip(peaks, shades, strict=False):
+            for breadth, marker in zip(sorted({r["breadth_mm"] for r in chosen}), "osD^", strict=False):
                 some = [r for r in chosen if r["breadth_mm"] == breadth and r["peak/H"] == peak]
                 some.sort(key=lambda r: r["length_mm"])
-                ax.plot([r["length_mm"] for r in some], [r["growth_at_half_load"] for r in some], line, marker=marker,
-                        ms=4, color=colour, label=f"peak {peak:g} H, {breadth:g} mm broad")  # fmt: skip
+                ax.plot([r["length_mm"] for r in some], [r["growth_at_half_load"] for r in some], marker=marker,
+                        ms=5, mfc="none", color=colour, label=f"peak {peak:g} H, {breadth:g} mm broad")  # fmt: skip
         ax.set(xscale="log", xlabel="length of the seal [mm]", title=f"unloading, H/(E* h′) = {ratio:g}", ylim=(1, None))
         ax.grid(alpha=0.3)
     axes[1, 0].set_ylabel("leakage after half of the load is lost,\nover that at the peak")
@@ -172,6 +173,7 @@ def _draw_pieces(axes, faces):
     floor = 1e-9 * np.nanmax(largest.k1)
     axes[0].set(yscale="log", xlabel="nominal pressure [MPa]", ylabel="permeability of pieces [m³]", title="pieces")
     axes[1].set(yscale="log", xscale="log", xlabel="mean gap of the piece [µm]", title="pieces")
+    axes[1].xaxis.set_minor_formatter("")
     for ax in axes[:2]:
         ax.set_ylim(floor, None)
         ax.legend(fontsize=7)
@@ -180,7 +182,7 @@ def _draw_pieces(axes, faces):
         axes[2].plot([r["leakage_over_first"] for r in found], [r["half_of_drop"] for r in found], ls="", ms=4,
                      marker=marker, label=f"{n * n} pieces")  # fmt: skip
     axes[2].set(xscale="log", yscale="log", xlabel="leakage over that of the first load",
-                ylabel="pieces over which half of the pressure drops", title="constrictions")  # fmt: skip
+                ylabel="pieces that take half of the pressure drop", title="constrictions")  # fmt: skip
     axes[2].invert_xaxis()
     axes[2].legend(fontsize=7)
 

@@ -114,13 +114,15 @@ def test_cycles(ran):
     results = ran[1]
     k = of_pieces(results.dataset["state_k1"])
     single, every, closed = figures.cycles(results).axes
-    chosen = figures.typical(k, np.array(UP), np.array(DOWN), 4)
+    up, down = figures.up_and_down(results, "state_")
+    nominal = results.dataset["state_nominal_pressure"].values / 1e6
+    chosen = figures.typical(k, up, down, 4)
     assert len(set(chosen)) == 4
     for cell in chosen:
         x, y = curve(single, f"piece {cell}")
-        assert_allclose(x, [800, 600, 200, 50])
-        assert_array_equal(np.nan_to_num(y), k[cell, DOWN])
-    for steps, line, name in ((UP, 0, "loading"), (DOWN, 1, "unloading")):
+        assert_allclose(x, nominal[down])
+        assert_array_equal(np.nan_to_num(y), k[cell, down])
+    for steps, line, name in ((up, 0, "loading"), (down, 1, "unloading")):
         assert_array_equal(np.nan_to_num(curve(every, name)[1]), np.median(k[:, steps], axis=0))
         assert_allclose(closed.lines[line].get_ydata(), 100 * np.mean(k[:, steps] == 0, axis=0))
     assert closed.lines[0].get_ydata().max() > 0
@@ -136,7 +138,7 @@ def test_permeability(ran):
     data = results.dataset
     k, gap, pressure = (of_pieces(data[f"state_{n}"]) for n in ("k1", "mean_gap", "pressure"))
     left, right = figures.permeability(results).axes
-    for name, steps in (("loading", UP), ("unloading", DOWN)):
+    for name, steps in zip(("loading", "unloading"), figures.up_and_down(results, "state_"), strict=True):
         shown = k[:, steps] > 0
         for axes, x in ((left, gap * 1e6), (right, pressure / 1e6)):
             assert_array_equal(curve(axes, name), [x[:, steps][shown], k[:, steps][shown]])
@@ -198,7 +200,7 @@ def test_results_that_do_not_do(ran):
     for figure in (figures.two_scales, figures.cycles, figures.permeability, figures.constrictions):
         with pytest.raises(InputError, match="results: given those of the study median"):
             figure(without)
-    loading = replace(results, dataset=results.dataset.isel(step=UP, state=UP))
+    loading = replace(results, dataset=results.dataset.isel(step=UP, state=np.flatnonzero(np.isnan(results.dataset["state_unloaded_from"].values))))
     with pytest.raises(InputError, match="a run with unloading"):
         figures.cycles(loading)
     sealed = results.dataset.assign(leakage_two_scale=0 * results.dataset["leakage_two_scale"])
