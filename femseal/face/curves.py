@@ -47,9 +47,9 @@ class LogCurve:
 class PieceCurves:
     """Permeability of a piece along one axis, on loading and on unloading from any peak.
 
-    steps : of the ladder, whose unloadings stop at equal fractions of their peaks. k : at every step (steps,) [m³]; where
-    it is NaN the curves go on from the states beside it. Without any state on loading, or on unloading where the ladder
-    unloads, k is NaN there.
+    steps : of the ladder, whose unloadings stop at equal fractions of their peaks. k : at every step (steps,) [m³];
+    where it is NaN the curves go on from the states beside it. Without any state on loading, or on unloading where the
+    ladder unloads, k is NaN there.
     """
 
     def __init__(self, steps: LoadProgramme, k: Array) -> None:
@@ -63,7 +63,7 @@ class PieceCurves:
             down = [s for s, step in enumerate(steps) if step.unloaded_from == peak and known[s]][::-1]
             if down and on_loading.any():
                 fractions = np.array([*(steps[s].pressure / peak for s in down), 1.0])
-                self._unloading.append(LogCurve(fractions, np.append(k[down], self.loaded(peak))))
+                self._unloading.append(LogCurve(fractions, np.append(k[down], self.loaded(np.array(peak)))))
                 peaks.append(peak)
         self._peaks = np.array(peaks)
         self._unloads = bool(steps.unload_from)

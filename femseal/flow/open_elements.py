@@ -52,9 +52,7 @@ class OpenElements:
         lower = min(lower, upper)
         value = scale * float(np.sqrt(lower) * np.sqrt(upper))
         counts = (found.iterations, found.residual, 0.0, found.solver) if found else (0, 0.0, 0.0, "none")
-        return DarcyFlow(
-            value, potential, 1 - potential, True, *counts, lower=scale * lower, upper=scale * upper
-        )
+        return DarcyFlow(value, potential, 1 - potential, True, *counts, lower=scale * lower, upper=scale * upper)
 
     @cached_property
     def _stiffness(self) -> Array:
@@ -116,9 +114,8 @@ class _System:
         values[self.inlet] = 1.0
         found = None
         if self.unknown.size:
-            rhs = -np.bincount(
-                self.dofs.ravel(), (local @ values[self.dofs][:, :, None]).ravel(), self.number.size
-            )
+            pushed = (local @ values[self.dofs][:, :, None]).ravel()
+            rhs = -np.bincount(self.dofs.ravel(), pushed, self.number.size).astype(float)
             rows, columns = self._places
             data = local.ravel()[self._inner]
             matrix = sp.coo_array((data, (rows, columns)), shape=(self.unknown.size,) * 2).tocsc()

@@ -10,7 +10,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property, lru_cache
-from math import log, pi
+from math import pi
 from pathlib import Path
 from typing import Any
 
@@ -350,9 +350,7 @@ def laid_on_ring(pieces: PieceSize, lay: Lay, radii: tuple[float, float], inlet:
     as_broad = cells[0] == pieces.rows and abs(breadth / (pieces.rows * d1) - 1) < _SAME
     in_place = lay.name == "circumferential" and as_broad
     tile = np.arange(len(along))
-    return SealTiles(
-        seal, direction, tile, cells, in_place, lay.name == "radial", tangent, warnings
-    )
+    return SealTiles(seal, direction, tile, cells, in_place, lay.name == "radial", tangent, warnings)
 
 
 def laid_on_mesh(

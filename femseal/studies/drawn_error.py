@@ -23,7 +23,7 @@ from pathlib import Path
 
 import numpy as np
 
-from ..base import Array, InputError, validate
+from ..base import Array, Indices, InputError, validate
 from ..face.curves import PieceCurves
 from ..seal.tiles import face_tiles
 from ..windows import Failed, attempt
@@ -89,7 +89,7 @@ def _quantile(kind: str, coverage: float) -> float:
 
 
 @cache
-def _scores() -> dict[str, tuple[Array, Array]]:
+def _scores() -> dict[str, tuple[Indices, Array]]:
     """Number of the scene, and distance of ln(leakage) over difficulty, of every step that leaks, by kind."""
     with CALIBRATION.open(encoding="utf-8", newline="") as file:
         rows = list(csv.DictReader(file))

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import partial
 from typing import Any
 
@@ -142,9 +142,7 @@ class _Supply:
         return tabulated(self.pressures, list(tiles.permeability(k[:, 0], k[:, 1])), self.piecewise)
 
 
-def _fractions(
-    scene: Scene, tiles: SealTiles, sampling: Sampling, mapper: Mapper
-) -> tuple[SeatRows | None, Array]:
+def _fractions(scene: Scene, tiles: SealTiles, sampling: Sampling, mapper: Mapper) -> tuple[SeatRows | None, Array]:
     """Contact of a seat that is broader than the face, and pressure of tiles over the nominal one (steps, tiles)."""
     seat, pressure_map = None, sampling.pressure_map
     if isinstance(pressure_map, SeatMap):
@@ -189,8 +187,8 @@ def _supply(
 def _table_pressures(scene: Scene) -> tuple[tuple[float, ...], bool]:
     """Fluid pressures [Pa] at which permeabilities are needed, and whether ln k is linear between them."""
     drop, fluid = scene.flow.drop, scene.acting_fluid
-    even = fluid is None or fluid.inlet == fluid.outlet
-    if even or drop.law.depends_on_pressure or getattr(scene.layout, "inlet_pressures", {}):
+    several = drop.law.depends_on_pressure or getattr(scene.layout, "inlet_pressures", {})
+    if fluid is None or fluid.inlet == fluid.outlet or several:
         return tuple(drop.pressures), False
     # ln k is nearly straight in the cube root of the pressure that the fluid leaves to the pieces
     full = max(min((p for p in scene.steps.pressures if p > 0), default=0.0), fluid.inlet, fluid.outlet)

@@ -185,7 +185,8 @@ def test_as_many_seals_are_drawn_as_the_band_needs():
 
 
 @pytest.mark.parametrize(
-    "uniform", [Profile((1.0,)), Profile((2.0, 2.0)), AngleTable((3.0, 3.0)), MapsAtLoads((1e8, 3e8), (Profile((1.0,)),) * 2)]
+    "uniform",
+    [Profile((1.0,)), Profile((2.0, 2.0)), AngleTable((3.0, 3.0)), MapsAtLoads((1e8, 3e8), (Profile((1.0,)),) * 2)],
 )
 def test_a_map_of_one_value_is_none(uniform):
     one = scene(unload_from=(3e8,), unloading=(1e8,))
@@ -204,7 +205,8 @@ def test_halves_beside_each_other_leak_their_mean_and_in_a_row_their_harmonic_me
     one = scene(loading=(3e8,))
     low, high = (periodic(scene(loading=(p,)))[0] for p in (0.6 * 3e8, 1.4 * 3e8))
     beside, in_a_row = (
-        drawn(one, broad(columns=columns, pressure_map=of), (1, 1)).leakage[0, 0] for of in (Halves(3, 7), Profile((3, 7)))
+        drawn(one, broad(columns=columns, pressure_map=of), (1, 1)).leakage[0, 0]
+        for of in (Halves(3, 7), Profile((3, 7)))
     )
     assert_allclose(beside, (low + high) / 2 / 2, rtol=1e-4)
     assert_allclose(in_a_row, 2 / (1 / low + 1 / high) / 2, rtol=1e-4)
@@ -510,7 +512,10 @@ def random_scene(seed):
     if kind == "as broad":
         breadth = None
     if kind == "ring":
-        layout, length = AnnularLayout(3e-4, 3e-4 + breadth, one_of("inner", "outer"), lay=one_of("radial", "x1", lay)), None
+        layout, length = (
+            AnnularLayout(3e-4, 3e-4 + breadth, one_of("inner", "outer"), lay=one_of("radial", "x1", lay)),
+            None,
+        )
         breadth = None
     maps = [Profile((1.0,)), Profile((0.6, 1.4)), AngleTable((0.5, 1.5), repeat=2), AngleTable((0.0, 1.0)),
             MapsAtLoads((1e7, 1e8), (Profile((0.5, 1.5)), AngleTable((1.0, 0.7))))]  # fmt: skip
