@@ -180,12 +180,8 @@ def _supply(
 def _table_pressures(scene: Scene) -> tuple[tuple[float, ...], bool]:
     """Fluid pressures [Pa] at which permeabilities are needed, and whether ln k is linear between them."""
     drop, fluid = scene.flow.drop, scene.acting_fluid
-    if (
-        fluid is None
-        or fluid.inlet == fluid.outlet
-        or drop.law.depends_on_pressure
-        or getattr(scene.layout, "inlet_pressures", {})
-    ):
+    several = drop.law.depends_on_pressure or getattr(scene.layout, "inlet_pressures", {})
+    if fluid is None or fluid.inlet == fluid.outlet or several:
         return tuple(drop.pressures), False
     # ln k is nearly straight in the cube root of the pressure that the fluid leaves to the pieces
     full = max(min((p for p in scene.steps.pressures if p > 0), default=0.0), fluid.inlet, fluid.outlet)
