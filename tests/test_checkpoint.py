@@ -268,7 +268,7 @@ def test_a_stopped_run_goes_on_with_the_same_bits_and_leaves_no_checkpoint(case,
     monkeypatch.setattr(import_module("femseal.studies.stochastic"), "_realise", _realise)
     monkeypatch.setattr("femseal.studies.face_flow.cell_permeability", _realise)
     monkeypatch.setattr("femseal.contact.cycle.solve_contact", _realise)
-    monkeypatch.setattr("femseal.windows.window_flow.cell_permeability", _realise)
+    monkeypatch.setattr("femseal.face.piece_flow.cell_flow", _realise)
     again = fs.run(case, out, resume=True, workers=1, progress=lambda *a: stages.append(a))
     assert_same(whole.dataset, again.dataset)
     assert not (out / ".checkpoint").exists()

@@ -12,6 +12,7 @@ from scipy.sparse.linalg import spsolve
 from skfem import MeshQuad
 
 import femseal as fs
+from femseal.face.piece_flow import FlowSettings, piece_permeability
 from femseal.flow.coefficient import gap_on_links
 from femseal.flow.law import FlowLaw
 from femseal.flow.permeability_table import PermeabilityTable, pressure_curve, table_pressures
@@ -22,8 +23,6 @@ from femseal.report.case_text import case_sentences
 from femseal.results.dataset import assemble
 from femseal.runs.forecast import describe
 from femseal.studies.face_flow import resolved_flow
-from femseal.windows import FlowSettings
-from femseal.windows.window_flow import window_permeability
 
 HELIUM = fs.IdealGas(viscosity=19.6e-6, molar_mass=4.0026e-3, temperature=293.15)
 ENDS = [(1e6, 1e5), (1e5, 0.0), (1e7, 1e5)]
@@ -168,7 +167,7 @@ def test_a_closed_gap_stays_closed():
     gap[3] = 0
     flow = resolved_flow(gap, (1e-6, 1e-6), settings(1e6, 1e5), with_potential=True)
     assert flow.permeability == 0
-    assert window_permeability(gap, (1e-6, 1e-6), 0, settings=settings(1e6, 1e5)).k.tolist() == [0.0] * 4
+    assert piece_permeability(gap, (1e-6, 1e-6), 0, settings(1e6, 1e5)).k.tolist() == [0.0] * 4
 
 
 @pytest.mark.parametrize(("inlet", "outlet"), ENDS)

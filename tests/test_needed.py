@@ -229,9 +229,7 @@ def test_nothing_is_interpolated_across_closing():
 
 @pytest.mark.parametrize("sampler", ["runs", "block"])
 def test_seals_are_resampled_for_the_error_of_the_library_alone(elastic, sampler, tmp_path):
-    sampling = fs.Sampling(
-        length=2e-4, other_lengths=(3e-4,), realisations=3, seed=1, sampler=sampler
-    )
+    sampling = fs.Sampling(length=2e-4, other_lengths=(3e-4,), realisations=3, seed=1, sampler=sampler)
     items = []
 
     def counting(stage, *iterables):
@@ -248,7 +246,7 @@ def test_seals_are_resampled_for_the_error_of_the_library_alone(elastic, sampler
     results = assemble(elastic, stochastic=found)
     assert {"leakage_lower", "leakage_of_lengths_lower"} < set(results.dataset)
     assert not [name for name in results.dataset if "together" in name or name == "library_error"]
-    assert "between seals, 5–95 %" in results.report(tmp_path / "page.html").read_text(encoding="utf-8")
+    assert "redraws of the measured patch, 5–95 %" in results.report(tmp_path / "page.html").read_text(encoding="utf-8")
     for table in (results.table(), results.lengths_table()):
         assert not [head for head in table.heads if "library" in head]
     with pytest.raises(fs.InputError, match="resampled: given False with a width"):

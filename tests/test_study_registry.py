@@ -35,7 +35,7 @@ def test_a_registered_study_is_what_its_function_gives():
         assert 0 < seconds < 3600
         assert 0 < memory < 1e9
     # two scales have the pieces into which the deterministic study has cut the face
-    assert known["two_scale"].fields is known["deterministic"].windows.fields
+    assert known["two_scale"].gap is known["deterministic"].gap
 
 
 def test_every_study_names_the_variable_that_answers():

@@ -16,9 +16,9 @@ from femseal.base.stage import Stage
 from femseal.case.case import read_case
 from femseal.contact import solver
 from femseal.execution.shared_stages import SharedStages, Unnamed, digest
+from femseal.face.piece_flow import SolveCounts, SolverCounts
 from femseal.results.run_comparison import named
 from femseal.sweeps.variations import parsed_keys, short_names, variations
-from femseal.windows import SolveCounts, SolverCounts
 
 LOADED = TABLES.replace('["100 MPa", ', '["50 MPa", ')
 CASE = f"""

@@ -203,10 +203,6 @@ class NeededPressure(Shown):
         value, computed = self._text(self.value, shown), self._text(self.computed, shown)
         return value if value == computed else f"{value} (as computed: {computed})"
 
-    def interval_text(self, shown: LoadText) -> str:
-        """What the two ends of the band need, as text."""
-        return _joined(self._text(self.low, shown), self._text(self.value, shown))
-
     def band_text(self, shown: LoadText) -> str:
         """What 5 % and 95 % of the seals need, as text."""
         return _joined(*(self._text(value, shown) for value in (self.seals_low, self.seals_high)))

@@ -31,7 +31,8 @@ from ..refinement.settings import last_version
 from ..results.results import Results
 from ..studies import FluidState, Scene
 from ..studies.compiling import compile_ahead
-from ..topography import Topography
+from ..base import InputError
+from ..topography import Places, Topography
 from .requirements import Seals
 
 
@@ -212,8 +213,9 @@ class Solver:
         Raises InputError: the turned face does not go with the shape of the seal or with its pieces.
         """
         prepared, scene = self._prepared, self._scene
-        scene.check_one_place("lay", "turned", "as measured")
         surface = scene.surface
+        if isinstance(surface, Places):
+            raise InputError("lay", "'turned' with several places", "'as measured' with them")
         turned = replace(scene, surface=Topography(np.ascontiguousarray(surface.heights.T), surface.spacing[::-1]))
         cells = None if prepared.cells is None else prepared.cells[::-1]
         sampling = prepared.sampling

@@ -20,7 +20,6 @@ from ..studies import STUDIES, Sampling, Scene, Study, StudyOptions, laid_out
 from ..studies.costs import Effort, usual_efforts
 from ..studies.seat_rows import SeatMap
 from ..topography import Conditioning, Continuation, Overlap, Topography
-from ..windows import Partition
 
 #: Memory of the libraries that a run imports [byte].
 START_MEMORY = 0.5e9
@@ -114,11 +113,6 @@ class Prepared:
         return StudyOptions(self.cells, self.sampling, self.shares_face, len(self.methods) > 1)
 
     @property
-    def divisor(self) -> Pair:
-        """Numbers by which the points of the face can be divided: those of the pieces of two scales."""
-        return self.cells if self.cells is not None and "two-scale" in self.methods else (1, 1)
-
-    @property
     def least_points(self) -> Pair:
         """Fewest points of the face along x1 and x2 for pieces of drawn seals."""
         m1, m2 = self.cells if self.cells is not None and "stochastic" in self.methods else (1, 1)
@@ -195,15 +189,8 @@ def without_short_waves(prepared: Prepared) -> Scene:
     if wave >= max(surface.size):
         expected = f"true only where the larger side holds more than {to_text(wave, 'm', 3)}, twice the shortest wave"
         raise InputError("surface.filter_sensitivity", True, expected)
-    m1, m2 = prepared.divisor
-    shape = next_multiple(ceil(surface.shape[0] / 2), m1), next_multiple(ceil(surface.shape[1] / 2), m2)
-    Partition(shape, surface.spacing, prepared.divisor)
-    smooth = surface.low_pass(wave).resample(shape)
-    if prepared.cells is not None and "stochastic" in prepared.methods:
+    n1, n2 = surface.shape
+    smooth = surface.low_pass(wave).resample((ceil(n1 / 2), ceil(n2 / 2)))
+    if prepared.cells is not None and prepared.methods & {"two-scale", "stochastic"}:
         Cut.of(smooth, prepared.cells)
     return replace(scene, surface=smooth)
-
-
-def next_multiple(n: int, of: int) -> int:
-    """The smallest multiple of a whole number that is at least n."""
-    return ceil(n / of) * of

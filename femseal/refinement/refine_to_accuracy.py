@@ -259,7 +259,7 @@ class _Attempts:
             coarse = replace(settings, grid=settings.grid - halvings)
             if coarse not in self.leakages and not has_pieces(self.made, coarse):
                 return
-            yield coarse, grid_points(self.made.scene.surface.shape, coarse.grid, self.made.divisor)
+            yield coarse, grid_points(self.made.scene.surface.shape, coarse.grid)
 
     def _leakage(self, settings: Settings, mapper: Mapper) -> Array:
         prepared = self._prepared(settings)

@@ -181,7 +181,7 @@ def _cells(variable: xarray.DataArray, factor: float) -> list[str]:
     if unit == "m^2/s":
         return [format_leakage(value, factor) for value in variable.values]
     if unit == "1":
-        return ["failed" if np.isnan(value) else f"{100 * value:.3g}" for value in variable.values]
+        return ["–" if np.isnan(value) else f"{100 * value:.3g}" for value in variable.values]
     return [to_text(float(value), unit, 3) for value in variable.values]
 
 

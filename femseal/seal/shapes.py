@@ -3,7 +3,7 @@
 A shape is a frozen dataclass with `length`, `points` and `flow` (see `Seal`); one on a structured grid has a `grid`
 instead of `flow`. The form is the same in all conformal coordinates, so that a shape is a grid: (x1, x2) of a strip,
 (ln r, θ) of a ring. The permeability is given on the links between nodes (Q1 with quadrature at the midpoints of edges:
-a network of links) or as a tensor in each element between four nodes (Q1, exact).
+a network of links).
 
 Symbols: k permeability [m³], φ potential of a node for a unit drop, c conductance of a link = permeability × width /
 length [m³], q its flow.
@@ -23,15 +23,13 @@ from numpy.typing import ArrayLike
 
 from ..base import Array, InputError, counted, validate
 from ..flow import DarcyFlow, Stencil, solve_flow
-from ..flow.assembly import assemble_on_elements, assemble_on_links, gauss
+from ..flow.assembly import assemble_on_links
 from ..flow.balance import balanced_link_fluxes
 from ..flow.bounds import outward
 from ..flow.grid import Grid
-from ..flow.mesh import permeability_tensors
 from .lay import check_ring
 
 _RTOL = 1e-8
-_TENSOR = gauss((0, 0), (0, 1), (1, 1))
 
 
 class StructuredSeal(ABC):
@@ -45,10 +43,7 @@ class StructuredSeal(ABC):
         """Grid of the nodes, in coordinates in which the form is that of a plane strip."""
 
     def stencil(self, permeability: Any) -> Stencil:
-        """Operator of the flow [m³]; permeability as in `flow`. On links, its conductances are theirs."""
-        if (k := element_tensors(permeability, self.cells)) is not None:
-            values = [np.ascontiguousarray(k[..., a, b]) for a, b in ((0, 0), (0, 1), (1, 1))]
-            return assemble_on_elements(self.grid, values, _TENSOR, [0, 1, 2] * 4)
+        """Operator of the flow [m³], whose conductances are those of the links; permeability as in `flow`."""
         return assemble_on_links(self.grid, *link_permeabilities(permeability, self.cells))
 
     def flow(
@@ -62,34 +57,15 @@ class StructuredSeal(ABC):
     ) -> DarcyFlow:
         """Flow for a unit drop, potential at the nodes (n1 + 1, n2).
 
-        permeability : a number, the links (k1, k2), numbers or arrays (n1, n2) and (n1 − 1, n2), or the elements, see
-        `element_tensors` [m³].
-        bounds : enclose the flow of the network of links; not with elements.
+        permeability : a number, or the links (k1, k2), numbers or arrays (n1, n2) and (n1 − 1, n2) [m³].
+        bounds : enclose the flow of the network of links.
         solver, start : see `femseal.flow.solve_flow`.
         rtol : relative error allowed to the flow where it alone is wanted; unless given, 1e-8 to it and the potential.
 
-        Raises InputError: a bad permeability, bounds or elimination with elements.
+        Raises InputError: a bad permeability.
         NotConverged : see `femseal.flow.solve_flow`.
         """
-        stencil = self.stencil(permeability)
-        if bounds and stencil.nine:
-            raise InputError("bounds", "true with elements of a structured seal", "true with links, or on a mesh")
-        return structured_flow(stencil, bounds=bounds, solver=solver, rtol=rtol, start=start)
-
-
-def element_tensors(permeability: Any, cells: tuple[int, int]) -> Array | None:
-    """K (n1, n2, 2, 2) [m³] of the elements between four nodes; None of a number, a pair or another shape.
-
-    permeability : an array shaped like the cells, (n1, n2), (n1, n2, 2) along the two axes or symmetric tensors
-        (n1, n2, 2, 2); or the same of the elements row by row, as on a mesh: (n1·n2,), (n1·n2, 2) or (n1·n2, 2, 2).
-    """
-    n1, n2 = cells
-    flat = [(n1 * n2, *parts) for parts in ((), (2,), (2, 2))]
-    shapes = flat + [(n1, n2, *shape[1:]) for shape in flat]
-    if isinstance(permeability, (tuple, list)) or (shape := np.shape(permeability)) not in shapes:
-        return None
-    k = permeability_tensors(np.reshape(permeability, flat[shapes.index(shape) % 3]), n1 * n2)
-    return k.reshape(n1, n2, 2, 2)
+        return structured_flow(self.stencil(permeability), bounds=bounds, solver=solver, rtol=rtol, start=start)
 
 
 def link_permeabilities(permeability: Any, cells: tuple[int, int]) -> tuple[Array, Array]:
@@ -104,8 +80,7 @@ def link_permeabilities(permeability: Any, cells: tuple[int, int]) -> tuple[Arra
         raise InputError(
             "permeability",
             given,
-            f"a number, or the links (k1, k2), numbers or arrays {shapes[0]} and {shapes[1]}, or of the elements "
-            f"an array {shapes[0]}, {(n1, n2, 2)} or {(n1, n2, 2, 2)}",
+            f"a number, or the links (k1, k2), numbers or arrays {shapes[0]} and {shapes[1]}",
         )
     k1, k2 = (_checked(n, k, s) for n, k, s in zip(("k1", "k2"), pair, shapes, strict=True))
     return k1, k2

@@ -31,7 +31,10 @@ CALIBRATION = Path(__file__).with_name("drawn_seals.csv")
 #: Kinds of drawn seals.
 KINDS = ("in place", "anywhere")
 #: Decades of the leakage below the first at which the quantiles change: near closing errors are of another kind.
-_EDGES = (1.0, 2.0, 3.0)
+_EDGES = (1.0, 3.0)
+#: Decades of the leakage below the first from which on a truth is not told from a sealed seal: a band whose lower end
+#: is below has none.
+FLOOR_DECADES = 3.5
 #: Slope that counts beside a sealed step, and the largest.
 _BESIDE_SEALED, _STEEPEST = 10.0, 20.0
 
@@ -45,7 +48,9 @@ def decades(leakage: Array) -> Array:
 
 
 def difficulty(steps: LoadProgramme, leakage: Array) -> Array:
-    """Size of the error to be expected, up to a factor, at every step (steps,): it rises with the slope over the load.
+    """Size of the error to be expected, up to a factor, at every step (steps,).
+
+    It rises with the slope of ln(leakage) over ln(load), and with the decades below a tenth of the first leakage.
 
     leakage : of the median seal (steps,) [m²/s].
     """
@@ -53,7 +58,8 @@ def difficulty(steps: LoadProgramme, leakage: Array) -> Array:
     for s, other in neighbouring_steps(steps):
         if (leakage[s] == 0) != (leakage[other] == 0):
             slope[[s, other]] = np.maximum(slope[[s, other]], _BESIDE_SEALED)
-    return np.asarray(0.5 + 0.1 * np.minimum(slope, _STEEPEST))
+    fallen = np.maximum(decades(leakage) - 1.0, 0.0)
+    return np.asarray((0.5 + 0.1 * np.minimum(slope, _STEEPEST)) * (1.0 + fallen))
 
 
 def half_width(kind: str, steps: LoadProgramme, leakage: Array, *, coverage: float = 0.95) -> Array:

@@ -6,10 +6,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..base import Array
+from ..face.piece_flow import FlowSettings, SolverCounts
 from ..flow import Permeability, cell_permeability
 from ..flow.cell import pixel_dissipation
 from ..flow.spiral import spiral_flow
-from ..windows import FlowSettings, SolverCounts
 
 #: Relative error at which flows end that depend on the pressure; the factor of a gas itself is within 0.9 %.
 PRESSURE_RTOL = 1e-4

@@ -10,11 +10,11 @@ import numpy as np
 
 from ..base import Array, FemsealError, Indices, Mapper, Stage
 from ..face.curves import PieceCurves
+from ..face.piece_flow import Failed, SolverCounts, attempt
 from ..face.pieces import MOST_RATIO, Cut
 from ..flow.permeability_table import tabulated
 from ..loads import LoadProgramme
 from ..seal.tiles import SealTiles
-from ..windows import Failed, SolverCounts, attempt
 from .drawn_error import half_width
 from .face_contact import band_breadth
 from .face_leakage import FEWEST, PlaceLeakage
@@ -90,6 +90,7 @@ def stochastic(
         tiles=tiles,
         pieces=supply.pieces,
         leakage=leakage,
+        contact_fraction=1 - _at_nominal(scene, supply.pieces, 1 - supply.pieces.contact_fraction.mean(axis=(1, 2))),
         places=_places(scene, supply, leakage),
         row_pressure=rows,
         band_breadth=_band(scene, supply, seat),
@@ -298,7 +299,8 @@ def _median_seal(realisation: int, *, scene: Scene, tiles: SealTiles, supply: _S
         pressure = supply.paths[:, supply.path[tiles.tile]]
         if (fluid := scene.acting_fluid) is not None:
             pressure = np.maximum(pressure - np.nan_to_num(fluid.relief(p)), 0.0)
-    return MedianSeal(realisation, tiles.outlines, k, p, flux, pressure)
+    once = tiles.once
+    return MedianSeal(realisation, tiles.outlines[once], k[:, once], p[:, once], flux[:, once], pressure[:, once])
 
 
 def _rate_of_power(scene: Scene, tiles: SealTiles, found: Any) -> float:
@@ -331,14 +333,19 @@ def _places(scene: Scene, supply: _Supply, leakage: Array) -> PlaceLeakage | Non
     pieces = supply.pieces
     if pieces.places is None:
         return None
-    face, places = pieces.face, pieces.places
-    if pieces.steps != scene.steps:
-        fluid = scene.acting_fluid
-        relief = 0.0 if fluid is None else float(fluid.relief([fluid.mean])[0])
-        nominal = np.maximum(scene.steps.pressures[:, None] - relief, 0.0)
-        every = [PieceCurves(pieces.steps, q).along(nominal, scene.steps)[:, 0] for q in (face, *places)]
-        face, places = every[0], np.array(every[1:])
+    face, *places = (_at_nominal(scene, pieces, q) for q in (pieces.face, *pieces.places))
     with np.errstate(divide="ignore", invalid="ignore"):
         scale = np.where(face > 0, _medians(leakage) / face, 1.0)
     count = len(places) // (2 if len(places) >= 2 * FEWEST else 1)
-    return PlaceLeakage(scale * places[:count], scale * places[count:] if count >= FEWEST else None)
+    every = scale * np.array(places)
+    return PlaceLeakage(every[:count], every[count:] if count >= FEWEST else None)
+
+
+def _at_nominal(scene: Scene, pieces: FacePieces, values: Array) -> Array:
+    """Values of the states, which fall with the pressure, at the loads of the scene less the mean of its fluid."""
+    if pieces.steps == scene.steps:
+        return values
+    fluid = scene.acting_fluid
+    relief = 0.0 if fluid is None else float(fluid.relief([fluid.mean])[0])
+    nominal = np.maximum(scene.steps.pressures[:, None] - relief, 0.0)
+    return PieceCurves(pieces.steps, values).along(nominal, scene.steps)[:, 0]

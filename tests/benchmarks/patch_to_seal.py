@@ -22,9 +22,9 @@ import numpy as np
 from common import machine, rows, save_report
 
 import femseal as fs
+from femseal.face.piece_flow import Failed, FlowSettings
 from femseal.seal.layouts import RectangularLayout
 from femseal.studies.fluid_coupling import FluidPressure
-from femseal.windows import Failed, FlowSettings
 
 E, D, N = 115e9, 1e-6, 256
 LOADS, DROPS = (0.02, 0.08, 0.2), (0.1, 0.3, 1.0)

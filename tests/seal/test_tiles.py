@@ -236,7 +236,9 @@ def test_elements_smaller_than_a_piece_share_its_tile(tmp_path):
     assert_array_equal(coarse.permeability(*k), k.T[coarse.tile])
 
 
-@pytest.mark.parametrize("tiles", [wide(lay={"angle": 0.4}), ring("x1"), ring(inlet="outer")], ids=["strip", "in", "out"])
+@pytest.mark.parametrize(
+    "tiles", [wide(lay={"angle": 0.4}), ring("x1"), ring(inlet="outer")], ids=["strip", "in", "out"]
+)
 def test_the_flux_carries_the_leakage(tiles):
     """Through every row it is the rate, up to what the middles of tiles do not see."""
     k = tiles.permeability(*np.exp(np.random.default_rng(0).normal(0, 0.5, (2, tiles.count))))

@@ -1,4 +1,4 @@
-"""Flow through one window: its permeability along an axis, at one gap or along a load programme.
+"""Flow through one piece of a face: its permeability along an axis.
 
 Of an ensemble of solutions: failures with their reason, and numbers of solutions by solver.
 """
@@ -10,11 +10,10 @@ from dataclasses import dataclass, field, replace
 from typing import Any, TypeVar
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ..base import Array, FemsealError
 from ..base.compiled import compiled
-from ..flow import DarcyFlow, Permeability, Spiral, cell_permeability
+from ..flow import Spiral
 from ..flow.cell import cell_flow
 from ..flow.discretisation import check_discretisation
 from ..flow.law import cubic_law
@@ -81,12 +80,12 @@ class SolverCounts:
 
 @dataclass(frozen=True)
 class SolveCounts:
-    """Numbers of window flows that were solved, or known without solving.
+    """Numbers of flows through pieces that were solved, or known without solving.
 
     solved : flows with an open path, which a linear solver solved.
     closed : flows without an open path, which are 0.
     open : flows between nearly parallel plates, which the closed form gives.
-    equal : flows through a gap that the window had at an earlier step.
+    equal : flows through a gap that the piece had at an earlier step.
     solvers : number of systems by solver.
 
     >>> SolveCounts(solved=2) + SolveCounts(solved=1, closed=3) == SolveCounts(solved=3, closed=3)
@@ -124,27 +123,9 @@ class SolveCounts:
 OPEN_RATIO = 0.005
 
 
-@dataclass(frozen=True, eq=False)
-class FlowHistory:
-    """Permeability of windows at every step [m³], NaN where there is no gap or the flow failed.
-
-    at_pressures : at each pressure of the drop, of one window (pressures, steps), of all links along an axis
-        (pressures, steps, rows, columns).
-    """
-
-    at_pressures: Array
-    counts: SolveCounts = field(default_factory=SolveCounts)
-    failures: tuple[str, ...] = ()
-
-    @property
-    def k(self) -> Array:
-        """At the first pressure, the inlet's (steps, …)."""
-        return self.at_pressures[0]
-
-
 @dataclass(frozen=True)
 class FlowSettings:
-    """How the flow through windows is discretised and solved, see `cell_permeability`, and of what fluid.
+    """How the flow through a face and its pieces is discretised and solved, see `cell_permeability`, and of what fluid.
 
     spiral : how the grooves of a whole face wind, see `femseal.flow.spiral`; None for rings.
 
@@ -160,86 +141,45 @@ class FlowSettings:
         check_discretisation(self.discretisation, self.solver)
 
 
-def flow_history(
-    gaps: NDArray[np.floating], spacing: tuple[float, float], axis: int, settings: FlowSettings | None = None
-) -> FlowHistory:
-    """Permeability along `axis` of a window with closed sides at every step, from its gaps (steps, n1, n2) [m]."""
-    settings = settings or FlowSettings()
-    k = np.full((settings.drop.pressures.size, len(gaps)), np.nan)
-    counts, failures = [], []
-    known: dict[bytes, Array] = {}
-    for s in np.flatnonzero(np.isfinite(gaps).all(axis=(1, 2))):
-        bits = gaps[s].tobytes()
-        if bits in known:
-            k[:, s] = known[bits]
-            counts.append(SolveCounts(equal=1))
-            continue
-        flow = attempt(window_permeability, np.asarray(gaps[s], float), spacing, axis, settings=settings)
-        if isinstance(flow, Failed):
-            failures.append(f"step {s}: {flow.reason}")
-            continue
-        k[:, s] = known[bits] = flow.k
-        counts.append(flow.counts)
-    return FlowHistory(k, SolveCounts.total(counts), tuple(failures))
-
-
 @dataclass(frozen=True, eq=False)
-class WindowPermeability:
-    """Permeability of a window at one step.
-
-    k : the value, or with bounds the value, its lower and its upper bound [m³], each at every pressure of the drop.
-    counts : this one flow, counted as solved, closed or open.
-    """
+class PiecePermeability:
+    """Permeability k of a piece at every pressure of the drop [m³]; the one flow, counted as solved, closed or open."""
 
     k: Array
     counts: SolveCounts
 
 
-def window_permeability(
-    gap: Array, spacing: tuple[float, float], axis: int, *, bounds: bool = False, settings: FlowSettings | None = None
-) -> WindowPermeability:
-    """Permeability along `axis` of a window (n1, n2) [m] with closed sides.
-
-    Nearly parallel plates have that of their mean gap. `bounds` adds a lower and an upper bound for a gap constant on
-    each pixel; for nearly parallel plates they are the harmonic and the arithmetic mean over the pixels.
+def piece_permeability(
+    gap: Array, spacing: tuple[float, float], axis: int, settings: FlowSettings | None = None
+) -> PiecePermeability:
+    """Permeability along `axis` of a piece (n1, n2) [m] with closed sides: of about parallel plates that of their mean.
 
     Raises NotConverged: the linear solver failed.
     """
     settings = settings or FlowSettings()
-    found = []
-    for p in settings.drop.pressures:
-        found.append(_of_gap(settings.drop.law.equivalent_gap(gap, p), spacing, axis, bounds, settings))
-        if not found[0].k.any():  # closed at every pressure
-            found *= settings.drop.pressures.size
+    drop, found = settings.drop, []
+    for p in drop.pressures:
+        found.append(_of_gap(drop.law.equivalent_gap(gap, p), spacing, axis, settings))
+        if found[0][0] == 0:  # closed at every pressure
+            found *= drop.pressures.size
             break
-    counts = found[0].counts
+    counts = found[0][1]
     if len(found) > 1:  # one flow, however many systems were solved for it
-        counts = replace(counts, solvers=SolverCounts.total(one.counts.solvers for one in found))
-    return WindowPermeability(np.array([one.k for one in found]).T.ravel(), counts)
+        counts = replace(counts, solvers=SolverCounts.total(one.solvers for _, one in found))
+    return PiecePermeability(np.array([k for k, _ in found]), counts)
 
 
-def _of_gap(
-    gap: Array, spacing: tuple[float, float], axis: int, bounds: bool, settings: FlowSettings
-) -> WindowPermeability:
+def _of_gap(gap: Array, spacing: tuple[float, float], axis: int, settings: FlowSettings) -> tuple[float, SolveCounts]:
     """Permeability of a gap by the cubic law; that of nearly parallel plates in closed form."""
     mean = _between_plates(gap, OPEN_RATIO)
     if mean > 0:
-        k = [cubic_law(mean)]
-        if bounds:
-            of_pixels = cubic_law(gap)
-            k += [1 / float(np.mean(1 / of_pixels)), float(np.mean(of_pixels))]
-        return WindowPermeability(np.array(k), SolveCounts(open=1))
-    options: dict[str, Any] = {"axis": axis, "discretisation": settings.discretisation, "solver": settings.solver}
-    flow: Permeability | DarcyFlow
-    if bounds:
-        flow = cell_permeability(gap, spacing, bounds=True, **options)
-        k = [flow.value, flow.lower, flow.upper]
-    else:
-        cell = cell_flow(gap, spacing, sides="mirror", **options)
-        flow, k = cell.flow, [cell.permeability]
-    solvers = SolverCounts.of(flow)
-    counts = SolveCounts(solved=1, solvers=solvers) if flow.percolates else SolveCounts(closed=1, solvers=solvers)
-    return WindowPermeability(np.array(k), counts)
+        return cubic_law(mean), SolveCounts(open=1)
+    cell = cell_flow(
+        gap, spacing, axis=axis, sides="mirror", discretisation=settings.discretisation, solver=settings.solver
+    )
+    solvers = SolverCounts.of(cell.flow)
+    counts = SolveCounts(solved=1, solvers=solvers) if cell.flow.percolates else SolveCounts(closed=1, solvers=solvers)
+    return cell.permeability, counts
 
 
 @compiled()
