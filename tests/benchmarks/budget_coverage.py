@@ -71,8 +71,8 @@ def drawn_seals(kind, seed):
     drawn = Drawn(kind, seed, LENGTH)
     truth = deterministic(drawn.scene(2)).leakage
     scene, (n, _) = piece_of(drawn), drawn.points
-    sampling = Sampling(LENGTH * n * PIXEL, REALISATIONS, 1, seed=1, sampler="runs")
-    seals = replace(stochastic(scene, (drawn.cells[0],) * 2, sampling), median_seal=None)
+    sampling = Sampling(LENGTH * n * PIXEL, REALISATIONS, seed=1)
+    seals = replace(stochastic(scene, None, sampling), median_seal=None)
     coarse = coarser(scene, scene.surface.resample((n // 2, n // 2)), deterministic(scene).leakage, deterministic)
     return {"scene": scene, "studies": {"drawn seals": seals}, "truth": truth, "solutions": {"coarse": [coarse]}}
 
