@@ -14,7 +14,6 @@ import argparse
 import json
 import os
 import time
-from dataclasses import replace
 from itertools import product
 from pathlib import Path
 from tempfile import TemporaryDirectory

@@ -23,7 +23,6 @@ import time
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import ExitStack, suppress
-from dataclasses import replace
 from functools import partial
 from hashlib import sha256
 from pathlib import Path
@@ -97,7 +96,13 @@ def study(mapping: Any, points: int = 128) -> str:
     faces = [face(points, seed) for seed in range(8)]
     hardness = 0.14 * MODULUS * face(256, 1).rms_slope
     loading, peaks, stops = (tuple(hardness * share for share in shares) for shares in SHARES)
-    given = {"loading": loading, "unload_from": peaks, "unloading": stops, "inlet_pressure": 1e7, "outlet_pressure": 0.0}
+    given = {
+        "loading": loading,
+        "unload_from": peaks,
+        "unloading": stops,
+        "inlet_pressure": 1e7,
+        "outlet_pressure": 0.0,
+    }
     scene = fs.Scene(faces, MODULUS, hardness, fs.Liquid(1e-3), **given)
     found = fs.deterministic(scene, mapper=mapping).leakage
     return sha256(found.tobytes()).hexdigest()
@@ -303,7 +308,10 @@ def parts_table(records: list[dict[str, Any]]) -> str:
     cells = []
     for record in (r for r in records if "parts" in r):
         turns = record["turns"]
-        count, kind = record["seals"] or EMPTY, "drawn seals of 8 × 64 tiles" if record["seals"] else "that cost nothing"
+        count, kind = (
+            record["seals"] or EMPTY,
+            "drawn seals of 8 × 64 tiles" if record["seals"] else "that cost nothing",
+        )
         assert all(t["same"] for t in turns)
         names = ("one", "own", "again", "gather")
         times = [f"{median(t[name] for t in turns):.3g}" if name in turns[0] else "" for name in names]
