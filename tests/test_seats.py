@@ -326,7 +326,10 @@ def test_a_broad_seat_runs_from_a_case(tmp_path):
 @pytest.mark.parametrize(
     ("change", "text"),
     [
-        ({"method": "two-scale", "compare": ["stochastic"]}, "seat.kind: given a seal that takes pieces anywhere of the face, with"),
+        (
+            {"method": "two-scale", "compare": ["stochastic"]},
+            "seat.kind: given a seal that takes pieces anywhere of the face, with",
+        ),
         ({"load": BROAD["load"] | {"map": {"kind": "profile", "fractions": [1, 2]}}}, "load.map: given a map with a"),
         ({"seat": {"kind": "crowned", "radius": "0.5 mm"}}, "slopes up to"),
     ],
