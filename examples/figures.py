@@ -4,14 +4,14 @@
 
 0 face           heights of the face, and the leakage of its seals over the load cycle
 1 two_scales     fluid pressure, contact pressure, and three pieces seen closely
-2 cycles         permeability of single windows on loading and unloading, and its scatter over all
+2 cycles         permeability of single pieces on loading and unloading, and its scatter over all
 3 permeability   against mean gap, with the asymptote h̄³/12, and against pressure
 4 leakage        of seals of several lengths, and of one unloaded from four loads
-5 constrictions  the share of the pressure drop over the narrowest pieces
+5 constrictions  the part of the pressure drop over the narrowest pieces
 
-0 comes from any folder of results, all others but 4 from that of a two-scale run, 2 and 3 from its library if it has
-one. The case of the run, if given, is used for figure 4, whose seals are drawn from one library of windows under the
-nominal pressure. Every picture is written as .pdf and .png, 183 mm wide.
+0 comes from any folder of results, all others but 4 from that of a two-scale run, 2 and 3 from the pieces that its
+seals draw if it has some. The case of the run, if given, is used for figure 4, whose seals draw the same pieces. Every
+picture is written as .pdf and .png, 183 mm wide.
 """
 
 from __future__ import annotations
@@ -46,7 +46,7 @@ PRINT = {"font.size": 8, "axes.titlesize": 8, "legend.fontsize": 7, "lines.linew
 #: Figure 5: numbers of the narrowest pieces, and their colours.
 NARROWEST = 1, 3, 10
 SHADES = ("#00467F", "#009E73", "#E69F00")
-#: Figure 4: shares of the highest load from which seals are unloaded, and of the peak at which they are looked at.
+#: Figure 4: fractions of the highest load from which seals are unloaded, and of the peak at which they are looked at.
 PEAKS, STOPS = (0.25, 0.5, 0.75, 1.0), (0.9, 0.8, 0.7, 0.6, 0.5, 0.4, 0.3, 0.2, 0.1, 0.04)
 #: Figure 4: lengths of seals in lengths of the face.
 LENGTHS = (0.25, 1, 4, 16)
@@ -59,7 +59,7 @@ def face_and_leakage(results: fs.Results) -> Figure:
     size = [1e3 * float(heights[axis][0] + heights[axis][-1]) for axis in heights.dims]
     figure = new_figure(WIDTH, 4.8)
     face, curves = figure.subplots(1, 2, width_ratios=(1, 2.2))
-    height_panel(face, heights.values * 1e6, (size[0], size[1]))
+    height_panel(face, heights.values * 1e6, (size[0], size[1]), upright=True)
     results.plot(ax=curves)
     inside = curves.get_legend()
     handles, labels, title = inside.legend_handles, [text.get_text() for text in inside.texts], inside.get_title()
@@ -70,12 +70,12 @@ def face_and_leakage(results: fs.Results) -> Figure:
 
 def two_scales(results: fs.Results, step: int | None = None) -> Figure:
     """Figure 1, of a two-scale run, at the highest load that leaks unless given."""
-    data = _with(results, "k1", "a two-scale run")
+    data = _with(results, "piece_k1", "a two-scale run")
     s = default_step(data) if step is None else step
-    windows = closely(results, s)
-    x1, x2 = (2e3 * float(data[name].mean()) for name in ("cell1", "cell2"))
-    w1, w2 = x1 / data.sizes["cell1"], x2 / data.sizes["cell2"]
-    heights = min(0.42 * WIDTH * x2 / x1, 0.6 * WIDTH) + 0.8, 1.75 * len(windows) + 1.0
+    pieces = closely(results, s)
+    x1, x2 = (2e3 * float(data[name].mean()) for name in ("piece1", "piece2"))
+    w1, w2 = x1 / data.sizes["piece1"], x2 / data.sizes["piece2"]
+    heights = min(0.42 * WIDTH * x2 / x1, 0.6 * WIDTH) + 0.8, 1.75 * len(pieces) + 1.0
     figure = new_figure(WIDTH, sum(heights))
     above, below = figure.subfigures(2, 1, height_ratios=heights)
     flow, contact = above.subplots(1, 2)
@@ -83,21 +83,21 @@ def two_scales(results: fs.Results, step: int | None = None) -> Figure:
     image = flow.imshow(fluid.T, origin="lower", extent=(0, x1, 0, x2), cmap="cividis")
     above.colorbar(image, ax=flow, shrink=0.8)
     flow.set(facecolor=CLOSED, title="fluid pressure [MPa]", ylabel="$x_2$ along the seal [mm]")
-    pressure = data["window_pressure"].values[s] / 1e6
+    pressure = data["piece_pressure"].values[s] / 1e6
     image = contact.imshow(pressure.T, origin="lower", extent=(0, x1, 0, x2), cmap="viridis")
     above.colorbar(image, ax=contact, shrink=0.8)
     contact.set(title="contact pressure of pieces [MPa]")
     for axes in (flow, contact):
         axes.set(aspect="equal", xlabel="$x_1$ [mm], inlet at 0", xlim=(0, x1), ylim=(0, x2))
-        for letter, (i, j) in zip("ABC", windows, strict=False):
+        for letter, (i, j) in zip("ABC", pieces, strict=False):
             for width, colour in ((2.4, "black"), (1.2, "white")):
                 axes.add_patch(Rectangle((i * w1, j * w2), w1, w2, fill=False, ec=colour, lw=width))
-            # beside the window, on the side of the middle
-            right = i < data.sizes["cell1"] / 2
+            # beside the piece, on the side of the middle
+            right = i < data.sizes["piece1"] / 2
             axes.annotate(letter, ((i + right) * w1, (j + 0.5) * w2), (2 if right else -2, 0), weight="bold",
                           textcoords="offset points", ha="left" if right else "right", va="center",
                           color="white", path_effects=[withStroke(linewidth=2, foreground="black")])  # fmt: skip
-    _draw_closely(below, windows, (0, w1 * 1e3, 0, w2 * 1e3))
+    _draw_closely(below, pieces, (0, w1 * 1e3, 0, w2 * 1e3))
     above.suptitle(str(data["name"].values[s]), fontsize=9)
     return figure
 
@@ -105,21 +105,21 @@ def two_scales(results: fs.Results, step: int | None = None) -> Figure:
 def closely(results: fs.Results, step: int) -> dict[tuple[int, int], dict[str, np.ndarray]]:
     """Gap [µm], contact [MPa], fluid pressure for a unit drop and its flow, of pieces with largest to smallest k1.
 
-    The flow is that of the links between pixels, in shares of the largest.
+    The flow is that between pixels, over the largest.
     """
-    windows, k = {}, results.dataset["k1"].values[step]
+    pieces, k = {}, results.dataset["piece_k1"].values[step]
     is_open = np.argwhere(k > 0)
     order = is_open[np.argsort(k[k > 0])]
     for place in dict.fromkeys(tuple(map(int, order[n])) for n in (-1, len(order) // 2, 0)):
         gap, contact = results.gap(step, place), results.contact_pressure(step, place)
         spacing = tuple(float(gap[axis][1] - gap[axis][0]) for axis in gap.dims)
         h = gap.values.astype(float)
-        windows[place] = pixel_flow(h, spacing) | {"gap": h * 1e6, "contact": contact.values / 1e6}
-    return windows
+        pieces[place] = pixel_flow(h, spacing) | {"gap": h * 1e6, "contact": contact.values / 1e6}
+    return pieces
 
 
 def pixel_flow(gap: np.ndarray, spacing: tuple[float, float]) -> dict[str, np.ndarray]:
-    """Fluid pressure for a unit drop through a window's gap [m], and the flow at its pixels."""
+    """Fluid pressure for a unit drop through a piece's gap [m], and the flow at its pixels."""
     p = fs.cell_permeability(gap, spacing).fluid_pressure
     links = cell_stencil(gap, Grid.of_pixel_centres(gap.shape, spacing, "mirror"))
     known = np.nan_to_num(p)
@@ -129,21 +129,21 @@ def pixel_flow(gap: np.ndarray, spacing: tuple[float, float]) -> dict[str, np.nd
     return {"fluid": p, "flow": q / (q.max() or 1.0)}
 
 
-def _draw_closely(figure, windows, extent):
-    panels = figure.subplots(len(windows), 3, sharex=True, sharey=True, squeeze=False)
+def _draw_closely(figure, pieces, extent):
+    panels = figure.subplots(len(pieces), 3, sharex=True, sharey=True, squeeze=False)
     titles = {
         "gap": "gap [µm]",
         "contact": "contact pressure [MPa]",
         "fluid": "fluid pressure for a unit drop; red: √flow",
     }
     for (name, title), colours, column in zip(titles.items(), ("magma", "viridis", "cividis"), panels.T, strict=True):
-        top = 1.0 if name == "fluid" else max(window[name].max() for window in windows.values())
-        for letter, window, axes in zip("ABC", windows.values(), column, strict=False):
-            shown = window[name] if name == "fluid" else np.where(window[name] > 0, window[name], np.nan)
+        top = 1.0 if name == "fluid" else max(piece[name].max() for piece in pieces.values())
+        for letter, piece, axes in zip("ABC", pieces.values(), column, strict=False):
+            shown = piece[name] if name == "fluid" else np.where(piece[name] > 0, piece[name], np.nan)
             image = axes.imshow(shown.T, origin="lower", extent=extent, cmap=colours, vmin=0, vmax=top)
             axes.set_facecolor("white" if name == "contact" else CLOSED)
             if name == "fluid":
-                axes.imshow(np.ones_like(shown.T), alpha=np.sqrt(window["flow"].T), origin="lower", extent=extent,
+                axes.imshow(np.ones_like(shown.T), alpha=np.sqrt(piece["flow"].T), origin="lower", extent=extent,
                             vmin=0, vmax=1, cmap=ListedColormap([RED]))  # fmt: skip
             if name == "gap":
                 axes.set_ylabel(f"{letter}: $x_2$ [µm]")
@@ -152,13 +152,12 @@ def _draw_closely(figure, windows, extent):
         figure.colorbar(image, ax=column, location="bottom", shrink=0.8)
 
 
-def cells(results: fs.Results) -> tuple[str, np.ndarray, np.ndarray, np.ndarray]:
-    """Prefix of the steps' names; pressure, permeability and mean gap (cells, steps), of the library or the windows."""
-    if "library_k" in (data := results.dataset):
-        return "library_", *(data[f"library_{name}"].values for name in ("pressure", "k", "mean_gap"))
-    data = _with(results, "k1", "a two-scale or a stochastic run")
-    names = ("window_pressure", "k1", "window_mean_gap")
-    return "", *(data[name].values.reshape(data.sizes["step"], -1).T for name in names)
+def pieces_of(results: fs.Results) -> tuple[str, np.ndarray, np.ndarray, np.ndarray]:
+    """Prefix of the steps' names; pressure, permeability and mean gap (pieces, steps), at steps or in states."""
+    kind = "state" if "state_k1" in results.dataset else "piece"
+    data = _with(results, f"{kind}_k1", "a two-scale or a stochastic run")
+    fields = [data[f"{kind}_{name}"].values for name in ("pressure", "k1", "mean_gap")]
+    return "state_" if kind == "state" else "", *(field.reshape(len(field), -1).T for field in fields)
 
 
 def up_and_down(results: fs.Results, prefix: str) -> list[np.ndarray]:
@@ -181,18 +180,18 @@ def _with(results, name, allowed):
 
 
 def cycles(results: fs.Results, count: int = 4) -> Figure:
-    """Figure 2. `count` windows along the loading and the unloading from the highest peak, and quantiles of all."""
-    prefix, _, k, _ = cells(results)
+    """Figure 2. `count` pieces along the loading and the unloading from the highest peak, and quantiles of all."""
+    prefix, _, k, _ = pieces_of(results)
     nominal = results.dataset[f"{prefix}nominal_pressure"].values / 1e6
     up, down = up_and_down(results, prefix)
     figure = new_figure(WIDTH, 3.4)
     grid = figure.add_gridspec(2, 2, height_ratios=(3.2, 1))
     single, every = figure.add_subplot(grid[:, 0]), figure.add_subplot(grid[0, 1])
     closed = figure.add_subplot(grid[1, 1], sharex=every)
-    for cell, (colour, line, _) in zip(typical(k, up, down, count), STYLES[1:], strict=False):
+    for piece, (colour, line, _) in zip(typical(k, up, down, count), STYLES[1:], strict=False):
         for steps, width, size in ((up, 0.8, 1.8), (down, 2.0, 3.0)):
-            label = f"window {cell}" if steps is down else None
-            single.plot(nominal[steps], _open(k[cell, steps]), color=colour, ls=line, lw=width, marker="o", ms=size,
+            label = f"piece {piece}" if steps is down else None
+            single.plot(nominal[steps], _open(k[piece, steps]), color=colour, ls=line, lw=width, marker="o", ms=size,
                         label=label)  # fmt: skip
     single.set_title("(a) thin: loading, thick: unloading; no line: closed")
     single.set(yscale="log", xlabel="nominal pressure [MPa]", ylabel="permeability $k_1$ [m³]", xlim=(0, None))
@@ -205,7 +204,7 @@ def cycles(results: fs.Results, count: int = 4) -> Figure:
         every.plot(nominal[steps], _open(middle), color=colour, ls=line, lw=1.8, label=name)
         closed.plot(nominal[steps], 100 * np.mean(k[:, steps] == 0, axis=0), color=colour, ls=line, lw=1.8)
     every.set(yscale="log", ylabel="$k_1$ [m³]", ylim=(floor, None))
-    every.set_title(f"(b) median and {BAND} of {len(k)} windows")
+    every.set_title(f"(b) median and {BAND} of {len(k)} pieces")
     every.legend(loc="lower left", frameon=True, framealpha=0.9)
     every.tick_params(labelbottom=False)
     closed.set(xlabel="nominal pressure [MPa]", ylabel="closed [%]", xlim=(0, None), ylim=(0, None))
@@ -213,7 +212,7 @@ def cycles(results: fs.Results, count: int = 4) -> Figure:
 
 
 def typical(k: np.ndarray, up: np.ndarray, down: np.ndarray, count: int) -> np.ndarray:
-    """Windows evenly in the order of steps at which they are open, then of k at the peak; those never open left out."""
+    """Pieces evenly in the order of steps at which they are open, then of k at the peak; those never open left out."""
     path = k[:, np.r_[up, down[1:]]]
     order = np.lexsort((k[:, up[-1]], (path > 0).sum(axis=1)))
     order = order[(path[order] > 0).any(axis=1) & np.isfinite(path[order]).all(axis=1)]
@@ -221,8 +220,8 @@ def typical(k: np.ndarray, up: np.ndarray, down: np.ndarray, count: int) -> np.n
 
 
 def permeability(results: fs.Results) -> Figure:
-    """Figure 3. Windows on loading and on unloading from the highest peak: k against gap and against their pressure."""
-    prefix, pressure, k, gap = cells(results)
+    """Figure 3. Pieces on loading and on unloading from the highest peak: k against gap and against their pressure."""
+    prefix, pressure, k, gap = pieces_of(results)
     nominal = results.dataset[f"{prefix}nominal_pressure"].values / 1e6
     figure = new_figure(WIDTH, 3.2)
     left, right = figure.subplots(1, 2, sharey=True)
@@ -237,14 +236,14 @@ def permeability(results: fs.Results) -> Figure:
     plates = np.geomspace(h.min(), h.max(), 50)
     left.plot(plates, (plates * 1e-6) ** 3 / 12, color="black", lw=1.6, label=r"$\bar h^3/12$")
     left.set(
-        xscale="log", yscale="log", xlabel=r"mean gap $\bar h$ of the window [µm]", ylabel="permeability $k_1$ [m³]"
+        xscale="log", yscale="log", xlabel=r"mean gap $\bar h$ of the piece [µm]", ylabel="permeability $k_1$ [m³]"
     )
     if plates[-1] < 100 * plates[0]:
         left.xaxis.set_major_locator(LogLocator(subs=(1, 2, 5)))
         left.xaxis.set_major_formatter("{x:g}")
         left.xaxis.set_minor_formatter(NullFormatter())
     left.set_ylim(_floor(k), 3 * max(np.nanmax(k), (plates[-1] * 1e-6) ** 3 / 12))
-    right.set(xlabel="pressure of the window [MPa]", xlim=(0, None))
+    right.set(xlabel="pressure of the piece [MPa]", xlim=(0, None))
     for axes in (left, right):
         axes.legend(loc="lower right", markerscale=2)
     return figure
@@ -255,19 +254,21 @@ def _floor(k):
     return max(k[k > 0].min() / 3, 1e-12 * np.nanmax(k))
 
 
-def drawn_seals(case: fs.Case, lengths=LENGTHS, library: Path | None = None) -> list:
-    """Results of seals of several lengths, in lengths of the face, unloaded from four loads.
-
-    All are drawn from one library of windows, which is kept in the folder `library`.
-    """
+def drawn_seals(case: fs.Case, lengths=LENGTHS) -> list:
+    """Results of seals of several lengths, in lengths of the face, unloaded from four loads."""
     prepared, table = fs.prepare(case), case.stochastic
     scene, top = prepared.scene, prepared.scene.loading[-1]
-    peaks = tuple(share * top for share in PEAKS)
-    stops = tuple(sorted({share * peak for share in STOPS for peak in peaks}))
+    peaks = tuple(part * top for part in PEAKS)
+    stops = tuple(sorted({part * peak for part in STOPS for peak in peaks}))
     scene = replace(scene, loading=tuple(sorted({*scene.loading, *peaks})), unload_from=peaks, unloading=stops)
-    sampling = fs.Sampling(length=0.0, realisations=table.realisations, library_cells=table.library_cells,
-                           seed=case.seed, pressure="uniform", library=library)  # fmt: skip
-    return [fs.stochastic(scene, prepared.cells, replace(sampling, length=n * scene.surface.size[1])) for n in lengths]
+    return [
+        fs.stochastic(
+            scene,
+            prepared.cells,
+            fs.Sampling(n * scene.surface.size[1], table.realisations, seed=case.seed, median_fields=False),
+        )
+        for n in lengths
+    ]
 
 
 def leakage(seals: list) -> Figure:
@@ -320,8 +321,8 @@ def _open(values):
 
 def constrictions(results: fs.Results) -> Figure:
     """Figure 5. Shares of the pressure drop over the leakage, and where it drops at the least."""
-    data = _with(results, "window_drop_fraction", "a two-scale run")
-    q, fractions = data["leakage_two_scale"].values, data["window_drop_fraction"].values
+    data = _with(results, "piece_drop_fraction", "a two-scale run")
+    q, fractions = data["leakage_two_scale"].values, data["piece_drop_fraction"].values
     leaking = np.flatnonzero(np.nan_to_num(q) != 0)
     if leaking.size == 0:
         raise InputError("results", "a seal that never leaks", "one that does")
@@ -331,17 +332,17 @@ def constrictions(results: fs.Results) -> Figure:
     loading = np.isnan(data["unloaded_from"].values)
     falling = np.sort(fractions.reshape(len(q), -1), axis=1)[:, ::-1].cumsum(axis=1)
     for count, colour, marker in zip(NARROWEST, SHADES, "os^", strict=True):
-        shares, style = falling[:, min(count, falling.shape[1]) - 1], {"color": colour, "marker": marker, "mew": 0.8}
+        parts, style = falling[:, min(count, falling.shape[1]) - 1], {"color": colour, "marker": marker, "mew": 0.8}
         name = f"the narrowest {count}" if count > 1 else "the narrowest"
-        left.plot(np.abs(q / q[0])[loading], shares[loading], ms=4, label=name, **style)
-        left.plot(np.abs(q / q[0])[~loading], shares[~loading], ls="", ms=2, **style)
+        left.plot(np.abs(q / q[0])[loading], parts[loading], ms=4, label=name, **style)
+        left.plot(np.abs(q / q[0])[~loading], parts[~loading], ls="", ms=2, **style)
     left.set(
-        xscale="log", xlabel="leakage / leakage at the first load", ylabel="share of the pressure drop", ylim=(0, 1.03)
+        xscale="log", xlabel="leakage / leakage at the first load", ylabel="part of the pressure drop", ylim=(0, 1.03)
     )
     left.invert_xaxis()
     left.set_title("(a) large: loading, small: unloading")
     left.legend()
-    sides = [2e3 * data[name].values.mean() for name in ("cell1", "cell2")]
+    sides = [2e3 * data[name].values.mean() for name in ("piece1", "piece2")]
     image = right.imshow(100 * fractions[least].T, origin="lower", extent=(0, sides[0], 0, sides[1]), cmap="Blues")
     figure.colorbar(image, ax=right, shrink=0.7, label="pressure drop in a piece [%]")
     right.set(xlabel="$x_1$, inlet at 0 [mm]", ylabel="$x_2$ [mm]", title=f"(b) {data['name'].values[least]}")
@@ -367,7 +368,7 @@ def main() -> None:
         "5_constrictions": lambda: constrictions(results),
     }
     if case is not None and case.stochastic is not None:
-        drawings["4_leakage"] = lambda: leakage(drawn_seals(case, library=given.out / "library"))
+        drawings["4_leakage"] = lambda: leakage(drawn_seals(case))
     with matplotlib.rc_context(PRINT):
         for name, draw in sorted(drawings.items()):
             try:

@@ -1,6 +1,6 @@
 """The two-scale view in ParaView: where the pressure drops in the pieces, contact pressure over all pixels.
 
-As a macro (Macros > Import new macro): open `vtk/seal.pvd` of a results folder, select it, run the macro. Without a
+As a macro (Macros > Import new macro): open `vtk/pieces.pvd` of a results folder, select it, run the macro. Without a
 window, the last argument being the load step:
 
     xvfb-run -a pvpython examples/paraview_two_scale.py results/turned_seal view.png 8
@@ -18,11 +18,11 @@ GREY = [0.69, 0.69, 0.69]
 
 
 def opened(folder):
-    """The seal and the fields over all pixels."""
-    paths = [os.path.join(folder, *name) for name in (("vtk", "seal.pvd"), ("fields.pvd",))]
+    """The pieces of the face and the fields over all pixels."""
+    paths = [os.path.join(folder, *name) for name in (("vtk", "pieces.pvd"), ("fields.pvd",))]
     missing = [path for path in paths if not os.path.isfile(path)]
     if missing:
-        need = 'a results folder of a two-scale study; [output] paraview = "vtu" (the default) writes vtk/seal.pvd'
+        need = 'a results folder of a two-scale study; [output] paraview = "vtu" (the default) writes vtk/pieces.pvd'
         raise SystemExit(f"paraview_two_scale.py: there is no {' and no '.join(missing)}: give {need}")
     return [pv.PVDReader(FileName=path) for path in paths]
 
@@ -73,7 +73,7 @@ def draw(folder, time):
     pv.AssignViewToLayout(view=upper, layout=layout, hint=0)
     layout.SplitVertical(0, 0.5)
     pv.AssignViewToLayout(view=lower, layout=layout, hint=2)
-    coloured(seal, ("CELLS", "window_drop_fraction"), "fraction of the pressure drop", PALETTES[0], upper, time)
+    coloured(seal, ("CELLS", "drop_fraction"), "fraction of the pressure drop", PALETTES[0], upper, time)
     load = pv.PythonAnnotation(Input=seal)
     load.ArrayAssociation = "Field Data"
     load.Expression = "'%g MPa' % nominal_pressure_MPa[0]"

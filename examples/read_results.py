@@ -38,6 +38,6 @@ if __name__ == "__main__":
     highest = results.dataset["nominal_pressure"].argmax("step")
     print(f"leakage at the peak: {float(results.leakage[highest]):.4g} m²/s")
     print("page:", fs.write_report(results))
-    leakage, cells = results.plot(), results.plot_cells()
+    leakage, pieces = results.plot(), results.plot_pieces()
     leakage.savefig("leakage.png")
-    cells.savefig("cells.png")
+    pieces.savefig("pieces.png")

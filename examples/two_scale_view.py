@@ -2,7 +2,7 @@
 
     python examples/two_scale_view.py results/turned_seal view.png
 
-It reads `vtk/seal.pvd` and `fields.pvd`. Without a display, set
+It reads `vtk/pieces.pvd` and `fields.pvd`. Without a display, set
 VTK_DEFAULT_OPENGL_WINDOW=vtkEGLRenderWindow (or vtkOSOpenGLRenderWindow). `paraview_two_scale.py` draws the same.
 """
 
@@ -27,11 +27,11 @@ def read(path, step):
 def draw(folder, step):
     """A plotter with both views at a step: inlet at the left, x1 to the right."""
     folder = Path(folder)
-    seal, face = read(folder / "vtk" / "seal.pvd", step), read(folder / "fields.pvd", step)
+    seal, face = read(folder / "vtk" / "pieces.pvd", step), read(folder / "fields.pvd", step)
     x1, x2 = seal.bounds[1], seal.bounds[3]
     stacked = x1 > x2
     plotter = pv.Plotter(shape=(2, 1) if stacked else (1, 2), off_screen=True, window_size=(1000, 1100))
-    seal["pressure drop [%]"] = 100 * seal["window_drop_fraction"]
+    seal["pressure drop [%]"] = 100 * seal["drop_fraction"]
     face["contact pressure [MPa]"] = face["contact_pressure_MPa"]
     for n, (mesh, name) in enumerate(((seal, "pressure drop [%]"), (face, "contact pressure [MPa]"))):
         plotter.subplot(*((n, 0) if stacked else (0, n)))

@@ -1,7 +1,6 @@
 """The error budget: grid convergence, parts and their combination."""
 
 from dataclasses import replace
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -9,11 +8,11 @@ from numpy.testing import assert_allclose
 
 import femseal as fs
 from femseal import CoarserSolution, ErrorPart
-from femseal.budget.changes import change_of_windows, on_all_steps
+from femseal.budget.changes import on_all_steps
 from femseal.budget.estimates import median_interval
 from femseal.budget.grid_convergence import pixels_part
 from femseal.budget.waves import filter_part
-from femseal.loads import LoadProgramme, LoadStep
+from femseal.loads import LoadProgramme
 from femseal.preparation.preparation import prepare
 from femseal.refinement.coarser import at_some_steps, coarser_points
 from femseal.runs.forecast import describe, forecast
@@ -320,18 +319,12 @@ def test_two_scales_of_the_whole_face_are_looked_at_by_the_deterministic_one_on_
     assert_allclose(one, two, rtol=1e-6)
 
 
-def test_windows_that_are_closed_on_both_grids_change_nothing():
-    steps = LoadProgramme(LoadStep(p) for p in (1e6, 2e6, 3e6))
-    own = SimpleNamespace(steps=steps, k=np.array([[1.0, 0.0, 0.0], [2.0, 0.0, 0.0]]))
-    other = SimpleNamespace(steps=steps, k=np.array([[2.0, 0.0, 1.0], [4.0, 0.0, 0.0]]))
-    assert_allclose(change_of_windows(own, other, steps), [np.log(2), 0.0, np.nan])
-
-
-def test_windows_keep_eight_pixels_on_coarser_points():
+def test_pieces_keep_eight_pixels_on_coarser_points():
     assert coarser_points((65, 128)) == (33, 64)
-    assert coarser_points((96, 96), (3, 4)) == (48, 48)
-    assert coarser_points((90, 96), (3, 4)) == (45, 48)
-    assert coarser_points((30, 36), (3, 4)) is None
+    assert coarser_points((96, 96), (24, 32)) == (48, 48)
+    assert coarser_points((90, 96), (24, 32)) == (45, 48)
+    assert coarser_points((60, 96), (40, 64)) == (40, 64)
+    assert coarser_points((30, 36), (24, 32)) is None
 
 
 # --- bands of loads beside each other ------------------------------------------------------------------------------

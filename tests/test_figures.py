@@ -45,7 +45,6 @@ count = [4, 8]
 [stochastic]
 length = "240 um"
 realisations = 3
-library_cells = 32
 """
 UP, DOWN = [0, 1, 2, 3], [3, 6, 7, 8]
 
@@ -86,11 +85,11 @@ def test_two_scales(ran):
     assert_allclose(
         flow.images[0].get_array().filled(-1), np.nan_to_num(data["face_fluid_pressure"][2].T / 1e6, nan=-1)
     )
-    assert_allclose(contact.images[0].get_array(), data["window_pressure"].values[2].T / 1e6)
+    assert_allclose(contact.images[0].get_array(), data["piece_pressure"].values[2].T / 1e6)
     panels = np.array(below.axes[:9]).reshape(3, 3)
-    windows = figures.closely(results, 2)
-    assert len(windows) == 3
-    for (place, fields), (gap, pressure, fluid) in zip(windows.items(), panels, strict=True):
+    pieces = figures.closely(results, 2)
+    assert len(pieces) == 3
+    for (place, fields), (gap, pressure, fluid) in zip(pieces.items(), panels, strict=True):
         for axes, field, scale in ((gap, study.gap, 1e6), (pressure, study.contact_pressure, 1e-6)):
             expected = study.partition.cell(field[2], *place).T * scale
             assert_allclose(axes.images[0].get_array().filled(0.0), expected, rtol=1e-5)
@@ -106,23 +105,30 @@ def test_flow_between_parallel_plates_is_the_same_everywhere():
     assert_allclose(fields["fluid"][:, 0], 1 - (np.arange(12) + 0.5) / 12, rtol=1e-6)
 
 
+def of_pieces(field):
+    """A field over states as (pieces, states)."""
+    return field.values.reshape(len(field), -1).T
+
+
 def test_cycles(ran):
     results = ran[1]
-    k = results.dataset["library_k"].values
+    data = results.dataset
+    k = data["state_k1"].values.reshape(data.sizes["state"], -1).T
+    up, down = figures.up_and_down(results, "state_")
     single, every, closed = figures.cycles(results).axes
-    chosen = figures.typical(k, np.array(UP), np.array(DOWN), 4)
+    chosen = figures.typical(k, up, down, 4)
     assert len(set(chosen)) == 4
-    for cell in chosen:
-        x, y = curve(single, f"window {cell}")
-        assert_allclose(x, [800, 600, 200, 50])
-        assert_array_equal(np.nan_to_num(y), k[cell, DOWN])
-    for steps, line, name in ((UP, 0, "loading"), (DOWN, 1, "unloading")):
+    for piece in chosen:
+        x, y = curve(single, f"piece {piece}")
+        assert_allclose(x, data["state_nominal_pressure"].values[down] / 1e6)
+        assert_array_equal(np.nan_to_num(y), k[piece, down])
+    for steps, line, name in ((up, 0, "loading"), (down, 1, "unloading")):
         assert_array_equal(np.nan_to_num(curve(every, name)[1]), np.median(k[:, steps], axis=0))
         assert_allclose(closed.lines[line].get_ydata(), 100 * np.mean(k[:, steps] == 0, axis=0))
     assert closed.lines[0].get_ydata().max() > 0
 
 
-def test_typical_windows_are_in_the_order_of_their_closing():
+def test_typical_pieces_are_in_the_order_of_their_closing():
     k = np.array([[3, 0, 0], [0, 0, 0], [3, 2, 2], [3, 1, 0], [3, 1, 2], [np.nan, 1, 1], [0, 5, 1]]) * 1e-18
     assert_array_equal(figures.typical(k, np.array([0, 1]), np.array([1, 2]), 5), [0, 3, 6, 4, 2])
 
@@ -130,9 +136,11 @@ def test_typical_windows_are_in_the_order_of_their_closing():
 def test_permeability(ran):
     results = ran[1]
     data = results.dataset
-    k, gap, pressure = (data[f"library_{n}"].values for n in ("k", "mean_gap", "pressure"))
+    k, gap, pressure = (
+        data[f"state_{n}"].values.reshape(data.sizes["state"], -1).T for n in ("k1", "mean_gap", "pressure")
+    )
     left, right = figures.permeability(results).axes
-    for name, steps in (("loading", UP), ("unloading", DOWN)):
+    for name, steps in zip(("loading", "unloading"), figures.up_and_down(results, "state_"), strict=True):
         shown = k[:, steps] > 0
         for axes, x in ((left, gap * 1e6), (right, pressure / 1e6)):
             assert_array_equal(curve(axes, name), [x[:, steps][shown], k[:, steps][shown]])
@@ -143,13 +151,13 @@ def test_permeability(ran):
 
 
 @pytest.fixture(scope="module")
-def seals(case_file, tmp_path_factory):
-    return figures.drawn_seals(fs.load_case(case_file), lengths=(1, 3), library=tmp_path_factory.mktemp("library"))
+def seals(case_file):
+    return figures.drawn_seals(fs.load_case(case_file), lengths=(1, 3))
 
 
 def test_leakage(seals):
     assert [round(seal.seal.length * 1e6) for seal in seals] == [120, 360]
-    assert_array_equal(seals[0].library.curves.k, seals[1].library.curves.k)
+    assert_array_equal(seals[0].pieces.k, seals[1].pieces.k)
     steps = seals[0].steps
     assert len({s.unloaded_from for s in steps} - {None}) == 4
     left, right = figures.leakage(seals).axes
@@ -180,21 +188,21 @@ def test_constrictions(ran):
     data = results.dataset
     left, right = figures.constrictions(results).axes[:2]
     lines, q = iter(left.lines), data["leakage_two_scale"].values
-    falling = np.sort(data["window_drop_fraction"].values.reshape(len(q), -1), axis=1)[:, ::-1]
+    falling = np.sort(data["piece_drop_fraction"].values.reshape(len(q), -1), axis=1)[:, ::-1]
     for count in (1, 3, 10):
         for steps in (UP, [4, 5, 6, 7, 8]):
             assert_allclose(next(lines).get_data(), [(q / q[0])[steps], falling[steps, :count].sum(axis=1)])
     least = int(np.argmin(np.where(q > 0, q, np.inf)))
-    assert_allclose(right.images[0].get_array(), 100 * data["window_drop_fraction"].values[least].T)
+    assert_allclose(right.images[0].get_array(), 100 * data["piece_drop_fraction"].values[least].T)
 
 
 def test_results_that_do_not_do(ran):
     results = ran[1]
-    without = replace(results, dataset=results.dataset.drop_vars(["k1", "drop_fraction", "library_k"]))
+    without = replace(results, dataset=results.dataset.drop_vars(["piece_k1", "piece_drop_fraction", "state_k1"]))
     for figure in (figures.two_scales, figures.cycles, figures.permeability, figures.constrictions):
         with pytest.raises(InputError, match="results: given those of the study median"):
             figure(without)
-    loading = replace(results, dataset=results.dataset.isel(step=UP, library_step=UP))
+    loading = replace(results, dataset=results.dataset.isel(state=figures.up_and_down(results, "state_")[0]))
     with pytest.raises(InputError, match="a run with unloading"):
         figures.cycles(loading)
     sealed = results.dataset.assign(leakage_two_scale=0 * results.dataset["leakage_two_scale"])
@@ -202,9 +210,8 @@ def test_results_that_do_not_do(ran):
         figures.constrictions(replace(results, dataset=sealed))
 
 
-def test_every_figure_is_written(ran, case_file, seals, deterministic, tmp_path, monkeypatch, capsys):
-    monkeypatch.setattr(figures, "drawn_seals", lambda case, library: seals)
-    monkeypatch.setattr(figures, "resolved", lambda case, results: deterministic)
+def test_every_figure_is_written(ran, case_file, seals, tmp_path, monkeypatch, capsys):
+    monkeypatch.setattr(figures, "drawn_seals", lambda case: seals)
     monkeypatch.setitem(figures.PRINT, "savefig.dpi", 50)
     save = Figure.savefig  # each picture is drawn once; as a .pdf it takes as long again
     monkeypatch.setattr(Figure, "savefig", lambda f, p: save(f, p) if p.suffix == ".png" else p.touch())

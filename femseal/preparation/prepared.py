@@ -15,7 +15,7 @@ from ..base import InputError, Mapper, free_memory, to_text
 from ..budget import FormTolerance, ModelChange
 from ..face.pieces import FEWEST_POINTS, Cut, usual_pieces
 from ..seal.layouts import AnnularLayout, Layout
-from ..seal.tiles import SealTiles
+from ..seal.tiles import MOST_ROWS, SealTiles
 from ..studies import STUDIES, Sampling, Scene, Study, StudyOptions, laid_out
 from ..studies.costs import Effort, usual_efforts
 from ..studies.seat_rows import SeatMap
@@ -37,17 +37,18 @@ def check_memory_of_points(key: str, shape: tuple[int, int], places: int = 1) ->
 
 def check_memory_of_tiles(layout: Layout, sampling: Sampling, surface: Topography) -> None:
     """Raise InputError if the tiles of a strip or a ring, as large as pieces of a face, do not fit into memory."""
-    piece = prod(Cut.of(surface, usual_pieces(surface)).size)
+    side1, side2 = Cut.of(surface, usual_pieces(surface)).size
     if isinstance(layout, AnnularLayout):
-        key, given = "seal", f"a ring {to_text(layout.circumference, 'm', 3)} long"
-        area = layout.circumference * (layout.outer_radius - layout.inner_radius)
+        key, breadth, length = "seal", layout.outer_radius - layout.inner_radius, layout.circumference
     elif sampling.length is not None:
-        key, given = "stochastic.length", f"a seal {to_text(sampling.length, 'm', 3)} long"
-        area = sampling.length * (sampling.breadth or surface.size[0])
+        key, breadth, length = "stochastic.length", sampling.breadth or surface.size[0], sampling.length
     else:
         return
-    tiles = area / piece
+    rows, columns = breadth / side1, length / side2
+    if rows > MOST_ROWS:  # refused when it is laid out
+        return
     hint = "; is its unit of length right?" if key == "seal" else ""
+    given, tiles = f"a seal {to_text(length, 'm', 3)} long", rows * columns
     check_memory(key, f"{given}, of {tiles:.3g} tiles", tiles * _TILE_BYTES, hint)
 
 

@@ -60,16 +60,19 @@ def pressure_dependent_flow(
         )
         return found if pair else found[0]
 
+    two_bounds = hasattr(seal, "axes")  # of which one is enough until the permeabilities have settled
+    draft: dict[str, Any] = {"draft": True} if two_bounds else {}
+
     def solve(local: Any) -> tuple[float, Array, DarcyFlow]:
-        flow = seal.flow(local, solver=solver)
+        flow = seal.flow(local, solver=solver, **draft)
         return flow.conductance, flow.potential, flow
 
     # along a uniform seal the potential falls evenly
     first = np.linspace(1, 0, len(seal.grid.lines1))[:, None] if isinstance(seal, StructuredSeal) else 0.5
     solved = fixed_point(permeability, solve, first, rtol=rtol, name="flow through a seal")
     flow, local, rate = solved.found, solved.coefficient, solved.rate
-    if bounds:
-        flow = seal.flow(local, bounds=True, solver=solver)
+    if bounds or two_bounds:
+        flow = seal.flow(local, bounds=bounds, solver=solver)
         rate = flow.conductance
     factor, fraction = drop.mean_factor, np.clip(flow.potential, 0.0, 1.0)
     potential = drop.viscous_fraction(fraction)

@@ -42,7 +42,8 @@ class PieceContacts:
     def of(cls, cut: Cut, states: Sequence[FaceState], coupled: bool) -> PieceContacts:
         """The pieces of a face in its states; with a fluid that is `coupled` faces part where a flow failed."""
         unsolved = tuple((s, state.failed) for s, state in enumerate(states) if state.failed and coupled)
-        return cls(cut, *np.array([state.pieces for state in states]).swapaxes(0, 1), unsolved)
+        pressure, gap, contact, plastic, drop = np.array([state.pieces for state in states]).swapaxes(0, 1)
+        return cls(cut, pressure, gap, contact, plastic, drop, unsolved)
 
 
 @dataclass(frozen=True, eq=False)
