@@ -216,7 +216,7 @@ def test_all_methods_take_a_seat():
     assert_allclose(results.dataset["leakage_median"], results.dataset["leakage_deterministic"], rtol=0.5)
     ring = {"kind": "annular", "inner_radius": "1 mm", "outer_radius": "1.512 mm"}
     drawn = {"stochastic": {"realisations": 4}, "seal": ring}
-    with pytest.raises(fs.InputError, match="seat.kind: given a seal that takes pieces anywhere of the face"):
+    with pytest.raises(fs.InputError, match=r"seat\.kind: given a seal that takes pieces anywhere of the face"):
         fs.prepare(parse_case(CASE | more | drawn))
 
 
