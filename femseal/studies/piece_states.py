@@ -29,8 +29,8 @@ from .scene import Scene
 from .two_scale import TwoScaleResult
 
 #: Distance of the rungs of a ladder in the cube root of the pressure, over that of the highest one. ln k is nearly
-#: straight in it: on four faces under a map of ± 40 % and fluids that act, leakage on loading is within 1.2 % of that of
-#: states of its own, down to a hundredth of the first; with 1/16 within 2.5 %.
+#: straight in it: on four faces under a map of ± 40 % and fluids that act, leakage on loading is within 1.2 % of that
+#: of states of its own, down to a hundredth of the first; with 1/16 within 2.5 %.
 _RUNG = 1 / 20
 #: Stops on the way down in fractions of a peak; distance of neighbouring peaks in the cube root, over that of the
 #: highest one, and most of them. On the same faces leakage on unloading is within 0.7 % from peaks that leave a seal
