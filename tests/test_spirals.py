@@ -57,8 +57,13 @@ def window(n=16):
     return np.repeat(1e-6 * np.cos(2 * np.pi * x)[:, None], n, axis=1)
 
 
+def ridges():
+    """A face of pieces of four ridges each: by half a groove they reach into their neighbours."""
+    return fs.Topography(np.tile(window(8), (16, 4)), (D, D), (True, True))
+
+
 def drawn(lay, load, length=2e-3):
-    surface = fs.Topography(np.tile(window(), (4, 4)), (D, D), (True, True))
+    surface = ridges()
     scene = fs.Scene(surface, 115e9, 2e9, OIL, 1e6, 0.0, loading=(load,), fluid_pressure="ignored",
                      layout=RectangularLayout(lay))  # fmt: skip
     sampling = Sampling(length=length, breadth=128 * D, realisations=2, seed=1)
@@ -86,8 +91,7 @@ def test_a_closed_strip_leaks_along_its_groove():
 @pytest.mark.parametrize("inlet", ["inner", "outer"])
 def test_a_closed_ring_leaks_along_its_groove(inlet):
     """Equal pieces: the closed form of a ring whose lands are closed, either way."""
-    surface = fs.Topography(np.tile(window(), (4, 4)), (D, D), (True, True))
-    lead = 32e-6
+    surface, lead = ridges(), 32e-6
     layout = AnnularLayout(0.5e-3, 0.756e-3, inlet, lay={"kind": "spiral", "lead": lead, "starts": 2})
     scene = fs.Scene(surface, 115e9, 2e9, OIL, 1e6, 0.0, loading=(2e8,), fluid_pressure="ignored", layout=layout)
     found = stochastic(scene, (4, 4), Sampling(None, realisations=2, seed=1))
