@@ -10,8 +10,8 @@
 5 constrictions  the part of the pressure drop over the narrowest pieces
 
 0 comes from any folder of results, 1 and 5 from that of a two-scale run, 2 and 3 also from that of a stochastic one,
-whose pieces are then those that seals are drawn from. The case of the run, if given, is used for figure 4. Every picture
-is written as .pdf and .png, 183 mm wide.
+whose pieces are then those that seals are drawn from. The case of the run, if given, is used for figure 4. Every
+picture is written as .pdf and .png, 183 mm wide.
 """
 
 from __future__ import annotations

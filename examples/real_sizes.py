@@ -128,7 +128,7 @@ def scatter(result: fs.TwoScaleResult, hardness: float):
 
 
 def draw(rows, faces, path):
-    """Above: permeability of pieces against pressure and gap, and their pressure drop. Below: unloading against size."""
+    """Above: permeability of pieces against pressure and gap, their pressure drop. Below: unloading against size."""
     import matplotlib
 
     matplotlib.use("Agg")
@@ -147,7 +147,9 @@ def draw(rows, faces, path):
                 some.sort(key=lambda r: r["length_mm"])
                 ax.plot([r["length_mm"] for r in some], [r["growth_at_half_load"] for r in some], marker=marker,
                         ms=5, mfc="none", color=colour, label=f"peak {peak:g} H, {breadth:g} mm broad")  # fmt: skip
-        ax.set(xscale="log", xlabel="length of the seal [mm]", title=f"unloading, H/(E* h′) = {ratio:g}", ylim=(1, None))
+        ax.set(
+            xscale="log", xlabel="length of the seal [mm]", title=f"unloading, H/(E* h′) = {ratio:g}", ylim=(1, None)
+        )
         ax.grid(alpha=0.3)
     axes[1, 0].set_ylabel("leakage after half of the load is lost,\nover that at the peak")
     for ax in axes[1, len(ratios) :]:
