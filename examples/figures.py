@@ -51,6 +51,8 @@ PEAKS, STOPS = (0.25, 0.5, 0.75, 1.0), (0.9, 0.8, 0.7, 0.6, 0.5, 0.4, 0.3, 0.2, 
 #: Figure 4: lengths of seals in lengths of the face.
 LENGTHS = (0.25, 1, 4, 16)
 QUANTILES, BAND = (0.05, 0.95), "5–95 %"
+#: Figure 4: seals of each length, where the case does not say; as many as the quantiles need.
+SEALS = 20
 
 
 def face_and_leakage(results: fs.Results) -> Figure:
@@ -266,7 +268,7 @@ def drawn_seals(case: fs.Case, lengths=LENGTHS) -> list:
     face = fs.deterministic(scene)
     found = []
     for n in lengths:
-        sampling = fs.Sampling(n * scene.surface.size[1], case.stochastic.realisations, seed=case.seed)
+        sampling = fs.Sampling(n * scene.surface.size[1], case.stochastic.realisations or SEALS, seed=case.seed)
         found.append(fs.stochastic(scene, prepared.cells, sampling, known=face))
     return found
 
