@@ -202,7 +202,8 @@ def test_results_that_do_not_do(ran):
     for figure in (figures.two_scales, figures.cycles, figures.permeability, figures.constrictions):
         with pytest.raises(InputError, match="results: given those of the study median"):
             figure(without)
-    loading = replace(results, dataset=results.dataset.isel(state=figures.up_and_down(results, "state_")[0]))
+    states = np.flatnonzero(np.isnan(results.dataset["state_unloaded_from"].values))
+    loading = replace(results, dataset=results.dataset.isel(step=UP, state=states))
     with pytest.raises(InputError, match="a run with unloading"):
         figures.cycles(loading)
     sealed = results.dataset.assign(leakage_two_scale=0 * results.dataset["leakage_two_scale"])
