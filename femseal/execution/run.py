@@ -5,7 +5,7 @@ from __future__ import annotations
 import logging
 import sys
 import time
-from collections.abc import Callable, Iterable, Iterator, Sequence, Sized
+from collections.abc import Callable, Iterable, Iterator, Sized
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -60,12 +60,8 @@ class Run:
 
         def mapping(stage: Stage, *iterables: Iterable[Any]) -> Iterable[Any]:
             total = min((len(i) for i in iterables if isinstance(i, Sized)), default=None)
-            name, start = f"{part}: {stage.name}", time.monotonic()
-            results = self.mapper(stage, *iterables)
-            if not isinstance(results, Sequence):
-                return self._watched(name, total, results)
-            self._ended(name, len(results), start)  # of a part, which has reported its own items
-            return results
+            name = f"{part}: {stage.name}"
+            return self._watched(name, total, self.mapper(stage, *iterables))
 
         return mapping
 
