@@ -7,7 +7,7 @@
 2 cycles         permeability of single pieces on loading and unloading, and its scatter over all
 3 permeability   against mean gap, with the asymptote h̄³/12, and against pressure
 4 leakage        of seals of several lengths, and of one unloaded from four loads
-5 constrictions  the share of the pressure drop over the narrowest pieces
+5 constrictions  the part of the pressure drop over the narrowest pieces
 
 0 comes from any folder of results, all others but 4 from that of a two-scale run, 2 and 3 from the pieces that its
 seals draw if it has some. The case of the run, if given, is used for figure 4, whose seals draw the same pieces. Every
@@ -46,7 +46,7 @@ PRINT = {"font.size": 8, "axes.titlesize": 8, "legend.fontsize": 7, "lines.linew
 #: Figure 5: numbers of the narrowest pieces, and their colours.
 NARROWEST = 1, 3, 10
 SHADES = ("#00467F", "#009E73", "#E69F00")
-#: Figure 4: shares of the highest load from which seals are unloaded, and of the peak at which they are looked at.
+#: Figure 4: fractions of the highest load from which seals are unloaded, and of the peak at which they are looked at.
 PEAKS, STOPS = (0.25, 0.5, 0.75, 1.0), (0.9, 0.8, 0.7, 0.6, 0.5, 0.4, 0.3, 0.2, 0.1, 0.04)
 #: Figure 4: lengths of seals in lengths of the face.
 LENGTHS = (0.25, 1, 4, 16)
@@ -105,7 +105,7 @@ def two_scales(results: fs.Results, step: int | None = None) -> Figure:
 def closely(results: fs.Results, step: int) -> dict[tuple[int, int], dict[str, np.ndarray]]:
     """Gap [µm], contact [MPa], fluid pressure for a unit drop and its flow, of pieces with largest to smallest k1.
 
-    The flow is that of the links between pixels, in shares of the largest.
+    The flow is that between pixels, over the largest.
     """
     pieces, k = {}, results.dataset["piece_k1"].values[step]
     is_open = np.argwhere(k > 0)
@@ -258,8 +258,8 @@ def drawn_seals(case: fs.Case, lengths=LENGTHS) -> list:
     """Results of seals of several lengths, in lengths of the face, unloaded from four loads."""
     prepared, table = fs.prepare(case), case.stochastic
     scene, top = prepared.scene, prepared.scene.loading[-1]
-    peaks = tuple(share * top for share in PEAKS)
-    stops = tuple(sorted({share * peak for share in STOPS for peak in peaks}))
+    peaks = tuple(part * top for part in PEAKS)
+    stops = tuple(sorted({part * peak for part in STOPS for peak in peaks}))
     scene = replace(scene, loading=tuple(sorted({*scene.loading, *peaks})), unload_from=peaks, unloading=stops)
     return [
         fs.stochastic(
@@ -332,12 +332,12 @@ def constrictions(results: fs.Results) -> Figure:
     loading = np.isnan(data["unloaded_from"].values)
     falling = np.sort(fractions.reshape(len(q), -1), axis=1)[:, ::-1].cumsum(axis=1)
     for count, colour, marker in zip(NARROWEST, SHADES, "os^", strict=True):
-        shares, style = falling[:, min(count, falling.shape[1]) - 1], {"color": colour, "marker": marker, "mew": 0.8}
+        parts, style = falling[:, min(count, falling.shape[1]) - 1], {"color": colour, "marker": marker, "mew": 0.8}
         name = f"the narrowest {count}" if count > 1 else "the narrowest"
-        left.plot(np.abs(q / q[0])[loading], shares[loading], ms=4, label=name, **style)
-        left.plot(np.abs(q / q[0])[~loading], shares[~loading], ls="", ms=2, **style)
+        left.plot(np.abs(q / q[0])[loading], parts[loading], ms=4, label=name, **style)
+        left.plot(np.abs(q / q[0])[~loading], parts[~loading], ls="", ms=2, **style)
     left.set(
-        xscale="log", xlabel="leakage / leakage at the first load", ylabel="share of the pressure drop", ylim=(0, 1.03)
+        xscale="log", xlabel="leakage / leakage at the first load", ylabel="part of the pressure drop", ylim=(0, 1.03)
     )
     left.invert_xaxis()
     left.set_title("(a) large: loading, small: unloading")

@@ -18,7 +18,7 @@ GREY = [0.69, 0.69, 0.69]
 
 
 def opened(folder):
-    """The seal and the fields over all pixels."""
+    """The pieces of the face and the fields over all pixels."""
     paths = [os.path.join(folder, *name) for name in (("vtk", "pieces.pvd"), ("fields.pvd",))]
     missing = [path for path in paths if not os.path.isfile(path)]
     if missing:

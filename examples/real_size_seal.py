@@ -1,7 +1,8 @@
 """A seal of real size
 ===================
 
-A seal 0.1 m long, drawn from a library of a few dozen windows of a small face that are followed along the load cycle.
+A seal 0.1 m long and three times as broad as a small face. Each of its tiles draws a piece of the face, in the state of
+its own pressure along the load cycle.
 """
 
 from __future__ import annotations
@@ -26,18 +27,14 @@ def scene() -> fs.Scene:
     )
 
 
-def drawn_seal(length: float = 0.1, realisations: int = 4, library_cells: int = 24) -> fs.StochasticResult:
-    """Every link of a seal of this length [m] under the nominal pressure, windows of 30 µm."""
-    sampling = fs.Sampling(
-        length=length, realisations=realisations, library_cells=library_cells, seed=1, pressure="uniform"
-    )
-    return fs.stochastic(scene(), (6, 6), sampling)
+def drawn_seal(length: float = 0.1, breadth: float = 0.54e-3, realisations: int | None = None) -> fs.StochasticResult:
+    """Seals of a length and breadth [m]; unless their number is given, as many as the band of error needs."""
+    return fs.stochastic(scene(), None, fs.Sampling(length, realisations, seed=1, breadth=breadth))
 
 
 if __name__ == "__main__":
     result = drawn_seal()
-    cells = result.seal.cells
-    print(f"{cells[0]} × {cells[1]} windows, {len(result.leakage)} realisations")
+    print(f"{result.tiles}, {len(result.leakage)} realisations, pieces: {result.pieces.cut.shape}")
     for step, median, spread in zip(result.steps, result.quantile(0.5), result.realisation_spread, strict=True):
         print(f"{step.name:32} {median * 1e6:.3g} mL/(m·s), a seal scatters by {100 * spread:.1g} %")
     picture = result.plot()

@@ -1,66 +1,64 @@
-"""Does the plateau on unloading persist at the size of a real seal? Leakage against size, unloading and hardness.
+"""Do the findings of Pérez-Ràfols et al. (2018) hold at the size of a real seal?
 
-    python examples/real_sizes.py OUT [--realisations 6] [--windows 96]
+    python examples/real_sizes.py OUT [--realisations 3]
 
-Seals of 50 µm windows drawn from one library for each hardness: self-affine roughness (Hurst 0.8), every window under
-the nominal pressure. The table says, for each size and peak, the leakage per length at the peak, its scatter between
-seals, and which share of the load may be lost before leakage doubles. OUT gets real_sizes.csv and a picture.
+1. Single pieces of a face scatter by orders of magnitude, and some close while the face is loaded.
+2. Permeability against mean gap collapses onto h̄³/12; against pressure, loading and unloading separate.
+3. On unloading the leakage stays nearly constant over a good part of the release. Seals 1 mm to 0.1 m long and 0.5
+   to 5 mm broad are drawn from one face for each hardness.
+4. At small leakage a few constrictions carry the pressure drop, whatever the size of the face.
+
+Faces are self-affine (Hurst 0.8), their pieces 50 µm long and broad. OUT gets real_sizes.csv (finding 3),
+real_sizes_pieces.csv (findings 1, 2 and 4) and a picture.
 """
 
 from __future__ import annotations
 
 import argparse
 import csv
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 
 import femseal as fs
-from femseal.studies import Sampling, Scene
 
-PIXEL, WINDOW = 50e-6 / 48, 48
+PIECE, POINTS = 50e-6, 48  # side [m] of a piece, and its points
 MODULUS, SLOPE = 115e9, 0.2
-#: Nominal pressures in shares of the hardness.
+#: Nominal pressures over the hardness.
 LOADING = (0.01, 0.03, 0.06, 0.1, 0.15, 0.2)
-PEAKS = (0.06, 0.1, 0.15, 0.2)
+PEAKS = (0.1, 0.2)
 UNLOADING = (0.17, 0.13, 0.1, 0.075, 0.05, 0.03, 0.015, 0.007)
-#: H/(E*·rms slope), and sizes (x1, x2) [m] of the seals.
+#: Of the faces whose pieces are looked at: up to closing, and back.
+TO_CLOSING = (0.01, 0.03, 0.06, 0.1, 0.15, 0.2, 0.25, 0.3, 0.33, 0.36, 0.39)
+#: H/(E*·rms slope); sizes (x1, x2) [m] of the seals.
 PLASTICITY = (0.05, 0.1, 0.3)
-SIZES = (
-    (0.5e-3, 1e-3),
-    (0.5e-3, 1e-2),
-    (0.5e-3, 0.1),
-    (0.5e-3, 1.0),
-    (2e-3, 1e-2),
-    (2e-3, 0.1),
-    (5e-3, 0.1),
-    (20e-3, 1e-2),
-)
+SIZES = ((0.5e-3, 1e-3), (0.5e-3, 1e-2), (0.5e-3, 0.1), (2e-3, 1e-2), (5e-3, 1e-2))
+#: Pieces along each side of the faces whose pieces are looked at.
+FACES = (4, 8)
 
 
-def scene(plasticity: float) -> Scene:
-    """A face of 4 × 4 windows and its cycle."""
-    size = (4 * WINDOW * PIXEL, 4 * WINDOW * PIXEL)
-    face = fs.self_affine(
-        (4 * WINDOW, 4 * WINDOW), size, hurst=0.8, rms_slope=SLOPE, roll_off=25e-6, cut_off=8 * PIXEL, rng=1
-    )
+def scene(plasticity: float, pieces: int = 4, loading=LOADING, peaks=PEAKS, unloading=UNLOADING) -> fs.Scene:
+    """A dry face of so many pieces a side, and its cycle."""
+    n, size = pieces * POINTS, pieces * PIECE
+    pixel = PIECE / POINTS
+    face = fs.self_affine((n, n), (size, size), hurst=0.8, rms_slope=SLOPE, roll_off=25e-6, cut_off=8 * pixel, rng=1)
     hardness = plasticity * MODULUS * SLOPE
-    return Scene(
+    return fs.Scene(
         surface=face,
         modulus=MODULUS,
         hardness=hardness,
         fluid=fs.Liquid(viscosity=1e-3, density=1000.0),
         inlet_pressure=1e7,
         outlet_pressure=0.0,
-        loading=tuple(hardness * p for p in LOADING),
-        unload_from=tuple(hardness * p for p in PEAKS),
-        unloading=tuple(hardness * p for p in UNLOADING),
+        loading=tuple(hardness * p for p in loading),
+        unload_from=tuple(hardness * p for p in peaks),
+        unloading=tuple(hardness * p for p in unloading),
+        fluid_pressure="ignored",
     )
 
 
 def doubling_share(pressure: np.ndarray, leakage: np.ndarray) -> float:
-    """Share of the peak load lost when the leakage has doubled; steps from the peak down; NaN if it never does.
+    """Fraction of the peak load lost when the leakage has doubled; steps from the peak down; NaN if it never does.
 
     >>> doubling_share(np.array([4.0, 2.0, 1.0]), np.array([1.0, 2.0, 8.0]))
     0.5
@@ -71,82 +69,145 @@ def doubling_share(pressure: np.ndarray, leakage: np.ndarray) -> float:
     return float(1 - at / pressure[0])
 
 
-def study(plasticity=PLASTICITY, sizes=SIZES, realisations=6, windows=96, mapper=map):
-    """Rows of the table, one for each hardness, size and peak."""
+def study(plasticity=PLASTICITY, sizes=SIZES, realisations=3, mapper=map):
+    """Finding 3: a row for each hardness, size and peak."""
     rows = []
     for ratio in plasticity:
-        base = Sampling(sizes[0][1], realisations, windows, seed=1, pressure="uniform", breadth=sizes[0][0])
         case = scene(ratio)
         for breadth, length in sizes:
-            result = fs.stochastic(case, (4, 4), replace(base, breadth=breadth, length=length), mapper=mapper)
-            median = result.quantile(0.5)
-            for peak in sorted({s.unloaded_from for s in case.steps} - {None}):
+            sampling = fs.Sampling(length, realisations, seed=1, breadth=breadth, median_fields=False)
+            result = fs.stochastic(case, (4, 4), sampling, mapper=mapper)
+            median, spread = result.quantile(0.5), result.realisation_spread
+            for peak in case.unload_from:
                 top = next(n for n, s in enumerate(case.steps) if s.unloaded_from is None and s.pressure == peak)
                 way = [top] + [n for n, s in enumerate(case.steps) if s.unloaded_from == peak]
+                pressure = np.array([case.steps[n].pressure for n in way])
+                half = np.exp(np.interp(-peak / 2, -pressure, np.log(median[way])))
                 rows.append({
                     "H/(E* slope)": ratio,
                     "breadth_mm": breadth * 1e3,
                     "length_mm": length * 1e3,
                     "peak/H": round(peak / case.hardness, 4),
                     "leakage_m2_per_s": float(median[top]),
-                    "spread_ln": float(result.realisation_spread[top]),
-                    "library_error_ln": float(result.library_error[top]),
-                    "load_lost_when_doubled": doubling_share(
-                        np.array([case.steps[n].pressure for n in way]), median[way]
-                    ),
-                    "growth_at_half_load": float(np.exp(np.interp(
-                        -peak / 2, [-case.steps[n].pressure for n in way], np.log(np.maximum(median[way], 1e-300))
-                    )) / median[top]) if median[top] > 0 else float("nan"),
+                    "spread_ln": float(spread[top]),
+                    "load_lost_when_doubled": doubling_share(pressure, median[way]),
+                    "growth_at_half_load": float(half / median[top]),
                 })  # fmt: skip
     return rows
 
 
-def draw(rows, path):
-    """Share of load that may be lost against length, a panel for each hardness."""
+def pieces_of_faces(faces=FACES, plasticity=0.1, mapper=map) -> dict[int, fs.TwoScaleResult]:
+    """Pieces of faces with so many of them a side, up to closing and back."""
+    load = {"loading": TO_CLOSING, "peaks": TO_CLOSING[-1:], "unloading": TO_CLOSING[-2::-2]}
+    return {n: fs.two_scale(scene(plasticity, n, **load), (n, n), mapper=mapper) for n in faces}
+
+
+def scatter(result: fs.TwoScaleResult, hardness: float):
+    """Findings 1, 2 and 4: a row for each load.
+
+    decades : of k1 from the 5 % to the 95 % quantile of the open pieces. closed : fraction of pieces.
+    over_plates : median of k1 over h̄³/12. half_of_drop : fewest pieces over which half of the pressure drops.
+    """
+    rows = []
+    for s, step in enumerate(result.steps):
+        k, gap = result.k1[s].ravel(), result.mean_gap[s].ravel()
+        is_open = k > 0
+        low, high = np.quantile(np.log10(k[is_open]), (0.05, 0.95)) if is_open.any() else (np.nan, np.nan)
+        drop = np.sort(result.drop_fraction[s].ravel())[::-1]
+        rows.append({
+            "pieces": k.size,
+            "branch": step.branch,
+            "load/H": round(step.pressure / hardness, 4),
+            "leakage_over_first": float(result.leakage[s] / result.leakage[0]),
+            "decades": float(high - low),
+            "closed": float(1 - is_open.mean()),
+            "over_plates": float(np.median(k[is_open] / (gap[is_open] ** 3 / 12))) if is_open.any() else np.nan,
+            "half_of_drop": int(np.searchsorted(drop.cumsum(), 0.5) + 1) if result.leakage[s] > 0 else 0,
+        })  # fmt: skip
+    return rows
+
+
+def draw(rows, faces, path):
+    """Above: permeability of pieces against pressure and gap, and pressure drop. Below: unloading against size."""
     import matplotlib
 
     matplotlib.use("Agg")
     import matplotlib.pyplot as plt
 
+    plt.rcParams.update({"font.size": 9, "axes.titlesize": 9})
     ratios = sorted({r["H/(E* slope)"] for r in rows})
-    figure, axes = plt.subplots(1, len(ratios), figsize=(3.4 * len(ratios), 3.8), sharey=True, layout="constrained")
-    for ax, ratio in zip(np.atleast_1d(axes), ratios, strict=True):
-        peaks = sorted({r["peak/H"] for r in rows})
-        for peak, marker in zip(peaks, "osD^v<>", strict=False):
-            chosen = [r for r in rows if r["H/(E* slope)"] == ratio and r["peak/H"] == peak]
-            for breadth, line in zip(sorted({r["breadth_mm"] for r in chosen}), ("-", "--", ":", "-."), strict=False):
-                some = sorted((r for r in chosen if r["breadth_mm"] == breadth), key=lambda r: r["length_mm"])
-                ax.plot([r["length_mm"] for r in some], [100 * r["load_lost_when_doubled"] for r in some],
-                        line, marker=marker, color=plt.cm.viridis(peaks.index(peak) / len(peaks)),
-                        label=f"peak {peak:g} H, {breadth:g} mm broad")  # fmt: skip
-        never = (
-            ""
-            if any(r["load_lost_when_doubled"] > 0 for r in rows if r["H/(E* slope)"] == ratio)
-            else ": never doubles"
+    figure, axes = plt.subplots(2, 3, figsize=(10.2, 7.4), layout="constrained")
+    _draw_pieces(axes[0], faces)
+    peaks, shades = sorted({r["peak/H"] for r in rows}), ("#E69F00", "#00467F", "#009E73", "#666666")
+    for ax, ratio in zip(axes[1], ratios, strict=False):
+        chosen = [r for r in rows if r["H/(E* slope)"] == ratio]
+        for peak, colour in zip(peaks, shades, strict=False):
+            for breadth, marker in zip(sorted({r["breadth_mm"] for r in chosen}), "osD^", strict=False):
+                some = [r for r in chosen if r["breadth_mm"] == breadth and r["peak/H"] == peak]
+                some.sort(key=lambda r: r["length_mm"])
+                ax.plot([r["length_mm"] for r in some], [r["growth_at_half_load"] for r in some], marker=marker,
+                        ms=5, mfc="none", color=colour, label=f"peak {peak:g} H, {breadth:g} mm broad")  # fmt: skip
+        ax.set(
+            xscale="log", xlabel="length of the seal [mm]", title=f"unloading, H/(E* h′) = {ratio:g}", ylim=(1, None)
         )
-        lengths = [r["length_mm"] for r in rows]
-        ax.set(xscale="log", xlabel="length of the seal [mm]", title=f"H/(E* h′) = {ratio:g}{never}", ylim=(0, 100),
-               xlim=(min(lengths) / 1.5, 1.5 * max(lengths)))  # fmt: skip
         ax.grid(alpha=0.3)
-    np.atleast_1d(axes)[0].set_ylabel("load lost when leakage has doubled [%]")
-    handles, names = np.atleast_1d(axes)[0].get_legend_handles_labels()
+    axes[1, 0].set_ylabel("leakage after half of the load is lost,\nover that at the peak")
+    for ax in axes[1, len(ratios) :]:
+        ax.axis("off")
+    handles, names = axes[1, 0].get_legend_handles_labels()
     figure.legend(handles, names, fontsize=7, loc="outside lower center", ncols=4)
     figure.savefig(path, dpi=150)
+
+
+def _draw_pieces(axes, faces):
+    largest = faces[max(faces)]
+    loading = largest.steps.on_loading
+    for chosen, name, marker, colour in ((loading, "loading", "o", "#E69F00"), (~loading, "unloading", "x", "#00467F")):
+        k, gap = largest.k1[chosen].ravel(), largest.mean_gap[chosen].ravel()
+        pressure = np.broadcast_to(largest.steps.pressures[chosen, None, None], largest.k1[chosen].shape).ravel()
+        shown = k > 0
+        style = {"ls": "", "marker": marker, "ms": 3, "mfc": "none", "mew": 0.7, "color": colour, "label": name}
+        axes[0].plot(pressure[shown] / 1e6, k[shown], **style)
+        axes[1].plot(gap[shown] * 1e6, k[shown], **style)
+    gap = largest.mean_gap[largest.mean_gap > 0]
+    plates = np.geomspace(gap.min(), gap.max(), 30)
+    axes[1].plot(plates * 1e6, plates**3 / 12, "k-", lw=1, label="h̄³/12")
+    floor = 1e-9 * np.nanmax(largest.k1)
+    axes[0].set(yscale="log", xlabel="nominal pressure [MPa]", ylabel="permeability of pieces [m³]", title="pieces")
+    axes[1].set(yscale="log", xscale="log", xlabel="mean gap of the piece [µm]", title="pieces")
+    axes[1].xaxis.set_minor_formatter("")
+    for ax in axes[:2]:
+        ax.set_ylim(floor, None)
+        ax.legend(fontsize=7)
+    for (n, result), marker in zip(faces.items(), "os^", strict=False):
+        found = [r for r in scatter(result, 1.0) if r["half_of_drop"]]
+        axes[2].plot([r["leakage_over_first"] for r in found], [r["half_of_drop"] for r in found], ls="", ms=4,
+                     marker=marker, label=f"{n * n} pieces")  # fmt: skip
+    axes[2].set(xscale="log", yscale="log", xlabel="leakage over that of the first load",
+                ylabel="pieces that take half of the pressure drop", title="constrictions")  # fmt: skip
+    axes[2].invert_xaxis()
+    axes[2].legend(fontsize=7)
+
+
+def write(rows, path):
+    with path.open("w", newline="", encoding="utf-8") as file:
+        writer = csv.DictWriter(file, rows[0])
+        writer.writeheader()
+        writer.writerows(rows)
 
 
 def main():
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("out", type=Path)
-    parser.add_argument("--realisations", type=int, default=6)
-    parser.add_argument("--windows", type=int, default=96)
+    parser.add_argument("--realisations", type=int, default=3)
     options = parser.parse_args()
     options.out.mkdir(parents=True, exist_ok=True)
-    rows = study(realisations=options.realisations, windows=options.windows)
-    with (options.out / "real_sizes.csv").open("w", newline="", encoding="utf-8") as file:
-        writer = csv.DictWriter(file, rows[0])
-        writer.writeheader()
-        writer.writerows(rows)
-    draw(rows, options.out / "real_sizes.png")
+    faces = pieces_of_faces()
+    hardness = scene(0.1).hardness
+    write([row for face in faces.values() for row in scatter(face, hardness)], options.out / "real_sizes_pieces.csv")
+    rows = study(realisations=options.realisations)
+    write(rows, options.out / "real_sizes.csv")
+    draw(rows, faces, options.out / "real_sizes.png")
 
 
 if __name__ == "__main__":

@@ -103,7 +103,7 @@ def test_fractions_of_a_run(study, tmp_path):
     scene, result = study
     save(assemble(scene, two_scale=result), tmp_path)
     data = open_results(tmp_path).dataset
-    assert data["piece_drop_fraction"].dims == ("step", "cell1", "cell2")
+    assert data["piece_drop_fraction"].dims == ("step", "piece1", "piece2")
     assert_array_equal(data["piece_drop_fraction"], result.drop_fraction)
     flows = result.leakage > 0
     assert flows.sum() >= 3

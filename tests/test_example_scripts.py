@@ -33,7 +33,7 @@ def drawn():
 
 @pytest.fixture(scope="module")
 def drawn_seal(drawn):
-    return drawn["drawn_seal"]()
+    return drawn["drawn_seal"](realisations=3)
 
 
 def test_every_script_has_a_test():
@@ -93,7 +93,7 @@ def test_real_size_seal_is_as_long_as_asked_and_scatters_little(drawn_seal):
     up, down = median[:3], median[3:]
     assert (np.diff(up) < 0).all()
     assert (down < up[1::-1]).all()
-    # 20 000 links in parallel: relative scatter of the sum goes with the root of their number
+    # 2222 columns of tiles in parallel: relative scatter of the sum goes with the root of their number
     assert (drawn_seal.realisation_spread < 0.05).all()
 
 
@@ -155,7 +155,7 @@ class TestTutorial:
         k = list(space["permeability"].values())
         assert k[0] > k[1] > k[2] < k[3] < k[4] < k[0]
         assert space["k"].value < space["contact"].mean_gap ** 3 / 12
-        # the drawn seal and the windows it is drawn from agree where no constriction decides
+        # the drawn seal and the face it is drawn from agree where no constriction decides
         results = space["results"].dataset
         assert_allclose(results["leakage_median"][0], results["leakage_two_scale"][0], rtol=0.2)
         assert (tmp_path / "report.html").stat().st_size > 100_000

@@ -105,6 +105,11 @@ def test_flow_between_parallel_plates_is_the_same_everywhere():
     assert_allclose(fields["fluid"][:, 0], 1 - (np.arange(12) + 0.5) / 12, rtol=1e-6)
 
 
+def of_pieces(field):
+    """A field over states as (pieces, states)."""
+    return field.values.reshape(len(field), -1).T
+
+
 def test_cycles(ran):
     results = ran[1]
     data = results.dataset

@@ -22,7 +22,6 @@ SMALLER = [
     ("10 mm", "0.5 mm"),
     ("12 mm", "0.66 mm"),
     ("realisations = 10", "realisations = 3"),
-    ("library_cells = 24", "library_cells = 6"),
 ]
 LOADS = '[load]\nloading = ["50 MPa", "150 MPa"]\n'
 

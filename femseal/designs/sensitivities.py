@@ -21,6 +21,7 @@ from typing import Any, cast
 import numpy as np
 import scipy
 
+from ..base import InputError
 from ..case.case import Case
 from ..execution.mappers import ordered_map
 from ..execution.run import Progress, Run
@@ -31,7 +32,6 @@ from ..refinement.settings import last_version
 from ..results.results import Results
 from ..studies import FluidState, Scene
 from ..studies.compiling import compile_ahead
-from ..base import InputError
 from ..topography import Places, Topography
 from .requirements import Seals
 

@@ -135,7 +135,6 @@ class Checkpoint:
         self._taken = 0
         self._next = 0
         self._writer = ShardWriter((), self._place)
-        self._read: tuple[Path | None, list[bytes]] = (None, [])  # the shard that was read last
         if not resume and part is None:
             remove(output)
         try:
@@ -177,10 +176,7 @@ class Checkpoint:
         return mapping
 
     def _shared(self, mapper: Mapper, part: Part, stage: Stage, iterables: Sequence[Iterable[Any]]) -> Iterator[Any]:
-        """The items of a stage that parts compute, once those of this part are kept.
-
-        Those of parts that are under way are waited for.
-        """
+        """The items of a stage that parts compute, once those of this part are kept."""
         if not any(isinstance(iterable, Sized) for iterable in iterables):
             iterables = tuple(zip(*zip(*iterables, strict=False), strict=True))
         count = min((len(iterable) for iterable in iterables if isinstance(iterable, Sized)), default=0)
@@ -211,7 +207,7 @@ class Checkpoint:
         """Results of a range of items: those in shards, and the others computed and kept."""
         shards = deque(self._found(stage, start, stop, check=True))
         ranges = [shard.used for shard in shards]
-        left = (_left(islice(items, start, stop), start, ranges) for items in iterables)
+        left = [_left(islice(items, start, stop), start, ranges) for items in iterables]
         computed = iter(mapper(stage, *left))
         self._next = start
         self._writer = ShardWriter((self._key, stage.name), self._place, merge=True)
@@ -239,14 +235,9 @@ class Checkpoint:
 
     def _items(self, stage: Stage, shard: _Shard) -> Iterator[Any]:
         """The items of a shard that are used."""
-        path, items = self._read  # other threads read too
-        if path != shard.path:
-            items = read_shard(shard.path, (self._key, stage.name))
-            self._read = shard.path, items
         first = shard.items.start
-        yield from map(unpacked, items[shard.used.start - first : shard.used.stop - first])
-        if shard.used == shard.items:
-            self._read = (None, [])
+        items = read_shard(shard.path, (self._key, stage.name))[shard.used.start - first : shard.used.stop - first]
+        yield from map(unpacked, items)
 
     def _place(self, count: int) -> Path:
         """Path of a shard of so many items, up to the one that was kept last."""
@@ -260,7 +251,7 @@ class Checkpoint:
             raise self._failure(error) from error
 
     def _found(self, stage: Stage, start: int, stop: int | None, check: bool) -> Iterator[_Shard]:
-        """Shards with items of a range of a stage by their names, in order; `check`: and by what is in them."""
+        """Shards with items of a range of the last stage by their names, in order; `check`: and by what is in them."""
         there = [_Shard.at(path) for path in self._folder.glob(f"{self._stages:03d}-*{SUFFIX}")]
         # of those that begin with the same item the longest comes first, which the others were merged into
         for shard in sorted(there, key=lambda s: (s.items.start, -s.items.stop, s.path)):

@@ -124,7 +124,7 @@ def refine_to_accuracy(case: Case, made: Prepared, run: Run) -> RefinedAnswer:
     """
     assert case.accuracy is not None
     goal, most = np.log1p(case.accuracy), time_limit(case)
-    # what is free now has the libraries in it already
+    # what is free now has the packages in it already
     memory = free_memory() if case.memory is None else case.memory - START_MEMORY
     attempts = _Attempts(case, made, run, memory)
     settings = first_settings(case, made)

@@ -21,12 +21,6 @@ from ..fluids import Fluid, potential_of
 from .mesh_seal import PressureBoundaries
 from .shapes import Seal, StructuredSeal
 
-#: Error allowed to the potential of linear solutions where the rate alone is wanted, in the norm of the energy, over
-#: that of the rate: it errs by the square of it, and through the permeabilities by less than a tenth of it.
-_FIRST_ORDER = 15.0
-#: Error allowed to the flow that one linear solution finds.
-_ONCE_RTOL = 5e-7
-
 
 def pressure_dependent_flow(
     seal: Seal,
@@ -38,14 +32,10 @@ def pressure_dependent_flow(
     bounds: bool = False,
     solver: str = "auto",
     rtol: float,
-    rate_only: bool = False,
-    start: Array | None = None,
 ) -> tuple[DarcyFlow, Any]:
     """Flow through a seal for a unit drop of the viscous potential φ, and the permeability of each part.
 
-    seal, fluid, bounds, solver, rtol, rate_only : as in `seal_leakage`; bounds are those with the permeabilities of the
-        solution.
-    start : potential at the nodes, as fraction of its drop, to start from on structured seals.
+    seal, fluid, bounds, solver, rtol : as in `seal_leakage`; bounds are those with the permeabilities of the solution.
     table : permeability at several pressures. inlet, outlet : pressures of the ends [Pa].
 
     Returns the flow, its potential as fraction of the drop of φ, and the permeabilities with which φ has this flow
@@ -70,21 +60,15 @@ def pressure_dependent_flow(
         )
         return found if pair else found[0]
 
-    allowed = min(rtol, (_FIRST_ORDER * rtol) ** 2)
-    settings = _settings(seal, solver, allowed if rate_only and not bounds else None, start)
-
     two_bounds = hasattr(seal, "axes")  # of which one is enough until the permeabilities have settled
-    first_settings: dict[str, Any] = settings | ({"draft": True} if two_bounds else {})
+    draft: dict[str, Any] = {"draft": True} if two_bounds else {}
 
     def solve(local: Any) -> tuple[float, Array, DarcyFlow]:
-        flow = seal.flow(local, **first_settings)
-        if "rtol" in first_settings:
-            first_settings["start"] = flow.potential
+        flow = seal.flow(local, solver=solver, **draft)
         return flow.conductance, flow.potential, flow
 
     # along a uniform seal the potential falls evenly
     first = np.linspace(1, 0, len(seal.grid.lines1))[:, None] if isinstance(seal, StructuredSeal) else 0.5
-    first = first if start is None else start
     solved = fixed_point(permeability, solve, first, rtol=rtol, name="flow through a seal")
     flow, local, rate = solved.found, solved.coefficient, solved.rate
     if bounds or two_bounds:
@@ -107,12 +91,6 @@ def pressure_dependent_flow(
     if pair:
         return scaled, tuple(k * by for k, by in zip(local, steeper, strict=True))
     return scaled, local * steeper[0].reshape(steeper[0].shape + (1,) * (local.ndim - steeper[0].ndim))
-
-
-def _settings(seal: Any, solver: str, rtol: float | None, start: Array | None) -> dict[str, Any]:
-    """Settings of `seal.flow`, with an error allowed to the flow where it alone is wanted, of seals that take one."""
-    loose = rtol is not None and isinstance(seal, StructuredSeal)
-    return {"solver": solver} | ({"rtol": rtol, "start": start} if loose else {})
 
 
 def _on_parts(seal: Any, values: Any, pressures: int) -> Any:
@@ -188,8 +166,6 @@ def seal_leakage(
     bounds: bool = False,
     solver: str = "auto",
     rtol: float = 1e-5,
-    rate_only: bool = False,
-    near: Leakage | None = None,
 ) -> Leakage:
     """Leakage of a seal, ∇·(k∇φ) = 0 in the pressure potential φ of the fluid; exactly 0 without an open
     path.
@@ -210,10 +186,6 @@ def seal_leakage(
         several boundaries is no energy.
     solver : of the linear system, see `femseal.flow.solve_flow`; on meshes "auto", "direct" or "amg".
     rtol : relative error of the rate at which permeabilities that depend on the pressure have settled.
-    rate_only : fields need not be right: on structured seals they err by about 15 rtol, or, where permeabilities do not
-        depend on the pressure, by 1e-3.
-    near : leakage of the same seal, structured or drawn, at other permeabilities, from whose pressures the solution
-        starts.
 
     Returns
     -------
@@ -243,17 +215,14 @@ def seal_leakage(
     φ_in = potential_of(fluid, "inlet_pressure", inlet_pressure)
     φ_out = potential_of(fluid, "outlet_pressure", outlet_pressure)
     local, drop = None, φ_in - φ_out
-    start = None
-    if near is not None and drop != 0 and (isinstance(seal, StructuredSeal) or hasattr(seal, "axes")):
-        start = (fluid.potential(near.fluid_pressure) - φ_out) / drop
     if isinstance(permeability, PermeabilityTable):
         assert inlet_pressure is not None  # it has a potential
-        settings: dict[str, Any] = {"bounds": bounds, "solver": solver, "rtol": rtol, "rate_only": rate_only}
-        settings |= {"inlet": float(inlet_pressure), "outlet": float(outlet_pressure), "start": start}
-        flow, local = pressure_dependent_flow(seal, permeability, fluid, **settings)
+        ends = {"inlet": float(inlet_pressure), "outlet": float(outlet_pressure)}
+        flow, local = pressure_dependent_flow(
+            seal, permeability, fluid, **ends, bounds=bounds, solver=solver, rtol=rtol
+        )
     else:
-        wanted = min(rtol, _ONCE_RTOL) if rate_only and not bounds else None
-        flow = seal.flow(permeability, bounds=bounds, **_settings(seal, solver, wanted, start))
+        flow = seal.flow(permeability, bounds=bounds, solver=solver)
     to_volume = drop / fluid.reference_density
     lower, upper = sorted((flow.lower * to_volume, flow.upper * to_volume))
     # rounding errors, and elements with oblique tensors, may exceed the end pressures

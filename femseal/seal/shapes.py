@@ -11,9 +11,8 @@ Source of the bounds: Dirichlet's and Thomson's principles for networks (Doyle &
 Networks, 1984).
 """
 
-import itertools
 from abc import ABC, abstractmethod
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from functools import cached_property
 from math import pi
 from typing import Any, Protocol
@@ -46,26 +45,17 @@ class StructuredSeal(ABC):
         """Operator of the flow [m³], whose conductances are those of the links; permeability as in `flow`."""
         return assemble_on_links(self.grid, *link_permeabilities(permeability, self.cells))
 
-    def flow(
-        self,
-        permeability: Any,
-        *,
-        bounds: bool = False,
-        solver: str = "auto",
-        rtol: float | None = None,
-        start: Array | None = None,
-    ) -> DarcyFlow:
+    def flow(self, permeability: Any, *, bounds: bool = False, solver: str = "auto") -> DarcyFlow:
         """Flow for a unit drop, potential at the nodes (n1 + 1, n2).
 
         permeability : a number, or the links (k1, k2), numbers or arrays (n1, n2) and (n1 − 1, n2) [m³].
         bounds : enclose the flow of the network of links.
-        solver, start : see `femseal.flow.solve_flow`.
-        rtol : relative error allowed to the flow where it alone is wanted; unless given, 1e-8 to it and the potential.
+        solver : see `femseal.flow.solve_flow`.
 
         Raises InputError: a bad permeability.
         NotConverged : see `femseal.flow.solve_flow`.
         """
-        return structured_flow(self.stencil(permeability), bounds=bounds, solver=solver, rtol=rtol, start=start)
+        return structured_flow(self.stencil(permeability), bounds=bounds, solver=solver)
 
 
 def link_permeabilities(permeability: Any, cells: tuple[int, int]) -> tuple[Array, Array]:
@@ -105,23 +95,15 @@ def _checked(name: str, value: ArrayLike, shape: tuple[int, int]) -> Array:
     return np.broadcast_to(k, shape)
 
 
-def structured_flow(
-    stencil: Stencil,
-    *,
-    bounds: bool = False,
-    solver: str = "auto",
-    rtol: float | None = None,
-    start: Array | None = None,
-) -> DarcyFlow:
-    """Flow for a unit drop between the first and the last row of nodes; rtol and start as in `StructuredSeal.flow`.
+def structured_flow(stencil: Stencil, *, bounds: bool = False, solver: str = "auto") -> DarcyFlow:
+    """Flow for a unit drop between the first and the last row of nodes, with an error of 1e-8 in the potential too.
 
     With `bounds`, the upper bound is the energy of the computed potential and the lower one that of a flux that
     balances at every node; they enclose the flow of the network, and the value, whatever the error of the solver.
 
     Raises NotConverged: see `femseal.flow.solve_flow`.
     """
-    field_rtol = _RTOL if rtol is None else None
-    flow = solve_flow(stencil, rtol=rtol or _RTOL, solver=solver, field_rtol=field_rtol, start=start)
+    flow = solve_flow(stencil, rtol=_RTOL, solver=solver, field_rtol=_RTOL)
     if not bounds:
         return flow
     if not flow.percolates:
@@ -174,16 +156,14 @@ class RectangularSeal(StructuredSeal):
     ----------
     size : (L1, L2) [m], L1 along the leakage.
     cells : (n1, n2).
-    rows : x1 of the rows of nodes (n1 + 1) [m], rising from 0 to L1; equidistant unless given.
 
     Raises
     ------
-    InputError : sizes that are not > 0, cells that are not whole numbers >= 1, rows that do not rise from 0 to L1.
+    InputError : sizes that are not > 0, cells that are not whole numbers >= 1.
     """
 
     size: tuple[float, float]
     cells: tuple[int, int]
-    rows: tuple[float, ...] = field(default=(), repr=False)
 
     def __post_init__(self) -> None:
         try:
@@ -192,8 +172,6 @@ class RectangularSeal(StructuredSeal):
             raise InputError("size", repr(self.size), "two finite numbers > 0 [m]") from None
         object.__setattr__(self, "size", tuple(validate.number("size", side, unit="m") for side in (l1, l2)))
         object.__setattr__(self, "cells", validate.grid("cells", self.cells))
-        rows = self.rows or np.linspace(0.0, self.size[0], self.cells[0] + 1)
-        object.__setattr__(self, "rows", _rows(rows, self.size[0], self.cells[0]))
 
     @property
     def length(self) -> float:
@@ -203,17 +181,18 @@ class RectangularSeal(StructuredSeal):
     @property
     def points(self) -> Array:
         """Coordinates of the nodes (n1 + 1, n2, 2) [m]."""
-        return self.place(self.rows, np.arange(self.cells[1]))
+        x2 = (np.arange(self.cells[1]) + 0.5) * (self.size[1] / self.cells[1])
+        return np.stack(np.meshgrid(self._x1, x2, indexing="ij"), axis=-1)
 
-    def place(self, x1: ArrayLike, column: ArrayLike) -> Array:
-        """Coordinates (rows, columns, 2) [m] at distances x1 from the inlet [m] and columns of nodes, also between."""
-        x2 = (np.asarray(column) + 0.5) * (self.size[1] / self.cells[1])
-        return np.stack(np.meshgrid(x1, x2, indexing="ij"), axis=-1)
+    @property
+    def _x1(self) -> Array:
+        """x1 of the rows of nodes [m]."""
+        return np.linspace(0.0, self.size[0], self.cells[0] + 1)
 
     @cached_property
     def grid(self) -> Grid:
         """Nodes in rows x1 and columns x2."""
-        return Grid.of_strip(self.rows, self.size[1] / self.cells[1], self.cells[1])
+        return Grid.of_strip(self._x1, self.size[1] / self.cells[1], self.cells[1])
 
 
 @dataclass(frozen=True)
@@ -230,20 +209,16 @@ class AnnularSeal(StructuredSeal):
     inner_radius, outer_radius : [m].
     cells : (n_r, n_θ).
     inlet : "inner" or "outer"; with "outer" the first row of k1 and of the fluid pressure lies outside.
-    rows : distances of the rows of nodes from the inlet (n_r + 1) [m], rising from 0 to the breadth; equidistant unless
-        given.
 
     Raises
     ------
-    InputError : radii that do not increase from above 0, bad cells, another inlet, rows that do not rise from 0 to the
-        breadth.
+    InputError : radii that do not increase from above 0, bad cells, another inlet.
     """
 
     inner_radius: float
     outer_radius: float
     cells: tuple[int, int]
     inlet: str = "inner"
-    rows: tuple[float, ...] = field(default=(), repr=False)
 
     def __post_init__(self) -> None:
         inner, outer = (
@@ -253,18 +228,11 @@ class AnnularSeal(StructuredSeal):
         object.__setattr__(self, "inner_radius", inner)
         object.__setattr__(self, "outer_radius", outer)
         object.__setattr__(self, "cells", validate.grid("cells", self.cells))
-        breadth = outer - inner
-        rows = self.rows or np.linspace(0.0, breadth, self.cells[0] + 1)
-        object.__setattr__(self, "rows", _rows(rows, breadth, self.cells[0]))
 
     @property
     def radii(self) -> Array:
         """Radii of the nodes (n_r + 1,) from inlet to outlet [m]."""
-        return self._radius(self.rows)
-
-    def _radius(self, x1: ArrayLike) -> Array:
-        """Radii at distances from the inlet [m]."""
-        x1 = np.asarray(x1, dtype=float)
+        x1 = np.linspace(0.0, self.outer_radius - self.inner_radius, self.cells[0] + 1)
         return self.inner_radius + x1 if self.inlet == "inner" else self.outer_radius - x1
 
     @property
@@ -280,23 +248,11 @@ class AnnularSeal(StructuredSeal):
     @property
     def points(self) -> Array:
         """Cartesian coordinates of the nodes (n_r + 1, n_θ, 2) [m]."""
-        return self.place(self.rows, np.arange(self.cells[1]))
-
-    def place(self, x1: ArrayLike, column: ArrayLike) -> Array:
-        """Coordinates (rows, columns, 2) [m] at distances x1 from the inlet [m] and columns of nodes, also between."""
-        θ = (np.asarray(column) + 0.5) * (2 * pi / self.cells[1])
-        return self._radius(x1)[:, None, None] * np.stack([np.cos(θ), np.sin(θ)], axis=-1)
+        θ = (np.arange(self.cells[1]) + 0.5) * (2 * pi / self.cells[1])
+        return self.radii[:, None, None] * np.stack([np.cos(θ), np.sin(θ)], axis=-1)
 
     @cached_property
     def grid(self) -> Grid:
         """Nodes in rows of |ln r/r₀| and columns of θ, in which the form is that of a strip."""
         r = self.radii
         return Grid.of_strip(np.abs(np.log(r / r[0])), 2 * pi / self.cells[1], self.cells[1])
-
-
-def _rows(value: Any, length: float, n: int) -> tuple[float, ...]:
-    rows = tuple(float(x) for x in value)
-    ends = len(rows) == n + 1 and rows[0] == 0 and abs(rows[-1] - length) <= 1e-9 * length
-    if not ends or not all(b > a for a, b in itertools.pairwise(rows)):
-        raise InputError("rows", counted(len(rows), "value"), f"{n + 1} rising numbers from 0 to {length:g} m")
-    return rows

@@ -180,12 +180,8 @@ def _supply(
 def _table_pressures(scene: Scene) -> tuple[tuple[float, ...], bool]:
     """Fluid pressures [Pa] at which permeabilities are needed, and whether ln k is linear between them."""
     drop, fluid = scene.flow.drop, scene.acting_fluid
-    if (
-        fluid is None
-        or fluid.inlet == fluid.outlet
-        or drop.law.depends_on_pressure
-        or getattr(scene.layout, "inlet_pressures", {})
-    ):
+    several = drop.law.depends_on_pressure or getattr(scene.layout, "inlet_pressures", {})
+    if fluid is None or fluid.inlet == fluid.outlet or several:
         return tuple(drop.pressures), False
     # ln k is nearly straight in the cube root of the pressure that the fluid leaves to the pieces
     full = max(min((p for p in scene.steps.pressures if p > 0), default=0.0), fluid.inlet, fluid.outlet)
@@ -257,7 +253,7 @@ def _realise(realisation: int, *, scene: Scene, tiles: SealTiles, supply: _Suppl
     piece = tiles.draw(supply.pieces.cut.shape, _stream(seed, realisation))
     leakage, failures, solvers = np.full(len(scene.steps), np.nan), [], []
     face, own = supply.pieces.face, supply.pieces.own
-    skipped, near = {s for s, _ in supply.unsolved}, None
+    skipped = {s for s, _ in supply.unsolved}
     for s, step in enumerate(scene.steps):
         if s in skipped or not np.isfinite(supply.k[:, :, s]).all():
             continue
@@ -265,11 +261,11 @@ def _realise(realisation: int, *, scene: Scene, tiles: SealTiles, supply: _Suppl
             leakage[s] = face[s]
             continue
         given = supply.permeability(tiles, piece, s)
-        found = attempt(scene.leakage, tiles.seal, given, DRAWN_RTOL, rate_only=True, near=near)
+        found = attempt(scene.leakage, tiles.seal, given, DRAWN_RTOL)
         if isinstance(found, Failed):
             failures.append(f"realisation {realisation}, {step.name}: {found.reason}")
             continue
-        near, leakage[s] = found, found.per_length
+        leakage[s] = found.per_length
         solvers.append(SolverCounts.of(found))
         if supply.in_place:
             leakage[s] = face[s] * np.clip(leakage[s] / own[s], 1 / MOST_RATIO, MOST_RATIO)

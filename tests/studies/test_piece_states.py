@@ -154,7 +154,7 @@ def test_pieces_along_the_ladder_itself_are_those_of_its_states():
 @pytest.fixture(scope="module")
 def between():
     """Pieces along a default ladder, and in states of their own at pressures and peaks between its rungs."""
-    one = scene(loading=(4e7, 1.2e8, 3.5e8), unload_from=(1.2e8, 3.5e8), unloading=(2e8, 9e7, 3e7))
+    one = scene(loading=(4e7, 1.2e8, 6e8), unload_from=(1.2e8, 6e8), unloading=(3e8, 9e7, 3e7))
     paths = one.steps.pressures[:, None] * np.array([0.6, 0.83, 1.0, 1.17, 1.4])
     ladder = ladder_of(paths, one.steps, False)
     cut = Cut.of(one.surface, (2, 2))
