@@ -216,7 +216,7 @@ def test_all_methods_take_a_seat():
     assert_allclose(results.dataset["leakage_median"], results.dataset["leakage_deterministic"], rtol=0.5)
     ring = {"kind": "annular", "inner_radius": "1 mm", "outer_radius": "1.512 mm"}
     drawn = {"stochastic": {"realisations": 4}, "seal": ring}
-    with pytest.raises(fs.InputError, match="seat.kind: given a seal that takes pieces anywhere of the face"):
+    with pytest.raises(fs.InputError, match=r"seat\.kind: given a seal that takes pieces anywhere of the face"):
         fs.prepare(parse_case(CASE | more | drawn))
 
 
@@ -281,7 +281,7 @@ def test_both_ways_of_a_seat_spread_the_load_alike(radius):
 
 @pytest.mark.slow
 def test_both_ways_of_a_seat_leak_alike():
-    """Drawn windows over deterministic faces, as a fraction of the same for flat seats."""
+    """Drawn seals over deterministic faces, as a fraction of the same for flat seats."""
     breadth, forces = 1.024e-3, np.array([50e3, 100e3, 200e3])
     ratios = {}
     for seat in (FlatSeat(), CrownedSeat(0.2), CrownedSeat(0.05), CrownedSeat(0.01)):
@@ -326,7 +326,10 @@ def test_a_broad_seat_runs_from_a_case(tmp_path):
 @pytest.mark.parametrize(
     ("change", "text"),
     [
-        ({"method": "two-scale", "compare": ["stochastic"]}, "seat.kind: given a seal that takes pieces anywhere of the face, with"),
+        (
+            {"method": "two-scale", "compare": ["stochastic"]},
+            "seat.kind: given a seal that takes pieces anywhere of the face, with",
+        ),
         ({"load": BROAD["load"] | {"map": {"kind": "profile", "fractions": [1, 2]}}}, "load.map: given a map with a"),
         ({"seat": {"kind": "crowned", "radius": "0.5 mm"}}, "slopes up to"),
     ],

@@ -327,7 +327,9 @@ class TestDraws:
             exact = cell_permeability(gap, rough.surface.spacing, axis=axis).value
             assert_allclose(getattr(pieces, name)[1, 2, 3], exact, rtol=1e-4, atol=1e-30)
 
-    @pytest.mark.parametrize("given", [{}, {"breadth": 288e-6}, {"breadth": 96e-6, "pressure_map": Profile((0.8, 1.2))}])
+    @pytest.mark.parametrize(
+        "given", [{}, {"breadth": 288e-6}, {"breadth": 96e-6, "pressure_map": Profile((0.8, 1.2))}]
+    )
     def test_the_order_of_the_work_does_not_matter(self, rough, given):
         def backwards(function, *lists):
             tasks = list(zip(*(list(x) for x in lists), strict=False))
@@ -344,9 +346,7 @@ class TestDraws:
         loaded = replace(rough, unload_from=(), unloading=())
         known = deterministic(loaded)
         sampling = replace(SAMPLING, realisations=60)
-        short, long = (
-            stochastic(loaded, (4, 6), replace(sampling, length=n * 120e-6), known=known) for n in (1, 16)
-        )
+        short, long = (stochastic(loaded, (4, 6), replace(sampling, length=n * 120e-6), known=known) for n in (1, 16))
         medians = np.array([r.quantile(0.5)[:2] for r in (short, long)])
         bands = np.array([np.log(r.quantile(0.9) / r.quantile(0.1))[:2] for r in (short, long)])
         assert (np.abs(np.log(medians[1] / medians[0])) < bands[0]).all()

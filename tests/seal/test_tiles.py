@@ -23,8 +23,8 @@ def wide(rows=4, columns=9, lay="x2"):
     return RectangularLayout(lay).lay_out(replace(PIECE, length=columns * A, breadth=rows * A))
 
 
-def ring(lay="circumferential", inlet="inner", inner=1e-3, outer=1.4e-3, piece=PieceSize((A, A), 3)):
-    return AnnularLayout(inner, outer, inlet, lay=lay).lay_out(piece)
+def ring(lay="circumferential", inlet="inner", inner=1e-3, outer=1.4e-3, sides=(A, A)):
+    return AnnularLayout(inner, outer, inlet, lay=lay).lay_out(PieceSize(sides, 3))
 
 
 def conductance(tiles, k1, k2=None):
@@ -105,9 +105,7 @@ def test_turned_pieces_lie_with_their_other_side_across():
     piece = PieceSize((A, 2 * A), 3, length=8 * A, breadth=4 * A)
     grids = {lay: RectangularLayout(lay).lay_out(piece).grid for lay in ("x2", "x1")}
     assert grids == {"x2": (4, 4), "x1": (2, 8)}
-    rings = {
-        lay: ring(lay, piece=replace(piece, length=None, breadth=None)).grid for lay in ("circumferential", "radial")
-    }
+    rings = {lay: ring(lay, sides=(A, 2 * A)).grid for lay in ("circumferential", "radial")}
     assert rings == {"circumferential": (4, 38), "radial": (2, 75)}
 
 
