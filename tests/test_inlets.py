@@ -14,8 +14,9 @@ from femseal.case.case import parse_case
 from femseal.flow.permeability_table import PermeabilityTable
 from femseal.preparation.preparation import prepare
 from femseal.refinement.accuracy_plan import make_plan
+from femseal.seal.element_seal import ElementSeal
 from femseal.seal.mesh_seal import PressureBoundaries
-from femseal.seal.tiles import ElementSeal, SealTiles
+from femseal.seal.tiles import SealTiles
 from femseal.studies.stochastic import _rate_of_power
 
 ROOT = Path(__file__).parents[1]

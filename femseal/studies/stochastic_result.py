@@ -14,7 +14,8 @@ from ..base import Array, Shown, counted
 from ..base.fields import CORNER, PART, PART_VECTOR, REALISATION, ROW, STEP, Field, declared
 from ..face.piece_flow import SolverCounts
 from ..loads import LoadProgramme
-from ..seal.tiles import ElementSeal, SealTiles
+from ..seal.element_seal import ElementSeal
+from ..seal.tiles import SealTiles
 from .face_leakage import PlaceLeakage
 from .load_curves import FLOOR
 from .piece_states import FacePieces
