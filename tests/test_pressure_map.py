@@ -267,7 +267,7 @@ class TestFiles:
         (lambda: MapsAtLoads((), ()), "maps: given none"),
         (lambda: MapsAtLoads((1.0,), (Uniform(), Uniform())), "2, one for each map"),
         (lambda: MapsAtLoads((2.0, 1.0), (Uniform(), Uniform())), "rising"),
-        (lambda: fractions(Profile((1, 2), (0, 1e-3)), strip()), "positions: given 0 m to 1 mm, expected .* windows"),
+        (lambda: fractions(Profile((1, 2), (0, 1e-3)), strip()), "positions: given 0 m to 1 mm, expected .* tiles"),
         (lambda: fractions(Profile((1, 2)), PressedSeal(Frame(), ring().outlines)), "none on a mesh"),
     ],
 )
