@@ -22,7 +22,7 @@ from femseal.runs.forecast import describe
 pytestmark = pytest.mark.usefixtures("drawn_pictures")
 
 EXAMPLES = Path(__file__).parents[1] / "examples"
-#: Fewer loads and windows; the ring is narrower, and the gasket has larger windows.
+#: Fewer loads and tiles; the ring is narrower, and the gasket has larger pieces.
 REDUCED = {
     "annular_seal": {
         "seal": {"outer_radius": "10.6 mm"},
