@@ -121,7 +121,7 @@ def closely(results: fs.Results, step: int) -> dict[tuple[int, int], dict[str, n
 
 
 def pixel_flow(gap: np.ndarray, spacing: tuple[float, float]) -> dict[str, np.ndarray]:
-    """Fluid pressure for a unit drop through the gap of a piece [m], and the flow at its pixels."""
+    """Fluid pressure for a unit drop through a piece's gap [m], and the flow at its pixels."""
     p = fs.cell_permeability(gap, spacing).fluid_pressure
     links = cell_stencil(gap, Grid.of_pixel_centres(gap.shape, spacing, "mirror"))
     known = np.nan_to_num(p)
@@ -154,14 +154,12 @@ def _draw_closely(figure, pieces, extent):
         figure.colorbar(image, ax=column, location="bottom", shrink=0.8)
 
 
-def cells(results: fs.Results) -> tuple[str, np.ndarray, np.ndarray, np.ndarray]:
-    """Prefix of the steps' names; pressure, permeability and mean gap of pieces (pieces, steps)."""
-    data = results.dataset
-    of = "state" if "state_k1" in data else "piece"
-    if of == "piece":
-        _with(results, "piece_k1", "a two-scale or a stochastic run")
-    found = (data[f"{of}_{name}"].values for name in ("pressure", "k1", "mean_gap"))
-    return "state_" if of == "state" else "", *(values.reshape(len(values), -1).T for values in found)
+def pieces_of(results: fs.Results) -> tuple[str, np.ndarray, np.ndarray, np.ndarray]:
+    """Prefix of the steps' names; pressure, permeability and mean gap (pieces, steps), at steps or in states."""
+    kind = "state" if "state_k1" in results.dataset else "piece"
+    data = _with(results, f"{kind}_k1", "a two-scale or a stochastic run")
+    fields = [data[f"{kind}_{name}"].values for name in ("pressure", "k1", "mean_gap")]
+    return "state_" if kind == "state" else "", *(field.reshape(len(field), -1).T for field in fields)
 
 
 def up_and_down(results: fs.Results, prefix: str) -> list[np.ndarray]:
@@ -185,17 +183,17 @@ def _with(results, name, allowed):
 
 def cycles(results: fs.Results, count: int = 4) -> Figure:
     """Figure 2. `count` pieces along the loading and the unloading from the highest peak, and quantiles of all."""
-    prefix, _, k, _ = cells(results)
+    prefix, _, k, _ = pieces_of(results)
     nominal = results.dataset[f"{prefix}nominal_pressure"].values / 1e6
     up, down = up_and_down(results, prefix)
     figure = new_figure(WIDTH, 3.4)
     grid = figure.add_gridspec(2, 2, height_ratios=(3.2, 1))
     single, every = figure.add_subplot(grid[:, 0]), figure.add_subplot(grid[0, 1])
     closed = figure.add_subplot(grid[1, 1], sharex=every)
-    for cell, (colour, line, _) in zip(typical(k, up, down, count), STYLES[1:], strict=False):
+    for piece, (colour, line, _) in zip(typical(k, up, down, count), STYLES[1:], strict=False):
         for steps, width, size in ((up, 0.8, 1.8), (down, 2.0, 3.0)):
-            label = f"piece {cell}" if steps is down else None
-            single.plot(nominal[steps], _open(k[cell, steps]), color=colour, ls=line, lw=width, marker="o", ms=size,
+            label = f"piece {piece}" if steps is down else None
+            single.plot(nominal[steps], _open(k[piece, steps]), color=colour, ls=line, lw=width, marker="o", ms=size,
                         label=label)  # fmt: skip
     single.set_title("(a) thin: loading, thick: unloading; no line: closed")
     single.set(yscale="log", xlabel="nominal pressure [MPa]", ylabel="permeability $k_1$ [m³]", xlim=(0, None))
@@ -225,7 +223,7 @@ def typical(k: np.ndarray, up: np.ndarray, down: np.ndarray, count: int) -> np.n
 
 def permeability(results: fs.Results) -> Figure:
     """Figure 3. Pieces on loading and on unloading from the highest peak: k against gap and against their pressure."""
-    prefix, pressure, k, gap = cells(results)
+    prefix, pressure, k, gap = pieces_of(results)
     nominal = results.dataset[f"{prefix}nominal_pressure"].values / 1e6
     figure = new_figure(WIDTH, 3.2)
     left, right = figure.subplots(1, 2, sharey=True)
@@ -259,8 +257,8 @@ def _floor(k):
 
 
 def drawn_seals(case: fs.Case, lengths=LENGTHS) -> list:
-    """Results of seals of several lengths, in lengths of the face, unloaded from four loads; all from one contact."""
-    prepared = fs.prepare(case)
+    """Results of seals of several lengths, in lengths of the face, unloaded from four loads."""
+    prepared, count = fs.prepare(case), case.stochastic.realisations or SEALS
     scene, top = prepared.scene, prepared.scene.loading[-1]
     peaks = tuple(part * top for part in PEAKS)
     stops = tuple(sorted({part * peak for part in STOPS for peak in peaks}))
@@ -268,7 +266,7 @@ def drawn_seals(case: fs.Case, lengths=LENGTHS) -> list:
     face = fs.deterministic(scene)
     found = []
     for n in lengths:
-        sampling = fs.Sampling(n * scene.surface.size[1], case.stochastic.realisations or SEALS, seed=case.seed)
+        sampling = fs.Sampling(n * scene.surface.size[1], count, seed=case.seed, median_fields=False)
         found.append(fs.stochastic(scene, prepared.cells, sampling, known=face))
     return found
 
@@ -322,7 +320,7 @@ def _open(values):
 
 
 def constrictions(results: fs.Results) -> Figure:
-    """Figure 5. Parts of the pressure drop over the leakage, and where it drops at the least."""
+    """Figure 5. Shares of the pressure drop over the leakage, and where it drops at the least."""
     data = _with(results, "piece_drop_fraction", "a two-scale run")
     q, fractions = data["leakage_two_scale"].values, data["piece_drop_fraction"].values
     leaking = np.flatnonzero(np.nan_to_num(q) != 0)

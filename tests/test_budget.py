@@ -1,7 +1,6 @@
 """The error budget: grid convergence, parts and their combination."""
 
 from dataclasses import replace
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -9,14 +8,16 @@ from numpy.testing import assert_allclose
 
 import femseal as fs
 from femseal import CoarserSolution, ErrorPart
-from femseal.budget.changes import change_of_windows, on_all_steps
-from femseal.budget.estimates import median_interval
+from femseal.budget.changes import on_all_steps
+from femseal.budget.estimates import effective_pressure_part, median_interval
 from femseal.budget.grid_convergence import pixels_part
 from femseal.budget.waves import filter_part
-from femseal.loads import LoadProgramme, LoadStep
+from femseal.loads import LoadProgramme
 from femseal.preparation.preparation import prepare
 from femseal.refinement.coarser import at_some_steps, coarser_points
 from femseal.runs.forecast import describe, forecast
+from femseal.studies.drawn_error import KINDS, count_scenes, half_width
+from femseal.topography import Places
 
 Q = np.array([4.0, 1.0, 0.0])
 
@@ -219,6 +220,70 @@ def test_the_median_of_seals_that_are_mostly_sealed():
     assert median_interval(np.zeros(4)) == (0.0, 0.0)
 
 
+@pytest.fixture(scope="module")
+def strips(scene):
+    """Drawn seals as broad as the face, and twice as broad, of a fluid that presses the faces apart."""
+    pressed = replace(scene, inlet_pressure=3e7)
+    return pressed, [
+        fs.stochastic(pressed, (2, 2), fs.Sampling(length=3e-4, realisations=4, seed=1, breadth=breadth))
+        for breadth in (None, 128e-6)
+    ]
+
+
+def test_what_one_patch_does_not_know_is_a_part_of_drawn_seals(strips):
+    scene, studies = strips
+    for study, kind in zip(studies, ("in place", "anywhere"), strict=True):
+        widths, q = fs.error_budget(scene, study).widths(), study.quantile(0.5)
+        assert next(iter(widths)) == "solver"
+        assert list(widths)[-2:] == ["realisations", "patch"]
+        known = np.isfinite(widths["patch"]) & (q > 0)
+        assert known.any()
+        assert_allclose(widths["patch"][known], half_width(kind, scene.steps, q)[known])
+        assert (widths["realisations"][known] < widths["patch"][known]).all()
+
+
+def test_three_places_tell_what_a_patch_does_not_know():
+    places = [fs.self_affine((32, 32), (32e-6,) * 2, hurst=0.8, rms_slope=0.2, roll_off=16e-6, rng=n) for n in range(3)]
+    for count, name in ((2, "patch"), (3, "places")):
+        surface = Places(places[:count])
+        scene = fs.Scene(surface, 100e9, 3e9, fs.Liquid(1e-3), 1e6, 0.0, (1e8, 3e8))
+        study = fs.stochastic(scene, (2, 2 * count), fs.Sampling(length=3e-4, realisations=3, seed=1))
+        widths = fs.error_budget(scene, study).widths()
+        assert list(widths)[-2:] == ["realisations", name]
+        assert (widths[name] > 0).all()
+
+
+def test_the_effective_pressure_errs_in_proportion_to_what_the_fluid_does(strips):
+    """On seals broader than the face, by half of it at most; in its own rows the face is coupled itself."""
+    scene, (in_place, broad) = strips
+    assert effective_pressure_part(scene, in_place) is None
+    assert effective_pressure_part(replace(scene, fluid_pressure="ignored"), broad) is None
+    part, q = effective_pressure_part(scene, broad), broad.quantile(0.5)
+    open_ = q > 0
+    below, above = np.log(q / part.lower)[open_], np.log(part.upper / q)[open_]
+    assert_allclose(below, 2.5 * above, rtol=1e-9)
+    assert (above > 0).all()
+    weak = effective_pressure_part(replace(scene, inlet_pressure=1.5e7), broad)
+    assert_allclose(np.log(q / weak.lower)[open_], below / 2, rtol=1e-6)
+
+
+def test_more_coverage_takes_a_wider_band():
+    steps = LoadProgramme.of([1e8, 2e8, 4e8])
+    q = np.array([1.0, 0.3, 1e-2])
+    for kind in KINDS:
+        widths = np.array([half_width(kind, steps, q, coverage=c) for c in (0.5, 0.8, 0.95)])
+        assert (np.diff(widths, axis=0) >= 0).all()
+        assert (widths > 0).all()
+        assert_allclose(half_width(kind, steps, 1e3 * q), widths[-1])
+        most = 1 - 1 / (count_scenes(kind) + 1)
+        with pytest.raises(fs.InputError, match=f"coverage: given .* a calibration of {count_scenes(kind)} scenes"):
+            half_width(kind, steps, q, coverage=0.5 + most / 2)
+    with pytest.raises(fs.InputError, match="kind: given"):
+        half_width("nowhere", steps, q)
+    with pytest.raises(fs.InputError, match="coverage: given"):
+        half_width("anywhere", steps, q, coverage=1.0)
+
+
 # --- runs ----------------------------------------------------------------------------------------------------------
 
 CASE = """
@@ -320,18 +385,12 @@ def test_two_scales_of_the_whole_face_are_looked_at_by_the_deterministic_one_on_
     assert_allclose(one, two, rtol=1e-6)
 
 
-def test_windows_that_are_closed_on_both_grids_change_nothing():
-    steps = LoadProgramme(LoadStep(p) for p in (1e6, 2e6, 3e6))
-    own = SimpleNamespace(steps=steps, k=np.array([[1.0, 0.0, 0.0], [2.0, 0.0, 0.0]]))
-    other = SimpleNamespace(steps=steps, k=np.array([[2.0, 0.0, 1.0], [4.0, 0.0, 0.0]]))
-    assert_allclose(change_of_windows(own, other, steps), [np.log(2), 0.0, np.nan])
-
-
-def test_windows_keep_eight_pixels_on_coarser_points():
+def test_pieces_keep_eight_pixels_on_coarser_points():
     assert coarser_points((65, 128)) == (33, 64)
-    assert coarser_points((96, 96), (3, 4)) == (48, 48)
-    assert coarser_points((90, 96), (3, 4)) == (45, 48)
-    assert coarser_points((30, 36), (3, 4)) is None
+    assert coarser_points((96, 96), (24, 32)) == (48, 48)
+    assert coarser_points((90, 96), (24, 32)) == (45, 48)
+    assert coarser_points((60, 96), (40, 64)) == (40, 64)
+    assert coarser_points((30, 36), (24, 32)) is None
 
 
 # --- bands of loads beside each other ------------------------------------------------------------------------------

@@ -8,7 +8,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 from each import each
-from femseal.seal.laid_windows import Windows
 from numpy.testing import assert_allclose
 from pydantic import TypeAdapter, ValidationError
 
@@ -22,6 +21,7 @@ from femseal.contact import PerfectlyPlastic
 from femseal.fluids import FLUIDS
 from femseal.preparation.preparation import prepare
 from femseal.runs.forecast import describe
+from femseal.seal.tiles import PieceSize
 from femseal.studies import Sampling
 from femseal.topography import repair
 
@@ -71,7 +71,12 @@ def test_quantities_become_si(data):
         ("fluid", "kind", "water", ["fluid.kind", "'water'", "liquid"]),
         ("fluid", "viscosity", "1 Pa", ["fluid.viscosity", "1 Pa"]),
         ("cells", "count", [8.5, 2], ["cells.count.0", "8.5", "whole number"]),
-        ("stochastic", "sampler", "magic", ["stochastic.sampler", "'magic'", "history, derivative"]),
+        ("stochastic", "sampler", "runs", ["stochastic.sampler: given 'runs', expected none: removed; each tile"]),
+        ("stochastic", "library", "kept", ["stochastic.library: given 'kept', expected none: removed"]),
+        ("stochastic", "library_cells", 4, ["stochastic.library_cells: given 4, expected none: removed"]),
+        ("stochastic", "width", 0.1, ["stochastic.width: given 0.1, expected none: removed; seals are drawn until"]),
+        ("stochastic", "bounds", True, ["stochastic.bounds", "removed; the band of error"]),
+        ("stochastic", "length", ["1 mm", "2 mm"], ["stochastic.length", "one length", "femseal sweep"]),
         ("stochastic", "quantiles", [0.9, 0.1], ["stochastic", "rising"]),
         ("material", "hardness", "1 GPa", ["material", "not both"]),
         ("material", "young", "0 GPa", ["material.young", "> 0"]),
@@ -89,7 +94,12 @@ def test_quantities_become_si(data):
         ("cells", "size", "30 um", ["cells", "one of `count` and `size`"]),
         ("stochastic", "quantiles", [0.5, 0.5], ["stochastic", "rising"]),
         ("stochastic", "realisations", 1, ["stochastic.realisations", "greater than or equal to 2"]),
-        ("stochastic", "pressure", "magic", ["stochastic.pressure", "place, global, uniform"]),
+        (
+            "stochastic",
+            "pressure",
+            "magic",
+            ["stochastic.pressure", "removed; pieces lie in the contact of the whole face"],
+        ),
         ("flow", "solver", "magic", ["flow.solver", "'magic'", "auto, multigrid, elimination, amg"]),
         ("flow", "discretisation", "P7", ["flow.discretisation", "'P7'", "edge, gauss, P1, Q2, RT0"]),
         ("flow", "rtol", 1e-3, ["flow.rtol", "given an unknown key, expected solver, discretisation"]),
@@ -100,6 +110,7 @@ def test_quantities_become_si(data):
 )
 def test_faults_name_key_value_and_what_is_allowed(data, table, key, value, words):
     data["flow"] = {"discretisation": "gauss"}
+    data["cells"] = {"count": [4, 8]}
     data.setdefault(table, {"kind": "rectangular"})[key] = value
     with pytest.raises(fs.InputError) as caught:
         parse_case(data)
@@ -217,15 +228,16 @@ def test_a_table_that_is_missing_is_shown_as_text_to_paste(data):
 
 @each("method", ["deterministic", "two-scale", "stochastic", "auto"])
 def test_face_material_load_and_fluid_are_a_case(data, method):
-    """Windows get eight shortest waves or more a side, of 8 pixels each, and seals the length of the face."""
+    """Two scales get pieces of eight shortest waves or more a side, seals two a side and the length of the face."""
     face = data["face"] | {"points": [128, 200], "size": ["60 um", "90 um"]}
     case = parse_case({key: data[key] for key in ("material", "load", "fluid")} | {"face": face, "method": method})
     prepared = prepare(case)
-    assert prepared.cells == (None if method == "deterministic" else (2, 3))
+    assert prepared.cells == {"two-scale": (2, 3), "stochastic": (2, 3)}.get(method)
     if method == "stochastic":
-        assert (prepared.sampling.length, prepared.sampling.realisations) == (pytest.approx(90e-6), 50)
+        assert (prepared.sampling.length, prepared.sampling.realisations) == (pytest.approx(90e-6), None)
     lines = "\n".join(describe(case, prepared))
-    assert ("pieces of eight shortest waves or more a side" in lines) == (method != "deterministic")
+    assert ("the number of pieces" in lines) == (method in ("two-scale", "stochastic"))
+    assert ("as many as the band of error needs" in lines) == (method == "stochastic")
 
 
 def test_faults_of_a_file_say_line_and_the_key_that_is_meant(tmp_path):
@@ -268,7 +280,7 @@ def test_values_without_quotes_or_with_a_comma_are_shown_as_they_may_be_meant(tm
     ],
 )
 def test_a_key_of_another_table_is_said_to_be_there(data, table, key, meant):
-    (data[table] if table else data)[key] = 1
+    (data.setdefault(table, {}) if table else data)[key] = 1
     with pytest.raises(fs.InputError, match=rf"{key}: given an unknown key, .*; perhaps meant: {key} in \[{meant}\]"):
         parse_case(data)
 
@@ -368,7 +380,7 @@ def test_all_faults_are_reported_at_once(data):
     [
         ("cells", {"count": [64, 64]}, ["cells", "8 pixels"]),
         ("cells", {"count": [18, 36]}, ["cells", "two shortest waves"]),
-        ("stochastic", {"length": "1 um"}, ["stochastic.length", "1 µm", "at least one cell"]),
+        ("stochastic", {"length": "1 um"}, ["stochastic.length", "1 µm", "at least one piece"]),
     ],
 )
 def test_cells_and_seals_that_do_not_suit_the_surface(data, table, value, words):
@@ -416,9 +428,9 @@ class TestPrepare:
         case = parse_case(small)
         scene = prepare(case).scene
         assert (scene.solver, scene.discretisation) == ("auto", "edge")
-        assert scene.layout.lay_out(Windows((0.5e-3, 1e-3), 2, length=3e-3)).seal == fs.RectangularSeal(
-            (1e-3, 3e-3), (2, 3)
-        )
+        tiles = scene.layout.lay_out(PieceSize((0.5e-3, 1e-3), 2, length=3e-3))
+        assert (tiles.grid, tiles.in_place) == ((2, 3), True)
+        assert_allclose(tiles.seal.size, (1e-3, 3e-3))
         small["flow"] = {"solver": "amg", "discretisation": "gauss"}
         small["seal"] = {"kind": "rectangular"}
         other = parse_case(small)
@@ -439,13 +451,8 @@ class TestPrepare:
         small["stochastic"] = {
             "length": "3 mm",
             "realisations": 7,
-            "library_cells": 5,
-            "sampler": "derivative",
-            "pressure": "uniform",
         }
-        expected = Sampling(
-            length=3e-3, realisations=7, library_cells=5, seed=9, sampler="derivative", pressure="uniform"
-        )
+        expected = Sampling(length=3e-3, realisations=7, seed=9)
         assert prepare(parse_case(small)).sampling == expected
         small |= {"method": "two-scale", "compare": []}
         assert prepare(parse_case(small)).sampling is None
@@ -520,13 +527,13 @@ class TestPrepare:
             with pytest.raises(fs.InputError, match="two shortest waves, 20 µm"):
                 prepare(parse_case(small))
 
-    def test_a_seal_has_at_least_one_cell(self, small):
-        """Along the seal: windows are 60 µm across and 30 µm along it."""
+    def test_a_seal_has_at_least_one_piece(self, small):
+        """Along the seal: pieces are 60 µm across and 30 µm along it."""
         small["cells"] = {"count": [1, 4]}
         small["stochastic"]["length"] = "30 um"
         assert prepare(parse_case(small)).sampling.length == 30e-6
         small["stochastic"]["length"] = "29.9 um"
-        with pytest.raises(fs.InputError, match="at least one cell, 30 µm"):
+        with pytest.raises(fs.InputError, match="at least one piece, 30 µm"):
             prepare(parse_case(small))
 
 

@@ -20,9 +20,7 @@ from femseal.results.variables import step_coordinates
 from femseal.runs.forecast import describe
 from femseal.runs.job import face_files
 from femseal.seal.pressure_map import AngleTable, Frame, MapsAtLoads, Profile, Uniform, is_uniform
-from femseal.studies import lay_out_windows
 from femseal.studies.seat_rows import pressure_fractions, seal_for_maps
-from femseal.windows import Partition
 
 ROOT = Path(__file__).parents[1]
 
@@ -32,7 +30,7 @@ def data():
     case = tomllib.loads((ROOT / "examples" / "turned_seal.toml").read_text(encoding="utf-8"))
     case["face"] |= {"points": [64, 96], "size": ["60 um", "120 um"], "pitch": "30 um"}
     case["cells"] = {"count": [2, 4]}
-    case["stochastic"] = {"length": "1 mm", "pressure": "uniform", "library_cells": 4, "realisations": 4}
+    case["stochastic"] = {"length": "1 mm", "realisations": 4}
     case["load"] = {"loading": ["50 MPa", "100 MPa"], "unload_from": ["100 MPa"], "unloading": ["50 MPa"]}
     case.pop("compare", None)
     return case
@@ -77,8 +75,6 @@ class TestForces:
             fs.InputError, match=r"load.loading: given forces on a seal of no length, expected .* per length"
         ):
             pressures(["3 N"], **face)
-        with pytest.raises(fs.InputError, match=r"of several lengths"):
-            pressures(["3 N"], stochastic=data["stochastic"] | {"length": ["1 mm", "2 mm"]})
         with pytest.raises(fs.InputError, match=r"load: given 1 kN on 0.06 mm², 16.67 GPa, expected .* 2.8 GPa"):
             pressures(["1 kN"])
 
@@ -154,22 +150,14 @@ class TestMaps:
             parse_case(data | former)
         assert "\n" not in str(error.value)
 
-    def test_only_windows_that_follow_any_pressure_have_maps(self, data):
-        """Nor faces that are solved as a whole."""
+    def test_only_drawn_seals_have_maps(self, data):
         uneven = {"load": data["load"] | {"map": {"kind": "profile", "fractions": [1, 3]}}}
-        place = {"stochastic": data["stochastic"] | {"pressure": "place"}}
-        with pytest.raises(fs.InputError, match=r"stochastic.pressure: given place with load.map, expected uniform"):
-            parse_case(data | uneven | place)
         for other in ({"method": "two-scale"}, {"compare": ["deterministic"]}):
             with pytest.raises(
                 fs.InputError, match=r"load.map: given a map with the method .*, expected stochastic alone"
             ):
                 parse_case(data | uneven | other)
-        lengths = {"stochastic": data["stochastic"] | {"length": ["1 mm", "2 mm"]}}
-        assert prepare(parse_case(data | uneven | lengths)).sampling.pressure_map == Profile((1, 3))
-        turning = {"load": data["load"] | {"map": {"kind": "angle", "fractions": [1, 3]}}}
-        with pytest.raises(fs.InputError, match=r"load.map: given one that may vary along seals of several lengths"):
-            prepare(parse_case(data | turning | lengths))
+        assert prepare(parse_case(data | uneven)).sampling.pressure_map == Profile((1, 3))
 
 
 class TestFieldOfACase:
@@ -210,9 +198,9 @@ class TestFieldOfACase:
 
         assert warnings([1, 2], "1 MPa") == ()
         (open_,) = warnings([0, 2], "1 MPa")
-        assert open_.startswith("the map is 0 over 50% of the seal: windows just touch there")
+        assert open_.startswith("the map is 0 over 50% of the seal: tiles just touch there")
         (lifted,) = warnings([0.01, 2], "2 MPa")
-        assert lifted.startswith("the fluid carries all of the 498 kPa where the map presses least: windows just touch")
+        assert lifted.startswith("the fluid carries all of the 498 kPa where the map presses least: tiles just touch")
 
     @pytest.mark.parametrize(
         ("given", "words"),
@@ -225,7 +213,7 @@ class TestFieldOfACase:
             ({"text": "x,y,pressure\n0,0,-1\n1,0,1\n0,2,1"}, "load.map.pressure: given 1 of 3 values negative"),
             ({"text": "x,y,pressure\n0,0,0\n1,0,0\n0,2,0"}, "load.map: given a pressure that is 0 all over the seal"),
             ({"text": "x,y,pressure\n0,0,1\n1,1,1\n2,2,1"}, "load.map.points: given 3 points on a line"),
-            ({"text": "x,y,pressure\n0,0,90\n1,0,1\n0,2,1"}, r"load.map: given .* GPa in a window at loading 100 MPa"),
+            ({"text": "x,y,pressure\n0,0,90\n1,0,1\n0,2,1"}, r"load.map: given .* GPa in a tile at loading 100 MPa"),
         ],
     )
     def test_what_is_refused(self, case, given, words):
@@ -253,7 +241,7 @@ class TestFieldOfACase:
         found = case("\n".join(table))
         dry = found.contact.model_copy(update={"fluid_pressure": "ignored"})
         results = fs.run(found.model_copy(update={"contact": dry}), tmp_path / "out", workers=1)
-        pressure = results.dataset["drawn_window_pressure"].values
+        pressure = results.dataset["drawn_contact_pressure"].values
         y = results.dataset["drawn_corners"].values.mean(axis=1)[:, 1] * 1e3
         assert_allclose(pressure[1], 1e8 * (1 + 40 / 60 * (y - 0.48)), rtol=0.01)
         assert_allclose(pressure.mean(axis=1), results.dataset["nominal_pressure"].values, rtol=1e-6)
@@ -310,17 +298,16 @@ class TestMesh:
     def test_a_map_round_its_centre(self, gasket):
         under_bolts = {"kind": "angle", "fractions": [2, 1], "repeat": 4}
         prepared = self.prepared(gasket, map=under_bolts)
-        partition = Partition(prepared.scene.surface.shape, prepared.scene.surface.spacing, prepared.cells)
-        (laid,) = lay_out_windows(prepared.scene.layout, partition, prepared.sampling)
-        pressed = seal_for_maps(prepared.scene.layout, laid)
+        _, tiles = prepared.cut_and_tiles
+        pressed = seal_for_maps(prepared.scene.layout, tiles)
         fractions = pressed.fractions(prepared.sampling.pressure_map, pressed.centres, 1.0)[0]
         assert_allclose(np.average(fractions, weights=pressed.areas), 1.0)
         angle = np.degrees(np.arctan2(*pressed.centres.T[::-1])) % 90
         expected = 2 - np.abs(np.abs(angle - 45) - 45) / 45
         assert_allclose(fractions / fractions.mean(), expected / expected.mean(), rtol=1e-6)
-        of_windows = pressure_fractions(prepared.scene, laid, prepared.sampling.pressure_map, 1)
-        assert of_windows.shape == (len(prepared.scene.steps), laid.draws[1][1])
-        assert_allclose((of_windows.min(), of_windows.max()), (fractions.min(), fractions.max()))
+        of_tiles = pressure_fractions(prepared.scene, tiles, prepared.sampling.pressure_map)
+        assert of_tiles.shape == (len(prepared.scene.steps), tiles.count)
+        assert_allclose((of_tiles.min(), of_tiles.max()), (fractions.min(), fractions.max()))
 
     def test_forces_and_profiles(self, gasket):
         """Its area is what a uniform force acts on, its length the one given; a profile needs radii."""

@@ -996,7 +996,8 @@ def test_rows_searched_by_parts_reach_what_they_reach_in_one(ring, nine, monkeyp
         one, parted = ([c.copy() for c in at_random] for _ in range(2))
         monkeypatch.setattr(threads, "_POINTS", int(rng.integers(1, 3 * n2)))
         with threads.using(2):
-            ends, exponent = percolation.ready_by_parts(*parted)
+            ends, exponent = percolation.ready(*parted)
+        monkeypatch.setattr(threads, "_POINTS", 10**9)
         expected = percolation.ready(*one)
         assert exponent == expected[1]
         assert np.array_equal(ends, expected[0])

@@ -46,8 +46,6 @@ count = [2, 2]
 [stochastic]
 length = "200 um"
 realisations = 24
-library_cells = 12
-sampler = "block"
 """
 
 
@@ -251,7 +249,7 @@ def test_a_stopped_run_goes_on_with_the_same_bits_and_leaves_no_checkpoint(case,
     for stage, item in (
         ("deterministic: contact of the whole face", 1),
         ("two-scale: flow in pieces", 2),
-        ("stochastic: flow in windows", 2),
+        ("stochastic: pieces of the face", 2),
         ("stochastic: drawn seals", 11),
     ):
         with pytest.raises(KeyboardInterrupt):
@@ -270,12 +268,12 @@ def test_a_stopped_run_goes_on_with_the_same_bits_and_leaves_no_checkpoint(case,
     monkeypatch.setattr(import_module("femseal.studies.stochastic"), "_realise", _realise)
     monkeypatch.setattr("femseal.studies.face_flow.cell_permeability", _realise)
     monkeypatch.setattr("femseal.contact.cycle.solve_contact", _realise)
-    monkeypatch.setattr("femseal.windows.window_flow.cell_permeability", _realise)
+    monkeypatch.setattr("femseal.face.piece_flow.cell_flow", _realise)
     again = fs.run(case, out, resume=True, workers=1, progress=lambda *a: stages.append(a))
     assert_same(whole.dataset, again.dataset)
     assert not (out / ".checkpoint").exists()
     assert "stopped (KeyboardInterrupt)" in (out / "run.log").read_text()
-    assert ("stochastic: drawn seals", 48, 48) in stages
+    assert ("stochastic: drawn seals", 24, 24) in stages
 
 
 #: What a run does besides its studies, as top-level keys and keys of [load]: an accuracy, the budget, interpolation.
@@ -517,16 +515,9 @@ def test_finished_results_of_another_face_file_are_not_taken(case, tmp_path):
     assert runs[0][0] == runs[1][0] != runs[2][0]
 
 
-@pytest.mark.parametrize(
-    ("method", "choice", "other"),
-    [
-        ("stochastic", "chosen_sampler", "copula"),
-        ("deterministic", "chosen_sampler", None),
-    ],
-)
-def test_finished_results_of_another_choice_are_not_taken(case, tmp_path, monkeypatch, method, choice, other):
-    """The case leaves open how it is solved, and another version of the program would choose otherwise."""
-    text = case.read_text().replace('"stochastic"', f'"{method}"', 1)
+def test_finished_results_of_another_choice_are_not_taken(case, tmp_path, monkeypatch):
+    """The case leaves open how many pieces are drawn, and another version of the program would choose otherwise."""
+    text = case.read_text().replace("[cells]\ncount = [2, 2]\n", "")
     case.write_text(text.replace('compare = ["deterministic", "two-scale"]', ""))
     done = fs.run(case, tmp_path / "out", workers=1)
     calls = []
@@ -534,9 +525,28 @@ def test_finished_results_of_another_choice_are_not_taken(case, tmp_path, monkey
         done.dataset
     )
     assert not calls
-    monkeypatch.setattr(f"femseal.preparation.preparation.{choice}", lambda *a: other)
+    monkeypatch.setattr("femseal.studies.sampling.usual_pieces", lambda *_, **__: (1, 2))
     fs.run(case, tmp_path / "out", resume=True, workers=1, progress=lambda *a: calls.append(a))
-    assert bool(calls) == (method != "deterministic")  # which draws nothing
+    assert calls
+
+
+def test_a_run_goes_on_between_batches_of_drawn_seals(case, tmp_path):
+    """As many seals as the band needs: which, the seals before decide."""
+    text = case.read_text().replace("realisations = 24\n", "").replace('"200 um"', '"30 um"')
+    case.write_text(text.replace('compare = ["deterministic", "two-scale"]', ""))
+    done = fs.run(case, tmp_path / "whole", workers=1).dataset
+    assert done.sizes["realisation"] > 3
+    batches = []
+
+    def stop(stage, number, total):
+        if stage == "stochastic: drawn seals" and number == 0:
+            batches.append(total)
+            if len(batches) == 2:
+                raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        fs.run(case, tmp_path / "out", workers=1, progress=stop)
+    assert_same(fs.run(case, tmp_path / "out", resume=True, workers=1).dataset, done)
 
 
 # --- signals -------------------------------------------------------------------------------------------------------
@@ -619,7 +629,7 @@ def test_processes_end_with_their_parent(case, start, tmp_path, monkeypatch):
     monkeypatch.setenv("TMPDIR", str(tmp_path))
     case.write_text(CASE.replace("realisations = 24", "realisations = 100000"))
     process = start(case, tmp_path / "out", "--workers", "2")
-    wait_until(lambda: list(tmp_path.glob("out/.checkpoint/012-*")) or process.poll() is not None)
+    wait_until(lambda: list(tmp_path.glob("out/.checkpoint/*-000000020-*.shard")) or process.poll() is not None)
     assert len(alive(process.pid)) > 2
     assert list(tmp_path.glob("femseal-*"))
     process.kill()

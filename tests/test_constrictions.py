@@ -6,20 +6,20 @@ from numpy.testing import assert_allclose, assert_array_equal
 
 from femseal import analytic
 from femseal.base.errors import InputError
+from femseal.face.pieces import Cut
 from femseal.flow import cell_permeability
 from femseal.flow.cell import pixel_dissipation
 from femseal.fluids import IdealGas
 from femseal.results import assemble, open_results, save
 from femseal.studies import Scene, two_scale
-from femseal.topography import self_affine
-from femseal.windows import Partition
+from femseal.topography import Topography, self_affine
 
 
-def of_pieces(gap, partition):
+def of_pieces(gap, cut):
     """Dissipation in the pieces of a face."""
-    k = cell_permeability(gap, partition.spacing, sides="periodic", field_rtol=1e-6)
-    found = pixel_dissipation(gap, partition.spacing, k.fluid_pressure)
-    return partition.cell_means(found) * np.prod(partition.window)
+    k = cell_permeability(gap, cut.spacing, sides="periodic", field_rtol=1e-6)
+    found = pixel_dissipation(gap, cut.spacing, k.fluid_pressure)
+    return cut.sums(found)
 
 
 class TestPieces:
@@ -28,13 +28,13 @@ class TestPieces:
     def test_wave_across_the_leakage(self):
         """One flow through all of h(x1): a piece takes the share of ∫ h⁻³ dx1 over it."""
         n, m2 = 192, 2
-        partition = Partition((n, 16), self.SPACING, (4, m2))
+        cut = Cut.of(Topography(np.zeros((n, 16)), self.SPACING), (4, m2))
 
         def h(x):
             return 1e-6 * (1 + 0.6 * np.cos(2 * np.pi * (x - 0.2)))
 
         gap = np.repeat(h((np.arange(n) + 0.5) / n)[:, None], 16, axis=1)
-        found = of_pieces(gap, partition)
+        found = of_pieces(gap, cut)
         assert found.shape == (4, m2)
         assert_allclose(found[:, 0], found[:, 1], rtol=1e-9)
         fine = h((np.arange(100 * n) + 0.5) / (100 * n)) ** -3
@@ -46,7 +46,7 @@ class TestPieces:
     def test_channels_along_the_leakage(self):
         """Side by side pieces take the share of ⟨h³⟩, one after the other equal ones."""
         gap = np.tile(1e-6 * (1.2 + np.sin(np.arange(48))), (32, 1))
-        found = of_pieces(gap, Partition((32, 48), self.SPACING, (4, 3)))
+        found = of_pieces(gap, Cut.of(Topography(np.zeros((32, 48)), self.SPACING), (4, 3)))
         expected = (gap[0] ** 3).reshape(3, 16).sum(axis=1) / (gap[0] ** 3).sum() / 4
         assert_allclose(found / found.sum(), np.tile(expected, (4, 1)), rtol=1e-6)
 
@@ -58,23 +58,23 @@ class TestPieces:
         k = cell_permeability(gap, (1e-6, 1e-6), sides="periodic")
         assert k.percolates
         assert np.isnan(k.fluid_pressure).any()
-        partition = Partition((64, 96), (1e-6, 1e-6), (4, 6))
-        found = of_pieces(gap, partition)
+        cut = Cut.of(Topography(np.zeros((64, 96)), (1e-6, 1e-6)), (4, 6))
+        found = of_pieces(gap, cut)
         assert_allclose(found.sum(), k.value * 96 / 64, rtol=1e-6)
         # each pixel has half of the links to both sides: nothing is left or right
-        assert_allclose(of_pieces(gap[:, ::-1], partition), found[:, ::-1], atol=1e-5 * found.max())
+        assert_allclose(of_pieces(gap[:, ::-1], cut), found[:, ::-1], atol=1e-5 * found.max())
 
     def test_dissipation_lies_where_the_channel_is_narrow(self):
         """One channel of ten pixels, two in the piece (1, 2)."""
         gap = np.zeros((32, 48))
         gap[:, 16:26] = 1e-6
         gap[8:16, 16:24] = 0
-        found = of_pieces(gap, Partition((32, 48), self.SPACING, (4, 3)))
+        found = of_pieces(gap, Cut.of(Topography(np.zeros((32, 48)), self.SPACING), (4, 3)))
         assert_array_equal(found[:, [0, 2]], 0)
         assert np.argmax(found[:, 1]) == 1
         assert found[1, 1] > found.sum() / 4
         gap[:, 24:] = 0
-        assert_array_equal(of_pieces(gap, Partition((32, 48), self.SPACING, (4, 3))), 0)
+        assert_array_equal(of_pieces(gap, Cut.of(Topography(np.zeros((32, 48)), self.SPACING), (4, 3))), 0)
 
     def test_bad_input(self):
         with pytest.raises(InputError, match="gap"):
@@ -103,12 +103,12 @@ def test_fractions_of_a_run(study, tmp_path):
     scene, result = study
     save(assemble(scene, two_scale=result), tmp_path)
     data = open_results(tmp_path).dataset
-    assert data["window_drop_fraction"].dims == ("step", "cell1", "cell2")
-    assert_array_equal(data["window_drop_fraction"], result.drop_fraction)
+    assert data["piece_drop_fraction"].dims == ("step", "piece1", "piece2")
+    assert_array_equal(data["piece_drop_fraction"], result.drop_fraction)
     flows = result.leakage > 0
     assert flows.sum() >= 3
     assert_allclose(result.drop_fraction[flows].sum(axis=(1, 2)), 1, rtol=1e-6)
     assert np.isnan(result.drop_fraction[~flows]).all()
     for s in np.flatnonzero(flows):
-        expected = of_pieces(result.gap[s].astype(float), result.partition)
+        expected = of_pieces(result.gap[s].astype(float), result.cut)
         assert_allclose(result.drop_fraction[s], expected / expected.sum(), atol=2e-3)

@@ -5,7 +5,6 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 import pytest
-from femseal.library import Ladder, WindowSource
 from numpy.testing import assert_allclose, assert_array_equal
 
 import femseal as fs
@@ -357,7 +356,7 @@ def test_a_law_from_outside_runs_through_every_study(law):
     pieces = fs.two_scale(scene, (3, 4))
     assert not pieces.failures
     assert_allclose(pieces.mean_gap.mean(axis=(1, 2)), whole.mean_gap, rtol=1e-6)
-    drawn = fs.stochastic(scene, (3, 4), fs.Sampling(length=2e-4, realisations=3, library_cells=4, seed=1))
+    drawn = fs.stochastic(scene, (3, 4), fs.Sampling(length=2e-4, realisations=3, seed=1))
     assert not drawn.failures
     assert np.isfinite(drawn.leakage).all()
 
@@ -368,18 +367,9 @@ def test_hardness_of_every_place_is_for_whole_faces():
     scene = fs.Scene(surface, E, field, fs.Liquid(1e-3), 1e6, 0.0, (3e8,), rtol=1e-4)
     found = fs.two_scale(scene, (3, 4))
     assert found.plastic_fraction[0, :, :2].mean() > 2 * found.plastic_fraction[0, :, 2:].mean()
-    with pytest.raises(fs.InputError, match="hardness: given a law that differs from place to place"):
-        fs.stochastic(scene, (3, 4), fs.Sampling(2e-4, 3, 4, seed=1, pressure="uniform"))
 
 
-# --- scales, libraries, cases ---
-
-
-def test_a_library_knows_its_law():
-    body = HalfSpace((8, 8), (D, D), E, "mirror")
-    laws = PerfectlyPlastic(H), LinearHardening(H, 0.0), LinearHardening(H, 1e15), *OUTSIDE
-    keys = {WindowSource((rough((16, 16)),), body, law, seed=1).key(Ladder((0.0, 1e8))) for law in laws}
-    assert len(keys) == len(laws)
+# --- cases ---
 
 
 CASE = {

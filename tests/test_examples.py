@@ -33,7 +33,7 @@ REDUCED = {
     "self_affine_seal": {
         "face": {"points": [96, 192], "size": ["90 um", "180 um"]},
         "cells": {"size": "30 um"},
-        "stochastic": {"library_cells": 18, "length": "360 um"},
+        "stochastic": {"length": "360 um"},
     },
     "measured_seal": {"stochastic": {"length": "1.2 mm"}},
 }

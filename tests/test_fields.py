@@ -1,4 +1,4 @@
-"""Fields of a run as VTK's own readers and `open_results` give them back; results by branch, cell and step."""
+"""Fields of a run as VTK's own readers and `open_results` give them back; results by branch, piece and step."""
 
 import json
 import os
@@ -48,7 +48,7 @@ def scene():
 
 @pytest.fixture(scope="module")
 def studies(scene):
-    sampling = Sampling(length=240e-6, realisations=3, library_cells=12, seed=7)
+    sampling = Sampling(240e-6, 3, seed=7)
     return {
         "deterministic": deterministic(scene),
         "two_scale": two_scale(scene, (M1, M2)),
@@ -116,7 +116,7 @@ def same_steps(steps, fields):
 
 def test_seal_is_a_mesh_in_time(results, folder):
     data = results.dataset
-    read = list(in_time(folder / "vtk/seal.vtkhdf"))
+    read = list(in_time(folder / "vtk/pieces.vtkhdf"))
     # time is the step: loads come back on unloading
     assert [time for time, *_ in read] == list(range(6))
     same_steps(results.steps, [fields for *_, fields, _ in read])
@@ -124,10 +124,10 @@ def test_seal_is_a_mesh_in_time(results, folder):
         assert grid.GetClassName() == "vtkUnstructuredGrid"
         assert (grid.GetNumberOfCells(), grid.GetNumberOfPoints()) == (M1 * M2, (M1 + 1) * (M2 + 1))
         for name, variable, factor in (
-            ("k1_m3", "k1", 1),
-            ("window_pressure_MPa", "window_pressure", 1e-6),
-            ("window_mean_gap_um", "window_mean_gap", 1e6),
-            ("window_contact_fraction", "window_contact_fraction", 1),
+            ("k1_m3", "piece_k1", 1),
+            ("pressure_MPa", "piece_pressure", 1e-6),
+            ("mean_gap_um", "piece_mean_gap", 1e6),
+            ("contact_fraction", "piece_contact_fraction", 1),
         ):
             assert_allclose(cells[name].reshape(M1, M2), data[variable][s] * factor, rtol=1e-12)
         assert not points
@@ -136,14 +136,14 @@ def test_seal_is_a_mesh_in_time(results, folder):
 def test_pieces_of_the_seal_lie_where_they_should(results, folder):
     import pyvista
 
-    *_, (_, cells, _, _, grid) = in_time(folder / "vtk/seal.vtkhdf")
-    cell1, cell2 = (results.dataset[name].values for name in ("cell1", "cell2"))
-    number = pyvista.wrap(grid).find_containing_cell((cell1[1] * 1.02, cell2[2] * 1.02, 0.0))
-    assert cells["k1_m3"][number] == results.dataset["k1"][-1, 1, 2]
+    *_, (_, cells, _, _, grid) = in_time(folder / "vtk/pieces.vtkhdf")
+    x1, x2 = (results.dataset[name].values for name in ("piece1", "piece2"))
+    number = pyvista.wrap(grid).find_containing_cell((x1[1] * 1.02, x2[2] * 1.02, 0.0))
+    assert cells["k1_m3"][number] == results.dataset["piece_k1"][-1, 1, 2]
 
 
 def test_the_mesh_is_stored_once_and_the_data_are_packed(folder, results):
-    with h5py.File(folder / "vtk/seal.vtkhdf") as file:
+    with h5py.File(folder / "vtk/pieces.vtkhdf") as file:
         root = file["VTKHDF"]
         assert root["Points"].shape == ((M1 + 1) * (M2 + 1), 3)
         assert root["CellData/k1_m3"].shape == (6 * M1 * M2,)
@@ -240,8 +240,8 @@ def test_branches_are_labelled(back, studies):
     assert_array_equal(up["leakage_median"].sel(nominal_pressure=[50e6, 700e6]), median[[0, 2]])
     assert list(down["nominal_pressure"]) == [700e6, 300e6, 50e6]
     assert_array_equal(down["leakage_median"], median[[2, 4, 5]])
-    assert down["k1"].dims == ("nominal_pressure", "cell1", "cell2")
-    assert "library_k" not in up
+    assert down["piece_k1"].dims == ("nominal_pressure", "piece1", "piece2")
+    assert "state_k1" not in up
     for peak in (200e6, "200 MPa", "0.2 GPa"):
         assert_array_equal(back.unloading(from_=peak)["leakage_two_scale"], studies["two_scale"].leakage[[1, 3]])
     with pytest.raises(InputError, match="from_: given 300 MPa, expected one of 200 MPa, 700 MPa"):
@@ -258,23 +258,20 @@ def test_a_cycle_without_unloading(scene, studies):
         r.unloading()
 
 
-def test_curves_of_a_cell(back, studies, scene):
-    two, curves = studies["two_scale"], back.cell(2, 1)
-    assert_array_equal(curves["k1"], two.k1[:, 2, 1])
-    assert_array_equal(curves["window_mean_gap"], two.mean_gap[:, 2, 1])
-    assert curves["k1"].dims == ("step",)
+def test_curves_of_a_piece(back, studies, scene):
+    two, curves = studies["two_scale"], back.piece(2, 1)
+    assert_array_equal(curves["piece_k1"], two.k1[:, 2, 1])
+    assert_array_equal(curves["piece_mean_gap"], two.mean_gap[:, 2, 1])
+    assert curves["piece_k1"].dims == ("step",)
     assert list(curves["nominal_pressure"].values) == [s.pressure for s in scene.steps]
-    assert_array_equal(back.library_cell(5)["library_k"], studies["stochastic"].library.curves.k[5])
+    drawn = assemble(scene, stochastic=studies["stochastic"])
+    assert_array_equal(drawn.piece(2, 1)["state_k1"], studies["stochastic"].pieces.k1[:, 2, 1])
     for bad in ((3, 0), (0, 4), (-1, 0), (0.5, 0)):
         with pytest.raises(InputError, match="0 to 2 along x1 and 0 to 3 along x2"):
-            back.cell(*bad)
-    with pytest.raises(InputError, match="expected 0 to 11"):
-        back.library_cell(12)
+            back.piece(*bad)
     alone = assemble(scene, deterministic=studies["deterministic"])
     with pytest.raises(InputError, match="no pieces"):
-        alone.cell(0, 0)
-    with pytest.raises(InputError, match="no library"):
-        alone.library_cell(0)
+        alone.piece(0, 0)
 
 
 @pytest.mark.parametrize("source", ["results", "back"])
@@ -291,7 +288,7 @@ def test_fields_on_demand(source, studies, scene, request):
             assert_allclose(values, expected, rtol=1e-6)
             assert values.attrs["units"] == unit
             assert r.steps[s].name in values.attrs["long_name"]
-        part = r.gap(s, cell=(1, 2))
+        part = r.gap(s, piece=(1, 2))
         assert_allclose(part, two.gap[s, first:last, 48:72], rtol=1e-6)
         assert_allclose(part["x1"], (np.arange(first, last) + 0.5) * d1)
         assert_allclose(part["x2"], (np.arange(48, 72) + 0.5) * d2)
@@ -363,7 +360,7 @@ def test_all_fields_of_a_deterministic_study_are_exported(scene, studies, tmp_pa
 
 
 def test_all_steps_and_pieces_are_exported(back, studies, scene, tmp_path):
-    paths = back.export(tmp_path / "p.npz", field="contact_pressure", cell=(1, 2))
+    paths = back.export(tmp_path / "p.npz", field="contact_pressure", piece=(1, 2))
     assert [path.name for path in paths] == [f"p_{s:04d}.npz" for s in range(6)]
     two = studies["two_scale"]
     first, last = 16, 32
@@ -417,7 +414,7 @@ def test_what_cannot_be_exported(back, scene, studies, tmp_path):
             "field: given 'heights', expected one of gap, contact_pressure, fluid_pressure",
         ),
         ("a.npz", {"step": 9}, "step: given 9, expected 0 to 5"),
-        ("a.npz", {"cell": (9, 9), "step": 0}, "cell: given"),
+        ("a.npz", {"piece": (9, 9), "step": 0}, "piece: given"),
         ("a.npz", {"window": (0, 1e-3, 2e-3, 1e-3)}, r"window: given \(0, 0.001, 0.002, 0.001\)"),
         (
             "a.npz",
@@ -448,7 +445,7 @@ def test_results_without_a_face(scene, studies, tmp_path):
 def test_pictures_of_results_read_back(back, results):
     for r in (back, results):
         assert r.plot().axes
-        assert r.plot_cells(2).axes
+        assert r.plot_pieces().axes
     shown, expected = (r.plot_seal(1).axes for r in (back, results))
     assert len(shown) == len(expected) > 3
     for a, b in zip(shown, expected, strict=True):
@@ -461,7 +458,8 @@ def test_text_and_html_say_what_there_is(back, results, folder):
     text = repr(back)
     assert text.startswith("<femseal.Results 'trial'>\n")
     assert "6 steps: 3 loading, 3 unloading from 200 MPa, 700 MPa" in text
-    assert "3 × 4 pieces, 3 realisations from 12 library cells" in text
+    assert "pieces     3 × 4\n" in text
+    assert "3 realisations of 3 × 8 tiles, from 3 × 4 pieces in 6 states" in text
     assert "over all pixels at 6 of 6 steps" in text
     assert str(folder) in text
     page = back._repr_html_()
@@ -528,8 +526,8 @@ def test_a_case_says_what_is_written_also_when_a_stopped_run_goes_on(case, tmp_p
     r = job.run(chosen, tmp_path, resume=True, workers=1)
     assert not solved
     names = {p.relative_to(tmp_path).as_posix() for p in tmp_path.rglob("*.*")}
-    assert "vtk/seal.vtkhdf" in names
-    assert "vtk/seal.pvd" not in names
+    assert "vtk/pieces.vtkhdf" in names
+    assert "vtk/pieces.pvd" not in names
     # one step of three fields is 25 kB
     assert r.left_out == open_results(tmp_path).left_out
     assert open_results(tmp_path).stored_steps == [1]
@@ -603,9 +601,9 @@ def test_two_scale_view_is_drawn(folder, back, tmp_path):
 def test_the_macro_of_paraview_names_what_is_written(folder):
     text = (EXAMPLES / "paraview_two_scale.py").read_text(encoding="utf-8")
     compile(text, "macro", "exec")
-    _, cells, points, fields, _ = next(in_time(folder / "vtk/seal.pvd"))
+    _, cells, points, fields, _ = next(in_time(folder / "vtk/pieces.pvd"))
     _, pixels, *_ = next(in_time(folder / "fields.pvd"))
-    for name in ("window_drop_fraction", "nominal_pressure_MPa", "contact_pressure_MPa"):
+    for name in ("drop_fraction", "nominal_pressure_MPa", "contact_pressure_MPa"):
         assert name in text
         assert name in {*cells, *points, *fields, *pixels}
 

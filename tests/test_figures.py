@@ -112,16 +112,16 @@ def of_pieces(field):
 
 def test_cycles(ran):
     results = ran[1]
-    k = of_pieces(results.dataset["state_k1"])
-    single, every, closed = figures.cycles(results).axes
+    data = results.dataset
+    k = data["state_k1"].values.reshape(data.sizes["state"], -1).T
     up, down = figures.up_and_down(results, "state_")
-    nominal = results.dataset["state_nominal_pressure"].values / 1e6
+    single, every, closed = figures.cycles(results).axes
     chosen = figures.typical(k, up, down, 4)
     assert len(set(chosen)) == 4
-    for cell in chosen:
-        x, y = curve(single, f"piece {cell}")
-        assert_allclose(x, nominal[down])
-        assert_array_equal(np.nan_to_num(y), k[cell, down])
+    for piece in chosen:
+        x, y = curve(single, f"piece {piece}")
+        assert_allclose(x, data["state_nominal_pressure"].values[down] / 1e6)
+        assert_array_equal(np.nan_to_num(y), k[piece, down])
     for steps, line, name in ((up, 0, "loading"), (down, 1, "unloading")):
         assert_array_equal(np.nan_to_num(curve(every, name)[1]), np.median(k[:, steps], axis=0))
         assert_allclose(closed.lines[line].get_ydata(), 100 * np.mean(k[:, steps] == 0, axis=0))
@@ -136,7 +136,9 @@ def test_typical_pieces_are_in_the_order_of_their_closing():
 def test_permeability(ran):
     results = ran[1]
     data = results.dataset
-    k, gap, pressure = (of_pieces(data[f"state_{n}"]) for n in ("k1", "mean_gap", "pressure"))
+    k, gap, pressure = (
+        data[f"state_{n}"].values.reshape(data.sizes["state"], -1).T for n in ("k1", "mean_gap", "pressure")
+    )
     left, right = figures.permeability(results).axes
     for name, steps in zip(("loading", "unloading"), figures.up_and_down(results, "state_"), strict=True):
         shown = k[:, steps] > 0
@@ -200,8 +202,7 @@ def test_results_that_do_not_do(ran):
     for figure in (figures.two_scales, figures.cycles, figures.permeability, figures.constrictions):
         with pytest.raises(InputError, match="results: given those of the study median"):
             figure(without)
-    states = np.flatnonzero(np.isnan(results.dataset["state_unloaded_from"].values))
-    loading = replace(results, dataset=results.dataset.isel(step=UP, state=states))
+    loading = replace(results, dataset=results.dataset.isel(state=figures.up_and_down(results, "state_")[0]))
     with pytest.raises(InputError, match="a run with unloading"):
         figures.cycles(loading)
     sealed = results.dataset.assign(leakage_two_scale=0 * results.dataset["leakage_two_scale"])

@@ -190,7 +190,7 @@ def case(**output):
         "load": {"loading": ["20 MPa", "400 MPa"]},
         "fluid": {"kind": "liquid", "viscosity": "1 mPa*s", "inlet_pressure": "10 bar"},
         "cells": {"count": [2, 2]},
-        "stochastic": {"length": "300 um", "realisations": 5, "library_cells": 4},
+        "stochastic": {"length": "300 um", "realisations": 5},
         "output": output,
     }
 

@@ -1,22 +1,22 @@
-"""Seals under an uneven pressure: their windows follow their own histories, and flow adds up as it must."""
+"""Seals under an uneven pressure: their tiles follow their own histories, and flow adds up as it must."""
 
 from dataclasses import replace
 
 import numpy as np
 import pytest
-from femseal.library import Ladder, on_ladder
-from femseal.library.library import local_peaks
 from numpy.testing import assert_allclose, assert_array_equal
 
 from femseal import InputError, Liquid, Topography, self_affine
+from femseal.face.curves import local_peaks
 from femseal.loads import LoadProgramme
 from femseal.seal.layouts import AnnularLayout
 from femseal.seal.pressure_map import AngleTable, MapsAtLoads, PressureField, Profile, Uniform
 from femseal.studies import Sampling, Scene, stochastic
-from femseal.studies.seat_rows import MOST_OF_SEVERAL, MOST_PATHS, MOST_PEAKS, distinct_paths, library_peaks
+from femseal.studies.piece_states import along_paths
+from femseal.studies.seat_rows import MOST_OF_SEVERAL, MOST_PATHS, distinct_paths
 
 LOADS = {"loading": (5e7, 1e8, 2e8), "unload_from": (2e8,), "unloading": (1e8, 5e7)}
-STRIP = Sampling(length=64 * 32e-6, breadth=4 * 32e-6, realisations=4, library_cells=6, seed=3, pressure="uniform")
+STRIP = Sampling(length=64 * 32e-6, breadth=4 * 32e-6, realisations=4, seed=3, median_fields=False)
 RING = replace(STRIP, length=None, breadth=None)
 LAYOUT = AnnularLayout(64 * 32e-6 / (2 * np.pi) - 64e-6, 64 * 32e-6 / (2 * np.pi) + 64e-6)
 
@@ -30,7 +30,7 @@ def scene_of(heights, **given):
 
 @pytest.fixture(scope="module")
 def equal():
-    """A face whose windows are all the same."""
+    """A face whose pieces are all the same."""
     window = self_affine((32, 32), (32e-6, 32e-6), hurst=0.8, rms_slope=0.1, roll_off=24e-6, cut_off=8e-6, rng=1)
     return scene_of(np.tile(window.heights, (2, 3)))
 
@@ -41,112 +41,96 @@ def random():
     return scene_of(face.heights)
 
 
-@pytest.fixture(scope="module")
-def kept(tmp_path_factory):
-    """Libraries that the tests of this module share."""
-    return tmp_path_factory.mktemp("libraries")
+def drawn(scene, sampling, pressure_map=None):
+    return stochastic(scene, (2, 3), replace(sampling, pressure_map=pressure_map or Uniform()))
 
 
-def drawn(scene, sampling, kept, pressure_map=None):
-    return stochastic(scene, (2, 3), replace(sampling, library=kept, pressure_map=pressure_map or Uniform()))
+def along(pieces, paths, steps):
+    """Permeability along x1 of a piece, all being the same, along paths of the pressure (steps, paths)."""
+    return along_paths(pieces, paths, steps)[0, 0, :, :, 0]
 
 
-def under(scene, shares, library):
-    """Permeability of a window, all being the same, whose nominal pressure is multiplied (steps, shares)."""
-    paths = scene.steps.pressures[:, None] * np.atleast_1d(shares)
-    return library.along(paths, np.full(paths.shape, -np.inf), scene.steps, 0)[:, :, 0]
+def under(scene, shares, pieces):
+    """Permeability of a piece, all being the same, whose nominal pressure is multiplied (steps, shares)."""
+    return along(pieces, scene.steps.pressures[:, None] * np.atleast_1d(shares), scene.steps)
 
 
 @pytest.mark.parametrize("shape", ["strip", "ring"])
-def test_a_uniform_map_is_none_bit_for_bit(random, kept, shape):
+def test_a_uniform_map_is_none_bit_for_bit(random, shape):
     scene, sampling = (random, STRIP) if shape == "strip" else (replace(random, layout=LAYOUT), RING)
-    none = drawn(scene, sampling, kept)
+    none = drawn(scene, sampling)
     for even in (Profile((2.0,)), AngleTable((0.7, 0.7, 0.7)), MapsAtLoads((1e8,), (Profile((3.0, 3.0)),))):
-        assert_array_equal(drawn(scene, sampling, kept, even).leakage, none.leakage)
+        assert_array_equal(drawn(scene, sampling, even).leakage, none.leakage)
 
 
-def test_halves_around_a_seal_are_in_parallel(equal, kept):
+def test_halves_around_a_seal_are_in_parallel(equal):
     """Under 1.5 and 0.5 times the pressure: the mean of both leakages."""
     halves = AngleTable((1.5, 1.5, 0.5, 0.5), tuple(np.radians((0.1, 179.9, 180.1, 359.9))))
-    result = drawn(equal, STRIP, kept, halves)
-    expected = under(equal, [1.5, 0.5], result.library).mean(axis=1) * 1e6 / (1e-3 * 128e-6)
+    result = drawn(equal, STRIP, halves)
+    expected = under(equal, [1.5, 0.5], result.pieces).mean(axis=1) * 1e6 / (1e-3 * 128e-6)
     assert_allclose(result.leakage, np.tile(expected, (4, 1)), rtol=1e-6)
 
 
-def test_halves_across_a_seal_are_in_series(equal, kept):
-    result = drawn(equal, STRIP, kept, Profile((1.5, 0.5)))
-    expected = 2 / (1 / under(equal, [1.5, 0.5], result.library)).sum(axis=1) * 1e6 / (1e-3 * 128e-6)
+def test_halves_across_a_seal_are_in_series(equal):
+    result = drawn(equal, STRIP, Profile((1.5, 0.5)))
+    expected = 2 / (1 / under(equal, [1.5, 0.5], result.pieces)).sum(axis=1) * 1e6 / (1e-3 * 128e-6)
     assert_allclose(result.leakage, np.tile(expected, (4, 1)), rtol=1e-6)
-    # the curves are those of a seal that has these pressures everywhere, but for their interpolation; a single window
+    # the curves are those of a seal that has these pressures everywhere, but for their interpolation; a single piece
     # jumps as its constrictions close
-    for share, k in zip((1.5, 0.5), under(equal, [1.5, 0.5], result.library).T, strict=True):
+    for share, k in zip((1.5, 0.5), under(equal, [1.5, 0.5], result.pieces).T, strict=True):
         loads = {name: tuple(share * p for p in pressures) for name, pressures in LOADS.items()}
-        alone = drawn(replace(equal, **loads), STRIP, kept)
+        alone = drawn(replace(equal, **loads), STRIP)
         assert_allclose(k * 1e6 / (1e-3 * 128e-6), alone.leakage[0], rtol=0.03)
 
 
-def test_a_window_has_its_own_peak(equal, kept):
-    """On unloading from 200 MPa a window under 1.3 times the pressure comes from 260 MPa."""
-    result = drawn(equal, STRIP, kept, AngleTable((1.3, 1.3, 0.7, 0.7), tuple(np.radians((0.1, 179.9, 180.1, 359.9)))))
-    library, steps = result.library, equal.steps
-    p = np.array([[1.3e8, 0.7e8]])
-    own = [
-        library.along(np.r_[peak[None], p[0][None]], np.zeros((2, 2)), LoadProgramme.of([2e8], [2e8], [1e8]), 0)[
-            1, :, 0
-        ]
-        for peak in (np.array([2.6e8, 1.4e8]), np.array([2e8, 2e8]))
-    ]
-    at = [s.name for s in steps].index("unloading 100 MPa from 200 MPa")
+def test_a_tile_has_its_own_peak(equal):
+    """On unloading from 200 MPa a tile under 1.3 times the pressure comes from 260 MPa."""
+    result = drawn(equal, STRIP, AngleTable((1.3, 1.3, 0.7, 0.7), tuple(np.radians((0.1, 179.9, 180.1, 359.9)))))
+    cycle = LoadProgramme.of([2e8], [2e8], [1e8])
+    own = [along(result.pieces, np.array([peak, (1.3e8, 0.7e8)]), cycle)[1] for peak in ((2.6e8, 1.4e8), (2e8, 2e8))]
+    at = [s.name for s in equal.steps].index("unloading 100 MPa from 200 MPa")
     assert_allclose(result.leakage[0, at], own[0].mean() * 1e6 / (1e-3 * 128e-6), rtol=1e-6)
     assert abs(np.log(own[0].mean() / own[1].mean())) > 0.1
 
 
-@pytest.mark.parametrize("sampler", ["derivative", "copula"])
-def test_every_sampler_follows_a_map(equal, kept, sampler):
-    """Windows being the same, they draw what histories draw."""
-    halves = Profile((1.5, 0.5))
-    other = drawn(equal, replace(STRIP, sampler=sampler), kept, halves)
-    assert_allclose(other.leakage, drawn(equal, STRIP, kept, halves).leakage, rtol=1e-6)
-
-
 @pytest.mark.parametrize("shape", ["strip", "ring"])
-def test_long_waves_leak_as_the_mean_of_local_seals(random, kept, shape):
-    """Waves of period 2, 4 and 8 around a seal against the mean of uniform seals of the same windows."""
+def test_long_waves_leak_as_the_mean_of_local_seals(random, shape):
+    """Waves of period 2, 4 and 8 around a seal against the mean of uniform seals of the same pieces."""
     scene, sampling = (random, STRIP) if shape == "strip" else (replace(random, layout=LAYOUT), RING)
     angle = np.linspace(0, 2 * np.pi, 256, endpoint=False)
     loads = tuple(1e8 * np.linspace(0.55, 1.45, 7))
-    local = drawn(replace(scene, loading=loads, unload_from=(), unloading=()), sampling, kept)
+    local = drawn(replace(scene, loading=loads, unload_from=(), unloading=()), sampling)
     at = np.exp([np.interp(1 + 0.4 * np.cos(angle), np.array(loads) / 1e8, np.log(curve)) for curve in local.leakage])
     step = scene.steps.loading.index(1e8)
     errors = []
     for period in (2, 4, 8):
         wave = AngleTable(tuple(1 + 0.4 * np.cos(angle * period)), tuple(angle))
-        leakage = drawn(scene, sampling, kept, wave).leakage[:, step]
+        leakage = drawn(scene, sampling, wave).leakage[:, step]
         errors.append(np.log(leakage.mean() / at.mean()))
     assert np.abs(errors).max() < 0.03, errors
     # far from what the nominal pressure leaks everywhere
-    assert abs(np.log(drawn(scene, sampling, kept).leakage[:, step].mean() / at.mean())) > 0.05
+    assert abs(np.log(drawn(scene, sampling).leakage[:, step].mean() / at.mean())) > 0.05
 
 
-def test_a_field_on_a_ring_is_its_table(random, kept):
+def test_a_field_on_a_ring_is_its_table(random):
     ring = replace(random, layout=LAYOUT)
     r = np.linspace(LAYOUT.inner_radius, LAYOUT.outer_radius, 5)
     angle = np.arange(360) * (np.pi / 180)
     points = (r[:, None, None] * np.stack([np.cos(angle), np.sin(angle)], axis=-1)).reshape(-1, 2)
     field = PressureField.of(points, 1e8 * (1 + 0.5 * np.cos(3 * np.tile(angle, 5))))
     table = AngleTable(tuple(1 + 0.5 * np.cos(3 * angle)), tuple(angle))
-    one, other = (drawn(ring, RING, kept, pressure_map).leakage for pressure_map in (field, table))
+    one, other = (drawn(ring, RING, pressure_map).leakage for pressure_map in (field, table))
     assert_allclose(one, other, rtol=0.02)
 
 
-def test_a_map_for_each_load_turns_the_seal_round(equal, kept):
-    """The pressed half changes sides with the load: a window may be unloaded while the seal is loaded."""
+def test_a_map_for_each_load_turns_the_seal_round(equal):
+    """The pressed half changes sides with the load: a tile may be unloaded while the seal is loaded."""
     halves = Profile((1.5, 0.5)), Profile((0.5, 1.5))
-    turning = drawn(equal, STRIP, kept, MapsAtLoads((5e7, 1e8), halves))
+    turning = drawn(equal, STRIP, MapsAtLoads((5e7, 1e8), halves))
     paths = equal.steps.pressures[:, None] * np.array([[1.5, 0.5], [0.5, 1.5], [0.5, 1.5], [0.5, 1.5], [1.5, 0.5]])
-    k = turning.library.along(paths, np.full(paths.shape, -np.inf), equal.steps, 0)[:, :, 0]
+    k = along(turning.pieces, paths, equal.steps)
     assert_allclose(turning.leakage[0], 2 / (1 / k).sum(axis=1) * 1e6 / (1e-3 * 128e-6), rtol=1e-6)
-    virgin = under(equal, [0.5, 1.5], turning.library)
+    virgin = under(equal, [0.5, 1.5], turning.pieces)
     assert k[1, 0] < 0.95 * virgin[1, 0]  # at 100 MPa the first half has 50 MPa, after 75 MPa
     assert_allclose(k[1, 1], virgin[1, 1])
 
@@ -179,52 +163,17 @@ class TestPaths:
         if steps == 1:
             assert np.abs(np.cbrt(paths[:, number]) - np.cbrt(shares)).max() < np.cbrt(shares.max()) / MOST_PATHS
 
-    def test_rounding_moves_no_leakage(self, random, kept, monkeypatch):
+    def test_rounding_moves_no_leakage(self, random, monkeypatch):
         wave = AngleTable(tuple(1 + 0.5 * np.cos(np.linspace(0, 6, 50))), tuple(np.linspace(0, 6, 50)))
-        exact = drawn(random, STRIP, kept, wave).leakage
+        exact = drawn(random, STRIP, wave).leakage
         monkeypatch.setattr("femseal.studies.seat_rows.MOST_PATHS", 48)
-        rounded = drawn(random, STRIP, kept, wave).leakage
+        rounded = drawn(random, STRIP, wave).leakage
         assert not np.array_equal(exact, rounded)
         assert_allclose(rounded, exact, rtol=0.02)
 
 
-def test_what_is_refused(random, kept):
-    with pytest.raises(InputError, match=r"positions: given 0 m to 100 µm, expected a range that holds the windows"):
-        drawn(random, STRIP, kept, Profile((1.0, 2.0), (0.0, 1e-4)))
-    series = MapsAtLoads((1e8,), (Uniform(),))
-    with pytest.raises(InputError, match="sampler: given copula, expected history with several maps"):
-        drawn(random, replace(STRIP, sampler="copula"), kept, series)
+def test_what_is_refused(random):
+    with pytest.raises(InputError, match=r"positions: given 0 m to 100 µm, expected a range that holds"):
+        drawn(random, STRIP, Profile((1.0, 2.0), (0.0, 1e-4)))
     with pytest.raises(InputError, match=r"field: given .* expected one that covers the seal"):
-        drawn(random, STRIP, kept, PressureField.of([[0, 0], [1e-4, 0], [0, 2e-3]], [1e8, 1e8, 1e8]))
-
-
-def test_loads_that_are_steps_of_the_ladder_but_for_rounding():
-    """Where a step of the ladder is a load, the load takes its place, and the peak of the ladder there goes."""
-    ladder = Ladder(loading=(0.0, 1e8, 0.3 * 1e9, 5e8), peaks=(1e8, 0.3 * 1e9), stops=(0.5, 0.0))
-    off = np.nextafter(1e8, 2e8)
-    cut = on_ladder(ladder, (off, 2e8), 3e8)
-    assert cut.loading == (0.0, off, 2e8, 0.3 * 1e9)
-    assert cut.peaks == (0.3 * 1e9,)
-
-
-class TestPeaks:
-    STEPS = LoadProgramme.of([1e8, 2e8, 4e8], [2e8, 4e8], [1e8])
-
-    def followed(self, *shares):
-        return library_peaks([self.STEPS.pressures[:, None] * np.array(shares)], self.STEPS)
-
-    def test_few_are_followed_themselves(self):
-        assert self.followed(0.5, 1.5) == (1e8, 2e8, 3e8, 6e8)
-        assert self.followed(0.0) == ()
-        assert self.followed(1 / 3) == (66.67e6, 133.3e6)
-
-    def test_many_are_a_ratio_apart_with_the_ends_among_them(self):
-        found = np.array(self.followed(*np.linspace(0.5, 1.5, 300)))
-        assert found[0] == 1e8
-        assert found[-1] == 6e8
-        ratios = found[1:] / found[:-1]
-        assert ratios.min() > 1.02
-        assert ratios.max() < 1.2
-        wide = self.followed(*np.geomspace(0.001, 2, 3000))
-        assert (wide[0], wide[-1]) == (2e5, 8e8)
-        assert len(wide) <= MOST_PEAKS
+        drawn(random, STRIP, PressureField.of([[0, 0], [1e-4, 0], [0, 2e-3]], [1e8, 1e8, 1e8]))

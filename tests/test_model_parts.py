@@ -144,15 +144,15 @@ def test_a_form_with_a_tolerance_is_a_part(scene):
     assert model_changes(scene, ["hardness"], form=FormTolerance(seat, 0.1, on_heights=True))[0].name == "hardness"
 
 
-def test_windows_under_their_effective_pressure_have_a_part():
+def test_pieces_under_their_effective_pressure_have_a_part():
     """It holds the coupled leakage of a face as narrow as four long waves, and is of drawn windows alone."""
     surface = fs.self_affine(
         (96, 96), (96 * D, 96 * D), hurst=0.75, rms_slope=0.2, roll_off=24 * D, cut_off=8 * D, rng=4
     )
     scene = fs.Scene(surface, E, H, fs.Liquid(1e-3), 60e6, 0.0, loading=(100e6, 150e6, 200e6))
-    given = {"length": 960 * D, "realisations": 12, "library_cells": 16, "seed": 1, "resampled": False}
+    given = {"length": 960 * D, "realisations": 12, "seed": 1}
     drawn, dry = (
-        fs.stochastic(replace(scene, fluid_pressure=how), (4, 4), fs.Sampling(pressure="uniform", **given))
+        fs.stochastic(replace(scene, fluid_pressure=how), (4, 4), fs.Sampling(breadth=192 * D, **given))
         for how in ("acts", "ignored")
     )
     part = effective_pressure_part(scene, drawn)
@@ -163,7 +163,7 @@ def test_windows_under_their_effective_pressure_have_a_part():
     assert (coupled < part.upper).all()
     assert (part.lower < q).all()
     assert effective_pressure_part(replace(scene, fluid_pressure="ignored"), drawn) is None
-    place = fs.stochastic(scene, (4, 4), fs.Sampling(pressure="place", **given))
+    place = fs.stochastic(scene, (4, 4), fs.Sampling(**given))
     assert effective_pressure_part(scene, place) is None
     assert effective_pressure_part(scene, fs.deterministic(scene)) is None
     assert effective_pressure_part(scene, fs.two_scale(scene, (4, 4))) is None

@@ -2,7 +2,6 @@
 
 import subprocess
 import sys
-import tomllib
 from collections import Counter
 from dataclasses import replace
 from itertools import combinations
@@ -12,11 +11,9 @@ import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 
 import femseal as fs
-from femseal.case.case import parse_case
 from femseal.loads import LoadProgramme
-from femseal.preparation.preparation import prepare
-from femseal.results import assemble
 from femseal.runs.chosen_loads import _needed
+from femseal.seal.pressure_map import Profile
 
 CASE = """
 method = "deterministic"
@@ -121,41 +118,52 @@ def elastic():
     )
 
 
-STUDIES = {
-    "deterministic": fs.deterministic,
-    "two-scale": lambda scene, **keys: fs.two_scale(scene, (3, 4), **keys),
-    "runs": lambda scene, **keys: fs.stochastic(
-        scene, (3, 4), fs.Sampling(length=2e-4, realisations=3, library_cells=12, seed=1), **keys
-    ),
-    "library": lambda scene, **keys: fs.stochastic(
-        scene, (3, 4), fs.Sampling(length=2e-4, realisations=3, library_cells=4, seed=1, pressure="uniform"), **keys
-    ),
-}
+STUDIES = {"deterministic": fs.deterministic, "two-scale": lambda scene, **keys: fs.two_scale(scene, (3, 4), **keys)}
+DRAWN = fs.Sampling(length=2e-4, realisations=3, seed=1)
 
 
-@pytest.mark.parametrize("name", STUDIES)
-def test_elastic_unloading_is_the_loading_backwards_and_solved_once(elastic, name):
-    items = Counter()
-
+def counted_items(items):
     def counting(stage, *iterables):
         for item in map(stage, *iterables):
             items[stage.name] += 1
             yield item
 
-    found = STUDIES[name](elastic, mapper=counting)
-    pressures = elastic.steps.pressures
-    # 200 MPa and 0 from the lower peak are new; the other stops have been met before
-    assert found.equal_steps == 5
-    if name != "library":
-        assert items["contact of the whole face"] == 5
-        assert items.get("runs of columns", 5) == 5
-    whole = STUDIES[name](solved_again(elastic))
-    assert whole.equal_steps == 3  # the stops that both peaks have in common
-    leakage, before = (np.atleast_2d(study.leakage) for study in (found, whole))
-    assert_allclose(leakage, before, rtol=1e-6)
+    return counting
+
+
+def assert_equal_loads_leak_alike(pressures, leakage):
     for s, t in combinations(range(len(pressures)), 2):
         if pressures[s] == pressures[t]:
-            assert_array_equal(leakage[:, s], leakage[:, t])
+            assert_array_equal(leakage[..., s], leakage[..., t])
+
+
+@pytest.mark.parametrize("name", STUDIES)
+def test_elastic_unloading_is_the_loading_backwards_and_solved_once(elastic, name):
+    items = Counter()
+    found = STUDIES[name](elastic, mapper=counted_items(items))
+    # 200 MPa and 0 from the lower peak are new; the other stops have been met before
+    assert found.equal_steps == 5
+    assert items["contact of the whole face"] == 5
+    whole = STUDIES[name](solved_again(elastic))
+    assert whole.equal_steps == 3  # the stops that both peaks have in common
+    assert_allclose(found.leakage, whole.leakage, rtol=1e-6)
+    assert_equal_loads_leak_alike(elastic.steps.pressures, found.leakage)
+
+
+@pytest.mark.parametrize("breadth", [None, 9e-5], ids=["as broad as the face", "broader"])
+def test_drawn_seals_of_an_elastic_face_come_back_as_they_went(elastic, breadth):
+    items, sampling = Counter(), replace(DRAWN, breadth=breadth)
+    found = fs.stochastic(elastic, (3, 4), sampling, mapper=counted_items(items))
+    assert items["contact of the whole face"] == 5
+    whole = fs.stochastic(solved_again(elastic), (3, 4), sampling)
+    assert_allclose(found.leakage, whole.leakage, rtol=1e-6)
+    assert_equal_loads_leak_alike(elastic.steps.pressures, found.leakage)
+
+
+def test_the_ladder_of_an_elastic_face_has_no_way_down(elastic):
+    found = fs.stochastic(elastic, (3, 4), replace(DRAWN, breadth=9e-5, pressure_map=Profile((0.8, 1.2))))
+    assert found.pieces.steps.on_loading.all()
+    assert_equal_loads_leak_alike(elastic.steps.pressures, found.leakage)
 
 
 def test_states_that_plastic_deformation_tells_apart_are_solved(elastic):
@@ -222,43 +230,3 @@ def test_nothing_is_interpolated_across_closing():
         ([1.0, 0.1, 1e-9], {2, 6}),
     ):
         assert _needed(np.array(leakage), solved, steps, 0.01) == {(loads[n], True) for n in more}, leakage
-
-
-# --- resampled seals --------------------------------------------------------------------------------------
-
-
-@pytest.mark.parametrize("sampler", ["runs", "block"])
-def test_seals_are_resampled_for_the_error_of_the_library_alone(elastic, sampler, tmp_path):
-    sampling = fs.Sampling(
-        length=2e-4, other_lengths=(3e-4,), realisations=3, library_cells=12, seed=1, sampler=sampler
-    )
-    items = []
-
-    def counting(stage, *iterables):
-        for item in map(stage, *iterables):
-            items.append(stage.name)
-            yield item
-
-    whole = fs.stochastic(elastic, (3, 4), sampling)
-    found = fs.stochastic(elastic, (3, 4), replace(sampling, resampled=False), mapper=counting)
-    assert found.leakage_resampled is None
-    assert_array_equal(found.leakage, whole.leakage)
-    assert np.isnan(found.library_error).all()
-    assert items.count("drawn seals") == (0 if sampler == "runs" else 6)
-    results = assemble(elastic, stochastic=found)
-    assert {"leakage_lower", "leakage_of_lengths_lower"} < set(results.dataset)
-    assert not [name for name in results.dataset if "together" in name or name == "library_error"]
-    assert "between seals, 5–95 %" in results.report(tmp_path / "page.html").read_text(encoding="utf-8")
-    for table in (results.table(), results.lengths_table()):
-        assert not [head for head in table.heads if "library" in head]
-    with pytest.raises(fs.InputError, match="resampled: given False with a width"):
-        fs.stochastic(elastic, (3, 4), replace(sampling, resampled=False, width=0.1))
-
-
-@pytest.mark.parametrize(("keys", "resampled"), [("", True), ("[output]\nbudget = false", False)])
-def test_a_run_without_a_budget_resamples_no_seals(keys, resampled):
-    drawn = '[cells]\ncount = [2, 3]\n[stochastic]\nlength = "90 um"\n'
-    text = CASE.replace('"deterministic"', '"stochastic"').replace("[32, 48]", "[64, 96]") + drawn
-    text = text.replace('["30 um", "45 um"]', '["60 um", "90 um"]')
-    assert prepare(parse_case(tomllib.loads(text + keys))).sampling.resampled is resampled
-    assert prepare(parse_case(tomllib.loads(text + "width = 0.1\n" + keys))).sampling.resampled

@@ -15,7 +15,7 @@ from scipy.sparse.linalg import spsolve
 
 from femseal import HalfSpace, analytic, self_affine, solve_contact
 from femseal.base.errors import FemsealError, InputError, NotConverged
-from femseal.flow import Stencil, solve_flow
+from femseal.flow import Stencil
 from femseal.flow.percolation import nodes_reached, restricted
 from femseal.flow.solvers import choice, coarsest, elimination, hierarchy, link_network, v_cycle
 
@@ -371,11 +371,6 @@ def test_bad_tolerance_is_named(rtol, solver):
         solve_links(np.ones((3, 3)), np.ones((2, 3)), rtol=rtol, solver=solver)
 
 
-def test_a_start_of_another_shape_is_named():
-    with pytest.raises(InputError, match=r"start: given shape \(3, 2\), expected shape \(4, 2\)"):
-        solve_links(np.ones((3, 2)), np.ones((2, 2)), start=np.ones((3, 2)))
-
-
 @each("c", ["links", [[1, 2], [3]], np.full((2, 2), 1j)])
 def test_what_is_no_array_is_named(c):
     with pytest.raises(InputError, match="along"):
@@ -438,49 +433,10 @@ def test_islands_are_eliminated_behind_multigrid(width):
 
 
 def test_slender_networks():
-    """The coarsest grid of multigrid would be a large one; a short way to the outlet suits an incomplete factorisation."""
-    for shape, field_rtol, solver in (
-        ((4, 2000), None, "incomplete Cholesky"),
-        ((9, 600), None, "incomplete Cholesky"),
-        ((9, 600), 1e-6, "elimination"),
-        ((2000, 4), None, "elimination"),
-    ):
+    """The coarsest grid of multigrid would be a large one."""
+    for shape in ((4, 2000), (9, 600), (2000, 4)):
         c = np.ones(shape)
-        assert solve_links(c, c[1:], field_rtol=field_rtol).solver == solver
-
-
-@each("rtol", [1e-2, 3e-4, 1e-6])
-@each("periodic", [True, False])
-@each("kind", ["open", "closed", "islands", "throats"])
-def test_the_rate_of_a_slender_network_is_enclosed(kind, periodic, rtol):
-    """By its residual, the error in the norm of the energy; behind narrow links the estimate of the error is far off."""
-    rng = np.random.default_rng(12)
-    used = 0
-    for n1, n2 in ((2, 150), (5, 200), (17, 400), (30, 500)):
-        contrast, closed = 3.0 if kind == "islands" else 50.0, 0.01 * (kind == "closed")
-        c1, c2 = links(n1, n2, periodic, n1, contrast, closed)
-        if kind == "islands":
-            for i, j in rng.integers((n1, n2), size=(12, 2)):
-                box = np.s_[i : i + 9, j : j + 19]
-                c1[box] *= 1e4
-                c2[box] *= 1e4
-        elif kind == "throats":
-            c1 *= 1e-9
-            for i, j in rng.integers((n1, n2), size=(9, 2)):
-                c1[:, j] = 1.0
-                c1[i, j] = 1e-5
-        exact = solve_links(c1, c2, solver="elimination")
-        flow = solve_links(c1, c2, rtol=rtol)
-        error = flow.conductance / exact.conductance - 1
-        assert -1e-12 <= error <= flow.residual**2 + 1e-12
-        assert flow.residual**2 <= rtol
-        assert_array_equal(np.isnan(flow.potential), np.isnan(exact.potential))
-        if flow.solver == "incomplete Cholesky":
-            used += 1
-            again = solve_flow(network(c1, c2), rtol=rtol, start=flow.potential)
-            assert (again.iterations, again.solver) == (0, flow.solver)
-            assert_allclose(again.conductance, flow.conductance, rtol=1e-12)
-    assert used
+        assert solve_links(c, c[1:]).solver == "elimination"
 
 
 @each("rtol", [1e-2, 1e-4, 1e-6, 1e-8, 1e-10])

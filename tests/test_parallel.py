@@ -102,19 +102,6 @@ def usual_start():
     context.set_start_method(None, force=True)
 
 
-def _process(_):
-    return os.getpid()
-
-
-@pytest.mark.parametrize("where", [{"workers": 2}, {"scheduler": "address"}])
-def test_what_takes_less_time_than_its_items_take_to_be_sent_is_computed_here(cluster, where):
-    where = {name: cluster.scheduler_address if name == "scheduler" else value for name, value in where.items()}
-    with ordered_map(**where) as mapper:
-        assert list(mapper(Stage("process", _process, here=True), range(3))) == [os.getpid()] * 3
-        threads = set(mapper(Stage("thread", lambda _: threading.get_ident(), here=True), range(3)))
-        assert threads == {threading.get_ident()}
-
-
 def test_processes_that_were_started_before_compute(usual_start):
     processes.start_processes(2, "colorsys")
     with ordered_map(workers=2) as mapping:

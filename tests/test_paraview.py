@@ -74,7 +74,7 @@ def test_meshio_reads_every_mesh(results, folder):
         mesh = meshio.read(path)
         (block,) = mesh.cells
         assert (block.type, block.data.shape) == ("quad", (M1 * M2, 4))
-        assert_array_equal(mesh.cell_data["k1_m3"][0].reshape(M1, M2), results.dataset["k1"][s])
+        assert_array_equal(mesh.cell_data["k1_m3"][0].reshape(M1, M2), results.dataset["piece_k1"][s])
         assert_allclose(mesh.field_data["nominal_pressure_MPa"], results.steps[s].pressure / 1e6)
 
 
@@ -121,16 +121,16 @@ def test_paraview_opens_every_file(results, folder, tmp_path):
             assert [step["time"] for step in found[str(path)]] == [0, 1, 2]
             assert_allclose([s["Field"]["nominal_pressure_MPa"][0] for s in found[str(path)]], [50, 700, 50])
             assert_allclose([s["Field"]["unloaded_from_MPa"][0] for s in found[str(path)]], [np.nan, np.nan, 700])
-    for s, step in enumerate(found[str(folder / "vtk/seal.pvd")]):
+    for s, step in enumerate(found[str(folder / "vtk/pieces.pvd")]):
         cells = {name: np.array(values).reshape(M1, M2) for name, values in step["Cell"].items()}
         for name, variable, factor in (
-            ("k1_m3", "k1", 1),
-            ("k2_m3", "k2", 1),
-            ("window_pressure_MPa", "window_pressure", 1e-6),
-            ("window_mean_gap_um", "window_mean_gap", 1e6),
-            ("window_contact_fraction", "window_contact_fraction", 1),
-            ("window_plastic_fraction", "window_plastic_fraction", 1),
-            ("window_drop_fraction", "window_drop_fraction", 1),
+            ("k1_m3", "piece_k1", 1),
+            ("k2_m3", "piece_k2", 1),
+            ("pressure_MPa", "piece_pressure", 1e-6),
+            ("mean_gap_um", "piece_mean_gap", 1e6),
+            ("contact_fraction", "piece_contact_fraction", 1),
+            ("plastic_fraction", "piece_plastic_fraction", 1),
+            ("drop_fraction", "piece_drop_fraction", 1),
         ):
             assert_allclose(cells.pop(name), data[variable][s] * factor, rtol=1e-12)
         assert not cells
@@ -152,9 +152,9 @@ def test_the_macro_draws_both_scales(folder, tmp_path):
     import pyvista
 
     shutil.copytree(folder, tmp_path / "run")
-    path = tmp_path / "run/vtk/seal/step_0001.vtu"
+    path = tmp_path / "run/vtk/pieces/step_0001.vtu"
     mesh = pyvista.read(path)
-    fraction = mesh.cell_data["window_drop_fraction"].reshape(M1, M2)
+    fraction = mesh.cell_data["drop_fraction"].reshape(M1, M2)
     fraction[1:-1] = np.nan
     mesh.save(path)
     run = pvpython(MACRO, tmp_path / "run", tmp_path / "view.png", 1)
@@ -168,6 +168,6 @@ def test_the_macro_draws_both_scales(folder, tmp_path):
 def test_the_macro_says_what_is_missing(tmp_path):
     run = pvpython(MACRO, tmp_path, tmp_path / "view.png", 0)
     assert run.returncode == 1
-    assert f"there is no {tmp_path / 'vtk' / 'seal.pvd'}" in run.stderr
+    assert f"there is no {tmp_path / 'vtk' / 'pieces.pvd'}" in run.stderr
     assert "results folder of a two-scale study" in run.stderr
     assert "Traceback" not in run.stderr

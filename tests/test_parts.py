@@ -2,7 +2,6 @@
 
 import itertools
 import os
-import pickle
 import random
 import re
 import signal
@@ -10,11 +9,9 @@ import subprocess
 import sys
 import time
 from contextlib import ExitStack
-from operator import itemgetter
 
 import numpy as np
 import pytest
-from femseal.library import WindowSource, WindowStates, library
 from test_calibration import CASE as CALIBRATED
 from test_calibration import HEAD, ROWS
 from test_checkpoint import CASE, SIZES, Crash, assert_complete, assert_same, study
@@ -22,13 +19,12 @@ from test_sweeps import CASE as SWEPT
 from test_sweeps import contacts  # noqa: F401
 
 import femseal as fs
-from femseal.base.errors import NotConverged, PartsMissing
+from femseal.base.errors import PartsMissing
 from femseal.base.stage import Stage
 from femseal.calibration import calibrating
-from femseal.execution import checkpoint, lock, parts, store
+from femseal.execution import checkpoint, lock, store
 from femseal.execution.checkpoint import Checkpoint
 from femseal.execution.lock import alone_in
-from femseal.execution.mappers import ordered_map
 from femseal.execution.parts import parsed_part
 from femseal.sweeps.scenes import Scenes
 
@@ -125,90 +121,6 @@ def test_a_part_waits_for_parts_that_are_under_way(tmp_path, monkeypatch):
         with pytest.raises(PartsMissing, match="part 1/2: 'cubes' needs part 2 of 2"):
             list(mapper(Stage("cubes", pow), range(7), [3] * 7))
     assert len(looked) == 5
-
-
-def test_items_that_are_taken_apart_are_read_when_they_are_asked_for(tmp_path):
-    stage = Stage("squares", np.square, apart=True)
-    with Checkpoint(tmp_path, {"case": 1}, True, (1, 2)) as one, Checkpoint(tmp_path, {"case": 1}, True, (2, 2)) as two:
-        items = one.over(map)(stage, range(9))
-        assert (len(items), list(items[1:4]), items[-9], items[2:][1]) == (9, [1, 4, 9], 0, 9)
-        assert pickle.loads(pickle.dumps(items[3:5])) == [9, 16]
-        for read in (list, itemgetter(5), lambda items: list(items[4:6])):
-            with pytest.raises(PartsMissing, match="part 1/2: 'squares' needs part 2 of 2"):
-                read(items)
-        assert list(two.over(map)(stage, range(9))) == list(items)
-        with pytest.raises(IndexError):
-            items[9]
-
-
-def test_curves_need_the_windows_of_no_other_part(tmp_path, monkeypatch):
-    """One window of two parts fails, and the bits are those of one process."""
-    monkeypatch.setattr(parts, "LEAST_BLOCKS", 1)
-    solved, read = [], []
-    window, solve_ladder, unpacked = WindowSource.window, library.solve_ladder, checkpoint.unpacked
-
-    def solving(*arguments, **options):
-        if solved[-1] == 70:
-            raise NotConverged("stalled")
-        return solve_ladder(*arguments, **options)
-
-    monkeypatch.setattr(WindowSource, "window", lambda self, n: solved.append(n) or window(self, n))
-    monkeypatch.setattr(library, "solve_ladder", solving)
-    monkeypatch.setattr(checkpoint, "unpacked", lambda item: read.append(unpacked(item)) or read[-1])
-    surface = fs.self_affine((32, 32), (32e-6, 32e-6), hurst=0.8, rms_slope=0.3, cut_off=4e-6, rng=1)
-    scene = fs.Scene(surface, 1e11, 4e9, fs.Liquid(1e-3), 1e6, 0.0, loading=(5e8,))
-    sampling = fs.Sampling(length=32e-6, library_cells=200, realisations=3, pressure="uniform", seed=1)
-
-    def drawn(part, mapper=map):
-        solved.clear()
-        read.clear()
-        with Checkpoint(tmp_path, {"case": 1}, True, part) as kept:
-            return fs.stochastic(scene, (4, 4), sampling, mapper=kept.over(mapper) if part else map)
-
-    def windows():
-        return sum(isinstance(item, WindowStates) for item in read)
-
-    one = drawn(None)
-    with pytest.raises(PartsMissing, match="part 1/2: 'curves of windows' needs part 2 of 2"):
-        drawn((1, 2))
-    assert (solved, windows()) == ([*range(128)], 127)
-    with pytest.raises(PartsMissing, match="part 2/2: 'drawn seals' needs part 1 of 2"):
-        drawn((2, 2))
-    assert (solved, windows()) == ([*range(128, 200)], 72)
-    both = drawn((1, 2))
-    assert not solved
-    assert windows() == 127  # found there, and read by no other stage
-    for name in ("leakage", "leakage_resampled"):
-        np.testing.assert_array_equal(getattr(both, name), getattr(one, name))
-    assert both.failures == one.failures
-    assert both.library.failures == ("cell 70: stalled",)
-    assert (both.library.size, both.library.counts, both.solvers) == (199, one.library.counts, one.solvers)
-    np.testing.assert_array_equal(both.library.curves.k, one.library.curves.k)
-
-
-def test_workers_are_sent_what_other_parts_have_kept_or_the_part_ends_as_it_should(tmp_path):
-    """Blocks of items of a stage before, as curves have, of which some are missing, and one cannot be read."""
-    squares, sums = Stage("squares", abs, apart=True), Stage("sums", sum)
-
-    def summed(part, mapper):
-        with Checkpoint(tmp_path, {"case": 1}, True, part) as kept:
-            own = kept.over(mapper)
-            found = own(squares, range(9))
-            return list(own(sums, [found[n : n + 3] for n in range(0, 9, 3)]))
-
-    with ordered_map(workers=2) as mapper:
-        for _ in range(2):
-            with pytest.raises(PartsMissing, match="part 1/2: 'squares' needs part 2 of 2"):
-                summed((1, 2), mapper)
-        with pytest.raises(PartsMissing, match="part 2/2: 'sums' needs part 1 of 2"):
-            summed((2, 2), mapper)
-        (shard,) = tmp_path.glob(".checkpoint/001-*-000000009.shard")
-        content = shard.read_bytes()
-        shard.write_bytes(content[:-1])
-        with pytest.raises(PartsMissing, match="part 1/2: 'squares' needs part 2 of 2"):
-            summed((1, 2), mapper)
-        shard.write_bytes(content)
-        assert summed((1, 2), mapper) == [3, 12, 21]
 
 
 def test_a_damaged_item_of_another_part_is_missing_and_its_own_is_computed_again(tmp_path, caplog):

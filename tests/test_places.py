@@ -4,12 +4,11 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from femseal.library.sampling import drawn_elsewhere
 from numpy.testing import assert_allclose
 from small_cases import STRIP
 
 import femseal as fs
-from femseal.budget.estimates import library_part, places_part, places_to_halve
+from femseal.budget.estimates import places_part, places_to_halve
 from femseal.case.case import parse_case
 from femseal.preparation.preparation import prepare
 from femseal.report.error_tables import most_leaking_place
@@ -124,45 +123,32 @@ def test_the_jackknife_of_a_mean_is_its_interval():
     assert [places_to_halve(n) for n in (3, 4, 8)] == sorted(places_to_halve(n) for n in (3, 4, 8))
 
 
-def test_a_drawn_seal_never_joins_a_place_to_itself():
-    """Runs of columns and blocks of links begin in another place than the last one ended in."""
-    surface = scene(patches(3))
-    drawn = fs.stochastic(surface, (2, 12), fs.Sampling(length=2e-3, realisations=6, library_cells=12, seed=1))
-    assert drawn.sampler == "runs"
-    assert drawn.library.curves.place.tolist() == [1] * 4 + [2] * 4 + [3] * 4 + [1] * 4 + [2] * 4 + [3] * 4
-    ladder = fs.stochastic(surface, (2, 12), fs.Sampling(2e-3, 4, library_cells=7, seed=1, pressure="uniform"))
-    assert ladder.library.curves.place.tolist() == [1, 2, 3, 1, 2, 3, 1]
-    assert_allclose(drawn.quantile(0.5), fs.deterministic(surface).leakage, rtol=0.15)
-    random = np.random.default_rng(1).random(500)
-    place = np.repeat([0, 1, 2], (4, 2, 6))
-    taken = place[drawn_elsewhere(random, place, place)]
-    assert np.all(taken[1:] != taken[:-1])
-    assert set(taken) == {0, 1, 2}
-    one = drawn_elsewhere(random, np.zeros(7, int), np.zeros(7, int))
-    assert_allclose(one, (7 * random).astype(int))
-    further = np.full(500, 2)
-    blocks = drawn_elsewhere(random, place, place, further)
-    assert np.all(place[blocks[1:]] != place[(blocks[:-1] + 2) % 12])
-    links = fs.Sampling(length=2e-3, realisations=6, library_cells=12, seed=1, sampler="block")
-    by_links = fs.stochastic(surface, (2, 12), links)
-    assert np.isfinite(by_links.leakage).all()
-
-
-def test_windows_of_a_ladder_know_their_places():
-    """Seals of one place's windows are those of a library of that place; the band is the scatter between places."""
+def test_drawn_seals_scatter_as_the_face_of_their_places_does():
+    """In their rows seals leak what the face leaks; by place they are in the ratio of the face of the places alone."""
     places = patches(3)
-    sampling = fs.Sampling(2e-3, 12, library_cells=12, seed=1, pressure="uniform")
-    found = fs.stochastic(scene(places), (2, 12), sampling)
+    found = fs.stochastic(scene(places), (2, 12), fs.Sampling(2e-3, 12, seed=1))
+    assert found.pieces.cut.place == (0,) * 4 + (1,) * 4 + (2,) * 4
+    whole = fs.deterministic(scene(places))
     assert found.places.alone.shape == found.places.without.shape == (3, len(found.steps))
-    # windows of the first place are those of a library of it alone
-    alone = fs.stochastic(scene(places[0]), (2, 4), replace(sampling, library_cells=4))
-    assert_allclose(found.places.alone[0], alone.quantile(0.5), rtol=1e-3)
-    assert_allclose(np.log(found.places.without[:, 0]).mean(), np.log(found.quantile(0.5)[0]), atol=0.1)
-    part = library_part(found)
+    assert_allclose(found.quantile(0.5), whole.leakage, rtol=0.15)
+    scale = found.quantile(0.5) / whole.leakage
+    assert_allclose(found.places.alone, scale * whole.places.alone, rtol=2e-3)
+    assert_allclose(found.places.without, scale * whole.places.without, rtol=2e-3)
+    part = places_part(found.quantile(0.5), found.places.without)
     assert "jackknife over 3 measured places" in part.note
-    again = fs.stochastic(scene(places), (2, 12), replace(sampling, resampled=False))
-    assert_allclose(again.places.without, found.places.without)
-    assert alone.places is None
+    assert fs.stochastic(scene(places[0]), (2, 4), fs.Sampling(2e-3, 4, seed=1)).places is None
+
+
+def test_broad_seals_draw_from_all_places():
+    """Twice as broad as the face they take pieces of every place; each place by itself is that of seals of it alone."""
+    places = patches(3)
+    sampling = fs.Sampling(2e-3, 12, seed=1, breadth=96 * PIXEL)
+    found = fs.stochastic(scene(places), (2, 12), sampling)
+    drawn = found.tiles.draw((2, 12), np.random.default_rng(0))
+    assert_allclose(np.bincount(drawn % 12 // 4) / drawn.size, 1 / 3, atol=0.1)
+    alone = [fs.stochastic(scene(place), (2, 4), sampling).quantile(0.5)[0] for place in places]
+    assert_allclose(found.places.alone[:, 0], alone, rtol=0.15)
+    assert np.exp(np.log(alone).mean()) == pytest.approx(found.quantile(0.5)[0], rel=0.1)
 
 
 @pytest.fixture
@@ -174,12 +160,12 @@ def files(tmp_path):
         "face": {"kind": "file", "places": [f"place{n}.npz" for n in range(4)]},
         "surface": {"shortest_wave": "8 um"},
         "cells": {"count": [2, 2]},
-        "stochastic": {"length": "1 mm", "realisations": 8, "library_cells": 4},
+        "stochastic": {"length": "1 mm", "realisations": 8},
     }
 
 
 def test_places_of_a_case(tmp_path, files):
-    """Paths, a pattern and tables are one thing; windows are those of each place, each in the cells of the case."""
+    """Paths, a pattern and tables are one thing; pieces are those of each place, each in the cells of the case."""
     prepared = prepare(parse_case(files, tmp_path))
     surface = prepared.scene.surface
     assert surface.widths == (48,) * 4
@@ -195,7 +181,7 @@ def test_places_of_a_case(tmp_path, files):
     assert [w % (cut.scene.surface.shape[1] // 4) for w in cut.scene.surface.widths] == [0, 0]
 
 
-def test_points_and_windows_of_a_case_are_those_of_one_place(tmp_path, files):
+def test_points_and_pieces_of_a_case_are_those_of_one_place(tmp_path, files):
     """Also in messages; of places of unlike length, of the shortest."""
 
     def prepared(**tables):
@@ -222,9 +208,9 @@ def test_points_and_windows_of_a_case_are_those_of_one_place(tmp_path, files):
     assert any("to keep them set surface.points = [192, 192]" in text for text in coarse.warnings)
 
 
-@pytest.mark.parametrize("pressure", ["place", "uniform"])
-def test_check_says_how_many_places_halve_the_band(tmp_path, files, pressure):
-    drawn = files | {"method": "stochastic", "stochastic": files["stochastic"] | {"pressure": pressure}}
+@pytest.mark.parametrize("breadth", [{}, {"breadth": "96 um"}], ids=["in place", "broad"])
+def test_check_says_how_many_places_halve_the_band(tmp_path, files, breadth):
+    drawn = files | {"stochastic": files["stochastic"] | breadth}
     case = parse_case(drawn, tmp_path)
     text = "\n".join(describe(case, prepare(case)))
     assert f"4 places; about {places_to_halve(4)} more would halve" in text
@@ -238,8 +224,8 @@ def test_results_tell_of_places(tmp_path, files):
     assert data["leakage_of_places"].dims == ("place", "step")
     assert_allclose(data["place_scatter"], results.stochastic.places.scatter)
     parts = {part.name: part for part in results.budget.parts}
-    assert "sampler" not in parts
-    assert "jackknife over 4 measured places" in parts["library"].note
+    assert "patch" not in parts
+    assert "jackknife over 4 measured places" in parts["places"].note
     page = (tmp_path / "out" / "report.html").read_text(encoding="utf-8")
     most = int(np.argmax(data["leakage_of_places"].values[:, 0]))
     assert f"Place {most + 1} of 4 leaks most" in page
@@ -253,15 +239,11 @@ def test_results_tell_of_places(tmp_path, files):
         assert_allclose(other.dataset["leakage_of_places"], data["leakage_of_places"], rtol=0)
 
 
-def test_places_of_which_none_leaks_or_one_has_windows(tmp_path, files):
+def test_places_of_which_none_leaks(tmp_path, files):
     sealed = {"method": "deterministic", "load": {"loading": ["2.9 GPa"]}, "output": {"budget": False}}
     results = fs.run(parse_case(files | sealed, tmp_path), workers=1)
     assert results.leakage.values == [0.0]
     assert most_leaking_place(results) == "place 1 of 4, of which none leaks"
-    one = {"stochastic": files["stochastic"] | {"pressure": "uniform", "library_cells": 1}}
-    data = fs.run(parse_case(files | one, tmp_path), workers=1).dataset
-    assert data["library_place"].values.tolist() == [1]
-    assert "place_scatter" not in data
 
 
 def test_the_place_that_leaks_most_is_drawn_with_its_gap(tmp_path, files):
@@ -304,5 +286,3 @@ def test_bad_places_of_a_case_are_refused(tmp_path, files):
     ):
         with pytest.raises(fs.InputError, match=reason):
             prepare(parse_case(files | {"face": {"kind": "file"} | face}, tmp_path))
-    with pytest.raises(fs.InputError, match="several places"):
-        prepare(parse_case(files | {"stochastic": files["stochastic"] | {"pressure": "global"}}, tmp_path))

@@ -137,7 +137,7 @@ def test_a_second_run_shows_what_the_filter_decides(case):
 
 
 def test_the_second_run_is_of_the_method_of_the_answer(case):
-    tables = {"cells": {"count": [2, 2]}, "stochastic": {"length": "0.5 mm", "realisations": 3, "library_cells": 4}}
+    tables = {"cells": {"count": [2, 2]}, "stochastic": {"length": "0.5 mm", "realisations": 3}}
     for method in ("two-scale", "stochastic"):
         chosen = case(filter_sensitivity=True, shortest_wave="12 um", tables=tables | {"method": method})
         leakage = fs.run(chosen, workers=1).dataset["leakage_filtered"].values

@@ -36,9 +36,9 @@ LOAD = {"loading": ["50 MPa", "200 MPa"], "unload_from": ["200 MPa"], "unloading
 
 def reduced(name, **more):
     data = tomllib.loads((EXAMPLES / f"{name}.toml").read_text(encoding="utf-8"))
-    changes = REDUCED[name] | {"load": LOAD, "stochastic": {"realisations": 3, "library_cells": 6}}
+    changes = REDUCED[name] | {"load": LOAD, "stochastic": {"realisations": 3}}
     for table, keys in (*changes.items(), *more.items()):
-        data[table] = data[table] | keys
+        data[table] = data.get(table, {}) | keys
     return data
 
 
@@ -65,8 +65,9 @@ def test_leakage_is_that_of_the_shape(done):
         squares = 10.1  # of the whole gasket, see test_meshes
     rate = case.fluid.inlet_pressure / case.fluid.viscosity * squares / length
     for s, leakage in enumerate((first, top, back)):
-        assert k[s].min() * rate < leakage < k[s].max() * rate
-        assert_allclose(leakage, np.exp(np.log(k[s]).mean()) * rate, rtol=0.35)
+        assert 0.5 * k[s].min() * rate < leakage < k[s].max() * rate
+        # across the lay, on the ring everywhere, less than k of the element
+        assert_allclose(leakage, np.exp(np.log(k[s]).mean()) * rate, rtol=0.6 if case.seal.kind == "annular" else 0.35)
 
 
 @pytest.mark.parametrize("done", ["gasket_seal"], indirect=True)
@@ -130,7 +131,8 @@ def test_check_and_accuracy_know_the_shape(name):
     lines = "\n".join(describe(case, prepare(case)))
     assert re.search(r"^seal +(a ring between|the mesh bolted_ring)", lines, re.MULTILINE)
     assert re.search(
-        {"annular_seal": r"3 seals of 10 × 1079 links", "gasket_seal": r"\d+ windows in 5940 elements"}[name], lines
+        {"annular_seal": r"3 seals of 10 × 1079 tiles", "gasket_seal": r"3 seals of 5940 tiles in 5940 elements"}[name],
+        lines,
     )
     plan = make_plan(case, limit=1e9, memory=1e12)
     assert plan.prepared.scene.layout.kind == "rectangular"
@@ -161,7 +163,7 @@ def refused(data, folder=EXAMPLES):
             {"breadth": "1 mm"},
             "stochastic.breadth: given 1 mm, expected none with a seal",
         ),
-        ("gasket_seal", "seal", {"unit": "m"}, "seal: given a seal "),
+        ("gasket_seal", "seal", {"unit": "kg"}, "seal.unit: given 'kg'"),
     ],
 )
 def test_faults_are_one_line_with_their_key(name, table, keys, words):

@@ -4,7 +4,6 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from femseal.seal.laid_windows import SpiralWindows
 from numpy.testing import assert_allclose
 from scipy.integrate import quad
 
@@ -16,6 +15,7 @@ from femseal.flow.law import cubic_law
 from femseal.flow.spiral import spiral_flow
 from femseal.seal.lay import Lay
 from femseal.seal.layouts import AnnularLayout, MeshLayout, RectangularLayout
+from femseal.seal.tiles import PieceSize
 from femseal.studies import Sampling, stochastic
 
 D = 1e-6
@@ -36,27 +36,23 @@ def test_the_closed_form_is_the_integral(across, lead):
     assert_allclose(found, exact, rtol=1e-9)
 
 
-def test_a_ring_of_tensors_converges_to_the_closed_form():
-    """Seals of tensors in their elements, turned by the angle of the spiral: of second order."""
+def test_a_ring_of_tiles_converges_to_the_closed_form():
+    """Both permeabilities in their elements, turned by the angle of the spiral: of second order."""
     inner, outer, lead, across, along = 2e-3, 2.6e-3, 0.5e-3, 1e-18, 2e-16
     errors = []
     for n in (8, 16, 32):
-        seal = fs.AnnularSeal(inner, outer, (n, 8))
-        edges = np.hypot(*seal.points[:, 0].T)
-        radii = 0.5 * (edges[:-1] + edges[1:])
-        places = np.stack([radii, 0 * radii], axis=1)
-        direction = Lay.of({"kind": "spiral", "lead": lead}).directions(places)  # radial and circumferential there
-        k = across * np.eye(2) + (along - across) * direction[:, :, None] * direction[:, None, :]
-        k = np.broadcast_to(k[:, None], (n, 8, 2, 2))
-        found = fs.seal_leakage(seal, k, OIL, inlet_pressure=1e6).volume_rate * 1e-3 / 1e6
+        side = (outer - inner) / n
+        layout = AnnularLayout(inner, outer, lay={"kind": "spiral", "lead": lead})
+        tiles = layout.lay_out(PieceSize((side, 40 * side), n))
+        k = tiles.permeability(np.full(tiles.count, across), np.full(tiles.count, along))
         exact = fs.analytic.turned_annulus_rate(along, across, lead, 1.0, 1.0, inner, outer)
-        errors.append(abs(found / exact - 1))
+        errors.append(abs(tiles.seal.flow(k).conductance / exact - 1))
     assert errors[2] < 1e-5
     assert errors[2] < errors[0] / 12
 
 
 def window(n=16):
-    """A window of ridges along x2 that touch under load, with open valleys between them."""
+    """A piece of ridges along x2 that touch under load, with open valleys between them."""
     x = (np.arange(n) + 0.5) / n
     return np.repeat(1e-6 * np.cos(2 * np.pi * x)[:, None], n, axis=1)
 
@@ -65,22 +61,22 @@ def drawn(lay, load, length=2e-3):
     surface = fs.Topography(np.tile(window(), (4, 4)), (D, D), (True, True))
     scene = fs.Scene(surface, 115e9, 2e9, OIL, 1e6, 0.0, loading=(load,), fluid_pressure="ignored",
                      layout=RectangularLayout(lay))  # fmt: skip
-    sampling = Sampling(length=length, breadth=128 * D, realisations=2, library_cells=1, seed=1, pressure="uniform")
+    sampling = Sampling(length=length, breadth=128 * D, realisations=2, seed=1)
     return stochastic(scene, (4, 4), sampling)
 
 
-def along_at(library, load):
-    """Permeability along the grooves of its only window under a load."""
-    (states,) = library.windows
-    return states.k[0, 1, np.argmin(np.abs(states.pressure - load))]
+def along(pieces):
+    """Permeability along the grooves of pieces that are all alike, under the only load."""
+    k = pieces.k[0, 1, 0]
+    assert_allclose(k, k[0, 0], rtol=1e-6)
+    return k[0, 0]
 
 
 def test_a_closed_strip_leaks_along_its_groove():
-    """Equal windows: k₂ sin²α of the one that is closed across, as the pressure falls along x1 alone."""
+    """Equal pieces: k₂ sin²α of the one that is closed across, as the pressure falls along x1 alone."""
     plain, wound = (drawn(lay, 2e8).leakage[0, 0] for lay in ("x2", {"kind": "spiral", "lead": "16 um"}))
     assert plain == 0
-    library = drawn("x2", 2e8).library
-    k2 = along_at(library, 2e8)
+    k2 = along(drawn("x2", 2e8).pieces)
     sine2 = (16e-6 / np.hypot(16e-6, 2e-3)) ** 2
     assert_allclose(wound, k2 * sine2 * 1e6 / (1e-3 * 128e-6), rtol=1e-3)
     double = drawn({"kind": "spiral", "lead": "16 um", "starts": 2}, 2e8).leakage[0, 0]
@@ -89,13 +85,13 @@ def test_a_closed_strip_leaks_along_its_groove():
 
 @pytest.mark.parametrize("inlet", ["inner", "outer"])
 def test_a_closed_ring_leaks_along_its_groove(inlet):
-    """Equal windows: the closed form of a ring whose lands are closed, either way."""
+    """Equal pieces: the closed form of a ring whose lands are closed, either way."""
     surface = fs.Topography(np.tile(window(), (4, 4)), (D, D), (True, True))
     lead = 32e-6
     layout = AnnularLayout(0.5e-3, 0.756e-3, inlet, lay={"kind": "spiral", "lead": lead, "starts": 2})
     scene = fs.Scene(surface, 115e9, 2e9, OIL, 1e6, 0.0, loading=(2e8,), fluid_pressure="ignored", layout=layout)
-    found = stochastic(scene, (4, 4), Sampling(None, realisations=2, library_cells=1, seed=1, pressure="uniform"))
-    k2 = along_at(found.library, 2e8)
+    found = stochastic(scene, (4, 4), Sampling(None, realisations=2, seed=1))
+    k2 = along(found.pieces)
     exact = fs.analytic.turned_annulus_rate(k2, 0.0, 2 * lead, 1e6, 1e-3, 0.5e-3, 0.756e-3)
     assert_allclose(found.leakage[0, 0] * found.seal.length, exact, rtol=2e-3)
 
@@ -248,13 +244,17 @@ def test_spirals_that_a_face_cannot_follow(solve, text):
         solve({"kind": "spiral", "lead": "16 um"})
 
 
-def test_the_groove_of_a_row_is_as_open_as_its_windows_in_turn():
-    seal = fs.RectangularSeal((3e-3, 4e-3), (3, 4))
-    across = np.random.default_rng(1).uniform(0.1, 1, (3, 4))
-    along, _ = SpiralWindows(seal, tangent=(0.1,) * 3).permeability(np.zeros((3, 4)), across)
-    assert_allclose(along, np.repeat((0.01 / 1.01 / (1 / across).mean(axis=1))[:, None], 4, axis=1))
-    across[1, 2] = 0.0
-    assert not SpiralWindows(seal, tangent=(0.1,) * 3).permeability(np.zeros((3, 4)), across)[0][1].any()
+def test_the_groove_of_a_row_is_as_open_as_its_tiles_in_turn():
+    tiles = RectangularLayout({"kind": "spiral", "lead": "0.4 mm"}).lay_out(PieceSize((1e-3, 1e-3), 3, length=4e-3))
+    assert tiles.grid == (3, 4)
+    assert_allclose(tiles.tangent, 0.1)
+    open_along = np.random.default_rng(1).uniform(0.1, 1, (3, 4))
+    across, _ = tiles.permeability(np.zeros(12), open_along.ravel()).T
+    expected = np.repeat(0.01 / 1.01 / (1 / open_along).mean(axis=1), 4)
+    assert_allclose(across, expected[tiles.tile])
+    open_along[1, 2] = 0.0
+    across, _ = tiles.permeability(np.zeros(12), open_along.ravel()).T
+    assert not across[tiles.tile // 4 == 1].any()
 
 
 CASE = """
@@ -275,7 +275,7 @@ inlet_pressure = "1 MPa"
 count = [2, 2]
 [stochastic]
 length = "12 mm"
-pressure = "{pressure}"
+{breadth}
 [seal]
 kind = "rectangular"
 {lay}
@@ -284,18 +284,18 @@ TURNED = 'kind = "turned"\npoints = [64, 64]\nsize = ["120 um", "120 um"]\npitch
 
 
 @pytest.mark.parametrize(
-    ("lay", "method", "pressure", "text"),
+    ("lay", "method", "breadth", "text"),
     [
-        ("", "stochastic", "uniform", "in a spiral of lead 40 µm"),
-        ("", "deterministic", "place", "in a spiral of lead 40 µm"),
-        ("", "stochastic", "place", "x2"),
-        ("lay = 'x2'", "stochastic", "uniform", "x2"),
-        ("lay = {kind = 'spiral', lead = '20 um'}", "deterministic", "uniform", "in a spiral of lead 20 µm"),
+        ("", "stochastic", "breadth = '1 mm'", "in a spiral of lead 40 µm"),
+        ("", "deterministic", "", "in a spiral of lead 40 µm"),
+        ("", "stochastic", "", "in a spiral of lead 40 µm"),
+        ("lay = 'x2'", "stochastic", "", "x2"),
+        ("lay = {kind = 'spiral', lead = '20 um'}", "deterministic", "", "in a spiral of lead 20 µm"),
     ],
 )
-def test_a_turned_face_winds_with_its_pitch(tmp_path, lay, method, pressure, text):
+def test_a_turned_face_winds_with_its_pitch(tmp_path, lay, method, breadth, text):
     path = tmp_path / "case.toml"
-    path.write_text(CASE.format(face=TURNED, lay=lay, method=method, pressure=pressure))
+    path.write_text(CASE.format(face=TURNED, lay=lay, method=method, breadth=breadth))
     layout = fs.prepare(fs.load_case(path)).scene.layout
     assert str(layout.lay) == text
     assert layout.lay.circumference == (None if text == "x2" else 12e-3)
@@ -308,7 +308,7 @@ def test_a_measured_face_with_grooves_is_asked_whether_they_wind(tmp_path, lay, 
     )
     face = 'kind = "file"\npath = "face.npy"\nheight_unit = "m"\nspacing = ["2 um", "2 um"]'
     path = tmp_path / "case.toml"
-    path.write_text(CASE.format(face=face, lay=lay, method="deterministic", pressure="place"))
+    path.write_text(CASE.format(face=face, lay=lay, method="deterministic", breadth=""))
     warnings = [w for w in fs.prepare(fs.load_case(path)).warnings if "grooves along x2" in w]
     assert len(warnings) == asked
     if asked:
@@ -335,7 +335,7 @@ def test_bad_spirals(make, text):
 
 
 def test_a_seal_that_leaks_along_its_grooves_alone_has_a_band():
-    """Where all windows are closed across, the change of their permeability to fewer pixels is not known."""
+    """Where all pieces are closed across, the change of their permeability to fewer pixels is not known."""
     case = {
         "method": "stochastic",
         "seed": 77,
@@ -359,8 +359,6 @@ def test_a_seal_that_leaks_along_its_grooves_alone_has_a_band():
         "stochastic": {
             "length": "230.4 um",
             "realisations": 2,
-            "library_cells": 6,
-            "pressure": "uniform",
             "breadth": "115.2 um",
         },
         "output": {"pictures": False},

@@ -8,7 +8,7 @@ from femseal.studies.costs import usual_efforts
 from femseal.topography import self_affine
 
 CELLS = (4, 4)
-SAMPLING = Sampling(length=200e-6, realisations=3, library_cells=16, seed=1, sampler="block")
+SAMPLING = Sampling(length=200e-6, realisations=3, seed=1)
 
 
 def small_scene():
@@ -18,11 +18,11 @@ def small_scene():
 
 def test_a_registered_study_is_what_its_function_gives():
     scene = small_scene()
-    options = StudyOptions(CELLS, SAMPLING, shares_face=True)
+    options = StudyOptions(CELLS, SAMPLING, shares_face=True, knows_face=True)
     own = {
         "deterministic": lambda known: fs.deterministic(scene),
         "two-scale": lambda known: fs.two_scale(scene, CELLS),
-        "stochastic": lambda known: fs.stochastic(scene, CELLS, SAMPLING, two_scale=known["two_scale"]),
+        "stochastic": lambda known: fs.stochastic(scene, CELLS, SAMPLING, known=known["deterministic"]),
     }
     assert list(STUDIES) == list(own)
     known = {}
@@ -35,7 +35,7 @@ def test_a_registered_study_is_what_its_function_gives():
         assert 0 < seconds < 3600
         assert 0 < memory < 1e9
     # two scales have the pieces into which the deterministic study has cut the face
-    assert known["two_scale"].fields is known["deterministic"].windows.fields
+    assert known["two_scale"].gap is known["deterministic"].gap
 
 
 def test_every_study_names_the_variable_that_answers():

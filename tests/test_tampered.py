@@ -26,10 +26,10 @@ from femseal.execution import checkpoint, store
 from femseal.execution.checkpoint import Checkpoint
 from femseal.execution.lock import alone_in
 from femseal.execution.plain_data import packed, unpacked
+from femseal.face.piece_flow import Failed, PiecePermeability, SolveCounts, SolverCounts
 from femseal.preparation.preparation import prepare
 from femseal.report import folder as report_folder
 from femseal.runs import job
-from femseal.windows.window_flow import Failed, FlowHistory, SolveCounts, SolverCounts
 
 # --- values as bytes -----------------------------------------------------------------------------------------------
 
@@ -45,7 +45,7 @@ VALUE = {
         np.array([True, False]),
         np.array([np.nan, -np.nan, 1e-310]),
     ),
-    "classes": (FlowHistory(np.array([1e-18, np.nan]), COUNTS, ("why",)), Failed("because")),
+    "classes": (PiecePermeability(np.array([1e-18, np.nan]), COUNTS), Failed("because")),
 }
 
 
@@ -104,8 +104,8 @@ def text_of(tree, content=b""):
         text_of(["femseal.runs.job.run", "case.toml"]),
         text_of(["femseal.runs.job.Path", "x"]),
         text_of(["femseal.case.case.Case"]),
-        text_of(["femseal.windows.window_flow.Failed"]),
-        text_of(["femseal.windows.window_flow.Failed", "a", "b"]),
+        text_of(["femseal.face.piece_flow.Failed"]),
+        text_of(["femseal.face.piece_flow.Failed", "a", "b"]),
         text_of(["femseal.no_such_room.Failed", "a"]),
         text_of([1, 2]),
         text_of(["array", "<f8", [10**12], "C", 0], b"12345678"),

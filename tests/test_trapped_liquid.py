@@ -9,9 +9,9 @@ from numpy.testing import assert_allclose, assert_array_equal
 
 import femseal as fs
 from femseal.case.case import parse_case
+from femseal.face.piece_flow import FlowSettings
 from femseal.studies.fluid_coupling import FluidPressure
 from femseal.studies.trapped_liquid import label_pockets
-from femseal.windows import FlowSettings
 
 E, D = 115e9, 1e-6
 N = 64

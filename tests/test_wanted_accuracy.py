@@ -38,7 +38,7 @@ SMALL = {
 }
 DRAWN = SMALL | {
     "cells": {"count": [2, 2]},
-    "stochastic": {"length": "300 um", "sampler": "history", "pressure": "uniform", "library_cells": 2},
+    "stochastic": {"length": "300 um"},
 }
 
 
@@ -126,7 +126,6 @@ def test_the_page_tells_what_was_chosen_and_the_band_of_error(tmp_path):
     told = dict(re.findall(r"<dt>([^<]*)</dt><dd>([^<]*)</dd>", page))
     assert float(told["contact.rtol"]) == chosen["rtol"] != 1e-5
     assert int(told["stochastic.realisations"]) == chosen["realisations"] == 20
-    assert told["stochastic.library_cells"] == "2"
     basis, peak = results.leak_basis, results.peak
     factor = basis.factor(basis.readable(results.leakage.values))
     band = format_error_band(results.budget.lower[peak], results.budget.upper[peak], factor, results.leakage[peak])
@@ -165,13 +164,13 @@ def test_a_run_that_was_stopped_goes_on_as_it_would_have(tmp_path, reached):
 
 
 def test_what_seals_drawn_from_a_small_face_leave_out_limits():
-    """Windows under one pressure know nothing of the long waves of the face, which no library mends."""
+    """Pieces of one patch know nothing of longer waves, which no finer solution mends."""
     results = fs.run(parse_case(DRAWN | {"accuracy": "60 %", "surface": {"points": [64, 64]}}), workers=1)
     told = results.attempts
-    assert told["limit"] == "sampler"
+    assert told["limit"] == "patch"
     assert told["attempts"][0]["settings"]["realisations"] == 20
     assert not told["reached"]
-    assert any("accuracy 60 % is not reached" in text and "a longer face" in text for text in results.warnings)
+    assert any("accuracy 60 % is not reached" in text and "more measured places" in text for text in results.warnings)
 
 
 class TestRefining:
@@ -193,14 +192,13 @@ class TestRefining:
         assert change.settings is None
         assert "of memory, expected 100 kB" in change.text
 
-    def test_seals_and_windows_are_four_times_as_many(self):
-        drawn = DRAWN | {"stochastic": {"length": "300 um", "sampler": "history", "pressure": "uniform"}}
+    def test_seals_are_four_times_as_many(self):
+        drawn = DRAWN | {"stochastic": {"length": "300 um"}}
         drawn["cells"] = {"count": [2, 2]}
         settings, change = self.change(drawn, "realisations")
         assert change.settings == replace(settings, realisations=80)
-        assert "all windows of the face, 4" in self.change(drawn, "library")[1].text
-        drawn["stochastic"] = drawn["stochastic"] | {"library_cells": 2}
-        assert "stochastic.library_cells is given" in self.change(drawn, "library")[1].text
+        drawn["stochastic"] = drawn["stochastic"] | {"realisations": 30}
+        assert "stochastic.realisations is given" in self.change(drawn, "realisations")[1].text
 
     def test_residuals_are_a_tenth(self):
         settings, change = self.change(SMALL, "solver")
@@ -209,7 +207,7 @@ class TestRefining:
 
     def test_removed_waves_and_cut_pieces_are_told(self):
         assert "surface.shortest_wave" in self.change(SMALL, "filter")[1].text
-        assert "longer face" in self.change(SMALL, "sampler")[1].text
+        assert "more measured places" in self.change(SMALL, "patch")[1].text
 
 
 class TestCase:
@@ -238,7 +236,7 @@ class TestCase:
             describe(drawn, prepare(drawn))
         ring = {"kind": "annular", "inner_radius": "1 mm", "outer_radius": "2 mm", "inlet": "inner"}
         shaped = case(seal=ring)
-        assert (shaped.method, shaped.stochastic.pressure) == ("stochastic", "uniform")
+        assert (shaped.method, shaped.stochastic.length) == ("stochastic", None)
         assert first_version(shaped, prepare(shaped)).sampling.realisations == 20
 
     def test_check_says_what_is_tried_first(self):
@@ -283,11 +281,11 @@ def test_the_accuracy_is_true():
 
 
 def test_what_can_be_refined_is_where_something_else_cannot():
-    """Seals of four windows of the face limit; pixels are refined until they are within the accuracy."""
+    """Seals of four pieces of one patch limit; pixels are refined until they are within the accuracy."""
     drawn = {"length": "300 um", "realisations": 6}
     told = fs.run(parse_case(DRAWN | {"accuracy": "3 %", "stochastic": drawn}), workers=1).attempts
     first, last = told["attempts"][0], told["attempts"][-1]
-    assert {first["limit"], last["limit"]} <= {"sampler", "library"}
+    assert (first["limit"], last["limit"]) == ("patch", "patch")
     assert first["parts"]["pixels"] > np.log(1.03) >= last["parts"]["pixels"]
-    assert "all windows of the face, 4" in told["why"]
+    assert "more measured places" in told["why"]
     assert "stochastic.realisations is given" in told["why"] or last["parts"]["realisations"] <= np.log(1.03)

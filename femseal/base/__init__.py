@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from .files import made_folder, read_plain, replacing, write_text, writing
     from .machine import free_memory, numerical_versions, versions
     from .quantities import to_si, to_text
-    from .stage import BLOCK, Mapper, Stage
+    from .stage import Mapper, Stage
     from .text import Labelled, Plotted, Shown, TextTable, comma_separated, duration, format_deviation
 
 load_when_used(__name__)

@@ -7,8 +7,6 @@ from typing import Any
 #: Computes a stage for all items, as the builtin `map` does: mapper(stage, *iterables) gives the results in the order
 #: of the items, wherever they are computed.
 Mapper = Callable[..., Iterable[Any]]
-#: Items that a stage of short calls takes together; parts of a run begin with a whole number of them.
-BLOCK = 64
 
 
 @dataclass(frozen=True)
@@ -18,8 +16,6 @@ class Stage:
     name : what the stage computes; progress, log, timings and report show it.
     function : called for each item; processes get it as a pickle.
     memory : of one call [byte], 0 if it is small; a machine runs no more calls at once than fit in its memory.
-    apart : whether the results may come as a sequence that reads those which are asked for, as in a part of a run.
-    here : whether sending the items to other processes takes longer than the calls.
 
     >>> stage = Stage("quotients", divmod)
     >>> stage.name, list(map(stage, [7, 9], [2, 2]))
@@ -29,8 +25,6 @@ class Stage:
     name: str
     function: Callable[..., Any]
     memory: float = 0.0
-    apart: bool = False
-    here: bool = False
 
     def __call__(self, *item: Any) -> Any:
         """Compute the result of one item."""

@@ -9,6 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..loads import LoadProgramme
+from ..studies.load_curves import load_sensitivity, neighbouring_steps
 from ..studies.scene import Array
 from .error_parts import ErrorPart
 
@@ -86,7 +87,7 @@ def scale_of_changes(steps: LoadProgramme, change: Array, slope: Array, known: l
     finite = [s for s in known if np.isfinite(change[s])]
     shift = float(np.mean(np.abs(change[finite] / slope[finite]))) if finite else 0.0
     beside: list[set[int]] = [set() for _ in steps]
-    for s, other in neighbours(steps):
+    for s, other in neighbouring_steps(steps):
         beside[s].add(other)
         beside[other].add(s)
     near = np.zeros(len(steps))
@@ -98,29 +99,6 @@ def scale_of_changes(steps: LoadProgramme, change: Array, slope: Array, known: l
             found |= ring & {*finite}
         near[s] = np.sqrt(np.mean(np.square(change[sorted(found)]))) if found else 0.0
     return np.hypot(near, slope * shift)
-
-
-def load_sensitivity(steps: LoadProgramme, leakage: Array) -> Array:
-    """|d ln(leakage) / d ln(load)| at every step (steps,), the steeper of both sides on the branch; 0 where unknown."""
-    q, p = np.abs(np.asarray(leakage, float)), steps.pressures
-    found = np.zeros(len(steps))
-    for s, other in neighbours(steps):
-        if q[s] > 0 and q[other] > 0 and p[s] > 0 and p[other] > 0:
-            slope = abs(np.log(q[s] / q[other]) / np.log(p[s] / p[other]))
-            found[s], found[other] = max(found[s], slope), max(found[other], slope)
-    return found
-
-
-def neighbours(steps: LoadProgramme) -> list[tuple[int, int]]:
-    """Every step with the one before it on its branch, that of an unloading being its peak."""
-    pairs = []
-    for s, step in enumerate(steps):
-        before = s - 1
-        if step.unloaded_from is not None and steps[before].unloaded_from != step.unloaded_from:
-            before = int(steps.peak_indices[s])
-        if before >= 0:
-            pairs.append((s, before))
-    return pairs
 
 
 def sealed_upper(

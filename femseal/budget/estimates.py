@@ -14,7 +14,8 @@ from scipy.special import bdtr, stdtrit
 from ..base import counted
 from ..loads import LoadProgramme
 from ..studies import Scene, StochasticResult
-from ..studies.drawn_error import count_scenes, decades, half_width
+from ..studies.drawn_error import FLOOR_DECADES, count_scenes, decades, half_width
+from ..studies.load_curves import first_known
 from ..studies.scene import Array
 from ..topography.seat import ScaledSeat, Seat
 from .changes import LEAST_SLOPE, CoarserSolution, load_sensitivity, on_all_steps, part_of_changes, scale_of_changes
@@ -216,7 +217,9 @@ def patch_part(study: StochasticResult) -> ErrorPart:
     """What one measured patch does not know of a drawn seal, by the scenes of a calibration set."""
     q = study.quantile(0.5)
     kind = "in place" if study.tiles.in_place else "anywhere"
-    distance = half_width(kind, leakage=q, scatter=study.scatter)
+    distance = half_width(kind, study.steps, q)
     where = "as broad as the face" if study.tiles.in_place else "of another breadth or shape than the face"
     note = f"seals {where}, drawn from one patch: by split conformal prediction from {count_scenes(kind)} whole faces"
-    return part_of_changes("patch", study.steps, q, distance, distance, note)
+    part = part_of_changes("patch", study.steps, q, distance, distance, note)
+    floor = abs(float(q[first_known(q)])) / 10**FLOOR_DECADES
+    return replace(part, lower=np.where(part.lower < floor, 0.0, part.lower))

@@ -13,7 +13,7 @@ from __future__ import annotations
 
 import hashlib
 from dataclasses import dataclass, fields, is_dataclass, replace
-from functools import cached_property, lru_cache
+from functools import cached_property
 from math import inf
 from typing import Any
 
@@ -148,8 +148,6 @@ class ContactLaw:
         InputError : the law has arrays of another shape, or a yield pressure that is not > 0.
         """
         hardness, slope = self.yield_pressure(deformation), self.hardening_modulus(deformation)
-        if isinstance(hardness, float) and isinstance(slope, float) and hardness > 0.0 >= slope:
-            return _flat(hardness)
         slope = np.maximum(slope, 0.0)
         hardness = hardness - slope * np.asarray(deformation, dtype=float)
         hardness, slope = (np.atleast_1d(np.asarray(values, dtype=float)) for values in (hardness, slope))
@@ -356,23 +354,11 @@ class YieldLine:
         return np.where(self.slope > 0, inf, self.hardness) if self.hardens else self.hardness
 
 
-@lru_cache(16)
-def _flat(hardness: float) -> YieldLine:
-    """The line of points that all have one hardness; it is the same object for the many contacts of small windows."""
-    return YieldLine(np.array([hardness]), np.zeros(1))
-
-
 def contact_law(hardness: float | ArrayLike | ContactLaw) -> ContactLaw:
     """A law as given, or the perfectly plastic one of a hardness [Pa], a number or an array (n1, n2)."""
     if isinstance(hardness, ContactLaw):
         return hardness
-    return _uniform(hardness) if isinstance(hardness, float) else PerfectlyPlastic(hardness)  # type: ignore[arg-type]
-
-
-@lru_cache(16)
-def _uniform(hardness: float) -> ContactLaw:
-    """The perfectly plastic law of one hardness, as `_flat` the same object for many contacts."""
-    return PerfectlyPlastic(hardness)
+    return PerfectlyPlastic(hardness)  # type: ignore[arg-type]
 
 
 def _numbers(name: str, value: Any, unit: str, *, zero: bool = False) -> float | Array:

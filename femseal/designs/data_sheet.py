@@ -35,7 +35,7 @@ from ..results.results import Results
 from ..results.selections import loads_as_given, pressures_and_peaks
 from ..results.tables import format_leakage
 from .requirements import ENDS, LoadText, NeededPressure, Requirement, Seals
-from .sensitivities import Sensitivity, Slope, TurnedFace
+from .sensitivities import Sensitivity, TurnedFace
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -217,20 +217,24 @@ def sheet_tables(answer: Design) -> list[TextTable]:
         columns.append((head, [_service_text(need.service[q], left, shown) for need in needs]))
     tables = [TextTable.of_columns("Pressure in assembly and in service", columns, names=len(columns))]
     if answer.sensitivities:
-        values = [one.leakage.value for one in answer.sensitivities]
+        values = [one.leakage for one in answer.sensitivities]
         # the largest change of the leakage first, unknown ones last
         order = sorted(range(len(values)), key=lambda n: -abs(values[n]) if isfinite(values[n]) else 1.0)
         found = [answer.sensitivities[n] for n in order]
         place = f"at {shown(answer.at[1])} on loading" + (f", Qmin of {answer.at[0]}" if answer.at[0] else "")
         columns = [
             ("quantity x", [one.quantity for one in found]),
-            ("d ln L / d ln x", [one.leakage.text() for one in found]),
-            ("d ln Qmin / d ln x", [one.pressure.text() for one in found]),
+            ("d ln L / d ln x", [_slope_text(one.leakage) for one in found]),
+            ("d ln Qmin / d ln x", [_slope_text(one.pressure) for one in found]),
             ("how", [one.how for one in found]),
         ]
         title = f"What changes leakage L and Qmin most, {place}"
         tables.append(TextTable.of_columns(title, columns, names=len(columns)))
     return tables
+
+
+def _slope_text(slope: float) -> str:
+    return f"{slope:+.2f}" if isfinite(slope) else "–"
 
 
 def _service_text(needed: NeededPressure, left: float | None, shown: LoadText) -> str:
@@ -266,9 +270,7 @@ def sheet_sentences(answer: Design) -> list[str]:
     sealing = answer.sealing.text(shown) + _band(answer.sealing, count, shown)
     found.append(f"The load that seals without leakage: {sealing}.")
     if answer.turned is not None:
-        low, high = answer.turned.leakage.low, answer.turned.leakage.high
-        band = f" ({low:.3g} to {high:.3g})" if isfinite(low) else ""
-        text = f"With the face turned by 90° it leaks {answer.turned.leakage.value:.3g}{band} times as much"
+        text = f"With the face turned by 90° it leaks {answer.turned.leakage:.3g} times as much"
         text += f" at {shown(answer.at[1])}"
         if answer.turned.need:
             text += f", and {answer.at[0]} takes {answer.turned.need}"
@@ -301,9 +303,8 @@ def rows(answer: Design) -> list[dict[str, Any]]:
         load = answer.load_text(value)
         add_row(figure, name, assembly, needed.relation, value, load=load, high=high, **ends)
 
-    def add_slope(figure: str, name: str, slope: Slope, how: str) -> None:
-        value, low, high = (x if isfinite(x) else None for x in (slope.value, slope.low, slope.high))
-        add_row(figure, name, answer.at[1], "=", value, low=low, high=high, how=how)
+    def add_slope(figure: str, name: str, slope: float, how: str) -> None:
+        add_row(figure, name, answer.at[1], "=", slope if isfinite(slope) else None, how=how)
 
     for need in answer.requirements:
         add("Qmin [Pa]", need.name, None, need.assembly)

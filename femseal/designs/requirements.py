@@ -10,7 +10,7 @@ and of the lower end, stand beside.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from math import ceil, inf, isinf
 
@@ -20,9 +20,6 @@ from ..base import Array, Indices, Shown
 from ..base.leak_rates import within
 from ..loads import LoadProgramme, LoadStep, relaxed
 from ..results.results import Results
-
-#: Sets of seals that are drawn again for the uncertainty of a figure, and the seed of their random numbers.
-DRAWS, SEED = 400, 13555
 
 
 @dataclass(frozen=True, eq=False)
@@ -89,17 +86,6 @@ class Seals:
     def count(self) -> int:
         """Number of seals."""
         return len(self.leakage)
-
-    def drawn_again(self, seed: int = SEED) -> Iterator[tuple[Indices, Seals]]:
-        """As many seals drawn with repetition: their numbers, and the seals."""
-        rng = np.random.default_rng(seed)
-        for _ in range(DRAWS if self.count > 1 else 0):
-            chosen = rng.integers(self.count, size=self.count)
-            yield chosen, self.some(chosen)
-
-    def some(self, chosen: Indices) -> Seals:
-        """Seals of some numbers."""
-        return Seals(self.steps, self.leakage[chosen], self.lower[chosen], self.upper[chosen])
 
     def times(self, factor: float) -> Seals:
         """Seals that leak more by a factor."""
@@ -172,7 +158,7 @@ def _rank(fraction: float, count: int) -> int:
 
 #: A pressure [Pa] as text, with the force that makes it where the loads are forces.
 LoadText = Callable[[float], str]
-#: Ends of the interval of an uncertainty, and of the band between seals.
+#: Ends of the band between seals.
 ENDS = (0.05, 0.95)
 
 
@@ -216,10 +202,6 @@ class NeededPressure(Shown):
         """The value as text; in brackets what the leakage as computed needs, where that differs."""
         value, computed = self._text(self.value, shown), self._text(self.computed, shown)
         return value if value == computed else f"{value} (as computed: {computed})"
-
-    def interval_text(self, shown: LoadText) -> str:
-        """What the two ends of the band need, as text."""
-        return _joined(self._text(self.low, shown), self._text(self.value, shown))
 
     def band_text(self, shown: LoadText) -> str:
         """What 5 % and 95 % of the seals need, as text."""

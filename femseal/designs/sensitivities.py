@@ -21,7 +21,7 @@ from typing import Any, cast
 import numpy as np
 import scipy
 
-from ..base import Indices
+from ..base import InputError
 from ..case.case import Case
 from ..execution.mappers import ordered_map
 from ..execution.run import Progress, Run
@@ -32,35 +32,17 @@ from ..refinement.settings import last_version
 from ..results.results import Results
 from ..studies import FluidState, Scene
 from ..studies.compiling import compile_ahead
-from ..topography import Topography
-from .requirements import ENDS, SEED, Seals, pressure_for
-
-
-@dataclass(frozen=True)
-class Slope:
-    """A logarithmic slope, with the interval in which it lies with 90 %; NaN where it is unknown."""
-
-    value: float
-    low: float
-    high: float
-
-    def text(self) -> str:
-        """The slope with two decimals, "–" where it is unknown."""
-        if not np.isfinite(self.value):
-            return "–"
-        value = f"{self.value:+.2f}"
-        if not np.isfinite([self.low, self.high]).all() or self.low == self.high:
-            return value
-        return f"{value} ({self.low:+.2f} to {self.high:+.2f})"
+from ..topography import Places, Topography
+from .requirements import Seals
 
 
 @dataclass(frozen=True)
 class Sensitivity:
-    """Slopes d ln L/d ln x and d ln Qmin/d ln x of a quantity x, and how they were found."""
+    """Slopes d ln L/d ln x and d ln Qmin/d ln x of a quantity x, NaN where unknown, and how they were found."""
 
     quantity: str
-    leakage: Slope
-    pressure: Slope
+    leakage: float
+    pressure: float
     how: str
 
 
@@ -86,38 +68,12 @@ class Variants:
 
 def sensitivities(seals: Seals, variants: Variants, pressure: float, fraction: float) -> tuple[Sensitivity, ...]:
     """Slopes at a nominal pressure on loading, of the leakage that a fraction of the seals does not exceed."""
-    rows = {name: how for name, _, how in _slopes(seals, variants, pressure, fraction)}
-    best = _values(seals, variants, pressure, fraction)
-    again = [_values(some, _drawn(variants, chosen, seals), pressure, fraction) for chosen, some in seals.drawn_again()]
-    found = []
-    for n, (name, how) in enumerate(rows.items()):
-        slopes = []
-        for part in (0, 1):
-            several = np.array([values[n][part] for values in again])
-            several = several[np.isfinite(several)]
-            known = np.isfinite(best[n][part]) and several.size
-            ends = [pressure_for(several, end) if known else np.nan for end in ENDS]
-            slopes.append(Slope(best[n][part], *ends))
-        found.append(Sensitivity(name, slopes[0], slopes[1], how))
-    return tuple(found)
-
-
-def _drawn(variants: Variants, chosen: Indices, seals: Seals) -> Variants:
-    """The variants of the seals drawn again."""
-
-    def again(variant: Seals | None) -> Seals | None:
-        return variant if variant is None or variant.count != seals.count else variant.some(chosen)
-
-    return replace(variants, harder=again(variants.harder), longer=again(variants.longer))
-
-
-def _values(seals: Seals, variants: Variants, pressure: float, fraction: float) -> list[tuple[float, float]]:
-    """Slopes of the leakage and of the pressure that is needed, of every quantity."""
-    slopes = _slopes(seals, variants, pressure, fraction)
-    load = slopes[0][1]
+    rows = _slopes(seals, variants, pressure, fraction)
+    load = rows[0][1]
     steep = np.isfinite(load) and load != 0
     # of the load itself, there is nothing to be needed
-    return [(slope, -slope / load if steep and n else np.nan) for n, (_, slope, _) in enumerate(slopes)]
+    needed = [-slope / load if steep and n else np.nan for n, (_, slope, _) in enumerate(rows)]
+    return tuple(Sensitivity(name, slope, need, how) for (name, slope, how), need in zip(rows, needed, strict=True))
 
 
 def _slopes(seals: Seals, variants: Variants, pressure: float, fraction: float) -> list[tuple[str, float, str]]:
@@ -201,21 +157,14 @@ class TurnedFace:
     text. how : what was solved.
     """
 
-    leakage: Slope
+    leakage: float
     need: str
     how: str
 
 
-def ratio_of(seals: Seals, other: Seals, factor: float, pressure: float, fraction: float) -> Slope:
+def ratio_of(seals: Seals, other: Seals, factor: float, pressure: float, fraction: float) -> float:
     """Factor from the leakage of seals to that of others at a load, the others' multiplied by `factor`."""
-
-    def ratio(one: Seals, two: Seals) -> float:
-        return float(factor * np.exp(level_at(two, pressure, fraction) - level_at(one, pressure, fraction)))
-
-    pairs = zip(seals.drawn_again(), other.drawn_again(SEED + 1), strict=False)
-    again = [value for value in (ratio(one, two) for (_, one), (_, two) in pairs) if np.isfinite(value)]
-    ends = [pressure_for(np.array(again), end) if again else np.nan for end in ENDS]
-    return Slope(ratio(seals, other), *ends)
+    return float(factor * np.exp(level_at(other, pressure, fraction) - level_at(seals, pressure, fraction)))
 
 
 #: Factors of hardness and of the length of a flow law: small enough for a slope, and above the residuals of contact.
@@ -264,8 +213,9 @@ class Solver:
         Raises InputError: the turned face does not go with the shape of the seal or with its pieces.
         """
         prepared, scene = self._prepared, self._scene
-        scene.check_one_place("lay", "turned", "as measured")
         surface = scene.surface
+        if isinstance(surface, Places):
+            raise InputError("lay", "'turned' with several places", "'as measured' with them")
         turned = replace(scene, surface=Topography(np.ascontiguousarray(surface.heights.T), surface.spacing[::-1]))
         cells = None if prepared.cells is None else prepared.cells[::-1]
         sampling = prepared.sampling

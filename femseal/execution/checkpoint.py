@@ -19,7 +19,6 @@ from collections import deque
 from collections.abc import Callable, Iterable, Iterator, Sequence, Sized
 from contextlib import suppress
 from dataclasses import dataclass, replace
-from functools import partial
 from itertools import islice
 from pathlib import Path
 from typing import Any
@@ -136,7 +135,6 @@ class Checkpoint:
         self._taken = 0
         self._next = 0
         self._writer = ShardWriter((), self._place)
-        self._read: tuple[Path | None, list[bytes]] = (None, [])  # the shard that was read last
         if not resume and part is None:
             remove(output)
         try:
@@ -166,62 +164,42 @@ class Checkpoint:
             raise FemsealError(f"resume: {text}; if they were changed, remove that folder to start anew") from error
 
     def over(self, mapper: Mapper) -> Mapper:
-        """The same mapper, but items in shards are read from them, and computed items are written to shards.
+        """The same mapper, but items in shards are read from them, and computed items are written to shards."""
 
-        Of a stage that a study takes `apart`, a part gets a sequence that reads the items which are asked for.
-        """
-
-        def whole(stage: Stage, *iterables: Iterable[Any]) -> Iterator[Any]:
-            if self._part is not None:
-                yield from self._shared(mapper, self._part, stage, iterables)
-                return
+        def mapping(stage: Stage, *iterables: Iterable[Any]) -> Iterator[Any]:
             self._stages += 1
-            yield from self._through(mapper, stage, iterables)
-
-        def mapping(stage: Stage, *iterables: Iterable[Any]) -> Iterable[Any]:
-            if self._part is not None and stage.apart:
-                return self._shared(mapper, self._part, stage, iterables)
-            return whole(stage, *iterables)
+            if self._part is None:
+                yield from self._through(mapper, stage, iterables)
+            else:
+                yield from self._shared(mapper, self._part, stage, iterables)
 
         return mapping
 
-    def _shared(self, mapper: Mapper, part: Part, stage: Stage, iterables: Sequence[Iterable[Any]]) -> _Items:
+    def _shared(self, mapper: Mapper, part: Part, stage: Stage, iterables: Sequence[Iterable[Any]]) -> Iterator[Any]:
         """The items of a stage that parts compute, once those of this part are kept."""
-        self._stages += 1
         if not any(isinstance(iterable, Sized) for iterable in iterables):
             iterables = tuple(zip(*zip(*iterables, strict=False), strict=True))
         count = min((len(iterable) for iterable in iterables if isinstance(iterable, Sized)), default=0)
         start, stop = own_items(part, count)
-        for items in iterables:  # joblib's threads read what is there: waiting there would keep Ctrl-C from ending it
-            for item in items[start:stop] if isinstance(items, Sequence) else ():
-                if isinstance(item, _Items):
-                    iter(item)
         own = f"part {part[0]}/{part[1]}: {stage.name}"
         for done, _ in enumerate(self._through(mapper, stage, iterables, start, stop), start=1):
             self._progress(own, done, stop - start)
-        return _Items(partial(self._of_parts, part, stage, self._stages, count), range(count))
-
-    def _of_parts(self, part: Part, stage: Stage, number: int, count: int, wanted: range) -> Iterator[Any]:
-        """Some of the items of a stage of this number; those of parts that are under way are waited for at once."""
         shards: list[_Shard] = []
 
         def missing() -> list[int]:
-            there = np.zeros(len(wanted), bool)
-            shards[:] = self._found(stage, wanted.start, wanted.stop, check=False, number=number)
+            there = np.zeros(count, bool)
+            shards[:] = self._found(stage, 0, count, check=False)
             for shard in shards:
-                there[shard.used.start - wanted.start : shard.used.stop - wanted.start] = True
-            return parts_of((wanted.start + np.flatnonzero(~there)).tolist(), part, count)
-
-        def items() -> Iterator[Any]:
-            for shard in shards:
-                try:
-                    yield from self._items(stage, shard)
-                except (OSError, ValueError) as error:
-                    log.warning("checkpoint: %s cannot be read (%s)", shard.path, error)
-                    raise missing_parts(part, stage.name, parts_of(shard.used, part, count)) from None
+                there[shard.used.start : shard.used.stop] = True
+            return parts_of(np.flatnonzero(~there).tolist(), part, count)
 
         await_parts(self._folder.parent, part, stage.name, missing)
-        return items()
+        for shard in shards:
+            try:
+                yield from self._items(stage, shard)
+            except (OSError, ValueError) as error:
+                log.warning("checkpoint: %s cannot be read (%s)", shard.path, error)
+                raise missing_parts(part, stage.name, parts_of(shard.used, part, count)) from None
 
     def _through(
         self, mapper: Mapper, stage: Stage, iterables: Sequence[Iterable[Any]], start: int = 0, stop: int | None = None
@@ -229,9 +207,8 @@ class Checkpoint:
         """Results of a range of items: those in shards, and the others computed and kept."""
         shards = deque(self._found(stage, start, stop, check=True))
         ranges = [shard.used for shard in shards]
-        left = (_left(islice(items, start, stop), start, ranges) for items in iterables)
-        # what cannot be read ends the items of a mapper, which says so; while it sends them, it would not
-        computed = iter(mapper(stage, *(map(_read_now, items) for items in left)))
+        left = [_left(islice(items, start, stop), start, ranges) for items in iterables]
+        computed = iter(mapper(stage, *left))
         self._next = start
         self._writer = ShardWriter((self._key, stage.name), self._place, merge=True)
         added = False
@@ -258,14 +235,9 @@ class Checkpoint:
 
     def _items(self, stage: Stage, shard: _Shard) -> Iterator[Any]:
         """The items of a shard that are used."""
-        path, items = self._read  # other threads read too
-        if path != shard.path:
-            items = read_shard(shard.path, (self._key, stage.name))
-            self._read = shard.path, items
         first = shard.items.start
-        yield from map(unpacked, items[shard.used.start - first : shard.used.stop - first])
-        if shard.used == shard.items:
-            self._read = (None, [])
+        items = read_shard(shard.path, (self._key, stage.name))[shard.used.start - first : shard.used.stop - first]
+        yield from map(unpacked, items)
 
     def _place(self, count: int) -> Path:
         """Path of a shard of so many items, up to the one that was kept last."""
@@ -278,14 +250,9 @@ class Checkpoint:
         except OSError as error:
             raise self._failure(error) from error
 
-    def _found(
-        self, stage: Stage, start: int, stop: int | None, check: bool, number: int | None = None
-    ) -> Iterator[_Shard]:
-        """Shards with items of a range of a stage by their names, in order; `check`: and by what is in them.
-
-        number : of the stage, unless it is the last one.
-        """
-        there = [_Shard.at(path) for path in self._folder.glob(f"{number or self._stages:03d}-*{SUFFIX}")]
+    def _found(self, stage: Stage, start: int, stop: int | None, check: bool) -> Iterator[_Shard]:
+        """Shards with items of a range of the last stage by their names, in order; `check`: and by what is in them."""
+        there = [_Shard.at(path) for path in self._folder.glob(f"{self._stages:03d}-*{SUFFIX}")]
         # of those that begin with the same item the longest comes first, which the others were merged into
         for shard in sorted(there, key=lambda s: (s.items.start, -s.items.stop, s.path)):
             last = shard.items.stop if stop is None else min(shard.items.stop, stop)
@@ -314,37 +281,6 @@ class Checkpoint:
             f"checkpoint: {error}; the results of {counted(kept, 'item')} are kept in '{self._folder}': "
             f"{todo}, then a run with --resume goes on from there"
         )
-
-
-class _Items(Sequence[Any]):
-    """Items of a stage by their numbers; they are read when they are asked for, and a slice reads none.
-
-    read : gives the items of a range of numbers. numbers : those of these items.
-    """
-
-    def __init__(self, read: Callable[[range], Iterable[Any]], numbers: range) -> None:
-        self._read, self._numbers = read, numbers
-
-    def __len__(self) -> int:
-        return len(self._numbers)
-
-    def __iter__(self) -> Iterator[Any]:
-        return iter(self._read(self._numbers))
-
-    def __getitem__(self, key: Any) -> Any:
-        if isinstance(key, slice):
-            return _Items(self._read, self._numbers[key])
-        number = self._numbers[key]
-        (item,) = self._read(range(number, number + 1))
-        return item
-
-    def __reduce__(self) -> tuple[Any, ...]:
-        return list, (list(self),)
-
-
-def _read_now(item: Any) -> Any:
-    """An item as it can be sent: those that another stage has kept are read."""
-    return list(item) if isinstance(item, _Items) else item
 
 
 @dataclass(frozen=True)

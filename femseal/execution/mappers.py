@@ -6,12 +6,10 @@ not compete for cores and results do not depend on where they were computed.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from functools import partial
-from typing import Any
 
-from ..base.stage import Mapper, Stage
+from ..base.stage import Mapper
 
 
 @contextmanager
@@ -41,15 +39,11 @@ def ordered_map(
     with threadpool_limits(1):
         if scheduler is not None:
             with over_cluster(scheduler, count) as mapper:
-                yield partial(_map, mapper)
+                yield mapper
         elif count == 1:
             yield map
         else:
             with over_processes(count) as mapper:
                 if before is not None:
                     before(mapper)
-                yield partial(_map, mapper)
-
-
-def _map(elsewhere: Mapper, stage: Stage, *iterables: Iterable[Any]) -> Iterable[Any]:
-    return (map if stage.here else elsewhere)(stage, *iterables)
+                yield mapper

@@ -9,14 +9,12 @@ from __future__ import annotations
 import re
 from collections.abc import Iterable
 
-from ..base import BLOCK, InputError, PartsMissing, shown
+from ..base import InputError, PartsMissing, shown
 
 #: Number of a part, from 1, and how many there are.
 Part = tuple[int, int]
 #: Most parts.
 MOST_PARTS = 100_000
-#: Blocks of items that each part has at least, where parts have whole ones, so that their shares are nearly equal.
-LEAST_BLOCKS = 16
 
 
 def parsed_part(text: str | None) -> Part | None:
@@ -48,21 +46,9 @@ def own_items(part: Part, count: int) -> tuple[int, int]:
 
     >>> [own_items((n, 3), 7) for n in (1, 2, 3)]
     [(0, 3), (3, 5), (5, 7)]
-    >>> [own_items((n, 3), 10_000) for n in (1, 2, 3)]
-    [(0, 3392), (3392, 6720), (6720, 10000)]
     """
     number, parts = part
-    block = _block(parts, count)
-    blocks = -(-count // block)
-    return min(count, block * -(-(number - 1) * blocks // parts)), min(count, block * -(-number * blocks // parts))
-
-
-def _block(parts: int, count: int) -> int:
-    """Of how many items a part has a whole number: then a stage of blocks of them needs those of no other part."""
-    block = 1
-    while -(-count // (BLOCK * block)) >= LEAST_BLOCKS * parts:
-        block *= BLOCK
-    return block
+    return -(-(number - 1) * count // parts), -(-number * count // parts)
 
 
 def parts_of(items: Iterable[int], part: Part, count: int) -> list[int]:
@@ -71,9 +57,7 @@ def parts_of(items: Iterable[int], part: Part, count: int) -> list[int]:
     >>> parts_of([0, 2, 3], (1, 3), 7)
     [1, 2]
     """
-    block = _block(part[1], count)
-    blocks = -(-count // block)
-    return sorted({n // block * part[1] // blocks + 1 for n in items})
+    return sorted({n * part[1] // count + 1 for n in items})
 
 
 def missing_parts(part: Part, stage: str, missing: list[int]) -> PartsMissing:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import logging
 import sys
 import time
-from collections.abc import Callable, Iterable, Iterator, Sequence, Sized
+from collections.abc import Callable, Iterable, Iterator, Sized
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -58,38 +58,26 @@ class Run:
     def _watching(self, part: str) -> Mapper:
         """The mapper, but it reports the progress of each stage and sums their wall times."""
 
-        def mapping(stage: Stage, *iterables: Iterable[Any]) -> Iterable[Any]:
+        def mapping(stage: Stage, *iterables: Iterable[Any]) -> Iterator[Any]:
             total = min((len(i) for i in iterables if isinstance(i, Sized)), default=None)
-            name, start = f"{part}: {stage.name}", time.monotonic()
-            results = self.mapper(stage, *iterables)
-            if not isinstance(results, Sequence):
-                return self._watched(name, total, results)
-            self._ended(name, len(results), start)  # of a part, which has reported its own items
-            return results
+            name = f"{part}: {stage.name}"
+            self.progress(name, 0, total)
+            start = said = time.monotonic()
+            done = done_then = 0
+            for done, item in enumerate(self.mapper(stage, *iterables), start=1):
+                self.progress(name, done, total)
+                yield item
+                if (now := time.monotonic()) - said >= LOG_SECONDS:
+                    rate = (done - done_then) / (now - said)
+                    left = "" if total is None else f", {(total - done) / rate:.0f} s left"
+                    log.info("%s %d of %s, %.3g/s%s", name, done, total or "?", rate, left)
+                    said, done_then = now, done
+            seconds = time.monotonic() - start
+            self.timings[name] = self.timings.get(name, 0.0) + seconds
+            if done:
+                log.info("%s %d in %.1f s", name, done, seconds)
 
         return mapping
-
-    def _watched(self, name: str, total: int | None, results: Iterable[Any]) -> Iterator[Any]:
-        """The results of a stage, whose progress is reported."""
-        self.progress(name, 0, total)
-        start = said = time.monotonic()
-        done = done_then = 0
-        for done, item in enumerate(results, start=1):
-            self.progress(name, done, total)
-            yield item
-            if (now := time.monotonic()) - said >= LOG_SECONDS:
-                rate = (done - done_then) / (now - said)
-                left = "" if total is None else f", {(total - done) / rate:.0f} s left"
-                log.info("%s %d of %s, %.3g/s%s", name, done, total or "?", rate, left)
-                said, done_then = now, done
-        self._ended(name, done, start)
-
-    def _ended(self, name: str, done: int, start: float) -> None:
-        """Note the wall time of a stage."""
-        seconds = time.monotonic() - start
-        self.timings[name] = self.timings.get(name, 0.0) + seconds
-        if done:
-            log.info("%s %d in %.1f s", name, done, seconds)
 
 
 def _same(value: Any) -> Any:

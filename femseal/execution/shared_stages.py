@@ -1,7 +1,7 @@
 """Results of stages that several runs have in common, kept in a folder and distinguished by all that goes into them.
 
 An item is found again if its stage does the same with the same numbers: the contact of a face is solved once for all
-fluids, and a library of windows once for all lengths of seal, without a list of what depends on what. The folder is
+fluids, and its pieces once for all lengths of seal, without a list of what depends on what. The folder is
 read by the program that wrote it, not passed on.
 """
 

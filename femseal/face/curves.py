@@ -47,9 +47,9 @@ class LogCurve:
 class PieceCurves:
     """Permeability of a piece along one axis, on loading and on unloading from any peak.
 
-    steps : of the ladder, whose unloadings stop at equal fractions of their peaks. k : at every step (steps,) [m³]; where
-    it is NaN the curves go on from the states beside it. Without any state on loading, or on unloading where the ladder
-    unloads, k is NaN there.
+    steps : of the ladder, whose unloadings stop at equal fractions of their peaks. k : at every step (steps,) [m³];
+    where it is NaN the curves go on from the states beside it. Without any state on loading, or on unloading where the
+    ladder unloads, k is NaN there.
     """
 
     def __init__(self, steps: LoadProgramme, k: Array) -> None:
@@ -63,7 +63,7 @@ class PieceCurves:
             down = [s for s, step in enumerate(steps) if step.unloaded_from == peak and known[s]][::-1]
             if down and on_loading.any():
                 fractions = np.array([*(steps[s].pressure / peak for s in down), 1.0])
-                self._unloading.append(LogCurve(fractions, np.append(k[down], self.loaded(peak))))
+                self._unloading.append(LogCurve(fractions, np.append(k[down], self.loaded(np.array(peak)))))
                 peaks.append(peak)
         self._peaks = np.array(peaks)
         self._unloads = bool(steps.unload_from)
@@ -98,13 +98,18 @@ class PieceCurves:
         x = np.cbrt(knots)
         weight = np.clip((np.cbrt(peak) - x[upper - 1]) / (x[upper] - x[upper - 1]), 0, 1)
         inside = np.clip(relative, 0, 1)
-        value, top = (
+        value, top, released = (
             _between(weight, self._at(upper - 1, at, peak), self._at(upper, at, peak))
-            for at in (inside, np.ones_like(inside))
+            for at in (inside, np.ones_like(inside), np.zeros_like(inside))
         )
         ceiling, floor = self.loading(np.cbrt(pressure)), self.loading(np.cbrt(peak))
-        # from a peak at which the piece is open, k starts at its value on loading
-        value += np.subtract(floor, top, out=np.zeros_like(top), where=np.isfinite(floor) & np.isfinite(top))
+        # from a peak at which the piece is open, k starts at its value on loading, which the mean of two peaks misses
+        # there, and less the more the piece has been released; below all peaks it misses the same everywhere
+        is_open = np.isfinite(floor) & np.isfinite(top)
+        missed, mean = floor[is_open] - top[is_open], value[is_open] - top[is_open]
+        whole = np.maximum(released[is_open] - top[is_open], missed)
+        left = 1 - np.divide(mean, whole, out=np.zeros_like(mean), where=(whole > 0) & (upper[is_open] > 1))
+        value[is_open] += missed * left
         value = np.clip(value, np.minimum(floor, ceiling), ceiling)
         return np.where((relative <= 1) & np.isfinite(ceiling), np.exp(value), 0.0)
 

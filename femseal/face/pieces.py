@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from ..base import Array, InputError, validate
 from ..loads import LoadProgramme
 from ..topography import Topography
-from ..windows.window_flow import FlowSettings, SolveCounts, window_permeability
+from .piece_flow import FlowSettings, SolveCounts, piece_permeability
 
 #: Pieces along the shorter side of a face from which seals are drawn, and where a seal is as broad as the face.
 #: Measured on 260 strips two and four times as broad as the face, and on 300 as broad: three pieces a side scatter
@@ -76,16 +76,15 @@ class Cut:
         if m2 < len(widths):
             raise InputError("cells", pieces, f"along x2 from {len(widths)}, one for each place")
         of_place = _shares(widths, m2)
-        rows = _lines(0, surface.shape[0], m1)
+        sides = [(surface.shape[0], m1), *zip(widths, of_place, strict=True)]
+        if any(n // m < FEWEST_POINTS for n, m in sides if m > 1):
+            given = "{} × {} of {} × {} points".format(m1, m2, *surface.shape)
+            raise InputError("cells", given, f"pieces of at least {FEWEST_POINTS} × {FEWEST_POINTS} points")
         columns, place = [0], []
         for number, (width, count) in enumerate(zip(widths, of_place, strict=True)):
             columns += _lines(columns[-1], width, count)[1:]
             place += [number] * count
-        lines = [*([rows] if m1 > 1 else []), *([columns] if m2 > len(widths) else [])]
-        if min((b - a for cut in lines for a, b in pairwise(cut)), default=FEWEST_POINTS) < FEWEST_POINTS:
-            given = "{} × {} of {} × {} points".format(m1, m2, *surface.shape)
-            raise InputError("cells", given, f"pieces of at least {FEWEST_POINTS} × {FEWEST_POINTS} points")
-        return cls(tuple(rows), tuple(columns), tuple(place), surface.spacing)
+        return cls(tuple(_lines(0, surface.shape[0], m1)), tuple(columns), tuple(place), surface.spacing)
 
     @property
     def shape(self) -> tuple[int, int]:
@@ -98,9 +97,15 @@ class Cut:
         (m1, m2), (d1, d2) = self.shape, self.spacing
         return self.rows[-1] * d1 / m1, self.columns[-1] * d2 / m2
 
-    def pieces(self, field: NDArray[Any]) -> list[NDArray[Any]]:
-        """The pieces of a field (n1, n2), row by row."""
-        return [field[a:b, c:d] for a, b in pairwise(self.rows) for c, d in pairwise(self.columns)]
+    @property
+    def centres(self) -> tuple[Array, Array]:
+        """x1 and x2 of the centres of the pieces [m]."""
+        rows, columns = (np.array(of) * d for of, d in zip((self.rows, self.columns), self.spacing, strict=True))
+        return (rows[:-1] + rows[1:]) / 2, (columns[:-1] + columns[1:]) / 2
+
+    def pieces(self, fields: NDArray[Any]) -> list[NDArray[Any]]:
+        """The pieces of fields (…, n1, n2), row by row."""
+        return [fields[..., a:b, c:d] for a, b in pairwise(self.rows) for c, d in pairwise(self.columns)]
 
     def widened(self, field: NDArray[Any], axis: int) -> list[NDArray[Any]]:
         """The pieces of a field (n1, n2), row by row, with part of their neighbours beside the flow along an axis.
@@ -123,9 +128,13 @@ class Cut:
         of_place = [n for n, number in enumerate(self.place) if number == self.place[column]]
         return self.columns[of_place[0]], self.columns[of_place[-1] + 1]
 
+    def sums(self, field: NDArray[Any]) -> Array:
+        """Sum over each piece (m1, m2) of a field (n1, n2)."""
+        return np.array([piece.sum(dtype=float) for piece in self.pieces(field)]).reshape(self.shape)
+
     def means(self, field: NDArray[Any]) -> Array:
         """Mean over each piece (m1, m2) of a field (n1, n2)."""
-        return np.array([float(piece.mean()) for piece in self.pieces(field)]).reshape(self.shape)
+        return self.sums(field) / np.outer(np.diff(self.rows), np.diff(self.columns))
 
 
 def _shares(widths: Sequence[int], columns: int) -> list[int]:
@@ -168,10 +177,7 @@ class PieceState:
         Raises NotConverged: a flow failed.
         """
         found = [
-            [
-                window_permeability(np.array(piece, float), cut.spacing, axis, settings=flow)
-                for piece in cut.widened(gap, axis)
-            ]
+            [piece_permeability(np.array(piece, float), cut.spacing, axis, flow) for piece in cut.widened(gap, axis)]
             for axis in (0, 1)
         ]
         k = np.array([[piece.k for piece in along] for along in found])

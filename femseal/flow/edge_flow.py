@@ -12,7 +12,7 @@ from ..base.threads import over, rows
 from .assembly import GAUSS_POINTS, EdgeWeights, assemble_on_elements, edge_weights, gauss, weighted
 from .coefficient import links_of_rows, permeability_at_gauss_points
 from .grid import Grid
-from .percolation import ready, ready_by_parts
+from .percolation import ready
 from .solution import DarcyFlow
 from .solvers.choice import solve_ready
 from .stencil import Stencil
@@ -25,7 +25,7 @@ def edge_flow(
 ) -> DarcyFlow:
     """`solve_flow` of `edge_conductances`, which are written over."""
     conductances = along, across, _NOTHING, _NOTHING
-    reached, exponent = (ready_by_parts if len(rows(*along.shape)) > 1 else ready)(*conductances)
+    reached, exponent = ready(*conductances)
     return solve_ready(reached, conductances, exponent, ring2, rtol=rtol, solver=solver, field_rtol=field_rtol)
 
 

@@ -35,14 +35,19 @@ class OpenElements:
     inlet: Indices = field(repr=False)
     outlet: Indices = field(repr=False)
 
-    def flow(self, tensor: Array, solver: str = "auto") -> DarcyFlow:
+    def flow(self, tensor: Array, solver: str = "auto", *, bounds: bool = True) -> DarcyFlow:
         """Flow for a unit drop through tensors (n, 2, 2) [m³], all of them positive definite.
+
+        Without `bounds` it is that of linear elements alone.
 
         Raises NotConverged: the linear solver failed.
         """
         scale = float(np.abs(tensor).max())
         k = np.array([tensor[:, 0, 0], tensor[:, 1, 1], tensor[:, 0, 1]]) / scale
         upper, potential, found = self._potential.solved(np.einsum("cn,cnij->nij", k, self._stiffness), solver)
+        counts = (found.iterations, found.residual, 0.0, found.solver) if found else (0, 0.0, 0.0, "none")
+        if not bounds:
+            return DarcyFlow(scale * upper, potential, 1 - potential, True, *counts)
         det = k[0] * k[1] - k[2] ** 2
         inverse = np.array([k[1], k[0], -k[2]]) / det
         inverted = np.linalg.inv(np.einsum("cn,cnij->nij", inverse, self._resistance))
@@ -51,7 +56,6 @@ class OpenElements:
         lower, _, _ = self._facets.solved(schur, solver)
         lower = min(lower, upper)
         value = scale * float(np.sqrt(lower) * np.sqrt(upper))
-        counts = (found.iterations, found.residual, 0.0, found.solver) if found else (0, 0.0, 0.0, "none")
         return DarcyFlow(value, potential, 1 - potential, True, *counts, lower=scale * lower, upper=scale * upper)
 
     @cached_property
@@ -114,7 +118,9 @@ class _System:
         values[self.inlet] = 1.0
         found = None
         if self.unknown.size:
-            rhs = -np.bincount(self.dofs.ravel(), (local @ values[self.dofs][:, :, None]).ravel(), self.number.size)
+            flux = (local @ values[self.dofs][:, :, None]).ravel()
+            rhs = np.zeros(self.number.size)
+            rhs -= np.bincount(self.dofs.ravel(), flux, self.number.size)
             rows, columns = self._places
             data = local.ravel()[self._inner]
             matrix = sp.coo_array((data, (rows, columns)), shape=(self.unknown.size,) * 2).tocsc()

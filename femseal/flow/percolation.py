@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..base.compiled import compiled, inner
-from ..base.threads import ZERO, over, rows
+from ..base.threads import over, rows
 from .stencil import Stencil
 
 
@@ -44,16 +44,16 @@ def nodes_reached(stencil: Stencil) -> NDArray[np.int8]:
 
     Dead ends of a path from inlet to outlet are joined to both; they are kept, and carry no flow.
     """
-    return nodes_reached_of(stencil.along, stencil.across, stencil.falling, stencil.rising, 0.0)
+    return nodes_reached_by(stencil, 0.0)
 
 
 def nodes_reached_by(stencil: Stencil, least: float) -> NDArray[np.int8]:
     """`nodes_reached` of a network by links of a conductance >= `least` only."""
-    return nodes_reached_of(stencil.along, stencil.across, stencil.falling, stencil.rising, least)
+    return _reached(stencil.along, stencil.across, stencil.falling, stencil.rising, least)
 
 
-def _reached_by_parts(along, across, falling, rising, least):
-    """`nodes_reached_of`, by threads."""
+def _reached(along, across, falling, rising, least):
+    """`nodes_reached_by` of the conductances of a stencil."""
     n1, n2 = along.shape
     label, parent = np.empty((n1 + 1, n2), np.int32), np.empty((n1 + 1) * n2 + 2, np.int32)
     parent[:2] = 0, 1
@@ -64,18 +64,6 @@ def _reached_by_parts(along, across, falling, rising, least):
         _join_rows(first, *links, label, parent)
     reached = np.empty(label.shape, np.int8)
     over([(*part, count) for part, count in zip(parts, counts, strict=True)], _reached_rows, label, parent, reached)
-    return reached
-
-
-@compiled()
-def nodes_reached_of(along, across, falling, rising, least):
-    """`nodes_reached_by` of the conductances of a stencil."""
-    n1, n2 = along.shape
-    label, parent = np.empty((n1 + 1, n2), np.int32), np.empty((n1 + 1) * n2 + 2, np.int32)
-    parent[0], parent[1] = 0, 1
-    count = _label_rows(ZERO, n1 + 1, along, across, falling, rising, least, label, parent)
-    reached = np.empty((n1 + 1, n2), np.int8)
-    _reached_rows(ZERO, n1 + 1, count, label, parent, reached)
     return reached
 
 
@@ -286,28 +274,14 @@ def restrict(begin, end, along, across, falling, rising, keep, factors, least):
                 rising[i, j] = second * (first * rising[i, j]) if kept else 0.0
 
 
-@compiled()
 def ready(along, across, falling, rising):
     """Make the conductances of a stencil what `solve_ready` takes, in place: between nodes that reach both ends.
 
     They are over a power of two near the widest. Returns which ends each node reaches, see `nodes_reached`, and the
     exponent.
     """
-    reached = nodes_reached_of(along, across, falling, rising, 0.0)
-    through = reached[0, 0] == 3 and along.shape[0] > 1
-    exponent = frexp(widest(ZERO, along.shape[0], along, across))[1] - 1 if through else 0
-    keep = np.empty(reached.shape, np.bool_)
-    for i in range(reached.shape[0]):
-        for j in range(reached.shape[1]):
-            keep[i, j] = reached[i, j] == 3 or not through
-    restrict(ZERO, along.shape[0], along, across, falling, rising, keep, _factors(exponent), 0.0)
-    return reached, exponent
-
-
-def ready_by_parts(along, across, falling, rising):
-    """`ready`, by threads."""
     parts = rows(*along.shape)
-    reached = _reached_by_parts(along, across, falling, rising, 0.0)
+    reached = _reached(along, across, falling, rising, 0.0)
     through = reached[0, 0] == 3 and len(along) > 1
     exponent = frexp(max(over(parts, widest, along, across)))[1] - 1 if through else 0
     keep = np.equal(reached, 3) if through else np.ones(reached.shape, np.bool_)

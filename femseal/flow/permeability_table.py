@@ -17,7 +17,7 @@ import numpy as np
 from numpy.polynomial import chebyshev
 from numpy.typing import ArrayLike
 
-from ..base import Array, Indices, InputError
+from ..base import Array, InputError
 from ..base.compiled import compiled, inner
 
 #: Pressures below this fraction of the inlet's are not looked at, since hardly anything of the drop lies there.
@@ -58,10 +58,9 @@ class PermeabilityTable:
     ----------
     pressures : m different ones > 0 [Pa], such as those of `table_pressures`.
     values : what `seal_leakage` takes as permeability, with a first axis of m: (m,) numbers, the links as a pair of
-        arrays (m, n1, n2) and (m, n1 − 1, n2), or (m, n_elements) … [m³]. A part that is closed at one pressure counts
+        arrays (m, n1, n2) and (m, n1 − 1, n2), of a mesh (m, n_elements)
+        or (m, n_elements, 2) [m³]. A part that is closed at one pressure counts
         as closed.
-    cells : numbers (n1, n2) and (n1 − 1, n2) of the value that each link takes, where many links share a few: a pair of
-        arrays (m, number).
     piecewise : interpolate ln k between each two pressures, which may be 0 and at which a part may be closed (k is then
         linear between them); else by one polynomial in ln p.
 
@@ -88,7 +87,6 @@ class PermeabilityTable:
     pressures: Sequence[float] | Array
     values: Any
     piecewise: bool = False
-    cells: tuple[Indices, Indices] | None = None
 
     def __post_init__(self) -> None:
         p = np.array(self.pressures, dtype=float).ravel()
@@ -101,7 +99,7 @@ class PermeabilityTable:
         for k in arrays:
             if k.ndim < 1 or len(k) != p.size:
                 raise InputError("values", f"shape {k.shape}", f"a first axis of {p.size}, one for each pressure")
-            if not np.isfinite(k).all() or (not _are_tensors(k) and k.min(initial=0.0) < 0):
+            if not np.isfinite(k).all() or k.min(initial=0.0) < 0:
                 raise InputError("values", "negative or undefined permeabilities", "finite numbers >= 0 [m³]")
         object.__setattr__(self, "pressures", tuple(p.tolist()))
         object.__setattr__(self, "values", arrays if pair else arrays[0])
@@ -111,89 +109,25 @@ class PermeabilityTable:
         """A pressure in the middle [Pa] and the median of the open permeabilities at it [m³], 0 where all is closed."""
         first = self.values[0] if isinstance(self.values, tuple) else self.values
         middle = int(np.argsort(self.pressures)[len(self.pressures) // 2])
-        k = first[middle] if self.cells is None else first[middle].take(self.cells[0])
+        k = first[middle]
         return self.pressures[middle], float(np.median(k[k > 0])) if (k > 0).any() else 0.0
 
 
-def _are_tensors(values: Array) -> bool:
-    """Whether values (m, …) are tensors (m, …, 2, 2) of elements, not the links along an axis or values along two."""
-    return values.ndim >= 4 and values.shape[-2:] == (2, 2)
-
-
-def tabulated(
-    pressures: Sequence[float] | Array,
-    values: Sequence[Any],
-    piecewise: bool = False,
-    cells: tuple[Indices, Indices] | None = None,
-) -> Any:
+def tabulated(pressures: Sequence[float] | Array, values: Sequence[Any], piecewise: bool = False) -> Any:
     """Table of the permeabilities at each of the pressures; the only permeability where there is one."""
     if len(values) == 1:
         return values[0]
     pair = isinstance(values[0], (tuple, list))
     stacked = tuple(np.array(v) for v in zip(*values, strict=True)) if pair else np.array(values)
-    return PermeabilityTable(tuple(pressures), stacked, piecewise, cells)
-
-
-def pressure_curve(
-    pressures: ArrayLike, values: Array, piecewise: bool = False, cells: Indices | None = None
-) -> PressureCurve | TensorCurve:
-    """Permeabilities (m, …), numbers or tensors, as functions of the pressure; see `PermeabilityTable`."""
-    if _are_tensors(values):
-        return TensorCurve(pressures, values, piecewise)
-    return PressureCurve(pressures, values, piecewise, cells)
-
-
-class TensorCurve:
-    """Tensors (m, …, 2, 2) as functions of the pressure: the trace as any permeability, fractions by a polynomial."""
-
-    def __init__(self, pressures: ArrayLike, values: Array, piecewise: bool = False) -> None:
-        self._trace = PressureCurve(pressures, np.trace(values, axis1=-2, axis2=-1), piecewise)
-        trace = np.trace(values, axis1=-2, axis2=-1)[..., None, None]
-        fractions = np.divide(values, trace, out=np.zeros_like(values), where=trace > 0)
-        self.shape = values.shape[1:]
-        if piecewise:
-            order = np.argsort(pressures)
-            self._knots, self._at_knots = np.asarray(pressures, dtype=float)[order], fractions[order]
-            return
-        self._fractions = chebyshev.chebfit(
-            self._trace.scaled(np.log(pressures)), fractions.reshape(len(values), -1), len(fractions) - 1
-        )
-
-    def between(self, first: Array, second: Array, mobility: Mobility) -> Array:
-        """Mean of each tensor between two pressures > 0, its fractions those at the mean of both."""
-        trace = self._trace.between(first, second, mobility)
-        if hasattr(self, "_knots"):
-            return trace[..., None, None] * self._piecewise(0.5 * (first + second))
-        x = self._trace.scaled(np.log(0.5 * (first + second)))
-        x = np.broadcast_to(np.clip(x, -1, 1), trace.shape)[..., None, None]
-        fractions = chebyshev.chebval(
-            np.broadcast_to(x, self.shape), self._fractions.reshape(-1, *self.shape), tensor=False
-        )
-        return trace[..., None, None] * fractions
-
-    def _piecewise(self, pressure: Array) -> Array:
-        """Fractions at a pressure, each linear between those of the two knots around it."""
-        p, knots = np.broadcast_to(pressure, self.shape[:-2]), self._knots
-        upper = np.clip(np.searchsorted(knots, p), 1, knots.size - 1)
-        weight = np.clip((p - knots[upper - 1]) / (knots[upper] - knots[upper - 1]), 0, 1)[..., None, None]
-        low, high = (
-            np.take_along_axis(self._at_knots, n[None, ..., None, None], axis=0)[0] for n in (upper - 1, upper)
-        )
-        return (1 - weight) * low + weight * high
+    return PermeabilityTable(tuple(pressures), stacked, piecewise)
 
 
 class PressureCurve:
-    """Permeabilities as functions of the pressure, each of its own: values (m, …) at m pressures.
+    """Permeabilities as functions of the pressure, each of its own: values (m, …) at m pressures."""
 
-    cells : number of the value of each permeability, where several have the same one.
-    """
-
-    def __init__(
-        self, pressures: ArrayLike, values: Array, piecewise: bool = False, cells: Indices | None = None
-    ) -> None:
+    def __init__(self, pressures: ArrayLike, values: Array, piecewise: bool = False) -> None:
         self._knots = np.empty(0)
-        self.shape = values.shape[1:] if cells is None else cells.shape
-        self._cells = np.empty(0, np.int64) if cells is None else cells.ravel()
+        self.shape = values.shape[1:]
         if piecewise:
             order = np.argsort(pressures)
             self._knots = np.asarray(pressures, dtype=float)[order]
@@ -222,7 +156,7 @@ class PressureCurve:
         """Mean of each permeability between two pressures > 0, ∫ k dφ/∫ dψ."""
         a, b = (np.broadcast_to(p, self.shape).flatten() for p in (first, second))
         out = np.empty(a.size)
-        of_parts = self._cells, self._coefficients, self._slope, self._open, *self._range, self._knots
+        of_parts = self._coefficients, self._slope, self._open, *self._range, self._knots
         of_fluid = mobility.start, mobility.end, mobility.viscous, mobility.own, mobility.even
         _means(a, b, *of_parts, *of_fluid, _ROOTS, _WEIGHTS, out)
         return np.exp(out, out=out).reshape(self.shape)
@@ -310,9 +244,7 @@ def _mean_between_knots(least, most, log_k, knots, inverse, knot):
 
 
 @compiled(error_model="numpy")
-def _means(
-    a, b, cells, coefficients, slope, is_open, low, high, knots, start, end, viscous, own, even, roots, weights, out
-):
+def _means(a, b, coefficients, slope, is_open, low, high, knots, start, end, viscous, own, even, roots, weights, out):
     """Logarithm of the mean of each permeability between two pressures, by Gauss points dense at the lower one.
 
     With knots and an even mobility it is exact.
@@ -322,8 +254,7 @@ def _means(
         inverse[i] = 1.0 / (knots[i + 1] - knots[i])
     knot = 0  # the last one below the link before, near which this one's is
     for n in range(a.size):
-        cell = cells[n] if cells.size else n
-        if not is_open[cell]:
+        if not is_open[n]:
             out[n] = -np.inf
             continue
         least, most = min(a[n], b[n]), max(a[n], b[n])
@@ -333,18 +264,18 @@ def _means(
             while knot < knots.size - 1 and knots[knot + 1] <= least:
                 knot += 1
             if knots[knot] <= least and knot < knots.size - 1 and most <= knots[knot + 1]:
-                rise = (coefficients[cell, knot + 1] - coefficients[cell, knot]) * inverse[knot]
+                rise = (coefficients[n, knot + 1] - coefficients[n, knot]) * inverse[knot]
                 x = 0.5 * rise * (most - least)  # of the mean, ln(sinh x/x) is what follows
                 if abs(x) < 0.05:
-                    middle = coefficients[cell, knot] + rise * (0.5 * (least + most) - knots[knot])
+                    middle = coefficients[n, knot] + rise * (0.5 * (least + most) - knots[knot])
                     out[n] = middle + x * x / 6.0 * (1.0 - x * x / 30.0)
                     continue
-            out[n] = np.log(_mean_between_knots(least, most, coefficients[cell], knots, inverse, knot))
+            out[n] = np.log(_mean_between_knots(least, most, coefficients[n], knots, inverse, knot))
             continue
         # the mobility of a gas is nearly straight in p: one point will do for a small drop
         if most - least <= _SMALL * most:
             p = 0.5 * (least + most)
-            k = _permeability(p, coefficients[cell], slope[cell], low, high, knots)
+            k = _permeability(p, coefficients[n], slope[n], low, high, knots)
             out[n] = np.log(k * _interpolated(p, start, end, viscous) / _interpolated(p, start, end, own))
             continue
         top, bottom = 0.0, 0.0
@@ -352,6 +283,6 @@ def _means(
             p = least + (most - least) * roots[q] ** 2
             weight = weights[q] * roots[q]
             slope_φ = _interpolated(p, start, end, viscous)
-            top += weight * slope_φ * _permeability(p, coefficients[cell], slope[cell], low, high, knots)
+            top += weight * slope_φ * _permeability(p, coefficients[n], slope[n], low, high, knots)
             bottom += weight * _interpolated(p, start, end, own)
         out[n] = np.log(top / bottom)

@@ -29,7 +29,7 @@ class DarcyFlow:
     iterations, residual : 0 for a direct solution; otherwise residual is the estimated error of the potential in the
         norm of the energy, whose square is that of the conductance.
     imbalance : relative difference of inlet and outlet flow.
-    solver : that found the solution: "multigrid", "incomplete Cholesky", "elimination", "amg" or "direct"; "none" if
+    solver : that found the solution: "multigrid", "elimination", "amg" or "direct"; "none" if
         there was no unknown.
     lower, upper : bounds of the conductance, NaN if not computed.
     """

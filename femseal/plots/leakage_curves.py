@@ -27,6 +27,8 @@ if TYPE_CHECKING:
 _BARS_BEYOND = 10.0
 #: Least distance of ln(leakage) of mean and median of the realisations at some step at which both are drawn.
 _APART = 0.05
+#: Distance of the bars of two branches at one load [points].
+_BAR_SHIFT = 4.0
 #: Height of a name beside the axis, as a part of the axis.
 _NAME_HEIGHT = 0.04
 #: Studies drawn as single markers beside the main curve.
@@ -79,8 +81,10 @@ def leakage_panel(axes: Axes, *several: LeakageCurves) -> list[Any]:
     drawn = np.concatenate([values for curves in several for values in curves.drawn])
     floor, lanes = leakage_axis(axes, np.concatenate([np.abs(drawn), _near_ends(drawn, several)]) / factor, len(parts))
     handles: dict[int, list[Any]] = {id(curves): [] for curves in several}
-    for (curves, name, steps), style, lane in zip(parts, branch_styles(len(parts)), lanes, strict=True):
+    for n, ((curves, name, steps), style, lane) in enumerate(zip(parts, branch_styles(len(parts)), lanes, strict=True)):
         handles[id(curves)].append(_branch(axes, curves, name, steps, style, factor, floor, lane))
+        if curves.error is not None:
+            _error_bars(axes, curves, steps, style[0], factor, floor, lane, (n - (len(parts) - 1) / 2) * _BAR_SHIFT)
     axes.set_xlabel("nominal pressure [MPa]")
     notes = dict.fromkeys(note for curves in several for note in curves.notes)
     axes.set_ylabel("\n".join([label, *([", ".join(notes)] if notes else [])]))
@@ -156,9 +160,6 @@ def _branch(
     if curves.mean is not None:
         mean = np.abs(curves.mean[steps]) / factor
         axes.plot(x, np.where(mean > 0, mean, np.nan), color=colour, ls=":", lw=1.1)
-    if curves.error is not None:
-        low, high = (np.abs(end[steps]) / factor for end in curves.error)
-        _error_bars(axes, x, low, high, colour, floor, lane)
     main = leakage_line(axes, x, y, lane, color=colour, ls=line, lw=1.8, marker=marker, ms=4.5, label=name)
     for method, symbol, size in _SINGLE:
         if method in curves.others:
@@ -168,17 +169,24 @@ def _branch(
     return main
 
 
-def _error_bars(axes: Axes, x: Array, low: Array, high: Array, colour: Any, floor: float, lane: float) -> None:
-    """Bars over the band of error; one that may be sealed reaches into the strip below.
+def _error_bars(
+    axes: Axes, curves: LeakageCurves, steps: Steps, colour: Any, factor: float, floor: float, lane: float, shift: float
+) -> None:
+    """Bars over the band of error, beside those of other branches; one that may be sealed reaches into the strip below.
 
-    One that goes on beyond the scale, or has no end, has no mark at the edge.
+    One that goes on beyond the scale, or has no end, has no mark at the edge. shift : to the right [points].
     """
+    from matplotlib.transforms import ScaledTranslation
+
+    assert curves.error is not None
+    low, high = (np.abs(end[steps]) / factor for end in curves.error)
     known = np.isfinite(low) & ~np.isnan(high) & (high > 0)
-    x, low, high, top = x[known], low[known], high[known], axes.get_ylim()[1]
+    x, low, high, top = curves.pressure[steps][known] / 1e6, low[known], high[known], axes.get_ylim()[1]
     feet, heads = np.where(low > 0, np.maximum(low, floor), lane), np.minimum(high, top)
-    axes.vlines(x, feet, heads, color=colour, lw=1.0, alpha=0.8)
+    beside = axes.transData + ScaledTranslation(shift / 72, 0, axes.get_figure(root=True).dpi_scale_trans)  # type: ignore[union-attr]
+    axes.vlines(x, feet, heads, color=colour, lw=1.0, alpha=0.8, transform=beside)
     for end, ends in ((feet, (low == 0) | (low >= floor)), (heads, high <= top)):
-        axes.plot(x[ends], end[ends], color=colour, ls="", marker="_", ms=6, mew=1.0, alpha=0.8)
+        axes.plot(x[ends], end[ends], color=colour, ls="", marker="_", ms=6, mew=1.0, alpha=0.8, transform=beside)
 
 
 def leakage_axis(axes: Axes, values: Array, count: int) -> tuple[float, list[float]]:
@@ -230,7 +238,8 @@ def _other_handles(several: Sequence[LeakageCurves]) -> list[Any]:
     handles: list[Any] = []
     low, high = (100 * q for q in several[0].quantiles)
     if any(curves.band is not None for curves in several):
-        handles.append(Patch(color=GREY, alpha=0.35, lw=0, label=f"between seals, {low:g} – {high:g} %"))
+        label = f"redraws of the\nmeasured patch, {low:g} – {high:g} %"
+        handles.append(Patch(color=GREY, alpha=0.35, lw=0, label=label))
     if any(curves.mean is not None for curves in several):
         handles.append(Line2D([], [], color=GREY, ls=":", lw=1.1, label="mean of realisations"))
     if any(curves.error is not None for curves in several):

@@ -15,7 +15,7 @@ from ..base import InputError, NotConverged, to_text
 from ..case.case import Case
 from ..case.faces import FileFace, TurnedFace
 from ..case.faults import FACE_KEYS, SURFACE_KEYS, with_keys
-from ..face.pieces import usual_pieces
+from ..face.pieces import Cut, usual_pieces
 from ..flow.law import cubic_law
 from ..seal import RectangularSeal
 from ..seal.lay import Lay
@@ -43,8 +43,7 @@ from ..topography import (
     spectrum,
     spike_effect,
 )
-from ..windows import Partition
-from .prepared import Pair, check_memory_of_points, next_multiple
+from .prepared import Pair, check_memory_of_points
 
 #: Fraction of the measured rms slope that the pixels of a measured face must keep to be fine enough.
 KEPT_SLOPE = 0.99
@@ -54,8 +53,7 @@ KEPT_SLOPE = 0.99
 class ConditionedFace:
     """The face that is solved, how it was conditioned and continued, and the overlap of two faces.
 
-    cells : number of pieces, which divide the grid where two scales take them; None where there are none, or as many as
-    suit the drawn seals.
+    cells : number of pieces; None where there are none, or as many as suit the drawn seals.
     """
 
     surface: Topography
@@ -89,22 +87,17 @@ def conditioned_face(case: Case) -> ConditionedFace:
         continued = None if cut_off is None else continuation_of(flat, cut_off, longest=longest, seed=case.seed)
     shape = _grid(case, flat)
     wave = continued.longest if continued else longest or default_wave(flat, shape)
-    of_one = _asked_pieces(case, shortest_place(flat).size)
-    cells = None if of_one is None else (of_one[0], of_one[1] * len(flat.each))
     check_memory_of_points("surface.points", shape, len(flat.each))
-    if "two-scale" in case.methods:
-        cells = of_one = of_one or _usual_pieces(case, shortest_place(flat), wave)
-        if isinstance(flat, Places):
-            flat, columns = flat.whole_columns(of_one[1])
-            cells = (of_one[0], columns)
-        shape = (next_multiple(shape[0], cells[0]), next_multiple(shape[1], cells[1]))
-        check_memory_of_points("cells", shape, len(flat.each))
-        # refuses pieces of too few pixels
-        Partition((shape[0], shape[1] // cells[1] * of_one[1]), flat.spacing, of_one)
+    of_one = _asked_pieces(case, shortest_place(flat).size)
+    if of_one is None and "two-scale" in case.methods:
+        of_one = _usual_pieces(case, shortest_place(flat), wave)
+    cells = None if of_one is None else of_all_places(flat, of_one)
     with with_keys(SURFACE_KEYS):
         one = shortest_place(flat)
         check_wave(wave, one.size, (shape[0], round(shape[1] * one.shape[1] / flat.shape[1])))
         surface, report = smooth(flat, repaired, shortest_wavelength=wave, shape=shape)
+    if cells is not None:
+        Cut.of(surface, cells)  # refuses pieces of too few points
     report = _of_generated(case, flat, replace(report, **_found(separately, wave)))
     if continued is not None:
         surface = continued.added_to(surface)

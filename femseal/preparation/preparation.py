@@ -107,7 +107,7 @@ def _seals(
     with with_tables(SEAL_TABLES):
         cut, tiles = laid_out(surface, layout, cells, sampling)
     if length is None:
-        return sampling, tiles.seal.size, not tiles.in_place
+        return sampling, tiles.size, not tiles.in_place
     if length < (least := cut.size[1]) * (1 - 1e-9):
         expected = f"at least one piece, {to_text(least, 'm', 3)}"
         raise InputError("stochastic.length", to_text(length, "m", 3), expected)

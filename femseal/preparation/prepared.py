@@ -15,12 +15,11 @@ from ..base import InputError, Mapper, free_memory, to_text
 from ..budget import FormTolerance, ModelChange
 from ..face.pieces import FEWEST_POINTS, Cut, usual_pieces
 from ..seal.layouts import AnnularLayout, Layout
-from ..seal.tiles import SealTiles
+from ..seal.tiles import MOST_ROWS, SealTiles
 from ..studies import STUDIES, Sampling, Scene, Study, StudyOptions, laid_out
 from ..studies.costs import Effort, usual_efforts
 from ..studies.seat_rows import SeatMap
 from ..topography import Conditioning, Continuation, Overlap, Topography
-from ..windows import Partition
 
 #: Memory of the libraries that a run imports [byte].
 START_MEMORY = 0.5e9
@@ -38,17 +37,18 @@ def check_memory_of_points(key: str, shape: tuple[int, int], places: int = 1) ->
 
 def check_memory_of_tiles(layout: Layout, sampling: Sampling, surface: Topography) -> None:
     """Raise InputError if the tiles of a strip or a ring, as large as pieces of a face, do not fit into memory."""
-    piece = prod(Cut.of(surface, usual_pieces(surface)).size)
+    side1, side2 = Cut.of(surface, usual_pieces(surface)).size
     if isinstance(layout, AnnularLayout):
-        key, given = "seal", f"a ring {to_text(layout.circumference, 'm', 3)} long"
-        area = layout.circumference * (layout.outer_radius - layout.inner_radius)
+        key, breadth, length = "seal", layout.outer_radius - layout.inner_radius, layout.circumference
     elif sampling.length is not None:
-        key, given = "stochastic.length", f"a seal {to_text(sampling.length, 'm', 3)} long"
-        area = sampling.length * (sampling.breadth or surface.size[0])
+        key, breadth, length = "stochastic.length", sampling.breadth or surface.size[0], sampling.length
     else:
         return
-    tiles = area / piece
+    rows, columns = breadth / side1, length / side2
+    if rows > MOST_ROWS:  # refused when it is laid out
+        return
     hint = "; is its unit of length right?" if key == "seal" else ""
+    given, tiles = f"a seal {to_text(length, 'm', 3)} long", rows * columns
     check_memory(key, f"{given}, of {tiles:.3g} tiles", tiles * _TILE_BYTES, hint)
 
 
@@ -111,11 +111,6 @@ class Prepared:
     def options(self) -> StudyOptions:
         """The options of the studies."""
         return StudyOptions(self.cells, self.sampling, self.shares_face, len(self.methods) > 1)
-
-    @property
-    def divisor(self) -> Pair:
-        """Numbers by which the points of the face can be divided: those of the pieces of two scales."""
-        return self.cells if self.cells is not None and "two-scale" in self.methods else (1, 1)
 
     @property
     def least_points(self) -> Pair:
@@ -194,15 +189,8 @@ def without_short_waves(prepared: Prepared) -> Scene:
     if wave >= max(surface.size):
         expected = f"true only where the larger side holds more than {to_text(wave, 'm', 3)}, twice the shortest wave"
         raise InputError("surface.filter_sensitivity", True, expected)
-    m1, m2 = prepared.divisor
-    shape = next_multiple(ceil(surface.shape[0] / 2), m1), next_multiple(ceil(surface.shape[1] / 2), m2)
-    Partition(shape, surface.spacing, prepared.divisor)
-    smooth = surface.low_pass(wave).resample(shape)
-    if prepared.cells is not None and "stochastic" in prepared.methods:
+    n1, n2 = surface.shape
+    smooth = surface.low_pass(wave).resample((ceil(n1 / 2), ceil(n2 / 2)))
+    if prepared.cells is not None and prepared.methods & {"two-scale", "stochastic"}:
         Cut.of(smooth, prepared.cells)
     return replace(scene, surface=smooth)
-
-
-def next_multiple(n: int, of: int) -> int:
-    """The smallest multiple of a whole number that is at least n."""
-    return ceil(n / of) * of

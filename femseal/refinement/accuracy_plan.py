@@ -146,7 +146,7 @@ def _candidates(prepared: Prepared) -> Iterator[tuple[Variant, str]]:
     grids = [*dict.fromkeys(grid_points(points, -n) for n in HALVINGS)]
     for grid in grids:
         yield Variant("deterministic", grid), ""
-    if pieces is None:
+    if pieces is None or prepared.sampling is None:
         return
     for grid in grids:
         few = min(n // m for n, m in zip(grid, pieces, strict=True)) < FEWEST_POINTS

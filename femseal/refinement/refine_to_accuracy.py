@@ -124,7 +124,7 @@ def refine_to_accuracy(case: Case, made: Prepared, run: Run) -> RefinedAnswer:
     """
     assert case.accuracy is not None
     goal, most = np.log1p(case.accuracy), time_limit(case)
-    # what is free now has the libraries in it already
+    # what is free now has the packages in it already
     memory = free_memory() if case.memory is None else case.memory - START_MEMORY
     attempts = _Attempts(case, made, run, memory)
     settings = first_settings(case, made)
@@ -259,7 +259,7 @@ class _Attempts:
             coarse = replace(settings, grid=settings.grid - halvings)
             if coarse not in self.leakages and not has_pieces(self.made, coarse):
                 return
-            yield coarse, grid_points(self.made.scene.surface.shape, coarse.grid, self.made.divisor)
+            yield coarse, grid_points(self.made.scene.surface.shape, coarse.grid)
 
     def _leakage(self, settings: Settings, mapper: Mapper) -> Array:
         prepared = self._prepared(settings)

@@ -9,7 +9,6 @@ from ..case.case import Case
 from ..face.pieces import FEWEST_POINTS
 from ..preparation.prepared import Pair, Prepared, refused_if_too_large, without_short_waves
 from ..studies.costs import contact_tolerance
-from ..windows import Partition
 
 #: Longest time of a run whose case asks for an accuracy and gives no time [s].
 TIME_LIMIT = 3600.0
@@ -78,19 +77,18 @@ def time_limit(case: Case) -> float:
     return TIME_LIMIT if case.time_limit is None else case.time_limit
 
 
-def grid_points(shape: Pair, grid: int, divisor: Pair = (1, 1)) -> Pair:
-    """Points of a face that is `grid` doublings finer, as multiples of a number of pieces.
+def grid_points(shape: Pair, grid: int) -> Pair:
+    """Points of a face that is `grid` doublings finer.
 
-    >>> grid_points((64, 96), -1), grid_points((60, 96), -1, (4, 8)), grid_points((64, 96), 1, (4, 8))
-    ((32, 48), (32, 48), (128, 192))
+    >>> grid_points((64, 95), -1), grid_points((64, 96), 1)
+    ((32, 48), (128, 192))
     """
-    n1, n2 = (ceil(n * 2.0**grid / m) * m for n, m in zip(shape, divisor, strict=True))
-    return n1, n2
+    return ceil(shape[0] * 2.0**grid), ceil(shape[1] * 2.0**grid)
 
 
 def has_pieces(made: Prepared, settings: Settings) -> bool:
     """Whether the pieces have enough pixels on a grid, and the face a few of them."""
-    points = grid_points(made.scene.surface.shape, settings.grid, made.divisor)
+    points = grid_points(made.scene.surface.shape, settings.grid)
     return all(n // m >= FEWEST_POINTS for n, m in zip(points, made.cells or (1, 1), strict=True))
 
 
@@ -100,9 +98,8 @@ def apply_settings(case: Case, made: Prepared, settings: Settings) -> Prepared:
     made : the case as prepared, on the points of its face.
     """
     surface = made.scene.surface
-    points = grid_points(surface.shape, settings.grid, made.divisor)
+    points = grid_points(surface.shape, settings.grid)
     face = surface if points == surface.shape else surface.resample(points)
-    Partition(points, face.spacing, made.divisor)  # refuses pieces of too few pixels
     sampling = made.sampling
     if sampling is not None and settings.realisations is not None:
         sampling = replace(sampling, realisations=settings.realisations)
@@ -194,7 +191,7 @@ def _contact_residual(made: Prepared, settings: Settings, given: dict[str, str])
 
 def _pixels(made: Prepared, settings: Settings, given: dict[str, str]) -> Refinement:
     finer = replace(settings, grid=settings.grid + 1)
-    points = " × ".join(map(str, grid_points(made.scene.surface.shape, finer.grid, made.divisor)))
+    points = " × ".join(map(str, grid_points(made.scene.surface.shape, finer.grid)))
     if finer.grid > MOST_GRID:
         return Refinement(None, f"pixels are {2**MOST_GRID} times finer than those of the face")
     return Refinement(finer, f"{points} points")

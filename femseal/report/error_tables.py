@@ -71,12 +71,9 @@ def scatter_lines(results: RunData) -> Lines:
 
     if "realisation_spread" in data:
         spread = data["realisation_spread"].values
-        deviation("realisations", spread, "one standard deviation between drawn seals")
+        deviation("realisations", spread, "one standard deviation between redraws of the measured patch")
         fraction = 1.2533 / np.sqrt(data.sizes["realisation"])
         deviation("median", fraction * spread, "standard error of the median; more realisations lower it")
-    if "patch_scatter" in data:
-        meaning = "one standard deviation between redraws as small as the measured patch"
-        deviation("measured patch", data["patch_scatter"].values, meaning)
     if "place_scatter" in data:
         meaning = f"one standard deviation between measured places; {most_leaking_place(results)}"
         deviation("places", np.log1p(data["place_scatter"].values), meaning)

@@ -46,7 +46,7 @@ def key_numbers(results: RunData) -> list[KeyNumber]:
             note = f"95 % band of error {format_error_band(budget.lower[s], budget.upper[s], factor, leakage[s])}"
         elif "leakage_lower" in data:
             ends = (format_leakage(float(data[f"leakage_{end}"][s]), factor) for end in ("lower", "upper"))
-            note = f"between seals {'–'.join(ends)}"
+            note = f"redraws of the measured patch {'–'.join(ends)}"
         numbers.append(KeyNumber(f"whole seal, {steps[s].name}", value, note))
     if "contact_fraction" in data:
         fraction = float(data["contact_fraction"][peak])

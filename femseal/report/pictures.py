@@ -127,7 +127,7 @@ def leakage_picture(results: Results, drawings: Drawings) -> Picture:
     if results.budget is not None:
         caption += " Bars: band of error, which holds the truth in about 95 of 100 cases."
     if "leakage_lower" in results.dataset:
-        caption += " Shaded: scatter between seals."
+        caption += " Shaded: redraws of the measured patch."
     return Picture(_uri(drawings["leakage"].whole), alt, caption)
 
 

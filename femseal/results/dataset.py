@@ -140,7 +140,7 @@ def assemble(
     }
     equal = {name: equal for name, study in known.items() if (equal := getattr(study, "equal_steps", 0))}
     of_studies = (text for study in studies for text in study.warnings)
-    seal_size = stochastic.seal.size if stochastic is not None else scene.surface.size
+    seal_size = stochastic.tiles.size if stochastic is not None else scene.surface.size
     basis = leak_basis(scene.fluid, float(seal_size[1]), throughput_temperature)
     if leakage_unit is not None:
         unit = leak_unit(leakage_unit)

@@ -59,7 +59,6 @@ def attempts_table(found: dict[str, Any]) -> TextTable:
         "method": [each["method"] for each in settings],
         "points": [" × ".join(map(str, attempt["points"])) for attempt in attempts],
         "residual": [f"{each['rtol']:.0e}" for each in settings],
-        "pieces": [_pieces(each) for each in settings],
         "seals": [_count(each["realisations"]) for each in settings],
         "time": [duration(attempt["with_coarse"]) for attempt in attempts],
         "error": [_half_width(attempt) for attempt in attempts],
@@ -78,16 +77,10 @@ def as_chosen(case: dict[str, Any], found: dict[str, Any] | None) -> dict[str, A
         return case
     chosen = found["settings"]
     drawn = case.get("stochastic")
-    if drawn is not None and chosen["realisations"] is not None and drawn.get("width") is None:
+    if drawn is not None and chosen["realisations"] is not None:
         drawn = drawn | {"realisations": chosen["realisations"]}
     changed = {"method": chosen["method"], "contact": case["contact"] | {"rtol": chosen["rtol"]}}
     return case | changed | ({} if drawn is None else {"stochastic": drawn})
-
-
-def _pieces(settings: dict[str, Any]) -> str:
-    if settings["method"] == "deterministic" or settings["cells"] is None:
-        return _NONE
-    return " × ".join(map(str, settings["cells"]))
 
 
 def _count(number: int | None) -> str:

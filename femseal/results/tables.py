@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ..base import TextTable, comma_separated, format_deviation, to_text
+from ..base import TextTable, comma_separated, to_text
 from ..base.fields import Field, with_unit
 from ..base.leak_rates import LEAK_UNITS, USUAL_UNITS, LeakUnit
 from ..budget import VAGUE
@@ -92,10 +92,9 @@ def leakage_table(run: RunData) -> TextTable:
     if "leakage_lower" in data:
         ends = (100 * data[name].attrs["quantile"] for name in ("leakage_lower", "leakage_upper"))
         # second to the band of error, which is of the leakage that is given
-        columns.append((f"between seals, {'–'.join(f'{end:g}' for end in ends)} %", _ranges(data, factor)))
-    if "patch_scatter" in data:
-        scatter = [format_deviation(float(sigma), "× ") for sigma in data["patch_scatter"].values]
-        columns.append(("scatter of redraws of the measured patch", scatter))
+        columns.append(
+            (f"redraws of the measured patch, {'–'.join(f'{end:g}' for end in ends)} %", _ranges(data, factor))
+        )
     if unit.per_length:
         whole = basis.readable(best.values)
         texts = [format_leakage(q, basis.factor(whole)) for q in best.values]
@@ -182,7 +181,7 @@ def _cells(variable: xarray.DataArray, factor: float) -> list[str]:
     if unit == "m^2/s":
         return [format_leakage(value, factor) for value in variable.values]
     if unit == "1":
-        return ["failed" if np.isnan(value) else f"{100 * value:.3g}" for value in variable.values]
+        return ["–" if np.isnan(value) else f"{100 * value:.3g}" for value in variable.values]
     return [to_text(float(value), unit, 3) for value in variable.values]
 
 

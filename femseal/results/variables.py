@@ -29,6 +29,7 @@ from ..base.fields import (
 from ..base.leak_rates import LEAK_UNITS, LeakBasis
 from ..base.shared_array import one_at_a_time
 from ..budget import ErrorBudget, ErrorPart, contact_fraction_of
+from ..face.pieces import Cut
 from ..loads import LoadProgramme, LoadStep
 from ..studies import DeterministicResult, Scene, StochasticResult, TwoScaleResult
 from ..studies.face_leakage import PlaceLeakage
@@ -85,13 +86,13 @@ def step_coordinates(dim: str, prefix: str, steps: Sequence[LoadStep]) -> dict[s
 
 def add_pieces(data: xarray.Dataset, result: TwoScaleResult) -> None:
     """Add fields of the whole face and of its pieces."""
-    (m1, m2), (d1, d2) = result.partition.cells, result.partition.window_size
-    add_piece_centres(data, "", (np.arange(m1) + 0.5) * d1, (np.arange(m2) + 0.5) * d2)
+    add_piece_centres(data, "", result.cut)
     add_declared(data, result)
 
 
-def add_piece_centres(data: xarray.Dataset, prefix: str, x1: NDArray[Any], x2: NDArray[Any]) -> None:
+def add_piece_centres(data: xarray.Dataset, prefix: str, cut: Cut) -> None:
     """Add the coordinates of pieces, of two scales or with a prefix of states."""
+    x1, x2 = cut.centres
     add_coordinate(data, f"{prefix}piece1", "m", "x1 of the centres of pieces, from the inlet", x1)
     add_coordinate(data, f"{prefix}piece2", "m", "x2 of the centres of pieces, along the seal", x2)
 
@@ -113,9 +114,7 @@ def add_states(data: xarray.Dataset, pieces: FacePieces) -> None:
     """Add the states of the face and its pieces in each of them."""
     for name, entry in step_coordinates("state", "state_", pieces.steps).items():
         data.coords[name] = entry
-    (d1, d2), cut = pieces.cut.spacing, pieces.cut
-    lines = (np.array(of) * d for of, d in ((cut.rows, d1), (cut.columns, d2)))
-    add_piece_centres(data, "state_", *((at[:-1] + at[1:]) / 2 for at in lines))
+    add_piece_centres(data, "state_", pieces.cut)
     add_declared(data, pieces)
 
 

@@ -14,11 +14,11 @@ from scipy import fft
 
 from ..base import FemsealError
 from ..contact import Contact, HalfSpace, solve_contact
+from ..face.piece_flow import FlowSettings
 from ..flow import cell_permeability
 from ..flow.discretisation import DISCRETISATIONS
 from ..studies import Scene
 from ..studies.costs import FEW_ITERATIONS, PILOT_PIXELS, Effort
-from ..windows import FlowSettings
 
 #: Load steps that are solved at most.
 _MOST_STEPS = 5

@@ -3,8 +3,8 @@
 A permeability that depends on the pressure of the fluid, ∇·(k(p) ρ/η ∇p) = 0: the flow through a link is the difference
 of its own potential, ∫ k(p) (ρ/η) dp, between the pressures of its nodes: a network with a single solution, because
 each flow rises with its drop. It is solved as a fixed point of linear flows, in the potential ψ of a typical gap (see
-`flow.pressure_drop`), with the mean permeability of each link between its pressures. On meshes, and with tensors, the
-permeability of an element is that at the mean of its nodes.
+`flow.pressure_drop`), with the mean permeability of each link between its pressures. On meshes the permeability
+of an element is that at the mean of its nodes.
 """
 
 from dataclasses import dataclass, field, replace
@@ -12,20 +12,14 @@ from typing import Any
 
 import numpy as np
 
-from ..base import Array, Indices, InputError, Shown
+from ..base import Array, InputError, Shown
 from ..base.fixed_point import fixed_point
-from ..flow.permeability_table import PermeabilityTable, pressure_curve
+from ..flow.permeability_table import PermeabilityTable, PressureCurve
 from ..flow.pressure_drop import PressureDrop
 from ..flow.solution import DarcyFlow
 from ..fluids import Fluid, potential_of
 from .mesh_seal import PressureBoundaries
-from .shapes import Seal, StructuredSeal, element_tensors
-
-#: Error allowed to the potential of linear solutions where the rate alone is wanted, in the norm of the energy, over
-#: that of the rate: it errs by the square of it, and through the permeabilities by less than a tenth of it.
-_FIRST_ORDER = 15.0
-#: Error allowed to the flow that one linear solution finds.
-_ONCE_RTOL = 5e-7
+from .shapes import Seal, StructuredSeal
 
 
 def pressure_dependent_flow(
@@ -38,14 +32,10 @@ def pressure_dependent_flow(
     bounds: bool = False,
     solver: str = "auto",
     rtol: float,
-    rate_only: bool = False,
-    start: Array | None = None,
 ) -> tuple[DarcyFlow, Any]:
     """Flow through a seal for a unit drop of the viscous potential φ, and the permeability of each part.
 
-    seal, fluid, bounds, solver, rtol, rate_only : as in `seal_leakage`; bounds are those with the permeabilities of the
-        solution.
-    start : potential at the nodes, as fraction of its drop, to start from on structured seals.
+    seal, fluid, bounds, solver, rtol : as in `seal_leakage`; bounds are those with the permeabilities of the solution.
     table : permeability at several pressures. inlet, outlet : pressures of the ends [Pa].
 
     Returns the flow, its potential as fraction of the drop of φ, and the permeabilities with which φ has this flow
@@ -57,13 +47,9 @@ def pressure_dependent_flow(
     if drop.law.depends_on_pressure:
         pressure, k = table.typical
         drop = replace(drop, gap=drop.law.gap(k, pressure) if k > 0 else drop.gap)
-    values = _on_parts(seal, table.values, len(table.pressures), table.cells)
+    values = _on_parts(seal, table.values, len(table.pressures))
     pair = isinstance(values, tuple)
-    cells = table.cells or (None, None)
-    curves = [
-        pressure_curve(table.pressures, k, table.piecewise, of)
-        for k, of in zip(values if pair else (values,), cells, strict=False)
-    ]
+    curves = [PressureCurve(table.pressures, k, table.piecewise) for k in (values if pair else (values,))]
 
     def permeability(fraction: Any) -> Any:
         p = drop.pressure(np.nan_to_num(np.asarray(fraction, dtype=float), nan=0.5))
@@ -74,22 +60,19 @@ def pressure_dependent_flow(
         )
         return found if pair else found[0]
 
-    allowed = min(rtol, (_FIRST_ORDER * rtol) ** 2)
-    settings = _settings(seal, solver, allowed if rate_only and not bounds else None, start)
+    two_bounds = hasattr(seal, "axes")  # of which one is enough until the permeabilities have settled
+    draft: dict[str, Any] = {"draft": True} if two_bounds else {}
 
     def solve(local: Any) -> tuple[float, Array, DarcyFlow]:
-        flow = seal.flow(local, **settings)
-        if "rtol" in settings:
-            settings["start"] = flow.potential
+        flow = seal.flow(local, solver=solver, **draft)
         return flow.conductance, flow.potential, flow
 
     # along a uniform seal the potential falls evenly
     first = np.linspace(1, 0, len(seal.grid.lines1))[:, None] if isinstance(seal, StructuredSeal) else 0.5
-    first = first if start is None else start
     solved = fixed_point(permeability, solve, first, rtol=rtol, name="flow through a seal")
     flow, local, rate = solved.found, solved.coefficient, solved.rate
-    if bounds:
-        flow = seal.flow(local, bounds=True, solver=solver)
+    if bounds or two_bounds:
+        flow = seal.flow(local, bounds=bounds, solver=solver)
         rate = flow.conductance
     factor, fraction = drop.mean_factor, np.clip(flow.potential, 0.0, 1.0)
     potential = drop.viscous_fraction(fraction)
@@ -110,26 +93,16 @@ def pressure_dependent_flow(
     return scaled, local * steeper[0].reshape(steeper[0].shape + (1,) * (local.ndim - steeper[0].ndim))
 
 
-def _settings(seal: Any, solver: str, rtol: float | None, start: Array | None) -> dict[str, Any]:
-    """Settings of `seal.flow`, with an error allowed to the flow where it alone is wanted, of seals that take one."""
-    loose = rtol is not None and isinstance(seal, StructuredSeal)
-    return {"solver": solver} | ({"rtol": rtol, "start": start} if loose else {})
-
-
-def _on_parts(seal: Any, values: Any, pressures: int, cells: tuple[Indices, Indices] | None = None) -> Any:
+def _on_parts(seal: Any, values: Any, pressures: int) -> Any:
     """Values of a table, a number or two at each pressure taken for that of all parts; InputError of other shapes."""
-    if cells is not None:
-        return values
     if not isinstance(seal, StructuredSeal):
         n = seal.mesh.nelements
         k = np.repeat(values[:, None], n, axis=1) if np.ndim(values) == 1 else values
-        if isinstance(k, tuple) or k.shape[1:] not in ((n,), (n, 2), (n, 2, 2)):
+        if isinstance(k, tuple) or k.shape[1:] not in ((n,), (n, 2)):
             given = "two arrays" if isinstance(k, tuple) else f"shape {k.shape}"
             raise InputError("permeability", given, f"{pressures} values for each of {n} elements")
         return k
     n1, n2 = seal.cells
-    if not isinstance(values, tuple) and element_tensors(values[0], seal.cells) is not None:
-        return np.array([element_tensors(k, seal.cells) for k in values])
     pair = values if isinstance(values, tuple) else (values, values)
     shapes = (pressures, n1, n2), (pressures, n1 - 1, n2)
     for k, shape in zip(pair, shapes, strict=True):
@@ -152,11 +125,7 @@ def _ends(seal: Any, p: Array, links: bool) -> list[tuple[Array, Array]]:
     if links:
         inner = p[1:-1]
         return [(p[:-1], p[1:]), (inner, np.roll(inner, -1, axis=1))]
-    if hasattr(seal, "mesh"):
-        mean = p[seal.mesh.t].mean(axis=0)
-    else:
-        rows = 0.5 * (p[:-1] + p[1:])
-        mean = 0.5 * (rows + np.roll(rows, -1, axis=1))
+    mean = p[seal.mesh.t].mean(axis=0)
     return [(mean, mean)]
 
 
@@ -197,8 +166,6 @@ def seal_leakage(
     bounds: bool = False,
     solver: str = "auto",
     rtol: float = 1e-5,
-    rate_only: bool = False,
-    near: Leakage | None = None,
 ) -> Leakage:
     """Leakage of a seal, ∇·(k∇φ) = 0 in the pressure potential φ of the fluid; exactly 0 without an open
     path.
@@ -207,23 +174,18 @@ def seal_leakage(
     ----------
     seal : shape of the seal.
     permeability : k >= 0 [m³]; a number; on structured seals of (n1, n2) cells the links (k1, k2), numbers or arrays
-        (n1, n2) and (n1 − 1, n2), or an array of the elements between four nodes, (n1, n2), (n1, n2, 2) along the two
-        axes or symmetric tensors (n1, n2, 2, 2), also flat as on meshes: (n_elements,), (n_elements, 2) along x and y,
-        or (n_elements, 2, 2). A
-        `PermeabilityTable` of any of these gives it at several pressures, as a rarefied gas needs; anything else is
-        taken for that of all pressures.
+        (n1, n2) and (n1 − 1, n2); on meshes (n_elements,), (n_elements, 2) along x and y, or symmetric tensors
+        (n_elements, 2, 2). A `PermeabilityTable` of any but tensors gives it at several pressures, as a rarefied gas
+        needs; anything else is taken for that of all pressures.
     fluid : a `Liquid`, an `IdealGas` or anything else with a pressure potential.
     inlet_pressure, outlet_pressure : [Pa]; absolute for a gas. A mesh whose inlets have pressures of their own takes no
         inlet pressure.
     bounds : also enclose the rate between `lower` and `upper`; otherwise both are NaN. On structured seals
         they enclose the flow of the network of links, on straight meshes that of the mesh with k constant on
-        each element. Not with elements of structured seals, nor with pressures of inlets: the flow out of one of
+        each element. Not with pressures of inlets: the flow out of one of
         several boundaries is no energy.
     solver : of the linear system, see `femseal.flow.solve_flow`; on meshes "auto", "direct" or "amg".
     rtol : relative error of the rate at which permeabilities that depend on the pressure have settled.
-    rate_only : fields need not be right: on structured seals they err by about 15 rtol, or, where permeabilities do not
-        depend on the pressure, by 1e-3.
-    near : leakage of the same structured seal at other permeabilities, from whose pressures the solution starts.
 
     Returns
     -------
@@ -253,17 +215,14 @@ def seal_leakage(
     φ_in = potential_of(fluid, "inlet_pressure", inlet_pressure)
     φ_out = potential_of(fluid, "outlet_pressure", outlet_pressure)
     local, drop = None, φ_in - φ_out
-    start = None
-    if near is not None and drop != 0 and isinstance(seal, StructuredSeal):
-        start = (fluid.potential(near.fluid_pressure) - φ_out) / drop
     if isinstance(permeability, PermeabilityTable):
         assert inlet_pressure is not None  # it has a potential
-        settings: dict[str, Any] = {"bounds": bounds, "solver": solver, "rtol": rtol, "rate_only": rate_only}
-        settings |= {"inlet": float(inlet_pressure), "outlet": float(outlet_pressure), "start": start}
-        flow, local = pressure_dependent_flow(seal, permeability, fluid, **settings)
+        ends = {"inlet": float(inlet_pressure), "outlet": float(outlet_pressure)}
+        flow, local = pressure_dependent_flow(
+            seal, permeability, fluid, **ends, bounds=bounds, solver=solver, rtol=rtol
+        )
     else:
-        wanted = min(rtol, _ONCE_RTOL) if rate_only and not bounds else None
-        flow = seal.flow(permeability, bounds=bounds, **_settings(seal, solver, wanted, start))
+        flow = seal.flow(permeability, bounds=bounds, solver=solver)
     to_volume = drop / fluid.reference_density
     lower, upper = sorted((flow.lower * to_volume, flow.upper * to_volume))
     # rounding errors, and elements with oblique tensors, may exceed the end pressures

@@ -3,7 +3,7 @@
 A shape is a frozen dataclass with `length`, `points` and `flow` (see `Seal`); one on a structured grid has a `grid`
 instead of `flow`. The form is the same in all conformal coordinates, so that a shape is a grid: (x1, x2) of a strip,
 (ln r, θ) of a ring. The permeability is given on the links between nodes (Q1 with quadrature at the midpoints of edges:
-a network of links) or as a tensor in each element between four nodes (Q1, exact).
+a network of links).
 
 Symbols: k permeability [m³], φ potential of a node for a unit drop, c conductance of a link = permeability × width /
 length [m³], q its flow.
@@ -11,9 +11,8 @@ Source of the bounds: Dirichlet's and Thomson's principles for networks (Doyle &
 Networks, 1984).
 """
 
-import itertools
 from abc import ABC, abstractmethod
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from functools import cached_property
 from math import pi
 from typing import Any, Protocol
@@ -23,15 +22,13 @@ from numpy.typing import ArrayLike
 
 from ..base import Array, InputError, counted, validate
 from ..flow import DarcyFlow, Stencil, solve_flow
-from ..flow.assembly import assemble_on_elements, assemble_on_links, gauss
+from ..flow.assembly import assemble_on_links
 from ..flow.balance import balanced_link_fluxes
 from ..flow.bounds import outward
 from ..flow.grid import Grid
-from ..flow.mesh import permeability_tensors
 from .lay import check_ring
 
 _RTOL = 1e-8
-_TENSOR = gauss((0, 0), (0, 1), (1, 1))
 
 
 class StructuredSeal(ABC):
@@ -45,51 +42,20 @@ class StructuredSeal(ABC):
         """Grid of the nodes, in coordinates in which the form is that of a plane strip."""
 
     def stencil(self, permeability: Any) -> Stencil:
-        """Operator of the flow [m³]; permeability as in `flow`. On links, its conductances are theirs."""
-        if (k := element_tensors(permeability, self.cells)) is not None:
-            values = [np.ascontiguousarray(k[..., a, b]) for a, b in ((0, 0), (0, 1), (1, 1))]
-            return assemble_on_elements(self.grid, values, _TENSOR, [0, 1, 2] * 4)
+        """Operator of the flow [m³], whose conductances are those of the links; permeability as in `flow`."""
         return assemble_on_links(self.grid, *link_permeabilities(permeability, self.cells))
 
-    def flow(
-        self,
-        permeability: Any,
-        *,
-        bounds: bool = False,
-        solver: str = "auto",
-        rtol: float | None = None,
-        start: Array | None = None,
-    ) -> DarcyFlow:
+    def flow(self, permeability: Any, *, bounds: bool = False, solver: str = "auto") -> DarcyFlow:
         """Flow for a unit drop, potential at the nodes (n1 + 1, n2).
 
-        permeability : a number, the links (k1, k2), numbers or arrays (n1, n2) and (n1 − 1, n2), or the elements, see
-        `element_tensors` [m³].
-        bounds : enclose the flow of the network of links; not with elements.
-        solver, start : see `femseal.flow.solve_flow`.
-        rtol : relative error allowed to the flow where it alone is wanted; unless given, 1e-8 to it and the potential.
+        permeability : a number, or the links (k1, k2), numbers or arrays (n1, n2) and (n1 − 1, n2) [m³].
+        bounds : enclose the flow of the network of links.
+        solver : see `femseal.flow.solve_flow`.
 
-        Raises InputError: a bad permeability, bounds or elimination with elements.
+        Raises InputError: a bad permeability.
         NotConverged : see `femseal.flow.solve_flow`.
         """
-        stencil = self.stencil(permeability)
-        if bounds and stencil.nine:
-            raise InputError("bounds", "true with elements of a structured seal", "true with links, or on a mesh")
-        return structured_flow(stencil, bounds=bounds, solver=solver, rtol=rtol, start=start)
-
-
-def element_tensors(permeability: Any, cells: tuple[int, int]) -> Array | None:
-    """K (n1, n2, 2, 2) [m³] of the elements between four nodes; None of a number, a pair or another shape.
-
-    permeability : an array shaped like the cells, (n1, n2), (n1, n2, 2) along the two axes or symmetric tensors
-        (n1, n2, 2, 2); or the same of the elements row by row, as on a mesh: (n1·n2,), (n1·n2, 2) or (n1·n2, 2, 2).
-    """
-    n1, n2 = cells
-    flat = [(n1 * n2, *parts) for parts in ((), (2,), (2, 2))]
-    shapes = flat + [(n1, n2, *shape[1:]) for shape in flat]
-    if isinstance(permeability, (tuple, list)) or (shape := np.shape(permeability)) not in shapes:
-        return None
-    k = permeability_tensors(np.reshape(permeability, flat[shapes.index(shape) % 3]), n1 * n2)
-    return k.reshape(n1, n2, 2, 2)
+        return structured_flow(self.stencil(permeability), bounds=bounds, solver=solver)
 
 
 def link_permeabilities(permeability: Any, cells: tuple[int, int]) -> tuple[Array, Array]:
@@ -104,8 +70,7 @@ def link_permeabilities(permeability: Any, cells: tuple[int, int]) -> tuple[Arra
         raise InputError(
             "permeability",
             given,
-            f"a number, or the links (k1, k2), numbers or arrays {shapes[0]} and {shapes[1]}, or of the elements "
-            f"an array {shapes[0]}, {(n1, n2, 2)} or {(n1, n2, 2, 2)}",
+            f"a number, or the links (k1, k2), numbers or arrays {shapes[0]} and {shapes[1]}",
         )
     k1, k2 = (_checked(n, k, s) for n, k, s in zip(("k1", "k2"), pair, shapes, strict=True))
     return k1, k2
@@ -130,23 +95,15 @@ def _checked(name: str, value: ArrayLike, shape: tuple[int, int]) -> Array:
     return np.broadcast_to(k, shape)
 
 
-def structured_flow(
-    stencil: Stencil,
-    *,
-    bounds: bool = False,
-    solver: str = "auto",
-    rtol: float | None = None,
-    start: Array | None = None,
-) -> DarcyFlow:
-    """Flow for a unit drop between the first and the last row of nodes; rtol and start as in `StructuredSeal.flow`.
+def structured_flow(stencil: Stencil, *, bounds: bool = False, solver: str = "auto") -> DarcyFlow:
+    """Flow for a unit drop between the first and the last row of nodes, with an error of 1e-8 in the potential too.
 
     With `bounds`, the upper bound is the energy of the computed potential and the lower one that of a flux that
     balances at every node; they enclose the flow of the network, and the value, whatever the error of the solver.
 
     Raises NotConverged: see `femseal.flow.solve_flow`.
     """
-    field_rtol = _RTOL if rtol is None else None
-    flow = solve_flow(stencil, rtol=rtol or _RTOL, solver=solver, field_rtol=field_rtol, start=start)
+    flow = solve_flow(stencil, rtol=_RTOL, solver=solver, field_rtol=_RTOL)
     if not bounds:
         return flow
     if not flow.percolates:
@@ -199,16 +156,14 @@ class RectangularSeal(StructuredSeal):
     ----------
     size : (L1, L2) [m], L1 along the leakage.
     cells : (n1, n2).
-    rows : x1 of the rows of nodes (n1 + 1) [m], rising from 0 to L1; equidistant unless given.
 
     Raises
     ------
-    InputError : sizes that are not > 0, cells that are not whole numbers >= 1, rows that do not rise from 0 to L1.
+    InputError : sizes that are not > 0, cells that are not whole numbers >= 1.
     """
 
     size: tuple[float, float]
     cells: tuple[int, int]
-    rows: tuple[float, ...] = field(default=(), repr=False)
 
     def __post_init__(self) -> None:
         try:
@@ -217,8 +172,6 @@ class RectangularSeal(StructuredSeal):
             raise InputError("size", repr(self.size), "two finite numbers > 0 [m]") from None
         object.__setattr__(self, "size", tuple(validate.number("size", side, unit="m") for side in (l1, l2)))
         object.__setattr__(self, "cells", validate.grid("cells", self.cells))
-        rows = self.rows or np.linspace(0.0, self.size[0], self.cells[0] + 1)
-        object.__setattr__(self, "rows", _rows(rows, self.size[0], self.cells[0]))
 
     @property
     def length(self) -> float:
@@ -228,17 +181,18 @@ class RectangularSeal(StructuredSeal):
     @property
     def points(self) -> Array:
         """Coordinates of the nodes (n1 + 1, n2, 2) [m]."""
-        return self.place(self.rows, np.arange(self.cells[1]))
+        x2 = (np.arange(self.cells[1]) + 0.5) * (self.size[1] / self.cells[1])
+        return np.stack(np.meshgrid(self._x1, x2, indexing="ij"), axis=-1)
 
-    def place(self, x1: ArrayLike, column: ArrayLike) -> Array:
-        """Coordinates (rows, columns, 2) [m] at distances x1 from the inlet [m] and columns of nodes, also between."""
-        x2 = (np.asarray(column) + 0.5) * (self.size[1] / self.cells[1])
-        return np.stack(np.meshgrid(x1, x2, indexing="ij"), axis=-1)
+    @property
+    def _x1(self) -> Array:
+        """x1 of the rows of nodes [m]."""
+        return np.linspace(0.0, self.size[0], self.cells[0] + 1)
 
     @cached_property
     def grid(self) -> Grid:
         """Nodes in rows x1 and columns x2."""
-        return Grid.of_strip(self.rows, self.size[1] / self.cells[1], self.cells[1])
+        return Grid.of_strip(self._x1, self.size[1] / self.cells[1], self.cells[1])
 
 
 @dataclass(frozen=True)
@@ -255,20 +209,16 @@ class AnnularSeal(StructuredSeal):
     inner_radius, outer_radius : [m].
     cells : (n_r, n_θ).
     inlet : "inner" or "outer"; with "outer" the first row of k1 and of the fluid pressure lies outside.
-    rows : distances of the rows of nodes from the inlet (n_r + 1) [m], rising from 0 to the breadth; equidistant unless
-        given.
 
     Raises
     ------
-    InputError : radii that do not increase from above 0, bad cells, another inlet, rows that do not rise from 0 to the
-        breadth.
+    InputError : radii that do not increase from above 0, bad cells, another inlet.
     """
 
     inner_radius: float
     outer_radius: float
     cells: tuple[int, int]
     inlet: str = "inner"
-    rows: tuple[float, ...] = field(default=(), repr=False)
 
     def __post_init__(self) -> None:
         inner, outer = (
@@ -278,18 +228,11 @@ class AnnularSeal(StructuredSeal):
         object.__setattr__(self, "inner_radius", inner)
         object.__setattr__(self, "outer_radius", outer)
         object.__setattr__(self, "cells", validate.grid("cells", self.cells))
-        breadth = outer - inner
-        rows = self.rows or np.linspace(0.0, breadth, self.cells[0] + 1)
-        object.__setattr__(self, "rows", _rows(rows, breadth, self.cells[0]))
 
     @property
     def radii(self) -> Array:
         """Radii of the nodes (n_r + 1,) from inlet to outlet [m]."""
-        return self._radius(self.rows)
-
-    def _radius(self, x1: ArrayLike) -> Array:
-        """Radii at distances from the inlet [m]."""
-        x1 = np.asarray(x1, dtype=float)
+        x1 = np.linspace(0.0, self.outer_radius - self.inner_radius, self.cells[0] + 1)
         return self.inner_radius + x1 if self.inlet == "inner" else self.outer_radius - x1
 
     @property
@@ -305,23 +248,11 @@ class AnnularSeal(StructuredSeal):
     @property
     def points(self) -> Array:
         """Cartesian coordinates of the nodes (n_r + 1, n_θ, 2) [m]."""
-        return self.place(self.rows, np.arange(self.cells[1]))
-
-    def place(self, x1: ArrayLike, column: ArrayLike) -> Array:
-        """Coordinates (rows, columns, 2) [m] at distances x1 from the inlet [m] and columns of nodes, also between."""
-        θ = (np.asarray(column) + 0.5) * (2 * pi / self.cells[1])
-        return self._radius(x1)[:, None, None] * np.stack([np.cos(θ), np.sin(θ)], axis=-1)
+        θ = (np.arange(self.cells[1]) + 0.5) * (2 * pi / self.cells[1])
+        return self.radii[:, None, None] * np.stack([np.cos(θ), np.sin(θ)], axis=-1)
 
     @cached_property
     def grid(self) -> Grid:
         """Nodes in rows of |ln r/r₀| and columns of θ, in which the form is that of a strip."""
         r = self.radii
         return Grid.of_strip(np.abs(np.log(r / r[0])), 2 * pi / self.cells[1], self.cells[1])
-
-
-def _rows(value: Any, length: float, n: int) -> tuple[float, ...]:
-    rows = tuple(float(x) for x in value)
-    ends = len(rows) == n + 1 and rows[0] == 0 and abs(rows[-1] - length) <= 1e-9 * length
-    if not ends or not all(b > a for a, b in itertools.pairwise(rows)):
-        raise InputError("rows", counted(len(rows), "value"), f"{n + 1} rising numbers from 0 to {length:g} m")
-    return rows

@@ -36,7 +36,7 @@ _SHUT = 2e5
 #: Ratio of the smallest permeability to the largest from which on all elements count as open.
 _OPEN = 1e-12
 #: Most tiles between inlet and outlet.
-_MOST_ROWS = 1000
+MOST_ROWS = 1000
 #: Least breadth of a seal, and length around its inner radius, in pieces and tiles.
 _NARROW, _NARROWEST = 0.7, 0.35
 #: Fewest columns of a periodic mesh.
@@ -89,13 +89,18 @@ class ElementSeal:
         principal = np.broadcast_to(permeability, (self.mesh.nelements, 2))
         return np.asarray(np.einsum("ni,nia,nib->nab", principal, self.axes, self.axes))
 
-    def flow(self, permeability: Any, *, bounds: bool = False, solver: str = "auto") -> DarcyFlow:
-        """Flow for a unit drop, with its bounds; permeability (n, 2) [m³], solvers of grids are "auto"."""
+    def flow(self, permeability: Any, *, bounds: bool = False, solver: str = "auto", draft: bool = False) -> DarcyFlow:
+        """Flow for a unit drop, with its bounds; permeability (n, 2) [m³], solvers of grids are "auto".
+
+        draft : linear elements alone, whose potential is the same, for permeabilities that have not settled.
+        """
         k, solver = self.tensors(permeability), solver if solver in _SOLVERS else "auto"
         principal = np.asarray(permeability)
         if principal.min() > _OPEN * principal.max():
-            return self._open.flow(k, solver)
-        flow = darcy_conductance(self.mesh, k, self.inlet, self.outlet, bounds=True, solver=solver)
+            return self._open.flow(k, solver, bounds=not draft)
+        flow = darcy_conductance(self.mesh, k, self.inlet, self.outlet, bounds=not draft, solver=solver)
+        if draft:
+            return flow
         lower = flow.lower if flow.lower > self._through_closed_axes(permeability) else 0.0
         conductance = float(np.sqrt(lower) * np.sqrt(flow.upper))
         return replace(flow, conductance=conductance, lower=lower, percolates=lower > 0)
@@ -142,13 +147,19 @@ class PieceSize:
     """What a layout needs to know of the pieces of a face, and what is asked of the seal.
 
     size : sides of a piece along x1 and x2 [m]. rows : number of pieces of the face along x1.
-    length, breadth : of the seal [m], None where not given.
+    length, breadth : of the seal [m], None where not given. most : tiles of a strip or a ring that is alike all along,
+    of which a part with about so many stands for the whole; None: all of it is drawn.
     """
 
     size: tuple[float, float]
     rows: int
     length: float | None = None
     breadth: float | None = None
+    most: int | None = None
+
+    def columns(self, rows: int, wanted: int) -> int:
+        """Columns of tiles that are drawn of those of the whole seal."""
+        return wanted if self.most is None else min(wanted, max(_FEWEST, self.most // rows))
 
 
 @dataclass(frozen=True, eq=False)
@@ -160,7 +171,7 @@ class SealTiles:
     strip or a ring, which are numbered row by row; None of meshes.
     in_place : every row of tiles draws from the row of the face at the same distance from the inlet.
     turned : pieces lie with x1 of the face along the seal.
-    tangent : tan α of grooves that wind (n,); None of others.
+    tangent : tan α of grooves that wind (n,); None of others. part : of the length of the seal that is drawn.
     """
 
     seal: ElementSeal
@@ -170,6 +181,7 @@ class SealTiles:
     in_place: bool = False
     turned: bool = False
     tangent: Array | None = field(default=None, repr=False)
+    part: float = 1.0
     warnings: tuple[str, ...] = ()
 
     @property
@@ -191,9 +203,9 @@ class SealTiles:
 
     @property
     def size(self) -> tuple[float, float]:
-        """Breadth and length of the seal without repeated columns [m]."""
+        """Breadth and length of the whole seal, without repeated columns [m]."""
         breadth, length = self.seal.size
-        return breadth, length * (self.once.size / self.tile.size)
+        return breadth, length * (self.once.size / self.tile.size) / self.part
 
     @property
     def middles(self) -> Array:
@@ -288,24 +300,25 @@ def laid_on_strip(pieces: PieceSize, lay: Lay) -> SealTiles:
         d1, d2 = d2, d1
     of_face = pieces.rows * pieces.size[0]
     breadth = of_face if pieces.breadth is None else pieces.breadth
-    cells = _rows_of(breadth, d1, "breadth", breadth), max(1, round(pieces.length / d2))
+    rows, whole = _rows_of(breadth, d1, "breadth", breadth), max(1, round(pieces.length / d2))
+    cells = rows, pieces.columns(rows, whole)
     size = breadth, cells[1] * d2
     straight = lay.name == "x2" and cells[0] == pieces.rows and abs(breadth / of_face - 1) < _SAME
     middles = _middles(size, cells)
     laid = _strip(size, cells, lay.directions(middles))
     if lay.name == "spiral":
         lay.check_lead(size[0])
-        slope = Spiral(lay.lead, lay.circumference).tangent(size[1])
+        slope = Spiral(lay.lead, lay.circumference).tangent(whole * d2)
         laid = _strip(size, cells, np.tile([0.0, 1.0], (len(middles), 1)))
         laid = replace(laid, tangent=np.full(len(laid.tile), slope))
-    return replace(laid, in_place=straight, turned=turned)
+    return replace(laid, in_place=straight, turned=turned, part=cells[1] / whole)
 
 
 def _rows_of(breadth: float, side: float, name: str, given: float) -> int:
     """Number of tiles between inlet and outlet; raises InputError that names the length [m] it comes from."""
     rows = max(1, round(breadth / side))
-    if rows > _MOST_ROWS:
-        expected = f"at most {_MOST_ROWS} tiles from inlet to outlet, not {rows}"
+    if rows > MOST_ROWS:
+        expected = f"at most {MOST_ROWS} tiles from inlet to outlet, not {rows}"
         raise InputError(name, to_text(given, "m"), expected)
     return rows
 
@@ -323,16 +336,19 @@ def laid_on_ring(pieces: PieceSize, lay: Lay, radii: tuple[float, float], inlet:
         sides = " × ".join(to_text(side, "m", 3) for side in pieces.size)
         given, expected = f"a ring {to_text(breadth, 'm', 3)} broad", f"a ring at least as broad as a piece, {sides}"
         raise InputError("outer_radius", given, expected)
-    cells = _rows_of(breadth, d1, "outer_radius", outer), max(3, round(2 * pi * middle / d2))
-    narrow = 2 * pi * inner / (cells[1] * d2)
-    given = f"a ring with {counted(cells[1], 'column')} of tiles, {narrow:.0%} as wide as pieces at its inner radius"
+    rows, whole = _rows_of(breadth, d1, "outer_radius", outer), max(_FEWEST, round(2 * pi * middle / d2))
+    narrow = 2 * pi * inner / (whole * d2)
+    given = f"a ring with {counted(whole, 'column')} of tiles, {narrow:.0%} as wide as pieces at its inner radius"
     if narrow < _NARROWEST:
         raise InputError("inner_radius", given, f"at least {_NARROWEST:.0%}; a mesh has none of them")
     doubts = (f"{given}: tiles there are drawn too close together; a mesh has equal ones",)
     warnings = doubts if narrow < _NARROW else ()
+    alike = lay.name in ("radial", "circumferential", "spiral")
+    cells = rows, pieces.columns(rows, whole) if alike else whole
+    part = cells[1] / whole
     radius = np.linspace(inner, outer, cells[0] + 1)
     radius = radius if inlet == "inner" else radius[::-1]
-    plain, ring, ends = _periodic_quads(np.abs(np.log(radius / radius[0])), 2 * pi, cells[1])
+    plain, ring, ends = _periodic_quads(np.abs(np.log(radius / radius[0])), 2 * pi * part, cells[1])
     r, angle = radius[0] * np.exp(plain.p[0] if inlet == "inner" else -plain.p[0]), plain.p[1]
     outlines = (r * np.array([np.cos(angle), np.sin(angle)])).T[plain.t.T]
     centre = plain.p[:, plain.t].mean(axis=1)
@@ -345,12 +361,12 @@ def laid_on_ring(pieces: PieceSize, lay: Lay, radii: tuple[float, float], inlet:
     around = np.array([-outward[1], outward[0]])
     frame = np.stack([sign * outward, around]).transpose(2, 0, 1)
     along = np.einsum("nab,nb->na", frame, direction)
-    seal = ElementSeal(ring, *ends, (breadth, 2 * pi * middle), outlines, _axes(along))
+    seal = ElementSeal(ring, *ends, (breadth, 2 * pi * middle * part), outlines, _axes(along))
     tangent = lay.lead / (2 * pi * at) if wound else None
     as_broad = cells[0] == pieces.rows and abs(breadth / (pieces.rows * d1) - 1) < _SAME
     in_place = lay.name == "circumferential" and as_broad
     tile = np.arange(len(along))
-    return SealTiles(seal, direction, tile, cells, in_place, lay.name == "radial", tangent, warnings)
+    return SealTiles(seal, direction, tile, cells, in_place, lay.name == "radial", tangent, part, warnings)
 
 
 def laid_on_mesh(

@@ -18,14 +18,14 @@ from llvmlite.binding import get_host_cpu_features, get_host_cpu_name
 from numba.core import event
 from numpy.typing import NDArray
 
-from .. import contact, flow, windows
+from .. import contact, flow
 from ..base.stage import Mapper, Stage
+from ..face.piece_flow import FlowSettings, piece_permeability
 from ..flow.harmonic import harmonic_fill
 from ..flow.permeability_table import Mobility, PressureCurve
 from ..flow.solvers.choice import solve_flow
 from ..flow.solvers.hierarchy import hierarchy
 from ..flow.solvers.v_cycle import v_cycle
-from ..windows.window_flow import window_permeability
 
 log = logging.getLogger("femseal")
 #: What is said while loops are compiled.
@@ -104,7 +104,7 @@ def _record() -> Path | None:
     seen = hashlib.sha256(
         repr((numba.__version__, np.__version__, get_host_cpu_name(), get_host_cpu_features().flatten())).encode()
     )
-    for path in sorted(p for room in ("contact", "flow", "windows") for p in (package / room).rglob("*.py")):
+    for path in sorted(p for room in ("contact", "flow", "face") for p in (package / room).rglob("*.py")):
         found = path.stat()
         seen.update(f"{path} {found.st_mtime_ns} {found.st_size}".encode())
     return Path(v_cycle.stats.cache_path) / f"compiled-{seen.hexdigest()[:16]}"
@@ -140,9 +140,9 @@ def _contact() -> None:
         contact.solve_contact(_gap(32), body, pressure=0.01, hardness=0.05)
 
 
-def _windows() -> None:
+def _pieces() -> None:
     gap = _gap(32)
-    window_permeability(gap, (1.0, 1.0), 0, settings=windows.FlowSettings(solver="elimination"))
+    piece_permeability(gap, (1.0, 1.0), 0, FlowSettings(solver="elimination"))
 
 
 def _seals() -> None:
@@ -153,12 +153,12 @@ def _seals() -> None:
 
 
 #: Parts of 4 to 19 s, in the order in which they start. Where two processes take them, the loops that "multigrid" and
-#: "windows" call are there by then, and both processes end at about the same time.
+#: "pieces" call are there by then, and both processes end at about the same time.
 _PARTS: dict[str, Callable[[], object]] = {
     "elimination": lambda: solve_flow(_network(), solver="elimination"),
     "levels": _levels,
     "multigrid": _multigrid,
     "contact": _contact,
-    "windows": _windows,
+    "pieces": _pieces,
     "seals": _seals,
 }

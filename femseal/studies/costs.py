@@ -169,14 +169,6 @@ def two_scale_cost(
     return (0.0 if solved else seconds) + 2 * cells[0] * cells[1] * of_pieces, memory
 
 
-def _face_contact_seconds(efforts: Sequence[Effort], points: tuple[int, int], pressures: int, acts: bool) -> float:
-    """Expected time of the contact of a whole face, and of its flow where the fluid acts on it [s]."""
-    new = [effort for effort in efforts if effort.rounds]
-    if acts:
-        return sum(_face_seconds(points, effort, pressures, acts) for effort in new)
-    return sum(contact_seconds(points, effort) for effort in new)
-
-
 def stochastic_cost(
     efforts: Sequence[Effort],
     points: tuple[int, int],

@@ -9,9 +9,11 @@ from ..base import Array, Mapper, Shown
 from ..base.fields import PIXEL, ROW, STEP, declared
 from ..base.shared_array import lies_on_disk, one_at_a_time
 from ..contact.workspace import KEPT_POINTS
+from ..face.contact_pressure import ContactPressure
+from ..face.piece_flow import SolverCounts
+from ..face.pieces import Cut
 from ..loads import LoadProgramme
-from ..windows import ContactPressure, Partition, SolverCounts
-from .face_contact import WindowContacts, band_breadth, cut_contact, face_partition, solve_face
+from .face_contact import PieceContacts, band_breadth, solve_face
 from .face_leakage import PlaceLeakage, first_equal, place_leakage, repeated
 from .scene import Scene, scene_warnings
 
@@ -31,7 +33,7 @@ class DeterministicResult(Shown):
     where there is contact, see `ContactPressure`. The fluid pressure is NaN in contact and in pockets.
     places : leakage by measured places, None of one.
     residual : largest residual of the contacts. failures : steps whose flow failed; their leakage is NaN. warnings :
-    reasons to doubt the result. solvers : number of systems by solver. windows : its pieces, for `two_scale`; None
+    reasons to doubt the result. solvers : number of systems by solver. pieces : of the face, for `two_scale`; None
     unless asked for. equal_steps : number of steps that are an earlier one again, solved once.
     """
 
@@ -74,7 +76,7 @@ class DeterministicResult(Shown):
     failures: tuple[str, ...] = ()
     warnings: tuple[str, ...] = ()
     solvers: SolverCounts = field(default_factory=SolverCounts)
-    windows: WindowContacts | None = field(default=None, repr=False)
+    pieces: PieceContacts | None = field(default=None, repr=False)
     equal_steps: int = 0
 
 
@@ -95,24 +97,22 @@ def deterministic(scene: Scene, *, cells: tuple[int, int] | None = None, mapper:
     """
     scene.check_spiral()
     surface = scene.surface
-    partition = Partition(surface.shape, surface.spacing, (1, 1)) if cells is None else face_partition(surface, cells)
-    face = solve_face(scene, partition, True, memory=state_memory(surface.heights.size), mapper=mapper)
-    through, gap = face.through, face.gap
-    assert through is not None
-    contact_fraction, plastic_fraction, mean_gap, residual, carried = np.array([state.facts for state in face.states]).T
-    first = first_equal(gap, scene.steps)
-    windows = cut_contact(scene, partition, face)
+    cut = None if cells is None else Cut.of(surface, cells)
+    face = solve_face(scene, cut, memory=state_memory(surface.heights.size), mapper=mapper)
+    through, gap, states = face.through, face.gap, face.states
+    contact_fraction, plastic_fraction, mean_gap, residual, carried = np.array([state.facts for state in states]).T
+    rows, first = np.array([state.rows for state in states]), first_equal(gap, scene.steps)
     return DeterministicResult(
         steps=scene.steps,
         leakage=through.leakage,
         contact_fraction=contact_fraction,
         plastic_fraction=plastic_fraction,
         mean_gap=mean_gap,
-        row_pressure=windows.row_pressure,
-        band_breadth=band_breadth(windows.row_pressure, surface.spacing[0]),
-        largest_row_pressure=windows.row_pressure.max(axis=1),
+        row_pressure=rows,
+        band_breadth=band_breadth(rows, surface.spacing[0]),
+        largest_row_pressure=rows.max(axis=1),
         gap=gap,
-        contact_pressure=windows.fields.pressure,
+        contact_pressure=ContactPressure([state.in_contact for state in states]),
         fluid_pressure=through.fluid_pressure,
         carried_pressure=carried,
         entry_pressure=scene.entry_pressures(one_at_a_time(gap)),
@@ -121,7 +121,7 @@ def deterministic(scene: Scene, *, cells: tuple[int, int] | None = None, mapper:
         failures=through.failures,
         warnings=scene_warnings(scene),
         solvers=through.solvers(first),
-        windows=None if cells is None else windows,
+        pieces=None if cut is None else PieceContacts.of(cut, states, scene.acting_fluid is not None),
         equal_steps=repeated(first),
     )
 

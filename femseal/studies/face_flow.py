@@ -6,10 +6,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..base import Array
+from ..face.piece_flow import FlowSettings, SolverCounts
 from ..flow import Permeability, cell_permeability
 from ..flow.cell import pixel_dissipation
 from ..flow.spiral import spiral_flow
-from ..windows import FlowSettings, SolverCounts
 
 #: Relative error at which flows end that depend on the pressure; the factor of a gas itself is within 0.9 %.
 PRESSURE_RTOL = 1e-4
@@ -40,7 +40,8 @@ def resolved_flow(
 ) -> FaceFlow:
     """Solve the flow along x1 through the gap (n1, n2) [m] of a whole face, which is periodic along x2.
 
-    A face of more than `LARGEST_FLOW` points is solved in parts along x2, side by side. Grooves that wind carry fluid past closed lands where the settings have a spiral.
+    A face of more than `LARGEST_FLOW` points is solved in parts along x2, side by side. Grooves that wind carry fluid
+    past closed lands where the settings have a spiral.
 
     `with_potential` keeps the potential at every pixel.
 

@@ -17,11 +17,11 @@ from numpy.typing import NDArray
 from ..base import Array, Mapper, Shown, Stage
 from ..base.fields import PLACE, STEP, Field, declared
 from ..base.shared_array import give_back, shared_empty
+from ..face.piece_flow import Failed, FlowSettings, SolverCounts, attempt
 from ..loads import LoadProgramme
 from ..seal import RectangularSeal
 from ..topography import Places
 from ..topography.places import divided
-from ..windows import Failed, FlowSettings, SolverCounts, attempt
 from .face_flow import FaceFlow, resolved_flow
 from .load_curves import least_counted
 from .scene import Scene

@@ -18,10 +18,10 @@ import numpy as np
 
 from ..base import Array, InputError, to_text
 from ..contact import Contact, ContactLaw, HalfSpace, contact_law, solve_contact
+from ..face.piece_flow import Failed, FlowSettings, attempt
 from ..flow.harmonic import harmonic_fill
 from ..fluids import Fluid
 from ..topography import Places
-from ..windows import Failed, FlowSettings, attempt
 from .face_flow import FaceFlow, resolved_flow
 from .trapped_liquid import PocketPressures, TrappedLiquid
 
@@ -261,13 +261,6 @@ class FluidPressure:
         hardness = float(np.min(contact_law(settings.get("hardness", np.inf)).yield_pressure()))
         bulk_modulus = getattr(self.fluid, "bulk_modulus", None) or np.inf
         return PocketPressures(former, half_space, bulk_modulus=bulk_modulus, hardness=hardness, load=pressure)
-
-    def contact_of_even_drop(self, gap0: Array, half_space: HalfSpace, *, pressure: float, **settings: Any) -> Contact:
-        """Contact under a fluid whose potential falls evenly, see `contact`; without load where it carries all."""
-        p_f = self.even_drop(half_space.shape)
-        carried = float(p_f.mean())
-        load = max(pressure, carried) if self.nominal == "total" else pressure + carried
-        return solve_contact(gap0, half_space, pressure=max(load, 0.0), fluid_pressure=p_f, **settings)
 
     def _pressure(self, flow: FaceFlow, former: Array) -> Array:
         """Pressure above the surroundings (n1, n2) [Pa] of a flow, also in contact; the former one if no gap is wet."""

@@ -42,6 +42,29 @@ def neighbours(solved: Indices, steps: LoadProgramme) -> dict[int, tuple[int, in
     return found
 
 
+def load_sensitivity(steps: LoadProgramme, leakage: Array) -> Array:
+    """|d ln(leakage) / d ln(load)| at every step (steps,), the steeper of both sides on the branch; 0 where unknown."""
+    q, p = np.abs(np.asarray(leakage, float)), steps.pressures
+    found = np.zeros(len(steps))
+    for s, other in neighbouring_steps(steps):
+        if q[s] > 0 and q[other] > 0 and p[s] > 0 and p[other] > 0:
+            slope = abs(np.log(q[s] / q[other]) / np.log(p[s] / p[other]))
+            found[s], found[other] = max(found[s], slope), max(found[other], slope)
+    return found
+
+
+def neighbouring_steps(steps: LoadProgramme) -> list[tuple[int, int]]:
+    """Every step with the one before it on its branch, that of an unloading being its peak."""
+    pairs = []
+    for s, step in enumerate(steps):
+        before = s - 1
+        if step.unloaded_from is not None and steps[before].unloaded_from != step.unloaded_from:
+            before = int(steps.peak_indices[s])
+        if before >= 0:
+            pairs.append((s, before))
+    return pairs
+
+
 def at_all_steps(values: Array, solved: Indices, steps: LoadProgramme, *, logarithmic: bool) -> Array:
     """Numbers at every step (..., steps) from those at the solved ones (..., solved).
 

@@ -14,13 +14,13 @@ from ..base import Array, Mapper, Stage
 from ..base.fields import PIECE_STATE, STATE, Field, declared
 from ..contact import LoadState
 from ..face.curves import PieceCurves, local_peaks
+from ..face.piece_flow import Failed, FlowSettings, SolveCounts, attempt
 from ..face.pieces import Cut, PieceState, factors
 from ..flow.permeability_table import tabulated
 from ..loads import LoadProgramme, LoadStep
 from ..seal import RectangularSeal
 from ..seal.layouts import RectangularLayout
 from ..seal.tiles import face_tiles
-from ..windows import Failed, FlowSettings, SolveCounts, attempt
 from .deterministic import DeterministicResult
 from .face_flow import FaceFlow, resolved_flow
 from .face_leakage import permeabilities_of_places
@@ -29,12 +29,15 @@ from .scene import Scene
 from .two_scale import TwoScaleResult
 
 #: Distance of the rungs of a ladder in the cube root of the pressure, over that of the highest one. ln k is nearly
-#: straight in it.
-_RUNG = 1 / 16
-#: Stops on the way down in fractions of a peak; ratio of neighbouring peaks, and most of them.
-_STOPS, _PEAK_RATIO, _MOST_PEAKS = (0.8, 0.6, 0.4, 0.25, 0.12, 0.04, 0.0), 1.3, 4
-#: Relative distance to a peak, or to the lowest or highest pressure, within which there is no rung; and to a peak within
-#: which these need no state of their own: a slope between closer states is that of the errors of their solutions.
+#: straight in it: on four faces under a map of ± 40 % and fluids that act, leakage on loading is within 1.2 % of that
+#: of states of its own, down to a hundredth of the first; with 1/16 within 2.5 %.
+_RUNG = 1 / 20
+#: Stops on the way down in fractions of a peak; distance of neighbouring peaks in the cube root, over that of the
+#: highest one, and most of them. On the same faces leakage on unloading is within 0.7 % from peaks that leave a seal
+#: open, and from those near closing within 1.2 % in the median and 15 % at worst, whatever the number of peaks.
+_STOPS, _PEAK_STEP, _MOST_PEAKS = (0.8, 0.6, 0.4, 0.25, 0.12, 0.04, 0.0), 1 / 12, 6
+#: Relative distance to a peak, or to the lowest or highest pressure, within which there is no rung; and to a peak
+#: within which these need no state of their own: a slope between closer states is that of their errors.
 _NEAR, _SAME = 0.02, 1e-3
 
 
@@ -229,18 +232,18 @@ def ladder_of(paths: Array, steps: LoadProgramme, elastic: bool) -> LoadProgramm
 
 
 def _chosen_peaks(peaks: Array) -> list[float]:
-    """Some of the peaks, rising: the highest and the lowest, and others apart by a ratio, not too many."""
-    values = np.unique(peaks)[::-1]
-    ratio = _PEAK_RATIO
-    while True:
-        chosen: list[float] = []
-        for peak in values.tolist():
-            gap = 1.02 if peak == values[-1] else ratio
-            if not chosen or peak * gap <= chosen[-1]:
-                chosen.append(peak)
-        if len(chosen) <= _MOST_PEAKS:
-            return chosen[::-1]
-        ratio *= 1.1
+    """Some of the peaks, rising: the highest, the lowest, and those nearest to equal distances in the cube root."""
+    apart: list[float] = []
+    for peak in np.unique(peaks)[::-1].tolist():
+        if not apart or peak * (1 + _NEAR) < apart[-1]:
+            apart.append(peak)
+    if len(apart) < 2:
+        return apart
+    values = np.array(apart[::-1])
+    roots = np.cbrt(values / values[-1])
+    count = min(int(np.ceil((1 - roots[0]) / _PEAK_STEP)) + 1, _MOST_PEAKS)
+    wanted = np.linspace(roots[0], 1.0, count)
+    return np.unique(values[np.abs(roots - wanted[:, None]).argmin(axis=1)]).tolist()
 
 
 def along_paths(pieces: FacePieces, paths: Array, steps: LoadProgramme) -> Array:

@@ -13,6 +13,10 @@ from .seat_rows import SeatMap
 #: Fewest seals that are drawn, and most, where their number is not given.
 FEWEST_SEALS, MOST_SEALS = 3, 200
 
+#: Tiles of a seal that is alike all along from which on a part of it stands for the whole: seals of so many scatter by
+#: less than a percent but near closing.
+MOST_TILES = 4000
+
 
 @dataclass(frozen=True)
 class Sampling:
@@ -54,8 +58,10 @@ def lay_out_tiles(layout: Layout, cut: Cut, sampling: Sampling) -> SealTiles:
 
     Raises InputError: see `seal.layouts.Layout.lay_out`.
     """
-    tiles = layout.lay_out(PieceSize(cut.size, cut.shape[0], sampling.length, sampling.breadth))
-    if tiles.in_place and not is_uniform(sampling.pressure_map):
+    even = is_uniform(sampling.pressure_map)
+    most = MOST_TILES if even else None
+    tiles = layout.lay_out(PieceSize(cut.size, cut.shape[0], sampling.length, sampling.breadth, most))
+    if tiles.in_place and not even:
         return replace(tiles, in_place=False)
     return tiles
 

@@ -3,7 +3,7 @@
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, field
 from functools import partial
-from math import isfinite, prod
+from math import isfinite
 from operator import attrgetter
 from typing import Any
 
@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from ..base import Array, InputError, Mapper, counted, to_text
 from ..contact import Contact, ContactLaw, HalfSpace, LoadState, contact_law, load_states, solve_contact
+from ..face.piece_flow import FlowSettings
 from ..flow import critical_constriction
 from ..flow.pressure_drop import PressureDrop
 from ..fluids import Fluid, IdealGas, Liquid, capillary_entry_pressure, leak_basis
@@ -22,7 +23,6 @@ from ..seal import Leakage, seal_leakage
 from ..seal.layouts import Layout, RectangularLayout
 from ..seal.shapes import Seal
 from ..topography import Places, Topography
-from ..windows import FlowSettings
 from .choices import FLUID_PRESSURES, NOMINALS
 from .fluid_coupling import LEAST_FRACTION, FluidPressure, contact_of_places
 
@@ -111,16 +111,6 @@ class Scene:
     def half_space(self) -> HalfSpace:
         """Elastic body of the whole face."""
         return HalfSpace(self.surface.shape, self.surface.spacing, self.modulus, self.boundary)
-
-    @property
-    def contact_shape(self) -> tuple[int, int]:
-        """Points of the largest face whose contact is solved by itself."""
-        return max((place.shape for place in self.surface.each), key=prod)
-
-    def check_one_place(self, what: str, given: str, expected: str) -> None:
-        """Raise InputError if an option is given that several measured places do not have."""
-        if isinstance(self.surface, Places):
-            raise InputError(what, f"'{given}' with several places", f"'{expected}' with them")
 
     @property
     def acting_fluid(self) -> FluidPressure | None:

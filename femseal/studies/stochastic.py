@@ -10,11 +10,12 @@ import numpy as np
 
 from ..base import Array, FemsealError, Indices, Mapper, Stage
 from ..face.curves import PieceCurves
+from ..face.piece_flow import Failed, SolverCounts, attempt
 from ..face.pieces import MOST_RATIO, Cut
 from ..flow.permeability_table import tabulated
+from ..loads import LoadProgramme
 from ..seal.tiles import SealTiles
-from ..windows import Failed, SolverCounts, attempt
-from .drawn_error import half_width, patch_scatter
+from .drawn_error import half_width
 from .face_contact import band_breadth
 from .face_leakage import FEWEST, PlaceLeakage
 from .load_curves import least_counted
@@ -73,8 +74,7 @@ def stochastic(
     supply = _supply(scene, cut, tiles, fractions, known, mapper)
     if not np.isfinite(supply.k).any():
         raise FemsealError(f"pieces: every flow failed; the first: {supply.pieces.failures[0]}")
-    scatter = patch_scatter(scene, supply.pieces, tiles.in_place)
-    drawn = _drawn(scene, tiles, supply, sampling, scatter, mapper)
+    drawn = _drawn(scene, tiles, supply, sampling, mapper)
     leakage = np.array([one.leakage for one in drawn])
     few = sampling.median_fields and len(tiles.outlines) * len(scene.steps) <= MOST_VALUES
     chosen = nearest_to_median(leakage) if few else None
@@ -90,7 +90,7 @@ def stochastic(
         tiles=tiles,
         pieces=supply.pieces,
         leakage=leakage,
-        scatter=scatter,
+        contact_fraction=1 - _at_nominal(scene, supply.pieces, 1 - supply.pieces.contact_fraction.mean(axis=(1, 2))),
         places=_places(scene, supply, leakage),
         row_pressure=rows,
         band_breadth=_band(scene, supply, seat),
@@ -180,8 +180,8 @@ def _supply(
 def _table_pressures(scene: Scene) -> tuple[tuple[float, ...], bool]:
     """Fluid pressures [Pa] at which permeabilities are needed, and whether ln k is linear between them."""
     drop, fluid = scene.flow.drop, scene.acting_fluid
-    even = fluid is None or fluid.inlet == fluid.outlet
-    if even or drop.law.depends_on_pressure or getattr(scene.layout, "inlet_pressures", {}):
+    several = drop.law.depends_on_pressure or getattr(scene.layout, "inlet_pressures", {})
+    if fluid is None or fluid.inlet == fluid.outlet or several:
         return tuple(drop.pressures), False
     # ln k is nearly straight in the cube root of the pressure that the fluid leaves to the pieces
     full = max(min((p for p in scene.steps.pressures if p > 0), default=0.0), fluid.inlet, fluid.outlet)
@@ -207,25 +207,24 @@ class _Realisation:
     solvers: SolverCounts
 
 
-def _drawn(
-    scene: Scene, tiles: SealTiles, supply: _Supply, sampling: Sampling, scatter: Array, mapper: Mapper
-) -> list[_Realisation]:
+def _drawn(scene: Scene, tiles: SealTiles, supply: _Supply, sampling: Sampling, mapper: Mapper) -> list[_Realisation]:
     """The given number of seals, or as many as the band needs."""
     stage = Stage("drawn seals", partial(_realise, scene=scene, tiles=tiles, supply=supply, seed=sampling.seed))
     count = sampling.realisations or FEWEST_SEALS
     drawn = list(mapper(stage, range(count)))
     while sampling.realisations is None:
-        more = min(_needed(np.array([one.leakage for one in drawn]), scatter, supply.in_place), 4 * len(drawn))
+        wanted = _needed(scene.steps, np.array([one.leakage for one in drawn]), supply.in_place)
+        more = min(wanted, 4 * len(drawn))
         if more <= len(drawn):
             break
         drawn += mapper(stage, range(len(drawn), more))
     return drawn
 
 
-def _needed(leakage: Array, scatter: Array, in_place: bool) -> int:
+def _needed(steps: LoadProgramme, leakage: Array, in_place: bool) -> int:
     """Number of seals whose median has the standard error that is wanted, at all steps that count."""
     median = _medians(leakage)
-    width = half_width("in place" if in_place else "anywhere", leakage=median, scatter=scatter)
+    width = half_width("in place" if in_place else "anywhere", steps, median)
     counts = (np.abs(median) > least_counted(median)) & np.isfinite(width)
     with np.errstate(divide="ignore", invalid="ignore"):
         spread = np.log(np.abs(leakage[:, counts])).std(axis=0, ddof=1)
@@ -254,7 +253,7 @@ def _realise(realisation: int, *, scene: Scene, tiles: SealTiles, supply: _Suppl
     piece = tiles.draw(supply.pieces.cut.shape, _stream(seed, realisation))
     leakage, failures, solvers = np.full(len(scene.steps), np.nan), [], []
     face, own = supply.pieces.face, supply.pieces.own
-    skipped, near = {s for s, _ in supply.unsolved}, None
+    skipped = {s for s, _ in supply.unsolved}
     for s, step in enumerate(scene.steps):
         if s in skipped or not np.isfinite(supply.k[:, :, s]).all():
             continue
@@ -262,11 +261,11 @@ def _realise(realisation: int, *, scene: Scene, tiles: SealTiles, supply: _Suppl
             leakage[s] = face[s]
             continue
         given = supply.permeability(tiles, piece, s)
-        found = attempt(scene.leakage, tiles.seal, given, DRAWN_RTOL, rate_only=True, near=near)
+        found = attempt(scene.leakage, tiles.seal, given, DRAWN_RTOL)
         if isinstance(found, Failed):
             failures.append(f"realisation {realisation}, {step.name}: {found.reason}")
             continue
-        near, leakage[s] = found, found.per_length
+        leakage[s] = found.per_length
         solvers.append(SolverCounts.of(found))
         if supply.in_place:
             leakage[s] = face[s] * np.clip(leakage[s] / own[s], 1 / MOST_RATIO, MOST_RATIO)
@@ -296,7 +295,8 @@ def _median_seal(realisation: int, *, scene: Scene, tiles: SealTiles, supply: _S
         pressure = supply.paths[:, supply.path[tiles.tile]]
         if (fluid := scene.acting_fluid) is not None:
             pressure = np.maximum(pressure - np.nan_to_num(fluid.relief(p)), 0.0)
-    return MedianSeal(realisation, tiles.outlines, k, p, flux, pressure)
+    once = tiles.once
+    return MedianSeal(realisation, tiles.outlines[once], k[:, once], p[:, once], flux[:, once], pressure[:, once])
 
 
 def _rate_of_power(scene: Scene, tiles: SealTiles, found: Any) -> float:
@@ -329,14 +329,19 @@ def _places(scene: Scene, supply: _Supply, leakage: Array) -> PlaceLeakage | Non
     pieces = supply.pieces
     if pieces.places is None:
         return None
-    face, places = pieces.face, pieces.places
-    if pieces.steps != scene.steps:
-        fluid = scene.acting_fluid
-        relief = 0.0 if fluid is None else float(fluid.relief([fluid.mean])[0])
-        nominal = np.maximum(scene.steps.pressures[:, None] - relief, 0.0)
-        every = [PieceCurves(pieces.steps, q).along(nominal, scene.steps)[:, 0] for q in (face, *places)]
-        face, places = every[0], np.array(every[1:])
+    face, *places = (_at_nominal(scene, pieces, q) for q in (pieces.face, *pieces.places))
     with np.errstate(divide="ignore", invalid="ignore"):
         scale = np.where(face > 0, _medians(leakage) / face, 1.0)
     count = len(places) // (2 if len(places) >= 2 * FEWEST else 1)
-    return PlaceLeakage(scale * places[:count], scale * places[count:] if count >= FEWEST else None)
+    every = scale * np.array(places)
+    return PlaceLeakage(every[:count], every[count:] if count >= FEWEST else None)
+
+
+def _at_nominal(scene: Scene, pieces: FacePieces, values: Array) -> Array:
+    """Values of the states, which fall with the pressure, at the loads of the scene less the mean of its fluid."""
+    if pieces.steps == scene.steps:
+        return values
+    fluid = scene.acting_fluid
+    relief = 0.0 if fluid is None else float(fluid.relief([fluid.mean])[0])
+    nominal = np.maximum(scene.steps.pressures[:, None] - relief, 0.0)
+    return PieceCurves(pieces.steps, values).along(nominal, scene.steps)[:, 0]

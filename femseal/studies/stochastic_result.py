@@ -12,9 +12,9 @@ import numpy as np
 
 from ..base import Array, Shown, counted
 from ..base.fields import CORNER, PART, PART_VECTOR, REALISATION, ROW, STEP, Field, declared
+from ..face.piece_flow import SolverCounts
 from ..loads import LoadProgramme
 from ..seal.tiles import ElementSeal, SealTiles
-from ..windows import SolverCounts
 from .face_leakage import PlaceLeakage
 from .load_curves import FLOOR
 from .piece_states import FacePieces
@@ -66,8 +66,7 @@ class StochasticResult(Shown):
     """Realisations of a seal drawn from the pieces of a face. A realisation is a curve over the steps.
 
     leakage : of each realisation (realisations, steps).
-    scatter : standard deviation of ln(leakage) of redraws as small as the measured patch, which tells what one patch
-        does not know.
+    contact_fraction : of the face at every step (steps,).
     tiles : of the seal. pieces : of the face, at the loads of the scene or along a ladder.
     row_pressure, band_breadth, largest_row_pressure : of a seal as broad as the face, or of a seat; None of others.
     places : leakage by measured places; None of one.
@@ -79,10 +78,8 @@ class StochasticResult(Shown):
     steps: LoadProgramme
     tiles: SealTiles = field(repr=False)
     pieces: FacePieces = field(repr=False)
+    contact_fraction: Array = field(repr=False)
     leakage: Array = declared("leakage", "m^2/s", "leakage per unit seal length, realisations", REALISATION)
-    scatter: Array = declared(
-        "patch_scatter", "1", "standard deviation of ln(leakage) of redraws as small as the measured patch", STEP
-    )
     row_pressure: Array | None = declared(
         "row_pressure", "Pa", "mean contact pressure of rows", ROW, default=None, repr=False
     )
@@ -110,17 +107,6 @@ class StochasticResult(Shown):
             "sealed_fraction", "1", "fraction of the realisations without leakage", STEP, "sealed [%]"
         ),
     }
-
-    @property
-    def contact_fraction(self) -> Array:
-        """Fraction of the face in contact (steps,); NaN on unloading where it is not solved there."""
-        pieces = self.pieces
-        of_states = pieces.contact_fraction.mean(axis=(1, 2))
-        if pieces.steps == self.steps:
-            return np.asarray(of_states)
-        loading = pieces.steps.on_loading
-        found = np.interp(self.steps.pressures, pieces.steps.pressures[loading], of_states[loading])
-        return np.where(self.steps.on_loading, found, np.nan)
 
     @property
     def seal(self) -> ElementSeal:

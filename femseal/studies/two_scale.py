@@ -2,18 +2,17 @@
 
 from dataclasses import dataclass, field, replace
 from functools import partial
-from typing import ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ..base import Array, InputError, Mapper, Shown, Stage
-from ..base.fields import PIECE, PIXEL, ROW, STEP, Field, declared
+from ..base.fields import PIECE, PIXEL, ROW, STEP, declared
+from ..face.contact_pressure import ContactPressure
+from ..face.piece_flow import Failed, FlowSettings, SolveCounts, SolverCounts, attempt, piece_permeability
+from ..face.pieces import Cut
 from ..flow.pressure_drop import VISCOUS
 from ..loads import LoadProgramme
-from ..windows import FlowHistory, FlowSettings, Partition, SolveCounts, SolverCounts
-from ..windows.partition import ContactPressure, WindowFields
-from ..windows.window_flow import flow_history
 from .deterministic import DeterministicResult, deterministic
 from .face_leakage import PlaceLeakage
 from .scene import Scene
@@ -23,7 +22,7 @@ from .scene import Scene
 class TwoScaleResult(Shown):
     """Contact and flow of a whole face, and of its pieces; arrays over steps, rows and columns of pieces.
 
-    partition : the pieces. fields : deformed gap and contact pressure at every pixel.
+    cut : the pieces. gap, contact_pressure : at every pixel, see `DeterministicResult`.
     leakage, fluid_pressure, row_pressure and so on : of the whole face, see `DeterministicResult`.
     k1, k2 : of each piece alone with closed sides, of a gas whose law depends on it at the mean fluid pressure there.
     drop_fraction : the dissipation in a piece over that in all of them; NaN where nothing flows.
@@ -33,8 +32,9 @@ class TwoScaleResult(Shown):
     """
 
     steps: LoadProgramme
-    partition: Partition = field(repr=False)
-    fields: WindowFields
+    cut: Cut = field(repr=False)
+    gap: NDArray[np.float32] = declared("gap", "m", "deformed gap", PIXEL)
+    contact_pressure: ContactPressure = declared("contact_pressure", "Pa", "contact pressure", PIXEL)
     leakage: Array = declared(
         "leakage_two_scale", "m^2/s", "leakage per unit seal length, two-scale", STEP, heading="two-scale"
     )
@@ -78,24 +78,11 @@ class TwoScaleResult(Shown):
     equal_steps: int = 0
     unsolved: tuple[tuple[int, str], ...] = field(default=(), repr=False)
 
-    computed_fields: ClassVar[dict[str, Field]] = {
-        "gap": Field("gap", "m", "deformed gap", PIXEL),
-        "contact_pressure": Field("contact_pressure", "Pa", "contact pressure", PIXEL),
-    }
-
-    @property
-    def gap(self) -> NDArray[np.float32]:
-        """Deformed gap (steps, n1, n2) [m]; it is read-only."""
-        return self.fields.gap
-
-    @property
-    def contact_pressure(self) -> ContactPressure:
-        """Contact pressure (steps, n1, n2) [Pa], used like an array."""
-        return self.fields.pressure
-
 
 #: What both results have by the same names.
 _OF_FACE = (
+    "gap",
+    "contact_pressure",
     "leakage",
     "fluid_pressure",
     "row_pressure",
@@ -108,7 +95,7 @@ _OF_FACE = (
     "equal_steps",
 )
 #: What the result has of the pieces by the same names.
-_OF_PIECES = ("fields", "pressure", "mean_gap", "contact_fraction", "plastic_fraction", "drop_fraction", "unsolved")
+_OF_PIECES = ("cut", "pressure", "mean_gap", "contact_fraction", "plastic_fraction", "drop_fraction", "unsolved")
 
 
 def two_scale(
@@ -129,23 +116,22 @@ def two_scale(
     NotConverged : a contact failed. Flows that fail are NaN, and listed in `failures`.
     """
     face = deterministic(scene, cells=cells, mapper=mapper) if solved is None else solved
-    pieces = face.windows
-    if pieces is None or pieces.fields.partition.cells != tuple(cells) or face.gap.shape[1:] != scene.surface.shape:
-        given = "no pieces" if pieces is None else f"{pieces.fields.partition.cells} pieces"
+    pieces = face.pieces
+    if pieces is None or pieces.cut.shape != tuple(cells) or face.gap.shape[1:] != scene.surface.shape:
+        given = "no pieces" if pieces is None else f"{pieces.cut.shape} pieces"
         raise InputError("solved", f"a solution with {given}", f"one with {tuple(cells)} pieces of this face")
-    flows = _flows_of_pieces(scene, pieces.fields, face.fluid_pressure, mapper)
+    flows = _flows_of_pieces(scene, pieces.cut, face, mapper)
     k1, k2 = np.array([found.k for found in flows]).reshape(*cells, 2, -1).transpose(2, 3, 0, 1)
     for s, _ in pieces.unsolved:
         k1[s] = k2[s] = np.nan
     counts = SolveCounts.total(found.counts for found in flows)
     failed = (
         f"piece {place}, {text}"
-        for place, found in zip(pieces.fields.partition.places, flows, strict=True)
+        for place, found in zip(np.ndindex(*cells), flows, strict=True)
         for text in found.failures
     )
     return TwoScaleResult(
         steps=scene.steps,
-        partition=pieces.fields.partition,
         k1=k1,
         k2=k2,
         counts=counts,
@@ -156,60 +142,55 @@ def two_scale(
     )
 
 
-def _flows_of_pieces(
-    scene: Scene, fields: WindowFields, fluid_pressure: NDArray[np.float32], mapper: Mapper
-) -> list[FlowHistory]:
-    """Permeability of every piece along x1 and x2 (2, steps)."""
-    partition, settings = fields.partition, scene.flow
-    stage = Stage("flow in pieces", partial(_flow_of_piece, spacing=partition.spacing, settings=settings))
-    pressures = None
-    if settings.drop.law.depends_on_pressure:
-        pressures = np.array([_mean_pressures(partition, p, settings.drop.inlet) for p in fluid_pressure])
-    return list(
-        mapper(
-            stage,
-            (partition.cell(fields.gap, *place) for place in partition.places),
-            [None if pressures is None else pressures[:, i, j] for i, j in partition.places],
-        )
-    )
+@dataclass(frozen=True, eq=False)
+class _PieceFlows:
+    """Permeability of a piece along x1 and x2 (2, steps) [m³], NaN where there is no gap or the flow failed."""
+
+    k: Array
+    counts: SolveCounts
+    failures: tuple[str, ...]
 
 
-def _mean_pressures(partition: Partition, pressure: NDArray[np.float32], unknown: float) -> Array:
+def _flows_of_pieces(scene: Scene, cut: Cut, face: DeterministicResult, mapper: Mapper) -> list[_PieceFlows]:
+    """Permeability of every piece at every step."""
+    settings = scene.flow
+    stage = Stage("flow in pieces", partial(_flows_of_piece, spacing=cut.spacing, settings=settings))
+    gaps = cut.pieces(face.gap)
+    if not settings.drop.law.depends_on_pressure:
+        return list(mapper(stage, gaps, [None] * len(gaps)))
+    pressures = np.array([_mean_pressures(cut, p, settings.drop.inlet) for p in face.fluid_pressure])
+    return list(mapper(stage, gaps, list(pressures.reshape(len(pressures), -1).T)))
+
+
+def _mean_pressures(cut: Cut, pressure: NDArray[np.float32], unknown: float) -> Array:
     """Mean of the fluid pressure [Pa] over each piece (m1, m2); `unknown` where there is none."""
     known = np.isfinite(pressure)
-    total, count = partition.cell_means(np.where(known, pressure, 0.0)), partition.cell_means(known)
+    total, count = cut.sums(np.where(known, pressure, 0.0)), cut.sums(known)
     return np.divide(total, count, out=np.full(total.shape, unknown), where=count > 0)
 
 
-def _flow_of_piece(
+def _flows_of_piece(
     gaps: NDArray[np.float32], pressures: Array | None, spacing: tuple[float, float], settings: FlowSettings
-) -> FlowHistory:
-    """Permeability of a piece with closed sides along x1 and x2 (2, steps), at its own mean fluid pressures [Pa]."""
+) -> _PieceFlows:
+    """Flow through a piece with closed sides from its gaps (steps, n1, n2) [m], at its own mean pressures [Pa]."""
     law = settings.drop.law
     if pressures is not None:
         least = settings.drop.least_pressure
         gaps = np.array([law.equivalent_gap(gap, max(p, least)) for gap, p in zip(gaps, pressures, strict=True)])
         settings = replace(settings, drop=VISCOUS)
-    along, across = (flow_history(gaps, spacing, axis, settings) for axis in (0, 1))
-    failures = (f"x{n}, {text}" for n, found in enumerate((along, across), 1) for text in found.failures)
-    return FlowHistory(np.array([[along.k, across.k]]), along.counts + across.counts, tuple(failures))
-
-
-def solve_links(
-    fields: WindowFields, axis: int, settings: FlowSettings, *, shift: int = 0, mapper: Mapper = map
-) -> FlowHistory:
-    """Solve the permeability of all links along `axis`; `shift` moves their windows by so many pixels along x2."""
-    partition = fields.partition
-    places = partition.links(axis)
-    windows = (partition.link(fields.gap, i, j, axis, shift) for i, j in places)
-    stage = Stage("flow in windows", partial(flow_history, axis=axis, settings=settings))
-    # one argument is a list, so that the mapper knows the number of items
-    flows = list(mapper(stage, windows, [partition.spacing] * len(places)))
-    k = np.empty((settings.drop.pressures.size, len(fields.steps), partition.cells[0] - axis, partition.cells[1]))
-    for (i, j), found in zip(places, flows, strict=True):
-        k[:, :, i, j] = found.at_pressures
-    return FlowHistory(
-        at_pressures=k,
-        counts=SolveCounts.total(found.counts for found in flows),
-        failures=tuple(f"x{axis + 1}-link {p}, {t}" for p, f in zip(places, flows, strict=True) for t in f.failures),
-    )
+    k, counts, failures = np.full((2, len(gaps)), np.nan), [], []
+    known: dict[bytes, Array] = {}
+    for s in np.flatnonzero(np.isfinite(gaps).all(axis=(1, 2))):
+        if (bits := gaps[s].tobytes()) in known:
+            k[:, s] = known[bits]
+            counts.append(SolveCounts(equal=2))
+            continue
+        known[bits] = k[:, s]
+        for axis in (0, 1):
+            flow = attempt(piece_permeability, np.asarray(gaps[s], float), spacing, axis, settings)
+            if isinstance(flow, Failed):
+                failures.append(f"x{axis + 1}, step {s}: {flow.reason}")
+                continue
+            k[axis, s] = flow.k[0]
+            counts.append(flow.counts)
+    return _PieceFlows(k, SolveCounts.total(counts), tuple(failures))

@@ -98,20 +98,6 @@ class Places(Topography):
         points = max(1, round(shape[1] * part / self.shape[1]))
         return self._of_each(lambda p: p.resample((shape[0], p.shape[1] // part * points)))
 
-    def whole_columns(self, count: int) -> tuple[Places, int]:
-        """Places cut to whole columns, of which the shortest has so many; also the columns of all of them."""
-        column = min(self.widths) / count
-        columns = [int(w / column + 1e-9) for w in self.widths]
-        if all(n * column == w for n, w in zip(columns, self.widths, strict=True)):
-            return self, sum(columns)
-        # the same pixels in all columns
-        points = max(1, round(column))
-        places = zip(self.each, columns, strict=True)
-        cut = [_middle(p, (p.shape[0], min(p.shape[1], round(n * column)))) for p, n in places]
-        return self._joined([p.resample((p.shape[0], n * points)) for p, n in zip(cut, columns, strict=True)]), sum(
-            columns
-        )
-
     def with_form(self, profile: NDArray) -> Places:
         """The places with a profile along x1 (n1,) [m] added to each."""
         return self._of_each(lambda p: p.with_form(profile))

@@ -18,12 +18,13 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
-from calibration import LENGTH, LONG_KINDS, piece_of
 from common import machine, rows, save_report
 from drawn_scenes import FINER, HELD_OUT, KINDS, PIXEL, Drawn
 
-#: Realisations of the seals drawn from one breadth.
-REALISATIONS = 24
+#: Length of the long faces in breadths, and realisations of the seals drawn from one breadth.
+LENGTH, REALISATIONS = 4, 24
+#: Kinds of long faces: a breadth of a ground one holds too little of its lay to draw seals from.
+LONG_KINDS = tuple(kind for kind in KINDS if kind not in ("ground", "filtered"))
 #: Leakage over that of the first load above which errors are counted by themselves.
 FLOOR = 1e-3
 
@@ -64,6 +65,15 @@ def strip(kind, seed):
     return found | {"studies": {name: replace(study, **bare) for name, study in found["studies"].items()}}
 
 
+def piece_of(drawn):
+    """The scene of the first breadth of a long face, whose ends along x2 do not meet."""
+    from femseal import Topography
+
+    scene = drawn.scene()
+    heights = np.ascontiguousarray(scene.surface.heights[:, : drawn.points[0]])
+    return replace(scene, surface=Topography(heights, scene.surface.spacing, (scene.surface.periodic[0], False)))
+
+
 def drawn_seals(kind, seed):
     """Seals drawn from one breadth of a long face."""
     from femseal import Sampling, deterministic, stochastic
@@ -71,8 +81,8 @@ def drawn_seals(kind, seed):
     drawn = Drawn(kind, seed, LENGTH)
     truth = deterministic(drawn.scene(2)).leakage
     scene, (n, _) = piece_of(drawn), drawn.points
-    sampling = Sampling(LENGTH * n * PIXEL, REALISATIONS, 1, seed=1, sampler="runs")
-    seals = replace(stochastic(scene, (drawn.cells[0],) * 2, sampling), median_seal=None)
+    sampling = Sampling(LENGTH * n * PIXEL, REALISATIONS, seed=1)
+    seals = replace(stochastic(scene, None, sampling), median_seal=None)
     coarse = coarser(scene, scene.surface.resample((n // 2, n // 2)), deterministic(scene).leakage, deterministic)
     return {"scene": scene, "studies": {"drawn seals": seals}, "truth": truth, "solutions": {"coarse": [coarse]}}
 
@@ -100,9 +110,7 @@ def judged(kind, seed, found):
         if (part := effective_pressure_part(found["scene"], study)) is not None:  # part of the band of a run
             budget = replace(budget, parts=(*budget.parts, part))
         q, lower, upper = budget.leakage, budget.lower, budget.upper
-        # a long face is one realisation, the budget of drawn seals is that of their median
-        spread = np.nan_to_num(1.96 * study.realisation_spread) if method == "drawn seals" else 0.0
-        below, above = np.hypot(np.log(q / lower), spread), np.hypot(np.log(upper / q), spread)
+        below, above = np.log(q / lower), np.log(upper / q)
         error = np.where((q == 0) & (truth == 0), 0.0, np.log(truth / q))
         holds = np.where(q == 0, truth <= upper, (error <= above) & (-error <= below))
         leaks = q > FLOOR * q[0]

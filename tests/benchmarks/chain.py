@@ -1,13 +1,11 @@
-"""Whole studies against the plain way: the same face, loads, pixels and windows by femseal and by other programs.
+"""Whole studies against the plain way: the same face, loads and pixels by femseal and by other programs.
 
     python tests/benchmarks/chain.py --sizes 512 1024 --records chain.jsonl --write
 
 A self-affine face (Hurst 0.8, longest wave a quarter of the face, shortest 8 pixels, rms slope 0.25, H = 0.14 E* h′),
 periodic along both axes, is loaded to 0.3 H and unloaded. The plain way, `plain_way.py`, takes the contact by Tamaas or
-ContactMechanics and the flow by scikit-fem with pyamg or PARDISO. Studies: contact and flow of all pixels
-(deterministic); seals of runs of neighbouring columns of windows of the face, with flow through windows and the links between nodes
-(stochastic). Errors are exp(rms ln(Q/Q_ref)) − 1 over the loads that leak more
-than 1e-3 of the first; the reference is Richardson's limit of femseal's deterministic solutions on two and four times
+ContactMechanics and the flow by scikit-fem with pyamg or PARDISO, of all pixels (deterministic). Errors are
+exp(rms ln(Q/Q_ref)) − 1 over the loads that leak more than 1e-3 of the first; the reference is Richardson's limit of femseal's deterministic solutions on two and four times
 the pixels a side, from gaps sampled anew. The tolerance of each peer's contact is the loosest that changes the
 leakage of a face of 256² by a quarter of its error at most.
 
@@ -36,7 +34,7 @@ PACKAGES = {
     "pyamg": "pyamg",
     "pypardiso": "pypardiso",
 }
-STUDIES = ("deterministic", "stochastic")
+STUDIES = ("deterministic",)
 #: Solvers of the flow of the plain way, and the modules that they need.
 FLOWS = {"pyamg": "pyamg", "PARDISO": "pypardiso"}
 #: Contacts of the plain way with the tolerances that are tried, and those of them that are as their manuals have them.
@@ -153,7 +151,6 @@ def studies_of(options, n, tolerances):
                     "contact": name,
                     "tolerance": tolerance,
                     "flows": flows,
-                    "windows": True,
                     "n": n,
                     "pixels": n,
                     "turn": turn,
@@ -202,25 +199,22 @@ def seconds_at(wanted, curve):
 
 
 def ratios(found):
-    """Records of every whole study by a peer beside that by femseal: on the same pixels, and to the same error.
-
-    Links err by the windows, which are the same: there the two are one.
-    """
+    """Records of every whole study by a peer beside that by femseal: on the same pixels, and to the same error."""
     records = []
     for size in found:
         for study in STUDIES:
             for name, plain in size["plain"].items():
                 if "failure" in plain:
                     continue
-                for part in (p for p in plain["seconds"] if p == study or (study == "deterministic" and p in FLOWS)):
+                for part in (p for p in plain["seconds"] if p in FLOWS):
                     own, contact, flow = size["own"], plain["seconds"]["contact"], plain["seconds"][part]
-                    at = seconds_at(plain["error"][part], size["curve"]) if part in FLOWS else own[study]["seconds"]
+                    at = seconds_at(plain["error"][part], size["curve"])
                     records.append(
                         {
                             "n": size["n"],
                             "study": study,
                             "contact": name,
-                            "flow": part if part in FLOWS else "SuperLU",
+                            "flow": part,
                             "own": own[study]["seconds"],
                             "own contact": own["contact"]["seconds"],
                             "own error": own[study]["error"],

@@ -16,9 +16,6 @@ MODULUS, PIXEL, SLOPE = 115e9, 1e-6, 0.25
 HARDNESS = 0.14 * MODULUS * SLOPE
 #: Nominal pressures in shares of the hardness, the one to unload from, and the stops on the way down.
 LOADING, PEAKS, UNLOADING = (0.02, 0.05, 0.1, 0.2, 0.3), (0.3,), (0.15, 0.05, 0.01)
-#: Windows along each axis: as many as have 32 pixels, up to this number. Drawn seals: columns of windows, realisations.
-MOST_CELLS, COLUMNS, REALISATIONS = 16, 256, 20
-#: Fluid: viscosity [Pa s] and drop [Pa].
 VISCOSITY, DROP = 1e-3, 1e7
 
 
@@ -28,10 +25,6 @@ def heights(n, pixels, shift):
     k = np.arange(c.shape[0]) - c.shape[0] // 2
     slope = np.sqrt(np.sum(np.abs(c) ** 2 * (k[:, None] ** 2 + k**2))) * 2 * np.pi / (n * PIXEL)
     return sampled(c, pixels, shift) * SLOPE / slope
-
-
-def cells_of(n):
-    return (min(MOST_CELLS, n // 32),) * 2
 
 
 def loads(shares):
@@ -57,17 +50,10 @@ def scene_of(n, pixels):
 
 def own_study(task, n, pixels):
     """A study by femseal, or its contact alone."""
-    from femseal import HalfSpace, Sampling, deterministic, stochastic
+    from femseal import HalfSpace, deterministic
     from femseal.contact import PerfectlyPlastic, load_states
 
-    scene, cells, size = scene_of(n, pixels), cells_of(n), n * PIXEL
-    sampling = Sampling(
-        length=size * COLUMNS / cells[1],
-        realisations=REALISATIONS,
-        library_cells=cells[0] ** 2,
-        seed=0,
-        sampler="block",
-    )
+    scene, size = scene_of(n, pixels), n * PIXEL
 
     def contact():
         body = HalfSpace(scene.surface.shape, scene.surface.spacing, MODULUS, scene.boundary)
@@ -79,7 +65,6 @@ def own_study(task, n, pixels):
 
     studies = {
         "deterministic": lambda: deterministic(scene).leakage,
-        "stochastic": lambda: stochastic(scene, cells, sampling).quantile(0.5),
         "contact": contact,
     }
     start = time.process_time()
@@ -108,7 +93,7 @@ def plain_study(task, n, pixels):
     """Contact by a peer and all flows of the task: permeability and seconds of each part."""
     import plain_way
 
-    z, cells, k, seconds = heights(n, pixels, 0.0), cells_of(n), {}, {}
+    z, k, seconds = heights(n, pixels, 0.0), {}, {}
     clock = time.process_time
     start = clock()
     solve = plain_way.CONTACTS[task["contact"]](z.shape, n * PIXEL / pixels, MODULUS, HARDNESS, task["tolerance"])
@@ -123,11 +108,6 @@ def plain_study(task, n, pixels):
         k[solver] = [flow(plain_way.closed_ring(gap)) for gap in gaps]
         seconds[solver] = clock() - start
         del flow
-    if task.get("windows"):
-        start = clock()
-        k1, k2 = plain_way.links_of_windows(gaps, cells)
-        k["stochastic"] = np.median(plain_way.drawn_seals(k1, k2, COLUMNS, REALISATIONS), axis=0).tolist()
-        seconds["stochastic"] = clock() - start
     return {"seconds": seconds, "k": k}
 
 

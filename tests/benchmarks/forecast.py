@@ -52,7 +52,7 @@ def case_of(task):
     if task["method"] != "deterministic":
         data["cells"] = {"count": task["cells"]}
     if task["method"] == "stochastic":
-        data["stochastic"] = {"length": "20 mm", "realisations": 20, "library_cells": 64}
+        data["stochastic"] = {"length": "20 mm", "realisations": 20}
     return parse_case(data)
 
 

@@ -14,7 +14,6 @@ import argparse
 import json
 import os
 import time
-from dataclasses import replace
 from itertools import product
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -177,8 +176,6 @@ count = [8, 8]
 [stochastic]
 length = "4 mm"
 realisations = 50
-library_cells = 64
-{drawn}
 [output]
 budget = {budget}
 pictures = {files}
@@ -193,7 +190,6 @@ PLAIN = {
     "stops": [],
     "interpolate": "",
     "cells": "",
-    "drawn": "",
     "budget": "false",
     "files": "false",
     "paraview": "none",
@@ -231,13 +227,6 @@ RULES = {
         CYCLE | {"strength": ""},
         "none: the bits are the same",
     ),
-    "elastic libraries are not unloaded": (
-        "stochastic",
-        {"strength": 'hardness = "1000 GPa"'},
-        {"strength": ""},
-        CYCLE | {"drawn": 'pressure = "uniform"'},
-        "none: elastic windows unload as they were loaded",
-    ),
     "loads interpolated within 1 %": (
         "deterministic",
         {},
@@ -259,12 +248,6 @@ RULES = {
         MANY,
         "`interpolate` in `[load]`",
     ),
-}
-#: Switches of the rules about drawn seals, by how they are drawn.
-RESAMPLED = {
-    "no resampled seals, drawn by links": {"pressure": "uniform"},
-    "no resampled seals, in blocks": {"sampler": "block"},
-    "no resampled seals, in runs": {"sampler": "runs"},
 }
 #: Tolerances of interpolated loads.
 TOLERANCES = (0.01, 0.03, 0.1)
@@ -304,25 +287,6 @@ def rule_of(task):
     pairs = zip(before[1], after[1], strict=True)
     without, with_it = np.median(times[1:], axis=0)
     return {"without": without, "with": with_it, "error": max(error(q, r) for r, q in pairs), "solved": after[2:]}
-
-
-def resampled_of(task):
-    """The same of studies of drawn seals with and without those from resampled libraries."""
-    from femseal import Liquid, Sampling, Scene, stochastic
-
-    face, hardness = surface_of("self-affine, 0.14", 256)
-    scene = Scene(face, MODULUS, hardness, Liquid(1e-3), 1e6, 0.0, loading=(0.02 * hardness, 0.07 * hardness))
-    sampling = Sampling(length=4e-3, realisations=50, library_cells=64, seed=1, **RESAMPLED[task["rule"]])
-    times, leakages = [], []
-    for _ in range(PAIRS + 1):
-        for resampled in (True, False):
-            start = time.process_time()
-            study = stochastic(scene, (8, 8), replace(sampling, resampled=resampled))
-            times.append(time.process_time() - start)
-            leakages.append(study.leakage)
-    without, with_it = np.median(np.reshape(times[2:], (-1, 2)), axis=0)
-    worst = float(np.abs(leakages[-1] - leakages[-2]).max())
-    return {"without": without, "with": with_it, "error": worst, "solved": [2, 2]}
 
 
 def interpolated_of(task):
@@ -408,7 +372,6 @@ def main():
         return kept(task, task, options.records, lambda: task | {"found": solve(task)})
 
     rules = [found({"rule": rule}, rule_of) for rule in RULES]
-    rules += [found({"rule": rule}, resampled_of) for rule in RESAMPLED]
     measured = [
         found({"rule": "tolerances", "scene": scene, "points": points}, tolerances_of)
         for points, scene in product(POINTS, SCENES)

@@ -2,13 +2,11 @@
 
     python tests/benchmarks/parallel.py --write
 
-A library of windows with a few seals drawn from it, and eight places of a face along a cycle of load steps. One process and
-two of the same study take turns, and the efficiency is the median of the elapsed time of one over that of two, halved: of
+Eight places of a face along a cycle of load steps. One process and two of the same study take turns, and the efficiency is the median of the elapsed time of one over that of two, halved: of
 the whole study, and of its stages. What others do on the machine enters it, but not the processor time of two, the main
 process and the workers, over that of one. Processes are started, and have computed something small, before. Every process
 has one thread. Parts keep items that cost nothing, in one folder one after the other, each in a process of its own; the second
-is killed half way and run again. Parts of a run are those of the command: each solves its windows of a library, and makes
-their curves, two at once; the third is killed half way and run again, and the first when it has nothing left to do. Their
+is killed half way and run again. Parts of a run are those of the command: each draws its share of the seals, two at once; the third is killed half way and run again, and the first when it has nothing left to do. Their
 times are processor times from the start of the processes to their end, and the bits are checked. `--write` puts the tables
 beside this file, where the documentation takes them from.
 """
@@ -25,7 +23,6 @@ import time
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import ExitStack, suppress
-from dataclasses import replace
 from functools import partial
 from hashlib import sha256
 from pathlib import Path
@@ -34,15 +31,21 @@ from tempfile import TemporaryDirectory
 from typing import Any
 
 import numpy as np
-import scales
 from common import call, kept, machine, rows, save_report
 
 BACKENDS = {"joblib": {"workers": 2}, "Dask": {"workers": 2, "scheduler": "local"}}
-STUDIES = ("2,000 windows of 16²", "8 places of 128²")
-#: Windows that cost nothing, and parts of them; those of a library unless another number is asked for, and parts of these.
+MODULUS, PIXEL = 115e9, 1e-6
+#: Nominal pressures in shares of the hardness: loading, those to unload from, and the stops on the way down.
+SHARES = (
+    (0.004, 0.01, 0.02, 0.04, 0.07, 0.11, 0.16, 0.22, 0.3, 0.4),
+    (0.11, 0.3),
+    (0.22, 0.16, 0.07, 0.03, 0.01, 0.003),
+)
+STUDIES = ("8 places of 128²",)
+#: Items that cost nothing, and parts of them; drawn seals unless another number is asked for, and parts of these.
 EMPTY, EMPTY_PARTS = 100_000, (1, 16, 100)
-WINDOWS, PARTS = 100_000, 16
-#: Their case: states of first touch, 4 and 16 MPa.
+SEALS, PARTS = 10_000, 16
+#: Their case: strips of 8 × 64 tiles under a load.
 CASE = """
 method = "stochastic"
 seed = 1
@@ -62,12 +65,11 @@ kind = "liquid"
 viscosity = "1 mPa*s"
 inlet_pressure = "1 MPa"
 [cells]
-count = [16, 16]
+count = [4, 4]
 [stochastic]
-length = "256 um"
-pressure = "uniform"
-realisations = 8
-library_cells = {}
+length = "4.096 mm"
+breadth = "512 um"
+realisations = {}
 [output]
 pictures = false
 report = false
@@ -79,24 +81,31 @@ COMMAND = "from femseal.cli import main; main()"
 LOOK_SECONDS = 1.0
 
 
-def study(name: str, mapping: Any, windows: int = 2000, points: int = 128) -> str:
-    """A library with seals drawn from it, or several places each in contact by itself; a digest of the leakage."""
+def face(points: int, seed: int) -> Any:
+    """A place of a self-affine face."""
     import femseal as fs
 
-    task = {"kind": "self-affine", "n": 256, "seed": 1}
-    if name == STUDIES[0]:
-        drawn = {"length": 256e-6, "breadth": 256e-6, "pressure": "uniform", "seed": 1}
-        scene = replace(scales.scene_of(task), loading=(6e7, 6e8, 2e9), unload_from=(), unloading=())
-        sampling = fs.Sampling(**drawn, library_cells=windows, realisations=8)
-        found = fs.stochastic(scene, (16, 16), sampling, mapper=mapping).leakage
-    else:
-        faces = [scales.face("self-affine", points, seed) for seed in range(8)]
-        scene = scales.scene_of(task)
-        found = fs.deterministic(fs.Scene(faces, **{n: getattr(scene, n) for n in GIVEN}), mapper=mapping).leakage
+    size = (points * PIXEL, points * PIXEL)
+    return fs.self_affine((points, points), size, hurst=0.8, rms_slope=0.25, roll_off=size[0] / 4, cut_off=8 * PIXEL, rng=seed)  # fmt: skip
+
+
+def study(mapping: Any, points: int = 128) -> str:
+    """Several places, each in contact by itself; a digest of the leakage."""
+    import femseal as fs
+
+    faces = [face(points, seed) for seed in range(8)]
+    hardness = 0.14 * MODULUS * face(256, 1).rms_slope
+    loading, peaks, stops = (tuple(hardness * share for share in shares) for shares in SHARES)
+    given = {
+        "loading": loading,
+        "unload_from": peaks,
+        "unloading": stops,
+        "inlet_pressure": 1e7,
+        "outlet_pressure": 0.0,
+    }
+    scene = fs.Scene(faces, MODULUS, hardness, fs.Liquid(1e-3), **given)
+    found = fs.deterministic(scene, mapper=mapping).leakage
     return sha256(found.tobytes()).hexdigest()
-
-
-GIVEN = ("modulus", "hardness", "fluid", "inlet_pressure", "outlet_pressure", "loading", "unload_from", "unloading")
 
 
 def used() -> float:
@@ -133,19 +142,19 @@ def against_one(name: str, backend: str, repeat: int) -> dict[str, Any]:
     with ExitStack() as stack:
         both = {"one": map, "two": stack.enter_context(ordered_map(**BACKENDS[backend]))}
         for mapping in both.values():
-            study(name, mapping, 50, 64)
+            study(mapping, 64)
         for _ in range(repeat):
             for count, mapping in both.items():
                 seconds: dict[str, float] = {}
                 start, before = time.perf_counter(), used()
-                study(name, timed(mapping, seconds))
+                study(timed(mapping, seconds))
                 elapsed = {"": time.perf_counter() - start} | seconds
                 found[count].append({"elapsed": elapsed, "processor": used() - before})
     return found
 
 
 def nothing(n: int) -> dict[str, Any]:
-    """What is kept of a small window."""
+    """What is kept of an item."""
     return {"permeability": np.full(8, float(n)), "counts": (n, 1)}
 
 
@@ -225,7 +234,7 @@ def commanded(case: Path, folder: Path, *options: str, after: float | None = Non
     }
 
 
-def run_in_parts(windows: int, parts: int) -> dict[str, Any]:
+def run_in_parts(seals: int, parts: int) -> dict[str, Any]:
     """The command by one process, and beside it by parts, two at once, with the run that gathers, as `in_parts`."""
     import femseal as fs
 
@@ -234,7 +243,7 @@ def run_in_parts(windows: int, parts: int) -> dict[str, Any]:
         case.write_text(CASE.format(64))
         for option in (("--part", "1/1"), ("--resume",)):  # what is compiled once is in no time
             commanded(case, Path(name) / "small", *option)
-        case.write_text(CASE.format(windows))
+        case.write_text(CASE.format(seals))
         alone = beside.submit(commanded, case, whole)
         first = commanded(case, folder, "--part", f"1/{parts}")
         taken, files = [first], 0
@@ -269,8 +278,8 @@ def of_nothing(mapping: Any) -> str:
 def measure(task: dict[str, Any]) -> dict[str, Any]:
     if "study" in task:
         return against_one(task["study"], task["backend"], task["repeat"])
-    if task["windows"]:
-        return {"turns": [run_in_parts(task["windows"], task["parts"])]}
+    if task["seals"]:
+        return {"turns": [run_in_parts(task["seals"], task["parts"])]}
     return {"turns": [in_parts(task["parts"]) for _ in range(task["repeat"])]}
 
 
@@ -299,24 +308,27 @@ def parts_table(records: list[dict[str, Any]]) -> str:
     cells = []
     for record in (r for r in records if "parts" in r):
         turns = record["turns"]
-        count, kind = record["windows"] or EMPTY, "of 16² in three states" if record["windows"] else "that cost nothing"
+        count, kind = (
+            record["seals"] or EMPTY,
+            "drawn seals of 8 × 64 tiles" if record["seals"] else "that cost nothing",
+        )
         assert all(t["same"] for t in turns)
         names = ("one", "own", "again", "gather")
         times = [f"{median(t[name] for t in turns):.3g}" if name in turns[0] else "" for name in names]
         more = median(t["own"] + t["gather"] - t["one"] for t in turns)
-        per_cent = f"{100 * more / median(t['one'] for t in turns):.1f} %" if record["windows"] else ""
+        per_cent = f"{100 * more / median(t['one'] for t in turns):.1f} %" if record["seals"] else ""
         line = [f"{count:,} {kind}", str(record["parts"]), *times, f"{1e6 * more / count:.0f}", per_cent]
         peaks = [median(t["peaks"][n] for t in turns) for n in range(3)]
         cells.append([*line, f"{1000 * turns[0]['files'] / count:.2g}", ", ".join(f"{peak:.0f}" for peak in peaks)])
-    head = ["windows", "parts", "one process [s]", "all parts [s]", "a part again [s]", "run that gathers [s]"]
-    head += ["more for a window [µs]", "of one process", "most files for 1,000 windows"]
+    head = ["items", "parts", "one process [s]", "all parts [s]", "a part again [s]", "run that gathers [s]"]
+    head += ["more for an item [µs]", "of one process", "most files for 1,000 items"]
     return rows([*head, "memory of one process, a part, the run that gathers [MB]"], cells)
 
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--repeat", type=int, default=5, help="turns of one process and two")
-    parser.add_argument("--windows", type=int, default=WINDOWS, help="windows of a library that parts solve")
+    parser.add_argument("--seals", type=int, default=SEALS, help="seals that parts draw")
     parser.add_argument("--records", type=Path, help="file of what is measured, to go on from there")
     parser.add_argument("--write", action="store_true", help="write the tables")
     parser.add_argument("--worker", help=argparse.SUPPRESS)
@@ -324,8 +336,8 @@ def main() -> None:
     if options.worker:
         print(json.dumps(measure(json.loads(options.worker))))
         return
-    tasks: list[dict[str, Any]] = [{"windows": 0, "parts": parts} for parts in EMPTY_PARTS]
-    tasks.append({"windows": options.windows, "parts": PARTS})
+    tasks: list[dict[str, Any]] = [{"seals": 0, "parts": parts} for parts in EMPTY_PARTS]
+    tasks.append({"seals": options.seals, "parts": PARTS})
     tasks += [{"study": s, "backend": b} for s in STUDIES for b in BACKENDS]
     records = []
     for task in tasks:

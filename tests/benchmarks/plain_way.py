@@ -4,8 +4,8 @@ Nothing of femseal is used here. Fields are samples at the nodes of a grid of sq
 (n1, n2). What is the same at all states, such as plans of transforms, meshes and bases, is made once.
 
 What the other programs cannot do, and what is written here in their place or left out: neither keeps a history, so that
-the plastic deformation of a peak is added to the gap by hand; neither has mirrored windows, nor a face that is free
-along one axis and periodic along the other, so that faces are periodic along both.
+the plastic deformation of a peak is added to the gap by hand; neither has a face that is free along one axis and periodic
+along the other, so that faces are periodic along both.
 """
 
 from __future__ import annotations
@@ -209,24 +209,8 @@ def closed_ring(gap):
     return np.pad(gap, ((0, 1), (0, 1)), mode="wrap")
 
 
-def links_of_windows(gaps, cells):
-    """Permeabilities of links along x1 (states, m1, m2) and x2 (states, m1 − 1, m2), each with a window of its own."""
-    (m1, m2), w = cells, gaps[0].shape[0] // cells[0]
-    flow = PlainFlow((w, w), periodic=False)
-    k1, k2 = np.empty((len(gaps), m1, m2)), np.empty((len(gaps), m1 - 1, m2))
-    for s, gap in enumerate(gaps):
-        wide = np.pad(gap, ((0, 1), (0, 2 * w)), mode="wrap")
-        for i in range(m1):
-            for j in range(m2):
-                k1[s, i, j] = flow(wide[i * w : (i + 1) * w + 1, j * w : (j + 1) * w + 1])
-                if i < m1 - 1:
-                    row, column = i * w + w // 2, j * w + w // 2
-                    k2[s, i, j] = flow(wide[row : row + w + 1, column : column + w + 1].T)
-    return k1, k2
-
-
 def network_permeability(k1, k2, solver="SuperLU"):
-    """Permeability of a seal of square windows, periodic along x2, from its links."""
+    """Permeability of a square grid, periodic along x2, from its links."""
     import scipy.sparse as sp
 
     m1, m2 = k1.shape
@@ -240,18 +224,3 @@ def network_permeability(k1, k2, solver="SuperLU"):
     matrix = (sp.diags(np.asarray(graph.sum(axis=1)).ravel()) - graph).tocsr()
     inlet, outlet = np.arange(node.size) < m2, np.arange(node.size) >= m1 * m2
     return drop_solved(matrix, inlet, outlet, solver, 1e-8) * m1 / m2
-
-
-def drawn_seals(k1, k2, columns, realisations, seed=0):
-    """Permeability of seals (realisations, states) of neighbouring columns of the face, in runs of its length on average."""
-    rng = np.random.default_rng(seed)
-    m2 = k1.shape[2]
-    found = np.empty((realisations, len(k1)))
-    for n in range(realisations):
-        fresh = rng.random(columns) < 1 / m2
-        fresh[0] = True
-        first = np.flatnonzero(fresh)
-        run = np.cumsum(fresh) - 1
-        at = (rng.integers(m2, size=first.size)[run] + np.arange(columns) - first[run]) % m2
-        found[n] = [network_permeability(k1[s][:, at], k2[s][:, at]) for s in range(len(k1))]
-    return found

@@ -7,10 +7,10 @@ import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 
 from femseal.base import InputError
+from femseal.face.piece_flow import FlowSettings
 from femseal.face.pieces import FEWEST_POINTS, MOST_FACTOR, Cut, PieceState, branches, factors, usual_pieces
 from femseal.loads import LoadProgramme
 from femseal.topography import Places, Topography, self_affine
-from femseal.windows import FlowSettings
 
 D = 1e-6
 
@@ -29,7 +29,9 @@ def state(gap, cells, pressure=None):
     return PieceState.of(gap, (gap == 0).astype(float) if pressure is None else pressure, cut, FlowSettings())
 
 
-@pytest.mark.parametrize(("shape", "cells"), [((64, 64), (4, 4)), ((97, 61), (3, 5)), ((16, 33), (1, 4)), ((40, 8), (5, 1))])
+@pytest.mark.parametrize(
+    ("shape", "cells"), [((64, 64), (4, 4)), ((97, 61), (3, 5)), ((16, 33), (1, 4)), ((40, 8), (5, 1))]
+)
 def test_pieces_fill_the_face_once_and_are_alike(shape, cells):
     cut = Cut.of(Topography(np.zeros(shape) + np.eye(*shape), (D, 2 * D)), cells)
     assert cut.shape == cells

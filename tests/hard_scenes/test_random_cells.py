@@ -175,7 +175,7 @@ def test_links_lost_in_sums_that_carry_flow(seed):
 @pytest.mark.parametrize("first", range(0, 10000, 1000))
 def test_ten_thousand_random_cells(first):
     used = {check_random_cell(seed, 1e-6).solver for seed in range(first, first + 1000)}
-    assert used == {"multigrid", "elimination", "incomplete Cholesky", "none"}
+    assert used == {"multigrid", "elimination", "none"}
 
 
 @pytest.mark.slow

@@ -23,8 +23,8 @@ def wide(rows=4, columns=9, lay="x2"):
     return RectangularLayout(lay).lay_out(replace(PIECE, length=columns * A, breadth=rows * A))
 
 
-def ring(lay="circumferential", inlet="inner", inner=1e-3, outer=1.4e-3):
-    return AnnularLayout(inner, outer, inlet, lay=lay).lay_out(PieceSize((A, A), 3))
+def ring(lay="circumferential", inlet="inner", inner=1e-3, outer=1.4e-3, sides=(A, A)):
+    return AnnularLayout(inner, outer, inlet, lay=lay).lay_out(PieceSize(sides, 3))
 
 
 def conductance(tiles, k1, k2=None):
@@ -99,6 +99,14 @@ def test_the_lay_turns_the_permeability(lay, share):
     """k1 sin² + k2 cos² of the angle from x1, on a strip along which nothing changes."""
     tiles = wide(lay=lay)
     assert_allclose(conductance(tiles, 1e-18, 5e-18) / tiles.seal.length * 4 * A, (1 + 4 * share) * 1e-18, rtol=1e-6)
+
+
+def test_turned_pieces_lie_with_their_other_side_across():
+    piece = PieceSize((A, 2 * A), 3, length=8 * A, breadth=4 * A)
+    grids = {lay: RectangularLayout(lay).lay_out(piece).grid for lay in ("x2", "x1")}
+    assert grids == {"x2": (4, 4), "x1": (2, 8)}
+    rings = {lay: ring(lay, sides=(A, 2 * A)).grid for lay in ("circumferential", "radial")}
+    assert rings == {"circumferential": (4, 38), "radial": (2, 75)}
 
 
 @pytest.mark.parametrize("inlet", ["inner", "outer"])
@@ -236,7 +244,9 @@ def test_elements_smaller_than_a_piece_share_its_tile(tmp_path):
     assert_array_equal(coarse.permeability(*k), k.T[coarse.tile])
 
 
-@pytest.mark.parametrize("tiles", [wide(lay={"angle": 0.4}), ring("x1"), ring(inlet="outer")], ids=["strip", "in", "out"])
+@pytest.mark.parametrize(
+    "tiles", [wide(lay={"angle": 0.4}), ring("x1"), ring(inlet="outer")], ids=["strip", "in", "out"]
+)
 def test_the_flux_carries_the_leakage(tiles):
     """Through every row it is the rate, up to what the middles of tiles do not see."""
     k = tiles.permeability(*np.exp(np.random.default_rng(0).normal(0, 0.5, (2, tiles.count))))

@@ -8,6 +8,7 @@ import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 
 from femseal.face.curves import local_peaks
+from femseal.face.piece_flow import Failed
 from femseal.face.pieces import Cut
 from femseal.fluids import IdealGas, Liquid
 from femseal.loads import LoadProgramme, LoadStep
@@ -17,7 +18,6 @@ from femseal.studies.deterministic import deterministic
 from femseal.studies.piece_states import along_paths, ladder_of, pieces_at_loads, pieces_on_ladder
 from femseal.studies.scene import Scene
 from femseal.topography import Places, self_affine
-from femseal.windows import Failed
 
 E, H, SIDE = 115e9, 3e9, 48e-6
 OIL = Liquid(1e-3)
@@ -102,8 +102,7 @@ def test_a_ladder_is_dry_and_periodic_whatever_the_scene():
 @pytest.mark.parametrize("seed", range(6))
 def test_a_ladder_covers_all_paths(seed, elastic):
     rng = np.random.default_rng(seed)
-    steps = LoadProgramme.of([1e7, 1e8, 4e8], unload_from=[1e8, 4e8], unloading=[2e8, 5e7, 0.0][: 1 + seed % 3])
-    steps = steps if any(s.unloaded_from for s in steps) else LoadProgramme([LoadStep(1e8)])
+    steps = LoadProgramme.of([1e7, 1e8, 4e8], unload_from=[1e8, 4e8], unloading=[9e7, 2e7, 0.0][: 1 + seed % 3])
     paths = steps.pressures[:, None] * rng.uniform(0.3, 1.7, (1, 20))
     ladder = ladder_of(paths, steps, elastic)
     highest, lowest = paths.max(), paths.min()
@@ -119,7 +118,7 @@ def test_a_ladder_covers_all_paths(seed, elastic):
     peaks = local_peaks(paths, steps)[~steps.on_loading]
     assert len(ladder.unload_from) <= piece_states._MOST_PEAKS
     assert ladder.unload_from[-1] == pytest.approx(peaks.max())
-    assert ladder.unload_from[0] == pytest.approx(peaks.min())
+    assert ladder.unload_from[0] == pytest.approx(peaks.min(), rel=0.02)
     deepest = (paths / local_peaks(paths, steps))[~steps.on_loading].min()
     for peak in ladder.unload_from:
         stops = [s.pressure / peak for s in ladder if s.unloaded_from == peak]
@@ -131,6 +130,8 @@ def test_paths_that_differ_by_rounding_have_one_state():
     paths = 2e8 * np.array([[1.0, 1 + 3e-16, 1 - 2e-16, 1 + 1e-12]])
     ladder = ladder_of(paths, steps, False)
     assert len(ladder) == 1
+    cycle = LoadProgramme([LoadStep(2e8), LoadStep(1e8, 2e8)])
+    assert len(ladder_of(np.vstack([paths, paths / 2]), cycle, False).unload_from) == 1
     one = scene()
     pieces = pieces_on_ladder(one, Cut.of(one.surface, (2, 2)), ladder, map)
     found = along_paths(pieces, paths, steps)
@@ -153,7 +154,7 @@ def test_pieces_along_the_ladder_itself_are_those_of_its_states():
 @pytest.fixture(scope="module")
 def between():
     """Pieces along a default ladder, and in states of their own at pressures and peaks between its rungs."""
-    one = scene(loading=(4e7, 1.2e8, 3.5e8), unload_from=(1.2e8, 3.5e8), unloading=(2e8, 9e7, 3e7))
+    one = scene(loading=(4e7, 1.2e8, 6e8), unload_from=(1.2e8, 6e8), unloading=(3e8, 9e7, 3e7))
     paths = one.steps.pressures[:, None] * np.array([0.6, 0.83, 1.0, 1.17, 1.4])
     ladder = ladder_of(paths, one.steps, False)
     cut = Cut.of(one.surface, (2, 2))

@@ -1,9 +1,8 @@
 """Flow for a unit drop between inlet and outlet of a stencil: choice of the solver, and check of its solution.
 
-On a network of links (five points) multigrid is taken where it is expected to be faster than elimination, on a slender
-one an incomplete factorisation where only the flow is wanted, and elimination wherever these do not converge. On nine
-points multigrid is taken, and a sparse factorisation where it does not converge. Nodes that are not connected to both
-ends are left out; without a path the flow is exactly 0.
+On a network of links (five points) multigrid is taken where it is expected to be faster than elimination, and
+elimination where it does not converge. On nine points multigrid is taken, and a sparse factorisation where it does not
+converge. Nodes that are not connected to both ends are left out; without a path the flow is exactly 0.
 """
 
 from __future__ import annotations
@@ -27,7 +26,6 @@ from ..solution import MAX_IMBALANCE, DarcyFlow, potential_rtol
 from ..stencil import Stencil, end_flows, energy_of, leave_out
 from .amg import solve_amg, solve_direct
 from .coarsest import coarsest_nodes
-from .incomplete_cholesky import solve_incomplete
 from .link_network import eliminate, island_potentials
 from .multigrid import COARSEST_NODES, solve_multigrid
 
@@ -67,7 +65,6 @@ def solve_flow(
     rtol: float = 1e-6,
     solver: str = "auto",
     field_rtol: float | None = None,
-    start: Array | None = None,
 ) -> DarcyFlow:
     """Solve the mass balance of every inner node for a unit drop of potential.
 
@@ -78,14 +75,11 @@ def solve_flow(
     solver : "multigrid" (conjugate gradients on the grid's own hierarchy), "elimination" (star-mesh elimination, keeps
         its relative accuracy at any contrast up to 1e150; five points only), "amg" (conjugate gradients on pyamg's
         hierarchy of the assembled matrix; if that fails, elimination, or a factorisation on nine points, and
-        `DarcyFlow.solver` says so), or "auto", which takes conjugate gradients with an incomplete factorisation,
-        "incomplete Cholesky", of slender networks with a short way to the outlet, unless field_rtol is given. After
-        multigrid, nodes that only links narrower than 1e-8 of the widest connect with the others are solved by
-        elimination.
+        `DarcyFlow.solver` says so), or "auto". After multigrid, nodes that only links narrower than 1e-8 of the widest
+        connect with the others are solved by elimination.
     field_rtol : error of the potential allowed to an iteration, in the norm of the energy, where the potential itself
         is wanted. The conductance errs by the square of the error of the potential, so that an iteration that stops
         where the conductance is right leaves an error of about √rtol to the potential.
-    start : a potential (n1 + 1, n2) that may be near, from which "incomplete Cholesky" starts.
 
     Returns
     -------
@@ -93,7 +87,7 @@ def solve_flow(
 
     Raises
     ------
-    InputError : an unknown solver, "elimination" on nine points, a bad rtol, a start of another shape.
+    InputError : an unknown solver, "elimination" on nine points, a bad rtol.
     NotConverged : the solver failed, or inlet and outlet flow differ by more than 1e-5, after multigrid by more than
         10 √rtol, or 10 field_rtol if that is given, after pyamg by a thousandth of these, where this is more than 1e-5;
         "multigrid" fails where links narrower than 1e-13 of the widest may carry more than rtol of the flow.
@@ -104,12 +98,9 @@ def solve_flow(
     validate.tolerance("rtol", rtol)
     if field_rtol is not None:
         validate.tolerance("field_rtol", field_rtol)
-    if start is not None and np.shape(start) != stencil.nodes:
-        raise InputError("start", f"shape {np.shape(start)}", f"shape {stencil.nodes}, of the nodes")
     conductances = stencil.along.copy(), stencil.across.copy(), stencil.falling.copy(), stencil.rising.copy()
     reached, exponent = ready(*conductances)
-    settings: dict[str, Any] = {"rtol": rtol, "solver": solver, "field_rtol": field_rtol, "start": start}
-    return solve_ready(reached, conductances, exponent, stencil.ring2, **settings)
+    return solve_ready(reached, conductances, exponent, stencil.ring2, rtol=rtol, solver=solver, field_rtol=field_rtol)
 
 
 def solve_ready(
@@ -121,7 +112,6 @@ def solve_ready(
     rtol: float,
     solver: str,
     field_rtol: float | None,
-    start: Array | None = None,
 ) -> DarcyFlow:
     """`solve_flow` of what `ready` makes, which is written over."""
     stencil = Stencil(*conductances, ring2=ring2)
@@ -131,20 +121,14 @@ def solve_ready(
         potential[0], potential[-1] = 1.0, 0.0
         total = stencil.energy(np.nan_to_num(potential)) if percolates else 0.0
         return DarcyFlow(total, potential, 1 - potential, percolates)
-    flow = _solve(stencil, np.equal(reached, 3, out=reached.view(np.bool_)), rtol, solver, field_rtol, start)
+    flow = _solve(stencil, np.equal(reached, 3, out=reached.view(np.bool_)), rtol, solver, field_rtol)
     return replace(flow, conductance=ldexp(flow.conductance, exponent))
 
 
-def _solve(
-    stencil: Stencil, keep: Flags, rtol: float, solver: str, field_rtol: float | None, start: Array | None
-) -> DarcyFlow:
+def _solve(stencil: Stencil, keep: Flags, rtol: float, solver: str, field_rtol: float | None) -> DarcyFlow:
     """Solve by the given or chosen solver; if that is iterative and fails, directly, unless multigrid was given."""
-    first, limit = _chosen(stencil, keep, field_rtol) if solver == "auto" else (solver, _MOST_ITERATIONS)
+    first, limit = _chosen(stencil, keep) if solver == "auto" else (solver, _MOST_ITERATIONS)
     try:
-        if first == "incomplete Cholesky":
-            φ, iterations, error = solve_incomplete(stencil, rtol, limit, start)
-            allowed = max(MAX_IMBALANCE, 10 * sqrt(rtol))
-            return _balanced(stencil, keep, φ, 1 - φ, None, iterations, error, first, allowed)
         if first == "multigrid":
             return _by_multigrid(stencil, keep, rtol, limit, field_rtol)
         if first == "amg":
@@ -155,14 +139,12 @@ def _solve(
     return _by_matrix(stencil, keep, rtol, None, direct=True) if stencil.nine else _by_elimination(stencil, keep)
 
 
-def _chosen(stencil: Stencil, keep: Flags, field_rtol: float | None) -> tuple[str, int]:
+def _chosen(stencil: Stencil, keep: Flags) -> tuple[str, int]:
     """The solver to try first, and the iterations after which it is given up."""
     n1, n2 = stencil.along.shape
     nodes = int(np.count_nonzero(keep[1:-1]))
     fits = nodes <= ELIMINATED_NODES
     if coarsest_nodes(n1 - 1, n2) > COARSEST_NODES:  # the coarsest level of a slender grid has many nodes
-        if fits and n1 < n2 and field_rtol is None and not stencil.nine:
-            return "incomplete Cholesky", int(8 * n1**0.6)  # that take about half the time that elimination does
         return ("elimination" if fits else "amg"), 0
     if stencil.nine or not fits:
         return "multigrid", _MOST_ITERATIONS

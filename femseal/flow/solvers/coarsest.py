@@ -53,10 +53,8 @@ class Coarsest(NamedTuple):
 def eliminate_coarsest(centre, right, below, below_right, below_left, ring):
     """Eliminate an operator, given with a border of one node, on its nodes that have links."""
     order, parts, network = _dissected(centre, right, below, below_right, below_left, ring)
-    first, parent, row, later, value, border, start, at, waiting, widest, stay = network
-    links, inverse, between = eliminated(
-        first, parent, row, later, value, border, start, at, at[first.size - 1], waiting, widest, stay
-    )
+    first, _, _, _, _, border, start, at, _, _, _ = network
+    links, inverse, between = eliminated(*network)
     factors = Factors(first, border, start, at, links, inverse, between)
     return Coarsest(order, factors, np.zeros(order.size + 1), parts)
 

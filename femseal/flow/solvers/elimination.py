@@ -2,8 +2,7 @@
 
 Eliminating node i joins its neighbours j, k by c_jk += c_ij c_ik / Σ_l c_il. Nothing is ever subtracted, so what
 links the nodes that stay, and the potentials, keep their relative accuracy however small a constriction is; a
-factorisation of the assembled matrix loses it, as weak links vanish in the diagonal sums. Links may be negative, as
-a few of condensed windows are; a pivot is then still the sum of its links.
+factorisation of the assembled matrix loses it, as weak links vanish in the diagonal sums.
 
 Nodes are eliminated front by front: all nodes of a front with all their neighbours in one dense array (multifrontal).
 Sources: Grassmann, Taksar & Heyman, Oper. Res. 33, 1985, 1107 (no subtractions); Duff & Reid, ACM TOMS 9, 1983, 302.
@@ -58,7 +57,7 @@ class Factors(NamedTuple):
 
     first, start : first place of each front, and where its border starts, with their ends. border : later places that
     each front is linked to. at, links : links of the nodes at the time they were eliminated, front by front, and where
-    each front starts; no links if only what stays is asked for. inverse (n,) : 1 over the sum of these, or 0.
+    each front starts. inverse (n,) : 1 over the sum of these, or 0.
     between (stay, stay) : what links the nodes that stay, through those eliminated.
     """
 
@@ -71,22 +70,13 @@ class Factors(NamedTuple):
     between: Array
 
 
-def factored(order: Order, links: Links, stay: int, *, only_between: bool = False) -> Factors:
-    """Eliminate all nodes of an order, so that only `stay` nodes are left.
-
-    only_between : do not keep what is needed to find potentials.
-    """
+def factored(order: Order, links: Links, stay: int) -> Factors:
+    """Eliminate all nodes of an order, so that only `stay` nodes are left."""
     _, first, parent = order
     border, start, waiting, widest = borders(first, parent, links.row, links.later, stay)
     p, q = np.diff(first), np.diff(start)
-    size = p * (p + q)
-    at = np.zeros(p.size + 1, np.int64)
-    if only_between:
-        room = int(size.max(initial=0))
-    else:
-        np.cumsum(size, out=at[1:])
-        room = int(at[-1])
-    kept, inverse, between = eliminated(first, parent, *links, border, start, at, room, waiting, widest, stay)
+    at = np.concatenate([[0], np.cumsum(p * (p + q))])
+    kept, inverse, between = eliminated(first, parent, *links, border, start, at, waiting, widest, stay)
     return Factors(first, border, start, at, kept, inverse, between)
 
 
@@ -159,10 +149,10 @@ def _sort(values, first, last):
 
 
 @compiled(**_exact)
-def eliminated(first, parent, row, later, link, border, start, at, room, waiting, widest, stay):
+def eliminated(first, parent, row, later, link, border, start, at, waiting, widest, stay):
     """Links of all fronts, inverse sums, and what links the nodes that stay, see `Factors`."""
     fronts = first.size - 1
-    links, inverse = np.empty(room), np.empty(first[fronts])
+    links, inverse = np.empty(at[fronts]), np.empty(first[fronts])
     no_parts = np.empty((0, 2), np.int64)
     left, pending = eliminated_fronts(
         ZERO, fronts, no_parts, inverse[:0], first, parent, row, later, link, border, start, at, waiting, widest, stay,

@@ -1,4 +1,4 @@
-"""Elimination of networks of links on a grid: to inlet and outlet, to the sides of a window, and of islands.
+"""Elimination of networks of links on a grid: to inlet and outlet, and of islands.
 
 The order is nested dissection of the open nodes. Source: George, SIAM J. Numer. Anal. 10, 1973, 345.
 """
@@ -9,7 +9,6 @@ import numpy as np
 
 from ...base.arrays import Array, Flags, Indices
 from ...base.compiled import compiled, inner
-from ..percolation import find, union
 from ..stencil import Stencil
 from .elimination import Factors, Links, Order, factored, find_two_potentials
 
@@ -30,7 +29,8 @@ def eliminate(
     node, end, link : nodes (row · n2 + column) with links to an end, 0 the inlet with φ = 1, 1 the outlet with φ = 0,
     and their conductances.
     """
-    order, factors = grid_factors(c1, c2, _NOTHING, _NOTHING, keep, ring, node, end, link, 2)
+    order = Order(*dissect(keep, ring))
+    factors = factored(order, Links(*grid_links(c1, c2, _NOTHING, _NOTHING, ring, order.nodes, node, end, link)), 2)
     φ, ψ = np.zeros(keep.shape), np.zeros(keep.shape)
     _write_potentials(order, factors, φ, ψ)
     return float(factors.between[0, 1]), φ, ψ
@@ -43,57 +43,6 @@ def _write_potentials(order: Order, factors: Factors, φ: Array, ψ: Array) -> N
     v[n] = w[n + 1] = 1.0
     find_two_potentials(factors, v, w)
     φ.ravel()[order.nodes], ψ.ravel()[order.nodes] = v[:n], w[:n]
-
-
-def condense(c1: Array, c2: Array) -> tuple[Array, Indices]:
-    """Links between the side points of a window, and the component to which each of them belongs inside the window.
-
-    c1 (w1 + 1, w2), c2 (w1, w2 + 1) : conductances of the links along both axes of w1 × w2 nodes; the first and the
-    last ones along an axis lead to the points of the window's sides.
-
-    Returns links (p, p) of the p = 2 w1 + 2 w2 side points: those before the first row of nodes, after the last row,
-    before the first column, and after the last column. Symmetric, >= 0, 0 on the diagonal: the Schur complement. Two
-    side points are linked only if open links inside the window join them.
-    component (p,) : side points with the same number are joined by open links.
-    Source: Guyan, AIAA J. 3, 1965, 380 (static condensation).
-    """
-    keep = (c1[:-1] + c1[1:] + c2[:, :-1] + c2[:, 1:]) > 0
-    node = beside_sides(*keep.shape)
-    link = np.concatenate([c1[0], c1[-1], c2[:, 0], c2[:, -1]])
-    at_sides = np.flatnonzero(link)
-    inner = np.ascontiguousarray(c2[:, 1:-1])
-    _, factors = grid_factors(
-        np.ascontiguousarray(c1), inner, _NOTHING, _NOTHING, keep, False, node[at_sides], at_sides, link[at_sides],
-        node.size, only_between=True,
-    )  # fmt: skip
-    return factors.between, components(c1, c2)[keep.size :].copy()  # of the sides alone, not of all nodes
-
-
-@compiled()
-def components(c1, c2):
-    """Component of every node of a window and then of its side points; arguments as in `condense`."""
-    w1, w2 = c2.shape[0], c1.shape[1]
-    nodes = w1 * w2
-    parent = np.arange(nodes + 2 * (w1 + w2))
-    for i in range(w1 + 1):
-        for j in range(w2):
-            if c1[i, j] > 0.0:
-                before = (i - 1) * w2 + j if i > 0 else nodes + j
-                union(parent, before, i * w2 + j if i < w1 else nodes + w2 + j)
-    for i in range(w1):
-        for j in range(w2 + 1):
-            if c2[i, j] > 0.0:
-                before = i * w2 + j - 1 if j > 0 else nodes + 2 * w2 + i
-                union(parent, before, i * w2 + j if j < w2 else nodes + 2 * w2 + w1 + i)
-    for node in range(parent.size):
-        parent[node] = find(parent, node)
-    return parent
-
-
-def beside_sides(w1: int, w2: int) -> Indices:
-    """Node of a window beside every side point, in the order of `condense`."""
-    number = np.arange(w1 * w2).reshape(w1, w2)
-    return np.concatenate([number[0], number[-1], number[:, 0], number[:, -1]])
 
 
 def island_potentials(stencil: Stencil, hidden: Flags, φ: Array, ψ: Array) -> None:
@@ -152,26 +101,6 @@ def _links_to_known(along, across, hidden, φ):
                             link[at] = c * (fraction if k == 0 else 1.0 - fraction)
                     count += 1
     return node, end, link
-
-
-def grid_factors(
-    c1: Array,
-    c2: Array,
-    falling: Array,
-    rising: Array,
-    keep: Flags,
-    ring: bool,
-    node: Indices,
-    end: Indices,
-    link: Array,
-    stay: int,
-    *,
-    only_between: bool = False,
-) -> tuple[Order, Factors]:
-    """Eliminate the nodes of a grid; arguments as in `eliminate`, with `stay` ends, and as in `Stencil`."""
-    order = Order(*dissect(keep, ring))
-    links = Links(*grid_links(c1, c2, falling, rising, ring, order.nodes, node, end, link))
-    return order, factored(order, links, stay, only_between=only_between)
 
 
 @compiled()

@@ -1,16 +1,17 @@
-"""Flow through a window along a history: what it makes of its gaps step by step, and by which solver."""
+"""Flow through a piece along both axes: what it makes of its gaps step by step, and by which solver."""
 
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 from scipy.ndimage import gaussian_filter
 
+from femseal.face.piece_flow import FlowSettings
 from femseal.flow import solve_flow
 from femseal.flow.assembly import assemble_on_links
 from femseal.flow.coefficient import permeability_on_links
 from femseal.flow.grid import Grid
 from femseal.flow.law import cubic_law
-from femseal.windows.window_flow import FlowSettings, flow_history
+from femseal.studies.two_scale import _flows_of_piece
 
 UM = 1e-6
 
@@ -42,30 +43,29 @@ def gaps_of(shape, seed):
 
 
 @pytest.mark.parametrize("shape", [(16, 16), (32, 32), (33, 20), (1, 24), (24, 1), (3, 150)])
-@pytest.mark.parametrize("axis", [0, 1])
-def test_a_history_has_the_flow_of_every_step(shape, axis):
+def test_a_piece_has_the_flow_of_every_step(shape):
     spacing = (UM, 1.5 * UM)
     solvers = set()
     for seed in range(4):
         gaps = gaps_of(shape, seed)
-        found = flow_history(gaps, spacing, axis)
-        systems = {}
-        closed = 0
-        for s, gap in enumerate(gaps.astype(float)):
-            if s == 10:
-                assert_allclose(found.k[s], cubic_law(gap.mean()), rtol=1e-14)
-            elif s == 11:
-                assert np.isnan(found.k[s])
-            else:
-                k, flow = by_numpy(gap, spacing, axis)
-                assert_allclose(found.k[s], k, rtol=1e-13)
-                assert_allclose(k, by_numpy(gap, spacing, axis, "elimination")[0], rtol=1e-6)
-                if s < 10:
-                    systems[flow.solver] = systems.get(flow.solver, 0) + flow.percolates
-                    closed += not flow.percolates
+        found = _flows_of_piece(gaps, None, spacing, FlowSettings())
+        systems, closed = {}, 0
+        for axis in (0, 1):
+            for s, gap in enumerate(gaps.astype(float)):
+                if s == 10:
+                    assert_allclose(found.k[axis, s], cubic_law(gap.mean()), rtol=1e-14)
+                elif s == 11:
+                    assert np.isnan(found.k[axis, s])
+                else:
+                    k, flow = by_numpy(gap, spacing, axis)
+                    assert_allclose(found.k[axis, s], k, rtol=1e-13)
+                    assert_allclose(k, by_numpy(gap, spacing, axis, "elimination")[0], rtol=1e-6)
+                    if s < 10:
+                        systems[flow.solver] = systems.get(flow.solver, 0) + flow.percolates
+                        closed += not flow.percolates
         assert found.failures == ()
         counts = found.counts
-        assert (counts.closed, counts.open, counts.equal, counts.solved) == (closed, 1, 2, 10 - closed)
+        assert (counts.closed, counts.open, counts.equal, counts.solved) == (closed, 2, 4, 20 - closed)
         assert counts.solvers.by_solver() == {name: n for name, n in systems.items() if n}
         solvers |= systems.keys()
     assert shape != (32, 32) or solvers >= {"elimination", "multigrid", "none"}
@@ -75,7 +75,6 @@ def test_a_history_has_the_flow_of_every_step(shape, axis):
 def test_a_step_that_cannot_be_solved_leaves_the_others(discretisation):
     gaps = gaps_of((16, 16), 0)[:3]
     gaps[1, 3, 4] = -UM
-    found = flow_history(gaps, (UM, UM), 0, FlowSettings(discretisation=discretisation))
-    assert len(found.failures) == 1
-    assert found.failures[0].startswith("step 1: gap")
-    assert list(np.isfinite(found.k)) == [True, False, True]
+    found = _flows_of_piece(gaps, None, (UM, UM), FlowSettings(discretisation=discretisation))
+    assert [text[:15] for text in found.failures] == ["x1, step 1: gap", "x2, step 1: gap"]
+    assert np.isfinite(found.k).tolist() == [[True, False, True]] * 2

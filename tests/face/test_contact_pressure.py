@@ -1,28 +1,19 @@
-"""Gap and contact pressure of a face: pressure is kept where there is contact, and nothing can be changed."""
+"""Contact pressure of a face: it is kept where there is contact, and cannot be changed."""
 
 import pickle
-from dataclasses import FrozenInstanceError
 
 import numpy as np
 import pytest
 from numpy.testing import assert_array_equal
 
-from femseal.loads import LoadProgramme
-from femseal.windows import ContactPressure, Partition, WindowFields
-from femseal.windows.partition import ContactValues
+from femseal.face.contact_pressure import ContactPressure, ContactValues
 
-PARTITION = Partition((24, 16), (1e-6, 1e-6), (3, 2))
 rng = np.random.default_rng(0)
 DENSE = np.where(rng.random((4, 24, 16)) < 0.2, rng.random((4, 24, 16)), 0).astype(np.float32)
-DENSE[1, :8, 8:] = np.nan  # a window that failed
+DENSE[1, :8, 8:] = np.nan  # undefined
 
 
-def stitched(dense):
-    windows = [[ContactValues.of(PARTITION.cell(face, *place)) for face in dense] for place in PARTITION.places]
-    return ContactPressure(PARTITION, tuple(tuple(window) for window in windows))
-
-
-PRESSURE = stitched(DENSE)
+PRESSURE = ContactPressure([ContactValues.of(face) for face in DENSE])
 
 
 @pytest.mark.parametrize("shape", [(3, 5), (8, 8), (1, 1)])
@@ -37,13 +28,6 @@ def test_no_more_than_the_contact_is_kept():
     values = ContactValues.of(DENSE[0])
     assert values.values.size == np.count_nonzero(DENSE[0])
     assert values.bits.nbytes == DENSE[0].size / 8
-
-
-@pytest.mark.parametrize("value", [0.0, 3.0, np.nan])
-def test_a_constant_keeps_one_number(value):
-    field = ContactValues.constant((3, 5), value)
-    assert field.values.size <= 1
-    assert_array_equal(field.dense(), np.full((3, 5), value, np.float32))
 
 
 @pytest.mark.parametrize(
@@ -79,14 +63,3 @@ def test_pressure_is_used_like_an_array():
         PRESSURE[4]
     with pytest.raises(TypeError):
         PRESSURE[0] = 1
-
-
-def test_fields_cannot_be_changed():
-    gap = rng.random(DENSE.shape).astype(np.float32)
-    fields = WindowFields(LoadProgramme.of((1e8, 2e8, 3e8, 4e8)), PARTITION, gap, PRESSURE)
-    with pytest.raises(ValueError, match="read-only"):
-        fields.gap[0] = 1
-    with pytest.raises(FrozenInstanceError):
-        fields.gap = gap
-    assert_array_equal(fields.gap, gap)
-    assert "gap (4 × 24 × 16" in repr(fields)

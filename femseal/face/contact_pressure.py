@@ -1,0 +1,98 @@
+"""Contact pressure of a face at every step, kept where there is contact.
+
+A bit for every pixel says whether it is in contact, and a number for each pixel in contact is its pressure.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.lib.mixins import NDArrayOperatorsMixin
+from numpy.typing import NDArray
+
+from ..base.shared_array import lies_on_disk, put_aside
+
+
+@dataclass(frozen=True, eq=False)
+class ContactValues:
+    """A field (n1, n2) that is 0 out of contact.
+
+    bits : 1 for each pixel where the field is not 0, eight pixels in a byte, row after row.
+    values : the values at these pixels in the same order.
+    """
+
+    shape: tuple[int, int]
+    bits: NDArray[np.uint8]
+    values: NDArray[np.float32]
+
+    @classmethod
+    def of(cls, values: NDArray[Any]) -> ContactValues:
+        """Keep the values of an array (n1, n2)."""
+        single = np.asarray(values, np.float32)
+        inside = single != 0
+        return cls((single.shape[0], single.shape[1]), np.packbits(inside), single[inside])
+
+    def put_aside(self, beside: NDArray[Any]) -> ContactValues:
+        """The field, in two files where an array as large as `beside` lies in one."""
+        if not lies_on_disk(beside.nbytes):
+            return self
+        return ContactValues(self.shape, put_aside(self.bits), put_aside(self.values))
+
+    def dense(self) -> NDArray[np.float32]:
+        """The field as an array (n1, n2)."""
+        full = np.zeros(self.shape, np.float32)
+        full[np.unpackbits(self.bits, count=full.size).view(bool).reshape(self.shape)] = self.values
+        return full
+
+
+class ContactPressure(NDArrayOperatorsMixin):
+    """Contact pressure (steps, n1, n2) [Pa] of a face, kept where there is contact.
+
+    Use it like an array that cannot be changed. Indexing computes the indexed steps only; arithmetic, methods and
+    numpy functions compute the whole field.
+
+    states : the field at every step.
+    """
+
+    dtype = np.dtype(np.float32)
+    ndim = 3
+
+    def __init__(self, states: Sequence[ContactValues]) -> None:
+        self._states = tuple(states)
+
+    @property
+    def shape(self) -> tuple[int, int, int]:
+        """Number of steps, and pixels along x1 and x2."""
+        return (len(self), *self._states[0].shape)
+
+    def __len__(self) -> int:
+        return len(self._states)
+
+    def __iter__(self) -> Iterator[NDArray[np.float32]]:
+        return (state.dense() for state in self._states)
+
+    def __getitem__(self, key: Any) -> NDArray[np.float32]:
+        key = key if isinstance(key, tuple) else (key,)
+        if key and key[0] is not Ellipsis:
+            steps, pixels = np.arange(len(self))[key[0]], key[1:]
+        else:
+            steps, pixels = np.arange(len(self)), key
+        if steps.ndim == 0:
+            return self._states[steps].dense()[pixels]
+        return np.array([self._states[s].dense()[pixels] for s in steps], np.float32)
+
+    def __array__(self, dtype: Any = None, copy: bool | None = None) -> NDArray[Any]:
+        return self[...].astype(dtype or self.dtype, copy=False)
+
+    def __array_ufunc__(self, ufunc: np.ufunc, method: str, *inputs: Any, **options: Any) -> Any:
+        arrays = (np.asarray(i) if isinstance(i, ContactPressure) else i for i in inputs)
+        return getattr(ufunc, method)(*arrays, **options)
+
+    def __getattr__(self, name: str) -> Any:
+        # methods of an array, such as mean; a copy or a pickle that is not built yet has none
+        if name.startswith("_"):
+            raise AttributeError(name)
+        return getattr(self[...], name)
