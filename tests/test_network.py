@@ -518,26 +518,6 @@ def multigrid(along, across, falling, rising, ring):
     return levels, coarsest.eliminate_coarsest(*operator, ring)
 
 
-@each("ring", [True, False])
-@each(("rows", "columns"), [((9, 10), (7, 10)), ((4, 9), (9, 10)), ((11, 12), (17, 20))])
-def test_nodes_that_no_coarse_one_holds_are_moved_together(ring, rows, columns):
-    """A bay on a line between coarse nodes: the preconditioner inverts the operator on what its nodes have in common."""
-    c1, c2 = np.ones((21, 20)), np.ones((20, 20 if ring else 19))
-    bay = np.zeros((20, 20), bool)
-    bay[slice(*rows), slice(*columns)] = True
-    mouth1, mouth2 = np.diff(np.pad(bay, ((1, 1), (0, 0))), axis=0), np.roll(bay, -1, axis=1) != bay
-    c1[mouth1] = 1e-6
-    c2[mouth2[:, : c2.shape[1]]] = 1e-6
-    nothing = np.zeros((0, 0))
-    levels, factored = multigrid(c1, c2, nothing, nothing, ring)
-    field = np.zeros((22, 20))
-    field[1:-1] = bay
-    right_hand = (network(c1, c2).to_csr() @ field.ravel()).reshape(22, 20)[1:-1]
-    hierarchy.level(*levels[:3], 0)[4][1:-1, 1:-1] = right_hand
-    v_cycle.cycle(levels, factored, False, ring)
-    assert_allclose(hierarchy.level(*levels[:3], 0)[3][1:-1, 1:-1][bay], 1.0, rtol=1e-3)
-
-
 @each("shape", [(20, 16), (21, 17), (25, 12)])
 @each("ring", [True, False])
 @each("nine", [True, False])

@@ -281,7 +281,7 @@ def test_both_ways_of_a_seat_spread_the_load_alike(radius):
 
 @pytest.mark.slow
 def test_both_ways_of_a_seat_leak_alike():
-    """Drawn windows over deterministic faces, as a fraction of the same for flat seats."""
+    """Drawn seals over deterministic faces, as a fraction of the same for flat seats."""
     breadth, forces = 1.024e-3, np.array([50e3, 100e3, 200e3])
     ratios = {}
     for seat in (FlatSeat(), CrownedSeat(0.2), CrownedSeat(0.05), CrownedSeat(0.01)):

@@ -57,12 +57,17 @@ def window(n=16):
     return np.repeat(1e-6 * np.cos(2 * np.pi * x)[:, None], n, axis=1)
 
 
+def ridges():
+    """A face of pieces in one row, so that all are alike: in more they reach into their neighbours' ridges."""
+    return fs.Topography(np.tile(window(), (1, 4)), (D, D), (True, True))
+
+
 def drawn(lay, load, length=2e-3):
-    surface = fs.Topography(np.tile(window(), (4, 4)), (D, D), (True, True))
+    surface = ridges()
     scene = fs.Scene(surface, 115e9, 2e9, OIL, 1e6, 0.0, loading=(load,), fluid_pressure="ignored",
                      layout=RectangularLayout(lay))  # fmt: skip
     sampling = Sampling(length=length, breadth=128 * D, realisations=2, seed=1)
-    return stochastic(scene, (4, 4), sampling)
+    return stochastic(scene, (1, 4), sampling)
 
 
 def along(pieces):
@@ -86,11 +91,10 @@ def test_a_closed_strip_leaks_along_its_groove():
 @pytest.mark.parametrize("inlet", ["inner", "outer"])
 def test_a_closed_ring_leaks_along_its_groove(inlet):
     """Equal pieces: the closed form of a ring whose lands are closed, either way."""
-    surface = fs.Topography(np.tile(window(), (4, 4)), (D, D), (True, True))
-    lead = 32e-6
+    surface, lead = ridges(), 32e-6
     layout = AnnularLayout(0.5e-3, 0.756e-3, inlet, lay={"kind": "spiral", "lead": lead, "starts": 2})
     scene = fs.Scene(surface, 115e9, 2e9, OIL, 1e6, 0.0, loading=(2e8,), fluid_pressure="ignored", layout=layout)
-    found = stochastic(scene, (4, 4), Sampling(None, realisations=2, seed=1))
+    found = stochastic(scene, (1, 4), Sampling(None, realisations=2, seed=1))
     k2 = along(found.pieces)
     exact = fs.analytic.turned_annulus_rate(k2, 0.0, 2 * lead, 1e6, 1e-3, 0.5e-3, 0.756e-3)
     assert_allclose(found.leakage[0, 0] * found.seal.length, exact, rtol=2e-3)

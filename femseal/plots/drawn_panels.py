@@ -129,7 +129,10 @@ def drawn_figure(data: xarray.Dataset, s: int) -> Figure:
             if view is detail and panel is fluid:
                 _arrows(axes, corners[seen].mean(axis=1), flux[seen], max(view.size))
     number = data["drawn_corners"].attrs["realisation"]
-    title = f"{data['name'].values[s]}; drawn seal {number}, the nearest to the median\n{part_text(seal)}"
+    text, drawn = part_text(seal), data["drawn_corners"].attrs["part"]
+    if drawn < 1:
+        text = f"{drawn:.1%} of its length, alike all along; " + text.replace("the whole seal", "the whole of it")
+    title = f"{data['name'].values[s]}; drawn seal {number}, the nearest to the median\n{text}"
     sheet.figure.suptitle(title, fontsize=11, y=1 - 0.1 / sheet.height, va="top")
     return sheet.figure
 

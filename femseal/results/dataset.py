@@ -106,7 +106,7 @@ def assemble(
         variables.add_states(data, stochastic.pieces)
         if (drawn := stochastic.median_seal) is not None:
             variables.add_declared(data, drawn)
-            data["drawn_corners"].attrs["realisation"] = drawn.realisation
+            data["drawn_corners"].attrs |= {"realisation": drawn.realisation, "part": stochastic.tiles.part}
     if (by_place := next((study.places for study in studies if study.places is not None), None)) is not None:
         resolved = two_scale if deterministic is None else deterministic
         gap = None if resolved is None else resolved.gap

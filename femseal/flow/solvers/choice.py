@@ -164,7 +164,7 @@ def _worth_of_multigrid(along, unknowns, nodes):
     if lost > _MOST_LOST:
         return False, 0
     fraction = nodes / unknowns
-    # clusters of nodes that coarser grids do not see grow with the contrast
+    # bays that coarser grids do not see grow with the contrast
     iteration = 1.3e-8 * unknowns * np.exp((0.7 + 0.65 * ends) * max(contrast - 1.2, 0.0))
     elimination = 2e-3 * (nodes / 4000) ** 1.25 * fraction**0.4
     smooth = 6 + 18 * (1 - fraction)

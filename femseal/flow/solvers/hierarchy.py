@@ -11,7 +11,7 @@ would give it; coarse operators are Galerkin's. Source: Dendy, J. Comput. Phys. 
 
 from __future__ import annotations
 
-from functools import lru_cache, partial
+from functools import lru_cache
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -19,8 +19,7 @@ from numpy.typing import NDArray
 
 from ...base.arrays import Array
 from ...base.compiled import REORDERED, compiled, inner
-from ...base.threads import ONE, number, on_threads, over
-from .clusters import clusters, no_clusters, with_clusters
+from ...base.threads import ONE, over
 
 #: Nodes of an axis at which coarsening ends.
 FEWEST = 4
@@ -53,10 +52,6 @@ class Levels(NamedTuple):
     shape (levels, 2) : rows and columns with the border. first (levels + 1,) : where the fields of each level start.
     fields : right, below, inverse centre, x, b and r, of nine points also below right and below left, see `level`.
     weight_first, weights : of the interpolation from the next level.
-    cluster_first (levels,) : the first cluster of each level. cluster_start : the first of `cluster_nodes` (…, 2)
-    of each cluster, and their number. cluster_outside : bits of those of their neighbours that are not of the cluster.
-    cluster_ground : their conductances with the ends. cluster_inverse : inverse sums of the conductances of each
-    cluster with other nodes.
     """
 
     shape: NDArray[np.int64]
@@ -64,12 +59,6 @@ class Levels(NamedTuple):
     fields: NDArray[np.float32]
     weight_first: NDArray[np.int64]
     weights: NDArray[np.float32]
-    cluster_first: NDArray[np.int64]
-    cluster_start: NDArray[np.int64]
-    cluster_nodes: NDArray[np.int32]
-    cluster_outside: NDArray[np.uint8]
-    cluster_ground: NDArray[np.float32]
-    cluster_inverse: NDArray[np.float32]
 
 
 @compiled(**REORDERED)
@@ -276,7 +265,7 @@ def hierarchy(
     nine = falling.size > 0
     place = _places(along.shape[0] - 1, along.shape[1], nine)
     shape, *_, weight_first, weights = place
-    fewest, found, large = 0.0, no_clusters(len(shape)), large_levels(shape)
+    fewest, large = 0.0, large_levels(shape)
     operator, conductances = _NOTHING, (along, across, falling, rising)
     if large:
         operator = _zeros(shape[0], nine)
@@ -288,22 +277,19 @@ def hierarchy(
         count = sum(over(strips(shape[k, 0]), _store, *operator, *level(*place[:3], k)))
         fewest = fewest or _ELIMINATED * count
         if count <= fewest:
-            return _levels(place, (found[0][: k + 1], *found[1:])), operator
+            return _levels(place, k + 1), operator
         rows, w = strips(shape[k + 1, 0]), weights_to(k, shape, weight_first, weights)
         over(rows, _along_rows, *operator, all_nine, ring, w)
         over(rows, _between_rows, *operator, all_nine, ring, w)
         coarse = _zeros(shape[k + 1], True)
-        work = [partial(clusters, *operator, all_nine, ring)]
-        work += [partial(_galerkin, *part, *operator, w, all_nine, ring, *coarse) for part in rows]
-        of_level, *_ = on_threads(number(), lambda part: part(), work)
-        found = with_clusters(found, k, *of_level)
+        over(rows, _galerkin, *operator, w, all_nine, ring, *coarse)
         operator = coarse
-    found, operator = _filled_from(large, operator, conductances, fewest, found, ring, *place)
-    return _levels(place, found), operator
+    count, operator = _filled_from(large, operator, conductances, fewest, ring, *place)
+    return _levels(place, count), operator
 
 
 def _places(n1: int, n2: int, nine: bool) -> tuple[NDArray[Any], ...]:
-    """Sizes and memory of what the levels have but for clusters, in the order of `Levels`."""
+    """Sizes and memory of what the levels have, in the order of `Levels`."""
     shape, first, weight_first = _sizes(n1, n2, nine, FEWEST)
     # zeros of numpy take no memory before they are written to
     return shape, first, np.zeros(first[-1], np.float32), weight_first, np.zeros(weight_first[-1], np.float32)
@@ -322,11 +308,10 @@ def _sizes(n1: int, n2: int, nine: bool, fewest: int) -> tuple[NDArray[np.int64]
     return np.array(sizes), np.cumsum([0, *fields]), 9 * (np.cumsum(nodes) - nodes[0])
 
 
-def _levels(place: tuple[NDArray[Any], ...], found: tuple[NDArray[Any], ...]) -> Levels:
-    """`Levels` up to the last one that is filled."""
+def _levels(place: tuple[NDArray[Any], ...], n: int) -> Levels:
+    """`Levels` of which n are filled."""
     shape, first, fields, weight_first, weights = place
-    n = found[0].size
-    return Levels(shape[:n], first[: n + 1], fields, weight_first[:n], weights, *found)
+    return Levels(shape[:n], first[: n + 1], fields, weight_first[:n], weights)
 
 
 def _zeros(shape: NDArray[np.int64], nine: bool) -> tuple[Array, ...]:
@@ -336,9 +321,9 @@ def _zeros(shape: NDArray[np.int64], nine: bool) -> tuple[Array, ...]:
 
 @compiled(**REORDERED)
 def _filled_from(
-    k, operator, conductances, fewest, found, ring, shape, first, fields, weight_first, weights
+    k, operator, conductances, fewest, ring, shape, first, fields, weight_first, weights
 ):  # fmt: skip
-    """Fill the levels from level k on, see `Levels`.
+    """Fill the levels from level k on, see `Levels`; their number, and the operator of the last one.
 
     For k > 0 `operator` has that of level k, and `fewest` nodes are those where coarsening ends.
     """
@@ -364,7 +349,6 @@ def _filled_from(
         w = weights_to(k, shape, weight_first, weights)
         _along_rows(ONE, m1 - 1, centre, right, below, below_right, below_left, all_nine, ring, w)
         _between_rows(ONE, m1 - 1, centre, right, below, below_right, below_left, all_nine, ring, w)
-        found = with_clusters(found, k, *clusters(centre, right, below, below_right, below_left, all_nine, ring))
         to0, to1, to2 = np.zeros((m1, m2)), np.zeros((m1, m2)), np.zeros((m1, m2))
         to3, to4 = np.zeros((m1, m2)), np.zeros((m1, m2))
         _galerkin(
@@ -372,8 +356,7 @@ def _filled_from(
         )  # fmt: skip
         operator = to0, to1, to2, to3, to4
         k += 1
-    cluster_first, start, nodes, outside, ground, inverse = found
-    return (cluster_first[: k + 1], start, nodes, outside, ground, inverse), operator
+    return k + 1, operator
 
 
 @compiled(**REORDERED)

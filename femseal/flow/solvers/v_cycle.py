@@ -1,8 +1,8 @@
 """One V-cycle of multigrid over the levels of `hierarchy`: compiled.
 
-One sweep of Gauss-Seidel forward before and backward after the coarser grid, each with the clusters that a sweep does
-not move, keep the preconditioner symmetric. All arithmetic is in single precision. Large levels are swept by strips of
-rows, every second one first, then those between them, and backward in reverse: threads share the strips.
+One sweep of Gauss-Seidel forward before and backward after the coarser grid keep the preconditioner symmetric. All
+arithmetic is in single precision. Large levels are swept by strips of rows, every second one first, then those between
+them, and backward in reverse: threads share the strips.
 """
 
 from __future__ import annotations
@@ -13,7 +13,6 @@ import numpy as np
 
 from ...base.compiled import REORDERED, compiled, inner
 from ...base.threads import NO, ONE, over
-from .clusters import relax_backward, relax_forward
 from .coarsest import Coarsest, solve_by_parts, solve_coarsest
 from .hierarchy import Levels, large_levels, level, strips, weights_to
 
@@ -237,7 +236,7 @@ def _prolong(first, end, coarse, w, x, ring):
 @compiled(**REORDERED)
 def v_cycle(levels, coarsest, nine, ring, top):
     """One V-cycle from b to x of the level `top`; the finest one, 0, has nine points or five."""
-    shape, first, fields, weight_first, weights, moved = levels[:6]
+    shape, first, fields, weight_first, weights = levels
     last = shape.shape[0] - 1
     here = level(shape, first, fields, top)
     for step in range(2 * (last - top) + 1):
@@ -250,26 +249,14 @@ def v_cycle(levels, coarsest, nine, ring, top):
         coarse, fine = (other, here) if down else (here, other)
         here = other
         right, below, inverse, x, b, r, below_right, below_left = fine
-        w, all_nine, moves = weights_to(k, shape, weight_first, weights), nine or k > 0, moved[k + 1] > moved[k]
+        w, all_nine = weights_to(k, shape, weight_first, weights), nine or k > 0
         rows, coarse_rows = x.shape[0] - 1, coarse[4].shape[0] - 1
         if down:
             _sweep_down(ONE, rows, NO, x, b, r, inverse, right, below, below_right, below_left, all_nine, ring)
-            if moves:
-                relax_forward(*_clusters_of(levels, k), x, r, right, below, below_right, below_left, ring)
             _restrict(ONE, coarse_rows, r, w, coarse[4])
         else:
             _prolong(ONE, coarse_rows, coarse[3], w, x, ring)
-            if moves:
-                relax_backward(*_clusters_of(levels, k), x, b, right, below, below_right, below_left, ring)
             _sweep_up(ONE, rows, x, b, inverse, right, below, below_right, below_left, all_nine, ring)
-
-
-@compiled(**REORDERED)
-def _clusters_of(levels, k):
-    """The clusters of a level, as `relax_forward` takes them."""
-    cluster_first, start, nodes, outside, ground, inverses = levels[5:]
-    c, d = cluster_first[k], cluster_first[k + 1]
-    return nodes, start[c : d + 1], outside, ground, inverses[c:d]
 
 
 def cycle(levels: Levels, coarsest: Coarsest, nine: bool, ring: bool) -> None:
@@ -284,17 +271,15 @@ def cycle(levels: Levels, coarsest: Coarsest, nine: bool, ring: bool) -> None:
             v_cycle(levels, coarsest, nine, ring, large)
             continue
         (right, below, inverse, x, b, r, *corners), coarse = (level(*levels[:3], n) for n in (k, k + 1))
-        w, moved, all_nine = weights_to(k, levels.shape, *levels[3:5]), _clusters_of(levels, k), nine or k > 0
+        w, all_nine = weights_to(k, levels.shape, *levels[3:5]), nine or k > 0
         swept, coarse_rows = strips(len(x)), strips(len(coarse[4]))
         links = right, below, *corners
         if step < large:
             for between in (False, True):
                 over(swept[between::2], _sweep_down, between, x, b, r, inverse, *links, all_nine, ring)
-            relax_forward(*moved, x, r, *links, ring)
             over(coarse_rows, _restrict, r, w, coarse[4])
         else:
             for between in (False, True):
                 over(coarse_rows[between::2], _prolong, coarse[3], w, x, ring)
-            relax_backward(*moved, x, b, *links, ring)
             for between in (True, False):
                 over(swept[between::2], _sweep_up, x, b, inverse, *links, all_nine, ring)
