@@ -258,7 +258,7 @@ def _floor(k):
 
 def drawn_seals(case: fs.Case, lengths=LENGTHS) -> list:
     """Results of seals of several lengths, in lengths of the face, unloaded from four loads."""
-    prepared, table = fs.prepare(case), case.stochastic
+    prepared, count = fs.prepare(case), case.stochastic.realisations or SEALS
     scene, top = prepared.scene, prepared.scene.loading[-1]
     peaks = tuple(part * top for part in PEAKS)
     stops = tuple(sorted({part * peak for part in STOPS for peak in peaks}))
@@ -266,7 +266,7 @@ def drawn_seals(case: fs.Case, lengths=LENGTHS) -> list:
     face = fs.deterministic(scene)
     found = []
     for n in lengths:
-        sampling = fs.Sampling(n * scene.surface.size[1], case.stochastic.realisations or SEALS, seed=case.seed)
+        sampling = fs.Sampling(n * scene.surface.size[1], count, seed=case.seed, median_fields=False)
         found.append(fs.stochastic(scene, prepared.cells, sampling, known=face))
     return found
 
