@@ -216,7 +216,9 @@ def test_all_methods_take_a_seat():
     assert_allclose(results.dataset["leakage_median"], results.dataset["leakage_deterministic"], rtol=0.5)
     ring = {"kind": "annular", "inner_radius": "1 mm", "outer_radius": "1.512 mm"}
     drawn = {"stochastic": {"realisations": 4}, "seal": ring}
-    with pytest.raises(fs.InputError, match="a seal that takes pieces anywhere of the face, with deterministic, stochastic"):
+    with pytest.raises(
+        fs.InputError, match="a seal that takes pieces anywhere of the face, with deterministic, stochastic"
+    ):
         fs.prepare(parse_case(CASE | more | drawn))
 
 
@@ -326,7 +328,10 @@ def test_a_broad_seat_runs_from_a_case(tmp_path):
 @pytest.mark.parametrize(
     ("change", "text"),
     [
-        ({"method": "two-scale", "compare": ["stochastic"]}, "seat.kind: given a seal that takes pieces anywhere of the face, with stochastic, two-scale"),
+        (
+            {"method": "two-scale", "compare": ["stochastic"]},
+            "seat.kind: given a seal that takes pieces anywhere of the face, with stochastic, two-scale",
+        ),
         ({"load": BROAD["load"] | {"map": {"kind": "profile", "fractions": [1, 2]}}}, "load.map: given a map with a"),
         ({"seat": {"kind": "crowned", "radius": "0.5 mm"}}, "slopes up to"),
     ],
