@@ -228,6 +228,12 @@ def test_a_map_that_changes_with_the_load_is_that_of_each_load():
         assert_allclose(found[:, s], alone[:, 0], rtol=0.02)
 
 
+def test_under_a_map_rows_of_the_face_are_not_those_of_the_seal():
+    one, as_broad = scene(), Sampling(8 * SIDE, 1, seed=1)
+    assert drawn(one, as_broad).tiles.in_place
+    assert not drawn(one, replace(as_broad, pressure_map=Profile((0.6, 1.4)))).tiles.in_place
+
+
 def test_parts_without_pressure_just_touch():
     one = scene(loading=(1e8,))
     found = drawn(one, broad(pressure_map=Halves(0.0, 1.0)), (1, 1)).leakage[0, 0]
