@@ -272,7 +272,7 @@ def test_drawn_seals_take_longer_at_several_fluid_pressures(data):
     for how in ("acts", "ignored"):
         case = parse_case(data | {"contact": {"fluid_pressure": how}})
         work.append(forecast(case, prepare(case)).work)
-    assert 2 * work[1] < work[0] < 20 * work[1]
+    assert 1.5 * work[1] < work[0] < 20 * work[1]
 
 
 def test_a_gas_with_slip_takes_longer():

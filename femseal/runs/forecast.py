@@ -33,7 +33,7 @@ ADVISED_WAVES = 8
 #: the compiled loops of windows and their pictures do.
 _START_SECONDS, _READ_SECONDS, _WINDOWS_SECONDS = 2.0, 1.0, 0.5
 #: Seconds of pictures, report and tables, and of a byte of fields.
-_PICTURES_SECONDS, _FIELD_BYTE_SECONDS = 1.4, 3e-8
+_PICTURES_SECONDS, _FIELD_BYTE_SECONDS = 2.4, 3e-8
 #: Memory of another process [byte].
 _WORKER_MEMORY = 0.25e9
 

@@ -42,7 +42,7 @@ _CLOSED_SECONDS = 2e-8, 1.5e-6
 _ROUND_PIXEL_SECONDS = 1.7e-7
 #: Seconds of a drawn seal at a step, and for each element; solutions where permeabilities depend on the pressure, and
 #: memory for each element [byte].
-_SEAL_SECONDS, _ELEMENT_SECONDS, _PRESSURE_SOLUTIONS, _ELEMENT_BYTES = 1e-3, 1.5e-5, 4.0, 4e3
+_SEAL_SECONDS, _ELEMENT_SECONDS, _PRESSURE_SOLUTIONS, _ELEMENT_BYTES = 1e-3, 7e-6, 2.0, 4e3
 #: Flow solutions, and what they need besides, that the flow of a rarefied gas takes.
 _SUCCESSIVE = 4.5
 #: Number of states of a face on a ladder of nominal pressures.
@@ -201,7 +201,7 @@ def stochastic_cost(
 def usual_seals(cells: tuple[int, int], tiles: SealTiles) -> int:
     """Number of seals that a band of error usually needs: fewer of long ones, whose leakage scatters less."""
     faces = tiles.count / (cells[0] * cells[1])
-    return round(min(max(MOST_SEALS / max(faces, 1.0) ** 0.5, FEWEST_SEALS), MOST_SEALS))
+    return round(min(max(MOST_SEALS / max(faces, 1.0), FEWEST_SEALS), MOST_SEALS))
 
 
 def on_ladder(scene: Scene, sampling: Sampling) -> bool:
