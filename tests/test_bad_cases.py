@@ -285,9 +285,9 @@ def test_files_that_claim_more_heights_than_fit_into_memory_are_refused(monkeypa
         ("face", "points", [10**12, 10**12], ["face.points", "GB of free memory"]),
         ("face", "points", [10**30, 2], ["face.points", "1000000000000"]),
         ("surface", "points", [60_000, 60_000], ["surface.points", "GB of free memory"]),
-        ("cells", "count", [10**6, 10**6], ["cells", "GB of free memory"]),
-        ("cells", "count", [10_000, 1], ["cells", "8 pixels"]),
-        ("cells", "size", "1e-25 m", ["cells", "GB of free memory"]),
+        ("cells", "count", [10**6, 10**6], ["cells", "8 × 8 points"]),
+        ("cells", "count", [10_000, 1], ["cells", "8 × 8 points"]),
+        ("cells", "size", "1e-25 m", ["cells", "8 × 8 points"]),
         ("stochastic", "length", "1e6 km", ["stochastic.length", "GB of free memory"]),
         ("stochastic", "length", "1e29 m", ["stochastic.length", "GB of free memory"]),
         ("stochastic", "realisations", 10**11, ["stochastic.realisations", "GB of free memory"]),
@@ -535,7 +535,7 @@ def test_messages_name_keys_of_the_case(tmp_path, data):
             "cells.flow: given 'links', expected none: removed; the flow of a face is always",
         ),
         ({"cells": {"contact": "windows"}}, "cells.contact: given 'windows', expected none: removed; the contact is"),
-        ({"method": "two-scale", "cells": {"count": [16, 1]}}, "cells: given 16 × 1 of 4 × 96 pixels, expected"),
+        ({"method": "two-scale", "cells": {"count": [16, 1]}}, "cells: given 16 × 1 of 64 × 96 points, expected"),
     ]:
         message = refusal(lambda tables=tables: prepare(parse_case(data | tables)))
         assert message.startswith(words), message

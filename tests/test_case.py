@@ -378,7 +378,7 @@ def test_all_faults_are_reported_at_once(data):
 @pytest.mark.parametrize(
     ("table", "value", "words"),
     [
-        ("cells", {"count": [64, 64]}, ["cells", "8 pixels"]),
+        ("cells", {"count": [64, 64]}, ["cells", "8 × 8 points"]),
         ("cells", {"count": [18, 36]}, ["cells", "two shortest waves"]),
         ("stochastic", {"length": "1 um"}, ["stochastic.length", "1 µm", "at least one piece"]),
     ],
@@ -503,11 +503,11 @@ class TestPrepare:
     def test_surface(self, small):
         small["surface"] = {"detrend": 2, "shortest_wave": "15 um", "points": [48, 90]}
         prepared = prepare(parse_case(small))
-        assert prepared.scene.surface.shape == (48, 92)  # the next numbers that the cells divide
+        assert prepared.scene.surface.shape == (48, 90)
         assert prepared.conditioning.shortest_wavelength == 15e-6
         small["surface"]["detrend"] = 0
         assert prepared.conditioning.removed_curvature != prepare(parse_case(small)).conditioning.removed_curvature
-        assert prepared.surface_report["shape"] == (48, 92)
+        assert prepared.surface_report["shape"] == (48, 90)
 
     def test_cells_by_their_size(self, small):
         small["cells"] = {"size": "25 um"}
