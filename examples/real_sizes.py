@@ -128,7 +128,7 @@ def scatter(result: fs.TwoScaleResult, hardness: float):
 
 
 def draw(rows, faces, path):
-    """Above: permeability of pieces against pressure and gap, and pressure drop. Below: unloading against size."""
+    """Above: permeability of pieces against pressure and gap, their pressure drop. Below: unloading against size."""
     import matplotlib
 
     matplotlib.use("Agg")

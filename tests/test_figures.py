@@ -90,11 +90,11 @@ def test_two_scales(ran):
     pieces = figures.closely(results, 2)
     assert len(pieces) == 3
     for (place, fields), (gap, pressure, fluid) in zip(pieces.items(), panels, strict=True):
+        number = place[0] * study.cut.shape[1] + place[1]
         for axes, field, scale in ((gap, study.gap, 1e6), (pressure, study.contact_pressure, 1e-6)):
-            expected = study.cut.pieces(field[2])[place[0] * study.cut.shape[1] + place[1]].T * scale
+            expected = study.cut.pieces(np.asarray(field[2]))[number].T * scale
             assert_allclose(axes.images[0].get_array().filled(0.0), expected, rtol=1e-5)
-        own = study.cut.pieces(study.gap[2])[place[0] * study.cut.shape[1] + place[1]]
-        cell = fs.cell_permeability(own, study.cut.spacing)
+        cell = fs.cell_permeability(study.cut.pieces(study.gap[2])[number], study.cut.spacing)
         assert_allclose(fluid.images[0].get_array().filled(-1), np.nan_to_num(cell.fluid_pressure.T, nan=-1), atol=1e-4)
         assert_allclose(fluid.images[1].get_alpha() ** 2, fields["flow"].T)
         assert (fields["flow"][fields["gap"] == 0] == 0).all()

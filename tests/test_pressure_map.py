@@ -14,7 +14,7 @@ RNG = np.random.default_rng(5)
 
 
 def strip(size=(2e-3, 8e-3), cells=(4, 8)):
-    """A strip of windows."""
+    """A strip of tiles."""
     x1, x2 = (np.linspace(0, side, n + 1) for side, n in zip(size, cells, strict=True))
     corner = np.stack(np.meshgrid(x1, x2, indexing="ij"), axis=-1)
     outlines = np.stack([corner[:-1, :-1], corner[1:, :-1], corner[1:, 1:], corner[:-1, 1:]], axis=2)
@@ -129,7 +129,7 @@ class TestFields:
                 field.at(ring(inner, outer).centres, Frame())
 
     def test_chords_cover_the_arcs_that_they_cut(self):
-        """Windows at the rim of a ring lie outside the polygon of a coarse field."""
+        """Tiles at the rim of a ring lie outside the polygon of a coarse field."""
         seal = ring(cells=(40, 480))
         coarse = ring(cells=(4, 24)).outlines.reshape(-1, 2)
         assert_allclose(PressureField.of(coarse, np.ones(len(coarse))).at(seal.centres, Frame()), 1.0)
@@ -267,7 +267,7 @@ class TestFiles:
         (lambda: MapsAtLoads((), ()), "maps: given none"),
         (lambda: MapsAtLoads((1.0,), (Uniform(), Uniform())), "2, one for each map"),
         (lambda: MapsAtLoads((2.0, 1.0), (Uniform(), Uniform())), "rising"),
-        (lambda: fractions(Profile((1, 2), (0, 1e-3)), strip()), "positions: given 0 m to 1 mm, expected .* windows"),
+        (lambda: fractions(Profile((1, 2), (0, 1e-3)), strip()), "positions: given 0 m to 1 mm, expected .* tiles"),
         (lambda: fractions(Profile((1, 2)), PressedSeal(Frame(), ring().outlines)), "none on a mesh"),
     ],
 )

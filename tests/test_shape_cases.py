@@ -22,7 +22,7 @@ from femseal.runs.forecast import describe
 pytestmark = pytest.mark.usefixtures("drawn_pictures")
 
 EXAMPLES = Path(__file__).parents[1] / "examples"
-#: Fewer loads and windows; the ring is narrower, and the gasket has larger windows.
+#: Fewer loads and tiles; the ring is narrower, and the gasket has larger pieces.
 REDUCED = {
     "annular_seal": {
         "seal": {"outer_radius": "10.6 mm"},
@@ -131,7 +131,10 @@ def test_check_and_accuracy_know_the_shape(name):
     lines = "\n".join(describe(case, prepare(case)))
     assert re.search(r"^seal +(a ring between|the mesh bolted_ring)", lines, re.MULTILINE)
     assert re.search(
-        {"annular_seal": r"3 seals of 10 × 400 tiles, 24 mm long", "gasket_seal": r"3 seals of 5940 tiles in 5940 elements"}[name],
+        {
+            "annular_seal": r"3 seals of 10 × 400 tiles, 24 mm long",
+            "gasket_seal": r"3 seals of 5940 tiles in 5940 elements",
+        }[name],
         lines,
     )
     plan = make_plan(case, limit=1e9, memory=1e12)

@@ -28,7 +28,7 @@ _LEAST_TURN = 1e-6
 
 @dataclass(frozen=True)
 class Lay:
-    """Where x2 of the windows points: a name, an angle from x1 to x2 [rad], a spiral, or the vectors of a field.
+    """Where x2 of the pieces points: a name, an angle from x1 to x2 [rad], a spiral, or the vectors of a field.
 
     Exactly one of them is given. A direction and its opposite are the same lay. lead : of a spiral, the distance from
     groove to groove [m], times the number of grooves that start beside each other: once around the seal the groove

@@ -102,7 +102,7 @@ class Profile:
             least, most = float(across.min()), float(across.max())
             if least < low - _ROUNDING * high or most > high * (1 + _ROUNDING):
                 given, needed = (f"{to_text(a, 'm')} to {to_text(b, 'm')}" for a, b in ((low, high), (least, most)))
-                raise InputError("positions", given, f"a range that holds the windows of the seal, {needed}")
+                raise InputError("positions", given, f"a range that holds the tiles of the seal, {needed}")
             return np.interp(across, self.positions, values)
         if frame.ends is None:
             raise InputError("positions", "none on a mesh", "radii [m]")

@@ -110,7 +110,8 @@ def judged(kind, seed, found):
         if (part := effective_pressure_part(found["scene"], study)) is not None:  # part of the band of a run
             budget = replace(budget, parts=(*budget.parts, part))
         q, lower, upper = budget.leakage, budget.lower, budget.upper
-        below, above = np.log(q / lower), np.log(upper / q)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            below, above = np.log(q / lower), np.log(upper / q)
         error = np.where((q == 0) & (truth == 0), 0.0, np.log(truth / q))
         holds = np.where(q == 0, truth <= upper, (error <= above) & (-error <= below))
         leaks = q > FLOOR * q[0]

@@ -30,7 +30,7 @@ def state(gap, cells, pressure=None):
 
 
 @pytest.mark.parametrize(
-    ("shape", "cells"), [((64, 64), (4, 4)), ((97, 61), (3, 5)), ((16, 33), (1, 4)), ((40, 8), (5, 1))]
+    ("shape", "cells"), [((64, 64), (4, 4)), ((97, 61), (9, 7)), ((16, 33), (1, 4)), ((40, 8), (5, 1))]
 )
 def test_pieces_fill_the_face_once_and_are_alike(shape, cells):
     cut = Cut.of(Topography(np.zeros(shape) + np.eye(*shape), (D, 2 * D)), cells)
@@ -56,6 +56,7 @@ def test_places_are_cut_each_by_itself_and_drawn_by_their_width():
     for piece, of in zip(cut.widened(number, 0), cut.place * 2, strict=True):
         assert (piece == of).all()
     assert usual_pieces(places) == (4, 12)
+    assert Cut.of(places, (2, 4)).place == (0, 1, 1, 1)  # 1.33 and 2.67
     with pytest.raises(InputError, match="one for each place"):
         Cut.of(places, (2, 1))
 

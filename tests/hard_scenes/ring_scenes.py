@@ -60,7 +60,7 @@ def _sectors() -> float:
 SCENES: tuple[HardScene, ...] = (
     scene(
         "ring of hair and mile",
-        what="radii of 1 µm and 1 km, all in one row of windows",
+        what="radii of 1 µm and 1 km, all in one row of links",
         must=Near(2 * pi / log(1e9), 1e-9, "2πk/ln(r_o/r_i)"),
         run=lambda: AnnularSeal(1e-6, 1e3, (1, 7)).flow(1.0).conductance,
     ),

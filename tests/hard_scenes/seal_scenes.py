@@ -142,7 +142,7 @@ def _local(pressure: np.ndarray) -> np.ndarray:
 
 
 def _mapped(pressure_map: Any) -> float:
-    """Permeability of a strip of 10 × 40 windows under a map of pressure with a mean of 100 MPa."""
+    """Permeability of a strip of 10 × 40 links under a map of pressure with a mean of 100 MPa."""
     x1, x2 = (np.linspace(0, side, n + 1) for side, n in zip(STRIP.size, STRIP.cells, strict=True))
     corner = np.stack(np.meshgrid(x1, x2, indexing="ij"), axis=-1)
     outlines = np.stack([corner[:-1, :-1], corner[1:, :-1], corner[1:, 1:], corner[:-1, 1:]], axis=2)
@@ -157,7 +157,7 @@ _series_map = Profile((0.5, 1.5))
 
 SCENES: tuple[HardScene, ...] = (
     scene(
-        "a million windows",
+        "a million links",
         what="1000 × 1000 log-normal links: permeability over exp⟨ln k⟩",
         must=Near(1.0, 0.01, "self-duality"),
         run=_million,
@@ -165,30 +165,30 @@ SCENES: tuple[HardScene, ...] = (
     ),
     scene(
         "seal of 1 : 1e5",
-        what="1 mm × 100 m of 200 000 windows in separate columns: rate over the sum of harmonic means",
+        what="1 mm × 100 m of 200 000 links in separate columns: rate over the sum of harmonic means",
         must=Near(1.0, 1e-7, "series and parallel"),
         run=_columns,
     ),
     scene(
-        "windows of contrast 1e15 in series",
+        "links of contrast 1e15 in series",
         what="half of the rows have 1e-15 of the permeability [m³]",
         must=Near(stripes_across((K, 1e-15 * K)), 1e-6, "harmonic mean"),
         run=_series,
     ),
     scene(
-        "windows of contrast 1e15 in parallel",
+        "links of contrast 1e15 in parallel",
         what="half of the columns have 1e-15 of the permeability [m³]",
         must=Near(stripes_along((K, 1e-15 * K)), 1e-6, "arithmetic mean"),
         run=_parallel,
     ),
     scene(
-        "closed row of windows",
+        "closed row of links",
         what="a row of closed links, then one of its 40 opened to 1e-15",
         must=ZeroAndPositive("closed and open"),
         run=_wall,
     ),
     scene(
-        "last open window",
+        "last open link",
         what="the only open link of a row has 1e-12 of the others",
         must=Near(1e-12, 1e-6, "its own conductance"),
         run=_last_link,
@@ -200,7 +200,7 @@ SCENES: tuple[HardScene, ...] = (
         run=_critical,
     ),
     scene(
-        "prime numbers of windows",
+        "prime numbers of links",
         what="97 × 101 log-normal links: flow over lower bound, upper bound over flow",
         must=Between(1.0, 1 + 1e-6, "the flow of the network is enclosed"),
         run=_primes,

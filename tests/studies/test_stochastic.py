@@ -546,7 +546,6 @@ def check_random_scene(seed):
     missing = np.isnan(signed)
     assert (signed[~missing] >= 0).all()
     assert not missing.any() or found.failures
-    assert np.isfinite(found.scatter).all()
     return "solved"
 
 
