@@ -7,7 +7,6 @@ The flow of data, top to bottom::
     contact      heights + load -> contact pressure, gap                 HalfSpace, solve_contact, load_cycle
     flow         gap -> permeability of a cell                           cell_permeability, permeability_tensor
     seal         permeability -> leakage of a seal of some shape         RectangularSeal, ..., seal_leakage
-    windows      windows of a face: flow of each
     face         a face cut into pieces, and their permeability along any path of the pressure
     studies      the chains: deterministic, two-scale, stochastic
     budget       error of every leakage, source by source             error_budget

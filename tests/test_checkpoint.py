@@ -390,7 +390,7 @@ def test_states_on_disk_go_on_from_the_last_one_with_the_bits_of_those_in_memory
             for step in range(len(whole.steps)):
                 np.testing.assert_array_equal(one.pixels(name, step), other.pixels(name, step))
     for results, on_disk in ((whole, False), (again, True)):
-        gap = results.deterministic.gap if results.deterministic else results.two_scale.fields.gap
+        gap = results.deterministic.gap if results.deterministic else results.two_scale.gap
         assert isinstance(gap, np.memmap) == on_disk
 
 

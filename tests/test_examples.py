@@ -103,16 +103,6 @@ class TestExamples:
         assert len(first) >= 2
         assert max(first) < 1.5 * min(first)
 
-    def test_what_enters_each_row_of_nodes_leaves_it(self, results):
-        """Flow between two rows of nodes is the same for all rows, and the leakage; pockets have no pressure."""
-        study, size = results.two_scale, results.two_scale.partition
-        viscosity = results.case["fluid"]["viscosity"]
-        for s in range(len(study.steps)):
-            drop = -np.diff(study.fluid_pressure[s], axis=0)
-            flow = np.nansum(study.k1[s] / viscosity * drop, axis=1) * size.window_size[1] / np.diff(size.node_rows)
-            length = size.spacing[1] * size.shape[1]
-            assert_allclose(flow, study.leakage[s] * length, rtol=1e-6)
-
     def test_contact_grows_with_load(self, results):
         share = results.dataset["contact_fraction"].values
         assert (np.diff(share[:4]) > 0).all()

@@ -86,8 +86,8 @@ def shortened(given: object, longest: int = _LONGEST) -> str:
 def counted(count: SupportsInt, noun: str) -> str:
     """A number of things for a message.
 
-    >>> counted(1, "more step"), counted(2, "window")
-    ('1 more step', '2 windows')
+    >>> counted(1, "more step"), counted(2, "piece")
+    ('1 more step', '2 pieces')
     """
     return f"{count} {noun}" if count == 1 else f"{count} {noun}s"
 

@@ -1,7 +1,7 @@
 """Arrays that the processes of a parallel map read and write by reference, and that lie on disk where they are large.
 
 A large array is a file of plain numbers, mapped into memory: one state after the other, each written and read as a
-whole or by windows. It needs no library and no packing, views of it are arrays as any, and processes open it by its
+whole or by pieces. It needs no library and no packing, views of it are arrays as any, and processes open it by its
 name. The file has no name in its folder, so that it is gone with the run, also when that is killed: what a resumed run
 begins from are the shards of `execution.checkpoint`, of which a large state is one as soon as it is solved.
 """

@@ -75,10 +75,9 @@ class Cut:
         widths, (m1, m2) = _widths(surface), validate.grid("cells", pieces)
         if m2 < len(widths):
             raise InputError("cells", pieces, f"along x2 from {len(widths)}, one for each place")
-        few = m2 > surface.shape[1]
-        of_place = [] if few else _shares(widths, m2)
-        sides = [(surface.shape[0], m1), *zip(widths, of_place, strict=not few)]
-        if few or any(n // m < FEWEST_POINTS for n, m in sides if m > 1):
+        of_place = _shares(widths, min(m2, sum(widths)))
+        sides = [(surface.shape[0], m1), *zip(widths, of_place, strict=True)]
+        if any(n // m < FEWEST_POINTS for n, m in sides if m > 1):
             given = "{} × {} of {} × {} points".format(m1, m2, *surface.shape)
             raise InputError("cells", given, f"pieces of at least {FEWEST_POINTS} × {FEWEST_POINTS} points")
         columns, place = [0], []

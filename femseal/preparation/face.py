@@ -96,8 +96,8 @@ def conditioned_face(case: Case) -> ConditionedFace:
         one = shortest_place(flat)
         check_wave(wave, one.size, (shape[0], round(shape[1] * one.shape[1] / flat.shape[1])))
         surface, report = smooth(flat, repaired, shortest_wavelength=wave, shape=shape)
-    if cells is not None:
-        Cut.of(surface, cells)  # refuses pieces of too few points
+    if of_one is not None:
+        Cut.of(shortest_place(surface), of_one)  # refuses pieces of too few points
     report = _of_generated(case, flat, replace(report, **_found(separately, wave)))
     if continued is not None:
         surface = continued.added_to(surface)

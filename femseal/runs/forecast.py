@@ -30,8 +30,8 @@ from .pilot import efforts, pace, solved_once
 #: Shortest waves that a piece should hold along each side.
 ADVISED_WAVES = 8
 #: Seconds of starting, of loading compiled loops and making a face; what reading and repairing a file adds, and what
-#: the compiled loops of windows and their pictures do.
-_START_SECONDS, _READ_SECONDS, _WINDOWS_SECONDS = 2.0, 1.0, 0.5
+#: the compiled loops of pieces and their pictures do.
+_START_SECONDS, _READ_SECONDS, _PIECES_SECONDS = 2.0, 1.0, 0.5
 #: Seconds of pictures, report and tables, and of a byte of fields.
 _PICTURES_SECONDS, _FIELD_BYTE_SECONDS = 2.4, 3e-8
 #: Memory of another process [byte].
@@ -210,7 +210,7 @@ def forecast(
                 costs.append(replace(alone, scene=state.in_scene(prepared.scene)).cost(alone.answer, own_efforts))
     drawn = case.output.pictures or case.output.report
     own = _START_SECONDS + any(isinstance(face, FileFace) for face in case.face) * _READ_SECONDS
-    own += (prepared.methods != {"deterministic"}) * _WINDOWS_SECONDS
+    own += (prepared.methods != {"deterministic"}) * _PIECES_SECONDS
     own += drawn * _PICTURES_SECONDS + disk(case, prepared, again).fields * _FIELD_BYTE_SECONDS
     work = sum(seconds for seconds, _ in costs)
     # what a study holds stays until the results are written; what it works with does not

@@ -102,7 +102,7 @@ class FluidPressure:
     def relief(self, pressure: Any) -> Array:
         """By how much the contact pressure is below its mean over the seal, or the nominal one, under the fluid's [Pa].
 
-        The window lies there as it does dry under the pressure p̄ − p_f (Terzaghi's effective stress), from which that
+        The piece lies there as it does dry under the pressure p̄ − p_f (Terzaghi's effective stress), from which that
         of its solution follows as the seal grows broad beside the long waves of the face.
         """
         return np.asarray(pressure, dtype=float) - self._around - (0.0 if self.nominal == "total" else self.carried)

@@ -183,7 +183,7 @@ class Scene:
 
     @property
     def flow(self) -> FlowSettings:
-        """How the flow through windows and faces is discretised and solved."""
+        """How the flow through faces and their pieces is discretised and solved."""
         drop = PressureDrop.of(self.fluid, self.inlet_pressure, self.outlet_pressure)
         return FlowSettings(self.solver, self.discretisation, drop, getattr(self.layout, "spiral", None))
 

@@ -163,8 +163,8 @@ class StochasticResult(Shown):
 def _quantile(values: Array, q: float) -> float:
     low, high = (float(np.quantile(values, q, method=end)) for end in ("lower", "higher"))
     weight = (values.size - 1) * q % 1
-    if low == 0 or high == 0:
-        return 0.0
+    if low == high or low * high == 0:
+        return low if low == high else 0.0
     if (low > 0) != (high > 0):
         return low + weight * (high - low)
     return float(np.sign(low)) * abs(low) ** (1 - weight) * abs(high) ** weight

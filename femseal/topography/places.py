@@ -122,7 +122,7 @@ class Places(Topography):
 
 
 def shortest_place(face: Topography) -> Topography:
-    """The shortest along x2 of the places of a face, whose points and windows a case gives."""
+    """The shortest along x2 of the places of a face, whose points and pieces a case gives."""
     return min(face.each, key=lambda place: place.shape[1])
 
 
