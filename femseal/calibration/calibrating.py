@@ -125,7 +125,7 @@ def _ranges(case: Case, given: dict[str, Range | None]) -> tuple[Array, float]:
     surface, wave = prepared.scene.surface, prepared.conditioning.shortest_wavelength
     least = {"hardness": 1.01 * float(prepared.scene.steps.pressures.max()), "factor": 0.0,
              "shortest_wave": resolved_wave(surface.size, surface.shape)}  # fmt: skip
-    # two waves in a window
+    # two waves in a piece
     sides = [n / (2 * c) for n, c in zip(surface.size, prepared.cells or (1, 1), strict=True)]
     most = {"hardness": np.inf, "factor": np.inf, "shortest_wave": 0.999 * min(sides)}
     found = []

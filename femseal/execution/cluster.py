@@ -160,7 +160,7 @@ def _scattered(client: Any, stage: Stage) -> Any:
 
 def _submit(client: Any, stage: Any, batch: list[Any]) -> Any:
     with warnings.catch_warnings():
-        warnings.filterwarnings("ignore", "Sending large graph")  # each window brings its own gaps
+        warnings.filterwarnings("ignore", "Sending large graph")  # each piece brings its own gaps
         return client.submit(_call_batch, stage, batch, pure=False)
 
 

@@ -30,7 +30,7 @@ from .pilot import efforts, pace, solved_once
 #: Shortest waves that a piece should hold along each side.
 ADVISED_WAVES = 8
 #: Seconds of starting, of loading compiled loops and making a face; what reading and repairing a file adds, and what
-#: the compiled loops of windows and their pictures do.
+#: the compiled loops of pieces and their pictures do.
 _START_SECONDS, _READ_SECONDS, _WINDOWS_SECONDS = 2.0, 1.0, 0.5
 #: Seconds of pictures, report and tables, and of a byte of fields.
 _PICTURES_SECONDS, _FIELD_BYTE_SECONDS = 2.4, 3e-8

@@ -102,7 +102,7 @@ def run(
         process.
     shared : folder with results of stages, where a run keeps its own and finds those of other runs that do the same
         with the same numbers; it grows with every run.
-    progress : called as progress(stage, done, total) while windows and realisations are computed.
+    progress : called as progress(stage, done, total) while states, pieces and seals are computed.
 
     Raises
     ------
@@ -142,7 +142,7 @@ def run(
 
         def found_or_computed(mapper: Mapper, prepared: Prepared) -> Mapper:
             common = shared
-            # attempts have windows in common, but no faces; loads that are added the states before
+            # loads that are added the states before
             attempts = case.accuracy is not None and prepared.answer.name != "deterministic"
             if common is None and (attempts or case.load.interpolate is not None):
                 common = stack.enter_context(TemporaryDirectory())
