@@ -215,7 +215,7 @@ def accuracy(
     workers: Workers = None,
     quiet: Annotated[bool, flag("--quiet", "No plan, no progress, no table.")] = False,
 ) -> None:
-    """Report speed against error for a case: coarser pixels, smaller libraries."""
+    """Report speed against error for a case: coarser pixels, whole faces and drawn seals."""
     from .base.quantities import to_si
     from .refinement.accuracy_measure import measure_accuracy
 
