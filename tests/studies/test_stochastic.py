@@ -177,7 +177,7 @@ def test_as_many_seals_are_drawn_as_the_band_needs():
     long = stochastic(one, (2, 2), replace(broad(), realisations=None, length=400 * SIDE))
     assert len(long.leakage) == 3
     short = stochastic(one, (2, 2), replace(broad(), realisations=None, length=3 * SIDE))
-    assert 10 < len(short.leakage) <= 200
+    assert 3 < len(short.leakage) <= 200
     assert_array_equal(short.leakage[:3], stochastic(one, (2, 2), replace(broad(3), length=3 * SIDE)).leakage)
 
 
@@ -342,6 +342,8 @@ def test_a_gas_leaks_by_its_potential_what_a_liquid_does():
     liquid, gas = (drawn(scene(fluid=fluid), broad(2)).leakage for fluid in (OIL, GAS))
     drops = [np.diff(f.potential([0.0, 1e6]))[0] / f.reference_density for f in (OIL, GAS)]
     assert_allclose(gas / liquid, drops[1] / drops[0], rtol=1e-6)
+    rarefied = scene(fluid=replace(GAS, slip=True), inlet_pressure=1e5, outlet_pressure=1e2)
+    assert_allclose(drawn(rarefied, broad(rows=4), (1, 1)).leakage[0], periodic(rarefied) / 4, rtol=0.02)
     slips = drawn(scene(fluid=replace(GAS, slip=True), inlet_pressure=4e7, outlet_pressure=2e7), broad(2)).leakage
     viscous = drawn(scene(fluid=GAS, inlet_pressure=4e7, outlet_pressure=2e7), broad(2)).leakage
     assert (slips > viscous).all()
