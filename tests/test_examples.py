@@ -49,7 +49,7 @@ FACES = {
 def _case(name):
     data = tomllib.loads((EXAMPLES / f"{name}.toml").read_text(encoding="utf-8"))
     for table, changes in REDUCED[name].items():
-        data[table] |= changes
+        data[table] = data.get(table, {}) | changes
     data["load"] = LOAD
     data["stochastic"]["realisations"] = 8
     return parse_case(data, EXAMPLES)

@@ -237,7 +237,7 @@ def test_items_of_another_kind_end_in_one_line(case, tmp_path):
     """A checksum is no signature: whoever changes a checkpoint can write it anew."""
     out = tmp_path / "out"
     with pytest.raises(KeyboardInterrupt):
-        fs.run(case, out, workers=1, progress=stop_at("stochastic: flow in windows", 1))
+        fs.run(case, out, workers=1, progress=stop_at("stochastic: drawn seals", 1))
     shards = list((out / ".checkpoint").glob("*.shard"))
     for path in shards:
         header, items = unpacked(path.read_bytes()[32:])

@@ -151,7 +151,7 @@ def _study_facts(prepared: Prepared) -> Iterator[tuple[str, str]]:
     if (sampling := prepared.sampling) is None or "stochastic" not in prepared.methods:
         return
     _, tiles = prepared.cut_and_tiles
-    length = to_text(tiles.seal.size[1], "m", 3)
+    length = to_text(tiles.size[1], "m", 3)
     number = "seals" if sampling.realisations is None else counted(sampling.realisations, "seal")
     how = "as many as the band of error needs" if sampling.realisations is None else ""
     states, where = counted(steps, "state"), "at its loads"

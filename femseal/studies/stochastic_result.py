@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import partial
 from math import ceil
 from typing import Any, ClassVar
@@ -111,8 +111,8 @@ class StochasticResult(Shown):
 
     @property
     def seal(self) -> ElementSeal:
-        """The drawn seal."""
-        return self.tiles.seal
+        """The drawn seal, with the size of the whole where a part of it stands for it."""
+        return replace(self.tiles.seal, size=self.tiles.size)
 
     def quantile(self, q: float) -> Array:
         """Quantile over the realisations that did not fail, at every step [m²/s]; NaN where all failed.
