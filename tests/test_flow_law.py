@@ -152,36 +152,16 @@ def test_all_studies_of_a_liquid_that_slips(scene):
     assert (found.k1 > 1.05 * still.k1).all()
 
 
-@pytest.mark.parametrize(
-    "options",
-    [
-        {"sampler": "block"},
-        {"sampler": "runs"},
-        {"pressure": "uniform", "sampler": "copula"},
-        {"pressure": "uniform", "bounds": True},
-    ],
-    ids=str,
-)
-def test_drawn_seals_of_a_liquid_that_slips(scene, options):
-    """The same draws leak more, by about as much as the face; bounds still enclose."""
-    sampling = fs.Sampling(length=0.5e-3, realisations=3, library_cells=6, seed=1, **options)
+@pytest.mark.parametrize("breadth", [None, 96e-6])
+def test_drawn_seals_of_a_liquid_that_slips(scene, breadth):
+    """The same draws leak more, by about as much as the face: at the loads of the scene, and along a ladder."""
+    sampling = fs.Sampling(length=0.5e-3, realisations=3, seed=1, breadth=breadth)
     cubic = replace(scene, fluid=WATER)
     found, still = (fs.stochastic(s, (2, 4), sampling) for s in (scene, cubic))
     whole, plain = (fs.deterministic(s).leakage for s in (scene, cubic))
     ratio = found.leakage / still.leakage
     assert (ratio > 1).all()
     assert_allclose(np.log(np.median(ratio, axis=0)) / np.log(whole / plain), 1, atol=0.6)
-    if sampling.bounds:
-        assert (found.leakage_lower_bound <= found.leakage * 1.02).all()
-        assert (found.leakage <= found.leakage_upper_bound * 1.02).all()
-
-
-def test_libraries_are_kept_for_the_law_they_were_made_with(scene, tmp_path):
-    sampling = fs.Sampling(length=0.3e-3, realisations=2, library_cells=3, seed=1, pressure="uniform", library=tmp_path)
-    fluids = [SLIPPERY, WATER, SLIPPERY, fs.Liquid(5e-3, density=900.0, slip_length=SLIP)]
-    reused = [fs.stochastic(replace(scene, fluid=fluid), (2, 4), sampling).library.reused for fluid in fluids]
-    # viscosity and density are no part of the permeability
-    assert reused == [0, 0, 3, 3]
 
 
 def strip_case(fluid, seal="", method="deterministic", more=""):
@@ -202,7 +182,7 @@ def strip_case(fluid, seal="", method="deterministic", more=""):
     ],
 )
 def test_a_slip_length_from_the_case_on_every_shape(tmp_path, kind, seal):
-    draws = '[cells]\ncount = [4, 4]\n[stochastic]\nrealisations = 2\nlibrary_cells = 3\npressure = "uniform"\n'
+    draws = '[cells]\ncount = [4, 4]\n[stochastic]\nrealisations = 2\n'
     draws += 'length = "0.3 mm"\n' if kind == "strip" else ""
     if kind == "mesh":
         _write_ring(tmp_path / "ring.vtu")

@@ -112,9 +112,9 @@ def test_one_smooth_map_on_grid_triangles_quadrilaterals_and_a_file():
         return MeshSeal(mesh, *mesh.boundaries).flow(k(*mesh.p[:, mesh.t].mean(axis=1)), bounds=True)
 
     ring = AnnularSeal(1.0, 1.5, (24, 192))
-    rows, columns = np.array(ring.rows), np.arange(192)
-    links = ring.place((rows[:-1] + rows[1:]) / 2, columns), ring.place(rows[1:-1], columns + 0.5)
-    reference = ring.flow(tuple(k(*np.moveaxis(at, -1, 0)) for at in links)).conductance
+    r, θ = ring.radii[:, None], 2 * pi * np.arange(1, 193) / 192
+    links = ((r[:-1] + r[1:]) / 2, θ - pi / 192), (r[1:-1], θ)
+    reference = ring.flow(tuple(k(at * np.cos(angle), at * np.sin(angle)) for at, angle in links)).conductance
     for kind in (MeshQuad, MeshTri):
         flow = on(circular(kind, 16))
         assert_allclose([flow.lower, flow.upper], reference, rtol=4e-3)

@@ -10,6 +10,7 @@ from numpy.testing import assert_allclose, assert_array_equal
 import femseal as fs
 from femseal.case.case import parse_case
 from femseal.face.piece_flow import FlowSettings
+from femseal.seal.pressure_map import Profile
 from femseal.studies.fluid_coupling import FluidPressure
 from femseal.studies.trapped_liquid import label_pockets
 
@@ -146,9 +147,25 @@ class TestStudies:
         with pytest.raises(fs.InputError, match="'trapped' with a gas, several places or a spiral"):
             scene(**given)
 
-    def test_windows_that_are_solved_by_themselves_are_refused(self):
-        with pytest.raises(fs.InputError, match="windows that are solved by themselves"):
-            fs.stochastic(scene(), (3, 3), fs.Sampling(1e-4, 2, 4, seed=1, pressure="uniform"))
+    def test_drawn_seals_in_the_rows_of_the_face_have_its_contact(self):
+        sampling, whole = fs.Sampling(96e-6, 3, seed=1), fs.deterministic(scene())
+        alone, known = (fs.stochastic(scene(), (3, 3), sampling, known=given) for given in (None, whole))
+        assert_allclose(alone.leakage, known.leakage, rtol=1e-6)  # gaps are kept in single precision
+        assert_allclose(alone.pieces.face, whole.leakage, rtol=1e-9)
+        acts = fs.stochastic(scene(fluid_pressure="acts"), (3, 3), sampling)
+        assert (np.median(alone.leakage / acts.leakage, axis=0)[2:] > 1.01).all()
+
+    @pytest.mark.parametrize(
+        "given", [{"breadth": 192e-6}, {"pressure_map": Profile((0.8, 1.2))}], ids=["broad", "map"]
+    )
+    def test_drawn_seals_of_pieces_from_anywhere_are_refused(self, given):
+        """Before any contact is solved: a ladder is one of dry faces."""
+
+        def no_work(*_):
+            raise AssertionError
+
+        with pytest.raises(fs.InputError, match="'trapped' with a seal that takes pieces anywhere of the face"):
+            fs.stochastic(scene(), (3, 3), fs.Sampling(96e-6, 2, seed=1, **given), mapper=no_work)
 
 
 def test_pockets_go_on_over_the_seam():
@@ -180,9 +197,12 @@ def test_a_case_says_so():
     assert "keeps its volume" in prepared.scene.fluid_effect
 
 
-def test_a_case_of_drawn_windows_is_refused_before_any_work():
-    text = (
-        CASE.replace('"deterministic"', '"stochastic"') + "\n    stochastic = {pressure = 'uniform', length = '1 mm'}"
-    )
-    with pytest.raises(fs.InputError, match="solved by themselves"):
-        fs.prepare(parse_case(tomllib.loads(text)))
+@pytest.mark.parametrize("breadth", ["", ", breadth = '120 um'"])
+def test_a_case_of_drawn_seals_is_prepared_in_the_rows_of_the_face_alone(breadth):
+    text = CASE.replace('"deterministic"', '"stochastic"') + f"\n    stochastic = {{length = '1 mm'{breadth}}}"
+    case = parse_case(tomllib.loads(text))
+    if not breadth:
+        assert fs.prepare(case).cut_and_tiles[1].in_place
+        return
+    with pytest.raises(fs.InputError, match=r"contact\.fluid_pressure: given 'trapped' with a seal that takes pieces"):
+        fs.prepare(case)

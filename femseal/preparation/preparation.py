@@ -10,7 +10,7 @@ from ..case.faults import MAP_TABLES, SCENE_TABLES, SEAL_TABLES, with_tables
 from ..case.values import unusual
 from ..seal.layouts import Layout
 from ..seal.pressure_map import AnyMap
-from ..studies import Sampling, Scene, laid_out
+from ..studies import Sampling, Scene, cut_and_tiles, laid_out
 from ..studies.scene import gas_warnings, scene_warnings
 from ..studies.seat_rows import ROWS, SeatMap, check_map
 from ..topography import MOST_POINTS, Conditioning, SpikeEffect, Topography, resolving_shape, shortest_place
@@ -193,7 +193,7 @@ def _under_map(
         else:
             made = case.load.pressure_map(case.folder, breadth * length, length)
         sampling = replace(sampling, pressure_map=made)
-        cut, tiles = laid_out(scene.surface, scene.layout, cells, sampling)
+        cut, tiles = cut_and_tiles(scene, cells, sampling)
         return sampling, cut.shape, (*tiles.warnings, *check_map(scene, tiles, made))
 
 

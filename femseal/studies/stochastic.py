@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from ..base import Array, FemsealError, Indices, Mapper, Stage
+from ..base import Array, FemsealError, Indices, InputError, Mapper, Stage
 from ..face.curves import PieceCurves
 from ..face.piece_flow import Failed, SolverCounts, attempt
 from ..face.pieces import MOST_RATIO, Cut
@@ -65,7 +65,7 @@ def stochastic(
     Raises
     ------
     InputError : pieces that are too small, a size of the seal that is missing or given twice, a map that does not
-        cover it.
+        cover it, trapped liquid where pieces do not stay in the rows of the face.
     NotConverged : a contact failed.
     FemsealError : the flow through every piece failed.
     """
@@ -107,7 +107,11 @@ def cut_and_tiles(scene: Scene, cells: tuple[int, int] | None, sampling: Samplin
 
     Raises InputError: see `stochastic`.
     """
-    return laid_out(scene.surface, scene.layout, cells, sampling)
+    cut, tiles = laid_out(scene.surface, scene.layout, cells, sampling)
+    if scene.fluid_pressure == "trapped" and not tiles.in_place:
+        given = "'trapped' with a seal that takes pieces anywhere of the face"
+        raise InputError("fluid_pressure", given, "'acts' there, or a seal as broad as the face and pressed evenly")
+    return cut, tiles
 
 
 @dataclass(frozen=True, eq=False)
