@@ -70,10 +70,12 @@ def fixed_point(
 
 
 def _change(rates: Sequence[float]) -> float:
-    """Estimated relative error of the last of up to three rates."""
+    """Estimated relative error of the last of up to three rates; of two that differ little, that may be by chance."""
     if len(rates) < 2:
         return np.inf
     change = abs(rates[-1] / rates[-2] - 1)
-    before = abs(rates[-2] / rates[0] - 1) if len(rates) == 3 else 0.0
+    if len(rates) == 2:
+        return float(np.sqrt(change))
+    before = abs(rates[-2] / rates[0] - 1)
     ratio = change / before if before > 0 else 1.0
     return change * ratio / (1 - ratio) if ratio < 0.5 else change

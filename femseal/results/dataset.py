@@ -160,7 +160,7 @@ def assemble(
         "equal_steps": _json(equal),
         # every study warns of what is odd in the scene
         "warnings": _shortened(list(dict.fromkeys([*warnings, *of_studies, *doubts]))),
-        "failures": _shortened([text for study in studies for text in study.failures]),
+        "failures": _shortened(list(dict.fromkeys(text for study in studies for text in study.failures))),
         "versions": _json(versions()),
         "machine": _json(machine()),
         "peak_memory_bytes": peak_memory(),

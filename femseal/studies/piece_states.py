@@ -119,13 +119,24 @@ def pieces_at_loads(scene: Scene, cut: Cut, known: FaceResult | None, mapper: Ma
     solve = partial(_of_fields, cut=cut, flow=scene.flow)
     found = list(mapper(Stage("pieces of the face", solve), known.gap, iter(known.contact_pressure)))
     unit = _unit(scene)
-    taken = [_Taken(pieces, float(q) / unit, "", None) for pieces, q in zip(found, known.leakage, strict=True)]
+    flows = zip(found, known.leakage, _reasons(known), strict=True)
+    taken = [_Taken(pieces, float(q) / unit, reason, None) for pieces, q, reason in flows]
     pieces = _joined(scene, cut, scene.steps, taken)
     places = known.places
     if places is None:
         return pieces
     both = places.alone if places.without is None else np.concatenate([places.alone, places.without])
     return replace(pieces, places=both)
+
+
+def _reasons(known: FaceResult) -> list[str]:
+    """Why a step has no leakage, "" where it has."""
+    reasons = []
+    for step, leakage in zip(known.steps, known.leakage, strict=True):
+        start = f"{step.name}: "
+        texts = (text.removeprefix(start) for text in known.failures if text.startswith(start))
+        reasons.append("" if np.isfinite(leakage) else next(texts, "no flow"))
+    return reasons
 
 
 def pieces_on_ladder(scene: Scene, cut: Cut, steps: LoadProgramme, mapper: Mapper) -> FacePieces:
