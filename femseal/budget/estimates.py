@@ -221,5 +221,5 @@ def patch_part(study: StochasticResult) -> ErrorPart:
     where = "as broad as the face" if study.tiles.in_place else "of another breadth or shape than the face"
     note = f"seals {where}, drawn from one patch: by split conformal prediction from {count_scenes(kind)} whole faces"
     part = part_of_changes("patch", study.steps, q, distance, distance, note)
-    floor = abs(float(q[first_known(q)])) / 10**FLOOR_DECADES
+    floor = abs(float(q[first_known(q)])) / 10 ** FLOOR_DECADES[kind]
     return replace(part, lower=np.where(part.lower < floor, 0.0, part.lower))

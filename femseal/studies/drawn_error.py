@@ -32,9 +32,9 @@ CALIBRATION = Path(__file__).with_name("drawn_seals.csv")
 KINDS = ("in place", "anywhere")
 #: Decades of the leakage below the first at which the quantiles change: near closing errors are of another kind.
 _EDGES = (1.0, 3.0)
-#: Decades of the leakage below the first from which on a truth is not told from a sealed seal: a band whose lower end
-#: is below has none.
-FLOOR_DECADES = 3.5
+#: Decades of the leakage below the first, by kind, from which on a truth is not told from a sealed seal: a band whose
+#: lower end is below has none.
+FLOOR_DECADES = {"in place": 6.0, "anywhere": 3.5}
 #: Slope that counts beside a sealed step, and the largest.
 _BESIDE_SEALED, _STEEPEST = 10.0, 20.0
 

@@ -153,8 +153,8 @@ def write(path, table):
 
 def calibrated(table):
     """Rows of the calibration set: distances of ln(leakage) to a truth that is not below the floor of the bands."""
-    floor = 10.0**-drawn_error.FLOOR_DECADES
     for row in table:
+        floor = 10.0 ** -drawn_error.FLOOR_DECADES[row["kind"]]
         leakage, truth = float(row["leakage"]), float(row["truth"])
         if leakage > 0:
             distance = np.log(leakage / truth) if truth >= floor else np.log(max(leakage / floor, 1.0))
