@@ -182,7 +182,7 @@ def strip_case(fluid, seal="", method="deterministic", more=""):
     ],
 )
 def test_a_slip_length_from_the_case_on_every_shape(tmp_path, kind, seal):
-    draws = '[cells]\ncount = [4, 4]\n[stochastic]\nrealisations = 2\n'
+    draws = "[cells]\ncount = [4, 4]\n[stochastic]\nrealisations = 2\n"
     draws += 'length = "0.3 mm"\n' if kind == "strip" else ""
     if kind == "mesh":
         _write_ring(tmp_path / "ring.vtu")
