@@ -144,7 +144,8 @@ class Scene:
     def parted_steps(self) -> tuple[tuple[int, str], ...]:
         """Steps at which the fluid between parted faces carries all of the load, by their number, and what that means.
 
-        Windows are open there. The contact of a whole face may hold the fluid back, see `studies.fluid_coupling`.
+        Pieces along a ladder are open there. The contact of a whole face may hold the fluid back, see
+        `studies.fluid_coupling`.
         """
         if (fluid := self.acting_fluid) is None:
             return ()
