@@ -160,7 +160,8 @@ def _study_facts(prepared: Prepared) -> Iterator[tuple[str, str]]:
     elif on_ladder(scene, sampling):
         states, where = f"about {LADDER_STATES:.0f} states", "on a ladder of nominal pressures"
     yield "stochastic", f"{states} of the face, {where}"
-    yield "", f"{number} of {tiles}, {length} long{f', {how}' if how else ''}"
+    drawn = f"{length} long" if tiles.part == 1 else f"{100 * tiles.part:.2g} % of a length of {length}"
+    yield "", f"{number} of {tiles}, {drawn}{f', {how}' if how else ''}"
     if uneven := describe_map(scene, tiles, sampling.pressure_map):
         yield "pressure map", uneven
 
