@@ -75,7 +75,7 @@ class ElementSeal:
 
         draft : linear elements alone, whose potential is the same, for permeabilities that have not settled.
         """
-        k, solver = self.tensors(permeability), solver if solver in _SOLVERS else "auto"
+        k, solver = self.tensors(permeability), _of_meshes(solver)
         principal = np.asarray(permeability)
         if principal.min() > _OPEN * principal.max():
             return self._open.flow(k, solver, bounds=not draft)
@@ -104,7 +104,7 @@ class ElementSeal:
         """
         if min(levels) < 0:
             raise InputError("inlet", "pressures above and below that of the outlet", "all on one side of it")
-        k, solver = self.tensors(permeability), solver if solver in _SOLVERS else "auto"
+        k, solver = self.tensors(permeability), _of_meshes(solver)
         flow = dirichlet_flow(self.mesh, k, boundaries.facets, levels, fluxes=True, solver=solver)
         outlets = slice(len(boundaries.pressures), None)
         fluxes = flow.rates if flow.flux_rates is None else flow.flux_rates
@@ -121,3 +121,8 @@ class ElementSeal:
         half = (most > 0) & (principal.min(axis=1) <= 1e-14 * most)
         typical = float(np.median(most[half])) if half.any() else 0.0
         return _SHUT * CLOSED_AXIS * typical * self.size[1] / self.size[0]
+
+
+def _of_meshes(solver: str) -> str:
+    """The solver, "auto" in place of those of grids."""
+    return solver if solver in _SOLVERS else "auto"

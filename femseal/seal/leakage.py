@@ -18,6 +18,7 @@ from ..flow.permeability_table import PermeabilityTable, PressureCurve
 from ..flow.pressure_drop import PressureDrop
 from ..flow.solution import DarcyFlow
 from ..fluids import Fluid, potential_of
+from .element_seal import ElementSeal
 from .mesh_seal import PressureBoundaries
 from .shapes import Seal, StructuredSeal
 
@@ -60,7 +61,7 @@ def pressure_dependent_flow(
         )
         return found if pair else found[0]
 
-    two_bounds = hasattr(seal, "axes")  # of which one is enough until the permeabilities have settled
+    two_bounds = isinstance(seal, ElementSeal)  # of which one is enough until the permeabilities have settled
     draft: dict[str, Any] = {"draft": True} if two_bounds else {}
 
     def solve(local: Any) -> tuple[float, Array, DarcyFlow]:

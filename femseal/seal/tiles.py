@@ -219,7 +219,8 @@ def laid_on_ring(pieces: PieceSize, lay: Lay, radii: tuple[float, float], inlet:
     """On a ring between two radii [m], in (ln r, θ) from the inlet on."""
     inner, outer = radii
     d1, d2 = pieces.size
-    if lay.name not in ("radial", "circumferential", "spiral"):
+    alike = lay.name in ("radial", "circumferential", "spiral")
+    if not alike:
         d1 = d2 = (d1 * d2) ** 0.5
     elif lay.name == "radial":
         d1, d2 = d2, d1
@@ -235,21 +236,19 @@ def laid_on_ring(pieces: PieceSize, lay: Lay, radii: tuple[float, float], inlet:
         raise InputError("inner_radius", given, f"at least {_NARROWEST:.0%}; a mesh has none of them")
     doubts = (f"{given}: tiles there are drawn too close together; a mesh has equal ones",)
     warnings = doubts if narrow < _NARROW else ()
-    alike = lay.name in ("radial", "circumferential", "spiral")
     cells = rows, pieces.columns(rows, whole) if alike else whole
     part = cells[1] / whole
-    radius = np.linspace(inner, outer, cells[0] + 1)
-    radius = radius if inlet == "inner" else radius[::-1]
+    sign = 1.0 if inlet == "inner" else -1.0  # of the way from the inlet along the radius
+    radius = np.linspace(inner, outer, cells[0] + 1)[:: int(sign)]
     plain, ring, ends = _periodic_quads(np.abs(np.log(radius / radius[0])), 2 * pi * part, cells[1])
-    r, angle = radius[0] * np.exp(plain.p[0] if inlet == "inner" else -plain.p[0]), plain.p[1]
+    r, angle = radius[0] * np.exp(sign * plain.p[0]), plain.p[1]
     outlines = (r * np.array([np.cos(angle), np.sin(angle)])).T[plain.t.T]
     centre = plain.p[:, plain.t].mean(axis=1)
-    at = radius[0] * np.exp(centre[0] if inlet == "inner" else -centre[0])
+    at = radius[0] * np.exp(sign * centre[0])
     outward = np.array([np.cos(centre[1]), np.sin(centre[1])])
     wound = lay.name == "spiral"
     direction = (Lay(name="circumferential") if wound else lay).directions((at * outward).T)
     # components along the way from the inlet and along the angle
-    sign = 1.0 if inlet == "inner" else -1.0
     around = np.array([-outward[1], outward[0]])
     frame = np.stack([sign * outward, around]).transpose(2, 0, 1)
     along = np.einsum("nab,nb->na", frame, direction)
