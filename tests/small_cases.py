@@ -1,5 +1,10 @@
-"""Parts of small cases for tests: their tables as text, and a case of a seal that is drawn from windows."""
+"""Parts of small cases for tests: their tables as text, a case of a drawn seal, and a scene of a liquid."""
 
+from femseal.fluids import Liquid
+from femseal.studies.scene import Scene
+
+#: Contact modulus and hardness of the scenes [Pa], and their liquid.
+E, H, OIL = 115e9, 3e9, Liquid(1e-3)
 #: Material, load and fluid.
 TABLES = """\
 [material]
@@ -14,7 +19,7 @@ kind = "liquid"
 viscosity = "1 mPa*s"
 inlet_pressure = "1 MPa"
 """
-#: A strip of windows in two rows, without its table [stochastic].
+#: A strip of pieces in two rows, without its table [stochastic].
 STRIP = {
     "method": "stochastic",
     "face": {
@@ -29,3 +34,17 @@ STRIP = {
     "fluid": {"kind": "liquid", "viscosity": "1 mPa*s", "inlet_pressure": "1 MPa"},
     "cells": {"count": [2, 4]},
 }
+
+
+def steel_scene(surface, **changed):
+    """A scene of a face of steel and a liquid that leaves the contact as it is."""
+    given = {
+        "surface": surface,
+        "modulus": E,
+        "hardness": H,
+        "fluid": OIL,
+        "inlet_pressure": 1e6,
+        "outlet_pressure": 0.0,
+        "fluid_pressure": "ignored",
+    }
+    return Scene(**(given | changed))

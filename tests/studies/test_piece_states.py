@@ -6,21 +6,20 @@ from functools import cache
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose, assert_array_equal
+from small_cases import steel_scene
 
 from femseal.face.curves import local_peaks
 from femseal.face.piece_flow import Failed
 from femseal.face.pieces import Cut
-from femseal.fluids import IdealGas, Liquid
+from femseal.fluids import IdealGas
 from femseal.loads import LoadProgramme, LoadStep
 from femseal.seal.tiles import face_tiles
 from femseal.studies import piece_states
 from femseal.studies.deterministic import deterministic
 from femseal.studies.piece_states import along_paths, ladder_of, pieces_at_loads, pieces_on_ladder
-from femseal.studies.scene import Scene
 from femseal.topography import Places, self_affine
 
-E, H, SIDE = 115e9, 3e9, 48e-6
-OIL = Liquid(1e-3)
+SIDE = 48e-6
 
 
 @cache
@@ -29,19 +28,8 @@ def face(rng=2, n=48):
 
 
 def scene(**changed):
-    given = {
-        "surface": face(),
-        "modulus": E,
-        "hardness": H,
-        "fluid": OIL,
-        "inlet_pressure": 1e6,
-        "outlet_pressure": 0.0,
-        "loading": (5e7, 2e8, 5e8),
-        "unload_from": (5e8,),
-        "unloading": (2e8, 5e7),
-        "fluid_pressure": "ignored",
-    }
-    return Scene(**(given | changed))
+    cycle = {"loading": (5e7, 2e8, 5e8), "unload_from": (5e8,), "unloading": (2e8, 5e7)}
+    return steel_scene(**({"surface": face()} | cycle | changed))
 
 
 def in_order(one, pieces):
