@@ -115,25 +115,17 @@ def test_paraview_opens_every_file(results, folder, tmp_path):
     assert run.returncode == 0, run.stderr
     found = json.loads((tmp_path / "found.json").read_text(encoding="utf-8"))
     assert set(found) == {str(path) for path in paths}
-    data, two = results.dataset, results.two_scale
+    two = results.two_scale
     for path in paths:
         if path.suffix == ".pvd":
             assert [step["time"] for step in found[str(path)]] == [0, 1, 2]
             assert_allclose([s["Field"]["nominal_pressure_MPa"][0] for s in found[str(path)]], [50, 700, 50])
             assert_allclose([s["Field"]["unloaded_from_MPa"][0] for s in found[str(path)]], [np.nan, np.nan, 700])
     for s, step in enumerate(found[str(folder / "vtk/pieces.pvd")]):
-        cells = {name: np.array(values).reshape(M1, M2) for name, values in step["Cell"].items()}
-        for name, variable, factor in (
-            ("k1_m3", "piece_k1", 1),
-            ("k2_m3", "piece_k2", 1),
-            ("pressure_MPa", "piece_pressure", 1e-6),
-            ("mean_gap_um", "piece_mean_gap", 1e6),
-            ("contact_fraction", "piece_contact_fraction", 1),
-            ("plastic_fraction", "piece_plastic_fraction", 1),
-            ("drop_fraction", "piece_drop_fraction", 1),
-        ):
-            assert_allclose(cells.pop(name), data[variable][s] * factor, rtol=1e-12)
-        assert not cells
+        known = meshio.read(folder / f"vtk/pieces/step_{s:04d}.vtu").cell_data
+        assert step["Cell"].keys() == known.keys()
+        for name, (values,) in known.items():
+            assert_array_equal(step["Cell"][name], values)
     for s, step in enumerate(found[str(folder / "fields.pvd")]):
         assert_allclose(step["bounds"][:4], [0, 60e-6, 0, 120e-6])
         cells = {name: np.reshape(values, (48, 96), order="F") for name, values in step["Cell"].items()}

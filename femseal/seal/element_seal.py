@@ -70,17 +70,17 @@ class ElementSeal:
         principal = np.broadcast_to(permeability, (self.mesh.nelements, 2))
         return np.asarray(np.einsum("ni,nia,nib->nab", principal, self.axes, self.axes))
 
-    def flow(self, permeability: Any, *, bounds: bool = False, solver: str = "auto", draft: bool = False) -> DarcyFlow:
-        """Flow for a unit drop, with its bounds; permeability (n, 2) [m³], solvers of grids are "auto".
+    def flow(self, permeability: Any, *, bounds: bool = False, solver: str = "auto") -> DarcyFlow:
+        """Flow for a unit drop; permeability (n, 2) [m³], solvers of grids are "auto".
 
-        draft : linear elements alone, whose potential is the same, for permeabilities that have not settled.
+        bounds : solve both; otherwise the flow is that of linear elements, the upper one, with the same potential.
         """
         k, solver = self.tensors(permeability), _of_meshes(solver)
         principal = np.asarray(permeability)
         if principal.min() > _OPEN * principal.max():
-            return self._open.flow(k, solver, bounds=not draft)
-        flow = darcy_conductance(self.mesh, k, self.inlet, self.outlet, bounds=not draft, solver=solver)
-        if draft:
+            return self._open.flow(k, solver, bounds=bounds)
+        flow = darcy_conductance(self.mesh, k, self.inlet, self.outlet, bounds=bounds, solver=solver)
+        if not bounds:
             return flow
         lower = flow.lower if flow.lower > self._through_closed_axes(permeability) else 0.0
         conductance = float(np.sqrt(lower) * np.sqrt(flow.upper))

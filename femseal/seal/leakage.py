@@ -61,19 +61,16 @@ def pressure_dependent_flow(
         )
         return found if pair else found[0]
 
-    two_bounds = isinstance(seal, ElementSeal)  # of which one is enough until the permeabilities have settled
-    draft: dict[str, Any] = {"draft": True} if two_bounds else {}
-
     def solve(local: Any) -> tuple[float, Array, DarcyFlow]:
-        flow = seal.flow(local, solver=solver, **draft)
+        flow = seal.flow(local, solver=solver)
         return flow.conductance, flow.potential, flow
 
     # along a uniform seal the potential falls evenly
     first = np.linspace(1, 0, len(seal.grid.lines1))[:, None] if isinstance(seal, StructuredSeal) else 0.5
     solved = fixed_point(permeability, solve, first, rtol=rtol, name="flow through a seal")
     flow, local, rate = solved.found, solved.coefficient, solved.rate
-    if bounds or two_bounds:
-        flow = seal.flow(local, bounds=bounds, solver=solver)
+    if bounds:
+        flow = seal.flow(local, bounds=True, solver=solver)
         rate = flow.conductance
     factor, fraction = drop.mean_factor, np.clip(flow.potential, 0.0, 1.0)
     potential = drop.viscous_fraction(fraction)
@@ -183,7 +180,7 @@ def seal_leakage(
         inlet pressure.
     bounds : also enclose the rate between `lower` and `upper`; otherwise both are NaN. On structured seals
         they enclose the flow of the network of links, on straight meshes that of the mesh with k constant on
-        each element. Not with pressures of inlets: the flow out of one of
+        each element; an `ElementSeal` always has them. Not with pressures of inlets: the flow out of one of
         several boundaries is no energy.
     solver : of the linear system, see `femseal.flow.solve_flow`; on meshes "auto", "direct" or "amg".
     rtol : relative error of the rate at which permeabilities that depend on the pressure have settled.
@@ -216,6 +213,7 @@ def seal_leakage(
     φ_in = potential_of(fluid, "inlet_pressure", inlet_pressure)
     φ_out = potential_of(fluid, "outlet_pressure", outlet_pressure)
     local, drop = None, φ_in - φ_out
+    bounds = bounds or isinstance(seal, ElementSeal)  # whose flow is between them
     if isinstance(permeability, PermeabilityTable):
         assert inlet_pressure is not None  # it has a potential
         ends = {"inlet": float(inlet_pressure), "outlet": float(outlet_pressure)}

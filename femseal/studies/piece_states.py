@@ -118,10 +118,8 @@ def pieces_at_loads(scene: Scene, cut: Cut, known: FaceResult | None, mapper: Ma
         return _joined(scene, cut, scene.steps, list(scene.contact_states(_take(scene, cut), mapper=mapper)))
     solve = partial(_of_fields, cut=cut, flow=scene.flow)
     found = list(mapper(Stage("pieces of the face", solve), known.gap, iter(known.contact_pressure)))
-    unit = _unit(scene)
-    flows = zip(found, known.leakage, _reasons(known), strict=True)
-    taken = [_Taken(pieces, float(q) / unit, reason, None) for pieces, q, reason in flows]
-    pieces = _joined(scene, cut, scene.steps, taken)
+    taken = [_Taken(of_state, np.nan, reason, None) for of_state, reason in zip(found, _reasons(known), strict=True)]
+    pieces = replace(_joined(scene, cut, scene.steps, taken), face=known.leakage)
     places = known.places
     if places is None:
         return pieces
@@ -170,11 +168,6 @@ def _of_fields(gap: NDArray[Any], pressure: NDArray[Any], *, cut: Cut, flow: Flo
     return attempt(PieceState.of, gap, pressure, cut, flow)
 
 
-def _unit(scene: Scene) -> float:
-    """Leakage [m²/s] of a face with a permeability of 1 m³."""
-    return scene.leakage(RectangularSeal(scene.surface.size, (1, 1)), 1.0).per_length
-
-
 def _joined(scene: Scene, cut: Cut, steps: LoadProgramme, taken: Sequence[_Taken]) -> FacePieces:
     """Join the states, and solve the flow over the pieces in their own order."""
     pressures, shape = scene.flow.drop.pressures.size, (len(steps), *cut.shape)
@@ -197,7 +190,8 @@ def _joined(scene: Scene, cut: Cut, steps: LoadProgramme, taken: Sequence[_Taken
         values = tiles.permeability(in_order[:, 0], in_order[:, 1])
         through = attempt(scene.leakage, tiles.seal, tabulated(scene.flow.drop.pressures, list(values)))
         own[s] = np.nan if isinstance(through, Failed) else through.per_length
-    unit = _unit(scene)
+    # leakage of a face with a permeability of 1 m³
+    unit = scene.leakage(RectangularSeal(scene.surface.size, (1, 1)), 1.0).per_length
     places = None
     if taken[0].places is not None:
         places = unit * np.array([state.places for state in taken]).T

@@ -29,7 +29,8 @@ def ring(lay="circumferential", inlet="inner", inner=1e-3, outer=1.4e-3, sides=(
 
 def conductance(tiles, k1, k2=None):
     k1 = np.broadcast_to(k1, tiles.count)
-    return tiles.seal.flow(tiles.permeability(k1, k1 if k2 is None else np.broadcast_to(k2, tiles.count))).conductance
+    k = tiles.permeability(k1, k1 if k2 is None else np.broadcast_to(k2, tiles.count))
+    return tiles.seal.flow(k, bounds=True).conductance
 
 
 def mesh_file(folder, mesh, ends, unit=1e3):
@@ -165,7 +166,7 @@ def test_a_large_contrast_is_that_of_a_dense_solution():
     """Eleven decades of permeability: both bounds are those of the general solver, and enclose the series."""
     tiles = wide(5, 6)
     k = 10.0 ** np.random.default_rng(5).uniform(-11, 0, (2, tiles.count))
-    found = tiles.seal.flow(tiles.permeability(*k), solver="direct")
+    found = tiles.seal.flow(tiles.permeability(*k), bounds=True, solver="direct")
     tensors = tiles.seal.tensors(tiles.permeability(*k))
     whole = darcy_conductance(
         tiles.seal.mesh, tensors, tiles.seal.inlet, tiles.seal.outlet, bounds=True, solver="direct"
@@ -251,7 +252,7 @@ def test_elements_smaller_than_a_piece_share_its_tile(tmp_path):
 def test_the_flux_carries_the_leakage(tiles):
     """Through every row it is the rate, up to what the middles of tiles do not see."""
     k = tiles.permeability(*np.exp(np.random.default_rng(0).normal(0, 0.5, (2, tiles.count))))
-    flow = tiles.seal.flow(k)
+    flow = tiles.seal.flow(k, bounds=True)
     flux, centre = tiles.flux(k, 3 * flow.potential, 3 * flow.conductance) / 3, tiles.outlines.mean(axis=1)
     radius = np.hypot(*centre.T)
     around = centre[:, 0].max() < 5 * A  # a strip

@@ -36,7 +36,7 @@ def in_order(one, pieces):
     """Leakage of the pieces in their own order, times the factor of each state."""
     tiles = face_tiles(one.surface.size, pieces.cut.shape)
     k = pieces.k[0].reshape(2, len(pieces.steps), -1)
-    flows = [tiles.seal.flow(tiles.permeability(*k[:, s])).conductance for s in range(len(pieces.steps))]
+    flows = [tiles.seal.flow(tiles.permeability(*k[:, s]), bounds=True).conductance for s in range(len(pieces.steps))]
     return np.array(flows) / tiles.seal.length * (one.inlet_pressure / 1e-3) * pieces.factor
 
 
