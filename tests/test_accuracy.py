@@ -187,7 +187,7 @@ class TestPlan:
 
 @pytest.fixture(scope="module")
 def wave(tmp_path_factory):
-    """Ridges along the flow, crests on the edges of windows that hold eight waves: every window is like the whole."""
+    """Ridges along the flow, crests on the edges of pieces of eight waves: every piece is like the whole."""
     folder = tmp_path_factory.mktemp("wave")
     x2 = (np.arange(256) + 0.5) * 0.5e-6
     np.save(folder / "wave.npy", np.tile(0.5e-6 * np.cos(2 * np.pi * x2 / 8e-6), (256, 1)))
@@ -195,7 +195,7 @@ def wave(tmp_path_factory):
     return fs.measure_accuracy(folder / "wave.toml", workers=1, **AMPLE)
 
 
-class TestWaveThatWindowsSolveExactly:
+class TestWaveWhosePiecesAreLikeTheWhole:
     @staticmethod
     def factors(report, variant):
         (solution,) = (s for s in report.solutions if s.variant == variant)

@@ -40,7 +40,7 @@ def test_shipped_cases_are_valid_and_forecast(path):
     prepared = prepare(case)
     assert prepared.scene.surface.rms_height > 0
     words = [line.split()[0] for line in describe(case, prepared)]
-    # the first attempt is deterministic, which has no windows
+    # the first attempt is deterministic, which has no pieces
     divided = {"accuracy"} if case.accuracy else {"pieces"} if case.cells else set()
     assert {"case", "surface", "filter", "load", "expected", "disk"} | divided <= set(words)
 
@@ -518,8 +518,8 @@ class TestPrepare:
         with pytest.raises(fs.InputError, match=r"cells\.size: given 61 µm, expected at most the shorter side"):
             prepare(parse_case(small))
 
-    def test_windows_hold_two_shortest_waves_both_ways(self, small):
-        """10 µm is the shortest: windows of 20 × 20 µm pass, narrower ones do not."""
+    def test_pieces_hold_two_shortest_waves_both_ways(self, small):
+        """10 µm is the shortest: pieces of 20 × 20 µm pass, narrower ones do not."""
         small["cells"] = {"count": [3, 6]}
         assert prepare(parse_case(small)).cells == (3, 6)
         for count in ([4, 6], [3, 7]):

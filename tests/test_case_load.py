@@ -191,7 +191,7 @@ class TestFieldOfACase:
         (far,) = prepare(case(pressure_unit="kPa")).warnings
         assert far == "the field of pressure has the mean 60 kPa over the seal, far from all loads: is its unit right?"
 
-    def test_windows_that_hardly_touch_are_told(self, data):
+    def test_tiles_that_hardly_touch_are_told(self, data):
         def warnings(fractions, inlet):
             case = data | {"load": data["load"] | {"map": {"kind": "profile", "fractions": fractions}}}
             return prepare(parse_case(case | {"fluid": data["fluid"] | {"inlet_pressure": inlet}})).warnings

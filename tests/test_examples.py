@@ -23,7 +23,7 @@ LOAD = {
     "unload_from": ["500 MPa"],
     "unloading": ["400 MPa", "200 MPa", "100 MPa"],
 }
-#: Smaller faces of the same pixel and windows, few realisations.
+#: Smaller faces of the same pixel and pieces, short seals.
 REDUCED = {
     "turned_seal": {
         "face": {"points": [128, 256], "size": ["120 um", "240 um"]},

@@ -238,7 +238,7 @@ def test_check_describes_first_touch_alone(data):
     assert not any("inf" in line for line in lines)  # of the hardness of elastic faces
 
 
-def test_one_load_and_one_window_are_named_in_the_singular(data):
+def test_one_load_is_named_in_the_singular(data):
     drawn = {"realisations": 2}
     data |= {"method": "stochastic", "load": {"loading": ["50 MPa"]}, "stochastic": drawn}
     case = parse_case(data)
@@ -246,7 +246,7 @@ def test_one_load_and_one_window_are_named_in_the_singular(data):
     assert any("1 state: 1 loading" in line for line in lines)
     results = fs.run(case, workers=1)
     texts = [*lines, *results.warnings, results._repr_html_(), report_html(results)]
-    things = "state|step|load|seal|realisation|window|cell|row|column|solution"
+    things = "state|step|load|seal|realisation|piece|tile|cell|row|column|solution"
     for text in texts:
         plain = re.sub(r"<[^>]*>", " ", text)
         assert not (found := re.findall(rf"(?<![×.]) 1 (?:\w+ )?(?:{things})s\b.*", plain)), found

@@ -359,8 +359,8 @@ def test_a_drawn_gas_through_faces_in_series(scene, inlet, outlet):
     Elements have one pressure each: the two rows of the face by itself, to which its factor belongs, miss .1 to .5 % of
     the flow, more rows less.
     """
-    window = fs.self_affine((32, 32), (32e-6,) * 2, hurst=0.8, rms_slope=0.1, roll_off=16e-6, cut_off=8e-6, rng=1)
-    surface = fs.Topography(np.tile(window.heights, (2, 3)), window.spacing, (True, True))
+    piece = fs.self_affine((32, 32), (32e-6,) * 2, hurst=0.8, rms_slope=0.1, roll_off=16e-6, cut_off=8e-6, rng=1)
+    surface = fs.Topography(np.tile(piece.heights, (2, 3)), piece.spacing, (True, True))
     given = {"surface": surface, "boundary": ("periodic", "periodic"), "fluid_pressure": "ignored"}
     one = replace(scene, inlet_pressure=inlet, outlet_pressure=outlet, **given)
     whole = fs.deterministic(one).leakage

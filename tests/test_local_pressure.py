@@ -31,8 +31,8 @@ def scene_of(heights, **given):
 @pytest.fixture(scope="module")
 def equal():
     """A face whose pieces are all the same."""
-    window = self_affine((32, 32), (32e-6, 32e-6), hurst=0.8, rms_slope=0.1, roll_off=24e-6, cut_off=8e-6, rng=1)
-    return scene_of(np.tile(window.heights, (2, 3)))
+    piece = self_affine((32, 32), (32e-6, 32e-6), hurst=0.8, rms_slope=0.1, roll_off=24e-6, cut_off=8e-6, rng=1)
+    return scene_of(np.tile(piece.heights, (2, 3)))
 
 
 @pytest.fixture(scope="module")

@@ -145,7 +145,7 @@ def test_a_form_with_a_tolerance_is_a_part(scene):
 
 
 def test_pieces_under_their_effective_pressure_have_a_part():
-    """It holds the coupled leakage of a face as narrow as four long waves, and is of drawn windows alone."""
+    """It holds the coupled leakage of a face as narrow as four long waves, and is of drawn pieces alone."""
     surface = fs.self_affine(
         (96, 96), (96 * D, 96 * D), hurst=0.75, rms_slope=0.2, roll_off=24 * D, cut_off=8 * D, rng=4
     )
@@ -158,7 +158,7 @@ def test_pieces_under_their_effective_pressure_have_a_part():
     part = effective_pressure_part(scene, drawn)
     q = drawn.quantile(0.5)
     whole, ignored = (fs.deterministic(replace(scene, fluid_pressure=how)).leakage for how in ("acts", "ignored"))
-    coupled = dry.quantile(0.5) * whole / ignored  # what windows would leak with the effect of the whole face
+    coupled = dry.quantile(0.5) * whole / ignored  # what pieces would leak with the effect of the whole face
     assert (part.lower < coupled).all()
     assert (coupled < part.upper).all()
     assert (part.lower < q).all()

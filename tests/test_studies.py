@@ -299,11 +299,11 @@ class TestDraws:
         assert_allclose(result.tiles.size, (96e-6, count * 20e-6))
         assert result.tiles.grid == (4, count)
 
-    def test_equal_windows_are_one_window_in_contact_with_itself(self):
-        """Every window the same, going on periodically: rows in series, in the rows of the face and in more of them."""
-        window = self_affine((32, 32), (32e-6, 32e-6), hurst=0.8, rms_slope=0.15, roll_off=15e-6, cut_off=8e-6, rng=1)
+    def test_equal_pieces_are_one_piece_in_contact_with_itself(self):
+        """Every piece the same, going on periodically: rows in series, in the rows of the face and in more of them."""
+        piece = self_affine((32, 32), (32e-6, 32e-6), hurst=0.8, rms_slope=0.15, roll_off=15e-6, cut_off=8e-6, rng=1)
         scene = make_scene(
-            np.tile(window.heights, (2, 3)),
+            np.tile(piece.heights, (2, 3)),
             boundary=("periodic", "periodic"),
             loading=(1.32e8, 2.4e8, 4e8),
             unload_from=(2.4e8, 4e8),

@@ -1,4 +1,4 @@
-"""Scenes drawn at random: rough faces of several kinds, their loads, and windows, the same on any grid.
+"""Scenes drawn at random: rough faces of several kinds, their loads, and pieces, the same on any grid.
 
 A face is made of waves that its grid resolves with 8 pixels, so that `Drawn.scene(2)` is the same face on twice the points.
 Every number of a scene follows from its kind and its seed.
@@ -15,8 +15,8 @@ MODULUS, PIXEL = 115e9, 1e-6
 KINDS = ("self-affine", "turned", "milling arcs", "ground", "bumps", "filtered")
 #: Seeds of the scenes that set the forms of the widths, that calibrate them, that goals are tried on, and that are held out.
 PILOT, CALIBRATION, HELD_OUT = range(1, 1000), range(1000, 2000), range(8000, 9000)
-#: Points a side of the faces, and sides of their windows in pixels.
-SIDES, WINDOWS = (96, 128, 192), (16, 32, 48)
+#: Points a side of the faces, and sides of their pieces in pixels.
+SIDES, PIECES = (96, 128, 192), (16, 32, 48)
 #: How many times finer the waves of a rough face are than those that its filter leaves.
 FINER = 4
 
@@ -40,7 +40,7 @@ class Drawn:
         """What is drawn, in an order that is never changed."""
         rng = np.random.default_rng([KINDS.index(self.kind), self.seed])
         points = int(rng.choice(SIDES))
-        window = int(rng.choice([w for w in WINDOWS if points % w == 0 and 1 < points // w < 12]))
+        piece = int(rng.choice([w for w in PIECES if points % w == 0 and 1 < points // w < 12]))
         elastic = rng.random() < 0.3
         hurst, slope = rng.uniform(0.4, 1.0), np.exp(rng.uniform(np.log(0.05), np.log(0.4)))
         # shares of E* times the slope at which about half of the faces close
@@ -50,11 +50,11 @@ class Drawn:
         )
         steps = int(rng.integers(3, 6))
         if self.side:
-            points, window = self.side, 16
+            points, piece = self.side, 16
         loads = np.exp(np.sort(rng.uniform(np.log(0.02), 0.0, steps - 1)))
         return {
             "points": points,
-            "window": window,
+            "piece": piece,
             "hurst": hurst,
             "slope": slope,
             "hardness": np.inf if elastic else hardness,
@@ -78,14 +78,14 @@ class Drawn:
 
     @property
     def cells(self) -> tuple[int, int]:
-        """Windows along x1 and x2."""
-        m = self.numbers["points"] // self.numbers["window"]
+        """Pieces along x1 and x2."""
+        m = self.numbers["points"] // self.numbers["piece"]
         return self.breadth * m, self.length * m
 
     @property
     def waves(self) -> float:
-        """Side of a window in shortest waves."""
-        return self.numbers["window"] / 8
+        """Side of a piece in shortest waves."""
+        return self.numbers["piece"] / 8
 
     def surface(self, times: int = 1, *, filtered: bool = True):
         """The face on `times` as many points a side; without the filter with the waves that it removes."""

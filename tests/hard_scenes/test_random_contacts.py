@@ -77,7 +77,7 @@ def loading(seed):
 
 
 def unloading(seed):
-    """Windows unloaded from up to 0.9999 H, also onto another raw gap."""
+    """Faces unloaded from up to 0.9999 H, also onto another raw gap."""
     rng = np.random.default_rng(seed)
     n = int(rng.choice([32, 48, 64]))
     boundary = "periodic" if rng.random() < 0.3 else "mirror"
