@@ -34,7 +34,6 @@ count = [4, 4]
 [stochastic]
 length = "2 mm"
 realisations = 4
-library_cells = 16
 """
 #: Compiles the parts, then runs a case, and prints how many functions numba compiled for each.
 COUNTS = """

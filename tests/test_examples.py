@@ -61,7 +61,7 @@ def results(request):
 
 
 def _leakages(results):
-    """Of all methods, without the ends of bands that are about the errors of a library or of pixels only."""
+    """Of all methods, without the ends of bands that are about the errors of a patch or of pixels only."""
     return [
         v.values
         for n, v in results.dataset.data_vars.items()
@@ -119,8 +119,9 @@ class TestClaims:
 
     def test_turned_seal(self):
         results = fs.run(EXAMPLES / "turned_seal.toml")
-        curves = results.stochastic.library.curves
-        assert_allclose((curves.k[:, _at(results, 500e6)] == 0).mean(), 1 / 6, atol=0.1)
+        k1 = results.stochastic.pieces.k1
+        spread = k1.max(axis=(1, 2)) / k1.min(axis=(1, 2))
+        assert_allclose(spread[[_at(results, 25e6), _at(results, 500e6)]], [2.4, 9], rtol=0.1)
         surface = prepare(fs.load_case(EXAMPLES / "turned_seal.toml")).scene.surface
         assert_allclose(2.8e9 / (210e9 / (2 * (1 - 0.3**2)) * surface.rms_slope), 0.11, atol=0.005)
         leakage = results.leakage.values
@@ -130,8 +131,7 @@ class TestClaims:
         results = fs.run(EXAMPLES / "measured_seal.toml")
         leakage = results.leakage.values
         peak = leakage[_at(results, 900e6)]
-        assert 1.4 < leakage[_at(results, 600e6, 900e6)] / peak < 2
-        assert 6 < leakage[_at(results, 600e6)] / peak < 9
+        assert_allclose(leakage[[_at(results, 600e6, 900e6), _at(results, 600e6)]] / peak, [1.8, 8], rtol=0.1)
 
 
 def _at(results, pressure, peak=None):
@@ -234,7 +234,6 @@ class TestMeasuredSurfaces:
                 [stochastic]
                 length = "10 mm"
                 realisations = 4
-                library_cells = {cells[0] * cells[1]}
                 """,
                 encoding="utf-8",
             )
@@ -246,13 +245,12 @@ class TestMeasuredSurfaces:
         # full contact of the slopes comes at about E*·slope, all-plastic contact at the hardness
         stiffness = 100e9 * prepared.scene.surface.rms_slope
         results = fs.run(write([0.001 * stiffness, 0.01 * stiffness], 0.15 * stiffness), workers=1)
-        # the grid of the case is coarser than the waves that were measured, which is told
-        told = [w for w in results.warnings if w.startswith("the low-pass at ")]
-        assert len(told) == 1
-        assert [w for w in results.warnings if "realisations" not in w and w not in told] == results.failures == []
+        assert results.failures == []
+        # the grid of the case is coarser than the waves that were measured
+        assert sum(warning.startswith("the low-pass at ") for warning in results.warnings) == 1
+        truths = "the low-pass at ", "the face has grooves ", "the leakage at ", "realisations"
+        assert all(warning.startswith(truths) for warning in results.warnings), results.warnings
         for leakage in _leakages(results):
             first, top, back = leakage
             assert 0 <= top <= back < first
-        # few windows and form that varies within them: no more than the order of magnitude is asked for
-        deterministic, two_scale = (results.dataset[f"leakage_{m}"].values for m in ("deterministic", "two_scale"))
-        assert 1 / 4 < two_scale[0] / deterministic[0] < 4
+        assert_allclose(results.dataset["leakage_two_scale"], results.dataset["leakage_deterministic"], rtol=1e-6)

@@ -1,5 +1,7 @@
 """Seats with a form: contact finds its own band, as Hertz's line contact does where the face is smooth."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose
@@ -281,21 +283,29 @@ def test_both_ways_of_a_seat_spread_the_load_alike(radius):
 
 @pytest.mark.slow
 def test_both_ways_of_a_seat_leak_alike():
-    """Drawn seals over deterministic faces, as a fraction of the same for flat seats."""
+    """Drawn seals over deterministic faces, as a fraction of the same for flat seats: 1 within 10 %.
+
+    Under the sharpest crown whole faces scatter by a third: there it is 1 within three standard errors of their mean.
+    """
     breadth, forces = 1.024e-3, np.array([50e3, 100e3, 200e3])
-    ratios = {}
-    for seat in (FlatSeat(), CrownedSeat(0.2), CrownedSeat(0.05), CrownedSeat(0.01)):
-        given = {"loading": tuple(forces / breadth), "fluid_pressure": "ignored"}
-        faces = [fs.self_affine((1024, 256), (breadth, 0.256e-3), hurst=0.75, rms_slope=0.2, roll_off=48 * D,
-                                cut_off=8 * D, rng=rng) for rng in (6, 7, 8, 9)]  # fmt: skip
-        whole = [fs.deterministic(fs.Scene(seat.on(f), E, 2.3e9, OIL, 1e6, 0.0, **given)).leakage for f in faces]
+    given = {"loading": tuple(forces / breadth), "fluid_pressure": "ignored"}
+    faces = [fs.self_affine((1024, 256), (breadth, 0.256e-3), hurst=0.75, rms_slope=0.2, roll_off=48 * D,
+                            cut_off=8 * D, rng=rng) for rng in range(6, 30)]  # fmt: skip
+    scene = fs.Scene(patch(n=512), E, 2.3e9, OIL, 1e6, 0.0, **given)
+
+    def both(seat):
+        whole = np.array([fs.deterministic(replace(scene, surface=seat.on(face))).leakage for face in faces])
         over = fs.seal.Uniform() if seat == FlatSeat() else SeatMap(seat)
         sampling = fs.Sampling(length=8e-3, breadth=breadth, realisations=20, seed=1, pressure_map=over)
-        scene = fs.Scene(patch(n=512), E, 2.3e9, OIL, 1e6, 0.0, **given)
-        ratios[seat] = fs.stochastic(scene, (4, 4), sampling).quantile(0.5) / np.mean(whole, axis=0)
-    flat = ratios.pop(FlatSeat())
-    for ratio in ratios.values():
-        assert_allclose(ratio, flat, rtol=0.1)
+        # the band of the sharpest crown is two to five of these pieces broad
+        return whole, fs.stochastic(scene, (8, 8), sampling).quantile(0.5)
+
+    flat, of_flat = both(FlatSeat())
+    for radius in (0.2, 0.05, 0.01):
+        whole, drawn = both(CrownedSeat(radius))
+        ratio = (drawn / whole.mean(axis=0)) / (of_flat / flat.mean(axis=0))
+        scatter = (whole / whole.mean(axis=0) - flat / flat.mean(axis=0)).std(axis=0, ddof=1) / np.sqrt(len(faces))
+        assert (np.abs(ratio - 1) < np.maximum(0.1, 3 * scatter)).all()
 
 
 BROAD = {
