@@ -1,6 +1,6 @@
 """Pieces of a face: rectangles cut out of its contact, each with two permeabilities by closed sides.
 
-A piece lies in the contact of the whole face, whose long waves hold its valleys open; pressed by itself, a window of a
+A piece lies in the contact of the whole face, whose long waves hold its valleys open; pressed by itself, a piece of a
 few waves flattens them. Closed sides cut detours off, so that the pieces in their own order leak less than the face:
 one factor for every state makes up for that.
 """
@@ -20,15 +20,13 @@ from ..loads import LoadProgramme
 from ..topography import Topography
 from .piece_flow import FlowSettings, SolveCounts, piece_permeability
 
-#: Pieces along the shorter side of a face from which seals are drawn, and where a seal is as broad as the face.
-#: Measured on 260 strips two and four times as broad as the face, and on 300 as broad: three pieces a side scatter
-#: least about the truth; in their own rows two keep the channels that cross from row to row.
+#: Pieces along the shorter side of a face from which seals are drawn, and where a seal is as broad as the face: in
+#: their own rows two keep the channels that cross from row to row. Measured in docs/evidence/drawn_seals.md.
 PIECES, PIECES_IN_PLACE = 4, 2
 #: Fewest points of a piece along a side.
 FEWEST_POINTS = 8
-#: Part of a piece by which it reaches into its neighbours on both sides of the flow. Measured on 100 seals twice and
-#: four times as broad as the face: channels that leave a piece and come back are kept, and the rms of ln(leakage over
-#: truth) falls from .76 to .73 with three pieces a side, from 2.0 to 1.4 below a hundredth of the first leakage.
+#: Part of a piece by which it reaches into its neighbours on both sides of the flow: channels that leave a piece and
+#: come back are kept.
 OVERLAP = 0.125
 #: Most by which the factor of a state may differ from 1 where pieces are drawn from the whole face, and the leakage of
 #: a seal from that of the face where they stay in their rows. Beyond, both are those of single constrictions.
@@ -36,9 +34,9 @@ MOST_FACTOR, MOST_RATIO = 3.0, 2.0
 
 
 def usual_pieces(surface: Topography, in_place: bool = False) -> tuple[int, int]:
-    """Numbers of about square pieces along x1 and x2, two or three on the shorter side of a place.
+    """Numbers of about square pieces along x1 and x2, four on the shorter side of a place.
 
-    in_place : pieces stay in their rows, as where a seal is as broad as the face.
+    in_place : pieces stay in their rows, as where a seal is as broad as the face: two.
     """
     widths = _widths(surface)
     (d1, d2), n1 = surface.spacing, surface.shape[0]

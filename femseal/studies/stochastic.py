@@ -56,7 +56,7 @@ def stochastic(
     Parameters
     ----------
     scene : the face, its load and its fluid.
-    cells : number of pieces of the face along x1 and x2; None: two or three on its shorter side.
+    cells : number of pieces of the face along x1 and x2; None: two or four on its shorter side.
     sampling : how seals are drawn. Without a number of realisations seals are drawn until the standard error of
         their median is a twentieth of the band of what one patch does not know, at least three.
     known : the deterministic or two-scale solution of the scene, whose contact is not solved again.

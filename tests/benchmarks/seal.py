@@ -5,9 +5,9 @@
 Square seals, periodic along x2, of links drawn one by one: log-normal with a standard deviation σ of ln k, open or with
 35 % of the links closed at random. Peers get the matrix of the open clusters, with assembly in their time: SuperLU by
 scipy, MKL's PARDISO, and pyamg's smoothed aggregation with conjugate gradients as its manual has it. A peer's leakage is
-wrong where it differs by more than 1 % from elimination's. One thread each, in a process of their own, compilation
-before. Open maps have a known answer: exp⟨ln k⟩ for a large seal, by duality (Dykhne 1971; Keller 1964). `--write` puts
-the table beside this file, where the documentation takes it from.
+wrong where it differs by more than 1 % from elimination's. Times are CPU times of one thread, in a process of its own,
+compilation before. Open maps have a known answer: exp⟨ln k⟩ for a large seal, by duality (Dykhne 1971; Keller 1964).
+`--write` puts the table beside this file, where the documentation takes it from.
 """
 
 from __future__ import annotations
@@ -131,13 +131,13 @@ def measure(task):
     before = resident("VmRSS")
     times = []
     while len(times) < task["repeats"] and (not times or sum(times) < 10.0):
-        start = time.perf_counter()
+        start = time.process_time()
         try:
             leakage, iterations = solve(*k)
         except Exception as error:  # any failure of a peer is a result
             record = {"failure": f"{type(error).__name__}: {error}"[:100]}
-            return record | {"time": time.perf_counter() - start, "memory": resident("VmHWM") - before}
-        times.append(time.perf_counter() - start)
+            return record | {"time": time.process_time() - start, "memory": resident("VmHWM") - before}
+        times.append(time.process_time() - start)
     record = {"time": float(np.median(times)), "leakage": leakage, "iterations": iterations}
     return record | {"memory": resident("VmHWM") - before}
 
@@ -205,7 +205,7 @@ def main():
         }
     )
     text = f"""{machine(PACKAGES)}.
-Times of the peers as multiples of femseal's; "–": would have taken more than {PATIENCE:g} s or {MEMORY / 1e9:g} GB.
+CPU times, those of the peers as multiples of femseal's; "–": would have taken more than {PATIENCE:g} s or {MEMORY / 1e9:g} GB.
 
 {table(records)}
 
