@@ -1,5 +1,7 @@
 """Seats with a form: contact finds its own band, as Hertz's line contact does where the face is smooth."""
 
+from typing import NamedTuple
+
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose
@@ -7,7 +9,9 @@ from numpy.testing import assert_allclose
 import femseal as fs
 from femseal.case.case import parse_case
 from femseal.results.selections import load_names
-from femseal.studies.seat_rows import SeatMap, seat_rows
+from femseal.studies.face_contact import band_breadth
+from femseal.studies.sampling import Sampling, laid_out
+from femseal.studies.seal_contact import seal_contact
 from femseal.topography.seat import (
     LEAST_DEPTH,
     BallOnCone,
@@ -228,11 +232,21 @@ def patch(kind="self-affine", n=256, rng=11, rms_slope=0.2):
     )
 
 
+class Rows(NamedTuple):
+    """Mean pressure of rows at every step (steps, rows) [Pa], the breadth of the band that touches and of all [m]."""
+
+    pressure: np.ndarray
+    band: np.ndarray
+    breadth: float
+
+
 def rows_of(face, seat, forces, hardness=np.inf, breadth=1.024e-3, **given):
     """Contact of a seat broader than its face under forces per length."""
     loading = tuple(f / breadth for f in forces)
     scene = fs.Scene(face, E, hardness, OIL, 1e6, 0.0, loading=loading, fluid_pressure="ignored", **given)
-    return seat_rows(scene, seat, breadth)
+    _, tiles = laid_out(face, scene.layout, None, Sampling(1e-3, seed=1, breadth=breadth, form=seat))
+    contact = seal_contact(scene, tiles, (seat,))
+    return Rows(contact.rows, band_breadth(contact.rows, contact.grid.spacing[0]), breadth)
 
 
 @pytest.mark.parametrize("radius", [0.05, 0.02])
@@ -289,8 +303,8 @@ def test_both_ways_of_a_seat_leak_alike():
         faces = [fs.self_affine((1024, 256), (breadth, 0.256e-3), hurst=0.75, rms_slope=0.2, roll_off=48 * D,
                                 cut_off=8 * D, rng=rng) for rng in (6, 7, 8, 9)]  # fmt: skip
         whole = [fs.deterministic(fs.Scene(seat.on(f), E, 2.3e9, OIL, 1e6, 0.0, **given)).leakage for f in faces]
-        over = fs.seal.Uniform() if seat == FlatSeat() else SeatMap(seat)
-        sampling = fs.Sampling(length=8e-3, breadth=breadth, realisations=20, seed=1, pressure_map=over)
+        form = () if seat == FlatSeat() else seat
+        sampling = fs.Sampling(length=8e-3, breadth=breadth, realisations=20, seed=1, form=form)
         scene = fs.Scene(patch(n=512), E, 2.3e9, OIL, 1e6, 0.0, **given)
         ratios[seat] = fs.stochastic(scene, (4, 4), sampling).quantile(0.5) / np.mean(whole, axis=0)
     flat = ratios.pop(FlatSeat())

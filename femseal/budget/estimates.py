@@ -13,6 +13,7 @@ from scipy.special import bdtr, stdtrit
 
 from ..base import counted
 from ..loads import LoadProgramme
+from ..seal.form import ScaledForm, SealForm
 from ..studies import Scene, StochasticResult
 from ..studies.drawn_error import FLOOR_DECADES, count_scenes, decades, half_width
 from ..studies.load_curves import first_known
@@ -132,23 +133,28 @@ class ModelChange:
     """A scene with another model or input, whose leakage shows how much that matters.
 
     name : of the part, one of `MODEL_PARTS`. scene : the changed one. both : whether the truth may lie on the other
-    side as well. note : a sentence. seat : the changed form of a seat that is broader than the face, else None.
+    side as well. note : a sentence. forms : the changed forms of a seal that has any, see `Sampling`.
     """
 
     name: str
     scene: Scene
     both: bool
     note: str
-    seat: Seat | None = None
+    forms: tuple[SealForm, ...] = ()
 
 
 @dataclass(frozen=True)
 class FormTolerance:
-    """Relative error of the depth of a form, which is on the heights of the face unless that is narrower."""
+    """Relative errors of the heights of forms.
 
-    seat: Seat
-    tolerance: float
-    on_heights: bool
+    forms : of the seal, see `Sampling`. tolerances : of each. seat : a form that is on the heights of the face instead,
+    which is as broad as the seal; None where there is none. tolerance : of that.
+    """
+
+    forms: tuple[SealForm, ...] = ()
+    tolerances: tuple[float, ...] = ()
+    seat: Seat | None = None
+    tolerance: float = 0.0
 
 
 def model_changes(
@@ -156,7 +162,8 @@ def model_changes(
 ) -> list[ModelChange]:
     """Changes of a scene that its model and its input may be wrong by.
 
-    names : of the parts that are wanted. hardness : relative error of the hardness. form : of the seat, if it has one.
+    names : of the parts that are wanted. hardness : relative error of the hardness. form : errors of
+    the forms of seal and seat.
     """
     found = []
     if "hardness" in names and hardness > 0 and not scene.law.is_elastic:
@@ -167,14 +174,14 @@ def model_changes(
     if "fluid pressure" in names and scene.fluid_pressure == "ignored" and acting.acting_fluid is not None:
         note = "change of ln(leakage) if the fluid pressure, which is ignored, presses the faces apart"
         found.append(ModelChange("fluid pressure", acting, False, note))
-    if "form" in names and form is not None and form.tolerance > 0:
+    if "form" in names and form is not None and form.seat is not None and form.tolerance > 0:
+        deeper = ScaledSeat(form.seat, form.tolerance).on(scene.surface)
         note = f"change of ln(leakage) with a form of the seat {form.tolerance:.0%} deeper, on either side"
-        surface, seat = scene.surface, ScaledSeat(form.seat, 1 + form.tolerance)
-        if form.on_heights:
-            deeper = ScaledSeat(form.seat, form.tolerance).on(surface)
-            found.append(ModelChange("form", replace(scene, surface=deeper), True, note))
-        else:
-            found.append(ModelChange("form", scene, True, note, seat))
+        found.append(ModelChange("form", replace(scene, surface=deeper), True, note))
+    elif "form" in names and form is not None and any(form.tolerances):
+        forms = tuple(ScaledForm(one, 1 + t) for one, t in zip(form.forms, form.tolerances, strict=True))
+        note = f"change of ln(leakage) with a form of the seal up to {max(form.tolerances):.0%} higher, on either side"
+        found.append(ModelChange("form", scene, True, note, forms))
     return found
 
 

@@ -18,7 +18,6 @@ from ..seal.layouts import AnnularLayout, Layout
 from ..seal.tiles import MOST_ROWS, SealTiles
 from ..studies import STUDIES, Sampling, Scene, Study, StudyOptions, laid_out
 from ..studies.costs import Effort, usual_efforts
-from ..studies.seat_rows import SeatMap
 from ..topography import Conditioning, Continuation, Overlap, Topography
 
 #: Memory of the libraries that a run imports [byte].
@@ -127,8 +126,8 @@ class Prepared:
     def changed(self, change: ModelChange) -> Prepared:
         """The input with a change of the model."""
         sampling = self.sampling
-        if change.seat is not None and sampling is not None:
-            sampling = replace(sampling, pressure_map=SeatMap(change.seat))
+        if change.forms and sampling is not None:
+            sampling = replace(sampling, form=change.forms)
         return replace(self, scene=change.scene, sampling=sampling)
 
     def solve(self, study: Study, mapper: Mapper, known: Mapping[str, Any] | None = None) -> Any:

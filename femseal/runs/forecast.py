@@ -23,7 +23,7 @@ from ..studies import Scene, drop_ratio
 from ..studies.costs import LADDER_STATES, Effort, on_ladder, usual_efforts, usual_seals
 from ..studies.deterministic import STEP_BYTES, states_memory
 from ..studies.face_leakage import FEWEST
-from ..studies.seat_rows import describe_map
+from ..studies.tile_pressure import describe_map
 from ..topography import Places
 from .pilot import efforts, pace, solved_once
 

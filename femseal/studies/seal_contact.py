@@ -1,0 +1,299 @@
+"""Contact of a whole seal that has a form: the nominal pressure of its tiles at every step.
+
+The roughness is a layer between two half-spaces: under the pressure p its mean planes stand s(p) apart, which the
+contact of the measured face gives at every pressure, on unloading from every peak by a curve of its own. Cells of the
+seal that lie h below the highest one have h + K p − δ = s(p) where they touch, and more than s(0) where they do not:
+the least of ½ p·K p + h·p − Σ∫s dp under the load. A form that is the same all along is solved in plane strain.
+Source: Greenwood & Tripp, J. Appl. Mech. 34, 1967, 153 (a rough layer on smooth bodies).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from functools import partial
+from math import inf
+from operator import attrgetter
+from typing import Any
+
+import numpy as np
+
+from ..base import Array, InputError, Mapper, NotConverged, to_text
+from ..contact import HalfSpace
+from ..contact.large_convolution import convolution
+from ..face.pieces import Cut
+from ..loads import LoadProgramme, LoadStep
+from ..seal.contact_grid import ContactGrid
+from ..seal.form import SealForm
+from ..seal.tiles import SealTiles
+from ..topography import shortest_place
+from ..topography.seat import MOST_SLOPE
+from .scene import Scene
+
+#: Pressures at which the layer is solved, in fractions of the highest, numbers of those from which it is unloaded, and
+#: fractions of them down to which.
+_PRESSURES = np.geomspace(1e-3, 1.0, 13)
+_PEAKS, _RELEASED = np.array([4, 8, 12]), np.array([0.7, 0.4, 0.15, 0.03])
+#: Fraction of what the faces can carry up to which the layer is solved, and by how much more the pressure rises while
+#: the bodies themselves yield and sink by the depth of the form.
+_HIGHEST, _YIELDING = 0.95, 0.03
+#: Relative change of the pressures at which they have settled, and most iterations; how much of the slope of the energy
+#: may be left beyond its least along a direction, and how near to that a shorter step ends.
+_RTOL, _MOST_ITERATIONS, _OVERSHOT = 3e-5, 5000, 0.1
+#: Depth of a form along the seal, over its whole depth, that is the same all along.
+_SAME = 1e-9
+
+
+@dataclass(frozen=True, eq=False)
+class SealContact:
+    """Contact of a seal with a form.
+
+    depth : of cells below the highest one (n1, n2), or (n1, 1) where it is the same all along [m].
+    nominal : pressure of the whole seal (steps,) [Pa]. pressure : of cells (steps, n1, n2) [Pa].
+    separation : distance of their mean planes, and opening : how far it is beyond that at which the faces just touch
+    (steps, n1, n2) [m].
+    """
+
+    grid: ContactGrid
+    depth: Array
+    nominal: Array
+    pressure: Array
+    separation: Array
+    opening: Array
+
+    @property
+    def rows(self) -> Array:
+        """Mean pressure along rows of cells at every step (steps, n1) [Pa]."""
+        return np.asarray(self.pressure.mean(axis=2))
+
+    @property
+    def fractions(self) -> Array:
+        """Pressure of tiles over that of the whole seal (steps, tiles); 1 where there is none."""
+        means, nominal = self.grid.means(self.pressure), self.nominal[:, None]
+        return np.divide(means, nominal, out=np.ones_like(means), where=nominal > 0)
+
+    @property
+    def opened(self) -> Array:
+        """Permeability of the gap beyond that at which the faces just touch (steps, tiles) [m³].
+
+        A gap of s between mean planes, of which e is that opening, has (s³ − (s − e)³)/12 more than one of s − e: right
+        for a small opening, and for one that is large beside the roughness.
+        """
+        s, touching = self.separation, self.separation - self.opening
+        return self.grid.means((s**3 - touching**3) / 12)
+
+
+@dataclass(frozen=True, eq=False)
+class RoughLayer:
+    """Distance s of the mean planes of a rough face [m] over the pressure, on loading and on unloading.
+
+    pressure : rising from 0 (n,) [Pa]. gap : falling (n,) [m]. sinking : by which it falls on [m/Pa] beyond, where the
+    bodies yield. peaks (m,) [Pa], recovered (m, k) : how far the planes come apart again [m] at the fractions
+    `released` of peaks; none where the faces are elastic.
+    """
+
+    pressure: Array
+    gap: Array
+    sinking: float
+    peaks: Array
+    released: Array
+    recovered: Array
+
+    @classmethod
+    def of(cls, scene: Scene, depth: float, mapper: Mapper) -> RoughLayer:
+        """Solve the contact of the face of a scene alone under uniform pressures, for a form of such a depth [m]."""
+        law = scene.law
+        capacity = min(law.capacity, 0.1 * scene.modulus)
+        loading = _HIGHEST * capacity * _PRESSURES
+        unloads = not law.is_elastic and any(step.unloaded_from is not None for step in scene.steps)
+        peaks = loading[_PEAKS] if unloads else np.array([])
+        down = [LoadStep(p * f, p) for p in peaks.tolist() for f in _RELEASED.tolist()]
+        programme = LoadProgramme([*map(LoadStep, loading.tolist()), *down])
+        alone = replace(scene, boundary=("periodic", "periodic"), fluid_pressure="ignored")
+        take = attrgetter("contact.mean_gap")
+        found = np.array(list(alone.contact_states(take, steps=programme, mapper=mapper)))
+        gap, after = np.split(found, [loading.size])
+        recovered = after.reshape(peaks.size, _RELEASED.size) - gap[_PEAKS[: peaks.size], None]
+        apart = scene.surface.heights.max() - scene.surface.heights.mean()
+        sinking = depth / (_YIELDING * capacity)
+        return cls(np.array([0.0, *loading]), np.array([apart, *gap]), sinking, peaks, _RELEASED, recovered)
+
+    def loaded(self, p: Array) -> tuple[Array, Array]:
+        """s and ds/dp at pressures p (n,) on loading, linear between the pressures."""
+        slopes = np.append(np.diff(self.gap) / np.diff(self.pressure), -self.sinking)
+        part = np.clip(np.searchsorted(self.pressure, p, side="right") - 1, 0, slopes.size - 1)
+        return self.gap[part] + slopes[part] * (p - self.pressure[part]), slopes[part]
+
+    def unloaded(self, p: Array, peak: Array) -> tuple[Array, Array]:
+        """s and ds/dp at pressures p (n,) after peaks (n,); beyond them as on loading."""
+        if not self.peaks.size:
+            return self.loaded(p)
+        safe = np.maximum(peak, 1e-9 * self.peaks[0])
+        at = np.interp(np.log(safe), np.log(self.peaks), np.arange(self.peaks.size))
+        lower = np.minimum(at.astype(int), self.peaks.size - 2)
+        weight = (at - lower)[:, None]
+        recovered = (1 - weight) * self.recovered[lower] + weight * self.recovered[lower + 1]
+        fractions = np.array([1.0, *self.released, 0.0])
+        slope_at_end = (recovered[:, -1:] - recovered[:, -2:-1]) / np.log(self.released[-2] / self.released[-1])
+        values = np.hstack([np.zeros((p.size, 1)), recovered, recovered[:, -1:] + slope_at_end])
+        part = np.clip(np.searchsorted(-fractions, -p / safe, side="left") - 1, 0, fractions.size - 2)
+        rows = np.arange(p.size)
+        slope = (values[rows, part + 1] - values[rows, part]) / (fractions[part + 1] - fractions[part]) / safe
+        start, _ = self.loaded(peak)
+        gap = start + values[rows, part] + slope * (p - fractions[part] * safe)
+        above = p >= peak
+        own, own_slope = self.loaded(p)
+        return np.where(above, own, gap), np.where(above, own_slope, slope)
+
+
+def seal_contact(scene: Scene, tiles: SealTiles, forms: Sequence[SealForm], mapper: Mapper = map) -> SealContact:
+    """Contact of a seal at every step, the face of the scene being its layer, under the sum of forms.
+
+    Raises InputError: a form that is steeper than a half-space allows, or does not cover the seal.
+    NotConverged : a contact failed.
+    """
+    grid, depth = form_on_grid(scene, tiles, forms)
+    body = HalfSpace(depth.shape, _spacing(grid, depth.shape), scene.modulus, grid.boundary)
+    inside = grid.inside if depth.shape[1] > 1 else np.ones(depth.shape, bool)
+    layer = RoughLayer.of(scene, max(float(np.ptp(depth[inside])), 1e-9), mapper)
+    cells = _Cells(body, inside, depth[inside])
+    found: dict[tuple[float, float | None], tuple[Array, Array, Array]] = {}
+    p = np.zeros(cells.depth.size)
+    peaks = {step.unloaded_from for step in scene.steps if step.unloaded_from is not None}
+    for load in sorted({*(s.pressure for s in scene.steps if s.unloaded_from is None), *peaks}):
+        p, *_ = found[load, None] = cells.solved(layer.loaded, load, p)
+    for step in scene.steps:
+        if step.unloaded_from is not None:
+            peak, *_ = found[step.unloaded_from, None]
+            law = partial(layer.unloaded, peak=peak)
+            start = peak * (step.pressure / step.unloaded_from)
+            found[step.pressure, step.unloaded_from] = cells.solved(law, step.pressure, start)
+    fields = np.zeros((3, len(scene.steps), *depth.shape))
+    for s, step in enumerate(scene.steps):
+        fields[:, s, inside] = found[step.pressure, step.unloaded_from]
+    return SealContact(grid, depth, scene.steps.pressures, *fields)
+
+
+def without_waves_of(scene: Scene, cut: Cut, forms: Sequence[SealForm]) -> Scene:
+    """The scene whose face has lost the waves that forms of the seal have too: those longer than two tiles."""
+    shortest = max(min((form.shortest_wave for form in forms), default=inf), 2 * max(cut.size))
+    if shortest >= 2 * max(shortest_place(scene.surface).size):
+        return scene
+    return replace(scene, surface=scene.surface.high_pass(shortest))
+
+
+def form_on_grid(scene: Scene, tiles: SealTiles, forms: Sequence[SealForm]) -> tuple[ContactGrid, Array]:
+    """Cells over the seal, and how deep they lie below the highest one (n1, n2) [m]; (n1, 1) if alike all along.
+
+    Raises InputError: a form that is steeper than a half-space allows, or does not cover the seal.
+    """
+    frame = scene.layout.frame(tiles.seal.size)
+    grid = ContactGrid.over(tiles, frame)
+    heights = _heights(grid, frame, forms)
+    if tiles.grid is not None and np.ptp(heights, axis=1).max() <= _SAME * np.ptp(heights):
+        grid = ContactGrid.over(tiles, frame, profile=True)
+        heights = _heights(grid, frame, forms)[:, :1]
+    known = heights if heights.shape[1] == 1 else np.where(grid.inside, heights, np.nan)
+    spacing = _spacing(grid, heights.shape)
+    steps = [np.abs(np.diff(known, axis=axis)) / d for axis, d in enumerate(spacing)]
+    slope = max(float(np.nanmax(step, initial=0.0)) for step in steps)
+    if not slope <= MOST_SLOPE:
+        given = f"slopes up to {slope:.2g} on a seal {to_text(tiles.seal.size[0], 'm', 3)} broad"
+        raise InputError("form", given, f"slopes up to {MOST_SLOPE:g}: the faces are half-spaces")
+    return grid, np.nanmax(known) - heights
+
+
+def _heights(grid: ContactGrid, frame: Any, forms: Sequence[SealForm]) -> Array:
+    """Sum of the heights of forms in the middles of cells (n1, n2) [m], NaN outside of the seal."""
+    points = grid.points.reshape(-1, 2)
+    inside = grid.inside.ravel()
+    heights = np.full(len(points), np.nan)
+    heights[inside] = sum(form.heights(points[inside], frame) for form in forms)
+    return heights.reshape(grid.tile.shape)
+
+
+def _spacing(grid: ContactGrid, shape: tuple[int, int]) -> tuple[float, float]:
+    """Spacing of cells, square where there is one along x2."""
+    d1, d2 = grid.spacing
+    return (d1, d2) if shape[1] > 1 else (d1, d1)
+
+
+class _Cells:
+    """The cells that may touch, a depth below the highest one (n,) [m], on an elastic body."""
+
+    def __init__(self, body: HalfSpace, inside: Array, depth: Array) -> None:
+        self.depth, self._inside = depth, inside
+        self._product = convolution(body.shape, body.boundary, body.symbol())
+        single = np.zeros(body.shape)
+        middle = body.shape[0] // 2, body.shape[1] // 2
+        single[middle] = 1.0
+        own = body.displacement(single)
+        # what one cell does to itself beyond its farthest neighbours: the level of plane strain is arbitrary
+        self._own = float(own[middle] - own.min())
+
+    def displacement(self, p: Array) -> Array:
+        """Of the cells by their pressures (n,) [m]."""
+        self._product.pressure[self._inside] = p
+        self._product.apply()
+        return np.asarray(self._product.displacement[self._inside])
+
+    def solved(
+        self, layer: Callable[[Array], tuple[Array, Array]], load: float, start: Array
+    ) -> tuple[Array, Array, Array]:
+        """Pressures (n,) [Pa] of the mean `load`, separations and openings (n,) [m], from a start near them.
+
+        Conjugate gradients of the cells that touch under a fixed load (Polonsky & Keer, Wear 231, 1999, 206), with the
+        compliance of each cell and its layer as preconditioner.
+        """
+        n = self.depth.size
+        at_touch = layer(np.zeros(n))[0]
+        if load == 0:
+            opening = self.depth - at_touch - float((self.depth - at_touch).min())
+            return np.zeros(n), at_touch + opening, opening
+        p = start * (load / start.mean()) if start.any() else np.full(n, load)
+        direction, former, residual = np.zeros(n), 0.0, np.zeros(n)
+        for _ in range(_MOST_ITERATIONS):
+            gap, slope = layer(p)
+            weight = 1 / (self._own - slope)
+            residual = self.depth + self.displacement(p) - gap
+            touching = p > 0
+            residual -= weight[touching] @ residual[touching] / weight[touching].sum()
+            wanted = -weight * residual
+            apart = ~touching & (residual + gap < at_touch)
+            change = float(np.abs(wanted[touching | apart]).max()) / load
+            if change <= _RTOL:
+                opening = np.where(touching, 0.0, np.maximum(residual + gap - at_touch, 0.0))
+                return p, np.where(touching, gap, at_touch + opening), opening
+            wanted[~touching] = 0.0
+            power = -float(residual @ wanted)
+            direction = wanted + (power / former if former else 0.0) * np.where(touching, direction, 0.0)
+            image = self.displacement(direction)
+            power_at = partial(_power, p, direction, residual + gap, image, layer)
+            length = -float(residual @ direction) / float((image - slope * direction) @ direction)
+            length = _shortened(power_at, length)
+            p = np.maximum(p + length * direction, 0.0)
+            p[apart] -= length * weight[apart] * residual[apart]
+            p *= load / p.mean()
+            former = 0.0 if apart.any() or ((p > 0) != touching).any() else power
+        text = f"contact of the seal with its form: the pressure of its cells still changes by {change:.1e}"
+        raise NotConverged(text, change)
+
+
+def _power(p: Array, direction: Array, above: Array, image: Array, layer: Any, length: float) -> float:
+    """Slope of the energy along a direction, so far along it: what lies above the layer times the direction."""
+    return float((above + length * image - layer(p + length * direction)[0]) @ direction)
+
+
+def _shortened(power_at: Callable[[float], float], length: float) -> float:
+    """A length at which the energy hardly rises again along the direction, at most the given one.
+
+    Layers whose stiffness rises, as where the bodies yield, make steps too long that their tangent gives.
+    """
+    most = -_OVERSHOT * power_at(0.0)
+    if power_at(length) <= most:
+        return length
+    low, high = 0.0, length
+    while high - low > _OVERSHOT * high:
+        middle = 0.5 * (low + high)
+        low, high = (low, middle) if power_at(middle) > 0 else (middle, high)
+    return high
