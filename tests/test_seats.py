@@ -260,11 +260,11 @@ def test_a_broad_seat_that_is_nearly_smooth_is_hertz_s_line_contact(radius):
 
 
 def test_a_broad_seat_of_soft_metal_carries_no_more_than_its_hardness():
-    """Fully plastic: the rows that carry more than half of it are W/H broad, to the 5 % below it where faces sink."""
+    """Fully plastic: the rows that carry more than half of it are W/H broad, to the 3 % below it where faces sink."""
     hardness, force = 0.3e9, 100e3
     found = rows_of(patch(n=64, rms_slope=0.01), CrownedSeat(0.01), [force], hardness)
     assert found.pressure.max() <= hardness
-    assert found.pressure.max() > 0.95 * hardness
+    assert found.pressure.max() > 0.96 * hardness
     assert_allclose((found.pressure > 0.5 * hardness).mean() * found.breadth, force / hardness, rtol=0.05)
 
 

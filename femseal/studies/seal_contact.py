@@ -3,7 +3,8 @@
 The roughness is a layer between two half-spaces: under the pressure p its mean planes stand s(p) apart, which the
 contact of the measured face gives at every pressure, on unloading from every peak by a curve of its own. Cells of the
 seal that lie h below the highest one have h + K p − δ = s(p) where they touch, and more than s(0) where they do not:
-the least of ½ p·K p + h·p − Σ∫s dp under the load. A form that is the same all along is solved in plane strain.
+the least of ½ p·K p + h·p − Σ∫s dp under the load. Where the roughness is all but flat the bodies yield at the same
+pressure, and sink for good. A form that is the same all along is solved in plane strain.
 Source: Greenwood & Tripp, J. Appl. Mech. 34, 1967, 153 (a rough layer on smooth bodies).
 """
 
@@ -34,9 +35,8 @@ from .scene import Scene
 #: fractions of them down to which.
 _PRESSURES = np.geomspace(1e-3, 1.0, 13)
 _PEAKS, _RELEASED = np.array([4, 8, 12]), np.array([0.7, 0.4, 0.15, 0.03])
-#: Fraction of what the faces can carry up to which the layer is solved, and by how much more the pressure rises while
-#: the bodies themselves yield and sink by the depth of the form.
-_HIGHEST, _YIELDING = 0.95, 0.03
+#: Fraction of what the faces can carry up to which the layer is solved, and at which the bodies themselves yield.
+_HIGHEST = 0.97
 #: Relative change of the pressures at which they have settled, and most iterations; how much of the slope of the energy
 #: may be left beyond its least along a direction, and how near to that a shorter step ends.
 _RTOL, _MOST_ITERATIONS, _OVERSHOT = 3e-5, 5000, 0.1
@@ -87,21 +87,20 @@ class SealContact:
 class RoughLayer:
     """Distance s of the mean planes of a rough face [m] over the pressure, on loading and on unloading.
 
-    pressure : rising from 0 (n,) [Pa]. gap : falling (n,) [m]. sinking : by which it falls on [m/Pa] beyond, where the
-    bodies yield. peaks (m,) [Pa], recovered (m, k) : how far the planes come apart again [m] at the fractions
-    `released` of peaks; none where the faces are elastic.
+    pressure : rising from 0 to the highest (n,) [Pa]. gap : falling (n,) [m]. peaks (m,) [Pa], recovered
+    (m, k) : how far the planes come apart again [m] at the fractions `released` of peaks;
+    none where the faces are elastic.
     """
 
     pressure: Array
     gap: Array
-    sinking: float
     peaks: Array
     released: Array
     recovered: Array
 
     @classmethod
-    def of(cls, scene: Scene, depth: float, mapper: Mapper) -> RoughLayer:
-        """Solve the contact of the face of a scene alone under uniform pressures, for a form of such a depth [m]."""
+    def of(cls, scene: Scene, mapper: Mapper) -> RoughLayer:
+        """Solve the contact of the face of a scene alone under uniform pressures."""
         law = scene.law
         capacity = min(law.capacity, 0.1 * scene.modulus)
         loading = _HIGHEST * capacity * _PRESSURES
@@ -115,12 +114,11 @@ class RoughLayer:
         gap, after = np.split(found, [loading.size])
         recovered = after.reshape(peaks.size, _RELEASED.size) - gap[_PEAKS[: peaks.size], None]
         apart = scene.surface.heights.max() - scene.surface.heights.mean()
-        sinking = depth / (_YIELDING * capacity)
-        return cls(np.array([0.0, *loading]), np.array([apart, *gap]), sinking, peaks, _RELEASED, recovered)
+        return cls(np.array([0.0, *loading]), np.array([apart, *gap]), peaks, _RELEASED, recovered)
 
     def loaded(self, p: Array) -> tuple[Array, Array]:
         """s and ds/dp at pressures p (n,) on loading, linear between the pressures."""
-        slopes = np.append(np.diff(self.gap) / np.diff(self.pressure), -self.sinking)
+        slopes = np.diff(self.gap) / np.diff(self.pressure)
         part = np.clip(np.searchsorted(self.pressure, p, side="right") - 1, 0, slopes.size - 1)
         return self.gap[part] + slopes[part] * (p - self.pressure[part]), slopes[part]
 
@@ -155,22 +153,22 @@ def seal_contact(scene: Scene, tiles: SealTiles, forms: Sequence[SealForm], mapp
     grid, depth = form_on_grid(scene, tiles, forms)
     body = HalfSpace(depth.shape, _spacing(grid, depth.shape), scene.modulus, grid.boundary)
     inside = grid.inside if depth.shape[1] > 1 else np.ones(depth.shape, bool)
-    layer = RoughLayer.of(scene, max(float(np.ptp(depth[inside])), 1e-9), mapper)
-    cells = _Cells(body, inside, depth[inside])
-    found: dict[tuple[float, float | None], tuple[Array, Array, Array]] = {}
-    p = np.zeros(cells.depth.size)
+    layer = RoughLayer.of(scene, mapper)
+    cells = _Cells(body, inside, depth[inside], float(layer.pressure[-1]))
+    found: dict[tuple[float, float | None], tuple[Array, ...]] = {}
+    p = sunk = np.zeros(cells.depth.size)
     peaks = {step.unloaded_from for step in scene.steps if step.unloaded_from is not None}
     for load in sorted({*(s.pressure for s in scene.steps if s.unloaded_from is None), *peaks}):
-        p, *_ = found[load, None] = cells.solved(layer.loaded, load, p)
+        p, *_ = found[load, None] = cells.solved(layer.loaded, load, p, sunk)
     for step in scene.steps:
         if step.unloaded_from is not None:
-            peak, *_ = found[step.unloaded_from, None]
+            peak, *_, sunk = found[step.unloaded_from, None]
             law = partial(layer.unloaded, peak=peak)
             start = peak * (step.pressure / step.unloaded_from)
-            found[step.pressure, step.unloaded_from] = cells.solved(law, step.pressure, start)
+            found[step.pressure, step.unloaded_from] = cells.solved(law, step.pressure, start, sunk)
     fields = np.zeros((3, len(scene.steps), *depth.shape))
     for s, step in enumerate(scene.steps):
-        fields[:, s, inside] = found[step.pressure, step.unloaded_from]
+        fields[:, s, inside] = found[step.pressure, step.unloaded_from][:3]
     return SealContact(grid, depth, scene.steps.pressures, *fields)
 
 
@@ -219,10 +217,10 @@ def _spacing(grid: ContactGrid, shape: tuple[int, int]) -> tuple[float, float]:
 
 
 class _Cells:
-    """The cells that may touch, a depth below the highest one (n,) [m], on an elastic body."""
+    """The cells that may touch, a depth below the highest one (n,) [m], on a body that yields at a pressure."""
 
-    def __init__(self, body: HalfSpace, inside: Array, depth: Array) -> None:
-        self.depth, self._inside = depth, inside
+    def __init__(self, body: HalfSpace, inside: Array, depth: Array, most: float) -> None:
+        self.depth, self._inside, self._most = depth, inside, most
         self._product = convolution(body.shape, body.boundary, body.symbol())
         single = np.zeros(body.shape)
         middle = body.shape[0] // 2, body.shape[1] // 2
@@ -238,43 +236,48 @@ class _Cells:
         return np.asarray(self._product.displacement[self._inside])
 
     def solved(
-        self, layer: Callable[[Array], tuple[Array, Array]], load: float, start: Array
-    ) -> tuple[Array, Array, Array]:
-        """Pressures (n,) [Pa] of the mean `load`, separations and openings (n,) [m], from a start near them.
+        self, layer: Callable[[Array], tuple[Array, Array]], load: float, start: Array, sunk: Array
+    ) -> tuple[Array, Array, Array, Array]:
+        """Pressures (n,) [Pa] of the mean `load`, from a start near them; separations, openings, sunk depths [m].
 
-        Conjugate gradients of the cells that touch under a fixed load (Polonsky & Keer, Wear 231, 1999, 206), with the
-        compliance of each cell and its layer as preconditioner.
+        Conjugate gradients of the cells that touch and do not yield under a fixed load (Polonsky & Keer, Wear 231,
+        1999, 206), with the compliance of each cell and its layer as preconditioner.
         """
-        n = self.depth.size
-        at_touch = layer(np.zeros(n))[0]
+        n, depth = self.depth.size, self.depth + sunk
+        at_touch, most = layer(np.zeros(n))[0], self._most
         if load == 0:
-            opening = self.depth - at_touch - float((self.depth - at_touch).min())
-            return np.zeros(n), at_touch + opening, opening
-        p = start * (load / start.mean()) if start.any() else np.full(n, load)
-        direction, former, residual = np.zeros(n), 0.0, np.zeros(n)
+            opening = depth - at_touch - float((depth - at_touch).min())
+            return np.zeros(n), at_touch + opening, opening, sunk
+        p = np.minimum(start * (load / start.mean()), most) if start.any() else np.full(n, load)
+        direction, former = np.zeros(n), 0.0
         for _ in range(_MOST_ITERATIONS):
             gap, slope = layer(p)
             weight = 1 / (self._own - slope)
-            residual = self.depth + self.displacement(p) - gap
-            touching = p > 0
-            residual -= weight[touching] @ residual[touching] / weight[touching].sum()
+            residual = depth + self.displacement(p) - gap
+            free = (p > 0) & (p < most)
+            free = free if free.any() else p > 0
+            residual -= weight[free] @ residual[free] / weight[free].sum()
             wanted = -weight * residual
-            apart = ~touching & (residual + gap < at_touch)
-            change = float(np.abs(wanted[touching | apart]).max()) / load
+            freed = ((p == 0) & (residual + gap < at_touch)) | ((p == most) & (wanted < 0))
+            change = float(np.abs(wanted[free | freed]).max()) / load
             if change <= _RTOL:
-                opening = np.where(touching, 0.0, np.maximum(residual + gap - at_touch, 0.0))
-                return p, np.where(touching, gap, at_touch + opening), opening
-            wanted[~touching] = 0.0
+                opening = np.where(p > 0, 0.0, np.maximum(residual + gap - at_touch, 0.0))
+                deeper = np.where(p == most, np.maximum(-residual, 0.0), 0.0)
+                return p, np.where(p > 0, gap, at_touch + opening), opening, sunk + deeper
+            wanted[~free] = 0.0
             power = -float(residual @ wanted)
-            direction = wanted + (power / former if former else 0.0) * np.where(touching, direction, 0.0)
+            direction = wanted + (power / former if former else 0.0) * np.where(free, direction, 0.0)
             image = self.displacement(direction)
             power_at = partial(_power, p, direction, residual + gap, image, layer)
             length = -float(residual @ direction) / float((image - slope * direction) @ direction)
             length = _shortened(power_at, length)
-            p = np.maximum(p + length * direction, 0.0)
-            p[apart] -= length * weight[apart] * residual[apart]
-            p *= load / p.mean()
-            former = 0.0 if apart.any() or ((p > 0) != touching).any() else power
+            p = np.clip(p + length * direction, 0.0, most)
+            p[freed] = np.clip(p[freed] - length * weight[freed] * residual[freed], 0.0, most)
+            inside = (p > 0) & (p < most)
+            scaled = inside if inside.any() else p > 0
+            p[scaled] *= max(0.0, load * n - p[~scaled].sum()) / p[scaled].sum()
+            p = np.minimum(p, most)
+            former = 0.0 if freed.any() or (inside != free).any() else power
         text = f"contact of the seal with its form: the pressure of its cells still changes by {change:.1e}"
         raise NotConverged(text, change)
 
