@@ -38,7 +38,7 @@ class FormTable(Table):
 
     @model_validator(mode="after")
     def _possible(self) -> FormTable:
-        with faults_of("form"):
+        with faults_of("seal.form"):
             self.form(Path())
         return self
 

@@ -23,6 +23,7 @@ from ..studies import Scene, drop_ratio
 from ..studies.costs import LADDER_STATES, Effort, on_ladder, usual_efforts, usual_seals
 from ..studies.deterministic import STEP_BYTES, states_memory
 from ..studies.face_leakage import FEWEST
+from ..studies.seal_contact import form_on_grid
 from ..studies.tile_pressure import describe_map
 from ..topography import Places
 from .pilot import efforts, pace, solved_once
@@ -164,6 +165,10 @@ def _study_facts(prepared: Prepared) -> Iterator[tuple[str, str]]:
     yield "", f"{number} of {tiles}, {drawn}{f', {how}' if how else ''}"
     if uneven := describe_map(scene, tiles, sampling.pressure_map):
         yield "pressure map", uneven
+    if sampling.form:
+        _, depth = form_on_grid(scene, tiles, sampling.form)
+        high = to_text(float(np.nanmax(depth)), "m", 3)
+        yield "form", f"{', '.join(map(str, sampling.form))}, in all {high} high; it gives the pressure of the tiles"
 
 
 def _face_states(prepared: Prepared) -> int:

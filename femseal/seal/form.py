@@ -22,7 +22,7 @@ from .pressure_map import Frame
 from .seal_files import TEXTS, columns_of, read_columns
 
 #: How far from measured points their heights hold: in their usual distance, and in the larger side of the seal.
-_BEYOND, _REACH = 2.0, 0.1
+_BEYOND, _REACH = 3.0, 0.2
 #: Most points of a form; more are averaged over squares.
 _MOST_POINTS = 4096
 
@@ -80,6 +80,10 @@ class WavyForm:
         around = self._count(frame) * frame.angle(points)
         return 0.5 * self.height * np.cos(around)
 
+    def __str__(self) -> str:
+        waves = f"{self.lobes} waves" if self.wavelength is None else f"waves of {to_text(self.wavelength, 'm')}"
+        return f"{waves} {to_text(self.height, 'm')} high"
+
     def _count(self, frame: Frame) -> int:
         if self.wavelength is None:
             assert self.lobes is not None
@@ -97,14 +101,14 @@ class MeasuredForm:
     """Heights that were measured over a seal, less the plane through them, as clamped faces align; see `of`.
 
     points : x and y in the plane of the seal, x1 and x2 of a strip; or radius [m] and angle [rad] if `polar` (n, 2).
-    values : heights (n,) [m]. middle : point of a map that lies at the centre of a seal around one; a map of a strip
-        begins at its corner.
+    values : heights (n,) [m]. middle : of a map, which lies at the centre of a seal around one; that of a strip begins at its
+        corner.
     """
 
     points: Array = field(repr=False)
     values: Array = field(repr=False)
     polar: bool = False
-    middle: tuple[float, float] = (0.0, 0.0)
+    middle: tuple[float, float] | None = None
 
     @classmethod
     def of(cls, points: ArrayLike, heights: ArrayLike, *, polar: bool = False) -> MeasuredForm:
@@ -166,17 +170,16 @@ class MeasuredForm:
         known, values = self._averaged
         if frame.size and self.polar:
             raise InputError("form", "radii and angles on a strip", "x and y")
-        if not frame.size:
-            known = known - self.middle + frame.centre
+        if not frame.size and (self.polar or self.middle is not None):
+            known = known - (self.middle or (0.0, 0.0)) + frame.centre
         limit = max(_BEYOND * _distance(known), _REACH * float(np.ptp(points, axis=0).max()))
         far = float(cKDTree(known).query(points)[0].max())
         if far > limit:
             given = f"points up to {to_text(far, 'm', 3)} from places on the seal"
             expected = f"points that cover it, within {to_text(limit, 'm', 3)}: is their unit right?"
             raise InputError("form", given, expected)
-        z = RBFInterpolator(known, values, kernel="linear", degree=0)(points)
-        plane = np.column_stack([np.ones(len(points)), points - points.mean(axis=0)])
-        return np.asarray(z - plane @ np.linalg.lstsq(plane, z)[0])
+        level = _less_plane(known, values)
+        return _less_plane(points, RBFInterpolator(known, level, kernel="linear", degree=0)(points))
 
 
 @dataclass(frozen=True)
@@ -198,6 +201,9 @@ class FileForm:
         for name in ("unit", "length_unit"):
             if getattr(self, name) is not None:
                 to_si(f"1 {getattr(self, name)}", "m", name)
+
+    def __str__(self) -> str:
+        return f"the heights in {self.path.name}"
 
     @property
     def measured(self) -> MeasuredForm:
@@ -272,6 +278,12 @@ class ScaledForm:
     def heights(self, points: Array, frame: Frame) -> Array:
         """The factor times the heights of the form."""
         return self.factor * self.form.heights(points, frame)
+
+
+def _less_plane(points: Array, values: Array) -> Array:
+    """Values (n,) at points (n, 2) less the plane through them."""
+    plane = np.column_stack([np.ones(len(points)), points - points.mean(axis=0)])
+    return np.asarray(values - plane @ np.linalg.lstsq(plane, values)[0])
 
 
 def _distance(points: Array) -> float:

@@ -39,7 +39,7 @@ _PEAKS, _RELEASED = np.array([4, 8, 12]), np.array([0.7, 0.4, 0.15, 0.03])
 _HIGHEST = 0.97
 #: Relative change of the pressures at which they have settled, and most iterations; how much of the slope of the energy
 #: may be left beyond its least along a direction, and how near to that a shorter step ends.
-_RTOL, _MOST_ITERATIONS, _OVERSHOT = 3e-5, 5000, 0.1
+_RTOL, _MOST_ITERATIONS, _OVERSHOT = 1e-5, 5000, 0.1
 #: Depth of a form along the seal, over its whole depth, that is the same all along.
 _SAME = 1e-9
 
@@ -70,6 +70,8 @@ class SealContact:
     def fractions(self) -> Array:
         """Pressure of tiles over that of the whole seal (steps, tiles); 1 where there is none."""
         means, nominal = self.grid.means(self.pressure), self.nominal[:, None]
+        if self.grid.has_rows:  # tiles of one area, of which a cell may cover several
+            means *= np.divide(nominal, means.mean(axis=1, keepdims=True), where=nominal > 0, out=np.ones_like(nominal))
         return np.divide(means, nominal, out=np.ones_like(means), where=nominal > 0)
 
     @property

@@ -83,8 +83,8 @@ def form_of(surface, count):
     """Mean heights of the whole over count × count squares."""
     n = POINTS // count
     heights = surface.heights.reshape(count, n, count, n).mean(axis=(1, 3))
-    middles = (np.arange(count) + 0.5) * n * surface.spacing[0]
-    points = np.stack(np.meshgrid(middles, middles, indexing="ij"), axis=-1).reshape(-1, 2)
+    middles = ((np.arange(count) + 0.5) * n * d for d in surface.spacing)
+    points = np.stack(np.meshgrid(*middles, indexing="ij"), axis=-1).reshape(-1, 2)
     return MeasuredForm.of(points, heights.ravel())
 
 
