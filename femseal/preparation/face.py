@@ -15,6 +15,7 @@ from ..base import InputError, NotConverged, to_text
 from ..case.case import Case
 from ..case.faces import FileFace, TurnedFace
 from ..case.faults import FACE_KEYS, SURFACE_KEYS, with_keys
+from ..face.patch_form import FormEffect, form_effect
 from ..face.pieces import Cut, usual_pieces
 from ..flow.law import cubic_law
 from ..seal import RectangularSeal
@@ -245,6 +246,24 @@ def _usual_pieces(case: Case, place: Topography, wave: float) -> Pair:
 _GROOVED, _EVEN = 0.5, 0.3
 #: Waves of grooves that a face has at least.
 _LEAST_GROOVES = 3
+
+
+#: Loads at which the effect of the form is measured, at most.
+_FORM_LOADS = 4
+
+
+def form_of_patch(case: Case, surface: Topography, scene: Scene) -> FormEffect | None:
+    """Effect of what is form in a measured face, see `form_effect`; None where the case says what is, or has a form.
+
+    surface : without the form of a seat.
+    """
+    measured = any(isinstance(table, FileFace) for table in case.face)
+    said = "detrend" in case.surface.model_fields_set or case.seat.kind != "flat" or case.seal.form
+    loads = [pressure for pressure in scene.steps.loading if pressure > 0]
+    if not measured or said or not loads or not surface.rms_slope:
+        return None
+    chosen = np.unique(np.linspace(0, len(loads) - 1, _FORM_LOADS).round().astype(int))
+    return form_effect(surface, scene.modulus, scene.law, [loads[n] for n in chosen], scene.boundary)
 
 
 def wound_layout(case: Case) -> Layout:

@@ -6,6 +6,7 @@ from dataclasses import replace
 from ..base import InputError, to_text
 from ..budget import FormTolerance
 from ..case.case import Case
+from ..case.faces import FileFace
 from ..case.faults import MAP_TABLES, SCENE_TABLES, SEAL_TABLES, with_tables
 from ..case.values import unusual
 from ..seal.layouts import Layout
@@ -13,9 +14,17 @@ from ..studies import Sampling, Scene, cut_and_tiles, laid_out
 from ..studies.scene import gas_warnings, scene_warnings
 from ..studies.seal_contact import form_on_grid
 from ..studies.tile_pressure import check_map
-from ..topography import MOST_POINTS, Conditioning, SpikeEffect, Topography, resolving_shape, shortest_place
+from ..topography import (
+    MOST_POINTS,
+    Conditioning,
+    SpikeEffect,
+    Topography,
+    representative,
+    resolving_shape,
+    shortest_place,
+)
 from ..topography.seat import LEAST_DEPTH, FlatSeat
-from .face import conditioned_face, groove_question, wound_layout
+from .face import conditioned_face, form_of_patch, groove_question, wound_layout
 from .prepared import (
     Pair,
     Prepared,
@@ -53,6 +62,9 @@ def prepare(case: Case) -> Prepared:
             with with_tables(SEAL_TABLES):
                 scene.check_spiral()
         form = _form_tolerance(case, sampling, broader)
+        effect = form_of_patch(case, surface, scene)
+        measured = any(isinstance(table, FileFace) for table in case.face)
+        holds = representative(surface) if measured and surface.rms_slope else None
         spikes = SpikeEffect(conditioning.spikes_along_lay, conditioning.spikes_extreme).doubts(conditioning.spikes)
         prepared = Prepared(
             scene=scene,
@@ -64,10 +76,14 @@ def prepare(case: Case) -> Prepared:
             methods=methods,
             seat=seat,
             form=form,
+            holds=holds,
+            form_effect=effect,
             warnings=(
                 *plausibility_warnings(case, scene, conditioning),
                 *groove_question(case, scene),
                 *spikes,
+                *([] if holds is None else holds.doubts),
+                *([] if effect is None else effect.doubts),
                 *doubts,
             ),
         )

@@ -354,6 +354,10 @@ def _surface_facts(prepared: Prepared) -> Iterator[tuple[str, str]]:
         size = " × ".join(to_text(length, "m", 3) for length in overlap.size)
         resampled = ", the second resampled" if overlap.resampled else ""
         yield "", f"two faces overlap on {size}, {overlap.fraction:.0%} of the first{resampled}"
+    if prepared.holds is not None and prepared.holds.is_enough:
+        yield "", f"holds {prepared.holds}"
+    if prepared.form_effect is not None and not prepared.form_effect.question:
+        yield "", prepared.form_effect.text()
     if prepared.continuation:
         yield "", prepared.continuation_text
     shortest = report.shortest_wavelength
