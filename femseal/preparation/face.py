@@ -29,6 +29,7 @@ from ..topography import (
     Overlap,
     Places,
     Repair,
+    Representative,
     TooManyUndefined,
     Topography,
     check_wave,
@@ -37,6 +38,7 @@ from ..topography import (
     default_wave,
     of_all_places,
     repair,
+    representative,
     resolved_wave,
     resolving_shape,
     shortest_place,
@@ -248,22 +250,19 @@ _GROOVED, _EVEN = 0.5, 0.3
 _LEAST_GROOVES = 3
 
 
-#: Loads at which the effect of the form is measured, at most.
-_FORM_LOADS = 4
-
-
-def form_of_patch(case: Case, surface: Topography, scene: Scene) -> FormEffect | None:
-    """Effect of what is form in a measured face, see `form_effect`; None where the case says what is, or has a form.
+def measured_patch(case: Case, surface: Topography, scene: Scene) -> tuple[Representative | None, FormEffect | None]:
+    """What a measured face holds of its long waves, and what its form does where the case neither says nor has one.
 
     surface : without the form of a seat.
     """
-    measured = any(isinstance(table, FileFace) for table in case.face)
+    if not surface.rms_slope or not any(isinstance(table, FileFace) for table in case.face):
+        return None, None
+    holds, loads = representative(surface), [pressure for pressure in scene.steps.loading if pressure > 0]
     said = "detrend" in case.surface.model_fields_set or case.seat.kind != "flat" or case.seal.form
-    loads = [pressure for pressure in scene.steps.loading if pressure > 0]
-    if not measured or said or not loads or not surface.rms_slope:
-        return None
-    chosen = np.unique(np.linspace(0, len(loads) - 1, _FORM_LOADS).round().astype(int))
-    return form_effect(surface, scene.modulus, scene.law, [loads[n] for n in chosen], scene.boundary)
+    if said or not loads:
+        return holds, None
+    chosen = sorted({loads[n * (len(loads) - 1) // 3] for n in range(4)})
+    return holds, form_effect(surface, scene.modulus, scene.law, chosen, scene.boundary)
 
 
 def wound_layout(case: Case) -> Layout:

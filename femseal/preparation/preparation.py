@@ -6,7 +6,6 @@ from dataclasses import replace
 from ..base import InputError, to_text
 from ..budget import FormTolerance
 from ..case.case import Case
-from ..case.faces import FileFace
 from ..case.faults import MAP_TABLES, SCENE_TABLES, SEAL_TABLES, with_tables
 from ..case.values import unusual
 from ..seal.layouts import Layout
@@ -19,12 +18,11 @@ from ..topography import (
     Conditioning,
     SpikeEffect,
     Topography,
-    representative,
     resolving_shape,
     shortest_place,
 )
 from ..topography.seat import LEAST_DEPTH, FlatSeat
-from .face import conditioned_face, form_of_patch, groove_question, wound_layout
+from .face import conditioned_face, groove_question, measured_patch, wound_layout
 from .prepared import (
     Pair,
     Prepared,
@@ -62,9 +60,7 @@ def prepare(case: Case) -> Prepared:
             with with_tables(SEAL_TABLES):
                 scene.check_spiral()
         form = _form_tolerance(case, sampling, broader)
-        effect = form_of_patch(case, surface, scene)
-        measured = any(isinstance(table, FileFace) for table in case.face)
-        holds = representative(surface) if measured and surface.rms_slope else None
+        holds, effect = measured_patch(case, surface, scene)
         spikes = SpikeEffect(conditioning.spikes_along_lay, conditioning.spikes_extreme).doubts(conditioning.spikes)
         prepared = Prepared(
             scene=scene,
@@ -82,8 +78,8 @@ def prepare(case: Case) -> Prepared:
                 *plausibility_warnings(case, scene, conditioning),
                 *groove_question(case, scene),
                 *spikes,
-                *([] if holds is None else holds.doubts),
-                *([] if effect is None else effect.doubts),
+                *(holds.doubts if holds else ()),
+                *(effect.doubts if effect else ()),
                 *doubts,
             ),
         )

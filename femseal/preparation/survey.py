@@ -51,6 +51,8 @@ _OPEN = {
     "load": "which contact pressures in assembly, and down to which in service? Or forces: 10 kN, 200 N/mm",
     "fluid": "which fluid, between which pressures?",
 }
+#: Pressures on a face that has neither load nor material, over the hardness, and that over E* and the rms slope.
+_PRESSURES, _HARDNESS = (0.02, 0.15), 0.15
 #: Lines of the description of a face that its case shows.
 _SHOWN = ("points ", "pixel", "undefined", "Sq,", "rms slope ", "Std", "shortest wave above")
 
@@ -151,19 +153,11 @@ def look(face: Topography, wave: float | None, treatment: dict[str, Any]) -> _Lo
     if not kept.rms_slope:
         return found
     curved = flat.with_heights(flat.heights + repaired.form.heights).detrend(1)
-    form = _usual_form_effect(curved.low_pass(conditioning.shortest_wavelength))
-    return replace(found, holds=representative(kept), form=form)
-
-
-#: Pressures at which a face is pressed that has neither load nor material, over the hardness, and that over E* and
-#: the rms slope.
-_PRESSURES, _HARDNESS = (0.02, 0.15), 0.15
-
-
-def _usual_form_effect(curved: Topography) -> FormEffect:
-    """Effect of the form in a face between usual solids; leakage does not depend on E* itself."""
+    curved = curved.low_pass(conditioning.shortest_wavelength)
+    # leakage does not depend on E* itself
     hardness = _HARDNESS * curved.rms_slope
-    return form_effect(curved, 1.0, PerfectlyPlastic(hardness), [part * hardness for part in _PRESSURES])
+    form = form_effect(curved, 1.0, PerfectlyPlastic(hardness), [part * hardness for part in _PRESSURES])
+    return replace(found, holds=representative(kept), form=form)
 
 
 def _description(face: Topography, look: _Look) -> list[str]:
@@ -210,12 +204,11 @@ def notes(report: SurfaceReport, conditioning: Conditioning) -> list[str]:
 
 def _of_patch(look: _Look) -> list[str]:
     """What the face holds of its long waves, and what is form in it."""
-    lines = [] if look.holds is None else look.holds.doubts or [f"the patch holds {look.holds}"]
+    lines = [] if look.holds is None else look.holds.doubts or [str(look.holds)]
     if look.form is None:
         return lines
     loads = f"{_PRESSURES[0]:g} to {_PRESSURES[1]:g} of a hardness of {_HARDNESS:g} E* times its slope"
-    question = look.form.question
-    return [*lines, look.form.text(loads) + (f": {question}" if question else "")]
+    return [*lines, look.form.text(loads)]
 
 
 def case_of_face(path: Path, folder: Path) -> str:

@@ -97,8 +97,7 @@ def _with_model_parts(
         parts = [effective_pressure_part(prepared.scene, result) if "effective pressure" in names else None]
         if prepared.form_effect is not None and "form of the patch" in names:
             parts.append(patch_form_part(prepared.form_effect, result.steps, leakage_of(result)))
-        known_parts = (part for part in parts if part is not None)
-        found[key] = replace(found[key], parts=(*found[key].parts, *known_parts))
+        found[key] = replace(found[key], parts=(*found[key].parts, *filter(None, parts)))
     if continued:
         others = [_solved(replace(grid, scene=scene), mapper) for scene in continued]
         for key, result in studies.items():

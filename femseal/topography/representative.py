@@ -25,7 +25,7 @@ _RISE = 3.0
 class Representative:
     """What a patch holds of the longest waves of its face.
 
-    longest : wave [m], NaN of a flat face. is_roll_off : whether a plateau ends there; else it is by Sal.
+    longest : wave [m], NaN of a flat face; by Sal, unless it is the roll-off. roll_off : where a plateau ends, or None.
     waves : how many of them the patch holds along x1 and x2.
     rises : whether the spectrum rises up to the side of the patch, so that longer waves are to be expected.
     density, hurst : C at the longest wave [m⁴] and H of the power law; NaN without one.
@@ -33,7 +33,7 @@ class Representative:
     """
 
     longest: float
-    is_roll_off: bool
+    roll_off: float | None
     waves: tuple[float, float]
     rises: bool
     density: float
@@ -41,31 +41,24 @@ class Representative:
     places: int = 1
 
     @property
-    def roll_off(self) -> float | None:
-        """Wave at which a plateau ends within the patch [m], None without."""
-        return self.longest if self.is_roll_off else None
-
-    @property
     def is_enough(self) -> bool:
         """Whether the patch by itself stands for a larger face: it is flat, or holds several of its longest waves."""
         return not min(self.waves) < LEAST_WAVES and not self.rises
 
     def __str__(self) -> str:
+        which = "the patch holds" if self.places == 1 else f"the least of {self.places} places holds"
         across, along = self.waves
-        origin = "where its spectrum rolls off" if self.is_roll_off else "by its autocorrelation length"
-        text = f"{across:.2g} × {along:.2g} of its long waves of {to_text(self.longest, 'm', 3)}, {origin}"
+        origin = "where its spectrum rolls off" if self.roll_off else "by its autocorrelation length"
+        text = f"{which} {across:.2g} × {along:.2g} of its long waves of {to_text(self.longest, 'm', 3)}, {origin}"
         return f"{text}; its spectrum rises up to its side, and longer waves are not in it" if self.rises else text
 
     @property
     def doubts(self) -> list[str]:
         """A sentence where another patch may leak otherwise."""
-        if self.is_enough:
-            return []
-        which = "the patch holds" if self.places == 1 else f"the least of {self.places} places holds"
         scatter = ""
         if min(self.waves) < LEAST_WAVES:
             scatter = f"others leak more or less, by a factor of about 2 with {LEAST_WAVES} waves and 1.3 with 8: "
-        return [f"{which} {self}; {scatter}measure a larger patch or several places"]
+        return [] if self.is_enough else [f"{self}; {scatter}measure a larger patch or several places"]
 
 
 def representative(patch: Topography) -> Representative:
@@ -74,13 +67,13 @@ def representative(patch: Topography) -> Representative:
         least = min(map(representative, patch.each), key=lambda found: min(found.waves))
         return replace(least, places=len(patch.each))
     law = spectrum(patch).law
-    is_roll_off = law is not None and isfinite(law.roll_off)
-    longest = law.roll_off if law and is_roll_off else texture(patch).correlation_length / _SAL_OF_WAVE
+    roll_off = law.roll_off if law and isfinite(law.roll_off) else None
+    longest = roll_off or texture(patch).correlation_length / _SAL_OF_WAVE
     return Representative(
         longest=longest,
-        is_roll_off=is_roll_off,
+        roll_off=roll_off,
         waves=(patch.size[0] / longest, patch.size[1] / longest),
-        rises=not is_roll_off and _rises(patch),
+        rises=roll_off is None and _rises(patch),
         density=float(law.at(2 * pi / longest)) if law else nan,
         hurst=law.hurst if law else nan,
     )
