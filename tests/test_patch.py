@@ -94,7 +94,7 @@ def test_the_parabola_of_a_face_has_its_height_and_radius(seed):
     assert_allclose(effect.height, height, rtol=0.15)
     assert_allclose(effect.radii[0], SIDE**2 / (8 * height), rtol=0.15)
     assert effect.radii[1] > 5 * effect.radii[0]
-    assert f"{1e6 * effect.height:.3g} µm high" in effect.text()
+    assert f"{1e6 * effect.height:.3g} µm high" in str(effect)
 
 
 def solved(face, pressures):
@@ -118,7 +118,9 @@ def test_few_points_tell_what_the_form_does(height):
 
 def test_places_are_one_beside_the_other():
     face, loads = crowned(1e-6), [0.06 * H]
-    one, two = (form_effect(patch, E, PerfectlyPlastic(H), loads) for patch in (face, fs.Places([face, crowned(1e-6, 2)])))
+    one, two = (
+        form_effect(patch, E, PerfectlyPlastic(H), loads) for patch in (face, fs.Places([face, crowned(1e-6, 2)]))
+    )
     other = form_effect(crowned(1e-6, 2), E, PerfectlyPlastic(H), loads)
     both = np.log((one.permeability[0] + other.permeability[0]) / (one.permeability[1] + other.permeability[1]))
     assert_allclose(two.changes[0], both, atol=0.15)
@@ -141,7 +143,12 @@ def test_a_load_that_seals_the_few_points_is_taken_as_lower():
 
 
 EFFECT = FormEffect(
-    np.array([1e6, 1e8]), np.array([[8.0, 1.0], [2.0, 0.5], [8.0, 1.0]]), height=1e-6, radii=(1.0, 2.0), longest=1e-4
+    np.array([1e6, 1e8]),
+    np.array([[8.0, 1.0], [2.0, 0.5], [8.0, 1.0]]),
+    height=1e-6,
+    radii=(1.0, 2.0),
+    longest=1e-4,
+    loads="",
 )
 
 
@@ -168,7 +175,7 @@ def test_loads_at_which_nothing_leaks_tell_nothing():
     assert shut.distance(np.array([1e6])) is None
     assert patch_form_part(shut, LoadProgramme.of((1e6,)), np.ones(1)) is None
     assert shut.doubts == []
-    assert "leaks unknown times as much" in shut.text()
+    assert "leaks unknown times as much" in str(shut)
 
 
 CASE = """
@@ -244,11 +251,45 @@ def test_check_says_what_the_patch_holds(case):
     assert fs.prepare(case("detrend = 2")).form_effect is None
 
 
-def test_a_seat_or_a_form_of_the_seal_says_what_is_form(case, tmp_path):
-    path = tmp_path / "case.toml"
+SEAT = '[seat]\nkind = "tilted"\ntilt = "0.001 deg"\n'
+FORM = '[stochastic]\n[seal]\nform = [{kind = "waves", height = "1 um", lobes = 3}]\n'
+
+
+@pytest.mark.parametrize(("table", "method"), [("", "deterministic"), (SEAT, "deterministic"), (FORM, "stochastic")])
+def test_a_seat_or_a_form_of_the_seal_says_what_is_form(case, tmp_path, table, method):
     case()
-    path.write_text(path.read_text().replace("[contact]", '[seat]\nkind = "tilted"\ntilt = "0.001 deg"\n\n[contact]'))
-    assert fs.prepare(fs.load_case(path)).form_effect is None
+    path = tmp_path / "case.toml"
+    text = path.read_text().replace('"deterministic"', f'"{method}"')
+    path.write_text(text + table)
+    assert (fs.prepare(fs.load_case(path)).form_effect is None) == bool(table)
+
+
+def test_the_survey_of_a_file_says_both(femseal, case, tmp_path):
+    case()
+    arguments = ("surface", tmp_path / "patch.npz", "--size", f"{1e6 * SIDE} um", f"{1e6 * SIDE} um")
+    found = []
+    for order in (1, 2):
+        code, out, _ = femseal(*arguments, "--detrend", order)
+        assert code == 0
+        (holds,) = [line for line in out.splitlines() if "of its long waves of" in line]
+        assert holds.startswith("note: the patch holds")
+        found.append([line for line in out.splitlines() if "with its curvature as without" in line])
+        assert "at 0.02 to 0.15 of a hardness of 0.15 E* times its slope" in found[-1][0]
+        assert "surface.detrend = 1 keeps the curvature" in found[-1][0]
+    # whether curvature is taken off or not: it is the file's
+    assert found[0] == found[1]
+
+
+def test_a_new_case_asks_what_is_form_where_it_matters(femseal, tmp_path):
+    import x3pio
+
+    for height, asked in ((1e-6, True), (0.0, False)):
+        x3pio.write(tmp_path / "patch.x3p", crowned(height).heights.T, x_scale=D, y_scale=D)
+        (tmp_path / "new.toml").unlink(missing_ok=True)
+        assert femseal("new", tmp_path / "new.toml", "--from", tmp_path / "patch.x3p")[0] == 0
+        text = (tmp_path / "new.toml").read_text(encoding="utf-8")
+        assert ("surface.detrend = 1 keeps the curvature" in text) == asked
+        assert ("of its long waves of" in text) == asked  # the parabola is the longest wave
 
 
 def test_a_generated_face_is_no_patch(tmp_path):

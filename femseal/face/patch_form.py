@@ -4,7 +4,7 @@ Contact and flow are solved on 128 points a side, where form and long waves are 
 its coarser version may be sealed, as it has less slope: then under loads that are less by as much.
 """
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from math import log, nan, sqrt
 
@@ -39,7 +39,7 @@ _FEWEST = 8
 class FormEffect:
     """Leakage of a patch without its tilt, by what else counts as its form.
 
-    pressures : nominal ones at which it was solved (loads,) [Pa].
+    pressures : nominal ones at which it was solved (loads,) [Pa]. loads : the lowest and the highest as text.
     permeability : of the patch, without its curvature, and without waves longer than `longest` [m] (3, loads) [m³].
     height : of the curvature, highest to lowest point [m]. radii : of curvature along x1 and x2 [m]; both of the
     shortest of several places.
@@ -50,6 +50,7 @@ class FormEffect:
     height: float
     radii: tuple[float, float]
     longest: float
+    loads: str
 
     @property
     def changes(self) -> Array:
@@ -75,18 +76,13 @@ class FormEffect:
     @property
     def doubts(self) -> list[str]:
         """What the form does, where that matters."""
-        return [self.text()] if self.question else []
+        return [str(self)] if self.question else []
 
-    def text(self, loads: str = "") -> str:
-        """What curvature and longest waves do to the leakage from the lowest to the highest load, and what that asks.
-
-        loads : as text, in place of the pressures.
-        """
-        loads = loads or " to ".join(to_text(p, "Pa", 3) for p in self.pressures[[0, -1]])
+    def __str__(self) -> str:
         radii = " and ".join(to_text(radius, "m", 3) for radius in self.radii)
         curved, waved = (_range(change) for change in self.changes)
         return (
-            f"at {loads} the patch leaks {curved} times as much with its curvature as without "
+            f"at {self.loads} the patch leaks {curved} times as much with its curvature as without "
             f"({to_text(self.height, 'm', 3)} high, radii of {radii} along x1 and x2), and {waved} times as much "
             f"with its waves longer than {to_text(self.longest, 'm', 3)}{self.question}"
         )
@@ -95,7 +91,12 @@ class FormEffect:
 def _range(change: Array) -> str:
     """Its ratios at the first and the last load at which they are known."""
     known = np.exp(change[np.isfinite(change)])
-    return " to ".join(f"{float(f'{ratio:.2g}'):g}" for ratio in known[[0, -1]]) if known.size else "unknown"
+    return _ends(f"{float(f'{ratio:.2g}'):g}" for ratio in known) if known.size else "unknown"
+
+
+def _ends(texts: Iterable[str]) -> str:
+    first, *_, last = [*texts] * 2
+    return first if first == last else f"{first} to {last}"
 
 
 def form_effect(
@@ -104,10 +105,13 @@ def form_effect(
     law: ContactLaw,
     pressures: Sequence[float],
     boundary: tuple[str, str] = ("free", "periodic"),
+    *,
+    loads: str = "",
 ) -> FormEffect:
     """Solve contact and flow of a patch without tilt or undefined points as it is, and without what may be form.
 
     modulus, law, pressures, boundary : of the contact, the pressures > 0 and rising, see `solve_contact`.
+    loads : the lowest and the highest pressure as text, unless in Pa.
     """
     pixel = max(shortest_place(patch).size) / _POINTS * sqrt(len(patch.each))
     n1, n2 = (max(_FEWEST, round(side / pixel)) for side in patch.size)
@@ -127,7 +131,8 @@ def form_effect(
     form = fit_form(place.heights, place.size, 2)
     first, _, second = (1 / max(abs(curvature), 1e-12) for curvature in form.curvatures)
     height = float(np.ptp(form.heights))
-    return FormEffect(np.array(pressures), np.array(found).T, height, (first, second), longest)
+    loads = loads or _ends(to_text(pressure, "Pa", 3) for pressure in pressures)
+    return FormEffect(np.array(pressures), np.array(found).T, height, (first, second), longest, loads)
 
 
 def _permeability(

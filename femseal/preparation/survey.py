@@ -53,6 +53,7 @@ _OPEN = {
 }
 #: Pressures on a face that has neither load nor material, over the hardness, and that over E* and the rms slope.
 _PRESSURES, _HARDNESS = (0.02, 0.15), 0.15
+_LOADS = "0.02 to 0.15 of a hardness of 0.15 E* times its slope"
 #: Lines of the description of a face that its case shows.
 _SHOWN = ("points ", "pixel", "undefined", "Sq,", "rms slope ", "Std", "shortest wave above")
 
@@ -64,8 +65,7 @@ class _Look:
     part: Part | None = None
     report: SurfaceReport | None = None
     conditioning: Conditioning | None = None
-    holds: Representative | None = None
-    form: FormEffect | None = None
+    patch: tuple[Representative | FormEffect, ...] = ()
     reasons: tuple[str, ...] = ()
 
 
@@ -116,7 +116,9 @@ def survey(
         origin = (0.0, 0.0) if crop is None else (lengths["crop"][0], lengths["crop"][2])
         lines += _offer(found.part, origin)
     if found.report is not None and found.conditioning is not None:
-        lines += [f"note: {text}" for text in [*notes(found.report, found.conditioning), *_of_patch(found)]]
+        texts = notes(found.report, found.conditioning)
+        texts += [text for one in found.patch for text in one.doubts or [str(one)]]
+        lines += [f"note: {text}" for text in texts]
     if picture is not None:
         figure = survey_figure(face, found.report, found.conditioning, part=found.part, detrend=detrend, spikes=spikes)
         figure.suptitle(path.name, fontsize=11, parse_math=False)
@@ -156,8 +158,9 @@ def look(face: Topography, wave: float | None, treatment: dict[str, Any]) -> _Lo
     curved = curved.low_pass(conditioning.shortest_wavelength)
     # leakage does not depend on E* itself
     hardness = _HARDNESS * curved.rms_slope
-    form = form_effect(curved, 1.0, PerfectlyPlastic(hardness), [part * hardness for part in _PRESSURES])
-    return replace(found, holds=representative(kept), form=form)
+    pressures = [part * hardness for part in _PRESSURES]
+    form = form_effect(curved, 1.0, PerfectlyPlastic(hardness), pressures, loads=_LOADS)
+    return replace(found, patch=(representative(kept), form))
 
 
 def _description(face: Topography, look: _Look) -> list[str]:
@@ -202,15 +205,6 @@ def notes(report: SurfaceReport, conditioning: Conditioning) -> list[str]:
     return notes
 
 
-def _of_patch(look: _Look) -> list[str]:
-    """What the face holds of its long waves, and what is form in it."""
-    lines = [] if look.holds is None else look.holds.doubts or [str(look.holds)]
-    if look.form is None:
-        return lines
-    loads = f"{_PRESSURES[0]:g} to {_PRESSURES[1]:g} of a hardness of {_HARDNESS:g} E* times its slope"
-    return [*lines, look.form.text(loads)]
-
-
 def case_of_face(path: Path, folder: Path) -> str:
     """Text of a case of a measured face, for a file in a folder; its last tables hold values of the template.
 
@@ -235,8 +229,9 @@ def case_of_face(path: Path, folder: Path) -> str:
     if found.report is not None:
         lines += [f"#   {line}" for line in str(found.report).splitlines() if line.startswith(_SHOWN)]
     if found.report is not None and found.conditioning is not None:
-        found_notes = [*notes(found.report, found.conditioning), *_of_patch(found)]
+        found_notes = notes(found.report, found.conditioning)
         questions += [note for note in found_notes if "shortest_wave" not in note]
+        questions += [text for one in found.patch for text in one.doubts]
         measured, kept = found.report.shortest_wave, found.conditioning.shortest_wavelength
         text, why = to_text(max(measured, kept), "m", 3), "the shortest one above noise"
         if text != (shortest := to_text(measured, "m", 3)):
