@@ -27,6 +27,7 @@ if TYPE_CHECKING:
         effective_pressure_part,
         model_changes,
         model_part,
+        patch_form_part,
         places_to_halve,
     )
     from .grid_convergence import GridConvergence, grid_convergence

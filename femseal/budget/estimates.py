@@ -12,6 +12,7 @@ import numpy as np
 from scipy.special import bdtr, stdtrit
 
 from ..base import counted
+from ..face.patch_form import FormEffect
 from ..loads import LoadProgramme
 from ..seal.form import ScaledForm, SealForm
 from ..studies import Scene, StochasticResult
@@ -218,6 +219,21 @@ def effective_pressure_part(scene: Scene, study: Any) -> ErrorPart | None:
     loads = np.maximum(study.steps.pressures, abs(fluid.carried))
     effect = load_sensitivity(study.steps, q) * np.abs(fluid.carried) / np.where(loads > 0, loads, 1.0)
     return part_of_changes("effective pressure", study.steps, q, 0.5 * effect, 0.2 * effect, note)
+
+
+def patch_form_part(effect: FormEffect, steps: LoadProgramme, leakage: Array) -> ErrorPart | None:
+    """What is form in a measured patch, where nothing says it: its curvature counts, or more of it, or none.
+
+    Measured on 140 loads of quarters of eight maps against the whole: with the distance on both sides the band of a
+    factor of 2 held 61 of 100, on the side of the change alone 56, without it 49. After unloading it is no less than
+    at the peak. None where the change is unknown.
+    """
+    distance = effect.distance(steps.pressures)
+    if distance is None:
+        return None
+    distance = np.maximum(distance, distance[steps.peak_indices])
+    note = "change of ln(leakage) without the curvature of the patch, on either side, solved on few points"
+    return part_of_changes("form of the patch", steps, leakage, distance, distance, note)
 
 
 def patch_part(study: StochasticResult) -> ErrorPart:

@@ -13,9 +13,16 @@ from ..studies import Sampling, Scene, cut_and_tiles, laid_out
 from ..studies.scene import gas_warnings, scene_warnings
 from ..studies.seal_contact import form_on_grid
 from ..studies.tile_pressure import check_map
-from ..topography import MOST_POINTS, Conditioning, SpikeEffect, Topography, resolving_shape, shortest_place
+from ..topography import (
+    MOST_POINTS,
+    Conditioning,
+    SpikeEffect,
+    Topography,
+    resolving_shape,
+    shortest_place,
+)
 from ..topography.seat import LEAST_DEPTH, FlatSeat
-from .face import conditioned_face, groove_question, wound_layout
+from .face import conditioned_face, groove_question, measured_patch, wound_layout
 from .prepared import (
     Pair,
     Prepared,
@@ -53,6 +60,7 @@ def prepare(case: Case) -> Prepared:
             with with_tables(SEAL_TABLES):
                 scene.check_spiral()
         form = _form_tolerance(case, sampling, broader)
+        holds, effect = measured_patch(case, surface, scene)
         spikes = SpikeEffect(conditioning.spikes_along_lay, conditioning.spikes_extreme).doubts(conditioning.spikes)
         prepared = Prepared(
             scene=scene,
@@ -64,10 +72,14 @@ def prepare(case: Case) -> Prepared:
             methods=methods,
             seat=seat,
             form=form,
+            holds=holds,
+            form_effect=effect,
             warnings=(
                 *plausibility_warnings(case, scene, conditioning),
                 *groove_question(case, scene),
                 *spikes,
+                *(holds.doubts if holds else ()),
+                *(effect.doubts if effect else ()),
                 *doubts,
             ),
         )

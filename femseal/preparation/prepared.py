@@ -13,12 +13,13 @@ from typing import Any
 
 from ..base import InputError, Mapper, free_memory, to_text
 from ..budget import FormTolerance, ModelChange
+from ..face.patch_form import FormEffect
 from ..face.pieces import FEWEST_POINTS, Cut, usual_pieces
 from ..seal.layouts import AnnularLayout, Layout
 from ..seal.tiles import MOST_ROWS, SealTiles
 from ..studies import STUDIES, Sampling, Scene, Study, StudyOptions, laid_out
 from ..studies.costs import Effort, usual_efforts
-from ..topography import Conditioning, Continuation, Overlap, Topography
+from ..topography import Conditioning, Continuation, Overlap, Representative, Topography
 
 #: Memory of the libraries that a run imports [byte].
 START_MEMORY = 0.5e9
@@ -76,8 +77,9 @@ class Prepared:
     """Input of the studies: the scene, its pieces, the sampling of seals; and the history of the surface.
 
     cells : number of pieces along x1 and x2; None where there are none. continuation : of the spectrum of the face,
-    None without. methods : to be run. seat : its form, "" where it is flat; form : that and its error. warnings : what
-    is not plausible in the case.
+    None without. methods : to be run. seat : its form, "" where it is flat; form : that and its error. holds : what a
+    measured face holds of its long waves. form_effect : of what is form in it, where nothing says that; None
+    elsewhere. warnings : what is not plausible in the case.
     """
 
     scene: Scene
@@ -89,6 +91,8 @@ class Prepared:
     methods: frozenset[str]
     seat: str = ""
     form: FormTolerance | None = None
+    holds: Representative | None = None
+    form_effect: FormEffect | None = None
     warnings: tuple[str, ...] = ()
 
     @property

@@ -19,6 +19,7 @@ from ..budget import (
     error_budget,
     model_changes,
     model_part,
+    patch_form_part,
 )
 from ..preparation.prepared import Prepared
 from ..studies import StochasticResult, study_of_result
@@ -93,9 +94,10 @@ def _with_model_parts(
     own = known[1] if known else _solved(grid, mapper) if changes or continued else {}
     found = dict(budgets)
     for key, result in studies.items():
-        part = effective_pressure_part(prepared.scene, result) if "effective pressure" in names else None
-        if part is not None:
-            found[key] = replace(found[key], parts=(*found[key].parts, part))
+        parts = [effective_pressure_part(prepared.scene, result) if "effective pressure" in names else None]
+        if prepared.form_effect is not None and "form of the patch" in names:
+            parts.append(patch_form_part(prepared.form_effect, result.steps, leakage_of(result)))
+        found[key] = replace(found[key], parts=(*found[key].parts, *filter(None, parts)))
     if continued:
         others = [_solved(replace(grid, scene=scene), mapper) for scene in continued]
         for key, result in studies.items():

@@ -359,6 +359,9 @@ def _surface_facts(prepared: Prepared) -> Iterator[tuple[str, str]]:
         size = " × ".join(to_text(length, "m", 3) for length in overlap.size)
         resampled = ", the second resampled" if overlap.resampled else ""
         yield "", f"two faces overlap on {size}, {overlap.fraction:.0%} of the first{resampled}"
+    for known in (prepared.holds, prepared.form_effect):
+        if known is not None and not known.doubts:
+            yield "", str(known)
     if prepared.continuation:
         yield "", prepared.continuation_text
     shortest = report.shortest_wavelength
