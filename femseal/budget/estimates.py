@@ -236,6 +236,23 @@ def patch_form_part(effect: FormEffect, steps: LoadProgramme, leakage: Array) ->
     return part_of_changes("form of the patch", steps, leakage, distance, distance, note)
 
 
+def longer_waves_part(changes: Array, flatness: bool, steps: LoadProgramme, leakage: Array) -> ErrorPart:
+    """Waves longer than the patch: Student's interval of a draw of them more, on the side of either end.
+
+    changes : of ln(leakage) by drawn waves (draws, steps). flatness : whether a tolerance limits them.
+    """
+    count = len(changes)
+    with np.errstate(invalid="ignore"):
+        middle, deviation = changes.mean(axis=0), changes.std(axis=0, ddof=1)
+    distance = float(stdtrit(count - 1, (1 + COVERAGE) / 2)) * deviation * sqrt(1 + 1 / count)
+    below, above = (np.maximum(sign * middle + distance, 0.0) for sign in (-1, 1))
+    # where draws seal, or nothing is known, neither end is
+    below, above = (np.where(np.isfinite(one), one, np.inf) for one in (below, above))
+    until = "up to the flatness of the seal" if flatness else "with no `flatness` in [seal] to end it"
+    note = f"{count} draws of longer waves, the spectrum carried on to the breadth of the seal {until}"
+    return part_of_changes("longer waves", steps, leakage, below, above, note)
+
+
 def patch_part(study: StochasticResult) -> ErrorPart:
     """What one measured patch does not know of a drawn seal, by the scenes of a calibration set."""
     q = study.quantile(0.5)

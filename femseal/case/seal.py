@@ -68,11 +68,15 @@ else:
 
 
 class SealTable(Table):
-    """The shape of the seal, with a key for each of its parameters, and the form of its faces."""
+    """The shape of the seal, with a key for each of its parameters, and the form of its faces.
+
+    flatness : of the whole seal where its form is not known, most from the highest to the lowest point.
+    """
 
     if TYPE_CHECKING:
         kind: str
     form: Annotated[tuple[AnyForm, ...], BeforeValidator(_forms), Field(max_length=4)] = ()
+    flatness: Annotated[Length, Usual(1e-8, 1e-2, "m")] | None = None
 
     def forms(self, folder: Path) -> tuple[SealForm, ...]:
         """The forms of the faces; paths are relative to a folder."""
@@ -80,7 +84,7 @@ class SealTable(Table):
 
     def layout(self, folder: Path) -> Layout:
         """The shape; paths are relative to a folder."""
-        given = _parameters(self, folder, "kind", "form")
+        given = _parameters(self, folder, "kind", "form", "flatness")
         lay = {"lay": Lay.of(given["lay"], folder)} if "lay" in given else {}
         return LAYOUTS[self.kind](**given | lay)
 

@@ -74,6 +74,7 @@ def prepare(case: Case) -> Prepared:
             form=form,
             holds=holds,
             form_effect=effect,
+            flatness=case.seal.flatness,
             warnings=(
                 *plausibility_warnings(case, scene, conditioning),
                 *groove_question(case, scene),

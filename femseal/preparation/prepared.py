@@ -11,7 +11,7 @@ from dataclasses import asdict, dataclass, replace
 from math import ceil, prod
 from typing import Any
 
-from ..base import InputError, Mapper, free_memory, to_text
+from ..base import Array, InputError, Mapper, free_memory, to_text
 from ..budget import FormTolerance, ModelChange
 from ..face.patch_form import FormEffect
 from ..face.pieces import FEWEST_POINTS, Cut, usual_pieces
@@ -19,7 +19,8 @@ from ..seal.layouts import AnnularLayout, Layout
 from ..seal.tiles import MOST_ROWS, SealTiles
 from ..studies import STUDIES, Sampling, Scene, Study, StudyOptions, laid_out
 from ..studies.costs import Effort, usual_efforts
-from ..topography import Conditioning, Continuation, Overlap, Representative, Topography
+from ..studies.longer_waves import longer_waves
+from ..topography import Conditioning, Continuation, Overlap, Representative, Topography, representative
 
 #: Memory of the libraries that a run imports [byte].
 START_MEMORY = 0.5e9
@@ -79,7 +80,7 @@ class Prepared:
     cells : number of pieces along x1 and x2; None where there are none. continuation : of the spectrum of the face,
     None without. methods : to be run. seat : its form, "" where it is flat; form : that and its error. holds : what a
     measured face holds of its long waves. form_effect : of what is form in it, where nothing says that; None
-    elsewhere. warnings : what is not plausible in the case.
+    elsewhere. flatness : of the seal [m], None where it is not given. warnings : what is not plausible in the case.
     """
 
     scene: Scene
@@ -93,7 +94,21 @@ class Prepared:
     form: FormTolerance | None = None
     holds: Representative | None = None
     form_effect: FormEffect | None = None
+    flatness: float | None = None
     warnings: tuple[str, ...] = ()
+
+    def longer_waves(self, surface: Topography, mapper: Mapper) -> Array | None:
+        """Changes of ln(leakage) of drawn seals by waves longer than the patch, see `studies.longer_waves`.
+
+        surface : the face, also on fewer points. None where nothing is to be expected, or the seal has a form.
+        """
+        sampling = self.sampling
+        if sampling is None or sampling.form or (self.holds is None and self.flatness is None):
+            return None
+        holds = self.holds or representative(surface)
+        scene = replace(self.scene, surface=surface)
+        sides = sampling.breadth, sampling.length
+        return longer_waves(scene, *sides, holds, flatness=self.flatness, seed=sampling.seed, mapper=mapper)
 
     @property
     def studies(self) -> list[Study]:

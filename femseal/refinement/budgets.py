@@ -17,6 +17,7 @@ from ..budget import (
     continuation_part,
     effective_pressure_part,
     error_budget,
+    longer_waves_part,
     model_changes,
     model_part,
     patch_form_part,
@@ -97,6 +98,11 @@ def _with_model_parts(
         parts = [effective_pressure_part(prepared.scene, result) if "effective pressure" in names else None]
         if prepared.form_effect is not None and "form of the patch" in names:
             parts.append(patch_form_part(prepared.form_effect, result.steps, leakage_of(result)))
+        if isinstance(result, StochasticResult) and "longer waves" in names:
+            moved_by = prepared.longer_waves(grid.scene.surface, mapper)
+            if moved_by is not None:
+                flat = prepared.flatness is not None
+                parts.append(longer_waves_part(moved_by, flat, result.steps, leakage_of(result)))
         found[key] = replace(found[key], parts=(*found[key].parts, *filter(None, parts)))
     if continued:
         others = [_solved(replace(grid, scene=scene), mapper) for scene in continued]

@@ -101,8 +101,8 @@ class MeasuredForm:
     """Heights that were measured over a seal, less the plane through them, as clamped faces align; see `of`.
 
     points : x and y in the plane of the seal, x1 and x2 of a strip; or radius [m] and angle [rad] if `polar` (n, 2).
-    values : heights (n,) [m]. middle : of a map, which lies at the centre of a seal around one; that of a strip begins at its
-        corner.
+    values : heights (n,) [m]. middle : of a map, which lies at the centre of a seal around one; that of a
+        strip begins at its corner.
     """
 
     points: Array = field(repr=False)

@@ -20,7 +20,7 @@ from typing import Any
 import numpy as np
 
 from ..base import Array, InputError, Mapper, NotConverged, to_text
-from ..contact import HalfSpace
+from ..contact import HalfSpace, LoadState
 from ..contact.large_convolution import convolution
 from ..face.pieces import Cut
 from ..loads import LoadProgramme, LoadStep
@@ -103,17 +103,13 @@ class RoughLayer:
     @classmethod
     def of(cls, scene: Scene, mapper: Mapper) -> RoughLayer:
         """Solve the contact of the face of a scene alone under uniform pressures."""
-        law = scene.law
-        capacity = min(law.capacity, 0.1 * scene.modulus)
-        loading = _HIGHEST * capacity * _PRESSURES
-        unloads = not law.is_elastic and any(step.unloaded_from is not None for step in scene.steps)
-        peaks = loading[_PEAKS] if unloads else np.array([])
-        down = [LoadStep(p * f, p) for p in peaks.tolist() for f in _RELEASED.tolist()]
-        programme = LoadProgramme([*map(LoadStep, loading.tolist()), *down])
-        alone = replace(scene, boundary=("periodic", "periodic"), fluid_pressure="ignored")
-        take = attrgetter("contact.mean_gap")
-        found = np.array(list(alone.contact_states(take, steps=programme, mapper=mapper)))
-        gap, after = np.split(found, [loading.size])
+        return cls.of_gaps(scene, *layer_states(scene, attrgetter("contact.mean_gap"), mapper))
+
+    @classmethod
+    def of_gaps(cls, scene: Scene, programme: LoadProgramme, gaps: Sequence[float]) -> RoughLayer:
+        """The layer by mean gaps (steps,) [m] along the programme of `layer_states`."""
+        loading, peaks = programme.pressures[programme.on_loading], np.array(programme.unload_from)
+        gap, after = np.split(np.array(gaps), [loading.size])
         recovered = after.reshape(peaks.size, _RELEASED.size) - gap[_PEAKS[: peaks.size], None]
         apart = scene.surface.heights.max() - scene.surface.heights.mean()
         return cls(np.array([0.0, *loading]), np.array([apart, *gap]), peaks, _RELEASED, recovered)
@@ -146,8 +142,29 @@ class RoughLayer:
         return np.where(above, own, gap), np.where(above, own_slope, slope)
 
 
-def seal_contact(scene: Scene, tiles: SealTiles, forms: Sequence[SealForm], mapper: Mapper = map) -> SealContact:
+def layer_states(scene: Scene, take: Callable[[LoadState], Any], mapper: Mapper) -> tuple[LoadProgramme, list[Any]]:
+    """What is taken of the states of a dry face by itself from light loads to all that it carries, and on unloading."""
+    law = scene.law
+    loading = _HIGHEST * min(law.capacity, 0.1 * scene.modulus) * _PRESSURES
+    unloads = not law.is_elastic and any(step.unloaded_from is not None for step in scene.steps)
+    peaks = loading[_PEAKS].tolist() if unloads else []
+    down = [LoadStep(p * f, p) for p in peaks for f in _RELEASED.tolist()]
+    programme = LoadProgramme([*map(LoadStep, loading.tolist()), *down])
+    alone = replace(scene, boundary=("periodic", "periodic"), fluid_pressure="ignored")
+    return programme, list(alone.contact_states(take, steps=programme, mapper=mapper))
+
+
+def seal_contact(
+    scene: Scene,
+    tiles: SealTiles,
+    forms: Sequence[SealForm],
+    mapper: Mapper = map,
+    layer: RoughLayer | None = None,
+) -> SealContact:
     """Contact of a seal at every step, the face of the scene being its layer, under the sum of forms.
+
+    layer : of the face, where it is known.
+
 
     Raises InputError: a form that is steeper than a half-space allows, or does not cover the seal.
     NotConverged : a contact failed.
@@ -155,7 +172,7 @@ def seal_contact(scene: Scene, tiles: SealTiles, forms: Sequence[SealForm], mapp
     grid, depth = form_on_grid(scene, tiles, forms)
     body = HalfSpace(depth.shape, _spacing(grid, depth.shape), scene.modulus, grid.boundary)
     inside = grid.inside if depth.shape[1] > 1 else np.ones(depth.shape, bool)
-    layer = RoughLayer.of(scene, mapper)
+    layer = layer or RoughLayer.of(scene, mapper)
     cells = _Cells(body, inside, depth[inside], float(layer.pressure[-1]))
     found: dict[tuple[float, float | None], tuple[Array, ...]] = {}
     p = sunk = np.zeros(cells.depth.size)

@@ -7,6 +7,8 @@ patches with a roll-off, of which Sal is 0.25 to 0.30 where they hold 3 to 5 of 
 from dataclasses import dataclass, replace
 from math import isfinite, nan, pi
 
+import numpy as np
+
 from ..base import to_text
 from .texture import spectrum, texture
 from .topography import Topography
@@ -28,7 +30,8 @@ class Representative:
     longest : wave [m], NaN of a flat face; by Sal, unless it is the roll-off. roll_off : where a plateau ends, or None.
     waves : how many of them the patch holds along x1 and x2.
     rises : whether the spectrum rises up to the side of the patch, so that longer waves are to be expected.
-    density, hurst : C at the longest wave [m⁴] and H of the power law; NaN without one.
+    octave, density : middle of the octave of longest waves [m], and C there [m⁴]. hurst : H from that octave and the
+        one below, by which the spectrum goes on to longer waves where it rises, 0 to 1.
     places : of which this is the one that holds fewest waves.
     """
 
@@ -36,6 +39,7 @@ class Representative:
     roll_off: float | None
     waves: tuple[float, float]
     rises: bool
+    octave: float
     density: float
     hurst: float
     places: int = 1
@@ -69,18 +73,16 @@ def representative(patch: Topography) -> Representative:
     law = spectrum(patch).law
     roll_off = law.roll_off if law and isfinite(law.roll_off) else None
     longest = roll_off or texture(patch).correlation_length / _SAL_OF_WAVE
+    q, density = patch.radial_psd()
+    waves = q * min(patch.size) / (2 * pi)
+    longer, shorter = ((low <= waves) & (waves < 2 * low) for low in (1, 2))
+    rise = density[longer].mean() / shorter_mean if (shorter_mean := density[shorter].mean()) > 0 else nan
     return Representative(
         longest=longest,
         roll_off=roll_off,
         waves=(patch.size[0] / longest, patch.size[1] / longest),
-        rises=roll_off is None and _rises(patch),
-        density=float(law.at(2 * pi / longest)) if law else nan,
-        hurst=law.hurst if law else nan,
+        rises=roll_off is None and rise > _RISE,
+        octave=float(2 * pi / q[longer].mean()),
+        density=float(density[longer].mean()),
+        hurst=float(np.clip(0.5 * np.log2(rise) - 1, 0.0, 1.0)),
     )
-
-
-def _rises(patch: Topography) -> bool:
-    q, density = patch.radial_psd()
-    waves = q * min(patch.size) / (2 * pi)
-    longer, shorter = (density[(low <= waves) & (waves < 2 * low)] for low in (1, 2))
-    return bool(longer.size and shorter.size and longer.mean() > _RISE * shorter.mean() > 0)
