@@ -18,7 +18,7 @@ from ..topography import Topography, shortest_place
 from ..topography.defects import fit_form
 
 #: Points along the longer side of a place, and fewer of several so that all take no longer. Measured on eight faces at
-#: three loads against all of their pixels: 11 of 11 ratios above 1.5 are found, and 1 of 10 others; the error of
+#: three loads against all of their pixels: 11 of 11 ratios above 1.5 are found, and 1 of 11 others; the error of
 #: ln(ratio) is 0.04 in the median and 0.3 in 9 of 10.
 _POINTS = 128
 #: Ratio of leakages from which on the choice matters, and the largest, which stands for that to one that is sealed.

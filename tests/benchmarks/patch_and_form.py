@@ -14,14 +14,18 @@ import csv
 import sys
 import time
 import warnings
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 from common import machine, rows, save_report
 
 import femseal as fs
-from femseal.budget import error_budget
+from femseal.budget import error_budget, longer_waves_part, patch_form_part
+from femseal.face.patch_form import form_effect
 from femseal.seal.form import MeasuredForm
+from femseal.studies.longer_waves import longer_waves
+from femseal.topography import representative
 
 MODULUS, PIXEL, POINTS = 115e9, 1e-6, 192
 KINDS = ("roll-off within", "roll-off beyond", "turned, wavy", "bumps", "lobes")
@@ -106,6 +110,8 @@ def solved_rows(name, kind, surface, corner):
             breadth, length = surface.size
             drawn = fs.stochastic(patch, None, fs.Sampling(length, seed=1, breadth=breadth, form=form))
             q, budget = drawn.quantile(0.5), error_budget(patch, drawn)
+            if way == "seal":
+                budget = replace(budget, parts=(*budget.parts, *unknown_form(patch, q, surface.size)))
             lower, upper = budget.lower, budget.upper
         for s, step in enumerate(patch.steps):
             yield {
@@ -120,6 +126,16 @@ def solved_rows(name, kind, surface, corner):
                 "upper": f"{upper[s] / truth[0]:.6g}",
                 "seconds": f"{time.perf_counter() - start:.2f}",
             }
+
+
+def unknown_form(patch, q, size):
+    """Parts of the budget of a seal whose form is not known."""
+    holds, steps = representative(patch.surface), patch.steps
+    changes = longer_waves(patch, *size, holds, flatness=None, seed=1)
+    effect = form_effect(patch.surface, patch.modulus, patch.law, patch.loading, patch.boundary)
+    parts = [patch_form_part(effect, steps, q)]
+    parts.append(None if changes is None else longer_waves_part(changes, False, steps, q))
+    return filter(None, parts)
 
 
 def every(arguments):
