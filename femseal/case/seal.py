@@ -75,12 +75,12 @@ class SealTable(Table):
 
     if TYPE_CHECKING:
         kind: str
-    form: Annotated[tuple[AnyForm, ...], BeforeValidator(_forms), Field(max_length=4)] = ()
+    form: Annotated[tuple[AnyForm, ...], BeforeValidator(_forms), Field(max_length=4)] | None = None
     flatness: Annotated[Length, Usual(1e-8, 1e-2, "m")] | None = None
 
     def forms(self, folder: Path) -> tuple[SealForm, ...]:
         """The forms of the faces; paths are relative to a folder."""
-        return tuple(one.form(folder) for one in self.form)
+        return tuple(one.form(folder) for one in self.form or ())
 
     def layout(self, folder: Path) -> Layout:
         """The shape; paths are relative to a folder."""
@@ -91,7 +91,7 @@ class SealTable(Table):
     def files(self) -> list[tuple[str, Path]]:
         """Key and path of every file that shapes the seal."""
         found = [(name, value) for name in type(self).model_fields if isinstance(value := getattr(self, name), Path)]
-        found += [("form.path", one.path) for one in self.form if hasattr(one, "path")]
+        found += [("form.path", one.path) for one in self.form or () if hasattr(one, "path")]
         lay = Lay.of(getattr(self, "lay", "x2"))
         return found + ([("lay", lay.file)] if lay.file is not None else [])
 

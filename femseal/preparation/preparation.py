@@ -94,7 +94,7 @@ def _form_tolerance(case: Case, sampling: Sampling | None, broader: bool) -> For
     seat = None if case.seat.kind == "flat" else case.seat.seat(case.folder)
     if sampling is not None and sampling.form:
         of_seat = () if seat is None else (case.seat.tolerance,)
-        return FormTolerance(sampling.form, (*(form.tolerance for form in case.seal.form), *of_seat))
+        return FormTolerance(sampling.form, (*(form.tolerance for form in case.seal.form or ()), *of_seat))
     return None if seat is None else FormTolerance(seat=seat, tolerance=case.seat.tolerance)
 
 

@@ -104,7 +104,7 @@ def solved_rows(name, kind, surface, corner):
     for way in ("patch", "seal", "form 4 × 4", "form 8 × 8"):
         start = time.perf_counter()
         lower = upper = np.full(len(truth), np.nan)
-        q = alone
+        q = alone * (n / POINTS)  # over the breadth of the whole
         if way != "patch":
             form = form_of(surface, int(way[-1])) if way.startswith("form") else ()
             breadth, length = surface.size
