@@ -69,7 +69,6 @@ if TYPE_CHECKING:
     from .studies.deterministic import DeterministicResult, deterministic
     from .studies.sampling import Sampling
     from .studies.scene import Scene
-    from .studies.seat_rows import SeatMap
     from .studies.stochastic import stochastic
     from .studies.stochastic_result import StochasticResult
     from .studies.two_scale import TwoScaleResult, two_scale
@@ -142,7 +141,6 @@ __all__ = [
     "RunComparison",
     "Sampling",
     "Scene",
-    "SeatMap",
     "SlipLength",
     "Solid",
     "StochasticResult",

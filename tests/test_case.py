@@ -105,7 +105,7 @@ def test_quantities_become_si(data):
         ("flow", "rtol", 1e-3, ["flow.rtol", "given an unknown key, expected solver, discretisation"]),
         ("flow", "solver", "elimination", ["flow.solver: given 'elimination'", "'auto', 'multigrid' or 'amg'"]),
         ("seal", "kind", "square", ["seal.kind", "'square'", "'rectangular'"]),
-        ("seal", "radius", "1 mm", ["seal.radius", "given an unknown key, expected kind"]),
+        ("seal", "radius", "1 mm", ["seal.radius", "given an unknown key, expected form, flatness, kind, lay"]),
     ],
 )
 def test_faults_name_key_value_and_what_is_allowed(data, table, key, value, words):

@@ -20,7 +20,7 @@ from femseal.results.variables import step_coordinates
 from femseal.runs.forecast import describe
 from femseal.runs.job import face_files
 from femseal.seal.pressure_map import AngleTable, Frame, MapsAtLoads, Profile, Uniform, is_uniform
-from femseal.studies.seat_rows import pressure_fractions, seal_for_maps
+from femseal.studies.tile_pressure import pressure_fractions, seal_for_maps
 
 ROOT = Path(__file__).parents[1]
 

@@ -13,7 +13,7 @@ from femseal.seal.layouts import AnnularLayout
 from femseal.seal.pressure_map import AngleTable, MapsAtLoads, PressureField, Profile, Uniform
 from femseal.studies import Sampling, Scene, stochastic
 from femseal.studies.piece_states import along_paths
-from femseal.studies.seat_rows import MOST_OF_SEVERAL, MOST_PATHS, distinct_paths
+from femseal.studies.tile_pressure import MOST_OF_SEVERAL, MOST_PATHS, distinct_paths
 
 LOADS = {"loading": (5e7, 1e8, 2e8), "unload_from": (2e8,), "unloading": (1e8, 5e7)}
 STRIP = Sampling(length=64 * 32e-6, breadth=4 * 32e-6, realisations=4, seed=3, median_fields=False)
@@ -166,7 +166,7 @@ class TestPaths:
     def test_rounding_moves_no_leakage(self, random, monkeypatch):
         wave = AngleTable(tuple(1 + 0.5 * np.cos(np.linspace(0, 6, 50))), tuple(np.linspace(0, 6, 50)))
         exact = drawn(random, STRIP, wave).leakage
-        monkeypatch.setattr("femseal.studies.seat_rows.MOST_PATHS", 48)
+        monkeypatch.setattr("femseal.studies.tile_pressure.MOST_PATHS", 48)
         rounded = drawn(random, STRIP, wave).leakage
         assert not np.array_equal(exact, rounded)
         assert_allclose(rounded, exact, rtol=0.02)

@@ -17,6 +17,7 @@ from femseal.budget import (
     model_changes,
     model_part,
 )
+from femseal.seal.pressure_map import Frame
 
 D, E, H = 1e-6, 115e9, 2.3e9
 
@@ -94,7 +95,8 @@ def test_numbers_alone_stay_beside_the_whole():
     budget = ErrorBudget("deterministic", q, parts)
     assert_allclose(budget.half_width(0), np.sqrt(0.03))
     assert_allclose(budget.numerical.half_width(0), 0.1)
-    assert {"hardness", "fluid pressure", "effective pressure", "form", "continuation"} == {*MODEL_PARTS}
+    expected = {"hardness", "fluid pressure", "effective pressure", "form", "form of the patch", "continuation"}
+    assert expected == {*MODEL_PARTS}
 
 
 @pytest.mark.parametrize(
@@ -133,15 +135,16 @@ def test_a_form_with_a_tolerance_is_a_part(scene):
     """On the heights, and as rows of a broader seat; a deeper crown is one of a smaller radius."""
     seat = fs.CrownedSeat(2e-3)
     formed = replace(scene, surface=seat.on(scene.surface), boundary=("free", "periodic"))
-    (change,) = model_changes(formed, ["form"], form=FormTolerance(seat, 0.25, on_heights=True))
+    (change,) = model_changes(formed, ["form"], form=FormTolerance(seat=seat, tolerance=0.25))
     deeper = fs.CrownedSeat(2e-3 / 1.25).on(scene.surface)
     assert_allclose(change.scene.surface.heights, deeper.heights, atol=1e-18)
-    (change,) = model_changes(scene, ["form"], form=FormTolerance(seat, 0.25, on_heights=False))
+    (change,) = model_changes(scene, ["form"], form=FormTolerance((seat,), (0.25,)))
     assert change.scene is scene
-    x = np.linspace(-1e-4, 1e-4, 5)
-    assert_allclose(change.seat.depth(x, 2e-4), fs.CrownedSeat(2e-3 / 1.25).depth(x, 2e-4))
-    assert model_changes(scene, ["form"], form=FormTolerance(seat, 0.0, on_heights=True)) == []
-    assert model_changes(scene, ["hardness"], form=FormTolerance(seat, 0.1, on_heights=True))[0].name == "hardness"
+    points, frame = np.stack([np.linspace(0, 2e-4, 5)] * 2, axis=1), Frame.of_strip((2e-4, 1e-3))
+    deeper = fs.CrownedSeat(2e-3 / 1.25).heights(points, frame)
+    assert_allclose(change.forms[0].heights(points, frame), deeper)
+    assert model_changes(scene, ["form"], form=FormTolerance(seat=seat)) == []
+    assert model_changes(scene, ["hardness"], form=FormTolerance(seat=seat, tolerance=0.1))[0].name == "hardness"
 
 
 def test_pieces_under_their_effective_pressure_have_a_part():

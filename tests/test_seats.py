@@ -1,6 +1,7 @@
 """Seats with a form: contact finds its own band, as Hertz's line contact does where the face is smooth."""
 
 from dataclasses import replace
+from typing import NamedTuple
 
 import numpy as np
 import pytest
@@ -9,7 +10,9 @@ from numpy.testing import assert_allclose
 import femseal as fs
 from femseal.case.case import parse_case
 from femseal.results.selections import load_names
-from femseal.studies.seat_rows import SeatMap, seat_rows
+from femseal.studies.face_contact import band_breadth
+from femseal.studies.sampling import Sampling, laid_out
+from femseal.studies.seal_contact import seal_contact
 from femseal.topography.seat import (
     LEAST_DEPTH,
     BallOnCone,
@@ -230,11 +233,21 @@ def patch(kind="self-affine", n=256, rng=11, rms_slope=0.2):
     )
 
 
+class Rows(NamedTuple):
+    """Mean pressure of rows at every step (steps, rows) [Pa], the breadth of the band that touches and of all [m]."""
+
+    pressure: np.ndarray
+    band: np.ndarray
+    breadth: float
+
+
 def rows_of(face, seat, forces, hardness=np.inf, breadth=1.024e-3, **given):
     """Contact of a seat broader than its face under forces per length."""
     loading = tuple(f / breadth for f in forces)
     scene = fs.Scene(face, E, hardness, OIL, 1e6, 0.0, loading=loading, fluid_pressure="ignored", **given)
-    return seat_rows(scene, seat, breadth)
+    _, tiles = laid_out(face, scene.layout, None, Sampling(1e-3, seed=1, breadth=breadth, form=seat))
+    contact = seal_contact(scene, tiles, (seat,))
+    return Rows(contact.rows, band_breadth(contact.rows, contact.grid.spacing[0]), breadth)
 
 
 @pytest.mark.parametrize("radius", [0.05, 0.02])
@@ -248,11 +261,11 @@ def test_a_broad_seat_that_is_nearly_smooth_is_hertz_s_line_contact(radius):
 
 
 def test_a_broad_seat_of_soft_metal_carries_no_more_than_its_hardness():
-    """Fully plastic: the rows that carry more than half of it are W/H broad, to the 5 % below it where faces sink."""
+    """Fully plastic: the rows that carry more than half of it are W/H broad, to the 3 % below it where faces sink."""
     hardness, force = 0.3e9, 100e3
     found = rows_of(patch(n=64, rms_slope=0.01), CrownedSeat(0.01), [force], hardness)
     assert found.pressure.max() <= hardness
-    assert found.pressure.max() > 0.95 * hardness
+    assert found.pressure.max() > 0.96 * hardness
     assert_allclose((found.pressure > 0.5 * hardness).mean() * found.breadth, force / hardness, rtol=0.05)
 
 
@@ -295,8 +308,8 @@ def test_both_ways_of_a_seat_leak_alike():
 
     def both(seat):
         whole = np.array([fs.deterministic(replace(scene, surface=seat.on(face))).leakage for face in faces])
-        over = fs.seal.Uniform() if seat == FlatSeat() else SeatMap(seat)
-        sampling = fs.Sampling(length=8e-3, breadth=breadth, realisations=20, seed=1, pressure_map=over)
+        form = () if seat == FlatSeat() else seat
+        sampling = fs.Sampling(length=8e-3, breadth=breadth, realisations=20, seed=1, form=form)
         # the band of the sharpest crown is two to five of these pieces broad
         return whole, fs.stochastic(scene, (8, 8), sampling).quantile(0.5)
 

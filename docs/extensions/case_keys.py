@@ -118,6 +118,15 @@ _MEANING = {
     ("seal", "outlet"): "Boundaries where the fluid leaves; all others are closed",
     ("seal", "centre"): 'Of a lay `"circumferential"` or `"radial"`',
     ("seal", "length"): "Length that the leakage is divided by; that of the outlet unless given",
+    ("seal", "form"): "[Form of the whole seal](case.md#form-of-the-whole-seal), which gives each tile its pressure",
+    ("seal.form", "kind"): "Waves, or heights of a file",
+    ("seal.form", "height"): "From crest to trough",
+    ("seal.form", "lobes"): "Waves once around",
+    ("seal.form", "wavelength"): "In place of `lobes`, on a strip or a ring",
+    ("seal.form", "path"): "A text with the columns x, y, z or r, theta, z, or a map of heights",
+    ("seal.form", "unit"): "Of the heights; of a map that of the file unless given",
+    ("seal.form", "length_unit"): "Of x and y or r",
+    ("seal.form", "tolerance"): "Relative error of the height, for the budget",
     ("seat", "kind"): "Form of the seat, added to the roughness",
     ("seat", "radius"): "Of the crown or ball",
     ("seat", "angle"): "Half the angle of the cone; loads are then axial",
@@ -150,7 +159,8 @@ _MEANING = {
 #: Keys and whole tables that version 0.1 does not have.
 _SINCE_0_2 = {
     *(("", "seat"), ("contact", "fluid_pressure"), ("face", "places"), ("load.map", "fractions"), ("load", "nominal")),
-    *(("load", "relaxation"), ("output", "model_parts"), ("surface", "continue_spectrum")),
+    *(("load", "relaxation"), ("output", "model_parts"), ("surface", "continue_spectrum"), ("seal", "form")),
+    *(("seal", "flatness"), ("seal.form", "tolerance")),
     *(("fluid", key) for key in ("ambient_pressure", "bulk_modulus", "slip_length")),
     *(("material", key) for key in ("name", "hardening", "hardness_table", "hardness_tolerance")),
     *(("material", key) for key in ("nix_gao_depth", "smallest_depth")),
@@ -178,6 +188,9 @@ def write_case_keys(page: Path) -> None:
     maps = _tables(Case.model_fields["load"].annotation.model_fields["map"].annotation)
     blocks += ["\n## load.map\n\nOne table, or a list of several with `at`.\n", _COLUMNS]
     blocks += _rows("load.map", maps, definitions, said)
+    forms = _tables(_tables(Case.model_fields["seal"].annotation)[0].model_fields["form"].annotation)
+    blocks += ["\n## seal.form\n\nOne table, or a list of several, which add up.\n", _COLUMNS]
+    blocks += _rows("seal.form", forms, definitions, said)
     page.write_text("\n".join(blocks) + "\n", encoding="utf-8")
 
 

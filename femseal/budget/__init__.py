@@ -25,8 +25,10 @@ if TYPE_CHECKING:
         FormTolerance,
         ModelChange,
         effective_pressure_part,
+        longer_waves_part,
         model_changes,
         model_part,
+        patch_form_part,
         places_to_halve,
     )
     from .grid_convergence import GridConvergence, grid_convergence

@@ -13,7 +13,15 @@ from ..loads import LoadProgramme
 from ..studies.load_curves import least_counted
 
 #: Sources of error of the model and its input, in the order in which they are shown; the others are of its solution.
-MODEL_PARTS = ("hardness", "fluid pressure", "effective pressure", "form", "continuation")
+MODEL_PARTS = (
+    "hardness",
+    "fluid pressure",
+    "effective pressure",
+    "form",
+    "form of the patch",
+    "longer waves",
+    "continuation",
+)
 #: Factor between a leakage and an end of its band from which on the number of that end says nothing.
 VAGUE = 1000.0
 #: Ratio by which a leakage may rise under a higher load by the errors of its solution.

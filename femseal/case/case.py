@@ -110,6 +110,7 @@ class Case(Table):
             raise fault("face.0", ", ".join(sorted(first.placement)), "that in the second face")
         self._check_seal()
         self._check_map()
+        self._check_form()
         self._check_seat()
         return self
 
@@ -173,6 +174,16 @@ class Case(Table):
             raise fault("seal.kind", f"{self.layout.kind} with a {kind} seat", "a strip or a ring")
         if (path := getattr(self.seat, "path", None)) is not None:
             self._check_file("seat.path", path)
+
+    def _check_form(self) -> None:
+        """Raise a fault if forms of the seal do not go with the method or a map."""
+        if not self.seal.form:
+            return
+        if self.methods != {"stochastic"}:
+            given = f"a form with the method {', '.join(sorted(self.methods - {'stochastic'}))}"
+            raise fault("seal.form", given, "stochastic alone: a face has the form that was measured")
+        if self.load.map is not None:
+            raise fault("load.map", "a map with seal.form", "one of them: the form gives the pressure of the tiles")
 
     def _check_map(self) -> None:
         """Raise a fault if a map of the pressure does not go with the method, or its file does not exist."""

@@ -14,6 +14,7 @@ from pydantic import BeforeValidator, Field, WithJsonSchema, model_validator
 
 from ..base import InputError, shortened, to_si
 from ..base.leak_rates import STANDARD_PRESSURE
+from ..seal.form import FORMS, SealForm
 from ..seal.lay import ALLOWED, NAMES, Lay
 from ..seal.layouts import LAYOUTS, Layout, MeshLayout, RectangularLayout
 from ..topography.seat import SEATS, Seat
@@ -21,22 +22,76 @@ from .faults import fault, faults_of, refusal
 from .values import Length, LengthUnit, Pressure, Quantity, Shift, Table, Usual, quantity_schema, table_of_any
 
 
-class SealTable(Table):
-    """The shape of the seal, with a key for each of its parameters."""
+class FormTable(Table):
+    """A form of the whole seal, with a key for each of its parameters.
+
+    tolerance : relative error of its height.
+    """
 
     if TYPE_CHECKING:
         kind: str
+    tolerance: Annotated[float, Field(ge=0, lt=1)] = 0.0
+
+    def form(self, folder: Path) -> SealForm:
+        """The form; paths are relative to a folder."""
+        return FORMS[self.kind](**_parameters(self, folder, "kind", "tolerance"))
+
+    @model_validator(mode="after")
+    def _possible(self) -> FormTable:
+        with faults_of("seal.form"):
+            self.form(Path())
+        return self
+
+
+def _parameters(table: Table, folder: Path, *but: str) -> dict[str, Any]:
+    """Values of the keys of a table but for some, with paths relative to a folder."""
+    given = {name: getattr(table, name) for name in type(table).model_fields if name not in but}
+    return {name: folder / value if isinstance(value, Path) else value for name, value in given.items()}
+
+
+def _forms(value: Any) -> Any:
+    """A list of forms from one or several, each of the kind "file" where it has a path and no kind."""
+    forms = [value] if isinstance(value, dict) else value
+    if not isinstance(forms, list | tuple):
+        return value
+    return [{"kind": "file", **form} if isinstance(form, dict) and "path" in form else form for form in forms]
+
+
+_UNITS_OF_FORMS: dict[str, Any] = {"unit": (LengthUnit | None, None), "length_unit": (LengthUnit, "mm")}
+
+if TYPE_CHECKING:
+    AnyForm = FormTable
+else:
+    AnyForm = table_of_any(
+        FORMS, FormTable, lambda form: _UNITS_OF_FORMS if "path" in {f.name for f in fields(form)} else {}
+    )
+
+
+class SealTable(Table):
+    """The shape of the seal, with a key for each of its parameters, and the form of its faces.
+
+    flatness : of the whole seal where its form is not known, most from the highest to the lowest point.
+    """
+
+    if TYPE_CHECKING:
+        kind: str
+    form: Annotated[tuple[AnyForm, ...], BeforeValidator(_forms), Field(max_length=4)] | None = None
+    flatness: Annotated[Length, Usual(1e-8, 1e-2, "m")] | None = None
+
+    def forms(self, folder: Path) -> tuple[SealForm, ...]:
+        """The forms of the faces; paths are relative to a folder."""
+        return tuple(one.form(folder) for one in self.form or ())
 
     def layout(self, folder: Path) -> Layout:
         """The shape; paths are relative to a folder."""
-        given = {name: getattr(self, name) for name in type(self).model_fields if name != "kind"}
-        paths = {name: folder / value for name, value in given.items() if isinstance(value, Path)}
+        given = _parameters(self, folder, "kind", "form", "flatness")
         lay = {"lay": Lay.of(given["lay"], folder)} if "lay" in given else {}
-        return LAYOUTS[self.kind](**given | paths | lay)
+        return LAYOUTS[self.kind](**given | lay)
 
     def files(self) -> list[tuple[str, Path]]:
         """Key and path of every file that shapes the seal."""
         found = [(name, value) for name in type(self).model_fields if isinstance(value := getattr(self, name), Path)]
+        found += [("form.path", one.path) for one in self.form or () if hasattr(one, "path")]
         lay = Lay.of(getattr(self, "lay", "x2"))
         return found + ([("lay", lay.file)] if lay.file is not None else [])
 
@@ -132,8 +187,7 @@ class SeatTable(Table):
 
     def seat(self, folder: Path) -> Seat:
         """The form; paths are relative to a folder."""
-        given = {name: getattr(self, name) for name in type(self).model_fields if name not in ("kind", "tolerance")}
-        return SEATS[self.kind](**{k: folder / v if isinstance(v, Path) else v for k, v in given.items()})
+        return SEATS[self.kind](**_parameters(self, folder, "kind", "tolerance"))
 
     @model_validator(mode="after")
     def _possible(self) -> SeatTable:

@@ -96,8 +96,8 @@ def drawn_figure(data: xarray.Dataset, s: int) -> Figure:
     """The whole seal, with fluid pressure and permeability, and the surroundings of its largest flux in detail.
 
     The detail adds the flux, as arrows and by its size, and the contact pressure of the tiles, where it is not the
-    same everywhere. Long or fine seals are shown in detail alone, and the title says which part of them; so are short
-    ones, whose detail is the whole seal.
+    same everywhere; a form of the seal, and the gap that it leaves, come last. Long or fine seals are shown in detail
+    alone, and the title says which part of them; so are short ones, whose detail is the whole seal.
     """
     seal, flux = DrawnSeal(data, s), data["drawn_flux"].values[s]
     corners, detail, whole = seal.corners, seal.detail, seal.whole
@@ -115,6 +115,11 @@ def drawn_figure(data: xarray.Dataset, s: int) -> Figure:
         rows.append([(whole[0] if whole and wide is not detail else wide, contact), (detail, k)])
     elif not whole:
         rows.append([(detail, k)])
+    if "drawn_form" in data:
+        wide = seal.all if len(corners) <= _MOST else detail
+        form = _Panel("form of the seal [µm]", data["drawn_form"].values * 1e6, "cividis")
+        apart = _Panel("distance of mean planes [µm]", data["drawn_separation"].values[s] * 1e6, "viridis")
+        rows.append([(wide, form), (wide, apart)])
     sheet = Sheet([map_row(row[-1][0].size) for row in rows], columns=2, head=0.5)
     labels = ("x1, inlet at 0 [mm]", "x2 along the seal [mm]") if seal.strip else ("x1 [mm]", "x2 [mm]")
     labels, flux = (labels[::-1], flux[:, ::-1]) if seal.lies else (labels, flux)
@@ -151,8 +156,8 @@ def part_text(seal: DrawnSeal) -> str:
 
 
 def _has_map(data: xarray.Dataset) -> bool:
-    """Whether the contact pressure follows a map over the seal, which the whole of it shows."""
-    return bool(json.loads(data.attrs.get("case", "{}")).get("load", {}).get("map"))
+    """Whether the contact pressure follows a map or a form of the seal, which the whole of it shows."""
+    return "drawn_form" in data or bool(json.loads(data.attrs.get("case", "{}")).get("load", {}).get("map"))
 
 
 @dataclass(frozen=True, eq=False)

@@ -15,6 +15,7 @@ from ..base import InputError, NotConverged, to_text
 from ..case.case import Case
 from ..case.faces import FileFace, TurnedFace
 from ..case.faults import FACE_KEYS, SURFACE_KEYS, with_keys
+from ..face.patch_form import FormEffect, form_effect
 from ..face.pieces import Cut, usual_pieces
 from ..flow.law import cubic_law
 from ..seal import RectangularSeal
@@ -28,6 +29,7 @@ from ..topography import (
     Overlap,
     Places,
     Repair,
+    Representative,
     TooManyUndefined,
     Topography,
     check_wave,
@@ -36,6 +38,7 @@ from ..topography import (
     default_wave,
     of_all_places,
     repair,
+    representative,
     resolved_wave,
     resolving_shape,
     shortest_place,
@@ -245,6 +248,21 @@ def _usual_pieces(case: Case, place: Topography, wave: float) -> Pair:
 _GROOVED, _EVEN = 0.5, 0.3
 #: Waves of grooves that a face has at least.
 _LEAST_GROOVES = 3
+
+
+def measured_patch(case: Case, surface: Topography, scene: Scene) -> tuple[Representative | None, FormEffect | None]:
+    """What a measured face holds of its long waves, and what its form does where the case neither says nor has one.
+
+    surface : without the form of a seat.
+    """
+    if not surface.rms_slope or not any(isinstance(table, FileFace) for table in case.face):
+        return None, None
+    holds, loads = representative(surface), [pressure for pressure in scene.steps.loading if pressure > 0]
+    said = "detrend" in case.surface.model_fields_set or case.seat.kind != "flat" or case.seal.form
+    if said or not loads:
+        return holds, None
+    chosen = sorted({loads[n * (len(loads) - 1) // 3] for n in range(4)})
+    return holds, form_effect(surface, scene.modulus, scene.law, chosen, scene.boundary)
 
 
 def wound_layout(case: Case) -> Layout:

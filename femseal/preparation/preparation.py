@@ -9,13 +9,20 @@ from ..case.case import Case
 from ..case.faults import MAP_TABLES, SCENE_TABLES, SEAL_TABLES, with_tables
 from ..case.values import unusual
 from ..seal.layouts import Layout
-from ..seal.pressure_map import AnyMap
 from ..studies import Sampling, Scene, cut_and_tiles, laid_out
 from ..studies.scene import gas_warnings, scene_warnings
-from ..studies.seat_rows import ROWS, SeatMap, check_map
-from ..topography import MOST_POINTS, Conditioning, SpikeEffect, Topography, resolving_shape, shortest_place
+from ..studies.seal_contact import form_on_grid
+from ..studies.tile_pressure import check_map
+from ..topography import (
+    MOST_POINTS,
+    Conditioning,
+    SpikeEffect,
+    Topography,
+    resolving_shape,
+    shortest_place,
+)
 from ..topography.seat import LEAST_DEPTH, FlatSeat
-from .face import conditioned_face, groove_question, wound_layout
+from .face import conditioned_face, groove_question, measured_patch, wound_layout
 from .prepared import (
     Pair,
     Prepared,
@@ -52,9 +59,8 @@ def prepare(case: Case) -> Prepared:
         if methods & {"deterministic", "two-scale"}:
             with with_tables(SEAL_TABLES):
                 scene.check_spiral()
-        form = None  # of a flat seat
-        if case.seat.kind != "flat":
-            form = FormTolerance(case.seat.seat(case.folder), case.seat.tolerance, not broader)
+        form = _form_tolerance(case, sampling, broader)
+        holds, effect = measured_patch(case, surface, scene)
         spikes = SpikeEffect(conditioning.spikes_along_lay, conditioning.spikes_extreme).doubts(conditioning.spikes)
         prepared = Prepared(
             scene=scene,
@@ -66,16 +72,30 @@ def prepare(case: Case) -> Prepared:
             methods=methods,
             seat=seat,
             form=form,
+            holds=holds,
+            form_effect=effect,
+            flatness=case.seal.flatness,
             warnings=(
                 *plausibility_warnings(case, scene, conditioning),
                 *groove_question(case, scene),
                 *spikes,
+                *(holds.doubts if holds else ()),
+                *(effect.doubts if effect else ()),
                 *doubts,
             ),
         )
         if case.surface.filter_sensitivity:
             without_short_waves(prepared)  # refuses a face too small for it
         return prepared
+
+
+def _form_tolerance(case: Case, sampling: Sampling | None, broader: bool) -> FormTolerance | None:
+    """Errors of the forms of seal and seat; None of flat ones."""
+    seat = None if case.seat.kind == "flat" else case.seat.seat(case.folder)
+    if sampling is not None and sampling.form:
+        of_seat = () if seat is None else (case.seat.tolerance,)
+        return FormTolerance(sampling.form, (*(form.tolerance for form in case.seal.form or ()), *of_seat))
+    return None if seat is None else FormTolerance(seat=seat, tolerance=case.seat.tolerance)
 
 
 def _check_pieces(surface: Topography, conditioning: Conditioning, cells: Pair | None) -> None:
@@ -106,12 +126,13 @@ def _seals(
         check_memory("stochastic.realisations", table.realisations, 16 * steps * table.realisations)
     with with_tables(SEAL_TABLES):
         cut, tiles = laid_out(surface, layout, cells, sampling)
+    broader = not tiles.in_place or bool(case.seal.form)
     if length is None:
-        return sampling, tiles.size, not tiles.in_place
+        return sampling, tiles.size, broader
     if length < (least := cut.size[1]) * (1 - 1e-9):
         expected = f"at least one piece, {to_text(least, 'm', 3)}"
         raise InputError("stochastic.length", to_text(length, "m", 3), expected)
-    return sampling, (table.breadth or surface.size[0], length), not tiles.in_place
+    return sampling, (table.breadth or surface.size[0], length), broader
 
 
 def _with_seat(case: Case, surface: Topography, broader: bool) -> tuple[Topography, str]:
@@ -183,18 +204,19 @@ def _pressures(case: Case, seal: tuple[float, float]) -> dict[str, tuple[float, 
 def _under_map(
     case: Case, scene: Scene, sampling: Sampling, cells: Pair | None, seal: tuple[float, float], broader: bool
 ) -> tuple[Sampling, Pair, tuple[str, ...]]:
-    """The sampling with the map of the pressure over the seal, the pieces of the face, and what is not plausible."""
-    breadth, length = seal
+    """The sampling with the map of the pressure or the form of the seal, the pieces, and what is not plausible."""
+    forms = case.seal.forms(case.folder)
+    if broader and case.seat.kind != "flat":
+        forms = (*forms, case.seat.seat(case.folder))
     with with_tables(MAP_TABLES):
-        made: AnyMap | SeatMap
-        if broader and case.seat.kind != "flat":
-            made = SeatMap(case.seat.seat(case.folder))
-            made.seat.rows_below(ROWS, breadth / ROWS)  # refuses a form that is too steep
+        if forms:
+            sampling = replace(sampling, form=forms)
         else:
-            made = case.load.pressure_map(case.folder, breadth * length, length)
-        sampling = replace(sampling, pressure_map=made)
+            sampling = replace(sampling, pressure_map=case.load.pressure_map(case.folder, seal[0] * seal[1], seal[1]))
         cut, tiles = cut_and_tiles(scene, cells, sampling)
-        return sampling, cut.shape, (*tiles.warnings, *check_map(scene, tiles, made))
+        if forms:
+            form_on_grid(scene, tiles, forms)  # refuses a form that is too steep, or does not cover the seal
+        return sampling, cut.shape, (*tiles.warnings, *check_map(scene, tiles, sampling.pressure_map))
 
 
 def plausibility_warnings(case: Case, scene: Scene, surface: Conditioning) -> tuple[str, ...]:

@@ -11,15 +11,16 @@ from dataclasses import asdict, dataclass, replace
 from math import ceil, prod
 from typing import Any
 
-from ..base import InputError, Mapper, free_memory, to_text
+from ..base import Array, InputError, Mapper, free_memory, to_text
 from ..budget import FormTolerance, ModelChange
+from ..face.patch_form import FormEffect
 from ..face.pieces import FEWEST_POINTS, Cut, usual_pieces
 from ..seal.layouts import AnnularLayout, Layout
 from ..seal.tiles import MOST_ROWS, SealTiles
 from ..studies import STUDIES, Sampling, Scene, Study, StudyOptions, laid_out
 from ..studies.costs import Effort, usual_efforts
-from ..studies.seat_rows import SeatMap
-from ..topography import Conditioning, Continuation, Overlap, Topography
+from ..studies.longer_waves import longer_waves
+from ..topography import Conditioning, Continuation, Overlap, Representative, Topography, representative
 
 #: Memory of the libraries that a run imports [byte].
 START_MEMORY = 0.5e9
@@ -77,8 +78,9 @@ class Prepared:
     """Input of the studies: the scene, its pieces, the sampling of seals; and the history of the surface.
 
     cells : number of pieces along x1 and x2; None where there are none. continuation : of the spectrum of the face,
-    None without. methods : to be run. seat : its form, "" where it is flat; form : that and its error. warnings : what
-    is not plausible in the case.
+    None without. methods : to be run. seat : its form, "" where it is flat; form : that and its error. holds : what a
+    measured face holds of its long waves. form_effect : of what is form in it, where nothing says that; None
+    elsewhere. flatness : of the seal [m], None where it is not given. warnings : what is not plausible in the case.
     """
 
     scene: Scene
@@ -90,7 +92,23 @@ class Prepared:
     methods: frozenset[str]
     seat: str = ""
     form: FormTolerance | None = None
+    holds: Representative | None = None
+    form_effect: FormEffect | None = None
+    flatness: float | None = None
     warnings: tuple[str, ...] = ()
+
+    def longer_waves(self, surface: Topography, mapper: Mapper) -> Array | None:
+        """Changes of ln(leakage) of drawn seals by waves longer than the patch, see `studies.longer_waves`.
+
+        surface : the face, also on fewer points. None where nothing is to be expected, or the seal has a form.
+        """
+        sampling = self.sampling
+        if sampling is None or sampling.form or (self.holds is None and self.flatness is None):
+            return None
+        holds = self.holds or representative(surface)
+        scene = replace(self.scene, surface=surface)
+        sides = sampling.breadth, sampling.length
+        return longer_waves(scene, *sides, holds, flatness=self.flatness, seed=sampling.seed, mapper=mapper)
 
     @property
     def studies(self) -> list[Study]:
@@ -127,8 +145,8 @@ class Prepared:
     def changed(self, change: ModelChange) -> Prepared:
         """The input with a change of the model."""
         sampling = self.sampling
-        if change.seat is not None and sampling is not None:
-            sampling = replace(sampling, pressure_map=SeatMap(change.seat))
+        if change.forms and sampling is not None:
+            sampling = replace(sampling, form=change.forms)
         return replace(self, scene=change.scene, sampling=sampling)
 
     def solve(self, study: Study, mapper: Mapper, known: Mapping[str, Any] | None = None) -> Any:

@@ -5,7 +5,7 @@ No face is refused: one that a run refuses is described with the reason, as far 
 
 import json
 import os
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from math import degrees, isnan, pi
 from pathlib import Path
 from typing import Any
@@ -13,9 +13,12 @@ from typing import Any
 from ..base import InputError, counted, to_si, to_text, validate, writing
 from ..case.faces import SurfaceTable
 from ..case.faults import table_to_paste, with_keys
+from ..contact.law import PerfectlyPlastic
+from ..face.patch_form import FormEffect, form_effect
 from ..plots import survey_figure
 from ..topography import (
     Conditioning,
+    Representative,
     SpikeEffect,
     SurfaceReport,
     TooManyUndefined,
@@ -23,6 +26,7 @@ from ..topography import (
     describe_surface,
     read_for_a_look,
     repair,
+    representative,
     smooth,
 )
 from .face import default_grid
@@ -47,6 +51,9 @@ _OPEN = {
     "load": "which contact pressures in assembly, and down to which in service? Or forces: 10 kN, 200 N/mm",
     "fluid": "which fluid, between which pressures?",
 }
+#: Pressures on a face that has neither load nor material, over the hardness, and that over E* and the rms slope.
+_PRESSURES, _HARDNESS = (0.02, 0.15), 0.15
+_LOADS = "0.02 to 0.15 of a hardness of 0.15 E* times its slope"
 #: Lines of the description of a face that its case shows.
 _SHOWN = ("points ", "pixel", "undefined", "Sq,", "rms slope ", "Std", "shortest wave above")
 
@@ -58,6 +65,7 @@ class _Look:
     part: Part | None = None
     report: SurfaceReport | None = None
     conditioning: Conditioning | None = None
+    patch: tuple[Representative | FormEffect, ...] = ()
     reasons: tuple[str, ...] = ()
 
 
@@ -108,7 +116,9 @@ def survey(
         origin = (0.0, 0.0) if crop is None else (lengths["crop"][0], lengths["crop"][2])
         lines += _offer(found.part, origin)
     if found.report is not None and found.conditioning is not None:
-        lines += notes(found.report, found.conditioning)
+        texts = notes(found.report, found.conditioning)
+        texts += [text for one in found.patch for text in one.doubts or [str(one)]]
+        lines += [f"note: {text}" for text in texts]
     if picture is not None:
         figure = survey_figure(face, found.report, found.conditioning, part=found.part, detrend=detrend, spikes=spikes)
         figure.suptitle(path.name, fontsize=11, parse_math=False)
@@ -136,12 +146,21 @@ def look(face: Topography, wave: float | None, treatment: dict[str, Any]) -> _Lo
     try:
         with with_keys(SURFACE_OPTIONS):
             flat, repaired = repair(face, **treatment)
-            _, conditioning = smooth(flat, repaired, shortest_wavelength=wave, shape=default_grid(flat, wave))
+            kept, conditioning = smooth(flat, repaired, shortest_wavelength=wave, shape=default_grid(flat, wave))
     except InputError as error:
         if wave is not None and not isinstance(error.__cause__, TooManyUndefined):  # the caller's wave, not the face
             raise
-        return _Look(part, report, None, (*reasons, *([] if reasons else [str(error)])))
-    return _Look(part, report, conditioning, tuple(reasons))
+        return _Look(part, report, reasons=(*reasons, *([] if reasons else [str(error)])))
+    found = _Look(part, report, conditioning, reasons=tuple(reasons))
+    if not kept.rms_slope:
+        return found
+    curved = flat.with_heights(flat.heights + repaired.form.heights).detrend(1)
+    curved = curved.low_pass(conditioning.shortest_wavelength)
+    # leakage does not depend on E* itself
+    hardness = _HARDNESS * curved.rms_slope
+    pressures = [part * hardness for part in _PRESSURES]
+    form = form_effect(curved, 1.0, PerfectlyPlastic(hardness), pressures, loads=_LOADS)
+    return replace(found, patch=(representative(kept), form))
 
 
 def _description(face: Topography, look: _Look) -> list[str]:
@@ -176,15 +195,13 @@ def _indented(report: SurfaceReport | Conditioning) -> list[str]:
 def notes(report: SurfaceReport, conditioning: Conditioning) -> list[str]:
     """Advice that follows from the numbers."""
     effect = SpikeEffect(conditioning.spikes_along_lay, conditioning.spikes_extreme)
-    notes = [f"note: {text}" for text in effect.doubts(conditioning.spikes)]
+    notes = effect.doubts(conditioning.spikes)
     if report.shortest_wave > conditioning.shortest_wavelength * (1 + 1e-9):
         wave = to_text(report.shortest_wave, "m", 3)
-        notes.append(
-            f"note: waves below {wave} are noise or beyond the instrument: shortest_wave = '{wave}' removes them"
-        )
+        notes.append(f"waves below {wave} are noise or beyond the instrument: shortest_wave = '{wave}' removes them")
     if not isnan(report.lay_direction) and abs(report.lay_direction) > pi / 4:
         angle = degrees(abs(report.lay_direction))
-        notes.append(f"note: the lay runs {angle:.0f}° off x2, along the leakage: transpose exchanges the axes")
+        notes.append(f"the lay runs {angle:.0f}° off x2, along the leakage: transpose exchanges the axes")
     return notes
 
 
@@ -212,8 +229,9 @@ def case_of_face(path: Path, folder: Path) -> str:
     if found.report is not None:
         lines += [f"#   {line}" for line in str(found.report).splitlines() if line.startswith(_SHOWN)]
     if found.report is not None and found.conditioning is not None:
-        found_notes = [note.removeprefix("note: ") for note in notes(found.report, found.conditioning)]
+        found_notes = notes(found.report, found.conditioning)
         questions += [note for note in found_notes if "shortest_wave" not in note]
+        questions += [text for one in found.patch for text in one.doubts]
         measured, kept = found.report.shortest_wave, found.conditioning.shortest_wavelength
         text, why = to_text(max(measured, kept), "m", 3), "the shortest one above noise"
         if text != (shortest := to_text(measured, "m", 3)):

@@ -17,8 +17,10 @@ from ..budget import (
     continuation_part,
     effective_pressure_part,
     error_budget,
+    longer_waves_part,
     model_changes,
     model_part,
+    patch_form_part,
 )
 from ..preparation.prepared import Prepared
 from ..studies import StochasticResult, study_of_result
@@ -93,9 +95,15 @@ def _with_model_parts(
     own = known[1] if known else _solved(grid, mapper) if changes or continued else {}
     found = dict(budgets)
     for key, result in studies.items():
-        part = effective_pressure_part(prepared.scene, result) if "effective pressure" in names else None
-        if part is not None:
-            found[key] = replace(found[key], parts=(*found[key].parts, part))
+        parts = [effective_pressure_part(prepared.scene, result) if "effective pressure" in names else None]
+        if prepared.form_effect is not None and "form of the patch" in names:
+            parts.append(patch_form_part(prepared.form_effect, result.steps, leakage_of(result)))
+        if isinstance(result, StochasticResult) and "longer waves" in names:
+            moved_by = prepared.longer_waves(grid.scene.surface, mapper)
+            if moved_by is not None:
+                flat = prepared.flatness is not None
+                parts.append(longer_waves_part(moved_by, flat, result.steps, leakage_of(result)))
+        found[key] = replace(found[key], parts=(*found[key].parts, *filter(None, parts)))
     if continued:
         others = [_solved(replace(grid, scene=scene), mapper) for scene in continued]
         for key, result in studies.items():

@@ -114,6 +114,8 @@ def case_sentences(results: RunData) -> list[str]:
     sentences.append(f"{text[0].upper()}{text[1:]}.")
     if attrs.get("seat"):
         sentences.append(_seat_text(data))
+    if "drawn_form" in data:
+        sentences.append(_form_text(data))
     sentences += load_sentences(data, case)
     inlet, outlet = (to_text(float(attrs[f"{end}_pressure_Pa"]), "Pa") for end in ("inlet", "outlet"))
     fluid = fluid_text(case.get("fluid", {}), str(attrs["fluid"]))
@@ -226,6 +228,19 @@ def _load_text(data: xarray.Dataset, given: dict[str, Any]) -> str:
             f"fields, and their leakage is interpolated within {tolerance}."
         )
     return text
+
+
+def _form_text(data: xarray.Dataset) -> str:
+    """The form of the seal, and what it does to the pressure at the lowest and the highest load."""
+    high = to_text(float(np.ptp(data["drawn_form"].values)), "m", 3)
+    sentences = [f"The seal has a form {high} high."]
+    nominal = data["nominal_pressure"].values
+    for s in dict.fromkeys((int(nominal.argmin()), int(nominal.argmax()))):
+        pressure = data["drawn_nominal_pressure"].values[s]
+        apart = float((pressure == 0).mean())
+        text = f"At {data['name'].values[s]} it presses tiles with up to {to_text(float(pressure.max()), 'Pa', 3)}"
+        sentences.append(f"{text}, and {apart:.0%} of the seal stands apart.")
+    return " ".join(sentences)
 
 
 def _map_text(data: xarray.Dataset, maps: list[dict[str, Any]]) -> str:

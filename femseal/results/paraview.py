@@ -22,7 +22,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..base import Array, InputError, Mapper, Stage, made_folder, to_text
-from ..base.fields import PART, PART_VECTOR, PIECE, PIECE_STATE, PIXEL, READABLE, Field, Place, fields_of
+from ..base.fields import PART, PART_FORM, PART_VECTOR, PIECE, PIECE_STATE, PIXEL, READABLE, Field, Place, fields_of
 from ..base.shared_array import give_back
 from ..studies.choices import FORMATS
 from ..topography import Topography
@@ -272,9 +272,11 @@ def drawn_cells(data: xarray.Dataset) -> Cells:
     points, cells = _joined(data["drawn_corners"].values)
     cell_data = {}
     for variable in data.data_vars.values():
-        if variable.dims in (PART.dims, PART_VECTOR.dims):
+        if variable.dims in (PART.dims, PART_FORM.dims, PART_VECTOR.dims):
             made = Field.of(variable)
             values = variable.values * made.scale
+            if variable.dims == PART_FORM.dims:
+                values = np.broadcast_to(values, (data.sizes["step"], values.size))
             if variable.dims == PART_VECTOR.dims:
                 values = np.pad(values, ((0, 0), (0, 0), (0, 1)))
             cell_data[made.array_name.removeprefix("drawn_")] = values

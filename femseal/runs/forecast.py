@@ -23,7 +23,8 @@ from ..studies import Scene, drop_ratio
 from ..studies.costs import LADDER_STATES, Effort, on_ladder, usual_efforts, usual_seals
 from ..studies.deterministic import STEP_BYTES, states_memory
 from ..studies.face_leakage import FEWEST
-from ..studies.seat_rows import describe_map
+from ..studies.seal_contact import form_on_grid
+from ..studies.tile_pressure import describe_map
 from ..topography import Places
 from .pilot import efforts, pace, solved_once
 
@@ -164,6 +165,10 @@ def _study_facts(prepared: Prepared) -> Iterator[tuple[str, str]]:
     yield "", f"{number} of {tiles}, {drawn}{f', {how}' if how else ''}"
     if uneven := describe_map(scene, tiles, sampling.pressure_map):
         yield "pressure map", uneven
+    if sampling.form:
+        _, depth = form_on_grid(scene, tiles, sampling.form)
+        high = to_text(float(np.nanmax(depth)), "m", 3)
+        yield "form", f"{', '.join(map(str, sampling.form))}, in all {high} high; it gives the pressure of the tiles"
 
 
 def _face_states(prepared: Prepared) -> int:
@@ -354,6 +359,9 @@ def _surface_facts(prepared: Prepared) -> Iterator[tuple[str, str]]:
         size = " × ".join(to_text(length, "m", 3) for length in overlap.size)
         resampled = ", the second resampled" if overlap.resampled else ""
         yield "", f"two faces overlap on {size}, {overlap.fraction:.0%} of the first{resampled}"
+    for known in (prepared.holds, prepared.form_effect):
+        if known is not None and not known.doubts:
+            yield "", str(known)
     if prepared.continuation:
         yield "", prepared.continuation_text
     shortest = report.shortest_wavelength

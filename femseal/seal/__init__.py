@@ -6,6 +6,7 @@ from ..base.lazy_package import load_when_used
 
 if TYPE_CHECKING:
     from ..flow.permeability_table import PermeabilityTable, table_pressures
+    from .form import FileForm, MeasuredForm, WavyForm
     from .leakage import Leakage, seal_leakage
     from .mesh_seal import MeshSeal
     from .pressure_map import AngleTable, MapsAtLoads, PressureField, Profile, Uniform

@@ -168,10 +168,8 @@ _TRIANGLES = {
     "quad8": ((0, 1, 2), (0, 2, 3)),
     "quad9": ((0, 1, 2), (0, 2, 3)),
 }
-_TEXTS = (".csv", ".txt")
+TEXTS = (".csv", ".txt")
 _DELIMITERS = ",;\t"
-#: Columns of a text with the coordinates.
-_COORDINATES = ("x", "y")
 #: Memory that reading a field takes at least, in sizes of the file.
 _FIELD_FACTOR = 8
 
@@ -201,16 +199,50 @@ def read_pressure_field(
         raise InputError("path", f"'{file}' of {size / 1e9:.3g} GB", allowed)
     length, unit = to_si(f"1 {length_unit}", "m", "length_unit"), to_si(f"1 {pressure_unit}", "Pa", "pressure_unit")
     try:
-        points, values, triangles = (_of_text if file.suffix.lower() in _TEXTS else _of_mesh)(file, name)
+        points, values, triangles = (_of_text if file.suffix.lower() in TEXTS else _of_mesh)(file, name)
     except InputError as error:
-        columns = f"; or a {' or '.join(_TEXTS)} with the columns x, y and {name}"
-        more = "" if file.suffix.lower() in _TEXTS else columns
+        columns = f"; or a {' or '.join(TEXTS)} with the columns x, y and {name}"
+        more = "" if file.suffix.lower() in TEXTS else columns
         raise InputError(error.what, error.given, f"{error.expected}{more}") from None
     return PressureField.of(length * points, unit * values, triangles)
 
 
 def _of_text(file: Path, name: str) -> tuple[Any, Any, None]:
     """Points and values of a text with columns."""
+    numbers = read_columns(file, ("x", "y", name))
+    return numbers[:, :2], numbers[:, 2], None
+
+
+def columns_of(file: Path) -> list[str]:
+    """Names of the columns of a text, by its first line."""
+    return [column.strip() for column in _rows(file)[0]]
+
+
+def read_columns(file: Path, wanted: tuple[str, ...]) -> NDArray[np.float64]:
+    """Numbers (n, columns) in the wanted columns of a text, whose first line names them.
+
+    Raises InputError: not readable, a column that is missing or there twice, text in place of a number.
+    """
+    head, *rows = _rows(file)
+    names = [column.strip() for column in head]
+    if missing := [column for column in wanted if names.count(column) != 1]:
+        given = f"'{file}' with the columns {', '.join(names)}"
+        raise InputError(
+            "path", given, f"one column each of {', '.join(wanted)}, named in the first line: {missing[0]}"
+        )
+    places = [names.index(column) for column in wanted]
+    numbers = np.empty((len(rows), len(wanted)))
+    for n, row in enumerate(rows):
+        try:
+            numbers[n] = [float(row[place]) for place in places]
+        except (ValueError, IndexError):
+            allowed = f"numbers with decimal points in the columns {', '.join(wanted)}"
+            raise InputError("path", f"'{file}' with the line '{shortened(', '.join(row), 60)}'", allowed) from None
+    return numbers
+
+
+def _rows(file: Path) -> list[list[str]]:
+    """Lines of a text, cut at commas, semicolons, tabs or blanks, whichever its first line has most of."""
     try:
         with within_free_memory():
             text = file.read_text(encoding="utf-8-sig")
@@ -221,27 +253,8 @@ def _of_text(file: Path, name: str) -> tuple[Any, Any, None]:
         raise InputError("path", f"'{file}', which is empty", "a text with columns")
     delimiter = max(_DELIMITERS, key=lines[0].count)
     if delimiter in lines[0]:
-        head, *rows = csv.reader(io.StringIO("\n".join(lines)), delimiter=delimiter)
-    else:
-        head, *rows = (line.split() for line in lines)
-    names = [column.strip() for column in head]
-    wanted = (*_COORDINATES, name)
-    if missing := [column for column in wanted if names.count(column) != 1]:
-        given = f"'{file}' with the columns {', '.join(names)}"
-        raise InputError(
-            "path", given, f"one column each of {', '.join(wanted)}, named in the first line: {missing[0]}"
-        )
-    places = [names.index(column) for column in wanted]
-    numbers = np.empty((len(rows), 3))
-    for n, row in enumerate(rows):
-        try:
-            numbers[n] = [float(row[place]) for place in places]
-        except (ValueError, IndexError):
-            allowed = f"numbers with decimal points in the columns {', '.join(wanted)}"
-            raise InputError(
-                "path", f"'{file}' with the line '{shortened(delimiter.join(row), 60)}'", allowed
-            ) from None
-    return numbers[:, :2], numbers[:, 2], None
+        return list(csv.reader(io.StringIO("\n".join(lines)), delimiter=delimiter))
+    return [line.split() for line in lines]
 
 
 def _of_mesh(file: Path, name: str) -> tuple[Any, Any, Any]:

@@ -12,7 +12,7 @@ entry of `STUDIES`, by which runs solve, forecast and compare it.
     face_leakage        flow at every step -> leakage and fluid pressure
     two_scale           the deterministic solution, and permeability and pressure drop of the pieces of the face
     piece_states        the pieces of a face at the loads, or along a ladder of nominal pressures
-    sampling            options of a drawn seal -> its tiles; seat_rows: their pressure under maps and seats
+    sampling            options of a drawn seal -> its tiles; tile_pressure, seal_contact: their pressure
     stochastic          tiles draw pieces -> leakage of the seal; drawn_error: what one patch does not know
 """
 

@@ -11,7 +11,6 @@ from math import log1p, log2
 from statistics import mean
 
 from ..base import validate
-from ..seal.pressure_map import is_uniform
 from ..seal.tiles import SealTiles
 from .deterministic import state_memory, states_memory
 from .sampling import FEWEST_SEALS, MOST_SEALS, Sampling
@@ -187,7 +186,7 @@ def stochastic_cost(
     """
     pixels, elements = points[0] * points[1], len(tiles.tile)
     piece = pixels / (cells[0] * cells[1])
-    ladder = acts or not is_uniform(sampling.pressure_map)
+    ladder = acts or not sampling.presses_evenly
     states = float(len(efforts)) if tiles.in_place or not ladder else LADDER_STATES
     each = mean(_face_seconds(points, effort, pressures, acts and tiles.in_place) for effort in efforts)
     flows = 2 * cells[0] * cells[1] * pressures * mean(flow_seconds(piece, effort) for effort in efforts)
@@ -206,7 +205,7 @@ def usual_seals(cells: tuple[int, int], tiles: SealTiles) -> int:
 
 def on_ladder(scene: Scene, sampling: Sampling) -> bool:
     """Whether drawn seals take pieces from a ladder of nominal pressures, unless these stay in their rows."""
-    return scene.acting_fluid is not None or not is_uniform(sampling.pressure_map)
+    return scene.acting_fluid is not None or not sampling.presses_evenly
 
 
 def count_pressures(scene: Scene) -> int:

@@ -2,13 +2,13 @@
 
 from dataclasses import KW_ONLY, dataclass, field, replace
 
-from ..base import validate
+from ..base import InputError, validate
 from ..face.pieces import Cut, usual_pieces
+from ..seal.form import SealForm
 from ..seal.layouts import Layout
 from ..seal.pressure_map import AnyMap, Uniform, is_uniform
 from ..seal.tiles import PieceSize, SealTiles
 from ..topography import Topography
-from .seat_rows import SeatMap
 
 #: Fewest seals that are drawn, and most, where their number is not given.
 FEWEST_SEALS, MOST_SEALS = 3, 200
@@ -26,12 +26,13 @@ class Sampling:
     realisations : number of seals that are drawn; None draws as many as the band needs, see `stochastic`.
     seed : of all random numbers.
     breadth : of a straight seal from inlet to outlet [m]; that of the face unless given.
-    pressure_map : contact pressure over the seal in fractions of the nominal one, see `seal.pressure_map`. A `SeatMap`
-        is a form of the seat that is broader than the face.
+    pressure_map : contact pressure over the seal in fractions of the nominal one, see `seal.pressure_map`.
+    form : of the whole seal, which gives the pressure of its tiles instead: a form of `seal.form`, or a seat such as
+        `CrownedSeat`; forms of both faces add up.
     median_fields : also keep the fields of the seal whose leakage is nearest to the median.
 
     Raises InputError: a number of realisations below 1, a seed that is no whole number from 0, a length or breadth
-    that is not > 0.
+    that is not > 0, both a map and a form.
     """
 
     length: float | None
@@ -39,16 +40,26 @@ class Sampling:
     _: KW_ONLY
     seed: int
     breadth: float | None = None
-    pressure_map: AnyMap | SeatMap = field(default_factory=Uniform)
+    pressure_map: AnyMap = field(default_factory=Uniform)
+    form: tuple[SealForm, ...] = ()
     median_fields: bool = True
 
     def __post_init__(self) -> None:
         if self.realisations is not None:
             object.__setattr__(self, "realisations", validate.count("realisations", self.realisations))
         object.__setattr__(self, "seed", validate.count("seed", self.seed, least=0))
+        given = self.form if isinstance(self.form, tuple | list) else (self.form,)
+        object.__setattr__(self, "form", tuple(given))
+        if self.form and not is_uniform(self.pressure_map):
+            raise InputError("form", "a form and a map of the pressure", "one of them: a form gives the pressure")
         for name in ("length", "breadth"):
             if getattr(self, name) is not None:
                 validate.number(name, getattr(self, name), unit="m")
+
+    @property
+    def presses_evenly(self) -> bool:
+        """Whether all tiles have the nominal pressure."""
+        return is_uniform(self.pressure_map) and not self.form
 
 
 def lay_out_tiles(layout: Layout, cut: Cut, sampling: Sampling) -> SealTiles:
@@ -58,7 +69,7 @@ def lay_out_tiles(layout: Layout, cut: Cut, sampling: Sampling) -> SealTiles:
 
     Raises InputError: see `seal.layouts.Layout.lay_out`.
     """
-    even = is_uniform(sampling.pressure_map)
+    even = sampling.presses_evenly
     most = MOST_TILES if even else None
     tiles = layout.lay_out(PieceSize(cut.size, cut.shape[0], sampling.length, sampling.breadth, most))
     if tiles.in_place and not even:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from typing import Any
 
@@ -22,8 +22,9 @@ from .load_curves import least_counted
 from .piece_states import FacePieces, FaceResult, along_paths, ladder_of, pieces_at_loads, pieces_on_ladder
 from .sampling import FEWEST_SEALS, MOST_SEALS, Sampling, laid_out
 from .scene import Scene, scene_warnings
-from .seat_rows import SeatMap, SeatRows, distinct_paths, pressure_fractions, seat_rows
+from .seal_contact import SealContact, seal_contact, without_waves_of
 from .stochastic_result import MedianSeal, StochasticResult, nearest_to_median
+from .tile_pressure import distinct_paths, pressure_fractions
 
 #: Fluid pressures at which the permeability of pieces is known that the fluid presses apart. Measured against 129:
 #: leakage within 1.1e-3 with p_in up to .3 of the lowest load, within 9e-3 where they are equal.
@@ -70,8 +71,12 @@ def stochastic(
     FemsealError : the flow through every piece failed.
     """
     cut, tiles = cut_and_tiles(scene, cells, sampling)
-    seat, fractions = _fractions(scene, tiles, sampling, mapper)
+    scene = without_waves_of(scene, cut, sampling.form)
+    formed = seal_contact(scene, tiles, sampling.form, mapper) if sampling.form else None
+    fractions = pressure_fractions(scene, tiles, sampling.pressure_map) if formed is None else formed.fractions
     supply = _supply(scene, cut, tiles, fractions, known, mapper)
+    if formed is not None:
+        supply = replace(supply, opened=formed.opened)
     if not np.isfinite(supply.k).any():
         raise FemsealError(f"pieces: every flow failed; the first: {supply.pieces.failures[0]}")
     drawn = _drawn(scene, tiles, supply, sampling, mapper)
@@ -82,7 +87,9 @@ def stochastic(
     if chosen is not None:
         stage = Stage("median seal", partial(_median_seal, scene=scene, tiles=tiles, supply=supply, seed=sampling.seed))
         (median,) = mapper(stage, [chosen])
-    rows = _rows(scene, supply, seat)
+        if formed is not None:
+            median = _with_form(median, tiles, formed)
+    rows, row_breadth = _rows(scene, supply, formed)
     unsolved = [f"{scene.steps[s].name}: {reason}" for s, reason in supply.unsolved]
     failures = [*supply.pieces.failures, *(text for one in drawn for text in one.failures), *unsolved]
     return StochasticResult(
@@ -93,7 +100,7 @@ def stochastic(
         contact_fraction=1 - _at_nominal(scene, supply.pieces, 1 - supply.pieces.contact_fraction.mean(axis=(1, 2))),
         places=_places(scene, supply, leakage),
         row_pressure=rows,
-        band_breadth=_band(scene, supply, seat),
+        band_breadth=None if rows is None else band_breadth(rows, row_breadth),
         largest_row_pressure=None if rows is None else rows.max(axis=1),
         median_seal=median,
         failures=tuple(failures),
@@ -121,7 +128,8 @@ class _Supply:
     k : (pressures, 2, steps, paths, pieces) [m³], at each of the fluid pressures. pressures : of the fluid [Pa].
     piecewise : see `flow.PermeabilityTable`. path : number of the path of the pressure of every tile (tiles,).
     paths : nominal pressure along each path (steps, paths) [Pa]. unsolved : steps without a gap by number, and why.
-    in_place : pieces stay in the rows of the face.
+    in_place : pieces stay in the rows of the face. opened : permeability of the gap that the form of the seal opens
+    beyond that at which faces just touch (steps, tiles) [m³].
     """
 
     pieces: FacePieces
@@ -132,20 +140,14 @@ class _Supply:
     paths: Array
     unsolved: tuple[tuple[int, str], ...]
     in_place: bool
+    opened: Array | None = None
 
     def permeability(self, tiles: SealTiles, piece: Indices, step: int) -> Any:
         """What `seal_leakage` takes, of a seal whose tiles have drawn pieces (tiles,)."""
         k = self.k[:, :, step, self.path, piece]
+        if self.opened is not None:
+            k = k + self.opened[step]
         return tabulated(self.pressures, list(tiles.permeability(k[:, 0], k[:, 1])), self.piecewise)
-
-
-def _fractions(scene: Scene, tiles: SealTiles, sampling: Sampling, mapper: Mapper) -> tuple[SeatRows | None, Array]:
-    """Contact of a seat that is broader than the face, and pressure of tiles over the nominal one (steps, tiles)."""
-    seat, pressure_map = None, sampling.pressure_map
-    if isinstance(pressure_map, SeatMap):
-        solve = Stage("contact of the seat", partial(seat_rows, scene, breadth=tiles.seal.size[0]))
-        (seat,) = mapper(solve, [pressure_map.seat])
-    return seat, pressure_fractions(scene, tiles, seat or pressure_map)
 
 
 def _supply(
@@ -314,18 +316,19 @@ def _rate_of_power(scene: Scene, tiles: SealTiles, found: Any) -> float:
     return float(drops @ rates / np.abs(drops).max())
 
 
-def _rows(scene: Scene, supply: _Supply, seat: SeatRows | None) -> Array | None:
-    """Mean contact pressure of the rows of the seal (steps, rows) [Pa]; None where it has no rows of its own."""
-    if seat is not None:
-        return seat.pressure
-    return supply.pieces.rows if supply.in_place else None
+def _with_form(median: MedianSeal, tiles: SealTiles, formed: SealContact) -> MedianSeal:
+    """The median seal with the fields of the contact under its form."""
+    of_parts = tiles.tile[tiles.once]
+    form = formed.grid.means(-formed.depth)[of_parts]
+    separation, pressure = (formed.grid.means(values)[:, of_parts] for values in (formed.separation, formed.pressure))
+    return replace(median, form=form, separation=separation, nominal=pressure)
 
 
-def _band(scene: Scene, supply: _Supply, seat: SeatRows | None) -> Array | None:
-    """Breadth of the band in contact (steps,) [m], of a seal with rows of its own."""
-    if seat is not None:
-        return seat.band
-    return band_breadth(supply.pieces.rows, scene.surface.spacing[0]) if supply.in_place else None
+def _rows(scene: Scene, supply: _Supply, formed: SealContact | None) -> tuple[Array | None, float]:
+    """Mean contact pressure of the rows of the seal (steps, rows) [Pa], if it has any, and their breadth [m]."""
+    if formed is not None and formed.grid.has_rows:
+        return formed.rows, formed.grid.spacing[0]
+    return supply.pieces.rows if supply.in_place else None, scene.surface.spacing[0]
 
 
 def _places(scene: Scene, supply: _Supply, leakage: Array) -> PlaceLeakage | None:

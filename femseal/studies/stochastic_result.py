@@ -11,7 +11,7 @@ from typing import Any, ClassVar
 import numpy as np
 
 from ..base import Array, Shown, counted
-from ..base.fields import CORNER, PART, PART_VECTOR, REALISATION, ROW, STEP, Field, declared
+from ..base.fields import CORNER, PART, PART_FORM, PART_VECTOR, REALISATION, ROW, STEP, Field, declared
 from ..face.piece_flow import SolverCounts
 from ..loads import LoadProgramme
 from ..seal.element_seal import ElementSeal
@@ -30,6 +30,8 @@ class MedianSeal(Shown):
         that failed, and the fluid pressure also in pockets.
     flux : volume rate per width at the fluid's reference density, in the plane of the seal (steps, parts, 2).
     pressure : mean contact pressure of the tile of every part (steps, parts).
+    form : height of a seal that has a form (parts,). separation : distance of its mean planes, nominal : pressure that
+    it gives to the tiles (steps, parts); None of others.
     """
 
     realisation: int
@@ -41,6 +43,13 @@ class MedianSeal(Shown):
     flux: Array = declared("drawn_flux", "m^2/s", "flow per width, median realisation", PART_VECTOR)
     pressure: Array | None = declared(
         "drawn_contact_pressure", "Pa", "contact pressure of tiles, median realisation", PART, default=None
+    )
+    form: Array | None = declared("drawn_form", "m", "form of the seal", PART_FORM, default=None)
+    separation: Array | None = declared(
+        "drawn_separation", "m", "distance of the mean planes of the faces", PART, default=None
+    )
+    nominal: Array | None = declared(
+        "drawn_nominal_pressure", "Pa", "nominal pressure of tiles under the form of the seal", PART, default=None
     )
 
 

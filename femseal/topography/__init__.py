@@ -30,6 +30,7 @@ if TYPE_CHECKING:
     from .generate import self_affine, turned
     from .places import Places, of_all_places, shortest_place
     from .read import read_for_a_look, read_topography
+    from .representative import Representative, representative
     from .seat import BallOnCone, CrownedSeat, FlatSeat, ProfileSeat, RoundedSeat, Seat, TiltedSeat
     from .texture import spectrum
     from .topography import Topography

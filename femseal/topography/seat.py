@@ -43,6 +43,22 @@ class Seat:
         """How deep the form lies at x1 from the middle of a breadth [m], up to a constant."""
         raise NotImplementedError
 
+    @property
+    def shortest_wave(self) -> float:
+        """Inf: a form that no measured patch has a part of."""
+        return np.inf
+
+    def heights(self, points: Array, frame: Any) -> Array:
+        """Heights (n,) of the form on a seal at points (n, 2) [m]; `frame` gives distances from the inlet.
+
+        Raises InputError: a seal whose inlet and outlet are no lines of one value.
+        """
+        if frame.ends is None:
+            raise InputError("seat", f"{self} on a mesh", "a strip or a ring")
+        first, last = frame.ends
+        breadth = abs(last - first)
+        return -self.depth(np.abs(frame.across(points) - first) - breadth / 2, breadth)
+
     def on(self, face: Topography) -> Topography:
         """The face with the form added to its heights.
 

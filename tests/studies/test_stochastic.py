@@ -23,7 +23,6 @@ from femseal.seal.pressure_map import AngleTable, MapsAtLoads, PressureField, Pr
 from femseal.studies.deterministic import deterministic
 from femseal.studies.piece_states import pieces_on_ladder
 from femseal.studies.sampling import Sampling
-from femseal.studies.seat_rows import SeatMap
 from femseal.studies.stochastic import stochastic
 from femseal.topography import Places, Topography, self_affine
 from femseal.topography.seat import CrownedSeat
@@ -233,7 +232,7 @@ def test_parts_without_pressure_just_touch():
 def test_a_broad_flat_seat_presses_evenly_but_near_its_edges():
     """A crown of a radius so large that its form lies within the roughness; a half-space presses harder at the edges."""
     one = scene(loading=(1e8,))
-    found = drawn(one, broad(rows=4, pressure_map=SeatMap(CrownedSeat(radius=1e3))))
+    found = drawn(one, broad(rows=4, form=CrownedSeat(radius=1e3)))
     rows = found.row_pressure[0]
     assert_allclose(rows.mean(), 1e8, rtol=1e-3)
     assert_allclose(rows, rows[::-1], rtol=1e-3)

@@ -1,0 +1,130 @@
+"""Equal cells over a seal, on which the contact of the whole seal is solved.
+
+A ring is unrolled: its cells lie along the radius, from the inlet, and along the circumference at its middle. Over a
+mesh cells are squares in its plane, of which those outside do not count.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from math import pi
+
+import numpy as np
+
+from ..base import Array, Indices
+from ..base.compiled import compiled
+from .pressure_map import Frame
+from .tiles import SealTiles
+
+#: Fewest rows and columns of cells of a strip or a ring, and rows where the form is the same all along.
+_ROWS, _COLUMNS, ROWS_OF_PROFILES = 24, 64, 384
+#: Most cells, and fewest along the longer side of a mesh.
+_MOST_CELLS, _FEWEST_CELLS = 2**15, 64
+
+
+@dataclass(frozen=True, eq=False)
+class ContactGrid:
+    """Cells over a seal.
+
+    points : their middles in the plane of the seal (n1, n2, 2) [m]. spacing : [m]. boundary : of both axes, see
+    `HalfSpace`. tile : number of the tile of every cell (n1, n2), −1 outside of the seal.
+    beside : cells, by their place in the flat grid, for tiles that have none of their own, by number of the tile.
+    """
+
+    points: Array = field(repr=False)
+    spacing: tuple[float, float]
+    boundary: tuple[str, str]
+    tile: Indices = field(repr=False)
+    beside: tuple[Indices, Indices]
+
+    @classmethod
+    def over(cls, tiles: SealTiles, frame: Frame, *, profile: bool = False) -> ContactGrid:
+        """Cells over the tiles of a seal, finer across it where its form is a profile that is the same all along."""
+        if tiles.grid is None:
+            return cls._over_mesh(tiles)
+        rows, columns = tiles.grid
+        (breadth, length), (first, last) = tiles.seal.size, frame.ends or (0.0, 0.0)
+        length *= tiles.once.size / tiles.tile.size
+        fewest = ROWS_OF_PROFILES if profile else _ROWS
+        n1 = rows * -(-fewest // rows) if rows <= fewest else fewest
+        n2 = max(_COLUMNS, min(columns * -(-_COLUMNS // columns), _MOST_CELLS // n1))
+        x1, x2 = ((np.arange(n) + 0.5) / n for n in (n1, n2))
+        across, along = np.meshgrid(first + (last - first) * x1, x2, indexing="ij")
+        if frame.size is not None:
+            points = np.stack([across, length * along], axis=-1)
+        else:
+            points = across[..., None] * np.stack([np.cos(2 * pi * along), np.sin(2 * pi * along)], axis=-1)
+        row, column = (x1 * rows).astype(np.int64), (x2 * columns).astype(np.int64)
+        tile = row[:, None] * columns + column
+        without = np.setdiff1d(np.arange(rows * columns), tile)
+        nearest1 = ((without // columns + 0.5) / rows * n1).astype(np.int64)
+        nearest2 = ((without % columns + 0.5) / columns * n2).astype(np.int64)
+        spacing = (breadth / n1, length / n2)
+        return cls(points, spacing, ("free", "periodic"), tile, (without, nearest1 * n2 + nearest2))
+
+    @classmethod
+    def _over_mesh(cls, tiles: SealTiles) -> ContactGrid:
+        """Squares of about half the side of a tile, as far as there are not too many or too few."""
+        from scipy.spatial import cKDTree
+
+        mesh = tiles.seal.mesh
+        low, high = mesh.p.min(axis=1), mesh.p.max(axis=1)
+        sides = high - low
+        side = 0.5 * (tiles.size[0] * tiles.size[1] / tiles.count) ** 0.5
+        side = min(max(side, float(np.prod(sides) / _MOST_CELLS) ** 0.5), float(sides.max()) / _FEWEST_CELLS)
+        n1, n2 = (max(1, int(np.ceil(length / side))) for length in sides)
+        spacing = (float(sides[0] / n1), float(sides[1] / n2))
+        x, y = (a + (np.arange(n) + 0.5) * d for a, n, d in zip(low, (n1, n2), spacing, strict=True))
+        points = np.stack(np.meshgrid(x, y, indexing="ij"), axis=-1)
+        element = element_of_cells((mesh.p.T[mesh.t.T] - low) / spacing, (n1, n2))
+        tile = np.where(element >= 0, tiles.tile[element], -1)
+        inside = np.flatnonzero(tile >= 0)
+        without = np.setdiff1d(np.arange(tiles.count), tile)
+        near = cKDTree(points.reshape(-1, 2)[inside]).query(tiles.middles[without])[1]
+        return cls(points, spacing, ("free", "free"), tile, (without, inside[near]))
+
+    @property
+    def has_rows(self) -> bool:
+        """Whether rows of cells lie from the inlet to the outlet."""
+        return self.boundary[1] == "periodic"
+
+    @property
+    def inside(self) -> Array:
+        """Whether cells are on the seal (n1, n2)."""
+        return np.asarray(self.tile >= 0)
+
+    def means(self, values: Array) -> Array:
+        """Means (…, tiles) over the tiles of values (…, n1, n2), or (…, n1, 1) where they are the same all along."""
+        every = np.broadcast_to(values, (*values.shape[:-2], *self.tile.shape))
+        number, inside = self.tile[self.inside], self.inside
+        without, beside = self.beside
+        tiles = max(int(number.max()), int(without.max(initial=-1))) + 1
+        count = np.maximum(np.bincount(number, minlength=tiles), 1)
+        out = np.empty((*values.shape[:-2], count.size))
+        for at in np.ndindex(*values.shape[:-2]):
+            out[at] = np.bincount(number, every[at][inside], tiles) / count
+            out[at][without] = every[at].ravel()[beside]
+        return out
+
+
+@compiled()
+def element_of_cells(corners, shape):
+    """Number of the element in which the middle of every cell (n1, n2) lies, −1 outside of all.
+
+    corners : of convex elements (n, corners, 2), in spacings of the cells from their corner.
+    """
+    element = np.full(shape, -1)
+    for n in range(corners.shape[0]):
+        low = [max(0, int(np.floor(corners[n, :, axis].min() - 0.5))) for axis in range(2)]
+        high = [min(shape[axis], int(corners[n, :, axis].max() + 0.5) + 1) for axis in range(2)]
+        for i in range(low[0], high[0]):
+            for j in range(low[1], high[1]):
+                left, right = 0, 0
+                for c in range(corners.shape[1]):
+                    (x0, y0), (x1, y1) = corners[n, c - 1], corners[n, c]
+                    side = (x1 - x0) * (j + 0.5 - y0) - (y1 - y0) * (i + 0.5 - x0)
+                    left += side < 0
+                    right += side > 0
+                if left == 0 or right == 0:
+                    element[i, j] = n
+    return element

@@ -1,0 +1,144 @@
+"""Waves of a face that are longer than the measured patch: what they may do to the leakage of a broader seal.
+
+Where the spectrum of the patch still rises at its longest waves, its power law is carried on to the breadth of the
+seal. Forms are drawn from it, and go through the contact of the seal; tiles are as large as the patch, and leak as the
+face does at their pressure.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from math import inf, pi
+
+import numpy as np
+
+from ..base import Array, Mapper
+from ..contact import LoadState
+from ..face.curves import PieceCurves
+from ..face.piece_flow import Failed, FlowSettings, attempt
+from ..seal.pressure_map import Frame
+from ..seal.tiles import PieceSize, SealTiles
+from ..topography import Representative, shortest_place
+from .face_flow import resolved_flow
+from .scene import Scene
+from .seal_contact import RoughLayer, layer_states, seal_contact
+
+#: Forms that are drawn, and waves of each.
+DRAWS, _WAVES = 8, 200
+#: Breadth of a seal in sides of the patch from which on it has longer waves.
+_BROADER = 1.25
+#: Least Hurst exponent by which a spectrum that rises is carried on: two octaves of one patch tell it to ± 0.4.
+_LEAST_HURST = 0.5
+
+
+@dataclass(frozen=True, eq=False)
+class DrawnForm:
+    """A sum of waves of random directions and phases, alike all over a seal.
+
+    vectors : wave vectors (waves, 2) [rad/m]. phases : (waves,) [rad]. rms_height : [m]. flatness : most from the
+    highest to the lowest point [m]; None: any.
+    """
+
+    vectors: Array
+    phases: Array
+    rms_height: float
+    flatness: float | None
+
+    @property
+    def shortest_wave(self) -> float:
+        """Inf: the patch has none of its waves."""
+        return np.inf
+
+    def heights(self, points: Array, frame: Frame) -> Array:
+        """√(2/waves) of the rms height times the sum of cosines."""
+        z = np.zeros(len(points))
+        for vector, phase in zip(self.vectors, self.phases, strict=True):
+            z += np.cos(points @ vector + phase)
+        scale = self.rms_height * (2 / len(self.phases)) ** 0.5
+        return z * (scale if self.flatness is None else min(scale, self.flatness / float(np.ptp(z))))
+
+
+def longer_waves(
+    scene: Scene,
+    breadth: float | None,
+    length: float | None,
+    holds: Representative,
+    *,
+    flatness: float | None,
+    seed: int,
+    mapper: Mapper = map,
+) -> Array | None:
+    """Changes of ln(leakage) by drawn waves between the side of the patch and the breadth of the seal (draws, steps).
+
+    breadth, length : of a strip [m]. holds : what the patch holds of its waves. flatness : of the seal, most from the
+    highest to the lowest point [m]; None where it is not known. NaN where the seal without them is closed.
+
+    Without a flatness the spectrum is carried on to the breadth; with one to the larger side of the seal, and where it
+    does not rise, waves are as high as the flatness. None where a seal is hardly larger than the patch, or the patch
+    holds its longest waves and no flatness is given.
+    """
+    side = min(shortest_place(scene.surface).size)
+    if not holds.rises and flatness is None:
+        return None
+    tiles = scene.layout.lay_out(PieceSize((side, side), max(1, round(scene.surface.size[0] / side)), length, breadth))
+    longest = tiles.seal.size[0] if flatness is None else float(np.ptp(tiles.outlines, axis=(0, 1)).max())
+    if longest < _BROADER * side:
+        return None
+    hurst = max(holds.hurst, _LEAST_HURST) if holds.rises else 1.0
+    rms = _rms_between(holds, hurst, side, longest) if holds.rises else inf
+    dry = replace(scene, fluid_pressure="ignored")
+    programme, found = layer_states(dry, _Taken(dry.flow, dry.surface.spacing), mapper)
+    gaps, k = np.array(found).T
+    layer, curves = RoughLayer.of_gaps(dry, programme, gaps), PieceCurves(programme, k)
+    rng = np.random.default_rng(np.random.SeedSequence(seed, spawn_key=(0x10E6,)))
+    flat = curves.along(dry.steps.pressures[:, None], dry.steps)[:, 0]
+    changes = []
+    for _ in range(DRAWS):
+        form = _drawn(rng, hurst, (side, longest), rms, flatness)
+        contact = seal_contact(dry, tiles, (form,), mapper, layer)
+        of_tiles = curves.along(dry.steps.pressures[:, None] * contact.fractions, dry.steps) + contact.opened
+        ratio = np.full(len(dry.steps), np.nan)
+        for s, (own, even) in enumerate(zip(of_tiles, flat, strict=True)):
+            both = (tiles.permeability(one, one) for one in (own, np.full(own.shape, even)))
+            moved, still = (_rate(dry, tiles, one) for one in both)
+            if still > 0:
+                with np.errstate(divide="ignore"):
+                    ratio[s] = np.log(moved / still)
+        changes.append(ratio)
+    return np.array(changes)
+
+
+@dataclass(frozen=True)
+class _Taken:
+    """What is taken of a state: mean gap [m] and permeability of the face [m³], NaN where its flow failed."""
+
+    flow: FlowSettings
+    spacing: tuple[float, float]
+
+    def __call__(self, state: LoadState) -> tuple[float, float]:
+        gap = state.contact.gap
+        found = attempt(resolved_flow, gap, self.spacing, replace(self.flow, spiral=None))
+        return float(state.contact.mean_gap), np.nan if isinstance(found, Failed) else found.permeability
+
+
+def _rate(scene: Scene, tiles: SealTiles, permeability: Array) -> float:
+    """Leakage per length [m²/s], NaN where it failed."""
+    found = attempt(scene.leakage, tiles.seal, permeability)
+    return np.nan if isinstance(found, Failed) else found.per_length
+
+
+def _rms_between(holds: Representative, h: float, shortest: float, longest: float) -> float:
+    """Rms height of the waves between two wavelengths [m], √((1/2π)∫q C dq) by the power law carried on."""
+    bend = 2 * pi / holds.octave
+    integral = ((2 * pi / longest) ** (-2 * h) - (2 * pi / shortest) ** (-2 * h)) / (2 * h)
+    return float(np.sqrt(holds.density * bend ** (2 + 2 * h) * integral / (2 * pi)))
+
+
+def _drawn(
+    rng: np.random.Generator, hurst: float, waves: tuple[float, float], rms: float, flatness: float | None
+) -> DrawnForm:
+    """Waves between two lengths [m], whose numbers follow q C by the inverse of its integral."""
+    low, high = ((2 * pi / wave) ** (-2 * hurst) for wave in waves)
+    q = (low + (high - low) * rng.random(_WAVES)) ** (-1 / (2 * hurst))
+    angle, phase = rng.uniform(0, 2 * pi, (2, _WAVES))
+    return DrawnForm(q[:, None] * np.stack([np.cos(angle), np.sin(angle)], axis=1), phase, rms, flatness)

@@ -1,0 +1,321 @@
+"""Contact of a whole seal that has a form: the nominal pressure of its tiles at every step.
+
+The roughness is a layer between two half-spaces: under the pressure p its mean planes stand s(p) apart, which the
+contact of the measured face gives at every pressure, on unloading from every peak by a curve of its own. Cells of the
+seal that lie h below the highest one have h + K p − δ = s(p) where they touch, and more than s(0) where they do not:
+the least of ½ p·K p + h·p − Σ∫s dp under the load. Where the roughness is all but flat the bodies yield at the same
+pressure, and sink for good. A form that is the same all along is solved in plane strain.
+Source: Greenwood & Tripp, J. Appl. Mech. 34, 1967, 153 (a rough layer on smooth bodies).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from functools import partial
+from math import inf
+from operator import attrgetter
+from typing import Any
+
+import numpy as np
+
+from ..base import Array, InputError, Mapper, NotConverged, to_text
+from ..contact import HalfSpace, LoadState
+from ..contact.large_convolution import convolution
+from ..face.pieces import Cut
+from ..loads import LoadProgramme, LoadStep
+from ..seal.contact_grid import ContactGrid
+from ..seal.form import SealForm
+from ..seal.tiles import SealTiles
+from ..topography import shortest_place
+from ..topography.seat import MOST_SLOPE
+from .scene import Scene
+
+#: Pressures at which the layer is solved, in fractions of the highest, numbers of those from which it is unloaded, and
+#: fractions of them down to which.
+_PRESSURES = np.geomspace(1e-3, 1.0, 13)
+_PEAKS, _RELEASED = np.array([4, 8, 12]), np.array([0.7, 0.4, 0.15, 0.03])
+#: Fraction of what the faces can carry up to which the layer is solved, and at which the bodies themselves yield.
+_HIGHEST = 0.97
+#: Relative change of the pressures at which they have settled, and most iterations; how much of the slope of the energy
+#: may be left beyond its least along a direction, and how near to that a shorter step ends.
+_RTOL, _MOST_ITERATIONS, _OVERSHOT = 1e-5, 5000, 0.1
+#: Depth of a form along the seal, over its whole depth, that is the same all along.
+_SAME = 1e-9
+
+
+@dataclass(frozen=True, eq=False)
+class SealContact:
+    """Contact of a seal with a form.
+
+    depth : of cells below the highest one (n1, n2), or (n1, 1) where it is the same all along [m].
+    nominal : pressure of the whole seal (steps,) [Pa]. pressure : of cells (steps, n1, n2) [Pa].
+    separation : distance of their mean planes, and opening : how far it is beyond that at which the faces just touch
+    (steps, n1, n2) [m].
+    """
+
+    grid: ContactGrid
+    depth: Array
+    nominal: Array
+    pressure: Array
+    separation: Array
+    opening: Array
+
+    @property
+    def rows(self) -> Array:
+        """Mean pressure along rows of cells at every step (steps, n1) [Pa]."""
+        return np.asarray(self.pressure.mean(axis=2))
+
+    @property
+    def fractions(self) -> Array:
+        """Pressure of tiles over that of the whole seal (steps, tiles); 1 where there is none."""
+        means, nominal = self.grid.means(self.pressure), self.nominal[:, None]
+        if self.grid.has_rows:  # tiles of one area, of which a cell may cover several
+            means *= np.divide(nominal, means.mean(axis=1, keepdims=True), where=nominal > 0, out=np.ones_like(nominal))
+        return np.divide(means, nominal, out=np.ones_like(means), where=nominal > 0)
+
+    @property
+    def opened(self) -> Array:
+        """Permeability of the gap beyond that at which the faces just touch (steps, tiles) [m³].
+
+        A gap of s between mean planes, of which e is that opening, has (s³ − (s − e)³)/12 more than one of s − e: right
+        for a small opening, and for one that is large beside the roughness.
+        """
+        s, touching = self.separation, self.separation - self.opening
+        return self.grid.means((s**3 - touching**3) / 12)
+
+
+@dataclass(frozen=True, eq=False)
+class RoughLayer:
+    """Distance s of the mean planes of a rough face [m] over the pressure, on loading and on unloading.
+
+    pressure : rising from 0 to the highest (n,) [Pa]. gap : falling (n,) [m]. peaks (m,) [Pa], recovered
+    (m, k) : how far the planes come apart again [m] at the fractions `released` of peaks;
+    none where the faces are elastic.
+    """
+
+    pressure: Array
+    gap: Array
+    peaks: Array
+    released: Array
+    recovered: Array
+
+    @classmethod
+    def of(cls, scene: Scene, mapper: Mapper) -> RoughLayer:
+        """Solve the contact of the face of a scene alone under uniform pressures."""
+        return cls.of_gaps(scene, *layer_states(scene, attrgetter("contact.mean_gap"), mapper))
+
+    @classmethod
+    def of_gaps(cls, scene: Scene, programme: LoadProgramme, gaps: Sequence[float]) -> RoughLayer:
+        """The layer by mean gaps (steps,) [m] along the programme of `layer_states`."""
+        loading, peaks = programme.pressures[programme.on_loading], np.array(programme.unload_from)
+        gap, after = np.split(np.array(gaps), [loading.size])
+        recovered = after.reshape(peaks.size, _RELEASED.size) - gap[_PEAKS[: peaks.size], None]
+        apart = scene.surface.heights.max() - scene.surface.heights.mean()
+        return cls(np.array([0.0, *loading]), np.array([apart, *gap]), peaks, _RELEASED, recovered)
+
+    def loaded(self, p: Array) -> tuple[Array, Array]:
+        """s and ds/dp at pressures p (n,) on loading, linear between the pressures."""
+        slopes = np.diff(self.gap) / np.diff(self.pressure)
+        part = np.clip(np.searchsorted(self.pressure, p, side="right") - 1, 0, slopes.size - 1)
+        return self.gap[part] + slopes[part] * (p - self.pressure[part]), slopes[part]
+
+    def unloaded(self, p: Array, peak: Array) -> tuple[Array, Array]:
+        """s and ds/dp at pressures p (n,) after peaks (n,); beyond them as on loading."""
+        if not self.peaks.size:
+            return self.loaded(p)
+        safe = np.maximum(peak, 1e-9 * self.peaks[0])
+        at = np.interp(np.log(safe), np.log(self.peaks), np.arange(self.peaks.size))
+        lower = np.minimum(at.astype(int), self.peaks.size - 2)
+        weight = (at - lower)[:, None]
+        recovered = (1 - weight) * self.recovered[lower] + weight * self.recovered[lower + 1]
+        fractions = np.array([1.0, *self.released, 0.0])
+        slope_at_end = (recovered[:, -1:] - recovered[:, -2:-1]) / np.log(self.released[-2] / self.released[-1])
+        values = np.hstack([np.zeros((p.size, 1)), recovered, recovered[:, -1:] + slope_at_end])
+        part = np.clip(np.searchsorted(-fractions, -p / safe, side="left") - 1, 0, fractions.size - 2)
+        rows = np.arange(p.size)
+        slope = (values[rows, part + 1] - values[rows, part]) / (fractions[part + 1] - fractions[part]) / safe
+        start, _ = self.loaded(peak)
+        gap = start + values[rows, part] + slope * (p - fractions[part] * safe)
+        above = p >= peak
+        own, own_slope = self.loaded(p)
+        return np.where(above, own, gap), np.where(above, own_slope, slope)
+
+
+def layer_states(scene: Scene, take: Callable[[LoadState], Any], mapper: Mapper) -> tuple[LoadProgramme, list[Any]]:
+    """What is taken of the states of a dry face by itself from light loads to all that it carries, and on unloading."""
+    law = scene.law
+    loading = _HIGHEST * min(law.capacity, 0.1 * scene.modulus) * _PRESSURES
+    unloads = not law.is_elastic and any(step.unloaded_from is not None for step in scene.steps)
+    peaks = loading[_PEAKS].tolist() if unloads else []
+    down = [LoadStep(p * f, p) for p in peaks for f in _RELEASED.tolist()]
+    programme = LoadProgramme([*map(LoadStep, loading.tolist()), *down])
+    alone = replace(scene, boundary=("periodic", "periodic"), fluid_pressure="ignored")
+    return programme, list(alone.contact_states(take, steps=programme, mapper=mapper))
+
+
+def seal_contact(
+    scene: Scene,
+    tiles: SealTiles,
+    forms: Sequence[SealForm],
+    mapper: Mapper = map,
+    layer: RoughLayer | None = None,
+) -> SealContact:
+    """Contact of a seal at every step, the face of the scene being its layer, under the sum of forms.
+
+    layer : of the face, where it is known.
+
+
+    Raises InputError: a form that is steeper than a half-space allows, or does not cover the seal.
+    NotConverged : a contact failed.
+    """
+    grid, depth = form_on_grid(scene, tiles, forms)
+    body = HalfSpace(depth.shape, _spacing(grid, depth.shape), scene.modulus, grid.boundary)
+    inside = grid.inside if depth.shape[1] > 1 else np.ones(depth.shape, bool)
+    layer = layer or RoughLayer.of(scene, mapper)
+    cells = _Cells(body, inside, depth[inside], float(layer.pressure[-1]))
+    found: dict[tuple[float, float | None], tuple[Array, ...]] = {}
+    p = sunk = np.zeros(cells.depth.size)
+    peaks = {step.unloaded_from for step in scene.steps if step.unloaded_from is not None}
+    for load in sorted({*(s.pressure for s in scene.steps if s.unloaded_from is None), *peaks}):
+        p, *_ = found[load, None] = cells.solved(layer.loaded, load, p, sunk)
+    for step in scene.steps:
+        if step.unloaded_from is not None:
+            peak, *_, sunk = found[step.unloaded_from, None]
+            law = partial(layer.unloaded, peak=peak)
+            start = peak * (step.pressure / step.unloaded_from)
+            found[step.pressure, step.unloaded_from] = cells.solved(law, step.pressure, start, sunk)
+    fields = np.zeros((3, len(scene.steps), *depth.shape))
+    for s, step in enumerate(scene.steps):
+        fields[:, s, inside] = found[step.pressure, step.unloaded_from][:3]
+    return SealContact(grid, depth, scene.steps.pressures, *fields)
+
+
+def without_waves_of(scene: Scene, cut: Cut, forms: Sequence[SealForm]) -> Scene:
+    """The scene whose face has lost the waves that forms of the seal have too: those longer than two tiles."""
+    shortest = max(min((form.shortest_wave for form in forms), default=inf), 2 * max(cut.size))
+    if shortest >= 2 * max(shortest_place(scene.surface).size):
+        return scene
+    return replace(scene, surface=scene.surface.high_pass(shortest))
+
+
+def form_on_grid(scene: Scene, tiles: SealTiles, forms: Sequence[SealForm]) -> tuple[ContactGrid, Array]:
+    """Cells over the seal, and how deep they lie below the highest one (n1, n2) [m]; (n1, 1) if alike all along.
+
+    Raises InputError: a form that is steeper than a half-space allows, or does not cover the seal.
+    """
+    frame = scene.layout.frame(tiles.seal.size)
+    grid = ContactGrid.over(tiles, frame)
+    heights = _heights(grid, frame, forms)
+    if tiles.grid is not None and np.ptp(heights, axis=1).max() <= _SAME * np.ptp(heights):
+        grid = ContactGrid.over(tiles, frame, profile=True)
+        heights = _heights(grid, frame, forms)[:, :1]
+    known = heights if heights.shape[1] == 1 else np.where(grid.inside, heights, np.nan)
+    spacing = _spacing(grid, heights.shape)
+    steps = [np.abs(np.diff(known, axis=axis)) / d for axis, d in enumerate(spacing)]
+    slope = max(float(np.nanmax(step, initial=0.0)) for step in steps)
+    if not slope <= MOST_SLOPE:
+        given = f"slopes up to {slope:.2g} on a seal {to_text(tiles.seal.size[0], 'm', 3)} broad"
+        raise InputError("form", given, f"slopes up to {MOST_SLOPE:g}: the faces are half-spaces")
+    return grid, np.nanmax(known) - heights
+
+
+def _heights(grid: ContactGrid, frame: Any, forms: Sequence[SealForm]) -> Array:
+    """Sum of the heights of forms in the middles of cells (n1, n2) [m], NaN outside of the seal."""
+    points = grid.points.reshape(-1, 2)
+    inside = grid.inside.ravel()
+    heights = np.full(len(points), np.nan)
+    heights[inside] = sum(form.heights(points[inside], frame) for form in forms)
+    return heights.reshape(grid.tile.shape)
+
+
+def _spacing(grid: ContactGrid, shape: tuple[int, int]) -> tuple[float, float]:
+    """Spacing of cells, square where there is one along x2."""
+    d1, d2 = grid.spacing
+    return (d1, d2) if shape[1] > 1 else (d1, d1)
+
+
+class _Cells:
+    """The cells that may touch, a depth below the highest one (n,) [m], on a body that yields at a pressure."""
+
+    def __init__(self, body: HalfSpace, inside: Array, depth: Array, most: float) -> None:
+        self.depth, self._inside, self._most = depth, inside, most
+        self._product = convolution(body.shape, body.boundary, body.symbol())
+        single = np.zeros(body.shape)
+        middle = body.shape[0] // 2, body.shape[1] // 2
+        single[middle] = 1.0
+        own = body.displacement(single)
+        # what one cell does to itself beyond its farthest neighbours: the level of plane strain is arbitrary
+        self._own = float(own[middle] - own.min())
+
+    def displacement(self, p: Array) -> Array:
+        """Of the cells by their pressures (n,) [m]."""
+        self._product.pressure[self._inside] = p
+        self._product.apply()
+        return np.asarray(self._product.displacement[self._inside])
+
+    def solved(
+        self, layer: Callable[[Array], tuple[Array, Array]], load: float, start: Array, sunk: Array
+    ) -> tuple[Array, Array, Array, Array]:
+        """Pressures (n,) [Pa] of the mean `load`, from a start near them; separations, openings, sunk depths [m].
+
+        Conjugate gradients of the cells that touch and do not yield under a fixed load (Polonsky & Keer, Wear 231,
+        1999, 206), with the compliance of each cell and its layer as preconditioner.
+        """
+        n, depth = self.depth.size, self.depth + sunk
+        at_touch, most = layer(np.zeros(n))[0], self._most
+        if load == 0:
+            opening = depth - at_touch - float((depth - at_touch).min())
+            return np.zeros(n), at_touch + opening, opening, sunk
+        p = np.minimum(start * (load / start.mean()), most) if start.any() else np.full(n, load)
+        direction, former = np.zeros(n), 0.0
+        for _ in range(_MOST_ITERATIONS):
+            gap, slope = layer(p)
+            weight = 1 / (self._own - slope)
+            residual = depth + self.displacement(p) - gap
+            free = (p > 0) & (p < most)
+            free = free if free.any() else p > 0
+            residual -= weight[free] @ residual[free] / weight[free].sum()
+            wanted = -weight * residual
+            freed = ((p == 0) & (residual + gap < at_touch)) | ((p == most) & (wanted < 0))
+            change = float(np.abs(wanted[free | freed]).max()) / load
+            if change <= _RTOL:
+                opening = np.where(p > 0, 0.0, np.maximum(residual + gap - at_touch, 0.0))
+                deeper = np.where(p == most, np.maximum(-residual, 0.0), 0.0)
+                return p, np.where(p > 0, gap, at_touch + opening), opening, sunk + deeper
+            wanted[~free] = 0.0
+            power = -float(residual @ wanted)
+            direction = wanted + (power / former if former else 0.0) * np.where(free, direction, 0.0)
+            image = self.displacement(direction)
+            power_at = partial(_power, p, direction, residual + gap, image, layer)
+            length = -float(residual @ direction) / float((image - slope * direction) @ direction)
+            length = _shortened(power_at, length)
+            p = np.clip(p + length * direction, 0.0, most)
+            p[freed] = np.clip(p[freed] - length * weight[freed] * residual[freed], 0.0, most)
+            inside = (p > 0) & (p < most)
+            scaled = inside if inside.any() else p > 0
+            p[scaled] *= max(0.0, load * n - p[~scaled].sum()) / p[scaled].sum()
+            p = np.minimum(p, most)
+            former = 0.0 if freed.any() or (inside != free).any() else power
+        text = f"contact of the seal with its form: the pressure of its cells still changes by {change:.1e}"
+        raise NotConverged(text, change)
+
+
+def _power(p: Array, direction: Array, above: Array, image: Array, layer: Any, length: float) -> float:
+    """Slope of the energy along a direction, so far along it: what lies above the layer times the direction."""
+    return float((above + length * image - layer(p + length * direction)[0]) @ direction)
+
+
+def _shortened(power_at: Callable[[float], float], length: float) -> float:
+    """A length at which the energy hardly rises again along the direction, at most the given one.
+
+    Layers whose stiffness rises, as where the bodies yield, make steps too long that their tangent gives.
+    """
+    most = -_OVERSHOT * power_at(0.0)
+    if power_at(length) <= most:
+        return length
+    low, high = 0.0, length
+    while high - low > _OVERSHOT * high:
+        middle = 0.5 * (low + high)
+        low, high = (low, middle) if power_at(middle) > 0 else (middle, high)
+    return high
