@@ -66,6 +66,7 @@ if TYPE_CHECKING:
     from .results import Results, RunComparison, compare, open_results
     from .runs.job import run
     from .seal import AnnularSeal, Leakage, MeshSeal, PermeabilityTable, RectangularSeal, seal_leakage, table_pressures
+    from .studies.blocks import by_blocks
     from .studies.deterministic import DeterministicResult, deterministic
     from .studies.sampling import Sampling
     from .studies.scene import Scene
@@ -148,6 +149,7 @@ __all__ = [
     "TiltedSeat",
     "Topography",
     "TwoScaleResult",
+    "by_blocks",
     "calibrate",
     "cell_permeabilities",
     "cell_permeability",

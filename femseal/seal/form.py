@@ -23,9 +23,9 @@ from .seal_files import TEXTS, columns_of, read_columns
 
 #: How far from measured points their heights hold: in their usual distance, and in the larger side of the seal.
 _BEYOND, _REACH = 3.0, 0.2
-#: Shortest wave of a form in distances of its points: what means of squares and interpolation keep of it. Measured on 20
-#: faces with forms of 4 × 4 and 8 × 8 heights: with 2 drawn seals leak .80 and .84 of the whole, with 3 1.0 and .96 with
-#: quartiles up to 1.65.
+#: Shortest wave of a form in distances of its points: what means of squares and interpolation keep of it. Measured on
+#: 20 faces with forms of 4 × 4 and 8 × 8 heights: with 2 drawn seals leak .80 and .84 of the whole, with 3 1.0 and .96
+#: with quartiles up to 1.65.
 _SHORTEST = 2.5
 #: Most points of a form; more are averaged over squares.
 _MOST_POINTS = 4096

@@ -137,9 +137,15 @@ def _reasons(known: FaceResult) -> list[str]:
     return reasons
 
 
-def pieces_on_ladder(scene: Scene, cut: Cut, steps: LoadProgramme, mapper: Mapper) -> FacePieces:
-    """The pieces along a programme of nominal pressures, the face going on periodically and without fluid."""
-    dry = replace(scene, boundary=("periodic", "periodic"), fluid_pressure="ignored")
+def pieces_on_ladder(
+    scene: Scene,
+    cut: Cut,
+    steps: LoadProgramme,
+    mapper: Mapper,
+    boundary: tuple[str, str] = ("periodic", "periodic"),
+) -> FacePieces:
+    """The pieces along a programme of nominal pressures, without fluid, the face going on by its boundary."""
+    dry = replace(scene, boundary=boundary, fluid_pressure="ignored")
     return _joined(scene, cut, steps, list(dry.contact_states(_take(scene, cut), steps=steps, mapper=mapper)))
 
 

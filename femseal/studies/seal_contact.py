@@ -142,7 +142,12 @@ class RoughLayer:
         return np.where(above, own, gap), np.where(above, own_slope, slope)
 
 
-def layer_states(scene: Scene, take: Callable[[LoadState], Any], mapper: Mapper) -> tuple[LoadProgramme, list[Any]]:
+def layer_states(
+    scene: Scene,
+    take: Callable[[LoadState], Any],
+    mapper: Mapper,
+    boundary: tuple[str, str] = ("periodic", "periodic"),
+) -> tuple[LoadProgramme, list[Any]]:
     """What is taken of the states of a dry face by itself from light loads to all that it carries, and on unloading."""
     law = scene.law
     loading = _HIGHEST * min(law.capacity, 0.1 * scene.modulus) * _PRESSURES
@@ -150,7 +155,7 @@ def layer_states(scene: Scene, take: Callable[[LoadState], Any], mapper: Mapper)
     peaks = loading[_PEAKS].tolist() if unloads else []
     down = [LoadStep(p * f, p) for p in peaks for f in _RELEASED.tolist()]
     programme = LoadProgramme([*map(LoadStep, loading.tolist()), *down])
-    alone = replace(scene, boundary=("periodic", "periodic"), fluid_pressure="ignored")
+    alone = replace(scene, boundary=boundary, fluid_pressure="ignored")
     return programme, list(alone.contact_states(take, steps=programme, mapper=mapper))
 
 
@@ -173,22 +178,39 @@ def seal_contact(
     body = HalfSpace(depth.shape, _spacing(grid, depth.shape), scene.modulus, grid.boundary)
     inside = grid.inside if depth.shape[1] > 1 else np.ones(depth.shape, bool)
     layer = layer or RoughLayer.of(scene, mapper)
-    cells = _Cells(body, inside, depth[inside], float(layer.pressure[-1]))
+    cells = Cells(body, inside, depth[inside], float(layer.pressure[-1]))
+    fields = np.zeros((3, len(scene.steps), *depth.shape))
+    fields[..., inside] = solved_steps(cells, scene.steps, layer.loaded, layer.unloaded)
+    return SealContact(grid, depth, scene.steps.pressures, *fields)
+
+
+def solved_steps(
+    cells: Cells,
+    steps: LoadProgramme,
+    loaded: Callable[[Array], tuple[Array, Array]],
+    unloaded: Callable[[Array, Array], tuple[Array, Array]],
+) -> Array:
+    """Pressures [Pa], separations and openings [m] of cells (3, steps, n), by s and ds/dp of their layers.
+
+    loaded : of pressures (n,). unloaded : of pressures and peaks (n,).
+    """
     found: dict[tuple[float, float | None], tuple[Array, ...]] = {}
     p = sunk = np.zeros(cells.depth.size)
-    peaks = {step.unloaded_from for step in scene.steps if step.unloaded_from is not None}
-    for load in sorted({*(s.pressure for s in scene.steps if s.unloaded_from is None), *peaks}):
-        p, *_ = found[load, None] = cells.solved(layer.loaded, load, p, sunk)
-    for step in scene.steps:
+    peaks = {step.unloaded_from for step in steps if step.unloaded_from is not None}
+    for load in sorted({*(s.pressure for s in steps if s.unloaded_from is None), *peaks}):
+        p, *_ = found[load, None] = cells.solved(loaded, load, p, sunk)
+    for step in steps:
         if step.unloaded_from is not None:
             peak, *_, sunk = found[step.unloaded_from, None]
-            law = partial(layer.unloaded, peak=peak)
             start = peak * (step.pressure / step.unloaded_from)
+            law = partial(_after, unloaded, peak)
             found[step.pressure, step.unloaded_from] = cells.solved(law, step.pressure, start, sunk)
-    fields = np.zeros((3, len(scene.steps), *depth.shape))
-    for s, step in enumerate(scene.steps):
-        fields[:, s, inside] = found[step.pressure, step.unloaded_from][:3]
-    return SealContact(grid, depth, scene.steps.pressures, *fields)
+    return np.array([found[step.pressure, step.unloaded_from][:3] for step in steps]).swapaxes(0, 1)
+
+
+def _after(unloaded: Callable[[Array, Array], tuple[Array, Array]], peak: Array, p: Array) -> tuple[Array, Array]:
+    """s and ds/dp at pressures p after peaks."""
+    return unloaded(p, peak)
 
 
 def without_waves_of(scene: Scene, cut: Cut, forms: Sequence[SealForm]) -> Scene:
@@ -235,7 +257,7 @@ def _spacing(grid: ContactGrid, shape: tuple[int, int]) -> tuple[float, float]:
     return (d1, d2) if shape[1] > 1 else (d1, d1)
 
 
-class _Cells:
+class Cells:
     """The cells that may touch, a depth below the highest one (n,) [m], on a body that yields at a pressure."""
 
     def __init__(self, body: HalfSpace, inside: Array, depth: Array, most: float) -> None:

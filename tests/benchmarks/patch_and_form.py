@@ -101,11 +101,13 @@ def solved_rows(name, kind, surface, corner):
     cut = np.ascontiguousarray(surface.heights[a : a + n, b : b + n])
     patch = scene_of(fs.Topography(cut, surface.spacing, (False, False)).detrend(), hardness)
     alone = fs.deterministic(patch).leakage
-    for way in ("patch", "seal", "form 4 × 4", "form 8 × 8"):
+    for way in ("patch", "seal", "form 4 × 4", "form 8 × 8", "blocks 2 × 2"):
         start = time.perf_counter()
         lower = upper = np.full(len(truth), np.nan)
         q = alone * (n / POINTS)  # over the breadth of the whole
-        if way != "patch":
+        if way == "blocks 2 × 2":
+            q = fs.by_blocks(scene_of(surface, hardness), (2, 2)).leakage
+        elif way != "patch":
             form = form_of(surface, int(way[-1])) if way.startswith("form") else ()
             breadth, length = surface.size
             drawn = fs.stochastic(patch, None, fs.Sampling(length, seed=1, breadth=breadth, form=form))
@@ -177,7 +179,7 @@ def report(table):
             q, truth, lower, upper = (np.array([float(r[name]) for r in chosen]) for name in names)
             ratios = [f"{v:.2f}" for v in np.quantile(q / truth, [0.05, 0.25, 0.5, 0.75, 0.95])]
             held, width = "", ""
-            if way != "patch":
+            if way in ("seal", "form 4 × 4", "form 8 × 8"):
                 held = f"{np.mean((lower <= truth) & (truth <= upper)):.0%}"
                 with np.errstate(divide="ignore", invalid="ignore"):
                     width = f"{np.nanmedian(np.maximum(upper / q, q / lower)):.2g}"

@@ -1,0 +1,188 @@
+"""A face too large to be pressed as a whole: blocks in their own contact, and that of their coarse heights.
+
+Each block is a patch in its own place, without waves longer than two pieces. The waves that it has lost are a form of
+the whole face, on one cell for each piece, whose contact has the block as its layer. A piece takes its permeability in
+the state of its block under its own pressure, and the pieces in their own order leak. Only one block is in memory.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field, replace
+from functools import partial
+from operator import attrgetter
+from typing import Any
+
+import numpy as np
+
+from ..base import Array, InputError, Mapper, Shown, Stage
+from ..base.fields import PIECE, STEP, declared
+from ..contact import HalfSpace
+from ..face.piece_flow import Failed, attempt
+from ..face.pieces import FEWEST_POINTS, Cut
+from ..flow.permeability_table import tabulated
+from ..loads import LoadProgramme
+from ..seal.tiles import face_tiles
+from ..topography import Places, Topography
+from .piece_states import along_paths, ladder_of, pieces_on_ladder
+from .scene import Scene
+from .seal_contact import Cells, RoughLayer, layer_states, solved_steps
+
+#: Pieces of a block along each axis. Measured on 10 faces of 2 × 2 blocks: with 4 quartiles of leakage over that of the
+#: whole face are .90 and 1.43, with 2 they are .79 and 1.33 and an end of 95 % is 4.6 in place of 2.2.
+PIECES = 4
+#: Longest wave that a block keeps, in pieces.
+_LONGEST = 2.0
+
+
+@dataclass(frozen=True, repr=False)
+class BlocksResult(Shown):
+    """Leakage of a face solved by blocks, and its pieces in their own order; arrays (steps, rows, columns) of pieces.
+
+    leakage : (steps,) [m²/s], NaN where a flow failed. separation : of the mean planes of a piece [m].
+    failures : reasons of values that are NaN.
+    """
+
+    steps: LoadProgramme
+    blocks: tuple[int, int]
+    leakage: Array = declared("leakage_blocks", "m^2/s", "leakage per unit seal length, by blocks", STEP)
+    k1: Array = declared("piece_k1", "m^3", "permeability of pieces along x1, their sides closed", PIECE)
+    k2: Array = declared("piece_k2", "m^3", "permeability of pieces along x2, their sides closed", PIECE)
+    pressure: Array = declared("piece_pressure", "Pa", "contact pressure of pieces", PIECE)
+    separation: Array = declared("piece_separation", "m", "distance of the mean planes of pieces", PIECE)
+    failures: tuple[str, ...] = field(default=())
+
+
+def by_blocks(scene: Scene, blocks: tuple[int, int], *, mapper: Mapper = map) -> BlocksResult:
+    """Solve a dry face by blocks along x1 and x2.
+
+    blocks : their numbers, which divide those of the points into multiples of 4 pieces.
+    mapper : computes a stage for all blocks, such as the builtin `map`; it may use several processes or a cluster.
+
+    Raises
+    ------
+    InputError : blocks that do not suit the points, several places, a fluid that acts, grooves that wind.
+    NotConverged : a contact failed.
+    """
+    _check(scene, blocks)
+    cut = [_block(scene, blocks, at) for at in np.ndindex(*blocks)]
+    layers = list(mapper(Stage("layers of the blocks", _layer), cut))
+    depth = _coarse(scene, blocks)
+    pressure, separation, opening = _coarse_contact(scene, blocks, depth, layers)
+    shape = blocks[0] * PIECES, blocks[1] * PIECES
+    paths = [_of_block(pressure, at) for at in np.ndindex(*blocks)]
+    found = list(mapper(Stage("pieces of the blocks", _pieces), zip(cut, paths, strict=True)))
+    k = np.empty((*found[0].shape[:3], *shape))
+    for at, own in zip(np.ndindex(*blocks), found, strict=True):
+        _of_block(k, at)[...] = own.reshape(*own.shape[:3], PIECES, PIECES)
+    k += (separation**3 - (separation - opening) ** 3) / 12
+    tiles, pressures = face_tiles(scene.surface.size, shape), tuple(scene.flow.drop.pressures)
+    leakage, failures = np.full(len(scene.steps), np.nan), []
+    for s, step in enumerate(scene.steps):
+        in_order = k[:, :, s].reshape(len(k), 2, -1)
+        given = tabulated(pressures, list(tiles.permeability(in_order[:, 0], in_order[:, 1])))
+        through = attempt(scene.leakage, tiles.seal, given)
+        if isinstance(through, Failed):
+            failures.append(f"{step.name}: {through.reason}")
+        else:
+            leakage[s] = through.per_length
+    mean = k.mean(axis=0)
+    return BlocksResult(scene.steps, blocks, leakage, mean[0], mean[1], pressure, separation, failures=tuple(failures))
+
+
+def _check(scene: Scene, blocks: tuple[int, int]) -> None:
+    """Refuse what blocks cannot do."""
+    for points, count in zip(scene.surface.shape, blocks, strict=True):
+        if count < 1 or points % (count * PIECES) or points // (count * PIECES) < FEWEST_POINTS:
+            expected = f"numbers of which {PIECES} times divide the points into parts of at least {FEWEST_POINTS}"
+            given = "{} × {} of {} × {} points".format(*blocks, *scene.surface.shape)
+            raise InputError("blocks", given, expected)
+    if isinstance(scene.surface, Places):
+        raise InputError("blocks", "several places", "one face: each place is solved by itself")
+    if scene.acting_fluid is not None:
+        raise InputError("fluid_pressure", f"'{scene.fluid_pressure}' with blocks", "'ignored'")
+    if scene.flow.spiral is not None:
+        raise InputError("lay", "a spiral with blocks", "grooves that do not wind")
+
+
+def _block(scene: Scene, blocks: tuple[int, int], at: tuple[int, ...]) -> Scene:
+    """A block by itself, mirrored at its sides, without its long waves."""
+    surface = scene.surface
+    sides = [n // count for n, count in zip(surface.shape, blocks, strict=True)]
+    rows, columns = (slice(i * n, (i + 1) * n) for i, n in zip(at, sides, strict=True))
+    cut = Topography(np.ascontiguousarray(surface.heights[rows, columns]), surface.spacing, (False, False))
+    return replace(scene, surface=cut.high_pass(_longest(cut)), boundary=("mirror", "mirror"))
+
+
+def _longest(block: Topography) -> float:
+    """Longest wave [m] that a block keeps."""
+    return _LONGEST * max(block.size) / PIECES
+
+
+def _coarse(scene: Scene, blocks: tuple[int, int]) -> Array:
+    """How deep the long waves of every piece lie below the highest (rows, columns) [m]."""
+    surface = scene.surface
+    n1, n2 = (n // count for n, count in zip(surface.shape, blocks, strict=True))
+    heights = np.empty((blocks[0] * PIECES, blocks[1] * PIECES))
+    for at in np.ndindex(*blocks):
+        rows, columns = (slice(i * n, (i + 1) * n) for i, n in zip(at, (n1, n2), strict=True))
+        cut = Topography(np.ascontiguousarray(surface.heights[rows, columns]), surface.spacing, (False, False))
+        long = cut.low_pass(_longest(cut)).heights
+        means = long.reshape(PIECES, n1 // PIECES, PIECES, n2 // PIECES).mean(axis=(1, 3))
+        _of_block(heights, at)[...] = means
+    return np.asarray(heights.max() - heights)
+
+
+def _of_block(values: Array, at: tuple[int, ...]) -> Array:
+    """Values (…, PIECES, PIECES) of a block from those of all pieces (…, rows, columns)."""
+    rows, columns = (slice(i * PIECES, (i + 1) * PIECES) for i in at)
+    return values[..., rows, columns]
+
+
+def _layer(block: Scene) -> RoughLayer:
+    """The layer that a block is."""
+    return RoughLayer.of_gaps(block, *layer_states(block, attrgetter("contact.mean_gap"), map, block.boundary))
+
+
+def _coarse_contact(scene: Scene, blocks: tuple[int, int], depth: Array, layers: list[RoughLayer]) -> Array:
+    """Pressure [Pa], distance of the mean planes and opening [m] of every piece (3, steps, rows, columns)."""
+    size = scene.surface.size
+    spacing = size[0] / depth.shape[0], size[1] / depth.shape[1]
+    body = HalfSpace(depth.shape, spacing, scene.modulus, scene.boundary)
+    number = np.arange(len(layers)).reshape(blocks).repeat(PIECES, axis=0).repeat(PIECES, axis=1).ravel()
+    own = [number == n for n in range(len(layers))]
+    most = min(float(layer.pressure[-1]) for layer in layers)
+    cells = Cells(body, np.ones(depth.shape, bool), depth.ravel(), most)
+
+    def loaded(p: Array) -> tuple[Array, Array]:
+        """s and ds/dp of every piece on loading, by the layer of its block."""
+        return _of_layers([layer.loaded for layer in layers], own, p)
+
+    def unloaded(p: Array, peak: Array) -> tuple[Array, Array]:
+        """The same after peaks."""
+        laws = [partial(layer.unloaded, peak=peak[mine]) for layer, mine in zip(layers, own, strict=True)]
+        return _of_layers(laws, own, p)
+
+    found = solved_steps(cells, scene.steps, loaded, unloaded)
+    return found.reshape(3, len(scene.steps), *depth.shape)
+
+
+def _of_layers(
+    laws: Sequence[Callable[[Array], tuple[Array, Array]]], own: list[Array], p: Array
+) -> tuple[Array, Array]:
+    """s and ds/dp (n,) of pieces at pressures p (n,), each by the law of its block."""
+    gap, slope = np.empty_like(p), np.empty_like(p)
+    for law, mine in zip(laws, own, strict=True):
+        gap[mine], slope[mine] = law(p[mine])
+    return gap, slope
+
+
+def _pieces(given: tuple[Scene, Array]) -> Any:
+    """Permeabilities (pressures, 2, steps, pieces) of the pieces of a block along their own pressures."""
+    block, pressure = given
+    steps, cut = block.steps, Cut.of(block.surface, (PIECES, PIECES))
+    paths = pressure.reshape(len(steps), -1)
+    ladder = ladder_of(paths, steps, block.law.is_elastic)
+    pieces = pieces_on_ladder(block, cut, ladder, map, block.boundary)
+    own = np.arange(paths.shape[1])
+    return along_paths(pieces, paths, steps)[:, :, :, own, own]

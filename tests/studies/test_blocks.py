@@ -1,0 +1,96 @@
+"""A face solved by blocks: against the whole, on any mapper alike, and what is refused."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose, assert_array_equal
+
+import femseal as fs
+from femseal.execution.mappers import ordered_map
+from femseal.topography import Places
+
+E, D, N = 115e9, 1e-6, 128
+OIL = fs.Liquid(1e-3)
+
+
+def scene(surface=None, **changed):
+    face = fs.self_affine((N, N), (N * D, N * D), hurst=0.8, rms_slope=0.15, roll_off=24 * D, cut_off=8 * D, rng=3)
+    given = {
+        "surface": fs.Topography((face if surface is None else surface).heights, (D, D), (False, False)),
+        "modulus": E,
+        "hardness": 3e9,
+        "fluid": OIL,
+        "inlet_pressure": 1e6,
+        "outlet_pressure": 0.0,
+        "loading": (1e8, 3e8),
+        "unload_from": (3e8,),
+        "unloading": (1e8,),
+        "boundary": ("free", "mirror"),
+        "fluid_pressure": "ignored",
+    }
+    return fs.Scene(**given | changed)
+
+
+def wavy(height):
+    """A face with one wave as long as it, and half a wave across."""
+    rough, x = scene().surface, (np.arange(N) + 0.5) / N
+    form = height * (np.cos(2 * np.pi * x)[None, :] + 0.5 * np.cos(np.pi * x)[:, None])
+    return rough.with_heights(rough.heights + form)
+
+
+@pytest.mark.parametrize("height", [0.0, 0.5e-6, 2e-6])
+def test_blocks_leak_as_the_whole_face(height):
+    """Also where a form of several times the roughness decides, which no block by itself has."""
+    one = scene(wavy(height))
+    whole = fs.deterministic(one).leakage
+    found = fs.by_blocks(one, (2, 2))
+    assert found.failures == ()
+    assert_allclose(np.log(found.leakage / whole), 0, atol=np.log(1.8))
+
+
+def test_the_form_is_what_blocks_by_themselves_miss():
+    formed, flat = scene(wavy(2e-6)), scene()
+    assert (fs.deterministic(formed).leakage > 3 * fs.deterministic(flat).leakage).all()
+    assert (fs.by_blocks(formed, (2, 2)).leakage > 3 * fs.by_blocks(flat, (2, 2)).leakage).all()
+
+
+def test_pieces_carry_the_load_and_come_back():
+    found = fs.by_blocks(scene(wavy(1e-6)), (2, 4))
+    assert found.pressure.shape == (3, 8, 16)
+    assert_allclose(found.pressure.mean(axis=(1, 2)), [1e8, 3e8, 1e8], rtol=1e-3)
+    elastic = fs.by_blocks(scene(wavy(1e-6), hardness=np.inf), (2, 2))
+    assert_allclose(elastic.leakage[2], elastic.leakage[0], rtol=1e-2)
+
+
+def test_the_same_bits_on_any_mapper():
+    one = scene(wavy(1e-6))
+    here = fs.by_blocks(one, (2, 2))
+    with ordered_map(workers=2) as mapper:
+        over_processes = fs.by_blocks(one, (2, 2), mapper=mapper)
+    pytest.importorskip("distributed")
+    with ordered_map(workers=2, scheduler="local") as mapper:
+        over_cluster = fs.by_blocks(one, (2, 2), mapper=mapper)
+    for other in (over_processes, over_cluster):
+        assert_array_equal(other.leakage, here.leakage)
+        assert_array_equal(other.k1, here.k1)
+
+
+@pytest.mark.parametrize(
+    ("changed", "blocks", "text"),
+    [
+        ({}, (3, 2), r"blocks: given 3 × 2 of 128 × 128 points, expected numbers of which 4 times divide"),
+        ({}, (8, 8), r"blocks: .*parts of at least 8"),
+        ({"fluid_pressure": "acts"}, (2, 2), r"fluid_pressure: given 'acts' with blocks, expected 'ignored'"),
+    ],
+)
+def test_what_blocks_cannot_do_is_refused(changed, blocks, text):
+    with pytest.raises(fs.InputError, match=text):
+        fs.by_blocks(scene(**changed), blocks)
+
+
+def test_places_are_refused():
+    one = scene()
+    both = Places([one.surface, one.surface.flip(0)])
+    with pytest.raises(fs.InputError, match="several places"):
+        fs.by_blocks(replace(one, surface=both), (2, 2))
