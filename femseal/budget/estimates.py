@@ -221,18 +221,23 @@ def effective_pressure_part(scene: Scene, study: Any) -> ErrorPart | None:
     return part_of_changes("effective pressure", study.steps, q, 0.5 * effect, 0.2 * effect, note)
 
 
-def patch_form_part(effect: FormEffect, steps: LoadProgramme, leakage: Array) -> ErrorPart | None:
+def patch_form_part(
+    effect: FormEffect, steps: LoadProgramme, leakage: Array, *, rises: bool = False
+) -> ErrorPart | None:
     """What is form in a measured patch, where nothing says it: its curvature counts, or more of it, or none.
+
+    rises : whether longer waves than those of the patch are to be expected: then so are more of its longest ones.
 
     Measured on 140 loads of quarters of eight maps against the whole: with the distance on both sides the band of a
     factor of 2 held 61 of 100, on the side of the change alone 56, without it 49. After unloading it is no less than
     at the peak. None where the change is unknown.
     """
-    distance = effect.distance(steps.pressures)
+    distance = effect.distance(steps.pressures, rises)
     if distance is None:
         return None
     distance = np.maximum(distance, distance[steps.peak_indices])
-    note = "change of ln(leakage) without the curvature of the patch, on either side, solved on few points"
+    what = "its curvature or its longest waves" if rises else "the curvature of the patch"
+    note = f"change of ln(leakage) without {what}, on either side, solved on few points"
     return part_of_changes("form of the patch", steps, leakage, distance, distance, note)
 
 

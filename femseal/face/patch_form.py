@@ -65,10 +65,14 @@ class FormEffect:
         differ = np.abs(self.changes) > log(_NOTABLE)
         return _CHOICE if differ[0].any() else _LONG if differ.any() else ""
 
-    def distance(self, pressures: Array) -> Array | None:
-        """|ln| of the leakage over that without curvature, straight in ln(pressure) and kept beyond; None: unknown."""
-        change = np.abs(self.changes[0])
-        known = np.isfinite(change)
+    def distance(self, pressures: Array, long_waves: bool = False) -> Array | None:
+        """|ln| of the leakage over that without curvature, straight in ln(pressure) and kept beyond; None: unknown.
+
+        long_waves : or over that without the longest waves, whichever is more.
+        """
+        changes = np.abs(self.changes if long_waves else self.changes[:1])
+        change = np.where(np.isfinite(changes), changes, -1.0).max(axis=0)
+        known = change >= 0
         if not known.any():
             return None
         return np.interp(np.log(np.maximum(pressures, 1e-300)), np.log(self.pressures[known]), change[known])

@@ -97,7 +97,14 @@ def _with_model_parts(
     for key, result in studies.items():
         parts = [effective_pressure_part(prepared.scene, result) if "effective pressure" in names else None]
         if prepared.form_effect is not None and "form of the patch" in names:
-            parts.append(patch_form_part(prepared.form_effect, result.steps, leakage_of(result)))
+            parts.append(
+                patch_form_part(
+                    prepared.form_effect,
+                    result.steps,
+                    leakage_of(result),
+                    rises=bool(prepared.holds and prepared.holds.rises),
+                )
+            )
         if isinstance(result, StochasticResult) and "longer waves" in names:
             moved_by = prepared.longer_waves(grid.scene.surface, mapper)
             if moved_by is not None:

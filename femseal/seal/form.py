@@ -24,9 +24,9 @@ from .seal_files import TEXTS, columns_of, read_columns
 #: How far from measured points their heights hold: in their usual distance, and in the larger side of the seal.
 _BEYOND, _REACH = 3.0, 0.2
 #: Shortest wave of a form in distances of its points: what means of squares and interpolation keep of it. Measured on
-#: 20 faces with forms of 4 × 4 and 8 × 8 heights: with 2 drawn seals leak .80 and .84 of the whole, with 3 1.0 and .96
-#: with quartiles up to 1.65.
-_SHORTEST = 2.5
+#: 20 faces with forms of 4 × 4 and 8 × 8 heights: with 2 drawn seals leak .80 and .84 of the whole, with 3 1.0 and .96,
+#: with 4 1.03 and 1.08.
+_SHORTEST = 3.0
 #: Most points of a form; more are averaged over squares.
 _MOST_POINTS = 4096
 
@@ -141,7 +141,7 @@ class MeasuredForm:
 
     @property
     def shortest_wave(self) -> float:
-        """Two and a half times the usual distance of its points."""
+        """Three times the usual distance of its points."""
         points, _ = self._averaged
         return _SHORTEST * _distance(points)
 
@@ -216,7 +216,7 @@ class FileForm:
 
     @property
     def shortest_wave(self) -> float:
-        """Two and a half times the usual distance of its points."""
+        """Three times the usual distance of its points."""
         return self.measured.shortest_wave
 
     def heights(self, points: Array, frame: Frame) -> Array:

@@ -135,7 +135,7 @@ def unknown_form(patch, q, size):
     holds, steps = representative(patch.surface), patch.steps
     changes = longer_waves(patch, *size, holds, flatness=None, seed=1)
     effect = form_effect(patch.surface, patch.modulus, patch.law, patch.loading, patch.boundary)
-    parts = [patch_form_part(effect, steps, q)]
+    parts = [patch_form_part(effect, steps, q, rises=holds.rises)]
     parts.append(None if changes is None else longer_waves_part(changes, False, steps, q))
     return filter(None, parts)
 
