@@ -231,12 +231,17 @@ _PLANE, _POLAR = ("x", "y", "z"), ("r", "theta", "z")
 def read_form(path: str | PathLike[str], *, unit: str | None = None, length_unit: str = "mm") -> MeasuredForm:
     """Heights over a seal.
 
+    Parameters
+    ----------
     path : a .csv or .txt with columns x, y and z, or r, theta [°] and z, under a line of these names; or a map of
         heights in any format that `read_topography` reads, which begins at the corner of a strip and lies with its
         middle at the centre of other seals.
-    unit : of the heights; of a map that of the file unless given. length_unit : of x and y or r.
+    unit : of the heights; of a map that of the file unless given.
+    length_unit : of x and y or r.
 
-    Raises InputError: no such file, not readable, columns without a unit of their heights.
+    Raises
+    ------
+    InputError : no such file, not readable, columns without a unit of their heights.
     """
     file = Path(path)
     stamp = file.stat().st_mtime_ns if file.is_file() else None
