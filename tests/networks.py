@@ -1,10 +1,15 @@
 """Networks of links for tests: the flow through given conductances, and the conductances of a cell."""
 
+from dataclasses import replace
+
 import numpy as np
+from skfem import MeshQuad
 
 from femseal.flow import Stencil, solve_flow
 from femseal.flow.edge_flow import cell_stencil
 from femseal.flow.grid import Grid
+from femseal.flow.law import cubic_law
+from femseal.flow.mesh import darcy_conductance
 
 
 def network(c1, c2):
@@ -21,3 +26,15 @@ def cell_links(gap, spacing, sides):
     """Conductances of the links between the pixels of a cell."""
     stencil = cell_stencil(gap, Grid.of_pixel_centres(gap.shape, spacing, sides))
     return stencil.along, stencil.across
+
+
+def mesh_of_pixels(gap, spacing):
+    """Permeability along x1 with its bounds [m³], by scikit-fem's elements on a mesh of the pixels of a cell."""
+    (n1, n2), (d1, d2) = gap.shape, spacing
+    mesh = MeshQuad.init_tensor(np.arange(n1 + 1) * d1, np.arange(n2 + 1) * d2)
+    i, j = (mesh.p[:, mesh.t].mean(axis=1) / np.reshape(spacing, (2, 1))).astype(int)
+    middle = mesh.p[0, mesh.facets].mean(axis=0)
+    ends = [np.flatnonzero(np.abs(middle - x) < 1e-6 * d1) for x in (0.0, n1 * d1)]
+    shape = n1 * d1 / (n2 * d2)
+    flow = darcy_conductance(mesh, cubic_law(gap[i, j]), *ends, bounds=True)
+    return replace(flow, conductance=shape * flow.conductance, lower=shape * flow.lower, upper=shape * flow.upper)

@@ -8,14 +8,14 @@ import numpy as np
 import pytest
 import scipy.sparse as sp
 from each import each
-from networks import cell_links
+from networks import cell_links, mesh_of_pixels
 from numpy.testing import assert_allclose, assert_array_equal
 from skfem import Basis, BilinearForm, ElementQuad1, MeshQuad
 from skfem.helpers import dot, grad
 
 import femseal as fs
 from femseal.base.errors import InputError
-from femseal.flow import DISCRETISATIONS, Stencil, forms, permeability_tensor, solve_flow
+from femseal.flow import Stencil, forms, permeability_tensor, solve_flow
 from femseal.flow.assembly import (
     EDGES,
     GAUSS_POINTS,
@@ -26,9 +26,7 @@ from femseal.flow.assembly import (
     elemental,
     gauss,
 )
-from femseal.flow.edge_flow import cell_stencil
 from femseal.flow.grid import Grid
-from femseal.flow.percolation import nodes_reached
 
 D = 1e-6
 UNEVEN = np.array([0.0, 0.4, 1.0, 2.5, 2.8, 4.0])
@@ -50,10 +48,6 @@ def grids():
     yield "torus", Grid.of_torus((5, 4), (1.0, 0.6))
     for sides in ("mirror", "periodic"):
         yield f"pixels, {sides}", Grid.of_pixel_centres((5, 4), (2.0, 0.7), sides)
-        yield (
-            f"every second pixel, {sides}",
-            Grid.of_points(np.array([0.5, 2.5, 4.5]), np.array([1.5, 3.5]), (5.0, 4.0), sides),
-        )
         yield f"corners, {sides}", Grid.of_pixel_corners((5, 4), (2.0, 0.7), sides)
 
 
@@ -195,7 +189,6 @@ import femseal as fs
 h = np.abs(np.sin(np.arange(400.0).reshape(20, 20))) * 1e-6 + 1e-7
 h[3:6, 4:9] = 0
 found = [fs.cell_permeability(h, (1e-6, 2e-6), axis=a, sides=s).value for a in (0, 1) for s in ("mirror", "periodic")]
-found += [fs.cell_permeability(h, (1e-6, 2e-6), discretisation=d).value for d in ("gauss", "P1", "Q2")]
 found += [fs.cell_permeability(h, (1e-6, 2e-6), bounds=True).upper]
 found += list(fs.permeability_tensor(h, (1e-6, 2e-6)).ravel())
 seals = (fs.RectangularSeal((0.01, 0.03), (4, 5)), fs.AnnularSeal(0.01, 0.02, (4, 5)),
@@ -213,28 +206,11 @@ def test_every_flow_follows_the_form(monkeypatch, capsys):
     exec(compile(DOUBLED, "once", "exec"), {})
     doubled = subprocess.run([sys.executable, "-c", DOUBLED, "2", ring], capture_output=True, text=True, check=True)
     once, twice = (np.array(text.split(), dtype=float) for text in (capsys.readouterr().out, doubled.stdout))
-    assert once.size == 15
+    assert once.size == 12
     assert_allclose(twice, 2 * once, rtol=1e-9)
 
 
-# --- solvers of nine points ---
-
-
-@each("solver", ["auto", "multigrid", "amg"])
-def test_solvers_of_nine_points_agree(solver):
-    gap = np.maximum(np.random.default_rng(8).normal(1.0, 0.6, (20, 30)), 0.0)
-    stencil = cell_stencil(gap, Grid.of_pixel_centres(gap.shape, (1.0, 1.5), "periodic"), "gauss")
-    a, n2 = stencil.to_csr().tocsc(), 30
-    keep = (nodes_reached(stencil) == 3).ravel()
-    p = np.zeros(keep.size)
-    p[:n2] = 1
-    inner = np.flatnonzero(keep)
-    inner = inner[(inner >= n2) & (inner < keep.size - n2)]
-    p[inner] = sp.linalg.spsolve(a[inner][:, inner], -(a[inner] @ p))
-    assert_allclose(solve_flow(stencil, solver=solver).conductance, p @ (a @ p), rtol=1e-6)
-
-
-# --- the choice of the discretisation ---
+# --- the flow through a cell ---
 
 
 def smooth_cell(n):
@@ -242,71 +218,45 @@ def smooth_cell(n):
     return D * (1 + 0.4 * np.cos(2 * np.pi * x)[:, None] * np.cos(4 * np.pi * x) + 0.2 * np.sin(2 * np.pi * x))
 
 
-@each("discretisation", DISCRETISATIONS)
 @each("sides", ["mirror", "periodic"])
 @each("axis", [0, 1])
-def test_plates_are_exact(discretisation, sides, axis):
+def test_plates_are_exact(sides, axis):
     flat = np.full((6, 5), D)
-    found = fs.cell_permeability(flat, (D, 3 * D), axis=axis, sides=sides, discretisation=discretisation)
+    found = fs.cell_permeability(flat, (D, 3 * D), axis=axis, sides=sides)
     assert_allclose(found.value, D**3 / 12, rtol=1e-12)
     away = (np.arange(flat.shape[axis]) + 0.5) / flat.shape[axis]
     assert_allclose(found.fluid_pressure.mean(axis=1 - axis), 1 - away, atol=1e-7)
 
 
-@each("discretisation", DISCRETISATIONS)
 @each("sides", ["mirror", "periodic"])
-def test_order_of_discretisations(discretisation, sides):
-    """All tend to the same limit, with at least the second order."""
+def test_the_flow_is_of_second_order(sides):
     limit = fs.cell_permeability(smooth_cell(256), (1 / 256, 1 / 256), sides=sides, rtol=1e-10).value
     finer = fs.cell_permeability(smooth_cell(128), (1 / 128, 1 / 128), sides=sides, rtol=1e-10).value
     limit += (limit - finer) / 3
-    errors = [
-        fs.cell_permeability(smooth_cell(n), (1 / n, 1 / n), sides=sides, discretisation=discretisation).value / limit
-        - 1
-        for n in (16, 32, 64)
-    ]
+    errors = [fs.cell_permeability(smooth_cell(n), (1 / n, 1 / n), sides=sides).value / limit - 1 for n in (16, 32, 64)]
     assert abs(errors[-1]) < 6e-3
     assert np.log2(abs(errors[0] / errors[2])) / 2 > 1.75
 
 
-def test_mixed_elements_are_below_and_q1_elements_above_for_the_gap_of_the_pixels():
+def test_bounds_of_a_cell_enclose_those_of_better_elements_on_its_pixels():
+    """Raviart-Thomas and Q1 elements of the mesh of pixels minimise over spaces that have those of the cell."""
     h = np.maximum(np.random.default_rng(6).normal(1, 0.6, (20, 24)), 0) * D
-    for sides in ("mirror", "periodic"):
-        exact = fs.cell_permeability(h, (D, 2 * D), sides=sides, bounds=True)
-        mixed = fs.cell_permeability(h, (D, 2 * D), sides=sides, discretisation="RT0")
-        # the minimum of the energy over all fluxes of the space is above that of one flux in it
-        assert exact.lower * (1 - 1e-12) <= mixed.value <= exact.upper
-        assert mixed.solver in ("direct", "amg")
+    cell, mesh = fs.cell_permeability(h, (D, 2 * D), bounds=True), mesh_of_pixels(h, (D, 2 * D))
+    assert cell.lower * (1 - 1e-12) <= mesh.lower <= mesh.upper <= cell.upper * (1 + 1e-12)
 
 
-@each("discretisation", DISCRETISATIONS)
-def test_closed_cells_carry_exactly_nothing(discretisation):
+def test_closed_cells_carry_exactly_nothing():
     h = np.full((8, 9), D)
     h[3:5] = 0
-    found = fs.cell_permeability(h, (D, D), discretisation=discretisation)
+    found = fs.cell_permeability(h, (D, D))
     assert (found.value, found.percolates, found.solver) == (0.0, False, "none")
     assert np.isnan(found.fluid_pressure[3:5]).all()
     assert_array_equal(found.fluid_pressure[[0, 2, 5, 7]].mean(axis=1), [1, 1, 0, 0])
 
 
-def test_a_large_periodic_mesh_warns_of_nothing(caplog):
-    fs.cell_permeability(np.full((40, 30), 1e-6), (1e-6, 1e-6), sides="periodic", discretisation="P1")
-    assert not caplog.records
-
-
-def test_discretisations_that_are_refused():
-    h = np.ones((4, 4))
-    for options, words in (
-        ({"discretisation": "Q3"}, "discretisation: given 'Q3', expected one of edge, gauss, P1, Q2, RT0"),
-        ({"solver": "cholesky"}, "solver: given 'cholesky', expected one of auto, multigrid, elimination, amg"),
-        ({"discretisation": "P1", "solver": "multigrid"}, "general mesh"),
-        ({"discretisation": "gauss", "solver": "elimination"}, "nine points"),
-        ({"discretisation": "Q2", "estimate": True}, "estimate"),
-    ):
-        with pytest.raises(InputError, match=words):
-            fs.cell_permeability(h, (1.0, 1.0), **options)
-    with pytest.raises(InputError, match="at least 3"):
-        fs.cell_permeability(h[:, :2], (1.0, 1.0), sides="periodic", discretisation="P1")
+def test_a_solver_that_is_none_is_refused():
+    with pytest.raises(InputError, match="'cholesky', expected one of auto, multigrid, elimination, amg"):
+        fs.cell_permeability(np.ones((4, 4)), (1.0, 1.0), solver="cholesky")
 
 
 @each("solver", ["multigrid", "elimination", "amg"])
@@ -316,13 +266,6 @@ def test_solvers_of_a_cell_agree_and_say_their_name(solver):
     assert found.solver == solver
     assert_allclose(found.value, fs.cell_permeability(h, (D, D)).value, rtol=1e-6)
     assert found.imbalance <= 1e-5
-
-
-def test_the_estimate_sees_the_borders_where_they_are():
-    """Every second pixel of a flat cell of odd size is a flat cell of the same size."""
-    for sides in ("mirror", "periodic"):
-        found = fs.cell_permeability(np.full((7, 9), D), (D, 2 * D), sides=sides, estimate=True)
-        assert found.resampling_error < 1e-12
 
 
 @each("solver", ["auto", "amg"])

@@ -101,15 +101,13 @@ def test_quantities_become_si(data):
             ["stochastic.pressure", "removed; pieces lie in the contact of the whole face"],
         ),
         ("flow", "solver", "magic", ["flow.solver", "'magic'", "auto, multigrid, elimination, amg"]),
-        ("flow", "discretisation", "P7", ["flow.discretisation", "'P7'", "edge, gauss, P1, Q2, RT0"]),
-        ("flow", "rtol", 1e-3, ["flow.rtol", "given an unknown key, expected solver, discretisation"]),
-        ("flow", "solver", "elimination", ["flow.solver: given 'elimination'", "'auto', 'multigrid' or 'amg'"]),
+        ("flow", "rtol", 1e-3, ["flow.rtol", "given an unknown key, expected solver"]),
         ("seal", "kind", "square", ["seal.kind", "'square'", "'rectangular'"]),
         ("seal", "radius", "1 mm", ["seal.radius", "given an unknown key, expected form, flatness, kind, lay"]),
     ],
 )
 def test_faults_name_key_value_and_what_is_allowed(data, table, key, value, words):
-    data["flow"] = {"discretisation": "gauss"}
+    data["flow"] = {}
     data["cells"] = {"count": [4, 8]}
     data.setdefault(table, {"kind": "rectangular"})[key] = value
     with pytest.raises(fs.InputError) as caught:
@@ -273,7 +271,7 @@ def test_values_without_quotes_or_with_a_comma_are_shown_as_they_may_be_meant(tm
 @pytest.mark.parametrize(
     ("table", "key", "meant"),
     [
-        ("cells", "discretisation", "flow"),
+        ("cells", "solver", "flow"),
         ("fluid", "loading", "load"),
         ("cells", "young", "material"),
         ("", "hurst", "face"),
@@ -427,22 +425,18 @@ class TestPrepare:
     def test_flow_and_shape(self, small):
         case = parse_case(small)
         scene = prepare(case).scene
-        assert (scene.solver, scene.discretisation) == ("auto", "edge")
+        assert scene.solver == "auto"
         tiles = scene.layout.lay_out(PieceSize((0.5e-3, 1e-3), 2, length=3e-3))
         assert (tiles.grid, tiles.in_place) == ((2, 3), True)
         assert_allclose(tiles.seal.size, (1e-3, 3e-3))
-        small["flow"] = {"solver": "amg", "discretisation": "gauss"}
-        small["seal"] = {"kind": "rectangular"}
+        small["flow"] = {"solver": "amg"}
+        small["seal"] = {"kind": "rectangular", "lay": "x2"}
         other = parse_case(small)
         prepared = prepare(other)
-        assert (prepared.scene.solver, prepared.scene.discretisation) == ("amg", "gauss")
+        assert prepared.scene.solver == "amg"
         assert prepared.scene.layout == scene.layout
-        assert any(
-            line.split() == ["flow", "discretisation", "gauss,", "solver", "amg"] for line in describe(other, prepared)
-        )
-        small["flow"] = {"solver": "amg", "discretisation": "RT0"}
-        assert prepare(parse_case(small)).scene.discretisation == "RT0"
-        # results of other equations, or from another solver, are not those of this case
+        assert any(line.split() == ["flow", "solver", "amg"] for line in describe(other, prepared))
+        # results from another solver are not those of this case
         assert case.echo()["flow"] != other.echo()["flow"]
         assert case.echo()["seal"] == other.echo()["seal"] == {"kind": "rectangular", "lay": "x2"}
 

@@ -19,15 +19,12 @@ from femseal.base.errors import InputError
 from femseal.flow import (
     bounds,
     cell,
-    cell_permeabilities,
     cell_permeability,
     critical_constriction,
     percolation,
     permeability_tensor,
 )
 from femseal.flow.coefficient import gap_on_links
-from femseal.flow.edge_flow import cell_stencil
-from femseal.flow.grid import Grid
 from femseal.flow.law import cubic_law
 from femseal.flow.solvers import choice, hierarchy
 
@@ -715,7 +712,7 @@ def test_bad_input_is_named(change, words):
             permeability_tensor(given["gap"], given["spacing"])
 
 
-# --- critical constriction, resampling error ---
+# --- critical constriction ---
 
 
 def percolates(h, sides, axis):
@@ -762,41 +759,6 @@ def test_constriction_of_a_channel_with_a_neck():
         critical_constriction(h, (D, D), sides="open")
 
 
-@each("shape", [(8, 8), (9, 11), (4, 5), (16, 7)])
-@each("sides", SIDES)
-@each("axis", [0, 1])
-def test_a_flat_gap_has_no_resampling_error(shape, sides, axis):
-    k = cell_permeability(np.full(shape, D), (D, 3 * D), axis=axis, sides=sides, estimate=True)
-    assert k.resampling_error < 1e-12
-
-
-@each("sides", SIDES)
-def test_resampling_error_is_not_below_the_true_one_and_of_order_two(sides):
-    errors, estimates = [], []
-    for n in (24, 48, 96):
-        x = (np.arange(n) + 0.5) / n
-        h = D * (1.3 + np.cos(4 * np.pi * x)[:, None] * np.cos(2 * np.pi * x) + 0.2 * np.sin(2 * np.pi * x)[:, None])
-        k = cell_permeability(h, (D / n, D / n), sides=sides, estimate=True)
-        errors.append(k.value)
-        estimates.append(k.resampling_error)
-    limit = errors[-1] + (errors[-1] - errors[-2]) / 3
-    for k, estimate in zip(errors[:-1], estimates, strict=False):
-        assert abs(k / limit - 1) <= 1.2 * estimate
-    assert 1.7 < order(estimates) < 2.6
-
-
-def test_resampling_error_of_what_only_some_pixels_close():
-    wall = np.full((12, 12), D)
-    wall[5] = 0
-    wall[5, 4] = D
-    assert cell_permeability(wall, (D, D), estimate=True).resampling_error == np.inf
-    wall[5, 4] = 0
-    assert cell_permeability(wall, (D, D), estimate=True).resampling_error == np.inf  # every second row misses it
-    assert cell_permeability(0 * wall, (D, D), estimate=True).resampling_error == 0
-    assert np.isnan(cell_permeability(wall, (D, D)).resampling_error)
-    assert np.isnan(cell_permeability(wall[:3], (D, D), estimate=True).resampling_error)
-
-
 def test_percolating_fraction():
     h = np.full((10, 8), D)
     assert cell_permeability(h, (D, D)).percolating_fraction == 1
@@ -806,39 +768,6 @@ def test_percolating_fraction():
     assert cell_permeability(h, (D, D)).percolating_fraction == pytest.approx((80 - 10 - 9) / 80)
     h[7] = 0
     assert cell_permeability(h, (D, D)).percolating_fraction == 0
-
-
-# --- many cells ---
-
-
-@each("threads", [1, 2])
-@each("sides", SIDES)
-def test_many_gaps_at_once_are_what_each_of_them_is(threads, sides):
-    gaps = np.array([cut_by_plane((30, 26), share, seed) for share in (0.05, 0.2, 0.7) for seed in (1, 2)])
-    got = cell_permeabilities(gaps, (D, 2 * D), sides=sides, threads=threads)
-    assert got.shape == (6, 2)
-    for gap, values in zip(gaps, got, strict=True):
-        for axis, value in enumerate(values):
-            assert value == k_of(gap, (D, 2 * D), axis=axis, sides=sides)
-    assert np.array_equal(cell_permeabilities(gaps, (D, 2 * D), axes=[1], sides=sides)[:, 0], got[:, 1])
-
-
-@each(
-    ("gaps", "options", "words"),
-    [
-        (np.ones((4, 4)), {}, ("gaps", "(4, 4)", "(n, n1, n2)")),
-        (np.ones((2, 4, 4)), {"axes": (0, 2)}, ("axis", "2")),
-        (np.ones((2, 4, 4)), {"threads": 0}, ("threads", "0")),
-        (np.ones((2, 4, 4)), {"sides": "free"}, ("sides", "free")),
-        (np.array([np.ones((4, 4)), -np.ones((4, 4))]), {}, ("gap", "-1")),
-        ("gaps", {}, ("gaps", "str")),
-        (np.ones((2, 4, 4)), {"axes": 0}, ("axes", "0")),
-    ],
-)
-def test_bad_input_of_many_gaps_is_named(gaps, options, words):
-    with pytest.raises(InputError) as caught:
-        cell_permeabilities(gaps, (D, D), **options)
-    assert all(word in str(caught.value) for word in words)
 
 
 # --- what an iteration does not see ---
@@ -900,41 +829,7 @@ def test_a_tensor_is_right_at_any_contrast(decades):
         assert permeability_tensor(h, (D, D))[0, 0] == pytest.approx(exact, rel=1e-6)
 
 
-# --- the coarse links of the resampling error ---
-
-
-@each("shape", [(8, 8), (9, 11), (4, 5), (7, 6)])
-@each("offset", [(0, 0), (0, 1), (1, 0), (1, 1)])
-@each("sides", SIDES)
-def test_every_second_pixel_fills_the_same_cell(shape, offset, sides):
-    """Columns of links in series are as long as the cell, rows of them as wide."""
-    (d1, d2), (n1, n2), (a, b) = (1.0, 3.0), shape, offset
-    x1, x2 = (np.arange(n1) + 0.5) * d1, (np.arange(n2) + 0.5) * d2
-    grid = Grid.of_points(x1[a::2], x2[b::2], (n1 * d1, n2 * d2), sides)
-    stencil = cell_stencil(np.ones((x1[a::2].size, x2[b::2].size)), grid)
-    c1, c2 = stencil.along, stencil.across
-    assert_allclose((1 / (1 / c1).sum(axis=0)).sum(), n2 * d2 / (n1 * d1) / 12, rtol=1e-13)
-    if sides == "periodic":
-        assert_allclose((1 / (1 / c2).sum(axis=1)).sum(), n1 * d1 / (n2 * d2) / 12, rtol=1e-13)
-    else:
-        assert_allclose(c2.sum(axis=0), n1 * d1 / (2 * d2) / 12, rtol=1e-13)
-
-
-def test_resampling_error_of_stripes_is_known():
-    columns = np.array([1, 0.8, 0.5, 0.9])
-    k = cell_permeability(np.tile(columns * D, (6, 1)), (D, D), estimate=True, rtol=1e-12)
-    a, b, c, d = columns**3
-    coarse = 1.5 * a + 2.5 * c, 1.5 * d + 2.5 * b
-    assert_allclose(k.resampling_error, max(abs(1 - q / (a + b + c + d)) for q in coarse) / 3, rtol=1e-9)
-
-
-def test_resampling_error_does_not_depend_on_the_seam_of_a_ring():
-    h = D * np.random.default_rng(0).uniform(0.5, 1, (10, 8))
-    errors = [
-        cell_permeability(np.roll(h, n, axis=1), (D, D), sides="periodic", estimate=True, rtol=1e-10).resampling_error
-        for n in (0, 2, 3)
-    ]
-    assert_allclose(errors, errors[0], rtol=1e-8)
+# --- single precision, threads ---
 
 
 @pytest.mark.parametrize("solver", ["elimination", "multigrid"])
@@ -954,8 +849,7 @@ def test_conductances_in_single_precision_change_the_flow_by_no_more_than_they_e
 
 
 @pytest.mark.parametrize("single", [False, True])
-@pytest.mark.parametrize("discretisation", ["edge", "gauss"])
-def test_threads_share_large_grids_and_change_no_bits(discretisation, single, monkeypatch):
+def test_threads_share_large_grids_and_change_no_bits(single, monkeypatch):
     for module, name, value in (
         (cell, "SINGLE_NODES", 1 if single else cell.SINGLE_NODES),
         (choice, "_MANY", 1000),
@@ -965,7 +859,7 @@ def test_threads_share_large_grids_and_change_no_bits(discretisation, single, mo
     ):
         monkeypatch.setattr(module, name, value)
     gap = cut_by_plane((107, 90), 0.2, seed=3)
-    given = {"sides": "periodic", "discretisation": discretisation, "solver": "multigrid", "field_rtol": 1e-5}
+    given = {"sides": "periodic", "solver": "multigrid", "field_rtol": 1e-5}
     found, shared, pool = [], set(), threads._pool
     monkeypatch.setattr(threads, "_pool", lambda count: shared.add(count) or pool(count))
     for count in (1, 2, 3):

@@ -12,7 +12,6 @@ from numpy.testing import assert_allclose
 
 import femseal as fs
 from femseal.case.case import parse_case
-from femseal.flow.discretisation import DISCRETISATIONS
 from femseal.preparation.preparation import prepare
 from femseal.report.page import report_html
 from femseal.runs import forecast as module
@@ -26,7 +25,6 @@ from femseal.studies.costs import (
     Effort,
     contact_seconds,
     deterministic_cost,
-    flow_seconds,
     stochastic_cost,
     two_scale_cost,
     usual_efforts,
@@ -101,16 +99,6 @@ def test_the_pilot_counts_what_a_larger_face_takes(data, counts, pressures):
     assert_allclose(sum(effort.rounds for effort in known), counts["rounds"], rtol=0.4)
     assert_allclose(sum(e.rounds * e.pairs_on(pixels) for e in known), counts["pairs"], rtol=0.4)
     assert_allclose(sum(e.rounds * e.iterations_on(pixels) for e in known), counts["iterations"], rtol=0.4)
-
-
-def test_flows_on_general_meshes_take_a_multiple_of_the_time(data):
-    scene = prepare(parse_case(data)).scene
-    for name, discretisation in DISCRETISATIONS.items():
-        known = pilot.efforts(replace(scene, discretisation=name))
-        assert {effort.flow for effort in known} == {discretisation.cost}
-        plain = replace(known[0], flow=1.0)
-        assert_allclose(flow_seconds(1e4, known[0]), discretisation.cost * flow_seconds(1e4, plain))
-    assert DISCRETISATIONS["Q2"].cost > DISCRETISATIONS["P1"].cost > DISCRETISATIONS["edge"].cost == 1
 
 
 def test_the_effort_does_not_depend_on_the_points_of_a_large_face(data):

@@ -237,8 +237,6 @@ def test_a_groove_that_is_filled_somewhere_leads_nowhere():
 @pytest.mark.parametrize(
     ("solve", "text"),
     [
-        (lambda lay: fs.two_scale(whole(lay, discretisation="Q2"), (6, 3)), "discretisation: given 'Q2'"),
-        (lambda lay: fs.deterministic(whole(lay, discretisation="gauss")), "discretisation: given 'gauss'"),
         (lambda lay: fs.deterministic(whole(lay | {"circumference": "10 um"})), "lay.circumference: given 10 µm"),
         (lambda lay: fs.deterministic(whole(lay | {"lead": "96 um"})), "lay.lead: given 96 µm on a face 96 µm broad"),
     ],

@@ -463,22 +463,9 @@ class TestSolvers:
         assert_allclose(results[1].leakage, rough_two_scale.leakage[:1], rtol=1e-4)
         assert_allclose(results[1].k2, rough_two_scale.k2[:1], rtol=1e-3, atol=1e-30)
 
-    def test_the_scene_chooses_the_discretisation(self, rough, rough_two_scale):
-        """With the same gaps other permeabilities, which differ as the pixels resolve the gap."""
-        result = two_scale(replace(rough, discretisation="gauss"), (4, 6))
-        assert_array_equal(result.gap, rough_two_scale.gap)
-        gap = piece_of(result, result.gap[0], 1, 5)
-        exact = cell_permeability(gap, rough.surface.spacing, discretisation="gauss").value
-        assert_allclose(result.k1[0, 1, 5], exact, rtol=1e-9)
-        assert abs(result.k1[0, 1, 5] / rough_two_scale.k1[0, 1, 5] - 1) > 1e-3
-
-    @pytest.mark.parametrize(
-        "given",
-        [{"solver": "magic"}, {"discretisation": "magic"}, {"solver": "elimination", "discretisation": "gauss"}],
-    )
-    def test_what_no_flow_can_take_is_refused_at_once(self, rough, given):
-        with pytest.raises(InputError, match=r"solver|discretisation"):
-            replace(rough, **given)
+    def test_what_no_flow_can_take_is_refused_at_once(self, rough):
+        with pytest.raises(InputError, match="solver"):
+            replace(rough, solver="magic")
 
     def test_of_drawn_seals(self, rough):
         """Systems of the pieces, and for each realisation and each step."""

@@ -16,7 +16,7 @@ from ..base.leak_rates import KNOWN, LEAK_UNITS, LeakUnit, leak_classes, leak_un
 from ..budget.error_parts import MODEL_PARTS
 from ..contact import ContactLaw, HardnessTable, LinearHardening, NixGao, PerfectlyPlastic
 from ..contact.hardness_curves import SMALLEST_DEPTH
-from ..flow.discretisation import DISCRETISATIONS, SOLVERS, check_discretisation
+from ..flow.solution import SOLVERS
 from ..materials import HARDNESS_FACTOR, Solid, named_solid
 from ..studies.choices import FIELDS_LIMIT, FLUID_PRESSURES, FORMATS
 from .faults import fault, faults_of, refusal
@@ -52,16 +52,9 @@ class ContactTable(Table):
 
 
 class FlowTable(Table):
-    """How flow is discretised and solved, in pieces, in whole faces and over the seal."""
+    """How flow is solved, in pieces, in whole faces and over the seal."""
 
     solver: Annotated[str, *one_of(SOLVERS)] = "auto"
-    discretisation: Annotated[str, *one_of(DISCRETISATIONS)] = "edge"
-
-    @model_validator(mode="after")
-    def _together(self) -> FlowTable:
-        with faults_of("flow"):
-            check_discretisation(self.discretisation, self.solver)
-        return self
 
 
 class CellsTable(Table):

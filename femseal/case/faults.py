@@ -31,6 +31,7 @@ _PIECES = "none: removed; seals are drawn from all pieces of the face, see [cell
 REMOVED = {
     "cells.flow": "none: removed; the flow of a face is always at full resolution",
     "cells.contact": "none: removed; the contact is always that of the whole face",
+    "flow.discretisation": "none: removed; the flow of a grid always takes the gap at the midpoints of edges",
     "stochastic.pressure": _IN_WHOLE_FACE,
     "stochastic.sampler": "none: removed; each tile of the seal draws a piece, in its row where that is known",
     "stochastic.library": "none: removed; the states of a face are kept with the run",
@@ -76,7 +77,6 @@ SCENE_TABLES = {
     "fluid_pressure": "contact",
     "inlet_pressure": "fluid",
     "places": "face",
-    "discretisation": "flow",
 }
 #: Tables of the arguments of maps of the pressure.
 MAP_TABLES = {"map": "load"} | dict.fromkeys(

@@ -14,9 +14,9 @@ import numpy as np
 from ..base import Array, FemsealError
 from ..flow import Spiral
 from ..flow.cell import cell_flow
-from ..flow.discretisation import check_discretisation
 from ..flow.law import cubic_law
 from ..flow.pressure_drop import VISCOUS, PressureDrop
+from ..flow.solution import check_solver
 
 Result = TypeVar("Result")
 
@@ -124,20 +124,19 @@ OPEN_RATIO = 0.005
 
 @dataclass(frozen=True)
 class FlowSettings:
-    """How the flow through a face and its pieces is discretised and solved, see `cell_permeability`, and of what fluid.
+    """How the flow through a face and its pieces is solved, see `cell_permeability`, and of what fluid.
 
     spiral : how the grooves of a whole face wind, see `femseal.flow.spiral`; None for rings.
 
-    Raises InputError: an unknown solver or discretisation, or two that do not go together.
+    Raises InputError: an unknown solver.
     """
 
     solver: str = "auto"
-    discretisation: str = "edge"
     drop: PressureDrop = VISCOUS
     spiral: Spiral | None = None
 
     def __post_init__(self) -> None:
-        check_discretisation(self.discretisation, self.solver)
+        check_solver(self.solver)
 
 
 @dataclass(frozen=True, eq=False)
@@ -173,9 +172,7 @@ def _of_gap(gap: Array, spacing: tuple[float, float], axis: int, settings: FlowS
     mean = float(gap.mean())
     if gap.min() > 0 and gap.std() < OPEN_RATIO * mean:  # nearly parallel plates
         return cubic_law(mean), SolveCounts(open=1)
-    cell = cell_flow(
-        gap, spacing, axis=axis, sides="mirror", discretisation=settings.discretisation, solver=settings.solver
-    )
+    cell = cell_flow(gap, spacing, axis=axis, sides="mirror", solver=settings.solver)
     solvers = SolverCounts.of(cell.flow)
     counts = SolveCounts(solved=1, solvers=solvers) if cell.flow.percolates else SolveCounts(closed=1, solvers=solvers)
     return cell.permeability, counts

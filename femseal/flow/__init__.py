@@ -5,18 +5,16 @@ from typing import TYPE_CHECKING
 from ..base.lazy_package import load_when_used
 
 if TYPE_CHECKING:
-    from .cell import Permeability, cell_permeabilities, cell_permeability
+    from .cell import Permeability, cell_permeability
     from .constriction import Constriction, critical_constriction
-    from .discretisation import DISCRETISATIONS, SOLVERS
     from .law import CubicLaw, FlowLaw, FukuiKaneko, SlipLength
-    from .solution import DarcyFlow
+    from .solution import SOLVERS, DarcyFlow
     from .solvers.choice import solve_flow
     from .spiral import Spiral
     from .stencil import Stencil
     from .tensor import permeability_tensor
 
 __all__ = [
-    "DISCRETISATIONS",
     "SOLVERS",
     "Constriction",
     "CubicLaw",
@@ -27,7 +25,6 @@ __all__ = [
     "SlipLength",
     "Spiral",
     "Stencil",
-    "cell_permeabilities",
     "cell_permeability",
     "critical_constriction",
     "permeability_tensor",

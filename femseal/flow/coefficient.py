@@ -3,7 +3,7 @@
 The gap is given at pixel centres. On the links between pixels, the midpoints of the edges of the elements, it is
 interpolated by a four-point cubic, at least a tenth of the smaller of the two pixels and 0 next to contact: a link is
 open exactly where both its pixels are, and the interpolation closes no pixel off. Where the cubic would dip because the
-gap jumps beyond one of the two pixels, that pixel's outer neighbour is left out. At Gauss points the gap is bilinear.
+gap jumps beyond one of the two pixels, that pixel's outer neighbour is left out.
 """
 
 from __future__ import annotations
@@ -16,7 +16,6 @@ from numpy.typing import ArrayLike
 from ..base import Array, InputError, Lengths, validate
 from ..base.compiled import compiled, inner
 from ..base.threads import over, rows
-from .grid import Grid
 from .law import cubic_law
 
 SIDES = ("mirror", "periodic")
@@ -91,17 +90,6 @@ def _on_links(gap: Array, ring1: bool, ring2: bool, as_permeability: bool) -> tu
     on1, on2 = np.empty((n1 if ring1 else n1 + 1, n2)), np.empty((n1, n2 if ring2 else n2 - 1))
     over(rows(n1, n2), links_of_rows, gap, ring1, ring2, as_permeability, on1, on2)
     return on1, on2
-
-
-def permeability_at_gauss_points(gap: Array, grid: Grid, points: tuple[tuple[float, float], ...]) -> list[Array]:
-    """Permeability [m³] of the bilinear gap at points (ξ1, ξ2) of the unit square in every element of a cell's grid."""
-    nodes = np.pad(gap, ((0, 0), (0, 0)) if grid.ring1 else ((1, 1), (0, 0)), mode="edge")[grid.rows][:, grid.columns]
-    corners = nodes[:-1, :-1], nodes[:-1, 1:], nodes[1:, :-1], nodes[1:, 1:]
-    found = []
-    for a, b in points:
-        weights = (1 - a) * (1 - b), (1 - a) * b, a * (1 - b), a * b
-        found.append(cubic_law(sum(w * h for w, h in zip(weights, corners, strict=True))))
-    return found
 
 
 _law = inner()(cubic_law)

@@ -9,8 +9,8 @@ import numpy as np
 from ..base.arrays import Array
 from ..base.compiled import compiled
 from ..base.threads import over, rows
-from .assembly import GAUSS_POINTS, EdgeWeights, assemble_on_elements, edge_weights, gauss, weighted
-from .coefficient import links_of_rows, permeability_at_gauss_points
+from .assembly import EdgeWeights, edge_weights, weighted
+from .coefficient import links_of_rows
 from .grid import Grid
 from .percolation import ready
 from .solution import DarcyFlow
@@ -45,11 +45,7 @@ def _conductances(first, end, gap, ring2, rows1, columns1, kinds1, rows2, column
     weighted(first, end, across, rows2, columns2, kinds2, across)
 
 
-def cell_stencil(gap: Array, grid: Grid, discretisation: str = "edge") -> Stencil:
+def cell_stencil(gap: Array, grid: Grid) -> Stencil:
     """Operator of the flow through a cell on a grid of nodes at its pixels, from the gap [m] (n1, n2) there."""
-    if discretisation == "edge":
-        along, across = edge_conductances(gap, grid.ring2, edge_weights(grid))
-        return Stencil(along, across, ring2=grid.ring2)
-    # K11 and K22 have the same value at a point
-    k = permeability_at_gauss_points(gap, grid, GAUSS_POINTS)
-    return assemble_on_elements(grid, k, gauss((0, 0), (1, 1)), [p for p in range(len(k)) for _ in range(2)])
+    along, across = edge_conductances(gap, grid.ring2, edge_weights(grid))
+    return Stencil(along, across, ring2=grid.ring2)

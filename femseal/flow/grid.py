@@ -35,22 +35,11 @@ class Grid:
 
     @classmethod
     def of_pixel_centres(cls, shape: tuple[int, int], spacing: tuple[float, float], sides: str) -> Grid:
-        """Nodes at the centres of a cell's pixels and on its ends; the same object for the same cell."""
-        return _of_pixel_centres(shape, spacing, sides)
-
-    @classmethod
-    def of_points(cls, x1: Array, x2: Array, size: tuple[float, float], sides: str) -> Grid:
-        """Nodes at rows x1 and columns x2 inside a cell from 0 to `size`, and on its ends.
+        """Nodes at the centres of a cell's pixels and on its ends; the same object for the same cell.
 
         Half elements reach from the ends, and from mirrored sides, to the first nodes.
         """
-        lines1 = np.concatenate([[0.0], x1, size[:1]])
-        rows = np.arange(lines1.size)
-        if sides == "periodic":
-            columns = np.arange(x2.size + 1) % x2.size
-            return cls(lines1, np.append(x2, x2[0] + size[1]), rows, columns, half_ends=True)
-        columns = np.concatenate([[0], np.arange(x2.size), [x2.size - 1]])
-        return cls(lines1, np.concatenate([[0.0], x2, size[1:]]), rows, columns, ring2=False, half_ends=True)
+        return _of_pixel_centres(shape, spacing, sides)
 
     @classmethod
     def of_pixel_corners(cls, shape: tuple[int, int], spacing: tuple[float, float], sides: str) -> Grid:
@@ -86,8 +75,15 @@ class Grid:
 
 @lru_cache(maxsize=64)
 def _of_pixel_centres(shape: tuple[int, int], spacing: tuple[float, float], sides: str) -> Grid:
-    x1, x2 = (_centres(n, d) for n, d in zip(shape, spacing, strict=True))
-    return Grid.of_points(x1, x2, (shape[0] * spacing[0], shape[1] * spacing[1]), sides)
+    (n1, n2), (d1, d2) = shape, spacing
+    lines1 = np.concatenate([[0.0], _centres(n1, d1), [n1 * d1]])
+    rows = np.arange(lines1.size)
+    if sides == "periodic":
+        lines2, columns = _ring(n2, d2)
+        return Grid(lines1, lines2, rows, columns, half_ends=True)
+    lines2 = np.concatenate([[0.0], _centres(n2, d2), [n2 * d2]])
+    columns = np.concatenate([[0], np.arange(n2), [n2 - 1]])
+    return Grid(lines1, lines2, rows, columns, ring2=False, half_ends=True)
 
 
 def _centres(n: int, spacing: float) -> Array:

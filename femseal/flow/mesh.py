@@ -121,8 +121,10 @@ def darcy_conductance(
     lower, upper = np.nan, np.nan
     if bounds and kind.flux_element is not None:
         upper = flow.conductance * scale
-        flux = flux_conductance(mesh, tensor, ends, kind.flux_element(), kind.intorder, rtol=RTOL, solver=solver)
-        lower = min(flux.conductance * scale, upper)
+        lower = scale * flux_conductance(
+            mesh, tensor, ends, kind.flux_element(), kind.intorder, rtol=RTOL, solver=solver
+        )
+        lower = min(lower, upper)
     return replace(
         flow,
         conductance=flow.conductance * scale,

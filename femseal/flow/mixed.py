@@ -1,4 +1,4 @@
-"""Lowest-order Raviart-Thomas flux on a mesh: a lower bound of the flow, and the mixed discretisation of a cell.
+"""Lowest-order Raviart-Thomas flux on a mesh: a lower bound of the flow.
 
 The method is hybridised, so that its unknowns are potentials of facets and its matrix is positive definite. The flux is
 made to balance exactly on every element, so that its energy bounds the flow whatever the error of the solver.
@@ -18,8 +18,7 @@ from ..base.arrays import Array, Indices
 from . import forms
 from .balance import balanced_flux
 from .connected_elements import connected_elements, elements_between, open_facets
-from .solution import DarcyFlow
-from .solvers.amg import LinearSolution, solve_spd
+from .solvers.amg import solve_spd
 
 
 def flux_conductance(
@@ -31,7 +30,7 @@ def flux_conductance(
     *,
     rtol: float,
     solver: str = "auto",
-) -> DarcyFlow:
+) -> float:
     """Q²/∫ q·K⁻¹q of the lowest-order Raviart-Thomas flux; 0 if open elements connect in corners only.
 
     mesh : straight.
@@ -41,28 +40,19 @@ def flux_conductance(
     rtol : error of the potential allowed in the norm of the energy; balancing the flux magnifies it.
     solver : of the linear system.
 
-    Returns DarcyFlow, `potential` the mean of each element; `imbalance` is the relative difference of the energies of
-    the flux and of the potentials of the facets, between which the flow of these elements lies.
-
     Raises NotConverged: the linear solver failed.
     """
-    carrying, at_inlet, at_outlet = connected_elements(mesh, tensor, ends, through_corners=False)
-    potential = np.full(mesh.nelements, np.nan)
-    potential[at_inlet], potential[at_outlet] = 1.0, 0.0
+    carrying, _, _ = connected_elements(mesh, tensor, ends, through_corners=False)
     if carrying.size == 0:
-        return DarcyFlow(0.0, potential, 1 - potential, False)
+        return 0.0
     system = _Hybrid.of(mesh, tensor, element, intorder, carrying)
     inlet, outlet = (open_facets(mesh, f, carrying) for f in ends)
     lam = np.zeros(mesh.nfacets)
     lam[inlet] = 1.0
-    found = system.solve(lam, (inlet, outlet), rtol, solver, unit_drop=True)
+    system.solve(lam, (inlet, outlet), rtol, solver, unit_drop=True)
     flux, on_facet = system.balanced(lam, (inlet, outlet))
     total = min(abs(float(on_facet[f].sum())) for f in (inlet, outlet))
-    conductance = total**2 / float(np.einsum("ei,eij,ej->", flux, system.local, flux))
-    imbalance = abs(1 - conductance / system.dissipation(lam))
-    potential[carrying] = (system.column * lam[system.facets]).sum(axis=1) / system.column.sum(axis=1)
-    solved = (found.iterations, found.residual) if found else (0, 0.0)
-    return DarcyFlow(conductance, potential, 1 - potential, True, *solved, imbalance, found.solver if found else "none")
+    return total**2 / float(np.einsum("ei,eij,ej->", flux, system.local, flux))
 
 
 def flux_rates(
@@ -103,15 +93,13 @@ class _Hybrid:
     """The hybridised system of the elements that carry the flow.
 
     facets (elements, facets) : numbers of the facets of each element. local : resistance of the fluxes through them.
-    column : sums of its inverse. schur : conductance between the potentials of the facets of each element, and
-    matrix : of all facets.
+    schur : conductance between the potentials of the facets of each element, and matrix : of all facets.
     """
 
     mesh: Mesh
     carrying: Indices
     facets: Indices
     local: Array
-    column: Array
     schur: Array
     matrix: sp.csr_array
 
@@ -134,27 +122,17 @@ class _Hybrid:
         n = facets.shape[1]
         rows, cols = np.repeat(facets, n, axis=1), np.tile(facets, (1, n))
         matrix = sp.coo_array((schur.ravel(), (rows.ravel(), cols.ravel())), shape=(mesh.nfacets, mesh.nfacets)).tocsr()
-        return cls(mesh, carrying, facets, local, column, schur, matrix)
+        return cls(mesh, carrying, facets, local, schur, matrix)
 
     def solve(
         self, lam: Array, dirichlet: Sequence[Indices], rtol: float, solver: str, *, unit_drop: bool = False
-    ) -> LinearSolution | None:
-        """Fill in the potentials of all facets but those of the Dirichlet ends; None if there is no other."""
+    ) -> None:
+        """Fill in the potentials of all facets but those of the Dirichlet ends."""
         unknown = np.setdiff1d(np.unique(self.facets), np.concatenate(dirichlet))
-        if not unknown.size:
-            return None
         rows_of = self.matrix[unknown]
         rhs = -(rows_of @ lam)
-        if not rhs.any():
-            return None
-        found = solve_spd(rows_of[:, unknown], rhs, rtol, solver, unit_drop=unit_drop)
-        lam[unknown] = found.x
-        return found
-
-    def dissipation(self, lam: Array) -> float:
-        """Energy of the potentials of the facets."""
-        drop = lam[self.facets] - lam[self.facets[:, :1]]
-        return float(np.einsum("ei,eij,ej->", drop, self.schur, drop))
+        if rhs.any():
+            lam[unknown] = solve_spd(rows_of[:, unknown], rhs, rtol, solver, unit_drop=unit_drop).x
 
     def balanced(self, lam: Array, dirichlet: Sequence[Indices]) -> tuple[Array, Array]:
         """Outward fluxes (elements, facets) that balance on elements and agree on facets, and those of all facets, out

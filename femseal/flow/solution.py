@@ -7,11 +7,20 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from ..base.arrays import Array
+from ..base.errors import InputError
 
+#: Solvers of the flow through a grid.
+SOLVERS = ("auto", "multigrid", "elimination", "amg")
 #: Inlet and outlet flow may differ by this fraction before a direct or a precise solution is refused.
 MAX_IMBALANCE = 1e-5
 #: Error of the potential in the norm of the energy that is allowed where it is shown or written.
 FIELD_RTOL = 1e-6
+
+
+def check_solver(solver: str) -> None:
+    """Raise InputError unless this is the name of a solver."""
+    if solver not in SOLVERS:
+        raise InputError("solver", repr(solver), f"one of {', '.join(SOLVERS)}")
 
 
 def potential_rtol(rtol: float, field_rtol: float | None = None) -> float:

@@ -268,16 +268,15 @@ def measured_patch(case: Case, surface: Topography, scene: Scene) -> tuple[Repre
 def wound_layout(case: Case) -> Layout:
     """The shape of the seal. The lead of a spiral goes with the circumference, the length of a drawn strip.
 
-    The grooves of one turned face that is generated wind with its pitch, unless the case says how its lay runs, or has
-    another discretisation, which cannot follow them.
+    The grooves of one turned face that is generated wind with its pitch, unless the case says how its lay runs.
     """
     layout, circumference = case.layout, _circumference(case)
     if not isinstance(layout, RectangularLayout | AnnularLayout):
         return layout
     lay = layout.lay
     pitches = [face.pitch for face in case.face if isinstance(face, TurnedFace) and face.pitch < face.size[0]]
-    asks_otherwise = "lay" in case.seal.model_fields_set or case.flow.discretisation != "edge"
-    if len(case.face) == len(pitches) == 1 and circumference is not None and not asks_otherwise:
+    is_given = "lay" in case.seal.model_fields_set
+    if len(case.face) == len(pitches) == 1 and circumference is not None and not is_given:
         lay = Lay(name="spiral", lead=pitches[0])
     if lay.name == "spiral" and isinstance(layout, RectangularLayout) and lay.circumference is None:
         lay = replace(lay, circumference=circumference)

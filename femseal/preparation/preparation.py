@@ -177,7 +177,6 @@ def _scene(case: Case, surface: Topography, layout: Layout, seal: tuple[float, f
         nominal=case.load.nominal,
         layout=layout,
         solver=case.flow.solver,
-        discretisation=case.flow.discretisation,
     )
 
 

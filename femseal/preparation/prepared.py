@@ -169,7 +169,6 @@ class Prepared:
             "methods": sorted(self.methods),
             "points": list(scene.surface.shape),
             "shortest wave": self.conditioning.shortest_wavelength,
-            "discretisation": scene.discretisation,
             **({"seat": self.seat} if self.seat else {}),
             "solver": scene.solver,
         }

@@ -93,7 +93,7 @@ def _facts(case: Case, made: Prepared) -> Iterator[tuple[str, str]]:
             yield "fluid", f"{what}{fluid}, from {inlet} to {outlet}"
         if table is case.fluid:
             yield "", scene.fluid_effect
-    yield "flow", f"discretisation {scene.discretisation}, solver {scene.solver}"
+    yield "flow", f"solver {scene.solver}"
     yield from _law_facts(scene)
     yield from _accuracy_facts(case, made)
     yield from _study_facts(prepared)

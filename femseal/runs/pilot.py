@@ -16,7 +16,6 @@ from ..base import FemsealError
 from ..contact import Contact, HalfSpace, solve_contact
 from ..face.piece_flow import FlowSettings
 from ..flow import cell_permeability
-from ..flow.discretisation import DISCRETISATIONS
 from ..studies import Scene
 from ..studies.costs import FEW_ITERATIONS, PILOT_PIXELS, Effort
 
@@ -77,8 +76,7 @@ def efforts(scene: Scene) -> tuple[Effort, ...]:
         iterations = flow.iterations or most * flow.percolating_fraction**power
         if iterations:
             iterations = FEW_ITERATIONS + max(0.0, iterations - FEW_ITERATIONS) * larger**0.5
-        cost = DISCRETISATIONS[scene.discretisation].cost
-        found[pressure] = replace(effort, pairs=effort.pairs * larger**effort.growth, iterations=iterations, flow=cost)
+        found[pressure] = replace(effort, pairs=effort.pairs * larger**effort.growth, iterations=iterations)
     return tuple(_between(found, step.pressure) for step in scene.steps)
 
 

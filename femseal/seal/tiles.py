@@ -7,6 +7,7 @@ smaller than a piece share its tile.
 
 from __future__ import annotations
 
+import logging
 from dataclasses import dataclass, field, replace
 from functools import cached_property, lru_cache
 from math import pi
@@ -23,6 +24,9 @@ from .element_seal import ElementSeal
 from .lay import Lay, check_size
 from .mesh_seal import MeshSeal, parts_without_flow
 from .straightened import straightened
+
+# scikit-fem warns that it copies vertices whenever it makes a mesh of more than 1000 vertices periodic
+logging.getLogger("skfem.mesh.mesh").addFilter(lambda record: "C_CONTIGUOUS" not in record.getMessage())
 
 #: Most tiles between inlet and outlet.
 MOST_ROWS = 1000

@@ -54,14 +54,13 @@ class Effort:
 
     pairs : transforms of a contact of `PILOT_PIXELS`. contact_fraction : of the face in contact, 0 to 1.
     iterations : of multigrid in a flow of `PILOT_PIXELS`, 0 where it is closed. rounds : solutions of contact and flow
-    where the fluid presses the faces apart; 0 of a step that is an earlier one again. flow : see `Discretisation.cost`.
+    where the fluid presses the faces apart; 0 of a step that is an earlier one again.
     """
 
     pairs: float = 22.0
     contact_fraction: float = 0.15
     iterations: float = 13.0
     rounds: float = 2.3
-    flow: float = 1.0
 
     @property
     def growth(self) -> float:
@@ -124,7 +123,7 @@ def flow_seconds(pixels: float, effort: Effort) -> float:
     if not effort.iterations:
         closed, path = _CLOSED_SECONDS
         return _FLOW_SECONDS + pixels * (closed + path * (1 - effort.contact_fraction) ** 2)
-    return effort.flow * (_FLOW_SECONDS + pixels * (once + iteration * effort.iterations_on(pixels)))
+    return _FLOW_SECONDS + pixels * (once + iteration * effort.iterations_on(pixels))
 
 
 def _face_seconds(points: tuple[int, int], effort: Effort, pressures: int, acts: bool) -> float:

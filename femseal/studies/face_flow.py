@@ -54,9 +54,7 @@ def resolved_flow(
 
     def solve(gap: Array) -> tuple[float, Array, Permeability]:
         nonlocal counts
-        flow = cell_permeability(
-            gap, spacing, sides="periodic", discretisation=settings.discretisation, solver=settings.solver
-        )
+        flow = cell_permeability(gap, spacing, sides="periodic", solver=settings.solver)
         counts += SolverCounts.of(flow)
         if settings.spiral and (wound := spiral_flow(gap, spacing, settings.spiral, flow.fluid_pressure)):
             flow = replace(flow, value=wound[0], fluid_pressure=wound[1], percolates=wound[0] > 0)

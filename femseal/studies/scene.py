@@ -41,7 +41,7 @@ class Scene:
     loading, unload_from, unloading : nominal pressures [Pa], see `LoadProgramme.of`.
     rtol : residual of each contact, see `contact.solve_contact`.
     layout : shape of drawn seals, see `seal.layouts`; the face itself is a strip.
-    solver, discretisation : of all flow, in cells and over the seal; see `flow.cell_permeability`.
+    solver : of all flow, in cells and over the seal; see `flow.cell_permeability`.
     fluid_pressure : "acts": it presses the faces apart, see `studies.fluid_coupling`; "trapped": and liquid in closed
         pockets keeps its volume, see `studies.trapped_liquid`; "ignored": the faces lie as dry ones.
     nominal : what carries the nominal pressures where it acts: "total", contact and fluid together; or "contact".
@@ -61,7 +61,6 @@ class Scene:
     rtol: float = 1e-5
     layout: Layout = field(default_factory=RectangularLayout)
     solver: str = "auto"
-    discretisation: str = "edge"
     fluid_pressure: str = "acts"
     nominal: str = "total"
     surroundings: float | None = None
@@ -73,7 +72,7 @@ class Scene:
         for name, choices in (("fluid_pressure", FLUID_PRESSURES), ("nominal", NOMINALS)):
             if getattr(self, name) not in choices:
                 raise InputError(name, getattr(self, name), f"one of {', '.join(choices)}")
-        flow = self.flow  # raises if solver and discretisation do not go together
+        flow = self.flow  # raises if the solver is unknown
         if own := getattr(self.layout, "inlet_pressures", {}):
             if flow.drop.law.depends_on_pressure:
                 given = f"{self.fluid} with pressures of the inlets"
@@ -184,20 +183,17 @@ class Scene:
 
     @property
     def flow(self) -> FlowSettings:
-        """How the flow through faces and their pieces is discretised and solved."""
+        """How the flow through faces and their pieces is solved."""
         drop = PressureDrop.of(self.fluid, self.inlet_pressure, self.outlet_pressure)
-        return FlowSettings(self.solver, self.discretisation, drop, getattr(self.layout, "spiral", None))
+        return FlowSettings(self.solver, drop, getattr(self.layout, "spiral", None))
 
     def check_spiral(self) -> None:
         """Refuse grooves that wind where the flow through the face cannot follow them.
 
-        Raises InputError: another discretisation, a lead that does not suit the face.
+        Raises InputError: a lead that does not suit the face.
         """
-        if (spiral := self.flow.spiral) is None:
-            return
-        if self.discretisation != "edge":
-            raise InputError("discretisation", f"'{self.discretisation}' with a spiral lay", "'edge' with it")
-        spiral.seam(self.surface.shape, self.surface.spacing)
+        if (spiral := self.flow.spiral) is not None:
+            spiral.seam(self.surface.shape, self.surface.spacing)
 
     def entry_pressures(self, gaps: Iterable[NDArray[np.floating]]) -> Array | None:
         """Capillary entry pressure of the critical constriction of the gaps (n1, n2) [m] at every step [Pa].

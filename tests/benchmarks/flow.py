@@ -139,18 +139,11 @@ SOLVERS = {
     "reynoldsflow": reynoldsflow_solver,
     "reynoldsflow, PARDISO": pardiso_solver,
 }
-#: femseal's own discretisations, whose error is followed besides.
-DISCRETISATIONS = {
-    f"femseal, {name}": partial(femseal_solver, discretisation=name) for name in ("gauss", "P1", "Q2", "RT0")
-}
-
-
-OWN = ["femseal", *DISCRETISATIONS]
 
 
 def measure(name, gap, repeats):
     """Record of one solver on one gap."""
-    solve = (SOLVERS | DISCRETISATIONS)[name]
+    solve = SOLVERS[name]
     times, k, iterations = [], np.nan, 0
     while len(times) < repeats and (not times or sum(times) < 3.0):
         start = time.perf_counter()
@@ -272,7 +265,6 @@ def main():
     parser.add_argument("--sizes", type=int, nargs="+", default=[64, 128, 256, 512, 1024])
     parser.add_argument("--repeats", type=int, default=7)
     parser.add_argument("--solvers", nargs="+", default=list(SOLVERS), choices=list(SOLVERS))
-    parser.add_argument("--discretisations", nargs="*", default=list(DISCRETISATIONS), choices=list(DISCRETISATIONS))
     parser.add_argument(
         "--finest", type=int, default=16, help="finest refinement in the study of the error, a power of 2"
     )
@@ -293,7 +285,7 @@ def main():
             expected = 5 * max(r["time"] for r in new)
             records += [{"solver": name, "n": n} | r for r in new]
             print(f"{name}, {n}² done", file=sys.stderr, flush=True)
-    for name in [*options.solvers, *options.discretisations]:
+    for name in options.solvers:
         steps = [2**k for k in range(options.finest.bit_length())]
         steps = steps if name == "femseal" else steps[:-1]
         task = {"solver": name, "n": BASE, "repeats": min(3, options.repeats), "refinements": steps}
@@ -312,17 +304,11 @@ Failures: {"; ".join(failures) or "none"}.
 Error of the permeability against Richardson's limit of refinements {options.finest // 2} and {options.finest} of femseal's scheme, a cell of {BASE}²
 pixels with 8 pixels per shortest wave and its refinements:
 
-{error_table(errors, SOLVERS)}
-
-The same with femseal's discretisations; "femseal" is "edge", the default. "RT0" takes the gap constant on each pixel.
-
-{error_table(errors, OWN)}"""
+{error_table(errors, SOLVERS)}"""
     print(text)
     if options.write:
         picture(errors, SOLVERS, HERE / "flow.png")
-        picture(errors, OWN, HERE / "discretisations.png")
-        pictures = "![error over time](flow.png)\n\n![error over time of discretisations](discretisations.png)"
-        save_report(__file__, "Flow solvers", f"{text}\n\n{pictures}")
+        save_report(__file__, "Flow solvers", f"{text}\n\n![error over time](flow.png)")
 
 
 if __name__ == "__main__":

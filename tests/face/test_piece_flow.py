@@ -71,10 +71,9 @@ def test_a_piece_has_the_flow_of_every_step(shape):
     assert shape != (32, 32) or solvers >= {"elimination", "multigrid", "none"}
 
 
-@pytest.mark.parametrize("discretisation", ["edge", "gauss", "P1"])
-def test_a_step_that_cannot_be_solved_leaves_the_others(discretisation):
+def test_a_step_that_cannot_be_solved_leaves_the_others():
     gaps = gaps_of((16, 16), 0)[:3]
     gaps[1, 3, 4] = -UM
-    found = _flows_of_piece(gaps, None, (UM, UM), FlowSettings(discretisation=discretisation))
+    found = _flows_of_piece(gaps, None, (UM, UM), FlowSettings())
     assert [text[:15] for text in found.failures] == ["x1, step 1: gap", "x2, step 1: gap"]
     assert np.isfinite(found.k).tolist() == [[True, False, True]] * 2

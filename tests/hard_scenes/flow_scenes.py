@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 from hard_scene import HardScene
-from judges import Between, Exactly, Falling, Near, NotSolved, ZeroAndPositive, at_most
+from judges import Between, Exactly, Falling, Near, ZeroAndPositive, at_most
 
 from femseal.analytic import large_gap, parallel_plates, stripes_across, stripes_along, wavy_gap_across, wavy_gap_along
 from femseal.flow import cell_permeability, permeability_tensor
@@ -68,7 +68,7 @@ def _neck() -> np.ndarray:
 def _contrast_across() -> float:
     gap = np.full((512, 4), H)
     gap[256:] = 1e-5 * H
-    return _k(gap, discretisation="RT0")
+    return cell_permeability(gap, (D, D), bounds=True).lower
 
 
 def _contrast_along() -> float:
@@ -106,14 +106,6 @@ def _islands() -> float:
     return _k(np.where(disc, 0.0, H), sides="periodic") / PLATES / ((1 - share) / (1 + share))
 
 
-def _bounded() -> tuple[float, float]:
-    gap = np.random.default_rng(2).random((31, 29)) * H
-    gap[gap < 0.3 * H] = 0
-    found = cell_permeability(gap, (D, D), bounds=True)
-    mixed = _k(gap, discretisation="RT0")
-    return found.lower / mixed, mixed / found.upper
-
-
 def _levels() -> list[float]:
     z = _heights()
     return [_k(H * np.maximum(level - z, 0)) for level in (2.0, 1.0, 0.5, 0.0, -0.5, -3.5)]
@@ -131,13 +123,8 @@ def _one_channel_in(columns: int) -> np.ndarray:
     return gap
 
 
-def _too_steep() -> float:
-    x = np.arange(24)[:, None] + 0.3 * np.arange(16)
-    return _k(H * np.maximum(np.exp(4 * (np.sin(x) + np.cos(0.7 * x)) - 8), 1e-5), discretisation="RT0")
-
-
 def _lone_row() -> float:
-    return _k(np.array([[1.0], [0.5], [2.0]]) * H, discretisation="RT0")
+    return cell_permeability(np.array([[1.0], [0.5], [2.0]]) * H, (D, D), bounds=True).lower
 
 
 SCENES: tuple[HardScene, ...] = (
@@ -157,7 +144,7 @@ SCENES: tuple[HardScene, ...] = (
         "one critical constriction",
         what="a wall with one channel, whose neck has a thousandth of the gap: permeability [m³]",
         must=Near(PLATES * 1e-9 * 64 / 20 / 48, 1e-3, "the neck in series with what is next to nothing"),
-        run=lambda: _k(_neck(), discretisation="RT0"),
+        run=lambda: cell_permeability(_neck(), (D, D), bounds=True).lower,
     ),
     scene(
         "contrast 1e15 in series",
@@ -220,12 +207,6 @@ SCENES: tuple[HardScene, ...] = (
         run=lambda: _k(_one_channel_in(1000)),
     ),
     scene(
-        "mixed elements at a contrast of 1e15",
-        what="a wavy gap of contrast 1e15 in its cube, by RT0 elements",
-        must=NotSolved(("energies of flux and pressure", "'edge'")),
-        run=_too_steep,
-    ),
-    scene(
         "prime numbers of pixels in a cell",
         what="97 × 89 pixels, two fifths in contact: the solver chosen and elimination against pyamg",
         must=at_most(1e-6, "the tolerance"),
@@ -260,11 +241,5 @@ SCENES: tuple[HardScene, ...] = (
         what="a rough face cut by lower and lower planes, the last one below all of it [m³]",
         must=Falling("less gap, no more flow; 0 at the end", steeply=False),
         run=_levels,
-    ),
-    scene(
-        "bounds of noise",
-        what="white noise with 30 % in contact: lower bound over the flow of mixed elements, that over the upper bound",
-        must=Between(0.3, 1 + 1e-9, "bounds in order, and not far"),
-        run=_bounded,
     ),
 )

@@ -304,3 +304,8 @@ def test_the_pieces_of_a_face_lie_in_their_order():
     # columns that hardly exchange: in series along x1, beside each other along x2
     found = conductance(tiles, k, 1e-9)
     assert_allclose(found, 2 * (1 / (1 / k.reshape(2, 3)).sum(axis=0)).sum(), rtol=5e-3)
+
+
+def test_a_large_periodic_mesh_warns_of_nothing(caplog):
+    face_tiles((3.0, 4.0), (40, 50))
+    assert not caplog.records

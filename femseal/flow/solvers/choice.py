@@ -20,9 +20,8 @@ from ...base.compiled import compiled, inner
 from ...base.threads import NO, ZERO, number, on_threads, over, rows
 from ..balance import energy_gap
 from ..dead_ends import dead_ends, fill_dead_ends
-from ..discretisation import check_solver
 from ..percolation import closed, narrowest, nodes_reached_by, ready
-from ..solution import MAX_IMBALANCE, DarcyFlow, potential_rtol
+from ..solution import MAX_IMBALANCE, DarcyFlow, check_solver, potential_rtol
 from ..stencil import Stencil, end_flows, energy_of, leave_out
 from .amg import solve_amg, solve_direct
 from .coarsest import coarsest_nodes
