@@ -18,13 +18,10 @@ from femseal.base.errors import InputError
 from femseal.flow import Stencil, forms, permeability_tensor, solve_flow
 from femseal.flow.assembly import (
     EDGES,
-    GAUSS_POINTS,
     Sample,
-    assemble_on_elements,
     assemble_on_links,
     conductances_of,
     elemental,
-    gauss,
 )
 from femseal.flow.grid import Grid
 
@@ -114,36 +111,6 @@ def test_edges_equal_the_assembly_of_the_whole_mesh(name):
 
     points = np.array([[0.5, 0.5, 0.0, 1.0], [0.0, 1.0, 0.5, 0.5]])
     assert_same(grid, stencil, whole_mesh(grid, points, np.full(4, 0.5), coefficients))
-    assert not stencil.nine
-
-
-@each_grid
-def test_gauss_points_equal_the_assembly_of_the_whole_mesh(name):
-    grid = GRIDS[name]
-    k = np.random.default_rng(4).lognormal(0, 2, (4, *grid.elements))
-    stencil = assemble_on_elements(grid, list(k), gauss((0, 0), (1, 1)), [0, 0, 1, 1, 2, 2, 3, 3])
-
-    def coefficients(x, y, i, j):
-        value = sum(np.where(at(x, a) & at(y, b), k[n][i, j], 0.0) for n, (a, b) in enumerate(GAUSS_POINTS))
-        return value, 0 * value, value
-
-    points = np.array(GAUSS_POINTS).T
-    assert_same(grid, stencil, whole_mesh(grid, points, np.full(4, 0.25), coefficients))
-
-
-@each_grid
-def test_tensors_equal_the_assembly_of_the_whole_mesh(name):
-    grid = GRIDS[name]
-    k11, k22, c = np.random.default_rng(5).lognormal(0, 1, (3, *grid.elements))
-    k12 = np.sqrt(k11 * k22) * np.tanh(c - 1)
-    stencil = assemble_on_elements(grid, [k11, k12, k22], gauss((0, 0), (0, 1), (1, 1)), [0, 1, 2] * 4)
-    expected = whole_mesh(
-        grid,
-        np.array(GAUSS_POINTS).T,
-        np.full(4, 0.25),
-        lambda x, y, i, j: tuple(k[i, j] + 0 * x for k in (k11, k12, k22)),
-    )
-    assert_same(grid, stencil, expected)
 
 
 def test_edge_midpoints_have_links_and_no_diagonals():
@@ -170,7 +137,7 @@ def test_a_quadrature_that_couples_beyond_its_edges_is_refused(monkeypatch):
 
 
 def test_elemental_matrices_are_kept_for_one_form():
-    other = Sample((0.3, 0.2), 1.0, (1, 1))
+    other = Sample((0.3, 0.2), 1.0, 1)
     assert elemental(forms.darcy_flow, ElementQuad1, (other,)) is elemental(forms.darcy_flow, ElementQuad1, (other,))
 
 

@@ -10,14 +10,13 @@ from numpy.testing import assert_allclose
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 from scipy.sparse.linalg import spsolve
-from skfem import Basis, BilinearForm, ElementQuad1, ElementQuad2, MeshQuad
+from skfem import Basis, BilinearForm, ElementQuad2, ElementTriP1, MeshQuad, MeshTri
 from skfem.helpers import dot, grad
 
 from femseal import analytic
 from femseal.base import threads
 from femseal.base.errors import InputError
 from femseal.flow import (
-    bounds,
     cell,
     cell_permeability,
     critical_constriction,
@@ -488,9 +487,7 @@ def test_bounds_of_stripes_are_exact(contrast):
     exact = analytic.stripes_across(analytic.parallel_plates(h[:, 0]))
     k = cell_permeability(h, (D, D), bounds=True)
     assert_allclose(k.lower, exact, rtol=1e-8)
-    # the pressure behind the upper bound loses digits to the contrast of k; it stays a bound
-    assert k.upper >= exact * (1 - 1e-12)
-    assert contrast > 1e6 or abs(k.upper / exact - 1) < 1e-8
+    assert_allclose(k.upper, exact, rtol=1e-8)
 
 
 @BilinearForm
@@ -501,13 +498,13 @@ def energy_of_pressure(p, q, w):
 
 @each("spacing", [(D, D), (3 * D, D), (D, 8 * D)])
 @each("closed", [0.0, 0.15])
-def test_upper_bound_is_the_energy_of_q1_elements(spacing, closed):
+def test_upper_bound_is_the_energy_of_linear_triangles(spacing, closed):
     """Against scikit-fem's own assembly of all that both ends reach, solved by SciPy."""
     h = rough((19, 23), 4)
     h = np.maximum(h - np.quantile(h, closed), 0) if closed else h - h.min() + 0.1 * h.std()
     n1, n2 = h.shape
-    mesh = MeshQuad.init_tensor(spacing[0] * np.arange(n1 + 1.0), spacing[1] * np.arange(n2 + 1.0))
-    basis = Basis(mesh, ElementQuad1(), intorder=3)
+    mesh = MeshTri.init_tensor(spacing[0] * np.arange(n1 + 1.0), spacing[1] * np.arange(n2 + 1.0))
+    basis = Basis(mesh, ElementTriP1(), intorder=0)
     middle = mesh.p[:, mesh.t].mean(axis=1)
     pixel = (middle[0] // spacing[0]).astype(int), (middle[1] // spacing[1]).astype(int)
     k = h[pixel] ** 3 / 12
@@ -516,7 +513,7 @@ def test_upper_bound_is_the_energy_of_q1_elements(spacing, closed):
     inlet, outlet = x == 0, x == mesh.p[0].max()
     # islands of open pixels have no pressure of their own: their equations are singular
     corners = mesh.t[:, k > 0]
-    conductances = coo_array((np.ones(4 * corners.shape[1]), (corners.ravel(), np.roll(corners, 1, axis=0).ravel())))
+    conductances = coo_array((np.ones(corners.size), (corners.ravel(), np.roll(corners, 1, axis=0).ravel())))
     conductances.resize(a.shape)
     _, part = connected_components(conductances, directed=False)
     reached = np.isin(part, np.intersect1d(part[inlet], part[outlet]))
@@ -531,13 +528,15 @@ def test_upper_bound_is_the_energy_of_q1_elements(spacing, closed):
 
 @pytest.mark.parametrize("sides", SIDES)
 @pytest.mark.parametrize("shape", [(20, 24), (33, 17), (9, 40), (2, 5), (1, 4)])
-def test_both_solvers_of_the_upper_bound_agree(sides, shape, monkeypatch):
+def test_solvers_of_the_bounds_agree(sides, shape):
     h = np.random.default_rng(3).random(shape) * D
     h[h < 0.15 * D] = 0
-    upper = cell_permeability(h, (D, 2 * D), sides=sides, bounds=True).upper
-    monkeypatch.setattr(bounds, "_ITERATIONS", 0)
-    assert upper > 0
-    assert_allclose(cell_permeability(h, (D, 2 * D), sides=sides, bounds=True).upper, upper, rtol=1e-11)
+    one, other = (
+        cell_permeability(h, (D, 2 * D), sides=sides, bounds=True, solver=solver) for solver in ("elimination", "amg")
+    )
+    assert one.upper > 0
+    assert one.upper <= other.upper * (1 + 1e-12) <= one.upper * (1 + 1e-9)
+    assert one.lower == pytest.approx(other.lower, rel=1e-4)
 
 
 # --- tensor ---
@@ -799,15 +798,15 @@ def test_pressure_over_a_film_of_any_thickness(film):
 
 @each("sides", SIDES)
 @each("decades", [3, 6, 9])
-def test_upper_bound_where_the_factorisation_fails(sides, decades):
-    """Any pressure gives a bound: nothing is refused, and a flipped cell gets one as close."""
+def test_bounds_of_two_gaps_at_random(sides, decades):
+    """At any contrast: nothing is refused, and a flipped cell gets the same."""
     for seed in range(4):
         rng = np.random.default_rng([3, seed])
         h = np.where(rng.random((30, 31)) < 0.5, D, D * 10.0**-decades)
         k = cell_permeability(h, (D, D), sides=sides, bounds=True)
         flipped = cell_permeability(h[::-1, ::-1], (D, D), sides=sides, bounds=True)
         assert 0 < k.lower <= k.upper
-        assert k.upper == pytest.approx(flipped.upper, rel=1e-2)
+        assert k.upper == pytest.approx(flipped.upper, rel=1e-8)
 
 
 def test_upper_bound_of_very_flat_pixels():
@@ -876,16 +875,15 @@ def test_threads_share_large_grids_and_change_no_bits(single, monkeypatch):
     assert_allclose(flow.fluid_pressure, serial.fluid_pressure, rtol=0, atol=1e-4)
 
 
-@pytest.mark.parametrize("nine", [False, True])
 @pytest.mark.parametrize("ring", [False, True])
-def test_rows_searched_by_parts_reach_what_they_reach_in_one(ring, nine, monkeypatch):
+def test_rows_searched_by_parts_reach_what_they_reach_in_one(ring, monkeypatch):
     reached = set()
     for seed in range(40):
         rng = np.random.default_rng([5, seed])
         n1, n2 = rng.integers(1, 30, 2)
         m2 = n2 if ring else n2 - 1
-        shapes = (n1, n2), (n1 - 1, m2), *((((n1, m2),) * 2) if nine else ((0, 0),) * 2)
-        fraction = rng.uniform(0.1, 0.4 if nine else 0.8)
+        shapes = (n1, n2), (n1 - 1, m2)
+        fraction = rng.uniform(0.1, 0.8)
         at_random = [(rng.random(shape) < fraction) * rng.uniform(0.1, 9, shape) for shape in shapes]
         one, parted = ([c.copy() for c in at_random] for _ in range(2))
         monkeypatch.setattr(threads, "_POINTS", int(rng.integers(1, 3 * n2)))

@@ -512,28 +512,26 @@ def test_the_rate_of_a_gap_near_closing_is_as_right_as_asked(n, seed):
     assert abs(flow.conductance / exact - 1) <= flow.residual**2 + 1e-12
 
 
-def multigrid(along, across, falling, rising, ring):
+def multigrid(along, across, ring):
     """Levels, and the eliminated coarsest one."""
-    levels, operator = hierarchy.hierarchy(along, across, falling, rising, ring)
+    levels, operator = hierarchy.hierarchy(along, across, ring)
     return levels, coarsest.eliminate_coarsest(*operator, ring)
 
 
 @each("shape", [(20, 16), (21, 17), (25, 12)])
 @each("ring", [True, False])
-@each("nine", [True, False])
 @each("large", [hierarchy._LARGE, 80])
-def test_the_preconditioner_is_symmetric(shape, ring, nine, large, monkeypatch):
+def test_the_preconditioner_is_symmetric(shape, ring, large, monkeypatch):
     """Also where levels are swept by strips of rows."""
     monkeypatch.setattr(hierarchy, "_LARGE", large)
     monkeypatch.setattr(hierarchy, "_STRIP", 6)
     c1, c2 = links(shape[0] + 1, shape[1], ring, 3, contrast=1e3, closed=0.1)
-    corners = np.random.default_rng(5).random((2, len(c1), c2.shape[1])) if nine else np.zeros((2, 0, 0))
-    levels, factored = multigrid(c1, c2, *corners, ring)
+    levels, factored = multigrid(c1, c2, ring)
     assert hierarchy.large_levels(levels.shape) == (2 if large == 80 else 0)
 
     def apply(v):
         hierarchy.level(*levels[:3], 0)[4][1:-1, 1:-1] = v
-        v_cycle.cycle(levels, factored, nine, ring)
+        v_cycle.cycle(levels, factored, ring)
         return hierarchy.level(*levels[:3], 0)[3][1:-1, 1:-1].astype(float)
 
     u, v = np.random.default_rng(1).standard_normal((2, *shape))
@@ -543,27 +541,49 @@ def test_the_preconditioner_is_symmetric(shape, ring, nine, large, monkeypatch):
 
 @each("shape", [(5, 7), (6, 3), (20, 16), (9, 2), (7, 1)])
 @each("ring", [True, False])
-@each("nine", [True, False])
-def test_the_coarsest_level_is_solved_exactly(shape, ring, nine, monkeypatch):
-    """Against numpy, with conductances across corners and nodes without links."""
+def test_the_coarsest_level_is_solved_exactly(shape, ring, monkeypatch):
+    """Against numpy, with nodes without links."""
     monkeypatch.setattr(hierarchy, "FEWEST", max(shape))
     n1, n2 = shape
     rng = np.random.default_rng(4)
     m2 = n2 if ring and n2 > 2 else n2 - 1
     ring = m2 == n2
-    c1, c2 = rng.random((n1 + 1, n2)), rng.random((n1, m2))
-    corners = rng.random((2, n1 + 1, m2)) if nine and m2 > 0 else np.zeros((2, 0, 0))
-    stencil = Stencil(c1, c2, *corners, ring2=ring)
+    stencil = Stencil(rng.random((n1 + 1, n2)), rng.random((n1, m2)), ring2=ring)
     keep = np.ones((n1 + 2, n2), bool)
     keep[n1 // 2, n2 // 2] = n1 < 6
     stencil = restricted(stencil, keep)
-    _, operator = hierarchy.hierarchy(stencil.along, stencil.across, stencil.falling, stencil.rising, ring)
+    _, operator = hierarchy.hierarchy(stencil.along, stencil.across, ring)
     b, x = np.zeros((2, n1 + 2, n2 + 2))
     b[1:-1, 1:-1] = np.where(keep[1:-1], rng.standard_normal(shape), 0.0)
     coarsest.solve_coarsest(coarsest.eliminate_coarsest(*operator, ring), b, x)
     inner = np.flatnonzero(np.pad(keep[1:-1], ((1, 1), (0, 0))))
     exact = np.linalg.solve(stencil.to_csr()[inner][:, inner].toarray(), b[:, 1:-1].ravel()[inner])
     assert_allclose(x[:, 1:-1].ravel()[inner], exact, rtol=1e-11, atol=1e-13)
+
+
+@each("shape", [(5, 7), (6, 3), (20, 16)])
+@each("ring", [True, False])
+def test_nine_points_of_the_coarsest_level_are_solved_exactly(shape, ring):
+    """Against numpy, from conductances to the right, below, below right and below left of every node."""
+    n1, n2 = shape
+    rng = np.random.default_rng(4)
+    fields, matrix = np.zeros((5, n1 + 2, n2 + 2)), np.zeros((n1 * n2, n1 * n2))
+    for field, di, dj in zip(fields[1:], (0, 1, 1, 1), (1, 0, 1, -1), strict=True):
+        for i, j in np.ndindex(n1 - di, n2):
+            if ring or 0 <= j + dj < n2:
+                a, b = i * n2 + j, (i + di) * n2 + (j + dj) % n2
+                field[i + 1, j + 1] = rng.random()
+                matrix[a, b] = matrix[b, a] = -field[i + 1, j + 1]
+        if ring:
+            field[:, 0], field[:, -1] = field[:, -2], field[:, 1]
+    ends = np.zeros(shape)
+    ends[[0, -1]] = rng.random((2, n2))
+    matrix -= np.diag(matrix.sum(axis=1) - ends.ravel())
+    fields[0, 1:-1, 1:-1] = matrix.diagonal().reshape(shape)
+    b, x = np.zeros((2, n1 + 2, n2 + 2))
+    b[1:-1, 1:-1] = rng.standard_normal(shape)
+    coarsest.solve_coarsest(coarsest.eliminate_coarsest(*fields, ring), b, x)
+    assert_allclose(x[1:-1, 1:-1].ravel(), np.linalg.solve(matrix, b[1:-1, 1:-1].ravel()), rtol=1e-11, atol=1e-13)
 
 
 @each("side", [4, 11])

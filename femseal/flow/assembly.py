@@ -7,7 +7,7 @@ summed to a `Stencil`. It equals scikit-fem's own assembly of the whole mesh, wh
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import lru_cache
 from typing import Any, NamedTuple
@@ -25,48 +25,37 @@ from .stencil import Stencil
 
 @dataclass(frozen=True)
 class Sample:
-    """A point (ξ1, ξ2) of the unit square at which a component (a, b) of the coefficient is taken, and its weight.
-
-    A component off the diagonal stands for both, (a, b) and (b, a).
-    """
+    """A point (ξ1, ξ2) of the unit square at which the coefficient along an axis is taken, and its weight."""
 
     point: tuple[float, float]
     weight: float
-    component: tuple[int, int]
+    axis: int
 
 
 def _edges(first: float, last: float) -> tuple[Sample, ...]:
     """Edge midpoints: K11 on both edges along x1, K22 on the two along x2 with the weights given."""
-    along = [Sample((0.5, side), 0.5, (0, 0)) for side in (0.0, 1.0)]
-    return (*along, Sample((0.0, 0.5), first, (1, 1)), Sample((1.0, 0.5), last, (1, 1)))
+    along = [Sample((0.5, side), 0.5, 0) for side in (0.0, 1.0)]
+    return (*along, Sample((0.0, 0.5), first, 1), Sample((1.0, 0.5), last, 1))
 
 
 #: With these samples, Q1 joins no nodes across corners: every sample joins the two nodes of its own edge.
 EDGES = _edges(0.5, 0.5)
 #: Half elements at the ends take K22 at the row of pixel centres only; along an end the pressure is constant.
 EDGES_AT_INLET, EDGES_AT_OUTLET = _edges(0.0, 1.0), _edges(1.0, 0.0)
-_NEAR, _FAR = 0.5 - 0.5 / np.sqrt(3.0), 0.5 + 0.5 / np.sqrt(3.0)
-#: Two Gauss points along each axis: exact for Q1 with constant coefficients.
-GAUSS_POINTS = tuple((a, b) for a in (_NEAR, _FAR) for b in (_NEAR, _FAR))
 #: Corners (0, 0), (0, 1), (1, 0), (1, 1) of an element that each of its six conductances joins.
 _PAIRS = ((0, 2), (1, 3), (0, 1), (2, 3), (0, 3), (1, 2))
-
-
-def gauss(*components: tuple[int, int]) -> tuple[Sample, ...]:
-    """Samples of these components at the four Gauss points, point by point."""
-    return tuple(Sample(point, 0.25, c) for point in GAUSS_POINTS for c in components)
 
 
 def elemental(form: BilinearForm, element: type, samples: tuple[Sample, ...], coefficient: str = "k") -> Array:
     """Local matrices of a form on the unit square, one for each sample, from scikit-fem.
 
-    form : bilinear form whose coefficient, a tensor of the name `coefficient`, is 1 in the component of the sample.
+    form : bilinear form whose coefficient, a tensor of the name `coefficient`, is 1 along the axis of the sample.
     element : class of a scikit-fem element of quadrilaterals.
     samples : where the coefficient is taken.
 
     Returns (samples, n, n), the n degrees of freedom in the order of their coordinates: Q1 corners as (0, 0), (0, 1),
-    (1, 0), (1, 1); RT0 facets as ξ1 = 0, ξ2 = 0, ξ2 = 1, ξ1 = 1. On a rectangle Δ1 × Δ2 the matrix of component (a, b)
-    is Δ1Δ2/ΔaΔb times as large for gradients, ΔaΔb/Δ1Δ2 times for total fluxes through the facets.
+    (1, 0), (1, 1); RT0 facets as ξ1 = 0, ξ2 = 0, ξ2 = 1, ξ1 = 1. On a rectangle Δ1 × Δ2 the matrix of axis a is
+    Δ1Δ2/Δa² times as large for gradients, Δa²/Δ1Δ2 times for total fluxes through the facets.
     """
     return _elemental(form, form.form, element, samples, coefficient)
 
@@ -81,7 +70,7 @@ def _elemental(
     for s in samples:
         basis = Basis(square, element(), quadrature=(np.array(s.point)[:, None], np.array([s.weight])))
         tensor = np.zeros((2, 2, 1, 1))
-        tensor[s.component] = tensor[s.component[::-1]] = 1.0
+        tensor[s.axis, s.axis] = 1.0
         order = np.lexsort(basis.doflocs[::-1])
         matrices.append(form.assemble(basis, **{coefficient: tensor}).toarray()[np.ix_(order, order)])
     local = np.array(matrices)
@@ -154,31 +143,6 @@ def _edge_weights(grid: Grid, form: BilinearForm, _: Callable[..., Any]) -> Edge
     return EdgeWeights(1 / d1, columns, kinds, inner, columns2, np.zeros(inner.size, np.int64))
 
 
-def assemble_on_elements(grid: Grid, k: Sequence[Array], samples: tuple[Sample, ...], of: Sequence[int]) -> Stencil:
-    """Operator ∫ K∇p·∇q of Q1 with any quadrature inside the elements: a nine-point stencil.
-
-    grid : of the nodes.
-    k : arrays (m1, m2) of a value for each element [m³].
-    samples : of the quadrature.
-    of : number of the array of k from which each sample takes its value.
-    """
-    local = conductances_of(elemental(forms.darcy_flow, ElementQuad1, samples))
-    table = np.zeros((len(k), 3, 6))
-    for sample, source, conductances in zip(samples, of, local, strict=True):
-        table[source, sum(sample.component)] += conductances  # 0: K11, 1: K12, 2: K22
-    shape = grid.elements
-    rows, n2 = grid.nodes
-    m2 = n2 if grid.ring2 else n2 - 1
-    n1 = rows if grid.ring1 else rows - 1
-    along, across = np.zeros((n1, n2)), np.zeros((rows if grid.ring1 else rows - 2, m2))
-    falling, rising = np.zeros((n1, m2)), np.zeros((n1, m2))
-    stacked = np.array([np.broadcast_to(values, shape) for values in k], dtype=float)
-    first = 0 if grid.ring1 else 1
-    _scatter(stacked, table, np.diff(grid.lines1), np.diff(grid.lines2), grid.rows, grid.columns, first,
-             along, across, falling, rising)  # fmt: skip
-    return Stencil(along, across, falling, rising, ring1=grid.ring1, ring2=grid.ring2)
-
-
 def _own_conductances(local: Array) -> Array:
     """Conductance of the edge on which each sample lies; a sample must have no other."""
     conductances = conductances_of(local)
@@ -196,31 +160,3 @@ def weighted(first, end, k, by_row, by_column, kind, out):
         of_row, of_column = by_row[i], by_column[kind[i]]
         for j in range(k.shape[1]):
             out[i, j] = k[i, j] * (of_row * of_column[j])
-
-
-@compiled()
-def _scatter(k, table, d1, d2, rows, columns, first, along, across, falling, rising):
-    """Sum the six conductances of every element; table (arrays, K11 K12 K22, conductances) is of the unit square."""
-    value = np.empty(6)
-    for i in range(d1.size):
-        above, below = rows[i], rows[i + 1]
-        for j in range(d2.size):
-            left, right = columns[j], columns[j + 1]
-            ratio = d2[j] / d1[i]
-            value[:] = 0.0
-            for a in range(k.shape[0]):
-                here = k[a, i, j]
-                if here != 0.0:
-                    for c in range(6):
-                        value[c] += here * (table[a, 0, c] * ratio + table[a, 1, c] + table[a, 2, c] / ratio)
-            along[above, left] += value[0]
-            along[above, right] += value[1]
-            if left == right:
-                along[above, left] += value[4] + value[5]
-                continue
-            if 0 <= above - first < across.shape[0]:
-                across[above - first, left] += value[2]
-            if 0 <= below - first < across.shape[0]:
-                across[below - first, left] += value[3]
-            falling[above, left] += value[4]
-            rising[above, left] += value[5]

@@ -17,16 +17,13 @@ from .solution import DarcyFlow
 from .solvers.choice import solve_ready
 from .stencil import Stencil
 
-_NOTHING = np.zeros((0, 0))
-
 
 def edge_flow(
     along: Array, across: Array, ring2: bool, *, rtol: float = 1e-6, solver: str = "auto", field_rtol: float | None
 ) -> DarcyFlow:
     """`solve_flow` of `edge_conductances`, which are written over."""
-    conductances = along, across, _NOTHING, _NOTHING
-    reached, exponent = ready(*conductances)
-    return solve_ready(reached, conductances, exponent, ring2, rtol=rtol, solver=solver, field_rtol=field_rtol)
+    reached, exponent = ready(along, across)
+    return solve_ready(reached, (along, across), exponent, ring2, rtol=rtol, solver=solver, field_rtol=field_rtol)
 
 
 def edge_conductances(gap: Array, ring2: bool, weights: EdgeWeights, dtype: Any = np.float64) -> tuple[Array, Array]:

@@ -49,19 +49,19 @@ def nodes_reached(stencil: Stencil) -> NDArray[np.int8]:
 
 def nodes_reached_by(stencil: Stencil, least: float) -> NDArray[np.int8]:
     """`nodes_reached` of a network by links of a conductance >= `least` only."""
-    return _reached(stencil.along, stencil.across, stencil.falling, stencil.rising, least)
+    return _reached(stencil.along, stencil.across, least)
 
 
-def _reached(along, across, falling, rising, least):
+def _reached(along, across, least):
     """`nodes_reached_by` of the conductances of a stencil."""
     n1, n2 = along.shape
     label, parent = np.empty((n1 + 1, n2), np.int32), np.empty((n1 + 1) * n2 + 2, np.int32)
     parent[:2] = 0, 1
     parts = rows(n1 + 1, n2)
-    links = along, across, falling, rising, least
+    links = along, across, least
     counts = over(parts, _label_rows, *links, label, parent)
     for first, _ in parts[1:]:
-        _join_rows(first, *links, label, parent)
+        _join_rows(first, along, least, label, parent)
     reached = np.empty(label.shape, np.int8)
     over([(*part, count) for part, count in zip(parts, counts, strict=True)], _reached_rows, label, parent, reached)
     return reached
@@ -73,7 +73,7 @@ def _is_open(c, least):
 
 
 @compiled()
-def _label_rows(begin, end, along, across, falling, rising, least, label, parent):
+def _label_rows(begin, end, along, across, least, label, parent):
     """Label some rows of nodes; returns the label after the last. Those of inlet and outlet are 0 and 1.
 
     Row by row: a node takes the label of a neighbour that it is joined to, and where two meet they become one. Labels
@@ -109,29 +109,15 @@ def _label_rows(begin, end, along, across, falling, rising, least, label, parent
         around = not last and m2 == n2 and n2 > 1
         if around and _is_open(across[i - 1, n2 - 1], least) and label[i, n2 - 1] != label[i, 0]:
             union(parent, label[i, n2 - 1], label[i, 0])
-        if falling.size > 0 and i > begin:
-            _join_corners(i, falling, rising, least, label, parent)
     return count
 
 
-@inner()
-def _join_corners(i, falling, rising, least, label, parent):
-    """Join the labels of a row of nodes and those of the row above across corners."""
-    for j in range(falling.shape[1]):
-        k = (j + 1) % label.shape[1]
-        if _is_open(falling[i - 1, j], least) and label[i - 1, j] != label[i, k]:
-            union(parent, label[i - 1, j], label[i, k])
-        if _is_open(rising[i - 1, j], least) and label[i - 1, k] != label[i, j]:
-            union(parent, label[i - 1, k], label[i, j])
-
-
 @compiled()
-def _join_rows(i, along, across, falling, rising, least, label, parent):
+def _join_rows(i, along, least, label, parent):
     """Join the labels of a row of nodes and those of the row above."""
     for j in range(along.shape[1]):
         if _is_open(along[i - 1, j], least):
             union(parent, label[i - 1, j], label[i, j])
-    _join_corners(i, falling, rising, least, label, parent)
 
 
 @compiled()
@@ -194,11 +180,9 @@ def widest(begin, end, along, across):
 
 def restricted(stencil: Stencil, keep: NDArray[np.bool_], least: float = 0.0) -> Stencil:
     """Copy without the conductances of nodes (n1 + 1, n2) that are not kept and those below `least`."""
-    along, across, falling, rising = (
-        c.copy() for c in (stencil.along, stencil.across, stencil.falling, stencil.rising)
-    )
-    over(rows(*along.shape), restrict, along, across, falling, rising, keep, (1.0, 1.0), least)
-    return replace(stencil, along=along, across=across, falling=falling, rising=rising)
+    along, across = stencil.along.copy(), stencil.across.copy()
+    over(rows(*along.shape), restrict, along, across, keep, (1.0, 1.0), least)
+    return replace(stencil, along=along, across=across)
 
 
 def closed(stencil: Stencil, keep: NDArray[np.bool_] | None, least: float = 0.0) -> AbstractContextManager[None]:
@@ -252,7 +236,7 @@ def _closing(begin, end, along, across, keep, least):
 
 
 @compiled()
-def restrict(begin, end, along, across, falling, rising, keep, factors, least):
+def restrict(begin, end, along, across, keep, factors, least):
     """`restricted` of some rows of the conductances of a stencil in place, times two factors."""
     first, second = factors
     n2, m2 = along.shape[1], across.shape[1]
@@ -264,28 +248,20 @@ def restrict(begin, end, along, across, falling, rising, keep, factors, least):
         for j in range(m2):
             kept = keep[i + 1, j] and keep[i + 1, (j + 1) % n2] and abs(across[i, j]) >= least
             across[i, j] = second * (first * across[i, j]) if kept else 0.0
-    if falling.size > 0:
-        for i in range(begin, end):
-            for j in range(m2):
-                k = (j + 1) % n2
-                kept = keep[i, j] and keep[i + 1, k] and abs(falling[i, j]) >= least
-                falling[i, j] = second * (first * falling[i, j]) if kept else 0.0
-                kept = keep[i, k] and keep[i + 1, j] and abs(rising[i, j]) >= least
-                rising[i, j] = second * (first * rising[i, j]) if kept else 0.0
 
 
-def ready(along, across, falling, rising):
+def ready(along, across):
     """Make the conductances of a stencil what `solve_ready` takes, in place: between nodes that reach both ends.
 
     They are over a power of two near the widest. Returns which ends each node reaches, see `nodes_reached`, and the
     exponent.
     """
     parts = rows(*along.shape)
-    reached = _reached(along, across, falling, rising, 0.0)
+    reached = _reached(along, across, 0.0)
     through = reached[0, 0] == 3 and len(along) > 1
     exponent = frexp(max(over(parts, widest, along, across)))[1] - 1 if through else 0
     keep = np.equal(reached, 3) if through else np.ones(reached.shape, np.bool_)
-    over(parts, restrict, along, across, falling, rising, keep, _factors(exponent), 0.0)
+    over(parts, restrict, along, across, keep, _factors(exponent), 0.0)
     return reached, exponent
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 import numpy as np
 import scipy.sparse as sp
@@ -14,27 +14,20 @@ from ..base.compiled import compiled
 from ..base.threads import over, rows
 
 
-def _nothing() -> Array:
-    return np.zeros((0, 0))
-
-
 @dataclass(frozen=True)
 class Stencil:
     """Conductances of neighbouring nodes: minus the entries of a symmetric matrix with zero row sums, in any one unit.
 
-    A conductance c > 0 is that of a link between two nodes, so that a five-point stencil is a network of links.
+    A conductance c > 0 is that of a link between two nodes, so that a stencil, of five points, is a network of links.
 
     along (n1, n2) : nodes (i, j) and (i + 1, j) of n1 + 1 rows. Row 0 is the inlet, row n1 the outlet; in a `ring1`
         the rows form a ring, row n1 being row 0.
     across (n1 − 1, m2) : nodes (i, j) and (i, j + 1) of rows 1 … n1 − 1 (in a `ring1` of all n1 rows); m2 is n2 if the
         columns form a ring (`ring2`), else n2 − 1. Nodes of one end have one pressure: their conductances drop out.
-    falling, rising (n1, m2) : nodes (i, j) and (i + 1, j + 1), nodes (i, j + 1) and (i + 1, j); empty on five points.
     """
 
     along: Array
     across: Array
-    falling: Array = field(default_factory=_nothing)
-    rising: Array = field(default_factory=_nothing)
     ring2: bool = True
     ring1: bool = False
 
@@ -67,11 +60,6 @@ class Stencil:
         return cls(c1, c2, ring2=ring)
 
     @property
-    def nine(self) -> bool:
-        """Whether nodes are coupled across corners."""
-        return self.falling.size > 0
-
-    @property
     def nodes(self) -> tuple[int, int]:
         """Rows and columns of nodes, the ends among the rows."""
         n1, n2 = self.along.shape
@@ -86,22 +74,15 @@ class Stencil:
         inner = node if self.ring1 else node[1:-1]
         m2 = self.across.shape[1]
 
-        def right(n: NDArray[np.int64]) -> NDArray[np.int64]:
-            return np.roll(n, -1, axis=1)[:, :m2]
-
         yield self.along, here, below, (1, 0)
-        yield self.across, inner[:, :m2], right(inner), (0, 1)
-        if self.nine:
-            yield self.falling, here[:, :m2], right(below), (1, 1)
-            yield self.rising, right(here), below[:, :m2], (1, -1)
+        yield self.across, inner[:, :m2], np.roll(inner, -1, axis=1)[:, :m2], (0, 1)
 
     def energy(self, pressure: Array) -> float:
         """Σ c (Δp)² over all conductances for a pressure at the nodes: from differences, so that nothing cancels."""
-        links = self.along, self.across, self.falling, self.rising
-        return float(sum(over(rows(*self.along.shape), energy_of, *links, pressure, self.ring1)))
+        return float(sum(over(rows(*self.along.shape), energy_of, self.along, self.across, pressure, self.ring1)))
 
     def dissipation(self, potential: Array) -> tuple[Array, Array]:
-        """Dissipation c (Δφ)² of the conductances along both axes of a five-point stencil.
+        """Dissipation c (Δφ)² of the conductances along both axes .
 
         `potential` (n1 + 1, n2) is NaN in pockets, where nothing flows.
         """
@@ -123,7 +104,7 @@ class Stencil:
 
 
 @compiled()
-def energy_of(begin, end, along, across, falling, rising, p, ring1):
+def energy_of(begin, end, along, across, p, ring1):
     """`Stencil.energy` of a pressure p, of some rows of conductances."""
     n2 = along.shape[1]
     m2 = across.shape[1]
@@ -134,10 +115,6 @@ def energy_of(begin, end, along, across, falling, rising, p, ring1):
         of_row = 0.0
         for j in range(n2):
             of_row += along[i, j] * (here[j] - below[j]) ** 2
-        if falling.size > 0:
-            for j in range(m2):
-                k = (j + 1) % n2
-                of_row += falling[i, j] * (here[j] - below[k]) ** 2 + rising[i, j] * (here[k] - below[j]) ** 2
         total += of_row
     for i in range(begin, min(end, across.shape[0])):
         here = p[i + first]
@@ -151,17 +128,13 @@ def energy_of(begin, end, along, across, falling, rising, p, ring1):
 
 
 @compiled()
-def end_flows(along, falling, rising, potential, complement):
+def end_flows(along, potential, complement):
     """Flow into the inlet and out of the outlet of a potential and its complement."""
     n1, n2 = along.shape
     inlet = outlet = 0.0
     for j in range(n2):
         inlet += along[0, j] * complement[1, j]
         outlet += along[n1 - 1, j] * potential[n1 - 1, j]
-    for j in range(falling.shape[1]):
-        k = (j + 1) % n2
-        inlet += falling[0, j] * complement[1, k] + rising[0, j] * complement[1, j]
-        outlet += rising[n1 - 1, j] * potential[n1 - 1, k] + falling[n1 - 1, j] * potential[n1 - 1, j]
     return inlet, outlet
 
 

@@ -126,7 +126,7 @@ def _gap(n: int) -> NDArray[np.float64]:
 
 def _levels() -> None:
     s = _network()
-    hierarchy(s.along, s.across, s.falling, s.rising, s.ring2)
+    hierarchy(s.along, s.across, s.ring2)
 
 
 def _multigrid() -> None:

@@ -1,8 +1,7 @@
 """Flow for a unit drop between inlet and outlet of a stencil: choice of the solver, and check of its solution.
 
-On a network of links (five points) multigrid is taken where it is expected to be faster than elimination, and
-elimination where it does not converge. On nine points multigrid is taken, and a sparse factorisation where it does not
-converge. Nodes that are not connected to both ends are left out; without a path the flow is exactly 0.
+Multigrid is taken where it is expected to be faster than elimination, and elimination where it does not converge.
+Nodes that are not connected to both ends are left out; without a path the flow is exactly 0.
 """
 
 from __future__ import annotations
@@ -15,7 +14,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ...base import Array, Flags, InputError, NotConverged, validate
+from ...base import Array, Flags, NotConverged, validate
 from ...base.compiled import compiled, inner
 from ...base.threads import NO, ZERO, number, on_threads, over, rows
 from ..balance import energy_gap
@@ -23,7 +22,7 @@ from ..dead_ends import dead_ends, fill_dead_ends
 from ..percolation import closed, narrowest, nodes_reached_by, ready
 from ..solution import MAX_IMBALANCE, DarcyFlow, check_solver, potential_rtol
 from ..stencil import Stencil, end_flows, energy_of, leave_out
-from .amg import solve_amg, solve_direct
+from .amg import solve_amg
 from .coarsest import coarsest_nodes
 from .link_network import eliminate, island_potentials
 from .multigrid import COARSEST_NODES, solve_multigrid
@@ -72,10 +71,9 @@ def solve_flow(
     stencil : conductances of the nodes, those of the first and the last row being inlet and outlet.
     rtol : relative error of the conductance allowed to an iterative solution.
     solver : "multigrid" (conjugate gradients on the grid's own hierarchy), "elimination" (star-mesh elimination, keeps
-        its relative accuracy at any contrast up to 1e150; five points only), "amg" (conjugate gradients on pyamg's
-        hierarchy of the assembled matrix; if that fails, elimination, or a factorisation on nine points, and
-        `DarcyFlow.solver` says so), or "auto". After multigrid, nodes that only links narrower than 1e-8 of the widest
-        connect with the others are solved by elimination.
+        its relative accuracy at any contrast up to 1e150), "amg" (conjugate gradients on pyamg's hierarchy of the
+        assembled matrix; if that fails, elimination, and `DarcyFlow.solver` says so), or "auto". After multigrid, nodes
+        that only links narrower than 1e-8 of the widest connect with the others are solved by elimination.
     field_rtol : error of the potential allowed to an iteration, in the norm of the energy, where the potential itself
         is wanted. The conductance errs by the square of the error of the potential, so that an iteration that stops
         where the conductance is right leaves an error of about √rtol to the potential.
@@ -86,25 +84,23 @@ def solve_flow(
 
     Raises
     ------
-    InputError : an unknown solver, "elimination" on nine points, a bad rtol.
+    InputError : an unknown solver, a bad rtol.
     NotConverged : the solver failed, or inlet and outlet flow differ by more than 1e-5, after multigrid by more than
         10 √rtol, or 10 field_rtol if that is given, after pyamg by a thousandth of these, where this is more than 1e-5;
         "multigrid" fails where links narrower than 1e-13 of the widest may carry more than rtol of the flow.
     """
     check_solver(solver)
-    if solver == "elimination" and stencil.nine:
-        raise InputError("solver", "'elimination' of nine points", "'auto', 'multigrid' or 'amg'")
     validate.tolerance("rtol", rtol)
     if field_rtol is not None:
         validate.tolerance("field_rtol", field_rtol)
-    conductances = stencil.along.copy(), stencil.across.copy(), stencil.falling.copy(), stencil.rising.copy()
+    conductances = stencil.along.copy(), stencil.across.copy()
     reached, exponent = ready(*conductances)
     return solve_ready(reached, conductances, exponent, stencil.ring2, rtol=rtol, solver=solver, field_rtol=field_rtol)
 
 
 def solve_ready(
     reached: NDArray[np.int8],
-    conductances: tuple[Array, Array, Array, Array],
+    conductances: tuple[Array, Array],
     exponent: int,
     ring2: bool,
     *,
@@ -135,7 +131,7 @@ def _solve(stencil: Stencil, keep: Flags, rtol: float, solver: str, field_rtol: 
     except NotConverged:
         if solver == "multigrid":
             raise
-    return _by_matrix(stencil, keep, rtol, None, direct=True) if stencil.nine else _by_elimination(stencil, keep)
+    return _by_elimination(stencil, keep)
 
 
 def _chosen(stencil: Stencil, keep: Flags) -> tuple[str, int]:
@@ -145,7 +141,7 @@ def _chosen(stencil: Stencil, keep: Flags) -> tuple[str, int]:
     fits = nodes <= ELIMINATED_NODES
     if coarsest_nodes(n1 - 1, n2) > COARSEST_NODES:  # the coarsest level of a slender grid has many nodes
         return ("elimination" if fits else "amg"), 0
-    if stencil.nine or not fits:
+    if not fits:
         return "multigrid", _MOST_ITERATIONS
     worth, limit = _worth_of_multigrid(stencil.along, (n1 - 1) * n2, nodes)
     return ("multigrid" if worth else "elimination"), limit
@@ -215,7 +211,7 @@ def _by_multigrid(stencil: Stencil, keep: Flags, rtol: float, limit: int, field_
             if gap == inf:
                 raise
             break  # what is said of a smaller error than was asked for helps nobody
-        if stencil.nine or flow.iterations < _SLOW:
+        if flow.iterations < _SLOW:
             return flow
         gap = energy_gap(stencil, flow.potential, flow.complement)
         if gap <= rtol:
@@ -240,17 +236,16 @@ def _by_iterations(stencil: Stencil, keep: Flags, rtol: float, limit: int, field
     dead: tuple[NDArray[np.int32], NDArray[np.int32]] | None = None
     unseen: Flags | None = None
     seen: Flags | None = None
-    if not stencil.nine:
-        searches: list[Callable[..., Any]] = []
-        if min(over(rows(*stencil.along.shape), narrowest, stencil.along, stencil.across)) < _SEEN:
-            searches.append(_unseen)
-        if inner.size >= _MANY and _MANY <= np.count_nonzero(inner) < _MAY_HAVE_DEAD_ENDS * inner.size:
-            searches.append(dead_ends)  # no path to an end leads through them, so that neither search needs the other
-        found = on_threads(number(), lambda search: search(stencil, keep), searches) if searches else []
-        if dead_ends in searches:
-            through, dead = found.pop()
-        if found:
-            unseen, seen = found.pop()
+    searches: list[Callable[..., Any]] = []
+    if min(over(rows(*stencil.along.shape), narrowest, stencil.along, stencil.across)) < _SEEN:
+        searches.append(_unseen)
+    if inner.size >= _MANY and _MANY <= np.count_nonzero(inner) < _MAY_HAVE_DEAD_ENDS * inner.size:
+        searches.append(dead_ends)  # no path to an end leads through them, so that neither search needs the other
+    found = on_threads(number(), lambda search: search(stencil, keep), searches) if searches else []
+    if dead_ends in searches:
+        through, dead = found.pop()
+    if found:
+        unseen, seen = found.pop()
     hidden = None
     with closed(stencil, through):
         if unseen is not None:
@@ -259,7 +254,7 @@ def _by_iterations(stencil: Stencil, keep: Flags, rtol: float, limit: int, field
         del through, unseen
         with closed(stencil, None if hidden is None else seen, _LOST):
             del seen
-            potential, iterations, error = solve_multigrid(stencil, rtol, limit, hidden, field_rtol, not stencil.nine)
+            potential, iterations, error = solve_multigrid(stencil, rtol, limit, hidden, field_rtol)
             if hidden is not None:
                 least = stencil.energy(potential) * (1 - error**2)
         complement, parts = np.empty(potential.shape), rows(*potential.shape)
@@ -270,7 +265,7 @@ def _by_iterations(stencil: Stencil, keep: Flags, rtol: float, limit: int, field
     if dead is not None:
         fill_dead_ends(φ, dead, 1.0, 0.0)
         fill_dead_ends(ψ, dead, 0.0, 1.0)
-    inlet, outlet = end_flows(stencil.along, stencil.falling, stencil.rising, potential, complement)
+    inlet, outlet = end_flows(stencil.along, potential, complement)
     allowed = max(MAX_IMBALANCE, 10 * (sqrt(rtol) if field_rtol is None else field_rtol))
     rate = stencil.energy(potential)
     flow = _checked(potential, complement, inlet, outlet, rate, iterations, error, "multigrid", allowed)
@@ -296,8 +291,8 @@ def _unseen(stencil: Stencil, keep: Flags) -> tuple[Flags | None, Flags | None]:
     return (unseen, nodes_reached_by(stencil, _LOST) == 3) if unseen.any() else (None, None)
 
 
-def _by_matrix(stencil: Stencil, keep: Flags, rtol: float, field_rtol: float | None, direct: bool = False) -> DarcyFlow:
-    """pyamg, or a sparse factorisation, on the assembled matrix of the nodes that are kept."""
+def _by_matrix(stencil: Stencil, keep: Flags, rtol: float, field_rtol: float | None) -> DarcyFlow:
+    """pyamg on the assembled matrix of the nodes that are kept."""
     matrix = stencil.to_csr().astype(float)
     n2 = keep.shape[1]
     unknown = np.flatnonzero(keep.ravel())
@@ -305,13 +300,9 @@ def _by_matrix(stencil: Stencil, keep: Flags, rtol: float, field_rtol: float | N
     rows = matrix[unknown]
     rhs = -np.asarray(rows[:, :n2].sum(axis=1)).ravel()
     inner = rows[:, unknown].tocsr()
-    allowed = MAX_IMBALANCE
-    if direct:
-        found = solve_direct(inner, rhs)
-    else:
-        wanted = potential_rtol(rtol, field_rtol)
-        found = solve_amg(inner, rhs, rtol=wanted, unit_drop=True)
-        allowed = max(MAX_IMBALANCE, 0.01 * wanted)
+    wanted = potential_rtol(rtol, field_rtol)
+    found = solve_amg(inner, rhs, rtol=wanted, unit_drop=True)
+    allowed = max(MAX_IMBALANCE, 0.01 * wanted)
     φ, ψ = np.zeros((2, keep.size))
     φ[unknown], ψ[unknown] = found.x, found.complement
     how = found.iterations, found.residual, found.solver
@@ -325,7 +316,7 @@ def _balanced(
     """The solution with the potentials φ and 1 − φ = ψ of the inner nodes, see `_checked`."""
     inner = keep[1:-1].shape
     potential, complement, inlet, outlet, energy = _flows(
-        stencil.along, stencil.across, stencil.falling, stencil.rising, keep, φ.reshape(inner), ψ.reshape(inner)
+        stencil.along, stencil.across, keep, φ.reshape(inner), ψ.reshape(inner)
     )
     # the energy sum keeps its relative accuracy where a difference of flows would not
     rate = energy if rate is None else rate
@@ -348,7 +339,7 @@ def _checked(
 
 
 @compiled()
-def _flows(along, across, falling, rising, keep, φ, ψ):
+def _flows(along, across, keep, φ, ψ):
     """Potentials of all nodes and their complements, NaN where they are not kept; inlet and outlet flow, and energy."""
     n1, n2 = along.shape
     potential, complement = np.zeros(keep.shape), np.zeros(keep.shape)
@@ -357,7 +348,7 @@ def _flows(along, across, falling, rising, keep, φ, ψ):
             potential[i, j], complement[i, j] = φ[i - 1, j], ψ[i - 1, j]
     for j in range(n2):
         potential[0, j] = complement[n1, j] = 1.0
-    inlet, outlet = end_flows(along, falling, rising, potential, complement)
-    energy = energy_of(ZERO, n1, along, across, falling, rising, potential, NO)
+    inlet, outlet = end_flows(along, potential, complement)
+    energy = energy_of(ZERO, n1, along, across, potential, NO)
     leave_out(ZERO, n1 + 1, keep, potential, complement)
     return potential, complement, inlet, outlet, energy

@@ -2,11 +2,11 @@
 
 A level is the operator of a grid, with the fields that a multigrid cycle needs there. It is set up in double precision
 and kept in single: a cycle is a preconditioner, and starts from zero, so that its rounding errors are relative to the
-correction. Fields have a border of one node,
-with zeros at ends and closed sides and with copies of the other side around a ring. They have the sign of a
-conductance: `right` (i, j)–(i, j + 1), `below` (i, j)–(i + 1, j), on nine points `below_right` (i, j)–(i + 1, j + 1)
-and `below_left` (i, j)–(i + 1, j − 1). A node between coarse ones takes the mean of them that its own conductances
-would give it; coarse operators are Galerkin's. Source: Dendy, J. Comput. Phys. 48, 1982, 366 (black box multigrid).
+correction. Fields have a border of one node, with zeros at ends and closed sides and with copies of the other side
+around a ring. They have the sign of a conductance: `right` (i, j)–(i, j + 1), `below` (i, j)–(i + 1, j); the finest
+level has five points, coarser ones nine: `below_right` (i, j)–(i + 1, j + 1), `below_left` (i, j)–(i + 1, j − 1).
+A node between coarse ones takes the mean of them that its own conductances would give it; coarse operators are
+Galerkin's. Source: Dendy, J. Comput. Phys. 48, 1982, 366 (black box multigrid).
 """
 
 from __future__ import annotations
@@ -50,7 +50,7 @@ class Levels(NamedTuple):
     """All levels of multigrid in a few arrays; `level` gives views of one.
 
     shape (levels, 2) : rows and columns with the border. first (levels + 1,) : where the fields of each level start.
-    fields : right, below, inverse centre, x, b and r, of nine points also below right and below left, see `level`.
+    fields : right, below, inverse centre, x, b and r, of coarser levels also below right and below left, see `level`.
     weight_first, weights : of the interpolation from the next level.
     """
 
@@ -65,7 +65,7 @@ class Levels(NamedTuple):
 def level(shape, first, fields, k):
     """Views of level k, of the first fields of `Levels`: the six fields, below right and below left.
 
-    The last two have one number each on a level of five points.
+    The last two have one number each on the finest level.
     """
     n1, n2, own = shape[k, 0], shape[k, 1], fields[first[k] : first[k + 1]]
     rows = n1 + _rows_apart(n1 * n2)
@@ -90,8 +90,8 @@ def weights_to(k, shape, weight_first, weights):
 
 
 @compiled(**REORDERED)
-def _straight_links(first, end, along, across, ring, centre, right, below):
-    """Write centres and conductances of some rows of a stencil, but for those across corners."""
+def _links(first, end, along, across, ring, centre, right, below):
+    """Write centres and conductances of some rows of a stencil."""
     n1, n2 = centre.shape[0] - 2, centre.shape[1] - 2
     for i in range(first, end):
         for j in range(1, across.shape[1] + 1):
@@ -104,28 +104,6 @@ def _straight_links(first, end, along, across, ring, centre, right, below):
             centre[i, j] = along[i - 1, j - 1] + along[i, j - 1] + right[i, j - 1] + right[i, j]
         if ring:
             below[i, 0], below[i, n2 + 1] = below[i, n2], below[i, 1]
-
-
-@compiled(**REORDERED)
-def _corner_links(falling, rising, ring, centre, below_right, below_left):
-    """Add the conductances across corners of a stencil."""
-    n1, n2 = centre.shape[0] - 2, centre.shape[1] - 2
-    for i in range(n1 + 1):
-        for j in range(falling.shape[1]):
-            k = (j + 1) % n2
-            down, up = falling[i, j], rising[i, j]
-            if i > 0:
-                centre[i, j + 1] += down
-                centre[i, k + 1] += up
-            if i < n1:
-                centre[i + 1, k + 1] += down
-                centre[i + 1, j + 1] += up
-            if 0 < i < n1:
-                below_right[i, j + 1] = down
-                below_left[i, k + 1] = up
-        if ring:
-            below_right[i, 0], below_right[i, n2 + 1] = below_right[i, n2], below_right[i, 1]
-            below_left[i, 0], below_left[i, n2 + 1] = below_left[i, n2], below_left[i, 1]
 
 
 @inner(**REORDERED)
@@ -258,52 +236,46 @@ def _galerkin(
             to4[ci, 0], to4[ci, m2 + 1] = to4[ci, m2], to4[ci, 1]
 
 
-def hierarchy(
-    along: Array, across: Array, falling: Array, rising: Array, ring: bool
-) -> tuple[Levels, tuple[Array, ...]]:
+def hierarchy(along: Array, across: Array, ring: bool) -> tuple[Levels, tuple[Array, ...]]:
     """`Levels` of a stencil, and centres and conductances of the coarsest one in double precision."""
-    nine = falling.size > 0
-    place = _places(along.shape[0] - 1, along.shape[1], nine)
+    place = _places(along.shape[0] - 1, along.shape[1])
     shape, *_, weight_first, weights = place
     fewest, large = 0.0, large_levels(shape)
-    operator, conductances = _NOTHING, (along, across, falling, rising)
+    operator = _NOTHING
     if large:
-        operator = _zeros(shape[0], nine)
-        over(strips(shape[0, 0]), _straight_links, along, across, ring, *operator[:3])
-        if nine:
-            _corner_links(falling, rising, ring, operator[0], *operator[3:])
+        operator = *np.zeros((3, *shape[0])), *np.zeros((2, 1, 1))
+        over(strips(shape[0, 0]), _links, along, across, ring, *operator[:3])
     for k in range(large):
-        all_nine = nine or k > 0
         count = sum(over(strips(shape[k, 0]), _store, *operator, *level(*place[:3], k)))
         fewest = fewest or _ELIMINATED * count
         if count <= fewest:
             return _levels(place, k + 1), operator
         rows, w = strips(shape[k + 1, 0]), weights_to(k, shape, weight_first, weights)
-        over(rows, _along_rows, *operator, all_nine, ring, w)
-        over(rows, _between_rows, *operator, all_nine, ring, w)
-        coarse = _zeros(shape[k + 1], True)
-        over(rows, _galerkin, *operator, w, all_nine, ring, *coarse)
+        over(rows, _along_rows, *operator, k > 0, ring, w)
+        over(rows, _between_rows, *operator, k > 0, ring, w)
+        coarse = tuple(np.zeros((5, *shape[k + 1])))
+        over(rows, _galerkin, *operator, w, k > 0, ring, *coarse)
         operator = coarse
-    count, operator = _filled_from(large, operator, conductances, fewest, ring, *place)
+    count, operator = _filled_from(large, operator, along, across, fewest, ring, *place)
     return _levels(place, count), operator
 
 
-def _places(n1: int, n2: int, nine: bool) -> tuple[NDArray[Any], ...]:
+def _places(n1: int, n2: int) -> tuple[NDArray[Any], ...]:
     """Sizes and memory of what the levels have, in the order of `Levels`."""
-    shape, first, weight_first = _sizes(n1, n2, nine, FEWEST)
+    shape, first, weight_first = _sizes(n1, n2, FEWEST)
     # zeros of numpy take no memory before they are written to
     return shape, first, np.zeros(first[-1], np.float32), weight_first, np.zeros(weight_first[-1], np.float32)
 
 
 @lru_cache(16)
-def _sizes(n1: int, n2: int, nine: bool, fewest: int) -> tuple[NDArray[np.int64], ...]:
+def _sizes(n1: int, n2: int, fewest: int) -> tuple[NDArray[np.int64], ...]:
     """Sizes of all levels, and where their fields and weights start, see `Levels`."""
     sizes = [(n1 + 2, n2 + 2)]
     while min(n1, n2) > fewest:
         n1, n2 = (n1 + 1) // 2, (n2 + 1) // 2
         sizes.append((n1 + 2, n2 + 2))
     nodes = np.array([a * b for a, b in sizes])
-    each = [8 if nine else 6] + [8] * (len(sizes) - 1)
+    each = [6] + [8] * (len(sizes) - 1)
     fields = [count * (a + _rows_apart(a * b)) * b for count, (a, b) in zip(each, sizes, strict=True)]
     return np.array(sizes), np.cumsum([0, *fields]), 9 * (np.cumsum(nodes) - nodes[0])
 
@@ -314,28 +286,18 @@ def _levels(place: tuple[NDArray[Any], ...], n: int) -> Levels:
     return Levels(shape[:n], first[: n + 1], fields, weight_first[:n], weights)
 
 
-def _zeros(shape: NDArray[np.int64], nine: bool) -> tuple[Array, ...]:
-    """Centres and conductances of a level, all 0."""
-    return (*np.zeros((5 if nine else 3, *shape)), *(() if nine else np.zeros((2, 1, 1))))
-
-
 @compiled(**REORDERED)
 def _filled_from(
-    k, operator, conductances, fewest, ring, shape, first, fields, weight_first, weights
+    k, operator, along, across, fewest, ring, shape, first, fields, weight_first, weights
 ):  # fmt: skip
     """Fill the levels from level k on, see `Levels`; their number, and the operator of the last one.
 
     For k > 0 `operator` has that of level k, and `fewest` nodes are those where coarsening ends.
     """
-    along, across, falling, rising = conductances
-    nine = falling.size > 0
     if k == 0:
         size = shape[0, 0], shape[0, 1]
-        corners = size if nine else (1, 1)
-        operator = np.zeros(size), np.zeros(size), np.zeros(size), np.zeros(corners), np.zeros(corners)
-        _straight_links(ONE, size[0] - 1, along, across, ring, operator[0], operator[1], operator[2])
-        if nine:
-            _corner_links(falling, rising, ring, operator[0], operator[3], operator[4])
+        operator = np.zeros(size), np.zeros(size), np.zeros(size), np.zeros((1, 1)), np.zeros((1, 1))
+        _links(ONE, size[0] - 1, along, across, ring, operator[0], operator[1], operator[2])
     while True:
         centre, right, below, below_right, below_left = operator
         of_level = level(shape, first, fields, k)
@@ -344,15 +306,15 @@ def _filled_from(
             fewest = _ELIMINATED * count
         if k == shape.shape[0] - 1 or count <= fewest:
             break
-        all_nine = nine or k > 0
+        nine = k > 0
         m1, m2 = shape[k + 1, 0], shape[k + 1, 1]
         w = weights_to(k, shape, weight_first, weights)
-        _along_rows(ONE, m1 - 1, centre, right, below, below_right, below_left, all_nine, ring, w)
-        _between_rows(ONE, m1 - 1, centre, right, below, below_right, below_left, all_nine, ring, w)
+        _along_rows(ONE, m1 - 1, centre, right, below, below_right, below_left, nine, ring, w)
+        _between_rows(ONE, m1 - 1, centre, right, below, below_right, below_left, nine, ring, w)
         to0, to1, to2 = np.zeros((m1, m2)), np.zeros((m1, m2)), np.zeros((m1, m2))
         to3, to4 = np.zeros((m1, m2)), np.zeros((m1, m2))
         _galerkin(
-            ONE, m1 - 1, centre, right, below, below_right, below_left, w, all_nine, ring, to0, to1, to2, to3, to4
+            ONE, m1 - 1, centre, right, below, below_right, below_left, w, nine, ring, to0, to1, to2, to3, to4
         )  # fmt: skip
         operator = to0, to1, to2, to3, to4
         k += 1

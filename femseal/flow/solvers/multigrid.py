@@ -29,9 +29,6 @@ _SHARE = 0.1
 #: first and at last. Without this, 1 in 2000 random cells of extreme contrast erred by more than was allowed; with it,
 #: 3 of 1200 smooth gaps with 10 to 35 % in contact, where the caller did not check the solution.
 _SLOWEST = 2e-3, 1e-7
-#: Iterations that are usual on 128² nodes, and two more on twice as many; where it takes more there may be slower
-#: parts, half so slow with each.
-_FEW = 6
 #: Largest correction left at a node, relative to the error allowed in the norm of the energy; that norm hardly has a
 #: fraction of nodes that only narrow links connect with the others.
 _LARGEST = 100.0
@@ -49,9 +46,10 @@ def solve_multigrid(
     limit: int,
     hidden: NDArray[np.bool_] | None = None,
     field_rtol: float | None = None,
-    checked: bool = False,
 ) -> tuple[Array, int, float]:
     """Potential φ of all nodes for a unit drop, iterations, and the error of φ in the norm of the energy.
+
+    The caller bounds the error of a solution of many iterations, of which slow parts may not be met.
 
     Parameters
     ----------
@@ -61,8 +59,6 @@ def solve_multigrid(
     hidden : inner nodes (n1 − 1, n2) whose potential need not be right, none unless given.
     field_rtol : if the potential itself has to be right, its error allowed in the norm of the energy; M⁻¹r, an estimate
         of the error itself, may be 100 times that at any node not hidden.
-    checked : whether the caller bounds the error of a solution of many iterations: then slower parts of the error than
-        usual are not reckoned with just because there were many, and a solution that they may spoil is returned too.
 
     Raises
     ------
@@ -78,17 +74,15 @@ def solve_multigrid(
     """
     s = stencil
     field, hidden = np.inf if field_rtol is None else field_rtol, _NONE if hidden is None else hidden
-    conductances = s.along, s.across, s.falling, s.rising
+    conductances = s.along, s.across
     levels, operator = hierarchy(*conductances, s.ring2)
     large = large_levels(levels.shape)
     eliminate: Any = eliminate_by_parts if large == len(levels.shape) - 1 else eliminate_coarsest
     coarsest = eliminate(*operator, s.ring2)
     iterate: Any = _iterate_by_parts if large else _iterate
-    doublings = max(0.0, np.log2((len(s.along) - 1) * s.along.shape[1] / 128**2))
-    usual = np.inf if checked else _FEW + 2.0 * doublings
-    x, iterations, error, done = iterate(levels, coarsest, conductances, s.ring2, rtol, field, limit, hidden, usual)
+    x, iterations, error, done = iterate(levels, coarsest, conductances, s.ring2, rtol, field, limit, hidden)
     small = error**2 <= rtol and error <= field
-    if not (done or (small and checked and field_rtol is None)):
+    if not (done or (small and field_rtol is None)):
         found = f"error {error**2:.1e} of the rate" + (f" and {error:.1e} of the pressure" if field_rtol else "")
         wanted = f"{rtol:.1e}" + (f" and {field:.1e}" if field_rtol else "")
         hedged = ", but slow parts of it may not be seen" if small else ""
@@ -107,7 +101,7 @@ def _flow_out(conductances, p, i, ring, beside, y):
     beside : room for the flow from each node of the row to the next one. Loops over few arrays become vector
     instructions: they take a third of the time of one over all.
     """
-    along, across, falling, rising = conductances
+    along, across = conductances
     n2 = along.shape[1]
     above, below, to_right = along[i - 1], along[i], across[i - 1]
     before, here, after = p[i - 1], p[i], p[i + 1]
@@ -117,11 +111,6 @@ def _flow_out(conductances, p, i, ring, beside, y):
     for j in range(1, n2 + 1):
         x = np.float64(here[j])
         y[j] = above[j - 1] * (x - before[j]) + below[j - 1] * (x - after[j]) + (beside[j] - beside[j - 1])
-    for j in range(falling.shape[1]):
-        a, b = j + 1, (j + 1) % n2 + 1
-        left, right = np.float64(here[a]), np.float64(here[b])
-        y[b] += falling[i - 1, j] * (right - before[a]) + rising[i, j] * (right - after[a])
-        y[a] += rising[i - 1, j] * (left - before[b]) + falling[i, j] * (left - after[b])
 
 
 @compiled(**REORDERED)
@@ -189,13 +178,11 @@ def _product(first, end, r, z, field, hidden):
 @compiled(**REORDERED)
 def _resistances(first, end, conductances, drop):
     """Write the inverse sum of the conductances from some rows to the next ones, the inlet's with the first."""
-    along, _, falling, rising = conductances
+    along = conductances[0]
     for i in range(first if first > 1 else 0, end):
         s = 0.0
         for j in range(along.shape[1]):
             s += along[i, j]
-        for j in range(falling.shape[1]):
-            s += falling[i, j] + rising[i, j]
         drop[i] = 1.0 / s
 
 
@@ -216,9 +203,8 @@ def _drops(drop):
 @compiled(**{**REORDERED, "fastmath": False})
 def _start(first, end, conductances, drop, rest, inverse, x, r, b):
     """x of the least energy among potentials that are constant along rows, and its residual r, also as b."""
-    along, _, falling, rising = conductances
+    along = conductances[0]
     n2 = along.shape[1]
-    m2 = falling.shape[1]
     for i in range(first, end):
         for j in range(n2):
             if inverse[i, j + 1] > 0.0:
@@ -226,14 +212,8 @@ def _start(first, end, conductances, drop, rest, inverse, x, r, b):
         # flows to the next row, and from the one before
         for j in range(n2):
             r[i, j + 1] -= along[i, j] * drop[i]
-        for j in range(m2):
-            r[i, j + 1] -= falling[i, j] * drop[i]
-            r[i, (j + 1) % n2 + 1] -= rising[i, j] * drop[i]
         for j in range(n2):
             r[i, j + 1] += along[i - 1, j] * drop[i - 1]
-        for j in range(m2):
-            r[i, (j + 1) % n2 + 1] += falling[i - 1, j] * drop[i - 1]
-            r[i, j + 1] += rising[i - 1, j] * drop[i - 1]
         for j in range(1, n2 + 1):
             b[i, j] = r[i, j]
 
@@ -241,18 +221,16 @@ def _start(first, end, conductances, drop, rest, inverse, x, r, b):
 @compiled(**REORDERED)
 def _outflow(conductances, x):
     """Flow of x into the outlet."""
-    along, _, falling, rising = conductances
+    along = conductances[0]
     n1, n2 = along.shape[0] - 1, along.shape[1]
     rate = 0.0
     for j in range(n2):
         rate += along[n1, j] * x[n1, j]
-    for j in range(falling.shape[1]):
-        rate += falling[n1, j] * x[n1, j] + rising[n1, j] * x[n1, (j + 1) % n2]
     return rate
 
 
 @inner(**REORDERED)
-def _slowest(steps, ratios, count, usual):
+def _slowest(steps, ratios, count):
     """The slowest part of the error that is reckoned with, from the lowest eigenvalue of M⁻¹A on the space searched.
 
     That is found within a factor of two from the steps and ratios of `count` iterations.
@@ -271,12 +249,12 @@ def _slowest(steps, ratios, count, usual):
             break
         lowest *= 0.5
     first, last = _SLOWEST
-    unmet = min(lowest**2 / first, first) * 0.5 ** max(0.0, count - usual)
+    unmet = min(lowest**2 / first, first)
     return min(max(unmet, last), lowest)
 
 
 @compiled(**REORDERED)
-def _judged(iteration, rz, largest, unbalanced, rate, history, usual, rtol, field):
+def _judged(iteration, rz, largest, unbalanced, rate, history, rtol, field):
     """Error in the norm of the energy, and whether it is what was asked, or more iterations than allowed are needed.
 
     history (3, limit + 1) : rᵀM⁻¹r of each iteration, and steps and ratios of those before.
@@ -285,7 +263,7 @@ def _judged(iteration, rz, largest, unbalanced, rate, history, usual, rtol, fiel
     allowed = min(_SHARE * rtol, (0.1 * field) ** 2)
     error = np.inf
     if 0.0 <= rz <= allowed * rate and unbalanced <= 3.0 * max(np.sqrt(rtol), 1e-6) * rate:
-        error = np.sqrt(rz / rate / _slowest(history[1], history[2], np.int64(iteration), usual))
+        error = np.sqrt(rz / rate / _slowest(history[1], history[2], np.int64(iteration)))
         if error**2 <= allowed and largest <= _LARGEST * 0.1 * field:
             return error, True, False
     history[0, iteration] = rz
@@ -297,7 +275,7 @@ def _judged(iteration, rz, largest, unbalanced, rate, history, usual, rtol, fiel
 
 
 @compiled(**REORDERED)
-def _iterate(levels, coarsest, conductances, ring, rtol, field, limit, hidden, usual):
+def _iterate(levels, coarsest, conductances, ring, rtol, field, limit, hidden):
     """Conjugate gradients: potential, iterations, error in the norm of the energy, and whether it is what was asked."""
     _, _, inverse, z, b, _, _, _ = level(levels[0], levels[1], levels[2], ZERO)
     r = np.zeros(b.shape)
@@ -309,11 +287,11 @@ def _iterate(levels, coarsest, conductances, ring, rtol, field, limit, hidden, u
     _start(ONE, rows, conductances, drop, _drops(drop), inverse, x, r, b)
     scale, unbalanced, iteration = 1.0, 0.0, np.int64(0)
     while True:
-        v_cycle(levels, coarsest, conductances[2].size > 0, ring, ZERO)
+        v_cycle(levels, coarsest, ring, ZERO)
         rz, largest = _product(ONE, rows, r, z, field, hidden)
         rz *= scale
         rate = _outflow(conductances, x)
-        error, done, hopeless = _judged(iteration, rz, scale * largest, unbalanced, rate, history, usual, rtol, field)
+        error, done, hopeless = _judged(iteration, rz, scale * largest, unbalanced, rate, history, rtol, field)
         if done or hopeless:
             break
         beta = rz / history[0, iteration - 1] if iteration > 0 else 0.0
@@ -341,7 +319,6 @@ def _iterate_by_parts(
     field: float,
     limit: int,
     hidden: NDArray[np.bool_],
-    usual: float,
 ) -> tuple[Array, int, float, bool]:
     """`_iterate`, with threads on large levels."""
     _, _, inverse, z, b, _, _, _ = level(*levels[:3], 0)
@@ -355,13 +332,11 @@ def _iterate_by_parts(
     over(rows, _start, conductances, drop, _drops(drop), inverse, x, r, b)
     scale, unbalanced, iteration = 1.0, 0.0, 0
     while True:
-        cycle(levels, coarsest, conductances[2].size > 0, ring)
+        cycle(levels, coarsest, ring)
         products, largest = zip(*over(rows, _product, r, z, field, hidden), strict=True)
         rz = scale * sum(products)
         rate = _outflow(conductances, x)
-        error, done, hopeless = _judged(
-            iteration, rz, scale * max(largest), unbalanced, rate, history, usual, rtol, field
-        )
+        error, done, hopeless = _judged(iteration, rz, scale * max(largest), unbalanced, rate, history, rtol, field)
         if done or hopeless:
             break
         beta = rz / history[0, iteration - 1] if iteration > 0 else 0.0

@@ -234,8 +234,8 @@ def _prolong(first, end, coarse, w, x, ring):
 
 
 @compiled(**REORDERED)
-def v_cycle(levels, coarsest, nine, ring, top):
-    """One V-cycle from b to x of the level `top`; the finest one, 0, has nine points or five."""
+def v_cycle(levels, coarsest, ring, top):
+    """One V-cycle from b to x of the level `top`; the finest one, 0, has five points, coarser ones nine."""
     shape, first, fields, weight_first, weights = levels
     last = shape.shape[0] - 1
     here = level(shape, first, fields, top)
@@ -249,17 +249,17 @@ def v_cycle(levels, coarsest, nine, ring, top):
         coarse, fine = (other, here) if down else (here, other)
         here = other
         right, below, inverse, x, b, r, below_right, below_left = fine
-        w, all_nine = weights_to(k, shape, weight_first, weights), nine or k > 0
+        w, nine = weights_to(k, shape, weight_first, weights), k > 0
         rows, coarse_rows = x.shape[0] - 1, coarse[4].shape[0] - 1
         if down:
-            _sweep_down(ONE, rows, NO, x, b, r, inverse, right, below, below_right, below_left, all_nine, ring)
+            _sweep_down(ONE, rows, NO, x, b, r, inverse, right, below, below_right, below_left, nine, ring)
             _restrict(ONE, coarse_rows, r, w, coarse[4])
         else:
             _prolong(ONE, coarse_rows, coarse[3], w, x, ring)
-            _sweep_up(ONE, rows, x, b, inverse, right, below, below_right, below_left, all_nine, ring)
+            _sweep_up(ONE, rows, x, b, inverse, right, below, below_right, below_left, nine, ring)
 
 
-def cycle(levels: Levels, coarsest: Coarsest, nine: bool, ring: bool) -> None:
+def cycle(levels: Levels, coarsest: Coarsest, ring: bool) -> None:
     """`v_cycle` of the finest level, with threads on large ones."""
     large = large_levels(levels.shape)
     for step in range(2 * large + 1):
@@ -268,18 +268,18 @@ def cycle(levels: Levels, coarsest: Coarsest, nine: bool, ring: bool) -> None:
             solve_by_parts(coarsest, *level(*levels[:3], k)[4:2:-1])
             continue
         if k == large:
-            v_cycle(levels, coarsest, nine, ring, large)
+            v_cycle(levels, coarsest, ring, large)
             continue
         (right, below, inverse, x, b, r, *corners), coarse = (level(*levels[:3], n) for n in (k, k + 1))
-        w, all_nine = weights_to(k, levels.shape, *levels[3:5]), nine or k > 0
+        w, nine = weights_to(k, levels.shape, *levels[3:5]), k > 0
         swept, coarse_rows = strips(len(x)), strips(len(coarse[4]))
         links = right, below, *corners
         if step < large:
             for between in (False, True):
-                over(swept[between::2], _sweep_down, between, x, b, r, inverse, *links, all_nine, ring)
+                over(swept[between::2], _sweep_down, between, x, b, r, inverse, *links, nine, ring)
             over(coarse_rows, _restrict, r, w, coarse[4])
         else:
             for between in (False, True):
                 over(coarse_rows[between::2], _prolong, coarse[3], w, x, ring)
             for between in (True, False):
-                over(swept[between::2], _sweep_up, x, b, inverse, *links, all_nine, ring)
+                over(swept[between::2], _sweep_up, x, b, inverse, *links, nine, ring)
