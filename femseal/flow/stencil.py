@@ -78,8 +78,11 @@ class Stencil:
         yield self.across, inner[:, :m2], np.roll(inner, -1, axis=1)[:, :m2], (0, 1)
 
     def energy(self, pressure: Array) -> float:
-        """Σ c (Δp)² over all conductances for a pressure at the nodes: from differences, so that nothing cancels."""
-        return float(sum(over(rows(*self.along.shape), energy_of, self.along, self.across, pressure, self.ring1)))
+        """Σ c (Δp)² over all conductances for a pressure at the nodes, from differences, so that nothing cancels.
+
+        Rows must not form a ring.
+        """
+        return float(sum(over(rows(*self.along.shape), energy_of, self.along, self.across, pressure)))
 
     def dissipation(self, potential: Array) -> tuple[Array, Array]:
         """Dissipation c (Δφ)² of the conductances along both axes .
@@ -104,20 +107,19 @@ class Stencil:
 
 
 @compiled()
-def energy_of(begin, end, along, across, p, ring1):
+def energy_of(begin, end, along, across, p):
     """`Stencil.energy` of a pressure p, of some rows of conductances."""
     n2 = along.shape[1]
     m2 = across.shape[1]
-    first = 0 if ring1 else 1
     total = 0.0
     for i in range(begin, end):
-        here, below = p[i], p[(i + 1) % p.shape[0]]
+        here, below = p[i], p[i + 1]
         of_row = 0.0
         for j in range(n2):
             of_row += along[i, j] * (here[j] - below[j]) ** 2
         total += of_row
     for i in range(begin, min(end, across.shape[0])):
-        here = p[i + first]
+        here = p[i + 1]
         of_row = 0.0
         for j in range(n2 - 1):
             of_row += across[i, j] * (here[j] - here[j + 1]) ** 2

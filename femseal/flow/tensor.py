@@ -14,7 +14,6 @@ from .law import CUBIC_LAW, FlowLaw, gap_by_law
 from .solution import MAX_IMBALANCE
 from .solvers.amg import solve_spd
 from .stencil import Stencil
-from .torus import can_be_eliminated, torus_dissipation
 
 #: Relative error of the energy of the correction that is allowed to an iterative solver.
 _RTOL = 1e-9
@@ -43,8 +42,7 @@ def permeability_tensor(
     Raises
     ------
     InputError : a gap that is negative, undefined or not two-dimensional; another solver.
-    NotConverged : the solution lost too many digits, as it may at contrasts of the gap above 1e4 on grids that are too
-        large for elimination, more than 140 pixels along both axes.
+    NotConverged : the solution lost too many digits, as it may where gaps beside each other differ by 1e4 and more.
     """
     h, (d1, d2) = validated_gap(gap, spacing)
     h = gap_by_law(h, law, pressure)
@@ -62,12 +60,7 @@ def permeability_tensor(
     k1, k2 = (np.where(carrying, k, 0.0) for k in (k1, k2))
     stencil = assemble_on_links(Grid.of_torus((n1, n2), (d1, d2)), k1, k2)
     closed = ~winds.any(axis=(0, 1))
-    try:
-        tensor, error = _by_matrix(stencil, (d1, d2), label, carrying, closed, solver)
-    except NotConverged as failure:
-        tensor, error = np.zeros((2, 2)), failure.residual
-    if not error <= MAX_IMBALANCE and can_be_eliminated((n1, n2)):
-        tensor, error = _by_elimination(stencil, (d1, d2), closed)
+    tensor, error = _solved(stencil, (d1, d2), label, carrying, closed, solver)
     if not error <= MAX_IMBALANCE:
         raise NotConverged(
             f"flow: energy and mean flux of the cell differ by {error:.1e}; the contrast is too high", error
@@ -75,7 +68,7 @@ def permeability_tensor(
     return scale**3 * tensor / (n1 * d1 * n2 * d2)
 
 
-def _by_matrix(
+def _solved(
     stencil: Stencil,
     spacing: tuple[float, float],
     label: NDArray[np.int64],
@@ -106,17 +99,6 @@ def _by_matrix(
         a[:, closed] = 0.0
     largest = np.sqrt(np.outer(tensor.diagonal(), tensor.diagonal()))
     return tensor, float((np.abs(tensor - flux) / np.where(largest > 0, largest, 1.0)).max())
-
-
-def _by_elimination(stencil: Stencil, spacing: tuple[float, float], closed: NDArray[np.bool_]) -> tuple[Array, float]:
-    """Energy of unit mean gradients by elimination, and its relative error by rounding."""
-    around = np.array(stencil.nodes) * spacing
-    tensor, noise = torus_dissipation(stencil)
-    tensor[closed, :] = 0.0
-    tensor[:, closed] = 0.0
-    largest = tensor.diagonal()
-    error = np.divide(noise, largest, out=np.zeros(2), where=largest > 0).max()
-    return np.outer(around, around) * tensor, float(error)
 
 
 @compiled()

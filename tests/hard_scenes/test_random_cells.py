@@ -268,9 +268,14 @@ def check_small_cell(seed):
     gap, spacing, sides = small_cell(seed)
     found = cell_permeability(gap, spacing, sides=sides, bounds=True)
     assert 0 <= found.lower <= found.upper
-    tensor = permeability_tensor(gap, spacing)
-    assert np.array_equal(tensor, tensor.T)
-    assert np.linalg.eigvalsh(tensor).min() >= -1e-14 * tensor.max()
+    tensor = None
+    try:
+        tensor = permeability_tensor(gap, spacing)
+    except NotConverged:
+        assert gap.max() > 1e4 * gap[gap > 0].min()
+    else:
+        assert np.array_equal(tensor, tensor.T)
+        assert np.linalg.eigvalsh(tensor).min() >= -1e-14 * tensor.max()
     if gap.max() > 0:
         lower, upper = finer_bounds(gap, spacing, sides)
         assert found.lower <= upper * (1 + 1e-9), seed
@@ -282,7 +287,8 @@ def check_small_cell(seed):
     other = cell_permeability(unit * gap, spacing, sides=sides, bounds=True)
     expected = unit**3 * np.array([found.value, found.lower, found.upper])
     assert_allclose([other.value, other.lower, other.upper], expected, rtol=1e-13, err_msg=str(seed))
-    assert_allclose(permeability_tensor(unit * gap, spacing), unit**3 * tensor, rtol=1e-13, err_msg=str(seed))
+    if tensor is not None:
+        assert_allclose(permeability_tensor(unit * gap, spacing), unit**3 * tensor, rtol=1e-13, err_msg=str(seed))
 
 
 def test_bounds_tensor_and_units_of_small_cells():

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from ...base import Array, Flags, NotConverged, validate
 from ...base.compiled import compiled, inner
-from ...base.threads import NO, ZERO, number, on_threads, over, rows
+from ...base.threads import ZERO, number, on_threads, over, rows
 from ..balance import energy_gap
 from ..dead_ends import dead_ends, fill_dead_ends
 from ..percolation import closed, narrowest, nodes_reached_by, ready
@@ -349,6 +349,6 @@ def _flows(along, across, keep, φ, ψ):
     for j in range(n2):
         potential[0, j] = complement[n1, j] = 1.0
     inlet, outlet = end_flows(along, potential, complement)
-    energy = energy_of(ZERO, n1, along, across, potential, NO)
+    energy = energy_of(ZERO, n1, along, across, potential)
     leave_out(ZERO, n1 + 1, keep, potential, complement)
     return potential, complement, inlet, outlet, energy
