@@ -17,6 +17,13 @@ def network(c1, c2):
     return Stencil.network(c1, c2, ring=np.shape(c2)[-1:] == np.shape(c1)[-1:])
 
 
+def restricted(stencil, keep):
+    """The same without the links of nodes (n1 + 1, n2) that are not kept."""
+    beside = np.roll(keep, -1, axis=1)[1:-1, : stencil.across.shape[1]]
+    across = np.where(keep[1:-1, : stencil.across.shape[1]] & beside, stencil.across, 0.0)
+    return replace(stencil, along=np.where(keep[:-1] & keep[1:], stencil.along, 0.0), across=across)
+
+
 def solve_links(c1, c2, **options):
     """Flow through the network of these links."""
     return solve_flow(network(c1, c2), **options)

@@ -8,7 +8,7 @@ import scipy.sparse as sp
 from each import each
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from networks import cell_links, network, solve_links
+from networks import cell_links, network, restricted, solve_links
 from numpy.testing import assert_allclose, assert_array_equal
 from scipy.ndimage import gaussian_filter
 from scipy.sparse.linalg import spsolve
@@ -16,7 +16,7 @@ from scipy.sparse.linalg import spsolve
 from femseal import HalfSpace, analytic, self_affine, solve_contact
 from femseal.base.errors import FemsealError, InputError, NotConverged
 from femseal.flow import Stencil
-from femseal.flow.percolation import nodes_reached, restricted
+from femseal.flow.percolation import nodes_reached
 from femseal.flow.solvers import choice, coarsest, elimination, hierarchy, link_network, v_cycle
 
 SHAPES = [(1, 1), (1, 6), (6, 1), (2, 2), (2, 3), (7, 5), (5, 7), (20, 16)]
@@ -603,7 +603,7 @@ def test_potentials_of_islands_follow_their_neighbours(side, ring):
 
 def test_borders_of_fronts_name_every_node_once():
     c1, c2 = links(30, 24, True, 2, closed=0.2)
-    keep = nodes_reached(network(c1, c2)) == 3
+    keep = nodes_reached(c1, c2) == 3
     inside = restricted(network(c1, c2), keep)
     c1, c2 = inside.along, inside.across
     order, first, parent = link_network.dissect(keep[1:-1], True)

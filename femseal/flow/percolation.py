@@ -7,12 +7,12 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from contextlib import AbstractContextManager, contextmanager, nullcontext
-from dataclasses import replace
 from math import frexp, ldexp
 
 import numpy as np
 from numpy.typing import NDArray
 
+from ..base.arrays import Array
 from ..base.compiled import compiled, inner
 from ..base.threads import over, rows
 from .stencil import Stencil
@@ -39,21 +39,12 @@ def union(parent, a, b):
     return a != b
 
 
-def nodes_reached(stencil: Stencil) -> NDArray[np.int8]:
-    """Which ends each node is joined to by conductances above 0, (n1 + 1, n2): 0 none, 1 inlet, 2 outlet, 3 both.
+def nodes_reached(along: Array, across: Array, least: float = 0.0) -> NDArray[np.int8]:
+    """Which ends each node is joined to by open links of a conductance >= `least`: 0 none, 1 inlet, 2 outlet, 3 both.
 
-    Dead ends of a path from inlet to outlet are joined to both; they are kept, and carry no flow.
+    along, across : as of a `Stencil` of (n1 + 1, n2) nodes. Dead ends of a path from inlet to outlet are joined to both
+    and carry no flow.
     """
-    return nodes_reached_by(stencil, 0.0)
-
-
-def nodes_reached_by(stencil: Stencil, least: float) -> NDArray[np.int8]:
-    """`nodes_reached` of a network by links of a conductance >= `least` only."""
-    return _reached(stencil.along, stencil.across, least)
-
-
-def _reached(along, across, least):
-    """`nodes_reached_by` of the conductances of a stencil."""
     n1, n2 = along.shape
     label, parent = np.empty((n1 + 1, n2), np.int32), np.empty((n1 + 1) * n2 + 2, np.int32)
     parent[:2] = 0, 1
@@ -69,7 +60,7 @@ def _reached(along, across, least):
 
 @inner()
 def _is_open(c, least):
-    return c != 0.0 and abs(c) >= least
+    return c > 0.0 and c >= least
 
 
 @compiled()
@@ -178,17 +169,10 @@ def widest(begin, end, along, across):
     return most
 
 
-def restricted(stencil: Stencil, keep: NDArray[np.bool_], least: float = 0.0) -> Stencil:
-    """Copy without the conductances of nodes (n1 + 1, n2) that are not kept and those below `least`."""
-    along, across = stencil.along.copy(), stencil.across.copy()
-    over(rows(*along.shape), restrict, along, across, keep, (1.0, 1.0), least)
-    return replace(stencil, along=along, across=across)
-
-
 def closed(stencil: Stencil, keep: NDArray[np.bool_] | None, least: float = 0.0) -> AbstractContextManager[None]:
-    """Meanwhile close the links of a network that `restricted` does without, in its own arrays, none without `keep`.
+    """Meanwhile close the links of nodes (n1 + 1, n2) that are not kept and those below `least`; none without `keep`.
 
-    Only the few that are closed are copied.
+    It is in the arrays of the stencil: only the few links that are closed are copied.
     """
     return nullcontext() if keep is None else _closed(stencil, keep, least)
 
@@ -211,7 +195,7 @@ def _closed(stencil: Stencil, keep: NDArray[np.bool_], least: float) -> Iterator
 
 @compiled()
 def _closing(begin, end, along, across, keep, least):
-    """Places of the open links along and across of some rows that `restricted` does without."""
+    """Places of the open links along and across of some rows that `closed` closes."""
     n2, m2 = along.shape[1], across.shape[1]
     found = np.empty(0, np.int64), np.empty(0, np.int64)
     for written in range(2):
@@ -236,17 +220,16 @@ def _closing(begin, end, along, across, keep, least):
 
 
 @compiled()
-def restrict(begin, end, along, across, keep, factors, least):
-    """`restricted` of some rows of the conductances of a stencil in place, times two factors."""
-    first, second = factors
+def _restrict(begin, end, along, across, keep, first, second):
+    """Close the links of nodes that are not kept in some rows, and multiply the others by two factors."""
     n2, m2 = along.shape[1], across.shape[1]
     for i in range(begin, end):
         for j in range(n2):
-            kept = keep[i, j] and keep[i + 1, j] and abs(along[i, j]) >= least
+            kept = keep[i, j] and keep[i + 1, j]
             along[i, j] = second * (first * along[i, j]) if kept else 0.0
     for i in range(begin, min(end, across.shape[0])):
         for j in range(m2):
-            kept = keep[i + 1, j] and keep[i + 1, (j + 1) % n2] and abs(across[i, j]) >= least
+            kept = keep[i + 1, j] and keep[i + 1, (j + 1) % n2]
             across[i, j] = second * (first * across[i, j]) if kept else 0.0
 
 
@@ -257,11 +240,11 @@ def ready(along, across):
     exponent.
     """
     parts = rows(*along.shape)
-    reached = _reached(along, across, 0.0)
+    reached = nodes_reached(along, across)
     through = reached[0, 0] == 3 and len(along) > 1
     exponent = frexp(max(over(parts, widest, along, across)))[1] - 1 if through else 0
     keep = np.equal(reached, 3) if through else np.ones(reached.shape, np.bool_)
-    over(parts, restrict, along, across, keep, _factors(exponent), 0.0)
+    over(parts, _restrict, along, across, keep, *_factors(exponent))
     return reached, exponent
 
 

@@ -57,12 +57,10 @@ def system(k1, k2):
     """Matrix, right-hand side and the potential's share in the leakage, of nodes that both ends reach."""
     import scipy.sparse as sp
 
-    from femseal.flow import Stencil
-    from femseal.flow.percolation import nodes_reached, restricted
+    from femseal.flow.percolation import nodes_reached
 
-    keep = nodes_reached(Stencil(k1, k2)) == 3
-    inside = restricted(Stencil(k1, k2), keep)
-    k1, k2 = inside.along, inside.across
+    keep = nodes_reached(k1, k2) == 3
+    k1, k2 = k1 * (keep[:-1] & keep[1:]), k2 * (keep & np.roll(keep, -1, axis=1))[1:-1]
     n1, n2 = k1.shape
     node = np.full((n1 + 1, n2), -1)
     node[1:-1][keep[1:-1]] = np.arange(np.count_nonzero(keep[1:-1]))

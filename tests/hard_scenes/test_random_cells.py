@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 import scipy.sparse as sp
-from networks import cell_links, network, solve_links
+from networks import cell_links, solve_links
 from numpy.testing import assert_allclose
 from scipy.sparse.csgraph import connected_components
 from scipy.sparse.linalg import spsolve
@@ -134,7 +134,7 @@ def random_cell(seed):
         closed, opened = z.min(), z.max()
         for _ in range(18):
             level = (closed + opened) / 2
-            flow = nodes_reached(network(*cell_links(np.maximum(level - z, 0) / (z.std() or 1), spacing, sides)))
+            flow = nodes_reached(*cell_links(np.maximum(level - z, 0) / (z.std() or 1), spacing, sides))
             closed, opened = (closed, level) if flow[0].max() == 3 else (level, opened)
         h = np.maximum(opened - z, 0)
     elif kind == 8:  # two gaps

@@ -19,7 +19,7 @@ from ...base.compiled import compiled, inner
 from ...base.threads import ZERO, number, on_threads, over, rows
 from ..balance import energy_gap
 from ..dead_ends import dead_ends, fill_dead_ends
-from ..percolation import closed, narrowest, nodes_reached_by, ready
+from ..percolation import closed, narrowest, nodes_reached, ready
 from ..solution import MAX_IMBALANCE, DarcyFlow, check_solver, potential_rtol
 from ..stencil import Stencil, end_flows, energy_of, leave_out
 from .amg import solve_amg
@@ -287,8 +287,9 @@ def _unseen(stencil: Stencil, keep: Flags) -> tuple[Flags | None, Flags | None]:
 
     None if there are none of the first.
     """
-    unseen = keep & (nodes_reached_by(stencil, _SEEN) == 0)
-    return (unseen, nodes_reached_by(stencil, _LOST) == 3) if unseen.any() else (None, None)
+    links = stencil.along, stencil.across
+    unseen = keep & (nodes_reached(*links, _SEEN) == 0)
+    return (unseen, nodes_reached(*links, _LOST) == 3) if unseen.any() else (None, None)
 
 
 def _by_matrix(stencil: Stencil, keep: Flags, rtol: float, field_rtol: float | None) -> DarcyFlow:
