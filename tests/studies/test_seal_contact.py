@@ -11,11 +11,12 @@ from numpy.testing import assert_allclose
 import femseal as fs
 from femseal import analytic
 from femseal.case.case import parse_case
+from femseal.contact import HalfSpace
 from femseal.face.pieces import Cut
 from femseal.seal.form import MeasuredForm, WavyForm
 from femseal.seal.layouts import AnnularLayout, MeshLayout
 from femseal.studies.sampling import laid_out
-from femseal.studies.seal_contact import seal_contact, without_waves_of
+from femseal.studies.seal_contact import Cells, seal_contact, without_waves_of
 
 E, D = 115e9, 1e-6
 OIL = fs.Liquid(1e-3)
@@ -64,6 +65,24 @@ def test_a_long_wave_under_a_stiff_layer_is_westergaard_s():
         assert_allclose((row > 0).mean(), touching, atol=2 / (row.size / 2))
         # p = 2 p̄ cos ψ √(sin²ψa − sin²ψ)/sin²ψa at the crest, Johnson 1985, eq. 13.7
         assert_allclose(row.max(), 2 * ratio * full / np.sqrt(ratio), rtol=0.03)
+
+
+def test_a_layer_on_rigid_bodies_is_a_foundation_of_springs():
+    """Winkler: under s = −u ln(p/p₀) pressures are those of exp(−h/u), whatever the form."""
+    rng = np.random.default_rng(3)
+    body = HalfSpace((16, 24), (D, D), 1e25, ("free", "periodic"))
+    depth, unit = rng.uniform(0, 3e-6, 16 * 24), 0.4e-6
+    cells = Cells(body, np.ones((16, 24), bool), depth, np.inf)
+
+    def layer(p):
+        safe = np.maximum(p, 1e-30)
+        return -unit * np.log(safe / 1e6), -unit / safe
+
+    p, separation, opening, _ = cells.solved(layer, 2e6, np.full(depth.size, 2e6), np.zeros(depth.size))
+    springs = np.exp(-depth / unit)
+    assert_allclose(p, 2e6 * springs / springs.mean(), rtol=1e-3)
+    assert_allclose(np.ptp(separation - depth), 0, atol=1e-3 * unit)
+    assert (opening == 0).all()
 
 
 def test_a_crown_under_a_soft_layer_spreads_as_a_foundation_of_springs():
@@ -197,6 +216,13 @@ def test_higher_waves_leak_more_and_the_load_presses_them_flat():
     assert (np.diff(np.array(leakage)[:, 0]) > 0).all()
     assert leakage[2][0] > 10 * flat[0]
     assert_allclose(leakage[0], flat, rtol=0.3)
+
+
+def test_the_contact_fraction_is_the_mean_of_the_tiles():
+    """Less than that of the nominal pressure, as the area rises ever more slowly with the pressure."""
+    one = scene((1e8,), hardness=3e9, layout=AnnularLayout(1e-3, 1.064e-3))
+    even, uneven = (drawn(one, form).contact_fraction[0] for form in ((), WavyForm(20e-6, lobes=2)))
+    assert 0.4 * even < uneven < 0.95 * even
 
 
 CASE = {
