@@ -33,9 +33,9 @@ def scene(surface=None, **changed):
 
 
 def wavy(height):
-    """A face with one wave as long as it, and half a wave across."""
+    """A face with one narrow crest along it, highest at the inlet."""
     rough, x = scene().surface, (np.arange(N) + 0.5) / N
-    form = height * (np.cos(2 * np.pi * x)[None, :] + 0.5 * np.cos(np.pi * x)[:, None])
+    form = height * (1.5 * np.cos(np.pi * x)[None, :] ** 4 + 0.5 * np.cos(np.pi * x)[:, None])
     return rough.with_heights(rough.heights + form)
 
 
