@@ -279,6 +279,7 @@ _debug = False
 #: Commands and options that are gone, and what does now what they did.
 _REMOVED = {
     "accuracy": 'none: removed; a run whose case has accuracy = "10 %" reports time and error of its attempts',
+    "--sobol": "none: removed; examples/sobol.py computes Sobol indices of the leakage with scipy.stats",
 }
 #: Exit code that shells and typer have for a Ctrl-C.
 _INTERRUPTED = 130

@@ -194,6 +194,10 @@ def test_commands_are_completed():
             ["accuracy", "case.toml", "--limit", "1 min"],
             'femseal: accuracy: given the command, expected none: removed; a run whose case has accuracy = "10 %"',
         ),
+        (
+            ["design", "case.toml", "--sobol", "seed=1,2"],
+            "femseal: --sobol: given the option, expected none: removed; examples/sobol.py computes",
+        ),
     ],
 )
 def test_what_is_removed_is_told_in_a_line(femseal, arguments, told):
