@@ -72,7 +72,6 @@ def test_a_run_in_one_process_tells_that_loops_are_compiled(femseal, monkeypatch
         ("sweep", "sweeps.sweeping.prepare", ["seed=1"]),
         ("design", "designs.answer.job._prepared", ["--no-solve"]),
         ("calibrate", "calibration.calibrating.prepare", ["test.csv"]),
-        ("accuracy", "refinement.accuracy_measure.make_plan", []),
     ],
 )
 def test_other_commands_tell_once_too_that_loops_are_compiled(femseal, monkeypatch, tmp_path, command, place, further):
@@ -130,7 +129,7 @@ def test_help_names_commands_and_exit_codes(femseal):
     assert "Exit code: 0 done, 2 bad input (nothing is written), 1 anything else." in text
 
 
-@pytest.mark.parametrize("command", ["new", "check", "run", "report", "accuracy", "surface"])
+@pytest.mark.parametrize("command", ["new", "check", "run", "report", "surface"])
 def test_help_says_what_is_taken_where_nothing_is_given(femseal, monkeypatch, command):
     monkeypatch.setenv("COLUMNS", "160")
     code, text, _ = femseal(command, "--help")
@@ -186,6 +185,25 @@ def test_commands_are_completed():
     code = "from femseal.cli import main; main()"
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, env=os.environ | asked)
     assert sorted(done.stdout.split()) == ["schema", "surface", "sweep"]
+
+
+@pytest.mark.parametrize(
+    ("arguments", "told"),
+    [
+        (
+            ["accuracy", "case.toml", "--limit", "1 min"],
+            'femseal: accuracy: given the command, expected none: removed; a run whose case has accuracy = "10 %"',
+        ),
+        (
+            ["design", "case.toml", "--sobol", "seed=1,2"],
+            "femseal: --sobol: given the option, expected none: removed; examples/sobol.py computes",
+        ),
+    ],
+)
+def test_what_is_removed_is_told_in_a_line(femseal, arguments, told):
+    code, printed, errors = femseal(*arguments)
+    assert (code, printed, errors.count("\n")) == (2, "", 1)
+    assert errors.startswith(told)
 
 
 def test_errors_are_a_line_and_after_debug_a_traceback(femseal, monkeypatch, tmp_path):

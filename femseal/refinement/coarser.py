@@ -1,16 +1,12 @@
 """Coarser versions of a prepared case, which tell how much its pixels and its removed waves matter."""
 
 import logging
-from collections.abc import Callable, Hashable, Iterable
 from dataclasses import replace
-from itertools import islice
 from math import ceil, log2, prod
-from typing import TypeVar
 
 import numpy as np
 
 from ..base import Array, InputError
-from ..budget import CoarserSolution
 from ..preparation.prepared import Pair, Prepared, without_short_waves
 from ..studies import STUDIES, Scene, Study
 from ..studies.sampling import FEWEST_SEALS
@@ -36,8 +32,6 @@ LEAST_OCTAVES = 0.05
 OTHER_PHASES = 3
 #: Scenes that measure what continued waves may change: with these, with fewer waves, and as measured.
 CONTINUED_SCENES = OTHER_PHASES + 2
-#: What distinguishes versions of a case.
-Version = TypeVar("Version", bound=Hashable)
 
 
 def coarser_points(points: Pair, least: Pair = (1, 1)) -> Pair | None:
@@ -56,27 +50,6 @@ def wave_pixels(prepared: Prepared) -> float:
 def carries_quarter(prepared: Prepared) -> bool:
     """Whether a quarter of the points a side carries the waves too."""
     return wave_pixels(prepared) >= THIRD_GRID_PIXELS * (1 - 1e-9)
-
-
-def coarser_solutions(
-    prepared: Prepared,
-    versions: Iterable[tuple[Version, Pair]],
-    leakages: dict[Version, Array],
-    solve: Callable[[Version], Array],
-) -> list[CoarserSolution]:
-    """The same study on half the points a side, and on a quarter where that carries the waves and is known.
-
-    versions : on half and on a quarter of the points of `prepared`, with their points.
-    leakages : of the versions that are known at every step; the first one is solved and entered if it is not there.
-    """
-    found: list[CoarserSolution] = []
-    for version, points in islice(versions, 1 + carries_quarter(prepared)):
-        if version not in leakages:
-            if found:
-                break
-            leakages[version] = solve(version)
-        found.append(CoarserSolution(points, prepared.scene.steps, leakages[version]))
-    return found
 
 
 def route(study: Study) -> Study:
@@ -177,11 +150,3 @@ def _reduced(prepared: Prepared, scene: Scene) -> Prepared:
 def _routes(prepared: Prepared) -> frozenset[str]:
     """Names of the studies that coarser solutions take."""
     return frozenset(route(study).name for study in prepared.studies)
-
-
-def with_points(prepared: Prepared, points: Pair) -> Prepared:
-    """The version of the same surface on other points."""
-    surface = prepared.scene.surface
-    if points == surface.shape:
-        return prepared
-    return replace(prepared, scene=replace(prepared.scene, surface=surface.resample(points)))

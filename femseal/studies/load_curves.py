@@ -170,13 +170,11 @@ class LeakageFactor:
     value : exp(rms ln(Q/Q_ref)) [-], 1 for equal curves; NaN where no load can be compared.
     loads : number of loads compared.
     closed : number of loads at which one is closed and the other leaks more than this fraction; they have no ratio.
-    failed : number of loads at which one of the two is unknown.
     """
 
     value: float
     loads: int
     closed: int
-    failed: int
 
 
 def leakage_factor(leakage: ArrayLike, reference: ArrayLike, steps: Sequence[LoadStep], branch: str) -> LeakageFactor:
@@ -191,7 +189,7 @@ def leakage_factor(leakage: ArrayLike, reference: ArrayLike, steps: Sequence[Loa
 
     >>> steps = [LoadStep(1e8), LoadStep(2e8), LoadStep(3e8)]
     >>> leakage_factor([2.0, 0.5, 0.0], [1.0, 1.0, 0.1], steps, "loading")
-    LeakageFactor(value=2.0..., loads=2, closed=1, failed=0)
+    LeakageFactor(value=2.0..., loads=2, closed=1)
     """
     q, exact = (np.abs(np.asarray(values, dtype=float)) for values in (leakage, reference))
     chosen = np.array([s.branch == branch for s in steps])
@@ -202,7 +200,7 @@ def leakage_factor(leakage: ArrayLike, reference: ArrayLike, steps: Sequence[Loa
         compared = chosen & known & (exact > least) & (q > 0)
     logs = np.log(q[compared] / exact[compared])
     value = float(np.exp(np.sqrt(np.mean(logs**2)))) if logs.size else float("nan")
-    return LeakageFactor(value, logs.size, int(closed.sum()), int((chosen & ~known).sum()))
+    return LeakageFactor(value, logs.size, int(closed.sum()))
 
 
 def closing_load(leakage: ArrayLike, steps: Sequence[LoadStep]) -> float:
