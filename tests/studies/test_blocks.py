@@ -55,6 +55,14 @@ def test_the_form_is_what_blocks_by_themselves_miss():
     assert (fs.by_blocks(formed, (2, 2)).leakage > 3 * fs.by_blocks(flat, (2, 2)).leakage).all()
 
 
+def test_pieces_press_where_the_whole_face_does():
+    one = scene(wavy(2e-6))
+    whole = fs.two_scale(one, (8, 8)).pressure
+    found = fs.by_blocks(one, (2, 2)).pressure
+    for mine, its in zip(found, whole, strict=True):
+        assert np.corrcoef(mine.ravel(), its.ravel())[0, 1] > 0.8
+
+
 def test_pieces_carry_the_load_and_come_back():
     found = fs.by_blocks(scene(wavy(1e-6)), (2, 4))
     assert found.pressure.shape == (3, 8, 16)
