@@ -68,6 +68,7 @@ def test_quantities_become_si(data):
         ("load", "loading", ["2 MPa", "1 MPa"], ["load", "rising"]),
         ("load", "loading", ["3 GPa"], ["load", "3 GPa", "below the hardness", "2.8 GPa"]),
         ("load", "unloading", [], ["load", "both, or neither"]),
+        ("load", "interpolate", "1 %", ["load.interpolate: given '1 %', expected none: removed; every load is solved"]),
         ("fluid", "kind", "water", ["fluid.kind", "'water'", "liquid"]),
         ("fluid", "viscosity", "1 Pa", ["fluid.viscosity", "1 Pa"]),
         ("cells", "count", [8.5, 2], ["cells.count.0", "8.5", "whole number"]),

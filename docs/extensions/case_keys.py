@@ -88,7 +88,6 @@ _MEANING = {
     ("load", "unload_from"): "Peaks from which the seal is unloaded",
     ("load", "unloading"): "Loads on the way down from each peak",
     ("load", "relaxation"): "Fraction of each load that is lost between assembly and service",
-    ("load", "interpolate"): "Error within which some of the loads are interpolated between the others",
     ("load", "map"): "[Shape of the contact pressure](tutorials/bolts.md) over the seal",
     ("flow", "solver"): "Of the pressure in cells and over the seal",
     ("fluid", "kind"): "Law of density and viscosity",

@@ -10,7 +10,7 @@ from ..base.lazy_package import load_when_used
 
 if TYPE_CHECKING:
     from .changes import CoarserSolution
-    from .error_budget import at_interpolated_steps, error_budget
+    from .error_budget import error_budget
     from .error_parts import (
         MODEL_PARTS,
         VAGUE,

@@ -15,10 +15,10 @@ from ..base.fields import STEP, Field
 from ..base.files import replacing_hdf5
 from ..base.leak_rates import leak_classes, leak_unit
 from ..base.machine import machine, peak_memory
-from ..budget import VAGUE, ErrorBudget, at_interpolated_steps, vague_steps
+from ..budget import VAGUE, ErrorBudget, vague_steps
 from ..fluids import leak_basis
 from ..studies import DeterministicResult, FluidState, OtherLeakage, Scene, StochasticResult, TwoScaleResult
-from ..studies.load_curves import leakage_factor, numbers_of
+from ..studies.load_curves import leakage_factor
 from ..topography import Places
 from . import variables
 from .results import Results
@@ -45,8 +45,6 @@ def assemble(
     leakage_filtered: NDArray[np.float64] | None = None,
     budgets: Mapping[str, ErrorBudget] | None = None,
     test: OtherLeakage | None = None,
-    whole: Scene | None = None,
-    interpolated_within: float = 0.0,
     classes: Sequence[str] = (),
     nominal_diameter: float | None = None,
     throughput_temperature: float | None = None,
@@ -65,8 +63,6 @@ def assemble(
     leakage_filtered : the leakage at every step of the same face without waves up to twice the shortest one.
     budgets : error budgets of the studies, by their names here.
     test : the leakage of a test fluid through the same seals.
-    whole : the scene with all load steps, where `scene` has a part of them: the others are interpolated.
-    interpolated_within : relative error of the leakage there.
     classes : leakage classes to be decided on at every step, by the test fluid where there is one, see
     `base.leak_rates`. nominal_diameter : [m], which some of them need.
     throughput_temperature : at which pressure × volume of a gas is stated [K]; its own unless given.
@@ -123,15 +119,6 @@ def assemble(
         text = "leakage per unit seal length, of the face without waves up to twice the shortest"
         variables.add(data, Field("leakage_filtered", "m^2/s", text, STEP, "twice the wave"), leakage_filtered)
         doubts = _filter_doubts(leakage_filtered, Results(data), scene)
-    every = scene if whole is None else whole
-    if len(every.steps) > len(scene.steps):
-        solved = numbers_of(scene.steps, every.steps)
-        data = variables.with_all_steps(data, solved, every.steps)
-        test = None if test is None else test.at_all_steps(solved, every.steps)
-        budgets = {
-            name: at_interpolated_steps(budget, solved, every.steps, interpolated_within)
-            for name, budget in (budgets or {}).items()
-        }
     counts = {"two_scale": two_scale.counts.by_kind()} if two_scale is not None else {}
     counts |= {"stochastic": stochastic.pieces.counts.by_kind()} if stochastic is not None else {}
     solvers = {

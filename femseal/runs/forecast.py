@@ -131,8 +131,6 @@ def _load_text(case: Case, scene: Scene) -> str:
     highest = to_text(max((*scene.loading, *scene.unload_from)), "Pa", 3)
     if case.load.unit != "Pa":
         highest += f", from {to_text(case.load.highest, case.load.unit)}"
-    if case.load.interpolate is not None:
-        highest += f"; at most: those that {100 * case.load.interpolate:.3g} % allows are interpolated"
     return f"{counted(steps, 'state')}: {steps - down} loading{with_peaks}{unloading}, up to {highest}"
 
 
