@@ -216,7 +216,7 @@ def examples():
         {key: turned[key] for key in ("face", "material", "load", "fluid")}
         | {"accuracy": "20 %", "time_limit": "1 min"},
         turned | {"load": turned["load"] | {"map": bolted}, "stochastic": drawn},
-        turned | {"compare": ["deterministic"], "surface": {"filter_sensitivity": True, "shortest_wave": "30 um"}},
+        turned | {"compare": ["deterministic"], "surface": {"shortest_wave": "30 um"}},
     ]
 
 

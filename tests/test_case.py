@@ -69,6 +69,7 @@ def test_quantities_become_si(data):
         ("load", "loading", ["3 GPa"], ["load", "3 GPa", "below the hardness", "2.8 GPa"]),
         ("load", "unloading", [], ["load", "both, or neither"]),
         ("load", "interpolate", "1 %", ["load.interpolate: given '1 %', expected none: removed; every load is solved"]),
+        ("surface", "filter_sensitivity", True, ["surface.filter_sensitivity: given True", "removed; the row"]),
         ("fluid", "kind", "water", ["fluid.kind", "'water'", "liquid"]),
         ("fluid", "viscosity", "1 Pa", ["fluid.viscosity", "1 Pa"]),
         ("cells", "count", [8.5, 2], ["cells.count.0", "8.5", "whole number"]),
@@ -111,6 +112,7 @@ def test_quantities_become_si(data):
 )
 def test_faults_name_key_value_and_what_is_allowed(data, table, key, value, words):
     data["flow"] = {"discretisation": "gauss"}
+    data["surface"] = {}
     data["cells"] = {"count": [4, 8]}
     data.setdefault(table, {"kind": "rectangular"})[key] = value
     with pytest.raises(fs.InputError) as caught:

@@ -38,6 +38,7 @@ REMOVED = {
     "stochastic.library_cells": _PIECES,
     "stochastic.width": _BY_BAND,
     "stochastic.bounds": "none: removed; the band of error stands beside the leakage, see output.budget",
+    "surface.filter_sensitivity": 'none: removed; the row "filter" of the budget says what the filter may change',
     "stochastic.profile": 'map = { kind = "profile", fractions = [...] } in the table load, in its place',
 }
 #: What pydantic expects of a value of another type, as a user of TOML says it.

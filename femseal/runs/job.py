@@ -28,8 +28,8 @@ from ..execution.parts import Part, checked_part
 from ..execution.run import LogFile, Progress, Run, no_progress
 from ..execution.shared_stages import SharedStages
 from ..preparation.preparation import prepare
-from ..preparation.prepared import Prepared, without_short_waves
-from ..refinement.budgets import budgets_of, leakage_of
+from ..preparation.prepared import Prepared
+from ..refinement.budgets import budgets_of
 from ..refinement.refine_to_accuracy import refine_to_accuracy
 from ..refinement.settings import chosen
 from ..report import load_writers, write_folder
@@ -231,11 +231,6 @@ def _results(case: Case, made: Prepared, faces: dict[str, str], run: Run, part: 
         if study.key not in studies:
             with run.timed(study.name) as mapper:
                 studies[study.key] = prepared.solve(study, mapper, studies)
-    filtered = None
-    if case.surface.filter_sensitivity:
-        with run.timed("twice the wave") as mapper:
-            smooth = replace(prepared, scene=without_short_waves(prepared), methods=frozenset({prepared.answer.name}))
-            filtered = leakage_of(smooth.solve(smooth.answer, mapper))
     test = None
     if case.output.test_fluid is not None:
         test = _of_test_fluid(case.output.test_fluid.state, prepared, studies[prepared.answer.key], run)
@@ -244,7 +239,7 @@ def _results(case: Case, made: Prepared, faces: dict[str, str], run: Run, part: 
         known = {} if refined is None else {prepared.answer.key: refined.budget}
         parts: dict[str, Any] = {"model_parts": case.output.model_parts, "hardness": case.hardness_tolerance}
         with run.timed("error budget") as mapper:
-            budgets = budgets_of(prepared, studies, mapper, leakage_filtered=filtered, known=known, **parts)
+            budgets = budgets_of(prepared, studies, mapper, known=known, **parts)
     if part is not None:
         return None
     results = assemble(
@@ -256,7 +251,6 @@ def _results(case: Case, made: Prepared, faces: dict[str, str], run: Run, part: 
         timings=run.timings,
         quantiles=case.stochastic.quantiles if case.stochastic else (0.05, 0.95),
         warnings=prepared.warnings if refined is None else (*prepared.warnings, *refined.warnings),
-        leakage_filtered=filtered,
         test=test,
         **case.output.model_dump(include={"leakage_unit", "classes", "nominal_diameter", "throughput_temperature"}),
     )
