@@ -31,7 +31,6 @@ if TYPE_CHECKING:
         patch_form_part,
         places_to_halve,
     )
-    from .grid_convergence import GridConvergence, grid_convergence
     from .waves import contact_fraction_of, continuation_part
 
 load_when_used(__name__)

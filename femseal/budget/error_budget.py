@@ -9,7 +9,7 @@ from ..studies.load_curves import least_counted
 from .changes import CoarserSolution
 from .error_parts import ErrorBudget, ErrorPart
 from .estimates import patch_part, places_part, realisations_part, solver_part
-from .grid_convergence import USUAL_PIXELS, one_grid_part, pixels_part
+from .pixels import USUAL_PIXELS, one_grid_part, pixels_part
 from .waves import contact_fraction_of, filter_part, raised_by_slope
 
 #: Factor of the distances of all parts but those of draws at loads that leak less than 1e-3 of the first, where
