@@ -140,7 +140,7 @@ _MEANING = {
     ("stochastic", "length"): "Of a straight seal, along x2; the face unless given",
     ("stochastic", "realisations"): "Seals that are drawn; as many as the band of error needs unless given",
     ("stochastic", "quantiles"): "Ends of the band between seals",
-    ("output", "paraview"): '`"vtu"` for any ParaView, `"vtkhdf"` for 5.13 or later',
+    ("output", "paraview"): "Files for any ParaView, or none",
     ("output", "report"): "The page `report.html`; `femseal report DIR` makes it later",
     ("output", "test_fluid"): "Keys of `[fluid]`: fluid of a leak test on the same seals, which decides on the classes",
     ("output", "model_parts"): "Sources of the budget that are of the model and its input",

@@ -24,11 +24,10 @@ from numpy.typing import NDArray
 from ..base import Array, InputError, Mapper, Stage, made_folder, to_text
 from ..base.fields import PART, PART_FORM, PART_VECTOR, PIECE, PIECE_STATE, PIXEL, READABLE, Field, Place, fields_of
 from ..base.shared_array import give_back
-from ..studies.choices import FORMATS
 from ..topography import Topography
 from . import vtk_files
 from .selections import piece as checked_piece
-from .vtk_files import Cells, Heights, LoadSteps, View, write_hdf, write_series
+from .vtk_files import Cells, Heights, LoadSteps, View, write_series
 
 if TYPE_CHECKING:
     import xarray
@@ -198,29 +197,20 @@ _ONE_POINT = 1e-9
 
 
 def write_vtk(
-    run: RunData,
-    surface: Topography | None,
-    folder: str | os.PathLike[str],
-    file_format: str = "vtu",
-    mapper: Mapper = map,
+    run: RunData, surface: Topography | None, folder: str | os.PathLike[str], mapper: Mapper = map
 ) -> list[Path]:
-    """Write the views of results; open the `.pvd` or the `.vtkhdf` files in ParaView.
+    """Write the views of results; open the `.pvd` files in ParaView.
 
     run : of a two-scale study: `pieces`, those of the face at every step; of a stochastic study: `states`, the pieces
     in every state of the face, and `drawn`, the seal nearest to the median at every step.
     surface : heights, for `surface` [µm]; None: not written.
     folder : made if needed. Each file is written whole or not at all, a `.pvd` after the files it names.
-    file_format : "vtu" (series of `.vtu`), "vtkhdf", "both" or "none".
     mapper : such as over processes of this machine, one of which writes them: VTK lets no other thread work.
 
     Returns paths of all files.
 
-    Raises InputError: the folder cannot be made, or another format.
+    Raises InputError: the folder cannot be made.
     """
-    if file_format not in FORMATS:
-        raise InputError("file_format", file_format, f"one of {', '.join(FORMATS)}")
-    if file_format == "none":
-        return []
     data = run.dataset
     views: list[View] = [
         pieces_view(name, data, of, LoadSteps.of(data, dim=of.dims[0]))
@@ -231,15 +221,14 @@ def write_vtk(
     views += [] if surface is None else [Heights(surface)]
     target = made_folder(folder)
     # other processes may be at work in another folder
-    stage = Stage("files for ParaView", partial(_written, target.absolute(), file_format))
+    stage = Stage("files for ParaView", partial(_written, target.absolute()))
     (names,) = mapper(stage, [views])
     return [target / name for name in names]
 
 
-def _written(folder: Path, file_format: str, views: list[View]) -> list[Path]:
+def _written(folder: Path, views: list[View]) -> list[Path]:
     """Write views into an absolute folder; returns paths relative to it."""
-    writers = [write for name, write in (("vtu", write_series), ("vtkhdf", write_hdf)) if file_format in (name, "both")]
-    return [path.relative_to(folder) for write in writers for view in views for path in write(view, folder)]
+    return [path.relative_to(folder) for view in views for path in write_series(view, folder)]
 
 
 def pieces_view(name: str, data: xarray.Dataset, place: Place, steps: LoadSteps) -> Cells:

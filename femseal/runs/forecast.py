@@ -288,7 +288,7 @@ def disk(case: Case, prepared: Prepared, again: list[Prepared] | None = None) ->
     studies = {study.key for study in prepared.studies}
     each = fields_size(scene.surface.shape, studies)
     fitting = int(min(case.output.fields_limit // each, steps)) if each and case.output.fields else 0
-    formats = {"none": 0, "both": 2}.get(case.output.paraview, 1)
+    formats = case.output.paraview != "none"
     # pictures and report; heights for ParaView
     others = 2e6 * (case.output.pictures or case.output.report) + 4.0 * pixels * formats
     # a piece: ten numbers in results.nc, and in the mesh of the seal
