@@ -172,12 +172,8 @@ def _reduced(prepared: Prepared, scene: Scene) -> Prepared:
         enough = ceil(FACES_AGAIN * prod(cut.shape) / tiles.count)
         few = min(sampling.realisations or FEWEST_SEALS, SEALS_AGAIN, enough)
         sampling = replace(sampling, realisations=few, median_fields=False)
-    return replace(prepared, scene=scene, sampling=sampling, methods=_routes(prepared))
-
-
-def _routes(prepared: Prepared) -> frozenset[str]:
-    """Names of the studies that coarser solutions take."""
-    return frozenset(route(study).name for study in prepared.studies)
+    methods = frozenset(route(study).name for study in prepared.studies)
+    return replace(prepared, scene=scene, sampling=sampling, methods=methods)
 
 
 def with_points(prepared: Prepared, points: Pair) -> Prepared:
