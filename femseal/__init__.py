@@ -35,7 +35,7 @@ __version__ = "0.2.0"
 
 if TYPE_CHECKING:
     from .base.errors import FemsealError, InputError, NotConverged, PartsMissing
-    from .budget import CoarserSolution, ErrorBudget, ErrorPart, GridConvergence, error_budget, grid_convergence
+    from .budget import CoarserSolution, ErrorBudget, ErrorPart, error_budget
     from .calibration.calibrating import calibrate
     from .calibration.calibration import Calibration
     from .case.case import Case, load_case
@@ -112,7 +112,6 @@ __all__ = [
     "FemsealError",
     "FlowLaw",
     "FukuiKaneko",
-    "GridConvergence",
     "HalfSpace",
     "HardnessTable",
     "IdealGas",
@@ -160,7 +159,6 @@ __all__ = [
     "design",
     "deterministic",
     "error_budget",
-    "grid_convergence",
     "load_case",
     "load_cycle",
     "named_solid",

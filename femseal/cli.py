@@ -184,7 +184,7 @@ def report(
 @app.command()
 def export(
     folder: Annotated[Path, typer.Argument(metavar="DIR", help="Results folder of a run.")],
-    output: Annotated[Path, typer.Option("-o", "--output", help="File to write: .npz, .tif (GeoTIFF), .x3p or .vti.")],
+    output: Annotated[Path, typer.Option("-o", "--output", help="File to write: .npz or .vti.")],
     step: Annotated[int | None, option("Load step, counted from 0 as in the table.", "all, numbered files")] = None,
     field: Annotated[
         str, typer.Option(help='Over the pixels of the face: "gap", "contact_pressure" or "fluid_pressure".')

@@ -110,9 +110,7 @@ def design(
     output: Annotated[
         Path | None, option("Folder of results and answer.", "results/CASE, or DIR", "-o", "--output")
     ] = None,
-    solve: Annotated[
-        bool, typer.Option("--solve/--no-solve", help="Solve a case again with another hardness and turned by 90°.")
-    ] = True,
+    solve: Annotated[bool, typer.Option("--solve/--no-solve", help="Solve a case again with another hardness.")] = True,
     workers: Workers = None,
     quiet: Quiet = False,
 ) -> None:

@@ -6,8 +6,8 @@ from math import ceil, log2, prod
 
 import numpy as np
 
-from ..base import Array, InputError
-from ..preparation.prepared import Pair, Prepared, without_short_waves
+from ..base import Array
+from ..preparation.prepared import Pair, Prepared
 from ..studies import STUDIES, Scene, Study
 from ..studies.sampling import FEWEST_SEALS
 
@@ -78,13 +78,14 @@ def without_filtered_waves(prepared: Prepared, leakage: Array | None = None) -> 
     """The version without waves up to twice the shortest one, at some of the steps; None where none were removed."""
     if removed_octaves(prepared) < LEAST_OCTAVES:
         return None
-    try:
-        smooth = without_short_waves(replace(prepared, methods=_routes(prepared)))
-    except InputError as error:
-        log.warning("error budget: no solution without the shortest waves: %s", error)
+    surface, wave = prepared.scene.surface, 2 * prepared.conditioning.shortest_wavelength
+    n1, n2 = (ceil(n / 2) for n in surface.shape)
+    least1, least2 = prepared.least_points
+    if wave >= max(surface.size) or n1 < least1 or n2 < least2:
+        log.warning("error budget: the face or its pieces are too small to do without the shortest waves")
         return None
     some = at_some_steps(prepared.scene, leakage, FILTER_STRIDE, least=0)
-    return _reduced(prepared, replace(some, surface=smooth.surface))
+    return _reduced(prepared, replace(some, surface=surface.low_pass(wave).resample((n1, n2))))
 
 
 def continued_scenes(grid: Prepared) -> list[Scene]:
@@ -144,9 +145,5 @@ def _reduced(prepared: Prepared, scene: Scene) -> Prepared:
         enough = ceil(FACES_AGAIN * prod(cut.shape) / tiles.count)
         few = min(sampling.realisations or FEWEST_SEALS, SEALS_AGAIN, enough)
         sampling = replace(sampling, realisations=few, median_fields=False)
-    return replace(prepared, scene=scene, sampling=sampling, methods=_routes(prepared))
-
-
-def _routes(prepared: Prepared) -> frozenset[str]:
-    """Names of the studies that coarser solutions take."""
-    return frozenset(route(study).name for study in prepared.studies)
+    methods = frozenset(route(study).name for study in prepared.studies)
+    return replace(prepared, scene=scene, sampling=sampling, methods=methods)

@@ -84,10 +84,6 @@ def scatter_lines(results: RunData) -> Lines:
     for one, name, other, reference in pairs:
         if name in data and reference in data:
             lines += _comparison(results, one, data[name].values, other, data[reference].values)
-    if "leakage_filtered" in data:
-        lines += _comparison(
-            results, "twice the shortest wave", data["leakage_filtered"].values, results.method, results.leakage.values
-        )
     return lines
 
 

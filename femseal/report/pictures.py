@@ -27,7 +27,6 @@ from ..plots.maps import (
 )
 from ..plots.piece_curves import pieces_of
 from ..results.results import Results
-from ..results.selections import solved_steps
 from ..results.tables import leakage_at, leakage_of
 from ..topography import Topography
 from .error_tables import most_leaking_place
@@ -230,8 +229,7 @@ def drop_picture(results: Results, drawings: Drawings) -> Picture:
 def drop_steps(data: xarray.Dataset) -> list[int]:
     """Loading steps that leak: the first, the middle one, and that of the maps last."""
     last = default_step(data)
-    solved = solved_steps(data)
-    loading = solved[np.isnan(data["unloaded_from"].values[solved])]
+    loading = np.flatnonzero(np.isnan(data["unloaded_from"].values))
     leaking = loading[np.nan_to_num(face_leakage(data)[loading]) != 0]
     return list(dict.fromkeys([*(int(leaking[n]) for n in (0, leaking.size // 2) if leaking.size), last]))
 
