@@ -63,7 +63,7 @@ def test_a_grid_limited_for_its_cost_is_told(case, monkeypatch):
         assert words in warning
     # what it tells to set keeps the slope
     assert prepare(case(points=wanted)).conditioning.lost_slope < 0.001
-    assert prepare(case(points=wanted)).warnings == ()
+    assert of_grid(prepare(case(points=wanted))) == []
 
 
 def test_settings_rule_and_their_loss_is_told(case):
@@ -74,10 +74,10 @@ def test_settings_rule_and_their_loss_is_told(case):
     (warning,) = of_grid(prepare(case(shortest_wave="16 um")))
     assert "the low-pass at 16 µm removes" in warning
     assert warning.endswith("leave out surface.shortest_wave")
-    (warning,) = prepare(case(points=[96, 128])).warnings
+    (warning,) = of_grid(prepare(case(points=[96, 128])))
     assert "the low-pass at 8 µm removes" in warning
     assert "set surface.points = [" in warning
-    both = prepare(case(points=[200, 260], shortest_wave="16 um")).warnings
+    both = of_grid(prepare(case(points=[200, 260], shortest_wave="16 um")))
     assert both[0].endswith("leave out surface.shortest_wave and surface.points")
 
 
@@ -86,7 +86,7 @@ def test_noise_that_is_kept_is_told(case, tmp_path):
         noise = np.random.default_rng(1).normal(0, 200e-9, file["z"].shape)
         np.savez(tmp_path / "noisy.npz", z=file["z"] + noise, spacing=file["spacing"])
     face = case().face[0].model_copy(update={"path": Path("noisy.npz")})
-    warnings = prepare(case(shortest_wave="3 um").model_copy(update={"face": (face,)})).warnings
+    warnings = of_grid(prepare(case(shortest_wave="3 um").model_copy(update={"face": (face,)})))
     assert any("are noise or beyond the instrument: surface.shortest_wave = '" in text for text in warnings)
 
 
