@@ -15,7 +15,7 @@ The flow of data, top to bottom::
     report       the folder and the page of a run                        write_report
     case         a TOML file, checked                                    load_case
     preparation  a case -> the input of the studies
-    refinement   coarser and finer versions of a case                    measure_accuracy
+    refinement   coarser and finer versions of a case, a wanted accuracy
     runs         a case, run: everything above                           run
     sweeps       a case with several values of its keys                  sweep
     designs      results -> pressures that a leakage class needs         design
@@ -35,7 +35,7 @@ __version__ = "0.2.0"
 
 if TYPE_CHECKING:
     from .base.errors import FemsealError, InputError, NotConverged, PartsMissing
-    from .budget import CoarserSolution, ErrorBudget, ErrorPart, GridConvergence, error_budget, grid_convergence
+    from .budget import CoarserSolution, ErrorBudget, ErrorPart, error_budget
     from .calibration.calibrating import calibrate
     from .calibration.calibration import Calibration
     from .case.case import Case, load_case
@@ -59,8 +59,6 @@ if TYPE_CHECKING:
     from .materials import Solid, contact_modulus, named_solid
     from .preparation.preparation import prepare
     from .real_gas import RealGas
-    from .refinement.accuracy_measure import measure_accuracy
-    from .refinement.accuracy_report import AccuracyReport
     from .report import write_report
     from .results import Results, RunComparison, compare, open_results
     from .runs.job import run
@@ -96,7 +94,6 @@ displays["plots"] = partial(import_module, ".plots", __name__)
 displays["report"] = partial(import_module, ".report", __name__)
 
 __all__ = [
-    "AccuracyReport",
     "AnnularSeal",
     "BallOnCone",
     "Calibration",
@@ -114,7 +111,6 @@ __all__ = [
     "FemsealError",
     "FlowLaw",
     "FukuiKaneko",
-    "GridConvergence",
     "HalfSpace",
     "HardnessTable",
     "IdealGas",
@@ -161,10 +157,8 @@ __all__ = [
     "design",
     "deterministic",
     "error_budget",
-    "grid_convergence",
     "load_case",
     "load_cycle",
-    "measure_accuracy",
     "named_solid",
     "open_results",
     "permeability_tensor",

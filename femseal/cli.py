@@ -6,6 +6,7 @@ Exit code 0 done, 2 bad input (nothing written), 1 anything else; 3 of a part of
 import errno
 import gc
 import os
+import re
 import signal
 import sys
 import traceback
@@ -17,7 +18,7 @@ import typer
 
 from .base import FemsealError, InputError, PartsMissing, shortened, writing
 from .base.lazy_package import loading
-from .commands import all_progress, calibrate, compare, design, sweep
+from .commands import calibrate, compare, design, sweep
 from .execution.parts import parsed_part
 from .execution.terminal import (
     CasePath,
@@ -183,7 +184,7 @@ def report(
 @app.command()
 def export(
     folder: Annotated[Path, typer.Argument(metavar="DIR", help="Results folder of a run.")],
-    output: Annotated[Path, typer.Option("-o", "--output", help="File to write: .npz, .tif (GeoTIFF), .x3p or .vti.")],
+    output: Annotated[Path, typer.Option("-o", "--output", help="File to write: .npz or .vti.")],
     step: Annotated[int | None, option("Load step, counted from 0 as in the table.", "all, numbered files")] = None,
     field: Annotated[
         str, typer.Option(help='Over the pixels of the face: "gap", "contact_pressure" or "fluid_pressure".')
@@ -204,33 +205,6 @@ def export(
         ends = a, b, c, d
     for path in open_results(folder).export(output, step=step, field=field, piece=piece, window=ends):
         typer.echo(path)
-
-
-@app.command()
-def accuracy(
-    path: CasePath,
-    output: Annotated[Path | None, option("Folder for table and picture.", "none", "-o", "--output")] = None,
-    limit: Annotated[str, typer.Option(help="Skip solutions expected to take longer on one core.")] = "10 min",
-    memory: Annotated[str, typer.Option(help="Skip solutions expected to need more.")] = "4 GB",
-    workers: Workers = None,
-    quiet: Annotated[bool, flag("--quiet", "No plan, no progress, no table.")] = False,
-) -> None:
-    """Report speed against error for a case: coarser pixels, whole faces and drawn seals."""
-    from .base.quantities import to_si
-    from .refinement.accuracy_measure import measure_accuracy
-
-    limits = {"limit": to_si(limit, "s", "limit"), "memory": to_si(memory, "byte", "memory")}
-    announce = None if quiet else typer.echo
-    with all_progress(quiet) as progress:
-        report = measure_accuracy(path, output, workers, **limits, announce=announce, progress=progress)
-    if not quiet:
-        print_table(report.table())
-        for warning in report.warnings[:5]:
-            typer.echo(f"warning: {warning}", err=True)
-        if len(report.warnings) > 5:
-            typer.echo(f"warning: {len(report.warnings) - 5} more", err=True)
-        if output is not None:
-            typer.echo(f"accuracy in {output}")
 
 
 @app.command()
@@ -302,6 +276,11 @@ def schema() -> None:
 
 
 _debug = False
+#: Commands and options that are gone, and what does now what they did.
+_REMOVED = {
+    "accuracy": 'none: removed; a run whose case has accuracy = "10 %" reports time and error of its attempts',
+    "--sobol": "none: removed; examples/sobol.py computes Sobol indices of the leakage with scipy.stats",
+}
 #: Exit code that shells and typer have for a Ctrl-C.
 _INTERRUPTED = 130
 
@@ -333,6 +312,9 @@ def main() -> None:
         if isinstance(error, OSError) and error.errno == errno.ENAMETOOLONG:
             given = f"'{shortened(str(error.filename))}'"
             _stop(error, str(InputError("path", given, "names as short as the file system takes")), 2)
+        unknown = re.match(r"No such (command|option):? '?([\w-]+)", str(error))
+        if unknown and unknown[2] in _REMOVED:
+            _stop(error, str(InputError(unknown[2], f"the {unknown[1]}", _REMOVED[unknown[2]])), 2)
         # usage errors of the parser have their own message and exit code
         if hasattr(error, "show") and hasattr(error, "exit_code"):
             error.show()

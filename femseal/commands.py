@@ -110,17 +110,7 @@ def design(
     output: Annotated[
         Path | None, option("Folder of results and answer.", "results/CASE, or DIR", "-o", "--output")
     ] = None,
-    solve: Annotated[
-        bool, typer.Option("--solve/--no-solve", help="Solve a case again with another hardness and turned by 90°.")
-    ] = True,
-    sobol: Annotated[
-        list[str] | None,
-        typer.Option(
-            metavar="KEY=LOW,HIGH",
-            help="Instead, Sobol indices of the leakage over ranges of keys, such as material.hardness=2GPa,4GPa.",
-            show_default="none",
-        ),
-    ] = None,
+    solve: Annotated[bool, typer.Option("--solve/--no-solve", help="Solve a case again with another hardness.")] = True,
     workers: Workers = None,
     quiet: Quiet = False,
 ) -> None:
@@ -128,9 +118,6 @@ def design(
 
     A case is run unless its folder holds its complete results; a results folder is taken as it is.
     """
-    if sobol:
-        _sobol(path, sobol, output, workers, quiet)
-        return
     from .designs.answer import design as answer_of
 
     folder = output or (path if path.is_dir() else Path("results") / path.stem)
@@ -154,19 +141,6 @@ def design(
         written = [f"design.{kind}" for kind in ("csv", "json", "png")]
         written += ["report.html"] if (folder / "report.html").is_file() else []
         typer.echo(f"{', '.join(written[:-1])} and {written[-1]} in {folder}")
-
-
-def _sobol(path: Path, ranges: list[str], output: Path | None, workers: int | None, quiet: bool) -> None:
-    """Sobol indices of a case file, on the terminal and in a folder."""
-    from .designs.sobol import sobol as indices_of
-    from .sweeps.variations import parsed_keys
-
-    folder = output or Path("results") / f"{path.stem}-sobol"
-    with all_progress(quiet) as progress:
-        found = indices_of(path, parsed_keys(ranges), folder, workers=workers, progress=progress)
-    if not quiet:
-        print_table(found.table())
-        typer.echo(f"sobol.csv and sobol.json in {folder}")
 
 
 def calibrate(

@@ -215,9 +215,8 @@ def examples():
         turned | {"face": two},
         {key: turned[key] for key in ("face", "material", "load", "fluid")}
         | {"accuracy": "20 %", "time_limit": "1 min"},
-        alone | {"load": turned["load"] | {"interpolate": "5 %"}, "output": {"pictures": False, "budget": False}},
         turned | {"load": turned["load"] | {"map": bolted}, "stochastic": drawn},
-        turned | {"compare": ["deterministic"], "surface": {"filter_sensitivity": True, "shortest_wave": "30 um"}},
+        turned | {"compare": ["deterministic"], "surface": {"shortest_wave": "30 um"}},
     ]
 
 

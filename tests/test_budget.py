@@ -10,7 +10,7 @@ import femseal as fs
 from femseal import CoarserSolution, ErrorPart
 from femseal.budget.changes import on_all_steps
 from femseal.budget.estimates import effective_pressure_part, median_interval
-from femseal.budget.grid_convergence import pixels_part
+from femseal.budget.pixels import observed_order, pixels_part
 from femseal.budget.waves import filter_part
 from femseal.loads import LoadProgramme
 from femseal.preparation.preparation import prepare
@@ -30,39 +30,19 @@ def part(name, below, above, upper_sealed=0.0):
 
 def test_the_published_example_of_three_grids():
     """Celik et al. (2008) as pyGCS computes it: 18000, 8000 and 4500 cells in the plane."""
-    sizes = [n**-0.5 for n in (18000, 8000, 4500)]
-    found = fs.grid_convergence([6.063, 5.972, 5.863], sizes)
-    assert found.kind == "monotone"
-    assert_allclose([found.order, found.extrapolated], [1.53, 6.1685], atol=5e-3)  # published to these digits
-    assert_allclose([100 * found.index, 100 * found.index_medium], [2.17, 4.11], atol=5e-3)
+    order = observed_order(6.063 - 5.972, 5.972 - 5.863, (18 / 8) ** 0.5, (8 / 4.5) ** 0.5)
+    assert_allclose(order, 1.53, atol=5e-3)  # published to these digits
 
 
 @pytest.mark.parametrize("order", [0.7, 1.0, 2.0])
 def test_the_order_of_a_manufactured_sequence_is_observed(order):
-    sizes = [1.0, 1.4, 2.3]
-    found = fs.grid_convergence([3.0 + 0.2 * h**order for h in sizes], sizes, order=2.0)
-    assert_allclose([found.order, found.extrapolated], [order, 3.0], rtol=1e-9)
-    assert_allclose(found.error, 1.25 * 0.2, rtol=1e-9)
+    first, second = 1.4**order - 1.0, 2.3**order - 1.4**order
+    assert_allclose(observed_order(first, second, 1.4, 2.3 / 1.4), order, rtol=1e-9)
 
 
-def test_an_order_that_is_not_expected_takes_more_safety():
-    found = fs.grid_convergence([1 + 0.1 * h**5 for h in (1, 2, 4)], [1, 2, 4], order=2.0)
-    assert not found.as_expected
-    assert_allclose(found.error, 3 * 0.1 * 31 / 3)  # order 2, not the observed 5
-
-
-@pytest.mark.parametrize(
-    ("values", "kind", "least"),
-    [
-        ([1.0, 1.1, 0.8], "oscillating", 0.15),
-        ([1.0, 1.2, 1.1], "oscillating", 0.6),
-        ([1.0, 1.2, 1.3], "diverging", 0.9),
-    ],
-)
-def test_values_that_do_not_converge_say_so(values, kind, least):
-    found = fs.grid_convergence(values, [1, 2, 4])
-    assert found.kind == kind
-    assert found.error >= least - 1e-12
+def test_changes_that_do_not_fall_have_no_order():
+    assert np.isnan([observed_order(1.0, 1.0, 2.0, 2.0), observed_order(0.0, 0.0, 2.0, 2.0)]).all()
+    assert observed_order(0.0, 1.0, 2.0, 2.0) > 2.0  # the finest change is 0 by chance
 
 
 def test_parts_combine_as_the_root_of_the_sum_of_squares_of_logarithms():

@@ -14,12 +14,11 @@ import femseal as fs
 from femseal.case.case import parse_case
 from femseal.loads import LoadProgramme
 from femseal.preparation.preparation import prepare
-from femseal.refinement.accuracy_plan import make_plan
 from femseal.report.case_text import load_sentences
 from femseal.results.variables import step_coordinates
 from femseal.runs.forecast import describe
 from femseal.runs.job import face_files
-from femseal.seal.pressure_map import AngleTable, Frame, MapsAtLoads, Profile, Uniform, is_uniform
+from femseal.seal.pressure_map import AngleTable, Frame, MapsAtLoads, Profile, Uniform
 from femseal.studies.tile_pressure import pressure_fractions, seal_for_maps
 
 ROOT = Path(__file__).parents[1]
@@ -225,11 +224,6 @@ class TestFieldOfACase:
         with pytest.raises(fs.InputError, match=words) as caught:
             prepare(case(**given))
         assert "\n" not in str(caught.value)
-
-    def test_accuracy_is_that_of_the_face(self, case):
-        """Drawn seals are compared with the face, which has one pressure."""
-        assert not is_uniform(prepare(case()).sampling.pressure_map)
-        assert make_plan(case(), limit=1e9, memory=1e15).prepared.sampling.pressure_map == Uniform()
 
     def test_a_missing_file(self, case):
         with pytest.raises(fs.InputError, match=r"load.map.path: given 'none.csv', expected a file that exists"):

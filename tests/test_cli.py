@@ -72,7 +72,6 @@ def test_a_run_in_one_process_tells_that_loops_are_compiled(femseal, monkeypatch
         ("sweep", "sweeps.sweeping.prepare", ["seed=1"]),
         ("design", "designs.answer.job._prepared", ["--no-solve"]),
         ("calibrate", "calibration.calibrating.prepare", ["test.csv"]),
-        ("accuracy", "refinement.accuracy_measure.make_plan", []),
     ],
 )
 def test_other_commands_tell_once_too_that_loops_are_compiled(femseal, monkeypatch, tmp_path, command, place, further):
@@ -130,7 +129,7 @@ def test_help_names_commands_and_exit_codes(femseal):
     assert "Exit code: 0 done, 2 bad input (nothing is written), 1 anything else." in text
 
 
-@pytest.mark.parametrize("command", ["new", "check", "run", "report", "accuracy", "surface"])
+@pytest.mark.parametrize("command", ["new", "check", "run", "report", "surface"])
 def test_help_says_what_is_taken_where_nothing_is_given(femseal, monkeypatch, command):
     monkeypatch.setenv("COLUMNS", "160")
     code, text, _ = femseal(command, "--help")
@@ -186,6 +185,25 @@ def test_commands_are_completed():
     code = "from femseal.cli import main; main()"
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, env=os.environ | asked)
     assert sorted(done.stdout.split()) == ["schema", "surface", "sweep"]
+
+
+@pytest.mark.parametrize(
+    ("arguments", "told"),
+    [
+        (
+            ["accuracy", "case.toml", "--limit", "1 min"],
+            'femseal: accuracy: given the command, expected none: removed; a run whose case has accuracy = "10 %"',
+        ),
+        (
+            ["design", "case.toml", "--sobol", "seed=1,2"],
+            "femseal: --sobol: given the option, expected none: removed; examples/sobol.py computes",
+        ),
+    ],
+)
+def test_what_is_removed_is_told_in_a_line(femseal, arguments, told):
+    code, printed, errors = femseal(*arguments)
+    assert (code, printed, errors.count("\n")) == (2, "", 1)
+    assert errors.startswith(told)
 
 
 def test_errors_are_a_line_and_after_debug_a_traceback(femseal, monkeypatch, tmp_path):
@@ -296,8 +314,8 @@ def test_bad_options_of_surface(femseal, face, tmp_path, monkeypatch, arguments,
 @pytest.mark.parametrize(
     ("change", "reason"),
     [
-        (lambda z: z[:, 90:].fill(np.nan), "29.7 % of its points are undefined, and at most 5 % are filled"),
-        (lambda z: z[::2].fill(np.nan), "50 % of its points are undefined"),
+        (lambda z: z[:, 90:].fill(np.nan), r"29.7 % undefined points, expected at most 5 %: crop the map"),
+        (lambda z: z[::2].fill(np.nan), "50 % undefined points"),
         (lambda z: z.fill(np.nan), "none of its points is defined"),
         (lambda z: z.__imul__(1e6), r"expected at most 10 mm; .* \(--height-unit\)"),
     ],
@@ -313,14 +331,6 @@ def test_surface_describes_what_a_run_refuses(femseal, tmp_path, change, reason)
     assert re.search(f"note: a run refuses this face: .*{reason}", text)
     assert fields(text)["points"]
     assert not drawn or (tmp_path / "face.png").stat().st_size > 30_000
-    # the part that is offered, pasted as it is, is taken
-    if offered := re.search("--crop '(.*)' '(.*)' '(.*)' '(.*)'", text):
-        code, text, _ = femseal("surface", tmp_path / "face.npz", "--crop", *offered.groups())
-        assert code == 0
-        assert "a run refuses" not in text
-        assert fields(text.split("what a run does")[0])["points"] == "96 × 89"
-    else:
-        assert "29.7 %" not in reason
 
 
 def test_a_file_without_a_pixel_and_tiny_maps_are_described(femseal, tmp_path):
@@ -344,14 +354,6 @@ def test_a_mask_in_the_file_is_told(femseal, tmp_path):
     text = femseal("surface", tmp_path / "face.npz", "--no-file-mask")[1]
     assert "masked" not in text
     assert fields(text)["undefined points, filled"] == "0 %"
-
-
-def test_a_part_of_a_cropped_face_is_told_in_the_whole_map(femseal, tmp_path):
-    z = fs.turned((96, 128), (96e-6, 128e-6), pitch=16e-6, depth=1e-6, rng=1).heights.copy()
-    z[60:] = np.nan
-    np.savez(tmp_path / "face.npz", z=z, spacing=(1e-6, 1e-6))
-    text = femseal("surface", tmp_path / "face.npz", "--crop", "10 um", "96 um", "20 um", "128 um")[1]
-    assert 'crop = ["10 µm", "60 µm", "20 µm", "128 µm"] in [face]' in text
 
 
 def test_defaults_of_surface_are_those_of_a_case():

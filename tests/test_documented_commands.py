@@ -106,7 +106,6 @@ SLOW = {
     "run CASE -o DIR --part 3/16",
     "run examples/gasket_seal.toml -o results/gasket",
     "sweep seal.toml material.hardness=3GPa,4GPa face.pitch=40um,60um",
-    "design seal.toml --sobol material.hardness=2GPa,4GPa --sobol fluid.viscosity=1mPa*s,2mPa*s -o results/sobol",
     "calibrate seal.toml leak_test.csv -o results/calibrated",
 }
 

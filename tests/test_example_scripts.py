@@ -9,6 +9,7 @@ import matplotlib
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose
+from scipy.stats import qmc
 
 import femseal as fs
 from femseal import analytic
@@ -45,6 +46,7 @@ def test_every_script_has_a_test():
         "real_size_seal",
         "read_results",
         "design_answer",
+        "sobol",
     }
     elsewhere = {"figures", "paper_2018", "real_sizes", "two_scale_view", "paraview_two_scale"}
     assert here | elsewhere == SCRIPTS
@@ -117,6 +119,18 @@ def test_design_answer_knows_what_may_be_lost_in_service(drawn, drawn_seal):
     assert_allclose(lost[400e6], 1 - np.sqrt(150e6 * 50e6) / 400e6, rtol=0.02)
 
 
+def test_sobol_indices_of_the_viscosity_are_those_of_its_law():
+    """Leakage goes with one over the viscosity: a variance of ln(leakage) of ln(2)² / 12, whatever the rest does."""
+    script = names("sobol")
+    first, total = script["indices"](64)
+    low, high = np.log([*script["RANGES"].values()]).T
+    values = np.exp(low + (high - low) * qmc.Sobol(3, rng=2).random(64))
+    variance = script["log_leakage"](values.T).var()
+    assert_allclose(total[2], np.log(2) ** 2 / 12 / variance, rtol=0.03)
+    assert total[1] > total[2] > total[0] > 0
+    assert_allclose(first, total, atol=0.1)
+
+
 @pytest.mark.parametrize("stem", ["measured_face", "read_results", "design_answer"])
 def test_scripts_that_write_run_as_programs(stem, drawn, drawn_seal, tmp_path, monkeypatch, capsys):
     """Those that open no window are run whole."""
@@ -128,7 +142,7 @@ def test_scripts_that_write_run_as_programs(stem, drawn, drawn_seal, tmp_path, m
     assert (tmp_path / WRITES[stem]).exists()
 
 
-@pytest.mark.parametrize("stem", ["elastic_check", "one_cell", "lens_ring", "real_size_seal"])
+@pytest.mark.parametrize("stem", ["elastic_check", "one_cell", "lens_ring", "real_size_seal", "sobol"])
 def test_scripts_that_plot_run_as_programs(stem, tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
     backend = matplotlib.get_backend()

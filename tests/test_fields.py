@@ -6,9 +6,7 @@ import subprocess
 import sys
 from dataclasses import replace
 from pathlib import Path
-from types import SimpleNamespace
 
-import h5py
 import numpy as np
 import pytest
 import xarray
@@ -20,7 +18,7 @@ from femseal.case.case import parse_case
 from femseal.fluids import Liquid
 from femseal.plots import seal_figure
 from femseal.report import write_folder
-from femseal.results import assemble, export, open_results, write_vtk
+from femseal.results import assemble, export, open_results
 from femseal.results.paraview import plan_fields
 from femseal.runs import job
 from femseal.studies import Sampling, Scene, deterministic, stochastic, two_scale
@@ -64,7 +62,7 @@ def results(scene, studies):
 @pytest.fixture(scope="module")
 def folder(results, scene, tmp_path_factory):
     path = tmp_path_factory.mktemp("run")
-    write_folder(results, path, scene.surface, paraview="both")
+    write_folder(results, path, scene.surface)
     return path
 
 
@@ -74,35 +72,15 @@ def back(folder):
 
 
 def in_time(path):
-    """Step, cell data, point data, field data and mesh of every time of a VTKHDF file or a collection."""
-    if path.suffix == ".pvd":
-        import pyvista
+    """Step, cell data, point data, field data and mesh of every time of a collection."""
+    import pyvista
 
-        reader = pyvista.get_reader(path)
-        for time in reader.time_values:
-            reader.set_active_time_value(time)
-            (mesh,) = reader.read()
-            yield time, mesh.cell_data, mesh.point_data, {n: a[0] for n, a in mesh.field_data.items()}, mesh
-        return
-    from vtkmodules.util.numpy_support import vtk_to_numpy
-    from vtkmodules.vtkCommonExecutionModel import vtkStreamingDemandDrivenPipeline as Pipeline
-    from vtkmodules.vtkIOHDF import vtkHDFReader
-
-    reader = vtkHDFReader()
-    assert reader.CanReadFile(str(path))
-    reader.SetFileName(str(path))
-    reader.UpdateInformation()
-    for time in reader.GetOutputInformation(0).Get(Pipeline.TIME_STEPS()) or [None]:
-        reader.Update() if time is None else reader.UpdateTimeStep(time)
-        output = reader.GetOutput()
-        found = []
-        for data in (output.GetCellData(), output.GetPointData()):
-            pairs = [data.GetAbstractArray(n) for n in range(data.GetNumberOfArrays())]
-            found.append({a.GetName(): vtk_to_numpy(a) for a in pairs})
-        fields = output.GetFieldData()
-        named = [fields.GetAbstractArray(n) for n in range(fields.GetNumberOfArrays())]
-        assert all(a.GetNumberOfTuples() == 1 for a in named)
-        yield time, *found, {a.GetName(): a.GetValue(0) for a in named}, output
+    reader = pyvista.get_reader(path)
+    for time in reader.time_values:
+        reader.set_active_time_value(time)
+        (mesh,) = reader.read()
+        assert all(len(values) == 1 for values in mesh.field_data.values())
+        yield time, mesh.cell_data, mesh.point_data, {n: a[0] for n, a in mesh.field_data.items()}, mesh
 
 
 def same_steps(steps, fields):
@@ -111,17 +89,17 @@ def same_steps(steps, fields):
     assert_allclose([f["unloaded_from_MPa"] for f in fields], peaks)
 
 
-# --- VTKHDF, read by VTK ----------------------------------------------------------------------------------
+# --- files, read by pyvista -------------------------------------------------------------------------------
 
 
 def test_seal_is_a_mesh_in_time(results, folder):
     data = results.dataset
-    read = list(in_time(folder / "vtk/pieces.vtkhdf"))
+    read = list(in_time(folder / "vtk/pieces.pvd"))
     # time is the step: loads come back on unloading
     assert [time for time, *_ in read] == list(range(6))
     same_steps(results.steps, [fields for *_, fields, _ in read])
     for s, (_, cells, points, _, grid) in enumerate(read):
-        assert grid.GetClassName() == "vtkUnstructuredGrid"
+        assert grid.IsA("vtkUnstructuredGrid")
         assert (grid.GetNumberOfCells(), grid.GetNumberOfPoints()) == (M1 * M2, (M1 + 1) * (M2 + 1))
         for name, variable, factor in (
             ("k1_m3", "piece_k1", 1),
@@ -136,18 +114,10 @@ def test_seal_is_a_mesh_in_time(results, folder):
 def test_pieces_of_the_seal_lie_where_they_should(results, folder):
     import pyvista
 
-    *_, (_, cells, _, _, grid) = in_time(folder / "vtk/pieces.vtkhdf")
+    *_, (_, cells, _, _, grid) = in_time(folder / "vtk/pieces.pvd")
     x1, x2 = (results.dataset[name].values for name in ("piece1", "piece2"))
     number = pyvista.wrap(grid).find_containing_cell((x1[1] * 1.02, x2[2] * 1.02, 0.0))
     assert cells["k1_m3"][number] == results.dataset["piece_k1"][-1, 1, 2]
-
-
-def test_the_mesh_is_stored_once_and_the_data_are_packed(folder, results):
-    with h5py.File(folder / "vtk/pieces.vtkhdf") as file:
-        root = file["VTKHDF"]
-        assert root["Points"].shape == ((M1 + 1) * (M2 + 1), 3)
-        assert root["CellData/k1_m3"].shape == (6 * M1 * M2,)
-        assert root["CellData/k1_m3"].compression == "gzip"
 
 
 def test_fields_over_all_pixels(results, studies, scene, folder):
@@ -171,8 +141,10 @@ def test_fields_over_all_pixels(results, studies, scene, folder):
 
 
 def test_heights_are_points(scene, folder):
-    ((time, _, points, _, image),) = in_time(folder / "vtk/surface.vtkhdf")
-    assert time is None
+    import pyvista
+
+    image = pyvista.read(folder / "vtk/surface.vti")
+    points = image.point_data
     assert_allclose(points["height_um"].reshape(48, 96, order="F"), scene.surface.heights * 1e6, rtol=1e-6)
     d1, d2 = scene.surface.spacing
     place = image.FindPoint(5.5 * d1, 77.5 * d2, 0.0)
@@ -181,23 +153,11 @@ def test_heights_are_points(scene, folder):
 
 def test_names_are_plain_and_carry_units(folder):
     units = ("_MPa", "_um", "_m3", "_m2_per_s", "_fraction", "Time")
-    for path in (*folder.glob("vtk/*.vtkhdf"), *folder.glob("**/*.pvd")):
+    for path in folder.glob("**/*.pvd"):
         _, cells, points, fields, _ = next(in_time(path))
         for name in (*cells, *points, *fields):
             assert name.replace("_", "").isalnum()
             assert name.endswith(units)
-
-
-def test_formats_are_chosen(results, scene, tmp_path):
-    endings = {
-        name: {p.suffix for p in write_vtk(results, scene.surface, tmp_path / name, name)}
-        for name in ("vtkhdf", "vtu", "both", "none")
-    }
-    series = {".vtu", ".vti", ".pvd"}
-    assert endings == {"vtkhdf": {".vtkhdf"}, "vtu": series, "both": {".vtkhdf", *series}, "none": set()}
-    assert not (tmp_path / "none").exists()
-    with pytest.raises(InputError, match="format: given xdmf, expected one of vtu, vtkhdf, both, none"):
-        write_vtk(results, None, tmp_path / "none", "xdmf")
 
 
 # --- size -------------------------------------------------------------------------------------------------
@@ -308,53 +268,24 @@ def test_fields_of_a_deterministic_study(scene, studies, tmp_path):
             assert_allclose(getattr(at_hand, name)(3), getattr(studies["deterministic"], name)[3], rtol=1e-6)
 
 
-@pytest.mark.parametrize("suffix", [".npz", ".x3p", ".tif"])
-def test_gap_for_other_programs(back, studies, scene, tmp_path, suffix):
+def test_gap_for_other_programs(back, studies, scene, tmp_path):
     """What is read back has the pixel, lies as the face and holds the gap of the step."""
     two, (d1, d2) = studies["two_scale"], scene.surface.spacing
-    (path,) = back.export(tmp_path / f"gap{suffix}", step=4)
-    n1, n2 = two.gap[4].shape
-    if suffix == ".tif":
-        image = tifffile_of(path)
-        assert image["tags"][33550] == pytest.approx((d1, d2, 0))
-        tie = image["tags"][33922]
-        assert image["data"].shape == (n2, n1)
-        # the place of the last row and the first column is x1 = 0, x2 = 0
-        assert_allclose((tie[3], tie[4] - n2 * d2), 0, atol=1e-9 * d2)
-        assert_allclose(image["data"][::-1].T, two.gap[4], rtol=1e-6)
-        assert image["tags"][34735][:4] == (1, 1, 1, (len(image["tags"][34735]) - 4) // 4)
-        assert "gap [m]" in image["tags"][270]
-        return
-    face = read_topography(path, **({"array": "gap"} if suffix == ".npz" else {}))
+    (path,) = back.export(tmp_path / "gap.npz", step=4)
+    face = read_topography(path, array="gap")
     assert_allclose(face.spacing, (d1, d2))
     assert_allclose(face.heights, two.gap[4], rtol=1e-6)
-    if suffix == ".npz":
-        with np.load(path) as stored:
-            assert str(stored["name"]) == back.steps[4].name
-            assert_allclose(stored["nominal_pressure"], back.steps[4].pressure)
+    with np.load(path) as stored:
+        assert str(stored["name"]) == back.steps[4].name
+        assert_allclose(stored["nominal_pressure"], back.steps[4].pressure)
 
 
-def tifffile_of(path):
-    """Content of a TIFF by an independent reader, or else by the one that wrote it."""
-    try:
-        import tifffile
-    except ImportError:
-        from PIL import Image
-
-        with Image.open(path) as image:
-            return {"data": np.asarray(image), "tags": dict(image.tag_v2)}
-    with tifffile.TiffFile(path) as file:
-        page = file.pages[0]
-        return {"data": page.asarray(), "tags": {tag.code: tag.value for tag in page.tags}}
-
-
-@pytest.mark.parametrize("ending", ["npz", "tif"])
-def test_all_fields_of_a_deterministic_study_are_exported(scene, studies, tmp_path, ending):
+def test_all_fields_of_a_deterministic_study_are_exported(scene, studies, tmp_path):
     study = studies["deterministic"]
     r = assemble(scene, deterministic=study)
     for name in ("gap", "contact_pressure", "fluid_pressure"):
-        (path,) = r.export(tmp_path / f"{name}.{ending}", field=name, step=2)
-        values = np.load(path)[name] if ending == "npz" else tifffile_of(path)["data"][::-1].T
+        (path,) = r.export(tmp_path / f"{name}.npz", field=name, step=2)
+        values = np.load(path)[name]
         assert_allclose(values, getattr(study, name)[2], rtol=1e-6)
     assert np.isnan(values[study.gap[2] == 0]).all()
 
@@ -396,9 +327,9 @@ def test_export_on_the_command_line(folder, tmp_path):
 
     from femseal.cli import app
 
-    done = CliRunner().invoke(app, ["export", str(folder), "-o", str(tmp_path / "gap.tif"), "--step", "2"])
-    assert (done.exit_code, done.output.split()) == (0, [str(tmp_path / "gap.tif")])
-    assert (tmp_path / "gap.tif").stat().st_size > 1000
+    done = CliRunner().invoke(app, ["export", str(folder), "-o", str(tmp_path / "gap.npz"), "--step", "2"])
+    assert (done.exit_code, done.output.split()) == (0, [str(tmp_path / "gap.npz")])
+    assert (tmp_path / "gap.npz").stat().st_size > 1000
     window = ("--window", "0 mm", ".06 mm", "0 mm", "50 um")
     done = CliRunner().invoke(app, ["export", str(folder), "-o", str(tmp_path / "gap.vti"), "--step", "2", *window])
     assert (done.exit_code, done.output.split()) == (0, [str(tmp_path / "gap.vti")])
@@ -406,8 +337,7 @@ def test_export_on_the_command_line(folder, tmp_path):
 
 def test_what_cannot_be_exported(back, scene, studies, tmp_path):
     for name, given, message in (
-        ("a.stl", {}, r"output: given 'a.stl', expected a file \.npz, \.tif, \.tiff, \.x3p, \.vti"),
-        ("a.x3p", {"field": "contact_pressure"}, "an .x3p holds heights only"),
+        ("a.tif", {}, r"output: given 'a.tif', expected a file \.npz, from which NumPy and other programs make \.tif"),
         (
             "a.npz",
             {"field": "heights"},
@@ -522,11 +452,10 @@ def test_a_case_says_what_is_written_also_when_a_stopped_run_goes_on(case, tmp_p
         solved.append(args)
 
     monkeypatch.setattr("femseal.contact.cycle.solve_contact", respond)
-    chosen = parse_case({**case, "output": {"paraview": "vtkhdf", "fields_limit": "30 kB"}})
+    chosen = parse_case({**case, "output": {"paraview": "none", "fields_limit": "30 kB"}})
     r = job.run(chosen, tmp_path, resume=True, workers=1)
     assert not solved
     names = {p.relative_to(tmp_path).as_posix() for p in tmp_path.rglob("*.*")}
-    assert "vtk/pieces.vtkhdf" in names
     assert "vtk/pieces.pvd" not in names
     # one step of three fields is 25 kB
     assert r.left_out == open_results(tmp_path).left_out
@@ -540,7 +469,10 @@ def test_a_case_says_what_is_written_also_when_a_stopped_run_goes_on(case, tmp_p
 @pytest.mark.parametrize(
     ("table", "words"),
     [
-        ({"paraview": "xdmf"}, "output.paraview: given 'xdmf', expected one of vtu, vtkhdf, both, none"),
+        (
+            {"paraview": "vtkhdf"},
+            "output.paraview: given 'vtkhdf', expected one of vtu, none; files .vtkhdf are removed: every ParaView",
+        ),
         ({"fields_limit": "-1 GB"}, "output.fields_limit: given '-1 GB', expected a size >= 0"),
         ({"fields_limit": "1 m"}, "output.fields_limit"),
         (
@@ -613,7 +545,6 @@ def test_the_macro_of_paraview_names_what_is_written(folder):
 FULL = """
 import resource, signal, sys
 from pathlib import Path
-from types import SimpleNamespace
 from femseal.results.vtk_files import write_series as write
 from femseal.results.vtk_files import Heights
 from femseal.topography import self_affine
@@ -632,13 +563,6 @@ def test_a_full_disk_is_an_error(tmp_path):
     pytest.importorskip("resource")
     run = subprocess.run([sys.executable, "-c", FULL, str(tmp_path)], capture_output=True, text=True, timeout=120)
     assert run.stdout.startswith("OSError"), run.stderr
-    assert not list(tmp_path.iterdir())
-
-
-def test_vtkhdf_is_not_begun_on_a_full_disk(results, scene, tmp_path, monkeypatch):
-    monkeypatch.setattr("shutil.disk_usage", lambda path: SimpleNamespace(free=0))
-    with pytest.raises(OSError, match="No space left"):
-        write_vtk(results, scene.surface, tmp_path, "vtkhdf")
     assert not list(tmp_path.iterdir())
 
 

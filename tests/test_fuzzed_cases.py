@@ -126,7 +126,6 @@ output = {pictures = false, budget = false}
 loading = ["25 MPa", "50 MPa", "100 MPa", "200 MPa", "300 MPa", "450 MPa", "600 MPa", "900 MPa"]
 unload_from = ["450 MPa", "900 MPa"]
 unloading = ["1e-29 Pa", "300 MPa"]
-interpolate = "5 %"
 """.replace(",\n        ", ", ")
 
 

@@ -66,7 +66,7 @@ HEAVY = {
 }
 BY_STRING = {"import_module", "__import__"}
 #: Rooms that draw.
-PICTURES = {"plots", "report", "refinement", "designs", "calibration"}
+PICTURES = {"plots", "report", "designs", "calibration"}
 #: A module of more lines has more than one reason to change.
 MOST_LINES = 400
 #: The law of the contact and that of the flow are both called what they are.

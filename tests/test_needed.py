@@ -11,8 +11,6 @@ import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 
 import femseal as fs
-from femseal.loads import LoadProgramme
-from femseal.runs.chosen_loads import _needed
 from femseal.seal.pressure_map import Profile
 
 CASE = """
@@ -171,62 +169,3 @@ def test_states_that_plastic_deformation_tells_apart_are_solved(elastic):
     found = fs.deterministic(plastic)
     assert found.equal_steps == 0
     assert found.leakage[4] < found.leakage[0]  # back at 100 MPa
-
-
-# --- interpolated load steps ------------------------------------------------------------------------------
-
-MANY = CASE.replace("[100 MPa", "[").replace(
-    'loading = ["100 MPa", "300 MPa"]',
-    f"loading = {[f'{p} MPa' for p in range(50, 1250, 100)]}\n"
-    'unload_from = ["950 MPa"]\n'
-    f"unloading = {[f'{p} MPa' for p in range(850, 0, -100)]}",
-)
-
-
-def test_loads_that_are_interpolated_are_within_the_tolerance(case, tmp_path):
-    case.write_text(MANY)
-    every = fs.run(case, workers=1)
-    case.write_text(MANY.replace("loading =", 'interpolate = "1 %"\nloading =', 1))
-    out = tmp_path / "out"
-    found = fs.run(case, out, workers=1)
-    assert found.steps == every.steps
-    solved = found.dataset["interpolated"].values == 0
-    assert 8 <= solved.sum() < solved.size - 4
-    assert_array_equal(found.leakage[solved], every.leakage[solved])
-    assert_allclose(np.log(found.leakage), np.log(every.leakage), atol=np.log(1.01))
-    share = "contact_fraction_deterministic"
-    assert_allclose(found.dataset[share], every.dataset[share], atol=0.015)
-    # the budget knows of it
-    band = [found.dataset[f"leakage_deterministic_budget_{end}"].values for end in ("lower", "upper")]
-    assert (band[0] < found.leakage)[~solved].all()
-    assert (band[1] > found.leakage * 1.0099)[~solved].all()
-    # the ends of both branches are solved, and those that are not have no fields
-    up = found.steps.on_loading
-    assert solved[[0, up.sum() - 1, -1]].all()
-    back = fs.open_results(out)
-    assert back.stored_steps == np.flatnonzero(solved).tolist() == found.stored_steps
-    for s in (3, int(np.flatnonzero(~solved)[0])):
-        if solved[s]:
-            assert_allclose(back.gap(s), every.gap(s), rtol=1e-6)
-        else:
-            with pytest.raises(fs.InputError, match=f"step: given {s}, which has no gap, expected one of"):
-                back.gap(s)
-            with pytest.raises(fs.InputError, match=f"step: given {s}, which is interpolated"):
-                found.plot_seal(s)
-    assert [row["interpolated"] for row in found.rows()] == (~solved).tolist()
-    assert f"{np.sum(~solved)} interpolated" in repr(found)
-    assert "leakage is interpolated within 1 %" in (out / "report.html").read_text(encoding="utf-8")
-
-
-def test_nothing_is_interpolated_across_closing():
-    steps = LoadProgramme.of([1e8 * n for n in range(1, 10)])
-    solved = np.array([0, 4, 8])
-    loads = steps.pressures
-    for leakage, more in (
-        ([1.0, 0.0, 0.0], {2}),
-        ([0.0, 0.0, 0.0], set()),
-        ([1.0, np.nan, 0.5], {2, 6}),
-        ([1.0, 1.0, 1.0], set()),
-        ([1.0, 0.1, 1e-9], {2, 6}),
-    ):
-        assert _needed(np.array(leakage), solved, steps, 0.01) == {(loads[n], True) for n in more}, leakage

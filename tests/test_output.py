@@ -70,7 +70,7 @@ def results(scene, studies):
 @pytest.fixture(scope="module")
 def folder(results, scene, tmp_path_factory):
     path = tmp_path_factory.mktemp("run") / "deep" / "out"
-    written = write_folder(results, path, scene.surface, paraview="both")
+    written = write_folder(results, path, scene.surface)
     assert sorted(written) == sorted(p for p in path.rglob("*") if p.is_file())
     return path
 
@@ -663,7 +663,7 @@ def test_a_single_row_or_column_of_pieces_goes_all_the_way(scene, cells, tmp_pat
     assert drawn.leakage.shape == (2, 5)
     assert not two.failures + drawn.failures
     r = assemble(scene, two_scale=two, stochastic=drawn)
-    write_folder(r, tmp_path, scene.surface, paraview="both")
+    write_folder(r, tmp_path, scene.surface)
     data = open_results(tmp_path).dataset
     assert (data.sizes["piece1"], data.sizes["piece2"]) == cells
     for name, values in (("pieces", data["piece_k1"][0]), ("states", data["state_k1"][0])):

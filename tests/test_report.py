@@ -22,7 +22,7 @@ from femseal.base.leak_rates import leakage_unit
 from femseal.fluids import Liquid
 from femseal.report import write_folder, write_report
 from femseal.report.case_text import pressure_drop_sentences
-from femseal.report.error_tables import accuracy_lines, scatter_lines
+from femseal.report.error_tables import scatter_lines
 from femseal.report.page import report_html
 from femseal.results import assemble, save
 from femseal.studies import Sampling, Scene, deterministic, stochastic, two_scale
@@ -302,27 +302,6 @@ def test_closed_and_failed_seals_are_told(results):
         if name.startswith(("leakage", "realisation_spread", "flux", "fluid_pressure")):
             data[name][-1 if "realisation" in data[name].dims else slice(None)] = np.nan
     assert "failed" in words(section(report_html(replace(results, dataset=data)), "numbers"))
-
-
-def test_accuracy_of_the_same_case_is_shown(quick, tmp_path):
-    save(quick, tmp_path)
-    factors = {"loading": {"factor": 1.234}, "unloading": {"factor": None}}
-    solution = {
-        "method": "stochastic",
-        "points": [48, 96],
-        "cells": [3, 6],
-        "seconds": 2.0,
-        "budget": {"factor": 1.3},
-        "recommended": True,
-    } | factors
-    found = {"case": fs.open_results(tmp_path).case, "solutions": [solution]}
-    (tmp_path / "accuracy.json").write_text(json.dumps(found))
-    table = next(section(write_report(tmp_path).read_text(encoding="utf-8"), "errors").iter("table"))
-    label = "stochastic, 48 × 96 points, 3 × 6 pieces"
-    assert body_rows(table) == [[label, "× 1.23", "–", "× 1.3", "2 s, recommended"]]
-    for other in (json.dumps(found | {"case": {"title": "another"}}), "{", "[]"):
-        (tmp_path / "accuracy.json").write_text(other)
-        assert accuracy_lines(fs.open_results(tmp_path)) == []
 
 
 # --- files and command line -------------------------------------------------------------------------------

@@ -1,8 +1,6 @@
 """The grid and the low-pass of measured faces: what was measured is kept, or its loss is told with its share."""
 
-import json
 import tomllib
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -13,8 +11,7 @@ import femseal as fs
 from femseal.case.case import parse_case
 from femseal.preparation import face, preparation
 from femseal.preparation.preparation import prepare
-from femseal.report.error_tables import scatter_lines
-from femseal.results import assemble
+from femseal.refinement.coarser import without_filtered_waves
 from femseal.runs.forecast import describe
 
 ROOT = Path(__file__).parents[1]
@@ -37,6 +34,11 @@ def case(tmp_path):
     return made
 
 
+def of_grid(prepared):
+    """Warnings but those of what the small faces hold of their long waves."""
+    return [warning for warning in prepared.warnings if "long waves" not in warning]
+
+
 def test_the_default_grid_resolves_the_shortest_measured_wave(case):
     prepared = prepare(case())
     conditioning = prepared.conditioning
@@ -45,7 +47,7 @@ def test_the_default_grid_resolves_the_shortest_measured_wave(case):
     assert conditioning.shortest_wavelength >= 8 * max(conditioning.spacing)
     assert min(conditioning.shape) >= 190
     assert_allclose(prepared.scene.surface.rms_slope, 0.1, rtol=0.02)
-    assert prepared.warnings == ()
+    assert of_grid(prepared) == []
 
 
 def test_a_grid_limited_for_its_cost_is_told(case, monkeypatch):
@@ -55,13 +57,13 @@ def test_a_grid_limited_for_its_cost_is_told(case, monkeypatch):
     lost = prepared.conditioning.lost_slope
     assert_allclose(np.prod(prepared.scene.surface.shape), 20_000, rtol=0.15)
     assert 0.1 < lost < 0.4
-    (warning,) = prepared.warnings
+    (warning,) = of_grid(prepared)
     wanted = list(fs.topography.resolving_shape((96e-6, 128e-6), prepared.conditioning.shortest_measured))
     for words in (f"removes {lost:.0%} of the rms slope", f"surface.points = {wanted}", "are taken"):
         assert words in warning
     # what it tells to set keeps the slope
     assert prepare(case(points=wanted)).conditioning.lost_slope < 0.001
-    assert prepare(case(points=wanted)).warnings == ()
+    assert of_grid(prepare(case(points=wanted))) == []
 
 
 def test_settings_rule_and_their_loss_is_told(case):
@@ -69,13 +71,13 @@ def test_settings_rule_and_their_loss_is_told(case):
     prepared = prepare(case(shortest_wave="5 um"))
     assert prepared.conditioning.shortest_wavelength == 5e-6
     assert 8 <= 5e-6 / max(prepared.scene.surface.spacing) < 9
-    (warning,) = prepare(case(shortest_wave="16 um")).warnings
+    (warning,) = of_grid(prepare(case(shortest_wave="16 um")))
     assert "the low-pass at 16 µm removes" in warning
     assert warning.endswith("leave out surface.shortest_wave")
-    (warning,) = prepare(case(points=[96, 128])).warnings
+    (warning,) = of_grid(prepare(case(points=[96, 128])))
     assert "the low-pass at 8 µm removes" in warning
     assert "set surface.points = [" in warning
-    both = prepare(case(points=[200, 260], shortest_wave="16 um")).warnings
+    both = of_grid(prepare(case(points=[200, 260], shortest_wave="16 um")))
     assert both[0].endswith("leave out surface.shortest_wave and surface.points")
 
 
@@ -84,7 +86,7 @@ def test_noise_that_is_kept_is_told(case, tmp_path):
         noise = np.random.default_rng(1).normal(0, 200e-9, file["z"].shape)
         np.savez(tmp_path / "noisy.npz", z=file["z"] + noise, spacing=file["spacing"])
     face = case().face[0].model_copy(update={"path": Path("noisy.npz")})
-    warnings = prepare(case(shortest_wave="3 um").model_copy(update={"face": (face,)})).warnings
+    warnings = of_grid(prepare(case(shortest_wave="3 um").model_copy(update={"face": (face,)})))
     assert any("are noise or beyond the instrument: surface.shortest_wave = '" in text for text in warnings)
 
 
@@ -107,39 +109,10 @@ def test_measured_faces_keep_what_was_measured(case, instrument_file, name, wave
     assert conditioning.lost_slope < 1e-6
 
 
-def test_a_second_run_shows_what_the_filter_decides(case):
-    """It is the run of a case with twice the wave on half the points."""
-    results = fs.run(one := case(filter_sensitivity=True), workers=1)
-    wave = 2 * prepare(one).conditioning.shortest_wavelength
-    surface = prepare(one).scene.surface
-    filtered = fs.deterministic(
-        replace(prepare(one).scene, surface=surface.low_pass(wave).resample(tuple(n // 2 for n in surface.shape)))
-    )
-    assert_allclose(results.dataset["leakage_filtered"].values, filtered.leakage, rtol=1e-9)
-    assert filtered.leakage[0] != results.leakage.values[0]
-    assert {"deterministic", "twice the wave"} <= set(json.loads(results.dataset.attrs["timings"]))
-    (line,) = [line for line in scatter_lines(results) if line[0].startswith("twice the shortest wave")]
-    ratio = filtered.leakage[0] / results.leakage.values[0]
-    assert line[1] == f"× {np.exp(abs(np.log(ratio))):.3g}"
-    for share, told in (
-        (0.1, ["off by a factor of 10: the shortest waves"]),
-        (0.8, []),
-        (0.0, ["is closed in one only at 1 load: the"]),
-    ):
-        again = assemble(
-            results.scene, deterministic=results.deterministic, leakage_filtered=share * results.leakage.values
-        )
-        found = [text for text in again.warnings if text.startswith("with twice the shortest wave")]
-        assert len(found) == len(told)
-        assert all(words in text for words, text in zip(told, found, strict=True))
-    with pytest.raises(fs.InputError, match=r"surface\.filter_sensitivity: given True, .* twice the shortest wave"):
-        prepare(case(shortest_wave="80 um", filter_sensitivity=True))
-
-
-def test_the_second_run_is_of_the_method_of_the_answer(case):
-    tables = {"cells": {"count": [2, 2]}, "stochastic": {"length": "0.5 mm", "realisations": 3}}
-    for method in ("two-scale", "stochastic"):
-        chosen = case(filter_sensitivity=True, shortest_wave="12 um", tables=tables | {"method": method})
-        leakage = fs.run(chosen, workers=1).dataset["leakage_filtered"].values
-        assert np.isfinite(leakage).all()
-        assert (leakage > 0).all()
+def test_the_budget_solves_the_face_without_its_shortest_octave_of_waves(case):
+    whole = prepare(case(shortest_wave="12 um"))
+    surface = whole.scene.surface
+    smooth = without_filtered_waves(whole).scene.surface
+    assert smooth.shape == tuple(-(-n // 2) for n in surface.shape)
+    assert_allclose(smooth.heights, surface.low_pass(24e-6).resample(smooth.shape).heights, atol=1e-15)
+    assert without_filtered_waves(prepare(case(shortest_wave="80 um"))) is None  # no wave of 160 µm is left

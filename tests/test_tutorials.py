@@ -49,7 +49,7 @@ def merged(*texts):
     return "".join(name + body for name, body in found.items())
 
 
-RUN = {"measured_face", "places", "leak_test", "bolts", "lens_ring"}
+RUN = {"measured_face", "places", "leak_test", "bolts", "flatness", "lens_ring"}
 CASES = {page.stem: blocks(page, "toml")[0] for page in PAGES if blocks(page, "toml")}
 
 
@@ -67,7 +67,7 @@ def folder(tmp_path):
 def case_of(name, folder, text, loads="", output=""):
     """The case of a tutorial over that of a text, with small files, other loads and more keys of the output."""
     text = merged(text, CASES[name]).replace(".plu", ".x3p").replace("face.x3p", "a.x3p")
-    if loads and name not in ("bolts", "lens_ring"):
+    if loads and name not in ("bolts", "flatness", "lens_ring"):
         text = merged(text, loads)
     if output:
         text = merged(text, f"[output]\n{output}{tables(CASES[name]).get('[output]', '')}")
@@ -84,13 +84,13 @@ def test_the_case_of_every_tutorial_is_a_case(folder):
 @pytest.mark.parametrize("name", sorted(RUN))
 def test_the_case_of_a_tutorial_runs(name, folder, monkeypatch):
     monkeypatch.setitem(CASES, name, reduce(lambda text, change: text.replace(*change), SMALLER, CASES[name]))
-    text = CASE.replace("two-scale", "stochastic" if name == "bolts" else "deterministic").replace(
+    text = CASE.replace("two-scale", "stochastic" if name in ("bolts", "flatness") else "deterministic").replace(
         "[128, 256]", "[64, 128]"
     )
     results = fs.run(case_of(name, folder, text, LOADS, QUICK), folder / "results", workers=1)
     assert not results.failures
     loading = results.loading()
-    leakage = loading.leakage_median if name == "bolts" else loading.leakage_deterministic
+    leakage = loading.leakage_median if name in ("bolts", "flatness") else loading.leakage_deterministic
     assert leakage[-1] < leakage[0]
 
 

@@ -10,7 +10,7 @@ from ..base.lazy_package import load_when_used
 
 if TYPE_CHECKING:
     from .changes import CoarserSolution
-    from .error_budget import at_interpolated_steps, error_budget
+    from .error_budget import error_budget
     from .error_parts import (
         MODEL_PARTS,
         VAGUE,
@@ -31,7 +31,6 @@ if TYPE_CHECKING:
         patch_form_part,
         places_to_halve,
     )
-    from .grid_convergence import GridConvergence, grid_convergence
     from .waves import contact_fraction_of, continuation_part
 
 load_when_used(__name__)

@@ -4,14 +4,12 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from ..loads import LoadProgramme
 from ..studies import Scene, StochasticResult, StudyResult, study_of_result
-from ..studies.load_curves import Indices, at_all_steps, least_counted, neighbours
-from ..studies.scene import Array
+from ..studies.load_curves import least_counted
 from .changes import CoarserSolution
 from .error_parts import ErrorBudget, ErrorPart
 from .estimates import patch_part, places_part, realisations_part, solver_part
-from .grid_convergence import USUAL_PIXELS, one_grid_part, pixels_part
+from .pixels import USUAL_PIXELS, one_grid_part, pixels_part
 from .waves import contact_fraction_of, filter_part, raised_by_slope
 
 #: Factor of the distances of all parts but those of draws at loads that leak less than 1e-3 of the first, where
@@ -75,34 +73,3 @@ def error_budget(
         parts.append(patch_part(study) if without is None else places_part(study.quantile(0.5), without))
     parted = tuple(s for s, _ in scene.parted_steps if np.isnan(leakage[s]))
     return ErrorBudget(own.name, leakage, tuple(parts), scene.steps, parted)
-
-
-def at_interpolated_steps(budget: ErrorBudget, solved: Indices, steps: LoadProgramme, tolerance: float) -> ErrorBudget:
-    """The budget at every step of a programme from that at the solved ones.
-
-    A part is as wide as at the wider of the two solved steps beside; the interpolation is a part of its own.
-
-    solved : numbers of the solved steps. tolerance : relative error of an interpolated leakage.
-    """
-    leakage = at_all_steps(budget.leakage, solved, steps, logarithmic=True)
-    parts = tuple(_interpolated(part, budget.leakage, leakage, solved, steps) for part in budget.parts)
-    width = np.full(len(steps), np.log1p(tolerance))
-    width[solved] = 0.0
-    note = "The tolerance of the interpolation between loads that were solved."
-    return ErrorBudget(budget.method, leakage, (*parts, ErrorPart.of("loads", leakage, width, width, note)), steps)
-
-
-def _interpolated(part: ErrorPart, own: Array, leakage: Array, solved: Indices, steps: LoadProgramme) -> ErrorPart:
-    """A part at every step, as wide as at the wider of the two solved steps beside."""
-    ends = []
-    for values, sign in ((part.lower, -1.0), (part.upper, 1.0)):
-        with np.errstate(divide="ignore", invalid="ignore"):
-            distance = np.where(own == values, 0.0, sign * np.log(np.abs(values) / np.abs(own)))
-        every, sealed = np.full((2, len(steps)), np.nan)
-        every[solved], sealed[solved] = distance, values
-        for s, (low, high) in neighbours(solved, steps).items():
-            every[s], sealed[s] = np.maximum(every[low], every[high]), max(sealed[low], sealed[high], key=abs)
-        with np.errstate(invalid="ignore", over="ignore"):
-            ends.append(np.where(leakage == 0, sealed, leakage * np.exp(sign * every)))
-        ends[-1][solved] = values
-    return ErrorPart(part.name, ends[0], ends[1], part.note)

@@ -60,7 +60,7 @@ class LeakTest:
         down = sorted({s.pressure for s in self.steps if s.unloaded_from is not None}, reverse=True)
         loads = {"loading": sorted(loading), "unload_from": peaks, "unloading": down}
         changed = {name: tuple(Amount(load, unit) for load in values) for name, values in loads.items()}
-        load = case.load.model_copy(update=changed | {"relaxation": 0.0, "interpolate": None})
+        load = case.load.model_copy(update=changed | {"relaxation": 0.0})
         return alone(case).model_copy(update={"load": load})
 
     def rows_of(self, case: Case) -> list[int]:

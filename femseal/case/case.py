@@ -85,8 +85,6 @@ class Case(Table):
     @model_validator(mode="after")
     def _complete(self) -> Case:
         """Raise a fault if keys of several tables do not go together."""
-        if self.load.interpolate is not None and self.accuracy is not None:
-            raise fault("load.interpolate", "it with accuracy", "one of them: attempts solve all loads")
         if self.accuracy is not None and not self.output.budget:
             raise fault("output.budget", "false with accuracy", "true: attempts end by their error budget")
         if self.time_limit is not None and self.accuracy is None:

@@ -130,7 +130,7 @@ class OutputTable(Table):
     pictures: bool = True
     report: bool = True
     fields: bool = True
-    paraview: Annotated[str, *one_of(FORMATS)] = "vtu"
+    paraview: Annotated[str, *one_of(FORMATS, "; files .vtkhdf are removed: every ParaView opens vtu")] = "vtu"
     fields_limit: FileSize = FIELDS_LIMIT
     leakage_unit: Annotated[
         str | None, BeforeValidator(_leak_unit_name), WithJsonSchema({"type": "string", "description": _LEAK_UNIT_TEXT})

@@ -183,7 +183,6 @@ class SurfaceTable(Table):
     """Repair of measured faces (`topography.repair`) and conditioning of their sum (`topography.condition`).
 
     continue_spectrum : cut-off of the waves that continue its power law, see `topography.continue_spectrum`.
-    filter_sensitivity : the answer is computed once more, of the face without waves up to twice the shortest one.
     """
 
     spikes: Threshold = SPIKES
@@ -192,4 +191,3 @@ class SurfaceTable(Table):
     max_undefined: Ratio = 0.05
     points: tuple[Count, Count] | None = None
     continue_spectrum: Wave | None = None
-    filter_sensitivity: bool = False

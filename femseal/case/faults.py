@@ -29,6 +29,7 @@ _IN_WHOLE_FACE = "none: removed; pieces lie in the contact of the whole face, ea
 _BY_BAND = "none: removed; seals are drawn until the band of error has no more from their number"
 _PIECES = "none: removed; seals are drawn from all pieces of the face, see [cells]"
 REMOVED = {
+    "load.interpolate": "none: removed; every load is solved, so give fewer loads where the leakage changes little",
     "cells.flow": "none: removed; the flow of a face is always at full resolution",
     "cells.contact": "none: removed; the contact is always that of the whole face",
     "flow.discretisation": "none: removed; the flow of a grid always takes the gap at the midpoints of edges",
@@ -38,6 +39,7 @@ REMOVED = {
     "stochastic.library_cells": _PIECES,
     "stochastic.width": _BY_BAND,
     "stochastic.bounds": "none: removed; the band of error stands beside the leakage, see output.budget",
+    "surface.filter_sensitivity": 'none: removed; the row "filter" of the budget says what the filter may change',
     "stochastic.profile": 'map = { kind = "profile", fractions = [...] } in the table load, in its place',
 }
 #: What pydantic expects of a value of another type, as a user of TOML says it.

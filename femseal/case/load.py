@@ -19,7 +19,7 @@ from ..seal.pressure_map import AngleTable, AnyMap, MapsAtLoads, PressureField, 
 from ..seal.seal_files import read_pressure_field
 from ..studies.choices import NOMINALS
 from .faults import faults_of, refusal
-from .values import Accuracy, Angle, Count, Place, Quantity, Relaxation, Table, Usual, one_of, quantity_schema
+from .values import Angle, Count, Place, Quantity, Relaxation, Table, Usual, one_of, quantity_schema
 
 #: No cycle is longer [load steps].
 _MOST_STEPS = 10_000
@@ -153,8 +153,7 @@ class LoadTable(Table):
     nominal : what carries the loads where the fluid pressure acts, see `studies.Scene`.
     relaxation : fraction of a load in assembly that is lost at constant set-down before service: every peak, or
         without `unload_from` every load, is unloaded to the rest of it too.
-    map : of the pressure over the seal; several hold at the loads `at`. interpolate : relative error of the leakage
-        within which steps may be interpolated instead of solved; unless given all are solved.
+    map : of the pressure over the seal; several hold at the loads `at`.
     """
 
     loading: Annotated[tuple[Load, ...], Field(min_length=1)]
@@ -162,7 +161,6 @@ class LoadTable(Table):
     unloading: tuple[Load, ...] = ()
     nominal: Annotated[str, *one_of(NOMINALS)] = "total"
     relaxation: Relaxation = 0.0
-    interpolate: Accuracy | None = None
     map: Annotated[
         tuple[AnyMapTable, ...] | None, BeforeValidator(lambda given: [given] if isinstance(given, dict) else given)
     ] = None

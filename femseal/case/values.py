@@ -102,16 +102,17 @@ def quantity_schema(described: str) -> dict[str, Any]:
     return {"type": "string", "pattern": pattern, "description": described}
 
 
-def _known(value: Any, names: tuple[str, ...]) -> str:
+def _known(value: Any, names: tuple[str, ...], note: str) -> str:
     if value not in names:
-        raise refusal(f"one of {', '.join(names)}")
+        raise refusal(f"one of {', '.join(names)}{note}")
     return str(value)
 
 
-def one_of(names: Iterable[str]) -> tuple[BeforeValidator, WithJsonSchema]:
-    """Annotations of a text that must be one of these names."""
+def one_of(names: Iterable[str], note: str = "") -> tuple[BeforeValidator, WithJsonSchema]:
+    """Annotations of a text that must be one of these names; a note to others, such as on names that are gone."""
     known = tuple(names)
-    return BeforeValidator(partial(_known, names=known)), WithJsonSchema({"type": "string", "enum": list(known)})
+    schema = WithJsonSchema({"type": "string", "enum": list(known)})
+    return BeforeValidator(partial(_known, names=known, note=note)), schema
 
 
 def _threshold(value: Any) -> float:

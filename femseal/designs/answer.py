@@ -14,20 +14,10 @@ from ..case.case import Case, load_case
 from ..case.load import Amount
 from ..fluids import leak_basis
 from ..results import Results, open_results
-from ..results.selections import loads_as_given
 from ..runs import job
 from .data_sheet import Design
-from .requirements import LoadText, Requirement, Seals, requirement, sealing_load
-from .sensitivities import (
-    Solver,
-    TurnedFace,
-    TurnedSeals,
-    Variants,
-    inlet_slope,
-    ratio_of,
-    sensitivities,
-    state_of_classes,
-)
+from .requirements import Requirement, Seals, requirement, sealing_load
+from .sensitivities import Solver, Variants, inlet_slope, sensitivities, state_of_classes
 
 
 def design(
@@ -62,8 +52,7 @@ def design(
     assembly : pressures in assembly Q_A besides those that the case unloads from, [Pa] or as "300 MPa"; of results
         those that they hold.
     nominal_diameter : [m] or as "50 mm", for the rates of ISO 5208.
-    solve : solve the case again with another hardness and with the face turned by 90°, for what no law gives; cases
-        only.
+    solve : solve the case again with another hardness, for what no law gives; cases only.
     workers : processes; all cores unless given. progress : see `run`.
 
     Raises
@@ -104,21 +93,15 @@ def design(
     relaxation = float(results.case.get("load", {}).get("relaxation", 0.0))
     needs = tuple(requirement(seals, name, limit, probability, relaxation) for name, limit in limits)
     place = _place(needs, seals, probability)
-    shown_as = loads_as_given(data, 3)
     yields = bool(np.isfinite(float(data.attrs["hardness_Pa"])))
-    variants, turned, notes = Variants(hardness_counts=yields), None, _notes(seals, probability, results)
+    variants, notes = Variants(hardness_counts=yields), _notes(seals, probability, results)
     if case is None and solve:
-        notes.append("of results nothing is solved again: femseal design CASE.toml gives hardness and turned face too")
+        notes.append("of results nothing is solved again: femseal design CASE.toml gives the hardness too")
     if case is not None and solve and np.isfinite(place[1]):
         solver = Solver(case, results, workers, shown)
         if (former := json.loads(data.attrs["versions"]).get("femseal")) != versions()["femseal"]:
             notes.append(f"the run is of femseal {former}: what is solved again may differ from it for that reason too")
         variants = solver.variants()
-        try:
-            other = solver.turned()
-            turned = _turned(seals, other, needs, place, probability, shown_as)
-        except InputError as error:  # a face and a shape of seal that go together only one way round
-            notes.append(f"the face was not turned by 90°: {error}")
     if (state := state_of_classes(results)) is not None:
         several = isinstance(results.case.get("seal", {}).get("inlet"), dict)
         slope = np.nan if several else inlet_slope(state)
@@ -131,7 +114,6 @@ def design(
         sealing=sealing_load(seals, probability),
         at=place,
         sensitivities=sensitivities(seals, variants, place[1], probability) if np.isfinite(place[1]) else (),
-        turned=turned,
         notes=tuple(notes),
     )
     folder = output if output is not None else results.folder if case is None else None
@@ -173,23 +155,6 @@ def _place(needs: tuple[Requirement, ...], seals: Seals, fraction: float) -> tup
     pressure, leak = seals.steps.pressures[steps], seals.curve_of(fraction)[steps]
     open_ = pressure[(pressure > 0) & (leak > 0) & np.isfinite(leak)]
     return "", float(np.sqrt(open_[0] * open_[-1])) if open_.size > 1 else np.nan
-
-
-def _turned(
-    seals: Seals,
-    other: TurnedSeals,
-    needs: tuple[Requirement, ...],
-    place: tuple[str, float],
-    fraction: float,
-    shown: LoadText,
-) -> TurnedFace:
-    """Factor of the leakage, and what the class takes as computed, with the face turned by 90°."""
-    ratio = ratio_of(seals, other.seals, other.factor, place[1], fraction)
-    limit = next((need.limit for need in needs if need.name == place[0]), None)
-    if limit is None:
-        return TurnedFace(ratio, "", other.how)
-    need = requirement(other.seals.times(other.factor), place[0], limit, fraction)
-    return TurnedFace(ratio, need.assembly.text(shown), other.how)
 
 
 def _notes(seals: Seals, fraction: float, results: Results) -> list[str]:

@@ -35,7 +35,7 @@ from ..results.results import Results
 from ..results.selections import loads_as_given, pressures_and_peaks
 from ..results.tables import format_leakage
 from .requirements import ENDS, LoadText, NeededPressure, Requirement, Seals
-from .sensitivities import Sensitivity, TurnedFace
+from .sensitivities import Sensitivity
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -140,7 +140,7 @@ class Design:
 
     results : of the run. seals : the leakages that decide. probability : fraction of the seals that keep a class.
     requirements : Qmin and QSmin of every class. sealing : load from which on nothing leaks. at : class and nominal
-    pressure [Pa] of the sensitivities; NaN where there is none. sensitivities, turned : what changes the leakage.
+    pressure [Pa] of the sensitivities; NaN where there is none. sensitivities : what changes the leakage.
     notes : what to keep in mind, one line each.
     """
 
@@ -151,7 +151,6 @@ class Design:
     sealing: NeededPressure
     at: tuple[str, float]
     sensitivities: tuple[Sensitivity, ...]
-    turned: TurnedFace | None
     notes: tuple[str, ...]
 
     @property
@@ -248,7 +247,7 @@ def _service_text(needed: NeededPressure, left: float | None, shown: LoadText) -
 
 
 def sheet_sentences(answer: Design) -> list[str]:
-    """What the tables are of, the sealing load, the turned face, and what to keep in mind."""
+    """What the tables are of, the sealing load, and what to keep in mind."""
     data, count = answer.results.dataset, answer.seals.count
     prefix = "test_" if "test_leakage" in data else ""
     ends = " to ".join(to_text(float(data.attrs[f"{prefix}{end}_pressure_Pa"]), "Pa") for end in ("inlet", "outlet"))
@@ -269,12 +268,6 @@ def sheet_sentences(answer: Design) -> list[str]:
     shown = answer.load_text
     sealing = answer.sealing.text(shown) + _band(answer.sealing, count, shown)
     found.append(f"The load that seals without leakage: {sealing}.")
-    if answer.turned is not None:
-        text = f"With the face turned by 90° it leaks {answer.turned.leakage:.3g} times as much"
-        text += f" at {shown(answer.at[1])}"
-        if answer.turned.need:
-            text += f", and {answer.at[0]} takes {answer.turned.need}"
-        found.append(f"{text} ({answer.turned.how}).")
     return found + [f"{note[0].upper()}{note[1:]}." for note in answer.notes]
 
 
@@ -316,8 +309,6 @@ def rows(answer: Design) -> list[dict[str, Any]]:
     for one in answer.sensitivities:
         add_slope(f"d ln L / d ln {one.quantity}", answer.at[0], one.leakage, one.how)
         add_slope(f"d ln Qmin / d ln {one.quantity}", answer.at[0], one.pressure, one.how)
-    if answer.turned is not None:
-        add_slope("leakage of the face turned by 90°, factor", answer.at[0], answer.turned.leakage, answer.turned.how)
     return found
 
 

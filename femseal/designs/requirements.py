@@ -87,10 +87,6 @@ class Seals:
         """Number of seals."""
         return len(self.leakage)
 
-    def times(self, factor: float) -> Seals:
-        """Seals that leak more by a factor."""
-        return Seals(self.steps, *(factor * values for values in (self.leakage, self.lower, self.upper)))
-
     def curve_of(self, fraction: float) -> Array:
         """Leakage that a fraction of the seals does not exceed, at each step [m²/s]."""
         return np.sort(self.leakage, axis=0)[_rank(fraction, self.count)]

@@ -12,7 +12,7 @@ law; as a continuum L goes with 1/η), slip length b. The slopes s of ln L then 
 s_E + s_H + s_p = 0. Leakage through a long seal goes with one over its breadth (Darcy's law). Where the leakage is to
 stay the same, the pressure goes with −s/s_p.
 
-For the two slopes, and for the face turned by 90°, the case is solved again with one thing changed.
+For the two slopes the case is solved again with one thing changed.
 """
 
 from dataclasses import dataclass, fields, replace
@@ -21,7 +21,6 @@ from typing import Any, cast
 import numpy as np
 import scipy
 
-from ..base import InputError
 from ..case.case import Case
 from ..execution.mappers import ordered_map
 from ..execution.run import Progress, Run
@@ -32,7 +31,6 @@ from ..refinement.settings import last_version
 from ..results.results import Results
 from ..studies import FluidState, Scene
 from ..studies.compiling import compile_ahead
-from ..topography import Places, Topography
 from .requirements import Seals
 
 
@@ -149,35 +147,8 @@ def _segment(seals: Seals, pressure: float) -> tuple[int, int, float]:
     return int(steps[n]), int(steps[n + 1]), float(np.log(pressure / p[n]) / np.log(p[n + 1] / p[n]))
 
 
-@dataclass(frozen=True)
-class TurnedFace:
-    """The face turned by 90°, at the same breadth of the seal.
-
-    leakage : factor of the leakage at the load of the sensitivities. need : pressure in assembly for the class, as
-    text. how : what was solved.
-    """
-
-    leakage: float
-    need: str
-    how: str
-
-
-def ratio_of(seals: Seals, other: Seals, factor: float, pressure: float, fraction: float) -> float:
-    """Factor from the leakage of seals to that of others at a load, the others' multiplied by `factor`."""
-    return float(factor * np.exp(level_at(other, pressure, fraction) - level_at(seals, pressure, fraction)))
-
-
 #: Factors of hardness and of the length of a flow law: small enough for a slope, and above the residuals of contact.
 HARDER = LONGER = 1.03
-
-
-@dataclass(frozen=True, eq=False)
-class TurnedSeals:
-    """Seals of the turned face. factor : of their leakage, for the same breadth. how : what was solved."""
-
-    seals: Seals
-    factor: float
-    how: str
 
 
 class Solver:
@@ -190,7 +161,7 @@ class Solver:
             # as many seals as the run took in the end
             count = results.dataset.sizes["realisation"]
             prepared = replace(prepared, sampling=replace(prepared.sampling, realisations=count))
-        self._prepared, self._breadth = prepared, float(results.dataset.attrs["seal_size_m"][0])
+        self._prepared = prepared
         state = (case.output.test_fluid or case.fluid).state
         self._scene = state.in_scene(self._prepared.scene)
 
@@ -207,46 +178,10 @@ class Solver:
             longer = self._seals(f"another {name.replace('_', ' ')}", replace(scene, fluid=changed))
         return Variants(harder, longer, HARDER, LONGER, hardness_counts=yields, hardens=not scene.law.is_perfect)
 
-    def turned(self) -> TurnedSeals:
-        """The seals of the face turned by 90°.
-
-        Raises InputError: the turned face does not go with the shape of the seal or with its pieces.
-        """
-        prepared, scene = self._prepared, self._scene
-        surface = scene.surface
-        if isinstance(surface, Places):
-            raise InputError("lay", "'turned' with several places", "'as measured' with them")
-        turned = replace(scene, surface=Topography(np.ascontiguousarray(surface.heights.T), surface.spacing[::-1]))
-        cells = None if prepared.cells is None else prepared.cells[::-1]
-        sampling = prepared.sampling
-        # other shapes than strips have a breadth of their own, and no length is given
-        strip = sampling is not None and sampling.length is not None
-        if sampling is not None and strip and sampling.breadth is None:
-            sampling = replace(sampling, breadth=surface.size[0])
-        study = self._solved("face turned by 90°", turned, replace(prepared, cells=cells, sampling=sampling))
-        # leakage goes with one over the breadth
-        factor = _breadth(study, turned) / self._breadth
-        how = "solved again with the face turned by 90°"
-        if abs(factor - 1) > 1e-9:
-            how += ", at the same breadth by Darcy's law"
-        return TurnedSeals(_of_study(study, turned), factor, how)
-
     def _seals(self, name: str, scene: Scene) -> Seals:
-        return _of_study(self._solved(name, scene, self._prepared), scene)
-
-    def _solved(self, name: str, scene: Scene, prepared: Prepared) -> Any:
-        version, mapping = replace(prepared, scene=scene), ordered_map(self._workers, before=compile_ahead)
+        version, mapping = replace(self._prepared, scene=scene), ordered_map(self._workers, before=compile_ahead)
         with mapping as mapper, Run(mapper, self._progress).timed(name) as watched:
-            return version.solve(version.answer, watched)
-
-
-def _breadth(study: Any, scene: Scene) -> float:
-    seal = getattr(study, "seal", None)
-    return float(seal.size[0]) if seal is not None and hasattr(seal, "size") else float(scene.surface.size[0])
-
-
-def _of_study(study: Any, scene: Scene) -> Seals:
-    return Seals.of(scene.steps, study.leakage)
+            return Seals.of(scene.steps, version.solve(version.answer, watched).leakage)
 
 
 def state_of_classes(results: Results) -> FluidState | None:

@@ -152,25 +152,23 @@ def survey_figure(
     report: SurfaceReport | None = None,
     conditioning: Conditioning | None = None,
     *,
-    part: tuple[float, float, float, float] | None = None,
     detrend: int = 1,
     spikes: float = SPIKES,
 ) -> Figure:
     """Levelled map with undefined points and spikes, histogram of heights, radial and profile spectral densities.
 
     topography : as measured.
-    report, conditioning : of the same map, or of its `part`, from `describe_surface` and `condition`; None is unknown.
-    part : x1 from, to, x2 from, to [m] of the part that is described; None is the whole.
+    report, conditioning : of the same map, from `describe_surface` and `condition`; None is unknown.
     detrend, spikes : as given to these.
     """
     figure = new_figure(11.0, 8.0)
     (image, histogram), (radial, profiles) = figure.subplots(2, 2)
     marked = topography.without_spikes(spikes)
     measured = topography if topography.undefined_fraction == 1 else topography.detrend(detrend)
-    _map_panel(image, measured, np.isnan(marked.heights) & ~np.isnan(topography.heights), part)
+    _map_panel(image, measured, np.isnan(marked.heights) & ~np.isnan(topography.heights))
     _histogram_panel(histogram, measured)
     if report is not None:
-        flat = (marked if part is None else marked.crop_to(part)).fill_undefined(1.0).detrend(detrend)
+        flat = marked.fill_undefined(1.0).detrend(detrend)
         _radial_panel(radial, flat, report, conditioning)
         _densities_panel(profiles, flat)
     for axes in (histogram, radial, profiles):
@@ -179,19 +177,13 @@ def survey_figure(
     return figure
 
 
-def _map_panel(
-    axes: Axes, measured: Topography, spikes: NDArray[np.bool_], part: tuple[float, float, float, float] | None
-) -> None:
-    """Map of the heights, with marks at spikes and a frame around the part that is described."""
-    from matplotlib.patches import Rectangle
-
+def _map_panel(axes: Axes, measured: Topography, spikes: NDArray[np.bool_]) -> None:
+    """Map of the heights, with marks at spikes."""
     notes = []
     if measured.undefined_fraction:
         notes.append(f"white: {100 * measured.undefined_fraction:.2g} % undefined")
     if count := np.count_nonzero(spikes):
         notes.append(f"{'circles' if count <= _MOST_CIRCLES else 'dots'}: {counted(count, 'point')} in spikes")
-    if part is not None:
-        notes.append("frame: largest part with few of them")
     l1, l2 = (length * 1e3 for length in measured.size)
     height_panel(axes, measured.heights * 1e6, (l1, l2), "; ".join(["levelled height [µm]", *notes]), upright=True)
     if count:
@@ -200,9 +192,6 @@ def _map_panel(
             axes.plot(x1, x2, "o", mfc="none", mec="#D55E00", ms=8)
         else:
             axes.plot(x1, x2, "o", color="black", ms=0.9, mew=0)
-    if part is not None:
-        from1, to1, from2, to2 = (end * 1e3 for end in part)
-        axes.add_patch(Rectangle((from1, from2), to1 - from1, to2 - from2, fill=False, ec="black", ls="--", lw=1.3))
     axes.set(xlim=(0, l1), ylim=(0, l2))
 
 

@@ -16,7 +16,7 @@ from ..base import Array, InputError
 from ..contact import Contact, LoadCycle, LoadState
 from ..flow import Permeability
 from ..results.run_data import RunData
-from ..results.selections import branches, load_names, pressures_and_peaks, solved_steps
+from ..results.selections import branches, load_names, pressures_and_peaks
 from ..seal import Leakage
 from .drawing import CLOSED, LINES, MAP, POCKET, STYLES, Sheet, branch_styles, new_figure, one_panel, shows
 from .drawn_panels import drawn_figure
@@ -36,8 +36,7 @@ def default_step(data: xarray.Dataset) -> int:
     """The step of the highest load at which the face leaks, or else the drawn seals; the first step if none does."""
     names = ("leakage_two_scale", "leakage_deterministic", "leakage_median")
     name = next(name for name in names if name in data)
-    solved = solved_steps(data)  # the first step is
-    leaking = solved[np.nan_to_num(data[name].values[solved]) != 0]
+    leaking = np.flatnonzero(np.nan_to_num(data[name].values))
     return int(leaking[np.argmax(data["nominal_pressure"].values[leaking])]) if leaking.size else 0
 
 
@@ -63,8 +62,6 @@ def seal_figure(results: RunData, step: int | None = None) -> Figure:
     s = default_step(data) if step is None else step
     if not 0 <= s < data.sizes["step"]:
         raise InputError("step", step, f"0 to {data.sizes['step'] - 1}")
-    if s not in (solved := solved_steps(data)):
-        raise InputError("step", f"{step}, which is interpolated", f"one of {', '.join(map(str, solved))}")
     if not has_maps(data):
         return drawn_figure(data, s)
     row = map_row(lying(face_size(data)))

@@ -11,7 +11,6 @@ from numpy.typing import NDArray
 from ..base import Array, InputError
 from ..flow.law import cubic_law
 from ..results.run_data import RunData
-from ..results.selections import solved_steps
 from .drawing import GREY, LINES, STYLES, Sheet, decades
 
 if TYPE_CHECKING:
@@ -66,7 +65,7 @@ def pieces_of(results: RunData) -> Pieces:
 
     Raises InputError: results without pieces.
     """
-    data = results.dataset.isel(step=solved_steps(results.dataset))
+    data = results.dataset
     kind = next((kind for kind in ("state", "piece") if f"{kind}_k1" in data), None)
     if kind is None:
         raise InputError("pieces figure", "results without pieces", "those of a two-scale or a stochastic study")

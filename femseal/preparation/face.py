@@ -4,7 +4,6 @@ Its grooves run around the seal as rings, or as the spiral that a lathe cuts.
 """
 
 from collections.abc import Iterator
-from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from math import inf
 from typing import Any
@@ -30,7 +29,6 @@ from ..topography import (
     Places,
     Repair,
     Representative,
-    TooManyUndefined,
     Topography,
     check_wave,
     combine,
@@ -77,7 +75,7 @@ def conditioned_face(case: Case) -> ConditionedFace:
     raws, separately, overlap, spikes = _combined_faces(case)
     every = []
     for raw in raws:
-        with with_keys(SURFACE_KEYS | {"heights": "face"}), _in_the_whole_map(case.face[0]):
+        with with_keys(SURFACE_KEYS | {"heights": "face"}):
             every.append(repair(raw, spikes=spikes, **_treatment(case)))
     flat, repaired = every[0]
     if len(every) > 1:
@@ -131,8 +129,8 @@ def _combined_faces(case: Case) -> tuple[list[Topography], list[tuple[Topography
     if len(faces) == 1:
         return faces[0], [], None, thresholds[0]
     repaired: list[list[tuple[Topography, Repair]]] = []
-    for place, table, maps, most in zip(face_places(case), case.face, faces, thresholds, strict=True):
-        with with_keys(SURFACE_KEYS | {"heights": place}), _in_the_whole_map(table):
+    for place, maps, most in zip(face_places(case), faces, thresholds, strict=True):
+        with with_keys(SURFACE_KEYS | {"heights": place}):
             repaired.append([repair(face, spikes=most, **_treatment(case)) for face in maps])
     table = case.face[1]
     placement = table.placement if isinstance(table, FileFace) else {}
@@ -167,16 +165,6 @@ def _found(repaired: list[tuple[Topography, Repair]], wavelength: float) -> dict
         "spikes_along_lay": max((e.along_lay for e in effects if e.along_lay is not None), default=None),
         "spikes_extreme": max((e.extreme for e in effects if e.extreme is not None), default=None),
     }
-
-
-@contextmanager
-def _in_the_whole_map(table: Any) -> Iterator[None]:
-    """Name the part of a map that has few undefined points by its place in the whole map of the file."""
-    try:
-        yield
-    except TooManyUndefined as error:
-        crop = table.crop if isinstance(table, FileFace) else None
-        raise error if crop is None else error.from_origin(crop[0], crop[2]) from None
 
 
 def _grid(case: Case, flat: Topography) -> tuple[int, int]:

@@ -23,14 +23,7 @@ from ..topography import (
 )
 from ..topography.seat import LEAST_DEPTH, FlatSeat
 from .face import conditioned_face, groove_question, measured_patch, wound_layout
-from .prepared import (
-    Pair,
-    Prepared,
-    check_memory,
-    check_memory_of_tiles,
-    refused_if_too_large,
-    without_short_waves,
-)
+from .prepared import Pair, Prepared, check_memory, check_memory_of_tiles, refused_if_too_large
 
 #: Fraction of the rms slope from which on a case is warned that the low-pass removes it: by itself, and where the
 #: grid of a measured face is limited for its cost. Measured: with 49 % of it gone a turned face leaks 10 to 700 times
@@ -62,7 +55,7 @@ def prepare(case: Case) -> Prepared:
         form = _form_tolerance(case, sampling, broader)
         holds, effect = measured_patch(case, surface, scene)
         spikes = SpikeEffect(conditioning.spikes_along_lay, conditioning.spikes_extreme).doubts(conditioning.spikes)
-        prepared = Prepared(
+        return Prepared(
             scene=scene,
             cells=cells,
             sampling=sampling,
@@ -84,9 +77,6 @@ def prepare(case: Case) -> Prepared:
                 *doubts,
             ),
         )
-        if case.surface.filter_sensitivity:
-            without_short_waves(prepared)  # refuses a face too small for it
-        return prepared
 
 
 def _form_tolerance(case: Case, sampling: Sampling | None, broader: bool) -> FormTolerance | None:

@@ -8,7 +8,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import asdict, dataclass, replace
-from math import ceil, prod
+from math import prod
 from typing import Any
 
 from ..base import Array, InputError, Mapper, free_memory, to_text
@@ -194,20 +194,3 @@ class Prepared:
             f"sets the area from {to_text(wave, 'm', 3)} on" if wave else "does not end what these waves do to the area"
         )
         return f"{self.continuation}; by Persson's theory hardness {ends}"
-
-
-def without_short_waves(prepared: Prepared) -> Scene:
-    """The scene without waves shorter than twice the shortest one, on half the points a side.
-
-    Raises InputError: waves longer than the face would be left, or pieces of fewer than 8 pixels.
-    """
-    scene, wave = prepared.scene, 2 * prepared.conditioning.shortest_wavelength
-    surface = scene.surface
-    if wave >= max(surface.size):
-        expected = f"true only where the larger side holds more than {to_text(wave, 'm', 3)}, twice the shortest wave"
-        raise InputError("surface.filter_sensitivity", True, expected)
-    n1, n2 = surface.shape
-    smooth = surface.low_pass(wave).resample((ceil(n1 / 2), ceil(n2 / 2)))
-    if prepared.cells is not None and prepared.methods & {"two-scale", "stochastic"}:
-        Cut.of(smooth, prepared.cells)
-    return replace(scene, surface=smooth)

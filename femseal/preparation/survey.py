@@ -10,7 +10,7 @@ from math import degrees, isnan, pi
 from pathlib import Path
 from typing import Any
 
-from ..base import InputError, counted, to_si, to_text, validate, writing
+from ..base import InputError, to_si, to_text, validate, writing
 from ..case.faces import SurfaceTable
 from ..case.faults import table_to_paste, with_keys
 from ..contact.law import PerfectlyPlastic
@@ -44,7 +44,6 @@ SURFACE_OPTIONS = {
     "shape": "surface.points",
 }
 _PICTURES = (".png", ".pdf", ".svg")
-Part = tuple[float, float, float, float]
 #: What no file of heights says, by the table that says it.
 _OPEN = {
     "material": "how strong is the softer face as it was machined? The other one: [counter_material], rigid without",
@@ -60,9 +59,8 @@ _SHOWN = ("points ", "pixel", "undefined", "Sq,", "rms slope ", "Std", "shortest
 
 @dataclass(frozen=True)
 class _Look:
-    """What is known of a face: of the `part` of it that a run can take, if not of the whole; None is not known."""
+    """What is known of a face, and the `reasons` for which a run refuses it; None is not known."""
 
-    part: Part | None = None
     report: SurfaceReport | None = None
     conditioning: Conditioning | None = None
     patch: tuple[Representative | FormEffect, ...] = ()
@@ -112,15 +110,12 @@ def survey(
     if seen.masked_fraction:
         fraction = f"{100 * seen.masked_fraction:.3g} %"
         lines.append(f"note: {fraction} of the points in the file are masked in it: --no-file-mask takes their heights")
-    if found.part is not None:
-        origin = (0.0, 0.0) if crop is None else (lengths["crop"][0], lengths["crop"][2])
-        lines += _offer(found.part, origin)
     if found.report is not None and found.conditioning is not None:
         texts = notes(found.report, found.conditioning)
         texts += [text for one in found.patch for text in one.doubts or [str(one)]]
         lines += [f"note: {text}" for text in texts]
     if picture is not None:
-        figure = survey_figure(face, found.report, found.conditioning, part=found.part, detrend=detrend, spikes=spikes)
+        figure = survey_figure(face, found.report, found.conditioning, detrend=detrend, spikes=spikes)
         figure.suptitle(path.name, fontsize=11, parse_math=False)
         with writing("output", picture):
             figure.savefig(picture)
@@ -129,19 +124,14 @@ def survey(
 
 
 def look(face: Topography, wave: float | None, treatment: dict[str, Any]) -> _Look:
-    """Describe and condition the face, or else its largest part with few undefined points."""
+    """Describe and condition the face."""
     if face.undefined_fraction == 1:
         return _Look(reasons=("none of its points is defined",))
-    part: Part | None = None
     reasons: list[str] = []
     try:
         report = describe_surface(face, **treatment)
     except TooManyUndefined as error:
-        spikes = f", {counted(error.spikes, 'point')} in spikes with them" if error.spikes else ""
-        given, most = (f"{100 * fraction:.3g} %" for fraction in (error.fraction, error.limit))
-        reasons.append(f"{given} of its points are undefined{spikes}, and at most {most} are filled (--max-undefined)")
-        if (part := error.part) is not None:
-            face = face.crop_to(part)
+        reasons.append(f"{error.given}, expected {error.expected}")
         report = describe_surface(face, **treatment | {"max_undefined": 1.0})
     try:
         with with_keys(SURFACE_OPTIONS):
@@ -150,8 +140,8 @@ def look(face: Topography, wave: float | None, treatment: dict[str, Any]) -> _Lo
     except InputError as error:
         if wave is not None and not isinstance(error.__cause__, TooManyUndefined):  # the caller's wave, not the face
             raise
-        return _Look(part, report, reasons=(*reasons, *([] if reasons else [str(error)])))
-    found = _Look(part, report, conditioning, reasons=tuple(reasons))
+        return _Look(report, reasons=(*reasons, *([] if reasons else [str(error)])))
+    found = _Look(report, conditioning, reasons=tuple(reasons))
     if not kept.rms_slope:
         return found
     curved = flat.with_heights(flat.heights + repaired.form.heights).detrend(1)
@@ -166,26 +156,16 @@ def look(face: Topography, wave: float | None, treatment: dict[str, Any]) -> _Lo
 def _description(face: Topography, look: _Look) -> list[str]:
     """Numbers of the face and of what a run does to it, as far as they are known."""
     lines = []
-    if look.report is None or look.part is not None:
+    if look.report is None:
         sides, pixel = (" × ".join(to_text(x, "m") for x in pair) for pair in (face.size, face.spacing))
         facts = {"points": f"{face.shape[0]} × {face.shape[1]}", "size": sides, "pixel": pixel}
         facts["undefined points"] = f"{100 * face.undefined_fraction:.3g} %"
         lines += [f"  {name:16}  {text}" for name, text in facts.items()]
-    if look.part is not None:
-        lines.append("its largest part with few undefined points")
     if look.report is not None:
         lines += _indented(look.report)
     if look.conditioning is not None:
-        lines += [f"what a run does to it{'' if look.part is None else ', cropped'}", *_indented(look.conditioning)]
+        lines += ["what a run does to it", *_indented(look.conditioning)]
     return lines
-
-
-def _offer(part: Part, origin: tuple[float, float]) -> list[str]:
-    """The part as a key of a case and as an option, in the whole map from whose `origin` on the face was cropped."""
-    (x1, x2), (from1, to1, from2, to2) = origin, part
-    ends = [to_text(end, "m", 6) for end in (from1 + x1, to1 + x1, from2 + x2, to2 + x2)]
-    key, option = (mark.join(ends) for mark in ('", "', "' '"))
-    return [f"note: its largest part with few undefined points is crop = [\"{key}\"] in [face], here --crop '{option}'"]
 
 
 def _indented(report: SurfaceReport | Conditioning) -> list[str]:

@@ -45,7 +45,6 @@ def budgets_of(
     studies: Mapping[str, Any],
     mapper: Mapper,
     *,
-    leakage_filtered: Array | None = None,
     known: Mapping[str, ErrorBudget] | None = None,
     model_parts: Sequence[str] = (),
     hardness: float = 0.1,
@@ -53,7 +52,6 @@ def budgets_of(
     """Error budget of every study of a run, by its key.
 
     studies : results by key.
-    leakage_filtered : of the answer at every step without waves up to twice the shortest one, where that was solved.
     known : budgets that are there already, without parts of the model.
     model_parts, hardness : names of the parts of the model, and the relative error of the hardness.
     """
@@ -65,15 +63,13 @@ def budgets_of(
     grids = coarser_grids(prepared, answer)
     solved = [_solved(grid, mapper) for grid in grids]
     smooth = without_filtered_waves(prepared, answer)
-    again = {} if smooth is None or leakage_filtered is not None else _solved(smooth, mapper)
+    again = {} if smooth is None else _solved(smooth, mapper)
     for key, result in left.items():
         other = route(study_of_result(result)).key
         coarse = [against(result, grid, found.get(other)) for grid, found in zip(grids, solved, strict=True)]
         if not grids:  # pieces of too few pixels to be halved: nothing is known
             coarse = [against(result, prepared, None)]
         filtered = None if smooth is None else against(result, smooth, again.get(other))
-        if smooth is not None and leakage_filtered is not None:
-            filtered = CoarserSolution(smooth.scene.surface.shape, result.steps, leakage_filtered, answer)
         budgets[key] = budget_of(prepared, result, coarse, filtered)
     finest = (grids[0], solved[0]) if grids else None
     return _with_model_parts(prepared, studies, budgets, mapper, (finest, model_parts, hardness))

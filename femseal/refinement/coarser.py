@@ -1,17 +1,13 @@
 """Coarser versions of a prepared case, which tell how much its pixels and its removed waves matter."""
 
 import logging
-from collections.abc import Callable, Hashable, Iterable
 from dataclasses import replace
-from itertools import islice
 from math import ceil, log2, prod
-from typing import TypeVar
 
 import numpy as np
 
-from ..base import Array, InputError
-from ..budget import CoarserSolution
-from ..preparation.prepared import Pair, Prepared, without_short_waves
+from ..base import Array
+from ..preparation.prepared import Pair, Prepared
 from ..studies import STUDIES, Scene, Study
 from ..studies.sampling import FEWEST_SEALS
 
@@ -36,8 +32,6 @@ LEAST_OCTAVES = 0.05
 OTHER_PHASES = 3
 #: Scenes that measure what continued waves may change: with these, with fewer waves, and as measured.
 CONTINUED_SCENES = OTHER_PHASES + 2
-#: What distinguishes versions of a case.
-Version = TypeVar("Version", bound=Hashable)
 
 
 def coarser_points(points: Pair, least: Pair = (1, 1)) -> Pair | None:
@@ -56,27 +50,6 @@ def wave_pixels(prepared: Prepared) -> float:
 def carries_quarter(prepared: Prepared) -> bool:
     """Whether a quarter of the points a side carries the waves too."""
     return wave_pixels(prepared) >= THIRD_GRID_PIXELS * (1 - 1e-9)
-
-
-def coarser_solutions(
-    prepared: Prepared,
-    versions: Iterable[tuple[Version, Pair]],
-    leakages: dict[Version, Array],
-    solve: Callable[[Version], Array],
-) -> list[CoarserSolution]:
-    """The same study on half the points a side, and on a quarter where that carries the waves and is known.
-
-    versions : on half and on a quarter of the points of `prepared`, with their points.
-    leakages : of the versions that are known at every step; the first one is solved and entered if it is not there.
-    """
-    found: list[CoarserSolution] = []
-    for version, points in islice(versions, 1 + carries_quarter(prepared)):
-        if version not in leakages:
-            if found:
-                break
-            leakages[version] = solve(version)
-        found.append(CoarserSolution(points, prepared.scene.steps, leakages[version]))
-    return found
 
 
 def route(study: Study) -> Study:
@@ -105,13 +78,14 @@ def without_filtered_waves(prepared: Prepared, leakage: Array | None = None) -> 
     """The version without waves up to twice the shortest one, at some of the steps; None where none were removed."""
     if removed_octaves(prepared) < LEAST_OCTAVES:
         return None
-    try:
-        smooth = without_short_waves(replace(prepared, methods=_routes(prepared)))
-    except InputError as error:
-        log.warning("error budget: no solution without the shortest waves: %s", error)
+    surface, wave = prepared.scene.surface, 2 * prepared.conditioning.shortest_wavelength
+    n1, n2 = (ceil(n / 2) for n in surface.shape)
+    least1, least2 = prepared.least_points
+    if wave >= max(surface.size) or n1 < least1 or n2 < least2:
+        log.warning("error budget: the face or its pieces are too small to do without the shortest waves")
         return None
     some = at_some_steps(prepared.scene, leakage, FILTER_STRIDE, least=0)
-    return _reduced(prepared, replace(some, surface=smooth.surface))
+    return _reduced(prepared, replace(some, surface=surface.low_pass(wave).resample((n1, n2))))
 
 
 def continued_scenes(grid: Prepared) -> list[Scene]:
@@ -171,17 +145,5 @@ def _reduced(prepared: Prepared, scene: Scene) -> Prepared:
         enough = ceil(FACES_AGAIN * prod(cut.shape) / tiles.count)
         few = min(sampling.realisations or FEWEST_SEALS, SEALS_AGAIN, enough)
         sampling = replace(sampling, realisations=few, median_fields=False)
-    return replace(prepared, scene=scene, sampling=sampling, methods=_routes(prepared))
-
-
-def _routes(prepared: Prepared) -> frozenset[str]:
-    """Names of the studies that coarser solutions take."""
-    return frozenset(route(study).name for study in prepared.studies)
-
-
-def with_points(prepared: Prepared, points: Pair) -> Prepared:
-    """The version of the same surface on other points."""
-    surface = prepared.scene.surface
-    if points == surface.shape:
-        return prepared
-    return replace(prepared, scene=replace(prepared.scene, surface=surface.resample(points)))
+    methods = frozenset(route(study).name for study in prepared.studies)
+    return replace(prepared, scene=scene, sampling=sampling, methods=methods)

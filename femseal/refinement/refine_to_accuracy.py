@@ -2,21 +2,19 @@
 
 import logging
 import time
-from collections.abc import Iterator
 from dataclasses import asdict, dataclass, field, replace
-from functools import partial
+from math import isfinite
 from typing import Any
 
 import numpy as np
 
 from ..base import Array, FemsealError, Mapper, NotKept, duration, format_deviation, free_memory
-from ..budget import MODEL_PARTS, ErrorBudget, widest_band
+from ..budget import MODEL_PARTS, CoarserSolution, ErrorBudget, widest_band
 from ..case.case import Case
 from ..execution.run import Run
-from ..preparation.prepared import START_MEMORY, Pair, Prepared
-from .accuracy_report import or_none
+from ..preparation.prepared import START_MEMORY, Prepared
 from .budgets import against, budget_of, budgets_of, leakage_of
-from .coarser import coarser_solutions, without_filtered_waves
+from .coarser import carries_quarter, without_filtered_waves
 from .settings import (
     Settings,
     apply_settings,
@@ -249,18 +247,23 @@ class _Attempts:
             return budgets_of(alone, {answer.key: result}, mapper)[answer.key]
         smooth = without_filtered_waves(prepared, leakage_of(result))
         filtered = None if smooth is None else against(result, smooth, smooth.solve(smooth.answer, mapper))
-        leakage = partial(self._leakage, mapper=mapper)
-        coarse = coarser_solutions(prepared, self._coarser(settings), self.leakages, leakage)
-        return budget_of(prepared, result, coarse, filtered)
+        return budget_of(prepared, result, self._coarser(prepared, settings, mapper), filtered)
 
-    def _coarser(self, settings: Settings) -> Iterator[tuple[Settings, Pair]]:
-        """Settings with half and with a fourth of the points a side as far as pieces allow, and their points."""
-        for halvings in (1, 2):
+    def _coarser(self, prepared: Prepared, settings: Settings, mapper: Mapper) -> list[CoarserSolution]:
+        """The answer on half the points a side, and on a quarter where that carries the waves and is known."""
+        found: list[CoarserSolution] = []
+        for halvings in range(1, 2 + carries_quarter(prepared)):
             coarse = replace(settings, grid=settings.grid - halvings)
-            if coarse not in self.leakages and not has_pieces(self.made, coarse):
-                return
-            yield coarse, grid_points(self.made.scene.surface.shape, coarse.grid)
+            if coarse not in self.leakages:
+                if found or not has_pieces(self.made, coarse):
+                    break
+                version = self._prepared(coarse)
+                self.leakages[coarse] = leakage_of(version.solve(version.answer, mapper))
+            points = grid_points(self.made.scene.surface.shape, coarse.grid)
+            found.append(CoarserSolution(points, prepared.scene.steps, self.leakages[coarse]))
+        return found
 
-    def _leakage(self, settings: Settings, mapper: Mapper) -> Array:
-        prepared = self._prepared(settings)
-        return leakage_of(prepared.solve(prepared.answer, mapper))
+
+def or_none(value: float) -> float | None:
+    """The number; None where it has no end or is unknown, for files that know neither."""
+    return float(value) if isfinite(value) else None

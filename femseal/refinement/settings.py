@@ -7,7 +7,7 @@ from typing import Any
 from ..base import to_text
 from ..case.case import Case
 from ..face.pieces import FEWEST_POINTS
-from ..preparation.prepared import Pair, Prepared, refused_if_too_large, without_short_waves
+from ..preparation.prepared import Pair, Prepared, refused_if_too_large
 from ..studies.costs import contact_tolerance
 
 #: Longest time of a run whose case asks for an accuracy and gives no time [s].
@@ -112,17 +112,11 @@ def apply_settings(case: Case, made: Prepared, settings: Settings) -> Prepared:
 
 
 def first_version(case: Case, made: Prepared) -> Prepared:
-    """What a run of a prepared case solves first: the case itself, or the first attempt at its accuracy.
-
-    Raises InputError: a face too small for `surface.filter_sensitivity` on the points of the first attempt.
-    """
+    """What a run of a prepared case solves first: the case itself, or the first attempt at its accuracy."""
     if case.accuracy is None:
         return made
     with refused_if_too_large():
-        first = apply_settings(case, made, first_settings(case, made))
-        if case.surface.filter_sensitivity:
-            without_short_waves(first)
-        return first
+        return apply_settings(case, made, first_settings(case, made))
 
 
 def last_version(case: Case, made: Prepared, attempts: dict[str, Any] | None) -> Prepared:

@@ -13,8 +13,6 @@ from ..contact.hardness_curves import SMALLEST_DEPTH, NixGao
 from ..materials import HARDNESS_FACTOR, METALS
 from ..plots.maps import default_step, face_leakage, pressure_rows
 from ..results.run_data import RunData
-from ..results.selections import solved_steps
-from ..results.tables import INTERPOLATED
 
 if TYPE_CHECKING:
     import xarray
@@ -207,7 +205,7 @@ def load_sentences(data: xarray.Dataset, case: dict[str, Any]) -> list[str]:
 
 
 def _load_text(data: xarray.Dataset, given: dict[str, Any]) -> str:
-    """The load steps, their forces, and which of them are interpolated."""
+    """The load steps and their forces."""
     pressure, peaks = data["nominal_pressure"].values, data["unloaded_from"].values
     up = pressure[np.isnan(peaks)]
     ends = " to ".join(to_text(float(p), "Pa") for p in dict.fromkeys((up.min(), up.max())))
@@ -220,14 +218,7 @@ def _load_text(data: xarray.Dataset, given: dict[str, Any]) -> str:
         text += f", and unloaded from {' and '.join(tops)} down to {down}"
     if given.get("relaxation"):
         text += f"; relaxation takes {100 * given['relaxation']:.3g} % of a load in assembly before service"
-    text += "."
-    if (solved := solved_steps(data)).size < pressure.size:
-        tolerance = f"{100 * given['interpolate']:.3g} %" if "interpolate" in given else "a tolerance"
-        text += (
-            f" {solved.size} of the {pressure.size} steps are solved; the others, marked {INTERPOLATED}, have no "
-            f"fields, and their leakage is interpolated within {tolerance}."
-        )
-    return text
+    return text + "."
 
 
 def _form_text(data: xarray.Dataset) -> str:

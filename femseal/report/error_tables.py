@@ -4,7 +4,7 @@ import json
 
 import numpy as np
 
-from ..base import Array, TextTable, counted, format_deviation, read_plain, to_text
+from ..base import Array, TextTable, counted, format_deviation, to_text
 from ..results.results import as_chosen, solvers_text
 from ..results.run_data import RunData
 from ..studies.load_curves import first_known, leakage_factor, least_counted
@@ -84,10 +84,6 @@ def scatter_lines(results: RunData) -> Lines:
     for one, name, other, reference in pairs:
         if name in data and reference in data:
             lines += _comparison(results, one, data[name].values, other, data[reference].values)
-    if "leakage_filtered" in data:
-        lines += _comparison(
-            results, "twice the shortest wave", data["leakage_filtered"].values, results.method, results.leakage.values
-        )
     return lines
 
 
@@ -162,30 +158,8 @@ def check_lines(results: RunData) -> Lines:
     return lines
 
 
-def accuracy_lines(results: RunData) -> Lines:
-    """Factors that `femseal accuracy` wrote into the folder of the results for the same case; none if it did not."""
-    if results.folder is None:
-        return []
-    try:
-        found = json.loads(read_plain(results.folder / "accuracy.json", 1e7))
-        if found["case"] != results.case:
-            return []
-        return [
-            (
-                f"{s['method']}, {' × '.join(map(str, s['points']))} points"
-                + (f", {' × '.join(map(str, s['cells']))} pieces" if s["cells"] else ""),
-                *(_factor(s[branch]["factor"]) for branch in ("loading", "unloading")),
-                _factor(s["budget"]["factor"] if s.get("budget") else None),
-                f"{s['seconds']:.3g} s" + (", recommended" if s.get("recommended") else ""),
-            )
-            for s in found["solutions"]
-        ]
-    except (OSError, ValueError, KeyError, TypeError, RecursionError):
-        return []
-
-
-def _factor(value: float | None) -> str:
-    return "–" if value is None or np.isnan(value) else f"× {value:.3g}"
+def _factor(value: float) -> str:
+    return "–" if np.isnan(value) else f"× {value:.3g}"
 
 
 def time_lines(results: RunData) -> list[tuple[str, str, float]]:

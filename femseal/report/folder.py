@@ -74,7 +74,7 @@ def write_folder(
     folder : made if needed; files of the same name are replaced.
     surface : the combined heights, for `surface.png` and ParaView; None: without.
     pictures, report, fields : False leaves these out; without pictures and report nothing is drawn.
-    paraview : format of the files in `vtk/`, see `write_vtk`.
+    paraview : "vtu", or "none" without the files in `vtk/`, see `write_vtk`.
     fields_limit : size of the fields over all pixels before compression [byte] above which steps are left out; the
         attribute "left_out" of the dataset then says so.
     mapper : such as over processes of this machine, one of which writes the files for ParaView.
@@ -192,7 +192,7 @@ def _write_fields(
     results: Results, plan: FieldPlan, surface: Topography | None, folder: Path, paraview: str, mapper: Mapper
 ) -> list[Path]:
     written = write_fields(results, plan, folder) if plan.steps.size else []
-    return [*written, *write_vtk(results, surface, folder / VIEWS, paraview, mapper)]
+    return [*written, *(write_vtk(results, surface, folder / VIEWS, mapper) if paraview != "none" else ())]
 
 
 def _clear(folder: Path) -> None:

@@ -50,8 +50,7 @@ def write_report(
 
     First the verdict on leakage classes, the leakage of the whole seal, its band and what limits it, warnings, and the
     leakage over load, to be hovered and zoomed; then maps, pieces, faces, tables, error budget and the rest. It
-    depends on the dataset alone, so that a page made from a folder equals the one that the run wrote; an
-    `accuracy.json` in the folder is added.
+    depends on the dataset alone, so that a page made from a folder equals the one that the run wrote.
 
     Parameters
     ----------
@@ -137,7 +136,7 @@ def _content(results: Results, drawings: pictures.Drawings) -> dict[str, Any]:
         "scatter": error_tables.scatter_lines(results),
         "checks": error_tables.check_lines(results),
         "attempts": None if results.attempts is None else attempts_table(results.attempts),
-        "accuracy": error_tables.accuracy_lines(results),
+        "attempts_picture": pictures.attempts_picture(drawings) if "attempts" in drawings else None,
         "times": error_tables.time_lines(results),
         "warnings": results.warnings,
         "failures": results.failures,

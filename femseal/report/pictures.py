@@ -5,12 +5,13 @@ from __future__ import annotations
 import base64
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, cast
+from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
 
 from ..base import counted, to_text
 from ..plots import heights_figure, leakage_figure, pieces_figure, seal_figure
+from ..plots.attempts import attempts_figure
 from ..plots.drawing import HEIGHTS, LINES, Drawn, Sheet, drawn
 from ..plots.drawn_panels import DrawnSeal, drawn_figure, part_text
 from ..plots.heights import height_panel
@@ -26,7 +27,6 @@ from ..plots.maps import (
 )
 from ..plots.piece_curves import pieces_of
 from ..results.results import Results
-from ..results.selections import solved_steps
 from ..results.tables import leakage_at, leakage_of
 from ..topography import Topography
 from .error_tables import most_leaking_place
@@ -74,6 +74,7 @@ def _figures(results: Results, surface: Topography | None) -> dict[str, Callable
         "face": ("face_height" in data, lambda: _face_figure(data)),
         "seat": (bool(data.attrs.get("seat")) and "row_pressure" in data, lambda: _lines_figure(row_panel, data)),
         "place": ("place_height" in data, lambda: place_figure(data)),
+        "attempts": (results.attempts is not None, lambda: attempts_figure(cast(dict[str, Any], results.attempts))),
     }
     return {name: draw for name, (there, draw) in pictures.items() if there}
 
@@ -112,6 +113,13 @@ def place_picture(results: Results, drawings: Drawings) -> Picture:
     sentence = most_leaking_place(results).capitalize()
     maps = "heights, and gap with the contact in grey" if "place_gap" in results.dataset else "heights"
     return Picture(_uri(drawings["place"].whole), f"Map of the place: {maps}. {sentence}.", f"{sentence}: its {maps}.")
+
+
+def attempts_picture(drawings: Drawings) -> Picture:
+    """Error of the attempts at an accuracy over their time."""
+    alt = "Error of the leakage against the time of each attempt; see the table."
+    caption = "Time and error of each attempt, with its number and points; the first has the time to start in it."
+    return Picture(_uri(drawings["attempts"].whole), alt, caption)
 
 
 def leakage_picture(results: Results, drawings: Drawings) -> Picture:
@@ -221,8 +229,7 @@ def drop_picture(results: Results, drawings: Drawings) -> Picture:
 def drop_steps(data: xarray.Dataset) -> list[int]:
     """Loading steps that leak: the first, the middle one, and that of the maps last."""
     last = default_step(data)
-    solved = solved_steps(data)
-    loading = solved[np.isnan(data["unloaded_from"].values[solved])]
+    loading = np.flatnonzero(np.isnan(data["unloaded_from"].values))
     leaking = loading[np.nan_to_num(face_leakage(data)[loading]) != 0]
     return list(dict.fromkeys([*(int(leaking[n]) for n in (0, leaking.size // 2) if leaking.size), last]))
 

@@ -11,14 +11,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..base import InputError, counted, free_memory, made_folder, shortened, versions
-from ..base.fields import STEP, Field
 from ..base.files import replacing_hdf5
 from ..base.leak_rates import leak_classes, leak_unit
 from ..base.machine import machine, peak_memory
-from ..budget import VAGUE, ErrorBudget, at_interpolated_steps, vague_steps
+from ..budget import VAGUE, ErrorBudget, vague_steps
 from ..fluids import leak_basis
 from ..studies import DeterministicResult, FluidState, OtherLeakage, Scene, StochasticResult, TwoScaleResult
-from ..studies.load_curves import leakage_factor, numbers_of
 from ..topography import Places
 from . import variables
 from .results import Results
@@ -26,8 +24,6 @@ from .run_data import METHODS, add_classes, add_test_fluid, basis_attributes
 
 #: An attribute of an HDF5 file holds at most 64 kB.
 _ATTRIBUTE_BYTES = 50_000
-#: Factor of leakage with twice the shortest wave from which on there is a warning.
-_FILTER_FACTOR = 2.0
 
 
 def assemble(
@@ -42,11 +38,8 @@ def assemble(
     quantiles: tuple[float, float] = (0.05, 0.95),
     warnings: tuple[str, ...] = (),
     leakage_unit: str | None = None,
-    leakage_filtered: NDArray[np.float64] | None = None,
     budgets: Mapping[str, ErrorBudget] | None = None,
     test: OtherLeakage | None = None,
-    whole: Scene | None = None,
-    interpolated_within: float = 0.0,
     classes: Sequence[str] = (),
     nominal_diameter: float | None = None,
     throughput_temperature: float | None = None,
@@ -62,11 +55,8 @@ def assemble(
     warnings : what casts doubt on the case itself; those of the studies come after them.
     leakage_unit : of leakage in tables, pictures and report, see `base.leak_rates`, of the fluid, the test fluid or
         both; a readable one per length of seal unless given.
-    leakage_filtered : the leakage at every step of the same face without waves up to twice the shortest one.
     budgets : error budgets of the studies, by their names here.
     test : the leakage of a test fluid through the same seals.
-    whole : the scene with all load steps, where `scene` has a part of them: the others are interpolated.
-    interpolated_within : relative error of the leakage there.
     classes : leakage classes to be decided on at every step, by the test fluid where there is one, see
     `base.leak_rates`. nominal_diameter : [m], which some of them need.
     throughput_temperature : at which pressure × volume of a gas is stated [K]; its own unless given.
@@ -118,20 +108,6 @@ def assemble(
         variables.add_coordinate(data, "row", "m", "x1 of rows, from the inlet", rows)
     variables.add_heights(data, scene)
     variables.add_contact_fraction(data, scene.steps, known)
-    doubts = []
-    if leakage_filtered is not None:
-        text = "leakage per unit seal length, of the face without waves up to twice the shortest"
-        variables.add(data, Field("leakage_filtered", "m^2/s", text, STEP, "twice the wave"), leakage_filtered)
-        doubts = _filter_doubts(leakage_filtered, Results(data), scene)
-    every = scene if whole is None else whole
-    if len(every.steps) > len(scene.steps):
-        solved = numbers_of(scene.steps, every.steps)
-        data = variables.with_all_steps(data, solved, every.steps)
-        test = None if test is None else test.at_all_steps(solved, every.steps)
-        budgets = {
-            name: at_interpolated_steps(budget, solved, every.steps, interpolated_within)
-            for name, budget in (budgets or {}).items()
-        }
     counts = {"two_scale": two_scale.counts.by_kind()} if two_scale is not None else {}
     counts |= {"stochastic": stochastic.pieces.counts.by_kind()} if stochastic is not None else {}
     solvers = {
@@ -159,7 +135,7 @@ def assemble(
         "solvers": _json(solvers),
         "equal_steps": _json(equal),
         # every study warns of what is odd in the scene
-        "warnings": _shortened(list(dict.fromkeys([*warnings, *of_studies, *doubts]))),
+        "warnings": _shortened(list(dict.fromkeys([*warnings, *of_studies]))),
         "failures": _shortened(list(dict.fromkeys(text for study in studies for text in study.failures))),
         "versions": _json(versions()),
         "machine": _json(machine()),
@@ -195,19 +171,6 @@ def assemble(
     if later:
         data.attrs["warnings"] = _shortened([*results.warnings, *later])
     return results
-
-
-def _filter_doubts(filtered: NDArray[np.float64], results: Results, scene: Scene) -> list[str]:
-    """Warn if leakage on loading changes much without the shortest waves."""
-    factor = leakage_factor(filtered, results.leakage.values, scene.steps, "loading")
-    if not factor.closed and not factor.value > _FILTER_FACTOR:
-        return []
-    found = [f"is off by a factor of {factor.value:.2g}"] if factor.loads else []
-    found += [f"is closed in one only at {counted(factor.closed, 'load')}"] if factor.closed else []
-    return [
-        f"with twice the shortest wave leakage on loading {' and '.join(found)}: the "
-        "shortest waves that are kept decide it, and shorter ones, which the instrument may not see, may do so too"
-    ]
 
 
 def _band_doubts(budget: ErrorBudget, names: NDArray[Any]) -> list[str]:

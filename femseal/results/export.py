@@ -1,7 +1,4 @@
-"""Gap, contact and fluid pressure over the pixels of the face as files for other programs, with their pixel's size.
-
-As in files of instruments, the file's x is x1 and its y is x2. Sources: ISO 25178-72 (.x3p); GeoTIFF 1.1, OGC 19-008r4.
-"""
+"""Gap, contact and fluid pressure over the pixels of the face as files for other programs, with their pixel's size."""
 
 from __future__ import annotations
 
@@ -22,10 +19,6 @@ from .variables import block_means
 if TYPE_CHECKING:
     import xarray
 
-#: Tags of a GeoTIFF: size of the pixel, place of the first one, keys; and what the image is.
-_SCALE, _TIE, _KEYS, _TEXT = 33550, 33922, 34735, 270
-#: A plane of the user's own with pixels that are areas, in metres: head, then model type, raster type, unit.
-_PLANE = (1, 1, 1, 3, 1024, 0, 1, 32767, 1025, 0, 1, 1, 3076, 0, 1, 9001)
 FIELDS = ("gap", "contact_pressure", "fluid_pressure")
 #: Most pixels a side of an image for ParaView: larger ones are means over blocks.
 MOST_PIXELS = 2048
@@ -45,10 +38,8 @@ def export_field(
     """Write the gap, the contact or the fluid pressure over the pixels of the face in SI, in the suffix's format.
 
     An .npz has the arrays `gap` (n1, n2) [m], or a pressure by the name of its field [Pa], `spacing` [m], `origin`
-    [m] of its first corner, `step`, `name` and `nominal_pressure` [Pa]; `read_topography` and NumPy read it. A .tif
-    is a GeoTIFF in single precision, x1 to the right and x2 up, in a plane of metres without a place on earth. An
-    .x3p holds the gap only, in metres; its x is x1. A .vti is for ParaView, as means over blocks from 2048 pixels a
-    side on; a `window` has all its pixels.
+    [m] of its first corner, `step`, `name` and `nominal_pressure` [Pa]; `read_topography` and NumPy read it. A .vti is
+    for ParaView, as means over blocks from 2048 pixels a side on; a `window` has all its pixels.
 
     Parameters
     ----------
@@ -72,9 +63,8 @@ def export_field(
         raise InputError("field", repr(field), f"one of {', '.join(FIELDS)}")
     write = _FORMATS.get(path.suffix.lower())
     if write is None:
-        raise InputError("output", f"'{path.name}'", f"a file {', '.join(_FORMATS)}")
-    if field != "gap" and path.suffix.lower() == ".x3p":
-        raise InputError("output", f"'{path.name}' for {field}", "a file .npz, .tif, .vti: an .x3p holds heights only")
+        expected = "a file .npz, from which NumPy and other programs make .tif and .x3p, or .vti"
+        raise InputError("output", f"'{path.name}'", expected)
     if window is not None and (piece is not None or not (window[0] < window[1] and window[2] < window[3])):
         raise InputError("window", window, "x1 from and to, x2 from and to [m], rising, and no piece beside")
     steps = stored_steps(run) if step is None else [step]
@@ -132,25 +122,6 @@ def _write_npz(path: Path, values: xarray.DataArray, run: RunData, step: int) ->
         np.savez_compressed(file, allow_pickle=False, **{str(values.name): values.values}, **known)
 
 
-def _write_tif(path: Path, values: xarray.DataArray, run: RunData, step: int) -> None:
-    """Write a GeoTIFF in single precision, x1 to the right and x2 up."""
-    from PIL import Image, TiffImagePlugin
-
-    (d1, d2), (x1, x2) = _frame(values)
-    tags = TiffImagePlugin.ImageFileDirectory_v2()
-    for tag, kind, content in (
-        (_SCALE, 12, (d1, d2, 0.0)),
-        (_TIE, 12, (0.0, 0.0, 0.0, x1, x2 + d2 * values.shape[1], 0.0)),
-        (_KEYS, 3, _PLANE),
-    ):
-        tags.tagtype[tag] = kind
-        tags[tag] = content
-    tags[_TEXT] = f"{values.name} [{values.attrs['units']}] of femseal, {run.steps[step].name}, x1 to the right"
-    # the first row of an image is the uppermost
-    image = Image.fromarray(np.ascontiguousarray(values.values.T[::-1], dtype=np.float32))
-    image.save(path, format="TIFF", tiffinfo=tags, compression="tiff_adobe_deflate")
-
-
 def _write_vti(path: Path, values: xarray.DataArray, run: RunData, step: int) -> None:
     """Write an image for ParaView, as means over blocks where there are too many pixels."""
     (d1, d2), corner = _frame(values)
@@ -163,18 +134,7 @@ def _write_vti(path: Path, values: xarray.DataArray, run: RunData, step: int) ->
     path.write_bytes(vtk_files.as_xml(image.at(0)))
 
 
-def _write_x3p(path: Path, values: xarray.DataArray, run: RunData, step: int) -> None:
-    import x3pio
-
-    (d1, d2), _ = _frame(values)
-    with path.open("wb") as file:
-        x3pio.write(file, values.values.T, x_scale=d1, y_scale=d2)
-
-
 _FORMATS: dict[str, Callable[[Path, xarray.DataArray, RunData, int], None]] = {
     ".npz": _write_npz,
-    ".tif": _write_tif,
-    ".tiff": _write_tif,
-    ".x3p": _write_x3p,
     ".vti": _write_vti,
 }

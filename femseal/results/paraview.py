@@ -24,12 +24,10 @@ from numpy.typing import NDArray
 from ..base import Array, InputError, Mapper, Stage, made_folder, to_text
 from ..base.fields import PART, PART_FORM, PART_VECTOR, PIECE, PIECE_STATE, PIXEL, READABLE, Field, Place, fields_of
 from ..base.shared_array import give_back
-from ..studies.choices import FORMATS
 from ..topography import Topography
 from . import vtk_files
 from .selections import piece as checked_piece
-from .selections import solved_steps
-from .vtk_files import Cells, Heights, LoadSteps, View, write_hdf, write_series
+from .vtk_files import Cells, Heights, LoadSteps, View, write_series
 
 if TYPE_CHECKING:
     import xarray
@@ -53,7 +51,7 @@ class FieldPlan:
 
 
 def _in_memory(run: RunData) -> Iterator[tuple[Field, Any]]:
-    """Fields over all pixels (steps, n1, n2) of a study in memory, at the steps that were solved."""
+    """Fields over all pixels (steps, n1, n2) of a study in memory."""
     if (study := run.two_scale or run.deterministic) is not None:
         yield from ((made, values) for made, values in fields_of(study) if made.place == PIXEL)
 
@@ -66,20 +64,19 @@ def plan_fields(run: RunData, limit: float) -> FieldPlan:
     each = sum(_BYTES * values[0].size for _, values in _in_memory(run))
     if not each:
         return FieldPlan(np.arange(0))
-    solved = solved_steps(run.dataset)
-    count = solved.size
+    count = run.dataset.sizes["step"]
     fitting = int(min(limit // each, count))
     if fitting == count:
-        return FieldPlan(solved)
+        return FieldPlan(np.arange(count))
     # the middles of equal parts of the programme
     chosen = ((np.arange(fitting) + 0.5) * count / max(fitting, 1)).astype(int)
-    highest = int(np.argmax(run.dataset["nominal_pressure"].values[solved]))
+    highest = int(np.argmax(run.dataset["nominal_pressure"].values))
     if fitting and highest not in chosen:
         chosen[np.argmin(np.abs(chosen - highest))] = highest
     missing = np.setdiff1d(np.arange(count), chosen)
-    numbers = ", ".join(str(n) for n in solved[missing])
+    numbers = ", ".join(str(n) for n in missing)
     sizes = f"{to_text(each * count, 'B', 3)} of all steps are above the limit of {to_text(limit, 'B', 3)}"
-    return FieldPlan(solved[np.sort(chosen)], f"fields over all pixels at steps {numbers}: {sizes} (fields_limit)")
+    return FieldPlan(np.sort(chosen), f"fields over all pixels at steps {numbers}: {sizes} (fields_limit)")
 
 
 def fields_size(shape: tuple[int, int], studies: Container[str]) -> int:
@@ -91,16 +88,15 @@ def fields_size(shape: tuple[int, int], studies: Container[str]) -> int:
 def write_fields(run: RunData, plan: FieldPlan, folder: Path) -> list[Path]:
     """Write the fields of the studies in memory at the steps of a plan."""
     assert run.scene is not None
-    places = np.searchsorted(solved_steps(run.dataset), plan.steps)
-    cells = {made.array_name: _scaled(values, made.scale, places) for made, values in _in_memory(run)}
+    cells = {made.array_name: _scaled(values, made.scale, plan.steps) for made, values in _in_memory(run)}
     surface, steps = run.scene.surface, vtk_files.LoadSteps.of(run.dataset, plan.steps)
     image = vtk_files.Image(NAME, surface.spacing, (0.0, 0.0), surface.shape, steps, cells)
     return vtk_files.write_series(image, folder)
 
 
-def _scaled(values: Any, scale: float, places: NDArray[np.int64]) -> vtk_files.PixelValues:
+def _scaled(values: Any, scale: float, steps: NDArray[np.int64]) -> vtk_files.PixelValues:
     def at(n: int) -> NDArray[np.float32]:
-        scaled = values[places[n]] * np.float32(scale)
+        scaled = values[steps[n]] * np.float32(scale)
         give_back(values)
         return scaled
 
@@ -146,7 +142,7 @@ def read_pixels(run: RunData, name: str, step: int, piece: tuple[int, int] | Non
 def stored_steps(run: RunData) -> list[int]:
     """Steps whose fields are in memory, or else in the results folder."""
     if any(True for _ in _in_memory(run)):
-        return solved_steps(run.dataset).tolist()
+        return list(range(run.dataset.sizes["step"]))
     return [] if run.folder is None else list(vtk_files.stored_images(run.folder, NAME))
 
 
@@ -161,12 +157,11 @@ def pixels_of_face(run: RunData) -> tuple[tuple[int, int], tuple[float, float]]:
 
 def _from_memory(run: RunData, name: str, step: int) -> tuple[Field, Any, tuple[float, float]] | None:
     """A field in SI over all pixels at a step, and the pixel's size; None where there is none."""
-    places = np.flatnonzero(solved_steps(run.dataset) == step)
     there = {made.name: (made, values) for made, values in _in_memory(run)}
     for key in (name + ending for ending in _ENDINGS):
-        if key in there and places.size and run.scene is not None:
+        if key in there and run.scene is not None:
             made, values = there[key]
-            return made, values[int(places[0])], run.scene.surface.spacing
+            return made, values[step], run.scene.surface.spacing
     return None
 
 
@@ -202,30 +197,21 @@ _ONE_POINT = 1e-9
 
 
 def write_vtk(
-    run: RunData,
-    surface: Topography | None,
-    folder: str | os.PathLike[str],
-    file_format: str = "vtu",
-    mapper: Mapper = map,
+    run: RunData, surface: Topography | None, folder: str | os.PathLike[str], mapper: Mapper = map
 ) -> list[Path]:
-    """Write the views of results; open the `.pvd` or the `.vtkhdf` files in ParaView.
+    """Write the views of results; open the `.pvd` files in ParaView.
 
     run : of a two-scale study: `pieces`, those of the face at every step; of a stochastic study: `states`, the pieces
     in every state of the face, and `drawn`, the seal nearest to the median at every step.
     surface : heights, for `surface` [µm]; None: not written.
     folder : made if needed. Each file is written whole or not at all, a `.pvd` after the files it names.
-    file_format : "vtu" (series of `.vtu`), "vtkhdf", "both" or "none".
     mapper : such as over processes of this machine, one of which writes them: VTK lets no other thread work.
 
     Returns paths of all files.
 
-    Raises InputError: the folder cannot be made, or another format.
+    Raises InputError: the folder cannot be made.
     """
-    if file_format not in FORMATS:
-        raise InputError("file_format", file_format, f"one of {', '.join(FORMATS)}")
-    if file_format == "none":
-        return []
-    data = run.dataset.isel(step=solved_steps(run.dataset))
+    data = run.dataset
     views: list[View] = [
         pieces_view(name, data, of, LoadSteps.of(data, dim=of.dims[0]))
         for name, of, field in (("pieces", PIECE, "piece_k1"), ("states", PIECE_STATE, "state_k1"))
@@ -235,15 +221,14 @@ def write_vtk(
     views += [] if surface is None else [Heights(surface)]
     target = made_folder(folder)
     # other processes may be at work in another folder
-    stage = Stage("files for ParaView", partial(_written, target.absolute(), file_format))
+    stage = Stage("files for ParaView", partial(_written, target.absolute()))
     (names,) = mapper(stage, [views])
     return [target / name for name in names]
 
 
-def _written(folder: Path, file_format: str, views: list[View]) -> list[Path]:
+def _written(folder: Path, views: list[View]) -> list[Path]:
     """Write views into an absolute folder; returns paths relative to it."""
-    writers = [write for name, write in (("vtu", write_series), ("vtkhdf", write_hdf)) if file_format in (name, "both")]
-    return [path.relative_to(folder) for write in writers for view in views for path in write(view, folder)]
+    return [path.relative_to(folder) for view in views for path in write_series(view, folder)]
 
 
 def pieces_view(name: str, data: xarray.Dataset, place: Place, steps: LoadSteps) -> Cells:

@@ -18,7 +18,7 @@ from . import tables
 from .export import export_field
 from .paraview import read_pixels, stored_steps
 from .run_data import RunData
-from .selections import Steps, branches_in, piece, solved_steps
+from .selections import Steps, branches_in, piece
 from .tables import format_leakage, in_several_units, leakage_table
 
 if TYPE_CHECKING:
@@ -122,10 +122,7 @@ def contents(run: RunData) -> dict[str, str]:
     up = sum(step.unloaded_from is None for step in steps)
     peaks = sorted({step.unloaded_from for step in steps if step.unloaded_from is not None})
     down = f", {len(steps) - up} unloading from {', '.join(to_text(p, 'Pa') for p in peaks)}" if peaks else ""
-    between = len(steps) - solved_steps(data).size
-    found["load"] = f"{counted(len(steps), 'step')}: {up} loading{down}" + (
-        f"; {between} interpolated" if between else ""
-    )
+    found["load"] = f"{counted(len(steps), 'step')}: {up} loading{down}"
     if "piece1" in data.dims:
         found["pieces"] = f"{data.sizes['piece1']} × {data.sizes['piece2']}"
     if "realisation" in data.dims:

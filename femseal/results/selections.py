@@ -1,4 +1,4 @@
-"""Parts of a dataset of results: branches of the load cycle, solved steps, pieces."""
+"""Parts of a dataset of results: branches of the load cycle, pieces."""
 
 from __future__ import annotations
 
@@ -15,8 +15,6 @@ if TYPE_CHECKING:
     import xarray
 
 Steps = NDArray[np.int64]
-#: Name of the variable that says which steps are interpolated.
-INTERPOLATED = "interpolated"
 
 
 def branch_text(unloaded_from: float | None) -> str:
@@ -79,11 +77,6 @@ def pressures_and_peaks(steps: Sequence[Any]) -> tuple[Array, Array]:
     """Nominal pressures and peaks of load steps as `branches` takes them [Pa]."""
     peaks = [np.nan if s.unloaded_from is None else s.unloaded_from for s in steps]
     return np.array([s.pressure for s in steps], dtype=float), np.array(peaks, dtype=float)
-
-
-def solved_steps(data: xarray.Dataset) -> Steps:
-    """Steps of a dataset that were solved; the others are interpolated and have no fields."""
-    return np.flatnonzero(data[INTERPOLATED].values == 0) if INTERPOLATED in data else np.arange(data.sizes["step"])
 
 
 def piece(data: xarray.Dataset, i: int, j: int, dims: tuple[str, str] = ("piece1", "piece2")) -> tuple[int, int]:

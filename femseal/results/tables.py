@@ -13,13 +13,11 @@ from ..base.fields import Field, with_unit
 from ..base.leak_rates import LEAK_UNITS, USUAL_UNITS, LeakUnit
 from ..budget import VAGUE
 from .run_data import BUDGETED, RunData
-from .selections import branch_text, force_scale, solved_steps
+from .selections import branch_text, force_scale
 
 if TYPE_CHECKING:
     import xarray
 
-#: Mark of a leakage that is interpolated between loads.
-INTERPOLATED = "≈"
 #: Length of a heading in the terminal beyond which it is broken between words.
 _HEADING = 10
 #: Ratio of the ends of a narrow band.
@@ -81,9 +79,8 @@ def leakage_table(run: RunData) -> TextTable:
     """
     data, best, basis = run.dataset, run.leakage, run.leak_basis
     unit, factor = run.leak_scale
-    marks = dict.fromkeys(solved_steps(data), "")
-    leakage = [f"{marks.get(s, f'{INTERPOLATED} ')}{text}" for s, text in enumerate(_cells(best, factor))]
-    columns: list[tuple[str, Iterable[str]]] = [*_loads(data), (best.attrs.get("heading", run.method), leakage)]
+    leakage = (best.attrs.get("heading", run.method), _cells(best, factor))
+    columns: list[tuple[str, Iterable[str]]] = [*_loads(data), leakage]
     budget = f"leakage_{BUDGETED[run.method]}_budget"
     if f"{budget}_lower" in data:
         band = zip(data[f"{budget}_lower"].values, data[f"{budget}_upper"].values, strict=True)

@@ -33,10 +33,9 @@ from ..face.pieces import Cut
 from ..loads import LoadProgramme, LoadStep
 from ..studies import DeterministicResult, Scene, StochasticResult, TwoScaleResult
 from ..studies.face_leakage import PlaceLeakage
-from ..studies.load_curves import at_all_steps
 from ..studies.piece_states import FacePieces
 from ..topography import Places, Topography
-from .selections import INTERPOLATED, pressures_and_peaks
+from .selections import pressures_and_peaks
 
 if TYPE_CHECKING:
     import xarray
@@ -44,8 +43,6 @@ if TYPE_CHECKING:
 
 #: Most blocks along a side of the maps, of the heights and of a field at every step.
 HEIGHT_BLOCKS, FIELD_BLOCKS = 256, 128
-#: Dimensions beside the steps whose every entry is a number of its own; variables with others are fields.
-_OF_NUMBERS = {"step", "realisation", "place"}
 
 
 def add(data: xarray.Dataset, made: Field, values: Any, **attrs: Any) -> None:
@@ -245,28 +242,4 @@ def budgets_in(data: xarray.Dataset, steps: LoadProgramme) -> dict[str, ErrorBud
         )
         leakage = data["leakage_median" if method == "stochastic" else f"leakage_{method}"].values
         found[method] = ErrorBudget(method.replace("_", "-"), leakage, made, steps)
-    return found
-
-
-def with_all_steps(data: xarray.Dataset, solved: NDArray[np.int64], steps: LoadProgramme) -> xarray.Dataset:
-    """A dataset of all steps from one of the solved ones: numbers are interpolated, fields are NaN at the others."""
-    import xarray
-
-    others = {name: c for name, c in data.coords.items() if "step" not in c.dims}
-    found = xarray.Dataset(coords=others | step_coordinates("step", "", steps))
-    for name, variable in data.data_vars.items():
-        if "step" not in variable.dims:
-            found[name] = variable
-            continue
-        last = np.moveaxis(variable.values, variable.dims.index("step"), -1).astype(float)
-        if set(variable.dims) <= _OF_NUMBERS:
-            values = at_all_steps(last, solved, steps, logarithmic=variable.attrs["units"] == "m^2/s")
-        else:
-            kind = variable.dtype if variable.dtype.kind == "f" else float
-            values = np.full((*last.shape[:-1], len(steps)), np.nan, kind)
-            values[..., solved] = last
-        found[name] = (variable.dims, np.moveaxis(values, -1, variable.dims.index("step")), variable.attrs)
-    flags = np.ones(len(steps), np.int8)
-    flags[solved] = 0
-    add_step(found, INTERPOLATED, "1", "1 at load steps that are interpolated between solved ones, else 0", flags)
     return found

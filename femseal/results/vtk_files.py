@@ -1,18 +1,13 @@
-"""Data as VTK has it, and its files: XML, which every ParaView opens, and VTKHDF, one file for all load steps.
+"""Data as VTK has it, and its files in XML, which every ParaView opens.
 
 Time is the index of the load step, since the same load occurs on loading and on unloading; the loads are field data.
-XML: one file for each load step, and a `.pvd` that puts them on the time axis. pyvista writes the data, compressed:
+There is one file for each load step, and a `.pvd` that puts them on the time axis. pyvista writes the data, compressed:
 images as raw bytes, which take a quarter less space, meshes in base64, because meshio 5.3 mixes up the arrays of some
 files of raw bytes. pyvista writes no `.pvd`, so its few lines are written here.
-VTKHDF: VTK's format in HDF5, compressed, with a mesh that is stored once; ParaView 5.13 or later reads it. VTK's own
-writer leaves out the field data of images (VTK 9.7), which h5py adds.
 """
 
 from __future__ import annotations
 
-import errno
-import os
-import shutil
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import cached_property
@@ -30,8 +25,8 @@ if TYPE_CHECKING:
     import xarray
 
 PixelValues = Callable[[int], NDArray[Any]]
-#: Endings of an image of pixels in a plane, and of a file by which ParaView recognises VTKHDF.
-IMAGE, HDF = ".vti", ".vtkhdf"
+#: Ending of an image of pixels in a plane.
+IMAGE = ".vti"
 #: Of deflate: higher levels gain a few per cent at several times the time.
 _LEVEL = 1
 
@@ -216,81 +211,3 @@ def as_xml(mesh: Any) -> bytes:
     content = writer.GetOutputString()
     # VTK returns text instead of bytes where the content is valid text
     return content if isinstance(content, bytes) else content.encode()
-
-
-def write_hdf(view: View, folder: Path) -> list[Path]:
-    """Write a view with all its steps into one VTKHDF file, which is whole or not there."""
-    from vtkmodules.vtkIOHDF import vtkHDFWriter
-
-    path = folder / f"{view.name}{HDF}"
-    first = view.at(0)
-    size = 1024 * first.GetActualMemorySize() * (1 if view.steps is None else len(view.steps.index))
-    if shutil.disk_usage(folder).free < size:
-        # HDF5 crashes or hangs where a disk is full
-        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC), str(path))
-    with replacing(path) as target:
-        writer = vtkHDFWriter()
-        writer.SetFileName(str(target))
-        writer.SetCompressionLevel(_LEVEL)
-        if view.steps is None:
-            writer.SetInputData(first)
-        else:
-            source = _source(view, view.steps)
-            writer.SetInputConnection(source.GetOutputPort())
-            writer.SetWriteAllTimeSteps(True)
-        if not writer.Write():
-            raise OSError(f"VTK could not write {target}")
-        if view.steps is not None:
-            _add_field_data(target, view.steps)
-    return [path]
-
-
-def _source(view: View, steps: LoadSteps) -> Any:
-    """The view as a source of VTK that passes one step after the other to the writer."""
-    from vtkmodules.util.vtkAlgorithm import VTKPythonAlgorithmBase
-    from vtkmodules.vtkCommonDataModel import vtkDataObject, vtkImageData
-    from vtkmodules.vtkCommonExecutionModel import vtkStreamingDemandDrivenPipeline as Pipeline
-
-    times = [float(step) for step in steps.index]
-    first = view.at(0)
-
-    class Source(VTKPythonAlgorithmBase):
-        def __init__(self) -> None:
-            super().__init__(nInputPorts=0, nOutputPorts=1, outputType=first.GetClassName())
-
-        def RequestInformation(self, request: Any, inputs: Any, outputs: Any) -> int:
-            information = outputs.GetInformationObject(0)
-            information.Set(Pipeline.TIME_STEPS(), times, len(times))
-            information.Set(Pipeline.TIME_RANGE(), [times[0], times[-1]], 2)
-            if isinstance(first, vtkImageData):
-                information.Set(Pipeline.WHOLE_EXTENT(), first.GetExtent(), 6)
-            return 1
-
-        def RequestData(self, request: Any, inputs: Any, outputs: Any) -> int:
-            information = outputs.GetInformationObject(0)
-            asked = information.Has(Pipeline.UPDATE_TIME_STEP())
-            time = information.Get(Pipeline.UPDATE_TIME_STEP()) if asked else times[0]
-            output = vtkDataObject.GetData(outputs, 0)
-            output.ShallowCopy(view.at(times.index(time)))
-            output.GetInformation().Set(vtkDataObject.DATA_TIME_STEP(), time)
-            return 1
-
-    return Source()
-
-
-def _add_field_data(path: Path, steps: LoadSteps) -> None:
-    """Add one value of the field data for each step where VTK's writer has left them out."""
-    import h5py
-
-    count = len(steps.index)
-    with h5py.File(path, "a") as file:
-        root = file["VTKHDF"]
-        if "FieldData" in root:
-            return
-        data = root.create_group("FieldData")
-        offsets, sizes = (root["Steps"].create_group(f"FieldData{name}") for name in ("Offsets", "Sizes"))
-        for name, values in steps.fields.items():
-            data.create_dataset(name, data=values)
-            offsets.create_dataset(name, data=np.arange(count, dtype=np.int64))
-            # components and tuples
-            sizes.create_dataset(name, data=np.ones((count, 2), np.int64))

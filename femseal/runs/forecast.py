@@ -14,7 +14,7 @@ from ..base.shared_array import storing
 from ..budget import model_changes, places_to_halve
 from ..case.case import Case
 from ..case.faces import FileFace
-from ..preparation.prepared import START_MEMORY, Prepared, without_short_waves
+from ..preparation.prepared import START_MEMORY, Prepared
 from ..refinement.coarser import CONTINUED_SCENES, coarser_grids, without_filtered_waves
 from ..refinement.settings import first_settings, first_version, given_settings, grid_points, time_limit
 from ..report.case_text import contact_text, fluid_text, solids_text
@@ -101,9 +101,6 @@ def _facts(case: Case, made: Prepared) -> Iterator[tuple[str, str]]:
         yield "by default", left
     if str(scene.layout) != "a strip":
         yield "seal", str(scene.layout)
-    if case.surface.filter_sensitivity:
-        points = " × ".join(map(str, without_short_waves(prepared).surface.shape))
-        yield "second run", f"{prepared.answer.name}, on {points} points without waves up to twice the shortest"
     if again := _budget_inputs(case, prepared):
         counts = Counter[tuple[int, int]]()
         for one in again:
@@ -131,8 +128,6 @@ def _load_text(case: Case, scene: Scene) -> str:
     highest = to_text(max((*scene.loading, *scene.unload_from)), "Pa", 3)
     if case.load.unit != "Pa":
         highest += f", from {to_text(case.load.highest, case.load.unit)}"
-    if case.load.interpolate is not None:
-        highest += f"; at most: those that {100 * case.load.interpolate:.3g} % allows are interpolated"
     return f"{counted(steps, 'state')}: {steps - down} loading{with_peaks}{unloading}, up to {highest}"
 
 
@@ -203,9 +198,6 @@ def forecast(
     with storing(None, case.memory):
         own_efforts = solved_once(prepared.scene, known)
         costs = [prepared.cost(study, own_efforts) for study in prepared.studies]
-        alone = replace(prepared, methods=frozenset({prepared.answer.name}))
-        if case.surface.filter_sensitivity:
-            costs.append(replace(alone, scene=without_short_waves(prepared)).cost(alone.answer, own_efforts))
         for coarse in again:
             of_steps = (known[prepared.scene.steps.index(step)] for step in coarse.scene.steps)
             efforts_of = solved_once(coarse.scene, tuple(effort.on_fewer_points for effort in of_steps))
@@ -213,6 +205,7 @@ def forecast(
         if (test := case.output.test_fluid) is not None:
             state = test.state
             if drop_ratio(state, prepared.scene) is None:
+                alone = replace(prepared, methods=frozenset({prepared.answer.name}))
                 costs.append(replace(alone, scene=state.in_scene(prepared.scene)).cost(alone.answer, own_efforts))
     drawn = case.output.pictures or case.output.report
     own = _START_SECONDS + any(isinstance(face, FileFace) for face in case.face) * _READ_SECONDS
@@ -295,7 +288,7 @@ def disk(case: Case, prepared: Prepared, again: list[Prepared] | None = None) ->
     studies = {study.key for study in prepared.studies}
     each = fields_size(scene.surface.shape, studies)
     fitting = int(min(case.output.fields_limit // each, steps)) if each and case.output.fields else 0
-    formats = {"none": 0, "both": 2}.get(case.output.paraview, 1)
+    formats = case.output.paraview != "none"
     # pictures and report; heights for ParaView
     others = 2e6 * (case.output.pictures or case.output.report) + 4.0 * pixels * formats
     # a piece: ten numbers in results.nc, and in the mesh of the seal
@@ -315,7 +308,7 @@ def _budget_inputs(case: Case, prepared: Prepared) -> list[Prepared]:
     """What the error budget solves besides."""
     if not case.output.budget:
         return []
-    smooth = None if case.surface.filter_sensitivity else without_filtered_waves(prepared)
+    smooth = without_filtered_waves(prepared)
     coarser = coarser_grids(prepared)
     grid = (*coarser[:1], prepared)[0]
     changes = model_changes(grid.scene, case.output.model_parts, case.hardness_tolerance, grid.form)

@@ -28,8 +28,8 @@ from ..execution.parts import Part, checked_part
 from ..execution.run import LogFile, Progress, Run, no_progress
 from ..execution.shared_stages import SharedStages
 from ..preparation.preparation import prepare
-from ..preparation.prepared import Prepared, without_short_waves
-from ..refinement.budgets import budgets_of, leakage_of
+from ..preparation.prepared import Prepared
+from ..refinement.budgets import budgets_of
 from ..refinement.refine_to_accuracy import refine_to_accuracy
 from ..refinement.settings import chosen
 from ..report import load_writers, write_folder
@@ -37,7 +37,6 @@ from ..report.case_text import solids_text
 from ..results import Results, assemble
 from ..studies import FluidState, OtherLeakage, drop_ratio
 from ..studies.compiling import compile_ahead, reporting_compilation
-from .chosen_loads import solve_chosen
 from .finished import finished_results
 from .forecast import refuse_too_large
 
@@ -142,9 +141,9 @@ def run(
 
         def found_or_computed(mapper: Mapper, prepared: Prepared) -> Mapper:
             common = shared
-            # attempts with more seals have the states of the face in common; loads that are added the states before
+            # attempts with more seals have the states of the face in common
             attempts = case.accuracy is not None and prepared.answer.name != "deterministic"
-            if common is None and (attempts or case.load.interpolate is not None):
+            if common is None and attempts:
                 common = stack.enter_context(TemporaryDirectory())
             return mapper if common is None else SharedStages(Path(common)).over(mapper)
 
@@ -187,8 +186,6 @@ def run(
 
 def _load_ahead(case: Case, prepared: Prepared) -> None:
     """Load what this process needs later, while others compute."""
-    import scipy.interpolate  # noqa: F401
-
     load_writers(**case.output.files | {"fields": case.output.fields and prepared.methods != {"stochastic"}})
 
 
@@ -230,18 +227,10 @@ def _results(case: Case, made: Prepared, faces: dict[str, str], run: Run, part: 
     if case.accuracy is not None:
         refined = refine_to_accuracy(case, made, run)
         prepared, studies[made.answer.key] = refined.prepared, refined.result
-    whole = prepared.scene
-    if case.load.interpolate is not None:
-        prepared, studies[made.answer.key] = solve_chosen(prepared, case.load.interpolate, run)
     for study in prepared.studies:
         if study.key not in studies:
             with run.timed(study.name) as mapper:
                 studies[study.key] = prepared.solve(study, mapper, studies)
-    filtered = None
-    if case.surface.filter_sensitivity:
-        with run.timed("twice the wave") as mapper:
-            smooth = replace(prepared, scene=without_short_waves(prepared), methods=frozenset({prepared.answer.name}))
-            filtered = leakage_of(smooth.solve(smooth.answer, mapper))
     test = None
     if case.output.test_fluid is not None:
         test = _of_test_fluid(case.output.test_fluid.state, prepared, studies[prepared.answer.key], run)
@@ -250,7 +239,7 @@ def _results(case: Case, made: Prepared, faces: dict[str, str], run: Run, part: 
         known = {} if refined is None else {prepared.answer.key: refined.budget}
         parts: dict[str, Any] = {"model_parts": case.output.model_parts, "hardness": case.hardness_tolerance}
         with run.timed("error budget") as mapper:
-            budgets = budgets_of(prepared, studies, mapper, leakage_filtered=filtered, known=known, **parts)
+            budgets = budgets_of(prepared, studies, mapper, known=known, **parts)
     if part is not None:
         return None
     results = assemble(
@@ -262,10 +251,7 @@ def _results(case: Case, made: Prepared, faces: dict[str, str], run: Run, part: 
         timings=run.timings,
         quantiles=case.stochastic.quantiles if case.stochastic else (0.05, 0.95),
         warnings=prepared.warnings if refined is None else (*prepared.warnings, *refined.warnings),
-        leakage_filtered=filtered,
         test=test,
-        whole=whole,
-        interpolated_within=case.load.interpolate or 0.0,
         **case.output.model_dump(include={"leakage_unit", "classes", "nominal_diameter", "throughput_temperature"}),
     )
     results.dataset.attrs["seat"] = prepared.seat

@@ -71,7 +71,8 @@ def longer_waves(
     """Changes of ln(leakage) by drawn waves between the side of the patch and the breadth of the seal (draws, steps).
 
     breadth, length : of a strip [m]. holds : what the patch holds of its waves. flatness : of the seal, most from the
-    highest to the lowest point [m]; None where it is not known. NaN where the seal without them is closed.
+    highest to the lowest point [m]; None where it is not known. NaN where the seal without
+    them is closed, or their contact failed.
 
     Without a flatness the spectrum is carried on to the breadth; with one to the larger side of the seal, and where it
     does not rise, waves are as high as the flatness. None where a seal is hardly larger than the patch, or the patch
@@ -80,7 +81,10 @@ def longer_waves(
     side = min(shortest_place(scene.surface).size)
     if not holds.rises and flatness is None:
         return None
-    tiles = scene.layout.lay_out(PieceSize((side, side), max(1, round(scene.surface.size[0] / side)), length, breadth))
+    piece = PieceSize((side, side), max(1, round(scene.surface.size[0] / side)), length, breadth)
+    tiles = attempt(scene.layout.lay_out, piece)
+    if isinstance(tiles, Failed):  # narrower than the patch
+        return None
     longest = tiles.seal.size[0] if flatness is None else float(np.ptp(tiles.outlines, axis=(0, 1)).max())
     if longest < _BROADER * side:
         return None
@@ -95,16 +99,18 @@ def longer_waves(
     changes = []
     for _ in range(DRAWS):
         form = _drawn(rng, hurst, (side, longest), rms, flatness)
-        contact = seal_contact(dry, tiles, (form,), mapper, layer)
-        of_tiles = curves.along(dry.steps.pressures[:, None] * contact.fractions, dry.steps) + contact.opened
         ratio = np.full(len(dry.steps), np.nan)
+        changes.append(ratio)
+        contact = attempt(seal_contact, dry, tiles, (form,), mapper, layer)
+        if isinstance(contact, Failed):  # such as a form that is too steep
+            continue
+        of_tiles = curves.along(dry.steps.pressures[:, None] * contact.fractions, dry.steps) + contact.opened
         for s, (own, even) in enumerate(zip(of_tiles, flat, strict=True)):
             both = (tiles.permeability(one, one) for one in (own, np.full(own.shape, even)))
             moved, still = (_rate(dry, tiles, one) for one in both)
             if still > 0:
                 with np.errstate(divide="ignore"):
                     ratio[s] = np.log(moved / still)
-        changes.append(ratio)
     return np.array(changes)
 
 

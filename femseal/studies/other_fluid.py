@@ -3,16 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from functools import partial
 from typing import Any
 
 import numpy as np
 
-from ..base import Array, Indices
+from ..base import Array
 from ..flow.law import FlowLaw, law_of
 from ..fluids import Fluid
-from ..loads import LoadProgramme
-from .load_curves import at_all_steps
 from .scene import Scene
 
 
@@ -65,12 +62,6 @@ class OtherLeakage:
         if hasattr(study, "quantile"):
             return cls(state, ratio * study.quantile(0.5), ratio * study.leakage)
         return cls(state, ratio * study.leakage)
-
-    def at_all_steps(self, solved: Indices, steps: LoadProgramme) -> OtherLeakage:
-        """From those at the solved steps, see `load_curves.at_all_steps`."""
-        every = partial(at_all_steps, solved=solved, steps=steps, logarithmic=True)
-        realisations = None if self.realisations is None else every(self.realisations)
-        return OtherLeakage(self.state, every(self.leakage), realisations)
 
 
 def drop_ratio(state: FluidState, scene: Scene) -> float | None:

@@ -170,15 +170,19 @@ def seal_contact(
 
     layer : of the face, where it is known.
 
-
-    Raises InputError: a form that is steeper than a half-space allows, or does not cover the seal.
+    Raises InputError: a form that is steeper than a half-space allows, or does not cover the seal; more pressure than
+    the bodies carry.
     NotConverged : a contact failed.
     """
     grid, depth = form_on_grid(scene, tiles, forms)
     body = HalfSpace(depth.shape, _spacing(grid, depth.shape), scene.modulus, grid.boundary)
     inside = grid.inside if depth.shape[1] > 1 else np.ones(depth.shape, bool)
     layer = layer or RoughLayer.of(scene, mapper)
-    cells = Cells(body, inside, depth[inside], float(layer.pressure[-1]))
+    most, highest = float(layer.pressure[-1]), float(scene.steps.pressures.max())
+    if highest >= most:
+        expected = f"less than {_HIGHEST:.0%} of what the faces carry, {to_text(most, 'Pa', 3)}: the bodies yield there"
+        raise InputError("load", f"{to_text(highest, 'Pa', 3)} on a seal with a form", expected)
+    cells = Cells(body, inside, depth[inside], most)
     fields = np.zeros((3, len(scene.steps), *depth.shape))
     fields[..., inside] = solved_steps(cells, scene.steps, layer.loaded, layer.unloaded)
     return SealContact(grid, depth, scene.steps.pressures, *fields)

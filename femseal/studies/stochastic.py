@@ -97,7 +97,7 @@ def stochastic(
         tiles=tiles,
         pieces=supply.pieces,
         leakage=leakage,
-        contact_fraction=1 - _at_nominal(scene, supply.pieces, 1 - supply.pieces.contact_fraction.mean(axis=(1, 2))),
+        contact_fraction=1 - _over_tiles(scene, supply, 1 - supply.pieces.contact_fraction.mean(axis=(1, 2))),
         places=_places(scene, supply, leakage),
         row_pressure=rows,
         band_breadth=None if rows is None else band_breadth(rows, row_breadth),
@@ -344,11 +344,23 @@ def _places(scene: Scene, supply: _Supply, leakage: Array) -> PlaceLeakage | Non
     return PlaceLeakage(every[:count], every[count:] if count >= FEWEST else None)
 
 
+def _over_tiles(scene: Scene, supply: _Supply, values: Array) -> Array:
+    """Means over the tiles, each at its own pressure, of values of the states, which fall with the pressure."""
+    if supply.pieces.steps == scene.steps:
+        return values
+    weights = np.bincount(supply.path, minlength=supply.paths.shape[1]) / supply.path.size
+    return _along(scene, supply.pieces, values, supply.paths) @ weights
+
+
 def _at_nominal(scene: Scene, pieces: FacePieces, values: Array) -> Array:
     """Values of the states, which fall with the pressure, at the loads of the scene less the mean of its fluid."""
     if pieces.steps == scene.steps:
         return values
+    return _along(scene, pieces, values, scene.steps.pressures[:, None])[:, 0]
+
+
+def _along(scene: Scene, pieces: FacePieces, values: Array, paths: Array) -> Array:
+    """Values of the states along paths of the nominal pressure (steps, paths) [Pa], less the mean of the fluid."""
     fluid = scene.acting_fluid
     relief = 0.0 if fluid is None else float(fluid.relief([fluid.mean])[0])
-    nominal = np.maximum(scene.steps.pressures[:, None] - relief, 0.0)
-    return PieceCurves(pieces.steps, values).along(nominal, scene.steps)[:, 0]
+    return PieceCurves(pieces.steps, values).along(np.maximum(paths - relief, 0.0), scene.steps)

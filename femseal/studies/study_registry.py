@@ -14,7 +14,6 @@ from .stochastic import cut_and_tiles, stochastic
 from .stochastic_result import StochasticResult
 from .two_scale import TwoScaleResult, two_scale
 
-Pair = tuple[int, int]
 StudyResult = DeterministicResult | TwoScaleResult | StochasticResult
 
 
@@ -40,8 +39,7 @@ class Study:
     name : in case files, messages and timings. key : in the names of variables and of results by study.
     label : of its leakage in legends and tables. result : class of its results.
     solve : solve(scene, options, known, mapper) gives its result; known : results of other studies of the scene by key.
-    cost : cost(scene, options, efforts, points) gives the expected time on one core [s] and memory [byte], on other
-        points than those of the scene if they are given.
+    cost : cost(scene, options, efforts) gives the expected time on one core [s] and memory [byte].
     leakage : leakage(result) at every step (steps,) [m²/s], the one that answers.
     needs : options without which it cannot be solved.
     """
@@ -51,7 +49,7 @@ class Study:
     label: str
     result: type[StudyResult]
     solve: Callable[[Scene, StudyOptions, Mapping[str, Any], Mapper], Any]
-    cost: Callable[..., tuple[float, float]]
+    cost: Callable[[Scene, StudyOptions, Sequence[Effort]], tuple[float, float]]
     leakage: Callable[[Any], Array]
     needs: tuple[str, ...] = ()
 
@@ -85,21 +83,17 @@ def _solve_stochastic(
     return stochastic(scene, options.cells, options.sampling, known=face, mapper=mapper)
 
 
-def _cost_deterministic(
-    scene: Scene, options: StudyOptions, efforts: Sequence[Effort], points: Pair | None = None
-) -> tuple[float, float]:
+def _cost_deterministic(scene: Scene, options: StudyOptions, efforts: Sequence[Effort]) -> tuple[float, float]:
     acts = scene.acting_fluid is not None
-    return deterministic_cost(efforts, points or scene.surface.shape, count_pressures(scene), acts)
+    return deterministic_cost(efforts, scene.surface.shape, count_pressures(scene), acts)
 
 
-def _cost_two_scale(
-    scene: Scene, options: StudyOptions, efforts: Sequence[Effort], points: Pair | None = None
-) -> tuple[float, float]:
+def _cost_two_scale(scene: Scene, options: StudyOptions, efforts: Sequence[Effort]) -> tuple[float, float]:
     """Cost of two scales with the options of a case."""
     assert options.cells is not None
     return two_scale_cost(
         efforts,
-        points or scene.surface.shape,
+        scene.surface.shape,
         options.cells,
         solved=options.shares_face,
         pressures=count_pressures(scene),
@@ -107,15 +101,13 @@ def _cost_two_scale(
     )
 
 
-def _cost_stochastic(
-    scene: Scene, options: StudyOptions, efforts: Sequence[Effort], points: Pair | None = None
-) -> tuple[float, float]:
+def _cost_stochastic(scene: Scene, options: StudyOptions, efforts: Sequence[Effort]) -> tuple[float, float]:
     """Cost of the states of the face, and of the seals."""
     assert options.sampling is not None
     cut, tiles = cut_and_tiles(scene, options.cells, options.sampling)
     return stochastic_cost(
         efforts,
-        points or scene.surface.shape,
+        scene.surface.shape,
         cut.shape,
         tiles,
         options.sampling,

@@ -43,8 +43,7 @@ def alone(case: Case) -> Case:
     output = case.output.model_copy(
         update={"budget": False, "pictures": False, "report": False, "fields": False, "paraview": "none"}
     )
-    surface = case.surface.model_copy(update={"filter_sensitivity": False})
-    return case.model_copy(update={"output": output, "surface": surface, "compare": ()})
+    return case.model_copy(update={"output": output, "compare": ()})
 
 
 def leakage_of(case: Case, unit: LeakUnit, steps: NDArray[Any]) -> list[float]:

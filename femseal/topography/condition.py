@@ -70,7 +70,8 @@ def repair(
     except TooManyUndefined as error:
         if topography.undefined_fraction > max_undefined:
             raise
-        raise TooManyUndefined(error.fraction, error.limit, error.part, count) from None
+        expected = f"{error.expected}; {count} of them are spikes, which spikes=inf leaves alone"
+        raise TooManyUndefined(error.what, error.given, expected) from None
     spiked = np.isnan(marked.heights) & ~np.isnan(topography.heights)
     removed = np.where(spiked, topography.heights - form.heights - flat.heights, 0.0)
     return flat, Repair(topography.undefined_fraction, count, form, removed)

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from ..base import InputError, Plotted, TextTable, to_text, validate
 from . import spectral
-from .defects import SPIKES, TooManyUndefined, fill_holes, find_spikes, fit_form, largest_part
+from .defects import SPIKES, TooManyUndefined, fill_holes, find_spikes, fit_form
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -146,15 +146,16 @@ class Topography(Plotted):
     def fill_undefined(self, max_share: float = 0.05) -> Topography:
         """Map with undefined points filled by the harmonic surface through their rims (`defects.py`).
 
-        Raises InputError: more than `max_share` (0 to 1) of the points, or all of them, are undefined; the largest part
-        of the map with fewer is offered.
+        Raises InputError: more than `max_share` (0 to 1) of the points, or all of them, are undefined.
         """
         fraction = self.undefined_fraction
         limit = validate.number("max_share", max_share, inclusive=True)
         if fraction == 1:
             raise InputError("undefined points", "100 %", "a map with defined points")
         if fraction > limit:
-            raise TooManyUndefined(fraction, limit, largest_part(np.isnan(self.heights), self.spacing, limit))
+            given, most = (f"{100 * part:.3g} %" for part in (fraction, limit))
+            expected = f"at most {most}: crop the map to a part with fewer, or raise max_undefined"
+            raise TooManyUndefined("heights", f"{given} undefined points", expected)
         return self.with_heights(fill_holes(self.heights, self.spacing, self.periodic))
 
     def crop(self, shape: tuple[int, int], start: tuple[int, int] = (0, 0)) -> Topography:

@@ -165,7 +165,6 @@ young = "210 GPa"
 loading = {loading}
 unload_from = {peaks}
 unloading = {stops}
-{interpolate}
 [fluid]
 kind = "liquid"
 viscosity = "1 mPa*s"
@@ -188,7 +187,6 @@ PLAIN = {
     "loading": [],
     "peaks": [],
     "stops": [],
-    "interpolate": "",
     "cells": "",
     "budget": "false",
     "files": "false",
@@ -198,11 +196,6 @@ CYCLE = {
     "loading": ["50 MPa", "150 MPa", "300 MPa", "600 MPa"],
     "peaks": ["600 MPa"],
     "stops": ["300 MPa", "150 MPa", "50 MPa"],
-}
-MANY = {
-    "loading": [f"{p} MPa" for p in range(50, 850, 50)],
-    "peaks": ["800 MPa"],
-    "stops": [f"{p} MPa" for p in range(700, 0, -90)],
 }
 #: Rule: method, keys of the case without it, keys with it, further keys of both; the switch, and what is compared.
 RULES = {
@@ -227,30 +220,7 @@ RULES = {
         CYCLE | {"strength": ""},
         "none: the bits are the same",
     ),
-    "loads interpolated within 1 %": (
-        "deterministic",
-        {},
-        {"interpolate": 'interpolate = "1 %"'},
-        MANY | {"n": 512},
-        "`interpolate` in `[load]`",
-    ),
-    "loads interpolated within 5 %": (
-        "deterministic",
-        {},
-        {"interpolate": 'interpolate = "5 %"'},
-        MANY | {"n": 512},
-        "`interpolate` in `[load]`",
-    ),
-    "loads interpolated within 5 %, drawn seals": (
-        "stochastic",
-        {},
-        {"interpolate": 'interpolate = "5 %"'},
-        MANY,
-        "`interpolate` in `[load]`",
-    ),
 }
-#: Tolerances of interpolated loads.
-TOLERANCES = (0.01, 0.03, 0.1)
 #: Pairs of runs, the median of which is told.
 PAIRS = 3
 
@@ -269,8 +239,8 @@ def run_of(method, keys, folder):
     seconds = time.process_time() - start
     data = results.dataset
     equal = sum(json.loads(data.attrs["equal_steps"]).values())
-    solved = int((data["interpolated"] == 0).sum()) if "interpolated" in data else data.sizes["step"] - equal
-    return seconds, results.leakage.values.tolist(), solved, data.sizes["step"]
+    steps = data.sizes["step"]
+    return seconds, results.leakage.values.tolist(), steps - equal, steps
 
 
 def rule_of(task):
@@ -287,59 +257,6 @@ def rule_of(task):
     pairs = zip(before[1], after[1], strict=True)
     without, with_it = np.median(times[1:], axis=0)
     return {"without": without, "with": with_it, "error": max(error(q, r) for r, q in pairs), "solved": after[2:]}
-
-
-def interpolated_of(task):
-    """Share of 38 loads that are solved, and the largest error at the others, by the tolerance, on one face."""
-    from femseal import Liquid, Scene, deterministic
-    from femseal.runs.chosen_loads import choose
-    from femseal.studies.load_curves import at_all_steps, numbers_of
-
-    face, hardness = surface_of(task["scene"], POINTS[0], task["seed"])
-    full = min(hardness, 0.5 * MODULUS * face.rms_slope)
-    loads = full * np.linspace(0.02, 0.5, 24)
-    scene = Scene(
-        face,
-        MODULUS,
-        hardness,
-        Liquid(1e-3),
-        1e6,
-        0.0,
-        loading=tuple(loads),
-        unload_from=(loads[-1],),
-        unloading=tuple(full * np.linspace(0.01, 0.45, 14)),
-    )
-    steps, leakage = scene.steps, deterministic(scene).leakage
-    found = []
-    for tolerance in TOLERANCES:
-        part = choose(steps, tolerance, lambda part: leakage[numbers_of(part, steps)])
-        solved = numbers_of(part, steps)
-        every = at_all_steps(leakage[solved], solved, steps, logarithmic=True)
-        found.append((len(part), len(steps), max(error(q, r) for q, r in zip(every, leakage, strict=True))))
-    return found
-
-
-def interpolated_table(records):
-    cells = []
-    for n, tolerance in enumerate(TOLERANCES):
-        solved, steps, errors = np.array([record["found"][n] for record in records]).T
-        shares = solved / steps
-        off = errors / np.log1p(tolerance)
-        cells.append(
-            [
-                f"{tolerance:.0%}",
-                f"{shares.min():.0%} / {np.median(shares):.0%} / {shares.max():.0%}",
-                f"{np.median(off):.2f} / {off.max():.2f}",
-                f"{np.sum(off <= 1.0)} of {off.size}",
-            ]
-        )
-    head = [
-        "tolerance",
-        "loads solved: least / median / most",
-        "error over tolerance: median / largest",
-        "faces within",
-    ]
-    return rows(head, cells)
 
 
 def rules_table(records):
@@ -377,19 +294,12 @@ def main():
         for points, scene in product(POINTS, SCENES)
         if scene != "measured" or "FEMSEAL_SURFACES" in os.environ
     ]
-    chosen = [
-        found({"rule": "interpolated", "scene": scene, "seed": seed}, interpolated_of)
-        for scene, seed in product(SCENES, (1, 2, 3))
-        if scene != "measured" or (seed == 1 and "FEMSEAL_SURFACES" in os.environ)
-    ]
     parts = [
         machine({"numpy": "numpy"}),
         "## Rules",
         rules_table(rules),
         "## Tolerances",
         *tolerance_tables(measured),
-        "## Loads interpolated, 24 on loading and 14 on unloading",
-        interpolated_table(chosen),
     ]
     text = "\n\n".join(parts)
     print(text)

@@ -10,6 +10,7 @@ import femseal as fs
 from femseal.budget import longer_waves_part
 from femseal.case.case import parse_case
 from femseal.loads import LoadProgramme
+from femseal.seal.layouts import AnnularLayout
 from femseal.seal.pressure_map import Frame
 from femseal.studies.longer_waves import DRAWS, _drawn, _rms_between, longer_waves
 from femseal.topography import Representative, representative
@@ -64,6 +65,8 @@ def test_a_patch_that_holds_its_waves_has_no_row_and_one_that_does_not_has():
     assert changes(scene(SIDE / 5), 4 * SIDE) is None
     rising = scene(4 * SIDE)
     assert changes(rising, SIDE) is None  # as broad as the patch
+    narrow = replace(rising, layout=AnnularLayout(40 * SIDE, 40.5 * SIDE))
+    assert changes(narrow, None, length=None) is None
     found = changes(rising, 4 * SIDE)
     assert found.shape == (DRAWS, 2)
     assert (found.mean(axis=0) > 0).all()  # what stands apart leaks more than what is pressed leaks less
@@ -77,6 +80,10 @@ def test_broader_seals_and_less_flat_ones_may_leak_more():
     means = [changes(flat, 4 * SIDE, flatness).mean(axis=0) for flatness in (1e-8, 1e-6, 4e-6)]
     assert (np.diff(np.array(means), axis=0) > 0).all()
     assert np.abs(means[0]).max() < 0.05
+    # beyond, the gap between crests decides: its cube
+    high, higher = (changes(flat, 4 * SIDE, flatness).mean(axis=0)[0] for flatness in (8e-6, 16e-6))
+    assert_allclose(higher - high, np.log(8), rtol=0.15)
+    assert np.isnan(changes(flat, 4 * SIDE, 1e-3)).all()  # steeper than a half-space allows: unknown
 
 
 def test_the_part_holds_a_draw_more_on_either_side():

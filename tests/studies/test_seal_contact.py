@@ -2,6 +2,7 @@
 
 from dataclasses import replace
 from functools import cache
+from operator import attrgetter
 
 import meshio
 import numpy as np
@@ -11,11 +12,12 @@ from numpy.testing import assert_allclose
 import femseal as fs
 from femseal import analytic
 from femseal.case.case import parse_case
+from femseal.contact import HalfSpace
 from femseal.face.pieces import Cut
 from femseal.seal.form import MeasuredForm, WavyForm
 from femseal.seal.layouts import AnnularLayout, MeshLayout
 from femseal.studies.sampling import laid_out
-from femseal.studies.seal_contact import seal_contact, without_waves_of
+from femseal.studies.seal_contact import Cells, RoughLayer, seal_contact, without_waves_of
 
 E, D = 115e9, 1e-6
 OIL = fs.Liquid(1e-3)
@@ -66,6 +68,24 @@ def test_a_long_wave_under_a_stiff_layer_is_westergaard_s():
         assert_allclose(row.max(), 2 * ratio * full / np.sqrt(ratio), rtol=0.03)
 
 
+def test_a_layer_of_springs_on_rigid_bodies_is_winkler_s():
+    """s = s₀ − c p: cells within the approach δ have p = (δ − h)/c, others stand h − δ apart."""
+    depth = np.random.default_rng(3).uniform(0, 3e-6, 16 * 24)
+    body = HalfSpace((16, 24), (D, D), 1e25, ("free", "periodic"))
+    cells = Cells(body, np.ones((16, 24), bool), depth, np.inf)
+    stiffness, free = 1e-14, 2e-6
+
+    def layer(p):
+        return free - stiffness * p, np.full(p.size, -stiffness)
+
+    for approach in (0.5e-6, 1.5e-6, 4e-6):
+        exact = np.maximum(approach - depth, 0.0) / stiffness
+        p, separation, opening, _ = cells.solved(layer, exact.mean(), np.zeros(depth.size), np.zeros(depth.size))
+        assert_allclose(p, exact, atol=1e-4 * exact.max())
+        assert_allclose(opening, np.maximum(depth - approach, 0.0), atol=1e-9)
+        assert_allclose(separation, free - stiffness * exact + np.maximum(depth - approach, 0.0), atol=1e-9)
+
+
 def test_a_crown_under_a_soft_layer_spreads_as_a_foundation_of_springs():
     """Greenwood & Tripp: where the layer is soft beside the bodies its curve alone decides, cell by cell (Winkler)."""
     rough = replace(scene((2e6,)), modulus=E)
@@ -88,6 +108,40 @@ def test_no_form_at_all_is_a_flat_punch():
     inside = np.abs(x) < 0.9
     exact = 1e6 * 2 / (np.pi * np.sqrt(1 - x**2))
     assert_allclose(contact.pressure[0, inside, 0], exact[inside], rtol=0.01)
+
+
+def test_the_highest_place_presses_hardest():
+    """A bump at one side of a ring, and the opposite side stands apart."""
+    angle = np.linspace(0, 2 * np.pi, 24, endpoint=False)
+    points = 4.2e-3 * np.stack([np.cos(angle), np.sin(angle)], axis=1)
+    bump = MeasuredForm.of(points, 4e-6 * np.exp(-((angle - np.pi) ** 2)))
+    one = scene((1e6,), layout=AnnularLayout(4e-3, 4.4e-3))
+    contact = contact_of(one, bump)
+    mean = contact.pressure[0].mean(axis=0)
+    assert abs(mean.argmax() / mean.size - 0.5) < 0.05
+    assert contact.separation[0].mean(axis=0).argmin() == pytest.approx(mean.size / 2, abs=0.05 * mean.size)
+
+
+@pytest.mark.parametrize("fraction", [0.9, 0.5, 0.2])
+def test_the_layer_unloads_as_the_face_does(fraction):
+    one = scene((5e7, 2e8), hardness=1.5e9, unload_from=(2e8,), unloading=(fraction * 2e8,))
+    layer = RoughLayer.of(one, map)
+    even = replace(one, boundary=("periodic", "periodic"))
+    first, peak, down = even.contact_states(attrgetter("contact.mean_gap"), mapper=map)
+    loaded = layer.loaded(np.array([5e7, 2e8]))[0]
+    assert_allclose(loaded, [first, peak], rtol=0.02)
+    back = layer.unloaded(np.array([fraction * 2e8]), np.array([2e8]))[0][0]
+    assert_allclose(back, down, rtol=0.02)
+    assert peak < back < layer.loaded(np.array([fraction * 2e8]))[0][0]
+
+
+def test_a_crown_that_has_yielded_all_over_its_band_is_flatter():
+    """Bodies sink for good: back at a tenth of the load its highest pressure is less than on the way up."""
+    way = {"unload_from": (2e7,), "unloading": (2e6,)}
+    one = scene((2e6, 2e7), face(rms_slope=0.01), hardness=0.2e9, **way)
+    contact = contact_of(one, fs.CrownedSeat(0.005), 1e-3, 2e-3)
+    assert contact.pressure[1].max() == pytest.approx(0.97 * 0.2e9)
+    assert contact.pressure[2].max() < 0.85 * contact.pressure[0].max()
 
 
 # invariants
@@ -181,12 +235,12 @@ def drawn(one, form, **more):
 
 def test_a_wavy_ring_leaks_where_it_stands_apart_as_a_gap_of_that_height():
     """Waves so high that the roughness does not count: the cube of the gap between them."""
-    one = scene((1e5,), fs.Topography(face(rms_slope=1e-3).heights, (D, D)), layout=AnnularLayout(1e-3, 1.064e-3))
+    one = scene((1e5, 2e7), fs.Topography(face(rms_slope=1e-3).heights, (D, D)), layout=AnnularLayout(1e-3, 1.064e-3))
     found = drawn(one, WavyForm(5e-6, lobes=2))
     fields = found.median_seal
-    open_gap = np.mean(fields.separation[0] ** 3) / 12
-    expected = open_gap * 1e6 / 1e-3 / 64e-6
-    assert_allclose(found.quantile(0.5)[0], expected, rtol=0.05)
+    open_gap = np.mean(fields.separation**3, axis=1) / 12
+    assert open_gap[1] < 0.9 * open_gap[0]
+    assert_allclose(found.quantile(0.5), open_gap * 1e6 / 1e-3 / 64e-6, rtol=0.05)
     assert_allclose(np.ptp(fields.form), 5e-6, rtol=0.01)
 
 
@@ -197,6 +251,13 @@ def test_higher_waves_leak_more_and_the_load_presses_them_flat():
     assert (np.diff(np.array(leakage)[:, 0]) > 0).all()
     assert leakage[2][0] > 10 * flat[0]
     assert_allclose(leakage[0], flat, rtol=0.3)
+
+
+def test_the_contact_fraction_is_the_mean_of_the_tiles():
+    """Less than that of the nominal pressure, as the area rises ever more slowly with the pressure."""
+    one = scene((5e9,), layout=AnnularLayout(1e-3, 1.064e-3))
+    even, uneven = (drawn(one, form).contact_fraction[0] for form in ((), WavyForm(60e-6, lobes=2)))
+    assert 0.4 * even < uneven < 0.95 * even
 
 
 CASE = {
