@@ -215,7 +215,7 @@ def _of_text(file: Path, name: str) -> tuple[Any, Any, None]:
 
 def columns_of(file: Path) -> list[str]:
     """Names of the columns of a text, by its first line."""
-    return [column.strip() for column in _rows(file)[0]]
+    return [column.strip() for column in _rows(file)[1][0]]
 
 
 def read_columns(file: Path, wanted: tuple[str, ...]) -> NDArray[np.float64]:
@@ -223,7 +223,7 @@ def read_columns(file: Path, wanted: tuple[str, ...]) -> NDArray[np.float64]:
 
     Raises InputError: not readable, a column that is missing or there twice, text in place of a number.
     """
-    head, *rows = _rows(file)
+    delimiter, (head, *rows) = _rows(file)
     names = [column.strip() for column in head]
     if missing := [column for column in wanted if names.count(column) != 1]:
         given = f"'{file}' with the columns {', '.join(names)}"
@@ -237,12 +237,12 @@ def read_columns(file: Path, wanted: tuple[str, ...]) -> NDArray[np.float64]:
             numbers[n] = [float(row[place]) for place in places]
         except (ValueError, IndexError):
             allowed = f"numbers with decimal points in the columns {', '.join(wanted)}"
-            raise InputError("path", f"'{file}' with the line '{shortened(', '.join(row), 60)}'", allowed) from None
+            raise InputError("path", f"'{file}' with the line '{shortened(delimiter.join(row), 60)}'", allowed) from None
     return numbers
 
 
-def _rows(file: Path) -> list[list[str]]:
-    """Lines of a text, cut at commas, semicolons, tabs or blanks, whichever its first line has most of."""
+def _rows(file: Path) -> tuple[str, list[list[str]]]:
+    """What its first line has most of, commas, semicolons, tabs or blanks, and the lines of a text cut there."""
     try:
         with within_free_memory():
             text = file.read_text(encoding="utf-8-sig")
@@ -253,8 +253,8 @@ def _rows(file: Path) -> list[list[str]]:
         raise InputError("path", f"'{file}', which is empty", "a text with columns")
     delimiter = max(_DELIMITERS, key=lines[0].count)
     if delimiter in lines[0]:
-        return list(csv.reader(io.StringIO("\n".join(lines)), delimiter=delimiter))
-    return [line.split() for line in lines]
+        return delimiter, list(csv.reader(io.StringIO("\n".join(lines)), delimiter=delimiter))
+    return " ", [line.split() for line in lines]
 
 
 def _of_mesh(file: Path, name: str) -> tuple[Any, Any, Any]:
