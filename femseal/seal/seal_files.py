@@ -237,7 +237,8 @@ def read_columns(file: Path, wanted: tuple[str, ...]) -> NDArray[np.float64]:
             numbers[n] = [float(row[place]) for place in places]
         except (ValueError, IndexError):
             allowed = f"numbers with decimal points in the columns {', '.join(wanted)}"
-            raise InputError("path", f"'{file}' with the line '{shortened(delimiter.join(row), 60)}'", allowed) from None
+            given = f"'{file}' with the line '{shortened(delimiter.join(row), 60)}'"
+            raise InputError("path", given, allowed) from None
     return numbers
 
 
