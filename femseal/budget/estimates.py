@@ -258,13 +258,21 @@ def longer_waves_part(changes: Array, flatness: bool, steps: LoadProgramme, leak
     return part_of_changes("longer waves", steps, leakage, below, above, note)
 
 
+#: What seals of a kind are.
+_WHERE = {
+    "in place": "as broad as the face",
+    "anywhere": "of another breadth or shape than the face",
+    "with form": "whose form is known at points",
+}
+
+
 def patch_part(study: StochasticResult) -> ErrorPart:
     """What one measured patch does not know of a drawn seal, by the scenes of a calibration set."""
     q = study.quantile(0.5)
-    kind = "in place" if study.tiles.in_place else "anywhere"
-    distance = half_width(kind, study.steps, q)
-    where = "as broad as the face" if study.tiles.in_place else "of another breadth or shape than the face"
-    note = f"seals {where}, drawn from one patch: by split conformal prediction from {count_scenes(kind)} whole faces"
+    distance = half_width(study.kind, study.steps, q)
+    scenes = count_scenes(study.kind)
+    where = _WHERE[study.kind]
+    note = f"seals {where}, drawn from one patch: by split conformal prediction from {scenes} whole faces"
     part = part_of_changes("patch", study.steps, q, distance, distance, note)
-    floor = abs(float(q[first_known(q)])) / 10 ** FLOOR_DECADES[kind]
+    floor = abs(float(q[first_known(q)])) / 10 ** FLOOR_DECADES[study.kind]
     return replace(part, lower=np.where(part.lower < floor, 0.0, part.lower))

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from functools import partial
+from math import isfinite
 from typing import Any
 
 import numpy as np
@@ -96,6 +97,7 @@ def stochastic(
         steps=scene.steps,
         tiles=tiles,
         pieces=supply.pieces,
+        kind=_kind(tiles, sampling),
         leakage=leakage,
         contact_fraction=1 - _over_tiles(scene, supply, 1 - supply.pieces.contact_fraction.mean(axis=(1, 2))),
         places=_places(scene, supply, leakage),
@@ -219,7 +221,7 @@ def _drawn(scene: Scene, tiles: SealTiles, supply: _Supply, sampling: Sampling, 
     count = sampling.realisations or FEWEST_SEALS
     drawn = list(mapper(stage, range(count)))
     while sampling.realisations is None:
-        wanted = _needed(scene.steps, np.array([one.leakage for one in drawn]), supply.in_place)
+        wanted = _needed(scene.steps, np.array([one.leakage for one in drawn]), _kind(tiles, sampling))
         more = min(wanted, 4 * len(drawn))
         if more <= len(drawn):
             break
@@ -227,10 +229,17 @@ def _drawn(scene: Scene, tiles: SealTiles, supply: _Supply, sampling: Sampling, 
     return drawn
 
 
-def _needed(steps: LoadProgramme, leakage: Array, in_place: bool) -> int:
+def _kind(tiles: SealTiles, sampling: Sampling) -> str:
+    """Kind of the drawn seals, see `drawn_error`; a form that is known exactly, such as of a seat, is none."""
+    if any(isfinite(form.shortest_wave) for form in sampling.form):
+        return "with form"
+    return "in place" if tiles.in_place else "anywhere"
+
+
+def _needed(steps: LoadProgramme, leakage: Array, kind: str) -> int:
     """Number of seals whose median has the standard error that is wanted, at all steps that count."""
     median = _medians(leakage)
-    width = half_width("in place" if in_place else "anywhere", steps, median)
+    width = half_width(kind, steps, median)
     counts = (np.abs(median) > least_counted(median)) & np.isfinite(width)
     with np.errstate(divide="ignore", invalid="ignore"):
         spread = np.log(np.abs(leakage[:, counts])).std(axis=0, ddof=1)

@@ -76,6 +76,7 @@ class StochasticResult(Shown):
     """Realisations of a seal drawn from the pieces of a face. A realisation is a curve over the steps.
 
     leakage : of each realisation (realisations, steps).
+    kind : of seals by what one patch does not know of them, see `drawn_error`.
     contact_fraction : of the face at every step (steps,).
     tiles : of the seal. pieces : of the face, at the loads of the scene or along a ladder.
     row_pressure, band_breadth, largest_row_pressure : of a seal as broad as the face, or of a seat; None of others.
@@ -104,6 +105,7 @@ class StochasticResult(Shown):
     failures: tuple[str, ...] = ()
     warnings: tuple[str, ...] = ()
     solvers: SolverCounts = field(default_factory=SolverCounts)
+    kind: str = field(default="anywhere", repr=False)
 
     computed_fields: ClassVar[dict[str, Field]] = {
         "mean": Field("leakage_mean", "m^2/s", "leakage per unit seal length, mean of the realisations", STEP),

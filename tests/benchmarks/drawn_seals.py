@@ -200,7 +200,8 @@ if __name__ == "__main__":
         target, shape, first, last = paths
         write(target, solved_rows(shape, range(int(first), int(last))))
     elif command == "calibrate":
-        write(drawn_error.CALIBRATION, calibrated(read(paths)))
+        others = [row for row in read([drawn_error.CALIBRATION]) if row["kind"] == "with form"]
+        write(drawn_error.CALIBRATION, [*calibrated(read(paths)), *others])
     else:
         text = (
             "Leakage of drawn seals over that of the whole face, at the loads at which this leaks so many decades less "

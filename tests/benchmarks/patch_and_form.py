@@ -2,7 +2,8 @@
 
     python patch_and_form.py solve ROWS.csv FIRST LAST           # synthetic faces of seeds from FIRST up to LAST
     python patch_and_form.py solve ROWS.csv MAP …                # measured faces
-    python patch_and_form.py report ROWS.csv …                   # writes patch_and_form.md
+    python patch_and_form.py calibrate ROWS.csv …                # their part of femseal/studies/drawn_seals.csv
+    python patch_and_form.py report ROWS.csv …                   # writes patch_and_form.md of rows of other seeds
 
 A whole face is cut: a quarter or a sixteenth of its area is the patch, less a plane. The form of the whole is its mean
 heights over 4 × 4 or 8 × 8 squares. Seals as large as the whole are drawn from the patch, without the form and with it.
@@ -23,7 +24,9 @@ from common import machine, rows, save_report
 import femseal as fs
 from femseal.budget import error_budget, longer_waves_part, patch_form_part
 from femseal.face.patch_form import form_effect
+from femseal.loads import LoadProgramme
 from femseal.seal.form import MeasuredForm
+from femseal.studies import drawn_error
 from femseal.studies.longer_waves import longer_waves
 from femseal.topography import representative
 
@@ -165,6 +168,32 @@ def write(path, table):
             file.flush()
 
 
+def calibrated(table):
+    """Rows of the calibration set of seals with a form; those of both forms of a face err together."""
+    steps = LoadProgramme.of(LOADS, unload_from=(LOADS[-1],), unloading=STOPS)
+    floor = 10.0 ** -drawn_error.FLOOR_DECADES["with form"]
+    scenes = {}
+    for row in table:
+        if row["way"].startswith("form"):
+            scenes.setdefault((row["face"], row["way"], row["kind"]), []).append(row)
+    for (face, _, kind), found in scenes.items():
+        q, truth = (np.array([float(row[name]) for row in found]) for name in ("leakage", "truth"))
+        if not np.isfinite(q).all():
+            continue
+        distance = np.log(np.maximum(q, 1e-300) / np.where(truth >= floor, truth, np.minimum(q, floor)))
+        hard, fallen = drawn_error.difficulty(steps, q), drawn_error.decades(q)
+        for s in np.flatnonzero(q > 0):
+            yield {
+                "kind": "with form",
+                "surface": kind,
+                "scene": f"form {face}",
+                "step": s,
+                "log_ratio": f"{distance[s]:.4g}",
+                "decades": f"{fallen[s]:.4g}",
+                "difficulty": f"{hard[s]:.4g}",
+            }
+
+
 def report(table):
     """Quantiles of leakage over truth by way, of synthetic and of measured faces, and bands."""
     head = ["faces", "way", "faces", "loads", "5 %", "25 %", "50 %", "75 %", "95 %", "band holds", "half-width"]
@@ -194,6 +223,11 @@ if __name__ == "__main__":
     command, *paths = sys.argv[1:]
     if command == "solve":
         write(paths[0], every(paths[1:]))
+    elif command == "calibrate":
+        known = csv.DictReader(drawn_error.CALIBRATION.read_text().splitlines())
+        others = [row for row in known if row["kind"] != "with form"]
+        rows_of = [row for path in paths for row in csv.DictReader(Path(path).read_text().splitlines())]
+        write(drawn_error.CALIBRATION, [*others, *calibrated(rows_of)])
     else:
         found = [row for path in paths for row in csv.DictReader(Path(path).read_text().splitlines())]
         text = f"{machine({})}\n\n{report(found)}"

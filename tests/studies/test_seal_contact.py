@@ -260,6 +260,16 @@ def test_the_contact_fraction_is_the_mean_of_the_tiles():
     assert 0.4 * even < uneven < 0.95 * even
 
 
+def test_the_band_of_a_measured_form_is_one_of_its_own():
+    """Waves and seats are known exactly."""
+    one = scene((5e7,), layout=AnnularLayout(1e-3, 1.064e-3))
+    angle = np.linspace(0, 2 * np.pi, 12, endpoint=False)
+    points = 1.03e-3 * np.stack([np.cos(angle), np.sin(angle)], axis=1)
+    measured = MeasuredForm.of(points, 1e-7 * np.cos(2 * angle))
+    kinds = [drawn(one, form).kind for form in (measured, WavyForm(1e-7, lobes=2), fs.CrownedSeat(0.1), ())]
+    assert kinds == ["with form", "anywhere", "anywhere", "anywhere"]
+
+
 CASE = {
     "face": {"kind": "self-affine", "points": [64, 64], "size": ["64 um", "64 um"], "hurst": 0.8, "rms_slope": 0.1},
     "material": {"young": "210 GPa", "hardness": "3 GPa"},
