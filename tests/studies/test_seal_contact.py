@@ -267,7 +267,7 @@ def test_the_band_of_a_measured_form_is_one_of_its_own():
     points = 1.03e-3 * np.stack([np.cos(angle), np.sin(angle)], axis=1)
     measured = MeasuredForm.of(points, 1e-7 * np.cos(2 * angle))
     kinds = [drawn(one, form).kind for form in (measured, WavyForm(1e-7, lobes=2), fs.CrownedSeat(0.1), ())]
-    assert kinds == ["with form", "anywhere", "anywhere", "anywhere"]
+    assert kinds == ["with form", "anywhere", "anywhere", "in place"]
 
 
 CASE = {
