@@ -100,15 +100,23 @@ class Prepared:
     def longer_waves(self, surface: Topography, mapper: Mapper) -> Array | None:
         """Changes of ln(leakage) of drawn seals by waves longer than the patch, see `studies.longer_waves`.
 
-        surface : the face, also on fewer points. None where nothing is to be expected, or the seal has a form.
+        surface : the face, also on fewer points. None where nothing is to be expected.
         """
         sampling = self.sampling
-        if sampling is None or sampling.form or (self.holds is None and self.flatness is None):
+        if sampling is None or (self.holds is None and self.flatness is None):
             return None
         holds = self.holds or representative(surface)
         scene = replace(self.scene, surface=surface)
-        sides = sampling.breadth, sampling.length
-        return longer_waves(scene, *sides, holds, flatness=self.flatness, seed=sampling.seed, mapper=mapper)
+        return longer_waves(
+            scene,
+            sampling.breadth,
+            sampling.length,
+            holds,
+            flatness=self.flatness,
+            seed=sampling.seed,
+            forms=sampling.form,
+            mapper=mapper,
+        )
 
     @property
     def studies(self) -> list[Study]:

@@ -7,7 +7,9 @@ face does at their pressure.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from math import inf, pi
 
 import numpy as np
@@ -16,6 +18,7 @@ from ..base import Array, Mapper
 from ..contact import LoadState
 from ..face.curves import PieceCurves
 from ..face.piece_flow import Failed, FlowSettings, attempt
+from ..seal.form import SealForm
 from ..seal.pressure_map import Frame
 from ..seal.tiles import PieceSize, SealTiles
 from ..topography import Representative, shortest_place
@@ -66,13 +69,14 @@ def longer_waves(
     *,
     flatness: float | None,
     seed: int,
+    forms: Sequence[SealForm] = (),
     mapper: Mapper = map,
 ) -> Array | None:
     """Changes of ln(leakage) by drawn waves between the side of the patch and the breadth of the seal (draws, steps).
 
     breadth, length : of a strip [m]. holds : what the patch holds of its waves. flatness : of the seal, most from the
-    highest to the lowest point [m]; None where it is not known. NaN where the seal without
-    them is closed, or their contact failed.
+    highest to the lowest point [m]; None where it is not known. forms : of the seal, to which the waves come that are
+    too short for them. NaN where the seal without the waves is closed, or their contact failed.
 
     Without a flatness the spectrum is carried on to the breadth; with one to the larger side of the seal, and where it
     does not rise, waves are as high as the flatness. None where a seal is hardly larger than the patch, or the patch
@@ -86,6 +90,7 @@ def longer_waves(
     if isinstance(tiles, Failed):  # narrower than the patch
         return None
     longest = tiles.seal.size[0] if flatness is None else float(np.ptp(tiles.outlines, axis=(0, 1)).max())
+    longest = min((longest, *(form.shortest_wave for form in forms)))
     if longest < _BROADER * side:
         return None
     hurst = max(holds.hurst, _LEAST_HURST) if holds.rises else 1.0
@@ -93,25 +98,27 @@ def longer_waves(
     dry = replace(scene, fluid_pressure="ignored")
     programme, found = layer_states(dry, _Taken(dry.flow, dry.surface.spacing), mapper)
     gaps, k = np.array(found).T
-    layer, curves = RoughLayer.of_gaps(dry, programme, gaps), PieceCurves(programme, k)
+    leaks = partial(_leakage, dry, tiles, RoughLayer.of_gaps(dry, programme, gaps), PieceCurves(programme, k))
     rng = np.random.default_rng(np.random.SeedSequence(seed, spawn_key=(0x10E6,)))
-    flat = curves.along(dry.steps.pressures[:, None], dry.steps)[:, 0]
-    changes = []
-    for _ in range(DRAWS):
-        form = _drawn(rng, hurst, (side, longest), rms, flatness)
-        ratio = np.full(len(dry.steps), np.nan)
-        changes.append(ratio)
-        contact = attempt(seal_contact, dry, tiles, (form,), mapper, layer)
+    still = leaks(tuple(forms))
+    moved = [leaks((*forms, _drawn(rng, hurst, (side, longest), rms, flatness))) for _ in range(DRAWS)]
+    with np.errstate(divide="ignore", invalid="ignore"):
+        return np.log(np.where(still > 0, np.array(moved) / still, np.nan))
+
+
+def _leakage(
+    scene: Scene, tiles: SealTiles, layer: RoughLayer, curves: PieceCurves, forms: tuple[SealForm, ...]
+) -> Array:
+    """Leakage of a seal with forms at every step (steps,) [m²/s], its tiles being as the face; NaN where it failed."""
+    nominal, steps = scene.steps.pressures[:, None], scene.steps
+    k = np.repeat(curves.along(nominal, steps), tiles.count, axis=1)
+    if forms:
+        contact = attempt(seal_contact, scene, tiles, forms, map, layer)
         if isinstance(contact, Failed):  # such as a form that is too steep
-            continue
-        of_tiles = curves.along(dry.steps.pressures[:, None] * contact.fractions, dry.steps) + contact.opened
-        for s, (own, even) in enumerate(zip(of_tiles, flat, strict=True)):
-            both = (tiles.permeability(one, one) for one in (own, np.full(own.shape, even)))
-            moved, still = (_rate(dry, tiles, one) for one in both)
-            if still > 0:
-                with np.errstate(divide="ignore"):
-                    ratio[s] = np.log(moved / still)
-    return np.array(changes)
+            return np.full(len(steps), np.nan)
+        k = curves.along(nominal * contact.fractions, steps) + contact.opened
+    found = [attempt(scene.leakage, tiles.seal, tiles.permeability(one, one)) for one in k]
+    return np.array([np.nan if isinstance(one, Failed) else one.per_length for one in found])
 
 
 @dataclass(frozen=True)
@@ -125,12 +132,6 @@ class _Taken:
         gap = state.contact.gap
         found = attempt(resolved_flow, gap, self.spacing, replace(self.flow, spiral=None))
         return float(state.contact.mean_gap), np.nan if isinstance(found, Failed) else found.permeability
-
-
-def _rate(scene: Scene, tiles: SealTiles, permeability: Array) -> float:
-    """Leakage per length [m²/s], NaN where it failed."""
-    found = attempt(scene.leakage, tiles.seal, permeability)
-    return np.nan if isinstance(found, Failed) else found.per_length
 
 
 def _rms_between(holds: Representative, h: float, shortest: float, longest: float) -> float:

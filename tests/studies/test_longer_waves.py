@@ -10,6 +10,7 @@ import femseal as fs
 from femseal.budget import longer_waves_part
 from femseal.case.case import parse_case
 from femseal.loads import LoadProgramme
+from femseal.seal.form import MeasuredForm, WavyForm
 from femseal.seal.layouts import AnnularLayout
 from femseal.seal.pressure_map import Frame
 from femseal.studies.longer_waves import DRAWS, _drawn, _rms_between, longer_waves
@@ -84,6 +85,25 @@ def test_broader_seals_and_less_flat_ones_may_leak_more():
     high, higher = (changes(flat, 4 * SIDE, flatness).mean(axis=0)[0] for flatness in (8e-6, 16e-6))
     assert_allclose(higher - high, np.log(8), rtol=0.15)
     assert np.isnan(changes(flat, 4 * SIDE, 1e-3)).all()  # steeper than a half-space allows: unknown
+
+
+def test_a_form_leaves_the_waves_that_are_too_short_for_it():
+    """Measured far apart a form has a row still, and the less the finer it is; waves known exactly are no others."""
+    rising = scene(4 * SIDE)
+
+    def spread(form):
+        holds = representative(rising.surface)
+        found = longer_waves(rising, 8 * SIDE, 16 * SIDE, holds, flatness=None, seed=1, forms=(form,))
+        return None if found is None else found.std(axis=0)[0]
+
+    def measured(count):
+        points = np.stack(np.meshgrid(np.linspace(0, 8 * SIDE, count), np.linspace(0, 16 * SIDE, 2 * count)), axis=-1)
+        return MeasuredForm.of(points.reshape(-1, 2), np.zeros(2 * count**2))
+
+    coarse, finer, none = spread(measured(4)), spread(measured(9)), spread(measured(40))
+    assert none is None
+    assert 0 < finer < coarse
+    assert spread(WavyForm(1e-9, lobes=2)) >= coarse
 
 
 def test_the_part_holds_a_draw_more_on_either_side():
