@@ -35,6 +35,7 @@ from femseal.flow.grid import Grid
 from femseal.plots.drawing import STYLES, new_figure
 from femseal.plots.heights import height_panel
 from femseal.plots.maps import default_step
+from femseal.preparation import prepare
 from femseal.results.selections import branches
 
 WIDTH = 7.2  # 183 mm, two columns of a journal
@@ -258,7 +259,7 @@ def _floor(k):
 
 def drawn_seals(case: fs.Case, lengths=LENGTHS) -> list:
     """Results of seals of several lengths, in lengths of the face, unloaded from four loads."""
-    prepared, count = fs.prepare(case), case.stochastic.realisations or SEALS
+    prepared, count = prepare(case), case.stochastic.realisations or SEALS
     scene, top = prepared.scene, prepared.scene.loading[-1]
     peaks = tuple(part * top for part in PEAKS)
     stops = tuple(sorted({part * peak for part in STOPS for peak in peaks}))

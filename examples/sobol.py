@@ -2,7 +2,8 @@
 ===============================
 
 Sobol indices over ranges of three inputs: the part of the variance of ln(leakage) that each explains alone (first
-order), and with its interactions (total). A case gives its scene by ``fs.prepare(fs.load_case("seal.toml")).scene``.
+order), and with its interactions (total). A case gives its scene by
+``femseal.preparation.prepare(fs.load_case("seal.toml")).scene``.
 """
 
 from __future__ import annotations

@@ -14,7 +14,7 @@ The flow of data, top to bottom::
     plots        pictures of every result
     report       the folder and the page of a run                        write_report
     case         a TOML file, checked                                    load_case
-    preparation  a case -> the input of the studies
+    preparation  a case -> the input of the studies                      preparation.prepare
     refinement   coarser and finer versions of a case, a wanted accuracy
     runs         a case, run: everything above                           run
     sweeps       a case with several values of its keys                  sweep
@@ -35,7 +35,7 @@ __version__ = "0.2.0"
 
 if TYPE_CHECKING:
     from .base.errors import FemsealError, InputError, NotConverged, PartsMissing
-    from .budget import CoarserSolution, ErrorBudget, ErrorPart, error_budget
+    from .budget import ErrorBudget, error_budget
     from .calibration.calibrating import calibrate
     from .calibration.calibration import Calibration
     from .case.case import Case, load_case
@@ -45,24 +45,21 @@ if TYPE_CHECKING:
     from .designs.answer import design
     from .designs.data_sheet import Design
     from .flow import (
-        Constriction,
         CubicLaw,
         FlowLaw,
         FukuiKaneko,
         Permeability,
         SlipLength,
         cell_permeability,
-        critical_constriction,
         permeability_tensor,
     )
     from .fluids import IdealGas, Liquid, RoelandsLiquid
     from .materials import Solid, contact_modulus, named_solid
-    from .preparation.preparation import prepare
     from .real_gas import RealGas
     from .report import write_report
     from .results import Results, RunComparison, compare, open_results
     from .runs.job import run
-    from .seal import AnnularSeal, Leakage, MeshSeal, PermeabilityTable, RectangularSeal, seal_leakage, table_pressures
+    from .seal import AnnularSeal, Leakage, MeshSeal, RectangularSeal, seal_leakage
     from .studies.blocks import by_blocks
     from .studies.deterministic import DeterministicResult, deterministic
     from .studies.sampling import Sampling
@@ -98,8 +95,6 @@ __all__ = [
     "BallOnCone",
     "Calibration",
     "Case",
-    "CoarserSolution",
-    "Constriction",
     "Contact",
     "ContactLaw",
     "CrownedSeat",
@@ -107,7 +102,6 @@ __all__ = [
     "Design",
     "DeterministicResult",
     "ErrorBudget",
-    "ErrorPart",
     "FemsealError",
     "FlowLaw",
     "FukuiKaneko",
@@ -126,7 +120,6 @@ __all__ = [
     "PartsMissing",
     "PerfectlyPlastic",
     "Permeability",
-    "PermeabilityTable",
     "Places",
     "ProfileSeat",
     "RealGas",
@@ -152,7 +145,6 @@ __all__ = [
     "condition",
     "contact_modulus",
     "continue_spectrum",
-    "critical_constriction",
     "describe_surface",
     "design",
     "deterministic",
@@ -162,7 +154,6 @@ __all__ = [
     "named_solid",
     "open_results",
     "permeability_tensor",
-    "prepare",
     "read_topography",
     "run",
     "seal_leakage",
@@ -170,7 +161,6 @@ __all__ = [
     "solve_contact",
     "stochastic",
     "sweep",
-    "table_pressures",
     "turned",
     "two_scale",
     "write_report",

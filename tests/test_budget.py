@@ -7,7 +7,7 @@ import pytest
 from numpy.testing import assert_allclose
 
 import femseal as fs
-from femseal import CoarserSolution, ErrorPart
+from femseal.budget import CoarserSolution, ErrorPart
 from femseal.budget.changes import on_all_steps
 from femseal.budget.estimates import effective_pressure_part, median_interval
 from femseal.budget.pixels import observed_order, pixels_part
@@ -23,9 +23,9 @@ Q = np.array([4.0, 1.0, 0.0])
 
 
 def part(name, below, above, upper_sealed=0.0):
-    made = fs.ErrorPart.of(name, Q, np.array(below, float), np.array(above, float), "")
+    made = ErrorPart.of(name, Q, np.array(below, float), np.array(above, float), "")
     upper = np.where(Q == 0, upper_sealed, made.upper)
-    return fs.ErrorPart(name, made.lower, upper, "")
+    return ErrorPart(name, made.lower, upper, "")
 
 
 def test_the_published_example_of_three_grids():

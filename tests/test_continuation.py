@@ -10,7 +10,7 @@ from numpy.testing import assert_allclose
 from scipy import fft, stats
 
 import femseal as fs
-from femseal.budget import continuation_part
+from femseal.budget import CoarserSolution, continuation_part
 from femseal.budget.waves import filter_part
 from femseal.case.case import parse_case
 from femseal.preparation.preparation import prepare
@@ -249,7 +249,7 @@ def test_the_part_of_the_continuation_is_scatter_and_trend():
     q = np.array([8e-9, 4e-9, 0.0])
 
     def solution(*changes):
-        return fs.CoarserSolution((8, 8), scene.steps, np.array([*q[:2] * np.exp(changes[:2]), changes[2]]), q)
+        return CoarserSolution((8, 8), scene.steps, np.array([*q[:2] * np.exp(changes[:2]), changes[2]]), q)
 
     same = solution(0, 0, 0)
     others = [solution(0.1, 0.1, 0), solution(-0.1, 0.0, 0), solution(0.0, 0.3, 0)]

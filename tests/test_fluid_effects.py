@@ -9,7 +9,9 @@ import pytest
 from numpy.testing import assert_allclose
 
 import femseal as fs
+from femseal.budget import ErrorPart
 from femseal.contact import HalfSpace, solve_contact
+from femseal.flow import critical_constriction
 from femseal.fluids import capillary_entry_pressure
 from femseal.report.leakage_tables import key_numbers
 from femseal.results.dataset import assemble
@@ -58,7 +60,7 @@ def test_results_say_what_the_fluid_does(scene):
         assert "failed" not in str(table)
     two = replace(scene, loading=(1e6, 100e6), unload_from=(), unloading=())
     single = fs.deterministic(two)
-    part = fs.ErrorPart.of("pixels", single.leakage, np.full(2, 0.1), np.full(2, 0.1), "")
+    part = ErrorPart.of("pixels", single.leakage, np.full(2, 0.1), np.full(2, 0.1), "")
     budget = fs.ErrorBudget("deterministic", single.leakage, (part,), two.steps)
     with warnings.catch_warnings():
         warnings.simplefilter("error")
@@ -81,7 +83,7 @@ def test_results_have_the_entry_pressure_of_the_critical_constriction(scene):
     data = assemble(scene, deterministic=study).dataset["capillary_entry_pressure"]
     assert data.attrs["units"] == "Pa"
     for s, gap in enumerate(study.gap):
-        found = fs.critical_constriction(gap.astype(float), scene.surface.spacing, sides="periodic")
+        found = critical_constriction(gap.astype(float), scene.surface.spacing, sides="periodic")
         assert_allclose(data[s], inf if found is None else 0.073 / found.gap, rtol=1e-6)
     assert (study.leakage > 0).tolist() == np.isfinite(data.values).tolist()
     dry = replace(scene, fluid=fs.Liquid(1e-3))

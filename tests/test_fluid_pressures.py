@@ -12,6 +12,7 @@ import femseal as fs
 from femseal.base.quantities import absolute_pressure, to_si
 from femseal.case.case import parse_case
 from femseal.case.schema import case_schema
+from femseal.preparation import prepare
 
 ATMOSPHERE, PSI = 101_325.0, 6894.757293168361
 LIQUID = 'kind = "liquid"\nviscosity = "1 mPa*s"\n'
@@ -111,7 +112,7 @@ def test_the_fluid_presses_on_the_faces_with_what_is_above_the_surroundings(tmp_
     """What an unmarked liquid carries counts from the surroundings, as a gauge pressure does."""
     carried = []
     for keys in ('inlet_pressure = "10 MPa"', 'inlet_pressure = "100 bar(g)"\nambient_pressure = "0.8 bar"'):
-        scene = fs.prepare(fs.load_case(case_of(tmp_path, f"{LIQUID}{keys}\n"))).scene
+        scene = prepare(fs.load_case(case_of(tmp_path, f"{LIQUID}{keys}\n"))).scene
         carried.append(scene.acting_fluid.carried)
     assert scene.surroundings == 8e4
     assert_allclose(carried, 5e6, rtol=1e-12)

@@ -11,6 +11,7 @@ from femseal.budget import patch_form_part
 from femseal.contact.law import PerfectlyPlastic
 from femseal.face.patch_form import FormEffect, form_effect
 from femseal.loads import LoadProgramme
+from femseal.preparation import prepare
 from femseal.runs.forecast import describe
 from femseal.topography import representative
 
@@ -240,12 +241,12 @@ def test_a_run_has_the_row_unless_the_case_says_what_is_form(case):
 
 
 def test_check_says_what_the_patch_holds(case):
-    prepared = fs.prepare(case())
+    prepared = prepare(case())
     lines = describe(case(), prepared)
     assert any("of its long waves of" in line for line in lines)
     (line,) = [line for line in lines if "times as much with its curvature" in line]
     assert line.startswith("warning")
-    assert fs.prepare(case("detrend = 2")).form_effect is None
+    assert prepare(case("detrend = 2")).form_effect is None
 
 
 SEAT = '[seat]\nkind = "tilted"\ntilt = "0.001 deg"\n'
@@ -258,7 +259,7 @@ def test_a_seat_or_a_form_of_the_seal_says_what_is_form(case, tmp_path, table, m
     path = tmp_path / "case.toml"
     text = path.read_text().replace('"deterministic"', f'"{method}"')
     path.write_text(text + table)
-    assert (fs.prepare(fs.load_case(path)).form_effect is None) == bool(table)
+    assert (prepare(fs.load_case(path)).form_effect is None) == bool(table)
 
 
 def test_the_survey_of_a_file_says_both(femseal, case, tmp_path):
@@ -296,6 +297,6 @@ def test_a_generated_face_is_no_patch(tmp_path):
     assert old in text
     path = tmp_path / "case.toml"
     path.write_text(text.replace(old, face))
-    prepared = fs.prepare(fs.load_case(path))
+    prepared = prepare(fs.load_case(path))
     assert prepared.holds is None
     assert prepared.form_effect is None

@@ -18,6 +18,7 @@ import femseal as fs
 from femseal.fluids import FLUIDS, leak_basis, potential_of
 from femseal.named_fluids import TABLE
 from femseal.real_gas import ideal_gas_error
+from femseal.seal import PermeabilityTable, table_pressures
 from femseal.studies.other_fluid import FluidState, limit_factors
 from femseal.studies.scene import gas_warnings
 
@@ -132,8 +133,8 @@ def test_rings_and_meshes_take_it(slip):
     ring = fs.AnnularSeal(10e-3, 15e-3, (8, 96))
     mesh = fs.MeshSeal(Path(__file__).parents[1] / "meshes" / "ring.msh", "inlet", "outlet")
     if slip:
-        pressures = tuple(fs.table_pressures(7e7, 1e5))
-        k = fs.PermeabilityTable(pressures, np.array([gas.law.permeability(5e-8, p) for p in pressures]))
+        pressures = tuple(table_pressures(7e7, 1e5))
+        k = PermeabilityTable(pressures, np.array([gas.law.permeability(5e-8, p) for p in pressures]))
     found = [fs.seal_leakage(seal, k, gas, inlet_pressure=7e7, outlet_pressure=1e5).mass_rate for seal in (ring, mesh)]
     assert_allclose(found[1], found[0], rtol=2e-3)
     if not slip:

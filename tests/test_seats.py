@@ -9,6 +9,7 @@ from numpy.testing import assert_allclose
 
 import femseal as fs
 from femseal.case.case import parse_case
+from femseal.preparation import prepare
 from femseal.results.selections import load_names
 from femseal.studies.face_contact import band_breadth
 from femseal.studies.sampling import Sampling, laid_out
@@ -181,7 +182,7 @@ CASE = {
 )
 def test_bad_seats(seat, more, text):
     with pytest.raises(fs.InputError, match=text):
-        fs.prepare(parse_case(CASE | {"seat": seat} | more))
+        prepare(parse_case(CASE | {"seat": seat} | more))
 
 
 def test_a_measured_face_has_no_form_of_its_own(tmp_path):
@@ -200,7 +201,7 @@ def test_a_measured_face_has_no_form_of_its_own(tmp_path):
 
 def test_results_have_band_and_profile(tmp_path):
     case = parse_case(CASE | {"seat": {"kind": "crowned", "radius": "2 mm"}, "output": {"budget": False}})
-    assert fs.prepare(case).seat == "crowned with radius 2 mm"
+    assert prepare(case).seat == "crowned with radius 2 mm"
     data = fs.run(case, tmp_path / "out", workers=1).dataset
     assert data["row_pressure"].dims == ("step", "row")
     area = data["row_pressure"].values.sum(axis=1) * float(np.diff(data["row"].values[:2])[0])
@@ -222,7 +223,7 @@ def test_all_methods_take_a_seat():
     ring = {"kind": "annular", "inner_radius": "1 mm", "outer_radius": "1.512 mm"}
     drawn = {"stochastic": {"realisations": 4}, "seal": ring}
     with pytest.raises(fs.InputError, match=r"seat\.kind: given a seal that takes pieces anywhere of the face"):
-        fs.prepare(parse_case(CASE | more | drawn))
+        prepare(parse_case(CASE | more | drawn))
 
 
 def patch(kind="self-affine", n=256, rng=11, rms_slope=0.2):
@@ -359,4 +360,4 @@ def test_a_broad_seat_runs_from_a_case(tmp_path):
 )
 def test_broad_seats_that_are_refused(change, text):
     with pytest.raises(fs.InputError, match=text):
-        fs.prepare(parse_case(BROAD | change))
+        prepare(parse_case(BROAD | change))

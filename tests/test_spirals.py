@@ -13,6 +13,7 @@ from femseal.flow.edge_flow import cell_stencil
 from femseal.flow.grid import Grid
 from femseal.flow.law import cubic_law
 from femseal.flow.spiral import spiral_flow
+from femseal.preparation import prepare
 from femseal.seal.lay import Lay
 from femseal.seal.layouts import AnnularLayout, MeshLayout, RectangularLayout
 from femseal.seal.tiles import PieceSize
@@ -298,7 +299,7 @@ TURNED = 'kind = "turned"\npoints = [64, 64]\nsize = ["120 um", "120 um"]\npitch
 def test_a_turned_face_winds_with_its_pitch(tmp_path, lay, method, breadth, text):
     path = tmp_path / "case.toml"
     path.write_text(CASE.format(face=TURNED, lay=lay, method=method, breadth=breadth))
-    layout = fs.prepare(fs.load_case(path)).scene.layout
+    layout = prepare(fs.load_case(path)).scene.layout
     assert str(layout.lay) == text
     assert layout.lay.circumference == (None if text == "x2" else 12e-3)
 
@@ -311,7 +312,7 @@ def test_a_measured_face_with_grooves_is_asked_whether_they_wind(tmp_path, lay, 
     face = 'kind = "file"\npath = "face.npy"\nheight_unit = "m"\nspacing = ["2 um", "2 um"]'
     path = tmp_path / "case.toml"
     path.write_text(CASE.format(face=face, lay=lay, method="deterministic", breadth=""))
-    warnings = [w for w in fs.prepare(fs.load_case(path)).warnings if "grooves along x2" in w]
+    warnings = [w for w in prepare(fs.load_case(path)).warnings if "grooves along x2" in w]
     assert len(warnings) == asked
     if asked:
         assert "64 µm apart" in warnings[0]

@@ -10,6 +10,7 @@ from numpy.testing import assert_allclose, assert_array_equal
 import femseal as fs
 from femseal.case.case import parse_case
 from femseal.face.piece_flow import FlowSettings
+from femseal.preparation import prepare
 from femseal.seal.pressure_map import Profile
 from femseal.studies.fluid_coupling import FluidPressure
 from femseal.studies.trapped_liquid import label_pockets
@@ -191,7 +192,7 @@ CASE = """
 
 
 def test_a_case_says_so():
-    prepared = fs.prepare(parse_case(tomllib.loads(CASE)))
+    prepared = prepare(parse_case(tomllib.loads(CASE)))
     assert prepared.scene.acting_fluid.trapped
     assert prepared.scene.fluid.bulk_modulus == 2e9
     assert "keeps its volume" in prepared.scene.fluid_effect
@@ -202,7 +203,7 @@ def test_a_case_of_drawn_seals_is_prepared_in_the_rows_of_the_face_alone(breadth
     text = CASE.replace('"deterministic"', '"stochastic"') + f"\n    stochastic = {{length = '1 mm'{breadth}}}"
     case = parse_case(tomllib.loads(text))
     if not breadth:
-        assert fs.prepare(case).cut_and_tiles[1].in_place
+        assert prepare(case).cut_and_tiles[1].in_place
         return
     with pytest.raises(fs.InputError, match=r"contact\.fluid_pressure: given 'trapped' with a seal that takes pieces"):
-        fs.prepare(case)
+        prepare(case)

@@ -76,7 +76,7 @@ class PermeabilityTable:
     >>> import femseal as fs
     >>> gas = fs.IdealGas(19.6e-6, 4.0026e-3, 293.15)
     >>> gap, ends = np.full((4, 4), 100e-9), {"inlet_pressure": 10e5, "outlet_pressure": 1e5}
-    >>> pressures = fs.table_pressures(10e5, 1e5)
+    >>> pressures = table_pressures(10e5, 1e5)
     >>> k = [fs.cell_permeability(gap, (1e-6, 1e-6), law=gas.law, pressure=p).value for p in pressures]
     >>> seal = fs.RectangularSeal((1e-3, 0.1), (10, 100))
     >>> with_slip = fs.seal_leakage(seal, PermeabilityTable(pressures, k), gas, **ends)

@@ -14,6 +14,7 @@ from femseal import analytic
 from femseal.case.case import parse_case
 from femseal.contact import HalfSpace
 from femseal.face.pieces import Cut
+from femseal.preparation import prepare
 from femseal.seal.form import MeasuredForm, WavyForm
 from femseal.seal.layouts import AnnularLayout, MeshLayout
 from femseal.studies.sampling import laid_out
@@ -312,7 +313,7 @@ def test_a_case_gives_the_form_and_its_error_is_a_part_of_the_budget(tmp_path):
 )  # fmt: skip
 def test_bad_forms(form, more, text):
     with pytest.raises(fs.InputError, match=text):
-        fs.prepare(case_with(form, **more) if "seal" not in more else parse_case(CASE | more))
+        prepare(case_with(form, **more) if "seal" not in more else parse_case(CASE | more))
 
 
 def test_a_form_and_a_map_are_refused_together():
