@@ -229,7 +229,7 @@ def refuse_too_large(case: Case, made: Prepared) -> None:
         return
     points = " × ".join(map(str, prepared.scene.surface.shape))
     given = f"a run that takes about {needed / 1e9:.3g} GB, on {points} points"
-    advice = "fewer surface.points or load steps, or fs.by_blocks in Python, which holds a block of a face at a time"
+    advice = "fewer surface.points or load steps, or fs.by_blocks in Python, which solves a block of a face at a time"
     if most <= START_MEMORY:
         advice = f"more than the {START_MEMORY / 1e9:g} GB that any run takes before its work"
     expected = (

@@ -2,7 +2,8 @@
 
 Each block is a patch in its own place, without waves longer than two pieces. The waves that it has lost are a form of
 the whole face, on one cell for each piece, whose contact has the block as its layer. A piece takes its permeability in
-the state of its block under its own pressure, and the pieces in their own order leak. Only one block is in memory.
+the state of its block under its own pressure, and the pieces in their own order leak. Contact and flow take the
+memory of one block.
 """
 
 from __future__ import annotations
@@ -10,7 +11,6 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
-from operator import attrgetter
 from typing import Any
 
 import numpy as np
@@ -26,7 +26,7 @@ from ..seal.tiles import face_tiles
 from ..topography import Places, Topography
 from .piece_states import along_paths, ladder_of, pieces_on_ladder
 from .scene import Scene
-from .seal_contact import Cells, RoughLayer, layer_states, solved_steps
+from .seal_contact import Cells, RoughLayer, opened, solved_steps
 
 #: Pieces of a block along each axis. Measured on 10 faces of 2 × 2 blocks: with 4 quartiles of leakage over that of the
 #: whole face are .90 and 1.43, with 2 they are .79 and 1.33 and an end of 95 % is 4.6 in place of 2.2.
@@ -65,9 +65,12 @@ def by_blocks(scene: Scene, blocks: tuple[int, int], *, mapper: Mapper = map) ->
     NotConverged : a contact failed.
     """
     _check(scene, blocks)
-    cut = [_block(scene, blocks, at) for at in np.ndindex(*blocks)]
+    cut, heights = [], np.empty((blocks[0] * PIECES, blocks[1] * PIECES))
+    for at in np.ndindex(*blocks):
+        block, _of_block(heights, at)[...] = _split(scene, blocks, at)
+        cut.append(block)
+    depth = heights.max() - heights
     layers = list(mapper(Stage("layers of the blocks", _layer), cut))
-    depth = _coarse(scene, blocks)
     pressure, separation, opening = _coarse_contact(scene, blocks, depth, layers)
     shape = blocks[0] * PIECES, blocks[1] * PIECES
     paths = [_of_block(pressure, at) for at in np.ndindex(*blocks)]
@@ -75,7 +78,7 @@ def by_blocks(scene: Scene, blocks: tuple[int, int], *, mapper: Mapper = map) ->
     k = np.empty((*found[0].shape[:3], *shape))
     for at, own in zip(np.ndindex(*blocks), found, strict=True):
         _of_block(k, at)[...] = own.reshape(*own.shape[:3], PIECES, PIECES)
-    k += (separation**3 - (separation - opening) ** 3) / 12
+    k += opened(separation, opening)
     tiles, pressures = face_tiles(scene.surface.size, shape), tuple(scene.flow.drop.pressures)
     leakage, failures = np.full(len(scene.steps), np.nan), []
     for s, step in enumerate(scene.steps):
@@ -105,32 +108,15 @@ def _check(scene: Scene, blocks: tuple[int, int]) -> None:
         raise InputError("lay", "a spiral with blocks", "grooves that do not wind")
 
 
-def _block(scene: Scene, blocks: tuple[int, int], at: tuple[int, ...]) -> Scene:
-    """A block by itself, mirrored at its sides, without its long waves."""
-    surface = scene.surface
-    sides = [n // count for n, count in zip(surface.shape, blocks, strict=True)]
-    rows, columns = (slice(i * n, (i + 1) * n) for i, n in zip(at, sides, strict=True))
-    cut = Topography(np.ascontiguousarray(surface.heights[rows, columns]), surface.spacing, (False, False))
-    return replace(scene, surface=cut.high_pass(_longest(cut)), boundary=("mirror", "mirror"))
-
-
-def _longest(block: Topography) -> float:
-    """Longest wave [m] that a block keeps."""
-    return _LONGEST * max(block.size) / PIECES
-
-
-def _coarse(scene: Scene, blocks: tuple[int, int]) -> Array:
-    """How deep the long waves of every piece lie below the highest (rows, columns) [m]."""
+def _split(scene: Scene, blocks: tuple[int, int], at: tuple[int, ...]) -> tuple[Scene, Array]:
+    """A block by itself, mirrored at its sides, without its long waves; and these as means over its pieces [m]."""
     surface = scene.surface
     n1, n2 = (n // count for n, count in zip(surface.shape, blocks, strict=True))
-    heights = np.empty((blocks[0] * PIECES, blocks[1] * PIECES))
-    for at in np.ndindex(*blocks):
-        rows, columns = (slice(i * n, (i + 1) * n) for i, n in zip(at, (n1, n2), strict=True))
-        cut = Topography(np.ascontiguousarray(surface.heights[rows, columns]), surface.spacing, (False, False))
-        long = cut.low_pass(_longest(cut)).heights
-        means = long.reshape(PIECES, n1 // PIECES, PIECES, n2 // PIECES).mean(axis=(1, 3))
-        _of_block(heights, at)[...] = means
-    return np.asarray(heights.max() - heights)
+    rows, columns = (slice(i * n, (i + 1) * n) for i, n in zip(at, (n1, n2), strict=True))
+    cut = Topography(np.ascontiguousarray(surface.heights[rows, columns]), surface.spacing, (False, False))
+    long = cut.low_pass(_LONGEST * max(cut.size) / PIECES).heights
+    means = long.reshape(PIECES, n1 // PIECES, PIECES, n2 // PIECES).mean(axis=(1, 3))
+    return replace(scene, surface=cut.with_heights(cut.heights - long), boundary=("mirror", "mirror")), means
 
 
 def _of_block(values: Array, at: tuple[int, ...]) -> Array:
@@ -141,7 +127,7 @@ def _of_block(values: Array, at: tuple[int, ...]) -> Array:
 
 def _layer(block: Scene) -> RoughLayer:
     """The layer that a block is."""
-    return RoughLayer.of_gaps(block, *layer_states(block, attrgetter("contact.mean_gap"), map, block.boundary))
+    return RoughLayer.of(block, map, block.boundary)
 
 
 def _coarse_contact(scene: Scene, blocks: tuple[int, int], depth: Array, layers: list[RoughLayer]) -> Array:

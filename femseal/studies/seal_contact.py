@@ -23,6 +23,7 @@ from ..base import Array, InputError, Mapper, NotConverged, to_text
 from ..contact import HalfSpace, LoadState
 from ..contact.large_convolution import convolution
 from ..face.pieces import Cut
+from ..flow.law import cubic_law
 from ..loads import LoadProgramme, LoadStep
 from ..seal.contact_grid import ContactGrid
 from ..seal.form import SealForm
@@ -76,13 +77,8 @@ class SealContact:
 
     @property
     def opened(self) -> Array:
-        """Permeability of the gap beyond that at which the faces just touch (steps, tiles) [m³].
-
-        A gap of s between mean planes, of which e is that opening, has (s³ − (s − e)³)/12 more than one of s − e: right
-        for a small opening, and for one that is large beside the roughness.
-        """
-        s, touching = self.separation, self.separation - self.opening
-        return self.grid.means((s**3 - touching**3) / 12)
+        """Permeability of the gap beyond that at which the faces just touch (steps, tiles) [m³]."""
+        return self.grid.means(opened(self.separation, self.opening))
 
 
 @dataclass(frozen=True, eq=False)
@@ -101,9 +97,9 @@ class RoughLayer:
     recovered: Array
 
     @classmethod
-    def of(cls, scene: Scene, mapper: Mapper) -> RoughLayer:
+    def of(cls, scene: Scene, mapper: Mapper, boundary: tuple[str, str] = ("periodic", "periodic")) -> RoughLayer:
         """Solve the contact of the face of a scene alone under uniform pressures."""
-        return cls.of_gaps(scene, *layer_states(scene, attrgetter("contact.mean_gap"), mapper))
+        return cls.of_gaps(scene, *layer_states(scene, attrgetter("contact.mean_gap"), mapper, boundary))
 
     @classmethod
     def of_gaps(cls, scene: Scene, programme: LoadProgramme, gaps: Sequence[float]) -> RoughLayer:
@@ -192,11 +188,11 @@ def solved_steps(
     cells: Cells,
     steps: LoadProgramme,
     loaded: Callable[[Array], tuple[Array, Array]],
-    unloaded: Callable[[Array, Array], tuple[Array, Array]],
+    unloaded: Callable[..., tuple[Array, Array]],
 ) -> Array:
     """Pressures [Pa], separations and openings [m] of cells (3, steps, n), by s and ds/dp of their layers.
 
-    loaded : of pressures (n,). unloaded : of pressures and peaks (n,).
+    loaded : of pressures (n,). unloaded : of pressures (n,) and, by its name, `peak` (n,).
     """
     found: dict[tuple[float, float | None], tuple[Array, ...]] = {}
     p = sunk = np.zeros(cells.depth.size)
@@ -207,14 +203,17 @@ def solved_steps(
         if step.unloaded_from is not None:
             peak, *_, sunk = found[step.unloaded_from, None]
             start = peak * (step.pressure / step.unloaded_from)
-            law = partial(_after, unloaded, peak)
+            law = partial(unloaded, peak=peak)
             found[step.pressure, step.unloaded_from] = cells.solved(law, step.pressure, start, sunk)
     return np.array([found[step.pressure, step.unloaded_from][:3] for step in steps]).swapaxes(0, 1)
 
 
-def _after(unloaded: Callable[[Array, Array], tuple[Array, Array]], peak: Array, p: Array) -> tuple[Array, Array]:
-    """s and ds/dp at pressures p after peaks."""
-    return unloaded(p, peak)
+def opened(separation: Array, opening: Array) -> Array:
+    """Permeability of an opening e of a gap of s between mean planes [m³], (s³ − (s − e)³)/12.
+
+    It is right for a small opening, and for one that is large beside the roughness.
+    """
+    return cubic_law(separation) - cubic_law(separation - opening)
 
 
 def without_waves_of(scene: Scene, cut: Cut, forms: Sequence[SealForm]) -> Scene:
