@@ -142,8 +142,15 @@ class MeasuredForm:
     @property
     def shortest_wave(self) -> float:
         """Three times the usual distance of its points."""
+        return _SHORTEST * self._distance
+
+    @cached_property
+    def _distance(self) -> float:
+        """Usual distance of neighbouring points, on a grid, along a line or scattered [m]."""
+        from scipy.spatial import cKDTree
+
         points, _ = self._averaged
-        return _SHORTEST * _distance(points)
+        return float(np.median(cKDTree(points).query(points, k=3)[0][:, 2]))
 
     @cached_property
     def _averaged(self) -> tuple[Array, Array]:
@@ -176,7 +183,7 @@ class MeasuredForm:
             raise InputError("form", "radii and angles on a strip", "x and y")
         if not frame.size and (self.polar or self.middle is not None):
             known = known - (self.middle or (0.0, 0.0)) + frame.centre
-        limit = max(_BEYOND * _distance(known), _REACH * float(np.ptp(points, axis=0).max()))
+        limit = max(_BEYOND * self._distance, _REACH * float(np.ptp(points, axis=0).max()))
         far = float(cKDTree(known).query(points)[0].max())
         if far > limit:
             given = f"points up to {to_text(far, 'm', 3)} from places on the seal"
@@ -293,10 +300,3 @@ def _less_plane(points: Array, values: Array) -> Array:
     """Values (n,) at points (n, 2) less the plane through them."""
     plane = np.column_stack([np.ones(len(points)), points - points.mean(axis=0)])
     return np.asarray(values - plane @ np.linalg.lstsq(plane, values)[0])
-
-
-def _distance(points: Array) -> float:
-    """Usual distance of neighbouring points, on a grid, along a line or scattered [m]."""
-    from scipy.spatial import cKDTree
-
-    return float(np.median(cKDTree(points).query(points, k=3)[0][:, 2]))
