@@ -142,6 +142,11 @@ class Case(Table):
         for key, path in self.seal.files():
             self._check_file(f"seal.{key}", path)
 
+    def _check_drawn_alone(self, key: str, given: str, why: str) -> None:
+        """Raise a fault if what a key gives is not for drawn seals alone."""
+        if others := self.methods - {"stochastic"}:
+            raise fault(key, f"{given} with the method {', '.join(sorted(others))}", f"stochastic alone: {why}")
+
     def _check_inlets(self) -> None:
         """Raise a fault if pressures of the inlets do not go with the outlet, the methods or a test fluid."""
         own, outlet = getattr(self.layout, "inlet_pressures", {}), self.fluid.outlet_pressure
@@ -149,9 +154,8 @@ class Case(Table):
             if not pressure > outlet:
                 expected = f"a pressure above that of the outlet, {to_text(outlet, 'Pa')}"
                 raise fault(f"seal.inlet.{name}", to_text(pressure, "Pa"), expected)
-        if own and self.methods != {"stochastic"}:
-            given = f"pressures with the method {', '.join(sorted(self.methods - {'stochastic'}))}"
-            raise fault("seal.inlet", given, "stochastic alone: a face has one inlet")
+        if own:
+            self._check_drawn_alone("seal.inlet", "pressures", "a face has one inlet")
         if own and self.output.test_fluid is not None:
             raise fault("output.test_fluid", "one with pressures of the inlets in seal.inlet", "none with them")
 
@@ -177,9 +181,7 @@ class Case(Table):
         """Raise a fault if forms of the seal do not go with the method or a map."""
         if not self.seal.form:
             return
-        if self.methods != {"stochastic"}:
-            given = f"a form with the method {', '.join(sorted(self.methods - {'stochastic'}))}"
-            raise fault("seal.form", given, "stochastic alone: a face has the form that was measured")
+        self._check_drawn_alone("seal.form", "a form", "a face has the form that was measured")
         if self.load.map is not None:
             raise fault("load.map", "a map with seal.form", "one of them: the form gives the pressure of the tiles")
 
@@ -187,9 +189,7 @@ class Case(Table):
         """Raise a fault if a map of the pressure does not go with the method, or its file does not exist."""
         if self.load.map is None:
             return
-        if self.methods != {"stochastic"}:
-            given = f"a map with the method {', '.join(sorted(self.methods - {'stochastic'}))}"
-            raise fault("load.map", given, "stochastic alone: a face has one nominal pressure")
+        self._check_drawn_alone("load.map", "a map", "a face has one nominal pressure")
         for path in self.load.files:
             self._check_file("load.map.path", path)
 

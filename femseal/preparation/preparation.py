@@ -13,14 +13,7 @@ from ..studies import Sampling, Scene, cut_and_tiles, laid_out
 from ..studies.scene import gas_warnings, scene_warnings
 from ..studies.seal_contact import form_on_grid
 from ..studies.tile_pressure import check_map
-from ..topography import (
-    MOST_POINTS,
-    Conditioning,
-    SpikeEffect,
-    Topography,
-    resolving_shape,
-    shortest_place,
-)
+from ..topography import MOST_POINTS, Conditioning, SpikeEffect, Topography, resolving_shape, shortest_place
 from ..topography.seat import LEAST_DEPTH, FlatSeat
 from .face import conditioned_face, groove_question, measured_patch, wound_layout
 from .prepared import Pair, Prepared, check_memory, check_memory_of_tiles, refused_if_too_large
