@@ -151,16 +151,20 @@ def write(path, table):
             file.flush()
 
 
+def distance(kind, leakage, truth):
+    """Distance of ln(leakage) to a truth that is not below the floor of the bands of a kind."""
+    floor = 10.0 ** -drawn_error.FLOOR_DECADES[kind]
+    return np.log(leakage / truth) if truth >= floor else np.log(max(leakage / floor, 1.0))
+
+
 def calibrated(table):
     """Rows of the calibration set: distances of ln(leakage) to a truth that is not below the floor of the bands."""
     for row in table:
-        floor = 10.0 ** -drawn_error.FLOOR_DECADES[row["kind"]]
         leakage, truth = float(row["leakage"]), float(row["truth"])
         if leakage > 0:
-            distance = np.log(leakage / truth) if truth >= floor else np.log(max(leakage / floor, 1.0))
             names = ("kind", "surface", "scene", "step")
             yield {name: row[name] for name in names} | {
-                "log_ratio": f"{distance:.4g}",
+                "log_ratio": f"{distance(row['kind'], leakage, truth):.4g}",
                 "decades": row["decades"],
                 "difficulty": row["difficulty"],
             }

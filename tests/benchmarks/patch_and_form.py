@@ -11,7 +11,6 @@ heights over 4 × 4 or 8 × 8 squares. Seals as large as the whole are drawn fro
 
 from __future__ import annotations
 
-import csv
 import sys
 import time
 import warnings
@@ -20,6 +19,7 @@ from pathlib import Path
 
 import numpy as np
 from common import machine, rows, save_report
+from drawn_seals import distance, read, write
 
 import femseal as fs
 from femseal.budget import error_budget, longer_waves_part, patch_form_part
@@ -156,22 +156,9 @@ def every(arguments):
             yield from solved_rows(Path(path).name, "measured", measured(path), corner)
 
 
-def write(path, table):
-    """Rows to a file, each as soon as it is there."""
-    with open(path, "w", newline="") as file:
-        writer = None
-        for row in table:
-            writer = writer or csv.DictWriter(file, list(row), lineterminator="\n")
-            if file.tell() == 0:
-                writer.writeheader()
-            writer.writerow(row)
-            file.flush()
-
-
 def calibrated(table):
     """Rows of the calibration set of seals with a form; those of both forms of a face err together."""
     steps = LoadProgramme.of(LOADS, unload_from=(LOADS[-1],), unloading=STOPS)
-    floor = 10.0 ** -drawn_error.FLOOR_DECADES["with form"]
     scenes = {}
     for row in table:
         if row["way"].startswith("form"):
@@ -180,7 +167,6 @@ def calibrated(table):
         q, truth = (np.array([float(row[name]) for row in found]) for name in ("leakage", "truth"))
         if not np.isfinite(q).all():
             continue
-        distance = np.log(np.maximum(q, 1e-300) / np.where(truth >= floor, truth, np.minimum(q, floor)))
         hard, fallen = drawn_error.difficulty(steps, q), drawn_error.decades(q)
         for s in np.flatnonzero(q > 0):
             yield {
@@ -188,7 +174,7 @@ def calibrated(table):
                 "surface": kind,
                 "scene": f"form {face}",
                 "step": s,
-                "log_ratio": f"{distance[s]:.4g}",
+                "log_ratio": f"{distance('with form', q[s], truth[s]):.4g}",
                 "decades": f"{fallen[s]:.4g}",
                 "difficulty": f"{hard[s]:.4g}",
             }
@@ -224,12 +210,9 @@ if __name__ == "__main__":
     if command == "solve":
         write(paths[0], every(paths[1:]))
     elif command == "calibrate":
-        known = csv.DictReader(drawn_error.CALIBRATION.read_text().splitlines())
-        others = [row for row in known if row["kind"] != "with form"]
-        rows_of = [row for path in paths for row in csv.DictReader(Path(path).read_text().splitlines())]
-        write(drawn_error.CALIBRATION, [*others, *calibrated(rows_of)])
+        others = [row for row in read([drawn_error.CALIBRATION]) if row["kind"] != "with form"]
+        write(drawn_error.CALIBRATION, [*others, *calibrated(read(paths))])
     else:
-        found = [row for path in paths for row in csv.DictReader(Path(path).read_text().splitlines())]
-        text = f"{machine({})}\n\n{report(found)}"
+        text = f"{machine({})}\n\n{report(read(paths))}"
         print(text)
         save_report(__file__, "A patch, and the form of the whole seal", text)
