@@ -1,7 +1,6 @@
 """Runs that are ended and go on: which items are kept, what is refused, and the same bits in the end."""
 
 import errno
-import hashlib
 import json
 import os
 import random
@@ -11,7 +10,6 @@ import signal
 import subprocess
 import sys
 import time
-from functools import partial
 from importlib import import_module
 from pathlib import Path
 
@@ -23,12 +21,12 @@ from small_cases import TABLES
 import femseal as fs
 from femseal.base import shared_array
 from femseal.base.machine import numerical_versions
-from femseal.base.stage import Stage
-from femseal.execution import checkpoint, store
-from femseal.execution.checkpoint import Checkpoint
+from femseal.store import store
 
 #: A process that has not answered by then never will [s]: no measure of how quick it is.
 HANG = 600
+#: No more results come before those of the drawn seals.
+MOST_OTHERS = 40
 CASE = f"""
 method = "stochastic"
 compare = ["deterministic", "two-scale"]
@@ -82,161 +80,8 @@ def stop_at(stage, item):
     return progress
 
 
-# --- items of a map ------------------------------------------------------------------------------------------------
-
-SIZES = (7, 1, 0, 20)
-
-
-def value(stage, item, extra, computed=None):
-    if computed is not None:
-        computed.append((stage, item))
-    return {"field": np.sin(np.arange(4.0) + item), "name": (stage, item, extra)}
-
-
-def study(mapper, computed=None):
-    """Calls of the map as a study makes them, with lazy arguments."""
-    results = []
-    for stage, size in enumerate(SIZES):
-        results += mapper(
-            Stage(f"stage {stage}", partial(value, stage, computed=computed)),
-            (n for n in range(size)),
-            [str(n) for n in range(size)],
-        )
-    return results
-
-
-def resumed(folder, mapper=map):
-    computed = []
-    with Checkpoint(folder, {"case": 1}, resume=checkpoint.resumable(folder, {"case": 1})) as kept:
-        return study(kept.over(mapper), computed), computed
-
-
-def assert_complete(results):
-    np.testing.assert_equal(results, study(map))
-
-
 class Crash(BaseException):
     pass
-
-
-@pytest.mark.parametrize("seed", range(5))
-def test_a_study_that_crashes_again_and_again_computes_little_twice(tmp_path, monkeypatch, seed):
-    """Items beyond the last shard are lost in a crash, those in shards are never computed again."""
-    rng = random.Random(seed)
-    monkeypatch.setattr(store, "SHARD_ITEMS", 3)
-    monkeypatch.setattr(Checkpoint, "__exit__", lambda *a: None)  # as a kill leaves it
-    every, crashes = [], 0
-    while True:
-        left = rng.randint(1, 9)
-
-        def crashing(function, *iterables):
-            for item in map(function, *iterables):
-                nonlocal left
-                if left == 0:
-                    raise Crash
-                left -= 1
-                yield item
-
-        try:
-            results, computed = resumed(tmp_path, crashing)
-            break
-        except Crash:
-            crashes += 1
-    assert crashes > 1
-    assert_complete(results)
-    assert computed.count((3, 0)) <= 1
-    every = sorted((int(p.name[:3]) - 1, int(p.name[4:13]), int(p.name[14:23])) for p in tmp_path.rglob("*.shard"))
-    for stage, size in enumerate(SIZES):
-        ranges = [r[1:] for r in every if r[0] == stage]
-        assert [n for start, stop in ranges for n in range(start, stop)] == list(range(size))
-
-
-def test_a_process_that_exits_at_once_leaves_its_shards(tmp_path, monkeypatch):
-    code = (
-        "import os, sys; sys.path.insert(0, sys.argv[1]); from pathlib import Path\n"
-        "from test_checkpoint import *\n"
-        "store.SHARD_ITEMS = 4\n"
-        "def ending(function, *iterables):\n"
-        "    for n, item in enumerate(map(function, *iterables)):\n"
-        "        if n == 18: os._exit(9)\n"
-        "        yield item\n"
-        "resumed(Path(sys.argv[2]), ending)\n"
-    )
-    done = subprocess.run([sys.executable, "-c", code, str(Path(__file__).parent), str(tmp_path)])
-    assert done.returncode == 9
-    results, computed = resumed(tmp_path)
-    assert_complete(results)
-    assert computed == [(3, n) for n in range(16, 20)]  # four shards of the last stage were there
-
-
-def test_what_is_in_memory_is_kept_where_the_run_can_still_write(tmp_path):
-    for first, last in ((0, 5), (5, 7)):
-        computed = []
-        task = partial(value, 0, computed=computed)
-        with Checkpoint(tmp_path, {"case": 1}, resume=first > 0) as kept:
-            items = iter(kept.over(map)(Stage("stage 0", task), range(7), range(7)))
-            for _ in range(last):
-                next(items)
-        assert [n for _, n in computed] == list(range(first, last))
-
-
-@pytest.mark.parametrize("damage", ["cut", "flip", "empty", "of another run"])
-def test_a_damaged_shard_is_reported_and_computed_again(tmp_path, monkeypatch, caplog, damage):
-    monkeypatch.setattr(store, "SHARD_ITEMS", 4)
-    resumed(tmp_path)
-    path = tmp_path / ".checkpoint/004-000000004-000000008.shard"
-    data = path.read_bytes()
-    if damage == "of another run":
-        with Checkpoint(tmp_path / "..", {"case": 2}, resume=False) as other:
-            for _ in SIZES[:-1]:
-                list(other.over(map)(Stage("trial", abs), []))
-            list(other.over(map)(Stage("stage 3", abs), range(8)))
-        shutil.copy(tmp_path / ".." / path.relative_to(tmp_path), path)
-        checkpoint.remove(tmp_path / "..")
-    else:
-        middle = len(data) // 2
-        flipped = data[:middle] + bytes([data[middle] ^ 1]) + data[middle + 1 :]
-        path.write_bytes({"cut": data[:middle], "flip": flipped, "empty": b""}[damage])
-    results, computed = resumed(tmp_path)
-    assert_complete(results)
-    assert computed == [(3, n) for n in range(4, 8)]
-    assert f"{path} is damaged" in caplog.text
-    assert resumed(tmp_path)[1] == []
-
-
-def test_items_of_a_stage_with_another_name_are_computed_again(tmp_path):
-    for name, before in (("contact", []), ("contact", [0, 1, 2]), ("flow", [])):
-        computed = []
-        stage = Stage(name, partial(value, 0, computed=computed))
-        with Checkpoint(tmp_path, {"case": 1}, resume=True) as kept:
-            assert len(list(kept.over(map)(stage, range(3), range(3)))) == 3
-        assert [n for _, n in computed] == [n for n in range(3) if n not in before]
-
-
-def test_every_file_of_the_source_is_part_of_the_version():
-    digest = hashlib.sha256()
-    for path in sorted(Path(fs.__file__).parent.rglob("*.py")):
-        digest.update(path.read_bytes())
-    assert numerical_versions()["femseal"].endswith(f"+{digest.hexdigest()[:12]}")
-
-
-def test_a_full_disk_loses_nothing_that_is_written(tmp_path, monkeypatch):
-    monkeypatch.setattr(store, "SHARD_ITEMS", 4)
-    synced = []  # manifest and four shards fit
-
-    def full(handle):
-        synced.append(handle)
-        if len(synced) > 5:
-            raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
-
-    with monkeypatch.context() as patch:
-        patch.setattr(store.os, "fsync", full)
-        with pytest.raises(fs.FemsealError, match=r"No space left.*results of 12 items are kept.*make room.*--resume"):
-            resumed(tmp_path)
-    assert not list(tmp_path.rglob(".unfinished-*"))
-    results, computed = resumed(tmp_path)
-    assert_complete(results)
-    assert computed == [(3, n) for n in range(4, 20)]
 
 
 # --- runs ----------------------------------------------------------------------------------------------------------
@@ -262,13 +107,13 @@ def test_a_stopped_run_goes_on_with_the_same_bits_and_leaves_no_checkpoint(case,
         with pytest.raises(fs.FemsealError, match=r"full.*--resume"):
             fs.run(case, out, resume=True, workers=1)
 
-    def _realise(*args, **kwargs):
+    def computed(*args, **kwargs):
         raise AssertionError("computed again")
 
-    monkeypatch.setattr(import_module("femseal.studies.stochastic"), "_realise", _realise)
-    monkeypatch.setattr("femseal.studies.face_flow.cell_permeability", _realise)
-    monkeypatch.setattr("femseal.contact.cycle.solve_contact", _realise)
-    monkeypatch.setattr("femseal.face.piece_flow.cell_flow", _realise)
+    monkeypatch.setattr(import_module("femseal.studies.stochastic"), "_stream", computed)
+    monkeypatch.setattr("femseal.studies.face_flow.cell_permeability", computed)
+    monkeypatch.setattr("femseal.contact.cycle.solve_contact", computed)
+    monkeypatch.setattr("femseal.face.piece_flow.cell_flow", computed)
     again = fs.run(case, out, resume=True, workers=1, progress=lambda *a: stages.append(a))
     assert_same(whole.dataset, again.dataset)
     assert not (out / ".checkpoint").exists()
@@ -296,8 +141,6 @@ KILLED = """
 import json, os, signal, sys
 from pathlib import Path
 import femseal as fs
-from femseal.execution import store
-store.SHARD_ITEMS = 1
 def run(case, out, moment):
     moved = os.replace
     def moving(source, target):
@@ -351,8 +194,7 @@ ON_DISK = """
 import os, signal, sys
 import femseal as fs
 from femseal.base import shared_array
-from femseal.execution import store
-shared_array.PART_OF_MEMORY = store.SHARD_SECONDS = 0
+shared_array.PART_OF_MEMORY = 0
 def progress(stage, done, total):
     if stage.endswith("contact of the whole face") and done:
         os.kill(os.getpid(), signal.SIGKILL)
@@ -373,7 +215,7 @@ def test_states_on_disk_go_on_from_the_last_one_with_the_bits_of_those_in_memory
     done = subprocess.run([sys.executable, "-c", ON_DISK, str(case), str(out)], timeout=HANG)
     assert done.returncode == -signal.SIGKILL
     assert [path.name for path in out.iterdir() if path.name not in (".checkpoint", "run.log", ".lock")] == []
-    assert [path.stem for path in (out / ".checkpoint").glob("*.shard")] == ["001-000000000-000000001"]
+    assert len(store.Store(out / ".checkpoint")) == 1
     whole = fs.run(case, tmp_path / "whole", workers=1)
     monkeypatch.setattr(shared_array, "PART_OF_MEMORY", 0)
     again = fs.run(case, out, resume=True, workers=workers)
@@ -400,21 +242,20 @@ def without_times(dataset):
 def test_a_full_disk_in_an_attempt_or_a_budget_stops_the_run(tmp_path, monkeypatch, stage):
     """They go on without what fails to be computed, but such a result would be taken for complete later."""
     file = case_with("accuracy" if stage == "attempt 2" else "budget", tmp_path / "small.toml")
-    monkeypatch.setattr(store, "SHARD_ITEMS", 1)
-    write = store.write_whole
+    write = store.Store._appended
     full = []
 
     def progress(name, done, total):
         if name.startswith(stage + ": "):
             full.append(name)
 
-    def writing(path, *content):
+    def writing(*content):
         if full:
             raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
-        write(path, *content)
+        return write(*content)
 
     with monkeypatch.context() as patch:
-        patch.setattr(store, "write_whole", writing)
+        patch.setattr(store.Store, "_appended", writing)
         with pytest.raises(fs.FemsealError, match=r"No space left.*make room.*--resume"):
             fs.run(file, tmp_path / "out", workers=1, progress=progress)
     assert not (tmp_path / "out/results.nc").exists()
@@ -550,11 +391,11 @@ def start():
     """Starts the command line in a process group of its own, which ends with the test at the latest."""
     started = []
 
-    def start(case, out, *arguments, shard_items=20):
+    def start(case, out, *arguments):
         # a shell starts what runs in its background so that Ctrl-C is ignored, which is inherited
         code = (
             "import signal; signal.signal(signal.SIGINT, signal.default_int_handler)\n"
-            f"import femseal.execution.store as c; c.SHARD_ITEMS = {shard_items}; from femseal.cli import main; main()"
+            "from femseal.cli import main; main()"
         )
         command = [sys.executable, "-c", code, "run", case, "-o", out, *arguments]
         process = subprocess.Popen([*map(str, command)], stderr=subprocess.PIPE, text=True, start_new_session=True)
@@ -604,8 +445,7 @@ def test_ctrl_c_ends_the_workers_and_says_how_to_go_on(case, start, tmp_path, ar
     case.write_text(alone.replace("realisations = 24", "realisations = 100000"))
     out = tmp_path / "out"
     process = start(case, out, "--log-file", tmp_path / "lines.log", *arguments)
-    beyond_others = ".checkpoint/*-000000020-*.shard"  # no stage but that of the realisations has so many items
-    wait_until(lambda: list(out.glob(beyond_others)) or process.poll() is not None)
+    wait_until(lambda: len(store.Store(out / ".checkpoint")) > MOST_OTHERS or process.poll() is not None)
     assert process.poll() is None, process.stderr.read()
     os.killpg(process.pid, sent)
     lines = process.communicate(timeout=HANG)[1].splitlines()
@@ -613,7 +453,6 @@ def test_ctrl_c_ends_the_workers_and_says_how_to_go_on(case, start, tmp_path, ar
     assert lines[-1] == f"femseal: stopped; `femseal run {case} -o {out} --resume` goes on"
     wait_until(lambda: not alive(process.pid))  # trackers end when they see that the others have
     assert "was stopped (KeyboardInterrupt)" in (tmp_path / "lines.log").read_text()
-    assert list(out.glob(beyond_others))
 
 
 @pytest.mark.skipif(not Path("/proc/self/stat").exists(), reason="looks for processes in /proc")
@@ -622,7 +461,8 @@ def test_processes_end_with_their_parent(case, start, tmp_path, monkeypatch):
     monkeypatch.setenv("TMPDIR", str(tmp_path))
     case.write_text(CASE.replace("realisations = 24", "realisations = 100000"))
     process = start(case, tmp_path / "out", "--workers", "2")
-    wait_until(lambda: list(tmp_path.glob("out/.checkpoint/*-000000020-*.shard")) or process.poll() is not None)
+    kept = tmp_path / "out/.checkpoint"
+    wait_until(lambda: len(store.Store(kept)) > MOST_OTHERS or process.poll() is not None)
     assert len(alive(process.pid)) > 2
     assert list(tmp_path.glob("femseal-*"))
     process.kill()

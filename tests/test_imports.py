@@ -18,6 +18,7 @@ ROOT = Path(femseal.__file__).parent
 #: From top to bottom: a module imports from its own room and from rooms above it. A room need not be there yet.
 ROOMS = (
     "base",
+    "store",
     "execution",
     "materials",
     "rarefied",

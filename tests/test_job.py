@@ -266,7 +266,7 @@ def test_size_of_the_checkpoint_is_foreseen(case, undrawn, tmp_path):
 
     def measure(stage, done, total):
         if stage == "writing results":
-            written.extend(path.stat().st_size for path in (tmp_path / "out/.checkpoint").glob("*.shard"))
+            written.extend(path.stat().st_size for path in (tmp_path / "out/.checkpoint").glob("*.results"))
 
     fs.run(loaded, tmp_path / "out", workers=1, progress=measure)
     assert 0.6 < sum(written) / disk(loaded, prepare(loaded)).checkpoint < 1.2

@@ -323,7 +323,6 @@ def test_a_run_on_a_cluster_writes_its_folder_and_goes_on_there(case, tmp_path, 
     one = fs.run(case, workers=1)
     out = tmp_path / "out"
     monkeypatch.setattr(cluster_map, "ANSWER_SECONDS", HANG)
-    monkeypatch.setattr("femseal.execution.store.SHARD_ITEMS", 1)
     # what goes to its scheduler is pickled, unlike within a process
     it = distributed.LocalCluster(n_workers=1, processes=False, protocol="tcp://", dashboard_address=None)
     with it, distributed.Client(it, set_as_default=default):
@@ -344,8 +343,8 @@ def test_the_command_writes_its_folder_on_a_cluster_also_after_a_kill(case, star
             scheduler, start_worker = stack.enter_context(real_cluster())
             start_worker()
         arguments = ["--workers", 1, "--scheduler", scheduler]
-        process = start(case, out, *arguments, shard_items=1)
-        wait_until(lambda: list(out.glob(".checkpoint/*.shard")) or process.poll() is not None)
+        process = start(case, out, *arguments)
+        wait_until(lambda: list(out.glob(".checkpoint/*.results")) or process.poll() is not None)
         assert process.poll() is None, process.stderr.read()
         os.killpg(process.pid, signal.SIGKILL)
         process.wait()

@@ -14,7 +14,8 @@ import numpy as np
 import pytest
 from test_calibration import CASE as CALIBRATED
 from test_calibration import HEAD, ROWS
-from test_checkpoint import CASE, SIZES, Crash, assert_complete, assert_same, study
+from test_checkpoint import CASE, assert_same
+from test_store import EVERY, Crash, assert_complete, study
 from test_sweeps import CASE as SWEPT
 from test_sweeps import contacts  # noqa: F401
 
@@ -22,11 +23,13 @@ import femseal as fs
 from femseal.base.errors import PartsMissing
 from femseal.base.stage import Stage
 from femseal.calibration import calibrating
-from femseal.execution import checkpoint, lock, store
-from femseal.execution.checkpoint import Checkpoint
+from femseal.execution import lock
 from femseal.execution.lock import alone_in
 from femseal.execution.parts import parsed_part
-from femseal.sweeps.scenes import Scenes
+from femseal.execution.resuming import over_store
+from femseal.execution.run import no_progress
+from femseal.store import unfinished
+from femseal.store.store import SUFFIX, Store
 
 QUICK = CASE.split("[stochastic]")[0].replace('"stochastic"\ncompare = ["deterministic", "two-scale"]', '"two-scale"')
 QUICK += '[output]\npictures = false\nreport = false\nbudget = false\nparaview = "none"\n'
@@ -34,21 +37,24 @@ QUICK += '[output]\npictures = false\nreport = false\nbudget = false\nparaview =
 WAITS = 3
 
 
+def of_part(store, folder, part, mapper=map):
+    return over_store(mapper, store, folder, part, no_progress)
+
+
 def computed_by(folder, part, mapper=map, computed=None):
     """Results of the study that a part has a hand in, None where it waits for others."""
-    with Checkpoint(folder, {"case": 1}, True, part) as kept:
+    with Store(folder) as store:
         try:
-            return study(kept.over(mapper), computed)
+            return study(of_part(store, folder, part, mapper), computed)
         except PartsMissing:
             return None
 
 
 @pytest.mark.parametrize("seed", range(5))
 def test_parts_in_any_order_killed_and_run_twice_compute_each_item_once(tmp_path, monkeypatch, seed):
-    """In any number; one is ended now and then after some items, of which those in shards are never computed again."""
+    """In any number; one is ended now and then after some items."""
     rng, computed = random.Random(seed), []
-    monkeypatch.setattr(store, "SHARD_ITEMS", 2)
-    monkeypatch.setattr(Checkpoint, "__exit__", lambda *a: None)  # as a kill leaves it
+    monkeypatch.setattr(Store, "__exit__", lambda *a: None)  # as a kill leaves it
     lost = 0
 
     def crashing(function, *iterables):
@@ -64,39 +70,37 @@ def test_parts_in_any_order_killed_and_run_twice_compute_each_item_once(tmp_path
         try:
             results = computed_by(tmp_path, (rng.randint(1, parts), parts), crashing, computed)
         except Crash:
-            lost += 2  # the item that was under way, and one that was in no shard
+            lost += 1  # the item that was under way
     assert_complete(results)
-    assert len(computed) <= sum(SIZES) + lost
-    with Checkpoint(tmp_path, {"case": 1}, resume=True) as kept:
-        assert_complete(study(kept.over(map), again := []))
+    assert len(computed) <= len(EVERY) + lost
+    with Store(tmp_path) as store:
+        assert_complete(study(store.over(map), again := []))
     assert not again
 
 
 def test_two_parts_at_once_take_turns_with_every_item(tmp_path):
     """A part begins a stage while the other is within it; each ends with what is missing, and then with all."""
-    stage, own = Stage("squares", lambda n: n * n), {1: [], 2: []}
+    stage, own = Stage("squares", np.square), {1: [], 2: []}
 
-    def items(part, kept):
+    def items(part, store):
         def noted(function, values):
-            for value in values:
+            for (value,) in values:
                 own[part].append(value)
-                yield function(value)
+                yield function((value,))
 
         try:
-            yield from kept.over(noted)(stage, range(9))
+            yield from of_part(store, tmp_path, (part, 2), noted)(stage, range(9))
         except PartsMissing as error:
             yield str(error)
 
-    with (
-        Checkpoint(tmp_path, {"case": 1}, True, (1, 2)) as one,
-        Checkpoint(tmp_path, {"case": 1}, True, (2, 2)) as two,
-    ):
+    with Store(tmp_path) as one, Store(tmp_path) as two:
         first, second = items(1, one), items(2, two)
         assert next(first) == "part 1/2: 'squares' needs part 2 of 2; run this part again after them"
         assert list(second) == [n * n for n in range(9)]
     assert own == {1: [0, 1, 2, 3, 4], 2: [5, 6, 7, 8]}
-    with Checkpoint(tmp_path, {"case": 1}, True, (1, 2)) as again:
+    with Store(tmp_path) as again:
         assert list(items(1, again)) == [n * n for n in range(9)]
+    assert len(own[1]) == 5
 
 
 def test_a_part_waits_for_parts_that_are_under_way(tmp_path, monkeypatch):
@@ -108,42 +112,30 @@ def test_a_part_waits_for_parts_that_are_under_way(tmp_path, monkeypatch):
         looked.append(seconds)
         assert len(looked) < 6
         if len(looked) == 3:
-            with Checkpoint(tmp_path, {"case": 1}, True, (2, 2)) as its_own:
-                assert len(list(its_own.over(map)(stage, range(7)))) == 7
+            with Store(tmp_path) as its_own:
+                assert len(list(of_part(its_own, tmp_path, (2, 2))(stage, range(7)))) == 7
         if len(looked) == 5:
             other.close()
 
     monkeypatch.setattr(lock, "sleep", looking)
-    with alone_in(tmp_path, (1, 2)), Checkpoint(tmp_path, {"case": 1}, True, (1, 2)) as kept:
-        mapper = kept.over(map)
+    with alone_in(tmp_path, (1, 2)), Store(tmp_path) as store:
+        mapper = of_part(store, tmp_path, (1, 2))
         assert list(mapper(stage, range(7))) == [n * n for n in range(7)]
         assert len(looked) == 3
         with pytest.raises(PartsMissing, match="part 1/2: 'cubes' needs part 2 of 2"):
-            list(mapper(Stage("cubes", pow), range(7), [3] * 7))
+            list(mapper(Stage("cubes", np.power), range(7), [3] * 7))
     assert len(looked) == 5
 
 
-def test_a_damaged_item_of_another_part_is_missing_and_its_own_is_computed_again(tmp_path, caplog):
+def test_a_damaged_item_of_another_part_is_computed_again(tmp_path, caplog):
     while computed_by(tmp_path, (1, 2)) is None:
         computed_by(tmp_path, (2, 2))
-    damaged = tmp_path / ".checkpoint/004-000000010-000000020.shard"
-    damaged.write_bytes(damaged.read_bytes()[:-1])
-    assert computed_by(tmp_path, (1, 2)) is None
-    assert f"{damaged} cannot be read" in caplog.text
-    assert_complete(computed_by(tmp_path, (2, 2), computed=(computed := [])))
-    assert computed == [(3, n) for n in range(10, 20)]
-
-
-def test_a_long_stage_leaves_few_files(tmp_path, monkeypatch):
-    """Shards that are written because time has passed are merged; a kill loses nothing of them."""
-    monkeypatch.setattr(store, "SHARD_SECONDS", 0.0)  # each item is written at once
-    stage, most = Stage("trial", float), 0
-    for stop in (30, 70, None):
-        with Checkpoint(tmp_path, {"case": 1}, True) as kept:
-            for _ in itertools.islice(kept.over(map)(stage, range(100)), stop):
-                most = max(most, len(list(tmp_path.rglob("*.shard"))))
-    assert 4 < most < 16
-    assert [p.name for p in tmp_path.rglob("*.shard")] == ["001-000000000-000000100.shard"]
+    for path in tmp_path.glob(f"*{SUFFIX}"):
+        data = path.read_bytes()
+        path.write_bytes(data[:-1] + bytes([data[-1] ^ 1]))
+    assert_complete(computed_by(tmp_path, (1, 2), computed=(computed := [])))
+    assert len(computed) == len(list(tmp_path.glob(f"*{SUFFIX}"))) - 1
+    assert "is damaged" in caplog.text
 
 
 @pytest.mark.parametrize("text", ["0/3", "4/3", "3", "1/-2", "a/b", "1/2/3", "", "1/1000000"])
@@ -173,7 +165,7 @@ def test_parts_of_a_run_give_the_bits_of_one_process(tmp_path, femseal):
         fs.run(case, out, workers=1)
     again = fs.run(case, out, resume=True, workers=1, progress=lambda stage, *a: said.add(stage))
     assert_same(whole.dataset, again.dataset)
-    assert not (out / checkpoint.FOLDER).exists()
+    assert not (out / unfinished.FOLDER).exists()
     assert fs.run(case, out, part=(1, 2), workers=1).dataset.equals(again.dataset)  # there is nothing to do any more
     with pytest.raises(fs.InputError, match=r"part: .*output folder"):
         fs.run(case, part=(1, 2))
@@ -205,55 +197,6 @@ def test_a_sweep_by_parts_runs_each_case_once(tmp_path, contacts):  # noqa: F811
     assert not contacts
     assert len(found.names) == 2
     assert (tmp_path / "out/sweep.csv").exists()
-
-
-def test_scenes_by_parts_are_solved_once(tmp_path):
-    """As a calibration asks for them: a stage of points, and one of others that are chosen by what is known then."""
-    solved, stage = [], Stage("scenes", lambda *point: solved.append(point) or [sum(point)])
-
-    def explored(part=None, resume=True):
-        with Scenes(tmp_path, "answer.json", "identity", resume, part) as scenes:
-            first = scenes.solve(stage, map, np.arange(10.0).reshape(5, 2))
-            return scenes.solve(stage, map, first[:3] * [1, 2])
-
-    with pytest.raises(PartsMissing, match=r"'scenes' needs part 2 of 2"):
-        explored((1, 2))
-    with pytest.raises(PartsMissing, match=r"'scenes' needs part 1 of 2"):
-        explored((2, 2))
-    with pytest.raises(fs.InputError, match="unfinished"):
-        explored(resume=False)
-    whole = explored((1, 2))
-    np.testing.assert_array_equal(whole, [[3.0], [15.0], [27.0]])
-    np.testing.assert_array_equal(explored(), whole)
-    assert len(solved) == len(set(solved)) == 8
-    assert [path.name for path in tmp_path.iterdir()] == ["scenes.json"]
-
-
-def test_a_part_of_a_calibration_waits_for_parts_that_are_under_way(tmp_path, monkeypatch):
-    """A run without a part takes what they have solved, also while it begins."""
-    stage = Stage("scenes", lambda *point: [sum(point)])
-    points = np.arange(10.0).reshape(5, 2)
-
-    def scenes(part=None):
-        return Scenes(tmp_path, "answer.json", "identity", True, part)
-
-    whole, second, looked = scenes(), ExitStack(), []
-    other = second.enter_context(scenes((2, 2)))
-
-    def looking(seconds):
-        looked.append(seconds)
-        assert len(looked) == 1
-        with second:
-            np.testing.assert_array_equal(other.solve(stage, map, points), points.sum(1, keepdims=True))
-
-    monkeypatch.setattr(lock, "sleep", looking)
-    with scenes((1, 2)) as one:
-        np.testing.assert_array_equal(one.solve(stage, map, points), points.sum(1, keepdims=True))
-    assert looked
-    (tmp_path / ".unfinished-killed.json").write_text("[")
-    with whole:  # it has looked into the folder when nothing was there
-        np.testing.assert_array_equal(whole.solve(stage, pytest.fail, points), points.sum(1, keepdims=True))
-    assert [path.name for path in tmp_path.iterdir()] == ["scenes.json"]
 
 
 @pytest.mark.parametrize("seed", range(3))
@@ -306,14 +249,13 @@ def test_a_sweep_goes_on_after_a_part_that_was_killed_and_never_came_back(tmp_pa
     whole = fs.sweep(case, keys, tmp_path / "whole", **options)
     every = len(contacts)
     contacts.clear()
-    monkeypatch.setattr(store, "SHARD_ITEMS", 1)
 
     def killed(stage, done, total):
         if stage == "stochastic: contact of the whole face" and done == 1:
             raise Crash
 
     with monkeypatch.context() as patch:
-        patch.setattr(Checkpoint, "__exit__", lambda *a: None)  # as a kill leaves it
+        patch.setattr(Store, "__exit__", lambda *a: None)  # as a kill leaves it
         with pytest.raises(Crash):
             fs.sweep(case, keys, tmp_path / "out", part=(2, 2), progress=killed, **options)
     fs.sweep(case, keys, tmp_path / "out", part=(1, 2), **options)

@@ -3,7 +3,6 @@
 import csv
 import io
 from dataclasses import replace
-from functools import partial
 
 import matplotlib.image
 import numpy as np
@@ -12,11 +11,8 @@ from numpy.testing import assert_allclose, assert_array_equal
 from small_cases import TABLES
 
 import femseal as fs
-from femseal.base.stage import Stage
 from femseal.case.case import read_case
 from femseal.contact import solver
-from femseal.execution.shared_stages import SharedStages, Unnamed, digest
-from femseal.face.piece_flow import SolveCounts, SolverCounts
 from femseal.results.run_comparison import named
 from femseal.sweeps.variations import parsed_keys, short_names, variations
 
@@ -140,7 +136,7 @@ def test_bad_input_is_found_before_any_work(femseal, case, contacts, arguments, 
 def test_an_unfinished_case_is_found_before_any_work(case, tmp_path, contacts):
     last = tmp_path / "out" / "seed=2" / ".checkpoint"
     last.mkdir(parents=True)
-    (last / "001-000000000-000000001.shard").write_bytes(b"")
+    (last / "0.results").write_bytes(b"")
     with pytest.raises(fs.InputError, match="unfinished run"):
         fs.sweep(case, {"seed": [1, 2]}, tmp_path / "out", workers=1)
     assert not contacts
@@ -314,63 +310,3 @@ def test_runs_get_names(tmp_path):
     (tmp_path / "x=1").mkdir()
     assert named([str(tmp_path / "x=1"), "b"]) == [str(tmp_path / "x=1"), "b"]
     assert named(["a=b", str(tmp_path / "x=1")]) == {"a": "b", "x=1": str(tmp_path / "x=1")}
-
-
-# --- what runs share --------------------------------------------------------------------------------------
-
-
-def _power(x, n, *, base=1.0):
-    return base * np.asarray(x) ** n
-
-
-def test_stages_are_told_apart_by_all_that_goes_into_them():
-    a = np.arange(6.0).reshape(2, 3)
-    same = digest((partial(_power, base=2.0), a, {"k": (1, None)}))
-    assert same == digest((partial(_power, base=2.0), a.copy(), {"k": (1, None)}))
-    others = [
-        (partial(_power, base=2.5), a, {"k": (1, None)}),
-        (partial(_power, base=2.0), a.T, {"k": (1, None)}),
-        (partial(_power, base=2.0), a.astype(np.float32), {"k": (1, None)}),
-        (partial(_power, base=2.0), a, {"k": (1.0, None)}),
-        (partial(_power, base=2.0), a, {"k": [1, None]}),
-        (partial(_power, base=2), a, {"k": (1, None)}),
-    ]
-    assert len({same, *map(digest, others)}) == 1 + len(others)
-    # functions of classes have names, those of objects and of functions have not
-    assert len({*map(digest, (SolverCounts.of, SolverCounts.total, SolveCounts.total))}) == 3
-    for nameless in (lambda x: x, SolverCounts().by_solver):
-        with pytest.raises(Unnamed):
-            digest(nameless)
-
-
-def test_items_are_computed_once_in_their_order(tmp_path):
-    computed = []
-
-    def mapper(stage, *iterables):
-        for item in zip(*iterables, strict=True):
-            computed.append(item)
-            yield stage(*item)
-
-    stage = Stage("powers", partial(_power, base=3.0))
-    shared = SharedStages(tmp_path / "shared").over(mapper)
-    assert list(shared(stage, [1, 2, 3], [1, 1, 1])) == [3, 6, 9]
-    assert list(shared(stage, iter([4, 2, 5, 1, 3]), [1, 1, 1, 1, 1])) == [12, 6, 15, 3, 9]
-    assert len(computed) == 5
-    # another stage shares nothing, and one that has no name is computed each time
-    assert list(shared(Stage("powers", partial(_power, base=4.0)), [1], [1])) == [4]
-    plain = Stage("other", lambda x, n: x + n)
-    assert list(shared(plain, [1], [2])) == list(shared(plain, [1], [2])) == [3]
-    assert len(computed) == 8
-
-
-@pytest.mark.parametrize("damage", ["flip", "cut", "of another stage"])
-def test_shared_results_that_are_damaged_are_computed_again(tmp_path, damage):
-    stage, other = (Stage("powers", partial(_power, base=base)) for base in (3.0, 4.0))
-    for each in (stage, other):
-        assert len(list(SharedStages(tmp_path).over(map)(each, [1, 2], [1, 1]))) == 2
-    first, second = tmp_path.iterdir()
-    content = first.read_bytes()
-    flipped = content[:-1] + bytes([content[-1] ^ 1])
-    first.write_bytes({"flip": flipped, "cut": content[:40], "of another stage": second.read_bytes()}[damage])
-    assert list(SharedStages(tmp_path).over(map)(stage, [1, 2], [1, 1])) == [3, 6]
-    assert list(SharedStages(tmp_path).over(map)(other, [1, 2], [1, 1])) == [4, 8]

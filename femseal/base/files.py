@@ -7,7 +7,7 @@ import tempfile
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Any
+from typing import Any, BinaryIO
 
 from .errors import InputError
 
@@ -26,21 +26,30 @@ def made_folder(folder: str | os.PathLike[str]) -> Path:
     return path
 
 
-def read_plain(path: Path, largest: float) -> bytes:
-    """Content of a file of at most so many bytes; links, pipes and devices are not opened, or not read.
+@contextmanager
+def opened_plain(path: Path) -> Iterator[BinaryIO]:
+    """Context with a file to be read; links, pipes and devices are not opened, or not read.
 
-    Raises OSError: there is no such file, it is no plain file, or it is larger.
+    Raises OSError: there is no such file, or it is no plain file.
     """
     if path.is_symlink():
         raise OSError(f"'{path}' is a link")
     # a pipe that is opened in the usual way waits for a writer
     handle = os.open(path, os.O_RDONLY | getattr(os, "O_NONBLOCK", 0) | getattr(os, "O_BINARY", 0))
     with open(handle, "rb") as file:
-        found = os.fstat(file.fileno())
-        if not stat.S_ISREG(found.st_mode):
+        if not stat.S_ISREG(os.fstat(handle).st_mode):
             raise OSError(f"'{path}' is no file")
-        if found.st_size > largest:
-            raise OSError(f"'{path}' has {found.st_size / 1e9:.3g} GB, more than such a file has")
+        yield file
+
+
+def read_plain(path: Path, largest: float) -> bytes:
+    """Content of a file of at most so many bytes, see `opened_plain`.
+
+    Raises OSError: there is no such file, it is no plain file, or it is larger.
+    """
+    with opened_plain(path) as file:
+        if (size := os.fstat(file.fileno()).st_size) > largest:
+            raise OSError(f"'{path}' has {size / 1e9:.3g} GB, more than such a file has")
         return file.read()
 
 

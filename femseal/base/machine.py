@@ -84,9 +84,9 @@ def _processor() -> str:
 _REQUIRED = ("numpy", "scipy", "scikit-fem", "pyamg", "pyfftw", "numba", "meshio", "pyvista", "vtk", "pydantic",
              "pint", "typer", "rich", "xarray", "h5netcdf", "h5py", "joblib", "filelock", "threadpoolctl",
              "matplotlib", "jinja2", "psutil", "x3pio", "sdfio", "pillow", "xlsxwriter")  # fmt: skip
-_OPTIONAL = ("SurfaceTopography", "distributed", "gmsh")
+_OPTIONAL = ("SurfaceTopography", "distributed", "gmsh", "CoolProp")
 #: Packages on which the bits of a result depend.
-_NUMERICAL = ("numpy", "scipy", "numba", "llvmlite", "pyfftw", "pyamg", "scikit-fem")
+_NUMERICAL = ("numpy", "scipy", "numba", "llvmlite", "pyfftw", "pyamg", "scikit-fem", "CoolProp")
 
 
 @cache

@@ -3,7 +3,7 @@
 A large array is a file of plain numbers, mapped into memory: one state after the other, each written and read as a
 whole or by pieces. It needs no library and no packing, views of it are arrays as any, and processes open it by its
 name. The file has no name in its folder, so that it is gone with the run, also when that is killed: what a resumed run
-begins from are the shards of `execution.checkpoint`, of which a large state is one as soon as it is solved.
+begins from are the results in its `store`, where each state is as soon as it is solved.
 """
 
 import math

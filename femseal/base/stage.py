@@ -16,6 +16,7 @@ class Stage:
     name : what the stage computes; progress, log, timings and report show it.
     function : called for each item; processes get it as a pickle.
     memory : of one call [byte], 0 if it is small; a machine runs no more calls at once than fit in its memory.
+    key : by which a store finds its results, with the items; the function unless given.
 
     >>> stage = Stage("quotients", divmod)
     >>> stage.name, list(map(stage, [7, 9], [2, 2]))
@@ -25,6 +26,7 @@ class Stage:
     name: str
     function: Callable[..., Any]
     memory: float = 0.0
+    key: Any = None
 
     def __call__(self, *item: Any) -> Any:
         """Compute the result of one item."""

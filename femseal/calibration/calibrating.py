@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import json
 import os
+from collections.abc import Callable, Iterable
+from contextlib import ExitStack
 from functools import partial
 from itertools import product
 from pathlib import Path
@@ -12,18 +14,32 @@ from typing import Any
 import numpy as np
 from scipy.stats import qmc
 
-from ..base import FemsealError, InputError, Stage, numerical_versions, shown, to_si, to_text, validate, write_text
+from ..base import (
+    FemsealError,
+    InputError,
+    Stage,
+    made_folder,
+    numerical_versions,
+    shown,
+    to_si,
+    to_text,
+    validate,
+    write_text,
+)
 from ..base.leak_rates import LeakUnit
 from ..case.case import Case, load_case, read_case
 from ..execution.mappers import ordered_map
 from ..execution.parts import Part, checked_part
+from ..execution.resuming import over_store, writing_in
 from ..execution.run import Progress, Run, no_progress
 from ..preparation.preparation import prepare
 from ..runs import job
 from ..runs.forecast import forecast, refuse_too_large
+from ..store import unfinished
+from ..store.store import Store
 from ..studies.compiling import compile_ahead
 from ..studies.costs import usual_efforts
-from ..sweeps.scenes import Scenes, Surrogate, leakage_of
+from ..sweeps.scenes import Surrogate, leakage_of
 from ..topography import resolved_wave
 from .calibration import FILE, Array, Calibration, calibrated_text
 from .leak_test import UNITS, LeakTest, Posterior, read_leak_test
@@ -94,15 +110,35 @@ def calibrate(
     steps, rows = np.unique(test.rows_of(loaded), return_inverse=True)
     solved = partial(_leakage, tested, test.unit, steps)
     folder = None if output is None else Path(output)
-    identity = json.dumps([tested.echo(), ranges.tolist(), steps.tolist(), test.unit.name, job.face_files(tested),
-                           numerical_versions()])  # fmt: skip
-    store = Scenes(folder, FILE, identity, resume, part)
-    with store, ordered_map(workers, scheduler, partial(compile_ahead, progress=progress or no_progress)) as mapper:
-        with Run(mapper, progress or no_progress).timed("calibration") as watched:
-            posterior = _explored(
-                partial(store.solve, Stage("scenes", solved, memory), watched), test, rows, ranges, deviation, scenes
-            )
-        found = Calibration.of(posterior, posterior.samples(_SAMPLES[1]), *store.arrays(), tested, loaded.softer)
+    identity = {
+        "case": tested.echo(),
+        "ranges": ranges.tolist(),
+        "steps": steps.tolist(),
+        "unit": test.unit.name,
+        "content of face files": job.face_files(tested),
+        "version": numerical_versions(),
+    }
+    if (resume or part is not None) and folder is None:
+        raise InputError("resume" if part is None else "part", part or True, "an output folder with it")
+    # a case has no digest, but what its leakage depends on has one
+    stage = Stage("scenes", solved, memory, key=("scenes", json.dumps(identity, default=str)))
+    progress = progress or no_progress
+    with ExitStack() as stack:
+        if folder is not None:
+            going_on = resume or part is not None
+            if not going_on and (folder / FILE).exists():  # a finished one
+                unfinished.remove(folder)
+            stack.enter_context(writing_in(made_folder(folder), identity, going_on, part))
+            unfinished.begin(folder, identity)
+            if part is None:
+                (folder / FILE).unlink(missing_ok=True)
+        mapper = stack.enter_context(ordered_map(workers, scheduler, partial(compile_ahead, progress=progress)))
+        if folder is not None:
+            store = stack.enter_context(Store(unfinished.store_folder(folder)))
+            mapper = over_store(mapper, store, folder, part, progress)
+        mapper = stack.enter_context(Run(mapper, progress).timed("calibration"))
+        posterior, points, leakage = _explored(partial(mapper, stage), test, rows, ranges, deviation, scenes)
+        found = Calibration.of(posterior, posterior.samples(_SAMPLES[1]), points, leakage, tested, loaded.softer)
         if folder is not None and part is None:
             tables = None if isinstance(case, Case) else calibrated_text(*read_case(case), folder, found)
             found.write(folder)
@@ -158,17 +194,27 @@ def _leakage(case: Case, unit: LeakUnit, steps: Array, hardness: float, shortest
     return leakage_of(with_values(case, hardness, shortest_wave), unit, steps)
 
 
-def _explored(solve: Any, test: LeakTest, rows: Any, ranges: Array, error: float, scenes: int) -> Posterior:
-    """The posterior after scenes that fill the ranges, and others where it is.
+def _explored(
+    solve: Callable[..., Iterable[list[float]]],
+    test: LeakTest,
+    rows: Any,
+    ranges: Array,
+    error: float,
+    scenes: int,
+) -> tuple[Posterior, Array, Array]:
+    """The posterior after scenes that fill the ranges, and others where it is; all scenes, and their leakages.
 
-    solve : gives the leakages (n, loads) of scenes at hardnesses and waves (n, 2) in SI, NaN of those that failed.
+    solve : gives the leakages (loads,) of scenes at hardnesses and waves in SI, NaN of those that failed.
     """
     low, high = np.log(ranges[:2]).T
     points, leakage = np.empty((0, 2)), np.empty((0, int(max(rows)) + 1))
+    scenes_solved, their_leakage = points, leakage
     # a power of two, cut where fewer are wanted
     wanted = qmc.Sobol(2, rng=np.random.default_rng(1)).random_base2(int(np.log2(FIRST)))[:scenes]
     while True:
-        new = solve(np.exp(low + wanted * (high - low)))
+        values = np.exp(low + wanted * (high - low))
+        new = np.array(list(solve(*values.T.tolist())))
+        scenes_solved, their_leakage = np.r_[scenes_solved, values], np.r_[their_leakage, new]
         known = np.isfinite(new).all(axis=1)
         points, leakage = np.r_[points, wanted[known]], np.r_[leakage, new[known]]
         scenes -= len(wanted)
@@ -176,10 +222,10 @@ def _explored(solve: Any, test: LeakTest, rows: Any, ranges: Array, error: float
             raise FemsealError(f"calibrate: only {len(points)} of {len(wanted)} scenes could be solved")
         posterior = Posterior(test, list(rows), ranges, Surrogate.through(points, leakage, jumps=(1,)), error)
         if scenes <= 0:
-            return posterior
+            return posterior, scenes_solved, their_leakage
         cube = posterior.samples(_SAMPLES[0])
         if np.median(posterior.curves(cube)[1], axis=0).max() < _EXACT * error:
-            return posterior
+            return posterior, scenes_solved, their_leakage
         wanted = _spread(cube[:, :2], points, min(ADDED, scenes))
 
 

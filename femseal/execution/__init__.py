@@ -1,1 +1,1 @@
-"""How the items of a stage are computed and kept: processes, a cluster, checkpoints, locks, progress. No physics."""
+"""How the items of a stage are computed: processes, a cluster, parts of a run, locks, progress. No physics."""

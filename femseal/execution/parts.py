@@ -1,7 +1,7 @@
 """Parts of a run: which of the items of a stage each of several processes without a common scheduler computes.
 
-Part 3 of 16 computes the third sixteenth of the items of every stage, consecutive ones: shards hold these, and they are
-few. A stage of fewer items than parts leaves some without work.
+Part 3 of 16 computes the third sixteenth of the items of every stage, consecutive ones. A stage of
+fewer items than parts leaves some without work.
 """
 
 from __future__ import annotations

@@ -8,6 +8,7 @@ import time
 from collections.abc import Callable, Iterable, Iterator, Sized
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -50,9 +51,12 @@ class Run:
         self.progress(name, 1, 1)
         log.info("%s: %.1f s", name, seconds)
 
-    def decided(self, name: str, value: Any) -> Any:
-        """The value, or in a run that goes on the one that it had before: it has to decide as then."""
-        (found,) = self.mapper(Stage(name, _same), [value])
+    def decided(self, name: str, of: Any, value: Any) -> Any:
+        """The value, or in a run that goes on the one that it had before: it has to decide as then.
+
+        of : plain data that tell the decision from others of this name.
+        """
+        (found,) = self.mapper(Stage(name, partial(_same, value), key=("decided", name)), [of])
         return found
 
     def _watching(self, part: str) -> Mapper:
@@ -80,7 +84,7 @@ class Run:
         return mapping
 
 
-def _same(value: Any) -> Any:
+def _same(value: Any, of: Any) -> Any:
     return value
 
 

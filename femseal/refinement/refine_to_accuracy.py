@@ -1,5 +1,6 @@
 """A run whose case asks for an accuracy: attempts, each of which refines what limits the one before."""
 
+import json
 import logging
 import time
 from dataclasses import asdict, dataclass, field, replace
@@ -177,7 +178,7 @@ class _Attempts:
         with self.run.timed(f"{name}, error budget") as mapper:
             budget = self._budget(prepared, settings, result, mapper)
         times["with coarse"] = time.perf_counter() - start
-        times = self.run.decided("time of the attempt", times)
+        times = self.run.decided("time of the attempt", self._so_far, times)
         found = widest_band(budget)
         self.done.append(
             Attempt(
@@ -218,8 +219,13 @@ class _Attempts:
                 long = f"{change.text} would take about {duration(expected)}, after {duration(spent)}"
                 why = "; ".join([*reasons, f"{part}: {long}, and the time limit is {duration(most)}"])
             text = f"{change.text}, for the error of {part}"
-        decided = self.run.decided("next attempt", (change and change.settings, text, why))
+        decided = self.run.decided("next attempt", self._so_far, (change and change.settings, text, why))
         return decided[0] or last.settings, decided[1], decided[2]
+
+    @property
+    def _so_far(self) -> tuple[str, int]:
+        """The case and the number of attempts, as plain data."""
+        return json.dumps(self.case.echo(), default=str), len(self.done)
 
     def half_error(self) -> str:
         """What half the error of the last attempt would take."""

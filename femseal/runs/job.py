@@ -20,13 +20,11 @@ from ..base.shared_array import storing
 from ..budget import ErrorBudget
 from ..case.case import Case, load_case
 from ..case.faces import FileFace
-from ..execution import checkpoint
-from ..execution.checkpoint import Checkpoint
 from ..execution.lock import alone_in
 from ..execution.mappers import ordered_map
 from ..execution.parts import Part, checked_part
+from ..execution.resuming import over_store, writing_in
 from ..execution.run import LogFile, Progress, Run, no_progress
-from ..execution.shared_stages import SharedStages
 from ..preparation.preparation import prepare
 from ..preparation.prepared import Prepared
 from ..refinement.budgets import budgets_of
@@ -35,6 +33,8 @@ from ..refinement.settings import chosen
 from ..report import load_writers, write_folder
 from ..report.case_text import solids_text
 from ..results import Results, assemble
+from ..store import unfinished
+from ..store.store import Store
 from ..studies import FluidState, OtherLeakage, drop_ratio
 from ..studies.compiling import compile_ahead, reporting_compilation
 from .finished import finished_results
@@ -91,7 +91,7 @@ def run(
     case : a `Case`, or the path of a case file.
     output : results folder, made if it does not exist; None writes nothing.
     resume : take the results from the folder if it holds those of the same case, complete and with the same choices
-        where the case leaves them open; else go on from the checkpoint of a run that was ended, with the same bits.
+        where the case leaves them open; else go on from the store of a run that was ended, with the same bits.
     workers : processes; all cores unless given. The results do not depend on it.
     scheduler : address of a Dask scheduler to compute on instead (femseal[cluster]), or "local" for one of its own
         with `workers` processes, see `execution.mappers.ordered_map`.
@@ -106,8 +106,8 @@ def run(
     Raises
     ------
     InputError : the case or an argument cannot be used, the run is expected to take more memory than there is, the
-        checkpoint is of another case, other face files or other versions, or the folder holds an unfinished run
-        without `resume`, or another run is under way there; nothing has been written then.
+        folder holds an unfinished run of another case, other face files or other versions, or one without `resume`,
+        or another run is under way there; nothing has been written then.
     PartsMissing : the part has computed what it can, and needs items of other parts that are not there yet.
     FemsealError : a computation failed as a whole, or a file could not be written: computed items stay in the
         folder, and `resume` continues from them. Single cells that fail are listed in `Results.failures`.
@@ -131,43 +131,39 @@ def run(
         computed["test fluid"] = echo["output"]["test_fluid"]
     identity = {**computed, "content of face files": faces, "version": numerical_versions()}
     if resume and folder is not None and (finished := finished_results(case, faces, folder)) is not None:
-        with suppress(InputError), alone_in(folder):  # the checkpoint of another run stays
-            checkpoint.resumable(folder, identity)
-            checkpoint.remove(folder)
+        with suppress(InputError), alone_in(folder):  # the store of another run stays
+            unfinished.resumable(folder, identity)
+            unfinished.remove(folder)
         return finished
     progress = progress or no_progress
 
     with ExitStack() as stack:
-
-        def found_or_computed(mapper: Mapper, prepared: Prepared) -> Mapper:
-            common = shared
-            # attempts with more seals have the states of the face in common
-            attempts = case.accuracy is not None and prepared.answer.name != "deterministic"
-            if common is None and attempts:
-                common = stack.enter_context(TemporaryDirectory())
-            return mapper if common is None else SharedStages(Path(common)).over(mapper)
-
         stack.enter_context(storing(folder, case.memory))
         stack.enter_context(reporting_compilation(progress))
         if folder is None:
             prepared = _prepared(case, scheduler)
             mapper = stack.enter_context(ordered_map(workers, scheduler, partial(compile_ahead, progress=progress)))
-            return _results(case, prepared, faces, Run(found_or_computed(mapper, prepared), progress))
+            kept = Path(stack.enter_context(TemporaryDirectory())) if shared is None else Path(shared)
+            store = stack.enter_context(Store(kept, required=False))
+            return _results(case, prepared, faces, Run(store.over(mapper), progress))
         # a folder is made once the case has been found good
         if there := folder.is_dir():
-            stack.enter_context(alone_in(folder, part))
-            going_on = _goes_on(folder, identity, resume)
+            going_on = stack.enter_context(writing_in(folder, identity, resume, part))
         prepared = _prepared(case, scheduler)
         mapper = stack.enter_context(ordered_map(workers, scheduler, partial(compile_ahead, progress=progress)))
         if not there:
-            stack.enter_context(alone_in(made_folder(folder), part))
-            going_on = _goes_on(folder, identity, resume)
+            going_on = stack.enter_context(writing_in(made_folder(folder), identity, resume, part))
         stack.enter_context(_log_file(folder, append=going_on or part is not None))
-        kept = stack.enter_context(Checkpoint(folder, identity, going_on, part, progress))
+        if going_on:
+            log.info("resumed from %s", unfinished.store_folder(folder))
+        unfinished.begin(folder, identity)
+        store = stack.enter_context(Store(unfinished.store_folder(folder) if shared is None else Path(shared)))
         loading = Thread(target=_load_ahead, args=(case, prepared))
         if part is None:
             loading.start()
-        results = _results(case, prepared, faces, Run(kept.over(found_or_computed(mapper, prepared)), progress), part)
+        results = _results(
+            case, prepared, faces, Run(over_store(mapper, store, folder, part, progress), progress), part
+        )
         if results is None:
             log.info("part %s: the items of all parts are there", "/".join(map(str, part or ())))
             return None
@@ -187,14 +183,6 @@ def run(
 def _load_ahead(case: Case, prepared: Prepared) -> None:
     """Load what this process needs later, while others compute."""
     load_writers(**case.output.files | {"fields": case.output.fields and prepared.methods != {"stochastic"}})
-
-
-def _goes_on(folder: Path, identity: dict[str, Any], resume: bool) -> bool:
-    """Whether a run goes on from the checkpoint in its folder."""
-    if resume:
-        return checkpoint.resumable(folder, identity)
-    checkpoint.refuse_unfinished(folder)
-    return False
 
 
 def _prepared(case: Case, scheduler: str | None) -> Prepared:
@@ -281,7 +269,7 @@ def _write(results: Results, folder: Path, case: Case, mapper: Mapper) -> None:
     except Exception as error:
         reason = str(error) if isinstance(error, FemsealError) else f"results: {error or type(error).__name__}"
         raise FemsealError(f"{reason}; mend that, then a run with --resume has only to write them") from error
-    checkpoint.remove(folder)
+    unfinished.remove(folder)
 
 
 def face_files(case: Case) -> dict[str, str]:

@@ -9,7 +9,6 @@ from typing import Any
 
 from ..base import FemsealError, InputError, counted, made_folder
 from ..case.case import read_case
-from ..execution import checkpoint
 from ..execution.lock import alone_in
 from ..execution.parts import Part, checked_part, own_items
 from ..execution.run import no_progress
@@ -18,10 +17,11 @@ from ..results.results import Results
 from ..results.run_comparison import RunComparison, compared
 from ..runs import job
 from ..runs.forecast import refuse_too_large
+from ..store.unfinished import refuse_unfinished
 from .variations import short_names, variations, with_setting
 
 log = logging.getLogger("femseal.sweeps")
-#: Subfolder of the stages that the cases share while the sweep is under way.
+#: Subfolder of the store that the cases share while the sweep is under way.
 SHARED = ".shared"
 #: Files of the table and the picture.
 STEM = "sweep"
@@ -85,7 +85,9 @@ def sweep(
         except InputError as error:
             raise with_setting(error, variation.setting) from error
         if not resume:
-            checkpoint.refuse_unfinished(folder / variation.name)
+            refuse_unfinished(folder / variation.name)
+    if not resume:
+        refuse_unfinished(folder, SHARED)
     with alone_in(made_folder(folder), part):
         kept: dict[int, Results] = {}
         failures: list[str] = []

@@ -181,15 +181,16 @@ def in_parts(parts: int) -> dict[str, Any]:
     """One process without a folder, parts one after the other, the second killed half way and run again, and the
     run that gathers: processor times, peaks of memory, most files, and whether the results are the same bits."""
     from femseal.base.errors import PartsMissing
-    from femseal.execution.checkpoint import Checkpoint
+    from femseal.execution.resuming import over_store
+    from femseal.store.store import Store
 
     def keeping(part: tuple[int, int] | None, kill: bool) -> str | None:
         def watch(stage: str, done: int, total: int | None) -> None:
             if kill and total and 2 * done > total:
                 os.kill(os.getpid(), signal.SIGKILL)
 
-        with suppress(PartsMissing), Checkpoint(folder, {}, True, part, watch) as checkpoint:
-            return of_nothing(checkpoint.over(map))
+        with suppress(PartsMissing), Store(folder) as store:
+            return of_nothing(over_store(map, store, folder, part, watch))
         return None
 
     one = apart(lambda: of_nothing(map))
@@ -199,7 +200,7 @@ def in_parts(parts: int) -> dict[str, Any]:
         taken, files = [], 0
         for part, killed in [*runs, (None, False)]:
             taken.append(apart(partial(keeping, part, killed)))
-            files = max(files, sum(1 for path in folder.rglob("*.shard")))
+            files = max(files, sum(1 for path in folder.rglob("*.results")))
     return summed(one, taken[:-1], taken[-1]) | {"files": files, "same": taken[-1]["found"] == one["found"]}
 
 
@@ -254,7 +255,7 @@ def run_in_parts(seals: int, parts: int) -> dict[str, Any]:
             if n == 3:
                 taken.append(commanded(case, folder, *own, after=first["seconds"] / 2))
             taken.append(commanded(case, folder, *own))
-            files = max(files, sum(1 for _ in folder.rglob("*.shard")))
+            files = max(files, sum(1 for _ in folder.rglob("*.results")))
 
         list(pool.map(part, range(2, parts + 1)))
         again = commanded(case, folder, "--part", f"1/{parts}")["seconds"]

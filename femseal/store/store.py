@@ -1,0 +1,219 @@
+"""Results of stages in a folder, each found by a digest of its stage's function, its input and the versions in use.
+
+Every process appends to a file of its own, whose records are a key, a checksum and packed data. A kill loses the record
+that it interrupts, and nothing else. Records hold data alone, see `plain_data`: a folder that somebody has changed can
+give wrong results, but runs no code and reaches no other folder.
+"""
+
+from __future__ import annotations
+
+import errno
+import hashlib
+import logging
+from collections import deque
+from collections.abc import Callable, Iterable, Iterator
+from contextlib import ExitStack, suppress
+from dataclasses import dataclass, replace
+from functools import partial
+from pathlib import Path
+from struct import Struct
+from typing import Any, BinaryIO
+from uuid import uuid4
+
+from ..base import Mapper, NotKept, Stage, counted, numerical_versions
+from ..base.files import opened_plain
+from .digest import Unnamed, digest
+from .plain_data import packed, unpacked
+
+log = logging.getLogger("femseal.store")
+#: Suffix of the files with results.
+SUFFIX = ".results"
+#: Size of a record [byte], its key, and a checksum of key and data, which follow.
+_HEAD = Struct("<Q16s16s")
+
+
+@dataclass(frozen=True)
+class _Record:
+    """Where the data of a result begin, and their size [byte]."""
+
+    path: Path
+    start: int
+    size: int
+
+
+class Store:
+    """Results of stages in a folder, which is made when the first is kept; a context that closes its files.
+
+    required : a result that cannot be written is an error; otherwise results are not kept any more then.
+    """
+
+    def __init__(self, folder: Path, *, required: bool = True) -> None:
+        self.folder, self._required = folder, required
+        self._found: dict[bytes, _Record] = {}
+        self._ends: dict[Path, int] = {}
+        self._files = ExitStack()
+        self._open: dict[Path, BinaryIO] = {}
+        self._own: BinaryIO | None = None
+        self._full = False
+        self.look()
+
+    def __enter__(self) -> Store:
+        return self
+
+    def __exit__(self, *details: object) -> None:
+        self._files.close()
+
+    def __len__(self) -> int:
+        """Number of results in the folder, as far as it was looked at."""
+        return len(self._found)
+
+    def __contains__(self, key: bytes) -> bool:
+        return key in self._found
+
+    def look(self) -> None:
+        """Look for results that other processes have added."""
+        with suppress(OSError):
+            # what was computed again, as it was damaged, is in a later file
+            for path in sorted(self.folder.glob(f"*{SUFFIX}"), key=lambda path: path.lstat().st_mtime_ns):
+                self._index(path)
+
+    def keys(self, stage: Stage) -> Callable[[tuple[Any, ...]], bytes]:
+        """The function that gives the key of an item of a stage; it is empty where the item has no digest.
+
+        Raises Unnamed: the stage has none.
+        """
+        return partial(_key, digest((numerical_versions(), stage.function if stage.key is None else stage.key)))
+
+    def over(self, mapper: Mapper) -> Mapper:
+        """The same mapper, but results in the folder are read, and others are computed once and kept."""
+
+        def mapping(stage: Stage, *iterables: Iterable[Any]) -> Iterator[Any]:
+            try:
+                key_of = self.keys(stage)
+            except Unnamed:
+                yield from mapper(stage, *iterables)
+                return
+            # keys of the items under way, each with its item where the result is there, or will be
+            waiting: deque[tuple[bytes, tuple[Any, ...] | None]] = deque()
+            asked: set[bytes] = set()
+
+            def missing() -> Iterator[tuple[Any, ...]]:
+                for item in zip(*iterables, strict=False):
+                    key = key_of(item)
+                    known = key in self._found or key in asked
+                    waiting.append((key, item if known else None))
+                    if not known:
+                        asked.update([key] if key else [])
+                        yield item
+
+            for result in mapper(replace(stage, function=partial(_spread, stage.function)), missing()):
+                while (item := waiting[0][1]) is not None:
+                    yield self._read(waiting.popleft()[0], stage, item)
+                self._keep(waiting.popleft()[0], result)
+                yield result
+            while waiting:
+                key, item = waiting.popleft()
+                yield self._read(key, stage, item or ())
+
+        return mapping
+
+    def _index(self, path: Path) -> None:
+        """Note the records that were added to a file; the last one may be incomplete."""
+        at, end = self._ends.get(path, 0), path.lstat().st_size
+        if at + _HEAD.size > end:
+            return
+        with suppress(OSError), opened_plain(path) as file:
+            while at + _HEAD.size <= end:
+                file.seek(at)
+                size, key, _ = _HEAD.unpack(file.read(_HEAD.size))
+                if at + size > end or size < _HEAD.size:
+                    break
+                self._found[key] = _Record(path, at, size)
+                at += size
+        self._ends[path] = at
+
+    def _read(self, key: bytes, stage: Stage, item: tuple[Any, ...]) -> Any:
+        """A result that was kept; one that cannot be read is computed again."""
+        record = self._found.get(key)
+        if record is not None:
+            try:
+                return self._data(key, record)
+            except (OSError, ValueError) as error:
+                text = "%s: a result is damaged (%s); it is computed again (%s)"
+                log.warning(text, record.path, error, stage.name)
+                del self._found[key]
+        result = stage.function(*item)
+        self._keep(key, result)
+        return result
+
+    def _data(self, key: bytes, record: _Record) -> Any:
+        if record.path not in self._open:
+            self._open[record.path] = self._files.enter_context(opened_plain(record.path))
+        file = self._open[record.path]
+        file.seek(record.start)
+        found = memoryview(file.read(record.size))
+        data = found[_HEAD.size :]
+        if found[: _HEAD.size] != _head(key, data):
+            raise ValueError("checksum")
+        return unpacked(data)
+
+    def _keep(self, key: bytes, result: Any) -> None:
+        """Append a result to the file of this process, unless it is no plain data.
+
+        Raises NotKept: it cannot be written; what was written before stays.
+        """
+        if not key or self._full:
+            return
+        with suppress(TypeError):
+            data = packed(result)
+            try:
+                self._found[key] = self._appended(_head(key, data), data)
+            except OSError as error:
+                self._full = True
+                if self._required:
+                    raise self._failure(error) from error
+                log.warning("results are not kept any more: %s", error)
+
+    def _appended(self, *parts: bytes) -> _Record:
+        """Append a record to the file of this process, whole or not at all."""
+        if self._own is None:
+            self.folder.mkdir(parents=True, exist_ok=True)
+            path = self.folder / f"{uuid4().hex}{SUFFIX}"
+            self._own = self._files.enter_context(path.open("xb", buffering=0))
+        start = self._own.tell()
+        try:
+            for part in parts:
+                left = memoryview(part)
+                while left:
+                    left = left[self._own.write(left) :]
+        except OSError:
+            self._own.truncate(start)
+            raise
+        path = Path(str(self._own.name))
+        self._ends[path] = self._own.tell()
+        return _Record(path, start, self._own.tell() - start)
+
+    def _failure(self, error: OSError) -> NotKept:
+        """What to say of a store that cannot be written: what is kept, and what to do."""
+        todo = "make room" if error.errno in (errno.ENOSPC, errno.EDQUOT) else "mend that"
+        return NotKept(
+            f"store: {error}; {counted(len(self), 'result')} are kept in '{self.folder}': {todo}, then a run with "
+            "--resume goes on from there"
+        )
+
+
+def _spread(function: Callable[..., Any], item: tuple[Any, ...]) -> Any:
+    return function(*item)
+
+
+def _key(base: str, item: tuple[Any, ...]) -> bytes:
+    with suppress(Unnamed):
+        return bytes.fromhex(digest((base, item)))
+    return b""
+
+
+def _head(key: bytes, data: bytes | memoryview) -> bytes:
+    """What precedes the data of a record."""
+    checksum = hashlib.blake2b(key, digest_size=16)
+    checksum.update(data)
+    return _HEAD.pack(_HEAD.size + len(data), key, checksum.digest())
