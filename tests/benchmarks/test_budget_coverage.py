@@ -1,13 +1,8 @@
 """The error budget holds the truth of scenes that neither it nor its calibration has seen."""
 
-import sys
-from pathlib import Path
-
+import budget_coverage
 import numpy as np
 import pytest
-
-sys.path.append(str(Path(__file__).parent / "benchmarks"))
-import budget_coverage
 from drawn_scenes import CALIBRATION, HELD_OUT, KINDS, PILOT, Drawn
 
 

@@ -1,13 +1,8 @@
 """Findings of others come out: measured by the benchmark `outside_references`, on smaller grids here."""
 
-import sys
-from pathlib import Path
-
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose
-
-sys.path.append(str(Path(__file__).parent / "benchmarks"))
 from references import (
     ball_on_cone,
     bearing,

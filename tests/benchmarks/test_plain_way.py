@@ -1,17 +1,12 @@
 """The plain way of the benchmark `chain`, a seal study by other programs, agrees with femseal on a small face."""
 
-import sys
-from pathlib import Path
-
+import chain_tasks as chain
 import numpy as np
+import plain_way
 import pytest
 from numpy.testing import assert_allclose
 
 import femseal as fs
-
-sys.path.append(str(Path(__file__).parent / "benchmarks"))
-import chain_tasks as chain
-import plain_way
 
 N, LOADING, PEAKS, UNLOADING = 32, chain.loads((0.05, 0.3)), chain.loads((0.3,)), chain.loads((0.05,))
 

@@ -10,6 +10,8 @@ import pytest
 from each import each
 from numpy.testing import assert_allclose
 from scipy.stats import norm, qmc
+from small_cases import CALIBRATED as CASE
+from small_cases import HEAD, ROWS
 
 import femseal as fs
 from femseal.base.leak_rates import leak_unit
@@ -20,30 +22,6 @@ from femseal.case.load import Amount
 from femseal.loads import LoadStep
 from femseal.sweeps.scenes import Surrogate, _covariance, _solved
 
-CASE = """
-method = "deterministic"
-[face]
-kind = "self-affine"
-points = [64, 64]
-size = ["64 um", "64 um"]
-rms_slope = 0.2
-roll_off = "30 um"
-[material]
-young = "210 GPa"
-yield_stress = "1 GPa"
-[load]
-loading = ["50 MPa", "200 MPa", "400 MPa", "600 MPa"]
-unload_from = ["400 MPa"]
-unloading = ["200 MPa", "50 MPa"]
-[fluid]
-kind = "liquid"
-viscosity = "1 mPa*s"
-inlet_pressure = "10 MPa"
-[output]
-budget = false
-"""
-HEAD = "pressure [MPa], branch, leakage [m²/s]\n"
-ROWS = "50, loading, 3e-5\n400,loading,2e-6\n50,unloading,4e-6\n600,loading,sealed\n"
 POINTS = qmc.Sobol(2, rng=1).random_base2(5)
 
 
@@ -343,7 +321,7 @@ def test_a_calibration_goes_on_with_solved_scenes(calibrated, monkeypatch):
 
 @pytest.mark.slow
 def test_the_example_gives_back_the_hardness_that_made_it():
-    examples = Path(__file__).parents[1] / "examples"
+    examples = Path(__file__).parents[2] / "examples"
     found = fs.calibrate(examples / "leak_test.toml", examples / "leak_test.csv", workers=1)
     assert found.hardness.lower < 3.1e9 < found.hardness.upper
     assert abs(found.hardness.median / 3.1e9 - 1) < 0.05

@@ -13,7 +13,7 @@ import pyvista as pv
 
 from femseal.case.schema import case_schema
 
-ROOT = Path(__file__).parents[1]
+ROOT = Path(__file__).parents[2]
 #: Values that a key may be given and hardly ever takes.
 JUNK = (
     float("nan"),

@@ -26,7 +26,7 @@ from femseal.results import assemble
 from femseal.results.dataset import save
 from femseal.runs.forecast import describe
 
-ROOT = Path(__file__).parents[1]
+ROOT = Path(__file__).parents[2]
 #: A message that people read: no line is longer, in characters.
 LONGEST = 420
 

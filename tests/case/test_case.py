@@ -25,7 +25,7 @@ from femseal.seal.tiles import PieceSize
 from femseal.studies import Sampling
 from femseal.topography import repair
 
-ROOT = Path(__file__).parents[1]
+ROOT = Path(__file__).parents[2]
 CASES = [*sorted((ROOT / "examples").glob("*.toml")), ROOT / "femseal" / "case" / "template.toml"]
 
 

@@ -6,7 +6,7 @@ import re
 import pytest
 from each import each
 from numpy.testing import assert_allclose
-from test_checkpoint import CASE
+from small_cases import CASE
 
 import femseal as fs
 from femseal.base.quantities import absolute_pressure, to_si

@@ -5,7 +5,7 @@ import re
 import numpy as np
 import pytest
 from each import each
-from test_contact_law import CASE
+from small_cases import HARDENED as CASE
 
 import femseal as fs
 from femseal.case.case import parse_case

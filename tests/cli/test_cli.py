@@ -22,7 +22,7 @@ from femseal.case.case import parse_case
 from femseal.case.faces import SurfaceTable
 from femseal.case.schema import case_schema
 
-ROOT = Path(__file__).parents[1]
+ROOT = Path(__file__).parents[2]
 CASES = [*sorted((ROOT / "examples").glob("*.toml")), ROOT / "femseal" / "case" / "template.toml"]
 #: Sq, undefined share and points as they are printed.
 MEASURED = {

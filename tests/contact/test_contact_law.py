@@ -6,6 +6,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose, assert_array_equal
+from small_cases import HARDENED as CASE
 
 import femseal as fs
 from femseal.case.case import parse_case
@@ -370,15 +371,6 @@ def test_hardness_of_every_place_is_for_whole_faces():
 
 
 # --- cases ---
-
-
-CASE = {
-    "method": "deterministic",
-    "face": {"kind": "self-affine", "points": [32, 32], "size": ["32 um", "32 um"], "hurst": 0.8, "rms_slope": 0.2},
-    "material": {"young": "210 GPa", "hardness": "2 GPa", "hardening": "2 GPa/um"},
-    "load": {"loading": ["100 MPa", "500 MPa"]},
-    "fluid": {"kind": "liquid", "viscosity": "1 mPa*s", "inlet_pressure": "1 MPa", "outlet_pressure": "0 Pa"},
-}
 
 
 def test_a_case_with_hardening():

@@ -274,8 +274,8 @@ def displacements():
 
 
 def test_every_process_computes_the_same_bits():
-    code = "import sys; sys.path.insert(0, sys.argv[1]); import test_halfspace as t; print(t.displacements())"
-    command = [sys.executable, "-c", code, str(Path(__file__).parent)]
+    code = "import sys; sys.path[:0] = sys.argv[1:]; import test_half_space as t; print(t.displacements())"
+    command = [sys.executable, "-c", code, *Path(__file__).parents[:2]]
     once = subprocess.run(command, capture_output=True, text=True, check=True).stdout
     assert once == f"{displacements()}\n"
 

@@ -9,7 +9,7 @@ from each import each
 
 import femseal
 
-ROOT = Path(__file__).parents[1]
+ROOT = Path(__file__).parents[2]
 DOCS = ROOT / "docs"
 #: Made by the build.
 MADE = ("gallery/", "command_line.md", "case_keys.md")

@@ -1,7 +1,7 @@
 """Every command that README and documentation write down does its work as it stands there, with its folder, on a small case.
 
 The commands are read from the pages, so that a new one is run without being entered here. Stopping and going on under
-each scheduler is tested in test_parallel.py.
+each scheduler is tested in execution/test_mappers.py.
 """
 
 import json
@@ -22,7 +22,7 @@ import femseal as fs
 from femseal.cli import app
 from femseal.report import page as report_page
 
-ROOT = Path(__file__).parents[1]
+ROOT = Path(__file__).parents[2]
 PAGES = [ROOT / "README.md", ROOT / "CONTRIBUTING.md", *sorted((ROOT / "docs").glob("*.md"))]
 PAGES += sorted((ROOT / "docs" / "tutorials").glob("*.md"))
 PAGES = [page for page in PAGES if page.name not in ("command_line.md", "case_keys.md")]  # generated

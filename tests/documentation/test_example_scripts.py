@@ -17,7 +17,7 @@ from femseal.results import assemble, save
 
 pytestmark = pytest.mark.usefixtures("drawn_pictures")
 
-EXAMPLES = Path(__file__).parents[1] / "examples"
+EXAMPLES = Path(__file__).parents[2] / "examples"
 #: make_measured_face.py is run by the tests of the examples' files.
 WRITES = {"measured_face": "measured_contact.png", "read_results": "report.html", "design_answer": "design.png"}
 SCRIPTS = {path.stem for path in EXAMPLES.glob("*.py")} - {"make_measured_face"}

@@ -13,7 +13,7 @@ from numpy.testing import assert_allclose, assert_array_equal
 import femseal as fs
 from femseal.base.errors import InputError
 
-SCRIPT = Path(__file__).parents[1] / "examples" / "figures.py"
+SCRIPT = Path(__file__).parents[2] / "examples" / "figures.py"
 SPEC = importlib.util.spec_from_file_location("figures", SCRIPT)
 figures = importlib.util.module_from_spec(SPEC)
 SPEC.loader.exec_module(figures)

@@ -10,7 +10,7 @@ from numpy.testing import assert_allclose, assert_array_equal
 
 import femseal as fs
 
-example = runpy.run_path(str(Path(__file__).parents[1] / "examples" / "paper_2018.py"))
+example = runpy.run_path(str(Path(__file__).parents[2] / "examples" / "paper_2018.py"))
 CELLS = (4, 4)
 #: Steps of the example: the highest load, and loading and unloading at the same pressures.
 PEAK, LOADED, UNLOADED = 3, [2, 0], [4, 5]

@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 from numpy.testing import assert_allclose
 
-PATH = Path(__file__).parents[1] / "examples" / "real_sizes.py"
+PATH = Path(__file__).parents[2] / "examples" / "real_sizes.py"
 spec = importlib.util.spec_from_file_location("real_sizes", PATH)
 real_sizes = importlib.util.module_from_spec(spec)
 spec.loader.exec_module(real_sizes)

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import femseal as fs
 
-ROOT = Path(__file__).parents[1]
+ROOT = Path(__file__).parents[2]
 
 
 def text(name):

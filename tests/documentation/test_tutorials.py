@@ -11,7 +11,7 @@ from test_documented_commands import CASE
 
 import femseal as fs
 
-ROOT = Path(__file__).parents[1]
+ROOT = Path(__file__).parents[2]
 PAGES = sorted((ROOT / "docs" / "tutorials").glob("*.md"))
 PAGES.remove(ROOT / "docs" / "tutorials" / "index.md")
 TEMPLATE = (ROOT / "femseal" / "case" / "template.toml").read_text(encoding="utf-8")

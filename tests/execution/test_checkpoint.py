@@ -18,7 +18,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import xarray
-from small_cases import TABLES
+from small_cases import CASE, HANG
 
 import femseal as fs
 from femseal.base import shared_array
@@ -26,27 +26,6 @@ from femseal.base.machine import numerical_versions
 from femseal.base.stage import Stage
 from femseal.execution import checkpoint, store
 from femseal.execution.checkpoint import Checkpoint
-
-#: A process that has not answered by then never will [s]: no measure of how quick it is.
-HANG = 600
-CASE = f"""
-method = "stochastic"
-compare = ["deterministic", "two-scale"]
-seed = 2
-[face]
-kind = "self-affine"
-points = [32, 32]
-size = ["30 um", "30 um"]
-rms_slope = 0.2
-roll_off = "20 um"
-{TABLES}[contact]
-boundary = ["periodic", "periodic"]
-[cells]
-count = [2, 2]
-[stochastic]
-length = "200 um"
-realisations = 24
-"""
 
 
 @pytest.fixture
@@ -153,16 +132,16 @@ def test_a_study_that_crashes_again_and_again_computes_little_twice(tmp_path, mo
 
 def test_a_process_that_exits_at_once_leaves_its_shards(tmp_path, monkeypatch):
     code = (
-        "import os, sys; sys.path.insert(0, sys.argv[1]); from pathlib import Path\n"
+        "import os, sys; sys.path[:0] = sys.argv[2:]; from pathlib import Path\n"
         "from test_checkpoint import *\n"
         "store.SHARD_ITEMS = 4\n"
         "def ending(function, *iterables):\n"
         "    for n, item in enumerate(map(function, *iterables)):\n"
         "        if n == 18: os._exit(9)\n"
         "        yield item\n"
-        "resumed(Path(sys.argv[2]), ending)\n"
+        "resumed(Path(sys.argv[1]), ending)\n"
     )
-    done = subprocess.run([sys.executable, "-c", code, str(Path(__file__).parent), str(tmp_path)])
+    done = subprocess.run([sys.executable, "-c", code, tmp_path, *Path(__file__).parents[:2]])
     assert done.returncode == 9
     results, computed = resumed(tmp_path)
     assert_complete(results)

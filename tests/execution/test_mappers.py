@@ -17,7 +17,8 @@ import numpy as np
 import pytest
 from joblib.externals.loky.backend import context
 from numpy.testing import assert_array_equal
-from test_checkpoint import CASE, HANG, assert_same, start, stop_at, wait_until  # noqa: F401
+from small_cases import CASE, HANG
+from test_checkpoint import assert_same, start, stop_at, wait_until  # noqa: F401
 
 import femseal as fs
 from femseal.base import threads
@@ -533,7 +534,7 @@ import sys, threading, time
 from femseal.base.stage import Stage
 from femseal.execution import processes
 from femseal.execution.mappers import ordered_map
-from test_parallel import stay
+from test_mappers import stay
 
 processes.END_SECONDS = 1.0
 with ordered_map(workers=2) as mapping:
@@ -552,7 +553,7 @@ def stay(n):
 def test_processes_that_cannot_end_do_not_keep_the_run(end):
     """joblib would wait for them until the threads are through."""
     folder = Path(__file__).parent
-    path = os.pathsep.join([str(folder), *filter(None, [os.environ.get("PYTHONPATH")])])
+    path = os.pathsep.join([str(folder), str(folder.parent), *filter(None, [os.environ.get("PYTHONPATH")])])
     code = [sys.executable, "-c", STUCK, end]
     done = subprocess.run(code, cwd=folder, env={**os.environ, "PYTHONPATH": path}, capture_output=True, timeout=180)
     assert done.stdout.split() == [b"0", b"1", b"2", b"3"]

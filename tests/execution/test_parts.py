@@ -12,11 +12,8 @@ from contextlib import ExitStack
 
 import numpy as np
 import pytest
-from test_calibration import CASE as CALIBRATED
-from test_calibration import HEAD, ROWS
-from test_checkpoint import CASE, SIZES, Crash, assert_complete, assert_same, study
-from test_sweeps import CASE as SWEPT
-from test_sweeps import contacts  # noqa: F401
+from small_cases import CALIBRATED, CASE, HEAD, ROWS, SWEPT
+from test_checkpoint import SIZES, Crash, assert_complete, assert_same, study
 
 import femseal as fs
 from femseal.base.errors import PartsMissing
@@ -192,7 +189,7 @@ def test_a_run_and_parts_exclude_each_other_and_parts_do_not(tmp_path):
         assert [path.name for path in tmp_path.iterdir()] == [".lock"]
 
 
-def test_a_sweep_by_parts_runs_each_case_once(tmp_path, contacts):  # noqa: F811
+def test_a_sweep_by_parts_runs_each_case_once(tmp_path, contacts):
     (case := tmp_path / "small.toml").write_text(SWEPT + "pictures = false\nreport = false\n")
     keys = {"fluid.viscosity": ["1 mPa*s", "2 mPa*s"]}
     with pytest.raises(fs.InputError, match="part: given 2/4 of 2 cases"):
@@ -299,7 +296,7 @@ def test_parts_of_a_calibration_killed_and_run_twice_give_the_bits_of_one_proces
     np.testing.assert_array_equal(again.leakages, whole.leakages)
 
 
-def test_a_sweep_goes_on_after_a_part_that_was_killed_and_never_came_back(tmp_path, contacts, monkeypatch):  # noqa: F811
+def test_a_sweep_goes_on_after_a_part_that_was_killed_and_never_came_back(tmp_path, contacts, monkeypatch):
     (case := tmp_path / "small.toml").write_text(SWEPT + "pictures = false\nreport = false\n")
     keys = {"material.hardness": ["3 GPa", "6 GPa"]}
     options = {"workers": 1}

@@ -19,7 +19,8 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from test_checkpoint import CASE, assert_complete, resumed, stop_at
+from small_cases import CASE
+from test_checkpoint import assert_complete, resumed, stop_at
 
 import femseal as fs
 from femseal.execution import checkpoint, store

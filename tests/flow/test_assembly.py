@@ -168,7 +168,7 @@ print(*map(float, found))
 
 def test_every_flow_follows_the_form(monkeypatch, capsys):
     """Doubled before anything is assembled, it doubles every permeability and leakage."""
-    ring = Path(__file__).parents[1] / "meshes" / "ring.msh"
+    ring = Path(__file__).parents[2] / "meshes" / "ring.msh"
     monkeypatch.setattr(sys, "argv", ["once", "1", ring])
     exec(compile(DOUBLED, "once", "exec"), {})
     doubled = subprocess.run([sys.executable, "-c", DOUBLED, "2", ring], capture_output=True, text=True, check=True)

@@ -223,7 +223,7 @@ def test_cycle_is_still_a_tuple(states):
 
 
 def test_leakage_of_a_mesh_has_no_map():
-    seal = fs.MeshSeal(Path(__file__).parents[1] / "meshes" / "ring.msh", "inlet", "outlet")
+    seal = fs.MeshSeal(Path(__file__).parents[2] / "meshes" / "ring.msh", "inlet", "outlet")
     leakage = fs.seal_leakage(seal, 1e-18, fs.Liquid(1e-3), inlet_pressure=1e6)
     with pytest.raises(InputError, match="mesh"):
         leakage.plot()

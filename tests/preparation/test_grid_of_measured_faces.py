@@ -14,7 +14,7 @@ from femseal.preparation.preparation import prepare
 from femseal.refinement.coarser import without_filtered_waves
 from femseal.runs.forecast import describe
 
-ROOT = Path(__file__).parents[1]
+ROOT = Path(__file__).parents[2]
 
 
 @pytest.fixture

@@ -24,12 +24,12 @@ from femseal.results.results import attempt_sentences
 from femseal.results.tables import format_error_band
 from femseal.runs.forecast import describe
 
-sys.path.append(str(Path(__file__).parent / "benchmarks"))
+sys.path.append(str(Path(__file__).parents[1] / "benchmarks"))
 import wanted_accuracy as benchmark
 
 from femseal.preparation.preparation import prepare
 
-EXAMPLES = Path(__file__).parents[1] / "examples"
+EXAMPLES = Path(__file__).parents[2] / "examples"
 
 SMALL = {
     "accuracy": "3 %",

@@ -24,7 +24,7 @@ from femseal.runs import job
 from femseal.studies import Sampling, Scene, deterministic, stochastic, two_scale
 from femseal.topography import read_topography, turned
 
-EXAMPLES = Path(__file__).parents[1] / "examples"
+EXAMPLES = Path(__file__).parents[2] / "examples"
 M1, M2 = 3, 4
 
 

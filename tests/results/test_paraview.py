@@ -18,7 +18,7 @@ from femseal.report import write_folder
 from femseal.results import assemble
 from femseal.results.vtk_files import Cells, LoadSteps, write_series
 
-MACRO = Path(__file__).parents[1] / "examples" / "paraview_two_scale.py"
+MACRO = Path(__file__).parents[2] / "examples" / "paraview_two_scale.py"
 M1, M2 = 3, 4
 in_paraview = pytest.mark.skipif(
     shutil.which("pvpython") is None or shutil.which("xvfb-run") is None, reason="ParaView is not installed"

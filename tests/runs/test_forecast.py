@@ -31,7 +31,7 @@ from femseal.studies.costs import (
 )
 from femseal.studies.fluid_coupling import FluidPressure
 
-ROOT = Path(__file__).parents[1]
+ROOT = Path(__file__).parents[2]
 
 
 @pytest.fixture

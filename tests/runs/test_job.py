@@ -12,8 +12,7 @@ import numpy as np
 import pytest
 import xarray
 from numpy.testing import assert_allclose, assert_array_equal
-from small_cases import TABLES
-from test_checkpoint import HANG
+from small_cases import HANG, TABLES
 
 import femseal as fs
 from femseal.base.stage import Stage
@@ -106,7 +105,7 @@ quantiles = [0.2, 0.8]
     assert_array_equal(data["leakage_two_scale"], data["leakage_deterministic"])
 
 
-@pytest.mark.slow  # test_parallel.py has it with a worker in this process
+@pytest.mark.slow  # execution/test_mappers.py has it with a worker in this process
 def test_a_cluster_gives_the_same_bits(case, monkeypatch):
     distributed = pytest.importorskip("distributed")
     monkeypatch.setattr(cluster_map, "ANSWER_SECONDS", HANG)

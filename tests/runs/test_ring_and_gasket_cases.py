@@ -20,7 +20,7 @@ from femseal.runs.forecast import describe
 
 pytestmark = pytest.mark.usefixtures("drawn_pictures")
 
-EXAMPLES = Path(__file__).parents[1] / "examples"
+EXAMPLES = Path(__file__).parents[2] / "examples"
 #: Fewer loads and tiles; the ring is narrower, and the gasket has larger pieces.
 REDUCED = {
     "annular_seal": {

@@ -18,7 +18,7 @@ from femseal.seal.mesh_seal import PressureBoundaries
 from femseal.seal.tiles import SealTiles
 from femseal.studies.stochastic import _rate_of_power
 
-ROOT = Path(__file__).parents[1]
+ROOT = Path(__file__).parents[2]
 GASKET = ROOT / "meshes" / "bolted_ring.msh"
 WATER = fs.Liquid(1e-3)
 GAS = fs.IdealGas(2e-5, 0.028, 293.15, slip=False)

@@ -20,7 +20,7 @@ from femseal.fluids import IdealGas, Liquid
 from femseal.seal import AnnularSeal, Leakage, MeshSeal, RectangularSeal, seal_leakage
 from femseal.seal.shapes import conservative_rate
 
-MESHES = Path(__file__).parents[1] / "meshes"
+MESHES = Path(__file__).parents[2] / "meshes"
 RING = MESHES / "ring.msh"
 WATER = Liquid(1e-3)
 AIR = IdealGas(18e-6, 0.029, 293.0)

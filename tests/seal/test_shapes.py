@@ -17,7 +17,7 @@ from femseal.seal.layouts import AnnularLayout, MeshLayout, RectangularLayout
 from femseal.seal.mesh_seal import parts_without_flow
 from femseal.seal.tiles import PieceSize
 
-MESHES = Path(__file__).parents[1] / "meshes"
+MESHES = Path(__file__).parents[2] / "meshes"
 PIECE = PieceSize((1e-4, 1e-4), 10)
 
 

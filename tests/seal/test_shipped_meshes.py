@@ -10,7 +10,7 @@ from skfem import MeshQuad1, MeshTri1, MeshTri2
 
 from femseal.seal import MeshSeal
 
-MESHES = Path(__file__).parents[1] / "meshes"
+MESHES = Path(__file__).parents[2] / "meshes"
 #: Inlet, outlet, kind, and flow for a unit permeability and drop, where a closed form is near, with its tolerance.
 KNOWN = {
     "bolted_ring": ("bore", ("rim", "bolts"), MeshTri2, None, 0),

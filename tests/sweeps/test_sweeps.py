@@ -9,36 +9,16 @@ import matplotlib.image
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose, assert_array_equal
-from small_cases import TABLES
+from small_cases import SWEPT as CASE
 
 import femseal as fs
 from femseal.base.stage import Stage
 from femseal.case.case import read_case
-from femseal.contact import solver
 from femseal.execution.shared_stages import SharedStages, Unnamed, digest
 from femseal.face.piece_flow import SolveCounts, SolverCounts
 from femseal.results.run_comparison import named
 from femseal.sweeps.variations import parsed_keys, short_names, variations
 
-LOADED = TABLES.replace('["100 MPa", ', '["50 MPa", ')
-CASE = f"""
-method = "stochastic"
-seed = 2
-[face]
-kind = "self-affine"
-points = [32, 64]
-size = ["30 um", "60 um"]
-rms_slope = 0.2
-roll_off = "20 um"
-{LOADED}[cells]
-count = [2, 4]
-[stochastic]
-length = "120 um"
-realisations = 4
-[output]
-paraview = "none"
-budget = false
-"""
 KEYS = {"material.hardness": ["3 GPa", "6 GPa"], "fluid.viscosity": ["1 mPa*s", "2 mPa*s"]}
 
 
@@ -47,19 +27,6 @@ def case(tmp_path):
     path = tmp_path / "small.toml"
     path.write_text(CASE)
     return path
-
-
-@pytest.fixture
-def contacts(monkeypatch):
-    """Nominal pressures of the contacts that are solved."""
-    solved, check = [], solver._checked_load
-
-    def counted(gap, half_space, law, pressure, approach):
-        solved.append(pressure)
-        return check(gap, half_space, law, pressure, approach)
-
-    monkeypatch.setattr(solver, "_checked_load", counted)
-    return solved
 
 
 @pytest.fixture(scope="module")

@@ -28,7 +28,7 @@ from femseal.topography.combine import _largest_rectangle
 from femseal.topography.defects import _window_medians, find_spikes
 from femseal.topography.texture import autocorrelation, spectrum, texture
 
-EXAMPLE = Path(__file__).parents[1] / "examples" / "measured_face.x3p"
+EXAMPLE = Path(__file__).parents[2] / "examples" / "measured_face.x3p"
 #: Points, Sq and height range without tilt [m], undefined share, most points that may be called spikes.
 MEASURED = {
     "plu-1.plu": ((768, 576), 18.3e-9, 0.57e-6, 0.0, 0),
