@@ -186,6 +186,21 @@ def undrawn(_how_pictures_are_made):
 
 
 @pytest.fixture
+def contacts(monkeypatch):
+    """Nominal pressures of the contacts that are solved."""
+    from femseal.contact import solver
+
+    solved, check = [], solver._checked_load
+
+    def counted(gap, half_space, law, pressure, approach):
+        solved.append(pressure)
+        return check(gap, half_space, law, pressure, approach)
+
+    monkeypatch.setattr(solver, "_checked_load", counted)
+    return solved
+
+
+@pytest.fixture
 def femseal(monkeypatch, capsys):
     """Call the command line in this process: exit code, output, errors."""
     from femseal import cli

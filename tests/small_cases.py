@@ -1,4 +1,4 @@
-"""Parts of small cases for tests: their tables as text, a case of a drawn seal, and a scene of a liquid."""
+"""Small cases for tests of several rooms: tables as text, whole cases, a leak test, and a scene of a liquid."""
 
 from femseal.fluids import Liquid
 from femseal.studies.scene import Scene
@@ -34,6 +34,79 @@ STRIP = {
     "fluid": {"kind": "liquid", "viscosity": "1 mPa*s", "inlet_pressure": "1 MPa"},
     "cells": {"count": [2, 4]},
 }
+#: All three studies, small enough to be run again and again.
+CASE = f"""
+method = "stochastic"
+compare = ["deterministic", "two-scale"]
+seed = 2
+[face]
+kind = "self-affine"
+points = [32, 32]
+size = ["30 um", "30 um"]
+rms_slope = 0.2
+roll_off = "20 um"
+{TABLES}[contact]
+boundary = ["periodic", "periodic"]
+[cells]
+count = [2, 2]
+[stochastic]
+length = "200 um"
+realisations = 24
+"""
+#: A process that has not answered by then never will [s]: no measure of how quick it is.
+HANG = 600
+#: A face whose points harden, and its resolved flow.
+HARDENED = {
+    "method": "deterministic",
+    "face": {"kind": "self-affine", "points": [32, 32], "size": ["32 um", "32 um"], "hurst": 0.8, "rms_slope": 0.2},
+    "material": {"young": "210 GPa", "hardness": "2 GPa", "hardening": "2 GPa/um"},
+    "load": {"loading": ["100 MPa", "500 MPa"]},
+    "fluid": {"kind": "liquid", "viscosity": "1 mPa*s", "inlet_pressure": "1 MPa", "outlet_pressure": "0 Pa"},
+}
+#: A case whose keys are swept.
+SWEPT = f"""
+method = "stochastic"
+seed = 2
+[face]
+kind = "self-affine"
+points = [32, 64]
+size = ["30 um", "60 um"]
+rms_slope = 0.2
+roll_off = "20 um"
+{TABLES.replace('["100 MPa", ', '["50 MPa", ')}[cells]
+count = [2, 4]
+[stochastic]
+length = "120 um"
+realisations = 4
+[output]
+paraview = "none"
+budget = false
+"""
+#: A case that a leak test calibrates, and rows of such a test.
+CALIBRATED = """
+method = "deterministic"
+[face]
+kind = "self-affine"
+points = [64, 64]
+size = ["64 um", "64 um"]
+rms_slope = 0.2
+roll_off = "30 um"
+[material]
+young = "210 GPa"
+yield_stress = "1 GPa"
+[load]
+loading = ["50 MPa", "200 MPa", "400 MPa", "600 MPa"]
+unload_from = ["400 MPa"]
+unloading = ["200 MPa", "50 MPa"]
+[fluid]
+kind = "liquid"
+viscosity = "1 mPa*s"
+inlet_pressure = "10 MPa"
+[output]
+budget = false
+"""
+HEAD = "pressure [MPa], branch, leakage [m²/s]\n"
+ROWS = "50, loading, 3e-5\n400,loading,2e-6\n50,unloading,4e-6\n600,loading,sealed\n"
 
 
 def steel_scene(surface, **changed):

@@ -5,7 +5,7 @@ import sys
 
 import pytest
 from numpy.testing import assert_allclose
-from test_checkpoint import CASE
+from small_cases import CASE
 
 import femseal as fs
 from femseal.fluids import FLUIDS

@@ -12,7 +12,7 @@ import pytest
 from each import each
 from numpy.testing import assert_allclose
 from scipy.integrate import quad
-from test_checkpoint import CASE
+from small_cases import CASE
 
 import femseal as fs
 from femseal.fluids import FLUIDS, leak_basis, potential_of

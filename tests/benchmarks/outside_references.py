@@ -3,7 +3,7 @@
     python tests/benchmarks/outside_references.py --write
 
 Each module of `references` is one problem: what is measured, its line of the table and its picture;
-`tests/test_outside_references.py` asserts the numbers on smaller grids. Nothing is downloaded; a peer that is not
+`test_outside_references.py` beside it asserts the numbers on smaller grids. Nothing is downloaded; a peer that is not
 installed is named as absent. `--write` puts table and pictures beside this file, where the documentation takes them from.
 """
 

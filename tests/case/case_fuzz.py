@@ -1,0 +1,429 @@
+"""Case files at random for tests: examples and tables drawn from the schema, with values and text spoiled."""
+
+import datetime
+import json
+import re
+import shutil
+import tomllib
+from copy import deepcopy
+from pathlib import Path
+
+import numpy as np
+import pyvista as pv
+
+from femseal.case.schema import case_schema
+
+ROOT = Path(__file__).parents[2]
+#: Values that a key may be given and hardly ever takes.
+JUNK = (
+    float("nan"),
+    float("inf"),
+    float("-inf"),
+    0,
+    -0.0,
+    0.0,
+    -1,
+    1,
+    2,
+    3,
+    7,
+    0.5,
+    1e308,
+    5e-324,
+    10**18,
+    2**63,
+    -(10**30),
+    True,
+    False,
+    "",
+    " ",
+    "\x00",
+    "\x1b[31m",
+    "é",
+    "日本",
+    "🜁" * 30,
+    "a" * 5000,
+    "1,5 mm",
+    "1 mm",
+    "5 Pa",
+    "5 MPa",
+    "-3 MPa",
+    "nan MPa",
+    "inf m",
+    "1e400 m",
+    "0 m",
+    "0 Pa",
+    "1e30 m",
+    "1e-30 m",
+    "1e29 Pa",
+    "1e-29 Pa",
+    "210 GPa GPa",
+    "1",
+    "m",
+    "10 kN",
+    "200 N/mm",
+    "20 °C",
+    "-300 °C",
+    "0 K",
+    "1 GB",
+    "90 deg",
+    "50 %",
+    "1 mm\n",
+    "..",
+    ".",
+    "/",
+    "/dev/zero",
+    "/dev/null",
+    "none",
+    "None",
+    "null",
+    "x1",
+    "helium",
+    "periodic",
+    "free",
+    [],
+    {},
+    [[]],
+    [{}],
+    ["1 mm"],
+    ["1 MPa", "2 MPa"],
+    [1, 2],
+    [1, 2, 3],
+    [0, 0],
+    [-1, 5],
+    [1e9, 2],
+    [10**9, 10**9],
+    [10**6, 1],
+    [1, 1],
+    [2, 3],
+    [97, 101],
+    [True, False],
+    ["a", 1, 2.0, []],
+    {"kind": "liquid"},
+    {"kind": 3},
+    {"": 1},
+    {"a": {"b": {"c": {}}}},
+    datetime.date(2020, 1, 1),
+    datetime.time(1, 2),
+    datetime.datetime(2020, 1, 1, tzinfo=datetime.UTC),
+)
+_WORDS = (
+    "nonsense",
+    "",
+    "kind",
+    "title",
+    "face",
+    "é",
+    "a.b",
+    "young ",
+    "Young",
+    "points\n",
+    "folder",
+    "__class__",
+    "x" * 300,
+)
+_TEXTS = (
+    '"',
+    "'",
+    "[",
+    "]",
+    "{",
+    "}",
+    "=",
+    "#",
+    "\n",
+    "\\",
+    ",",
+    ".",
+    "\x00",
+    "\x7f",
+    "\ud7ff",
+    "\ufeff",
+    "é",
+    "🜁",
+    "'''",
+    '"""',
+    "nan",
+    "inf",
+    "1e999",
+    "-",
+    "+",
+    "_",
+    "0x",
+    "true",
+    "[[",
+    "]]",
+    "[face]\n",
+    "[load]\n",
+    "kind = 3\n",
+    "\r",
+    "\t",
+)
+
+
+def spare_files(folder):
+    """Put files that cases may name into a folder, small ones, some of them broken; return their names."""
+    rng = np.random.default_rng(1)
+    heights = 1e-7 * rng.standard_normal((24, 40))
+    np.save(folder / "face.npy", heights)
+    np.save(folder / "holes.npy", np.where(rng.random((24, 40)) < 0.01, np.nan, heights))
+    np.save(folder / "words.npy", np.array(["a", "b"]))
+    np.save(folder / "deep.npy", np.zeros((2, 3, 4)))
+    np.savez(folder / "faces.npz", heights=heights, spacing=np.array([1e-6, 1e-6]))
+    np.savetxt(folder / "face.txt", 1e6 * heights)
+    (folder / "broken.x3p").write_bytes(b"PK\x03\x04" + bytes(100))
+    (folder / "empty.txt").write_bytes(b"")
+    (folder / "noise.csv").write_bytes(bytes(rng.integers(0, 256, 500, dtype=np.uint8)))
+    (folder / "pressure.csv").write_text("x,y,pressure\n0,0,1\n1,0,2\n0,1,3\n1,1,4\n", encoding="utf-8")
+    (folder / "here").mkdir()
+    for mesh in ("ring.msh", "frame.msh"):
+        shutil.copy(ROOT / "meshes" / mesh, folder / mesh)
+    points = np.array([(x, y, 0.0) for x in (-0.03, 0.03) for y in (-0.03, 0.03)])
+    field = pv.PolyData(points, faces=[4, 0, 1, 3, 2])
+    field["pressure"], field["lay"] = np.arange(4.0), points
+    field.cast_to_unstructured_grid().save(folder / "field.vtu")
+    return sorted(path.name for path in folder.iterdir())
+
+
+def examples():
+    """Cases to begin with: those of the examples and others, on small faces."""
+    found = [tomllib.loads(path.read_text(encoding="utf-8")) for path in sorted((ROOT / "examples").glob("*.toml"))]
+    template = (ROOT / "femseal" / "case" / "template.toml").read_text(encoding="utf-8")
+    found.append(tomllib.loads(template))
+    for case in found:
+        face = case["face"] = dict(case["face"])
+        if face["kind"] == "file":
+            face |= {"path": "face.npy", "spacing": ["1 um", "1 um"]}
+            case["surface"] = {"detrend": 1}
+            case["cells"] = {"count": [1, 2]}
+        else:
+            face |= {"points": [64, 128]}
+            case["cells"] = {"count": [2, 4]}
+        if case.get("seal", {}).get("kind") == "mesh":
+            case["seal"] |= {"path": "ring.msh", "inlet": "inlet", "outlet": "outlet"}
+    turned = found[-1]
+    alone = {key: turned[key] for key in ("face", "material", "load", "fluid")} | {"method": "deterministic"}
+    gas = {"name": "helium", "inlet_pressure": "10 bar", "outlet_pressure": "1 bar"}
+    two = [turned["face"], {"kind": "self-affine", "points": [64, 128], "size": ["240 um", "480 um"], "rms_slope": 0.1}]
+    bolted = {"kind": "angle", "fractions": [1.3, 0.7], "repeat": 8}
+    drawn = turned["stochastic"] | {"pressure": "uniform"}
+    classes = {"classes": ["TA Luft"], "leakage_unit": "mg/(m*s)", "test_fluid": gas}
+    return [
+        *found,
+        alone,
+        alone | {"fluid": gas, "method": "auto", "output": classes},
+        turned | {"face": two},
+        {key: turned[key] for key in ("face", "material", "load", "fluid")}
+        | {"accuracy": "20 %", "time_limit": "1 min"},
+        turned | {"load": turned["load"] | {"map": bolted}, "stochastic": drawn},
+        turned | {"compare": ["deterministic"], "surface": {"shortest_wave": "30 um"}},
+    ]
+
+
+class CaseFuzz:
+    """Texts of case files by number: the same number gives the same text."""
+
+    def __init__(self, files):
+        """files : names of the files beside the case."""
+        self._files = files
+        self._schema = case_schema()
+        self._examples = examples()
+
+    def text(self, number):
+        """Text of a case file, as bytes; those of the first numbers are not spoiled."""
+        if number < len(self._examples):
+            return toml(self._examples[number]).encode()
+        rng = np.random.default_rng([31, number])
+        case = self._pick(rng, self._examples)
+        for _ in range(self._pick(rng, (1, 1, 1, 2, 2, 3, 4))):
+            self._spoil(rng, case)
+        text = toml(case)
+        if rng.random() < 0.2:
+            text = self._spoiled_text(rng, text)
+        content = text.encode("utf-8", "surrogatepass")
+        if rng.random() < 0.02:
+            place = int(rng.integers(len(content) + 1))
+            content = content[:place] + bytes(rng.integers(0, 256, 3, dtype=np.uint8)) + content[place:]
+        return content
+
+    @staticmethod
+    def _pick(rng, values):
+        return deepcopy(values[rng.integers(len(values))])
+
+    def _spoil(self, rng, case):
+        tables = list(_tables(case, self._schema, self._schema))
+        table, schema = tables[rng.integers(len(tables))]
+        known = list(schema.get("properties", {}))
+        keys = list(table)
+        way = rng.integers(14)
+        if way == 0 and keys:
+            table[self._pick(rng, keys)] = self._pick(rng, JUNK)
+        elif way in (1, 2) and known:
+            key = self._pick(rng, known)
+            table[key] = self._drawn(rng, schema["properties"][key])
+        elif way == 3 and keys:
+            table.pop(self._pick(rng, keys))
+        elif way == 4 and keys:
+            key = self._pick(rng, keys)
+            table[self._pick(rng, _WORDS)] = table.pop(key) if rng.random() < 0.5 else table[key]
+        elif way == 5 and keys:
+            other, _ = tables[rng.integers(len(tables))]
+            table[self._pick(rng, keys)] = deepcopy(other)
+        elif way > 6 and keys:
+            key = self._pick(rng, keys)
+            table[key] = self._bent(rng, table[key])
+        elif known:
+            table[self._pick(rng, known)] = self._pick(rng, JUNK)
+
+    def _bent(self, rng, value):
+        """The value a little changed: another number, unit, length, or type."""
+        if isinstance(value, bool):
+            return not value
+        if isinstance(value, (int, float)):
+            return type(value)(self._pick(rng, (-1, 0, 0.5, 2, 10, 1000)) * self._pick(rng, (1, value)))
+        if isinstance(value, str):
+            factor = 10 ** (rng.uniform(-9, 9) if rng.random() < 0.3 else rng.uniform(-0.5, 0.5))
+            number = re.sub(r"^-?\d+(\.\d+)?", lambda found: f"{float(found[0]) * factor:.6g}", value)
+            unit = re.sub(
+                r"[A-Za-z°%]+.*$", str(self._pick(rng, ("m", "Pa", "um", "GPa", "", "K", "kg", "N/mm", "°"))), value
+            )
+            return self._pick(
+                rng,
+                (
+                    number,
+                    number,
+                    number,
+                    number,
+                    number,
+                    number,
+                    unit,
+                    value + "x",
+                    value[:-1],
+                    value * 2,
+                    [value],
+                    value.upper(),
+                ),
+            )
+        if isinstance(value, list) and value:
+            inner = [self._bent(rng, each) if rng.random() < 0.5 else each for each in value]
+            return self._pick(
+                rng,
+                (
+                    value[:-1],
+                    value + value,
+                    value[::-1],
+                    inner,
+                    inner,
+                    value[0],
+                    [*value, []],
+                    value * self._pick(rng, (2, 3, 5, 20, 50, 3000)),
+                ),
+            )
+        return self._pick(rng, JUNK)
+
+    def _drawn(self, rng, schema, deep=0):
+        """A value that the schema allows, nearly always."""
+        schema = _resolved(schema, self._schema)
+        if rng.random() < 0.03 or deep > 6:
+            return self._pick(rng, JUNK)
+        if options := schema.get("anyOf") or schema.get("oneOf"):
+            return self._drawn(rng, self._pick(rng, options), deep + 1)
+        if "const" in schema:
+            return schema["const"]
+        if "enum" in schema:
+            return self._pick(rng, schema["enum"])
+        kind = schema.get("type")
+        kind = self._pick(rng, kind) if isinstance(kind, list) else kind
+        if kind == "object":
+            needed, keys = schema.get("required", []), schema.get("properties", {})
+            chosen = [key for key in keys if key in needed or rng.random() < 0.3]
+            return {key: self._drawn(rng, keys[key], deep + 1) for key in chosen}
+        if kind == "array":
+            count = int(rng.integers(schema.get("minItems", 0), min(schema.get("maxItems", 4), 4) + 1))
+            return [self._drawn(rng, schema.get("items", {"type": "string"}), deep + 1) for _ in range(count)]
+        if kind == "boolean":
+            return bool(rng.random() < 0.5)
+        if kind == "integer":
+            return int(self._pick(rng, (1, 2, 3, 8, 13, 64, 100, 300)))
+        if kind == "number":
+            return float(self._pick(rng, (0.0, 1e-6, 0.01, 0.1, 0.3, 0.5, 1.0, 2.5, 100.0)))
+        if schema.get("format") == "path":
+            return self._pick(rng, [*self._files, "nowhere.npy", "", "/dev/zero", ".."])
+        if kind == "string" and (found := re.findall(r"'([^']+)'", schema.get("description", ""))):
+            return self._bent(rng, self._pick(rng, found)) if rng.random() < 0.5 else self._pick(rng, found)
+        return self._pick(
+            rng, ("heights", "pressure", "um", "mm", ",", "ring", "inner", "outer", "helium", "argon", "x")
+        )
+
+    def _spoiled_text(self, rng, text):
+        lines = text.split("\n")
+        for _ in range(rng.integers(1, 4)):
+            at, other = (int(n) for n in rng.integers(len(lines), size=2))
+            way = rng.integers(6)
+            if way == 0:
+                lines.insert(at, lines[other])
+            elif way == 1:
+                lines = lines[:at] + lines[at + 1 :] or [""]
+            elif way == 2:
+                lines[at], lines[other] = lines[other], lines[at]
+            elif way == 3:
+                place = int(rng.integers(len(lines[at]) + 1))
+                lines[at] = lines[at][:place] + self._pick(rng, _TEXTS) + lines[at][place:]
+            elif way == 4:
+                place = int(rng.integers(len(lines[at]) + 1))
+                lines[at] = lines[at][:place] + lines[at][place + 1 :]
+            else:
+                lines = lines[:at] or [""]
+        return self._pick(rng, ("\n", "\n", "\n", "\r\n")).join(lines)
+
+
+def _resolved(schema, root):
+    while "$ref" in schema:
+        schema = root["definitions"][schema["$ref"].split("/")[-1]]
+    return schema
+
+
+def _tables(value, schema, root):
+    """Every table in a value, with the part of the schema that describes it."""
+    schema = _resolved(schema, root)
+    options = schema.get("anyOf") or schema.get("oneOf") or [schema]
+    options = [_resolved(option, root) for option in options]
+    if isinstance(value, dict):
+        kind = value.get("kind")
+        mine = [o for o in options if o.get("type") == "object"]
+        mine = [o for o in mine if o.get("properties", {}).get("kind", {}).get("const") == kind] or mine or [{}]
+        yield value, mine[0]
+        for key, inner in list(value.items()):
+            yield from _tables(inner, mine[0].get("properties", {}).get(key, {}), root)
+    elif isinstance(value, list):
+        inner = next((o["items"] for o in options if "items" in o), {})
+        for each in value[:50]:
+            yield from _tables(each, inner, root)
+
+
+def toml(case):
+    """A case as text of TOML: values first, then tables."""
+    plain = {key: value for key, value in case.items() if not isinstance(value, dict)}
+    lines = [f"{_key(key)} = {_value(value)}" for key, value in plain.items()]
+    for key, table in case.items():
+        if isinstance(table, dict):
+            lines += ["", f"[{_key(key)}]", *(f"{_key(name)} = {_value(value)}" for name, value in table.items())]
+    return "\n".join(lines) + "\n"
+
+
+def _key(key):
+    return key if re.fullmatch(r"[A-Za-z0-9_-]+", key) else json.dumps(key)
+
+
+def _value(value):
+    if isinstance(value, bool):
+        return str(value).lower()
+    if isinstance(value, (int, float)):
+        return repr(value)
+    if isinstance(value, str):
+        return json.dumps(value, ensure_ascii=False).replace("\x7f", "\\u007F")
+    if isinstance(value, list):
+        return f"[{', '.join(map(_value, value))}]"
+    if isinstance(value, dict):
+        return f"{{{', '.join(f'{_key(key)} = {_value(each)}' for key, each in value.items())}}}"
+    return value.isoformat()

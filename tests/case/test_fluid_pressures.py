@@ -1,0 +1,221 @@
+"""Gauge and absolute pressures of fluids, and kinematic viscosities, in a case file."""
+
+import json
+import re
+
+import pytest
+from each import each
+from numpy.testing import assert_allclose
+from small_cases import CASE
+
+import femseal as fs
+from femseal.base.quantities import absolute_pressure, to_si
+from femseal.case.case import parse_case
+from femseal.case.schema import case_schema
+from femseal.preparation import prepare
+
+ATMOSPHERE, PSI = 101_325.0, 6894.757293168361
+LIQUID = 'kind = "liquid"\nviscosity = "1 mPa*s"\n'
+
+
+def case_of(folder, table, more=""):
+    path = folder / "case.toml"
+    path.write_text(re.sub(r'kind = "liquid"\nvis.*\n.*\n', table, CASE) + more)
+    return path
+
+
+@each(
+    ("text", "value"),
+    [
+        ("10 bar(g)", 1e6 + ATMOSPHERE),
+        ("10 bar (g)", 1e6 + ATMOSPHERE),
+        ("10barg", 1e6 + ATMOSPHERE),
+        ("10 bar g", 1e6 + ATMOSPHERE),
+        ("10 barG", 1e6 + ATMOSPHERE),
+        ("10 bar(ü)", 1e6 + ATMOSPHERE),
+        ("150 psi(g)", 150 * PSI + ATMOSPHERE),
+        ("150 psig", 150 * PSI + ATMOSPHERE),
+        ("3 kPag", 3e3 + ATMOSPHERE),
+        ("-0.5 bar(g)", ATMOSPHERE - 5e4),
+        ("0 bar(g)", ATMOSPHERE),
+        ("2 atm(g)", 3 * ATMOSPHERE),
+        ("10 bar(a)", 1e6),
+        ("10 bara", 1e6),
+        ("150 psia", 150 * PSI),
+        ("0 bar(a)", 0.0),
+    ],
+)
+def test_what_a_pressure_is_counted_from(text, value):
+    assert_allclose(absolute_pressure(text, ATMOSPHERE), value, rtol=1e-12)
+    with pytest.raises(fs.InputError, match=r"^load: given .*, expected a pressure without \(g\) or \(a\)"):
+        to_si(text, "Pa", "load")
+
+
+@each("text", ["10 bar", "10 Pa", "1 psi", "3 mmHg", "10 g", "10 bar*g", "10 kg", 10.0, None, "", "(g)" * 100])
+def test_what_says_neither(text):
+    assert absolute_pressure(text, ATMOSPHERE) is None
+
+
+@each(
+    ("text", "said"),
+    [
+        ("-2 bar(g)", r"given '-2 bar\(g\)', expected a pressure not below a vacuum, -101.3 kPa there"),
+        ("-1 bar(a)", "expected a pressure not below a vacuum, 0 Pa there"),
+        ("1,5 bar(g)", r"given '1,5 bar\(g\)', expected a number with a decimal point"),
+        ("10 bar(g)(a)", "without"),
+        ("10 mm(g)", "of the kind 'Pa'"),
+        ("barg", "of the kind 'Pa'"),
+        ("10 (g)", "of the kind 'Pa'"),
+    ],
+)
+def test_refused(text, said):
+    with pytest.raises(fs.InputError, match=said):
+        absolute_pressure(text, ATMOSPHERE, "fluid.inlet_pressure")
+
+
+def ends(case):
+    return case.fluid.inlet_pressure, case.fluid.outlet_pressure
+
+
+@each(
+    ("keys", "wanted"),
+    [
+        ('inlet_pressure = "10 bar(g)"', (1e6 + ATMOSPHERE, ATMOSPHERE)),
+        ('inlet_pressure = "10 bar(g)"\nambient_pressure = "0.9 bar"', (1.09e6, 9e4)),
+        ('inlet_pressure = "10 bar(a)"\nambient_pressure = "0.9 bar"', (1e6, 9e4)),
+        ('inlet_pressure = "10 bar(a)"', (1e6, ATMOSPHERE)),
+        ('inlet_pressure = "10 bar(g)"\noutlet_pressure = "0 bar(a)"', (1e6 + ATMOSPHERE, 0.0)),
+        ('inlet_pressure = "0 bar(g)"\noutlet_pressure = "-0.5 bar(g)"', (ATMOSPHERE, ATMOSPHERE - 5e4)),
+        ('inlet_pressure = "10 bar"', (1e6, 0.0)),
+    ],
+)
+def test_in_the_table_of_a_fluid(tmp_path_factory, keys, wanted):
+    case = fs.load_case(case_of(tmp_path_factory.mktemp("case"), LIQUID + keys + "\n"))
+    assert_allclose(ends(case), wanted, rtol=1e-12)
+    # the echo has them in SI, and is a case again with units
+    fluid = json.loads(json.dumps(case.echo()["fluid"]))
+    assert_allclose((fluid["inlet_pressure"], fluid["outlet_pressure"]), wanted, rtol=1e-12)
+
+
+def test_of_a_gas_at_another_ambient_pressure_and_of_a_test_fluid(tmp_path):
+    gas = 'name = "helium"\ninlet_pressure = "3 bar(g)"\nambient_pressure = "0.8 bar"\n'
+    test = '[output.test_fluid]\nname = "helium"\ninlet_pressure = "1 bar(g)"\n'
+    case = fs.load_case(case_of(tmp_path, gas, test))
+    assert_allclose(ends(case), (3.8e5, 0.8e5))
+    own = case.output.test_fluid
+    assert_allclose((own.inlet_pressure, own.outlet_pressure), (1.8e5, 0.8e5))
+    case = fs.load_case(case_of(tmp_path, gas, test + 'ambient_pressure = "1 bar"\n'))
+    assert_allclose((case.output.test_fluid.inlet_pressure, case.output.test_fluid.outlet_pressure), (2e5, 1e5))
+
+
+def test_the_fluid_presses_on_the_faces_with_what_is_above_the_surroundings(tmp_path):
+    """What an unmarked liquid carries counts from the surroundings, as a gauge pressure does."""
+    carried = []
+    for keys in ('inlet_pressure = "10 MPa"', 'inlet_pressure = "100 bar(g)"\nambient_pressure = "0.8 bar"'):
+        scene = prepare(fs.load_case(case_of(tmp_path, f"{LIQUID}{keys}\n"))).scene
+        carried.append(scene.acting_fluid.carried)
+    assert scene.surroundings == 8e4
+    assert_allclose(carried, 5e6, rtol=1e-12)
+
+
+def test_of_inlets_of_a_mesh():
+    data = {
+        "seal": {"kind": "mesh", "path": "seal.msh", "unit": "mm", "outlet": "rim"},
+        "fluid": {"kind": "liquid", "viscosity": "1 mPa*s", "ambient_pressure": "1 bar"},
+    }
+    from femseal.case.fluid import with_absolute_pressures
+    from femseal.case.seal import with_inlet_pressure
+
+    data["seal"]["inlet"] = {"bore": "10 bar(g)", "port": "4 bar"}
+    found = with_inlet_pressure(with_absolute_pressures(data))
+    assert to_si(found["seal"]["inlet"]["bore"], "Pa") == to_si(found["fluid"]["inlet_pressure"], "Pa") == 1.1e6
+    assert found["seal"]["inlet"]["port"] == "4 bar"
+    assert to_si(found["fluid"]["outlet_pressure"], "Pa") == 1e5
+    del data["fluid"]["ambient_pressure"]
+    assert to_si(with_absolute_pressures(data)["fluid"]["outlet_pressure"], "Pa") == ATMOSPHERE
+    data["seal"]["inlet"]["port"] = "-4 bar(g)"
+    with pytest.raises(fs.InputError, match=r"seal.inlet.port: given '-4 bar\(g\)', expected a pressure not below"):
+        parse_case(data)
+
+
+@each(
+    ("table", "said"),
+    [
+        (LIQUID + 'inlet_pressure = "-2 bar(g)"\n', r"fluid.inlet_pressure: given '-2 bar\(g\)'"),
+        (LIQUID + 'inlet_pressure = "1 bar(a)"\n', "fluid.inlet_pressure: given .*, expected a pressure above that of"),
+        (LIQUID + 'inlet_pressure = "1 bar(g)"\nambient_pressure = "1 bar(g)"\n', r"fluid.ambient_pressure: .*without"),
+        (LIQUID + 'inlet_pressure = "1 bar(g)"\nambient_pressure = 1\n', r"fluid.ambient_pressure: given 1"),
+    ],
+)
+def test_faults_name_their_key(tmp_path_factory, table, said):
+    with pytest.raises(fs.InputError, match=said):
+        fs.load_case(case_of(tmp_path_factory.mktemp("case"), table))
+
+
+def test_a_load_is_not_gauge(tmp_path):
+    path = case_of(tmp_path, LIQUID + 'inlet_pressure = "1 MPa"\n')
+    path.write_text(re.sub(r"loading = \[.*\]", 'loading = ["100 bar(g)"]', path.read_text(), count=1))
+    with pytest.raises(
+        fs.InputError, match=r"load.loading.*given '100 bar\(g\)', expected a pressure without \(g\) or"
+    ):
+        fs.load_case(path)
+
+
+def test_a_sweep_takes_them(tmp_path, femseal):
+    path = case_of(tmp_path, LIQUID + 'inlet_pressure = "1 MPa"\n')
+    from femseal.case.case import read_case
+    from femseal.sweeps.variations import variations
+
+    found = variations(*read_case(path), {"fluid.inlet_pressure": ["10 bar(g)", "20 barg"]})
+    assert [one.case.fluid.inlet_pressure for one in found] == [1e6 + ATMOSPHERE, 2e6 + ATMOSPHERE]
+
+
+def test_the_schema_knows_the_ambient_pressure():
+    for name in ("LiquidTable", "IdealGasTable", "RealGasTable", "NamedFluidTable"):
+        assert case_schema()["definitions"][name]["properties"]["ambient_pressure"]["type"] == "string"
+    pattern = case_schema()["definitions"]["LiquidTable"]["properties"]["inlet_pressure"]["pattern"]
+    assert re.match(pattern, "10 bar(g)")
+    assert re.match(pattern, "10 barg")
+
+
+@each(
+    ("keys", "viscosity"),
+    [
+        ('kind = "liquid"\nviscosity = "46 cSt"\ndensity = "870 kg/m^3"', 46e-6 * 870),
+        ('kind = "liquid"\nviscosity = "46 mm^2/s"\ndensity = "0.87 g/cm^3"', 46e-6 * 870),
+        (
+            'kind = "roelands-liquid"\nviscosity = "46 cSt"\ndensity = "870 kg/m^3"\npressure_viscosity = "20 1/GPa"',
+            0.04002,
+        ),
+        ('name = "mineral oil ISO VG 46"\nviscosity = "46 cSt"', 46e-6 * 870),
+        ('name = "water"\nviscosity = "46 cSt"\ndensity = "900 kg/m^3"', 46e-6 * 900),
+    ],
+)
+def test_a_kinematic_viscosity_with_a_density(tmp_path_factory, keys, viscosity):
+    folder = tmp_path_factory.mktemp("case")
+    case = fs.load_case(case_of(folder, keys + '\ninlet_pressure = "1 MPa"\n'))
+    assert_allclose(case.fluid.fluid.viscosity, viscosity, rtol=1e-12)
+
+
+@each(
+    ("keys", "said"),
+    [
+        (
+            'kind = "liquid"\nviscosity = "46 cSt"',
+            "fluid.viscosity: given '46 cSt', expected a density beside a kinematic",
+        ),
+        ('kind = "liquid"\nviscosity = "46 cSt"\ndensity = "870 kg"', "fluid.density: given '870 kg'"),
+        ('kind = "liquid"\nviscosity = "-46 cSt"\ndensity = "870 kg/m^3"', "fluid.viscosity: given '-46 cSt'"),
+        (
+            'kind = "ideal-gas"\nviscosity = "15 cSt"\nmolar_mass = "29 g/mol"\ntemperature = "20 °C"',
+            "dynamic .* of a gas",
+        ),
+        (
+            'name = "helium"\nviscosity = "15 cSt"',
+            "fluid.viscosity: given '15 cSt', expected a dynamic viscosity of a gas",
+        ),
+    ],
+)
+def test_a_kinematic_viscosity_that_cannot_be_used(tmp_path_factory, keys, said):
+    with pytest.raises(fs.InputError, match=said):
+        fs.load_case(case_of(tmp_path_factory.mktemp("case"), keys + '\ninlet_pressure = "1 MPa"\n'))

@@ -1,0 +1,173 @@
+"""Solids of a case: metals by their name, hardness as a curve or from a file, and which of two faces yields."""
+
+import re
+
+import numpy as np
+import pytest
+from each import each
+from small_cases import HARDENED as CASE
+
+import femseal as fs
+from femseal.case.case import parse_case
+from femseal.case.schema import case_schema
+from femseal.contact import HardnessTable, LinearHardening, NixGao, PerfectlyPlastic
+from femseal.contact.hardness_curves import SofterOf
+from femseal.materials import METALS, named_solid
+from femseal.report.case_text import solids_text
+
+YOUNG = {"young": "210 GPa"}
+ROWS = [["0 um", "1 GPa"], ["0.5 um", "1.4 GPa"], ["2 um", "1.6 GPa"]]
+SMALL = {"load": {"loading": ["100 MPa", "500 MPa"]}}
+
+
+def case(material, counter=None, **more):
+    return parse_case(CASE | SMALL | {"material": material} | ({"counter_material": counter} if counter else {}) | more)
+
+
+def test_ten_metals_have_values_and_sources():
+    assert len(METALS) == 10
+    for name, (solid, source) in METALS.items():
+        assert 60e9 < solid.young < 220e9
+        assert 0.25 < solid.poisson < 0.4
+        assert 10e6 < solid.yield_stress < 1.2e9
+        assert source
+        assert fs.named_solid(name.upper()) is solid
+
+
+@each(
+    ("given", "nearest"),
+    [("copper", "copper, soft"), ("coper, soft", "copper, soft"), ("304", "steel 304/316, annealed"),
+     ("inconel", "Inconel 718, aged"), ("316L", "steel 304/316, annealed"), ("AlMg 6061", "aluminium 6061-T6")],
+)  # fmt: skip
+def test_an_unknown_name_is_told_the_nearest(given, nearest):
+    said = rf"^name: given '{given}', expected one of .*; perhaps meant: '{nearest}'$"
+    with pytest.raises(fs.InputError, match=said):
+        named_solid(given)
+
+
+def test_a_name_fills_in_what_is_not_given():
+    assert case({"name": "Inconel 718, aged"}).solids[0] == named_solid("Inconel 718, aged")
+    own = case({"name": "Inconel 718, aged", "young": "190 GPa", "hardness": "4 GPa"})
+    assert own.solids[0] == fs.Solid(190e9, 0.29, hardness=4e9)
+    assert own.solid_warnings == ()
+    text = solids_text(own.echo())
+    assert text.startswith("Inconel 718, aged (by the case: young, hardness; Special Metals SMC-045;")
+    assert "by the case" not in solids_text(case({"name": "Inconel 718, aged"}).echo())
+
+
+def test_a_value_far_from_that_of_the_name_is_warned_of(tmp_path, femseal):
+    odd = case(
+        {"name": "Inconel 718, aged", "hardness": "9 GPa"}, {"name": "steel 1.4571, annealed", "young": "2.4 TPa"}
+    )
+    one, two = odd.solid_warnings
+    assert one == (
+        "material.hardness 9 GPa is 3.1 times that of Inconel 718, aged, 2.895 GPa: right if it was measured, else leave out the key"
+    )
+    assert two.startswith("counter_material.young 2400 GPa is 12 times that of steel")
+    assert "solid_warnings" not in odd.echo()
+    assert "solid_warnings" not in case_schema()["properties"]
+    path = tmp_path / "case.toml"
+    path.write_text(
+        'method = "deterministic"\n[face]\nkind = "self-affine"\npoints = [32, 32]\nsize = ["32 um", "32 um"]\n'
+        'rms_slope = 0.2\n[material]\nname = "copper, soft"\nhardness = "1 GPa"\n[load]\nloading = ["50 MPa"]\n'
+        '[fluid]\nname = "water"\ninlet_pressure = "1 MPa"\n'
+    )
+    code, lines, _ = femseal("check", path)
+    assert code == 0
+    assert "copper, soft (by the case: hardness; OFHC" in lines
+    assert re.search("warning +material.hardness 1 GPa is 7.4 times that of copper, soft", lines)
+
+
+@each(
+    ("keys", "law"),
+    [
+        ({"hardness_table": ROWS}, HardnessTable([0, 0.5e-6, 2e-6], [1e9, 1.4e9, 1.6e9])),
+        ({"hardness": "1 GPa", "nix_gao_depth": "1 um"}, NixGao(1e9, 1e-6)),
+        ({"hardness": "1 GPa", "nix_gao_depth": "1 um", "smallest_depth": "50 nm"}, NixGao(1e9, 1e-6, 5e-8)),
+    ],
+)
+def test_a_curve_of_a_case_is_its_law_and_runs(keys, law):
+    made = case(YOUNG | keys)
+    assert made.law == law
+    results = fs.run(made)
+    assert results.dataset.attrs["contact_law"] == str(law)
+    assert results.deterministic.plastic_fraction[1] > 0
+
+
+def test_a_table_from_a_file_has_its_units(tmp_path):
+    path = tmp_path / "indentation.csv"
+    path.write_text("hardness [GPa]; depth [nm]\n1; 0\n1.4; 500\n\n1.6; 2000\n")
+    from_file = parse_case(CASE | SMALL | {"material": YOUNG | {"hardness_table": "indentation.csv"}}, tmp_path)
+    assert from_file.law == case(YOUNG | {"hardness_table": ROWS}).law
+    assert from_file.echo()["material"]["hardness_table"][1] == [500e-9, 1.4e9]
+    for text in ("", "depth, hardness\n1, 2\n", "depth [um], hardness [GPa]\n1\n", "depth [um], depth [um]\n1,2\n"):
+        path.write_text(text)
+        with pytest.raises(fs.InputError, match=r"^material.hardness_table: given 'indentation.csv', expected two col"):
+            parse_case(CASE | {"material": YOUNG | {"hardness_table": "indentation.csv"}}, tmp_path)
+    for rows, said in (("", "0 rows"), ("0, 1\n", "1 row")):
+        path.write_text("depth [um], hardness [GPa]\n" + rows)
+        with pytest.raises(
+            fs.InputError, match=rf"^material.hardness_table: given '.*' with {said} of numbers, expected"
+        ):
+            parse_case(CASE | {"material": YOUNG | {"hardness_table": "indentation.csv"}}, tmp_path)
+
+
+@each(
+    ("keys", "words"),
+    [
+        (
+            {"hardness_table": [["0 um", "1 GPa"], ["0 um", "2 GPa"]]},
+            "material: expected hardness_table: depths >= 0 that",
+        ),
+        ({"hardness_table": [["0 um", "1 GPa"]]}, r"material.hardness_table: given .*, expected two rows or more"),
+        ({"hardness_table": []}, r"^material.hardness_table: given \[\], expected two rows or more"),
+        (
+            {"hardness_table": [["0 um", "0 GPa"], ["1 um", "2 GPa"]]},
+            r"hardness_table.0.1: given '0 GPa', expected .* > 0",
+        ),
+        ({"hardness_table": "lost.csv"}, "hardness_table: given 'lost.csv', expected a file that exists"),
+        ({"hardness_table": ROWS, "hardness": "1 GPa"}, "hardness or hardness_table, not both"),
+        ({"hardness_table": ROWS, "hardening": "1 GPa/um"}, "hardening with a yield_stress or a hardness"),
+        (
+            {"hardness": "1 GPa", "hardening": "1 GPa/um", "nix_gao_depth": "1 um"},
+            "hardening or nix_gao_depth, not both",
+        ),
+        ({"nix_gao_depth": "1 um"}, "nix_gao_depth with a yield_stress or a hardness"),
+        ({"hardness": "1 GPa", "smallest_depth": "1 um"}, "smallest_depth with a nix_gao_depth"),
+        ({"name": "copper, soft", "hardness": "1 GPa", "yield_stress": "1 GPa"}, "yield_stress or hardness, not both"),
+        ({"name": "coper"}, "material.name: given 'coper', expected .*; perhaps meant: 'copper, soft'"),
+        ({"name": 3}, "material.name: given 3"),
+        ({"hardness": "1 GPa", "nix_gao_depth": "-1 um"}, "nix_gao_depth: given '-1 um'"),
+    ],
+)
+def test_bad_solids_are_refused(keys, words):
+    with pytest.raises(fs.InputError, match=words):
+        case(YOUNG | keys)
+
+
+# --- two faces ---
+
+
+def test_the_softer_face_is_named_with_both_hardnesses():
+    steel, copper = YOUNG | {"hardness": "3 GPa"}, {"young": "117 GPa", "hardness": "600 MPa"}
+    for face, counter, softer in ((steel, copper, "counter-face"), (copper, steel, "face")):
+        made = case(face, counter)
+        assert made.law == PerfectlyPlastic(6e8)
+        assert solids_text(made.echo()).endswith(f"; the {softer} yields, at 600 MPa, and the other at 3 GPa")
+        assert made.law.capacity == 6e8
+    assert fs.run(made).dataset.attrs["solids"] == solids_text(made.echo())
+    near = solids_text(case(steel, YOUNG | {"yield_stress": "1.1 GPa"}).echo())
+    assert near.endswith("the face yields, at 3 GPa, and the other at 3.08 GPa: they are close, and the softer is taken to "
+                         "yield alone")  # fmt: skip
+    assert "the face yields, at 3 GPa, and the other at no pressure" in solids_text(case(steel, YOUNG).echo())
+    assert "yields" not in solids_text(case(YOUNG, YOUNG).echo())
+
+
+def test_where_curves_of_both_faces_cross_the_softer_at_each_depth_yields():
+    steel = YOUNG | {"hardness": "2 GPa"}
+    copper = {"young": "117 GPa", "hardness": "600 MPa", "hardening": "2 GPa/um"}
+    law = case(copper, steel).law
+    assert law == SofterOf(LinearHardening(6e8, 2e15), PerfectlyPlastic(2e9))
+    np.testing.assert_allclose(law.yield_pressure(np.array([0, 0.5e-6, 1e-6])), [6e8, 1.6e9, 2e9])
+    with pytest.raises(fs.InputError, match="below the hardness"):
+        case(copper, steel, load={"loading": ["2.5 GPa"]})

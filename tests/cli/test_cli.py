@@ -1,0 +1,546 @@
+"""The command line: what it prints, how it ends, what it loads."""
+
+import inspect
+import json
+import os
+import re
+import subprocess
+import sys
+import tomllib
+from math import inf
+from pathlib import Path
+
+import numpy as np
+import pytest
+from numba import njit
+from typer.testing import CliRunner
+
+import femseal as fs
+from femseal import cli
+from femseal.base.machine import versions
+from femseal.case.case import parse_case
+from femseal.case.faces import SurfaceTable
+from femseal.case.schema import case_schema
+
+ROOT = Path(__file__).parents[2]
+CASES = [*sorted((ROOT / "examples").glob("*.toml")), ROOT / "femseal" / "case" / "template.toml"]
+#: Sq, undefined share and points as they are printed.
+MEASURED = {
+    "plu-1.plu": ("18.28 nm", "0 %", "768 × 576"),
+    "surfalize_test_1.opd": ("1.927 µm", "0.229 %", "736 × 480"),
+    "x3p-2.x3p": ("77.19 nm", "0 %", "650 × 650"),
+    "opd-1.opd": ("6.711 nm", "0.0378 %", "640 × 480"),
+}
+
+
+@pytest.mark.parametrize("command", ["check", "run", "design"])
+def test_a_stop_before_the_work_is_told_and_no_success(femseal, monkeypatch, command):
+    def stopped(*_):
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr("femseal.case.case.read_case", stopped)
+    code, _, errors = femseal(command, ROOT / "examples" / "turned_seal.toml")
+    assert code == 1
+    assert "stopped" in errors
+
+
+def test_check_tells_once_that_loops_are_compiled(femseal, monkeypatch):
+    monkeypatch.setattr("femseal.runs.forecast.describe", lambda *_: [njit(lambda x: x)(one) for one in ("a", 1.0)])
+    code, lines, errors = femseal("check", ROOT / "examples" / "turned_seal.toml")
+    assert (code, lines, errors) == (0, "a\n1.0\n", "compiling, once after an installation\n")
+
+
+def test_a_run_in_one_process_tells_that_loops_are_compiled(femseal, monkeypatch):
+    path, words = ROOT / "examples" / "turned_seal.toml", "compiling, once after an installation"
+    monkeypatch.setattr("femseal.runs.job._results", lambda *_: [njit(lambda x: x)(one) for one in ("a", 1.0)])
+    told = []
+    fs.run(path, workers=1, progress=lambda *state: told.append(state))
+    assert told == [(words, 0, None), (words, 1, None), (words, 2, None), (words, 2, 2)]
+
+    def refused(*_):
+        njit(lambda x: x)(1.0)
+        raise fs.InputError("face", "none", "one")
+
+    monkeypatch.setattr("femseal.runs.job._prepared", refused)
+    _, _, errors = femseal("run", path, "--workers", 1)
+    assert errors.count(words) == 1
+
+
+@pytest.mark.parametrize(
+    ("command", "place", "further"),
+    [
+        ("sweep", "sweeps.sweeping.prepare", ["seed=1"]),
+        ("design", "designs.answer.job._prepared", ["--no-solve"]),
+        ("calibrate", "calibration.calibrating.prepare", ["test.csv"]),
+    ],
+)
+def test_other_commands_tell_once_too_that_loops_are_compiled(femseal, monkeypatch, tmp_path, command, place, further):
+    def refused(*_, **__):
+        for one in ("a", 1.0):
+            njit(lambda x: x)(one)
+        raise fs.InputError("face", "none", "one")
+
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "test.csv").write_text("pressure [MPa],leakage [mL/(m*s)]\n100,12\n200,6\n300,3.5\n")
+    monkeypatch.setattr(f"femseal.{place}", refused)
+    code, _, errors = femseal(command, ROOT / "examples" / "turned_seal.toml", *further, "--workers", 1)
+    assert (code, errors.count("compiling, once after an installation")) == (2, 1)
+
+
+@pytest.fixture
+def face(tmp_path):
+    """A face whose x is across its grooves, with a spike and two undefined points."""
+    heights = fs.turned((96, 128), (96e-6, 128e-6), pitch=16e-6, depth=1e-6, roughness=2e-8, rng=1).heights.copy()
+    heights[20, 30] += 2e-5
+    heights[50, 60:62] = np.nan
+    np.savez(tmp_path / "face.npz", heights=heights, spacing=(1e-6, 1e-6))
+    return tmp_path / "face.npz"
+
+
+def fields(output):
+    """Labels and values of the printed lines."""
+    return dict(re.split(r"  +", line.strip(), maxsplit=1) for line in output.splitlines() if line.startswith("  "))
+
+
+# --- what is loaded, how it ends --------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("option", ["--help", "--version"])
+def test_questions_are_answered_without_loading_anything(option):
+    code = """
+import sys
+from femseal.cli import main
+try:
+    main()
+except SystemExit as stop:
+    assert not stop.code
+print([m for m in ("numpy", "scipy", "numba", "pydantic", "pint", "matplotlib", "xarray") if m in sys.modules])
+"""
+    done = subprocess.run([sys.executable, "-c", code, option], capture_output=True, text=True)
+    assert done.returncode == 0, done.stderr
+    assert done.stdout.splitlines()[-1] == "[]"
+
+
+def test_help_names_commands_and_exit_codes(femseal):
+    code, text, _ = femseal("--help")
+    assert code == 0
+    for word in ("new", "check", "run", "surface", "schema", "--debug", "--install-completion"):
+        assert word in text
+    assert "Exit code: 0 done, 2 bad input (nothing is written), 1 anything else." in text
+
+
+@pytest.mark.parametrize("command", ["new", "check", "run", "report", "surface"])
+def test_help_says_what_is_taken_where_nothing_is_given(femseal, monkeypatch, command):
+    monkeypatch.setenv("COLUMNS", "160")
+    code, text, _ = femseal(command, "--help")
+    assert code == 0
+    lines = [line for line in text.splitlines() if re.match(r"\W*(--\w|[a-zA-Z]+ +<)", line) and "<bool>" not in line]
+    assert lines or command == "check"
+    for line in lines:
+        assert re.search(r"\[default: .+\]|\[required\]", line), line
+
+
+def test_every_option_with_a_default_shows_it(monkeypatch):
+    """All commands that there are, and all their options but --help and those of completion."""
+    import typer
+
+    monkeypatch.setenv("COLUMNS", "250")
+    root = typer.main.get_command(cli.app)
+    commands = [root, *root.commands.values()]
+    assert len(commands) > 7
+    for command in commands:
+        context = typer.Context(command, info_name=command.name)
+        asked = ["--help"] if command is root else [command.name, "--help"]
+        lines = CliRunner().invoke(cli.app, asked).output.splitlines()
+        for option in command.get_params(context):
+            if option.name in ("help", "install_completion", "show_completion") or option.required:
+                continue
+            name = max(option.opts, key=len) if option.opts[0].startswith("-") else option.name
+            (line,) = [line for line in lines if re.match(rf"[^\w-]*{name} ", line)]
+            assert "[default: " in line, (command.name, name, line)
+
+
+def test_the_package_is_the_command_too():
+    done = subprocess.run([sys.executable, "-m", "femseal", "--version"], capture_output=True, text=True)
+    assert done.returncode == 0, done.stderr
+    assert done.stdout.startswith("femseal ")
+
+
+def test_version_lists_the_stack(femseal):
+    code, text, _ = femseal("--version")
+    listed = dict(line.split(" ") for line in text.splitlines())
+    assert code == 0
+    assert listed == versions()
+    assert listed["femseal"] == fs.__version__
+    assert listed["numpy"] == np.__version__
+    asked = {"python", "scipy", "scikit-fem", "pyamg", "pyfftw", "numba", "meshio", "pyvista"}
+    assert asked <= set(listed)
+    assert not [name for name in asked if listed[name] == "–"]
+    required = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]["dependencies"]
+    assert {re.split("[><=]", name)[0] for name in required} <= set(listed)
+
+
+def test_commands_are_completed():
+    asked = {"_FEMSEAL_COMPLETE": "complete_bash", "COMP_WORDS": "femseal s", "COMP_CWORD": "1"}
+    code = "from femseal.cli import main; main()"
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, env=os.environ | asked)
+    assert sorted(done.stdout.split()) == ["schema", "surface", "sweep"]
+
+
+@pytest.mark.parametrize(
+    ("arguments", "told"),
+    [
+        (
+            ["accuracy", "case.toml", "--limit", "1 min"],
+            'femseal: accuracy: given the command, expected none: removed; a run whose case has accuracy = "10 %"',
+        ),
+        (
+            ["design", "case.toml", "--sobol", "seed=1,2"],
+            "femseal: --sobol: given the option, expected none: removed; examples/sobol.py computes",
+        ),
+    ],
+)
+def test_what_is_removed_is_told_in_a_line(femseal, arguments, told):
+    code, printed, errors = femseal(*arguments)
+    assert (code, printed, errors.count("\n")) == (2, "", 1)
+    assert errors.startswith(told)
+
+
+def test_errors_are_a_line_and_after_debug_a_traceback(femseal, monkeypatch, tmp_path):
+    path = tmp_path / "none.toml"
+    code, _, errors = femseal("check", path)
+    assert code == 2
+    assert errors.count("\n") == 1
+    code, _, traced = femseal("--debug", "check", path)
+    assert code == 2
+    assert traced.startswith("Traceback")
+    assert traced.endswith(errors)
+
+    def fail(path):
+        raise ZeroDivisionError("nothing to divide by")
+
+    monkeypatch.setattr("femseal.case.case.load_case", fail)
+    assert femseal("check", path) == (1, "", "femseal: ZeroDivisionError: nothing to divide by\n")
+    assert "in fail" in femseal("--debug", "check", path)[2]
+    assert femseal("check")[0] == 2
+
+
+# --- surface ----------------------------------------------------------------------------------------------
+
+
+def test_surface_describes_a_face_and_what_a_run_does(femseal, face, tmp_path):
+    picture = tmp_path / "face.png"
+    code, text, errors = femseal("surface", face, "-o", picture)
+    assert (code, errors) == (0, "")
+    before, after = text.split("what a run does to it")
+    found, done = fields(before), fields(after)
+    measured = fs.read_topography(face)
+    report = fs.describe_surface(measured)
+    assert found["points"] == "96 × 128"
+    assert found["size"] == "96 µm × 128 µm"
+    assert found["points in spikes"] == done["points in spikes, filled"] == "1"
+    assert found["undefined points"] == "0.0163 %"
+    assert found["Sq, rms height"] == f"{report.rms_height * 1e9:.4g} nm"
+    assert float(found["Std, lay from x2 (Str <= 0.5)"].rstrip("°")) == pytest.approx(0, abs=2)
+    surface, conditioning = fs.condition(measured)
+    assert done["Sq"] == f"{surface.rms_height * 1e9:.4g} nm"
+    assert done["rms slope"] == f"{conditioning.rms_slope:.4g}"
+    assert done["shortest wavelength kept"] == "8 µm"
+    assert picture.stat().st_size > 50_000
+
+
+def test_what_is_said_goes_before_what_the_file_says(femseal, face):
+    said = (
+        "--size",
+        "1 mm",
+        "2 mm",
+        "--height-unit",
+        "um",
+        "--spikes",
+        "inf",
+        "--shortest-wave",
+        "0.3 mm",
+        "--transpose",
+    )
+    code, text, _ = femseal("surface", face, *said)
+    assert code == 0
+    found = fields(text)
+    assert found["points"] == "128 × 96"
+    assert found["size"] == "1 mm × 2 mm"
+    assert found["points in spikes"] == "0"
+    assert found["shortest wavelength kept"] == "300 µm"
+    report = fs.describe_surface(fs.read_topography(face), spikes=inf)
+    assert found["Sq, rms height"] == f"{report.rms_height * 1e-6 * 1e12:.4g} pm"
+    assert "transpose exchanges the axes" in text
+
+
+def test_noise_below_the_low_pass_is_pointed_out(femseal, tmp_path):
+    face = fs.self_affine((200, 200), (2e-4, 2e-4), hurst=0.8, rms_height=1e-7, cut_off=1.2e-5, rng=1)
+    noise = np.random.default_rng(0).normal(0, 3e-9, face.shape)
+    np.savez(tmp_path / "face.npz", z=face.heights + noise, spacing=face.spacing)
+    code, text, _ = femseal("surface", tmp_path / "face.npz")
+    assert code == 0
+    (wave,) = re.findall(r"shortest_wave = '([\d.]+ µm)' removes them", text)
+    assert float(wave.split()[0]) == pytest.approx(12, rel=0.1)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (["--size", "1", "2 mm"], "--size: given '1', expected text with a number and a unit"),
+        (["--shortest-wave", "1 s"], "--shortest-wave: given '1 s'"),
+        (["--spikes", "0"], "--spikes: given 0"),
+        (["--detrend", "3"], "--detrend: given 3"),
+        (["--max-undefined", "-1"], "--max-undefined: given -1"),
+        (["--crop", "0 m", "1 mm", "0 m", "10 um"], "--crop: given 0 m, 1 mm, 0 m, 10 µm, expected x1 from, x1 to"),
+        (["--crop", "0 m", "10 um", "8 um", "8 um"], "--crop: given"),
+        (["--mask", "none.png"], "--mask: given 'none.png', no such file"),
+        (["--shortest-wave", "1 mm"], "--shortest-wave: given 1 mm"),
+        (["-o", "no such folder/a.png"], "output: given 'no such folder/a.png'"),
+        (["-o", "a.xyz"], "output: given 'a.xyz', expected a file .png, .pdf, .svg"),
+        (["--channel", "1"], "channel: given 1"),
+    ],
+)
+def test_bad_options_of_surface(femseal, face, tmp_path, monkeypatch, arguments, message):
+    monkeypatch.chdir(tmp_path)
+    if "-o" not in arguments:
+        arguments = [*arguments, "-o", "face.png"]
+    code, text, errors = femseal("surface", face, *arguments)
+    assert (code, text) == (2, "")
+    assert message in errors
+    assert [p.name for p in tmp_path.iterdir()] == ["face.npz"]
+
+
+@pytest.mark.parametrize(
+    ("change", "reason"),
+    [
+        (lambda z: z[:, 90:].fill(np.nan), r"29.7 % undefined points, expected at most 5 %: crop the map"),
+        (lambda z: z[::2].fill(np.nan), "50 % undefined points"),
+        (lambda z: z.fill(np.nan), "none of its points is defined"),
+        (lambda z: z.__imul__(1e6), r"expected at most 10 mm; .* \(--height-unit\)"),
+    ],
+)
+def test_surface_describes_what_a_run_refuses(femseal, tmp_path, change, reason):
+    made = fs.turned((96, 128), (96e-6, 128e-6), pitch=16e-6, depth=1e-6, roughness=2e-8, rng=1)
+    z = made.heights.copy()
+    change(z)
+    np.savez(tmp_path / "face.npz", z=z, spacing=made.spacing)
+    drawn = ["-o", tmp_path / "face.png"] if np.isnan(z[:, 90:]).all() else []
+    code, text, errors = femseal("surface", tmp_path / "face.npz", *drawn)
+    assert (code, errors) == (0, "")
+    assert re.search(f"note: a run refuses this face: .*{reason}", text)
+    assert fields(text)["points"]
+    assert not drawn or (tmp_path / "face.png").stat().st_size > 30_000
+
+
+def test_a_file_without_a_pixel_and_tiny_maps_are_described(femseal, tmp_path):
+    for shape in ((24, 32), (1, 1), (1, 40), (3, 3), (12, 2)):
+        np.save(tmp_path / "face.npy", 1e-7 * np.random.default_rng(0).standard_normal(shape))
+        drawn = ["-o", tmp_path / "face.png"] if shape == (1, 40) else []
+        code, text, errors = femseal("surface", tmp_path / "face.npy", *drawn)
+        assert (code, errors) == (0, ""), shape
+        assert f"a run refuses this face: {tmp_path / 'face.npy'}: given no pixel size in the file" in text
+        assert fields(text.split("what a run does")[0])["points"] == f"{shape[0]} × {shape[1]}"
+
+
+def test_a_mask_in_the_file_is_told(femseal, tmp_path):
+    z = fs.turned((96, 128), (96e-6, 128e-6), pitch=16e-6, depth=1e-6, rng=1).heights
+    mask = np.zeros(z.shape, bool)
+    mask[10:12, 20:68] = True
+    np.savez(tmp_path / "face.npz", z=z, spacing=(1e-6, 1e-6), mask=mask)
+    text = femseal("surface", tmp_path / "face.npz")[1]
+    assert "note: 0.781 % of the points in the file are masked in it: --no-file-mask takes their heights" in text
+    assert fields(text)["undefined points, filled"] == "0.781 %"
+    text = femseal("surface", tmp_path / "face.npz", "--no-file-mask")[1]
+    assert "masked" not in text
+    assert fields(text)["undefined points, filled"] == "0 %"
+
+
+def test_defaults_of_surface_are_those_of_a_case():
+    options = inspect.signature(cli.surface).parameters
+    table = SurfaceTable()
+    assert {n: options[n].default for n in ("spikes", "detrend", "max_undefined", "shortest_wave")} == {
+        n: getattr(table, n) for n in ("spikes", "detrend", "max_undefined", "shortest_wave")
+    }
+
+
+@pytest.mark.parametrize("name", MEASURED)
+def test_measured_surfaces_on_the_command_line(femseal, instrument_file, name):
+    code, text, _ = femseal("surface", instrument_file(name))
+    assert code == 0
+    found = fields(text.split("what a run does")[0])
+    assert (found["Sq, rms height"], found["undefined points"], found["points"]) == MEASURED[name]
+
+
+# --- schema -----------------------------------------------------------------------------------------------
+
+_KINDS = {"string": str, "boolean": bool, "object": dict, "array": list, "number": (int, float), "integer": int}
+
+
+def faults(value, schema, root, place="case"):
+    """Faults by the words of JSON Schema that the schema uses; any other word is an error here."""
+    if "$ref" in schema:
+        return faults(value, root["definitions"][schema["$ref"].removeprefix("#/definitions/")], root, place)
+    found = []
+    for word, given in schema.items():
+        if word in ("oneOf", "anyOf"):
+            alternatives = [faults(value, option, root, place) for option in given]
+            if not any(not a for a in alternatives):
+                found += min(alternatives, key=len)
+        elif word == "type":
+            kinds = [_KINDS[k] for k in ([given] if isinstance(given, str) else given)]
+            if not any(isinstance(value, k) and not (isinstance(value, bool) and k is not bool) for k in kinds):
+                found.append(f"{place}: {value!r} is no {given}")
+        elif word == "properties" and isinstance(value, dict):
+            found += [f for k in value.keys() & given for f in faults(value[k], given[k], root, f"{place}.{k}")]
+        elif word == "items" and isinstance(value, list):
+            found += [f for n, v in enumerate(value) for f in faults(v, given, root, f"{place}.{n}")]
+        elif (
+            (word == "required" and isinstance(value, dict) and set(given) - set(value))
+            or (word == "additionalProperties" and isinstance(value, dict) and set(value) - set(schema["properties"]))
+            or (word == "pattern" and isinstance(value, str) and not re.search(given, value))
+            or (word == "enum" and value not in given)
+            or (word == "const" and value != given)
+            or (word == "minItems" and isinstance(value, list) and len(value) < given)
+            or (word == "maxItems" and isinstance(value, list) and len(value) > given)
+            or (word == "minimum" and isinstance(value, (int, float)) and value < given)
+            or (word == "maximum" and isinstance(value, (int, float)) and value > given)
+            or (word == "maxLength" and isinstance(value, str) and len(value) > given)
+            or (word == "exclusiveMinimum" and isinstance(value, (int, float)) and value <= given)
+            or (word == "exclusiveMaximum" and isinstance(value, (int, float)) and value >= given)
+        ):
+            found.append(f"{place}: {value!r} against {word} {given}")
+        else:
+            assert word in {
+                "required",
+                "additionalProperties",
+                "pattern",
+                "enum",
+                "const",
+                "minItems",
+                "maxItems",
+                "minimum",
+                "maximum",
+                "maxLength",
+                "exclusiveMinimum",
+                "exclusiveMaximum",
+                "properties",
+                "items",
+                "description",
+                "default",
+                "format",
+                "$schema",
+                "definitions",
+                "title",
+                "examples",
+            }, word
+    return found
+
+
+@pytest.fixture(scope="module")
+def schema():
+    return case_schema()
+
+
+@pytest.mark.parametrize("path", CASES, ids=lambda p: p.name)
+def test_shipped_cases_fit_the_schema(schema, path):
+    data = tomllib.loads(path.read_text(encoding="utf-8"))
+    assert faults(data, schema, schema) == []
+    try:
+        import jsonschema
+    except ImportError:
+        return
+    jsonschema.validate(data, schema)
+
+
+def test_all_that_the_template_comments_out_fits_the_schema(schema):
+    text = (ROOT / "femseal" / "case" / "template.toml").read_text(encoding="utf-8")
+    lines = re.sub(r"^# (?=\[|\w+ = )", "", text, flags=re.MULTILINE)
+    data = tomllib.loads(re.sub(r"^\[(face|fluid)\]", r"[[\1]]", lines, flags=re.MULTILINE))
+    assert (len(data["face"]), len(data["fluid"])) == (3, 2)
+    for face in data["face"]:
+        for fluid in data["fluid"]:
+            assert faults({**data, "face": [face], "fluid": fluid}, schema, schema) == []
+
+
+@pytest.mark.parametrize(
+    ("table", "key", "value"),
+    [
+        ("face", "picth", "60 um"),
+        ("face", "pitch", 60),
+        ("face", "pitch", "60"),
+        ("face", "pitch", "1,5 um"),
+        ("face", "points", [64]),
+        ("face", "points", [64, 0]),
+        ("face", "kind", "polished"),
+        ("material", "poisson", [0.3]),
+        ("load", "loading", "1 MPa"),
+        ("load", "loading", []),
+        ("stochastic", "sampler", "magic"),
+        ("contact", "boundary", ["free", "open"]),
+        ("surface", "detrend", 3),
+        ("surface", "spikes", 0),
+    ],
+)
+def test_the_schema_refuses_what_a_case_refuses(schema, table, key, value):
+    data = tomllib.loads((ROOT / "examples" / "turned_seal.toml").read_text(encoding="utf-8"))
+    data.setdefault(table, {})[key] = value
+    assert faults(data, schema, schema)
+    with pytest.raises(fs.InputError):
+        parse_case(data)
+
+
+@pytest.mark.parametrize(
+    ("table", "key", "value"),
+    [
+        ("face", "pitch", ".6e2um"),
+        ("fluid", "pressure_viscosity", "20 1/GPa"),
+        ("material", "poisson", "0.3"),
+        ("surface", "spikes", inf),
+        ("surface", "max_undefined", 0),
+        ("seal", "lay", "x1"),
+    ],
+)
+def test_the_schema_takes_what_a_case_takes(schema, table, key, value):
+    data = tomllib.loads((ROOT / "examples" / "turned_seal.toml").read_text(encoding="utf-8"))
+    data.setdefault(table, {})[key] = value
+    parse_case(data)
+    assert faults(data, schema, schema) == []
+
+
+def test_every_key_of_a_case_is_in_the_schema_with_values_of_toml(schema):
+    """Keys as in the models; no null and no default in SI where text with a unit is due."""
+    text = json.dumps(schema)
+    assert "null" not in text
+    assert "prefixItems" not in text
+    assert "folder" not in schema["properties"]
+    assert set(SurfaceTable.model_fields) == set(schema["definitions"]["SurfaceTable"]["properties"])
+    assert "default" not in schema["definitions"]["LiquidTable"]["properties"]["density"]
+    assert schema["definitions"]["SurfaceTable"]["properties"]["detrend"]["default"] == 1
+
+
+def test_schema_is_printed(femseal, schema):
+    code, text, _ = femseal("schema")
+    assert code == 0
+    assert json.loads(text) == schema
+
+
+@pytest.mark.parametrize(
+    "arguments", [("report",), ("surface",), ("new",), ("run", CASES[0], "-o"), ("export", "-o", "gap.npz")]
+)
+def test_a_name_longer_than_the_file_system_takes_is_one_line(femseal, arguments):
+    code, _, err = femseal(*arguments, "a" * 5000)
+    assert code == 2
+    assert len(err.strip().splitlines()) == 1
+    assert len(err) < 500
+
+
+def test_new_writes_the_case_of_a_measured_face(tmp_path, femseal):
+    """With what its file says, paths from the case's folder, and questions; it is valid as it is."""
+    face, case = ROOT / "examples" / "measured_face.x3p", tmp_path / "cases" / "new.toml"
+    case.parent.mkdir()
+    assert femseal("new", case, "--from", face)[0] == 0
+    text = case.read_text(encoding="utf-8")
+    for words in ('size = ["300 µm", "600 µm"]', 'shortest_wave = "10 µm"', "Std, lay from x2", "# ? which fluid"):
+        assert words in text
+    assert (case.parent / fs.load_case(case).face[0].path).samefile(face)

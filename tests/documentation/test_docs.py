@@ -1,0 +1,70 @@
+"""The documentation names what there is, and all of it; `.ci/run` builds it."""
+
+import re
+import subprocess
+import sys
+from pathlib import Path
+
+from each import each
+
+import femseal
+
+ROOT = Path(__file__).parents[2]
+DOCS = ROOT / "docs"
+#: Made by the build.
+MADE = ("gallery/", "command_line.md", "case_keys.md")
+PAGES = sorted([*ROOT.glob("*.md"), *DOCS.rglob("*.md")])
+PAGES = [page for page in PAGES if not {"_build", "gallery", "_examples"} & set(page.relative_to(ROOT).parts)]
+
+
+def test_every_public_name_is_in_the_reference_once():
+    text = "".join(page.read_text(encoding="utf-8") for page in (DOCS / "api").glob("*.md"))
+    assert sorted(re.findall(r"auto(?:class|function):: femseal\.(\w+)", text)) == femseal.__all__
+
+
+#: Looks every dotted name up as where nothing but the package itself has been imported.
+LOOKED_UP = """
+import sys
+from functools import reduce
+import femseal
+for names in sys.argv[1:]:
+    vars(femseal).pop(names.split(".")[0], None)
+    try:
+        reduce(getattr, names.split("."), femseal)
+    except AttributeError as error:
+        print(error)
+"""
+
+
+def test_every_documented_name_is_there_after_the_import_of_the_package():
+    files = [page for page in PAGES if page.stem.lower() != "changelog"]  # which has former names too
+    files += (ROOT / "examples").glob("*.py")
+    dotted = r"(?<![\w/.-])(?<!from )(?:fs|femseal)\.((?:\w+\.)*\w+)(?![\w/-])"
+    names = {name for file in files for name in re.findall(dotted, file.read_text(encoding="utf-8"))}
+    names = {name for name in names if not re.search(r"(^|\.)(css|json)$", name)}
+    assert {"run", "analytic", "flow.forms", "load_case"} <= names
+    names |= {"seal", "flow", "named_fluids"}
+    done = subprocess.run([sys.executable, "-c", LOOKED_UP, *names], capture_output=True, text=True, check=True)
+    assert not done.stdout, done.stdout
+
+
+def test_every_benchmark_has_its_page():
+    included = {
+        (page.parent / name).resolve()
+        for page in DOCS.rglob("*.md")
+        for name in re.findall(r"\{include\} (\S+)", page.read_text(encoding="utf-8"))
+    }
+    assert set((ROOT / "tests" / "benchmarks").glob("*.md")) <= included
+
+
+@each("page", PAGES)
+def test_files_that_pages_name_are_there(page):
+    for name in re.findall(r"(?<![\w/])(?:examples|meshes)/[\w.]+", page.read_text(encoding="utf-8")):
+        assert (ROOT / name.rstrip(".")).exists(), name
+
+
+@each("page", PAGES)
+def test_links_of_pages_lead_somewhere(page):
+    for target in re.findall(r"\]\((?!https?:)([^)#\s]+)[^)]*\)", page.read_text(encoding="utf-8")):
+        if not any(made in target for made in MADE):
+            assert (page.parent / target).exists(), target

@@ -1,0 +1,205 @@
+"""Every command that README and documentation write down does its work as it stands there, with its folder, on a small case.
+
+The commands are read from the pages, so that a new one is run without being entered here. Stopping and going on under
+each scheduler is tested in execution/test_mappers.py.
+"""
+
+import json
+import re
+import shlex
+import shutil
+from contextlib import contextmanager, nullcontext
+from importlib.util import find_spec
+from itertools import count
+from pathlib import Path
+
+import pytest
+import x3pio
+from numpy.testing import assert_array_equal
+from typer.main import get_command
+
+import femseal as fs
+from femseal.cli import app
+from femseal.report import page as report_page
+
+ROOT = Path(__file__).parents[2]
+PAGES = [ROOT / "README.md", ROOT / "CONTRIBUTING.md", *sorted((ROOT / "docs").glob("*.md"))]
+PAGES += sorted((ROOT / "docs" / "tutorials").glob("*.md"))
+PAGES = [page for page in PAGES if page.name not in ("command_line.md", "case_keys.md")]  # generated
+#: A turned face, small enough for every study, with the keys that the commands change.
+CASE = """
+method = "two-scale"
+seed = 1
+[face]
+kind = "turned"
+points = [128, 256]
+size = ["160 um", "320 um"]
+pitch = "40 um"
+depth = "1 um"
+roughness = "1 um"
+roughness_roll_off = "30 um"
+[material]
+young = "210 GPa"
+hardness = "3 GPa"
+[load]
+loading = ["25 MPa", "50 MPa", "100 MPa", "150 MPa", "200 MPa", "300 MPa"]
+unload_from = ["300 MPa"]
+unloading = ["150 MPa", "100 MPa", "25 MPa"]
+[fluid]
+kind = "liquid"
+viscosity = "1 mPa*s"
+inlet_pressure = "1 MPa"
+[cells]
+count = [4, 8]
+[output]
+test_fluid = {name = "helium", inlet_pressure = "20 bar", slip = false}
+"""
+#: A leak test of it.
+LEAK_TEST = "pressure [MPa], leakage [mg/(m·s)]\n25, 40\n50, 20\n100, 5\n200, 1\n300, < 1\n"
+#: What the pages leave open, or what is too large to be run here, and a small file in its place.
+SMALL = {
+    "CASE": "seal.toml",
+    "FILE": "written.file",
+    "N": "2",
+    **dict.fromkeys(("1/2", "2/2", "3/16"), "1/1"),  # which needs no others
+    "face.plu": "face.x3p",
+    "examples/turned_seal.toml": "seal.toml",
+    "examples/gasket_seal.toml": "gasket.toml",
+}
+
+
+def documented():
+    """Commands of the pages as they are written, without comments and what stands before `femseal`."""
+    found = set()
+    for page in PAGES:
+        text = page.read_text(encoding="utf-8")
+        lines = [line for block in re.findall(r"```sh\n(.*?)```", text, re.DOTALL) for line in block.splitlines()]
+        lines += re.findall(r"(?<!`)`([^`]+)`(?!`)", re.sub(r"```.*?```", "", text, flags=re.DOTALL))
+        lines += [f"femseal run CASE -o DIR {option}" for option in re.findall(r"(?m)^\| `(--[^`]+)` \|", text)]
+        for line in lines:
+            command = re.search(r"(?:^|&& |/)femseal ([^#\[]\S*(?: .*)?)$", " ".join(line.split("#")[0].split()))
+            if command and "=" not in command[1].split()[0]:
+                found.add(command[1].strip())
+    return sorted(found)
+
+
+def forms(command):
+    """A command with all that it leaves open, and without."""
+    optional = re.compile(r" \[([^\]]+)\]")
+    return {optional.sub(r" \1", command), optional.sub("", command)}
+
+
+def small(form, address):
+    """Its arguments, with small files and numbers for what the page leaves open; each DIR is another folder."""
+    folders = (f"results/{n}" for n in count(1))
+    given = {**SMALL, "ADDRESS": address, "tcp://…": address}
+    return [next(folders) if word == "DIR" else given.get(word, word) for word in shlex.split(form) if word != "…"]
+
+
+COMMANDS = documented()
+#: One form of each, by what it does here.
+FORMS = sorted({str(small(f, f)): f for c in COMMANDS if " " in c for f in sorted(forms(c))}.values())
+#: These start processes, or run several cases.
+SLOW = {
+    "run CASE -o DIR --workers N",
+    "run CASE -o DIR --scheduler local",
+    "run CASE -o DIR --part 3/16",
+    "run examples/gasket_seal.toml -o results/gasket",
+    "sweep seal.toml material.hardness=3GPa,4GPa face.pitch=40um,60um",
+    "calibrate seal.toml leak_test.csv -o results/calibrated",
+}
+
+
+def gasket():
+    """The shipped case of a gasket with few pixels, loads and seals."""
+    text = (ROOT / "examples" / "gasket_seal.toml").read_text(encoding="utf-8")
+    text = text.replace("../meshes", str(ROOT / "meshes"))
+    for pattern, new in (
+        (r"^points = .*", "points = [64, 128]"),
+        (r"^loading = .*", 'loading = ["80 MPa", "200 MPa"]'),
+        (r"^unloading = .*", 'unloading = ["80 MPa"]'),
+        (r"^realisations = .*", "realisations = 3"),
+    ):
+        text, changed = re.subn(pattern, new, text, flags=re.MULTILINE)
+        assert changed
+    return text
+
+
+@pytest.fixture(scope="module")
+def finished(tmp_path_factory):
+    """The folder of a finished run of the small case."""
+    folder = tmp_path_factory.mktemp("finished")
+    (folder / "seal.toml").write_text(CASE, encoding="utf-8")
+    fs.run(folder / "seal.toml", folder / "results", workers=1)
+    return folder / "results"
+
+
+@pytest.fixture
+def place(tmp_path, monkeypatch):
+    """The working directory, with the files that the commands name, on a machine of one core."""
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr("joblib.cpu_count", lambda *a, **k: 1)
+    Path("seal.toml").write_text(CASE, encoding="utf-8")
+    Path("leak_test.csv").write_text(LEAK_TEST, encoding="utf-8")
+    Path("gasket.toml").write_text(gasket(), encoding="utf-8")
+    heights = fs.self_affine((48, 64), (48e-6, 64e-6), hurst=0.8, rms_slope=0.2, roll_off=30e-6, rng=1).heights
+    x3pio.write("face.x3p", heights.T, x_scale=1e-6, y_scale=1e-6, z_scale=1e-9, z_type=x3pio.DataType.INT16)
+    return tmp_path
+
+
+@pytest.mark.parametrize("form", [pytest.param(f, marks=[pytest.mark.slow] if f in SLOW else []) for f in FORMS])
+def test_a_documented_command_does_its_work(form, femseal, place, finished):
+    if "--pdf" in form and report_page.find_browser() is None and find_spec("weasyprint") is None:
+        pytest.skip("no program that prints a page")
+    form, _, into = form.partition(" > ")
+    with cluster() if "ADDRESS" in form or "tcp:" in form else nullcontext("") as address:
+        arguments = small(form, address)
+        command = next(word for word in arguments if not word.startswith("-"))
+        outputs = {arguments[n + 1] for n, word in enumerate(arguments) if word == "-o"}
+        if command == "new":
+            Path(arguments[1]).unlink()
+        for word in {word.split("=")[-1] for word in arguments} - outputs:
+            if word.startswith("results/"):
+                shutil.copytree(finished, word)
+        code, said, complaint = femseal(*arguments)
+        if "--part" in arguments and code == 0:
+            at = arguments.index("--part")
+            code, said, complaint = femseal(*arguments[:at], "--resume", *arguments[at + 2 :])
+    assert code == 0, said + complaint
+    assert [line for line in complaint.splitlines() if " INFO " not in line] == []
+    for output in outputs:
+        path = Path(output)  # or one for each step
+        files = [p for p in (*path.parent.glob(f"{path.stem}*{path.suffix}"), *path.rglob("*")) if p.is_file()]
+        assert files
+        assert all(file.stat().st_size for file in files if file.suffix != ".lock")
+    if into:
+        assert json.loads(said)["properties"].keys() >= {"face", "load"}
+    if command == "run":
+        (found,) = Path().rglob("results.nc")
+        if "seal.toml" in arguments:
+            leakage = fs.open_results(found.parent).leakage.values
+            assert_array_equal(leakage, fs.open_results(finished).leakage.values)
+        listed = {found.parent / name for name in (found.parent / "files.txt").read_text("utf-8").split()}
+        assert listed >= {found, found.parent / "report.html", found.parent / "leakage.png"}
+        assert all(path.exists() for path in listed)
+
+
+@contextmanager
+def cluster():
+    """Address of a scheduler to which all that it is sent is pickled, as between processes."""
+    distributed = pytest.importorskip("distributed")
+    given = {"processes": False, "protocol": "tcp://", "dashboard_address": None}
+    with distributed.LocalCluster(n_workers=1, threads_per_worker=1, **given) as it:
+        yield it.scheduler_address
+
+
+def test_pages_name_every_command_and_no_other():
+    names = {word for command in COMMANDS for word in [command.removeprefix("--debug ").split()[0]] if word[0] != "-"}
+    assert names == set(get_command(app).commands)
+
+
+def test_the_pages_are_read():
+    assert {"run CASE -o DIR --resume", "new seal.toml", "run CASE -o DIR --scheduler local"} <= set(COMMANDS)
+    assert forms("export DIR -o gap.tif [--step 8]") == {"export DIR -o gap.tif --step 8", "export DIR -o gap.tif"}
+    assert small("compare DIR DIR …", "") == ["compare", "results/1", "results/2"]
+    assert not SLOW - set(FORMS)

@@ -1,0 +1,256 @@
+"""What is shipped to be run: examples, their scripts, the README's code; measured faces as instruments wrote them."""
+
+import re
+import runpy
+import shutil
+import tomllib
+from pathlib import Path
+
+import meshio
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose, assert_array_equal
+
+import femseal as fs
+from femseal.case.case import parse_case
+from femseal.loads import LoadStep
+from femseal.preparation.preparation import prepare
+
+ROOT = Path(__file__).parents[2]
+EXAMPLES = ROOT / "examples"
+LOAD = {
+    "loading": ["100 MPa", "200 MPa", "400 MPa", "500 MPa"],
+    "unload_from": ["500 MPa"],
+    "unloading": ["400 MPa", "200 MPa", "100 MPa"],
+}
+#: Smaller faces of the same pixel and pieces, short seals.
+REDUCED = {
+    "turned_seal": {
+        "face": {"points": [128, 256], "size": ["120 um", "240 um"]},
+        "cells": {"count": [4, 8]},
+        "stochastic": {"length": "480 um"},
+    },
+    "self_affine_seal": {
+        "face": {"points": [96, 192], "size": ["90 um", "180 um"]},
+        "cells": {"size": "30 um"},
+        "stochastic": {"length": "360 um"},
+    },
+    "measured_seal": {"stochastic": {"length": "1.2 mm"}},
+}
+#: Files of instruments: Sq without tilt [m] and undefined share as SurfaceTopography reports them; points and cells here.
+FACES = {
+    "plu-1.plu": (18.3e-9, 0.0, (96, 72), (4, 3)),
+    "surfalize_test_1.opd": (1.93e-6, 0.0023, (96, 64), (4, 4)),
+    "opd-1.opd": (6.7e-9, 0.0004, (128, 96), (4, 3)),
+    "x3p-2.x3p": (77e-9, 0.0, (64, 160), (2, 5)),
+}
+
+
+def _case(name):
+    data = tomllib.loads((EXAMPLES / f"{name}.toml").read_text(encoding="utf-8"))
+    for table, changes in REDUCED[name].items():
+        data[table] = data.get(table, {}) | changes
+    data["load"] = LOAD
+    data["stochastic"]["realisations"] = 8
+    return parse_case(data, EXAMPLES)
+
+
+@pytest.fixture(scope="module", params=sorted(REDUCED))
+def results(request):
+    return fs.run(_case(request.param), workers=1)
+
+
+def _leakages(results):
+    """Of all methods, without the ends of bands that are about the errors of a patch or of pixels only."""
+    return [
+        v.values
+        for n, v in results.dataset.data_vars.items()
+        if n.startswith("leakage_") and not n.endswith("together") and "budget" not in n and v.dims == ("step",)
+    ]
+
+
+def test_every_example_is_run_here():
+    elsewhere = {"annular_seal", "gasket_seal"}  # in runs/test_ring_and_gasket_cases.py
+    elsewhere |= {"wanted_accuracy", "leak_test"}  # in refinement/ and calibration/
+    assert {path.stem for path in EXAMPLES.glob("*.toml")} == {*REDUCED, *elsewhere}
+
+
+class TestExamples:
+    def test_leakage_falls_with_load_and_comes_back_less(self, results):
+        assert [w for w in results.warnings if "realisations" not in w] == results.failures == []
+        leakages = _leakages(results)
+        assert len(leakages) >= 4  # median, both ends of the band, mean or another method
+        for leakage in leakages:
+            assert np.isfinite(leakage).all()
+            up, down = leakage[:4], leakage[4:]
+            assert (np.diff(up) < 0).all()
+            assert (np.diff([up[3], *down]) > 0).all()  # opens again as it is released, and
+            assert (down < up[2::-1]).all()  # leaks less than on loading at the same pressure
+
+    def test_leakage_hardly_rises_at_the_beginning_of_the_release(self, results):
+        for leakage in _leakages(results):
+            assert leakage[4] < 1.5 * leakage[3]
+            # nor does it undo half of what the same pressure changed on the way up
+            assert leakage[4] / leakage[3] < np.sqrt(leakage[2] / leakage[3])
+
+    def test_methods_agree_on_the_open_seal(self, results):
+        """At the lowest load, where no constriction decides, all methods see the same mean gap."""
+        first = [
+            results.dataset[n].values[0]
+            for n in results.dataset.data_vars
+            if n in ("leakage_median", "leakage_two_scale", "leakage_deterministic")
+        ]
+        assert len(first) >= 2
+        assert max(first) < 1.5 * min(first)
+
+    def test_contact_grows_with_load(self, results):
+        share = results.dataset["contact_fraction"].values
+        assert (np.diff(share[:4]) > 0).all()
+        assert (np.diff(share[3:]) < 0).all()
+        # what is in contact carries the load with at most the hardness
+        load = results.dataset["nominal_pressure"].values
+        load = load - results.dataset["fluid_carried_pressure"].values
+        assert (share * results.dataset.attrs["hardness_Pa"] >= load * 0.99).all()
+
+
+@pytest.mark.slow
+class TestClaims:
+    """What the comments of the case files say about the runs at full size."""
+
+    def test_turned_seal(self):
+        results = fs.run(EXAMPLES / "turned_seal.toml")
+        k1 = results.stochastic.pieces.k1
+        spread = k1.max(axis=(1, 2)) / k1.min(axis=(1, 2))
+        assert_allclose(spread[[_at(results, 25e6), _at(results, 500e6)]], [2.4, 9], rtol=0.1)
+        surface = prepare(fs.load_case(EXAMPLES / "turned_seal.toml")).scene.surface
+        assert_allclose(2.8e9 / (210e9 / (2 * (1 - 0.3**2)) * surface.rms_slope), 0.11, atol=0.005)
+        leakage = results.leakage.values
+        assert leakage[_at(results, 250e6, 500e6)] < 2 * leakage[_at(results, 500e6)]
+
+    def test_measured_seal(self):
+        results = fs.run(EXAMPLES / "measured_seal.toml")
+        leakage = results.leakage.values
+        peak = leakage[_at(results, 900e6)]
+        assert_allclose(leakage[[_at(results, 600e6, 900e6), _at(results, 600e6)]] / peak, [1.8, 8], rtol=0.1)
+
+
+def _at(results, pressure, peak=None):
+    return results.steps.index(LoadStep(pressure, peak))
+
+
+class TestMeasuredFace:
+    def test_the_script_makes_the_file(self, tmp_path):
+        script = shutil.copy(EXAMPLES / "make_measured_face.py", tmp_path)
+        runpy.run_path(script, run_name="__main__")
+        made, shipped = (fs.read_topography(folder / "measured_face.x3p") for folder in (tmp_path, EXAMPLES))
+        assert made.spacing == shipped.spacing == (1e-6, 1e-6)
+        assert_array_equal(np.isnan(made.heights), np.isnan(shipped.heights))
+        assert_allclose(made.heights, shipped.heights, atol=1.01e-9)  # stored in whole nanometres
+
+    def test_it_is_what_it_is_said_to_be(self):
+        prepared = prepare(fs.load_case(EXAMPLES / "measured_seal.toml"))
+        report = prepared.conditioning
+        assert 0.015 < report.undefined_fraction < 0.025
+        assert 0.4e-6 < report.rms_height < 1e-6
+        assert_allclose(report.removed_curvature[2], 20, rtol=0.3)  # and what the roughness adds to it
+        assert report.shape == (280, 560)
+        # marks along the seal: rougher across them
+        across, along = prepared.scene.surface.rms_slopes
+        assert across > 1.1 * along
+        assert (EXAMPLES / "measured_face.x3p").stat().st_size < 500_000
+
+
+def test_ring_mesh_is_what_its_script_writes(tmp_path):
+    script = shutil.copy(ROOT / "meshes" / "ring.py", tmp_path)
+    runpy.run_path(script, run_name="__main__")
+    made, shipped = (meshio.read(folder / "ring.msh") for folder in (tmp_path, ROOT / "meshes"))
+    assert_allclose(made.points, shipped.points, atol=1e-15)
+    assert made.field_data.keys() == shipped.field_data.keys() == {"inlet", "outlet", "seal"}
+    for name, blocks in made.cells_dict.items():
+        assert_array_equal(blocks, shipped.cells_dict[name])
+    # polygons of 96 sides instead of circles
+    x, y = shipped.points[shipped.cells_dict["quad"]].transpose(2, 0, 1)[:2]
+    area = np.abs((x * np.roll(y, -1, axis=1) - y * np.roll(x, -1, axis=1)).sum(axis=1)).sum() / 2
+    assert_allclose(area, 48 * np.sin(np.pi / 48) * (15e-3**2 - 10e-3**2), rtol=1e-12)
+
+
+class TestReadme:
+    text = (ROOT / "README.md").read_text(encoding="utf-8")
+
+    def test_python_block(self, capsys):
+        """It runs on a smaller face; what it prints is a cycle: contact grows, leakage falls, and comes back less."""
+        (block,) = re.findall(r"```python\n(.*?)```", self.text, re.DOTALL)
+        block, whole_run = block.split("results = fs.run")
+        assert "(256, 256), (0.2e-3, 0.2e-3)" in block
+        exec(block.replace("(256, 256), (0.2e-3, 0.2e-3)", "(96, 96), (75e-6, 75e-6)"), {})
+        lines = capsys.readouterr().out.splitlines()
+        contact = [float(re.search(r"contact ([\d.]+)%", line)[1]) for line in lines]
+        leakage = [float(re.search(r"([\d.e+-]+) m²/s", line)[1]) for line in lines]
+        assert [line.split(" contact")[0] for line in lines] == [
+            "loading 100 MPa",
+            "loading 300 MPa",
+            "loading 900 MPa",
+            "unloading 450 MPa from 900 MPa",
+            "unloading 100 MPa from 900 MPa",
+        ]
+        assert contact[0] < contact[1] < contact[2] > contact[3] > contact[4]
+        assert leakage[0] > leakage[1] > leakage[2] < leakage[3] < leakage[4] < leakage[0]
+        (path,) = re.findall(r'load_case\("(.*?)"\)', whole_run)
+        assert fs.load_case(ROOT / path).methods == {"stochastic", "two-scale"}
+
+
+class TestMeasuredSurfaces:
+    @pytest.mark.parametrize("name", FACES)
+    def test_cycle_from_a_case_file(self, name, instrument_file, tmp_path):
+        """Every method, from the instrument's file to leakage, under loads that suit the slopes of the face."""
+        height, undefined, points, cells = FACES[name]
+        path = tmp_path / "case.toml"
+
+        def write(loading, hardness):
+            text = [f'"{p:.6g} Pa"' for p in loading]
+            path.write_text(
+                f"""
+                method = "stochastic"
+                compare = ["deterministic", "two-scale"]
+                [face]
+                kind = "file"
+                path = "{instrument_file(name).as_posix()}"
+                [surface]
+                points = {list(points)}
+                [material]
+                young = "100 GPa"
+                poisson = 0.0
+                hardness = "{hardness:.6g} Pa"
+                [load]
+                loading = [{", ".join(text)}]
+                unload_from = [{text[-1]}]
+                unloading = [{text[0]}]
+                [fluid]
+                kind = "liquid"
+                viscosity = "1 mPa*s"
+                inlet_pressure = "10 kPa"
+                [cells]
+                count = {list(cells)}
+                [stochastic]
+                length = "10 mm"
+                realisations = 4
+                """,
+                encoding="utf-8",
+            )
+            return fs.load_case(path)
+
+        prepared = prepare(write([1e5, 2e5], 1e9))
+        assert_allclose(prepared.conditioning.rms_height_before, height, rtol=5e-3)
+        assert_allclose(prepared.conditioning.undefined_fraction, undefined, atol=6e-5)
+        # full contact of the slopes comes at about E*·slope, all-plastic contact at the hardness
+        stiffness = 100e9 * prepared.scene.surface.rms_slope
+        results = fs.run(write([0.001 * stiffness, 0.01 * stiffness], 0.15 * stiffness), workers=1)
+        assert results.failures == []
+        # the grid of the case is coarser than the waves that were measured
+        assert sum(warning.startswith("the low-pass at ") for warning in results.warnings) == 1
+        truths = "the low-pass at ", "the face has grooves ", "the leakage at ", "realisations"
+        assert all(warning.startswith(truths) for warning in results.warnings), results.warnings
+        for leakage in _leakages(results):
+            first, top, back = leakage
+            assert 0 <= top <= back < first
+        assert_allclose(results.dataset["leakage_two_scale"], results.dataset["leakage_deterministic"], rtol=1e-6)

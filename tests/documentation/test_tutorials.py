@@ -1,0 +1,121 @@
+"""The cases and scripts of the tutorials run, on small faces, and the page of keys explains every key."""
+
+import re
+import runpy
+from functools import reduce
+from pathlib import Path
+
+import pytest
+import x3pio
+from test_documented_commands import CASE
+
+import femseal as fs
+
+ROOT = Path(__file__).parents[2]
+PAGES = sorted((ROOT / "docs" / "tutorials").glob("*.md"))
+PAGES.remove(ROOT / "docs" / "tutorials" / "index.md")
+TEMPLATE = (ROOT / "femseal" / "case" / "template.toml").read_text(encoding="utf-8")
+#: What makes a run of the small case quick.
+QUICK = "budget = false\npictures = false\nfields = false\nparaview = 'none'\n"
+SMALLER = [
+    ("[512, 128]", "[256, 64]"),
+    ("10 mm", "0.5 mm"),
+    ("12 mm", "0.66 mm"),
+    ("realisations = 10", "realisations = 3"),
+]
+LOADS = '[load]\nloading = ["50 MPa", "150 MPa"]\n'
+
+
+def blocks(page, language):
+    """Blocks of code of a page."""
+    return re.findall(rf"```{language}\n(.*?)```", page.read_text(encoding="utf-8"), re.DOTALL)
+
+
+def tables(text):
+    """Tables of a case by their header; "" is what comes before the first."""
+    parts = re.split(r"(?m)^(\[\w+\])", text)
+    return {"": parts[0], **dict(zip(parts[1::2], parts[2::2], strict=True))}
+
+
+def merged(*texts):
+    """A case in which tables of the later texts replace those of the same name, and so does a method at their top."""
+    found = {}
+    for text in texts:
+        new = tables(text)
+        if found:
+            method = re.search(r"(?m)^method = .*", new[""])
+            new[""] = re.sub(r"(?m)^method = .*", method[0], found[""]) if method else found[""]
+        found |= new
+    return "".join(name + body for name, body in found.items())
+
+
+RUN = {"measured_face", "places", "leak_test", "bolts", "flatness", "lens_ring"}
+CASES = {page.stem: blocks(page, "toml")[0] for page in PAGES if blocks(page, "toml")}
+
+
+@pytest.fixture
+def folder(tmp_path):
+    """A folder with the maps that the pages name."""
+    for n, name in enumerate("abc"):
+        heights = fs.self_affine((48, 64), (48e-6, 64e-6), hurst=0.8, rms_slope=0.2, roll_off=30e-6, rng=n).heights
+        x3pio.write(
+            tmp_path / f"{name}.x3p", heights.T, x_scale=1e-6, y_scale=1e-6, z_scale=1e-9, z_type=x3pio.DataType.INT16
+        )
+    return tmp_path
+
+
+def case_of(name, folder, text, loads="", output=""):
+    """The case of a tutorial over that of a text, with small files, other loads and more keys of the output."""
+    text = merged(text, CASES[name]).replace(".plu", ".x3p").replace("face.x3p", "a.x3p")
+    if loads and name not in ("bolts", "flatness", "lens_ring"):
+        text = merged(text, loads)
+    if output:
+        text = merged(text, f"[output]\n{output}{tables(CASES[name]).get('[output]', '')}")
+    (folder / "seal.toml").write_text(text, encoding="utf-8")
+    return fs.load_case(folder / "seal.toml")
+
+
+def test_the_case_of_every_tutorial_is_a_case(folder):
+    assert set(CASES) == RUN
+    for name in CASES:
+        case_of(name, folder, TEMPLATE)
+
+
+@pytest.mark.parametrize("name", sorted(RUN))
+def test_the_case_of_a_tutorial_runs(name, folder, monkeypatch):
+    monkeypatch.setitem(CASES, name, reduce(lambda text, change: text.replace(*change), SMALLER, CASES[name]))
+    text = CASE.replace("two-scale", "stochastic" if name in ("bolts", "flatness") else "deterministic").replace(
+        "[128, 256]", "[64, 128]"
+    )
+    results = fs.run(case_of(name, folder, text, LOADS, QUICK), folder / "results", workers=1)
+    assert not results.failures
+    loading = results.loading()
+    leakage = loading.leakage_median if name in ("bolts", "flatness") else loading.leakage_deterministic
+    assert leakage[-1] < leakage[0]
+
+
+@pytest.mark.parametrize(
+    "page", [*PAGES, *(ROOT / "docs" / name for name in ("calibration.md", "design.md"))], ids=lambda page: page.stem
+)
+def test_a_tutorial_has_goal_file_command_picture_and_what_to_check(page):
+    text = page.read_text(encoding="utf-8")
+    parts = (r"\*\*Goal:", r"\*\*Files?:", r"```(sh|python)|\{literalinclude\}", r"!\[.+\]\(.+\.png\)", "What to check")
+    assert [part for part in parts if not re.search(part, text)] == []
+
+
+def test_the_form_gives_the_permeability_of_the_cell(tmp_path, capsys):
+    script = tmp_path / "form.py"
+    script.write_text(blocks(ROOT / "docs" / "tutorials" / "python.md", "python")[0], encoding="utf-8")
+    runpy.run_path(str(script))
+    first, second = (float(n) for n in re.findall(r"([\d.]+e-\d+) m³", capsys.readouterr().out))
+    assert abs(first / second - 1) < 1e-3
+
+
+def test_the_page_of_keys_explains_every_key(tmp_path, monkeypatch):
+    monkeypatch.syspath_prepend(ROOT / "docs" / "extensions")
+    from case_keys import write_case_keys
+
+    write_case_keys(tmp_path / "keys.md")
+    rows = [line for line in (tmp_path / "keys.md").read_text("utf-8").splitlines() if line.startswith("| `")]
+    assert len(rows) > 120
+    assert [row for row in rows if len(cells := re.split(r"(?<!\\)\|", row)) != 9 or not cells[7].strip()] == []

@@ -1,0 +1,572 @@
+"""Maps over processes and clusters: order, threads, small items sent together, workers that die or come late."""
+
+import multiprocessing
+import os
+import pickle
+import re
+import signal
+import subprocess
+import sys
+import threading
+import time
+from contextlib import ExitStack, contextmanager, nullcontext, suppress
+from pathlib import Path
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+from joblib.externals.loky.backend import context
+from numpy.testing import assert_array_equal
+from small_cases import CASE, HANG
+from test_checkpoint import assert_same, start, stop_at, wait_until  # noqa: F401
+
+import femseal as fs
+from femseal.base import threads
+from femseal.base.shared_array import shared_empty
+from femseal.base.stage import Stage
+from femseal.execution import cluster as cluster_map
+from femseal.execution import processes
+from femseal.execution.mappers import ordered_map
+
+distributed = pytest.importorskip("distributed")
+dask = pytest.importorskip("dask")
+
+
+@pytest.fixture
+def case(tmp_path):
+    path = tmp_path / "small.toml"
+    path.write_text(CASE)
+    return path
+
+
+@pytest.fixture
+def cluster(monkeypatch):
+    """Two threads of this process, which may be slow to answer."""
+    monkeypatch.setattr(cluster_map, "ANSWER_SECONDS", HANG)
+    with distributed.LocalCluster(n_workers=2, threads_per_worker=1, processes=False, dashboard_address=None) as it:
+        yield it
+
+
+@contextmanager
+def real_cluster():
+    """A scheduler process on loopback, and a function that starts a worker process there."""
+    with ExitStack() as stack:
+
+        def start(name, *arguments):
+            command = [sys.executable, "-m", f"distributed.cli.dask_{name}", *map(str, arguments), "--no-dashboard"]
+            process = subprocess.Popen(command, stderr=subprocess.PIPE, text=True)
+            stack.callback(process.wait)
+            stack.callback(process.kill)
+            threading.Thread(target=lambda: lines.extend(process.stderr), daemon=True).start()
+            return process
+
+        lines = []
+        scheduler = start("scheduler", "--host", "127.0.0.1", "--port", 0)
+        found = re.compile(r"Scheduler at:\s+(tcp://\S+)").search
+        wait_until(lambda: found("".join(lines)) or scheduler.poll() is not None)
+        assert scheduler.poll() is None, "".join(lines)
+        address = found("".join(lines))[1]
+        yield address, lambda: start("worker", address, "--nthreads", 1, "--no-nanny")
+
+
+def test_each_worker_has_one_thread(cluster):
+    import threadpoolctl
+
+    for arguments in ({"workers": 1}, {"workers": 2}, {"scheduler": cluster.scheduler_address}):
+        with ordered_map(**arguments) as mapping:
+            for libraries in mapping(Stage("trial", _libraries), [threadpoolctl.threadpool_info] * 2, [np.ones(2)] * 2):
+                assert libraries
+                assert {library["num_threads"] for library in libraries} == {1}
+
+
+def _libraries(info, _):
+    return info()
+
+
+def test_processes_return_results_in_order_and_end_with_a_reason():
+    with ordered_map(workers=2) as mapping:
+        assert list(mapping(Stage("trial", divmod), (n for n in range(100)), [7] * 100)) == [
+            divmod(n, 7) for n in range(100)
+        ]
+        assert list(mapping(Stage("trial", divmod), [], [])) == []
+        with pytest.raises(ZeroDivisionError):
+            list(mapping(Stage("trial", divmod), [1], [0]))
+        with pytest.raises(fs.FemsealError, match="a process died"):
+            list(mapping(Stage("trial", os._exit), [3]))
+        assert list(mapping(Stage("trial", abs), [-1, 2])) == [1, 2]
+
+
+@pytest.fixture
+def usual_start():
+    """Later tests start processes as `fs.run` does."""
+    yield
+    context.set_start_method(None, force=True)
+
+
+def test_processes_that_were_started_before_compute(usual_start):
+    processes.start_processes(2, "colorsys")
+    with ordered_map(workers=2) as mapping:
+        wait_until(lambda: any(mapping(Stage("trial", _knows), ["colorsys"] * 4)))
+
+
+def _knows(module):
+    return module in sys.modules
+
+
+COPIES = """
+import gc, os, sys
+
+def state(_):
+    loaded = "femseal.studies.study_registry" in sys.modules and gc.get_freeze_count() > 0
+    return os.getppid(), loaded, os.environ["OMP_NUM_THREADS"]
+
+if __name__ == "__main__":
+    import copies
+    from femseal.base.errors import FemsealError
+    from femseal.base.stage import Stage
+    from femseal.execution import processes
+    from femseal.execution.mappers import ordered_map
+
+    processes.start_processes(2, "femseal.studies.worker_process")
+    with ordered_map(workers=2) as mapping:
+        states = mapping(Stage("trial", copies.state), range(8))
+        print(*{(parent == os.getpid(), *rest) for parent, *rest in states})
+        try:
+            list(mapping(Stage("trial", os._exit), [3]))
+        except FemsealError as error:
+            print(error)
+"""
+
+
+@pytest.mark.skipif("forkserver" not in multiprocessing.get_all_start_methods(), reason="processes are not copied here")
+@pytest.mark.parametrize("temporary", ["", "too_long_for_a_socket" * 5])
+def test_processes_of_the_command_are_copies_of_one_that_has_loaded_the_solvers(tmp_path, temporary):
+    for folder in ("scripts", "femseal", temporary):
+        (tmp_path / folder).mkdir(exist_ok=True)
+    (tmp_path / "scripts" / "copies.py").write_text(COPIES)
+    (tmp_path / "femseal" / "__init__.py").write_text("raise RuntimeError('imported from the working folder')")
+    command = [sys.executable, tmp_path / "scripts" / "copies.py"]
+    given = {"cwd": tmp_path, "env": os.environ | ({"TMPDIR": str(tmp_path / temporary)} if temporary else {})}
+    run = subprocess.run(command, capture_output=True, text=True, check=True, timeout=HANG, **given)
+    states, error = run.stdout.splitlines()
+    # processes of their own may begin before they have loaded the solvers
+    assert re.fullmatch(r"(\(True, (True|False), '1'\) ?)+" if temporary else r"\(False, True, '1'\)", states)
+    assert "a process died" in error
+    assert not run.stderr
+
+
+ENDS = """
+import sys, time
+from femseal.execution import processes
+
+if __name__ == "__main__":
+    processes.start_processes(2, "femseal.studies.worker_process")
+    time.sleep(float(sys.argv[1]))
+    sys.exit("the case is refused")
+"""
+
+
+@pytest.mark.parametrize("seconds", [0, 0.3, 1])
+def test_a_command_that_ends_while_its_processes_start_says_no_more_than_why(tmp_path, seconds):
+    (script := tmp_path / "ends.py").write_text(ENDS)
+    run = subprocess.run([sys.executable, script, str(seconds)], capture_output=True, text=True, timeout=HANG)
+    assert run.stderr == "the case is refused\n"
+
+
+def _watchers(_):
+    return [thread.name for thread in threading.enumerate()].count(processes.WATCHER)
+
+
+def test_a_process_watches_its_parent_once_whatever_runs_it_computes_for(usual_start):
+    processes.start_processes(2, "colorsys")
+    for _ in range(2):
+        with ordered_map(workers=2) as mapping:
+            assert list(mapping(Stage("trial", _watchers), range(4))) == [1] * 4
+
+
+def deaf(n):
+    os.kill(os.getpid(), signal.SIGINT)
+    return n
+
+
+# where it is stopped at once, loky's own thread ends with an error
+@pytest.mark.filterwarnings("ignore::pytest.PytestUnhandledThreadExceptionWarning")
+@pytest.mark.skipif(not hasattr(signal, "pthread_sigmask"), reason="signals cannot be blocked")
+@pytest.mark.parametrize("backend", [{}, pytest.param({"scheduler": "local"}, marks=pytest.mark.slow)])
+def test_ctrl_c_is_heard_here_even_while_processes_start_and_never_there(backend):
+    def stopped_while_sent():
+        yield from range(3)
+        os.kill(os.getpid(), signal.SIGINT)
+        yield from range(1000)
+
+    with ExitStack() as stack:
+        # a process of the background is started deaf to it
+        heard = signal.signal(signal.SIGINT, signal.default_int_handler)
+        stack.callback(signal.signal, signal.SIGINT, heard)
+        mapping = stack.enter_context(ordered_map(workers=2, **backend))
+        assert list(mapping(Stage("trial", deaf), range(8))) == list(range(8))
+        with pytest.raises(KeyboardInterrupt):
+            list(mapping(Stage("trial", abs), stopped_while_sent()))
+
+
+class Clock(threading.local):
+    """A time of each thread that passes by what is said to be worked, however busy the machine is."""
+
+    now = 0.0
+
+    def perf_counter(self):
+        return self.now
+
+    def work(self, item, seconds):
+        self.now += seconds
+        return item
+
+
+clock = Clock()
+
+
+def worked(item, seconds):
+    return clock.work(item, seconds)
+
+
+def test_small_items_are_sent_together(cluster, monkeypatch):
+    sizes, submit = [], cluster_map._submit
+    monkeypatch.setattr(cluster_map, "_submit", lambda *a: sizes.append(len(a[2])) or submit(*a))
+    monkeypatch.setattr(cluster_map, "time", clock)
+    with ordered_map(scheduler=cluster.scheduler_address) as mapping:
+        short = [cluster_map.TASK_SECONDS / 1024] * 10000
+        assert list(mapping(Stage("trial", worked), iter(range(10000)), iter(short))) == [*range(10000)]
+        assert sum(sizes) == 10000
+        assert sizes[:4] == [1] * 4
+        assert max(sizes) == 1024
+        sizes.clear()
+        list(mapping(Stage("trial", worked), range(6), [2 * cluster_map.TASK_SECONDS] * 6))
+        assert sizes == [1] * 6
+        # the last batches are small where their number is known, so that the workers end together
+        sizes.clear()
+        assert list(mapping(Stage("trial", worked), range(10000), short)) == [*range(10000)]
+        left = 10000 - np.cumsum([0, *sizes])
+        assert left[-1] == 0
+        assert max(sizes) > 500
+        least = int(1024 * cluster_map.LEAST_SECONDS / cluster_map.TASK_SECONDS)
+        assert all(size <= max(least, before // 4) for size, before in zip(sizes, left[:-1], strict=True))
+        assert set(sizes[-3:-1]) == {least}, sizes
+
+
+class LateTask:
+    """A task whose result comes late, or whose function has failed with an error of the same name."""
+
+    def __init__(self, status, late):
+        self.status, self.late = status, late
+
+    def done(self):
+        return True
+
+    def result(self, timeout):
+        if self.late:
+            self.late -= 1
+            raise TimeoutError
+        return [7], 0.1
+
+
+def test_a_result_that_comes_late_is_awaited():
+    client = SimpleNamespace(nthreads=lambda: {"worker": 1})
+    assert cluster_map._outcome(client, LateTask("finished", 2)) == ([7], 0.1)
+    with pytest.raises(TimeoutError):
+        cluster_map._outcome(client, LateTask("error", 1))
+
+
+others, enough = [], threading.Event()
+
+
+def waits_for_others(n):
+    if n:
+        others.append(n)
+    if len(others) > 5 * cluster_map.UNDER_WAY:
+        enough.set()
+    return n > 0 or enough.wait(HANG)
+
+
+def test_an_item_that_takes_long_holds_up_no_others(cluster):
+    """More of them than are under way at once."""
+    with ordered_map(scheduler=cluster.scheduler_address) as mapping:
+        assert all(mapping(Stage("trial", waits_for_others), range(100)))
+
+
+def test_workers_of_other_versions_are_refused(cluster, monkeypatch):
+    monkeypatch.setattr(
+        cluster_map, "numerical_versions", lambda: {"numpy": threading.current_thread().name, "scipy": "1"}
+    )
+    with pytest.raises(fs.InputError, match=r"has numpy .* instead of MainThread, expected"):
+        cluster_map._connected(cluster.scheduler_address)
+
+
+def test_a_late_worker_is_awaited(monkeypatch):
+    """It comes once it is known that there is none."""
+    monkeypatch.setattr(cluster_map, "ANSWER_SECONDS", HANG)
+    said = []
+    with distributed.LocalCluster(n_workers=0, processes=False, dashboard_address=None) as late:
+
+        def warning(text, *numbers):
+            said.append(text % numbers)
+            late.scale(1)
+
+        monkeypatch.setattr(cluster_map.log, "warning", warning)
+        with ordered_map(scheduler=late.scheduler_address) as mapping:
+            assert said == ["no workers: waiting up to 600 s for one"]
+            assert list(mapping(Stage("trial", abs), [-1, -2])) == [1, 2]
+
+
+@pytest.mark.parametrize("default", [False, True])
+def test_a_run_on_a_cluster_writes_its_folder_and_goes_on_there(case, tmp_path, monkeypatch, default):
+    """Also where the process has a default client of its own, as a notebook does."""
+    case.write_text(CASE + '[output]\npictures = false\nreport = false\nparaview = "none"\n')
+    one = fs.run(case, workers=1)
+    out = tmp_path / "out"
+    monkeypatch.setattr(cluster_map, "ANSWER_SECONDS", HANG)
+    # what goes to its scheduler is pickled, unlike within a process
+    it = distributed.LocalCluster(n_workers=1, processes=False, protocol="tcp://", dashboard_address=None)
+    with it, distributed.Client(it, set_as_default=default):
+        with pytest.raises(KeyboardInterrupt):
+            fs.run(case, out, scheduler=it.scheduler_address, progress=stop_at("two-scale: flow in pieces", 3))
+        assert (out / ".checkpoint").exists()
+        fs.run(case, out, resume=True, scheduler=it.scheduler_address)
+        assert_same(one.dataset, fs.open_results(out).dataset)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("scheduler", ["local", "address"])
+def test_the_command_writes_its_folder_on_a_cluster_also_after_a_kill(case, start, tmp_path, scheduler):  # noqa: F811
+    one = fs.run(case, workers=1)
+    out = tmp_path / "out"
+    with ExitStack() as stack:
+        if scheduler == "address":
+            scheduler, start_worker = stack.enter_context(real_cluster())
+            start_worker()
+        arguments = ["--workers", 1, "--scheduler", scheduler]
+        process = start(case, out, *arguments)
+        wait_until(lambda: list(out.glob(".checkpoint/*.results")) or process.poll() is not None)
+        assert process.poll() is None, process.stderr.read()
+        os.killpg(process.pid, signal.SIGKILL)
+        process.wait()
+        process = start(case, out, "--resume", *arguments)
+        assert process.wait() == 0, process.stderr.read()
+    assert_same(one.dataset, fs.open_results(out).dataset)
+    assert not (out / ".checkpoint").exists()
+    names = (out / "files.txt").read_text().split()
+    assert {"results.nc", "table.csv", "report.html", "leakage.png", "fields.pvd"} <= set(names)
+    assert all((out / name).stat().st_size for name in names)
+
+
+@pytest.mark.slow
+def test_a_scheduler_of_its_own_gives_the_same_bits(case):
+    one = fs.run(case, workers=1)
+    assert_same(one.dataset, fs.run(case, workers=2, scheduler="local").dataset)
+    assert not distributed.client._get_global_client()
+
+
+@pytest.mark.slow
+def test_workers_of_a_cluster_of_its_own_are_quiet():
+    with ordered_map(workers=1, scheduler="local") as mapping:
+        assert list(mapping(Stage("trial", dask.config.get), cluster_map.QUIET)) == [*cluster_map.QUIET.values()]
+
+
+@pytest.mark.slow
+def test_killed_workers_do_not_change_a_bit(case):
+    """One of two workers in the middle; later all that are left, so that what was sent to them is lost."""
+    case.write_text(CASE.replace("realisations = 24", "realisations = 2000"))
+    one = fs.run(case, workers=1)
+    with real_cluster() as (address, start_worker):
+        workers = [start_worker(), start_worker()]
+        killed = []
+
+        def progress(stage, done, total):
+            for place, count in ((200, 1), (1000, 2)):
+                if stage == "stochastic: drawn seals" and done == place:
+                    for worker in workers[:count]:
+                        worker.send_signal(signal.SIGKILL)
+                        worker.wait()
+                        killed.append(worker.pid)
+                    workers[:count] = [start_worker()]
+
+        there = fs.run(case, scheduler=address, progress=progress)
+        assert len(set(killed)) == 3
+    assert_same(one.dataset, there.dataset)
+
+
+@pytest.mark.slow
+def test_a_task_that_ends_its_workers_is_given_up_with_a_reason():
+    with ordered_map(workers=2, scheduler="local") as mapping:
+        with pytest.raises(fs.FemsealError, match=r"workers .*died"):
+            list(mapping(Stage("trial", os._exit), [3]))
+        assert list(mapping(Stage("trial", abs), [-1, 2])) == [1, 2]
+
+
+@pytest.mark.slow
+def test_a_scheduler_that_is_gone_is_named():
+    with real_cluster() as (address, start_worker):
+        start_worker()
+        with ordered_map(scheduler=address) as mapping:
+            results = iter(mapping(Stage("trial", time.sleep), [0.5] * 100))
+            next(results)
+            with distributed.Client(address) as client:
+                client.shutdown()
+            with pytest.raises(fs.FemsealError, match="scheduler"):
+                list(results)
+
+
+def add_one(part):
+    part += 1
+    return part
+
+
+@pytest.mark.skipif(not hasattr(os, "memfd_create"), reason="memory is shared on Linux")
+class TestSharedMemory:
+    def test_what_a_process_writes_is_written_here(self):
+        with ordered_map(workers=2) as mapping:
+            whole = shared_empty((3, 40, 50), np.float32)
+            whole[:] = 1
+            views = [whole[:, 10 * n : 10 * (n + 1), 5:] for n in range(4)]
+            came_back = list(mapping(Stage("trial", add_one), views))
+            for view in came_back:
+                assert_array_equal(view, 2)
+            assert_array_equal(whole[..., 5:], 2)
+            assert_array_equal(whole[..., :5], 1)
+            whole[:] = 7
+            assert_array_equal(came_back[3], 7)
+        # it is there after the map, and its pickle is one of values
+        copy = pickle.loads(pickle.dumps(whole))
+        whole[0, 0, 0] = 3
+        assert_array_equal(copy, 7)
+
+    @pytest.mark.parametrize("reason", ["no Linux", "no /proc"])
+    def test_where_nothing_can_be_shared_views_go_by_value(self, monkeypatch, reason):
+        if reason == "no Linux":
+            monkeypatch.delattr(os, "memfd_create")
+        else:
+            monkeypatch.setattr(np, "memmap", lambda *a, **k: open("/none"))  # noqa: SIM115
+        with ordered_map(workers=2) as mapping:
+            whole = shared_empty((4, 10), float)
+            whole[:] = 1
+            assert_array_equal(list(mapping(Stage("trial", add_one), whole)), np.full((4, 10), 2))
+            assert_array_equal(whole, 1)
+
+    @pytest.mark.parametrize("workers", [None, 1])
+    def test_one_process_has_nothing_to_share(self, workers):
+        with ordered_map(workers=workers) if workers else nullcontext():
+            assert type(shared_empty((2, 3), float)) is np.ndarray
+
+    def test_memory_is_given_back(self):
+        def held():
+            """The files in memory alone that this process has open."""
+            found = set()
+            for path in Path("/proc/self/fd").iterdir():
+                with suppress(FileNotFoundError):  # other threads close theirs
+                    if os.readlink(path).startswith("/memfd:"):
+                        found.add(path.stat().st_ino)
+            return found
+
+        before = held()
+        with ordered_map(workers=2):
+            whole = shared_empty((10,), float)
+            own = held() - before
+            assert len(own) == 1
+        whole[:] = 5  # the last view keeps it
+        assert_array_equal(whole, 5)
+        assert own <= held()
+        del whole
+        assert not own & held()
+
+
+def running_at_once(folder, expected):
+    """How many of these calls run while this one does; until so many have met, the others are awaited."""
+    mark, met = folder / "running" / f"{os.getpid()}-{time.monotonic_ns()}", folder / "met"
+    mark.touch()
+    most = 0
+
+    def seen():
+        nonlocal most
+        most = max(most, len(list(mark.parent.iterdir())))
+        if most >= expected:
+            met.touch()
+        return met.exists()
+
+    wait_until(seen)
+    time.sleep(0.05)  # more of them would be seen
+    seen()
+    mark.unlink()
+    return most
+
+
+@pytest.mark.parametrize(("memory", "most"), [(0.0, 2), (1.0, 2), (6e8, 1), (1e15, 1)])
+def test_no_more_heavy_tasks_at_once_than_fit(tmp_path, monkeypatch, memory, most):
+    monkeypatch.setattr(processes, "free_memory", lambda: 1e9)
+    (tmp_path / "running").mkdir()
+    with ordered_map(workers=2) as mapping:
+        list(mapping(Stage("trial", abs), range(4)))
+        seen = list(mapping(Stage("trial", running_at_once, memory), [tmp_path] * 6, [most] * 6))
+    assert max(seen) == most
+
+
+@pytest.mark.parametrize("layout", ["Fortran", "four bytes off", "read only"])
+def test_bits_do_not_depend_on_where_a_process_gets_its_arrays(layout):
+    """Dask lays the arrays that it sends anywhere in its messages, and numpy sums them in another order there."""
+    rng = np.random.default_rng(0)
+    body = fs.HalfSpace((66, 132), (1e-6, 1e-6), 2.3e11, ("free", "periodic"))
+    memory = np.empty(8 * 66 * 132 + 4, np.uint8)
+    moved = memory[4:].view(float).reshape(66, 132)
+    for _ in range(8):
+        gap0 = 1e-6 * rng.random((66, 132))
+        moved[...] = gap0
+        other = np.asfortranarray(gap0) if layout == "Fortran" else moved
+        other.flags.writeable = layout != "read only"
+        one, two = (fs.solve_contact(gap, body, pressure=1e9, hardness=3e9, rtol=1e-4) for gap in (gap0, other))
+        assert_array_equal(two.gap, one.gap)
+        one, two = (fs.cell_permeability(gap, (1e-6, 1e-6)).value for gap in (gap0, other))
+        assert two == one
+        moved.flags.writeable = True
+
+
+#: A run whose workers cannot end: in each a thread goes on.
+STUCK = """
+import sys, threading, time
+from femseal.base.stage import Stage
+from femseal.execution import processes
+from femseal.execution.mappers import ordered_map
+from test_mappers import stay
+
+processes.END_SECONDS = 1.0
+with ordered_map(workers=2) as mapping:
+    print(*mapping(Stage("trial", stay), range(4)))
+    if sys.argv[1] == "error":
+        raise ValueError("stopped")
+"""
+
+
+def stay(n):
+    threading.Thread(target=time.sleep, args=(600,)).start()
+    return n
+
+
+@pytest.mark.parametrize("end", ["done", "error"])
+def test_processes_that_cannot_end_do_not_keep_the_run(end):
+    """joblib would wait for them until the threads are through."""
+    folder = Path(__file__).parent
+    path = os.pathsep.join([str(folder), str(folder.parent), *filter(None, [os.environ.get("PYTHONPATH")])])
+    code = [sys.executable, "-c", STUCK, end]
+    done = subprocess.run(code, cwd=folder, env={**os.environ, "PYTHONPATH": path}, capture_output=True, timeout=180)
+    assert done.stdout.split() == [b"0", b"1", b"2", b"3"]
+    assert done.returncode == (end == "error"), done.stderr
+
+
+def _threads(item):
+    return threads.number()
+
+
+def test_processes_that_have_no_item_leave_their_cores_to_the_others():
+    with processes.over_processes(2) as mapper:
+        alone = list(mapper(Stage("one state", _threads), [1]))
+        many = list(mapper(Stage("states", _threads), [1, 2, 3]))
+        large = list(mapper(Stage("large states", _threads, memory=1e15), [1, 2, 3]))
+    assert (alone, many, large) == ([2], [1, 1, 1], [2, 2, 2])
+    assert threads.number() == 1

@@ -1,0 +1,314 @@
+"""Parts of a run in one folder: which items each computes, what it says where others are missing, the same bits."""
+
+import itertools
+import os
+import random
+import re
+import signal
+import subprocess
+import sys
+import time
+from contextlib import ExitStack
+
+import numpy as np
+import pytest
+from kept_study import EVERY, Crash, assert_complete, study
+from small_cases import CALIBRATED, CASE, HEAD, ROWS, SWEPT
+from test_checkpoint import assert_same
+
+import femseal as fs
+from femseal.base.errors import PartsMissing
+from femseal.base.stage import Stage
+from femseal.calibration import calibrating
+from femseal.execution import lock
+from femseal.execution.lock import alone_in
+from femseal.execution.parts import parsed_part
+from femseal.execution.resuming import over_store
+from femseal.execution.run import no_progress
+from femseal.store import unfinished
+from femseal.store.store import SUFFIX, Store
+
+QUICK = CASE.split("[stochastic]")[0].replace('"stochastic"\ncompare = ["deterministic", "two-scale"]', '"two-scale"')
+QUICK += '[output]\npictures = false\nreport = false\nbudget = false\nparaview = "none"\n'
+#: Exit code of a part that needs others.
+WAITS = 3
+
+
+def of_part(store, folder, part, mapper=map):
+    return over_store(mapper, store, folder, part, no_progress)
+
+
+def computed_by(folder, part, mapper=map, computed=None):
+    """Results of the study that a part has a hand in, None where it waits for others."""
+    with Store(folder) as store:
+        try:
+            return study(of_part(store, folder, part, mapper), computed)
+        except PartsMissing:
+            return None
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_parts_in_any_order_killed_and_run_twice_compute_each_item_once(tmp_path, monkeypatch, seed):
+    """In any number; one is ended now and then after some items."""
+    rng, computed = random.Random(seed), []
+    monkeypatch.setattr(Store, "__exit__", lambda *a: None)  # as a kill leaves it
+    lost = 0
+
+    def crashing(function, *iterables):
+        left = rng.randint(1, 8)
+        for n, item in enumerate(map(function, *iterables)):
+            if n == left:
+                raise Crash
+            yield item
+
+    results = None
+    while results is None:
+        parts = rng.choice([1, 2, 3, 16])
+        try:
+            results = computed_by(tmp_path, (rng.randint(1, parts), parts), crashing, computed)
+        except Crash:
+            lost += 1  # the item that was under way
+    assert_complete(results)
+    assert len(computed) <= len(EVERY) + lost
+    with Store(tmp_path) as store:
+        assert_complete(study(store.over(map), again := []))
+    assert not again
+
+
+def test_two_parts_at_once_take_turns_with_every_item(tmp_path):
+    """A part begins a stage while the other is within it; each ends with what is missing, and then with all."""
+    stage, own = Stage("squares", np.square), {1: [], 2: []}
+
+    def items(part, store):
+        def noted(function, values):
+            for (value,) in values:
+                own[part].append(value)
+                yield function((value,))
+
+        try:
+            yield from of_part(store, tmp_path, (part, 2), noted)(stage, range(9))
+        except PartsMissing as error:
+            yield str(error)
+
+    with Store(tmp_path) as one, Store(tmp_path) as two:
+        first, second = items(1, one), items(2, two)
+        assert next(first) == "part 1/2: 'squares' needs part 2 of 2; run this part again after them"
+        assert list(second) == [n * n for n in range(9)]
+    assert own == {1: [0, 1, 2, 3, 4], 2: [5, 6, 7, 8]}
+    with Store(tmp_path) as again:
+        assert list(items(1, again)) == [n * n for n in range(9)]
+    assert len(own[1]) == 5
+
+
+def test_a_part_waits_for_parts_that_are_under_way(tmp_path, monkeypatch):
+    """It goes on when they have done their items, and ends where one of them ends before."""
+    looked, other, stage = [], ExitStack(), Stage("squares", np.square)
+    other.enter_context(alone_in(tmp_path, (2, 2)))
+
+    def looking(seconds):
+        looked.append(seconds)
+        assert len(looked) < 6
+        if len(looked) == 3:
+            with Store(tmp_path) as its_own:
+                assert len(list(of_part(its_own, tmp_path, (2, 2))(stage, range(7)))) == 7
+        if len(looked) == 5:
+            other.close()
+
+    monkeypatch.setattr(lock, "sleep", looking)
+    with alone_in(tmp_path, (1, 2)), Store(tmp_path) as store:
+        mapper = of_part(store, tmp_path, (1, 2))
+        assert list(mapper(stage, range(7))) == [n * n for n in range(7)]
+        assert len(looked) == 3
+        with pytest.raises(PartsMissing, match="part 1/2: 'cubes' needs part 2 of 2"):
+            list(mapper(Stage("cubes", np.power), range(7), [3] * 7))
+    assert len(looked) == 5
+
+
+def test_a_damaged_item_of_another_part_is_computed_again(tmp_path, caplog):
+    while computed_by(tmp_path, (1, 2)) is None:
+        computed_by(tmp_path, (2, 2))
+    for path in tmp_path.glob(f"*{SUFFIX}"):
+        data = path.read_bytes()
+        path.write_bytes(data[:-1] + bytes([data[-1] ^ 1]))
+    assert_complete(computed_by(tmp_path, (1, 2), computed=(computed := [])))
+    assert len(computed) == len(list(tmp_path.glob(f"*{SUFFIX}"))) - 1
+    assert "is damaged" in caplog.text
+
+
+@pytest.mark.parametrize("text", ["0/3", "4/3", "3", "1/-2", "a/b", "1/2/3", "", "1/1000000"])
+def test_a_part_is_a_number_and_how_many_there_are(text):
+    assert parsed_part(" 3/16") == (3, 16)
+    with pytest.raises(fs.InputError, match=r"part: given .*expected"):
+        parsed_part(text)
+
+
+def test_parts_of_a_run_give_the_bits_of_one_process(tmp_path, femseal):
+    (case := tmp_path / "small.toml").write_text(QUICK)
+    out = tmp_path / "out"
+    whole = fs.run(case, workers=1)
+    ended, said = {}, set()
+    for n in itertools.cycle((1, 2)):
+        code, text, error = femseal("run", case, "-o", out, "--part", f"{n}/2", "--workers", 1)
+        if code:
+            assert code == WAITS, error
+            said.add(error.splitlines()[-1])
+        elif ended.setdefault(n, text) and len(ended) == 2:
+            break
+    assert "femseal: part 1/2: 'flow in pieces' needs part 2 of 2; run this part again after them" in said
+    assert "part 2/2: all parts are done" in ended[2]
+    assert not (out / "results.nc").exists()
+    assert "Traceback" not in (out / "run.log").read_text()
+    with pytest.raises(fs.InputError, match="unfinished run"):
+        fs.run(case, out, workers=1)
+    again = fs.run(case, out, resume=True, workers=1, progress=lambda stage, *a: said.add(stage))
+    assert_same(whole.dataset, again.dataset)
+    assert not (out / unfinished.FOLDER).exists()
+    assert fs.run(case, out, part=(1, 2), workers=1).dataset.equals(again.dataset)  # there is nothing to do any more
+    with pytest.raises(fs.InputError, match=r"part: .*output folder"):
+        fs.run(case, part=(1, 2))
+
+
+def test_a_run_and_parts_exclude_each_other_and_parts_do_not(tmp_path):
+    refused = pytest.raises(fs.InputError, match="is under way")
+    with alone_in(tmp_path, (1, 3)), alone_in(tmp_path, (2, 3)):
+        with refused, alone_in(tmp_path):
+            pass
+        with refused, alone_in(tmp_path, (2, 3)):
+            pass
+    with alone_in(tmp_path), refused, alone_in(tmp_path, (1, 3)):
+        pass
+    with alone_in(tmp_path):
+        assert [path.name for path in tmp_path.iterdir()] == [".lock"]
+
+
+def test_a_sweep_by_parts_runs_each_case_once(tmp_path, contacts):
+    (case := tmp_path / "small.toml").write_text(SWEPT + "pictures = false\nreport = false\n")
+    keys = {"fluid.viscosity": ["1 mPa*s", "2 mPa*s"]}
+    with pytest.raises(fs.InputError, match="part: given 2/4 of 2 cases"):
+        fs.sweep(case, keys, tmp_path / "out", part=(2, 4), workers=1)
+    for part in ((2, 2), (1, 2)):
+        assert len(fs.sweep(case, keys, tmp_path / "out", part=part, workers=1).names) == 1
+    assert not (tmp_path / "out/sweep.csv").exists()
+    contacts.clear()
+    found = fs.sweep(case, keys, tmp_path / "out", resume=True, workers=1)
+    assert not contacts
+    assert len(found.names) == 2
+    assert (tmp_path / "out/sweep.csv").exists()
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_parts_of_a_calibration_killed_and_run_twice_give_the_bits_of_one_process(tmp_path, monkeypatch, femseal, seed):
+    """Each ends now and then after some scenes, as a kill ends it; what it had solved is not solved again."""
+    (case := tmp_path / "case.toml").write_text(CALIBRATED)
+    (test := tmp_path / "test.csv").write_text(HEAD + ROWS)
+    rng, solved, left = random.Random(seed), [], [0]
+
+    def leakage(case, unit, steps, hardness, shortest_wave):
+        if left[0] == 0:
+            raise Crash
+        left[0] -= 1
+        solved.append((hardness, shortest_wave))
+        return [1e-13 * hardness * shortest_wave / n**3 for n in range(1, len(steps) + 1)]
+
+    monkeypatch.setattr(calibrating, "_leakage", leakage)
+    said, options = set(), {"scenes": 26, "workers": 1}
+    left[0] = 1000
+    whole = fs.calibrate(case, test, **options)
+    solved.clear()
+    ended = set()
+    while len(ended) < 3:
+        n, left[0] = rng.randint(1, 3), rng.randint(1, 6)
+        try:
+            arguments = ["--part", f"{n}/3", "--workers", 1, "--scenes", 26, "--quiet"]
+            code, _, error = femseal("calibrate", case, test, "-o", tmp_path / "out", *arguments)
+        except Crash:
+            continue
+        assert code in (0, WAITS), error
+        if code == 0:
+            ended.add(n)
+        else:
+            said.add(error.splitlines()[-1])
+    line = r"femseal: part \d/3: 'scenes' needs (part \d|parts \d, \d) of 3; run this part again after them"
+    assert said
+    assert all(re.fullmatch(line, text) for text in said)
+    assert not (tmp_path / "out/calibration.json").exists()
+    left[0] = 0  # there is nothing to solve any more
+    again = fs.calibrate(case, test, tmp_path / "out", resume=True, **options)
+    assert len(solved) == len(set(solved)) == len(whole.scenes)
+    np.testing.assert_array_equal(again.samples, whole.samples)
+    np.testing.assert_array_equal(again.leakages, whole.leakages)
+
+
+def test_a_sweep_goes_on_after_a_part_that_was_killed_and_never_came_back(tmp_path, contacts, monkeypatch):
+    (case := tmp_path / "small.toml").write_text(SWEPT + "pictures = false\nreport = false\n")
+    keys = {"material.hardness": ["3 GPa", "6 GPa"]}
+    options = {"workers": 1}
+    whole = fs.sweep(case, keys, tmp_path / "whole", **options)
+    every = len(contacts)
+    contacts.clear()
+
+    def killed(stage, done, total):
+        if stage == "stochastic: contact of the whole face" and done == 1:
+            raise Crash
+
+    with monkeypatch.context() as patch:
+        patch.setattr(Store, "__exit__", lambda *a: None)  # as a kill leaves it
+        with pytest.raises(Crash):
+            fs.sweep(case, keys, tmp_path / "out", part=(2, 2), progress=killed, **options)
+    fs.sweep(case, keys, tmp_path / "out", part=(1, 2), **options)
+    fs.sweep(case, keys, tmp_path / "out", part=(1, 2), **options)
+    again = fs.sweep(case, keys, tmp_path / "out", resume=True, **options)
+    assert len(contacts) == every
+    for one, other in zip(whole.runs, again.runs, strict=True):
+        assert_same(one.dataset, other.dataset)
+    assert (tmp_path / "out/sweep.csv").read_bytes() == (tmp_path / "whole/sweep.csv").read_bytes()
+    assert not list((tmp_path / "out").rglob(".*"))
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(not hasattr(signal, "SIGKILL"), reason="no such signal")
+@pytest.mark.parametrize("command", ["run", "sweep", "calibrate"])
+def test_three_parts_at_once_that_are_killed_now_and_then_give_the_bits_of_one_process(tmp_path, command):
+    rng = random.Random(command)
+    (test := tmp_path / "test.csv").write_text(HEAD + ROWS.replace("sealed", "1e-7"))
+    larger = SWEPT.replace("realisations = 4", "realisations = 300")
+    content = {"run": QUICK, "sweep": larger + "pictures = false\nreport = false\n", "calibrate": CALIBRATED}[command]
+    (case := tmp_path / "case.toml").write_text(content)
+    more = {"run": [], "sweep": ["material.hardness=3GPa,4GPa,6GPa"], "calibrate": [test, "--scenes", 26]}[command]
+    written = {"run": "table.csv", "sweep": "sweep.csv", "calibrate": "calibration.json"}[command]
+
+    def started(out, *arguments):
+        line = [sys.executable, "-m", "femseal", command, case, *more, "-o", tmp_path / out, "--workers", 1, *arguments]
+        options = {"stdout": subprocess.DEVNULL, "stderr": subprocess.PIPE, "text": True}
+        return subprocess.Popen([*map(str, line)], **options, start_new_session=True)
+
+    def ended(process):
+        return process.communicate()[1], process.returncode
+
+    error, code = ended(started("whole"))
+    assert code == 0, error
+    running, done, kills, codes = {}, set(), 0, set()
+    while len(done) < 3:
+        for n in {1, 2, 3} - done - running.keys():
+            running[n] = started("out", "--part", f"{n}/3"), time.monotonic() + rng.uniform(1, 6)
+        for n, (process, end) in list(running.items()):
+            if process.poll() is None and kills < 6 and time.monotonic() > end:
+                os.killpg(process.pid, signal.SIGKILL)
+                kills += 1
+            elif process.poll() is None:
+                continue
+            error, code = ended(running.pop(n)[0])
+            codes.add(code)
+            assert code in (0, WAITS, -signal.SIGKILL), error
+            done |= {n} if code == 0 else set()
+        time.sleep(0.05)
+    assert {0, -signal.SIGKILL} <= codes
+    error, code = ended(started("out", "--resume"))
+    assert code == 0, error
+    assert (tmp_path / "out" / written).read_bytes() == (tmp_path / "whole" / written).read_bytes()
+    for path in (tmp_path / "whole").rglob("results.nc"):
+        one, other = (
+            fs.open_results(tmp_path / f / path.parent.relative_to(tmp_path / "whole")) for f in ("whole", "out")
+        )
+        assert_same(one.dataset, other.dataset)
+    assert not list((tmp_path / "out").rglob(".*"))

@@ -1,0 +1,390 @@
+"""Folders that somebody has changed: they are data, lead nowhere else, and run no code; one run at a time in each."""
+
+import errno
+import fcntl
+import json
+import logging
+import os
+import pickle
+import platform
+import shutil
+import subprocess
+import sys
+from contextlib import suppress
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from kept_study import EVERY, assert_complete, resumed
+from small_cases import CASE
+
+import femseal as fs
+from femseal.execution.lock import alone_in
+from femseal.face.piece_flow import Failed, PiecePermeability, SolveCounts, SolverCounts
+from femseal.preparation.preparation import prepare
+from femseal.report import folder as report_folder
+from femseal.runs import job
+from femseal.store import store, unfinished
+from femseal.store.plain_data import packed, unpacked
+from femseal.store.store import SUFFIX, Store
+
+# --- values as bytes -----------------------------------------------------------------------------------------------
+
+COUNTS = SolveCounts(solved=2, solvers=SolverCounts((("amg", 1),), 1e-300))
+VALUE = {
+    "plain": (None, True, -(10**30), 1 / 3, -0.0, float("inf"), "µ\ud800", b"\x00\xff", [], ()),
+    (1, "key"): [np.float64(0.1), np.float32(np.pi), np.int64(-3), np.bool_(True), np.array(2.5)],
+    "arrays": (
+        np.arange(12.0).reshape(3, 4),
+        np.asfortranarray(np.arange(12, dtype=np.float32).reshape(3, 4)),
+        np.arange(24).reshape(2, 3, 4).transpose(1, 0, 2)[:, ::-1],
+        np.zeros((0, 3)),
+        np.array([True, False]),
+        np.array([np.nan, -np.nan, 1e-310]),
+    ),
+    "classes": (PiecePermeability(np.array([1e-18, np.nan]), COUNTS), Failed("because")),
+}
+
+
+def assert_alike(one, two):
+    assert type(one) is type(two)
+    if isinstance(one, np.ndarray):
+        assert (one.dtype, one.shape, one.flags.c_contiguous) == (two.dtype, two.shape, two.flags.c_contiguous)
+        assert one.tobytes("A") == two.tobytes("A")
+    elif isinstance(one, dict):
+        assert_alike(list(one.items()), list(two.items()))
+    elif isinstance(one, (list, tuple)):
+        assert len(one) == len(two)
+        for a, b in zip(one, two, strict=True):
+            assert_alike(a, b)
+    elif hasattr(one, "__dict__"):
+        assert_alike(vars(one), vars(two))
+    else:
+        assert repr(one) == repr(two)
+
+
+def test_values_come_back_with_every_bit():
+    assert_alike(unpacked(packed(VALUE))["plain"], VALUE["plain"])
+    back = unpacked(packed(VALUE))
+    np.testing.assert_array_equal(back["arrays"][2], VALUE["arrays"][2])
+    back["arrays"][0][0] = 1.0  # arrays can be written to
+    contiguous = VALUE | {"arrays": (*VALUE["arrays"][:2], VALUE["arrays"][2].copy(), *VALUE["arrays"][3:])}
+    assert_alike(unpacked(packed(contiguous)), contiguous)
+
+
+@dataclass
+class Foreign:
+    x: int = 1
+
+
+@pytest.mark.parametrize("value", [Foreign(), object(), print, np.array([None]), np.array(["a"]), {1}, Path("/")])
+def test_only_plain_data_is_packed(value):
+    with pytest.raises(TypeError, match="no plain data"):
+        packed((1, value))
+
+
+def text_of(tree, content=b""):
+    text = tree if isinstance(tree, bytes) else json.dumps(tree).encode()
+    return len(text).to_bytes(8, "little") + text + content
+
+
+@pytest.mark.parametrize(
+    "data",
+    [
+        b"",
+        b"\xff" * 20,
+        text_of(b"[" * 100_000),
+        text_of({"a": 1}),
+        text_of([]),
+        text_of(["os.system", "true"]),
+        text_of(["subprocess.Popen", ["list", "true"]]),
+        text_of(["femseal.runs.job.run", "case.toml"]),
+        text_of(["femseal.runs.job.Path", "x"]),
+        text_of(["femseal.case.case.Case"]),
+        text_of(["femseal.face.piece_flow.Failed"]),
+        text_of(["femseal.face.piece_flow.Failed", "a", "b"]),
+        text_of(["femseal.no_such_room.Failed", "a"]),
+        text_of([1, 2]),
+        text_of(["array", "<f8", [10**12], "C", 0], b"12345678"),
+        text_of(["array", "<f8", [-1, -1], "C", 0], b"12345678"),
+        text_of(["array", "<f8", [0, 10**30], "C", 0]),
+        text_of(["array", "|O", [1], "C", 0], b"12345678"),
+        text_of(["array", "(1000000000,)f8", [1], "C", 0], b"12345678"),
+        text_of(["array", "<f8", [1], "C", 8], b"12345678"),
+        text_of(["array", "<f8", [1], "C", -8], b"12345678"),
+        text_of(["array", "<f8", [1.0], "X", 0], b"12345678"),
+        text_of(["array", "<f8", "11", "C", 0], b"12345678"),
+        text_of(["bytes", 10**12, 0], b"1"),
+        text_of(["dict", ["a"]]),
+        text_of(["dict", [["list"], 1]]),
+    ],
+    ids=range(26),
+)
+def test_bytes_that_are_no_values_are_refused(data):
+    with pytest.raises(ValueError):
+        unpacked(data)
+
+
+WHOLE = packed(VALUE)
+
+
+@given(st.integers(0, len(WHOLE) - 1), st.binary(max_size=3), st.integers(0, 3))
+def test_damaged_bytes_give_a_value_or_a_value_error(at, new, lost):
+    with suppress(ValueError):
+        unpacked(WHOLE[:at] + new + WHOLE[at + lost :])
+
+
+# --- stores --------------------------------------------------------------------------------------------------------
+
+
+class Trap:
+    def __reduce__(self):
+        return os.mkdir, ("sprung",)
+
+
+def test_no_pickle_is_read(tmp_path, monkeypatch, caplog):
+    """Also where its checksum is right: whoever changes a store can write it anew."""
+    monkeypatch.chdir(tmp_path)
+    resumed(out := tmp_path / "out")
+    with Store(out) as found:
+        keys = list(found._found)
+    (path,) = out.iterdir()
+    content = pickle.dumps(Trap())
+    path.write_bytes(b"".join(store._head(key, content) + content for key in keys))
+    results, computed = resumed(out)
+    assert_complete(results)
+    assert computed == EVERY
+    assert "is damaged" in caplog.text
+    assert not (tmp_path / "sprung").exists()
+
+
+def test_links_and_pipes_are_not_opened(tmp_path):
+    resumed(out := tmp_path / "out")
+    (path,) = out.iterdir()
+    shutil.move(path, tmp_path / "elsewhere")
+    path.symlink_to(tmp_path / "elsewhere")
+    os.mkfifo(out / f"pipe{SUFFIX}")
+    (out / f"folder{SUFFIX}").mkdir()
+    (out / f"foreign{SUFFIX}").write_bytes(bytes(1000))
+    results, computed = resumed(out)
+    assert_complete(results)
+    assert computed == EVERY
+    assert resumed(out)[1] == []
+
+
+def test_a_checkpoint_that_is_a_link_is_left_alone(tmp_path):
+    other = tmp_path / "other"
+    other.mkdir()
+    names = ["manifest.json", "0.results", ".unfinished-x"]
+    for name in names:
+        (other / name).write_text("{}")
+    out = tmp_path / "out"
+    out.mkdir()
+    (out / ".checkpoint").symlink_to(other)
+    for act in (
+        lambda: unfinished.resumable(out, {}),
+        lambda: unfinished.refuse_unfinished(out),
+        lambda: unfinished.remove(out),
+        lambda: unfinished.begin(out, {}),
+    ):
+        with pytest.raises(fs.InputError, match="a link"):
+            act()
+    assert sorted(p.name for p in other.iterdir()) == sorted(names)
+
+
+@pytest.mark.parametrize(
+    "content", [b"[" * 100_000, b"[1, 2]", b"\xff", b"7", b'{"a\\u001b[2J": [' + b"1," * 9999 + b"1]}"]
+)
+def test_a_manifest_of_another_kind_is_refused_in_short(tmp_path, content):
+    folder = tmp_path / ".checkpoint"
+    folder.mkdir()
+    (folder / "manifest.json").write_bytes(content)
+    with pytest.raises(fs.InputError, match="resume: given") as caught:
+        unfinished.resumable(tmp_path, {"case": 1})
+    assert len(str(caught.value)) < 3000
+    assert "\x1b" not in str(caught.value)
+
+
+def test_a_manifest_that_is_a_pipe_is_not_waited_for(tmp_path):
+    (tmp_path / ".checkpoint").mkdir()
+    os.mkfifo(tmp_path / ".checkpoint/manifest.json")
+    with pytest.raises(fs.InputError, match="is no file"):
+        unfinished.resumable(tmp_path, {})
+
+
+@pytest.fixture
+def case(tmp_path):
+    path = tmp_path / "small.toml"
+    path.write_text(CASE.replace('compare = ["deterministic", "two-scale"]', "").replace("24", "2"))
+    return path
+
+
+# --- the files of a run --------------------------------------------------------------------------------------------
+
+
+def test_a_list_of_files_removes_nothing_outside_the_folder(tmp_path):
+    outside = tmp_path / "outside"
+    outside.mkdir()
+    out = tmp_path / "out"
+    (out / "vtk").mkdir(parents=True)
+    (outside / "kept").write_text("kept")
+    (tmp_path / "kept").write_text("kept")
+    (out / "linked").symlink_to(outside)
+    (out / "loop").symlink_to(out / "loop")
+    (out / "one").symlink_to(outside / "kept")
+    os.link(outside / "kept", out / "two")
+    for name in ("vtk/a.vtu", "mine.txt"):
+        (out / name).write_text("x")
+    names = [
+        "../kept",
+        str(outside / "kept"),
+        "linked/kept",
+        "linked/../kept",
+        "vtk/../../kept",
+        "~/kept",
+        "one",
+        "two",
+    ]
+    names += ["vtk/a.vtu", "missing", "missing/b", "vtk", ".", "", "\x00", "x" * 5000, "loop/x", "loop", "\x1b[2J"]
+    (out / "files.txt").write_text("\n".join(names))
+    report_folder._remove_former(out)
+    assert (outside / "kept").read_text() == (tmp_path / "kept").read_text() == "kept"
+    assert sorted(p.name for p in out.iterdir()) == ["files.txt", "linked", "mine.txt"]
+
+
+@pytest.mark.parametrize("kind", ["pipe", "link", "large", "folder", "bytes"])
+def test_a_list_of_files_that_is_none_is_passed_over(tmp_path, kind):
+    path = tmp_path / "files.txt"
+    (tmp_path / "kept").write_text("kept")
+    if kind == "pipe":
+        os.mkfifo(path)
+    elif kind == "link":
+        (tmp_path / "names").write_text("kept")
+        path.symlink_to(tmp_path / "names")
+    elif kind == "large":
+        with path.open("wb") as file:
+            file.truncate(10**11)
+    elif kind == "folder":
+        path.mkdir()
+    else:
+        path.write_bytes(b"kept\n\xff")
+    report_folder._remove_former(tmp_path)
+    assert (tmp_path / "kept").exists()
+
+
+def test_a_run_writes_nothing_outside_its_folder(case, tmp_path):
+    outside = tmp_path / "outside"
+    outside.mkdir()
+    for name in ("run.log", "results.nc", "kept"):
+        (outside / name).write_text(name)
+    out = tmp_path / "out"
+    out.mkdir()
+    (out / "results.nc").symlink_to(outside / "results.nc")
+    (out / ".lock").symlink_to(outside / "kept")
+    (out / ".unfinished").symlink_to(outside)
+    for make in (lambda: (out / "run.log").symlink_to(outside / "run.log"), lambda: os.mkfifo(out / "run.log")):
+        (out / "run.log").unlink(missing_ok=True)
+        make()
+        with alone_in(out), job._log_file(out, append=False):  # nobody reads the pipe
+            logging.getLogger("femseal").info("a line")
+        assert "a line" in (out / "run.log").read_text()
+    case.write_text(case.read_text().replace('"stochastic"', '"deterministic"'))
+    results, surface = fs.run(case, workers=1), prepare(fs.load_case(case)).scene.surface
+    report_folder.write_folder(results, out, surface)
+    shutil.rmtree(out / "vtk")
+    (out / "vtk").symlink_to(outside)
+    with pytest.raises(fs.FemsealError, match=r"vtk' is a link to another folder.*the computed results are in"):
+        report_folder.write_folder(results, out, surface)
+    assert {p.name: p.read_text() for p in outside.iterdir()} == {n: n for n in ("run.log", "results.nc", "kept")}
+
+
+# --- one run at a time ---------------------------------------------------------------------------------------------
+
+HOLD = """
+import sys, time
+from pathlib import Path
+from femseal.execution.lock import alone_in
+with alone_in(Path(sys.argv[1])):
+    print("held", flush=True)
+    time.sleep(600)
+"""
+
+
+@pytest.fixture
+def holder(tmp_path):
+    process = subprocess.Popen([sys.executable, "-c", HOLD, str(tmp_path)], stdout=subprocess.PIPE, text=True)
+    assert process.stdout.readline() == "held\n"
+    yield process
+    process.kill()
+    process.communicate()
+
+
+def test_a_second_run_in_a_folder_is_refused_until_the_first_has_ended(case, holder, tmp_path):
+    before = {p: p.stat().st_mtime_ns for p in tmp_path.rglob("*")}
+    for resume in (False, True):
+        with pytest.raises(fs.InputError, match=rf"another run \(process {holder.pid} on .*under way.*another folder"):
+            fs.run(case, tmp_path, resume=resume, workers=1)
+    assert {p: p.stat().st_mtime_ns for p in tmp_path.rglob("*")} == before
+    holder.kill()
+    holder.wait()
+    assert (tmp_path / ".lock").exists()
+    fs.run(case, tmp_path, workers=1)
+    assert not (tmp_path / ".lock").exists()
+
+
+def test_runs_of_one_process_exclude_each_other(tmp_path):
+    with alone_in(tmp_path), pytest.raises(fs.InputError, match=f"process {os.getpid()} on"), alone_in(tmp_path):
+        pass
+    with alone_in(tmp_path):
+        pass
+    assert list(tmp_path.iterdir()) == []
+
+
+NO_LOCKS = """
+import errno, fcntl
+def none(*_):
+    raise OSError(errno.ENOLCK, "No locks available")
+fcntl.flock = none
+"""
+
+
+@pytest.mark.parametrize("killed", [False, True])
+def test_where_no_locks_are_the_name_of_the_process_counts(tmp_path, monkeypatch, killed):
+    """As on some network file systems: a run that was killed leaves its mark, which holds nobody up."""
+
+    def none(*_):
+        raise OSError(errno.ENOLCK, "No locks available")
+
+    monkeypatch.setattr(fcntl, "flock", none)
+    code = [sys.executable, "-c", NO_LOCKS + HOLD, str(tmp_path)]
+    with subprocess.Popen(code, stdout=subprocess.PIPE, text=True) as process:
+        try:
+            assert process.stdout.readline() == "held\n"
+            with pytest.raises(fs.InputError, match=f"process {process.pid} on"), alone_in(tmp_path):
+                pass
+        finally:
+            process.kill()
+    assert (tmp_path / ".lock-mark").exists()
+    mark = (tmp_path / ".lock-mark").read_text()
+    if not killed:  # a process of another machine may be running
+        (tmp_path / ".lock-mark").write_text(mark.replace(platform.node(), "another"))
+        with pytest.raises(fs.InputError, match="is under way"), alone_in(tmp_path):
+            pass
+        return
+    with alone_in(tmp_path):
+        pass
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_folder_that_is_removed_costs_no_results(case, tmp_path):
+    out = tmp_path / "out"
+
+    def remove(name, done, total):
+        if name == "stochastic: drawn seals" and done == 1:
+            shutil.rmtree(out)
+
+    found = fs.run(case, out, workers=1, progress=remove)
+    np.testing.assert_array_equal(found.leakage.values, fs.open_results(out).leakage.values)

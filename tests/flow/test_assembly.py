@@ -1,0 +1,291 @@
+"""The operator of structured grids: against scikit-fem's own assembly of the whole mesh, and the form it comes from."""
+
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+import scipy.sparse as sp
+from each import each
+from networks import cell_links, mesh_of_pixels
+from numpy.testing import assert_allclose, assert_array_equal
+from skfem import Basis, BilinearForm, ElementQuad1, MeshQuad
+from skfem.helpers import dot, grad
+
+import femseal as fs
+from femseal.base.errors import InputError
+from femseal.flow import Stencil, forms, permeability_tensor, solve_flow
+from femseal.flow.assembly import (
+    EDGES,
+    Sample,
+    assemble_on_links,
+    conductances_of,
+    elemental,
+)
+from femseal.flow.grid import Grid
+
+D = 1e-6
+UNEVEN = np.array([0.0, 0.4, 1.0, 2.5, 2.8, 4.0])
+
+
+@BilinearForm
+def energy_of_tensor(p, q, w):
+    """Written out, apart from the package."""
+    a, b = grad(p), grad(q)
+    return w.k11 * a[0] * b[0] + w.k12 * (a[0] * b[1] + a[1] * b[0]) + w.k22 * a[1] * b[1]
+
+
+def grids():
+    rows = np.arange(UNEVEN.size)
+    yield "strip", Grid.of_strip(UNEVEN, 0.7, 4)
+    yield "strip of one column", Grid.of_strip(UNEVEN, 0.7, 1)
+    yield "strip of two columns", Grid.of_strip(UNEVEN, 0.7, 2)
+    yield "uneven columns", Grid(UNEVEN, np.array([0.0, 1.0, 1.5, 4.0]), rows, np.arange(4), ring2=False)
+    yield "torus", Grid.of_torus((5, 4), (1.0, 0.6))
+    for sides in ("mirror", "periodic"):
+        yield f"pixels, {sides}", Grid.of_pixel_centres((5, 4), (2.0, 0.7), sides)
+        yield f"corners, {sides}", Grid.of_pixel_corners((5, 4), (2.0, 0.7), sides)
+
+
+GRIDS = dict(grids())
+each_grid = pytest.mark.parametrize("name", GRIDS)
+
+
+def whole_mesh(grid, points, weights, coefficients):
+    """Matrix of the degrees of freedom from scikit-fem on the whole mesh; coefficients (k11, k12, k22)(e, q, i, j)."""
+    mesh = MeshQuad.init_tensor(grid.lines1, grid.lines2)
+    basis = Basis(mesh, ElementQuad1(), quadrature=(points, weights))
+    corner = mesh.p[:, mesh.t].min(axis=1)
+    i, j = (np.searchsorted(lines, x) for lines, x in zip((grid.lines1, grid.lines2), corner, strict=True))
+    # where each quadrature point lies in its element, whatever scikit-fem's local axes are
+    at = np.asarray(basis.global_coordinates())
+    local = [
+        (at[a] - corner[a][:, None]) / np.diff(lines)[n][:, None]
+        for a, (lines, n) in enumerate(((grid.lines1, i), (grid.lines2, j)))
+    ]
+    k11, k12, k22 = coefficients(local[0], local[1], i[:, None], j[:, None])
+    matrix = energy_of_tensor.assemble(basis, k11=k11, k12=k12, k22=k22)
+    row, column = (np.searchsorted(lines, x) for lines, x in zip((grid.lines1, grid.lines2), mesh.p, strict=True))
+    n2 = grid.nodes[1]
+    node = grid.rows[row] * n2 + grid.columns[column]
+    join = sp.csr_array((np.ones(node.size), (node, np.arange(node.size))))
+    return (join @ matrix @ join.T).toarray()
+
+
+def assert_same(grid, stencil, expected):
+    """Equal but for the conductances between nodes of one end, which a stencil leaves out."""
+    n2 = grid.nodes[1]
+    ours = stencil.to_csr().toarray()
+    inner = slice(None) if grid.ring1 else slice(n2, -n2)
+    assert_allclose(ours[inner], expected[inner], rtol=0, atol=1e-13 * np.abs(expected).max())
+
+
+def at(local, value):
+    return np.abs(local - value) < 1e-6
+
+
+@each_grid
+def test_edges_equal_the_assembly_of_the_whole_mesh(name):
+    grid = GRIDS[name]
+    rng = np.random.default_rng(3)
+    m1, m2 = grid.elements
+    rows, n2 = grid.nodes
+    k1 = rng.lognormal(0, 2, (m1, n2))
+    k2 = rng.lognormal(0, 2, (rows if grid.ring1 else rows - 2, m2 if grid.ring2 else n2 - 1))
+    stencil = assemble_on_links(grid, k1, k2)
+    first = 0 if grid.ring1 else 1
+
+    def coefficients(x, y, i, j):
+        """K11 on edges along x1, K22 on those along x2; half pixels at the ends take K22 at their inner edge only."""
+        on1, on2 = at(x, 0.5), at(y, 0.5)
+        column = grid.columns[j + at(y, 1)]
+        k11 = np.where(on1, k1[i + 0 * column, column], 0.0)
+        row = grid.rows[i + at(x, 1)] - first
+        apart = grid.columns[j] != grid.columns[j + 1]
+        inside = (row >= 0) & (row < len(k2)) & apart
+        k22 = np.where(on2 & inside, k2[np.clip(row, 0, len(k2) - 1), grid.columns[j] % k2.shape[1]], 0.0)
+        if grid.half_ends:
+            k22 = k22 * np.where((i == 0) | (i == m1 - 1), 2.0, 1.0)
+        return k11, 0 * k11, k22
+
+    points = np.array([[0.5, 0.5, 0.0, 1.0], [0.0, 1.0, 0.5, 0.5]])
+    assert_same(grid, stencil, whole_mesh(grid, points, np.full(4, 0.5), coefficients))
+
+
+def test_edge_midpoints_have_links_and_no_diagonals():
+    """On a cell Δ1 × Δ2: exactly Δ2/2Δ1 along x1 and Δ1/2Δ2 along x2."""
+    d1, d2 = 3.0, 0.7
+    conductances = conductances_of(elemental(forms.darcy_flow, ElementQuad1, EDGES))
+    stretch = np.array([d2 / d1, d2 / d1, d1 / d2, d1 / d2])[:, None]
+    total = (conductances * stretch).sum(axis=0)
+    assert_allclose(total, [d2 / d1 / 2, d2 / d1 / 2, d1 / d2 / 2, d1 / d2 / 2, 0, 0], rtol=1e-15, atol=1e-17)
+    assert_array_equal(total[4:], 0)
+
+
+def test_a_form_that_is_no_flow_is_refused():
+    mass = BilinearForm(lambda p, q, w: w.k[0, 0] * p * q)
+    with pytest.raises(ValueError, match="do not add up to 0"):
+        conductances_of(elemental(mass, ElementQuad1, EDGES))
+
+
+def test_a_quadrature_that_couples_beyond_its_edges_is_refused(monkeypatch):
+    skew = BilinearForm(lambda p, q, w: dot(grad(p), grad(q)) * w.k[0, 0])
+    monkeypatch.setattr(forms, "darcy_flow", skew)
+    with pytest.raises(ValueError, match="beyond the edge"):
+        assemble_on_links(Grid.of_strip([0.0, 1.0, 2.0], 1.0, 3), np.ones((2, 3)), np.ones((1, 3)))
+
+
+def test_elemental_matrices_are_kept_for_one_form():
+    other = Sample((0.3, 0.2), 1.0, 1)
+    assert elemental(forms.darcy_flow, ElementQuad1, (other,)) is elemental(forms.darcy_flow, ElementQuad1, (other,))
+
+
+DOUBLED = """
+import sys
+import numpy as np
+from skfem import BilinearForm
+from femseal.flow import forms
+
+if sys.argv[1] == "2":
+    once = forms.darcy_flow
+    forms.darcy_flow = BilinearForm(lambda p, q, w: 2 * once.form(p, q, w))
+
+import femseal as fs
+
+h = np.abs(np.sin(np.arange(400.0).reshape(20, 20))) * 1e-6 + 1e-7
+h[3:6, 4:9] = 0
+found = [fs.cell_permeability(h, (1e-6, 2e-6), axis=a, sides=s).value for a in (0, 1) for s in ("mirror", "periodic")]
+found += [fs.cell_permeability(h, (1e-6, 2e-6), bounds=True).upper]
+found += list(fs.permeability_tensor(h, (1e-6, 2e-6)).ravel())
+seals = (fs.RectangularSeal((0.01, 0.03), (4, 5)), fs.AnnularSeal(0.01, 0.02, (4, 5)),
+         fs.MeshSeal(sys.argv[2], "inlet", "outlet"))
+for seal in seals:
+    found.append(fs.seal_leakage(seal, 1e-18, fs.Liquid(1e-3), inlet_pressure=1e6).volume_rate)
+print(*map(float, found))
+"""
+
+
+def test_every_flow_follows_the_form(monkeypatch, capsys):
+    """Doubled before anything is assembled, it doubles every permeability and leakage."""
+    ring = Path(__file__).parents[2] / "meshes" / "ring.msh"
+    monkeypatch.setattr(sys, "argv", ["once", "1", ring])
+    exec(compile(DOUBLED, "once", "exec"), {})
+    doubled = subprocess.run([sys.executable, "-c", DOUBLED, "2", ring], capture_output=True, text=True, check=True)
+    once, twice = (np.array(text.split(), dtype=float) for text in (capsys.readouterr().out, doubled.stdout))
+    assert once.size == 12
+    assert_allclose(twice, 2 * once, rtol=1e-9)
+
+
+# --- the flow through a cell ---
+
+
+def smooth_cell(n):
+    x = (np.arange(n) + 0.5) / n
+    return D * (1 + 0.4 * np.cos(2 * np.pi * x)[:, None] * np.cos(4 * np.pi * x) + 0.2 * np.sin(2 * np.pi * x))
+
+
+@each("sides", ["mirror", "periodic"])
+@each("axis", [0, 1])
+def test_plates_are_exact(sides, axis):
+    flat = np.full((6, 5), D)
+    found = fs.cell_permeability(flat, (D, 3 * D), axis=axis, sides=sides)
+    assert_allclose(found.value, D**3 / 12, rtol=1e-12)
+    away = (np.arange(flat.shape[axis]) + 0.5) / flat.shape[axis]
+    assert_allclose(found.fluid_pressure.mean(axis=1 - axis), 1 - away, atol=1e-7)
+
+
+@each("sides", ["mirror", "periodic"])
+def test_the_flow_is_of_second_order(sides):
+    limit = fs.cell_permeability(smooth_cell(256), (1 / 256, 1 / 256), sides=sides, rtol=1e-10).value
+    finer = fs.cell_permeability(smooth_cell(128), (1 / 128, 1 / 128), sides=sides, rtol=1e-10).value
+    limit += (limit - finer) / 3
+    errors = [fs.cell_permeability(smooth_cell(n), (1 / n, 1 / n), sides=sides).value / limit - 1 for n in (16, 32, 64)]
+    assert abs(errors[-1]) < 6e-3
+    assert np.log2(abs(errors[0] / errors[2])) / 2 > 1.75
+
+
+def test_bounds_of_a_cell_enclose_those_of_better_elements_on_its_pixels():
+    """Raviart-Thomas and Q1 elements of the mesh of pixels minimise over spaces that have those of the cell."""
+    h = np.maximum(np.random.default_rng(6).normal(1, 0.6, (20, 24)), 0) * D
+    cell, mesh = fs.cell_permeability(h, (D, 2 * D), bounds=True), mesh_of_pixels(h, (D, 2 * D))
+    assert cell.lower * (1 - 1e-12) <= mesh.lower <= mesh.upper <= cell.upper * (1 + 1e-12)
+
+
+def test_closed_cells_carry_exactly_nothing():
+    h = np.full((8, 9), D)
+    h[3:5] = 0
+    found = fs.cell_permeability(h, (D, D))
+    assert (found.value, found.percolates, found.solver) == (0.0, False, "none")
+    assert np.isnan(found.fluid_pressure[3:5]).all()
+    assert_array_equal(found.fluid_pressure[[0, 2, 5, 7]].mean(axis=1), [1, 1, 0, 0])
+
+
+def test_a_solver_that_is_none_is_refused():
+    with pytest.raises(InputError, match="'cholesky', expected one of auto, multigrid, elimination, amg"):
+        fs.cell_permeability(np.ones((4, 4)), (1.0, 1.0), solver="cholesky")
+
+
+@each("solver", ["multigrid", "elimination", "amg"])
+def test_solvers_of_a_cell_agree_and_say_their_name(solver):
+    h = np.maximum(np.random.default_rng(1).normal(1, 0.4, (40, 36)), 0) * D
+    found = fs.cell_permeability(h, (D, D), solver=solver, field_rtol=1e-6)
+    assert found.solver == solver
+    assert_allclose(found.value, fs.cell_permeability(h, (D, D)).value, rtol=1e-6)
+    assert found.imbalance <= 1e-5
+
+
+@each("solver", ["auto", "amg"])
+def test_solvers_of_the_tensor_agree(solver):
+    h = np.maximum(np.random.default_rng(3).normal(1, 0.5, (40, 33)), 0) * D
+    direct = permeability_tensor(h, (D, 2 * D))
+    assert_allclose(permeability_tensor(h, (D, 2 * D), solver=solver), direct, rtol=1e-6, atol=1e-6 * direct.max())
+    with pytest.raises(InputError, match="solver"):
+        permeability_tensor(h, (D, D), solver="elimination")
+
+
+def test_tensor_of_a_cell_is_that_of_its_links():
+    """Against a dense solution of the network on the torus, written out."""
+    h = np.maximum(np.random.default_rng(2).normal(1, 0.3, (6, 7)), 0.1) * D
+    found = permeability_tensor(h, (D, 2 * D))
+    stencil = assemble_on_links(Grid.of_torus((6, 7), (D, 2 * D)), *_torus_permeabilities(h))
+    node = np.arange(42).reshape(6, 7)
+    a = stencil.to_csr().toarray()
+    rhs = np.zeros((42, 2))
+    parts = []
+    for conductances, shift, axis, length in ((stencil.along, (1, 0), 0, D), (stencil.across, (0, 1), 1, 2 * D)):
+        there = np.roll(node, (-shift[0], -shift[1]), axis=(0, 1))
+        for c, s, e in zip(conductances.ravel(), node.ravel(), there.ravel(), strict=True):
+            rhs[s, axis] += c * length
+            rhs[e, axis] -= c * length
+            parts.append((c, s, e, axis, length))
+    chi = np.linalg.lstsq(a, rhs, rcond=None)[0]
+    expected = np.zeros((2, 2))
+    for c, s, e, axis, length in parts:
+        drop = chi[e] - chi[s] + length * np.eye(2)[axis]
+        expected += c * np.outer(drop, drop)
+    assert_allclose(found, expected / (6 * D * 7 * 2 * D), rtol=1e-9)
+
+
+def _torus_permeabilities(h):
+    """Four-point cubic in h along both axes, written with numpy."""
+    found = []
+    for axis in (0, 1):
+        before, after, last = (np.roll(h, s, axis=axis) for s in (1, -1, -2))
+        middle = np.maximum((9 * (h + after) - before - last) / 16, 0.1 * np.minimum(h, after))
+        found.append(middle**3 / 12)
+    return found
+
+
+def test_pixels_of_a_cell_have_links_of_their_full_width():
+    """Half links at both ends, full rows and columns everywhere."""
+    for sides in ("mirror", "periodic"):
+        c1, c2 = cell_links(np.ones((5, 4)), (2.0, 3.0), sides)
+        assert_allclose(c1, np.array([2, 1, 1, 1, 1, 2])[:, None] * np.full((6, 4), 3 / 2 / 12), rtol=1e-14)
+        assert_allclose(c2, np.full((5, 4 if sides == "periodic" else 3), 2 / 3 / 12), rtol=1e-14)
+
+
+def test_a_stencil_knows_its_shape():
+    s = Stencil(np.ones((3, 4)), np.ones((2, 3)), ring2=False)
+    assert s.nodes == (4, 4)
+    assert solve_flow(s).conductance == pytest.approx(4 / 3)

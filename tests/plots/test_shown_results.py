@@ -1,0 +1,300 @@
+"""Results show themselves: one line without arrays, a table, a picture of their own numbers."""
+
+import io
+from dataclasses import replace
+from pathlib import Path
+from xml.etree import ElementTree
+
+import numpy as np
+import pytest
+from matplotlib.colors import to_hex
+from matplotlib.figure import Figure
+from numpy.testing import assert_allclose
+
+import femseal as fs
+from femseal.base.errors import InputError
+from femseal.base.leak_rates import leakage_unit
+from femseal.base.text import Shown, value_text
+from femseal.plots.drawing import png
+from femseal.plots.leakage_curves import LeakageCurves, leakage_panel
+
+MODULUS, HARDNESS = 115e9, 1.4e9
+
+
+@pytest.fixture(scope="module")
+def face():
+    return fs.self_affine((32, 64), (40e-6, 80e-6), hurst=0.8, rms_slope=0.15, roll_off=30e-6, rng=2)
+
+
+@pytest.fixture(scope="module")
+def states(face):
+    body = fs.HalfSpace(face.shape, face.spacing, MODULUS)
+    cycle = {"loading": [5e7, 4e8], "unload_from": [4e8], "unloading": [1e8]}
+    return fs.load_cycle(face.gap(), body, hardness=HARDNESS, **cycle)
+
+
+@pytest.fixture(scope="module")
+def shown(face, states):
+    scene = fs.Scene(
+        face,
+        MODULUS,
+        HARDNESS,
+        fs.Liquid(1e-3),
+        1e6,
+        0.0,
+        loading=(5e7, 4e8),
+        unload_from=(4e8,),
+        unloading=(1e8,),
+    )
+    k = fs.cell_permeability(states[0].contact.gap, face.spacing)
+    seal = fs.RectangularSeal(face.size, (3, 4))
+    return {
+        "topography": face,
+        "contact": states[0].contact,
+        "state": states[2],
+        "cycle": states,
+        "permeability": k,
+        "leakage": fs.seal_leakage(seal, k.value, fs.Liquid(1e-3), inlet_pressure=1e6),
+        "deterministic": fs.deterministic(scene),
+        "two_scale": fs.two_scale(scene, (2, 4)),
+        "stochastic": fs.stochastic(scene, (2, 4), fs.Sampling(160e-6, 20, seed=1)),
+    }
+
+
+def test_few_outliers_leave_the_colours_to_the_others(face):
+    """A spike and a pit do not set the range; the bar says what is out of it, in the colours that it has there."""
+    from femseal.plots.heights import ABOVE, BELOW, height_range
+
+    z = face.heights.copy()
+    plain = height_range(z)
+    assert plain.text == ""
+    assert (plain.low, plain.high) == (z.min(), z.max())
+    z[3, 4], z[20, 30] = 100e-6, -50e-6
+    z[5, 5:8] = np.nan
+    found = height_range(z)
+    assert_allclose((found.low, found.high), (plain.low, plain.high), rtol=1e-12)
+    figure = fs.Topography(z, face.spacing).plot()
+    image = figure.axes[0].images[0]
+    assert_allclose(image.get_clim(), (found.low * 1e6, found.high * 1e6))
+    share = 100 / (z.size - 3)
+    assert image.colorbar.ax.get_ylabel() == f"red: {share:.2g} % above, light blue: {share:.2g} % below"
+    assert image.colorbar.extend == "both"
+    rgba = image.to_rgba(image.get_array())
+    # the longer side, x2, to the right
+    assert to_hex(rgba[3, 4]).upper() == ABOVE[0]
+    assert to_hex(rgba[20, 30]).upper() == BELOW[0]
+    assert to_hex(rgba[5, 6]) == "#ffffff"
+
+
+def test_maps_of_one_height_or_none_have_a_range():
+    from femseal.plots.heights import height_range
+
+    assert height_range(np.full((4, 4), np.nan)).text == ""
+    level = np.zeros((40, 40))
+    level[3, 3] = 1.0
+    assert (height_range(level).low, height_range(level).high) == (0, 1)
+
+
+NAMES = [
+    "topography",
+    "contact",
+    "state",
+    "cycle",
+    "permeability",
+    "leakage",
+    "deterministic",
+    "two_scale",
+    "stochastic",
+]
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_line_is_short_and_table_is_well_formed(shown, name):
+    line = repr(shown[name])
+    assert line.startswith(type(shown[name]).__name__ + "(")
+    assert len(line) < 900
+    assert not {"array", "\n"} & {*line.split("("), *line}
+    table = ElementTree.fromstring(f"<div>{shown[name]._repr_html_()}</div>")
+    assert len(list(table.iter("tr"))) >= 3
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_picture_can_be_saved(shown, name, tmp_path):
+    figure = shown[name].plot()
+    assert isinstance(figure, Figure)
+    figure.savefig(tmp_path / "picture.png", dpi=40)
+    assert (tmp_path / "picture.png").stat().st_size > 2000
+
+
+def test_line_of_a_contact_says_its_numbers(states):
+    contact = states[1].contact
+    line = repr(contact)
+    assert f"area_fraction {contact.area_fraction:.4g}" in line
+    assert "mean_pressure 400 MPa" in line
+    assert "(32 × 64: 0 Pa … 1.4 GPa)" in line
+    assert "m^" not in line
+
+
+def test_pictures_show_the_numbers(shown):
+    pressure, gap = (axes.images[0].get_array() for axes in shown["contact"].plot().axes[:2])
+    contact = shown["contact"]
+    assert_allclose(np.nan_to_num(np.ma.filled(pressure, 0.0)) * 1e6, contact.pressure)
+    assert_allclose(np.nan_to_num(np.ma.filled(gap, 0.0)) * 1e-6, contact.gap)
+    loading, unloading = shown["cycle"].plot().axes[0].lines
+    assert_allclose(loading.get_xdata(), [50, 400])
+    assert_allclose(unloading.get_xdata(), [400, 100])  # from the peak on
+    shares = [100 * s.contact.area_fraction for s in shown["cycle"]]
+    assert_allclose(unloading.get_ydata(), shares[1:])
+    drop = shown["permeability"].plot().axes[0].images[0].get_array()
+    assert drop.shape == (32, 64)
+
+
+@pytest.mark.parametrize("name", ["permeability", "leakage", "deterministic", "two_scale", "stochastic"])
+def test_pictures_of_one_panel_are_drawn_into_given_axes(shown, name):
+    figure = Figure()
+    axes = figure.subplots(1, 2)[1]
+    assert shown[name].plot(ax=axes) is figure
+    assert axes.images or axes.lines
+    assert len(figure.axes[0].get_children()) == len(Figure().add_subplot().get_children())
+
+
+@pytest.mark.parametrize("name", ["topography", "contact", "cycle"])
+def test_pictures_of_several_panels_do_not_take_axes(shown, name):
+    with pytest.raises(InputError, match="option 'ax'"):
+        shown[name].plot(ax=Figure().add_subplot())
+
+
+def test_leakages_are_drawn_together(shown):
+    """The unit, the strip of closed loads and the legend are of both."""
+    axes = Figure().add_subplot()
+    q = shown["two_scale"].leakage
+    tight = replace(shown["two_scale"], leakage=np.where(np.arange(q.size) == 1, 0.0, 1e-6 * q))
+    for study, label in ((shown["two_scale"], "rough"), (tight, "smooth")):
+        study.plot(ax=axes, label=label)
+    texts = [text.get_text() for text in axes.get_legend().get_texts()]
+    assert [text for text in texts if text.endswith("loading")] == ["rough, loading", "smooth, loading"]
+    factor, unit = leakage_unit(q)
+    assert unit in axes.get_ylabel()
+    drawn = [line.get_ydata() * factor for line in axes.lines if str(line.get_label()).endswith(", loading")]
+    assert_allclose(drawn, [q[:2], [tight.leakage[0], np.nan]])
+    assert [text.get_text().strip() for text in axes.texts] == ["sealed"]
+    assert len({line.get_color() for line in axes.lines if not line.get_label().startswith("_")}) == 4
+
+
+def test_notebooks_show_pictures(shown):
+    """Without pyplot, at the size of the screen."""
+    formatter = pytest.importorskip("IPython.core.formatters").DisplayFormatter()
+    data, metadata = formatter.format(shown["permeability"].plot(), include=["image/png"])
+    assert data["image/png"].startswith(b"\x89PNG")
+    assert metadata["image/png"]["width"] == 480
+
+
+def test_pictures_are_drawn_once(shown, monkeypatch):
+    """And look as savefig, which draws twice, makes them."""
+    stream = io.BytesIO()
+    shown["two_scale"].plot().savefig(stream)
+    drawn = []
+    draw = Figure.draw
+    monkeypatch.setattr(Figure, "draw", lambda self, *args: drawn.append(self) or draw(self, *args))
+    assert png(shown["two_scale"].plot()) == stream.getvalue()
+    assert len(drawn) == 1
+
+
+def test_what_has_no_picture_says_so():
+    class Bare(Shown):
+        pass
+
+    with pytest.raises(InputError, match="plot: given a Bare"):
+        Bare().plot()
+
+
+def test_leakage_of_studies_is_drawn(shown):
+    axes = shown["deterministic"].plot().axes[0]
+    line = next(line for line in axes.lines if line.get_label() == "loading")
+    factor, _ = leakage_unit(shown["deterministic"].leakage)
+    assert_allclose(line.get_ydata() * factor, shown["deterministic"].leakage[:2])
+    assert len(shown["stochastic"].plot().axes[0].collections) == 2  # a band for each of two branches
+
+
+def test_cycle_is_still_a_tuple(states):
+    assert isinstance(states, tuple)
+    assert states[:2] == tuple(states)[:2]
+    assert isinstance(states, fs.LoadCycle)
+
+
+def test_leakage_of_a_mesh_has_no_map():
+    seal = fs.MeshSeal(Path(__file__).parents[2] / "meshes" / "ring.msh", "inlet", "outlet")
+    leakage = fs.seal_leakage(seal, 1e-18, fs.Liquid(1e-3), inlet_pressure=1e6)
+    with pytest.raises(InputError, match="mesh"):
+        leakage.plot()
+
+
+@pytest.mark.parametrize(
+    ("value", "unit", "text"),
+    [
+        (np.zeros((2, 3)), "m", "(2 × 3: 0 m)"),
+        (np.array([np.nan]), "m", "(1: undefined)"),
+        (np.array([True, False]), "1", "(2: 50 %)"),
+        (3e-9, "m^2/s", "3e-09 m²/s"),
+        (np.float64(0.25), "1", "0.25"),
+        (7, "1", "7"),
+        (("it failed", "and again"), "1", "2, the first: it failed"),
+    ],
+)
+def test_texts_of_values(value, unit, text):
+    assert value_text(value, unit) == text
+
+
+@pytest.mark.parametrize(
+    ("lower", "upper", "shown"),
+    [
+        ([1.5e-9, 0.2e-9], [4e-9, 1.1e-9], (True, True)),
+        ([1.5e-9, 0.0], [4e-9, 1.1e-9], (True, True)),
+        ([1.5e-9, 1e-14], [4e-9, 1.1e-9], (False, True)),
+        ([1.5e-9, 0.2e-9], [1e-6, 1.1e-9], (True, False)),
+        ([1.5e-9, 0.2e-9], [np.inf, 1.1e-9], (True, False)),
+    ],
+)
+def test_bars_of_the_band_of_error_end_where_it_ends_or_at_the_edge_without_a_mark(lower, upper, shown):
+    leakage = np.array([2e-9, 0.5e-9])
+    error = np.array(lower), np.array(upper)
+    axes = Figure().subplots()
+    told = 1.0, "leakage"
+    loads, peaks = np.array([1e8, 2e8]), np.full(2, np.nan)
+    leakage_panel(axes, LeakageCurves(loads, peaks, leakage, "median", error=error, scale=told))
+    low, high = axes.get_ylim()
+    assert low > 0.2e-9 / 11
+    assert high < 4e-9 * 11
+    feet, heads = (line.get_ydata() for line in axes.lines if line.get_marker() == "_")
+    assert (len(feet) == 2, len(heads) == 2) == shown
+    assert all(low <= end <= high for end in (*feet, *heads))
+    assert set(heads) <= set(upper)
+    assert set(feet) <= {*lower, low}
+
+
+def test_a_notebook_shows_a_figure_once_with_and_without_a_semicolon(face, monkeypatch):
+    """The kernel is a shell of IPython that says it is one; what it displays is counted."""
+    from IPython.core.interactiveshell import InteractiveShell
+    from traitlets.config import Config
+
+    shell = InteractiveShell(config=Config({"HistoryManager": {"enabled": False}}))
+    shell.kernel = object()
+    displayed = []
+    monkeypatch.setattr("IPython.get_ipython", lambda: shell)
+    monkeypatch.setattr("IPython.display.display", lambda figure: displayed.append(figure))
+    shell.displayhook.write_format_data = lambda formats, metadata=None: displayed.append("image/png" in formats)
+    shell.user_ns["face"] = face
+    for cell, times in (
+        ("face.plot();", 1),
+        ("face.plot()", 1),
+        ("figure = face.plot()", 1),
+        ("face.plot(); face.plot()", 2),
+        ("1", 0),
+    ):
+        displayed.clear()
+        shell.run_cell(cell, store_history=True)
+        assert len(displayed) == times + (cell == "1"), cell
+    shell.kernel = None
+    displayed.clear()
+    shell.run_cell("face.plot();", store_history=True)
+    assert not displayed

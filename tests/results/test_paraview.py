@@ -1,0 +1,165 @@
+"""The folder of a run as meshio reads it, and, where it is installed, as ParaView itself opens it."""
+
+import json
+import os
+import shutil
+import subprocess
+from itertools import count
+from pathlib import Path
+
+import matplotlib.image
+import meshio
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose, assert_array_equal
+
+import femseal as fs
+from femseal.report import write_folder
+from femseal.results import assemble
+from femseal.results.vtk_files import Cells, LoadSteps, write_series
+
+MACRO = Path(__file__).parents[2] / "examples" / "paraview_two_scale.py"
+M1, M2 = 3, 4
+in_paraview = pytest.mark.skipif(
+    shutil.which("pvpython") is None or shutil.which("xvfb-run") is None, reason="ParaView is not installed"
+)
+#: Numbers the calls of ParaView.
+CALLS = count()
+#: Reads every file it is given and writes, for every time, what is in it.
+SCRIPT = """
+import json, sys
+import paraview.simple as pv
+from paraview import servermanager
+from vtkmodules.util.numpy_support import vtk_to_numpy
+found = {}
+for path in sys.argv[2:]:
+    source = pv.OpenDataFile(path)
+    source.UpdatePipelineInformation()
+    steps = found[path] = []
+    for time in list(source.GetProperty("TimestepValues") or []) or [None]:
+        source.UpdatePipeline() if time is None else source.UpdatePipeline(time)
+        data = servermanager.Fetch(source)
+        step = {"time": time, "bounds": data.GetBounds()}
+        for kind in ("Cell", "Point", "Field"):
+            arrays = getattr(data, "Get%sData" % kind)()
+            each = [arrays.GetArray(n) for n in range(arrays.GetNumberOfArrays())]
+            step[kind] = {a.GetName(): vtk_to_numpy(a).tolist() for a in each}
+        steps.append(step)
+    pv.Delete(source)
+json.dump(found, open(sys.argv[1], "w"))
+"""
+
+
+@pytest.fixture(scope="module")
+def results():
+    face = fs.turned((48, 96), (60e-6, 120e-6), pitch=27e-6, depth=1e-6, roughness=0.3e-6, rng=2)
+    scene = fs.Scene(
+        face, 115e9, 2.8e9, fs.Liquid(1e-3), 3e7, 1e6, loading=(50e6, 700e6), unload_from=(700e6,), unloading=(50e6,)
+    )
+    study = fs.two_scale(scene, (M1, M2))
+    return assemble(scene, two_scale=study)
+
+
+@pytest.fixture(scope="module")
+def folder(results, tmp_path_factory):
+    path = tmp_path_factory.mktemp("a run") / "out"
+    write_folder(results, path, results.scene.surface)
+    return path
+
+
+def test_meshio_reads_every_mesh(results, folder):
+    paths = sorted(folder.rglob("*.vtu"))
+    assert len(paths) == 3
+    for s, path in enumerate(paths):
+        mesh = meshio.read(path)
+        (block,) = mesh.cells
+        assert (block.type, block.data.shape) == ("quad", (M1 * M2, 4))
+        assert_array_equal(mesh.cell_data["k1_m3"][0].reshape(M1, M2), results.dataset["piece_k1"][s])
+        assert_allclose(mesh.field_data["nominal_pressure_MPa"], results.steps[s].pressure / 1e6)
+
+
+def test_meshio_reads_meshes_of_any_content(tmp_path):
+    """Of files of raw bytes meshio gives some arrays the values of others, depending on how well each compresses."""
+    rng = np.random.default_rng(3)
+    n_steps, quads = 60, np.array([[0, 1, 2, 3], [3, 2, 4, 5]])
+    points = {f"point_{n}": rng.normal(size=(n_steps, 6)) for n in range(3)}
+    cells = {f"cell_{n}": rng.normal(size=(n_steps, 2)) for n in range(4)} | {"v": rng.normal(size=(n_steps, 2, 3))}
+    for values in (*points.values(), *cells.values()):
+        values[rng.random(values.shape) < rng.random((n_steps, *[1] * (values.ndim - 1)))] = 0.0
+    steps = LoadSteps(np.arange(n_steps), np.zeros(n_steps), np.full(n_steps, np.nan))
+    write_series(Cells("grid", rng.normal(size=(6, 3)), quads, steps, points, cells), tmp_path)
+    for s in range(n_steps):
+        mesh = meshio.read(tmp_path / "grid" / f"step_{s:04d}.vtu")
+        for name, values in points.items():
+            assert_array_equal(mesh.point_data[name], values[s])
+        for name, values in cells.items():
+            assert_array_equal(mesh.cell_data[name][0], values[s])
+
+
+def pvpython(*arguments):
+    environment = {name: value for name, value in os.environ.items() if not name.startswith("PYTHON")}
+    # two at a time may both take the display that -a finds free, and a server that ends takes the socket of the next
+    # one on its display with it: begin at a number of this process, and of this call
+    display = 1000 + (10 * os.getpid() + next(CALLS)) % 50000
+    # a server starts anew when its last client leaves, and takes no other one meanwhile: pvpython opens window by window
+    server = "-screen 0 1280x1024x24 -noreset"
+    command = ["xvfb-run", "-a", "-n", str(display), "-s", server, "pvpython", *map(str, arguments)]
+    return subprocess.run(command, env=environment, capture_output=True, text=True, timeout=300)
+
+
+@in_paraview
+def test_paraview_opens_every_file(results, folder, tmp_path):
+    (tmp_path / "read.py").write_text(SCRIPT, encoding="utf-8")
+    paths = sorted(p for p in folder.rglob("*.*") if p.suffix in (".pvd", ".vtu", ".vti"))
+    run = pvpython(tmp_path / "read.py", tmp_path / "found.json", *paths)
+    assert run.returncode == 0, run.stderr
+    found = json.loads((tmp_path / "found.json").read_text(encoding="utf-8"))
+    assert set(found) == {str(path) for path in paths}
+    two = results.two_scale
+    for path in paths:
+        if path.suffix == ".pvd":
+            assert [step["time"] for step in found[str(path)]] == [0, 1, 2]
+            assert_allclose([s["Field"]["nominal_pressure_MPa"][0] for s in found[str(path)]], [50, 700, 50])
+            assert_allclose([s["Field"]["unloaded_from_MPa"][0] for s in found[str(path)]], [np.nan, np.nan, 700])
+    for s, step in enumerate(found[str(folder / "vtk/pieces.pvd")]):
+        known = meshio.read(folder / f"vtk/pieces/step_{s:04d}.vtu").cell_data
+        assert step["Cell"].keys() == known.keys()
+        for name, (values,) in known.items():
+            assert_array_equal(step["Cell"][name], values)
+    for s, step in enumerate(found[str(folder / "fields.pvd")]):
+        assert_allclose(step["bounds"][:4], [0, 60e-6, 0, 120e-6])
+        cells = {name: np.reshape(values, (48, 96), order="F") for name, values in step["Cell"].items()}
+        assert_allclose(cells.pop("gap_um"), two.gap[s] * 1e6, rtol=1e-6)
+        assert_allclose(cells.pop("contact_pressure_MPa"), two.contact_pressure[s] / 1e6, rtol=1e-6)
+        assert_allclose(cells.pop("fluid_pressure_MPa"), two.fluid_pressure[s] / 1e6, rtol=1e-6)
+        assert not cells
+    (heights,) = found[str(folder / "vtk/surface.vti")]
+    shown = np.reshape(heights["Point"]["height_um"], (48, 96), order="F")
+    assert_allclose(shown, results.scene.surface.heights * 1e6, rtol=1e-6)
+
+
+@in_paraview
+def test_the_macro_draws_both_scales(folder, tmp_path):
+    """With pieces in the middle in which nothing flows, which are grey."""
+    import pyvista
+
+    shutil.copytree(folder, tmp_path / "run")
+    path = tmp_path / "run/vtk/pieces/step_0001.vtu"
+    mesh = pyvista.read(path)
+    fraction = mesh.cell_data["drop_fraction"].reshape(M1, M2)
+    fraction[1:-1] = np.nan
+    mesh.save(path)
+    run = pvpython(MACRO, tmp_path / "run", tmp_path / "view.png", 1)
+    assert run.returncode == 0, run.stderr
+    picture = matplotlib.image.imread(tmp_path / "view.png")[..., :3]
+    grey = np.abs(picture[: len(picture) // 2] - 0.69).max(axis=-1) < 0.02
+    assert grey.mean() > 0.02
+
+
+@in_paraview
+def test_the_macro_says_what_is_missing(tmp_path):
+    run = pvpython(MACRO, tmp_path, tmp_path / "view.png", 0)
+    assert run.returncode == 1
+    assert f"there is no {tmp_path / 'vtk' / 'pieces.pvd'}" in run.stderr
+    assert "results folder of a two-scale study" in run.stderr
+    assert "Traceback" not in run.stderr

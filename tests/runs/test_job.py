@@ -1,0 +1,287 @@
+"""Runs from case to folder, and the command line as a user calls it."""
+
+import re
+import socket
+import subprocess
+import sys
+import tomllib
+from contextlib import ExitStack
+from functools import partial
+
+import numpy as np
+import pytest
+import xarray
+from numpy.testing import assert_allclose, assert_array_equal
+from small_cases import HANG, TABLES
+
+import femseal as fs
+from femseal.base.stage import Stage
+from femseal.case.case import parse_case
+from femseal.execution import cluster as cluster_map
+from femseal.execution.mappers import ordered_map
+from femseal.preparation.preparation import prepare
+from femseal.runs.forecast import disk
+
+pytestmark = pytest.mark.usefixtures("drawn_pictures")
+
+CASE = f"""
+title = "small"
+method = "stochastic"
+compare = ["deterministic", "two-scale"]
+seed = 2
+[face]
+kind = "self-affine"
+points = [64, 128]
+size = ["60 um", "120 um"]
+rms_slope = 0.2
+roll_off = "40 um"
+{TABLES}[cells]
+count = [3, 6]
+[stochastic]
+length = "200 um"
+realisations = 4
+"""
+
+
+@pytest.fixture
+def case(tmp_path):
+    path = tmp_path / "small.toml"
+    path.write_text(CASE)
+    return path
+
+
+def process(*arguments):
+    """The command line in a process of its own."""
+    code = "from femseal.cli import main; main()"
+    return subprocess.run([sys.executable, "-c", code, *map(str, arguments)], capture_output=True, text=True)
+
+
+def test_results_do_not_depend_on_the_workers(case):
+    one, two = (fs.run(case, workers=n) for n in (1, 2))
+    for name in one.dataset.data_vars:
+        assert_array_equal(one.dataset[name].values, two.dataset[name].values)
+    # the same surface loses less after the peak than before it, whatever the method
+    for name in ("leakage_deterministic", "leakage_two_scale", "leakage_median"):
+        first, top, back = one.dataset[name].values
+        assert top < back < first
+
+
+def test_methods_that_are_compared_solve_the_contact_of_the_whole_face_once(case):
+    """With the same bits as each alone, also in processes."""
+    text = CASE.replace('method = "stochastic"', 'method = "two-scale"')
+    text = text.partition("[stochastic]")[0]
+    case.write_text(text)
+    stages = []
+    both = fs.run(case, workers=2, progress=lambda stage, done, total: stages.append(stage)).dataset
+    alone = fs.run(parse_case(tomllib.loads(text) | {"compare": []}), workers=1).dataset
+    contacts = {stage for stage in stages if "contact" in stage}
+    assert contacts == {"deterministic: contact of the whole face", "error budget: contact of the whole face"}
+    assert not any(name.startswith("window") for name in set(alone.data_vars) - set(both.data_vars))
+    for name in alone.data_vars:
+        assert_array_equal(both[name].values, alone[name].values)
+
+
+def test_every_choice_of_the_stochastic_method_goes_through_a_case(case):
+    """A broader seal, a wider band, a map: each choice shows in the results; unless given as many seals as needed."""
+    choices = """
+breadth = "100 um"
+quantiles = [0.2, 0.8]
+"""
+    uneven = 'unloading = ["100 MPa"]\n[load.map]\nkind = "profile"\nfractions = [1.4, 1.2, 1.0, 0.8, 0.6]\n'
+    alone = CASE.replace('compare = ["deterministic", "two-scale"]\n', "").replace("realisations = 4\n", "")
+    case.write_text(alone.replace('unloading = ["100 MPa"]\n', uneven) + choices)
+    data = fs.run(case, workers=1).dataset
+    assert data.sizes["realisation"] >= 3
+    assert data["leakage_lower"].attrs["quantile"] == 0.2
+    assert_allclose(data.attrs["seal_size_m"][0], 100e-6)
+    again = fs.run(case, workers=1).dataset
+    assert_array_equal(again["leakage"].values, data["leakage"].values)
+    case.write_text(case.read_text().replace("breadth = ", "length_of_run = "))
+    with pytest.raises(fs.InputError, match="length_of_run"):
+        fs.run(case)
+    case.write_text(CASE)
+    data = fs.run(case, workers=1).dataset
+    assert data.sizes["realisation"] == 4
+    assert_array_equal(data["leakage_two_scale"], data["leakage_deterministic"])
+
+
+@pytest.mark.slow  # execution/test_mappers.py has it with a worker in this process
+def test_a_cluster_gives_the_same_bits(case, monkeypatch):
+    distributed = pytest.importorskip("distributed")
+    monkeypatch.setattr(cluster_map, "ANSWER_SECONDS", HANG)
+    one = fs.run(case, workers=1)
+    with distributed.LocalCluster(
+        n_workers=2, threads_per_worker=1, processes=True, dashboard_address=None, silence_logs=50
+    ) as cluster:
+        there = fs.run(case, scheduler=cluster.scheduler_address)
+    for name in one.dataset.data_vars:
+        assert_array_equal(one.dataset[name].values, there.dataset[name].values, err_msg=name)
+
+
+def test_a_cluster_is_given_a_few_tasks_at_a_time_and_returns_them_in_order(recwarn, monkeypatch):
+    distributed = pytest.importorskip("distributed")
+    monkeypatch.setattr(cluster_map, "ANSWER_SECONDS", HANG)
+    drawn = []
+
+    def numbers():
+        for n in range(30):
+            drawn.append(n)
+            yield n
+
+    with (
+        distributed.LocalCluster(n_workers=1, threads_per_worker=2, processes=False, dashboard_address=None) as cluster,
+        ordered_map(scheduler=cluster.scheduler_address) as mapping,
+    ):
+        results = iter(mapping(Stage("powers", pow), numbers(), [3] * 30))
+        assert next(results) == 0
+        assert len(drawn) <= 10
+        assert list(results) == [n**3 for n in range(1, 30)]
+        with pytest.raises(ZeroDivisionError):
+            list(mapping(Stage("quotients", divmod), [1], [0]))
+        list(mapping(Stage("sums", np.sum), [np.zeros(2_000_000)]))
+    assert not [w for w in recwarn if "large graph" in str(w.message)]
+
+
+@pytest.fixture
+def silent_service():
+    with socket.create_server(("127.0.0.1", 0)) as server:
+        yield f"tcp://127.0.0.1:{server.getsockname()[1]}"
+
+
+@pytest.mark.parametrize("kind", ["nobody", "silent", "nonsense", "no workers"])
+def test_a_bad_address_of_a_scheduler_is_named(case, tmp_path, monkeypatch, silent_service, kind):
+    distributed = pytest.importorskip("distributed")
+    assert cluster_map.ANSWER_SECONDS <= 5
+    monkeypatch.setattr(cluster_map, "ANSWER_SECONDS", 0.5)
+    monkeypatch.setattr(cluster_map, "WORKER_SECONDS", 0.5)
+    address = {"nobody": "tcp://127.0.0.1:1", "silent": silent_service, "nonsense": "http://x"}.get(kind)
+    with ExitStack() as stack:
+        if kind == "no workers":
+            cluster = stack.enter_context(
+                distributed.LocalCluster(n_workers=0, processes=False, dashboard_address=None)
+            )
+            address = cluster.scheduler_address
+        with pytest.raises(fs.InputError, match=f"scheduler: given '{re.escape(address)}'"):
+            fs.run(case, tmp_path / "out", scheduler=address)
+    assert not (tmp_path / "out").exists()
+
+
+def test_only_a_complete_folder_is_resumed(case, undrawn, tmp_path, monkeypatch):
+    def fail(*args, **kwargs):
+        raise ValueError("no such colour")
+
+    case.write_text(CASE.replace('method = "stochastic"', 'method = "deterministic"').replace("compare", "# "))
+    out = tmp_path / "out"
+    with monkeypatch.context() as patch:
+        patch.setattr("femseal.report.pictures.leakage_figure", fail)
+        with pytest.raises(fs.FemsealError, match="no such colour"):
+            fs.run(case, out, workers=1)
+    assert "no such colour" in (out / "run.log").read_text()
+    done = fs.run(case, out, resume=True, workers=1)
+    assert done.folder == out
+    assert (out / "leakage.png").exists()
+    assert "pictures, report and files in" in (out / "run.log").read_text()
+    with monkeypatch.context() as patch:
+        patch.setattr("femseal.studies.study_registry.deterministic", fail)
+        again = fs.run(case, out, resume=True, workers=1)
+        assert_array_equal(again.leakage, done.leakage)
+        case.write_text(case.read_text().replace("seed = 2", "seed = 3"))
+        with pytest.raises(ValueError, match="no such colour"):
+            fs.run(case, out, resume=True, workers=1)
+
+
+def test_one_row_or_column_of_cells(case, undrawn, tmp_path):
+    """Each in the folder of the run before."""
+    fs.run(case, tmp_path / "out", workers=1)
+    for count in ([1, 6], [3, 1], [1, 1]):
+        case.write_text(CASE.replace("count = [3, 6]", f"count = {count}"))
+        results = fs.run(case, tmp_path / "out", workers=1)
+        assert [results.dataset.sizes[n] for n in ("piece1", "piece2")] == count
+        assert np.isfinite(results.dataset["leakage"]).all()
+
+        listed = (tmp_path / "out/files.txt").read_text().split()
+        there = {p.relative_to(tmp_path / "out").as_posix() for p in (tmp_path / "out").rglob("*") if p.is_file()}
+        assert there == {*listed, "files.txt", "run.log"}
+
+
+def test_command_line(femseal, case, tmp_path):
+    out = tmp_path / "out"
+    case.write_text(CASE.replace('compare = ["deterministic", "two-scale"]\n', ""))
+    done = process("run", case, "-o", out, "--workers", 1)
+    assert done.returncode == 0, done.stderr
+    assert "300 MPa" in done.stdout
+    with xarray.open_dataset(out / "results.nc", engine="h5netcdf") as data:
+        assert data.sizes["step"] == 3
+        assert np.isfinite(data["leakage_median"]).all()
+    assert (out / "leakage.png").stat().st_size > 10_000
+    assert (out / "run.log").exists()
+    assert femseal("check", case)[0] == 0
+
+
+def test_bad_input_writes_nothing_and_exits_with_2(femseal, case, tmp_path):
+    case.write_text(CASE.replace('"300 MPa"]', '"5 GPa"]', 1))
+    out = tmp_path / "out"
+    failed = process("run", case, "-o", out)
+    assert failed.returncode == 2
+    assert "5 GPa" in failed.stderr
+    assert "Traceback" not in failed.stderr
+    assert not out.exists()
+    assert femseal("run", tmp_path / "none.toml")[0] == 2
+    assert femseal("run")[0] == 2
+
+
+def test_new_writes_a_case_that_is_valid_and_keeps_what_is_there(femseal, tmp_path):
+    path = tmp_path / "new.toml"
+    assert femseal("new", path)[0] == 0
+    fs.load_case(path)
+    assert femseal("new", path)[0] == 2
+
+
+def test_progress_knows_how_much_there_is_to_do(case):
+    told = []
+    case.write_text(CASE.replace('compare = ["deterministic", "two-scale"]', ""))
+    fs.run(case, workers=1, progress=lambda *state: told.append(state))
+    last = {stage: (done, total) for stage, done, total in told}
+    assert {"stochastic", "stochastic: contact of the whole face", "stochastic: drawn seals"} <= set(last)
+    assert all(done == total for done, total in last.values())
+
+
+@pytest.mark.parametrize("limit", ["1 GB", "250 kB", "0 GB"])
+def test_size_of_the_folder_is_foreseen(case, tmp_path, limit):
+    case.write_text(case.read_text() + f'[output]\nfields_limit = "{limit}"\n')
+    loaded = fs.load_case(case)
+    foreseen = disk(loaded, prepare(loaded))
+    fs.run(loaded, tmp_path / "out", workers=1)
+    written = sum(path.stat().st_size for path in (tmp_path / "out").rglob("*") if path.is_file())
+    assert written < 1.2 * (foreseen.fields + foreseen.others) < 20 * written
+    steps = fs.open_results(tmp_path / "out").stored_steps
+    assert len(steps) == foreseen.steps
+
+
+def test_size_of_the_checkpoint_is_foreseen(case, undrawn, tmp_path):
+    """Of the gaps that all studies keep, once all is computed."""
+    case.write_text(CASE.replace("points = [32, 32]", "points = [128, 128]"))
+    loaded, written = fs.load_case(case), []
+
+    def measure(stage, done, total):
+        if stage == "writing results":
+            written.extend(path.stat().st_size for path in (tmp_path / "out/.checkpoint").glob("*.results"))
+
+    fs.run(loaded, tmp_path / "out", workers=1, progress=measure)
+    assert 0.6 < sum(written) / disk(loaded, prepare(loaded)).checkpoint < 1.2
+
+
+def test_ctrl_c_within_compiled_code_stops_as_any_other(case, tmp_path):
+    """As numba tells it; other errors of the system stay what they are."""
+
+    def fail(stage, done, total, cause):
+        inner = SystemError("returned a result with an exception set")
+        inner.__cause__ = cause
+        raise SystemError("returned a result with an exception set") from inner
+
+    for cause, expected in ((KeyboardInterrupt(), KeyboardInterrupt), (ValueError(), SystemError)):
+        with pytest.raises(expected):
+            fs.run(case, tmp_path / "out", resume=True, workers=1, progress=partial(fail, cause=cause))
+        last = (tmp_path / "out/run.log").read_text()
+        assert ("the run was stopped (KeyboardInterrupt)" in last) == (expected is KeyboardInterrupt)
+        (tmp_path / "out/run.log").unlink()

@@ -1,0 +1,632 @@
+"""Seals: closed forms, percolation, bounds, fluids, meshes by name, and every bad input."""
+
+import importlib.util
+import warnings
+from dataclasses import fields
+from pathlib import Path
+
+import meshio
+import numpy as np
+import pytest
+from each import each
+from networks import network, solve_links
+from numpy.testing import assert_allclose
+from skfem import MeshLine, MeshQuad, MeshTri, MeshTri2
+
+from femseal.analytic import annulus_rate, log_symmetric_links, stripes_across, stripes_along
+from femseal.base.errors import InputError
+from femseal.flow.permeability_table import Mobility, PressureCurve
+from femseal.fluids import IdealGas, Liquid
+from femseal.seal import AnnularSeal, Leakage, MeshSeal, RectangularSeal, seal_leakage
+from femseal.seal.shapes import conservative_rate
+
+MESHES = Path(__file__).parents[2] / "meshes"
+RING = MESHES / "ring.msh"
+WATER = Liquid(1e-3)
+AIR = IdealGas(18e-6, 0.029, 293.0)
+STRIP = RectangularSeal((3e-3, 8e-3), (6, 10))
+
+
+def random_links(cells, sd, closed=0.0, seed=0):
+    rng = np.random.default_rng(seed)
+    n1, n2 = cells
+    shapes = (n1, n2), (n1 - 1, n2)
+    return tuple(1e-18 * np.exp(sd * rng.standard_normal(s)) * (rng.random(s) >= closed) for s in shapes)
+
+
+# --- structured seals ---
+
+
+@each("cells", [(1, 1), (1, 4), (4, 1), (2, 2), (6, 10)])
+def test_uniform_rectangle_is_exact(cells):
+    seal = RectangularSeal((3e-3, 8e-3), cells)
+    leak = seal_leakage(seal, 2e-18, WATER, inlet_pressure=5e6, outlet_pressure=1e6, bounds=True)
+    exact = 2e-18 / 1e-3 * 4e6 * 8 / 3
+    assert_allclose([leak.volume_rate, leak.lower, leak.upper], exact, rtol=1e-12)
+    assert_allclose(leak.per_length, exact / 8e-3, rtol=1e-12)
+    assert_allclose(leak.mass_rate, 1000 * exact, rtol=1e-12)
+    assert_allclose(leak.conductance, 2e-18 * 8 / 3, rtol=1e-12)
+    assert leak.percolates
+    expected = 5e6 - 4e6 * seal.points[..., 0] / 3e-3
+    assert_allclose(leak.fluid_pressure, expected, rtol=1e-12)
+    assert leak.fluid_pressure.shape == (cells[0] + 1, cells[1])
+
+
+def test_means_between_pressures_are_exact_for_a_liquid():
+    """k = k₀ exp(−p/P) between its knots, constant beyond them, and linear beside a pressure at which it is closed."""
+    scale, knots = 2e6, np.linspace(0.0, 8e6, 5)
+    k = np.stack([np.exp(-knots / scale), np.where(knots < 4e6, 0.0, 3.0)], axis=1)
+    even = Mobility(0.0, 1e7, np.full(11, 5.0), np.full(11, 5.0))
+    curve = PressureCurve(knots, k, True)
+    for a, b in ((1e6, 1.5e6), (7e6, 5e5), (3e6, 3e6 + 1.0), (3e6, 3e6)):
+        mean = scale * (np.exp(-b / scale) - np.exp(-a / scale)) / (a - b) if a != b else np.exp(-a / scale)
+        assert_allclose(curve.between(np.full(2, a), np.full(2, b), even)[0], mean, rtol=1e-9)
+    beyond = curve.between(np.full(2, 7e6), np.full(2, 1e7), even)
+    within = scale * (np.exp(-3.5) - np.exp(-4.0))
+    assert_allclose(beyond, [(within + 2e6 * np.exp(-4.0)) / 3e6, 3.0], rtol=1e-12)
+    assert_allclose(curve.between(np.full(2, 2.5e6), np.full(2, 3.5e6), even)[1], 1.5, rtol=1e-12)
+
+
+@each("inlet", ["inner", "outer"])
+@each("cells", [(1, 1), (3, 5), (8, 40)])
+def test_polar_links_are_exact_for_constant_permeability(inlet, cells):
+    ring = AnnularSeal(10e-3, 15e-3, cells, inlet)
+    leak = seal_leakage(ring, 1e-18, WATER, inlet_pressure=1e6, bounds=True)
+    assert_allclose(
+        [leak.lower, leak.volume_rate, leak.upper], annulus_rate(1e-18, 1e6, 1e-3, 10e-3, 15e-3), rtol=1e-12
+    )
+    r = np.hypot(*np.moveaxis(ring.points, -1, 0))
+    ends = (10e-3, 15e-3) if inlet == "inner" else (15e-3, 10e-3)
+    assert_allclose(leak.fluid_pressure, 1e6 * np.log(ends[1] / r) / np.log(ends[1] / ends[0]), atol=1e-6)
+    assert_allclose(ring.length, 2 * np.pi * 12.5e-3)
+
+
+def test_an_uneven_ring_is_its_conformal_image_with_order_two():
+    """(r, θ) → (ln r, θ) keeps the conductance of any isotropic k; here the flow runs round the ring too."""
+
+    def k(r, θ):
+        return np.exp(np.cos(θ) + 2 * np.sin(9 * r - 4 * θ))
+
+    def rates(n, across=1.0):
+        ring, image = AnnularSeal(1.0, 1.5, (n, 8 * n)), RectangularSeal((np.log(1.5), 2 * np.pi), (n, 8 * n))
+        θ = (np.arange(8 * n) + 0.5) * 2 * np.pi / (8 * n)
+        between = θ + np.pi / (8 * n)
+        r_ring, r_image = ring.radii[:, None], np.exp(image.points[:, :1, 0])
+        r_middle = (r_ring[:-1] + r_ring[1:]) / 2
+        return (
+            ring.flow((k(r_middle, θ), across * k(r_ring[1:-1], between))).conductance,
+            image.flow((k(np.sqrt(r_image[:-1] * r_image[1:]), θ), k(r_image[1:-1], between))).conductance,
+        )
+
+    coarse, middle, fine = (np.array(rates(n)) for n in (16, 32, 64))
+    assert_allclose(np.log2((coarse - middle) / (middle - fine)), 2, atol=0.1)
+    ring, image = fine + (fine - middle) / 3
+    assert_allclose(ring, image, rtol=1e-4)
+    assert rates(16, across=0.0)[0] < 0.9 * ring  # so the tangential links are put to the test
+
+
+def test_a_thin_ring_is_a_strip():
+    k = random_links((5, 12), 1.5)
+    strip = RectangularSeal((1.0, 2 * np.pi * 5000.5), (5, 12)).flow(k).conductance
+    assert_allclose(AnnularSeal(5000.0, 5001.0, (5, 12)).flow(k).conductance, strip, rtol=1e-4)
+
+
+def test_swapping_the_inlet_of_a_ring_mirrors_the_rows():
+    k1, k2 = random_links((5, 8), 2.0)
+    inner, outer = (AnnularSeal(1.0, 1.6, (5, 8), inlet) for inlet in ("inner", "outer"))
+    a, b = inner.flow((k1, k2), bounds=True), outer.flow((k1[::-1], k2[::-1]), bounds=True)
+    assert_allclose([a.conductance, a.lower], [b.conductance, b.lower], rtol=1e-12)
+    assert_allclose(a.potential, 1 - b.potential[::-1], atol=1e-12)
+    assert_allclose(inner.points, outer.points[::-1])
+
+
+def test_stripes_of_links():
+    k = np.array([1.0, 2.0, 4.0, 1.0, 2.0, 4.0]) * 1e-18
+    across = np.broadcast_to(k[:, None], (6, 10))
+    assert_allclose(STRIP.flow((across, 1e-18)).conductance, stripes_across(k) * 8 / 3, rtol=1e-12)
+    along = np.resize(k, 10)
+    assert_allclose(
+        STRIP.flow((np.broadcast_to(along, (6, 10)), 1e-18)).conductance,
+        stripes_along(along) * 8 / 3,
+        rtol=1e-12,
+    )
+
+
+def test_links_across_do_not_matter_where_nothing_flows_across():
+    assert_allclose(STRIP.flow((1e-18, 1e-25)).conductance, STRIP.flow((1e-18, 1e-12)).conductance, rtol=1e-12)
+
+
+@each("seal", [STRIP, AnnularSeal(1e-3, 2e-3, (6, 10))])
+def test_closed_is_exactly_zero(seal):
+    k1, k2 = random_links((6, 10), 1.0)
+    k1[3] = 0
+    leak = seal_leakage(seal, (k1, k2), WATER, inlet_pressure=1e6, bounds=True)
+    assert (leak.volume_rate, leak.mass_rate, leak.per_length, leak.lower, leak.upper) == (0, 0, 0, 0, 0)
+    assert not leak.percolates
+    assert np.array_equal(leak.fluid_pressure, np.repeat([[1e6], [0.0]], [4, 3], axis=0) * np.ones((1, 10)))
+    k1[5] = 0  # a closed ring between two closed rows
+    leak = seal_leakage(seal, (k1, k2), WATER, inlet_pressure=1e6, outlet_pressure=1e5)
+    assert np.isnan(leak.fluid_pressure[4:6]).all()
+    assert_allclose(leak.fluid_pressure[:4], 1e6, rtol=1e-14)
+    assert_allclose(leak.fluid_pressure[6], 1e5, rtol=1e-14)
+    k1[5] = 1e-18
+    k1[3, 4] = 1e-30
+    leak = seal_leakage(seal, (k1, k2), WATER, inlet_pressure=1e6, bounds=True)
+    assert leak.percolates
+    assert 0 < leak.lower <= leak.volume_rate <= leak.upper
+    assert_allclose(leak.lower, leak.upper, rtol=1e-9)
+    assert not seal_leakage(seal, 0.0, WATER, inlet_pressure=1e6).percolates
+
+
+def test_the_seal_is_periodic():
+    """A path that leaves on one side and comes back on the other is open."""
+    k1, k2 = np.zeros((2, 5)), np.zeros((1, 5))
+    k1[0, 0] = k1[1, 4] = k2[0, 4] = 1.0
+    assert_allclose(RectangularSeal((2.0, 5.0), (2, 5)).flow((k1, k2)).conductance, 1 / 3, rtol=1e-12)
+
+
+@each("sd", [0.5, 1.0, 2.0])
+def test_random_log_symmetric_links(sd):
+    """exp⟨ln k⟩ within the scatter sd/n of a map of n² links (mean of twelve, at three standard errors)."""
+    n, maps = 60, 12
+    seal = RectangularSeal((1.0, 1.0), (n, n))
+    ln = []
+    for seed in range(maps):
+        k1, k2 = random_links((n, n), sd, seed=seed)
+        exact = log_symmetric_links(np.concatenate([k1.ravel(), k2.ravel()]))
+        ln.append(np.log(seal.flow((k1, k2)).conductance / exact))
+    error = np.std(ln, ddof=1) / np.sqrt(maps)
+    assert error < sd / n
+    assert abs(np.mean(ln)) < 3 * error + sd**2 / (2 * n)  # the two ends, of share 1/n, are not self-dual
+
+
+@each("sd", [1.0, 5.0, 15.0])
+@each("closed", [0.0, 0.3])
+def test_network_bounds_enclose_tightly_at_any_contrast(sd, closed):
+    k = random_links((30, 40), sd, closed, seed=7)
+    flow = RectangularSeal((3.0, 4.0), (30, 40)).flow(k, bounds=True)
+    assert flow.percolates
+    assert flow.lower <= flow.conductance <= flow.upper
+    assert_allclose(flow.lower, flow.upper, rtol=1e-6)
+    assert flow.imbalance < 1e-10
+
+
+@each("noise", [1e-8, 1e-3, 0.1])
+def test_the_lower_bound_holds_for_a_wrong_potential(noise):
+    """Thomson's principle with the flux of a disturbed potential, made to balance."""
+    c1, c2 = (1e18 * k for k in random_links((7, 9), 1.0))
+    exact = solve_links(c1, c2)
+    rng = np.random.default_rng(3)
+    potential = exact.potential.copy()
+    potential[1:-1] += noise * rng.standard_normal((6, 9))
+    lower = conservative_rate(network(c1, c2), potential)
+    assert lower < exact.conductance * (1 + 1e-14)
+    assert lower > exact.conductance * (1 - 1e4 * noise**2 - 1e-12)
+    assert_allclose(conservative_rate(network(c1, c2), exact.potential), exact.conductance, rtol=1e-13)
+
+
+def test_two_columns_have_parallel_links_across():
+    k1, k2 = np.array([[1.0, 0.0], [0.0, 1.0]]), np.array([[1.0, 2.0]])
+    flow = RectangularSeal((2.0, 2.0), (2, 2)).flow((k1, k2), bounds=True)
+    assert_allclose([flow.lower, flow.conductance, flow.upper], 1 / (2 + 1 / 3), rtol=1e-12)
+
+
+# --- fluids ---
+
+
+@each("fluid", [WATER, AIR, Liquid(0.05, 870.0, 20e-9)])
+@each("seal", [STRIP, AnnularSeal(1e-3, 2e-3, (6, 10)), MeshSeal(RING, "inlet", "outlet")])
+def test_reversed_pressures_reverse_the_leakage(seal, fluid):
+    there = seal_leakage(seal, 1e-18, fluid, inlet_pressure=3e6, outlet_pressure=1e5, bounds=True)
+    back = seal_leakage(seal, 1e-18, fluid, inlet_pressure=1e5, outlet_pressure=3e6, bounds=True)
+    assert there.volume_rate > 0
+    assert_allclose(back.volume_rate, -there.volume_rate, rtol=1e-12)
+    assert_allclose([back.lower, back.upper], [-there.upper, -there.lower], rtol=1e-12)
+    for leak in (there, back):
+        assert leak.lower <= leak.volume_rate <= leak.upper
+        assert_allclose([leak.fluid_pressure.min(), leak.fluid_pressure.max()], [1e5, 3e6], rtol=1e-9)
+
+
+def test_gas_and_liquid():
+    """The same conductance; mass rate M(p_i² − p_o²)/(2RTη)·C; the pressure squared falls linearly."""
+    gas, liquid = (seal_leakage(STRIP, 1e-18, f, inlet_pressure=4e5, outlet_pressure=1e5) for f in (AIR, WATER))
+    assert gas.conductance == liquid.conductance
+    mean_density = 2.5e5 * 0.029 / (8.31446261815324 * 293.0)
+    assert_allclose(gas.mass_rate, gas.conductance * mean_density / 18e-6 * 3e5, rtol=1e-12)
+    assert_allclose(gas.volume_rate, gas.mass_rate / AIR.reference_density, rtol=1e-14)
+    x = STRIP.points[..., 0] / 3e-3
+    assert_allclose(gas.fluid_pressure, np.sqrt(16e10 - 15e10 * x), rtol=1e-12)
+
+
+def test_fields_say_their_unit():
+    for f in fields(Leakage):
+        assert {"unit", "long_name"} <= set(f.metadata), f.name
+    leak = seal_leakage(STRIP, 1e-18, WATER, inlet_pressure=1.0)
+    assert np.isnan([leak.lower, leak.upper]).all()
+
+
+# --- meshes ---
+
+
+def test_ring_file():
+    seal = MeshSeal(str(RING), "inlet", "outlet")
+    leak = seal_leakage(seal, 1e-18, WATER, inlet_pressure=1e6, bounds=True)
+    exact = annulus_rate(1e-18, 1e6, 1e-3, 10e-3, 15e-3)
+    assert_allclose(leak.volume_rate, exact, rtol=6e-4)
+    assert leak.lower < leak.volume_rate == leak.upper
+    assert_allclose(leak.upper, leak.lower, rtol=1e-3)
+    assert_allclose(seal.length, 96 * 2 * 15e-3 * np.sin(np.pi / 96), rtol=1e-12)
+    r = np.hypot(*seal.points.T)
+    assert_allclose(leak.fluid_pressure, 1e6 * np.log(15e-3 / r) / np.log(1.5), atol=2e3)
+    assert leak.fluid_pressure.shape == (len(seal.points),)
+    ends = MeshSeal(RING, "outlet", "inlet")
+    assert_allclose(ends.flow(1.0).conductance, seal.flow(1.0).conductance, rtol=1e-12)
+
+
+def test_ring_file_is_what_its_script_writes(tmp_path):
+    spec = importlib.util.spec_from_file_location("ring", MESHES / "ring.py")
+    script = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(script)
+    again = tmp_path / "ring.msh"
+    meshio.write(again, script.ring(), file_format="gmsh22", binary=False)
+    old, new = meshio.read(RING), meshio.read(again)
+    assert_allclose(old.points, new.points, atol=1e-15)
+    assert all(np.array_equal(a.data, b.data) for a, b in zip(old.cells, new.cells, strict=True))
+    assert RING.stat().st_size < 100_000
+
+
+def square(cell_kind, lines="line", **kwargs):
+    """Unit square of 2 × 2 cells as a meshio mesh; lines of group 7 at x = 0 and group 8 at x = 1."""
+    base = MeshTri if cell_kind.startswith("triangle") else MeshQuad
+    mesh = base.init_tensor(np.linspace(0, 1, 3), np.linspace(0, 1, 3))
+    grid = np.linspace(0, 1, 5)
+    points = np.array([(x, y, 0.5) for x in grid for y in grid])
+
+    def number(xy):
+        return np.rint(4 * xy[0]).astype(int) * 5 + np.rint(4 * xy[1]).astype(int)
+
+    corner = mesh.p[:, mesh.t]
+    n = corner.shape[1]
+    extra = [(corner[:, i] + corner[:, (i + 1) % n]) / 2 for i in range(n)] if cell_kind[-1] in "689" else []
+    if cell_kind == "quad9":
+        extra.append(corner.mean(axis=1))
+    cells = number(np.concatenate([corner, np.stack(extra, 1)], axis=1) if extra else corner).T
+    y = np.array([[0, 0.5, 0.25], [0.5, 1, 0.75]])[:, : 3 if lines == "line3" else 2]
+    left, right = (number(np.stack([np.full_like(y, x), y])) for x in (0.0, 1.0))
+    blocks = [(lines, left), (lines, right), (cell_kind, cells)]
+    tags = [np.full(len(data), tag) for tag, (_, data) in zip((7, 8, 7), blocks, strict=True)]
+    return meshio.Mesh(points, blocks, cell_data={"gmsh:physical": tags, "gmsh:geometrical": tags}, **kwargs)
+
+
+NAMES = {"left": np.array([7, 1]), "right": np.array([8, 1]), "body": np.array([7, 2])}
+
+
+@pytest.mark.parametrize("kind", ["triangle", "quad", "triangle6", "quad8", "quad9"])
+def test_boundaries_by_name(tmp_path, kind):
+    lines = "line3" if kind[-1] in "689" else "line"
+    path = tmp_path / "square.msh"
+    meshio.write(path, square(kind, lines, field_data=NAMES), file_format="gmsh22", binary=False)
+    seal = MeshSeal(path, "left", "right")
+    assert set(seal.mesh.boundaries) == {"left", "right"}
+    assert len(seal.points) == 9  # corners only, and no node that no element uses
+    flow = seal.flow(3.0)
+    assert_allclose(flow.conductance, 3.0, rtol=1e-12)
+    assert_allclose(flow.potential, 1 - seal.points[:, 0], atol=1e-12)
+    assert_allclose(seal.length, 1.0, rtol=1e-12)
+
+
+def test_the_centre_of_a_curved_eight_node_cell(tmp_path):
+    """y + 0.3x² is in the space of the element, so the centre is mapped like all other points."""
+    mesh = square("quad8", "line3", field_data=NAMES)
+    mesh.points[:, 1] += 0.3 * mesh.points[:, 0] ** 2
+    meshio.write(tmp_path / "curved.msh", mesh, file_format="gmsh22", binary=False)
+    x, y = MeshSeal(tmp_path / "curved.msh", "left", "right").mesh.doflocs
+    assert x.size == 25
+    assert_allclose(np.rint(4 * (y - 0.3 * x**2)) / 4, y - 0.3 * x**2, atol=1e-12)
+    with pytest.raises(InputError, match=r"^bounds: given a curved mesh, MeshQuad2, expected a straight mesh"):
+        leak(seal=MeshSeal(tmp_path / "curved.msh", "left", "right"), bounds=True)
+
+
+def test_groups_without_a_name_go_by_their_number(tmp_path):
+    path = tmp_path / "square.msh"
+    meshio.write(path, square("quad"), file_format="gmsh22", binary=False)
+    assert_allclose(MeshSeal(path, "7", "8").flow(1.0).conductance, 1.0, rtol=1e-12)
+
+
+@pytest.mark.parametrize("array", ["gmsh:physical", "boundary"])
+def test_boundaries_in_a_vtu_go_by_their_number(tmp_path, array):
+    mesh = square("triangle6", "line3")
+    mesh.cell_data = {array: [np.full(len(block.data), tag) for tag, block in zip((7, 8, 7), mesh.cells, strict=True)]}
+    meshio.write(tmp_path / "square.vtu", mesh)
+    assert_allclose(MeshSeal(tmp_path / "square.vtu", "7", "8").flow(1.0).conductance, 1.0, rtol=1e-12)
+
+
+def test_elements_keep_the_order_of_the_file(tmp_path):
+    mesh = square("triangle", field_data=NAMES)
+    mesh.cells[2].data = mesh.cells[2].data[::-1]
+    path = tmp_path / "square.msh"
+    meshio.write(path, mesh, file_format="gmsh22", binary=False)
+    seal = MeshSeal(path, "left", "right")
+    triangles = mesh.points[mesh.cells[2].data][..., :2]
+    assert_allclose(seal.points[seal.mesh.t.T].mean(axis=1), triangles.mean(axis=1))
+    k = np.where(triangles.mean(axis=1)[:, 0] < 0.5, 1.0, 3.0)
+    assert_allclose(seal.flow(k).conductance, 1.5, rtol=1e-12)
+
+
+def test_cell_sets_of_another_format(tmp_path):
+    path = tmp_path / "square.inp"
+    whole = square("quad")
+    plain = meshio.Mesh(
+        whole.points,
+        [(b.type, b.data) for b in whole.cells],
+        cell_sets={
+            "in": [np.array([0, 1]), np.array([], int), np.array([], int)],
+            "out": [np.array([], int), np.array([0, 1]), np.array([], int)],
+        },
+    )
+    meshio.write(path, plain)
+    assert_allclose(MeshSeal(path, "in", "out").flow(1.0).conductance, 1.0, rtol=1e-12)
+
+
+def test_gmsh_version_4(tmp_path):
+    path = tmp_path / "square.msh"
+    path.write_text(
+        "$MeshFormat\n4.1 0 8\n$EndMeshFormat\n"
+        '$PhysicalNames\n3\n1 1 "west"\n1 2 "east"\n2 3 "seal"\n$EndPhysicalNames\n'
+        "$Entities\n0 2 1 0\n"
+        "1 0 0 0 0 1 0 1 1 0\n2 1 0 0 1 1 0 1 2 0\n1 0 0 0 1 1 0 1 3 0\n$EndEntities\n"
+        "$Nodes\n1 4 1 4\n2 1 0 4\n1\n2\n3\n4\n0 0 0\n1 0 0\n1 1 0\n0 1 0\n$EndNodes\n"
+        "$Elements\n3 4 1 4\n1 1 1 1\n1 4 1\n1 2 1 1\n2 2 3\n2 1 2 2\n3 1 2 3\n4 1 3 4\n$EndElements\n"
+    )
+    seal = MeshSeal(path, "west", "east")
+    assert_allclose(seal.flow(2.0, bounds=True).lower, 2.0, rtol=1e-12)
+
+
+def test_a_ready_mesh_has_bounds_unless_it_is_curved():
+    mesh = MeshTri.init_tensor(np.linspace(0, 2, 4), np.linspace(0, 1, 3))
+    mesh = mesh.with_boundaries({"a": lambda x: x[0] == 0, "b": lambda x: x[0] == 2})
+    seal = MeshSeal(mesh, "a", "b")
+    k = np.tile([4.0, 1.0], (mesh.nelements, 1))
+    leak = seal_leakage(seal, 1e-18 * k, WATER, inlet_pressure=1e6, bounds=True)
+    assert_allclose([leak.lower, leak.upper], 4e-18 / 2 * 1e6 / 1e-3, rtol=1e-12)
+    assert repr(seal) == "MeshSeal(inlet='a', outlet='b')"
+    curved = MeshTri2.from_mesh(mesh)
+    curved.doflocs[1] += 0.1 * curved.doflocs[0] * (2 - curved.doflocs[0])  # its sides are parabolas
+    curved = MeshSeal(curved.with_boundaries({"a": lambda x: x[0] == 0, "b": lambda x: x[0] == 2}), "a", "b")
+    assert curved.flow(1.0).conductance > 0
+    with pytest.raises(InputError, match=r"^bounds: given a curved mesh, MeshTri2"):
+        curved.flow(1.0, bounds=True)
+
+
+# --- bad input ---
+
+
+@each(
+    ("make", "message"),
+    [
+        (
+            lambda: RectangularSeal((0.0, 1.0), (2, 2)),
+            r"^size: given 0\.0, expected a finite number > 0 \[m\]",
+        ),
+        (lambda: RectangularSeal((1.0, np.nan), (2, 2)), "^size: given nan"),
+        (lambda: RectangularSeal(1.0, (2, 2)), r"^size: given 1\.0, expected two finite numbers"),
+        (lambda: RectangularSeal(("a", 1.0), (2, 2)), "^size: given 'a'"),
+        (
+            lambda: RectangularSeal((1.0, 1.0), (0, 2)),
+            r"^cells: given \(0, 2\), expected two whole numbers >= 1",
+        ),
+        (lambda: RectangularSeal((1.0, 1.0), (2.5, 2)), r"^cells: given \(2\.5, 2\), expected two whole"),
+        (lambda: RectangularSeal((1.0, 1.0), 4), "^cells: given 4, expected two whole numbers"),
+        (lambda: AnnularSeal(0.0, 1.0, (2, 2)), r"^inner_radius: given 0\.0, expected a finite number > 0"),
+        (lambda: AnnularSeal(1.0, np.inf, (2, 2)), "^outer_radius: given inf"),
+        (
+            lambda: AnnularSeal(2.0, 1.0, (2, 2)),
+            "^outer_radius: given 1 m, expected .*> the inner radius, 2 m",
+        ),
+        (
+            lambda: AnnularSeal(1.0, 2.0, (2, 2), "left"),
+            "^inlet: given 'left', expected 'inner' or 'outer'",
+        ),
+        (lambda: AnnularSeal(1.0, 2.0, (2,)), r"^cells: given \(2,\)"),
+    ],
+)
+def test_bad_shapes(make, message):
+    with pytest.raises(InputError, match=message):
+        make()
+
+
+def leak(permeability=1e-18, seal=STRIP, fluid=WATER, **kwargs):
+    return seal_leakage(seal, permeability, fluid, **({"inlet_pressure": 1e6} | kwargs))
+
+
+@each(
+    ("k", "message"),
+    [
+        (np.nan, "^permeability k1: given 1 value not finite, expected numbers >= 0"),
+        ((1.0, np.inf), "^permeability k2: given 1 value not finite"),
+        (-1.0, "^permeability k1: given -1, expected numbers >= 0"),
+        ((-np.ones((6, 10)), 1.0), "^permeability k1: given -1, expected numbers >= 0"),
+        ("much", "^permeability k1: given 'much', expected numbers"),
+        (
+            np.ones((6, 9)),
+            r"^permeability: given one array of shape \(6, 9\), expected a number, or the links .* arrays \(6, 10\) and",
+        ),
+        ((1.0, 1.0, 1.0), "^permeability: given 3 items, expected a number, or the links"),
+        (
+            (np.ones((6, 9)), 1.0),
+            r"^permeability k1: given shape \(6, 9\), expected a number or shape \(6, 10\)",
+        ),
+        (
+            (1.0, np.ones((6, 10))),
+            r"^permeability k2: given shape \(6, 10\), expected a number or shape \(5, 10\)",
+        ),
+    ],
+)
+def test_bad_permeability(k, message):
+    for seal in (STRIP, AnnularSeal(1.0, 2.0, (6, 10))):
+        with pytest.raises(InputError, match=message):
+            leak(k, seal)
+
+
+def test_bad_permeability_on_a_mesh():
+    seal = MeshSeal(RING, "inlet", "outlet")
+    with pytest.raises(InputError, match=r"^permeability: given shape \(5,\), expected a number, or shape \(768,\)"):
+        leak(np.ones(5), seal)
+
+
+@each("name", ["inlet_pressure", "outlet_pressure"])
+@each("value", [np.nan, np.inf, "high", None])
+def test_bad_pressures(name, value):
+    with pytest.raises(InputError, match=rf"^{name}: given .*, expected a finite number"):
+        leak(**{name: value})
+
+
+@each("name", ["inlet_pressure", "outlet_pressure"])
+def test_pressures_a_fluid_cannot_have(name):
+    with pytest.raises(InputError, match=rf"^{name}: given -1000 Pa, expected a pressure that IdealGas"):
+        leak(fluid=AIR, **{name: -1e3})
+    with pytest.raises(InputError, match=rf"^{name}: given 5e.09 Pa, expected a pressure that Liquid"):
+        leak(fluid=Liquid(0.05, pressure_viscosity=20e-9), **{name: 5e9})
+    assert leak(fluid=WATER, outlet_pressure=-1e4).volume_rate > 0  # a liquid may be in tension
+
+
+def test_bad_mesh_files(tmp_path):
+    def refused(path, message, inlet="inlet", outlet="outlet"):
+        with pytest.raises(InputError, match=message) as error:
+            MeshSeal(path, inlet, outlet)
+        assert "\n" not in str(error.value)
+
+    refused(tmp_path / "none.msh", r"^path: given '.*none\.msh', expected an existing mesh file")
+    refused(tmp_path, "^path: given .*expected an existing mesh file")
+    broken = tmp_path / "broken.msh"
+    broken.write_text("$MeshFormat\n2.2 0 8\n$EndMeshFormat\n$Nodes\n3\n1 0 0")
+    refused(broken, r"^path: given '.*broken\.msh'.*, expected a mesh in a format that meshio reads")
+    broken.write_text("not a mesh")
+    refused(broken, r"broken\.msh'.*, expected a mesh in a format that meshio reads")
+    unknown = tmp_path / "mesh.xyzzy"
+    unknown.write_text("x")
+    refused(unknown, r"mesh\.xyzzy'.*, expected a mesh in a format that meshio reads")
+    refused(
+        RING,
+        "^inlet: given 'west', expected the name of a boundary of the mesh: 'inlet', 'outlet'$",
+        "west",
+    )
+    refused(RING, "^outlet: given 'seal', expected the name", outlet="seal")
+    refused(RING, "^inlet and outlet: given boundaries that touch", outlet="inlet")
+
+    def write(mesh):
+        path = tmp_path / "mesh.msh"
+        meshio.write(path, mesh, file_format="gmsh22", binary=False)
+        return path
+
+    corners = [[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0], [2, 0, 0], [2, 1, 0]]
+    quad, triangles = ("quad", [[0, 1, 2, 3]]), ("triangle", [[1, 4, 2], [4, 5, 2]])
+    refused(
+        write(meshio.Mesh(corners, [("line", [[0, 1]])])),
+        r"with line, expected a mesh with cells of one kind",
+    )
+    refused(
+        write(meshio.Mesh(corners, [quad, triangles])),
+        "with triangle and quad, expected a mesh with cells of",
+    )
+    refused(write(meshio.Mesh(np.add(corners, [[0, 0, 1]] + 5 * [[0, 0, 0]]), [quad])), "with varying z, expected")
+    refused(write(meshio.Mesh(corners, [quad])), "^inlet: given 'inlet', .*the mesh: none$")
+
+
+@each("kind", [MeshTri, MeshQuad])
+def test_meshes_that_overlap_themselves_or_have_undefined_nodes(kind):
+    """A node pushed over the opposite edge leaves each element whole, but some upside down."""
+    ends = {"a": lambda x: x[0] == 0, "b": lambda x: x[0] == 1}
+    mesh = kind.init_tensor(*2 * [np.linspace(0, 1, 5)]).with_boundaries(ends)
+    assert MeshSeal(mesh, "a", "b").length == pytest.approx(1)
+    middle = int(np.argmin(np.hypot(*(mesh.p - 0.5))))
+    where = mesh.p.copy()
+    where[:, middle] = np.nan
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        with pytest.raises(InputError, match=f"^path: given a mesh whose node {middle} is not finite"):
+            MeshSeal(kind(where, mesh.t).with_boundaries(ends), "a", "b")
+    if kind is MeshTri:
+        where[:, middle] = (0.9, 0.57)
+        with pytest.raises(InputError, match=r"^path: given a mesh whose elements \d+ and \d+ overlap"):
+            MeshSeal(kind(where, mesh.t).with_boundaries(ends), "a", "b")
+    twice = np.hstack([mesh.t, mesh.t[:, 5:6]])
+    with pytest.raises(InputError, match="overlap"):
+        MeshSeal(kind(mesh.p, twice).with_boundaries(ends), "a", "b")
+
+
+def two_parts(kind, shift, turn=0.0, cells=6):
+    """Two unit squares with their own nodes, the second one moved."""
+    one = kind.init_tensor(*2 * [np.linspace(0, 1, cells + 1)])
+    c, s = np.cos(turn), np.sin(turn)
+    moved = np.array([[c, -s], [s, c]]) @ one.p + np.array(shift)[:, None]
+    both = kind(np.hstack([one.p, moved]), np.hstack([one.t, one.t + one.nvertices]))
+    ends = {"a": lambda x: x[0] == 0, "b": lambda x: (x[0] == 1) & (x[1] <= 1)}
+    return both.with_boundaries({name: one.facets_satisfying(end) for name, end in ends.items()})
+
+
+@each("kind", [MeshTri, MeshQuad])
+@each(
+    ("shift", "turn"),
+    [
+        ((0, 0), 0),
+        ((0.5, 0.5), 0),
+        ((1 / 3, 0), 0),
+        ((0.43, 0.21), 0),
+        ((0.3, 0.9), 0.4),
+        ((0.95, 0.95), 0),
+        ((0.5, -0.2), np.pi / 4),
+    ],
+)
+def test_parts_that_lie_on_each_other_are_refused(kind, shift, turn):
+    """Nodes of the two parts that coincide, lie on edges, or lie anywhere."""
+    with pytest.raises(InputError, match=r"^path: given a mesh whose element.* (overlap|lies on others)"):
+        MeshSeal(two_parts(kind, shift, turn), "a", "b")
+
+
+@each("cells", [1, 6])
+def test_a_part_within_another_is_refused(cells):
+    one, small = (
+        MeshTri.init_tensor(*2 * [np.linspace(0, 1, 5)]),
+        MeshTri.init_tensor(*2 * [np.linspace(0.3, 0.4, cells + 1)]),
+    )
+    both = MeshTri(np.hstack([one.p, small.p]), np.hstack([one.t, small.t + one.nvertices]))
+    with pytest.raises(InputError, match="lies on others"):
+        MeshSeal(both.with_boundaries({"a": lambda x: x[0] == 0, "b": lambda x: x[0] == 1}), "a", "b")
+
+
+@each("kind", [MeshTri, MeshQuad])
+@each("shift", [(1, 0), (1, 0.5), (1 - 1e-4, 0.37), (1, 1), (0, -1 + 1e-12), (1.5, 0.2)])
+def test_parts_beside_each_other_are_taken(kind, shift):
+    assert MeshSeal(two_parts(kind, shift), "a", "b").length == pytest.approx(1)
+
+
+@each(("angle", "good"), [(1.9, True), (2.3, False)])
+def test_a_band_that_winds_onto_itself_is_refused(angle, good):
+    """All its elements lie beside their neighbours; it is a ring with a slit, or covers its beginning once more."""
+    band = MeshQuad.init_tensor(np.linspace(1, 2, 4), np.linspace(0, angle * np.pi, 60))
+    r, theta = band.p
+    ends = {"a": band.facets_satisfying(lambda x: x[0] == 1), "b": band.facets_satisfying(lambda x: x[0] == 2)}
+    mesh = MeshQuad(np.array([r * np.cos(theta), r * np.sin(theta)]), band.t).with_boundaries(ends)
+    if good:
+        assert MeshSeal(mesh, "a", "b").length == pytest.approx(2 * angle * np.pi, rel=1e-2)
+    else:
+        with pytest.raises(InputError, match=r"overlap|lies on others"):
+            MeshSeal(mesh, "a", "b")
+
+
+def test_bad_ready_meshes():
+    with pytest.raises(InputError, match=r"^path: given a MeshLine1, expected a plane mesh"):
+        MeshSeal(MeshLine(), "a", "b")
+    ends = {"a": lambda x: x[0] == 0, "b": lambda x: x[0] == 3}
+    x = np.array([[0, 1, 1, 0, 2, 3, 3, 2], [0, 0, 1, 1, 0, 0, 1, 1]], float)
+    apart = MeshQuad(x, np.array([[0, 1, 2, 3], [4, 5, 6, 7]]).T).with_boundaries(ends)
+    with pytest.raises(InputError, match=r"^inlet and outlet: given boundaries that the mesh does not connect"):
+        MeshSeal(apart, "a", "b")
+    tangled = MeshQuad(x[:, :4] * [[3], [1]], np.array([[0, 1, 3, 2]]).T).with_boundaries(ends)
+    flat = MeshTri(np.array([[0, 3, 3, 1.5], [0, 0, 1, -1e-14]]), np.array([[0, 1, 2], [0, 3, 1]]).T).with_boundaries(
+        ends
+    )
+    for mesh, element in ((tangled, 0), (flat, 1)):
+        with pytest.raises(InputError, match=rf"^path: given a mesh whose element {element} is degenerate or tangled"):
+            MeshSeal(mesh, "a", "b")

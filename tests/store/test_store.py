@@ -1,0 +1,283 @@
+"""A store: what is kept is found again by all that goes into it, and by nothing else, however a process ends."""
+
+import errno
+import hashlib
+import os
+import random
+import subprocess
+import sys
+from functools import partial
+from pathlib import Path
+
+import numpy as np
+import pytest
+from kept_study import EVERY, Crash, assert_complete, resumed, study, value
+
+import femseal as fs
+from femseal.base.machine import numerical_versions
+from femseal.base.stage import Stage
+from femseal.face.piece_flow import SolveCounts, SolverCounts
+from femseal.store import store
+from femseal.store.digest import Unnamed, digest
+from femseal.store.store import SUFFIX, Store
+
+EXAMPLES = Path(__file__).parents[2] / "examples"
+
+
+def _length(values):
+    return len(values)
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_a_study_that_is_killed_again_and_again_computes_nothing_twice(tmp_path, monkeypatch, seed):
+    rng, computed = random.Random(seed), []
+    monkeypatch.setattr(Store, "__exit__", lambda *a: None)  # as a kill leaves it
+    crashes, results = 0, None
+    while results is None:
+        left = rng.randint(1, 9)
+
+        def crashing(function, *iterables):
+            for item in map(function, *iterables):
+                yield item
+                nonlocal left
+                left -= 1
+                if left == 0:
+                    raise Crash
+
+        try:
+            results = study(Store(tmp_path).over(crashing), computed)
+        except Crash:
+            crashes += 1
+    assert crashes > 1
+    assert_complete(results)
+    assert sorted(computed) == EVERY
+
+
+def test_a_process_that_exits_at_once_leaves_its_results(tmp_path):
+    code = (
+        "import os, sys; sys.path.insert(0, sys.argv[1]); from pathlib import Path\n"
+        "from kept_study import *\n"
+        "def ending(function, *iterables):\n"
+        "    for n, item in enumerate(map(function, *iterables)):\n"
+        "        if n == 18: os._exit(9)\n"
+        "        yield item\n"
+        "resumed(Path(sys.argv[2]), ending)\n"
+    )
+    done = subprocess.run([sys.executable, "-c", code, str(Path(__file__).parents[1]), str(tmp_path)])
+    assert done.returncode == 9
+    results, computed = resumed(tmp_path)
+    assert_complete(results)
+    assert computed == [(3, 18), (3, 19)]
+
+
+def test_a_record_that_a_kill_cut_is_computed_again_and_the_others_are_not(tmp_path):
+    resumed(tmp_path)
+    (path,) = tmp_path.glob(f"*{SUFFIX}")
+    os.truncate(path, path.stat().st_size - 1)
+    results, computed = resumed(tmp_path)
+    assert_complete(results)
+    assert computed == [(3, 19)]
+    assert resumed(tmp_path)[1] == []
+
+
+@pytest.mark.parametrize("at", [0.0, 0.3, 0.5, 0.99])
+def test_a_flipped_bit_costs_results_and_changes_none(tmp_path, caplog, at):
+    """In the size of a record it costs those behind it too; in its data it is said."""
+    resumed(tmp_path)
+    (path,) = tmp_path.glob(f"*{SUFFIX}")
+    data = bytearray(path.read_bytes())
+    data[int(at * len(data))] ^= 1
+    path.write_bytes(data)
+    results, computed = resumed(tmp_path)
+    assert_complete(results)
+    assert computed
+    if at == 0.99:
+        assert f"{path}: a result is damaged" in caplog.text
+    assert resumed(tmp_path)[1] == []
+
+
+def test_a_result_is_found_by_the_function_and_every_input(tmp_path):
+    """And by nothing else: neither the name of the stage, nor its place among others."""
+    calls = []
+
+    def keeping(function, *iterables):
+        calls.append([item for (item,) in zip(*iterables, strict=True)])
+        return (function(item) for item in calls[-1])
+
+    def asked(stage, *items):
+        calls.clear()
+        with Store(tmp_path) as kept:
+            results = list(kept.over(keeping)(stage, *items))
+        return results, [item for call in calls for item in call]
+
+    power = Stage("powers", partial(np.power, 2.0))
+    exponents = np.arange(3.0)
+    first, computed = asked(power, exponents)
+    assert computed == [(0.0,), (1.0,), (2.0,)]
+    assert asked(Stage("another name", partial(np.power, 2.0)), exponents[::-1]) == (first[::-1], [])
+    assert asked(Stage("powers", partial(np.power, 3.0)), exponents)[1] == computed
+    assert asked(Stage("powers", partial(np.multiply, 2.0)), exponents)[1] == computed
+    assert asked(power, exponents.astype(np.float32))[1] == computed
+    assert asked(power, [1, np.float64(2.0)])[1] == [(1,)]
+
+
+def test_other_versions_find_nothing(tmp_path, monkeypatch):
+    resumed(tmp_path)
+    monkeypatch.setattr(store, "numerical_versions", lambda: {**numerical_versions(), "CoolProp": "9.9"})
+    assert resumed(tmp_path)[1] == EVERY
+    assert "CoolProp" in numerical_versions()
+
+
+def test_equal_items_are_computed_once(tmp_path):
+    computed = []
+    stage = Stage("values", partial(value, 0, computed=computed), key="values")
+    items = [1, 2, 1, 1, 2, 3]
+    with Store(tmp_path) as kept:
+        results = list(kept.over(map)(stage, items, items))
+    np.testing.assert_equal(results, [value(0, item, item) for item in items])
+    assert [item for _, item in computed] == [1, 2, 3]
+
+
+def test_what_has_no_digest_or_is_no_data_is_computed_and_not_kept(tmp_path):
+    with Store(tmp_path / "out") as kept:
+        mapper = kept.over(map)
+        assert list(mapper(Stage("local", lambda n: n + 1), range(3))) == [1, 2, 3]
+        assert list(mapper(Stage("types", type), [1, 1, "a"])) == [int, int, str]
+        assert list(mapper(Stage("lengths", _length), [{1, 2}, (1,)])) == [2, 1]
+        assert len(kept) == 1
+
+
+def test_values_are_told_apart_by_type_shape_order_and_every_bit(tmp_path):
+    field = np.arange(6.0).reshape(2, 3)
+    variants = [
+        field,
+        field.T,
+        field.ravel(),
+        field.astype(np.float32),
+        np.asfortranarray(field),
+        np.nextafter(field, 9),
+        (field,),
+        [field],
+        {"field": field},
+        field.tolist(),
+        field.tobytes(),
+    ]
+    assert len({digest(value) for value in variants}) == len(variants)
+    assert digest(field) == digest(field.copy())
+    assert len({digest(value) for value in (0, 0.0, -0.0, False, None, "", b"", "0")}) == 8
+    one, other, missing = tmp_path / "one", tmp_path / "other", tmp_path / "missing"
+    one.write_text("a")
+    other.write_text("a")
+    assert digest(one) == digest(other) != digest(str(one))
+    other.write_text("b")
+    assert digest(one) != digest(other)
+    # functions of classes have names, those of objects and of functions have not
+    assert len({*map(digest, (SolverCounts.of, SolverCounts.total, SolveCounts.total))}) == 3
+    for nameless in (lambda x: x, SolverCounts().by_solver, missing):
+        with pytest.raises(Unnamed):
+            digest(nameless)
+
+
+def test_every_file_of_the_source_is_part_of_the_version():
+    source = hashlib.sha256()
+    for path in sorted(Path(fs.__file__).parent.rglob("*.py")):
+        source.update(path.read_bytes())
+    assert numerical_versions()["femseal"].endswith(f"+{source.hexdigest()[:12]}")
+
+
+@pytest.mark.parametrize("room", [0, 30, 500])
+def test_a_full_disk_loses_nothing_that_is_written(tmp_path, monkeypatch, room):
+    """The disk is full within a record, of which nothing stays."""
+    opened = Path.open
+
+    class Full:
+        def __init__(self, file, name):
+            self.file, self.name = file, name
+
+        def write(self, data):
+            left = room - self.file.tell() + 2000
+            if left <= 0:
+                raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+            return self.file.write(data[:left])
+
+        def __getattr__(self, name):
+            return getattr(self.file, name)
+
+        def __enter__(self):
+            return self
+
+        def __exit__(self, *details):
+            self.file.close()
+
+    def open_full(path, mode="r", *args, **options):
+        file = opened(path, mode, *args, **options)
+        return Full(file, str(path)) if mode == "xb" else file
+
+    with monkeypatch.context() as patch:
+        patch.setattr(Path, "open", open_full)
+        with pytest.raises(fs.FemsealError, match=r"No space left.*results are kept.*make room.*--resume"):
+            resumed(tmp_path)
+    with Store(tmp_path) as kept:
+        assert len(kept) > 5
+        there = len(kept)
+    results, computed = resumed(tmp_path)
+    assert_complete(results)
+    assert len(computed) == len(EVERY) - there
+
+
+def test_a_store_that_nobody_needs_does_without_a_disk(tmp_path, monkeypatch, caplog):
+    def full(*parts):
+        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+
+    monkeypatch.setattr(Store, "_appended", full)
+    with Store(tmp_path, required=False) as kept:
+        assert_complete(study(kept.over(map)))
+    assert caplog.text.count("results are not kept any more") == 1
+
+
+def test_two_processes_share_a_store(tmp_path):
+    """Each appends to a file of its own, and finds what the other has added when it looks."""
+    stage = Stage("values", partial(value, 0), key="values")
+    with Store(tmp_path) as one, Store(tmp_path) as two:
+        list(one.over(map)(stage, range(4), range(4)))
+        assert len(two) == 0
+        two.look()
+        assert len(two) == 4
+        list(two.over(map)(stage, range(6), range(6)))
+        one.look()
+        assert len(one) == 6
+    assert len(list(tmp_path.iterdir())) == 2
+
+
+@pytest.mark.parametrize("name", ["gasket_seal", "wanted_accuracy"])
+def test_every_stage_of_a_run_is_kept(tmp_path, monkeypatch, name):
+    """Else a run that goes on would compute it again."""
+    left = []
+    of_stage, of_item, keep = Store.keys, store._key, Store._keep
+
+    def keys(self, stage):
+        try:
+            return of_stage(self, stage)
+        except Unnamed:
+            left.append(stage.name)
+            raise
+
+    def key(base, item):
+        left.extend([] if (found := of_item(base, item)) else [item])
+        return found
+
+    def keeping(self, key, result):
+        keep(self, key, result)
+        left.extend([] if key in self else [type(result)])
+
+    monkeypatch.setattr(Store, "keys", keys)
+    monkeypatch.setattr(store, "_key", key)
+    monkeypatch.setattr(Store, "_keep", keeping)
+    case = fs.load_case(EXAMPLES / f"{name}.toml")
+    changed = {"output": {"pictures": False, "report": False, "paraview": "none"}}
+    if name == "gasket_seal":
+        changed["output"]["budget"] = False
+        changed["stochastic"] = {"realisations": 2}
+    small = {key: getattr(case, key).model_copy(update=values) for key, values in changed.items()}
+    fs.run(case.model_copy(update=small), tmp_path / "out", workers=1)
+    assert not left

@@ -1,0 +1,279 @@
+"""Sweeps over keys of a case, and finished runs side by side."""
+
+import csv
+import io
+from dataclasses import replace
+
+import matplotlib.image
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose, assert_array_equal
+from small_cases import SWEPT as CASE
+
+import femseal as fs
+from femseal.case.case import read_case
+from femseal.results.run_comparison import named
+from femseal.sweeps.variations import parsed_keys, short_names, variations
+
+KEYS = {"material.hardness": ["3 GPa", "6 GPa"], "fluid.viscosity": ["1 mPa*s", "2 mPa*s"]}
+
+
+@pytest.fixture
+def case(tmp_path):
+    path = tmp_path / "small.toml"
+    path.write_text(CASE)
+    return path
+
+
+@pytest.fixture(scope="module")
+def swept(tmp_path_factory):
+    """Folder and comparison of a sweep over two keys."""
+    folder = tmp_path_factory.mktemp("sweep")
+    (folder / "small.toml").write_text(CASE)
+    return folder / "out", fs.sweep(folder / "small.toml", KEYS, folder / "out", workers=1)
+
+
+# --- the cases of a sweep ---------------------------------------------------------------------------------
+
+
+def test_values_are_those_of_toml_or_text():
+    found = parsed_keys(["a.b=3GPa, 4 GPa", 'c="x,y",[1,2],[u, "v,w"]', "d=1,2.5,true", "e=two-scale"])
+    assert found == {
+        "a.b": ["3GPa", "4 GPa"],
+        "c": ["x,y", [1, 2], ["u", "v,w"]],
+        "d": [1, 2.5, True],
+        "e": ["two-scale"],
+    }
+
+
+def test_every_combination_is_a_case_with_its_own_name(case):
+    data, folder = read_case(case)
+    found = variations(data, folder, KEYS | {"cells.count": [[2, 4], [4, 8]]})
+    assert len(found) == 8
+    assert len({v.name for v in found}) == 8
+    assert all(v.name.isascii() and not set(v.name) & set('/\\ *:"?') for v in found)
+    assert found[0].name == "hardness=3GPa_viscosity=1mPa-s_count=-2-4"
+    assert found[3].values == ("3 GPa", "2 mPa*s", "[4, 8]")
+    assert [v.case.law.hardness for v in found] == [3e9] * 4 + [6e9] * 4
+    assert found[-1].case.cells.count == (4, 8)
+    assert data["material"]["hardness"] == "3 GPa"  # the tables of the case stay
+
+
+def test_a_key_of_one_of_two_faces(case):
+    data, folder = read_case(case)
+    data["face"] = [data["face"], dict(data["face"])]
+    second = variations(data, folder, {"face.1.rms_slope": [0.1, 0.3]})
+    assert [[face.rms_slope for face in v.case.face] for v in second] == [[0.2, 0.1], [0.2, 0.3]]
+    with pytest.raises(fs.InputError, match=r"face\.2\.hurst: given '2', expected the number of one of the 2 tables"):
+        variations(data, folder, {"face.2.hurst": [0.5]})
+
+
+def test_names_are_as_short_as_they_can_be():
+    assert short_names(["material.hardness"]) == ("hardness",)
+    assert short_names(["seed", "face.0.pitch", "face.1.pitch"]) == ("seed", "0.pitch", "1.pitch")
+
+
+@pytest.mark.parametrize(
+    ("arguments", "fault"),
+    [
+        (["material.hardnes=1GPa"], "material.hardnes: given an unknown key"),
+        (["material.hardness=3"], "material.hardness: given 3, expected text with a number and a unit"),
+        (["seed"], "sweep: given 'seed', expected a key of the case and its values"),
+        (["seed=1,2", "seed=3"], "sweep: given the key seed twice"),
+        (["seed=1,1"], "expected values that differ"),
+        (["seed.x=1"], "sweep: given 'seed.x', expected a dotted key of the case"),
+        (["load.loading=[2MPa,1MPa]"], "load: expected rising pressures"),
+        (["cells.count=[2,4],[32,64]"], r"with count = [32, 64]"),
+        (
+            [f"seed={','.join(map(str, range(40)))}", f"stochastic.realisations={','.join(map(str, range(2, 42)))}"],
+            "given 1600 cases, expected at most 1000",
+        ),
+    ],
+)
+def test_bad_input_is_found_before_any_work(femseal, case, contacts, arguments, fault):
+    output = case.parent / "out"
+    code, _, errors = femseal("sweep", case, *arguments, "-o", output, "--workers", 1)
+    assert code == 2
+    assert fault in errors
+    assert "Traceback" not in errors
+    assert not output.exists()
+    assert not contacts
+
+
+def test_an_unfinished_case_is_found_before_any_work(case, tmp_path, contacts):
+    last = tmp_path / "out" / "seed=2" / ".checkpoint"
+    last.mkdir(parents=True)
+    (last / "0.results").write_bytes(b"")
+    with pytest.raises(fs.InputError, match="unfinished run"):
+        fs.sweep(case, {"seed": [1, 2]}, tmp_path / "out", workers=1)
+    assert not contacts
+
+
+# --- runs of a sweep --------------------------------------------------------------------------------------
+
+
+def test_every_case_is_what_a_run_of_its_own_gives(swept, tmp_path):
+    folder, found = swept
+    for hardness, viscosity in (("3 GPa", "1 mPa*s"), ("6 GPa", "2 mPa*s")):
+        text = CASE.replace('"3 GPa"', f'"{hardness}"').replace('"1 mPa*s"', f'"{viscosity}"')
+        (tmp_path / "own.toml").write_text(text)
+        own = fs.run(tmp_path / "own.toml", workers=1)
+        run = found.runs[found.settings.index((hardness, viscosity))]
+        for name in own.dataset.data_vars:
+            assert_array_equal(run.dataset[name].values, own.dataset[name].values, err_msg=name)
+        assert fs.open_results(folder / found.names[found.runs.index(run)]).case == own.case
+
+
+def test_cases_share_what_their_keys_do_not_change(case, tmp_path, contacts):
+    fs.run(case, workers=1)
+    alone = len(contacts)
+    contacts.clear()
+    found = fs.sweep(case, {"fluid.viscosity": ["1 mPa*s", "4 mPa*s"]}, tmp_path / "fluids", workers=1)
+    assert len(contacts) == alone
+    assert_allclose(found.leakage(0), 4 * found.leakage(1), rtol=1e-9)
+    case.write_text(CASE + '[contact]\nfluid_pressure = "ignored"\n')
+    fs.sweep(case, {"seed": [2]}, tmp_path / "dry", workers=1)
+    contacts.clear()
+    fs.run(case, workers=1)
+    alone = len(contacts)
+    contacts.clear()
+    # the highest load is peak in one only, so that it leaves its deformation behind
+    more = {"load.loading": [["50 MPa", "300 MPa"], ["50 MPa", "100 MPa", "300 MPa"]]}
+    fs.sweep(case, more, tmp_path / "loads", workers=1)
+    assert len(contacts) == alone + 1
+    assert not list(tmp_path.glob("*/.shared"))
+
+
+def test_a_sweep_goes_on_and_takes_more_values(swept, contacts):
+    folder, found = swept
+    again = fs.sweep(folder.parent / "small.toml", KEYS, folder, resume=True, workers=1)
+    assert not contacts
+    assert again.names == found.names
+    for one, other in zip(again.runs, found.runs, strict=True):
+        assert_array_equal(one.leakage, other.leakage)
+
+
+def test_cases_that_fail_do_not_stop_the_others(case, tmp_path, monkeypatch):
+    from femseal.runs import job
+
+    run = job.run
+
+    def failing(case, *arguments, **options):
+        if case.seed == 2:
+            raise fs.NotConverged("contact: residual 0.1")
+        return run(case, *arguments, **options)
+
+    monkeypatch.setattr(job, "run", failing)
+    with pytest.raises(fs.FemsealError, match=r"1 of 3 cases failed.*\n.*seed=2: contact: residual 0.1"):
+        fs.sweep(case, {"seed": [1, 2, 3]}, tmp_path / "out", workers=1)
+    lines = list(csv.DictReader(io.StringIO((tmp_path / "out" / "sweep.csv").read_text())))
+    assert {line["seed"] for line in lines} == {"1", "3"}
+
+
+# --- side by side -----------------------------------------------------------------------------------------
+
+
+def test_table_of_a_sweep(swept):
+    folder, found = swept
+    lines = list(csv.DictReader(io.StringIO((folder / "sweep.csv").read_text())))
+    assert len(lines) == 4 * 3
+    assert [line["hardness"] for line in lines[::3]] == ["3 GPa", "3 GPa", "6 GPa", "6 GPa"]
+    for n, run in enumerate(found.runs):
+        own = lines[3 * n : 3 * n + 3]
+        assert_allclose([float(line["leakage_m2_per_s"]) for line in own], run.leakage.values)
+        assert [float(line["nominal_pressure_Pa"]) for line in own] == [5e7, 3e8, 1e8]
+    heads, cells = list(found.table().heads), found.table().lines
+    assert heads == ["hardness", "viscosity", "50 MPa", "300 MPa", "100 MPa from 300 MPa"]
+    # twice the viscosity, half the leakage
+    assert float(cells[0][2]) == pytest.approx(2 * float(cells[1][2]), rel=0.01)
+
+
+def test_picture_of_a_sweep(swept):
+    folder, found = swept
+    image = matplotlib.image.imread(folder / "sweep.png")
+    assert image.shape[1] > 1000
+    figure = found.plot()
+    left, right = figure.axes
+    assert found.labels[1] == "hardness 3 GPa, viscosity 2 mPa*s"
+    assert left.get_xlabel() == "nominal pressure [MPa]"
+    assert left.get_ylabel() == found.label
+    lines = [line for line in left.lines if len(line.get_xdata()) > 1]
+    assert len(lines) == 8  # loading and unloading of four runs
+    for n, run in enumerate(found.runs):
+        assert_allclose(lines[2 * n].get_ydata(), found.leakage(n)[:2])
+        assert_allclose(lines[2 * n + 1].get_ydata(), run.leakage[[1, 2]] / run.leak_basis.factor(found.unit))
+    assert right.get_xlabel() == "hardness [GPa]"
+    assert_allclose(right.lines[0].get_xdata(), [3, 6])
+    assert_allclose(right.lines[0].get_ydata(), [found.leakage(n)[1] for n in (0, 2)])
+
+
+def test_keys_that_do_not_vary_are_not_told(swept):
+    _, found = swept
+    some = [n for n, values in enumerate(found.settings) if values[1] == "2 mPa*s"]
+    same = replace(
+        found,
+        names=tuple(found.names[n] for n in some),
+        runs=tuple(found.runs[n] for n in some),
+        settings=tuple(found.settings[n] for n in some),
+    )
+    assert same.labels == ("hardness 3 GPa", "hardness 6 GPa")
+
+
+def test_runs_of_other_loads_methods_and_lengths(case, swept, tmp_path):
+    folder, found = swept
+    text = CASE.replace("50 MPa", "40 MPa").replace('"stochastic"', '"deterministic"')
+    (tmp_path / "other.toml").write_text(text)
+    fs.run(tmp_path / "other.toml", tmp_path / "other", workers=1)
+    both = fs.compare({"drawn": folder / found.names[0], "whole": tmp_path / "other"}, unit="mL/min")
+    assert [step.name for step in both.common_steps] == ["loading 300 MPa", "unloading 100 MPa from 300 MPa"]
+    heads, cells = list(both.table().heads), both.table().lines
+    assert heads == ["run", "method", "300 MPa", "100 MPa from 300 MPa"]
+    assert [line[:2] for line in cells] == [("drawn", "median"), ("whole", "deterministic")]
+    for n, run in enumerate(both.runs):  # of the whole seal, each of its own length
+        assert_allclose(both.leakage(n), run.leakage_in("mL/min").values)
+    assert both.band(1) is None
+    assert len(both.plot().axes) == 1
+    rows = both.rows()
+    assert len(rows) == 6
+    assert np.isnan(rows[-1]["leakage_lower_m2_per_s"])
+
+
+def test_runs_without_common_loads_are_told_at_their_own(swept, tmp_path):
+    _, found = swept
+    (tmp_path / "other.toml").write_text(CASE.replace("50 MPa", "40 MPa").replace("300 MPa", "200 MPa"))
+    apart = fs.compare({"a": found.runs[0], "b": fs.run(tmp_path / "other.toml", workers=1)})
+    heads, cells = list(apart.table().heads), apart.table().lines
+    assert heads == ["run", "first load", "highest load", "last load"]
+    assert "(40 MPa)" in cells[1][1]
+    assert "(200 MPa)" in cells[1][2]
+
+
+def test_compare_on_the_command_line(femseal, swept, tmp_path):
+    folder, found = swept
+    runs = [folder / name for name in found.names[:3]]
+    code, text, _ = femseal("compare", *runs, "-o", tmp_path / "out", "--unit", "mL/h")
+    assert code == 0
+    assert "leakage of the whole seal [mL/h]" in text
+    assert all(name[:12] in text for name in found.names[:3])
+    assert sorted(p.name for p in (tmp_path / "out").iterdir()) == ["comparison.csv", "comparison.png"]
+    for wrong, fault in (
+        ([runs[0]], "given 1 run, expected two or more"),
+        ([runs[0], tmp_path / "none"], "no such folder"),
+        ([*runs, "--unit", "miles"], "leakage_unit: given 'miles'"),
+    ):
+        code, _, errors = femseal("compare", *wrong)
+        assert (code, fault in errors) == (2, True), errors
+
+
+def test_what_cannot_be_compared(swept):
+    _, found = swept
+    with pytest.raises(fs.InputError, match="a name of its own"):
+        fs.compare([found.runs[0], found.runs[0]])  # of one run twice the names are the same
+    with pytest.raises(fs.InputError, match="for a liquid"):
+        fs.compare(dict(zip("ab", found.runs, strict=False)), unit="mbar*L/s")
+
+
+def test_runs_get_names(tmp_path):
+    (tmp_path / "x=1").mkdir()
+    assert named([str(tmp_path / "x=1"), "b"]) == [str(tmp_path / "x=1"), "b"]
+    assert named(["a=b", str(tmp_path / "x=1")]) == {"a": "b", "x=1": str(tmp_path / "x=1")}

@@ -1,0 +1,581 @@
+"""Measured faces before use: spikes, texture, spectrum, the report, and two faces laid on one another."""
+
+import pickle
+import re
+from dataclasses import fields
+from math import inf, nan, pi
+from pathlib import Path
+
+import numpy as np
+import pytest
+from each import each
+from numpy.testing import assert_allclose, assert_array_equal
+from scipy import ndimage
+
+import femseal as fs
+from femseal.base.errors import InputError
+from femseal.topography import (
+    SpikeEffect,
+    Topography,
+    combine,
+    describe_surface,
+    repair,
+    self_affine,
+    spike_effect,
+    turned,
+)
+from femseal.topography.combine import _largest_rectangle
+from femseal.topography.defects import _window_medians, find_spikes
+from femseal.topography.texture import autocorrelation, spectrum, texture
+
+EXAMPLE = Path(__file__).parents[2] / "examples" / "measured_face.x3p"
+#: Points, Sq and height range without tilt [m], undefined share, most points that may be called spikes.
+MEASURED = {
+    "plu-1.plu": ((768, 576), 18.3e-9, 0.57e-6, 0.0, 0),
+    "surfalize_test_1.opd": ((736, 480), 1.93e-6, 18.8e-6, 0.0023, 10),
+    "x3p-2.x3p": ((650, 650), 77e-9, 0.55e-6, 0.0, 0),
+    "opd-1.opd": ((640, 480), 6.7e-9, 0.11e-6, 0.0004, 0),
+}
+
+
+def rough(shape=(160, 120), **given):
+    return self_affine(shape, (160e-6, 120e-6), **{"hurst": 0.8, "rms_height": 1e-6, "cut_off": 5e-6, "rng": 2} | given)
+
+
+# --- spikes -----------------------------------------------------------------------------------------------
+
+
+def test_isolated_points_are_found_and_nothing_else():
+    """One, two and four points side by side, up and down, at a corner, on a border, beside undefined ones."""
+    z = rough().heights.copy()
+    z[50:52, 60] = np.nan
+    expected = np.zeros(z.shape, dtype=bool)
+    for place, height in (
+        ((0, 0), 8),
+        ((30, 119), -8),
+        ((50, 61), 9),
+        (np.s_[80, 40:42], -9),
+        (np.s_[100:102, 90:92], 8),
+        ((120, 20), 300),
+    ):
+        expected[place] = True
+        z[place] += height * 1e-6
+    assert_array_equal(find_spikes(z), expected)
+    # neither the unit nor a tilt that exceeds the roughness by far matters
+    tilted = 1e3 * (z + 5e-6 * np.arange(z.shape[0])[:, None])
+    assert_array_equal(find_spikes(tilted), expected)
+    assert not find_spikes(z, inf).any()
+    assert find_spikes(z, 1000).sum() < expected.sum()
+
+
+@each("cut_off", [2, 4, 8])
+@each("hurst", [0.3, 0.8, 1.0])
+def test_self_affine_faces_have_no_spikes(cut_off, hurst):
+    face = self_affine((256, 256), (1e-3, 1e-3), hurst=hurst, rms_slope=0.5, cut_off=cut_off * 1e-3 / 256, rng=4)
+    assert not find_spikes(face.heights).any()
+
+
+@each(
+    "given",
+    [
+        {"pitch": 60e-6, "depth": 1.5e-6, "feed_error": 0.03, "depth_error": 0.1, "roughness": 1e-6},
+        {"pitch": 20e-6, "depth": 10e-6, "feed_error": 0.2, "depth_error": 0.3},
+        # ridges a few pixels wide with flanks of 60°
+        {"pitch": 10e-6, "depth": 5e-6, "feed_error": 0.1, "depth_error": 0.1, "cut_off": 2e-6},
+    ],
+)
+def test_turned_faces_have_no_spikes(given):
+    face = turned((256, 256), (240e-6, 240e-6), rng=1, **given)
+    assert not find_spikes(face.heights).any()
+    oblique = ndimage.rotate(face.heights, 17, reshape=False, order=1, mode="mirror")
+    assert not find_spikes(oblique).any()
+
+
+def test_noise_has_no_spikes():
+    assert not find_spikes(np.random.default_rng(0).standard_normal((500, 500))).any()
+
+
+def test_edges_corners_walls_and_small_summits_stay():
+    z = 1e-9 * np.random.default_rng(1).standard_normal((80, 80))
+    z[10:30, 10:30] += 5e-6  # a plateau with walls
+    z[40, :] += 5e-6  # a burr one point wide
+    z[np.arange(45, 70), np.arange(45, 70)] += 5e-6  # and one along a diagonal
+    z[60:62, 10:13] += 5e-6  # six points
+    x = np.hypot(*np.meshgrid(np.arange(80) - 60, np.arange(80) - 20.3))
+    z += 5e-6 * np.exp(-((x / 1.8) ** 2))  # a summit of 3 pixels at half its height
+    assert not find_spikes(z).any()
+    z[70, 30] += 5e-6
+    assert_array_equal(np.argwhere(find_spikes(z)), [[70, 30]])
+
+
+def test_quantised_and_flat_maps_have_no_spikes():
+    z = np.zeros((200, 200))
+    z.flat[np.random.default_rng(0).integers(0, z.size, 2000)] = 1e-9
+    assert not find_spikes(z + 3e-6).any()
+    assert not find_spikes(np.full((20, 20), 3.3e-6)).any()
+    z[50, 50] = 20e-9
+    assert_array_equal(np.argwhere(find_spikes(z)), [[50, 50]])
+
+
+def test_medians_are_those_of_the_defined_points_in_the_window():
+    z = np.random.default_rng(0).standard_normal((9, 11))
+    z[4:8, 2:5] = np.nan
+    median, deviation = _window_medians(z, rows=4)
+    for i, j in np.ndindex(z.shape):
+        window = z[max(i - 2, 0) : i + 3, max(j - 2, 0) : j + 3]
+        assert median[i, j] == np.nanmedian(window)
+        assert_allclose(deviation[i, j], np.nanmedian(np.abs(window - median[i, j])), rtol=1e-12)
+
+
+@each("threshold", [0, -1.0, nan, "six"])
+def test_bad_thresholds(threshold):
+    with pytest.raises(InputError, match="spikes: given"):
+        rough().without_spikes(threshold)
+
+
+def test_repair_fills_spikes_like_undefined_points():
+    x1, x2 = np.indices((60, 40)) * 1e-6
+    plane = 1e-3 * x1 + 2e-3 * x2
+    z = plane + 1e-12 * np.random.default_rng(0).standard_normal(plane.shape)
+    z[20, 20], z[40, 10] = 1e-6, np.nan
+    whole, found = repair(Topography(z, (1e-6, 1e-6), (False, False)))
+    assert (found.spikes, found.undefined_fraction) == (1, 1 / z.size)
+    assert_allclose(whole.heights, 0, atol=1e-11)
+    assert_allclose(found.form.slopes, (1e-3, 2e-3), rtol=1e-5)
+    kept, found = repair(Topography(z, (1e-6, 1e-6), (False, False)), spikes=inf, detrend=0)
+    assert found.spikes == 0
+    assert_allclose(kept.heights[20, 20] - kept.heights[20, 22], 1e-6 - z[20, 22], rtol=1e-9)
+
+
+@each("share", [0.05, 0.2, 0.4])
+def test_undefined_points_do_not_bend_the_form(share):
+    """A steeply tilted face with a corner missing: its roughness stays that of the defined points."""
+    face = rough()
+    x1, x2 = np.indices(face.shape) * np.array(face.spacing)[:, None, None]
+    tilted = face.heights + 0.2 * x1 - 0.3 * x2
+    rows = round(np.sqrt(share) * face.shape[0])
+    tilted[:rows, : round(np.sqrt(share) * face.shape[1])] = np.nan
+    _, report = fs.condition(Topography(tilted, face.spacing, (False, False)), max_undefined=0.5, spikes=inf)
+    assert_allclose(np.tan(report.removed_tilt), (0.2, -0.3), atol=3 * face.rms_height / min(face.size))
+    assert report.rms_height_before < 1.05 * face.rms_height
+
+
+def test_spikes_count_as_undefined():
+    z = rough().heights.copy()
+    z[5::10, 5::10] += 1e-4
+    face = Topography(z, (1e-6, 1e-6))
+    with pytest.raises(
+        InputError, match=r"heights: given 1 % undefined points, .*; 192 of them are spikes, which spikes=inf"
+    ):
+        fs.condition(face, max_undefined=0.005)
+    _, report = fs.condition(face)
+    assert (report.spikes, report.undefined_fraction) == (192, 0)
+    assert_allclose(report.rms_height_before, rough().detrend().rms_height, rtol=0.01)
+    _, report = fs.condition(face, spikes=inf)
+    assert report.rms_height_before > 5 * rough().rms_height
+
+
+def test_a_wrong_form_is_not_blamed_on_spikes():
+    z = rough().heights.copy()
+    z[5::10, 5::10] += 1e-4
+    face = Topography(z, (1e-6, 1e-6))
+    for given, word in (({"detrend": 3}, "order"), ({"max_undefined": -1}, "max_share")):
+        with pytest.raises(InputError, match=f"^{word}: given") as error:
+            repair(face, **given)
+        assert "spikes" not in str(error.value)
+
+
+def test_a_map_with_holes_says_what_to_do():
+    z = rough().heights.copy()
+    z[60:, 80:] = np.nan
+    with pytest.raises(InputError, match=r"^heights: given .* % undefined points, expected at most 5 %: crop") as error:
+        Topography(z, (1e-6, 1e-6)).fill_undefined()
+    assert str(pickle.loads(pickle.dumps(error.value))) == str(error.value)
+
+
+def test_masked_points_and_parts_from_python():
+    face = rough()
+    high = face.heights > 0
+    marked = face.mask(high).mask(~high[::-1] & False)
+    assert_array_equal(np.isnan(marked.heights), high)
+    assert face.crop_to((10e-6, 20.4e-6, 0, 120e-6)).heights.tobytes() == face.heights[10:20].tobytes()
+    with pytest.raises(InputError, match="mask: given an array of bool"):
+        face.mask(high.T)
+
+
+# --- what the spikes mean ---------------------------------------------------------------------------------
+
+
+def grooved(angle=0.0):
+    """A face with a lay, and points off the surface along one groove."""
+    x1, x2 = np.indices((200, 160)) * 1e-6
+    s = x1 * np.cos(angle) + x2 * np.sin(angle)
+    rng = np.random.default_rng(3)
+    z = sum(1e-7 * np.cos(2 * pi * s / wave + 7 * rng.random()) for wave in (14e-6, 19e-6, 31e-6))
+    return z + 1e-9 * rng.standard_normal(z.shape), s, rng
+
+
+@each("angle", [0.0, 0.5, -1.2])
+def test_spikes_that_follow_the_lay_are_told(angle):
+    z, s, rng = grooved(angle)
+    beside = np.abs(s - s.mean()) < 5e-6
+    z[beside & (rng.random(z.shape) < 0.06)] += 3e-6
+    face = Topography(z, (1e-6, 1e-6), (False, False))
+    _, report = fs.condition(face)
+    assert report.spikes > 40
+    assert report.spikes_along_lay > 0.8
+    assert report.spikes_extreme > 0.05
+    doubts = SpikeEffect(report.spikes_along_lay, report.spikes_extreme).doubts(report.spikes)
+    assert re.search(rf"^spikes \({report.spikes} points\) are filled although they follow the lay \(\d+%", doubts[0])
+    assert all("surface.spikes = inf" in text for text in doubts)
+
+
+@each("spacing", [(1e-6, 1e-6), (1e-6, 3e-6)])
+def test_scattered_spikes_are_no_marks(spacing):
+    z, _, rng = grooved()
+    z[rng.random(z.shape) < 0.004] -= 1e-6
+    _, report = fs.condition(Topography(z, spacing, (False, False)))
+    assert report.spikes > 80
+    assert report.spikes_along_lay is None
+
+
+def test_extremes_are_those_of_the_face_with_its_spikes():
+    """Spikes that stay below the summits and above the pits change no extreme; high or deep ones are the extremes."""
+    face = rough().low_pass(8e-6)
+    z = face.heights
+    assert spike_effect(face, np.zeros(z.shape), 8e-6) == SpikeEffect()
+    middle = np.argsort(np.abs(z - z.mean()), axis=None)[:40]
+    for height, least, most in ((1e-8, 0, 0.01), (3e-4, 0.5, 1), (-3e-4, 0.5, 1)):
+        removed = np.zeros(z.shape)
+        removed.flat[middle] = height
+        effect = spike_effect(face, removed, 8e-6)
+        # an independent count: points of the highest (lowest) percent that are new
+        sign = np.sign(height)
+        spiky = sign * (z + Topography(removed, face.spacing).low_pass(8e-6).heights)
+        high = np.argsort(spiky, axis=None)[-z.size // 100 :]
+        before = np.argsort(sign * z, axis=None)[-z.size // 100 :]
+        assert effect.extreme >= np.setdiff1d(high, before).size / high.size - 0.01
+        assert least <= effect.extreme <= most
+        assert bool(effect.doubts(40)) == (effect.extreme > 0.01)
+
+
+@pytest.mark.parametrize(("name", "along", "extreme"), [("sur-2.sur", 0.55, 0.1), ("mnt-1.mnt", 0.75, 0.25)])
+def test_measured_faces_whose_spikes_follow_the_lay(instrument_file, name, along, extreme):
+    _, report = fs.condition(fs.read_topography(instrument_file(name)))
+    assert report.spikes_along_lay > along
+    assert report.spikes_extreme > extreme
+
+
+# --- texture ----------------------------------------------------------------------------------------------
+
+
+def test_autocorrelation_is_the_mean_over_pairs():
+    face = rough((12, 9), cut_off=None)
+    z = face.heights - face.heights.mean()
+    correlation = autocorrelation(face)
+    assert correlation.shape == (13, 9)
+    for i, j in ((0, 0), (3, 2), (6, -4), (-1, 4)):
+        pairs = [z[a, b] * z[a + i, b + j] for a in range(12) for b in range(9) if 0 <= a + i < 12 and 0 <= b + j < 9]
+        assert_allclose(correlation[6 + i, 4 + j], np.mean(pairs) / np.mean(z**2), rtol=1e-9)
+
+
+def test_texture_of_a_wave():
+    """Its autocorrelation is cos(2πr/λ), which is 0.2 at λ arccos(0.2)/2π; it never decays along the crests."""
+    x1 = (np.arange(200) + 0.5) * 1e-6
+    face = Topography(np.cos(2 * pi * x1 / 50e-6)[:, None] * np.ones(80) * 1e-7, (1e-6, 2e-6))
+    found = texture(face)
+    assert_allclose(found.correlation_length, 50e-6 * np.arccos(0.2) / (2 * pi), atol=0.6e-6)
+    assert_allclose(found.aspect_ratio, found.correlation_length / 80e-6, rtol=0.02)
+    assert found.aspect_ratio_is_bound
+    assert abs(found.lay_direction) < 1e-6
+
+
+@each("degrees", [-80, -35, -3, 0, 20, 45, 90])
+@each("shape", [(200, 160), (120, 240)])
+def test_direction_of_the_lay(degrees, shape):
+    """Grooves at right angles to (cos α, sin α), on square and on oblong pixels."""
+    size = (200e-6, 160e-6)
+    x1, x2 = (((np.arange(n) + 0.5) * length / n) for n, length in zip(shape, size, strict=True))
+    s = x1[:, None] * np.cos(np.deg2rad(degrees)) + x2 * np.sin(np.deg2rad(degrees))
+    rng = np.random.default_rng(5)
+    z = sum(np.cos(2 * pi * s / wave + 7 * rng.random()) for wave in (14e-6, 19e-6, 23e-6, 31e-6))
+    found = texture(Topography(1e-7 * z, (size[0] / shape[0], size[1] / shape[1]), (False, False)))
+    assert found.aspect_ratio < 0.2
+    assert abs((np.rad2deg(found.lay_direction) - degrees + 90) % 180 - 90) < 0.7
+    assert -pi / 2 < found.lay_direction <= pi / 2
+
+
+def test_an_isotropic_face_has_no_lay_and_stretching_gives_it_one():
+    face = rough((240, 240), roll_off=12e-6)
+    face = Topography(face.heights, (1e-6, 1e-6))
+    found = texture(face)
+    assert found.aspect_ratio > 0.7
+    assert np.isnan(found.lay_direction)
+    stretched = texture(Topography(face.heights, (1e-6, 4e-6)))
+    assert_allclose(stretched.correlation_length, found.correlation_length, rtol=0.2)
+    assert_allclose(stretched.aspect_ratio, 1 / 4, rtol=0.3)
+    assert abs(np.rad2deg(stretched.lay_direction)) < 10
+
+
+# --- spectrum ---------------------------------------------------------------------------------------------
+
+
+@each("hurst", [0.3, 0.8, 1.0])
+@each("roll_off", [None, 2e-4])
+@each("cut_off", [1.6e-5, 6e-6])
+def test_power_law_is_recovered(hurst, roll_off, cut_off):
+    face = self_affine(
+        (512, 400), (1e-3, 0.8e-3), hurst=hurst, rms_slope=0.1, roll_off=roll_off, cut_off=cut_off, rng=2
+    )
+    found = spectrum(face)
+    assert_allclose(found.shortest_wave, cut_off, rtol=0.04)
+    assert found.noise == 0
+    assert_allclose(found.law.hurst, hurst, atol=0.019)
+    assert_allclose(found.law.roll_off, nan if roll_off is None else roll_off, rtol=0.05)
+    assert_allclose(found.law.shortest, cut_off, rtol=0.2)
+
+
+def test_noise_is_told_from_the_face():
+    face = self_affine((512, 512), (1e-3, 1e-3), hurst=0.8, rms_slope=0.1, cut_off=6e-6, rng=2)
+    noise = np.random.default_rng(0).normal(0, 80e-9, face.shape)
+    found = spectrum(Topography(face.heights + noise, face.spacing))
+    assert_allclose(found.noise, 80e-9, rtol=0.03)
+    # where C is four times that of the noise, that of the face itself is three times
+    q, density = face.radial_psd()
+    inside = (q > 0) & (q < 2 * pi / 6.5e-6)
+    wave = 2 * pi / q[inside][density[inside] > 3 * (80e-9) ** 2 * np.prod(face.spacing)].max()
+    assert_allclose(found.shortest_wave, wave, rtol=0.06)
+    assert_allclose(found.law.hurst, 0.8, atol=0.01)
+
+
+def test_a_part_of_a_face_ends_where_the_face_does():
+    """Its borders bring short waves, but no noise: the cut-off shows below the power law."""
+    face = self_affine((512, 512), (1e-3, 1e-3), hurst=0.8, rms_slope=0.1, cut_off=1.5e-5, rng=2)
+    found = spectrum(face.crop((400, 450)).detrend())
+    assert found.noise == 0
+    assert_allclose(found.shortest_wave, 1.5e-5, rtol=0.1)
+    assert_allclose(found.law.hurst, 0.8, atol=0.1)
+
+
+def test_white_noise_and_single_waves_follow_no_law():
+    z = np.random.default_rng(1).normal(0, 1e-8, (200, 200))
+    found = spectrum(Topography(z, (1e-6, 1e-6)))
+    assert found.law is None
+    assert_allclose(found.noise, 1e-8, rtol=0.05)
+    assert found.shortest_wave > 1e-4  # nothing of it was measured
+    x = np.arange(200) * 1e-6
+    assert spectrum(Topography(np.cos(2 * pi * x / 40e-6)[:, None] * np.ones(200), (1e-6, 1e-6))).law is None
+    assert spectrum(Topography(np.zeros((50, 50)), (1e-6, 1e-6))) == spectrum(
+        Topography(np.ones((50, 50)), (1e-6, 1e-6))
+    )
+
+
+def test_parallel_grooves_have_the_hurst_exponent_of_their_profile():
+    k = np.arange(1, 200)
+    phase = 2 * pi * np.random.default_rng(3).random(k.size)
+    x = (np.arange(1024) + 0.5) / 1024
+    profile = np.sum(k ** (-0.5 - 0.7) * np.cos(2 * pi * k * x[:, None] + phase), axis=1)  # C1D ∝ q^(−1−2H)
+    face = Topography(1e-7 * profile[:, None] * np.ones(1024), (1e-6, 1e-6))
+    assert_allclose(spectrum(face).law.hurst, 0.7, atol=0.06)
+
+
+# --- report -----------------------------------------------------------------------------------------------
+
+
+def test_every_number_has_a_unit_and_a_label():
+    report = describe_surface(rough())
+    assert all(set(f.metadata) >= {"unit", "label"} for f in fields(report))
+    lines = str(report).splitlines()
+    assert len(lines) == len(fields(report))
+    assert any(line.split() == ["Sq,", "rms", "height", f"{report.rms_height * 1e9:.4g}", "nm"] for line in lines)
+
+
+def test_heights_are_those_of_the_standard():
+    z = rough().detrend().heights
+    z = z - z.mean()
+    x1 = np.arange(160)[:, None] * 1e-6
+    tilted = z + 0.01 * x1
+    report = describe_surface(Topography(tilted, (1e-6, 1e-6), (False, False)))
+    assert_allclose(np.tan(report.tilt), (0.01, 0), atol=1e-9)
+    expected = (z.std(), np.abs(z).mean(), np.ptp(z), np.mean(z**3) / z.std() ** 3, np.mean(z**4) / z.std() ** 4)
+    found = (report.rms_height, report.mean_height, report.peak_to_valley, report.skewness, report.kurtosis)
+    assert_allclose(found, expected, rtol=1e-9)
+    other = describe_surface(Topography(tilted.T, (1e-6, 1e-6), (False, False)))
+    assert_allclose(other.rms_slopes, report.rms_slopes[::-1], rtol=1e-9)
+
+
+def test_a_flat_face_is_described():
+    report = describe_surface(Topography(np.full((40, 40), 1e-3), (1e-6, 1e-6)), detrend=0)
+    assert report.rms_height == report.rms_slope == 0
+    assert np.isnan([report.skewness, report.correlation_length, report.lay_direction, report.hurst]).all()
+    assert "–" in str(report)
+
+
+def test_spikes_and_undefined_points_are_counted():
+    z = rough().heights.copy()
+    z[3, 4], z[50, 60:63] = 1e-4, np.nan
+    report = describe_surface(Topography(z, (1e-6, 1e-6)))
+    assert (report.spikes, report.undefined_fraction) == (1, 3 / z.size)
+    assert report.peak_to_valley > 1e-4  # heights as the instrument counts them
+    assert_allclose(report.rms_slope, describe_surface(rough()).rms_slope, rtol=0.01)  # slopes without the spike
+
+
+@pytest.mark.parametrize("name", MEASURED)
+def test_measured_faces_are_described(instrument_file, name):
+    shape, sq, height, undefined, spikes = MEASURED[name]
+    report = describe_surface(fs.read_topography(instrument_file(name)))
+    assert report.shape == shape
+    assert_allclose(report.rms_height, sq, rtol=5e-3)
+    assert_allclose(report.peak_to_valley, height, rtol=0.03)
+    assert_allclose(report.undefined_fraction, undefined, atol=5e-5)
+    assert report.spikes <= spikes
+    if name == "opd-1.opd":  # the isotropic one
+        assert report.aspect_ratio > 0.7
+    else:  # a lay across x1
+        assert abs(np.rad2deg(report.lay_direction)) < 3
+
+
+@pytest.mark.parametrize("name", MEASURED)
+def test_spikes_put_on_measured_faces_are_found(instrument_file, name):
+    face = fs.read_topography(instrument_file(name))
+    places = np.random.default_rng(1).integers(0, face.heights.size, 200)
+    z = face.heights.copy()
+    z.flat[places] += 8 * np.nanstd(face.detrend().heights)
+    there = ~np.isnan(z.flat[places])
+    assert find_spikes(z).flat[places][there].mean() > 0.98
+
+
+def test_the_example_is_described():
+    report = describe_surface(fs.read_topography(EXAMPLE))
+    assert report.spikes < 5
+    # as its script says, and so is the noise; from roll-off to resolution is too short for a power law
+    assert_allclose(report.shortest_wave, 10e-6, rtol=0.05)
+    assert np.isnan(report.hurst)
+    assert_allclose(report.noise, 15e-9, rtol=0.6)
+    assert abs(np.rad2deg(report.lay_direction) - 1.5) < 1.5
+
+
+# --- two faces --------------------------------------------------------------------------------------------
+
+
+def bump(u1, u2):
+    """A smooth function without symmetry."""
+    return 1e-7 * (np.cos(2 * pi * u1 / 30e-6 + 0.4) + 0.5 * np.sin(2 * pi * u2 / 40e-6) + np.cos((u1 + 2 * u2) / 8e-6))
+
+
+def sampled(shape, spacing):
+    u1, u2 = ((np.arange(n) - (n - 1) / 2) * d for n, d in zip(shape, spacing, strict=True))
+    return Topography(bump(u1[:, None], u2[None, :]), spacing, (False, False))
+
+
+@each("mirror", [None, "x1", "x2"])
+@each("degrees", [0, 90, 180, 30, -12.5])
+@each("spacing", [(1e-6, 1e-6), (0.8e-6, 1.3e-6)])
+def test_the_second_face_is_mirrored_then_turned_then_shifted(mirror, degrees, spacing):
+    first = Topography(np.zeros((60, 90)), (1.1e-6, 0.9e-6), (False, False))
+    second = sampled((100, 80), spacing)
+    shift, angle = (7e-6, -4e-6), np.deg2rad(degrees)
+    both, overlap = combine(first, second, mirror=mirror, rotate=angle, shift=shift)
+    # places of the first face, from its middle, of which the overlap is a part: found by the known heights
+    p1, p2 = np.meshgrid(
+        *((np.arange(n) - (n - 1) / 2) * d for n, d in zip((60, 90), first.spacing, strict=True)), indexing="ij"
+    )
+    d1, d2 = p1 - shift[0], p2 - shift[1]
+    u1, u2 = np.cos(angle) * d1 + np.sin(angle) * d2, -np.sin(angle) * d1 + np.cos(angle) * d2
+    under = (np.abs(u1) <= second.size[0] / 2 + 1e-12) & (np.abs(u2) <= second.size[1] / 2 + 1e-12)
+    expected = bump(-u1 if mirror == "x1" else u1, -u2 if mirror == "x2" else u2)
+    n1, n2 = both.shape
+    fits = [
+        (i, j)
+        for i in range(61 - n1)
+        for j in range(91 - n2)
+        if under[i : i + n1, j : j + n2].all()
+        and np.abs(both.heights - expected[i : i + n1, j : j + n2])[3:-3, 3:-3].max() < 3e-9
+        and np.abs(both.heights - expected[i : i + n1, j : j + n2]).max() < 5e-8
+    ]
+    assert fits
+    assert overlap.shape == both.shape
+    assert overlap.resampled
+    assert_allclose(overlap.fraction, both.heights.size / 5400)
+    if degrees % 90 == 0:
+        assert both.heights.size == under.sum()
+
+
+def test_faces_left_in_place_are_added():
+    a, b = rough(), rough(rng=5)
+    both, overlap = combine(a, b)
+    assert_array_equal(both.heights, a.heights + b.heights)
+    assert (both.periodic, overlap.fraction, overlap.resampled) == ((True, True), 1.0, False)
+    turned_over, _ = combine(a, a.flip(1), mirror="x2")
+    assert_array_equal(turned_over.heights, 2 * a.heights)
+    fine, overlap = combine(a, rough((320, 240), rng=5))  # the same face on a finer grid of the same size
+    assert_allclose(fine.heights, both.heights, atol=1e-12)
+    assert (fine.periodic, overlap.resampled) == ((True, True), True)
+
+
+def test_a_shift_by_whole_pixels_is_exact():
+    a, b = rough(), rough(rng=5)
+    both, overlap = combine(a, b, shift=(10e-6, -25e-6))
+    assert_allclose(both.heights, a.heights[10:, :-25] + b.heights[:-10, 25:], atol=1e-12)
+    assert overlap.shape == (150, 95)
+    assert both.periodic == (False, False)
+
+
+def test_waves_too_short_for_the_first_grid_are_not_folded():
+    x = (np.arange(400) + 0.5) * 0.25e-6
+    fine = Topography(np.cos(2 * pi * x / 1.25e-6)[:, None] * np.ones(400), (0.25e-6, 0.25e-6))
+    both, _ = combine(Topography(np.zeros((80, 80)), (1e-6, 1e-6)), fine)
+    assert np.abs(both.heights).max() < 1e-3
+
+
+@each("degrees", [0, 10, 33, 45, 80])
+def test_largest_rectangle(degrees):
+    c, s = np.cos(np.deg2rad(degrees)), np.sin(np.deg2rad(degrees))
+    i, j = np.indices((14, 17)) - np.array([6, 9])[:, None, None]
+    inside = (np.abs(c * i + s * j) < 6.3) & (np.abs(c * j - s * i) < 4.6)
+    (a, b), (c, d) = _largest_rectangle(inside)
+    assert inside[a:b, c:d].all()
+    areas = [
+        (q - p) * (t - r)
+        for p in range(14)
+        for q in range(p + 1, 15)
+        for r in range(17)
+        for t in range(r + 1, 18)
+        if inside[p:q, r:t].all()
+    ]
+    assert (b - a) * (d - c) == max(areas)
+
+
+def test_faces_that_cannot_be_combined():
+    face = rough()
+    with pytest.raises(
+        InputError,
+        match=r"shift: given 200 µm × 0 m, expected a shift after which the second face, 160 µm × 120 µm, still overlaps the first",
+    ):
+        combine(face, face, shift=(200e-6, 0))
+    with pytest.raises(InputError, match="mirror: given 'x3'"):
+        combine(face, face, mirror="x3")
+    with pytest.raises(InputError, match="rotate: given inf"):
+        combine(face, face, rotate=inf)
+    holed = Topography(np.where(np.arange(120) == 7, nan, face.heights), face.spacing)
+    for pair in ((face, holed), (holed, face)):
+        for shift in ((0, 0), (5e-6, 0)):
+            with pytest.raises(InputError, match=r"undefined points, .* use fill_undefined\(\) first"):
+                combine(*pair, shift=shift)
+    with pytest.raises(InputError, match="second face: given undefined points"):
+        combine(face, holed, shift=(5e-6, 0))
+
+
+def test_measured_faces_are_combined(instrument_file):
+    first, _ = repair(fs.read_topography(instrument_file("surfalize_test_1.opd")))
+    both, overlap = combine(first, first, mirror="x2", shift=(100e-6, 0))
+    assert_allclose(overlap.size, (first.size[0] - 100e-6, first.size[1]), rtol=0.01)
+    # nearly independent faces: mean squares add up
+    assert_allclose(both.detrend().rms_height, np.sqrt(2) * first.detrend().rms_height, rtol=0.25)
+
+
+def test_two_waves_are_a_list_not_an_area():
+    face = rough()
+    line = next(line for line in str(describe_surface(face)).splitlines() if "shortest wave of the law" in line)
+    assert ", " in line.split("law", 1)[1]
+    assert "×" not in line
