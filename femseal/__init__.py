@@ -61,12 +61,12 @@ if TYPE_CHECKING:
     from .runs.job import run
     from .seal import AnnularSeal, Leakage, MeshSeal, RectangularSeal, seal_leakage
     from .studies.blocks import by_blocks
-    from .studies.deterministic import DeterministicResult, deterministic
+    from .studies.deterministic import FaceResult, deterministic
     from .studies.sampling import Sampling
     from .studies.scene import Scene
     from .studies.stochastic import stochastic
     from .studies.stochastic_result import StochasticResult
-    from .studies.two_scale import TwoScaleResult, two_scale
+    from .studies.two_scale import two_scale
     from .sweeps.sweeping import sweep
     from .topography import (
         BallOnCone,
@@ -100,8 +100,8 @@ __all__ = [
     "CrownedSeat",
     "CubicLaw",
     "Design",
-    "DeterministicResult",
     "ErrorBudget",
+    "FaceResult",
     "FemsealError",
     "FlowLaw",
     "FukuiKaneko",
@@ -136,7 +136,6 @@ __all__ = [
     "SurfaceReport",
     "TiltedSeat",
     "Topography",
-    "TwoScaleResult",
     "by_blocks",
     "calibrate",
     "cell_permeability",

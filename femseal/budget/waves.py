@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from scipy.special import erf, erfinv, stdtrit
 
 from ..loads import LoadProgramme
-from ..studies import Scene, StochasticResult, TwoScaleResult
+from ..studies import Scene, StochasticResult
 from ..studies.scene import Array
 from .changes import CoarserSolution, load_sensitivity, on_all_steps, part_of_changes
 from .error_parts import ErrorPart
@@ -96,8 +96,6 @@ _LEAST_KEPT = 0.5
 
 def contact_fraction_of(study: object, steps: LoadProgramme) -> Array:
     """Fraction of the face in contact at every step of a study (steps,), NaN where it is unknown."""
-    if isinstance(study, TwoScaleResult):
-        return study.contact_fraction.mean(axis=(1, 2))
     if isinstance(study, StochasticResult):
         return study.contact_fraction[[study.steps.index(step) for step in steps]]
     return np.asarray(getattr(study, "contact_fraction", np.full(len(steps), np.nan)), float)

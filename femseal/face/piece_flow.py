@@ -84,7 +84,6 @@ class SolveCounts:
     solved : flows with an open path, which a linear solver solved.
     closed : flows without an open path, which are 0.
     open : flows between nearly parallel plates, which the closed form gives.
-    equal : flows through a gap that the piece had at an earlier step.
     solvers : number of systems by solver.
 
     >>> SolveCounts(solved=2) + SolveCounts(solved=1, closed=3) == SolveCounts(solved=3, closed=3)
@@ -94,7 +93,6 @@ class SolveCounts:
     solved: int = 0
     closed: int = 0
     open: int = 0
-    equal: int = 0
     solvers: SolverCounts = field(default_factory=SolverCounts)
 
     def __add__(self, other: SolveCounts) -> SolveCounts:
@@ -102,20 +100,19 @@ class SolveCounts:
 
     @property
     def flows(self) -> int:
-        """Number of all flows: solved, closed, open and equal."""
-        return self.solved + self.closed + self.open + self.equal
+        """Number of all flows: solved, closed and open."""
+        return self.solved + self.closed + self.open
 
     @classmethod
     def total(cls, counts: Iterable[SolveCounts]) -> SolveCounts:
         """Add them all up."""
         counts = list(counts)
-        numbers = {kind: sum(getattr(c, kind) for c in counts) for kind in ("solved", "closed", "open", "equal")}
+        numbers = {kind: sum(getattr(c, kind) for c in counts) for kind in ("solved", "closed", "open")}
         return cls(**numbers, solvers=SolverCounts.total(c.solvers for c in counts))
 
     def by_kind(self) -> dict[str, int]:
-        """The numbers of solved, closed and open flows, and of equal ones if there are any, by these names."""
-        numbers = {"solved": self.solved, "closed": self.closed, "open": self.open}
-        return numbers | ({"equal": self.equal} if self.equal else {})
+        """The numbers of solved, closed and open flows, by these names."""
+        return {"solved": self.solved, "closed": self.closed, "open": self.open}
 
 
 #: Below this ratio of rms gap variation to mean gap parallel plates are exact to 2e-4 whatever the lay.

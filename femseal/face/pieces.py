@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from ..base import Array, InputError, validate
 from ..loads import LoadProgramme
 from ..topography import Topography
-from .piece_flow import FlowSettings, SolveCounts, piece_permeability
+from .piece_flow import Failed, FlowSettings, SolveCounts, attempt, piece_permeability
 
 #: Pieces along the shorter side of a face from which seals are drawn, and where a seal is as broad as the face: in
 #: their own rows two keep the channels that cross from row to row. Measured in docs/evidence/drawn_seals.md.
@@ -157,35 +157,59 @@ class PieceState:
     """The pieces of a face in one state.
 
     k : permeability at each pressure of the drop, along x1 and x2 (pressures, 2, m1, m2) [m³].
-    pressure [Pa], mean_gap [m], contact_fraction : means of the pieces (m1, m2). rows : mean pressure of the rows of
-    points (n1,) [Pa]. counts : flows through pieces, solved or known without solving.
+    pressure [Pa], mean_gap [m], contact_fraction, plastic_fraction : means of the pieces (m1, m2). drop_fraction : the
+    dissipation in a piece over that in all of them; NaN where nothing flows. rows : mean pressure of the rows of points
+    (n1,) [Pa]. counts : flows through pieces, solved or known without solving. failures : reasons of NaN.
     """
 
     k: Array
     pressure: Array
     mean_gap: Array
     contact_fraction: Array
+    plastic_fraction: Array
+    drop_fraction: Array
     rows: Array
     counts: SolveCounts
+    failures: tuple[str, ...] = ()
 
     @classmethod
-    def of(cls, gap: NDArray[np.floating], pressure: NDArray[np.floating], cut: Cut, flow: FlowSettings) -> PieceState:
+    def of(
+        cls,
+        gap: NDArray[np.floating],
+        pressure: NDArray[np.floating],
+        cut: Cut,
+        flow: FlowSettings,
+        plastic: NDArray[np.bool_] | None = None,
+        fractions: NDArray[np.floating] | None = None,
+    ) -> PieceState:
         """Cut gap [m] and contact pressure [Pa] of a face (n1, n2) into pieces, and solve the flow through each.
 
-        Raises NotConverged: a flow failed.
+        plastic : whether a point is at the hardness. fractions : of the pressure drop at every point. Their means and
+        sums are NaN without them.
         """
-        found = [
-            [piece_permeability(np.array(piece, float), cut.spacing, axis, flow) for piece in cut.widened(gap, axis)]
-            for axis in (0, 1)
-        ]
-        k = np.array([[piece.k for piece in along] for along in found])
+        k = np.full((flow.drop.pressures.size, 2, *cut.shape), np.nan)
+        counts, failures = [], []
+        for axis in (0, 1):
+            for place, piece in zip(np.ndindex(*cut.shape), cut.widened(gap, axis), strict=True):
+                if not np.isfinite(piece).all():
+                    continue
+                found = attempt(piece_permeability, np.array(piece, float), cut.spacing, axis, flow)
+                if isinstance(found, Failed):
+                    failures.append(f"piece {place}, x{axis + 1}: {found.reason}")
+                    continue
+                k[:, axis, *place] = found.k
+                counts.append(found.counts)
+        unknown = np.full(cut.shape, np.nan)
         return cls(
-            k=np.moveaxis(k, -1, 0).reshape(-1, 2, *cut.shape),
+            k=k,
             pressure=cut.means(pressure),
             mean_gap=cut.means(gap),
             contact_fraction=cut.means(pressure > 0),
+            plastic_fraction=unknown if plastic is None else cut.means(plastic),
+            drop_fraction=unknown if fractions is None else cut.sums(fractions),
             rows=pressure.mean(axis=1, dtype=float),
-            counts=SolveCounts.total(piece.counts for along in found for piece in along),
+            counts=SolveCounts.total(counts),
+            failures=tuple(failures),
         )
 
 

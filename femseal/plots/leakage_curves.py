@@ -15,7 +15,7 @@ from ..base.leak_rates import leakage_unit
 from ..results.results import Results
 from ..results.selections import Steps, branches, force_scale, pressures_and_peaks
 from ..results.tables import leakage_of
-from ..studies import DeterministicResult, StochasticResult, TwoScaleResult
+from ..studies import FaceResult, StochasticResult
 from .drawing import GREY, LEGEND_LINE, LINES, Sheet, branch_styles, decades, legend_below, load_axis, one_panel, shows
 
 if TYPE_CHECKING:
@@ -280,14 +280,10 @@ def _curves_figure(curves: LeakageCurves, ax: Axes | None, label: str | None) ->
     return one_panel(ax, 0, 0)[0]
 
 
-@shows(DeterministicResult)
-@shows(TwoScaleResult)
-def study_figure(
-    study: DeterministicResult | TwoScaleResult, ax: Axes | None = None, label: str | None = None
-) -> Figure:
-    """Leakage of a study against nominal pressure; `label` names it in the legend."""
-    title = "two-scale" if isinstance(study, TwoScaleResult) else "deterministic"
-    return _curves_figure(LeakageCurves(*pressures_and_peaks(study.steps), study.leakage, title), ax, label)
+@shows(FaceResult)
+def study_figure(study: FaceResult, ax: Axes | None = None, label: str | None = None) -> Figure:
+    """Leakage of a face against nominal pressure; `label` names it in the legend."""
+    return _curves_figure(LeakageCurves(*pressures_and_peaks(study.steps), study.leakage, study.method), ax, label)
 
 
 @shows(StochasticResult)

@@ -5,7 +5,7 @@ Sizes of a case are checked against the free memory before anything is made.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import asdict, dataclass, replace
 from math import prod
@@ -124,19 +124,19 @@ class Prepared:
         return [study for study in STUDIES.values() if study.name in self.methods]
 
     @property
+    def solved_studies(self) -> list[Study]:
+        """Those of them that are solved: two scales have what the deterministic study has."""
+        names = self.methods - ({"deterministic"} if "two-scale" in self.methods else set())
+        return [study for study in self.studies if study.name in names]
+
+    @property
     def answer(self) -> Study:
         """The study whose leakage is the answer: the one farthest from the face itself."""
         return self.studies[-1]
 
-    @property
-    def shares_face(self) -> bool:
-        """Whether two scales take the whole face from the deterministic solution of the same run."""
-        return self.methods >= {"deterministic", "two-scale"}
-
-    @property
-    def options(self) -> StudyOptions:
-        """The options of the studies."""
-        return StudyOptions(self.cells, self.sampling, self.shares_face, len(self.methods) > 1)
+    def options(self, study: Study) -> StudyOptions:
+        """The options of a study."""
+        return StudyOptions(self.cells, self.sampling, knows_face=study.name != self.solved_studies[0].name)
 
     @property
     def least_points(self) -> Pair:
@@ -157,9 +157,9 @@ class Prepared:
             sampling = replace(sampling, form=change.forms)
         return replace(self, scene=change.scene, sampling=sampling)
 
-    def solve(self, study: Study, mapper: Mapper, known: Mapping[str, Any] | None = None) -> Any:
-        """Result of a study; `known` are the results of earlier studies of the same scene by key."""
-        return study.solve(self.scene, self.options, known or {}, mapper)
+    def solve(self, study: Study, mapper: Mapper) -> Any:
+        """Result of a study."""
+        return study.solve(self.scene, self.options(study), mapper)
 
     def cost(self, study: Study, efforts: Sequence[Effort] | None = None) -> tuple[float, float]:
         """Expected time on one core [s] and memory [byte] of a study.
@@ -167,7 +167,7 @@ class Prepared:
         efforts : of each load step; usual ones unless given.
         """
         known = usual_efforts(len(self.scene.steps)) if efforts is None else efforts
-        return study.cost(self.scene, self.options, known)
+        return study.cost(self.scene, self.options(study), known)
 
     @property
     def chosen(self) -> dict[str, Any]:

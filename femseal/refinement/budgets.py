@@ -193,9 +193,9 @@ def against(result: Any, coarse: Prepared, found: Any) -> CoarserSolution:
 def _solved(coarse: Prepared, mapper: Mapper) -> dict[str, Any]:
     """Results of a coarser version by key; studies that fail are left out."""
     found: dict[str, Any] = {}
-    for study in coarse.studies:
+    for study in coarse.solved_studies:
         try:
-            found[study.key] = coarse.solve(study, mapper, found)
+            found[study.key] = coarse.solve(study, mapper)
         except NotKept:
             raise
         except FemsealError as error:

@@ -133,15 +133,11 @@ def check_lines(results: RunData) -> Lines:
     for study, counts in json.loads(data.attrs["counts"]).items():
         if counts:
             text = ", ".join(f"{n} {kind}" for kind, n in counts.items())
-            meaning = "closed ones are exactly 0, open ones follow h̄³/12, equal ones were solved at an earlier step"
+            meaning = "closed ones are exactly 0, open ones follow h̄³/12"
             lines.append((f"flows of pieces, {study.replace('_', '-')}", text, meaning))
     for study, solvers in json.loads(data.attrs.get("solvers", "{}")).items():
         meaning = "which solver solved how many; the imbalance is that of inlet and outlet flow"
         lines.append((f"linear systems, {study.replace('_', '-')}", solvers_text(solvers), meaning))
-    for study, number in json.loads(data.attrs.get("equal_steps", "{}")).items():
-        text = f"{number} of {data.sizes['step']}"
-        meaning = "the same state as an earlier step bit for bit, which is solved once"
-        lines.append((f"equal load steps, {study.replace('_', '-')}", text, meaning))
     surface = json.loads(data.attrs["surface"])
     if "shortest_wavelength" in surface and "spacing" in surface:
         wave, pixel = surface["shortest_wavelength"], max(surface["spacing"])

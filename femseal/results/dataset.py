@@ -11,12 +11,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..base import InputError, counted, free_memory, made_folder, shortened, versions
+from ..base.fields import STEP, Field
 from ..base.files import replacing_hdf5
 from ..base.leak_rates import leak_classes, leak_unit
 from ..base.machine import machine, peak_memory
 from ..budget import VAGUE, ErrorBudget, vague_steps
 from ..fluids import leak_basis
-from ..studies import DeterministicResult, FluidState, OtherLeakage, Scene, StochasticResult, TwoScaleResult
+from ..studies import STUDIES, FaceResult, FluidState, OtherLeakage, Scene, StochasticResult
 from ..topography import Places
 from . import variables
 from .results import Results
@@ -29,8 +30,8 @@ _ATTRIBUTE_BYTES = 50_000
 def assemble(
     scene: Scene,
     *,
-    deterministic: DeterministicResult | None = None,
-    two_scale: TwoScaleResult | None = None,
+    deterministic: FaceResult | None = None,
+    two_scale: FaceResult | None = None,
     stochastic: StochasticResult | None = None,
     case: dict[str, Any] | None = None,
     surface_report: dict[str, Any] | None = None,
@@ -66,8 +67,8 @@ def assemble(
     place2, blocks of the measured place that leaks most; part, corner, plane, parts of the drawn seal nearest to the
     median; budget_part, sources of error. Attributes hold the case, the surface, versions, machine, wall times, peak
     memory of the main process, numbers of flows solved or known without solving (`counts`), number of linear systems by
-    solver with the worst imbalance of inlet and outlet flow (`solvers`), number of steps that are earlier ones again
-    (`equal_steps`), how the errors were estimated (`error_budget`), warnings and failures.
+    solver with the worst imbalance of inlet and outlet flow (`solvers`), how the errors were estimated
+    (`error_budget`), warnings and failures.
 
     Raises InputError: no study, a study of another load programme, quantiles not 0 <= lower < upper <= 1, a unit or a
     class that does not exist or is not for the fluid.
@@ -84,13 +85,15 @@ def assemble(
     if len(quantiles) != 2 or not 0 <= quantiles[0] < quantiles[1] <= 1:
         raise InputError("quantiles", quantiles, "two numbers, 0 <= lower < upper <= 1")
     data = xarray.Dataset(coords=variables.step_coordinates("step", "", scene.steps))
-    if deterministic is not None:
-        variables.add_declared(data, deterministic)
-        variables.add_block_means(data, scene, deterministic)
-    if two_scale is not None:
-        variables.add_pieces(data, two_scale)
-        if deterministic is None:
-            variables.add_block_means(data, scene, two_scale)
+    for study in STUDIES.values():
+        if isinstance(result := known.get(study.key), FaceResult):
+            text = f"leakage per unit seal length, {study.label}"
+            variables.add(data, Field(study.leakage_variable, "m^2/s", text, STEP, study.label), result.leakage)
+    if (face := two_scale or deterministic) is not None:
+        variables.add_declared(data, face)
+        variables.add_block_means(data, scene, face)
+    if two_scale is not None and two_scale.pieces is not None:
+        variables.add_pieces(data, two_scale.pieces)
     if stochastic is not None:
         variables.add_realisations(data, stochastic, quantiles)
         variables.add_states(data, stochastic.pieces)
@@ -98,8 +101,7 @@ def assemble(
             variables.add_declared(data, drawn)
             data["drawn_corners"].attrs |= {"realisation": drawn.realisation, "part": stochastic.tiles.part}
     if (by_place := next((study.places for study in studies if study.places is not None), None)) is not None:
-        resolved = two_scale if deterministic is None else deterministic
-        gap = None if resolved is None else resolved.gap
+        gap = None if face is None else face.gap
         variables.add_places(data, cast(Places, scene.surface), by_place, gap)
     if "row" in data.dims:
         own = None if stochastic is None or stochastic.row_pressure is None else stochastic.seal
@@ -108,13 +110,11 @@ def assemble(
         variables.add_coordinate(data, "row", "m", "x1 of rows, from the inlet", rows)
     variables.add_heights(data, scene)
     variables.add_contact_fraction(data, scene.steps, known)
-    counts = {"two_scale": two_scale.counts.by_kind()} if two_scale is not None else {}
-    counts |= {"stochastic": stochastic.pieces.counts.by_kind()} if stochastic is not None else {}
+    counts = {name: pieces.counts.by_kind() for name, study in known.items() if (pieces := study.pieces) is not None}
     solvers = {
         name: {"systems": study.solvers.by_solver(), "worst_imbalance": study.solvers.worst_imbalance}
         for name, study in known.items()
     }
-    equal = {name: equal for name, study in known.items() if (equal := getattr(study, "equal_steps", 0))}
     of_studies = (text for study in studies for text in study.warnings)
     seal_size = stochastic.tiles.size if stochastic is not None else scene.surface.size
     basis = leak_basis(scene.fluid, float(seal_size[1]), throughput_temperature)
@@ -133,7 +133,6 @@ def assemble(
         "timings": _json(timings or {}),
         "counts": _json(counts),
         "solvers": _json(solvers),
-        "equal_steps": _json(equal),
         # every study warns of what is odd in the scene
         "warnings": _shortened(list(dict.fromkeys([*warnings, *of_studies]))),
         "failures": _shortened(list(dict.fromkeys(text for study in studies for text in study.failures))),

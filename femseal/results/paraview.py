@@ -38,8 +38,6 @@ NAME = "fields"
 #: What results without fields would need: drawn seals have none.
 WITH_FIELDS = 'a run with "deterministic" or "two-scale" as method or in `compare`, with fields = true in [output]'
 _BYTES = np.dtype(np.float32).itemsize
-#: Endings of the names of fields: those of two scales come first.
-_ENDINGS = ("", "_deterministic")
 
 
 @dataclass(frozen=True)
@@ -158,11 +156,10 @@ def pixels_of_face(run: RunData) -> tuple[tuple[int, int], tuple[float, float]]:
 def _from_memory(run: RunData, name: str, step: int) -> tuple[Field, Any, tuple[float, float]] | None:
     """A field in SI over all pixels at a step, and the pixel's size; None where there is none."""
     there = {made.name: (made, values) for made, values in _in_memory(run)}
-    for key in (name + ending for ending in _ENDINGS):
-        if key in there and run.scene is not None:
-            made, values = there[key]
-            return made, values[step], run.scene.surface.spacing
-    return None
+    if name not in there or run.scene is None:
+        return None
+    made, values = there[name]
+    return made, values[step], run.scene.surface.spacing
 
 
 def _from_folder(run: RunData, name: str, step: int) -> tuple[Field, Any, tuple[float, float]] | None:
@@ -171,9 +168,7 @@ def _from_folder(run: RunData, name: str, step: int) -> tuple[Field, Any, tuple[
     if path is None:
         return None
     arrays = vtk_files.array_names(path)
-    known = (
-        Field(name + ending, unit, (name + ending).replace("_", " "), PIXEL) for ending in _ENDINGS for unit in READABLE
-    )
+    known = (Field(name, unit, name.replace("_", " "), PIXEL) for unit in READABLE)
     if (made := next((one for one in known if one.array_name in arrays), None)) is None:
         return None
     image = vtk_files.read_image(path, made.array_name)

@@ -20,7 +20,7 @@ from ..base.leak_rates import LEAK_UNITS, LeakBasis, LeakClass, LeakUnit, leak_c
 from ..budget import ErrorBudget
 from ..fluids import leak_basis
 from ..loads import LoadProgramme, LoadStep
-from ..studies import STUDIES, DeterministicResult, Scene, StochasticResult, TwoScaleResult
+from ..studies import STUDIES, FaceResult, Scene, StochasticResult
 from ..studies.other_fluid import FluidState, OtherLeakage, limit_factors
 from .variables import add, add_coordinate, add_step, budgets_in
 
@@ -160,8 +160,8 @@ class RunData:
     dataset: xarray.Dataset
     folder: Path | None = None
     scene: Scene | None = None
-    deterministic: DeterministicResult | None = None
-    two_scale: TwoScaleResult | None = None
+    deterministic: FaceResult | None = None
+    two_scale: FaceResult | None = None
     stochastic: StochasticResult | None = None
 
     @property

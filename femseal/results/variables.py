@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -18,9 +19,12 @@ from ..base.fields import (
     BLOCK,
     ERROR_SOURCE,
     FACE,
+    PIECE,
+    PIECE_STATE,
     PIXEL,
     PLACE_BLOCK,
     PLACE_FACE,
+    STATE,
     STEP,
     Field,
     Place,
@@ -31,9 +35,9 @@ from ..base.shared_array import one_at_a_time
 from ..budget import ErrorBudget, ErrorPart, contact_fraction_of
 from ..face.pieces import Cut
 from ..loads import LoadProgramme, LoadStep
-from ..studies import DeterministicResult, Scene, StochasticResult, TwoScaleResult
-from ..studies.face_leakage import PlaceLeakage
+from ..studies import FaceResult, Scene, StochasticResult
 from ..studies.piece_states import FacePieces
+from ..studies.place_leakage import PlaceLeakage
 from ..topography import Places, Topography
 from .selections import pressures_and_peaks
 
@@ -81,10 +85,12 @@ def step_coordinates(dim: str, prefix: str, steps: Sequence[LoadStep]) -> dict[s
     return {name: (dim, values, {"units": unit, "long_name": text}) for name, (values, unit, text) in columns.items()}
 
 
-def add_pieces(data: xarray.Dataset, result: TwoScaleResult) -> None:
-    """Add fields of the whole face and of its pieces."""
-    add_piece_centres(data, "", result.cut)
-    add_declared(data, result)
+def add_pieces(data: xarray.Dataset, pieces: FacePieces) -> None:
+    """Add fields of the pieces of a face at every step."""
+    add_piece_centres(data, "", pieces.cut)
+    for made, values in fields_of(pieces):
+        if made.place == PIECE:
+            add(data, made, values)
 
 
 def add_piece_centres(data: xarray.Dataset, prefix: str, cut: Cut) -> None:
@@ -112,7 +118,12 @@ def add_states(data: xarray.Dataset, pieces: FacePieces) -> None:
     for name, entry in step_coordinates("state", "state_", pieces.steps).items():
         data.coords[name] = entry
     add_piece_centres(data, "state_", pieces.cut)
-    add_declared(data, pieces)
+    for made, values in fields_of(pieces):
+        if made.place == PIECE:
+            name = made.name.replace("piece_", "state_")
+            made = replace(made, name=name, long_name=f"{made.long_name}, by state", place=PIECE_STATE)
+        if not np.isnan(values).all() or made.place == STATE:
+            add(data, made, values)
 
 
 def add_places(data: xarray.Dataset, places: Places, result: PlaceLeakage, gap: NDArray[Any] | None) -> None:
@@ -141,7 +152,7 @@ def add_heights(data: xarray.Dataset, scene: Scene) -> None:
     add(data, made, block_means(scene.surface.heights, HEIGHT_BLOCKS))
 
 
-def add_block_means(data: xarray.Dataset, scene: Scene, study: DeterministicResult | TwoScaleResult) -> None:
+def add_block_means(data: xarray.Dataset, scene: Scene, study: FaceResult) -> None:
     """Add the fields over all pixels of a study of the whole face, as means over blocks at every step.
 
     The fields themselves are too large for the dataset. Blocks without a number are NaN.
@@ -149,7 +160,7 @@ def add_block_means(data: xarray.Dataset, scene: Scene, study: DeterministicResu
     add_blocks(data, ("block1", "block2"), scene.surface, FIELD_BLOCKS)
     for made, at_pixels in fields_of(study):
         if made.place == PIXEL:
-            text, name = f"{made.long_name}, mean of each block", f"face_{made.name.removesuffix('_deterministic')}"
+            text, name = f"{made.long_name}, mean of each block", f"face_{made.name}"
             values = np.array([block_means(values, FIELD_BLOCKS) for values in one_at_a_time(at_pixels)])
             add(data, Field(name, made.unit, text, BLOCK), values)
 
@@ -178,12 +189,9 @@ def block_means(values: NDArray[Any], most: int) -> NDArray[np.float32]:
 
 def add_contact_fraction(data: xarray.Dataset, steps: LoadProgramme, studies: Mapping[str, Any]) -> None:
     """Add the fraction of the face in contact at every step, from the whole face, or its states."""
-    origins = {"two_scale": "two-scale", "deterministic": "deterministic", "stochastic": "its states"}
-    key = next(key for key in origins if key in studies)
-    fraction = contact_fraction_of(studies[key], steps)
+    fraction = contact_fraction_of(next(iter(studies.values())), steps)
     if not np.isnan(fraction).all():
-        text = f"fraction of the face in contact, {origins[key]}"
-        add(data, Field("contact_fraction", "1", text, STEP, "contact [%]"), fraction)
+        add(data, Field("contact_fraction", "1", "fraction of the face in contact", STEP, "contact [%]"), fraction)
 
 
 def add_totals(data: xarray.Dataset, leakage: xarray.DataArray, basis: LeakBasis) -> None:

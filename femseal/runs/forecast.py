@@ -22,7 +22,7 @@ from ..results.paraview import fields_size
 from ..studies import Scene, drop_ratio
 from ..studies.costs import LADDER_STATES, Effort, on_ladder, usual_efforts, usual_seals
 from ..studies.deterministic import STEP_BYTES, states_memory
-from ..studies.face_leakage import FEWEST
+from ..studies.place_leakage import FEWEST
 from ..studies.seal_contact import form_on_grid
 from ..studies.tile_pressure import describe_map
 from ..topography import Places
@@ -197,11 +197,11 @@ def forecast(
     again = _budget_inputs(case, prepared) if again is None else again
     with storing(None, case.memory):
         own_efforts = solved_once(prepared.scene, known)
-        costs = [prepared.cost(study, own_efforts) for study in prepared.studies]
+        costs = [prepared.cost(study, own_efforts) for study in prepared.solved_studies]
         for coarse in again:
             of_steps = (known[prepared.scene.steps.index(step)] for step in coarse.scene.steps)
             efforts_of = solved_once(coarse.scene, tuple(effort.on_fewer_points for effort in of_steps))
-            costs += [coarse.cost(study, efforts_of) for study in coarse.studies]
+            costs += [coarse.cost(study, efforts_of) for study in coarse.solved_studies]
         if (test := case.output.test_fluid) is not None:
             state = test.state
             if drop_ratio(state, prepared.scene) is None:

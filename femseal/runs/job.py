@@ -215,10 +215,12 @@ def _results(case: Case, made: Prepared, faces: dict[str, str], run: Run, part: 
     if case.accuracy is not None:
         refined = refine_to_accuracy(case, made, run)
         prepared, studies[made.answer.key] = refined.prepared, refined.result
-    for study in prepared.studies:
+    for study in prepared.solved_studies:
         if study.key not in studies:
             with run.timed(study.name) as mapper:
-                studies[study.key] = prepared.solve(study, mapper, studies)
+                studies[study.key] = prepared.solve(study, mapper)
+    if {"deterministic", "two-scale"} <= prepared.methods:
+        studies["deterministic"] = studies["two_scale"].uncut
     test = None
     if case.output.test_fluid is not None:
         test = _of_test_fluid(case.output.test_fluid.state, prepared, studies[prepared.answer.key], run)

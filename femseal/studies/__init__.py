@@ -7,11 +7,12 @@ entry of `STUDIES`, by which runs solve, forecast and compare it.
     scene               the face, its load, its fluid              -> contact_states: contact at every step
     fluid_coupling      contact of the whole face and flow through its gap, solved in turn: the fluid presses it apart
     trapped_liquid      pressures of pockets that keep their liquid
-    face_contact        contact of the whole face at every step, and the same cut into pieces
     face_flow           gap -> flow through the whole face
-    face_leakage        flow at every step -> leakage and fluid pressure
-    two_scale           the deterministic solution, and permeability and pressure drop of the pieces of the face
-    piece_states        the pieces of a face at the loads, or along a ladder of nominal pressures
+    face_states         contact of the whole face and the flow through it at every step
+    deterministic       states -> a FaceResult
+    piece_states        the pieces of a face in its states, or along a ladder of nominal pressures
+    two_scale           a FaceResult with the pieces of the face
+    place_leakage       leakage of each measured place, and of all but each
     sampling            options of a drawn seal -> its tiles; tile_pressure, seal_contact: their pressure
     stochastic          tiles draw pieces -> leakage of the seal; drawn_error: what one patch does not know
 """
@@ -22,13 +23,13 @@ from ..base.lazy_package import load_when_used
 
 if TYPE_CHECKING:
     from .choices import FLUID_PRESSURES, NOMINALS
-    from .deterministic import DeterministicResult, deterministic
+    from .deterministic import FaceResult, deterministic
     from .other_fluid import FluidState, OtherLeakage, drop_ratio
     from .sampling import Sampling, laid_out, lay_out_tiles
     from .scene import Scene
     from .stochastic import cut_and_tiles, stochastic
     from .stochastic_result import StochasticResult
     from .study_registry import STUDIES, Study, StudyOptions, StudyResult, study_of_result
-    from .two_scale import TwoScaleResult, two_scale
+    from .two_scale import two_scale
 
 load_when_used(__name__)

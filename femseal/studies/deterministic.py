@@ -1,65 +1,60 @@
 """Contact and flow of a whole face at full resolution."""
 
-from dataclasses import dataclass, field
+from __future__ import annotations
+
+from dataclasses import dataclass, field, replace
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ..base import Array, Mapper, Shown
+from ..base import Array, InputError, Mapper, Shown
 from ..base.fields import PIXEL, ROW, STEP, declared
-from ..base.shared_array import lies_on_disk, one_at_a_time
+from ..base.shared_array import lies_on_disk, one_at_a_time, shared_empty
 from ..contact.workspace import KEPT_POINTS
-from ..face.contact_pressure import ContactPressure
 from ..face.piece_flow import SolverCounts
-from ..face.pieces import Cut
+from ..face.step_fields import StepFields, contact_pressures
 from ..loads import LoadProgramme
-from .face_contact import PieceContacts, band_breadth, solve_face
-from .face_leakage import PlaceLeakage, first_equal, place_leakage, repeated
+from .face_states import FaceState, band_breadth, face_states, leakage_of_state, put_aside
+from .piece_states import FacePieces
+from .place_leakage import PlaceLeakage, place_leakage
 from .scene import Scene, scene_warnings
 
-#: Memory that a pixel of a result takes at every step [byte]: gap and fluid pressure, and the contact pressure where
-#: there is contact, which is a fourth of the face at high loads.
-STEP_BYTES = 4.0 + 4.0 + 1.125
+#: Memory that a pixel of a result takes at every step [byte]: gap and potential, the contact pressure where there is
+#: contact, which is a fourth of the face at high loads, and a bit that says whether it is plastic.
+STEP_BYTES = 4.0 + 4.0 + 1.125 + 0.125
 #: Memory that contact and flow of a step take for each pixel, and what the contact of smaller faces keeps for its next
 #: [byte]. Measured on 512² to 4096² pixels.
 _STATE_BYTES, _KEPT_BYTES = 130.0, 130.0
 
 
 @dataclass(frozen=True, repr=False)
-class DeterministicResult(Shown):
-    """Contact and flow of a whole face on its own pixels; arrays over the steps.
+class FaceResult(Shown):
+    """Contact and flow of a whole face on its own pixels, and of its pieces; arrays over the steps.
 
     gap, contact_pressure, fluid_pressure : at every pixel and step, in single precision; the contact pressure is kept
-    where there is contact, see `ContactPressure`. The fluid pressure is NaN in contact and in pockets.
-    places : leakage by measured places, None of one.
-    residual : largest residual of the contacts. failures : steps whose flow failed; their leakage is NaN. warnings :
-    reasons to doubt the result. solvers : number of systems by solver. pieces : of the face, for `two_scale`; None
-    unless asked for. equal_steps : number of steps that are an earlier one again, solved once.
+    where there is contact, and the fluid pressure computed when it is used, see `StepFields`. It is NaN in contact and
+    in pockets.
+    leakage : per length of seal [m²/s], NaN where the flow failed. row_pressure : (steps, n1).
+    pieces : of the face, None unless it was cut. places : leakage by measured places, None of one.
+    states : of the face at every step. residual : largest residual of the contacts. failures : reasons of values that
+    are NaN. warnings : reasons to doubt the result. face_solvers : number of systems by solver, of the whole face.
     """
 
     steps: LoadProgramme
-    leakage: Array = declared(
-        "leakage_deterministic", "m^2/s", "leakage per unit seal length, deterministic", STEP, heading="deterministic"
-    )
+    leakage: Array
     contact_fraction: Array = declared(
-        "contact_fraction_deterministic", "1", "fraction in contact, deterministic", STEP
+        "contact_fraction", "1", "fraction of the face in contact", STEP, heading="contact [%]"
     )
-    plastic_fraction: Array = declared(
-        "plastic_fraction_deterministic", "1", "fraction at the hardness, deterministic", STEP
-    )
-    mean_gap: Array = declared("mean_gap_deterministic", "m", "mean gap, deterministic", STEP)
+    plastic_fraction: Array = declared("plastic_fraction", "1", "fraction of the face at the hardness", STEP)
+    mean_gap: Array = declared("mean_gap", "m", "mean gap of the face", STEP)
     row_pressure: Array = declared("row_pressure", "Pa", "mean contact pressure of rows", ROW, repr=False)
     band_breadth: Array = declared("band_breadth", "m", "breadth of the band in contact", STEP)
     largest_row_pressure: Array = declared("largest_row_pressure", "Pa", "largest mean contact pressure of a row", STEP)
-    gap: NDArray[np.float32] = declared("gap_deterministic", "m", "deformed gap, deterministic", PIXEL)
-    contact_pressure: ContactPressure = declared(
-        "contact_pressure_deterministic", "Pa", "contact pressure, deterministic", PIXEL
-    )
-    fluid_pressure: NDArray[np.float32] = declared(
-        "fluid_pressure_deterministic",
-        "Pa",
-        "fluid pressure, deterministic, NaN in contact and in pockets",
-        PIXEL,
+    gap: NDArray[np.float32] = declared("gap", "m", "deformed gap", PIXEL)
+    contact_pressure: StepFields = declared("contact_pressure", "Pa", "contact pressure", PIXEL)
+    fluid_pressure: StepFields = declared(
+        "fluid_pressure", "Pa", "fluid pressure, NaN in contact and in pockets", PIXEL
     )
     carried_pressure: Array | None = declared(
         "fluid_carried_pressure", "Pa", "mean pressure that the fluid carries of the load", STEP, default=None
@@ -71,23 +66,57 @@ class DeterministicResult(Shown):
         STEP,
         default=None,
     )
+    pieces: FacePieces | None = field(default=None, repr=False)
     places: PlaceLeakage | None = field(default=None, repr=False)
+    states: tuple[FaceState, ...] = field(default=(), repr=False)
     residual: float = 0.0
     failures: tuple[str, ...] = ()
     warnings: tuple[str, ...] = ()
-    solvers: SolverCounts = field(default_factory=SolverCounts)
-    pieces: PieceContacts | None = field(default=None, repr=False)
-    equal_steps: int = 0
+    face_solvers: SolverCounts = field(default_factory=SolverCounts)
+
+    @property
+    def solvers(self) -> SolverCounts:
+        """Number of systems by solver, of the face and of its pieces."""
+        return self.face_solvers if self.pieces is None else self.face_solvers + self.pieces.counts.solvers
+
+    @property
+    def method(self) -> str:
+        """Name of the study: "two-scale" with pieces, else "deterministic"."""
+        return "deterministic" if self.pieces is None else "two-scale"
+
+    @property
+    def uncut(self) -> FaceResult:
+        """The result without the pieces, which is that of the deterministic study."""
+        if self.pieces is None:
+            return self
+        failures = tuple(text for text in self.failures if text not in self.pieces.failures)
+        return replace(self, pieces=None, failures=failures)
+
+    @property
+    def k1(self) -> Array:
+        """Permeability of pieces along x1 (steps, m1, m2) [m³], of a face that was cut."""
+        return self._cut.k1
+
+    @property
+    def k2(self) -> Array:
+        """Permeability of pieces along x2 (steps, m1, m2) [m³], of a face that was cut."""
+        return self._cut.k2
+
+    @property
+    def _cut(self) -> FacePieces:
+        if self.pieces is None:
+            raise InputError("pieces", "a face that was not cut", "the result of `two_scale`")
+        return self.pieces
 
 
-def deterministic(scene: Scene, *, cells: tuple[int, int] | None = None, mapper: Mapper = map) -> DeterministicResult:
+def deterministic(scene: Scene, *, mapper: Mapper = map) -> FaceResult:
     """Solve contact and flow of the whole face at full resolution, at every step of the load programme.
+
+    Where the states are large they lie on disk, see `shared_array`, and one takes memory.
 
     Parameters
     ----------
     scene : the face, its load and its fluid.
-    cells : number of pieces along x1 and x2 into which the face is cut besides, so that `two_scale` need not solve
-        it again; None for none.
     mapper : computes a stage for many items, such as the builtin `map`; it may use several processes.
 
     Raises
@@ -96,34 +125,39 @@ def deterministic(scene: Scene, *, cells: tuple[int, int] | None = None, mapper:
     NotConverged : a contact failed. A flow that fails is NaN, and listed in `failures`.
     """
     scene.check_spiral()
-    surface = scene.surface
-    cut = None if cells is None else Cut.of(surface, cells)
-    face = solve_face(scene, cut, memory=state_memory(surface.heights.size), mapper=mapper)
-    through, gap, states = face.through, face.gap, face.states
-    contact_fraction, plastic_fraction, mean_gap, residual, carried = np.array([state.facts for state in states]).T
-    rows, first = np.array([state.rows for state in states]), first_equal(gap, scene.steps)
-    return DeterministicResult(
+    surface, shape = scene.surface, (len(scene.steps), *scene.surface.shape)
+    gap, potential = shared_empty(shape, np.float32), shared_empty(shape, np.float32)
+    found = face_states(scene, state_memory(surface.heights.size), mapper)
+    states = tuple(put_aside(state, s, gap, potential) for s, state in enumerate(found))
+    for field_ in (gap, potential):
+        field_.flags.writeable = False
+    through = [leakage_of_state(scene, state) for state in states]
+    rows = np.array([state.rows for state in states])
+    return FaceResult(
         steps=scene.steps,
-        leakage=through.leakage,
-        contact_fraction=contact_fraction,
-        plastic_fraction=plastic_fraction,
-        mean_gap=mean_gap,
+        leakage=np.array([leakage for leakage, _ in through]),
+        contact_fraction=np.array([state.contact_fraction for state in states]),
+        plastic_fraction=np.array([state.plastic_fraction for state in states]),
+        mean_gap=np.array([state.mean_gap for state in states]),
         row_pressure=rows,
         band_breadth=band_breadth(rows, surface.spacing[0]),
         largest_row_pressure=rows.max(axis=1),
         gap=gap,
-        contact_pressure=ContactPressure([state.in_contact for state in states]),
-        fluid_pressure=through.fluid_pressure,
-        carried_pressure=carried,
+        contact_pressure=contact_pressures([state.in_contact for state in states]),
+        fluid_pressure=StepFields(shape, partial(_fluid_pressure, scene, potential)),
+        carried_pressure=np.array([state.carried for state in states]),
         entry_pressure=scene.entry_pressures(one_at_a_time(gap)),
         places=place_leakage(scene, gap, mapper),
-        residual=float(residual.max()),
-        failures=through.failures,
+        states=states,
+        residual=max(state.residual for state in states),
+        failures=tuple(f"{step.name}: {s.failed}" for step, s in zip(scene.steps, states, strict=True) if s.failed),
         warnings=scene_warnings(scene),
-        solvers=through.solvers(first),
-        pieces=None if cut is None else PieceContacts.of(cut, states, scene.acting_fluid is not None),
-        equal_steps=repeated(first),
+        face_solvers=SolverCounts.total(solvers for _, solvers in through),
     )
+
+
+def _fluid_pressure(scene: Scene, potential: NDArray[np.float32], step: int) -> NDArray[np.float32]:
+    return scene.pressure_at(potential[step]).astype(np.float32)
 
 
 def state_memory(pixels: float) -> float:

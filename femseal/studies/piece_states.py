@@ -2,31 +2,29 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import partial
-from typing import Any, ClassVar
+from typing import ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ..base import Array, Mapper, Stage
-from ..base.fields import PIECE_STATE, STATE, Field, declared
+from ..base.fields import PIECE, STATE, Field, declared
 from ..contact import LoadState
 from ..face.curves import PieceCurves, local_peaks
 from ..face.piece_flow import Failed, FlowSettings, SolveCounts, attempt
 from ..face.pieces import Cut, PieceState, factors
+from ..face.step_fields import ContactValues
 from ..flow.permeability_table import tabulated
 from ..loads import LoadProgramme, LoadStep
 from ..seal import RectangularSeal
-from ..seal.layouts import RectangularLayout
 from ..seal.tiles import face_tiles
-from .deterministic import DeterministicResult
-from .face_flow import FaceFlow, resolved_flow
-from .face_leakage import permeabilities_of_places
-from .fluid_coupling import CoupledContact
+from .face_flow import drop_fractions, resolved_flow
+from .face_states import FaceState
+from .place_leakage import permeabilities_of_places
 from .scene import Scene
-from .two_scale import TwoScaleResult
 
 #: Distance of the rungs of a ladder in the cube root of the pressure, over that of the highest one. ln k is nearly
 #: straight in it: on four faces under a map of ± 40 % and fluids that act, leakage on loading is within 1.2 % of that
@@ -41,20 +39,17 @@ _STOPS, _PEAK_STEP, _MOST_PEAKS = (0.8, 0.6, 0.4, 0.25, 0.12, 0.04, 0.0), 1 / 12
 _NEAR, _SAME = 0.02, 1e-3
 
 
-#: Results of a whole face at the loads of a scene.
-FaceResult = DeterministicResult | TwoScaleResult
-
-
 @dataclass(frozen=True, eq=False)
 class FacePieces:
     """Pieces of a face at every step of a load programme, NaN where a flow failed.
 
     k : at each pressure of the drop, along x1 and x2 (pressures, 2, steps, m1, m2) [m³].
-    pressure [Pa], mean_gap [m], contact_fraction : means of the pieces (steps, m1, m2). rows : mean contact pressure of
-    the rows of points (steps, n1) [Pa].
+    pressure [Pa], mean_gap [m], contact_fraction, plastic_fraction : means of the pieces (steps, m1, m2).
+    drop_fraction : the dissipation in a piece over that in all of them; NaN where nothing flows. rows : mean contact
+    pressure of the rows of points (steps, n1) [Pa].
     face : leakage of the face at full resolution (steps,) [m²/s]. own : that of the pieces in their own order.
     places : leakage of each measured place, and from three on of all but each (2 places, steps) [m²/s]; None of one.
-    counts : flows through pieces. failures : one line each. unsolved : steps without a gap by number, and why.
+    counts : flows through pieces. failures : one line each. unsolved : steps without leakage by number, and why.
     """
 
     steps: LoadProgramme
@@ -63,10 +58,12 @@ class FacePieces:
     rows: Array
     places: Array | None
     counts: SolveCounts
-    pressure: Array = declared("state_pressure", "Pa", "contact pressure of pieces, by state", PIECE_STATE)
-    mean_gap: Array = declared("state_mean_gap", "m", "mean gap of pieces, by state", PIECE_STATE)
-    contact_fraction: Array = declared(
-        "state_contact_fraction", "1", "fraction of pieces in contact, by state", PIECE_STATE
+    pressure: Array = declared("piece_pressure", "Pa", "contact pressure of pieces", PIECE)
+    mean_gap: Array = declared("piece_mean_gap", "m", "mean gap of pieces", PIECE)
+    contact_fraction: Array = declared("piece_contact_fraction", "1", "fraction of pieces in contact", PIECE)
+    plastic_fraction: Array = declared("piece_plastic_fraction", "1", "fraction of pieces at the hardness", PIECE)
+    drop_fraction: Array = declared(
+        "piece_drop_fraction", "1", "fraction of the pressure drop in pieces, NaN without flow", PIECE
     )
     face: Array = declared("state_leakage", "m^2/s", "leakage of the face per unit length, by state", STATE)
     own: Array = declared(
@@ -76,8 +73,8 @@ class FacePieces:
     unsolved: tuple[tuple[int, str], ...] = ()
 
     computed_fields: ClassVar[dict[str, Field]] = {
-        "k1": Field("state_k1", "m^3", "permeability of pieces along x1, their sides closed, by state", PIECE_STATE),
-        "k2": Field("state_k2", "m^3", "permeability of pieces along x2, their sides closed, by state", PIECE_STATE),
+        "k1": Field("piece_k1", "m^3", "permeability of pieces along x1, their sides closed", PIECE),
+        "k2": Field("piece_k2", "m^3", "permeability of pieces along x2, their sides closed", PIECE),
         "factor": Field("state_factor", "1", "factor on the permeabilities of pieces in a state", STATE),
     }
 
@@ -101,40 +98,24 @@ class FacePieces:
 class _Taken:
     """What is kept of a state: its pieces, permeabilities of the face, and of its places [m³]."""
 
-    pieces: PieceState | Failed
+    pieces: PieceState
     face: float
     reason: str
     places: Array | None
 
 
-def pieces_at_loads(scene: Scene, cut: Cut, known: FaceResult | None, mapper: Mapper) -> FacePieces:
-    """The pieces at the loads of the scene, in the contact of the face as it is, with its fluid where that acts.
+def pieces_of_states(
+    scene: Scene, cut: Cut, states: Sequence[FaceState], leakage: Array, places: Array | None, mapper: Mapper
+) -> FacePieces:
+    """The pieces of a face in its states at the loads of the scene.
 
-    known : solution of the same face; its contact is not solved again, unless its grooves wind: those are of the seal.
+    leakage, places : of the face, and by measured places, see `FacePieces` [m²/s].
     """
-    if scene.flow.spiral is not None:
-        scene, known = replace(scene, layout=RectangularLayout()), None
-    if known is None:
-        return _joined(scene, cut, scene.steps, list(scene.contact_states(_take(scene, cut), mapper=mapper)))
     solve = partial(_of_fields, cut=cut, flow=scene.flow)
-    found = list(mapper(Stage("pieces of the face", solve), known.gap, iter(known.contact_pressure)))
-    taken = [_Taken(of_state, np.nan, reason, None) for of_state, reason in zip(found, _reasons(known), strict=True)]
-    pieces = replace(_joined(scene, cut, scene.steps, taken), face=known.leakage)
-    places = known.places
-    if places is None:
-        return pieces
-    both = places.alone if places.without is None else np.concatenate([places.alone, places.without])
-    return replace(pieces, places=both)
-
-
-def _reasons(known: FaceResult) -> list[str]:
-    """Why a step has no leakage, "" where it has."""
-    reasons = []
-    for step, leakage in zip(known.steps, known.leakage, strict=True):
-        start = f"{step.name}: "
-        texts = (text.removeprefix(start) for text in known.failures if text.startswith(start))
-        reasons.append("" if np.isfinite(leakage) else next(texts, "no flow"))
-    return reasons
+    fields = zip(*((s.gap, s.in_contact, s.plastic, s.potential) for s in states), strict=True)
+    found = mapper(Stage("pieces of the face", solve), *fields)
+    taken = [_Taken(pieces, np.nan, state.failed, None) for pieces, state in zip(found, states, strict=True)]
+    return replace(_joined(scene, cut, scene.steps, taken), face=leakage, places=places)
 
 
 def pieces_on_ladder(
@@ -146,75 +127,71 @@ def pieces_on_ladder(
 ) -> FacePieces:
     """The pieces along a programme of nominal pressures, without fluid, the face going on by its boundary."""
     dry = replace(scene, boundary=boundary, fluid_pressure="ignored")
-    return _joined(scene, cut, steps, list(dry.contact_states(_take(scene, cut), steps=steps, mapper=mapper)))
-
-
-def _take(scene: Scene, cut: Cut) -> Callable[[LoadState], _Taken]:
-    """What is kept of the states of a face; grooves that wind are those of the seal."""
-    widths = getattr(scene.surface, "widths", ())
-    return partial(_of_state, cut=cut, flow=replace(scene.flow, spiral=None), widths=widths)
+    # grooves that wind are those of the seal
+    take = partial(
+        _of_state, cut=cut, flow=replace(scene.flow, spiral=None), widths=getattr(scene.surface, "widths", ())
+    )
+    return _joined(scene, cut, steps, list(dry.contact_states(take, steps=steps, mapper=mapper)))
 
 
 def _of_state(state: LoadState, *, cut: Cut, flow: FlowSettings, widths: tuple[int, ...]) -> _Taken:
     """Cut the contact of a state into pieces, and solve the flow through the face and its places."""
-    contact = state.contact
-    pieces = attempt(PieceState.of, contact.gap, contact.pressure, cut, flow)
-    of_places = permeabilities_of_places(contact.gap, widths, cut.spacing, flow) if widths else None
-    through: FaceFlow | Failed
-    if isinstance(contact, CoupledContact):
-        through = contact.flow
-    else:
-        through = attempt(resolved_flow, contact.gap, cut.spacing, flow)
+    gap = state.contact.gap
+    pieces = PieceState.of(gap, state.contact.pressure, cut, flow)
+    of_places = permeabilities_of_places(gap, widths, cut.spacing, flow) if widths else None
+    through = attempt(resolved_flow, gap, cut.spacing, flow)
     if isinstance(through, Failed):
         return _Taken(pieces, np.nan, through.reason, of_places)
     return _Taken(pieces, through.permeability, "", of_places)
 
 
-def _of_fields(gap: NDArray[Any], pressure: NDArray[Any], *, cut: Cut, flow: FlowSettings) -> PieceState | Failed:
-    return attempt(PieceState.of, gap, pressure, cut, flow)
+def _of_fields(
+    gap: NDArray[np.float32],
+    in_contact: ContactValues,
+    plastic: NDArray[np.uint8],
+    potential: NDArray[np.float32],
+    *,
+    cut: Cut,
+    flow: FlowSettings,
+) -> PieceState:
+    """Cut the fields of a state into pieces, and solve the flow through each."""
+    at_hardness = np.unpackbits(plastic, count=gap.size).view(bool).reshape(gap.shape)
+    double = np.asarray(gap, float)
+    fractions = drop_fractions(double, cut.spacing, np.asarray(potential, float), flow)
+    return PieceState.of(double, in_contact.dense(), cut, replace(flow, spiral=None), at_hardness, fractions)
 
 
 def _joined(scene: Scene, cut: Cut, steps: LoadProgramme, taken: Sequence[_Taken]) -> FacePieces:
     """Join the states, and solve the flow over the pieces in their own order."""
-    pressures, shape = scene.flow.drop.pressures.size, (len(steps), *cut.shape)
-    k = np.full((pressures, 2, *shape), np.nan)
-    means = {name: np.full(shape, np.nan) for name in ("pressure", "mean_gap", "contact_fraction")}
-    rows, own = np.full((len(steps), cut.rows[-1]), np.nan), np.full(len(steps), np.nan)
+    pressures = scene.flow.drop.pressures
+    k = np.stack([state.pieces.k for state in taken], axis=2)
     tiles = face_tiles(scene.surface.size, cut.shape)
-    counts, failures, unsolved = [], [], []
+    own, failures = np.full(len(steps), np.nan), []
     for s, (step, state) in enumerate(zip(steps, taken, strict=True)):
-        if state.reason:
-            unsolved.append((s, state.reason))
-        if isinstance(state.pieces, Failed):
-            failures.append(f"pieces, {step.name}: {state.pieces.reason}")
+        failures += [f"{step.name}, {text}" for text in state.pieces.failures]
+        if not np.isfinite(k[:, :, s]).all():
             continue
-        k[:, :, s], rows[s] = state.pieces.k, state.pieces.rows
-        counts.append(state.pieces.counts)
-        for name, values in means.items():
-            values[s] = getattr(state.pieces, name)
-        in_order = k[:, :, s].reshape(pressures, 2, -1)
+        in_order = k[:, :, s].reshape(pressures.size, 2, -1)
         values = tiles.permeability(in_order[:, 0], in_order[:, 1])
-        through = attempt(scene.leakage, tiles.seal, tabulated(scene.flow.drop.pressures, list(values)))
+        through = attempt(scene.leakage, tiles.seal, tabulated(pressures, list(values)))
         own[s] = np.nan if isinstance(through, Failed) else through.per_length
     # leakage of a face with a permeability of 1 m³
     unit = scene.leakage(RectangularSeal(scene.surface.size, (1, 1)), 1.0).per_length
     places = None
     if taken[0].places is not None:
         places = unit * np.array([state.places for state in taken]).T
-    face = unit * np.array([state.face for state in taken])
-    total = SolveCounts.total(counts)
+    means = ("pressure", "mean_gap", "contact_fraction", "plastic_fraction", "drop_fraction", "rows")
     return FacePieces(
         steps,
         cut,
         k,
-        **means,
-        rows=rows,
-        face=face,
+        **{name: np.array([getattr(state.pieces, name) for state in taken]) for name in means},
+        face=unit * np.array([state.face for state in taken]),
         own=own,
         places=places,
-        counts=total,
+        counts=SolveCounts.total(state.pieces.counts for state in taken),
         failures=tuple(failures),
-        unsolved=tuple(unsolved),
+        unsolved=tuple((s, state.reason) for s, state in enumerate(taken) if state.reason),
     )
 
 

@@ -15,17 +15,19 @@ from ..face.piece_flow import Failed, SolverCounts, attempt
 from ..face.pieces import MOST_RATIO, Cut
 from ..flow.permeability_table import tabulated
 from ..loads import LoadProgramme
+from ..seal.layouts import RectangularLayout
 from ..seal.tiles import SealTiles
 from .drawn_error import half_width
-from .face_contact import band_breadth
-from .face_leakage import FEWEST, PlaceLeakage
+from .face_states import band_breadth
 from .load_curves import least_counted
-from .piece_states import FacePieces, FaceResult, along_paths, ladder_of, pieces_at_loads, pieces_on_ladder
+from .piece_states import FacePieces, along_paths, ladder_of, pieces_on_ladder
+from .place_leakage import FEWEST, PlaceLeakage
 from .sampling import FEWEST_SEALS, MOST_SEALS, Sampling, laid_out
 from .scene import Scene, scene_warnings
 from .seal_contact import SealContact, seal_contact, without_waves_of
 from .stochastic_result import MedianSeal, StochasticResult, nearest_to_median
 from .tile_pressure import distinct_paths, pressure_fractions
+from .two_scale import cut_into_pieces
 
 #: Fluid pressures at which the permeability of pieces is known that the fluid presses apart. Measured against 129:
 #: leakage within 1.1e-3 with p_in up to .3 of the lowest load, within 9e-3 where they are equal.
@@ -46,7 +48,6 @@ def stochastic(
     cells: tuple[int, int] | None,
     sampling: Sampling,
     *,
-    known: FaceResult | None = None,
     mapper: Mapper = map,
 ) -> StochasticResult:
     """Cut the contact of a face into pieces, draw seals whose tiles take them, and solve the flow over each seal.
@@ -61,7 +62,6 @@ def stochastic(
     cells : number of pieces of the face along x1 and x2; None: two or four on its shorter side.
     sampling : how seals are drawn. Without a number of realisations seals are drawn until the standard error of
         their median is a twentieth of the band of what one patch does not know, at least three.
-    known : the deterministic or two-scale solution of the scene, whose contact is not solved again.
     mapper : computes a stage for many items, such as the builtin `map`; it may use several processes.
 
     Raises
@@ -75,7 +75,7 @@ def stochastic(
     scene = without_waves_of(scene, cut, sampling.form)
     formed = seal_contact(scene, tiles, sampling.form, mapper) if sampling.form else None
     fractions = pressure_fractions(scene, tiles, sampling.pressure_map) if formed is None else formed.fractions
-    supply = _supply(scene, cut, tiles, fractions, known, mapper)
+    supply = _supply(scene, cut, tiles, fractions, mapper)
     if formed is not None:
         supply = replace(supply, opened=formed.opened)
     if not np.isfinite(supply.k).any():
@@ -152,13 +152,14 @@ class _Supply:
         return tabulated(self.pressures, list(tiles.permeability(k[:, 0], k[:, 1])), self.piecewise)
 
 
-def _supply(
-    scene: Scene, cut: Cut, tiles: SealTiles, fractions: Array, known: FaceResult | None, mapper: Mapper
-) -> _Supply:
+def _supply(scene: Scene, cut: Cut, tiles: SealTiles, fractions: Array, mapper: Mapper) -> _Supply:
     """Pieces at the loads of the scene, or along a ladder of the pressures that tiles have."""
     steps, drop = scene.steps, scene.flow.drop
     if tiles.in_place:
-        pieces = pieces_at_loads(scene, cut, known, mapper)
+        # grooves that wind are those of the seal
+        flat = scene if scene.flow.spiral is None else replace(scene, layout=RectangularLayout())
+        pieces = cut_into_pieces(flat, cut, mapper).pieces
+        assert pieces is not None
         k = pieces.k.reshape(*pieces.k.shape[:3], 1, -1)
         nominal = steps.pressures[:, None]
         pressures = tuple(drop.pressures)

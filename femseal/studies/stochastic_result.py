@@ -16,9 +16,9 @@ from ..face.piece_flow import SolverCounts
 from ..loads import LoadProgramme
 from ..seal.element_seal import ElementSeal
 from ..seal.tiles import SealTiles
-from .face_leakage import PlaceLeakage
 from .load_curves import FLOOR
 from .piece_states import FacePieces
+from .place_leakage import PlaceLeakage
 
 
 @dataclass(frozen=True, repr=False)
@@ -107,6 +107,7 @@ class StochasticResult(Shown):
     solvers: SolverCounts = field(default_factory=SolverCounts)
     kind: str = field(default="anywhere", repr=False)
 
+    method: ClassVar[str] = "stochastic"
     computed_fields: ClassVar[dict[str, Field]] = {
         "mean": Field("leakage_mean", "m^2/s", "leakage per unit seal length, mean of the realisations", STEP),
         "realisation_spread": Field(

@@ -1,20 +1,20 @@
 """The studies that a case can choose, each registered once: how it is solved, what it costs, and what it answers."""
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from operator import attrgetter, methodcaller
 from typing import Any
 
 from ..base import Array, Mapper
 from .costs import Effort, count_pressures, deterministic_cost, stochastic_cost, two_scale_cost
-from .deterministic import DeterministicResult, deterministic
+from .deterministic import FaceResult, deterministic
 from .sampling import Sampling
 from .scene import Scene
 from .stochastic import cut_and_tiles, stochastic
 from .stochastic_result import StochasticResult
-from .two_scale import TwoScaleResult, two_scale
+from .two_scale import two_scale
 
-StudyResult = DeterministicResult | TwoScaleResult | StochasticResult
+StudyResult = FaceResult | StochasticResult
 
 
 @dataclass(frozen=True)
@@ -22,13 +22,11 @@ class StudyOptions:
     """Options of all studies; each takes those that it needs.
 
     cells : number of pieces of the face along x1 and x2. sampling : see `stochastic`.
-    shares_face : the deterministic study leaves the face, cut into pieces, to two scales. knows_face : a study of the
-    face comes before the drawn seals.
+    knows_face : another study of the face comes before.
     """
 
     cells: tuple[int, int] | None = None
     sampling: Sampling | None = None
-    shares_face: bool = False
     knows_face: bool = False
 
 
@@ -47,8 +45,7 @@ class Study:
     name: str
     key: str
     label: str
-    result: type[StudyResult]
-    solve: Callable[[Scene, StudyOptions, Mapping[str, Any], Mapper], Any]
+    solve: Callable[[Scene, StudyOptions, Mapper], Any]
     cost: Callable[[Scene, StudyOptions, Sequence[Effort]], tuple[float, float]]
     leakage: Callable[[Any], Array]
     needs: tuple[str, ...] = ()
@@ -61,26 +58,21 @@ class Study:
 
 def study_of_result(result: StudyResult) -> Study:
     """The study that a result is of."""
-    return next(study for study in STUDIES.values() if isinstance(result, study.result))
+    return STUDIES[result.method]
 
 
-def _solve_deterministic(
-    scene: Scene, options: StudyOptions, known: Mapping[str, Any], mapper: Mapper
-) -> DeterministicResult:
-    return deterministic(scene, cells=options.cells if options.shares_face else None, mapper=mapper)
+def _solve_deterministic(scene: Scene, options: StudyOptions, mapper: Mapper) -> FaceResult:
+    return deterministic(scene, mapper=mapper)
 
 
-def _solve_two_scale(scene: Scene, options: StudyOptions, known: Mapping[str, Any], mapper: Mapper) -> TwoScaleResult:
+def _solve_two_scale(scene: Scene, options: StudyOptions, mapper: Mapper) -> FaceResult:
     assert options.cells is not None
-    return two_scale(scene, options.cells, solved=known.get("deterministic"), mapper=mapper)
+    return two_scale(scene, options.cells, mapper=mapper)
 
 
-def _solve_stochastic(
-    scene: Scene, options: StudyOptions, known: Mapping[str, Any], mapper: Mapper
-) -> StochasticResult:
+def _solve_stochastic(scene: Scene, options: StudyOptions, mapper: Mapper) -> StochasticResult:
     assert options.sampling is not None
-    face = known.get("deterministic", known.get("two_scale"))
-    return stochastic(scene, options.cells, options.sampling, known=face, mapper=mapper)
+    return stochastic(scene, options.cells, options.sampling, mapper=mapper)
 
 
 def _cost_deterministic(scene: Scene, options: StudyOptions, efforts: Sequence[Effort]) -> tuple[float, float]:
@@ -95,7 +87,7 @@ def _cost_two_scale(scene: Scene, options: StudyOptions, efforts: Sequence[Effor
         efforts,
         scene.surface.shape,
         options.cells,
-        solved=options.shares_face,
+        solved=options.knows_face,
         pressures=count_pressures(scene),
         acts=scene.acting_fluid is not None,
     )
@@ -126,7 +118,6 @@ STUDIES: dict[str, Study] = {
             name="deterministic",
             key="deterministic",
             label="deterministic",
-            result=DeterministicResult,
             solve=_solve_deterministic,
             cost=_cost_deterministic,
             leakage=attrgetter("leakage"),
@@ -135,7 +126,6 @@ STUDIES: dict[str, Study] = {
             name="two-scale",
             key="two_scale",
             label="two-scale",
-            result=TwoScaleResult,
             solve=_solve_two_scale,
             cost=_cost_two_scale,
             leakage=attrgetter("leakage"),
@@ -145,7 +135,6 @@ STUDIES: dict[str, Study] = {
             name="stochastic",
             key="stochastic",
             label="median",
-            result=StochasticResult,
             solve=_solve_stochastic,
             cost=_cost_stochastic,
             leakage=methodcaller("quantile", 0.5),

@@ -1,12 +1,10 @@
-"""Contact pressure of a face at every step, kept where there is contact.
-
-A bit for every pixel says whether it is in contact, and a number for each pixel in contact is its pressure.
-"""
+"""Fields of a face at every step: made when they are used, and the contact pressure kept where there is contact."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -18,7 +16,7 @@ from ..base.shared_array import lies_on_disk, put_aside
 
 @dataclass(frozen=True, eq=False)
 class ContactValues:
-    """A field (n1, n2) that is 0 out of contact.
+    """A field (n1, n2) that is 0 out of contact: a bit for every pixel, and a number for each in contact.
 
     bits : 1 for each pixel where the field is not 0, eight pixels in a byte, row after row.
     values : the values at these pixels in the same order.
@@ -48,31 +46,26 @@ class ContactValues:
         return full
 
 
-class ContactPressure(NDArrayOperatorsMixin):
-    """Contact pressure (steps, n1, n2) [Pa] of a face, kept where there is contact.
+class StepFields(NDArrayOperatorsMixin):
+    """A field (steps, n1, n2) in single precision whose steps are made when they are used.
 
-    Use it like an array that cannot be changed. Indexing computes the indexed steps only; arithmetic, methods and
-    numpy functions compute the whole field.
+    Use it like an array that cannot be changed. Indexing makes the indexed steps only; arithmetic, methods and numpy
+    functions make the whole field.
 
-    states : the field at every step.
+    shape : number of steps, and pixels along x1 and x2. at : gives the field (n1, n2) at the step of a number.
     """
 
     dtype = np.dtype(np.float32)
     ndim = 3
 
-    def __init__(self, states: Sequence[ContactValues]) -> None:
-        self._states = tuple(states)
-
-    @property
-    def shape(self) -> tuple[int, int, int]:
-        """Number of steps, and pixels along x1 and x2."""
-        return (len(self), *self._states[0].shape)
+    def __init__(self, shape: tuple[int, int, int], at: Callable[[int], NDArray[np.float32]]) -> None:
+        self.shape, self._at = shape, at
 
     def __len__(self) -> int:
-        return len(self._states)
+        return self.shape[0]
 
     def __iter__(self) -> Iterator[NDArray[np.float32]]:
-        return (state.dense() for state in self._states)
+        return map(self._at, range(len(self)))
 
     def __getitem__(self, key: Any) -> NDArray[np.float32]:
         key = key if isinstance(key, tuple) else (key,)
@@ -81,14 +74,14 @@ class ContactPressure(NDArrayOperatorsMixin):
         else:
             steps, pixels = np.arange(len(self)), key
         if steps.ndim == 0:
-            return self._states[steps].dense()[pixels]
-        return np.array([self._states[s].dense()[pixels] for s in steps], np.float32)
+            return self._at(int(steps))[pixels]
+        return np.array([self._at(int(s))[pixels] for s in steps], np.float32)
 
     def __array__(self, dtype: Any = None, copy: bool | None = None) -> NDArray[Any]:
         return self[...].astype(dtype or self.dtype, copy=False)
 
     def __array_ufunc__(self, ufunc: np.ufunc, method: str, *inputs: Any, **options: Any) -> Any:
-        arrays = (np.asarray(i) if isinstance(i, ContactPressure) else i for i in inputs)
+        arrays = (np.asarray(i) if isinstance(i, StepFields) else i for i in inputs)
         return getattr(ufunc, method)(*arrays, **options)
 
     def __getattr__(self, name: str) -> Any:
@@ -96,3 +89,12 @@ class ContactPressure(NDArrayOperatorsMixin):
         if name.startswith("_"):
             raise AttributeError(name)
         return getattr(self[...], name)
+
+
+def contact_pressures(states: Sequence[ContactValues]) -> StepFields:
+    """Contact pressure [Pa] of a face in its states, kept where there is contact."""
+    return StepFields((len(states), *states[0].shape), partial(_dense, tuple(states)))
+
+
+def _dense(states: Sequence[ContactValues], step: int) -> NDArray[np.float32]:
+    return states[step].dense()

@@ -1,0 +1,96 @@
+"""Leakage of each measured place by itself, and of all places but it: how much is known from so many of them."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import partial
+from typing import ClassVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..base import Array, Mapper, Shown, Stage
+from ..base.fields import PLACE, STEP, Field, declared
+from ..face.piece_flow import Failed, FlowSettings, attempt
+from ..seal import RectangularSeal
+from ..topography import Places
+from ..topography.places import divided
+from .face_flow import resolved_flow
+from .load_curves import least_counted
+from .scene import Scene
+
+#: Places from which on their scatter tells how far the leakage of more of them may lie.
+FEWEST = 3
+
+
+@dataclass(frozen=True, repr=False)
+class PlaceLeakage(Shown):
+    """Leakage by places (places, steps), NaN where the flow failed.
+
+    alone : of each by itself, continued periodically. without : of all places but one, side by side; None of two.
+    """
+
+    alone: Array = declared("leakage_of_places", "m^2/s", "leakage per unit seal length, of each place alone", PLACE)
+    without: Array | None = declared(
+        "leakage_without_place", "m^2/s", "leakage per unit seal length, of all places but one", PLACE, default=None
+    )
+
+    computed_fields: ClassVar[dict[str, Field]] = {
+        "scatter": Field(
+            "place_scatter",
+            "1",
+            "standard deviation of the leakage of single places over its mean",
+            STEP,
+            "places ± [%]",
+        )
+    }
+
+    @property
+    def relative(self) -> Array:
+        """Leakage of each place over that of their mean (places,), mean over the loads that count; 0 if none leaks."""
+        mean = self.alone.mean(axis=0)
+        counts = mean > least_counted(mean)
+        return np.asarray((self.alone[:, counts] / mean[counts]).sum(axis=1) / max(1, counts.sum()))
+
+    @property
+    def scatter(self) -> Array:
+        """Standard deviation of the leakage of single places over its mean (steps,); NaN where none leaks."""
+        mean = self.alone.mean(axis=0)
+        return np.divide(self.alone.std(axis=0, ddof=1), mean, out=np.full(mean.shape, np.nan), where=mean > 0)
+
+
+def kept_places(count: int) -> tuple[tuple[int, ...], ...]:
+    """Numbers of the places, from 1, of which a leakage is wanted: each alone, and from three on all but each.
+
+    >>> kept_places(3)
+    ((1,), (2,), (3,), (2, 3), (1, 3), (1, 2))
+    """
+    every = range(1, count + 1)
+    without = [tuple(m for m in every if m != n) for n in every] if count >= FEWEST else []
+    return (*((n,) for n in every), *without)
+
+
+def place_leakage(scene: Scene, gap: NDArray[np.floating], mapper: Mapper = map) -> PlaceLeakage | None:
+    """Leakage by places from the gap of all of them at every step (steps, n1, n2) [m]; None of a single place."""
+    surface = scene.surface
+    if not isinstance(surface, Places):
+        return None
+    count = len(surface.widths)
+    solve = partial(permeabilities_of_places, widths=surface.widths, spacing=surface.spacing, settings=scene.flow)
+    found = mapper(Stage("flow of places", solve), gap)
+    # leakage per length of a unit permeability
+    unit = scene.leakage(RectangularSeal(surface.size, (1, 1)), 1.0).per_length
+    leakage = unit * np.array(list(found)).T
+    return PlaceLeakage(leakage[:count], leakage[count:] if count >= FEWEST else None)
+
+
+def permeabilities_of_places(
+    gap: NDArray[np.floating], widths: tuple[int, ...], spacing: tuple[float, float], settings: FlowSettings
+) -> Array:
+    """Permeability of each place, and from three on of all but each (2 places,) [m³]; NaN where the flow failed."""
+    pieces = divided(gap, widths)
+    found = []
+    for of in kept_places(len(pieces)):
+        flow = attempt(resolved_flow, np.concatenate([pieces[n - 1] for n in of], axis=1), spacing, settings)
+        found.append(np.nan if isinstance(flow, Failed) else flow.permeability)
+    return np.array(found)
