@@ -17,7 +17,7 @@ RADII = (0.2, 0.05, 0.01)
 FORCES = np.array([20e3, 50e3, 100e3, 200e3])
 
 
-def lens_rings() -> dict[float, fs.DeterministicResult]:
+def lens_rings() -> dict[float, fs.FaceResult]:
     """Contact and flow of crowns of several radii [m] under forces per length of 20 to 200 N/mm."""
     turned = fs.turned(
         (512, 128), (1.024e-3, 0.256e-3), pitch=64e-6, depth=1.2e-6, roughness=0.3e-6, roughness_roll_off=36e-6, rng=6

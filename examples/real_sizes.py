@@ -96,13 +96,13 @@ def study(plasticity=PLASTICITY, sizes=SIZES, realisations=3, mapper=map):
     return rows
 
 
-def pieces_of_faces(faces=FACES, plasticity=0.1, mapper=map) -> dict[int, fs.TwoScaleResult]:
+def pieces_of_faces(faces=FACES, plasticity=0.1, mapper=map) -> dict[int, fs.FaceResult]:
     """Pieces of faces with so many of them a side, up to closing and back."""
     load = {"loading": TO_CLOSING, "peaks": TO_CLOSING[-1:], "unloading": TO_CLOSING[-2::-2]}
     return {n: fs.two_scale(scene(plasticity, n, **load), (n, n), mapper=mapper) for n in faces}
 
 
-def scatter(result: fs.TwoScaleResult, hardness: float):
+def scatter(result: fs.FaceResult, hardness: float):
     """Findings 1, 2 and 4: a row for each load.
 
     decades : of k1 from the 5 % to the 95 % quantile of the open pieces. closed : fraction of pieces.
@@ -110,10 +110,10 @@ def scatter(result: fs.TwoScaleResult, hardness: float):
     """
     rows = []
     for s, step in enumerate(result.steps):
-        k, gap = result.k1[s].ravel(), result.mean_gap[s].ravel()
+        k, gap = result.k1[s].ravel(), result.pieces.mean_gap[s].ravel()
         is_open = k > 0
         low, high = np.quantile(np.log10(k[is_open]), (0.05, 0.95)) if is_open.any() else (np.nan, np.nan)
-        drop = np.sort(result.drop_fraction[s].ravel())[::-1]
+        drop = np.sort(result.pieces.drop_fraction[s].ravel())[::-1]
         rows.append({
             "pieces": k.size,
             "branch": step.branch,

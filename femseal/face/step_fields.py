@@ -69,6 +69,8 @@ class StepFields(NDArrayOperatorsMixin):
 
     def __getitem__(self, key: Any) -> NDArray[np.float32]:
         key = key if isinstance(key, tuple) else (key,)
+        if key and np.ndim(key[0]) > 1:  # a choice of pixels
+            return self[...][key]
         if key and key[0] is not Ellipsis:
             steps, pixels = np.arange(len(self))[key[0]], key[1:]
         else:

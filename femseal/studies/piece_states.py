@@ -157,7 +157,9 @@ def _of_fields(
     """Cut the fields of a state into pieces, and solve the flow through each."""
     at_hardness = np.unpackbits(plastic, count=gap.size).view(bool).reshape(gap.shape)
     double = np.asarray(gap, float)
-    fractions = drop_fractions(double, cut.spacing, np.asarray(potential, float), flow)
+    fractions = None
+    if not np.isnan(potential).all():
+        fractions = drop_fractions(double, cut.spacing, np.asarray(potential, float), flow)
     return PieceState.of(double, in_contact.dense(), cut, replace(flow, spiral=None), at_hardness, fractions)
 
 

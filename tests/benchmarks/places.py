@@ -50,7 +50,7 @@ def solved(kind: str, seed: int) -> dict:
     import femseal as fs
     from femseal.budget.estimates import places_part
     from femseal.studies.face_flow import resolved_flow
-    from femseal.studies.face_leakage import place_leakage
+    from femseal.studies.place_leakage import place_leakage
 
     face = face_of(kind, seed)
     hardness = 0.1 * MODULUS * face.rms_slope

@@ -52,7 +52,7 @@ def face(kind: str, seed: int) -> Topography:
     return Topography(heights * (SLOPE / made.rms_slope), made.spacing, periodic=(True, True))
 
 
-def solved(surface: Topography, loads: np.ndarray, hardness: float) -> tuple[fs.Scene, fs.DeterministicResult]:
+def solved(surface: Topography, loads: np.ndarray, hardness: float) -> tuple[fs.Scene, fs.FaceResult]:
     """The deterministic solution of a face under these nominal pressures."""
     scene = fs.Scene(
         surface,

@@ -221,7 +221,7 @@ def test_a_cycle_without_unloading(scene, studies):
 def test_curves_of_a_piece(back, studies, scene):
     two, curves = studies["two_scale"], back.piece(2, 1)
     assert_array_equal(curves["piece_k1"], two.k1[:, 2, 1])
-    assert_array_equal(curves["piece_mean_gap"], two.mean_gap[:, 2, 1])
+    assert_array_equal(curves["piece_mean_gap"], two.pieces.mean_gap[:, 2, 1])
     assert curves["piece_k1"].dims == ("step",)
     assert list(curves["nominal_pressure"].values) == [s.pressure for s in scene.steps]
     drawn = assemble(scene, stochastic=studies["stochastic"])
@@ -462,7 +462,7 @@ def test_a_case_says_what_is_written_also_when_a_stopped_run_goes_on(case, tmp_p
     assert open_results(tmp_path).stored_steps == [1]
     assert r.left_out[0] in (tmp_path / "run.log").read_text(encoding="utf-8")
     timings = json.loads(r.dataset.attrs["timings"])
-    assert {"two-scale", "two-scale: contact of the whole face", "two-scale: flow in pieces"} <= set(timings)
+    assert {"two-scale", "two-scale: contact of the whole face", "two-scale: pieces of the face"} <= set(timings)
     assert timings["two-scale"] > timings["two-scale: contact of the whole face"] > 0
 
 

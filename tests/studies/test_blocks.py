@@ -57,7 +57,7 @@ def test_the_form_is_what_blocks_by_themselves_miss():
 
 def test_pieces_press_where_the_whole_face_does():
     one = scene(wavy(2e-6))
-    whole = fs.two_scale(one, (8, 8)).pressure
+    whole = fs.two_scale(one, (8, 8)).pieces.pressure
     found = fs.by_blocks(one, (2, 2)).pressure
     for mine, its in zip(found, whole, strict=True):
         assert np.corrcoef(mine.ravel(), its.ravel())[0, 1] > 0.8

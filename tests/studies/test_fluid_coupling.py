@@ -317,7 +317,7 @@ class TestStudies:
         assert_array_equal(one.leakage, other.leakage)
         assert_array_equal(one.carried_pressure, other.carried_pressure)
         dry = two_scale(scene(fluid_pressure="ignored"), (4, 4))
-        assert (other.mean_gap.mean(axis=(1, 2)) > dry.mean_gap.mean(axis=(1, 2))).all()
+        assert (other.mean_gap > dry.mean_gap).all()
 
     def test_open_steps_have_no_leakage_and_say_why(self):
         opened = scene(inlet_pressure=0.15 * H, unload_from=(0.1 * H,), unloading=(0.02 * H,))
@@ -328,11 +328,10 @@ class TestStudies:
             assert np.isnan(result.leakage[[0, 2]]).all()
             assert result.leakage[1] > 0
             assert sum("open: the faces part below" in text for text in result.failures) == 2
-        assert np.isnan(result.k1[[0, 2]]).all()
         broad = {"breadth": 96e-6}  # along a ladder
-        for given, known in (({}, None), ({}, result), (broad, None)):
+        for given in ({}, broad):
             sampling = Sampling(length=200e-6, realisations=2, seed=1, **given)
-            drawn = stochastic(opened, (4, 4), sampling, known=known)
+            drawn = stochastic(opened, (4, 4), sampling)
             assert np.isnan(drawn.leakage[:, [0, 2]]).all()
             assert (drawn.leakage[:, 1] > 0).all()
             assert sum("open: the faces part below" in text for text in drawn.failures) == 2

@@ -150,8 +150,7 @@ class TestStudies:
 
     def test_drawn_seals_in_the_rows_of_the_face_have_its_contact(self):
         sampling, whole = fs.Sampling(96e-6, 3, seed=1), fs.deterministic(scene())
-        alone, known = (fs.stochastic(scene(), (3, 3), sampling, known=given) for given in (None, whole))
-        assert_allclose(alone.leakage, known.leakage, rtol=1e-6)  # gaps are kept in single precision
+        alone = fs.stochastic(scene(), (3, 3), sampling)
         assert_allclose(alone.pieces.face, whole.leakage, rtol=1e-9)
         acts = fs.stochastic(scene(fluid_pressure="acts"), (3, 3), sampling)
         assert (np.median(alone.leakage / acts.leakage, axis=0)[2:] > 1.01).all()

@@ -140,10 +140,8 @@ def test_elastic_unloading_is_the_loading_backwards_and_solved_once(elastic, nam
     items = Counter()
     found = STUDIES[name](elastic, mapper=counted_items(items))
     # 200 MPa and 0 from the lower peak are new; the other stops have been met before
-    assert found.equal_steps == 5
     assert items["contact of the whole face"] == 5
     whole = STUDIES[name](solved_again(elastic))
-    assert whole.equal_steps == 3  # the stops that both peaks have in common
     assert_allclose(found.leakage, whole.leakage, rtol=1e-6)
     assert_equal_loads_leak_alike(elastic.steps.pressures, found.leakage)
 
@@ -167,5 +165,4 @@ def test_the_ladder_of_an_elastic_face_has_no_way_down(elastic):
 def test_states_that_plastic_deformation_tells_apart_are_solved(elastic):
     plastic = replace(elastic, hardness=3e9)
     found = fs.deterministic(plastic)
-    assert found.equal_steps == 0
     assert found.leakage[4] < found.leakage[0]  # back at 100 MPa

@@ -11,7 +11,7 @@ import femseal as fs
 from femseal.case.case import parse_case
 from femseal.preparation import prepare
 from femseal.results.selections import load_names
-from femseal.studies.face_contact import band_breadth
+from femseal.studies.face_states import band_breadth
 from femseal.studies.sampling import Sampling, laid_out
 from femseal.studies.seal_contact import seal_contact
 from femseal.topography.seat import (

@@ -1,4 +1,4 @@
-"""Contact pressure of a face: it is kept where there is contact, and cannot be changed."""
+"""Fields of a face by step, such as the contact pressure, which is kept where there is contact."""
 
 import pickle
 
@@ -6,14 +6,14 @@ import numpy as np
 import pytest
 from numpy.testing import assert_array_equal
 
-from femseal.face.contact_pressure import ContactPressure, ContactValues
+from femseal.face.step_fields import ContactValues, contact_pressures
 
 rng = np.random.default_rng(0)
 DENSE = np.where(rng.random((4, 24, 16)) < 0.2, rng.random((4, 24, 16)), 0).astype(np.float32)
 DENSE[1, :8, 8:] = np.nan  # undefined
 
 
-PRESSURE = ContactPressure([ContactValues.of(face) for face in DENSE])
+PRESSURE = contact_pressures([ContactValues.of(face) for face in DENSE])
 
 
 @pytest.mark.parametrize("shape", [(3, 5), (8, 8), (1, 1)])
@@ -42,6 +42,7 @@ def test_no_more_than_the_contact_is_kept():
         (slice(2), 3),
         np.array([True, False, False, True]),
         (Ellipsis, 3),
+        DENSE > 0.5,
         Ellipsis,
         (Ellipsis, slice(8, 16), np.arange(12, 20) % 16),
     ],
