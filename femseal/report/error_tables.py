@@ -1,13 +1,13 @@
-"""Tables of the report on the error of the numbers: budget of errors, scatter, checks, other resolutions, times."""
+"""Tables of the report on the error of the numbers: budget of errors, checks, times."""
 
 import json
 
 import numpy as np
 
-from ..base import Array, TextTable, counted, format_deviation, to_text
-from ..results.results import as_chosen, solvers_text
+from ..base import TextTable, format_deviation, to_text
+from ..results.results import as_chosen
 from ..results.run_data import RunData
-from ..studies.load_curves import first_known, leakage_factor, least_counted
+from ..studies.load_curves import first_known, least_counted
 
 Lines = list[tuple[str, ...]]
 
@@ -55,38 +55,6 @@ def _width_text(width: float) -> str:
     return format_deviation(width, "× ") if known is None else known
 
 
-def scatter_lines(results: RunData) -> Lines:
-    """Scatter and differences as factors: source, typical value, largest value, its step, meaning."""
-    data, steps = results.dataset, results.steps
-    leakage = np.abs(results.leakage.values)
-    leaking = leakage > least_counted(leakage)
-    lines: Lines = []
-
-    def deviation(source: str, sigma: Array, meaning: str) -> None:
-        chosen = np.where(leaking, sigma, np.nan)
-        if np.isfinite(chosen).any():
-            worst = int(np.nanargmax(chosen))
-            typical, largest = (_factor(float(np.exp(v))) for v in (np.nanmedian(chosen), chosen[worst]))
-            lines.append((source, typical, largest, steps[worst].name, meaning))
-
-    if "realisation_spread" in data:
-        spread = data["realisation_spread"].values
-        deviation("realisations", spread, "one standard deviation between redraws of the measured patch")
-        fraction = 1.2533 / np.sqrt(data.sizes["realisation"])
-        deviation("median", fraction * spread, "standard error of the median; more realisations lower it")
-    if "place_scatter" in data:
-        meaning = f"one standard deviation between measured places; {most_leaking_place(results)}"
-        deviation("places", np.log1p(data["place_scatter"].values), meaning)
-    pairs = (
-        ("median", "leakage_median", "two-scale", "leakage_two_scale"),
-        ("median", "leakage_median", "deterministic", "leakage_deterministic"),
-    )
-    for one, name, other, reference in pairs:
-        if name in data and reference in data:
-            lines += _comparison(results, one, data[name].values, other, data[reference].values)
-    return lines
-
-
 def most_leaking_place(results: RunData) -> str:
     """Which of several measured places leaks most by itself, and how much, over the loads that count."""
     about = results.dataset["place_height"].attrs
@@ -94,26 +62,6 @@ def most_leaking_place(results: RunData) -> str:
     if not about["over_mean"]:
         return f"place {about['place']} of {count}, of which none leaks"
     return f"place {about['place']} of {count} leaks most, {about['over_mean']:.3g} times their mean"
-
-
-def _comparison(results: RunData, one: str, leakage: Array, other: str, reference: Array) -> Lines:
-    """Lines of a leakage against a reference: the factor between them, on each branch."""
-    lines: Lines = []
-    steps, least = results.steps, least_counted(reference)
-    for branch in dict.fromkeys(s.branch for s in steps):
-        factor = leakage_factor(leakage, reference, steps, branch)
-        if not factor.loads:
-            continue
-        chosen = np.array([s.branch == branch for s in steps]) & (np.abs(reference) > least)
-        with np.errstate(divide="ignore", invalid="ignore"):
-            ratio = np.where(chosen & (leakage * reference > 0), np.abs(np.log(leakage / reference)), np.nan)
-        worst = int(np.nanargmax(ratio))
-        meaning = f"rms over {counted(factor.loads, 'load')}" + (
-            f", {factor.closed} more closed in one only" if factor.closed else ""
-        )
-        source = f"{one} against {other}, {branch}"
-        lines.append((source, _factor(factor.value), _factor(float(np.exp(ratio[worst]))), steps[worst].name, meaning))
-    return lines
 
 
 def check_lines(results: RunData) -> Lines:
@@ -135,13 +83,6 @@ def check_lines(results: RunData) -> Lines:
             text = ", ".join(f"{n} {kind}" for kind, n in counts.items())
             meaning = "closed ones are exactly 0, open ones follow h̄³/12, equal ones were solved at an earlier step"
             lines.append((f"flows of pieces, {study.replace('_', '-')}", text, meaning))
-    for study, solvers in json.loads(data.attrs.get("solvers", "{}")).items():
-        meaning = "which solver solved how many; the imbalance is that of inlet and outlet flow"
-        lines.append((f"linear systems, {study.replace('_', '-')}", solvers_text(solvers), meaning))
-    for study, number in json.loads(data.attrs.get("equal_steps", "{}")).items():
-        text = f"{number} of {data.sizes['step']}"
-        meaning = "the same state as an earlier step bit for bit, which is solved once"
-        lines.append((f"equal load steps, {study.replace('_', '-')}", text, meaning))
     surface = json.loads(data.attrs["surface"])
     if "shortest_wavelength" in surface and "spacing" in surface:
         wave, pixel = surface["shortest_wavelength"], max(surface["spacing"])
@@ -156,10 +97,6 @@ def check_lines(results: RunData) -> Lines:
                 meaning += f"; {1 - kept:.1%} of that of waves above noise, which end at {end}"
             lines.append(("slope removed", f"{100 * lost:.2g} %", meaning))
     return lines
-
-
-def _factor(value: float) -> str:
-    return "–" if np.isnan(value) else f"× {value:.3g}"
 
 
 def time_lines(results: RunData) -> list[tuple[str, str, float]]:
