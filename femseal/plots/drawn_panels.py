@@ -106,7 +106,8 @@ def drawn_figure(data: xarray.Dataset, s: int) -> Figure:
     around = "" if seal.detail.spans(seal) else " around the largest"
     title = f"flow per width [{unit}]{around}\narrows: where it goes"
     panels.append((seal.detail, _Panel(title, flow / factor, "magma", _DECADES)))
-    sheet = Sheet([map_row(view.size) for view, _ in panels], head=0.5)
+    number, drawn = (data["drawn_corners"].attrs[name] for name in ("realisation", "part"))
+    sheet = Sheet([map_row(view.size) for view, _ in panels], head=0.3 if drawn == 1 else 0.5)
     labels = ["x1, inlet at 0 [mm]", "x2 along the seal [mm]"] if seal.strip else ["x1 [mm]", "x2 [mm]"]
     for n, (view, panel) in enumerate(panels):
         axes = sheet.panel(n, MAP)
@@ -119,7 +120,6 @@ def drawn_figure(data: xarray.Dataset, s: int) -> Figure:
     seen = seal.detail.holds(seal)
     vectors = flux[:, ::-1] if seal.lies else flux
     _arrows(axes, seal.corners[seen].mean(axis=1), vectors[seen], max(seal.detail.size))
-    number, drawn = (data["drawn_corners"].attrs[name] for name in ("realisation", "part"))
     part = f"\n{100 * drawn:.2g} % of its length is shown, the rest is alike" if drawn < 1 else ""
     sheet.head(f"{load_names(data)[s]}; drawn seal {number}, the nearest to the median{part}")
     return sheet.figure

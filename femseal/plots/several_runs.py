@@ -43,11 +43,11 @@ def comparison_figure(comparison: RunComparison) -> Figure:
     columns = 2 if max(map(len, comparison.labels)) <= _LEGEND_LETTERS else 1
     below = 0.6 + LEGEND_LINE * (ceil((len(comparison.labels) + 2) / columns) + 0.5)
     sheet = Sheet([*([] if key is None else [4.0]), 3.8 + below])
-    if key is not None:
-        _key_panel(sheet.panel(0, LINES), comparison, key)
     margins = replace(LINES, top=0.15, bottom=below)
     handles = _load_panel(sheet.panel(len(sheet.heights) - 1, margins), comparison)
     legend_below(sheet.figure, handles, columns, length=3)
+    if key is not None:
+        _key_panel(sheet.panel(0, LINES), comparison, key)
     return sheet.figure
 
 

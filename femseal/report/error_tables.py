@@ -70,19 +70,6 @@ def check_lines(results: RunData) -> Lines:
     lines: Lines = []
     if (rtol := case.get("contact", {}).get("rtol")) is not None:
         lines.append(("contact residual", f"≤ {rtol:.0e}", "of every contact that is not among the failures"))
-    if "piece_pressure" in data:
-        nominal = data["nominal_pressure"].values
-        carried = data["piece_pressure"].values.mean(axis=(1, 2))
-        if "fluid_carried_pressure" in data and case.get("load", {}).get("nominal") != "contact":
-            carried += data["fluid_carried_pressure"].values
-        off = np.abs(carried - nominal)[nominal > 0] / nominal[nominal > 0]
-        if off.size:
-            lines.append(("load of the pieces", f"{np.nanmax(off):.0e}", "largest distance from the nominal pressure"))
-    for study, counts in json.loads(data.attrs["counts"]).items():
-        if counts:
-            text = ", ".join(f"{n} {kind}" for kind, n in counts.items())
-            meaning = "closed ones are exactly 0, open ones follow h̄³/12, equal ones were solved at an earlier step"
-            lines.append((f"flows of pieces, {study.replace('_', '-')}", text, meaning))
     surface = json.loads(data.attrs["surface"])
     if "shortest_wavelength" in surface and "spacing" in surface:
         wave, pixel = surface["shortest_wavelength"], max(surface["spacing"])
