@@ -64,11 +64,9 @@ def to_si(text: object, unit: str, name: str = "quantity") -> float:
     Traceback (most recent call last):
     femseal.base.errors.InputError: d: given '1,5 mm', expected a number with a decimal point, not a comma: '1.5 mm'
     """
-    example = (
-        f"text with a number and a unit of the kind {unit!r}, such as {_example(unit, name)!r}"
-        if unit
-        else "a finite number"
-    )
+    example = "a finite number"
+    if unit:
+        example = f"text with a number and a unit of the kind {unit!r}, such as {_example(unit, name)!r}"
     if unit == "" and isinstance(text, (int, float)) and not isinstance(text, bool):
         return _finite(float(text), text, name, example)
     if not isinstance(text, str):
