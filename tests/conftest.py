@@ -155,7 +155,7 @@ def _pictures(figures, drawn):
 def _nothing(figure):
     from femseal.plots.drawing import Drawn
 
-    return Drawn(np.zeros((1, 1, 3), np.uint8), (np.s_[:1, :1],) * 3)
+    return Drawn(np.zeros((1, 1, 3), np.uint8), (np.s_[:1],) * 3)
 
 
 @pytest.fixture(autouse=True, scope="session")

@@ -64,9 +64,9 @@ def to_si(text: object, unit: str, name: str = "quantity") -> float:
     Traceback (most recent call last):
     femseal.base.errors.InputError: d: given '1,5 mm', expected a number with a decimal point, not a comma: '1.5 mm'
     """
-    example = (
-        f"text with a number and a unit of the kind {unit!r}, such as {_example(unit)!r}" if unit else "a finite number"
-    )
+    example = "a finite number"
+    if unit:
+        example = f"text with a number and a unit of the kind {unit!r}, such as {_example(unit, name)!r}"
     if unit == "" and isinstance(text, (int, float)) and not isinstance(text, bool):
         return _finite(float(text), text, name, example)
     if not isinstance(text, str):
@@ -151,7 +151,9 @@ def _without_comma(text: str) -> str:
     return shown(point) + (f", or {shown(whole)} without separators of thousands" if whole != text else "")
 
 
-def _example(unit: str) -> str:
+def _example(unit: str, name: str) -> str:
+    if unit == "Pa" and "pressure" in name:
+        return "10 MPa"
     return {"Pa": "210 GPa", "m": "1.5 mm", "Pa*s": "1 mPa*s", "K": "20 °C", "kg/m^3": "870 kg/m^3",
             "kg/mol": "29 g/mol", "1/Pa": "20 1/GPa"}.get(unit, f"1 {unit}")  # fmt: skip
 

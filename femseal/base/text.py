@@ -171,7 +171,7 @@ class Plotted:
     __slots__ = ()
 
     def plot(self, **options: Any) -> Any:
-        """Draw this result: a matplotlib figure without a window, which a notebook displays.
+        """Draw this result: a figure of pyplot, which `pyplot.show()` opens and a notebook displays.
 
         ax : axes to draw into, where the picture has one panel, so that several results go into one figure.
         options : of the function in `femseal.plots` that draws this class.

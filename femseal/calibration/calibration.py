@@ -26,7 +26,7 @@ from ..base import (
     writing,
 )
 from ..case.case import Case
-from ..plots.drawing import GREY, LEGEND_LINE, LINES, STYLES, Sheet, branch_styles, legend_below
+from ..plots.drawing import GREY, LEGEND_LINE, LINES, STYLES, Sheet, branch_styles, legend_below, shown
 from ..results.tables import format_leakage
 from .leak_test import BELOW, PROBABILITY, UNITS, Estimate, LeakTest, Posterior
 
@@ -183,7 +183,7 @@ class Calibration:
 
     def plot(self) -> Figure:
         """Leakage against load with the band of the posterior, and pairs of the posterior."""
-        return calibration_figure(self)
+        return shown(calibration_figure(self))
 
     def __repr__(self) -> str:
         texts = [f"{name.replace('_', ' ')} {_text(name, one.median)}" for name, one in self.posterior.items()]
@@ -216,7 +216,7 @@ class Calibration:
         text = json.dumps(content, indent=1, ensure_ascii=False).replace("NaN", "null")
         with writing("output", target, "a folder"):
             with replacing(target / PICTURE) as temporary:
-                temporary.write_bytes(png(self.plot()))
+                temporary.write_bytes(png(calibration_figure(self)))
             write_text(target / TABLE, comma_separated(self.rows()))
             write_text(target / FILE, text)
         return [target / FILE, target / TABLE, target / PICTURE]
@@ -233,13 +233,12 @@ _HEIGHT = 3.6
 
 
 def calibration_figure(found: Any) -> Figure:
-    """Of a `Calibration`: leakage against load, log scale; then hardness against shortest wave and factor."""
+    """Of a `Calibration`: hardness against shortest wave and factor, then leakage against load, log scale."""
     test = found.test
     peaks = sorted({s.unloaded_from for s in test.steps if s.unloaded_from is not None}, reverse=True)
-    below = 0.75 + LEGEND_LINE * (len(peaks) + 2)
-    sheet = Sheet([_HEIGHT + below], columns=3)
-    margins = replace(LINES, left=1.0, bottom=below)
-    axes = sheet.panel(0, 0, margins)
+    below = 0.75 + LEGEND_LINE * 3 * (len(peaks) + 1)
+    sheet = Sheet([_HEIGHT, _HEIGHT, _HEIGHT + below])
+    axes = sheet.panel(2, replace(LINES, top=0.15, bottom=below))
     unit, size = _SCALES[found.load_unit]
     handles = []
     for peak, (colour, _, marker) in zip([None, *peaks], branch_styles(1 + len(peaks)), strict=True):
@@ -262,9 +261,9 @@ def calibration_figure(found: Any) -> Figure:
     axes.set_xlabel(f"{'nominal pressure' if found.load_unit == 'Pa' else 'load'} [{unit}]")
     axes.set_ylabel(f"leakage [{test.unit.name}]")
     axes.grid(alpha=0.25, lw=0.6)
-    for column, name in enumerate(("shortest_wave", "factor"), start=1):
-        _pair(sheet.panel(0, column, margins), found, "hardness", name)
-    legend_below(sheet.figure, handles, columns=3)
+    for row, name in enumerate(("shortest_wave", "factor")):
+        _pair(sheet.panel(row, LINES), found, "hardness", name)
+    legend_below(sheet.figure, handles, columns=1)
     return sheet.figure
 
 

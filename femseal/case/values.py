@@ -44,7 +44,7 @@ class Quantity:
     def read(self, value: Any) -> float:
         """The value in SI; PydanticCustomError where it cannot be used."""
         try:
-            number = to_si(value, self.unit)
+            number = to_si(value, self.unit, self.expected)
         except InputError as error:
             raise refusal(error.expected) from None
         if not self.test(number):

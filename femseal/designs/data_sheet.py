@@ -25,6 +25,7 @@ from ..plots.drawing import (
     legend_below,
     load_axis,
     png,
+    shown,
 )
 from ..plots.leakage_curves import LeakageCurves, leakage_panel, limit_lines
 from ..report import write_report
@@ -56,13 +57,13 @@ def design_figure(answer: Design) -> Figure:
         leakage=seals.curve_of(answer.probability),
         title=f"leakage that {100 * answer.probability:.4g} % of the seals keep" if many else "leakage of the seal",
         band=(seals.curve_of(ENDS[0]), seals.curve_of(ENDS[1])) if many else None,
-        quantiles=ENDS,
+        band_name=f"{100 * ENDS[0]:g} – {100 * ENDS[1]:g} % of the seals",
         scale=(scale, f"{what} [{unit.name}]"),
     )
     lines = ceil((len(seals.steps.unload_from) + 6) / 2)
     sheet = Sheet([4.4 + LEGEND_LINE * lines])
-    margins = replace(LINES, left=1.0, right=1.1, top=0.2, bottom=0.7 + LEGEND_LINE * lines)
-    axes = sheet.panel(0, 0, margins)
+    margins = replace(LINES, right=1.2, top=0.2, bottom=0.7 + LEGEND_LINE * lines)
+    axes = sheet.panel(0, margins)
     handles = leakage_panel(axes, curves)
     load_axis(axes, curves.pressure / 1e6, logarithmic=True)  # on which lines are what marks were read off
     _limits(axes, answer, scale)
@@ -180,7 +181,7 @@ class Design:
 
     def plot(self) -> Figure:
         """Leakage over load with Qmin and QSmin, see `design_figure`."""
-        return design_figure(self)
+        return shown(design_figure(self))
 
     def write(self, folder: str | os.PathLike[str]) -> list[Path]:
         """Write the data sheet, see `write_sheet`."""

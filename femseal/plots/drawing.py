@@ -1,16 +1,15 @@
-"""Common parts of all pictures: figures, styles, maps with their colour bar; and which function draws which class.
+"""Common parts of all pictures: figures, styles, axes of loads; and which function draws which class.
 
-Figures are made without pyplot, so no display or backend is touched. Colours differ in lightness too, and branches also
-in line and marker, so that pictures can be read without colour.
+Every picture is as broad as a page of a phone, so that its letters are legible there. Colours differ in lightness too,
+and branches also in line and marker, so that pictures can be read without colour.
 """
 
 from __future__ import annotations
 
 import io
-import sys
 from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import cache, cached_property, singledispatch
+from functools import cached_property, partial, singledispatch
 from inspect import signature
 from typing import TYPE_CHECKING, Any
 
@@ -24,8 +23,8 @@ if TYPE_CHECKING:
     from matplotlib.axis import Axis
     from matplotlib.figure import Figure
 
-#: Least distance of two labels of loads, as a fraction of the axis.
-_APART = 0.09
+#: Width of a letter, and least space between two labels, in font sizes.
+_LETTER, _SPACE = 0.65, 0.8
 #: Part of the axis between a load of 0 and the least one above it, in decades.
 _ZERO_DECADES = 0.4
 #: Ratio of the ends of an axis beyond which it has no ticks between the powers of ten.
@@ -36,9 +35,10 @@ _PLAIN = range(-2, 4)
 
 
 def load_axis(axes: Axes, loads: Array, *, logarithmic: bool = False) -> None:
-    """Scale of the x axis over loads: linear or logarithmic, whichever keeps the closest two further apart.
+    """Scale and ticks of the x axis: all loads, those with a label that have room for it.
 
-    A load of 0 stands left of the others on the logarithmic scale.
+    The scale is linear or logarithmic, whichever keeps the closest two further apart; a load of 0 stands left of the
+    others on the logarithmic one.
     logarithmic : takes this one for any two loads or more.
     """
     loads = np.unique(loads[np.isfinite(loads) & (loads >= 0)])
@@ -47,23 +47,37 @@ def load_axis(axes: Axes, loads: Array, *, logarithmic: bool = False) -> None:
     apart = _spread(places := _log_places(loads)) > _spread(np.unique(np.r_[0.0, loads]))
     if loads.size == 1 or not (logarithmic or apart):
         axes.set_xlim(0, loads[-1] * 1.03)
-        return
-    positive = loads[loads > 0]
-    margin = 0.03 * (places[-1] - places[0])
-    # before the scale, which would look for ends itself and warn where a single load has a value
-    left = loads[0] / 10**margin if loads[0] > 0 else -positive[0] * margin / _ZERO_DECADES
-    axes.set_xlim(left, loads[-1] * 10**margin)
-    if loads[0] > 0:
-        axes.set_xscale("log")
+        places = loads
     else:
-        axes.set_xscale("symlog", linthresh=positive[0], linscale=_ZERO_DECADES, subs=[])
-    # from both ends inwards, so that the least and the highest load have a label
-    kept: list[int] = []
-    for n in sorted(range(loads.size), key=lambda n: (min(n, loads.size - 1 - n) > 0, -n)):
-        if all(abs(places[n] - places[k]) >= _APART * (places[-1] - places[0]) for k in kept):
-            kept.append(n)
-    axes.set_xticks(loads[sorted(kept)], labels=[f"{loads[n]:.4g}" for n in sorted(kept)])
+        positive = loads[loads > 0]
+        margin = 0.03 * (places[-1] - places[0])
+        # before the scale, which would look for ends itself and warn where a single load has a value
+        left = loads[0] / 10**margin if loads[0] > 0 else -positive[0] * margin / _ZERO_DECADES
+        axes.set_xlim(left, loads[-1] * 10**margin)
+        if loads[0] > 0:
+            axes.set_xscale("log")
+        else:
+            axes.set_xscale("symlog", linthresh=positive[0], linscale=_ZERO_DECADES, subs=[])
+    labels = [f"{load:.4g}" for load in loads]
+    kept = _with_room(axes, places, labels)
+    axes.set_xticks(loads[kept], labels=[labels[n] for n in kept])
     axes.set_xticks(loads, labels=[""] * loads.size, minor=True)
+
+
+def _with_room(axes: Axes, places: Array, labels: list[str]) -> list[int]:
+    """Labels that do not touch each other, taken from both ends inwards, so that both ends have one."""
+    from matplotlib import rcParams
+
+    width = axes.get_position().width * axes.get_figure(root=True).get_size_inches()[0]  # type: ignore[union-attr]
+    letters = 72 * width / rcParams["font.size"]
+    whole = places[-1] - places[0] if len(places) > 1 else 1.0
+    at = (places - places[0]) / (whole or 1.0) * letters / 1.06
+    kept: list[int] = []
+    for n in sorted(range(len(labels)), key=lambda n: (min(n, len(labels) - 1 - n) > 0, -n)):
+        room = [_LETTER * (len(labels[n]) + len(labels[k])) / 2 + _SPACE for k in kept]
+        if all(abs(at[n] - at[k]) >= least for k, least in zip(kept, room, strict=True)):
+            kept.append(n)
+    return sorted(kept)
 
 
 def _log_places(loads: Array) -> Array:
@@ -107,8 +121,8 @@ def power_text(value: float) -> str:
 def _number_text(value: float) -> str:
     exponent = int(np.floor(np.log10(value) + 1e-9))
     if exponent in _PLAIN:
-        return f"{value:g}"
-    return f"{value / 10.0**exponent:.0f}·10{str(exponent).translate(_SUPERSCRIPTS)}"
+        return f"{value:.3g}"
+    return f"{value / 10.0**exponent:.3g}·10{str(exponent).translate(_SUPERSCRIPTS)}"
 
 
 #: Loading first, then unloadings: colours that the colour-blind tell apart (Okabe & Ito), line style and marker.
@@ -127,34 +141,15 @@ CLOSED = "#B0B0B0"
 POCKET = "#FFFFFF"
 #: Packing of PNG, 0 to 9: more gains a few per cent for twice the time.
 _PACKING = 4
-#: Pixels of a notebook for an inch of a figure.
-_NOTEBOOK_PIXELS = 80
+#: Width of every picture [inch], whose smallest letters are legible on a phone, and its pixels for an inch.
+PAGE, DPI = 5.4, 200
 
 
 def new_figure(width: float, height: float) -> Figure:
-    """An empty figure [inch] with automatic layout, without a window; a notebook displays it."""
-    return _figure_class()(figsize=(width, height), layout="constrained", dpi=150)
-
-
-@cache
-def _figure_class() -> type[Figure]:
-    """The class of figures that notebooks show; matplotlib is loaded when it is needed."""
+    """An empty figure [inch] with automatic layout, without a window."""
     from matplotlib.figure import Figure
 
-    class NotebookFigure(Figure):
-        """A figure that notebooks show without pyplot.
-
-        panels : left, bottom, width and height [inch] of the parts that can stand alone.
-        """
-
-        panels: tuple[tuple[float, float, float, float], ...] = ()
-
-        def _repr_png_(self) -> tuple[bytes, dict[str, int]]:
-            _WAITING[:] = [figure for figure in _WAITING if figure is not self]
-            width, height = (round(_NOTEBOOK_PIXELS * float(side)) for side in self.get_size_inches())
-            return png(self), {"width": width, "height": height}
-
-    return NotebookFigure
+    return Figure(figsize=(width, height), layout="constrained", dpi=DPI)
 
 
 def png(figure: Figure) -> bytes:
@@ -167,10 +162,10 @@ def png(figure: Figure) -> bytes:
 
 @dataclass(frozen=True, eq=False)
 class Drawn:
-    """Pixels (rows, columns, 3) of a figure, and the rows and columns of its panels; each is packed when asked for."""
+    """Pixels (rows, columns, 3) of a figure, and the rows of its panels; each is packed when asked for."""
 
     pixels: NDArray[np.uint8]
-    cuts: tuple[tuple[slice, slice], ...] = ()
+    cuts: tuple[slice, ...] = ()
 
     @cached_property
     def whole(self) -> bytes:
@@ -184,16 +179,15 @@ class Drawn:
 
 
 def drawn(figure: Figure) -> Drawn:
-    """Draw a figure once, so that its panels can be cut out of it."""
+    """Draw a figure once, so that the panels of a sheet can be cut out of it."""
     from matplotlib.backends.backend_agg import FigureCanvasAgg
 
     canvas = FigureCanvasAgg(figure)
     canvas.draw()
     pixels = np.array(np.asarray(canvas.buffer_rgba())[..., :3])
-    n, dpi, boxes = len(pixels), figure.dpi, getattr(figure, "panels", ())
-    rows = (slice(round(n - (bottom + height) * dpi), round(n - bottom * dpi)) for _, bottom, _, height in boxes)
-    columns = (slice(round(left * dpi), round((left + width) * dpi)) for left, _, width, _ in boxes)
-    return Drawn(pixels, tuple(zip(rows, columns, strict=True)))
+    panels = np.array(getattr(figure, "panels", ())).reshape(-1, 2) * DPI
+    rows = (slice(round(len(pixels) - low - height), round(len(pixels) - low)) for low, height in panels)
+    return Drawn(pixels, tuple(rows))
 
 
 def _packed(pixels: NDArray[np.uint8]) -> bytes:
@@ -214,38 +208,40 @@ class Margins:
 
 
 #: Space for labels and title of lines, of a map with its colour bar, and of heights, whose bar has a name.
-LINES, MAP, HEIGHTS = Margins(0.85, 0.2, 0.55, 0.4), Margins(0.75, 0.8, 0.5, 0.5), Margins(0.75, 1.0, 0.5, 0.5)
-#: Width of a panel [inch] whose smallest letters are legible on a phone.
-PANEL = 5.4
+LINES, MAP, HEIGHTS = Margins(0.95, 0.2, 0.55, 0.4), Margins(0.6, 0.62, 0.45, 0.38), Margins(0.6, 0.9, 0.45, 0.38)
 
 
 class Sheet:
-    """A figure of rows of panels at fixed places: layouts that look for the places draw everything twice.
+    """A figure of panels below each other, at fixed places: layouts that look for the places draw everything twice.
 
-    heights : of the rows [inch], from the top.
-    columns : panels in a row.
-    head : height of the space above the rows [inch].
+    heights : of the panels [inch], from the top.
+    head : height of the space above them [inch].
     """
 
-    def __init__(self, heights: Sequence[float], columns: int = 1, head: float = 0.0) -> None:
-        self._heights, self._head = heights, head
-        self.height = sum(heights) + head
-        self.figure = _figure_class()(figsize=(columns * PANEL, self.height), dpi=150)
+    def __init__(self, heights: Sequence[float], head: float = 0.0) -> None:
+        from matplotlib.figure import Figure
 
-    def panel(self, row: int, column: int, margins: Margins, part: tuple[int, int] = (0, 1)) -> Axes:
-        """Axes of a panel, or of the n-th of m equal parts of it side by side, `part` = (n, m)."""
-        width, height = PANEL / part[1], self._heights[row]
-        left, bottom = column * PANEL + part[0] * width, self.height - self._head - sum(self._heights[: row + 1])
-        if part[0] == 0:
-            self.figure.panels += ((left, bottom, PANEL, height),)  # type: ignore[attr-defined]
+        self.heights = heights
+        self.height = sum(heights) + head
+        self.figure = Figure(figsize=(PAGE, self.height), dpi=DPI)
+        # bottom and height [inch] of the panels, each of which can stand alone
+        self.figure.panels = []  # type: ignore[attr-defined]
+
+    def panel(self, row: int, margins: Margins) -> Axes:
+        """Axes of a panel."""
+        height, bottom = self.heights[row], sum(self.heights[row + 1 :])
+        self.figure.panels.append((bottom, height))  # type: ignore[attr-defined]
         box = (
-            left + margins.left,
-            bottom + margins.bottom,
-            max(width - margins.left - margins.right, 0.1),
-            max(height - margins.bottom - margins.top, 0.1),
+            margins.left / PAGE,
+            (bottom + margins.bottom) / self.height,
+            (PAGE - margins.left - margins.right) / PAGE,
+            max(height - margins.bottom - margins.top, 0.1) / self.height,
         )
-        whole = (*self.figure.get_size_inches(), *self.figure.get_size_inches())
-        return self.figure.add_axes([float(side / all_) for side, all_ in zip(box, whole, strict=True)])  # type: ignore[call-overload]
+        return self.figure.add_axes(box)
+
+    def head(self, text: str) -> None:
+        """A title above all panels."""
+        self.figure.suptitle(text, fontsize=10, y=1 - 0.1 / self.height, va="top")
 
 
 #: Height of a line of a legend below the panels [inch].
@@ -278,25 +274,24 @@ def panel_title(axes: Axes, title: str) -> None:
     axes.set_title(title, fontsize=9.5, y=1.0, pad=6)
 
 
-#: Figures that the notebook shows at the end of the cell unless it has shown them.
-_WAITING: list[Any] = []
-
-
 def shown(figure: Figure) -> Figure:
-    """The figure, which a notebook shows at the end of its cell, also where that ends with a semicolon."""
-    notebook: Any = getattr(sys.modules.get("IPython"), "get_ipython", lambda: None)()
-    if getattr(notebook, "kernel", None) is not None:
-        if _show_waiting not in notebook.events.callbacks["post_execute"]:
-            notebook.events.register("post_execute", _show_waiting)
-        _WAITING.append(figure)
+    """The figure in the hands of pyplot: `pyplot.show()` opens it, and a notebook shows it once."""
+    from matplotlib import pyplot
+
+    # a window for a figure that is there already
+    pyplot.figure(FigureClass=lambda **_: figure)  # type: ignore[arg-type]
+    if "inline" in pyplot.get_backend():
+        figure._ipython_display_ = partial(_show_in_notebook, figure)  # type: ignore[attr-defined]
     return figure
 
 
-def _show_waiting() -> None:
+def _show_in_notebook(figure: Figure) -> None:
+    """Show a figure that a cell ends with; pyplot lets go of it, as it would show it again after the cell."""
     from IPython.display import display
+    from matplotlib import pyplot
 
-    while _WAITING:
-        display(_WAITING.pop(0))
+    pyplot.close(figure)
+    display({"image/png": png(figure)}, raw=True)
 
 
 @singledispatch

@@ -1,4 +1,4 @@
-"""Maps of a drawn seal in its plane, of the realisation nearest to the median: pressures, permeability and flux."""
+"""Maps of a drawn seal in its plane, of the realisation nearest to the median: pressures, and where it leaks."""
 
 from __future__ import annotations
 
@@ -9,23 +9,24 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..base import Array, to_text
+from ..base import Array
 from ..base.leak_rates import leakage_unit
+from ..results.selections import load_names
 from .drawing import CLOSED, MAP, POCKET, Sheet, panel_title
-from .map_panels import colour_bar, flow_arrows, lying, map_row, on_decades
+from .map_panels import colour_bar, flow_arrows, lying, map_row, name_sides, on_decades
 
 if TYPE_CHECKING:
     import xarray
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-#: Permeabilities and fluxes shown in colour: so many decades below the largest.
-_DECADES, _FLUX_DECADES = 10, 4
+#: Flows shown in colour: so many decades below the largest.
+_DECADES = 4
 #: Sides of the detail across and along a strip, or of a square of another seal, and largest ratio of the sides of a
-#: seal that is shown as a whole, in breadths of the seal.
+#: seal that keeps its proportions, in breadths of the seal.
 _STRIP, _DETAIL, _LONGEST = (1.0, 2.5), 1.2, 8.0
 #: Most parts that are shown as a whole, and most arrows along the longer side of a map.
-_MOST, _ARROWS = 200_000, 20
+_MOST, _ARROWS = 200_000, 12
 
 
 @dataclass(frozen=True)
@@ -53,8 +54,8 @@ class _View:
 class DrawnSeal:
     """Corners (parts, corners, 2) of the parts of a drawn seal, and the ends of each (parts, 2) [mm].
 
-    strip : whether it is a rectangle, its first side the breadth; lies : a long one, with x2 to the right. detail :
-    around the largest flux at a step. whole : the whole seal, if it is more, and neither long nor fine.
+    strip : whether it is a rectangle, its first side the breadth; lies : a high one, with x2 to the right. detail :
+    around the largest flow at a step. whole : the whole seal, or its detail where it is too fine.
     """
 
     def __init__(self, data: xarray.Dataset, s: int) -> None:
@@ -63,13 +64,13 @@ class DrawnSeal:
         self.low, self.high = (ends.reduce(list(self.corners.swapaxes(0, 1))) for ends in (np.minimum, np.maximum))
         self.all = _View(self.low.min(axis=0), self.high.max(axis=0))
         self.strip = self._is_strip()
-        self.lies = self.strip and lying(self.all.size) != self.all.size
+        self.lies = lying(self.all.size) != self.all.size
         if self.lies:
             self.corners, self.low, self.high = (values[..., ::-1] for values in (self.corners, self.low, self.high))
             self.all = _View(self.all.low[::-1], self.all.high[::-1])
-        self.detail = self._detail(data["drawn_flux"].values[s], float(data.attrs["seal_size_m"][0]) * 1e3)
-        fits = max(self.all.size) <= _LONGEST * min(self.all.size) and len(self.corners) <= _MOST
-        self.whole = [self.all] if fits and not self.detail.spans(self) else []
+        breadth = float(data.attrs["seal_size_m"][0]) * 1e3
+        self.detail = self._detail(data["drawn_flux"].values[s], breadth)
+        self.whole = self.all if len(self.corners) <= _MOST else self.detail
 
     def _is_strip(self) -> bool:
         """Whether the parts, all with sides along the axes, fill a rectangle."""
@@ -93,71 +94,65 @@ class DrawnSeal:
 
 
 def drawn_figure(data: xarray.Dataset, s: int) -> Figure:
-    """The whole seal, with fluid pressure and permeability, and the surroundings of its largest flux in detail.
+    """Fluid pressure in the whole seal, and the flow around its largest, with arrows that show where it goes.
 
-    The detail adds the flux, as arrows and by its size, and the contact pressure of the tiles, where it is not the
-    same everywhere; a form of the seal, and the gap that it leaves, come last. Long or fine seals are shown in detail
-    alone, and the title says which part of them; so are short ones, whose detail is the whole seal.
+    Where the load has a map, or the seal a form, also the contact pressure of the tiles, the form, and the gap that it
+    leaves. A long seal is shown without its proportions.
     """
     seal, flux = DrawnSeal(data, s), data["drawn_flux"].values[s]
-    corners, detail, whole = seal.corners, seal.detail, seal.whole
+    panels = [(seal.whole, panel) for panel in _panels(data, s)]
     flow = np.nan_to_num(np.hypot(*flux.T))
-    fluid = _Panel("fluid pressure [MPa]", data["drawn_fluid_pressure"].values[s] / 1e6, "cividis", bad="pockets")
-    k = _Panel("permeability [m³]", data["drawn_permeability"].values[s], "viridis", _DECADES)
     factor, unit = leakage_unit(flow.max()) if flow.max() > 0 else (1.0, "m²/s")
-    rows = [[(view, fluid), (view, k)] for view in whole]
-    rows.append([(detail, fluid), (detail, _Panel(f"flux [{unit}]", flow / factor, "magma", _FLUX_DECADES))])
-    if "drawn_contact_pressure" in data and np.ptp(p := data["drawn_contact_pressure"].values[s]) > 1e-6 * p.max():
-        contact = _Panel("contact pressure of tiles [MPa]", p / 1e6, "viridis")
-        # the whole of a seal shows a map, a long strip without its proportions
-        mapped = _has_map(data) and len(corners) <= _MOST and not detail.spans(seal)
-        wide = seal.all if mapped else detail
-        rows.append([(whole[0] if whole and wide is not detail else wide, contact), (detail, k)])
-    elif not whole:
-        rows.append([(detail, k)])
-    if "drawn_form" in data:
-        wide = seal.all if len(corners) <= _MOST else detail
-        form = _Panel("form of the seal [µm]", data["drawn_form"].values * 1e6, "cividis")
-        apart = _Panel("distance of mean planes [µm]", data["drawn_separation"].values[s] * 1e6, "viridis")
-        rows.append([(wide, form), (wide, apart)])
-    sheet = Sheet([map_row(row[-1][0].size) for row in rows], columns=2, head=0.5)
-    labels = ("x1, inlet at 0 [mm]", "x2 along the seal [mm]") if seal.strip else ("x1 [mm]", "x2 [mm]")
-    labels, flux = (labels[::-1], flux[:, ::-1]) if seal.lies else (labels, flux)
-    for n, row in enumerate(rows):
-        for column, (view, panel) in enumerate(row):
-            axes = sheet.panel(n, column, MAP)
-            seen = view.holds(seal)
-            aspect = "equal" if any(view is one for one in (detail, *whole)) else "auto"
-            axes.set(xlim=(view.low[0], view.high[0]), ylim=(view.low[1], view.high[1]), aspect=aspect)
-            axes.set(xlabel=labels[0], ylabel=labels[1])
-            panel.draw(axes, corners[seen], seen)
-            if view is detail and panel is fluid:
-                _arrows(axes, corners[seen].mean(axis=1), flux[seen], max(view.size))
-    number = data["drawn_corners"].attrs["realisation"]
-    text, drawn = part_text(seal), data["drawn_corners"].attrs["part"]
-    if drawn < 1:
-        text = f"{drawn:.1%} of its length, alike all along; " + text.replace("the whole seal", "the whole of it")
-    title = f"{data['name'].values[s]}; drawn seal {number}, the nearest to the median\n{text}"
-    sheet.figure.suptitle(title, fontsize=11, y=1 - 0.1 / sheet.height, va="top")
+    around = "" if seal.detail.spans(seal) else " around the largest"
+    title = f"flow per width [{unit}]{around}\narrows: where it goes"
+    panels.append((seal.detail, _Panel(title, flow / factor, "magma", _DECADES)))
+    number, drawn = (data["drawn_corners"].attrs[name] for name in ("realisation", "part"))
+    sheet = Sheet([map_row(view.size) for view, _ in panels], head=0.3 if drawn == 1 else 0.5)
+    labels = ["x1, inlet at 0 [mm]", "x2 along the seal [mm]"] if seal.strip else ["x1 [mm]", "x2 [mm]"]
+    for n, (view, panel) in enumerate(panels):
+        axes = sheet.panel(n, MAP)
+        width, height = view.size
+        aspect: Any = "equal" if width <= _LONGEST * height else "auto"
+        axes.set(xlim=(view.low[0], view.high[0]), ylim=(view.low[1], view.high[1]), aspect=aspect)
+        name_sides(axes, labels[::-1] if seal.lies else labels)
+        seen = view.holds(seal)
+        panel.draw(axes, seal.corners[seen], seen)
+    seen = seal.detail.holds(seal)
+    vectors = flux[:, ::-1] if seal.lies else flux
+    _arrows(axes, seal.corners[seen].mean(axis=1), vectors[seen], max(seal.detail.size))
+    part = f"\n{100 * drawn:.2g} % of its length is shown, the rest is alike" if drawn < 1 else ""
+    sheet.head(f"{load_names(data)[s]}; drawn seal {number}, the nearest to the median{part}")
     return sheet.figure
+
+
+def _panels(data: xarray.Dataset, s: int) -> list[_Panel]:
+    """What is shown of the whole seal."""
+    found = []
+    if _has_map(data):
+        contact = data["drawn_contact_pressure"].values[s] / 1e6
+        found.append(_Panel("contact pressure [MPa]", contact, "viridis"))
+    fluid = data["drawn_fluid_pressure"].values[s] / 1e6
+    found.append(_Panel("fluid pressure [MPa]", fluid, "cividis", bad="pockets"))
+    if "drawn_form" in data:
+        form, apart = data["drawn_form"].values * 1e6, data["drawn_separation"].values[s] * 1e6
+        found.append(_Panel("form of the seal [µm]", form, "cividis"))
+        found.append(_Panel("distance of mean planes [µm]", apart, "viridis"))
+    return found
 
 
 def part_text(seal: DrawnSeal) -> str:
     """Which part of the seal the maps of `drawn_figure` show."""
-    detail = seal.detail
-    if detail.spans(seal):
+    if seal.detail.spans(seal):
         return "the whole seal"
-    ends = [(float(detail.low[n]) / 1e3, float(detail.high[n]) / 1e3) for n in ((1, 0) if seal.lies else (0, 1))]
-    x1, x2 = (f"{to_text(low, 'm', 3)} to {to_text(high, 'm', 3)}" for low, high in ends)
-    part = f", x1 = {x1}, x2 = {x2}"
-    if seal.strip:
-        part = f", x2 = {x2} of {to_text(float(seal.all.high.max()) / 1e3, 'm', 4)}"
-    return f"{'the whole seal, and around its largest flux' if seal.whole else 'shown around the largest flux'}{part}"
+    return "the whole seal, and the flow around its largest"
 
 
 def _has_map(data: xarray.Dataset) -> bool:
     """Whether the contact pressure follows a map or a form of the seal, which the whole of it shows."""
-    return "drawn_form" in data or bool(json.loads(data.attrs.get("case", "{}")).get("load", {}).get("map"))
+    if "drawn_contact_pressure" not in data:
+        return False
+    given = json.loads(data.attrs.get("case", "{}")).get("load", {}).get("map")
+    return "drawn_form" in data or bool(given)
 
 
 @dataclass(frozen=True, eq=False)
@@ -184,7 +179,7 @@ class _Panel:
         norm: Any
         if self.decades:
             values, norm = on_decades(values, self.decades)
-            notes += ["grey: none" if "flux" in self.title else "grey: closed"] if (finite == 0).any() else []
+            notes += ["grey: none"] if (finite == 0).any() else []
         else:
             norm = Normalize(float(finite.min()), float(finite.max())) if finite.size else Normalize(0, 1)
         colours = colormaps[self.colours].with_extremes(under=CLOSED, bad=POCKET)
@@ -209,5 +204,5 @@ def _arrows(axes: Axes, centres: Array, flux: Array, side: float) -> None:
     chosen = order[first]
     chosen = chosen[size[chosen] > 1e-3 * size.max()]
     # the length goes with the root of the flux, so that the weaker paths are seen beside the strongest
-    vectors = flux[chosen] * (1.6 * pitch / np.sqrt(size[chosen] * size.max()))[:, None]
+    vectors = flux[chosen] * (pitch / np.sqrt(size[chosen] * size.max()))[:, None]
     flow_arrows(axes, *centres[chosen].T, *vectors.T, width=0.025)

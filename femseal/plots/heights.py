@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-#: Least height of the panels of profiles [inch], and most points of a map along a side.
+#: Height of the panels of profiles [inch], and most points of a map along a side.
 _PROFILE, _SEEN = 2.2, 1024
 #: Percentiles between which the colours lie at least, and the fraction of their distance that is added at both ends.
 _PERCENTILES = (0.5, 99.5)
@@ -90,13 +90,11 @@ def heights_figure(topography: Topography) -> Figure:
     topography : heights; where points are undefined the spectral densities are left out.
     """
     l1, l2 = topography.size
-    row = max(map_row(lying((l1, l2)), HEIGHTS), 2 * _PROFILE)
-    sheet = Sheet([row], columns=2)
+    sheet = Sheet([map_row(lying((l1, l2)), HEIGHTS), _PROFILE, _PROFILE])
     heights = topography.heights
     seen = heights if max(heights.shape) <= _SEEN else block_means(heights, _SEEN).astype(float)
-    height_panel(sheet.panel(0, 0, HEIGHTS), seen * 1e6, (l1 * 1e3, l2 * 1e3))
-    upper, lower = replace(LINES, bottom=row / 2 + 0.55), replace(LINES, top=row / 2 + 0.35)
-    profile, density = sheet.panel(0, 1, upper), sheet.panel(0, 1, lower)
+    height_panel(sheet.panel(0, HEIGHTS), seen * 1e6, (l1 * 1e3, l2 * 1e3))
+    profile, density = (sheet.panel(row, replace(LINES, top=0.3)) for row in (1, 2))
     z, (n1, n2), (d1, d2) = topography.heights * 1e6, topography.shape, topography.spacing
     for axis, (line, n, d) in enumerate(((z[:, n2 // 2], n1, d1), (z[n1 // 2], n2, d2))):
         colour, style, _ = STYLES[axis]

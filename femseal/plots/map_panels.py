@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from ..base import Array
-from .drawing import CLOSED, MAP, PANEL, Margins, decades, panel_title
+from .drawing import CLOSED, MAP, PAGE, Margins, decades, panel_title
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -17,8 +18,8 @@ _HIGH = 1.2
 
 
 def map_row(size: tuple[float, float], margins: Margins = MAP) -> float:
-    """Height [inch] of a row of panels with a map of the given sides, to the right and upwards."""
-    width = PANEL - margins.left - margins.right
+    """Height [inch] of a row with a map of the given sides, to the right and upwards."""
+    width = PAGE - margins.left - margins.right
     return map_height(size, width) + margins.bottom + margins.top
 
 
@@ -48,10 +49,16 @@ def map_panel(
         **scale,
     )
     names = [f"x1, inlet at 0 [{unit}]", f"x2 along the seal [{unit}]"]
-    xlabel, ylabel = names[::-1] if turned else names
-    axes.set(xlabel=xlabel, ylabel=ylabel, aspect="equal", xlim=(0.0, across), ylim=(0.0, up))
+    name_sides(axes, names[::-1] if turned else names)
+    axes.set(aspect="equal", xlim=(0.0, across), ylim=(0.0, up))
     panel_title(axes, title)
     return colour_bar(axes, image)
+
+
+def name_sides(axes: Axes, names: Sequence[str]) -> None:
+    """Names of the axes to the right and upwards, which a narrow map has room for."""
+    axes.set_xlabel(names[0], fontsize=8.5)
+    axes.set_ylabel(names[1], fontsize=8.5)
 
 
 def lying(size: tuple[float, float]) -> tuple[float, float]:
@@ -107,4 +114,4 @@ def with_closed(name: str, colour: str = CLOSED) -> Any:
 
 def map_height(size: tuple[float, float], width: float) -> float:
     """Height [inch] of a map of sides to the right and upwards in a panel of a width, within what can be read."""
-    return float(np.clip(width * size[1] / size[0], 0.4, width))
+    return float(np.clip(width * size[1] / size[0], 0.7, width))

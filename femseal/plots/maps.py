@@ -1,12 +1,11 @@
-"""Maps of the face: its fields in blocks, and where the pressure drops and how permeable it is in its pieces.
+"""Maps of the face: its fields in blocks, and where the pressure drops.
 
 Also single solutions: a contact, a load cycle, the flow in a cell, the leakage of a seal.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
-from functools import partial
+from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -18,18 +17,15 @@ from ..flow import Permeability
 from ..results.run_data import RunData
 from ..results.selections import branches, load_names, pressures_and_peaks
 from ..seal import Leakage
-from .drawing import CLOSED, LINES, MAP, POCKET, STYLES, Sheet, branch_styles, new_figure, one_panel, shows
+from .drawing import MAP, POCKET, STYLES, Sheet, branch_styles, new_figure, one_panel, panel_title, shows
 from .drawn_panels import drawn_figure
 from .heights import height_panel
-from .map_panels import lying, map_height, map_panel, map_row, on_decades, with_closed
+from .map_panels import lying, map_height, map_panel, map_row, name_sides, with_closed
 
 if TYPE_CHECKING:
     import xarray
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
-
-#: Permeabilities shown in colour: this many decades below the largest.
-_DECADES = 10
 
 
 def default_step(data: xarray.Dataset) -> int:
@@ -46,10 +42,9 @@ def has_maps(data: xarray.Dataset) -> bool:
 
 
 def seal_figure(results: RunData, step: int | None = None) -> Figure:
-    """Maps of the face at one step: fluid pressure, contact pressure and gap in blocks, and the fall of the pressure.
+    """Maps of the face at one step: contact pressure, gap and fluid pressure in blocks, and the fall of the pressure.
 
-    Of a two-scale study also the fraction of the pressure drop in each piece, and their permeability. Without fields
-    over the face: of the drawn seal that is nearest to the median.
+    Without fields over the face: of the drawn seal that is nearest to the median.
 
     step : index of the load step; the highest load that still leaks unless given.
 
@@ -65,16 +60,11 @@ def seal_figure(results: RunData, step: int | None = None) -> Figure:
     if not has_maps(data):
         return drawn_figure(data, s)
     row = map_row(lying(face_size(data)))
-    panels: list[Callable[..., None]] = [
-        partial(_face_map, name=name) for name in ("fluid_pressure", "contact_pressure", "gap")
-    ]
-    panels += [fraction_panel, permeability_panel] if "piece_k1" in data else []
-    heights = [row] * (len(panels) // 2) + [max(row, 2.9)]
-    sheet = Sheet(heights, columns=2, head=0.35)
-    for n, draw in enumerate(panels):
-        draw(sheet.panel(*divmod(n, 2), MAP), data, s)
-    drop_panel(sheet.panel(*divmod(len(panels), 2), LINES), data, [s])
-    sheet.figure.suptitle(f"{data['name'].values[s]}; inlet at x1 = 0", fontsize=11, y=1 - 0.1 / sheet.height, va="top")
+    sheet = Sheet([row, row, row, 2.4], head=0.35)
+    for n, draw in enumerate((_contact_panel, _gap_panel, _fluid_panel)):
+        draw(sheet.panel(n, MAP), data, s)
+    drop_panel(sheet.panel(3, MAP), data, [s])
+    sheet.head(f"{load_names(data)[s]}; inlet at x1 = 0")
     return sheet.figure
 
 
@@ -82,12 +72,13 @@ def place_figure(data: xarray.Dataset) -> Figure:
     """Heights of the measured place that leaks most, and its gap at the highest load that leaks where it is known."""
     size = _sides(data, "place1", "place2")
     gaps = "place_gap" in data
-    sheet = Sheet([map_row(lying(size))], columns=2 if gaps else 1)
+    sheet = Sheet([map_row(lying(size))] * (1 + gaps))
     heights, s = data["place_height"], default_step(data)
-    height_panel(sheet.panel(0, 0, MAP), heights.values * 1e6, size, f"place {heights.attrs['place']}: height [µm]")
+    title = f"place {heights.attrs['place']}: height [µm]"
+    height_panel(sheet.panel(0, MAP), heights.values * 1e6, size, title)
     if gaps:
-        title = f"gap [µm] at {data['name'].values[s]}; grey: contact"
-        _gap_panel(sheet.panel(0, 1, MAP), data["place_gap"].values[s], size, title)
+        title = f"gap [µm] at {load_names(data)[s]}; grey: contact"
+        _map_of_gap(sheet.panel(1, MAP), data["place_gap"].values[s], size, title)
     return sheet.figure
 
 
@@ -108,30 +99,31 @@ def face_leakage(data: xarray.Dataset) -> Array:
     return np.asarray(data[next(name for name in names if name in data)].values)
 
 
-def _face_map(axes: Axes, data: xarray.Dataset, s: int, name: str) -> None:
-    """Map of a field of the face in blocks at a step."""
-    values, size = data[f"face_{name}"].values[s], face_size(data)
-    positive = np.where(values > 0, values, np.nan)
-    if name == "fluid_pressure":
-        flows = "" if face_leakage(data)[s] != 0 else ", no flow"
-        title = f"fluid pressure [MPa]{flows}; white: contact, pockets"
-        map_panel(axes, values / 1e6, size, with_closed("cividis", POCKET), title)
-    elif name == "contact_pressure":
-        map_panel(axes, positive / 1e6, size, with_closed("viridis"), "contact pressure [MPa]; grey: no contact")
-    else:
-        _gap_panel(axes, values, size)
+def _contact_panel(axes: Axes, data: xarray.Dataset, s: int) -> None:
+    """Contact pressure of the face in blocks at a step."""
+    values = data["face_contact_pressure"].values[s]
+    shown = np.where(values > 0, values, np.nan) / 1e6
+    title = "contact pressure [MPa]\ngrey: no contact"
+    map_panel(axes, shown, face_size(data), with_closed("viridis"), title)
 
 
-def _gap_panel(axes: Axes, gap: Array, size: tuple[float, float], title: str = "gap [µm]; grey: contact") -> None:
+def _fluid_panel(axes: Axes, data: xarray.Dataset, s: int) -> None:
+    """Fluid pressure over the face in blocks at a step."""
+    flows = "" if face_leakage(data)[s] != 0 else ", no flow"
+    title = f"fluid pressure [MPa]{flows}\nwhite: contact, pockets"
+    values = data["face_fluid_pressure"].values[s] / 1e6
+    map_panel(axes, values, face_size(data), with_closed("cividis", POCKET), title)
+
+
+def _gap_panel(axes: Axes, data: xarray.Dataset, s: int) -> None:
+    """Gap of the face in blocks at a step."""
+    _map_of_gap(axes, data["face_gap"].values[s], face_size(data), "gap [µm]\ngrey: contact")
+
+
+def _map_of_gap(axes: Axes, gap: Array, size: tuple[float, float], title: str) -> None:
     """Map of a gap [m]."""
-    map_panel(axes, np.where(gap > 0, gap, np.nan) * 1e6, size, with_closed("magma"), title, vmin=0)
-
-
-def fraction_panel(axes: Axes, data: xarray.Dataset, s: int) -> None:
-    """Fraction of the pressure drop in each piece at a step."""
-    values = 100 * data["piece_drop_fraction"].values[s]
-    title = "pressure drop in pieces [%]" + ("" if np.isfinite(values).any() else ", no flow")
-    map_panel(axes, values, face_size(data), with_closed("magma", POCKET), title, vmin=0)
+    shown = np.where(gap > 0, gap, np.nan) * 1e6
+    map_panel(axes, shown, size, with_closed("magma"), title, vmin=0)
 
 
 def drop_panel(axes: Axes, data: xarray.Dataset, steps: Sequence[int]) -> None:
@@ -144,9 +136,13 @@ def drop_panel(axes: Axes, data: xarray.Dataset, steps: Sequence[int]) -> None:
         if s == steps[-1]:
             low, high = p.min(axis=1) / 1e6, p.max(axis=1) / 1e6
             axes.fill_between(x1 * 1e3, low, high, color=colour, alpha=0.15, lw=0, label="lowest to highest there")
-    axes.set(xlabel="x1, inlet at 0 [mm]", ylabel="fluid pressure [MPa]")
+    name_sides(axes, ("x1, inlet at 0 [mm]", "fluid pressure [MPa]"))
+    axes.tick_params(labelsize=8)
     axes.grid(alpha=0.25, lw=0.6)
-    axes.legend(fontsize=8, framealpha=0.9)
+    if len(steps) > 1:
+        axes.legend(fontsize=8, framealpha=0.9)
+    else:
+        panel_title(axes, "mean fluid pressure\nshaded: lowest to highest")
 
 
 def row_panel(axes: Axes, data: xarray.Dataset, steps: Sequence[int]) -> None:
@@ -166,17 +162,6 @@ def row_panel(axes: Axes, data: xarray.Dataset, steps: Sequence[int]) -> None:
 def pressure_rows(data: xarray.Dataset, s: int) -> tuple[Array, Any]:
     """x1 [m] and fluid pressure [Pa] (rows, columns) of the blocks of the face, masked where undefined."""
     return data["block1"].values, np.ma.masked_invalid(data["face_fluid_pressure"].values[s].astype(float))
-
-
-def permeability_panel(axes: Axes, data: xarray.Dataset, s: int) -> None:
-    """Permeability of the pieces along x1 at a step, log scale."""
-    from matplotlib import colormaps
-
-    k = data["piece_k1"].values[s]
-    shown, scale = on_decades(k, _DECADES)
-    label = "permeability of pieces along x1 [m³]; grey: closed" + ("; white: failed" if np.isnan(k).any() else "")
-    colours = colormaps["viridis"].with_extremes(under=CLOSED)
-    map_panel(axes, shown, face_size(data), colours, label, norm=scale)
 
 
 @shows(Contact)

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,6 +12,7 @@ from numpy.typing import NDArray
 from ..base import Array, InputError
 from ..flow.law import cubic_law
 from ..results.run_data import RunData
+from ..results.selections import loads_as_given
 from .drawing import GREY, LINES, STYLES, Sheet, decades
 
 if TYPE_CHECKING:
@@ -19,30 +21,33 @@ if TYPE_CHECKING:
 
 #: Decades of permeability below the largest one that are shown, and factor of the scale beyond what is shown.
 _DECADES, _BEYOND = 6, 1.5
+#: Relative distance of equal pressures.
+_ROUNDING = 1e-6
 
 
 def pieces_figure(results: RunData) -> Figure:
     """Permeability of pieces along x1 against their mean gap and their pressure, on loading and on unloading.
 
     Closed pieces, and those a million times less permeable than the most permeable one, are not drawn.
-    The line in the first panel is h̄³/12, of parallel plates. Pieces are those that seals draw from, in every state of
-    the face, or else those of two scales.
+    The line in the first panel is h̄³/12, of parallel plates. Pieces are those that seals draw from, at the pressures of
+    the case, or else those of two scales.
 
     Raises InputError: results without pieces.
     """
     pieces = pieces_of(results)
-    sheet = Sheet([4.2], columns=2)
-    margins = replace(LINES, left=0.95)
-    for column, (x, label) in enumerate(
-        (
-            (pieces.mean_gap * 1e6, "mean gap of the piece [µm]"),
-            (pieces.pressure / 1e6, "contact pressure of the piece [MPa]"),
-        )
-    ):
-        axes = sheet.panel(0, column, margins)
-        axes.set(xlabel=label, ylabel="permeability along x1 [m³]")
+    text = loads_as_given(results.dataset, 3)
+    sheet = Sheet([3.6, 3.6], head=0.35)
+    sheet.head("each point: a piece of the face at one load")
+    quantities: tuple[tuple[Array, str, Literal["lower right", "upper right"]], ...] = (
+        (pieces.mean_gap * 1e6, "mean gap between the faces of the piece [µm]", "lower right"),
+        (pieces.pressure / 1e6, "mean contact pressure of the piece [MPa]", "upper right"),
+    )
+    for row, (x, label, corner) in enumerate(quantities):
+        axes = sheet.panel(row, replace(LINES, top=0.1))
+        axes.set(xlabel=label, ylabel="permeability towards the outlet [m³]")
         axes.grid(alpha=0.25, lw=0.6)
-        _clouds(axes, pieces, x, plates=column == 0)
+        if _clouds(axes, pieces, x, text, plates=row == 0):
+            axes.legend(loc=corner, fontsize=8.5, framealpha=0.9, edgecolor="none")
     return sheet.figure
 
 
@@ -61,7 +66,7 @@ class Pieces:
 
 
 def pieces_of(results: RunData) -> Pieces:
-    """The pieces of a run.
+    """The pieces of a run at the pressures of its case.
 
     Raises InputError: results without pieces.
     """
@@ -69,28 +74,35 @@ def pieces_of(results: RunData) -> Pieces:
     kind = next((kind for kind in ("state", "piece") if f"{kind}_k1" in data), None)
     if kind is None:
         raise InputError("pieces figure", "results without pieces", "those of a two-scale or a stochastic study")
-    k, gap, pressure = (data[f"{kind}_{name}"].values for name in ("k1", "mean_gap", "pressure"))
-    k, gap, pressure = (values.reshape(len(values), -1) for values in (k, gap, pressure))
     prefix = "state_" if kind == "state" else ""
+    nominal, loads = data[f"{prefix}nominal_pressure"].values, data["nominal_pressure"].values
+    # a ladder of states reaches beyond the loads of the case
+    asked = (nominal >= loads.min() * (1 - _ROUNDING)) & (nominal <= loads.max() * (1 + _ROUNDING))
+    fields = (data[f"{kind}_{name}"].values[asked] for name in ("k1", "mean_gap", "pressure"))
+    k, gap, pressure = (values.reshape(len(values), -1) for values in fields)
     loading = np.isnan(data[f"{prefix}unloaded_from"].values)
-    return Pieces(k, gap, pressure, loading, data[f"{prefix}nominal_pressure"].values)
+    return Pieces(k, gap, pressure, loading[asked], nominal[asked])
 
 
-def _clouds(axes: Axes, pieces: Pieces, x: Array, *, plates: bool) -> None:
-    """A point for each open piece in each state, in two colours, and the line of parallel plates over a gap [µm]."""
+def _clouds(axes: Axes, pieces: Pieces, x: Array, text: Callable[[float], str], *, plates: bool) -> bool:
+    """A point for each open piece in each state, in two colours, and the line of parallel plates over a gap [µm].
+
+    text : of a load. Returns whether a piece is open.
+    """
     k = pieces.k
     with np.errstate(invalid="ignore"):
         shown = (k > np.nanmax(k, initial=0.0) * 10.0**-_DECADES) & ((x > 0) | (not plates))
     if not shown.any():
         axes.annotate("every piece is closed", (0.5, 0.5), xycoords="axes fraction", ha="center", color=GREY)
-        return
-    look: dict[str, Any] = {"ls": "", "mew": 0, "alpha": 0.55, "rasterized": True}
-    for name, states, (colour, _, marker) in zip(
-        ("loading", "unloading"), (pieces.loading, ~pieces.loading), STYLES, strict=False
-    ):
+        return False
+    branches = (("loading", pieces.loading), ("unloading", ~pieces.loading))
+    for (name, states), (colour, _, marker) in zip(branches, STYLES, strict=False):
         if states.any():
-            seen = shown[states]
-            axes.plot(x[states][seen], k[states][seen], color=colour, marker=marker, ms=4, label=name, **look)
+            seen, loads = shown[states], pieces.nominal[states]
+            ends = dict.fromkeys(map(text, sorted((loads.min(), loads.max()))))
+            look: dict[str, Any] = {"color": colour, "marker": marker, "ms": 4, "ls": "", "mew": 0}
+            label = f"{name}, {' to '.join(ends)}"
+            axes.plot(x[states][seen], k[states][seen], alpha=0.55, label=label, rasterized=True, **look)
     low, high = float(k[shown].min()), float(k[shown].max())
     if plates:
         h = np.geomspace(float(x[shown].min()) / 1.1, float(x[shown].max()) * 1.1, 50)
@@ -100,7 +112,4 @@ def _clouds(axes: Axes, pieces: Pieces, x: Array, *, plates: bool) -> None:
         decades(axes.xaxis)
     axes.set(yscale="log", ylim=(low / _BEYOND, high * _BEYOND))
     decades(axes.yaxis)
-    above = axes.legend(loc="lower left", bbox_to_anchor=(-0.02, 1.0), ncols=3, frameon=False, fontsize=9)
-    for handle in above.legend_handles:
-        if handle is not None:
-            handle.set_alpha(1.0)
+    return True

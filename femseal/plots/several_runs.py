@@ -36,20 +36,18 @@ def comparison_figure(comparison: RunComparison) -> Figure:
     """Leakage of several runs against nominal pressure, log scale, a colour for each run.
 
     Loading is solid, unloading thin and dashed with open markers; steps without leakage stand in a strip below. Bands
-    between the quantiles of the realisations are drawn for up to three runs. Of a sweep, a second panel shows the
+    between the quantiles of the realisations are drawn for up to three runs. Of a sweep, a panel above shows the
     leakage at some loads against the key that has most values.
     """
     key = _drawn_key(comparison)
-    panels = 1 if key is None else 2
-    columns = panels * (2 if max(map(len, comparison.labels)) <= _LEGEND_LETTERS else 1)
-    lines = ceil((len(comparison.labels) + 2) / columns)
-    below = 0.75 + LEGEND_LINE * lines
-    sheet = Sheet([4.0 + below], columns=panels)
-    margins = replace(LINES, left=1.0, right=0.65, bottom=below)
-    handles = _load_panel(sheet.panel(0, 0, margins), comparison)
+    columns = 2 if max(map(len, comparison.labels)) <= _LEGEND_LETTERS else 1
+    below = 0.6 + LEGEND_LINE * (ceil((len(comparison.labels) + 2) / columns) + 0.5)
+    sheet = Sheet([*([] if key is None else [4.0]), 3.8 + below])
+    margins = replace(LINES, top=0.15, bottom=below)
+    handles = _load_panel(sheet.panel(len(sheet.heights) - 1, margins), comparison)
     legend_below(sheet.figure, handles, columns, length=3)
     if key is not None:
-        _key_panel(sheet.panel(0, 1, margins), comparison, key)
+        _key_panel(sheet.panel(0, LINES), comparison, key)
     return sheet.figure
 
 
@@ -72,7 +70,7 @@ def _load_panel(axes: Axes, comparison: RunComparison) -> list[Any]:
     leakages = [np.abs(comparison.leakage(n)) for n in range(count)]
     bands = [comparison.band(n) if count <= _MOST_BANDS else None for n in range(count)]
     ends = [np.abs(end) for band in bands if band is not None for end in band]
-    floor, lanes = leakage_axis(axes, np.concatenate([*leakages, *ends]), min(count, _MOST_LANES))
+    leakage_axis(axes, np.concatenate([*leakages, *ends]), min(count, _MOST_LANES))
     handles: list[Any] = []
     unloads = False
     for n, (name, (colour, marker)) in enumerate(zip(comparison.labels, run_styles(count), strict=True)):
@@ -82,10 +80,10 @@ def _load_panel(axes: Axes, comparison: RunComparison) -> list[Any]:
             x, y = pressure[steps], leakages[n][steps]
             look: dict[str, Any] = {"color": colour, "marker": marker}
             look |= {"ls": "-", "lw": 1.8, "ms": 4.5} if part == 0 else {"ls": "--", "lw": 1.0, "ms": 4, "mfc": "white"}
-            leakage_line(axes, x, y, lanes[n % len(lanes)], **look)
+            leakage_line(axes, x, y, n % _MOST_LANES, **look)
             unloads |= part > 0
             if (band := bands[n]) is not None and part == 0:
-                leakage_band(axes, x, band[0][steps], band[1][steps], floor, colour, 0.15)
+                leakage_band(axes, x, band[0][steps], band[1][steps], colour)
         handles.append(Line2D([], [], color=colour, marker=marker, ms=4.5, lw=1.8, label=name))
     if unloads:
         handles.append(Line2D([], [], color=GREY, ls="--", lw=1.0, marker="o", ms=4, mfc="white", label="unloading"))
@@ -124,11 +122,11 @@ def _key_panel(axes: Axes, comparison: RunComparison, key: int) -> None:
         points = [(places[comparison.settings[n][key]], *_at(comparison, n, step)) for n in runs]
         drawn.append((name, np.array(sorted(points)).T))
     sizes = np.concatenate([lines_of[1:].ravel() for _, lines_of in drawn])
-    floor, lanes = leakage_axis(axes, sizes, len(drawn))
-    for (name, (x, y, low, high)), (colour, line, marker), lane in zip(drawn, STYLES, lanes, strict=False):
+    leakage_axis(axes, sizes, len(drawn))
+    for n, ((name, (x, y, low, high)), (colour, line, marker)) in enumerate(zip(drawn, STYLES, strict=False)):
         if len(drawn) <= _MOST_BANDS:
-            leakage_band(axes, x, low, high, floor, colour, 0.15)
-        leakage_line(axes, x, y, lane, color=colour, ls=line, lw=1.8, marker=marker, ms=4.5, label=name)
+            leakage_band(axes, x, low, high, colour)
+        leakage_line(axes, x, y, n, color=colour, ls=line, lw=1.8, marker=marker, ms=4.5, label=name)
     name = comparison.keys[key]
     axes.set(xlabel=f"{name} [{unit}]" if unit else name, ylabel=comparison.label)
     _key_axis(axes, texts, places, unit)

@@ -13,6 +13,7 @@ from ..contact.hardness_curves import SMALLEST_DEPTH, NixGao
 from ..materials import HARDNESS_FACTOR, METALS
 from ..plots.maps import default_step, face_leakage, pressure_rows
 from ..results.run_data import RunData
+from ..results.selections import load_names
 
 if TYPE_CHECKING:
     import xarray
@@ -273,7 +274,7 @@ def _steepest_tenth(results: RunData) -> str:
     """Where most of the pressure drops over the face: the tenth of its width with the largest drop."""
     data = results.dataset
     s = default_step(data)
-    name = str(data["name"].values[s])
+    name = load_names(data)[s]
     if np.nan_to_num(face_leakage(data)[s]) == 0:
         return f"At {name} nothing flows."
     x1, pressure = pressure_rows(data, s)

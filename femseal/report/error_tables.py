@@ -1,13 +1,13 @@
-"""Tables of the report on the error of the numbers: budget of errors, scatter, checks, other resolutions, times."""
+"""Tables of the report on the error of the numbers: budget of errors, checks, times."""
 
 import json
 
 import numpy as np
 
-from ..base import Array, TextTable, counted, format_deviation, to_text
-from ..results.results import as_chosen, solvers_text
+from ..base import TextTable, format_deviation, to_text
+from ..results.results import as_chosen
 from ..results.run_data import RunData
-from ..studies.load_curves import first_known, leakage_factor, least_counted
+from ..studies.load_curves import first_known, least_counted
 
 Lines = list[tuple[str, ...]]
 
@@ -55,38 +55,6 @@ def _width_text(width: float) -> str:
     return format_deviation(width, "× ") if known is None else known
 
 
-def scatter_lines(results: RunData) -> Lines:
-    """Scatter and differences as factors: source, typical value, largest value, its step, meaning."""
-    data, steps = results.dataset, results.steps
-    leakage = np.abs(results.leakage.values)
-    leaking = leakage > least_counted(leakage)
-    lines: Lines = []
-
-    def deviation(source: str, sigma: Array, meaning: str) -> None:
-        chosen = np.where(leaking, sigma, np.nan)
-        if np.isfinite(chosen).any():
-            worst = int(np.nanargmax(chosen))
-            typical, largest = (_factor(float(np.exp(v))) for v in (np.nanmedian(chosen), chosen[worst]))
-            lines.append((source, typical, largest, steps[worst].name, meaning))
-
-    if "realisation_spread" in data:
-        spread = data["realisation_spread"].values
-        deviation("realisations", spread, "one standard deviation between redraws of the measured patch")
-        fraction = 1.2533 / np.sqrt(data.sizes["realisation"])
-        deviation("median", fraction * spread, "standard error of the median; more realisations lower it")
-    if "place_scatter" in data:
-        meaning = f"one standard deviation between measured places; {most_leaking_place(results)}"
-        deviation("places", np.log1p(data["place_scatter"].values), meaning)
-    pairs = (
-        ("median", "leakage_median", "two-scale", "leakage_two_scale"),
-        ("median", "leakage_median", "deterministic", "leakage_deterministic"),
-    )
-    for one, name, other, reference in pairs:
-        if name in data and reference in data:
-            lines += _comparison(results, one, data[name].values, other, data[reference].values)
-    return lines
-
-
 def most_leaking_place(results: RunData) -> str:
     """Which of several measured places leaks most by itself, and how much, over the loads that count."""
     about = results.dataset["place_height"].attrs
@@ -96,48 +64,12 @@ def most_leaking_place(results: RunData) -> str:
     return f"place {about['place']} of {count} leaks most, {about['over_mean']:.3g} times their mean"
 
 
-def _comparison(results: RunData, one: str, leakage: Array, other: str, reference: Array) -> Lines:
-    """Lines of a leakage against a reference: the factor between them, on each branch."""
-    lines: Lines = []
-    steps, least = results.steps, least_counted(reference)
-    for branch in dict.fromkeys(s.branch for s in steps):
-        factor = leakage_factor(leakage, reference, steps, branch)
-        if not factor.loads:
-            continue
-        chosen = np.array([s.branch == branch for s in steps]) & (np.abs(reference) > least)
-        with np.errstate(divide="ignore", invalid="ignore"):
-            ratio = np.where(chosen & (leakage * reference > 0), np.abs(np.log(leakage / reference)), np.nan)
-        worst = int(np.nanargmax(ratio))
-        meaning = f"rms over {counted(factor.loads, 'load')}" + (
-            f", {factor.closed} more closed in one only" if factor.closed else ""
-        )
-        source = f"{one} against {other}, {branch}"
-        lines.append((source, _factor(factor.value), _factor(float(np.exp(ratio[worst]))), steps[worst].name, meaning))
-    return lines
-
-
 def check_lines(results: RunData) -> Lines:
     """Residuals and resolution: quantity, value, meaning."""
     data, case = results.dataset, as_chosen(results.case, results.attempts)
     lines: Lines = []
     if (rtol := case.get("contact", {}).get("rtol")) is not None:
         lines.append(("contact residual", f"≤ {rtol:.0e}", "of every contact that is not among the failures"))
-    if "piece_pressure" in data:
-        nominal = data["nominal_pressure"].values
-        carried = data["piece_pressure"].values.mean(axis=(1, 2))
-        if "fluid_carried_pressure" in data and case.get("load", {}).get("nominal") != "contact":
-            carried += data["fluid_carried_pressure"].values
-        off = np.abs(carried - nominal)[nominal > 0] / nominal[nominal > 0]
-        if off.size:
-            lines.append(("load of the pieces", f"{np.nanmax(off):.0e}", "largest distance from the nominal pressure"))
-    for study, counts in json.loads(data.attrs["counts"]).items():
-        if counts:
-            text = ", ".join(f"{n} {kind}" for kind, n in counts.items())
-            meaning = "closed ones are exactly 0, open ones follow h̄³/12"
-            lines.append((f"flows of pieces, {study.replace('_', '-')}", text, meaning))
-    for study, solvers in json.loads(data.attrs.get("solvers", "{}")).items():
-        meaning = "which solver solved how many; the imbalance is that of inlet and outlet flow"
-        lines.append((f"linear systems, {study.replace('_', '-')}", solvers_text(solvers), meaning))
     surface = json.loads(data.attrs["surface"])
     if "shortest_wavelength" in surface and "spacing" in surface:
         wave, pixel = surface["shortest_wavelength"], max(surface["spacing"])
@@ -152,10 +84,6 @@ def check_lines(results: RunData) -> Lines:
                 meaning += f"; {1 - kept:.1%} of that of waves above noise, which end at {end}"
             lines.append(("slope removed", f"{100 * lost:.2g} %", meaning))
     return lines
-
-
-def _factor(value: float) -> str:
-    return "–" if np.isnan(value) else f"× {value:.3g}"
 
 
 def time_lines(results: RunData) -> list[tuple[str, str, float]]:

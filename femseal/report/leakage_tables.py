@@ -13,10 +13,10 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ..base import TextTable, format_deviation, read_plain, to_text
-from ..base.leak_rates import LeakUnit, within
+from ..base.leak_rates import LEAK_UNITS, LeakUnit, leak_classes, within
 from ..results.run_data import RunData
-from ..results.selections import branches_in
-from ..results.tables import class_unit, format_error_band, format_leakage, in_several_units, leakage_at
+from ..results.selections import branches_in, load_names, loads_as_given
+from ..results.tables import class_unit, format_error_band, format_leakage, leakage_at
 from .case_text import fluid_text
 
 if TYPE_CHECKING:
@@ -34,11 +34,11 @@ class KeyNumber:
 
 def key_numbers(results: RunData) -> list[KeyNumber]:
     """Leakage of the whole seal at the first and the highest load and after the last unloading; contact there."""
-    data, steps, leakage = results.dataset, results.steps, results.leakage.values
-    unit, factor = _whole_seal(results)
-    peak = results.peak
-    numbers, budget = [], results.budget
-    for s in dict.fromkeys((peak, 0, len(steps) - 1)):
+    data, leakage = results.dataset, results.leakage.values
+    names, budget = load_names(data), results.budget
+    numbers = []
+    for s in dict.fromkeys((results.peak, 0, len(names) - 1)):
+        unit, factor = _whole_seal(results, leakage[s])
         value = leakage_at(results, s, factor)
         value += f" {unit.name}" if leakage[s] and not np.isnan(leakage[s]) else ""
         note = ""
@@ -47,17 +47,18 @@ def key_numbers(results: RunData) -> list[KeyNumber]:
         elif "leakage_lower" in data:
             ends = (format_leakage(float(data[f"leakage_{end}"][s]), factor) for end in ("lower", "upper"))
             note = f"redraws of the measured patch {'–'.join(ends)}"
-        numbers.append(KeyNumber(f"whole seal, {steps[s].name}", value, note))
+        numbers.append(KeyNumber(f"whole seal, {names[s]}", value, note))
     if "contact_fraction" in data:
-        fraction = float(data["contact_fraction"][peak])
+        fraction = float(data["contact_fraction"][results.peak])
         numbers.append(KeyNumber("in contact at the highest load", f"{100 * fraction:.3g} %", ""))
     return numbers
 
 
-def _whole_seal(results: RunData) -> tuple[LeakUnit, float]:
-    """The unit of leakage, or a readable one of the whole seal where that is per length, and the value of 1 [m²/s]."""
-    unit, basis = results.leak_unit, results.leak_basis
-    unit = basis.readable(results.leakage.values) if unit.per_length else unit
+def _whole_seal(results: RunData, leakage: float) -> tuple[LeakUnit, float]:
+    """The unit of leakage that was asked for, or a readable one of the whole seal, and the value of 1 [m²/s]."""
+    basis, unit = results.leak_basis, results.asked_unit
+    if unit is None or unit.per_length or not basis.has(unit):
+        unit = basis.readable([leakage])
     return unit, basis.factor(unit)
 
 
@@ -66,17 +67,28 @@ def limiting_text(results: RunData) -> str:
     budget, peak = results.budget, results.peak
     if budget is None or not (name := budget.limiting(peak)):
         return ""
-    half_width, step = float(budget.half_width(peak)), results.steps[peak].name
+    half_width, step = float(budget.half_width(peak)), load_names(results.dataset)[peak]
     if not np.isfinite(half_width):
         return f"One end of the band of error at {step} is unknown; its widest source: {name}."
     return f"Half-width of the band of error at {step}: {format_deviation(half_width)}; its widest source: {name}."
 
 
+#: Units that people say a leakage in, from the largest: of mass in a year, of drops, and of gases.
+_SAID = (("kg/year", "g/year"), ("drops/s", "drops/min", "drops/h"), ("mbar·L/s",))
+
+
 def total_leakage_text(results: RunData) -> str:
-    """Leakage of the whole seal at the highest load, in several units."""
-    if not (whole := in_several_units(results, results.peak)):
+    """Leakage of the whole seal at the highest load, in the units that people say."""
+    basis, leakage = results.leak_basis, float(results.leakage[results.peak])
+    if not np.isfinite(leakage) or leakage == 0:
         return ""
-    length, load = to_text(results.leak_basis.length, "m"), to_text(results.steps[results.peak].pressure, "Pa")
+    units = [basis.readable([leakage])]
+    for names in _SAID:
+        known = [unit for unit in map(LEAK_UNITS.get, names) if unit is not None and basis.has(unit)]
+        said = [unit for unit in known if abs(leakage) >= basis.factor(unit)] or known[-1:]
+        units += said[:1]
+    whole = " = ".join(f"{format_leakage(leakage, basis.factor(unit))} {unit.name}" for unit in units)
+    length, load = to_text(basis.length, "m"), loads_as_given(results.dataset)(results.steps[results.peak].pressure)
     return f"Over its whole length of {length} the seal leaks {whole} at {load}.{_reference_text(results)}"
 
 
@@ -96,38 +108,53 @@ def class_table(results: RunData) -> TextTable | None:
 
     Loads are load steps. Where the leakage that decides has a band of error, also from which load on all of it is met.
     """
-    data = results.dataset
+    data, budget = results.dataset, results.budget
     if "leak_class" not in data.coords:
         return None
-    unit, budget = class_unit(results), results.budget
-    scale, pressure = results.class_basis.factor(unit), data["nominal_pressure"].values
     limits, met = data["class_limit"].values, data["class_met"].values
-    columns = [
-        ("class", [str(name) for name in data["leak_class"].values]),
-        ("limit", [f"{format_leakage(q, scale)} {unit.name}" if q else "no leakage" for q in limits]),
-    ]
-    for n, (name, steps) in enumerate(branches_in(data)):
-        head = "met on loading" if n == 0 else f"in service, {name}"
-        columns.append((head, [_span(pressure[steps], each[steps], loading=n == 0) for each in met]))
+    names = [str(name) for name in data["leak_class"].values]
+    columns = [("class", names), ("limit", [_limit_text(results, *one) for one in zip(names, limits, strict=True)])]
+    text = loads_as_given(data)
+    # the force alone where the case has forces
+    short = [text(p).partition(" (")[0] for p in data["nominal_pressure"].values]
+    seal = "the median seal" if results.method == "median" else "the seal"
+    for n, (_, steps) in enumerate(branches_in(data)):
+        loads = [short[s] for s in steps]
         if n == 0 and budget is not None and "test_leakage" not in data:
             sure = [within(np.nan_to_num(budget.upper[steps], nan=np.inf), limit) for limit in limits]
-            columns.append(("with all of its band", [_span(pressure[steps], each, loading=True) for each in sure]))
+            columns.append(("met with the whole band", [_met_text(loads, each) for each in sure]))
+        if n == 0:
+            columns.append((f"met by {seal}", [_met_text(loads, each[steps]) for each in met]))
+        else:
+            head = f"in service, unloading from {loads[0]}"
+            columns.append((head, [_kept_text(loads, each[steps]) for each in met]))
     fluid = "the test fluid" if "test_leakage" in data else "the fluid"
-    seal = "the median seal" if results.method == "median" else "the seal"
-    title = f"Leakage classes at the load steps, decided by {fluid} and {seal}"
+    title = f"Leakage classes at the load steps, decided by {fluid}"
     return TextTable.of_columns(title, columns, names=len(columns))
 
 
-def _span(pressure: np.ndarray, met: np.ndarray, loading: bool) -> str:
-    """From which load on, or down to which, a class is met; "open" where the leakage there may be any."""
-    if np.isnan(met[-1 if loading else 0]):
+def _limit_text(results: RunData, name: str, limit: float) -> str:
+    """The limit of a class in the unit of its standard."""
+    unit = LEAK_UNITS[leak_classes([name])[0].unit]
+    return f"{format_leakage(limit, results.class_basis.factor(unit))} {unit.name}" if limit else "no leakage"
+
+
+def _met_text(loads: list[str], met: np.ndarray) -> str:
+    """From which load on a class is met; "open" where the leakage at the highest may be any."""
+    if np.isnan(met[-1]):
         return "open"
-    met = met == 1
-    if loading:
-        good = len(met) - int(np.argmin(met[::-1])) if not met.all() else 0
-        return "at no load step" if good == len(met) else f"from {to_text(float(pressure[good]), 'Pa')}"
-    good = int(np.argmin(met)) if not met.all() else len(met)
-    return "not even at the peak" if good == 0 else f"kept down to {to_text(float(pressure[good - 1]), 'Pa')}"
+    if (met == 1).all():
+        return "at every load step"
+    good = len(met) - int(np.argmin(met[::-1] == 1))
+    return "at no load step" if good == len(met) else f"from {loads[good]}"
+
+
+def _kept_text(loads: list[str], met: np.ndarray) -> str:
+    """Down to which load a class is kept; "open" where the leakage at the peak may be any."""
+    if np.isnan(met[0]):
+        return "open"
+    good = int(np.argmin(met == 1)) if not (met == 1).all() else len(met)
+    return "not even at the peak" if good == 0 else f"kept down to {loads[good - 1]}"
 
 
 def test_fluid_sentences(results: RunData) -> list[str]:

@@ -24,13 +24,13 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ..base import Array, FemsealError, InputError, replacing, write_text, writing
-from ..plots.drawing import GREY, branch_styles
-from ..plots.leakage_curves import leakage_curves, leakage_range
+from ..plots.drawing import branch_styles
+from ..plots.leakage_curves import leakage_curves
 from ..plots.maps import pressure_rows
 from ..results.dataset import FILE_NAME, open_results, unfit
 from ..results.results import Results, as_chosen, attempts_table
 from ..results.run_data import RunData
-from ..results.selections import branches
+from ..results.selections import load_names
 from ..results.tables import format_error_band, format_leakage, leakage_of, leakage_table, totals_table
 from . import case_text, error_tables, leakage_tables, pictures
 from .leakage_tables import design_section
@@ -133,10 +133,8 @@ def _content(results: Results, drawings: pictures.Drawings) -> dict[str, Any]:
         "drop": None,
         "drop_sentences": [],
         "budget": error_tables.budget_table(results),
-        "scatter": error_tables.scatter_lines(results),
         "checks": error_tables.check_lines(results),
         "attempts": None if results.attempts is None else attempts_table(results.attempts),
-        "attempts_picture": pictures.attempts_picture(drawings) if "attempts" in drawings else None,
         "times": error_tables.time_lines(results),
         "warnings": results.warnings,
         "failures": results.failures,
@@ -193,38 +191,33 @@ def page_code() -> dict[str, str]:
 
 
 def leakage_chart(results: Results) -> Chart:
-    """Leakage over load, a curve for each branch, with the band of error as bars and the limits of classes."""
+    """Leakage over load, a curve for each branch, with the band of error shaded and the limits of classes."""
     curves, (unit, factor) = leakage_curves(results), results.leak_scale
-    low, high = leakage_range(curves, factor)
+    name, load_factor = curves.load
+    sizes = curves.range[np.isfinite(curves.range) & (curves.range > 0)] / factor
+    low, high = (sizes.min() / 1.3, sizes.max() * 1.3) if sizes.size else (0.1, 10.0)
     loads = np.unique(curves.pressure)
-    parts = branches(curves.pressure, curves.peaks)
+    parts = curves.branches
     series = []
-    for (name, steps), (colour, *_) in zip(parts, branch_styles(len(parts)), strict=True):
-        one = _series(name, colour, loads.size)
-        if curves.error is not None:
+    for (branch, steps), (colour, *_) in zip(parts, branch_styles(len(parts)), strict=True):
+        one = _series(branch, colour, loads.size)
+        if curves.band is not None:
             one |= {"low": [None] * loads.size, "high": [None] * loads.size}
         for s in steps:
             n, value = int(np.searchsorted(loads, curves.pressure[s])), abs(float(curves.leakage[s]))
             one["texts"][n] = format_leakage(value, factor)
             one["values"][n] = None if np.isnan(value) else max(value / factor, low)
-            if curves.error is not None:
-                lower, upper = (abs(float(end[s])) for end in curves.error)
+            if curves.band is not None:
+                lower, upper = (abs(float(end[s])) for end in curves.band)
                 one["texts"][n] += f", band {format_error_band(lower, upper, factor, value)}"
                 one["low"][n], one["high"][n] = (_number(min(end / factor, 10 * high)) for end in (lower, upper))
         series.append(one)
-    for name, limit in curves.limits.items():
-        if low <= limit / factor <= high:
-            series.append(
-                _series(name, GREY, loads.size, [6, 4])
-                | {"points": False, "values": [limit / factor] * loads.size}
-                | {"texts": [format_leakage(limit, factor)] * loads.size}
-            )
-    caption = "Leakage against nominal pressure; points at the lower edge are sealed."
-    caption += (
-        " Bars: band of error, which holds the truth in about 95 of 100 cases." if curves.error is not None else ""
-    )
+    caption = "Leakage against load; points at the lower edge are sealed."
+    caption += f" Shaded: {' '.join(curves.band_name.split())}." if curves.band is not None else ""
     what = f"{leakage_of(results).rstrip(',')} [{unit.name}]"
-    return _chart("nominal pressure [MPa]", loads / 1e6, what, (low, high), series, caption, log_y=True)
+    chart = _chart((name, loads * load_factor), (what, (low, high)), series, caption, log_y=True)
+    limits = {limit: limit_value / factor for limit, limit_value in curves.limits.items()}
+    return chart | {"limits": {limit: value for limit, value in limits.items() if low <= value <= high}}
 
 
 def drop_chart(results: Results, steps: Sequence[int]) -> Chart:
@@ -234,29 +227,30 @@ def drop_chart(results: Results, steps: Sequence[int]) -> Chart:
         x, p = pressure_rows(data, s)
         values = [_number(value) for value in np.ma.filled(p.mean(axis=1), np.nan) / 1e6]
         texts = ["–" if value is None else f"{value:.4g}" for value in values]
-        series.append(_series(str(data["name"].values[s]), colour, len(x)) | {"values": values, "texts": texts})
+        series.append(_series(load_names(data)[s], colour, len(x)) | {"values": values, "texts": texts})
     known = [value for one in series for value in one["values"] if value is not None] or [0.0, 1.0]
     margin = 0.05 * (max(known) - min(known) or 1.0)
     span = min(known) - margin, max(known) + margin
     caption = "Fluid pressure along the leakage, mean over the length of the seal."
-    return _chart("x1, inlet at 0 [mm]", x * 1e3, "fluid pressure [MPa]", span, series, caption)
+    return _chart(("x1, inlet at 0 [mm]", x * 1e3), ("fluid pressure [MPa]", span), series, caption)
 
 
-def _series(label: str, colour: str, count: int, dash: Sequence[int] = ()) -> dict[str, Any]:
-    return {"label": label, "colour": colour, "dash": list(dash), "points": True,
-            "values": [None] * count, "texts": [None] * count}  # fmt: skip
+def _series(label: str, colour: str, count: int) -> dict[str, Any]:
+    return {"label": label, "colour": colour, "values": [None] * count, "texts": [None] * count}
 
 
 def _chart(
-    x_label: str,
-    x: Array,
-    y_label: str,
-    span: tuple[float, float],
+    across: tuple[str, Array],
+    up: tuple[str, tuple[float, float]],
     series: list[dict[str, Any]],
     caption: str,
     log_y: bool = False,
 ) -> Chart:
-    """What `charts.js` takes; the horizontal axis of a logarithmic chart is logarithmic too, but for a load of 0."""
+    """What `charts.js` takes; the horizontal axis of a logarithmic chart is logarithmic too, but for a load of 0.
+
+    across : its label and values. up : its label and the ends of the scale.
+    """
+    (x_label, x), (y_label, span) = across, up
     log_x = log_y and bool(x[0] > 0 and x[-1] > 3 * x[0])
     margin = (x[-1] / x[0]) ** 0.02 if log_x else 0.02 * (x[-1] - x[0]) or 1.0
     ends = (x[0] / margin, x[-1] * margin) if log_x else (x[0] - margin, x[-1] + margin)
@@ -264,6 +258,7 @@ def _chart(
         "x": {"label": x_label, "values": [float(v) for v in x], "log": log_x, "range": [float(end) for end in ends]},
         "y": {"label": y_label, "log": log_y, "range": [float(end) for end in span]},
         "series": series,
+        "limits": {},
         "caption": caption,
     }
 

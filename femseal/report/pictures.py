@@ -5,13 +5,12 @@ from __future__ import annotations
 import base64
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, cast
+from typing import TYPE_CHECKING, cast
 
 import numpy as np
 
 from ..base import counted, to_text
 from ..plots import heights_figure, leakage_figure, pieces_figure, seal_figure
-from ..plots.attempts import attempts_figure
 from ..plots.drawing import HEIGHTS, LINES, Drawn, Sheet, drawn
 from ..plots.drawn_panels import DrawnSeal, drawn_figure, part_text
 from ..plots.heights import height_panel
@@ -27,6 +26,7 @@ from ..plots.maps import (
 )
 from ..plots.piece_curves import pieces_of
 from ..results.results import Results
+from ..results.selections import load_names, loads_as_given
 from ..results.tables import leakage_at, leakage_of
 from ..topography import Topography
 from .error_tables import most_leaking_place
@@ -74,20 +74,19 @@ def _figures(results: Results, surface: Topography | None) -> dict[str, Callable
         "face": ("face_height" in data, lambda: _face_figure(data)),
         "seat": (bool(data.attrs.get("seat")) and "row_pressure" in data, lambda: _lines_figure(row_panel, data)),
         "place": ("place_height" in data, lambda: place_figure(data)),
-        "attempts": (results.attempts is not None, lambda: attempts_figure(cast(dict[str, Any], results.attempts))),
     }
     return {name: draw for name, (there, draw) in pictures.items() if there}
 
 
 def _lines_figure(panel: Callable[..., None], data: xarray.Dataset) -> Figure:
     sheet = Sheet([4.0])
-    panel(sheet.panel(0, 0, LINES), data, drop_steps(data))
+    panel(sheet.panel(0, LINES), data, drop_steps(data))
     return sheet.figure
 
 
 def _face_figure(data: xarray.Dataset) -> Figure:
     sheet = Sheet([map_row(lying(face_size(data)), HEIGHTS)])
-    height_panel(sheet.panel(0, 0, HEIGHTS), data["face_height"].values * 1e6, face_size(data))
+    height_panel(sheet.panel(0, HEIGHTS), data["face_height"].values * 1e6, face_size(data))
     return sheet.figure
 
 
@@ -115,26 +114,19 @@ def place_picture(results: Results, drawings: Drawings) -> Picture:
     return Picture(_uri(drawings["place"].whole), f"Map of the place: {maps}. {sentence}.", f"{sentence}: its {maps}.")
 
 
-def attempts_picture(drawings: Drawings) -> Picture:
-    """Error of the attempts at an accuracy over their time."""
-    alt = "Error of the leakage against the time of each attempt; see the table."
-    caption = "Time and error of each attempt, with its number and points; the first has the time to start in it."
-    return Picture(_uri(drawings["attempts"].whole), alt, caption)
-
-
 def leakage_picture(results: Results, drawings: Drawings) -> Picture:
-    """Leakage over load with its bands."""
-    steps = results.steps
+    """Leakage over load with its band."""
+    data, steps = results.dataset, results.steps
     unit, factor = results.leak_scale
-    peak = max(range(len(steps)), key=lambda s: steps[s].pressure)
-    places = dict.fromkeys((0, peak, len(steps) - 1))
-    texts = [f"{leakage_at(results, s, factor)} at {steps[s].name}" for s in places]
+    names = load_names(data)
+    places = dict.fromkeys((0, results.peak, len(steps) - 1))
+    texts = [f"{leakage_at(results, s, factor)} at {names[s]}" for s in places]
     what = leakage_of(results).capitalize()
-    alt = f"{what} in {unit.name} against nominal pressure: {', '.join(texts)}. See the table for all."
-    caption = "Leakage against nominal pressure, one line and marker for each branch of the load cycle."
+    alt = f"{what} in {unit.name} against load: {', '.join(texts)}. See the table for all."
+    caption = "Leakage against load, one line and marker for each branch of the load cycle."
     if results.budget is not None:
-        caption += " Bars: band of error, which holds the truth in about 95 of 100 cases."
-    if "leakage_lower" in results.dataset:
+        caption += " Shaded: the band that holds the truth in about 95 of 100 cases."
+    elif "leakage_lower" in data:
         caption += " Shaded: redraws of the measured patch."
     return Picture(_uri(drawings["leakage"].whole), alt, caption)
 
@@ -143,13 +135,19 @@ def piece_pictures(results: Results, drawings: Drawings) -> list[Picture]:
     """Permeability of pieces against mean gap, and against pressure."""
     pieces = pieces_of(results)
     top = int(np.argmax(np.where(pieces.loading, pieces.nominal, -np.inf)))
-    shut, load = np.nanmean(pieces.k[top] == 0), to_text(float(pieces.nominal[top]), "Pa")
+    shut, load = np.nanmean(pieces.k[top] == 0), loads_as_given(results.dataset)(float(pieces.nominal[top]))
     many = f"{counted(pieces.k.shape[1], 'piece')} of the face in {counted(len(pieces.k), 'state')}"
+    closed = f"At {load} {shut:.0%} of them are closed."
+    if shut > 0.5 and results.leakage.values[results.peak] != 0:
+        closed += (
+            " The face leaks all the same: a piece is closed where nothing passes between its own sides, and grooves "
+            "that wind lead the fluid past it through its neighbours."
+        )
     texts = [
         (
             f"Permeability of {many} against their mean gap, on loading and unloading, and that of parallel plates.",
             f"Permeability of {many} against mean gap: wide gaps follow h̄³/12 of parallel plates, single channels pass "
-            f"more, and narrow gaps close. At {load} {shut:.0%} of them are closed.",
+            f"more, and narrow gaps close. {closed}",
         ),
         (
             f"Permeability of {many} against their contact pressure: loading in circles, unloading in squares.",
@@ -161,66 +159,43 @@ def piece_pictures(results: Results, drawings: Drawings) -> list[Picture]:
 
 
 def map_pictures(results: Results, drawings: Drawings) -> tuple[str, list[Picture]]:
-    """Name of the step of the maps, and maps of the face, and of its pieces, there."""
+    """Name of the step of the maps, and maps of the face there."""
     data = results.dataset
     s = default_step(data)
-    texts = _face_texts(data, s) + (_piece_texts(data, s) if "piece_k1" in data else [])
-    return str(data["name"].values[s]), _panels(drawings["seal"], texts)
-
-
-def _piece_texts(data: xarray.Dataset, s: int) -> list[tuple[str, str]]:
-    """Alternative texts and captions of the maps of pieces."""
-    pieces = f"{data.sizes['piece1']} × {data.sizes['piece2']} pieces"
-    fraction, k = data["piece_drop_fraction"].values[s], data["piece_k1"].values[s]
-    most = f"at most {np.nanmax(fraction):.0%} in one" if np.isfinite(fraction).any() else "no flow"
-    return [
-        (
-            f"Map of the fraction of the pressure drop in {pieces}, {most}.",
-            f"Where the pressure drops: fraction of it in each of the {pieces}, {most}.",
-        ),
-        (
-            f"Map of the permeability of {pieces} along x1, {_open_text(k)}.",
-            f"Permeability of each piece along x1, with closed sides: {_open_text(k)}.",
-        ),
-    ]
+    return load_names(data)[s], _panels(drawings["seal"], _face_texts(data, s))
 
 
 def _face_texts(data: xarray.Dataset, s: int) -> list[tuple[str, str]]:
     """Alternative texts and captions of the maps of the face."""
-    fluid, pressure, gap = (data[f"face_{name}"].values[s] for name in ("fluid_pressure", "contact_pressure", "gap"))
     blocks = " × ".join(str(data.sizes[f"block{n}"]) for n in (1, 2))
-    return [
-        (
-            f"Map of the fluid pressure of {blocks} blocks of the face, {_range(fluid, 'Pa')}.",
-            "Fluid pressure, from the inlet at x1 = 0; mean of the fluid of each block of pixels.",
-        ),
-        (
-            f"Map of the contact pressure of {blocks} blocks of the face, {_range(pressure, 'Pa')}.",
-            "Contact pressure, mean of each block of pixels.",
-        ),
-        (f"Map of the gap of {blocks} blocks of the face, {_range(gap, 'm')}.", "Gap, mean of each block of pixels."),
-    ]
+    names = (
+        ("contact_pressure", "Pa", "mean of each block of pixels"),
+        ("gap", "m", "mean of each block of pixels"),
+        ("fluid_pressure", "Pa", "from the inlet at x1 = 0; mean of the fluid of each block"),
+    )
+    texts = []
+    for name, unit, what in names:
+        words, values = name.replace("_", " "), data[f"face_{name}"].values[s]
+        alt = f"Map of the {words} of {blocks} blocks of the face, {_range(values, unit)}."
+        texts.append((alt, f"{words.capitalize()}, {what}."))
+    return texts
 
 
 def drawn_picture(results: Results, drawings: Drawings) -> Picture:
     """Maps of the drawn seal nearest to the median."""
     data = results.dataset
     s = default_step(data)
-    fluid, k = data["drawn_fluid_pressure"].values[s], data["drawn_permeability"].values[s]
-    parts, step = data.sizes["part"], data["name"].values[s]
-    alt = f"Maps of {parts} parts of a drawn seal at {step}: fluid pressure, {_range(fluid, 'Pa')}; {_open_text(k)}."
+    fluid, step = data["drawn_fluid_pressure"].values[s], load_names(data)[s]
     part = part_text(DrawnSeal(data, s))
-    caption = (
-        f"The drawn seal nearest to the median, in its plane, at {step}; {part}. Arrows are as long as "
-        "the root of the flux."
-    )
+    alt = f"Maps of {data.sizes['part']} parts of a drawn seal at {step}: fluid pressure, {_range(fluid, 'Pa')}."
+    caption = f"The drawn seal nearest to the median, in its plane, at {step}: {part}. Long arrows: much flow."
     return Picture(_uri(drawings["drawn" if "drawn" in drawings else "seal"].whole), alt, caption)
 
 
 def drop_picture(results: Results, drawings: Drawings) -> Picture:
     """Fluid pressure along the leakage at the first load, half way, and at the highest that leaks."""
     data = results.dataset
-    names = [str(data["name"].values[s]) for s in drop_steps(data)]
+    names = [load_names(data)[s] for s in drop_steps(data)]
     alt = f"Mean fluid pressure from inlet to outlet at {', '.join(names)}."
     caption = "Fluid pressure along the leakage, mean over the length of the seal; where it is steep the seal holds."
     return Picture(_uri(drawings["drop"].whole), alt, caption)
@@ -249,11 +224,3 @@ def _range(values: np.ndarray, unit: str) -> str:
     if finite.size == 0:
         return "unknown"
     return f"{to_text(float(finite.min()), unit, 3)} to {to_text(float(finite.max()), unit, 3)}"
-
-
-def _open_text(k: np.ndarray) -> str:
-    positive = k[np.isfinite(k) & (k > 0)]
-    if positive.size == 0:
-        return "all closed"
-    shut = f", {np.count_nonzero(k == 0)} of {k.size} closed" if (k == 0).any() else ""
-    return f"{positive.min():.2g} to {positive.max():.2g} m³{shut}"

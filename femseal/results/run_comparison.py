@@ -165,7 +165,7 @@ class RunComparison(Plotted):
         target = made_folder(folder)
         written = [write_text(target / f"{stem}.csv", self.csv_text())]
         with replacing(target / f"{stem}.png") as temporary:
-            temporary.write_bytes(room("plots").png(self.plot()))
+            temporary.write_bytes(room("plots").png(room("plots").comparison_figure(self)))
         return [*written, target / f"{stem}.png"]
 
     def __repr__(self) -> str:

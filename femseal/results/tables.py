@@ -195,7 +195,7 @@ def format_leakage(value: float, factor: float) -> str:
     if value == 0:
         return "sealed"
     number = value / factor
-    return f"{number:.0f}" if 999.5 <= abs(number) < 1e6 else f"{number:.3g}"
+    return f"{float(f'{number:.3g}'):.0f}" if 999.5 <= abs(number) < 1e6 else f"{number:.3g}"
 
 
 def format_range(low: float, high: float, factor: float) -> str:

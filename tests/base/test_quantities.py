@@ -103,6 +103,13 @@ def test_the_message_shows_what_would_do():
     )
 
 
+def test_the_example_of_a_fluid_pressure_is_one():
+    with pytest.raises(InputError, match="such as '10 MPa'"):
+        to_si("10", "Pa", "fluid.inlet_pressure")
+    with pytest.raises(InputError, match="such as '210 GPa'"):
+        to_si("10", "Pa", "solid.young")
+
+
 @each(
     ("value", "unit", "text"),
     [

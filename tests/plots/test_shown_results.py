@@ -2,13 +2,17 @@
 
 import io
 from dataclasses import replace
+from itertools import pairwise
 from pathlib import Path
 from xml.etree import ElementTree
 
 import numpy as np
 import pytest
+from matplotlib import pyplot
+from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.colors import to_hex
 from matplotlib.figure import Figure
+from matplotlib.text import Text
 from numpy.testing import assert_allclose
 
 import femseal as fs
@@ -16,7 +20,7 @@ from femseal.base.errors import InputError
 from femseal.base.leak_rates import leakage_unit
 from femseal.base.text import Shown, value_text
 from femseal.plots.drawing import png
-from femseal.plots.leakage_curves import LeakageCurves, leakage_panel
+from femseal.plots.leakage_curves import LeakageCurves, leakage_panel, limit_lines
 
 MODULUS, HARDNESS = 115e9, 1.4e9
 
@@ -165,7 +169,7 @@ def test_pictures_of_several_panels_do_not_take_axes(shown, name):
 
 
 def test_leakages_are_drawn_together(shown):
-    """The unit, the strip of closed loads and the legend are of both."""
+    """In one unit, m²/s, whatever was drawn first; the strip of closed loads and the legend are of both."""
     axes = Figure().add_subplot()
     q = shown["two_scale"].leakage
     tight = replace(shown["two_scale"], leakage=np.where(np.arange(q.size) == 1, 0.0, 1e-6 * q))
@@ -173,20 +177,27 @@ def test_leakages_are_drawn_together(shown):
         study.plot(ax=axes, label=label)
     texts = [text.get_text() for text in axes.get_legend().get_texts()]
     assert [text for text in texts if text.endswith("loading")] == ["rough, loading", "smooth, loading"]
-    factor, unit = leakage_unit(q)
-    assert unit in axes.get_ylabel()
-    drawn = [line.get_ydata() * factor for line in axes.lines if str(line.get_label()).endswith(", loading")]
+    assert axes.get_ylabel().endswith("[m²/s]")
+    drawn = [line.get_ydata() for line in axes.lines if str(line.get_label()).endswith(", loading")]
     assert_allclose(drawn, [q[:2], [tight.leakage[0], np.nan]])
-    assert [text.get_text().strip() for text in axes.texts] == ["sealed"]
+    low, high = axes.get_ylim()
+    assert low < tight.leakage[0] < q.max() < high
+    assert [text.get_text() for text in axes.texts] == ["sealed"]
     assert len({line.get_color() for line in axes.lines if not line.get_label().startswith("_")}) == 4
 
 
-def test_notebooks_show_pictures(shown):
-    """Without pyplot, at the size of the screen."""
-    formatter = pytest.importorskip("IPython.core.formatters").DisplayFormatter()
-    data, metadata = formatter.format(shown["permeability"].plot(), include=["image/png"])
-    assert data["image/png"].startswith(b"\x89PNG")
-    assert metadata["image/png"]["width"] == 480
+def test_pyplot_shows_pictures(shown):
+    """`pyplot.show()` opens what `plot()` made; what is drawn into axes that are there is in their figure."""
+    pyplot.close("all")
+    figure = shown["permeability"].plot()
+    assert [pyplot.figure(number) for number in pyplot.get_fignums()] == [figure]
+    assert pyplot.gcf() is figure
+    other = Figure().add_subplot()
+    shown["permeability"].plot(ax=other)
+    with pytest.raises(InputError):
+        shown["contact"].plot(ax=other)
+    assert len(pyplot.get_fignums()) == 1
+    pyplot.close(figure)
 
 
 def test_pictures_are_drawn_once(shown, monkeypatch):
@@ -245,56 +256,64 @@ def test_texts_of_values(value, unit, text):
     assert value_text(value, unit) == text
 
 
-@pytest.mark.parametrize(
-    ("lower", "upper", "shown"),
-    [
-        ([1.5e-9, 0.2e-9], [4e-9, 1.1e-9], (True, True)),
-        ([1.5e-9, 0.0], [4e-9, 1.1e-9], (True, True)),
-        ([1.5e-9, 1e-14], [4e-9, 1.1e-9], (False, True)),
-        ([1.5e-9, 0.2e-9], [1e-6, 1.1e-9], (True, False)),
-        ([1.5e-9, 0.2e-9], [np.inf, 1.1e-9], (True, False)),
-    ],
-)
-def test_bars_of_the_band_of_error_end_where_it_ends_or_at_the_edge_without_a_mark(lower, upper, shown):
+@pytest.mark.parametrize(("lower", "upper"), [(0.2e-9, 1.1e-9), (0.0, 1.1e-9), (1e-14, np.inf)])
+def test_the_band_of_error_ends_where_it_ends_or_at_the_edge(lower, upper):
     leakage = np.array([2e-9, 0.5e-9])
-    error = np.array(lower), np.array(upper)
+    ends = np.array([1.5e-9, lower]), np.array([4e-9, upper])
     axes = Figure().subplots()
-    told = 1.0, "leakage"
     loads, peaks = np.array([1e8, 2e8]), np.full(2, np.nan)
-    leakage_panel(axes, LeakageCurves(loads, peaks, leakage, "median", error=error, scale=told))
-    low, high = axes.get_ylim()
-    assert low > 0.2e-9 / 11
-    assert high < 4e-9 * 11
-    feet, heads = (line.get_ydata() for line in axes.lines if line.get_marker() == "_")
-    assert (len(feet) == 2, len(heads) == 2) == shown
-    assert all(low <= end <= high for end in (*feet, *heads))
-    assert set(heads) <= set(upper)
-    assert set(feet) <= {*lower, low}
+    leakage_panel(axes, LeakageCurves(loads, peaks, leakage, "median", band=ends))
+    bottom, top = axes.get_ylim()
+    assert 0.2e-9 / 11 < bottom < leakage.min() < leakage.max() < top < 4e-9 * 11
+    (area,) = axes.collections
+    corners = area.get_paths()[0].vertices
+    assert_allclose(corners[corners[:, 0] == 100].T[1].max(), 4e-9)
+    last = corners[corners[:, 0] == 200].T[1]
+    assert_allclose([last.min(), last.max()], np.clip([lower, upper], bottom, top))
 
 
-def test_a_notebook_shows_a_figure_once_with_and_without_a_semicolon(face, monkeypatch):
-    """The kernel is a shell of IPython that says it is one; what it displays is counted."""
-    from IPython.core.interactiveshell import InteractiveShell
-    from traitlets.config import Config
+@pytest.mark.parametrize("loads", [(66.43, 140.5, 141.2, 300), (1, 2, 3, 4, 5, 6), (276.79, 369.05, 461.31, 9000)])
+@pytest.mark.parametrize("force", [None, ("kN", 4.2e-8)])
+def test_loads_are_ticks_whose_labels_do_not_touch(loads, force):
+    pressure = np.array(loads) * 1e6
+    curves = LeakageCurves(pressure, np.full(len(loads), np.nan), 1 / pressure, "median", force=force)
+    figure = Figure(figsize=(5.4, 4))
+    axes = figure.add_axes((0.18, 0.2, 0.78, 0.7))
+    leakage_panel(axes, curves)
+    FigureCanvasAgg(figure).draw()
+    factor = 1e-6 if force is None else force[1]
+    # a tick with a label stands in for one without
+    ticks = np.union1d(axes.get_xticks(), axes.get_xticks(minor=True))
+    assert_allclose(ticks, pressure * factor)
+    boxes = sorted(text.get_window_extent().extents[[0, 2]].tolist() for text in axes.get_xticklabels())
+    assert len(boxes) >= 2
+    assert all(right < left for (_, right), (left, _) in pairwise(boxes))
+    assert ("kN" in axes.get_xlabel()) == (force is not None)
 
-    shell = InteractiveShell(config=Config({"HistoryManager": {"enabled": False}}))
-    shell.kernel = object()
-    displayed = []
-    monkeypatch.setattr("IPython.get_ipython", lambda: shell)
-    monkeypatch.setattr("IPython.display.display", lambda figure: displayed.append(figure))
-    shell.displayhook.write_format_data = lambda formats, metadata=None: displayed.append("image/png" in formats)
-    shell.user_ns["face"] = face
-    for cell, times in (
-        ("face.plot();", 1),
-        ("face.plot()", 1),
-        ("figure = face.plot()", 1),
-        ("face.plot(); face.plot()", 2),
-        ("1", 0),
-    ):
-        displayed.clear()
-        shell.run_cell(cell, store_history=True)
-        assert len(displayed) == times + (cell == "1"), cell
-    shell.kernel = None
-    displayed.clear()
-    shell.run_cell("face.plot();", store_history=True)
-    assert not displayed
+
+def test_every_limit_has_a_name_and_names_do_not_touch():
+    figure = Figure(figsize=(5.4, 4))
+    axes = figure.add_axes((0.18, 0.2, 0.5, 0.7))
+    axes.set(yscale="log", ylim=(1e-3, 1e3))
+    limits = {f"class {n}": 1.02**n for n in range(12)} | {"top": 990.0, "bottom": 1.1e-3, "beyond": 2e3}
+    limit_lines(axes, limits)
+    FigureCanvasAgg(figure).draw()
+    assert {text.get_text() for text in axes.texts} == {*limits} - {"beyond"}
+    # of the name alone, without its line
+    boxes = sorted(Text.get_window_extent(text).extents[[1, 3]].tolist() for text in axes.texts)
+    assert all(upper <= lower + 1 for (_, upper), (lower, _) in pairwise(boxes))
+    assert axes.bbox.y0 - 10 < boxes[0][0] < boxes[-1][1] < axes.bbox.y1 + 10
+
+
+CELLS = ("face.plot();", "face.plot()", "figure = face.plot()", "face.plot(); face.plot()", "1", "figure")
+
+
+def test_a_notebook_shows_a_figure_once(tmp_path):
+    """Whatever the cell ends with; a figure of an earlier cell once more where it is asked for."""
+    nbformat, nbclient = pytest.importorskip("nbformat"), pytest.importorskip("nbclient")
+    pytest.importorskip("ipykernel")
+    first = "import numpy as np, femseal as fs\nface = fs.Topography(np.eye(8) * 1e-6, (1e-6, 1e-6))"
+    book = nbformat.v4.new_notebook(cells=[nbformat.v4.new_code_cell(text) for text in (first, *CELLS)])
+    nbclient.NotebookClient(book, timeout=300).execute()
+    counts = [sum("image/png" in out.get("data", {}) for out in cell.outputs) for cell in book.cells[1:]]
+    assert counts == [1, 1, 1, 2, 0, 1]

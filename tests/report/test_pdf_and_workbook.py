@@ -69,7 +69,7 @@ def test_bars_of_the_curve_are_the_band_of_error(scene, study):
     assert_allclose(loading["low"][:2], 0.5 * leakage[:2] / factor)
     assert_allclose(loading["high"][:2], 2 * leakage[:2] / factor)
     assert loading["texts"][2].startswith("sealed, band sealed–")  # no more than at the load before
-    assert limiting_text(results).startswith("One end of the band of error at loading 2500 MPa is unknown")
+    assert limiting_text(results).startswith("One end of the band of error at loading 2.5 GPa is unknown")
     assert limiting_text(results).endswith("its widest source: pixels.")
 
 
@@ -78,10 +78,11 @@ def test_verdict_is_the_first_load_that_meets_the_class(scene, study):
     middle = float(np.sqrt(study.leakage[0] * study.leakage[1])) * density
     results = assemble(scene, deterministic=study, classes=[f"{1e6 * middle:g} mg/(m·s)", "1 kg/(m·s)"])
     table = class_table(results)
-    assert table.heads == ("class", "limit", "met on loading", "in service, unloading from 200 MPa")
-    (_, _, met, kept), (_, _, always, _) = table.lines
+    assert table.heads == ("class", "limit", "met by the seal", "in service, unloading from 200 MPa")
+    (_, limit, met, kept), (_, _, always, _) = table.lines
+    assert limit == f"{1e6 * middle:.3g} mg/(m·s)"
     assert met == "from 200 MPa"
-    assert always == "from 50 MPa"
+    assert always == "at every load step"
     assert kept == f"kept down to {'50' if study.leakage[3] * density <= middle else '200'} MPa"
     assert limiting_text(results) == ""
 
