@@ -32,7 +32,7 @@ from skfem.mesh import MeshQuad1DG
 
 from ..base import Array, Indices, InputError, NotConverged
 from . import forms
-from .balance import balanced_flux
+from .balance import balance
 from .connected_elements import Connected, connected_elements, open_facets
 from .mesh_input import ends_of, invertible, is_open, permeability_tensors
 from .mesh_system import MeshSystem
@@ -209,8 +209,9 @@ class MeshOperators:
         # links: facets between two carrying elements, and those of the ends, whose outer side is node 0
         link = np.concatenate([np.flatnonzero(sides == 2), *system.ends])
         tail, head = node[first[link]], np.where(second[link] >= 0, node[second[link]], 0)
-        on_facet = np.zeros(mesh.nfacets)
-        on_facet[link] = balanced_flux(tail, head, 1 / own[link], mean[link], carrying.size + 1)
+        through, on_facet = mean[link], np.zeros(mesh.nfacets)
+        balance(tail, head, 1 / own[link], through, carrying.size + 1)
+        on_facet[link] = through
         return sign * on_facet[facets], on_facet
 
     def _at_rest(self, connected: Connected, levels: Sequence[float]) -> Array:
