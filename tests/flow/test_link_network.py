@@ -106,7 +106,7 @@ def test_multigrid_takes_few_iterations_on_a_smooth_gap(shape, periodic):
 @pytest.mark.parametrize("contrast", [1e3, 1e9, 1e15, 1e30])
 def test_elimination_takes_over_where_multigrid_cannot(monkeypatch, periodic, contrast):
     """What does not converge is solved again, to rounding."""
-    monkeypatch.setattr(choice, "_worth_of_multigrid", lambda *sizes: (True, 50))
+    monkeypatch.setattr(choice, "_roughness", lambda *links: -np.inf)
     c1, c2 = links(70, 70, periodic, 5, contrast=contrast, closed=0.1)
     chosen, direct = solve_links(c1, c2), solve_links(c1, c2, solver="elimination")
     assert_allclose(chosen.conductance, direct.conductance, rtol=1e-6)
@@ -407,7 +407,7 @@ def test_multigrid_is_first_where_elimination_takes_much_memory(monkeypatch):
     c1, c2 = links(70, 70, True, 5, contrast=1e3, closed=0.2)
     exact = solve_links(c1, c2, solver="elimination").conductance
     monkeypatch.setattr(choice, "ELIMINATED_NODES", 10)
-    monkeypatch.setattr(choice, "_worth_of_multigrid", lambda *sizes: (False, 1))
+    monkeypatch.setattr(choice, "_roughness", lambda *links: np.inf)
     flow = solve_links(c1, c2)
     assert flow.iterations > 1
     assert_allclose(flow.conductance, exact, rtol=1e-6)
