@@ -606,14 +606,14 @@ def test_borders_of_fronts_name_every_node_once():
     keep = nodes_reached(c1, c2) == 3
     inside = restricted(network(c1, c2), keep)
     c1, c2 = inside.along, inside.across
-    order, first, parent = link_network.dissect(keep[1:-1], True)
-    assert np.array_equal(np.sort(order), np.flatnonzero(keep[1:-1]))
+    order = elimination.Order(*link_network.dissect(keep[1:-1], True))
+    assert np.array_equal(np.sort(order.nodes), np.flatnonzero(keep[1:-1]))
     nothing = np.zeros((0, 0))
     node, end = np.arange(24), np.zeros(24, int)
-    row, later, _ = link_network.grid_links(
-        c1, c2, nothing, nothing, True, order, node[keep[1]], end[keep[1]], c1[0, keep[1]]
-    )
-    border, start, _, _ = elimination.borders(first, parent, row, later, 1)
+    of_ends = node[keep[1]], end[keep[1]], c1[0, keep[1]]
+    of_nodes = elimination.Links(*link_network.grid_links(c1, c2, nothing, nothing, True, order.nodes, *of_ends))
+    network_of_order = elimination.network_of(order, of_nodes, 1)
+    first, border, start = network_of_order.first, network_of_order.border, network_of_order.start
     for f in range(first.size - 1):
         names = border[start[f] : start[f + 1]]
         assert np.all(np.diff(names) > 0)

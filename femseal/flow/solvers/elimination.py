@@ -264,52 +264,28 @@ def _eliminate_front(front, rest, inverse):
     p, q = inverse.size, rest.shape[0]
     for start in range(0, p, _PANEL):
         end = min(start + _PANEL, p)
-        i = start
-        while i < end:
-            # two pivots at once
-            s = 0.0
+        for i in range(start, end):
+            total = 0.0
             for j in range(i + 1, p + q):
-                s += front[i, j]
-            s = 1.0 / s if s != 0.0 else 0.0
-            inverse[i] = s
-            if i + 1 >= end:
-                break
-            f = front[i, i + 1] * s
-            t = 0.0
-            for k in range(i + 2, p + q):
-                front[i + 1, k] += f * front[i, k]
-                t += front[i + 1, k]
-            t = 1.0 / t if t != 0.0 else 0.0
-            inverse[i + 1] = t
-            for j in range(i + 2, end):
-                f, g = front[i, j] * s, front[i + 1, j] * t
-                if f != 0.0 or g != 0.0:
+                total += front[i, j]
+            inverse[i] = 1.0 / total if total != 0.0 else 0.0
+            for j in range(i + 1, end):
+                f = front[i, j] * inverse[i]
+                if f != 0.0:
                     for k in range(j + 1, p + q):
-                        front[j, k] += f * front[i, k] + g * front[i + 1, k]
-            i += 2
+                        front[j, k] += f * front[i, k]
         if end < p:
             _add_product(front, inverse, start, end, end, p - end, front, end)
     if p * q * q > _BLAS:
         _add_product(front, inverse, np.int64(0), p, p, q, rest, np.int64(0))
         return
-    # four pivots and two rows at once
-    for i in range(0, p, 4):
-        i1, i2, i3 = min(i + 1, p - 1), min(i + 2, p - 1), min(i + 3, p - 1)
-        s0 = inverse[i]
-        s1 = inverse[i1] if i + 1 < p else 0.0
-        s2 = inverse[i2] if i + 2 < p else 0.0
-        s3 = inverse[i3] if i + 3 < p else 0.0
-        for j in range(0, q, 2):
-            f0, f1, f2, f3 = s0 * front[i, p + j], s1 * front[i1, p + j], s2 * front[i2, p + j], s3 * front[i3, p + j]
-            if j + 1 < q:
-                k = p + j + 1
-                a, b, c, d = front[i, k], front[i1, k], front[i2, k], front[i3, k]
-                rest[j, j + 1] += f0 * a + f1 * b + f2 * c + f3 * d
-                g0, g1, g2, g3 = s0 * a, s1 * b, s2 * c, s3 * d
-                for k in range(j + 2, q):
-                    a, b, c, d = front[i, p + k], front[i1, p + k], front[i2, p + k], front[i3, p + k]
-                    rest[j, k] += f0 * a + f1 * b + f2 * c + f3 * d
-                    rest[j + 1, k] += g0 * a + g1 * b + g2 * c + g3 * d
+    for i in range(0, p, 2):  # two pivots at once
+        after = min(i + 1, p - 1)
+        second = inverse[after] if i + 1 < p else 0.0
+        for j in range(q):
+            f, g = inverse[i] * front[i, p + j], second * front[after, p + j]
+            for k in range(j + 1, q):
+                rest[j, k] += f * front[i, p + k] + g * front[after, p + k]
 
 
 @inner(**_fast)
