@@ -58,6 +58,7 @@ class ActiveSets:
         self._grid = grid
         self._gap0, self._offset, self._line = gap0.ravel(), offset, line
         self._law, self._hardens = (line.hardness.ravel(), line.slope.ravel()), line.hardens
+        self._points, self._stencil = tuple(grid.points), tuple(grid.stencil)
         self._loaded = load is not None
         self._load = 0.0 if load is None else load * gap0.size
         self.delta = 0.0 if approach is None else approach - offset
@@ -75,7 +76,7 @@ class ActiveSets:
 
     def solve(self, rtol: float, limit: int) -> None:
         """Iterate until the residual is `rtol`, for at most `limit` iterations."""
-        self._grid.dense[:] = 0
+        self._grid.points.dense[:] = 0
         self._begin()
         self._look()
         while not self._solved(rtol):
@@ -124,9 +125,19 @@ class ActiveSets:
         """List the points near contact, after h₁ is added to v where `add`; returns energy, Σ p and Σ v."""
         grid = self._grid
         self._n_near, self._n_free, *sums = grid.loops.add_gap(
-            0, len(grid.v), add, 0, 0, grid.p, grid.v, self._gap0, self._offset, self._reach,
-            *self._law, grid.state, grid.lists, grid.near,
-        )  # fmt: skip
+            0,
+            len(grid.v),
+            add,
+            0,
+            0,
+            grid.p,
+            grid.v,
+            self._gap0,
+            self._offset,
+            self._reach,
+            self._law,
+            self._points,
+        )
         return tuple(sums)
 
     def _look(self) -> None:
@@ -138,9 +149,14 @@ class ActiveSets:
         grid, former = self._grid, self.residual
         while True:
             self.delta, carried, residual, changed, leaving = grid.loops.look(
-                self._n_near, self._c, self._load, self._loaded, self.delta,
-                *self._law, grid.state, grid.lists, grid.near,
-            )  # fmt: skip
+                self._n_near,
+                self._c,
+                self._load,
+                self._loaded,
+                self.delta,
+                self._law,
+                self._points,
+            )
             if (carried and self.delta <= self._reach) or not self._fresh or self._reach == inf:
                 break
             self._margin = max(4.0 * self._margin, self.delta - self._reach)
@@ -156,9 +172,17 @@ class ActiveSets:
         grid = self._grid
         keep = self.iterations > 1
         self._n_free = grid.loops.project(
-            self._n_near, self._n_free, self._c, self.delta, self._load, self._loaded, keep,
-            grid.p, *self._law, grid.state, grid.lists, grid.near, grid.dense,
-        )  # fmt: skip
+            self._n_near,
+            self._n_free,
+            self._c,
+            self.delta,
+            self._load,
+            self._loaded,
+            keep,
+            grid.p,
+            self._law,
+            self._points,
+        )
         self._reach = self.delta + self._margin
         energy, _, _ = self._product()
         rose = energy > self._energy + 1e-13 * abs(self._energy)
@@ -172,16 +196,26 @@ class ActiveSets:
         after_change, without, drop = self._steps
         if self._new_sets:
             self._ones = grid.loops.restart(
-                self._n_free, self.delta, self._loaded, self._hardens, *self._law,
-                grid.state, grid.lists, grid.near, grid.on_free, grid.dense, *grid.stencil,
-            )  # fmt: skip
+                self._n_free,
+                self.delta,
+                self._loaded,
+                self._hardens,
+                self._law,
+                self._points,
+                self._stencil,
+            )
             self._former, self._turned, self._new_sets = inf, False, False
         for steps in range(after_change if self._changed else without):
             if not self._turned:
                 self._wr = grid.loops.turn(
-                    self._n_free, self._former, self._ones, self._loaded, self._hardens,
-                    grid.lists, grid.on_free, grid.dense, *grid.stencil,
-                )  # fmt: skip
+                    self._n_free,
+                    self._former,
+                    self._ones,
+                    self._loaded,
+                    self._hardens,
+                    self._points,
+                    self._stencil,
+                )
                 self._turned = True
             if steps == 0:
                 first = self._wr
@@ -193,9 +227,14 @@ class ActiveSets:
             grid.search.apply()
             self.pairs += 1
             curvature, length, made = grid.loops.step(
-                self._n_near, self._n_free, self._wr, self._loaded, self._hardens,
-                grid.kd, grid.lists, grid.near, grid.on_free, grid.dense,
-            )  # fmt: skip
+                self._n_near,
+                self._n_free,
+                self._wr,
+                self._loaded,
+                self._hardens,
+                grid.kd,
+                self._points,
+            )
             self._turned = False
             if not made:
                 self._former = inf

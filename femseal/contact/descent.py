@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from . import gradient_kernels, kernels
 from .law import YieldLine
+from .points import Line
 from .workspace import Workspace
 
 Array = NDArray[np.float64]
@@ -64,9 +65,9 @@ class Descent:
 
     def _projected(self, p: Array, v: Array, c: float) -> tuple[float, Array]:
         """δ and y, the projection of p − c (v − δ) on the law."""
-        x, delta, line = p - c * v, self.delta, (self._hardness, self._slope)
+        x, delta, line = p - c * v, self.delta, Line(self._hardness, self._slope)
         if self._load is not None:
-            delta = kernels.root(x, x.size, *line, c, self._every, c, self._load, delta)[0]
+            delta = kernels.root(x, x.size, line, c, self._every, c, self._load, delta)[0]
         z = x + c * delta
         y = np.clip(z, 0.0, self._hardness)
         if self._hardens.any():
@@ -81,7 +82,7 @@ class Descent:
         return float(np.sum(0.5 * over**2 / np.where(self._hardens, self._slope, 1.0)))
 
     def _product(self, d: Array) -> Array:
-        self._grid.dense[:] = d
+        self._grid.points.dense[:] = d
         self._grid.search.apply()
         self.pairs += 1
         return self._grid.search.displacement.ravel().astype(float)
@@ -119,7 +120,7 @@ class Descent:
                 low, high = np.where(yields, hardness, 0.0)[free], np.where(yields, np.inf, hardness)[free]
                 slopes = np.broadcast_to(self._slope, p.shape)
                 soft = np.where(yields, 1.0 / np.where(yields, slopes, 1.0), 0.0)[free]
-                scale = 1.0 / np.sqrt(1.0 + soft * self._grid.stencil[0].max())
+                scale = 1.0 / np.sqrt(1.0 + soft * self._grid.stencil.weights.max())
                 ones = self._preconditioned(free, np.ones(free.size), scale)
                 d = np.zeros(free.size)
             r = self.delta - v[free] - soft * (p[free] - hardness[free]) if soft.any() else self.delta - v[free]
@@ -152,8 +153,8 @@ class Descent:
     def _preconditioned(self, free: NDArray[np.int32], values: Array, scale: Array) -> Array:
         """s M s of values on the free points, s = 1 where the law does not harden."""
         out = np.empty(free.size)
-        dense = self._grid.dense
+        dense = self._grid.points.dense
         dense[:] = 0
         dense[free] = values * scale
-        gradient_kernels.apply_stencil(free, dense, out, *self._grid.stencil)
+        gradient_kernels.apply_stencil(free, dense, out, self._grid.stencil)
         return out * scale

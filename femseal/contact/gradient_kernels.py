@@ -1,6 +1,6 @@
 """Compiled loops of conjugate gradients on the free points, with a preconditioner of 3×3 points.
 
-The arrays are those of `kernels`. `restart`, `turn` and `step` are made of loops over some points of a list, from
+The arrays are those of `points`. `restart`, `turn` and `step` are made of loops over some points of a list, from
 `first` to `end`, which `long_lists` runs on several threads.
 """
 
@@ -11,43 +11,44 @@ import numpy as np
 from ..base.compiled import compiled, inner
 from ..base.threads import ZERO
 from .kernels import FAST
+from .points import FREE, KD, NEAR, ONES, PLACE, SCALE, SOFT, D, Line, P, Points, R, Stencil, V, W
 
 
 @compiled(**FAST)
-def restart(free, delta, loaded, hardens, hardness, slope, state, lists, near, on_free, dense, stencil, rows, columns):
+def restart(free, delta, loaded, hardens, line, points, stencil):
     """Residual r = δ − v − a (p − H) and M1 on the free points, with which conjugate gradients begin; returns Σ M1."""
-    lay_ones(ZERO, free, hardens, slope, state, lists, on_free, dense, stencil)
-    line = hardness, slope
-    ones, total = first_residual(
-        0, free, delta, hardens, *line, state, lists, near, on_free, dense, stencil, rows, columns
-    )
-    spread_residual(ZERO, free, total / free if loaded and free > 0 else 0.0, hardens, lists, on_free, dense)
+    line, points, stencil = Line(*line), Points(*points), Stencil(*stencil)
+    lay_ones(ZERO, free, hardens, line, points, stencil)
+    ones, total = first_residual(0, free, delta, hardens, line, points, stencil)
+    spread_residual(ZERO, free, total / free if loaded and free > 0 else 0.0, hardens, points)
     return ones
 
 
 @compiled(**FAST)
-def lay_ones(first, end, hardens, slope, state, lists, on_free, dense, stencil):
+def lay_ones(first, end, hardens, line, points, stencil):
     """Compliance and scale of some free points, and what M1 is found from."""
-    listed, soft, scale = lists[1, first:end], on_free[4, first:end], on_free[5, first:end]
+    listed = points.lists[FREE, first:end]
+    soft, scale = points.on_free[SOFT, first:end], points.on_free[SCALE, first:end]
     if hardens:
-        largest = stencil[stencil.shape[0] // 2, stencil.shape[1] // 2]
+        weights = stencil.weights
+        largest = weights[weights.shape[0] // 2, weights.shape[1] // 2]
         for k in range(end - first):
-            soft[k] = 1.0 / slope[listed[k] if slope.size > 1 else 0] if state[listed[k]] == 3 else 0.0
+            soft[k] = 1.0 / line.slope[listed[k] if line.slope.size > 1 else 0] if points.state[listed[k]] == 3 else 0.0
             scale[k] = 1.0 / np.sqrt(1.0 + soft[k] * largest)
-            dense[listed[k]] = scale[k]
+            points.dense[listed[k]] = scale[k]
     else:
         for k in range(end - first):
-            dense[listed[k]] = 1.0
+            points.dense[listed[k]] = 1.0
 
 
 @compiled(**FAST)
-def first_residual(
-    first, end, delta, hardens, hardness, slope, state, lists, near, on_free, dense, stencil, rows, columns
-):
+def first_residual(first, end, delta, hardens, line, points, stencil):
     """M1 and r of some free points; returns the sums of both."""
-    listed, place, p, v = lists[1, first:end], lists[2, first:end], near[1], near[2]
-    r, ones, soft, scale = on_free[0, first:end], on_free[3, first:end], on_free[4, first:end], on_free[5, first:end]
-    ones_total = apply_stencil(listed, dense, ones, stencil, rows, columns)
+    listed, place = points.lists[FREE, first:end], points.lists[PLACE, first:end]
+    p, v = points.near[P], points.near[V]
+    r, ones = points.on_free[R, first:end], points.on_free[ONES, first:end]
+    soft, scale = points.on_free[SOFT, first:end], points.on_free[SCALE, first:end]
+    ones_total = apply_stencil(listed, points.dense, ones, stencil)
     total = 0.0
     for k in range(end - first):
         r[k] = delta - v[place[k]]
@@ -55,8 +56,8 @@ def first_residual(
     if hardens:
         ones_total = _scaled(ones, scale)
         for k in range(end - first):
-            if state[listed[k]] == 3:
-                away = soft[k] * (p[place[k]] - hardness[listed[k] if hardness.size > 1 else 0])
+            if points.state[listed[k]] == 3:
+                away = soft[k] * (p[place[k]] - line.hardness[listed[k] if line.hardness.size > 1 else 0])
                 r[k] -= away
                 total -= away
     return ones_total, total
@@ -73,30 +74,32 @@ def _scaled(values, scale):
 
 
 @compiled(**FAST)
-def turn(free, former, ones_total, loaded, hardens, lists, on_free, dense, stencil, rows, columns):
+def turn(free, former, ones_total, loaded, hardens, points, stencil):
     """Next direction d = w + (w·r / former) d, where w = M r less a multiple of M1 that keeps Σ w = 0 under a load.
 
     Returns w·r. Where that is not > 0, there is no direction.
     """
-    total = precondition(ZERO, free, hardens, lists, on_free, dense, stencil, rows, columns)
-    wr = level(ZERO, free, total / ones_total if loaded else 0.0, on_free)
+    points, stencil = Points(*points), Stencil(*stencil)
+    total = precondition(ZERO, free, hardens, points, stencil)
+    wr = level(ZERO, free, total / ones_total if loaded else 0.0, points)
     if wr > 0.0:
-        direct(ZERO, free, wr / former, lists, on_free, dense)
+        direct(ZERO, free, wr / former, points)
     return wr
 
 
 @compiled(**FAST)
-def precondition(first, end, hardens, lists, on_free, dense, stencil, rows, columns):
+def precondition(first, end, hardens, points, stencil):
     """w = M r of some free points; returns its sum."""
-    w = on_free[1, first:end]
-    total = apply_stencil(lists[1, first:end], dense, w, stencil, rows, columns)
-    return _scaled(w, on_free[5, first:end]) if hardens else total
+    w = points.on_free[W, first:end]
+    total = apply_stencil(points.lists[FREE, first:end], points.dense, w, stencil)
+    return _scaled(w, points.on_free[SCALE, first:end]) if hardens else total
 
 
 @compiled(**FAST)
-def level(first, end, factor, on_free):
+def level(first, end, factor, points):
     """Take a multiple of M1 from w at some free points; returns w·r."""
-    r, w, ones = on_free[0, first:end], on_free[1, first:end], on_free[3, first:end]
+    r = points.on_free[R, first:end]
+    w, ones = points.on_free[W, first:end], points.on_free[ONES, first:end]
     wr = 0.0
     for k in range(end - first):
         w[k] -= factor * ones[k]
@@ -105,39 +108,41 @@ def level(first, end, factor, on_free):
 
 
 @compiled(**FAST)
-def direct(first, end, beta, lists, on_free, dense):
+def direct(first, end, beta, points):
     """d = w + beta d at some free points, and on the grid."""
-    listed, w, d = lists[1, first:end], on_free[1, first:end], on_free[2, first:end]
+    listed = points.lists[FREE, first:end]
+    w, d = points.on_free[W, first:end], points.on_free[D, first:end]
     if beta == 0.0:
         for k in range(end - first):
             d[k] = w[k]
-            dense[listed[k]] = w[k]
+            points.dense[listed[k]] = w[k]
     else:
         for k in range(end - first):
             d[k] = w[k] + beta * d[k]
-            dense[listed[k]] = d[k]
+            points.dense[listed[k]] = d[k]
 
 
 @compiled(**FAST)
-def step(n, free, wr, loaded, hardens, kd, lists, near, on_free, dense):
+def step(n, free, wr, loaded, hardens, kd, points):
     """One step of conjugate gradients, p += α d, v += α Kd and r −= α (Kd + a d), with α = w·r / d·(Kd + a d).
 
     Returns d·Kd, d·d and whether the step was made: not where d·(Kd + a d) is not > 0.
     """
-    gather(ZERO, n, kd, dense.size // kd.shape[0], lists, near)
-    curvature, length, stiff = curvatures(ZERO, free, hardens, lists, near, on_free)
+    points = Points(*points)
+    gather(ZERO, n, kd, points.dense.size // kd.shape[0], points)
+    curvature, length, stiff = curvatures(ZERO, free, hardens, points)
     total = 0.0
     if stiff > 0.0:
-        total = advance(ZERO, free, wr / stiff, hardens, lists, near, on_free)
-        advance_gap(ZERO, n, wr / stiff, near)
-    spread_residual(ZERO, free, total / free if loaded and free > 0 else 0.0, hardens, lists, on_free, dense)
+        total = advance(ZERO, free, wr / stiff, hardens, points)
+        advance_gap(ZERO, n, wr / stiff, points)
+    spread_residual(ZERO, free, total / free if loaded and free > 0 else 0.0, hardens, points)
     return curvature, length, stiff > 0.0
 
 
 @compiled(**FAST)
-def gather(first, end, kd, columns, lists, near):
+def gather(first, end, kd, columns, points):
     """Kd of some points near contact, of which each row of the grid has so many columns."""
-    listed, kn = lists[0, first:end], near[3, first:end]
+    listed, kn = points.lists[NEAR, first:end], points.near[KD, first:end]
     values = kd.ravel()
     more = kd.shape[1] - columns
     skipped = 0
@@ -151,9 +156,10 @@ def gather(first, end, kd, columns, lists, near):
 
 
 @compiled(**FAST)
-def curvatures(first, end, hardens, lists, near, on_free):
+def curvatures(first, end, hardens, points):
     """d·Kd, d·d and d·(Kd + a d) of some free points."""
-    place, kn, d, soft = lists[2, first:end], near[3], on_free[2, first:end], on_free[4, first:end]
+    place, kn = points.lists[PLACE, first:end], points.near[KD]
+    d, soft = points.on_free[D, first:end], points.on_free[SOFT, first:end]
     curvature = 0.0
     length = 0.0
     for k in range(end - first):
@@ -167,10 +173,11 @@ def curvatures(first, end, hardens, lists, near, on_free):
 
 
 @compiled(**FAST)
-def advance(first, end, alpha, hardens, lists, near, on_free):
+def advance(first, end, alpha, hardens, points):
     """p += α d and r −= α (Kd + a d) at some free points; returns Σ r."""
-    place, p, kn = lists[2, first:end], near[1], near[3]
-    r, d, soft = on_free[0, first:end], on_free[2, first:end], on_free[4, first:end]
+    place, p, kn = points.lists[PLACE, first:end], points.near[P], points.near[KD]
+    r = points.on_free[R, first:end]
+    d, soft = points.on_free[D, first:end], points.on_free[SOFT, first:end]
     total = 0.0
     if hardens:
         for k in range(end - first):
@@ -183,42 +190,41 @@ def advance(first, end, alpha, hardens, lists, near, on_free):
 
 
 @compiled(**FAST)
-def advance_gap(first, end, alpha, near):
+def advance_gap(first, end, alpha, points):
     """v += α Kd at some points near contact."""
-    v, kn = near[2, first:end], near[3, first:end]
+    v, kn = points.near[V, first:end], points.near[KD, first:end]
     for j in range(end - first):
         v[j] += alpha * kn[j]
 
 
 @compiled(**FAST)
-def spread_residual(first, end, mean, hardens, lists, on_free, dense):
+def spread_residual(first, end, mean, hardens, points):
     """Write residuals to the points of the grid, less their mean under a load, which only rounding would leave over."""
-    listed, r, scale = lists[1, first:end], on_free[0, first:end], on_free[5, first:end]
+    listed = points.lists[FREE, first:end]
+    r, scale = points.on_free[R, first:end], points.on_free[SCALE, first:end]
     if hardens:
         for k in range(end - first):
             r[k] -= mean
-            dense[listed[k]] = r[k] * scale[k]
+            points.dense[listed[k]] = r[k] * scale[k]
     else:
         for k in range(end - first):
             r[k] -= mean
-            dense[listed[k]] = r[k]
+            points.dense[listed[k]] = r[k]
 
 
 @compiled(**FAST)
-def apply_stencil(listed, dense, out, stencil, rows, columns):
-    """Write stencil ∗ dense at the listed points to `out` and return its sum.
-
-    rows, columns : index on the grid for each index of the padded grid, −1 outside.
-    """
-    r1 = stencil.shape[0] // 2
-    r2 = stencil.shape[1] // 2
+def apply_stencil(listed, dense, out, stencil):
+    """Write stencil ∗ dense at the listed points to `out` and return its sum."""
+    weights, rows, columns = stencil
+    r1 = weights.shape[0] // 2
+    r2 = weights.shape[1] // 2
     n1 = rows.size - 2 * r1
     n2 = columns.size - 2 * r2
     total = 0.0
     nine = (r1 == 1) & (r2 == 1)
-    s00, s01, s02 = stencil[0, 0], stencil[0, r2], stencil[0, -1]
-    s10, s11, s12 = stencil[r1, 0], stencil[r1, r2], stencil[r1, -1]
-    s20, s21, s22 = stencil[-1, 0], stencil[-1, r2], stencil[-1, -1]
+    s00, s01, s02 = weights[0, 0], weights[0, r2], weights[0, -1]
+    s10, s11, s12 = weights[r1, 0], weights[r1, r2], weights[r1, -1]
+    s20, s21, s22 = weights[-1, 0], weights[-1, r2], weights[-1, -1]
     for k in range(listed.size):
         f = listed[k]
         i = f // n2
@@ -243,7 +249,7 @@ def apply_stencil(listed, dense, out, stencil, rows, columns):
                     for b in range(2 * r2 + 1):
                         column = columns[j + b]
                         if column >= 0:
-                            s += stencil[a, b] * dense[row * n2 + column]
+                            s += weights[a, b] * dense[row * n2 + column]
         out[k] = s
         total += s
     return total

@@ -12,6 +12,7 @@ from typing import Any
 
 from ..base.threads import on_threads, parts
 from . import gradient_kernels, kernels
+from .points import FREE, KD, NEAR, Line, Points, Stencil, X
 
 #: Points of a grid, and of a list, in a part: the loops over it take a few tenths of a millisecond.
 POINTS, LISTED = 2**19, 2**16
@@ -30,125 +31,111 @@ class LongLists:
     def __init__(self, threads: int) -> None:
         self._threads = threads
 
-    def add_gap(
-        self, _: int, end: int, add: bool, n: int, k: int, p: Any, v: Any, gap0: Any, offset: float, reach: float,
-        *arrays: Any,
-    ) -> Any:  # fmt: skip
+    def add_gap(self, _: int, end: int, add: bool, n: int, k: int, p: Any, v: Any, *rest: Any) -> Any:
         """As `kernels.add_gap`, on all rows."""
-        threads, state = self._threads, arrays[2]
+        threads, (gap0, offset, reach, _, points) = self._threads, rest
         pieces = rows_in_parts(v, p.size)
         starts = [(0, 0)]
-        head = v, gap0, offset, reach
-        for n, k in on_threads(threads, lambda part: kernels.count_near(*part, add, *head, state), pieces):
+        head = v, gap0, offset, reach, Points(*points)
+        for n, k in on_threads(threads, lambda part: kernels.count_near(*part, add, *head), pieces):
             starts.append((starts[-1][0] + n, starts[-1][1] + k))
         found = on_threads(
             threads,
-            lambda at: kernels.add_gap(*at[0], False, *at[1], p, *head, *arrays),
+            lambda at: kernels.add_gap(*at[0], False, *at[1], p, v, *rest),
             zip(pieces, starts[:-1], strict=True),
         )
         return *starts[-1], *_sums([sums for _, _, *sums in found])
 
-    def look(
-        self, n: int, c: float, load: float, loaded: bool, delta: float, hardness: Any, slope: Any, *arrays: Any
-    ) -> Any:
+    def look(self, n: int, c: float, load: float, loaded: bool, delta: float, line: Any, points: Any) -> Any:
         """As `kernels.look`."""
         if not _is_long(n):
-            return kernels.look(n, c, load, loaded, delta, hardness, slope, *arrays)
-        (_, lists, near), line, carried = arrays, (hardness, slope), True
-        self._each(n, kernels.find_trial, c, near)
+            return kernels.look(n, c, load, loaded, delta, line, points)
+        line, points, carried = Line(*line), Points(*points), True
+        self._each(n, kernels.find_trial, c, points)
         if loaded:
-            delta, carried = self._root(near[0], n, *line, c, lists[0], c, load, delta)
-        sums = _sums(self._each(n, kernels.compare, c, delta, *line, *arrays))
+            x, listed = points.near[X], points.lists[NEAR]
+            delta, carried = self._root(x, n, line, c, listed, c, load, delta)
+        sums = _sums(self._each(n, kernels.compare, c, delta, line, points))
         return delta, carried, *kernels.residual(*sums)
 
     def _root(
-        self,
-        x: Any,
-        n: int,
-        hardness: Any,
-        slope: Any,
-        kept: float,
-        listed: Any,
-        c: float,
-        load: float,
-        start: float,
+        self, x: Any, n: int, line: Line, kept: float, listed: Any, c: float, load: float, start: float
     ) -> tuple[float, bool]:
         """As `kernels.root`."""
         if not _is_long(n):
-            return kernels.root(x, n, hardness, slope, kept, listed, c, load, start)
-        line = hardness, slope, kept, listed
-        highest, full, capacity, rise = zip(*self._each(n, kernels.capacity, x, *line, load), strict=True)
-        limits = max(highest), max(full), sum(capacity), sum(rise)
-        found, carried, d, low, top = kernels.bracket(*limits, c, load, start)
+            return kernels.root(x, n, line, kept, listed, c, load, start)
+        of = line, kept, listed
+        highest, full, capacity, rise = zip(*self._each(n, kernels.capacity, x, *of, load), strict=True)
+        found = kernels.bracket(max(highest), max(full), sum(capacity), sum(rise), c, load, start)
         for _ in range(kernels.ROOT_STEPS):
-            if found:
+            if found.found:
                 break
-            total, slopes = _sums(self._each(n, kernels.carry, x, c * d, *line))
-            found, d, low, top = kernels.refine(total, slopes, c, load, d, low, top)
-        return d, carried
+            sums = _sums(self._each(n, kernels.carry, x, c * found.delta, *of))
+            found = kernels.refine(found, *sums, c, load)
+        return found.delta, found.carried
 
     def project(
         self, n: int, free: int, c: float, delta: float, load: float, loaded: bool, keep: bool,
-        p: Any, hardness: Any, slope: Any, state: Any, lists: Any, near: Any, dense: Any,
+        p: Any, line: Any, points: Any,
     ) -> int:  # fmt: skip
         """As `kernels.project`."""
-        line = hardness, slope
         if not _is_long(n):
-            return kernels.project(n, free, c, delta, load, loaded, keep, p, *line, state, lists, near, dense)
-        self._each(free, kernels.clear, lists, dense)
-        counts = self._each(n, kernels.assign, False, c, delta, keep, p, *line, state, lists, near)
+            return kernels.project(n, free, c, delta, load, loaded, keep, p, line, points)
+        line, points = Line(*line), Points(*points)
+        self._each(free, kernels.clear, points)
+        counts = self._each(n, kernels.assign, False, c, delta, keep, p, line, points)
         places = zip(parts(n, LISTED), [0, *accumulate(k for k, _ in counts)], strict=False)
-        on_threads(self._threads, lambda at: kernels.list_free(*at[0], at[1], state, lists, near), places)
+        on_threads(self._threads, lambda at: kernels.list_free(*at[0], at[1], points), places)
         k, carried = _sums(counts)
         if k > 0 and load - carried > 0.0 and loaded:
-            uniform, _ = self._root(near[3], k, *line, 0.0, lists[1], 1.0, load - carried, 0.0)
-            self._each(k, kernels.shift, c, uniform, p, *line, lists, near)
+            y, listed = points.near[KD], points.lists[FREE]
+            uniform, _ = self._root(y, k, line, 0.0, listed, 1.0, load - carried, 0.0)
+            self._each(k, kernels.shift, c, uniform, p, line, points)
         return k
 
     def restart(
-        self, free: int, delta: float, loaded: bool, hardens: bool, hardness: Any, slope: Any, state: Any,
-        lists: Any, near: Any, on_free: Any, dense: Any, *stencil: Any,
-    ) -> float:  # fmt: skip
+        self, free: int, delta: float, loaded: bool, hardens: bool, line: Any, points: Any, stencil: Any
+    ) -> float:
         """As `gradient_kernels.restart`."""
-        line, fields, made = (hardness, slope), (on_free, dense), gradient_kernels
+        made = gradient_kernels
         if not _is_long(free):
-            return made.restart(free, delta, loaded, hardens, *line, state, lists, near, *fields, *stencil)
-        self._each(free, made.lay_ones, hardens, slope, state, lists, *fields, stencil[0])
-        sums = self._each(free, made.first_residual, delta, hardens, *line, state, lists, near, *fields, *stencil)
-        ones, total = _sums(sums)
-        self._each(free, made.spread_residual, total / free if loaded else 0.0, hardens, lists, *fields)
+            return made.restart(free, delta, loaded, hardens, line, points, stencil)
+        line, points, stencil = Line(*line), Points(*points), Stencil(*stencil)
+        self._each(free, made.lay_ones, hardens, line, points, stencil)
+        ones, total = _sums(self._each(free, made.first_residual, delta, hardens, line, points, stencil))
+        self._each(free, made.spread_residual, total / free if loaded else 0.0, hardens, points)
         return ones
 
     def turn(
-        self, free: int, former: float, ones_total: float, loaded: bool, hardens: bool,
-        lists: Any, on_free: Any, dense: Any, *stencil: Any,
-    ) -> float:  # fmt: skip
+        self, free: int, former: float, ones_total: float, loaded: bool, hardens: bool, points: Any, stencil: Any
+    ) -> float:
         """As `gradient_kernels.turn`."""
         made = gradient_kernels
         if not _is_long(free):
-            return made.turn(free, former, ones_total, loaded, hardens, lists, on_free, dense, *stencil)
-        total = sum(self._each(free, made.precondition, hardens, lists, on_free, dense, *stencil))
-        wr = sum(self._each(free, made.level, total / ones_total if loaded else 0.0, on_free))
+            return made.turn(free, former, ones_total, loaded, hardens, points, stencil)
+        points, stencil = Points(*points), Stencil(*stencil)
+        total = sum(self._each(free, made.precondition, hardens, points, stencil))
+        wr = sum(self._each(free, made.level, total / ones_total if loaded else 0.0, points))
         if wr > 0.0:
-            self._each(free, made.direct, wr / former, lists, on_free, dense)
+            self._each(free, made.direct, wr / former, points)
         return wr
 
     def step(
-        self, n: int, free: int, wr: float, loaded: bool, hardens: bool,
-        kd: Any, lists: Any, near: Any, on_free: Any, dense: Any,
-    ) -> tuple[float, float, bool]:  # fmt: skip
+        self, n: int, free: int, wr: float, loaded: bool, hardens: bool, kd: Any, points: Any
+    ) -> tuple[float, float, bool]:
         """As `gradient_kernels.step`."""
         made = gradient_kernels
         if not _is_long(n):
-            return made.step(n, free, wr, loaded, hardens, kd, lists, near, on_free, dense)
-        self._each(n, made.gather, kd, dense.size // len(kd), lists, near)
-        curvature, length, stiff = _sums(self._each(free, made.curvatures, hardens, lists, near, on_free))
+            return made.step(n, free, wr, loaded, hardens, kd, points)
+        points = Points(*points)
+        self._each(n, made.gather, kd, points.dense.size // len(kd), points)
+        curvature, length, stiff = _sums(self._each(free, made.curvatures, hardens, points))
         total = 0.0
         if stiff > 0.0:
-            total = sum(self._each(free, made.advance, wr / stiff, hardens, lists, near, on_free))
-            self._each(n, made.advance_gap, wr / stiff, near)
+            total = sum(self._each(free, made.advance, wr / stiff, hardens, points))
+            self._each(n, made.advance_gap, wr / stiff, points)
         mean = total / free if loaded and free > 0 else 0.0
-        self._each(free, made.spread_residual, mean, hardens, lists, on_free, dense)
+        self._each(free, made.spread_residual, mean, hardens, points)
         return curvature, length, stiff > 0.0
 
     def _each(self, n: int, kernel: Callable[..., Any], *arguments: Any) -> list[Any]:

@@ -22,6 +22,7 @@ from . import kernels, long_lists
 from .active_sets import ActiveSets
 from .half_space import HalfSpace
 from .law import ContactLaw, YieldLine, contact_law
+from .points import Line
 from .workspace import Workspace, coarsen, nested_grids
 
 Array = NDArray[np.float64]
@@ -347,8 +348,8 @@ class _Problem:
         grid.end()
         p = grid.pressure.copy() if grid.kept else grid.pressure
         gap, deformation, plastic = np.empty(p.shape), np.empty(p.shape), np.empty(p.shape, np.bool_)
-        law = self.line.hardness.ravel(), self.line.slope.ravel()
-        arrays = p.ravel(), grid.v, delta, grid.stiffness, *law, gap.ravel(), deformation.ravel(), plastic.ravel()
+        law = Line(self.line.hardness.ravel(), self.line.slope.ravel())
+        arrays = p.ravel(), grid.v, delta, grid.stiffness, law, gap.ravel(), deformation.ravel(), plastic.ravel()
         pieces = long_lists.rows_in_parts(grid.v, p.size)
         on_threads(grid.threads, lambda part: kernels.gap_and_deformation(*part, *arrays), pieces)
         return Contact(

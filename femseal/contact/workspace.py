@@ -16,6 +16,7 @@ from .half_space import HalfSpace
 from .influence import stiffness_stencil
 from .large_convolution import convolution
 from .long_lists import lists_of
+from .points import Points, Stencil
 
 Array = NDArray[np.float64]
 #: Points up to which the arrays of a grid are kept for its next problem: 100 bytes each. Making them takes a twentieth
@@ -74,13 +75,14 @@ class _OneAtATime(Sequence["Workspace"]):
 
 
 class Workspace:
-    """Products with K, preconditioner and work arrays of one grid; `kernels` says what the arrays hold.
+    """Products with K, preconditioner and work arrays of one grid; `points` says what the arrays hold.
 
     Attributes
     ----------
     respond : v = K p from `pressure` to `displacement`, the same memory as `p` and the rows `v`.
-    search : Kd of a direction, from `dense` to the rows `kd`, which are in the memory of `v`.
-    stencil : 3×3 stencil of the preconditioner M, truncated from the symbol E*|q|/2, and the maps of its indices.
+    search : Kd of a direction, from `points.dense` to the rows `kd`, which are in the memory of `v`.
+    stencil : of the preconditioner M, truncated from the symbol E*|q|/2.
+    points : state, lists and fields of the loops.
     loops : the kernels, in parts where the grid is large.
     stiffness : c₀ [Pa/m], see `HalfSpace.stiffness`. kept : whether the arrays are used again.
     """
@@ -96,14 +98,18 @@ class Workspace:
         self.search = convolution(*body, None, dtype=np.float32, threads=threads, over=self.respond)
         self.pressure = self.respond.pressure
         self.p, self.v = self.respond.pressure.ravel(), self.respond.rows
-        self.dense, self.kd = self.search.pressure.ravel(), self.search.rows
-        self.state = np.zeros(n, np.int8)
+        self.kd = self.search.rows
         # pages of memory are used only as far as lists are long
-        self.lists = np.empty((3, n), np.int32)
-        self.near, self.on_free = np.empty((4, n)), np.empty((6, n))
+        self.points = Points(
+            state=np.zeros(n, np.int8),
+            lists=np.empty((3, n), np.int32),
+            near=np.empty((4, n)),
+            on_free=np.empty((6, n)),
+            dense=self.search.pressure.ravel(),
+        )
         stencil = stiffness_stencil(half_space.spacing, half_space.modulus)
         r1, r2 = min(1, (n1 - 1) // 2), min(1, (n2 - 1) // 2)  # on thin grids no point is its own neighbour
-        self.stencil = (
+        self.stencil = Stencil(
             np.ascontiguousarray(stencil[1 - r1 : 2 + r1, 1 - r2 : 2 + r2]),
             _index_map(n1, r1, half_space.boundary[0]),
             _index_map(n2, r2, half_space.boundary[1]),
@@ -114,16 +120,16 @@ class Workspace:
     def end(self) -> None:
         """Keep p and v only, of a grid that is not used again."""
         if not self.kept:
-            del self.respond, self.search, self.dense, self.kd, self.state, self.lists, self.near, self.on_free
+            del self.respond, self.search, self.kd, self.points
 
     def start(self, pressure: Array, limit: Array) -> None:
         """Start from pressures on this grid, or on the next coarser one, nowhere above `limit` (1,) or (n1, n2)."""
         if pressure.shape == self.pressure.shape:
             np.minimum(pressure, limit, out=self.pressure)
-            self.state[:] = self.p > 0
+            self.points.state[:] = self.p > 0
         else:
             bounds = limit.reshape(1, 1) if limit.size == 1 else limit
-            prolong(pressure, bounds, self.pressure, self.state.reshape(self.pressure.shape))
+            prolong(pressure, bounds, self.pressure, self.points.state.reshape(self.pressure.shape))
 
 
 def _index_map(n: int, radius: int, boundary: str) -> NDArray[np.int64]:

@@ -1,8 +1,9 @@
-"""Which elements of a mesh carry flow from inlet to outlet."""
+"""Which elements of a mesh carry flow from one boundary to another."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
 import scipy.sparse as sp
@@ -18,33 +19,31 @@ def open_facets(mesh: Mesh, facets: Indices, elements: Indices) -> Indices:
     return facets[np.isin(mesh.f2t[0, facets], elements)]
 
 
-def connected_elements(
-    mesh: Mesh, tensor: Array, ends: tuple[Indices, Indices], *, through_corners: bool
-) -> tuple[Indices, Indices, Indices]:
-    """Elements connected to both inlet and outlet, to the inlet alone, and to the outlet alone.
+@dataclass(frozen=True, eq=False)
+class Connected:
+    """What open elements connect.
 
-    Elements connect through a facet that both can carry flow across, n·Kn > 0; with `through_corners` also
-    through a vertex if both are open in every direction.
+    between : elements connected to two or more boundaries. alone : those connected to each boundary only.
+    joined : whether each boundary is connected to another one (boundaries,).
     """
-    label, (inlet, outlet) = _connected(mesh, tensor, ends, through_corners)
-    empty = np.empty(0, np.int64)
-    at_inlet, at_outlet = (np.flatnonzero(label == end) for end in (inlet, outlet))
-    return (at_inlet, empty, empty) if inlet == outlet else (empty, at_inlet, at_outlet)
+
+    between: Indices
+    alone: list[Indices]
+    joined: NDArray[np.bool_]
 
 
-def elements_between(
-    mesh: Mesh, tensor: Array, ends: Sequence[Indices], *, through_corners: bool
-) -> tuple[Indices, list[Indices], NDArray[np.bool_]]:
-    """Elements connected to two or more of several ends, those connected to each end alone, and whether each end is
-    connected to another; see `connected_elements`.
+def connected_elements(mesh: Mesh, tensor: Array, ends: Sequence[Indices], *, through_corners: bool) -> Connected:
+    """What the elements connect, each through a facet that both can carry flow across, n·Kn > 0.
+
+    With `through_corners` also through a vertex, if both are open in every direction.
     """
-    label, of_ends = _connected(mesh, tensor, ends, through_corners)
+    label, of_ends = _labels(mesh, tensor, ends, through_corners)
     joined = np.array([np.count_nonzero(of_ends == own) > 1 for own in of_ends])
     alone = [np.flatnonzero((label == own) & ~more) for own, more in zip(of_ends, joined, strict=True)]
-    return np.flatnonzero(np.isin(label, of_ends[joined])), alone, joined
+    return Connected(np.flatnonzero(np.isin(label, of_ends[joined])), alone, joined)
 
 
-def _connected(mesh: Mesh, tensor: Array, ends: Sequence[Indices], through_corners: bool) -> tuple[Indices, Indices]:
+def _labels(mesh: Mesh, tensor: Array, ends: Sequence[Indices], through_corners: bool) -> tuple[Indices, Indices]:
     """Numbers of the connected parts to which the elements and the ends belong."""
     full, across = _open_ways(mesh, tensor)
     slot, element = np.nonzero(across)

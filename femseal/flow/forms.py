@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from skfem import BilinearForm, Functional
+from skfem import BilinearForm
 from skfem.helpers import dot, grad, mul
 
 
@@ -22,9 +22,3 @@ def darcy_flow(p: Any, q: Any, w: Any) -> Any:
 def flux_resistance(u: Any, v: Any, w: Any) -> Any:
     """∫ (K⁻¹ u)·v of a flux u and a test flux v: the mixed form, whose flux gives the lower bound."""
     return dot(mul(w.resistance, u), v)
-
-
-@Functional
-def dissipation(w: Any) -> Any:
-    """∫ (K ∇p)·∇p, the energy that the pressure p dissipates: the flow for a unit drop."""
-    return darcy_flow.form(w.p, w.p, w)

@@ -1,62 +1,60 @@
-"""Darcy flow on an unstructured mesh: ∇·(K∇φ) = 0, φ = 1 on the inlet, 0 on the outlet, no flow elsewhere.
+"""Darcy flow on a mesh: ∇·(K∇φ) = 0 between boundaries of given potentials (Dirichlet); other sides are closed.
 
-Value and upper bound: conforming elements, P1 or Q1 on straight meshes (order 2 in the flow), isoparametric P2 or Q2 on
-second-order meshes (order 4). Lower bound: `mixed`.
+Upper bound of the energy, and value: conforming elements, P1 or Q1, of order 2 in the flow. Lower bound: lowest-order
+Raviart-Thomas fluxes. Their system is hybridised, so that its unknowns are potentials of facets and its matrix is
+positive definite; they are made to balance exactly on every element, so that their energy is a bound whatever the error
+of the solver. The forms are assembled once for each component of K, as a drawn seal is solved many times on one mesh.
 
-Symbols: K permeability [m³] (any unit: the conductance has the same), φ potential for a unit drop.
-Source: Dirichlet's principle.
+Symbols: K permeability [m³] (any unit: the flow has the same), φ potential.
+Sources: principles of Dirichlet and Thomson; Arnold & Brezzi, RAIRO M2AN 19, 1985, 7 (hybridisation).
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from functools import cached_property
+from typing import NamedTuple
 
 import numpy as np
-import scipy.sparse as sp
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 from skfem import (
     Basis,
     ElementQuad1,
-    ElementQuad2,
     ElementQuadRT0,
     ElementTriP1,
-    ElementTriP2,
     ElementTriRT0,
     Mesh,
     MeshQuad1,
-    MeshQuad2,
     MeshTri1,
-    MeshTri2,
 )
 from skfem.mesh import MeshQuad1DG
 
-from ..base import Array, Indices, InputError, NotConverged, counted
+from ..base import Array, Indices, InputError, NotConverged
 from . import forms
-from .connected_elements import connected_elements, open_facets
-from .mixed import flux_conductance
-from .solution import MAX_IMBALANCE, DarcyFlow, potential_rtol
-from .solvers.amg import solve_spd
+from .balance import balance
+from .connected_elements import Connected, connected_elements, open_facets
+from .mesh_input import ends_of, invertible, is_open, permeability_tensors
+from .mesh_system import MeshSystem
+from .solution import LINEAR, MAX_IMBALANCE, DarcyFlow, potential_rtol
 
-#: A tensor closed along one principal axis keeps this fraction of its other value there, so that K⁻¹ exists.
-CLOSED_AXIS = 1e-10
-#: Relative error of the conductance.
+#: Relative error of the flow.
 RTOL = 1e-8
+#: Components of a symmetric tensor, by their unit tensors.
+_UNITS = (np.diag([1.0, 0.0]), np.diag([0.0, 1.0]), np.array([[0.0, 1.0], [1.0, 0.0]]))
 
 
-@dataclass(frozen=True)
-class _Kind:
+class _Kind(NamedTuple):
     """How one kind of mesh is discretised."""
 
     element: type
-    flux_element: type | None
+    flux_element: type
     intorder: int
 
 
 KINDS = {
     MeshTri1: _Kind(ElementTriP1, ElementTriRT0, 2),
     MeshQuad1: _Kind(ElementQuad1, ElementQuadRT0, 4),
-    MeshTri2: _Kind(ElementTriP2, None, 6),
-    MeshQuad2: _Kind(ElementQuad2, None, 6),
     MeshQuad1DG: _Kind(ElementQuad1, ElementQuadRT0, 4),
 }
 
@@ -69,176 +67,235 @@ def darcy_conductance(
     *,
     bounds: bool = False,
     solver: str = "auto",
-) -> DarcyFlow:
+) -> MeshFlow:
     """Flow [unit of K] through a mesh for a unit drop of potential between two parts of its boundary.
 
-    mesh : scikit-fem MeshTri1, MeshQuad1, MeshTri2 or MeshQuad2 with n elements, or a periodic MeshQuad1DG of
-    rectangles.
+    mesh : scikit-fem MeshTri1 or MeshQuad1 with n elements, or a periodic MeshQuad1DG of rectangles.
     permeability : K >= 0; a number, (n,), (n, 2) values along x and y, or (n, 2, 2) symmetric tensors; 0 is
     closed. A tensor closed along one principal axis only keeps 1e-10 of its other value there, and
     carries flow across facets only along the open one.
     inlet, outlet : indices of boundary facets, with no vertex in common.
-    bounds : also enclose the conductance of this mesh (straight sides, K constant on each element), up
-    to quadrature on quadrilaterals that are not parallelograms; otherwise both bounds are NaN.
+    bounds, solver : see `MeshOperators.flow`.
 
-    solver : of the linear system, "direct" (factorisation), "amg" (pyamg), or "auto", the faster of both.
-
-    Returns DarcyFlow, `potential` at the vertices; it is 1 or 0 in dead ends of the inlet or outlet, NaN in
-    closed pockets.
-
-    Raises InputError: another kind of mesh, wrong facets, a bad K, or bounds on a curved mesh.
+    Raises InputError: another kind of mesh, wrong facets, or a bad K.
     NotConverged : inlet and outlet flow differ by more than 1e-5, or the linear solver failed.
-
-    Notes
-    -----
-    The value is the energy ∫ ∇φ·K∇φ, so it equals `upper`. Open elements that meet in a corner are connected
-    in the value and in the upper bound, and not in the lower one.
     """
-    kind = KINDS.get(type(mesh))
-    if kind is None:
-        names = ", ".join(t.__name__ for t in KINDS)
-        raise InputError("mesh", f"a {type(mesh).__name__}", f"one of {names}")
-    if bounds and kind.flux_element is None:
-        raise InputError("bounds", f"a curved mesh, {type(mesh).__name__}", "a straight mesh (first-order elements)")
-    ends = _ends(mesh, inlet, outlet)
-    tensor = permeability_tensors(permeability, mesh.nelements)
-    scale = float(np.abs(tensor).max()) or 1.0
-    tensor = tensor / scale
-    carrying, at_inlet, at_outlet = connected_elements(mesh, tensor, ends, through_corners=True)
-    potential = np.full(mesh.nvertices, np.nan)
-    for value, elements, facets in ((0.0, at_outlet, ends[1]), (1.0, at_inlet, ends[0])):
-        potential[mesh.t[:, elements]] = value
-        potential[mesh.facets[:, facets]] = value
-    if carrying.size == 0:
-        bound = 0.0 if bounds else np.nan
-        return DarcyFlow(0.0, potential, 1 - potential, False, lower=bound, upper=bound)
-    tensor = invertible(tensor)
-    basis = Basis(mesh, kind.element(), intorder=kind.intorder, elements=carrying)
-    k = np.moveaxis(tensor[carrying], 0, -1)[..., None]
-    flow = conforming_flow(basis, k, ends, rtol=RTOL, solver=solver)
-    vertices = mesh.t[:, carrying]
-    potential[vertices] = flow.potential[basis.nodal_dofs[0, vertices]]
-    lower, upper = np.nan, np.nan
-    if bounds and kind.flux_element is not None:
-        upper = flow.conductance * scale
-        lower = scale * flux_conductance(
-            mesh, tensor, ends, kind.flux_element(), kind.intorder, rtol=RTOL, solver=solver
+    if type(mesh) not in KINDS:
+        names = ", ".join(kind.__name__ for kind in KINDS)
+        raise InputError("mesh", f"a {type(mesh).__name__}", f"one of {names}, {LINEAR}")
+    operators = MeshOperators(mesh, ends_of(mesh, inlet, outlet))
+    return operators.flow(permeability_tensors(permeability, mesh.nelements), bounds=bounds, solver=solver)
+
+
+@dataclass(frozen=True, kw_only=True)
+class MeshFlow(DarcyFlow):
+    """Flow through a mesh; `conductance` is the energy Σ level · rate, the flow for a unit drop between two boundaries.
+
+    potential : at the vertices; that of a boundary in its dead ends, NaN in closed pockets.
+    rates : into the mesh through every boundary (boundaries,); exactly 0 without an open path to another one.
+    flux_rates : those of the Raviart-Thomas fluxes, which balance up to rounding; NaN if not computed.
+    """
+
+    rates: Array = field(repr=False)
+    flux_rates: Array = field(repr=False)
+
+
+@dataclass(frozen=True, eq=False)
+class MeshOperators:
+    """The forms of a mesh of straight sides, for flows through it.
+
+    mesh : of `KINDS`. boundaries : facets of each, of which no two have a vertex in common.
+    """
+
+    mesh: Mesh = field(repr=False)
+    boundaries: Sequence[Indices] = field(repr=False)
+
+    def flow(
+        self,
+        tensor: Array,
+        levels: Sequence[float] = (1.0, 0.0),
+        *,
+        bounds: bool = False,
+        solver: str = "auto",
+    ) -> MeshFlow:
+        """Flow between the boundaries at these potentials, about 1.
+
+        tensor : K (n, 2, 2), symmetric and positive semidefinite.
+        bounds : also enclose the energy of this mesh (K constant on each element), up to quadrature on quadrilaterals
+        that are not parallelograms, and find the fluxes; otherwise these are NaN. Open elements that meet in a corner
+        are connected in the value and in the upper bound, and not in the lower one.
+        solver : of the linear system, "direct" (factorisation), "amg" (pyamg), or "auto", the faster of both.
+
+        Raises NotConverged: inflow and outflow differ by more than 1e-5, or the linear solver failed.
+        """
+        scale = float(np.abs(tensor).max()) or 1.0
+        tensor = tensor / scale
+        connected, system = self._system(tensor, of_vertices=True)
+        potential = self._at_rest(connected, levels)
+        nothing = np.zeros(len(levels))
+        if not connected.joined.any():
+            bound = 0.0 if bounds else np.nan
+            return MeshFlow(
+                0.0,
+                potential,
+                1 - potential,
+                percolates=False,
+                lower=bound,
+                upper=bound,
+                rates=nothing,
+                flux_rates=nothing + bound,
+            )
+        unit_drop = tuple(levels) == (1.0, 0.0)
+        tensor = invertible(tensor)
+        local = _weighted(tensor[connected.between], self._stiffness, connected.between)
+        # a flow through one of several boundaries errs by as much as the potential, an energy by its square
+        rtol = potential_rtol(RTOL) if unit_drop else RTOL
+        values, found = system.solved(local, levels, rtol, solver)
+        potential[system.dofs] = values[system.dofs]
+        energy, flux = _dissipated(local, values[system.dofs])
+        rates = system.into(flux)
+        imbalance = _imbalance(rates)
+        lower, upper, flux_rates = np.nan, np.nan, nothing + np.nan
+        if bounds:
+            bound, flux_rates = self._of_fluxes(tensor, levels, solver)
+            lower, upper = min(bound, energy), energy
+        return MeshFlow(
+            conductance=scale * energy,
+            potential=potential,
+            complement=1 - potential,
+            percolates=True,
+            iterations=found.iterations,
+            residual=found.residual,
+            imbalance=imbalance,
+            solver=found.solver,
+            lower=scale * lower,
+            upper=scale * upper,
+            rates=scale * rates,
+            flux_rates=scale * flux_rates,
         )
-        lower = min(lower, upper)
-    return replace(
-        flow,
-        conductance=flow.conductance * scale,
-        potential=potential,
-        complement=1 - potential,
-        lower=lower,
-        upper=upper,
-    )
+
+    def _of_fluxes(self, tensor: Array, levels: Sequence[float], solver: str) -> tuple[float, Array]:
+        """Bound (Σ level · rate)²/∫ q·K⁻¹q of the energy, and rates, of the fluxes q through invertible tensors."""
+        connected, system = self._system(tensor, of_vertices=False)
+        if not connected.joined.any():
+            return 0.0, np.zeros(len(levels))
+        inverse = np.linalg.inv(tensor[connected.between])
+        resistance = _weighted(inverse, self._resistance, connected.between)
+        # R q = p − λ and Σq = 0 on each element give q = −S λ
+        inverse = np.linalg.inv(resistance)
+        column = inverse.sum(axis=2)
+        schur = inverse - column[:, :, None] * column[:, None, :] / column.sum(axis=1)[:, None, None]
+        # balancing the fluxes magnifies the error of the potential
+        potential, _ = system.solved(schur, levels, RTOL, solver)
+        _, inward = _dissipated(schur, potential[system.dofs])
+        flux, on_facet = self._balanced(connected.between, system, resistance, -inward)
+        rates = np.array([-float(on_facet[facets].sum()) for facets in system.ends])
+        energy = float(np.einsum("ei,eij,ej->", flux, resistance, flux))
+        return float(np.dot(levels, rates)) ** 2 / energy, rates
+
+    def _balanced(self, carrying: Indices, system: MeshSystem, resistance: Array, flux: Array) -> tuple[Array, Array]:
+        """Outward fluxes (elements, facets) near `flux` that balance on elements and agree on facets.
+
+        Also those of all facets, out of their first element.
+        """
+        mesh, facets = self.mesh, system.dofs
+        node = np.zeros(mesh.nelements, np.int64)
+        node[carrying] = np.arange(1, carrying.size + 1)
+        first, second = mesh.f2t
+        sign = np.where(first[facets] == carrying[:, None], 1.0, -1.0)
+        sides = np.bincount(facets.ravel(), minlength=mesh.nfacets)
+        mean = np.bincount(facets.ravel(), (sign * flux).ravel(), mesh.nfacets) / np.maximum(sides, 1)
+        own = np.bincount(facets.ravel(), np.einsum("eii->ei", resistance).ravel(), mesh.nfacets)
+        # links: facets between two carrying elements, and those of the ends, whose outer side is node 0
+        link = np.concatenate([np.flatnonzero(sides == 2), *system.ends])
+        tail, head = node[first[link]], np.where(second[link] >= 0, node[second[link]], 0)
+        through, on_facet = mean[link], np.zeros(mesh.nfacets)
+        balance(tail, head, 1 / own[link], through, carrying.size + 1)
+        on_facet[link] = through
+        return sign * on_facet[facets], on_facet
+
+    def _at_rest(self, connected: Connected, levels: Sequence[float]) -> Array:
+        """Potential of the vertices of each boundary and of what is connected to it alone; NaN elsewhere."""
+        mesh = self.mesh
+        potential = np.full(mesh.nvertices, np.nan)
+        for level, elements in zip(levels, connected.alone, strict=True):
+            potential[mesh.t[:, elements]] = level
+        for level, facets in zip(levels, self.boundaries, strict=True):
+            potential[mesh.facets[:, facets]] = level
+        return potential
+
+    def _system(self, tensor: Array, *, of_vertices: bool) -> tuple[Connected, MeshSystem]:
+        """What open elements connect, and their potentials; those of a mesh that is all open are found once."""
+        if is_open(tensor):
+            return self._open_systems[of_vertices]
+        return self._made(tensor, of_vertices=of_vertices)
+
+    @cached_property
+    def _open_systems(self) -> tuple[tuple[Connected, MeshSystem], ...]:
+        unit = np.broadcast_to(np.eye(2), (self.mesh.nelements, 2, 2))
+        return tuple(self._made(unit, of_vertices=of_vertices) for of_vertices in (False, True))
+
+    def _made(self, tensor: Array, *, of_vertices: bool) -> tuple[Connected, MeshSystem]:
+        """The potentials are those of vertices, where elements also meet in corners, or of facets."""
+        mesh = self.mesh
+        connected = connected_elements(mesh, tensor, self.boundaries, through_corners=of_vertices)
+        facets = [
+            open_facets(mesh, f, connected.between) if joined else f[:0]
+            for f, joined in zip(self.boundaries, connected.joined, strict=True)
+        ]
+        if of_vertices:
+            ends = [np.unique(mesh.facets[:, f]) for f in facets]
+            return connected, MeshSystem(mesh.t.T[connected.between], ends, mesh.nvertices)
+        return connected, MeshSystem(mesh.t2f.T[connected.between], facets, mesh.nfacets)
+
+    @cached_property
+    def _stiffness(self) -> Array:
+        """Local matrices of conforming elements, of every component (3, n, vertices, vertices)."""
+        kind = KINDS[type(self.mesh)]
+        basis = Basis(self.mesh, kind.element(), intorder=kind.intorder)
+        return np.stack([forms.darcy_flow.coo_data(basis, k=_constant(unit)).tolocal() for unit in _UNITS])
+
+    @cached_property
+    def _resistance(self) -> Array:
+        """Local resistances of outward fluxes, of every component (3, n, facets, facets)."""
+        kind = KINDS[type(self.mesh)]
+        basis = Basis(self.mesh, kind.flux_element(), intorder=kind.intorder)
+        facets = self.mesh.t2f.T
+        # a basis function is a unit flux out of the facet's first element
+        outward = np.where(self.mesh.f2t[0, facets] == np.arange(len(facets))[:, None], 1.0, -1.0)
+        local = [forms.flux_resistance.coo_data(basis, resistance=_constant(unit)).tolocal() for unit in _UNITS]
+        return np.stack(local) * outward[:, :, None] * outward[:, None, :]
 
 
-def conforming_flow(
-    basis: Basis, k: Array, ends: tuple[Indices, Indices], *, rtol: float, solver: str = "auto"
-) -> DarcyFlow:
-    """Flow of a conforming element, `potential` at its degrees of freedom.
+def _constant(unit: Array) -> Array:
+    """A tensor at every quadrature point."""
+    return unit[:, :, None, None]
 
-    basis : over the elements that carry the flow, of the mesh.
-    k : permeability tensors at the quadrature points, (2, 2, elements, points or 1), of any one unit.
-    ends : boundary facets of inlet and outlet; those that no element of the basis has are left out.
-    rtol : relative error of the conductance allowed to an iterative solver; the potential errs by about √rtol.
-    solver : of the linear system.
 
-    Raises NotConverged: inlet and outlet flow differ by more than 1e-5, and 0.01 √rtol, or the linear solver failed.
-    """
-    matrix = forms.darcy_flow.assemble(basis, k=k).tocsr()
-    carrying = np.arange(basis.mesh.nelements) if basis.tind is None else basis.tind
-    dofs = [basis.get_dofs(open_facets(basis.mesh, f, carrying)).flatten() for f in ends]
-    phi = np.zeros(basis.N)
-    phi[dofs[0]] = 1.0
-    free = np.zeros(basis.N, bool)
-    free[basis.element_dofs] = True
-    free[np.concatenate(dofs)] = False
-    unknown = np.flatnonzero(free)
-    iterations, residual, used = 0, 0.0, "none"
-    if unknown.size:
-        rows = sp.csr_array(matrix)[unknown]
-        solution = solve_spd(rows[:, unknown], -(rows @ phi), potential_rtol(rtol), solver, unit_drop=True)
-        phi[unknown] = solution.x
-        iterations, residual, used = solution.iterations, solution.residual, solution.solver
-    conductance = float(forms.dissipation.assemble(basis, k=k, p=basis.interpolate(phi)))
-    reaction = matrix @ phi
-    imbalance = abs(float(reaction[dofs[0]].sum() + reaction[dofs[1]].sum())) / conductance
-    allowed = max(MAX_IMBALANCE, 0.01 * potential_rtol(rtol))
-    if not imbalance <= allowed:
+def _weighted(tensor: NDArray[np.floating], units: Array, elements: Indices) -> Array:
+    """Local matrices (elements, m, m) of their tensors, from those of unit components of all (3, n, m, m)."""
+    k = np.array([tensor[:, 0, 0], tensor[:, 1, 1], tensor[:, 0, 1]])
+    if elements.size < units.shape[1]:
+        units = units[:, elements]
+    return np.asarray(np.einsum("cn,cnij->nij", k, units))
+
+
+def _dissipated(local: Array, values: Array) -> tuple[float, Array]:
+    """Energy of the values (n, m) of local matrices (n, m, m), and what flows into the elements (n, m)."""
+    # differences within an element: no cancellation where values are nearly constant
+    drop = values - values[:, :1]
+    flux = np.einsum("nij,nj->ni", local, drop)
+    return float(np.einsum("ni,ni->", drop, flux)), flux
+
+
+def _imbalance(rates: Array) -> float:
+    """What inflow and outflow differ by, over the inflow; NotConverged where that is too much."""
+    into = float(np.maximum(rates, 0.0).sum())
+    imbalance = abs(float(rates.sum())) / into if into > 0 else 0.0
+    if not imbalance <= MAX_IMBALANCE:
         raise NotConverged(
-            f"flow: inlet and outlet differ by {imbalance:.1e} of the flow, expected {allowed:.0e}; "
+            f"flow: inlet and outlet differ by {imbalance:.1e} of the flow, expected {MAX_IMBALANCE:.0e}; "
             "try a smaller contrast of the permeability",
             imbalance,
         )
-    return DarcyFlow(conductance, phi, 1 - phi, True, iterations, residual, imbalance, used)
-
-
-def permeability_tensors(permeability: ArrayLike, elements: int) -> Array:
-    """K as (elements, 2, 2) positive semidefinite tensors, from any allowed shape; or an InputError."""
-    try:
-        k = np.asarray(permeability, dtype=float)
-    except (TypeError, ValueError):
-        raise InputError("permeability", type(permeability).__name__, "numbers [m³]") from None
-    n = elements
-    if k.shape not in ((), (n,), (n, 2), (n, 2, 2)):
-        raise InputError(
-            "permeability",
-            f"shape {k.shape}",
-            f"a number, or shape ({n},), ({n}, 2) or ({n}, 2, 2) for {n} elements",
-        )
-    if not np.all(np.isfinite(k)):
-        raise InputError(
-            "permeability", f"{counted(np.count_nonzero(~np.isfinite(k)), 'value')} not finite", "numbers >= 0 [m³]"
-        )
-    if k.ndim < 3:
-        if k.min(initial=0.0) < 0:
-            raise InputError("permeability", f"{k.min():g}", "numbers >= 0 [m³]")
-        principal = np.broadcast_to(k if k.ndim == 2 else k.reshape(-1, 1), (n, 2))
-        return principal[:, :, None] * np.eye(2)
-    size = np.abs(k).max(axis=(1, 2))
-    skew = np.flatnonzero(np.abs(k[:, 0, 1] - k[:, 1, 0]) > 1e-9 * size)
-    if skew.size:
-        raise InputError("permeability", f"a tensor that is not symmetric in element {skew[0]}", "symmetric tensors")
-    k = (k + k.transpose(0, 2, 1)) / 2
-    negative = np.flatnonzero(np.linalg.eigvalsh(k)[:, 0] < -1e-12 * size)
-    if negative.size:
-        raise InputError(
-            "permeability",
-            f"a negative principal value in element {negative[0]}",
-            "principal values >= 0 [m³]",
-        )
-    return k
-
-
-def is_connected(mesh: Mesh, inlet: ArrayLike, outlet: ArrayLike) -> bool:
-    """Whether the mesh itself, all of it open, joins inlet and outlet; InputError if these cannot be ends."""
-    unit = np.broadcast_to(np.eye(2), (mesh.nelements, 2, 2))
-    return connected_elements(mesh, unit, _ends(mesh, inlet, outlet), through_corners=True)[0].size > 0
-
-
-def _ends(mesh: Mesh, inlet: ArrayLike, outlet: ArrayLike) -> tuple[Indices, Indices]:
-    ends = _facets(mesh, inlet, "inlet"), _facets(mesh, outlet, "outlet")
-    if np.intersect1d(mesh.facets[:, ends[0]], mesh.facets[:, ends[1]]).size:
-        raise InputError("inlet and outlet", "boundaries that touch", "boundaries with no vertex in common")
-    return ends
-
-
-def _facets(mesh: Mesh, facets: ArrayLike, name: str) -> Indices:
-    chosen = np.unique(np.asarray(facets).astype(np.int64))
-    if chosen.size == 0:
-        raise InputError(name, "no facets", "at least one facet of the boundary")
-    if not np.all(np.isin(chosen, mesh.boundary_facets())):
-        raise InputError(name, "facets inside the mesh", "facets of its boundary")
-    return chosen
-
-
-def invertible(tensor: Array) -> Array:
-    """Tensors with a smaller principal value of CLOSED_AXIS of the larger instead of 0."""
-    values, axes = np.linalg.eigh(tensor)
-    half = (values[:, 1] > 0) & (values[:, 0] <= 1e-14 * values[:, 1])
-    values[half, 0] = CLOSED_AXIS * values[half, 1]
-    regular = np.einsum("eij,ej,ekj->eik", axes, values, axes)
-    return np.where(half[:, None, None], regular, tensor)
+    return imbalance

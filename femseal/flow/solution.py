@@ -13,6 +13,8 @@ from ..base.errors import InputError
 SOLVERS = ("auto", "multigrid", "elimination", "amg")
 #: Inlet and outlet flow may differ by this fraction before a direct or a precise solution is refused.
 MAX_IMBALANCE = 1e-5
+#: What to do about elements of the second order.
+LINEAR = "with linear elements; mesh with elements of the first order, finer where sides are curved"
 #: Error of the potential in the norm of the energy that is allowed where it is shown or written.
 FIELD_RTOL = 1e-6
 

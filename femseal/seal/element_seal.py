@@ -11,10 +11,8 @@ import numpy as np
 from skfem import Mesh
 
 from ..base import Array, Indices, InputError
-from ..flow.dirichlet_flow import DirichletFlow, dirichlet_flow
-from ..flow.mesh import CLOSED_AXIS, darcy_conductance
-from ..flow.open_elements import OpenElements
-from ..flow.solution import DarcyFlow
+from ..flow.mesh import MeshFlow, MeshOperators
+from ..flow.mesh_input import CLOSED_AXIS, permeability_tensors
 from .mesh_seal import PressureBoundaries
 
 #: Solvers of a system on a mesh; others are of grids.
@@ -22,8 +20,6 @@ _SOLVERS = ("auto", "direct", "amg")
 #: A piece closed along one axis keeps `CLOSED_AXIS` of its other permeability there. A seal that only this opens
 #: has measured 0.002 to 7e3 of that median in squares, an open one 7e6 and more: below this many it counts as closed.
 _SHUT = 2e5
-#: Ratio of the smallest permeability to the largest from which on all elements count as open.
-_OPEN = 1e-12
 
 
 @dataclass(frozen=True, eq=False)
@@ -49,9 +45,9 @@ class ElementSeal:
     boundaries: PressureBoundaries | None = field(default=None, repr=False)
 
     @cached_property
-    def _open(self) -> OpenElements:
-        """The flow where all elements are open."""
-        return OpenElements(self.mesh, self.inlet, self.outlet)
+    def _operators(self) -> MeshOperators:
+        """The flow from the inlet to the outlet; a drawn seal is solved many times."""
+        return MeshOperators(self.mesh, (self.inlet, self.outlet))
 
     @property
     def length(self) -> float:
@@ -67,19 +63,16 @@ class ElementSeal:
 
     def tensors(self, permeability: Any) -> Array:
         """Tensors (n, 2, 2) [m³] in the coordinates of the mesh, from a number or (n, 2) across and along the lay."""
-        principal = np.broadcast_to(permeability, (self.mesh.nelements, 2))
-        return np.asarray(np.einsum("ni,nia,nib->nab", principal, self.axes, self.axes))
+        n = self.mesh.nelements
+        principal = permeability_tensors(np.broadcast_to(permeability, (n, 2)), n)
+        return np.asarray(np.einsum("nij,nia,njb->nab", principal, self.axes, self.axes))
 
-    def flow(self, permeability: Any, *, bounds: bool = False, solver: str = "auto") -> DarcyFlow:
+    def flow(self, permeability: Any, *, bounds: bool = False, solver: str = "auto") -> MeshFlow:
         """Flow for a unit drop; permeability (n, 2) [m³], solvers of grids are "auto".
 
         bounds : solve both; otherwise the flow is that of linear elements, the upper one, with the same potential.
         """
-        k, solver = self.tensors(permeability), _of_meshes(solver)
-        principal = np.asarray(permeability)
-        if principal.min() > _OPEN * principal.max():
-            return self._open.flow(k, solver, bounds=bounds)
-        flow = darcy_conductance(self.mesh, k, self.inlet, self.outlet, bounds=bounds, solver=solver)
+        flow = self._operators.flow(self.tensors(permeability), bounds=bounds, solver=_of_meshes(solver))
         if not bounds:
             return flow
         lower = flow.lower if flow.lower > self._through_closed_axes(permeability) else 0.0
@@ -93,7 +86,7 @@ class ElementSeal:
         levels: Sequence[float],
         *,
         solver: str = "auto",
-    ) -> DirichletFlow:
+    ) -> MeshFlow:
         """Flow between boundaries of given potentials, the outlets at 0 and all inlets on one side of it.
 
         The outflow is √ of the product of those of linear elements and of Raviart-Thomas fluxes, which with inlets at
@@ -104,15 +97,14 @@ class ElementSeal:
         """
         if min(levels) < 0:
             raise InputError("inlet", "pressures above and below that of the outlet", "all on one side of it")
-        k, solver = self.tensors(permeability), _of_meshes(solver)
-        flow = dirichlet_flow(self.mesh, k, boundaries.facets, levels, fluxes=True, solver=solver)
+        operators = MeshOperators(self.mesh, boundaries.facets)
+        flow = operators.flow(self.tensors(permeability), levels, bounds=True, solver=_of_meshes(solver))
         outlets = slice(len(boundaries.pressures), None)
-        fluxes = flow.rates if flow.flux_rates is None else flow.flux_rates
-        upper, lower = -float(flow.rates[outlets].sum()), -float(fluxes[outlets].sum())
+        upper, lower = -float(flow.rates[outlets].sum()), -float(flow.flux_rates[outlets].sum())
         if not (lower > self._through_closed_axes(permeability) * max(levels) and upper > 0):
             return replace(flow, rates=np.zeros_like(flow.rates))
         outflow = np.sqrt(lower) * np.sqrt(upper)
-        return replace(flow, rates=0.5 * outflow * (flow.rates / upper + fluxes / lower))
+        return replace(flow, rates=0.5 * outflow * (flow.rates / upper + flow.flux_rates / lower))
 
     def _through_closed_axes(self, permeability: Any) -> float:
         """Flow for a unit drop below which it may go through axes of pieces that are closed [m³]."""

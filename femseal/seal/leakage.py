@@ -179,7 +179,7 @@ def seal_leakage(
     inlet_pressure, outlet_pressure : [Pa]; absolute for a gas. A mesh whose inlets have pressures of their own takes no
         inlet pressure.
     bounds : also enclose the rate between `lower` and `upper`; otherwise both are NaN. On structured seals
-        they enclose the flow of the network of links, on straight meshes that of the mesh with k constant on
+        they enclose the flow of the network of links, on meshes that of the mesh with k constant on
         each element; an `ElementSeal` always has them. Not with pressures of inlets: the flow out of one of
         several boundaries is no energy.
     solver : of the linear system, see `femseal.flow.solve_flow`; on meshes "auto", "direct" or "amg".
@@ -196,7 +196,7 @@ def seal_leakage(
     Raises
     ------
     InputError : a permeability that is negative, not finite or of the wrong shape, a pressure the fluid
-        cannot have, bounds on a curved mesh; with pressures of inlets also an inlet pressure, bounds, or a
+        cannot have; with pressures of inlets also an inlet pressure, bounds, or a
         `PermeabilityTable`.
     NotConverged : inlet and outlet flow do not balance.
     """

@@ -17,13 +17,12 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
-from skfem import Basis, FacetBasis, Functional, Mesh, MeshQuad1, MeshQuad2, MeshTri1, MeshTri2
-from skfem.quadrature import get_quadrature
+from skfem import Mesh, MeshQuad1, MeshTri1
 
 from ..base import Array, Indices, InputError, to_si, to_text, validate
-from ..flow.dirichlet_flow import DirichletFlow, dirichlet_flow
-from ..flow.mesh import darcy_conductance, is_connected
-from ..flow.solution import DarcyFlow
+from ..flow.mesh import MeshFlow, MeshOperators
+from ..flow.mesh_input import is_connected, permeability_tensors
+from ..flow.solution import LINEAR
 from .seal_files import read_mesh
 from .triangulation import polygon_areas
 
@@ -51,7 +50,7 @@ def _outlines(mesh: Mesh) -> tuple[Array, Array, Array, Indices]:
     """Start and end of the edges of outlines, places beside them in their elements (m, 2), and these elements (m,)."""
     # along an outline of the usual kind, the edges follow each other in both coordinates when it is turned
     c, s = np.cos(1.0), np.sin(1.0)
-    points = (np.array([[c, -s], [s, c]]) @ mesh.p[:, : mesh.nvertices]).T
+    points = (np.array([[c, -s], [s, c]]) @ mesh.p).T
     corners = mesh.t.T
     corners = np.where(polygon_areas(points[corners])[:, None] > 0, corners, corners[:, ::-1])
     first, second = corners, np.roll(corners, -1, axis=1)
@@ -155,7 +154,7 @@ class PressureBoundaries:
 
 @dataclass(frozen=True)
 class MeshSeal:
-    """A seal of any plan shape, meshed with triangles or quadrilaterals of first or second order.
+    """A seal of any plan shape, meshed with linear triangles or quadrilaterals.
 
     Parameters
     ----------
@@ -182,8 +181,10 @@ class MeshSeal:
             object.__setattr__(self, "inlet", validate.pressures("inlet", self.inlet))
         mesh = self.path if isinstance(self.path, Mesh) else read_mesh(self.path, to_si(f"1 {self.unit}", "m", "unit"))
         object.__setattr__(self, "mesh", mesh)
-        if type(mesh) not in (MeshTri1, MeshQuad1, MeshTri2, MeshQuad2):
-            raise InputError("path", f"a {type(mesh).__name__}", "a plane mesh of triangles or quadrilaterals")
+        if type(mesh) not in (MeshTri1, MeshQuad1):
+            raise InputError(
+                "path", f"a {type(mesh).__name__}", f"a plane mesh of triangles or quadrilaterals, {LINEAR}"
+            )
         there = ", ".join(repr(str(name)) for name in mesh.boundaries or {}) or "none"
         for role, names in (("inlet", self.inlet), ("outlet", self.outlet)):
             for name in _names(names) or (names,):
@@ -214,28 +215,30 @@ class MeshSeal:
     @property
     def length(self) -> float:
         """Length of the outlet [m]."""
-        basis = FacetBasis(self.mesh, self.mesh.elem(), facets=self.ends[1], intorder=6)
-        return float(_one.assemble(basis))
+        start, end = np.moveaxis(self.mesh.p[:, self.mesh.facets[:, self.ends[1]]], 1, 0)
+        return float(np.hypot(*(end - start)).sum())
 
     @property
     def area(self) -> float:
         """Area of the seal [m²]."""
-        return float(_one.assemble(Basis(self.mesh, self.mesh.elem(), intorder=6)))
+        return float(np.abs(polygon_areas(self.points[self.mesh.t.T])).sum())
 
     @property
     def points(self) -> Array:
         """Coordinates of the vertices (n_vertices, 2) [m]."""
-        return np.ascontiguousarray(self.mesh.p[:, : self.mesh.nvertices].T)
+        return np.ascontiguousarray(self.mesh.p.T)
 
-    def flow(self, permeability: Any, *, bounds: bool = False, solver: str = "auto") -> DarcyFlow:
+    def flow(self, permeability: Any, *, bounds: bool = False, solver: str = "auto") -> MeshFlow:
         """Flow for a unit drop; permeability: a number, (n,), (n, 2) or (n, 2, 2) for n elements [m³]."""
-        return darcy_conductance(self.mesh, permeability, *self.ends, bounds=bounds, solver=solver)
+        tensor = permeability_tensors(permeability, self.mesh.nelements)
+        return MeshOperators(self.mesh, self.ends).flow(tensor, bounds=bounds, solver=solver)
 
     def flow_between(
         self, permeability: Any, boundaries: PressureBoundaries, levels: Sequence[float], *, solver: str = "auto"
-    ) -> DirichletFlow:
+    ) -> MeshFlow:
         """Flow between boundaries at potentials, permeability as in `flow`."""
-        return dirichlet_flow(self.mesh, permeability, boundaries.facets, levels, solver=solver)
+        tensor = permeability_tensors(permeability, self.mesh.nelements)
+        return MeshOperators(self.mesh, boundaries.facets).flow(tensor, levels, solver=solver)
 
 
 def parts_without_flow(mesh: Mesh, inlet: Indices, outlet: Indices) -> Iterator[str]:
@@ -259,25 +262,18 @@ def parts_without_flow(mesh: Mesh, inlet: Indices, outlet: Indices) -> Iterator[
         )
 
 
-@Functional
-def _one(w: Any) -> Any:
-    """∫ 1."""
-    return 1.0 + 0 * w.x[0]
-
-
 def _check_elements(mesh: Mesh) -> None:
     """Refuse nodes that are not finite, and elements that are degenerate, tangled or on each other."""
-    undefined = np.flatnonzero(~np.isfinite(mesh.doflocs).all(axis=0))
+    undefined = np.flatnonzero(~np.isfinite(mesh.p).all(axis=0))
     if undefined.size:
         raise InputError("path", f"a mesh whose node {undefined[0]} is not finite", "finite coordinates")
-    nodes, element = mesh.dofs.element_dofs, mesh.elem()
+    corners = mesh.p.T[mesh.t.T]
+    before, after = (np.roll(corners, shift, axis=1) - corners for shift in (1, -1))
     # the Jacobian of a bilinear element is extreme at its corners
-    points = np.hstack([get_quadrature(mesh.elem.refdom, 4)[0], mesh.elem.refdom.p])
-    slopes = np.stack([np.broadcast_to(element.lbasis(points, i)[1], points.shape) for i in range(len(nodes))])
-    jacobian = np.einsum("cne,ndq->eqcd", mesh.doflocs[:, nodes], slopes)
-    det = np.linalg.det(jacobian)
-    size = np.ptp(mesh.doflocs[:, nodes], axis=1).max(axis=0) ** 2
-    bad = np.flatnonzero((np.abs(det).min(axis=1) <= 1e-12 * size) | (det.min(axis=1) * det.max(axis=1) <= 0))
+    det = after[..., 0] * before[..., 1] - after[..., 1] * before[..., 0]
+    size = np.ptp(corners, axis=1).max(axis=1) ** 2
+    flat = np.abs(det).min(axis=1) <= 1e-12 * size
+    bad = np.flatnonzero(flat | (det.min(axis=1) * det.max(axis=1) <= 0))
     if bad.size:
         raise InputError("path", f"a mesh whose element {bad[0]} is degenerate or tangled", "a valid mesh")
     _check_sides(mesh)

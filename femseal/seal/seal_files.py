@@ -1,8 +1,7 @@
 """A mesh of a seal from a file, with its named boundaries, and fields of contact pressure.
 
-meshio reads the mesh; names come from cell sets (Abaqus and others) or from physical groups (gmsh). scikit-fem's own
-import loses the names of second-order boundaries, so facets are matched here by their two end vertices. A field is that
-of a mesh such as .vtu, or of points in a text with columns.
+meshio reads the mesh; names come from cell sets (Abaqus and others) or from physical groups (gmsh). Facets are
+matched by their two end vertices. A field is that of a mesh such as .vtu, or of points in a text with columns.
 """
 
 from __future__ import annotations
@@ -19,20 +18,15 @@ from numpy.typing import NDArray
 
 from ..base import InputError, free_memory, shortened, to_si
 from ..base.machine import within_free_memory
+from ..flow.solution import LINEAR
 from .pressure_map import PressureField
 
 if TYPE_CHECKING:
     from skfem import Mesh
 
-#: Classes of scikit-fem for the cells of files, and their corners.
-_KINDS = {
-    "triangle": ("MeshTri1", 3),
-    "quad": ("MeshQuad1", 4),
-    "triangle6": ("MeshTri2", 3),
-    "quad8": ("MeshQuad2", 4),
-    "quad9": ("MeshQuad2", 4),
-}
-_LINES = ("line", "line3")
+#: Classes of scikit-fem for the cells of files.
+_KINDS = {"triangle": "MeshTri1", "quad": "MeshQuad1"}
+_SECOND_ORDER = ("triangle6", "quad8", "quad9")
 #: Arrays of cells whose numbers name boundaries, such as those that meshio keeps in a .vtu.
 _TAGS = ("gmsh:physical", "medit:ref", "boundary")
 #: Memory that reading takes at least, in sizes of the file.
@@ -40,7 +34,7 @@ _READING_FACTOR = 4
 
 
 def read_mesh(path: str | PathLike[str], unit: float = 1.0) -> Mesh:
-    """Mesh of triangles or quadrilaterals (first or second order) with `boundaries` by name.
+    """Mesh of linear triangles or quadrilaterals with `boundaries` by name.
 
     path : a file that meshio reads.
     unit : of its coordinates [m].
@@ -49,36 +43,29 @@ def read_mesh(path: str | PathLike[str], unit: float = 1.0) -> Mesh:
     are left out. A physical group without a name is called by its number, and so is one of lines in a .vtu, by the
     array "gmsh:physical" or "boundary" of its cells.
 
-    Raises InputError: no such file, not readable, no cells, cells of several kinds, or not in a plane of constant
-    z.
+    Raises InputError: no such file, not readable, no cells, cells of several kinds or of the second order, or not in a
+    plane of constant z.
     """
     import skfem
 
     file = Path(fspath(path))
     data = read_data(file)
-    present = [kind for kind in _KINDS if kind in data.cells_dict]
-    if not present:
-        found = ", ".join(data.cells_dict) or "nothing"
-        raise InputError("path", f"'{file}' with {found}", f"a mesh with cells of one kind of {', '.join(_KINDS)}")
-    if len(present) > 1:
-        raise InputError("path", f"'{file}' with {' and '.join(present)}", "a mesh with cells of one kind")
+    present = [kind for kind in (*_KINDS, *_SECOND_ORDER) if kind in data.cells_dict]
+    if len(present) != 1 or present[0] in _SECOND_ORDER:
+        found = " and ".join(present) or ", ".join(data.cells_dict) or "nothing"
+        expected = f"a mesh with cells of one kind of {', '.join(_KINDS)}, {LINEAR}"
+        raise InputError("path", f"'{file}' with {found}", expected)
     kind = present[0]
     points = np.asarray(data.points, dtype=float)
     cells = np.asarray(data.cells_dict[kind])
     if points.shape[1] > 2 and np.ptp(points[cells, 2]) > 1e-9 * np.ptp(points[cells.ravel()], axis=0).max():
         raise InputError("path", f"'{file}' with varying z", "a plane mesh, z constant")
     points = points[:, :2] * unit
-    if kind == "quad8":
-        centre = points[cells[:, 4:]].sum(axis=1) / 2 - points[cells[:, :4]].sum(axis=1) / 4
-        cells = np.hstack([cells, len(points) + np.arange(len(cells))[:, None]])
-        points = np.vstack([points, centre])
-    mesh_type, corners = _KINDS[kind]
     used, renumbered = np.unique(cells, return_inverse=True)
     cells = renumbered.reshape(cells.shape)
-    mesh = getattr(skfem, mesh_type)(np.ascontiguousarray(points[used].T), np.ascontiguousarray(cells.T))
-    # scikit-fem numbers the corners among themselves, in the same order
+    mesh = getattr(skfem, _KINDS[kind])(np.ascontiguousarray(points[used].T), np.ascontiguousarray(cells.T))
     vertex = np.full(len(points), -1)
-    vertex[used[np.unique(cells[:, :corners])]] = np.arange(mesh.nvertices)
+    vertex[used] = np.arange(used.size)
     boundaries = {name: _facets_of(mesh, vertex[lines]) for name, lines in _named_lines(data).items()}
     return mesh.with_boundaries({name: facets for name, facets in boundaries.items() if facets.size})
 
@@ -136,18 +123,18 @@ def _named_lines(data: Any) -> dict[str, NDArray[np.int64]]:
         if name.startswith("gmsh:"):
             continue
         for block, chosen in zip(data.cells, members, strict=True):
-            if block.type in _LINES and chosen is not None and len(chosen):
-                named.setdefault(name, []).append(block.data[chosen][:, :2])
+            if block.type == "line" and chosen is not None and len(chosen):
+                named.setdefault(name, []).append(block.data[chosen])
     # a tag counts within its dimension: a surface may have the number of a line
     names = {int(tag): name for name, (tag, dimension) in data.field_data.items() if int(dimension) == 1}
     arrays: Any = next((data.cell_data[key] for key in _TAGS if key in data.cell_data), [])
     for block, tags in zip(data.cells, arrays, strict=False):
-        if block.type not in _LINES:
+        if block.type != "line":
             continue
         for tag in np.unique(tags):
             name = names.get(int(tag), str(tag))
             if name not in data.cell_sets:
-                named.setdefault(name, []).append(block.data[tags == tag][:, :2])
+                named.setdefault(name, []).append(block.data[tags == tag])
     return {name: np.vstack(parts).astype(np.int64) for name, parts in named.items()}
 
 
@@ -162,11 +149,8 @@ def _facets_of(mesh: Mesh, ends: NDArray[np.int64]) -> NDArray[np.int64]:
 
 #: Cells of a mesh that are taken, by their corners; quadrilaterals are cut in two.
 _TRIANGLES = {
-    "triangle": ((0, 1, 2),),
-    "triangle6": ((0, 1, 2),),
-    "quad": ((0, 1, 2), (0, 2, 3)),
-    "quad8": ((0, 1, 2), (0, 2, 3)),
-    "quad9": ((0, 1, 2), (0, 2, 3)),
+    **dict.fromkeys(("triangle", "triangle6"), ((0, 1, 2),)),
+    **dict.fromkeys(("quad", "quad8", "quad9"), ((0, 1, 2), (0, 2, 3))),
 }
 TEXTS = (".csv", ".txt")
 _DELIMITERS = ",;\t"

@@ -23,7 +23,6 @@ from ..flow.spiral import Spiral
 from .element_seal import ElementSeal
 from .lay import Lay, check_size
 from .mesh_seal import MeshSeal, parts_without_flow
-from .straightened import straightened
 
 # scikit-fem warns that it copies vertices whenever it makes a mesh of more than 1000 vertices periodic
 logging.getLogger("skfem.mesh.mesh").addFilter(lambda record: "C_CONTIGUOUS" not in record.getMessage())
@@ -281,18 +280,16 @@ def laid_on_mesh(
     stamp = None if stat is None else (stat.st_mtime_ns, stat.st_size)
     whole = _mesh_seal(*file, stamp)
     check_size("path", float(np.ptp(whole.points, axis=0).max()), unit)
-    given = whole.boundaries
-    mesh, ends = straightened(whole.mesh, *whole.ends, *(given.facets if given else ()))
+    mesh, ends = whole.mesh, whole.ends
     along = length or whole.length
-    boundaries = replace(given, facets=ends[2:]) if given else None
     outlines = mesh.p.T[mesh.t.T]
     centres = outlines.mean(axis=1)
     direction = lay.directions(centres, centre, to_si(f"1 {unit}", "m", "unit"))
     size = whole.area / along, along
-    seal = ElementSeal(mesh, ends[0], ends[1], size, outlines, _axes(direction), boundaries)
+    seal = ElementSeal(mesh, *ends, size, outlines, _axes(direction), whole.boundaries)
     side = (pieces.size[0] * pieces.size[1]) ** 0.5
     _, tile = np.unique(np.floor(centres / side), axis=0, return_inverse=True)
-    return SealTiles(seal, direction, tile.ravel(), warnings=tuple(parts_without_flow(mesh, *ends[:2])))
+    return SealTiles(seal, direction, tile.ravel(), warnings=tuple(parts_without_flow(mesh, *ends)))
 
 
 @lru_cache(maxsize=2)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -15,10 +14,6 @@ from ..base import Array, InputError, counted
 GAP = 4.0
 #: A point so far outside a triangle, in fractions of its heights, takes its values: chords cut the arcs of a ring.
 OUTSIDE = 0.1
-#: Triangles with the nearest centroids that are tried for each point, then more of them, then all.
-_NEAREST = (8, 128)
-#: Pairs of a point and a triangle that are tried at once.
-_CHUNK = 1_000_000
 
 
 @dataclass(frozen=True, eq=False)
@@ -53,7 +48,7 @@ class Triangulation:
         Raises InputError: a place that no triangle covers.
         """
         triangle, weights = self._around(places)
-        uncovered = np.flatnonzero(triangle < 0)
+        uncovered = np.flatnonzero(weights.min(axis=1) < -OUTSIDE)
         if uncovered.size:
             (x0, y0), (x1, y1) = (end(self.points, axis=0) for end in (np.min, np.max))
             x, y = places[uncovered[0]]
@@ -67,48 +62,20 @@ class Triangulation:
         return (inside * values[self.triangles[triangle]]).sum(axis=1)
 
     def _around(self, places: Array) -> tuple[NDArray[np.int64], Array]:
-        """Triangle around each place, −1 where there is none, and the place in it by its three weights.
+        """Triangle around each place, or nearest to it, and the place in it by its three weights."""
+        import pyvista
 
-        Places are no longer sought once there is one without a triangle.
-        """
-        from scipy.spatial import cKDTree
+        flat = [np.pad(points, ((0, 0), (0, 1))) for points in (self.points, places)]
+        surface = pyvista.PolyData.from_regular_faces(flat[0], self.triangles.astype(int))
+        triangle = np.atleast_1d(surface.find_closest_cell(flat[1]))
+        corner = np.moveaxis(self.points[self.triangles[triangle]], 1, 0)
+        a, b, d = corner[1] - corner[0], corner[2] - corner[0], places - corner[0]
+        second, third = _cross(d, b) / _cross(a, b), _cross(a, d) / _cross(a, b)
+        return triangle, np.stack([1 - second - third, second, third], axis=1)
 
-        best = np.full(len(places), -1)
-        weights = np.full((len(places), 3), -np.inf)
-        low, high = (end(self.points, axis=0) for end in (np.min, np.max))
-        margin = OUTSIDE * np.ptp(self.points[self.triangles], axis=1).max()
-        left = np.flatnonzero(((places >= low - margin) & (places <= high + margin)).all(axis=1))
-        tree = cKDTree(self.points[self.triangles].mean(axis=1))
-        if left.size < len(places):
-            return best, weights
-        for count in (*_NEAREST, len(self.triangles)):
-            k = min(count, len(self.triangles))
-            for start in range(0, left.size, step := max(1, _CHUNK // k)):
-                part = left[start : start + step]
-                near = tree.query(places[part], k=[*range(1, k + 1)])[1] if k < len(self.triangles) else None
-                self._try(near, part, places, best, weights)
-                if near is None and (weights[part].min(axis=1) < -OUTSIDE).any():
-                    break
-            left = left[weights[left].min(axis=1) < 0]
-        best[weights.min(axis=1) < -OUTSIDE] = -1
-        return best, weights
 
-    def _try(self, near: Any, part: NDArray[np.int64], places: Array, best: NDArray[np.int64], weights: Array) -> None:
-        """Keep for some of the places the triangle in which they lie deepest, of those near or of all."""
-        chosen = self.triangles[near] if near is not None else self.triangles[None]
-        corner = self.points[chosen]
-        a, b = corner[..., 1, :] - corner[..., 0, :], corner[..., 2, :] - corner[..., 0, :]
-        d = places[part][:, None] - corner[..., 0, :]
-        det = a[..., 0] * b[..., 1] - a[..., 1] * b[..., 0]
-        second = (d[..., 0] * b[..., 1] - d[..., 1] * b[..., 0]) / det
-        third = (a[..., 0] * d[..., 1] - a[..., 1] * d[..., 0]) / det
-        found = np.stack([1 - second - third, second, third], axis=-1)
-        rows = np.arange(len(part))
-        deepest = found.min(axis=-1).argmax(axis=1)
-        depth = found[rows, deepest]
-        better = depth.min(axis=1) > weights[part].min(axis=1)
-        best[part[better]] = (near[rows, deepest] if near is not None else deepest)[better]
-        weights[part[better]] = depth[better]
+def _cross(a: Array, b: Array) -> Array:
+    return a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0]
 
 
 def _delaunay(points: Array) -> NDArray[np.int64]:

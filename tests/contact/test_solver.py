@@ -491,9 +491,9 @@ def test_an_interrupted_solution_leaves_nothing_behind():
     h, half_space = rough((40, 40)), HalfSpace((40, 40), (D, D), E)
     whole = solve_contact(h, half_space, pressure=0.1 * H, hardness=H)
     for level in workspace.nested_grids(half_space, threading.get_ident(), 1):
-        for leftover in (level.dense, level.v, level.near, level.on_free):
+        for leftover in (level.points.dense, level.v, level.points.near, level.points.on_free):
             leftover[...] = 1.0
-        level.lists[...], level.state[...] = 7, 1
+        level.points.lists[...], level.points.state[...] = 7, 1
     again = solve_contact(h, half_space, pressure=0.1 * H, hardness=H)
     assert np.array_equal(again.pressure, whole.pressure)
     assert again.fft_pairs == whole.fft_pairs

@@ -106,7 +106,7 @@ def test_multigrid_takes_few_iterations_on_a_smooth_gap(shape, periodic):
 @pytest.mark.parametrize("contrast", [1e3, 1e9, 1e15, 1e30])
 def test_elimination_takes_over_where_multigrid_cannot(monkeypatch, periodic, contrast):
     """What does not converge is solved again, to rounding."""
-    monkeypatch.setattr(choice, "_worth_of_multigrid", lambda *sizes: (True, 50))
+    monkeypatch.setattr(choice, "_roughness", lambda *links: -np.inf)
     c1, c2 = links(70, 70, periodic, 5, contrast=contrast, closed=0.1)
     chosen, direct = solve_links(c1, c2), solve_links(c1, c2, solver="elimination")
     assert_allclose(chosen.conductance, direct.conductance, rtol=1e-6)
@@ -407,7 +407,7 @@ def test_multigrid_is_first_where_elimination_takes_much_memory(monkeypatch):
     c1, c2 = links(70, 70, True, 5, contrast=1e3, closed=0.2)
     exact = solve_links(c1, c2, solver="elimination").conductance
     monkeypatch.setattr(choice, "ELIMINATED_NODES", 10)
-    monkeypatch.setattr(choice, "_worth_of_multigrid", lambda *sizes: (False, 1))
+    monkeypatch.setattr(choice, "_roughness", lambda *links: np.inf)
     flow = solve_links(c1, c2)
     assert flow.iterations > 1
     assert_allclose(flow.conductance, exact, rtol=1e-6)
@@ -606,14 +606,14 @@ def test_borders_of_fronts_name_every_node_once():
     keep = nodes_reached(c1, c2) == 3
     inside = restricted(network(c1, c2), keep)
     c1, c2 = inside.along, inside.across
-    order, first, parent = link_network.dissect(keep[1:-1], True)
-    assert np.array_equal(np.sort(order), np.flatnonzero(keep[1:-1]))
+    order = elimination.Order(*link_network.dissect(keep[1:-1], True))
+    assert np.array_equal(np.sort(order.nodes), np.flatnonzero(keep[1:-1]))
     nothing = np.zeros((0, 0))
     node, end = np.arange(24), np.zeros(24, int)
-    row, later, _ = link_network.grid_links(
-        c1, c2, nothing, nothing, True, order, node[keep[1]], end[keep[1]], c1[0, keep[1]]
-    )
-    border, start, _, _ = elimination.borders(first, parent, row, later, 1)
+    of_ends = node[keep[1]], end[keep[1]], c1[0, keep[1]]
+    of_nodes = elimination.Links(*link_network.grid_links(c1, c2, nothing, nothing, True, order.nodes, *of_ends))
+    network_of_order = elimination.network_of(order, of_nodes, 1)
+    first, border, start = network_of_order.first, network_of_order.border, network_of_order.start
     for f in range(first.size - 1):
         names = border[start[f] : start[f + 1]]
         assert np.all(np.diff(names) > 0)

@@ -155,14 +155,12 @@ def test_turning_mesh_and_lay_together_changes_nothing(tmp_path, angle):
     assert abs(flow(other).conductance / first.conductance - 1) > 1e-3
 
 
-def test_elements_of_the_second_order_are_four_straight_ones():
+def test_elements_of_a_mesh_are_tiles():
     seal = MeshSeal(MESHES / "bolted_ring.msh", "bore", ("rim", "bolts"), "mm")
     tiles = MeshLayout(MESHES / "bolted_ring.msh", "mm", "bore", ("rim", "bolts")).lay_out(PIECE)
-    assert len(tiles.tile) == 4 * seal.mesh.nelements
-    assert [len(facets) for facets in (tiles.seal.inlet, tiles.seal.outlet)] == [2 * len(end) for end in seal.ends]
-    flow, exact = tiles.seal.flow(np.ones((len(tiles.tile), 2)), bounds=True), seal.flow(1.0).conductance
-    assert_allclose(flow.conductance, exact, rtol=4e-3)
-    assert_allclose([flow.lower, flow.upper], exact, rtol=8e-3)
+    assert len(tiles.tile) == seal.mesh.nelements
+    flow, known = tiles.seal.flow(np.ones((len(tiles.tile), 2)), bounds=True), seal.flow(1.0, bounds=True)
+    assert_allclose([flow.lower, flow.upper], [known.lower, known.upper], rtol=1e-12)
     assert flow.lower < flow.conductance < flow.upper
 
 

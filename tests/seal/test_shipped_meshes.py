@@ -6,14 +6,14 @@ from pathlib import Path
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose
-from skfem import MeshQuad1, MeshTri1, MeshTri2
+from skfem import MeshQuad1, MeshTri1
 
 from femseal.seal import MeshSeal
 
 MESHES = Path(__file__).parents[2] / "meshes"
 #: Inlet, outlet, kind, and flow for a unit permeability and drop, where a closed form is near, with its tolerance.
 KNOWN = {
-    "bolted_ring": ("bore", ("rim", "bolts"), MeshTri2, None, 0),
+    "bolted_ring": ("bore", ("rim", "bolts"), MeshTri1, None, 0),
     # two half rings and two straight sides in parallel
     "racetrack": ("inside", "outside", MeshTri1, 2 * np.pi / np.log(12 / 8) + 2 * 20 / 4, 1e-3),
     # four straight sides, and four square corners of which each adds 0.559 squares to what a straight side has
@@ -51,7 +51,7 @@ def test_holes_draw_flow_to_them():
     into_all, into_rim = (MeshSeal(path, "bore", out, "mm") for out in (("rim", "bolts"), "rim"))
     whole = 2 * np.pi / np.log(25 / 10)
     assert into_rim.flow(1.0).conductance < whole < into_all.flow(1.0).conductance
-    assert_allclose(into_all.length, 2 * np.pi * (25 + 4 * 2.75) * 1e-3, rtol=1e-4)
+    assert_allclose(into_all.length, 2 * np.pi * (25 + 4 * 2.75) * 1e-3, rtol=1e-3)  # sides are chords
 
 
 @every_mesh

@@ -6,13 +6,12 @@ import meshio
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose, assert_array_equal
-from skfem import MeshQuad, MeshQuad2, MeshTri, MeshTri2
+from skfem import MeshTri
 
 from femseal.base import InputError
 from femseal.flow.mesh import darcy_conductance
 from femseal.seal.layouts import AnnularLayout, MeshLayout, RectangularLayout
 from femseal.seal.pressure_map import AngleTable, PressedSeal
-from femseal.seal.straightened import straightened
 from femseal.seal.tiles import PieceSize, along_grooves, face_tiles
 
 A = 1e-4
@@ -261,22 +260,6 @@ def test_the_flux_carries_the_leakage(tiles):
     rows = (across * width).reshape(tiles.grid).sum(axis=1)
     inward = -1 if not around and tiles.outlines[0, 0] @ tiles.outlines[0, 0] > 1.3e-3**2 else 1
     assert_allclose(inward * rows, flow.conductance, rtol=0.1)
-
-
-@pytest.mark.parametrize("kind", [MeshTri2, MeshQuad2])
-def test_meshes_of_the_second_order_are_straightened(kind):
-    plain = (MeshTri if kind is MeshTri2 else MeshQuad).init_tensor(np.linspace(0, 2, 4), np.linspace(0, 1, 3))
-    mesh = kind.from_mesh(plain)
-    facets = mesh.boundary_facets()
-    x = plain.p[0][mesh.facets[:, facets]]
-    ends = [facets[(x == at).all(axis=0)] for at in (0.0, 2.0)]
-    straight, found = straightened(mesh, *ends)
-    assert straight.nelements == 4 * mesh.nelements
-    assert [len(end) for end in found] == [2 * len(end) for end in ends]
-    for end, at in zip(found, (0.0, 2.0), strict=True):
-        assert (straight.p[0][straight.facets[:, end]] == at).all()
-    flow = darcy_conductance(straight, 1.0, *found, bounds=True)
-    assert_allclose([flow.lower, flow.upper], 0.5, rtol=1e-7)
 
 
 def test_faults_of_sizes():

@@ -12,14 +12,16 @@ from ...base.compiled import compiled, inner
 from ...base.threads import over
 from .elimination import (
     Factors,
-    borders,
+    Links,
+    Order,
     carry_from,
     carry_sources,
     eliminated,
     eliminated_fronts,
+    factors_of,
     find_on,
     find_potentials,
-    links_between,
+    network_of,
 )
 from .hierarchy import FEWEST
 from .link_network import dissect, grid_links
@@ -52,28 +54,23 @@ class Coarsest(NamedTuple):
 @compiled()
 def eliminate_coarsest(centre, right, below, below_right, below_left, ring):
     """Eliminate an operator, given with a border of one node, on its nodes that have links."""
-    order, parts, network = _dissected(centre, right, below, below_right, below_left, ring)
-    first, _, _, _, _, border, start, at, _, _, _ = network
-    links, inverse, between = eliminated(*network)
-    factors = Factors(first, border, start, at, links, inverse, between)
-    return Coarsest(order, factors, np.zeros(order.size + 1), parts)
+    nodes, parts, network = _dissected(centre, right, below, below_right, below_left, ring)
+    return Coarsest(nodes, eliminated(network), np.zeros(nodes.size + 1), parts)
 
 
 def eliminate_by_parts(*operator: Any) -> Coarsest:
     """`eliminate_coarsest`, with threads on the parts."""
-    order, parts, network = _dissected(*operator)
-    first, _, _, _, _, border, start, at, _, _, stay = network
-    links, inverse = np.empty(at[-1]), np.empty(order.size)
-    none = parts[:0], inverse[:0]
-    left = [of_part for of_part, _ in over(parts.tolist(), eliminated_fronts, *none, *network, links, inverse)]
-    rest = eliminated_fronts(0, len(at) - 1, parts, np.concatenate([*left, none[1]]), *network, links, inverse)
-    between = links_between(first, border, start, stay, *rest)
-    return Coarsest(order, Factors(first, border, start, at, links, inverse, between), np.zeros(order.size + 1), parts)
+    nodes, parts, network = _dissected(*operator)
+    links, inverse = np.empty(network.at[-1]), np.empty(nodes.size)
+    written = network, links, inverse
+    left = [of_part for of_part, _ in over(parts.tolist(), eliminated_fronts, parts[:0], inverse[:0], *written)]
+    rest = eliminated_fronts(0, len(network.at) - 1, parts, np.concatenate([*left, inverse[:0]]), *written)
+    return Coarsest(nodes, factors_of(*written, *rest), np.zeros(nodes.size + 1), parts)
 
 
 @compiled()
 def _dissected(centre, right, below, below_right, below_left, ring):
-    """Order of the nodes of an operator, `Coarsest.parts`, and what `eliminated_fronts` takes of the network."""
+    """Order of the nodes of an operator, `Coarsest.parts`, and the network of them."""
     n1, n2 = centre.shape[0] - 2, centre.shape[1] - 2
     nine = below_right.size > 1
     m2 = n2 if ring else n2 - 1
@@ -99,15 +96,11 @@ def _dissected(centre, right, below, below_right, below_left, ring):
                 c1[i, j - 1] = below[i, j]
             if j <= m2:
                 c2[i - 1, j - 1] = right[i, j]
-    order, first, parent = dissect(keep, ring)
-    row, later, value = grid_links(c1, c2, falling, rising, ring, order, node[:count], end[:count], link[:count])
-    border, start, waiting, widest = borders(first, parent, row, later, np.int64(1))
-    at = np.zeros(first.size, np.int64)
-    for f in range(first.size - 1):
-        p = first[f + 1] - first[f]
-        at[f + 1] = at[f] + p * (p + start[f + 1] - start[f])
-    network = first, parent, row, later, value, border, start, at, waiting, widest, np.int64(1)
-    return order, _parts(parent, at), network
+    order = Order(*dissect(keep, ring))
+    ends = node[:count], end[:count], link[:count]
+    links = Links(*grid_links(c1, c2, falling, rising, ring, order.nodes, *ends))
+    network = network_of(order, links, np.int64(1))
+    return order.nodes, _parts(order.parent, network.at), network
 
 
 @inner()

@@ -52,12 +52,30 @@ class Links(NamedTuple):
     value: Array
 
 
+class Network(NamedTuple):
+    """A network to eliminate, of `Order` and `Links`, and what the elimination takes.
+
+    border : later places that each front is linked to. start (fronts + 1,) : where those of each front start. at
+    (fronts + 1,) : where the links of each front start once it is eliminated. waiting : most numbers that are left over
+    for later fronts. widest : the longest border. stay : number of nodes that stay.
+    """
+
+    first: Indices
+    parent: Indices
+    links: Links
+    border: Indices
+    start: Indices
+    at: Indices
+    waiting: int
+    widest: int
+    stay: int
+
+
 class Factors(NamedTuple):
     """The eliminated network; places are those of `Order`, the nodes that stay follow.
 
-    first, start : first place of each front, and where its border starts, with their ends. border : later places that
-    each front is linked to. at, links : links of the nodes at the time they were eliminated, front by front, and where
-    each front starts. inverse (n,) : 1 over the sum of these, or 0.
+    first, border, start, at : see `Network`. links : of the nodes at the time they were eliminated, front by front.
+    inverse (n,) : 1 over the sum of these, or 0.
     between (stay, stay) : what links the nodes that stay, through those eliminated.
     """
 
@@ -70,19 +88,17 @@ class Factors(NamedTuple):
     between: Array
 
 
-def factored(order: Order, links: Links, stay: int) -> Factors:
-    """Eliminate all nodes of an order, so that only `stay` nodes are left."""
-    _, first, parent = order
-    border, start, waiting, widest = borders(first, parent, links.row, links.later, stay)
-    p, q = np.diff(first), np.diff(start)
-    at = np.concatenate([[0], np.cumsum(p * (p + q))])
-    kept, inverse, between = eliminated(first, parent, *links, border, start, at, waiting, widest, stay)
-    return Factors(first, border, start, at, kept, inverse, between)
+@compiled(**_exact)
+def factored(order, links, stay):
+    """`Factors` of all nodes of an order, after whose elimination only `stay` nodes are left."""
+    return eliminated(network_of(order, links, stay))
 
 
 @compiled(**_exact)
-def borders(first, parent, row, later, stay):
-    """Later places that each front is linked to and where they start, most numbers left over, and the widest border."""
+def network_of(order, of_nodes, stay):
+    """`Network` of an order and links."""
+    _, first, parent = order
+    row, later, _ = of_nodes
     fronts = first.size - 1
     n = first[fronts]
     border = np.empty(12 * n + 16, np.int64)
@@ -128,7 +144,11 @@ def borders(first, parent, row, later, stay):
         waiting = max(waiting, top)
         pending[n_pending] = f
         n_pending += 1
-    return border, start, waiting, widest
+    at = np.zeros(fronts + 1, np.int64)
+    for f in range(fronts):
+        p = first[f + 1] - first[f]
+        at[f + 1] = at[f] + p * (p + start[f + 1] - start[f])
+    return Network(first, parent, of_nodes, border, start, at, waiting, widest, stay)
 
 
 @inner(**_exact)
@@ -149,28 +169,23 @@ def _sort(values, first, last):
 
 
 @compiled(**_exact)
-def eliminated(first, parent, row, later, link, border, start, at, waiting, widest, stay):
-    """Links of all fronts, inverse sums, and what links the nodes that stay, see `Factors`."""
-    fronts = first.size - 1
-    links, inverse = np.empty(at[fronts]), np.empty(first[fronts])
+def eliminated(network):
+    """`Factors` of a network."""
+    first, at = network.first, network.at
+    links, inverse = np.empty(at[-1]), np.empty(first[-1])
     no_parts = np.empty((0, 2), np.int64)
-    left, pending = eliminated_fronts(
-        ZERO, fronts, no_parts, inverse[:0], first, parent, row, later, link, border, start, at, waiting, widest, stay,
-        links, inverse,
-    )  # fmt: skip
-    return links, inverse, links_between(first, border, start, stay, left, pending)
+    left, pending = eliminated_fronts(ZERO, first.size - 1, no_parts, inverse[:0], network, links, inverse)
+    return factors_of(network, links, inverse, left, pending)
 
 
 @compiled(**_exact)
-def eliminated_fronts(
-    begin, end, parts, left_by_parts, first, parent, row, later, link, border, start, at, waiting, widest, stay,
-    links, inverse,
-):  # fmt: skip
+def eliminated_fronts(begin, end, parts, left_by_parts, network, links, inverse):
     """Write links and inverse sums of some fronts: links within the borders of those without a parent, and these.
 
     parts (…, 2) : first and last + 1 of fronts that are eliminated already, only the last of which has no parent among
     them. left_by_parts : links within its border, part by part.
     """
+    first, parent, (row, later, link), border, start, at, waiting, widest, stay = network
     n = first[first.size - 1]
     left = np.empty(waiting)  # links within the borders of fronts whose parents have not come yet
     work = np.empty(widest * widest)
@@ -227,9 +242,10 @@ def eliminated_fronts(
 
 
 @compiled(**_exact)
-def links_between(first, border, start, stay, left, pending):
-    """What links the nodes that stay, from `eliminated_fronts` of all."""
-    n, top = first[first.size - 1], left.size
+def factors_of(network, links, inverse, left, pending):
+    """`Factors`, from what `eliminated_fronts` of all has written and returned."""
+    first, border, start, stay = network.first, network.border, network.start, network.stay
+    n, top = first[-1], left.size
     between = np.zeros((stay, stay))
     for k in range(pending.size - 1, -1, -1):
         nodes = border[start[pending[k]] : start[pending[k] + 1]]
@@ -239,7 +255,7 @@ def links_between(first, border, start, stay, left, pending):
             for j in range(i + 1, m):
                 between[nodes[i] - n, nodes[j] - n] += left[top + i * m + j]
                 between[nodes[j] - n, nodes[i] - n] = between[nodes[i] - n, nodes[j] - n]
-    return between
+    return Factors(first, border, start, network.at, links, inverse, between)
 
 
 @inner(**_fast)
@@ -248,52 +264,28 @@ def _eliminate_front(front, rest, inverse):
     p, q = inverse.size, rest.shape[0]
     for start in range(0, p, _PANEL):
         end = min(start + _PANEL, p)
-        i = start
-        while i < end:
-            # two pivots at once
-            s = 0.0
+        for i in range(start, end):
+            total = 0.0
             for j in range(i + 1, p + q):
-                s += front[i, j]
-            s = 1.0 / s if s != 0.0 else 0.0
-            inverse[i] = s
-            if i + 1 >= end:
-                break
-            f = front[i, i + 1] * s
-            t = 0.0
-            for k in range(i + 2, p + q):
-                front[i + 1, k] += f * front[i, k]
-                t += front[i + 1, k]
-            t = 1.0 / t if t != 0.0 else 0.0
-            inverse[i + 1] = t
-            for j in range(i + 2, end):
-                f, g = front[i, j] * s, front[i + 1, j] * t
-                if f != 0.0 or g != 0.0:
+                total += front[i, j]
+            inverse[i] = 1.0 / total if total != 0.0 else 0.0
+            for j in range(i + 1, end):
+                f = front[i, j] * inverse[i]
+                if f != 0.0:
                     for k in range(j + 1, p + q):
-                        front[j, k] += f * front[i, k] + g * front[i + 1, k]
-            i += 2
+                        front[j, k] += f * front[i, k]
         if end < p:
             _add_product(front, inverse, start, end, end, p - end, front, end)
     if p * q * q > _BLAS:
         _add_product(front, inverse, np.int64(0), p, p, q, rest, np.int64(0))
         return
-    # four pivots and two rows at once
-    for i in range(0, p, 4):
-        i1, i2, i3 = min(i + 1, p - 1), min(i + 2, p - 1), min(i + 3, p - 1)
-        s0 = inverse[i]
-        s1 = inverse[i1] if i + 1 < p else 0.0
-        s2 = inverse[i2] if i + 2 < p else 0.0
-        s3 = inverse[i3] if i + 3 < p else 0.0
-        for j in range(0, q, 2):
-            f0, f1, f2, f3 = s0 * front[i, p + j], s1 * front[i1, p + j], s2 * front[i2, p + j], s3 * front[i3, p + j]
-            if j + 1 < q:
-                k = p + j + 1
-                a, b, c, d = front[i, k], front[i1, k], front[i2, k], front[i3, k]
-                rest[j, j + 1] += f0 * a + f1 * b + f2 * c + f3 * d
-                g0, g1, g2, g3 = s0 * a, s1 * b, s2 * c, s3 * d
-                for k in range(j + 2, q):
-                    a, b, c, d = front[i, p + k], front[i1, p + k], front[i2, p + k], front[i3, p + k]
-                    rest[j, k] += f0 * a + f1 * b + f2 * c + f3 * d
-                    rest[j + 1, k] += g0 * a + g1 * b + g2 * c + g3 * d
+    for i in range(0, p, 2):  # two pivots at once
+        after = min(i + 1, p - 1)
+        second = inverse[after] if i + 1 < p else 0.0
+        for j in range(q):
+            f, g = inverse[i] * front[i, p + j], second * front[after, p + j]
+            for k in range(j + 1, q):
+                rest[j, k] += f * front[i, p + k] + g * front[after, p + k]
 
 
 @inner(**_fast)
@@ -315,7 +307,7 @@ def _add_product(front, inverse, start, end, column, rows, out, first):
 @compiled(**_fast)
 def carry_sources(factors, v):
     """Sources v (n + stay,) at all places, carried on by every node to the later ones, in place."""
-    carry_from(factors, 0, factors[0].size - 1, v, v)
+    carry_from(factors, 0, factors.first.size - 1, v, v)
 
 
 @inner(**_fast)
@@ -344,13 +336,13 @@ def find_potentials(factors, v):
 
     That of a node is the mean of those of its neighbours at the time it was eliminated, and what its source adds.
     """
-    find_on(factors, 0, factors[0].size - 1, v, v[:0])
+    find_on(factors, 0, factors.first.size - 1, v, v[:0])
 
 
 @compiled(**_fast)
 def find_two_potentials(factors, v, w):
     """`find_potentials` of two fields at once, in about the time of one: most of it is that of reading the links."""
-    find_on(factors, 0, factors[0].size - 1, v, w)
+    find_on(factors, 0, factors.first.size - 1, v, w)
 
 
 @inner(**_fast)
