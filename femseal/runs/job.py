@@ -243,6 +243,7 @@ def _results(case: Case, made: Prepared, faces: dict[str, str], run: Run, part: 
         quantiles=case.stochastic.quantiles if case.stochastic else (0.05, 0.95),
         warnings=prepared.warnings if refined is None else (*prepared.warnings, *refined.warnings),
         test=test,
+        valve=case.output.valve,
         **case.output.model_dump(include={"leakage_unit", "classes", "nominal_diameter", "throughput_temperature"}),
     )
     results.dataset.attrs["seat"] = prepared.seat
