@@ -67,8 +67,8 @@ class FirstAnswer:
         if np.isfinite(self.leakage).any():
             found += f", leakage {_ends(self.leakage)} m²/s per length"
         return (
-            f"{found}; by the spectrum alone, within {OFF_BY[0]:g} times in half of the cases and {OFF_BY[1]:g} "
-            f"in 95 % up to {100 * LIGHT:g} % of contact, and unknown beyond"
+            f"{found}; leakage by the spectrum alone is right within {OFF_BY[0]:g} times in half of the cases and "
+            f"{OFF_BY[1]:g} in 95 % up to {100 * LIGHT:g} % of contact, and unknown beyond"
         )
 
 
