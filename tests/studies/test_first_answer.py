@@ -74,7 +74,7 @@ def test_a_lay_across_closes_before_one_along():
 
 
 def test_its_factors_are_those_of_the_table():
-    page = (Path(__file__).parent / "benchmarks" / "first_answer.md").read_text(encoding="utf-8")
+    page = (Path(__file__).parents[1] / "benchmarks" / "first_answer.md").read_text(encoding="utf-8")
     cells = re.search(rf"\| contact below {100 * LIGHT:g} % (.*)", page)[1].split("|")
     assert [float(cell) for cell in cells[4:6]] == list(OFF_BY)
 
