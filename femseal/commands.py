@@ -106,7 +106,7 @@ def design(
             "Pressure in assembly Q_A besides those of the case, such as '300 MPa'; may be given several times.", "none"
         ),
     ] = None,
-    diameter: Annotated[str | None, option("Nominal diameter, for ISO 5208.", "that of the case")] = None,
+    diameter: Annotated[str | None, option("Nominal diameter of valve, seat or stem.", "that of the case")] = None,
     output: Annotated[
         Path | None, option("Folder of results and answer.", "results/CASE, or DIR", "-o", "--output")
     ] = None,

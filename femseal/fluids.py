@@ -291,17 +291,18 @@ def capillary_entry_pressure(fluid: Fluid, gap: float) -> float:
     return -2 * tension * cos(angle) / gap if gap > 0 else inf
 
 
-def leak_basis(fluid: Fluid, length: float, stated: float | None = None) -> LeakBasis:
+def leak_basis(fluid: Fluid, length: float, stated: float | None = None, **valve: float) -> LeakBasis:
     """What turns the leakage of a fluid through a seal of a length [m] into any unit.
 
     A fluid that has a `reference_pressure`, at which its volumes are stated, and a `temperature` is a gas; its
-    pressure × volume is stated at the temperature `stated` [K], its own unless given.
+    pressure × volume is stated at the temperature `stated` [K], its own unless given. valve : what some units and
+    classes need besides, `drop`, `bubble`, `pressure_drop`, `capacity` of `LeakBasis`.
     """
     pressure = getattr(fluid, "reference_pressure", None)
     temperature, molar_mass = (
         None if pressure is None else getattr(fluid, name, None) for name in ("temperature", "molar_mass")
     )
-    return LeakBasis(length, fluid.reference_density, pressure, temperature, molar_mass, stated)
+    return LeakBasis(length, fluid.reference_density, pressure, temperature, molar_mass, stated, **valve)
 
 
 #: Fluids that a case can choose, by their kind.

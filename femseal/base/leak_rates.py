@@ -5,17 +5,16 @@ the fluid's density and, for a gas, its reference state turn it into any unit of
 is proportional to its temperature, so it is stated at one; standard volumes are those at 0 °C and 101 325 Pa. To add
 a unit or a class, add it to its table.
 
-EN 13555   L1, L0.1 and L0.01, which EN 1591-1 calculates with: 1, 0.1 and 0.01 mg/(m·s); tested with helium.
-TA Luft    2021: 0.01 mg/(m·s) of helium, which are 0.0609 mbar·L/(m·s) at 20 °C.
-VDI 2440   1e-4 mbar·L/(m·s) of helium.
-ISO 5208   rates A to G of closed valves, in mm³/s times the nominal diameter in mm, for liquids and for gases that leak
-           to the atmosphere. A: no visible leakage while the test lasts, here none at all. Edition 2015, table 4.
+Limits, with the edition they are of, stand in `_CLASSES`. Those of ISO 5208, which EN 12266-1 shares, are of closed
+valves, times the nominal diameter in mm; A is no visible leakage while the test lasts, here none at all. Those of
+API 598 and FCI 70-2 are of the seat of a valve, those of ISO 15848-1 of its stem:
+the nominal diameter is that of either.
 
 Other limits are leakages with their unit, such as "5 mL/min".
 """
 
 import re
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from math import inf, isnan
 from typing import Literal
@@ -25,13 +24,13 @@ from numpy.typing import ArrayLike, NDArray
 
 from .errors import InputError, shown
 
-Kind = Literal["volume", "mass", "throughput", "standard", "drops"]
+Kind = Literal["volume", "mass", "throughput", "standard", "drops", "bubbles"]
 #: Molar gas constant [J/(mol K)], CODATA (exact since 2019).
 GAS_CONSTANT = 8.31446261815324
 #: State of standard volumes of gas, 0 °C [K] and 101 325 Pa.
 STANDARD_TEMPERATURE, STANDARD_PRESSURE = 273.15, 101_325.0
-#: Volume of a drop [m³]: 20 drops are 1 mL.
-DROP = 0.05e-6
+#: Volume of a drop and of a bubble [m³]: 20 drops are 1 mL, and a bubble is 0.15 mL by FCI 70-2.
+DROP, BUBBLE = 0.05e-6, 0.15e-6
 
 
 @dataclass(frozen=True)
@@ -39,7 +38,7 @@ class LeakUnit:
     """A unit of leakage.
 
     name : as people write it. kind : what it counts. si : its value in m³/s, kg/s or Pa·m³/s, or in these per metre;
-    of standard volumes m³/s at 0 °C and 101 325 Pa.
+    of standard volumes m³/s at 0 °C and 101 325 Pa; of drops and bubbles their number per second.
     per_length : whether it is per length of seal.
     """
 
@@ -63,7 +62,8 @@ _TABLE: tuple[tuple[Kind, bool, dict[str, float]], ...] = (
     ("throughput", False, {"Pa·m³/s": 1.0, "mbar·L/s": 0.1}),
     ("standard", True, {"std cm³/(m·s)": 1e-6}),
     ("standard", False, {"std cm³/s": 1e-6, "std cm³/min": 1e-6 / _MINUTE, "std L/min": 1e-3 / _MINUTE}),
-    ("drops", False, {"drops/s": DROP, "drops/min": DROP / _MINUTE, "drops/h": DROP / _HOUR}),
+    ("drops", False, {"drops/s": 1.0, "drops/min": 1 / _MINUTE, "drops/h": 1 / _HOUR}),
+    ("bubbles", False, {"bubbles/s": 1.0, "bubbles/min": 1 / _MINUTE}),
 )  # fmt: skip
 #: All units, by their name.
 LEAK_UNITS: dict[str, LeakUnit] = {
@@ -111,7 +111,8 @@ class LeakBasis:
     length : of the seal [m]. density : of the fluid at its reference state [kg/m³], NaN where unknown. pressure,
     temperature : of the reference state of a gas, absolute [Pa] and [K]; None for a liquid, which has no leakage in
     pressure × volume and no standard volume. molar_mass : of a gas [kg/mol], None where unknown. stated : temperature
-    at which pressure × volume is stated [K]; that of the reference state unless given.
+    at which pressure × volume is stated [K]; that of the reference state unless given. drop, bubble : volume of one
+    [m³]. pressure_drop : over the seal [Pa]. capacity : rated one of an open valve [m³/s]. Classes need these.
     """
 
     length: float
@@ -120,6 +121,10 @@ class LeakBasis:
     temperature: float | None = None
     molar_mass: float | None = None
     stated: float | None = None
+    drop: float = DROP
+    bubble: float = BUBBLE
+    pressure_drop: float | None = None
+    capacity: float | None = None
 
     @property
     def is_gas(self) -> bool:
@@ -139,6 +144,8 @@ class LeakBasis:
             return "another unit: the gas has no temperature"
         if unit.kind == "drops" and self.is_gas:
             return "another unit for a gas: drops are of liquids"
+        if unit.kind == "bubbles" and not self.is_gas:
+            return "another unit for a liquid: bubbles are of gases"
         if unit.kind == "mass" and isnan(self.density):
             return "a unit of volume: the density of the fluid is unknown"
         return ""
@@ -157,6 +164,8 @@ class LeakBasis:
         per_volume = 1.0
         if unit.kind == "mass":
             per_volume = self.density
+        elif unit.kind in ("drops", "bubbles"):
+            per_volume = 1 / (self.drop if unit.kind == "drops" else self.bubble)
         elif unit.kind == "throughput":
             assert self.pressure is not None
             # pressure × volume of the same amount of gas goes with its temperature
@@ -199,6 +208,33 @@ def _readable(values: ArrayLike, per_length: bool) -> LeakUnit:
 HELIUM, _SAME_GAS = 4.0026e-3, 0.01
 #: A leakage that is the limit up to rounding meets the class.
 _ROUNDING = 1e-9
+_INCH, _PSI = 0.0254, 6894.757
+#: Limits of class VI of FCI 70-2 by the diameter of the seat: [m], and [mL/min].
+_VI_DIAMETERS = np.array([25, 38, 51, 64, 76, 102, 152, 203, 250, 300, 350, 400]) * 1e-3
+_VI_LIMITS = np.array([0.15, 0.30, 0.45, 0.60, 0.90, 1.70, 4.00, 6.75, 11.1, 16.0, 21.6, 28.4])
+
+
+def _nominal_inches(diameter: float) -> float:
+    """Nominal pipe size of API 598 in inches, to half ones, of a nominal diameter [m]; 0 up to 2: nothing leaks."""
+    size = int(2 * diameter / 0.025 + 1e-9) / 2
+    return size if size > 2 else 0.0
+
+
+def _class_vi(diameter: float) -> float:
+    """Limit of class VI [mL/min]; between the diameters of the table straight in the square, beyond it NaN."""
+    found = np.interp(diameter**2, _VI_DIAMETERS**2, _VI_LIMITS, right=np.nan)
+    return float(found)
+
+
+#: By what amounts are multiplied: the key that gives it, an example of its value, and the factor.
+_PER: dict[str, tuple[str, str, Callable[[float], float]]] = {
+    "mm": ("nominal_diameter", "a length > 0, such as '50 mm'", lambda d: 1e3 * d),
+    "inch": ("nominal_diameter", "a length > 0, such as '50 mm'", lambda d: d / _INCH),
+    "NPS": ("nominal_diameter", "a length > 0, such as '50 mm'", _nominal_inches),
+    "class VI": ("nominal_diameter", "a length from 0 to 400 mm, such as '50 mm'", _class_vi),
+    "psi": ("pressure_drop", "the pressures of the fluid", lambda p: p / _PSI),
+    "capacity": ("rated_capacity", "the flow of the open valve in the test, such as '100 L/min'", float),
+}
 
 
 @dataclass(frozen=True)
@@ -207,8 +243,8 @@ class LeakClass:
 
     name : as the standard writes it. family : the standard; "" for a leakage of the user's own.
     amount, unit : the limit, and its unit in `LEAK_UNITS`. gas_amount : that of gases, where it differs.
-    per_diameter : whether the amounts are multiplied by the nominal diameter in mm. helium : whether the class is
-    defined for helium alone.
+    per : by what the amounts are multiplied. tested : the only fluid that it is defined for, "" where for any.
+    edition : of the standard. second_hand : whether the limit is from tables of others, not from the standard's text.
     """
 
     name: str
@@ -216,30 +252,46 @@ class LeakClass:
     amount: float
     unit: str
     gas_amount: float | None = None
-    per_diameter: bool = False
-    helium: bool = False
+    per: tuple[str, ...] = ()
+    tested: Literal["", "helium", "gas", "liquid"] = ""
+    edition: str = ""
+    second_hand: bool = False
+
+    @property
+    def per_diameter(self) -> bool:
+        """Whether it is of a valve of some nominal diameter."""
+        return any(_PER[name][0] == "nominal_diameter" for name in self.per)
 
     def limit(self, basis: LeakBasis, diameter: float | None = None) -> float:
         """Largest leakage per length of seal in the class [m²/s].
 
-        basis : fluid and length of the seal.
-        diameter : nominal diameter [m], for the rates of ISO 5208.
+        basis : fluid and length of the seal, pressure drop and capacity where a class needs them.
+        diameter : nominal diameter [m], of the valve, its seat or its stem.
 
-        Raises InputError: no diameter for a class that needs it, another gas than helium for a class that is defined
-        for it, or a unit that is not for the fluid.
+        Raises InputError: what a class needs is not given or beyond its table, another fluid than it is defined for,
+        or a unit that is not for the fluid.
         """
-        if self.per_diameter and diameter is None:
-            raise InputError("nominal_diameter", f"none for the class {self.name}", "a length > 0, such as '50 mm'")
         is_helium = basis.molar_mass is not None and abs(basis.molar_mass / HELIUM - 1) < _SAME_GAS
-        if self.helium and not is_helium:
-            allowed = "a class for the fluid, or helium as the fluid or the test fluid"
-            raise InputError("classes", f"{self.name}, which is defined for helium", allowed)
+        fits = {"": True, "helium": is_helium, "gas": basis.is_gas, "liquid": not basis.is_gas}
+        if not fits[self.tested]:
+            defined = f"{self.name}, which is defined for {self.tested}"
+            raise InputError(
+                "classes", defined, f"a class for the fluid, or {self.tested} as the fluid or the test fluid"
+            )
         unit = LEAK_UNITS[self.unit]
         if lack := basis.lacks(unit):
             fluid = "gas" if basis.is_gas else "liquid"
             raise InputError("classes", f"{self.name}, a limit in {self.unit}, for a {fluid}", lack)
         amount = self.gas_amount if basis.is_gas and self.gas_amount is not None else self.amount
-        return amount * basis.factor(unit) * (1e3 * diameter if self.per_diameter and diameter is not None else 1.0)
+        known = {"nominal_diameter": diameter, "pressure_drop": basis.pressure_drop, "rated_capacity": basis.capacity}
+        for name in self.per:
+            key, expected, factor = _PER[name]
+            if (value := known[key]) is None:
+                raise InputError(key, f"none for the class {self.name}", expected)
+            amount *= factor(value)
+            if isnan(amount):
+                raise InputError(key, f"{value:g} for the class {self.name}", expected)
+        return amount * basis.factor(unit)
 
 
 def within(leakage: ArrayLike, limit: float) -> NDArray[np.bool_]:
@@ -251,12 +303,23 @@ def within(leakage: ArrayLike, limit: float) -> NDArray[np.bool_]:
 _ISO_5208 = {"A": (0.0, 0.0), "AA": (0.006, 0.18), "B": (0.01, 0.3), "C": (0.03, 3.0), "CC": (0.08, 22.3),
              "D": (0.1, 30.0), "E": (0.3, 300.0), "EE": (0.39, 470.0), "F": (1.0, 3000.0),
              "G": (2.0, 6000.0)}  # fmt: skip
+#: Tightness of stems by ISO 15848-1 with helium, mbar·L/s per mm of diameter: π times 1e-5, 1e-4 and 1e-2 mg/(m·s) at
+#: 0 °C.
+_ISO_15848 = {"AH": 1.78e-7, "BH": 1.78e-6, "CH": 1.78e-4}
 _CLASSES = (
-    *(LeakClass(f"L{amount:g}", "EN 13555", amount, "mg/(m·s)") for amount in (0.01, 0.1, 1.0)),
-    LeakClass("TA Luft", "TA Luft", 0.01, "mg/(m·s)", helium=True),
-    LeakClass("VDI 2440", "VDI 2440", 1e-4, "mbar·L/(m·s)", helium=True),
-    *(LeakClass(f"ISO 5208 {rate}", "ISO 5208", *amounts[:1], "mm³/s", amounts[1], per_diameter=True)
+    *(LeakClass(f"L{amount:g}", "EN 13555", amount, "mg/(m·s)", edition="2014") for amount in (0.01, 0.1, 1.0)),
+    LeakClass("TA Luft", "TA Luft", 0.01, "mg/(m·s)", tested="helium", edition="2021"),
+    LeakClass("VDI 2290", "VDI 2290", 0.01, "mg/(m·s)", edition="2012", second_hand=True),
+    LeakClass("VDI 2440", "VDI 2440", 1e-4, "mbar·L/(m·s)", tested="helium", edition="2000"),
+    *(LeakClass(f"ISO 5208 {rate}", "ISO 5208", *amounts[:1], "mm³/s", amounts[1], ("mm",), edition="2015, table 4")
       for rate, amounts in _ISO_5208.items()),
+    # 16 drops or 100 bubbles are 1 mL there
+    LeakClass("API 598", "API 598", 2 / 16, "mL/min", 4 / 100, ("NPS",), "", "2016", second_hand=True),
+    LeakClass("FCI 70-2 VI", "FCI 70-2", 1.0, "mL/min", None, ("class VI",), "gas", "2006", second_hand=True),
+    LeakClass("FCI 70-2 V", "FCI 70-2", 5e-4, "mL/min", None, ("inch", "psi"), "liquid", "2006", second_hand=True),
+    LeakClass("FCI 70-2 IV", "FCI 70-2", 1e-4, "m³/s", None, ("capacity",), "", "2006", second_hand=True),
+    *(LeakClass(f"ISO 15848-1 {name}", "ISO 15848-1", amount, "mbar·L/s", None, ("mm",), "helium", "2015",
+                second_hand=True) for name, amount in _ISO_15848.items()),
 )  # fmt: skip
 #: All classes by name, in each family from the tightest.
 LEAK_CLASSES: dict[str, LeakClass] = {found.name: found for found in _CLASSES}
@@ -265,8 +328,9 @@ USUAL = ("L0.01", "L0.1", "L1")
 _LIMIT = re.compile(r"^\s*(\d+\.?\d*(?:[eE][-+]?\d+)?|\.\d+(?:[eE][-+]?\d+)?)\s*(\D.*)$")
 #: What may be written, for messages.
 KNOWN = (
-    "'L1', 'L0.1', 'L0.01', 'TA Luft', 'VDI 2440', 'ISO 5208 A' (AA, B, C, CC, D, E, EE, F, G), the name of a standard "
-    "for all of its classes, or a leakage with its unit, such as '5 mL/min'"
+    "'L1', 'L0.1', 'L0.01', 'TA Luft', 'VDI 2290', 'VDI 2440', 'ISO 5208 A' (AA, B, C, CC, D, E, EE, F, G), 'API 598', "
+    "'FCI 70-2 IV' (V, VI), 'ISO 15848-1 AH' (BH, CH), the name of a standard for all of its classes, or a leakage "
+    "with its unit, such as '5 mL/min'"
 )
 
 
@@ -310,6 +374,6 @@ def _named(name: str) -> list[LeakClass]:
 
 def _class_key(name: str) -> str:
     """A name without case, spaces, hyphens and additions that people write."""
-    for part in ("rate", "class", "2021", "2015", "1591-1"):
-        name = name.lower().replace(part, {"1591-1": "13555"}.get(part, ""))
+    for part in ("rate", "class", "2021", "2015", "1591-1", "en 12266-1"):
+        name = name.lower().replace(part, {"1591-1": "13555", "en 12266-1": "iso 5208"}.get(part, ""))
     return name.replace(",", ".").translate(str.maketrans("", "", " -_:")).removesuffix(".0")

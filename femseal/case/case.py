@@ -121,7 +121,11 @@ class Case(Table):
     def _check_output(self) -> None:
         """Raise a fault if the unit or a class of leakage does not go with the fluid that it is of."""
         output = self.output
-        basis, test = (leak_basis(fluid.fluid, 1.0) for fluid in (self.fluid, output.test_fluid or self.fluid))
+        drop = (output.test_fluid or self.fluid).state.pressure_drop
+        basis, test = (
+            leak_basis(fluid.fluid, 1.0, pressure_drop=drop, **output.valve)
+            for fluid in (self.fluid, output.test_fluid or self.fluid)
+        )
         if output.unit is not None and (lack := basis.lacks(output.unit)) and test.lacks(output.unit):
             kind = "gas" if basis.is_gas else "liquid"
             raise fault("output.leakage_unit", f"{output.unit.name} for a {kind}", lack)

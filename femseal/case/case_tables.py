@@ -12,7 +12,7 @@ from pydantic import BeforeValidator, Field, WithJsonSchema, model_validator
 from pydantic_core import PydanticCustomError
 
 from ..base import InputError, counted, shortened, to_text
-from ..base.leak_rates import KNOWN, LEAK_UNITS, LeakUnit, leak_classes, leak_unit
+from ..base.leak_rates import BUBBLE, DROP, KNOWN, LEAK_UNITS, LeakUnit, leak_classes, leak_unit
 from ..budget.error_parts import MODEL_PARTS
 from ..contact import ContactLaw, HardnessTable, LinearHardening, NixGao, PerfectlyPlastic
 from ..contact.hardness_curves import SMALLEST_DEPTH
@@ -36,6 +36,8 @@ from .values import (
     Table,
     Temperature,
     Usual,
+    Volume,
+    VolumeRate,
     one_of,
     quantity_schema,
 )
@@ -121,7 +123,9 @@ class OutputTable(Table):
     pictures, report, fields : whether they are written; a run without pictures has no report either, unless it is
     asked for.
     leakage_unit : of tables, pictures and report. throughput_temperature : of the pressure × volume of gases.
-    classes : leakage classes checked at every step, see `base.leak_rates`. nominal_diameter : which some need.
+    classes : leakage classes checked at every step, see `base.leak_rates`. nominal_diameter,
+    rated_capacity : of a valve, which some need, the latter as flow of the fluid that decides, of a gas at 101 325 Pa.
+    drop_volume, bubble_volume : of leakage in drops and bubbles per minute; classes have those of their standard.
     test_fluid : of a leak test, whose leakage stands beside; classes are checked with it.
     budget : the error of every leakage, source by source, see `budget.error_budget`. model_parts : those of its sources
     that are errors of the model and its input.
@@ -141,6 +145,9 @@ class OutputTable(Table):
         Annotated[str, BeforeValidator(_class_name), WithJsonSchema({"type": "string", "description": KNOWN})], ...
     ] = ()
     nominal_diameter: Annotated[Length, Usual(1e-3, 10.0, "m")] | None = None
+    rated_capacity: VolumeRate | None = None
+    drop_volume: Volume = DROP
+    bubble_volume: Volume = BUBBLE
     test_fluid: AnyFluid | None = None
     budget: bool = True
     model_parts: tuple[Literal[MODEL_PARTS], ...] = MODEL_PARTS  # type: ignore[valid-type]
@@ -155,6 +162,12 @@ class OutputTable(Table):
         if self.report and not self.pictures:
             raise fault("output.report", "true with pictures = false", "false: the page is made of pictures")
         return self
+
+    @property
+    def valve(self) -> dict[str, float]:
+        """What units and classes need to know of the valve and its test, see `base.leak_rates.LeakBasis`."""
+        known = {"drop": self.drop_volume, "bubble": self.bubble_volume, "capacity": self.rated_capacity}
+        return {name: value for name, value in known.items() if value is not None}
 
     @property
     def files(self) -> dict[str, Any]:

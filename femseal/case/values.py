@@ -179,6 +179,10 @@ Poisson = Annotated[
     float, Quantity("", lambda x: -1 < x <= 0.5, "a Poisson's ratio above -1, at most 0.5"), Usual(0.0, 0.5, "")
 ]
 Angle = Annotated[float, Quantity("rad", lambda x: True, "an angle, such as '90 deg'"), Usual(-6.3, 6.3, "rad")]
+Volume = Annotated[float, Quantity("m^3", _positive, "a volume > 0, such as '0.05 mL'"), Usual(1e-9, 1e-5, "m^3")]
+VolumeRate = Annotated[
+    float, Quantity("m^3/s", _positive, "a volume per time > 0, such as '100 L/min'"), Usual(1e-6, 100.0, "m^3/s")
+]
 Duration = Annotated[float, Quantity("s", _positive, "a time > 0, such as '30 min'"), Usual(1.0, 3e7, "s")]
 Accuracy = Annotated[
     float, BeforeValidator(_accuracy), WithJsonSchema({"type": ["number", "string"], "description": _ACCURACY_EXPECTED})

@@ -73,7 +73,9 @@ def design(
         assert case is not None
         case = _assembled(case, extra)
         if wanted:
-            basis = leak_basis((case.output.test_fluid or case.fluid).fluid, 1.0)
+            tested = case.output.test_fluid or case.fluid
+            drop = tested.state.pressure_drop
+            basis = leak_basis(tested.fluid, 1.0, pressure_drop=drop, **case.output.valve)
             check_classes(classes, diameter or case.output.nominal_diameter, basis)
         results = job.run(case, output, output is not None, workers, progress=shown)
     seals = Seals.of_results(results)

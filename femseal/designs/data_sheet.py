@@ -160,6 +160,24 @@ class Design:
         return float(self.results.case.get("load", {}).get("relaxation", 0.0))
 
     @property
+    def stiffness(self) -> dict[float, float]:
+        """Secant stiffness of the faces from pressures in assembly Q_A to a third of them, by Q_A [Pa], in Pa/m.
+
+        E_G of EN 13555 is that times the thickness of the gasket, which faces do not have. The mean gap is straight in
+        ln(pressure) between the steps of the unloading. Not known of drawn seals, and where that ends above the third.
+        """
+        data, found = self.results.dataset, {}
+        names = [name for name in ("mean_gap_deterministic", "piece_mean_gap") if name in data]
+        for peak in self.seals.steps.unload_from if names else ():
+            steps = self.seals.unloading(peak)
+            steps = steps[self.seals.steps.pressures[steps] > 0][::-1]
+            pressure, gap = np.log(self.seals.steps.pressures[steps]), data[names[0]].values[steps]
+            gap = gap.reshape(len(steps), -1).mean(axis=1)
+            if pressure[0] <= (third := np.log(peak / 3)) + 1e-9:
+                found[peak] = 2 / 3 * peak / (np.interp(third, pressure, gap) - gap[-1])
+        return found
+
+    @property
     def leak_scale(self) -> tuple[LeakUnit, float]:
         """The unit of leakage, that of the first class, and the leakage per length that is 1 in it [m²/s]."""
         unit = self.results.leak_unit
@@ -269,6 +287,11 @@ def sheet_sentences(answer: Design) -> list[str]:
     shown = answer.load_text
     sealing = answer.sealing.text(shown) + _band(answer.sealing, count, shown)
     found.append(f"The load that seals without leakage: {sealing}.")
+    for peak, stiffness in answer.stiffness.items():
+        found.append(
+            f"From Q_A = {shown(peak)} to a third of it the faces part with {stiffness / 1e12:.3g} MPa/µm. Times the "
+            "thickness of a gasket that is E_G of EN 13555; faces have none."
+        )
     return found + [f"{note[0].upper()}{note[1:]}." for note in answer.notes]
 
 
@@ -307,6 +330,8 @@ def rows(answer: Design) -> list[dict[str, Any]]:
         for peak, needed in need.service.items():
             add("QSmin [Pa]", need.name, peak, needed)
     add("sealing load [Pa]", "", None, answer.sealing)
+    for peak, stiffness in answer.stiffness.items():
+        add_row("E_G over thickness [Pa/m]", "", peak, "=", stiffness, how="secant of the mean gap to Q_A / 3")
     for one in answer.sensitivities:
         add_slope(f"d ln L / d ln {one.quantity}", answer.at[0], one.leakage, one.how)
         add_slope(f"d ln Qmin / d ln {one.quantity}", answer.at[0], one.pressure, one.how)

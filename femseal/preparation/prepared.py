@@ -11,6 +11,8 @@ from dataclasses import asdict, dataclass, replace
 from math import prod
 from typing import Any
 
+import numpy as np
+
 from ..base import Array, InputError, Mapper, free_memory, to_text
 from ..budget import FormTolerance, ModelChange
 from ..face.patch_form import FormEffect
@@ -19,6 +21,7 @@ from ..seal.layouts import AnnularLayout, Layout
 from ..seal.tiles import MOST_ROWS, SealTiles
 from ..studies import STUDIES, Sampling, Scene, Study, StudyOptions, laid_out
 from ..studies.costs import Effort, usual_efforts
+from ..studies.first_answer import FirstAnswer, of_scene
 from ..studies.longer_waves import longer_waves
 from ..topography import Conditioning, Continuation, Overlap, Representative, Topography, representative
 
@@ -117,6 +120,16 @@ class Prepared:
             forms=sampling.form,
             mapper=mapper,
         )
+
+    @property
+    def first_answer(self) -> FirstAnswer | None:
+        """Contact and leakage by the spectrum of the face alone; None where a form, a map or a spiral decides."""
+        sampling, scene = self.sampling, self.scene
+        uneven = sampling is not None and not sampling.presses_evenly
+        if self.seat or uneven or scene.flow.spiral is not None or not scene.surface.rms_slope:
+            return None
+        found = of_scene(scene, None if sampling is None else self.cut_and_tiles[1])
+        return found if np.isfinite(found.area).any() else None
 
     @property
     def studies(self) -> list[Study]:

@@ -16,6 +16,7 @@ from ..case.faults import table_to_paste, with_keys
 from ..contact.law import PerfectlyPlastic
 from ..face.patch_form import FormEffect, form_effect
 from ..plots import survey_figure
+from ..studies.first_answer import first_answer
 from ..topography import (
     Conditioning,
     Representative,
@@ -64,6 +65,7 @@ class _Look:
     report: SurfaceReport | None = None
     conditioning: Conditioning | None = None
     patch: tuple[Representative | FormEffect, ...] = ()
+    first: str = ""
     reasons: tuple[str, ...] = ()
 
 
@@ -113,6 +115,7 @@ def survey(
     if found.report is not None and found.conditioning is not None:
         texts = notes(found.report, found.conditioning)
         texts += [text for one in found.patch for text in one.doubts or [str(one)]]
+        texts += [found.first] if found.first else []
         lines += [f"note: {text}" for text in texts]
     if picture is not None:
         figure = survey_figure(face, found.report, found.conditioning, detrend=detrend, spikes=spikes)
@@ -150,7 +153,8 @@ def look(face: Topography, wave: float | None, treatment: dict[str, Any]) -> _Lo
     hardness = _HARDNESS * curved.rms_slope
     pressures = [part * hardness for part in _PRESSURES]
     form = form_effect(curved, 1.0, PerfectlyPlastic(hardness), pressures, loads=_LOADS)
-    return replace(found, patch=(representative(kept), form))
+    first = first_answer(curved, 1.0, hardness, pressures)
+    return replace(found, patch=(representative(kept), form), first=f"at {_LOADS} {first}")
 
 
 def _description(face: Topography, look: _Look) -> list[str]:

@@ -70,6 +70,8 @@ def check_lines(results: RunData) -> Lines:
     lines: Lines = []
     if (rtol := case.get("contact", {}).get("rtol")) is not None:
         lines.append(("contact residual", f"≤ {rtol:.0e}", "of every contact that is not among the failures"))
+    if first := data.attrs.get("first_answer"):
+        lines.append(("first answer", str(first), "leakage on loading that would be plausible, beside that computed"))
     surface = json.loads(data.attrs["surface"])
     if "shortest_wavelength" in surface and "spacing" in surface:
         wave, pixel = surface["shortest_wavelength"], max(surface["spacing"])

@@ -44,6 +44,7 @@ def assemble(
     classes: Sequence[str] = (),
     nominal_diameter: float | None = None,
     throughput_temperature: float | None = None,
+    valve: Mapping[str, float] | None = None,
 ) -> Results:
     """One dataset of all the studies of a scene.
 
@@ -61,6 +62,7 @@ def assemble(
     classes : leakage classes to be decided on at every step, by the test fluid where there is one, see
     `base.leak_rates`. nominal_diameter : [m], which some of them need.
     throughput_temperature : at which pressure × volume of a gas is stated [K]; its own unless given.
+    valve : volumes of a drop and a bubble and rated capacity, `drop`, `bubble`, `capacity` of `LeakBasis`.
 
     Returns Results; every variable has `units` and `long_name`. Dimensions: step; realisation; piece1, piece2, pieces
     by their centres [m]; state, state_piece1, state_piece2, states of the face, and the pieces that seals draw; place1,
@@ -117,7 +119,9 @@ def assemble(
     }
     of_studies = (text for study in studies for text in study.warnings)
     seal_size = stochastic.tiles.size if stochastic is not None else scene.surface.size
-    basis = leak_basis(scene.fluid, float(seal_size[1]), throughput_temperature)
+    state, valve = FluidState.of(scene), valve or {}
+    length = float(seal_size[1])
+    basis = leak_basis(scene.fluid, length, throughput_temperature, pressure_drop=state.pressure_drop, **valve)
     if leakage_unit is not None:
         unit = leak_unit(leakage_unit)
         if test is None or not leak_basis(test.state.fluid, 1.0).has(unit):
@@ -160,7 +164,7 @@ def assemble(
     variables.add_totals(data, results.leakage, results.leak_basis)
     later = []
     if test is not None:
-        add_test_fluid(data, test, FluidState.of(scene), throughput_temperature)
+        add_test_fluid(data, test, state, throughput_temperature, valve)
     wanted = leak_classes(classes)
     upper = None
     if (budget := results.budget) is not None:

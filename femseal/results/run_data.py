@@ -6,7 +6,7 @@ That is also the leakage classes that a seal meets at each load step, by the lea
 from __future__ import annotations
 
 import json
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -36,16 +36,23 @@ _BASIS = {
     "temperature": "reference_temperature_K",
     "molar_mass": "molar_mass_kg_per_mol",
     "stated": "stated_temperature_K",
+    "drop": "drop_volume_m3",
+    "bubble": "bubble_volume_m3",
+    "pressure_drop": "pressure_drop_Pa",
+    "capacity": "rated_capacity_m3_per_s",
 }
 
 
-def add_test_fluid(data: xarray.Dataset, test: OtherLeakage, service: FluidState, stated: float | None) -> None:
+def add_test_fluid(
+    data: xarray.Dataset, test: OtherLeakage, service: FluidState, stated: float | None, valve: Mapping[str, float]
+) -> None:
     """Add the leakage of the test fluid, and attributes with its state and what both limits of flow would give."""
     text = "leakage per unit seal length, test fluid"
     add_step(data, "test_leakage", "m^2/s", text, test.leakage)
     if test.realisations is not None:
         add(data, Field("test_leakage_realisations", "m^2/s", text, REALISATION), test.realisations)
-    basis, factors = leak_basis(test.state.fluid, 1.0, stated), limit_factors(test.state, service)
+    state, factors = test.state, limit_factors(test.state, service)
+    basis = leak_basis(state.fluid, 1.0, stated, pressure_drop=state.pressure_drop, **valve)
     data.attrs |= {
         "test_fluid": repr(test.state.fluid),
         "test_inlet_pressure_Pa": float(test.state.inlet_pressure),
@@ -110,17 +117,20 @@ def add_classes(
 
 
 def _doubts(classes: Sequence[LeakClass], length: float, diameter: float | None) -> list[str]:
-    """A warning of a nominal diameter that does not go with the length of the seal."""
+    """Warnings of limits at second hand, and of a nominal diameter that does not go with the length of the seal."""
+    found, second = [], ", ".join(f"{c.name} ({c.edition})" for c in classes if c.second_hand)
+    if second:
+        found.append(f"limits of {second} are from tables of others, not checked against the standard's own text")
     if diameter is None or not any(c.per_diameter for c in classes):
-        return []
+        return found
     round_ = np.pi * diameter
-    if 1 / _ODD_LENGTH <= length / round_ <= _ODD_LENGTH:
-        return []
-    sizes = to_text(length, "m", 3), to_text(diameter, "m", 3), to_text(round_, "m", 3)
-    return [
-        f"leakage classes by nominal diameter are of the whole seal: it is {sizes[0]} long, but a seat of {sizes[1]} "
-        f"is about {sizes[2]} long"
-    ]
+    if not 1 / _ODD_LENGTH <= length / round_ <= _ODD_LENGTH:
+        sizes = to_text(length, "m", 3), to_text(diameter, "m", 3), to_text(round_, "m", 3)
+        found.append(
+            f"leakage classes by nominal diameter are of the whole seal: it is {sizes[0]} long, but a seat of "
+            f"{sizes[1]} is about {sizes[2]} long"
+        )
+    return found
 
 
 def tightest_classes(data: xarray.Dataset) -> list[str]:

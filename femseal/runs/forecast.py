@@ -22,6 +22,7 @@ from ..results.paraview import fields_size
 from ..studies import Scene, drop_ratio
 from ..studies.costs import LADDER_STATES, Effort, on_ladder, usual_efforts, usual_seals
 from ..studies.deterministic import STEP_BYTES, states_memory
+from ..studies.flow_limits import flow_warnings
 from ..studies.place_leakage import FEWEST
 from ..studies.seal_contact import form_on_grid
 from ..studies.tile_pressure import describe_map
@@ -110,11 +111,15 @@ def _facts(case: Case, made: Prepared) -> Iterator[tuple[str, str]]:
     if leakage := case.output.description:
         yield "leakage", leakage
     first = "" if case.accuracy is None else "first attempt: "
+    quick = prepared.first_answer
+    if quick is not None:
+        yield "first answer", str(quick)
     yield "expected", first + _expected_text(forecast(case, prepared, again=again))
     if not any((Path(__file__).parents[1] / "flow").rglob("__pycache__/*.nbi")):
         yield "", "the first run after an installation compiles besides, for a minute or two"
     yield "disk", _disk_text(disk(case, prepared, again), len(scene.steps))
-    for text in prepared.warnings:
+    fast = () if quick is None else flow_warnings(scene, quick.leakage, quick.mean_gap)
+    for text in (*prepared.warnings, *(f"by the first answer, {text}" for text in fast)):
         yield "warning", text
 
 

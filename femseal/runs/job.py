@@ -39,6 +39,7 @@ from ..studies import FluidState, OtherLeakage, drop_ratio
 from ..studies.compiling import compile_ahead, reporting_compilation
 from .finished import finished_results
 from .forecast import refuse_too_large
+from .plausibility import add_plausibility
 
 log = logging.getLogger("femseal")
 
@@ -242,6 +243,7 @@ def _results(case: Case, made: Prepared, faces: dict[str, str], run: Run, part: 
         quantiles=case.stochastic.quantiles if case.stochastic else (0.05, 0.95),
         warnings=prepared.warnings if refined is None else (*prepared.warnings, *refined.warnings),
         test=test,
+        valve=case.output.valve,
         **case.output.model_dump(include={"leakage_unit", "classes", "nominal_diameter", "throughput_temperature"}),
     )
     results.dataset.attrs["seat"] = prepared.seat
@@ -250,6 +252,7 @@ def _results(case: Case, made: Prepared, faces: dict[str, str], run: Run, part: 
     results.dataset.attrs["chosen"] = json.dumps(chosen(case, made))
     if refined is not None:
         results.dataset.attrs["accuracy"] = json.dumps(refined.as_data(budgets[prepared.answer.key]))
+    add_plausibility(prepared, results)
     for text in [*results.warnings, *results.failures]:
         log.warning("%s", text)
     return results

@@ -33,6 +33,11 @@ class FluidState:
         )
 
     @property
+    def pressure_drop(self) -> float:
+        """Size of the difference of both pressures [Pa]."""
+        return abs(self.inlet_pressure - self.outlet_pressure)
+
+    @property
     def law(self) -> FlowLaw:
         """Permeability of a gap for the fluid."""
         return law_of(self.fluid)

@@ -57,6 +57,45 @@ def test_limits_are_those_published():
     assert rates == sorted(rates)
 
 
+def limit(name, basis, diameter=None):
+    """Of the whole seal [m³/s]."""
+    return LEAK_CLASSES[name].limit(basis, diameter) * basis.length
+
+
+def test_valves_of_api_598_leak_drops_and_bubbles_by_their_nominal_size():
+    """Its table: 5, 6, 8, 12 and 48 drops a minute at DN 65, 80, 100, 150 and 600, 16 of which are 1 mL."""
+    water, helium = leak_basis(WATER, 0.5), leak_basis(HELIUM, 0.5)
+    for size, drops in ((15, 0), (50, 0), (65, 5), (80, 6), (100, 8), (150, 12), (600, 48)):
+        assert_allclose(limit("API 598", water, size * 1e-3), drops / 16 * 1e-6 / 60, atol=1e-30)
+        assert_allclose(limit("API 598", helium, size * 1e-3), 2 * drops / 100 * 1e-6 / 60, atol=1e-30)
+
+
+def test_seats_of_control_valves():
+    """FCI 70-2 has class V in SI too, rounded: 5e-12 m³/s per mm and bar; class IV is a part of the rated capacity."""
+    water = leak_basis(WATER, 0.5, pressure_drop=2e6, capacity=1e-3)
+    assert_allclose(limit("FCI 70-2 V", water, 0.1), 5e-12 * 100 * 20, rtol=0.06)
+    assert_allclose(limit("FCI 70-2 IV", water), 1e-7)
+    air = leak_basis(NITROGEN, 0.5)
+    for seat, rate in ((10, 0.15), (25, 0.15), (102, 1.7), (400, 28.4)):
+        assert_allclose(limit("FCI 70-2 VI", air, seat * 1e-3), rate * 1e-6 / 60)
+    between = np.sqrt((102**2 + 152**2) / 2) * 1e-3
+    assert_allclose(limit("FCI 70-2 VI", air, between), (1.7 + 4) / 2 * 1e-6 / 60)
+    with pytest.raises(InputError, match=r"nominal_diameter: given 0.5 for the class FCI 70-2 VI, expected .*400 mm"):
+        limit("FCI 70-2 VI", air, 0.5)
+    with pytest.raises(InputError, match="FCI 70-2 VI, which is defined for gas"):
+        limit("FCI 70-2 VI", water, 0.1)
+    with pytest.raises(InputError, match="rated_capacity: given none for the class FCI 70-2 IV"):
+        limit("FCI 70-2 IV", air)
+
+
+def test_stems_are_as_tight_as_their_circumference_is_long():
+    """AH, BH, CH of ISO 15848-1 are 1e-5, 1e-4 and 1e-2 mg/(m·s) of helium at 0 °C on the circumference of the stem."""
+    cold = replace(HELIUM, temperature=273.15)
+    for name, amount in (("AH", 1e-5), ("BH", 1e-4), ("CH", 1e-2)):
+        found = limit(f"ISO 15848-1 {name}", leak_basis(cold, 0.1), 0.02)
+        assert_allclose(found * cold.reference_density, np.pi * 0.02 * amount * 1e-6, rtol=2e-3)
+
+
 @pytest.mark.parametrize(
     ("written", "names"),
     [
@@ -66,6 +105,11 @@ def test_limits_are_those_published():
         ("ta-luft 2021", ["TA Luft"]),
         ("VDI2440", ["VDI 2440"]),
         ("iso 5208 rate cc", ["ISO 5208 CC"]),
+        ("EN 12266-1 rate C", ["ISO 5208 C"]),
+        ("VDI2290", ["VDI 2290"]),
+        ("api-598", ["API 598"]),
+        ("fci 70-2", ["FCI 70-2 VI", "FCI 70-2 V", "FCI 70-2 IV"]),
+        ("ISO 15848-1 class AH", ["ISO 15848-1 AH"]),
         ("EN 1591-1", ["L0.01", "L0.1", "L1"]),
         ("5 ml/min", ["5 mL/min"]),
         ("1e-3 mbar*L/s", ["0.001 mbar·L/s"]),
@@ -225,6 +269,19 @@ def test_a_case_asks_for_classes_and_a_test_fluid():
     assert_allclose(data["class_fraction"].sel(leak_class="TA Luft"), shares)
 
 
+def test_drops_and_bubbles_have_the_volume_that_the_case_gives():
+    plain = fs.run(parse_case(case(test_fluid=HELIUM_TABLE)), workers=1)
+    valve = {"drop_volume": "0.1 mL", "bubble_volume": "0.3 mL", "rated_capacity": "60 L/min"}
+    valve |= {"classes": ["FCI 70-2 IV", "FCI 70-2 V"], "nominal_diameter": "80 mm"}
+    other = fs.run(parse_case(case(**valve)), workers=1)
+    assert_allclose(other.leakage_in("drops/min"), plain.leakage_in("drops/min") / 2)
+    limits = other.dataset["class_limit"].values * other.leak_basis.length
+    assert_allclose(limits, [1e-7, 5e-4 * 1e-6 / 60 * 80 / 25.4 * 1e6 / 6894.757])
+    assert any("FCI 70-2 IV (2006), FCI 70-2 V (2006) are from tables of others" in text for text in other.warnings)
+    basis = leak_basis(HELIUM, 2.0, bubble=0.3e-6)
+    assert_allclose(basis.factor(LEAK_UNITS["bubbles/s"]), 0.15e-6)
+
+
 def test_a_gas_with_slip_is_solved_on_the_same_seals():
     """Its permeability is another one, so that no ratio of drops converts the leakage."""
     slipping = {"name": "helium", "inlet_pressure": "40 bar"}
@@ -240,6 +297,9 @@ def test_a_gas_with_slip_is_solved_on_the_same_seals():
     [
         ({"classes": ["L2"]}, r"output\.classes\.0: given 'L2', expected 'L1'"),
         ({"classes": ["ISO 5208 B"]}, r"output\.nominal_diameter: given none for the class ISO 5208 B"),
+        ({"classes": ["FCI 70-2 IV"]}, r"output\.rated_capacity: given none for the class FCI 70-2 IV"),
+        ({"drop_volume": "-1 mL"}, r"output\.drop_volume: given '-1 mL'"),
+        ({"leakage_unit": "bubbles/min"}, r"output\.leakage_unit: given bubbles/min for a liquid"),
         ({"classes": ["TA Luft"]}, r"output\.classes: given TA Luft, which is defined for helium"),
         ({"classes": ["1 std cm³/s"]}, r"output\.classes: given 1 std cm³/s"),
         ({"test_fluid": HELIUM_TABLE | {"inlet_pressure": "1 Pa"}}, r"output\.test_fluid\.inlet_pressure: given 1 Pa"),

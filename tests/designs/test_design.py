@@ -10,10 +10,12 @@ import pytest
 from numpy.testing import assert_allclose
 
 import femseal as fs
+from femseal import analytic
 from femseal.base import to_text
 from femseal.base.errors import InputError
 from femseal.case.case import parse_case
 from femseal.cli import main
+from femseal.designs import data_sheet
 from femseal.designs.requirements import Seals, crossings, pressure_for, requirement, sealing_load
 from femseal.designs.sensitivities import Variants, level_at, sensitivities, slope_at
 from femseal.loads import LoadProgramme
@@ -228,6 +230,32 @@ def test_one_seal_has_no_probability(face):
     assert repr(answer).startswith("<femseal.Design of 1 seal, probability 0.95")
     assert "31.6 MPa" in repr(answer)
     assert "Qmin(L)" in answer._repr_html_()
+
+
+def test_the_stiffness_of_a_wave_is_that_of_its_closed_form():
+    """From half of the pressure that flattens it to a sixth; the mean gap is the integral of Westergaard's."""
+    n, wavelength, height, modulus = 256, 64e-6, 0.1e-6, 115e9
+    x = (np.arange(n) + 0.5) / n
+    wave = fs.Topography(np.tile(height * np.cos(2 * np.pi * x), (8, 1)), (wavelength / n,) * 2)
+    flat = analytic.wave_full_contact_pressure(modulus, height, wavelength)
+    scene = fs.Scene(
+        wave,
+        modulus,
+        np.inf,
+        fs.Liquid(1e-3),
+        1e3,
+        0.0,
+        loading=(flat / 2,),
+        unload_from=(flat / 2,),
+        unloading=(flat / 6,),
+        boundary=("periodic", "periodic"),
+        fluid_pressure="ignored",
+    )
+    answer = fs.design(assemble(scene, deterministic=fs.deterministic(scene)))
+    gaps = [analytic.wave_gap(x, ratio, height, 1.0).mean() for ratio in (1 / 2, 1 / 6)]
+    assert_allclose(answer.stiffness[flat / 2], flat / 3 / (gaps[1] - gaps[0]), rtol=2e-3)
+    told = f"{answer.stiffness[flat / 2] / 1e12:.3g} MPa/µm"
+    assert any(told in text for text in data_sheet.sheet_sentences(answer))
 
 
 def test_the_picture_marks_limits_and_pressures(face):

@@ -77,7 +77,9 @@ def test_every_example_is_run_here():
 
 class TestExamples:
     def test_leakage_falls_with_load_and_comes_back_less(self, results):
-        assert [w for w in results.warnings if "realisations" not in w] == results.failures == []
+        # at the lightest load water is fast enough for its inertia to count a little
+        expected = "realisations", "Reynolds number of the mean gap"
+        assert [w for w in results.warnings if not any(text in w for text in expected)] == results.failures == []
         leakages = _leakages(results)
         assert len(leakages) >= 4  # median, both ends of the band, mean or another method
         for leakage in leakages:

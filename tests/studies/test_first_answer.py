@@ -1,0 +1,123 @@
+"""First answers by the spectrum of a face alone, and flow that the model does not hold."""
+
+import re
+from math import pi
+from pathlib import Path
+
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose
+from scipy.special import erf
+
+import femseal as fs
+from femseal.analytic import critical_junction, persson_area
+from femseal.case.case import parse_case
+from femseal.preparation.preparation import prepare
+from femseal.runs.forecast import describe
+from femseal.studies.first_answer import LIGHT, OFF_BY, first_answer
+from femseal.studies.flow_limits import choked_flux
+
+WAVES = np.geomspace(1e4, 1e6, 40)
+POWERS = 1e-12 * (WAVES / WAVES[0]) ** -1.6
+
+
+def test_area_of_elastic_solids():
+    load = np.geomspace(1e-3, 3, 20)
+    assert_allclose(persson_area(load, 0.5), erf(np.sqrt(2) * load), rtol=1e-14)
+    assert_allclose(persson_area(load, 0.5, 1e3), persson_area(load, 0.5), rtol=1e-12)
+    assert persson_area(1.0, 0.0) == 1
+
+
+@pytest.mark.parametrize("spread", [0.03, 0.3, 1.0, 10.0, 1e6])
+def test_area_with_a_hardness_is_that_of_the_sine_series(spread):
+    p = np.linspace(0.01, 0.99, 15)
+    n = np.arange(1, 400)[:, None]
+    decay = np.exp(-((n * pi * min(spread, 1e3)) ** 2) / 2)
+    elastic = np.sum(2 * (1 - (-1.0) ** n) / (n * pi) * np.sin(n * pi * p) * decay, axis=0)
+    plastic = p + np.sum(2 * (-1.0) ** n / (n * pi) * np.sin(n * pi * p) * decay, axis=0)
+    assert_allclose(persson_area(p, spread, 1.0), elastic + plastic, rtol=1e-9)
+    assert_allclose(persson_area([0.0, 1.0], spread, 1.0), [0, 1], atol=1e-12)
+    assert np.all(np.diff(persson_area(p, spread, 1.0)) >= 0)
+
+
+@pytest.mark.parametrize("hardness", [3e8, 1e9, np.inf])
+def test_passages_narrow_with_the_load(hardness):
+    loads = np.geomspace(1e5, 2.9e8, 60)
+    found = np.array([critical_junction(p, 1e11, WAVES, POWERS, hardness=hardness) for p in loads])
+    assert np.all(np.diff(found[:, 0]) > 0)
+    assert np.all(np.diff(found[:, 1:], axis=0) <= 0)
+    assert found[0, 1] > 0
+    slope = np.sqrt(np.sum(WAVES**2 * POWERS))
+    assert_allclose(found[:, 0], persson_area(loads, 1e11 * slope / 2, hardness))
+    high = [critical_junction(2 * p, 1e11, WAVES, 4 * POWERS, hardness=2 * hardness) for p in loads]
+    assert_allclose(high, found * [1, 2, 2], rtol=1e-6, atol=1e-30)
+
+
+def test_light_loads_part_the_faces_by_the_logarithm_of_the_load():
+    """ū = −u₀ ln p + constant, u₀ = γ √π ∫ q²C w dq (Persson, Phys. Rev. Lett. 99, 2007, 125502)."""
+    gaps = [critical_junction(p, 1e11, WAVES, POWERS).mean_gap for p in (1e3, 1e4, 1e5)]
+    rise = np.cumsum(WAVES**2 * POWERS) - WAVES**2 * POWERS / 2
+    length = 0.45 * np.sum(WAVES * POWERS * np.sqrt(2 / rise)) / (2 * np.sqrt(pi))
+    assert gaps[0] - gaps[1] == pytest.approx(gaps[1] - gaps[2], rel=1e-3)
+    # areas of a light load go with it, so that the pressure where they touch stays: only the longest waves count
+    assert gaps[0] - gaps[1] == pytest.approx(length * np.log(10), rel=1e-3)
+
+
+def test_a_lay_across_closes_before_one_along():
+    face = fs.self_affine((64, 64), (1e-4, 1e-4), hurst=0.8, rms_slope=0.1, rng=3)
+    ridged = face.with_heights(face.heights + 3 * face.low_pass(2e-5).heights.mean(axis=1)[:, None])
+    loads = np.geomspace(1e6, 5e9, 40)
+    across, along = (first_answer(one, 1e11, np.inf, loads) for one in (ridged, ridged.transpose()))
+    assert_allclose(across.area, along.area)
+    assert np.all(across.permeability <= along.permeability * (1 + 1e-9))
+    assert (across.permeability == 0).sum() > (along.permeability == 0).sum()
+
+
+def test_its_factors_are_those_of_the_table():
+    page = (Path(__file__).parents[1] / "benchmarks" / "first_answer.md").read_text(encoding="utf-8")
+    cells = re.search(rf"\| contact below {100 * LIGHT:g} % (.*)", page)[1].split("|")
+    assert [float(cell) for cell in cells[4:6]] == list(OFF_BY)
+
+
+def case(fluid, seat=None, **face):
+    return parse_case(
+        {
+            "seat": seat or {"kind": "flat"},
+            "method": "deterministic",
+            "face": {"kind": "self-affine", "points": [64, 64], "size": ["1 mm", "1 mm"], "hurst": 0.8, **face},
+            "material": {"young": "210 GPa", "yield_stress": "1 GPa"},
+            "load": {"loading": ["25 MPa"]},
+            "fluid": fluid,
+            "output": {"budget": False},
+        }
+    )
+
+
+def test_a_gas_faster_than_sound_is_warned_of():
+    given = case({"name": "nitrogen", "inlet_pressure": "200 bar"}, rms_height="3 um", roll_off="300 um")
+    results = fs.run(given, workers=1)
+    gap, mass = results.dataset["mean_gap_deterministic"].item(), results.mass_rate.item() / 1e-3
+    ratio = mass / (2e7 * np.sqrt(1.4 / (8.31446 / 0.0280134 * 293.15)) * (2 / 2.4) ** 3 * gap)
+    assert ratio > 3
+    assert any(f"{ratio:.2g} times what a choked nozzle" in text for text in results.warnings)
+    assert any("Reynolds number of the mean gap" in text for text in results.warnings)
+    lines = describe(given, prepare(given))
+    assert any("by the first answer" in line and "choked" in line for line in lines)
+    assert any(line.startswith("first answer") for line in lines)
+
+
+def test_an_oil_in_narrow_gaps_is_not():
+    given = case({"kind": "liquid", "viscosity": "50 mPa*s", "inlet_pressure": "10 bar"}, rms_height="0.5 um")
+    results = fs.run(given, workers=1)
+    assert not any("Reynolds" in text or "choked" in text or "plausible" in text for text in results.warnings)
+    assert "first answer" in fs.report.error_tables.check_lines(results)[1]
+    assert choked_flux(fs.Liquid(1e-3), 1e6) == np.inf
+    first = prepare(given).first_answer
+    assert first.leakage[0] / results.leakage.values[0] == pytest.approx(1, abs=0.9)
+    for wrong in (1e4, 1e-4):
+        assert "what the spectrum of the face makes plausible" in first.doubts(wrong * first.leakage, ["here"])[0]
+
+
+def test_a_seat_has_no_first_answer():
+    oil = {"kind": "liquid", "viscosity": "50 mPa*s", "inlet_pressure": "10 bar"}
+    assert prepare(case(oil, {"kind": "crowned", "radius": "1 m"}, rms_height="0.5 um")).first_answer is None
