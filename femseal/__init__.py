@@ -88,6 +88,7 @@ if TYPE_CHECKING:
 
 find_place(Path(__file__).parent)
 displays["plots"] = partial(import_module, ".plots", __name__)
+displays["results"] = partial(import_module, ".results", __name__)
 displays["report"] = partial(import_module, ".report", __name__)
 
 __all__ = [

@@ -182,7 +182,7 @@ class Plotted:
 
 
 def room(name: str) -> ModuleType:
-    """A package of femseal that displays results, "plots" or "report", imported when it is needed."""
+    """A package of femseal that shows results, such as "plots", imported when it is needed."""
     return displays[name]()
 
 

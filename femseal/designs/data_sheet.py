@@ -31,8 +31,8 @@ from ..plots.leakage_curves import LeakageCurves, leakage_panel, limit_lines
 from ..report import write_report
 from ..report.case_text import fluid_text
 from ..report.leakage_tables import DESIGN_FILE, DESIGN_PICTURE
-from ..results.dataset import FILE_NAME
 from ..results.results import Results
+from ..results.results_file import FILE_NAME
 from ..results.selections import loads_as_given, pressures_and_peaks
 from ..results.tables import format_leakage
 from .requirements import ENDS, LoadText, NeededPressure, Requirement, Seals
@@ -167,7 +167,7 @@ class Design:
         ln(pressure) between the steps of the unloading. Not known of drawn seals, and where that ends above the third.
         """
         data, found = self.results.dataset, {}
-        names = [name for name in ("mean_gap_deterministic", "piece_mean_gap") if name in data]
+        names = [name for name in ("mean_gap", "piece_mean_gap") if name in data]
         for peak in self.seals.steps.unload_from if names else ():
             steps = self.seals.unloading(peak)
             steps = steps[self.seals.steps.pressures[steps] > 0][::-1]

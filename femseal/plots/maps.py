@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from ..base import Array, InputError
 from ..contact import Contact, LoadCycle, LoadState
 from ..flow import Permeability
-from ..results.run_data import RunData
+from ..results.results import Results
 from ..results.selections import branches, load_names, pressures_and_peaks
 from ..seal import Leakage
 from .drawing import MAP, POCKET, STYLES, Sheet, branch_styles, new_figure, one_panel, panel_title, shows
@@ -41,7 +41,7 @@ def has_maps(data: xarray.Dataset) -> bool:
     return "face_gap" in data
 
 
-def seal_figure(results: RunData, step: int | None = None) -> Figure:
+def seal_figure(results: Results, step: int | None = None) -> Figure:
     """Maps of the face at one step: contact pressure, gap and fluid pressure in blocks, and the fall of the pressure.
 
     Without fields over the face: of the drawn seal that is nearest to the median.

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from ..base import Array, InputError
 from ..flow.law import cubic_law
-from ..results.run_data import RunData
+from ..results.results import Results
 from ..results.selections import loads_as_given
 from .drawing import GREY, LINES, STYLES, Sheet, decades
 
@@ -25,7 +25,7 @@ _DECADES, _BEYOND = 6, 1.5
 _ROUNDING = 1e-6
 
 
-def pieces_figure(results: RunData) -> Figure:
+def pieces_figure(results: Results) -> Figure:
     """Permeability of pieces along x1 against their mean gap and their pressure, on loading and on unloading.
 
     Closed pieces, and those a million times less permeable than the most permeable one, are not drawn.
@@ -65,7 +65,7 @@ class Pieces:
     nominal: Array
 
 
-def pieces_of(results: RunData) -> Pieces:
+def pieces_of(results: Results) -> Pieces:
     """The pieces of a run at the pressures of its case.
 
     Raises InputError: results without pieces.

@@ -12,7 +12,7 @@ from ..base import counted, to_text
 from ..contact.hardness_curves import SMALLEST_DEPTH, NixGao
 from ..materials import HARDNESS_FACTOR, METALS
 from ..plots.maps import default_step, face_leakage, pressure_rows
-from ..results.run_data import RunData
+from ..results.results import Results
 from ..results.selections import load_names
 
 if TYPE_CHECKING:
@@ -92,7 +92,7 @@ def _solid_text(solid: Mapping[str, Any]) -> str:
     return f"{names[key]} ({'by the case: ' + ', '.join(own) + '; ' if own else ''}{source}): {text}"
 
 
-def case_sentences(results: RunData) -> list[str]:
+def case_sentences(results: Results) -> list[str]:
     """The case; sentences without data in the results are left out."""
     data, case = results.dataset, results.case
     attrs = data.attrs
@@ -177,7 +177,7 @@ def _surface_text(surface: dict[str, Any]) -> str:
     return text + "."
 
 
-def _method_sentences(results: RunData) -> list[str]:
+def _method_sentences(results: Results) -> list[str]:
     """What each method of the run has solved."""
     data = results.dataset
     sentences = []
@@ -257,7 +257,7 @@ def _map_kind(one: dict[str, Any]) -> str:
     return "a profile from inlet to outlet" if one.get("kind") == "profile" else "one value everywhere"
 
 
-def pressure_drop_sentences(results: RunData) -> list[str]:
+def pressure_drop_sentences(results: Results) -> list[str]:
     """Place of the pressure drop at the step of the maps, and the number of pieces that carry half of it."""
     data, sentences = results.dataset, [_steepest_tenth(results)]
     if "piece_drop_fraction" not in data:
@@ -270,7 +270,7 @@ def pressure_drop_sentences(results: RunData) -> list[str]:
     return sentences
 
 
-def _steepest_tenth(results: RunData) -> str:
+def _steepest_tenth(results: Results) -> str:
     """Where most of the pressure drops over the face: the tenth of its width with the largest drop."""
     data = results.dataset
     s = default_step(data)

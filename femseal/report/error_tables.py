@@ -5,14 +5,14 @@ import json
 import numpy as np
 
 from ..base import TextTable, format_deviation, to_text
-from ..results.results import as_chosen
-from ..results.run_data import RunData
+from ..results.results import Results
+from ..results.summary import as_chosen
 from ..studies.load_curves import first_known, least_counted
 
 Lines = list[tuple[str, ...]]
 
 
-def important_steps(results: RunData) -> list[int]:
+def important_steps(results: Results) -> list[int]:
     """The first load, the highest, the highest that leaks more than 1e-3 of the first, and the last one."""
     leakage, steps = np.abs(results.leakage.values), results.steps
     least = least_counted(leakage)
@@ -21,7 +21,7 @@ def important_steps(results: RunData) -> list[int]:
     return list(dict.fromkeys((first_known(leakage), *leaking[-1:], peak, len(steps) - 1)))
 
 
-def budget_table(results: RunData) -> TextTable | None:
+def budget_table(results: Results) -> TextTable | None:
     """A line for each source, the widest first, and one for all together; None without a budget."""
     budget = results.budget
     if budget is None:
@@ -55,7 +55,7 @@ def _width_text(width: float) -> str:
     return format_deviation(width, "× ") if known is None else known
 
 
-def most_leaking_place(results: RunData) -> str:
+def most_leaking_place(results: Results) -> str:
     """Which of several measured places leaks most by itself, and how much, over the loads that count."""
     about = results.dataset["place_height"].attrs
     count = results.dataset.sizes["place"]
@@ -64,7 +64,7 @@ def most_leaking_place(results: RunData) -> str:
     return f"place {about['place']} of {count} leaks most, {about['over_mean']:.3g} times their mean"
 
 
-def check_lines(results: RunData) -> Lines:
+def check_lines(results: Results) -> Lines:
     """Residuals and resolution: quantity, value, meaning."""
     data, case = results.dataset, as_chosen(results.case, results.attempts)
     lines: Lines = []
@@ -88,7 +88,7 @@ def check_lines(results: RunData) -> Lines:
     return lines
 
 
-def time_lines(results: RunData) -> list[tuple[str, str, float]]:
+def time_lines(results: Results) -> list[tuple[str, str, float]]:
     """Stage, time, and its fraction of the whole in percent; the parts of a study come before the rest of its time."""
     timings: dict[str, float] = json.loads(results.dataset.attrs["timings"])
     whole = sum(seconds for name, seconds in timings.items() if ": " not in name) or 1.0

@@ -12,10 +12,10 @@ from typing import Any
 
 from ..base import FemsealError, Mapper, made_folder, read_plain, replacing, write_text
 from ..base.files import is_inside
-from ..results.dataset import FILE_NAME, save
 from ..results.paraview import NAME as FIELDS
 from ..results.paraview import FieldPlan, plan_fields, write_fields, write_vtk
 from ..results.results import Results
+from ..results.results_file import FILE_NAME, save
 from ..results.tables import csv_text, write_workbook
 from ..studies.choices import FIELDS_LIMIT
 from ..topography import Topography

@@ -14,7 +14,7 @@ import numpy as np
 
 from ..base import TextTable, format_deviation, read_plain, to_text
 from ..base.leak_rates import LEAK_UNITS, LeakUnit, leak_classes, within
-from ..results.run_data import RunData
+from ..results.results import Results
 from ..results.selections import branches_in, load_names, loads_as_given
 from ..results.tables import class_unit, format_error_band, format_leakage, leakage_at
 from .case_text import fluid_text
@@ -32,7 +32,7 @@ class KeyNumber:
     note: str
 
 
-def key_numbers(results: RunData) -> list[KeyNumber]:
+def key_numbers(results: Results) -> list[KeyNumber]:
     """Leakage of the whole seal at the first and the highest load and after the last unloading; contact there."""
     data, leakage = results.dataset, results.leakage.values
     names, budget = load_names(data), results.budget
@@ -54,7 +54,7 @@ def key_numbers(results: RunData) -> list[KeyNumber]:
     return numbers
 
 
-def _whole_seal(results: RunData, leakage: float) -> tuple[LeakUnit, float]:
+def _whole_seal(results: Results, leakage: float) -> tuple[LeakUnit, float]:
     """The unit of leakage that was asked for, or a readable one of the whole seal, and the value of 1 [m²/s]."""
     basis, unit = results.leak_basis, results.asked_unit
     if unit is None or unit.per_length or not basis.has(unit):
@@ -62,7 +62,7 @@ def _whole_seal(results: RunData, leakage: float) -> tuple[LeakUnit, float]:
     return unit, basis.factor(unit)
 
 
-def limiting_text(results: RunData) -> str:
+def limiting_text(results: Results) -> str:
     """What widens the band of error most at the highest load, and how wide the band is; "" without a budget."""
     budget, peak = results.budget, results.peak
     if budget is None or not (name := budget.limiting(peak)):
@@ -77,7 +77,7 @@ def limiting_text(results: RunData) -> str:
 _SAID = (("kg/year", "g/year"), ("drops/s", "drops/min", "drops/h"), ("mbar·L/s",))
 
 
-def total_leakage_text(results: RunData) -> str:
+def total_leakage_text(results: Results) -> str:
     """Leakage of the whole seal at the highest load, in the units that people say."""
     basis, leakage = results.leak_basis, float(results.leakage[results.peak])
     if not np.isfinite(leakage) or leakage == 0:
@@ -92,7 +92,7 @@ def total_leakage_text(results: RunData) -> str:
     return f"Over its whole length of {length} the seal leaks {whole} at {load}.{_reference_text(results)}"
 
 
-def _reference_text(results: RunData) -> str:
+def _reference_text(results: Results) -> str:
     basis = results.leak_basis
     if basis.pressure is None or basis.temperature is None:
         return ""
@@ -103,7 +103,7 @@ def _reference_text(results: RunData) -> str:
     )
 
 
-def class_table(results: RunData) -> TextTable | None:
+def class_table(results: Results) -> TextTable | None:
     """Each class, its limit, from which load on it is met, down to which it is kept in service; None without classes.
 
     Loads are load steps. Where the leakage that decides has a band of error, also from which load on all of it is met.
@@ -133,7 +133,7 @@ def class_table(results: RunData) -> TextTable | None:
     return TextTable.of_columns(title, columns, names=len(columns))
 
 
-def _limit_text(results: RunData, name: str, limit: float) -> str:
+def _limit_text(results: Results, name: str, limit: float) -> str:
     """The limit of a class in the unit of its standard."""
     unit = LEAK_UNITS[leak_classes([name])[0].unit]
     return f"{format_leakage(limit, results.class_basis.factor(unit))} {unit.name}" if limit else "no leakage"
@@ -157,7 +157,7 @@ def _kept_text(loads: list[str], met: np.ndarray) -> str:
     return "not even at the peak" if good == 0 else f"kept down to {loads[good - 1]}"
 
 
-def test_fluid_sentences(results: RunData) -> list[str]:
+def test_fluid_sentences(results: Results) -> list[str]:
     """Leakage of the test fluid at the highest load, how it compares, and what both limits of flow would give."""
     data = results.dataset
     if "test_leakage" not in data:

@@ -27,10 +27,10 @@ from ..base import Array, FemsealError, InputError, replacing, write_text, writi
 from ..plots.drawing import branch_styles
 from ..plots.leakage_curves import leakage_curves
 from ..plots.maps import pressure_rows
-from ..results.dataset import FILE_NAME, open_results, unfit
-from ..results.results import Results, as_chosen, attempts_table
-from ..results.run_data import RunData
+from ..results.results import Results
+from ..results.results_file import FILE_NAME, open_results, unfit
 from ..results.selections import load_names
+from ..results.summary import as_chosen, attempts_table
 from ..results.tables import format_error_band, format_leakage, leakage_of, leakage_table, totals_table
 from . import case_text, error_tables, leakage_tables, pictures
 from .leakage_tables import design_section
@@ -150,7 +150,7 @@ def _content(results: Results, drawings: pictures.Drawings) -> dict[str, Any]:
     return content
 
 
-def _digest_lines(results: RunData) -> list[tuple[str, str]]:
+def _digest_lines(results: Results) -> list[tuple[str, str]]:
     """The digest of every measured face: label, text."""
     try:
         faces = json.loads(results.dataset.attrs.get("face_files", "{}"))

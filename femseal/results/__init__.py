@@ -9,9 +9,13 @@ from typing import TYPE_CHECKING
 from ..base.lazy_package import load_when_used
 
 if TYPE_CHECKING:
-    from .dataset import assemble, open_results, save
-    from .paraview import write_vtk
+    from .dataset import RunFacts, assemble
+    from .export import export_field
+    from .paraview import read_pixels, stored_steps, write_vtk
     from .results import Results
+    from .results_file import open_results, save
     from .run_comparison import RunComparison, compare
+    from .summary import attempts_table, summary_html, summary_text
+    from .tables import leakage_table, rows
 
 load_when_used(__name__)

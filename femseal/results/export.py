@@ -13,7 +13,7 @@ from ..base import InputError, replacing, writing
 from ..base.fields import Field
 from . import vtk_files
 from .paraview import WITH_FIELDS, pixels_of_face, read_pixels, stored_steps
-from .run_data import RunData
+from .results import Results
 from .variables import block_means
 
 if TYPE_CHECKING:
@@ -27,7 +27,7 @@ _ROUNDING = 1e-6
 
 
 def export_field(
-    run: RunData,
+    run: Results,
     path: str | os.PathLike[str],
     *,
     field: str = "gap",
@@ -107,7 +107,7 @@ def _frame(values: xarray.DataArray) -> tuple[tuple[float, float], tuple[float, 
     return (pixel[0], pixel[1]), (corner[0], corner[1])
 
 
-def _write_npz(path: Path, values: xarray.DataArray, run: RunData, step: int) -> None:
+def _write_npz(path: Path, values: xarray.DataArray, run: Results, step: int) -> None:
     """Write an archive of NumPy with the field, its pixel and corner, and the load."""
     pixel, corner = _frame(values)
     load = run.steps[step]
@@ -122,7 +122,7 @@ def _write_npz(path: Path, values: xarray.DataArray, run: RunData, step: int) ->
         np.savez_compressed(file, allow_pickle=False, **{str(values.name): values.values}, **known)
 
 
-def _write_vti(path: Path, values: xarray.DataArray, run: RunData, step: int) -> None:
+def _write_vti(path: Path, values: xarray.DataArray, run: Results, step: int) -> None:
     """Write an image for ParaView, as means over blocks where there are too many pixels."""
     (d1, d2), corner = _frame(values)
     made = Field.of(values)
@@ -134,7 +134,7 @@ def _write_vti(path: Path, values: xarray.DataArray, run: RunData, step: int) ->
     path.write_bytes(vtk_files.as_xml(image.at(0)))
 
 
-_FORMATS: dict[str, Callable[[Path, xarray.DataArray, RunData, int], None]] = {
+_FORMATS: dict[str, Callable[[Path, xarray.DataArray, Results, int], None]] = {
     ".npz": _write_npz,
     ".vti": _write_vti,
 }

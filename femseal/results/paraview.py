@@ -32,7 +32,7 @@ from .vtk_files import Cells, Heights, LoadSteps, View, write_series
 if TYPE_CHECKING:
     import xarray
 
-    from .run_data import RunData
+    from .results import Results
 
 NAME = "fields"
 #: What results without fields would need: drawn seals have none.
@@ -48,13 +48,13 @@ class FieldPlan:
     left_out: str = ""
 
 
-def _in_memory(run: RunData) -> Iterator[tuple[Field, Any]]:
+def _in_memory(run: Results) -> Iterator[tuple[Field, Any]]:
     """Fields over all pixels (steps, n1, n2) of a study in memory."""
     if (study := run.two_scale or run.deterministic) is not None:
         yield from ((made, values) for made, values in fields_of(study) if made.place == PIXEL)
 
 
-def plan_fields(run: RunData, limit: float) -> FieldPlan:
+def plan_fields(run: Results, limit: float) -> FieldPlan:
     """Steps whose fields together are not larger than `limit` [byte] before compression.
 
     Where not all of them fit: evenly over the programme, with the highest load.
@@ -83,7 +83,7 @@ def fields_size(shape: tuple[int, int], studies: Container[str]) -> int:
     return count * _BYTES * shape[0] * shape[1]
 
 
-def write_fields(run: RunData, plan: FieldPlan, folder: Path) -> list[Path]:
+def write_fields(run: Results, plan: FieldPlan, folder: Path) -> list[Path]:
     """Write the fields of the studies in memory at the steps of a plan."""
     assert run.scene is not None
     cells = {made.array_name: _scaled(values, made.scale, plan.steps) for made, values in _in_memory(run)}
@@ -101,7 +101,7 @@ def _scaled(values: Any, scale: float, steps: NDArray[np.int64]) -> vtk_files.Pi
     return at
 
 
-def read_pixels(run: RunData, name: str, step: int, piece: tuple[int, int] | None = None) -> xarray.DataArray:
+def read_pixels(run: Results, name: str, step: int, piece: tuple[int, int] | None = None) -> xarray.DataArray:
     """A field over the pixels (x1, x2) at one step in SI, read from the folder where it is not in memory.
 
     Of the two-scale study where there is one, else of the deterministic.
@@ -137,14 +137,14 @@ def read_pixels(run: RunData, name: str, step: int, piece: tuple[int, int] | Non
     return xarray.DataArray(values, coordinates, ("x1", "x2"), name, labels)
 
 
-def stored_steps(run: RunData) -> list[int]:
+def stored_steps(run: Results) -> list[int]:
     """Steps whose fields are in memory, or else in the results folder."""
     if any(True for _ in _in_memory(run)):
         return list(range(run.dataset.sizes["step"]))
     return [] if run.folder is None else list(vtk_files.stored_images(run.folder, NAME))
 
 
-def pixels_of_face(run: RunData) -> tuple[tuple[int, int], tuple[float, float]]:
+def pixels_of_face(run: Results) -> tuple[tuple[int, int], tuple[float, float]]:
     """Number of the pixels of stored fields along x1 and x2, and their size [m]."""
     for _, values in _in_memory(run):
         assert run.scene is not None
@@ -153,7 +153,7 @@ def pixels_of_face(run: RunData) -> tuple[tuple[int, int], tuple[float, float]]:
     return vtk_files.image_pixels(next(iter(vtk_files.stored_images(run.folder, NAME).values())))
 
 
-def _from_memory(run: RunData, name: str, step: int) -> tuple[Field, Any, tuple[float, float]] | None:
+def _from_memory(run: Results, name: str, step: int) -> tuple[Field, Any, tuple[float, float]] | None:
     """A field in SI over all pixels at a step, and the pixel's size; None where there is none."""
     there = {made.name: (made, values) for made, values in _in_memory(run)}
     if name not in there or run.scene is None:
@@ -162,7 +162,7 @@ def _from_memory(run: RunData, name: str, step: int) -> tuple[Field, Any, tuple[
     return made, values[step], run.scene.surface.spacing
 
 
-def _from_folder(run: RunData, name: str, step: int) -> tuple[Field, Any, tuple[float, float]] | None:
+def _from_folder(run: Results, name: str, step: int) -> tuple[Field, Any, tuple[float, float]] | None:
     """The same from the image in the folder, whose arrays have their unit in their names."""
     path = None if run.folder is None else vtk_files.stored_images(run.folder, NAME).get(step)
     if path is None:
@@ -192,7 +192,7 @@ _ONE_POINT = 1e-9
 
 
 def write_vtk(
-    run: RunData, surface: Topography | None, folder: str | os.PathLike[str], mapper: Mapper = map
+    run: Results, surface: Topography | None, folder: str | os.PathLike[str], mapper: Mapper = map
 ) -> list[Path]:
     """Write the views of results; open the `.pvd` files in ParaView.
 

@@ -4,183 +4,194 @@ from __future__ import annotations
 
 import json
 import os
-from dataclasses import dataclass
-from html import escape
-from math import inf, log1p
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from numpy.typing import NDArray
 
-from ..base import InputError, Plotted, TextTable, counted, duration, format_deviation, to_si, to_text
+from ..base import InputError, Plotted, TextTable, to_si, to_text
+from ..base.leak_rates import LEAK_UNITS, LeakBasis, LeakUnit, leak_unit, leakage_unit
 from ..base.text import room
-from . import tables
-from .export import export_field
-from .paraview import read_pixels, stored_steps
-from .run_data import RunData
+from ..budget import ErrorBudget
+from ..loads import LoadProgramme, LoadStep
+from ..studies import STUDIES, FaceResult, Scene, StochasticResult, StudyResult
+from .classes import basis_of, tightest_classes
 from .selections import Steps, branches_in, piece
-from .tables import format_leakage, in_several_units, leakage_table
+from .variables import budgets_in
 
 if TYPE_CHECKING:
     import xarray
 
-#: Text where a column has nothing to say.
-_NONE = "–"
-
-
-def attempt_sentences(found: dict[str, Any]) -> list[str]:
-    """Whether the accuracy is met, what limits it, and what half the error takes."""
-    wanted, error = format_deviation(log1p(found["wanted"])), _half_width(found)
-    met = "" if found["reached"] else "not "
-    lines = [
-        f"The accuracy of {wanted} is {met}reached: the leakage is known within {error} at all loads that leak more "
-        "than 1/1000 of the first, by the numbers alone of its error budget."
-    ]
-    if model := found.get("model_parts"):
-        both = format_deviation(inf if found["with_model"] is None else found["with_model"])
-        lines.append(f"With the model and its input ({', '.join(model)}) it is known within {both}.")
-    if found["half_width"] != 0:
-        # "pixels" and "realisations" are several
-        verb = "limit" if found["limit"].endswith("s") else "limits"
-        lines.append(f"The {found['limit']} {verb} it, most at {found['load']}.")
-    if found["why"]:
-        lines.append(f"No further attempt: {found['why']}.")
-    if found["half_width"] != 0 and not (found["why"] and found["half_error"].startswith("cannot")):
-        lines.append(f"Half the error: {found['half_error']}.")
-    return lines
-
-
-def attempts_table(found: dict[str, Any]) -> TextTable:
-    """A line for each attempt, without columns in which nothing stands; the sentences are its notes."""
-    attempts = found["attempts"]
-    settings = [attempt["settings"] for attempt in attempts]
-    columns: dict[str, list[str]] = {
-        "attempt": [str(number) for number in range(1, len(attempts) + 1)],
-        "method": [each["method"] for each in settings],
-        "points": [" × ".join(map(str, attempt["points"])) for attempt in attempts],
-        "residual": [f"{each['rtol']:.0e}" for each in settings],
-        "seals": [_count(each["realisations"]) for each in settings],
-        "time": [duration(attempt["with_coarse"]) for attempt in attempts],
-        "error": [_half_width(attempt) for attempt in attempts],
-        "limited by": [attempt["limit"] for attempt in attempts],
-    }
-    shown = [(head, texts) for head, texts in columns.items() if any(text != _NONE for text in texts)]
-    return TextTable.of_columns("", shown, names=len(shown), notes=(" ".join(attempt_sentences(found)),))
-
-
-def as_chosen(case: dict[str, Any], found: dict[str, Any] | None) -> dict[str, Any]:
-    """A case whose keys have the values of the last attempt; it is the same without attempts.
-
-    Keys that the case gives have them already, others hold defaults that were not taken.
-    """
-    if found is None:
-        return case
-    chosen = found["settings"]
-    drawn = case.get("stochastic")
-    if drawn is not None and chosen["realisations"] is not None:
-        drawn = drawn | {"realisations": chosen["realisations"]}
-    changed = {"method": chosen["method"], "contact": case["contact"] | {"rtol": chosen["rtol"]}}
-    return case | changed | ({} if drawn is None else {"stochastic": drawn})
-
-
-def _count(number: int | None) -> str:
-    return _NONE if number is None else str(number)
-
-
-def _half_width(found: dict[str, Any]) -> str:
-    width = found["half_width"]
-    return format_deviation(inf if width is None else width)
-
-
-def summary_text(run: RunData) -> str:
-    """Method and main results, a line each."""
-    title = run.case.get("title", "")
-    head = "femseal.Results" + (f" {title!r}" if title else "")
-    lines = contents(run) | ({"folder": str(run.folder)} if run.folder else {})
-    return "\n".join([f"<{head}>", *(f"{name:<10} {value}" for name, value in lines.items())])
-
-
-def summary_html(run: RunData) -> str:
-    """The lines, the table of the leakage, and a folded section on the origin of the numbers."""
-    title = escape(run.case.get("title", "") or "femseal results")
-    lines, origin = (TextTable("", (), tuple(each.items()))._repr_html_() for each in (contents(run), provenance(run)))
-    return (
-        f"<div><b>{title}</b>\n{lines}\n{leakage_table(run)._repr_html_()}\n"
-        f"<details><summary>provenance</summary>{origin}</details></div>"
-    )
-
-
-def contents(run: RunData) -> dict[str, str]:
-    """Name and text of the lines on the contents."""
-    data, steps, peak = run.dataset, run.steps, run.peak
-    unit, factor = run.leak_scale
-    leakage = float(run.leakage[peak])
-    text = format_leakage(leakage, factor) + (f" {unit.name}" if np.isfinite(leakage) and leakage != 0 else "")
-    found = {"leakage": f"at {to_text(steps[peak].pressure, 'Pa')}: {text} ({run.method})"}
-    if whole := in_several_units(run, peak):
-        found["seal"] = f"{to_text(run.leak_basis.length, 'm')} long: {whole}"
-    up = sum(step.unloaded_from is None for step in steps)
-    peaks = sorted({step.unloaded_from for step in steps if step.unloaded_from is not None})
-    down = f", {len(steps) - up} unloading from {', '.join(to_text(p, 'Pa') for p in peaks)}" if peaks else ""
-    found["load"] = f"{counted(len(steps), 'step')}: {up} loading{down}"
-    if "piece1" in data.dims:
-        found["pieces"] = f"{data.sizes['piece1']} × {data.sizes['piece2']}"
-    if "realisation" in data.dims:
-        drawn = counted(data.sizes["realisation"], "realisation")
-        pieces = f"{data.sizes['state_piece1']} × {data.sizes['state_piece2']} pieces"
-        found["drawn"] = f"{drawn} of {data.attrs['tiles']}, from {pieces} in {counted(data.sizes['state'], 'state')}"
-    if stored := stored_steps(run):
-        found["fields"] = f"over all pixels at {len(stored)} of {counted(len(steps), 'step')}"
-    for name, texts in (("warnings", run.warnings), ("failures", run.failures)):
-        if texts:
-            found[name] = f"{len(texts)}, the first: {texts[0]}"
-    if missing := run.left_out:
-        found["left out"] = "; ".join(missing)
-    return found
-
-
-def provenance(run: RunData) -> dict[str, str]:
-    """Name and text of the lines on versions, machine, times and solvers."""
-    attrs = run.dataset.attrs
-    parts = {
-        name: json.loads(attrs.get(name, "{}")) for name in ("timings", "machine", "counts", "solvers", "versions")
-    }
-    memory = {"memory_bytes": "", "peak_memory_bytes": " at the peak"}
-    sizes = parts["machine"] | dict(attrs)
-    machine = [str(value) for name, value in parts["machine"].items() if name in ("processor", "system")]
-    machine += [f"{parts['machine']['cores']} cores"] if "cores" in parts["machine"] else []
-    lines = {
-        "computed": f"{attrs.get('date_created', '')} by {attrs['source']}",
-        "seed": str(attrs.get("seed", "")),
-        "machine": ", ".join(machine),
-        "memory": ", ".join(to_text(sizes[name], "B", 3) + end for name, end in memory.items() if name in sizes),
-        "wall times": ", ".join(f"{stage} {seconds:.3g} s" for stage, seconds in parts["timings"].items()),
-        "flows": "; ".join(
-            f"{study.replace('_', '-')}: " + ", ".join(f"{count} {kind}" for kind, count in counts.items())
-            for study, counts in parts["counts"].items()
-        ),
-        "linear systems": "; ".join(
-            f"{study.replace('_', '-')}: {solvers_text(solvers)}" for study, solvers in parts["solvers"].items()
-        ),
-        "versions": ", ".join(f"{name} {number}" for name, number in parts["versions"].items()),
-    }
-    return {name: value for name, value in lines.items() if value}
-
-
-def solvers_text(solvers: dict[str, Any]) -> str:
-    """How many linear systems each solver solved, and their worst imbalance; from the attribute `solvers`."""
-    systems = ", ".join(f"{count} by {name}" for name, count in solvers["systems"].items())
-    return f"{systems}, worst imbalance {solvers['worst_imbalance']:.0e}" if systems else "none to solve"
+#: Methods from the best, each with its leakage in the dataset, and its name in the variables of its budget.
+METHODS = tuple((study.label, study.leakage_variable) for study in reversed(STUDIES.values()))
+BUDGETED = {study.label: study.key for study in STUDIES.values()}
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Results(RunData, Plotted):
-    """Results of a case, see `RunData`; `dataset` holds every number with its unit."""
+class Results(Plotted):
+    """What a run has found.
 
-    export = export_field
-    pixels = read_pixels
-    rows = tables.rows
-    table = tables.leakage_table
+    dataset : every number with its unit, see `assemble`. folder : from which it was read, or to which it was saved.
+    scene : the input of the studies. studies : their results by key, with the fields that are too large for the
+    dataset. None, and none, of results that were read from a folder.
+    """
+
+    dataset: xarray.Dataset
+    folder: Path | None = None
+    scene: Scene | None = None
+    studies: Mapping[str, StudyResult] = field(default_factory=dict)
+
+    @property
+    def deterministic(self) -> FaceResult | None:
+        """Result of the deterministic study in this process."""
+        return self.studies.get("deterministic")  # type: ignore[return-value]
+
+    @property
+    def two_scale(self) -> FaceResult | None:
+        """Result of the two-scale study in this process."""
+        return self.studies.get("two_scale")  # type: ignore[return-value]
+
+    @property
+    def stochastic(self) -> StochasticResult | None:
+        """Result of the stochastic study in this process."""
+        return self.studies.get("stochastic")  # type: ignore[return-value]
+
+    @property
+    def method(self) -> str:
+        """Source of `leakage`: "median" (of realisations), "two-scale" or "deterministic"."""
+        return next(method for method, name in METHODS if name in self.dataset)
+
+    @property
+    def leakage(self) -> xarray.DataArray:
+        """Best available leakage per length of seal (step,) [m²/s]: median, else two-scale, else deterministic."""
+        return self.dataset[dict(METHODS)[self.method]]
+
+    @property
+    def per_length(self) -> xarray.DataArray:
+        """`leakage` by its name in `Leakage` [m²/s]."""
+        return self.leakage
+
+    @property
+    def volume_rate(self) -> xarray.DataArray:
+        """Best available leakage of the whole seal (step,) [m³/s], as in `Leakage`."""
+        return self.dataset["leakage_total"]
+
+    @property
+    def mass_rate(self) -> xarray.DataArray:
+        """The same by mass (step,) [kg/s].
+
+        Raises InputError: the density of the fluid is unknown.
+        """
+        return self.leakage_in("kg/s")
+
+    @property
+    def leak_basis(self) -> LeakBasis:
+        """Length of the seal and reference state of the fluid, which turn the leakage into any unit."""
+        return basis_of(self.dataset.attrs)
+
+    @property
+    def class_basis(self) -> LeakBasis:
+        """The same of the fluid that decides on leakage classes: the test fluid where there is one."""
+        return basis_of(self.dataset.attrs, "test_" if "test_leakage" in self.dataset else "")
+
+    @property
+    def class_leakage(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Leakage that decides on classes [m²/s]: the one that is given (step,), and that of each realisation."""
+        data, tested = self.dataset, "test_leakage" in self.dataset
+        best = data["test_leakage"].values if tested else self.leakage.values
+        name = "test_leakage_realisations" if tested else "leakage"
+        several = data[name].values if name in data and self.method == "median" else best[None]
+        return np.asarray(best), np.asarray(several)
+
+    @property
+    def classes(self) -> list[str]:
+        """The tightest leakage class that is met at each step, of each standard asked for; "none" where none is."""
+        return tightest_classes(self.dataset)
+
+    @property
+    def leak_unit(self) -> LeakUnit:
+        """The unit of leakage in tables and pictures: that of the case, else a readable one per length of seal."""
+        if (asked := self.asked_unit) is not None and self.leak_basis.has(asked):
+            return asked
+        return LEAK_UNITS[leakage_unit(self.leakage.values)[1]]
+
+    @property
+    def asked_unit(self) -> LeakUnit | None:
+        """The unit of leakage that the case gives, for its fluid, for its test fluid, or for both."""
+        return LEAK_UNITS.get(self.dataset.attrs.get("leakage_unit", ""))
+
+    @property
+    def leak_scale(self) -> tuple[LeakUnit, float]:
+        """`leak_unit`, and the leakage per length that is 1 in it [m²/s]."""
+        return self.leak_unit, self.leak_basis.factor(self.leak_unit)
+
+    def leakage_in(self, unit: str) -> xarray.DataArray:
+        """`leakage` (step,) in a unit such as "mL/min", "g/year", "mL/(m·min)"; of gases also "mbar·L/s", "std cm³/s".
+
+        Units that are not per length are of the whole seal. Volumes of gases are at 101 325 Pa and their temperature,
+        standard ones at 0 °C; pressure × volume is at the temperature stated in the case, else at that of the gas.
+
+        Raises InputError: no such unit, or a unit of gases for a liquid.
+        """
+        chosen = leak_unit(unit)
+        values = self.leakage / self.leak_basis.factor(chosen)
+        return values.assign_attrs(units=chosen.name, long_name=self.leakage.attrs["long_name"])
+
+    @property
+    def budgets(self) -> dict[str, ErrorBudget]:
+        """Error budgets by method: "deterministic", "two_scale", "stochastic"; empty where none was asked for."""
+        return budgets_in(self.dataset, self.steps)
+
+    @property
+    def budget(self) -> ErrorBudget | None:
+        """Error budget of `leakage`; None where none was asked for."""
+        return self.budgets.get(BUDGETED[self.method])
+
+    @property
+    def steps(self) -> LoadProgramme:
+        """The load programme."""
+        pairs = zip(self.dataset["nominal_pressure"].values, self.dataset["unloaded_from"].values, strict=True)
+        return LoadProgramme(LoadStep(float(p), None if np.isnan(peak) else float(peak)) for p, peak in pairs)
+
+    @property
+    def peak(self) -> int:
+        """The first step of the highest load."""
+        return int(np.argmax(self.dataset["nominal_pressure"].values))
+
+    @property
+    def warnings(self) -> list[str]:
+        """Reasons to doubt the numbers, one line each; empty if there are none."""
+        return json.loads(self.dataset.attrs["warnings"])
+
+    @property
+    def failures(self) -> list[str]:
+        """Failures, whose numbers are missing or NaN, one line each; empty if there are none."""
+        return json.loads(self.dataset.attrs["failures"])
+
+    @property
+    def open_steps(self) -> list[int]:
+        """Numbers of the steps without leakage at which the fluid carries all of the load, so that the seal is open."""
+        names, failures = self.dataset["name"].values, self.failures
+        return [s for s, name in enumerate(names) if any(f"{name}: open: " in text for text in failures)]
+
+    @property
+    def left_out(self) -> list[str]:
+        """Files that were not written to the folder, with the reason, one line each; empty if there are none."""
+        return json.loads(self.dataset.attrs.get("left_out", "[]"))
+
+    @property
+    def case(self) -> dict[str, Any]:
+        """The case in SI, as given to `assemble`; tuples have become lists."""
+        return json.loads(self.dataset.attrs["case"])
+
+    @property
+    def attempts(self) -> dict[str, Any] | None:
+        """The attempts at the accuracy that the case asks for, and whether it is met; None if it asks for none."""
+        text = self.dataset.attrs.get("accuracy")
+        return None if text is None else json.loads(text)
 
     def loading(self) -> xarray.Dataset:
         """Leakage and all other variables over the steps, on loading, over `nominal_pressure` [Pa]."""
@@ -237,7 +248,7 @@ class Results(RunData, Plotted):
     @property
     def stored_steps(self) -> list[int]:
         """Steps whose fields over all pixels are in memory or in the folder."""
-        return stored_steps(self)
+        return room("results").stored_steps(self)
 
     def attempts_table(self) -> TextTable:
         """The attempts at the accuracy that the case asks for, to be given to `rich.print`.
@@ -246,7 +257,7 @@ class Results(RunData, Plotted):
         """
         if self.attempts is None:
             raise InputError("attempts", "a case that asks for no accuracy", "one with the key accuracy")
-        return attempts_table(self.attempts)
+        return room("results").attempts_table(self.attempts)
 
     def plot_pieces(self) -> Any:
         """Permeability of pieces over their mean gap and their pressure, see `pieces_figure`."""
@@ -260,5 +271,24 @@ class Results(RunData, Plotted):
         """Write the report, `report.html` in the folder unless `path` is given, see `write_report`."""
         return room("report").write_report(self, path)
 
-    __repr__ = summary_text
-    _repr_html_ = summary_html
+    def rows(self) -> list[dict[str, Any]]:
+        """The table as dictionaries in SI, one for each step, see `tables.rows`."""
+        return room("results").rows(self)
+
+    def table(self) -> TextTable:
+        """The table for people, for `rich.print`, see `tables.leakage_table`."""
+        return room("results").leakage_table(self)
+
+    def pixels(self, name: str, step: int, piece: tuple[int, int] | None = None) -> xarray.DataArray:
+        """A field over the pixels (x1, x2) at one step in SI, see `paraview.read_pixels`."""
+        return room("results").read_pixels(self, name, step, piece)
+
+    def export(self, path: str | os.PathLike[str], **options: Any) -> list[Path]:
+        """Write a field over the pixels for other programs, see `export.export_field`."""
+        return room("results").export_field(self, path, **options)
+
+    def __repr__(self) -> str:
+        return room("results").summary_text(self)
+
+    def _repr_html_(self) -> str:
+        return room("results").summary_html(self)

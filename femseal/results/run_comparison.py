@@ -26,8 +26,8 @@ from ..base.leak_rates import LEAK_UNITS, LeakUnit, leak_unit, leakage_unit
 from ..base.text import room
 from ..loads import LoadStep
 from ..studies.load_curves import closing_load
-from .dataset import open_results
 from .results import Results
+from .results_file import open_results
 from .tables import leakage_at
 
 #: Ends of the band of realisations, where a run has them.

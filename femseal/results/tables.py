@@ -12,7 +12,7 @@ from ..base import TextTable, comma_separated, to_text
 from ..base.fields import Field, with_unit
 from ..base.leak_rates import LEAK_UNITS, USUAL_UNITS, LeakUnit
 from ..budget import VAGUE
-from .run_data import BUDGETED, RunData
+from .results import BUDGETED, Results
 from .selections import branch_text, force_scale
 
 if TYPE_CHECKING:
@@ -24,7 +24,7 @@ _HEADING = 10
 _NARROW = 1.2
 
 
-def rows(run: RunData) -> list[dict[str, Any]]:
+def rows(run: Results) -> list[dict[str, Any]]:
     """The table as dictionaries in SI, one for each step, with leakage in more units at the end; keys carry units."""
     data = run.dataset
     columns = {with_unit("leakage", "m^2/s"): run.leakage.values}
@@ -45,12 +45,12 @@ def rows(run: RunData) -> list[dict[str, Any]]:
     return table
 
 
-def csv_text(run: RunData) -> str:
+def csv_text(run: Results) -> str:
     """The rows as comma-separated values, with one line of column names."""
     return comma_separated(rows(run))
 
 
-def write_workbook(run: RunData, path: Path) -> Path:
+def write_workbook(run: Results, path: Path) -> Path:
     """Write the rows as a sheet of a workbook, .xlsx; texts are texts, whatever they begin with, NaN is empty."""
     from xlsxwriter import Workbook
 
@@ -72,7 +72,7 @@ def write_workbook(run: RunData, path: Path) -> Path:
     return path
 
 
-def leakage_table(run: RunData) -> TextTable:
+def leakage_table(run: Results) -> TextTable:
     """The table for people, for `rich.print`: one unit of leakage in all columns but one, 0 is "sealed".
 
     Branch, pressure, leakage with its bands, that of the whole seal, and every field over the steps that has a heading.
@@ -111,7 +111,7 @@ def leakage_table(run: RunData) -> TextTable:
     return TextTable.of_columns(title, shown, grouped=True, wrap=_HEADING)
 
 
-def totals_table(run: RunData) -> TextTable:
+def totals_table(run: Results) -> TextTable:
     """The leakage in several units: branch, pressure, and a column for each unit."""
     basis, own = run.leak_basis, run.leak_unit.name
     units = basis.units(USUAL_UNITS if own in USUAL_UNITS else [*USUAL_UNITS, own])
@@ -132,7 +132,7 @@ def _loads(data: xarray.Dataset) -> list[tuple[str, list[str]]]:
     return [*columns, ("pressure", [to_text(p, "Pa") for p in nominal])]
 
 
-def class_unit(run: RunData) -> LeakUnit:
+def class_unit(run: Results) -> LeakUnit:
     """The unit of the leakage that decides on classes: that of the case where it is for the test fluid."""
     basis = run.class_basis
     if "test_leakage" not in run.dataset:
@@ -142,14 +142,14 @@ def class_unit(run: RunData) -> LeakUnit:
     return LEAK_UNITS["mbar·L/(m·s)" if basis.is_gas else "mL/(m·min)"]
 
 
-def leakage_of(run: RunData) -> str:
+def leakage_of(run: Results) -> str:
     """What the leakage in its unit is of."""
     if run.leak_unit.per_length:
         return "leakage per length of seal"
     return f"leakage of the whole seal, {to_text(run.leak_basis.length, 'm')},"
 
 
-def in_several_units(run: RunData, step: int) -> str:
+def in_several_units(run: Results, step: int) -> str:
     """Leakage at a step of the whole seal, in volume, mass and, for a gas, pressure × volume; "" without a number."""
     leakage, basis = float(run.leakage[step]), run.leak_basis
     if not np.isfinite(leakage) or leakage == 0:
@@ -158,17 +158,17 @@ def in_several_units(run: RunData, step: int) -> str:
     return " = ".join(f"{format_leakage(leakage, basis.factor(unit))} {unit.name}" for unit in units)
 
 
-def leakage_at(run: RunData, step: int, factor: float) -> str:
+def leakage_at(run: Results, step: int, factor: float) -> str:
     """The leakage at a step in the unit `factor`, see `format_leakage`; "open" where the fluid carries all."""
     return _at_step(run, step, format_leakage(float(run.leakage.values[step]), factor))
 
 
-def _of_steps(run: RunData, texts: Iterable[str]) -> list[str]:
+def _of_steps(run: Results, texts: Iterable[str]) -> list[str]:
     """Texts over the steps, "open" for "failed" where the fluid carries all of the load."""
     return [_at_step(run, step, text) for step, text in enumerate(texts)]
 
 
-def _at_step(run: RunData, step: int, text: str) -> str:
+def _at_step(run: Results, step: int, text: str) -> str:
     return "open" if text == "failed" and step in run.open_steps else text
 
 

@@ -32,7 +32,7 @@ from ..refinement.refine_to_accuracy import refine_to_accuracy
 from ..refinement.settings import chosen
 from ..report import load_writers, write_folder
 from ..report.case_text import solids_text
-from ..results import Results, assemble
+from ..results import Results, RunFacts, assemble
 from ..store import unfinished
 from ..store.store import Store
 from ..studies import FluidState, OtherLeakage, drop_ratio
@@ -233,25 +233,29 @@ def _results(case: Case, made: Prepared, faces: dict[str, str], run: Run, part: 
             budgets = budgets_of(prepared, studies, mapper, known=known, **parts)
     if part is not None:
         return None
-    results = assemble(
-        prepared.scene,
-        **studies,
-        budgets=budgets,
+    attributes = {
+        "seat": prepared.seat,
+        "face_files": json.dumps(faces),
+        "solids": solids_text(case.echo()),
+        "chosen": json.dumps(chosen(case, made)),
+    }
+    warnings = prepared.warnings
+    if refined is not None:
+        warnings += refined.warnings
+        attributes["accuracy"] = json.dumps(refined.as_data(budgets[prepared.answer.key]))
+    facts = RunFacts(
         case=case.echo(),
-        surface_report=prepared.surface_report,
+        surface=prepared.surface_report,
         timings=run.timings,
         quantiles=case.stochastic.quantiles if case.stochastic else (0.05, 0.95),
-        warnings=prepared.warnings if refined is None else (*prepared.warnings, *refined.warnings),
+        warnings=warnings,
+        budgets=budgets,
         test=test,
         valve=case.output.valve,
+        attributes=attributes,
         **case.output.model_dump(include={"leakage_unit", "classes", "nominal_diameter", "throughput_temperature"}),
     )
-    results.dataset.attrs["seat"] = prepared.seat
-    results.dataset.attrs["face_files"] = json.dumps(faces)
-    results.dataset.attrs["solids"] = solids_text(case.echo())
-    results.dataset.attrs["chosen"] = json.dumps(chosen(case, made))
-    if refined is not None:
-        results.dataset.attrs["accuracy"] = json.dumps(refined.as_data(budgets[prepared.answer.key]))
+    results = assemble(prepared.scene, *studies.values(), facts=facts)
     add_plausibility(prepared, results)
     for text in [*results.warnings, *results.failures]:
         log.warning("%s", text)

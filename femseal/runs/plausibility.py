@@ -18,8 +18,8 @@ def add_plausibility(prepared: Prepared, results: Results) -> None:
     if (first := prepared.first_answer) is not None:
         data.attrs["first_answer"] = str(first)
         doubts, gaps = first.doubts(leakage, list(data["name"].values)), first.mean_gap
-    if "mean_gap_deterministic" in data:
-        gaps = data["mean_gap_deterministic"].values
+    if "mean_gap" in data:
+        gaps = data["mean_gap"].values
     doubts += flow_warnings(prepared.scene, leakage, gaps)
     if doubts:
         data.attrs["warnings"] = json.dumps([*results.warnings, *doubts], ensure_ascii=False)

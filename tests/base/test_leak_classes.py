@@ -14,7 +14,7 @@ from femseal.case.case import parse_case
 from femseal.fluids import leak_basis
 from femseal.plots.leakage_curves import limit_lines
 from femseal.report.page import report_html
-from femseal.results import assemble
+from femseal.results import RunFacts, assemble
 from femseal.results.tables import csv_text, leakage_table
 from femseal.studies.other_fluid import FluidState, OtherLeakage, drop_ratio, limit_factors
 
@@ -173,7 +173,7 @@ def test_results_tell_the_classes_that_every_step_reaches(studied):
     density, leak = WATER.density, study.leakage
     middle = np.sqrt(leak[1] * leak[2]) * density * 1e6
     results = assemble(
-        scene, deterministic=study, classes=[f"{middle:g} mg/(m·s)", "EN 13555", "ISO 5208"], nominal_diameter=0.05
+        scene, study, facts=RunFacts(classes=[f"{middle:g} mg/(m·s)", "EN 13555", "ISO 5208"], nominal_diameter=0.05)
     )
     reached = results.dataset["class_met"].sel(leak_class=results.dataset["leak_class"].values[0])
     assert reached.values.tolist() == [float(q <= middle * 1e-6 / density) for q in leak]
@@ -193,7 +193,7 @@ def test_results_tell_the_classes_that_every_step_reaches(studied):
     assert "in service, unloading from 400 MPa" in page
     named = {text.get_text().strip() for text in results.plot().axes[0].texts}
     assert results.dataset["leak_class"].values[0] in named
-    plain = assemble(scene, deterministic=study)
+    plain = assemble(scene, study)
     assert plain.classes == []
     assert "met by the seal" not in report_html(plain)
 
@@ -203,7 +203,7 @@ def test_classes_are_judged_by_the_test_fluid(studied, tmp_path):
     state = FluidState(HELIUM, 4e6, 1e5)
     other = OtherLeakage.of_study(state, fs.deterministic(state.in_scene(scene)))
     middle = np.sqrt(other.leakage[0] * other.leakage[2]) * 101_325 * 10
-    results = assemble(scene, deterministic=study, test=other, classes=["TA Luft", f"{middle:g} mbar·L/(m·s)"])
+    results = assemble(scene, study, facts=RunFacts(test=other, classes=["TA Luft", f"{middle:g} mbar·L/(m·s)"]))
     for n, limit in enumerate((1e-8 / HELIUM.reference_density, middle / 1_013_250)):
         assert results.dataset["class_met"].values[n].tolist() == [float(q <= limit) for q in other.leakage]
     assert 0 < results.dataset["class_met"].values[1].sum() < len(scene.steps)
@@ -212,7 +212,7 @@ def test_classes_are_judged_by_the_test_fluid(studied, tmp_path):
     assert "times as much; flow as a continuum would give" in page
     assert "free molecules" not in page
     nitrogen = replace(scene, fluid=NITROGEN, inlet_pressure=4e6, outlet_pressure=1e5)
-    both = assemble(nitrogen, deterministic=fs.deterministic(nitrogen), test=other)
+    both = assemble(nitrogen, fs.deterministic(nitrogen), facts=RunFacts(test=other))
     assert (
         "In pressure × volume the fluid in service leaks 1.12 times as much; flow as a continuum would give 1.12, flow of free molecules 0.378."
         in report_html(both)

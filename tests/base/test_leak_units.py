@@ -13,7 +13,7 @@ from femseal.base.quantities import to_si
 from femseal.case.case import parse_case
 from femseal.fluids import leak_basis
 from femseal.report.page import report_html
-from femseal.results import assemble
+from femseal.results import RunFacts, assemble
 from femseal.results.tables import csv_text, rows
 
 SI = {"volume": "m^3/s", "mass": "kg/s", "throughput": "Pa*m^3/s"}
@@ -130,7 +130,7 @@ def studied():
 
 def test_results_tell_the_total_everywhere(studied):
     scene, study = studied["liquid"]
-    results = assemble(scene, deterministic=study, leakage_unit="ml/min")
+    results = assemble(scene, study, facts=RunFacts(leakage_unit="ml/min"))
     q = study.leakage
     assert_allclose(results.leakage_in("mL/min"), q * 60e-6 * 60e6)
     data = results.dataset
@@ -152,14 +152,14 @@ def test_results_tell_the_total_everywhere(studied):
     page = report_html(results)
     assert "g/year" in page
     assert "mbar" not in page
-    assert "whole seal [" in " ".join(assemble(scene, deterministic=study).table().heads)
+    assert "whole seal [" in " ".join(assemble(scene, study).table().heads)
     with pytest.raises(InputError, match="for a liquid"):
-        assemble(scene, deterministic=study, leakage_unit="mbar*L/s")
+        assemble(scene, study, facts=RunFacts(leakage_unit="mbar*L/s"))
 
 
 def test_results_of_a_gas_tell_pressure_times_volume(studied):
     scene, study = studied["gas"]
-    results = assemble(scene, deterministic=study)
+    results = assemble(scene, study)
     throughput = study.leakage * 60e-6 * 101_325
     assert_allclose(results.dataset["leakage_total_throughput"], throughput)
     assert_allclose(results.leakage_in("mbar·L/s"), throughput * 10)
@@ -169,7 +169,7 @@ def test_results_of_a_gas_tell_pressure_times_volume(studied):
     assert "101325 Pa and 293.15 K" in page
     assert "std cm³/s" in page
     assert "drops/min" not in page
-    cold = assemble(scene, deterministic=study, throughput_temperature=273.15)
+    cold = assemble(scene, study, facts=RunFacts(throughput_temperature=273.15))
     assert_allclose(cold.leakage_in("mbar·L/s") * 293.15 / 273.15, throughput * 10)
     assert_allclose(cold.leakage_in("std cm³/s"), cold.leakage_in("mbar·L/s") / 1.01325)
     assert "273.15 K" in cold.dataset["leakage_total_throughput"].attrs["long_name"]

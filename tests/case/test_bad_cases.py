@@ -22,8 +22,8 @@ from femseal.base.quantities import to_si
 from femseal.case.case import parse_case
 from femseal.preparation import prepared as sizes
 from femseal.preparation.preparation import prepare
-from femseal.results import assemble
-from femseal.results.dataset import save
+from femseal.results import RunFacts, assemble
+from femseal.results.results_file import save
 from femseal.runs.forecast import describe
 
 ROOT = Path(__file__).parents[2]
@@ -433,7 +433,7 @@ def test_results_of_studies_called_from_python_warn_of_odd_scenes_too():
         assert "of 100 MPa, the load at loading 100 MPa, the fluid carries all" in told.pop()
     assert "contact modulus 115 MPa" in fs.deterministic(replace(usual, modulus=115e6, loading=(1e5,))).warnings[0]
     study = fs.deterministic(odd)
-    assert assemble(odd, deterministic=study, warnings=study.warnings).warnings == list(study.warnings)
+    assert assemble(odd, study, facts=RunFacts(warnings=study.warnings)).warnings == list(study.warnings)
 
 
 # --- results ----------------------------------------------------------------------------------------------

@@ -221,7 +221,7 @@ def test_one_seal_has_no_probability(face):
     scene = fs.Scene(face, 115e9, 2e9, fs.Liquid(1e-3), 1e6, 0.0, loading=(1e7, 1e8, 4e8))
     study = fs.deterministic(scene)
     limit = float(np.sqrt(study.leakage[0] * study.leakage[1])) * 1e9
-    answer = fs.design(assemble(scene, deterministic=study), classes=[f"{limit!r} µL/(m·s)"])
+    answer = fs.design(assemble(scene, study), classes=[f"{limit!r} µL/(m·s)"])
     assert_allclose(answer.requirements[0].assembly.computed, np.sqrt(1e7 * 1e8), rtol=1e-6)
     assert "no probability" in answer.notes[0]
     assert "without an error budget" in answer.notes[1]
@@ -251,7 +251,7 @@ def test_the_stiffness_of_a_wave_is_that_of_its_closed_form():
         boundary=("periodic", "periodic"),
         fluid_pressure="ignored",
     )
-    answer = fs.design(assemble(scene, deterministic=fs.deterministic(scene)))
+    answer = fs.design(assemble(scene, fs.deterministic(scene)))
     gaps = [analytic.wave_gap(x, ratio, height, 1.0).mean() for ratio in (1 / 2, 1 / 6)]
     assert_allclose(answer.stiffness[flat / 2], flat / 3 / (gaps[1] - gaps[0]), rtol=2e-3)
     told = f"{answer.stiffness[flat / 2] / 1e12:.3g} MPa/µm"
@@ -263,9 +263,7 @@ def test_the_picture_marks_limits_and_pressures(face):
     scene = fs.Scene(face, 115e9, 2e9, fs.Liquid(1e-3), 1e6, 0.0, **loads)
     study = fs.deterministic(scene)
     limit = float(np.sqrt(study.leakage[3] * study.leakage[4])) * 1e9
-    answer = fs.design(
-        assemble(scene, deterministic=study), classes=[f"{limit:.4g} mg/(m·s)", f"{limit * 1e9:.4g} mg/(m·s)"]
-    )
+    answer = fs.design(assemble(scene, study), classes=[f"{limit:.4g} mg/(m·s)", f"{limit * 1e9:.4g} mg/(m·s)"])
     axes = answer.plot().axes[0]
     named = {text.get_text().strip() for text in axes.texts}
     need = answer.requirements[0]

@@ -100,7 +100,7 @@ def test_real_size_seal_is_as_long_as_asked_and_scatters_little(drawn_seal):
 
 
 def test_read_results_knows_what_the_peak_leaves(drawn, drawn_seal, tmp_path):
-    results = assemble(drawn["scene"](), stochastic=drawn_seal)
+    results = assemble(drawn["scene"](), drawn_seal)
     save(results, tmp_path)
     ratios = names("read_results")["loading_over_unloading"](fs.open_results(tmp_path))
     median = drawn_seal.quantile(0.5)
@@ -110,7 +110,7 @@ def test_read_results_knows_what_the_peak_leaves(drawn, drawn_seal, tmp_path):
 
 def test_design_answer_knows_what_may_be_lost_in_service(drawn, drawn_seal):
     """From the median at the peak and at the last stop: halfway between them in log–log."""
-    results = assemble(drawn["scene"](), stochastic=drawn_seal)
+    results = assemble(drawn["scene"](), drawn_seal)
     median = drawn_seal.quantile(0.5)
     limit = float(np.sqrt(median[3] * median[4])) * 1e9  # mg/(m·s) of water
     answer = fs.design(results, classes=[f"{limit!r} mg/(m·s)"], probability=0.5)
@@ -135,7 +135,7 @@ def test_sobol_indices_of_the_viscosity_are_those_of_its_law():
 def test_scripts_that_write_run_as_programs(stem, drawn, drawn_seal, tmp_path, monkeypatch, capsys):
     """Those that open no window are run whole."""
     monkeypatch.chdir(tmp_path)
-    save(assemble(drawn["scene"](), stochastic=drawn_seal), tmp_path)
+    save(assemble(drawn["scene"](), drawn_seal), tmp_path)
     monkeypatch.setattr(sys, "argv", [stem, str(tmp_path)])
     runpy.run_path(str(EXAMPLES / f"{stem}.py"), run_name="__main__")
     assert capsys.readouterr().out

@@ -101,7 +101,7 @@ def study():
 def test_fractions_of_a_run(study, tmp_path):
     """They lie where the permeability is low, and are unknown where nothing flows."""
     scene, result = study
-    save(assemble(scene, two_scale=result), tmp_path)
+    save(assemble(scene, result), tmp_path)
     data = open_results(tmp_path).dataset
     assert data["piece_drop_fraction"].dims == ("step", "piece1", "piece2")
     assert_array_equal(data["piece_drop_fraction"], result.drop_fraction)

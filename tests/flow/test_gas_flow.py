@@ -20,7 +20,7 @@ from femseal.flow.pressure_drop import PressureDrop
 from femseal.preparation.preparation import prepare
 from femseal.rarefied import flow_rate
 from femseal.report.case_text import case_sentences
-from femseal.results.dataset import assemble
+from femseal.results.dataset import RunFacts, assemble
 from femseal.runs.forecast import describe
 from femseal.studies.face_flow import resolved_flow
 
@@ -390,7 +390,7 @@ def test_a_helium_test_from_case_to_report(tmp_path):
         assert ("times the viscous flow in a gap of the rms height" in told) == (slip == "")
         study = fs.deterministic(prepare(case).scene)
         leakage[slip] = study.leakage
-        words = " ".join(case_sentences(assemble(prepare(case).scene, deterministic=study, case=case.echo())))
+        words = " ".join(case_sentences(assemble(prepare(case).scene, study, facts=RunFacts(case=case.echo()))))
         assert "helium, an ideal gas of viscosity 19.62 µPa·s and molar mass 4.0026 g/mol at 20 °C" in words
         assert f", with{'out' if slip else ''} slip" in words
         assert "The solids: E = 210 GPa, ν = 0.3, hardness 3 GPa against a rigid flat." in words

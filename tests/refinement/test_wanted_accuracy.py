@@ -18,7 +18,7 @@ from femseal.refinement.settings import first_settings, first_version, last_vers
 from femseal.report.error_tables import check_lines
 from femseal.report.leakage_tables import key_numbers
 from femseal.report.page import report_html
-from femseal.results.results import attempt_sentences
+from femseal.results.summary import attempt_sentences
 from femseal.results.tables import format_error_band
 from femseal.runs.forecast import describe
 

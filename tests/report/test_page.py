@@ -23,7 +23,7 @@ from femseal.fluids import Liquid
 from femseal.report import write_folder, write_report
 from femseal.report.case_text import pressure_drop_sentences
 from femseal.report.page import report_html
-from femseal.results import assemble, save
+from femseal.results import RunFacts, assemble, save
 from femseal.studies import Sampling, Scene, deterministic, stochastic, two_scale
 from femseal.topography import self_affine
 
@@ -78,14 +78,14 @@ def studies(scene):
 @pytest.fixture(scope="module")
 def results(scene, studies):
     timings = {"two-scale": 3.0, "stochastic": 1.0}
-    return assemble(scene, **studies, case=CASE, surface_report=SURFACE, timings=timings)
+    return assemble(scene, *studies.values(), facts=RunFacts(case=CASE, surface=SURFACE, timings=timings))
 
 
 @pytest.fixture(scope="module")
 def quick(scene, studies):
     """Results with a page of one picture."""
     timings = {"deterministic": 3.0, "writing": 1.0}
-    return assemble(scene, deterministic=studies["deterministic"], case=CASE, timings=timings)
+    return assemble(scene, studies["deterministic"], facts=RunFacts(case=CASE, timings=timings))
 
 
 @pytest.fixture(scope="module")
@@ -217,7 +217,7 @@ def test_resolution_is_told(page):
 
 
 def test_leakage_comes_before_the_classes(scene, studies):
-    page = report_html(assemble(scene, stochastic=studies["stochastic"], classes=["L0.01"]))
+    page = report_html(assemble(scene, studies["stochastic"], facts=RunFacts(classes=["L0.01"])))
     head = words(parsed(page).find(".//header"))
     assert 0 < head.index("whole seal, loading") < head.index("Leakage classes")
 
@@ -254,7 +254,7 @@ def test_parts_of_a_study_are_not_counted_twice(scene, studies):
         "two-scale": 6.0,
         "stochastic": 2.0,
     }
-    told = assemble(scene, two_scale=studies["two_scale"], case=CASE, timings=timings)
+    told = assemble(scene, studies["two_scale"], facts=RunFacts(case=CASE, timings=timings))
     rows = body_rows(section(report_html(told), "time").find("table"))
     assert [(name, share) for name, _, share in rows] == [
         ("two-scale: contact of the whole face", "38 %"),
@@ -268,7 +268,7 @@ def test_repairs_and_placement_of_measured_faces_are_told(scene, studies):
     second = {"kind": "file", "path": "B.plu", "mirror": "x2", "rotate": np.pi / 6, "shift": [1e-5, -3e-5]}
     case = CASE | {"face": [*CASE["face"], second]}
     surface = SURFACE | {"undefined_fraction": 0.0114, "spikes": 8}
-    told = assemble(scene, deterministic=studies["deterministic"], case=case, surface_report=surface)
+    told = assemble(scene, studies["deterministic"], facts=RunFacts(case=case, surface=surface))
     text = words(section(report_html(told), "case"))
     assert "against a measured face from B.plu (mirrored along x2, turned by 30°, shifted by 10 µm, -30 µm)" in text
     assert "1.1 % undefined points and 8 points in spikes were filled" in text
@@ -276,7 +276,7 @@ def test_repairs_and_placement_of_measured_faces_are_told(scene, studies):
 
 @pytest.mark.parametrize("method", ["deterministic", "two_scale", "stochastic"])
 def test_every_method_alone_has_all_sections(scene, studies, method):
-    page = report_html(assemble(scene, **{method: studies[method]}))
+    page = report_html(assemble(scene, studies[method]))
     assert [s.get("id") for s in parsed(page).iter("section")] == SECTIONS
     assert len(pictures(page)) == {"deterministic": 6, "two_scale": 8, "stochastic": 5}[method]
     assert ("drawn seal" in words(section(page, "maps"))) == (method == "stochastic")

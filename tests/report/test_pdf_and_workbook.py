@@ -18,7 +18,7 @@ from femseal.report import page as report_page
 from femseal.report import write_pdf
 from femseal.report.leakage_tables import class_table, limiting_text
 from femseal.report.page import drop_chart, leakage_chart
-from femseal.results import assemble
+from femseal.results import RunFacts, assemble
 from femseal.results.tables import rows, write_workbook
 from femseal.studies import Scene, deterministic
 
@@ -38,7 +38,7 @@ def study(scene):
 
 
 def test_curves_of_the_page_have_the_numbers_of_the_dataset(scene, study):
-    results = assemble(scene, deterministic=study)
+    results = assemble(scene, study)
     chart, (_, factor) = leakage_chart(results), results.leak_scale
     assert chart["x"]["values"] == [50.0, 200.0, 2500.0]
     loading, unloading = chart["series"]
@@ -58,7 +58,7 @@ def test_curves_of_the_page_have_the_numbers_of_the_dataset(scene, study):
 
 
 def test_bars_of_the_curve_are_the_band_of_error(scene, study):
-    data = assemble(scene, deterministic=study).dataset.copy()
+    data = assemble(scene, study).dataset.copy()
     leakage = data["leakage_deterministic"].values
     data.attrs["error_budget"] = json.dumps({"deterministic": {"pixels": "by hand"}})
     for end, factor in (("lower", 0.5), ("upper", 2.0)):
@@ -76,7 +76,7 @@ def test_bars_of_the_curve_are_the_band_of_error(scene, study):
 def test_verdict_is_the_first_load_that_meets_the_class(scene, study):
     density = scene.fluid.density
     middle = float(np.sqrt(study.leakage[0] * study.leakage[1])) * density
-    results = assemble(scene, deterministic=study, classes=[f"{1e6 * middle:g} mg/(m·s)", "1 kg/(m·s)"])
+    results = assemble(scene, study, facts=RunFacts(classes=[f"{1e6 * middle:g} mg/(m·s)", "1 kg/(m·s)"]))
     table = class_table(results)
     assert table.heads == ("class", "limit", "met by the seal", "in service, unloading from 200 MPa")
     (_, limit, met, kept), (_, _, always, _) = table.lines
@@ -90,7 +90,7 @@ def test_verdict_is_the_first_load_that_meets_the_class(scene, study):
 def test_texts_of_a_spreadsheet_are_never_formulas(scene, study, tmp_path):
     lines = comma_separated([{"=key": "=1+2", "b": "@x", "c": "-2 um", "d": -2.0, "e": "-3"}]).splitlines()
     assert lines == ["'=key,b,c,d,e", "'=1+2,'@x,'-2 um,-2.0,-3"]
-    results = assemble(scene, deterministic=study)
+    results = assemble(scene, study)
     sheet = openpyxl.load_workbook(write_workbook(results, tmp_path / "table.xlsx")).active
     table = rows(results)
     names = [cell.value for cell in sheet[1]]
@@ -104,7 +104,7 @@ def test_texts_of_a_spreadsheet_are_never_formulas(scene, study, tmp_path):
 
 def test_a_workbook_keeps_a_text_that_looks_like_a_formula(scene, study, tmp_path, monkeypatch):
     monkeypatch.setattr("femseal.results.tables.rows", lambda run: [{"=name": "=1+2", "value": 1.0}])
-    results = assemble(scene, deterministic=study)
+    results = assemble(scene, study)
     sheet = openpyxl.load_workbook(write_workbook(results, tmp_path / "table.xlsx")).active
     assert [(cell.value, cell.data_type) for cell in (sheet["A1"], sheet["A2"])] == [("=name", "s"), ("=1+2", "s")]
 

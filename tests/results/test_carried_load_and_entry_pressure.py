@@ -14,7 +14,7 @@ from femseal.contact import HalfSpace, solve_contact
 from femseal.flow import critical_constriction
 from femseal.fluids import capillary_entry_pressure
 from femseal.report.leakage_tables import key_numbers
-from femseal.results.dataset import assemble
+from femseal.results.dataset import RunFacts, assemble
 from femseal.results.tables import totals_table
 
 WATER = fs.Liquid(1e-3, surface_tension=0.073, contact_angle=radians(120))
@@ -46,14 +46,14 @@ def test_a_uniform_fluid_pressure_does_what_a_lower_load_does():
 
 def test_results_say_what_the_fluid_does(scene):
     study = fs.deterministic(scene)
-    data = assemble(scene, deterministic=study).dataset
+    data = assemble(scene, study).dataset
     assert data["fluid_carried_pressure"].attrs["units"] == "Pa"
     assert_allclose(data["fluid_carried_pressure"].values, study.carried_pressure)
     assert data.attrs["fluid_effect"].startswith("it presses the faces apart, and carries about 20 MPa")
     parted = replace(scene, inlet_pressure=200e6)
-    opened = assemble(parted, deterministic=fs.deterministic(parted))
+    opened = assemble(parted, fs.deterministic(parted))
     assert any("the fluid carries all: the faces part below about 100 MPa" in text for text in opened.warnings)
-    sides = fs.compare({"open": opened, "shut": assemble(scene, deterministic=study)}).table()
+    sides = fs.compare({"open": opened, "shut": assemble(scene, study)}).table()
     assert opened.open_steps
     for table in (opened.table(), totals_table(opened), sides):
         assert "open" in str(table)
@@ -64,11 +64,11 @@ def test_results_say_what_the_fluid_does(scene):
     budget = fs.ErrorBudget("deterministic", single.leakage, (part,), two.steps)
     with warnings.catch_warnings():
         warnings.simplefilter("error")
-        assemble(two, deterministic=single, budgets={"deterministic": budget}).plot()  # one load has a leakage
+        assemble(two, single, facts=RunFacts(budgets={"deterministic": budget})).plot()  # one load has a leakage
     numbers = [number.value for number in key_numbers(opened)]
     assert ("open" in numbers, "failed" in numbers) == (True, False)
     little = replace(scene, inlet_pressure=5e3)
-    assert "left out" in assemble(little, deterministic=fs.deterministic(little)).dataset.attrs["fluid_effect"]
+    assert "left out" in assemble(little, fs.deterministic(little)).dataset.attrs["fluid_effect"]
 
 
 def test_capillary_entry_pressure():
@@ -80,11 +80,11 @@ def test_capillary_entry_pressure():
 
 def test_results_have_the_entry_pressure_of_the_critical_constriction(scene):
     study = fs.deterministic(scene)
-    data = assemble(scene, deterministic=study).dataset["capillary_entry_pressure"]
+    data = assemble(scene, study).dataset["capillary_entry_pressure"]
     assert data.attrs["units"] == "Pa"
     for s, gap in enumerate(study.gap):
         found = critical_constriction(gap.astype(float), scene.surface.spacing, sides="periodic")
         assert_allclose(data[s], inf if found is None else 0.073 / found.gap, rtol=1e-6)
     assert (study.leakage > 0).tolist() == np.isfinite(data.values).tolist()
     dry = replace(scene, fluid=fs.Liquid(1e-3))
-    assert "capillary_entry_pressure" not in assemble(dry, deterministic=fs.deterministic(dry)).dataset
+    assert "capillary_entry_pressure" not in assemble(dry, fs.deterministic(dry)).dataset

@@ -22,7 +22,7 @@ from femseal.budget import ErrorBudget, ErrorPart
 from femseal.fluids import Liquid
 from femseal.plots import leakage_figure, pieces_figure, seal_figure
 from femseal.report import write_folder
-from femseal.results import assemble, open_results, save, write_vtk
+from femseal.results import RunFacts, assemble, open_results, save, write_vtk
 from femseal.results.selections import branch_text
 from femseal.results.tables import format_leakage
 from femseal.studies import FaceResult, Sampling, Scene, StochasticResult, deterministic, stochastic, two_scale
@@ -65,7 +65,7 @@ def studies(scene):
 @pytest.fixture(scope="module")
 def results(scene, studies):
     report, timings = {"rms_height": 1e-6}, {"two-scale": 1.5}
-    return assemble(scene, **studies, case=CASE, surface_report=report, timings=timings)
+    return assemble(scene, *studies.values(), facts=RunFacts(case=CASE, surface=report, timings=timings))
 
 
 @pytest.fixture(scope="module")
@@ -121,7 +121,7 @@ def test_quantiles_are_ordered(results):
 
 def test_contact_share_comes_from_the_best_study(scene, studies):
     two, det, lib = (
-        assemble(scene, **{name: studies[name]}).dataset["contact_fraction"].values
+        assemble(scene, studies[name]).dataset["contact_fraction"].values
         for name in ("two_scale", "deterministic", "stochastic")
     )
     assert_array_equal(two, det)
@@ -151,7 +151,7 @@ def test_best_leakage_at_hand(scene, studies):
     order = ("stochastic", "two_scale", "deterministic")
     methods = ("median", "two-scale", "deterministic")
     for n, method in enumerate(methods):
-        r = assemble(scene, **{name: studies[name] for name in order[n:]})
+        r = assemble(scene, *(studies[name] for name in order[n:]))
         assert r.method == method
         assert r.leakage.name == f"leakage_{method.replace('-', '_')}"
         assert method in repr(r)
@@ -195,7 +195,7 @@ def test_flow_towards_the_inlet_and_failed_steps_are_shown(scene, studies):
     two = replace(two, leakage=failed, pieces=replace(two.pieces, **lost))
     with warnings.catch_warnings():
         warnings.simplefilter("error")
-        r = assemble(back, two_scale=two, stochastic=replace(drawn, leakage=leakage))
+        r = assemble(back, two, replace(drawn, leakage=leakage))
         axes = leakage_figure(r).axes[0]
         for figure in (leakage_figure(r), pieces_figure(r), seal_figure(r, 0), seal_figure(r, 1)):
             figure.savefig(io.BytesIO(), dpi=40)
@@ -206,20 +206,20 @@ def test_flow_towards_the_inlet_and_failed_steps_are_shown(scene, studies):
     assert np.isnan(shown[1])
     low, high = (format_leakage(r.dataset[n].values[0], factor) for n in ("leakage_lower", "leakage_upper"))
     assert f"<td>{low} to {high}</td>" in r._repr_html_()
-    assert "at 700 MPa: failed" in repr(assemble(back, two_scale=replace(two, leakage=two.leakage * np.nan)))
+    assert "at 700 MPa: failed" in repr(assemble(back, replace(two, leakage=two.leakage * np.nan)))
 
 
 def test_failures_are_nan_not_sealed(scene, studies):
     leakage = studies["stochastic"].leakage.copy()
     leakage[:, 1] = np.nan
     broken = replace(studies["stochastic"], leakage=leakage, failures=("realisation 0: bad",))
-    r = assemble(scene, stochastic=broken)
+    r = assemble(scene, broken)
     for name in ("leakage_median", "leakage_lower", "leakage_upper", "leakage_mean", "sealed_fraction"):
         assert_array_equal(np.isnan(r.dataset[name]), [False, True, False, False, False])
     assert r.failures == ["realisation 0: bad"]
     assert "failures   1, the first: realisation 0: bad" in repr(r)
     # too few realisations have no quantiles
-    few = assemble(scene, stochastic=replace(broken, leakage=leakage[:19])).dataset
+    few = assemble(scene, replace(broken, leakage=leakage[:19])).dataset
     assert "leakage_median" in few
     assert "leakage_lower" not in few
     assert "failed" in r._repr_html_()
@@ -227,7 +227,7 @@ def test_failures_are_nan_not_sealed(scene, studies):
 
 def test_many_failures_fit_into_the_file(scene, studies, tmp_path):
     many = replace(studies["two_scale"], failures=tuple(f"cell {n}: did not converge, é" for n in range(20000)))
-    r = assemble(scene, two_scale=many)
+    r = assemble(scene, many)
     save(r, tmp_path)
     kept = open_results(tmp_path).failures
     assert kept[0] == "cell 0: did not converge, é"
@@ -238,9 +238,9 @@ def test_what_does_not_fit_together_is_refused(scene, studies):
     with pytest.raises(InputError, match="no study"):
         assemble(scene)
     with pytest.raises(InputError, match="another load programme"):
-        assemble(replace(scene, loading=(1e6,), unload_from=(), unloading=()), two_scale=studies["two_scale"])
+        assemble(replace(scene, loading=(1e6,), unload_from=(), unloading=()), studies["two_scale"])
     with pytest.raises(InputError, match="quantiles"):
-        assemble(scene, two_scale=studies["two_scale"], quantiles=(0.9, 0.1))
+        assemble(scene, studies["two_scale"], facts=RunFacts(quantiles=(0.9, 0.1)))
 
 
 # --- file -------------------------------------------------------------------------------------------------
@@ -311,7 +311,7 @@ def test_another_run_into_the_folder_leaves_nothing_of_the_former(results, scene
     # fewer steps, no pieces
     short = replace(scene, loading=(50e6,), unload_from=(), unloading=())
     study = deterministic(short)
-    written = write_folder(assemble(short, deterministic=study), out)
+    written = write_folder(assemble(short, study), out)
     assert files(out) == {str(p.relative_to(out)) for p in written} | mine
     assert {p.name for p in written} == {
         "results.nc",
@@ -329,7 +329,7 @@ def test_another_run_into_the_folder_leaves_nothing_of_the_former(results, scene
     assert (tmp_path / "keep.txt").exists()
     assert (tmp_path / "out2/keep.txt").exists()
     write_folder(results, out, scene.surface)
-    write_folder(assemble(short, deterministic=study), out)
+    write_folder(assemble(short, study), out)
     assert files(out) == {str(p.relative_to(out)) for p in written} | mine
 
 
@@ -337,7 +337,7 @@ def test_another_run_into_the_folder_leaves_nothing_of_the_former(results, scene
 def test_a_picture_that_fails_loses_neither_the_results_nor_the_former_run(
     results, scene, studies, undrawn, tmp_path, monkeypatch, error
 ):
-    old = assemble(scene, deterministic=studies["deterministic"])
+    old = assemble(scene, studies["deterministic"])
     write_folder(old, tmp_path, scene.surface)
     before = {name: (tmp_path / name).read_bytes() for name in files(tmp_path)}
 
@@ -359,7 +359,7 @@ def test_a_picture_that_fails_loses_neither_the_results_nor_the_former_run(
 
 def test_results_come_last(scene, studies, undrawn, tmp_path, monkeypatch):
     """Wherever the files cease to take their places, the folder either has all of them or no results."""
-    r = assemble(scene, deterministic=studies["deterministic"])
+    r = assemble(scene, studies["deterministic"])
     everything = {"results.nc", "table.csv", "table.xlsx", "report.html", "leakage.png", "seal.png", "fields.pvd"}
     everything |= {"files.txt"}
     everything |= {f"fields/step_{s:04d}.vti" for s in range(5)}
@@ -438,7 +438,7 @@ def test_a_new_field_is_one_entry(scene, studies, undrawn, tmp_path):
         heat=np.full((5, 64, 128), 4e6, np.float32),
     )
     seals = with_more(Seals, replace(studies["stochastic"], median_seal=deep), worth=np.ones((20, 5)))
-    r = assemble(scene, two_scale=more, stochastic=seals)
+    r = assemble(scene, more, seals)
     write_folder(r, tmp_path)
     back = open_results(tmp_path)
     for name, text in (
@@ -537,19 +537,19 @@ def test_leakage_picture_shows_the_numbers(results):
 
 def test_steps_without_leakage_stand_in_the_strip(scene, studies):
     sealed = replace(studies["two_scale"], leakage=np.array([1e-9, 1e-12, 0.0, 0.0, 1e-13]))
-    axes = leakage_figure(assemble(scene, two_scale=sealed)).axes[0]
+    axes = leakage_figure(assemble(scene, sealed)).axes[0]
     assert "sealed" in [t.get_text().strip() for t in axes.texts]
     points = np.concatenate([line.get_xydata() for line in axes.get_lines()])
     strip = points[points[:, 1] < 0.099]
     assert sorted(strip[:, 0]) == [300, 700, 700]
     for never in (np.zeros(5), np.full(5, np.nan)):
-        leakage_figure(assemble(scene, two_scale=replace(sealed, leakage=never))).savefig(io.BytesIO())
+        leakage_figure(assemble(scene, replace(sealed, leakage=never))).savefig(io.BytesIO())
 
 
 def test_pictures_of_a_seal_without_any_flow(scene, studies):
     two = studies["two_scale"]
     zero = replace(two, pieces=replace(two.pieces, k=two.pieces.k * 0), leakage=two.leakage * 0)
-    r = assemble(scene, two_scale=zero)
+    r = assemble(scene, zero)
     assert seal_figure(r).axes[2].get_title().startswith("fluid pressure [MPa], no flow")
     # per length, and of the whole seal
     assert r._repr_html_().count("<td>sealed</td>") == 2 * len(r.steps)
@@ -566,11 +566,11 @@ def test_picture_of_the_seal_shows_the_critical_step(results):
 
 
 def test_pictures_that_the_results_have_nothing_for(scene, studies):
-    r = assemble(scene, deterministic=studies["deterministic"])
+    r = assemble(scene, studies["deterministic"])
     with pytest.raises(InputError, match="pieces figure"):
         pieces_figure(r)
     with pytest.raises(InputError, match="seal figure"):
-        seal_figure(assemble(scene, stochastic=replace(studies["stochastic"], median_seal=None)))
+        seal_figure(assemble(scene, replace(studies["stochastic"], median_seal=None)))
 
 
 def test_picture_of_a_surface_with_holes():
@@ -665,7 +665,7 @@ def test_a_single_row_or_column_of_pieces_goes_all_the_way(scene, cells, tmp_pat
     assert two.leakage.max() > 0
     assert drawn.leakage.shape == (2, 5)
     assert not two.failures + drawn.failures
-    r = assemble(scene, two_scale=two, stochastic=drawn)
+    r = assemble(scene, two, drawn)
     write_folder(r, tmp_path, scene.surface)
     data = open_results(tmp_path).dataset
     assert (data.sizes["piece1"], data.sizes["piece2"]) == cells
@@ -702,7 +702,7 @@ def test_results_are_written_state_by_state(tmp_path, monkeypatch):
         shorter = replace(scene, loading=tuple(loads[:steps]))
         study = deterministic(shorter)
         tracemalloc.start()
-        save(assemble(shorter, deterministic=study), folder)
+        save(assemble(shorter, study), folder)
         peak = tracemalloc.get_traced_memory()[1]
         tracemalloc.stop()
         return peak
@@ -718,12 +718,12 @@ def test_a_band_that_says_nothing_has_no_number_and_a_warning_with_its_source(sc
     wide[0] = 90.0
     parts = (ErrorPart.of("solver", q, 0 * q + 0.1, 0 * q + 0.1, ""), ErrorPart.of("filter", q, wide, wide, ""))
     budget = ErrorBudget("deterministic", q, parts)
-    results = assemble(scene, deterministic=study, budgets={"deterministic": budget})
+    results = assemble(scene, study, facts=RunFacts(budgets={"deterministic": budget}))
     table = results.table()
     column = table.heads.index("95 % band of error")
     assert [line[column].endswith(" to > 1000 times") for line in table.lines] == [True, *[False] * (q.size - 1)]
     (text,) = (text for text in results.warnings if "factor of 1000" in text)
     assert text.startswith("the leakage at loading 50 MPa is not known")
     assert text.endswith(": filter")
-    again = assemble(scene, deterministic=study, budgets={"deterministic": replace(budget, parts=parts[:1])})
+    again = assemble(scene, study, facts=RunFacts(budgets={"deterministic": replace(budget, parts=parts[:1])}))
     assert not any("factor of 1000" in text for text in again.warnings)

@@ -18,7 +18,7 @@ from femseal.case.case import parse_case
 from femseal.fluids import Liquid
 from femseal.plots import seal_figure
 from femseal.report import write_folder
-from femseal.results import assemble, export, open_results
+from femseal.results import RunFacts, assemble, export, open_results
 from femseal.results.paraview import plan_fields
 from femseal.runs import job
 from femseal.studies import Sampling, Scene, deterministic, stochastic, two_scale
@@ -56,7 +56,7 @@ def studies(scene):
 
 @pytest.fixture(scope="module")
 def results(scene, studies):
-    return assemble(scene, **studies, case={"title": "trial"}, timings={"two-scale": 1.5})
+    return assemble(scene, *studies.values(), facts=RunFacts(case={"title": "trial"}, timings={"two-scale": 1.5}))
 
 
 @pytest.fixture(scope="module")
@@ -212,7 +212,7 @@ def test_branches_are_labelled(back, studies):
 
 def test_a_cycle_without_unloading(scene, studies):
     short = replace(scene, unload_from=(), unloading=())
-    r = assemble(short, deterministic=deterministic(short))
+    r = assemble(short, deterministic(short))
     assert r.loading().sizes["nominal_pressure"] == 3
     with pytest.raises(InputError, match="the cycle has no unloading"):
         r.unloading()
@@ -224,12 +224,12 @@ def test_curves_of_a_piece(back, studies, scene):
     assert_array_equal(curves["piece_mean_gap"], two.pieces.mean_gap[:, 2, 1])
     assert curves["piece_k1"].dims == ("step",)
     assert list(curves["nominal_pressure"].values) == [s.pressure for s in scene.steps]
-    drawn = assemble(scene, stochastic=studies["stochastic"])
+    drawn = assemble(scene, studies["stochastic"])
     assert_array_equal(drawn.piece(2, 1)["state_k1"], studies["stochastic"].pieces.k1[:, 2, 1])
     for bad in ((3, 0), (0, 4), (-1, 0), (0.5, 0)):
         with pytest.raises(InputError, match="0 to 2 along x1 and 0 to 3 along x2"):
             back.piece(*bad)
-    alone = assemble(scene, deterministic=studies["deterministic"])
+    alone = assemble(scene, studies["deterministic"])
     with pytest.raises(InputError, match="no pieces"):
         alone.piece(0, 0)
 
@@ -260,7 +260,7 @@ def test_fields_on_demand(source, studies, scene, request):
 
 
 def test_fields_of_a_deterministic_study(scene, studies, tmp_path):
-    r = assemble(scene, deterministic=studies["deterministic"])
+    r = assemble(scene, studies["deterministic"])
     write_folder(r, tmp_path, scene.surface, paraview="none")
     assert not (tmp_path / "vtk").exists()
     for at_hand in (r, open_results(tmp_path)):
@@ -282,7 +282,7 @@ def test_gap_for_other_programs(back, studies, scene, tmp_path):
 
 def test_all_fields_of_a_deterministic_study_are_exported(scene, studies, tmp_path):
     study = studies["deterministic"]
-    r = assemble(scene, deterministic=study)
+    r = assemble(scene, study)
     for name in ("gap", "contact_pressure", "fluid_pressure"):
         (path,) = r.export(tmp_path / f"{name}.npz", field=name, step=2)
         values = np.load(path)[name]
@@ -358,14 +358,14 @@ def test_what_cannot_be_exported(back, scene, studies, tmp_path):
         with pytest.raises(InputError, match=message):
             back.export(tmp_path / name, **given)
     with pytest.raises(InputError, match="expected a part of the face"):
-        assemble(scene, deterministic=studies["deterministic"]).export(tmp_path / "a.npz", window=(0, 1, 0, 1))
+        assemble(scene, studies["deterministic"]).export(tmp_path / "a.npz", window=(0, 1, 0, 1))
     with pytest.raises(InputError, match=r"no gap over all pixels, .* \"two-scale\" as method or in `compare`"):
-        assemble(scene, stochastic=studies["stochastic"]).export(tmp_path / "a.npz")
+        assemble(scene, studies["stochastic"]).export(tmp_path / "a.npz")
     assert not list(tmp_path.iterdir())
 
 
 def test_results_without_a_face(scene, studies, tmp_path):
-    r = assemble(scene, stochastic=studies["stochastic"])
+    r = assemble(scene, studies["stochastic"])
     write_folder(r, tmp_path)
     assert not (tmp_path / "fields").exists()
     assert open_results(tmp_path).stored_steps == []
@@ -396,7 +396,7 @@ def test_text_and_html_say_what_there_is(back, results, folder):
     assert page.count("<table>") == page.count("</table>") == 3
     for word in ("trial", "two-scale 1.5 s", "cores", "at the peak", "numpy"):
         assert word in page
-    risky = assemble(results.scene, two_scale=results.two_scale, case={"title": "<b>&"})
+    risky = assemble(results.scene, results.two_scale, facts=RunFacts(case={"title": "<b>&"}))
     assert "&lt;b&gt;&amp;" in risky._repr_html_()
 
 
@@ -568,7 +568,7 @@ def test_a_full_disk_is_an_error(tmp_path):
 
 def test_resolved_flow_of_two_scales_has_its_pressure_at_every_pixel(scene, tmp_path):
     two = two_scale(scene, (M1, M2))
-    results = assemble(scene, two_scale=two)
+    results = assemble(scene, two)
     write_folder(results, tmp_path, scene.surface)
     for s, (_, cells, *_) in enumerate(in_time(tmp_path / "fields.pvd")):
         shown = cells["fluid_pressure_MPa"].reshape(two.gap.shape[1:], order="F") * 1e6

@@ -35,7 +35,7 @@ def study(scene):
 @pytest.fixture(scope="module")
 def folder(scene, study, tmp_path_factory):
     target = tmp_path_factory.mktemp("deterministic")
-    results = assemble(scene, deterministic=study)
+    results = assemble(scene, study)
     results.dataset.attrs["face_files"] = json.dumps({"a.x3p": "0123abcd" * 8})
     write_folder(results, target, scene.surface)
     return target
@@ -109,7 +109,7 @@ def test_they_are_read_back_and_by_vtk(study, folder):
 
 
 def test_page_and_pictures_show_them(scene, study, folder):
-    results = assemble(scene, deterministic=study)
+    results = assemble(scene, study)
     step = default_step(results.dataset)
     assert study.leakage[step] > 0
     titles = [axes.get_title() for axes in seal_figure(results, step).axes]
@@ -129,7 +129,7 @@ def test_the_page_of_a_folder_is_the_one_that_the_run_wrote(folder):
 @pytest.mark.parametrize("sides", [(1, 1), (1, 2.5), (3, 1), (1, 6)])
 def test_panels_fill_the_picture(scene, study, sides):
     """Axes with their colour bars take more than a third of it, whatever the proportions of the face."""
-    results = assemble(scene, deterministic=study)
+    results = assemble(scene, study)
     data = results.dataset.copy()
     for n, side in enumerate(sides, start=1):
         data[f"face{n}"] = data[f"face{n}"] * (side * 1e-4 / float(data[f"face{n}"][-1]))
@@ -145,7 +145,7 @@ def test_panels_are_cut_out_of_the_picture(scene, study):
 
     from PIL import Image
 
-    drawing = drawn(seal_figure(assemble(scene, deterministic=study)))
+    drawing = drawn(seal_figure(assemble(scene, study)))
     whole, first = (np.asarray(Image.open(BytesIO(png))) for png in (drawing.whole, drawing.panels[0]))
     assert len(drawing.panels) == 4
     n1 = len(first)

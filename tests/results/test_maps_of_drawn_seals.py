@@ -155,5 +155,5 @@ def test_gases_with_slip_have_fields_too(tmp_path):
     found = fs.run(parse_case(CASE | {"fluid": gas}), workers=1)
     flux = found.dataset["drawn_flux"].values.reshape(3, 2, -1, 2)[..., 0].mean(axis=2)
     assert_allclose(flux[:, 0], flux[:, 1], rtol=0.1)
-    again = assemble(found.scene, stochastic=found.stochastic)
+    again = assemble(found.scene, found.stochastic)
     assert write_vtk(again, None, tmp_path)

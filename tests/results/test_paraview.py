@@ -57,7 +57,7 @@ def results():
         face, 115e9, 2.8e9, fs.Liquid(1e-3), 3e7, 1e6, loading=(50e6, 700e6), unload_from=(700e6,), unloading=(50e6,)
     )
     study = fs.two_scale(scene, (M1, M2))
-    return assemble(scene, two_scale=study)
+    return assemble(scene, study)
 
 
 @pytest.fixture(scope="module")

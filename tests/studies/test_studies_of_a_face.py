@@ -235,8 +235,8 @@ class TestResolvedFlow:
     def test_results_have_maps_of_the_face(self, rough, tmp_path):
         """As those of a deterministic study, and the pieces."""
         study = two_scale(rough, (4, 6))
-        results = assemble(rough, two_scale=study)
-        data, exact = results.dataset, assemble(rough, deterministic=deterministic(rough)).dataset
+        results = assemble(rough, study)
+        data, exact = results.dataset, assemble(rough, deterministic(rough)).dataset
         assert {"piece_k1", "piece_k2", "piece_drop_fraction"} <= set(data)
         for name, scale in (("gap", 1e-6), ("contact_pressure", 1e9), ("fluid_pressure", DROP)):
             assert_allclose(data[f"face_{name}"], exact[f"face_{name}"], atol=1e-4 * scale)

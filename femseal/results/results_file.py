@@ -1,0 +1,104 @@
+"""The netCDF file of results, which any tool reads."""
+
+import json
+import os
+from pathlib import Path
+from typing import Any
+
+from ..base import InputError, free_memory, made_folder, shortened
+from ..base.files import replacing_hdf5
+from .results import METHODS, Results
+
+FILE_NAME = "results.nc"
+#: Attributes that hold JSON, and what each of them is.
+_ATTRIBUTES: dict[str, type] = {
+    "case": dict, "surface": dict, "timings": dict, "counts": dict, "warnings": list, "failures": list,
+    "versions": dict, "machine": dict,
+}  # fmt: skip
+
+
+def save(results: Results, folder: str | os.PathLike[str]) -> Path:
+    """Write `results.nc` into a folder, which is made if needed; an older file is replaced whole or not at all.
+
+    Raises InputError: the folder cannot be made.
+    """
+    from xarray.backends import H5NetCDFStore
+
+    path = made_folder(folder) / FILE_NAME
+    data = results.dataset
+    packed = {"zlib": True, "complevel": 4, "shuffle": True}
+    encoding: dict[Any, dict[str, Any]] = {
+        name: dict(packed) for name, v in data.data_vars.items() if v.ndim and v.dtype.kind in "fiu"
+    }
+    encoding |= {name: {"_FillValue": None} for name, v in data.coords.items() if v.dtype.kind == "f"}
+    with replacing_hdf5(path) as target:
+        # `to_netcdf` would take a lock from a Dask client where there is one, and send it the open file as its name
+        store = H5NetCDFStore.open(target, mode="w", lock=False)
+        try:
+            data.dump_to_store(store, encoding=encoding)
+        finally:
+            store.close()
+    return path
+
+
+def _refuse_foreign(path: Path) -> None:
+    """Results are data: a file that points to other files, or claims more than fits into memory, is not read."""
+    import h5py
+
+    allowed = "a file that femseal wrote"
+    size = 0
+    with h5py.File(path, "r") as file:
+        for name in file:
+            if not isinstance(file.get(name, getlink=True), h5py.HardLink):
+                raise InputError("results file", f"{path}, whose '{name}' is a link", allowed)
+            item = file[name]
+            if not isinstance(item, h5py.Dataset) or item.external or item.is_virtual:
+                raise InputError("results file", f"{path}, whose '{name}' is not held in the file itself", allowed)
+            size += item.size * item.dtype.itemsize if item.size else 0
+    if size > (free := free_memory()):
+        given = f"{path}, which unpacks to {size / 1e9:.3g} GB"
+        raise InputError("results file", given, f"what fits into the {free / 1e9:.3g} GB of free memory")
+
+
+def open_results(folder: str | os.PathLike[str]) -> Results:
+    """Read the results in a folder into memory, without the studies' large fields.
+
+    Raises InputError: no such folder, no `results.nc` in it, or not one that femseal wrote.
+    """
+    path = Path(folder) / FILE_NAME
+    if not path.is_file():
+        given = f"{folder} (no such folder)" if not Path(folder).is_dir() else f"{folder} (no {FILE_NAME} in it)"
+        raise InputError("results folder", given, f"a folder with the {FILE_NAME} of a finished run")
+    import xarray
+
+    try:
+        _refuse_foreign(path)
+        with xarray.open_dataset(path, engine="h5netcdf", phony_dims="access") as data:
+            data.load()
+    except InputError:
+        raise
+    except Exception as error:  # libraries raise whatever a damaged file leads them to
+        reason = (str(error).splitlines() or [type(error).__name__])[0]
+        raise InputError("results file", f"{path} ({reason})", "a readable netCDF file") from None
+    if not str(data.attrs.get("source", "")).startswith("femseal") or not any(name in data for _, name in METHODS):
+        raise InputError("results file", f"{path}, written by another program", "a file that femseal wrote")
+    for name, kind in _ATTRIBUTES.items():
+        try:
+            fits = isinstance(json.loads(data.attrs.get(name, "")), kind)
+        except (TypeError, ValueError, RecursionError):
+            fits = False
+        if not fits:
+            given = f"{path} with the attribute '{name}' missing or of another kind"
+            raise InputError("results file", given, "a file that femseal wrote")
+    results = Results(data, Path(folder))
+    try:
+        results.table()
+    except Exception as error:  # a field of another kind, shape or place
+        raise unfit(path, error) from None
+    return results
+
+
+def unfit(path: Path, error: Exception) -> InputError:
+    """The error of results that can be read, but whose values do not go together."""
+    reason = f"{type(error).__name__}: {shortened(error, 80)}"
+    return InputError("results file", f"{path} ({reason})", "a file that femseal wrote")
