@@ -167,12 +167,10 @@ class Design:
         ln(pressure) between the steps of the unloading. Not known of drawn seals, and where that ends above the third.
         """
         data, found = self.results.dataset, {}
-        names = [name for name in ("mean_gap", "piece_mean_gap") if name in data]
-        for peak in self.seals.steps.unload_from if names else ():
+        for peak in self.seals.steps.unload_from if "mean_gap" in data else ():
             steps = self.seals.unloading(peak)
             steps = steps[self.seals.steps.pressures[steps] > 0][::-1]
-            pressure, gap = np.log(self.seals.steps.pressures[steps]), data[names[0]].values[steps]
-            gap = gap.reshape(len(steps), -1).mean(axis=1)
+            pressure, gap = np.log(self.seals.steps.pressures[steps]), data["mean_gap"].values[steps]
             if pressure[0] <= (third := np.log(peak / 3)) + 1e-9:
                 found[peak] = 2 / 3 * peak / (np.interp(third, pressure, gap) - gap[-1])
         return found

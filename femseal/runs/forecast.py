@@ -304,7 +304,7 @@ def disk(case: Case, prepared: Prepared, again: list[Prepared] | None = None) ->
         others += 8.0 * steps * (seals + 5 * len(tiles.tile) * (1 + formats))
     checkpoint = sum(_checkpoint(one) for one in (prepared, *again))
     with storing(None, case.memory):
-        if prepared.methods - {"stochastic"} and not states_memory(pixels, steps):
+        if not states_memory(pixels, steps) and _keeps_states(prepared):
             checkpoint += STEP_BYTES * pixels * steps  # the states themselves
     return Disk(float(each * fitting), fitting, others, checkpoint)
 
@@ -323,14 +323,19 @@ def _budget_inputs(case: Case, prepared: Prepared) -> list[Prepared]:
     return [*coarser, *([] if smooth is None else [smooth]), *models]
 
 
+def _keeps_states(prepared: Prepared) -> bool:
+    """Whether a study keeps the states of the whole face: all but seals whose pieces are taken along a ladder."""
+    return prepared.methods != {"stochastic"} or prepared.cut_and_tiles[1].in_place
+
+
 def _checkpoint(prepared: Prepared) -> float:
-    """Expected size of the checkpoint of the studies of an input [byte]."""
-    scene, found = prepared.scene, 0.0
+    """Expected size of the store of the studies of an input [byte]."""
+    scene, drawn = prepared.scene, "stochastic" in prepared.methods
     steps, pixels, peaks = len(scene.steps), int(np.prod(scene.surface.shape)), len(set(scene.unload_from))
-    if prepared.methods & {"deterministic", "two-scale"}:
+    on_ladder = drawn and not prepared.cut_and_tiles[1].in_place
+    found = 8.0 * pixels * max(peaks, 1) if on_ladder else 0.0
+    if _keeps_states(prepared):
         found += pixels * (STEP_BYTES * steps + 8.0 * peaks)
-    if "stochastic" in prepared.methods:
-        found += 8.0 * pixels * max(peaks, 1)
     return found
 
 

@@ -193,7 +193,10 @@ def stochastic_cost(
     draws = (sampling.realisations or usual_seals(cells, tiles)) * len(efforts)
     again = _PRESSURE_SOLUTIONS if pressures > 1 or (acts and not tiles.in_place) else 1.0
     seals = again * draws * (_SEAL_SECONDS + _ELEMENT_SECONDS * elements)
-    return states * (each + flows) + seals, state_memory(pixels) + _ELEMENT_BYTES * elements
+    memory = state_memory(pixels) + _ELEMENT_BYTES * elements
+    if tiles.in_place:  # those of another study are kept beside
+        memory += (2 if solved else 1) * states_memory(pixels, len(efforts))
+    return states * (each + flows) + seals, memory
 
 
 def usual_seals(cells: tuple[int, int], tiles: SealTiles) -> int:

@@ -15,7 +15,7 @@ from ..contact.workspace import KEPT_POINTS
 from ..face.piece_flow import SolverCounts
 from ..face.step_fields import StepFields, contact_pressures
 from ..loads import LoadProgramme
-from .face_states import FaceState, band_breadth, face_states, leakage_of_state, put_aside
+from .face_states import FaceState, band_breadth, face_states, leakage_of_state, put_state_aside
 from .piece_states import FacePieces
 from .place_leakage import PlaceLeakage, place_leakage
 from .scene import Scene, scene_warnings
@@ -128,7 +128,7 @@ def deterministic(scene: Scene, *, mapper: Mapper = map) -> FaceResult:
     surface, shape = scene.surface, (len(scene.steps), *scene.surface.shape)
     gap, potential = shared_empty(shape, np.float32), shared_empty(shape, np.float32)
     found = face_states(scene, state_memory(surface.heights.size), mapper)
-    states = tuple(put_aside(state, s, gap, potential) for s, state in enumerate(found))
+    states = tuple(put_state_aside(state, s, gap, potential) for s, state in enumerate(found))
     for field_ in (gap, potential):
         field_.flags.writeable = False
     through = [leakage_of_state(scene, state) for state in states]

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..base import Array, Mapper
-from ..base.shared_array import give_back
+from ..base.shared_array import give_back, lies_on_disk, put_aside
 from ..contact import LoadState
 from ..face.piece_flow import Failed, FlowSettings, SolverCounts, attempt
 from ..face.step_fields import ContactValues
@@ -89,12 +89,14 @@ def leakage_of_state(scene: Scene, state: FaceState) -> tuple[float, SolverCount
     return through.per_length, state.solvers + SolverCounts.of(through)
 
 
-def put_aside(state: FaceState, s: int, gap: NDArray[np.float32], potential: NDArray[np.float32]) -> FaceState:
+def put_state_aside(state: FaceState, s: int, gap: NDArray[np.float32], potential: NDArray[np.float32]) -> FaceState:
     """The state of step s with its large fields in those of all steps, which may lie on disk, and its contact there."""
     gap[s], potential[s] = state.gap, state.potential
     for field in (gap, potential):
         give_back(field)
-    return replace(state, gap=gap[s], potential=potential[s], in_contact=state.in_contact.put_aside(gap))
+    plastic = put_aside(state.plastic) if lies_on_disk(gap.nbytes) else state.plastic
+    in_contact = state.in_contact.put_aside(gap)
+    return replace(state, gap=gap[s], potential=potential[s], in_contact=in_contact, plastic=plastic)
 
 
 def band_breadth(row_pressure: Array, spacing: float) -> Array:

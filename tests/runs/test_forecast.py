@@ -182,7 +182,7 @@ def test_large_states_take_disk_and_no_memory(data):
             forecast(case, prepared, usual_efforts(len(prepared.scene.steps))).memory,
             module.disk(case, prepared).checkpoint,
         )
-    states = (4 + 4 + 1.125) * 64 * 96 * len(prepared.scene.steps)
+    states = (4 + 4 + 1.125 + 0.125) * 64 * 96 * len(prepared.scene.steps)
     assert_allclose(np.subtract(ends["2 GB"], ends["1 MB"]), [states, -states])
 
 

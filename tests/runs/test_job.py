@@ -75,7 +75,7 @@ def test_methods_that_are_compared_solve_the_contact_of_the_whole_face_once(case
     both = fs.run(case, workers=2, progress=lambda stage, done, total: stages.append(stage)).dataset
     alone = fs.run(parse_case(tomllib.loads(text) | {"compare": []}), workers=1).dataset
     contacts = {stage for stage in stages if "contact" in stage}
-    assert contacts == {"deterministic: contact of the whole face", "error budget: contact of the whole face"}
+    assert contacts == {"two-scale: contact of the whole face", "error budget: contact of the whole face"}
     assert not any(name.startswith("window") for name in set(alone.data_vars) - set(both.data_vars))
     for name in alone.data_vars:
         assert_array_equal(both[name].values, alone[name].values)
