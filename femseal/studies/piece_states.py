@@ -16,7 +16,6 @@ from ..contact import LoadState
 from ..face.curves import PieceCurves, local_peaks
 from ..face.piece_flow import Failed, FlowSettings, SolveCounts, attempt
 from ..face.pieces import Cut, PieceState, factors
-from ..face.step_fields import ContactValues
 from ..flow.permeability_table import tabulated
 from ..loads import LoadProgramme, LoadStep
 from ..seal import RectangularSeal
@@ -112,8 +111,11 @@ def pieces_of_states(
     leakage, places : of the face, and by measured places, see `FacePieces` [m²/s].
     """
     solve = partial(_of_fields, cut=cut, flow=scene.flow)
-    fields = zip(*((s.gap, s.in_contact, s.plastic, s.potential) for s in states), strict=True)
-    found = mapper(Stage("pieces of the face", solve), *fields)
+    # what lies in a file without a name does not reach another process
+    pressures = (state.in_contact.dense() for state in states)
+    plastic = (np.array(state.plastic) for state in states)
+    gaps, potentials = [state.gap for state in states], [state.potential for state in states]
+    found = mapper(Stage("pieces of the face", solve), gaps, pressures, plastic, potentials)
     taken = [_Taken(pieces, np.nan, state.failed, None) for pieces, state in zip(found, states, strict=True)]
     return replace(_joined(scene, cut, scene.steps, taken), face=leakage, places=places)
 
@@ -147,7 +149,7 @@ def _of_state(state: LoadState, *, cut: Cut, flow: FlowSettings, widths: tuple[i
 
 def _of_fields(
     gap: NDArray[np.float32],
-    in_contact: ContactValues,
+    pressure: NDArray[np.float32],
     plastic: NDArray[np.uint8],
     potential: NDArray[np.float32],
     *,
@@ -160,7 +162,7 @@ def _of_fields(
     fractions = None
     if not np.isnan(potential).all():
         fractions = drop_fractions(double, cut.spacing, np.asarray(potential, float), flow)
-    return PieceState.of(double, in_contact.dense(), cut, replace(flow, spiral=None), at_hardness, fractions)
+    return PieceState.of(double, pressure, cut, replace(flow, spiral=None), at_hardness, fractions)
 
 
 def _joined(scene: Scene, cut: Cut, steps: LoadProgramme, taken: Sequence[_Taken]) -> FacePieces:

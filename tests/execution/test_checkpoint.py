@@ -72,9 +72,8 @@ def test_a_stopped_run_goes_on_with_the_same_bits_and_leaves_no_checkpoint(case,
     out = tmp_path / "out"
     stages = []
     for stage, item in (
-        ("deterministic: contact of the whole face", 1),
-        ("two-scale: flow in pieces", 2),
-        ("stochastic: pieces of the face", 2),
+        ("two-scale: contact of the whole face", 1),
+        ("two-scale: pieces of the face", 2),
         ("stochastic: drawn seals", 11),
     ):
         with pytest.raises(KeyboardInterrupt):
@@ -274,7 +273,7 @@ def test_a_kill_while_other_files_are_written_again_leaves_the_results(tmp_path,
 def test_an_unfinished_run_is_not_lost_to_one_without_resume(case, tmp_path):
     out = tmp_path / "out"
     with pytest.raises(KeyboardInterrupt):
-        fs.run(case, out, workers=1, progress=stop_at("two-scale: flow in pieces", 1))
+        fs.run(case, out, workers=1, progress=stop_at("two-scale: pieces of the face", 1))
     before = {p: p.stat().st_mtime_ns for p in out.rglob("*")}
     with pytest.raises(fs.InputError, match=r"which holds an unfinished run, expected --resume"):
         fs.run(case, out, workers=1)

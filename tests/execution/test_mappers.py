@@ -328,7 +328,7 @@ def test_a_run_on_a_cluster_writes_its_folder_and_goes_on_there(case, tmp_path, 
     it = distributed.LocalCluster(n_workers=1, processes=False, protocol="tcp://", dashboard_address=None)
     with it, distributed.Client(it, set_as_default=default):
         with pytest.raises(KeyboardInterrupt):
-            fs.run(case, out, scheduler=it.scheduler_address, progress=stop_at("two-scale: flow in pieces", 3))
+            fs.run(case, out, scheduler=it.scheduler_address, progress=stop_at("two-scale: pieces of the face", 3))
         assert (out / ".checkpoint").exists()
         fs.run(case, out, resume=True, scheduler=it.scheduler_address)
         assert_same(one.dataset, fs.open_results(out).dataset)

@@ -154,7 +154,7 @@ def test_parts_of_a_run_give_the_bits_of_one_process(tmp_path, femseal):
             said.add(error.splitlines()[-1])
         elif ended.setdefault(n, text) and len(ended) == 2:
             break
-    assert "femseal: part 1/2: 'flow in pieces' needs part 2 of 2; run this part again after them" in said
+    assert "femseal: part 1/2: 'pieces of the face' needs part 2 of 2; run this part again after them" in said
     assert "part 2/2: all parts are done" in ended[2]
     assert not (out / "results.nc").exists()
     assert "Traceback" not in (out / "run.log").read_text()

@@ -250,7 +250,7 @@ def test_times_warnings_and_versions(quick):
 def test_parts_of_a_study_are_not_counted_twice(scene, studies):
     timings = {
         "two-scale: contact of the whole face": 3.0,
-        "two-scale: flow in pieces": 1.0,
+        "two-scale: pieces of the face": 1.0,
         "two-scale": 6.0,
         "stochastic": 2.0,
     }
@@ -258,7 +258,7 @@ def test_parts_of_a_study_are_not_counted_twice(scene, studies):
     rows = body_rows(section(report_html(told), "time").find("table"))
     assert [(name, share) for name, _, share in rows] == [
         ("two-scale: contact of the whole face", "38 %"),
-        ("two-scale: flow in pieces", "12 %"),
+        ("two-scale: pieces of the face", "12 %"),
         ("two-scale: rest", "25 %"),
         ("stochastic", "25 %"),
     ]
