@@ -356,7 +356,7 @@ def test_a_law_from_outside_runs_through_every_study(law):
     assert whole.leakage[2] < whole.leakage[0]
     pieces = fs.two_scale(scene, (3, 4))
     assert not pieces.failures
-    assert_allclose(pieces.mean_gap.mean(axis=(1, 2)), whole.mean_gap, rtol=1e-6)
+    assert_allclose(pieces.pieces.mean_gap.mean(axis=(1, 2)), whole.mean_gap, rtol=1e-6)
     drawn = fs.stochastic(scene, (3, 4), fs.Sampling(length=2e-4, realisations=3, seed=1))
     assert not drawn.failures
     assert np.isfinite(drawn.leakage).all()
@@ -366,7 +366,7 @@ def test_hardness_of_every_place_is_for_whole_faces():
     surface = self_affine((48, 64), (48e-6, 64e-6), hurst=0.8, rms_slope=0.25, roll_off=24e-6, cut_off=8e-6, rng=1)
     field = LinearHardening(np.where(np.arange(64) < 32, 1.0, 40.0) * np.full((48, 1), 1e9), 1e15)
     scene = fs.Scene(surface, E, field, fs.Liquid(1e-3), 1e6, 0.0, (3e8,), rtol=1e-4)
-    found = fs.two_scale(scene, (3, 4))
+    found = fs.two_scale(scene, (3, 4)).pieces
     assert found.plastic_fraction[0, :, :2].mean() > 2 * found.plastic_fraction[0, :, 2:].mean()
 
 

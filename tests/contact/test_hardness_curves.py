@@ -193,8 +193,8 @@ def test_curves_run_through_every_study(law):
     assert whole.mean_gap[1] < whole.mean_gap[2] < whole.mean_gap[0]
     pieces = fs.two_scale(scene, (3, 4))
     assert not pieces.failures
-    assert_allclose(pieces.mean_gap.mean(axis=(1, 2)), whole.mean_gap, rtol=1e-6)
-    assert_allclose(np.einsum("sij->s", pieces.plastic_fraction) / 12, whole.plastic_fraction, rtol=1e-6)
+    assert_allclose(pieces.pieces.mean_gap.mean(axis=(1, 2)), whole.mean_gap, rtol=1e-6)
+    assert_allclose(np.einsum("sij->s", pieces.pieces.plastic_fraction) / 12, whole.plastic_fraction, rtol=1e-6)
     for breadth in (None, 96e-6):  # at the loads of the scene, and along a ladder
         drawn = fs.stochastic(scene, (3, 4), fs.Sampling(length=2e-4, realisations=3, seed=1, breadth=breadth))
         assert not drawn.failures

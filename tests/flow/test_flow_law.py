@@ -5,7 +5,6 @@ from typing import ClassVar
 
 import numpy as np
 import pytest
-from femseal.execution.shared_stages import digest as shared_digest
 from numpy.testing import assert_allclose
 
 import femseal as fs
@@ -16,6 +15,7 @@ from femseal.flow.permeability_table import tabulated
 from femseal.flow.pressure_drop import PressureDrop
 from femseal.preparation.preparation import prepare
 from femseal.runs.forecast import describe
+from femseal.store.digest import digest as shared_digest
 from femseal.studies.other_fluid import FluidState, drop_ratio
 
 HELIUM = fs.IdealGas(viscosity=19.6e-6, molar_mass=4.0026e-3, temperature=293.15)
@@ -245,7 +245,7 @@ def test_a_law_from_outside_runs_through_the_studies(scene):
     assert_allclose(whole["soft"].leakage / whole["cubic"].leakage, np.log(2), rtol=1e-3)
     pieces = fs.two_scale(soft, (2, 4))
     assert_allclose(pieces.leakage, whole["soft"].leakage, rtol=1e-8)
-    assert_allclose(pieces.drop_fraction.sum(axis=(1, 2)), 1, rtol=1e-9)
+    assert_allclose(pieces.pieces.drop_fraction.sum(axis=(1, 2)), 1, rtol=1e-9)
 
 
 def test_flows_of_fluids_of_one_law_are_the_same(scene):

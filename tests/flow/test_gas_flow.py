@@ -318,10 +318,10 @@ def test_all_studies_of_a_gas(scene):
     assert np.nanmin(whole.fluid_pressure) >= 0.999e5
     found, still = (fs.two_scale(s, (2, 4)) for s in (scene, viscous))
     assert (found.leakage == whole.leakage).all()
-    # near the outlet, at lower pressures, it slips more
-    factor = found.k1 / still.k1
-    assert (factor > 1.05).all()
-    assert (factor[:, 1] > factor[:, 0]).mean() > 0.8
+    assert (found.k1 > 1.05 * still.k1).all()
+    # at lower pressures, as near the outlet, it slips more
+    order = np.argsort(scene.flow.drop.pressures)
+    assert (np.diff(found.pieces.k[order], axis=0) < 0).all()
 
 
 @pytest.mark.parametrize("breadth", [None, 128e-6])
@@ -347,7 +347,7 @@ def equal(scene):
 def test_a_drawn_gas_is_the_face_where_its_columns_are_equal(equal):
     """Seals as broad as the face leak with slip what it leaks, all of its columns being the same."""
     whole = fs.deterministic(equal)
-    drawn = fs.stochastic(equal, (2, 4), fs.Sampling(length=0.5e-3, realisations=2, seed=1), known=whole)
+    drawn = fs.stochastic(equal, (2, 4), fs.Sampling(length=0.5e-3, realisations=2, seed=1))
     assert_allclose(drawn.leakage, np.tile(whole.leakage, (2, 1)), rtol=1e-3)
     assert drawn.pieces.k.shape[0] == len(table_pressures(1e6, 1e5))
 
