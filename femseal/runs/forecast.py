@@ -3,7 +3,6 @@
 from collections import Counter
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
-from math import prod
 from pathlib import Path
 
 import numpy as np
@@ -11,22 +10,20 @@ import psutil
 
 from ..base import InputError, counted, duration, free_memory, to_text
 from ..base.shared_array import storing
-from ..budget import model_changes, places_to_halve
+from ..budget import places_to_halve
 from ..case.case import Case
 from ..case.faces import FileFace
 from ..preparation.prepared import START_MEMORY, Prepared
-from ..refinement.coarser import CONTINUED_SCENES, coarser_grids, without_filtered_waves
 from ..refinement.settings import first_settings, first_version, given_settings, grid_points, time_limit
 from ..report.case_text import contact_text, fluid_text, solids_text
-from ..results.paraview import fields_size
 from ..studies import Scene, drop_ratio
-from ..studies.costs import LADDER_STATES, Effort, on_ladder, usual_efforts, usual_seals
-from ..studies.deterministic import STEP_BYTES, states_memory
+from ..studies.costs import LADDER_STATES, Effort, on_ladder, usual_efforts
 from ..studies.flow_limits import flow_warnings
 from ..studies.place_leakage import FEWEST
 from ..studies.seal_contact import form_on_grid
 from ..studies.tile_pressure import describe_map
 from ..topography import Places
+from .disk import budget_inputs, disk
 from .pilot import efforts, pace, solved_once
 
 #: Shortest waves that a piece should hold along each side.
@@ -55,20 +52,6 @@ class Forecast:
     def seconds(self, workers: int = 1) -> float:
         """Time on this machine [s], whose pace is measured when a time is first asked for."""
         return (self.own + self.work / workers) * pace()
-
-
-@dataclass(frozen=True)
-class Disk:
-    """Expected sizes before compression [byte].
-
-    fields : the fields over all pixels, at `steps` of the load steps. others : all other files. checkpoint : size of
-    the checkpoint during the run, and of states that lie on disk.
-    """
-
-    fields: float
-    steps: int
-    others: float
-    checkpoint: float
 
 
 def describe(case: Case, made: Prepared) -> list[str]:
@@ -102,7 +85,7 @@ def _facts(case: Case, made: Prepared) -> Iterator[tuple[str, str]]:
         yield "by default", left
     if str(scene.layout) != "a strip":
         yield "seal", str(scene.layout)
-    if again := _budget_inputs(case, prepared):
+    if again := budget_inputs(case, prepared):
         counts = Counter[tuple[int, int]]()
         for one in again:
             counts[one.scene.surface.shape] += _face_states(one)
@@ -117,7 +100,7 @@ def _facts(case: Case, made: Prepared) -> Iterator[tuple[str, str]]:
     yield "expected", first + _expected_text(forecast(case, prepared, again=again))
     if not any((Path(__file__).parents[1] / "flow").rglob("__pycache__/*.nbi")):
         yield "", "the first run after an installation compiles besides, for a minute or two"
-    yield "disk", _disk_text(disk(case, prepared, again), len(scene.steps))
+    yield "disk", str(disk(case, prepared, again))
     fast = () if quick is None else flow_warnings(scene, quick.leakage, quick.mean_gap)
     for text in (*prepared.warnings, *(f"by the first answer, {text}" for text in fast)):
         yield "warning", text
@@ -199,7 +182,7 @@ def forecast(
     again : what the error budget solves besides, where it is known already.
     """
     known = efforts(prepared.scene) if known is None else known
-    again = _budget_inputs(case, prepared) if again is None else again
+    again = budget_inputs(case, prepared) if again is None else again
     with storing(None, case.memory):
         own_efforts = solved_once(prepared.scene, known)
         costs = [prepared.cost(study, own_efforts) for study in prepared.solved_studies]
@@ -227,7 +210,7 @@ def refuse_too_large(case: Case, made: Prepared) -> None:
     prepared = first_version(case, made)
     most, which = (free_memory(), "that are free") if case.memory is None else (case.memory, "of the key memory")
     # usual loads take no less than those of the case may; only where that is too much, its own are tried
-    again = _budget_inputs(case, prepared)
+    again = budget_inputs(case, prepared)
     if forecast(case, prepared, usual_efforts(len(prepared.scene.steps)), again).memory <= most:
         return
     if (needed := forecast(case, prepared, again=again).memory) <= most:
@@ -285,60 +268,6 @@ def _expected_text(expected: Forecast) -> str:
     return f"{text}; {expected.memory / 1e9:.1f} GB of memory{more}"
 
 
-def disk(case: Case, prepared: Prepared, again: list[Prepared] | None = None) -> Disk:
-    """Expected sizes of the files of a run; `again` as in `forecast`."""
-    again = _budget_inputs(case, prepared) if again is None else again
-    scene = prepared.scene
-    steps, pixels = len(scene.steps), int(np.prod(scene.surface.shape))
-    studies = {study.key for study in prepared.studies}
-    each = fields_size(scene.surface.shape, studies)
-    fitting = int(min(case.output.fields_limit // each, steps)) if each and case.output.fields else 0
-    formats = case.output.paraview != "none"
-    # pictures and report; heights for ParaView
-    others = 2e6 * (case.output.pictures or case.output.report) + 4.0 * pixels * formats
-    # a piece: ten numbers in results.nc, and in the mesh of the seal
-    others += 80 * steps * prod(prepared.cells or (0, 0)) * (1 + formats)
-    if (sampling := prepared.sampling) is not None:
-        cut, tiles = prepared.cut_and_tiles
-        seals = sampling.realisations or usual_seals(cut.shape, tiles)
-        others += 8.0 * steps * (seals + 5 * len(tiles.tile) * (1 + formats))
-    checkpoint = sum(_checkpoint(one) for one in (prepared, *again))
-    with storing(None, case.memory):
-        if not states_memory(pixels, steps) and _keeps_states(prepared):
-            checkpoint += STEP_BYTES * pixels * steps  # the states themselves
-    return Disk(float(each * fitting), fitting, others, checkpoint)
-
-
-def _budget_inputs(case: Case, prepared: Prepared) -> list[Prepared]:
-    """What the error budget solves besides."""
-    if not case.output.budget:
-        return []
-    smooth = without_filtered_waves(prepared)
-    coarser = coarser_grids(prepared)
-    grid = (*coarser[:1], prepared)[0]
-    changes = model_changes(grid.scene, case.output.model_parts, case.hardness_tolerance, grid.form)
-    models = [grid.changed(change) for change in changes]
-    if prepared.continuation is not None and "continuation" in case.output.model_parts:
-        models += [grid] * CONTINUED_SCENES
-    return [*coarser, *([] if smooth is None else [smooth]), *models]
-
-
-def _keeps_states(prepared: Prepared) -> bool:
-    """Whether a study keeps the states of the whole face: all but seals whose pieces are taken along a ladder."""
-    return prepared.methods != {"stochastic"} or prepared.cut_and_tiles[1].in_place
-
-
-def _checkpoint(prepared: Prepared) -> float:
-    """Expected size of the store of the studies of an input [byte]."""
-    scene, drawn = prepared.scene, "stochastic" in prepared.methods
-    steps, pixels, peaks = len(scene.steps), int(np.prod(scene.surface.shape)), len(set(scene.unload_from))
-    on_ladder = drawn and not prepared.cut_and_tiles[1].in_place
-    found = 8.0 * pixels * max(peaks, 1) if on_ladder else 0.0
-    if _keeps_states(prepared):
-        found += pixels * (STEP_BYTES * steps + 8.0 * peaks)
-    return found
-
-
 def _surface_facts(prepared: Prepared) -> Iterator[tuple[str, str]]:
     """Points, roughness and filter of the face."""
     scene, report = prepared.scene, prepared.conditioning
@@ -383,17 +312,3 @@ def _pieces(prepared: Prepared, count: tuple[int, int]) -> str:
     few = f"; {ADVISED_WAVES} or more are advised" if min(waves) < ADVISED_WAVES * 0.99 else ""
     size = " × ".join(to_text(length, "m", 3) for length in sizes)
     return f"{count[0]} × {count[1]} of about {size}, that is {waves[0]:.3g} × {waves[1]:.3g} shortest waves{few}"
-
-
-def _disk_text(sizes: Disk, steps: int) -> str:
-    text = f"about {_size(sizes.fields + sizes.others)}"
-    if sizes.fields:
-        kept = f"{sizes.steps} of {steps} steps, fields_limit" if sizes.steps < steps else "all steps"
-        text += f", of it fields {_size(sizes.fields)} before compression ({kept})"
-    if sizes.checkpoint:
-        text += f"; {_size(sizes.checkpoint)} more while it runs"
-    return text
-
-
-def _size(size: float) -> str:
-    return to_text(float(f"{size:.1e}"), "B", 3)

@@ -16,6 +16,7 @@ from femseal.preparation.preparation import prepare
 from femseal.report.page import report_html
 from femseal.runs import forecast as module
 from femseal.runs import pilot
+from femseal.runs.disk import disk
 from femseal.runs.forecast import describe, forecast
 from femseal.seal.layouts import RectangularLayout
 from femseal.seal.tiles import PieceSize
@@ -180,7 +181,7 @@ def test_large_states_take_disk_and_no_memory(data):
         prepared = prepare(case)
         ends[memory] = (
             forecast(case, prepared, usual_efforts(len(prepared.scene.steps))).memory,
-            module.disk(case, prepared).checkpoint,
+            disk(case, prepared).checkpoint,
         )
     states = (4 + 4 + 1.125 + 0.125) * 64 * 96 * len(prepared.scene.steps)
     assert_allclose(np.subtract(ends["2 GB"], ends["1 MB"]), [states, -states])

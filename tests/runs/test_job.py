@@ -20,7 +20,7 @@ from femseal.case.case import parse_case
 from femseal.execution import cluster as cluster_map
 from femseal.execution.mappers import ordered_map
 from femseal.preparation.preparation import prepare
-from femseal.runs.forecast import disk
+from femseal.runs.disk import disk
 
 pytestmark = pytest.mark.usefixtures("drawn_pictures")
 
