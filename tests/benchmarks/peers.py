@@ -12,7 +12,8 @@ gap by hand; neither has a face that is free along one axis and periodic along t
 from __future__ import annotations
 
 import logging
-from importlib.util import find_spec
+from contextlib import suppress
+from importlib import import_module
 
 import numpy as np
 
@@ -30,8 +31,13 @@ MODULES = {
 
 
 def present(names):
-    """Those of some programs that are installed."""
-    return [name for name in names if find_spec(MODULES[name])]
+    """Those of some programs that are installed and can be imported."""
+    found = []
+    for name in names:
+        with suppress(ImportError):
+            import_module(MODULES[name])
+            found.append(name)
+    return found
 
 
 class Tamaas:
