@@ -5,7 +5,6 @@ The operators are independent of the package: dense matrices and plain FFTs.
 
 import os
 from contextlib import contextmanager
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -126,21 +125,6 @@ def _plain_terminal():
             patch.delenv(name, raising=False)
         patch.setenv("COLUMNS", "80")
         yield
-
-
-@pytest.fixture
-def instrument_file():
-    """Path of a file as an instrument wrote it, from the folder FEMSEAL_SURFACES; without it the test is skipped."""
-
-    def path(name):
-        folder = os.environ.get("FEMSEAL_SURFACES")
-        if not folder or not Path(folder, name).exists():
-            pytest.skip(f"FEMSEAL_SURFACES does not name a folder with the measured surface {name}")
-        if not name.endswith(".x3p"):
-            pytest.importorskip("SurfaceTopography", reason="the extra femseal[surface] is not installed")
-        return Path(folder, name).resolve()
-
-    return path
 
 
 @contextmanager

@@ -85,7 +85,7 @@ def continuation_part(
 
 
 #: Power of the fraction of the slope that is kept, by which the load is taken as lower. Measured on 96 faces of four
-#: kinds, see `tests/benchmarks/removed_slope.py`: with 1 one load of 106 leaks more than the upper end, with 1.25
+#: kinds, see docs/evidence/error_budget.md: with 1 one load of 106 leaks more than the upper end, with 1.25
 #: one of 425.
 LOAD_POWER = 1.25
 #: Fraction in contact with all waves from which on a face is sealed for certain: the largest of an open one was 0.58.

@@ -1,6 +1,6 @@
 """Expected time and memory of a study before it is started; the method and the tolerance to choose.
 
-Seconds are those of one core of the machine on which the constants were measured, by `tests/benchmarks/forecast.py`.
+Seconds are those of one core of the machine on which the constants were measured, see docs/evidence/forecast.md.
 """
 
 from __future__ import annotations
@@ -216,7 +216,7 @@ def count_pressures(scene: Scene) -> int:
 
 
 #: Tolerance of the contact, and the largest error of ln(leakage) measured with it on six faces, elastic and plastic,
-#: from open to a hundredth of the leakage, see `tests/benchmarks/only_what_is_needed.py`.
+#: from open to a hundredth of the leakage, see docs/evidence/only_what_is_needed.md.
 MEASURED_TOLERANCES = ((1e-2, 1.1e-2), (1e-3, 6.2e-4), (1e-4, 5.6e-5), (1e-5, 5.7e-6), (1e-6, 4.8e-7), (1e-7, 9.5e-8))
 #: Fraction of the error wanted that the tolerance may cause; factor on the measured error, for scenes that are worse.
 TOLERANCE_FRACTION, TOLERANCE_SAFETY = 0.1, 3.0

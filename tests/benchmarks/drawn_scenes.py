@@ -1,7 +1,7 @@
-"""Scenes drawn at random: rough faces of several kinds, their loads, and pieces, the same on any grid.
+"""Scenes drawn at random: rough faces of several kinds and their loads, the same on any grid.
 
-A face is made of waves that its grid resolves with 8 pixels, so that `Drawn.scene(2)` is the same face on twice the points.
-Every number of a scene follows from its kind and its seed.
+A face is made of waves that its grid resolves with 8 pixels, so that `Drawn.scene(2)` is the same
+face on twice the points. Every number of a scene follows from its kind and its seed.
 """
 
 from __future__ import annotations
@@ -10,12 +10,15 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
+from scipy import fft
+
+from femseal import Liquid, Scene, Topography, self_affine, turned
 
 MODULUS, PIXEL = 115e9, 1e-6
 KINDS = ("self-affine", "turned", "milling arcs", "ground", "bumps", "filtered")
-#: Seeds of the scenes that set the forms of the widths, that calibrate them, that goals are tried on, and that are held out.
-PILOT, CALIBRATION, HELD_OUT = range(1, 1000), range(1000, 2000), range(8000, 9000)
-#: Points a side of the faces, and sides of their pieces in pixels.
+#: Seeds that neither the forms of the widths nor their calibration have seen.
+HELD_OUT = range(8000, 9000)
+#: Points a side of the faces; sides of pieces, which are drawn so that other numbers stay the same.
 SIDES, PIECES = (96, 128, 192), (16, 32, 48)
 #: How many times finer the waves of a rough face are than those that its filter leaves.
 FINER = 4
@@ -25,7 +28,8 @@ FINER = 4
 class Drawn:
     """A scene of a kind and a seed.
 
-    length : of the face along x2 in sides. side : points of a side, a multiple of 16; drawn unless given.
+    length : of the face along x2 in sides.
+    side : points of a side, a multiple of 16; drawn unless given.
     breadth : of the face along x1 in sides, whose waves are those of one side.
     """
 
@@ -40,7 +44,7 @@ class Drawn:
         """What is drawn, in an order that is never changed."""
         rng = np.random.default_rng([KINDS.index(self.kind), self.seed])
         points = int(rng.choice(SIDES))
-        piece = int(rng.choice([w for w in PIECES if points % w == 0 and 1 < points // w < 12]))
+        rng.choice([w for w in PIECES if points % w == 0 and 1 < points // w < 12])
         elastic = rng.random() < 0.3
         hurst, slope = rng.uniform(0.4, 1.0), np.exp(rng.uniform(np.log(0.05), np.log(0.4)))
         # shares of E* times the slope at which about half of the faces close
@@ -50,11 +54,10 @@ class Drawn:
         )
         steps = int(rng.integers(3, 6))
         if self.side:
-            points, piece = self.side, 16
+            points = self.side
         loads = np.exp(np.sort(rng.uniform(np.log(0.02), 0.0, steps - 1)))
         return {
             "points": points,
-            "piece": piece,
             "hurst": hurst,
             "slope": slope,
             "hardness": np.inf if elastic else hardness,
@@ -76,19 +79,8 @@ class Drawn:
         n = self.numbers["points"]
         return self.breadth * n, self.length * n
 
-    @property
-    def cells(self) -> tuple[int, int]:
-        """Pieces along x1 and x2."""
-        m = self.numbers["points"] // self.numbers["piece"]
-        return self.breadth * m, self.length * m
-
-    @property
-    def waves(self) -> float:
-        """Side of a piece in shortest waves."""
-        return self.numbers["piece"] / 8
-
     def surface(self, times: int = 1, *, filtered: bool = True):
-        """The face on `times` as many points a side; without the filter with the waves that it removes."""
+        """The face on `times` as many points a side; unfiltered with the waves that are removed."""
         shape = tuple(times * n for n in self.points)
         if self.kind == "filtered":
             fine = self._made(FINER)
@@ -98,8 +90,6 @@ class Drawn:
         return self._made(1).resample(shape)
 
     def _made(self, finer: int):
-        from femseal import Topography, self_affine, turned
-
         n = self.numbers
         (n1, n2), rng = self.points, np.random.default_rng(n["face"])
         shape, size = (finer * n1, finer * n2), (n1 * PIXEL, n2 * PIXEL)
@@ -116,13 +106,12 @@ class Drawn:
             face = self_affine(shape, size, rms_slope=1.0, **rough)
         elif self.kind == "turned":
             pitch = breadth / n["marks"]
-            radius_depth = pitch / 10
             face = turned(
                 shape,
                 size,
                 pitch=pitch,
-                depth=radius_depth,
-                roughness=n["fine"] * radius_depth,
+                depth=pitch / 10,
+                roughness=n["fine"] * pitch / 10,
                 depth_error=0.1,
                 hurst=n["hurst"],
                 roughness_roll_off=breadth / 6,
@@ -145,36 +134,30 @@ class Drawn:
         else:
             count = round(n["count"] * self.length * self.breadth / longest)
             face = _bumps(shape, size, count, 0.12 * longest**0.5, rng, breadth)
-        return _scaled(face, n["slope"])
+        scale = n["slope"] / face.rms_slope
+        return Topography(face.heights * scale, face.spacing, face.periodic)
 
-    def scene(self, times: int = 1, *, filtered: bool = True, **changes):
+    def scene(self, times: int = 1, *, filtered: bool = True):
         """The scene on `times` as many points a side."""
-        from femseal import Liquid, Scene
-
         n = self.numbers
-        unit = MODULUS * self._made(1).rms_slope if self.kind != "filtered" else MODULUS * n["slope"] / 2
-        highest = unit * n["highest"]
+        slope = n["slope"] / 2 if self.kind == "filtered" else self._made(1).rms_slope
+        highest = MODULUS * slope * n["highest"]
         loading = tuple(highest * x for x in n["loading"])
         return Scene(
             surface=self.surface(times, filtered=filtered),
             modulus=MODULUS,
-            hardness=unit * n["hardness"],
+            hardness=MODULUS * slope * n["hardness"],
             fluid=Liquid(1e-3),
             inlet_pressure=1e7,
             outlet_pressure=0.0,
             loading=loading,
             unload_from=loading[-1:],
             unloading=tuple(highest * x for x in n["unloading"]),
-            **changes,
         )
 
 
 def _bumps(shape, size, count, widest, rng, side):
     """Gaussian bumps up to a width in sides [m], periodic, without waves shorter than 8 pixels."""
-    from scipy import fft
-
-    from femseal import Topography
-
     q1 = 2 * np.pi * fft.fftfreq(shape[0], size[0] / shape[0])[:, None]
     q2 = 2 * np.pi * fft.rfftfreq(shape[1], size[1] / shape[1])[None, :]
     total = 0.0
@@ -186,9 +169,3 @@ def _bumps(shape, size, count, widest, rng, side):
         )
     spacing = size[0] / shape[0], size[1] / shape[1]
     return Topography(fft.irfft2(total, s=shape), spacing).low_pass(8 * PIXEL)
-
-
-def _scaled(face, slope):
-    from femseal import Topography
-
-    return Topography(face.heights * (slope / face.rms_slope), face.spacing, face.periodic)

@@ -1,8 +1,10 @@
 """How far first answers by the spectrum alone are from contact and flow that are solved.
 
-`python tests/benchmarks/first_answer.py [--write]` solves 100 faces of 128² to 256² points, self-affine ones with waves
-as long as the face, with a roll-off, and bumpy ones of few waves, and turned ones; two thirds of them yield; contact
-fractions of 5 to 60 % by the first answer. It takes about a minute.
+    python tests/benchmarks/first_answer.py --write
+
+It solves 100 faces of 128² to 256² points, self-affine ones with waves as long as the face, with a
+roll-off, and bumpy ones of few waves, and turned ones; two thirds of them yield; contact fractions
+of 5 to 60 % by the first answer. It takes about a minute.
 """
 
 from __future__ import annotations
@@ -10,9 +12,9 @@ from __future__ import annotations
 import sys
 
 import numpy as np
-from common import machine, rows, save_report
 
 import femseal as fs
+from common import machine, print_report, table
 from femseal.analytic import persson_area
 from femseal.studies.first_answer import LIGHT, first_answer
 
@@ -28,7 +30,9 @@ def face(kind: str, rng: np.random.Generator) -> fs.Topography:
     if kind == "self-affine":
         return fs.self_affine(grid, side, cut_off=8 * SIZE / n, **made)
     if kind == "with a roll-off":
-        return fs.self_affine(grid, side, cut_off=8 * SIZE / n, roll_off=SIZE / rng.uniform(3, 6), **made)
+        return fs.self_affine(
+            grid, side, cut_off=8 * SIZE / n, roll_off=SIZE / rng.uniform(3, 6), **made
+        )
     if kind == "bumpy":
         return fs.self_affine(grid, side, cut_off=SIZE / 12, roll_off=SIZE / 6, **made)
     grooves = fs.turned(grid, side, pitch=SIZE / int(rng.integers(4, 9)), depth=2e-6, rng=rng)
@@ -43,7 +47,9 @@ def compare(number: int) -> tuple[float, float, float, float]:
     stiffness = MODULUS * surface.rms_slope
     hardness = stiffness * (10 ** rng.uniform(-1, 0) if rng.random() < 2 / 3 else np.inf)
     loads = np.geomspace(1e-4 * stiffness, min(3 * stiffness, 0.98 * hardness), 2000)
-    pressure = float(np.interp(rng.uniform(0.05, 0.6), persson_area(loads, stiffness / 2, hardness), loads))
+    pressure = float(
+        np.interp(rng.uniform(0.05, 0.6), persson_area(loads, stiffness / 2, hardness), loads)
+    )
     body = fs.HalfSpace(surface.shape, surface.spacing, MODULUS)
     contact = fs.solve_contact(surface.gap(), body, pressure=pressure, hardness=hardness, rtol=1e-4)
     solved = fs.cell_permeability(contact.gap, surface.spacing, sides="periodic").value
@@ -52,12 +58,14 @@ def compare(number: int) -> tuple[float, float, float, float]:
 
 
 def line(name: str, found: np.ndarray) -> list[str]:
-    """A line of the table: numbers, and factors at 50 and 95 % of the scenes that are open both ways."""
+    """A line of the table: numbers, and factors at 50 and 95 % of scenes open both ways."""
     area, solved, said, estimate = found.T
     both = (solved > 0) & (estimate > 0)
     ratio = np.log(estimate[both] / solved[both])
     factors = [f"{np.exp(np.quantile(np.abs(ratio), part)):.2g}" for part in (0.5, 0.95)]
-    one_alone = [int(((a == 0) & (b > 0)).sum()) for a, b in ((solved, estimate), (estimate, solved))]
+    one_alone = [
+        int(((a == 0) & (b > 0)).sum()) for a, b in ((solved, estimate), (estimate, solved))
+    ]
     contact = [f"{np.quantile(said / area, part):.2f}" for part in (0.5, 0.05, 0.95)]
     head = [name, str(len(found)), str(int(both.sum())), f"{np.exp(np.median(ratio)):.2g}"]
     return [*head, *factors, *map(str, one_alone), f"{contact[0]} ({contact[1]} to {contact[2]})"]
@@ -67,19 +75,18 @@ def report() -> str:
     """The table."""
     found = np.array([compare(number) for number in range(SCENES)])
     kind = np.arange(SCENES) % len(KINDS)
-    head = ["faces", "scenes", "open both ways", "median of the ratio", "factor, 50 %", "factor, 95 %",
-            "sealed as solved alone", "sealed by the first answer alone", "contact fraction over that solved"]  # fmt: skip
+    head = ["faces", "scenes", "open both ways", "median of the ratio", "factor, 50 %"]
+    head += ["factor, 95 %", "sealed as solved alone", "sealed by the first answer alone"]
+    head += ["contact fraction over that solved"]
     lines = [line(name, found[kind == n]) for n, name in enumerate(KINDS)]
     light = found[:, 2] < LIGHT
     lines += [
-        line(f"contact {name} {100 * LIGHT:g} %", found[part]) for name, part in (("below", light), ("above", ~light))
+        line(f"contact {name} {100 * LIGHT:g} %", found[part])
+        for name, part in (("below", light), ("above", ~light))
     ]
-    text = "Contact fractions are those of the first answer. Factors are of scenes that are open both ways."
-    return f"{machine({})}\n\n{rows(head, [*lines, line('all', found)])}\n\n{text}"
+    text = "Contact fractions are of the first answer, factors of scenes that are open both ways."
+    return f"{machine()}\n\n{table(head, [*lines, line('all', found)])}\n\n{text}"
 
 
 if __name__ == "__main__":
-    text = report()
-    sys.stdout.write(text + "\n")
-    if "--write" in sys.argv:
-        save_report(__file__, "First answers", text)
+    print_report(__file__, "First answers", report(), write="--write" in sys.argv)

@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose
+from scipy.stats import binom
 
 import femseal as fs
 from femseal.budget import CoarserSolution, ErrorPart
@@ -170,18 +171,20 @@ def error_budget_of(scene, q, **solutions):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("seed", range(4))
-def test_the_part_of_the_pixels_holds_the_truth_of_twice_the_points(seed):
+def test_the_part_of_the_pixels_holds_the_truth_of_twice_the_points():
+    """One load of each of 24 faces: as many as 99 of 100 counts of a band of 95 % have."""
     held = []
-    for n in range(6):
-        face = fs.self_affine((64, 64), (64e-6,) * 2, hurst=0.8, rms_slope=0.2, roll_off=32e-6, rng=100 * seed + n)
+    for seed in range(24):
+        rough = {"hurst": 0.8, "rms_slope": 0.2, "roll_off": 32e-6, "rng": seed}
+        face = fs.self_affine((64, 64), (64e-6,) * 2, **rough)
         scene = fs.Scene(face, 100e9, 3e9, fs.Liquid(1e-3), 1e6, 0.0, (1e8, 2e8, 4e8, 6e8, 8e8))
         own, half, truth = (
             fs.deterministic(replace(scene, surface=face.resample((points, points)))) for points in (64, 32, 128)
         )
-        part = pixels_part(scene, own.leakage, [CoarserSolution((32, 32), scene.steps, half.leakage)])
-        held += ((part.lower <= truth.leakage) & (truth.leakage <= part.upper)).tolist()
-    assert np.mean(held) > 0.8  # 24 faces hold 95 of 100; six of them may be fewer
+        coarse = CoarserSolution((32, 32), scene.steps, half.leakage)
+        part, s = pixels_part(scene, own.leakage, [coarse]), seed % 5
+        held.append(part.lower[s] <= truth.leakage[s] <= part.upper[s])
+    assert sum(held) >= binom.ppf(0.01, len(held), 0.95)
 
 
 # --- drawn seals ---------------------------------------------------------------------------------------------------
@@ -191,7 +194,7 @@ def test_the_part_of_the_pixels_holds_the_truth_of_twice_the_points(seed):
 def test_the_interval_of_the_median_holds_it(count):
     rng = np.random.default_rng(count)
     ends = np.array([median_interval(rng.lognormal(size=count)) for _ in range(400)])
-    assert np.mean((ends[:, 0] <= 1) & (ends[:, 1] >= 1)) >= 0.95 - 3 * np.sqrt(0.05 * 0.95 / 400)
+    assert np.sum((ends[:, 0] <= 1) & (ends[:, 1] >= 1)) >= binom.ppf(0.01, 400, 0.95)
 
 
 def test_the_median_of_seals_that_are_mostly_sealed():

@@ -3,7 +3,6 @@
 import json
 
 import numpy as np
-import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 
 import femseal as fs
@@ -124,41 +123,6 @@ class TestUnderLessLoad:
         assert found[3] <= found[1]
         assert found[4] <= found[0]
         assert (np.diff(found[2:]) > 0).all()
-
-
-@pytest.mark.slow
-def test_two_measured_faces_that_seem_sealed(tmp_path, instrument_file):
-    """On 1280 points a side they leak 124 and 2.6 µL/(m·s)."""
-    text = f"""
-method = "two-scale"
-[[face]]
-kind = "file"
-path = "{instrument_file("plu-1.plu")}"
-[[face]]
-kind = "file"
-path = "{instrument_file("mnt-1.mnt")}"
-transpose = true
-mirror = "x2"
-rotate = "5 deg"
-[surface]
-points = [384, 384]
-[material]
-young = "210 GPa"
-yield_stress = "400 MPa"
-[counter_material]
-young = "210 GPa"
-yield_stress = "900 MPa"
-[load]
-loading = [LOADS]
-[fluid]
-kind = "liquid"
-viscosity = "1 mPa*s"
-inlet_pressure = "10 MPa"
-[cells]
-count = [4, 4]
-"""
-    upper = solved(tmp_path, [5, 20], text).budget.upper
-    assert (upper > [124e-9, 2.6e-9]).all()
 
 
 def test_a_design_does_not_count_on_what_may_be_open(tmp_path):

@@ -37,13 +37,6 @@ REDUCED = {
     },
     "measured_seal": {"stochastic": {"length": "1.2 mm"}},
 }
-#: Files of instruments: Sq without tilt [m] and undefined share as SurfaceTopography reports them; points and cells here.
-FACES = {
-    "plu-1.plu": (18.3e-9, 0.0, (96, 72), (4, 3)),
-    "surfalize_test_1.opd": (1.93e-6, 0.0023, (96, 64), (4, 4)),
-    "opd-1.opd": (6.7e-9, 0.0004, (128, 96), (4, 3)),
-    "x3p-2.x3p": (77e-9, 0.0, (64, 160), (2, 5)),
-}
 
 
 def _case(name):
@@ -199,60 +192,3 @@ class TestReadme:
         assert leakage[0] > leakage[1] > leakage[2] < leakage[3] < leakage[4] < leakage[0]
         (path,) = re.findall(r'load_case\("(.*?)"\)', whole_run)
         assert fs.load_case(ROOT / path).methods == {"stochastic", "two-scale"}
-
-
-class TestMeasuredSurfaces:
-    @pytest.mark.parametrize("name", FACES)
-    def test_cycle_from_a_case_file(self, name, instrument_file, tmp_path):
-        """Every method, from the instrument's file to leakage, under loads that suit the slopes of the face."""
-        height, undefined, points, cells = FACES[name]
-        path = tmp_path / "case.toml"
-
-        def write(loading, hardness):
-            text = [f'"{p:.6g} Pa"' for p in loading]
-            path.write_text(
-                f"""
-                method = "stochastic"
-                compare = ["deterministic", "two-scale"]
-                [face]
-                kind = "file"
-                path = "{instrument_file(name).as_posix()}"
-                [surface]
-                points = {list(points)}
-                [material]
-                young = "100 GPa"
-                poisson = 0.0
-                hardness = "{hardness:.6g} Pa"
-                [load]
-                loading = [{", ".join(text)}]
-                unload_from = [{text[-1]}]
-                unloading = [{text[0]}]
-                [fluid]
-                kind = "liquid"
-                viscosity = "1 mPa*s"
-                inlet_pressure = "10 kPa"
-                [cells]
-                count = {list(cells)}
-                [stochastic]
-                length = "10 mm"
-                realisations = 4
-                """,
-                encoding="utf-8",
-            )
-            return fs.load_case(path)
-
-        prepared = prepare(write([1e5, 2e5], 1e9))
-        assert_allclose(prepared.conditioning.rms_height_before, height, rtol=5e-3)
-        assert_allclose(prepared.conditioning.undefined_fraction, undefined, atol=6e-5)
-        # full contact of the slopes comes at about E*·slope, all-plastic contact at the hardness
-        stiffness = 100e9 * prepared.scene.surface.rms_slope
-        results = fs.run(write([0.001 * stiffness, 0.01 * stiffness], 0.15 * stiffness), workers=1)
-        assert results.failures == []
-        # the grid of the case is coarser than the waves that were measured
-        assert sum(warning.startswith("the low-pass at ") for warning in results.warnings) == 1
-        truths = "the low-pass at ", "the face has grooves ", "the leakage at ", "realisations"
-        assert all(warning.startswith(truths) for warning in results.warnings), results.warnings
-        for leakage in _leakages(results):
-            first, top, back = leakage
-            assert 0 <= top <= back < first
-        assert_allclose(results.dataset["leakage_two_scale"], results.dataset["leakage_deterministic"], rtol=1e-6)

@@ -101,14 +101,6 @@ def test_check_and_results_tell_the_slope_that_is_lost(case):
     assert any(lost in text for text in results.warnings)
 
 
-@pytest.mark.parametrize(("name", "wave"), [("mnt-1.mnt", 10.02e-6), ("opd-1.opd", 0.649e-6)])
-def test_measured_faces_keep_what_was_measured(case, instrument_file, name, wave):
-    face = case().face[0].model_copy(update={"path": instrument_file(name), "periodic": (False, False)})
-    conditioning = prepare(case(spikes=6.0).model_copy(update={"face": (face,)})).conditioning
-    assert_allclose(conditioning.shortest_wavelength, wave, rtol=1e-3)
-    assert conditioning.lost_slope < 1e-6
-
-
 def test_the_budget_solves_the_face_without_its_shortest_octave_of_waves(case):
     whole = prepare(case(shortest_wave="12 um"))
     surface = whole.scene.surface

@@ -29,13 +29,6 @@ from femseal.topography.defects import _window_medians, find_spikes
 from femseal.topography.texture import autocorrelation, spectrum, texture
 
 EXAMPLE = Path(__file__).parents[2] / "examples" / "measured_face.x3p"
-#: Points, Sq and height range without tilt [m], undefined share, most points that may be called spikes.
-MEASURED = {
-    "plu-1.plu": ((768, 576), 18.3e-9, 0.57e-6, 0.0, 0),
-    "surfalize_test_1.opd": ((736, 480), 1.93e-6, 18.8e-6, 0.0023, 10),
-    "x3p-2.x3p": ((650, 650), 77e-9, 0.55e-6, 0.0, 0),
-    "opd-1.opd": ((640, 480), 6.7e-9, 0.11e-6, 0.0004, 0),
-}
 
 
 def rough(shape=(160, 120), **given):
@@ -259,13 +252,6 @@ def test_extremes_are_those_of_the_face_with_its_spikes():
         assert bool(effect.doubts(40)) == (effect.extreme > 0.01)
 
 
-@pytest.mark.parametrize(("name", "along", "extreme"), [("sur-2.sur", 0.55, 0.1), ("mnt-1.mnt", 0.75, 0.25)])
-def test_measured_faces_whose_spikes_follow_the_lay(instrument_file, name, along, extreme):
-    _, report = fs.condition(fs.read_topography(instrument_file(name)))
-    assert report.spikes_along_lay > along
-    assert report.spikes_extreme > extreme
-
-
 # --- texture ----------------------------------------------------------------------------------------------
 
 
@@ -420,29 +406,12 @@ def test_spikes_and_undefined_points_are_counted():
     assert_allclose(report.rms_slope, describe_surface(rough()).rms_slope, rtol=0.01)  # slopes without the spike
 
 
-@pytest.mark.parametrize("name", MEASURED)
-def test_measured_faces_are_described(instrument_file, name):
-    shape, sq, height, undefined, spikes = MEASURED[name]
-    report = describe_surface(fs.read_topography(instrument_file(name)))
-    assert report.shape == shape
-    assert_allclose(report.rms_height, sq, rtol=5e-3)
-    assert_allclose(report.peak_to_valley, height, rtol=0.03)
-    assert_allclose(report.undefined_fraction, undefined, atol=5e-5)
-    assert report.spikes <= spikes
-    if name == "opd-1.opd":  # the isotropic one
-        assert report.aspect_ratio > 0.7
-    else:  # a lay across x1
-        assert abs(np.rad2deg(report.lay_direction)) < 3
-
-
-@pytest.mark.parametrize("name", MEASURED)
-def test_spikes_put_on_measured_faces_are_found(instrument_file, name):
-    face = fs.read_topography(instrument_file(name))
-    places = np.random.default_rng(1).integers(0, face.heights.size, 200)
+def test_spikes_put_on_a_face_are_found():
+    face = rough()
+    places = np.random.default_rng(1).integers(0, face.heights.size, 40)
     z = face.heights.copy()
-    z.flat[places] += 8 * np.nanstd(face.detrend().heights)
-    there = ~np.isnan(z.flat[places])
-    assert find_spikes(z).flat[places][there].mean() > 0.98
+    z.flat[places] += 8 * np.std(face.detrend().heights)
+    assert find_spikes(z).flat[places].mean() > 0.95
 
 
 def test_the_example_is_described():
@@ -564,14 +533,6 @@ def test_faces_that_cannot_be_combined():
                 combine(*pair, shift=shift)
     with pytest.raises(InputError, match="second face: given undefined points"):
         combine(face, holed, shift=(5e-6, 0))
-
-
-def test_measured_faces_are_combined(instrument_file):
-    first, _ = repair(fs.read_topography(instrument_file("surfalize_test_1.opd")))
-    both, overlap = combine(first, first, mirror="x2", shift=(100e-6, 0))
-    assert_allclose(overlap.size, (first.size[0] - 100e-6, first.size[1]), rtol=0.01)
-    # nearly independent faces: mean squares add up
-    assert_allclose(both.detrend().rms_height, np.sqrt(2) * first.detrend().rms_height, rtol=0.25)
 
 
 def test_two_waves_are_a_list_not_an_area():
