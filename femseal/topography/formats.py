@@ -1,39 +1,35 @@
 """File formats of height maps: each reader turns a file into the same raw record.
 
 Orientation: the file's x is axis 0, its y axis 1. In a text x runs along a line. Arrays of NumPy are taken as they are.
-Sources: ISO 25178-71 (.sdf), ISO 25178-72 (.x3p), the Esri ASCII raster format, the text export of Gwyddion.
+Sources: ISO 25178-71 (.sdf), ISO 25178-72 (.x3p), the text export of Gwyddion.
 """
 
 import os
 import re
 import sys
+from array import array
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager, redirect_stderr, redirect_stdout, suppress
 from dataclasses import dataclass
+from itertools import chain
 from pathlib import Path
-from typing import Any
+from typing import Any, TextIO
 from zipfile import BadZipFile, ZipFile
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ..base import InputError, counted, free_memory, shortened, to_si
+from ..base import InputError, Lengths, counted, free_memory, shortened, to_si
 from ..base.machine import within_free_memory
 
-_ESRI_KEYS = {"ncols", "nrows", "xllcorner", "xllcenter", "yllcorner", "yllcenter", "cellsize", "dx", "dy",
-              "nodata_value"}  # fmt: skip
-_HEADER = re.compile(
-    r"^\W*(width|height|value units|breite|höhe|werteeinheit(?:en)?|einheit der werte)\s*[:=]\s*(.+?)\s*$",
-    re.IGNORECASE,
-)
-_ENGLISH = {"breite": "width", "höhe": "height", "werteeinheit": "value units", "werteeinheiten": "value units",
-            "einheit der werte": "value units"}  # fmt: skip
-_DECIMAL_COMMA = re.compile(r"^([-+]?\d*),(\d+(?:[eE][-+]?\d+)?)$")
+_HEADER = re.compile(r"^\W*(width|height|value units)\s*[:=]\s*(.+?)\s*$", re.IGNORECASE)
+#: Words of the same header in German, which are not read.
+_GERMAN = re.compile(r"^\W*(breite|höhe|werteeinheit|einheit der werte)\w*\s*[:=]", re.IGNORECASE)
+_DECIMAL_COMMA = re.compile(r"[-+]?\d*,\d+(?:[eE][-+]?\d+)?")
 #: Suffixes of matrices as text.
 TEXT = (".csv", ".asc", ".txt")
-#: Memory that reading takes at least, in sizes of the file unpacked. Measured: 6.5 to 27 for texts, 4.6 for numbers of
-#: 8 bytes, more for shorter ones.
-_TEXT_FACTOR, _NUMBERS_FACTOR = 6, 5
+#: Memory that reading takes about, in sizes of the file unpacked: of numbers that take as many bytes as they have.
+_MEMORY_FACTOR = 3
 #: Channels that a message lists.
 _MOST_LISTED = 12
 #: Words that instruments write for an undefined point, beside nan.
@@ -51,12 +47,20 @@ class Raw:
 
 
 @dataclass(frozen=True)
-class Options:
-    """What the caller says about the inside of the file; a channel by its number or its name."""
+class Reading:
+    """What the caller says about a file of heights, see `read_topography`."""
 
+    size: Lengths | None = None
+    spacing: Lengths | None = None
+    height_unit: str | None = None
     delimiter: str | None = None
     array: str | None = None
     channel: int | str = 0
+    transpose: bool = False
+    mask: str | os.PathLike[str] | None = None
+    file_mask: bool = True
+    crop: tuple[float, float, float, float] | None = None
+    periodic: tuple[bool, bool] = (False, False)
 
 
 def bad_file(path: Path, given: object, allowed: str) -> InputError:
@@ -71,12 +75,11 @@ def reading(path: Path, smaller: str) -> Iterator[None]:
     One that cannot be read in the free memory is refused, by its size, or by what it unpacks to if it is a zip. Of
     others that unpack to more than the free memory a `smaller` one is asked for.
     """
-    factor = _TEXT_FACTOR if path.suffix.lower() in TEXT else _NUMBERS_FACTOR
     length, verb = path.stat().st_size, "of"
     with suppress(OSError, ValueError, RuntimeError, BadZipFile), ZipFile(path) as archive:
         if (unpacked := sum(part.file_size for part in archive.infolist())) > length:
             length, verb = unpacked, "that unpacks to"
-    if factor * length > (free := free_memory()):
+    if _MEMORY_FACTOR * length > (free := free_memory()):
         allowed = f"one that can be read in the {free / 1e9:.3g} GB of free memory"
         raise bad_file(path, f"a file {verb} {length / 1e9:.3g} GB", allowed)
     try:
@@ -93,13 +96,13 @@ def reading(path: Path, smaller: str) -> Iterator[None]:
         raise bad_file(path, f"a damaged one ({type(error).__name__}: {error})", allowed) from error
 
 
-def read_npy(path: Path, options: Options) -> Raw:
+def read_npy(path: Path, said: Reading) -> Raw:
     """A .npy array of heights."""
     try:
-        array = np.load(path, allow_pickle=False)
+        found = np.load(path, allow_pickle=False)
     except (ValueError, EOFError) as error:
         raise bad_file(path, _of_numpy(error), "an array of numbers saved by numpy.save") from None
-    return Raw(_numbers(path, array))
+    return Raw(_numbers(path, found))
 
 
 def _of_numpy(error: Exception) -> object:
@@ -107,7 +110,7 @@ def _of_numpy(error: Exception) -> object:
     return "no array of numbers" if "pickle" in str(error) else error
 
 
-def read_npz(path: Path, options: Options) -> Raw:
+def read_npz(path: Path, said: Reading) -> Raw:
     """A .npz archive: the heights under `array`, or its only map; `spacing` [m] and `mask` if they are there.
 
     Points where `mask` is not 0 are masked.
@@ -118,13 +121,13 @@ def read_npz(path: Path, options: Options) -> Raw:
     except (ValueError, EOFError, BadZipFile, TypeError, AttributeError) as error:
         raise bad_file(path, _of_numpy(error), "arrays of numbers saved by numpy.savez") from None
     spacing = stored.pop("spacing", None)
-    mask = stored.pop("mask", None) if options.array != "mask" else None
+    mask = stored.pop("mask", None) if said.array != "mask" else None
     names = ", ".join(sorted(stored)) or "none"
-    if options.array is None and len(stored) > 1:  # the only map among numbers and lists
-        stored = {name: array for name, array in stored.items() if array.ndim == 2}
-    if options.array is None and len(stored) != 1:
+    if said.array is None and len(stored) > 1:  # the only map among numbers and lists
+        stored = {name: found for name, found in stored.items() if found.ndim == 2}
+    if said.array is None and len(stored) != 1:
         raise bad_file(path, f"the arrays {names}", "one array, or array= the name of one of them")
-    name = next(iter(stored)) if options.array is None else options.array
+    name = next(iter(stored)) if said.array is None else said.array
     if name not in stored:
         raise bad_file(path, f"array={name!r}", f"one of its arrays: {names}")
     heights = _numbers(path, stored[name])
@@ -139,31 +142,18 @@ def read_npz(path: Path, options: Options) -> Raw:
     return Raw(heights, spacing=(float(spacing[0]), float(spacing[1])), mask=mask)
 
 
-def read_text(path: Path, options: Options) -> Raw:
-    """A matrix of heights as text, one line for each y; an Esri ASCII raster; or triplets x, y, z of a regular grid.
+def read_text(path: Path, said: Reading) -> Raw:
+    """A matrix of heights as text, one line for each y, or triplets x, y, z of a regular grid.
 
     Lines beginning with # are comments; "# Width: 1 mm" (x, along a line), "# Height: 2 mm" (y, down the lines) and
-    "# Value units: nm" among them are honoured, in German too. Decimal commas are read where commas are nothing else.
+    "# Value units: nm" among them are honoured. Decimal commas are read where commas are nothing else.
     """
+    header: dict[str, str] = {}
     try:
-        lines = path.read_text(encoding="utf-8-sig").splitlines()
+        with path.open(encoding="utf-8-sig") as file:
+            z = _matrix(path, _rows(path, file, header), said.delimiter)
     except UnicodeDecodeError:
         raise bad_file(path, "bytes that are not UTF-8 text", "a matrix of numbers as text") from None
-    header: dict[str, str] = {}
-    rows: list[tuple[int, str]] = []
-    for at, line in enumerate(lines, start=1):
-        text = line.strip(" \r\n")
-        if text.lstrip().startswith("#"):
-            if match := _HEADER.match(text):
-                # the library of units takes a decimal comma for nothing
-                header[_ENGLISH.get(match[1].lower(), match[1].lower())] = match[2].replace(",", ".")
-        elif text.strip():
-            rows.append((at, text))
-    if not rows:
-        raise bad_file(path, "no line with numbers", "a matrix of heights, one line per row")
-    if rows[0][1].split()[0].lower() in _ESRI_KEYS:
-        return _esri(path, rows)
-    z = _matrix(path, rows, options.delimiter)
     try:
         unit = to_si(f"1 {header['value units']}", "m", "value units") if "value units" in header else None
         sides = [to_si(header[side], "m", side) for side in ("width", "height") if side in header]
@@ -173,6 +163,21 @@ def read_text(path: Path, options: Options) -> Raw:
         return Raw(grid[0], unit, grid[1])
     spacing = (sides[0] / z.shape[1], sides[1] / z.shape[0]) if len(sides) == 2 else None
     return Raw(z.T, unit, spacing)
+
+
+def _rows(path: Path, file: TextIO, header: dict[str, str]) -> Iterator[tuple[int, str]]:
+    """Lines with numbers, with their number in the file; lines of a header go into it."""
+    for at, line in enumerate(file, start=1):
+        text = line.strip(" \r\n")
+        if not text.lstrip().startswith("#"):
+            if text.strip():
+                yield at, text
+        elif match := _HEADER.match(text):
+            # the library of units takes a decimal comma for nothing
+            header[match[1].lower()] = match[2].replace(",", ".")
+        elif _GERMAN.match(text):
+            expected = "the header in English, '# Width: 1 mm', '# Height: 2 mm', '# Value units: nm'"
+            raise bad_file(path, f"{text!r} in line {at}", expected)
 
 
 def _triplets(path: Path, z: NDArray) -> tuple[NDArray, tuple[float, float]] | None:
@@ -196,54 +201,56 @@ def _triplets(path: Path, z: NDArray) -> tuple[NDArray, tuple[float, float]] | N
     return heights, (d1, d2)
 
 
-def _matrix(path: Path, rows: list[tuple[int, str]], delimiter: str | None) -> NDArray:
-    """Heights of a text in rows of numbers, with a decimal comma where its delimiter allows one."""
-    if delimiter is None:
-        first = rows[0][1]
-        delimiter = next((d for d in (";", "\t", ",") if d in first), None)
-        if delimiter == "," and len(first.split()) > 1 and all(map(_DECIMAL_COMMA.fullmatch, first.split())):
-            delimiter = None
-    fields = [[f.strip() for f in text.split(delimiter)] for _, text in rows]
-    if delimiter != "," and not any("." in f for f in fields[0]):
-        fields = [[_DECIMAL_COMMA.sub(r"\1.\2", f) for f in row] for row in fields]
-    # A delimiter behind the last number of every line ends the line; it does not begin an undefined point.
-    if delimiter is not None and all(len(row) > 1 and not row[-1] for row in fields):
-        fields = [row[:-1] for row in fields]
-    for (at, _), row in zip(rows, fields, strict=True):
-        if len(row) != len(fields[0]):
-            given = f"{counted(len(row), 'number')} in line {at} after {len(fields[0])} in line {rows[0][0]}"
+def _matrix(path: Path, lines: Iterator[tuple[int, str]], delimiter: str | None) -> NDArray:
+    """Heights of a text in lines of numbers, with a decimal comma where its delimiter allows one."""
+    begin, first = next(lines, (0, ""))
+    if not first:
+        raise bad_file(path, "no line with numbers", "a matrix of heights, one line per row")
+    mark = _delimiter(first) if delimiter is None else delimiter
+    has_comma = mark != "," and "." not in first
+    ends = mark is not None
+    numbers, width = array("d"), 0
+    for at, text in chain([(begin, first)], lines):
+        fields = (text.replace(",", ".") if has_comma else text).split(mark)
+        ends = ends and len(fields) > 1 and not fields[-1].strip()
+        try:
+            row = [float(field) for field in fields]
+        except ValueError:
+            row = [_value(path, at, *both) for both in zip(fields, text.split(mark), strict=True)]
+        width = width or len(row)
+        if len(row) != width:
+            given = f"{counted(len(row), 'number')} in line {at} after {width} in line {begin}"
             raise bad_file(path, given, "lines of equal length: check the delimiter")
-    return np.array([[_value(path, at, f) for f in row] for (at, _), row in zip(rows, fields, strict=True)])
+        numbers.extend(row)
+    z = np.frombuffer(numbers).reshape(-1, width)
+    # a delimiter behind the last number of every line ends the line; it does not begin an undefined point
+    return z[:, :-1] if ends else z
 
 
-def _value(path: Path, line: int, text: str) -> float:
+def _delimiter(line: str) -> str | None:
+    """What stands between the numbers of a line: ; tab , or None, blanks."""
+    found = next((mark for mark in (";", "\t", ",") if mark in line), None)
+    numbers = line.split()
+    if found == "," and len(numbers) > 1 and all(map(_DECIMAL_COMMA.fullmatch, numbers)):
+        return None
+    return found
+
+
+def _value(path: Path, line: int, text: str, shown: str) -> float:
+    """The number of a text; InputError that shows it as it is in the file."""
     try:
         return float(text)
     except ValueError:
-        if text.lower() in _UNDEFINED:
+        if text.strip().lower() in _UNDEFINED:
             return np.nan
-        allowed = "numbers with a decimal point, nan or nothing where undefined, # before other text"
-        raise bad_file(path, f"{text[:30]!r} in line {line}", allowed) from None
+        allowed = (
+            "numbers with a decimal point, nan or nothing where undefined; put # before the lines of a header, and "
+            "what it says into spacing= or size= and height_unit= (--spacing, --size, --height-unit)"
+        )
+        raise bad_file(path, f"{shown.strip()[:30]!r} in line {line}", allowed) from None
 
 
-def _esri(path: Path, rows: list[tuple[int, str]]) -> Raw:
-    """Heights of an Esri raster: a header of keys and numbers, then rows from north to south."""
-    header: dict[str, float] = {}
-    while rows and (parts := rows[0][1].split())[0].lower() in _ESRI_KEYS:
-        header[parts[0].lower()] = _value(path, rows[0][0], " ".join(parts[1:]))
-        rows = rows[1:]
-    step2, step1 = (header.get(key, header.get("cellsize")) for key in ("dx", "dy"))
-    if "ncols" not in header or "nrows" not in header or step1 is None or step2 is None:
-        raise bad_file(path, f"a header with {', '.join(header)}", "ncols, nrows, cellsize (an Esri raster)")
-    z = np.array([_value(path, at, token) for at, text in rows for token in text.split()])
-    shape = int(header["nrows"]), int(header["ncols"])
-    if z.size != shape[0] * shape[1]:
-        raise bad_file(path, counted(z.size, "number"), f"nrows × ncols = {shape[0]} × {shape[1]} of them")
-    z[z == header.get("nodata_value", -9999.0)] = np.nan
-    return Raw(z.reshape(shape).T, spacing=(step2, step1))
-
-
-def read_x3p(path: Path, options: Options) -> Raw:
+def read_x3p(path: Path, said: Reading) -> Raw:
     """A surface of ISO 25178-72, one layer of it; the format knows metres only."""
     import x3pio
 
@@ -253,15 +260,15 @@ def read_x3p(path: Path, options: Options) -> Raw:
         raise bad_file(path, error, "an intact .x3p file of ISO 25178-72") from None
     if not (isinstance(file, x3pio.Surface) and file.is_regular_grid):
         raise bad_file(path, f"a {type(file).__name__} on no regular grid", "a surface on a regular grid")
-    layer = _pick(path, list(file.layers), options.channel, "layers")
+    layer = _pick(path, list(file.layers), said.channel, "layers")
     return Raw(layer.z.T, 1.0, (file.header.x.increment, file.header.y.increment))
 
 
-def read_sdf(path: Path, options: Options) -> Raw:
+def read_sdf(path: Path, said: Reading) -> Raw:
     """A surface of ISO 25178-71; the format knows metres only."""
     import sdfio
 
-    _pick(path, [path], options.channel, "layers")
+    _pick(path, [path], said.channel, "layers")
     try:
         file = sdfio.read(path)
     except sdfio.SdfError as error:
@@ -269,7 +276,7 @@ def read_sdf(path: Path, options: Options) -> Raw:
     return Raw(file.data.T, 1.0, (file.header.x_scale, file.header.y_scale))
 
 
-def read_instrument(path: Path, options: Options) -> Raw:
+def read_instrument(path: Path, said: Reading) -> Raw:
     """Any other format, through SurfaceTopography (an extra, slow to import)."""
     try:
         from SurfaceTopography import open_topography
@@ -289,11 +296,11 @@ def read_instrument(path: Path, options: Options) -> Raw:
         )
         raise bad_file(path, f"a file without a known format ({type(error).__name__})", allowed) from error
     names = [c.name or "" for c in channels]
-    channel = _pick(path, channels, options.channel, "channels", names)
+    channel = _pick(path, channels, said.channel, "channels", names)
     if channel.dim != 2 or not channel.is_height_channel:
         usable = [i for i, c in enumerate(channels) if c.dim == 2 and c.is_height_channel]
         allowed = f"a map of heights: {_listed(usable, names)}" if usable else "a file with a map of heights"
-        raise bad_file(path, f"channel={options.channel} ({channel.name}), which is no map of heights", allowed)
+        raise bad_file(path, f"channel={said.channel} ({channel.name}), which is no map of heights", allowed)
     # SurfaceTopography wants what the file lacks; placeholders keep the numbers as they are.
     missing: dict[str, Any] = {}
     if channel.physical_sizes is None:
@@ -356,15 +363,15 @@ def _listed(numbers: list[int], names: list[str]) -> str:
     return ", ".join(shown + ["…"] * (len(numbers) > len(shown)))
 
 
-def _numbers(path: Path, array: NDArray) -> NDArray:
-    if array.dtype.kind not in "fiu" or array.ndim != 2 or not array.size:
-        given = f"an array of {array.dtype} of shape {array.shape}"
+def _numbers(path: Path, found: NDArray) -> NDArray:
+    if found.dtype.kind not in "fiu" or found.ndim != 2 or not found.size:
+        given = f"an array of {found.dtype} of shape {found.shape}"
         raise bad_file(path, given, "a non-empty array of real numbers of shape (n1, n2)")
     with np.errstate(invalid="ignore"):  # bytes of numbers that are none, in single precision
-        return array.astype(np.float64)
+        return found.astype(np.float64, copy=False)
 
 
-READERS: dict[str, Callable[[Path, Options], Raw]] = {
+READERS: dict[str, Callable[[Path, Reading], Raw]] = {
     ".npy": read_npy,
     ".npz": read_npz,
     **dict.fromkeys(TEXT, read_text),

@@ -8,12 +8,13 @@ NumPy are taken as they are.
 import os
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ..base import InputError, Lengths, to_si, to_text, validate
-from .formats import READERS, TEXT, Options, Raw, bad_file, read_instrument, read_text, reading, unprinted
+from ..base import InputError, to_si, to_text, validate
+from .formats import READERS, TEXT, Reading, bad_file, read_instrument, read_text, reading, unprinted
 from .topography import Topography
 
 #: Smallest and largest size of a measured seal face [m]; beyond them the unit in the file is wrong.
@@ -21,6 +22,8 @@ _SIZE_LIMITS = (1e-9, 1.0)
 _RMS_HEIGHT_LIMIT = 10e-3
 #: Median slope between neighbouring points that no face exceeds.
 _SLOPE_LIMIT = 10.0
+#: Rows of a map, or a few more, that are looked at.
+_ROWS = 256
 #: Pixel [m] of a map that is only looked at where nothing says its pixel.
 _ANY_PIXEL = 1e-6
 #: Files that may hold a mask drawn by a user, besides points that were not measured.
@@ -29,32 +32,22 @@ _MASKED = (".gwy", ".npz")
 
 @dataclass(frozen=True)
 class Look:
-    """A map that is looked at, why `read_topography` refuses it, and the fraction of points masked in the file."""
+    """A map that is looked at, why `read_topography` refuses it, and the fraction of points masked in the file.
+
+    said : which of pixel and unit of height the file or the caller says.
+    """
 
     topography: Topography
     doubts: tuple[InputError, ...]
     masked_fraction: float
+    said: tuple[bool, bool]
 
 
-def read_topography(
-    path: str | os.PathLike[str],
-    *,
-    size: Lengths | None = None,
-    spacing: Lengths | None = None,
-    height_unit: str | None = None,
-    delimiter: str | None = None,
-    array: str | None = None,
-    channel: int | str = 0,
-    transpose: bool = False,
-    mask: str | os.PathLike[str] | None = None,
-    file_mask: bool = True,
-    crop: tuple[float, float, float, float] | None = None,
-    periodic: tuple[bool, bool] = (False, False),
-) -> Topography:
+def read_topography(path: str | os.PathLike[str], **said: Any) -> Topography:
     """Height map of a file, by its suffix; undefined points as NaN, heights as measured (tilt and all).
 
     .npy and .npz (heights in metres, pixel from `spacing` in the .npz or the caller), .csv .asc .txt (matrix
-    of heights in metres, triplets x y z in metres, Esri raster), .x3p, .sdf; every other kind through SurfaceTopography
+    of heights in metres, or triplets x y z in metres), .x3p, .sdf; every other kind through SurfaceTopography
     (femseal[surface]). The file's x is x1: a line of a text runs along x1. Arrays of NumPy are taken as they are.
     Size, spacing and unit given by the caller override those of the file, because units in files are sometimes wrong.
 
@@ -81,103 +74,99 @@ def read_topography(
         a part beyond the map; size outside 1 nm to 1 m, or Sq above 10 mm, unless `size` or `spacing`, or
         `height_unit`, say so; half of the points steeper than 10, unless the caller says both.
     """
-    look = read_for_a_look(
-        path, size=size, spacing=spacing, height_unit=height_unit, delimiter=delimiter, array=array, channel=channel,
-        transpose=transpose, mask=mask, file_mask=file_mask, crop=crop, periodic=periodic,
-    )  # fmt: skip
+    look = read_for_a_look(path, **said)
     if look.doubts:
         raise look.doubts[0]
     return look.topography
 
 
-def read_for_a_look(
-    path: str | os.PathLike[str],
-    *,
-    size: Lengths | None = None,
-    spacing: Lengths | None = None,
-    height_unit: str | None = None,
-    delimiter: str | None = None,
-    array: str | None = None,
-    channel: int | str = 0,
-    transpose: bool = False,
-    mask: str | os.PathLike[str] | None = None,
-    file_mask: bool = True,
-    crop: tuple[float, float, float, float] | None = None,
-    periodic: tuple[bool, bool] = (False, False),
-) -> Look:
+def read_for_a_look(path: str | os.PathLike[str], **said: Any) -> Look:
     """The map, and why `read_topography` refuses it: a pixel of 1 µm and heights in metres where nothing says them.
 
     Raises InputError: an argument, or a file without heights that can be read.
     """
-    path = Path(path)
+    path, given = Path(path), Reading(**said)
+    _check_options(path, given)
+    with reading(path, "a smaller file, or a part of it"):
+        raw = READERS.get(path.suffix.lower(), read_instrument)(path, given)
+    heights, file_mask = raw.heights, raw.mask if given.file_mask else None
+    pixel = raw.spacing[::-1] if raw.spacing and given.transpose else raw.spacing
+    unit = raw.height_unit if given.height_unit is None else to_si(f"1 {given.height_unit}", "m", "height_unit")
+    del raw  # no more than two maps at once
+    if file_mask is not None:
+        heights = np.where(file_mask, np.nan, heights)
+    if given.mask is not None:
+        heights = np.where(read_mask(given.mask, (heights.shape[0], heights.shape[1])), np.nan, heights)
+    heights = heights.T if given.transpose else heights
+    pixel = _given_pixel(given, heights.shape) or pixel
+    doubts = _pixel_doubts(path, pixel, heights.shape)
+    known = pixel if pixel and not doubts else (_ANY_PIXEL, _ANY_PIXEL)
+    if unit is None and path.suffix.lower() not in READERS:
+        doubts.append(bad_file(path, "no unit of height in the file", "height_unit= such as 'um' (--height-unit)"))
+    heights = heights if unit is None else heights * unit
+    try:
+        whole = Topography(heights, known, given.periodic)
+    except InputError as error:
+        raise InputError(f"{path}: {error.what}", error.given, error.expected) from None
+    doubts = doubts or _implausible(path, whole, given)
+    kept = whole if given.crop is None else whole.crop_to(given.crop)
+    masked_fraction = 0.0 if file_mask is None else float(np.mean(file_mask))
+    return Look(kept, tuple(doubts), masked_fraction, (pixel is not None, unit is not None))
+
+
+def _check_options(path: Path, given: Reading) -> None:
+    """Raise InputError if there is no such file, or if it is of a kind that an option is not for."""
     if not path.is_file():
         raise InputError(str(path), "a folder" if path.is_dir() else "no such file", "a file with heights")
     suffix = path.suffix.lower()
-    if array is not None and suffix != ".npz":
-        raise InputError("array", repr(array), f"for .npz files only, not {path.name}")
-    if delimiter is not None and suffix not in TEXT:
-        raise InputError("delimiter", repr(delimiter), f"for {', '.join(TEXT)} files only, not {path.name}")
-    if channel != 0 and suffix in (".npy", ".npz", *TEXT):
-        raise InputError("channel", channel, f"for files of instruments only, not {path.name}")
-    if not file_mask and suffix not in _MASKED:
-        raise InputError("file_mask", file_mask, f"for {', '.join(_MASKED)} files only, not {path.name}")
-    if size is not None and spacing is not None:
+    for name, kinds in {"array": (".npz",), "delimiter": TEXT, "file_mask": _MASKED}.items():
+        value = getattr(given, name)
+        if value != getattr(Reading, name) and suffix not in kinds:
+            raise InputError(name, repr(value), f"for {', '.join(kinds)} files only, not {path.name}")
+    if given.channel != 0 and suffix in (".npy", ".npz", *TEXT):
+        raise InputError("channel", given.channel, f"for files of instruments only, not {path.name}")
+    if given.size is not None and given.spacing is not None:
         raise InputError("size, spacing", "both", "one of the two")
-    raw = _raw(path, Options(delimiter, array, channel))
-    heights, pixel, doubts = raw.heights, raw.spacing, []
-    if raw.mask is not None and file_mask:
-        heights = np.where(raw.mask, np.nan, heights)
-    if mask is not None:
-        heights = np.where(read_mask(mask, (heights.shape[0], heights.shape[1])), np.nan, heights)
-    if transpose:
-        heights, pixel = heights.T, pixel and pixel[::-1]
-    if spacing is not None:
-        pixel = validate.lengths("spacing", spacing)
-    elif size is not None:
-        length1, length2 = validate.lengths("size", size)
-        pixel = (length1 / heights.shape[0], length2 / heights.shape[1])
+
+
+def _given_pixel(given: Reading, shape: tuple[int, ...]) -> tuple[float, float] | None:
+    """Pixel [m] that the caller says; None where he says none."""
+    if given.spacing is not None:
+        return validate.lengths("spacing", given.spacing)
+    if given.size is None:
+        return None
+    first, second = validate.lengths("size", given.size)
+    return first / shape[0], second / shape[1]
+
+
+def _pixel_doubts(path: Path, pixel: tuple[float, float] | None, shape: tuple[int, ...]) -> list[InputError]:
+    """What is wrong with the pixel of a map."""
     if pixel is None:
-        given = f"no pixel size in the file ({heights.shape[0]} × {heights.shape[1]} points)"
-        doubts.append(bad_file(path, given, "two lengths in size= or spacing= (--size '1.2 mm' '0.9 mm', --spacing)"))
-    elif not all(np.isfinite(d) and d > 0 for d in pixel):
-        given = f"a pixel of {pixel[0]:g} m × {pixel[1]:g} m"
-        allowed = "two lengths > 0; to correct it, pass spacing= or size= (--spacing, --size)"
-        doubts.append(bad_file(path, given, allowed))
-    no_pixel = bool(doubts)
-    unit = raw.height_unit if height_unit is None else to_si(f"1 {height_unit}", "m", "height_unit")
-    if unit is None and suffix not in READERS:
-        doubts.append(bad_file(path, "no unit of height in the file", "height_unit= such as 'um' (--height-unit)"))
-    known = pixel if pixel and not no_pixel else (_ANY_PIXEL, _ANY_PIXEL)
-    try:
-        whole = Topography(heights * (unit or 1.0), known, periodic)
-    except InputError as error:
-        raise InputError(f"{path}: {error.what}", error.given, error.expected) from None
-    if not doubts:
-        doubts += _implausible(path, whole, size is None and spacing is None, height_unit is None)
-    masked_fraction = 0.0 if raw.mask is None or not file_mask else float(np.mean(raw.mask))
-    return Look(whole if crop is None else whole.crop_to(crop), tuple(doubts), masked_fraction)
+        found = f"no pixel size in the file ({shape[0]} × {shape[1]} points)"
+        allowed = "two lengths in size= or spacing= (--size '1.2 mm' '0.9 mm', --spacing)"
+        return [bad_file(path, found, allowed)]
+    if all(np.isfinite(d) and d > 0 for d in pixel):
+        return []
+    found = f"a pixel of {pixel[0]:g} m × {pixel[1]:g} m"
+    return [bad_file(path, found, "two lengths > 0; to correct it, pass spacing= or size= (--spacing, --size)")]
 
 
-def _raw(path: Path, options: Options) -> Raw:
-    with reading(path, "a smaller file, or a part of it"):
-        return READERS.get(path.suffix.lower(), read_instrument)(path, options)
-
-
-def _implausible(path: Path, topography: Topography, check_size: bool, check_heights: bool) -> list[InputError]:
+def _implausible(path: Path, topography: Topography, given: Reading) -> list[InputError]:
     """Values that only a wrong unit explains, unless the caller has given them."""
+    check_size, check_heights = given.size is None and given.spacing is None, given.height_unit is None
     shortest, longest = _SIZE_LIMITS
     found = []
     if check_size and not all(shortest <= side <= longest for side in topography.size):
-        given = " × ".join(to_text(side, "m") for side in topography.size)
+        sides = " × ".join(to_text(side, "m") for side in topography.size)
         allowed = "1 nm to 1 m; if it is right, or to correct it, pass size= (--size)"
-        found.append(bad_file(path, f"a size of {given}", allowed))
-    defined = topography.heights[~np.isnan(topography.heights)]
+        found.append(bad_file(path, f"a size of {sides}", allowed))
+    z = topography.heights[:: max(1, topography.shape[0] // _ROWS)]
+    defined = z[~np.isnan(z)]
     with np.errstate(over="ignore"):
         deviation = float(defined.std()) if defined.size else 0.0
     if check_heights and deviation > _RMS_HEIGHT_LIMIT:
-        given = f"Sq = {to_text(deviation, 'm')}"
         allowed = "at most 10 mm; if it is right, or to correct it, pass height_unit= such as 'um' (--height-unit)"
-        found.append(bad_file(path, given, allowed))
+        found.append(bad_file(path, f"Sq = {to_text(deviation, 'm')}", allowed))
     if not found and (check_size or check_heights) and (slope := _median_slope(topography)) > _SLOPE_LIMIT:
         allowed = "at most 10; if it is right, or to correct it, pass size= and height_unit= (--size, --height-unit)"
         found.append(bad_file(path, f"a slope of {slope:.3g} on half of its points", allowed))
@@ -186,8 +175,13 @@ def _implausible(path: Path, topography: Topography, check_size: bool, check_hei
 
 def _median_slope(topography: Topography) -> float:
     """Median of the slope between neighbouring points along the steeper axis; spikes and holes do not count."""
-    steps = (np.abs(np.diff(topography.heights, axis=axis)) / topography.spacing[axis] for axis in (0, 1))
-    return max((float(np.median(s[~np.isnan(s)])) for s in steps if not np.isnan(s).all()), default=0.0)
+    found = [0.0]
+    for z, spacing in ((topography.heights.T, topography.spacing[0]), (topography.heights, topography.spacing[1])):
+        slopes = np.abs(np.diff(z[:: max(1, len(z) // _ROWS)], axis=1)) / spacing
+        defined = slopes[~np.isnan(slopes)]
+        if defined.size:
+            found.append(float(np.median(defined)))
+    return max(found)
 
 
 #: Suffixes of images, which keep every point as it was drawn.
@@ -220,7 +214,7 @@ def read_mask(path: str | os.PathLike[str], shape: tuple[int, int]) -> NDArray[n
 
 def _read_array(path: Path) -> NDArray[np.bool_]:
     if path.suffix.lower() != ".npy":
-        return read_text(path, Options()).heights != 0
+        return read_text(path, Reading()).heights != 0
     try:
         array = np.load(path, allow_pickle=False)
     except (ValueError, EOFError) as error:

@@ -149,12 +149,20 @@ def test_text_lies_as_the_same_face_of_an_instrument(tmp_path):
 
 
 @pytest.mark.parametrize("delimiter", [";", "\t", " "])
-def test_decimal_commas_and_a_german_header(tmp_path, delimiter):
-    text = "# Kanal: Höhe\n# Breite: 9,0 um\n# Höhe: 4,0 µm\n# Werteeinheiten: nm\n"
+def test_decimal_commas(tmp_path, delimiter):
+    text = "# Width: 9,0 um\n# Height: 4,0 µm\n# Value units: nm\n"
     text += "\n".join(delimiter.join(f"{v},5" for v in line) for line in ((1, 2, 3), (4, 5, 6)))
-    same(
-        read_topography(write(tmp_path, "face.txt", text)), (np.arange(1, 7) + 0.5).reshape(2, 3).T * 1e-9, (3e-6, 2e-6)
-    )
+    heights = (np.arange(1, 7) + 0.5).reshape(2, 3).T * 1e-9
+    same(read_topography(write(tmp_path, "face.txt", text)), heights, (3e-6, 2e-6))
+
+
+@pytest.mark.parametrize(
+    "header", ["# Breite: 9,0 um", "#Höhe = 4 µm", "# Werteeinheiten: nm", "# Einheit der Werte: m"]
+)
+def test_a_german_header_is_refused_with_what_to_write(tmp_path, header):
+    path = write(tmp_path, "face.txt", f"# Kanal: z\n{header}\n1 2\n3 4\n")
+    with pytest.raises(InputError, match=r"in line 2, expected the header in English, '# Width: 1 mm', .*units: nm'"):
+        read_topography(path, spacing=PIXEL)
 
 
 def test_triplets_are_a_grid_in_any_order(tmp_path):
@@ -170,16 +178,14 @@ def test_triplets_are_a_grid_in_any_order(tmp_path):
         read_topography(write(tmp_path, "face.csv", "\n".join(lines[:-1])))
 
 
-def test_esri_raster(tmp_path):
+def test_an_esri_raster_is_refused_with_what_to_do(tmp_path):
     head = "ncols 3\nNROWS 2\nxllcorner 0\nyllcorner 0\ncellsize 2e-6\nNODATA_value -9\n"
-    text = head + "1e-6 2e-6 -9\n4e-6 -5e-6\n6.5e-6\n"
-    same(read_topography(write(tmp_path, "face.asc", text)), Z.T, spacing=(2e-6, 2e-6))
-    oblong = text.replace("cellsize 2e-6", "dx 3e-6\ndy 2e-6")
-    same(read_topography(write(tmp_path, "face.asc", oblong)), Z.T, spacing=(3e-6, 2e-6))
-    with pytest.raises(InputError, match=r"given 6 numbers, expected nrows × ncols = 3 × 3"):
-        read_topography(write(tmp_path, "face.asc", text.replace("NROWS 2", "NROWS 3")))
-    with pytest.raises(InputError, match=r"given a header with ncols, nrows, .* cellsize"):
-        read_topography(write(tmp_path, "face.asc", text.replace("cellsize 2e-6\n", "")))
+    text = head + "1e-6 2e-6 nan\n4e-6 -5e-6 6.5e-6\n"
+    message = r"given 'ncols' in line 1, .* put # before the lines of a header, .* \(--spacing, --size, --height-unit\)"
+    with pytest.raises(InputError, match=message):
+        read_topography(write(tmp_path, "face.asc", text))
+    done = "".join(f"# {line}\n" for line in head.splitlines()) + text.removeprefix(head)
+    same(read_topography(write(tmp_path, "face.asc", done), spacing=(2e-6, 2e-6)), Z.T, spacing=(2e-6, 2e-6))
 
 
 @pytest.mark.parametrize(
@@ -281,8 +287,8 @@ def test_one_damaged_byte_is_no_error_of_a_library(tmp_path, kind):
     elif kind.endswith("sdf"):
         sdfio.write(path, z, x_scale=1e-6, y_scale=1e-6, format=sdfio.FileFormat[kind[:-4]])
     else:
-        head = {"csv": "# Width: 1 mm\n# Height: 2 mm\n", "asc": "ncols 5\nnrows 4\ncellsize 1\nnodata_value -9\n"}
-        path.write_text(head[kind] + "\n".join(" ".join(f"{h:g}" for h in row) for row in z))
+        head = "# Width: 1 mm\n# Height: 2 mm\n"
+        path.write_text(head + "\n".join((" " if kind == "asc" else ";").join(f"{h:g}" for h in row) for row in z))
     whole, refused = path.read_bytes(), 0
     for at in range(0, len(whole), 1 + len(whole) // 200):
         for byte in (0, 255, ord("("), ord("n"), whole[at] ^ 1):
@@ -549,12 +555,8 @@ def test_text_exports_lie_as_the_file_of_the_instrument(tmp_path):
     (l1, l2), z = face.size, face.heights
     for decimal in ".,":
         lines = ["\t".join(f"{v:.17g}".replace(".", decimal) for v in line) for line in z.T]
-        words = ("Width", "Height", "Value units") if decimal == "." else ("Breite", "Höhe", "Werteeinheiten")
-        head = [
-            f"# {words[0]}: {l1 * 1e3:.12g} mm".replace(".", decimal),
-            f"# {words[1]}: {l2 * 1e3:.12g} mm".replace(".", decimal),
-        ]
-        text = "\n".join([*head, f"# {words[2]}: m", *lines])
+        head = f"# Width: {l1 * 1e3:.12g} mm\n# Height: {l2 * 1e3:.12g} mm\n# Value units: m\n"
+        text = head.replace(".", decimal) + "\n".join(lines)
         same(read_topography(write(tmp_path, "face.txt", text)), z, face.spacing, rtol=1e-15)
 
 
@@ -603,3 +605,33 @@ def test_a_file_of_an_instrument_in_a_wrong_channel(tmp_path):
     path = write(tmp_path, "face.plu", WRITERS[".plu"](Z, PIXEL))
     with pytest.raises(InputError, match="given channel=1, expected 0 to 0, it has 1 channels"):
         read_topography(path, channel=1)
+
+
+# --- memory -----------------------------------------------------------------------------------------------
+
+READ = """
+import sys
+import femseal as fs
+from femseal.base.machine import peak_memory
+
+used = []
+for path in sys.argv[1:]:  # the first loads what reading takes
+    fs.read_topography(path, spacing=(1e-6, 1e-6), height_unit="um")
+    used.append(peak_memory())
+print(used[1] - used[0])
+"""
+
+
+@pytest.mark.parametrize("kind", ["csv", "npy"])
+def test_files_are_read_in_three_times_their_memory(tmp_path, kind):
+    """A text of 40 MB by its length, a map of 4000² points by that of its heights; in a process of their own."""
+    paths = [tmp_path / f"{name}.{kind}" for name in ("small", "large")]
+    for path, n in zip(paths, (40, 2000 if kind == "csv" else 4000), strict=True):
+        z = np.random.default_rng(0).standard_normal((n, n))
+        if kind == "csv":
+            path.write_text("\n".join(" ".join(f"{v:.6f}" for v in line) for line in z))
+        else:
+            np.save(path, z)
+    size = paths[1].stat().st_size if kind == "csv" else 8 * 4000**2
+    done = subprocess.run([sys.executable, "-c", READ, *paths], capture_output=True, text=True, check=True)
+    assert int(done.stdout) < 3 * size
