@@ -19,7 +19,7 @@ OIL = fs.Liquid(viscosity=0.02, density=870)
 def prepared() -> fs.Topography:
     """The face as a run takes it: filled, freed of tilt and curvature, without waves below 10 µm."""
     face = fs.read_topography(FILE)
-    surface, _ = fs.condition(face, detrend=2, shortest_wavelength=10e-6, max_undefined=0.03, shape=(240, 480))
+    surface, _ = fs.condition(face, detrend=2, shortest_wave=10e-6, max_undefined=0.03, shape=(240, 480))
     return surface
 
 

@@ -77,6 +77,10 @@ def new(
         Path | None,
         typer.Option("--from", metavar="FILE", help="Measured face that the case is of.", show_default="none"),
     ] = None,
+    spacing: Annotated[
+        tuple[str, str] | None, option("Pixel of the face, such as '2 um' '2 um'.", "as the file says")
+    ] = None,
+    height_unit: Annotated[str | None, option("Unit of its heights, such as um.", "as the file says")] = None,
 ) -> None:
     """Write a commented case file to start from, also of a measured face."""
     from importlib.resources import files
@@ -88,7 +92,7 @@ def new(
     else:
         from .preparation.survey import case_of_face
 
-        text = case_of_face(face, path.absolute().parent)
+        text = case_of_face(face, path.absolute().parent, spacing=spacing, height_unit=height_unit)
     with writing("path", path):
         path.write_text(text, encoding="utf-8")
     typer.echo(f"{path} written; edit it, then: femseal run {path}")
@@ -232,6 +236,8 @@ def surface(
     crop: Annotated[
         tuple[str, str, str, str] | None, option("Part that is used: x1 from, x1 to, x2 from, x2 to.", "the whole")
     ] = None,
+    tip_radius: Annotated[str | None, option("Radius of the tip of the instrument.", "as the file says")] = None,
+    resolution: Annotated[str | None, option("Lateral period limit of the instrument.", "as the file says")] = None,
     spikes: Annotated[float, typer.Option(help="Robust deviations beyond which an isolated point is a spike.")] = 6.0,
     detrend: Annotated[int, typer.Option(help="Form taken off: 0 mean, 1 tilt, 2 tilt and curvature.")] = 1,
     shortest_wave: Annotated[str | None, option("Low-pass of a run.", "measured ones")] = None,
@@ -257,6 +263,8 @@ def surface(
         mask=mask,
         file_mask=file_mask,
         crop=crop,
+        tip_radius=tip_radius,
+        resolution=resolution,
         spikes=spikes,
         detrend=detrend,
         shortest_wave=shortest_wave,

@@ -164,6 +164,8 @@ _SINCE_0_2 = {
     *(("material", key) for key in ("name", "hardening", "hardness_table", "hardness_tolerance")),
     *(("material", key) for key in ("nix_gao_depth", "smallest_depth")),
 }
+#: Those that version 0.2 does not have.
+_SINCE_0_3 = {("face", "tip_radius"), ("face", "resolution")}
 _NUMBER_KINDS = {"string": "text", "number": "number", "integer": "whole number", "boolean": "true or false"}
 
 
@@ -227,6 +229,7 @@ def _row(key, field, schema, where, said):
     needed = _NEEDED.get(key) or where or ("yes" if field.is_required() else "no")
     unit = "" if quantity is None else quantity.unit.replace("*", "·").replace("^3", "³")
     since = "0.2" if {key, ("", key[0])} & _SINCE_0_2 else "0.1"
+    since = "0.3" if key in _SINCE_0_3 else since
     meaning = said.get(key, "").replace("|", r"\|")
     return " | ".join([f"| `{key[1]}`", _type(schema, quantity), unit, default, needed, since, meaning, ""]).strip()
 

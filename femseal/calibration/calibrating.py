@@ -158,7 +158,7 @@ def _ranges(case: Case, given: dict[str, Range | None]) -> tuple[Array, float]:
     if known is None or not np.isfinite(known) or table.hardness_table is not None:
         raise InputError(case.softer, "no single hardness", "a yield_stress or a hardness, which is calibrated")
     prepared = prepare(case)
-    surface, wave = prepared.scene.surface, prepared.conditioning.shortest_wavelength
+    surface, wave = prepared.scene.surface, prepared.conditioning.shortest_wave
     least = {"hardness": 1.01 * float(prepared.scene.steps.pressures.max()), "factor": 0.0,
              "shortest_wave": resolved_wave(surface.size, surface.shape)}  # fmt: skip
     # two waves in a piece

@@ -13,7 +13,7 @@ import numpy as np
 from pydantic import BeforeValidator, Field, WithJsonSchema
 
 from ..base import InputError, shortened
-from ..topography import SPIKES, Topography, read_topography, self_affine, turned
+from ..topography import SPIKES, Instrument, Topography, read_measured, self_affine, turned
 from .faults import fault, refusal
 from .values import (
     Angle,
@@ -51,10 +51,10 @@ class SelfAffineFace(Table):
     roll_off: Wave | None = None
     cut_off: Wave | None = None
 
-    def make(self, folder: Path, rng: np.random.Generator) -> Topography:
-        """The face."""
+    def make(self, folder: Path, rng: np.random.Generator) -> tuple[Topography, Instrument]:
+        """The face, which no instrument limits."""
         given = self.model_dump(exclude={"kind", "points", "size"})
-        return self_affine(self.points, self.size, rng=rng, **given)
+        return self_affine(self.points, self.size, rng=rng, **given), Instrument()
 
 
 class TurnedFace(Table):
@@ -75,10 +75,10 @@ class TurnedFace(Table):
     roughness_roll_off: Wave | None = None
     cut_off: Wave | None = None
 
-    def make(self, folder: Path, rng: np.random.Generator) -> Topography:
-        """The face."""
+    def make(self, folder: Path, rng: np.random.Generator) -> tuple[Topography, Instrument]:
+        """The face, which no instrument limits."""
         given = self.model_dump(exclude={"kind", "points", "size"})
-        return turned(self.points, self.size, rng=rng, **given)
+        return turned(self.points, self.size, rng=rng, **given), Instrument()
 
 
 def _part(value: Any) -> Any:
@@ -104,6 +104,8 @@ class MapFile(Table):
     file_mask: bool = True
     crop: Annotated[tuple[Place, Place, Place, Place] | None, BeforeValidator(_part)] = None
     periodic: Annotated[tuple[bool, bool], Both()] = (False, False)
+    tip_radius: Wave | None = None
+    resolution: Wave | None = None
 
 
 def _tables(given: Any) -> Any:
@@ -164,12 +166,12 @@ class FileFace(MapFile):
             raise fault("face.places", f"'{shortened(twice[0].path)}' twice", "each place once")
         return found
 
-    def make(self, folder: Path, rng: np.random.Generator) -> Topography:
-        """The face, of one map."""
+    def make(self, folder: Path, rng: np.random.Generator) -> tuple[Topography, Instrument]:
+        """The face, of one map, and its instrument."""
         given = self.model_dump(exclude={"kind", "path", "places", "mask", *_PLACEMENT})
         path, mask = folder / (self.path or ""), None if self.mask is None else folder / self.mask
         try:
-            return read_topography(path, mask=mask, **given)
+            return read_measured(path, mask=mask, **given)
         except InputError as error:  # of a file, which it names
             keys = (f"{key}, " for key, file in (("path", path), ("mask", mask)) if error.what.startswith(str(file)))
             raise InputError(next(keys, "") + error.what, error.given, error.expected) from None

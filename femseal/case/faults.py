@@ -62,7 +62,7 @@ _KEY = re.compile(r"\s*([\w.-]+)\s*=")
 _UNQUOTED = re.compile(r"\s*([\w.-]+)\s*=\s*([-+]?[\d.][^\"'#\[\]{}]*?)\s*(?:#.*)?$")
 #: Arguments of `topography` by their key in a case.
 SURFACE_KEYS = {
-    "shortest_wavelength": "surface.shortest_wave",
+    "shortest_wave": "surface.shortest_wave",
     "max_share": "surface.max_undefined",
     "continue_spectrum": "surface.continue_spectrum",
     "shape": "surface.points",

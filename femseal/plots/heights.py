@@ -230,7 +230,7 @@ def _radial_panel(axes: Axes, flat: Topography, report: SurfaceReport, condition
                         label=f"plateau beyond {to_text(report.roll_off, 'm', 3)}")  # fmt: skip
     marks = [(report.shortest_wave, STYLES[3], "shortest wave measured")]
     if conditioning is not None:
-        marks.insert(0, (conditioning.shortest_wavelength, STYLES[2], "low-pass of a run"))
+        marks.insert(0, (conditioning.shortest_wave, STYLES[2], "low-pass of a run"))
     for wave, (colour, style, _), label in marks:
         axes.axvline(1e6 * wave, color=colour, ls=style, lw=1.3, label=f"{label}, {to_text(wave, 'm', 3)}")
     axes.set(xlabel=_WAVELENGTH, ylabel="spectral density [m⁴]")

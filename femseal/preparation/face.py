@@ -3,8 +3,9 @@
 Its grooves run around the seal as rings, or as the spiral that a lathe cuts.
 """
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
+from itertools import chain
 from math import inf
 from typing import Any
 
@@ -25,6 +26,7 @@ from ..topography import (
     MOST_POINTS,
     Conditioning,
     Continuation,
+    Instrument,
     Overlap,
     Places,
     Repair,
@@ -74,20 +76,22 @@ def conditioned_face(case: Case) -> ConditionedFace:
             check_memory_of_points(f"{place}.points", table.points)
     raws, separately, overlap, spikes = _combined_faces(case)
     every = []
-    for raw in raws:
+    for raw, _ in raws:
         with with_keys(SURFACE_KEYS | {"heights": "face"}):
             every.append(repair(raw, spikes=spikes, **_treatment(case)))
     flat, repaired = every[0]
+    instrument = _worst([(face, own) for (face, _), (_, own) in zip(every, raws, strict=True)])
     if len(every) > 1:
         # what was repaired is said of each, as of two faces
         separately, repaired = separately or every, replace(repaired, removed=np.zeros(1))
         with with_keys({"places": "face.places"}):
             flat = Places([face for face, _ in every])
-    cut_off, longest = case.surface.continue_spectrum, case.surface.shortest_wave
+    cut_off, asked = case.surface.continue_spectrum, case.surface.shortest_wave
+    longest = asked or instrument.resolution
     with with_keys(SURFACE_KEYS):
         continued = None if cut_off is None else continuation_of(flat, cut_off, longest=longest, seed=case.seed)
-    shape = _grid(case, flat)
-    wave = continued.longest if continued else longest or default_wave(flat, shape)
+    shape = _grid(case, flat, instrument)
+    wave = continued.longest if continued else asked or default_wave(flat, shape, instrument)
     check_memory_of_points("surface.points", shape, len(flat.each))
     of_one = _asked_pieces(case, shortest_place(flat).size)
     if of_one is None and "two-scale" in case.methods:
@@ -96,14 +100,14 @@ def conditioned_face(case: Case) -> ConditionedFace:
     with with_keys(SURFACE_KEYS):
         one = shortest_place(flat)
         check_wave(wave, one.size, (shape[0], round(shape[1] * one.shape[1] / flat.shape[1])))
-        surface, report = smooth(flat, repaired, shortest_wavelength=wave, shape=shape)
+        surface, report = smooth(flat, repaired, shortest_wave=wave, shape=shape, instrument=instrument)
     if of_one is not None:
         Cut.of(shortest_place(surface), of_one)  # refuses pieces of too few points
     report = _of_generated(case, flat, replace(report, **_found(separately, wave)))
     if continued is not None:
         surface = continued.added_to(surface)
         slope, height = surface.rms_slope, surface.rms_height
-        report = replace(report, shortest_wavelength=continued.cut_off, rms_slope=slope, rms_height=height)
+        report = replace(report, shortest_wave=continued.cut_off, rms_slope=slope, rms_height=height, unseen_slope=0.0)
     return ConditionedFace(surface, report, overlap, cells, continued)
 
 
@@ -112,14 +116,23 @@ def face_places(case: Case) -> list[str]:
     return ["face"] if len(case.face) == 1 else [f"face.{n}" for n in range(len(case.face))]
 
 
-def _combined_faces(case: Case) -> tuple[list[Topography], list[tuple[Topography, Repair]], Overlap | None, float]:
-    """Every place of one face as it is, or of the sum of two repaired ones.
+#: A map with the instrument that measured it.
+Measured = tuple[Topography, Instrument]
+
+
+def _worst(faces: Sequence[Measured]) -> Instrument:
+    """An instrument that sees what those of all flat maps see."""
+    return Instrument(resolution=max(instrument.shortest_wave(flat) for flat, instrument in faces) or None)
+
+
+def _combined_faces(case: Case) -> tuple[list[Measured], list[tuple[Topography, Repair]], Overlap | None, float]:
+    """Every place of one face as it is, or of the sum of two repaired ones, with their instruments.
 
     Also returned: the repairs of the two, their overlap, and the threshold of the spikes that the sum still has.
     """
     # every face has its own random stream, independent of later draws of the method
     seeds = np.random.SeedSequence(case.seed).spawn(len(case.face))
-    faces: list[list[Topography]] = []
+    faces: list[list[Measured]] = []
     for place, table, seed in zip(face_places(case), case.face, seeds, strict=True):
         rng = np.random.default_rng(seed)
         with with_keys(FACE_KEYS, place):
@@ -131,14 +144,16 @@ def _combined_faces(case: Case) -> tuple[list[Topography], list[tuple[Topography
     repaired: list[list[tuple[Topography, Repair]]] = []
     for place, maps, most in zip(face_places(case), faces, thresholds, strict=True):
         with with_keys(SURFACE_KEYS | {"heights": place}):
-            repaired.append([repair(face, spikes=most, **_treatment(case)) for face in maps])
+            repaired.append([repair(face, spikes=most, **_treatment(case)) for face, _ in maps])
     table = case.face[1]
     placement = table.placement if isinstance(table, FileFace) else {}
     first, second = repaired
     # place n of one face lies on place n of the other; where there are fewer they come again
     pairs = [(first[n % len(first)], second[n % len(second)]) for n in range(max(len(first), len(second)))]
     both = [combine(a, b, **placement) for (a, _), (b, _) in pairs]
-    return [surface for surface, _ in both], [found for pair in pairs for found in pair], both[0][1], inf
+    every = zip(chain(*repaired), chain(*faces), strict=True)
+    worst = _worst([(flat, instrument) for (flat, _), (_, instrument) in every])
+    return [(surface, worst) for surface, _ in both], [found for pair in pairs for found in pair], both[0][1], inf
 
 
 def _of_generated(case: Case, flat: Topography, report: Conditioning) -> Conditioning:
@@ -167,7 +182,7 @@ def _found(repaired: list[tuple[Topography, Repair]], wavelength: float) -> dict
     }
 
 
-def _grid(case: Case, flat: Topography) -> tuple[int, int]:
+def _grid(case: Case, flat: Topography, instrument: Instrument) -> tuple[int, int]:
     """Points of the grid: those of the case, or of a generated face, or what the shortest measured wave takes.
 
     Those of the case are of one place, the others of all that were measured, side by side. A measured face keeps its
@@ -183,18 +198,18 @@ def _grid(case: Case, flat: Topography) -> tuple[int, int]:
         return resolving_shape(flat.size, cut_off)
     if not any(isinstance(face, FileFace) for face in case.face):
         return flat.shape
-    return default_grid(flat, case.surface.shortest_wave)
+    return default_grid(flat, case.surface.shortest_wave, instrument)
 
 
-def default_grid(flat: Topography, shortest_wave: float | None) -> tuple[int, int]:
+def default_grid(flat: Topography, shortest_wave: float | None, instrument: Instrument) -> tuple[int, int]:
     """Points on which a measured face is solved unless the case says otherwise, see `topography.resolving_shape`.
 
     flat : without undefined points.
-    shortest_wave : the low-pass, which decides if it is given [m].
+    shortest_wave : the low-pass, which decides if it is given [m]. instrument : what is known of it.
     """
     own, few = resolved_wave(flat.size, flat.shape), flat.heights.size <= MOST_POINTS
     if shortest_wave is None:
-        measured = spectrum(flat).shortest_wave
+        measured = max(spectrum(flat).shortest_wave, instrument.shortest_wave(flat))
         enough = flat.low_pass(own).rms_slope >= KEPT_SLOPE * flat.low_pass(measured).rms_slope
         return (
             flat.shape if enough and few else resolving_shape(flat.size, own if enough else measured, most=MOST_POINTS)

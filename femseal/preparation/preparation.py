@@ -83,7 +83,7 @@ def _form_tolerance(case: Case, sampling: Sampling | None, broader: bool) -> For
 
 def _check_pieces(surface: Topography, conditioning: Conditioning, cells: Pair | None) -> None:
     """Refuse pieces of fewer than two shortest waves a side."""
-    least = 2 * conditioning.shortest_wavelength
+    least = 2 * conditioning.shortest_wave
     sides = [side / m for side, m in zip(surface.size, cells or (1, 1), strict=True)]
     if cells is not None and min(sides) < least * (1 - 1e-9):
         given = f"pieces of {' × '.join(to_text(side, 'm', 3) for side in sides)}"
@@ -220,7 +220,7 @@ def _odd_filter(case: Case, scene: Scene, surface: Conditioning) -> Iterator[str
     """Warn where the low-pass removes much of the measured slope, and say what keeps it."""
     if case.surface.continue_spectrum is not None:
         return
-    measured, kept = (to_text(wave, "m", 3) for wave in (surface.shortest_measured, surface.shortest_wavelength))
+    measured, kept = (to_text(wave, "m", 3) for wave in (surface.shortest_measured, surface.shortest_wave))
     asked = case.surface.shortest_wave is not None or case.surface.points is not None
     place, places = shortest_place(scene.surface), len(scene.surface.each)
     points = resolving_shape(place.size, surface.shortest_measured)

@@ -189,7 +189,7 @@ class Prepared:
         found: dict[str, Any] = {
             "methods": sorted(self.methods),
             "points": list(scene.surface.shape),
-            "shortest wave": self.conditioning.shortest_wavelength,
+            "shortest wave": self.conditioning.shortest_wave,
             **({"seat": self.seat} if self.seat else {}),
             "solver": scene.solver,
         }

@@ -19,6 +19,8 @@ from ..plots import survey_figure
 from ..studies.first_answer import first_answer
 from ..topography import (
     Conditioning,
+    Instrument,
+    Look,
     Representative,
     SpikeEffect,
     SurfaceReport,
@@ -30,11 +32,12 @@ from ..topography import (
     representative,
     smooth,
 )
+from ..topography.formats import TEXT
 from .face import default_grid
 
 #: Arguments of `topography` by their option.
 SURFACE_OPTIONS = {
-    "shortest_wavelength": "--shortest-wave",
+    "shortest_wave": "--shortest-wave",
     "max_share": "--max-undefined",
     "max_undefined": "--max-undefined",
     "order": "--detrend",
@@ -43,7 +46,11 @@ SURFACE_OPTIONS = {
     "mask": "--mask",
     "file_mask": "--no-file-mask",
     "shape": "surface.points",
+    "tip_radius": "--tip-radius",
+    "resolution": "--resolution",
 }
+#: How a text lies, which differs from an array of NumPy.
+_ORIENTATION = "a line of the text runs along x1, the leakage; transpose makes it run along x2, as rows of NumPy do"
 _PICTURES = (".png", ".pdf", ".svg")
 #: What no file of heights says, by the table that says it.
 _OPEN = {
@@ -80,6 +87,8 @@ def survey(
     shortest_wave: str | None,
     max_undefined: float,
     crop: tuple[str, str, str, str] | None = None,
+    tip_radius: str | None = None,
+    resolution: str | None = None,
     channel: str = "0",
     **reading: Any,
 ) -> list[str]:
@@ -93,25 +102,26 @@ def survey(
     """
     if picture is not None and (picture.suffix.lower() not in _PICTURES or not picture.absolute().parent.is_dir()):
         raise InputError("output", f"'{picture}'", f"a file {', '.join(_PICTURES)} in a folder that exists")
-    lengths: dict[str, Any] = {
-        name: tuple(to_si(side, "m", f"--{name}") for side in sides)
-        for name, sides in (("size", size), ("spacing", spacing), ("crop", crop))
-        if sides is not None
-    }
+    lengths = _lengths(size=size, spacing=spacing, crop=crop)
     wave = None if shortest_wave is None else to_si(shortest_wave, "m", "--shortest-wave")
+    for name, length in (("tip_radius", tip_radius), ("resolution", resolution)):
+        if length is not None:
+            reading[name] = to_si(length, "m", f"--{name.replace('_', '-')}")
     treatment: dict[str, Any] = {"detrend": detrend, "spikes": spikes, "max_undefined": max_undefined}
     with with_keys(SURFACE_OPTIONS):
         validate.number("max_undefined", max_undefined, inclusive=True)
         number = int(channel) if channel.isdecimal() else channel
         seen = read_for_a_look(path, channel=number, **lengths, **reading)
         face = seen.topography
-        found = look(face, wave, treatment)
+        found = look(face, wave, treatment, seen.instrument)
     reasons = [*map(str, seen.doubts), *found.reasons]
     lines = [str(path), *_description(face, found)]
     lines += [f"note: a run refuses this face: {reason}" for reason in reasons]
     if seen.masked_fraction:
         fraction = f"{100 * seen.masked_fraction:.3g} %"
         lines.append(f"note: {fraction} of the points in the file are masked in it: --no-file-mask takes their heights")
+    if path.suffix.lower() in TEXT:
+        lines.append(f"note: {_ORIENTATION}")
     if found.report is not None and found.conditioning is not None:
         texts = notes(found.report, found.conditioning)
         texts += [text for one in found.patch for text in one.doubts or [str(one)]]
@@ -126,7 +136,16 @@ def survey(
     return lines
 
 
-def look(face: Topography, wave: float | None, treatment: dict[str, Any]) -> _Look:
+def _lengths(**said: tuple[str, ...] | None) -> dict[str, Any]:
+    """Lengths [m] of the options that are given, by their name."""
+    return {
+        name: tuple(to_si(length, "m", f"--{name}") for length in lengths)
+        for name, lengths in said.items()
+        if lengths is not None
+    }
+
+
+def look(face: Topography, wave: float | None, treatment: dict[str, Any], instrument: Instrument) -> _Look:
     """Describe and condition the face."""
     if face.undefined_fraction == 1:
         return _Look(reasons=("none of its points is defined",))
@@ -139,7 +158,8 @@ def look(face: Topography, wave: float | None, treatment: dict[str, Any]) -> _Lo
     try:
         with with_keys(SURFACE_OPTIONS):
             flat, repaired = repair(face, **treatment)
-            kept, conditioning = smooth(flat, repaired, shortest_wavelength=wave, shape=default_grid(flat, wave))
+            shape = default_grid(flat, wave, instrument)
+            kept, conditioning = smooth(flat, repaired, shortest_wave=wave, shape=shape, instrument=instrument)
     except InputError as error:
         if wave is not None and not isinstance(error.__cause__, TooManyUndefined):  # the caller's wave, not the face
             raise
@@ -148,7 +168,7 @@ def look(face: Topography, wave: float | None, treatment: dict[str, Any]) -> _Lo
     if not kept.rms_slope:
         return found
     curved = flat.with_heights(flat.heights + repaired.form.heights).detrend(1)
-    curved = curved.low_pass(conditioning.shortest_wavelength)
+    curved = curved.low_pass(conditioning.shortest_wave)
     # leakage does not depend on E* itself
     hardness = _HARDNESS * curved.rms_slope
     pressures = [part * hardness for part in _PRESSURES]
@@ -180,23 +200,30 @@ def notes(report: SurfaceReport, conditioning: Conditioning) -> list[str]:
     """Advice that follows from the numbers."""
     effect = SpikeEffect(conditioning.spikes_along_lay, conditioning.spikes_extreme)
     notes = effect.doubts(conditioning.spikes)
-    if report.shortest_wave > conditioning.shortest_wavelength * (1 + 1e-9):
+    if report.shortest_wave > conditioning.shortest_wave * (1 + 1e-9):
         wave = to_text(report.shortest_wave, "m", 3)
         notes.append(f"waves below {wave} are noise or beyond the instrument: shortest_wave = '{wave}' removes them")
+    if conditioning.unseen:
+        notes.append(conditioning.unseen)
     if not isnan(report.lay_direction) and abs(report.lay_direction) > pi / 4:
         angle = degrees(abs(report.lay_direction))
         notes.append(f"the lay runs {angle:.0f}° off x2, along the leakage: transpose exchanges the axes")
     return notes
 
 
-def case_of_face(path: Path, folder: Path) -> str:
+def case_of_face(
+    path: Path, folder: Path, *, spacing: tuple[str, str] | None = None, height_unit: str | None = None
+) -> str:
     """Text of a case of a measured face, for a file in a folder; its last tables hold values of the template.
 
-    Raises InputError: no face can be read from the file.
+    spacing, height_unit : pixel, with its unit, and unit of the heights, where the file does not say them.
+
+    Raises InputError: no face can be read from the file; neither it nor the caller says its pixel or its unit.
     """
-    seen = read_for_a_look(path)
+    seen = read_for_a_look(path, height_unit=height_unit, **_lengths(spacing=spacing))
+    _ask_for_scale(path, seen)
     given = SurfaceTable().model_dump(include={"detrend", "spikes", "max_undefined"})
-    face, found = seen.topography, look(seen.topography, None, given)
+    face, found = seen.topography, look(seen.topography, None, given, seen.instrument)
     sides = [to_text(side, "m", 6) for side in face.size]
     name = os.path.relpath(path, folder).replace(os.sep, "/")
     lines = [
@@ -207,6 +234,9 @@ def case_of_face(path: Path, folder: Path) -> str:
         "",
         "[face]",
         f"path = {json.dumps(name, ensure_ascii=False)}",
+        *([] if spacing is None else [f"spacing = {json.dumps(spacing, ensure_ascii=False)}"]),
+        *([] if height_unit is None else [f"height_unit = {json.dumps(height_unit, ensure_ascii=False)}"]),
+        *([f"# {_ORIENTATION}"] if path.suffix.lower() in TEXT else []),
         f"# size = {json.dumps(sides, ensure_ascii=False)}  # as the file says: ? is that the field of the instrument",
     ]
     questions, surface = [*map(str, seen.doubts), *found.reasons], []
@@ -216,7 +246,7 @@ def case_of_face(path: Path, folder: Path) -> str:
         found_notes = notes(found.report, found.conditioning)
         questions += [note for note in found_notes if "shortest_wave" not in note]
         questions += [text for one in found.patch for text in one.doubts]
-        measured, kept = found.report.shortest_wave, found.conditioning.shortest_wavelength
+        measured, kept = found.report.shortest_wave, found.conditioning.shortest_wave
         text, why = to_text(max(measured, kept), "m", 3), "the shortest one above noise"
         if text != (shortest := to_text(measured, "m", 3)):
             why = f"8 pixels of the grid of a run; waves down to {shortest} stand above noise"
@@ -225,3 +255,13 @@ def case_of_face(path: Path, folder: Path) -> str:
     for table, question in _OPEN.items():
         lines += ["", f"# ? {question}", *table_to_paste(table).splitlines()]
     return "\n".join(lines) + "\n"
+
+
+def _ask_for_scale(path: Path, seen: Look) -> None:
+    """Raise InputError where nothing says the pixel of a map, or the unit of its heights; arrays of NumPy are in m."""
+    has_pixel, has_unit = seen.said
+    missing = {} if has_pixel else {"pixel size": "--spacing '1 um' '1 um'"}
+    if not has_unit and path.suffix.lower() not in (".npy", ".npz"):
+        missing["unit of heights"] = "--height-unit um"
+    if missing:
+        raise InputError(str(path), f"no {' and no '.join(missing)}", f"{' and '.join(missing.values())}, as measured")

@@ -2,7 +2,7 @@
 
 import logging
 from dataclasses import replace
-from math import ceil, log2, prod
+from math import ceil, prod
 
 import numpy as np
 
@@ -44,7 +44,7 @@ def coarser_points(points: Pair, least: Pair = (1, 1)) -> Pair | None:
 
 def wave_pixels(prepared: Prepared) -> float:
     """Pixels of the scene to its shortest wave."""
-    return prepared.conditioning.shortest_wavelength / max(prepared.scene.surface.spacing)
+    return prepared.conditioning.shortest_wave / max(prepared.scene.surface.spacing)
 
 
 def carries_quarter(prepared: Prepared) -> bool:
@@ -78,7 +78,7 @@ def without_filtered_waves(prepared: Prepared, leakage: Array | None = None) -> 
     """The version without waves up to twice the shortest one, at some of the steps; None where none were removed."""
     if removed_octaves(prepared) < LEAST_OCTAVES:
         return None
-    surface, wave = prepared.scene.surface, 2 * prepared.conditioning.shortest_wavelength
+    surface, wave = prepared.scene.surface, 2 * prepared.conditioning.shortest_wave
     n1, n2 = (ceil(n / 2) for n in surface.shape)
     least1, least2 = prepared.least_points
     if wave >= max(surface.size) or n1 < least1 or n2 < least2:
@@ -103,16 +103,13 @@ def continued_scenes(grid: Prepared) -> list[Scene]:
 
 
 def removed_octaves(prepared: Prepared) -> float:
-    """Octaves of waves above noise that the low-pass removed from the face."""
-    found = prepared.conditioning
-    if not found.lost_slope > 0:
-        return 0.0
-    return max(0.0, log2(found.shortest_wavelength / found.shortest_measured))
+    """Octaves of waves that the face lacks: removed by the low-pass, or not seen by its instrument."""
+    return prepared.conditioning.removed_octaves
 
 
 def kept_slope(prepared: Prepared) -> float:
-    """Rms slope of the face over that with the waves above noise that the low-pass removed; 1 where none matter."""
-    return 1.0 if removed_octaves(prepared) < LEAST_OCTAVES else 1.0 - prepared.conditioning.lost_slope
+    """Rms slope of the face over that with the waves that it lacks; 1 where none matter."""
+    return 1.0 if removed_octaves(prepared) < LEAST_OCTAVES else prepared.conditioning.kept_slope
 
 
 def at_some_steps(scene: Scene, leakage: Array | None, stride: int = 2, *, least: int = LEAST_LOADS) -> Scene:

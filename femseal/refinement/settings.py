@@ -192,7 +192,7 @@ def _pixels(made: Prepared, settings: Settings, given: dict[str, str]) -> Refine
 
 
 def _filter(made: Prepared, settings: Settings, given: dict[str, str]) -> Refinement:
-    wave = to_text(made.conditioning.shortest_wavelength, "m", 3)
+    wave = to_text(made.conditioning.shortest_wave, "m", 3)
     text = f"waves below {wave} were removed: a shorter surface.shortest_wave with more surface.points keeps them"
     return Refinement(None, f"{text}, as far as they were measured")
 

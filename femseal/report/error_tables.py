@@ -73,8 +73,8 @@ def check_lines(results: Results) -> Lines:
     if first := data.attrs.get("first_answer"):
         lines.append(("first answer", str(first), "leakage on loading that would be plausible, beside that computed"))
     surface = json.loads(data.attrs["surface"])
-    if "shortest_wavelength" in surface and "spacing" in surface:
-        wave, pixel = surface["shortest_wavelength"], max(surface["spacing"])
+    if "shortest_wave" in surface and "spacing" in surface:
+        wave, pixel = surface["shortest_wave"], max(surface["spacing"])
         meaning = f"of {to_text(pixel, 'm', 3)} to the shortest wave, {to_text(wave, 'm', 3)}"
         lines.append(("resolution", f"{wave / pixel:.3g} pixels", meaning))
         if (before := surface.get("rms_slope_before")) and "continuation" not in surface:

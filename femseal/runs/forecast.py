@@ -296,19 +296,21 @@ def _surface_facts(prepared: Prepared) -> Iterator[tuple[str, str]]:
             yield "", str(known)
     if prepared.continuation:
         yield "", prepared.continuation_text
-    shortest = report.shortest_wavelength
+    shortest = report.shortest_wave
     kept = f"waves below {to_text(shortest, 'm', 3)} ({shortest / max(surface.spacing):.3g} pixels) removed"
     removed = 1 - surface.rms_slope / report.rms_slope_before if report.rms_slope_before else 0.0
     if removed > 0.005:
         measured = to_text(report.shortest_measured, "m", 3)
         kept += f", with {removed:.0%} of the rms slope, {report.lost_slope:.0%} of that above noise ({measured})"
     yield "filter", kept
+    if report.unseen:
+        yield "", report.unseen + ("; they count as removed in the error budget" if report.unseen_slope else "")
 
 
 def _pieces(prepared: Prepared, count: tuple[int, int]) -> str:
     """Number and size of pieces."""
     sizes = [side / m for side, m in zip(prepared.scene.surface.size, count, strict=True)]
-    waves = [length / prepared.conditioning.shortest_wavelength for length in sizes]
+    waves = [length / prepared.conditioning.shortest_wave for length in sizes]
     few = f"; {ADVISED_WAVES} or more are advised" if min(waves) < ADVISED_WAVES * 0.99 else ""
     size = " × ".join(to_text(length, "m", 3) for length in sizes)
     return f"{count[0]} × {count[1]} of about {size}, that is {waves[0]:.3g} × {waves[1]:.3g} shortest waves{few}"

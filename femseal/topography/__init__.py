@@ -28,8 +28,9 @@ if TYPE_CHECKING:
     from .defects import SPIKES, TooManyUndefined
     from .describe import SurfaceReport, describe_surface
     from .generate import self_affine, turned
+    from .instrument import Instrument
     from .places import Places, of_all_places, shortest_place
-    from .read import read_for_a_look, read_topography
+    from .read import Look, read_for_a_look, read_measured, read_topography
     from .representative import Representative, representative
     from .seat import BallOnCone, CrownedSeat, FlatSeat, ProfileSeat, RoundedSeat, Seat, TiltedSeat
     from .texture import spectrum

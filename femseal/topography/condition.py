@@ -8,8 +8,9 @@ Source: section 4.1 of the model, after Pérez-Ràfols et al., Tribol. Lett. (20
 in Fourier space so that the shortest wave is resolved by at least 8 pixels.
 """
 
+import warnings
 from dataclasses import dataclass, field
-from math import atan, ceil, inf, isnan, prod, sqrt
+from math import atan, ceil, hypot, inf, isnan, log2, prod, sqrt
 
 import numpy as np
 import scipy
@@ -19,6 +20,7 @@ from scipy.fft import next_fast_len
 from ..base import InputError, Labelled, counted, to_text, validate
 from .defects import ALL_NEIGHBOURS, SPIKES, Form, TooManyUndefined, fit_form
 from .generate import PIXELS_PER_WAVE
+from .instrument import UNKNOWN, UNSEEN, Instrument
 from .spectral import SLACK
 from .texture import spectrum, texture
 from .topography import Topography
@@ -168,8 +170,10 @@ class Conditioning(Labelled):
     removed_curvature: tuple[float, float, float] = field(
         metadata={"unit": "1/m", "label": "curvature removed: 11, 12, 22"}
     )
-    shortest_measured: float = field(metadata={"unit": "m", "label": "shortest wavelength above noise, cut-off"})
-    shortest_wavelength: float = field(metadata={"unit": "m", "label": "shortest wavelength kept"})
+    shortest_seen: float | None = field(metadata={"unit": "m", "label": "shortest wave that the instrument sees"})
+    unseen_slope: float | None = field(metadata={"unit": "", "label": "rms slope of a decade of waves not measured"})
+    shortest_measured: float = field(metadata={"unit": "m", "label": "shortest wave above noise, cut-off"})
+    shortest_wave: float = field(metadata={"unit": "m", "label": "shortest wave kept"})
     rms_height_before: float = field(metadata={"unit": "m", "label": "Sq before the low-pass"})
     rms_height: float = field(metadata={"unit": "m", "label": "Sq"})
     rms_slope_before: float = field(metadata={"unit": "", "label": "rms slope before the low-pass"})
@@ -187,15 +191,43 @@ class Conditioning(Labelled):
             return 0.0
         return max(0.0, 1 - self.rms_slope / self.rms_slope_measured)
 
+    @property
+    def removed_octaves(self) -> float:
+        """Octaves of waves that the face lacks: above noise and removed, and those that the instrument did not see."""
+        removed = max(0.0, log2(self.shortest_wave / self.shortest_measured)) if self.lost_slope > 0 else 0.0
+        return removed + (log2(UNSEEN) if self.unseen_slope else 0.0)
+
+    @property
+    def kept_slope(self) -> float:
+        """Rms slope over that with the waves of `removed_octaves`."""
+        whole = hypot(self.rms_slope_measured, self.unseen_slope or 0.0)
+        return (1 - self.lost_slope) * self.rms_slope_measured / whole if whole else 1.0
+
+    @property
+    def unseen(self) -> str:
+        """A sentence on the waves that the instrument does not see; "" where no limit is known, or they were added."""
+        if self.shortest_seen is None or self.unseen_slope == 0:
+            return ""
+        text = f"the instrument sees no wave below {to_text(self.shortest_seen, 'm', 3)}"
+        if self.unseen_slope is None:
+            return f"{text}; the spectrum follows no power law that says what slope lies beyond"
+        first, last = (to_text(wave, "m", 3) for wave in (self.shortest_measured, self.shortest_measured / UNSEEN))
+        return (
+            f"{text}; by the power law of the spectrum those from {first} to {last} have a rms slope of "
+            f"{self.unseen_slope:.3g}, beside {self.rms_slope_measured:.3g} of those that were measured"
+        )
+
 
 def condition(
     topography: Topography,
     *,
     spikes: float = SPIKES,
     detrend: int = 1,
-    shortest_wavelength: float | None = None,
+    shortest_wave: float | None = None,
     max_undefined: float = 0.05,
     shape: tuple[int, int] | None = None,
+    instrument: Instrument = UNKNOWN,
+    shortest_wavelength: float | None = None,
 ) -> tuple[Topography, Conditioning]:
     """Take off the form of the defined points, fill spikes and undefined ones, low-pass, resample if asked.
 
@@ -204,11 +236,13 @@ def condition(
     topography : the map as measured.
     spikes : threshold of isolated points that are taken for undefined ones, see `find_spikes`; infinite leaves them.
     detrend : order of the form removed: 0 mean, 1 tilt, 2 tilt and curvature.
-    shortest_wavelength : waves kept are no shorter [m]. Unless given: 8 pixels of the final grid, but no less than the
+    shortest_wave : waves kept are no shorter [m]. Unless given: 8 pixels of the final grid, but no less than the
         shortest wave above noise and cut-off of the instrument (see `describe_surface`), or 8 measured pixels where
-        these are shorter. A wave of less than 8 measured pixels needs `shape` with a grid that gives it 8 pixels.
+        these are shorter, and no less than the instrument sees. A wave of less than 8 measured pixels needs `shape`
+        with a grid that gives it 8 pixels.
     max_undefined : largest fraction of undefined points (0 to 1) that may be filled, spikes included.
     shape : final number of points; as measured unless given.
+    instrument : what is known of it. shortest_wavelength : former name of shortest_wave.
 
     Returns
     -------
@@ -219,24 +253,30 @@ def condition(
     InputError : too many undefined points; a shortest wavelength of less than 8 pixels, or longer than the
         map.
     """
-    final = topography.shape if shape is None else validate.grid("shape", shape)
     if shortest_wavelength is not None:
-        check_wave(shortest_wavelength, topography.size, final)
+        warnings.warn("shortest_wavelength is shortest_wave now", DeprecationWarning, stacklevel=2)
+        shortest_wave = shortest_wavelength
+    final = topography.shape if shape is None else validate.grid("shape", shape)
+    if shortest_wave is not None:
+        check_wave(shortest_wave, topography.size, final)
     flat, repaired = repair(topography, spikes=spikes, max_undefined=max_undefined, detrend=detrend)
-    return smooth(flat, repaired, shortest_wavelength=shortest_wavelength, shape=final)
+    return smooth(flat, repaired, shortest_wave=shortest_wave, shape=final, instrument=instrument)
 
 
 def smooth(
     flat: Topography,
     repaired: Repair,
     *,
-    shortest_wavelength: float | None = None,
+    shortest_wave: float | None = None,
     shape: tuple[int, int] | None = None,
+    instrument: Instrument = UNKNOWN,
 ) -> tuple[Topography, Conditioning]:
     """Low-pass and resample what `repair` returned; other arguments, results and errors are those of `condition`."""
     final = flat.shape if shape is None else shape
-    measured = spectrum(flat).shortest_wave
-    wave = default_wave(flat, final) if shortest_wavelength is None else shortest_wavelength
+    waves, seen = spectrum(flat), instrument.shortest_wave(flat)
+    measured = max(waves.shortest_wave, seen)
+    unseen = sqrt(waves.law.slope_power(measured, measured / UNSEEN)) if waves.law and seen else None
+    wave = default_wave(flat, final, instrument) if shortest_wave is None else shortest_wave
     shortest = check_wave(wave, flat.size, final)
     kept = flat.low_pass(shortest).resample(final)
     tilt1, tilt2 = repaired.form.slopes
@@ -248,8 +288,10 @@ def smooth(
         spikes_extreme=effect.extreme,
         removed_tilt=(atan(tilt1), atan(tilt2)),
         removed_curvature=repaired.form.curvatures,
+        shortest_seen=seen or None,
+        unseen_slope=unseen,
         shortest_measured=measured,
-        shortest_wavelength=shortest,
+        shortest_wave=shortest,
         rms_height_before=flat.rms_height,
         rms_height=kept.rms_height,
         rms_slope_before=flat.rms_slope,
@@ -262,13 +304,14 @@ def smooth(
     )
 
 
-def default_wave(flat: Topography, shape: tuple[int, int]) -> float:
+def default_wave(flat: Topography, shape: tuple[int, int], instrument: Instrument = UNKNOWN) -> float:
     """Shortest wave that is kept on a grid unless given [m], see `condition`.
 
-    A longer one than 8 pixels of the map would be a guess: noise is removed on demand only.
+    A longer one than 8 pixels of the map would be a guess where the instrument is not known: noise is removed on demand
+    only.
     """
     kept = min(spectrum(flat).shortest_wave, resolved_wave(flat.size, flat.shape))
-    return max(resolved_wave(flat.size, shape), kept)
+    return max(resolved_wave(flat.size, shape), kept, instrument.shortest_wave(flat))
 
 
 def resolved_wave(size: tuple[float, float], shape: tuple[int, int]) -> float:
@@ -293,12 +336,12 @@ def resolving_shape(size: tuple[float, float], wave: float, *, most: float = inf
 
 def check_wave(wave: float, size: tuple[float, float], shape: tuple[int, int]) -> float:
     """The wave; InputError if it has fewer than 8 pixels of a grid, or is no shorter than a face of such sides [m]."""
-    shortest, resolved = validate.number("shortest_wavelength", wave, unit="m"), resolved_wave(size, shape)
+    shortest, resolved = validate.number("shortest_wave", wave, unit="m"), resolved_wave(size, shape)
     if shortest < resolved * (1 - SLACK):
         finer = tuple(int(np.ceil(PIXELS_PER_WAVE * length / shortest - SLACK)) for length in size)
         allowed = f"at least {PIXELS_PER_WAVE} pixels = {to_text(resolved, 'm')}, or shape={finer} for a finer grid"
-        raise InputError("shortest_wavelength", to_text(shortest, "m"), allowed)
+        raise InputError("shortest_wave", to_text(shortest, "m"), allowed)
     if shortest >= max(size):
         allowed = f"less than the larger side, {to_text(max(size), 'm')}"
-        raise InputError("shortest_wavelength", to_text(shortest, "m"), allowed)
+        raise InputError("shortest_wave", to_text(shortest, "m"), allowed)
     return shortest

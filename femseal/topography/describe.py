@@ -3,8 +3,10 @@
 Parameters of roughness, of profiles and of the face, are those behind the Gaussian filters with the weight
 exp(−π(x/αλ)²)/αλ, α² = ln 2/π: half of a wave of the cut-off λ passes. λs takes off the shorter waves, λc the longer
 ones. Beyond its borders the map goes on as its mirror image.
-Sources: ISO 25178-2 (Sq, Sa, Sz, Ssk, Sku, Sal, Str, Std), ISO 21920-2 (Ra, Rz, Rq, Rsk), ISO 21920-3 (cut-offs),
-ISO 16610-21 and 16610-61 (filters).
+The core of the curve of material ratios lies between the heights at which the secant over 40 % of the area that falls
+least meets 0 and 100 %; peaks and valleys are triangles of the area beyond them.
+Sources: ISO 25178-2 (Sq, Sa, Sz, Ssk, Sku, Sal, Str, Std, Sk, Spk, Svk, Smr, Sdr), ISO 21920-2 (Ra, Rz, Rq, Rsk),
+ISO 21920-3 (cut-offs), ISO 16610-21 and 16610-61 (filters).
 """
 
 from dataclasses import dataclass, field
@@ -68,6 +70,16 @@ class SurfaceReport(Labelled):
     sz: float = field(metadata={"unit": "m", "label": "Sz of the roughness"})
     sq: float = field(metadata={"unit": "m", "label": "Sq of the roughness"})
     ssk: float = field(metadata={"unit": "", "label": "Ssk of the roughness"})
+    nesting_index: tuple[float, float] = field(
+        metadata={"unit": "m", "label": "nesting indices S, L of the roughness", "joint": ", "}
+    )
+    sk: float = field(metadata={"unit": "m", "label": "Sk, height of the core"})
+    spk: float = field(metadata={"unit": "m", "label": "Spk, peaks above the core"})
+    svk: float = field(metadata={"unit": "m", "label": "Svk, valleys below the core"})
+    smr: tuple[float, float, float] = field(
+        metadata={"unit": "", "label": "Smr(c) at c = Sq, 0, −Sq from the mean", "joint": ", ", "percent": True}
+    )
+    sdr: float = field(metadata={"unit": "", "label": "Sdr, developed area beyond the flat one", "percent": True})
 
 
 def describe_surface(
@@ -160,7 +172,39 @@ def roughness(flat: Topography) -> dict[str, Any]:
     names = ("profile_cut_off", "ra", "rq", "rz", "rsk")
     areal = dict(zip(("sa", "sq", "ssk"), _moments(z.ravel()), strict=True))
     profiles = {name: (along[0][n], along[1][n]) for n, name in enumerate(names)}
-    return {**profiles, **areal, "sz": float(np.ptp(z))}
+    areal |= {"sz": float(np.ptp(z)), "sdr": developed_area(z, flat.spacing)}
+    return {**profiles, **areal, **material_ratios(z), "nesting_index": (short, cut_off)}
+
+
+#: Fraction of the area of the secant of the core.
+_CORE = 0.4
+#: Derivative of seven points (ISO 21920-2), in spacings.
+_DERIVATIVE = np.array([-1, 9, -45, 0, 45, -9, 1]) / 60
+
+
+def material_ratios(z: NDArray) -> dict[str, Any]:
+    """Sk, Spk, Svk [m] of heights (n1, n2), and Smr [-] at the rms height above the mean, at it and below."""
+    sq = float(z.std())
+    if not sq > 0:
+        return {"sk": sq, "spk": sq, "svk": sq, "smr": (nan,) * 3}
+    falling = np.sort(z, axis=None)[::-1]
+    n, m = z.size, max(1, round(_CORE * (z.size - 1)))
+    falls = falling[: n - m] - falling[m:]
+    # of several secants that fall alike the one in the middle
+    begin = int(np.median(np.flatnonzero(falls <= falls.min() * (1 + 1e-9))))
+    slope = falls[begin] / m * (n - 1)
+    top = falling[begin] + slope * begin / (n - 1)
+    peaks, valleys = falling[falling > top] - top, top - slope - falling[falling < top - slope]
+    ratios = tuple(float(np.mean(z >= z.mean() + c)) for c in (sq, 0.0, -sq))
+    # the triangle of an area over a breadth of n points has twice the mean height
+    spk, svk = (2 * float(part.mean()) if part.size else 0.0 for part in (peaks, valleys))
+    return {"sk": float(slope), "spk": spk, "svk": svk, "smr": ratios}
+
+
+def developed_area(z: NDArray, spacing: tuple[float, float]) -> float:
+    """Sdr [-] of heights (n1, n2) [m]: mean of √(1 + |∇z|²) less 1."""
+    first, second = (scipy.ndimage.correlate1d(z, _DERIVATIVE, axis) / spacing[axis] for axis in (0, 1))
+    return float(np.mean(np.sqrt(1 + first**2 + second**2))) - 1
 
 
 def _of_profiles(flat: Topography, axis: int) -> tuple[float, ...]:

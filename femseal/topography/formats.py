@@ -21,6 +21,7 @@ from numpy.typing import NDArray
 
 from ..base import InputError, Lengths, counted, free_memory, shortened, to_si
 from ..base.machine import within_free_memory
+from .instrument import UNKNOWN, Instrument
 
 _HEADER = re.compile(r"^\W*(width|height|value units)\s*[:=]\s*(.+?)\s*$", re.IGNORECASE)
 #: Words of the same header in German, which are not read.
@@ -38,12 +39,16 @@ _UNDEFINED = {"", "bad", "-", "--", "***"}
 
 @dataclass(frozen=True, eq=False)
 class Raw:
-    """What a file holds: heights (n1, n2) as numbers, metres per number, pixel [m], masked points; None = not said."""
+    """What a file holds: heights (n1, n2) as numbers, metres per number, pixel [m], masked points; None = not said.
+
+    instrument : what the file says of it.
+    """
 
     heights: NDArray
     height_unit: float | None = None
     spacing: tuple[float, float] | None = None
     mask: NDArray[np.bool_] | None = None
+    instrument: Instrument = UNKNOWN
 
 
 @dataclass(frozen=True)
@@ -61,6 +66,8 @@ class Reading:
     file_mask: bool = True
     crop: tuple[float, float, float, float] | None = None
     periodic: tuple[bool, bool] = (False, False)
+    tip_radius: float | None = None
+    resolution: float | None = None
 
 
 def bad_file(path: Path, given: object, allowed: str) -> InputError:
@@ -313,10 +320,21 @@ def read_instrument(path: Path, said: Reading) -> Raw:
     except Exception as error:
         raise bad_file(path, f"{type(error).__name__}: {error}", "an intact file") from error
     unit = None if topography.unit is None else to_si(f"1 {topography.unit}", "m", f"{path}: unit")
+    instrument = _instrument(topography.info.get("instrument", {}).get("parameters", {}))
     if unit is None or missing:
-        return Raw(heights, unit, mask=mask)
+        return Raw(heights, unit, mask=mask, instrument=instrument)
     first, second = (float(d) * unit for d in topography.pixel_size)
-    return Raw(heights, unit, (first, second), mask)
+    return Raw(heights, unit, (first, second), mask, instrument)
+
+
+def _instrument(parameters: dict[str, Any]) -> Instrument:
+    """The instrument by what SurfaceTopography found of it: values with their unit."""
+    known = {}
+    for name in ("tip_radius", "resolution"):
+        found = parameters.get(name, {})
+        if found.get("value", 0) > 0 and found.get("unit"):
+            known[name] = found["value"] * to_si(f"1 {found['unit']}", "m", name)
+    return Instrument(**known)
 
 
 @contextmanager

@@ -6,7 +6,7 @@ NumPy are taken as they are.
 """
 
 import os
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from ..base import InputError, to_si, to_text, validate
 from .formats import READERS, TEXT, Reading, bad_file, read_instrument, read_text, reading, unprinted
+from .instrument import Instrument
 from .topography import Topography
 
 #: Smallest and largest size of a measured seal face [m]; beyond them the unit in the file is wrong.
@@ -41,6 +42,7 @@ class Look:
     doubts: tuple[InputError, ...]
     masked_fraction: float
     said: tuple[bool, bool]
+    instrument: Instrument
 
 
 def read_topography(path: str | os.PathLike[str], **said: Any) -> Topography:
@@ -67,6 +69,7 @@ def read_topography(path: str | os.PathLike[str], **said: Any) -> Topography:
         have the heights that are stored there.
     crop : part of the map that is kept: x1 from, x1 to, x2 from, x2 to [m].
     periodic : whether the face continues periodically along x1 and x2 of the result.
+    tip_radius, resolution : of the instrument [m], see `Instrument`; the map is read all the same.
 
     Raises
     ------
@@ -74,10 +77,15 @@ def read_topography(path: str | os.PathLike[str], **said: Any) -> Topography:
         a part beyond the map; size outside 1 nm to 1 m, or Sq above 10 mm, unless `size` or `spacing`, or
         `height_unit`, say so; half of the points steeper than 10, unless the caller says both.
     """
+    return read_measured(path, **said)[0]
+
+
+def read_measured(path: str | os.PathLike[str], **said: Any) -> tuple[Topography, Instrument]:
+    """The map as of `read_topography`, and what the caller or the file says of its instrument."""
     look = read_for_a_look(path, **said)
     if look.doubts:
         raise look.doubts[0]
-    return look.topography
+    return look.topography, look.instrument
 
 
 def read_for_a_look(path: str | os.PathLike[str], **said: Any) -> Look:
@@ -92,6 +100,7 @@ def read_for_a_look(path: str | os.PathLike[str], **said: Any) -> Look:
     heights, file_mask = raw.heights, raw.mask if given.file_mask else None
     pixel = raw.spacing[::-1] if raw.spacing and given.transpose else raw.spacing
     unit = raw.height_unit if given.height_unit is None else to_si(f"1 {given.height_unit}", "m", "height_unit")
+    instrument = _given_instrument(given, raw.instrument)
     del raw  # no more than two maps at once
     if file_mask is not None:
         heights = np.where(file_mask, np.nan, heights)
@@ -111,7 +120,7 @@ def read_for_a_look(path: str | os.PathLike[str], **said: Any) -> Look:
     doubts = doubts or _implausible(path, whole, given)
     kept = whole if given.crop is None else whole.crop_to(given.crop)
     masked_fraction = 0.0 if file_mask is None else float(np.mean(file_mask))
-    return Look(kept, tuple(doubts), masked_fraction, (pixel is not None, unit is not None))
+    return Look(kept, tuple(doubts), masked_fraction, (pixel is not None, unit is not None), instrument)
 
 
 def _check_options(path: Path, given: Reading) -> None:
@@ -137,6 +146,13 @@ def _given_pixel(given: Reading, shape: tuple[int, ...]) -> tuple[float, float] 
         return None
     first, second = validate.lengths("size", given.size)
     return first / shape[0], second / shape[1]
+
+
+def _given_instrument(given: Reading, found: Instrument) -> Instrument:
+    """The instrument by what the caller says, else the file."""
+    said = {name: getattr(given, name) for name in ("tip_radius", "resolution")}
+    known = {name: validate.number(name, length, unit="m") for name, length in said.items() if length is not None}
+    return replace(found, **known)
 
 
 def _pixel_doubts(path: Path, pixel: tuple[float, float] | None, shape: tuple[int, ...]) -> list[InputError]:

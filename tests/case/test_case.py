@@ -501,7 +501,7 @@ class TestPrepare:
         small["surface"] = {"detrend": 2, "shortest_wave": "15 um", "points": [48, 90]}
         prepared = prepare(parse_case(small))
         assert prepared.scene.surface.shape == (48, 90)
-        assert prepared.conditioning.shortest_wavelength == 15e-6
+        assert prepared.conditioning.shortest_wave == 15e-6
         small["surface"]["detrend"] = 0
         assert prepared.conditioning.removed_curvature != prepare(parse_case(small)).conditioning.removed_curvature
         assert prepared.surface_report["shape"] == (48, 90)

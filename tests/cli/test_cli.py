@@ -239,7 +239,7 @@ def test_surface_describes_a_face_and_what_a_run_does(femseal, face, tmp_path):
     surface, conditioning = fs.condition(measured)
     assert done["Sq"] == f"{surface.rms_height * 1e9:.4g} nm"
     assert done["rms slope"] == f"{conditioning.rms_slope:.4g}"
-    assert done["shortest wavelength kept"] == "8 µm"
+    assert done["shortest wave kept"] == "8 µm"
     assert picture.stat().st_size > 50_000
 
 
@@ -262,7 +262,7 @@ def test_what_is_said_goes_before_what_the_file_says(femseal, face):
     assert found["points"] == "128 × 96"
     assert found["size"] == "1 mm × 2 mm"
     assert found["points in spikes"] == "0"
-    assert found["shortest wavelength kept"] == "300 µm"
+    assert found["shortest wave kept"] == "300 µm"
     report = fs.describe_surface(fs.read_topography(face), spikes=inf)
     assert found["Sq, rms height"] == f"{report.rms_height * 1e-6 * 1e12:.4g} pm"
     assert "transpose exchanges the axes" in text
@@ -542,3 +542,29 @@ def test_new_writes_the_case_of_a_measured_face(tmp_path, femseal):
     for words in ('size = ["300 µm", "600 µm"]', 'shortest_wave = "10 µm"', "Std, lay from x2", "# ? which fluid"):
         assert words in text
     assert (case.parent / fs.load_case(case).face[0].path).samefile(face)
+
+
+def test_new_asks_for_what_a_text_does_not_say(tmp_path, femseal):
+    """The pixel and the unit; with both the case reads the face, and says how the text lies."""
+    face = fs.self_affine((48, 64), (48e-6, 64e-6), hurst=0.8, rms_height=1e-7, rng=1)
+    np.savetxt(tmp_path / "face.txt", face.heights.T * 1e6)
+    np.savetxt(tmp_path / "sized.txt", face.heights.T * 1e6, header="Width: 48 um\nHeight: 64 um")
+    case = tmp_path / "new.toml"
+    for name, words in (
+        (
+            "face.txt",
+            "given no pixel size and no unit of heights, expected --spacing '1 um' '1 um' and --height-unit um",
+        ),
+        ("sized.txt", "given no unit of heights, expected --height-unit um"),
+    ):
+        code, text, errors = femseal("new", case, "--from", tmp_path / name)
+        assert (code, text, case.exists()) == (2, "", False)
+        assert words in errors
+    said = ("--spacing", "1 um", "1 um", "--height-unit", "um")
+    assert femseal("new", case, "--from", tmp_path / "face.txt", *said)[0] == 0
+    assert "# a line of the text runs along x1" in case.read_text(encoding="utf-8")
+    (table,) = fs.load_case(case).face
+    found, _ = table.make(tmp_path, np.random.default_rng())
+    np.testing.assert_allclose(found.heights, face.heights, rtol=1e-12)
+    np.testing.assert_allclose(found.spacing, 1e-6)
+    assert "note: a line of the text runs along x1" in femseal("surface", tmp_path / "face.txt", *said)[1]

@@ -43,8 +43,8 @@ def test_the_default_grid_resolves_the_shortest_measured_wave(case):
     prepared = prepare(case())
     conditioning = prepared.conditioning
     assert_allclose(conditioning.shortest_measured, 4e-6, rtol=0.05)
-    assert conditioning.shortest_wavelength == conditioning.shortest_measured
-    assert conditioning.shortest_wavelength >= 8 * max(conditioning.spacing)
+    assert conditioning.shortest_wave == conditioning.shortest_measured
+    assert conditioning.shortest_wave >= 8 * max(conditioning.spacing)
     assert min(conditioning.shape) >= 190
     assert_allclose(prepared.scene.surface.rms_slope, 0.1, rtol=0.02)
     assert of_grid(prepared) == []
@@ -69,7 +69,7 @@ def test_a_grid_limited_for_its_cost_is_told(case, monkeypatch):
 def test_settings_rule_and_their_loss_is_told(case):
     """A wave that needs a finer grid gets one; a longer one, or a coarse grid, is warned of."""
     prepared = prepare(case(shortest_wave="5 um"))
-    assert prepared.conditioning.shortest_wavelength == 5e-6
+    assert prepared.conditioning.shortest_wave == 5e-6
     assert 8 <= 5e-6 / max(prepared.scene.surface.spacing) < 9
     (warning,) = of_grid(prepare(case(shortest_wave="16 um")))
     assert "the low-pass at 16 µm removes" in warning

@@ -41,7 +41,7 @@ CASE = {
 SURFACE = {
     "shape": [48, 96],
     "spacing": [1e-6, 1e-6],
-    "shortest_wavelength": 8e-6,
+    "shortest_wave": 8e-6,
     "rms_height": 1e-6,
     "rms_slope": 0.15,
     "rms_slope_before": 0.2,

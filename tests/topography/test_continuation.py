@@ -190,7 +190,7 @@ def test_a_case_solves_the_continued_face_and_says_so(case):
     face = fs.continue_spectrum(measured, 1e-6, rng=7)
     assert prepared.scene.surface.shape == face.shape == (256, 256)
     assert_allclose(prepared.scene.surface.heights, face.heights, atol=1e-12)
-    assert prepared.conditioning.shortest_wavelength == 1e-6
+    assert prepared.conditioning.shortest_wave == 1e-6
     assert_allclose(prepared.conditioning.rms_slope, face.rms_slope)
     text = "\n".join(describe(case({}), prepared))
     assert f"continue the power law q^({-2 - 2 * found.law.hurst:.2f} ± {2 * found.law.hurst_error:.2f})" in text

@@ -387,14 +387,14 @@ def test_condition_reports_what_it_did():
     face, report = condition(measured())
     assert_allclose(report.undefined_fraction, 6 / (96 * 80))
     assert_allclose(report.removed_tilt, (2e-3, -1e-3), atol=5e-4)
-    assert_allclose(report.shortest_wavelength, 8 * max(face.spacing))
+    assert_allclose(report.shortest_wave, 8 * max(face.spacing))
     assert report.rms_height < report.rms_height_before < measured().fill_undefined().rms_height
     assert report.rms_slope < report.rms_slope_before
     assert_allclose((report.rms_height, report.rms_slope), (face.rms_height, face.rms_slope))
     assert (report.shape, report.spacing) == (face.shape, face.spacing)
     assert face.undefined_fraction == 0
     # Nothing shorter than the shortest wave is left.
-    assert_allclose(face.high_pass(report.shortest_wavelength).heights, 0, atol=1e-18)
+    assert_allclose(face.high_pass(report.shortest_wave).heights, 0, atol=1e-18)
 
 
 def test_condition_recovers_tilt_and_curvature():
@@ -408,13 +408,13 @@ def test_condition_recovers_tilt_and_curvature():
 
 
 def test_condition_on_another_grid():
-    face, report = condition(measured(), shape=(240, 200), shortest_wavelength=1.1e-4)
+    face, report = condition(measured(), shape=(240, 200), shortest_wave=1.1e-4)
     assert face.shape == (240, 200)
     assert report.shape_before == (96, 80)
     assert_allclose(face.size, SIZE)
     coarse, report = condition(measured(), shape=(48, 40))
-    assert_allclose(report.shortest_wavelength, 8 * max(coarse.spacing))
-    reference, _ = condition(measured(), shortest_wavelength=report.shortest_wavelength)
+    assert_allclose(report.shortest_wave, 8 * max(coarse.spacing))
+    reference, _ = condition(measured(), shortest_wave=report.shortest_wave)
     assert_allclose(coarse.resample((96, 80)).heights, reference.heights, atol=1e-18)
 
 
@@ -423,13 +423,11 @@ def test_a_finer_grid_keeps_the_waves_that_were_measured():
     face = self_affine((96, 80), SIZE, hurst=0.5, rms_height=1e-6, cut_off=5 * SIZE[0] / 96, rng=4)
     _, coarse = condition(face, detrend=0)
     assert_allclose(coarse.shortest_measured, 5 * SIZE[0] / 96, rtol=0.05)
-    assert_allclose(
-        coarse.lost_slope, 1 - face.low_pass(coarse.shortest_wavelength).rms_slope / face.rms_slope, atol=0.02
-    )
+    assert_allclose(coarse.lost_slope, 1 - face.low_pass(coarse.shortest_wave).rms_slope / face.rms_slope, atol=0.02)
     assert coarse.lost_slope > 0.15
     shape = resolving_shape(SIZE, coarse.shortest_measured)
     fine, report = condition(face, detrend=0, shape=shape)
-    assert report.shortest_wavelength == report.shortest_measured >= 8 * max(fine.spacing)
+    assert report.shortest_wave == report.shortest_measured >= 8 * max(fine.spacing)
     assert_allclose(fine.rms_slope, face.rms_slope, rtol=0.02)
     assert report.lost_slope < 1e-9
 
@@ -445,12 +443,12 @@ def test_resolving_shape_gives_8_pixels_or_what_the_limit_allows():
 
 
 def test_condition_refuses_waves_the_grid_does_not_resolve():
-    with pytest.raises(InputError, match=r"shortest_wavelength: given 100 µm, .* 8 pixels = 250 µm") as error:
-        condition(measured(), shortest_wavelength=1e-4)
+    with pytest.raises(InputError, match=r"shortest_wave: given 100 µm, .* 8 pixels = 250 µm") as error:
+        condition(measured(), shortest_wave=1e-4)
     assert "shape=(240, 160)" in str(error.value)
-    assert condition(measured(), shortest_wavelength=1e-4, shape=(240, 160))[0].shape == (240, 160)
+    assert condition(measured(), shortest_wave=1e-4, shape=(240, 160))[0].shape == (240, 160)
     with pytest.raises(InputError, match=r"less than the larger side, 3 mm"):
-        condition(measured(), shortest_wavelength=0.1)
+        condition(measured(), shortest_wave=0.1)
     with pytest.raises(InputError, match="undefined points"):
         condition(measured(), max_undefined=1e-4)
 

@@ -1,0 +1,78 @@
+"""Parameters of drawings against closed forms, and another program."""
+
+from math import pi, sqrt
+
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose
+from scipy.special import ellipe
+from scipy.stats import norm
+
+import femseal as fs
+from femseal.topography.describe import developed_area, material_ratios
+
+
+def test_the_core_of_heights_that_rise_evenly_is_their_range():
+    found = material_ratios(np.random.default_rng(0).permutation(np.linspace(-1e-6, 2e-6, 10_000)).reshape(100, 100))
+    assert_allclose(found["sk"], 3e-6, rtol=1e-9)
+    assert_allclose([found["spk"], found["svk"]], 0, atol=1e-15)
+    # one rms height is 1/√12 of the range
+    assert_allclose(found["smr"], (0.5 - 12**-0.5, 0.5, 0.5 + 12**-0.5), atol=1e-4)
+
+
+def test_the_core_of_a_gaussian_face():
+    """The secant from 30 to 70 % falls least: Sk = 2 Φ⁻¹(0.7)/0.4 Sq; its peaks are cut at Sk/2."""
+    z = norm.ppf((np.arange(250_000) + 0.5) / 250_000).reshape(500, 500) * 1e-6
+    found = material_ratios(z)
+    sk = 2 * norm.ppf(0.7) / 0.4
+    peaks = 2 * (norm.pdf(sk / 2) / norm.sf(sk / 2) - sk / 2)
+    assert_allclose(sk, 2.622, atol=5e-4)
+    assert_allclose([found["sk"], found["spk"], found["svk"]], np.array([sk, peaks, peaks]) * 1e-6, rtol=1e-3)
+    assert_allclose(found["smr"], norm.cdf([-1, 0, 1]), atol=1e-4)
+
+
+def test_a_plateau_with_valleys():
+    """60 % of the area at one height and even valleys below: no core, and the triangle of the valleys is theirs."""
+    z = np.concatenate([np.zeros(6000), -np.linspace(0, 1e-6, 4001)[1:]]).reshape(100, 100)
+    found = material_ratios(z)
+    assert found["sk"] == found["spk"] == 0
+    assert_allclose(found["svk"], 1e-6, rtol=1e-3)
+
+
+def test_flat_faces_and_such_without_a_cut_off():
+    flat = material_ratios(np.zeros((3, 3)))
+    assert flat["sk"] == flat["spk"] == flat["svk"] == 0
+    assert np.isnan(material_ratios(np.full((3, 3), np.nan))["sk"])
+    small = fs.describe_surface(fs.self_affine((32, 32), (3.2e-5, 3.2e-5), hurst=0.8, rms_slope=0.1, rng=1), detrend=0)
+    assert np.isnan([small.sk, small.sdr, *small.nesting_index, *small.smr]).all()
+
+
+@pytest.mark.parametrize("axis", [0, 1])
+@pytest.mark.parametrize("slope", [0.01, 0.5, 2.0])
+def test_the_area_of_a_wave_is_an_elliptic_integral(slope, axis):
+    """Mean of √(1 + s² cos²): 2/π √(1 + s²) E(s²/(1 + s²)); s²/4 for small slopes."""
+    x = (np.arange(640) + 0.5) * 2 * pi / 40
+    z = np.tile(slope * np.cos(x), (7, 1))
+    found = developed_area(z if axis else z.T, (2 * pi / 40, 2 * pi / 40))
+    assert_allclose(found, 2 / pi * sqrt(1 + slope**2) * ellipe(slope**2 / (1 + slope**2)) - 1, rtol=1e-3)
+    if slope < 0.1:
+        assert_allclose(found, slope**2 / 4, rtol=1e-3)
+
+
+def test_they_are_those_of_the_roughness_behind_the_filters_and_names_its_cut_offs():
+    face = fs.self_affine((600, 600), (1.2e-3, 1.2e-3), hurst=0.7, rms_height=0.5e-6, cut_off=10e-6, rng=5)
+    report = fs.describe_surface(face, detrend=0, spikes=np.inf)
+    assert report.nesting_index == (2.5e-6, 800e-6)
+    text = dict(line.split("  ", 1) for line in str(report).splitlines() if "  " in line)
+    assert text["nesting indices S, L of the roughness"].strip() == "2.5 µm, 800 µm"
+    assert "Sk, height of the core" in text
+
+
+def test_they_agree_with_another_program():
+    surfalize = pytest.importorskip("surfalize")
+    face = fs.self_affine((600, 600), (1.2e-3, 1.2e-3), hurst=0.7, rms_height=0.5e-6, cut_off=20e-6, rng=5)
+    report = fs.describe_surface(face, detrend=0, spikes=np.inf)
+    other = surfalize.Surface(face.heights * 1e6, 2.0, 2.0).filter("lowpass", 2.5).filter("highpass", 800)
+    found = np.array([report.sk, report.spk, report.svk])
+    assert_allclose(found, 1e-6 * np.array([other.Sk(), other.Spk(), other.Svk()]), rtol=0.01)
+    assert_allclose(100 * report.sdr, other.Sdr(), rtol=0.03)
