@@ -21,6 +21,6 @@ if TYPE_CHECKING:
     from .machine import free_memory, numerical_versions, versions
     from .quantities import to_si, to_text
     from .stage import Mapper, Stage
-    from .text import Labelled, Plotted, Shown, TextTable, comma_separated, duration, format_deviation
+    from .text import Labelled, Plotted, Shown, TextTable, comma_separated, duration, format_deviation, labelled
 
 load_when_used(__name__)

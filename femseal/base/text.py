@@ -257,6 +257,11 @@ def _number_text(value: float, unit: str) -> str:
     return f"{value:.4g}" if unit == "1" else f"{value:.4g} {unit.replace('^', '').translate(_POWERS)}"
 
 
+def labelled(label: str, unit: str = "", **options: Any) -> Any:
+    """A field of a dataclass with a label and a unit; other options are those of `as_text`."""
+    return field(metadata={"unit": unit, "label": label, **options})
+
+
 class Labelled:
     """Base of dataclasses whose fields carry `unit`, `label`, and `percent` for fractions: a line of text for each."""
 

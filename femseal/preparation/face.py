@@ -89,7 +89,7 @@ def conditioned_face(case: Case) -> ConditionedFace:
     cut_off, asked = case.surface.continue_spectrum, case.surface.shortest_wave
     longest = asked or instrument.resolution
     with with_keys(SURFACE_KEYS):
-        continued = None if cut_off is None else continuation_of(flat, cut_off, longest=longest, seed=case.seed)
+        continued = None if cut_off is None else continuation_of(flat, cut_off, longest=longest, rng=case.seed)
     shape = _grid(case, flat, instrument)
     wave = continued.longest if continued else asked or default_wave(flat, shape, instrument)
     check_memory_of_points("surface.points", shape, len(flat.each))

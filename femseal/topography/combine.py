@@ -4,7 +4,7 @@ Symbols: p place in the plane from the middle of the first face [m], u place on 
 p = s + R(θ) M u with the shift s, the turn R and the mirror image M.
 """
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from math import cos, sin
 from typing import Literal
 
@@ -12,7 +12,7 @@ import numpy as np
 import scipy
 from numpy.typing import NDArray
 
-from ..base import InputError, Labelled, to_text, validate
+from ..base import InputError, Labelled, labelled, to_text, validate
 from .topography import Topography
 
 
@@ -20,10 +20,10 @@ from .topography import Topography
 class Overlap(Labelled):
     """The area where two faces overlap, and whether the second was interpolated by splines."""
 
-    shape: tuple[int, int] = field(metadata={"unit": "", "label": "points of the overlap"})
-    size: tuple[float, float] = field(metadata={"unit": "m", "label": "size of the overlap"})
-    fraction: float = field(metadata={"unit": "", "label": "overlap, of the first face", "percent": True})
-    resampled: bool = field(metadata={"unit": "", "label": "second face interpolated"})
+    shape: tuple[int, int] = labelled("points of the overlap")
+    size: tuple[float, float] = labelled("size of the overlap", "m")
+    fraction: float = labelled("overlap, of the first face", percent=True)
+    resampled: bool = labelled("second face interpolated")
 
 
 def combine(

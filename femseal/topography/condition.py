@@ -17,7 +17,7 @@ import scipy
 from numpy.typing import NDArray
 from scipy.fft import next_fast_len
 
-from ..base import InputError, Labelled, counted, to_text, validate
+from ..base import InputError, Labelled, counted, labelled, to_text, validate
 from .defects import ALL_NEIGHBOURS, SPIKES, Form, TooManyUndefined, fit_form
 from .generate import PIXELS_PER_WAVE
 from .instrument import UNKNOWN, UNSEEN, Instrument
@@ -42,13 +42,14 @@ _ADVICE = "surface.spikes = inf leaves them: compare both leakages, or mark what
 class Repair:
     """Defects found in a map: undefined points, spikes, and the form that was removed.
 
+    undefined_fraction : of the points. spikes : points in them. form : of the defined points.
     removed : heights of the spikes above what they were filled with, 0 elsewhere (n1, n2) [m].
     """
 
-    undefined_fraction: float = field(metadata={"unit": "", "label": "fraction of undefined points", "percent": True})
-    spikes: int = field(metadata={"unit": "", "label": "points in spikes"})
-    form: Form = field(metadata={"unit": "", "label": "form of the defined points"})
-    removed: NDArray[np.float64] = field(repr=False, metadata={"unit": "m", "label": "spikes above their filling"})
+    undefined_fraction: float
+    spikes: int
+    form: Form
+    removed: NDArray[np.float64] = field(repr=False)
 
 
 def repair(
@@ -160,29 +161,25 @@ MOST_POINTS = 2**22
 class Conditioning(Labelled):
     """What was done to a measured map; "before" means filled and flat, but not yet low-passed."""
 
-    undefined_fraction: float = field(metadata={"unit": "", "label": "undefined points, filled", "percent": True})
-    spikes: int = field(metadata={"unit": "", "label": "points in spikes, filled"})
-    spikes_along_lay: float | None = field(
-        metadata={"unit": "", "label": "neighbouring spikes along the lay", "percent": True}
-    )
-    spikes_extreme: float | None = field(metadata={"unit": "", "label": "extremes hanging on spikes", "percent": True})
-    removed_tilt: tuple[float, float] = field(metadata={"unit": "rad", "label": "tilt removed along x1, x2"})
-    removed_curvature: tuple[float, float, float] = field(
-        metadata={"unit": "1/m", "label": "curvature removed: 11, 12, 22"}
-    )
-    shortest_seen: float | None = field(metadata={"unit": "m", "label": "shortest wave that the instrument sees"})
-    unseen_slope: float | None = field(metadata={"unit": "", "label": "rms slope of a decade of waves not measured"})
-    shortest_measured: float = field(metadata={"unit": "m", "label": "shortest wave above noise, cut-off"})
-    shortest_wave: float = field(metadata={"unit": "m", "label": "shortest wave kept"})
-    rms_height_before: float = field(metadata={"unit": "m", "label": "Sq before the low-pass"})
-    rms_height: float = field(metadata={"unit": "m", "label": "Sq"})
-    rms_slope_before: float = field(metadata={"unit": "", "label": "rms slope before the low-pass"})
-    rms_slope_measured: float = field(metadata={"unit": "", "label": "rms slope of waves above noise, cut-off"})
-    rms_slope: float = field(metadata={"unit": "", "label": "rms slope"})
-    shape_before: tuple[int, int] = field(metadata={"unit": "", "label": "points measured"})
-    shape: tuple[int, int] = field(metadata={"unit": "", "label": "points"})
-    spacing_before: tuple[float, float] = field(metadata={"unit": "m", "label": "pixel measured"})
-    spacing: tuple[float, float] = field(metadata={"unit": "m", "label": "pixel"})
+    undefined_fraction: float = labelled("undefined points, filled", percent=True)
+    spikes: int = labelled("points in spikes, filled")
+    spikes_along_lay: float | None = labelled("neighbouring spikes along the lay", percent=True)
+    spikes_extreme: float | None = labelled("extremes hanging on spikes", percent=True)
+    removed_tilt: tuple[float, float] = labelled("tilt removed along x1, x2", "rad")
+    removed_curvature: tuple[float, float, float] = labelled("curvature removed: 11, 12, 22", "1/m")
+    shortest_seen: float | None = labelled("shortest wave that the instrument sees", "m")
+    unseen_slope: float | None = labelled("rms slope of a decade of waves not measured")
+    shortest_measured: float = labelled("shortest wave above noise, cut-off", "m")
+    shortest_wave: float = labelled("shortest wave kept", "m")
+    rms_height_before: float = labelled("Sq before the low-pass", "m")
+    rms_height: float = labelled("Sq", "m")
+    rms_slope_before: float = labelled("rms slope before the low-pass")
+    rms_slope_measured: float = labelled("rms slope of waves above noise, cut-off")
+    rms_slope: float = labelled("rms slope")
+    shape_before: tuple[int, int] = labelled("points measured")
+    shape: tuple[int, int] = labelled("points")
+    spacing_before: tuple[float, float] = labelled("pixel measured", "m")
+    spacing: tuple[float, float] = labelled("pixel", "m")
 
     @property
     def lost_slope(self) -> float:
@@ -250,7 +247,7 @@ def condition(
 
     Raises
     ------
-    InputError : too many undefined points; a shortest wavelength of less than 8 pixels, or longer than the
+    InputError : too many undefined points; a shortest wave of less than 8 pixels, or longer than the
         map.
     """
     if shortest_wavelength is not None:

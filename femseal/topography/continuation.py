@@ -91,10 +91,10 @@ class Continuation:
         ) + ("; the face has a lay, these waves have none" if self.aspect_ratio <= ISOTROPIC else "")
 
 
-def continuation_of(flat: Topography, cut_off: float, *, longest: float | None = None, seed: Any = 0) -> Continuation:
+def continuation_of(flat: Topography, cut_off: float, *, longest: float | None = None, rng: Any = 0) -> Continuation:
     """How the spectrum of a flat map without undefined points goes on from where its power law ends to a cut-off.
 
-    flat : as measured. cut_off : shortest wavelength [m]. seed : whole number, or several, of the phases.
+    flat : as measured. cut_off : shortest wave [m]. rng : whole number, or several, of the phases.
     longest : wave from which on measured ones are replaced [m], if not from the end of the law.
 
     Raises InputError: no power law in the spectrum; a cut-off no shorter than the waves that are measured.
@@ -108,7 +108,7 @@ def continuation_of(flat: Topography, cut_off: float, *, longest: float | None =
     if shortest >= first:
         expected = f"less than {to_text(first, 'm', 3)}: longer waves are measured"
         raise InputError("continue_spectrum", to_text(shortest, "m"), expected)
-    seeds = tuple(int(n) for n in np.atleast_1d(seed))
+    seeds = tuple(int(n) for n in np.atleast_1d(rng))
     slope, lay = flat.low_pass(first).rms_slope, texture(flat).aspect_ratio
     return Continuation(law, first, shortest, slope, lay, flat.periodic, seeds)
 
@@ -124,7 +124,7 @@ def continue_spectrum(
     Parameters
     ----------
     topography : levelled, without undefined points.
-    cut_off : shortest wavelength [m]. shape : points of the grid; 8 pixels to the cut-off unless given.
+    cut_off : shortest wave [m]. shape : points of the grid; 8 pixels to the cut-off unless given.
     rng : whole number, or several, from which phases are drawn. realisation : number of the draw; all but the first
         also draw the slope of the law by its error.
 
@@ -140,7 +140,7 @@ def continue_spectrum(
     >>> continue_spectrum(face, 1e-6, rng=1).shape
     (512, 512)
     """
-    found = continuation_of(topography, cut_off, seed=rng)
+    found = continuation_of(topography, cut_off, rng=rng)
     grid = resolving_shape(topography.size, cut_off) if shape is None else validate.grid("shape", shape)
     if cut_off < resolved_wave(topography.size, grid) * (1 - 1e-9):
         raise InputError("shape", grid, f"8 pixels to the cut-off, {resolving_shape(topography.size, cut_off)}")

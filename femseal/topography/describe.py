@@ -3,13 +3,13 @@
 Parameters of roughness, of profiles and of the face, are those behind the Gaussian filters with the weight
 exp(−π(x/αλ)²)/αλ, α² = ln 2/π: half of a wave of the cut-off λ passes. λs takes off the shorter waves, λc the longer
 ones. Beyond its borders the map goes on as its mirror image.
-The core of the curve of material ratios lies between the heights at which the secant over 40 % of the area that falls
-least meets 0 and 100 %; peaks and valleys are triangles of the area beyond them.
+The core of the curve of material ratios is a straight line, fitted by least squares to the 40 % of the area over which
+the secant falls least, from 0 to 100 %; peaks and valleys are triangles of the area beyond it.
 Sources: ISO 25178-2 (Sq, Sa, Sz, Ssk, Sku, Sal, Str, Std, Sk, Spk, Svk, Smr, Sdr), ISO 21920-2 (Ra, Rz, Rq, Rsk),
 ISO 21920-3 (cut-offs), ISO 16610-21 and 16610-61 (filters).
 """
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from math import atan, log, nan, pi, sqrt
 from typing import Any
 
@@ -17,10 +17,10 @@ import numpy as np
 import scipy
 from numpy.typing import NDArray
 
-from ..base import Labelled
+from ..base import Labelled, labelled
 from .condition import repair
 from .defects import SPIKES, fit_form
-from .texture import spectrum, texture
+from .texture import NO_LAW, spectrum, texture
 from .topography import Topography
 
 
@@ -33,53 +33,45 @@ class SurfaceReport(Labelled):
     filters. Angles are counted from x1 towards x2.
     """
 
-    shape: tuple[int, int] = field(metadata={"unit": "", "label": "points"})
-    size: tuple[float, float] = field(metadata={"unit": "m", "label": "size"})
-    spacing: tuple[float, float] = field(metadata={"unit": "m", "label": "pixel"})
-    undefined_fraction: float = field(metadata={"unit": "", "label": "undefined points", "percent": True})
-    spikes: int = field(metadata={"unit": "", "label": "points in spikes"})
-    tilt: tuple[float, float] = field(metadata={"unit": "rad", "label": "tilt along x1 (leakage), x2"})
-    rms_height: float = field(metadata={"unit": "m", "label": "Sq, rms height"})
-    mean_height: float = field(metadata={"unit": "m", "label": "Sa, arithmetic mean height"})
-    peak_to_valley: float = field(metadata={"unit": "m", "label": "Sz, highest to lowest point"})
-    skewness: float = field(metadata={"unit": "", "label": "Ssk, skewness"})
-    kurtosis: float = field(metadata={"unit": "", "label": "Sku, kurtosis"})
-    rms_slope: float = field(metadata={"unit": "", "label": "rms slope"})
-    rms_slopes: tuple[float, float] = field(metadata={"unit": "", "label": "rms slopes along x1, x2"})
-    correlation_length: float = field(metadata={"unit": "m", "label": "Sal, autocorrelation length"})
-    aspect_ratio: float = field(metadata={"unit": "", "label": "Str, texture aspect ratio"})
-    aspect_ratio_is_bound: bool = field(metadata={"unit": "", "label": "Str only a bound: lay as long as map"})
-    lay_direction: float = field(metadata={"unit": "rad", "label": "Std, lay from x2 (Str <= 0.5)"})
-    shortest_wave: float = field(metadata={"unit": "m", "label": "shortest wave above noise, cut-off"})
-    noise: float = field(metadata={"unit": "m", "label": "white noise, rms"})
-    hurst: float = field(metadata={"unit": "", "label": "Hurst exponent of the power law"})
-    power_law_slope: tuple[float, float] = field(
-        metadata={"unit": "", "label": "its slope, log C over log q", "joint": " ± "}
-    )
-    power_law: tuple[float, float] | None = field(
-        metadata={"unit": "m", "label": "longest, shortest wave of the law", "joint": ", "}
-    )
-    power_law_density: float = field(metadata={"unit": "m^4", "label": "spectral density at its longest wave"})
-    roll_off: float = field(metadata={"unit": "m", "label": "roll-off: end of a plateau"})
-    profile_cut_off: tuple[float, float] = field(metadata={"unit": "m", "label": "cut-offs of profiles", "joint": ", "})
-    ra: tuple[float, float] = field(metadata={"unit": "m", "label": "Ra of profiles along x1, x2", "joint": ", "})
-    rz: tuple[float, float] = field(metadata={"unit": "m", "label": "Rz", "joint": ", "})
-    rq: tuple[float, float] = field(metadata={"unit": "m", "label": "Rq", "joint": ", "})
-    rsk: tuple[float, float] = field(metadata={"unit": "", "label": "Rsk", "joint": ", "})
-    sa: float = field(metadata={"unit": "m", "label": "Sa of the roughness, behind filters"})
-    sz: float = field(metadata={"unit": "m", "label": "Sz of the roughness"})
-    sq: float = field(metadata={"unit": "m", "label": "Sq of the roughness"})
-    ssk: float = field(metadata={"unit": "", "label": "Ssk of the roughness"})
-    nesting_index: tuple[float, float] = field(
-        metadata={"unit": "m", "label": "nesting indices S, L of the roughness", "joint": ", "}
-    )
-    sk: float = field(metadata={"unit": "m", "label": "Sk, height of the core"})
-    spk: float = field(metadata={"unit": "m", "label": "Spk, peaks above the core"})
-    svk: float = field(metadata={"unit": "m", "label": "Svk, valleys below the core"})
-    smr: tuple[float, float, float] = field(
-        metadata={"unit": "", "label": "Smr(c) at c = Sq, 0, −Sq from the mean", "joint": ", ", "percent": True}
-    )
-    sdr: float = field(metadata={"unit": "", "label": "Sdr, developed area beyond the flat one", "percent": True})
+    shape: tuple[int, int] = labelled("points")
+    size: tuple[float, float] = labelled("size", "m")
+    spacing: tuple[float, float] = labelled("pixel", "m")
+    undefined_fraction: float = labelled("undefined points", percent=True)
+    spikes: int = labelled("points in spikes")
+    tilt: tuple[float, float] = labelled("tilt along x1 (leakage), x2", "rad")
+    rms_height: float = labelled("Sq, rms height", "m")
+    mean_height: float = labelled("Sa, arithmetic mean height", "m")
+    peak_to_valley: float = labelled("Sz, highest to lowest point", "m")
+    skewness: float = labelled("Ssk, skewness")
+    kurtosis: float = labelled("Sku, kurtosis")
+    rms_slope: float = labelled("rms slope")
+    rms_slopes: tuple[float, float] = labelled("rms slopes along x1, x2")
+    correlation_length: float = labelled("Sal, autocorrelation length", "m")
+    aspect_ratio: float = labelled("Str, texture aspect ratio")
+    aspect_ratio_is_bound: bool = labelled("Str only a bound: lay as long as map")
+    lay_direction: float = labelled("Std, lay from x2 (Str <= 0.5)", "rad")
+    shortest_wave: float = labelled("shortest wave above noise, cut-off", "m")
+    noise: float = labelled("white noise, rms", "m")
+    hurst: float = labelled("Hurst exponent of the power law")
+    power_law_slope: tuple[float, float] = labelled("its slope, log C over log q", joint=" ± ")
+    power_law: tuple[float, float] | None = labelled("longest, shortest wave of the law", "m", joint=", ")
+    power_law_density: float = labelled("spectral density at its longest wave", "m^4")
+    roll_off: float = labelled("roll-off: end of a plateau", "m")
+    profile_cut_off: tuple[float, float] = labelled("cut-offs of profiles", "m", joint=", ")
+    ra: tuple[float, float] = labelled("Ra of profiles along x1, x2", "m", joint=", ")
+    rz: tuple[float, float] = labelled("Rz", "m", joint=", ")
+    rq: tuple[float, float] = labelled("Rq", "m", joint=", ")
+    rsk: tuple[float, float] = labelled("Rsk", joint=", ")
+    sa: float = labelled("Sa of the roughness, behind filters", "m")
+    sz: float = labelled("Sz of the roughness", "m")
+    sq: float = labelled("Sq of the roughness", "m")
+    ssk: float = labelled("Ssk of the roughness")
+    nesting_index: tuple[float, float] = labelled("nesting indices S, L of the roughness", "m", joint=", ")
+    sk: float = labelled("Sk, height of the core", "m")
+    spk: float = labelled("Spk, peaks above the core", "m")
+    svk: float = labelled("Svk, valleys below the core", "m")
+    smr: tuple[float, float, float] = labelled("Smr(c) at c = Sq, 0, −Sq from the mean", joint=", ", percent=True)
+    sdr: float = labelled("Sdr, developed area beyond the flat one", percent=True)
 
 
 def describe_surface(
@@ -108,11 +100,10 @@ def describe_surface(
     flat, repaired = repair(topography, spikes=spikes, max_undefined=max_undefined, detrend=detrend)
     measured = topography.heights - fit_form(topography.heights, topography.size, detrend).heights
     z = measured[~np.isnan(measured)]
-    z = z - z.mean()
-    sq = float(z.std())
+    mean_height, sq, skewness = _moments(z)
     tilt = fit_form(topography.heights, topography.size, max(detrend, 1)).slopes
-    look, waves = texture(flat), spectrum(flat)
-    law = waves.law
+    waves = spectrum(flat)
+    law = waves.law or NO_LAW
     return SurfaceReport(
         shape=topography.shape,
         size=topography.size,
@@ -121,23 +112,20 @@ def describe_surface(
         spikes=repaired.spikes,
         tilt=(atan(tilt[0]), atan(tilt[1])),
         rms_height=sq,
-        mean_height=float(np.abs(z).mean()),
+        mean_height=mean_height,
         peak_to_valley=float(np.ptp(z)),
-        skewness=float(np.mean(z**3)) / sq**3 if sq else nan,
-        kurtosis=float(np.mean(z**4)) / sq**4 if sq else nan,
+        skewness=skewness,
+        kurtosis=float(np.mean((z - z.mean()) ** 4)) / sq**4 if sq else nan,
         rms_slope=flat.rms_slope,
         rms_slopes=flat.rms_slopes,
-        correlation_length=look.correlation_length,
-        aspect_ratio=look.aspect_ratio,
-        aspect_ratio_is_bound=look.aspect_ratio_is_bound,
-        lay_direction=look.lay_direction,
+        **vars(texture(flat)),
         shortest_wave=waves.shortest_wave,
         noise=waves.noise,
-        hurst=law.hurst if law else nan,
-        power_law=(law.longest, law.shortest) if law else None,
-        power_law_density=law.density if law else nan,
-        roll_off=law.roll_off if law else nan,
-        power_law_slope=(-2 - 2 * law.hurst, 2 * law.hurst_error) if law else (nan, nan),
+        hurst=law.hurst,
+        power_law=(law.longest, law.shortest) if waves.law else None,
+        power_law_density=law.density,
+        roll_off=law.roll_off,
+        power_law_slope=(-2 - 2 * law.hurst, 2 * law.hurst_error),
         **roughness(flat),
     )
 
@@ -192,13 +180,13 @@ def material_ratios(z: NDArray) -> dict[str, Any]:
     falls = falling[: n - m] - falling[m:]
     # of several secants that fall alike the one in the middle
     begin = int(np.median(np.flatnonzero(falls <= falls.min() * (1 + 1e-9))))
-    slope = falls[begin] / m * (n - 1)
-    top = falling[begin] + slope * begin / (n - 1)
-    peaks, valleys = falling[falling > top] - top, top - slope - falling[falling < top - slope]
+    place = (np.arange(begin, begin + m + 1) + 0.5) / n
+    slope, top = np.polyfit(place, falling[begin : begin + m + 1], 1)
+    peaks, valleys = falling[falling > top] - top, top + slope - falling[falling < top + slope]
     ratios = tuple(float(np.mean(z >= z.mean() + c)) for c in (sq, 0.0, -sq))
     # the triangle of an area over a breadth of n points has twice the mean height
     spk, svk = (2 * float(part.mean()) if part.size else 0.0 for part in (peaks, valleys))
-    return {"sk": float(slope), "spk": spk, "svk": svk, "smr": ratios}
+    return {"sk": -float(slope), "spk": spk, "svk": svk, "smr": ratios}
 
 
 def developed_area(z: NDArray, spacing: tuple[float, float]) -> float:

@@ -43,7 +43,7 @@ def self_affine(
     hurst : H in (0, 1].
     rms_slope, rms_height : one of both, [-] or [m], met to rounding (see `Topography`).
     roll_off : wavelength [m] where the plateau of long waves ends; the larger side (no plateau) unless given.
-    cut_off : shortest wavelength [m], at least 2 pixels; 8 pixels of the coarser spacing unless given.
+    cut_off : shortest wave [m], at least 2 pixels; 8 pixels of the coarser spacing unless given.
     rng : a numpy Generator, or a seed as taken by np.random.default_rng.
 
     Raises
@@ -63,11 +63,8 @@ def self_affine(
     if (rms_slope is None) == (rms_height is None):
         given = "neither" if rms_slope is None else "both"
         raise InputError("rms_slope, rms_height", given, "exactly one of the two")
-    target = (
-        validate.number("rms_height", rms_height, unit="m", inclusive=True)
-        if rms_slope is None
-        else validate.number("rms_slope", rms_slope, inclusive=True)
-    )
+    name, value, unit = ("rms_height", rms_height, "m") if rms_slope is None else ("rms_slope", rms_slope, "")
+    target = validate.number(name, value, unit=unit, inclusive=True)
     cut_off = _cut_off(cut_off, spacing, size)
     roll_off = max(size) if roll_off is None else validate.number("roll_off", roll_off, unit="m")
     if roll_off <= cut_off:
@@ -119,7 +116,7 @@ def turned(
         half is constant along a groove, half is a sinusoidal wander of period size[1] and random phase.
     waviness : rms height [m] of a wave along x1, of wavelength waviness_length [m] (size[0]/2 unless given).
     roughness : rms height [m] of `self_affine` roughness with `hurst` and `roughness_roll_off` [m].
-    cut_off : shortest wavelength [m]; 8 pixels of the coarser spacing unless given.
+    cut_off : shortest wave [m]; 8 pixels of the coarser spacing unless given.
     rng : a numpy Generator, or a seed as taken by np.random.default_rng.
 
     Returns
@@ -234,18 +231,16 @@ def wave_numbers(size: tuple[float, float], cut_off: float) -> tuple[NDArray, ND
 
 
 def _cut_off(cut_off: float | None, spacing: tuple[float, float], size: tuple[float, float]) -> float:
-    """The shortest wavelength [m] as given, or of 8 pixels; raises InputError if the grid or the face has none such."""
+    """The shortest wave [m] as given, or of 8 pixels; raises InputError if the grid or the face has none such."""
     shortest = 2 * max(spacing)
     given = PIXELS_PER_WAVE * max(spacing) if cut_off is None else validate.number("cut_off", cut_off, unit="m")
     if given < shortest * (1 - SLACK):
         raise InputError("cut_off", to_text(given, "m"), f"a wavelength >= 2 pixels = {to_text(shortest, 'm')}")
     if given >= max(size) * (1 - SLACK):
-        text = (
-            to_text(given, "m")
-            if cut_off is not None
-            else f"none, which is {PIXELS_PER_WAVE} pixels = {to_text(given, 'm')}"
+        origin = "" if cut_off is not None else f" = {PIXELS_PER_WAVE} pixels, as none is given"
+        raise InputError(
+            "cut_off", to_text(given, "m") + origin, f"a wavelength < the larger side = {to_text(max(size), 'm')}"
         )
-        raise InputError("cut_off", text, f"a wavelength < the larger side = {to_text(max(size), 'm')}")
     return given
 
 

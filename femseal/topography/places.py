@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from functools import reduce
+from itertools import combinations
 from math import gcd
 
 import numpy as np
@@ -126,9 +127,9 @@ def shortest_place(face: Topography) -> Topography:
     return min(face.each, key=lambda place: place.shape[1])
 
 
-def of_all_places(face: Topography, points: tuple[int, int]) -> tuple[int, int]:
+def of_all_places(face: Topography, shape: tuple[int, int]) -> tuple[int, int]:
     """Points of all places of a face together where its shortest has so many."""
-    return points[0], round(points[1] * face.shape[1] / shortest_place(face).shape[1])
+    return shape[0], round(shape[1] * face.shape[1] / shortest_place(face).shape[1])
 
 
 def divided(values: NDArray, widths: Sequence[int]) -> list[NDArray]:
@@ -142,10 +143,9 @@ def _check(places: Sequence[Topography]) -> None:
         raise InputError("places", f"{len(places)} of them", "at least two: a single one is given by itself")
     if not all(isinstance(p, Topography) for p in places):
         raise InputError("places", "other than maps", "a list of Topography")
-    for b, second in enumerate(places):
-        for a, first in enumerate(places[:b]):
-            if first.shape == second.shape and np.array_equal(first.heights, second.heights, equal_nan=True):
-                raise InputError("places", f"the same map as number {a + 1} and {b + 1}", "each place once")
+    for (a, first), (b, second) in combinations(enumerate(places, start=1), 2):
+        if first.shape == second.shape and np.array_equal(first.heights, second.heights, equal_nan=True):
+            raise InputError("places", f"the same map as number {a} and {b}", "each place once")
     pixels = [max(p.spacing) for p in places]
     if max(pixels) > _UNLIKE_PIXELS * min(pixels):
         given = f"pixels from {to_text(min(pixels), 'm', 3)} to {to_text(max(pixels), 'm', 3)}"

@@ -6,6 +6,7 @@ NumPy are taken as they are.
 """
 
 import os
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -14,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..base import InputError, to_si, to_text, validate
-from .formats import READERS, TEXT, Reading, bad_file, read_instrument, read_text, reading, unprinted
+from .formats import READERS, TEXT, Reading, bad_file, read_instrument, reading, unprinted
 from .instrument import Instrument
 from .topography import Topography
 
@@ -117,7 +118,7 @@ def read_for_a_look(path: str | os.PathLike[str], **said: Any) -> Look:
         whole = Topography(heights, known, given.periodic)
     except InputError as error:
         raise InputError(f"{path}: {error.what}", error.given, error.expected) from None
-    doubts = doubts or _implausible(path, whole, given)
+    doubts = doubts or list(_implausible(path, whole, given))
     kept = whole if given.crop is None else whole.crop_to(given.crop)
     masked_fraction = 0.0 if file_mask is None else float(np.mean(file_mask))
     return Look(kept, tuple(doubts), masked_fraction, (pixel is not None, unit is not None), instrument)
@@ -167,26 +168,24 @@ def _pixel_doubts(path: Path, pixel: tuple[float, float] | None, shape: tuple[in
     return [bad_file(path, found, "two lengths > 0; to correct it, pass spacing= or size= (--spacing, --size)")]
 
 
-def _implausible(path: Path, topography: Topography, given: Reading) -> list[InputError]:
+def _implausible(path: Path, topography: Topography, given: Reading) -> Iterator[InputError]:
     """Values that only a wrong unit explains, unless the caller has given them."""
     check_size, check_heights = given.size is None and given.spacing is None, given.height_unit is None
-    shortest, longest = _SIZE_LIMITS
-    found = []
+    correct = "if it is right, or to correct it, pass"
+    (shortest, longest), is_usual = _SIZE_LIMITS, True
     if check_size and not all(shortest <= side <= longest for side in topography.size):
-        sides = " × ".join(to_text(side, "m") for side in topography.size)
-        allowed = "1 nm to 1 m; if it is right, or to correct it, pass size= (--size)"
-        found.append(bad_file(path, f"a size of {sides}", allowed))
+        is_usual, sides = False, " × ".join(to_text(side, "m") for side in topography.size)
+        yield bad_file(path, f"a size of {sides}", f"1 nm to 1 m; {correct} size= (--size)")
     z = topography.heights[:: max(1, topography.shape[0] // _ROWS)]
     defined = z[~np.isnan(z)]
     with np.errstate(over="ignore"):
         deviation = float(defined.std()) if defined.size else 0.0
     if check_heights and deviation > _RMS_HEIGHT_LIMIT:
-        allowed = "at most 10 mm; if it is right, or to correct it, pass height_unit= such as 'um' (--height-unit)"
-        found.append(bad_file(path, f"Sq = {to_text(deviation, 'm')}", allowed))
-    if not found and (check_size or check_heights) and (slope := _median_slope(topography)) > _SLOPE_LIMIT:
-        allowed = "at most 10; if it is right, or to correct it, pass size= and height_unit= (--size, --height-unit)"
-        found.append(bad_file(path, f"a slope of {slope:.3g} on half of its points", allowed))
-    return found
+        is_usual, allowed = False, f"at most 10 mm; {correct} height_unit= such as 'um' (--height-unit)"
+        yield bad_file(path, f"Sq = {to_text(deviation, 'm')}", allowed)
+    if is_usual and (check_size or check_heights) and (slope := _median_slope(topography)) > _SLOPE_LIMIT:
+        allowed = f"at most 10; {correct} size= and height_unit= (--size, --height-unit)"
+        yield bad_file(path, f"a slope of {slope:.3g} on half of its points", allowed)
 
 
 def _median_slope(topography: Topography) -> float:
@@ -220,7 +219,7 @@ def read_mask(path: str | os.PathLike[str], shape: tuple[int, int]) -> NDArray[n
     if suffix not in (*_IMAGES, *_ARRAYS):
         raise InputError("mask", f"'{path.name}'", f"a file {', '.join((*_IMAGES, *_ARRAYS))}")
     with reading(path, "a mask of the map's size"):
-        found = _read_image(path) if suffix in _IMAGES else _read_array(path)
+        found = _read_image(path) if suffix in _IMAGES else READERS[suffix](path, Reading()).heights != 0
     if found.shape != shape:
         turned = "; turned by its diagonal it would fit" if found.shape == shape[::-1] else ""
         given = f"{found.shape[0]} × {found.shape[1]} points in '{path.name}'"
@@ -228,25 +227,10 @@ def read_mask(path: str | os.PathLike[str], shape: tuple[int, int]) -> NDArray[n
     return found
 
 
-def _read_array(path: Path) -> NDArray[np.bool_]:
-    if path.suffix.lower() != ".npy":
-        return read_text(path, Reading()).heights != 0
-    try:
-        array = np.load(path, allow_pickle=False)
-    except (ValueError, EOFError) as error:
-        raise bad_file(path, error, "an array of numbers saved by numpy.save") from None
-    if array.dtype.kind not in "bfiu" or array.ndim != 2:
-        raise bad_file(path, f"an array of {array.dtype} of shape {array.shape}", "numbers or truth values (n1, n2)")
-    return array != 0
-
-
 def _read_image(path: Path) -> NDArray[np.bool_]:
-    from PIL import Image, UnidentifiedImageError
+    from PIL import Image
 
-    try:
-        with unprinted(), Image.open(path) as image:
-            pixels = np.asarray(image.convert("RGB") if image.mode in ("P", "PA", "LA", "RGBA", "CMYK") else image)
-    except (UnidentifiedImageError, Image.DecompressionBombError, ValueError, SyntaxError, EOFError) as error:
-        raise bad_file(path, error, "an image of the map's size") from None
+    with unprinted(), Image.open(path) as image:
+        pixels = np.asarray(image.convert("RGB") if image.mode in ("P", "PA", "LA", "RGBA", "CMYK") else image)
     marked = pixels != 0
     return (marked.any(axis=2) if marked.ndim == 3 else marked).T

@@ -96,8 +96,6 @@ def _half(z: NDArray, periodic: Periodic) -> tuple[NDArray, list[int], list[int]
 
 def _fit(c: NDArray, n: int, axis: int) -> NDArray:
     """First `n` coefficients along `axis`, zeros behind where there are fewer."""
-    keep = [slice(None), slice(None)]
-    keep[axis] = slice(min(n, c.shape[axis]))
-    pad = [(0, 0), (0, 0)]
-    pad[axis] = (0, max(n - c.shape[axis], 0))
-    return np.pad(c[tuple(keep)], pad)
+    kept = np.moveaxis(c, axis, 0)[:n]
+    missing = np.zeros((n - len(kept), kept.shape[1]), c.dtype)
+    return np.moveaxis(np.concatenate((kept, missing)), 0, axis)

@@ -64,6 +64,10 @@ class PowerLaw:
         return float(q**4 * self.at(q) / (2 * pi) * folds * exprel((2 - 2 * self.hurst) * folds))
 
 
+#: In place of a law where there is none.
+NO_LAW = PowerLaw(*(nan,) * 6)
+
+
 @dataclass(frozen=True)
 class Spectrum:
     """Shortest wave that was measured [m], rms height of white noise over all waves [m], and the power law, if any."""

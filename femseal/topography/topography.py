@@ -45,7 +45,7 @@ class Topography(Plotted):
     >>> x1 = (np.arange(64) + 0.5) * 1e-6
     >>> wave = Topography(np.cos(2 * np.pi * x1 / 32e-6)[:, None] * np.full((1, 8), 1e-7), (1e-6, 1e-6))
     >>> wave
-    Topography(64 × 8 points, 64 µm × 8 µm, pixel 1 µm × 1 µm, periodic (True, True), Sq 70.71 nm,
+    Topography(points 64 × 8, size 64 µm × 8 µm, pixel 1 µm × 1 µm, periodic (True, True), Sq 70.71 nm,
                rms slope 0.01388)
     """
 
@@ -166,8 +166,7 @@ class Topography(Plotted):
         (m1, m2), (i, j) = validate.grid("shape", shape), validate.grid("start", start, minimum=0)
         if i + m1 > self.shape[0] or j + m2 > self.shape[1]:
             raise InputError("crop", f"shape {(m1, m2)} from {(i, j)}", f"a part of the {self.shape} points of the map")
-        whole = (m1 == self.shape[0], m2 == self.shape[1])
-        periodic = (self.periodic[0] and whole[0], self.periodic[1] and whole[1])
+        periodic = self.periodic[0] and m1 == self.shape[0], self.periodic[1] and m2 == self.shape[1]
         return Topography(self.heights[i : i + m1, j : j + m2], self.spacing, periodic)
 
     def crop_to(self, part: tuple[float, float, float, float]) -> Topography:
@@ -178,16 +177,12 @@ class Topography(Plotted):
         sides = " and ".join(to_text(length, "m") for length in self.size)
         allowed = f"x1 from, x1 to, x2 from, x2 to, each pair rising, within {sides}"
         try:
-            from1, to1, from2, to2 = (validate.number("crop", length, inclusive=True) for length in part)
+            ends = [validate.number("crop", length, inclusive=True) for length in part]
+            begin, end = (tuple(round(x / d) for x, d in zip(ends[k::2], self.spacing, strict=True)) for k in (0, 1))
         except (TypeError, ValueError):
             raise InputError("crop", repr(part), allowed) from None
-        begin, end = (
-            tuple(round(x / d) for x, d in zip(ends, self.spacing, strict=True))
-            for ends in ((from1, from2), (to1, to2))
-        )
         if not all(0 <= b < e <= n for b, e, n in zip(begin, end, self.shape, strict=True)):
-            given = ", ".join(to_text(length, "m") for length in (from1, to1, from2, to2))
-            raise InputError("crop", given, allowed)
+            raise InputError("crop", ", ".join(to_text(length, "m") for length in ends), allowed)
         return self.crop((end[0] - begin[0], end[1] - begin[1]), (begin[0], begin[1]))
 
     def mask(self, undefined: NDArray) -> Topography:
@@ -298,22 +293,19 @@ class Topography(Plotted):
             )
         return self.heights
 
+    def _facts(self) -> dict[str, str]:
+        size, pixel = (" × ".join(to_text(v, "m") for v in pair) for pair in (self.size, self.spacing))
+        facts = {"points": f"{self.shape[0]} × {self.shape[1]}", "size": size, "pixel": pixel}
+        facts["periodic"] = str(self.periodic)
+        if fraction := self.undefined_fraction:
+            return facts | {"undefined": f"{100 * fraction:.3g} %"}
+        return facts | {"Sq": to_text(self.rms_height, "m"), "rms slope": f"{self.rms_slope:.4g}"}
+
     def _repr_html_(self) -> str:
-        sides, pixel = (" × ".join(to_text(v, "m") for v in pair) for pair in (self.size, self.spacing))
-        fraction = self.undefined_fraction
-        facts = {"points": " × ".join(map(str, self.shape)), "size": sides, "pixel": pixel}
-        facts |= {"periodic": " × ".join(map(str, self.periodic)), "undefined": f"{100 * fraction:.3g} %"}
-        if fraction == 0:
-            facts |= {"rms height": to_text(self.rms_height, "m"), "rms slope": f"{self.rms_slope:.4g}"}
-        return TextTable(type(self).__name__, (), tuple(facts.items()))._repr_html_()
+        return TextTable(type(self).__name__, (), tuple(self._facts().items()))._repr_html_()
 
     def __repr__(self) -> str:
-        (l1, l2), (d1, d2) = ((to_text(v, "m") for v in pair) for pair in (self.size, self.spacing))
-        points = f"{self.shape[0]} × {self.shape[1]} points"
-        text = f"{points}, {l1} × {l2}, pixel {d1} × {d2}, periodic {self.periodic}"
-        if fraction := self.undefined_fraction:
-            return f"Topography({text}, {100 * fraction:.3g} % undefined)"
-        return f"Topography({text}, Sq {to_text(self.rms_height, 'm')}, rms slope {self.rms_slope:.4g})"
+        return f"Topography({', '.join(f'{name} {text}' for name, text in self._facts().items())})"
 
 
 def _clean(heights: Any) -> NDArray[np.float64]:

@@ -60,7 +60,7 @@ def test_waves_are_the_same_on_every_grid_and_differ_between_realisations():
     fine = fs.continue_spectrum(MEASURED, 1e-6, shape=(1024, 1024), rng=3)
     assert_allclose(fine.resample(one.shape).heights, one.heights, atol=1e-9 * one.rms_height)
     other = fs.continue_spectrum(MEASURED, 1e-6, rng=3, realisation=1)
-    found = continuation_of(MEASURED, 1e-6, seed=3)
+    found = continuation_of(MEASURED, 1e-6, rng=3)
     formed = one.with_form(np.linspace(0, 1e-6, one.shape[0]))  # a seat ends a face along x1, and not its waves
     added = found.added_to(formed).heights - formed.heights
     assert_allclose(added, one.high_pass(found.longest).heights, atol=1e-9 * one.rms_height)
@@ -72,7 +72,7 @@ def test_waves_are_the_same_on_every_grid_and_differ_between_realisations():
 def test_places_are_continued_each_by_itself():
     parts = [fs.Topography(z, MEASURED.spacing, (False, False)) for z in np.split(MEASURED.heights, 2, axis=1)]
     places = fs.Places(parts)
-    known = continuation_of(places, 1e-6, seed=3)
+    known = continuation_of(places, 1e-6, rng=3)
     fine = places.low_pass(known.longest).resample((1024, 1024))
     found = known.added_to(fine)
     assert known.periodic == (False, False)
@@ -186,7 +186,7 @@ def case(tmp_path):
 def test_a_case_solves_the_continued_face_and_says_so(case):
     prepared = prepare(case({}))
     measured = fs.read_topography(case({}).folder / "face.npy", size=SIZE, height_unit="m").detrend(0)
-    found = continuation_of(measured, 1e-6, seed=7)
+    found = continuation_of(measured, 1e-6, rng=7)
     face = fs.continue_spectrum(measured, 1e-6, rng=7)
     assert prepared.scene.surface.shape == face.shape == (256, 256)
     assert_allclose(prepared.scene.surface.heights, face.heights, atol=1e-12)

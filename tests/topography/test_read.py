@@ -303,7 +303,7 @@ def test_one_damaged_byte_is_no_error_of_a_library(tmp_path, kind):
 def test_truncated_archives(tmp_path):
     np.savez(tmp_path / "whole.npz", a=np.zeros((50, 50)))
     path = write(tmp_path, "face.npz", (tmp_path / "whole.npz").read_bytes()[:300])
-    with pytest.raises(InputError, match=r"numpy\.savez"):
+    with pytest.raises(InputError, match=r"intact \.npz file"):
         read_topography(path, spacing=PIXEL)
     with zipfile.ZipFile(tmp_path / "face.x3p", "w") as archive:
         archive.writestr("main.xml", "<p>")
@@ -454,8 +454,8 @@ def test_masks_that_do_not_fit(tmp_path):
         "mask.npy": r"mask: given 3 × 2 points in 'mask.npy', expected 2 × 3, .*; turned by its diagonal it would fit",
         "none.png": r"mask: given '.*none.png', no such file",
         "mask.jpg": r"mask: given 'mask.jpg', expected a file \.png, ",
-        "bad.png": r"bad.png: given .*, expected an image of the map's size",
-        "bad.npy": r"bad.npy: given .* numpy\.save",
+        "bad.png": r"bad.png: given .*, expected a file that can be read",
+        "bad.npy": r"bad.npy: given .*, expected an intact \.npy file",
     }
     for name in ("mask.jpg", "bad.png", "bad.npy"):
         write(tmp_path, name, "no mask")

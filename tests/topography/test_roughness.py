@@ -5,6 +5,7 @@ from math import pi, sqrt
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose
+from scipy.integrate import quad
 from scipy.special import ellipe
 from scipy.stats import norm
 
@@ -14,19 +15,19 @@ from femseal.topography.describe import developed_area, material_ratios
 
 def test_the_core_of_heights_that_rise_evenly_is_their_range():
     found = material_ratios(np.random.default_rng(0).permutation(np.linspace(-1e-6, 2e-6, 10_000)).reshape(100, 100))
-    assert_allclose(found["sk"], 3e-6, rtol=1e-9)
-    assert_allclose([found["spk"], found["svk"]], 0, atol=1e-15)
+    assert_allclose(found["sk"], 3e-6, rtol=1e-3)  # 10 000 points
+    assert_allclose([found["spk"], found["svk"]], 0, atol=1e-9)
     # one rms height is 1/√12 of the range
     assert_allclose(found["smr"], (0.5 - 12**-0.5, 0.5, 0.5 + 12**-0.5), atol=1e-4)
 
 
 def test_the_core_of_a_gaussian_face():
-    """The secant from 30 to 70 % falls least: Sk = 2 Φ⁻¹(0.7)/0.4 Sq; its peaks are cut at Sk/2."""
+    """The secant from 30 to 70 % falls least; the line fitted there has the slope ∫(p − ½)Φ⁻¹(p)dp 12/0.4³, 2.574."""
     z = norm.ppf((np.arange(250_000) + 0.5) / 250_000).reshape(500, 500) * 1e-6
     found = material_ratios(z)
-    sk = 2 * norm.ppf(0.7) / 0.4
+    sk = quad(lambda p: (p - 0.5) * norm.ppf(p), 0.3, 0.7)[0] * 12 / 0.4**3
     peaks = 2 * (norm.pdf(sk / 2) / norm.sf(sk / 2) - sk / 2)
-    assert_allclose(sk, 2.622, atol=5e-4)
+    assert_allclose(sk, 2.574, atol=5e-4)
     assert_allclose([found["sk"], found["spk"], found["svk"]], np.array([sk, peaks, peaks]) * 1e-6, rtol=1e-3)
     assert_allclose(found["smr"], norm.cdf([-1, 0, 1]), atol=1e-4)
 
@@ -35,7 +36,7 @@ def test_a_plateau_with_valleys():
     """60 % of the area at one height and even valleys below: no core, and the triangle of the valleys is theirs."""
     z = np.concatenate([np.zeros(6000), -np.linspace(0, 1e-6, 4001)[1:]]).reshape(100, 100)
     found = material_ratios(z)
-    assert found["sk"] == found["spk"] == 0
+    assert_allclose([found["sk"], found["spk"]], 0, atol=1e-15)
     assert_allclose(found["svk"], 1e-6, rtol=1e-3)
 
 
@@ -74,5 +75,5 @@ def test_they_agree_with_another_program():
     report = fs.describe_surface(face, detrend=0, spikes=np.inf)
     other = surfalize.Surface(face.heights * 1e6, 2.0, 2.0).filter("lowpass", 2.5).filter("highpass", 800)
     found = np.array([report.sk, report.spk, report.svk])
-    assert_allclose(found, 1e-6 * np.array([other.Sk(), other.Spk(), other.Svk()]), rtol=0.01)
-    assert_allclose(100 * report.sdr, other.Sdr(), rtol=0.03)
+    assert_allclose(found, 1e-6 * np.array([other.Sk(), other.Spk(), other.Svk()]), rtol=5e-3)
+    assert_allclose(100 * report.sdr, other.Sdr(), rtol=0.01)

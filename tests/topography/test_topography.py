@@ -86,9 +86,9 @@ def test_bad_periodic_is_refused():
 
 def test_repr_names_size_pixel_and_roughness():
     text = repr(wave((64, 32), (2, 0), (True, True)))
-    for part in ("64 × 32 points", "3 mm × 2 mm", "pixel 46.88 µm × 62.5 µm", "Sq ", "rms slope "):
+    for part in ("points 64 × 32", "size 3 mm × 2 mm", "pixel 46.88 µm × 62.5 µm", "Sq ", "rms slope "):
         assert part in text
-    assert "0.125 % undefined" in repr(holed())
+    assert "undefined 0.125 %" in repr(holed())
 
 
 @each(
