@@ -225,7 +225,8 @@ def _odd_filter(case: Case, scene: Scene, surface: Conditioning) -> Iterator[str
     place, places = shortest_place(scene.surface), len(scene.surface.each)
     points = resolving_shape(place.size, surface.shortest_measured)
     limited = not asked and surface.shape != surface.shape_before and places * points[0] * points[1] > MOST_POINTS
-    if surface.lost_slope > (_LOST_TO_COST if limited else _LOST_SLOPE):
+    unseen = surface.shortest_wave == surface.shortest_seen  # as `femseal check` says
+    if not unseen and surface.lost_slope > (_LOST_TO_COST if limited else _LOST_SLOPE):
         remedy = f"set surface.points = {list(points)}"
         if case.surface.shortest_wave is not None:
             keys = "surface.shortest_wave" + (" and surface.points" if case.surface.points is not None else "")

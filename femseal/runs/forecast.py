@@ -304,7 +304,7 @@ def _surface_facts(prepared: Prepared) -> Iterator[tuple[str, str]]:
         kept += f", with {removed:.0%} of the rms slope, {report.lost_slope:.0%} of that above noise ({measured})"
     yield "filter", kept
     if report.unseen:
-        yield "", report.unseen + ("; they count as removed in the error budget" if report.unseen_slope else "")
+        yield "", report.unseen + ("; these count as removed in the error budget" if report.unseen_slope else "")
 
 
 def _pieces(prepared: Prepared, count: tuple[int, int]) -> str:

@@ -207,7 +207,7 @@ class Conditioning(Labelled):
             return ""
         text = f"the instrument sees no wave below {to_text(self.shortest_seen, 'm', 3)}"
         if self.unseen_slope is None:
-            return f"{text}; the spectrum follows no power law that says what slope lies beyond"
+            return f"{text}; without a power law in the spectrum only what the map has of such waves counts as removed"
         first, last = (to_text(wave, "m", 3) for wave in (self.shortest_measured, self.shortest_measured / UNSEEN))
         return (
             f"{text}; by the power law of the spectrum those from {first} to {last} have a rms slope of "
@@ -271,7 +271,8 @@ def smooth(
     """Low-pass and resample what `repair` returned; other arguments, results and errors are those of `condition`."""
     final = flat.shape if shape is None else shape
     waves, seen = spectrum(flat), instrument.shortest_wave(flat)
-    measured = max(waves.shortest_wave, seen)
+    # without a law what the map shows of waves that are not seen is the least that is there
+    measured = max(waves.shortest_wave, seen if waves.law else 0.0)
     unseen = sqrt(waves.law.slope_power(measured, measured / UNSEEN)) if waves.law and seen else None
     wave = default_wave(flat, final, instrument) if shortest_wave is None else shortest_wave
     shortest = check_wave(wave, flat.size, final)

@@ -88,10 +88,15 @@ def test_the_slope_beyond_is_that_of_the_face_that_the_instrument_does_not_see()
     assert_allclose(more.kept_slope, whole.low_pass(40e-6).rms_slope / whole.rms_slope, rtol=0.03)
 
 
-def test_a_face_without_a_power_law_says_so():
-    _, report = condition(wave(1e-4), detrend=0, instrument=Instrument(resolution=3e-5))
+def test_without_a_power_law_what_the_map_has_of_unseen_waves_counts_as_removed():
+    longer = wave(1e-4)
+    x = (np.arange(longer.shape[0]) + 0.5) * longer.spacing[0]
+    face = longer.with_heights(longer.heights + AMPLITUDE / 8 * np.cos(2 * pi * x / 2.5e-5)[:, None])
+    _, report = condition(face, detrend=0, instrument=Instrument(resolution=5e-5))
     assert report.unseen_slope is None
-    assert "no power law" in report.unseen
+    assert "without a power law" in report.unseen
+    assert_allclose(report.kept_slope, longer.rms_slope / face.rms_slope)
+    assert_allclose(report.removed_octaves, log2(5e-5 / report.shortest_measured))
 
 
 def test_a_file_or_the_caller_says_what_the_instrument_is(tmp_path):
