@@ -198,7 +198,7 @@ class Conditioning(Labelled):
     def kept_slope(self) -> float:
         """Rms slope over that with the waves of `removed_octaves`."""
         whole = hypot(self.rms_slope_measured, self.unseen_slope or 0.0)
-        return (1 - self.lost_slope) * self.rms_slope_measured / whole if whole else 1.0
+        return min(self.rms_slope, self.rms_slope_measured) / whole if whole else 1.0
 
     @property
     def unseen(self) -> str:
@@ -336,7 +336,7 @@ def check_wave(wave: float, size: tuple[float, float], shape: tuple[int, int]) -
     """The wave; InputError if it has fewer than 8 pixels of a grid, or is no shorter than a face of such sides [m]."""
     shortest, resolved = validate.number("shortest_wave", wave, unit="m"), resolved_wave(size, shape)
     if shortest < resolved * (1 - SLACK):
-        finer = tuple(int(np.ceil(PIXELS_PER_WAVE * length / shortest - SLACK)) for length in size)
+        finer = resolving_shape(size, shortest)
         allowed = f"at least {PIXELS_PER_WAVE} pixels = {to_text(resolved, 'm')}, or shape={finer} for a finer grid"
         raise InputError("shortest_wave", to_text(shortest, "m"), allowed)
     if shortest >= max(size):

@@ -103,10 +103,6 @@ class Places(Topography):
         """The places with a profile along x1 (n1,) [m] added to each."""
         return self._of_each(lambda p: p.with_form(profile))
 
-    def transpose(self) -> Topography:
-        """Refused: places lie side by side along x2."""
-        raise InputError("transpose", "several places", "each place transposed by itself")
-
     def _of_each(self, change: Callable[[Topography], Topography]) -> Places:
         return self._joined([change(p) for p in self.each])
 

@@ -152,8 +152,7 @@ def _given_pixel(given: Reading, shape: tuple[int, ...]) -> tuple[float, float] 
 def _given_instrument(given: Reading, found: Instrument) -> Instrument:
     """The instrument by what the caller says, else the file."""
     said = {name: getattr(given, name) for name in ("tip_radius", "resolution")}
-    known = {name: validate.number(name, length, unit="m") for name, length in said.items() if length is not None}
-    return replace(found, **known)
+    return replace(found, **{name: validate.number(name, x, unit="m") for name, x in said.items() if x is not None})
 
 
 def _pixel_doubts(path: Path, pixel: tuple[float, float] | None, shape: tuple[int, ...]) -> list[InputError]:
@@ -215,7 +214,7 @@ def read_mask(path: str | os.PathLike[str], shape: tuple[int, int]) -> NDArray[n
     path = Path(path)
     suffix = path.suffix.lower()
     if not path.is_file():
-        raise InputError("mask", f"'{path}', {'a folder' if path.is_dir() else 'no such file'}", "a file")
+        raise InputError("mask", f"'{path}', no such file", "a file")
     if suffix not in (*_IMAGES, *_ARRAYS):
         raise InputError("mask", f"'{path.name}'", f"a file {', '.join((*_IMAGES, *_ARRAYS))}")
     with reading(path, "a mask of the map's size"):

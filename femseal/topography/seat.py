@@ -251,15 +251,14 @@ def _profile(path: Path, unit: str) -> Array:
     """Rising x1 and z (n, 2) [m] from a file; InputError of anything else."""
     expected = "a file of numbers in columns x1 and z, the first line with these names, x1 rising"
     try:
-        first, *rows = path.read_text(encoding="utf-8-sig").replace(",", " ").split("\n")
-        table = np.array([row.split() for row in rows if row.strip()], dtype=float)
+        first, *rows = path.read_text(encoding="utf-8-sig").replace(",", " ").splitlines()
+        table = np.loadtxt([row for row in rows if row.strip()], usecols=(0, 1), ndmin=2)
     except (OSError, ValueError) as error:
         raise InputError("path", f"'{path.name}' ({error})", expected) from None
-    if first.split()[:2] != ["x1", "z"] or table.ndim != 2 or table.shape[1] < 2 or len(table) < 2:
+    rises = len(table) > 1 and np.isfinite(table).all() and (np.diff(table[:, 0]) > 0).all()
+    if first.split()[:2] != ["x1", "z"] or not rises:
         raise InputError("path", f"'{path.name}'", expected)
-    if not (np.isfinite(table).all() and (np.diff(table[:, 0]) > 0).all()):
-        raise InputError("path", f"'{path.name}' with x1 that does not rise or values that are not finite", expected)
-    return table[:, :2] * to_si(f"1 {unit}", "m")
+    return table * to_si(f"1 {unit}", "m")
 
 
 #: Seats that a case can choose, by their kind.

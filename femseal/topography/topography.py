@@ -185,20 +185,6 @@ class Topography(Plotted):
             raise InputError("crop", ", ".join(to_text(length, "m") for length in ends), allowed)
         return self.crop((end[0] - begin[0], end[1] - begin[1]), (begin[0], begin[1]))
 
-    def mask(self, undefined: NDArray) -> Topography:
-        """Map whose points are undefined where `undefined` (n1, n2) is not 0, besides those that are so already.
-
-        Raises InputError: an array of another shape.
-        """
-        marked = np.asarray(undefined)
-        if marked.shape != self.shape or marked.dtype.kind not in "bfiu":
-            raise InputError("mask", f"an array of {marked.dtype} of shape {marked.shape}", f"numbers {self.shape}")
-        return self.with_heights(np.where(marked != 0, np.nan, self.heights))
-
-    def transpose(self) -> Topography:
-        """Map with x1 and x2 exchanged."""
-        return Topography(self.heights.T, self.spacing[::-1], self.periodic[::-1])
-
     def flip(self, axis: int) -> Topography:
         """Map reversed along an axis, as the upper of two faces must be before they are added."""
         return self.with_heights(np.flip(self.heights, validate.axis_number(axis)))

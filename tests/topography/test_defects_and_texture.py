@@ -186,14 +186,9 @@ def test_a_map_with_holes_says_what_to_do():
     assert str(pickle.loads(pickle.dumps(error.value))) == str(error.value)
 
 
-def test_masked_points_and_parts_from_python():
+def test_parts_from_python():
     face = rough()
-    high = face.heights > 0
-    marked = face.mask(high).mask(~high[::-1] & False)
-    assert_array_equal(np.isnan(marked.heights), high)
     assert face.crop_to((10e-6, 20.4e-6, 0, 120e-6)).heights.tobytes() == face.heights[10:20].tobytes()
-    with pytest.raises(InputError, match="mask: given an array of bool"):
-        face.mask(high.T)
 
 
 # --- what the spikes mean ---------------------------------------------------------------------------------

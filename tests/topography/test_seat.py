@@ -134,7 +134,7 @@ def test_a_profile_is_read_from_a_file(tmp_path):
     for text, message in (
         ("x1,z\n0,0\n", "expected a file of numbers"),
         ("a,b\n0,0\n1,1\n", "expected a file of numbers"),
-        ("x1,z\n0,0\n0,1\n", "does not rise"),
+        ("x1,z\n0,0\n0,1\n", "x1 rising"),
         ("x1,z\n0,0\n0.1,0\n", "as broad as the face"),
         ("x1,z\n0,zero\n1,1\n", "expected a file of numbers"),
     ):
