@@ -294,8 +294,9 @@ def _surface_facts(prepared: Prepared) -> Iterator[tuple[str, str]]:
     for known in (prepared.holds, prepared.form_effect):
         if known is not None and not known.doubts:
             yield "", str(known)
-    if prepared.continuation:
-        yield "", prepared.continuation_text
+    for text in (prepared.continuation_text, report.unseen):
+        if text:
+            yield "", text
     shortest = report.shortest_wave
     kept = f"waves below {to_text(shortest, 'm', 3)} ({shortest / max(surface.spacing):.3g} pixels) removed"
     removed = 1 - surface.rms_slope / report.rms_slope_before if report.rms_slope_before else 0.0
@@ -303,8 +304,6 @@ def _surface_facts(prepared: Prepared) -> Iterator[tuple[str, str]]:
         measured = to_text(report.shortest_measured, "m", 3)
         kept += f", with {removed:.0%} of the rms slope, {report.lost_slope:.0%} of that above noise ({measured})"
     yield "filter", kept
-    if report.unseen:
-        yield "", report.unseen + ("; these count as removed in the error budget" if report.unseen_slope else "")
 
 
 def _pieces(prepared: Prepared, count: tuple[int, int]) -> str:

@@ -211,7 +211,8 @@ class Conditioning(Labelled):
         first, last = (to_text(wave, "m", 3) for wave in (self.shortest_measured, self.shortest_measured / UNSEEN))
         return (
             f"{text}; by the power law of the spectrum those from {first} to {last} have a rms slope of "
-            f"{self.unseen_slope:.3g}, beside {self.rms_slope_measured:.3g} of those that were measured"
+            f"{self.unseen_slope:.3g}, beside {self.rms_slope_measured:.3g} of those measured; the error budget "
+            "counts them as removed"
         )
 
 
