@@ -17,10 +17,10 @@ from ..base import InputError, shown, to_si, to_text
 from ..base.leak_rates import STANDARD_PRESSURE
 from ..base.quantities import absolute_pressure
 from ..fluids import FLUIDS, Fluid
-from ..named_fluids import TABLE_TEMPERATURE, named_fluid
+from ..named_fluids import TABLE, TABLE_TEMPERATURE, named_fluid
 from ..real_gas import RealGas
 from .faults import fault, faults_of
-from .values import Pressure, Table, Usual, table_of_any
+from .values import Pressure, Table, Usual, key, table_of_any
 
 if TYPE_CHECKING:
     from ..studies.other_fluid import FluidState
@@ -55,14 +55,33 @@ class FluidTable(Table):
 
 
 def _state(fluid: Any) -> dict[str, Any]:
-    pressures = {
-        "inlet_pressure": (Annotated[Pressure, Usual(100.0, 2e9, "Pa")], ...),
-        "outlet_pressure": (Pressure, fluid.outlet_pressure),
-        "ambient_pressure": (Annotated[Pressure, Usual(100.0, 2e8, "Pa")] | None, None),
+    """Keys of every fluid besides its parameters."""
+    inlet = key(
+        'of a gas absolute, or gauge such as `"99 bar(g)"`, of any fluid',
+        start="10 MPa",
+        needed="unless the inlets of a mesh have pressures",
+    )
+    outlet = key("as the inlet pressure", fluid.outlet_pressure, start="0.1 MPa")
+    ambient = key(
+        "which gauge pressures are above; also that of the outlet, if no other is given with them",
+        None,
+        example="1 atm",
+        since="0.2",
+    )
+    named = key(
+        f"fills in the keys of its kind: {', '.join(TABLE)}, at 20 °C; many more and any "
+        "`temperature` after `pip install 'femseal[fluids]'`",
+        None,
+        example="water",
+        max_length=60,
+    )
+    known = any(f.name == "name" for f in fields(fluid))
+    return {
+        "inlet_pressure": (Annotated[Pressure, Usual(100.0, 2e9, "Pa")], inlet),
+        "outlet_pressure": (Pressure, outlet),
+        "ambient_pressure": (Annotated[Pressure, Usual(100.0, 2e8, "Pa")] | None, ambient),
+        "name": Annotated[str, Field(max_length=60)] if known else (str | None, named),
     }
-    needed = any(f.name == "name" for f in fields(fluid))
-    name: Any = str if needed else str | None
-    return {**pressures, "name": (Annotated[name, Field(max_length=60)], ... if needed else None)}
 
 
 if TYPE_CHECKING:
@@ -185,17 +204,17 @@ def _filled(table: Any, place: str, odd: list[str]) -> Any:
 
 def overriding(given: dict[str, Any], known: dict[str, float], units: dict[str, str], place: str) -> Iterator[str]:
     """A sentence for each key that stands in place of a much larger or smaller value of the named fluid."""
-    for key in (key for key in known if key in given and key in units):
+    for name in (name for name in known if name in given and name in units):
         try:
-            value = to_si(given[key], units[key])
+            value = to_si(given[name], units[name])
         except InputError:  # that fault has its own line
             continue
-        if value > 0 and not 1 / _ODD_RATIO <= (ratio := value / known[key]) <= _ODD_RATIO:
-            unit = units[key].replace("*", "·")
+        if value > 0 and not 1 / _ODD_RATIO <= (ratio := value / known[name]) <= _ODD_RATIO:
+            unit = units[name].replace("*", "·")
             times = f"{ratio:.2g} times" if ratio > 1 else f"{1 / ratio:.2g} times less than"
             # machining hardens a soft metal
-            advice = "right if it was measured, else leave out the key" if key == "hardness" else _LEAVE_OUT
+            advice = "right if it was measured, else leave out the key" if name == "hardness" else _LEAVE_OUT
             yield (
-                f"{place}.{key} {to_text(value, unit)} is {times} that of {given['name']}, "
-                f"{to_text(known[key], unit)}: {advice}"
+                f"{place}.{name} {to_text(value, unit)} is {times} that of {given['name']}, "
+                f"{to_text(known[name], unit)}: {advice}"
             )

@@ -11,7 +11,7 @@ import numpy as np
 from ..base import InputError, counted, to_si, to_text, validate, versions
 from ..base.leak_rates import USUAL, check_classes, leak_classes
 from ..case.case import Case, load_case
-from ..case.load import Amount
+from ..case.values import Amount
 from ..fluids import leak_basis
 from ..results import Results, open_results
 from ..runs import job

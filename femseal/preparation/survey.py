@@ -11,8 +11,10 @@ from pathlib import Path
 from typing import Any
 
 from ..base import InputError, to_si, to_text, validate, writing
+from ..case.case import Case
 from ..case.faces import SurfaceTable
-from ..case.faults import table_to_paste, with_keys
+from ..case.faults import with_keys
+from ..case.template import table_to_paste
 from ..contact.law import PerfectlyPlastic
 from ..face.patch_form import FormEffect, form_effect
 from ..plots import survey_figure
@@ -223,5 +225,5 @@ def case_of_face(path: Path, folder: Path) -> str:
         surface = ["", "[surface]", f'shortest_wave = "{text}"  # {why}']
     lines += [f"# ? {question}" for question in questions] + surface
     for table, question in _OPEN.items():
-        lines += ["", f"# ? {question}", *table_to_paste(table).splitlines()]
+        lines += ["", f"# ? {question}", *table_to_paste(Case, table).splitlines()]
     return "\n".join(lines) + "\n"

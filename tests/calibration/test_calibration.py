@@ -19,7 +19,7 @@ from femseal.base.leak_rates import leak_unit
 from femseal.calibration import calibrating
 from femseal.calibration.calibrating import with_values
 from femseal.calibration.leak_test import Estimate, LeakTest, Posterior, read_leak_test
-from femseal.case.load import Amount
+from femseal.case.values import Amount
 from femseal.loads import LoadStep
 from femseal.store.store import Store
 from femseal.sweeps.scenes import Surrogate, _covariance, _solved

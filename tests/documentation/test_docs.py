@@ -12,7 +12,7 @@ import femseal
 ROOT = Path(__file__).parents[2]
 DOCS = ROOT / "docs"
 #: Made by the build.
-MADE = ("gallery/", "command_line.md", "case_keys.md")
+MADE = ("gallery/", "command_line.md", "case_keys.md", "template.toml")
 PAGES = sorted([*ROOT.glob("*.md"), *DOCS.rglob("*.md")])
 PAGES = [page for page in PAGES if not {"_build", "gallery", "_examples"} & set(page.relative_to(ROOT).parts)]
 
