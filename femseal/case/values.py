@@ -93,7 +93,7 @@ class Quantity:
         """The value in SI; PydanticCustomError where it cannot be used."""
         try:
             known = isinstance(value, Amount) and value.unit == self.unit
-            number = float(value) if known else to_si(value, self.unit, self.expected)
+            number = float(value) if known else to_si(value, self.unit, like=self.example)
         except InputError as error:
             raise refusal(error.expected) from None
         if not self.test(number):

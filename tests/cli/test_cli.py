@@ -538,3 +538,12 @@ def test_new_writes_the_case_of_a_measured_face(tmp_path, femseal):
     for words in ('size = ["300 µm", "600 µm"]', 'shortest_wave = "10 µm"', "Std, lay from x2", "# ? which fluid"):
         assert words in text
     assert (case.parent / fs.load_case(case).face[0].path).samefile(face)
+
+
+def test_a_scheduler_without_its_extra_is_told_how_to_install_it(femseal, tmp_path, monkeypatch):
+    monkeypatch.setitem(sys.modules, "distributed", None)
+    code, _, complaint = femseal("run", CASES[0], "-o", tmp_path / "results", "--scheduler", "local")
+    assert (code, complaint) == (
+        2,
+        "femseal: scheduler: given 'local', expected one after: pip install 'femseal[cluster]'\n",
+    )
