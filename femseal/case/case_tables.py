@@ -18,7 +18,7 @@ from ..contact import ContactLaw, HardnessTable, LinearHardening, NixGao, Perfec
 from ..contact.hardness_curves import SMALLEST_DEPTH
 from ..flow.solution import SOLVERS
 from ..materials import HARDNESS_FACTOR, METALS, Solid, named_solid
-from ..studies.choices import FIELDS_LIMIT, FLUID_PRESSURES, FORMATS
+from ..studies.choices import FIELDS_LIMIT, FLUID_EFFECTS, FORMATS
 from .faults import fault, faults_of, refusal
 from .fluid import AnyFluid, overriding
 from .values import (
@@ -52,7 +52,7 @@ class ContactTable(Table):
         "of the whole face along x1 and x2; one word: of both", ("free", "periodic")
     )
     rtol: float = key("complementarity residual", 1e-5, gt=0, lt=0.1)
-    fluid_pressure: Literal[FLUID_PRESSURES] = key(  # type: ignore[valid-type]
+    fluid_pressure: Literal[FLUID_EFFECTS] = key(  # type: ignore[valid-type]
         "the fluid presses the faces apart, where it is trapped closed pockets keep their liquid, "
         "or it is ignored: dry faces",
         "acts",

@@ -161,7 +161,7 @@ def _found(repaired: list[tuple[Topography, Repair]], wavelength: float) -> dict
     effects = [spike_effect(face, repair.removed, wavelength) for face, repair in repaired]
     return {
         "undefined_fraction": sum(r.undefined_fraction for _, r in repaired) / len(repaired),
-        "spikes": sum(r.spikes for _, r in repaired),
+        "spike_points": sum(r.spike_points for _, r in repaired),
         "spikes_along_lay": max((e.along_lay for e in effects if e.along_lay is not None), default=None),
         "spikes_extreme": max((e.extreme for e in effects if e.extreme is not None), default=None),
     }

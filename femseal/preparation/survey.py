@@ -181,7 +181,7 @@ def _indented(report: SurfaceReport | Conditioning) -> list[str]:
 def notes(report: SurfaceReport, conditioning: Conditioning) -> list[str]:
     """Advice that follows from the numbers."""
     effect = SpikeEffect(conditioning.spikes_along_lay, conditioning.spikes_extreme)
-    notes = effect.doubts(conditioning.spikes)
+    notes = effect.doubts(conditioning.spike_points)
     if report.shortest_wave > conditioning.shortest_wavelength * (1 + 1e-9):
         wave = to_text(report.shortest_wave, "m", 3)
         notes.append(f"waves below {wave} are noise or beyond the instrument: shortest_wave = '{wave}' removes them")

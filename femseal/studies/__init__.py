@@ -22,7 +22,7 @@ from typing import TYPE_CHECKING
 from ..base.lazy_package import load_when_used
 
 if TYPE_CHECKING:
-    from .choices import FLUID_PRESSURES, NOMINALS
+    from .choices import FLUID_EFFECTS, NOMINALS
     from .deterministic import FaceResult, deterministic
     from .other_fluid import FluidState, OtherLeakage, drop_ratio
     from .sampling import Sampling, laid_out, lay_out_tiles

@@ -44,7 +44,7 @@ class Repair:
     """
 
     undefined_fraction: float = field(metadata={"unit": "", "label": "fraction of undefined points", "percent": True})
-    spikes: int = field(metadata={"unit": "", "label": "points in spikes"})
+    spike_points: int = field(metadata={"unit": "", "label": "points in spikes"})
     form: Form = field(metadata={"unit": "", "label": "form of the defined points"})
     removed: NDArray[np.float64] = field(repr=False, metadata={"unit": "m", "label": "spikes above their filling"})
 
@@ -159,7 +159,7 @@ class Conditioning(Labelled):
     """What was done to a measured map; "before" means filled and flat, but not yet low-passed."""
 
     undefined_fraction: float = field(metadata={"unit": "", "label": "undefined points, filled", "percent": True})
-    spikes: int = field(metadata={"unit": "", "label": "points in spikes, filled"})
+    spike_points: int = field(metadata={"unit": "", "label": "points in spikes, filled"})
     spikes_along_lay: float | None = field(
         metadata={"unit": "", "label": "neighbouring spikes along the lay", "percent": True}
     )
@@ -243,7 +243,7 @@ def smooth(
     effect = spike_effect(flat, repaired.removed, shortest)
     return kept, Conditioning(
         undefined_fraction=repaired.undefined_fraction,
-        spikes=repaired.spikes,
+        spike_points=repaired.spike_points,
         spikes_along_lay=effect.along_lay,
         spikes_extreme=effect.extreme,
         removed_tilt=(atan(tilt1), atan(tilt2)),

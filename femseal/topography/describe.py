@@ -35,7 +35,7 @@ class SurfaceReport(Labelled):
     size: tuple[float, float] = field(metadata={"unit": "m", "label": "size"})
     spacing: tuple[float, float] = field(metadata={"unit": "m", "label": "pixel"})
     undefined_fraction: float = field(metadata={"unit": "", "label": "undefined points", "percent": True})
-    spikes: int = field(metadata={"unit": "", "label": "points in spikes"})
+    spike_points: int = field(metadata={"unit": "", "label": "points in spikes"})
     tilt: tuple[float, float] = field(metadata={"unit": "rad", "label": "tilt along x1 (leakage), x2"})
     rms_height: float = field(metadata={"unit": "m", "label": "Sq, rms height"})
     mean_height: float = field(metadata={"unit": "m", "label": "Sa, arithmetic mean height"})
@@ -90,7 +90,7 @@ def describe_surface(
     --------
     >>> from femseal.topography import self_affine
     >>> report = describe_surface(self_affine((256, 256), (1e-3, 1e-3), hurst=0.8, rms_height=1e-6, rng=1))
-    >>> round(report.hurst, 1), report.spikes, report.shape
+    >>> round(report.hurst, 1), report.spike_points, report.shape
     (0.8, 0, (256, 256))
     """
     flat, repaired = repair(topography, spikes=spikes, max_undefined=max_undefined, detrend=detrend)
@@ -106,7 +106,7 @@ def describe_surface(
         size=topography.size,
         spacing=topography.spacing,
         undefined_fraction=repaired.undefined_fraction,
-        spikes=repaired.spikes,
+        spike_points=repaired.spike_points,
         tilt=(atan(tilt[0]), atan(tilt[1])),
         rms_height=sq,
         mean_height=float(np.abs(z).mean()),

@@ -714,7 +714,7 @@ def test_a_second_face_is_laid_on_the_first(tmp_path, two_faces):
     assert 0.5 < overlap.fraction < 0.8
     assert prepared.surface_report["overlap"]["shape"] == overlap.shape
     # of both faces
-    assert prepared.conditioning.spikes == 2
+    assert prepared.conditioning.spike_points == 2
     assert_allclose(prepared.conditioning.undefined_fraction, (1 / (96 * 128) + 1 / (120 * 160)) / 2)
     lines = describe(parse_case(two_faces, tmp_path), prepared)
     assert any("two faces overlap on " in line and "% of the first, the second resampled" in line for line in lines)
@@ -737,10 +737,10 @@ def test_only_the_second_face_is_placed(tmp_path, two_faces):
 
 def test_spikes_of_files_are_filled_unless_left_alone(tmp_path, two_faces):
     two_faces["face"] = two_faces["face"][:1]
-    assert prepare(parse_case(two_faces, tmp_path)).conditioning.spikes == 1
+    assert prepare(parse_case(two_faces, tmp_path)).conditioning.spike_points == 1
     two_faces["surface"] = {"spikes": np.inf}
     left = prepare(parse_case(two_faces, tmp_path))
-    assert left.conditioning.spikes == 0
+    assert left.conditioning.spike_points == 0
     assert left.conditioning.rms_slope_before > 1
     for wrong in (0, -6, "six", True):
         two_faces["surface"] = {"spikes": wrong}
