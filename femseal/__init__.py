@@ -29,13 +29,14 @@ from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from .base.lazy_package import displays, find_place, load_when_used
+from .base.lazy_package import displays, find_place, lazy
 
 __version__ = "0.2.0"
 
 if TYPE_CHECKING:
     from .base.errors import FemsealError, InputError, NotConverged, PartsMissing
-    from .budget import ErrorBudget, error_budget
+    from .budget import ErrorBudget
+    from .budget.error_budget import error_budget
     from .calibration.calibrating import calibrate
     from .calibration.calibration import Calibration
     from .case.case import Case, load_case
@@ -77,14 +78,16 @@ if TYPE_CHECKING:
         SurfaceReport,
         TiltedSeat,
         Topography,
-        combine,
-        condition,
         continue_spectrum,
         describe_surface,
         read_topography,
         self_affine,
         turned,
     )
+    from .topography.combine import combine
+    from .topography.condition import condition
+else:
+    __getattr__, __dir__ = lazy(__name__)
 
 find_place(Path(__file__).parent)
 displays["plots"] = partial(import_module, ".plots", __name__)
@@ -165,5 +168,3 @@ __all__ = [
     "two_scale",
     "write_report",
 ]
-
-load_when_used(__name__)

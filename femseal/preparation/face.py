@@ -31,12 +31,10 @@ from ..topography import (
     Representative,
     Topography,
     check_wave,
-    combine,
     continuation_of,
     default_wave,
     of_all_places,
     repair,
-    representative,
     resolved_wave,
     resolving_shape,
     shortest_place,
@@ -44,6 +42,8 @@ from ..topography import (
     spectrum,
     spike_effect,
 )
+from ..topography.combine import combine
+from ..topography.representative import representative
 from .prepared import Pair, check_memory_of_points
 
 #: Fraction of the measured rms slope that the pixels of a measured face must keep to be fine enough.

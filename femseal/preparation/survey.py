@@ -29,9 +29,9 @@ from ..topography import (
     describe_surface,
     read_for_a_look,
     repair,
-    representative,
     smooth,
 )
+from ..topography.representative import representative
 from .face import default_grid
 
 #: Arguments of `topography` by their option.

@@ -24,7 +24,10 @@ from femseal.report import write_folder, write_report
 from femseal.report.case_text import pressure_drop_sentences
 from femseal.report.page import report_html
 from femseal.results import RunFacts, assemble, save
-from femseal.studies import Sampling, Scene, deterministic, stochastic, two_scale
+from femseal.studies import Sampling, Scene
+from femseal.studies.deterministic import deterministic
+from femseal.studies.stochastic import stochastic
+from femseal.studies.two_scale import two_scale
 from femseal.topography import self_affine
 
 pytestmark = pytest.mark.usefixtures("drawn_pictures")
