@@ -22,6 +22,7 @@ from ..studies.choices import FIELDS_LIMIT, FLUID_EFFECTS, FORMATS
 from .faults import fault, faults_of, refusal
 from .fluid import AnyFluid, overriding
 from .values import (
+    Amount,
     Both,
     Count,
     FileSize,
@@ -352,7 +353,7 @@ def _filled(table: dict[str, Any], place: str, folder: Path, odd: list[str]) -> 
     odd += overriding(given, known | {"hardness": HARDNESS_FACTOR * solid.yield_stress}, _UNITS, place)
     if "hardness" in given or "hardness_table" in given:
         del known["yield_stress"]
-    return {key: f"{value!r} {_UNITS[key]}".strip() for key, value in known.items()} | given
+    return {name: Amount(value, _UNITS[name]) for name, value in known.items()} | given
 
 
 def read_hardness_table(path: Path, key: str) -> list[list[str]]:

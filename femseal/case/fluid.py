@@ -13,14 +13,14 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 from pydantic import Field
 
-from ..base import InputError, shown, to_si, to_text
+from ..base import InputError, shown, to_text
 from ..base.leak_rates import STANDARD_PRESSURE
 from ..base.quantities import absolute_pressure
 from ..fluids import FLUIDS, Fluid
 from ..named_fluids import TABLE, TABLE_TEMPERATURE, named_fluid
 from ..real_gas import RealGas
 from .faults import fault, faults_of
-from .values import Pressure, Table, Usual, key, table_of_any
+from .values import Amount, Pressure, Table, Usual, in_si, key, table_of_any
 
 if TYPE_CHECKING:
     from ..studies.other_fluid import FluidState
@@ -116,7 +116,7 @@ def with_absolute_pressures(data: Any) -> Any:
 def _ambient(table: Any, default: float | None) -> float | None:
     """Ambient pressure of the table of a fluid [Pa]; the default if it has none."""
     try:
-        return to_si(table["ambient_pressure"], "Pa")
+        return in_si(table["ambient_pressure"], "Pa")
     except (KeyError, TypeError):
         return default
     except InputError:
@@ -127,7 +127,7 @@ def _absolute(value: Any, ambient: float | None, place: str) -> Any:
     """A pressure as it is given, in Pa where it says that it is gauge or absolute."""
     with faults_of():
         pressure = absolute_pressure(value, STANDARD_PRESSURE if ambient is None else ambient, place)
-    return value if pressure is None else f"{pressure!r} Pa"
+    return value if pressure is None else Amount(pressure, "Pa")
 
 
 def _with_absolute_ends(table: dict[str, Any], place: str, ambient: float | None, gauge: bool) -> dict[str, Any]:
@@ -135,7 +135,7 @@ def _with_absolute_ends(table: dict[str, Any], place: str, ambient: float | None
     keys = [key for key in ("inlet_pressure", "outlet_pressure") if key in table]
     ends: dict[str, Any] = {key: _absolute(table[key], ambient, f"{place}.{key}") for key in keys}
     if gauge or any(ends[key] is not table[key] for key in keys):
-        around = f"{STANDARD_PRESSURE if ambient is None else ambient!r} Pa"
+        around = Amount(STANDARD_PRESSURE if ambient is None else ambient, "Pa")
         return {"ambient_pressure": around, "outlet_pressure": around, **table, **ends}
     return table
 
@@ -143,19 +143,19 @@ def _with_absolute_ends(table: dict[str, Any], place: str, ambient: float | None
 def _with_dynamic_viscosity(table: dict[str, Any], place: str, density: float | None = None) -> dict[str, Any]:
     """The table of a fluid, whose viscosity is dynamic where it was kinematic; `density` : unless the table has one."""
     try:
-        kinematic = to_si(table["viscosity"], "m^2/s")
+        kinematic = in_si(table["viscosity"], "m^2/s")
     except (InputError, KeyError):
         return table
     if table.get("kind", "liquid") in (gas.kind for gas in FLUIDS.values() if hasattr(gas, "reference_pressure")):
         raise fault(f"{place}.viscosity", shown(table["viscosity"]), "a dynamic viscosity of a gas, such as '18 uPa*s'")
     try:
-        density = to_si(table["density"], "kg/m^3") if "density" in table else density
+        density = in_si(table["density"], "kg/m^3") if "density" in table else density
     except InputError:
         density = 1.0  # that fault is reported with its key
     if density is None:
         expected = "a density beside a kinematic viscosity, such as '870 kg/m^3'; or a dynamic one, such as '1 mPa*s'"
         raise fault(f"{place}.viscosity", shown(table["viscosity"]), expected)
-    return {**table, "viscosity": f"{kinematic * density!r} Pa*s"} if kinematic * density > 0 else table
+    return {**table, "viscosity": Amount(kinematic * density, "Pa*s")} if kinematic * density > 0 else table
 
 
 def with_named_fluids(data: Any) -> Any:
@@ -179,9 +179,9 @@ def _filled(table: Any, place: str, odd: list[str]) -> Any:
     if "name" not in table:
         return _with_dynamic_viscosity(table, place)
     try:
-        temperature = to_si(table["temperature"], "K") if "temperature" in table else TABLE_TEMPERATURE
-        inlet = to_si(table.get("inlet_pressure"), "Pa")
-        outlet = to_si(table.get("outlet_pressure", "1 atm"), "Pa")
+        temperature = in_si(table["temperature"], "K") if "temperature" in table else TABLE_TEMPERATURE
+        inlet = in_si(table.get("inlet_pressure"), "Pa")
+        outlet = in_si(table.get("outlet_pressure", "1 atm"), "Pa")
     except InputError:
         temperature, inlet, outlet = TABLE_TEMPERATURE, 101_325.0, 101_325.0  # that fault is reported with its key
     with faults_of(place):
@@ -193,7 +193,7 @@ def _filled(table: Any, place: str, odd: list[str]) -> Any:
     if not isinstance(kind, str) or kind not in FLUIDS:
         return table
     units = {f.name: f.metadata["unit"] for f in fields(FLUIDS[kind]) if "unit" in f.metadata}
-    filled = {key: f"{value!r} {units[key]}" for key, value in found.parameters.items() if key in units}
+    filled = {key: Amount(value, units[key]) for key, value in found.parameters.items() if key in units}
     given = {key: value for key, value in table.items() if key != "temperature" or key in units}
     given = _with_dynamic_viscosity({"kind": kind, **given}, place, found.parameters.get("density"))
     if kind != found.kind:
@@ -206,7 +206,7 @@ def overriding(given: dict[str, Any], known: dict[str, float], units: dict[str, 
     """A sentence for each key that stands in place of a much larger or smaller value of the named fluid."""
     for name in (name for name in known if name in given and name in units):
         try:
-            value = to_si(given[name], units[name])
+            value = in_si(given[name], units[name])
         except InputError:  # that fault has its own line
             continue
         if value > 0 and not 1 / _ODD_RATIO <= (ratio := value / known[name]) <= _ODD_RATIO:

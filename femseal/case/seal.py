@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Annotated, Any, get_args
 
 from pydantic import BeforeValidator, Field, WithJsonSchema, model_validator
 
-from ..base import InputError, shortened, to_si
+from ..base import InputError, shortened
 from ..base.leak_rates import STANDARD_PRESSURE
 from ..seal.form import FORMS, SealForm
 from ..seal.lay import NAMES, Lay
@@ -20,6 +20,7 @@ from ..seal.layouts import LAYOUTS, Layout, MeshLayout, RectangularLayout
 from ..topography.seat import SEATS, Seat
 from .faults import fault, faults_of, refusal
 from .values import (
+    Amount,
     Length,
     LengthUnit,
     Pressure,
@@ -27,6 +28,7 @@ from .values import (
     Shift,
     Table,
     Usual,
+    in_si,
     key,
     quantity_schema,
     table_of_any,
@@ -149,10 +151,10 @@ def with_inlet_pressure(data: Any) -> Any:
         given = f"{shortened(repr(fluid['inlet_pressure']), 60)} beside the pressures of the inlets in seal.inlet"
         raise fault("fluid.inlet_pressure", given, "none there")
     try:
-        highest = max(to_si(p, "Pa") for p in inlets.values())
+        highest = max(in_si(p, "Pa") for p in inlets.values())
     except (InputError, ValueError):
         highest = STANDARD_PRESSURE  # that fault is reported with its key
-    return {**data, "fluid": {**fluid, "inlet_pressure": f"{highest!r} Pa"}}
+    return {**data, "fluid": {**fluid, "inlet_pressure": Amount(highest, "Pa")}}
 
 
 _LAY_SCHEMA = {"anyOf": [{"type": "string", "enum": list(NAMES)}, {"type": "object"}]}

@@ -49,6 +49,19 @@ class Amount(float):
     def __getnewargs__(self) -> tuple[Any, ...]:
         return float(self), self.unit
 
+    def __repr__(self) -> str:
+        return repr(f"{float(self)!r} {self.unit}".strip())
+
+
+def in_si(value: Any, unit: str, like: str = "") -> float:
+    """The value in SI of a text as `to_si` takes it, or of an amount.
+
+    Raises InputError: neither, or another unit.
+    """
+    if isinstance(value, Amount) and value.unit == unit:
+        return float(value)
+    return to_si(value, unit, like=like)
+
 
 def key(
     meaning: str = "",
@@ -92,8 +105,7 @@ class Quantity:
     def read(self, value: Any) -> float:
         """The value in SI; PydanticCustomError where it cannot be used."""
         try:
-            known = isinstance(value, Amount) and value.unit == self.unit
-            number = float(value) if known else to_si(value, self.unit, like=self.example)
+            number = in_si(value, self.unit, self.example)
         except InputError as error:
             raise refusal(error.expected) from None
         if not self.test(number):
