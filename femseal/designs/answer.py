@@ -118,7 +118,7 @@ def design(
         sensitivities=sensitivities(seals, variants, place[1], probability) if np.isfinite(place[1]) else (),
         notes=tuple(notes),
     )
-    folder = output if output is not None else results.folder if case is None else None
+    folder = results.folder if output is None and case is None else output
     if folder is not None:
         answer.write(folder)
     return answer
