@@ -12,6 +12,7 @@ from dataclasses import replace
 import numpy as np
 
 import femseal as fs
+from femseal.topography import CrownedSeat
 
 RADII = (0.2, 0.05, 0.01)
 FORCES = np.array([20e3, 50e3, 100e3, 200e3])
@@ -31,7 +32,7 @@ def lens_rings() -> dict[float, fs.FaceResult]:
         outlet_pressure=0.0,
         loading=tuple(FORCES / turned.size[0]),
     )
-    return {radius: fs.deterministic(replace(scene, surface=fs.CrownedSeat(radius).on(turned))) for radius in RADII}
+    return {radius: fs.deterministic(replace(scene, surface=CrownedSeat(radius).on(turned))) for radius in RADII}
 
 
 def hertz_band(radius: float, force: float) -> float:

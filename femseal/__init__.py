@@ -29,27 +29,25 @@ from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from .base.lazy_package import displays, find_place, load_when_used
+from .base.lazy_package import displays, find_place, lazy
 
 __version__ = "0.2.0"
 
 if TYPE_CHECKING:
-    from .base.errors import FemsealError, InputError, NotConverged, PartsMissing
-    from .budget import ErrorBudget, error_budget
+    from .base.errors import FemsealError, InputError, NotConverged
+    from .budget import ErrorBudget
+    from .budget.error_budget import error_budget
     from .calibration.calibrating import calibrate
     from .calibration.calibration import Calibration
     from .case.case import Case, load_case
-    from .contact import Contact, HalfSpace, LoadCycle, LoadState, load_cycle, solve_contact
+    from .contact import Contact, HalfSpace, LoadCycle, load_cycle, solve_contact
     from .contact.hardness_curves import HardnessTable, NixGao
     from .contact.law import ContactLaw, LinearHardening, PerfectlyPlastic
     from .designs.answer import design
     from .designs.data_sheet import Design
     from .flow import (
-        CubicLaw,
         FlowLaw,
-        FukuiKaneko,
         Permeability,
-        SlipLength,
         cell_permeability,
         permeability_tensor,
     )
@@ -69,22 +67,19 @@ if TYPE_CHECKING:
     from .studies.two_scale import two_scale
     from .sweeps.sweeping import sweep
     from .topography import (
-        BallOnCone,
-        CrownedSeat,
         Places,
-        ProfileSeat,
-        RoundedSeat,
         SurfaceReport,
-        TiltedSeat,
         Topography,
-        combine,
-        condition,
         continue_spectrum,
         describe_surface,
         read_topography,
         self_affine,
         turned,
     )
+    from .topography.combine import combine
+    from .topography.condition import condition
+else:
+    __getattr__, __dir__ = lazy(__name__)
 
 find_place(Path(__file__).parent)
 displays["plots"] = partial(import_module, ".plots", __name__)
@@ -93,19 +88,15 @@ displays["report"] = partial(import_module, ".report", __name__)
 
 __all__ = [
     "AnnularSeal",
-    "BallOnCone",
     "Calibration",
     "Case",
     "Contact",
     "ContactLaw",
-    "CrownedSeat",
-    "CubicLaw",
     "Design",
     "ErrorBudget",
     "FaceResult",
     "FemsealError",
     "FlowLaw",
-    "FukuiKaneko",
     "HalfSpace",
     "HardnessTable",
     "IdealGas",
@@ -114,28 +105,22 @@ __all__ = [
     "LinearHardening",
     "Liquid",
     "LoadCycle",
-    "LoadState",
     "MeshSeal",
     "NixGao",
     "NotConverged",
-    "PartsMissing",
     "PerfectlyPlastic",
     "Permeability",
     "Places",
-    "ProfileSeat",
     "RealGas",
     "RectangularSeal",
     "Results",
     "RoelandsLiquid",
-    "RoundedSeat",
     "RunComparison",
     "Sampling",
     "Scene",
-    "SlipLength",
     "Solid",
     "StochasticResult",
     "SurfaceReport",
-    "TiltedSeat",
     "Topography",
     "by_blocks",
     "calibrate",
@@ -165,5 +150,3 @@ __all__ = [
     "two_scale",
     "write_report",
 ]
-
-load_when_used(__name__)

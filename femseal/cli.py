@@ -83,12 +83,13 @@ def new(
     height_unit: Annotated[str | None, option("Unit of its heights, such as um.", "as the file says")] = None,
 ) -> None:
     """Write a commented case file to start from, also of a measured face."""
-    from importlib.resources import files
-
     if path.exists():
         raise InputError("path", f"'{path}', which exists", "a new file")
     if face is None:
-        text = files("femseal.case").joinpath("template.toml").read_text(encoding="utf-8")
+        from .case.case import Case
+        from .case.template import case_template
+
+        text = case_template(Case)
     else:
         from .preparation.survey import case_of_face
 

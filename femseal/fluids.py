@@ -20,7 +20,7 @@ from .base import InputError
 from .base.leak_rates import GAS_CONSTANT, LeakBasis
 from .base.validate import check_parameters, parameter
 from .flow.law import CUBIC_LAW, FlowLaw, FukuiKaneko, SlipLength
-from .real_gas import Gas, RealGas
+from .real_gas import Gas, RealGas, slip_of_gas, temperature_of_gas
 
 #: Constants of Roelands' law: pressure [Pa], and the natural logarithm of the viscosity [Pa s] common to all liquids.
 _ROELANDS_PRESSURE, _ROELANDS_LOG = 1.962e8, -log(6.31e-5)
@@ -45,8 +45,16 @@ class Fluid(Protocol):
         ...
 
 
-def _viscosity() -> Any:
-    return parameter("Pa*s", "a viscosity > 0, such as '1 mPa*s'", usual=(1e-6, 1e3))
+#: What the keys of several fluids mean.
+_VISCOSITY = 'dynamic, or kinematic such as `"46 cSt"` beside a density'
+_NAMELESS = "without a `name`"
+_DENSITY = "at the reference state"
+_BARUS = "rise of viscosity with pressure: by Barus, or by Roelands"
+
+
+def _viscosity(example: str) -> Any:
+    allowed = f"a viscosity > 0, such as '{example}'"
+    return parameter("Pa*s", allowed, _VISCOSITY, usual=(1e-6, 1e3), needed=_NAMELESS)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -61,15 +69,37 @@ class _OnFaces:
     #: Outlet pressure of a case that gives none [Pa], above that of the surroundings.
     outlet_pressure: ClassVar[float] = 0.0
     surface_tension: float | None = parameter(
-        "N/m", "a surface tension > 0, such as '73 mN/m'", usual=(1e-3, 3.0), default=None
+        "N/m",
+        "a surface tension > 0, such as '73 mN/m'",
+        "with a `contact_angle` above 90°, gives the pressure below which the liquid enters no gap",
+        usual=(1e-3, 3.0),
+        default=None,
     )
     contact_angle: float | None = parameter(
-        "rad", "a contact angle >= 0, such as '110 deg'", usual=(1e-3, 3.15), inclusive=True, default=None
+        "rad",
+        "a contact angle >= 0, such as '110 deg'",
+        "on the faces; above 90° they are not wetted",
+        usual=(1e-3, 3.15),
+        inclusive=True,
+        default=None,
     )
     slip_length: float = parameter(
-        "m", "a length >= 0, such as '20 nm'", usual=(1e-10, 1e-5), inclusive=True, default=0.0
+        "m",
+        "a length >= 0, such as '20 nm'",
+        "of a liquid that slips on both faces",
+        usual=(1e-10, 1e-5),
+        inclusive=True,
+        default=0.0,
+        since="0.2",
     )
-    bulk_modulus: float | None = parameter("Pa", "a bulk modulus > 0, such as '2 GPa'", usual=(5e7, 1e11), default=None)
+    bulk_modulus: float | None = parameter(
+        "Pa",
+        "a bulk modulus > 0, such as '2 GPa'",
+        "of liquid trapped in pockets, incompressible unless given",
+        usual=(5e7, 1e11),
+        default=None,
+        since="0.2",
+    )
 
     def __post_init__(self) -> None:
         check_parameters(self)
@@ -96,10 +126,21 @@ class Liquid(_OnFaces):
     """
 
     kind: ClassVar[str] = "liquid"
-    viscosity: float = _viscosity()
-    density: float = parameter("kg/m^3", "a density > 0, such as '870 kg/m^3'", usual=(50.0, 2.5e4), default=1000.0)
+    viscosity: float = _viscosity("1 mPa*s")
+    density: float = parameter(
+        "kg/m^3",
+        "a density > 0, such as '870 kg/m^3'",
+        _DENSITY,
+        usual=(50.0, 2.5e4),
+        default=1000.0,
+    )
     pressure_viscosity: float = parameter(
-        "1/Pa", "a coefficient >= 0, such as '20 1/GPa'", usual=(1e-10, 1e-7), inclusive=True, default=0.0
+        "1/Pa",
+        "a coefficient >= 0, such as '20 1/GPa'",
+        _BARUS,
+        usual=(1e-10, 1e-7),
+        inclusive=True,
+        default=0.0,
     )
 
     @property
@@ -136,10 +177,21 @@ class RoelandsLiquid(_OnFaces):
 
     kind: ClassVar[str] = "roelands-liquid"
     viscosity: float = parameter(
-        "Pa*s", "a viscosity > 63.1 uPa*s, such as '50 mPa*s'", usual=(1e-6, 1e3), above=6.31e-5
+        "Pa*s",
+        "a viscosity > 63.1 uPa*s, such as '50 mPa*s'",
+        _VISCOSITY,
+        usual=(1e-6, 1e3),
+        above=6.31e-5,
+        needed=_NAMELESS,
     )
-    pressure_viscosity: float = parameter("1/Pa", "a coefficient > 0, such as '20 1/GPa'", usual=(1e-10, 1e-7))
-    density: float = parameter("kg/m^3", "a density > 0, such as '870 kg/m^3'", usual=(50.0, 2.5e4), default=870.0)
+    pressure_viscosity: float = parameter("1/Pa", "a coefficient > 0, such as '20 1/GPa'", _BARUS, usual=(1e-10, 1e-7))
+    density: float = parameter(
+        "kg/m^3",
+        "a density > 0, such as '870 kg/m^3'",
+        _DENSITY,
+        usual=(50.0, 2.5e4),
+        default=870.0,
+    )
 
     @property
     def reference_density(self) -> float:
@@ -197,10 +249,12 @@ class IdealGas(Gas):
     """
 
     kind: ClassVar[str] = "ideal-gas"
-    viscosity: float = _viscosity()
-    molar_mass: float = parameter("kg/mol", "a molar mass > 0, such as '29 g/mol'", usual=(1e-3, 1.0))
-    temperature: float = parameter("K", "a temperature above absolute zero, such as '20 °C'", usual=(2.0, 2000.0))
-    slip: bool = True
+    viscosity: float = _viscosity("18 uPa*s")
+    molar_mass: float = parameter(
+        "kg/mol", "a molar mass > 0, such as '29 g/mol'", "of the gas", usual=(1e-3, 1.0), needed=_NAMELESS
+    )
+    temperature: float = temperature_of_gas(needed=_NAMELESS)
+    slip: bool = slip_of_gas()
 
     @property
     def law(self) -> FlowLaw:

@@ -16,7 +16,7 @@ from numpy.typing import ArrayLike
 
 from .base import Array, InputError, shown, to_text
 from .base.leak_rates import GAS_CONSTANT, STANDARD_PRESSURE
-from .base.validate import check_parameters, parameter
+from .base.validate import check_parameters, described, parameter
 from .flow.law import CUBIC_LAW, FlowLaw, FukuiKaneko
 from .named_fluids import TABLE_TEMPERATURE, known_to_coolprop, names_in_coolprop, refuse
 
@@ -46,6 +46,18 @@ class DenseGasSlip(FukuiKaneko):
     def pressure_derivative(self, gap: ArrayLike, pressure: ArrayLike = 0.0) -> Array:
         """By central differences."""
         return FlowLaw.pressure_derivative(self, gap, pressure)
+
+
+def temperature_of_gas(**more: Any) -> Any:
+    """The parameter `temperature` of a gas; more : as `parameter` takes it."""
+    allowed = "a temperature above absolute zero, such as '20 °C'"
+    return parameter("K", allowed, "of the gas", usual=(2.0, 2000.0), **more)
+
+
+def slip_of_gas() -> Any:
+    """The parameter `slip` of a gas."""
+    meaning = "slip and free molecular flow in narrow gaps; `false`: viscous in every gap"
+    return described(meaning, default=True)
 
 
 class Gas:
@@ -94,11 +106,9 @@ class RealGas(Gas):
     """
 
     kind: ClassVar[str] = "real-gas"
-    name: str
-    temperature: float = parameter(
-        "K", "a temperature above absolute zero, such as '20 °C'", usual=(2.0, 2000.0), default=TABLE_TEMPERATURE
-    )
-    slip: bool = True
+    name: str = described("a gas as CoolProp knows it", example="nitrogen")
+    temperature: float = temperature_of_gas(default=TABLE_TEMPERATURE)
+    slip: bool = slip_of_gas()
 
     def __post_init__(self) -> None:
         super().__post_init__()

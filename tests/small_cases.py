@@ -1,5 +1,10 @@
 """Small cases for tests of several rooms: tables as text, whole cases, a leak test, and a scene of a liquid."""
 
+import re
+import tomllib
+
+from femseal.case.case import Case
+from femseal.case.template import case_template
 from femseal.fluids import Liquid
 from femseal.studies.scene import Scene
 
@@ -121,3 +126,16 @@ def steel_scene(surface, **changed):
         "fluid_pressure": "ignored",
     }
     return Scene(**(given | changed))
+
+
+def template_cases():
+    """The case of `femseal new` with each of its tables as it is with all that it comments out."""
+    text = case_template(Case)
+    blocks = re.sub(r"^# (?=\[|\w+ = )", "", text, flags=re.MULTILINE).split("\n\n")
+    for block in blocks[1:]:
+        case, inside = tomllib.loads(text), re.match(r"\[\w+\.", block)
+        for name, value in tomllib.loads(block).items():
+            case[name] = case.get(name, {}) | value if inside else value
+        if case.get("seal", {}).get("kind") in ("annular", "mesh"):
+            del case["stochastic"]["length"]
+        yield case

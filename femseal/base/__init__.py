@@ -2,7 +2,7 @@
 
 from typing import TYPE_CHECKING
 
-from .lazy_package import load_when_used
+from .lazy_package import lazy
 
 if TYPE_CHECKING:
     from .arrays import Array, Flags, Indices, Lengths
@@ -22,5 +22,5 @@ if TYPE_CHECKING:
     from .quantities import to_si, to_text
     from .stage import Mapper, Stage
     from .text import Labelled, Plotted, Shown, TextTable, comma_separated, duration, format_deviation, labelled
-
-load_when_used(__name__)
+else:
+    __getattr__, __dir__ = lazy(__name__)

@@ -7,7 +7,7 @@ import os
 import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from functools import cached_property
+from functools import cache
 from importlib import import_module
 from pathlib import Path
 from pkgutil import iter_modules
@@ -20,48 +20,37 @@ from typing import Any
 displays: dict[str, Callable[[], ModuleType]] = {}
 
 
-class LazyPackage(ModuleType):
-    """A package that loads what its `__init__` imports under `TYPE_CHECKING`, and its modules, when first used."""
+def lazy(package: str) -> tuple[Callable[[str], Any], Callable[[], list[str]]]:
+    """`__getattr__` and `__dir__` of a package (PEP 562), for its `__init__`.
 
-    @cached_property
-    def _homes(self) -> dict[str, str]:
+    They load what it imports under `TYPE_CHECKING`, and its modules, when first used. A name that is that of a file too
+    is the file, whichever is loaded first: a function is then to be imported from there.
+    """
+    module = sys.modules[package]
+
+    @cache
+    def homes() -> dict[str, str]:
         """Name to the module it comes from, relative to the package."""
-        tree = ast.parse(self.__spec__.loader.get_source(self.__name__))  # type: ignore[union-attr]
+        tree = ast.parse(module.__spec__.loader.get_source(package))  # type: ignore[union-attr]
         imports = (node for part in tree.body if isinstance(part, ast.If) for node in part.body)
-        return {
+        found = {name.name: f".{name.name}" for name in iter_modules(module.__path__) if name.name[0] != "_"}
+        return found | {
             alias.asname or alias.name: "." * node.level + (node.module or "")
             for node in imports
             if isinstance(node, ast.ImportFrom)
             for alias in node.names
         }
 
-    @cached_property
-    def _modules(self) -> set[str]:
-        """Names of its modules, without private ones."""
-        return {module.name for module in iter_modules(self.__path__) if not module.name.startswith("_")}
-
-    def __getattr__(self, name: str) -> Any:
-        if name in self._homes:
-            value = getattr(import_module(self._homes[name], self.__name__), name)
-        elif not name.startswith("_") and name in self._modules:
-            value = import_module(f".{name}", self.__name__)
-        else:
-            raise AttributeError(f"module {self.__name__!r} has no attribute {name!r}")
-        self.__dict__[name] = value
+    def load(name: str) -> Any:
+        home = homes().get(name)
+        if home is None:
+            raise AttributeError(f"module {package!r} has no attribute {name!r}")
+        found = import_module(home, package)
+        value = found if home == f".{name}" else getattr(found, name)
+        setattr(module, name, value)
         return value
 
-    def __setattr__(self, name: str, value: object) -> None:
-        # a file may be called what the function in it is called; the package means the function
-        if not (isinstance(value, ModuleType) and name in self._homes):
-            super().__setattr__(name, value)
-
-    def __dir__(self) -> list[str]:
-        return sorted({*super().__dir__(), *self._homes, *self._modules})
-
-
-def load_when_used(package: str) -> None:
-    """Make a package lazy: to be called by its `__init__`."""
-    sys.modules[package].__class__ = LazyPackage
+    return load, lambda: sorted({*vars(module), *homes()})
 
 
 @contextmanager

@@ -32,6 +32,16 @@ _REFERENCE = re.compile(
 )
 #: Prefixes for people: (factor, text), used when a value is printed.
 _PREFIXES = [(1e9, "G"), (1e6, "M"), (1e3, "k"), (1.0, ""), (1e-3, "m"), (1e-6, "µ"), (1e-9, "n"), (1e-12, "p")]
+#: Values by their unit, for messages.
+_EXAMPLES = {
+    "Pa": "10 MPa",
+    "m": "1.5 mm",
+    "Pa*s": "1 mPa*s",
+    "K": "20 °C",
+    "kg/m^3": "870 kg/m^3",
+    "kg/mol": "29 g/mol",
+    "1/Pa": "20 1/GPa",
+}
 #: Units of most cases, in SI, for which the parser of units need not be loaded.
 _USUAL = {"kg/m^3": ("kg/m^3", 1.0)} | {
     prefix + name: (unit, factor * size)
@@ -47,12 +57,12 @@ def _registry() -> Any:
     return pint.UnitRegistry()
 
 
-def to_si(text: object, unit: str, name: str = "quantity") -> float:
+def to_si(text: object, unit: str, name: str = "quantity", like: str = "") -> float:
     """Value in SI of a quantity given as text with its unit.
 
     text : for example ``"210 GPa"``, ``"1 mm"``, ``"20 °C"``. A bare number is refused unless `unit` is "" (a ratio).
     unit : the SI unit of what is expected, for example "Pa", "m", "Pa*s", "" for a plain number.
-    name : of the value in an error message.
+    name : of the value in an error message. like : a value for that message, such as "300 MPa".
 
     Raises InputError: no unit, a unit of another kind, a decimal comma, or not a finite number.
 
@@ -66,7 +76,8 @@ def to_si(text: object, unit: str, name: str = "quantity") -> float:
     """
     example = "a finite number"
     if unit:
-        example = f"text with a number and a unit of the kind {unit!r}, such as {_example(unit, name)!r}"
+        like = like or _EXAMPLES.get(unit, f"1 {unit}")
+        example = f"text with a number and a unit of the kind {unit!r}, such as {like!r}"
     if unit == "" and isinstance(text, (int, float)) and not isinstance(text, bool):
         return _finite(float(text), text, name, example)
     if not isinstance(text, str):
@@ -149,13 +160,6 @@ def _without_comma(text: str) -> str:
     whole = _THOUSANDS.sub(lambda number: number[0].replace(",", ""), text)
     point = _WITH_COMMA.sub(lambda number: number[0].replace(".", "").replace(",", "."), text)
     return shown(point) + (f", or {shown(whole)} without separators of thousands" if whole != text else "")
-
-
-def _example(unit: str, name: str) -> str:
-    if unit == "Pa" and "pressure" in name:
-        return "10 MPa"
-    return {"Pa": "210 GPa", "m": "1.5 mm", "Pa*s": "1 mPa*s", "K": "20 °C", "kg/m^3": "870 kg/m^3",
-            "kg/mol": "29 g/mol", "1/Pa": "20 1/GPa"}.get(unit, f"1 {unit}")  # fmt: skip
 
 
 def _finite(value: float, given: object, name: str, allowed: str) -> float:

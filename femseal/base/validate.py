@@ -122,24 +122,42 @@ def axis_number(axis: Any) -> int:
     return int(axis)
 
 
+def described(
+    meaning: str,
+    *,
+    example: Any = None,
+    since: str = "0.1",
+    default: Any = dataclasses.MISSING,
+    **more: Any,
+) -> Any:
+    """A field of a dataclass that a case may give too.
+
+    meaning : in a phrase, for the key of the case. example : value in a case, as TOML has it; the default unless given.
+    since : first version that has it. default : without it the field is required. more : of the metadata.
+    """
+    metadata = {"meaning": meaning, "example": example, "since": since, **more}
+    return dataclasses.field(default=default, metadata=metadata)
+
+
 def parameter(
     unit: str,
     allowed: str,
+    meaning: str = "",
     *,
     usual: tuple[float, float] = (-inf, inf),
     above: float = 0.0,
     inclusive: bool = False,
-    default: float | Any = dataclasses.MISSING,
+    **more: Any,
 ) -> Any:
     """A field of a dataclass: a finite number > `above`, or >= `above` where `inclusive`.
 
     unit : in SI, as text that case files may use too, such as "Pa*s".
     allowed : what a case file may give, with an example, such as "a viscosity > 0, such as '1 mPa*s'".
     usual : range out of which a case is asked whether the unit is meant.
-    default : value where none is given, which may be None; without it the parameter is required.
+    meaning, more : as `described` takes them; the default may be None.
     """
-    metadata = {"unit": unit, "allowed": allowed, "usual": usual, "above": above, "inclusive": inclusive}
-    return dataclasses.field(default=default, metadata=metadata)
+    limits: dict[str, Any] = {"unit": unit, "allowed": allowed, "usual": usual, "above": above, "inclusive": inclusive}
+    return described(meaning, **limits, **more)
 
 
 def check_parameters(model: Any) -> None:

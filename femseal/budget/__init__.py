@@ -6,11 +6,10 @@ combines them to one band (`error_parts.py`). All distances are of ln(leakage): 
 
 from typing import TYPE_CHECKING
 
-from ..base.lazy_package import load_when_used
+from ..base.lazy_package import lazy
 
 if TYPE_CHECKING:
     from .changes import CoarserSolution
-    from .error_budget import error_budget
     from .error_parts import (
         MODEL_PARTS,
         VAGUE,
@@ -32,5 +31,5 @@ if TYPE_CHECKING:
         places_to_halve,
     )
     from .waves import contact_fraction_of, continuation_part
-
-load_when_used(__name__)
+else:
+    __getattr__, __dir__ = lazy(__name__)

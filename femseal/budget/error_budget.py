@@ -47,12 +47,12 @@ def error_budget(
     """
     own = study_of_result(study)
     leakage = own.leakage(study)
-    contact = contact_fraction_of(study, scene.steps)
+    in_contact = contact_fraction_of(study, scene.steps)
     parts: list[ErrorPart] = [solver_part(scene, leakage)]
     if coarse:
         parts.append(pixels_part(scene, leakage, coarse, wave_pixels))
     else:
-        parts += one_grid_part(leakage, contact)
+        parts += one_grid_part(leakage, in_contact)
     if filtered is not None and octaves > 0:
         parts.append(filter_part(scene, leakage, filtered, octaves))
     elif kept_slope < 1:
@@ -63,7 +63,7 @@ def error_budget(
     parts = [part.widened(leakage, steeper) for part in parts]
     if kept_slope < 1:
         parts = [
-            raised_by_slope(part, scene.steps, leakage, contact, kept_slope) if part.name == "filter" else part
+            raised_by_slope(part, scene.steps, leakage, in_contact, kept_slope) if part.name == "filter" else part
             for part in parts
         ]
     if isinstance(study, StochasticResult):

@@ -172,7 +172,7 @@ def model_changes(
         note = f"change of ln(leakage) with {hardness:.0%} more hardness, on either side"
         found.append(ModelChange("hardness", harder, True, note))
     acting = replace(scene, fluid_pressure="acts")
-    if "fluid pressure" in names and scene.fluid_pressure == "ignored" and acting.acting_fluid is not None:
+    if "fluid pressure" in names and scene.is_dry and acting.acting_fluid is not None:
         note = "change of ln(leakage) if the fluid pressure, which is ignored, presses the faces apart"
         found.append(ModelChange("fluid pressure", acting, False, note))
     if "form" in names and form is not None and form.seat is not None and form.tolerance > 0:

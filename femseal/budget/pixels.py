@@ -78,13 +78,13 @@ def pixels_part(
     return part_of_changes("pixels", steps, leakage, below, distance, note, change=changes[0], coarse=coarse[0])
 
 
-def one_grid_part(leakage: Array, contact: Array) -> list[ErrorPart]:
+def one_grid_part(leakage: Array, in_contact: Array) -> list[ErrorPart]:
     """Part of the pixels of a scene that was solved on one grid: what is sealed there may be open, unless by far.
 
-    contact : fraction in contact at every step (steps,). Empty where nothing is sealed but for certain.
+    in_contact : fraction in contact at every step (steps,). Empty where nothing is sealed but for certain.
     """
     q = np.abs(np.asarray(leakage, float))
-    may_open = (q == 0) & ~sealed_for_certain(contact)
+    may_open = (q == 0) & ~sealed_for_certain(in_contact)
     note = "one grid, which does not tell by how much load a sealed face is sealed"
     return [ErrorPart("pixels", q, np.where(may_open, np.inf, q), note)] if may_open.any() else []
 

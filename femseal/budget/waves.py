@@ -101,25 +101,25 @@ def contact_fraction_of(study: object, steps: LoadProgramme) -> Array:
     return np.asarray(getattr(study, "contact_fraction", np.full(len(steps), np.nan)), float)
 
 
-def raised_by_slope(part: ErrorPart, steps: LoadProgramme, leakage: Array, contact: Array, kept: float) -> ErrorPart:
+def raised_by_slope(part: ErrorPart, steps: LoadProgramme, leakage: Array, in_contact: Array, kept: float) -> ErrorPart:
     """The part with upper ends that are at least the leakage under the load of the removed waves.
 
-    leakage, contact : leakage and fraction in contact at every step (steps,). kept : rms slope over that with the
+    leakage, in_contact : leakage and fraction in contact at every step (steps,). kept : rms slope over that with the
         removed waves; 1: none were removed. The upper end is inf at sealed steps where no load says what they leak.
     """
-    least = under_less_load(steps, np.abs(np.asarray(leakage, float)), contact, kept)
+    least = under_less_load(steps, np.abs(np.asarray(leakage, float)), in_contact, kept)
     raised = least > part.upper  # an unknown end stays so
     note = f"{part.note}; no less than under {kept**LOAD_POWER:.2g} times the load, for the slope that was removed"
     return replace(part, upper=np.where(raised, least, part.upper), note=note if raised.any() else part.note)
 
 
-def sealed_for_certain(contact: Array, kept: float = 1.0) -> NDArray[np.bool_]:
+def sealed_for_certain(in_contact: Array, kept: float = 1.0) -> NDArray[np.bool_]:
     """Whether the face with its removed waves has too much contact to be open (steps,); False where it is unknown."""
     with np.errstate(invalid="ignore"):
-        return np.asarray(erf(kept * erfinv(np.clip(contact, 0.0, 1.0))) >= SEALED_CONTACT)
+        return np.asarray(erf(kept * erfinv(np.clip(in_contact, 0.0, 1.0))) >= SEALED_CONTACT)
 
 
-def under_less_load(steps: LoadProgramme, q: Array, contact: Array, kept: float) -> Array:
+def under_less_load(steps: LoadProgramme, q: Array, in_contact: Array, kept: float) -> Array:
     """Leakage at every step under kept**LOAD_POWER times its load (steps,), 0 where it is sealed there too.
 
     Loads of unloading are taken on their own branch, and leak more by as much as their peak does, but no more than on
@@ -140,7 +140,7 @@ def under_less_load(steps: LoadProgramme, q: Array, contact: Array, kept: float)
         for n in branch:
             lower = 0.0 if q[top] > 0 else found[top]
             found[n] = min(max(own.at(p[n], shift) * rise, lower), first.at(p[n], shift))
-    found[(q == 0) & sealed_for_certain(contact, kept)] = 0.0
+    found[(q == 0) & sealed_for_certain(in_contact, kept)] = 0.0
     return np.where(np.isnan(q), np.nan, np.maximum(found, q))
 
 

@@ -1,5 +1,5 @@
 """Calibration: hardness, shortest wave and a factor between model and test, from a measured curve of leakage."""
 
-from ..base.lazy_package import load_when_used
+from ..base.lazy_package import lazy
 
-load_when_used(__name__)
+__getattr__, __dir__ = lazy(__name__)

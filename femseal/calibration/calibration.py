@@ -26,6 +26,7 @@ from ..base import (
     writing,
 )
 from ..case.case import Case
+from ..case.template import as_toml, bare_key
 from ..plots.drawing import GREY, LEGEND_LINE, LINES, STYLES, Sheet, branch_styles, legend_below, shown
 from ..results.tables import format_leakage
 from .leak_test import BELOW, PROBABILITY, UNITS, Estimate, LeakTest, Posterior
@@ -293,13 +294,13 @@ def calibrated_text(data: dict[str, Any], base: Path, folder: Path, found: Calib
     lines = [
         "# Hardness and shortest wave by a calibration with a leak test, medians of the posterior.",
         f"# The test leaked {found.factor.median:.3g} times as much as this case does.",
-        *(f"{_key(name)} = {_toml(value)}" for name, value in tables.items() if not _is_table(value)),
+        *(f"{bare_key(name)} = {as_toml(value)}" for name, value in tables.items() if not _is_table(value)),
     ]
     for name, value in tables.items():
         if _is_table(value):
             for table in [value] if isinstance(value, dict) else value:
-                head = f"[{_key(name)}]" if isinstance(value, dict) else f"[[{_key(name)}]]"
-                lines += ["", head, *(f"{_key(key)} = {_toml(inner)}" for key, inner in table.items())]
+                head = f"[{bare_key(name)}]" if isinstance(value, dict) else f"[[{bare_key(name)}]]"
+                lines += ["", head, *(f"{bare_key(key)} = {as_toml(inner)}" for key, inner in table.items())]
     return "\n".join(lines) + "\n"
 
 
@@ -321,18 +322,3 @@ def _is_table(value: Any) -> bool:
     return isinstance(value, dict) or (
         isinstance(value, list) and bool(value) and all(isinstance(v, dict) for v in value)
     )
-
-
-def _key(name: str) -> str:
-    return name if name.replace("_", "").replace("-", "").isalnum() and name.isascii() else json.dumps(name)
-
-
-def _toml(value: Any) -> str:
-    """A value of a TOML file, a table on one line."""
-    if isinstance(value, dict):
-        return "{" + ", ".join(f"{_key(key)} = {_toml(inner)}" for key, inner in value.items()) + "}"
-    if isinstance(value, list):
-        return "[" + ", ".join(map(_toml, value)) + "]"
-    if isinstance(value, str):
-        return json.dumps(value, ensure_ascii=False)
-    return str(value).lower() if isinstance(value, bool) else str(value)

@@ -22,7 +22,7 @@ from scipy.stats import qmc
 from ..base import Array, InputError, InputErrors, counted, shortened, shown, to_si, to_text
 from ..base.leak_rates import LeakUnit, leak_unit
 from ..case.case import Case
-from ..case.load import Amount
+from ..case.values import Amount
 from ..fluids import leak_basis
 from ..loads import LoadProgramme, LoadStep
 from ..sweeps.scenes import Surrogate, alone

@@ -10,7 +10,7 @@ import tomllib
 from os import PathLike
 from os.path import abspath, isfile
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Any, Literal
 
 from pydantic import Field, ValidationError, model_validator
 
@@ -30,11 +30,12 @@ from .case_tables import (
     with_named_solids,
 )
 from .faces import Face, FileFace, SurfaceTable
-from .faults import INTERNAL, case_faults, fault, faults_of, meant_in, with_lines
+from .fault_report import case_faults, meant_in, with_lines
+from .faults import INTERNAL, fault, faults_of
 from .fluid import AnyFluid, with_absolute_pressures, with_named_fluids
 from .load import LoadTable
 from .seal import AnySeal, AnySeat, with_inlet_pressure
-from .values import Accuracy, Duration, FileSize, Number, Table
+from .values import Accuracy, Duration, FileSize, Number, Table, key
 
 #: No case is larger [byte].
 _LARGEST_FILE = 1_000_000
@@ -43,34 +44,57 @@ Method = Literal["deterministic", "two-scale", "stochastic"]
 
 
 class Case(Table):
-    """A validated case, all values in SI.
+    """A validated case, all values in SI."""
 
-    accuracy : wanted of the leakage, as a fraction: the run then chooses what the case leaves open, see
-    `refinement.refine_to_accuracy`.
-    time_limit : of its attempts together [s]. memory : that a run may take [byte]; what is free on the machine unless
-    given. It changes no results without `accuracy`.
-    """
-
-    title: Annotated[str, Field(max_length=200)] = ""
-    method: Method = "stochastic"
-    compare: tuple[Method, ...] = ()
-    accuracy: Accuracy | None = None
-    time_limit: Duration | None = None
-    seed: Number = 0
-    memory: FileSize | None = Field(default=None, exclude=True)
-    face: tuple[Face, ...] = Field(min_length=1, max_length=2)
-    surface: SurfaceTable = SurfaceTable()
-    material: SolidTable
-    counter_material: SolidTable | None = None
-    load: LoadTable
-    contact: ContactTable = ContactTable()
-    flow: FlowTable = FlowTable()
-    fluid: AnyFluid
-    seal: AnySeal = Field(default={"kind": "rectangular"}, validate_default=True)
-    seat: AnySeat = Field(default={"kind": "flat"}, validate_default=True)
-    cells: CellsTable | None = None
-    stochastic: StochasticTable | None = None
-    output: OutputTable = OutputTable()
+    title: str = key("heading of the report", "", start="My seal", max_length=200)
+    method: Method = key("how leakage is computed", "stochastic", start="stochastic")
+    compare: tuple[Method, ...] = key("further methods, whose results stand beside", (), example=["two-scale"])
+    accuracy: Accuracy | None = key(
+        "of the leakage, by the numbers alone, without the model and its input: what is left out "
+        "is chosen and refined until it is reached",
+        None,
+        example="10 %",
+    )
+    time_limit: Duration | None = key("of the attempts at that accuracy together", None, example="1 h")
+    seed: Number = key("the same seed gives the same results, whatever the number of workers", 0, start=1)
+    memory: FileSize | None = key(
+        "a run expected to take more is refused; what is free on the machine unless given",
+        None,
+        example="16 GB",
+        exclude=True,
+    )
+    face: tuple[Face, ...] = key(
+        "the rough face; two of them, each under [[face]], are summed",
+        needed="without a `path` or `places`",
+        min_length=1,
+        max_length=2,
+    )
+    surface: SurfaceTable = key("repair of measured faces, and conditioning", SurfaceTable())
+    material: SolidTable = key("the solid of the face")
+    counter_material: SolidTable | None = key(
+        "that of the counter-face, which is rigid and flat without this table", None
+    )
+    load: LoadTable = key('nominal contact pressures; or forces on the seal, "10 kN", or on its length, "200 N/mm"')
+    contact: ContactTable = key("how the faces touch", ContactTable())
+    flow: FlowTable = key("how the fluid flows", FlowTable())
+    fluid: AnyFluid = key("the fluid and its pressures", needed="without a `name`")
+    seal: AnySeal = key(
+        "shape of the seal; a strip has its length in [stochastic]",
+        {"kind": "rectangular"},
+        validate_default=True,
+    )
+    seat: AnySeat = key(
+        "form of the seat, added to the roughness; loads are then best forces per length",
+        {"kind": "flat"},
+        since="0.2",
+        validate_default=True,
+    )
+    cells: CellsTable | None = key(
+        "pieces of the face, of the stochastic and the two-scale method; of several places, of each",
+        None,
+    )
+    stochastic: StochasticTable | None = key("seals that are drawn", None)
+    output: OutputTable = key("what is written, and how", OutputTable())
     folder: Path = Field(default=Path(), exclude=True)
     fluid_warnings: tuple[str, ...] = Field(default=(), exclude=True)
     solid_warnings: tuple[str, ...] = Field(default=(), exclude=True)
@@ -92,13 +116,13 @@ class Case(Table):
         if self.load.unit == "Pa" and self.load.highest >= self.law.capacity:
             expected = f"pressures below the hardness, {to_text(self.law.capacity, 'Pa')}"
             raise fault("load", to_text(self.load.highest, "Pa"), expected)
-        for key, fluid in (("fluid", self.fluid), ("output.test_fluid", self.output.test_fluid)):
+        for name, fluid in (("fluid", self.fluid), ("output.test_fluid", self.output.test_fluid)):
             if fluid is None:
                 continue
             if not (inlet := fluid.inlet_pressure) > (outlet := fluid.outlet_pressure):
                 expected = f"a pressure above that of the outlet, {to_text(outlet, 'Pa')}"
-                raise fault(f"{key}.inlet_pressure", to_text(inlet, "Pa"), expected)
-            with faults_of(key):
+                raise fault(f"{name}.inlet_pressure", to_text(inlet, "Pa"), expected)
+            with faults_of(name):
                 potential_of(fluid.fluid, "inlet_pressure", fluid.inlet_pressure)
         self._check_output()
         for face in (face for face in self.face if isinstance(face, FileFace)):
@@ -143,8 +167,8 @@ class Case(Table):
                 given = to_text(value, "m")
                 raise fault(f"stochastic.{name}", given, f"none with a seal of kind {layout.kind}: it has its own")
         self._check_inlets()
-        for key, path in self.seal.files():
-            self._check_file(f"seal.{key}", path)
+        for name, path in self.seal.files():
+            self._check_file(f"seal.{name}", path)
 
     def _check_drawn_alone(self, key: str, given: str, why: str) -> None:
         """Raise a fault if what a key gives is not for drawn seals alone."""

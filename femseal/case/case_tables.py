@@ -17,11 +17,12 @@ from ..budget.error_parts import MODEL_PARTS
 from ..contact import ContactLaw, HardnessTable, LinearHardening, NixGao, PerfectlyPlastic
 from ..contact.hardness_curves import SMALLEST_DEPTH
 from ..flow.solution import SOLVERS
-from ..materials import HARDNESS_FACTOR, Solid, named_solid
-from ..studies.choices import FIELDS_LIMIT, FLUID_PRESSURES, FORMATS
+from ..materials import HARDNESS_FACTOR, METALS, Solid, named_solid
+from ..studies.choices import FIELDS_LIMIT, FLUID_EFFECTS, FORMATS
 from .faults import fault, faults_of, refusal
 from .fluid import AnyFluid, overriding
 from .values import (
+    Amount,
     Both,
     Count,
     FileSize,
@@ -38,7 +39,7 @@ from .values import (
     Usual,
     Volume,
     VolumeRate,
-    one_of,
+    key,
     quantity_schema,
 )
 
@@ -48,25 +49,38 @@ Boundary = Literal["periodic", "mirror", "free"]
 class ContactTable(Table):
     """How contact is solved, and whether the fluid presses the faces apart, see `studies.Scene`."""
 
-    boundary: Annotated[tuple[Boundary, Boundary], Both()] = ("free", "periodic")
-    rtol: Annotated[float, Field(gt=0, lt=0.1)] = 1e-5
-    fluid_pressure: Annotated[str, *one_of(FLUID_PRESSURES)] = "acts"
+    boundary: Annotated[tuple[Boundary, Boundary], Both()] = key(
+        "of the whole face along x1 and x2; one word: of both", ("free", "periodic")
+    )
+    rtol: float = key("complementarity residual", 1e-5, gt=0, lt=0.1)
+    fluid_pressure: Literal[FLUID_EFFECTS] = key(  # type: ignore[valid-type]
+        "the fluid presses the faces apart, where it is trapped closed pockets keep their liquid, "
+        "or it is ignored: dry faces",
+        "acts",
+        since="0.2",
+    )
 
 
 class FlowTable(Table):
     """How flow is solved, in pieces, in whole faces and over the seal."""
 
-    solver: Annotated[str, *one_of(SOLVERS)] = "auto"
+    solver: Literal[SOLVERS] = key(  # type: ignore[valid-type]
+        "of the pressure in cells and over the seal", "auto"
+    )
 
 
 class CellsTable(Table):
-    """Pieces of a measured place for the two-scale and stochastic methods: their number, or about their size.
+    """Pieces of a measured place for the two-scale and stochastic methods."""
 
-    Without both, drawn seals have as many as suit them, and sides of two scales are eight of the shortest waves.
-    """
-
-    count: tuple[Count, Count] | None = None
-    size: Annotated[Length, Usual(1e-7, 0.1, "m")] | None = None
+    count: tuple[Count, Count] | None = key(
+        "pieces along x1 and x2; unless given as many as suit the drawn seals, and for two scales "
+        "eight shortest waves or more a side",
+        None,
+        example=[4, 8],
+    )
+    size: Annotated[Length, Usual(1e-7, 0.1, "m")] | None = key(
+        "side of a piece, about", None, example="60 um", instead="count"
+    )
 
     @model_validator(mode="after")
     def _one_of(self) -> CellsTable:
@@ -75,19 +89,17 @@ class CellsTable(Table):
         return self
 
 
-def _one_length(value: Any) -> Any:
-    if isinstance(value, list):
-        raise refusal("one length, such as '10 mm'; lists are removed: femseal sweep runs a case with several values")
-    return value
-
-
 class StochasticTable(Table):
     """How a seal is drawn, see `studies.Sampling`."""
 
-    length: Annotated[Length | None, BeforeValidator(_one_length)] = None
-    breadth: Annotated[Length, Usual(1e-6, 1.0, "m")] | None = None
-    realisations: Annotated[int, Field(strict=True, ge=2)] | None = None
-    quantiles: tuple[Ratio, Ratio] = (0.05, 0.95)
+    length: Length | None = key("of a straight seal, along x2; that of the face unless given", None, start="10 mm")
+    breadth: Annotated[Length, Usual(1e-6, 1.0, "m")] | None = key(
+        "of a straight seal, along x1; that of the face unless given", None, example="2 mm"
+    )
+    realisations: Annotated[int, Field(strict=True, ge=2)] | None = key(
+        "seals that are drawn; as many as the band of error needs unless given", None, example=50
+    )
+    quantiles: tuple[Ratio, Ratio] = key("ends of the band between seals", (0.05, 0.95))
 
     @model_validator(mode="after")
     def _ordered(self) -> StochasticTable:
@@ -98,8 +110,11 @@ class StochasticTable(Table):
 
 #: Keys of [output] that say which files are written, and change no number.
 FILE_KEYS = ("pictures", "report", "fields", "paraview", "fields_limit")
-#: What the schema says of units.
-_LEAK_UNIT_TEXT = f"a unit of leakage: {', '.join(LEAK_UNITS)}"
+_LEAK_UNITS = f"a unit of leakage: {', '.join(LEAK_UNITS)}"
+
+
+def _text(expected: str) -> WithJsonSchema:
+    return WithJsonSchema({"type": "string", "expected": expected})
 
 
 def _leak_unit_name(value: Any) -> str:
@@ -118,39 +133,51 @@ def _class_name(value: Any) -> str:
 
 
 class OutputTable(Table):
-    """Optional contents of the results folder, see `report.write_folder`, and how leakage is given.
+    """Optional contents of the results folder, and how leakage is given."""
 
-    pictures, report, fields : whether they are written; a run without pictures has no report either, unless it is
-    asked for.
-    leakage_unit : of tables, pictures and report. throughput_temperature : of the pressure × volume of gases.
-    classes : leakage classes checked at every step, see `base.leak_rates`. nominal_diameter,
-    rated_capacity : of a valve, which some need, the latter as flow of the fluid that decides, of a gas at 101 325 Pa.
-    drop_volume, bubble_volume : of leakage in drops and bubbles per minute; classes have those of their standard.
-    test_fluid : of a leak test, whose leakage stands beside; classes are checked with it.
-    budget : the error of every leakage, source by source, see `budget.error_budget`. model_parts : those of its sources
-    that are errors of the model and its input.
-    """
-
-    pictures: bool = True
-    report: bool = True
-    fields: bool = True
-    paraview: Annotated[str, *one_of(FORMATS, "; files .vtkhdf are removed: every ParaView opens vtu")] = "vtu"
-    fields_limit: FileSize = FIELDS_LIMIT
-    leakage_unit: Annotated[
-        str | None, BeforeValidator(_leak_unit_name), WithJsonSchema({"type": "string", "description": _LEAK_UNIT_TEXT})
-    ] = None
-
-    throughput_temperature: Temperature | None = None
-    classes: tuple[
-        Annotated[str, BeforeValidator(_class_name), WithJsonSchema({"type": "string", "description": KNOWN})], ...
-    ] = ()
-    nominal_diameter: Annotated[Length, Usual(1e-3, 10.0, "m")] | None = None
-    rated_capacity: VolumeRate | None = None
-    drop_volume: Volume = DROP
-    bubble_volume: Volume = BUBBLE
-    test_fluid: AnyFluid | None = None
-    budget: bool = True
-    model_parts: tuple[Literal[MODEL_PARTS], ...] = MODEL_PARTS  # type: ignore[valid-type]
+    pictures: bool = key("false: no pictures and no report, which is made of them; `--resume` adds them later", True)
+    report: bool = key("the page `report.html`; `femseal report DIR` makes it later", True)
+    fields: bool = key("gap, contact and fluid pressure of all pixels", True)
+    paraview: Literal[FORMATS] = key(  # type: ignore[valid-type]
+        "files for any ParaView, or none", "vtu"
+    )
+    fields_limit: FileSize = key("above this size of the fields steps are left out", FIELDS_LIMIT, example="1 GB")
+    leakage_unit: Annotated[str, BeforeValidator(_leak_unit_name), _text(_LEAK_UNITS)] | None = key(
+        "of tables, pictures and report; else a readable one per length of seal",
+        None,
+        example="mL/min",
+    )
+    throughput_temperature: Temperature | None = key(
+        "of gases given in Pa·m³/s or mbar·L/s; their own unless given", None
+    )
+    classes: tuple[Annotated[str, BeforeValidator(_class_name), _text(KNOWN)], ...] = key(
+        "leakage classes that are judged at every step", (), example=["L0.01", "TA Luft"]
+    )
+    nominal_diameter: Annotated[Length, Usual(1e-3, 10.0, "m")] | None = key(
+        "of a valve, its seat or its stem, for ISO 5208, API 598, FCI 70-2, ISO 15848-1",
+        None,
+        example="50 mm",
+    )
+    rated_capacity: VolumeRate | None = key(
+        "of the open valve, for FCI 70-2 IV: flow of the fluid that decides, of a gas at 101 325 Pa", None
+    )
+    drop_volume: Volume = key(
+        'of `leakage_unit = "drops/min"`; classes have that of their standard', DROP, example="0.05 mL"
+    )
+    bubble_volume: Volume = key(
+        'of `leakage_unit = "bubbles/min"`; classes have that of their standard',
+        BUBBLE,
+        example="0.15 mL",
+    )
+    test_fluid: AnyFluid | None = key(
+        "keys of `[fluid]`: of a leak test on the same seals, by which classes are judged",
+        None,
+        example={"name": "helium", "inlet_pressure": "40 bar"},
+    )
+    budget: bool = key("the band of error of every leakage, for about a quarter more time", True)
+    model_parts: tuple[Literal[MODEL_PARTS], ...] = key(  # type: ignore[valid-type]
+        "sources of the budget that are of the model and its input", MODEL_PARTS, since="0.2"
+    )
 
     @model_validator(mode="before")
     @classmethod
@@ -196,7 +223,8 @@ _UNITS = {"young": "Pa", "poisson": "", "yield_stress": "Pa", "hardness": "Pa"}
 #: A column of a file of hardness over depth.
 _COLUMN = re.compile(r"^\s*(depth|hardness)\s*[\[(]\s*(.+?)\s*[\])]\s*$")
 _FILE_COLUMNS = "two columns with commas, the first line 'depth [um], hardness [GPa]' or with other units"
-_ROW = {"type": "array", "items": quantity_schema("a depth >= 0, then a hardness > 0"), "minItems": 2, "maxItems": 2}
+_PAIR = {"items": quantity_schema("a depth >= 0, then a hardness > 0"), "minItems": 2, "maxItems": 2}
+_ROWS = {"type": "array", "items": {"type": "array"} | _PAIR}
 
 
 def _two_rows(value: Any) -> Any:
@@ -208,20 +236,56 @@ def _two_rows(value: Any) -> Any:
 class SolidTable(Table):
     """A solid, see `materials.Solid`, and the law by which it yields."""
 
-    young: Modulus
-    poisson: Poisson = 0.3
-    yield_stress: Strength | None = None
-    hardness: Strength | None = None
-    hardening: Hardening | None = None
-    hardness_tolerance: Annotated[float, Field(ge=0, lt=1)] = 0.1
-    nix_gao_depth: Annotated[Height, Usual(1e-8, 1e-4, "m")] | None = None
-    smallest_depth: Annotated[Length, Usual(1e-9, 1e-5, "m")] | None = None
+    young: Modulus = key("Young's modulus", start="210 GPa", needed="without a `name`")
+    poisson: Poisson = key("Poisson's ratio", 0.3, start=0.3)
+    yield_stress: Strength | None = key(
+        "hardness is 2.8 times that; without any strength the solid is elastic",
+        None,
+        example="1 GPa",
+        instead="hardness",
+    )
+    hardness: Strength | None = key("largest contact pressure", None, start="2.8 GPa")
+    hardening: Hardening | None = key(
+        "rise of the hardness with the depth to which a point has yielded; 0: perfectly plastic",
+        None,
+        example="2 GPa/um",
+        since="0.2",
+    )
+    hardness_tolerance: float = key(
+        "relative error of the hardness, for the error budget", 0.1, ge=0, lt=1, since="0.2"
+    )
+    nix_gao_depth: Annotated[Height, Usual(1e-8, 1e-4, "m")] | None = key(
+        "depth h* by Nix and Gao: the hardness times sqrt(1 + h*/depth)",
+        None,
+        example="1 um",
+        since="0.2",
+        instead="hardening",
+    )
+    smallest_depth: Annotated[Length, Usual(1e-9, 1e-5, "m")] | None = key(
+        "depth up to which that hardness is constant",
+        None,
+        example="0.1 um",
+        since="0.2",
+        instead="hardening",
+    )
     hardness_table: Annotated[
         tuple[tuple[Annotated[Place, Usual(1e-10, 1e-3, "m")], Strength], ...] | None,
         BeforeValidator(_two_rows),
-        WithJsonSchema({"anyOf": [{"type": "string", "description": _FILE_COLUMNS}, {"type": "array", "items": _ROW}]}),
-    ] = None
-    name: Annotated[str | None, Field(max_length=60)] = None
+        WithJsonSchema({"anyOf": [{"type": "string", "expected": _FILE_COLUMNS}, _ROWS]}),
+    ] = key(
+        "hardness over the depth to which a point has yielded, in rows or a file",
+        None,
+        example=[["0.1 um", "2.4 GPa"], ["0.5 um", "2.1 GPa"], ["2 um", "2 GPa"]],
+        since="0.2",
+        instead="hardness",
+    )
+    name: str | None = key(
+        f"fills in `young`, `poisson` and `yield_stress`: {'; '.join(METALS)}",
+        None,
+        example="copper, soft",
+        since="0.2",
+        max_length=60,
+    )
 
     @model_validator(mode="after")
     def _one_law(self) -> SolidTable:
@@ -289,7 +353,7 @@ def _filled(table: dict[str, Any], place: str, folder: Path, odd: list[str]) -> 
     odd += overriding(given, known | {"hardness": HARDNESS_FACTOR * solid.yield_stress}, _UNITS, place)
     if "hardness" in given or "hardness_table" in given:
         del known["yield_stress"]
-    return {key: f"{value!r} {_UNITS[key]}".strip() for key, value in known.items()} | given
+    return {name: Amount(value, _UNITS[name]) for name, value in known.items()} | given
 
 
 def read_hardness_table(path: Path, key: str) -> list[list[str]]:

@@ -6,8 +6,9 @@ To add a kind of face, write a table with `make` and put it into `Face`.
 from __future__ import annotations
 
 import glob
+from collections.abc import Callable
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, ClassVar, Literal
 
 import numpy as np
 from pydantic import BeforeValidator, Field, WithJsonSchema
@@ -30,6 +31,7 @@ from .values import (
     Table,
     Threshold,
     Usual,
+    key,
 )
 
 #: Sides and pixels of a face, and heights and waves on it.
@@ -39,46 +41,51 @@ Wave = Annotated[Length, Usual(1e-9, 0.1, "m")]
 Relief = Annotated[Length, Usual(1e-10, 1e-3, "m")]
 
 
-class SelfAffineFace(Table):
+_CUT_OFF = "shortest wave of the roughness; 8 pixels unless given"
+
+
+class GeneratedFace(Table):
+    """Base of the faces that are made of random numbers."""
+
+    make_heights: ClassVar[Callable[..., Topography]]
+    points: tuple[Count, Count] = key("points along x1 and x2", start=[256, 512])
+    size: tuple[Side, Side] = key("length along x1 and x2", start=["240 um", "480 um"])
+    hurst: Hurst = key("Hurst exponent, of a turned face that of its roughness", 0.8)
+
+    def make(self, folder: Path, rng: np.random.Generator) -> tuple[Topography, Instrument]:
+        """The face, which no instrument limits."""
+        given = self.model_dump(exclude={"kind", "points", "size"})
+        return type(self).make_heights(self.points, self.size, rng=rng, **given), Instrument()
+
+
+class SelfAffineFace(GeneratedFace):
     """A self-affine face, see `topography.self_affine`."""
 
+    make_heights = staticmethod(self_affine)
     kind: Literal["self-affine"]
-    points: tuple[Count, Count]
-    size: tuple[Side, Side]
-    hurst: Hurst = 0.8
-    rms_slope: Slope | None = None
-    rms_height: Relief | None = None
-    roll_off: Wave | None = None
-    cut_off: Wave | None = None
-
-    def make(self, folder: Path, rng: np.random.Generator) -> tuple[Topography, Instrument]:
-        """The face, which no instrument limits."""
-        given = self.model_dump(exclude={"kind", "points", "size"})
-        return self_affine(self.points, self.size, rng=rng, **given), Instrument()
+    rms_slope: Slope | None = key("root mean square of the slope", None, example=0.2)
+    rms_height: Relief | None = key("root mean square of the height", None, example="1 um", instead="rms_slope")
+    roll_off: Wave | None = key("end of the plateau of the spectrum", None, example="60 um")
+    cut_off: Wave | None = key(_CUT_OFF, None, example="7.5 um")
 
 
-class TurnedFace(Table):
+class TurnedFace(GeneratedFace):
     """A turned face, see `topography.turned`."""
 
+    make_heights = staticmethod(turned)
     kind: Literal["turned"]
-    points: tuple[Count, Count]
-    size: tuple[Side, Side]
-    pitch: Wave
-    depth: Relief
-    nose_radius: Wave | None = None
-    feed_error: Ratio = 0.0
-    depth_error: Ratio = 0.0
-    waviness: Height = 0.0
-    waviness_length: Wave | None = None
-    roughness: Height = 0.0
-    hurst: Hurst = 0.8
-    roughness_roll_off: Wave | None = None
-    cut_off: Wave | None = None
-
-    def make(self, folder: Path, rng: np.random.Generator) -> tuple[Topography, Instrument]:
-        """The face, which no instrument limits."""
-        given = self.model_dump(exclude={"kind", "points", "size"})
-        return turned(self.points, self.size, rng=rng, **given), Instrument()
+    pitch: Wave = key("feed per turn", start="60 um")
+    depth: Relief = key("height of the ridges", start="2.5 um")
+    nose_radius: Wave | None = key(
+        "flat lands stay between the grooves where the depth is not reached", None, example="0.4 mm"
+    )
+    feed_error: Ratio = key("rms scatter of the feed, as a fraction of the pitch", 0.0, start=0.03)
+    depth_error: Ratio = key("rms scatter of the depth, as a fraction of it", 0.0, start=0.1)
+    waviness: Height = key("rms of a long wave along x1", 0.0, example="0.2 um")
+    waviness_length: Wave | None = key("length of that wave", None, example="120 um")
+    roughness: Height = key("rms of superposed self-affine roughness", 0.0, start="0.8 um")
+    roughness_roll_off: Wave | None = key("end of the plateau of the spectrum of the roughness", None, start="40 um")
+    cut_off: Wave | None = key(_CUT_OFF, None, example="7.5 um")
 
 
 def _part(value: Any) -> Any:
@@ -92,20 +99,49 @@ def _part(value: Any) -> Any:
 class MapFile(Table):
     """A file with a map of heights, see `topography.read_topography`; paths are relative to the case file."""
 
-    path: Path | None = None
-    size: tuple[Side, Side] | None = None
-    spacing: Annotated[tuple[Pixel, Pixel], Both()] | None = None
-    height_unit: str | None = None
-    delimiter: str | None = None
-    array: str | None = None
-    channel: Channel = 0
-    transpose: bool = False
-    mask: Path | None = None
-    file_mask: bool = True
-    crop: Annotated[tuple[Place, Place, Place, Place] | None, BeforeValidator(_part)] = None
-    periodic: Annotated[tuple[bool, bool], Both()] = (False, False)
-    tip_radius: Wave | None = None
-    resolution: Wave | None = None
+    path: Path | None = key(
+        "file of an instrument, relative to the case: .npy .npz .csv .asc .txt .x3p .sdf, "
+        "many more after `pip install 'femseal[surface]'`",
+        None,
+        example="face.plu",
+    )
+    size: tuple[Side, Side] | None = key(
+        "length along x1 and x2, where the file has none or a wrong one",
+        None,
+        example=["1.2 mm", "0.9 mm"],
+    )
+    spacing: Annotated[tuple[Pixel, Pixel], Both()] | None = key(
+        "size of a pixel along x1 and x2", None, example=["1 um", "2 um"], instead="size"
+    )
+    height_unit: str | None = key("unit of the heights, where the file has none or a wrong one", None, example="um")
+    delimiter: str | None = key("between the numbers of a text, where it is not seen from them", None, example=";")
+    array: str | None = key("name of the heights in an `.npz`", None, example="heights")
+    channel: Channel = key("number or name of the channel, where the file has several", 0)
+    transpose: bool = key("exchange x and y so that the lay runs along x2", False)
+    mask: Path | None = key(
+        "points are undefined where an image of the size of the map is not black, or a text or `.npy` not 0",
+        None,
+        example="mask.png",
+    )
+    file_mask: bool = key("points under the mask in a `.gwy` or `.npz` are undefined; false: taken as they are", True)
+    crop: Annotated[tuple[Place, Place, Place, Place] | None, BeforeValidator(_part)] = key(
+        "part that is used: x1 from and to, x2 from and to",
+        None,
+        example=["0.1 mm", "0.9 mm", "0 mm", "0.5 mm"],
+    )
+    periodic: Annotated[tuple[bool, bool], Both()] = key("whether the heights repeat along x1 and x2", (False, False))
+    tip_radius: Wave | None = key(
+        "radius of a stylus, as the file says unless given: waves that it cannot follow count as not measured",
+        None,
+        example="2 um",
+        since="0.3",
+    )
+    resolution: Wave | None = key(
+        "lateral period limit of the instrument (ISO 25178-600): the wave shown at half of its height",
+        None,
+        example="1 um",
+        since="0.3",
+    )
 
 
 def _tables(given: Any) -> Any:
@@ -128,10 +164,25 @@ class FileFace(MapFile):
     """
 
     kind: Literal["file"]
-    places: PlaceTables | None = None
-    mirror: Literal["x1", "x2"] | None = None
-    rotate: Angle | None = None
-    shift: tuple[Shift, Shift] | None = None
+    places: PlaceTables | None = key(
+        "several measured places of one face: files, a pattern of files, or tables with keys of their own",
+        None,
+        example=["a.plu", "b.plu", "c.plu"],
+        since="0.2",
+        instead="path",
+    )
+    mirror: Literal["x1", "x2"] | None = key(
+        "axis along which it is reversed", None, example="x2", needed="of a second face"
+    )
+    rotate: Angle | None = key(
+        "angle by which it lies on the first, middle on middle; what both cover is used",
+        None,
+        example="5 deg",
+        needed="of a second face",
+    )
+    shift: tuple[Shift, Shift] | None = key(
+        "shift of its middle along x1 and x2", None, example=["0 um", "20 um"], needed="of a second face"
+    )
 
     @property
     def placement(self) -> dict[str, Any]:
@@ -178,18 +229,34 @@ class FileFace(MapFile):
 
 
 _PLACEMENT = {"mirror", "rotate", "shift"}
-Face = Annotated[SelfAffineFace | TurnedFace | FileFace, Field(discriminator="kind")]
+Face = Annotated[TurnedFace | SelfAffineFace | FileFace, Field(discriminator="kind")]
 
 
 class SurfaceTable(Table):
-    """Repair of measured faces (`topography.repair`) and conditioning of their sum (`topography.condition`).
+    """Repair of measured faces and conditioning of their sum, see `topography.condition`."""
 
-    continue_spectrum : cut-off of the waves that continue its power law, see `topography.continue_spectrum`.
-    """
-
-    spikes: Threshold = SPIKES
-    detrend: Literal[0, 1, 2] = 1
-    shortest_wave: Wave | None = None
-    max_undefined: Ratio = 0.05
-    points: tuple[Count, Count] | None = None
-    continue_spectrum: Wave | None = None
+    spikes: Threshold = key("isolated points of files that many robust deviations off are filled; `inf`: none", SPIKES)
+    detrend: Literal[0, 1, 2] = key(
+        "form that is taken off: 0 mean, 1 tilt, 2 tilt and curvature; of a measured face on a "
+        "curved `[seat]` 2 unless given",
+        1,
+    )
+    shortest_wave: Wave | None = key(
+        "Fourier low-pass; 8 pixels unless given, of a file the shortest wave measured",
+        None,
+        example="8 um",
+    )
+    max_undefined: Ratio = key("largest fraction of undefined points that may be filled", 0.05)
+    points: tuple[Count, Count] | None = key(
+        "another grid, by Fourier resampling; unless given, a face from a file gets 8 pixels for "
+        "the shortest wave measured; of several places, that of one",
+        None,
+        example=[512, 1024],
+    )
+    continue_spectrum: Wave | None = key(
+        "waves that were not measured, down to this one, by the power law of those that were, with "
+        "random phases; the budget draws three more sets of phases",
+        None,
+        example="1 um",
+        since="0.2",
+    )

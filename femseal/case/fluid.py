@@ -13,14 +13,14 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 from pydantic import Field
 
-from ..base import InputError, shown, to_si, to_text
+from ..base import InputError, shown, to_text
 from ..base.leak_rates import STANDARD_PRESSURE
 from ..base.quantities import absolute_pressure
 from ..fluids import FLUIDS, Fluid
-from ..named_fluids import TABLE_TEMPERATURE, named_fluid
+from ..named_fluids import TABLE, TABLE_TEMPERATURE, named_fluid
 from ..real_gas import RealGas
 from .faults import fault, faults_of
-from .values import Pressure, Table, Usual, table_of_any
+from .values import Amount, Pressure, Table, Usual, in_si, key, table_of_any
 
 if TYPE_CHECKING:
     from ..studies.other_fluid import FluidState
@@ -55,14 +55,33 @@ class FluidTable(Table):
 
 
 def _state(fluid: Any) -> dict[str, Any]:
-    pressures = {
-        "inlet_pressure": (Annotated[Pressure, Usual(100.0, 2e9, "Pa")], ...),
-        "outlet_pressure": (Pressure, fluid.outlet_pressure),
-        "ambient_pressure": (Annotated[Pressure, Usual(100.0, 2e8, "Pa")] | None, None),
+    """Keys of every fluid besides its parameters."""
+    inlet = key(
+        'of a gas absolute, or gauge such as `"99 bar(g)"`, of any fluid',
+        start="10 MPa",
+        needed="unless the inlets of a mesh have pressures",
+    )
+    outlet = key("as the inlet pressure", fluid.outlet_pressure, start="0.1 MPa")
+    ambient = key(
+        "which gauge pressures are above; also that of the outlet, if no other is given with them",
+        None,
+        example="1 atm",
+        since="0.2",
+    )
+    named = key(
+        f"fills in the keys of its kind: {', '.join(TABLE)}, at 20 °C; many more and any "
+        "`temperature` after `pip install 'femseal[fluids]'`",
+        None,
+        example="water",
+        max_length=60,
+    )
+    known = any(f.name == "name" for f in fields(fluid))
+    return {
+        "inlet_pressure": (Annotated[Pressure, Usual(100.0, 2e9, "Pa")], inlet),
+        "outlet_pressure": (Pressure, outlet),
+        "ambient_pressure": (Annotated[Pressure, Usual(100.0, 2e8, "Pa")] | None, ambient),
+        "name": Annotated[str, Field(max_length=60)] if known else (str | None, named),
     }
-    needed = any(f.name == "name" for f in fields(fluid))
-    name: Any = str if needed else str | None
-    return {**pressures, "name": (Annotated[name, Field(max_length=60)], ... if needed else None)}
 
 
 if TYPE_CHECKING:
@@ -97,7 +116,7 @@ def with_absolute_pressures(data: Any) -> Any:
 def _ambient(table: Any, default: float | None) -> float | None:
     """Ambient pressure of the table of a fluid [Pa]; the default if it has none."""
     try:
-        return to_si(table["ambient_pressure"], "Pa")
+        return in_si(table["ambient_pressure"], "Pa")
     except (KeyError, TypeError):
         return default
     except InputError:
@@ -108,7 +127,7 @@ def _absolute(value: Any, ambient: float | None, place: str) -> Any:
     """A pressure as it is given, in Pa where it says that it is gauge or absolute."""
     with faults_of():
         pressure = absolute_pressure(value, STANDARD_PRESSURE if ambient is None else ambient, place)
-    return value if pressure is None else f"{pressure!r} Pa"
+    return value if pressure is None else Amount(pressure, "Pa")
 
 
 def _with_absolute_ends(table: dict[str, Any], place: str, ambient: float | None, gauge: bool) -> dict[str, Any]:
@@ -116,7 +135,7 @@ def _with_absolute_ends(table: dict[str, Any], place: str, ambient: float | None
     keys = [key for key in ("inlet_pressure", "outlet_pressure") if key in table]
     ends: dict[str, Any] = {key: _absolute(table[key], ambient, f"{place}.{key}") for key in keys}
     if gauge or any(ends[key] is not table[key] for key in keys):
-        around = f"{STANDARD_PRESSURE if ambient is None else ambient!r} Pa"
+        around = Amount(STANDARD_PRESSURE if ambient is None else ambient, "Pa")
         return {"ambient_pressure": around, "outlet_pressure": around, **table, **ends}
     return table
 
@@ -124,19 +143,19 @@ def _with_absolute_ends(table: dict[str, Any], place: str, ambient: float | None
 def _with_dynamic_viscosity(table: dict[str, Any], place: str, density: float | None = None) -> dict[str, Any]:
     """The table of a fluid, whose viscosity is dynamic where it was kinematic; `density` : unless the table has one."""
     try:
-        kinematic = to_si(table["viscosity"], "m^2/s")
+        kinematic = in_si(table["viscosity"], "m^2/s")
     except (InputError, KeyError):
         return table
     if table.get("kind", "liquid") in (gas.kind for gas in FLUIDS.values() if hasattr(gas, "reference_pressure")):
         raise fault(f"{place}.viscosity", shown(table["viscosity"]), "a dynamic viscosity of a gas, such as '18 uPa*s'")
     try:
-        density = to_si(table["density"], "kg/m^3") if "density" in table else density
+        density = in_si(table["density"], "kg/m^3") if "density" in table else density
     except InputError:
         density = 1.0  # that fault is reported with its key
     if density is None:
         expected = "a density beside a kinematic viscosity, such as '870 kg/m^3'; or a dynamic one, such as '1 mPa*s'"
         raise fault(f"{place}.viscosity", shown(table["viscosity"]), expected)
-    return {**table, "viscosity": f"{kinematic * density!r} Pa*s"} if kinematic * density > 0 else table
+    return {**table, "viscosity": Amount(kinematic * density, "Pa*s")} if kinematic * density > 0 else table
 
 
 def with_named_fluids(data: Any) -> Any:
@@ -160,9 +179,9 @@ def _filled(table: Any, place: str, odd: list[str]) -> Any:
     if "name" not in table:
         return _with_dynamic_viscosity(table, place)
     try:
-        temperature = to_si(table["temperature"], "K") if "temperature" in table else TABLE_TEMPERATURE
-        inlet = to_si(table.get("inlet_pressure"), "Pa")
-        outlet = to_si(table.get("outlet_pressure", "1 atm"), "Pa")
+        temperature = in_si(table["temperature"], "K") if "temperature" in table else TABLE_TEMPERATURE
+        inlet = in_si(table.get("inlet_pressure"), "Pa")
+        outlet = in_si(table.get("outlet_pressure", "1 atm"), "Pa")
     except InputError:
         temperature, inlet, outlet = TABLE_TEMPERATURE, 101_325.0, 101_325.0  # that fault is reported with its key
     with faults_of(place):
@@ -174,7 +193,7 @@ def _filled(table: Any, place: str, odd: list[str]) -> Any:
     if not isinstance(kind, str) or kind not in FLUIDS:
         return table
     units = {f.name: f.metadata["unit"] for f in fields(FLUIDS[kind]) if "unit" in f.metadata}
-    filled = {key: f"{value!r} {units[key]}" for key, value in found.parameters.items() if key in units}
+    filled = {key: Amount(value, units[key]) for key, value in found.parameters.items() if key in units}
     given = {key: value for key, value in table.items() if key != "temperature" or key in units}
     given = _with_dynamic_viscosity({"kind": kind, **given}, place, found.parameters.get("density"))
     if kind != found.kind:
@@ -185,17 +204,17 @@ def _filled(table: Any, place: str, odd: list[str]) -> Any:
 
 def overriding(given: dict[str, Any], known: dict[str, float], units: dict[str, str], place: str) -> Iterator[str]:
     """A sentence for each key that stands in place of a much larger or smaller value of the named fluid."""
-    for key in (key for key in known if key in given and key in units):
+    for name in (name for name in known if name in given and name in units):
         try:
-            value = to_si(given[key], units[key])
+            value = in_si(given[name], units[name])
         except InputError:  # that fault has its own line
             continue
-        if value > 0 and not 1 / _ODD_RATIO <= (ratio := value / known[key]) <= _ODD_RATIO:
-            unit = units[key].replace("*", "·")
+        if value > 0 and not 1 / _ODD_RATIO <= (ratio := value / known[name]) <= _ODD_RATIO:
+            unit = units[name].replace("*", "·")
             times = f"{ratio:.2g} times" if ratio > 1 else f"{1 / ratio:.2g} times less than"
             # machining hardens a soft metal
-            advice = "right if it was measured, else leave out the key" if key == "hardness" else _LEAVE_OUT
+            advice = "right if it was measured, else leave out the key" if name == "hardness" else _LEAVE_OUT
             yield (
-                f"{place}.{key} {to_text(value, unit)} is {times} that of {given['name']}, "
-                f"{to_text(known[key], unit)}: {advice}"
+                f"{place}.{name} {to_text(value, unit)} is {times} that of {given['name']}, "
+                f"{to_text(known[name], unit)}: {advice}"
             )

@@ -19,27 +19,23 @@ from ..seal.pressure_map import AngleTable, AnyMap, MapsAtLoads, PressureField, 
 from ..seal.seal_files import read_pressure_field
 from ..studies.choices import NOMINALS
 from .faults import faults_of, refusal
-from .values import Angle, Count, Place, Quantity, Relaxation, Table, Usual, one_of, quantity_schema
+from .values import (
+    Amount,
+    Angle,
+    Count,
+    Place,
+    Quantity,
+    Relaxation,
+    Table,
+    Usual,
+    key,
+    quantity_schema,
+)
 
 #: No cycle is longer [load steps].
 _MOST_STEPS = 10_000
 _ALLOWED = "a pressure >= 0, such as '300 MPa', or a force on the seal, '10 kN', or on its length, '200 N/mm'"
 _UNITS_OF_LOADS = {unit: Quantity(unit, lambda x: x >= 0, _ALLOWED) for unit in LOAD_UNITS}
-
-
-class Amount(float):
-    """A load in SI, with its unit: "Pa", "N" or "N/m"."""
-
-    unit: str
-
-    def __new__(cls, value: float, unit: str) -> Amount:
-        """A number with a unit."""
-        amount = super().__new__(cls, value)
-        amount.unit = unit
-        return amount
-
-    def __getnewargs__(self) -> tuple[Any, ...]:
-        return float(self), self.unit
 
 
 def _load(value: Any) -> Amount:
@@ -74,13 +70,10 @@ Fraction = Annotated[float, Field(ge=0, allow_inf_nan=False)]
 
 
 class MapTable(Table):
-    """A map of the contact pressure over the seal, see `seal.pressure_map`.
-
-    at : nominal load for which it holds, where there are several.
-    """
+    """A map of the contact pressure over the seal, see `seal.pressure_map`."""
 
     kind: str
-    at: Load | None = None
+    at: Load | None = key("load at which the map holds, where there are several", None, example="200 MPa")
 
     def make(self, folder: Path) -> PressureMap:
         """The map."""
@@ -104,12 +97,18 @@ class UniformMap(MapTable):
         return Uniform()
 
 
+#: In equal strips or at given places.
+_FRACTIONS = "pressures over their mean, in strips or at the positions or angles"
+
+
 class ProfileMap(MapTable):
     """Pressure from the inlet to the outlet, see `seal.pressure_map.Profile`."""
 
     kind: Literal["profile"]
-    fractions: tuple[Fraction, ...]
-    positions: tuple[Place, ...] = ()
+    fractions: tuple[Fraction, ...] = key(_FRACTIONS, example=[1, 3], since="0.2")
+    positions: tuple[Place, ...] = key(
+        "places of the fractions across the seal, on a ring radii", (), example=["10 mm", "12 mm"]
+    )
 
     def make(self, folder: Path) -> PressureMap:
         """The map."""
@@ -120,9 +119,9 @@ class AngleMap(MapTable):
     """Pressure around the seal, see `seal.pressure_map.AngleTable`."""
 
     kind: Literal["angle"]
-    fractions: tuple[Fraction, ...]
-    angles: tuple[Angle, ...] = ()
-    repeat: Count = 1
+    fractions: tuple[Fraction, ...] = key(_FRACTIONS, example=[1.3, 0.8], since="0.2")
+    angles: tuple[Angle, ...] = key("places of the fractions around the seal", (), example=["0 deg", "30 deg"])
+    repeat: Count = key("times that the fractions repeat around the seal", 1, instead="angles")
 
     def make(self, folder: Path) -> PressureMap:
         """The map."""
@@ -133,10 +132,10 @@ class FieldMap(MapTable):
     """Pressure from a file, see `seal.seal_files.read_pressure_field`."""
 
     kind: Literal["field"]
-    path: Path
-    name: str = "pressure"
-    length_unit: str
-    pressure_unit: str
+    path: Path = key("a mesh with the pressure at points or cells, or a `.csv`", example="flange.vtu")
+    name: str = key("of the array, or of the column", "pressure")
+    length_unit: str = key("of the coordinates", example="mm")
+    pressure_unit: str = key("of the pressures", example="MPa")
 
     def make(self, folder: Path) -> PressureField:
         """The map."""
@@ -148,22 +147,38 @@ AnyMapTable = Annotated[UniformMap | ProfileMap | AngleMap | FieldMap, Field(dis
 
 
 class LoadTable(Table):
-    """Loads of the cycle, see `loads.LoadProgramme`: nominal pressures, or forces that the seal's size makes pressures.
+    """Loads of the cycle, see `loads.LoadProgramme`: nominal pressures, or forces on the seal."""
 
-    nominal : what carries the loads where the fluid pressure acts, see `studies.Scene`.
-    relaxation : fraction of a load in assembly that is lost at constant set-down before service: every peak, or
-        without `unload_from` every load, is unloaded to the rest of it too.
-    map : of the pressure over the seal; several hold at the loads `at`.
-    """
-
-    loading: Annotated[tuple[Load, ...], Field(min_length=1)]
-    unload_from: tuple[Load, ...] = ()
-    unloading: tuple[Load, ...] = ()
-    nominal: Annotated[str, *one_of(NOMINALS)] = "total"
-    relaxation: Relaxation = 0.0
+    loading: tuple[Load, ...] = key(
+        "loads in assembly, rising",
+        min_length=1,
+        start=[f"{p} MPa" for p in (25, 50, 100, 150, 250, 400, 500)],
+    )
+    unload_from: tuple[Load, ...] = key("peaks from which the seal is unloaded", (), start=["250 MPa", "500 MPa"])
+    unloading: tuple[Load, ...] = key(
+        "loads on the way down from each peak",
+        (),
+        start=[f"{p} MPa" for p in (400, 250, 150, 100, 50, 25)],
+        needed="with `unload_from`",
+    )
+    nominal: Literal[NOMINALS] = key(  # type: ignore[valid-type]
+        "what carries the loads: contact and fluid together, or contact alone", "total", since="0.2"
+    )
+    relaxation: Relaxation = key(
+        "fraction of each load in assembly that is lost before service: `unload_from`, and without "
+        "it every loading, is unloaded to the rest too",
+        0.0,
+        example=0.1,
+        since="0.2",
+    )
     map: Annotated[
-        tuple[AnyMapTable, ...] | None, BeforeValidator(lambda given: [given] if isinstance(given, dict) else given)
-    ] = None
+        tuple[AnyMapTable, ...] | None,
+        BeforeValidator(lambda given: [given] if isinstance(given, dict) else given),
+    ] = key(
+        "shape of the contact pressure over a drawn seal, which every load scales; a list has the "
+        "maps at several loads",
+        None,
+    )
 
     @model_validator(mode="after")
     def _one_kind(self) -> LoadTable:

@@ -4,19 +4,18 @@ from typing import Any
 
 from .case import Case
 from .faults import INTERNAL
+from .values import Table
 
 
-def case_schema() -> dict[str, Any]:
+def case_schema(case: type[Table] = Case) -> dict[str, Any]:
     """Schema (draft 7, which editors know) of a case file: its tables, keys and kinds of values.
 
     Rules between keys and ranges of quantities are not in the schema; `load_case` checks them.
     """
-    schema = Case.model_json_schema(ref_template="#/definitions/{model}")
+    schema = case.model_json_schema(ref_template="#/definitions/{model}")
     schema["definitions"] = schema.pop("$defs")
     for name in INTERNAL:
         del schema["properties"][name]
-    faces = schema["properties"]["face"]
-    schema["properties"]["face"] = {"anyOf": [faces["items"], faces]}
     kinds = [schema["definitions"][option["$ref"].split("/")[-1]] for option in schema["properties"]["fluid"]["oneOf"]]
     for kind in kinds:  # inlets of the seal may have pressures of their own
         kind["required"] = [key for key in kind["required"] if key != "inlet_pressure"]
@@ -40,17 +39,29 @@ def _plain(node: Any, names: bool = False) -> Any:
         return node
     if names:  # keys of a table may have the same names as words of the schema
         return {key: _plain(value) for key, value in node.items()}
-    left_out, tables = ("title", "discriminator"), ("properties", "definitions")
+    left_out = ("title", "discriminator", "start", "since", "instead", "needed")
+    tables = ("properties", "definitions")
     kept = {key: _plain(value, key in tables) for key, value in node.items() if key not in left_out}
     if "prefixItems" in kept:
         items = kept.pop("prefixItems")
         kept["items"] = items[0] if all(i == items[0] for i in items) else {"anyOf": items}
     if "anyOf" in kept:
         options = [o for o in kept.pop("anyOf") if o != {"type": "null"}]
-        kept = kept | (options[0] if len(options) == 1 else {"anyOf": options})
+        only = options[0] if len(options) == 1 else {"anyOf": options}
+        kept = only | kept | _said(kept.get("description"), only.get("description"))
+    kept |= _said(kept.get("description"), kept.pop("expected", None))
+    items = kept.get("items", {})
+    if "$ref" in items or "oneOf" in items:  # a single table needs no list
+        kept = {"anyOf": [items, kept]} | _said(kept.pop("description", None))
     if not _fits(kept.get("default"), kept):
         kept.pop("default", None)
     return kept
+
+
+def _said(*texts: Any) -> dict[str, str]:
+    """The description of a key: what it means, then what it may be."""
+    said = dict.fromkeys(text for text in texts if text)
+    return {"description": "; ".join(said)} if said else {}
 
 
 def _fits(default: Any, schema: dict[str, Any]) -> bool:

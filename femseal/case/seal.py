@@ -6,31 +6,41 @@ table, with a key for each parameter.
 
 from __future__ import annotations
 
-from dataclasses import MISSING, fields
+from dataclasses import fields
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, get_args
 
 from pydantic import BeforeValidator, Field, WithJsonSchema, model_validator
 
-from ..base import InputError, shortened, to_si
+from ..base import InputError, shortened
 from ..base.leak_rates import STANDARD_PRESSURE
 from ..seal.form import FORMS, SealForm
-from ..seal.lay import ALLOWED, NAMES, Lay
+from ..seal.lay import NAMES, Lay
 from ..seal.layouts import LAYOUTS, Layout, MeshLayout, RectangularLayout
 from ..topography.seat import SEATS, Seat
 from .faults import fault, faults_of, refusal
-from .values import Length, LengthUnit, Pressure, Quantity, Shift, Table, Usual, quantity_schema, table_of_any
+from .values import (
+    Amount,
+    Length,
+    LengthUnit,
+    Pressure,
+    Quantity,
+    Shift,
+    Table,
+    Usual,
+    in_si,
+    key,
+    quantity_schema,
+    table_of_any,
+)
 
 
 class FormTable(Table):
-    """A form of the whole seal, with a key for each of its parameters.
-
-    tolerance : relative error of its height.
-    """
+    """A form of the whole seal, with a key for each of its parameters."""
 
     if TYPE_CHECKING:
         kind: str
-    tolerance: Annotated[float, Field(ge=0, lt=1)] = 0.0
+    tolerance: float = key("relative error of the height, for the budget", 0.0, example=0.2, since="0.2", ge=0, lt=1)
 
     def form(self, folder: Path) -> SealForm:
         """The form; paths are relative to a folder."""
@@ -57,7 +67,7 @@ def _forms(value: Any) -> Any:
     return [{"kind": "file", **form} if isinstance(form, dict) and "path" in form else form for form in forms]
 
 
-_UNITS_OF_FORMS: dict[str, Any] = {"unit": (LengthUnit | None, None), "length_unit": (LengthUnit, "mm")}
+_UNITS_OF_FORMS: dict[str, Any] = {"unit": LengthUnit | None, "length_unit": LengthUnit}
 
 if TYPE_CHECKING:
     AnyForm = FormTable
@@ -68,15 +78,21 @@ else:
 
 
 class SealTable(Table):
-    """The shape of the seal, with a key for each of its parameters, and the form of its faces.
-
-    flatness : of the whole seal where its form is not known, most from the highest to the lowest point.
-    """
+    """The shape of the seal, with a key for each of its parameters, and the form of its faces."""
 
     if TYPE_CHECKING:
         kind: str
-    form: Annotated[tuple[AnyForm, ...], BeforeValidator(_forms), Field(max_length=4)] | None = None
-    flatness: Annotated[Length, Usual(1e-8, 1e-2, "m")] | None = None
+    form: Annotated[tuple[AnyForm, ...], BeforeValidator(_forms), Field(max_length=4)] | None = key(
+        "form of the whole seal, which gives each tile its pressure; several in a list add up",
+        None,
+        since="0.2",
+    )
+    flatness: Annotated[Length, Usual(1e-8, 1e-2, "m")] | None = key(
+        "of the whole seal, most from the highest to the lowest point, where its form is not known",
+        None,
+        example="5 um",
+        since="0.2",
+    )
 
     def forms(self, folder: Path) -> tuple[SealForm, ...]:
         """The forms of the faces; paths are relative to a folder."""
@@ -135,13 +151,13 @@ def with_inlet_pressure(data: Any) -> Any:
         given = f"{shortened(repr(fluid['inlet_pressure']), 60)} beside the pressures of the inlets in seal.inlet"
         raise fault("fluid.inlet_pressure", given, "none there")
     try:
-        highest = max(to_si(p, "Pa") for p in inlets.values())
+        highest = max(in_si(p, "Pa") for p in inlets.values())
     except (InputError, ValueError):
         highest = STANDARD_PRESSURE  # that fault is reported with its key
-    return {**data, "fluid": {**fluid, "inlet_pressure": f"{highest!r} Pa"}}
+    return {**data, "fluid": {**fluid, "inlet_pressure": Amount(highest, "Pa")}}
 
 
-_LAY_SCHEMA = {"anyOf": [{"type": "string", "enum": list(NAMES)}, {"type": "object"}], "description": ALLOWED}
+_LAY_SCHEMA = {"anyOf": [{"type": "string", "enum": list(NAMES)}, {"type": "object"}]}
 _NAMES_SCHEMA = {"anyOf": [{"type": "string"}, {"type": "array", "items": {"type": "string"}}]}
 _Names = Annotated[str | tuple[str, ...], BeforeValidator(_names), WithJsonSchema(_NAMES_SCHEMA)]
 _PRESSURE: Quantity = get_args(Pressure)[1]
@@ -163,9 +179,7 @@ _KEYS_OF_MESHES: dict[str, Any] = {"inlet": _Inlets, "outlet": _Names}
 
 def _keys(layout: Any) -> dict[str, Any]:
     known = _KEYS | (_KEYS_OF_MESHES if layout is MeshLayout else {})
-    return {
-        f.name: (known[f.name], ... if f.default is MISSING else f.default) for f in fields(layout) if f.name in known
-    }
+    return {f.name: known[f.name] for f in fields(layout) if f.name in known}
 
 
 def _strip_by_default(value: Any) -> Any:
@@ -183,7 +197,9 @@ class SeatTable(Table):
 
     if TYPE_CHECKING:
         kind: str
-    tolerance: Annotated[float, Field(ge=0, lt=1)] = 0.0
+    tolerance: float = key(
+        "relative error of the depth of the form, such as 0.1 of a radius, for the budget", 0.0, ge=0, lt=1
+    )
 
     def seat(self, folder: Path) -> Seat:
         """The form; paths are relative to a folder."""
@@ -200,5 +216,5 @@ if TYPE_CHECKING:
     AnySeat = SeatTable
 else:
     AnySeat = table_of_any(
-        SEATS, SeatTable, lambda seat: {"unit": (LengthUnit, ...)} if "unit" in {f.name for f in fields(seat)} else {}
+        SEATS, SeatTable, lambda seat: {"unit": LengthUnit} if "unit" in {f.name for f in fields(seat)} else {}
     )

@@ -3,9 +3,11 @@
 Registered classes, such as fluids, get their tables automatically.
 """
 
-from collections.abc import Callable, Iterable, Iterator
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
 from dataclasses import MISSING, dataclass, fields
-from functools import partial, reduce
+from functools import reduce
 from operator import or_
 from types import UnionType
 from typing import Annotated, Any, Literal, Union, get_args, get_origin, get_type_hints
@@ -33,6 +35,60 @@ _LARGEST = 1e30
 _MOST = 10**12
 
 
+class Amount(float):
+    """A number in SI with its unit, such as a load, or what was worked out from other keys."""
+
+    unit: str
+
+    def __new__(cls, value: float, unit: str) -> Amount:
+        """A number with a unit."""
+        amount = super().__new__(cls, value)
+        amount.unit = unit
+        return amount
+
+    def __getnewargs__(self) -> tuple[Any, ...]:
+        return float(self), self.unit
+
+    def __repr__(self) -> str:
+        return repr(f"{float(self)!r} {self.unit}".strip())
+
+
+def in_si(value: Any, unit: str, like: str = "") -> float:
+    """The value in SI of a text as `to_si` takes it, or of an amount.
+
+    Raises InputError: neither, or another unit.
+    """
+    if isinstance(value, Amount) and value.unit == unit:
+        return float(value)
+    return to_si(value, unit, like=like)
+
+
+def key(
+    meaning: str = "",
+    default: Any = ...,
+    *,
+    start: Any = None,
+    example: Any = None,
+    since: str = "0.1",
+    instead: str = "",
+    needed: str = "",
+    **limits: Any,
+) -> Any:
+    """A key of a table, declared once: schema, template, messages and the page of keys tell it from here.
+
+    meaning : in a phrase. default : where none is given; without it the key is required.
+    start : value in a new case, as TOML has it. example : value that a new case shows in a comment; the default, or
+        that of the kind of the value, unless given.
+    since : first version that has it. instead : key of the table in whose place it stands.
+    needed : when it is, where the table does not say it. limits : as pydantic's `Field` takes them.
+    """
+    shown = example if start is None else start
+    told = {"start": start, "since": since, "instead": instead, "needed": needed}
+    examples = None if shown is None else [shown]
+    field: Any = Field  # limits are of any kind
+    return field(default, description=meaning, json_schema_extra=told, examples=examples, **limits)
+
+
 @dataclass(frozen=True)
 class Quantity:
     """Text with a unit, or a plain number where `unit` is "", as a float in SI."""
@@ -41,10 +97,15 @@ class Quantity:
     test: Callable[[float], bool]
     expected: str
 
+    @property
+    def example(self) -> str:
+        """The value that stands in what is expected, "" without one."""
+        return self.expected.partition("'")[2].partition("'")[0]
+
     def read(self, value: Any) -> float:
         """The value in SI; PydanticCustomError where it cannot be used."""
         try:
-            number = to_si(value, self.unit, self.expected)
+            number = in_si(value, self.unit, self.example)
         except InputError as error:
             raise refusal(error.expected) from None
         if not self.test(number):
@@ -60,7 +121,7 @@ class Quantity:
     def __get_pydantic_json_schema__(self, core: Any, handler: GetJsonSchemaHandler) -> dict[str, Any]:
         if self.unit:
             return quantity_schema(self.expected)
-        return {"type": ["number", "string"], "description": self.expected}
+        return {"type": ["number", "string"], "expected": self.expected}
 
 
 @dataclass(frozen=True)
@@ -99,20 +160,7 @@ class Both:
 def quantity_schema(described: str) -> dict[str, Any]:
     """JSON schema of a number with a unit, as text."""
     pattern = r"^\s*[-+]?(\d+\.?\d*|\.\d+)([eE][-+]?\d+)?[^,]*[^\s\d.,]"
-    return {"type": "string", "pattern": pattern, "description": described}
-
-
-def _known(value: Any, names: tuple[str, ...], note: str) -> str:
-    if value not in names:
-        raise refusal(f"one of {', '.join(names)}{note}")
-    return str(value)
-
-
-def one_of(names: Iterable[str], note: str = "") -> tuple[BeforeValidator, WithJsonSchema]:
-    """Annotations of a text that must be one of these names; a note to others, such as on names that are gone."""
-    known = tuple(names)
-    schema = WithJsonSchema({"type": "string", "enum": list(known)})
-    return BeforeValidator(partial(_known, names=known, note=note)), schema
+    return {"type": "string", "pattern": pattern, "expected": described}
 
 
 def _threshold(value: Any) -> float:
@@ -185,7 +233,7 @@ VolumeRate = Annotated[
 ]
 Duration = Annotated[float, Quantity("s", _positive, "a time > 0, such as '30 min'"), Usual(1.0, 3e7, "s")]
 Accuracy = Annotated[
-    float, BeforeValidator(_accuracy), WithJsonSchema({"type": ["number", "string"], "description": _ACCURACY_EXPECTED})
+    float, BeforeValidator(_accuracy), WithJsonSchema({"type": ["number", "string"], "expected": _ACCURACY_EXPECTED})
 ]
 Shift = Annotated[float, Quantity("m", lambda x: True, "a length, such as '-20 um'"), Usual(-10.0, 10.0, "m")]
 Place = Annotated[float, Quantity("m", _not_negative, "a length >= 0, such as '0.1 mm'"), Usual(1e-9, 10.0, "m")]
@@ -257,7 +305,7 @@ def table_of_any(
 
     registered : frozen dataclasses by their kind, whose quantities are declared by `base.validate.parameter`.
     base : base class of their tables.
-    more : further keys of the table of each, as pydantic's `create_model` takes them, or others in place of its own.
+    more : annotations in place of those of its fields, and further keys, as pydantic's `create_model` takes them.
     """
     tables = [_table(kind, made, base, more(made)) for kind, made in registered.items()]
     if len(tables) == 1:  # a single class needs no discriminator
@@ -266,15 +314,25 @@ def table_of_any(
 
 
 def _table(kind: str, made: Any, base: type[Table], more: dict[str, Any]) -> type[Table]:
-    hints = get_type_hints(made)
+    """The table of a registered dataclass."""
+    hints = get_type_hints(made) | more
     keys: dict[str, Any] = {"kind": (Literal[kind], ...)}
-    for f in sorted(fields(made), key=lambda f: bool(f.kw_only)):  # the parameters that count most come first
-        value = Annotated[hints[f.name], *_quantity(f.metadata)] if "allowed" in f.metadata else hints[f.name]
-        keys[f.name] = (value, ... if f.default is MISSING else f.default)
-    summary = (made.__doc__ or "").split("\n\n")[0]
-    table = create_model(f"{made.__name__}Table", __base__=base, __doc__=summary, **keys | more)
-    globals().setdefault(table.__name__, table)  # where pickle looks for it: processes get cases
+    # the parameters that count most come first
+    for f in sorted(fields(made), key=lambda f: bool(f.kw_only)):
+        told = {name: f.metadata[name] for name in _TOLD if name in f.metadata}
+        value = hints[f.name]
+        if "allowed" in f.metadata:
+            value = Annotated[value, *_quantity(f.metadata)]
+        keys[f.name] = value, key(default=... if f.default is MISSING else f.default, **told)
+    keys |= {name: value for name, value in more.items() if name not in keys}
+    name, summary = f"{made.__name__}Table", (made.__doc__ or "").split("\n\n")[0]
+    table = create_model(name, __base__=base, __doc__=summary, **keys)
+    globals().setdefault(name, table)  # where pickle looks for it: processes get cases
     return table
+
+
+#: What a field of a registered class says for its key.
+_TOLD = ("meaning", "example", "since", "instead", "needed")
 
 
 def _quantity(metadata: Any) -> tuple[Any, ...]:

@@ -2,7 +2,7 @@
 
 from typing import TYPE_CHECKING
 
-from ..base.lazy_package import load_when_used
+from ..base.lazy_package import lazy
 
 if TYPE_CHECKING:
     from .cycle import LoadCycle, LoadState, load_cycle, load_states
@@ -10,6 +10,8 @@ if TYPE_CHECKING:
     from .hardness_curves import HardnessTable, NixGao, softer_of
     from .law import ContactLaw, LinearHardening, PerfectlyPlastic, contact_law
     from .solver import Contact, solve_contact
+else:
+    __getattr__, __dir__ = lazy(__name__)
 
 __all__ = [
     "Contact",
@@ -27,5 +29,3 @@ __all__ = [
     "softer_of",
     "solve_contact",
 ]
-
-load_when_used(__name__)

@@ -1,5 +1,5 @@
 """Design answers from a run: what pressures a seal needs in assembly and in service, and what changes them most."""
 
-from ..base.lazy_package import load_when_used
+from ..base.lazy_package import lazy
 
-load_when_used(__name__)
+__getattr__, __dir__ = lazy(__name__)

@@ -11,7 +11,7 @@ import numpy as np
 from ..base import InputError, counted, to_si, to_text, validate, versions
 from ..base.leak_rates import USUAL, check_classes, leak_classes
 from ..case.case import Case, load_case
-from ..case.load import Amount
+from ..case.values import Amount
 from ..fluids import leak_basis
 from ..results import Results, open_results
 from ..runs import job
@@ -118,7 +118,7 @@ def design(
         sensitivities=sensitivities(seals, variants, place[1], probability) if np.isfinite(place[1]) else (),
         notes=tuple(notes),
     )
-    folder = output if output is not None else results.folder if case is None else None
+    folder = results.folder if output is None and case is None else output
     if folder is not None:
         answer.write(folder)
     return answer

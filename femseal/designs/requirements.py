@@ -188,11 +188,13 @@ class NeededPressure(Shown):
     @property
     def relation(self) -> str:
         """ "=", or "<=" or ">" where only a bound is known."""
-        return "=" if self.known else ">" if isinf(self.value) else "<="
+        if self.known:
+            return "="
+        return ">" if isinf(self.value) else "<="
 
     def bound(self, value: float) -> float:
         """A pressure, or the load that bounds it."""
-        return self.highest if isinf(value) else self.lowest if value == 0 else value
+        return {inf: self.highest, 0.0: self.lowest}.get(value, value)
 
     def text(self, shown: LoadText) -> str:
         """The value as text; in brackets what the leakage as computed needs, where that differs."""
@@ -204,8 +206,7 @@ class NeededPressure(Shown):
         return _joined(*(self._text(value, shown) for value in (self.seals_low, self.seals_high)))
 
     def _text(self, value: float, shown: LoadText) -> str:
-        before = "above " if isinf(value) else "at most " if value == 0 else ""
-        return before + shown(self.bound(value))
+        return {inf: "above ", 0.0: "at most "}.get(value, "") + shown(self.bound(value))
 
 
 def _joined(low: str, high: str) -> str:

@@ -58,7 +58,7 @@ def over_cluster(scheduler: str, count: int) -> Iterator[Mapper]:
         from dask import config
         from distributed import Client, LocalCluster
     except ImportError:
-        raise InputError("scheduler", f"'{scheduler}'", "none without femseal[cluster]") from None
+        raise InputError("scheduler", f"'{scheduler}'", "one after: pip install 'femseal[cluster]'") from None
 
     if scheduler != "local":
         with _connected(scheduler) as client:

@@ -1,5 +1,5 @@
 """A face under its loads, cut into pieces: the permeability of each, along any path of the pressure."""
 
-from ..base.lazy_package import load_when_used
+from ..base.lazy_package import lazy
 
-load_when_used(__name__)
+__getattr__, __dir__ = lazy(__name__)

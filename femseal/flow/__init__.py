@@ -2,7 +2,7 @@
 
 from typing import TYPE_CHECKING
 
-from ..base.lazy_package import load_when_used
+from ..base.lazy_package import lazy
 
 if TYPE_CHECKING:
     from .cell import Permeability, cell_permeability
@@ -13,6 +13,8 @@ if TYPE_CHECKING:
     from .spiral import Spiral
     from .stencil import Stencil
     from .tensor import permeability_tensor
+else:
+    __getattr__, __dir__ = lazy(__name__)
 
 __all__ = [
     "SOLVERS",
@@ -30,5 +32,3 @@ __all__ = [
     "permeability_tensor",
     "solve_flow",
 ]
-
-load_when_used(__name__)

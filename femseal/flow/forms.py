@@ -6,19 +6,48 @@ K is the permeability [m³] as a tensor (2, 2, …) at the quadrature points; of
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from functools import update_wrapper
 from typing import Any
 
+import numpy as np
 from skfem import BilinearForm
 from skfem.helpers import dot, grad, mul
 
+from ..base import InputError
 
-@BilinearForm
+
+def _with_docstring(form: Callable[..., Any]) -> BilinearForm:
+    """A bilinear form of scikit-fem that tells what its function tells."""
+    return update_wrapper(BilinearForm(form), form)
+
+
+@_with_docstring
 def darcy_flow(p: Any, q: Any, w: Any) -> Any:
-    """∫ (K ∇p)·∇q of a pressure p and a test function q: the weak form of −∇·(K ∇p)."""
-    return dot(mul(w.k, grad(p)), grad(q))
+    """∫ (K ∇p)·∇q of a pressure p and a test function q: the weak form of −∇·(K ∇p).
+
+    w.k : K [m³], a tensor (2, 2, …) at the quadrature points; or a number, or (…) of it, times the unit tensor.
+
+    Raises InputError: K of another shape.
+
+    >>> from skfem import Basis, ElementTriP1, MeshTri
+    >>> darcy_flow.assemble(Basis(MeshTri(), ElementTriP1()), k=2.0).diagonal()
+    array([2., 2., 2., 2.])
+    """
+    return dot(_flux(w.k, grad(p)), grad(q))
 
 
-@BilinearForm
+def _flux(k: Any, gradient: Any) -> Any:
+    """K times a gradient (2, …)."""
+    shape, points = np.shape(k), np.shape(gradient)[1:]
+    if shape in ((), points):
+        return np.asarray(k) * gradient
+    if shape[:2] == (2, 2):
+        return mul(k, gradient)
+    raise InputError("k", f"shape {shape}", "a number, numbers or tensors (2, 2, …) at the quadrature points [m³]")
+
+
+@_with_docstring
 def flux_resistance(u: Any, v: Any, w: Any) -> Any:
     """∫ (K⁻¹ u)·v of a flux u and a test flux v: the mixed form, whose flux gives the lower bound."""
     return dot(mul(w.resistance, u), v)

@@ -180,7 +180,7 @@ def gap_by_law(gap: Array, law: FlowLaw, pressure: ArrayLike | None) -> Array:
     InputError : no law, or no pressure, one of another shape, negative or undefined, where the law depends on it.
     """
     if not isinstance(law, FlowLaw):
-        raise InputError("law", repr(law), "a law of flow, such as femseal.CubicLaw() or the law of a fluid")
+        raise InputError("law", repr(law), "a law of flow, such as femseal.flow.CubicLaw() or the law of a fluid")
     if not law.depends_on_pressure:
         return law.equivalent_gap(gap)
     p = np.asarray(np.nan if pressure is None else pressure, dtype=float)

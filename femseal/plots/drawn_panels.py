@@ -129,8 +129,8 @@ def _panels(data: xarray.Dataset, s: int) -> list[_Panel]:
     """What is shown of the whole seal."""
     found = []
     if _has_map(data):
-        contact = data["drawn_contact_pressure"].values[s] / 1e6
-        found.append(_Panel("contact pressure [MPa]", contact, "viridis"))
+        pressure = data["drawn_contact_pressure"].values[s] / 1e6
+        found.append(_Panel("contact pressure [MPa]", pressure, "viridis"))
     fluid = data["drawn_fluid_pressure"].values[s] / 1e6
     found.append(_Panel("fluid pressure [MPa]", fluid, "cividis", bad="pockets"))
     if "drawn_form" in data:

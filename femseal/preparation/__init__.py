@@ -2,10 +2,10 @@
 
 from typing import TYPE_CHECKING
 
-from ..base.lazy_package import load_when_used
+from ..base.lazy_package import lazy
 
 if TYPE_CHECKING:
     from .preparation import prepare
     from .prepared import Prepared
-
-load_when_used(__name__)
+else:
+    __getattr__, __dir__ = lazy(__name__)

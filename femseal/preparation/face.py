@@ -33,12 +33,10 @@ from ..topography import (
     Representative,
     Topography,
     check_wave,
-    combine,
     continuation_of,
     default_wave,
     of_all_places,
     repair,
-    representative,
     resolved_wave,
     resolving_shape,
     shortest_place,
@@ -46,6 +44,8 @@ from ..topography import (
     spectrum,
     spike_effect,
 )
+from ..topography.combine import combine
+from ..topography.representative import representative
 from .prepared import Pair, check_memory_of_points
 
 #: Fraction of the measured rms slope that the pixels of a measured face must keep to be fine enough.
@@ -176,7 +176,7 @@ def _found(repaired: list[tuple[Topography, Repair]], wavelength: float) -> dict
     effects = [spike_effect(face, repair.removed, wavelength) for face, repair in repaired]
     return {
         "undefined_fraction": sum(r.undefined_fraction for _, r in repaired) / len(repaired),
-        "spikes": sum(r.spikes for _, r in repaired),
+        "spike_points": sum(r.spike_points for _, r in repaired),
         "spikes_along_lay": max((e.along_lay for e in effects if e.along_lay is not None), default=None),
         "spikes_extreme": max((e.extreme for e in effects if e.extreme is not None), default=None),
     }

@@ -47,7 +47,7 @@ def prepare(case: Case) -> Prepared:
                 scene.check_spiral()
         form = _form_tolerance(case, sampling, broader)
         holds, effect = measured_patch(case, surface, scene)
-        spikes = SpikeEffect(conditioning.spikes_along_lay, conditioning.spikes_extreme).doubts(conditioning.spikes)
+        spikes = SpikeEffect(conditioning.spikes_along_lay, conditioning.spikes_extreme)
         return Prepared(
             scene=scene,
             cells=cells,
@@ -64,7 +64,7 @@ def prepare(case: Case) -> Prepared:
             warnings=(
                 *plausibility_warnings(case, scene, conditioning),
                 *groove_question(case, scene),
-                *spikes,
+                *spikes.doubts(conditioning.spike_points),
                 *(holds.doubts if holds else ()),
                 *(effect.doubts if effect else ()),
                 *doubts,

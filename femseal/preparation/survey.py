@@ -11,8 +11,10 @@ from pathlib import Path
 from typing import Any
 
 from ..base import InputError, to_si, to_text, validate, writing
+from ..case.case import Case
 from ..case.faces import SurfaceTable
-from ..case.faults import table_to_paste, with_keys
+from ..case.faults import with_keys
+from ..case.template import table_to_paste
 from ..contact.law import PerfectlyPlastic
 from ..face.patch_form import FormEffect, form_effect
 from ..plots import survey_figure
@@ -29,10 +31,10 @@ from ..topography import (
     describe_surface,
     read_for_a_look,
     repair,
-    representative,
     smooth,
 )
 from ..topography.formats import TEXT
+from ..topography.representative import representative
 from .face import default_grid
 
 #: Arguments of `topography` by their option.
@@ -199,7 +201,7 @@ def _indented(report: SurfaceReport | Conditioning) -> list[str]:
 def notes(report: SurfaceReport, conditioning: Conditioning) -> list[str]:
     """Advice that follows from the numbers."""
     effect = SpikeEffect(conditioning.spikes_along_lay, conditioning.spikes_extreme)
-    notes = effect.doubts(conditioning.spikes)
+    notes = effect.doubts(conditioning.spike_points)
     if report.shortest_wave > conditioning.shortest_wave * (1 + 1e-9):
         wave = to_text(report.shortest_wave, "m", 3)
         notes.append(f"waves below {wave} are noise or beyond the instrument: shortest_wave = '{wave}' removes them")
@@ -253,7 +255,7 @@ def case_of_face(
         surface = ["", "[surface]", f'shortest_wave = "{text}"  # {why}']
     lines += [f"# ? {question}" for question in questions] + surface
     for table, question in _OPEN.items():
-        lines += ["", f"# ? {question}", *table_to_paste(table).splitlines()]
+        lines += ["", f"# ? {question}", *table_to_paste(Case, table).splitlines()]
     return "\n".join(lines) + "\n"
 
 

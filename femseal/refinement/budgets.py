@@ -16,12 +16,12 @@ from ..budget import (
     contact_fraction_of,
     continuation_part,
     effective_pressure_part,
-    error_budget,
     longer_waves_part,
     model_changes,
     model_part,
     patch_form_part,
 )
+from ..budget.error_budget import error_budget
 from ..preparation.prepared import Prepared
 from ..studies import StochasticResult, study_of_result
 from ..studies.load_curves import first_known

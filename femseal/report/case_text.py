@@ -167,7 +167,7 @@ def _surface_text(surface: dict[str, Any]) -> str:
     if "rms_slope" not in surface or "rms_height" not in surface:
         return ""
     text = f"Its rms height is {to_text(surface['rms_height'], 'm', 3)}, its rms slope {surface['rms_slope']:.3g}"
-    undefined, spikes = surface.get("undefined_fraction"), surface.get("spikes")
+    undefined, spikes = surface.get("undefined_fraction"), surface.get("spike_points")
     filled = [f"{100 * undefined:.2g} % undefined points"] if undefined else []
     filled += [f"{counted(spikes, 'point')} in spikes"] if spikes else []
     if filled:

@@ -6,7 +6,7 @@ Pictures and pages of results are made above, in `plots` and `report`.
 
 from typing import TYPE_CHECKING
 
-from ..base.lazy_package import load_when_used
+from ..base.lazy_package import lazy
 
 if TYPE_CHECKING:
     from .dataset import RunFacts, assemble
@@ -17,5 +17,5 @@ if TYPE_CHECKING:
     from .run_comparison import RunComparison, compare
     from .summary import attempts_table, summary_html, summary_text
     from .tables import leakage_table, rows
-
-load_when_used(__name__)
+else:
+    __getattr__, __dir__ = lazy(__name__)

@@ -279,8 +279,8 @@ def _surface_facts(prepared: Prepared) -> Iterator[tuple[str, str]]:
     if slope and np.isfinite(scene.law.mean_hardness):  # of elastic faces it is not
         hard = f", H/(E*·slope) {scene.law.mean_hardness / scene.modulus / slope:.3g}"
     yield "", f"rms height {height}, rms slope {slope:.3g}{hard}"
-    if report.undefined_fraction or report.spikes:
-        yield "", f"{report.undefined_fraction:.2%} undefined points and {report.spikes} in spikes filled"
+    if report.undefined_fraction or report.spike_points:
+        yield "", f"{report.undefined_fraction:.2%} undefined points and {report.spike_points} in spikes filled"
     if isinstance(surface, Places):
         count, more = len(surface.widths), ""
         if prepared.sampling is not None:

@@ -85,7 +85,7 @@ def solved_once(scene: Scene, efforts: tuple[Effort, ...]) -> tuple[Effort, ...]
 
     So it is where the pressure that flattens the steepest slope of the face stays below the hardness.
     """
-    if not scene.unload_from or scene.fluid_pressure == "trapped":
+    if not scene.unload_from or scene.traps_liquid:
         return efforts
     heights, spacing = scene.surface.heights, scene.surface.spacing
     strips = [heights[i : i + 1025] for i in range(0, len(heights), 1024)]

@@ -2,7 +2,7 @@
 
 from typing import TYPE_CHECKING
 
-from ..base.lazy_package import load_when_used
+from ..base.lazy_package import lazy
 
 if TYPE_CHECKING:
     from ..flow.permeability_table import PermeabilityTable, table_pressures
@@ -12,5 +12,5 @@ if TYPE_CHECKING:
     from .pressure_map import AngleTable, MapsAtLoads, PressureField, Profile, Uniform
     from .seal_files import read_pressure_field
     from .shapes import AnnularSeal, RectangularSeal
-
-load_when_used(__name__)
+else:
+    __getattr__, __dir__ = lazy(__name__)

@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ..base import Array, InputError, to_si, to_text, validate
-from ..base.validate import check_parameters, parameter
+from ..base.validate import check_parameters, described, parameter
 from ..topography import Topography
 from .pressure_map import Frame
 from .seal_files import TEXTS, columns_of, read_columns
@@ -62,9 +62,16 @@ class WavyForm:
     """
 
     kind: ClassVar[str] = "waves"
-    height: float = parameter("m", "a height > 0, such as '3 um'", usual=(1e-9, 1e-3))
-    lobes: int | None = None
-    wavelength: float | None = parameter("m", "a length > 0, such as '40 mm'", usual=(1e-5, 10.0), default=None)
+    height: float = parameter("m", "a height > 0, such as '3 um'", "from crest to trough", usual=(1e-9, 1e-3))
+    lobes: int | None = described("waves once around", example=2, default=None)
+    wavelength: float | None = parameter(
+        "m",
+        "a length > 0, such as '40 mm'",
+        "on a strip or a ring: as many waves as come nearest to it",
+        usual=(1e-5, 10.0),
+        default=None,
+        instead="lobes",
+    )
 
     def __post_init__(self) -> None:
         check_parameters(self)
@@ -204,9 +211,11 @@ class FileForm:
     """
 
     kind: ClassVar[str] = "file"
-    path: Path
-    unit: str | None = None
-    length_unit: str = "mm"
+    path: Path = described(
+        "a text with the columns x, y, z or r, theta, z, or a map of heights", example="flatness.csv"
+    )
+    unit: str | None = described("of the heights; that of the file unless given", example="um", default=None)
+    length_unit: str = described("of x and y or of r", default="mm")
 
     def __post_init__(self) -> None:
         for name in ("unit", "length_unit"):

@@ -13,8 +13,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar, Literal, Protocol
 
 from ..base import InputError, to_si, to_text, validate
-from ..base.validate import check_parameters, parameter
-from .lay import Lay, check_ring, check_size
+from ..base.validate import check_parameters, described, parameter
+from .lay import ALLOWED, Lay, check_ring, check_size
 from .pressure_map import Frame
 
 if TYPE_CHECKING:
@@ -45,6 +45,15 @@ class Layout(Protocol):
         ...
 
 
+_INLET = (
+    "side of the ring, or boundaries of the mesh, where the fluid enters; "
+    'a table such as `{bore = "10 MPa", port = "4 MPa"}` gives boundaries their pressures'
+)
+
+
+_LAY = f"direction of x2 of the face on the seal: {ALLOWED}; a spiral is for a face whose groove winds"
+
+
 @dataclass(frozen=True)
 class RectangularLayout:
     """A straight strip; it goes on periodically along x2.
@@ -54,7 +63,7 @@ class RectangularLayout:
 
     kind: ClassVar[str] = "rectangular"
     has_length: ClassVar[bool] = True
-    lay: Any = "x2"
+    lay: Any = described(_LAY, default="x2")
 
     def __post_init__(self) -> None:
         lay = Lay.of(self.lay)
@@ -96,10 +105,10 @@ class AnnularLayout:
 
     kind: ClassVar[str] = "annular"
     has_length: ClassVar[bool] = False
-    inner_radius: float = parameter("m", "a length > 0, such as '10 mm'", usual=(1e-5, 100.0))
-    outer_radius: float = parameter("m", "a length > 0, such as '15 mm'", usual=(1e-5, 100.0))
-    inlet: Literal["inner", "outer"] = "inner"
-    lay: Any = "circumferential"
+    inner_radius: float = parameter("m", "a length > 0, such as '10 mm'", "of the ring", usual=(1e-5, 100.0))
+    outer_radius: float = parameter("m", "a length > 0, such as '15 mm'", "of the ring", usual=(1e-5, 100.0))
+    inlet: Literal["inner", "outer"] = described(_INLET, default="inner")
+    lay: Any = described(_LAY, default="circumferential")
 
     def __post_init__(self) -> None:
         check_parameters(self)
@@ -154,13 +163,21 @@ class MeshLayout:
 
     kind: ClassVar[str] = "mesh"
     has_length: ClassVar[bool] = False
-    path: Path
-    unit: str
-    inlet: str | tuple[str, ...] | Mapping[str, float]
-    outlet: str | tuple[str, ...]
-    lay: Any = "circumferential"
-    centre: tuple[float, float] = (0.0, 0.0)
-    length: float | None = None
+    path: Path = described("file of the mesh, relative to the case", example="seal.msh")
+    unit: str = described("of the lengths in the mesh", example="mm")
+    inlet: str | tuple[str, ...] | Mapping[str, float] = described(_INLET, example="bore")
+    outlet: str | tuple[str, ...] = described(
+        "boundaries where the fluid leaves; all others are closed", example=["rim", "bolts"]
+    )
+    lay: Any = described(_LAY, default="circumferential")
+    centre: tuple[float, float] = described(
+        'of a lay `"circumferential"` or `"radial"`', example=["0 mm", "0 mm"], default=(0.0, 0.0)
+    )
+    length: float | None = described(
+        "length that the leakage is divided by; that of the outlet unless given",
+        example="80 mm",
+        default=None,
+    )
 
     def __post_init__(self) -> None:
         to_si(f"1 {self.unit}", "m", "unit")

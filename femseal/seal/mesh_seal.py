@@ -244,22 +244,45 @@ class MeshSeal:
 def parts_without_flow(mesh: Mesh, inlet: Indices, outlet: Indices) -> Iterator[str]:
     """A sentence for each part of a mesh of straight sides [m] that does not join boundary facets of both ends."""
     corners = mesh.t
-    links = coo_array(
-        (np.ones(corners[1:].size), (np.tile(corners[0], len(corners) - 1), corners[1:].ravel())),
-        shape=(mesh.nvertices, mesh.nvertices),
-    )
-    part = connected_components(links, directed=False)[1]
+    part = _joined(mesh, corners)
     at_inlet, at_outlet = (np.unique(part[mesh.facets[:, facets]]) for facets in (inlet, outlet))
-    of_element, (x, y) = part[corners[0]], mesh.p[:, corners]
+    of_element = part[corners[0]]
     area = np.abs(polygon_areas(mesh.p.T[corners.T]))
     for n in np.setdiff1d(of_element, np.intersect1d(at_inlet, at_outlet)):
         inside = of_element == n
-        where = ", ".join(to_text(float(c[:, inside].mean()), "m", 3) for c in (x, y))
         lacks = "no outlet" if n in at_inlet else "no inlet" if n in at_outlet else "neither inlet nor outlet"
+        share = f"{area[inside].sum() * 1e6:.3g} of {area.sum() * 1e6:.3g} mm²"
         yield (
-            f"a part of the mesh around ({where}), {area[inside].sum() * 1e6:.3g} of {area.sum() * 1e6:.3g} mm², "
+            f"a part of the mesh around {_middle(mesh, corners[:, inside])}, {share}, "
             f"touches {lacks}: nothing flows there"
         )
+
+
+def boundaries_without_name(mesh: Mesh) -> Iterator[str]:
+    """A sentence for each boundary of a mesh of straight sides [m] that is in no group, such as that of a hole."""
+    named = [np.asarray(facets) for facets in (mesh.boundaries or {}).values()]
+    facets = mesh.facets[:, np.setdiff1d(mesh.boundary_facets(), np.concatenate([*named, []]))]
+    part = _joined(mesh, facets)[facets[0]]
+    length = np.hypot(*(mesh.p[:, facets[1]] - mesh.p[:, facets[0]]))
+    for n in np.unique(part):
+        along = part == n
+        yield (
+            f"a boundary of the mesh around {_middle(mesh, facets[:, along])}, "
+            f"{to_text(float(length[along].sum()), 'm', 3)} long, is in no group: it is closed"
+        )
+
+
+def _joined(mesh: Mesh, corners: Indices) -> Indices:
+    """The number of the part of each vertex, where elements or facets with corners (k, n) join vertices."""
+    ends = np.tile(corners[0], len(corners) - 1), corners[1:].ravel()
+    links = coo_array((np.ones(ends[0].size), ends), shape=(mesh.nvertices, mesh.nvertices))
+    return np.asarray(connected_components(links, directed=False)[1])
+
+
+def _middle(mesh: Mesh, corners: Indices) -> str:
+    """The middle of some corners, as text."""
+    x, y = (to_text(float(c[corners].mean()), "m", 3) for c in mesh.p)
+    return f"({x}, {y})"
 
 
 def _check_elements(mesh: Mesh) -> None:

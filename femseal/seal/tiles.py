@@ -22,7 +22,7 @@ from ..base import Array, Indices, InputError, counted, to_si, to_text
 from ..flow.spiral import Spiral
 from .element_seal import ElementSeal
 from .lay import Lay, check_size
-from .mesh_seal import MeshSeal, parts_without_flow
+from .mesh_seal import MeshSeal, boundaries_without_name, parts_without_flow
 
 # scikit-fem warns that it copies vertices whenever it makes a mesh of more than 1000 vertices periodic
 logging.getLogger("skfem.mesh.mesh").addFilter(lambda record: "C_CONTIGUOUS" not in record.getMessage())
@@ -289,7 +289,8 @@ def laid_on_mesh(
     seal = ElementSeal(mesh, *ends, size, outlines, _axes(direction), whole.boundaries)
     side = (pieces.size[0] * pieces.size[1]) ** 0.5
     _, tile = np.unique(np.floor(centres / side), axis=0, return_inverse=True)
-    return SealTiles(seal, direction, tile.ravel(), warnings=tuple(parts_without_flow(mesh, *ends)))
+    odd = (*parts_without_flow(mesh, *ends), *boundaries_without_name(mesh))
+    return SealTiles(seal, direction, tile.ravel(), warnings=odd)
 
 
 @lru_cache(maxsize=2)

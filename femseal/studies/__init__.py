@@ -19,17 +19,16 @@ entry of `STUDIES`, by which runs solve, forecast and compare it.
 
 from typing import TYPE_CHECKING
 
-from ..base.lazy_package import load_when_used
+from ..base.lazy_package import lazy
 
 if TYPE_CHECKING:
-    from .choices import FLUID_PRESSURES, NOMINALS
-    from .deterministic import FaceResult, deterministic
+    from .choices import FLUID_EFFECTS, NOMINALS
+    from .deterministic import FaceResult
     from .other_fluid import FluidState, OtherLeakage, drop_ratio
     from .sampling import Sampling, laid_out, lay_out_tiles
     from .scene import Scene
-    from .stochastic import cut_and_tiles, stochastic
+    from .stochastic import cut_and_tiles
     from .stochastic_result import StochasticResult
     from .study_registry import STUDIES, Study, StudyOptions, StudyResult, study_of_result
-    from .two_scale import two_scale
-
-load_when_used(__name__)
+else:
+    __getattr__, __dir__ = lazy(__name__)

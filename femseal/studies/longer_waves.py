@@ -95,7 +95,7 @@ def longer_waves(
         return None
     hurst = max(holds.hurst, _LEAST_HURST) if holds.rises else 1.0
     rms = _rms_between(holds, hurst, side, longest) if holds.rises else inf
-    dry = replace(scene, fluid_pressure="ignored")
+    dry = scene.dry()
     programme, found = layer_states(dry, _Taken(dry.flow, dry.surface.spacing), mapper)
     gaps, k = np.array(found).T
     leaks = partial(_leakage, dry, tiles, RoughLayer.of_gaps(dry, programme, gaps), PieceCurves(programme, k))

@@ -128,7 +128,7 @@ def pieces_on_ladder(
     boundary: tuple[str, str] = ("periodic", "periodic"),
 ) -> FacePieces:
     """The pieces along a programme of nominal pressures, without fluid, the face going on by its boundary."""
-    dry = replace(scene, boundary=boundary, fluid_pressure="ignored")
+    dry = scene.dry(boundary=boundary)
     # grooves that wind are those of the seal
     take = partial(
         _of_state, cut=cut, flow=replace(scene.flow, spiral=None), widths=getattr(scene.surface, "widths", ())

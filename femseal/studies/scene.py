@@ -1,11 +1,11 @@
 """The input of all studies: a rough face under load, and the fluid that it seals; warnings of implausible numbers."""
 
 from collections.abc import Callable, Iterable, Iterator
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import partial
 from math import isfinite
 from operator import attrgetter
-from typing import Any
+from typing import Any, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,7 +23,7 @@ from ..seal import Leakage, seal_leakage
 from ..seal.layouts import Layout, RectangularLayout
 from ..seal.shapes import Seal
 from ..topography import Places, Topography
-from .choices import FLUID_PRESSURES, NOMINALS
+from .choices import FLUID_EFFECTS, NOMINALS
 from .fluid_coupling import LEAST_FRACTION, FluidPressure, contact_of_places
 
 
@@ -69,7 +69,7 @@ class Scene:
         """Check that parts of the scene go together, see the class."""
         if not isinstance(self.surface, Topography):
             object.__setattr__(self, "surface", Places(self.surface))
-        for name, choices in (("fluid_pressure", FLUID_PRESSURES), ("nominal", NOMINALS)):
+        for name, choices in (("fluid_pressure", FLUID_EFFECTS), ("nominal", NOMINALS)):
             if getattr(self, name) not in choices:
                 raise InputError(name, getattr(self, name), f"one of {', '.join(choices)}")
         flow = self.flow  # raises if the solver is unknown
@@ -89,7 +89,7 @@ class Scene:
         if undefined:
             allowed = "a face without undefined points: fill them first, see Topography.fill_undefined"
             raise InputError("surface", f"{undefined} of {self.surface.heights.size} points undefined", allowed)
-        if self.fluid_pressure == "trapped":
+        if self.traps_liquid:
             expected = "'acts' there: what is trapped is a liquid, in one place, between grooves that do not wind"
             if not hasattr(self.fluid, "bulk_modulus") or isinstance(self.surface, Places) or flow.spiral:
                 raise InputError("fluid_pressure", "'trapped' with a gas, several places or a spiral", expected)
@@ -112,22 +112,41 @@ class Scene:
         return HalfSpace(self.surface.shape, self.surface.spacing, self.modulus, self.boundary)
 
     @property
+    def is_dry(self) -> bool:
+        """Whether the faces lie as dry ones, whatever the fluid."""
+        return self.fluid_pressure == "ignored"
+
+    @property
+    def traps_liquid(self) -> bool:
+        """Whether liquid in closed pockets keeps its volume."""
+        return self.fluid_pressure == "trapped"
+
+    def dry(self, **changes: Any) -> Self:
+        """The scene with dry faces, and other changes."""
+        return replace(self, fluid_pressure="ignored", **changes)
+
+    @property
     def acting_fluid(self) -> FluidPressure | None:
         """The fluid that presses the faces apart; None where it does not, or not enough to change the leakage."""
         # the viscosity of a liquid does not change how its pressure falls: contacts are those of all viscosities
         plain = isinstance(self.fluid, Liquid) and self.fluid.pressure_viscosity == 0
-        trapped = self.fluid_pressure == "trapped"
         own = Liquid(1.0, bulk_modulus=getattr(self.fluid, "bulk_modulus", None)) if plain else self.fluid
         fluid = FluidPressure(
-            own, self.inlet_pressure, self.outlet_pressure, self.nominal, self.flow, self.surroundings, trapped
+            own,
+            self.inlet_pressure,
+            self.outlet_pressure,
+            self.nominal,
+            self.flow,
+            self.surroundings,
+            self.traps_liquid,
         )
-        acts = self.fluid_pressure == "acts" and abs(fluid.carried) > LEAST_FRACTION * min(self.steps.pressures)
-        return fluid if acts or trapped else None
+        acts = not self.is_dry and abs(fluid.carried) > LEAST_FRACTION * min(self.steps.pressures)
+        return fluid if acts or self.traps_liquid else None
 
     @property
     def fluid_effect(self) -> str:
         """What the fluid does to the contact, as a text."""
-        if self.fluid_pressure == "ignored":
+        if self.is_dry:
             return "its pressure on the faces is ignored"
         if (fluid := self.acting_fluid) is None:
             return "it carries less than 0.01 % of every load: that changes leakage by less than 0.5 %, and is left out"

@@ -151,7 +151,7 @@ def layer_states(
     peaks = loading[_PEAKS].tolist() if unloads else []
     down = [LoadStep(p * f, p) for p in peaks for f in _RELEASED.tolist()]
     programme = LoadProgramme([*map(LoadStep, loading.tolist()), *down])
-    alone = replace(scene, boundary=boundary, fluid_pressure="ignored")
+    alone = scene.dry(boundary=boundary)
     return programme, list(alone.contact_states(take, steps=programme, mapper=mapper))
 
 

@@ -117,7 +117,7 @@ def cut_and_tiles(scene: Scene, cells: tuple[int, int] | None, sampling: Samplin
     Raises InputError: see `stochastic`.
     """
     cut, tiles = laid_out(scene.surface, scene.layout, cells, sampling)
-    if scene.fluid_pressure == "trapped" and not tiles.in_place:
+    if scene.traps_liquid and not tiles.in_place:
         given = "'trapped' with a seal that takes pieces anywhere of the face"
         raise InputError("fluid_pressure", given, "'acts' there, or a seal as broad as the face and pressed evenly")
     return cut, tiles

@@ -6,17 +6,16 @@ repair (spikes, undefined points) -> combine (two faces) -> condition (form, wav
 
 from typing import TYPE_CHECKING
 
-from ..base.lazy_package import load_when_used
+from ..base.lazy_package import lazy
 
 if TYPE_CHECKING:
-    from .combine import Overlap, combine
+    from .combine import Overlap
     from .condition import (
         MOST_POINTS,
         Conditioning,
         Repair,
         SpikeEffect,
         check_wave,
-        condition,
         default_wave,
         repair,
         resolved_wave,
@@ -31,9 +30,9 @@ if TYPE_CHECKING:
     from .instrument import Instrument
     from .places import Places, of_all_places, shortest_place
     from .read import Look, read_for_a_look, read_measured, read_topography
-    from .representative import Representative, representative
+    from .representative import Representative
     from .seat import BallOnCone, CrownedSeat, FlatSeat, ProfileSeat, RoundedSeat, Seat, TiltedSeat
     from .texture import spectrum
     from .topography import Topography
-
-load_when_used(__name__)
+else:
+    __getattr__, __dir__ = lazy(__name__)

@@ -47,7 +47,7 @@ class Repair:
     """
 
     undefined_fraction: float
-    spikes: int
+    spike_points: int
     form: Form
     removed: NDArray[np.float64] = field(repr=False)
 
@@ -162,7 +162,7 @@ class Conditioning(Labelled):
     """What was done to a measured map; "before" means filled and flat, but not yet low-passed."""
 
     undefined_fraction: float = labelled("undefined points, filled", percent=True)
-    spikes: int = labelled("points in spikes, filled")
+    spike_points: int = labelled("points in spikes, filled")
     spikes_along_lay: float | None = labelled("neighbouring spikes along the lay", percent=True)
     spikes_extreme: float | None = labelled("extremes hanging on spikes", percent=True)
     removed_tilt: tuple[float, float] = labelled("tilt removed along x1, x2", "rad")
@@ -282,7 +282,7 @@ def smooth(
     effect = spike_effect(flat, repaired.removed, shortest)
     return kept, Conditioning(
         undefined_fraction=repaired.undefined_fraction,
-        spikes=repaired.spikes,
+        spike_points=repaired.spike_points,
         spikes_along_lay=effect.along_lay,
         spikes_extreme=effect.extreme,
         removed_tilt=(atan(tilt1), atan(tilt2)),

@@ -37,7 +37,7 @@ class SurfaceReport(Labelled):
     size: tuple[float, float] = labelled("size", "m")
     spacing: tuple[float, float] = labelled("pixel", "m")
     undefined_fraction: float = labelled("undefined points", percent=True)
-    spikes: int = labelled("points in spikes")
+    spike_points: int = labelled("points in spikes")
     tilt: tuple[float, float] = labelled("tilt along x1 (leakage), x2", "rad")
     rms_height: float = labelled("Sq, rms height", "m")
     mean_height: float = labelled("Sa, arithmetic mean height", "m")
@@ -94,7 +94,7 @@ def describe_surface(
     --------
     >>> from femseal.topography import self_affine
     >>> report = describe_surface(self_affine((256, 256), (1e-3, 1e-3), hurst=0.8, rms_height=1e-6, rng=1))
-    >>> round(report.hurst, 1), report.spikes, report.shape
+    >>> round(report.hurst, 1), report.spike_points, report.shape
     (0.8, 0, (256, 256))
     """
     flat, repaired = repair(topography, spikes=spikes, max_undefined=max_undefined, detrend=detrend)
@@ -109,7 +109,7 @@ def describe_surface(
         size=topography.size,
         spacing=topography.spacing,
         undefined_fraction=repaired.undefined_fraction,
-        spikes=repaired.spikes,
+        spike_points=repaired.spike_points,
         tilt=(atan(tilt[0]), atan(tilt[1])),
         rms_height=sq,
         mean_height=mean_height,

@@ -12,7 +12,7 @@ from typing import Any, ClassVar
 import numpy as np
 
 from ..base import Array, InputError, to_si, to_text
-from ..base.validate import check_parameters, parameter
+from ..base.validate import check_parameters, described, parameter
 from .topography import Topography
 
 #: Largest slope of a form: a half-space is for slopes well below 1.
@@ -22,8 +22,8 @@ MOST_SLOPE = 0.3
 LEAST_DEPTH = 0.003
 
 
-def _radius() -> Any:
-    return parameter("m", "a radius > 0, such as '50 mm'", usual=(1e-6, 1e3))
+def _radius(meaning: str, example: str) -> Any:
+    return parameter("m", f"a radius > 0, such as '{example}'", meaning, usual=(1e-6, 1e3))
 
 
 class Seat:
@@ -111,7 +111,7 @@ class CrownedSeat(Seat):
     """
 
     kind: ClassVar[str] = "crowned"
-    radius: float = _radius()
+    radius: float = _radius("of the crown or ball", "50 mm")
 
     def depth(self, x: Array, breadth: float) -> Array:
         """x²/2R."""
@@ -132,8 +132,13 @@ class BallOnCone(Seat):
     """
 
     kind: ClassVar[str] = "ball-on-cone"
-    radius: float = _radius()
-    angle: float = parameter("rad", "half the angle of the cone, such as '45 deg'", usual=(1e-3, 1.6))
+    radius: float = _radius("of the crown or ball", "10 mm")
+    angle: float = parameter(
+        "rad",
+        "half the angle of the cone, such as '45 deg'",
+        "half the angle of the cone; loads are then axial",
+        usual=(1e-3, 1.6),
+    )
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -164,8 +169,8 @@ class RoundedSeat(Seat):
     """
 
     kind: ClassVar[str] = "rounded"
-    land: float = parameter("m", "a breadth > 0, such as '0.5 mm'", usual=(1e-7, 1.0))
-    edge_radius: float = _radius()
+    land: float = parameter("m", "a breadth > 0, such as '0.5 mm'", "breadth of the flat part", usual=(1e-7, 1.0))
+    edge_radius: float = _radius("of both edges", "2 mm")
 
     def depth(self, x: Array, breadth: float) -> Array:
         """(|x| − b/2)²/2r beyond the land, 0 on it."""
@@ -185,7 +190,13 @@ class TiltedSeat(Seat):
     """
 
     kind: ClassVar[str] = "tilted"
-    tilt: float = parameter("rad", "an angle, such as '0.02 deg'", usual=(-0.2, 0.2), above=-np.inf)
+    tilt: float = parameter(
+        "rad",
+        "an angle, such as '0.02 deg'",
+        "slope across the seal, highest at the inlet",
+        usual=(-0.2, 0.2),
+        above=-np.inf,
+    )
 
     def depth(self, x: Array, breadth: float) -> Array:
         """x tan(tilt)."""
@@ -205,8 +216,8 @@ class ProfileSeat(Seat):
     """
 
     kind: ClassVar[str] = "profile"
-    path: Path
-    unit: str
+    path: Path = described("file with the columns x1 and z", example="seat.csv")
+    unit: str = described("of its lengths", example="um")
 
     def depth(self, x: Array, breadth: float) -> Array:
         """−z, both ends of the breadth being those of the file."""

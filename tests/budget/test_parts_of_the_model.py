@@ -18,6 +18,7 @@ from femseal.budget import (
     model_part,
 )
 from femseal.seal.pressure_map import Frame
+from femseal.topography import CrownedSeat
 
 D, E, H = 1e-6, 115e9, 2.3e9
 
@@ -134,15 +135,15 @@ def test_the_hardness_tolerance_is_that_of_the_softer_solid(tmp_path):
 
 def test_a_form_with_a_tolerance_is_a_part(scene):
     """On the heights, and as rows of a broader seat; a deeper crown is one of a smaller radius."""
-    seat = fs.CrownedSeat(2e-3)
+    seat = CrownedSeat(2e-3)
     formed = replace(scene, surface=seat.on(scene.surface), boundary=("free", "periodic"))
     (change,) = model_changes(formed, ["form"], form=FormTolerance(seat=seat, tolerance=0.25))
-    deeper = fs.CrownedSeat(2e-3 / 1.25).on(scene.surface)
+    deeper = CrownedSeat(2e-3 / 1.25).on(scene.surface)
     assert_allclose(change.scene.surface.heights, deeper.heights, atol=1e-18)
     (change,) = model_changes(scene, ["form"], form=FormTolerance((seat,), (0.25,)))
     assert change.scene is scene
     points, frame = np.stack([np.linspace(0, 2e-4, 5)] * 2, axis=1), Frame.of_strip((2e-4, 1e-3))
-    deeper = fs.CrownedSeat(2e-3 / 1.25).heights(points, frame)
+    deeper = CrownedSeat(2e-3 / 1.25).heights(points, frame)
     assert_allclose(change.forms[0].heights(points, frame), deeper)
     assert model_changes(scene, ["form"], form=FormTolerance(seat=seat)) == []
     assert model_changes(scene, ["hardness"], form=FormTolerance(seat=seat, tolerance=0.1))[0].name == "hardness"

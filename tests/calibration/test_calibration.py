@@ -19,7 +19,7 @@ from femseal.base.leak_rates import leak_unit
 from femseal.calibration import calibrating
 from femseal.calibration.calibrating import with_values
 from femseal.calibration.leak_test import Estimate, LeakTest, Posterior, read_leak_test
-from femseal.case.load import Amount
+from femseal.case.values import Amount
 from femseal.loads import LoadStep
 from femseal.store.store import Store
 from femseal.sweeps.scenes import Surrogate, _covariance, _solved
@@ -332,14 +332,15 @@ def test_the_example_gives_back_the_hardness_that_made_it():
 
 
 def test_a_calibrated_case_names_its_files_from_where_it_is(tmp_path):
-    from femseal.calibration.calibration import _moved, _toml
+    from femseal.calibration.calibration import _moved
+    from femseal.case.template import as_toml
 
     (tmp_path / "a b.npy").write_text("")
     data = {"face": [{"path": "a b.npy", "kind": "file"}], "lay": {"field": "a b.npy:name"}, "x": ["a", 1, True, 2.5]}
     moved = _moved(data, tmp_path, tmp_path / "out" / "it")
     assert moved["face"][0] == {"path": "../../a b.npy", "kind": "file"}
     assert moved["lay"] == {"field": "../../a b.npy:name"}
-    assert _toml(moved["x"]) == '["a", 1, true, 2.5]'
+    assert as_toml(moved["x"]) == '["a", 1, true, 2.5]'
 
 
 def test_processes_solve_the_scenes_of_a_calibration(calibrated):

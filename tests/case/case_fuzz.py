@@ -11,7 +11,9 @@ from pathlib import Path
 import numpy as np
 import pyvista as pv
 
+from femseal.case.case import Case
 from femseal.case.schema import case_schema
+from femseal.case.template import case_template
 
 ROOT = Path(__file__).parents[2]
 #: Values that a key may be given and hardly ever takes.
@@ -188,8 +190,7 @@ def spare_files(folder):
 def examples():
     """Cases to begin with: those of the examples and others, on small faces."""
     found = [tomllib.loads(path.read_text(encoding="utf-8")) for path in sorted((ROOT / "examples").glob("*.toml"))]
-    template = (ROOT / "femseal" / "case" / "template.toml").read_text(encoding="utf-8")
-    found.append(tomllib.loads(template))
+    found.append(tomllib.loads(case_template(Case)))
     for case in found:
         face = case["face"] = dict(case["face"])
         if face["kind"] == "file":

@@ -302,7 +302,7 @@ def test_sizes_are_weighed_before_anything_is_made(monkeypatch, data, table, key
         raise AssertionError("made")
 
     if table == "face":
-        monkeypatch.setattr("femseal.case.faces.turned", made)
+        monkeypatch.setattr("femseal.case.faces.TurnedFace.make_heights", made)
     given = {key: value} if table == "cells" else data.get(table, {}) | {key: value}
     message = refusal(lambda: prepare(parse_case(data | {table: given})))
     assert all(word in message for word in words), message
@@ -315,7 +315,7 @@ def test_what_is_too_large_all_the_same_is_bad_input(monkeypatch, data, error):
     def fail(*_, **__):
         raise error
 
-    monkeypatch.setattr("femseal.case.faces.turned", fail)
+    monkeypatch.setattr("femseal.case.faces.TurnedFace.make_heights", fail)
     assert "case: given a size or number that is too large" in refusal(lambda: prepare(parse_case(data)))
 
 

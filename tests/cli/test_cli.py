@@ -14,6 +14,7 @@ import instrument_files
 import numpy as np
 import pytest
 from numba import njit
+from small_cases import template_cases
 from typer.testing import CliRunner
 
 import femseal as fs
@@ -24,7 +25,7 @@ from femseal.case.faces import SurfaceTable
 from femseal.case.schema import case_schema
 
 ROOT = Path(__file__).parents[2]
-CASES = [*sorted((ROOT / "examples").glob("*.toml")), ROOT / "femseal" / "case" / "template.toml"]
+CASES = sorted((ROOT / "examples").glob("*.toml"))
 
 
 @pytest.mark.parametrize("command", ["check", "run", "design"])
@@ -452,13 +453,8 @@ def test_shipped_cases_fit_the_schema(schema, path):
 
 
 def test_all_that_the_template_comments_out_fits_the_schema(schema):
-    text = (ROOT / "femseal" / "case" / "template.toml").read_text(encoding="utf-8")
-    lines = re.sub(r"^# (?=\[|\w+ = )", "", text, flags=re.MULTILINE)
-    data = tomllib.loads(re.sub(r"^\[(face|fluid)\]", r"[[\1]]", lines, flags=re.MULTILINE))
-    assert (len(data["face"]), len(data["fluid"])) == (3, 2)
-    for face in data["face"]:
-        for fluid in data["fluid"]:
-            assert faults({**data, "face": [face], "fluid": fluid}, schema, schema) == []
+    for case in template_cases():
+        assert faults(case, schema, schema) == []
 
 
 @pytest.mark.parametrize(
@@ -568,3 +564,12 @@ def test_new_asks_for_what_a_text_does_not_say(tmp_path, femseal):
     np.testing.assert_allclose(found.heights, face.heights, rtol=1e-12)
     np.testing.assert_allclose(found.spacing, 1e-6)
     assert "note: a line of the text runs along x1" in femseal("surface", tmp_path / "face.txt", *said)[1]
+
+
+def test_a_scheduler_without_its_extra_is_told_how_to_install_it(femseal, tmp_path, monkeypatch):
+    monkeypatch.setitem(sys.modules, "distributed", None)
+    code, _, complaint = femseal("run", CASES[0], "-o", tmp_path / "results", "--scheduler", "local")
+    assert (code, complaint) == (
+        2,
+        "femseal: scheduler: given 'local', expected one after: pip install 'femseal[cluster]'\n",
+    )

@@ -11,7 +11,8 @@ from femseal.flow import cell_permeability
 from femseal.flow.cell import pixel_dissipation
 from femseal.fluids import IdealGas
 from femseal.results import assemble, open_results, save
-from femseal.studies import Scene, two_scale
+from femseal.studies import Scene
+from femseal.studies.two_scale import two_scale
 from femseal.topography import Topography, self_affine
 
 

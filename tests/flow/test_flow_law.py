@@ -10,6 +10,7 @@ from numpy.testing import assert_allclose
 import femseal as fs
 from femseal.analytic import parallel_plates
 from femseal.base.fixed_point import fixed_point
+from femseal.flow import SlipLength
 from femseal.flow.law import CUBIC_LAW, FlowLaw, law_of
 from femseal.flow.permeability_table import tabulated
 from femseal.flow.pressure_drop import PressureDrop
@@ -54,7 +55,7 @@ class SwellingLiquid:
         return 1e-6 * np.asarray(potential, dtype=float)
 
 
-LAWS = [CUBIC_LAW, fs.SlipLength(SLIP), HELIUM.law, Swelling(1e6)]
+LAWS = [CUBIC_LAW, SlipLength(SLIP), HELIUM.law, Swelling(1e6)]
 
 
 @pytest.mark.parametrize("law", LAWS, ids=lambda law: type(law).__name__)
@@ -83,10 +84,10 @@ def test_a_law_without_a_length_is_homogeneous(law):
 def test_limits_of_the_slip_length():
     """Plug flow of narrow gaps, b h²/2; without slip the cubic law, to the last bit."""
     gap = np.geomspace(1e-13, 1e-11, 5)
-    assert_allclose(fs.SlipLength(1e-6).permeability(gap), 1e-6 * gap**2 / 2, rtol=1e-5)
+    assert_allclose(SlipLength(1e-6).permeability(gap), 1e-6 * gap**2 / 2, rtol=1e-5)
     gap = np.abs(np.random.default_rng(0).standard_normal(1000)) * 1e-6
-    assert (fs.SlipLength(0.0).permeability(gap) == CUBIC_LAW.permeability(gap)).all()
-    assert fs.SlipLength(SLIP).permeability(0.0) == 0
+    assert (SlipLength(0.0).permeability(gap) == CUBIC_LAW.permeability(gap)).all()
+    assert SlipLength(SLIP).permeability(0.0) == 0
     assert law_of(WATER) == law_of(replace(HELIUM, slip=False)) == law_of(object()) == CUBIC_LAW
 
 
@@ -102,8 +103,7 @@ def test_cells_of_a_liquid_that_slips():
     assert_allclose(plates.value, (2e-7) ** 3 / 12 * (1 + 6 * SLIP / 2e-7), rtol=1e-10)
     gap = rough_gap()
     slip, cubic, none = (
-        fs.cell_permeability(gap, SPACING, law=law, bounds=True)
-        for law in (SLIPPERY.law, CUBIC_LAW, fs.SlipLength(0.0))
+        fs.cell_permeability(gap, SPACING, law=law, bounds=True) for law in (SLIPPERY.law, CUBIC_LAW, SlipLength(0.0))
     )
     assert none.value == cubic.value
     assert slip.value > 1.05 * cubic.value

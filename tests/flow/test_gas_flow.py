@@ -13,6 +13,7 @@ from skfem import MeshQuad
 
 import femseal as fs
 from femseal.face.piece_flow import FlowSettings, piece_permeability
+from femseal.flow import CubicLaw
 from femseal.flow.coefficient import gap_on_links
 from femseal.flow.law import FlowLaw
 from femseal.flow.permeability_table import PermeabilityTable, PressureCurve, table_pressures
@@ -154,7 +155,7 @@ def test_limits_of_the_resolved_flow():
 def test_what_does_not_slip_is_solved_as_ever():
     gap = np.maximum(np.random.default_rng(0).standard_normal((16, 16)) + 1, 0) * 1e-6
     still = replace(HELIUM, slip=False)
-    assert PressureDrop(still, 1e6, 1e5).law == PressureDrop(fs.Liquid(1e-3), 1e6, 1e5).law == fs.CubicLaw()
+    assert PressureDrop(still, 1e6, 1e5).law == PressureDrop(fs.Liquid(1e-3), 1e6, 1e5).law == CubicLaw()
     assert PressureDrop(still, 1e6, 1e5).pressures.tolist() == [1e6]
     expected = fs.cell_permeability(gap, (1e-6, 1e-6), sides="periodic").value
     assert resolved_flow(gap, (1e-6, 1e-6), settings(1e6, 1e5, still)).permeability == expected

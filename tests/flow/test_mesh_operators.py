@@ -22,6 +22,7 @@ from skfem import (
 )
 from skfem.helpers import div
 
+from femseal.base import InputError
 from femseal.flow import forms
 from femseal.flow.mesh import MeshOperators
 from femseal.seal.tiles import face_tiles
@@ -171,3 +172,15 @@ def test_more_permeable_elements_leak_more_and_all_scale_together():
     assert_allclose(scaled.conductance, 1e-22 * one.conductance, rtol=1e-7)
     turned_round = solved(mesh, right, left, turned(*k, angle))
     assert_allclose(turned_round.conductance, one.conductance, rtol=1e-6)
+
+
+def test_a_number_is_the_permeability_of_an_isotropic_film_and_other_shapes_are_refused():
+    basis = Basis(MeshTri().refined(2), ElementTriP1())
+    unit = np.eye(2)[:, :, None, None] * np.ones(basis.dx.shape)
+    expected = forms.darcy_flow.assemble(basis, k=3 * unit).toarray()
+    assert "(K ∇p)·∇q" in forms.darcy_flow.__doc__
+    for k in (3.0, 3 * np.ones(basis.dx.shape), 3 * np.eye(2)):
+        assert_allclose(forms.darcy_flow.assemble(basis, k=k).toarray(), expected, atol=1e-15)
+    for k in (np.ones((3, *basis.dx.shape)), np.ones((2, *basis.dx.shape))):
+        with pytest.raises(InputError, match=r"^k: given shape \(.*expected a number"):
+            forms.darcy_flow.assemble(basis, k=k)

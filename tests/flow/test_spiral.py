@@ -17,7 +17,8 @@ from femseal.preparation import prepare
 from femseal.seal.lay import Lay
 from femseal.seal.layouts import AnnularLayout, MeshLayout, RectangularLayout
 from femseal.seal.tiles import PieceSize
-from femseal.studies import Sampling, stochastic
+from femseal.studies import Sampling
+from femseal.studies.stochastic import stochastic
 
 D = 1e-6
 OIL = fs.Liquid(1e-3)

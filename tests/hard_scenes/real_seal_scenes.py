@@ -13,7 +13,10 @@ from judges import Exactly, Falling, Near
 from femseal.flow import Spiral, cell_permeability
 from femseal.flow.spiral import spiral_flow
 from femseal.fluids import IdealGas
-from femseal.studies import Sampling, deterministic, stochastic, two_scale
+from femseal.studies import Sampling
+from femseal.studies.deterministic import deterministic
+from femseal.studies.stochastic import stochastic
+from femseal.studies.two_scale import two_scale
 from femseal.topography import CrownedSeat, Seat, TiltedSeat, Topography
 
 H = 2.5e9

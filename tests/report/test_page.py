@@ -24,7 +24,10 @@ from femseal.report import write_folder, write_report
 from femseal.report.case_text import pressure_drop_sentences
 from femseal.report.page import report_html
 from femseal.results import RunFacts, assemble, save
-from femseal.studies import Sampling, Scene, deterministic, stochastic, two_scale
+from femseal.studies import Sampling, Scene
+from femseal.studies.deterministic import deterministic
+from femseal.studies.stochastic import stochastic
+from femseal.studies.two_scale import two_scale
 from femseal.topography import self_affine
 
 pytestmark = pytest.mark.usefixtures("drawn_pictures")
@@ -267,7 +270,7 @@ def test_parts_of_a_study_are_not_counted_twice(scene, studies):
 def test_repairs_and_placement_of_measured_faces_are_told(scene, studies):
     second = {"kind": "file", "path": "B.plu", "mirror": "x2", "rotate": np.pi / 6, "shift": [1e-5, -3e-5]}
     case = CASE | {"face": [*CASE["face"], second]}
-    surface = SURFACE | {"undefined_fraction": 0.0114, "spikes": 8}
+    surface = SURFACE | {"undefined_fraction": 0.0114, "spike_points": 8}
     told = assemble(scene, studies["deterministic"], facts=RunFacts(case=case, surface=surface))
     text = words(section(report_html(told), "case"))
     assert "against a measured face from B.plu (mirrored along x2, turned by 30°, shifted by 10 µm, -30 µm)" in text

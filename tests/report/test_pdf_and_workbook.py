@@ -20,7 +20,8 @@ from femseal.report.leakage_tables import class_table, limiting_text
 from femseal.report.page import drop_chart, leakage_chart
 from femseal.results import RunFacts, assemble
 from femseal.results.tables import rows, write_workbook
-from femseal.studies import Scene, deterministic
+from femseal.studies import Scene
+from femseal.studies.deterministic import deterministic
 
 PAGE = '<!DOCTYPE html>\n<html><body><p id="text">A page.</p></body></html>\n'
 

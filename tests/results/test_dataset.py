@@ -25,9 +25,12 @@ from femseal.report import write_folder
 from femseal.results import RunFacts, assemble, open_results, save, write_vtk
 from femseal.results.selections import branch_text
 from femseal.results.tables import format_leakage
-from femseal.studies import FaceResult, Sampling, Scene, StochasticResult, deterministic, stochastic, two_scale
+from femseal.studies import FaceResult, Sampling, Scene, StochasticResult
+from femseal.studies.deterministic import deterministic
 from femseal.studies.piece_states import FacePieces
+from femseal.studies.stochastic import stochastic
 from femseal.studies.stochastic_result import MedianSeal
+from femseal.studies.two_scale import two_scale
 from femseal.topography import Topography, self_affine
 
 pytestmark = pytest.mark.usefixtures("drawn_pictures")

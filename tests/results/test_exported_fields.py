@@ -21,7 +21,10 @@ from femseal.report import write_folder
 from femseal.results import RunFacts, assemble, export, open_results
 from femseal.results.paraview import plan_fields
 from femseal.runs import job
-from femseal.studies import Sampling, Scene, deterministic, stochastic, two_scale
+from femseal.studies import Sampling, Scene
+from femseal.studies.deterministic import deterministic
+from femseal.studies.stochastic import stochastic
+from femseal.studies.two_scale import two_scale
 from femseal.topography import read_topography, turned
 
 EXAMPLES = Path(__file__).parents[2] / "examples"

@@ -20,7 +20,7 @@ from femseal.runs.disk import disk
 from femseal.runs.forecast import describe, forecast
 from femseal.seal.layouts import RectangularLayout
 from femseal.seal.tiles import PieceSize
-from femseal.studies import deterministic, face_flow, fluid_coupling
+from femseal.studies import face_flow, fluid_coupling
 from femseal.studies.costs import (
     PILOT_PIXELS,
     Effort,
@@ -30,6 +30,7 @@ from femseal.studies.costs import (
     two_scale_cost,
     usual_efforts,
 )
+from femseal.studies.deterministic import deterministic
 from femseal.studies.fluid_coupling import FluidPressure
 
 ROOT = Path(__file__).parents[2]

@@ -14,7 +14,7 @@ from femseal.base.errors import InputError
 from femseal.seal import AnnularSeal, MeshSeal
 from femseal.seal.lay import Lay
 from femseal.seal.layouts import AnnularLayout, MeshLayout, RectangularLayout
-from femseal.seal.mesh_seal import parts_without_flow
+from femseal.seal.mesh_seal import boundaries_without_name, parts_without_flow
 from femseal.seal.tiles import PieceSize
 
 MESHES = Path(__file__).parents[2] / "meshes"
@@ -304,3 +304,16 @@ def test_parts_of_a_mesh_that_nothing_flows_through_are_warned_of():
         "a part of the mesh around (6.5 mm, 250 µm), 0.5 of 4.5 mm², touches neither inlet nor outlet: "
         "nothing flows there",
     ]
+
+
+def test_a_hole_whose_boundary_is_in_no_group_is_said():
+    """A square of 4 mm with a hole of 2 mm: its outline has 8 mm, around its middle."""
+    mesh = MeshQuad.init_tensor(*(np.linspace(0, 4e-3, 5),) * 2)
+    ends = {"left": lambda x: x[0] < 1e-9, "right": lambda x: x[0] > 4e-3 - 1e-9}
+    sides = {"sides": lambda x: abs(x[1] - 2e-3) > 2e-3 - 1e-9}
+    hole = mesh.remove_elements(mesh.elements_satisfying(lambda x: abs(x - 2e-3).max(axis=0) < 1e-3))
+    assert [*boundaries_without_name(hole.with_boundaries(ends | sides))] == [
+        "a boundary of the mesh around (2 mm, 2 mm), 8 mm long, is in no group: it is closed"
+    ]
+    assert [*boundaries_without_name(mesh.with_boundaries(ends | sides))] == []
+    assert len([*boundaries_without_name(mesh.with_boundaries(ends))]) == 2

@@ -14,9 +14,12 @@ from scipy.sparse.linalg import spsolve
 import femseal as fs
 from femseal.face.piece_flow import Failed, FlowSettings
 from femseal.flow.harmonic import harmonic_fill
-from femseal.studies import Sampling, deterministic, stochastic, two_scale
+from femseal.studies import Sampling
+from femseal.studies.deterministic import deterministic
 from femseal.studies.face_flow import resolved_flow
 from femseal.studies.fluid_coupling import LEAST_FRACTION, CoupledContact, FluidPressure
+from femseal.studies.stochastic import stochastic
+from femseal.studies.two_scale import two_scale
 
 E, H = 115e9, 2.3e9
 D = 1e-6

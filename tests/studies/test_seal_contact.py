@@ -19,6 +19,7 @@ from femseal.seal.form import MeasuredForm, WavyForm
 from femseal.seal.layouts import AnnularLayout, MeshLayout
 from femseal.studies.sampling import laid_out
 from femseal.studies.seal_contact import Cells, RoughLayer, seal_contact, without_waves_of
+from femseal.topography import CrownedSeat
 
 E, D = 115e9, 1e-6
 OIL = fs.Liquid(1e-3)
@@ -140,7 +141,7 @@ def test_a_crown_that_has_yielded_all_over_its_band_is_flatter():
     """Bodies sink for good: back at a tenth of the load its highest pressure is less than on the way up."""
     way = {"unload_from": (2e7,), "unloading": (2e6,)}
     one = scene((2e6, 2e7), face(rms_slope=0.01), hardness=0.2e9, **way)
-    contact = contact_of(one, fs.CrownedSeat(0.005), 1e-3, 2e-3)
+    contact = contact_of(one, CrownedSeat(0.005), 1e-3, 2e-3)
     assert contact.pressure[1].max() == pytest.approx(0.97 * 0.2e9)
     assert contact.pressure[2].max() < 0.85 * contact.pressure[0].max()
 
@@ -267,7 +268,7 @@ def test_the_band_of_a_measured_form_is_one_of_its_own():
     angle = np.linspace(0, 2 * np.pi, 12, endpoint=False)
     points = 1.03e-3 * np.stack([np.cos(angle), np.sin(angle)], axis=1)
     measured = MeasuredForm.of(points, 1e-7 * np.cos(2 * angle))
-    kinds = [drawn(one, form).kind for form in (measured, WavyForm(1e-7, lobes=2), fs.CrownedSeat(0.1), ())]
+    kinds = [drawn(one, form).kind for form in (measured, WavyForm(1e-7, lobes=2), CrownedSeat(0.1), ())]
     assert kinds == ["with form", "anywhere", "anywhere", "in place"]
 
 

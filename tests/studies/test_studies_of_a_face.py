@@ -19,7 +19,10 @@ from femseal.results import assemble, open_results
 from femseal.seal.pressure_map import Profile
 from femseal.seal.tiles import face_tiles
 from femseal.store.store import Store
-from femseal.studies import Sampling, Scene, StochasticResult, deterministic, stochastic, two_scale
+from femseal.studies import Sampling, Scene, StochasticResult
+from femseal.studies.deterministic import deterministic
+from femseal.studies.stochastic import stochastic
+from femseal.studies.two_scale import two_scale
 from femseal.topography import Topography, self_affine
 
 MODULUS, HARDNESS = 115e9, 3e9

@@ -14,17 +14,8 @@ from scipy import ndimage
 
 import femseal as fs
 from femseal.base.errors import InputError
-from femseal.topography import (
-    SpikeEffect,
-    Topography,
-    combine,
-    describe_surface,
-    repair,
-    self_affine,
-    spike_effect,
-    turned,
-)
-from femseal.topography.combine import _largest_rectangle
+from femseal.topography import SpikeEffect, Topography, describe_surface, repair, self_affine, spike_effect, turned
+from femseal.topography.combine import _largest_rectangle, combine
 from femseal.topography.defects import _window_medians, find_spikes
 from femseal.topography.texture import autocorrelation, spectrum, texture
 
@@ -132,11 +123,11 @@ def test_repair_fills_spikes_like_undefined_points():
     z = plane + 1e-12 * np.random.default_rng(0).standard_normal(plane.shape)
     z[20, 20], z[40, 10] = 1e-6, np.nan
     whole, found = repair(Topography(z, (1e-6, 1e-6), (False, False)))
-    assert (found.spikes, found.undefined_fraction) == (1, 1 / z.size)
+    assert (found.spike_points, found.undefined_fraction) == (1, 1 / z.size)
     assert_allclose(whole.heights, 0, atol=1e-11)
     assert_allclose(found.form.slopes, (1e-3, 2e-3), rtol=1e-5)
     kept, found = repair(Topography(z, (1e-6, 1e-6), (False, False)), spikes=inf, detrend=0)
-    assert found.spikes == 0
+    assert found.spike_points == 0
     assert_allclose(kept.heights[20, 20] - kept.heights[20, 22], 1e-6 - z[20, 22], rtol=1e-9)
 
 
@@ -162,7 +153,7 @@ def test_spikes_count_as_undefined():
     ):
         fs.condition(face, max_undefined=0.005)
     _, report = fs.condition(face)
-    assert (report.spikes, report.undefined_fraction) == (192, 0)
+    assert (report.spike_points, report.undefined_fraction) == (192, 0)
     assert_allclose(report.rms_height_before, rough().detrend().rms_height, rtol=0.01)
     _, report = fs.condition(face, spikes=inf)
     assert report.rms_height_before > 5 * rough().rms_height
@@ -210,11 +201,13 @@ def test_spikes_that_follow_the_lay_are_told(angle):
     z[beside & (rng.random(z.shape) < 0.06)] += 3e-6
     face = Topography(z, (1e-6, 1e-6), (False, False))
     _, report = fs.condition(face)
-    assert report.spikes > 40
+    assert report.spike_points > 40
     assert report.spikes_along_lay > 0.8
     assert report.spikes_extreme > 0.05
-    doubts = SpikeEffect(report.spikes_along_lay, report.spikes_extreme).doubts(report.spikes)
-    assert re.search(rf"^spikes \({report.spikes} points\) are filled although they follow the lay \(\d+%", doubts[0])
+    doubts = SpikeEffect(report.spikes_along_lay, report.spikes_extreme).doubts(report.spike_points)
+    assert re.search(
+        rf"^spikes \({report.spike_points} points\) are filled although they follow the lay \(\d+%", doubts[0]
+    )
     assert all("surface.spikes = inf" in text for text in doubts)
 
 
@@ -223,7 +216,7 @@ def test_scattered_spikes_are_no_marks(spacing):
     z, _, rng = grooved()
     z[rng.random(z.shape) < 0.004] -= 1e-6
     _, report = fs.condition(Topography(z, spacing, (False, False)))
-    assert report.spikes > 80
+    assert report.spike_points > 80
     assert report.spikes_along_lay is None
 
 
@@ -396,7 +389,7 @@ def test_spikes_and_undefined_points_are_counted():
     z = rough().heights.copy()
     z[3, 4], z[50, 60:63] = 1e-4, np.nan
     report = describe_surface(Topography(z, (1e-6, 1e-6)))
-    assert (report.spikes, report.undefined_fraction) == (1, 3 / z.size)
+    assert (report.spike_points, report.undefined_fraction) == (1, 3 / z.size)
     assert report.peak_to_valley > 1e-4  # heights as the instrument counts them
     assert_allclose(report.rms_slope, describe_surface(rough()).rms_slope, rtol=0.01)  # slopes without the spike
 
@@ -411,7 +404,7 @@ def test_spikes_put_on_a_face_are_found():
 
 def test_the_example_is_described():
     report = describe_surface(fs.read_topography(EXAMPLE))
-    assert report.spikes < 5
+    assert report.spike_points < 5
     # as its script says, and so is the noise; from roll-off to resolution is too short for a power law
     assert_allclose(report.shortest_wave, 10e-6, rtol=0.05)
     assert np.isnan(report.hurst)
