@@ -36,7 +36,7 @@ __version__ = "0.2.0"
 if TYPE_CHECKING:
     from .base.errors import FemsealError, InputError, NotConverged
     from .budget import ErrorBudget
-    from .budget.error_budget import error_budget
+    from .budget.whole import error_budget
     from .calibration.calibrating import calibrate
     from .calibration.calibration import Calibration
     from .case.case import Case, load_case
@@ -59,12 +59,12 @@ if TYPE_CHECKING:
     from .runs.job import run
     from .seal import AnnularSeal, Leakage, MeshSeal, RectangularSeal, seal_leakage
     from .studies.blocks import by_blocks
-    from .studies.deterministic import FaceResult, deterministic
+    from .studies.drawn_study import stochastic
+    from .studies.face_study import FaceResult, deterministic
+    from .studies.piece_study import two_scale
     from .studies.sampling import Sampling
     from .studies.scene import Scene
-    from .studies.stochastic import stochastic
     from .studies.stochastic_result import StochasticResult
-    from .studies.two_scale import two_scale
     from .sweeps.sweeping import sweep
     from .topography import (
         Places,
@@ -76,8 +76,8 @@ if TYPE_CHECKING:
         self_affine,
         turned,
     )
-    from .topography.combine import combine
-    from .topography.condition import condition
+    from .topography.combined import combine
+    from .topography.conditioning import condition
 else:
     __getattr__, __dir__ = lazy(__name__)
 

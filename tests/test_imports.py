@@ -352,3 +352,12 @@ print(sys.modules["xarray"].core.variable.xr is sys.modules["xarray"])
 def test_writers_load_beside_results():
     done = subprocess.run([sys.executable, "-c", TWO_LOAD], capture_output=True, text=True)
     assert done.stdout == "True\n", done.stderr
+
+
+@pytest.mark.parametrize("package", [path.parent for path in ROOT.rglob("__init__.py")], ids=lambda path: path.name)
+def test_no_name_of_a_package_is_that_of_a_file_in_it(package):
+    """The file would stand in place of a function once it is loaded."""
+    tree = ast.parse((package / "__init__.py").read_text(encoding="utf-8"))
+    names = {alias.name for node in ast.walk(tree) if isinstance(node, ast.ImportFrom) for alias in node.names}
+    files = {path.stem for path in package.glob("*.py")} | {path.name for path in package.iterdir() if path.is_dir()}
+    assert not names & files

@@ -23,8 +23,8 @@ displays: dict[str, Callable[[], ModuleType]] = {}
 def lazy(package: str) -> tuple[Callable[[str], Any], Callable[[], list[str]]]:
     """`__getattr__` and `__dir__` of a package (PEP 562), for its `__init__`.
 
-    They load what it imports under `TYPE_CHECKING`, and its modules, when first used. A name that is that of a file too
-    is the file, whichever is loaded first: a function is then to be imported from there.
+    They load what it imports under `TYPE_CHECKING`, and its modules, when first used. No name is that of a file too,
+    which would stand in its place once it is loaded.
     """
     module = sys.modules[package]
 

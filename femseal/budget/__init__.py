@@ -31,5 +31,6 @@ if TYPE_CHECKING:
         places_to_halve,
     )
     from .waves import contact_fraction_of, continuation_part
+    from .whole import error_budget
 else:
     __getattr__, __dir__ = lazy(__name__)

@@ -160,7 +160,7 @@ class FileFace(MapFile):
     """A measured face: one map, or `places`, several of them.
 
     Keys of the table are those of every place that has none of its own. `mirror`, `rotate` and `shift` place the second
-    of two faces on the first, see `topography.combine`.
+    of two faces on the first, see `topography.combined`.
     """
 
     kind: Literal["file"]
@@ -186,7 +186,7 @@ class FileFace(MapFile):
 
     @property
     def placement(self) -> dict[str, Any]:
-        """Placement on the first face, as `topography.combine` takes it."""
+        """Placement on the first face, as `topography.combined` takes it."""
         return self.model_dump(include=_PLACEMENT, exclude_none=True)
 
     def each(self, folder: Path) -> list[FileFace]:
@@ -233,7 +233,7 @@ Face = Annotated[TurnedFace | SelfAffineFace | FileFace, Field(discriminator="ki
 
 
 class SurfaceTable(Table):
-    """Repair of measured faces and conditioning of their sum, see `topography.condition`."""
+    """Repair of measured faces and conditioning of their sum, see `topography.conditioning`."""
 
     spikes: Threshold = key("isolated points of files that many robust deviations off are filled; `inf`: none", SPIKES)
     detrend: Literal[0, 1, 2] = key(

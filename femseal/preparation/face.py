@@ -44,8 +44,8 @@ from ..topography import (
     spectrum,
     spike_effect,
 )
-from ..topography.combine import combine
-from ..topography.representative import representative
+from ..topography.combined import combine
+from ..topography.long_waves import representative
 from .prepared import Pair, check_memory_of_points
 
 #: Fraction of the measured rms slope that the pixels of a measured face must keep to be fine enough.

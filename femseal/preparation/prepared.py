@@ -24,7 +24,7 @@ from ..studies.costs import Effort, usual_efforts
 from ..studies.first_answer import FirstAnswer, of_scene
 from ..studies.longer_waves import longer_waves
 from ..topography import Conditioning, Continuation, Overlap, Representative, Topography
-from ..topography.representative import representative
+from ..topography.long_waves import representative
 
 #: Memory of the libraries that a run imports [byte].
 START_MEMORY = 0.5e9

@@ -34,7 +34,7 @@ from ..topography import (
     smooth,
 )
 from ..topography.formats import TEXT
-from ..topography.representative import representative
+from ..topography.long_waves import representative
 from .face import default_grid
 
 #: Arguments of `topography` by their option.

@@ -21,7 +21,7 @@ from ..budget import (
     model_part,
     patch_form_part,
 )
-from ..budget.error_budget import error_budget
+from ..budget.whole import error_budget
 from ..preparation.prepared import Prepared
 from ..studies import StochasticResult, study_of_result
 from ..studies.load_curves import first_known

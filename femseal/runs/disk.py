@@ -13,7 +13,7 @@ from ..preparation.prepared import Prepared
 from ..refinement.coarser import CONTINUED_SCENES, coarser_grids, without_filtered_waves
 from ..results.paraview import fields_size
 from ..studies.costs import usual_seals
-from ..studies.deterministic import STEP_BYTES, states_memory
+from ..studies.face_study import STEP_BYTES, states_memory
 
 
 @dataclass(frozen=True)

@@ -9,12 +9,12 @@ entry of `STUDIES`, by which runs solve, forecast and compare it.
     trapped_liquid      pressures of pockets that keep their liquid
     face_flow           gap -> flow through the whole face
     face_states         contact of the whole face and the flow through it at every step
-    deterministic       states -> a FaceResult
+    face_study          states -> a FaceResult
     piece_states        the pieces of a face in its states, or along a ladder of nominal pressures
-    two_scale           a FaceResult with the pieces of the face
+    piece_study         a FaceResult with the pieces of the face
     place_leakage       leakage of each measured place, and of all but each
     sampling            options of a drawn seal -> its tiles; tile_pressure, seal_contact: their pressure
-    stochastic          tiles draw pieces -> leakage of the seal; drawn_error: what one patch does not know
+    drawn_study         tiles draw pieces -> leakage of the seal; drawn_error: what one patch does not know
 """
 
 from typing import TYPE_CHECKING
@@ -23,11 +23,12 @@ from ..base.lazy_package import lazy
 
 if TYPE_CHECKING:
     from .choices import FLUID_EFFECTS, NOMINALS
-    from .deterministic import FaceResult
+    from .drawn_study import cut_and_tiles, stochastic
+    from .face_study import FaceResult, deterministic
     from .other_fluid import FluidState, OtherLeakage, drop_ratio
+    from .piece_study import two_scale
     from .sampling import Sampling, laid_out, lay_out_tiles
     from .scene import Scene
-    from .stochastic import cut_and_tiles
     from .stochastic_result import StochasticResult
     from .study_registry import STUDIES, Study, StudyOptions, StudyResult, study_of_result
 else:

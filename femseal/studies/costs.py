@@ -12,7 +12,7 @@ from statistics import mean
 
 from ..base import validate
 from ..seal.tiles import SealTiles
-from .deterministic import state_memory, states_memory
+from .face_study import state_memory, states_memory
 from .sampling import FEWEST_SEALS, MOST_SEALS, Sampling
 from .scene import Scene
 

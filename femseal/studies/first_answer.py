@@ -15,8 +15,8 @@ from ..analytic import CLOSING_AREA, critical_junction
 from ..base import Array
 from ..seal import RectangularSeal
 from ..topography import Topography
+from .drawn_study import SealTiles
 from .scene import Scene
-from .stochastic import SealTiles
 
 #: Groups of waves into which a spectrum is put together, and the part of the mean square slope that is rounding.
 _GROUPS, _ROUNDING = 64, 1e-12

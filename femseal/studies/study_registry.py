@@ -7,12 +7,12 @@ from typing import Any
 
 from ..base import Array, Mapper
 from .costs import Effort, count_pressures, deterministic_cost, stochastic_cost, two_scale_cost
-from .deterministic import FaceResult, deterministic
+from .drawn_study import cut_and_tiles, stochastic
+from .face_study import FaceResult, deterministic
+from .piece_study import two_scale
 from .sampling import Sampling
 from .scene import Scene
-from .stochastic import cut_and_tiles, stochastic
 from .stochastic_result import StochasticResult
-from .two_scale import two_scale
 
 StudyResult = FaceResult | StochasticResult
 

@@ -9,13 +9,14 @@ from typing import TYPE_CHECKING
 from ..base.lazy_package import lazy
 
 if TYPE_CHECKING:
-    from .combine import Overlap
-    from .condition import (
+    from .combined import Overlap, combine
+    from .conditioning import (
         MOST_POINTS,
         Conditioning,
         Repair,
         SpikeEffect,
         check_wave,
+        condition,
         default_wave,
         repair,
         resolved_wave,
@@ -28,9 +29,9 @@ if TYPE_CHECKING:
     from .describe import SurfaceReport, describe_surface
     from .generate import self_affine, turned
     from .instrument import Instrument
+    from .long_waves import Representative, representative
     from .places import Places, of_all_places, shortest_place
     from .read import Look, read_for_a_look, read_measured, read_topography
-    from .representative import Representative
     from .seat import BallOnCone, CrownedSeat, FlatSeat, ProfileSeat, RoundedSeat, Seat, TiltedSeat
     from .texture import spectrum
     from .topography import Topography

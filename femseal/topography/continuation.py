@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..base import InputError, to_text, validate
-from .condition import resolved_wave, resolving_shape
+from .conditioning import resolved_wave, resolving_shape
 from .generate import random_waves, wave_numbers
 from .texture import ISOTROPIC, PowerLaw, spectrum, texture
 from .topography import Topography

@@ -18,7 +18,7 @@ import scipy
 from numpy.typing import NDArray
 
 from ..base import Labelled, labelled
-from .condition import repair
+from .conditioning import repair
 from .defects import SPIKES, fit_form
 from .texture import NO_LAW, spectrum, texture
 from .topography import Topography

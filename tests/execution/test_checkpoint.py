@@ -89,7 +89,7 @@ def test_a_stopped_run_goes_on_with_the_same_bits_and_leaves_no_checkpoint(case,
     def computed(*args, **kwargs):
         raise AssertionError("computed again")
 
-    monkeypatch.setattr(import_module("femseal.studies.stochastic"), "_stream", computed)
+    monkeypatch.setattr(import_module("femseal.studies.drawn_study"), "_stream", computed)
     monkeypatch.setattr("femseal.studies.face_flow.cell_permeability", computed)
     monkeypatch.setattr("femseal.contact.cycle.solve_contact", computed)
     monkeypatch.setattr("femseal.face.piece_flow.cell_flow", computed)

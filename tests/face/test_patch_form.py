@@ -13,7 +13,7 @@ from femseal.face.patch_form import FormEffect, form_effect
 from femseal.loads import LoadProgramme
 from femseal.preparation import prepare
 from femseal.runs.forecast import describe
-from femseal.topography.representative import representative
+from femseal.topography.long_waves import representative
 
 N, D = 192, 1e-6
 SIDE = N * D

@@ -12,7 +12,7 @@ from femseal.flow.cell import pixel_dissipation
 from femseal.fluids import IdealGas
 from femseal.results import assemble, open_results, save
 from femseal.studies import Scene
-from femseal.studies.two_scale import two_scale
+from femseal.studies.piece_study import two_scale
 from femseal.topography import Topography, self_affine
 
 

@@ -18,7 +18,7 @@ from femseal.seal.lay import Lay
 from femseal.seal.layouts import AnnularLayout, MeshLayout, RectangularLayout
 from femseal.seal.tiles import PieceSize
 from femseal.studies import Sampling
-from femseal.studies.stochastic import stochastic
+from femseal.studies.drawn_study import stochastic
 
 D = 1e-6
 OIL = fs.Liquid(1e-3)

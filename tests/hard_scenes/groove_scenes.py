@@ -11,7 +11,7 @@ from hard_scene import HardScene
 from judges import Exactly, Near
 
 from femseal.analytic import wave_full_contact_pressure, wave_groove_flow
-from femseal.studies.deterministic import deterministic
+from femseal.studies.face_study import deterministic
 
 scene = partial(HardScene, stage="chain")
 

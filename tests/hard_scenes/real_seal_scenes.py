@@ -14,9 +14,9 @@ from femseal.flow import Spiral, cell_permeability
 from femseal.flow.spiral import spiral_flow
 from femseal.fluids import IdealGas
 from femseal.studies import Sampling
-from femseal.studies.deterministic import deterministic
-from femseal.studies.stochastic import stochastic
-from femseal.studies.two_scale import two_scale
+from femseal.studies.drawn_study import stochastic
+from femseal.studies.face_study import deterministic
+from femseal.studies.piece_study import two_scale
 from femseal.topography import CrownedSeat, Seat, TiltedSeat, Topography
 
 H = 2.5e9

@@ -14,9 +14,9 @@ from judges import Exactly, Near
 from femseal.analytic import annulus_rate
 from femseal.seal.layouts import AnnularLayout
 from femseal.studies import Sampling, Scene
-from femseal.studies.deterministic import deterministic
-from femseal.studies.stochastic import stochastic
-from femseal.studies.two_scale import two_scale
+from femseal.studies.drawn_study import stochastic
+from femseal.studies.face_study import deterministic
+from femseal.studies.piece_study import two_scale
 from femseal.topography import Topography
 
 scene = partial(HardScene, stage="chain")

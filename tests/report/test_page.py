@@ -25,9 +25,9 @@ from femseal.report.case_text import pressure_drop_sentences
 from femseal.report.page import report_html
 from femseal.results import RunFacts, assemble, save
 from femseal.studies import Sampling, Scene
-from femseal.studies.deterministic import deterministic
-from femseal.studies.stochastic import stochastic
-from femseal.studies.two_scale import two_scale
+from femseal.studies.drawn_study import stochastic
+from femseal.studies.face_study import deterministic
+from femseal.studies.piece_study import two_scale
 from femseal.topography import self_affine
 
 pytestmark = pytest.mark.usefixtures("drawn_pictures")

@@ -21,7 +21,7 @@ from femseal.report.page import drop_chart, leakage_chart
 from femseal.results import RunFacts, assemble
 from femseal.results.tables import rows, write_workbook
 from femseal.studies import Scene
-from femseal.studies.deterministic import deterministic
+from femseal.studies.face_study import deterministic
 
 PAGE = '<!DOCTYPE html>\n<html><body><p id="text">A page.</p></body></html>\n'
 

@@ -26,11 +26,11 @@ from femseal.results import RunFacts, assemble, open_results, save, write_vtk
 from femseal.results.selections import branch_text
 from femseal.results.tables import format_leakage
 from femseal.studies import FaceResult, Sampling, Scene, StochasticResult
-from femseal.studies.deterministic import deterministic
+from femseal.studies.drawn_study import stochastic
+from femseal.studies.face_study import deterministic
 from femseal.studies.piece_states import FacePieces
-from femseal.studies.stochastic import stochastic
+from femseal.studies.piece_study import two_scale
 from femseal.studies.stochastic_result import MedianSeal
-from femseal.studies.two_scale import two_scale
 from femseal.topography import Topography, self_affine
 
 pytestmark = pytest.mark.usefixtures("drawn_pictures")

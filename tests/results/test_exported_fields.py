@@ -22,9 +22,9 @@ from femseal.results import RunFacts, assemble, export, open_results
 from femseal.results.paraview import plan_fields
 from femseal.runs import job
 from femseal.studies import Sampling, Scene
-from femseal.studies.deterministic import deterministic
-from femseal.studies.stochastic import stochastic
-from femseal.studies.two_scale import two_scale
+from femseal.studies.drawn_study import stochastic
+from femseal.studies.face_study import deterministic
+from femseal.studies.piece_study import two_scale
 from femseal.topography import read_topography, turned
 
 EXAMPLES = Path(__file__).parents[2] / "examples"

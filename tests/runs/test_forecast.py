@@ -30,7 +30,7 @@ from femseal.studies.costs import (
     two_scale_cost,
     usual_efforts,
 )
-from femseal.studies.deterministic import deterministic
+from femseal.studies.face_study import deterministic
 from femseal.studies.fluid_coupling import FluidPressure
 
 ROOT = Path(__file__).parents[2]

@@ -16,7 +16,7 @@ from femseal.preparation.preparation import prepare
 from femseal.seal.element_seal import ElementSeal
 from femseal.seal.mesh_seal import PressureBoundaries
 from femseal.seal.tiles import SealTiles
-from femseal.studies.stochastic import _rate_of_power
+from femseal.studies.drawn_study import _rate_of_power
 
 ROOT = Path(__file__).parents[2]
 GASKET = ROOT / "meshes" / "bolted_ring.msh"

@@ -15,11 +15,11 @@ import femseal as fs
 from femseal.face.piece_flow import Failed, FlowSettings
 from femseal.flow.harmonic import harmonic_fill
 from femseal.studies import Sampling
-from femseal.studies.deterministic import deterministic
+from femseal.studies.drawn_study import stochastic
 from femseal.studies.face_flow import resolved_flow
+from femseal.studies.face_study import deterministic
 from femseal.studies.fluid_coupling import LEAST_FRACTION, CoupledContact, FluidPressure
-from femseal.studies.stochastic import stochastic
-from femseal.studies.two_scale import two_scale
+from femseal.studies.piece_study import two_scale
 
 E, H = 115e9, 2.3e9
 D = 1e-6
@@ -353,7 +353,7 @@ class TestStudies:
     def test_drawn_seals_stop_at_a_small_error(self, monkeypatch):
         one, sampling = scene(inlet_pressure=0.8 * 0.05 * H), Sampling(640e-6, 4, seed=1, breadth=128e-6)
         found = stochastic(one, (4, 4), sampling)
-        monkeypatch.setattr(sys.modules["femseal.studies.stochastic"], "DRAWN_RTOL", 1e-9)
+        monkeypatch.setattr(sys.modules["femseal.studies.drawn_study"], "DRAWN_RTOL", 1e-9)
         settled = stochastic(one, (4, 4), sampling)
         assert not np.array_equal(found.leakage, settled.leakage)
         assert_allclose(found.leakage, settled.leakage, rtol=1e-3)

@@ -16,7 +16,7 @@ from femseal.seal.layouts import AnnularLayout
 from femseal.seal.pressure_map import Frame
 from femseal.studies.longer_waves import DRAWS, _drawn, _rms_between, longer_waves
 from femseal.topography import Representative
-from femseal.topography.representative import representative
+from femseal.topography.long_waves import representative
 
 E, D, N = 115e9, 1e-6, 64
 SIDE = N * D

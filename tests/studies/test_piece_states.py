@@ -14,9 +14,9 @@ from femseal.fluids import IdealGas
 from femseal.loads import LoadProgramme, LoadStep
 from femseal.seal.tiles import face_tiles
 from femseal.studies import piece_states
-from femseal.studies.deterministic import deterministic
+from femseal.studies.face_study import deterministic
 from femseal.studies.piece_states import along_paths, ladder_of, pieces_on_ladder
-from femseal.studies.two_scale import two_scale
+from femseal.studies.piece_study import two_scale
 from femseal.topography import Places, self_affine
 
 SIDE = 48e-6

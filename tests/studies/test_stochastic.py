@@ -20,10 +20,10 @@ from femseal.fluids import IdealGas, Liquid
 from femseal.loads import LoadProgramme, LoadStep
 from femseal.seal.layouts import AnnularLayout, MeshLayout, RectangularLayout
 from femseal.seal.pressure_map import AngleTable, MapsAtLoads, PressureField, Profile
-from femseal.studies.deterministic import deterministic
+from femseal.studies.drawn_study import stochastic
+from femseal.studies.face_study import deterministic
 from femseal.studies.piece_states import pieces_on_ladder
 from femseal.studies.sampling import Sampling
-from femseal.studies.stochastic import stochastic
 from femseal.topography import Places, Topography, self_affine
 from femseal.topography.seat import CrownedSeat
 

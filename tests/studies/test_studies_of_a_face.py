@@ -20,9 +20,9 @@ from femseal.seal.pressure_map import Profile
 from femseal.seal.tiles import face_tiles
 from femseal.store.store import Store
 from femseal.studies import Sampling, Scene, StochasticResult
-from femseal.studies.deterministic import deterministic
-from femseal.studies.stochastic import stochastic
-from femseal.studies.two_scale import two_scale
+from femseal.studies.drawn_study import stochastic
+from femseal.studies.face_study import deterministic
+from femseal.studies.piece_study import two_scale
 from femseal.topography import Topography, self_affine
 
 MODULUS, HARDNESS = 115e9, 3e9

@@ -12,8 +12,8 @@ from femseal.loads import LoadProgramme
 from femseal.seal.layouts import AnnularLayout
 from femseal.seal.pressure_map import AngleTable, MapsAtLoads, PressureField, Profile, Uniform
 from femseal.studies import Sampling, Scene
+from femseal.studies.drawn_study import stochastic
 from femseal.studies.piece_states import along_paths
-from femseal.studies.stochastic import stochastic
 from femseal.studies.tile_pressure import MOST_OF_SEVERAL, MOST_PATHS, distinct_paths
 
 LOADS = {"loading": (5e7, 1e8, 2e8), "unload_from": (2e8,), "unloading": (1e8, 5e7)}

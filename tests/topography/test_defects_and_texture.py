@@ -15,7 +15,7 @@ from scipy import ndimage
 import femseal as fs
 from femseal.base.errors import InputError
 from femseal.topography import SpikeEffect, Topography, describe_surface, repair, self_affine, spike_effect, turned
-from femseal.topography.combine import _largest_rectangle, combine
+from femseal.topography.combined import _largest_rectangle, combine
 from femseal.topography.defects import _window_medians, find_spikes
 from femseal.topography.texture import autocorrelation, spectrum, texture
 

@@ -10,7 +10,7 @@ from numpy.testing import assert_allclose
 from femseal.base.errors import InputError
 from femseal.flow import cell_permeability
 from femseal.topography import Topography, resolving_shape, self_affine
-from femseal.topography.condition import condition
+from femseal.topography.conditioning import condition
 
 PERIODS = [(True, True), (False, True), (True, False), (False, False)]
 SIZE = (3e-3, 2e-3)

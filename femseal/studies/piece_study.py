@@ -6,7 +6,7 @@ import numpy as np
 
 from ..base import Array, Mapper
 from ..face.pieces import Cut
-from .deterministic import FaceResult, deterministic
+from .face_study import FaceResult, deterministic
 from .piece_states import pieces_of_states
 from .scene import Scene
 

@@ -21,13 +21,13 @@ from .drawn_error import half_width
 from .face_states import band_breadth
 from .load_curves import least_counted
 from .piece_states import FacePieces, along_paths, ladder_of, pieces_on_ladder
+from .piece_study import cut_into_pieces
 from .place_leakage import FEWEST, PlaceLeakage
 from .sampling import FEWEST_SEALS, MOST_SEALS, Sampling, laid_out
 from .scene import Scene, scene_warnings
 from .seal_contact import SealContact, seal_contact, without_waves_of
 from .stochastic_result import MedianSeal, StochasticResult, nearest_to_median
 from .tile_pressure import distinct_paths, pressure_fractions
-from .two_scale import cut_into_pieces
 
 #: Fluid pressures at which the permeability of pieces is known that the fluid presses apart. Measured against 129:
 #: leakage within 1.1e-3 with p_in up to .3 of the lowest load, within 9e-3 where they are equal.
