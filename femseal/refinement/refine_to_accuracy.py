@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from ..base import Array, FemsealError, Mapper, NotKept, duration, format_deviation, free_memory
+from ..base import FemsealError, Mapper, NotKept, duration, format_deviation, free_memory
 from ..budget import MODEL_PARTS, CoarserSolution, ErrorBudget, widest_band
 from ..case.case import Case
 from ..execution.run import Run
@@ -154,7 +154,7 @@ def refine_to_accuracy(case: Case, made: Prepared, run: Run) -> RefinedAnswer:
 
 @dataclass(eq=False)
 class _Attempts:
-    """The attempts of a case so far; leakages by their settings.
+    """The attempts of a case so far, and all settings that were solved, whose results the store of the run has.
 
     memory : that an attempt may take [byte].
     """
@@ -164,7 +164,7 @@ class _Attempts:
     run: Run
     memory: float
     done: list[Attempt] = field(default_factory=list)
-    leakages: dict[Settings, Array] = field(default_factory=dict)
+    solved: set[Settings] = field(default_factory=set)
 
     def attempt(self, settings: Settings) -> tuple[Prepared, Any, ErrorBudget]:
         """Solve the case with these settings, and estimate its error."""
@@ -174,7 +174,7 @@ class _Attempts:
         with self.run.timed(name) as mapper:
             result = prepared.solve(prepared.answer, mapper)
         times = {"study": time.perf_counter() - start}
-        self.leakages[settings] = leakage_of(result)
+        self.solved.add(settings)
         with self.run.timed(f"{name}, error budget") as mapper:
             budget = self._budget(prepared, settings, result, mapper)
         times["with coarse"] = time.perf_counter() - start
@@ -260,13 +260,13 @@ class _Attempts:
         found: list[CoarserSolution] = []
         for halvings in range(1, 2 + carries_quarter(prepared)):
             coarse = replace(settings, grid=settings.grid - halvings)
-            if coarse not in self.leakages:
-                if found or not has_pieces(self.made, coarse):
-                    break
-                version = self._prepared(coarse)
-                self.leakages[coarse] = leakage_of(version.solve(version.answer, mapper))
+            if coarse not in self.solved and (found or not has_pieces(self.made, coarse)):
+                break
+            version = self._prepared(coarse)
+            leakage = leakage_of(version.solve(version.answer, mapper))
+            self.solved.add(coarse)
             points = grid_points(self.made.scene.surface.shape, coarse.grid)
-            found.append(CoarserSolution(points, prepared.scene.steps, self.leakages[coarse]))
+            found.append(CoarserSolution(points, prepared.scene.steps, leakage))
         return found
 
 
