@@ -10,12 +10,21 @@ import time
 
 import numpy as np
 import scipy.sparse as sparse
-from common import machine, rows, save_report
 from scipy.optimize import minimize_scalar
 from scipy.sparse.linalg import splu
 from scipy.special import ellipk
-from skfem import Basis, BilinearForm, ElementTriP1, ElementTriP2, ElementVector, LinearForm, MeshTri
+from skfem import (
+    Basis,
+    BilinearForm,
+    ElementTriP1,
+    ElementTriP2,
+    ElementVector,
+    LinearForm,
+    MeshTri,
+)
 from skfem.helpers import ddot, div, dot, grad, mul
+
+from common import machine, print_report, table
 
 # channels between a plane and a wall: Reynolds against Stokes and Navier-Stokes
 
@@ -104,10 +113,19 @@ class Channel:
 
 def _channel_mesh(gap, period, elements):
     """Triangles between y = 0 and y = h(x), facets on the left, on the right and on the walls."""
-    plane = MeshTri.init_tensor(*(np.linspace(0, end, n + 1) for end, n in zip((period, 1), elements, strict=True)))
-    left, right = (plane.facets_satisfying(lambda x, at=at: np.isclose(x[0], at)) for at in (0, period))
+    plane = MeshTri.init_tensor(
+        *(np.linspace(0, end, n + 1) for end, n in zip((period, 1), elements, strict=True))
+    )
+    left, right = (
+        plane.facets_satisfying(lambda x, at=at: np.isclose(x[0], at)) for at in (0, period)
+    )
     walls = plane.facets_satisfying(lambda x: np.isclose(x[1], 0) | np.isclose(x[1], 1))
-    return MeshTri(np.vstack([plane.p[0], plane.p[1] * gap(plane.p[0])]), plane.t), left, right, walls
+    return (
+        MeshTri(np.vstack([plane.p[0], plane.p[1] * gap(plane.p[0])]), plane.t),
+        left,
+        right,
+        walls,
+    )
 
 
 def flow_along(gap, period, elements):
@@ -116,7 +134,10 @@ def flow_along(gap, period, elements):
     basis = Basis(mesh, ElementTriP2())
     free = _joined(basis, left, right, basis.get_dofs(walls).all())
     load = free.T @ source.assemble(basis)
-    return float(load @ splu((free.T @ conduction.assemble(basis) @ free).tocsc()).solve(load)) / period
+    return (
+        float(load @ splu((free.T @ conduction.assemble(basis) @ free).tocsc()).solve(load))
+        / period
+    )
 
 
 def _joined(basis, left, right, fixed):
@@ -141,12 +162,16 @@ class Wall:
 
     def __init__(self, amplitudes, phases, slope, numbers=None):
         self.amplitudes, self.phases = np.array(amplitudes, float), np.array(phases, float)
-        self.numbers = np.arange(1, self.amplitudes.size + 1) if numbers is None else np.array(numbers)
+        self.numbers = (
+            np.arange(1, self.amplitudes.size + 1) if numbers is None else np.array(numbers)
+        )
         # rms slope = 2π/L √(Σ n²a²/2)
         self.period = 2 * np.pi * np.sqrt(np.sum((self.numbers * self.amplitudes) ** 2) / 2) / slope
 
     def angle(self, x):
-        return 2 * np.pi * np.multiply.outer(np.asarray(x), self.numbers) / self.period + self.phases
+        return (
+            2 * np.pi * np.multiply.outer(np.asarray(x), self.numbers) / self.period + self.phases
+        )
 
     def gap(self, x):
         return 1 + np.cos(self.angle(x)) @ self.amplitudes
@@ -195,8 +220,14 @@ def thin_gap():
         "wave, amplitude 0.3 of the gap": (lambda s: [wave(0.3, s)], 96),
         "wave, amplitude 0.6": (lambda s: [wave(0.6, s)], 96),
         "wave, amplitude 0.9": (lambda s: [wave(0.9, s)], 192),
-        "self-affine, least gap 0.3, three profiles": (lambda s: [rough(s, 0.3, seed) for seed in range(1, 4)], 1024),
-        "self-affine, least gap 0.1, three profiles": (lambda s: [rough(s, 0.1, seed) for seed in range(1, 4)], 1024),
+        "self-affine, least gap 0.3, three profiles": (
+            lambda s: [rough(s, 0.3, seed) for seed in range(1, 4)],
+            1024,
+        ),
+        "self-affine, least gap 0.1, three profiles": (
+            lambda s: [rough(s, 0.1, seed) for seed in range(1, 4)],
+            1024,
+        ),
     }
     cells = []
     for name, (walls, columns) in kinds.items():
@@ -215,17 +246,22 @@ def thin_gap():
         for slope in SLOPES:
             wall = wave(ratio, slope)
             reynolds, second = wall.along(192)
-            texts.append(f"{flow_along(wall.gap, wall.period, (192, 8)) / reynolds:.4f} ({second / reynolds:.4f})")
+            texts.append(
+                f"{flow_along(wall.gap, wall.period, (192, 8)) / reynolds:.4f} ({second / reynolds:.4f})"
+            )
         cells.append([f"wave, amplitude {ratio:g}, along its ridges", *texts])
     cells.append(["1/(1 + h′²)", *(f"{1 / (1 + s**2):.4f}" for s in SLOPES)])
-    return rows(["channel", *(f"rms slope {s:g}" for s in SLOPES)], cells)
+    return table(["channel", *(f"rms slope {s:g}" for s in SLOPES)], cells)
 
 
 def element_order():
     """Error of Stokes over Reynolds on two meshes against a finer one, of the worst wave."""
     wall = wave(0.9, 0.4)
     meshes = ((96 * n, 2 * n) for n in (1, 2, 4))
-    k = [Channel(wall.gap, wall.period, mesh).flow()[0] / wall.lubrication(mesh[0])[0] for mesh in meshes]
+    k = [
+        Channel(wall.gap, wall.period, mesh).flow()[0] / wall.lubrication(mesh[0])[0]
+        for mesh in meshes
+    ]
     return [abs(v / k[-1] - 1) for v in k[:-1]]
 
 
@@ -248,7 +284,7 @@ def inertia():
         except ArithmeticError:
             texts += ["–"] * (len(shown) - len(texts))
         cells.append([f"amplitude {ratio:g}, rms slope {slope:g}", *texts])
-    return rows(["wave", *(f"{n:g}" for n in shown)], cells)
+    return table(["wave", *(f"{n:g}" for n in shown)], cells)
 
 
 def inertia_of_classes():
@@ -259,7 +295,9 @@ def inertia_of_classes():
         ("water, 1 mL/(m·min)", 1e-3 / 60, 1e-3),
         ("water, 1 L/(m·min)", 1 / 60, 1e-3),
     )
-    return rows(["leakage", "Re"], [[name, f"{mass / viscosity:.2g}"] for name, mass, viscosity in leaks])
+    return table(
+        ["leakage", "Re"], [[name, f"{mass / viscosity:.2g}"] for name, mass, viscosity in leaks]
+    )
 
 
 # heat
@@ -272,9 +310,17 @@ def heat():
     for name, capacity, diffusivity in (("water", 4.18e6, 1.4e-7), ("mineral oil", 1.7e6, 7e-8)):
         for rate in (1e-9, 1e-6):
             # a parcel gives its heat to the walls over gap²/diffusivity × velocity = gap × rate/diffusivity
-            cells.append([name, f"{rate:.0e}", f"{1e7 / capacity:.1f}", f"{rate / diffusivity:.1g}"])
-    return rows(
-        ["liquid", "leakage [m²/s]", "rise over 10 MPa without walls [K]", "length over gap to take the heat"], cells
+            cells.append(
+                [name, f"{rate:.0e}", f"{1e7 / capacity:.1f}", f"{rate / diffusivity:.1g}"]
+            )
+    return table(
+        [
+            "liquid",
+            "leakage [m²/s]",
+            "rise over 10 MPa without walls [K]",
+            "length over gap to take the heat",
+        ],
+        cells,
     )
 
 
@@ -293,7 +339,15 @@ def layer_factor(thickness):
 def layers():
     thicknesses = (0.1, 0.2, 0.3, 0.5, 0.75, 1.0)
     head = ["thickness over wave", *(f"{t:g}" for t in thicknesses)]
-    return rows(head, [["compliance over that of a half-space", *(f"{layer_factor(t):.3f}" for t in thicknesses)]])
+    return table(
+        head,
+        [
+            [
+                "compliance over that of a half-space",
+                *(f"{layer_factor(t):.3f}" for t in thicknesses),
+            ]
+        ],
+    )
 
 
 # a ring seat: axisymmetric half-space against plane strain
@@ -313,7 +367,12 @@ def ring_kernel(radii, step):
     near = np.abs(r - s) < 4.5 * step
     x = np.abs(r - s) / step
     high, low = x + 0.5, x - 0.5
-    logs = np.log(step) + high * np.log(high) - np.where(low == 0, 0, low * np.log(np.abs(low) + (low == 0))) - 1
+    logs = (
+        np.log(step)
+        + high * np.log(high)
+        - np.where(low == 0, 0, low * np.log(np.abs(low) + (low == 0)))
+        - 1
+    )
     mean = (np.log(4 * (r + s)) - logs) * s / (r + s)
     return np.where(near, 4 / np.pi * mean * step, kernel)
 
@@ -332,7 +391,11 @@ def pressed(kernel, gap, weights, force):
     for _ in range(200):
         n = int(touching.sum())
         matrix = np.zeros((n + 1, n + 1))
-        matrix[:n, :n], matrix[:n, n], matrix[n, :n] = kernel[np.ix_(touching, touching)], -1, weights[touching]
+        matrix[:n, :n], matrix[:n, n], matrix[n, :n] = (
+            kernel[np.ix_(touching, touching)],
+            -1,
+            weights[touching],
+        )
         found = np.linalg.solve(matrix, np.append(-gap[touching], force))
         p = np.zeros(gap.size)
         p[touching] = found[:n]
@@ -376,7 +439,7 @@ def rings(points=900):
         "middle of the band, in half-breadths",
         "rms difference of the pressure over the peak, bands laid over each other",
     ]
-    return rows(head, cells)
+    return table(head, cells)
 
 
 # yield below a line contact
@@ -403,10 +466,22 @@ def yields():
     for poisson in (0.25, 0.3, 0.35):
         peak, depth = line_contact_yield(poisson)
         cells.append(
-            [f"{poisson:g}", f"{peak:.2f}", f"{peak / 2.8:.2f}", f"{np.pi / 4 * peak / 2.8:.2f}", f"{depth:.2f}"]
+            [
+                f"{poisson:g}",
+                f"{peak:.2f}",
+                f"{peak / 2.8:.2f}",
+                f"{np.pi / 4 * peak / 2.8:.2f}",
+                f"{depth:.2f}",
+            ]
         )
-    head = ["ν", "p0/σ_y at first yield", "p0/H, H = 2.8 σ_y", "mean pressure over H", "depth over half-breadth"]
-    return rows(head, cells)
+    head = [
+        "ν",
+        "p0/σ_y at first yield",
+        "p0/H, H = 2.8 σ_y",
+        "mean pressure over H",
+        "depth over half-breadth",
+    ]
+    return table(head, cells)
 
 
 def main():
@@ -433,12 +508,10 @@ def main():
     ]
     minutes = time.process_time() / 60
     report = (
-        f"{machine({'scikit-fem': 'scikit-fem'})}. Measured in {minutes:.1f} minutes of one core.\n\n"
+        f"{machine(['scikit-fem'])}. Measured in {minutes:.1f} minutes of one core.\n\n"
         + "\n\n".join(text)
     )
-    print(report)
-    if options.write:
-        save_report(__file__, "Limits of the model", report)
+    print_report(__file__, "Limits of the model", report, options.write)
 
 
 if __name__ == "__main__":

@@ -1,9 +1,10 @@
 """The small problems of the benchmark `model_limits` have closed forms where there are any."""
 
-import model_limits as limits
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose
+
+import model_limits as limits
 
 pytestmark = pytest.mark.slow
 
