@@ -413,7 +413,7 @@ def fracture_tables(found):
 
 # metal gaskets
 
-#: Yield strength [Pa] assumed of each metal of the table, and where it is from.
+#: Yield strength [Pa] assumed of each metal of the table, as commonly quoted for the grade beside it.
 YIELDS = {
     "AluminumSoft": (20e6, "1050A, O"),
     "CopperOrBrassSoft": (48e6, "OFHC, annealed"),
