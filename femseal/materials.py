@@ -14,6 +14,9 @@ from .base import InputError, shown
 
 #: H = HARDNESS_FACTOR · σ_y, full plasticity of an indentation (Johnson, Contact Mechanics, 1985, ch. 6).
 HARDNESS_FACTOR = 2.8
+#: Peak pressure at which the body below a line contact yields first, over H: 1.79 σ_y by von Mises, ν = 0.3, at a depth
+#: of 0.7 of the half-breadth (Johnson 1985, section 6.1).
+LINE_CONTACT_YIELD = 1.79 / HARDNESS_FACTOR
 #: Young's moduli of metals, and of hard coatings, lie between these [Pa].
 YOUNG_LIMITS = (5e9, 1.2e12)
 

@@ -29,6 +29,7 @@ if TYPE_CHECKING:
         model_part,
         patch_form_part,
         places_to_halve,
+        thin_gap_part,
     )
     from .waves import contact_fraction_of, continuation_part
     from .whole import error_budget

@@ -21,6 +21,7 @@ MODEL_PARTS = (
     "form of the patch",
     "longer waves",
     "continuation",
+    "thin gap",
 )
 #: Factor between a leakage and an end of its band from which on the number of that end says nothing.
 VAGUE = 1000.0

@@ -31,6 +31,9 @@ _RESIDUAL = 0.5
 #: Change of ln(leakage) by the residual of the flow, which is solved to 1e-6 of its energy.
 _FLOW = 1e-6
 
+#: Change of ln(leakage) from which on slopes are a part: an rms slope of 0.14.
+_LEAST_SLOPE_ERROR = 0.02
+
 #: Standard deviation of ln(leakage) of single places at the first load, and what each decade below it adds; they count
 #: as so many degrees of freedom. Chosen on 24 faces of four kinds, places as long as broad with 3 of the longest waves:
 #: bands of 3 to 8 places held 97 to 99 of 100 down to 1/100 of the first leakage, without this 92 to 99.
@@ -239,6 +242,19 @@ def patch_form_part(
     what = "its curvature or its longest waves" if rises else "the curvature of the patch"
     note = f"change of ln(leakage) without {what}, on either side, solved on few points"
     return part_of_changes("form of the patch", steps, leakage, distance, distance, note)
+
+
+def thin_gap_part(scene: Scene, leakage: Array) -> ErrorPart | None:
+    """What Reynolds' equation leaks too much through a gap that is not thin: at most 1 + h'², h' the rms slope.
+
+    Next order of lubrication between a plane and a wall h: 1/12k = ⟨(1 + 4h'²/5)/h³⟩ across its ridges, and along them
+    12k = ⟨h³(1 − h'²)⟩. None below `_LEAST_SLOPE_ERROR`.
+    """
+    distance = np.full(np.shape(leakage), np.log1p(scene.surface.rms_slope**2))
+    if distance[0] < _LEAST_SLOPE_ERROR:
+        return None
+    note = "Stokes flow in place of Reynolds' at the rms slope of the face, by the next order of lubrication"
+    return ErrorPart.of("thin gap", leakage, distance, np.zeros_like(distance), note)
 
 
 def longer_waves_part(changes: Array, flatness: bool, steps: LoadProgramme, leakage: Array) -> ErrorPart:

@@ -20,6 +20,7 @@ from ..budget import (
     model_changes,
     model_part,
     patch_form_part,
+    thin_gap_part,
 )
 from ..budget.whole import error_budget
 from ..preparation.prepared import Prepared
@@ -92,6 +93,8 @@ def _with_model_parts(
     found = dict(budgets)
     for key, result in studies.items():
         parts = [effective_pressure_part(prepared.scene, result) if "effective pressure" in names else None]
+        if "thin gap" in names:
+            parts.append(thin_gap_part(prepared.scene, leakage_of(result)))
         if prepared.form_effect is not None and "form of the patch" in names:
             parts.append(
                 patch_form_part(

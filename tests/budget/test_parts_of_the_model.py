@@ -16,6 +16,7 @@ from femseal.budget import (
     effective_pressure_part,
     model_changes,
     model_part,
+    thin_gap_part,
 )
 from femseal.seal.pressure_map import Frame
 from femseal.topography import CrownedSeat
@@ -90,6 +91,16 @@ def test_a_part_is_the_change_of_ln_leakage(scene):
     assert_allclose(part.lower, dry)
 
 
+def test_a_gap_that_is_not_thin_leaks_less_where_slopes_are_steep(scene):
+    q = np.array([2.0, 1.0, 0.0])
+    part = thin_gap_part(scene, q)
+    assert_allclose(part.lower, q / (1 + 0.2**2), rtol=1e-9)
+    assert_allclose(part.upper, q)
+    # 0.14 changes leakage by less than 2 %, which is not worth a row
+    flatter = fs.Topography(0.7 * scene.surface.heights, scene.surface.spacing)
+    assert thin_gap_part(replace(scene, surface=flatter), q) is None
+
+
 def test_numbers_alone_stay_beside_the_whole():
     q = np.array([1.0])
     parts = tuple(ErrorPart.of(name, q, [0.1], [0.1], "") for name in ("pixels", "hardness", "form"))
@@ -97,16 +108,16 @@ def test_numbers_alone_stay_beside_the_whole():
     assert_allclose(budget.half_width(0), np.sqrt(0.03))
     assert_allclose(budget.numerical.half_width(0), 0.1)
     expected = {"hardness", "fluid pressure", "effective pressure", "form", "form of the patch", "longer waves",
-                    "continuation"}  # fmt: skip
+                    "continuation", "thin gap"}  # fmt: skip
     assert expected == {*MODEL_PARTS}
 
 
 @pytest.mark.parametrize(
     ("fluid", "hardness", "output", "expected"),
     [
-        ("acts", "", "", {"hardness"}),
-        ("ignored", "", "", {"hardness", "fluid pressure"}),
-        ("ignored", "hardness_tolerance = 0", "", {"fluid pressure"}),
+        ("acts", "", "", {"hardness", "thin gap"}),
+        ("ignored", "", "", {"hardness", "fluid pressure", "thin gap"}),
+        ("ignored", "hardness_tolerance = 0", "", {"fluid pressure", "thin gap"}),
         ("ignored", "", 'model_parts = ["hardness"]', {"hardness"}),
         ("ignored", "", "model_parts = []", set()),
     ],

@@ -90,7 +90,7 @@ def test_what_was_tried_is_told(reached):
     table, sentences = reached.attempts_table(), attempt_sentences(reached.attempts)
     assert sentences[0].startswith("The accuracy of 3 % is reached: the leakage is known within ")
     assert sentences[0].endswith(", by the numbers alone of its error budget.")
-    assert sentences[1].startswith("With the model and its input (hardness) it is known within ")
+    assert sentences[1].startswith("With the model and its input (thin gap, hardness) it is known within ")
     assert reached.attempts["with_model"] > np.log(1.03) > reached.attempts["half_width"]
     assert sentences[-1].startswith("Half the error: ")
     assert table.notes == (" ".join(sentences),)

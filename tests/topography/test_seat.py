@@ -345,6 +345,17 @@ def test_a_broad_seat_runs_from_a_case(tmp_path):
     assert (form > data["leakage_median"]).all()
     assert "touches on a band" in (tmp_path / "report.html").read_text(encoding="utf-8")
     assert (tmp_path / "seat.png").is_file()
+    assert not any("the body below" in text for text in results.warnings)
+
+
+def test_a_body_that_yields_below_a_seat_is_warned_of():
+    """Hertz: 0.3 GPa under 50 N/mm, more than 1.79 × 120 MPa."""
+    softer = {
+        "material": BROAD["material"] | {"yield_stress": "120 MPa"},
+        "output": {"budget": False, "pictures": False},
+    }
+    (warning,) = (text for text in fs.run(parse_case(BROAD | softer), workers=1).warnings if "the body below" in text)
+    assert "yields from 215 MPa on" in warning
 
 
 @pytest.mark.parametrize(

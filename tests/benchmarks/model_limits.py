@@ -1,0 +1,518 @@
+"""What the model leaves out, measured by small problems: Stokes, inertia, heat, thin bodies, rings, yield below a seat.
+
+python tests/benchmarks/model_limits.py --write
+"""
+
+from __future__ import annotations
+
+import argparse
+import time
+
+import numpy as np
+import scipy.sparse as sparse
+from scipy.optimize import minimize_scalar
+from scipy.sparse.linalg import splu
+from scipy.special import ellipk
+from skfem import (
+    Basis,
+    BilinearForm,
+    ElementTriP1,
+    ElementTriP2,
+    ElementVector,
+    LinearForm,
+    MeshTri,
+)
+from skfem.helpers import ddot, div, dot, grad, mul
+
+from common import machine, print_report, table
+
+# channels between a plane and a wall: Reynolds against Stokes and Navier-Stokes
+
+
+@BilinearForm
+def viscous(u, v, _):
+    """∇u : ∇v."""
+    return ddot(grad(u), grad(v))
+
+
+@BilinearForm
+def conduction(u, v, _):
+    """∇u · ∇v."""
+    return dot(grad(u), grad(v))
+
+
+@LinearForm
+def source(v, _):
+    """A unit pressure gradient along the ridges."""
+    return v
+
+
+@BilinearForm
+def continuity(u, q, _):
+    """−q ∇·u."""
+    return -q * div(u)
+
+
+@BilinearForm
+def convection(u, v, w):
+    """(u·∇)u₀ · v + (u₀·∇)u · v, the tangent of the convection at u₀."""
+    return dot(mul(grad(w["u"]), u) + mul(grad(u), w["u"]), v)
+
+
+@LinearForm
+def convected(v, w):
+    """(u₀·∇)u₀ · v."""
+    return dot(mul(grad(w["u"]), w["u"]), v)
+
+
+@LinearForm
+def push(v, _):
+    """A unit pressure gradient along x."""
+    return v[0]
+
+
+class Channel:
+    """Flow between the plane y = 0 and the wall y = h(x), periodic in x, by Taylor-Hood elements P2/P1.
+
+    A unit viscosity and a unit mean pressure gradient. gap : h at points x. elements : along and across.
+    """
+
+    def __init__(self, gap, period=1.0, elements=(384, 8)):
+        mesh, left, right, walls = _channel_mesh(gap, period, elements)
+        self.period = period
+        self.velocity = Basis(mesh, ElementVector(ElementTriP2()), intorder=5)
+        pressure = Basis(mesh, ElementTriP1(), intorder=5)
+        fixed = self.velocity.get_dofs(walls).all()
+        self.free = _joined(self.velocity, left, right, fixed)
+        own = _joined(pressure, left, right, np.array([], int))[:, 1:]
+        self.stiffness = self.free.T @ viscous.assemble(self.velocity) @ self.free
+        self.divergence = own.T @ continuity.assemble(self.velocity, pressure) @ self.free
+        self.load = self.free.T @ push.assemble(self.velocity)
+        self.own = own.shape[1]
+
+    def _solve(self, matrix, load):
+        saddle = sparse.bmat([[matrix, self.divergence.T], [self.divergence, None]], format="csc")
+        return splu(saddle).solve(np.append(load, np.zeros(self.own)))[: load.size]
+
+    def flow(self, density=0.0, start=None):
+        """Rate per breadth, which is the permeability, and the velocities, from which another solution may start."""
+        u = self._solve(self.stiffness, self.load) if start is None else start
+        for _ in range(30 if density else 0):
+            now = self.velocity.interpolate(self.free @ u)
+            tangent = self.free.T @ convection.assemble(self.velocity, u=now) @ self.free
+            force = self.free.T @ convected.assemble(self.velocity, u=now)
+            new = self._solve(self.stiffness + density * tangent, self.load + density * force)
+            change, u = np.abs(new - u).max(), new
+            if change < 1e-9 * np.abs(u).max():
+                break
+        else:
+            if density:
+                raise ArithmeticError("Newton's iterations do not converge")
+        return float(self.load @ u) / self.period, u
+
+
+def _channel_mesh(gap, period, elements):
+    """Triangles between y = 0 and y = h(x), facets on the left, on the right and on the walls."""
+    plane = MeshTri.init_tensor(
+        *(np.linspace(0, end, n + 1) for end, n in zip((period, 1), elements, strict=True))
+    )
+    left, right = (
+        plane.facets_satisfying(lambda x, at=at: np.isclose(x[0], at)) for at in (0, period)
+    )
+    walls = plane.facets_satisfying(lambda x: np.isclose(x[1], 0) | np.isclose(x[1], 1))
+    return (
+        MeshTri(np.vstack([plane.p[0], plane.p[1] * gap(plane.p[0])]), plane.t),
+        left,
+        right,
+        walls,
+    )
+
+
+def flow_along(gap, period, elements):
+    """Permeability along the ridges of h(x): the rate per breadth under a unit pressure gradient, −∇²u = 1."""
+    mesh, left, right, walls = _channel_mesh(gap, period, elements)
+    basis = Basis(mesh, ElementTriP2())
+    free = _joined(basis, left, right, basis.get_dofs(walls).all())
+    load = free.T @ source.assemble(basis)
+    return (
+        float(load @ splu((free.T @ conduction.assemble(basis) @ free).tocsc()).solve(load))
+        / period
+    )
+
+
+def _joined(basis, left, right, fixed):
+    """Matrix (all, free) from the free unknowns to all: those on the right are those on the left, fixed ones are 0."""
+    ends = []
+    for facets in (left, right):
+        dofs = basis.get_dofs(facets).all()
+        _, y = basis.doflocs[:, dofs]
+        # both components of a velocity stand at the same place, in the same order
+        ends.append(dofs[np.lexsort((dofs, np.round(y, 10)))])
+    number = np.arange(basis.N)
+    number[ends[1]] = ends[0]
+    kept = np.setdiff1d(np.unique(number), fixed)
+    column = np.full(basis.N, -1)
+    column[kept] = np.arange(kept.size)
+    at = np.flatnonzero(column[number] >= 0)
+    return sparse.csr_matrix((np.ones(at.size), (at, column[number[at]])), (basis.N, kept.size))
+
+
+class Wall:
+    """A gap h(x) = 1 + Σ a cos(2πnx/L + φ), scaled in length so that its rms slope is given."""
+
+    def __init__(self, amplitudes, phases, slope, numbers=None):
+        self.amplitudes, self.phases = np.array(amplitudes, float), np.array(phases, float)
+        self.numbers = (
+            np.arange(1, self.amplitudes.size + 1) if numbers is None else np.array(numbers)
+        )
+        # rms slope = 2π/L √(Σ n²a²/2)
+        self.period = 2 * np.pi * np.sqrt(np.sum((self.numbers * self.amplitudes) ** 2) / 2) / slope
+
+    def angle(self, x):
+        return (
+            2 * np.pi * np.multiply.outer(np.asarray(x), self.numbers) / self.period + self.phases
+        )
+
+    def gap(self, x):
+        return 1 + np.cos(self.angle(x)) @ self.amplitudes
+
+    def lubrication(self, columns=20000):
+        """Permeability by Reynolds, and with the next order, 1/12k = ⟨(1 + 4h′²/5)/h³⟩; of as many straight parts.
+
+        Elements with straight sides are compared with the same parts: a polygon is narrower and wider than the wall.
+        """
+        h = self.gap(np.linspace(0, self.period, columns + 1))
+        low, high = h[:-1], h[1:]
+        inverse = (low + high) / (2 * (low * high) ** 2)
+        slope = (high - low) * columns / self.period
+        return 1 / (12 * np.mean(inverse)), 1 / (12 * np.mean((1 + 0.8 * slope**2) * inverse))
+
+    def along(self, columns):
+        """Permeability along the ridges by Reynolds, and with the next order, 12k = ⟨h³(1 − h′²)⟩."""
+        h = self.gap(np.linspace(0, self.period, columns + 1))
+        low, high = h[:-1], h[1:]
+        cubes = (low + high) * (low**2 + high**2) / 4
+        slope = (high - low) * columns / self.period
+        return np.mean(cubes) / 12, np.mean((1 - slope**2) * cubes) / 12
+
+
+def wave(ratio, slope):
+    """One cosine of a relative amplitude."""
+    return Wall([ratio], [0.0], slope)
+
+
+def rough(slope, least=0.1, seed=1, waves=(4, 32), hurst=0.8):
+    """A self-affine profile whose least gap is a fraction of the mean one."""
+    numbers = np.arange(waves[0], waves[1] + 1)
+    phases = np.random.default_rng(seed).uniform(0, 2 * np.pi, numbers.size)
+    shape = Wall(numbers ** -(0.5 + hurst), phases, 1.0, numbers)
+    x = np.linspace(0, shape.period, 20001)
+    amplitudes = shape.amplitudes * (1 - least) / (1 - shape.gap(x).min())
+    return Wall(amplitudes, phases, slope, numbers)
+
+
+SLOPES = (0.05, 0.1, 0.2, 0.3, 0.4)
+
+
+def thin_gap():
+    """Permeability by Stokes over Reynolds, by rms slope, and the next order; waves and self-affine profiles."""
+    kinds = {
+        "wave, amplitude 0.3 of the gap": (lambda s: [wave(0.3, s)], 96),
+        "wave, amplitude 0.6": (lambda s: [wave(0.6, s)], 96),
+        "wave, amplitude 0.9": (lambda s: [wave(0.9, s)], 192),
+        "self-affine, least gap 0.3, three profiles": (
+            lambda s: [rough(s, 0.3, seed) for seed in range(1, 4)],
+            1024,
+        ),
+        "self-affine, least gap 0.1, three profiles": (
+            lambda s: [rough(s, 0.1, seed) for seed in range(1, 4)],
+            1024,
+        ),
+    }
+    cells = []
+    for name, (walls, columns) in kinds.items():
+        texts = []
+        for slope in SLOPES:
+            found, next_order = [], []
+            for wall in walls(slope):
+                reynolds, second = wall.lubrication(columns)
+                k, _ = Channel(wall.gap, wall.period, (columns, 8)).flow()
+                found.append(k / reynolds)
+                next_order.append(second / reynolds)
+            texts.append(f"{np.mean(found):.4f} ({np.mean(next_order):.4f})")
+        cells.append([name, *texts])
+    for ratio in (0.3, 0.9):
+        texts = []
+        for slope in SLOPES:
+            wall = wave(ratio, slope)
+            reynolds, second = wall.along(192)
+            texts.append(
+                f"{flow_along(wall.gap, wall.period, (192, 8)) / reynolds:.4f} ({second / reynolds:.4f})"
+            )
+        cells.append([f"wave, amplitude {ratio:g}, along its ridges", *texts])
+    cells.append(["1/(1 + h′²)", *(f"{1 / (1 + s**2):.4f}" for s in SLOPES)])
+    return table(["channel", *(f"rms slope {s:g}" for s in SLOPES)], cells)
+
+
+def element_order():
+    """Error of Stokes over Reynolds on two meshes against a finer one, of the worst wave."""
+    wall = wave(0.9, 0.4)
+    meshes = ((96 * n, 2 * n) for n in (1, 2, 4))
+    k = [
+        Channel(wall.gap, wall.period, mesh).flow()[0] / wall.lubrication(mesh[0])[0]
+        for mesh in meshes
+    ]
+    return [abs(v / k[-1] - 1) for v in k[:-1]]
+
+
+def inertia():
+    """Permeability over that of Stokes, by Reynolds number times gap over wave."""
+    shown, steps = (0.3, 1, 3, 10), (0.3, 1, 2, 3, 4.5, 6.5, 8, 10)
+    cells = []
+    for ratio, slope in ((0.3, 0.1), (0.6, 0.1), (0.6, 0.2), (0.9, 0.1)):
+        wall = wave(ratio, slope)
+        channel = Channel(wall.gap, wall.period, (96, 6))
+        stokes, u = channel.flow()
+        rate, texts = stokes, []
+        try:
+            for number in steps:
+                # Re × gap over wave: density × rate × mean gap over period; the rate follows the density
+                for _ in range(2):
+                    rate, u = channel.flow(number * wall.period / rate, u)
+                if number in shown:
+                    texts.append(f"{rate / stokes:.4f}")
+        except ArithmeticError:
+            texts += ["–"] * (len(shown) - len(texts))
+        cells.append([f"amplitude {ratio:g}, rms slope {slope:g}", *texts])
+    return table(["wave", *(f"{n:g}" for n in shown)], cells)
+
+
+def inertia_of_classes():
+    """Reynolds number of the gap, rate of mass per length over viscosity, of leakage that is allowed."""
+    leaks = (
+        ("helium, class L0.01", 1e-8, 1.96e-5),
+        ("helium, L1", 1e-6, 1.96e-5),
+        ("water, 1 mL/(m·min)", 1e-3 / 60, 1e-3),
+        ("water, 1 L/(m·min)", 1 / 60, 1e-3),
+    )
+    return table(
+        ["leakage", "Re"], [[name, f"{mass / viscosity:.2g}"] for name, mass, viscosity in leaks]
+    )
+
+
+# heat
+
+
+def heat():
+    """Rise of the temperature of a throttled liquid without and with its walls."""
+    cells = []
+    # density × heat capacity [J/(m³ K)], diffusivity [m²/s]
+    for name, capacity, diffusivity in (("water", 4.18e6, 1.4e-7), ("mineral oil", 1.7e6, 7e-8)):
+        for rate in (1e-9, 1e-6):
+            # a parcel gives its heat to the walls over gap²/diffusivity × velocity = gap × rate/diffusivity
+            cells.append(
+                [name, f"{rate:.0e}", f"{1e7 / capacity:.1f}", f"{rate / diffusivity:.1g}"]
+            )
+    return table(
+        [
+            "liquid",
+            "leakage [m²/s]",
+            "rise over 10 MPa without walls [K]",
+            "length over gap to take the heat",
+        ],
+        cells,
+    )
+
+
+# thin bodies
+
+
+def layer_factor(thickness):
+    """Compliance of a layer on a smooth rigid base over that of a half-space, under a wave; thickness in waves.
+
+    (cosh 2ξ − 1)/(sinh 2ξ + 2ξ), ξ = 2π thickness.
+    """
+    twice = 4 * np.pi * np.asarray(thickness)
+    return (np.cosh(twice) - 1) / (np.sinh(twice) + twice)
+
+
+def layers():
+    thicknesses = (0.1, 0.2, 0.3, 0.5, 0.75, 1.0)
+    head = ["thickness over wave", *(f"{t:g}" for t in thicknesses)]
+    return table(
+        head,
+        [
+            [
+                "compliance over that of a half-space",
+                *(f"{layer_factor(t):.3f}" for t in thicknesses),
+            ]
+        ],
+    )
+
+
+# a ring seat: axisymmetric half-space against plane strain
+
+
+def ring_kernel(radii, step):
+    """Displacement at radii by pressures on rings of breadth step, for E* = 1.
+
+    u(r) = (4/πE*) ∫ p(s) s/(r + s) K(m) ds, m = 4rs/(r + s)²; the logarithm of K is integrated over the own ring.
+    """
+    r, s = radii[:, None], radii[None, :]
+    m1 = ((r - s) / (r + s)) ** 2
+    with np.errstate(divide="ignore"):
+        smooth = ellipk(1 - np.where(m1 > 0, m1, 1e-300)) * s / (r + s)
+    kernel = 4 / np.pi * smooth * step
+    # near the diagonal K(m) = ln(4/√m1): exact mean of −ln|x| over a ring, for the nearest ones
+    near = np.abs(r - s) < 4.5 * step
+    x = np.abs(r - s) / step
+    high, low = x + 0.5, x - 0.5
+    logs = (
+        np.log(step)
+        + high * np.log(high)
+        - np.where(low == 0, 0, low * np.log(np.abs(low) + (low == 0)))
+        - 1
+    )
+    mean = (np.log(4 * (r + s)) - logs) * s / (r + s)
+    return np.where(near, 4 / np.pi * mean * step, kernel)
+
+
+def strip_kernel(points, step):
+    """The same of an endless strip, u = −(2/πE*) ∫ p(s) ln|x − s| ds."""
+    x = np.abs(points[:, None] - points[None, :]) / step
+    high, low = x + 0.5, x - 0.5
+    logs = np.log(step) + high * np.log(high) - np.sign(low) * np.abs(low) * np.log(np.abs(low)) - 1
+    return -2 / np.pi * logs * step
+
+
+def pressed(kernel, gap, weights, force):
+    """Pressure ≥ 0 of a given force: gap + kernel p = approach where they touch; touching points are found in turn."""
+    touching = gap < np.quantile(gap, 0.3)
+    for _ in range(200):
+        n = int(touching.sum())
+        matrix = np.zeros((n + 1, n + 1))
+        matrix[:n, :n], matrix[:n, n], matrix[n, :n] = (
+            kernel[np.ix_(touching, touching)],
+            -1,
+            weights[touching],
+        )
+        found = np.linalg.solve(matrix, np.append(-gap[touching], force))
+        p = np.zeros(gap.size)
+        p[touching] = found[:n]
+        left = gap + kernel @ p - found[n]
+        new = (touching & (p > 0)) | (~touching & (left < 0))
+        if (new == touching).all():
+            break
+        touching = new
+    return p
+
+
+def rings(points=900):
+    """Crowned seat on a ring: force per length the same, band against Hertz's of plane strain."""
+    cells = []
+    for ratio in (0.01, 0.03, 0.1, 0.2, 0.3):
+        # half-breadth a = 1, E* = 1, crown radius ρ: Hertz's force per length π a²E*/4ρ with ρ = 100
+        crown, mean = 100.0, 1 / ratio
+        x = (np.arange(points) + 0.5) / points * 3 - 1.5
+        step = x[1] - x[0]
+        gap = x**2 / (2 * crown)
+        force = np.pi / (4 * crown)
+        strip = pressed(strip_kernel(x, step), gap, np.full(points, step), force)
+        ring = pressed(ring_kernel(mean + x, step), gap, step * (mean + x) / mean, force)
+        ends = [x[p > 0] for p in (strip, ring)]
+        breadth = [e[-1] - e[0] + step for e in ends]
+        middle = (ends[1][0] + ends[1][-1]) / 2
+        moved = np.interp(x, x - middle, ring)
+        cells.append(
+            [
+                f"{ratio:g}",
+                f"{breadth[1] / breadth[0]:.3f}",
+                f"{ring.max() / strip.max():.3f}",
+                f"{middle:+.3f}",
+                f"{np.sqrt(np.mean((moved - strip)[np.abs(x) < 1] ** 2)) / strip.max():.3f}",
+            ]
+        )
+    head = [
+        "half-breadth over radius",
+        "breadth over that in plane strain",
+        "peak pressure over that",
+        "middle of the band, in half-breadths",
+        "rms difference of the pressure over the peak, bands laid over each other",
+    ]
+    return table(head, cells)
+
+
+# yield below a line contact
+
+
+def line_contact_yield(poisson=0.3):
+    """p0 over σ_y at first yield below a line contact by von Mises, and its depth over the half-breadth.
+
+    On the axis at depth z: σ_x = −p0 ((a² + 2z²)/√(a² + z²) − 2z)/a, σ_z = −p0 a/√(a² + z²) (Johnson 1985, eq. 4.46).
+    """
+
+    def mises(z):
+        root = np.hypot(1, z)
+        s_x, s_z = -((1 + 2 * z**2) / root - 2 * z), -1 / root
+        s_y = poisson * (s_x + s_z)
+        return np.sqrt(((s_x - s_y) ** 2 + (s_y - s_z) ** 2 + (s_z - s_x) ** 2) / 2)
+
+    deepest = minimize_scalar(lambda z: -mises(z), bounds=(0, 3), method="bounded")
+    return 1 / mises(deepest.x), float(deepest.x)
+
+
+def yields():
+    cells = []
+    for poisson in (0.25, 0.3, 0.35):
+        peak, depth = line_contact_yield(poisson)
+        cells.append(
+            [
+                f"{poisson:g}",
+                f"{peak:.2f}",
+                f"{peak / 2.8:.2f}",
+                f"{np.pi / 4 * peak / 2.8:.2f}",
+                f"{depth:.2f}",
+            ]
+        )
+    head = [
+        "ν",
+        "p0/σ_y at first yield",
+        "p0/H, H = 2.8 σ_y",
+        "mean pressure over H",
+        "depth over half-breadth",
+    ]
+    return table(head, cells)
+
+
+def main():
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--write", action="store_true", help="write the report")
+    options = parser.parse_args()
+    orders = element_order()
+    text = [
+        "## Thin gap\n\nPermeability by Stokes over that by Reynolds' equation, in brackets with the next order.",
+        thin_gap(),
+        "Error of the first on 96 × 2 and 192 × 4 elements against 384 × 8, of the wave of amplitude 0.9 "
+        f"and slope 0.4: {', '.join(f'{e:.1e}' for e in orders)}.",
+        "## Inertia\n\nPermeability by Navier-Stokes over that by Stokes, by Reynolds number times mean gap over wave.",
+        inertia(),
+        inertia_of_classes(),
+        "## Heat",
+        heat(),
+        "## Thin bodies\n\nA layer on a smooth rigid base.",
+        layers(),
+        "## Seats on rings",
+        rings(),
+        "## Yield below a seat",
+        yields(),
+    ]
+    minutes = time.process_time() / 60
+    report = (
+        f"{machine(['scikit-fem'])}. Measured in {minutes:.1f} minutes of one core.\n\n"
+        + "\n\n".join(text)
+    )
+    print_report(__file__, "Limits of the model", report, options.write)
+
+
+if __name__ == "__main__":
+    main()
