@@ -173,4 +173,6 @@ def softer_of(one: ContactLaw, two: ContactLaw | None = None) -> ContactLaw:
     if two is None:
         return one
     first, second = (np.broadcast_to(law.yield_pressure(_COMPARED), _COMPARED.shape) for law in (one, two))
-    return one if np.all(first <= second) else two if np.all(second <= first) else SofterOf(one, two)
+    if np.all(first <= second):
+        return one
+    return two if np.all(second <= first) else SofterOf(one, two)

@@ -24,7 +24,10 @@ class LogCurve:
     def __init__(self, x: Array, k: Array) -> None:
         """Take values k at rising x; the curve ends where k is 0 for the first time."""
         n_open = int(np.argmin(k > 0)) if not np.all(k > 0) else k.size
-        self.end = np.inf if n_open == k.size else -np.inf if n_open == 0 else (x[n_open - 1] + x[n_open]) / 2
+        if n_open in (0, k.size):
+            self.end = np.inf if n_open else -np.inf
+        else:
+            self.end = (x[n_open - 1] + x[n_open]) / 2
         self._x, self._log_k = x[:n_open], np.log(k[:n_open])
         self._inner = PchipInterpolator(self._x, self._log_k) if n_open > 1 else None
 

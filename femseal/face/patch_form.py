@@ -63,7 +63,9 @@ class FormEffect:
     def question(self) -> str:
         """What differences of leakage by more than half ask for, "" where there are none."""
         differ = np.abs(self.changes) > log(_NOTABLE)
-        return _CHOICE if differ[0].any() else _LONG if differ.any() else ""
+        if differ[0].any():
+            return _CHOICE
+        return _LONG if differ.any() else ""
 
     def distance(self, pressures: Array, long_waves: bool = False) -> Array | None:
         """|ln| of the leakage over that without curvature, straight in ln(pressure) and kept beyond; None: unknown.

@@ -89,7 +89,9 @@ def _with_model_parts(
     grid = known[0] if known else (*coarser, prepared)[0]
     changes = model_changes(grid.scene, names, hardness, grid.form)
     continued = continued_scenes(grid) if "continuation" in names else []
-    own = known[1] if known else _solved(grid, mapper) if changes or continued else {}
+    own = known[1] if known else {}
+    if not known and (changes or continued):
+        own = _solved(grid, mapper)
     found = dict(budgets)
     for key, result in studies.items():
         parts = [effective_pressure_part(prepared.scene, result) if "effective pressure" in names else None]

@@ -212,7 +212,8 @@ class Results(Plotted):
         if not parts:
             raise InputError("from_", from_, "nothing: the cycle has no unloading")
         peaks = [float(self.dataset["nominal_pressure"][steps[0]]) for _, steps in parts]
-        wanted = max(peaks) if from_ is None else to_si(from_, "Pa", "from_") if isinstance(from_, str) else from_
+        given = to_si(from_, "Pa", "from_") if isinstance(from_, str) else from_
+        wanted = max(peaks) if given is None else given
         for peak, (_, steps) in zip(peaks, parts, strict=True):
             if np.isclose(peak, wanted, rtol=1e-9, atol=0):
                 return self._over_pressure(steps)

@@ -31,7 +31,11 @@ def force_scale(data: xarray.Dataset) -> tuple[str, float] | None:
     if not loads or len(loads[0]) < 2:
         return None
     highest = max(float(number) for number, _ in loads)
-    unit, factor = ("N/mm", 1e-3) if loads[0][1] == "N/m" else ("kN", 1e-3) if highest >= 1e3 else ("N", 1.0)
+    unit, factor = "N", 1.0
+    if loads[0][1] == "N/m":
+        unit, factor = "N/mm", 1e-3
+    elif highest >= 1e3:
+        unit, factor = "kN", 1e-3
     return unit, factor * highest / float(data["nominal_pressure"].max())
 
 

@@ -250,7 +250,9 @@ def parts_without_flow(mesh: Mesh, inlet: Indices, outlet: Indices) -> Iterator[
     area = np.abs(polygon_areas(mesh.p.T[corners.T]))
     for n in np.setdiff1d(of_element, np.intersect1d(at_inlet, at_outlet)):
         inside = of_element == n
-        lacks = "no outlet" if n in at_inlet else "no inlet" if n in at_outlet else "neither inlet nor outlet"
+        lacks = "no outlet" if n in at_inlet else "neither inlet nor outlet"
+        if n in at_outlet:
+            lacks = "no inlet"
         share = f"{area[inside].sum() * 1e6:.3g} of {area.sum() * 1e6:.3g} mm²"
         yield (
             f"a part of the mesh around {_middle(mesh, corners[:, inside])}, {share}, "

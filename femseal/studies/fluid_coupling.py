@@ -204,7 +204,11 @@ class FluidPressure:
             k, before = flow.permeability, moved
             moved = float(np.abs((found - last_p_f).mean(axis=1)).max()) / scale
             # closed faces have to stay as they are
-            changed, change = change, abs(k / last - 1) / taken if last else moved if last == 0 and k == 0 else np.inf
+            changed = change
+            if last:
+                change = abs(k / last - 1) / taken
+            else:
+                change = moved if k == 0 else np.inf
             # the next change of k is to this one as the moves of p_f; two equal k by chance end nothing
             ratio = min(moved / before, 0.5) if before > 0 else 0.5
             steepness = max(change / before, _LEAST_STEEPNESS * scale / max(load, 1.0)) if before > 0 else change

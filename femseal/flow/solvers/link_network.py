@@ -94,7 +94,9 @@ def _links_to_known(along, across, hidden, φ):
                     if not c > 0.0 or (inside and hidden[a, b]):
                         continue
                     if written == 1:
-                        fraction = min(max(φ[a, b], 0.0), 1.0) if inside else (1.0 if a < 0 else 0.0)
+                        fraction = 1.0 if a < 0 else 0.0
+                        if inside:
+                            fraction = min(max(φ[a, b], 0.0), 1.0)
                         for k in range(2):
                             at = 2 * count + k
                             node[at], end[at] = i * n2 + j, k
