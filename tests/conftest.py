@@ -4,6 +4,7 @@ The operators are independent of the package: dense matrices and plain FFTs.
 """
 
 import os
+import sys
 from contextlib import contextmanager
 
 import numpy as np
@@ -200,3 +201,11 @@ def femseal(monkeypatch, capsys):
 
     yield call
     cli._debug = False
+
+
+@pytest.fixture(autouse=True)
+def _no_figures_left():
+    """Figures of pyplot stay open until somebody closes them."""
+    yield
+    if (pyplot := sys.modules.get("matplotlib.pyplot")) is not None:
+        pyplot.close("all")

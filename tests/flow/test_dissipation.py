@@ -105,11 +105,11 @@ def test_fractions_of_a_run(study, tmp_path):
     save(assemble(scene, result), tmp_path)
     data = open_results(tmp_path).dataset
     assert data["piece_drop_fraction"].dims == ("step", "piece1", "piece2")
-    assert_array_equal(data["piece_drop_fraction"], result.drop_fraction)
+    assert_array_equal(data["piece_drop_fraction"], result.pieces.drop_fraction)
     flows = result.leakage > 0
     assert flows.sum() >= 3
-    assert_allclose(result.drop_fraction[flows].sum(axis=(1, 2)), 1, rtol=1e-6)
-    assert np.isnan(result.drop_fraction[~flows]).all()
+    assert_allclose(result.pieces.drop_fraction[flows].sum(axis=(1, 2)), 1, rtol=1e-6)
+    assert np.isnan(result.pieces.drop_fraction[~flows]).all()
     for s in np.flatnonzero(flows):
         expected = of_pieces(result.gap[s].astype(float), result.cut)
-        assert_allclose(result.drop_fraction[s], expected / expected.sum(), atol=2e-3)
+        assert_allclose(result.pieces.drop_fraction[s], expected / expected.sum(), atol=2e-3)
