@@ -111,5 +111,5 @@ def test_fractions_of_a_run(study, tmp_path):
     assert_allclose(result.pieces.drop_fraction[flows].sum(axis=(1, 2)), 1, rtol=1e-6)
     assert np.isnan(result.pieces.drop_fraction[~flows]).all()
     for s in np.flatnonzero(flows):
-        expected = of_pieces(result.gap[s].astype(float), result.cut)
+        expected = of_pieces(result.gap[s].astype(float), result.pieces.cut)
         assert_allclose(result.pieces.drop_fraction[s], expected / expected.sum(), atol=2e-3)
