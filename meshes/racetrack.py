@@ -1,7 +1,7 @@
 """Write racetrack.msh: a band round two half circles and two straight sides, in triangles.
 
 Boundaries "inside" and "outside"; lengths in mm; gmsh's format 2.2. Run it to write the file anew, with
-`pip install 'femseal[mesh]'`: python meshes/racetrack.py
+`pip install '.[mesh]'`: python meshes/racetrack.py
 """
 
 from __future__ import annotations
