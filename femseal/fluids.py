@@ -123,6 +123,12 @@ class Liquid(_OnFaces):
     pressure_viscosity : α [1/Pa], >= 0.
     surface_tension, contact_angle, slip_length : γ [N/m], θ [rad] and b [m] on the faces, by keyword, for
         `capillary_entry_pressure` and `femseal.flow.law.SlipLength`.
+
+    Examples
+    --------
+    >>> oil = Liquid(viscosity=0.02, density=870, pressure_viscosity=20e-9)
+    >>> round(float(oil.pressure(oil.potential(1e7))))
+    10000000
     """
 
     kind: ClassVar[str] = "liquid"
@@ -246,6 +252,12 @@ class IdealGas(Gas):
     molar_mass : M [kg/mol].
     temperature : T [K].
     slip : whether the flow factor counts; without it the gas is viscous in every gap.
+
+    Examples
+    --------
+    >>> helium = IdealGas(viscosity=19.6e-6, molar_mass=4.0026e-3, temperature=293.15)
+    >>> bool(helium.flow_factor(100e-9, 1e5) > helium.flow_factor(1e-6, 1e5) > 1)
+    True
     """
 
     kind: ClassVar[str] = "ideal-gas"

@@ -44,6 +44,15 @@ def error_budget(
     -------
     Bands that hold the truth in about 95 of 100 cases; that of the whole is the root of the sum of squares of the
     distances of ln(leakage).
+
+    Examples
+    --------
+    >>> import femseal as fs
+    >>> face = fs.self_affine((32, 64), (32e-6, 64e-6), hurst=0.8, rms_slope=0.2, roll_off=20e-6, rng=1)
+    >>> scene = fs.Scene(face, 115e9, 3e9, fs.Liquid(1e-3), 1e6, 0.0, loading=(5e7, 2e8))
+    >>> budget = error_budget(scene, fs.deterministic(scene))  # without a coarser grid: of the solver alone
+    >>> [part.name for part in budget.parts]
+    ['solver']
     """
     own = study_of_result(study)
     leakage = own.leakage(study)

@@ -94,6 +94,11 @@ def calibrate(
     InputError : the case, the test, a range or the folder cannot be used; nothing has been computed then.
     PartsMissing : the part has solved its scenes, and needs others that are not there yet.
     FemsealError : too few scenes could be solved.
+
+    Examples
+    --------
+    >>> found = calibrate("seal.toml", "leak_test.csv", scenes=16)  # doctest: +SKIP
+    >>> found.hardness.median, found.factor  # doctest: +SKIP
     """
     part = None if part is None else checked_part(part)
     loaded = case if isinstance(case, Case) else load_case(case)

@@ -327,6 +327,11 @@ def load_case(path: str | PathLike[str]) -> Case:
     Raises
     ------
     InputError : the file is missing or is not TOML, or any of its values cannot be used; one line for each fault.
+
+    Examples
+    --------
+    >>> case = load_case("seal.toml")  # doctest: +SKIP
+    >>> case.method, case.seed  # doctest: +SKIP
     """
     data, folder = read_case(path)
     try:

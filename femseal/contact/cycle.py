@@ -96,6 +96,18 @@ def load_cycle(
     Raises
     ------
     InputError, NotConverged : as `solve_contact`; the whole programme is checked before anything is solved.
+
+    Examples
+    --------
+    >>> import femseal as fs
+    >>> face = fs.self_affine((32, 32), (32e-6, 32e-6), hurst=0.8, rms_slope=0.2, roll_off=20e-6, rng=1)
+    >>> body = fs.HalfSpace(face.shape, face.spacing, modulus=115e9)
+    >>> pressures = {"loading": [1e8, 3e8], "unload_from": [3e8], "unloading": [1e8]}
+    >>> for state in load_cycle(face.gap(), body, hardness=3e9, **pressures):
+    ...     print(state.name, "mean gap", f"{1e6 * state.contact.mean_gap:.2f} µm")
+    loading 100 MPa mean gap 0.79 µm
+    loading 300 MPa mean gap 0.60 µm
+    unloading 100 MPa from 300 MPa mean gap 0.65 µm
     """
     programme = LoadProgramme.of(loading, unload_from, unloading)
     return LoadCycle(load_states(gap0, half_space, programme, law=contact_law(hardness), rtol=rtol))

@@ -41,6 +41,12 @@ class HalfSpace:
 
     Free axes are padded to lengths with fast transforms. Periodic and mirror ones cannot be: a large prime factor in
     their number of points slows everything, 1021² points take 8 times as long as 1024². `Topography.resample` helps.
+
+    Examples
+    --------
+    >>> body = HalfSpace((64, 64), (1e-6, 1e-6), modulus=115e9, boundary=("free", "periodic"))
+    >>> body.displacement(np.zeros((64, 64))).shape
+    (64, 64)
     """
 
     shape: tuple[int, int]

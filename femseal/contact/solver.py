@@ -143,6 +143,15 @@ def solve_contact(
     Inexact semismooth Newton on the contact and plastic sets, as in gradient-projection conjugate gradients
     (Moré & Toraldo, SIAM J. Optim. 1, 1991, 93; Polonsky & Keer, Wear 231, 1999, 206), and where the sets do not settle
     within 60 iterations, steps that never raise the energy. The residual is that of the returned pressure.
+
+    Examples
+    --------
+    >>> import femseal as fs
+    >>> gap0 = 1e-6 * np.cos(2 * np.pi * np.arange(64) / 64) + np.zeros((64, 1))  # waves along x2
+    >>> body = fs.HalfSpace((64, 64), (1e-6, 1e-6), modulus=1e11)
+    >>> contact = solve_contact(gap0, body, pressure=1e9)
+    >>> round(contact.area_fraction, 2), bool(contact.gap.min() == 0)
+    (0.3, True)
     """
     gap = validate.field("gap0", gap0, unit="m", shape=half_space.shape, copy=False)
     law = contact_law(hardness)

@@ -58,6 +58,11 @@ def design(
     Raises
     ------
     InputError : the case, the folder or an argument cannot be used.
+
+    Examples
+    --------
+    >>> answer = design("results/seal", classes=["L0.01"], probability=0.9)  # doctest: +SKIP
+    >>> answer.requirements, answer.sensitivities  # doctest: +SKIP
     """
     probability = validate.tolerance("probability", probability)
     wanted = leak_classes(classes := tuple(classes))

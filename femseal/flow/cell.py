@@ -93,6 +93,11 @@ def cell_permeability(
     InputError : a gap that is negative, undefined or not two-dimensional; an unknown side, axis or
         solver.
     NotConverged : the linear solver failed.
+
+    Examples
+    --------
+    >>> round(cell_permeability(np.full((16, 16), 1e-6), (1e-6, 1e-6)).value * 12 / 1e-18, 6)  # parallel plates: h³/12
+    1.0
     """
     if law != CUBIC_LAW:
         gap = gap_by_law(validated_cell(gap, spacing, 0, sides)[0], law, pressure)

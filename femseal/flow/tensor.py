@@ -43,6 +43,13 @@ def permeability_tensor(
     ------
     InputError : a gap that is negative, undefined or not two-dimensional; another solver.
     NotConverged : the solution lost too many digits, as it may where gaps beside each other differ by 1e4 and more.
+
+    Examples
+    --------
+    >>> gap = np.repeat([[1e-6], [2e-6]], 8, axis=0) * np.ones(16)  # grooves along x2
+    >>> k = permeability_tensor(gap, (1e-6, 1e-6))
+    >>> bool(k[1, 1] > k[0, 0]), k.shape
+    (True, (2, 2))
     """
     h, (d1, d2) = validated_gap(gap, spacing)
     h = gap_by_law(h, law, pressure)

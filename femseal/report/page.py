@@ -65,6 +65,10 @@ def write_report(
     Raises
     ------
     InputError : no results in the folder; a path that cannot be written; no path for results without a folder.
+
+    Examples
+    --------
+    >>> write_report("results/seal", "report.html")  # doctest: +SKIP
     """
     folder = None
     if not isinstance(results, Results):

@@ -64,6 +64,11 @@ def open_results(folder: str | os.PathLike[str]) -> Results:
     """Read the results in a folder into memory, without the studies' large fields.
 
     Raises InputError: no such folder, no `results.nc` in it, or not one that femseal wrote.
+
+    Examples
+    --------
+    >>> results = open_results("results/seal")  # doctest: +SKIP
+    >>> results.unloading(from_="300 MPa").leakage_total, results.failures  # doctest: +SKIP
     """
     path = Path(folder) / FILE_NAME
     if not path.is_file():

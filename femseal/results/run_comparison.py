@@ -198,6 +198,11 @@ def compare(runs: Mapping[str, Run] | Sequence[Run], *, unit: str | None = None)
     ------
     InputError : fewer than two runs, a folder without results, two runs of one name, or a unit that does not exist or
         is not for the fluid of one of the runs.
+
+    Examples
+    --------
+    >>> both = compare({"polished": "results/a", "turned": "results/b"}, unit="mL/min")  # doctest: +SKIP
+    >>> axes = both.plot()  # doctest: +SKIP
     """
     given = list(runs.values()) if isinstance(runs, Mapping) else list(runs)
     if len(given) < 2:

@@ -112,6 +112,11 @@ def run(
     PartsMissing : the part has computed what it can, and needs items of other parts that are not there yet.
     FemsealError : a computation failed as a whole, or a file could not be written: computed items stay in the
         folder, and `resume` continues from them. Single cells that fail are listed in `Results.failures`.
+
+    Examples
+    --------
+    >>> results = run("seal.toml", "results/seal", workers=2)  # doctest: +SKIP
+    >>> results.loading().leakage_total, results.leakage_in("mL/min"), results.warnings  # doctest: +SKIP
     """
     if not isinstance(case, Case):
         case = load_case(case)

@@ -199,6 +199,14 @@ def seal_leakage(
         cannot have; with pressures of inlets also an inlet pressure, bounds, or a
         `PermeabilityTable`.
     NotConverged : inlet and outlet flow do not balance.
+
+    Examples
+    --------
+    >>> import femseal as fs
+    >>> seal = fs.RectangularSeal((1e-3, 0.1), cells=(1, 1))
+    >>> leak = seal_leakage(seal, 1e-18, fs.Liquid(viscosity=1e-3), inlet_pressure=1e6)
+    >>> f"{leak.volume_rate:.3g} m³/s, {leak.per_length:.3g} m²/s"
+    '1e-07 m³/s, 1e-06 m²/s'
     """
     if (boundaries := getattr(seal, "boundaries", None)) is not None:
         refused = {

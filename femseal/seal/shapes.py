@@ -160,6 +160,12 @@ class RectangularSeal(StructuredSeal):
     Raises
     ------
     InputError : sizes that are not > 0, cells that are not whole numbers >= 1.
+
+    Examples
+    --------
+    >>> seal = RectangularSeal((1e-3, 0.1), cells=(4, 400))
+    >>> seal.length, seal.points.shape
+    (0.1, (5, 400, 2))
     """
 
     size: tuple[float, float]
@@ -213,6 +219,12 @@ class AnnularSeal(StructuredSeal):
     Raises
     ------
     InputError : radii that do not increase from above 0, bad cells, another inlet.
+
+    Examples
+    --------
+    >>> ring = AnnularSeal(0.01, 0.012, cells=(4, 100), inlet="inner")
+    >>> round(ring.length, 4)
+    0.0691
     """
 
     inner_radius: float

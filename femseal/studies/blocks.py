@@ -63,6 +63,15 @@ def by_blocks(scene: Scene, blocks: tuple[int, int], *, mapper: Mapper = map) ->
     ------
     InputError : blocks that do not suit the points, several places, a fluid that acts, grooves that wind.
     NotConverged : a contact failed.
+
+    Examples
+    --------
+    >>> import femseal as fs
+    >>> face = fs.self_affine((64, 64), (64e-6, 64e-6), hurst=0.8, rms_slope=0.2, roll_off=20e-6, rng=1)
+    >>> oil = fs.Liquid(1e-3)
+    >>> scene = fs.Scene(face, 115e9, 3e9, oil, 1e6, 0.0, loading=(5e7,), fluid_pressure="ignored")
+    >>> bool(by_blocks(scene, (2, 2)).leakage[0] > 0)
+    True
     """
     _check(scene, blocks)
     cut, heights = [], np.empty((blocks[0] * PIECES, blocks[1] * PIECES))

@@ -70,6 +70,15 @@ def stochastic(
         cover it, trapped liquid where pieces do not stay in the rows of the face.
     NotConverged : a contact failed.
     FemsealError : the flow through every piece failed.
+
+    Examples
+    --------
+    >>> import femseal as fs
+    >>> face = fs.self_affine((32, 64), (32e-6, 64e-6), hurst=0.8, rms_slope=0.2, roll_off=20e-6, rng=1)
+    >>> scene = fs.Scene(face, 115e9, 3e9, fs.Liquid(1e-3), 1e6, 0.0, loading=(5e7, 2e8))
+    >>> result = stochastic(scene, (2, 4), fs.Sampling(1e-3, realisations=4, seed=1))
+    >>> result.leakage.shape, bool((result.quantile(0.5) > 0).all())
+    ((4, 2), True)
     """
     cut, tiles = cut_and_tiles(scene, cells, sampling)
     scene = without_waves_of(scene, cut, sampling.form)

@@ -123,6 +123,15 @@ def deterministic(scene: Scene, *, mapper: Mapper = map) -> FaceResult:
     ------
     InputError : a spiral lay that does not suit the face, see `Scene.check_spiral`.
     NotConverged : a contact failed. A flow that fails is NaN, and listed in `failures`.
+
+    Examples
+    --------
+    >>> import femseal as fs
+    >>> face = fs.self_affine((32, 64), (32e-6, 64e-6), hurst=0.8, rms_slope=0.2, roll_off=20e-6, rng=1)
+    >>> scene = fs.Scene(face, 115e9, 3e9, fs.Liquid(1e-3), 1e6, 0.0, loading=(5e7, 2e8))
+    >>> result = deterministic(scene)
+    >>> [f"{leak:.2g} m²/s" for leak in result.leakage]
+    ['2.7e-06 m²/s', '1.3e-06 m²/s']
     """
     scene.check_spiral()
     surface, shape = scene.surface, (len(scene.steps), *scene.surface.shape)

@@ -24,6 +24,14 @@ def two_scale(scene: Scene, cells: tuple[int, int], *, mapper: Mapper = map) -> 
     ------
     InputError : cells that do not suit the surface, or as `deterministic`.
     NotConverged : a contact failed. Flows that fail are NaN, and listed in `failures`.
+
+    Examples
+    --------
+    >>> import femseal as fs
+    >>> face = fs.self_affine((32, 64), (32e-6, 64e-6), hurst=0.8, rms_slope=0.2, roll_off=20e-6, rng=1)
+    >>> scene = fs.Scene(face, 115e9, 3e9, fs.Liquid(1e-3), 1e6, 0.0, loading=(5e7, 2e8))
+    >>> two_scale(scene, (2, 4)).pieces.mean_gap.shape  # of two load steps
+    (2, 2, 4)
     """
     return cut_into_pieces(scene, Cut.of(scene.surface, cells), mapper)
 

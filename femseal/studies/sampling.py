@@ -33,6 +33,11 @@ class Sampling:
 
     Raises InputError: a number of realisations below 1, a seed that is no whole number from 0, a length or breadth
     that is not > 0, both a map and a form.
+
+    Examples
+    --------
+    >>> Sampling(0.1, seed=1, breadth=2e-3).presses_evenly  # 0.1 m long, 2 mm broad
+    True
     """
 
     length: float | None

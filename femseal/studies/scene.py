@@ -46,6 +46,14 @@ class Scene:
         pockets keeps its volume, see `studies.trapped_liquid`; "ignored": the faces lie as dry ones.
     nominal : what carries the nominal pressures where it acts: "total", contact and fluid together; or "contact".
     surroundings : pressure around the seal [Pa]; unless given 1 atm of a gas, and 0 of a liquid.
+
+    Examples
+    --------
+    >>> import femseal as fs
+    >>> face = fs.self_affine((32, 64), (32e-6, 64e-6), hurst=0.8, rms_slope=0.2, roll_off=20e-6, rng=1)
+    >>> scene = fs.Scene(face, 115e9, 3e9, fs.Liquid(1e-3), 1e6, 0.0, loading=(5e7, 2e8))
+    >>> [step.name for step in scene.steps]
+    ['loading 50 MPa', 'loading 200 MPa']
     """
 
     surface: Topography

@@ -66,6 +66,10 @@ def sweep(
     ------
     InputError : a key or a value cannot be used, or a folder cannot be written; nothing has been computed then.
     FemsealError : cases failed; the others are complete in their folders, and `resume` tries again those that are not.
+
+    Examples
+    --------
+    >>> sweep("seal.toml", {"material.hardness": ["3 GPa", "4 GPa"]}, "results/hardness")  # doctest: +SKIP
     """
     data, base = read_case(case)
     cases = variations(data, base, keys)

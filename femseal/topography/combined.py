@@ -51,6 +51,14 @@ def combine(
     Raises
     ------
     InputError : undefined points, an unknown mirror, a number that is not finite, or no overlap.
+
+    Examples
+    --------
+    >>> from femseal.topography import self_affine
+    >>> first, second = (self_affine((64, 64), (1e-4, 1e-4), hurst=0.8, rms_height=1e-6, rng=n) for n in (1, 2))
+    >>> both, overlap = combine(first, second, mirror="x2")
+    >>> both.shape, bool(both.rms_height > first.rms_height)
+    ((64, 64), True)
     """
     if mirror not in (None, "x1", "x2"):
         raise InputError("mirror", repr(mirror), "None, 'x1' or 'x2'")

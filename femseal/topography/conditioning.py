@@ -250,6 +250,14 @@ def condition(
     ------
     InputError : too many undefined points; a shortest wave of less than 8 pixels, or longer than the
         map.
+
+    Examples
+    --------
+    >>> from femseal.topography import self_affine
+    >>> face = self_affine((128, 128), (1e-4, 1e-4), hurst=0.8, rms_height=1e-6, rng=1)
+    >>> usable, done = condition(face, shortest_wavelength=20e-6)
+    >>> bool(usable.rms_slope < face.rms_slope), done.spikes
+    (True, 0)
     """
     if shortest_wavelength is not None:
         warnings.warn("shortest_wavelength is shortest_wave now", DeprecationWarning, stacklevel=2)

@@ -126,6 +126,12 @@ def turned(
     Raises
     ------
     InputError : a value out of its range.
+
+    Examples
+    --------
+    >>> face = turned((128, 64), (240e-6, 120e-6), pitch=60e-6, depth=2e-6, rng=1)
+    >>> face.shape, face.periodic
+    ((128, 64), (True, True))
     """
     shape, size = validate.grid("shape", shape), validate.lengths("size", size)
     spacing = (size[0] / shape[0], size[1] / shape[1])

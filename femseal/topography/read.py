@@ -77,6 +77,16 @@ def read_topography(path: str | os.PathLike[str], **said: Any) -> Topography:
     InputError : no such file, not readable, damaged, no such channel or array, no size or unit, a mask of another size,
         a part beyond the map; size outside 1 nm to 1 m, or Sq above 10 mm, unless `size` or `spacing`, or
         `height_unit`, say so; half of the points steeper than 10, unless the caller says both.
+
+    Examples
+    --------
+    >>> import os, tempfile
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     path = os.path.join(folder, "face.npy")
+    ...     np.save(path, np.zeros((4, 8)))
+    ...     face = read_topography(path, spacing=(1e-6, 2e-6))
+    >>> face.shape, face.spacing
+    ((4, 8), (1e-06, 2e-06))
     """
     return read_measured(path, **said)[0]
 
