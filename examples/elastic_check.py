@@ -9,7 +9,6 @@ from __future__ import annotations
 import numpy as np
 
 import femseal as fs
-from femseal import analytic
 
 MODULUS, HALF_HEIGHT, WAVELENGTH = 115e9, 1e-6, 100e-6
 POINTS = 128
@@ -21,9 +20,9 @@ def contact_shares(ratios: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     x = (np.arange(POINTS) + 0.5) * spacing
     gap = HALF_HEIGHT * (1 - np.cos(2 * np.pi * x / WAVELENGTH))[:, None] * np.ones((1, 4))
     body = fs.HalfSpace(gap.shape, (spacing, spacing), MODULUS)
-    full = analytic.wave_full_contact_pressure(MODULUS, HALF_HEIGHT, WAVELENGTH)
+    full = fs.analytic.wave_full_contact_pressure(MODULUS, HALF_HEIGHT, WAVELENGTH)
     solved = [fs.solve_contact(gap, body, pressure=r * full, rtol=1e-8).area_fraction for r in ratios]
-    return np.array(solved), analytic.wave_contact_fraction(ratios)
+    return np.array(solved), fs.analytic.wave_contact_fraction(ratios)
 
 
 if __name__ == "__main__":

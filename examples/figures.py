@@ -29,14 +29,6 @@ from matplotlib.patheffects import withStroke
 from matplotlib.ticker import LogLocator, NullFormatter
 
 import femseal as fs
-from femseal.base.errors import InputError
-from femseal.flow.edge_flow import cell_stencil
-from femseal.flow.grid import Grid
-from femseal.plots.drawing import STYLES, new_figure
-from femseal.plots.heights import height_panel
-from femseal.plots.maps import default_step
-from femseal.preparation import prepare
-from femseal.results.selections import branches
 
 WIDTH = 7.2  # 183 mm, two columns of a journal
 CLOSED, RED = "#B0B0B0", "#D7191C"
@@ -44,6 +36,9 @@ CLOSED, RED = "#B0B0B0", "#D7191C"
 BRANCHES = (("loading", "#E69F00", "-", None), ("unloading", "#00467F", "--", "////"))
 PRINT = {"font.size": 8, "axes.titlesize": 8, "legend.fontsize": 7, "lines.linewidth": 1.2, "axes.grid": False,
          "axes.linewidth": 0.6, "legend.frameon": False, "savefig.dpi": 300, "pdf.fonttype": 42}  # fmt: skip
+#: Colour, line and marker of pieces, lengths and peaks.
+LINES = (("#D55E00", "-", "o"), ("#0072B2", "--", "s"), ("#009E73", "-.", "^"), ("#CC79A7", ":", "D"),
+         ("#56B4E9", (0, (5, 1, 1, 1, 1, 1)), "v"))  # fmt: skip
 #: Figure 5: numbers of the narrowest pieces, and their colours.
 NARROWEST = 1, 3, 10
 SHADES = ("#00467F", "#009E73", "#E69F00")
@@ -56,13 +51,19 @@ QUANTILES, BAND = (0.05, 0.95), "5–95 %"
 SEALS = 20
 
 
+def _sheet(height):
+    return Figure(figsize=(WIDTH, height), layout="constrained")
+
+
 def face_and_leakage(results: fs.Results) -> Figure:
     """Figure 0: heights of the face, and the leakage over the load cycle."""
     heights = results.dataset["face_height"]
     size = [1e3 * float(heights[axis][0] + heights[axis][-1]) for axis in heights.dims]
-    figure = new_figure(WIDTH, 4.8)
+    figure = _sheet(4.8)
     face, curves = figure.subplots(1, 2, width_ratios=(1, 2.2))
-    height_panel(face, heights.values * 1e6, (size[0], size[1]), upright=True)
+    image = face.imshow(1e6 * heights.values.T, origin="lower", extent=(0, size[0], 0, size[1]), cmap="viridis")
+    figure.colorbar(image, ax=face, label="height [µm]")
+    face.set(xlabel="$x_1$ [mm], inlet at 0", ylabel="$x_2$ along the seal [mm]")
     results.plot(ax=curves)
     inside = curves.get_legend()
     handles, labels, title = inside.legend_handles, [text.get_text() for text in inside.texts], inside.get_title()
@@ -74,12 +75,14 @@ def face_and_leakage(results: fs.Results) -> Figure:
 def two_scales(results: fs.Results, step: int | None = None) -> Figure:
     """Figure 1, of a two-scale run, at the highest load that leaks unless given."""
     data = _with(results, "piece_k1", "a two-scale run")
-    s = default_step(data) if step is None else step
+    leaking = np.flatnonzero(np.nan_to_num(data["leakage_two_scale"].values))
+    highest = data["nominal_pressure"].values[leaking]
+    s = int(leaking[highest.argmax()]) if step is None else step
     pieces = closely(results, s)
     x1, x2 = (2e3 * float(data[name].mean()) for name in ("piece1", "piece2"))
     w1, w2 = x1 / data.sizes["piece1"], x2 / data.sizes["piece2"]
     heights = min(0.42 * WIDTH * x2 / x1, 0.6 * WIDTH) + 0.8, 1.75 * len(pieces) + 1.0
-    figure = new_figure(WIDTH, sum(heights))
+    figure = _sheet(sum(heights))
     above, below = figure.subfigures(2, 1, height_ratios=heights)
     flow, contact = above.subplots(1, 2)
     fluid = data["face_fluid_pressure"].values[s] / 1e6
@@ -124,12 +127,19 @@ def closely(results: fs.Results, step: int) -> dict[tuple[int, int], dict[str, n
 def pixel_flow(gap: np.ndarray, spacing: tuple[float, float]) -> dict[str, np.ndarray]:
     """Fluid pressure for a unit drop through a piece's gap [m], and the flow at its pixels."""
     p = fs.cell_permeability(gap, spacing).fluid_pressure
-    links = cell_stencil(gap, Grid.of_pixel_centres(gap.shape, spacing, "mirror"))
-    known = np.nan_to_num(p)
-    q1 = links.along * np.diff(known, axis=0, prepend=1.0, append=0.0)
-    q2 = np.pad(links.across * np.diff(known, axis=1), ((0, 0), (1, 1)))
+    k, known = gap**3, np.nan_to_num(p)
+    # the inlet at a pressure of 1 and the outlet at 0 lie half a pixel beyond the ends
+    ends = 2 * k[[0, -1]] * np.abs(known[[0, -1]] - [[1.0], [0.0]])
+    q1 = np.vstack([ends[:1], -_between(k) * np.diff(known, axis=0), ends[1:]]) / spacing[0]
+    q2 = np.pad(_between(k.T).T * np.diff(known, axis=1), ((0, 0), (1, 1))) / spacing[1]
     q = np.hypot(q1[:-1] + q1[1:], q2[:, :-1] + q2[:, 1:])
     return {"fluid": p, "flow": q / (q.max() or 1.0)}
+
+
+def _between(k):
+    """Harmonic means of neighbouring rows; 0 where one of them is."""
+    total = k[:-1] + k[1:]
+    return np.divide(2 * k[:-1] * k[1:], total, out=np.zeros_like(total), where=total > 0)
 
 
 def _draw_closely(figure, pieces, extent):
@@ -165,20 +175,17 @@ def pieces_of(results: fs.Results) -> tuple[str, np.ndarray, np.ndarray, np.ndar
 
 def up_and_down(results: fs.Results, prefix: str) -> list[np.ndarray]:
     """Steps of the loading, and of the unloading from the highest peak."""
-    paths = [
-        steps
-        for _, steps in branches(
-            *(results.dataset[f"{prefix}{n}"].values for n in ("nominal_pressure", "unloaded_from"))
-        )
-    ]
-    if len(paths) == 1:
-        raise InputError("results", "loading alone", "a run with unloading")
-    return paths[:2]
+    pressure, peaks = (results.dataset[f"{prefix}{n}"].values for n in ("nominal_pressure", "unloaded_from"))
+    up = np.flatnonzero(np.isnan(peaks))
+    if up.size == peaks.size:
+        raise fs.InputError("results", "loading alone", "a run with unloading")
+    peak = np.nanmax(peaks)
+    return [up, np.r_[up[pressure[up] == peak], np.flatnonzero(peaks == peak)]]
 
 
 def _with(results, name, allowed):
     if name not in results.dataset:
-        raise InputError("results", f"those of the study {results.method}", allowed)
+        raise fs.InputError("results", f"those of the study {results.method}", allowed)
     return results.dataset
 
 
@@ -187,11 +194,11 @@ def cycles(results: fs.Results, count: int = 4) -> Figure:
     prefix, _, k, _ = pieces_of(results)
     nominal = results.dataset[f"{prefix}nominal_pressure"].values / 1e6
     up, down = up_and_down(results, prefix)
-    figure = new_figure(WIDTH, 3.4)
+    figure = _sheet(3.4)
     grid = figure.add_gridspec(2, 2, height_ratios=(3.2, 1))
     single, every = figure.add_subplot(grid[:, 0]), figure.add_subplot(grid[0, 1])
     closed = figure.add_subplot(grid[1, 1], sharex=every)
-    for piece, (colour, line, _) in zip(typical(k, up, down, count), STYLES[1:], strict=False):
+    for piece, (colour, line, _) in zip(typical(k, up, down, count), LINES[1:], strict=False):
         for steps, width, size in ((up, 0.8, 1.8), (down, 2.0, 3.0)):
             label = f"piece {piece}" if steps is down else None
             single.plot(nominal[steps], _open(k[piece, steps]), color=colour, ls=line, lw=width, marker="o", ms=size,
@@ -226,7 +233,7 @@ def permeability(results: fs.Results) -> Figure:
     """Figure 3. Pieces on loading and on unloading from the highest peak: k against gap and against their pressure."""
     prefix, pressure, k, gap = pieces_of(results)
     nominal = results.dataset[f"{prefix}nominal_pressure"].values / 1e6
-    figure = new_figure(WIDTH, 3.2)
+    figure = _sheet(3.2)
     left, right = figure.subplots(1, 2, sharey=True)
     for steps, (name, colour, line, _), marker in zip(up_and_down(results, prefix), BRANCHES, "ox", strict=True):
         shown = k[:, steps] > 0
@@ -259,29 +266,28 @@ def _floor(k):
 
 def drawn_seals(case: fs.Case, lengths=LENGTHS) -> list:
     """Results of seals of several lengths, in lengths of the face, unloaded from four loads."""
-    prepared, count = prepare(case), case.stochastic.realisations or SEALS
+    prepared, count = fs.preparation.prepare(case), case.stochastic.realisations or SEALS
     scene, top = prepared.scene, prepared.scene.loading[-1]
     peaks = tuple(part * top for part in PEAKS)
     stops = tuple(sorted({part * peak for part in STOPS for peak in peaks}))
     scene = replace(scene, loading=tuple(sorted({*scene.loading, *peaks})), unload_from=peaks, unloading=stops)
-    face = fs.deterministic(scene)
     found = []
     for n in lengths:
         sampling = fs.Sampling(n * scene.surface.size[1], count, seed=case.seed, median_fields=False)
-        found.append(fs.stochastic(scene, prepared.cells, sampling, known=face))
+        found.append(fs.stochastic(scene, prepared.cells, sampling))
     return found
 
 
 def leakage(seals: list) -> Figure:
     """Figure 4. Median leakage over load: seals of all lengths unloaded from the highest load, the longest from all."""
-    figure = new_figure(WIDTH, 3.4)
+    figure = _sheet(3.4)
     left, right = figure.subplots(1, 2, sharey=True)
     steps = seals[0].steps
     pressure = np.array([s.pressure for s in steps]) / 1e6
     peaks = sorted({s.unloaded_from for s in steps if s.unloaded_from is not None})
     floor = _floor(np.array([seal.quantile(0.5) for seal in seals]))
     shades = matplotlib.colormaps["viridis"](np.linspace(0.85, 0, len(seals)))
-    for seal, colour, (_, line, marker) in zip(seals, shades, STYLES, strict=False):
+    for seal, colour, (_, line, marker) in zip(seals, shades, LINES, strict=False):
         label = f"{seal.seal.length * 1e3:.3g} mm"
         for at, width, text in zip(_path(steps, peaks[-1]), (0.8, 1.8), (None, label), strict=True):
             low, middle, high = (seal.quantile(q)[at] for q in (QUANTILES[0], 0.5, QUANTILES[1]))
@@ -297,7 +303,7 @@ def leakage(seals: list) -> Figure:
     median = _open(seals[-1].quantile(0.5))
     at = _path(steps, peaks[-1])[0]
     right.plot(pressure[at], median[at], color=BRANCHES[0][1], lw=2.2, label="loading")
-    for peak, (_, line, marker), grey in zip(peaks, STYLES[1:], np.linspace(0.55, 0, len(peaks)), strict=False):
+    for peak, (_, line, marker), grey in zip(peaks, LINES[1:], np.linspace(0.55, 0, len(peaks)), strict=False):
         at = _path(steps, peak)[1]
         right.plot(pressure[at], median[at], color=str(grey), ls=line, marker=marker, ms=3.2, markevery=3,
                    label=f"from {peak / 1e6:.4g} MPa")  # fmt: skip
@@ -326,9 +332,9 @@ def constrictions(results: fs.Results) -> Figure:
     q, fractions = data["leakage_two_scale"].values, data["piece_drop_fraction"].values
     leaking = np.flatnonzero(np.nan_to_num(q) != 0)
     if leaking.size == 0:
-        raise InputError("results", "a seal that never leaks", "one that does")
+        raise fs.InputError("results", "a seal that never leaks", "one that does")
     least = int(leaking[np.argmin(np.abs(q[leaking]))])
-    figure = new_figure(WIDTH, 3.1)
+    figure = _sheet(3.1)
     left, right = figure.subplots(1, 2)
     loading = np.isnan(data["unloaded_from"].values)
     falling = np.sort(fractions.reshape(len(q), -1), axis=1)[:, ::-1].cumsum(axis=1)
@@ -359,7 +365,7 @@ def main() -> None:
     results = fs.open_results(given.results)
     case = fs.load_case(given.case) if given.case else None
     if case is not None and results.case != case.echo():
-        raise InputError("case", f"'{given.case}'", "the case of the results")
+        raise fs.InputError("case", f"'{given.case}'", "the case of the results")
     given.out.mkdir(parents=True, exist_ok=True)
     drawings = {
         "0_face": lambda: face_and_leakage(results),
@@ -374,7 +380,7 @@ def main() -> None:
         for name, draw in sorted(drawings.items()):
             try:
                 figure = draw()
-            except InputError as error:
+            except fs.InputError as error:
                 print(f"figure {name} is left out: {error}")
                 continue
             for suffix in (".pdf", ".png"):

@@ -22,6 +22,8 @@ MOST_TILES = 4000
 class Sampling:
     """Options of a drawn seal.
 
+    Parameters
+    ----------
     length : of a straight seal along x2 [m], rounded to whole tiles; None where the layout has its own size.
     realisations : number of seals that are drawn; None draws as many as the band needs, see `stochastic`.
     seed : of all random numbers.
@@ -31,8 +33,10 @@ class Sampling:
         `CrownedSeat`; forms of both faces add up.
     median_fields : also keep the fields of the seal whose leakage is nearest to the median.
 
-    Raises InputError: a number of realisations below 1, a seed that is no whole number from 0, a length or breadth
-    that is not > 0, both a map and a form.
+    Raises
+    ------
+    InputError : a number of realisations below 1, a seed that is no whole number from 0, a length or breadth that is
+        not > 0, both a map and a form.
 
     Examples
     --------

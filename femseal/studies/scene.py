@@ -31,12 +31,15 @@ from .fluid_coupling import LEAST_FRACTION, FluidPressure, contact_of_places
 class Scene:
     """A rough face under load, and the fluid that it seals.
 
+    Parameters
+    ----------
     surface : heights of the combined faces; high points touch first. A list of maps is `topography.Places`, several
         measured places of the face: each is in contact by itself, and the fluid flows through all of them.
     modulus : contact modulus E* [Pa].
     hardness : H [Pa] of perfect plasticity, inf is elastic; or a contact law, such as `LinearHardening`.
-    fluid : the fluid that leaks. inlet_pressure, outlet_pressure : its pressures at both ends of x1 [Pa]; the highest
-        inlet pressure where the layout gives each inlet its own.
+    fluid : the fluid that leaks.
+    inlet_pressure, outlet_pressure : of the fluid at both ends of x1 [Pa]; the highest inlet pressure where the layout
+        gives each inlet its own.
     boundary : contact boundary of the whole face along x1 and x2, see `HalfSpace`.
     loading, unload_from, unloading : nominal pressures [Pa], see `LoadProgramme.of`.
     rtol : residual of each contact, see `contact.solve_contact`.
