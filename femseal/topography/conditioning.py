@@ -255,8 +255,8 @@ def condition(
     --------
     >>> from femseal.topography import self_affine
     >>> face = self_affine((128, 128), (1e-4, 1e-4), hurst=0.8, rms_height=1e-6, rng=1)
-    >>> usable, done = condition(face, shortest_wavelength=20e-6)
-    >>> bool(usable.rms_slope < face.rms_slope), done.spikes
+    >>> usable, done = condition(face, shortest_wave=20e-6)
+    >>> bool(usable.rms_slope < face.rms_slope), done.spike_points
     (True, 0)
     """
     if shortest_wavelength is not None:
