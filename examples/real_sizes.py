@@ -163,13 +163,13 @@ def _draw_pieces(axes, faces):
     largest = faces[max(faces)]
     loading = largest.steps.on_loading
     for chosen, name, marker, colour in ((loading, "loading", "o", "#E69F00"), (~loading, "unloading", "x", "#00467F")):
-        k, gap = largest.k1[chosen].ravel(), largest.mean_gap[chosen].ravel()
+        k, gap = largest.k1[chosen].ravel(), largest.pieces.mean_gap[chosen].ravel()
         pressure = np.broadcast_to(largest.steps.pressures[chosen, None, None], largest.k1[chosen].shape).ravel()
         shown = k > 0
         style = {"ls": "", "marker": marker, "ms": 3, "mfc": "none", "mew": 0.7, "color": colour, "label": name}
         axes[0].plot(pressure[shown] / 1e6, k[shown], **style)
         axes[1].plot(gap[shown] * 1e6, k[shown], **style)
-    gap = largest.mean_gap[largest.mean_gap > 0]
+    gap = largest.pieces.mean_gap[largest.pieces.mean_gap > 0]
     plates = np.geomspace(gap.min(), gap.max(), 30)
     axes[1].plot(plates * 1e6, plates**3 / 12, "k-", lw=1, label="h̄³/12")
     floor = 1e-9 * np.nanmax(largest.k1)
