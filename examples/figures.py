@@ -68,7 +68,8 @@ def face_and_leakage(results: fs.Results) -> Figure:
     inside = curves.get_legend()
     handles, labels, title = inside.legend_handles, [text.get_text() for text in inside.texts], inside.get_title()
     look = {"ncols": 2, "frameon": False, "fontsize": 7.5, "title": title.get_text()}
-    curves.legend(handles, labels, loc="upper center", bbox_to_anchor=(0.4, -0.13), **look)  # clear of error bars
+    inside.remove()
+    figure.legend(handles, labels, loc="outside lower right", **look)  # clear of the bands
     return figure
 
 
