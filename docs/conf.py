@@ -94,5 +94,7 @@ sphinx_gallery_conf = {
 
 
 def setup(app):
-    app.connect("autodoc-process-docstring", restructured_docstring, priority=400)  # before napoleon
+    app.connect(
+        "autodoc-process-docstring", restructured_docstring, priority=400
+    )  # before napoleon
     app.connect("autodoc-process-signature", short_signature)

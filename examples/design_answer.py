@@ -16,7 +16,11 @@ import femseal as fs
 def margin(answer: fs.Design) -> dict[float, float]:
     """Part of each pressure in assembly that may be lost in service, for the first class that is asked for."""
     service = answer.requirements[0].service
-    return {assembly: 1 - needed.value / assembly for assembly, needed in service.items() if needed.known}
+    return {
+        assembly: 1 - needed.value / assembly
+        for assembly, needed in service.items()
+        if needed.known
+    }
 
 
 if __name__ == "__main__":
@@ -24,7 +28,9 @@ if __name__ == "__main__":
 
     try:
         folder = Path(sys.argv[1] if len(sys.argv) > 1 else "results/turned_seal")
-        answer = fs.design(fs.open_results(folder), classes=sys.argv[2:] or ["1000 mg/(m·s)", "500 mg/(m·s)"])
+        answer = fs.design(
+            fs.open_results(folder), classes=sys.argv[2:] or ["1000 mg/(m·s)", "500 mg/(m·s)"]
+        )
     except fs.InputError as error:
         sys.exit(f"{error}\nusage: python design_answer.py DIR CLASS …")
     rich.print(answer.table())

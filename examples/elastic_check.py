@@ -21,7 +21,9 @@ def contact_shares(ratios: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     gap = HALF_HEIGHT * (1 - np.cos(2 * np.pi * x / WAVELENGTH))[:, None] * np.ones((1, 4))
     body = fs.HalfSpace(gap.shape, (spacing, spacing), MODULUS)
     full = fs.analytic.wave_full_contact_pressure(MODULUS, HALF_HEIGHT, WAVELENGTH)
-    solved = [fs.solve_contact(gap, body, pressure=r * full, rtol=1e-8).area_fraction for r in ratios]
+    solved = [
+        fs.solve_contact(gap, body, pressure=r * full, rtol=1e-8).area_fraction for r in ratios
+    ]
     return np.array(solved), fs.analytic.wave_contact_fraction(ratios)
 
 

@@ -61,12 +61,18 @@ def face_and_leakage(results: fs.Results) -> Figure:
     size = [1e3 * float(heights[axis][0] + heights[axis][-1]) for axis in heights.dims]
     figure = _sheet(4.8)
     face, curves = figure.subplots(1, 2, width_ratios=(1, 2.2))
-    image = face.imshow(1e6 * heights.values.T, origin="lower", extent=(0, size[0], 0, size[1]), cmap="viridis")
+    image = face.imshow(
+        1e6 * heights.values.T, origin="lower", extent=(0, size[0], 0, size[1]), cmap="viridis"
+    )
     figure.colorbar(image, ax=face, label="height [µm]")
     face.set(xlabel="$x_1$ [mm], inlet at 0", ylabel="$x_2$ along the seal [mm]")
     results.plot(ax=curves)
     inside = curves.get_legend()
-    handles, labels, title = inside.legend_handles, [text.get_text() for text in inside.texts], inside.get_title()
+    handles, labels, title = (
+        inside.legend_handles,
+        [text.get_text() for text in inside.texts],
+        inside.get_title(),
+    )
     look = {"ncols": 2, "frameon": False, "fontsize": 7.5, "title": title.get_text()}
     inside.remove()
     figure.legend(handles, labels, loc="outside lower right", **look)  # clear of the bands
@@ -150,11 +156,17 @@ def _draw_closely(figure, pieces, extent):
         "contact": "contact pressure [MPa]",
         "fluid": "fluid pressure for a unit drop; red: √flow",
     }
-    for (name, title), colours, column in zip(titles.items(), ("magma", "viridis", "cividis"), panels.T, strict=True):
+    for (name, title), colours, column in zip(
+        titles.items(), ("magma", "viridis", "cividis"), panels.T, strict=True
+    ):
         top = 1.0 if name == "fluid" else max(piece[name].max() for piece in pieces.values())
         for letter, piece, axes in zip("ABC", pieces.values(), column, strict=False):
-            shown = piece[name] if name == "fluid" else np.where(piece[name] > 0, piece[name], np.nan)
-            image = axes.imshow(shown.T, origin="lower", extent=extent, cmap=colours, vmin=0, vmax=top)
+            shown = (
+                piece[name] if name == "fluid" else np.where(piece[name] > 0, piece[name], np.nan)
+            )
+            image = axes.imshow(
+                shown.T, origin="lower", extent=extent, cmap=colours, vmin=0, vmax=top
+            )
             axes.set_facecolor("white" if name == "contact" else CLOSED)
             if name == "fluid":
                 axes.imshow(np.ones_like(shown.T), alpha=np.sqrt(piece["flow"].T), origin="lower", extent=extent,
@@ -171,12 +183,16 @@ def pieces_of(results: fs.Results) -> tuple[str, np.ndarray, np.ndarray, np.ndar
     kind = "state" if "state_k1" in results.dataset else "piece"
     data = _with(results, f"{kind}_k1", "a two-scale or a stochastic run")
     fields = [data[f"{kind}_{name}"].values for name in ("pressure", "k1", "mean_gap")]
-    return "state_" if kind == "state" else "", *(field.reshape(len(field), -1).T for field in fields)
+    return "state_" if kind == "state" else "", *(
+        field.reshape(len(field), -1).T for field in fields
+    )
 
 
 def up_and_down(results: fs.Results, prefix: str) -> list[np.ndarray]:
     """Steps of the loading, and of the unloading from the highest peak."""
-    pressure, peaks = (results.dataset[f"{prefix}{n}"].values for n in ("nominal_pressure", "unloaded_from"))
+    pressure, peaks = (
+        results.dataset[f"{prefix}{n}"].values for n in ("nominal_pressure", "unloaded_from")
+    )
     up = np.flatnonzero(np.isnan(peaks))
     if up.size == peaks.size:
         raise fs.InputError("results", "loading alone", "a run with unloading")
@@ -205,15 +221,24 @@ def cycles(results: fs.Results, count: int = 4) -> Figure:
             single.plot(nominal[steps], _open(k[piece, steps]), color=colour, ls=line, lw=width, marker="o", ms=size,
                         label=label)  # fmt: skip
     single.set_title("(a) thin: loading, thick: unloading; no line: closed")
-    single.set(yscale="log", xlabel="nominal pressure [MPa]", ylabel="permeability $k_1$ [m³]", xlim=(0, None))
+    single.set(
+        yscale="log",
+        xlabel="nominal pressure [MPa]",
+        ylabel="permeability $k_1$ [m³]",
+        xlim=(0, None),
+    )
     single.legend(handlelength=4, loc="best")
     floor = _floor(k)
     for steps, (name, colour, line, hatch) in zip((up, down), BRANCHES, strict=True):
-        low, middle, high = (np.nanquantile(k[:, steps], q, axis=0) for q in (QUANTILES[0], 0.5, QUANTILES[1]))
+        low, middle, high = (
+            np.nanquantile(k[:, steps], q, axis=0) for q in (QUANTILES[0], 0.5, QUANTILES[1])
+        )
         every.fill_between(nominal[steps], np.maximum(low, floor), np.maximum(high, floor), facecolor=colour, alpha=0.3,
                            hatch=hatch, edgecolor=colour, lw=0)  # fmt: skip
         every.plot(nominal[steps], _open(middle), color=colour, ls=line, lw=1.8, label=name)
-        closed.plot(nominal[steps], 100 * np.mean(k[:, steps] == 0, axis=0), color=colour, ls=line, lw=1.8)
+        closed.plot(
+            nominal[steps], 100 * np.mean(k[:, steps] == 0, axis=0), color=colour, ls=line, lw=1.8
+        )
     every.set(yscale="log", ylabel="$k_1$ [m³]", ylim=(floor, None))
     every.set_title(f"(b) median and {BAND} of {len(k)} pieces")
     every.legend(loc="lower left", frameon=True, framealpha=0.9)
@@ -236,7 +261,9 @@ def permeability(results: fs.Results) -> Figure:
     nominal = results.dataset[f"{prefix}nominal_pressure"].values / 1e6
     figure = _sheet(3.2)
     left, right = figure.subplots(1, 2, sharey=True)
-    for steps, (name, colour, line, _), marker in zip(up_and_down(results, prefix), BRANCHES, "ox", strict=True):
+    for steps, (name, colour, line, _), marker in zip(
+        up_and_down(results, prefix), BRANCHES, "ox", strict=True
+    ):
         shown = k[:, steps] > 0
         for axes, x in ((left, gap * 1e6), (right, pressure / 1e6)):
             axes.plot(x[:, steps][shown], k[:, steps][shown], color=colour, marker=marker, ms=2.3, mew=0.6, ls="",
@@ -247,7 +274,10 @@ def permeability(results: fs.Results) -> Figure:
     plates = np.geomspace(h.min(), h.max(), 50)
     left.plot(plates, (plates * 1e-6) ** 3 / 12, color="black", lw=1.6, label=r"$\bar h^3/12$")
     left.set(
-        xscale="log", yscale="log", xlabel=r"mean gap $\bar h$ of the piece [µm]", ylabel="permeability $k_1$ [m³]"
+        xscale="log",
+        yscale="log",
+        xlabel=r"mean gap $\bar h$ of the piece [µm]",
+        ylabel="permeability $k_1$ [m³]",
     )
     if plates[-1] < 100 * plates[0]:
         left.xaxis.set_major_locator(LogLocator(subs=(1, 2, 5)))
@@ -271,10 +301,14 @@ def drawn_seals(case: fs.Case, lengths=LENGTHS) -> list:
     scene, top = prepared.scene, prepared.scene.loading[-1]
     peaks = tuple(part * top for part in PEAKS)
     stops = tuple(sorted({part * peak for part in STOPS for peak in peaks}))
-    scene = replace(scene, loading=tuple(sorted({*scene.loading, *peaks})), unload_from=peaks, unloading=stops)
+    scene = replace(
+        scene, loading=tuple(sorted({*scene.loading, *peaks})), unload_from=peaks, unloading=stops
+    )
     found = []
     for n in lengths:
-        sampling = fs.Sampling(n * scene.surface.size[1], count, seed=case.seed, median_fields=False)
+        sampling = fs.Sampling(
+            n * scene.surface.size[1], count, seed=case.seed, median_fields=False
+        )
         found.append(fs.stochastic(scene, prepared.cells, sampling))
     return found
 
@@ -294,17 +328,32 @@ def leakage(seals: list) -> Figure:
             low, middle, high = (seal.quantile(q)[at] for q in (QUANTILES[0], 0.5, QUANTILES[1]))
             middle = _open(middle)
             left.plot(
-                pressure[at], middle, color=colour, ls=line, lw=width, marker=marker, ms=3, markevery=3, label=text
+                pressure[at],
+                middle,
+                color=colour,
+                ls=line,
+                lw=width,
+                marker=marker,
+                ms=3,
+                markevery=3,
+                label=text,
             )
             left.fill_between(
-                pressure[at], np.maximum(low, floor), np.maximum(high, floor), color=colour, alpha=0.2, lw=0
+                pressure[at],
+                np.maximum(low, floor),
+                np.maximum(high, floor),
+                color=colour,
+                alpha=0.2,
+                lw=0,
             )
     left.set_title(f"(a) median and {BAND}; thin: loading, thick: unloading")
     left.legend(title="length (no line: sealed)", handlelength=4)
     median = _open(seals[-1].quantile(0.5))
     at = _path(steps, peaks[-1])[0]
     right.plot(pressure[at], median[at], color=BRANCHES[0][1], lw=2.2, label="loading")
-    for peak, (_, line, marker), grey in zip(peaks, LINES[1:], np.linspace(0.55, 0, len(peaks)), strict=False):
+    for peak, (_, line, marker), grey in zip(
+        peaks, LINES[1:], np.linspace(0.55, 0, len(peaks)), strict=False
+    ):
         at = _path(steps, peak)[1]
         right.plot(pressure[at], median[at], color=str(grey), ls=line, marker=marker, ms=3.2, markevery=3,
                    label=f"from {peak / 1e6:.4g} MPa")  # fmt: skip
@@ -340,25 +389,39 @@ def constrictions(results: fs.Results) -> Figure:
     loading = np.isnan(data["unloaded_from"].values)
     falling = np.sort(fractions.reshape(len(q), -1), axis=1)[:, ::-1].cumsum(axis=1)
     for count, colour, marker in zip(NARROWEST, SHADES, "os^", strict=True):
-        parts, style = falling[:, min(count, falling.shape[1]) - 1], {"color": colour, "marker": marker, "mew": 0.8}
+        parts, style = (
+            falling[:, min(count, falling.shape[1]) - 1],
+            {"color": colour, "marker": marker, "mew": 0.8},
+        )
         name = f"the narrowest {count}" if count > 1 else "the narrowest"
         left.plot(np.abs(q / q[0])[loading], parts[loading], ms=4, label=name, **style)
         left.plot(np.abs(q / q[0])[~loading], parts[~loading], ls="", ms=2, **style)
     left.set(
-        xscale="log", xlabel="leakage / leakage at the first load", ylabel="part of the pressure drop", ylim=(0, 1.03)
+        xscale="log",
+        xlabel="leakage / leakage at the first load",
+        ylabel="part of the pressure drop",
+        ylim=(0, 1.03),
     )
     left.invert_xaxis()
     left.set_title("(a) large: loading, small: unloading")
     left.legend()
     sides = [2e3 * data[name].values.mean() for name in ("piece1", "piece2")]
-    image = right.imshow(100 * fractions[least].T, origin="lower", extent=(0, sides[0], 0, sides[1]), cmap="Blues")
+    image = right.imshow(
+        100 * fractions[least].T, origin="lower", extent=(0, sides[0], 0, sides[1]), cmap="Blues"
+    )
     figure.colorbar(image, ax=right, shrink=0.7, label="pressure drop in a piece [%]")
-    right.set(xlabel="$x_1$, inlet at 0 [mm]", ylabel="$x_2$ [mm]", title=f"(b) {data['name'].values[least]}")
+    right.set(
+        xlabel="$x_1$, inlet at 0 [mm]",
+        ylabel="$x_2$ [mm]",
+        title=f"(b) {data['name'].values[least]}",
+    )
     return figure
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
     parser.add_argument("results", type=Path)
     parser.add_argument("out", type=Path)
     parser.add_argument("case", type=Path, nargs="?")

@@ -21,7 +21,13 @@ FORCES = np.array([20e3, 50e3, 100e3, 200e3])
 def lens_rings() -> dict[float, fs.FaceResult]:
     """Contact and flow of crowns of several radii [m] under forces per length of 20 to 200 N/mm."""
     turned = fs.turned(
-        (512, 128), (1.024e-3, 0.256e-3), pitch=64e-6, depth=1.2e-6, roughness=0.3e-6, roughness_roll_off=36e-6, rng=6
+        (512, 128),
+        (1.024e-3, 0.256e-3),
+        pitch=64e-6,
+        depth=1.2e-6,
+        roughness=0.3e-6,
+        roughness_roll_off=36e-6,
+        rng=6,
     )
     scene = fs.Scene(
         turned,
@@ -32,7 +38,10 @@ def lens_rings() -> dict[float, fs.FaceResult]:
         outlet_pressure=0.0,
         loading=tuple(FORCES / turned.size[0]),
     )
-    return {radius: fs.deterministic(replace(scene, surface=CrownedSeat(radius).on(turned))) for radius in RADII}
+    return {
+        radius: fs.deterministic(replace(scene, surface=CrownedSeat(radius).on(turned)))
+        for radius in RADII
+    }
 
 
 def hertz_band(radius: float, force: float) -> float:

@@ -65,7 +65,9 @@ def measured_face() -> np.ndarray:
 
 if __name__ == "__main__":
     path = Path(__file__).with_name("measured_face.x3p")
-    record = x3pio.Metadata.for_software("femseal example", "1", date=datetime(2024, 1, 1, tzinfo=UTC))
+    record = x3pio.Metadata.for_software(
+        "femseal example", "1", date=datetime(2024, 1, 1, tzinfo=UTC)
+    )
     # rows of the format run along its y, which is x2
     x3pio.write(path, measured_face().T, x_scale=PIXEL, y_scale=PIXEL, z_scale=1e-9, z_type=x3pio.DataType.INT16,
                 metadata=record)  # fmt: skip

@@ -19,14 +19,20 @@ OIL = fs.Liquid(viscosity=0.02, density=870)
 def prepared() -> fs.Topography:
     """The face as a run takes it: filled, freed of tilt and curvature, without waves below 10 µm."""
     face = fs.read_topography(FILE)
-    surface, _ = fs.condition(face, detrend=2, shortest_wave=10e-6, max_undefined=0.03, shape=(240, 480))
+    surface, _ = fs.condition(
+        face, detrend=2, shortest_wave=10e-6, max_undefined=0.03, shape=(240, 480)
+    )
     return surface
 
 
 def leakage(surface: fs.Topography, pressure: float) -> tuple[fs.Contact, fs.Leakage]:
     """Contact against a rigid flat under a nominal pressure [Pa], and the leakage from 10 MPa to 0."""
-    body = fs.HalfSpace(surface.shape, surface.spacing, fs.contact_modulus(STEEL), ("mirror", "mirror"))
-    contact = fs.solve_contact(surface.gap(), body, pressure=pressure, hardness=STEEL.hardness, rtol=1e-5)
+    body = fs.HalfSpace(
+        surface.shape, surface.spacing, fs.contact_modulus(STEEL), ("mirror", "mirror")
+    )
+    contact = fs.solve_contact(
+        surface.gap(), body, pressure=pressure, hardness=STEEL.hardness, rtol=1e-5
+    )
     k = fs.cell_permeability(contact.gap, surface.spacing)
     seal = fs.RectangularSeal(surface.size, cells=(1, 1))
     return contact, fs.seal_leakage(seal, k.value, OIL, inlet_pressure=10e6)
@@ -38,6 +44,8 @@ if __name__ == "__main__":
     surface = prepared()
     print("as solved:  ", surface)
     contact, result = leakage(surface, 2e8)
-    print(f"at 200 MPa {contact.area_fraction:.1%} in contact, {result.per_length * 1e6:.3g} mL/(m·s)")
+    print(
+        f"at 200 MPa {contact.area_fraction:.1%} in contact, {result.per_length * 1e6:.3g} mL/(m·s)"
+    )
     picture = contact.plot()
     picture.savefig("measured_contact.png")

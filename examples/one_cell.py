@@ -15,7 +15,9 @@ STEEL = fs.Solid(young=210e9, poisson=0.3, yield_stress=1e9)
 
 def cycle() -> tuple[fs.LoadCycle, np.ndarray]:
     """States of a periodic self-affine cell, and its permeability along x1 at each of them [m³]."""
-    face = fs.self_affine((128, 128), (100e-6, 100e-6), hurst=0.8, rms_slope=0.2, roll_off=40e-6, rng=3)
+    face = fs.self_affine(
+        (128, 128), (100e-6, 100e-6), hurst=0.8, rms_slope=0.2, roll_off=40e-6, rng=3
+    )
     body = fs.HalfSpace(face.shape, face.spacing, fs.contact_modulus(STEEL, STEEL))
     states = fs.load_cycle(
         face.gap(),

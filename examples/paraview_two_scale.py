@@ -23,7 +23,9 @@ def opened(folder):
     missing = [path for path in paths if not os.path.isfile(path)]
     if missing:
         need = 'a results folder of a two-scale study; [output] paraview = "vtu" (the default) writes vtk/pieces.pvd'
-        raise SystemExit(f"paraview_two_scale.py: there is no {' and no '.join(missing)}: give {need}")
+        raise SystemExit(
+            f"paraview_two_scale.py: there is no {' and no '.join(missing)}: give {need}"
+        )
     return [pv.PVDReader(FileName=path) for path in paths]
 
 
@@ -73,12 +75,21 @@ def draw(folder, time):
     pv.AssignViewToLayout(view=upper, layout=layout, hint=0)
     layout.SplitVertical(0, 0.5)
     pv.AssignViewToLayout(view=lower, layout=layout, hint=2)
-    coloured(seal, ("CELLS", "drop_fraction"), "fraction of the pressure drop", PALETTES[0], upper, time)
+    coloured(
+        seal, ("CELLS", "drop_fraction"), "fraction of the pressure drop", PALETTES[0], upper, time
+    )
     load = pv.PythonAnnotation(Input=seal)
     load.ArrayAssociation = "Field Data"
     load.Expression = "'%g MPa' % nominal_pressure_MPa[0]"
     pv.Show(load, upper).Color = [0.0, 0.0, 0.0]
-    coloured(contact, ("CELLS", "contact_pressure_MPa"), "contact pressure [MPa]", PALETTES[1], lower, time)
+    coloured(
+        contact,
+        ("CELLS", "contact_pressure_MPa"),
+        "contact pressure [MPa]",
+        PALETTES[1],
+        lower,
+        time,
+    )
     for view in (upper, lower):
         look(view, bounds, time)
     return layout

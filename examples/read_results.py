@@ -17,7 +17,9 @@ def loading_over_unloading(results: fs.Results) -> dict[float, float]:
     """Leakage on loading over that on unloading from the highest peak, by nominal pressure [Pa]."""
     leakage = dict(zip(results.steps, results.leakage.values, strict=True))
     peak = max(step.pressure for step in leakage)
-    loading = {step.pressure: value for step, value in leakage.items() if step.unloaded_from is None}
+    loading = {
+        step.pressure: value for step, value in leakage.items() if step.unloaded_from is None
+    }
     return {
         step.pressure: float(loading[step.pressure] / value)
         for step, value in leakage.items()

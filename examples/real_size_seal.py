@@ -13,7 +13,9 @@ import femseal as fs
 def scene() -> fs.Scene:
     """The combined roughness of two steel faces, 0.18 mm wide, loaded to 400 MPa and unloaded."""
     steel = fs.Solid(young=210e9, poisson=0.3, yield_stress=1e9)
-    surface = fs.self_affine((192, 192), (180e-6, 180e-6), hurst=0.8, rms_slope=0.2, roll_off=40e-6, rng=5)
+    surface = fs.self_affine(
+        (192, 192), (180e-6, 180e-6), hurst=0.8, rms_slope=0.2, roll_off=40e-6, rng=5
+    )
     return fs.Scene(
         surface=surface,
         modulus=fs.contact_modulus(steel, steel),
@@ -27,7 +29,9 @@ def scene() -> fs.Scene:
     )
 
 
-def drawn_seal(length: float = 0.1, breadth: float = 0.54e-3, realisations: int | None = None) -> fs.StochasticResult:
+def drawn_seal(
+    length: float = 0.1, breadth: float = 0.54e-3, realisations: int | None = None
+) -> fs.StochasticResult:
     """Seals of a length and breadth [m]; unless their number is given, as many as the band of error needs."""
     return fs.stochastic(scene(), None, fs.Sampling(length, realisations, seed=1, breadth=breadth))
 
@@ -35,7 +39,11 @@ def drawn_seal(length: float = 0.1, breadth: float = 0.54e-3, realisations: int 
 if __name__ == "__main__":
     result = drawn_seal()
     print(f"{result.tiles}, {len(result.leakage)} realisations, pieces: {result.pieces.cut.shape}")
-    for step, median, spread in zip(result.steps, result.quantile(0.5), result.realisation_spread, strict=True):
-        print(f"{step.name:32} {median * 1e6:.3g} mL/(m·s), a seal scatters by {100 * spread:.1g} %")
+    for step, median, spread in zip(
+        result.steps, result.quantile(0.5), result.realisation_spread, strict=True
+    ):
+        print(
+            f"{step.name:32} {median * 1e6:.3g} mL/(m·s), a seal scatters by {100 * spread:.1g} %"
+        )
     picture = result.plot()
     picture.savefig("real_size_seal.png")

@@ -37,11 +37,15 @@ SIZES = ((0.5e-3, 1e-3), (0.5e-3, 1e-2), (0.5e-3, 0.1), (2e-3, 1e-2), (5e-3, 1e-
 FACES = (4, 8)
 
 
-def scene(plasticity: float, pieces: int = 4, loading=LOADING, peaks=PEAKS, unloading=UNLOADING) -> fs.Scene:
+def scene(
+    plasticity: float, pieces: int = 4, loading=LOADING, peaks=PEAKS, unloading=UNLOADING
+) -> fs.Scene:
     """A dry face of so many pieces a side, and its cycle."""
     n, size = pieces * POINTS, pieces * PIECE
     pixel = PIECE / POINTS
-    face = fs.self_affine((n, n), (size, size), hurst=0.8, rms_slope=SLOPE, roll_off=25e-6, cut_off=8 * pixel, rng=1)
+    face = fs.self_affine(
+        (n, n), (size, size), hurst=0.8, rms_slope=SLOPE, roll_off=25e-6, cut_off=8 * pixel, rng=1
+    )
     hardness = plasticity * MODULUS * SLOPE
     return fs.Scene(
         surface=face,
@@ -75,11 +79,17 @@ def study(plasticity=PLASTICITY, sizes=SIZES, realisations=3, mapper=map):
     for ratio in plasticity:
         case = scene(ratio)
         for breadth, length in sizes:
-            sampling = fs.Sampling(length, realisations, seed=1, breadth=breadth, median_fields=False)
+            sampling = fs.Sampling(
+                length, realisations, seed=1, breadth=breadth, median_fields=False
+            )
             result = fs.stochastic(case, (4, 4), sampling, mapper=mapper)
             median, spread = result.quantile(0.5), result.realisation_spread
             for peak in case.unload_from:
-                top = next(n for n, s in enumerate(case.steps) if s.unloaded_from is None and s.pressure == peak)
+                top = next(
+                    n
+                    for n, s in enumerate(case.steps)
+                    if s.unloaded_from is None and s.pressure == peak
+                )
                 way = [top] + [n for n, s in enumerate(case.steps) if s.unloaded_from == peak]
                 pressure = np.array([case.steps[n].pressure for n in way])
                 half = np.exp(np.interp(-peak / 2, -pressure, np.log(median[way])))
@@ -112,7 +122,9 @@ def scatter(result: fs.FaceResult, hardness: float):
     for s, step in enumerate(result.steps):
         k, gap = result.k1[s].ravel(), result.pieces.mean_gap[s].ravel()
         is_open = k > 0
-        low, high = np.quantile(np.log10(k[is_open]), (0.05, 0.95)) if is_open.any() else (np.nan, np.nan)
+        low, high = (
+            np.quantile(np.log10(k[is_open]), (0.05, 0.95)) if is_open.any() else (np.nan, np.nan)
+        )
         drop = np.sort(result.pieces.drop_fraction[s].ravel())[::-1]
         rows.append({
             "pieces": k.size,
@@ -138,17 +150,25 @@ def draw(rows, faces, path):
     ratios = sorted({r["H/(E* slope)"] for r in rows})
     figure, axes = plt.subplots(2, 3, figsize=(10.2, 7.4), layout="constrained")
     _draw_pieces(axes[0], faces)
-    peaks, shades = sorted({r["peak/H"] for r in rows}), ("#E69F00", "#00467F", "#009E73", "#666666")
+    peaks, shades = (
+        sorted({r["peak/H"] for r in rows}),
+        ("#E69F00", "#00467F", "#009E73", "#666666"),
+    )
     for ax, ratio in zip(axes[1], ratios, strict=False):
         chosen = [r for r in rows if r["H/(E* slope)"] == ratio]
         for peak, colour in zip(peaks, shades, strict=False):
-            for breadth, marker in zip(sorted({r["breadth_mm"] for r in chosen}), "osD^", strict=False):
+            for breadth, marker in zip(
+                sorted({r["breadth_mm"] for r in chosen}), "osD^", strict=False
+            ):
                 some = [r for r in chosen if r["breadth_mm"] == breadth and r["peak/H"] == peak]
                 some.sort(key=lambda r: r["length_mm"])
                 ax.plot([r["length_mm"] for r in some], [r["growth_at_half_load"] for r in some], marker=marker,
                         ms=5, mfc="none", color=colour, label=f"peak {peak:g} H, {breadth:g} mm broad")  # fmt: skip
         ax.set(
-            xscale="log", xlabel="length of the seal [mm]", title=f"unloading, H/(E* h′) = {ratio:g}", ylim=(1, None)
+            xscale="log",
+            xlabel="length of the seal [mm]",
+            title=f"unloading, H/(E* h′) = {ratio:g}",
+            ylim=(1, None),
         )
         ax.grid(alpha=0.3)
     axes[1, 0].set_ylabel("leakage after half of the load is lost,\nover that at the peak")
@@ -162,18 +182,36 @@ def draw(rows, faces, path):
 def _draw_pieces(axes, faces):
     largest = faces[max(faces)]
     loading = largest.steps.on_loading
-    for chosen, name, marker, colour in ((loading, "loading", "o", "#E69F00"), (~loading, "unloading", "x", "#00467F")):
+    for chosen, name, marker, colour in (
+        (loading, "loading", "o", "#E69F00"),
+        (~loading, "unloading", "x", "#00467F"),
+    ):
         k, gap = largest.k1[chosen].ravel(), largest.pieces.mean_gap[chosen].ravel()
-        pressure = np.broadcast_to(largest.steps.pressures[chosen, None, None], largest.k1[chosen].shape).ravel()
+        pressure = np.broadcast_to(
+            largest.steps.pressures[chosen, None, None], largest.k1[chosen].shape
+        ).ravel()
         shown = k > 0
-        style = {"ls": "", "marker": marker, "ms": 3, "mfc": "none", "mew": 0.7, "color": colour, "label": name}
+        style = {
+            "ls": "",
+            "marker": marker,
+            "ms": 3,
+            "mfc": "none",
+            "mew": 0.7,
+            "color": colour,
+            "label": name,
+        }
         axes[0].plot(pressure[shown] / 1e6, k[shown], **style)
         axes[1].plot(gap[shown] * 1e6, k[shown], **style)
     gap = largest.pieces.mean_gap[largest.pieces.mean_gap > 0]
     plates = np.geomspace(gap.min(), gap.max(), 30)
     axes[1].plot(plates * 1e6, plates**3 / 12, "k-", lw=1, label="h̄³/12")
     floor = 1e-9 * np.nanmax(largest.k1)
-    axes[0].set(yscale="log", xlabel="nominal pressure [MPa]", ylabel="permeability of pieces [m³]", title="pieces")
+    axes[0].set(
+        yscale="log",
+        xlabel="nominal pressure [MPa]",
+        ylabel="permeability of pieces [m³]",
+        title="pieces",
+    )
     axes[1].set(yscale="log", xscale="log", xlabel="mean gap of the piece [µm]", title="pieces")
     axes[1].xaxis.set_minor_formatter("")
     for ax in axes[:2]:
@@ -204,7 +242,10 @@ def main():
     options.out.mkdir(parents=True, exist_ok=True)
     faces = pieces_of_faces()
     hardness = scene(0.1).hardness
-    write([row for face in faces.values() for row in scatter(face, hardness)], options.out / "real_sizes_pieces.csv")
+    write(
+        [row for face in faces.values() for row in scatter(face, hardness)],
+        options.out / "real_sizes_pieces.csv",
+    )
     rows = study(realisations=options.realisations)
     write(rows, options.out / "real_sizes.csv")
     draw(rows, faces, options.out / "real_sizes.png")

@@ -17,7 +17,9 @@ import femseal as fs
 
 RANGES = {"hardness [Pa]": (2e9, 4e9), "roughness": (0.8, 1.25), "viscosity [Pa·s]": (1e-3, 2e-3)}
 FACE = fs.self_affine((48, 48), (48e-6, 48e-6), hurst=0.8, rms_slope=0.2, roll_off=24e-6, rng=1)
-SCENE = fs.Scene(FACE, 115e9, 3e9, fs.Liquid(1e-3), inlet_pressure=1e6, outlet_pressure=0.0, loading=(100e6,))
+SCENE = fs.Scene(
+    FACE, 115e9, 3e9, fs.Liquid(1e-3), inlet_pressure=1e6, outlet_pressure=0.0, loading=(100e6,)
+)
 
 
 def log_leakage(values: np.ndarray) -> np.ndarray:
@@ -32,7 +34,9 @@ def log_leakage(values: np.ndarray) -> np.ndarray:
 
 def indices(count: int = 128) -> tuple[np.ndarray, np.ndarray]:
     """First-order and total indices (3,) from 5 × `count` scenes; `count` is a power of 2."""
-    found = sobol_indices(func=log_leakage, n=count, dists=[loguniform(*ends) for ends in RANGES.values()], rng=1)
+    found = sobol_indices(
+        func=log_leakage, n=count, dists=[loguniform(*ends) for ends in RANGES.values()], rng=1
+    )
     return found.first_order, found.total_order
 
 

@@ -30,10 +30,14 @@ def draw(folder, step):
     seal, face = read(folder / "vtk" / "pieces.pvd", step), read(folder / "fields.pvd", step)
     x1, x2 = seal.bounds[1], seal.bounds[3]
     stacked = x1 > x2
-    plotter = pv.Plotter(shape=(2, 1) if stacked else (1, 2), off_screen=True, window_size=(1000, 1100))
+    plotter = pv.Plotter(
+        shape=(2, 1) if stacked else (1, 2), off_screen=True, window_size=(1000, 1100)
+    )
     seal["pressure drop [%]"] = 100 * seal["drop_fraction"]
     face["contact pressure [MPa]"] = face["contact_pressure_MPa"]
-    for n, (mesh, name) in enumerate(((seal, "pressure drop [%]"), (face, "contact pressure [MPa]"))):
+    for n, (mesh, name) in enumerate(
+        ((seal, "pressure drop [%]"), (face, "contact pressure [MPa]"))
+    ):
         plotter.subplot(*((n, 0) if stacked else (0, n)))
         plotter.set_background("white")
         bar = {
@@ -45,7 +49,13 @@ def draw(folder, step):
             "fmt": "%.4g",
         }
         plotter.add_mesh(
-            mesh, scalars=name, cmap=COLOURS[n], nan_color="grey", lighting=False, scalar_bar_args=bar, copy_mesh=True
+            mesh,
+            scalars=name,
+            cmap=COLOURS[n],
+            nan_color="grey",
+            lighting=False,
+            scalar_bar_args=bar,
+            copy_mesh=True,
         )
         # from above, x1 to the right
         centre = x1 / 2, x2 / 2
@@ -54,7 +64,9 @@ def draw(folder, step):
         width, height = plotter.renderer.GetSize()
         plotter.camera.parallel_scale = 0.7 * max(x2, x1 * height / width)
     plotter.subplot(0, 0)
-    load, peak = (float(seal.field_data[name][0]) for name in ("nominal_pressure_MPa", "unloaded_from_MPa"))
+    load, peak = (
+        float(seal.field_data[name][0]) for name in ("nominal_pressure_MPa", "unloaded_from_MPa")
+    )
     branch = "loading" if np.isnan(peak) else f"unloading from {peak:g} MPa"
     plotter.add_text(f"{load:g} MPa, {branch}", font_size=12, color="black")
     return plotter
@@ -71,6 +83,8 @@ def tightest_leaking_step(folder):
 
 if __name__ == "__main__":
     if len(sys.argv) != 3:
-        sys.exit("two arguments: a results folder of the two-scale method, and the picture to write")
+        sys.exit(
+            "two arguments: a results folder of the two-scale method, and the picture to write"
+        )
     source, picture = sys.argv[1:]
     draw(source, tightest_leaking_step(source)).screenshot(picture)

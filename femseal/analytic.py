@@ -178,7 +178,11 @@ def log_symmetric_links(permeabilities: ArrayLike) -> float:
 
 
 def annulus_rate(
-    permeability: float, pressure_drop: float, viscosity: float, inner_radius: float, outer_radius: float
+    permeability: float,
+    pressure_drop: float,
+    viscosity: float,
+    inner_radius: float,
+    outer_radius: float,
 ) -> float:
     """Radial flow Q = 2πkΔp/(η ln(r_o/r_i)) [m³/s] through a ring of uniform k."""
     return 2 * pi * permeability * pressure_drop / (viscosity * log(outer_radius / inner_radius))
@@ -200,7 +204,9 @@ def eccentric_annulus_rate(
     >>> abs(Q / annulus_rate(1.0, 1.0, 1.0, 1.0, 1.5) - 1) < 1e-12
     True
     """
-    between = (inner_radius**2 + outer_radius**2 - eccentricity**2) / (2 * inner_radius * outer_radius)
+    between = (inner_radius**2 + outer_radius**2 - eccentricity**2) / (
+        2 * inner_radius * outer_radius
+    )
     return 2 * pi * permeability * pressure_drop / (viscosity * float(np.arccosh(between)))
 
 
@@ -333,8 +339,12 @@ def critical_junction(
     w = np.sqrt(2 / np.where(shorter > 0, shorter, inf))
     y = np.maximum(w * pressure / (area[:-1, None] * min(modulus, alike)), x[0])
     gap = (q * power * w * np.interp(np.log(y), np.log(x), integral)).sum(axis=1) / (2 * sqrt(pi))
-    at_closing = np.interp(-log(closing), -np.log(area), np.append(gap, 0.0)) if area[-1] < closing else 0.0
-    return Junction(float(area[-1]), min(_PASSAGE * float(at_closing), float(gap[0])), float(gap[0]))
+    at_closing = (
+        np.interp(-log(closing), -np.log(area), np.append(gap, 0.0)) if area[-1] < closing else 0.0
+    )
+    return Junction(
+        float(area[-1]), min(_PASSAGE * float(at_closing), float(gap[0])), float(gap[0])
+    )
 
 
 @cache

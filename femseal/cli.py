@@ -75,12 +75,17 @@ def new(
     path: Annotated[Path, typer.Argument(help="Case file to write.")] = Path("case.toml"),
     face: Annotated[
         Path | None,
-        typer.Option("--from", metavar="FILE", help="Measured face that the case is of.", show_default="none"),
+        typer.Option(
+            "--from", metavar="FILE", help="Measured face that the case is of.", show_default="none"
+        ),
     ] = None,
     spacing: Annotated[
-        tuple[str, str] | None, option("Pixel of the face, such as '2 um' '2 um'.", "as the file says")
+        tuple[str, str] | None,
+        option("Pixel of the face, such as '2 um' '2 um'.", "as the file says"),
     ] = None,
-    height_unit: Annotated[str | None, option("Unit of its heights, such as um.", "as the file says")] = None,
+    height_unit: Annotated[
+        str | None, option("Unit of its heights, such as um.", "as the file says")
+    ] = None,
 ) -> None:
     """Write a commented case file to start from, also of a measured face."""
     if path.exists():
@@ -119,15 +124,20 @@ def check(path: CasePath) -> None:
 @app.command()
 def run(
     path: CasePath,
-    output: Annotated[Path | None, option("Results folder.", "results/CASE", "-o", "--output")] = None,
+    output: Annotated[
+        Path | None, option("Results folder.", "results/CASE", "-o", "--output")
+    ] = None,
     resume: Annotated[
-        bool, flag("--resume", "Keep complete results of the same case, or go on where a run was ended.")
+        bool,
+        flag("--resume", "Keep complete results of the same case, or go on where a run was ended."),
     ] = False,
     part: PartOption = None,
     workers: Workers = None,
     scheduler: Scheduler = None,
     quiet: Quiet = False,
-    log_file: Annotated[Path | None, option("Log lines also go to the end of this file.", "none")] = None,
+    log_file: Annotated[
+        Path | None, option("Log lines also go to the end of this file.", "none")
+    ] = None,
 ) -> None:
     """Compute a case, write its results folder and print the leakage at every load.
 
@@ -142,7 +152,9 @@ def run(
     if scheduler is None and not resume and own is None:
         from .execution.processes import start_processes
 
-        start_processes(workers, "femseal.studies.worker_process")  # while this process loads the solvers too
+        start_processes(
+            workers, "femseal.studies.worker_process"
+        )  # while this process loads the solvers too
     with loading():
         from .runs import job
 
@@ -151,7 +163,9 @@ def run(
         with show_progress(quiet, log_file) as progress:
             results = job.run(case, folder, resume, workers, scheduler, part=own, progress=progress)
     except KeyboardInterrupt:
-        raise FemsealError(f"stopped; `{again} {f'--part {part}' if part else '--resume'}` goes on") from None
+        raise FemsealError(
+            f"stopped; `{again} {f'--part {part}' if part else '--resume'}` goes on"
+        ) from None
     if own is not None and not quiet:
         typer.echo(f"part {part}: all parts are done; `{again} --resume` writes the results")
     elif results is not None and not quiet:
@@ -174,8 +188,12 @@ for command in (sweep, compare, design, calibrate):
 @app.command()
 def report(
     folder: Annotated[Path, typer.Argument(metavar="DIR", help="Results folder of a run.")],
-    output: Annotated[Path | None, option("Page to write.", "DIR/report.html", "-o", "--output")] = None,
-    pdf: Annotated[bool, flag("--pdf", "Print the page beside it, by a browser or WeasyPrint.")] = False,
+    output: Annotated[
+        Path | None, option("Page to write.", "DIR/report.html", "-o", "--output")
+    ] = None,
+    pdf: Annotated[
+        bool, flag("--pdf", "Print the page beside it, by a browser or WeasyPrint.")
+    ] = False,
 ) -> None:
     """Write one self-contained HTML page about a run: verdict, curves, maps, tables, error budget; also as PDF."""
     from .report import write_pdf, write_report
@@ -190,14 +208,24 @@ def report(
 def export(
     folder: Annotated[Path, typer.Argument(metavar="DIR", help="Results folder of a run.")],
     output: Annotated[Path, typer.Option("-o", "--output", help="File to write: .npz or .vti.")],
-    step: Annotated[int | None, option("Load step, counted from 0 as in the table.", "all, numbered files")] = None,
+    step: Annotated[
+        int | None, option("Load step, counted from 0 as in the table.", "all, numbered files")
+    ] = None,
     field: Annotated[
-        str, typer.Option(help='Over the pixels of the face: "gap", "contact_pressure" or "fluid_pressure".')
+        str,
+        typer.Option(
+            help='Over the pixels of the face: "gap", "contact_pressure" or "fluid_pressure".'
+        ),
     ] = "gap",
-    piece: Annotated[tuple[int, int] | None, option("Piece, counted from 0 along x1 and x2.", "the face")] = None,
+    piece: Annotated[
+        tuple[int, int] | None, option("Piece, counted from 0 along x1 and x2.", "the face")
+    ] = None,
     window: Annotated[
         tuple[str, str, str, str] | None,
-        option('Part of the face: x1 from and to, x2 from and to, as "0 mm" "1 mm" "2 mm" "3 mm".', "the face"),
+        option(
+            'Part of the face: x1 from and to, x2 from and to, as "0 mm" "1 mm" "2 mm" "3 mm".',
+            "the face",
+        ),
     ] = None,
 ) -> None:
     """Write the gap, the contact or the fluid pressure at the load steps for other programs, with the pixel's size."""
@@ -208,7 +236,9 @@ def export(
     if window is not None:
         a, b, c, d = (to_si(text, "m", "window") for text in window)
         ends = a, b, c, d
-    for path in open_results(folder).export(output, step=step, field=field, piece=piece, window=ends):
+    for path in open_results(folder).export(
+        output, step=step, field=field, piece=piece, window=ends
+    ):
         typer.echo(path)
 
 
@@ -216,15 +246,19 @@ def export(
 def surface(
     path: Annotated[Path, typer.Argument(metavar="FILE", help="File with the heights of a face.")],
     size: Annotated[
-        tuple[str, str] | None, option("Sides along x1 and x2, such as '1.2 mm' '0.9 mm'.", "as the file says")
+        tuple[str, str] | None,
+        option("Sides along x1 and x2, such as '1.2 mm' '0.9 mm'.", "as the file says"),
     ] = None,
     spacing: Annotated[
-        tuple[str, str] | None, option("Pixel along x1 and x2 instead of the size.", "size / points")
+        tuple[str, str] | None,
+        option("Pixel along x1 and x2 instead of the size.", "size / points"),
     ] = None,
     height_unit: Annotated[
         str | None, option("Unit of the heights in the file, such as um.", "as the file says")
     ] = None,
-    channel: Annotated[str, typer.Option(help="Number or name of the channel in files with several.")] = "0",
+    channel: Annotated[
+        str, typer.Option(help="Number or name of the channel in files with several.")
+    ] = "0",
     array: Annotated[str | None, option("Array in an .npz with several.", "the only one")] = None,
     delimiter: Annotated[str | None, option("Between the numbers of a text.", "as found")] = None,
     transpose: Annotated[bool, flag("--transpose", "Exchange x and y.")] = False,
@@ -232,18 +266,34 @@ def surface(
         Path | None, option("Image, text or .npy of the map's size, undefined where not 0.", "none")
     ] = None,
     file_mask: Annotated[
-        bool, typer.Option(help="Points under the mask in a .gwy or .npz are undefined, or taken as they are.")
+        bool,
+        typer.Option(
+            help="Points under the mask in a .gwy or .npz are undefined, or taken as they are."
+        ),
     ] = True,
     crop: Annotated[
-        tuple[str, str, str, str] | None, option("Part that is used: x1 from, x1 to, x2 from, x2 to.", "the whole")
+        tuple[str, str, str, str] | None,
+        option("Part that is used: x1 from, x1 to, x2 from, x2 to.", "the whole"),
     ] = None,
-    tip_radius: Annotated[str | None, option("Radius of the tip of the instrument.", "as the file says")] = None,
-    resolution: Annotated[str | None, option("Lateral period limit of the instrument.", "as the file says")] = None,
-    spikes: Annotated[float, typer.Option(help="Robust deviations beyond which an isolated point is a spike.")] = 6.0,
-    detrend: Annotated[int, typer.Option(help="Form taken off: 0 mean, 1 tilt, 2 tilt and curvature.")] = 1,
+    tip_radius: Annotated[
+        str | None, option("Radius of the tip of the instrument.", "as the file says")
+    ] = None,
+    resolution: Annotated[
+        str | None, option("Lateral period limit of the instrument.", "as the file says")
+    ] = None,
+    spikes: Annotated[
+        float, typer.Option(help="Robust deviations beyond which an isolated point is a spike.")
+    ] = 6.0,
+    detrend: Annotated[
+        int, typer.Option(help="Form taken off: 0 mean, 1 tilt, 2 tilt and curvature.")
+    ] = 1,
     shortest_wave: Annotated[str | None, option("Low-pass of a run.", "measured ones")] = None,
-    max_undefined: Annotated[float, typer.Option(help="Largest fraction of points that are filled.")] = 0.05,
-    picture: Annotated[Path | None, option("Picture to write (.png .pdf .svg).", "none", "-o", "--output")] = None,
+    max_undefined: Annotated[
+        float, typer.Option(help="Largest fraction of points that are filled.")
+    ] = 0.05,
+    picture: Annotated[
+        Path | None, option("Picture to write (.png .pdf .svg).", "none", "-o", "--output")
+    ] = None,
 ) -> None:
     """Describe a measured face, and say what a run would do to it; the options are keys of a case file too.
 
@@ -314,13 +364,19 @@ def main() -> None:
     except KeyboardInterrupt as error:
         _stop(error, "stopped", 1)
     except MemoryError as error:
-        _stop(error, f"out of memory ({error or 'no more is free'}); `femseal check` says what a run takes", 1)
+        _stop(
+            error,
+            f"out of memory ({error or 'no more is free'}); `femseal check` says what a run takes",
+            1,
+        )
     except Exception as error:
         if isinstance(error, OSError) and _is_of_output(error):
             _stop(error, f"standard output: cannot be written ({error.strerror})", 1)
         if isinstance(error, OSError) and error.errno == errno.ENAMETOOLONG:
             given = f"'{shortened(str(error.filename))}'"
-            _stop(error, str(InputError("path", given, "names as short as the file system takes")), 2)
+            _stop(
+                error, str(InputError("path", given, "names as short as the file system takes")), 2
+            )
         unknown = re.match(r"No such (command|option):? '?([\w-]+)", str(error))
         if unknown and unknown[2] in _REMOVED:
             _stop(error, str(InputError(unknown[2], f"the {unknown[1]}", _REMOVED[unknown[2]])), 2)

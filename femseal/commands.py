@@ -36,10 +36,17 @@ def sweep(
     path: CasePath,
     keys: Annotated[
         list[str],
-        typer.Argument(metavar="KEY=V1,V2 …", help="Values of dotted keys, such as material.hardness=3GPa,4GPa."),
+        typer.Argument(
+            metavar="KEY=V1,V2 …",
+            help="Values of dotted keys, such as material.hardness=3GPa,4GPa.",
+        ),
     ],
-    output: Annotated[Path | None, option("Folder of all cases.", "results/CASE-sweep", "-o", "--output")] = None,
-    resume: Annotated[bool, flag("--resume", "Keep complete cases, and go on with the others.")] = False,
+    output: Annotated[
+        Path | None, option("Folder of all cases.", "results/CASE-sweep", "-o", "--output")
+    ] = None,
+    resume: Annotated[
+        bool, flag("--resume", "Keep complete cases, and go on with the others.")
+    ] = False,
     unit: Annotated[str | None, option("Unit of leakage.", "as in the case")] = None,
     part: PartOption = None,
     workers: Workers = None,
@@ -72,9 +79,13 @@ def sweep(
 
 
 def compare(
-    runs: Annotated[list[str], typer.Argument(metavar="DIR …", help="Results folders, each as DIR or as NAME=DIR.")],
+    runs: Annotated[
+        list[str],
+        typer.Argument(metavar="DIR …", help="Results folders, each as DIR or as NAME=DIR."),
+    ],
     output: Annotated[
-        Path | None, option("Folder for comparison.csv and comparison.png.", "none", "-o", "--output")
+        Path | None,
+        option("Folder for comparison.csv and comparison.png.", "none", "-o", "--output"),
     ] = None,
     unit: Annotated[str | None, option("Unit of leakage.", "as in the cases")] = None,
 ) -> None:
@@ -90,7 +101,9 @@ def compare(
 
 
 def design(
-    path: Annotated[Path, typer.Argument(metavar="CASE|DIR", help="Case file, or results folder of a run.")],
+    path: Annotated[
+        Path, typer.Argument(metavar="CASE|DIR", help="Case file, or results folder of a run.")
+    ],
     classes: Annotated[
         list[str] | None,
         typer.Option(
@@ -99,18 +112,26 @@ def design(
             show_default="those of the case, else L0.01, L0.1, L1",
         ),
     ] = None,
-    probability: Annotated[float, typer.Option(help="Fraction of the seals that is to keep the class.")] = 0.95,
+    probability: Annotated[
+        float, typer.Option(help="Fraction of the seals that is to keep the class.")
+    ] = 0.95,
     assembly: Annotated[
         list[str] | None,
         option(
-            "Pressure in assembly Q_A besides those of the case, such as '300 MPa'; may be given several times.", "none"
+            "Pressure in assembly Q_A besides those of the case, such as '300 MPa'; may be given several times.",
+            "none",
         ),
     ] = None,
-    diameter: Annotated[str | None, option("Nominal diameter of valve, seat or stem.", "that of the case")] = None,
-    output: Annotated[
-        Path | None, option("Folder of results and answer.", "results/CASE, or DIR", "-o", "--output")
+    diameter: Annotated[
+        str | None, option("Nominal diameter of valve, seat or stem.", "that of the case")
     ] = None,
-    solve: Annotated[bool, typer.Option("--solve/--no-solve", help="Solve a case again with another hardness.")] = True,
+    output: Annotated[
+        Path | None,
+        option("Folder of results and answer.", "results/CASE, or DIR", "-o", "--output"),
+    ] = None,
+    solve: Annotated[
+        bool, typer.Option("--solve/--no-solve", help="Solve a case again with another hardness.")
+    ] = True,
     workers: Workers = None,
     quiet: Quiet = False,
 ) -> None:
@@ -145,16 +166,24 @@ def design(
 
 def calibrate(
     path: CasePath,
-    data: Annotated[Path, typer.Argument(metavar="DATA.csv", help="Columns of a leak test: load, branch, leakage.")],
-    output: Annotated[Path | None, option("Folder.", "results/CASE-calibrated", "-o", "--output")] = None,
+    data: Annotated[
+        Path,
+        typer.Argument(metavar="DATA.csv", help="Columns of a leak test: load, branch, leakage."),
+    ],
+    output: Annotated[
+        Path | None, option("Folder.", "results/CASE-calibrated", "-o", "--output")
+    ] = None,
     hardness: Annotated[
-        tuple[str, str] | None, option("Range of the prior, such as '2 GPa' '5 GPa'.", "a third to 3 times the case's")
+        tuple[str, str] | None,
+        option("Range of the prior, such as '2 GPa' '5 GPa'.", "a third to 3 times the case's"),
     ] = None,
     shortest_wave: Annotated[
-        tuple[str, str] | None, option("Range of the prior, such as '4 um' '20 um'.", "8 pixels to 3 times the case's")
+        tuple[str, str] | None,
+        option("Range of the prior, such as '4 um' '20 um'.", "8 pixels to 3 times the case's"),
     ] = None,
     factor: Annotated[
-        tuple[float, float], typer.Option(help="Range of the prior of the factor between test and model.")
+        tuple[float, float],
+        typer.Option(help="Range of the prior of the factor between test and model."),
     ] = (0.2, 5.0),
     error: Annotated[str, typer.Option(help="Relative error of a measured leakage.")] = "10 %",
     scenes: Annotated[int, typer.Option(help="Scenes that are solved at most.")] = 40,
@@ -187,10 +216,16 @@ def calibrate(
                 progress=progress,
             )
     except KeyboardInterrupt:
-        raise FemsealError(f"stopped; `femseal calibrate {path} {data} -o {folder} --resume` goes on") from None
+        raise FemsealError(
+            f"stopped; `femseal calibrate {path} {data} -o {folder} --resume` goes on"
+        ) from None
     if not quiet:
         print_table(found.table())
     if part is not None and not quiet:
-        typer.echo(f"part {part}: all scenes are solved; --resume without --part writes the results")
+        typer.echo(
+            f"part {part}: all scenes are solved; --resume without --part writes the results"
+        )
     elif not quiet:
-        typer.echo(f"calibration.json, calibration.csv, calibration.png and {CASE_FILE} in {folder}")
+        typer.echo(
+            f"calibration.json, calibration.csv, calibration.png and {CASE_FILE} in {folder}"
+        )

@@ -161,7 +161,10 @@ class Liquid(_OnFaces):
 
     def pressure(self, potential: ArrayLike) -> NDArray[np.float64]:
         """Inverse of `potential` [Pa]."""
-        p, α = np.asarray(potential, dtype=float) * self.viscosity / self.density, self.pressure_viscosity
+        p, α = (
+            np.asarray(potential, dtype=float) * self.viscosity / self.density,
+            self.pressure_viscosity,
+        )
         return p if α == 0 else -np.log1p(-α * p) / α
 
 
@@ -190,7 +193,9 @@ class RoelandsLiquid(_OnFaces):
         above=6.31e-5,
         needed=_NAMELESS,
     )
-    pressure_viscosity: float = parameter("1/Pa", "a coefficient > 0, such as '20 1/GPa'", _BARUS, usual=(1e-10, 1e-7))
+    pressure_viscosity: float = parameter(
+        "1/Pa", "a coefficient > 0, such as '20 1/GPa'", _BARUS, usual=(1e-10, 1e-7)
+    )
     density: float = parameter(
         "kg/m^3",
         "a density > 0, such as '870 kg/m^3'",
@@ -263,7 +268,11 @@ class IdealGas(Gas):
     kind: ClassVar[str] = "ideal-gas"
     viscosity: float = _viscosity("18 uPa*s")
     molar_mass: float = parameter(
-        "kg/mol", "a molar mass > 0, such as '29 g/mol'", "of the gas", usual=(1e-3, 1.0), needed=_NAMELESS
+        "kg/mol",
+        "a molar mass > 0, such as '29 g/mol'",
+        "of the gas",
+        usual=(1e-3, 1.0),
+        needed=_NAMELESS,
     )
     temperature: float = temperature_of_gas(needed=_NAMELESS)
     slip: bool = slip_of_gas()
@@ -310,7 +319,9 @@ class IdealGas(Gas):
         h, p = np.broadcast_arrays(*(np.asarray(value, dtype=float) for value in (gap, pressure)))
         for name, values, unit in (("gap", h, "m"), ("pressure", p, "Pa, absolute")):
             if not (np.isfinite(values).all() and values.min(initial=0.0) >= 0):
-                raise InputError(name, "negative or undefined values", f"finite numbers >= 0 [{unit}]")
+                raise InputError(
+                    name, "negative or undefined values", f"finite numbers >= 0 [{unit}]"
+                )
         return self.law.factor(h, p)
 
 
@@ -357,7 +368,9 @@ def capillary_entry_pressure(fluid: Fluid, gap: float) -> float:
     return -2 * tension * cos(angle) / gap if gap > 0 else inf
 
 
-def leak_basis(fluid: Fluid, length: float, stated: float | None = None, **valve: float) -> LeakBasis:
+def leak_basis(
+    fluid: Fluid, length: float, stated: float | None = None, **valve: float
+) -> LeakBasis:
     """What turns the leakage of a fluid through a seal of a length [m] into any unit.
 
     A fluid that has a `reference_pressure`, at which its volumes are stated, and a `temperature` is a gas; its
@@ -366,10 +379,15 @@ def leak_basis(fluid: Fluid, length: float, stated: float | None = None, **valve
     """
     pressure = getattr(fluid, "reference_pressure", None)
     temperature, molar_mass = (
-        None if pressure is None else getattr(fluid, name, None) for name in ("temperature", "molar_mass")
+        None if pressure is None else getattr(fluid, name, None)
+        for name in ("temperature", "molar_mass")
     )
-    return LeakBasis(length, fluid.reference_density, pressure, temperature, molar_mass, stated, **valve)
+    return LeakBasis(
+        length, fluid.reference_density, pressure, temperature, molar_mass, stated, **valve
+    )
 
 
 #: Fluids that a case can choose, by their kind.
-FLUIDS: dict[str, Any] = {fluid.kind: fluid for fluid in (Liquid, RoelandsLiquid, IdealGas, RealGas)}
+FLUIDS: dict[str, Any] = {
+    fluid.kind: fluid for fluid in (Liquid, RoelandsLiquid, IdealGas, RealGas)
+}

@@ -63,15 +63,22 @@ class LoadProgramme(tuple[LoadStep, ...]):
             b <= a for a, b in pairwise(loading)
         ):
             given = ", ".join(step.name for step in programme)
-            raise InputError("load programme", given, "all loading steps first, with rising pressures")
+            raise InputError(
+                "load programme", given, "all loading steps first, with rising pressures"
+            )
         for step in programme[len(loading) :]:
             if step.unloaded_from not in loading:
-                raise InputError("load programme", step.name, "an unloading step from one of the loading steps")
+                raise InputError(
+                    "load programme", step.name, "an unloading step from one of the loading steps"
+                )
         return programme
 
     @classmethod
     def of(
-        cls, loading: Sequence[float], unload_from: Sequence[float] = (), unloading: Sequence[float] = ()
+        cls,
+        loading: Sequence[float],
+        unload_from: Sequence[float] = (),
+        unloading: Sequence[float] = (),
     ) -> LoadProgramme:
         """The loading curve with every peak on it, then from each peak the stops below it in falling order.
 
@@ -83,19 +90,27 @@ class LoadProgramme(tuple[LoadStep, ...]):
         """
         loading, unload_from, unloading = (
             _pressures(name, values)
-            for name, values in (("loading", loading), ("unload_from", unload_from), ("unloading", unloading))
+            for name, values in (
+                ("loading", loading),
+                ("unload_from", unload_from),
+                ("unloading", unloading),
+            )
         )
         if len(loading) == 0:
             raise InputError("loading", "an empty list", "at least one pressure [Pa]")
         if any(b <= a for a, b in pairwise(loading)):
             raise InputError("loading", loading, "rising pressures")
         if len(unloading) and not len(unload_from):
-            raise InputError("unload_from", "an empty list", "at least one pressure where `unloading` is given")
+            raise InputError(
+                "unload_from", "an empty list", "at least one pressure where `unloading` is given"
+            )
         steps = [LoadStep(p) for p in sorted({*loading, *unload_from})]
         for peak in sorted(set(unload_from)):
             below = sorted({p for p in unloading if p < peak}, reverse=True)
             if not below:
-                raise InputError("unloading", unloading, f"at least one pressure below the peak {peak:g} Pa")
+                raise InputError(
+                    "unloading", unloading, f"at least one pressure below the peak {peak:g} Pa"
+                )
             steps += [LoadStep(p, peak) for p in below]
         return cls(steps)
 
@@ -120,7 +135,9 @@ class LoadProgramme(tuple[LoadStep, ...]):
     @property
     def unloading(self) -> tuple[float, ...]:
         """Pressures at which any unloading stops, falling [Pa]."""
-        return tuple(sorted({s.pressure for s in self if s.unloaded_from is not None}, reverse=True))
+        return tuple(
+            sorted({s.pressure for s in self if s.unloaded_from is not None}, reverse=True)
+        )
 
     @property
     def on_loading(self) -> NDArray[np.bool_]:
@@ -136,7 +153,9 @@ class LoadProgramme(tuple[LoadStep, ...]):
     def peak_indices(self) -> NDArray[np.int64]:
         """Index of the loading step from which each step is unloaded (steps,); on loading its own."""
         loading = {s.pressure: n for n, s in enumerate(self) if s.unloaded_from is None}
-        found = [n if s.unloaded_from is None else loading[s.unloaded_from] for n, s in enumerate(self)]
+        found = [
+            n if s.unloaded_from is None else loading[s.unloaded_from] for n, s in enumerate(self)
+        ]
         return np.array(found, dtype=np.int64)
 
 

@@ -86,16 +86,37 @@ _CALLISTER = "Callister, Materials Science and Engineering"
 #: Metals of seals at 20 °C by their name, each with its source. Yield strengths are the 0.2 % proof stress of sheet or
 #: bar as delivered, the least or a typical one as the source says.
 METALS: dict[str, tuple[Solid, str]] = {
-    "steel 304/316, annealed": (Solid(200e9, 0.3, 205e6), "E: EN 10088-1; least yield strength: ASTM A240"),
-    "steel 1.4571, annealed": (Solid(200e9, 0.3, 200e6), "E: EN 10088-1; least yield strength: EN 10088-3"),
-    "Inconel 718, aged": (Solid(200e9, 0.29, 1034e6), "Special Metals SMC-045; least yield strength: AMS 5662"),
-    "copper, soft": (Solid(117e9, 0.343, 48e6), "OFHC, annealed strip, typical: Smithells; ν: Kaye & Laby"),
-    "copper, half hard": (Solid(117e9, 0.343, 176e6), "OFHC strip, typical: Smithells; ν: Kaye & Laby"),
-    "aluminium 1050, soft": (Solid(69e9, 0.33, 20e6), "EN AW-1050A, temper O; least yield strength: EN 485-2"),
+    "steel 304/316, annealed": (
+        Solid(200e9, 0.3, 205e6),
+        "E: EN 10088-1; least yield strength: ASTM A240",
+    ),
+    "steel 1.4571, annealed": (
+        Solid(200e9, 0.3, 200e6),
+        "E: EN 10088-1; least yield strength: EN 10088-3",
+    ),
+    "Inconel 718, aged": (
+        Solid(200e9, 0.29, 1034e6),
+        "Special Metals SMC-045; least yield strength: AMS 5662",
+    ),
+    "copper, soft": (
+        Solid(117e9, 0.343, 48e6),
+        "OFHC, annealed strip, typical: Smithells; ν: Kaye & Laby",
+    ),
+    "copper, half hard": (
+        Solid(117e9, 0.343, 176e6),
+        "OFHC strip, typical: Smithells; ν: Kaye & Laby",
+    ),
+    "aluminium 1050, soft": (
+        Solid(69e9, 0.33, 20e6),
+        "EN AW-1050A, temper O; least yield strength: EN 485-2",
+    ),
     "aluminium 6061-T6": (Solid(69e9, 0.33, 276e6), "typical: ASM Handbook, vol. 2"),
     "nickel 200, annealed": (Solid(204e9, 0.31, 148e6), f"typical: {_CALLISTER}, appendix B"),
     "silver, annealed": (Solid(82.7e9, 0.367, 54e6), f"typical: ASM Handbook, vol. 2; {_ELASTIC}"),
-    "soft iron": (Solid(211.4e9, 0.293, 130e6), f"annealed, typical: {_CALLISTER}, table 6.2; {_ELASTIC}"),
+    "soft iron": (
+        Solid(211.4e9, 0.293, 130e6),
+        f"annealed, typical: {_CALLISTER}, table 6.2; {_ELASTIC}",
+    ),
 }
 
 
@@ -116,6 +137,8 @@ def named_solid(name: str) -> Solid:
     if text in known:
         return METALS[known[text]][0]
     parts = [part for part in (text, *re.findall(r"\d{3,}", text)) if part]
-    near = [key for key in known if any(part in key for part in parts)] or get_close_matches(text, known, 1, 0.4)
+    near = [key for key in known if any(part in key for part in parts)] or get_close_matches(
+        text, known, 1, 0.4
+    )
     perhaps = f"; perhaps meant: {known[near[0]]!r}" if near else ""
     raise InputError("name", shown(name), f"one of {', '.join(map(repr, METALS))}{perhaps}")

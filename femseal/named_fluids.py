@@ -41,7 +41,9 @@ def _liquid(viscosity: float, density: float, source: str) -> NamedFluid:
 _OIL = "ISO 3448; at 20 °C by ASTM D341 with a viscosity index of about 100, and a density usual for mineral oils"
 #: Fluids at 20 °C and 101 325 Pa, by their name. Values of gases and water equal those of CoolProp 8 to the last digit.
 TABLE: dict[str, NamedFluid] = {
-    "water": _liquid(1.0016e-3, 998.21, "IAPWS formulations of 1995 (density) and 2008 (viscosity)"),
+    "water": _liquid(
+        1.0016e-3, 998.21, "IAPWS formulations of 1995 (density) and 2008 (viscosity)"
+    ),
     "mineral oil ISO VG 32": _liquid(0.0747, 866.0, _OIL),
     "mineral oil ISO VG 46": _liquid(0.1164, 870.0, _OIL),
     "air": _gas(18.21e-6, 28.965e-3, "Lemmon & Jacobsen, Int. J. Thermophys. 25, 2004, 21"),
@@ -49,13 +51,19 @@ TABLE: dict[str, NamedFluid] = {
     "oxygen": _gas(20.27e-6, 31.999e-3, "Lemmon & Jacobsen, Int. J. Thermophys. 25, 2004, 21"),
     "argon": _gas(22.31e-6, 39.948e-3, "Lemmon & Jacobsen, Int. J. Thermophys. 25, 2004, 21"),
     "helium": _gas(19.62e-6, 4.0026e-3, "Arp, McCarty & Friend, NIST Technical Note 1334, 1998"),
-    "hydrogen": _gas(8.80e-6, 2.0159e-3, "Muzny, Huber & Kazakov, J. Chem. Eng. Data 58, 2013, 969"),
-    "methane": _gas(11.04e-6, 16.043e-3, "Quiñones-Cisneros & Deiters, J. Phys. Chem. B 110, 2006, 12820"),
+    "hydrogen": _gas(
+        8.80e-6, 2.0159e-3, "Muzny, Huber & Kazakov, J. Chem. Eng. Data 58, 2013, 969"
+    ),
+    "methane": _gas(
+        11.04e-6, 16.043e-3, "Quiñones-Cisneros & Deiters, J. Phys. Chem. B 110, 2006, 12820"
+    ),
 }
 
 
 def named_fluid(
-    name: str, temperature: float = TABLE_TEMPERATURE, pressures: tuple[float, float] = (TABLE_PRESSURE, TABLE_PRESSURE)
+    name: str,
+    temperature: float = TABLE_TEMPERATURE,
+    pressures: tuple[float, float] = (TABLE_PRESSURE, TABLE_PRESSURE),
 ) -> NamedFluid:
     """Properties of a fluid by its name, from the table at 20 °C and otherwise from CoolProp.
 
@@ -66,13 +74,21 @@ def named_fluid(
     pressures.
     """
     known = {key.casefold(): fluid for key, fluid in TABLE.items()}
-    if isinstance(name, str) and name.casefold() in known and abs(temperature - TABLE_TEMPERATURE) < 0.01:
+    if (
+        isinstance(name, str)
+        and name.casefold() in known
+        and abs(temperature - TABLE_TEMPERATURE) < 0.01
+    ):
         return known[name.casefold()]
     properties = known_to_coolprop(name, temperature)
     try:
         low, high = (float(properties.PropsSI(limit, name)) for limit in ("Tmin", "Tmax"))
         if not low <= temperature <= high:
-            refuse(name, temperature, f"a temperature from {low - 273.15:.4g} to {high - 273.15:.4g} °C")
+            refuse(
+                name,
+                temperature,
+                f"a temperature from {low - 273.15:.4g} to {high - 273.15:.4g} °C",
+            )
         phases = {properties.PhaseSI("T", temperature, "P", max(p, 1.0), name) for p in pressures}
         state = ("T", temperature, "P", max(sum(pressures) / 2, 1.0), name)
         viscosity, density = (float(properties.PropsSI(letter, *state)) for letter in "VD")
@@ -80,7 +96,9 @@ def named_fluid(
     except InputError:
         raise
     except ValueError as error:
-        refuse(name, temperature, f"a fluid and a temperature that CoolProp knows: {shown(str(error))}")
+        refuse(
+            name, temperature, f"a fluid and a temperature that CoolProp knows: {shown(str(error))}"
+        )
     is_gas = {"gas" in phase or phase == "supercritical" for phase in phases}
     if len(is_gas) > 1 or "twophase" in phases:
         refuse(name, temperature, "a temperature at which it is a gas, or a liquid, at both ends")
@@ -102,9 +120,15 @@ def known_to_coolprop(name: Any, temperature: float, without: str = "") -> Any:
     aliases = names_in_coolprop()
     if not isinstance(name, str) or name.casefold() not in aliases:
         if isinstance(name, str) and name.casefold() in {key.casefold() for key in TABLE}:
-            refuse(name, temperature, "20 °C for a fluid that CoolProp does not know; or its viscosity and density")
+            refuse(
+                name,
+                temperature,
+                "20 °C for a fluid that CoolProp does not know; or its viscosity and density",
+            )
         raise InputError(
-            "name", shown(name), f"one of {table}, or a fluid of CoolProp: {', '.join(sorted({*aliases.values()}))}"
+            "name",
+            shown(name),
+            f"one of {table}, or a fluid of CoolProp: {', '.join(sorted({*aliases.values()}))}",
         )
     return CoolProp
 
@@ -115,7 +139,11 @@ def names_in_coolprop() -> dict[str, str]:
     from CoolProp import CoolProp
 
     fluids = CoolProp.get_global_param_string("fluids_list").split(",")
-    return {alias.casefold(): fluid for fluid in fluids for alias in (fluid, *CoolProp.get_aliases(fluid))}
+    return {
+        alias.casefold(): fluid
+        for fluid in fluids
+        for alias in (fluid, *CoolProp.get_aliases(fluid))
+    }
 
 
 def refuse(name: Any, temperature: float, allowed: str) -> Any:

@@ -143,11 +143,15 @@ class RealGas(Gas):
 
     def slope(self, pressure: ArrayLike) -> Array:
         """dφ/dp = ρ/η [s/m²] of the table; p is absolute."""
-        return np.asarray(_table(self.name, self.temperature).slope(np.asarray(pressure, dtype=float)))
+        return np.asarray(
+            _table(self.name, self.temperature).slope(np.asarray(pressure, dtype=float))
+        )
 
     def potential(self, pressure: ArrayLike) -> Array:
         """Pressure potential φ(p) of the viscous flow [kg/(m³ s)]; p is absolute, see `check_pressure`."""
-        return np.asarray(_table(self.name, self.temperature).potential(np.asarray(pressure, dtype=float)))
+        return np.asarray(
+            _table(self.name, self.temperature).potential(np.asarray(pressure, dtype=float))
+        )
 
     def pressure(self, potential: ArrayLike) -> Array:
         """Inverse of `potential` [Pa], absolute, by Newton's method."""
@@ -229,7 +233,11 @@ def _table(name: str, temperature: float) -> _Table:
             middle, end = slopes(np.array([a + half, b]))
         except ValueError as error:
             if len(points) == 1:
-                refuse(name, temperature, f"a gas whose density and viscosity CoolProp knows: {shown(str(error))}")
+                refuse(
+                    name,
+                    temperature,
+                    f"a gas whose density and viscosity CoolProp knows: {shown(str(error))}",
+                )
             break
         parts = 0.5 * half * (within @ _WEIGHTS)
         by_cubic = φ + 0.5 * parts.sum() + 0.25 * half * (slope - end)
@@ -254,7 +262,9 @@ def _limit(name: str, temperature: float) -> tuple[float, bool]:
     state = _state(name)
     low, high = state.Tmin(), state.Tmax()
     if not low <= temperature <= high:
-        refuse(name, temperature, f"a temperature from {low - 273.15:.4g} to {high - 273.15:.4g} °C")
+        refuse(
+            name, temperature, f"a temperature from {low - 273.15:.4g} to {high - 273.15:.4g} °C"
+        )
     if temperature >= state.T_critical():
         return min(state.pmax(), _HIGHEST), False
     state.update(CoolProp.QT_INPUTS, 1.0, temperature)
@@ -298,12 +308,20 @@ def dense_gas(name: str, temperature: float, pressure: ArrayLike) -> tuple[Array
     slope = 0.37464 + 1.54226 * ω - 0.26992 * ω**2
     attraction = 0.45724 * (p / gas.pressure) / reduced**2 * (1 + slope * (1 - sqrt(reduced))) ** 2
     volume = 0.07780 * (p / gas.pressure) / reduced
-    z = np.array([_largest_root(a, b) for a, b in zip(attraction.ravel(), volume.ravel(), strict=True)])
+    z = np.array(
+        [_largest_root(a, b) for a, b in zip(attraction.ravel(), volume.ravel(), strict=True)]
+    )
     z = z.reshape(p.shape)
     ratio = p * gas.volume / (z * GAS_CONSTANT * temperature)
-    terms = 0.10230 + ratio * (0.023364 + ratio * (0.058533 + ratio * (-0.040758 + ratio * 0.0093324)))
+    terms = 0.10230 + ratio * (
+        0.023364 + ratio * (0.058533 + ratio * (-0.040758 + ratio * 0.0093324))
+    )
     # in cP, g/mol and atm
-    scale = gas.temperature ** (1 / 6) / sqrt(1e3 * gas.molar_mass) / (gas.pressure / STANDARD_PRESSURE) ** (2 / 3)
+    scale = (
+        gas.temperature ** (1 / 6)
+        / sqrt(1e3 * gas.molar_mass)
+        / (gas.pressure / STANDARD_PRESSURE) ** (2 / 3)
+    )
     return z, 1e-3 * (terms**4 - 1e-4) / scale
 
 
@@ -318,7 +336,9 @@ def ideal_gas_error(gas: Any, inlet: float, outlet: float) -> tuple[str, float, 
 
     The gas is known by its molar mass; None of another. By CoolProp where that is installed, else by `dense_gas`.
     """
-    found = (n for n, c in _CRITICAL.items() if abs(gas.molar_mass / c.molar_mass - 1) <= _SAME_MASS)
+    found = (
+        n for n, c in _CRITICAL.items() if abs(gas.molar_mass / c.molar_mass - 1) <= _SAME_MASS
+    )
     if (name := next(found, None)) is None:
         return None
     ideal = float(gas.potential(inlet) - gas.potential(outlet))

@@ -26,7 +26,9 @@ def area() -> float:
 def unrolled(n_s: int = 6, n_φ: int = 120) -> meshio.Mesh:
     """Sector of n_s × n_φ quadrilaterals with physical groups for gmsh."""
     from_tip = np.array([SMALL_RADIUS, LARGE_RADIUS]) / sin(HALF_ANGLE)
-    grid = MeshQuad.init_tensor(np.linspace(*from_tip, n_s + 1), np.linspace(0, 2 * pi * sin(HALF_ANGLE), n_φ + 1))
+    grid = MeshQuad.init_tensor(
+        np.linspace(*from_tip, n_s + 1), np.linspace(0, 2 * pi * sin(HALF_ANGLE), n_φ + 1)
+    )
     s, φ = grid.p
     facets = grid.facets[:, grid.boundary_facets()]
     lines = [facets[:, (s[facets] == end).all(axis=0)].T for end in from_tip]

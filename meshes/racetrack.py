@@ -29,7 +29,10 @@ def write(path: Path) -> None:
     left, right = (geo.addPoint(x, 0, 0) for x in (-STRAIGHT / 2, STRAIGHT / 2))
     loops, named = [], {}
     for name, radius in (("inside", INNER_RADIUS), ("outside", INNER_RADIUS + BREADTH)):
-        corners = [geo.addPoint(x * STRAIGHT / 2, y * radius, 0, SIZE) for x, y in ((1, -1), (1, 1), (-1, 1), (-1, -1))]
+        corners = [
+            geo.addPoint(x * STRAIGHT / 2, y * radius, 0, SIZE)
+            for x, y in ((1, -1), (1, 1), (-1, 1), (-1, -1))
+        ]
         ends = [geo.addPoint(x * (STRAIGHT / 2 + radius), 0, 0, SIZE) for x in (1, -1)]
         curves = [
             geo.addCircleArc(corners[0], right, ends[0]),

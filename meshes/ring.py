@@ -19,7 +19,9 @@ OUTER_RADIUS = 15e-3
 
 def ring(n_r: int = 8, n_θ: int = 96) -> meshio.Mesh:
     """Annulus of n_r × n_θ quadrilaterals with physical groups for gmsh, coordinates in metres."""
-    grid = MeshQuad.init_tensor(np.linspace(INNER_RADIUS, OUTER_RADIUS, n_r + 1), np.arange(n_θ + 1.0))
+    grid = MeshQuad.init_tensor(
+        np.linspace(INNER_RADIUS, OUTER_RADIUS, n_r + 1), np.arange(n_θ + 1.0)
+    )
     # join the last column of angles to the first
     node = np.unique(np.column_stack([grid.p[0], grid.p[1] % n_θ]), axis=0, return_inverse=True)
     (r, j), merged = node[0].T, node[1].ravel()

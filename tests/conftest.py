@@ -53,7 +53,10 @@ def spectral(pressure, half_space):
     for axis, kind in enumerate(half_space.boundary):
         if kind == "mirror":
             p = np.concatenate([p, np.flip(p, axis)], axis)
-    q = [2 * np.pi * scipy.fft.fftfreq(n, d) for n, d in zip(p.shape, half_space.spacing, strict=True)]
+    q = [
+        2 * np.pi * scipy.fft.fftfreq(n, d)
+        for n, d in zip(p.shape, half_space.spacing, strict=True)
+    ]
     size = np.hypot(q[0][:, None], q[1][None, :])
     size[0, 0] = np.inf
     u = scipy.fft.ifft2(scipy.fft.fft2(p) * 2 / (half_space.modulus * size)).real

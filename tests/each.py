@@ -19,7 +19,9 @@ def each(names, values):
                 try:
                     test(*arguments, **given, **fixtures)
                 except BaseException as failure:
-                    failure.add_note(f"with {', '.join(f'{name} = {text!r}' for name, text in given.items())}")
+                    failure.add_note(
+                        f"with {', '.join(f'{name} = {text!r}' for name, text in given.items())}"
+                    )
                     raise
 
         signature = inspect.signature(test)

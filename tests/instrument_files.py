@@ -55,7 +55,10 @@ def opd(heights, spacing, wavelength=600.0):
     blocks = [("RAW_DATA", 3, raster)]
     blocks += [(name, 7, struct.pack("<f", value)) for name, value in numbers.items()]
     head = [("Directory", 1, bytes(24 * (len(blocks) + 1)))]
-    entries = (struct.pack("<16shlH", name.encode(), kind, len(content), 0) for name, kind, content in head + blocks)
+    entries = (
+        struct.pack("<16shlH", name.encode(), kind, len(content), 0)
+        for name, kind, content in head + blocks
+    )
     return b"\1\0" + b"".join(entries) + b"".join(content for _, _, content in blocks)
 
 

@@ -24,7 +24,9 @@ def study(mapper, computed=None):
     for n, size in enumerate(SIZES):
         # the list of what was computed is no input
         stage = Stage(f"stage {n}", partial(value, n, computed=computed), key=("value", n))
-        results += mapper(stage, (item for item in range(size)), [str(item) for item in range(size)])
+        results += mapper(
+            stage, (item for item in range(size)), [str(item) for item in range(size)]
+        )
     return results
 
 

@@ -44,4 +44,9 @@ def mesh_of_pixels(gap, spacing):
     ends = [np.flatnonzero(np.abs(middle - x) < 1e-6 * d1) for x in (0.0, n1 * d1)]
     shape = n1 * d1 / (n2 * d2)
     flow = darcy_conductance(mesh, cubic_law(gap[i, j]), *ends, bounds=True)
-    return replace(flow, conductance=shape * flow.conductance, lower=shape * flow.lower, upper=shape * flow.upper)
+    return replace(
+        flow,
+        conductance=shape * flow.conductance,
+        lower=shape * flow.lower,
+        upper=shape * flow.upper,
+    )

@@ -35,7 +35,11 @@ STRIP = {
         "roll_off": "20 um",
     },
     "material": {"young": "210 GPa", "hardness": "3 GPa"},
-    "load": {"loading": ["50 MPa", "300 MPa"], "unload_from": ["300 MPa"], "unloading": ["100 MPa"]},
+    "load": {
+        "loading": ["50 MPa", "300 MPa"],
+        "unload_from": ["300 MPa"],
+        "unloading": ["100 MPa"],
+    },
     "fluid": {"kind": "liquid", "viscosity": "1 mPa*s", "inlet_pressure": "1 MPa"},
     "cells": {"count": [2, 4]},
 }
@@ -63,10 +67,21 @@ HANG = 600
 #: A face whose points harden, and its resolved flow.
 HARDENED = {
     "method": "deterministic",
-    "face": {"kind": "self-affine", "points": [32, 32], "size": ["32 um", "32 um"], "hurst": 0.8, "rms_slope": 0.2},
+    "face": {
+        "kind": "self-affine",
+        "points": [32, 32],
+        "size": ["32 um", "32 um"],
+        "hurst": 0.8,
+        "rms_slope": 0.2,
+    },
     "material": {"young": "210 GPa", "hardness": "2 GPa", "hardening": "2 GPa/um"},
     "load": {"loading": ["100 MPa", "500 MPa"]},
-    "fluid": {"kind": "liquid", "viscosity": "1 mPa*s", "inlet_pressure": "1 MPa", "outlet_pressure": "0 Pa"},
+    "fluid": {
+        "kind": "liquid",
+        "viscosity": "1 mPa*s",
+        "inlet_pressure": "1 MPa",
+        "outlet_pressure": "0 Pa",
+    },
 }
 #: A case whose keys are swept.
 SWEPT = f"""

@@ -16,7 +16,9 @@ def test_hertz_pressure_carries_the_load():
     r = (np.arange(200_000) + 0.5) / 200_000 * a
     p = analytic.hertz_pressure(r, load, radius, modulus)
     assert_allclose(np.sum(2 * np.pi * r * p) * a / r.size, load, rtol=1e-6)
-    assert analytic.hertz_pressure(0.0, load, radius, modulus) == analytic.hertz_peak_pressure(load, radius, modulus)
+    assert analytic.hertz_pressure(0.0, load, radius, modulus) == analytic.hertz_peak_pressure(
+        load, radius, modulus
+    )
     assert analytic.hertz_pressure(1.01 * a, load, radius, modulus) == 0
     # work = ∫ W dδ is 2/5 of Wδ for δ ~ W^{2/3}·…: the stiffness dW/dδ is 2aE*
     d = [analytic.hertz_approach(w, radius, modulus) for w in (load * 0.9999, load * 1.0001)]
@@ -45,10 +47,14 @@ def test_wave_gap_and_pressure_satisfy_elasticity(ratio):
     u = np.fft.irfft(np.divide(2 * p_hat, modulus * q, out=np.zeros_like(p_hat), where=q > 0))
     expected = delta * (1 - np.cos(2 * np.pi * x / length)) + u
     gap = analytic.wave_gap(x, ratio, delta, length)
-    assert_allclose(gap - gap.mean(), expected - expected.mean(), atol=1e-6 * delta)  # n^-3/2 of the edge
+    assert_allclose(
+        gap - gap.mean(), expected - expected.mean(), atol=1e-6 * delta
+    )  # n^-3/2 of the edge
 
 
-@pytest.mark.parametrize(("ratio", "flow"), [(0, 5 / 16), (0.1, 0.125386), (0.5, 3.534788e-3), (0.9, 7.852893e-7)])
+@pytest.mark.parametrize(
+    ("ratio", "flow"), [(0, 5 / 16), (0.1, 0.125386), (0.5, 3.534788e-3), (0.9, 7.852893e-7)]
+)
 def test_wave_groove_flow(ratio, flow):
     assert_allclose(analytic.wave_groove_flow(ratio), flow, rtol=3e-6 if ratio == 0.1 else 2e-7)
     direct = np.mean(analytic.wave_gap(PHASE, ratio, 0.5, 1.0) ** 3)
@@ -61,8 +67,12 @@ def test_wavy_surface_asymptotes_belong_to_the_same_surface():
     p_full = analytic.wavy_full_contact_pressure(modulus, delta, length)
     radius = 1 / (delta * (2 * np.pi / length) ** 2)
     a = analytic.hertz_radius(ratio * p_full * length**2 / 2, radius, modulus)
-    assert_allclose(analytic.wavy_contact_fraction_light(ratio), 2 * np.pi * a**2 / length**2, rtol=1e-12)
-    assert_allclose(analytic.wavy_contact_fraction_full([0.99, 1.0]), [1 - 0.03 / (2 * np.pi), 1], rtol=1e-12)
+    assert_allclose(
+        analytic.wavy_contact_fraction_light(ratio), 2 * np.pi * a**2 / length**2, rtol=1e-12
+    )
+    assert_allclose(
+        analytic.wavy_contact_fraction_full([0.99, 1.0]), [1 - 0.03 / (2 * np.pi), 1], rtol=1e-12
+    )
     # p* flattens the wave: u = 2p/(E*|q|) of the mode cos·cos, |q| = 2√2π/λ
     assert_allclose(2 * p_full / (modulus * 2 * np.sqrt(2) * np.pi / length), delta, rtol=1e-12)
 

@@ -26,7 +26,10 @@ def test_slope_of_the_potential_is_density_over_viscosity(fluid):
     slope = (fluid.potential(p + dp) - fluid.potential(p - dp)) / (2 * dp)
     if isinstance(fluid, RoelandsLiquid):
         scale = np.log(0.05 / 6.31e-5)
-        density, viscosity = 870.0, 0.05 * np.exp(scale * ((1 + p / 1.962e8) ** (20e-9 * 1.962e8 / scale) - 1))
+        density, viscosity = (
+            870.0,
+            0.05 * np.exp(scale * ((1 + p / 1.962e8) ** (20e-9 * 1.962e8 / scale) - 1)),
+        )
     elif isinstance(fluid, IdealGas):
         density = p * 28.96e-3 / (8.314462618 * 293.15)
         viscosity = fluid.viscosity
@@ -76,7 +79,9 @@ def test_roelands_against_an_adaptive_quadrature_and_barus():
 
     oil = RoelandsLiquid(0.05, 20e-9)
     for p in (1e5, 1e8, 1e9):
-        found = quad(lambda x: 870.0 / oil.viscosity_at(x), 0, p, epsabs=0, epsrel=1e-12, limit=500)[0]
+        found = quad(
+            lambda x: 870.0 / oil.viscosity_at(x), 0, p, epsabs=0, epsrel=1e-12, limit=500
+        )[0]
         assert_allclose(oil.potential(p), found, rtol=1e-10)
     assert_allclose(oil.potential(1e4), Liquid(0.05, 870.0, 20e-9).potential(1e4), rtol=1e-6)
     assert 1e5 < oil.viscosity_at(1e9) / 0.05 < np.exp(20) / 100

@@ -97,14 +97,20 @@ def _nodes(module):
 
 
 def _called(node):
-    return getattr(node.func, "id", getattr(node.func, "attr", "")) if isinstance(node, ast.Call) else ""
+    return (
+        getattr(node.func, "id", getattr(node.func, "attr", ""))
+        if isinstance(node, ast.Call)
+        else ""
+    )
 
 
 @cache
 def _importers():
     """Names of functions that import what a string names: `import_module`, and those that hand a name on to it."""
     functions = [n for module in MODULES for n in _nodes(module) if isinstance(n, ast.FunctionDef)]
-    return BY_STRING | {f.name for f in functions if any(_called(n) in BY_STRING for n in ast.walk(f))}
+    return BY_STRING | {
+        f.name for f in functions if any(_called(n) in BY_STRING for n in ast.walk(f))
+    }
 
 
 @cache
@@ -124,7 +130,9 @@ def _from(module, node):
     if node.level == 0:
         return node.module
     package = module.split(".") if MODULES[module].name == "__init__.py" else module.split(".")[:-1]
-    return ".".join([*package[: len(package) - node.level + 1], *([node.module] if node.module else [])])
+    return ".".join(
+        [*package[: len(package) - node.level + 1], *([node.module] if node.module else [])]
+    )
 
 
 def _home(full, name):
@@ -143,7 +151,9 @@ def _imports(module):
     for node in _nodes(module):
         types_only = isinstance(node, ast.If) and "TYPE_CHECKING" in ast.unparse(node.test)
         if types_only or isinstance(node, ast.FunctionDef):
-            how |= {id(inner): "for types" if types_only else "when used" for inner in ast.walk(node)}
+            how |= {
+                id(inner): "for types" if types_only else "when used" for inner in ast.walk(node)
+            }
     found = set()
     by_string = any(_called(node) in BY_STRING for node in _nodes(module))
     for node in _nodes(module):
@@ -153,10 +163,17 @@ def _imports(module):
         elif isinstance(node, ast.ImportFrom):
             full = _from(module, node)
             found |= {(_home(full, alias.name), time) for alias in node.names}
-        elif by_string or _called(node) in _importers():  # of a file that imports by strings all its strings count
+        elif (
+            by_string or _called(node) in _importers()
+        ):  # of a file that imports by strings all its strings count
             texts = [node] if by_string else [*node.args, *(k.value for k in node.keywords)]
-            texts = [t.value for t in texts if isinstance(t, ast.Constant) and isinstance(t.value, str)]
-            names = [f"femseal.{text.lstrip('.').removeprefix('femseal.').partition(':')[0]}" for text in texts]
+            texts = [
+                t.value for t in texts if isinstance(t, ast.Constant) and isinstance(t.value, str)
+            ]
+            names = [
+                f"femseal.{text.lstrip('.').removeprefix('femseal.').partition(':')[0]}"
+                for text in texts
+            ]
             found |= {(name, "when used") for name in names if name in MODULES}
     return frozenset(found)
 
@@ -164,9 +181,15 @@ def _imports(module):
 @cache
 def _graph():
     """Modules of the package that each module imports; femseal itself hands on names of all rooms and is left out."""
-    inside = {module: {name for name, _ in _imports(module) if name in MODULES} for module in MODULES}
+    inside = {
+        module: {name for name, _ in _imports(module) if name in MODULES} for module in MODULES
+    }
     # an __init__ that hands names on imports them; to import a name through it is to import the module of the name
-    return {module: names - {module, "femseal"} for module, names in inside.items() if module != "femseal"}
+    return {
+        module: names - {module, "femseal"}
+        for module, names in inside.items()
+        if module != "femseal"
+    }
 
 
 def circles(graph):
@@ -211,7 +234,12 @@ def test_imports_run_upwards():
 
 def test_no_modules_import_each_other():
     """Inside rooms: between rooms there is no circle without an import that runs downwards."""
-    found = circles({m: {other for other in others if _room(other) == _room(m)} for m, others in _graph().items()})
+    found = circles(
+        {
+            m: {other for other in others if _room(other) == _room(m)}
+            for m, others in _graph().items()
+        }
+    )
     assert not found, f"circles of imports: {[sorted(circle) for circle in found]}"
 
 
@@ -251,7 +279,9 @@ def test_contact_and_flow_do_not_know_each_other():
 
 
 def test_heavy_libraries_are_imported_where_they_are_used():
-    outside = {(m, name.split(".")[0]) for m in MODULES for name, how in _imports(m) if how == "at once"}
+    outside = {
+        (m, name.split(".")[0]) for m in MODULES for name, how in _imports(m) if how == "at once"
+    }
     assert {(module, name) for module, name in outside if name in HEAVY} == set()
 
 
@@ -267,7 +297,10 @@ def test_analytic_needs_numpy_only():
 
 def test_import_loads_nothing_until_it_is_used():
     code = "import sys, femseal; print([m for m in ('numba', 'scipy', 'skfem', 'xarray') if m in sys.modules])"
-    assert subprocess.run([sys.executable, "-c", code], capture_output=True, text=True).stdout.strip() == "[]"
+    assert (
+        subprocess.run([sys.executable, "-c", code], capture_output=True, text=True).stdout.strip()
+        == "[]"
+    )
 
 
 def test_every_public_name_is_there():
@@ -298,12 +331,20 @@ def _without_docstring(tree, inside=False):
 
 
 def test_functions_and_classes_have_docstrings():
-    found = {name: [*_without_docstring(ast.parse(path.read_text("utf-8")))] for name, path in MODULES.items()}
+    found = {
+        name: [*_without_docstring(ast.parse(path.read_text("utf-8")))]
+        for name, path in MODULES.items()
+    }
     assert not {name: functions for name, functions in found.items() if functions}
 
 
 def _decorators(node):
-    return {name for d in getattr(node, "decorator_list", ()) for name in ("compiled", "inner") if name in ast.dump(d)}
+    return {
+        name
+        for d in getattr(node, "decorator_list", ())
+        for name in ("compiled", "inner")
+        if name in ast.dump(d)
+    }
 
 
 def _outside_of_compiled(node):
@@ -329,7 +370,9 @@ def test_functions_without_an_entry_from_python_are_called_by_compiled_ones():
         for node in ast.walk(tree):
             if isinstance(node, ast.ImportFrom):
                 modules |= {(node.module or "").split(".")[-1], *(name.name for name in node.names)}
-        used = {name for module, name in inner if module in modules} & set(_outside_of_compiled(tree))
+        used = {name for module, name in inner if module in modules} & set(
+            _outside_of_compiled(tree)
+        )
         assert not used, (path, used)
 
 
@@ -339,7 +382,9 @@ def test_a_faulty_case_is_refused_before_the_solvers_are_loaded(tmp_path):
         "import sys, femseal as fs\ntry: fs.load_case(sys.argv[1])\nexcept fs.InputError as error: print(error)\n"
         "print([m for m in ('numba', 'scipy.fft', 'skfem', 'xarray', 'pandas', 'rich') if m in sys.modules])"
     )
-    shown = subprocess.run([sys.executable, "-c", code, tmp_path / "case.toml"], capture_output=True, text=True).stdout
+    shown = subprocess.run(
+        [sys.executable, "-c", code, tmp_path / "case.toml"], capture_output=True, text=True
+    ).stdout
     assert "perhaps meant: yield_stress" in shown
     assert shown.endswith("[]\n")
 
@@ -365,10 +410,19 @@ def test_writers_load_beside_results():
     assert done.stdout == "True\n", done.stderr
 
 
-@pytest.mark.parametrize("package", [path.parent for path in ROOT.rglob("__init__.py")], ids=lambda path: path.name)
+@pytest.mark.parametrize(
+    "package", [path.parent for path in ROOT.rglob("__init__.py")], ids=lambda path: path.name
+)
 def test_no_name_of_a_package_is_that_of_a_file_in_it(package):
     """The file would stand in place of a function once it is loaded."""
     tree = ast.parse((package / "__init__.py").read_text(encoding="utf-8"))
-    names = {alias.name for node in ast.walk(tree) if isinstance(node, ast.ImportFrom) for alias in node.names}
-    files = {path.stem for path in package.glob("*.py")} | {path.name for path in package.iterdir() if path.is_dir()}
+    names = {
+        alias.name
+        for node in ast.walk(tree)
+        if isinstance(node, ast.ImportFrom)
+        for alias in node.names
+    }
+    files = {path.stem for path in package.glob("*.py")} | {
+        path.name for path in package.iterdir() if path.is_dir()
+    }
     assert not names & files

@@ -50,7 +50,9 @@ def test_without_coolprop_the_table_is_told(monkeypatch):
     monkeypatch.setitem(sys.modules, "CoolProp", None)
     assert named_fluid("air").kind == "ideal-gas"
     for name, temperature in (("air", 400.0), ("grease", 293.15)):
-        with pytest.raises(fs.InputError, match=r"methane at 20 °C; .*pip install 'femseal\[fluids\]'"):
+        with pytest.raises(
+            fs.InputError, match=r"methane at 20 °C; .*pip install 'femseal\[fluids\]'"
+        ):
             named_fluid(name, temperature)
 
 
@@ -62,10 +64,22 @@ HELIUM = 'name = "helium"\ninlet_pressure = "1 MPa"\n'
     [
         (HELIUM, None),
         (HELIUM + 'viscosity = "30 uPa*s"\n', None),
-        (HELIUM + 'viscosity = "1 mPa*s"\n', r"fluid.viscosity 1 mPa·s is 51 times that of helium, 19.62 µPa·s"),
-        (HELIUM + 'molar_mass = "1 g/mol"\n', r"fluid.molar_mass .* is 4 times less than that of helium"),
-        (HELIUM + 'kind = "liquid"\n', r"fluid.kind liquid stands for helium, which is of kind ideal-gas"),
-        ('name = "water"\nviscosity = "10 mPa*s"\ninlet_pressure = "1 MPa"\n', "10 times that of water"),
+        (
+            HELIUM + 'viscosity = "1 mPa*s"\n',
+            r"fluid.viscosity 1 mPa·s is 51 times that of helium, 19.62 µPa·s",
+        ),
+        (
+            HELIUM + 'molar_mass = "1 g/mol"\n',
+            r"fluid.molar_mass .* is 4 times less than that of helium",
+        ),
+        (
+            HELIUM + 'kind = "liquid"\n',
+            r"fluid.kind liquid stands for helium, which is of kind ideal-gas",
+        ),
+        (
+            'name = "water"\nviscosity = "10 mPa*s"\ninlet_pressure = "1 MPa"\n',
+            "10 times that of water",
+        ),
     ],
 )
 def test_a_key_left_from_another_fluid_is_warned_of(tmp_path, femseal, table, said):

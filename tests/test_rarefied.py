@@ -21,7 +21,9 @@ def boltzmann_flow_rate(thickness, cells):
     speed = np.exp((high - low) / 2 * (x + 1) + low)
     weight = weight * (high - low) / 2 * speed**2 * np.exp(-(speed**2))
     # T₋₁ is the second derivative of T₁(t) = ∫ c exp(−c² − t/c) dc, whose differences integrate it exactly over two cells
-    t1 = np.array([(np.exp(-np.abs(edges - e)[:, None] / speed) * weight).sum(axis=1) for e in edges])
+    t1 = np.array(
+        [(np.exp(-np.abs(edges - e)[:, None] / speed) * weight).sum(axis=1) for e in edges]
+    )
     kernel = np.abs(t1[:-1, :-1] + t1[1:, 1:] - t1[:-1, 1:] - t1[1:, :-1])
     width, here = np.diff(edges), np.arange(cells)
     kernel[here, here] = 2 * (width * np.sqrt(np.pi) / 2 - (t1[0, 0] - t1[here, here + 1]))
@@ -64,7 +66,9 @@ def test_limits_at_both_ends():
     assert_allclose(HELIUM.flow_factor(d, 1.0)[0] > 1, True)
     assert_allclose(6 * flow_rate(d) / d - 1, 6 * 1.0162 / d, rtol=2e-3)
     d = np.array([1e-6, 1e-9])
-    assert_allclose(flow_rate(d), (1.5 * (1 - np.euler_gamma) - np.log(d)) / np.sqrt(np.pi), rtol=2e-5)
+    assert_allclose(
+        flow_rate(d), (1.5 * (1 - np.euler_gamma) - np.log(d)) / np.sqrt(np.pi), rtol=2e-5
+    )
     assert np.isfinite(flow_rate(0.0))
     # there the flow of a gap no longer depends on the viscosity but for the logarithm
     thick = IdealGas(2 * HELIUM.viscosity, HELIUM.molar_mass, HELIUM.temperature)
@@ -91,7 +95,10 @@ def test_without_slip_the_factor_is_one():
         IdealGas(1e-5, 0.029, 293.0, slip="no")
 
 
-@each(("gap", "pressure", "name"), [(-1e-9, 1e5, "gap"), (np.nan, 1e5, "gap"), (1e-6, -1.0, "pressure")])
+@each(
+    ("gap", "pressure", "name"),
+    [(-1e-9, 1e5, "gap"), (np.nan, 1e5, "gap"), (1e-6, -1.0, "pressure")],
+)
 def test_gaps_and_pressures_that_there_are_not(gap, pressure, name):
     with pytest.raises(InputError, match=f"^{name}: given negative or undefined"):
         HELIUM.flow_factor(gap, pressure)

@@ -22,7 +22,9 @@ from femseal.seal import PermeabilityTable, table_pressures
 from femseal.studies.other_fluid import FluidState, limit_factors
 from femseal.studies.scene import gas_warnings
 
-needs_coolprop = pytest.mark.skipif(find_spec("CoolProp") is None, reason="the extra femseal[fluids] is not installed")
+needs_coolprop = pytest.mark.skipif(
+    find_spec("CoolProp") is None, reason="the extra femseal[fluids] is not installed"
+)
 LEFT_OUT = {"CoolProp": None, "CoolProp.CoolProp": None}
 
 
@@ -93,7 +95,9 @@ def test_mean_free_path_goes_with_viscosity_over_density():
 
 def scene(fluid, inlet, outlet=1e5):
     face = fs.self_affine((48, 48), (48e-6, 48e-6), hurst=0.8, rms_slope=0.1, cut_off=6e-6, rng=2)
-    return fs.Scene(face, 115e9, np.inf, fluid, inlet, outlet, loading=(3e7,), fluid_pressure="ignored")
+    return fs.Scene(
+        face, 115e9, np.inf, fluid, inlet, outlet, loading=(3e7,), fluid_pressure="ignored"
+    )
 
 
 @needs_coolprop
@@ -102,9 +106,15 @@ def test_every_method_takes_it_and_mass_is_kept(slip):
     real = fs.RealGas("hydrogen", 293.15, slip)
     thin = fs.IdealGas(float(real.viscosity_at(1.0)), real.molar_mass, 293.15, slip)
     sampling = fs.Sampling(480e-6, 3, seed=1)
-    methods = (fs.deterministic, lambda s: fs.two_scale(s, (4, 4)), lambda s: fs.stochastic(s, (4, 4), sampling))
+    methods = (
+        fs.deterministic,
+        lambda s: fs.two_scale(s, (4, 4)),
+        lambda s: fs.stochastic(s, (4, 4), sampling),
+    )
     for solve in methods:
-        dense, low, ideal = (solve(s) for s in (scene(real, 7e7), scene(real, 2e4, 1e4), scene(thin, 2e4, 1e4)))
+        dense, low, ideal = (
+            solve(s) for s in (scene(real, 7e7), scene(real, 2e4, 1e4), scene(thin, 2e4, 1e4))
+        )
         leaks = [np.ravel(result.leakage)[-1] for result in (dense, low, ideal)]
         assert_allclose(leaks[1], leaks[2], rtol=1e-3)
         drop, thin_drop = (float(g.potential(7e7) - g.potential(1e5)) for g in (real, thin))
@@ -118,11 +128,18 @@ def test_every_method_takes_it_and_mass_is_kept(slip):
     assert fs.deterministic(apart).leakage[0] > 1.1 * fs.deterministic(pressed).leakage[0]
     if not slip:
         seal = fs.RectangularSeal((1e-3, 1e-3), (6, 5))
-        k = np.exp(np.random.default_rng(0).normal(size=(6, 5))), np.exp(np.random.default_rng(1).normal(size=(5, 5)))
-        leakage = fs.seal_leakage(seal, tuple(1e-20 * x for x in k), real, inlet_pressure=7e7, outlet_pressure=0.0)
+        k = (
+            np.exp(np.random.default_rng(0).normal(size=(6, 5))),
+            np.exp(np.random.default_rng(1).normal(size=(5, 5))),
+        )
+        leakage = fs.seal_leakage(
+            seal, tuple(1e-20 * x for x in k), real, inlet_pressure=7e7, outlet_pressure=0.0
+        )
         assert leakage.imbalance < 1e-9
         assert_allclose(leakage.mass_rate, leakage.conductance * real.potential(7e7), rtol=1e-12)
-        assert_allclose([leakage.fluid_pressure.max(), leakage.fluid_pressure.min()], [7e7, 0.0], rtol=1e-9)
+        assert_allclose(
+            [leakage.fluid_pressure.max(), leakage.fluid_pressure.min()], [7e7, 0.0], rtol=1e-9
+        )
 
 
 @needs_coolprop
@@ -134,8 +151,13 @@ def test_rings_and_meshes_take_it(slip):
     mesh = fs.MeshSeal(Path(__file__).parents[1] / "meshes" / "ring.msh", "inlet", "outlet")
     if slip:
         pressures = tuple(table_pressures(7e7, 1e5))
-        k = PermeabilityTable(pressures, np.array([gas.law.permeability(5e-8, p) for p in pressures]))
-    found = [fs.seal_leakage(seal, k, gas, inlet_pressure=7e7, outlet_pressure=1e5).mass_rate for seal in (ring, mesh)]
+        k = PermeabilityTable(
+            pressures, np.array([gas.law.permeability(5e-8, p) for p in pressures])
+        )
+    found = [
+        fs.seal_leakage(seal, k, gas, inlet_pressure=7e7, outlet_pressure=1e5).mass_rate
+        for seal in (ring, mesh)
+    ]
     assert_allclose(found[1], found[0], rtol=2e-3)
     if not slip:
         assert_allclose(found[0], fs.analytic.annulus_rate(k, float(gas.potential(7e7) - gas.potential(1e5)), 1.0, 10e-3,
@@ -146,13 +168,16 @@ def test_rings_and_meshes_take_it(slip):
 def test_what_is_refused():
     carbon_dioxide = fs.RealGas("CO2")
     with pytest.raises(
-        fs.InputError, match=r"^inlet: given 6 MPa, expected less than 5.729 MPa, absolute, at which CO2 "
+        fs.InputError,
+        match=r"^inlet: given 6 MPa, expected less than 5.729 MPa, absolute, at which CO2 ",
     ):
         potential_of(carbon_dioxide, "inlet", 6e6)
     assert potential_of(carbon_dioxide, "inlet", 5.728e6) > 0
     with pytest.raises(fs.InputError, match="propane condenses at 20 °C"):
         potential_of(fs.RealGas("propane"), "inlet", 1e6)
-    with pytest.raises(fs.InputError, match="at most 80 MPa, absolute, up to which CoolProp knows oxygen at 20 °C"):
+    with pytest.raises(
+        fs.InputError, match="at most 80 MPa, absolute, up to which CoolProp knows oxygen at 20 °C"
+    ):
         potential_of(fs.RealGas("oxygen"), "inlet", 8.1e7)
     for given, said in (
         (("grease", 293.15), "name: .*Acetone"),
@@ -171,9 +196,12 @@ def test_without_coolprop(monkeypatch, tmp_path):
     with pytest.raises(fs.InputError, match=r"pip install 'femseal\[fluids\]'"):
         fs.RealGas("nitrogen")
     with pytest.raises(
-        fs.InputError, match=r"fluid.name: given 'nitrogen' at 20 °C, .*pip install 'femseal\[fluids\]'"
+        fs.InputError,
+        match=r"fluid.name: given 'nitrogen' at 20 °C, .*pip install 'femseal\[fluids\]'",
     ):
-        fs.load_case(case_of(tmp_path, 'kind = "real-gas"\nname = "nitrogen"\ninlet_pressure = "700 bar"\n'))
+        fs.load_case(
+            case_of(tmp_path, 'kind = "real-gas"\nname = "nitrogen"\ninlet_pressure = "700 bar"\n')
+        )
 
 
 def case_of(folder, table):
@@ -198,7 +226,10 @@ def test_in_a_case(tmp_path, femseal):
             'kind = "real-gas"\nname = "co2"\ninlet_pressure = "60 bar"\n',
             r"fluid.inlet_pressure: given 6 MPa, .*condens",
         ),
-        ('kind = "real-gas"\nname = "grease"\ninlet_pressure = "60 bar"\n', r"fluid.name: given 'grease'"),
+        (
+            'kind = "real-gas"\nname = "grease"\ninlet_pressure = "60 bar"\n',
+            r"fluid.name: given 'grease'",
+        ),
     ):
         with pytest.raises(fs.InputError, match=said):
             fs.load_case(case_of(tmp_path, table))
@@ -206,8 +237,13 @@ def test_in_a_case(tmp_path, femseal):
 
 @needs_coolprop
 def test_as_a_test_gas_both_limits_are_those_of_the_ideal_one_at_low_pressure():
-    states = [FluidState(fs.RealGas(name, 293.15, False), 2e5, 1e5) for name in ("helium", "nitrogen")]
-    ideal = [FluidState(FLUIDS["ideal-gas"](**TABLE[n].parameters), 2e5, 1e5) for n in ("helium", "nitrogen")]
+    states = [
+        FluidState(fs.RealGas(name, 293.15, False), 2e5, 1e5) for name in ("helium", "nitrogen")
+    ]
+    ideal = [
+        FluidState(FLUIDS["ideal-gas"](**TABLE[n].parameters), 2e5, 1e5)
+        for n in ("helium", "nitrogen")
+    ]
     found, wanted = limit_factors(*states), limit_factors(*ideal)
     assert_allclose([found.viscous, found.molecular], [wanted.viscous, wanted.molecular], rtol=2e-3)
 
@@ -224,7 +260,10 @@ def test_error_of_the_ideal_law_with_and_without_coolprop(name):
                 patch.setitem(sys.modules, module, None)
             estimate = ideal_gas_error(gas, inlet, 1e5)
         assert exact[0] == estimate[0] == name
-        assert (exact[2], estimate[2]) == ("CoolProp", "Peng & Robinson's density and Jossi's viscosity")
+        assert (exact[2], estimate[2]) == (
+            "CoolProp",
+            "Peng & Robinson's density and Jossi's viscosity",
+        )
         assert_allclose(1 + estimate[1], 1 + exact[1], rtol=within)
 
 
@@ -233,13 +272,16 @@ def test_an_ideal_gas_above_20_bar_is_warned_of(tmp_path, femseal):
     assert not list(gas_warnings("fluid", gas, 20e5, 1e5))
     (said,) = gas_warnings("fluid", gas, 200e5, 1e5)
     assert re.search(
-        r"^fluid is an ideal gas from 20 MPa, above 2 MPa, with 1\.(2|19).* times the leakage that nitrogen", said
+        r"^fluid is an ideal gas from 20 MPa, above 2 MPa, with 1\.(2|19).* times the leakage that nitrogen",
+        said,
     )
     (said,) = gas_warnings("fluid", replace(gas, molar_mass=0.146), 200e5, 1e5)
     assert "an error that is not known for this gas" in said
     assert not list(gas_warnings("fluid", fs.Liquid(1e-3), 200e5, 1e5))
     path = case_of(tmp_path, 'name = "helium"\ninlet_pressure = "100 bar"\n')
-    path.write_text(path.read_text() + '[output.test_fluid]\nname = "argon"\ninlet_pressure = "50 bar"\n')
+    path.write_text(
+        path.read_text() + '[output.test_fluid]\nname = "argon"\ninlet_pressure = "50 bar"\n'
+    )
     lines = femseal("check", path)[1]
     assert re.search(r"fluid is an ideal gas from 10 MPa.*that\s+helium has", lines)
     assert re.search(r"output.test_fluid is an ideal gas from 5 MPa", lines)

@@ -25,7 +25,9 @@ key must stand in the file, *since* the first version that has it. A key without
 how it is chosen. `femseal schema` writes the same for editors. [Case files](case.md) shows the template and explains
 groups of keys.
 """
-_COLUMNS = "| key | type | unit | default | needed | since | meaning |\n|---|---|---|---|---|---|---|"
+_COLUMNS = (
+    "| key | type | unit | default | needed | since | meaning |\n|---|---|---|---|---|---|---|"
+)
 _GONE = """
 ## Keys that are gone
 
@@ -49,7 +51,9 @@ def write_case_keys(page: Path, case=Case, schema=None) -> None:
     blocks = [_HEAD, "## Top of the file\n", _COLUMNS]
     for name, field in fields.items():
         if not tables_in(field):
-            blocks.append(_row(name, field, schema["properties"][name], _needed(name, field, fields), field))
+            blocks.append(
+                _row(name, field, schema["properties"][name], _needed(name, field, fields), field)
+            )
     seen = []
     for name, field in fields.items():
         blocks += _section(name, field, definitions, seen)
@@ -64,7 +68,9 @@ def _section(name, field, definitions, seen):
     if not tables:
         return
     yield f"\n## [{name}]\n\n{_sentence(field.description)}. " + (
-        "This table must stand in the file.\n" if field.is_required() else "This table may be left out.\n"
+        "This table must stand in the file.\n"
+        if field.is_required()
+        else "This table may be left out.\n"
     )
     if tables[0] in seen:
         yield "Its keys are those of `[material]`."
@@ -116,7 +122,15 @@ def _row(name, field, schema, needed, around, meaning=""):
     unit = "" if quantity is None else quantity.unit.replace("*", "·").replace("^3", "³")
     since = max(told(field, "since"), told(around, "since"))
     said = _sentence(meaning or field.description).replace("|", r"\|")
-    cells = f"`{name}`", _type(schema, quantity, field.description), unit, default, needed, since, said
+    cells = (
+        f"`{name}`",
+        _type(schema, quantity, field.description),
+        unit,
+        default,
+        needed,
+        since,
+        said,
+    )
     return f"| {' | '.join(cells)} |"
 
 
@@ -138,7 +152,9 @@ def _type(schema, quantity, meaning=""):
     if said := schema.get("description", "").removeprefix(meaning or "").lstrip("; "):
         return _code(said)
     kinds = schema.get("type", "text")
-    return " or ".join(_NUMBER_KINDS.get(k, k) for k in ([kinds] if isinstance(kinds, str) else kinds))
+    return " or ".join(
+        _NUMBER_KINDS.get(k, k) for k in ([kinds] if isinstance(kinds, str) else kinds)
+    )
 
 
 def _default(field, quantity):

@@ -18,10 +18,14 @@ def write_command_line(page: Path) -> None:
     app.rich_markup_mode = None
     names = [command.name or command.callback.__name__ for command in app.registered_commands]
     blocks = [f"## {name}\n\n```text\n{_help(name)}\n```" for name in names]
-    page.write_text("\n\n".join([_HEAD + f"\n```text\n{_help()}\n```", *blocks]) + "\n", encoding="utf-8")
+    page.write_text(
+        "\n\n".join([_HEAD + f"\n```text\n{_help()}\n```", *blocks]) + "\n", encoding="utf-8"
+    )
 
 
 def _help(*command: str) -> str:
-    done = CliRunner().invoke(app, [*command, "--help"], prog_name="femseal", env={"COLUMNS": "110"})
+    done = CliRunner().invoke(
+        app, [*command, "--help"], prog_name="femseal", env={"COLUMNS": "110"}
+    )
     assert done.exit_code == 0, done.output
     return done.output.strip()

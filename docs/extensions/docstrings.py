@@ -74,7 +74,9 @@ def _list_fields(obj, lines):
         for new, words_of_it in [("", words[0]), *zip(words[1::2], words[2::2], strict=True)]:
             entry = new or entry
             said.setdefault(entry, []).append(words_of_it.strip())
-    explained = {name: " ".join(filter(None, said[entry])) for entry in said for name in entry.split(", ")}
+    explained = {
+        name: " ".join(filter(None, said[entry])) for entry in said for name in entry.split(", ")
+    }
     rows = []
     for field in fields(obj):
         meaning = field.metadata.get("long_name") or field.metadata.get("label", "")

@@ -13,7 +13,9 @@ PLAIN = 'stretchy="false" lspace="0" rspace="0"'
 
 def mathml(node, as_block=False):
     """MathML of a formula; one that cannot be converted is a warning, which fails a build with `-W`."""
-    tex = re.sub(r"(frac)(\d)(\d)", r"\1{\2}{\3}", node.astext())  # docutils takes two digits for one number
+    tex = re.sub(
+        r"(frac)(\d)(\d)", r"\1{\2}{\3}", node.astext()
+    )  # docutils takes two digits for one number
     try:
         written = tex2mathml(tex, as_block).replace("<mo>'</mo>", "<mo>′</mo>")
         # as TeX has them: as high as letters, and without space around
@@ -29,7 +31,9 @@ def visit_inline(translator, node):
 
 
 def visit_block(translator, node):
-    translator.body.append(translator.starttag(node, "div", CLASS="math-block") + mathml(node, True) + "</div>\n")
+    translator.body.append(
+        translator.starttag(node, "div", CLASS="math-block") + mathml(node, True) + "</div>\n"
+    )
     raise nodes.SkipNode
 
 

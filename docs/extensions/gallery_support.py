@@ -26,7 +26,9 @@ def figures_of_results(block, block_vars, gallery_conf):
 def name_the_script(gallery_conf, fname):
     """Tell an example its `__file__`, which it does not have where its text is executed."""
     if fname:
-        builtins.__file__ = str(Path(gallery_conf["src_dir"], gallery_conf["examples_dirs"], Path(fname).name))
+        builtins.__file__ = str(
+            Path(gallery_conf["src_dir"], gallery_conf["examples_dirs"], Path(fname).name)
+        )
 
 
 def notebook_as_script(notebook: Path, script: Path) -> None:
@@ -36,7 +38,10 @@ def notebook_as_script(notebook: Path, script: Path) -> None:
     after_text = False
     for cell in others:
         if cell["cell_type"] == "markdown":
-            blocks.append("# %%\n" + "\n".join(f"# {line}".rstrip() for line in _restructured(cell).splitlines()))
+            blocks.append(
+                "# %%\n"
+                + "\n".join(f"# {line}".rstrip() for line in _restructured(cell).splitlines())
+            )
         else:
             blocks.append(("" if after_text else "# %%\n") + "".join(cell["source"]))
         after_text = cell["cell_type"] == "markdown"
@@ -46,4 +51,9 @@ def notebook_as_script(notebook: Path, script: Path) -> None:
 def _restructured(cell: dict) -> str:
     """Headings and code in the text of a Markdown cell, as reStructuredText has them."""
     text = "".join(cell["source"]).replace("`", "``")
-    return re.sub(r"^(#+) (.*)$", lambda m: f"{m[2]}\n{'=-~'[len(m[1]) - 1] * len(m[2])}", text, flags=re.MULTILINE)
+    return re.sub(
+        r"^(#+) (.*)$",
+        lambda m: f"{m[2]}\n{'=-~'[len(m[1]) - 1] * len(m[2])}",
+        text,
+        flags=re.MULTILINE,
+    )

@@ -21,6 +21,15 @@ if TYPE_CHECKING:
     from .machine import free_memory, numerical_versions, versions
     from .quantities import to_si, to_text
     from .stage import Mapper, Stage
-    from .text import Labelled, Plotted, Shown, TextTable, comma_separated, duration, format_deviation, labelled
+    from .text import (
+        Labelled,
+        Plotted,
+        Shown,
+        TextTable,
+        comma_separated,
+        duration,
+        format_deviation,
+        labelled,
+    )
 else:
     __getattr__, __dir__ = lazy(__name__)

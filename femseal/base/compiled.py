@@ -10,7 +10,10 @@ from typing import Any
 from numba import njit
 
 #: Options of functions that may take sums in another order, and divide by zero.
-REORDERED: dict[str, Any] = {"error_model": "numpy", "fastmath": {"reassoc", "contract", "arcp", "nsz"}}
+REORDERED: dict[str, Any] = {
+    "error_model": "numpy",
+    "fastmath": {"reassoc", "contract", "arcp", "nsz"},
+}
 _OPTIONS: dict[str, Any] = {"cache": True, "nogil": True, "no_cfunc_wrapper": True}
 
 

@@ -49,7 +49,11 @@ class InputError(FemsealError, ValueError):
         return InputError(f"{place}.{self.what}", self.given, self.expected)
 
     def __reduce__(self) -> tuple[Any, ...]:
-        return InputError, (self.what, shortened(self.given), self.expected)  # whatever was given, its text can be sent
+        return InputError, (
+            self.what,
+            shortened(self.given),
+            self.expected,
+        )  # whatever was given, its text can be sent
 
 
 class InputErrors(InputError):

@@ -43,7 +43,13 @@ LEAK_CLASS = Place("leakage classes", ("leak_class", "step"))
 ERROR_SOURCE = Place("sources of error", ("budget_part", "step"))
 
 #: Unit in SI to the unit of pictures and of files for ParaView, and the number of these in one of SI.
-READABLE = {"m": ("µm", 1e6), "Pa": ("MPa", 1e-6), "m^3": ("m³", 1.0), "m^2/s": ("m²/s", 1.0), "1": ("", 1.0)}
+READABLE = {
+    "m": ("µm", 1e6),
+    "Pa": ("MPa", 1e-6),
+    "m^3": ("m³", 1.0),
+    "m^2/s": ("m²/s", 1.0),
+    "1": ("", 1.0),
+}
 
 
 @dataclass(frozen=True)
@@ -97,7 +103,15 @@ def with_unit(name: str, unit: str) -> str:
     """
     if unit in ("", "1"):
         return name
-    for sign, letters in (("/", "_per_"), ("·", "_"), ("*", "_"), (" ", "_"), ("³", "3"), ("²", "2"), ("µ", "u")):
+    for sign, letters in (
+        ("/", "_per_"),
+        ("·", "_"),
+        ("*", "_"),
+        (" ", "_"),
+        ("³", "3"),
+        ("²", "2"),
+        ("µ", "u"),
+    ):
         unit = unit.replace(sign, letters)
     return f"{name}_{unit.translate(str.maketrans('', '', '()^'))}"
 
@@ -114,12 +128,17 @@ def declared(
 ) -> Any:
     """An attribute of a dataclass that is a `Field`, with what `dataclasses.field` takes."""
     made = Field(name, unit, long_name, place, heading)
-    return field(default=default, repr=repr, metadata={"field": made, "unit": unit, "long_name": long_name})
+    return field(
+        default=default, repr=repr, metadata={"field": made, "unit": unit, "long_name": long_name}
+    )
 
 
 def fields_of(result: Any) -> Iterator[tuple[Field, Any]]:
     """Declared fields of a result with their values, without those that are None; computed ones come last."""
     pairs = [(f.metadata["field"], f.name) for f in fields(result) if "field" in f.metadata]
-    for made, attribute in [*pairs, *((f, name) for name, f in getattr(result, "computed_fields", {}).items())]:
+    for made, attribute in [
+        *pairs,
+        *((f, name) for name, f in getattr(result, "computed_fields", {}).items()),
+    ]:
         if (values := getattr(result, attribute)) is not None:
             yield made, values

@@ -22,7 +22,9 @@ def made_folder(folder: str | os.PathLike[str]) -> Path:
         path.mkdir(parents=True, exist_ok=True)
     except OSError as error:
         reason = error.strerror or type(error).__name__
-        raise InputError("output folder", f"{path} ({reason})", "a folder that can be written") from None
+        raise InputError(
+            "output folder", f"{path} ({reason})", "a folder that can be written"
+        ) from None
     return path
 
 
@@ -68,7 +70,9 @@ def remove_foreign(path: Path) -> None:
 
 def is_inside(folder: Path, name: Path) -> bool:
     """Whether no link leads out of a folder on the way to a relative name in it, which need not exist."""
-    return Path(os.path.realpath(folder / name.parent)) == Path(os.path.realpath(folder)) / name.parent
+    return (
+        Path(os.path.realpath(folder / name.parent)) == Path(os.path.realpath(folder)) / name.parent
+    )
 
 
 @contextmanager
@@ -80,7 +84,9 @@ def replacing(path: Path) -> Iterator[Path]:
     Raises InputError: `path` is a device, a pipe or a folder, whose place no file may take.
     """
     if path.exists() and not path.is_file():
-        raise InputError("file", f"'{path}', which is a device, a pipe or a folder", "a file, or a new one")
+        raise InputError(
+            "file", f"'{path}', which is a device, a pipe or a folder", "a file, or a new one"
+        )
     handle, name = tempfile.mkstemp(suffix=path.suffix, prefix=".unfinished-", dir=path.parent)
     os.close(handle)
     temporary = Path(name)
@@ -100,7 +106,9 @@ def writing(what: str, path: object, kind: str = "a file") -> Iterator[None]:
     try:
         yield
     except OSError as error:
-        raise InputError(what, f"'{path}'", f"{kind} that can be written ({error.strerror})") from None
+        raise InputError(
+            what, f"'{path}'", f"{kind} that can be written ({error.strerror})"
+        ) from None
 
 
 class _LateFailingFile(io.FileIO):

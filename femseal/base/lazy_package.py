@@ -33,7 +33,11 @@ def lazy(package: str) -> tuple[Callable[[str], Any], Callable[[], list[str]]]:
         """Name to the module it comes from, relative to the package."""
         tree = ast.parse(module.__spec__.loader.get_source(package))  # type: ignore[union-attr]
         imports = (node for part in tree.body if isinstance(part, ast.If) for node in part.body)
-        found = {name.name: f".{name.name}" for name in iter_modules(module.__path__) if name.name[0] != "_"}
+        found = {
+            name.name: f".{name.name}"
+            for name in iter_modules(module.__path__)
+            if name.name[0] != "_"
+        }
         return found | {
             alias.asname or alias.name: "." * node.level + (node.module or "")
             for node in imports
@@ -70,7 +74,11 @@ def find_place(package: Path) -> None:
     Numba takes NUMBA_CACHE_DIR, the `__pycache__` beside each module, or a folder of the user. Where none can be
     written, as in containers that are read only, loops are compiled in every run, once for all its processes.
     """
-    if os.environ.get("NUMBA_CACHE_DIR") or _can_write(package / "base/__pycache__") or _user_can_write():
+    if (
+        os.environ.get("NUMBA_CACHE_DIR")
+        or _can_write(package / "base/__pycache__")
+        or _user_can_write()
+    ):
         return
     folder = mkdtemp(prefix="femseal-")
     atexit.register(rmtree, folder, ignore_errors=True)

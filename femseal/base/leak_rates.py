@@ -67,7 +67,9 @@ _TABLE: tuple[tuple[Kind, bool, dict[str, float]], ...] = (
 )  # fmt: skip
 #: All units, by their name.
 LEAK_UNITS: dict[str, LeakUnit] = {
-    name: LeakUnit(name, kind, si, per_length) for kind, per_length, values in _TABLE for name, si in values.items()
+    name: LeakUnit(name, kind, si, per_length)
+    for kind, per_length, values in _TABLE
+    for name, si in values.items()
 }
 #: Units in which every leakage is given; those of gases are left out for liquids.
 USUAL_UNITS = ("m²/s", "mL/(m·min)", "mg/(m·s)", "m³/s", "mL/min", "drops/min", "kg/s", "g/year", "Pa·m³/s", "mbar·L/s",
@@ -78,7 +80,9 @@ _READABLE = {
     False: ("L/s", "mL/s", "mL/min", "mL/h", "nL/s", "pL/s"),
 }
 #: Other letters for the same.
-_LETTERS = str.maketrans({"μ": "u", "µ": "u", "·": "*", "²": "2", "³": "3", "^": "", " ": "", "l": "L"})
+_LETTERS = str.maketrans(
+    {"μ": "u", "µ": "u", "·": "*", "²": "2", "³": "3", "^": "", " ": "", "l": "L"}
+)
 #: Other names of units.
 _ALIASES = {"sccm": "std cm³/min", "slm": "std L/min", "scc/s": "std cm³/s", "std cc/s": "std cm³/s",
             "Ncm³/s": "std cm³/s", "drop/min": "drops/min", "drop/s": "drops/s", "drop/h": "drops/h"}  # fmt: skip
@@ -101,7 +105,9 @@ def _unit_key(name: str) -> tuple[str, tuple[str, ...]]:
     """Numerator and factors of the denominator, however they are written."""
     name = name.translate(_LETTERS)
     above, _, below = name.partition("/")
-    return above, tuple(sorted(below.replace("(", "").replace(")", "").replace("/", "*").split("*")))
+    return above, tuple(
+        sorted(below.replace("(", "").replace(")", "").replace("/", "*").split("*"))
+    )
 
 
 @dataclass(frozen=True)
@@ -160,7 +166,9 @@ class LeakBasis:
         Raises InputError: a unit of gases for a liquid, or of liquids for a gas.
         """
         if lack := self.lacks(unit):
-            raise InputError("leakage_unit", f"{unit.name} for a {'gas' if self.is_gas else 'liquid'}", lack)
+            raise InputError(
+                "leakage_unit", f"{unit.name} for a {'gas' if self.is_gas else 'liquid'}", lack
+            )
         per_volume = 1.0
         if unit.kind == "mass":
             per_volume = self.density
@@ -233,7 +241,11 @@ _PER: dict[str, tuple[str, str, Callable[[float], float]]] = {
     "NPS": ("nominal_diameter", "a length > 0, such as '50 mm'", _nominal_inches),
     "class VI": ("nominal_diameter", "a length from 0 to 400 mm, such as '50 mm'", _class_vi),
     "psi": ("pressure_drop", "the pressures of the fluid", lambda p: p / _PSI),
-    "capacity": ("rated_capacity", "the flow of the open valve in the test, such as '100 L/min'", float),
+    "capacity": (
+        "rated_capacity",
+        "the flow of the open valve in the test, such as '100 L/min'",
+        float,
+    ),
 }
 
 
@@ -276,14 +288,20 @@ class LeakClass:
         if not fits[self.tested]:
             defined = f"{self.name}, which is defined for {self.tested}"
             raise InputError(
-                "classes", defined, f"a class for the fluid, or {self.tested} as the fluid or the test fluid"
+                "classes",
+                defined,
+                f"a class for the fluid, or {self.tested} as the fluid or the test fluid",
             )
         unit = LEAK_UNITS[self.unit]
         if lack := basis.lacks(unit):
             fluid = "gas" if basis.is_gas else "liquid"
             raise InputError("classes", f"{self.name}, a limit in {self.unit}, for a {fluid}", lack)
         amount = self.gas_amount if basis.is_gas and self.gas_amount is not None else self.amount
-        known = {"nominal_diameter": diameter, "pressure_drop": basis.pressure_drop, "rated_capacity": basis.capacity}
+        known = {
+            "nominal_diameter": diameter,
+            "pressure_drop": basis.pressure_drop,
+            "rated_capacity": basis.capacity,
+        }
         for name in self.per:
             key, expected, factor = _PER[name]
             if (value := known[key]) is None:
@@ -375,5 +393,7 @@ def _named(name: str) -> list[LeakClass]:
 def _class_key(name: str) -> str:
     """A name without case, spaces, hyphens and additions that people write."""
     for part in ("rate", "class", "2021", "2015", "1591-1", "en 12266-1"):
-        name = name.lower().replace(part, {"1591-1": "13555", "en 12266-1": "iso 5208"}.get(part, ""))
+        name = name.lower().replace(
+            part, {"1591-1": "13555", "en 12266-1": "iso 5208"}.get(part, "")
+        )
     return name.replace(",", ".").translate(str.maketrans("", "", " -_:")).removesuffix(".0")

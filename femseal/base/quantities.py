@@ -23,15 +23,27 @@ _BARE_EXPONENT = re.compile(r"(?<=[^\W\d_])([-+]?\d)(?!\d*[^\W\d_])")
 _PASCAL_SECOND = re.compile(r"(?<=Pa)s\b")
 _NUMBER_AND_UNIT = re.compile(r"^\s*([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)\s*(\S.*)?$")
 #: Scales of temperature whose zero is not the absolute one, however they are written.
-_TEMPERATURE = re.compile(r"(?:(?:[°º]|deg(?:rees?)?)[\s_]?)?([CF]|celsius|fahrenheit)|[℃℉]", re.IGNORECASE)
+_TEMPERATURE = re.compile(
+    r"(?:(?:[°º]|deg(?:rees?)?)[\s_]?)?([CF]|celsius|fahrenheit)|[℃℉]", re.IGNORECASE
+)
 #: Hardness by Vickers or Brinell, in kilograms of force per square millimetre.
 _KILOGRAMS = re.compile(r"H(?:V|BW?|BS)\d*")
 #: What a pressure is counted from, gauge or absolute: "(g)", "(a)", a word, or a letter after bar, psi or Pa.
 _REFERENCE = re.compile(
-    r"\s?(?:\(\s?([gaü])\s?\)|(?:(?<=bar)|(?<=psi)|(?<=Pa))\s?([gaü])|\s([ga])(?:auge|bs(?:olute)?))\s?$", re.IGNORECASE
+    r"\s?(?:\(\s?([gaü])\s?\)|(?:(?<=bar)|(?<=psi)|(?<=Pa))\s?([gaü])|\s([ga])(?:auge|bs(?:olute)?))\s?$",
+    re.IGNORECASE,
 )
 #: Prefixes for people: (factor, text), used when a value is printed.
-_PREFIXES = [(1e9, "G"), (1e6, "M"), (1e3, "k"), (1.0, ""), (1e-3, "m"), (1e-6, "µ"), (1e-9, "n"), (1e-12, "p")]
+_PREFIXES = [
+    (1e9, "G"),
+    (1e6, "M"),
+    (1e3, "k"),
+    (1.0, ""),
+    (1e-3, "m"),
+    (1e-6, "µ"),
+    (1e-9, "n"),
+    (1e-12, "p"),
+]
 #: Values by their unit, for messages.
 _EXAMPLES = {
     "Pa": "10 MPa",
@@ -46,7 +58,12 @@ _EXAMPLES = {
 _USUAL = {"kg/m^3": ("kg/m^3", 1.0)} | {
     prefix + name: (unit, factor * size)
     for factor, prefix in [*_PREFIXES, (1e-6, "u")]
-    for name, unit, size in [("Pa", "Pa", 1.0), ("bar", "Pa", 1e5), ("m", "m", 1.0), ("Pa*s", "Pa*s", 1.0)]
+    for name, unit, size in [
+        ("Pa", "Pa", 1.0),
+        ("bar", "Pa", 1e5),
+        ("m", "m", 1.0),
+        ("Pa*s", "Pa*s", 1.0),
+    ]
 }
 
 
@@ -86,12 +103,13 @@ def to_si(text: object, unit: str, name: str = "quantity", like: str = "") -> fl
         raise InputError(name, shown(text), f"{example}, not longer than {_LONGEST} characters")
     if unit == "Pa" and _REFERENCE.search(text):
         plain = shown(_REFERENCE.sub("", text))
-        expected = (
-            f"a pressure without (g) or (a), such as {plain}: those of the fluid alone in a case are gauge or absolute"
-        )
+        alone = "those of the fluid alone in a case are gauge or absolute"
+        expected = f"a pressure without (g) or (a), such as {plain}: {alone}"
         raise InputError(name, shown(text), expected)
     if _DECIMAL_COMMA.search(text):
-        raise InputError(name, shown(text), f"a number with a decimal point, not a comma: {_without_comma(text)}")
+        raise InputError(
+            name, shown(text), f"a number with a decimal point, not a comma: {_without_comma(text)}"
+        )
     match = _NUMBER_AND_UNIT.match(text)
     if match is None or (match[2] is None and unit):
         raise InputError(name, shown(text), example)
@@ -103,7 +121,11 @@ def to_si(text: object, unit: str, name: str = "quantity", like: str = "") -> fl
     if written and not _UNIT.fullmatch(written):
         raise InputError(name, shown(text), example)
     if (factor := _factor(written, unit)) is None:
-        alike = [each for each, (kind, _) in _USUAL.items() if kind == unit and each.lower() == written.lower()]
+        alike = [
+            each
+            for each, (kind, _) in _USUAL.items()
+            if kind == unit and each.lower() == written.lower()
+        ]
         hint = f"; capitals count: {' or '.join(alike)}" if alike else ""
         if unit == "Pa" and _KILOGRAMS.fullmatch(written):
             hint = f"; {shown(text)} is about {to_text(float(match[1]) * 9.80665e6, 'Pa', 3)}"
@@ -131,7 +153,9 @@ def absolute_pressure(text: object, ambient: float, name: str = "quantity") -> f
     except InputError as error:
         raise InputError(name, shown(text), error.expected) from None
     if pressure < 0:
-        raise InputError(name, shown(text), f"a pressure not below a vacuum, {to_text(0.0 - above, 'Pa')} there")
+        raise InputError(
+            name, shown(text), f"a pressure not below a vacuum, {to_text(0.0 - above, 'Pa')} there"
+        )
     return pressure
 
 
@@ -146,8 +170,14 @@ def _factor(written: str, unit: str) -> float | None:
         spelled = _BARE_EXPONENT.sub(r"^\1", _PASCAL_SECOND.sub("*s", written.replace(".", "*")))
         parsed, wanted = _registry().parse_units(spelled), unit or "dimensionless"
         # a scale with another zero has no factor
-        return None if (0.0 * parsed).to(wanted).magnitude else float((1.0 * parsed).to(wanted).magnitude)
-    except Exception:  # a parser of units fails on unknown names in many ways, all of which mean the same
+        return (
+            None
+            if (0.0 * parsed).to(wanted).magnitude
+            else float((1.0 * parsed).to(wanted).magnitude)
+        )
+    except (
+        Exception
+    ):  # a parser of units fails on unknown names in many ways, all of which mean the same
         return None
 
 
@@ -159,7 +189,9 @@ def _without_comma(text: str) -> str:
     """
     whole = _THOUSANDS.sub(lambda number: number[0].replace(",", ""), text)
     point = _WITH_COMMA.sub(lambda number: number[0].replace(".", "").replace(",", "."), text)
-    return shown(point) + (f", or {shown(whole)} without separators of thousands" if whole != text else "")
+    return shown(point) + (
+        f", or {shown(whole)} without separators of thousands" if whole != text else ""
+    )
 
 
 def _finite(value: float, given: object, name: str, allowed: str) -> float:

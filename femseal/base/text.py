@@ -43,7 +43,9 @@ class TextTable:
     wrap: int = 0
 
     @classmethod
-    def of_columns(cls, title: str, columns: Iterable[tuple[str, Iterable[str]]], **options: Any) -> TextTable:
+    def of_columns(
+        cls, title: str, columns: Iterable[tuple[str, Iterable[str]]], **options: Any
+    ) -> TextTable:
         """A table of columns, each a heading and its texts."""
         heads, texts = zip(*columns, strict=True)
         return cls(title, tuple(heads), tuple(zip(*texts, strict=True)), **options)
@@ -63,7 +65,9 @@ class TextTable:
         from rich.table import Table
         from rich.text import Text
 
-        table = Table(box=SIMPLE_HEAD, pad_edge=False, padding=(0, 1, 0, 0), show_header=bool(self.heads))
+        table = Table(
+            box=SIMPLE_HEAD, pad_edge=False, padding=(0, 1, 0, 0), show_header=bool(self.heads)
+        )
         table.caption, table.caption_justify = plain("\n".join(self.notes)) or None, "left"
         first = 1 if self.grouped else 0
         for n, head in list(enumerate(self.heads or self.lines[0]))[first:]:
@@ -203,7 +207,10 @@ class Shown(Plotted):
 
     def _facts(self, whole: bool) -> list[tuple[str, str, str]]:
         """Name, value as text, meaning."""
-        facts = [(name, value_text(getattr(self, name), unit), "") for name, unit in self._derived.items()]
+        facts = [
+            (name, value_text(getattr(self, name), unit), "")
+            for name, unit in self._derived.items()
+        ]
         for f in fields(self):  # type: ignore[arg-type]
             value = getattr(self, f.name)
             if (whole or f.repr) and not _says_nothing(value):
@@ -214,7 +221,11 @@ class Shown(Plotted):
 
 def _says_nothing(value: Any) -> bool:
     """Whether a value is None, NaN or an empty tuple."""
-    return value is None or (isinstance(value, float) and np.isnan(value)) or (isinstance(value, tuple) and not value)
+    return (
+        value is None
+        or (isinstance(value, float) and np.isnan(value))
+        or (isinstance(value, tuple) and not value)
+    )
 
 
 def value_text(value: Any, unit: str = "1") -> str:
@@ -254,7 +265,9 @@ def _range_text(values: np.ndarray, unit: str) -> str:
 def _number_text(value: float, unit: str) -> str:
     if unit in ("Pa", "m"):
         return to_text(value, unit)
-    return f"{value:.4g}" if unit == "1" else f"{value:.4g} {unit.replace('^', '').translate(_POWERS)}"
+    return (
+        f"{value:.4g}" if unit == "1" else f"{value:.4g} {unit.replace('^', '').translate(_POWERS)}"
+    )
 
 
 def labelled(label: str, unit: str = "", **options: Any) -> Any:
@@ -268,7 +281,10 @@ class Labelled:
     def __str__(self) -> str:
         metadata = {f.name: f.metadata for f in fields(self)}  # type: ignore[arg-type]
         width = max(len(m["label"]) for m in metadata.values())
-        return "\n".join(f"{m['label']:{width}}  {as_text(getattr(self, name), **m)}" for name, m in metadata.items())
+        return "\n".join(
+            f"{m['label']:{width}}  {as_text(getattr(self, name), **m)}"
+            for name, m in metadata.items()
+        )
 
 
 def as_text(value: Any, unit: str, *, percent: bool = False, joint: str = "", **_: Any) -> str:

@@ -17,7 +17,9 @@ from numpy.typing import NDArray
 from .errors import InputError, counted
 
 
-def number(name: str, value: Any, *, unit: str = "", above: float = 0.0, inclusive: bool = False) -> float:
+def number(
+    name: str, value: Any, *, unit: str = "", above: float = 0.0, inclusive: bool = False
+) -> float:
     """A finite number > `above`, or >= `above` when `inclusive`; above −inf, any."""
     shown = value
     try:
@@ -53,9 +55,13 @@ def field(
         if not array.flags.carray:
             array = np.require(array, requirements=("C", "ALIGNED"))
     except (TypeError, ValueError):
-        raise InputError(name, f"a {type(value).__name__}", f"an array (n1, n2) of real numbers [{unit}]") from None
+        raise InputError(
+            name, f"a {type(value).__name__}", f"an array (n1, n2) of real numbers [{unit}]"
+        ) from None
     if array.ndim != 2 or array.size == 0 or (shape is not None and array.shape != shape):
-        raise InputError(name, f"shape {array.shape}", "a shape (n1, n2)" if shape is None else f"shape {shape}")
+        raise InputError(
+            name, f"shape {array.shape}", "a shape (n1, n2)" if shape is None else f"shape {shape}"
+        )
     if not np.isfinite(array).all():
         count = np.count_nonzero(~np.isfinite(array))
         raise InputError(name, f"{counted(count, 'point')} not finite", f"finite numbers [{unit}]")
@@ -101,7 +107,9 @@ def pressures(name: str, value: Mapping[str, Any]) -> dict[str, float]:
     """Pressures [Pa] of boundaries by their names, at least one."""
     if not value:
         raise InputError(name, "no boundaries", "names of boundaries with their pressures")
-    return {one: number(f"{name} {one!r}", given, unit="Pa", above=-inf) for one, given in value.items()}
+    return {
+        one: number(f"{name} {one!r}", given, unit="Pa", above=-inf) for one, given in value.items()
+    }
 
 
 def flags(name: str, value: Any) -> tuple[bool, bool]:
@@ -156,7 +164,13 @@ def parameter(
     usual : range out of which a case is asked whether the unit is meant.
     meaning, more : as `described` takes them; the default may be None.
     """
-    limits: dict[str, Any] = {"unit": unit, "allowed": allowed, "usual": usual, "above": above, "inclusive": inclusive}
+    limits: dict[str, Any] = {
+        "unit": unit,
+        "allowed": allowed,
+        "usual": usual,
+        "above": above,
+        "inclusive": inclusive,
+    }
     return described(meaning, **limits, **more)
 
 

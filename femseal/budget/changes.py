@@ -102,7 +102,11 @@ def scale_of_changes(steps: LoadProgramme, change: Array, slope: Array, known: l
 
 
 def sealed_upper(
-    steps: LoadProgramme, q: Array, distance: Array, change: Array | None = None, coarse: CoarserSolution | None = None
+    steps: LoadProgramme,
+    q: Array,
+    distance: Array,
+    change: Array | None = None,
+    coarse: CoarserSolution | None = None,
 ) -> Array:
     """Upper end at the sealed steps (steps,) [m²/s], 0 elsewhere.
 
@@ -120,14 +124,19 @@ def sealed_upper(
     change = np.zeros(q.size) if change is None else change
     leaks = {}
     if coarse is not None:
-        leaks = {step: abs(float(value)) for step, value in zip(coarse.steps, coarse.leakage, strict=True)}
+        leaks = {
+            step: abs(float(value))
+            for step, value in zip(coarse.steps, coarse.leakage, strict=True)
+        }
     most = max((value for value in leaks.values() if np.isfinite(value)), default=0.0)
     shut = np.flatnonzero(q == 0)
     for s in shut:
         if np.isnan(change[s]):
             continue
         found[s] = np.nan_to_num(leaks.get(steps[s], 0.0))
-        branch = [n for n in range(q.size) if steps[n].unloaded_from in (None, steps[s].unloaded_from)]
+        branch = [
+            n for n in range(q.size) if steps[n].unloaded_from in (None, steps[s].unloaded_from)
+        ]
         less = [n for n in branch if open_[n] and steps[n].pressure <= steps[s].pressure]
         # a load that is sealed for certain seals all higher ones
         lowest = min(steps[n].pressure for n in branch if q[n] == 0)
@@ -156,7 +165,10 @@ def part_of_changes(
     """
     q = np.abs(np.asarray(leakage, float))
     part = ErrorPart.of(name, leakage, below, above, note)
-    lower, upper = part.lower, np.where(q == 0, sealed_upper(steps, q, above, change, coarse), part.upper)
+    lower, upper = (
+        part.lower,
+        np.where(q == 0, sealed_upper(steps, q, above, change, coarse), part.upper),
+    )
     if change is not None:
         lower, upper = (np.where(np.isnan(change), np.nan, end) for end in (lower, upper))
     return ErrorPart(name, lower, upper, note)

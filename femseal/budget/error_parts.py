@@ -53,15 +53,22 @@ class ErrorPart:
         """
         q = np.asarray(leakage, dtype=float)
         with np.errstate(invalid="ignore", over="ignore"):
-            ends = (np.where(q == 0, 0.0, q * np.exp(d)) for d in (-np.asarray(below), np.asarray(above)))
+            ends = (
+                np.where(q == 0, 0.0, q * np.exp(d))
+                for d in (-np.asarray(below), np.asarray(above))
+            )
             low, high = ends
-        return cls(name, np.where(np.isnan(q), np.nan, low), np.where(np.isnan(q), np.nan, high), note)
+        return cls(
+            name, np.where(np.isnan(q), np.nan, low), np.where(np.isnan(q), np.nan, high), note
+        )
 
     def widened(self, leakage: Array, factor: Array) -> ErrorPart:
         """The part with the distances of ln(leakage) at the open steps times a factor (steps,)."""
         q = np.asarray(leakage, dtype=float)
         with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
-            lower, upper = (np.where(q == 0, end, q * (end / q) ** factor) for end in (self.lower, self.upper))
+            lower, upper = (
+                np.where(q == 0, end, q * (end / q) ** factor) for end in (self.lower, self.upper)
+            )
         return ErrorPart(self.name, lower, upper, self.note)
 
 
@@ -88,7 +95,9 @@ class ErrorBudget:
     @property
     def numerical(self) -> ErrorBudget:
         """The budget without the parts of the model and its input: what a finer solution makes smaller."""
-        return replace(self, parts=tuple(part for part in self.parts if part.name not in MODEL_PARTS))
+        return replace(
+            self, parts=tuple(part for part in self.parts if part.name not in MODEL_PARTS)
+        )
 
     @property
     def lower(self) -> Array:
@@ -141,7 +150,9 @@ class ErrorBudget:
         else:
             chosen = np.array([step])
         # an unknown part is wider than any other
-        largest = {name: float(np.max(np.nan_to_num(w[chosen], nan=np.inf))) for name, w in widths.items()}
+        largest = {
+            name: float(np.max(np.nan_to_num(w[chosen], nan=np.inf))) for name, w in widths.items()
+        }
         return max(largest, key=lambda name: largest[name])
 
     def _distance(self, end: str) -> Array:
@@ -154,7 +165,9 @@ class ErrorBudget:
         return np.sqrt(total)
 
 
-def within_others(steps: LoadProgramme, leakage: Array, lower: Array, upper: Array) -> tuple[Array, Array]:
+def within_others(
+    steps: LoadProgramme, leakage: Array, lower: Array, upper: Array
+) -> tuple[Array, Array]:
     """Ends of bands (steps,) that do not go beyond those of other loads.
 
     A seal leaks no more under a higher load of the same branch, and no more on unloading than it did on loading under
@@ -162,7 +175,9 @@ def within_others(steps: LoadProgramme, leakage: Array, lower: Array, upper: Arr
     left as they are. Ends that are unknown stay so, and the leakage itself stays within its band.
     """
     rising = np.flatnonzero(steps.on_loading)
-    (high, low), (least, most) = (_from_others(steps, rising, a, b) for a, b in ((upper, lower), (leakage, leakage)))
+    (high, low), (least, most) = (
+        _from_others(steps, rising, a, b) for a, b in ((upper, lower), (leakage, leakage))
+    )
     if (leakage > _RISE * least).any() or (_RISE * leakage < most).any():
         return lower, upper
     low, high = np.where(np.isnan(lower), np.nan, low), np.where(np.isnan(upper), np.nan, high)
@@ -170,7 +185,9 @@ def within_others(steps: LoadProgramme, leakage: Array, lower: Array, upper: Arr
         return np.minimum(low, leakage), np.maximum(high, leakage)
 
 
-def _from_others(steps: LoadProgramme, rising: Indices, upper: Array, lower: Array) -> tuple[Array, Array]:
+def _from_others(
+    steps: LoadProgramme, rising: Indices, upper: Array, lower: Array
+) -> tuple[Array, Array]:
     """The least upper end of the loads that leak no less, and the largest lower end of those that leak no more."""
     low, high, pressure = lower.copy(), upper.copy(), steps.pressures
     high[rising] = np.fmin.accumulate(high[rising])
@@ -225,14 +242,18 @@ def vague_steps(budget: ErrorBudget) -> Indices:
     """Indices of the loads that may leak more than `VAGUE` times as much as found, or, where they count, as little."""
     q, counts = np.abs(budget.leakage), np.zeros(len(budget.leakage), bool)
     counts[counting_steps(budget)] = True
-    return np.flatnonzero((q > 0) & ((budget.upper > VAGUE * q) | (counts & (VAGUE * budget.lower < q))))
+    return np.flatnonzero(
+        (q > 0) & ((budget.upper > VAGUE * q) | (counts & (VAGUE * budget.lower < q)))
+    )
 
 
 def widest_band(budget: ErrorBudget) -> WidestBand:
     """Judge a budget. Pixels of which nothing is known have no end."""
     steps = counting_steps(budget)
     widths = np.nan_to_num(np.asarray(budget.half_width())[steps], nan=inf, posinf=inf)
-    parts = {"pixels": inf} | {name: _largest(width[steps]) for name, width in budget.widths().items()}
+    parts = {"pixels": inf} | {
+        name: _largest(width[steps]) for name, width in budget.widths().items()
+    }
     return WidestBand(
         half_width=max(_largest(widths), inf if np.isinf(parts["pixels"]) else 0.0),
         step=int(steps[np.argmax(widths)]) if steps.size else 0,

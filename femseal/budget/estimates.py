@@ -20,7 +20,14 @@ from ..studies.drawn_error import FLOOR_DECADES, count_scenes, decades, half_wid
 from ..studies.load_curves import first_known
 from ..studies.scene import Array
 from ..topography.seat import ScaledSeat, Seat
-from .changes import LEAST_SLOPE, CoarserSolution, load_sensitivity, on_all_steps, part_of_changes, scale_of_changes
+from .changes import (
+    LEAST_SLOPE,
+    CoarserSolution,
+    load_sensitivity,
+    on_all_steps,
+    part_of_changes,
+    scale_of_changes,
+)
 from .error_parts import MODEL_PARTS, ErrorPart
 
 #: Fraction of the cases that a band holds, and the number of standard deviations of a normal number for it.
@@ -67,7 +74,9 @@ def places_part(leakage: Array, without: Array) -> ErrorPart:
 
     def distance(values: Array) -> Array:
         own = (count - 1) * values.var(axis=0)
-        return np.asarray(student * np.sqrt((_PLACE_FREEDOM * usual**2 + (count - 1) * own) / freedom))
+        return np.asarray(
+            student * np.sqrt((_PLACE_FREEDOM * usual**2 + (count - 1) * own) / freedom)
+        )
 
     with np.errstate(divide="ignore", invalid="ignore"):
         logs = distance(np.log(without))
@@ -162,7 +171,10 @@ class FormTolerance:
 
 
 def model_changes(
-    scene: Scene, names: Sequence[str] = MODEL_PARTS, hardness: float = 0.1, form: FormTolerance | None = None
+    scene: Scene,
+    names: Sequence[str] = MODEL_PARTS,
+    hardness: float = 0.1,
+    form: FormTolerance | None = None,
 ) -> list[ModelChange]:
     """Changes of a scene that its model and its input may be wrong by.
 
@@ -176,20 +188,26 @@ def model_changes(
         found.append(ModelChange("hardness", harder, True, note))
     acting = replace(scene, fluid_pressure="acts")
     if "fluid pressure" in names and scene.is_dry and acting.acting_fluid is not None:
-        note = "change of ln(leakage) if the fluid pressure, which is ignored, presses the faces apart"
+        note = (
+            "change of ln(leakage) if the fluid pressure, which is ignored, presses the faces apart"
+        )
         found.append(ModelChange("fluid pressure", acting, False, note))
     if "form" in names and form is not None and form.seat is not None and form.tolerance > 0:
         deeper = ScaledSeat(form.seat, form.tolerance).on(scene.surface)
         note = f"change of ln(leakage) with a form of the seat {form.tolerance:.0%} deeper, on either side"
         found.append(ModelChange("form", replace(scene, surface=deeper), True, note))
     elif "form" in names and form is not None and any(form.tolerances):
-        forms = tuple(ScaledForm(one, 1 + t) for one, t in zip(form.forms, form.tolerances, strict=True))
+        forms = tuple(
+            ScaledForm(one, 1 + t) for one, t in zip(form.forms, form.tolerances, strict=True)
+        )
         note = f"change of ln(leakage) with a form of the seal up to {max(form.tolerances):.0%} higher, on either side"
         found.append(ModelChange("form", scene, True, note, forms))
     return found
 
 
-def model_part(change: ModelChange, steps: LoadProgramme, leakage: Array, solution: CoarserSolution) -> ErrorPart:
+def model_part(
+    change: ModelChange, steps: LoadProgramme, leakage: Array, solution: CoarserSolution
+) -> ErrorPart:
     """Part of a change of the model.
 
     solution : leakage of the changed scene against that of the scene itself, both on the same points.
@@ -204,7 +222,13 @@ def model_part(change: ModelChange, steps: LoadProgramme, leakage: Array, soluti
     if change.both:
         moved = np.abs(moved)
     return part_of_changes(
-        change.name, steps, leakage, below, above, change.note, change=np.nan_to_num(moved, nan=0.0, posinf=np.inf)
+        change.name,
+        steps,
+        leakage,
+        below,
+        above,
+        change.note,
+        change=np.nan_to_num(moved, nan=0.0, posinf=np.inf),
     )
 
 
@@ -220,7 +244,9 @@ def effective_pressure_part(scene: Scene, study: Any) -> ErrorPart | None:
     note = "pieces under their effective pressure against a coupled face, measured on faces four waves broad"
     q = study.quantile(0.5)
     loads = np.maximum(study.steps.pressures, abs(fluid.carried))
-    effect = load_sensitivity(study.steps, q) * np.abs(fluid.carried) / np.where(loads > 0, loads, 1.0)
+    effect = (
+        load_sensitivity(study.steps, q) * np.abs(fluid.carried) / np.where(loads > 0, loads, 1.0)
+    )
     return part_of_changes("effective pressure", study.steps, q, 0.5 * effect, 0.2 * effect, note)
 
 
@@ -257,7 +283,9 @@ def thin_gap_part(scene: Scene, leakage: Array) -> ErrorPart | None:
     return ErrorPart.of("thin gap", leakage, distance, np.zeros_like(distance), note)
 
 
-def longer_waves_part(changes: Array, flatness: bool, steps: LoadProgramme, leakage: Array) -> ErrorPart:
+def longer_waves_part(
+    changes: Array, flatness: bool, steps: LoadProgramme, leakage: Array
+) -> ErrorPart:
     """Waves longer than the patch: Student's interval of a draw of them more, on the side of either end.
 
     changes : of ln(leakage) by drawn waves (draws, steps). flatness : whether a tolerance limits them.
@@ -269,8 +297,12 @@ def longer_waves_part(changes: Array, flatness: bool, steps: LoadProgramme, leak
     below, above = (np.maximum(sign * middle + distance, 0.0) for sign in (-1, 1))
     # where draws seal, or nothing is known, neither end is
     below, above = (np.where(np.isfinite(one), one, np.inf) for one in (below, above))
-    until = "up to the flatness of the seal" if flatness else "with no `flatness` in [seal] to end it"
-    note = f"{count} draws of longer waves, the spectrum carried on to the breadth of the seal {until}"
+    until = (
+        "up to the flatness of the seal" if flatness else "with no `flatness` in [seal] to end it"
+    )
+    note = (
+        f"{count} draws of longer waves, the spectrum carried on to the breadth of the seal {until}"
+    )
     return part_of_changes("longer waves", steps, leakage, below, above, note)
 
 

@@ -16,7 +16,13 @@ from ..base import counted
 from ..studies import Scene
 from ..studies.load_curves import least_counted
 from ..studies.scene import Array
-from .changes import CoarserSolution, load_sensitivity, on_all_steps, part_of_changes, scale_of_changes
+from .changes import (
+    CoarserSolution,
+    load_sensitivity,
+    on_all_steps,
+    part_of_changes,
+    scale_of_changes,
+)
 from .error_parts import ErrorPart
 from .waves import sealed_for_certain
 
@@ -43,7 +49,10 @@ _MAY_CLOSE = 1.5
 
 
 def pixels_part(
-    scene: Scene, leakage: Array, coarse: Sequence[CoarserSolution], wave_pixels: float = USUAL_PIXELS
+    scene: Scene,
+    leakage: Array,
+    coarse: Sequence[CoarserSolution],
+    wave_pixels: float = USUAL_PIXELS,
 ) -> ErrorPart:
     """Part of the pixels, from one coarser grid or two, the finer of them first.
 
@@ -69,13 +78,17 @@ def pixels_part(
         for change, at in zip(scaled, known, strict=True)
     ]
     order, falling = _order(changes, sizes, slope)
-    loads = sum(1 for s in known[0] if np.isfinite(changes[0][s]) and steps[s].unloaded_from is None)
+    loads = sum(
+        1 for s in known[0] if np.isfinite(changes[0][s]) and steps[s].unloaded_from is None
+    )
     factor = PER_CHANGE * FEW_LOADS.get(loads, 1.0) * (1.0 if falling else OFF_ORDER)
     distance = factor * np.sqrt(np.mean(np.square(scales), axis=0))
     may_close = (q < least_counted(q)) & (distance > _MAY_CLOSE)
     below = np.where(may_close | np.isneginf(changes[0]), np.inf, distance)
     note = _note(coarse, order, changes)
-    return part_of_changes("pixels", steps, leakage, below, distance, note, change=changes[0], coarse=coarse[0])
+    return part_of_changes(
+        "pixels", steps, leakage, below, distance, note, change=changes[0], coarse=coarse[0]
+    )
 
 
 def one_grid_part(leakage: Array, in_contact: Array) -> list[ErrorPart]:

@@ -31,7 +31,9 @@ ALONG, AGAINST = 1.1, 0.5
 _LEAST_SLOPE = 1.0
 
 
-def filter_part(scene: Scene, leakage: Array, filtered: CoarserSolution, octaves: float) -> ErrorPart:
+def filter_part(
+    scene: Scene, leakage: Array, filtered: CoarserSolution, octaves: float
+) -> ErrorPart:
     """Part of the removed waves: the effect of the shortest octave that is kept, carried on to those removed.
 
     filtered : without the shortest octave of waves. octaves : of waves that were removed from the face.
@@ -52,11 +54,18 @@ def filter_part(scene: Scene, leakage: Array, filtered: CoarserSolution, octaves
         f"change of ln(leakage) without the shortest octave of waves, carried on over {octaves:.2g} removed octaves "
         f"with a factor of {DECAY:g} for each; its {'rise' if lowers else 'fall'} is the likelier"
     )
-    return part_of_changes("filter", steps, leakage, below, above, note, change=change, coarse=filtered)
+    return part_of_changes(
+        "filter", steps, leakage, below, above, note, change=change, coarse=filtered
+    )
 
 
 def continuation_part(
-    scene: Scene, leakage: Array, others: Sequence[CoarserSolution], shorter: CoarserSolution, octaves: float, note: str
+    scene: Scene,
+    leakage: Array,
+    others: Sequence[CoarserSolution],
+    shorter: CoarserSolution,
+    octaves: float,
+    note: str,
 ) -> ErrorPart:
     """Part of the continued waves: scatter between realisations and trend with the cut-off, as a root of squares.
 
@@ -75,13 +84,20 @@ def continuation_part(
     trend = filter_part(scene, leakage, shorter, octaves)
     q = np.abs(leakage)
     with np.errstate(divide="ignore", invalid="ignore"):
-        sides = [np.nan_to_num(np.log(pair), nan=0.0) for pair in (q / trend.lower, trend.upper / q)]
-    below, above = (np.hypot(np.maximum(interval + s * mean, 0.0), t) for s, t in zip((-1, 1), sides, strict=True))
+        sides = [
+            np.nan_to_num(np.log(pair), nan=0.0) for pair in (q / trend.lower, trend.upper / q)
+        ]
+    below, above = (
+        np.hypot(np.maximum(interval + s * mean, 0.0), t)
+        for s, t in zip((-1, 1), sides, strict=True)
+    )
     below = np.where(np.isneginf(changes).any(axis=0), np.inf, below)
     opened = np.where(np.isposinf(changes).any(axis=0), np.inf, changes.sum(axis=0))
     leakiest = max(others, key=lambda other: float(np.nansum(np.abs(other.leakage))))
     text = f"{note}; {n} realisations by Student's interval, and the last octave carried on over {octaves:.2g} more"
-    return part_of_changes("continuation", steps, leakage, below, above, text, change=opened, coarse=leakiest)
+    return part_of_changes(
+        "continuation", steps, leakage, below, above, text, change=opened, coarse=leakiest
+    )
 
 
 #: Power of the fraction of the slope that is kept, by which the load is taken as lower. Measured on 96 faces of four
@@ -101,7 +117,9 @@ def contact_fraction_of(study: object, steps: LoadProgramme) -> Array:
     return np.asarray(getattr(study, "contact_fraction", np.full(len(steps), np.nan)), float)
 
 
-def raised_by_slope(part: ErrorPart, steps: LoadProgramme, leakage: Array, in_contact: Array, kept: float) -> ErrorPart:
+def raised_by_slope(
+    part: ErrorPart, steps: LoadProgramme, leakage: Array, in_contact: Array, kept: float
+) -> ErrorPart:
     """The part with upper ends that are at least the leakage under the load of the removed waves.
 
     leakage, in_contact : leakage and fraction in contact at every step (steps,). kept : rms slope over that with the
@@ -110,7 +128,9 @@ def raised_by_slope(part: ErrorPart, steps: LoadProgramme, leakage: Array, in_co
     least = under_less_load(steps, np.abs(np.asarray(leakage, float)), in_contact, kept)
     raised = least > part.upper  # an unknown end stays so
     note = f"{part.note}; no less than under {kept**LOAD_POWER:.2g} times the load, for the slope that was removed"
-    return replace(part, upper=np.where(raised, least, part.upper), note=note if raised.any() else part.note)
+    return replace(
+        part, upper=np.where(raised, least, part.upper), note=note if raised.any() else part.note
+    )
 
 
 def sealed_for_certain(in_contact: Array, kept: float = 1.0) -> NDArray[np.bool_]:

@@ -66,19 +66,27 @@ def error_budget(
         parts.append(filter_part(scene, leakage, filtered, octaves))
     elif kept_slope < 1:
         nothing = np.zeros(len(scene.steps))
-        parts.append(ErrorPart.of("filter", leakage, nothing, nothing, "no solution without the shortest waves"))
+        parts.append(
+            ErrorPart.of(
+                "filter", leakage, nothing, nothing, "no solution without the shortest waves"
+            )
+        )
     q = np.abs(leakage)
     steeper = np.where(q < least_counted(q), _NEAR_CLOSING, 1.0)
     parts = [part.widened(leakage, steeper) for part in parts]
     if kept_slope < 1:
         parts = [
-            raised_by_slope(part, scene.steps, leakage, in_contact, kept_slope) if part.name == "filter" else part
+            raised_by_slope(part, scene.steps, leakage, in_contact, kept_slope)
+            if part.name == "filter"
+            else part
             for part in parts
         ]
     if isinstance(study, StochasticResult):
         parts.append(realisations_part(study))
         # the scatter of places shows what one patch cannot
         without = study.without_place
-        parts.append(patch_part(study) if without is None else places_part(study.quantile(0.5), without))
+        parts.append(
+            patch_part(study) if without is None else places_part(study.quantile(0.5), without)
+        )
     parted = tuple(s for s, _ in scene.parted_steps if np.isnan(leakage[s]))
     return ErrorBudget(own.name, leakage, tuple(parts), scene.steps, parted)

@@ -104,14 +104,18 @@ def calibrate(
     loaded = case if isinstance(case, Case) else load_case(case)
     if loaded.accuracy is not None:
         raise InputError(
-            "accuracy", loaded.accuracy, "a case to calibrate without it: every scene has the same settings"
+            "accuracy",
+            loaded.accuracy,
+            "a case to calibrate without it: every scene has the same settings",
         )
     deviation = to_si(error, "", "error") if isinstance(error, str) else error
     deviation = validate.tolerance("error", deviation)
     validate.count("scenes", scenes, FEWEST)
     test = read_leak_test(Path(data), loaded)
     tested = test.of_case(loaded)
-    ranges, memory = _ranges(tested, {"hardness": hardness, "shortest_wave": shortest_wave, "factor": factor})
+    ranges, memory = _ranges(
+        tested, {"hardness": hardness, "shortest_wave": shortest_wave, "factor": factor}
+    )
     steps, rows = np.unique(test.rows_of(loaded), return_inverse=True)
     solved = partial(_leakage, tested, test.unit, steps)
     folder = None if output is None else Path(output)
@@ -124,7 +128,9 @@ def calibrate(
         "version": numerical_versions(),
     }
     if (resume or part is not None) and folder is None:
-        raise InputError("resume" if part is None else "part", part or True, "an output folder with it")
+        raise InputError(
+            "resume" if part is None else "part", part or True, "an output folder with it"
+        )
     # a case has no digest, but what its leakage depends on has one
     stage = Stage("scenes", solved, memory, key=("scenes", json.dumps(identity, default=str)))
     progress = progress or no_progress
@@ -137,15 +143,23 @@ def calibrate(
             unfinished.begin(folder, identity)
             if part is None:
                 (folder / FILE).unlink(missing_ok=True)
-        mapper = stack.enter_context(ordered_map(workers, scheduler, partial(compile_ahead, progress=progress)))
+        mapper = stack.enter_context(
+            ordered_map(workers, scheduler, partial(compile_ahead, progress=progress))
+        )
         if folder is not None:
             store = stack.enter_context(Store(unfinished.store_folder(folder)))
             mapper = over_store(mapper, store, folder, part, progress)
         mapper = stack.enter_context(Run(mapper, progress).timed("calibration"))
-        posterior, points, leakage = _explored(partial(mapper, stage), test, rows, ranges, deviation, scenes)
-        found = Calibration.of(posterior, posterior.samples(_SAMPLES[1]), points, leakage, tested, loaded.softer)
+        posterior, points, leakage = _explored(
+            partial(mapper, stage), test, rows, ranges, deviation, scenes
+        )
+        found = Calibration.of(
+            posterior, posterior.samples(_SAMPLES[1]), points, leakage, tested, loaded.softer
+        )
         if folder is not None and part is None:
-            tables = None if isinstance(case, Case) else calibrated_text(*read_case(case), folder, found)
+            tables = (
+                None if isinstance(case, Case) else calibrated_text(*read_case(case), folder, found)
+            )
             found.write(folder)
             if tables is not None:
                 write_text(folder / CASE_FILE, tables)
@@ -161,7 +175,9 @@ def _ranges(case: Case, given: dict[str, Range | None]) -> tuple[Array, float]:
     table = getattr(case, case.softer)
     known = table.solid.hardness
     if known is None or not np.isfinite(known) or table.hardness_table is not None:
-        raise InputError(case.softer, "no single hardness", "a yield_stress or a hardness, which is calibrated")
+        raise InputError(
+            case.softer, "no single hardness", "a yield_stress or a hardness, which is calibrated"
+        )
     prepared = prepare(case)
     surface, wave = prepared.scene.surface, prepared.conditioning.shortest_wave
     least = {"hardness": 1.01 * float(prepared.scene.steps.pressures.max()), "factor": 0.0,
@@ -178,12 +194,18 @@ def _ranges(case: Case, given: dict[str, Range | None]) -> tuple[Array, float]:
             raise InputError(name, shown(ends), "the two ends of a range")
         low, high = (to_si(end, unit, name) if isinstance(end, str) else float(end) for end in ends)
         if not 0 < low < high < np.inf:
-            raise InputError(name, " to ".join(to_text(end, unit) for end in (low, high)), "a range above 0 that rises")
+            raise InputError(
+                name,
+                " to ".join(to_text(end, unit) for end in (low, high)),
+                "a range above 0 that rises",
+            )
         found.append((low, high))
     for corner in product(*found[:2]):
         at = with_values(case, *corner)
         refuse_too_large(at, prepare(at))
-    return np.array(found), forecast(case, prepared, usual_efforts(len(prepared.scene.steps))).memory
+    return np.array(found), forecast(
+        case, prepared, usual_efforts(len(prepared.scene.steps))
+    ).memory
 
 
 def with_values(case: Case, hardness: float, shortest_wave: float) -> Case:
@@ -194,7 +216,9 @@ def with_values(case: Case, hardness: float, shortest_wave: float) -> Case:
     return case.model_copy(update={key: solid, "surface": surface})
 
 
-def _leakage(case: Case, unit: LeakUnit, steps: Array, hardness: float, shortest_wave: float) -> list[float]:
+def _leakage(
+    case: Case, unit: LeakUnit, steps: Array, hardness: float, shortest_wave: float
+) -> list[float]:
     """Leakage of a scene at some load steps in a unit; NaN where it could not be solved."""
     return leakage_of(with_values(case, hardness, shortest_wave), unit, steps)
 
@@ -224,8 +248,12 @@ def _explored(
         points, leakage = np.r_[points, wanted[known]], np.r_[leakage, new[known]]
         scenes -= len(wanted)
         if len(points) < min(FEWEST, len(wanted)):
-            raise FemsealError(f"calibrate: only {len(points)} of {len(wanted)} scenes could be solved")
-        posterior = Posterior(test, list(rows), ranges, Surrogate.through(points, leakage, jumps=(1,)), error)
+            raise FemsealError(
+                f"calibrate: only {len(points)} of {len(wanted)} scenes could be solved"
+            )
+        posterior = Posterior(
+            test, list(rows), ranges, Surrogate.through(points, leakage, jumps=(1,)), error
+        )
         if scenes <= 0:
             return posterior, scenes_solved, their_leakage
         cube = posterior.samples(_SAMPLES[0])

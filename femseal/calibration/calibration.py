@@ -27,7 +27,16 @@ from ..base import (
 )
 from ..case.case import Case
 from ..case.template import as_toml, bare_key
-from ..plots.drawing import GREY, LEGEND_LINE, LINES, STYLES, Sheet, branch_styles, legend_below, shown
+from ..plots.drawing import (
+    GREY,
+    LEGEND_LINE,
+    LINES,
+    STYLES,
+    Sheet,
+    branch_styles,
+    legend_below,
+    shown,
+)
 from ..results.tables import format_leakage
 from .leak_test import BELOW, PROBABILITY, UNITS, Estimate, LeakTest, Posterior
 
@@ -70,7 +79,13 @@ class Calibration:
 
     @classmethod
     def of(
-        cls, posterior: Posterior, cube: Array, scenes: Array, leakages: Array, case: Case, solid: str
+        cls,
+        posterior: Posterior,
+        cube: Array,
+        scenes: Array,
+        leakages: Array,
+        case: Case,
+        solid: str,
     ) -> Calibration:
         """From samples of the posterior in the unit cube (n, 3)."""
         samples, test = posterior.quantities(cube), posterior.test
@@ -89,13 +104,21 @@ class Calibration:
         ]
         leaks = ~test.sealed & (curve[1] > 0)
         scale = np.hypot(posterior.error, np.median(deviation, axis=0)[leaks])
-        misfit = float(np.sqrt(np.mean((np.log(test.leakage[leaks] / curve[1][leaks]) / scale) ** 2)))
+        misfit = float(
+            np.sqrt(np.mean((np.log(test.leakage[leaks] / curve[1][leaks]) / scale) ** 2))
+        )
         if not misfit < _MISFIT:
-            notes.append(f"the model does not fit: it is {misfit:.2g} times the error off by the root mean square")
+            notes.append(
+                f"the model does not fit: it is {misfit:.2g} times the error off by the root mean square"
+            )
         if (missed := int((~test.sealed & (curve[1] == 0)).sum())) > 0:
-            notes.append(f"the calibrated case is sealed where the test leaks, in {counted(missed, 'row')}")
+            notes.append(
+                f"the calibrated case is sealed where the test leaks, in {counted(missed, 'row')}"
+            )
         if (worst := float(np.median(deviation, axis=0)[leaks].max(initial=0.0))) > posterior.error:
-            notes.append(f"the surrogate is {100 * worst:.2g} % off at some load, more than the test: more scenes help")
+            notes.append(
+                f"the surrogate is {100 * worst:.2g} % off at some load, more than the test: more scenes help"
+            )
         return cls(
             hardness=Estimate.of(samples[:, 0]),
             shortest_wave=Estimate.of(samples[:, 1]),
@@ -128,7 +151,9 @@ class Calibration:
         return [
             {
                 f"load [{self.load_unit}]": step.pressure,
-                f"unloaded from [{self.load_unit}]": np.nan if step.unloaded_from is None else step.unloaded_from,
+                f"unloaded from [{self.load_unit}]": np.nan
+                if step.unloaded_from is None
+                else step.unloaded_from,
                 "sealed or below": bool(sealed),
                 f"measured [{unit}]": float(measured),
                 f"calibrated [{unit}]": float(median),
@@ -154,12 +179,20 @@ class Calibration:
             (f"{100 * PROBABILITY:g} % region", [band(name, known[name]) for name in UNITS]),
         ]
         columns += [
-            (f"correlation with {name.replace('_', ' ')}", [f"{value:+.2f}" for value in self.correlation[n]])
+            (
+                f"correlation with {name.replace('_', ' ')}",
+                [f"{value:+.2f}" for value in self.correlation[n]],
+            )
             for n, name in enumerate(UNITS)
         ]
-        leakages, scenes = counted(len(self.test.steps), "measured leakage"), counted(len(self.scenes), "solved scene")
+        leakages, scenes = (
+            counted(len(self.test.steps), "measured leakage"),
+            counted(len(self.scenes), "solved scene"),
+        )
         title = f"Calibration by {leakages} and {scenes}"
-        first = TextTable.of_columns(title, columns, notes=tuple(f"note: {note}" for note in self.notes), wrap=16)
+        first = TextTable.of_columns(
+            title, columns, notes=tuple(f"note: {note}" for note in self.notes), wrap=16
+        )
         rows = zip(self.test.steps, self.test.sealed, self.test.leakage, *self.curve, strict=True)
         lines = [
             (
@@ -187,7 +220,10 @@ class Calibration:
         return shown(calibration_figure(self))
 
     def __repr__(self) -> str:
-        texts = [f"{name.replace('_', ' ')} {_text(name, one.median)}" for name, one in self.posterior.items()]
+        texts = [
+            f"{name.replace('_', ' ')} {_text(name, one.median)}"
+            for name, one in self.posterior.items()
+        ]
         return f"<femseal.Calibration: {', '.join(texts)}, by {counted(len(self.scenes), 'scene')}>"
 
     def _repr_html_(self) -> str:
@@ -203,10 +239,15 @@ class Calibration:
         target = made_folder(folder)
         pairs = [(0, 1), (0, 2), (1, 2)]
         names = list(UNITS)
-        content = {name: asdict(one) | {"prior": asdict(self.prior[name])} for name, one in self.posterior.items()} | {
+        content = {
+            name: asdict(one) | {"prior": asdict(self.prior[name])}
+            for name, one in self.posterior.items()
+        } | {
             "units": {name: unit or "1" for name, unit in UNITS.items()},
             "probability": PROBABILITY,
-            "correlation": {f"{names[a]}, {names[b]}": float(self.correlation[a, b]) for a, b in pairs},
+            "correlation": {
+                f"{names[a]}, {names[b]}": float(self.correlation[a, b]) for a, b in pairs
+            },
             "solid": self.solid,
             "error": self.density.error,
             "scenes": len(self.scenes),
@@ -228,7 +269,13 @@ def _text(name: str, value: float) -> str:
 
 
 #: Units of the axes, by those in SI, and what is 1 in them.
-_SCALES = {"Pa": ("MPa", 1e6), "N": ("kN", 1e3), "N/m": ("N/mm", 1e3), "m": ("µm", 1e-6), "": ("", 1.0)}
+_SCALES = {
+    "Pa": ("MPa", 1e6),
+    "N": ("kN", 1e3),
+    "N/m": ("N/mm", 1e3),
+    "m": ("µm", 1e-6),
+    "": ("", 1.0),
+}
 #: Height of the axes [inch].
 _HEIGHT = 3.6
 
@@ -236,13 +283,17 @@ _HEIGHT = 3.6
 def calibration_figure(found: Any) -> Figure:
     """Of a `Calibration`: hardness against shortest wave and factor, then leakage against load, log scale."""
     test = found.test
-    peaks = sorted({s.unloaded_from for s in test.steps if s.unloaded_from is not None}, reverse=True)
+    peaks = sorted(
+        {s.unloaded_from for s in test.steps if s.unloaded_from is not None}, reverse=True
+    )
     below = 0.75 + LEGEND_LINE * 3 * (len(peaks) + 1)
     sheet = Sheet([_HEIGHT, _HEIGHT, _HEIGHT + below])
     axes = sheet.panel(2, replace(LINES, top=0.15, bottom=below))
     unit, size = _SCALES[found.load_unit]
     handles = []
-    for peak, (colour, _, marker) in zip([None, *peaks], branch_styles(1 + len(peaks)), strict=True):
+    for peak, (colour, _, marker) in zip(
+        [None, *peaks], branch_styles(1 + len(peaks)), strict=True
+    ):
         rows = [n for n, step in enumerate(test.steps) if step.unloaded_from == peak]
         rows.sort(key=lambda n: test.steps[n].pressure)
         if not rows:
@@ -251,13 +302,19 @@ def calibration_figure(found: Any) -> Figure:
         low, median, high = np.where(found.curve > 0, found.curve, np.nan)[:, rows]
         axes.fill_between(load, np.nan_to_num(low), high, color=colour, alpha=0.25, lw=0)
         name = "loading" if peak is None else f"unloading from {peak / size:.4g} {unit}"
-        handles += axes.plot(load, median, color=colour, label=f"{name}: calibrated, band of {100 * PROBABILITY:g} %")
+        handles += axes.plot(
+            load, median, color=colour, label=f"{name}: calibrated, band of {100 * PROBABILITY:g} %"
+        )
         leaks = ~test.sealed[rows]
         values = test.leakage[rows]
-        handles += axes.plot(load[leaks], values[leaks], marker, color=colour, mec="black", label=f"{name}: measured")
+        handles += axes.plot(
+            load[leaks], values[leaks], marker, color=colour, mec="black", label=f"{name}: measured"
+        )
         if not leaks.all():
             label = f"{name}: sealed, or below this"
-            handles += axes.plot(load[~leaks], values[~leaks], "v", color="white", mec=colour, ms=9, label=label)
+            handles += axes.plot(
+                load[~leaks], values[~leaks], "v", color="white", mec=colour, ms=9, label=label
+            )
     axes.set_yscale("log")
     axes.set_xlabel(f"{'nominal pressure' if found.load_unit == 'Pa' else 'load'} [{unit}]")
     axes.set_ylabel(f"leakage [{test.unit.name}]")
@@ -275,12 +332,16 @@ def _pair(axes: Axes, found: Any, across: str, up: str) -> None:
     samples = found.samples[:, [names.index(across), names.index(up)]] / (x_size, y_size)
     axes.plot(*samples.T, ".", color=STYLES[0][0], ms=1.5, alpha=0.3, zorder=1)
     if up == "shortest_wave":
-        axes.plot(*(found.scenes / (x_size, y_size)).T, "+", color=GREY, ms=6, label="solved scenes")
+        axes.plot(
+            *(found.scenes / (x_size, y_size)).T, "+", color=GREY, ms=6, label="solved scenes"
+        )
         axes.legend(loc="upper right", fontsize=8.5, frameon=False)
     axes.plot(*np.median(samples, axis=0), "o", color="black", ms=6)
     axes.set_xlabel(f"{across} [{x}]")
     axes.set_ylabel(f"{up.replace('_', ' ')} [{y}]" if y else "factor between test and model")
-    axes.set_title(f"correlation {found.correlation[names.index(across), names.index(up)]:+.2f}", fontsize=9)
+    axes.set_title(
+        f"correlation {found.correlation[names.index(across), names.index(up)]:+.2f}", fontsize=9
+    )
     axes.grid(alpha=0.25, lw=0.6)
 
 
@@ -290,17 +351,27 @@ def calibrated_text(data: dict[str, Any], base: Path, folder: Path, found: Calib
     solid = dict(tables[found.solid])
     solid.pop("yield_stress", None)
     tables[found.solid] = solid | {"hardness": f"{found.hardness.median / 1e9:.5g} GPa"}
-    tables["surface"] = tables.get("surface", {}) | {"shortest_wave": f"{found.shortest_wave.median * 1e6:.5g} um"}
+    tables["surface"] = tables.get("surface", {}) | {
+        "shortest_wave": f"{found.shortest_wave.median * 1e6:.5g} um"
+    }
     lines = [
         "# Hardness and shortest wave by a calibration with a leak test, medians of the posterior.",
         f"# The test leaked {found.factor.median:.3g} times as much as this case does.",
-        *(f"{bare_key(name)} = {as_toml(value)}" for name, value in tables.items() if not _is_table(value)),
+        *(
+            f"{bare_key(name)} = {as_toml(value)}"
+            for name, value in tables.items()
+            if not _is_table(value)
+        ),
     ]
     for name, value in tables.items():
         if _is_table(value):
             for table in [value] if isinstance(value, dict) else value:
                 head = f"[{bare_key(name)}]" if isinstance(value, dict) else f"[[{bare_key(name)}]]"
-                lines += ["", head, *(f"{bare_key(key)} = {as_toml(inner)}" for key, inner in table.items())]
+                lines += [
+                    "",
+                    head,
+                    *(f"{bare_key(key)} = {as_toml(inner)}" for key, inner in table.items()),
+                ]
     return "\n".join(lines) + "\n"
 
 
@@ -312,7 +383,9 @@ def _moved(value: Any, base: Path, folder: Path) -> Any:
         return [_moved(inner, base, folder) for inner in value]
     if isinstance(value, str):
         # "lay.vtu:name" is a field of a file
-        name, colon, field = value.rpartition(":") if not (base / value).is_file() else (value, "", "")
+        name, colon, field = (
+            value.rpartition(":") if not (base / value).is_file() else (value, "", "")
+        )
         if name and (base / name).is_file():
             return os.path.relpath(base / name, folder).replace(os.sep, "/") + colon + field
     return value

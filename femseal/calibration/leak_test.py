@@ -59,7 +59,9 @@ class LeakTest:
         loading = {s.pressure for s in self.steps if s.unloaded_from is None} or {*peaks}
         down = sorted({s.pressure for s in self.steps if s.unloaded_from is not None}, reverse=True)
         loads = {"loading": sorted(loading), "unload_from": peaks, "unloading": down}
-        changed = {name: tuple(Amount(load, unit) for load in values) for name, values in loads.items()}
+        changed = {
+            name: tuple(Amount(load, unit) for load in values) for name, values in loads.items()
+        }
         load = case.load.model_copy(update=changed | {"relaxation": 0.0})
         return alone(case).model_copy(update={"load": load})
 
@@ -86,8 +88,14 @@ def read_leak_test(path: Path, case: Case) -> LeakTest:
         text = path.read_text(encoding="utf-8-sig")
     except (OSError, UnicodeDecodeError) as error:
         reason = getattr(error, "strerror", "") or "it is not text"
-        raise InputError("data", f"'{path}'", f"a file of columns that can be read ({reason})") from None
-    numbered = [(n, line) for n, line in enumerate(text.splitlines(), 1) if line.strip() and line.strip()[0] != "#"]
+        raise InputError(
+            "data", f"'{path}'", f"a file of columns that can be read ({reason})"
+        ) from None
+    numbered = [
+        (n, line)
+        for n, line in enumerate(text.splitlines(), 1)
+        if line.strip() and line.strip()[0] != "#"
+    ]
     if len(numbered) < 2:
         raise InputError("data", f"'{path}' without rows", f"a line of heads, {COLUMNS}, and rows")
     mark = next((mark for mark in ";\t" if mark in numbered[0][1]), ",")
@@ -99,15 +107,26 @@ def read_leak_test(path: Path, case: Case) -> LeakTest:
             if len(row) != len(heads):
                 raise InputError("row", counted(len(row), "cell"), f"{len(heads)} as in the heads")
             named = {name: row[n].strip() for name, (n, _) in columns.items()}
-            rows.append((_step(named, {k: f for k, (_, f) in columns.items()}, case), *_leakage(named["leakage"])))
+            rows.append(
+                (
+                    _step(named, {k: f for k, (_, f) in columns.items()}, case),
+                    *_leakage(named["leakage"]),
+                )
+            )
         except InputError as error:
-            faults.append(InputError(f"data, line {number}: {error.what}", error.given, error.expected))
+            faults.append(
+                InputError(f"data, line {number}: {error.what}", error.given, error.expected)
+            )
     if faults:
         raise InputErrors(faults)
     steps, leakage, sealed = (list(column) for column in zip(*rows, strict=True))
     values, below = np.array(leakage, dtype=float), np.array(sealed, dtype=bool)
     if below.all():
-        raise InputError("data", "no row that leaks", "leakages at three loads or more, besides rows that are sealed")
+        raise InputError(
+            "data",
+            "no row that leaks",
+            "leakages at three loads or more, besides rows that are sealed",
+        )
     if len({step for step, low in zip(steps, below, strict=True) if not low}) < 3:
         raise InputError("data", "too few that were measured", "leakages at three loads or more")
     values[np.isnan(values)] = values[~below].min()
@@ -174,11 +193,15 @@ def _step(row: dict[str, str], factors: dict[str, float], case: Case) -> LoadSte
         peak = float(max(loads.peaks))
     else:
         raise InputError(
-            "unloaded from", "nothing", f"a column 'unloaded from [M{unit}]', as the case has no unload_from"
+            "unloaded from",
+            "nothing",
+            f"a column 'unloaded from [M{unit}]', as the case has no unload_from",
         )
     if not load < peak:
         raise InputError(
-            "load", to_text(load, unit), f"a load below that from which it is unloaded, {to_text(peak, unit)}"
+            "load",
+            to_text(load, unit),
+            f"a load below that from which it is unloaded, {to_text(peak, unit)}",
         )
     return LoadStep(load, peak)
 
@@ -260,7 +283,9 @@ class Posterior:
         mean, deviation, is_open = (part[:, self.rows] for part in self.surrogate.at(plane))
         low, rest = self.test.sealed, np.log(self.test.leakage) - mean
         steps, errors = np.array(self.rows)[~low], deviation[:, ~low]
-        covariance = self.surrogate.correlation[np.ix_(steps, steps)] * errors[:, :, None] * errors[:, None]
+        covariance = (
+            self.surrogate.correlation[np.ix_(steps, steps)] * errors[:, :, None] * errors[:, None]
+        )
         root = np.linalg.cholesky(covariance + self.error**2 * np.eye(len(steps)))
         both = np.linalg.solve(root, np.stack([rest[:, ~low], np.ones_like(errors)], axis=-1))
         white, one = both[..., 0], both[..., 1]
@@ -272,7 +297,9 @@ class Posterior:
         def density(factor: Array) -> Array:
             found = fixed[:, None] - 0.5 * (least + ((factor - middle) / width) ** 2)
             for row in np.flatnonzero(low):
-                above = ndtr((factor - rest[:, row, None]) / np.hypot(deviation[:, row, None], self.error))
+                above = ndtr(
+                    (factor - rest[:, row, None]) / np.hypot(deviation[:, row, None], self.error)
+                )
                 found += np.log(1 - is_open[:, row, None] * above)
             return np.asarray(found)
 
@@ -290,15 +317,22 @@ class Posterior:
         plane = (np.indices((side, side)).reshape(2, -1).T + 0.5) / side
         while True:
             middle, width, density = self._along_factor(plane)
-            first, last = (np.clip(np.clip(middle, low, high) + far * width, low, high) for far in (-_FAR, _FAR))
-            weight = density(first + (last - first) * (np.arange(_SLABS) + 0.5) / _SLABS) + np.log(last - first)
+            first, last = (
+                np.clip(np.clip(middle, low, high) + far * width, low, high)
+                for far in (-_FAR, _FAR)
+            )
+            weight = density(first + (last - first) * (np.arange(_SLABS) + 0.5) / _SLABS) + np.log(
+                last - first
+            )
             weight = np.exp(weight - weight.max())
             mass = weight.sum(1)
             best = np.sort(np.argsort(-mass, kind="stable")[: len(mass) // 4])
             if not mass[best].sum() >= (1 - _LEFT) * mass.sum():
                 break
             side *= 2
-            plane = (plane[best, None] + np.array([[-1, -1], [-1, 1], [1, -1], [1, 1]]) / (2 * side)).reshape(-1, 2)
+            plane = (
+                plane[best, None] + np.array([[-1, -1], [-1, 1], [1, -1], [1, 1]]) / (2 * side)
+            ).reshape(-1, 2)
         drawn = qmc.Sobol(4, rng=np.random.default_rng(1)).random_base2(count.bit_length() - 1)
         ends = np.cumsum(weight) / weight.sum()
         cell, slab = np.divmod(np.searchsorted(ends[:-1], drawn[:, 0]), _SLABS)

@@ -48,15 +48,21 @@ class Case(Table):
 
     title: str = key("heading of the report", "", start="My seal", max_length=200)
     method: Method = key("how leakage is computed", "stochastic", start="stochastic")
-    compare: tuple[Method, ...] = key("further methods, whose results stand beside", (), example=["two-scale"])
+    compare: tuple[Method, ...] = key(
+        "further methods, whose results stand beside", (), example=["two-scale"]
+    )
     accuracy: Accuracy | None = key(
         "of the leakage, by the numbers alone, without the model and its input: what is left out "
         "is chosen and refined until it is reached",
         None,
         example="10 %",
     )
-    time_limit: Duration | None = key("of the attempts at that accuracy together", None, example="1 h")
-    seed: Number = key("the same seed gives the same results, whatever the number of workers", 0, start=1)
+    time_limit: Duration | None = key(
+        "of the attempts at that accuracy together", None, example="1 h"
+    )
+    seed: Number = key(
+        "the same seed gives the same results, whatever the number of workers", 0, start=1
+    )
     memory: FileSize | None = key(
         "a run expected to take more is refused; what is free on the machine unless given",
         None,
@@ -74,7 +80,9 @@ class Case(Table):
     counter_material: SolidTable | None = key(
         "that of the counter-face, which is rigid and flat without this table", None
     )
-    load: LoadTable = key('nominal contact pressures; or forces on the seal, "10 kN", or on its length, "200 N/mm"')
+    load: LoadTable = key(
+        'nominal contact pressures; or forces on the seal, "10 kN", or on its length, "200 N/mm"'
+    )
     contact: ContactTable = key("how the faces touch", ContactTable())
     flow: FlowTable = key("how the fluid flows", FlowTable())
     fluid: AnyFluid = key("the fluid and its pressures", needed="without a `name`")
@@ -110,9 +118,13 @@ class Case(Table):
     def _complete(self) -> Case:
         """Raise a fault if keys of several tables do not go together."""
         if self.accuracy is not None and not self.output.budget:
-            raise fault("output.budget", "false with accuracy", "true: attempts end by their error budget")
+            raise fault(
+                "output.budget", "false with accuracy", "true: attempts end by their error budget"
+            )
         if self.time_limit is not None and self.accuracy is None:
-            raise fault("time_limit", "a time without accuracy", "one with accuracy, whose attempts it ends")
+            raise fault(
+                "time_limit", "a time without accuracy", "one with accuracy, whose attempts it ends"
+            )
         if self.load.unit == "Pa" and self.load.highest >= self.law.capacity:
             expected = f"pressures below the hardness, {to_text(self.law.capacity, 'Pa')}"
             raise fault("load", to_text(self.load.highest, "Pa"), expected)
@@ -127,7 +139,9 @@ class Case(Table):
         self._check_output()
         for face in (face for face in self.face if isinstance(face, FileFace)):
             for table in face.each(self.folder):
-                self._check_file("face.path" if face.places is None else "face.places", table.path or Path())
+                self._check_file(
+                    "face.path" if face.places is None else "face.places", table.path or Path()
+                )
         if isinstance(first := self.face[0], FileFace) and first.placement:
             raise fault("face.0", ", ".join(sorted(first.placement)), "that in the second face")
         self._check_seal()
@@ -150,7 +164,11 @@ class Case(Table):
             leak_basis(fluid.fluid, 1.0, pressure_drop=drop, **output.valve)
             for fluid in (self.fluid, output.test_fluid or self.fluid)
         )
-        if output.unit is not None and (lack := basis.lacks(output.unit)) and test.lacks(output.unit):
+        if (
+            output.unit is not None
+            and (lack := basis.lacks(output.unit))
+            and test.lacks(output.unit)
+        ):
             kind = "gas" if basis.is_gas else "liquid"
             raise fault("output.leakage_unit", f"{output.unit.name} for a {kind}", lack)
         with faults_of("output"):
@@ -165,7 +183,11 @@ class Case(Table):
         for name in ("length", "breadth") if table is not None and not layout.has_length else ():
             if (value := getattr(table, name)) is not None:
                 given = to_text(value, "m")
-                raise fault(f"stochastic.{name}", given, f"none with a seal of kind {layout.kind}: it has its own")
+                raise fault(
+                    f"stochastic.{name}",
+                    given,
+                    f"none with a seal of kind {layout.kind}: it has its own",
+                )
         self._check_inlets()
         for name, path in self.seal.files():
             self._check_file(f"seal.{name}", path)
@@ -173,7 +195,11 @@ class Case(Table):
     def _check_drawn_alone(self, key: str, given: str, why: str) -> None:
         """Raise a fault if what a key gives is not for drawn seals alone."""
         if others := self.methods - {"stochastic"}:
-            raise fault(key, f"{given} with the method {', '.join(sorted(others))}", f"stochastic alone: {why}")
+            raise fault(
+                key,
+                f"{given} with the method {', '.join(sorted(others))}",
+                f"stochastic alone: {why}",
+            )
 
     def _check_inlets(self) -> None:
         """Raise a fault if pressures of the inlets do not go with the outlet, the methods or a test fluid."""
@@ -185,7 +211,11 @@ class Case(Table):
         if own:
             self._check_drawn_alone("seal.inlet", "pressures", "a face has one inlet")
         if own and self.output.test_fluid is not None:
-            raise fault("output.test_fluid", "one with pressures of the inlets in seal.inlet", "none with them")
+            raise fault(
+                "output.test_fluid",
+                "one with pressures of the inlets in seal.inlet",
+                "none with them",
+            )
 
     def _check_seat(self) -> None:
         """Raise a fault if the form of the seat does not go with boundary, faces or map, or its file does not exist."""
@@ -193,13 +223,21 @@ class Case(Table):
         if kind == "flat":
             return
         if self.contact.boundary[0] != "free":
-            raise fault("contact.boundary", f"{self.contact.boundary[0]} along x1 with a {kind} seat", "free along x1")
+            raise fault(
+                "contact.boundary",
+                f"{self.contact.boundary[0]} along x1 with a {kind} seat",
+                "free along x1",
+            )
         least = _least_detrend(kind)
         if any(isinstance(face, FileFace) for face in self.face) and self.surface.detrend < least:
             given = f"{self.surface.detrend} with a {kind} seat: the form would count twice"
             raise fault("surface.detrend", given, f"{least}: the form is that of [seat]")
         if self.load.map is not None:
-            raise fault("load.map", f"a map with a {kind} seat", "none: the form gives the pressure of the rows")
+            raise fault(
+                "load.map",
+                f"a map with a {kind} seat",
+                "none: the form gives the pressure of the rows",
+            )
         if self.layout.kind == MeshLayout.kind:
             raise fault("seal.kind", f"{self.layout.kind} with a {kind} seat", "a strip or a ring")
         if (path := getattr(self.seat, "path", None)) is not None:
@@ -211,7 +249,11 @@ class Case(Table):
             return
         self._check_drawn_alone("seal.form", "a form", "a face has the form that was measured")
         if self.load.map is not None:
-            raise fault("load.map", "a map with seal.form", "one of them: the form gives the pressure of the tiles")
+            raise fault(
+                "load.map",
+                "a map with seal.form",
+                "one of them: the form gives the pressure of the tiles",
+            )
 
     def _check_map(self) -> None:
         """Raise a fault if a map of the pressure does not go with the method, or its file does not exist."""
@@ -222,7 +264,10 @@ class Case(Table):
             self._check_file("load.map.path", path)
 
     def __repr__(self) -> str:
-        faces, highest = " and ".join(face.kind for face in self.face), to_text(self.load.highest, self.load.unit, 3)
+        faces, highest = (
+            " and ".join(face.kind for face in self.face),
+            to_text(self.load.highest, self.load.unit, 3),
+        )
         methods = ", ".join(sorted(self.methods))
         head = f"femseal.Case {self.title!r}" if self.title else "femseal.Case"
         return f"<{head}: {methods}; {faces} face, {self.fluid.kind}, loads up to {highest}>"
@@ -248,13 +293,17 @@ class Case(Table):
     @property
     def law(self) -> ContactLaw:
         """Contact law of the softer solid, at each depth where their curves cross; elastic where none yields."""
-        return softer_of(self.material.law, None if self.counter_material is None else self.counter_material.law)
+        return softer_of(
+            self.material.law, None if self.counter_material is None else self.counter_material.law
+        )
 
     @property
     def softer(self) -> str:
         """Key of the table of the softer solid, whose hardness decides."""
         tables = {"material": self.material, "counter_material": self.counter_material}
-        laws = {name: table.law.mean_hardness for name, table in tables.items() if table is not None}
+        laws = {
+            name: table.law.mean_hardness for name, table in tables.items() if table is not None
+        }
         return min(laws, key=lambda name: laws[name])
 
     @property
@@ -278,7 +327,10 @@ def _with_list_of_faces(data: Any) -> Any:
         return data
     faces = [data["face"]] if isinstance(data["face"], dict) else data["face"]
     if isinstance(faces, list):
-        faces = [{"kind": "file", **f} if isinstance(f, dict) and {"path", "places"} & {*f} else f for f in faces]
+        faces = [
+            {"kind": "file", **f} if isinstance(f, dict) and {"path", "places"} & {*f} else f
+            for f in faces
+        ]
     return {**data, "face": faces}
 
 
@@ -292,11 +344,15 @@ def _with_detrending(data: Any) -> Any:
     if not isinstance(data, dict):
         return data
     seat, faces, surface = data.get("seat"), data.get("face"), data.get("surface", {})
-    measured = isinstance(faces, list) and any(isinstance(face, dict) and face.get("kind") == "file" for face in faces)
+    measured = isinstance(faces, list) and any(
+        isinstance(face, dict) and face.get("kind") == "file" for face in faces
+    )
     if not (measured and isinstance(seat, dict) and isinstance(surface, dict)):
         return data
     least = _least_detrend(seat.get("kind"))
-    return data | {"surface": {"detrend": least} | surface} if least > SurfaceTable().detrend else data
+    return (
+        data | {"surface": {"detrend": least} | surface} if least > SurfaceTable().detrend else data
+    )
 
 
 def _with_what_is_open(data: Any) -> Any:
@@ -309,7 +365,9 @@ def _with_what_is_open(data: Any) -> Any:
         return data
     wanted, seal, drawn = data.get("accuracy") is not None, data.get("seal"), data.get("stochastic")
     shaped = isinstance(seal, dict) and seal.get("kind", "rectangular") != "rectangular"
-    method = data.get("method", "deterministic" if wanted and drawn is None and not shaped else "stochastic")
+    method = data.get(
+        "method", "deterministic" if wanted and drawn is None and not shaped else "stochastic"
+    )
     method = "deterministic" if method == "auto" else method
     methods = [method, *(c if isinstance(c := data.get("compare"), list) else [])]
     if drawn is None and "stochastic" in methods:
@@ -353,7 +411,9 @@ def read_case(path: str | PathLike[str]) -> tuple[dict[str, Any], Path]:
         with path.open("rb") as file:
             content = file.read(_LARGEST_FILE + 1)
         if len(content) > _LARGEST_FILE:
-            raise InputError("case", f"'{path}' of more than {_LARGEST_FILE:.0e} bytes", "a TOML file of a case")
+            raise InputError(
+                "case", f"'{path}' of more than {_LARGEST_FILE:.0e} bytes", "a TOML file of a case"
+            )
         data = tomllib.loads(content.decode("utf-8-sig").replace("\r\n", "\n"))
     except OSError as error:
         expected = f"a file that can be read ({error.strerror}: {shortened(abspath(path))})"
@@ -361,7 +421,9 @@ def read_case(path: str | PathLike[str]) -> tuple[dict[str, Any], Path]:
     except UnicodeDecodeError:
         raise InputError("case", f"'{path}', which is not text", "a TOML file in UTF-8") from None
     except RecursionError:
-        raise InputError("case", f"'{path}' with lists or tables too deep in each other", "a TOML file") from None
+        raise InputError(
+            "case", f"'{path}' with lists or tables too deep in each other", "a TOML file"
+        ) from None
     except ValueError as error:  # of TOML, or of a number with thousands of digits
         if isinstance(error, InputError):
             raise
@@ -381,7 +443,9 @@ def parse_case(data: dict[str, Any], folder: Path = Path()) -> Case:
     try:
         return Case.model_validate({**data, "folder": folder})
     except RecursionError:
-        raise InputError("case", "lists or tables too deep in each other", "the tables of a case") from None
+        raise InputError(
+            "case", "lists or tables too deep in each other", "the tables of a case"
+        ) from None
     except ValidationError as error:
         raise InputErrors([_named(found, data) for found in case_faults(Case, error)]) from None
 

@@ -92,7 +92,9 @@ class CellsTable(Table):
 class StochasticTable(Table):
     """How a seal is drawn, see `studies.Sampling`."""
 
-    length: Length | None = key("of a straight seal, along x2; that of the face unless given", None, start="10 mm")
+    length: Length | None = key(
+        "of a straight seal, along x2; that of the face unless given", None, start="10 mm"
+    )
     breadth: Annotated[Length, Usual(1e-6, 1.0, "m")] | None = key(
         "of a straight seal, along x1; that of the face unless given", None, example="2 mm"
     )
@@ -135,13 +137,17 @@ def _class_name(value: Any) -> str:
 class OutputTable(Table):
     """Optional contents of the results folder, and how leakage is given."""
 
-    pictures: bool = key("false: no pictures and no report, which is made of them; `--resume` adds them later", True)
+    pictures: bool = key(
+        "false: no pictures and no report, which is made of them; `--resume` adds them later", True
+    )
     report: bool = key("the page `report.html`; `femseal report DIR` makes it later", True)
     fields: bool = key("gap, contact and fluid pressure of all pixels", True)
     paraview: Literal[FORMATS] = key(  # type: ignore[valid-type]
         "files for any ParaView, or none", "vtu"
     )
-    fields_limit: FileSize = key("above this size of the fields steps are left out", FIELDS_LIMIT, example="1 GB")
+    fields_limit: FileSize = key(
+        "above this size of the fields steps are left out", FIELDS_LIMIT, example="1 GB"
+    )
     leakage_unit: Annotated[str, BeforeValidator(_leak_unit_name), _text(_LEAK_UNITS)] | None = key(
         "of tables, pictures and report; else a readable one per length of seal",
         None,
@@ -159,10 +165,13 @@ class OutputTable(Table):
         example="50 mm",
     )
     rated_capacity: VolumeRate | None = key(
-        "of the open valve, for FCI 70-2 IV: flow of the fluid that decides, of a gas at 101 325 Pa", None
+        "of the open valve, for FCI 70-2 IV: flow of the fluid that decides, of a gas at 101 325 Pa",
+        None,
     )
     drop_volume: Volume = key(
-        'of `leakage_unit = "drops/min"`; classes have that of their standard', DROP, example="0.05 mL"
+        'of `leakage_unit = "drops/min"`; classes have that of their standard',
+        DROP,
+        example="0.05 mL",
     )
     bubble_volume: Volume = key(
         'of `leakage_unit = "bubbles/min"`; classes have that of their standard',
@@ -182,18 +191,28 @@ class OutputTable(Table):
     @model_validator(mode="before")
     @classmethod
     def _no_report(cls, data: Any) -> Any:
-        return {"report": False, **data} if isinstance(data, dict) and data.get("pictures") is False else data
+        return (
+            {"report": False, **data}
+            if isinstance(data, dict) and data.get("pictures") is False
+            else data
+        )
 
     @model_validator(mode="after")
     def _together(self) -> OutputTable:
         if self.report and not self.pictures:
-            raise fault("output.report", "true with pictures = false", "false: the page is made of pictures")
+            raise fault(
+                "output.report", "true with pictures = false", "false: the page is made of pictures"
+            )
         return self
 
     @property
     def valve(self) -> dict[str, float]:
         """What units and classes need to know of the valve and its test, see `base.leak_rates.LeakBasis`."""
-        known = {"drop": self.drop_volume, "bubble": self.bubble_volume, "capacity": self.rated_capacity}
+        known = {
+            "drop": self.drop_volume,
+            "bubble": self.bubble_volume,
+            "capacity": self.rated_capacity,
+        }
         return {name: value for name, value in known.items() if value is not None}
 
     @property
@@ -206,9 +225,14 @@ class OutputTable(Table):
         """How leakage is given, as text; "" where nothing is asked for."""
         parts = [] if self.leakage_unit is None else [f"in {self.leakage_unit}"]
         if classes := ", ".join(c.name for c in leak_classes(self.classes)):
-            parts.append(f"classes {classes}{'' if self.test_fluid is None else ' judged by the test fluid'}")
+            parts.append(
+                f"classes {classes}{'' if self.test_fluid is None else ' judged by the test fluid'}"
+            )
         if self.test_fluid is not None:
-            ends = (to_text(p, "Pa") for p in (self.test_fluid.inlet_pressure, self.test_fluid.outlet_pressure))
+            ends = (
+                to_text(p, "Pa")
+                for p in (self.test_fluid.inlet_pressure, self.test_fluid.outlet_pressure)
+            )
             parts.append(f"test fluid {self.test_fluid.kind} from {' to '.join(ends)}")
         return "; ".join(parts)
 
@@ -222,8 +246,14 @@ class OutputTable(Table):
 _UNITS = {"young": "Pa", "poisson": "", "yield_stress": "Pa", "hardness": "Pa"}
 #: A column of a file of hardness over depth.
 _COLUMN = re.compile(r"^\s*(depth|hardness)\s*[\[(]\s*(.+?)\s*[\])]\s*$")
-_FILE_COLUMNS = "two columns with commas, the first line 'depth [um], hardness [GPa]' or with other units"
-_PAIR = {"items": quantity_schema("a depth >= 0, then a hardness > 0"), "minItems": 2, "maxItems": 2}
+_FILE_COLUMNS = (
+    "two columns with commas, the first line 'depth [um], hardness [GPa]' or with other units"
+)
+_PAIR = {
+    "items": quantity_schema("a depth >= 0, then a hardness > 0"),
+    "minItems": 2,
+    "maxItems": 2,
+}
 _ROWS = {"type": "array", "items": {"type": "array"} | _PAIR}
 
 
@@ -290,28 +320,38 @@ class SolidTable(Table):
     @model_validator(mode="after")
     def _one_law(self) -> SolidTable:
         """Raise a fault if several keys give the strength, or a curve has none."""
-        given = [k for k in ("yield_stress", "hardness", "hardness_table") if getattr(self, k) is not None]
+        given = [
+            k
+            for k in ("yield_stress", "hardness", "hardness_table")
+            if getattr(self, k) is not None
+        ]
         curves = [k for k in ("hardening", "nix_gao_depth") if getattr(self, k) is not None]
         if len(given) > 1:
             raise PydanticCustomError("strength", "{keys}, not both", {"keys": " or ".join(given)})
         if len(curves) > 1:
             raise PydanticCustomError("strength", "hardening or nix_gao_depth, not both")
         if curves and given not in (["yield_stress"], ["hardness"]):
-            raise PydanticCustomError("strength", "{key} with a yield_stress or a hardness", {"key": curves[0]})
+            raise PydanticCustomError(
+                "strength", "{key} with a yield_stress or a hardness", {"key": curves[0]}
+            )
         if self.smallest_depth is not None and self.nix_gao_depth is None:
             raise PydanticCustomError("strength", "smallest_depth with a nix_gao_depth")
         try:
             _ = self.law
         except InputError as error:
             key = "hardness_table" if self.hardness_table is not None else error.what
-            raise PydanticCustomError("strength", "{key}: {text}", {"key": key, "text": error.expected}) from None
+            raise PydanticCustomError(
+                "strength", "{key}: {text}", {"key": key, "text": error.expected}
+            ) from None
         return self
 
     @property
     def solid(self) -> Solid:
         """The solid; of a table of hardness, with that where it first yields."""
         table = self.hardness_table
-        return Solid(self.young, self.poisson, self.yield_stress, table[0][1] if table else self.hardness)
+        return Solid(
+            self.young, self.poisson, self.yield_stress, table[0][1] if table else self.hardness
+        )
 
     @property
     def law(self) -> ContactLaw:
@@ -322,7 +362,11 @@ class SolidTable(Table):
         assert hardness is not None  # a Solid has one, inf where none is given
         if self.nix_gao_depth is not None:
             return NixGao(hardness, self.nix_gao_depth, self.smallest_depth or SMALLEST_DEPTH)
-        return PerfectlyPlastic(hardness) if self.hardening is None else LinearHardening(hardness, self.hardening)
+        return (
+            PerfectlyPlastic(hardness)
+            if self.hardening is None
+            else LinearHardening(hardness, self.hardening)
+        )
 
 
 def with_named_solids(data: Any) -> Any:
@@ -334,7 +378,9 @@ def with_named_solids(data: Any) -> Any:
         return data
     odd: list[str] = []
     folder = Path(data.get("folder", "."))
-    places = [place for place in ("material", "counter_material") if isinstance(data.get(place), dict)]
+    places = [
+        place for place in ("material", "counter_material") if isinstance(data.get(place), dict)
+    ]
     found = {place: _filled(data[place], place, folder, odd) for place in places}
     return {**data, **found, "solid_warnings": tuple(odd)}
 
@@ -350,7 +396,9 @@ def _filled(table: dict[str, Any], place: str, folder: Path, odd: list[str]) -> 
         solid = named_solid(given["name"])
     assert solid.yield_stress is not None
     known = {"young": solid.young, "poisson": solid.poisson, "yield_stress": solid.yield_stress}
-    odd += overriding(given, known | {"hardness": HARDNESS_FACTOR * solid.yield_stress}, _UNITS, place)
+    odd += overriding(
+        given, known | {"hardness": HARDNESS_FACTOR * solid.yield_stress}, _UNITS, place
+    )
     if "hardness" in given or "hardness_table" in given:
         del known["yield_stress"]
     return {name: Amount(value, _UNITS[name]) for name, value in known.items()} | given
@@ -359,7 +407,11 @@ def _filled(table: dict[str, Any], place: str, folder: Path, odd: list[str]) -> 
 def read_hardness_table(path: Path, key: str) -> list[list[str]]:
     """Rows of depth and hardness, as text with units, from a file with a line of heads; `key` names it in faults."""
     if not isfile(path):
-        raise fault(key, f"'{shortened(path.name)}'", "a file that exists, or rows such as ['0.1 um', '2 GPa']")
+        raise fault(
+            key,
+            f"'{shortened(path.name)}'",
+            "a file that exists, or rows such as ['0.1 um', '2 GPa']",
+        )
     try:
         lines = [line for line in path.read_text(encoding="utf-8-sig").splitlines() if line.strip()]
         heads, *rows = ([cell.strip() for cell in re.split("[,;\t]", line)] for line in lines)
@@ -374,4 +426,7 @@ def read_hardness_table(path: Path, key: str) -> list[list[str]]:
     if len(rows) < 2:
         given = f"'{shortened(path.name)}' with {counted(len(rows), 'row')} of numbers"
         raise fault(key, given, f"{_FILE_COLUMNS}, and two rows or more")
-    return [[f"{depth!r} {units['depth']}", f"{hardness!r} {units['hardness']}"] for depth, hardness in numbers]
+    return [
+        [f"{depth!r} {units['depth']}", f"{hardness!r} {units['hardness']}"]
+        for depth, hardness in numbers
+    ]

@@ -64,7 +64,9 @@ class SelfAffineFace(GeneratedFace):
     make_heights = staticmethod(self_affine)
     kind: Literal["self-affine"]
     rms_slope: Slope | None = key("root mean square of the slope", None, example=0.2)
-    rms_height: Relief | None = key("root mean square of the height", None, example="1 um", instead="rms_slope")
+    rms_height: Relief | None = key(
+        "root mean square of the height", None, example="1 um", instead="rms_slope"
+    )
     roll_off: Wave | None = key("end of the plateau of the spectrum", None, example="60 um")
     cut_off: Wave | None = key(_CUT_OFF, None, example="7.5 um")
 
@@ -84,16 +86,22 @@ class TurnedFace(GeneratedFace):
     waviness: Height = key("rms of a long wave along x1", 0.0, example="0.2 um")
     waviness_length: Wave | None = key("length of that wave", None, example="120 um")
     roughness: Height = key("rms of superposed self-affine roughness", 0.0, start="0.8 um")
-    roughness_roll_off: Wave | None = key("end of the plateau of the spectrum of the roughness", None, start="40 um")
+    roughness_roll_off: Wave | None = key(
+        "end of the plateau of the spectrum of the roughness", None, start="40 um"
+    )
     cut_off: Wave | None = key(_CUT_OFF, None, example="7.5 um")
 
 
 def _part(value: Any) -> Any:
     if value is None or (
-        isinstance(value, (list, tuple)) and len(value) == 4 and not any(isinstance(x, (list, tuple)) for x in value)
+        isinstance(value, (list, tuple))
+        and len(value) == 4
+        and not any(isinstance(x, (list, tuple)) for x in value)
     ):
         return value
-    raise refusal("four lengths in one list, x1 from and to, x2 from and to: ['0.1 mm', '0.9 mm', '0 mm', '0.5 mm']")
+    raise refusal(
+        "four lengths in one list, x1 from and to, x2 from and to: ['0.1 mm', '0.9 mm', '0 mm', '0.5 mm']"
+    )
 
 
 class MapFile(Table):
@@ -113,8 +121,12 @@ class MapFile(Table):
     spacing: Annotated[tuple[Pixel, Pixel], Both()] | None = key(
         "size of a pixel along x1 and x2", None, example=["1 um", "2 um"], instead="size"
     )
-    height_unit: str | None = key("unit of the heights, where the file has none or a wrong one", None, example="um")
-    delimiter: str | None = key("between the numbers of a text, where it is not seen from them", None, example=";")
+    height_unit: str | None = key(
+        "unit of the heights, where the file has none or a wrong one", None, example="um"
+    )
+    delimiter: str | None = key(
+        "between the numbers of a text, where it is not seen from them", None, example=";"
+    )
     array: str | None = key("name of the heights in an `.npz`", None, example="heights")
     channel: Channel = key("number or name of the channel, where the file has several", 0)
     transpose: bool = key("exchange x and y so that the lay runs along x2", False)
@@ -123,13 +135,17 @@ class MapFile(Table):
         None,
         example="mask.png",
     )
-    file_mask: bool = key("points under the mask in a `.gwy` or `.npz` are undefined; false: taken as they are", True)
+    file_mask: bool = key(
+        "points under the mask in a `.gwy` or `.npz` are undefined; false: taken as they are", True
+    )
     crop: Annotated[tuple[Place, Place, Place, Place] | None, BeforeValidator(_part)] = key(
         "part that is used: x1 from and to, x2 from and to",
         None,
         example=["0.1 mm", "0.9 mm", "0 mm", "0.5 mm"],
     )
-    periodic: Annotated[tuple[bool, bool], Both()] = key("whether the heights repeat along x1 and x2", (False, False))
+    periodic: Annotated[tuple[bool, bool], Both()] = key(
+        "whether the heights repeat along x1 and x2", (False, False)
+    )
     tip_radius: Wave | None = key(
         "radius of a stylus, as the file says unless given: waves that it cannot follow count as not measured",
         None,
@@ -147,12 +163,18 @@ class MapFile(Table):
 def _tables(given: Any) -> Any:
     """Places as tables: a text is a path or a pattern of paths."""
     given = [given] if isinstance(given, str) else given
-    return [{"path": one} if isinstance(one, str) else one for one in given] if isinstance(given, list) else given
+    return (
+        [{"path": one} if isinstance(one, str) else one for one in given]
+        if isinstance(given, list)
+        else given
+    )
 
 
 #: Maps of several places: paths, a pattern of paths such as "place*.plu", or tables with keys of their own.
 PlaceTables = Annotated[
-    tuple[MapFile, ...], BeforeValidator(_tables), WithJsonSchema({"type": ["string", "array"], "items": {}})
+    tuple[MapFile, ...],
+    BeforeValidator(_tables),
+    WithJsonSchema({"type": ["string", "array"], "items": {}}),
 ]
 
 
@@ -181,7 +203,10 @@ class FileFace(MapFile):
         needed="of a second face",
     )
     shift: tuple[Shift, Shift] | None = key(
-        "shift of its middle along x1 and x2", None, example=["0 um", "20 um"], needed="of a second face"
+        "shift of its middle along x1 and x2",
+        None,
+        example=["0 um", "20 um"],
+        needed="of a second face",
     )
 
     @property
@@ -204,11 +229,16 @@ class FileFace(MapFile):
         for place in self.places:
             if place.path is None:
                 raise fault("face.places", "a place without path", "a path in every place")
-            name, own = str(place.path), {key: getattr(place, key) for key in place.model_fields_set}
+            name, own = (
+                str(place.path),
+                {key: getattr(place, key) for key in place.model_fields_set},
+            )
             paths = [place.path]
             if glob.has_magic(name) and "\0" not in name:
                 paths = [Path(path) for path in sorted(glob.glob(name, root_dir=folder))]
-            found += [self.model_copy(update={**own, "places": None, "path": path}) for path in paths]
+            found += [
+                self.model_copy(update={**own, "places": None, "path": path}) for path in paths
+            ]
         if len(found) < 2:
             names = ", ".join(str(place.path) for place in self.places)
             given = f"'{shortened(names)}', which is {'one file' if found else 'no file'}"
@@ -224,7 +254,11 @@ class FileFace(MapFile):
         try:
             return read_measured(path, mask=mask, **given)
         except InputError as error:  # of a file, which it names
-            keys = (f"{key}, " for key, file in (("path", path), ("mask", mask)) if error.what.startswith(str(file)))
+            keys = (
+                f"{key}, "
+                for key, file in (("path", path), ("mask", mask))
+                if error.what.startswith(str(file))
+            )
             raise InputError(next(keys, "") + error.what, error.given, error.expected) from None
 
 
@@ -235,7 +269,9 @@ Face = Annotated[TurnedFace | SelfAffineFace | FileFace, Field(discriminator="ki
 class SurfaceTable(Table):
     """Repair of measured faces and conditioning of their sum, see `topography.conditioning`."""
 
-    spikes: Threshold = key("isolated points of files that many robust deviations off are filled; `inf`: none", SPIKES)
+    spikes: Threshold = key(
+        "isolated points of files that many robust deviations off are filled; `inf`: none", SPIKES
+    )
     detrend: Literal[0, 1, 2] = key(
         "form that is taken off: 0 mean, 1 tilt, 2 tilt and curvature; of a measured face on a "
         "curved `[seat]` 2 unless given",

@@ -17,7 +17,9 @@ _UNKNOWN, _NOTHING, _MEANT = "an unknown key", "nothing", "; perhaps meant: "
 #: Longest key of a user in a message, in characters.
 _LONGEST_KEY = 40
 #: Keys that are gone, and what does now what they did.
-_IN_WHOLE_FACE = "none: removed; pieces lie in the contact of the whole face, each at its own pressure"
+_IN_WHOLE_FACE = (
+    "none: removed; pieces lie in the contact of the whole face, each at its own pressure"
+)
 _BY_BAND = "none: removed; seals are drawn until the band of error has no more from their number"
 _PIECES = "none: removed; seals are drawn from all pieces of the face, see [cells]"
 REMOVED = {
@@ -65,7 +67,9 @@ def case_faults(case: type[Table], error: ValidationError) -> list[InputError]:
     found = {str(one): one for one in (_fault(case, each) for each in faults)}.values()
     # a key that is written wrong is not missing too
     unknown = (one for one in found if one.given == _UNKNOWN)
-    meant = {".".join([*one.what.split(".")[:-1], one.expected.rpartition(_MEANT)[2]]) for one in unknown}
+    meant = {
+        ".".join([*one.what.split(".")[:-1], one.expected.rpartition(_MEANT)[2]]) for one in unknown
+    }
     return [one for one in found if one.given != _NOTHING or one.what not in meant]
 
 
@@ -148,7 +152,9 @@ def meant_in(text: str, message: str) -> str:
     written = text.splitlines()[int(at[1]) - 1]
     if (straight := re.sub("[“”„]", '"', written)) != written:
         return shortened(f"; perhaps meant: {straight.strip()}")
-    if "overwrite" in message or (line := _UNQUOTED.match(written)) is None:  # a key that is there twice
+    if (
+        "overwrite" in message or (line := _UNQUOTED.match(written)) is None
+    ):  # a key that is there twice
         return ""
     key, value = line.groups()
     plain = re.fullmatch(r"([-+]?)(\d*)[.,](\d+)", value)
@@ -161,7 +167,11 @@ def _with_line(found: InputError, lines: dict[str, int]) -> InputError:
     parts = found.what.split(".")
     names = (".".join(parts[:n]) for n in range(len(parts), 0, -1))
     line = next((lines[name] for name in names if name in lines), None)
-    return found if line is None else InputError(found.what, found.given, f"{found.expected} (line {line})")
+    return (
+        found
+        if line is None
+        else InputError(found.what, found.given, f"{found.expected} (line {line})")
+    )
 
 
 def _lines(text: str) -> Iterator[tuple[str, int]]:

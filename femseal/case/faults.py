@@ -24,7 +24,8 @@ SURFACE_KEYS = {
 FACE_KEYS = {"shape": "points", "height_unit": "height_unit"}
 #: Tables of the arguments of seals and their tiles.
 SEAL_TABLES = dict.fromkeys(
-    ("path", "unit", "inlet", "outlet", "lay", "centre", "inner_radius", "outer_radius", "field"), "seal"
+    ("path", "unit", "inlet", "outlet", "lay", "centre", "inner_radius", "outer_radius", "field"),
+    "seal",
 ) | dict.fromkeys(("length", "breadth"), "stochastic")
 #: Tables of the arguments of a scene and of how it is solved.
 SCENE_TABLES = {
@@ -34,7 +35,18 @@ SCENE_TABLES = {
 }
 #: Tables of the arguments of maps of the pressure.
 MAP_TABLES = {"map": "load"} | dict.fromkeys(
-    ("fractions", "positions", "angles", "path", "name", "length_unit", "pressure_unit", "points", "pressure", "field"),
+    (
+        "fractions",
+        "positions",
+        "angles",
+        "path",
+        "name",
+        "length_unit",
+        "pressure_unit",
+        "points",
+        "pressure",
+        "field",
+    ),
     "load.map",
 )
 

@@ -98,7 +98,10 @@ def with_absolute_pressures(data: Any) -> Any:
     """
     if not isinstance(data, dict):
         return data
-    found, (fluid, seal, output) = dict(data), (data.get(key) for key in ("fluid", "seal", "output"))
+    found, (fluid, seal, output) = (
+        dict(data),
+        (data.get(key) for key in ("fluid", "seal", "output")),
+    )
     ambient = _ambient(fluid, None)
     gauge = ambient is not None
     if isinstance(seal, dict) and isinstance(inlets := seal.get("inlet"), dict):
@@ -126,11 +129,15 @@ def _ambient(table: Any, default: float | None) -> float | None:
 def _absolute(value: Any, ambient: float | None, place: str) -> Any:
     """A pressure as it is given, in Pa where it says that it is gauge or absolute."""
     with faults_of():
-        pressure = absolute_pressure(value, STANDARD_PRESSURE if ambient is None else ambient, place)
+        pressure = absolute_pressure(
+            value, STANDARD_PRESSURE if ambient is None else ambient, place
+        )
     return value if pressure is None else Amount(pressure, "Pa")
 
 
-def _with_absolute_ends(table: dict[str, Any], place: str, ambient: float | None, gauge: bool) -> dict[str, Any]:
+def _with_absolute_ends(
+    table: dict[str, Any], place: str, ambient: float | None, gauge: bool
+) -> dict[str, Any]:
     """The table of a fluid with absolute pressures; `gauge` : whether an outlet without one is at the ambient one."""
     keys = [key for key in ("inlet_pressure", "outlet_pressure") if key in table]
     ends: dict[str, Any] = {key: _absolute(table[key], ambient, f"{place}.{key}") for key in keys}
@@ -140,14 +147,22 @@ def _with_absolute_ends(table: dict[str, Any], place: str, ambient: float | None
     return table
 
 
-def _with_dynamic_viscosity(table: dict[str, Any], place: str, density: float | None = None) -> dict[str, Any]:
+def _with_dynamic_viscosity(
+    table: dict[str, Any], place: str, density: float | None = None
+) -> dict[str, Any]:
     """The table of a fluid, whose viscosity is dynamic where it was kinematic; `density` : unless the table has one."""
     try:
         kinematic = in_si(table["viscosity"], "m^2/s")
     except (InputError, KeyError):
         return table
-    if table.get("kind", "liquid") in (gas.kind for gas in FLUIDS.values() if hasattr(gas, "reference_pressure")):
-        raise fault(f"{place}.viscosity", shown(table["viscosity"]), "a dynamic viscosity of a gas, such as '18 uPa*s'")
+    if table.get("kind", "liquid") in (
+        gas.kind for gas in FLUIDS.values() if hasattr(gas, "reference_pressure")
+    ):
+        raise fault(
+            f"{place}.viscosity",
+            shown(table["viscosity"]),
+            "a dynamic viscosity of a gas, such as '18 uPa*s'",
+        )
     try:
         density = in_si(table["density"], "kg/m^3") if "density" in table else density
     except InputError:
@@ -155,7 +170,11 @@ def _with_dynamic_viscosity(table: dict[str, Any], place: str, density: float | 
     if density is None:
         expected = "a density beside a kinematic viscosity, such as '870 kg/m^3'; or a dynamic one, such as '1 mPa*s'"
         raise fault(f"{place}.viscosity", shown(table["viscosity"]), expected)
-    return {**table, "viscosity": Amount(kinematic * density, "Pa*s")} if kinematic * density > 0 else table
+    return (
+        {**table, "viscosity": Amount(kinematic * density, "Pa*s")}
+        if kinematic * density > 0
+        else table
+    )
 
 
 def with_named_fluids(data: Any) -> Any:
@@ -166,9 +185,14 @@ def with_named_fluids(data: Any) -> Any:
     if not isinstance(data, dict):
         return data
     odd: list[str] = []
-    found: dict[str, Any] = {"fluid": _filled(data.get("fluid"), "fluid", odd)} if "fluid" in data else {}
+    found: dict[str, Any] = (
+        {"fluid": _filled(data.get("fluid"), "fluid", odd)} if "fluid" in data else {}
+    )
     if isinstance(output := data.get("output"), dict) and "test_fluid" in output:
-        found["output"] = {**output, "test_fluid": _filled(output["test_fluid"], "output.test_fluid", odd)}
+        found["output"] = {
+            **output,
+            "test_fluid": _filled(output["test_fluid"], "output.test_fluid", odd),
+        }
     return {**data, **found, "fluid_warnings": tuple(odd)}
 
 
@@ -179,11 +203,17 @@ def _filled(table: Any, place: str, odd: list[str]) -> Any:
     if "name" not in table:
         return _with_dynamic_viscosity(table, place)
     try:
-        temperature = in_si(table["temperature"], "K") if "temperature" in table else TABLE_TEMPERATURE
+        temperature = (
+            in_si(table["temperature"], "K") if "temperature" in table else TABLE_TEMPERATURE
+        )
         inlet = in_si(table.get("inlet_pressure"), "Pa")
         outlet = in_si(table.get("outlet_pressure", "1 atm"), "Pa")
     except InputError:
-        temperature, inlet, outlet = TABLE_TEMPERATURE, 101_325.0, 101_325.0  # that fault is reported with its key
+        temperature, inlet, outlet = (
+            TABLE_TEMPERATURE,
+            101_325.0,
+            101_325.0,
+        )  # that fault is reported with its key
     with faults_of(place):
         if table.get("kind") == RealGas.kind:
             RealGas(table["name"], temperature if temperature > 0 else TABLE_TEMPERATURE)
@@ -193,16 +223,22 @@ def _filled(table: Any, place: str, odd: list[str]) -> Any:
     if not isinstance(kind, str) or kind not in FLUIDS:
         return table
     units = {f.name: f.metadata["unit"] for f in fields(FLUIDS[kind]) if "unit" in f.metadata}
-    filled = {key: Amount(value, units[key]) for key, value in found.parameters.items() if key in units}
+    filled = {
+        key: Amount(value, units[key]) for key, value in found.parameters.items() if key in units
+    }
     given = {key: value for key, value in table.items() if key != "temperature" or key in units}
     given = _with_dynamic_viscosity({"kind": kind, **given}, place, found.parameters.get("density"))
     if kind != found.kind:
-        odd.append(f"{place}.kind {kind} stands for {table['name']}, which is of kind {found.kind} there: leave it out")
+        odd.append(
+            f"{place}.kind {kind} stands for {table['name']}, which is of kind {found.kind} there: leave it out"
+        )
     odd += overriding(given, found.parameters, units, place)
     return {**filled, **given}
 
 
-def overriding(given: dict[str, Any], known: dict[str, float], units: dict[str, str], place: str) -> Iterator[str]:
+def overriding(
+    given: dict[str, Any], known: dict[str, float], units: dict[str, str], place: str
+) -> Iterator[str]:
     """A sentence for each key that stands in place of a much larger or smaller value of the named fluid."""
     for name in (name for name in known if name in given and name in units):
         try:
@@ -213,7 +249,11 @@ def overriding(given: dict[str, Any], known: dict[str, float], units: dict[str, 
             unit = units[name].replace("*", "·")
             times = f"{ratio:.2g} times" if ratio > 1 else f"{1 / ratio:.2g} times less than"
             # machining hardens a soft metal
-            advice = "right if it was measured, else leave out the key" if name == "hardness" else _LEAVE_OUT
+            advice = (
+                "right if it was measured, else leave out the key"
+                if name == "hardness"
+                else _LEAVE_OUT
+            )
             yield (
                 f"{place}.{name} {to_text(value, unit)} is {times} that of {given['name']}, "
                 f"{to_text(known[name], unit)}: {advice}"

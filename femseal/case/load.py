@@ -10,12 +10,27 @@ from itertools import pairwise
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
-from pydantic import BeforeValidator, Field, PlainSerializer, PlainValidator, WithJsonSchema, model_validator
+from pydantic import (
+    BeforeValidator,
+    Field,
+    PlainSerializer,
+    PlainValidator,
+    WithJsonSchema,
+    model_validator,
+)
 from pydantic_core import PydanticCustomError
 
 from ..base import InputError, to_si, to_text
 from ..loads import LOAD_UNITS, nominal_pressure, relaxed
-from ..seal.pressure_map import AngleTable, AnyMap, MapsAtLoads, PressureField, PressureMap, Profile, Uniform
+from ..seal.pressure_map import (
+    AngleTable,
+    AnyMap,
+    MapsAtLoads,
+    PressureField,
+    PressureMap,
+    Profile,
+    Uniform,
+)
 from ..seal.seal_files import read_pressure_field
 from ..studies.choices import NOMINALS
 from .faults import faults_of, refusal
@@ -60,7 +75,9 @@ def _load(value: Any) -> Amount:
 Load = Annotated[
     float,
     PlainValidator(_load),
-    PlainSerializer(lambda load: float(load) if load.unit == "Pa" else f"{float(load)!r} {load.unit}"),
+    PlainSerializer(
+        lambda load: float(load) if load.unit == "Pa" else f"{float(load)!r} {load.unit}"
+    ),
     WithJsonSchema(quantity_schema(_ALLOWED)),
     Usual(1e3, 2e10, "Pa"),
     Usual(1e-3, 1e8, "N"),
@@ -73,7 +90,9 @@ class MapTable(Table):
     """A map of the contact pressure over the seal, see `seal.pressure_map`."""
 
     kind: str
-    at: Load | None = key("load at which the map holds, where there are several", None, example="200 MPa")
+    at: Load | None = key(
+        "load at which the map holds, where there are several", None, example="200 MPa"
+    )
 
     def make(self, folder: Path) -> PressureMap:
         """The map."""
@@ -120,7 +139,9 @@ class AngleMap(MapTable):
 
     kind: Literal["angle"]
     fractions: tuple[Fraction, ...] = key(_FRACTIONS, example=[1.3, 0.8], since="0.2")
-    angles: tuple[Angle, ...] = key("places of the fractions around the seal", (), example=["0 deg", "30 deg"])
+    angles: tuple[Angle, ...] = key(
+        "places of the fractions around the seal", (), example=["0 deg", "30 deg"]
+    )
     repeat: Count = key("times that the fractions repeat around the seal", 1, instead="angles")
 
     def make(self, folder: Path) -> PressureMap:
@@ -132,7 +153,9 @@ class FieldMap(MapTable):
     """Pressure from a file, see `seal.seal_files.read_pressure_field`."""
 
     kind: Literal["field"]
-    path: Path = key("a mesh with the pressure at points or cells, or a `.csv`", example="flange.vtu")
+    path: Path = key(
+        "a mesh with the pressure at points or cells, or a `.csv`", example="flange.vtu"
+    )
     name: str = key("of the array, or of the column", "pressure")
     length_unit: str = key("of the coordinates", example="mm")
     pressure_unit: str = key("of the pressures", example="MPa")
@@ -154,7 +177,9 @@ class LoadTable(Table):
         min_length=1,
         start=[f"{p} MPa" for p in (25, 50, 100, 150, 250, 400, 500)],
     )
-    unload_from: tuple[Load, ...] = key("peaks from which the seal is unloaded", (), start=["250 MPa", "500 MPa"])
+    unload_from: tuple[Load, ...] = key(
+        "peaks from which the seal is unloaded", (), start=["250 MPa", "500 MPa"]
+    )
     unloading: tuple[Load, ...] = key(
         "loads on the way down from each peak",
         (),
@@ -187,7 +212,9 @@ class LoadTable(Table):
         at = [one.at for one in self.map or () if one.at is not None]
         units = dict.fromkeys(getattr(load, "unit", "Pa") for load in [*loads, *at])
         if len(units) > 1:
-            raise PydanticCustomError("load", "loads of one kind, not {units}", {"units": " and ".join(units)})
+            raise PydanticCustomError(
+                "load", "loads of one kind, not {units}", {"units": " and ".join(units)}
+            )
         if self.map is not None and len(self.map) != 1:
             if not self.map or len(at) < len(self.map):
                 raise PydanticCustomError("map", "one table `map`, or several that all have `at`")
@@ -200,16 +227,24 @@ class LoadTable(Table):
         """Raise a fault if the loads are no programme: they rise, and are unloaded from peaks that they reach."""
         if any(b <= a for a, b in pairwise(self.loading)):
             raise PydanticCustomError("load", "rising pressures in `loading`")
-        if bool(self.unload_from) != bool(self.unloading) and (self.unloading or not self.relaxation):
+        if bool(self.unload_from) != bool(self.unloading) and (
+            self.unloading or not self.relaxation
+        ):
             raise PydanticCustomError("load", "`unload_from` and `unloading` both, or neither")
         peaks = self.peaks
-        steps = len(self.loading) + len(peaks) * (1 + len(self.unloading) + (len(peaks) if self.relaxation else 0))
+        steps = len(self.loading) + len(peaks) * (
+            1 + len(self.unloading) + (len(peaks) if self.relaxation else 0)
+        )
         if steps > _MOST_STEPS:
-            raise PydanticCustomError("load", "at most {most} steps, not {n}", {"most": _MOST_STEPS, "n": steps})
+            raise PydanticCustomError(
+                "load", "at most {most} steps, not {n}", {"most": _MOST_STEPS, "n": steps}
+            )
         for peak in self.unload_from:
             if not self.relaxation and not any(p < peak for p in self.unloading):
                 low = to_text(peak, self.unit)
-                raise PydanticCustomError("load", "a pressure in `unloading` below the peak {low}", {"low": low})
+                raise PydanticCustomError(
+                    "load", "a pressure in `unloading` below the peak {low}", {"low": low}
+                )
         return self
 
     @property
@@ -225,7 +260,9 @@ class LoadTable(Table):
     @property
     def peaks(self) -> tuple[float, ...]:
         """Loads from which the seal is unloaded; with relaxation and without `unload_from` all."""
-        return self.unload_from or (tuple(p for p in self.loading if p > 0) if self.relaxation else ())
+        return self.unload_from or (
+            tuple(p for p in self.loading if p > 0) if self.relaxation else ()
+        )
 
     @property
     def files(self) -> tuple[Path, ...]:
@@ -235,9 +272,13 @@ class LoadTable(Table):
     def pressures(self, area: float, length: float) -> dict[str, tuple[float, ...]]:
         """Nominal pressures [Pa] of a seal of an area [m²] and a length [m]: `loading`, `unload_from`, `unloading`."""
         pressure = self._pressure(area, length)
-        loading, peaks, stops = (tuple(map(pressure, loads)) for loads in (self.loading, self.peaks, self.unloading))
+        loading, peaks, stops = (
+            tuple(map(pressure, loads)) for loads in (self.loading, self.peaks, self.unloading)
+        )
         if self.relaxation:
-            stops = tuple(sorted({*stops, *(relaxed(p, self.relaxation) for p in peaks)}, reverse=True))
+            stops = tuple(
+                sorted({*stops, *(relaxed(p, self.relaxation) for p in peaks)}, reverse=True)
+            )
         return {"loading": loading, "unload_from": peaks, "unloading": stops}
 
     def pressure_map(self, folder: Path, area: float, length: float) -> AnyMap:

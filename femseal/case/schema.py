@@ -16,19 +16,41 @@ def case_schema(case: type[Table] = Case) -> dict[str, Any]:
     schema["definitions"] = schema.pop("$defs")
     for name in INTERNAL:
         del schema["properties"][name]
-    kinds = [schema["definitions"][option["$ref"].split("/")[-1]] for option in schema["properties"]["fluid"]["oneOf"]]
+    kinds = [
+        schema["definitions"][option["$ref"].split("/")[-1]]
+        for option in schema["properties"]["fluid"]["oneOf"]
+    ]
     for kind in kinds:  # inlets of the seal may have pressures of their own
         kind["required"] = [key for key in kind["required"] if key != "inlet_pressure"]
     # what a name fills in need not be given, nor the kind of a face with a path or of a strip
     for name in ("SolidTable", "FileFace", "RectangularLayoutTable"):
         del schema["definitions"][name]["required"]
-    keys = {key: value for kind in reversed(kinds) for key, value in kind["properties"].items() if key != "kind"}
-    names = {"kind": {"enum": [kind["properties"]["kind"]["const"] for kind in kinds]}, "name": {"type": "string"}}
+    keys = {
+        key: value
+        for kind in reversed(kinds)
+        for key, value in kind["properties"].items()
+        if key != "kind"
+    }
+    names = {
+        "kind": {"enum": [kind["properties"]["kind"]["const"] for kind in kinds]},
+        "name": {"type": "string"},
+    }
     named = {"type": "object", "properties": keys | names, "required": ["name"]}
     schema["definitions"]["NamedFluidTable"] = named | {"additionalProperties": False}
-    fluid = {"anyOf": [*schema["properties"]["fluid"]["oneOf"], {"$ref": "#/definitions/NamedFluidTable"}]}
-    schema["properties"]["fluid"] = schema["definitions"]["OutputTable"]["properties"]["test_fluid"] = fluid
-    return {"$schema": "http://json-schema.org/draft-07/schema#"} | _plain(schema) | {"title": "femseal case"}
+    fluid = {
+        "anyOf": [
+            *schema["properties"]["fluid"]["oneOf"],
+            {"$ref": "#/definitions/NamedFluidTable"},
+        ]
+    }
+    schema["properties"]["fluid"] = schema["definitions"]["OutputTable"]["properties"][
+        "test_fluid"
+    ] = fluid
+    return (
+        {"$schema": "http://json-schema.org/draft-07/schema#"}
+        | _plain(schema)
+        | {"title": "femseal case"}
+    )
 
 
 def _plain(node: Any, names: bool = False) -> Any:

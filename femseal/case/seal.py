@@ -40,7 +40,9 @@ class FormTable(Table):
 
     if TYPE_CHECKING:
         kind: str
-    tolerance: float = key("relative error of the height, for the budget", 0.0, example=0.2, since="0.2", ge=0, lt=1)
+    tolerance: float = key(
+        "relative error of the height, for the budget", 0.0, example=0.2, since="0.2", ge=0, lt=1
+    )
 
     def form(self, folder: Path) -> SealForm:
         """The form; paths are relative to a folder."""
@@ -56,7 +58,9 @@ class FormTable(Table):
 def _parameters(table: Table, folder: Path, *but: str) -> dict[str, Any]:
     """Values of the keys of a table but for some, with paths relative to a folder."""
     given = {name: getattr(table, name) for name in type(table).model_fields if name not in but}
-    return {name: folder / value if isinstance(value, Path) else value for name, value in given.items()}
+    return {
+        name: folder / value if isinstance(value, Path) else value for name, value in given.items()
+    }
 
 
 def _forms(value: Any) -> Any:
@@ -64,7 +68,10 @@ def _forms(value: Any) -> Any:
     forms = [value] if isinstance(value, dict) else value
     if not isinstance(forms, list | tuple):
         return value
-    return [{"kind": "file", **form} if isinstance(form, dict) and "path" in form else form for form in forms]
+    return [
+        {"kind": "file", **form} if isinstance(form, dict) and "path" in form else form
+        for form in forms
+    ]
 
 
 _UNITS_OF_FORMS: dict[str, Any] = {"unit": LengthUnit | None, "length_unit": LengthUnit}
@@ -73,7 +80,9 @@ if TYPE_CHECKING:
     AnyForm = FormTable
 else:
     AnyForm = table_of_any(
-        FORMS, FormTable, lambda form: _UNITS_OF_FORMS if "path" in {f.name for f in fields(form)} else {}
+        FORMS,
+        FormTable,
+        lambda form: _UNITS_OF_FORMS if "path" in {f.name for f in fields(form)} else {},
     )
 
 
@@ -106,7 +115,11 @@ class SealTable(Table):
 
     def files(self) -> list[tuple[str, Path]]:
         """Key and path of every file that shapes the seal."""
-        found = [(name, value) for name in type(self).model_fields if isinstance(value := getattr(self, name), Path)]
+        found = [
+            (name, value)
+            for name in type(self).model_fields
+            if isinstance(value := getattr(self, name), Path)
+        ]
         found += [("form.path", one.path) for one in self.form or () if hasattr(one, "path")]
         lay = Lay.of(getattr(self, "lay", "x2"))
         return found + ([("lay", lay.file)] if lay.file is not None else [])
@@ -131,19 +144,33 @@ def _lay(value: Any) -> Any:
 
 def _names(value: Any) -> Any:
     given = [value] if isinstance(value, str) else value
-    if not isinstance(given, (list, tuple)) or not given or not all(isinstance(n, str) and n for n in given):
+    if (
+        not isinstance(given, (list, tuple))
+        or not given
+        or not all(isinstance(n, str) and n for n in given)
+    ):
         raise refusal("the name of a boundary, or a list of names")
     return value if isinstance(value, str) else tuple(value)
 
 
 def _inlets(value: Any) -> Any:
-    return {name: _PRESSURE.read(p) for name, p in value.items()} if isinstance(value, dict) else _names(value)
+    return (
+        {name: _PRESSURE.read(p) for name, p in value.items()}
+        if isinstance(value, dict)
+        else _names(value)
+    )
 
 
 def with_inlet_pressure(data: Any) -> Any:
     """The data of a case, in which inlets with pressures of their own give the highest one to the fluid."""
-    seal, fluid = (data.get(name) for name in ("seal", "fluid")) if isinstance(data, dict) else (None, None)
-    if not isinstance(seal, dict) or seal.get("kind") != MeshLayout.kind or not isinstance(fluid, dict):
+    seal, fluid = (
+        (data.get(name) for name in ("seal", "fluid")) if isinstance(data, dict) else (None, None)
+    )
+    if (
+        not isinstance(seal, dict)
+        or seal.get("kind") != MeshLayout.kind
+        or not isinstance(fluid, dict)
+    ):
         return data
     if not isinstance(inlets := seal.get("inlet"), dict):
         return data
@@ -161,7 +188,10 @@ _LAY_SCHEMA = {"anyOf": [{"type": "string", "enum": list(NAMES)}, {"type": "obje
 _NAMES_SCHEMA = {"anyOf": [{"type": "string"}, {"type": "array", "items": {"type": "string"}}]}
 _Names = Annotated[str | tuple[str, ...], BeforeValidator(_names), WithJsonSchema(_NAMES_SCHEMA)]
 _PRESSURE: Quantity = get_args(Pressure)[1]
-_PRESSURES_SCHEMA = {"type": "object", "additionalProperties": quantity_schema("a pressure >= 0, such as '10 MPa'")}
+_PRESSURES_SCHEMA = {
+    "type": "object",
+    "additionalProperties": quantity_schema("a pressure >= 0, such as '10 MPa'"),
+}
 _Inlets = Annotated[
     str | tuple[str, ...] | dict[str, float],
     BeforeValidator(_inlets),
@@ -198,7 +228,10 @@ class SeatTable(Table):
     if TYPE_CHECKING:
         kind: str
     tolerance: float = key(
-        "relative error of the depth of the form, such as 0.1 of a radius, for the budget", 0.0, ge=0, lt=1
+        "relative error of the depth of the form, such as 0.1 of a radius, for the budget",
+        0.0,
+        ge=0,
+        lt=1,
     )
 
     def seat(self, folder: Path) -> Seat:
@@ -216,5 +249,7 @@ if TYPE_CHECKING:
     AnySeat = SeatTable
 else:
     AnySeat = table_of_any(
-        SEATS, SeatTable, lambda seat: {"unit": LengthUnit} if "unit" in {f.name for f in fields(seat)} else {}
+        SEATS,
+        SeatTable,
+        lambda seat: {"unit": LengthUnit} if "unit" in {f.name for f in fields(seat)} else {},
     )

@@ -38,13 +38,17 @@ def table_to_paste(case: type[Table], name: str) -> str:
     if not tables_in(field) or not field.is_required():
         return ""
     keys = {key: one for key, one in keys_of(tables_in(field)[0]).items() if _is_live(one)}
-    return "\n".join([f"[{name}]", *(f"{key} = {as_toml(example(one))}" for key, one in keys.items())])
+    return "\n".join(
+        [f"[{name}]", *(f"{key} = {as_toml(example(one))}" for key, one in keys.items())]
+    )
 
 
 def as_toml(value: Any) -> str:
     """A value of a TOML file, a table on one line."""
     if isinstance(value, dict):
-        return "{" + ", ".join(f"{bare_key(key)} = {as_toml(one)}" for key, one in value.items()) + "}"
+        return (
+            "{" + ", ".join(f"{bare_key(key)} = {as_toml(one)}" for key, one in value.items()) + "}"
+        )
     if isinstance(value, (list, tuple)):
         return "[" + ", ".join(map(as_toml, value)) + "]"
     if isinstance(value, str):
@@ -97,13 +101,17 @@ def choices(field: FieldInfo) -> list[Any]:
 
 def quantity_of(field: FieldInfo) -> Quantity | None:
     """The quantity of a key; None where it has none, or several of different units."""
-    found = [one for one in (*field.metadata, *parts(field.annotation)) if isinstance(one, Quantity)]
+    found = [
+        one for one in (*field.metadata, *parts(field.annotation)) if isinstance(one, Quantity)
+    ]
     return found[0] if len({one.unit for one in found}) == 1 else None
 
 
 def tables_in(field: FieldInfo) -> list[type[Table]]:
     """The tables that the value of a key may be."""
-    found = [one for one in parts(field.annotation) if isinstance(one, type) and issubclass(one, Table)]
+    found = [
+        one for one in parts(field.annotation) if isinstance(one, type) and issubclass(one, Table)
+    ]
     return list(dict.fromkeys(found))
 
 
@@ -131,9 +139,15 @@ def _blocks(name: str, field: FieldInfo, seen: list[type[Table]]) -> Iterator[st
     tables, shown = tables_in(field), set[Any]()
     for number, table in enumerate(tables):
         keys = keys_of(table)
-        live = (number == 0 and field.is_required()) or (any(map(_is_live, keys.values())) and len(tables) == 1)
+        live = (number == 0 and field.is_required()) or (
+            any(map(_is_live, keys.values())) and len(tables) == 1
+        )
         live = live and table not in seen
-        rows = [_line(f"[{name}]", field.description or "", live)] if number == 0 else [f"# [{name}]\n"]
+        rows = (
+            [_line(f"[{name}]", field.description or "", live)]
+            if number == 0
+            else [f"# [{name}]\n"]
+        )
         for key, one in keys.items():
             is_table = bool(tables_in(one)) and not one.examples
             told_already = table in seen or (key, one.description) in shown

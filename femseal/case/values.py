@@ -111,14 +111,18 @@ class Quantity:
         if not self.test(number):
             raise refusal(self.expected)
         if number and not 1 / _LARGEST <= abs(number) <= _LARGEST:
-            expected = f"{self.expected}, from {1 / _LARGEST:g} to {_LARGEST:g} {self.unit}".rstrip()
+            expected = (
+                f"{self.expected}, from {1 / _LARGEST:g} to {_LARGEST:g} {self.unit}".rstrip()
+            )
             raise refusal(expected)
         return number
 
     def __get_pydantic_core_schema__(self, source: Any, handler: GetCoreSchemaHandler) -> Any:
         return core_schema.no_info_before_validator_function(self.read, handler(source))
 
-    def __get_pydantic_json_schema__(self, core: Any, handler: GetJsonSchemaHandler) -> dict[str, Any]:
+    def __get_pydantic_json_schema__(
+        self, core: Any, handler: GetJsonSchemaHandler
+    ) -> dict[str, Any]:
         if self.unit:
             return quantity_schema(self.expected)
         return {"type": ["number", "string"], "expected": self.expected}
@@ -143,7 +147,9 @@ class Both:
     def __get_pydantic_core_schema__(self, source: Any, handler: GetCoreSchemaHandler) -> Any:
         return core_schema.no_info_wrap_validator_function(self._read, handler(source))
 
-    def __get_pydantic_json_schema__(self, core: Any, handler: GetJsonSchemaHandler) -> dict[str, Any]:
+    def __get_pydantic_json_schema__(
+        self, core: Any, handler: GetJsonSchemaHandler
+    ) -> dict[str, Any]:
         pair = handler(core)
         return {"anyOf": [pair, pair["prefixItems"][0]]}
 
@@ -154,7 +160,9 @@ class Both:
         try:
             return handler((value, value))
         except ValidationError as error:
-            raise refusal(f"{error.errors()[0]['msg'].removeprefix('Input should be ')}, or a list of two") from None
+            raise refusal(
+                f"{error.errors()[0]['msg'].removeprefix('Input should be ')}, or a list of two"
+            ) from None
 
 
 def quantity_schema(described: str) -> dict[str, Any]:
@@ -207,36 +215,70 @@ def _not_negative(x: float) -> bool:
     return x >= 0
 
 
-Length = Annotated[float, Quantity("m", _positive, "a length > 0, such as '1.5 mm'"), Usual(1e-9, 1e3, "m")]
-Height = Annotated[float, Quantity("m", _not_negative, "a height >= 0, such as '0.2 um'"), Usual(1e-10, 1e-3, "m")]
-Pressure = Annotated[float, Quantity("Pa", _not_negative, "a pressure >= 0, such as '300 MPa'"), Usual(1e-7, 2e9, "Pa")]
+Length = Annotated[
+    float, Quantity("m", _positive, "a length > 0, such as '1.5 mm'"), Usual(1e-9, 1e3, "m")
+]
+Height = Annotated[
+    float, Quantity("m", _not_negative, "a height >= 0, such as '0.2 um'"), Usual(1e-10, 1e-3, "m")
+]
+Pressure = Annotated[
+    float,
+    Quantity("Pa", _not_negative, "a pressure >= 0, such as '300 MPa'"),
+    Usual(1e-7, 2e9, "Pa"),
+]
 Temperature = Annotated[
-    float, Quantity("K", _positive, "a temperature above absolute zero, such as '20 °C'"), Usual(2.0, 2000.0, "K")
+    float,
+    Quantity("K", _positive, "a temperature above absolute zero, such as '20 °C'"),
+    Usual(2.0, 2000.0, "K"),
 ]
 Hardening = Annotated[
-    float, Quantity("Pa/m", _not_negative, "a stress per depth >= 0, such as '2 GPa/um'"), Usual(1e12, 1e18, "Pa/m")
+    float,
+    Quantity("Pa/m", _not_negative, "a stress per depth >= 0, such as '2 GPa/um'"),
+    Usual(1e12, 1e18, "Pa/m"),
 ]
-Modulus = Annotated[float, Quantity("Pa", _positive, "a stress > 0, such as '210 GPa'"), Usual(*YOUNG_LIMITS, "Pa")]
-Strength = Annotated[float, Quantity("Pa", _positive, "a stress > 0, such as '2 GPa'"), Usual(5e6, 1e11, "Pa")]
+Modulus = Annotated[
+    float, Quantity("Pa", _positive, "a stress > 0, such as '210 GPa'"), Usual(*YOUNG_LIMITS, "Pa")
+]
+Strength = Annotated[
+    float, Quantity("Pa", _positive, "a stress > 0, such as '2 GPa'"), Usual(5e6, 1e11, "Pa")
+]
 FileSize = Annotated[float, Quantity("byte", _not_negative, "a size >= 0, such as '500 MB'")]
 Ratio = Annotated[float, Quantity("", lambda x: 0 <= x <= 1, "a number from 0 to 1")]
-Relaxation = Annotated[float, Quantity("", lambda x: 0 <= x < 1, "a fraction from 0, below 1, such as '10 %'")]
+Relaxation = Annotated[
+    float, Quantity("", lambda x: 0 <= x < 1, "a fraction from 0, below 1, such as '10 %'")
+]
 Hurst = Annotated[float, Quantity("", lambda x: 0 < x <= 1, "a Hurst exponent above 0, at most 1")]
 Slope = Annotated[float, Quantity("", _positive, "a slope > 0"), Usual(1e-4, 3.0, "")]
 Poisson = Annotated[
-    float, Quantity("", lambda x: -1 < x <= 0.5, "a Poisson's ratio above -1, at most 0.5"), Usual(0.0, 0.5, "")
+    float,
+    Quantity("", lambda x: -1 < x <= 0.5, "a Poisson's ratio above -1, at most 0.5"),
+    Usual(0.0, 0.5, ""),
 ]
-Angle = Annotated[float, Quantity("rad", lambda x: True, "an angle, such as '90 deg'"), Usual(-6.3, 6.3, "rad")]
-Volume = Annotated[float, Quantity("m^3", _positive, "a volume > 0, such as '0.05 mL'"), Usual(1e-9, 1e-5, "m^3")]
+Angle = Annotated[
+    float, Quantity("rad", lambda x: True, "an angle, such as '90 deg'"), Usual(-6.3, 6.3, "rad")
+]
+Volume = Annotated[
+    float, Quantity("m^3", _positive, "a volume > 0, such as '0.05 mL'"), Usual(1e-9, 1e-5, "m^3")
+]
 VolumeRate = Annotated[
-    float, Quantity("m^3/s", _positive, "a volume per time > 0, such as '100 L/min'"), Usual(1e-6, 100.0, "m^3/s")
+    float,
+    Quantity("m^3/s", _positive, "a volume per time > 0, such as '100 L/min'"),
+    Usual(1e-6, 100.0, "m^3/s"),
 ]
-Duration = Annotated[float, Quantity("s", _positive, "a time > 0, such as '30 min'"), Usual(1.0, 3e7, "s")]
+Duration = Annotated[
+    float, Quantity("s", _positive, "a time > 0, such as '30 min'"), Usual(1.0, 3e7, "s")
+]
 Accuracy = Annotated[
-    float, BeforeValidator(_accuracy), WithJsonSchema({"type": ["number", "string"], "expected": _ACCURACY_EXPECTED})
+    float,
+    BeforeValidator(_accuracy),
+    WithJsonSchema({"type": ["number", "string"], "expected": _ACCURACY_EXPECTED}),
 ]
-Shift = Annotated[float, Quantity("m", lambda x: True, "a length, such as '-20 um'"), Usual(-10.0, 10.0, "m")]
-Place = Annotated[float, Quantity("m", _not_negative, "a length >= 0, such as '0.1 mm'"), Usual(1e-9, 10.0, "m")]
+Shift = Annotated[
+    float, Quantity("m", lambda x: True, "a length, such as '-20 um'"), Usual(-10.0, 10.0, "m")
+]
+Place = Annotated[
+    float, Quantity("m", _not_negative, "a length >= 0, such as '0.1 mm'"), Usual(1e-9, 10.0, "m")
+]
 LengthUnit = Annotated[str, BeforeValidator(_length_unit)]
 #: A channel of a file, by its number or its name.
 Channel = Annotated[
@@ -244,7 +286,9 @@ Channel = Annotated[
     BeforeValidator(_channel),
     WithJsonSchema({"anyOf": [{"type": "integer", "minimum": 0}, {"type": "string"}]}),
 ]
-Threshold = Annotated[float, BeforeValidator(_threshold), WithJsonSchema({"type": "number", "exclusiveMinimum": 0})]
+Threshold = Annotated[
+    float, BeforeValidator(_threshold), WithJsonSchema({"type": "number", "exclusiveMinimum": 0})
+]
 Count = Annotated[int, Field(strict=True, ge=1, le=_MOST)]
 #: A whole number that names and does not count, such as a seed.
 Number = Annotated[int, Field(strict=True, ge=0, lt=2**63)]
@@ -266,7 +310,9 @@ def unusual(table: Table, place: str = "") -> Iterator[str]:
             for n, one in enumerate(value):
                 yield from unusual(one, f"{key}.{n}" if len(value) > 1 else key)
         else:
-            odd = tuple(_out_of_range(Annotated[(kind, *info.metadata)] if info.metadata else kind, value))
+            odd = tuple(
+                _out_of_range(Annotated[(kind, *info.metadata)] if info.metadata else kind, value)
+            )
             more = f" (and {len(odd) - 1} more)" if len(odd) > 1 else ""
             for one, ends in odd[:1]:
                 yield f"{key} {one}{more} is not in the usual range, {ends}: is its unit meant?"
@@ -287,7 +333,9 @@ def _out_of_range(kind: Any, value: Any) -> Iterator[tuple[str, str]]:
         for each in args:
             yield from _out_of_range(each, value)
     elif origin is tuple and isinstance(value, tuple):
-        for each, one in zip(args[:1] * len(value) if Ellipsis in args else args, value, strict=True):
+        for each, one in zip(
+            args[:1] * len(value) if Ellipsis in args else args, value, strict=True
+        ):
             yield from _out_of_range(each, one)
 
 
@@ -299,7 +347,9 @@ def _as_text(value: float, unit: str) -> str:
 
 
 def table_of_any(
-    registered: dict[str, Any], base: type[Table], more: Callable[[Any], dict[str, Any]] = lambda made: {}
+    registered: dict[str, Any],
+    base: type[Table],
+    more: Callable[[Any], dict[str, Any]] = lambda made: {},
 ) -> Any:
     """One of the tables of registered dataclasses, by its key `kind`.
 
@@ -337,6 +387,8 @@ _TOLD = ("meaning", "example", "since", "instead", "needed")
 
 def _quantity(metadata: Any) -> tuple[Any, ...]:
     above, inclusive, unit = metadata["above"], metadata["inclusive"], metadata["unit"]
-    quantity = Quantity(unit, lambda x: x > above or (inclusive and x == above), metadata["allowed"])
+    quantity = Quantity(
+        unit, lambda x: x > above or (inclusive and x == above), metadata["allowed"]
+    )
     low, high = metadata["usual"]
     return quantity, Usual(low, high, unit)

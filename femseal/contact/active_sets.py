@@ -53,7 +53,13 @@ class ActiveSets:
     """
 
     def __init__(
-        self, grid: Workspace, gap0: Array, offset: float, line: YieldLine, load: float | None, approach: float | None
+        self,
+        grid: Workspace,
+        gap0: Array,
+        offset: float,
+        line: YieldLine,
+        load: float | None,
+        approach: float | None,
     ) -> None:
         self._grid = grid
         self._gap0, self._offset, self._line = gap0.ravel(), offset, line
@@ -107,7 +113,9 @@ class ActiveSets:
         """List the points near contact of the initial pressure, with a first guess of the approach."""
         _, load, total = self._product()
         if self._loaded:
-            self.delta = total / max(self._n_near, 1)  # none where coarser grids lose so light a load
+            self.delta = total / max(
+                self._n_near, 1
+            )  # none where coarser grids lose so light a load
         self._margin = 0.5 * load / (max(self._n_near, 1) * self._c0)
         self._reach = self.delta + self._margin
         self._list_near()
@@ -165,7 +173,9 @@ class ActiveSets:
             self._list_near()
         self.residual = residual * (self._c0 / self._c)  # about the residual for the step c₀
         # keep the sets as long as the residual falls and the points that would leave them have a small fraction of it
-        self._changed = (changed > 0 and (leaving or self.residual > 0.5 * former)) or self.iterations == 0
+        self._changed = (
+            changed > 0 and (leaving or self.residual > 0.5 * former)
+        ) or self.iterations == 0
 
     def _change_sets(self) -> None:
         """Project p on the bounds and the load, which decides which points are free, and find v."""
@@ -247,7 +257,13 @@ class ActiveSets:
         """Go on by steps that never raise the energy."""
         grid = self._grid
         self._change_sets()
-        descent = Descent(grid, self._gap0 - self._offset, self._line, self._load if self._loaded else None, self.delta)
+        descent = Descent(
+            grid,
+            self._gap0 - self._offset,
+            self._line,
+            self._load if self._loaded else None,
+            self.delta,
+        )
         descent.solve(rtol, limit - self.iterations)
         self.delta, self.residual = descent.delta, descent.residual
         self.iterations += descent.iterations

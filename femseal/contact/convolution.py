@@ -71,7 +71,10 @@ class Convolution:
         pyfftw = fftw()
         (n1, n2), real = shape, np.dtype(dtype)
         waves = np.result_type(real, np.complex64)
-        l1, l2 = (padded_length(n) if kind == "free" else n for n, kind in zip(shape, boundary, strict=True))
+        l1, l2 = (
+            padded_length(n) if kind == "free" else n
+            for n, kind in zip(shape, boundary, strict=True)
+        )
         m2 = l2 // 2 + 1
         self._mirrors = boundary[0] == "mirror", boundary[1] == "mirror"
         self._memory: list[Any] = []
@@ -83,7 +86,9 @@ class Convolution:
             if not any(self._mirrors):
                 # as many weights as waves, of which k and N − k have the same: they are read in order
                 half = self._weights.shape[2]
-                self._weights = np.concatenate((self._weights, self._weights[..., l1 - half : 0 : -1]), axis=2)
+                self._weights = np.concatenate(
+                    (self._weights, self._weights[..., l1 - half : 0 : -1]), axis=2
+                )
         else:
             self._weights = over._weights
         self.pressure = pyfftw.zeros_aligned((n1, n2), dtype=real)
@@ -99,7 +104,9 @@ class Convolution:
         width = m2 if width >= m2 else max(_ALIGNED, width - width % _ALIGNED)
         starts = range(0, m2, width)
         # of each stage the parts that threads share, and of each part the calls
-        forward, blocks, inverse = self._stages = cast(list[list[list[Callable[[], Any]]]], [[], [], []])
+        forward, blocks, inverse = self._stages = cast(
+            list[list[list[Callable[[], Any]]]], [[], [], []]
+        )
         with planner() as planned:
             for i, end in parts(l1, max(ROW_POINTS / l2, l1 / ROW_PARTS)):
                 there: list[Callable[[], Any]] = []
@@ -126,7 +133,18 @@ class Convolution:
                     plans = planned(spectrum[:, columns], here.T, spectrum[:, columns], axis=0)
                     work: Any = partial(multiply, here, self._weights[0, columns])
                     if any(self._mirrors):
-                        work = partial(respond, here, l1, j, len(here), self._weights, False, cosine1, sine1, turn2)
+                        work = partial(
+                            respond,
+                            here,
+                            l1,
+                            j,
+                            len(here),
+                            self._weights,
+                            False,
+                            cosine1,
+                            sine1,
+                            turn2,
+                        )
                     blocks[-1] += plans[0], work, plans[1]
         if threads == 1:  # on small grids passing from call to call is what takes time
             self._stages = [[[call for stage in self._stages for part in stage for call in part]]]
@@ -202,7 +220,9 @@ def _in_turn(calls: Sequence[Callable[[], Any]]) -> None:
         call()
 
 
-def weights_of(symbol: Array, points: int, mirror1: bool, mirror2: bool, transforms: int = 1) -> Array:
+def weights_of(
+    symbol: Array, points: int, mirror1: bool, mirror2: bool, transforms: int = 1
+) -> Array:
     """The symbol or, if an axis is a mirror, its four means of sums and differences over k and N − k, transposed.
 
     The second and the fourth have differences along the first axis, the third and the fourth along the second. The
@@ -246,7 +266,16 @@ def respond(block, n, first, count, weights, twisted, cosine1, sine1, turn2):
     `twisted`, the second half of the block has odd waves, and N − 1 − k is the place of the conjugate of k.
     """
     rows = np.empty((8, n // 2 + 1))
-    ar, ai, br, bi, cr, ci, dr, di = rows[0], rows[1], rows[2], rows[3], rows[4], rows[5], rows[6], rows[7]
+    ar, ai, br, bi, cr, ci, dr, di = (
+        rows[0],
+        rows[1],
+        rows[2],
+        rows[3],
+        rows[4],
+        rows[5],
+        rows[6],
+        rows[7],
+    )
     for odd in range(2 if twisted else 1):
         half = (n - odd) // 2 + 1
         start = odd * (n // 2 + 1)
@@ -276,8 +305,14 @@ def respond(block, n, first, count, weights, twisted, cosine1, sine1, turn2):
                 br[i], bi[i] = row[last - i].real, row[last - i].imag
             for i in range(half):
                 # f = e₁² b, g = e₁² ā, u = w₂ b̄ + w₁₂ g, v = w₂ ā + w₁₂ f̄
-                fr, fi = cosine1[i] * br[i] - sine1[i] * bi[i], cosine1[i] * bi[i] + sine1[i] * br[i]
-                gr, gi = cosine1[i] * ar[i] + sine1[i] * ai[i], sine1[i] * ar[i] - cosine1[i] * ai[i]
+                fr, fi = (
+                    cosine1[i] * br[i] - sine1[i] * bi[i],
+                    cosine1[i] * bi[i] + sine1[i] * br[i],
+                )
+                gr, gi = (
+                    cosine1[i] * ar[i] + sine1[i] * ai[i],
+                    sine1[i] * ar[i] - cosine1[i] * ai[i],
+                )
                 ur, ui = w2[i] * br[i] + w12[i] * gr, w12[i] * gi - w2[i] * bi[i]
                 vr, vi = w2[i] * ar[i] + w12[i] * fr, -w2[i] * ai[i] - w12[i] * fi
                 # c = own a + w₁ f + e₂² u, d = own b + w₁ ḡ + e₂² v

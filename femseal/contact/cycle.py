@@ -148,11 +148,20 @@ def load_states(
     check_capacity("loading", float(programme.pressures.max()), law)
     gap0 = validate.field("gap0", gap0, unit="m", shape=half_space.shape, copy=False)
     state = partial(
-        _state, gap0=gap0, half_space=half_space, law=law, rtol=rtol, take=take, solve=solve, remember=remember
+        _state,
+        gap0=gap0,
+        half_space=half_space,
+        law=law,
+        rtol=rtol,
+        take=take,
+        solve=solve,
+        remember=remember,
     )
     if memory is None:
         memory = 8.0 * STATE_FIELDS * gap0.size
-    return _solved(Stage("contact of the whole face", state, memory), programme, remember is not None, mapper)
+    return _solved(
+        Stage("contact of the whole face", state, memory), programme, remember is not None, mapper
+    )
 
 
 def _solved(stage: Stage, programme: LoadProgramme, in_turn: bool, mapper: Mapper) -> Iterator[Any]:
@@ -174,13 +183,17 @@ def _solved(stage: Stage, programme: LoadProgramme, in_turn: bool, mapper: Mappe
         if step.pressure in stops and not (deformed or in_turn):
             undeformed[step.pressure] = taken
         yield taken
-    elastic = {peak for peak, (deformation, _) in left.items() if not (in_turn or np.any(deformation))}
+    elastic = {
+        peak for peak, (deformation, _) in left.items() if not (in_turn or np.any(deformation))
+    }
     known, new = set(undeformed), []
     for step in unloading:
         if step.unloaded_from not in elastic or step.pressure not in known:
             new.append(step)
             known |= {step.pressure} if step.unloaded_from in elastic else set()
-    solved = iter(mapper(stage, new, [False] * len(new), (left[step.unloaded_from] for step in new)))
+    solved = iter(
+        mapper(stage, new, [False] * len(new), (left[step.unloaded_from] for step in new))
+    )
     for step in unloading:
         if step.unloaded_from not in elastic:
             yield next(solved)[0]
@@ -188,7 +201,11 @@ def _solved(stage: Stage, programme: LoadProgramme, in_turn: bool, mapper: Mappe
         if step.pressure not in undeformed:
             undeformed[step.pressure] = next(solved)[0]
         taken = undeformed[step.pressure]
-        yield replace(taken, unloaded_from=step.unloaded_from) if isinstance(taken, LoadState) else taken
+        yield (
+            replace(taken, unloaded_from=step.unloaded_from)
+            if isinstance(taken, LoadState)
+            else taken
+        )
     next(solved, None)  # a mapper may have something to do at its end
 
 
@@ -218,7 +235,13 @@ def _state(
     deformation, former = left
     settings = {} if remember is None else {"former": former}
     contact = solve(
-        gap0, half_space, pressure=step.pressure, hardness=law, deformation=deformation, rtol=rtol, **settings
+        gap0,
+        half_space,
+        pressure=step.pressure,
+        hardness=law,
+        deformation=deformation,
+        rtol=rtol,
+        **settings,
     )
     again = 0.0 if deformation is None else _yielded_again(contact, deformation, rtol)
     state = LoadState(step.pressure, step.unloaded_from, contact=contact, yielded_again=again)

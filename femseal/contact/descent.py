@@ -38,7 +38,9 @@ class Descent:
     delta, residual, iterations, pairs : as in `ActiveSets`.
     """
 
-    def __init__(self, grid: Workspace, gap: Array, line: YieldLine, load: float | None, delta: float) -> None:
+    def __init__(
+        self, grid: Workspace, gap: Array, line: YieldLine, load: float | None, delta: float
+    ) -> None:
         self._grid, self._gap, self._load = grid, gap, load
         self._hardness, self._slope = line.hardness.ravel(), line.slope.ravel()
         self._hardens = np.broadcast_to(self._slope > 0, gap.shape)
@@ -53,9 +55,13 @@ class Descent:
         while True:
             grid.respond.apply()
             self.pairs += 1
-            v = grid.respond.displacement.ravel() + self._gap  # the products of directions take its memory
+            v = (
+                grid.respond.displacement.ravel() + self._gap
+            )  # the products of directions take its memory
             self.delta, y = self._projected(p, v, c0)
-            self.residual = float(np.linalg.norm(y - p) / np.linalg.norm(y)) if y.any() else np.inf * p.any()
+            self.residual = (
+                float(np.linalg.norm(y - p) / np.linalg.norm(y)) if y.any() else np.inf * p.any()
+            )
             if self.residual <= rtol or self.iterations == limit:
                 grid.respond.displacement[:] = v.reshape(grid.pressure.shape)
                 return
@@ -117,13 +123,20 @@ class Descent:
                 free = self._every[((p > 0) & (p < hardness)) | yields]
                 if free.size < 2:
                     return
-                low, high = np.where(yields, hardness, 0.0)[free], np.where(yields, np.inf, hardness)[free]
+                low, high = (
+                    np.where(yields, hardness, 0.0)[free],
+                    np.where(yields, np.inf, hardness)[free],
+                )
                 slopes = np.broadcast_to(self._slope, p.shape)
                 soft = np.where(yields, 1.0 / np.where(yields, slopes, 1.0), 0.0)[free]
                 scale = 1.0 / np.sqrt(1.0 + soft * self._grid.stencil.weights.max())
                 ones = self._preconditioned(free, np.ones(free.size), scale)
                 d = np.zeros(free.size)
-            r = self.delta - v[free] - soft * (p[free] - hardness[free]) if soft.any() else self.delta - v[free]
+            r = (
+                self.delta - v[free] - soft * (p[free] - hardness[free])
+                if soft.any()
+                else self.delta - v[free]
+            )
             if self._load is not None:
                 r -= r.mean()
             w = self._preconditioned(free, r, scale)
@@ -141,7 +154,9 @@ class Descent:
             if not curvature > 0:
                 return
             with np.errstate(divide="ignore", invalid="ignore"):
-                room = np.where(d > 0, (high - p[free]) / d, np.where(d < 0, (low - p[free]) / d, np.inf))
+                room = np.where(
+                    d > 0, (high - p[free]) / d, np.where(d < 0, (low - p[free]) / d, np.inf)
+                )
             nearest = int(room.argmin())
             fraction, former = min(wr / curvature, float(room[nearest])), wr
             p[free] = np.clip(p[free] + fraction * d, low, high)

@@ -33,7 +33,11 @@ def lay_ones(first, end, hardens, line, points, stencil):
         weights = stencil.weights
         largest = weights[weights.shape[0] // 2, weights.shape[1] // 2]
         for k in range(end - first):
-            soft[k] = 1.0 / line.slope[listed[k] if line.slope.size > 1 else 0] if points.state[listed[k]] == 3 else 0.0
+            soft[k] = (
+                1.0 / line.slope[listed[k] if line.slope.size > 1 else 0]
+                if points.state[listed[k]] == 3
+                else 0.0
+            )
             scale[k] = 1.0 / np.sqrt(1.0 + soft[k] * largest)
             points.dense[listed[k]] = scale[k]
     else:
@@ -57,7 +61,9 @@ def first_residual(first, end, delta, hardens, line, points, stencil):
         ones_total = _scaled(ones, scale)
         for k in range(end - first):
             if points.state[listed[k]] == 3:
-                away = soft[k] * (p[place[k]] - line.hardness[listed[k] if line.hardness.size > 1 else 0])
+                away = soft[k] * (
+                    p[place[k]] - line.hardness[listed[k] if line.hardness.size > 1 else 0]
+                )
                 r[k] -= away
                 total -= away
     return ones_total, total

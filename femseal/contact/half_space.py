@@ -75,7 +75,9 @@ class HalfSpace:
 
         Δ is the geometric mean of the spacings along which there are points.
         """
-        spacings = [d for n, d in zip(self.shape, self.spacing, strict=True) if n > 1] or [min(self.spacing)]
+        spacings = [d for n, d in zip(self.shape, self.spacing, strict=True) if n > 1] or [
+            min(self.spacing)
+        ]
         return np.pi * self.modulus / (4 * float(np.prod(spacings) ** (1 / len(spacings))))
 
     def symbol(self, threads: int = 1) -> Array:

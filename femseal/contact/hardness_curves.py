@@ -47,13 +47,19 @@ class HardnessTable(ContactLaw):
 
     def __post_init__(self) -> None:
         for name, unit in (("depth", "m"), ("hardness", "Pa")):
-            values = validate.field(name, np.atleast_2d(np.asarray(getattr(self, name), dtype=object)), unit=unit)[0]
+            values = validate.field(
+                name, np.atleast_2d(np.asarray(getattr(self, name), dtype=object)), unit=unit
+            )[0]
             object.__setattr__(self, name, values)
         if self.depth.size < 2 or self.depth.size != self.hardness.size:
-            given = f"{counted(self.depth.size, 'value')} of depth and {self.hardness.size} of hardness"
+            given = (
+                f"{counted(self.depth.size, 'value')} of depth and {self.hardness.size} of hardness"
+            )
             raise InputError("hardness table", given, "as many of both, two or more")
         if not (self.depth[0] >= 0 and np.all(np.diff(self.depth) > 0)):
-            raise InputError("depth", ", ".join(to_text(d, "m") for d in self.depth), "depths >= 0 that rise")
+            raise InputError(
+                "depth", ", ".join(to_text(d, "m") for d in self.depth), "depths >= 0 that rise"
+            )
         if not np.all(self.hardness > 0):
             raise InputError("hardness", f"{self.hardness.min():g} Pa", "numbers > 0 [Pa]")
 
@@ -124,7 +130,9 @@ class NixGao(ContactLaw):
 
     def yield_pressure(self, deformation: Any = 0.0) -> Any:
         """H₀ √(1 + h*/u)."""
-        return self.hardness * np.sqrt(1 + self.depth / np.maximum(deformation, self.smallest_depth))
+        return self.hardness * np.sqrt(
+            1 + self.depth / np.maximum(deformation, self.smallest_depth)
+        )
 
     def hardening_modulus(self, deformation: Any = 0.0) -> Any:
         """dH/du, at most 0."""
@@ -157,12 +165,16 @@ class SofterOf(ContactLaw):
 
     def yield_pressure(self, deformation: Any = 0.0) -> Any:
         """The lower H(u)."""
-        return np.minimum(self.one.yield_pressure(deformation), self.two.yield_pressure(deformation))
+        return np.minimum(
+            self.one.yield_pressure(deformation), self.two.yield_pressure(deformation)
+        )
 
     def hardening_modulus(self, deformation: Any = 0.0) -> Any:
         """That of the lower H(u)."""
         first = self.one.yield_pressure(deformation) <= self.two.yield_pressure(deformation)
-        return np.where(first, self.one.hardening_modulus(deformation), self.two.hardening_modulus(deformation))
+        return np.where(
+            first, self.one.hardening_modulus(deformation), self.two.hardening_modulus(deformation)
+        )
 
     def __str__(self) -> str:
         return f"the softer at each depth of {self.one}, and {self.two}"
@@ -172,7 +184,9 @@ def softer_of(one: ContactLaw, two: ContactLaw | None = None) -> ContactLaw:
     """The law of the softer of two faces, each of one curve; None is rigid. `SofterOf` where the curves cross."""
     if two is None:
         return one
-    first, second = (np.broadcast_to(law.yield_pressure(_COMPARED), _COMPARED.shape) for law in (one, two))
+    first, second = (
+        np.broadcast_to(law.yield_pressure(_COMPARED), _COMPARED.shape) for law in (one, two)
+    )
     if np.all(first <= second):
         return one
     return two if np.all(second <= first) else SofterOf(one, two)

@@ -44,7 +44,11 @@ def spectral_symbol(q1: Array, q2: Array, modulus: float) -> Array:
 
 
 def symbol(
-    shape: tuple[int, int], spacing: tuple[float, float], modulus: float, boundary: tuple[str, str], threads: int = 1
+    shape: tuple[int, int],
+    spacing: tuple[float, float],
+    modulus: float,
+    boundary: tuple[str, str],
+    threads: int = 1,
 ) -> Array:
     """Eigenvalues of K [m/Pa] for the waves of periodic and padded free axes and the cosines of mirror axes.
 
@@ -69,7 +73,10 @@ def _love(x: Array, y: Array) -> Array:
 
 def free_symbol(shape: tuple[int, int], spacing: tuple[float, float], modulus: float) -> Array:
     """Both axes free: transform of Love's displacement [m/Pa] of a pixel under constant pressure."""
-    x, y = ((np.arange(padded_length(n) // 2 + 2, dtype=float) - 0.5) * d for n, d in zip(shape, spacing, strict=True))
+    x, y = (
+        (np.arange(padded_length(n) // 2 + 2, dtype=float) - 0.5) * d
+        for n, d in zip(shape, spacing, strict=True)
+    )
     potential = _love(x[:, None], y)
     kernel = np.diff(np.diff(potential, axis=0), axis=1) / (np.pi * modulus)
     l1, l2 = (padded_length(n) for n in shape)
@@ -103,7 +110,9 @@ def bickley_1(x: Array) -> Array:
     return out
 
 
-def strip_symbol(n_free: int, d_free: float, q: Array, d_other: float, modulus: float, threads: int = 1) -> Array:
+def strip_symbol(
+    n_free: int, d_free: float, q: Array, d_other: float, modulus: float, threads: int = 1
+) -> Array:
     """One free axis of pixels d_free, the other periodic or mirrored with wave numbers q: (half of it padded, q.size).
 
     A wave q along the other axis decays as (2/πE*) K₀(|q||x|) across it; q = 0 is the plane-strain logarithm, whose
@@ -114,7 +123,9 @@ def strip_symbol(n_free: int, d_free: float, q: Array, d_other: float, modulus: 
     length = padded_length(n_free)
     width = max(1, _STRIP_VALUES // length)
     columns = [q[j : j + width] for j in range(0, q.size, width)]
-    parts = on_threads(threads, lambda some: _strip_columns(n_free, length, d_free, some, d_other), columns)
+    parts = on_threads(
+        threads, lambda some: _strip_columns(n_free, length, d_free, some, d_other), columns
+    )
     found = np.concatenate(parts, axis=1)
     found *= 2 / (np.pi * modulus)
     return found

@@ -92,7 +92,11 @@ def count_near(first, end, add, v, gap0, offset, reach, points):
     columns = gap0.size // v.shape[0]
     for row in range(first, end):
         start = row * columns
-        vs, heights, states = v[row, :columns], gap0[start : start + columns], points.state[start : start + columns]
+        vs, heights, states = (
+            v[row, :columns],
+            gap0[start : start + columns],
+            points.state[start : start + columns],
+        )
         for j in range(columns):
             vj = vs[j] + weight * (heights[j] - offset)
             vs[j] = vj
@@ -129,7 +133,11 @@ def find_trial(first, end, c, points):
 @compiled(**EXACT)
 def compare(first, end, c, delta, line, points):
     """‖p − y‖² and ‖y‖² of some points near contact, and the number and ‖p − y‖² of those whose state y changes."""
-    listed, x, p = points.lists[NEAR, first:end], points.near[X, first:end], points.near[P, first:end]
+    listed, x, p = (
+        points.lists[NEAR, first:end],
+        points.near[X, first:end],
+        points.near[P, first:end],
+    )
     r2 = 0.0
     y2 = 0.0
     changed = 0
@@ -299,7 +307,11 @@ def assign(first, end, enlist, c, delta, keep, p, line, points):
 
     Where `enlist`, the free points are listed from the first place, with their pressures in place of Kd.
     """
-    listed, x, pn = points.lists[NEAR, first:end], points.near[X, first:end], points.near[P, first:end]
+    listed, x, pn = (
+        points.lists[NEAR, first:end],
+        points.near[X, first:end],
+        points.near[P, first:end],
+    )
     carried = 0.0
     k = 0
     one = line.hardness.size + line.slope.size == 2

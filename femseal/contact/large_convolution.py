@@ -73,7 +73,9 @@ class LargeConvolution:
         pyfftw = fftw()
         (n1, n2), real = shape, np.dtype(dtype)
         kind = np.result_type(real, np.complex64)
-        l1, l2 = (padded_length(n) if end == "free" else n for n, end in zip(shape, boundary, strict=True))
+        l1, l2 = (
+            padded_length(n) if end == "free" else n for n, end in zip(shape, boundary, strict=True)
+        )
         transforms = 2 if l1 > n1 else 1
         m1, m2 = l1 // transforms, l2 // 2 + 1
         self._mirrors = boundary[0] == "mirror", boundary[1] == "mirror"
@@ -86,7 +88,9 @@ class LargeConvolution:
         self.pressure = pyfftw.zeros_aligned((n1, n2), dtype=real)
         length = row_length(m2, kind.itemsize)
         size = n1 * length * kind.itemsize
-        self._memory: Any = pyfftw.empty_aligned(size, dtype=np.uint8) if over is None else over._memory
+        self._memory: Any = (
+            pyfftw.empty_aligned(size, dtype=np.uint8) if over is None else over._memory
+        )
         self._waves = self._memory[:size].view(kind).reshape(n1, length)
         self.rows = self._waves.view(real)
         self.displacement = self.rows[:, :n2]
@@ -97,7 +101,9 @@ class LargeConvolution:
         turns = turn1.real.copy(), turn1.imag.copy(), turn2
         twist = np.exp(-1j * np.pi * np.arange(n1 if transforms == 2 else 0) / m1).astype(kind)
         # a block and its transform fit in the cache; of fewer columns, or of 16 long ones, copies take thrice the time
-        width = min(max(_COLUMNS, BLOCK_BYTES // (2 * l1 * kind.itemsize) // _COLUMNS * _COLUMNS), m2)
+        width = min(
+            max(_COLUMNS, BLOCK_BYTES // (2 * l1 * kind.itemsize) // _COLUMNS * _COLUMNS), m2
+        )
         self._blocks: list[Any] = []
         with planner() as planned:
             self._parts = []

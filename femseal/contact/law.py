@@ -94,7 +94,9 @@ class ContactLaw:
         pressure, gap : p [Pa] and raw gap g [m] of a solution, or nearly so. stiffness : c [Pa/m].
         """
         u = self.admissible(pressure, gap, stiffness)[1]
-        yields = pressure >= np.minimum(self.yield_pressure(), self.yield_pressure(u)) * (1 - _AT_YIELD)
+        yields = pressure >= np.minimum(self.yield_pressure(), self.yield_pressure(u)) * (
+            1 - _AT_YIELD
+        )
         return np.where(yields | (-stiffness * gap > _DEEP * pressure), u, 0.0)
 
     def project(self, trial: Array, stiffness: float) -> Array:
@@ -118,9 +120,17 @@ class ContactLaw:
         if not np.any(slope < 0):
             return y, u
         yields = self.yield_pressure(overlap)
-        deep = (slope < 0) & (overlap > 0) & ((overlap > u) | (np.abs(pressure - yields) < np.abs(pressure - y)))
-        slack = np.maximum(slope, -_STEEPEST * stiffness) + stiffness  # near 0 Newton's method goes anywhere
-        return np.where(deep, yields, y), np.where(deep, np.maximum(overlap + (pressure - yields) / slack, 0.0), u)
+        deep = (
+            (slope < 0)
+            & (overlap > 0)
+            & ((overlap > u) | (np.abs(pressure - yields) < np.abs(pressure - y)))
+        )
+        slack = (
+            np.maximum(slope, -_STEEPEST * stiffness) + stiffness
+        )  # near 0 Newton's method goes anywhere
+        return np.where(deep, yields, y), np.where(
+            deep, np.maximum(overlap + (pressure - yields) / slack, 0.0), u
+        )
 
     def _deformation(self, trial: Array, stiffness: float) -> Array:
         """u >= 0 with H(u) + c u = z, 0 where z < H(0), by Newton's method between bounds, which it halves."""
@@ -150,10 +160,14 @@ class ContactLaw:
         hardness, slope = self.yield_pressure(deformation), self.hardening_modulus(deformation)
         slope = np.maximum(slope, 0.0)
         hardness = hardness - slope * np.asarray(deformation, dtype=float)
-        hardness, slope = (np.atleast_1d(np.asarray(values, dtype=float)) for values in (hardness, slope))
+        hardness, slope = (
+            np.atleast_1d(np.asarray(values, dtype=float)) for values in (hardness, slope)
+        )
         for values in (hardness, slope):
             if values.size != 1 and values.shape != shape:
-                raise InputError("hardness", f"shape {values.shape}", f"a number or an array {shape} [Pa]")
+                raise InputError(
+                    "hardness", f"shape {values.shape}", f"a number or an array {shape} [Pa]"
+                )
         if not np.all(hardness > 0):
             raise InputError("hardness", f"{hardness.min():g} Pa", "numbers > 0 [Pa]")
         return YieldLine(hardness, slope)
@@ -222,7 +236,11 @@ class PerfectlyPlastic(ContactLaw):
 
     def __str__(self) -> str:
         elastic = self.is_elastic
-        return "elastic" if elastic else f"elastic-perfectly plastic with hardness {to_text(self.mean_hardness, 'Pa')}"
+        return (
+            "elastic"
+            if elastic
+            else f"elastic-perfectly plastic with hardness {to_text(self.mean_hardness, 'Pa')}"
+        )
 
     def deformation(self, pressure: Array, gap: Array, stiffness: float) -> Array:
         """The overlap −g where points are at the hardness."""
@@ -304,7 +322,9 @@ class _Changed(ContactLaw):
 
     def hardening_modulus(self, deformation: Any = 0.0) -> Any:
         """factor · h(u + kept)."""
-        return self.factor * self.law.hardening_modulus(self.kept + np.asarray(deformation, dtype=float))
+        return self.factor * self.law.hardening_modulus(
+            self.kept + np.asarray(deformation, dtype=float)
+        )
 
     @property
     def capacity(self) -> float:
@@ -313,11 +333,17 @@ class _Changed(ContactLaw):
 
     def after(self, deformation: ArrayLike) -> ContactLaw:
         """The law with both deformations; the same where it has no depth."""
-        return self if self.is_perfect else replace(self, kept=self.kept + np.asarray(deformation, dtype=float))
+        return (
+            self
+            if self.is_perfect
+            else replace(self, kept=self.kept + np.asarray(deformation, dtype=float))
+        )
 
     def less(self, fluid_pressure: ArrayLike) -> ContactLaw:
         """The law with both fluid pressures."""
-        return replace(self, fluid_pressure=self.fluid_pressure + np.asarray(fluid_pressure, dtype=float))
+        return replace(
+            self, fluid_pressure=self.fluid_pressure + np.asarray(fluid_pressure, dtype=float)
+        )
 
     def __str__(self) -> str:
         return str(self.law)

@@ -22,7 +22,9 @@ class ShortLists:
     """The kernels as they are, for a grid whose lists are short."""
 
     add_gap, look, project = map(staticmethod, (kernels.add_gap, kernels.look, kernels.project))
-    restart, turn, step = map(staticmethod, (gradient_kernels.restart, gradient_kernels.turn, gradient_kernels.step))
+    restart, turn, step = map(
+        staticmethod, (gradient_kernels.restart, gradient_kernels.turn, gradient_kernels.step)
+    )
 
 
 class LongLists:
@@ -31,7 +33,9 @@ class LongLists:
     def __init__(self, threads: int) -> None:
         self._threads = threads
 
-    def add_gap(self, _: int, end: int, add: bool, n: int, k: int, p: Any, v: Any, *rest: Any) -> Any:
+    def add_gap(
+        self, _: int, end: int, add: bool, n: int, k: int, p: Any, v: Any, *rest: Any
+    ) -> Any:
         """As `kernels.add_gap`, on all rows."""
         threads, (gap0, offset, reach, _, points) = self._threads, rest
         pieces = rows_in_parts(v, p.size)
@@ -46,7 +50,9 @@ class LongLists:
         )
         return *starts[-1], *_sums([sums for _, _, *sums in found])
 
-    def look(self, n: int, c: float, load: float, loaded: bool, delta: float, line: Any, points: Any) -> Any:
+    def look(
+        self, n: int, c: float, load: float, loaded: bool, delta: float, line: Any, points: Any
+    ) -> Any:
         """As `kernels.look`."""
         if not _is_long(n):
             return kernels.look(n, c, load, loaded, delta, line, points)
@@ -59,13 +65,23 @@ class LongLists:
         return delta, carried, *kernels.residual(*sums)
 
     def _root(
-        self, x: Any, n: int, line: Line, kept: float, listed: Any, c: float, load: float, start: float
+        self,
+        x: Any,
+        n: int,
+        line: Line,
+        kept: float,
+        listed: Any,
+        c: float,
+        load: float,
+        start: float,
     ) -> tuple[float, bool]:
         """As `kernels.root`."""
         if not _is_long(n):
             return kernels.root(x, n, line, kept, listed, c, load, start)
         of = line, kept, listed
-        highest, full, capacity, rise = zip(*self._each(n, kernels.capacity, x, *of, load), strict=True)
+        highest, full, capacity, rise = zip(
+            *self._each(n, kernels.capacity, x, *of, load), strict=True
+        )
         found = kernels.bracket(max(highest), max(full), sum(capacity), sum(rise), c, load, start)
         for _ in range(kernels.ROOT_STEPS):
             if found.found:
@@ -94,7 +110,14 @@ class LongLists:
         return k
 
     def restart(
-        self, free: int, delta: float, loaded: bool, hardens: bool, line: Any, points: Any, stencil: Any
+        self,
+        free: int,
+        delta: float,
+        loaded: bool,
+        hardens: bool,
+        line: Any,
+        points: Any,
+        stencil: Any,
     ) -> float:
         """As `gradient_kernels.restart`."""
         made = gradient_kernels
@@ -102,12 +125,21 @@ class LongLists:
             return made.restart(free, delta, loaded, hardens, line, points, stencil)
         line, points, stencil = Line(*line), Points(*points), Stencil(*stencil)
         self._each(free, made.lay_ones, hardens, line, points, stencil)
-        ones, total = _sums(self._each(free, made.first_residual, delta, hardens, line, points, stencil))
+        ones, total = _sums(
+            self._each(free, made.first_residual, delta, hardens, line, points, stencil)
+        )
         self._each(free, made.spread_residual, total / free if loaded else 0.0, hardens, points)
         return ones
 
     def turn(
-        self, free: int, former: float, ones_total: float, loaded: bool, hardens: bool, points: Any, stencil: Any
+        self,
+        free: int,
+        former: float,
+        ones_total: float,
+        loaded: bool,
+        hardens: bool,
+        points: Any,
+        stencil: Any,
     ) -> float:
         """As `gradient_kernels.turn`."""
         made = gradient_kernels

@@ -47,12 +47,21 @@ class Contact(Shown):
     plastic_deformation: Array = field(metadata={"unit": "m", "long_name": "permanent deformation"})
     approach: float = field(metadata={"unit": "m", "long_name": "rigid-body approach"})
     residual: float = field(metadata={"unit": "1", "long_name": "complementarity residual"})
-    iterations: int = field(metadata={"unit": "1", "long_name": "outer iterations on the given grid"})
+    iterations: int = field(
+        metadata={"unit": "1", "long_name": "outer iterations on the given grid"}
+    )
     fft_pairs: int = field(metadata={"unit": "1", "long_name": "transform pairs on the given grid"})
-    plastic: NDArray[np.bool_] = field(metadata={"unit": "1", "long_name": "points at the hardness"})
+    plastic: NDArray[np.bool_] = field(
+        metadata={"unit": "1", "long_name": "points at the hardness"}
+    )
     half_space: HalfSpace = field(repr=False)
 
-    _derived: ClassVar = {"area_fraction": "1", "plastic_fraction": "1", "mean_pressure": "Pa", "mean_gap": "m"}
+    _derived: ClassVar = {
+        "area_fraction": "1",
+        "plastic_fraction": "1",
+        "mean_pressure": "Pa",
+        "mean_gap": "m",
+    }
 
     @property
     def area_fraction(self) -> float:
@@ -156,7 +165,9 @@ def solve_contact(
     gap = validate.field("gap0", gap0, unit="m", shape=half_space.shape, copy=False)
     law = contact_law(hardness)
     if deformation is not None:
-        deformation = validate.field("deformation", deformation, unit="m", shape=half_space.shape, copy=False)
+        deformation = validate.field(
+            "deformation", deformation, unit="m", shape=half_space.shape, copy=False
+        )
         gap, law = gap + deformation, law.after(deformation)
     threads = number() if threads is None else validate.count("threads", threads)
     if np.ndim(fluid_pressure) or fluid_pressure != 0:
@@ -183,15 +194,24 @@ def _with_fluid(
     if np.ndim(fluid_pressure) == 0:
         value = validate.number("fluid_pressure", fluid_pressure, unit="Pa", above=-inf)
         fluid_pressure = np.full(half_space.shape, value)
-    p_f = validate.field("fluid_pressure", fluid_pressure, unit="Pa", shape=half_space.shape, copy=False)
+    p_f = validate.field(
+        "fluid_pressure", fluid_pressure, unit="Pa", shape=half_space.shape, copy=False
+    )
     if np.any(p_f >= law.yield_pressure()):
         given = f"up to {p_f.max():g} Pa"
-        raise InputError("fluid_pressure", given, f"less than the hardness, {law.mean_hardness:g} Pa")
+        raise InputError(
+            "fluid_pressure", given, f"less than the hardness, {law.mean_hardness:g} Pa"
+        )
     if pressure is not None:
-        pressure, mean = validate.number("pressure", pressure, unit="Pa", inclusive=True), float(p_f.mean())
+        pressure, mean = (
+            validate.number("pressure", pressure, unit="Pa", inclusive=True),
+            float(p_f.mean()),
+        )
         if pressure < mean:
             given = f"{pressure:g} Pa, of which the fluid carries {mean:g} Pa"
-            raise InputError("pressure", given, "more than the fluid carries: below that the faces part")
+            raise InputError(
+                "pressure", given, "more than the fluid carries: below that the faces part"
+            )
         pressure -= mean
     # the same number at every point stays one, and the law with it
     reduced = law.less(p_f.flat[0] if np.all(p_f == p_f.flat[0]) else p_f)
@@ -202,25 +222,35 @@ def _with_fluid(
 
 
 def _checked_load(
-    gap: Array, half_space: HalfSpace, law: ContactLaw, pressure: float | None, approach: float | None
+    gap: Array,
+    half_space: HalfSpace,
+    law: ContactLaw,
+    pressure: float | None,
+    approach: float | None,
 ) -> tuple[float | None, float | None]:
     """Pressure and approach as numbers that the law can carry, one of them None; raises InputError."""
     if (pressure is None) == (approach is None):
-        raise InputError("pressure and approach", f"{pressure} and {approach}", "one of them, the other None")
+        raise InputError(
+            "pressure and approach", f"{pressure} and {approach}", "one of them, the other None"
+        )
     if pressure is not None:
         pressure = validate.number("pressure", pressure, unit="Pa", inclusive=True)
         check_capacity("pressure", pressure, law)
     if approach is not None:
         approach = validate.number("approach", approach, unit="m", above=-inf)
         if "free" not in half_space.boundary and law.is_elastic and approach >= gap.mean():
-            raise InputError("approach", f"{approach:g} m", f"less than the mean of gap0, {gap.mean():g} m")
+            raise InputError(
+                "approach", f"{approach:g} m", f"less than the mean of gap0, {gap.mean():g} m"
+            )
     return pressure, approach
 
 
 def check_capacity(name: str, pressure: float, law: ContactLaw) -> None:
     """Raise InputError if the points cannot carry a mean pressure [Pa]."""
     if pressure > law.capacity * (1 + 1e-12):
-        raise InputError(name, f"{pressure:g} Pa", f"at most the mean hardness, {law.capacity:g} Pa")
+        raise InputError(
+            name, f"{pressure:g} Pa", f"at most the mean hardness, {law.capacity:g} Pa"
+        )
 
 
 def _by_tangents(law: ContactLaw, problem: _Problem, threads: int) -> Contact:
@@ -242,16 +272,22 @@ def _by_tangents(law: ContactLaw, problem: _Problem, threads: int) -> Contact:
         depth = np.maximum(u - _FROM_DEPTH * law.yield_pressure(u) / slope, 0.0)
         line = law.after(depth).tangent(shape, u - depth)
         if problem.load is not None and problem.load >= line.capacity * (1 - 1e-9):
-            line = replace(line, slope=np.maximum(line.slope, 0.1 * stiffness))  # the curve carries it further on
+            line = replace(
+                line, slope=np.maximum(line.slope, 0.1 * stiffness)
+            )  # the curve carries it further on
         contact = replace(problem, gap0=problem.gap0 + depth, line=line).solve(threads)
         iterations, pairs = iterations + contact.iterations, pairs + contact.fft_pairs
         raw = contact.raw_gap - depth
         y, wanted = law.admissible(contact.pressure, raw, stiffness)
-        mismatch = float(np.linalg.norm(contact.pressure - y)) / (float(np.linalg.norm(contact.pressure)) or 1.0)
+        mismatch = float(np.linalg.norm(contact.pressure - y)) / (
+            float(np.linalg.norm(contact.pressure)) or 1.0
+        )
         if mismatch <= problem.rtol:
             if depth.any():
                 left = np.where(wanted > 0, np.maximum(-raw, 0.0), 0.0)
-                contact = replace(contact, gap=np.maximum(raw, 0.0), plastic_deformation=left, plastic=wanted > 0)
+                contact = replace(
+                    contact, gap=np.maximum(raw, 0.0), plastic_deformation=left, plastic=wanted > 0
+                )
             return replace(contact, iterations=iterations, fft_pairs=pairs)
         softens = np.minimum(modulus, law.hardening_modulus(wanted)) < 0
         change = np.where(softens & ((wanted - u) * change < 0), 0.5, 1.0) * (wanted - u)
@@ -286,14 +322,18 @@ class _Problem:
             return self._uniform(grids[0], offset, self.line.hardness, None)
         sets = self._nested(grids, offset)
         self._check(sets, grids[0])
-        return self._result(grids[0], offset, sets.delta, sets.residual, sets.iterations, sets.pairs)
+        return self._result(
+            grids[0], offset, sets.delta, sets.residual, sets.iterations, sets.pairs
+        )
 
     def _nested(self, grids: Sequence[Workspace], offset: float) -> ActiveSets:
         """Solve on the coarsest grid first; each solution is the start on the next finer grid."""
         gaps, lines, sets = [self.gap0], [self.line], cast(ActiveSets, None)
         for _ in range(len(grids) - 1):
             gaps.append(coarsen(gaps[-1]))
-            values = (coarsen(a) if a.size > 1 else a for a in (lines[-1].hardness, lines[-1].slope))
+            values = (
+                coarsen(a) if a.size > 1 else a for a in (lines[-1].hardness, lines[-1].slope)
+            )
             lines.append(YieldLine(*values))
         loads = [self.load] * len(grids)
         if self.load is not None and self.line.hardness.size > 1:
@@ -304,14 +344,18 @@ class _Problem:
         for level in reversed(range(len(grids))):
             sets = cast(ActiveSets, None)  # whose grid goes before the next one comes
             grids[level].start(start, lines[level].limit)
-            sets = ActiveSets(grids[level], gaps.pop(), offset, lines[level], loads[level], self.approach)
+            sets = ActiveSets(
+                grids[level], gaps.pop(), offset, lines[level], loads[level], self.approach
+            )
             if level > 0:
                 sets.solve(_COARSE_RTOL, _COARSE_ITERATIONS)
             start = grids[level].pressure
         sets.solve(self.rtol, _MAX_ITERATIONS)
         return sets
 
-    def _first_guess(self, grid: Workspace, gap0: Array, line: YieldLine, load: float | None) -> Array:
+    def _first_guess(
+        self, grid: Workspace, gap0: Array, line: YieldLine, load: float | None
+    ) -> Array:
         """Initial pressure on the coarsest grid.
 
         A load is spread over as many of the highest points as carry it at H, or at 0.1 E*. At an approach each point
@@ -320,14 +364,18 @@ class _Problem:
         modulus = self.half_space.modulus
         if load is None:
             assert self.approach is not None
-            size = max(n * d for n, d in zip(grid.half_space.shape, grid.half_space.spacing, strict=True))
+            size = max(
+                n * d for n, d in zip(grid.half_space.shape, grid.half_space.spacing, strict=True)
+            )
             return np.maximum(self.approach - gap0, 0.0) * np.pi * modulus / size
         soft = min(line.mean_hardness, 0.1 * modulus)
         n = max(min(4, gap0.size), min(gap0.size, int(load / soft * gap0.size)))
         touching = gap0 <= np.partition(gap0, n - 1, axis=None)[n - 1]
         return touching * (load * gap0.size / np.count_nonzero(touching))
 
-    def _uniform(self, grid: Workspace, offset: float, pressure: float | Array, approach: float | None) -> Contact:
+    def _uniform(
+        self, grid: Workspace, offset: float, pressure: float | Array, approach: float | None
+    ) -> Contact:
         """Solution whose pressure is known; `approach` None is the least at which every point is in contact."""
         grid.pressure[:] = pressure
         grid.respond.apply()
@@ -341,7 +389,8 @@ class _Problem:
         carried = float(grid.p.sum()) / grid.p.size
         if self.load and not abs(carried - self.load) <= 1e-9 * self.load:
             raise NotConverged(
-                f"contact: the load is {carried / self.load:.6g} of the given one; try another grid", sets.residual
+                f"contact: the load is {carried / self.load:.6g} of the given one; try another grid",
+                sets.residual,
             )
         if not sets.residual <= self.rtol:
             raise NotConverged(
@@ -351,14 +400,33 @@ class _Problem:
             )
 
     def _result(
-        self, grid: Workspace, offset: float, delta: float, residual: float, iterations: int, pairs: int
+        self,
+        grid: Workspace,
+        offset: float,
+        delta: float,
+        residual: float,
+        iterations: int,
+        pairs: int,
     ) -> Contact:
         """The solution in the fields of a `Contact`."""
         grid.end()
         p = grid.pressure.copy() if grid.kept else grid.pressure
-        gap, deformation, plastic = np.empty(p.shape), np.empty(p.shape), np.empty(p.shape, np.bool_)
+        gap, deformation, plastic = (
+            np.empty(p.shape),
+            np.empty(p.shape),
+            np.empty(p.shape, np.bool_),
+        )
         law = Line(self.line.hardness.ravel(), self.line.slope.ravel())
-        arrays = p.ravel(), grid.v, delta, grid.stiffness, law, gap.ravel(), deformation.ravel(), plastic.ravel()
+        arrays = (
+            p.ravel(),
+            grid.v,
+            delta,
+            grid.stiffness,
+            law,
+            gap.ravel(),
+            deformation.ravel(),
+            plastic.ravel(),
+        )
         pieces = long_lists.rows_in_parts(grid.v, p.size)
         on_threads(grid.threads, lambda part: kernels.gap_and_deformation(*part, *arrays), pieces)
         return Contact(

@@ -49,7 +49,9 @@ def _levels(half_space: HalfSpace) -> tuple[HalfSpace, ...]:
     while min(half_space.shape) > _COARSEST:
         n1, n2 = half_space.shape
         d1, d2 = half_space.spacing
-        half_space = replace(half_space, shape=((n1 + 1) // 2, (n2 + 1) // 2), spacing=(2 * d1, 2 * d2))
+        half_space = replace(
+            half_space, shape=((n1 + 1) // 2, (n2 + 1) // 2), spacing=(2 * d1, 2 * d2)
+        )
         levels.append(half_space)
     return tuple(levels)
 
@@ -70,7 +72,10 @@ class _OneAtATime(Sequence["Workspace"]):
         number = range(len(self))[n]
         if self._last is None or number != self._number:
             self._last = None
-            self._number, self._last = number, Workspace(self._levels[number], self._threads, kept=False)
+            self._number, self._last = (
+                number,
+                Workspace(self._levels[number], self._threads, kept=False),
+            )
         return self._last
 
 
@@ -108,7 +113,10 @@ class Workspace:
             dense=self.search.pressure.ravel(),
         )
         stencil = stiffness_stencil(half_space.spacing, half_space.modulus)
-        r1, r2 = min(1, (n1 - 1) // 2), min(1, (n2 - 1) // 2)  # on thin grids no point is its own neighbour
+        r1, r2 = (
+            min(1, (n1 - 1) // 2),
+            min(1, (n2 - 1) // 2),
+        )  # on thin grids no point is its own neighbour
         self.stencil = Stencil(
             np.ascontiguousarray(stencil[1 - r1 : 2 + r1, 1 - r2 : 2 + r2]),
             _index_map(n1, r1, half_space.boundary[0]),

@@ -69,7 +69,9 @@ def design(
     case, results = _given(what)
     extra = [to_si(q, "Pa", "assembly") if isinstance(q, str) else float(q) for q in assembly]
     diameter = (
-        to_si(nominal_diameter, "m", "nominal_diameter") if isinstance(nominal_diameter, str) else nominal_diameter
+        to_si(nominal_diameter, "m", "nominal_diameter")
+        if isinstance(nominal_diameter, str)
+        else nominal_diameter
     )
     if diameter is not None:
         validate.number("nominal_diameter", diameter, unit="m")
@@ -84,13 +86,21 @@ def design(
             check_classes(classes, diameter or case.output.nominal_diameter, basis)
         results = job.run(case, output, output is not None, workers, progress=shown)
     seals = Seals.of_results(results)
-    if case is None and (lacking := [q for q in extra if not np.isclose(q, seals.steps.unload_from, rtol=1e-9).any()]):
+    if case is None and (
+        lacking := [q for q in extra if not np.isclose(q, seals.steps.unload_from, rtol=1e-9).any()]
+    ):
         peaks = ", ".join(to_text(peak, "Pa") for peak in seals.steps.unload_from) or "none"
         wanted_too = ", ".join(to_text(q, "Pa") for q in lacking)
         how = f"others take a solution: femseal design CASE.toml --assembly '{wanted_too.split(', ')[0]}'"
-        raise InputError("assembly", wanted_too, f"those that the run is unloaded from, {peaks}; {how}")
+        raise InputError(
+            "assembly", wanted_too, f"those that the run is unloaded from, {peaks}; {how}"
+        )
     if not seals.count:
-        raise InputError("results", "no seal whose leakage is known at every load", "results without such failures")
+        raise InputError(
+            "results",
+            "no seal whose leakage is known at every load",
+            "results without such failures",
+        )
     data = results.dataset
     wanted = wanted or leak_classes(
         [str(n) for n in data["leak_class"].values] if "leak_class" in data.coords else USUAL
@@ -98,16 +108,22 @@ def design(
     diameter = diameter or data.attrs.get("nominal_diameter_m")
     limits = [(one.name, one.limit(results.class_basis, diameter)) for one in wanted]
     relaxation = float(results.case.get("load", {}).get("relaxation", 0.0))
-    needs = tuple(requirement(seals, name, limit, probability, relaxation) for name, limit in limits)
+    needs = tuple(
+        requirement(seals, name, limit, probability, relaxation) for name, limit in limits
+    )
     place = _place(needs, seals, probability)
     yields = bool(np.isfinite(float(data.attrs["hardness_Pa"])))
     variants, notes = Variants(hardness_counts=yields), _notes(seals, probability, results)
     if case is None and solve:
-        notes.append("of results nothing is solved again: femseal design CASE.toml gives the hardness too")
+        notes.append(
+            "of results nothing is solved again: femseal design CASE.toml gives the hardness too"
+        )
     if case is not None and solve and np.isfinite(place[1]):
         solver = Solver(case, results, workers, shown)
         if (former := json.loads(data.attrs["versions"]).get("femseal")) != versions()["femseal"]:
-            notes.append(f"the run is of femseal {former}: what is solved again may differ from it for that reason too")
+            notes.append(
+                f"the run is of femseal {former}: what is solved again may differ from it for that reason too"
+            )
         variants = solver.variants()
     if (state := state_of_classes(results)) is not None:
         several = isinstance(results.case.get("seal", {}).get("inlet"), dict)
@@ -120,7 +136,9 @@ def design(
         requirements=needs,
         sealing=sealing_load(seals, probability),
         at=place,
-        sensitivities=sensitivities(seals, variants, place[1], probability) if np.isfinite(place[1]) else (),
+        sensitivities=sensitivities(seals, variants, place[1], probability)
+        if np.isfinite(place[1])
+        else (),
         notes=tuple(notes),
     )
     folder = results.folder if output is None and case is None else output
@@ -143,14 +161,18 @@ def _assembled(case: Case, extra: list[float]) -> Case:
         return case
     load, least = case.load, min(case.load.unloading or case.load.loading)
     if load.unit != "Pa":
-        raise InputError("assembly", to_text(extra[0], "Pa"), "none where the loads of the case are forces")
+        raise InputError(
+            "assembly", to_text(extra[0], "Pa"), "none where the loads of the case are forces"
+        )
     for q in extra:
         if not least < q < case.law.capacity:
             allowed = f"pressures above the lowest of the case, {to_text(least, 'Pa')}, and below the hardness"
             raise InputError("assembly", to_text(q, "Pa"), allowed)
     stops = load.unloading or tuple(reversed(load.loading))
     peaks = tuple(Amount(q, "Pa") for q in sorted({*load.unload_from, *extra}))
-    return case.model_copy(update={"load": load.model_copy(update={"unload_from": peaks, "unloading": stops})})
+    return case.model_copy(
+        update={"load": load.model_copy(update={"unload_from": peaks, "unloading": stops})}
+    )
 
 
 def _place(needs: tuple[Requirement, ...], seals: Seals, fraction: float) -> tuple[str, float]:
@@ -171,11 +193,17 @@ def _notes(seals: Seals, fraction: float, results: Results) -> list[str]:
     if seals.count == 1:
         notes.append("one seal: its figures have no probability; a stochastic run draws many")
     elif seals.count * tail < 1 - 1e-9:
-        notes.append(f"{seals.count} seals are few for the fraction {fraction:g}: it takes at least {round(1 / tail)}")
+        notes.append(
+            f"{seals.count} seals are few for the fraction {fraction:g}: it takes at least {round(1 / tail)}"
+        )
     if results.budget is None:
-        notes.append("without an error budget the pressures are those of the leakage as computed: output.budget = true")
+        notes.append(
+            "without an error budget the pressures are those of the leakage as computed: output.budget = true"
+        )
     if not seals.steps.unload_from:
-        notes.append("the case is not unloaded: QSmin takes `unload_from`, or --assembly with a case")
+        notes.append(
+            "the case is not unloaded: QSmin takes `unload_from`, or --assembly with a case"
+        )
     if doubts := len(results.warnings):
         notes.append(f"the run has {counted(doubts, 'warning')}, which its report lists")
     if unknown := int(np.isinf(seals.leakage).any(axis=0).sum()):

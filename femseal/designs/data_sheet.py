@@ -11,7 +11,16 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ..base import TextTable, comma_separated, counted, made_folder, replacing, to_text, write_text, writing
+from ..base import (
+    TextTable,
+    comma_separated,
+    counted,
+    made_folder,
+    replacing,
+    to_text,
+    write_text,
+    writing,
+)
 from ..base.leak_rates import LEAK_UNITS, LeakUnit, leak_classes
 from ..loads import relaxed
 from ..plots.drawing import (
@@ -55,7 +64,9 @@ def design_figure(answer: Design) -> Figure:
     curves = LeakageCurves(
         *pressures_and_peaks(seals.steps),
         leakage=seals.curve_of(answer.probability),
-        title=f"leakage that {100 * answer.probability:.4g} % of the seals keep" if many else "leakage of the seal",
+        title=f"leakage that {100 * answer.probability:.4g} % of the seals keep"
+        if many
+        else "leakage of the seal",
         band=(seals.curve_of(ENDS[0]), seals.curve_of(ENDS[1])) if many else None,
         band_name=f"{100 * ENDS[0]:g} – {100 * ENDS[1]:g} % of the seals",
         scale=(scale, f"{what} [{unit.name}]"),
@@ -65,7 +76,9 @@ def design_figure(answer: Design) -> Figure:
     margins = replace(LINES, right=1.2, top=0.2, bottom=0.7 + LEGEND_LINE * lines)
     axes = sheet.panel(0, margins)
     handles = leakage_panel(axes, curves)
-    load_axis(axes, curves.pressure / 1e6, logarithmic=True)  # on which lines are what marks were read off
+    load_axis(
+        axes, curves.pressure / 1e6, logarithmic=True
+    )  # on which lines are what marks were read off
     _limits(axes, answer, scale)
     legend_below(sheet.figure, handles + _marks(axes, answer, scale))
     return sheet.figure
@@ -89,7 +102,9 @@ def _limits(axes: Axes, answer: Design, scale: float) -> None:
         if names:
             arrow = "↓" if side == "bottom" else "↑"
             text = "\n".join(f" {arrow} {name}" for name in names)
-            axes.annotate(text, (1, place), xycoords="axes fraction", va=side, fontsize=8.5, color=GREY)
+            axes.annotate(
+                text, (1, place), xycoords="axes fraction", va=side, fontsize=8.5, color=GREY
+            )
 
 
 def _marks(axes: Axes, answer: Design, scale: float) -> list[Any]:
@@ -99,7 +114,13 @@ def _marks(axes: Axes, answer: Design, scale: float) -> list[Any]:
 
     styles = branch_styles(1 + len(answer.seals.steps.unload_from))
     # branches are drawn from the highest peak
-    colours = dict(zip(sorted(answer.seals.steps.unload_from, reverse=True), (s[0] for s in styles[1:]), strict=True))
+    colours = dict(
+        zip(
+            sorted(answer.seals.steps.unload_from, reverse=True),
+            (s[0] for s in styles[1:]),
+            strict=True,
+        )
+    )
     drawn = False
     for need in answer.requirements:
         marks = [(need.assembly, STYLES[0][0], "v")]
@@ -111,8 +132,12 @@ def _marks(axes: Axes, answer: Design, scale: float) -> list[Any]:
             x, y = needed.at / 1e6, need.limit / scale
             if needed.low != needed.value:
                 ends = [needed.bound(end) / 1e6 for end in (needed.low, needed.value)]
-                axes.plot(ends, [y, y], color=colour, lw=3.5, alpha=0.45, solid_capstyle="butt", zorder=4)
-            axes.plot([x], [y], color=colour, marker=marker, ms=9, mec="black", mew=0.9, ls="", zorder=5)
+                axes.plot(
+                    ends, [y, y], color=colour, lw=3.5, alpha=0.45, solid_capstyle="butt", zorder=4
+                )
+            axes.plot(
+                [x], [y], color=colour, marker=marker, ms=9, mec="black", mew=0.9, ls="", zorder=5
+            )
             # names at the right end of the axis stand to the left of their mark
             right = axes.transLimits.transform(axes.transScale.transform((x, y)))[0] > _RIGHT
             axes.annotate(
@@ -129,9 +154,14 @@ def _marks(axes: Axes, answer: Design, scale: float) -> list[Any]:
         return []
     names = [("v", "Qmin as computed")]
     names += [("^", "QSmin as computed")] if answer.seals.steps.unload_from else []
-    handles = [Line2D([], [], color="white", marker=m, ms=8, mec="black", ls="", label=text) for m, text in names]
+    handles = [
+        Line2D([], [], color="white", marker=m, ms=8, mec="black", ls="", label=text)
+        for m, text in names
+    ]
     if answer.results.budget is not None:
-        handles.append(Line2D([], [], color=GREY, lw=3.5, alpha=0.45, label="with the whole band of error"))
+        handles.append(
+            Line2D([], [], color=GREY, lw=3.5, alpha=0.45, label="with the whole band of error")
+        )
     return handles
 
 
@@ -170,7 +200,10 @@ class Design:
         for peak in self.seals.steps.unload_from if "mean_gap" in data else ():
             steps = self.seals.unloading(peak)
             steps = steps[self.seals.steps.pressures[steps] > 0][::-1]
-            pressure, gap = np.log(self.seals.steps.pressures[steps]), data["mean_gap"].values[steps]
+            pressure, gap = (
+                np.log(self.seals.steps.pressures[steps]),
+                data["mean_gap"].values[steps],
+            )
             if pressure[0] <= (third := np.log(peak / 3)) + 1e-9:
                 found[peak] = 2 / 3 * peak / (np.interp(third, pressure, gap) - gap[-1])
         return found
@@ -204,7 +237,9 @@ class Design:
         return write_sheet(self, folder)
 
     def __repr__(self) -> str:
-        needs = "; ".join(f"{need.name}: Qmin {need.assembly.text(self.load_text)}" for need in self.requirements)
+        needs = "; ".join(
+            f"{need.name}: Qmin {need.assembly.text(self.load_text)}" for need in self.requirements
+        )
         return f"<femseal.Design of {counted(self.seals.count, 'seal')}, probability {self.probability:g}: {needs}>"
 
     def _repr_html_(self) -> str:
@@ -231,13 +266,19 @@ def sheet_tables(answer: Design) -> list[TextTable]:
         left = relaxed(q, lost) if lost else None
         head = f"QSmin(L), Q_A = {shown(q)}"
         columns.append((head, [_service_text(need.service[q], left, shown) for need in needs]))
-    tables = [TextTable.of_columns("Pressure in assembly and in service", columns, names=len(columns))]
+    tables = [
+        TextTable.of_columns("Pressure in assembly and in service", columns, names=len(columns))
+    ]
     if answer.sensitivities:
         values = [one.leakage for one in answer.sensitivities]
         # the largest change of the leakage first, unknown ones last
-        order = sorted(range(len(values)), key=lambda n: -abs(values[n]) if isfinite(values[n]) else 1.0)
+        order = sorted(
+            range(len(values)), key=lambda n: -abs(values[n]) if isfinite(values[n]) else 1.0
+        )
         found = [answer.sensitivities[n] for n in order]
-        place = f"at {shown(answer.at[1])} on loading" + (f", Qmin of {answer.at[0]}" if answer.at[0] else "")
+        place = f"at {shown(answer.at[1])} on loading" + (
+            f", Qmin of {answer.at[0]}" if answer.at[0] else ""
+        )
         columns = [
             ("quantity x", [one.quantity for one in found]),
             ("d ln L / d ln x", [_slope_text(one.leakage) for one in found]),
@@ -257,9 +298,17 @@ def _service_text(needed: NeededPressure, left: float | None, shown: LoadText) -
     """QSmin, and whether the pressure that relaxation leaves [Pa] is enough."""
     text = needed.text(shown)
     if isinf(needed.value):
-        of_computed = "not met at Q_A" if isinf(needed.computed) else f"not met at Q_A (as{text.partition('(as')[2]}"
+        of_computed = (
+            "not met at Q_A"
+            if isinf(needed.computed)
+            else f"not met at Q_A (as{text.partition('(as')[2]}"
+        )
         return of_computed
-    enough = "" if left is None else f"; {shown(left)} is {'enough' if needed.value <= left else 'too low'}"
+    enough = (
+        ""
+        if left is None
+        else f"; {shown(left)} is {'enough' if needed.value <= left else 'too low'}"
+    )
     return text + enough
 
 
@@ -267,7 +316,10 @@ def sheet_sentences(answer: Design) -> list[str]:
     """What the tables are of, the sealing load, and what to keep in mind."""
     data, count = answer.results.dataset, answer.seals.count
     prefix = "test_" if "test_leakage" in data else ""
-    ends = " to ".join(to_text(float(data.attrs[f"{prefix}{end}_pressure_Pa"]), "Pa") for end in ("inlet", "outlet"))
+    ends = " to ".join(
+        to_text(float(data.attrs[f"{prefix}{end}_pressure_Pa"]), "Pa")
+        for end in ("inlet", "outlet")
+    )
     case = answer.results.case
     table = case.get("output", {}).get("test_fluid") if prefix else case.get("fluid")
     fluid = f"{fluid_text(table or {}, str(data.attrs[f'{prefix}fluid']))}, from {ends}"
@@ -295,7 +347,11 @@ def sheet_sentences(answer: Design) -> list[str]:
 
 def _band(needed: NeededPressure, count: int, shown: LoadText) -> str:
     band = needed.band_text(shown)
-    return f"; 5 and 95 % of the seals need {band} as computed" if count > 1 and band != needed.text(shown) else ""
+    return (
+        f"; 5 and 95 % of the seals need {band} as computed"
+        if count > 1 and band != needed.text(shown)
+        else ""
+    )
 
 
 def rows(answer: Design) -> list[dict[str, Any]]:
@@ -303,16 +359,31 @@ def rows(answer: Design) -> list[dict[str, Any]]:
     found: list[dict[str, Any]] = []
 
     def add_row(
-        figure: str, name: str, assembly: float | None, relation: str, value: float | None, **more: Any
+        figure: str,
+        name: str,
+        assembly: float | None,
+        relation: str,
+        value: float | None,
+        **more: Any,
     ) -> None:
-        head = {"figure": figure, "class": name, "assembly_pressure_Pa": assembly, "relation": relation, "value": value}
-        others = dict.fromkeys(("load", "computed", "low", "high", "seals_low", "seals_high", "how"))
+        head = {
+            "figure": figure,
+            "class": name,
+            "assembly_pressure_Pa": assembly,
+            "relation": relation,
+            "value": value,
+        }
+        others = dict.fromkeys(
+            ("load", "computed", "low", "high", "seals_low", "seals_high", "how")
+        )
         found.append(head | others | more)
 
     def add(figure: str, name: str, assembly: float | None, needed: NeededPressure) -> None:
         names = "computed", "low", "seals_low", "seals_high"
         # None where an end lies beyond the loads or is unknown
-        ends = {key: value for key in names if isfinite(value := getattr(needed, key)) and value > 0}
+        ends = {
+            key: value for key in names if isfinite(value := getattr(needed, key)) and value > 0
+        }
         high = needed.value if needed.known else None
         value = needed.bound(needed.value)
         load = answer.load_text(value)
@@ -329,7 +400,14 @@ def rows(answer: Design) -> list[dict[str, Any]]:
             add("QSmin [Pa]", need.name, peak, needed)
     add("sealing load [Pa]", "", None, answer.sealing)
     for peak, stiffness in answer.stiffness.items():
-        add_row("E_G over thickness [Pa/m]", "", peak, "=", stiffness, how="secant of the mean gap to Q_A / 3")
+        add_row(
+            "E_G over thickness [Pa/m]",
+            "",
+            peak,
+            "=",
+            stiffness,
+            how="secant of the mean gap to Q_A / 3",
+        )
     for one in answer.sensitivities:
         add_slope(f"d ln L / d ln {one.quantity}", answer.at[0], one.leakage, one.how)
         add_slope(f"d ln Qmin / d ln {one.quantity}", answer.at[0], one.pressure, one.how)
@@ -350,7 +428,9 @@ def write_sheet(answer: Design, folder: str | os.PathLike[str]) -> list[Path]:
         "figures": table,
         "sentences": sheet_sentences(answer),
         "sheet": {"heads": sheet.heads, "lines": sheet.lines},
-        "slopes": {"title": slopes[0].title, "heads": slopes[0].heads, "lines": slopes[0].lines} if slopes else None,
+        "slopes": {"title": slopes[0].title, "heads": slopes[0].heads, "lines": slopes[0].lines}
+        if slopes
+        else None,
     }
     with writing("output", target, "a folder"):
         with replacing(target / DESIGN_PICTURE) as temporary:

@@ -52,7 +52,9 @@ class Seals:
             ratio = np.nanmax(np.where(own > 0, best / own, np.nan), initial=0.0) or 1.0
             ends = [np.where(own > 0, end / own, 1.0) for end in (budget.lower, budget.upper)]
         lower, upper = (np.nan_to_num(end, nan=1.0, posinf=inf) for end in ends)
-        return cls.of(results.steps, several, lower, upper, np.where(own > 0, 0.0, ratio * budget.upper))
+        return cls.of(
+            results.steps, several, lower, upper, np.where(own > 0, 0.0, ratio * budget.upper)
+        )
 
     @classmethod
     def of(
@@ -97,7 +99,9 @@ class Seals:
 
     def unloading(self, peak: float) -> Indices:
         """Steps of the unloading from a peak, which they begin with."""
-        start = [n for n, s in enumerate(self.steps) if s.unloaded_from is None and s.pressure == peak]
+        start = [
+            n for n, s in enumerate(self.steps) if s.unloaded_from is None and s.pressure == peak
+        ]
         return np.array(start + [n for n, s in enumerate(self.steps) if s.unloaded_from == peak])
 
     def needed_on_loading(self, limit: float) -> Array:
@@ -115,7 +119,9 @@ class Seals:
 
     def peaks(self) -> Indices:
         """Loading steps of the peaks, rising."""
-        return np.flatnonzero(self.steps.on_loading & np.isin(self.steps.pressures, self.steps.unload_from))
+        return np.flatnonzero(
+            self.steps.on_loading & np.isin(self.steps.pressures, self.steps.unload_from)
+        )
 
     def needed_with_relaxation(self, limit: float, relaxation: float) -> Array:
         """Lowest peak from which on each seal, once relaxed, keeps the limit (seals,) [Pa]; inf, 0 as above."""
@@ -167,9 +173,15 @@ class NeededPressure(Shown):
     seals_high : what 5 % and 95 % of the seals as computed need. lowest, highest : loads between which it is known.
     """
 
-    value: float = field(metadata={"unit": "Pa", "long_name": "pressure needed with the whole band of error"})
-    computed: float = field(metadata={"unit": "Pa", "long_name": "pressure needed by the leakage as computed"})
-    low: float = field(metadata={"unit": "Pa", "long_name": "pressure needed by the lower end of the band"})
+    value: float = field(
+        metadata={"unit": "Pa", "long_name": "pressure needed with the whole band of error"}
+    )
+    computed: float = field(
+        metadata={"unit": "Pa", "long_name": "pressure needed by the leakage as computed"}
+    )
+    low: float = field(
+        metadata={"unit": "Pa", "long_name": "pressure needed by the lower end of the band"}
+    )
     seals_low: float = field(metadata={"unit": "Pa", "long_name": "what 5 % of the seals need"})
     seals_high: float = field(metadata={"unit": "Pa", "long_name": "what 95 % of the seals need"})
     lowest: float = field(metadata={"unit": "Pa", "long_name": "lowest load"})
@@ -229,17 +241,31 @@ class Requirement:
     relaxed: NeededPressure | None = None
 
 
-def requirement(seals: Seals, name: str, limit: float, fraction: float, relaxation: float = 0.0) -> Requirement:
+def requirement(
+    seals: Seals, name: str, limit: float, fraction: float, relaxation: float = 0.0
+) -> Requirement:
     """What a limit of leakage per length [m²/s] needs with a fraction of the seals, whose loads relax by a fraction."""
 
     def service(peak: float) -> NeededPressure:
-        return _needed(seals, lambda some: some.needed_on_unloading(limit, peak), seals.unloading(peak), fraction)
+        return _needed(
+            seals,
+            lambda some: some.needed_on_unloading(limit, peak),
+            seals.unloading(peak),
+            fraction,
+        )
 
     assembly = _needed(seals, lambda some: some.needed_on_loading(limit), seals.loading(), fraction)
     after = None
     if relaxation and seals.steps.unload_from:
-        after = _needed(seals, lambda some: some.needed_with_relaxation(limit, relaxation), seals.peaks(), fraction)
-    return Requirement(name, limit, assembly, {peak: service(peak) for peak in seals.steps.unload_from}, after)
+        after = _needed(
+            seals,
+            lambda some: some.needed_with_relaxation(limit, relaxation),
+            seals.peaks(),
+            fraction,
+        )
+    return Requirement(
+        name, limit, assembly, {peak: service(peak) for peak in seals.steps.unload_from}, after
+    )
 
 
 def sealing_load(seals: Seals, fraction: float) -> NeededPressure:
@@ -247,10 +273,15 @@ def sealing_load(seals: Seals, fraction: float) -> NeededPressure:
     return _needed(seals, lambda some: some.needed_on_loading(0.0), seals.loading(), fraction)
 
 
-def _needed(seals: Seals, of: Callable[[Seals], Array], steps: Indices, fraction: float) -> NeededPressure:
+def _needed(
+    seals: Seals, of: Callable[[Seals], Array], steps: Indices, fraction: float
+) -> NeededPressure:
     """The pressure that a fraction of the seals needs: as computed, and by both ends of the whole band of error."""
     each = of(seals)
-    low, high = (pressure_for(of(replace(seals, leakage=end)), fraction) for end in (seals.lower, seals.upper))
+    low, high = (
+        pressure_for(of(replace(seals, leakage=end)), fraction)
+        for end in (seals.lower, seals.upper)
+    )
     pressure = seals.steps.pressures[steps]
     return NeededPressure(
         value=high,

@@ -64,24 +64,33 @@ class Variants:
     inlet_slope: float = np.nan
 
 
-def sensitivities(seals: Seals, variants: Variants, pressure: float, fraction: float) -> tuple[Sensitivity, ...]:
+def sensitivities(
+    seals: Seals, variants: Variants, pressure: float, fraction: float
+) -> tuple[Sensitivity, ...]:
     """Slopes at a nominal pressure on loading, of the leakage that a fraction of the seals does not exceed."""
     rows = _slopes(seals, variants, pressure, fraction)
     load = rows[0][1]
     steep = np.isfinite(load) and load != 0
     # of the load itself, there is nothing to be needed
     needed = [-slope / load if steep and n else np.nan for n, (_, slope, _) in enumerate(rows)]
-    return tuple(Sensitivity(name, slope, need, how) for (name, slope, how), need in zip(rows, needed, strict=True))
+    return tuple(
+        Sensitivity(name, slope, need, how)
+        for (name, slope, how), need in zip(rows, needed, strict=True)
+    )
 
 
-def _slopes(seals: Seals, variants: Variants, pressure: float, fraction: float) -> list[tuple[str, float, str]]:
+def _slopes(
+    seals: Seals, variants: Variants, pressure: float, fraction: float
+) -> list[tuple[str, float, str]]:
     """Every quantity with its slope d ln L/d ln x at a pressure, and how it was found."""
     load = slope_at(seals, pressure, fraction)
 
     def solved(variant: Seals | None, factor: float, quantity: str) -> tuple[float, str]:
         if variant is None:
             return np.nan, "unknown: takes a solution, from a case"
-        slope = (level_at(variant, pressure, fraction) - level_at(seals, pressure, fraction)) / np.log(factor)
+        slope = (
+            level_at(variant, pressure, fraction) - level_at(seals, pressure, fraction)
+        ) / np.log(factor)
         return slope, f"solved again with {factor:g} times the {quantity}"
 
     hard, how_hard = 0.0, "elastic: no hardness"
@@ -102,11 +111,19 @@ def _slopes(seals: Seals, variants: Variants, pressure: float, fraction: float) 
         ("nominal pressure", load, "the loading curve"),
         ("roughness amplitude", np.nan, "unknown: the metal hardens over a depth of its own")
         if variants.hardens
-        else ("roughness amplitude", 2 - hard - load - thick - at_wall, "scaling law of contact and flow, exact"),
+        else (
+            "roughness amplitude",
+            2 - hard - load - thick - at_wall,
+            "scaling law of contact and flow, exact",
+        ),
         ("hardness", hard, how_hard),
         ("contact modulus", -hard - load, "scaling law of contact, exact"),
         ("breadth, same pressure", -1.0, "Darcy's law over many pieces"),
-        ("breadth, same force", -1.0 - load, "Darcy's law, with the pressure of the force; Qmin: the force"),
+        (
+            "breadth, same force",
+            -1.0 - load,
+            "Darcy's law, with the pressure of the force; Qmin: the force",
+        ),
         ("viscosity", thick, how_thick),
         *slip,
         ("inlet pressure", variants.inlet_slope, how_inlet),
@@ -133,7 +150,11 @@ def slope_at(seals: Seals, pressure: float, fraction: float) -> float:
     if low < 0 or not (0 < curve[low] < np.inf and 0 < curve[high] < np.inf):
         return float("nan")
     open_ = [n for n in seals.loading() if p[n] > 0 and 0 < curve[n] < np.inf]
-    return float(scipy.interpolate.PchipInterpolator(np.log(p[open_]), np.log(curve[open_]))(np.log(pressure), 1))
+    return float(
+        scipy.interpolate.PchipInterpolator(np.log(p[open_]), np.log(curve[open_]))(
+            np.log(pressure), 1
+        )
+    )
 
 
 def _segment(seals: Seals, pressure: float) -> tuple[int, int, float]:
@@ -144,7 +165,11 @@ def _segment(seals: Seals, pressure: float) -> tuple[int, int, float]:
     if p.size < 2 or not p[0] <= pressure <= p[-1]:
         return -1, -1, 0.0
     n = min(int(np.searchsorted(p, pressure, side="right")) - 1, p.size - 2)
-    return int(steps[n]), int(steps[n + 1]), float(np.log(pressure / p[n]) / np.log(p[n + 1] / p[n]))
+    return (
+        int(steps[n]),
+        int(steps[n + 1]),
+        float(np.log(pressure / p[n]) / np.log(p[n + 1] / p[n])),
+    )
 
 
 #: Factors of hardness and of the length of a flow law: small enough for a slope, and above the residuals of contact.
@@ -154,7 +179,9 @@ HARDER = LONGER = 1.03
 class Solver:
     """Solves variants of a case for the fluid that decides on its classes."""
 
-    def __init__(self, case: Case, results: Results, workers: int | None, progress: Progress) -> None:
+    def __init__(
+        self, case: Case, results: Results, workers: int | None, progress: Progress
+    ) -> None:
         self._case, self._workers, self._progress = case, workers, progress
         prepared: Prepared = last_version(case, prepare(case), results.attempts)
         if prepared.sampling is not None and "realisation" in results.dataset.sizes:
@@ -171,15 +198,22 @@ class Solver:
         harder = longer = None
         yields = not scene.law.is_elastic
         if yields:
-            harder = self._seals("another hardness", replace(scene, hardness=scene.law.times(HARDER)))
+            harder = self._seals(
+                "another hardness", replace(scene, hardness=scene.law.times(HARDER))
+            )
         name, fluid = law_of(scene.fluid).length, cast(Any, scene.fluid)
         if hasattr(fluid, name):
             changed = replace(fluid, **{name: LONGER * getattr(fluid, name)})
             longer = self._seals(f"another {name.replace('_', ' ')}", replace(scene, fluid=changed))
-        return Variants(harder, longer, HARDER, LONGER, hardness_counts=yields, hardens=not scene.law.is_perfect)
+        return Variants(
+            harder, longer, HARDER, LONGER, hardness_counts=yields, hardens=not scene.law.is_perfect
+        )
 
     def _seals(self, name: str, scene: Scene) -> Seals:
-        version, mapping = replace(self._prepared, scene=scene), ordered_map(self._workers, before=compile_ahead)
+        version, mapping = (
+            replace(self._prepared, scene=scene),
+            ordered_map(self._workers, before=compile_ahead),
+        )
         with mapping as mapper, Run(mapper, self._progress).timed(name) as watched:
             return Seals.of(scene.steps, version.solve(version.answer, watched).leakage)
 
@@ -200,5 +234,7 @@ def inlet_slope(state: FluidState) -> float:
     if state.law.depends_on_pressure:
         return float("nan")
     step = 1e-4
-    up, down = (replace(state, inlet_pressure=state.inlet_pressure * (1 + sign * step)) for sign in (1, -1))
+    up, down = (
+        replace(state, inlet_pressure=state.inlet_pressure * (1 + sign * step)) for sign in (1, -1)
+    )
     return float(np.log(up.drop / down.drop) / np.log((1 + step) / (1 - step)))

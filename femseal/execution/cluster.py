@@ -58,17 +58,28 @@ def over_cluster(scheduler: str, count: int) -> Iterator[Mapper]:
         from dask import config
         from distributed import Client, LocalCluster
     except ImportError:
-        raise InputError("scheduler", f"'{scheduler}'", "one after: pip install 'femseal[cluster]'") from None
+        raise InputError(
+            "scheduler", f"'{scheduler}'", "one after: pip install 'femseal[cluster]'"
+        ) from None
 
     if scheduler != "local":
         with _connected(scheduler) as client:
             yield partial(_map, client)
         return
     with ExitStack() as stack:
-        environment = {f"distributed.nanny.pre-spawn-environ.{name}": value for name, value in ENVIRONMENT.items()}
+        environment = {
+            f"distributed.nanny.pre-spawn-environ.{name}": value
+            for name, value in ENVIRONMENT.items()
+        }
         with starting_processes(), config.set(environment | QUIET):
-            one_each: dict[str, Any] = {"n_workers": count, "threads_per_worker": 1, "processes": True}
-            cluster = LocalCluster(**one_each, dashboard_address="127.0.0.1:0", silence_logs=logging.ERROR)
+            one_each: dict[str, Any] = {
+                "n_workers": count,
+                "threads_per_worker": 1,
+                "processes": True,
+            }
+            cluster = LocalCluster(
+                **one_each, dashboard_address="127.0.0.1:0", silence_logs=logging.ERROR
+            )
             # results that bypass the scheduler take half the time; libraries send their own work to a default client
             options: dict[str, Any] = {"direct_to_workers": True, "set_as_default": False}
             client = stack.enter_context(Client(stack.enter_context(cluster), **options))
@@ -89,21 +100,31 @@ def _connected(scheduler: str) -> Any:
             # a client would wait forever for a service of another kind
             # in a thread, because the caller may run an event loop
             with ThreadPoolExecutor(1) as thread:
-                thread.submit(lambda: asyncio.run(asyncio.wait_for(greet(), 1.1 * ANSWER_SECONDS))).result()
+                thread.submit(
+                    lambda: asyncio.run(asyncio.wait_for(greet(), 1.1 * ANSWER_SECONDS))
+                ).result()
             client = Client(scheduler, timeout=ANSWER_SECONDS, set_as_default=False)
             stack.callback(client.close)
             _await_worker(client)
             there = client.run(numerical_versions)
         except Exception as error:  # any error is possible if another service answers
             reason = str(error) or "no answer"
-            expected = f"the address of a running scheduler with workers that have femseal ({reason})"
+            expected = (
+                f"the address of a running scheduler with workers that have femseal ({reason})"
+            )
             raise InputError("scheduler", f"'{scheduler}'", expected) from None
         here = numerical_versions()
         for worker, found in there.items():
             if found != here:
-                other = ", ".join(f"{n} {found.get(n)} instead of {v}" for n, v in here.items() if found.get(n) != v)
+                other = ", ".join(
+                    f"{n} {found.get(n)} instead of {v}"
+                    for n, v in here.items()
+                    if found.get(n) != v
+                )
                 expected = "workers with the versions of this process: else results would depend on who computes them"
-                raise InputError("scheduler", f"'{scheduler}' whose worker {worker} has {other}", expected)
+                raise InputError(
+                    "scheduler", f"'{scheduler}' whose worker {worker} has {other}", expected
+                )
         stack.pop_all()
     return client
 
@@ -114,7 +135,9 @@ def _map(client: Any, stage: Stage, *iterables: Iterable[Any]) -> Iterator[Any]:
     A batch that takes long holds up no others: those after it wait for their turn once they are done.
     """
     items = zip(*iterables, strict=False)
-    left = min((len(iterable) for iterable in iterables if isinstance(iterable, Sized)), default=inf)
+    left = min(
+        (len(iterable) for iterable in iterables if isinstance(iterable, Sized)), default=inf
+    )
     stage_there = _scattered(client, stage)
     sent: deque[tuple[list[Any], Any]] = deque()
     one_is_done = Event()
@@ -124,8 +147,12 @@ def _map(client: Any, stage: Stage, *iterables: Iterable[Any]) -> Iterator[Any]:
         one_is_done.clear()
         if (now := time.perf_counter()) - counted >= COUNT_SECONDS:
             counted, wanted = now, UNDER_WAY * max(1, _threads(client))
-        free = min(wanted - sum(not task.done() for _, task in sent), MOST_SENT * wanted - len(sent))
-        while free > 0 and (batch := list(islice(items, max(least, int(min(size, left / wanted)))))):
+        free = min(
+            wanted - sum(not task.done() for _, task in sent), MOST_SENT * wanted - len(sent)
+        )
+        while free > 0 and (
+            batch := list(islice(items, max(least, int(min(size, left / wanted)))))
+        ):
             sent.append((batch, _submit(client, stage_there, batch)))
             sent[-1][1].add_done_callback(lambda _: one_is_done.set())
             free, left = free - 1, left - len(batch)
@@ -146,7 +173,9 @@ def _map(client: Any, stage: Stage, *iterables: Iterable[Any]) -> Iterator[Any]:
                     stage_there = _scattered(client, stage)
                 task = _submit(client, stage_there, batch)
         else:
-            raise FemsealError(f"scheduler: the workers of a task died {RETRIES} times, as when memory runs out")
+            raise FemsealError(
+                f"scheduler: the workers of a task died {RETRIES} times, as when memory runs out"
+            )
         rate = len(batch) / max(seconds, 1e-6)
         size = min(GROWTH * size, max(1, int(TASK_SECONDS * rate)))
         least = min(size, max(1, int(LEAST_SECONDS * rate)))

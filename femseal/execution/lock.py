@@ -71,7 +71,9 @@ def await_parts(folder: Path, part: Part, stage: str, missing: Callable[[], list
     """
     said, waits = False, True
     while left := missing():
-        if not waits:  # asked before the last look: a part that has ended since then has kept its items
+        if (
+            not waits
+        ):  # asked before the last look: a part that has ended since then has kept its items
             raise missing_parts(part, stage, left)
         waits = all(n != part[0] and is_under_way(folder, (n, part[1])) for n in left)
         if waits:
@@ -91,13 +93,21 @@ def _locked(folder: Path, name: str) -> Iterator[None]:
         held = _acquired(path)
     except Timeout:
         given = f"'{folder}', where {_holder(path)} is under way"
-        raise InputError("output", given, "another folder, or this one when that run has ended") from None
+        raise InputError(
+            "output", given, "another folder, or this one when that run has ended"
+        ) from None
     except OSError as error:
-        raise InputError("output", f"'{folder}'", f"a folder that can be written ({error.strerror})") from None
+        raise InputError(
+            "output", f"'{folder}'", f"a folder that can be written ({error.strerror})"
+        ) from None
     try:
         with suppress(OSError):  # on a full disk the lock holds all the same
             process = psutil.Process()
-            started = {"process": process.pid, "host": platform.node(), "started": process.create_time()}
+            started = {
+                "process": process.pid,
+                "host": platform.node(),
+                "started": process.create_time(),
+            }
             path.write_text(json.dumps(started))
         yield
     finally:

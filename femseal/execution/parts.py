@@ -62,6 +62,10 @@ def parts_of(items: Iterable[int], part: Part, count: int) -> list[int]:
 
 def missing_parts(part: Part, stage: str, missing: list[int]) -> PartsMissing:
     """What to say of a stage of which a part has done its own items, and others have not."""
-    shown_ones = ", ".join(map(str, missing[:20])) + (f" and {len(missing) - 20} more" if len(missing) > 20 else "")
+    shown_ones = ", ".join(map(str, missing[:20])) + (
+        f" and {len(missing) - 20} more" if len(missing) > 20 else ""
+    )
     named = f"{'part' if len(missing) == 1 else 'parts'} {shown_ones} of {part[1]}"
-    return PartsMissing(f"part {part[0]}/{part[1]}: '{stage}' needs {named}; run this part again after them")
+    return PartsMissing(
+        f"part {part[0]}/{part[1]}: '{stage}' needs {named}; run this part again after them"
+    )

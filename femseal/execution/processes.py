@@ -126,9 +126,13 @@ def _map(count: int, folder: str, stage: Stage, *iterables: Iterable[Any]) -> It
         try:
             with joblib.parallel_config("loky", inner_max_num_threads=1), starting_processes():
                 # large arrays of items go through pipes: files for them would outlive a run that is killed
-                pool = joblib.Parallel(return_as="generator", n_jobs=count, pre_dispatch=under_way, max_nbytes=None)
+                pool = joblib.Parallel(
+                    return_as="generator", n_jobs=count, pre_dispatch=under_way, max_nbytes=None
+                )
                 call = joblib.delayed(_call_stored)
-                results = pool(call(os.getpid(), file.name, threads, *args) for args in chain(first, items))
+                results = pool(
+                    call(os.getpid(), file.name, threads, *args) for args in chain(first, items)
+                )
             _end_at_exit()
             for result in results:  # noqa: UP028, as it would close them here
                 yield result
@@ -137,7 +141,9 @@ def _map(count: int, folder: str, stage: Stage, *iterables: Iterable[Any]) -> It
             raise FemsealError(f"workers: {reason} ({str(error).splitlines()[0]})") from error
         finally:
             with warnings.catch_warnings():
-                warnings.filterwarnings("ignore", ".* tasks ")  # a stopped run needs no more results
+                warnings.filterwarnings(
+                    "ignore", ".* tasks "
+                )  # a stopped run needs no more results
                 if results is not None:
                     results.close()
     finally:

@@ -20,7 +20,9 @@ from .run import Progress
 
 
 @contextmanager
-def writing_in(folder: Path, identity: dict[str, Any], resume: bool, part: Part | None) -> Iterator[bool]:
+def writing_in(
+    folder: Path, identity: dict[str, Any], resume: bool, part: Part | None
+) -> Iterator[bool]:
     """Context in which a run, or its parts, write into a folder that exists; gives whether it goes on.
 
     identity : what the results depend on, as nested plain data.
@@ -36,7 +38,9 @@ def writing_in(folder: Path, identity: dict[str, Any], resume: bool, part: Part 
             yield False
 
 
-def over_store(mapper: Mapper, store: Store, folder: Path, part: Part | None, progress: Progress) -> Mapper:
+def over_store(
+    mapper: Mapper, store: Store, folder: Path, part: Part | None, progress: Progress
+) -> Mapper:
     """A mapper that reads results of a store and keeps others there; of a part, see `over_part`."""
     if part is None:
         return store.over(mapper)

@@ -30,7 +30,8 @@ def option(help: str, default: str, *names: str) -> Any:
 CasePath = Annotated[Path, typer.Argument(metavar="CASE", help="Case file.")]
 Workers = Annotated[int | None, option("Processes.", "all cores")]
 Scheduler = Annotated[
-    str | None, option('Address of a Dask scheduler, or "local" for one with WORKERS processes.', "none")
+    str | None,
+    option('Address of a Dask scheduler, or "local" for one with WORKERS processes.', "none"),
 ]
 Quiet = Annotated[bool, flag("--quiet", "No progress, no log lines, no tables.")]
 #: Of the commands whose work several processes divide.
@@ -58,7 +59,10 @@ def show_progress(quiet: bool, log_file: Path | None = None) -> Iterator[Progres
     log_file : to whose end log lines go too.
     """
     terminal = sys.stderr.isatty()
-    with log_lines(log_file, quiet, terminal), ProgressBars(show=not quiet and terminal) as progress:
+    with (
+        log_lines(log_file, quiet, terminal),
+        ProgressBars(show=not quiet and terminal) as progress,
+    ):
         yield progress
 
 
@@ -75,7 +79,9 @@ def log_lines(path: Path | None, quiet: bool, terminal: bool) -> Iterator[None]:
         handlers.append(_Echo(logging.WARNING if terminal else logging.INFO))
         handlers[-1].setFormatter(logging.Formatter("%(asctime)s %(levelname)s %(message)s"))
         # failures of studies are shown with the results, and the end of a run by the command
-        handlers[-1].addFilter(lambda record: record.exc_info is None and (not terminal or record.name != log.name))
+        handlers[-1].addFilter(
+            lambda record: record.exc_info is None and (not terminal or record.name != log.name)
+        )
     level = log.level
     log.setLevel(logging.INFO)
     for handler in handlers:
@@ -88,7 +94,10 @@ def log_lines(path: Path | None, quiet: bool, terminal: bool) -> Iterator[None]:
             log.removeHandler(handler)
             handler.close()
             if isinstance(handler, LogFile) and handler.failure is not None:
-                typer.echo(f"log-file: lines are missing in '{path}' ({handler.failure.strerror})", err=True)
+                typer.echo(
+                    f"log-file: lines are missing in '{path}' ({handler.failure.strerror})",
+                    err=True,
+                )
 
 
 class _Echo(logging.Handler):
@@ -107,7 +116,14 @@ class ProgressBars:
         self._tasks: dict[str, Any] = {}
         if show:
             from rich.console import Console
-            from rich.progress import BarColumn, MofNCompleteColumn, Progress, ProgressColumn, Task, TextColumn
+            from rich.progress import (
+                BarColumn,
+                MofNCompleteColumn,
+                Progress,
+                ProgressColumn,
+                Task,
+                TextColumn,
+            )
             from rich.progress import TimeRemainingColumn as TimeLeft
             from rich.text import Text
 

@@ -63,10 +63,14 @@ class PieceCurves:
         peaks = []
         self._unloading = []
         for peak in steps.unload_from:
-            down = [s for s, step in enumerate(steps) if step.unloaded_from == peak and known[s]][::-1]
+            down = [s for s, step in enumerate(steps) if step.unloaded_from == peak and known[s]][
+                ::-1
+            ]
             if down and on_loading.any():
                 fractions = np.array([*(steps[s].pressure / peak for s in down), 1.0])
-                self._unloading.append(LogCurve(fractions, np.append(k[down], self.loaded(np.array(peak)))))
+                self._unloading.append(
+                    LogCurve(fractions, np.append(k[down], self.loaded(np.array(peak))))
+                )
                 peaks.append(peak)
         self._peaks = np.array(peaks)
         self._unloads = bool(steps.unload_from)
@@ -96,8 +100,12 @@ class PieceCurves:
         before = np.where(closing > knots[upper - 1], 1.0, np.r_[1.0, opens][upper - 1])
         span = knots[upper] - start
         way = np.divide(peak - start, span, out=np.zeros(peak.shape), where=span > 0)
-        reopening = np.where(peak <= closing, 1.0, before + np.clip(way, 0, 1) * (np.r_[1.0, opens][upper] - before))
-        relative = np.divide(fraction, reopening, out=np.full(fraction.shape, np.inf), where=reopening > 0)
+        reopening = np.where(
+            peak <= closing, 1.0, before + np.clip(way, 0, 1) * (np.r_[1.0, opens][upper] - before)
+        )
+        relative = np.divide(
+            fraction, reopening, out=np.full(fraction.shape, np.inf), where=reopening > 0
+        )
         x = np.cbrt(knots)
         weight = np.clip((np.cbrt(peak) - x[upper - 1]) / (x[upper] - x[upper - 1]), 0, 1)
         inside = np.clip(relative, 0, 1)
@@ -111,7 +119,9 @@ class PieceCurves:
         is_open = np.isfinite(floor) & np.isfinite(top)
         missed, mean = floor[is_open] - top[is_open], value[is_open] - top[is_open]
         whole = np.maximum(released[is_open] - top[is_open], missed)
-        left = 1 - np.divide(mean, whole, out=np.zeros_like(mean), where=(whole > 0) & (upper[is_open] > 1))
+        left = 1 - np.divide(
+            mean, whole, out=np.zeros_like(mean), where=(whole > 0) & (upper[is_open] > 1)
+        )
         value[is_open] += missed * left
         value = np.clip(value, np.minimum(floor, ceiling), ceiling)
         return np.where((relative <= 1) & np.isfinite(ceiling), np.exp(value), 0.0)

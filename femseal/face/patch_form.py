@@ -77,7 +77,9 @@ class FormEffect:
         known = change >= 0
         if not known.any():
             return None
-        return np.interp(np.log(np.maximum(pressures, 1e-300)), np.log(self.pressures[known]), change[known])
+        return np.interp(
+            np.log(np.maximum(pressures, 1e-300)), np.log(self.pressures[known]), change[known]
+        )
 
     @property
     def doubts(self) -> list[str]:
@@ -138,7 +140,9 @@ def form_effect(
     first, _, second = (1 / max(abs(curvature), 1e-12) for curvature in form.curvatures)
     height = float(np.ptp(form.heights))
     loads = loads or _ends(to_text(pressure, "Pa", 3) for pressure in pressures)
-    return FormEffect(np.array(pressures), np.array(found).T, height, (first, second), longest, loads)
+    return FormEffect(
+        np.array(pressures), np.array(found).T, height, (first, second), longest, loads
+    )
 
 
 def _permeability(
@@ -149,7 +153,9 @@ def _permeability(
     for place in face.each:
         half_space = HalfSpace(place.shape, place.spacing, modulus, boundary)
         try:
-            contact = solve_contact(place.gap(), half_space, pressure=pressure, hardness=law, rtol=_CONTACT_RTOL)
+            contact = solve_contact(
+                place.gap(), half_space, pressure=pressure, hardness=law, rtol=_CONTACT_RTOL
+            )
             flow = cell_permeability(contact.gap, place.spacing, sides="periodic", rtol=_FLOW_RTOL)
         except NotConverged:
             return nan

@@ -107,7 +107,9 @@ class SolveCounts:
     def total(cls, counts: Iterable[SolveCounts]) -> SolveCounts:
         """Add them all up."""
         counts = list(counts)
-        numbers = {kind: sum(getattr(c, kind) for c in counts) for kind in ("solved", "closed", "open")}
+        numbers = {
+            kind: sum(getattr(c, kind) for c in counts) for kind in ("solved", "closed", "open")
+        }
         return cls(**numbers, solvers=SolverCounts.total(c.solvers for c in counts))
 
     def by_kind(self) -> dict[str, int]:
@@ -164,12 +166,18 @@ def piece_permeability(
     return PiecePermeability(np.array([k for k, _ in found]), counts)
 
 
-def _of_gap(gap: Array, spacing: tuple[float, float], axis: int, settings: FlowSettings) -> tuple[float, SolveCounts]:
+def _of_gap(
+    gap: Array, spacing: tuple[float, float], axis: int, settings: FlowSettings
+) -> tuple[float, SolveCounts]:
     """Permeability of a gap by the cubic law; that of nearly parallel plates in closed form."""
     mean = float(gap.mean())
     if gap.min() > 0 and gap.std() < OPEN_RATIO * mean:  # nearly parallel plates
         return cubic_law(mean), SolveCounts(open=1)
     cell = cell_flow(gap, spacing, axis=axis, sides="mirror", solver=settings.solver)
     solvers = SolverCounts.of(cell.flow)
-    counts = SolveCounts(solved=1, solvers=solvers) if cell.flow.percolates else SolveCounts(closed=1, solvers=solvers)
+    counts = (
+        SolveCounts(solved=1, solvers=solvers)
+        if cell.flow.percolates
+        else SolveCounts(closed=1, solvers=solvers)
+    )
     return cell.permeability, counts

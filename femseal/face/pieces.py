@@ -42,7 +42,9 @@ def usual_pieces(surface: Topography, in_place: bool = False) -> tuple[int, int]
     (d1, d2), n1 = surface.spacing, surface.shape[0]
     side = min(n1 * d1, min(widths) * d2) / (PIECES_IN_PLACE if in_place else PIECES)
     m1 = max(1, min(round(n1 * d1 / side), n1 // FEWEST_POINTS))
-    return m1, sum(max(1, min(round(width * d2 / side), width // FEWEST_POINTS)) for width in widths)
+    return m1, sum(
+        max(1, min(round(width * d2 / side), width // FEWEST_POINTS)) for width in widths
+    )
 
 
 def _widths(surface: Topography) -> tuple[int, ...]:
@@ -77,12 +79,16 @@ class Cut:
         sides = [(surface.shape[0], m1), *zip(widths, of_place, strict=True)]
         if any(n // m < FEWEST_POINTS for n, m in sides if m > 1):
             given = "{} × {} of {} × {} points".format(m1, m2, *surface.shape)
-            raise InputError("cells", given, f"pieces of at least {FEWEST_POINTS} × {FEWEST_POINTS} points")
+            raise InputError(
+                "cells", given, f"pieces of at least {FEWEST_POINTS} × {FEWEST_POINTS} points"
+            )
         columns, place = [0], []
         for number, (width, count) in enumerate(zip(widths, of_place, strict=True)):
             columns += _lines(columns[-1], width, count)[1:]
             place += [number] * count
-        return cls(tuple(_lines(0, surface.shape[0], m1)), tuple(columns), tuple(place), surface.spacing)
+        return cls(
+            tuple(_lines(0, surface.shape[0], m1)), tuple(columns), tuple(place), surface.spacing
+        )
 
     @property
     def shape(self) -> tuple[int, int]:
@@ -98,12 +104,16 @@ class Cut:
     @property
     def centres(self) -> tuple[Array, Array]:
         """x1 and x2 of the centres of the pieces [m]."""
-        rows, columns = (np.array(of) * d for of, d in zip((self.rows, self.columns), self.spacing, strict=True))
+        rows, columns = (
+            np.array(of) * d for of, d in zip((self.rows, self.columns), self.spacing, strict=True)
+        )
         return (rows[:-1] + rows[1:]) / 2, (columns[:-1] + columns[1:]) / 2
 
     def pieces(self, fields: NDArray[Any]) -> list[NDArray[Any]]:
         """The pieces of fields (…, n1, n2), row by row."""
-        return [fields[..., a:b, c:d] for a, b in pairwise(self.rows) for c, d in pairwise(self.columns)]
+        return [
+            fields[..., a:b, c:d] for a, b in pairwise(self.rows) for c, d in pairwise(self.columns)
+        ]
 
     def widened(self, field: NDArray[Any], axis: int) -> list[NDArray[Any]]:
         """The pieces of a field (n1, n2), row by row, with part of their neighbours beside the flow along an axis.
@@ -128,7 +138,9 @@ class Cut:
 
     def sums(self, field: NDArray[Any]) -> Array:
         """Sum over each piece (m1, m2) of a field (n1, n2)."""
-        return np.array([piece.sum(dtype=float) for piece in self.pieces(field)]).reshape(self.shape)
+        return np.array([piece.sum(dtype=float) for piece in self.pieces(field)]).reshape(
+            self.shape
+        )
 
     def means(self, field: NDArray[Any]) -> Array:
         """Mean over each piece (m1, m2) of a field (n1, n2)."""

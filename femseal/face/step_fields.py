@@ -58,7 +58,9 @@ class StepFields(NDArrayOperatorsMixin):
     dtype = np.dtype(np.float32)
     ndim = 3
 
-    def __init__(self, shape: tuple[int, int, int], at: Callable[[int], NDArray[np.float32]]) -> None:
+    def __init__(
+        self, shape: tuple[int, int, int], at: Callable[[int], NDArray[np.float32]]
+    ) -> None:
         self.shape, self._at = shape, at
 
     def __len__(self) -> int:

@@ -46,7 +46,9 @@ EDGES_AT_INLET, EDGES_AT_OUTLET = _edges(0.0, 1.0), _edges(1.0, 0.0)
 _PAIRS = ((0, 2), (1, 3), (0, 1), (2, 3), (0, 3), (1, 2))
 
 
-def elemental(form: BilinearForm, element: type, samples: tuple[Sample, ...], coefficient: str = "k") -> Array:
+def elemental(
+    form: BilinearForm, element: type, samples: tuple[Sample, ...], coefficient: str = "k"
+) -> Array:
     """Local matrices of a form on the unit square, one for each sample, from scikit-fem.
 
     form : bilinear form whose coefficient, a tensor of the name `coefficient`, is 1 along the axis of the sample.
@@ -62,17 +64,25 @@ def elemental(form: BilinearForm, element: type, samples: tuple[Sample, ...], co
 
 @lru_cache(maxsize=32)
 def _elemental(
-    form: BilinearForm, _: Callable[..., Any], element: type, samples: tuple[Sample, ...], coefficient: str
+    form: BilinearForm,
+    _: Callable[..., Any],
+    element: type,
+    samples: tuple[Sample, ...],
+    coefficient: str,
 ) -> Array:
     """The cache key has the form and its function, so that a changed form is evaluated again."""
     square = MeshQuad()  # the unit square, its first axis x1
     matrices = []
     for s in samples:
-        basis = Basis(square, element(), quadrature=(np.array(s.point)[:, None], np.array([s.weight])))
+        basis = Basis(
+            square, element(), quadrature=(np.array(s.point)[:, None], np.array([s.weight]))
+        )
         tensor = np.zeros((2, 2, 1, 1))
         tensor[s.axis, s.axis] = 1.0
         order = np.lexsort(basis.doflocs[::-1])
-        matrices.append(form.assemble(basis, **{coefficient: tensor}).toarray()[np.ix_(order, order)])
+        matrices.append(
+            form.assemble(basis, **{coefficient: tensor}).toarray()[np.ix_(order, order)]
+        )
     local = np.array(matrices)
     local.flags.writeable = False
     return local
@@ -82,7 +92,9 @@ def conductances_of(local: Array) -> Array:
     """Conductances (…, 6) of local Q1 matrices (…, 4, 4), minus their entries off the diagonal; row sums must be 0."""
     size = float(np.abs(local).max())
     if not np.abs(local.sum(axis=-1)).max() <= 1e-12 * size:
-        raise ValueError("the form has local matrices whose rows do not add up to 0: it is no flow of a pressure drop")
+        raise ValueError(
+            "the form has local matrices whose rows do not add up to 0: it is no flow of a pressure drop"
+        )
     return np.stack([-(local[..., a, b] + local[..., b, a]) / 2 for a, b in _PAIRS], axis=-1)
 
 
@@ -126,19 +138,27 @@ def _edge_weights(grid: Grid, form: BilinearForm, _: Callable[..., Any]) -> Edge
     m1, m2 = grid.elements
     d1, d2 = np.diff(grid.lines1), np.diff(grid.lines2)
     quadratures = (EDGES_AT_INLET, EDGES, EDGES_AT_OUTLET) if grid.half_ends else (EDGES,) * 3
-    conductances = np.array([_own_conductances(elemental(form, ElementQuad1, samples)) for samples in quadratures])
+    conductances = np.array(
+        [_own_conductances(elemental(form, ElementQuad1, samples)) for samples in quadratures]
+    )
     kinds = np.ones(m1, np.int64)
     kinds[0], kinds[-1] = 0, 2
     columns, rows = np.zeros((3, grid.nodes[1])), np.zeros(grid.nodes[0])
     for side in (0, 1):  # an edge has an element on either side
         for kind in range(3):
-            columns[kind] += np.bincount(grid.columns[side : m2 + side], d2 * conductances[kind, side], grid.nodes[1])
-        rows += np.bincount(grid.rows[side : m1 + side], d1 * conductances[kinds, 2 + side], grid.nodes[0])
+            columns[kind] += np.bincount(
+                grid.columns[side : m2 + side], d2 * conductances[kind, side], grid.nodes[1]
+            )
+        rows += np.bincount(
+            grid.rows[side : m1 + side], d1 * conductances[kinds, 2 + side], grid.nodes[0]
+        )
     inner = rows if grid.ring1 else rows[1:-1]
     # the links of a ring are all there, even that of an only column to itself
     apart = (grid.columns[:-1] != grid.columns[1:]) | grid.ring2
     columns2 = (1 / d2[apart])[None]
-    if columns2.size == 1 and grid.ring2 and not grid.ring1:  # what an only column drives around it is nothing
+    if (
+        columns2.size == 1 and grid.ring2 and not grid.ring1
+    ):  # what an only column drives around it is nothing
         columns2[:] = 0.0
     return EdgeWeights(1 / d1, columns, kinds, inner, columns2, np.zeros(inner.size, np.int64))
 
@@ -149,7 +169,9 @@ def _own_conductances(local: Array) -> Array:
     own = conductances[[0, 1, 2, 3], [0, 1, 2, 3]]
     conductances[[0, 1, 2, 3], [0, 1, 2, 3]] = 0.0
     if np.any(conductances):
-        raise ValueError("the form joins nodes beyond the edge at whose midpoint its coefficient is taken")
+        raise ValueError(
+            "the form joins nodes beyond the edge at whose midpoint its coefficient is taken"
+        )
     return own
 
 

@@ -16,7 +16,9 @@ from .percolation import union
 from .stencil import Stencil
 
 
-def balanced_link_fluxes(stencil: Stencil, potential: Array, complement: Array) -> tuple[Array, Array]:
+def balanced_link_fluxes(
+    stencil: Stencil, potential: Array, complement: Array
+) -> tuple[Array, Array]:
     """Fluxes near −c Δφ along and across that balance at every node between the ends, on five points.
 
     `complement` is 1 − φ: each difference is taken of the smaller of the two, which has the smaller rounding errors.

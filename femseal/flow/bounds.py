@@ -32,7 +32,9 @@ _LUMPED = (Sample((0.0, 0.5), 0.5, 0), Sample((1.0, 0.5), 0.5, 0))
 _ENDS = np.ix_([0, 3], [0, 3])
 
 
-def pixel_bounds(gap: Array, spacing: tuple[float, float], sides: str, solver: str = "auto") -> tuple[float, float]:
+def pixel_bounds(
+    gap: Array, spacing: tuple[float, float], sides: str, solver: str = "auto"
+) -> tuple[float, float]:
     """Lower and upper bound of the flow for a unit drop along x1 [unit of h³]; both 0 where all is closed.
 
     Pixels that share only a corner are connected in the upper bound, and not in the lower one.
@@ -49,13 +51,17 @@ def outward(lower: float, upper: float) -> tuple[float, float]:
 
 def flux_energy() -> Array:
     """Energy (2, 2) of unit fluxes along x1 through the two ends of a unit pixel of K = 1: from the mixed form."""
-    local = elemental(forms.flux_resistance, ElementQuadRT0, _GAUSS, "resistance").sum(axis=0)[_ENDS]
+    local = elemental(forms.flux_resistance, ElementQuadRT0, _GAUSS, "resistance").sum(axis=0)[
+        _ENDS
+    ]
     return _along(local)
 
 
 def half_resistance() -> float:
     """Resistance of a unit pixel of K = 1 from its centre to one end: from the mixed form, lumped."""
-    local = _along(elemental(forms.flux_resistance, ElementQuadRT0, _LUMPED, "resistance").sum(axis=0)[_ENDS])
+    local = _along(
+        elemental(forms.flux_resistance, ElementQuadRT0, _LUMPED, "resistance").sum(axis=0)[_ENDS]
+    )
     return float(local[0, 0])
 
 
@@ -79,7 +85,9 @@ def lower_bound(k: Array, spacing: tuple[float, float], ring: bool, solver: str 
     flow = solve_flow(stencil, solver=solver, field_rtol=FIELD_RTOL)
     if not flow.percolates:
         return 0.0
-    q1, q2 = balanced_link_fluxes(stencil, np.nan_to_num(flow.potential), np.nan_to_num(flow.complement))
+    q1, q2 = balanced_link_fluxes(
+        stencil, np.nan_to_num(flow.potential), np.nan_to_num(flow.complement)
+    )
     closed = np.zeros((k.shape[0], 0 if ring else 1))
     west, east = np.hstack([closed, q2]), np.hstack([q2, closed])
     if ring:
@@ -101,6 +109,10 @@ def upper_bound(k: Array, spacing: tuple[float, float], sides: str, solver: str 
     A pixel of linear elements is two right triangles: the energy of a leg has the K of its own, half of the pixel.
     """
     grid = Grid.of_pixel_corners(k.shape, spacing, sides)
-    beside = np.pad(k, ((0, 0), (1, 1)), mode="edge") if sides == "mirror" else np.pad(k, ((0, 0), (1, 0)), mode="wrap")
+    beside = (
+        np.pad(k, ((0, 0), (1, 1)), mode="edge")
+        if sides == "mirror"
+        else np.pad(k, ((0, 0), (1, 0)), mode="wrap")
+    )
     stencil = assemble_on_links(grid, (beside[:, :-1] + beside[:, 1:]) / 2, (k[:-1] + k[1:]) / 2)
     return solve_flow(stencil, rtol=_RTOL, solver=solver).conductance

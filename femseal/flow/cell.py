@@ -50,7 +50,9 @@ class Permeability(Shown):
     residual: float
     imbalance: float
     solver: str
-    fluid_pressure: Array = field(metadata={"unit": "1", "long_name": "fluid pressure for a unit drop"}, repr=False)
+    fluid_pressure: Array = field(
+        metadata={"unit": "1", "long_name": "fluid pressure for a unit drop"}, repr=False
+    )
 
 
 def cell_permeability(
@@ -189,7 +191,9 @@ def cell_flow(
     return CellFlow(scale**3 * (shape[0] * d1) / (shape[1] * d2), flow)
 
 
-def _scaled(gap: ArrayLike, spacing: Lengths, axis: int, sides: str) -> tuple[Array, tuple[float, float], float]:
+def _scaled(
+    gap: ArrayLike, spacing: Lengths, axis: int, sides: str
+) -> tuple[Array, tuple[float, float], float]:
     """The gap of `validated_cell` over the largest one, its unit spacing, and the largest [m], 1 if all is closed."""
     h, spacing = validated_cell(gap, spacing, axis, sides)
     scale = float(h.max()) or 1.0
@@ -213,7 +217,9 @@ def pixel_dissipation(
     h, spacing = validated_cell(gap, spacing, 0, "periodic")
     n2 = h.shape[1]
     stencil = cell_stencil(h, Grid.of_pixel_centres(h.shape, spacing, "periodic"))
-    along, across = stencil.dissipation(np.concatenate([np.ones((1, n2)), potential, np.zeros((1, n2))]))
+    along, across = stencil.dissipation(
+        np.concatenate([np.ones((1, n2)), potential, np.zeros((1, n2))])
+    )
     if not seam:
         across[:, -1] = 0.0
     along[[0, -1]] *= 2  # halved below

@@ -41,13 +41,17 @@ def validated_gap(gap: ArrayLike, spacing: Lengths) -> tuple[Array, tuple[float,
     if lowest < 0:
         raise InputError("gap", f"{lowest:g} m", "numbers >= 0 [m]")
     if largest > 0 and not 1 / _EXTREME <= largest <= _EXTREME:
-        raise InputError("gap", f"a largest gap of {largest:g} m", f"one from {1 / _EXTREME:g} to {_EXTREME:g} m")
+        raise InputError(
+            "gap", f"a largest gap of {largest:g} m", f"one from {1 / _EXTREME:g} to {_EXTREME:g} m"
+        )
     if smallest < largest / _CONTRAST:
         given = f"{smallest:g} m beside {largest:g} m"
         raise InputError("gap", given, f"0, or numbers >= {1 / _CONTRAST:g} of the largest")
     d1, d2 = validate.lengths("spacing", spacing)
     if not 1 / _EXTREME <= d1 / d2 <= _EXTREME:
-        raise InputError("spacing", (d1, d2), f"two lengths whose ratio is from {1 / _EXTREME:g} to {_EXTREME:g}")
+        raise InputError(
+            "spacing", (d1, d2), f"two lengths whose ratio is from {1 / _EXTREME:g} to {_EXTREME:g}"
+        )
     return h, (d1, d2)
 
 
@@ -61,7 +65,9 @@ def unit_spacing(spacing: tuple[float, float]) -> tuple[float, float]:
     return ldexp(spacing[0], -exponent), ldexp(spacing[1], -exponent)
 
 
-def validated_cell(gap: ArrayLike, spacing: Lengths, axis: int, sides: str) -> tuple[Array, tuple[float, float]]:
+def validated_cell(
+    gap: ArrayLike, spacing: Lengths, axis: int, sides: str
+) -> tuple[Array, tuple[float, float]]:
     """Gap and spacing with the flow along the first axis, or an InputError that names what is wrong."""
     h, (d1, d2) = validated_gap(gap, spacing)
     axis = validate.axis_number(axis)
@@ -115,7 +121,10 @@ def _midway(before, a, b, after):
         return 0.0
     middle = (9.0 * (a + b) - before - after) / 16.0
     if middle < _DOUBTED * smaller:
-        left, right = before - 2.0 * a + b, a - 2.0 * b + after  # second differences, alike where the gap is smooth
+        left, right = (
+            before - 2.0 * a + b,
+            a - 2.0 * b + after,
+        )  # second differences, alike where the gap is smooth
         if max(left, right) > _JUMP * abs(min(left, right)):
             middle = 0.5 * (a + b) - min(left, right) / 8.0
     return max(middle, 0.1 * smaller)
@@ -152,5 +161,10 @@ def links_of_rows(first, end, gap, ring1, ring2, as_permeability, on1, on2):
         for k in range(3):
             j = (0, n2 - 2, n2 - 1)[k]
             if 0 <= j < m2:
-                h = _midway(row[_inside(j - 1, n2, ring2)], row[j], row[(j + 1) % n2], row[_inside(j + 2, n2, ring2)])
+                h = _midway(
+                    row[_inside(j - 1, n2, ring2)],
+                    row[j],
+                    row[(j + 1) % n2],
+                    row[_inside(j + 2, n2, ring2)],
+                )
                 on2[i, j] = _law(h) if as_permeability else h

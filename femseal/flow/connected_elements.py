@@ -32,18 +32,24 @@ class Connected:
     joined: NDArray[np.bool_]
 
 
-def connected_elements(mesh: Mesh, tensor: Array, ends: Sequence[Indices], *, through_corners: bool) -> Connected:
+def connected_elements(
+    mesh: Mesh, tensor: Array, ends: Sequence[Indices], *, through_corners: bool
+) -> Connected:
     """What the elements connect, each through a facet that both can carry flow across, n·Kn > 0.
 
     With `through_corners` also through a vertex, if both are open in every direction.
     """
     label, of_ends = _labels(mesh, tensor, ends, through_corners)
     joined = np.array([np.count_nonzero(of_ends == own) > 1 for own in of_ends])
-    alone = [np.flatnonzero((label == own) & ~more) for own, more in zip(of_ends, joined, strict=True)]
+    alone = [
+        np.flatnonzero((label == own) & ~more) for own, more in zip(of_ends, joined, strict=True)
+    ]
     return Connected(np.flatnonzero(np.isin(label, of_ends[joined])), alone, joined)
 
 
-def _labels(mesh: Mesh, tensor: Array, ends: Sequence[Indices], through_corners: bool) -> tuple[Indices, Indices]:
+def _labels(
+    mesh: Mesh, tensor: Array, ends: Sequence[Indices], through_corners: bool
+) -> tuple[Indices, Indices]:
     """Numbers of the connected parts to which the elements and the ends belong."""
     full, across = _open_ways(mesh, tensor)
     slot, element = np.nonzero(across)
@@ -74,7 +80,9 @@ def _open_ways(mesh: Mesh, tensor: Array) -> tuple[NDArray[np.bool_], NDArray[np
     values = np.linalg.eigvalsh(tensor)
     # normals of the chords of each element: vertices of periodic meshes have no single place
     corners = mesh.mapping().F(mesh.refdom.p)
-    chord = np.stack([corners[:, :, end] - corners[:, :, start] for start, end in mesh.refdom.facets], axis=1)
+    chord = np.stack(
+        [corners[:, :, end] - corners[:, :, start] for start, end in mesh.refdom.facets], axis=1
+    )
     n = np.array([chord[1], -chord[0]]) / np.linalg.norm(chord, axis=0)
     across = np.einsum("ife,eij,jfe->fe", n, tensor, n) > 1e-12 * values[:, 1]
     return values[:, 0] > 1e-14 * values[:, 1], across

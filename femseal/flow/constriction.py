@@ -22,7 +22,9 @@ from .percolation import find, union
 class Constriction:
     """Where the widest path from inlet to outlet is narrowest, and how wide it is there."""
 
-    position: tuple[float, float] = field(metadata={"unit": "m", "long_name": "place between two pixels (x1, x2)"})
+    position: tuple[float, float] = field(
+        metadata={"unit": "m", "long_name": "place between two pixels (x1, x2)"}
+    )
     gap: float = field(metadata={"unit": "m", "long_name": "gap there"})
 
 

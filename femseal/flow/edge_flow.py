@@ -19,14 +19,24 @@ from .stencil import Stencil
 
 
 def edge_flow(
-    along: Array, across: Array, ring2: bool, *, rtol: float = 1e-6, solver: str = "auto", field_rtol: float | None
+    along: Array,
+    across: Array,
+    ring2: bool,
+    *,
+    rtol: float = 1e-6,
+    solver: str = "auto",
+    field_rtol: float | None,
 ) -> DarcyFlow:
     """`solve_flow` of `edge_conductances`, which are written over."""
     reached, exponent = ready(along, across)
-    return solve_ready(reached, (along, across), exponent, ring2, rtol=rtol, solver=solver, field_rtol=field_rtol)
+    return solve_ready(
+        reached, (along, across), exponent, ring2, rtol=rtol, solver=solver, field_rtol=field_rtol
+    )
 
 
-def edge_conductances(gap: Array, ring2: bool, weights: EdgeWeights, dtype: Any = np.float64) -> tuple[Array, Array]:
+def edge_conductances(
+    gap: Array, ring2: bool, weights: EdgeWeights, dtype: Any = np.float64
+) -> tuple[Array, Array]:
     """Conductances along and across of a gap at the pixels of a cell, with the `edge_weights` of its grid."""
     n1, n2 = gap.shape
     along, across = np.empty((n1 + 1, n2), dtype), np.empty((n1, n2 if ring2 else n2 - 1), dtype)
@@ -35,7 +45,9 @@ def edge_conductances(gap: Array, ring2: bool, weights: EdgeWeights, dtype: Any 
 
 
 @compiled()
-def _conductances(first, end, gap, ring2, rows1, columns1, kinds1, rows2, columns2, kinds2, along, across):
+def _conductances(
+    first, end, gap, ring2, rows1, columns1, kinds1, rows2, columns2, kinds2, along, across
+):
     """Write `edge_conductances` of some rows, with the last one those to the outlet."""
     links_of_rows(first, end, gap, False, ring2, True, along, across)
     weighted(first, end + 1 if end == gap.shape[0] else end, along, rows1, columns1, kinds1, along)

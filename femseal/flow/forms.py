@@ -44,7 +44,11 @@ def _flux(k: Any, gradient: Any) -> Any:
         return np.asarray(k) * gradient
     if shape[:2] == (2, 2):
         return mul(k, gradient)
-    raise InputError("k", f"shape {shape}", "a number, numbers or tensors (2, 2, …) at the quadrature points [m³]")
+    raise InputError(
+        "k",
+        f"shape {shape}",
+        "a number, numbers or tensors (2, 2, …) at the quadrature points [m³]",
+    )
 
 
 @_with_docstring

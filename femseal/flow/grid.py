@@ -34,7 +34,9 @@ class Grid:
     half_ends: bool = False
 
     @classmethod
-    def of_pixel_centres(cls, shape: tuple[int, int], spacing: tuple[float, float], sides: str) -> Grid:
+    def of_pixel_centres(
+        cls, shape: tuple[int, int], spacing: tuple[float, float], sides: str
+    ) -> Grid:
         """Nodes at the centres of a cell's pixels and on its ends; the same object for the same cell.
 
         Half elements reach from the ends, and from mirrored sides, to the first nodes.
@@ -42,7 +44,9 @@ class Grid:
         return _of_pixel_centres(shape, spacing, sides)
 
     @classmethod
-    def of_pixel_corners(cls, shape: tuple[int, int], spacing: tuple[float, float], sides: str) -> Grid:
+    def of_pixel_corners(
+        cls, shape: tuple[int, int], spacing: tuple[float, float], sides: str
+    ) -> Grid:
         """Nodes at the corners of a cell's pixels, which are the elements."""
         lines1 = _borders(shape[0], spacing[0])
         if sides == "periodic":
@@ -53,7 +57,9 @@ class Grid:
     @classmethod
     def of_torus(cls, shape: tuple[int, int], spacing: tuple[float, float]) -> Grid:
         """Nodes at the centres of the pixels of a cell that is periodic along both axes."""
-        (lines1, rows), (lines2, columns) = (_ring(n, d) for n, d in zip(shape, spacing, strict=True))
+        (lines1, rows), (lines2, columns) = (
+            _ring(n, d) for n, d in zip(shape, spacing, strict=True)
+        )
         return cls(lines1, lines2, rows, columns, ring1=True)
 
     @classmethod

@@ -34,7 +34,9 @@ def harmonic_fill(values: Array, start: Array) -> Array:
     lowest, height = float(known.min()), float(np.ptp(known))
     if height == 0.0:
         return np.full(values.shape, lowest)
-    links, right_side = _finest(unknown, np.where(unknown, 0.0, (values - lowest) / height).astype(np.float32))
+    links, right_side = _finest(
+        unknown, np.where(unknown, 0.0, (values - lowest) / height).astype(np.float32)
+    )
     first = np.where(unknown, (start - lowest) / height, 0.0).astype(np.float32)
     found = _solve(_levels(links), right_side, first)
     return np.where(unknown, lowest + height * np.clip(found, 0.0, 1.0), values)
@@ -131,12 +133,18 @@ def _flow_out(right: Single, below: Single, total: Single, x: Single) -> Single:
     n1, n2 = x.shape
     y = np.zeros_like(x)
     for i in range(n1):
-        above, here, after = x[i - 1], x[i], x[i + 1 if i + 1 < n1 else 0]  # the last row has no links to the first
+        above, here, after = (
+            x[i - 1],
+            x[i],
+            x[i + 1 if i + 1 < n1 else 0],
+        )  # the last row has no links to the first
         up, down, beside, own, out = below[i - 1], below[i], right[i], total[i], y[i]
         for j in range(n2):
             if own[j] > 0.0:
                 k, m = j - 1 if j > 0 else n2 - 1, j + 1 if j + 1 < n2 else 0
-                out[j] = own[j] * here[j] - beside[j] * here[m] - beside[k] * here[k] - up[j] * above[j]
+                out[j] = (
+                    own[j] * here[j] - beside[j] * here[m] - beside[k] * here[k] - up[j] * above[j]
+                )
                 out[j] -= down[j] * after[j]
     return y
 

@@ -74,7 +74,9 @@ class FlowLaw(ABC):
         """Gap [m] with a permeability > 0 [m³], by Newton's method in ln h."""
         h = np.cbrt(12 * permeability)
         for _ in range(100):
-            step = float(np.log(permeability / self.permeability(h, pressure)) / self.exponent(h, pressure))
+            step = float(
+                np.log(permeability / self.permeability(h, pressure)) / self.exponent(h, pressure)
+            )
             h *= np.exp(step)
             if abs(step) <= 1e-14:
                 break
@@ -139,7 +141,11 @@ class FukuiKaneko(FlowLaw):
 
     def inverse_knudsen(self, gap: ArrayLike, pressure: ArrayLike) -> Array:
         """D = p h/(η√(2R_sT)); the mean free path is √π h/2D."""
-        return np.asarray(pressure, dtype=float) * np.asarray(gap, dtype=float) / (self.viscosity * self.speed)
+        return (
+            np.asarray(pressure, dtype=float)
+            * np.asarray(gap, dtype=float)
+            / (self.viscosity * self.speed)
+        )
 
     def factor(self, gap: ArrayLike, pressure: ArrayLike = 0.0) -> Array:
         """6 Q(D)/D; inf where gap or pressure is 0."""
@@ -180,7 +186,9 @@ def gap_by_law(gap: Array, law: FlowLaw, pressure: ArrayLike | None) -> Array:
     InputError : no law, or no pressure, one of another shape, negative or undefined, where the law depends on it.
     """
     if not isinstance(law, FlowLaw):
-        raise InputError("law", repr(law), "a law of flow, such as femseal.flow.CubicLaw() or the law of a fluid")
+        raise InputError(
+            "law", repr(law), "a law of flow, such as femseal.flow.CubicLaw() or the law of a fluid"
+        )
     if not law.depends_on_pressure:
         return law.equivalent_gap(gap)
     p = np.asarray(np.nan if pressure is None else pressure, dtype=float)
@@ -188,7 +196,9 @@ def gap_by_law(gap: Array, law: FlowLaw, pressure: ArrayLike | None) -> Array:
         raise InputError("pressure", f"shape {p.shape}", f"a number or shape {gap.shape} [Pa]")
     if not (np.isfinite(p).all() and p.min(initial=0.0) >= 0):
         given = "none" if pressure is None else "negative or undefined values"
-        raise InputError("pressure", given, f"finite numbers >= 0 [Pa], on which the law {law} depends")
+        raise InputError(
+            "pressure", given, f"finite numbers >= 0 [Pa], on which the law {law} depends"
+        )
     return law.equivalent_gap(gap, p)
 
 
@@ -201,5 +211,7 @@ def widened(gap: Array, factor: ArrayLike) -> Array:
     """
     factor = np.broadcast_to(np.asarray(factor, dtype=float), gap.shape)
     if not ((factor > 0) & np.isfinite(factor)).all(where=gap > 0):
-        raise InputError("law", "a factor <= 0 or undefined", "finite factors > 0 where the gap is open")
+        raise InputError(
+            "law", "a factor <= 0 or undefined", "finite factors > 0 where the gap is open"
+        )
     return np.multiply(gap, np.cbrt(factor), out=np.zeros(gap.shape), where=gap > 0)

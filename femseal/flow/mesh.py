@@ -84,7 +84,9 @@ def darcy_conductance(
         names = ", ".join(kind.__name__ for kind in KINDS)
         raise InputError("mesh", f"a {type(mesh).__name__}", f"one of {names}, {LINEAR}")
     operators = MeshOperators(mesh, ends_of(mesh, inlet, outlet))
-    return operators.flow(permeability_tensors(permeability, mesh.nelements), bounds=bounds, solver=solver)
+    return operators.flow(
+        permeability_tensors(permeability, mesh.nelements), bounds=bounds, solver=solver
+    )
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -174,7 +176,9 @@ class MeshOperators:
             flux_rates=scale * flux_rates,
         )
 
-    def _of_fluxes(self, tensor: Array, levels: Sequence[float], solver: str) -> tuple[float, Array]:
+    def _of_fluxes(
+        self, tensor: Array, levels: Sequence[float], solver: str
+    ) -> tuple[float, Array]:
         """Bound (Σ level · rate)²/∫ q·K⁻¹q of the energy, and rates, of the fluxes q through invertible tensors."""
         connected, system = self._system(tensor, of_vertices=False)
         if not connected.joined.any():
@@ -184,7 +188,9 @@ class MeshOperators:
         # R q = p − λ and Σq = 0 on each element give q = −S λ
         inverse = np.linalg.inv(resistance)
         column = inverse.sum(axis=2)
-        schur = inverse - column[:, :, None] * column[:, None, :] / column.sum(axis=1)[:, None, None]
+        schur = (
+            inverse - column[:, :, None] * column[:, None, :] / column.sum(axis=1)[:, None, None]
+        )
         # balancing the fluxes magnifies the error of the potential
         potential, _ = system.solved(schur, levels, RTOL, solver)
         _, inward = _dissipated(schur, potential[system.dofs])
@@ -193,7 +199,9 @@ class MeshOperators:
         energy = float(np.einsum("ei,eij,ej->", flux, resistance, flux))
         return float(np.dot(levels, rates)) ** 2 / energy, rates
 
-    def _balanced(self, carrying: Indices, system: MeshSystem, resistance: Array, flux: Array) -> tuple[Array, Array]:
+    def _balanced(
+        self, carrying: Indices, system: MeshSystem, resistance: Array, flux: Array
+    ) -> tuple[Array, Array]:
         """Outward fluxes (elements, facets) near `flux` that balance on elements and agree on facets.
 
         Also those of all facets, out of their first element.
@@ -204,7 +212,9 @@ class MeshOperators:
         first, second = mesh.f2t
         sign = np.where(first[facets] == carrying[:, None], 1.0, -1.0)
         sides = np.bincount(facets.ravel(), minlength=mesh.nfacets)
-        mean = np.bincount(facets.ravel(), (sign * flux).ravel(), mesh.nfacets) / np.maximum(sides, 1)
+        mean = np.bincount(facets.ravel(), (sign * flux).ravel(), mesh.nfacets) / np.maximum(
+            sides, 1
+        )
         own = np.bincount(facets.ravel(), np.einsum("eii->ei", resistance).ravel(), mesh.nfacets)
         # links: facets between two carrying elements, and those of the ends, whose outer side is node 0
         link = np.concatenate([np.flatnonzero(sides == 2), *system.ends])
@@ -253,7 +263,9 @@ class MeshOperators:
         """Local matrices of conforming elements, of every component (3, n, vertices, vertices)."""
         kind = KINDS[type(self.mesh)]
         basis = Basis(self.mesh, kind.element(), intorder=kind.intorder)
-        return np.stack([forms.darcy_flow.coo_data(basis, k=_constant(unit)).tolocal() for unit in _UNITS])
+        return np.stack(
+            [forms.darcy_flow.coo_data(basis, k=_constant(unit)).tolocal() for unit in _UNITS]
+        )
 
     @cached_property
     def _resistance(self) -> Array:
@@ -263,7 +275,10 @@ class MeshOperators:
         facets = self.mesh.t2f.T
         # a basis function is a unit flux out of the facet's first element
         outward = np.where(self.mesh.f2t[0, facets] == np.arange(len(facets))[:, None], 1.0, -1.0)
-        local = [forms.flux_resistance.coo_data(basis, resistance=_constant(unit)).tolocal() for unit in _UNITS]
+        local = [
+            forms.flux_resistance.coo_data(basis, resistance=_constant(unit)).tolocal()
+            for unit in _UNITS
+        ]
         return np.stack(local) * outward[:, :, None] * outward[:, None, :]
 
 

@@ -30,7 +30,9 @@ def permeability_tensors(permeability: ArrayLike, elements: int) -> Array:
         )
     if not np.all(np.isfinite(k)):
         raise InputError(
-            "permeability", f"{counted(np.count_nonzero(~np.isfinite(k)), 'value')} not finite", "numbers >= 0 [m³]"
+            "permeability",
+            f"{counted(np.count_nonzero(~np.isfinite(k)), 'value')} not finite",
+            "numbers >= 0 [m³]",
         )
     if k.ndim < 3:
         if k.min(initial=0.0) < 0:
@@ -40,7 +42,11 @@ def permeability_tensors(permeability: ArrayLike, elements: int) -> Array:
     size = np.abs(k).max(axis=(1, 2))
     skew = np.flatnonzero(np.abs(k[:, 0, 1] - k[:, 1, 0]) > 1e-9 * size)
     if skew.size:
-        raise InputError("permeability", f"a tensor that is not symmetric in element {skew[0]}", "symmetric tensors")
+        raise InputError(
+            "permeability",
+            f"a tensor that is not symmetric in element {skew[0]}",
+            "symmetric tensors",
+        )
     k = (k + k.transpose(0, 2, 1)) / 2
     negative = np.flatnonzero(np.linalg.eigvalsh(k)[:, 0] < -1e-12 * size)
     if negative.size:
@@ -55,14 +61,20 @@ def permeability_tensors(permeability: ArrayLike, elements: int) -> Array:
 def is_connected(mesh: Mesh, inlet: ArrayLike, outlet: ArrayLike) -> bool:
     """Whether the mesh itself, all of it open, joins inlet and outlet; InputError if these cannot be ends."""
     unit = np.broadcast_to(np.eye(2), (mesh.nelements, 2, 2))
-    return bool(connected_elements(mesh, unit, ends_of(mesh, inlet, outlet), through_corners=True).joined.all())
+    return bool(
+        connected_elements(
+            mesh, unit, ends_of(mesh, inlet, outlet), through_corners=True
+        ).joined.all()
+    )
 
 
 def ends_of(mesh: Mesh, inlet: ArrayLike, outlet: ArrayLike) -> tuple[Indices, Indices]:
     """Boundary facets of inlet and outlet, or an InputError."""
     ends = _facets(mesh, inlet, "inlet"), _facets(mesh, outlet, "outlet")
     if np.intersect1d(mesh.facets[:, ends[0]], mesh.facets[:, ends[1]]).size:
-        raise InputError("inlet and outlet", "boundaries that touch", "boundaries with no vertex in common")
+        raise InputError(
+            "inlet and outlet", "boundaries that touch", "boundaries with no vertex in common"
+        )
     return ends
 
 

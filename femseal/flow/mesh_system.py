@@ -21,7 +21,9 @@ class MeshSystem:
     ends: Sequence[Indices]
     size: int
 
-    def solved(self, local: Array, levels: Sequence[float], rtol: float, solver: str) -> tuple[Array, LinearSolution]:
+    def solved(
+        self, local: Array, levels: Sequence[float], rtol: float, solver: str
+    ) -> tuple[Array, LinearSolution]:
         """Values that solve local matrices (n, m, m) between levels of the boundaries."""
         values = np.zeros(self.size)
         for level, at in zip(levels, self.ends, strict=True):
@@ -33,7 +35,9 @@ class MeshSystem:
         rhs -= np.bincount(self.dofs.ravel(), flux.ravel(), self.size)
         data = local.ravel()[self._inner]
         matrix = sp.coo_array((data, self._places), shape=(self._unknown.size,) * 2).tocsc()
-        found = solve_spd(matrix, rhs[self._unknown], rtol, solver, unit_drop=tuple(levels) == (1.0, 0.0))
+        found = solve_spd(
+            matrix, rhs[self._unknown], rtol, solver, unit_drop=tuple(levels) == (1.0, 0.0)
+        )
         values[self._unknown] = found.x
         return values, found
 

@@ -54,7 +54,13 @@ def nodes_reached(along: Array, across: Array, least: float = 0.0) -> NDArray[np
     for first, _ in parts[1:]:
         _join_rows(first, along, least, label, parent)
     reached = np.empty(label.shape, np.int8)
-    over([(*part, count) for part, count in zip(parts, counts, strict=True)], _reached_rows, label, parent, reached)
+    over(
+        [(*part, count) for part, count in zip(parts, counts, strict=True)],
+        _reached_rows,
+        label,
+        parent,
+        reached,
+    )
     return reached
 
 
@@ -169,7 +175,9 @@ def widest(begin, end, along, across):
     return most
 
 
-def closed(stencil: Stencil, keep: NDArray[np.bool_] | None, least: float = 0.0) -> AbstractContextManager[None]:
+def closed(
+    stencil: Stencil, keep: NDArray[np.bool_] | None, least: float = 0.0
+) -> AbstractContextManager[None]:
     """Meanwhile close the links of nodes (n1 + 1, n2) that are not kept and those below `least`; none without `keep`.
 
     It is in the arrays of the stencil: only the few links that are closed are copied.

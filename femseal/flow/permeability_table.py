@@ -93,14 +93,24 @@ class PermeabilityTable:
         known = p.size >= 2 and np.isfinite(p).all() and np.unique(p).size == p.size
         if not known or p.min() < 0 or (p.min() == 0 and not self.piecewise):
             relation = ">=" if self.piecewise else ">"
-            raise InputError("pressures", str(self.pressures), f"two or more different pressures {relation} 0 [Pa]")
+            raise InputError(
+                "pressures",
+                str(self.pressures),
+                f"two or more different pressures {relation} 0 [Pa]",
+            )
         pair = isinstance(self.values, tuple) and all(np.ndim(v) > 0 for v in self.values)
-        arrays = tuple(np.asarray(v, dtype=float) for v in (self.values if pair else (self.values,)))
+        arrays = tuple(
+            np.asarray(v, dtype=float) for v in (self.values if pair else (self.values,))
+        )
         for k in arrays:
             if k.ndim < 1 or len(k) != p.size:
-                raise InputError("values", f"shape {k.shape}", f"a first axis of {p.size}, one for each pressure")
+                raise InputError(
+                    "values", f"shape {k.shape}", f"a first axis of {p.size}, one for each pressure"
+                )
             if not np.isfinite(k).all() or k.min(initial=0.0) < 0:
-                raise InputError("values", "negative or undefined permeabilities", "finite numbers >= 0 [m³]")
+                raise InputError(
+                    "values", "negative or undefined permeabilities", "finite numbers >= 0 [m³]"
+                )
         object.__setattr__(self, "pressures", tuple(p.tolist()))
         object.__setattr__(self, "values", arrays if pair else arrays[0])
 
@@ -113,7 +123,9 @@ class PermeabilityTable:
         return self.pressures[middle], float(np.median(k[k > 0])) if (k > 0).any() else 0.0
 
 
-def tabulated(pressures: Sequence[float] | Array, values: Sequence[Any], piecewise: bool = False) -> Any:
+def tabulated(
+    pressures: Sequence[float] | Array, values: Sequence[Any], piecewise: bool = False
+) -> Any:
     """Table of the permeabilities at each of the pressures; the only permeability where there is one."""
     if len(values) == 1:
         return values[0]
@@ -132,7 +144,9 @@ class PressureCurve:
             order = np.argsort(pressures)
             self._knots = np.asarray(pressures, dtype=float)[order]
             with np.errstate(divide="ignore"):
-                self._coefficients = np.ascontiguousarray(np.log(values[order]).reshape(len(values), -1).T)
+                self._coefficients = np.ascontiguousarray(
+                    np.log(values[order]).reshape(len(values), -1).T
+                )
             self._range, self._slope = (0.0, 1.0), np.zeros(len(self._coefficients))
             self._open = (values > 0).any(axis=0).ravel()
             return
@@ -141,7 +155,11 @@ class PressureCurve:
         is_open = (values > 0).all(axis=0)
         log_k = np.log(np.where(is_open, values, 1.0)).reshape(len(values), -1)
         coefficients = np.linalg.solve(chebyshev.chebvander(self.scaled(x), len(x) - 1), log_k)
-        slope = chebyshev.chebval(-1.0, chebyshev.chebder(coefficients)) * 2 / (self._range[1] - self._range[0])
+        slope = (
+            chebyshev.chebval(-1.0, chebyshev.chebder(coefficients))
+            * 2
+            / (self._range[1] - self._range[0])
+        )
         self._coefficients = np.ascontiguousarray(coefficients.T)
         # below the lowest pressure k rises no faster than that of free molecules
         self._slope = np.clip(slope, -1.0, 0.0)
@@ -244,7 +262,24 @@ def _mean_between_knots(least, most, log_k, knots, inverse, knot):
 
 
 @compiled(error_model="numpy")
-def _means(a, b, coefficients, slope, is_open, low, high, knots, start, end, viscous, own, even, roots, weights, out):
+def _means(
+    a,
+    b,
+    coefficients,
+    slope,
+    is_open,
+    low,
+    high,
+    knots,
+    start,
+    end,
+    viscous,
+    own,
+    even,
+    roots,
+    weights,
+    out,
+):
     """Logarithm of the mean of each permeability between two pressures, by Gauss points dense at the lower one.
 
     With knots and an even mobility it is exact.
@@ -276,7 +311,9 @@ def _means(a, b, coefficients, slope, is_open, low, high, knots, start, end, vis
         if most - least <= _SMALL * most:
             p = 0.5 * (least + most)
             k = _permeability(p, coefficients[n], slope[n], low, high, knots)
-            out[n] = np.log(k * _interpolated(p, start, end, viscous) / _interpolated(p, start, end, own))
+            out[n] = np.log(
+                k * _interpolated(p, start, end, viscous) / _interpolated(p, start, end, own)
+            )
             continue
         top, bottom = 0.0, 0.0
         for q in range(roots.size):

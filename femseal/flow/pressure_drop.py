@@ -85,7 +85,11 @@ class PressureDrop:
     def of(cls, fluid: FlowingFluid, inlet: float, outlet: float) -> PressureDrop:
         """The drop of a fluid; where its law does not depend on the pressure a unit drop, the same for all fluids."""
         law = law_of(fluid)
-        return cls(fluid, float(inlet), float(outlet)) if law.depends_on_pressure else cls(_UnitFluid(law))
+        return (
+            cls(fluid, float(inlet), float(outlet))
+            if law.depends_on_pressure
+            else cls(_UnitFluid(law))
+        )
 
     @cached_property
     def law(self) -> FlowLaw:
@@ -124,7 +128,11 @@ class PressureDrop:
             equivalent = drop.law.equivalent_gap(gap)
             return FaceSolution(solve(equivalent)[2], equivalent, drop)
         solved = fixed_point(
-            lambda fraction: drop.equivalent_gap(gap, fraction), solve, 0.5, rtol=rtol, name="flow through a face"
+            lambda fraction: drop.equivalent_gap(gap, fraction),
+            solve,
+            0.5,
+            rtol=rtol,
+            name="flow through a face",
         )
         return FaceSolution(solved.found, solved.coefficient, drop)
 
@@ -138,7 +146,9 @@ class PressureDrop:
         viscous, is_open = PressureDrop(), gap > 0
         ends = np.min(gap, where=is_open, initial=np.inf), np.max(gap, where=is_open, initial=0.0)
         pressures = [max(p, self.least_pressure) for p in (self.inlet, self.outlet)]
-        if not ends[1] > 0 or np.all(np.abs(self.law.factor(np.array(ends)[:, None], pressures) - 1) <= _COUNTS):
+        if not ends[1] > 0 or np.all(
+            np.abs(self.law.factor(np.array(ends)[:, None], pressures) - 1) <= _COUNTS
+        ):
             return viscous
         constriction = critical_constriction(gap, spacing, sides="periodic")
         return viscous if constriction is None else replace(self, gap=constriction.gap)
@@ -184,7 +194,9 @@ class PressureDrop:
     def pressure(self, fraction: ArrayLike) -> Array:
         """Pressure [Pa] where ψ has a fraction of its drop."""
         if self.mobility.even:  # ψ is straight in p
-            return self.outlet + (self.inlet - self.outlet) * np.clip(np.asarray(fraction, dtype=float), 0.0, 1.0)
+            return self.outlet + (self.inlet - self.outlet) * np.clip(
+                np.asarray(fraction, dtype=float), 0.0, 1.0
+            )
         ψ, _, p = self._table
         if ψ[-1] == 0:
             return np.full(np.shape(fraction), self.inlet)

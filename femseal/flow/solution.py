@@ -45,13 +45,21 @@ class DarcyFlow:
     lower, upper : bounds of the conductance, NaN if not computed.
     """
 
-    conductance: float = field(metadata={"unit": "m^3", "long_name": "flow for a unit drop of potential"})
-    potential: Array = field(metadata={"unit": "1", "long_name": "potential at the nodes"}, repr=False)
+    conductance: float = field(
+        metadata={"unit": "m^3", "long_name": "flow for a unit drop of potential"}
+    )
+    potential: Array = field(
+        metadata={"unit": "1", "long_name": "potential at the nodes"}, repr=False
+    )
     complement: Array = field(metadata={"unit": "1", "long_name": "1 - potential"}, repr=False)
     percolates: bool
     iterations: int = 0
     residual: float = 0.0
     imbalance: float = 0.0
     solver: str = "none"
-    lower: float = field(default=np.nan, metadata={"unit": "m^3", "long_name": "lower bound of the conductance"})
-    upper: float = field(default=np.nan, metadata={"unit": "m^3", "long_name": "upper bound of the conductance"})
+    lower: float = field(
+        default=np.nan, metadata={"unit": "m^3", "long_name": "lower bound of the conductance"}
+    )
+    upper: float = field(
+        default=np.nan, metadata={"unit": "m^3", "long_name": "upper bound of the conductance"}
+    )

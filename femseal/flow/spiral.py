@@ -65,10 +65,14 @@ class Spiral:
             given = f"{to_text(self.lead, 'm', 3)} on a face {to_text(breadth, 'm', 3)} broad"
             raise InputError("lay.lead", given, "less than the breadth")
         pixels = max(1, round(self.lead / spacing[0]))
-        return pixels, length / turn * (self.lead / (pixels * spacing[0]) if turn > length * (1 + 1e-9) else 1.0)
+        return pixels, length / turn * (
+            self.lead / (pixels * spacing[0]) if turn > length * (1 + 1e-9) else 1.0
+        )
 
 
-def spiral_flow(gap: Array, spacing: tuple[float, float], spiral: Spiral, plain: Array) -> tuple[float, Array] | None:
+def spiral_flow(
+    gap: Array, spacing: tuple[float, float], spiral: Spiral, plain: Array
+) -> tuple[float, Array] | None:
     """Permeability [m³] along x1 of a face with winding grooves, and its potential; None where the lead hardly matters.
 
     gap : (n1, n2) [m], periodic along x2.
@@ -108,7 +112,9 @@ def spiral_flow(gap: Array, spacing: tuple[float, float], spiral: Spiral, plain:
     return scale**3 * (n1 * d1) / (n2 * d2) * conductance, np.where(gap > 0, shown, np.nan)
 
 
-def _seam(cut: Stencil, own: Array, gap: Array, aspect: float, shift: int, weight: float) -> tuple[sp.csr_array, Array]:
+def _seam(
+    cut: Stencil, own: Array, gap: Array, aspect: float, shift: int, weight: float
+) -> tuple[sp.csr_array, Array]:
     """Drops over the links of the seam (links, nodes) as a matrix, and their conductances.
 
     own (n1,) : conductances of the seam without a lead.
@@ -117,7 +123,9 @@ def _seam(cut: Stencil, own: Array, gap: Array, aspect: float, shift: int, weigh
     links = _Links()
     if weight >= 1:
         for i in range(1 - shift, n1 + 1):  # those above the first row begin at the inlet
-            ends = ([gap[i - 1, -1]] if i > 0 else []) + ([gap[i + shift - 1, 0]] if i + shift <= n1 else [])
+            ends = ([gap[i - 1, -1]] if i > 0 else []) + (
+                [gap[i + shift - 1, 0]] if i + shift <= n1 else []
+            )
             if min(ends, default=0.0) > 0:
                 here, there = max(i, 0) * n2 + n2 - 1, min(i + shift, n1 + 1) * n2
                 links.add(cubic_law(np.mean(ends)) * aspect, {here: 1.0, there: -1.0})
@@ -126,7 +134,11 @@ def _seam(cut: Stencil, own: Array, gap: Array, aspect: float, shift: int, weigh
         links.add(own[i - 1], {i * n2: weight, 0: -weight})
     label = connected_components(cut.to_csr(), directed=False)[1].reshape(n1 + 2, n2)[1:-1]
     for rows in _grooves(own, shift):
-        drop = _drop_to_next(rows, own, label, shift) if label[rows[0], 0] == label[rows[0], -1] else {}
+        drop = (
+            _drop_to_next(rows, own, label, shift)
+            if label[rows[0], 0] == label[rows[0], -1]
+            else {}
+        )
         for i in rows:
             nodes = {(i + 1) * n2 + n2 - 1: 1.0, (i + 1) * n2: -1.0}
             for row, part in drop.items():
@@ -183,7 +195,9 @@ class _Links:
         """Drops (links, nodes) and conductances (links,)."""
         link, node, part = zip(*self.entries, strict=True) if self.entries else ((), (), ())
         shape = len(self.conductances), nodes
-        drops = sp.coo_array((np.array(part, float), (np.array(link, int), np.array(node, int))), shape=shape)
+        drops = sp.coo_array(
+            (np.array(part, float), (np.array(link, int), np.array(node, int))), shape=shape
+        )
         return drops.tocsr(), np.array(self.conductances)
 
 
@@ -202,9 +216,14 @@ def _between_ends(matrix: sp.csr_array, n2: int) -> tuple[Array, NDArray[np.bool
     if unknown.size:
         rows = matrix[unknown]
         load = -np.asarray(rows[:, inlet].sum(axis=1)).ravel()
-        potential[unknown] = solve_spd(rows[:, unknown], load, _RTOL, unit_drop=True, largest_residual=_IMBALANCE).x
+        potential[unknown] = solve_spd(
+            rows[:, unknown], load, _RTOL, unit_drop=True, largest_residual=_IMBALANCE
+        ).x
         into, out = (float((matrix[end] @ potential).sum()) for end in (inlet, outlet))
         imbalance = abs(into + out) / max(abs(into), abs(out))
         if not imbalance <= _IMBALANCE:
-            raise NotConverged(f"flow along winding grooves: inflow and outflow differ by {imbalance:.1e}", imbalance)
+            raise NotConverged(
+                f"flow along winding grooves: inflow and outflow differ by {imbalance:.1e}",
+                imbalance,
+            )
     return potential, joined

@@ -45,7 +45,9 @@ class Stencil:
             c1, c2 = (np.ascontiguousarray(c, dtype=float) for c in (along, across))
         except (TypeError, ValueError):
             raise InputError(
-                "along, across", "no arrays of real numbers", "arrays of shapes (n1, n2) and (n1 - 1, n2)"
+                "along, across",
+                "no arrays of real numbers",
+                "arrays of shapes (n1, n2) and (n1 - 1, n2)",
             ) from None
         if c1.ndim != 2 or c1.size == 0:
             raise InputError("along", f"shape {c1.shape}", "a shape (n1, n2)")
@@ -65,7 +67,9 @@ class Stencil:
         n1, n2 = self.along.shape
         return (n1 if self.ring1 else n1 + 1), n2
 
-    def conductances(self) -> Iterator[tuple[Array, NDArray[np.int64], NDArray[np.int64], tuple[int, int]]]:
+    def conductances(
+        self,
+    ) -> Iterator[tuple[Array, NDArray[np.int64], NDArray[np.int64], tuple[int, int]]]:
         """Arrays of conductances, numbers (row · n2 + column) of their two nodes, and steps from one to the other."""
         rows, n2 = self.nodes
         node = np.arange(rows * n2).reshape(rows, n2)
@@ -82,7 +86,9 @@ class Stencil:
 
         Rows must not form a ring.
         """
-        return float(sum(over(rows(*self.along.shape), energy_of, self.along, self.across, pressure)))
+        return float(
+            sum(over(rows(*self.along.shape), energy_of, self.along, self.across, pressure))
+        )
 
     def dissipation(self, potential: Array) -> tuple[Array, Array]:
         """Dissipation c (Δφ)² of the conductances along both axes .

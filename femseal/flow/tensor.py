@@ -70,7 +70,8 @@ def permeability_tensor(
     tensor, error = _solved(stencil, (d1, d2), label, carrying, closed, solver)
     if not error <= MAX_IMBALANCE:
         raise NotConverged(
-            f"flow: energy and mean flux of the cell differ by {error:.1e}; the contrast is too high", error
+            f"flow: energy and mean flux of the cell differ by {error:.1e}; the contrast is too high",
+            error,
         )
     return scale**3 * tensor / (n1 * d1 * n2 * d2)
 
@@ -89,7 +90,10 @@ def _solved(
     parts = [(c.ravel(), a.ravel(), b.ravel(), np.full((c.size, 2), (s1 * d1, s2 * d2)))
              for c, a, b, (s1, s2) in stencil.conductances()]  # fmt: skip
     c, start, end, mean_drop = (np.concatenate(part) for part in zip(*parts, strict=True))
-    load = np.stack([np.bincount(start, c * d, size) - np.bincount(end, c * d, size) for d in mean_drop.T], axis=1)
+    load = np.stack(
+        [np.bincount(start, c * d, size) - np.bincount(end, c * d, size) for d in mean_drop.T],
+        axis=1,
+    )
     # one node of each component is given; the others are unknown
     roots = np.zeros(size, bool)
     roots[np.unique(label)] = True

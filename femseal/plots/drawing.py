@@ -175,7 +175,11 @@ class Drawn:
     @cached_property
     def panels(self) -> tuple[bytes, ...]:
         """Each of its panels as PNG; a figure without panels is one."""
-        return tuple(_packed(self.pixels[cut]) for cut in self.cuts) if len(self.cuts) > 1 else (self.whole,)
+        return (
+            tuple(_packed(self.pixels[cut]) for cut in self.cuts)
+            if len(self.cuts) > 1
+            else (self.whole,)
+        )
 
 
 def drawn(figure: Figure) -> Drawn:
@@ -186,14 +190,18 @@ def drawn(figure: Figure) -> Drawn:
     canvas.draw()
     pixels = np.array(np.asarray(canvas.buffer_rgba())[..., :3])
     panels = np.array(getattr(figure, "panels", ())).reshape(-1, 2) * DPI
-    rows = (slice(round(len(pixels) - low - height), round(len(pixels) - low)) for low, height in panels)
+    rows = (
+        slice(round(len(pixels) - low - height), round(len(pixels) - low)) for low, height in panels
+    )
     return Drawn(pixels, tuple(rows))
 
 
 def _packed(pixels: NDArray[np.uint8]) -> bytes:
     from PIL import Image
 
-    Image.fromarray(np.ascontiguousarray(pixels)).save(stream := io.BytesIO(), "png", compress_level=_PACKING)
+    Image.fromarray(np.ascontiguousarray(pixels)).save(
+        stream := io.BytesIO(), "png", compress_level=_PACKING
+    )
     return stream.getvalue()
 
 
@@ -208,7 +216,11 @@ class Margins:
 
 
 #: Space for labels and title of lines, of a map with its colour bar, and of heights, whose bar has a name.
-LINES, MAP, HEIGHTS = Margins(0.95, 0.2, 0.55, 0.4), Margins(0.6, 0.62, 0.45, 0.38), Margins(0.6, 0.9, 0.45, 0.38)
+LINES, MAP, HEIGHTS = (
+    Margins(0.95, 0.2, 0.55, 0.4),
+    Margins(0.6, 0.62, 0.45, 0.38),
+    Margins(0.6, 0.9, 0.45, 0.38),
+)
 
 
 class Sheet:
@@ -249,10 +261,19 @@ LEGEND_LINE = 0.19
 
 
 def legend_below(
-    figure: Figure, handles: Sequence[Any], columns: int = 2, length: float = 3.4, title: str | None = None
+    figure: Figure,
+    handles: Sequence[Any],
+    columns: int = 2,
+    length: float = 3.4,
+    title: str | None = None,
 ) -> None:
     """Draw one legend below all panels; length : of its lines, in font sizes."""
-    look: dict[str, Any] = {"frameon": False, "fontsize": 8.5, "title_fontsize": 8.5, "handlelength": length}
+    look: dict[str, Any] = {
+        "frameon": False,
+        "fontsize": 8.5,
+        "title_fontsize": 8.5,
+        "handlelength": length,
+    }
     figure.legend(handles=handles, loc="lower center", ncols=columns, title=title, **look)
 
 
@@ -314,6 +335,10 @@ def picture(result: Any, **options: Any) -> Figure:
     for name in options:
         if name not in expected:
             given = f"option '{name}' for the picture of a {type(result).__name__}"
-            raise InputError("plot", given, f"one of {', '.join(expected)}" if expected else "none: it has no options")
+            raise InputError(
+                "plot",
+                given,
+                f"one of {', '.join(expected)}" if expected else "none: it has no options",
+            )
     figure = draw(result, **options)
     return figure if options.get("ax") is not None else shown(figure)

@@ -61,12 +61,16 @@ class DrawnSeal:
     def __init__(self, data: xarray.Dataset, s: int) -> None:
         self.corners = data["drawn_corners"].values * 1e3
         # over a list of the corners in a fifth of the time of a short axis
-        self.low, self.high = (ends.reduce(list(self.corners.swapaxes(0, 1))) for ends in (np.minimum, np.maximum))
+        self.low, self.high = (
+            ends.reduce(list(self.corners.swapaxes(0, 1))) for ends in (np.minimum, np.maximum)
+        )
         self.all = _View(self.low.min(axis=0), self.high.max(axis=0))
         self.strip = self._is_strip()
         self.lies = lying(self.all.size) != self.all.size
         if self.lies:
-            self.corners, self.low, self.high = (values[..., ::-1] for values in (self.corners, self.low, self.high))
+            self.corners, self.low, self.high = (
+                values[..., ::-1] for values in (self.corners, self.low, self.high)
+            )
             self.all = _View(self.all.low[::-1], self.all.high[::-1])
         breadth = float(data.attrs["seal_size_m"][0]) * 1e3
         self.detail = self._detail(data["drawn_flux"].values[s], breadth)
@@ -75,7 +79,9 @@ class DrawnSeal:
     def _is_strip(self) -> bool:
         """Whether the parts, all with sides along the axes, fill a rectangle."""
         corners, low, high = self.corners, self.low, self.high
-        if corners.shape[1] != 4 or not np.isclose((high - low).prod(axis=1).sum(), np.prod(self.all.size)):
+        if corners.shape[1] != 4 or not np.isclose(
+            (high - low).prod(axis=1).sum(), np.prod(self.all.size)
+        ):
             return False
         at_low, at_high = (np.isclose(corners, ends[:, None], atol=1e-9) for ends in (low, high))
         return bool(np.all(at_low | at_high))
@@ -87,7 +93,9 @@ class DrawnSeal:
         sides = breadth * np.array(along_strip if self.strip else (_DETAIL, _DETAIL))
         middles = self.corners.mean(axis=1)
         place = middles[np.argmax(np.nan_to_num(np.hypot(*flux.T)))]
-        if not self.strip:  # in the middle of the seal rather than at its edge, where half of a map would be empty
+        if (
+            not self.strip
+        ):  # in the middle of the seal rather than at its edge, where half of a map would be empty
             place = middles[np.hypot(*(middles - place).T) <= breadth].mean(axis=0)
         start = np.maximum(low, np.minimum(place - sides / 2, high - sides))
         return _View(start, np.minimum(start + sides, high))
@@ -108,7 +116,9 @@ def drawn_figure(data: xarray.Dataset, s: int) -> Figure:
     panels.append((seal.detail, _Panel(title, flow / factor, "magma", _DECADES)))
     number, drawn = (data["drawn_corners"].attrs[name] for name in ("realisation", "part"))
     sheet = Sheet([map_row(view.size) for view, _ in panels], head=0.3 if drawn == 1 else 0.5)
-    labels = ["x1, inlet at 0 [mm]", "x2 along the seal [mm]"] if seal.strip else ["x1 [mm]", "x2 [mm]"]
+    labels = (
+        ["x1, inlet at 0 [mm]", "x2 along the seal [mm]"] if seal.strip else ["x1 [mm]", "x2 [mm]"]
+    )
     for n, (view, panel) in enumerate(panels):
         axes = sheet.panel(n, MAP)
         width, height = view.size
@@ -181,14 +191,22 @@ class _Panel:
             values, norm = on_decades(values, self.decades)
             notes += ["grey: none"] if (finite == 0).any() else []
         else:
-            norm = Normalize(float(finite.min()), float(finite.max())) if finite.size else Normalize(0, 1)
+            norm = (
+                Normalize(float(finite.min()), float(finite.max()))
+                if finite.size
+                else Normalize(0, 1)
+            )
         colours = colormaps[self.colours].with_extremes(under=CLOSED, bad=POCKET)
         # triangles of one colour each, in a third of the time of polygons
         number = np.arange(corners[..., 0].size).reshape(corners.shape[:2])
-        triangles = np.concatenate([number[:, [0, n, n + 1]] for n in range(1, corners.shape[1] - 1)])
+        triangles = np.concatenate(
+            [number[:, [0, n, n + 1]] for n in range(1, corners.shape[1] - 1)]
+        )
         each = np.repeat(np.ma.masked_invalid(values[seen]), corners.shape[1])
         mesh = Triangulation(corners[..., 0].ravel(), corners[..., 1].ravel(), triangles)
-        parts = axes.tripcolor(mesh, each, shading="gouraud", cmap=colours, norm=norm, rasterized=True)
+        parts = axes.tripcolor(
+            mesh, each, shading="gouraud", cmap=colours, norm=norm, rasterized=True
+        )
         colour_bar(axes, parts)
         panel_title(axes, "; ".join([self.title, *notes]))
 

@@ -48,7 +48,9 @@ class HeightRange:
     def text(self) -> str:
         """What the two colours stand for; "" where no point is out of range."""
         parts = ((self.above, ABOVE, "above"), (self.below, BELOW, "below"))
-        return ", ".join(f"{name}: {100 * part:.2g} % {where}" for part, (_, name), where in parts if part)
+        return ", ".join(
+            f"{name}: {100 * part:.2g} % {where}" for part, (_, name), where in parts if part
+        )
 
 
 def height_range(heights: NDArray) -> HeightRange:
@@ -66,7 +68,12 @@ def height_range(heights: NDArray) -> HeightRange:
 
 
 def height_panel(
-    axes: Axes, heights: NDArray, size: tuple[float, float], title: str = "height [µm]", *, upright: bool = False
+    axes: Axes,
+    heights: NDArray,
+    size: tuple[float, float],
+    title: str = "height [µm]",
+    *,
+    upright: bool = False,
 ) -> None:
     """Map of heights (n1, n2) [µm] over a face of a size [mm]; the colour bar says what is out of its range.
 
@@ -76,9 +83,16 @@ def height_panel(
 
     shown = height_range(heights)
     colours = colormaps["viridis"].with_extremes(over=ABOVE[0], under=BELOW[0], bad="white")
-    beyond = {(True, True): "both", (True, False): "min", (False, True): "max", (False, False): "neither"}
+    beyond = {
+        (True, True): "both",
+        (True, False): "min",
+        (False, True): "max",
+        (False, False): "neither",
+    }
     colours.colorbar_extend = beyond[shown.below > 0, shown.above > 0]  # type: ignore[assignment]
-    bar = map_panel(axes, heights, size, colours, title, upright=upright, vmin=shown.low, vmax=shown.high)
+    bar = map_panel(
+        axes, heights, size, colours, title, upright=upright, vmin=shown.low, vmax=shown.high
+    )
     if shown.text:
         bar.set_label(shown.text, fontsize=8)
 
@@ -98,7 +112,9 @@ def heights_figure(topography: Topography) -> Figure:
     z, (n1, n2), (d1, d2) = topography.heights * 1e6, topography.shape, topography.spacing
     for axis, (line, n, d) in enumerate(((z[:, n2 // 2], n1, d1), (z[n1 // 2], n2, d2))):
         colour, style, _ = STYLES[axis]
-        profile.plot((np.arange(n) + 0.5) * d * 1e3, line, color=colour, ls=style, lw=1.1, label=_ALONG[axis])
+        profile.plot(
+            (np.arange(n) + 0.5) * d * 1e3, line, color=colour, ls=style, lw=1.1, label=_ALONG[axis]
+        )
     if not topography.undefined_fraction:  # grooves that roughness hides in a single profile
         x1 = (np.arange(n1) + 0.5) * d1 * 1e3
         profile.plot(x1, z.mean(axis=1), color="black", lw=1.8, label="mean along x2")
@@ -108,7 +124,9 @@ def heights_figure(topography: Topography) -> Figure:
     profile.legend(fontsize=7.5, frameon=False, ncols=3, loc="lower center")
     panel_title(profile, "profiles through the middle")
     if topography.undefined_fraction:
-        density.annotate("undefined points", (0.5, 0.5), xycoords="axes fraction", ha="center", va="center")
+        density.annotate(
+            "undefined points", (0.5, 0.5), xycoords="axes fraction", ha="center", va="center"
+        )
         _density_labels(density)
     else:
         _densities_panel(density, topography)
@@ -129,7 +147,9 @@ def _densities_panel(axes: Axes, topography: Topography) -> None:
         q, density = topography.psd(axis)
         shown = (q > 0) & (density > density.max() * 1e-12)
         colour, style, _ = STYLES[axis]
-        axes.loglog(_um(q[shown]), density[shown], color=colour, ls=style, lw=1.2, label=_ALONG[axis])
+        axes.loglog(
+            _um(q[shown]), density[shown], color=colour, ls=style, lw=1.2, label=_ALONG[axis]
+        )
     _density_labels(axes)
     axes.legend(fontsize=8, framealpha=0.9)
 
@@ -181,11 +201,21 @@ def _map_panel(axes: Axes, measured: Topography, spikes: NDArray[np.bool_]) -> N
     if measured.undefined_fraction:
         notes.append(f"white: {100 * measured.undefined_fraction:.2g} % undefined")
     if count := np.count_nonzero(spikes):
-        notes.append(f"{'circles' if count <= _MOST_CIRCLES else 'dots'}: {counted(count, 'point')} in spikes")
+        notes.append(
+            f"{'circles' if count <= _MOST_CIRCLES else 'dots'}: {counted(count, 'point')} in spikes"
+        )
     l1, l2 = (length * 1e3 for length in measured.size)
-    height_panel(axes, measured.heights * 1e6, (l1, l2), "; ".join(["levelled height [µm]", *notes]), upright=True)
+    height_panel(
+        axes,
+        measured.heights * 1e6,
+        (l1, l2),
+        "; ".join(["levelled height [µm]", *notes]),
+        upright=True,
+    )
     if count:
-        x1, x2 = ((k + 0.5) * d * 1e3 for k, d in zip(np.nonzero(spikes), measured.spacing, strict=True))
+        x1, x2 = (
+            (k + 0.5) * d * 1e3 for k, d in zip(np.nonzero(spikes), measured.spacing, strict=True)
+        )
         if count <= _MOST_CIRCLES:
             axes.plot(x1, x2, "o", mfc="none", mec="#D55E00", ms=8)
         else:
@@ -205,20 +235,34 @@ def _histogram_panel(axes: Axes, measured: Topography) -> None:
     axes.stairs(density, edges, fill=True, color=STYLES[1][0], alpha=0.75)
     if (sq := z.std()) > 0:
         x = np.linspace(edges[0], edges[-1], 400)
-        axes.plot(x, np.exp(-((x / sq) ** 2) / 2) / (sq * np.sqrt(2 * pi)), "k--", lw=1.1, label="normal, same Sq")
+        axes.plot(
+            x,
+            np.exp(-((x / sq) ** 2) / 2) / (sq * np.sqrt(2 * pi)),
+            "k--",
+            lw=1.1,
+            label="normal, same Sq",
+        )
         axes.legend(fontsize=8, frameon=False)
     axes.set_yscale("log")
     axes.set_ylim(float(np.min(density[density > 0])) / 2, float(np.max(density)) * 3)
 
 
-def _radial_panel(axes: Axes, flat: Topography, report: SurfaceReport, conditioning: Conditioning | None) -> None:
+def _radial_panel(
+    axes: Axes, flat: Topography, report: SurfaceReport, conditioning: Conditioning | None
+) -> None:
     """Spectral density averaged over directions, with noise, power law, and the shortest waves."""
     q, density = flat.radial_psd()
     shown = (q > 0) & (density > density.max(initial=0.0) * 1e-14)
     axes.loglog(_um(q[shown]), density[shown], color=GREY, lw=1.0)
     if report.noise:
         floor = report.noise**2 * flat.spacing[0] * flat.spacing[1]
-        axes.axhline(floor, color=GREY, ls=":", lw=1.1, label=f"white noise, {to_text(report.noise, 'm', 3)} rms")
+        axes.axhline(
+            floor,
+            color=GREY,
+            ls=":",
+            lw=1.1,
+            label=f"white noise, {to_text(report.noise, 'm', 3)} rms",
+        )
     if report.power_law is not None:
         ends = 2 * pi / np.array(report.power_law)
         law = report.power_law_density * (ends / ends[0]) ** (-2 - 2 * report.hurst)
@@ -232,7 +276,9 @@ def _radial_panel(axes: Axes, flat: Topography, report: SurfaceReport, condition
     if conditioning is not None:
         marks.insert(0, (conditioning.shortest_wave, STYLES[2], "low-pass of a run"))
     for wave, (colour, style, _), label in marks:
-        axes.axvline(1e6 * wave, color=colour, ls=style, lw=1.3, label=f"{label}, {to_text(wave, 'm', 3)}")
+        axes.axvline(
+            1e6 * wave, color=colour, ls=style, lw=1.3, label=f"{label}, {to_text(wave, 'm', 3)}"
+        )
     axes.set(xlabel=_WAVELENGTH, ylabel="spectral density [m⁴]")
     axes.xaxis.set_inverted(True)
     axes.set_title("spectral density averaged over directions", fontsize=9.5)

@@ -78,7 +78,8 @@ class LeakageCurves:
         unit, factor = self.force
         peaks = [f"{factor * self.pressure[steps[0]]:.4g} {unit}" for _, steps in found]
         return [found[0]] + [
-            (f"unloading from {peak}", steps) for peak, (_, steps) in zip(peaks[1:], found[1:], strict=True)
+            (f"unloading from {peak}", steps)
+            for peak, (_, steps) in zip(peaks[1:], found[1:], strict=True)
         ]
 
     @property
@@ -205,7 +206,13 @@ def _other_handles(curves: LeakageCurves) -> list[Any]:
         handles.append(Patch(color=GREY, alpha=0.3, lw=0, label=curves.band_name))
     for name, symbol, size in _SINGLE:
         if name in curves.others:
-            look: dict[str, Any] = {"color": GREY, "ls": "", "marker": symbol, "ms": size, "mfc": "none"}
+            look: dict[str, Any] = {
+                "color": GREY,
+                "ls": "",
+                "marker": symbol,
+                "ms": size,
+                "mfc": "none",
+            }
             handles.append(Line2D([], [], label=name, **look))
     return handles
 
@@ -236,7 +243,9 @@ def study_figure(study: FaceResult, ax: Axes | None = None, label: str | None = 
 
 
 @shows(StochasticResult)
-def realisations_figure(study: StochasticResult, ax: Axes | None = None, label: str | None = None) -> Figure:
+def realisations_figure(
+    study: StochasticResult, ax: Axes | None = None, label: str | None = None
+) -> Figure:
     """Median of the leakage against nominal pressure, with the band from 5 to 95 % where there are enough seals."""
     ends, median = (0.05, 0.95), study.quantile(0.5)
     curves = LeakageCurves(
@@ -268,7 +277,10 @@ def leakage_curves(results: Results) -> LeakageCurves:
         band = budget.lower, budget.upper
     elif "leakage_lower" in data:
         low, high = data["leakage_lower"], data["leakage_upper"]
-        band, band_name = (low.values, high.values), _redraws(low.attrs["quantile"], high.attrs["quantile"])
+        band, band_name = (
+            (low.values, high.values),
+            _redraws(low.attrs["quantile"], high.attrs["quantile"]),
+        )
     others = {"two-scale": "leakage_two_scale", "deterministic": "leakage_deterministic"}
     return LeakageCurves(
         pressure=data["nominal_pressure"].values,
@@ -277,7 +289,11 @@ def leakage_curves(results: Results) -> LeakageCurves:
         title="median of the drawn seals" if results.method == "median" else results.method,
         band=band,
         band_name=band_name,
-        others={m: data[name].values for m, name in others.items() if name in data and m != results.method},
+        others={
+            m: data[name].values
+            for m, name in others.items()
+            if name in data and m != results.method
+        },
         limits=_limits(results),
         scale=_scale(results),
         force=force_scale(data),
@@ -307,6 +323,8 @@ def _scale(results: Results) -> tuple[float, str]:
     unit, factor = results.leak_scale
     attrs = results.dataset.attrs
     notes = ["gas at 101 325 Pa"] if results.leak_basis.is_gas and unit.kind == "volume" else []
-    notes += ["from outlet to inlet"] if attrs["outlet_pressure_Pa"] > attrs["inlet_pressure_Pa"] else []
+    notes += (
+        ["from outlet to inlet"] if attrs["outlet_pressure_Pa"] > attrs["inlet_pressure_Pa"] else []
+    )
     name = f"{leakage_of(results).rstrip(',')} [{unit.name}]"
     return factor, "\n".join([name, *([", ".join(notes)] if notes else [])])

@@ -17,7 +17,17 @@ from ..flow import Permeability
 from ..results.results import Results
 from ..results.selections import branches, load_names, pressures_and_peaks
 from ..seal import Leakage
-from .drawing import MAP, POCKET, STYLES, Sheet, branch_styles, new_figure, one_panel, panel_title, shows
+from .drawing import (
+    MAP,
+    POCKET,
+    STYLES,
+    Sheet,
+    branch_styles,
+    new_figure,
+    one_panel,
+    panel_title,
+    shows,
+)
 from .drawn_panels import drawn_figure
 from .heights import height_panel
 from .map_panels import lying, map_height, map_panel, map_row, name_sides, with_closed
@@ -132,10 +142,20 @@ def drop_panel(axes: Axes, data: xarray.Dataset, steps: Sequence[int]) -> None:
     for s, (colour, line, marker) in zip(steps, STYLES, strict=False):
         x1, p = pressure_rows(data, s)
         points = marker if len(x1) < 40 else ""
-        axes.plot(x1 * 1e3, p.mean(axis=1) / 1e6, color=colour, ls=line, marker=points, ms=4.5, label=names[s])
+        axes.plot(
+            x1 * 1e3,
+            p.mean(axis=1) / 1e6,
+            color=colour,
+            ls=line,
+            marker=points,
+            ms=4.5,
+            label=names[s],
+        )
         if s == steps[-1]:
             low, high = p.min(axis=1) / 1e6, p.max(axis=1) / 1e6
-            axes.fill_between(x1 * 1e3, low, high, color=colour, alpha=0.15, lw=0, label="lowest to highest there")
+            axes.fill_between(
+                x1 * 1e3, low, high, color=colour, alpha=0.15, lw=0, label="lowest to highest there"
+            )
     name_sides(axes, ("x1, inlet at 0 [mm]", "fluid pressure [MPa]"))
     axes.tick_params(labelsize=8)
     axes.grid(alpha=0.25, lw=0.6)
@@ -150,7 +170,9 @@ def row_panel(axes: Axes, data: xarray.Dataset, steps: Sequence[int]) -> None:
     names = load_names(data)
     for s, (colour, line, _) in zip(steps, STYLES, strict=False):
         x1 = data["row"].values * 1e3
-        axes.plot(x1, data["row_pressure"].values[s] / 1e6, color=colour, ls=line, lw=1.2, label=names[s])
+        axes.plot(
+            x1, data["row_pressure"].values[s] / 1e6, color=colour, ls=line, lw=1.2, label=names[s]
+        )
     highest = float(np.nanmax(data["row_pressure"].values[list(steps)])) / 1e6
     axes.set(xlabel="x1, inlet at 0 [mm]", ylabel="mean contact pressure of rows [MPa]")
     if highest > 0:
@@ -161,17 +183,25 @@ def row_panel(axes: Axes, data: xarray.Dataset, steps: Sequence[int]) -> None:
 
 def pressure_rows(data: xarray.Dataset, s: int) -> tuple[Array, Any]:
     """x1 [m] and fluid pressure [Pa] (rows, columns) of the blocks of the face, masked where undefined."""
-    return data["block1"].values, np.ma.masked_invalid(data["face_fluid_pressure"].values[s].astype(float))
+    return data["block1"].values, np.ma.masked_invalid(
+        data["face_fluid_pressure"].values[s].astype(float)
+    )
 
 
 @shows(Contact)
 def contact_figure(contact: Contact) -> Figure:
     """Maps of contact pressure and gap; grey: no contact, contact."""
-    l1, l2 = (n * d * 1e3 for n, d in zip(contact.gap.shape, contact.half_space.spacing, strict=True))
+    l1, l2 = (
+        n * d * 1e3 for n, d in zip(contact.gap.shape, contact.half_space.spacing, strict=True)
+    )
     figure = new_figure(11.0, map_height(lying((l1, l2)), 4.4) + 0.9)
     left, right = figure.subplots(1, 2)
-    pressure, gap = (np.where(a > 0, a, np.nan) for a in (contact.pressure / 1e6, contact.gap * 1e6))
-    map_panel(left, pressure, (l1, l2), with_closed("viridis"), "contact pressure [MPa]; grey: no contact")
+    pressure, gap = (
+        np.where(a > 0, a, np.nan) for a in (contact.pressure / 1e6, contact.gap * 1e6)
+    )
+    map_panel(
+        left, pressure, (l1, l2), with_closed("viridis"), "contact pressure [MPa]; grey: no contact"
+    )
     map_panel(right, gap, (l1, l2), with_closed("magma"), "gap [µm]; grey: contact")
     return figure
 
@@ -189,7 +219,12 @@ def cycle_figure(cycle: LoadCycle) -> Figure:
     """Fraction in contact and mean gap against nominal pressure."""
     figure = new_figure(9.6, 4.0)
     left, right = figure.subplots(1, 2)
-    _cycle_panel(left, cycle, np.array([100 * s.contact.area_fraction for s in cycle]), "fraction in contact [%]")
+    _cycle_panel(
+        left,
+        cycle,
+        np.array([100 * s.contact.area_fraction for s in cycle]),
+        "fraction in contact [%]",
+    )
     _cycle_panel(right, cycle, np.array([s.contact.mean_gap * 1e6 for s in cycle]), "mean gap [µm]")
     left.legend(fontsize=8.5, frameon=False)
     return figure
@@ -199,8 +234,18 @@ def _cycle_panel(axes: Axes, steps: Sequence[Any], values: NDArray[np.float64], 
     """Values at the steps of a cycle against nominal pressure, a curve for each branch."""
     pressure, peaks = pressures_and_peaks(steps)
     parts = branches(pressure, peaks)
-    for (name, chosen), (colour, line, marker) in zip(parts, branch_styles(len(parts)), strict=True):
-        axes.plot(pressure[chosen] / 1e6, values[chosen], color=colour, ls=line, marker=marker, ms=4.5, label=name)
+    for (name, chosen), (colour, line, marker) in zip(
+        parts, branch_styles(len(parts)), strict=True
+    ):
+        axes.plot(
+            pressure[chosen] / 1e6,
+            values[chosen],
+            color=colour,
+            ls=line,
+            marker=marker,
+            ms=4.5,
+            label=name,
+        )
     axes.set(xlabel="nominal pressure [MPa]", ylabel=label)
     axes.grid(alpha=0.25, lw=0.6)
 
@@ -211,7 +256,9 @@ def permeability_figure(permeability: Permeability, ax: Axes | None = None) -> F
     n1, n2 = permeability.fluid_pressure.shape
     figure, axes = one_panel(ax, 6.0, map_height(lying((n1, n2)), 4.6) + 0.9)
     title = "fluid pressure for a unit drop; white: contact, pockets"
-    map_panel(axes, permeability.fluid_pressure, (n1, n2), with_closed("cividis", POCKET), title, "pixels")
+    map_panel(
+        axes, permeability.fluid_pressure, (n1, n2), with_closed("cividis", POCKET), title, "pixels"
+    )
     return figure
 
 
@@ -227,5 +274,7 @@ def seal_leakage_figure(leakage: Leakage, ax: Axes | None = None) -> Figure:
     n1, n2 = leakage.fluid_pressure.shape
     figure, axes = one_panel(ax, 6.4, map_height(lying((n1, n2)), 4.8) + 0.9)
     title = "fluid pressure [MPa]; white: pockets"
-    map_panel(axes, leakage.fluid_pressure / 1e6, (n1, n2), with_closed("cividis", POCKET), title, "nodes")
+    map_panel(
+        axes, leakage.fluid_pressure / 1e6, (n1, n2), with_closed("cividis", POCKET), title, "nodes"
+    )
     return figure

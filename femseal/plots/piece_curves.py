@@ -73,7 +73,9 @@ def pieces_of(results: Results) -> Pieces:
     data = results.dataset
     kind = next((kind for kind in ("state", "piece") if f"{kind}_k1" in data), None)
     if kind is None:
-        raise InputError("pieces figure", "results without pieces", "those of a two-scale or a stochastic study")
+        raise InputError(
+            "pieces figure", "results without pieces", "those of a two-scale or a stochastic study"
+        )
     prefix = "state_" if kind == "state" else ""
     nominal, loads = data[f"{prefix}nominal_pressure"].values, data["nominal_pressure"].values
     # a ladder of states reaches beyond the loads of the case
@@ -84,7 +86,9 @@ def pieces_of(results: Results) -> Pieces:
     return Pieces(k, gap, pressure, loading[asked], nominal[asked])
 
 
-def _clouds(axes: Axes, pieces: Pieces, x: Array, text: Callable[[float], str], *, plates: bool) -> bool:
+def _clouds(
+    axes: Axes, pieces: Pieces, x: Array, text: Callable[[float], str], *, plates: bool
+) -> bool:
     """A point for each open piece in each state, in two colours, and the line of parallel plates over a gap [µm].
 
     text : of a load. Returns whether a piece is open.
@@ -93,7 +97,9 @@ def _clouds(axes: Axes, pieces: Pieces, x: Array, text: Callable[[float], str], 
     with np.errstate(invalid="ignore"):
         shown = (k > np.nanmax(k, initial=0.0) * 10.0**-_DECADES) & ((x > 0) | (not plates))
     if not shown.any():
-        axes.annotate("every piece is closed", (0.5, 0.5), xycoords="axes fraction", ha="center", color=GREY)
+        axes.annotate(
+            "every piece is closed", (0.5, 0.5), xycoords="axes fraction", ha="center", color=GREY
+        )
         return False
     branches = (("loading", pieces.loading), ("unloading", ~pieces.loading))
     for (name, states), (colour, _, marker) in zip(branches, STYLES, strict=False):
@@ -102,7 +108,9 @@ def _clouds(axes: Axes, pieces: Pieces, x: Array, text: Callable[[float], str], 
             ends = dict.fromkeys(map(text, sorted((loads.min(), loads.max()))))
             look: dict[str, Any] = {"color": colour, "marker": marker, "ms": 4, "ls": "", "mew": 0}
             label = f"{name}, {' to '.join(ends)}"
-            axes.plot(x[states][seen], k[states][seen], alpha=0.55, label=label, rasterized=True, **look)
+            axes.plot(
+                x[states][seen], k[states][seen], alpha=0.55, label=label, rasterized=True, **look
+            )
     low, high = float(k[shown].min()), float(k[shown].max())
     if plates:
         h = np.geomspace(float(x[shown].min()) / 1.1, float(x[shown].max()) * 1.1, 50)

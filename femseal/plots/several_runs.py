@@ -58,7 +58,10 @@ def run_styles(count: int) -> list[tuple[Any, str]]:
     markers = [marker for _, _, marker in STYLES]
     if count <= len(STYLES):
         return [(colour, marker) for colour, _, marker in STYLES[:count]]
-    return [(colormaps["viridis"](0.92 * n / (count - 1)), markers[n % len(markers)]) for n in range(count)]
+    return [
+        (colormaps["viridis"](0.92 * n / (count - 1)), markers[n % len(markers)])
+        for n in range(count)
+    ]
 
 
 def _load_panel(axes: Axes, comparison: RunComparison) -> list[Any]:
@@ -73,31 +76,55 @@ def _load_panel(axes: Axes, comparison: RunComparison) -> list[Any]:
     leakage_axis(axes, np.concatenate([*leakages, *ends]), min(count, _MOST_LANES))
     handles: list[Any] = []
     unloads = False
-    for n, (name, (colour, marker)) in enumerate(zip(comparison.labels, run_styles(count), strict=True)):
+    for n, (name, (colour, marker)) in enumerate(
+        zip(comparison.labels, run_styles(count), strict=True)
+    ):
         data = comparison.runs[n].dataset
         pressure = data["nominal_pressure"].values / 1e6
-        for part, (_, steps) in enumerate(branches(data["nominal_pressure"].values, data["unloaded_from"].values)):
+        for part, (_, steps) in enumerate(
+            branches(data["nominal_pressure"].values, data["unloaded_from"].values)
+        ):
             x, y = pressure[steps], leakages[n][steps]
             look: dict[str, Any] = {"color": colour, "marker": marker}
-            look |= {"ls": "-", "lw": 1.8, "ms": 4.5} if part == 0 else {"ls": "--", "lw": 1.0, "ms": 4, "mfc": "white"}
+            look |= (
+                {"ls": "-", "lw": 1.8, "ms": 4.5}
+                if part == 0
+                else {"ls": "--", "lw": 1.0, "ms": 4, "mfc": "white"}
+            )
             leakage_line(axes, x, y, n % _MOST_LANES, **look)
             unloads |= part > 0
             if (band := bands[n]) is not None and part == 0:
                 leakage_band(axes, x, band[0][steps], band[1][steps], colour)
         handles.append(Line2D([], [], color=colour, marker=marker, ms=4.5, lw=1.8, label=name))
     if unloads:
-        handles.append(Line2D([], [], color=GREY, ls="--", lw=1.0, marker="o", ms=4, mfc="white", label="unloading"))
+        handles.append(
+            Line2D(
+                [],
+                [],
+                color=GREY,
+                ls="--",
+                lw=1.0,
+                marker="o",
+                ms=4,
+                mfc="white",
+                label="unloading",
+            )
+        )
     if any(band is not None for band in bands):
         handles.append(Patch(color=GREY, alpha=0.3, lw=0, label="band of realisations on loading"))
     axes.set(xlabel="nominal pressure [MPa]", ylabel=comparison.label)
-    load_axis(axes, np.concatenate([r.dataset["nominal_pressure"].values for r in comparison.runs]) / 1e6)
+    load_axis(
+        axes, np.concatenate([r.dataset["nominal_pressure"].values for r in comparison.runs]) / 1e6
+    )
     axes.grid(alpha=0.25, lw=0.6)
     return handles
 
 
 def _drawn_key(comparison: RunComparison) -> int | None:
     """The key of a sweep with most values, if the runs have loads in common; None without one."""
-    counts = [len({values[k] for values in comparison.settings}) for k in range(len(comparison.keys))]
+    counts = [
+        len({values[k] for values in comparison.settings}) for k in range(len(comparison.keys))
+    ]
     if not counts or max(counts) < 2 or not comparison.common_steps:
         return None
     return int(np.argmax(counts))
@@ -114,7 +141,9 @@ def _key_panel(axes: Axes, comparison: RunComparison, key: int) -> None:
     lines: list[tuple[str, list[int], LoadStep]]
     if len(others) > 1:
         axes.set_title(steps[0].name, fontsize=9.5)
-        lines = [(", ".join(values), runs, steps[0]) for values, runs in others.items()][:_MOST_LINES]
+        lines = [(", ".join(values), runs, steps[0]) for values, runs in others.items()][
+            :_MOST_LINES
+        ]
     else:
         lines = [(step.name, runs, step) for step in steps for runs in others.values()]
     drawn = []
@@ -123,15 +152,21 @@ def _key_panel(axes: Axes, comparison: RunComparison, key: int) -> None:
         drawn.append((name, np.array(sorted(points)).T))
     sizes = np.concatenate([lines_of[1:].ravel() for _, lines_of in drawn])
     leakage_axis(axes, sizes, len(drawn))
-    for n, ((name, (x, y, low, high)), (colour, line, marker)) in enumerate(zip(drawn, STYLES, strict=False)):
+    for n, ((name, (x, y, low, high)), (colour, line, marker)) in enumerate(
+        zip(drawn, STYLES, strict=False)
+    ):
         if len(drawn) <= _MOST_BANDS:
             leakage_band(axes, x, low, high, colour)
-        leakage_line(axes, x, y, n, color=colour, ls=line, lw=1.8, marker=marker, ms=4.5, label=name)
+        leakage_line(
+            axes, x, y, n, color=colour, ls=line, lw=1.8, marker=marker, ms=4.5, label=name
+        )
     name = comparison.keys[key]
     axes.set(xlabel=f"{name} [{unit}]" if unit else name, ylabel=comparison.label)
     _key_axis(axes, texts, places, unit)
     axes.grid(alpha=0.25, lw=0.6)
-    varied = ", ".join(comparison.keys[:key] + comparison.keys[key + 1 :]) if len(others) > 1 else None
+    varied = (
+        ", ".join(comparison.keys[:key] + comparison.keys[key + 1 :]) if len(others) > 1 else None
+    )
     axes.legend(fontsize=8, framealpha=0.9, title=varied, title_fontsize=8)
 
 
@@ -145,8 +180,14 @@ def _at(comparison: RunComparison, run: int, step: LoadStep) -> tuple[float, flo
 
 def _shown_steps(comparison: RunComparison, count: int) -> list[LoadStep]:
     """Common steps on loading at which most runs leak: the first, and up to the highest, spread evenly."""
-    loading = [step for step in comparison.common_steps if step.unloaded_from is None] or [*comparison.common_steps]
-    leaking = [step for step in loading if all(_at(comparison, n, step)[0] > 0 for n in range(len(comparison.runs)))]
+    loading = [step for step in comparison.common_steps if step.unloaded_from is None] or [
+        *comparison.common_steps
+    ]
+    leaking = [
+        step
+        for step in loading
+        if all(_at(comparison, n, step)[0] > 0 for n in range(len(comparison.runs)))
+    ]
     leaking = leaking or loading
     if count == 1:
         return [leaking[-1]]
@@ -159,7 +200,9 @@ def _places(texts: list[str]) -> tuple[dict[str, float], str]:
     found = [_NUMBER.fullmatch(text) for text in texts]
     units = {match[2] if match else None for match in found}
     if len(units) == 1 and None not in units:
-        return {text: float(match[1]) for text, match in zip(texts, found, strict=True) if match}, str(*units)
+        return {
+            text: float(match[1]) for text, match in zip(texts, found, strict=True) if match
+        }, str(*units)
     return {text: float(n) for n, text in enumerate(texts)}, ""
 
 

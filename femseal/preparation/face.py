@@ -89,7 +89,11 @@ def conditioned_face(case: Case) -> ConditionedFace:
     cut_off, asked = case.surface.continue_spectrum, case.surface.shortest_wave
     longest = asked or instrument.resolution
     with with_keys(SURFACE_KEYS):
-        continued = None if cut_off is None else continuation_of(flat, cut_off, longest=longest, rng=case.seed)
+        continued = (
+            None
+            if cut_off is None
+            else continuation_of(flat, cut_off, longest=longest, rng=case.seed)
+        )
     shape = _grid(case, flat, instrument)
     wave = continued.longest if continued else asked or default_wave(flat, shape, instrument)
     check_memory_of_points("surface.points", shape, len(flat.each))
@@ -100,14 +104,22 @@ def conditioned_face(case: Case) -> ConditionedFace:
     with with_keys(SURFACE_KEYS):
         one = shortest_place(flat)
         check_wave(wave, one.size, (shape[0], round(shape[1] * one.shape[1] / flat.shape[1])))
-        surface, report = smooth(flat, repaired, shortest_wave=wave, shape=shape, instrument=instrument)
+        surface, report = smooth(
+            flat, repaired, shortest_wave=wave, shape=shape, instrument=instrument
+        )
     if of_one is not None:
         Cut.of(shortest_place(surface), of_one)  # refuses pieces of too few points
     report = _of_generated(case, flat, replace(report, **_found(separately, wave)))
     if continued is not None:
         surface = continued.added_to(surface)
         slope, height = surface.rms_slope, surface.rms_height
-        report = replace(report, shortest_wave=continued.cut_off, rms_slope=slope, rms_height=height, unseen_slope=0.0)
+        report = replace(
+            report,
+            shortest_wave=continued.cut_off,
+            rms_slope=slope,
+            rms_height=height,
+            unseen_slope=0.0,
+        )
     return ConditionedFace(surface, report, overlap, cells, continued)
 
 
@@ -122,10 +134,14 @@ Measured = tuple[Topography, Instrument]
 
 def _worst(faces: Sequence[Measured]) -> Instrument:
     """An instrument that sees what those of all flat maps see."""
-    return Instrument(resolution=max(instrument.shortest_wave(flat) for flat, instrument in faces) or None)
+    return Instrument(
+        resolution=max(instrument.shortest_wave(flat) for flat, instrument in faces) or None
+    )
 
 
-def _combined_faces(case: Case) -> tuple[list[Measured], list[tuple[Topography, Repair]], Overlap | None, float]:
+def _combined_faces(
+    case: Case,
+) -> tuple[list[Measured], list[tuple[Topography, Repair]], Overlap | None, float]:
     """Every place of one face as it is, or of the sum of two repaired ones, with their instruments.
 
     Also returned: the repairs of the two, their overlap, and the threshold of the spikes that the sum still has.
@@ -138,7 +154,9 @@ def _combined_faces(case: Case) -> tuple[list[Measured], list[tuple[Topography, 
         with with_keys(FACE_KEYS, place):
             tables = table.each(case.folder) if isinstance(table, FileFace) else [table]
             faces.append([one.make(case.folder, rng) for one in tables])
-    thresholds = [case.surface.spikes if isinstance(table, FileFace) else inf for table in case.face]
+    thresholds = [
+        case.surface.spikes if isinstance(table, FileFace) else inf for table in case.face
+    ]
     if len(faces) == 1:
         return faces[0], [], None, thresholds[0]
     repaired: list[list[tuple[Topography, Repair]]] = []
@@ -149,11 +167,19 @@ def _combined_faces(case: Case) -> tuple[list[Measured], list[tuple[Topography, 
     placement = table.placement if isinstance(table, FileFace) else {}
     first, second = repaired
     # place n of one face lies on place n of the other; where there are fewer they come again
-    pairs = [(first[n % len(first)], second[n % len(second)]) for n in range(max(len(first), len(second)))]
+    pairs = [
+        (first[n % len(first)], second[n % len(second)])
+        for n in range(max(len(first), len(second)))
+    ]
     both = [combine(a, b, **placement) for (a, _), (b, _) in pairs]
     every = zip(chain(*repaired), chain(*faces), strict=True)
     worst = _worst([(flat, instrument) for (flat, _), (_, instrument) in every])
-    return [(surface, worst) for surface, _ in both], [found for pair in pairs for found in pair], both[0][1], inf
+    return (
+        [(surface, worst) for surface, _ in both],
+        [found for pair in pairs for found in pair],
+        both[0][1],
+        inf,
+    )
 
 
 def _of_generated(case: Case, flat: Topography, report: Conditioning) -> Conditioning:
@@ -177,7 +203,9 @@ def _found(repaired: list[tuple[Topography, Repair]], wavelength: float) -> dict
     return {
         "undefined_fraction": sum(r.undefined_fraction for _, r in repaired) / len(repaired),
         "spike_points": sum(r.spike_points for _, r in repaired),
-        "spikes_along_lay": max((e.along_lay for e in effects if e.along_lay is not None), default=None),
+        "spikes_along_lay": max(
+            (e.along_lay for e in effects if e.along_lay is not None), default=None
+        ),
         "spikes_extreme": max((e.extreme for e in effects if e.extreme is not None), default=None),
     }
 
@@ -188,8 +216,16 @@ def _grid(case: Case, flat: Topography, instrument: Instrument) -> tuple[int, in
     Those of the case are of one place, the others of all that were measured, side by side. A measured face keeps its
     own pixels where waves of 8 of them have nearly all of its slope.
     """
-    cut_off, points, size = case.surface.continue_spectrum, case.surface.points, shortest_place(flat).size
-    if cut_off is not None and points is not None and cut_off < resolved_wave(size, points) * (1 - 1e-9):
+    cut_off, points, size = (
+        case.surface.continue_spectrum,
+        case.surface.points,
+        shortest_place(flat).size,
+    )
+    if (
+        cut_off is not None
+        and points is not None
+        and cut_off < resolved_wave(size, points) * (1 - 1e-9)
+    ):
         expected = f"8 pixels to continue_spectrum, {list(resolving_shape(size, cut_off))}"
         raise InputError("surface.points", list(points), expected)
     if points is not None:
@@ -201,7 +237,9 @@ def _grid(case: Case, flat: Topography, instrument: Instrument) -> tuple[int, in
     return default_grid(flat, case.surface.shortest_wave, instrument)
 
 
-def default_grid(flat: Topography, shortest_wave: float | None, instrument: Instrument) -> tuple[int, int]:
+def default_grid(
+    flat: Topography, shortest_wave: float | None, instrument: Instrument
+) -> tuple[int, int]:
     """Points on which a measured face is solved unless the case says otherwise, see `topography.resolving_shape`.
 
     flat : without undefined points.
@@ -212,7 +250,9 @@ def default_grid(flat: Topography, shortest_wave: float | None, instrument: Inst
         measured = max(spectrum(flat).shortest_wave, instrument.shortest_wave(flat))
         enough = flat.low_pass(own).rms_slope >= KEPT_SLOPE * flat.low_pass(measured).rms_slope
         return (
-            flat.shape if enough and few else resolving_shape(flat.size, own if enough else measured, most=MOST_POINTS)
+            flat.shape
+            if enough and few
+            else resolving_shape(flat.size, own if enough else measured, most=MOST_POINTS)
         )
     if shortest_wave >= own and few:
         return flat.shape
@@ -243,7 +283,9 @@ def _usual_pieces(case: Case, place: Topography, wave: float) -> Pair:
     """Pieces of two scales: those of seals that are drawn too, else of eight shortest waves or more a side."""
     if (drawn := case.stochastic) is not None and "stochastic" in case.methods:
         return usual_pieces(place, in_place=case.layout.has_length and drawn.breadth is None)
-    return max(1, int(place.size[0] / (8 * wave) + 1e-9)), max(1, int(place.size[1] / (8 * wave) + 1e-9))
+    return max(1, int(place.size[0] / (8 * wave) + 1e-9)), max(
+        1, int(place.size[1] / (8 * wave) + 1e-9)
+    )
 
 
 #: Fractions of the variance of the heights that means along x2 keep where grooves run along x2, and of the power of
@@ -253,14 +295,19 @@ _GROOVED, _EVEN = 0.5, 0.3
 _LEAST_GROOVES = 3
 
 
-def measured_patch(case: Case, surface: Topography, scene: Scene) -> tuple[Representative | None, FormEffect | None]:
+def measured_patch(
+    case: Case, surface: Topography, scene: Scene
+) -> tuple[Representative | None, FormEffect | None]:
     """What a measured face holds of its long waves, and what its form does where the case neither says nor has one.
 
     surface : without the form of a seat.
     """
     if not surface.rms_slope or not any(isinstance(table, FileFace) for table in case.face):
         return None, None
-    holds, loads = representative(surface), [pressure for pressure in scene.steps.loading if pressure > 0]
+    holds, loads = (
+        representative(surface),
+        [pressure for pressure in scene.steps.loading if pressure > 0],
+    )
     said = "detrend" in case.surface.model_fields_set or case.seat.kind != "flat" or case.seal.form
     if said or not loads:
         return holds, None
@@ -277,7 +324,11 @@ def wound_layout(case: Case) -> Layout:
     if not isinstance(layout, RectangularLayout | AnnularLayout):
         return layout
     lay = layout.lay
-    pitches = [face.pitch for face in case.face if isinstance(face, TurnedFace) and face.pitch < face.size[0]]
+    pitches = [
+        face.pitch
+        for face in case.face
+        if isinstance(face, TurnedFace) and face.pitch < face.size[0]
+    ]
     is_given = "lay" in case.seal.model_fields_set
     if len(case.face) == len(pitches) == 1 and circumference is not None and not is_given:
         lay = Lay(name="spiral", lead=pitches[0])
@@ -292,7 +343,10 @@ def groove_question(case: Case, scene: Scene) -> Iterator[str]:
     circumference = _circumference(case)
     if not measured or "lay" in case.seal.model_fields_set or circumference is None:
         return
-    if not isinstance(case.layout, RectangularLayout | AnnularLayout) or (pitch := groove_pitch(scene.surface)) is None:
+    if (
+        not isinstance(case.layout, RectangularLayout | AnnularLayout)
+        or (pitch := groove_pitch(scene.surface)) is None
+    ):
         return
     # lands are closed where half of the face is in contact, and grooves are about as deep as then
     depth = np.maximum(np.median(scene.surface.heights) - scene.surface.heights.mean(axis=1), 0.0)
@@ -316,7 +370,12 @@ def groove_pitch(surface: Topography) -> float | None:
     if not profile.var() > _GROOVED * z.var():
         return None
     n = profile.size
-    power = np.abs(np.fft.rfft(profile - np.polyval(np.polyfit(np.arange(n), profile, 2), np.arange(n)))) ** 2
+    power = (
+        np.abs(
+            np.fft.rfft(profile - np.polyval(np.polyfit(np.arange(n), profile, 2), np.arange(n)))
+        )
+        ** 2
+    )
     power[:_LEAST_GROOVES] = 0.0
     waves = int(power.argmax())
     around = np.arange(waves - 1, min(waves + 2, power.size))

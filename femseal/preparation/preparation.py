@@ -13,7 +13,14 @@ from ..studies import Sampling, Scene, cut_and_tiles, laid_out
 from ..studies.scene import gas_warnings, scene_warnings
 from ..studies.seal_contact import form_on_grid
 from ..studies.tile_pressure import check_map
-from ..topography import MOST_POINTS, Conditioning, SpikeEffect, Topography, resolving_shape, shortest_place
+from ..topography import (
+    MOST_POINTS,
+    Conditioning,
+    SpikeEffect,
+    Topography,
+    resolving_shape,
+    shortest_place,
+)
 from ..topography.seat import LEAST_DEPTH, FlatSeat
 from .face import conditioned_face, groove_question, measured_patch, wound_layout
 from .prepared import Pair, Prepared, check_memory, check_memory_of_tiles, refused_if_too_large
@@ -77,7 +84,9 @@ def _form_tolerance(case: Case, sampling: Sampling | None, broader: bool) -> For
     seat = None if case.seat.kind == "flat" else case.seat.seat(case.folder)
     if sampling is not None and sampling.form:
         of_seat = () if seat is None else (case.seat.tolerance,)
-        return FormTolerance(sampling.form, (*(form.tolerance for form in case.seal.form or ()), *of_seat))
+        return FormTolerance(
+            sampling.form, (*(form.tolerance for form in case.seal.form or ()), *of_seat)
+        )
     return None if seat is None else FormTolerance(seat=seat, tolerance=case.seat.tolerance)
 
 
@@ -87,7 +96,9 @@ def _check_pieces(surface: Topography, conditioning: Conditioning, cells: Pair |
     sides = [side / m for side, m in zip(surface.size, cells or (1, 1), strict=True)]
     if cells is not None and min(sides) < least * (1 - 1e-9):
         given = f"pieces of {' × '.join(to_text(side, 'm', 3) for side in sides)}"
-        raise InputError("cells", given, f"pieces of at least two shortest waves, {to_text(least, 'm', 3)}")
+        raise InputError(
+            "cells", given, f"pieces of at least two shortest waves, {to_text(least, 'm', 3)}"
+        )
 
 
 def _seals(
@@ -129,8 +140,12 @@ def _with_seat(case: Case, surface: Topography, broader: bool) -> tuple[Topograp
     if isinstance(seat, FlatSeat):
         return surface, ""
     if broader and case.methods != {"stochastic"}:
-        given = f"a seal that takes pieces anywhere of the face, with {', '.join(sorted(case.methods))}"
-        raise InputError("seat.kind", given, "the method stochastic alone, or a seal as broad as the face")
+        given = (
+            f"a seal that takes pieces anywhere of the face, with {', '.join(sorted(case.methods))}"
+        )
+        raise InputError(
+            "seat.kind", given, "the method stochastic alone, or a seal as broad as the face"
+        )
     if broader:
         return surface, str(seat)
     try:
@@ -138,7 +153,10 @@ def _with_seat(case: Case, surface: Topography, broader: bool) -> tuple[Topograp
     except InputError as error:
         raise (error if error.what == "seat" else error.inside("seat")) from None
     if not seat.matters(surface):
-        return surface, f"{seat}: its depth is below {LEAST_DEPTH:.1%} of the rms height, and is left out"
+        return (
+            surface,
+            f"{seat}: its depth is below {LEAST_DEPTH:.1%} of the rms height, and is left out",
+        )
     return formed, str(seat)
 
 
@@ -172,19 +190,28 @@ def _pressures(case: Case, seal: tuple[float, float]) -> dict[str, tuple[float, 
     known = drawn is not None and (drawn.length is not None or not case.layout.has_length)
     if case.load.unit == "N" and not known:
         given = "forces on a seal of no length"
-        raise InputError("load.loading", given, "pressures, forces per length, or a length in [stochastic]")
+        raise InputError(
+            "load.loading", given, "pressures, forces per length, or a length in [stochastic]"
+        )
     area = seal[0] * seal[1] / case.seat.seat(case.folder).load_factor
     found = case.load.pressures(area, seal[1])
     highest = max((*found["loading"], *found["unload_from"]))
     if highest >= case.law.capacity:
         load = to_text(case.load.highest, case.load.unit)
         given = f"{load} on {1e6 * area:.4g} mm², {to_text(highest, 'Pa')}"
-        raise InputError("load", given, f"pressures below the hardness, {to_text(case.law.capacity, 'Pa')}")
+        raise InputError(
+            "load", given, f"pressures below the hardness, {to_text(case.law.capacity, 'Pa')}"
+        )
     return found
 
 
 def _under_map(
-    case: Case, scene: Scene, sampling: Sampling, cells: Pair | None, seal: tuple[float, float], broader: bool
+    case: Case,
+    scene: Scene,
+    sampling: Sampling,
+    cells: Pair | None,
+    seal: tuple[float, float],
+    broader: bool,
 ) -> tuple[Sampling, Pair, tuple[str, ...]]:
     """The sampling with the map of the pressure or the form of the seal, the pieces, and what is not plausible."""
     forms = case.seal.forms(case.folder)
@@ -194,18 +221,29 @@ def _under_map(
         if forms:
             sampling = replace(sampling, form=forms)
         else:
-            sampling = replace(sampling, pressure_map=case.load.pressure_map(case.folder, seal[0] * seal[1], seal[1]))
+            sampling = replace(
+                sampling,
+                pressure_map=case.load.pressure_map(case.folder, seal[0] * seal[1], seal[1]),
+            )
         cut, tiles = cut_and_tiles(scene, cells, sampling)
         if forms:
-            form_on_grid(scene, tiles, forms)  # refuses a form that is too steep, or does not cover the seal
-        return sampling, cut.shape, (*tiles.warnings, *check_map(scene, tiles, sampling.pressure_map))
+            form_on_grid(
+                scene, tiles, forms
+            )  # refuses a form that is too steep, or does not cover the seal
+        return (
+            sampling,
+            cut.shape,
+            (*tiles.warnings, *check_map(scene, tiles, sampling.pressure_map)),
+        )
 
 
 def plausibility_warnings(case: Case, scene: Scene, surface: Conditioning) -> tuple[str, ...]:
     """One sentence for each thing in a case and its scene that is not plausible, but may be meant."""
     tested: tuple[str, ...] = ()
     if (test := case.output.test_fluid) is not None:
-        tested = tuple(gas_warnings("output.test_fluid", test.fluid, test.inlet_pressure, test.outlet_pressure))
+        tested = tuple(
+            gas_warnings("output.test_fluid", test.fluid, test.inlet_pressure, test.outlet_pressure)
+        )
     return (
         *unusual(case),
         *case.fluid_warnings,
@@ -220,16 +258,24 @@ def _odd_filter(case: Case, scene: Scene, surface: Conditioning) -> Iterator[str
     """Warn where the low-pass removes much of the measured slope, and say what keeps it."""
     if case.surface.continue_spectrum is not None:
         return
-    measured, kept = (to_text(wave, "m", 3) for wave in (surface.shortest_measured, surface.shortest_wave))
+    measured, kept = (
+        to_text(wave, "m", 3) for wave in (surface.shortest_measured, surface.shortest_wave)
+    )
     asked = case.surface.shortest_wave is not None or case.surface.points is not None
     place, places = shortest_place(scene.surface), len(scene.surface.each)
     points = resolving_shape(place.size, surface.shortest_measured)
-    limited = not asked and surface.shape != surface.shape_before and places * points[0] * points[1] > MOST_POINTS
+    limited = (
+        not asked
+        and surface.shape != surface.shape_before
+        and places * points[0] * points[1] > MOST_POINTS
+    )
     unseen = surface.shortest_wave == surface.shortest_seen  # as `femseal check` says
     if not unseen and surface.lost_slope > (_LOST_TO_COST if limited else _LOST_SLOPE):
         remedy = f"set surface.points = {list(points)}"
         if case.surface.shortest_wave is not None:
-            keys = "surface.shortest_wave" + (" and surface.points" if case.surface.points is not None else "")
+            keys = "surface.shortest_wave" + (
+                " and surface.points" if case.surface.points is not None else ""
+            )
             remedy = f"leave out {keys}"
         elif limited:
             most = " × ".join(map(str, place.shape))

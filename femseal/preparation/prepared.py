@@ -44,9 +44,17 @@ def check_memory_of_tiles(layout: Layout, sampling: Sampling, surface: Topograph
     """Raise InputError if the tiles of a strip or a ring, as large as pieces of a face, do not fit into memory."""
     side1, side2 = Cut.of(surface, usual_pieces(surface)).size
     if isinstance(layout, AnnularLayout):
-        key, breadth, length = "seal", layout.outer_radius - layout.inner_radius, layout.circumference
+        key, breadth, length = (
+            "seal",
+            layout.outer_radius - layout.inner_radius,
+            layout.circumference,
+        )
     elif sampling.length is not None:
-        key, breadth, length = "stochastic.length", sampling.breadth or surface.size[0], sampling.length
+        key, breadth, length = (
+            "stochastic.length",
+            sampling.breadth or surface.size[0],
+            sampling.length,
+        )
     else:
         return
     rows, columns = breadth / side1, length / side2
@@ -150,7 +158,9 @@ class Prepared:
 
     def options(self, study: Study) -> StudyOptions:
         """The options of a study."""
-        return StudyOptions(self.cells, self.sampling, knows_face=study.name != self.solved_studies[0].name)
+        return StudyOptions(
+            self.cells, self.sampling, knows_face=study.name != self.solved_studies[0].name
+        )
 
     @property
     def least_points(self) -> Pair:
@@ -201,7 +211,9 @@ class Prepared:
     @property
     def surface_report(self) -> dict[str, Any]:
         """The repair and conditioning of the surface, as plain data."""
-        found = asdict(self.conditioning) | ({} if self.overlap is None else {"overlap": asdict(self.overlap)})
+        found = asdict(self.conditioning) | (
+            {} if self.overlap is None else {"overlap": asdict(self.overlap)}
+        )
         if self.continuation is not None:
             found["continuation"] = asdict(self.continuation) | {"text": self.continuation_text}
         return found
@@ -213,6 +225,8 @@ class Prepared:
             return ""
         wave = self.continuation.last_that_counts(self.scene.law.mean_hardness, self.scene.modulus)
         ends = (
-            f"sets the area from {to_text(wave, 'm', 3)} on" if wave else "does not end what these waves do to the area"
+            f"sets the area from {to_text(wave, 'm', 3)} on"
+            if wave
+            else "does not end what these waves do to the area"
         )
         return f"{self.continuation}; by Persson's theory hardness {ends}"

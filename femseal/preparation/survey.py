@@ -102,14 +102,22 @@ def survey(
 
     Raises InputError: an argument cannot be used, or a file without heights; no picture is written.
     """
-    if picture is not None and (picture.suffix.lower() not in _PICTURES or not picture.absolute().parent.is_dir()):
-        raise InputError("output", f"'{picture}'", f"a file {', '.join(_PICTURES)} in a folder that exists")
+    if picture is not None and (
+        picture.suffix.lower() not in _PICTURES or not picture.absolute().parent.is_dir()
+    ):
+        raise InputError(
+            "output", f"'{picture}'", f"a file {', '.join(_PICTURES)} in a folder that exists"
+        )
     lengths = _lengths(size=size, spacing=spacing, crop=crop)
     wave = None if shortest_wave is None else to_si(shortest_wave, "m", "--shortest-wave")
     for name, length in (("tip_radius", tip_radius), ("resolution", resolution)):
         if length is not None:
             reading[name] = to_si(length, "m", f"--{name.replace('_', '-')}")
-    treatment: dict[str, Any] = {"detrend": detrend, "spikes": spikes, "max_undefined": max_undefined}
+    treatment: dict[str, Any] = {
+        "detrend": detrend,
+        "spikes": spikes,
+        "max_undefined": max_undefined,
+    }
     with with_keys(SURFACE_OPTIONS):
         validate.number("max_undefined", max_undefined, inclusive=True)
         number = int(channel) if channel.isdecimal() else channel
@@ -121,7 +129,9 @@ def survey(
     lines += [f"note: a run refuses this face: {reason}" for reason in reasons]
     if seen.masked_fraction:
         fraction = f"{100 * seen.masked_fraction:.3g} %"
-        lines.append(f"note: {fraction} of the points in the file are masked in it: --no-file-mask takes their heights")
+        lines.append(
+            f"note: {fraction} of the points in the file are masked in it: --no-file-mask takes their heights"
+        )
     if path.suffix.lower() in TEXT:
         lines.append(f"note: {_ORIENTATION}")
     if found.report is not None and found.conditioning is not None:
@@ -130,7 +140,9 @@ def survey(
         texts += [found.first] if found.first else []
         lines += [f"note: {text}" for text in texts]
     if picture is not None:
-        figure = survey_figure(face, found.report, found.conditioning, detrend=detrend, spikes=spikes)
+        figure = survey_figure(
+            face, found.report, found.conditioning, detrend=detrend, spikes=spikes
+        )
         figure.suptitle(path.name, fontsize=11, parse_math=False)
         with writing("output", picture):
             figure.savefig(picture)
@@ -147,7 +159,9 @@ def _lengths(**said: tuple[str, ...] | None) -> dict[str, Any]:
     }
 
 
-def look(face: Topography, wave: float | None, treatment: dict[str, Any], instrument: Instrument) -> _Look:
+def look(
+    face: Topography, wave: float | None, treatment: dict[str, Any], instrument: Instrument
+) -> _Look:
     """Describe and condition the face."""
     if face.undefined_fraction == 1:
         return _Look(reasons=("none of its points is defined",))
@@ -161,9 +175,13 @@ def look(face: Topography, wave: float | None, treatment: dict[str, Any], instru
         with with_keys(SURFACE_OPTIONS):
             flat, repaired = repair(face, **treatment)
             shape = default_grid(flat, wave, instrument)
-            kept, conditioning = smooth(flat, repaired, shortest_wave=wave, shape=shape, instrument=instrument)
+            kept, conditioning = smooth(
+                flat, repaired, shortest_wave=wave, shape=shape, instrument=instrument
+            )
     except InputError as error:
-        if wave is not None and not isinstance(error.__cause__, TooManyUndefined):  # the caller's wave, not the face
+        if wave is not None and not isinstance(
+            error.__cause__, TooManyUndefined
+        ):  # the caller's wave, not the face
             raise
         return _Look(report, reasons=(*reasons, *([] if reasons else [str(error)])))
     found = _Look(report, conditioning, reasons=tuple(reasons))
@@ -183,7 +201,9 @@ def _description(face: Topography, look: _Look) -> list[str]:
     """Numbers of the face and of what a run does to it, as far as they are known."""
     lines = []
     if look.report is None:
-        sides, pixel = (" × ".join(to_text(x, "m") for x in pair) for pair in (face.size, face.spacing))
+        sides, pixel = (
+            " × ".join(to_text(x, "m") for x in pair) for pair in (face.size, face.spacing)
+        )
         facts = {"points": f"{face.shape[0]} × {face.shape[1]}", "size": sides, "pixel": pixel}
         facts["undefined points"] = f"{100 * face.undefined_fraction:.3g} %"
         lines += [f"  {name:16}  {text}" for name, text in facts.items()]
@@ -204,17 +224,25 @@ def notes(report: SurfaceReport, conditioning: Conditioning) -> list[str]:
     notes = effect.doubts(conditioning.spike_points)
     if report.shortest_wave > conditioning.shortest_wave * (1 + 1e-9):
         wave = to_text(report.shortest_wave, "m", 3)
-        notes.append(f"waves below {wave} are noise or beyond the instrument: shortest_wave = '{wave}' removes them")
+        notes.append(
+            f"waves below {wave} are noise or beyond the instrument: shortest_wave = '{wave}' removes them"
+        )
     if conditioning.unseen:
         notes.append(conditioning.unseen)
     if not isnan(report.lay_direction) and abs(report.lay_direction) > pi / 4:
         angle = degrees(abs(report.lay_direction))
-        notes.append(f"the lay runs {angle:.0f}° off x2, along the leakage: transpose exchanges the axes")
+        notes.append(
+            f"the lay runs {angle:.0f}° off x2, along the leakage: transpose exchanges the axes"
+        )
     return notes
 
 
 def case_of_face(
-    path: Path, folder: Path, *, spacing: tuple[str, str] | None = None, height_unit: str | None = None
+    path: Path,
+    folder: Path,
+    *,
+    spacing: tuple[str, str] | None = None,
+    height_unit: str | None = None,
 ) -> str:
     """Text of a case of a measured face, for a file in a folder; its last tables hold values of the template.
 
@@ -237,13 +265,19 @@ def case_of_face(
         "[face]",
         f"path = {json.dumps(name, ensure_ascii=False)}",
         *([] if spacing is None else [f"spacing = {json.dumps(spacing, ensure_ascii=False)}"]),
-        *([] if height_unit is None else [f"height_unit = {json.dumps(height_unit, ensure_ascii=False)}"]),
+        *(
+            []
+            if height_unit is None
+            else [f"height_unit = {json.dumps(height_unit, ensure_ascii=False)}"]
+        ),
         *([f"# {_ORIENTATION}"] if path.suffix.lower() in TEXT else []),
         f"# size = {json.dumps(sides, ensure_ascii=False)}  # as the file says: ? is that the field of the instrument",
     ]
     questions, surface = [*map(str, seen.doubts), *found.reasons], []
     if found.report is not None:
-        lines += [f"#   {line}" for line in str(found.report).splitlines() if line.startswith(_SHOWN)]
+        lines += [
+            f"#   {line}" for line in str(found.report).splitlines() if line.startswith(_SHOWN)
+        ]
     if found.report is not None and found.conditioning is not None:
         found_notes = notes(found.report, found.conditioning)
         questions += [note for note in found_notes if "shortest_wave" not in note]
@@ -266,4 +300,8 @@ def _ask_for_scale(path: Path, seen: Look) -> None:
     if not has_unit and path.suffix.lower() not in (".npy", ".npz"):
         missing["unit of heights"] = "--height-unit um"
     if missing:
-        raise InputError(str(path), f"no {' and no '.join(missing)}", f"{' and '.join(missing.values())}, as measured")
+        raise InputError(
+            str(path),
+            f"no {' and no '.join(missing)}",
+            f"{' and '.join(missing.values())}, as measured",
+        )

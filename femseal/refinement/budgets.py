@@ -67,7 +67,10 @@ def budgets_of(
     again = {} if smooth is None else _solved(smooth, mapper)
     for key, result in left.items():
         other = route(study_of_result(result)).key
-        coarse = [against(result, grid, found.get(other)) for grid, found in zip(grids, solved, strict=True)]
+        coarse = [
+            against(result, grid, found.get(other))
+            for grid, found in zip(grids, solved, strict=True)
+        ]
         if not grids:  # pieces of too few pixels to be halved: nothing is known
             coarse = [against(result, prepared, None)]
         filtered = None if smooth is None else against(result, smooth, again.get(other))
@@ -77,7 +80,11 @@ def budgets_of(
 
 
 def _with_model_parts(
-    prepared: Prepared, studies: Mapping[str, Any], budgets: Mapping[str, ErrorBudget], mapper: Mapper, model: Model
+    prepared: Prepared,
+    studies: Mapping[str, Any],
+    budgets: Mapping[str, ErrorBudget],
+    mapper: Mapper,
+    model: Model,
 ) -> dict[str, ErrorBudget]:
     """The budgets with the parts of the model, from changed scenes on the coarser grid.
 
@@ -94,7 +101,11 @@ def _with_model_parts(
         own = _solved(grid, mapper)
     found = dict(budgets)
     for key, result in studies.items():
-        parts = [effective_pressure_part(prepared.scene, result) if "effective pressure" in names else None]
+        parts = [
+            effective_pressure_part(prepared.scene, result)
+            if "effective pressure" in names
+            else None
+        ]
         if "thin gap" in names:
             parts.append(thin_gap_part(prepared.scene, leakage_of(result)))
         if prepared.form_effect is not None and "form of the patch" in names:
@@ -116,7 +127,9 @@ def _with_model_parts(
         others = [_solved(replace(grid, scene=scene), mapper) for scene in continued]
         for key, result in studies.items():
             if (other := route(study_of_result(result)).key) in own:
-                part = _of_continued(prepared, grid, result, own[other], [one.get(other) for one in others])
+                part = _of_continued(
+                    prepared, grid, result, own[other], [one.get(other) for one in others]
+                )
                 found[key] = replace(found[key], parts=(*found[key].parts, part))
     for change in changes:
         moved = _solved(grid.changed(change), mapper)
@@ -124,13 +137,17 @@ def _with_model_parts(
             other = route(study_of_result(result)).key
             if other in own and other in moved:
                 leakage, against_own = leakage_of(moved[other]), leakage_of(own[other])
-                solution = CoarserSolution(grid.scene.surface.shape, grid.scene.steps, leakage, against_own)
+                solution = CoarserSolution(
+                    grid.scene.surface.shape, grid.scene.steps, leakage, against_own
+                )
                 part = model_part(change, result.steps, leakage_of(result), solution)
                 found[key] = replace(found[key], parts=(*found[key].parts, part))
     return found
 
 
-def _of_continued(prepared: Prepared, grid: Prepared, result: Any, own: Any, moved: Sequence[Any]) -> ErrorPart:
+def _of_continued(
+    prepared: Prepared, grid: Prepared, result: Any, own: Any, moved: Sequence[Any]
+) -> ErrorPart:
     """Part of the continued waves, with what slope, area and leakage do with the cut-off.
 
     own : result on the coarser grid. moved : those of `continued_scenes`, None where one failed.
@@ -140,12 +157,19 @@ def _of_continued(prepared: Prepared, grid: Prepared, result: Any, own: Any, mov
     nothing, q = np.full(len(scene.steps), np.nan), leakage_of(own)
     at = first_known(q)
     leakages = [nothing if one is None else leakage_of(one) for one in moved]
-    *others, shorter = (CoarserSolution(scene.surface.shape, scene.steps, one, q) for one in leakages[:-1])
+    *others, shorter = (
+        CoarserSolution(scene.surface.shape, scene.steps, one, q) for one in leakages[:-1]
+    )
     # as measured, to twice the cut-off where that is below the measured waves, and to the cut-off
     wave = continued.cut_off
     versions = [(continued.longest, moved[-1]), (2 * wave, moved[-2]), (wave, own)]
     rows = [
-        (cut, continued.slope_to(cut), contact_fraction_of(one, scene.steps)[at], leakage_of(one)[at] / q[at])
+        (
+            cut,
+            continued.slope_to(cut),
+            contact_fraction_of(one, scene.steps)[at],
+            leakage_of(one)[at] / q[at],
+        )
         for cut, one in versions
         if one is not None and q[at] != 0 and (cut <= continued.longest)
     ]

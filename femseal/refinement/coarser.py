@@ -82,7 +82,9 @@ def without_filtered_waves(prepared: Prepared, leakage: Array | None = None) -> 
     n1, n2 = (ceil(n / 2) for n in surface.shape)
     least1, least2 = prepared.least_points
     if wave >= max(surface.size) or n1 < least1 or n2 < least2:
-        log.warning("error budget: the face or its pieces are too small to do without the shortest waves")
+        log.warning(
+            "error budget: the face or its pieces are too small to do without the shortest waves"
+        )
         return None
     some = at_some_steps(prepared.scene, leakage, FILTER_STRIDE, least=0)
     return _reduced(prepared, replace(some, surface=surface.low_pass(wave).resample((n1, n2))))
@@ -112,7 +114,9 @@ def kept_slope(prepared: Prepared) -> float:
     return 1.0 if removed_octaves(prepared) < LEAST_OCTAVES else prepared.conditioning.kept_slope
 
 
-def at_some_steps(scene: Scene, leakage: Array | None, stride: int = 2, *, least: int = LEAST_LOADS) -> Scene:
+def at_some_steps(
+    scene: Scene, leakage: Array | None, stride: int = 2, *, least: int = LEAST_LOADS
+) -> Scene:
     """The scene at some of its steps: ends, peaks, both sides of closing, and one of `stride` of the rest.
 
     leakage : of the scene at every step (steps,); None: it leaks at all of them.
@@ -131,7 +135,9 @@ def at_some_steps(scene: Scene, leakage: Array | None, stride: int = 2, *, least
     chosen = tuple(p for n, p in enumerate(loading) if n in kept or p in peaks)
     stops = scene.steps.unloading  # falling
     ends = {0, len(stops) - 1, *range(0, len(stops), stride)}
-    return replace(scene, loading=chosen, unloading=tuple(p for n, p in enumerate(stops) if n in ends))
+    return replace(
+        scene, loading=chosen, unloading=tuple(p for n, p in enumerate(stops) if n in ends)
+    )
 
 
 def _reduced(prepared: Prepared, scene: Scene) -> Prepared:

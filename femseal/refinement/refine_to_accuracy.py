@@ -89,14 +89,19 @@ class RefinedAnswer:
             return ()
         last, wanted = self.attempts[-1], format_deviation(np.log1p(self.wanted))
         error = f"{format_deviation(last.half_width)} at {last.load}"
-        return (f"accuracy {wanted} is not reached: the error of the numbers alone may be {error}; {self.why}",)
+        return (
+            f"accuracy {wanted} is not reached: the error of the numbers alone may be {error}; {self.why}",
+        )
 
     def as_data(self, budget: ErrorBudget) -> dict[str, Any]:
         """What the results say of the attempts, as plain data; None for a width without end.
 
         budget : with the parts of the model.
         """
-        last, model = self.attempts[-1], [part.name for part in budget.parts if part.name in MODEL_PARTS]
+        last, model = (
+            self.attempts[-1],
+            [part.name for part in budget.parts if part.name in MODEL_PARTS],
+        )
         return {
             "wanted": self.wanted,
             "reached": not self.why,
@@ -149,7 +154,9 @@ def refine_to_accuracy(case: Case, made: Prepared, run: Run) -> RefinedAnswer:
         log.info("next: %s", text)
     prepared, result, budget = solved
     half = attempts.half_error()
-    return RefinedAnswer(prepared, result, budget, tuple(attempts.done), why, half, case.accuracy, most)
+    return RefinedAnswer(
+        prepared, result, budget, tuple(attempts.done), why, half, case.accuracy, most
+    )
 
 
 @dataclass(eq=False)
@@ -216,10 +223,16 @@ class _Attempts:
             expected = self._expected_seconds(change.settings)
             spent = sum(attempt.with_coarse for attempt in self.done)
             if spent + expected > most:
-                long = f"{change.text} would take about {duration(expected)}, after {duration(spent)}"
-                why = "; ".join([*reasons, f"{part}: {long}, and the time limit is {duration(most)}"])
+                long = (
+                    f"{change.text} would take about {duration(expected)}, after {duration(spent)}"
+                )
+                why = "; ".join(
+                    [*reasons, f"{part}: {long}, and the time limit is {duration(most)}"]
+                )
             text = f"{change.text}, for the error of {part}"
-        decided = self.run.decided("next attempt", self._so_far, (change and change.settings, text, why))
+        decided = self.run.decided(
+            "next attempt", self._so_far, (change and change.settings, text, why)
+        )
         return decided[0] or last.settings, decided[1], decided[2]
 
     @property
@@ -244,7 +257,9 @@ class _Attempts:
     def _prepared(self, settings: Settings) -> Prepared:
         return apply_settings(self.case, self.made, settings)
 
-    def _budget(self, prepared: Prepared, settings: Settings, result: Any, mapper: Mapper) -> ErrorBudget:
+    def _budget(
+        self, prepared: Prepared, settings: Settings, result: Any, mapper: Mapper
+    ) -> ErrorBudget:
         """The budget of the answer; versions on coarser grids that are known already are not solved again."""
         answer = prepared.answer
         # these are compared with more than themselves
@@ -252,10 +267,14 @@ class _Attempts:
             alone = replace(prepared, methods=frozenset({answer.name}))
             return budgets_of(alone, {answer.key: result}, mapper)[answer.key]
         smooth = without_filtered_waves(prepared, leakage_of(result))
-        filtered = None if smooth is None else against(result, smooth, smooth.solve(smooth.answer, mapper))
+        filtered = (
+            None if smooth is None else against(result, smooth, smooth.solve(smooth.answer, mapper))
+        )
         return budget_of(prepared, result, self._coarser(prepared, settings, mapper), filtered)
 
-    def _coarser(self, prepared: Prepared, settings: Settings, mapper: Mapper) -> list[CoarserSolution]:
+    def _coarser(
+        self, prepared: Prepared, settings: Settings, mapper: Mapper
+    ) -> list[CoarserSolution]:
         """The answer on half the points a side, and on a quarter where that carries the waves and is known."""
         found: list[CoarserSolution] = []
         for halvings in range(1, 2 + carries_quarter(prepared)):

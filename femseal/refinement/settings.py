@@ -131,7 +131,9 @@ def chosen(case: Case, made: Prepared) -> dict[str, Any]:
     if case.accuracy is None:
         return made.chosen
     settings = first_settings(case, made)
-    return first_version(case, made).chosen | {f"settings.{name}": v for name, v in asdict(settings).items()}
+    return first_version(case, made).chosen | {
+        f"settings.{name}": v for name, v in asdict(settings).items()
+    }
 
 
 def expected_cost(prepared: Prepared) -> tuple[float, float]:
@@ -198,7 +200,9 @@ def _filter(made: Prepared, settings: Settings, given: dict[str, str]) -> Refine
 
 
 def _patch(made: Prepared, settings: Settings, given: dict[str, str]) -> Refinement:
-    return Refinement(None, "it is what one measured patch does not know: more measured places make it smaller")
+    return Refinement(
+        None, "it is what one measured patch does not know: more measured places make it smaller"
+    )
 
 
 def _realisations(made: Prepared, settings: Settings, given: dict[str, str]) -> Refinement:
@@ -211,4 +215,6 @@ def _realisations(made: Prepared, settings: Settings, given: dict[str, str]) -> 
 
 def _is_given(*keys: str) -> Refinement:
     """Keys of the case that hinder a refinement."""
-    return Refinement(None, f"{' and '.join(keys)} {'is' if len(keys) == 1 else 'are'} given in the case")
+    return Refinement(
+        None, f"{' and '.join(keys)} {'is' if len(keys) == 1 else 'are'} given in the case"
+    )

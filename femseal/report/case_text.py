@@ -24,7 +24,9 @@ _CLOSE = 1.1
 
 def fluid_text(fluid: Mapping[str, Any], fallback: str) -> str:
     """A fluid of a case, of its table in SI."""
-    rarefied = ", with" + ("" if fluid.get("slip", True) else "out") + " slip and free molecular flow"
+    rarefied = (
+        ", with" + ("" if fluid.get("slip", True) else "out") + " slip and free molecular flow"
+    )
     if fluid.get("kind") == "real-gas":
         return f"{fluid['name']}, a real gas by CoolProp at {fluid['temperature'] - 273.15:.4g} °C{rarefied}"
     if "viscosity" not in fluid:
@@ -66,7 +68,9 @@ def _first_hardness(solid: Mapping[str, Any]) -> float:
         return float(table[0][1])
     hardness = float(solid.get("hardness", HARDNESS_FACTOR * solid.get("yield_stress", np.inf)))
     if "nix_gao_depth" in solid:
-        return NixGao(hardness, solid["nix_gao_depth"], solid.get("smallest_depth", SMALLEST_DEPTH)).mean_hardness
+        return NixGao(
+            hardness, solid["nix_gao_depth"], solid.get("smallest_depth", SMALLEST_DEPTH)
+        ).mean_hardness
     return hardness
 
 
@@ -81,7 +85,11 @@ def _solid_text(solid: Mapping[str, Any]) -> str:
     facts += [f"ν = {solid['poisson']:g}"] if "poisson" in solid else []
     for key, name in (("hardness", "hardness"), ("yield_stress", "yield stress")):
         facts += [f"{name} {to_text(solid[key], 'Pa')}"] if key in solid else []
-    facts += [f"hardness by a table of {len(solid['hardness_table'])} depths"] if "hardness_table" in solid else []
+    facts += (
+        [f"hardness by a table of {len(solid['hardness_table'])} depths"]
+        if "hardness_table" in solid
+        else []
+    )
     text = ", ".join(facts)
     names = {key.casefold(): key for key in METALS}
     if (key := str(solid.get("name") or "").casefold().strip()) not in names:
@@ -89,7 +97,9 @@ def _solid_text(solid: Mapping[str, Any]) -> str:
     metal, source = METALS[names[key]]
     keys = ("young", "poisson", "yield_stress", "hardness", "hardness_table")
     own = [k.replace("_", " ") for k in keys if k in solid and solid[k] != getattr(metal, k, None)]
-    return f"{names[key]} ({'by the case: ' + ', '.join(own) + '; ' if own else ''}{source}): {text}"
+    return (
+        f"{names[key]} ({'by the case: ' + ', '.join(own) + '; ' if own else ''}{source}): {text}"
+    )
 
 
 def case_sentences(results: Results) -> list[str]:
@@ -99,16 +109,24 @@ def case_sentences(results: Results) -> list[str]:
     width, length = (float(v) for v in attrs["seal_size_m"])
     sides = f"{to_text(width, 'm')} wide along the leakage and {to_text(length, 'm')} long"
     shape = str(attrs.get("seal", "a strip"))
-    sentences = [f"A seal {sides}." if shape == "a strip" else f"The seal is {shape}; it is about {sides}."]
+    sentences = [
+        f"A seal {sides}." if shape == "a strip" else f"The seal is {shape}; it is about {sides}."
+    ]
     faces = [_face_text(face) for face in case.get("face", [])]
     if faces:
         surface = json.loads(attrs["surface"])
-        grid = f", solved on {' × '.join(map(str, surface['shape']))} points" if "shape" in surface else ""
+        grid = (
+            f", solved on {' × '.join(map(str, surface['shape']))} points"
+            if "shape" in surface
+            else ""
+        )
         text = " against ".join(faces)
         sentences.append(f"{text[0].upper()}{text[1:]}{grid}.")
     if surface_text := _surface_text(json.loads(attrs["surface"])):
         sentences.append(surface_text)
-    sentences += [f"The solids: {solids_text(case)}."] if "young" in case.get("material", {}) else []
+    sentences += (
+        [f"The solids: {solids_text(case)}."] if "young" in case.get("material", {}) else []
+    )
     text = contact_text(float(attrs["contact_modulus_Pa"]), str(attrs["contact_law"]))
     sentences.append(f"{text[0].upper()}{text[1:]}.")
     if attrs.get("seat"):
@@ -116,7 +134,9 @@ def case_sentences(results: Results) -> list[str]:
     if "drawn_form" in data:
         sentences.append(_form_text(data))
     sentences += load_sentences(data, case)
-    inlet, outlet = (to_text(float(attrs[f"{end}_pressure_Pa"]), "Pa") for end in ("inlet", "outlet"))
+    inlet, outlet = (
+        to_text(float(attrs[f"{end}_pressure_Pa"]), "Pa") for end in ("inlet", "outlet")
+    )
     fluid = fluid_text(case.get("fluid", {}), str(attrs["fluid"]))
     effect = f": {attrs['fluid_effect']}" if "fluid_effect" in attrs else ""
     sentences.append(f"The fluid, {fluid}, runs from {inlet} to {outlet}{effect}.")
@@ -185,9 +205,15 @@ def _method_sentences(results: Results) -> list[str]:
         sentences.append("Deterministic: contact and flow of the whole face at full resolution.")
     if "piece_pressure" in data:
         pieces = f"{data.sizes['piece1']} × {data.sizes['piece2']} pieces"
-        sentences.append(f"Two scales: contact and flow of the whole face at full resolution, cut into {pieces}.")
+        sentences.append(
+            f"Two scales: contact and flow of the whole face at full resolution, cut into {pieces}."
+        )
     if "leakage_median" in data:
-        where = "which stay in their rows" if data.attrs["tiles_in_place"] else "each at the pressure of its tile"
+        where = (
+            "which stay in their rows"
+            if data.attrs["tiles_in_place"]
+            else "each at the pressure of its tile"
+        )
         pieces = f"{data.sizes['state_piece1']} × {data.sizes['state_piece2']} pieces"
         seed = f", seed {data.attrs['seed']}" if "seed" in data.attrs else ""
         sentences.append(
@@ -254,7 +280,9 @@ def _map_kind(one: dict[str, Any]) -> str:
     if one.get("kind") == "angle":
         periods = int(one.get("repeat", 1))
         return "a table around it" + (f", repeated {periods} times" if periods > 1 else "")
-    return "a profile from inlet to outlet" if one.get("kind") == "profile" else "one value everywhere"
+    return (
+        "a profile from inlet to outlet" if one.get("kind") == "profile" else "one value everywhere"
+    )
 
 
 def pressure_drop_sentences(results: Results) -> list[str]:

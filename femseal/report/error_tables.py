@@ -17,7 +17,9 @@ def important_steps(results: Results) -> list[int]:
     leakage, steps = np.abs(results.leakage.values), results.steps
     least = least_counted(leakage)
     peak = max(range(len(steps)), key=lambda s: steps[s].pressure)
-    leaking = [s for s in range(len(steps)) if leakage[s] > least and steps[s].unloaded_from is None]
+    leaking = [
+        s for s in range(len(steps)) if leakage[s] > least and steps[s].unloaded_from is None
+    ]
     return list(dict.fromkeys((first_known(leakage), *leaking[-1:], peak, len(steps) - 1)))
 
 
@@ -28,7 +30,8 @@ def budget_table(results: Results) -> TextTable | None:
         return None
     steps, widths = important_steps(results), budget.widths()
     largest = {
-        name: float(np.max(np.nan_to_num(width[steps], nan=np.inf), initial=0.0)) for name, width in widths.items()
+        name: float(np.max(np.nan_to_num(width[steps], nan=np.inf), initial=0.0))
+        for name, width in widths.items()
     }
     order = sorted(budget.parts, key=lambda part: -largest[part.name])
     together = "root of the sum of squares of the distances of ln(leakage)"
@@ -38,13 +41,17 @@ def budget_table(results: Results) -> TextTable | None:
         lines.append(("numbers alone", np.asarray(budget.numerical.half_width()), text))
     lines.append(("together", np.asarray(budget.half_width()), together))
     heads = ("source", *(results.steps[s].name for s in steps), "how it was estimated")
-    texts = tuple((name, *(_width_text(float(width[s])) for s in steps), note) for name, width, note in lines)
+    texts = tuple(
+        (name, *(_width_text(float(width[s])) for s in steps), note) for name, width, note in lines
+    )
     title = "Half-width of the band of error, by its source, the widest first; ×: a factor"
     name = budget.limiting()
     notes = (
         "The band of error of a leakage holds the truth in about 95 of 100 cases: the leakage of such a face on pixels "
         "as fine as one wants, with the waves that were removed, and without errors of method or draws.",
-        f"Over the loads that leak more than 1e-3 of the first the widest source is: {name}." if name else "",
+        f"Over the loads that leak more than 1e-3 of the first the widest source is: {name}."
+        if name
+        else "",
     )
     return TextTable(title, heads, texts, names=len(heads), notes=tuple(filter(None, notes)))
 
@@ -61,7 +68,9 @@ def most_leaking_place(results: Results) -> str:
     count = results.dataset.sizes["place"]
     if not about["over_mean"]:
         return f"place {about['place']} of {count}, of which none leaks"
-    return f"place {about['place']} of {count} leaks most, {about['over_mean']:.3g} times their mean"
+    return (
+        f"place {about['place']} of {count} leaks most, {about['over_mean']:.3g} times their mean"
+    )
 
 
 def check_lines(results: Results) -> Lines:
@@ -69,9 +78,17 @@ def check_lines(results: Results) -> Lines:
     data, case = results.dataset, as_chosen(results.case, results.attempts)
     lines: Lines = []
     if (rtol := case.get("contact", {}).get("rtol")) is not None:
-        lines.append(("contact residual", f"≤ {rtol:.0e}", "of every contact that is not among the failures"))
+        lines.append(
+            ("contact residual", f"≤ {rtol:.0e}", "of every contact that is not among the failures")
+        )
     if first := data.attrs.get("first_answer"):
-        lines.append(("first answer", str(first), "leakage on loading that would be plausible, beside that computed"))
+        lines.append(
+            (
+                "first answer",
+                str(first),
+                "leakage on loading that would be plausible, beside that computed",
+            )
+        )
     surface = json.loads(data.attrs["surface"])
     if "shortest_wave" in surface and "spacing" in surface:
         wave, pixel = surface["shortest_wave"], max(surface["spacing"])

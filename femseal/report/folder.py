@@ -32,7 +32,9 @@ UNFINISHED = ".unfinished"
 VIEWS = "vtk"
 
 
-def load_writers(*, pictures: bool = True, report: bool = True, fields: bool = True, **_: Any) -> None:
+def load_writers(
+    *, pictures: bool = True, report: bool = True, fields: bool = True, **_: Any
+) -> None:
     """Load the libraries that `write_folder` needs with the same options; they take longer than the writing."""
     # said where they are used; where the main thread ends meanwhile, nobody needs them
     with suppress(Exception):
@@ -42,7 +44,9 @@ def load_writers(*, pictures: bool = True, report: bool = True, fields: bool = T
         import xarray
         import xlsxwriter  # noqa: F401
 
-        xarray.Dataset(coords={"step": [0]})  # the first one loads Dask and pint where they are installed
+        xarray.Dataset(
+            coords={"step": [0]}
+        )  # the first one loads Dask and pint where they are installed
         if pictures or report:
             import matplotlib.backends.backend_agg
             import matplotlib.figure  # noqa: F401
@@ -84,12 +88,16 @@ def write_folder(
     FemsealError : a file could not be written; `.unfinished/results.nc` then holds the results.
     """
     plan = plan_fields(results, fields_limit if fields else 0.0)
-    results.dataset.attrs["left_out"] = json.dumps([plan.left_out] if fields and plan.left_out else [])
+    results.dataset.attrs["left_out"] = json.dumps(
+        [plan.left_out] if fields and plan.left_out else []
+    )
 
     def write(unfinished: Path) -> list[Path]:
         with ThreadPoolExecutor(1) as beside:
             # another process packs files while pictures are drawn
-            files = beside.submit(_write_fields, results, plan, surface, unfinished, paraview, mapper)
+            files = beside.submit(
+                _write_fields, results, plan, surface, unfinished, paraview, mapper
+            )
             written = _write_for_people(results, surface, pictures, report, unfinished)
             return written + files.result()
 
@@ -112,7 +120,9 @@ def write_again(
     """
     target = Path(results.folder or "")
     kept = [
-        name for name in _former(target) if _is_kept(name, fields, paraview != "none") and (target / name).is_file()
+        name
+        for name in _former(target)
+        if _is_kept(name, fields, paraview != "none") and (target / name).is_file()
     ]
     if not fields:
         results.dataset.attrs["left_out"] = json.dumps([])
@@ -148,14 +158,18 @@ def _replaced(
         names = [path.relative_to(unfinished) for path in [*write(unfinished), saved]]
         listed = [*kept, *names]
         if same_numbers:
-            _list_files(target, [*listed, *(name for name in _former(target) if name not in listed)])
+            _list_files(
+                target, [*listed, *(name for name in _former(target) if name not in listed)]
+            )
         else:
             (target / FILE_NAME).unlink(missing_ok=True)
             _remove_former(target, kept)
             _list_files(target, listed)
         for name in names:
             if not is_inside(target, name):
-                raise FemsealError(f"'{target / name.parent}' is a link to another folder, expected a folder")
+                raise FemsealError(
+                    f"'{target / name.parent}' is a link to another folder, expected a folder"
+                )
             made_folder((target / name).parent)
             os.replace(unfinished / name, target / name)
         if same_numbers:
@@ -163,7 +177,9 @@ def _replaced(
             _list_files(target, listed)
     except Exception as error:
         reason = str(error) or type(error).__name__
-        raise FemsealError(f"output folder: {reason}; the computed results are in '{saved}'") from error
+        raise FemsealError(
+            f"output folder: {reason}; the computed results are in '{saved}'"
+        ) from error
     shutil.rmtree(unfinished, ignore_errors=True)
     return [target / MANIFEST, *(target / name for name in [*kept, *names])]
 
@@ -176,7 +192,10 @@ def _write_for_people(
     results: Results, surface: Topography | None, pictures: bool, report: bool, folder: Path
 ) -> list[Path]:
     """Tables, pictures and report."""
-    written = [write_text(folder / "table.csv", csv_text(results)), write_workbook(results, folder / "table.xlsx")]
+    written = [
+        write_text(folder / "table.csv", csv_text(results)),
+        write_workbook(results, folder / "table.xlsx"),
+    ]
     if not pictures and not report:
         return written
     drawings = draw_all(results, surface)
@@ -189,10 +208,18 @@ def _write_for_people(
 
 
 def _write_fields(
-    results: Results, plan: FieldPlan, surface: Topography | None, folder: Path, paraview: str, mapper: Mapper
+    results: Results,
+    plan: FieldPlan,
+    surface: Topography | None,
+    folder: Path,
+    paraview: str,
+    mapper: Mapper,
 ) -> list[Path]:
     written = write_fields(results, plan, folder) if plan.steps.size else []
-    return [*written, *(write_vtk(results, surface, folder / VIEWS, mapper) if paraview != "none" else ())]
+    return [
+        *written,
+        *(write_vtk(results, surface, folder / VIEWS, mapper) if paraview != "none" else ()),
+    ]
 
 
 def _clear(folder: Path) -> None:
@@ -209,7 +236,9 @@ def _former(folder: Path) -> list[Path]:
     except (OSError, UnicodeDecodeError):
         return []
     names = [Path(line) for line in lines if line and "\0" not in line]
-    return [name for name in names if name.parts and not name.is_absolute() and ".." not in name.parts]
+    return [
+        name for name in names if name.parts and not name.is_absolute() and ".." not in name.parts
+    ]
 
 
 def _remove_former(folder: Path, kept: Sequence[Path] = ()) -> None:

@@ -45,7 +45,10 @@ def key_numbers(results: Results) -> list[KeyNumber]:
         if budget is not None:
             note = f"95 % band of error {format_error_band(budget.lower[s], budget.upper[s], factor, leakage[s])}"
         elif "leakage_lower" in data:
-            ends = (format_leakage(float(data[f"leakage_{end}"][s]), factor) for end in ("lower", "upper"))
+            ends = (
+                format_leakage(float(data[f"leakage_{end}"][s]), factor)
+                for end in ("lower", "upper")
+            )
             note = f"redraws of the measured patch {'–'.join(ends)}"
         numbers.append(KeyNumber(f"whole seal, {names[s]}", value, note))
     if "contact_fraction" in data:
@@ -84,11 +87,18 @@ def total_leakage_text(results: Results) -> str:
         return ""
     units = [basis.readable([leakage])]
     for names in _SAID:
-        known = [unit for unit in map(LEAK_UNITS.get, names) if unit is not None and basis.has(unit)]
+        known = [
+            unit for unit in map(LEAK_UNITS.get, names) if unit is not None and basis.has(unit)
+        ]
         said = [unit for unit in known if abs(leakage) >= basis.factor(unit)] or known[-1:]
         units += said[:1]
-    whole = " = ".join(f"{format_leakage(leakage, basis.factor(unit))} {unit.name}" for unit in units)
-    length, load = to_text(basis.length, "m"), loads_as_given(results.dataset)(results.steps[results.peak].pressure)
+    whole = " = ".join(
+        f"{format_leakage(leakage, basis.factor(unit))} {unit.name}" for unit in units
+    )
+    length, load = (
+        to_text(basis.length, "m"),
+        loads_as_given(results.dataset)(results.steps[results.peak].pressure),
+    )
     return f"Over its whole length of {length} the seal leaks {whole} at {load}.{_reference_text(results)}"
 
 
@@ -113,7 +123,10 @@ def class_table(results: Results) -> TextTable | None:
         return None
     limits, met = data["class_limit"].values, data["class_met"].values
     names = [str(name) for name in data["leak_class"].values]
-    columns = [("class", names), ("limit", [_limit_text(results, *one) for one in zip(names, limits, strict=True)])]
+    columns = [
+        ("class", names),
+        ("limit", [_limit_text(results, *one) for one in zip(names, limits, strict=True)]),
+    ]
     text = loads_as_given(data)
     # the force alone where the case has forces
     short = [text(p).partition(" (")[0] for p in data["nominal_pressure"].values]
@@ -121,7 +134,9 @@ def class_table(results: Results) -> TextTable | None:
     for n, (_, steps) in enumerate(branches_in(data)):
         loads = [short[s] for s in steps]
         if n == 0 and budget is not None and "test_leakage" not in data:
-            sure = [within(np.nan_to_num(budget.upper[steps], nan=np.inf), limit) for limit in limits]
+            sure = [
+                within(np.nan_to_num(budget.upper[steps], nan=np.inf), limit) for limit in limits
+            ]
             columns.append(("met with the whole band", [_met_text(loads, each) for each in sure]))
         if n == 0:
             columns.append((f"met by {seal}", [_met_text(loads, each[steps]) for each in met]))
@@ -136,7 +151,11 @@ def class_table(results: Results) -> TextTable | None:
 def _limit_text(results: Results, name: str, limit: float) -> str:
     """The limit of a class in the unit of its standard."""
     unit = LEAK_UNITS[leak_classes([name])[0].unit]
-    return f"{format_leakage(limit, results.class_basis.factor(unit))} {unit.name}" if limit else "no leakage"
+    return (
+        f"{format_leakage(limit, results.class_basis.factor(unit))} {unit.name}"
+        if limit
+        else "no leakage"
+    )
 
 
 def _met_text(loads: list[str], met: np.ndarray) -> str:
@@ -165,9 +184,13 @@ def test_fluid_sentences(results: Results) -> list[str]:
     attrs, unit, basis = data.attrs, class_unit(results), results.class_basis
     best, _ = results.class_leakage
     most = int(np.argmax(data["nominal_pressure"].values))
-    inlet, outlet = (to_text(float(attrs[f"test_{end}_pressure_Pa"]), "Pa") for end in ("inlet", "outlet"))
+    inlet, outlet = (
+        to_text(float(attrs[f"test_{end}_pressure_Pa"]), "Pa") for end in ("inlet", "outlet")
+    )
     own = results.leakage.values
-    fluid = fluid_text(results.case.get("output", {}).get("test_fluid") or {}, str(attrs["test_fluid"]))
+    fluid = fluid_text(
+        results.case.get("output", {}).get("test_fluid") or {}, str(attrs["test_fluid"])
+    )
     sentences = [
         f"A test fluid, {fluid}, runs from {inlet} to {outlet} through the same seals: "
         f"{format_leakage(float(best[most]), basis.factor(unit))} {unit.name} at {data['name'].values[most]}."
@@ -212,7 +235,12 @@ def design_section(results: Results) -> dict[str, Any] | None:
         return {
             "sentences": [str(text) for text in found["sentences"]],
             "tables": [
-                {"title": str(t["title"]), "heads": [str(h) for h in t["heads"]], "lines": _texts(t)} for t in tables
+                {
+                    "title": str(t["title"]),
+                    "heads": [str(h) for h in t["heads"]],
+                    "lines": _texts(t),
+                }
+                for t in tables
             ],
             "picture": "data:image/png;base64," + base64.b64encode(picture).decode(),
         }

@@ -31,7 +31,13 @@ from ..results.results import Results
 from ..results.results_file import FILE_NAME, open_results, unfit
 from ..results.selections import load_names
 from ..results.summary import as_chosen, attempts_table
-from ..results.tables import format_error_band, format_leakage, leakage_of, leakage_table, totals_table
+from ..results.tables import (
+    format_error_band,
+    format_leakage,
+    leakage_of,
+    leakage_table,
+    totals_table,
+)
 from . import case_text, error_tables, leakage_tables, pictures
 from .leakage_tables import design_section
 
@@ -74,7 +80,9 @@ def write_report(
     if not isinstance(results, Results):
         folder, results = results, open_results(results)
     if path is None and results.folder is None:
-        raise InputError("path", "none, for results without a folder", "the path of a file to write")
+        raise InputError(
+            "path", "none, for results without a folder", "the path of a file to write"
+        )
     target = Path(path) if path is not None else Path(results.folder or "") / REPORT_NAME
     if target.is_dir() or not os.access(target.parent, os.W_OK):
         raise InputError("path", f"'{target}'", "a file in a folder that can be written")
@@ -92,7 +100,9 @@ def write_report(
 
 def report_html(results: Results, drawings: pictures.Drawings | None = None) -> str:
     """The page as text; pictures are drawn unless given."""
-    return page_template().render(_content(results, pictures.draw_all(results) if drawings is None else drawings))
+    return page_template().render(
+        _content(results, pictures.draw_all(results) if drawings is None else drawings)
+    )
 
 
 @cache
@@ -100,7 +110,9 @@ def page_template() -> Template:
     """The template of the page, which is compiled once."""
     from jinja2 import Environment, StrictUndefined
 
-    environment = Environment(autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True)
+    environment = Environment(
+        autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True
+    )
     source = files("femseal.report").joinpath("report.html.jinja").read_text(encoding="utf-8")
     return environment.from_string(source)
 
@@ -166,10 +178,16 @@ def _digest_lines(results: Results) -> list[tuple[str, str]]:
 def flat(value: Any, name: str = "") -> list[tuple[str, str]]:
     """A nested case as lines of key and value."""
     if isinstance(value, dict):
-        return [line for key, item in value.items() for line in flat(item, f"{name}.{key}" if name else str(key))]
+        return [
+            line
+            for key, item in value.items()
+            for line in flat(item, f"{name}.{key}" if name else str(key))
+        ]
     if isinstance(value, list) and any(isinstance(item, dict) for item in value):
         return [
-            line for n, item in enumerate(value, 1) for line in flat(item, name if len(value) == 1 else f"{name} {n}")
+            line
+            for n, item in enumerate(value, 1)
+            for line in flat(item, name if len(value) == 1 else f"{name} {n}")
         ]
     if isinstance(value, list):
         return [(name, ", ".join(_plain(item) for item in value))]
@@ -186,7 +204,10 @@ Chart = dict[str, Any]
 def page_code() -> dict[str, str]:
     """Script and style of the page's charts, and the script's digest for the policy of the page."""
     folder = files("femseal.report")
-    read = [folder.joinpath(name).read_text(encoding="utf-8") for name in ("uplot/uPlot.iife.min.js", "charts.js")]
+    read = [
+        folder.joinpath(name).read_text(encoding="utf-8")
+        for name in ("uplot/uPlot.iife.min.js", "charts.js")
+    ]
     # a section of plain characters, so that the page is XML too
     script = "//<![CDATA[\n" + "".join(read) + "//]]>"
     digest = base64.b64encode(hashlib.sha256(script.encode()).digest()).decode()
@@ -208,20 +229,27 @@ def leakage_chart(results: Results) -> Chart:
         if curves.band is not None:
             one |= {"low": [None] * loads.size, "high": [None] * loads.size}
         for s in steps:
-            n, value = int(np.searchsorted(loads, curves.pressure[s])), abs(float(curves.leakage[s]))
+            n, value = (
+                int(np.searchsorted(loads, curves.pressure[s])),
+                abs(float(curves.leakage[s])),
+            )
             one["texts"][n] = format_leakage(value, factor)
             one["values"][n] = None if np.isnan(value) else max(value / factor, low)
             if curves.band is not None:
                 lower, upper = (abs(float(end[s])) for end in curves.band)
                 one["texts"][n] += f", band {format_error_band(lower, upper, factor, value)}"
-                one["low"][n], one["high"][n] = (_number(min(end / factor, 10 * high)) for end in (lower, upper))
+                one["low"][n], one["high"][n] = (
+                    _number(min(end / factor, 10 * high)) for end in (lower, upper)
+                )
         series.append(one)
     caption = "Leakage against load; points at the lower edge are sealed."
     caption += f" Shaded: {' '.join(curves.band_name.split())}." if curves.band is not None else ""
     what = f"{leakage_of(results).rstrip(',')} [{unit.name}]"
     chart = _chart((name, loads * load_factor), (what, (low, high)), series, caption, log_y=True)
     limits = {limit: limit_value / factor for limit, limit_value in curves.limits.items()}
-    return chart | {"limits": {limit: value for limit, value in limits.items() if low <= value <= high}}
+    return chart | {
+        "limits": {limit: value for limit, value in limits.items() if low <= value <= high}
+    }
 
 
 def drop_chart(results: Results, steps: Sequence[int]) -> Chart:
@@ -231,7 +259,9 @@ def drop_chart(results: Results, steps: Sequence[int]) -> Chart:
         x, p = pressure_rows(data, s)
         values = [_number(value) for value in np.ma.filled(p.mean(axis=1), np.nan) / 1e6]
         texts = ["–" if value is None else f"{value:.4g}" for value in values]
-        series.append(_series(load_names(data)[s], colour, len(x)) | {"values": values, "texts": texts})
+        series.append(
+            _series(load_names(data)[s], colour, len(x)) | {"values": values, "texts": texts}
+        )
     known = [value for one in series for value in one["values"] if value is not None] or [0.0, 1.0]
     margin = 0.05 * (max(known) - min(known) or 1.0)
     span = min(known) - margin, max(known) + margin
@@ -259,7 +289,12 @@ def _chart(
     margin = (x[-1] / x[0]) ** 0.02 if log_x else 0.02 * (x[-1] - x[0]) or 1.0
     ends = (x[0] / margin, x[-1] * margin) if log_x else (x[0] - margin, x[-1] + margin)
     return {
-        "x": {"label": x_label, "values": [float(v) for v in x], "log": log_x, "range": [float(end) for end in ends]},
+        "x": {
+            "label": x_label,
+            "values": [float(v) for v in x],
+            "log": log_x,
+            "range": [float(end) for end in ends],
+        },
         "y": {"label": y_label, "log": log_y, "range": [float(end) for end in span]},
         "series": series,
         "limits": {},
@@ -298,8 +333,14 @@ def write_pdf(page: str | os.PathLike[str], path: str | os.PathLike[str] | None 
     target = page.with_suffix(".pdf") if path is None else Path(path)
     browser = find_browser()
     if browser is None and find_spec("weasyprint") is None:
-        expected = f"one of the browsers {', '.join(BROWSERS)} on the path, or `pip install weasyprint`"
-        raise InputError("PDF", "no program that prints a page", f"{expected}; or print report.html from a browser")
+        expected = (
+            f"one of the browsers {', '.join(BROWSERS)} on the path, or `pip install weasyprint`"
+        )
+        raise InputError(
+            "PDF",
+            "no program that prints a page",
+            f"{expected}; or print report.html from a browser",
+        )
     with replacing(target) as temporary:
         if browser is not None:
             _print(browser, page, temporary)
@@ -317,7 +358,12 @@ def find_browser() -> str | None:
 
 def _print(browser: str, page: Path, target: Path) -> None:
     """Have a browser print a page, in a profile of its own."""
-    flags = ["--headless", "--disable-gpu", "--no-pdf-header-footer", f"--print-to-pdf={target.resolve()}"]
+    flags = [
+        "--headless",
+        "--disable-gpu",
+        "--no-pdf-header-footer",
+        f"--print-to-pdf={target.resolve()}",
+    ]
     # within a container the root user has no sandbox
     flags += ["--no-sandbox"] if getattr(os, "geteuid", lambda: 1)() == 0 else []
     with tempfile.TemporaryDirectory() as profile:

@@ -72,7 +72,10 @@ def _figures(results: Results, surface: Topography | None) -> dict[str, Callable
         "leakage": (True, lambda: leakage_figure(results)),
         "drop": (maps, lambda: _lines_figure(drop_panel, data)),
         "face": ("face_height" in data, lambda: _face_figure(data)),
-        "seat": (bool(data.attrs.get("seat")) and "row_pressure" in data, lambda: _lines_figure(row_panel, data)),
+        "seat": (
+            bool(data.attrs.get("seat")) and "row_pressure" in data,
+            lambda: _lines_figure(row_panel, data),
+        ),
         "place": ("place_height" in data, lambda: place_figure(data)),
     }
     return {name: draw for name, (there, draw) in pictures.items() if there}
@@ -95,7 +98,9 @@ def seat_picture(results: Results, drawings: Drawings) -> Picture:
     band = results.dataset["band_breadth"].values
     least, most = (to_text(float(f(band)), "m", 3) for f in (np.nanmin, np.nanmax))
     alt = f"Mean contact pressure of rows against x1: the seat touches on a band {least} to {most} broad."
-    return Picture(_uri(drawings["seat"].whole), alt, "Contact pressure across the seat, mean of each row.")
+    return Picture(
+        _uri(drawings["seat"].whole), alt, "Contact pressure across the seat, mean of each row."
+    )
 
 
 def face_picture(results: Results, drawings: Drawings) -> Picture:
@@ -104,14 +109,24 @@ def face_picture(results: Results, drawings: Drawings) -> Picture:
     sides = " × ".join(to_text(side / 1e3, "m", 3) for side in face_size(results.dataset))
     span = f"{np.nanmin(heights):.3g} to {np.nanmax(heights):.3g} µm"
     alt = f"Map of the heights of the face that was solved, {sides}, {span}."
-    return Picture(_uri(drawings["face"].whole), alt, "The face that was solved: heights of the combined faces.")
+    return Picture(
+        _uri(drawings["face"].whole),
+        alt,
+        "The face that was solved: heights of the combined faces.",
+    )
 
 
 def place_picture(results: Results, drawings: Drawings) -> Picture:
     """Maps of the measured place that leaks most."""
     sentence = most_leaking_place(results).capitalize()
-    maps = "heights, and gap with the contact in grey" if "place_gap" in results.dataset else "heights"
-    return Picture(_uri(drawings["place"].whole), f"Map of the place: {maps}. {sentence}.", f"{sentence}: its {maps}.")
+    maps = (
+        "heights, and gap with the contact in grey" if "place_gap" in results.dataset else "heights"
+    )
+    return Picture(
+        _uri(drawings["place"].whole),
+        f"Map of the place: {maps}. {sentence}.",
+        f"{sentence}: its {maps}.",
+    )
 
 
 def leakage_picture(results: Results, drawings: Drawings) -> Picture:
@@ -135,7 +150,10 @@ def piece_pictures(results: Results, drawings: Drawings) -> list[Picture]:
     """Permeability of pieces against mean gap, and against pressure."""
     pieces = pieces_of(results)
     top = int(np.argmax(np.where(pieces.loading, pieces.nominal, -np.inf)))
-    shut, load = np.nanmean(pieces.k[top] == 0), loads_as_given(results.dataset)(float(pieces.nominal[top]))
+    shut, load = (
+        np.nanmean(pieces.k[top] == 0),
+        loads_as_given(results.dataset)(float(pieces.nominal[top])),
+    )
     many = f"{counted(pieces.k.shape[1], 'piece')} of the face in {counted(len(pieces.k), 'state')}"
     closed = f"At {load} {shut:.0%} of them are closed."
     if shut > 0.5 and results.leakage.values[results.peak] != 0:
@@ -206,12 +224,17 @@ def drop_steps(data: xarray.Dataset) -> list[int]:
     last = default_step(data)
     loading = np.flatnonzero(np.isnan(data["unloaded_from"].values))
     leaking = loading[np.nan_to_num(face_leakage(data)[loading]) != 0]
-    return list(dict.fromkeys([*(int(leaking[n]) for n in (0, leaking.size // 2) if leaking.size), last]))
+    return list(
+        dict.fromkeys([*(int(leaking[n]) for n in (0, leaking.size // 2) if leaking.size), last])
+    )
 
 
 def _panels(drawing: Drawn, texts: list[tuple[str, str]]) -> list[Picture]:
     """The first panels of a drawing, with their alternative texts and captions."""
-    return [Picture(_uri(panel), alt, caption) for panel, (alt, caption) in zip(drawing.panels, texts, strict=False)]
+    return [
+        Picture(_uri(panel), alt, caption)
+        for panel, (alt, caption) in zip(drawing.panels, texts, strict=False)
+    ]
 
 
 def _uri(png: bytes) -> str:

@@ -34,7 +34,11 @@ _BASIS = {
 
 
 def add_test_fluid(
-    data: xarray.Dataset, test: OtherLeakage, service: FluidState, stated: float | None, valve: Mapping[str, float]
+    data: xarray.Dataset,
+    test: OtherLeakage,
+    service: FluidState,
+    stated: float | None,
+    valve: Mapping[str, float],
 ) -> None:
     """Add the leakage of the test fluid, and attributes with its state and what both limits of flow would give."""
     text = "leakage per unit seal length, test fluid"
@@ -62,7 +66,9 @@ def basis_attributes(basis: LeakBasis, prefix: str = "") -> dict[str, float]:
 def basis_of(attrs: dict[str, Any], prefix: str = "") -> LeakBasis:
     """Length of the seal and reference state of a fluid, from the attributes of a dataset."""
     names = {name: prefix + attribute for name, attribute in _BASIS.items()}
-    known = {name: float(attrs[attribute]) for name, attribute in names.items() if attribute in attrs}
+    known = {
+        name: float(attrs[attribute]) for name, attribute in names.items() if attribute in attrs
+    }
     return LeakBasis(**{"length": float(attrs["seal_size_m"][1]), "density": np.nan} | known)
 
 
@@ -90,11 +96,15 @@ def add_classes(
     limits = np.array([c.limit(basis, diameter) for c in classes])
     known = np.isfinite(realisations)
     count = np.maximum(known.sum(axis=0), 1)
-    fraction = np.array([(within(realisations, limit) & known).sum(axis=0) / count for limit in limits])
+    fraction = np.array(
+        [(within(realisations, limit) & known).sum(axis=0) / count for limit in limits]
+    )
     fraction[:, ~known.any(axis=0)] = np.nan
     add_coordinate(data, "leak_class", "1", "leakage class", [c.name for c in classes])
     text = "largest leakage per unit seal length in the class, of the fluid that decides on it"
-    add(data, Field("class_limit", "m^2/s", text, Place("leakage classes", ("leak_class",))), limits)
+    add(
+        data, Field("class_limit", "m^2/s", text, Place("leakage classes", ("leak_class",))), limits
+    )
     met = np.array([within(leakage, limit) for limit in limits]).astype(float)
     if upper is not None:
         met[:, (leakage == 0) & ~np.isfinite(upper)] = np.nan
@@ -110,7 +120,9 @@ def _doubts(classes: Sequence[LeakClass], length: float, diameter: float | None)
     """Warnings of limits at second hand, and of a nominal diameter that does not go with the length of the seal."""
     found, second = [], ", ".join(f"{c.name} ({c.edition})" for c in classes if c.second_hand)
     if second:
-        found.append(f"limits of {second} are from tables of others, not checked against the standard's own text")
+        found.append(
+            f"limits of {second} are from tables of others, not checked against the standard's own text"
+        )
     if diameter is None or not any(c.per_diameter for c in classes):
         return found
     round_ = np.pi * diameter

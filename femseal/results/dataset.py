@@ -16,7 +16,15 @@ from ..base.leak_rates import LeakBasis, leak_classes, leak_unit
 from ..base.machine import machine, peak_memory
 from ..budget import VAGUE, ErrorBudget, vague_steps
 from ..fluids import leak_basis
-from ..studies import STUDIES, FaceResult, FluidState, OtherLeakage, Scene, StochasticResult, StudyResult
+from ..studies import (
+    STUDIES,
+    FaceResult,
+    FluidState,
+    OtherLeakage,
+    Scene,
+    StochasticResult,
+    StudyResult,
+)
 from ..topography import Places
 from . import variables
 from .classes import add_classes, add_test_fluid, basis_attributes
@@ -90,7 +98,9 @@ def assemble(scene: Scene, *studies: StudyResult, facts: RunFacts = _NOTHING) ->
     if not studies:
         raise InputError("results", "no study", "at least one")
     if any(study.steps != scene.steps for study in studies):
-        raise InputError("results", "a study of another load programme", "studies of the scene's own steps")
+        raise InputError(
+            "results", "a study of another load programme", "studies of the scene's own steps"
+        )
     known = {STUDIES[study.method].key: study for study in studies}
     known = {study.key: known[study.key] for study in STUDIES.values() if study.key in known}
     drawn = known.get("stochastic")
@@ -148,14 +158,19 @@ def assemble(scene: Scene, *studies: StudyResult, facts: RunFacts = _NOTHING) ->
 
 
 def _add_studies(
-    data: xarray.Dataset, scene: Scene, known: Mapping[str, StudyResult], quantiles: tuple[float, float]
+    data: xarray.Dataset,
+    scene: Scene,
+    known: Mapping[str, StudyResult],
+    quantiles: tuple[float, float],
 ) -> None:
     """Add the fields of all studies."""
     faces = [study for study in known.values() if isinstance(study, FaceResult)]
     for face in faces:
         study = STUDIES[face.method]
         text = f"leakage per unit seal length, {study.label}"
-        variables.add(data, Field(study.leakage_variable, "m^2/s", text, STEP, study.label), face.leakage)
+        variables.add(
+            data, Field(study.leakage_variable, "m^2/s", text, STEP, study.label), face.leakage
+        )
     for face in faces[-1:]:
         variables.add_declared(data, face)
         variables.add_block_means(data, scene, face)
@@ -168,10 +183,17 @@ def _add_studies(
         variables.add_states(data, drawn.pieces)
         if (median := drawn.median_seal) is not None:
             variables.add_declared(data, median)
-            data["drawn_corners"].attrs |= {"realisation": median.realisation, "part": drawn.tiles.part}
+            data["drawn_corners"].attrs |= {
+                "realisation": median.realisation,
+                "part": drawn.tiles.part,
+            }
         if drawn.row_pressure is not None:
             breadth = drawn.seal.size[0]
-    if (by_place := next((study.places for study in known.values() if study.places is not None), None)) is not None:
+    if (
+        by_place := next(
+            (study.places for study in known.values() if study.places is not None), None
+        )
+    ) is not None:
         gap = faces[-1].gap if faces else None
         variables.add_places(data, cast(Places, scene.surface), by_place, gap)
     if "row" in data.dims:
@@ -181,9 +203,16 @@ def _add_studies(
 
 def _of_studies(known: Mapping[str, StudyResult], warnings: Sequence[str]) -> dict[str, str]:
     """Attributes that count what the studies have solved, with their warnings and failures."""
-    counts = {key: study.pieces.counts.by_kind() for key, study in known.items() if study.pieces is not None}
+    counts = {
+        key: study.pieces.counts.by_kind()
+        for key, study in known.items()
+        if study.pieces is not None
+    }
     solvers = {
-        key: {"systems": study.solvers.by_solver(), "worst_imbalance": study.solvers.worst_imbalance}
+        key: {
+            "systems": study.solvers.by_solver(),
+            "worst_imbalance": study.solvers.worst_imbalance,
+        }
         for key, study in known.items()
     }
     # every study warns of what is odd in the scene

@@ -65,8 +65,12 @@ def export_field(
     if write is None:
         expected = "a file .npz, from which NumPy and other programs make .tif and .x3p, or .vti"
         raise InputError("output", f"'{path.name}'", expected)
-    if window is not None and (piece is not None or not (window[0] < window[1] and window[2] < window[3])):
-        raise InputError("window", window, "x1 from and to, x2 from and to [m], rising, and no piece beside")
+    if window is not None and (
+        piece is not None or not (window[0] < window[1] and window[2] < window[3])
+    ):
+        raise InputError(
+            "window", window, "x1 from and to, x2 from and to [m], rising, and no piece beside"
+        )
     steps = stored_steps(run) if step is None else [step]
     if not steps:
         raise InputError("results", f"no {field} over all pixels", WITH_FIELDS)
@@ -126,11 +130,17 @@ def _write_vti(path: Path, values: xarray.DataArray, run: Results, step: int) ->
     """Write an image for ParaView, as means over blocks where there are too many pixels."""
     (d1, d2), corner = _frame(values)
     made = Field.of(values)
-    blocks = values.values if max(values.shape) <= MOST_PIXELS else block_means(values.values, MOST_PIXELS)
+    blocks = (
+        values.values
+        if max(values.shape) <= MOST_PIXELS
+        else block_means(values.values, MOST_PIXELS)
+    )
     (n1, n2), (m1, m2) = values.shape, blocks.shape
     steps = vtk_files.LoadSteps.of(run.dataset, np.array([step]))
     cells = {made.array_name: lambda _: blocks * made.scale}
-    image = vtk_files.Image(str(values.name), (d1 * n1 / m1, d2 * n2 / m2), corner, (m1, m2), steps, cells)
+    image = vtk_files.Image(
+        str(values.name), (d1 * n1 / m1, d2 * n2 / m2), corner, (m1, m2), steps, cells
+    )
     path.write_bytes(vtk_files.as_xml(image.at(0)))
 
 

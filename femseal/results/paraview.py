@@ -22,7 +22,18 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..base import Array, InputError, Mapper, Stage, made_folder, to_text
-from ..base.fields import PART, PART_FORM, PART_VECTOR, PIECE, PIECE_STATE, PIXEL, READABLE, Field, Place, fields_of
+from ..base.fields import (
+    PART,
+    PART_FORM,
+    PART_VECTOR,
+    PIECE,
+    PIECE_STATE,
+    PIXEL,
+    READABLE,
+    Field,
+    Place,
+    fields_of,
+)
 from ..base.shared_array import give_back
 from ..topography import Topography
 from . import vtk_files
@@ -74,7 +85,9 @@ def plan_fields(run: Results, limit: float) -> FieldPlan:
     missing = np.setdiff1d(np.arange(count), chosen)
     numbers = ", ".join(str(n) for n in missing)
     sizes = f"{to_text(each * count, 'B', 3)} of all steps are above the limit of {to_text(limit, 'B', 3)}"
-    return FieldPlan(np.sort(chosen), f"fields over all pixels at steps {numbers}: {sizes} (fields_limit)")
+    return FieldPlan(
+        np.sort(chosen), f"fields over all pixels at steps {numbers}: {sizes} (fields_limit)"
+    )
 
 
 def fields_size(shape: tuple[int, int], studies: Container[str]) -> int:
@@ -86,7 +99,9 @@ def fields_size(shape: tuple[int, int], studies: Container[str]) -> int:
 def write_fields(run: Results, plan: FieldPlan, folder: Path) -> list[Path]:
     """Write the fields of the studies in memory at the steps of a plan."""
     assert run.scene is not None
-    cells = {made.array_name: _scaled(values, made.scale, plan.steps) for made, values in _in_memory(run)}
+    cells = {
+        made.array_name: _scaled(values, made.scale, plan.steps) for made, values in _in_memory(run)
+    }
     surface, steps = run.scene.surface, vtk_files.LoadSteps.of(run.dataset, plan.steps)
     image = vtk_files.Image(NAME, surface.spacing, (0.0, 0.0), surface.shape, steps, cells)
     return vtk_files.write_series(image, folder)
@@ -101,7 +116,9 @@ def _scaled(values: Any, scale: float, steps: NDArray[np.int64]) -> vtk_files.Pi
     return at
 
 
-def read_pixels(run: Results, name: str, step: int, piece: tuple[int, int] | None = None) -> xarray.DataArray:
+def read_pixels(
+    run: Results, name: str, step: int, piece: tuple[int, int] | None = None
+) -> xarray.DataArray:
     """A field over the pixels (x1, x2) at one step in SI, read from the folder where it is not in memory.
 
     Of the two-scale study where there is one, else of the deterministic.
@@ -130,7 +147,9 @@ def read_pixels(run: Results, name: str, step: int, piece: tuple[int, int] | Non
     rows, columns = _pixels(data, piece, values.shape)
     values = np.asarray(values[rows, columns], np.float64)
     coordinates = {}
-    for n, (start, count, d) in enumerate(zip((rows.start, columns.start), values.shape, spacing, strict=True), 1):
+    for n, (start, count, d) in enumerate(
+        zip((rows.start, columns.start), values.shape, spacing, strict=True), 1
+    ):
         labels = {"units": "m", "long_name": f"x{n} of pixel centres"}
         coordinates[f"x{n}"] = (f"x{n}", (start + np.arange(count) + 0.5) * d, labels)
     labels = {"units": made.unit, "long_name": f"{made.long_name}, {data['name'].values[step]}"}
@@ -153,7 +172,9 @@ def pixels_of_face(run: Results) -> tuple[tuple[int, int], tuple[float, float]]:
     return vtk_files.image_pixels(next(iter(vtk_files.stored_images(run.folder, NAME).values())))
 
 
-def _from_memory(run: Results, name: str, step: int) -> tuple[Field, Any, tuple[float, float]] | None:
+def _from_memory(
+    run: Results, name: str, step: int
+) -> tuple[Field, Any, tuple[float, float]] | None:
     """A field in SI over all pixels at a step, and the pixel's size; None where there is none."""
     there = {made.name: (made, values) for made, values in _in_memory(run)}
     if name not in there or run.scene is None:
@@ -162,7 +183,9 @@ def _from_memory(run: Results, name: str, step: int) -> tuple[Field, Any, tuple[
     return made, values[step], run.scene.surface.spacing
 
 
-def _from_folder(run: Results, name: str, step: int) -> tuple[Field, Any, tuple[float, float]] | None:
+def _from_folder(
+    run: Results, name: str, step: int
+) -> tuple[Field, Any, tuple[float, float]] | None:
     """The same from the image in the folder, whose arrays have their unit in their names."""
     path = None if run.folder is None else vtk_files.stored_images(run.folder, NAME).get(step)
     if path is None:
@@ -177,7 +200,9 @@ def _from_folder(run: Results, name: str, step: int) -> tuple[Field, Any, tuple[
     return made, values / made.scale, tuple(image.spacing[:2])
 
 
-def _pixels(data: xarray.Dataset, piece: tuple[int, int] | None, shape: tuple[int, ...]) -> tuple[slice, slice]:
+def _pixels(
+    data: xarray.Dataset, piece: tuple[int, int] | None, shape: tuple[int, ...]
+) -> tuple[slice, slice]:
     """Pixels of a piece along x1 and x2; all of them without one."""
     if piece is None:
         return slice(0, shape[0]), slice(0, shape[1])

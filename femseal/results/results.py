@@ -153,8 +153,14 @@ class Results(Plotted):
     @property
     def steps(self) -> LoadProgramme:
         """The load programme."""
-        pairs = zip(self.dataset["nominal_pressure"].values, self.dataset["unloaded_from"].values, strict=True)
-        return LoadProgramme(LoadStep(float(p), None if np.isnan(peak) else float(peak)) for p, peak in pairs)
+        pairs = zip(
+            self.dataset["nominal_pressure"].values,
+            self.dataset["unloaded_from"].values,
+            strict=True,
+        )
+        return LoadProgramme(
+            LoadStep(float(p), None if np.isnan(peak) else float(peak)) for p, peak in pairs
+        )
 
     @property
     def peak(self) -> int:
@@ -175,7 +181,9 @@ class Results(Plotted):
     def open_steps(self) -> list[int]:
         """Numbers of the steps without leakage at which the fluid carries all of the load, so that the seal is open."""
         names, failures = self.dataset["name"].values, self.failures
-        return [s for s, name in enumerate(names) if any(f"{name}: open: " in text for text in failures)]
+        return [
+            s for s, name in enumerate(names) if any(f"{name}: open: " in text for text in failures)
+        ]
 
     @property
     def left_out(self) -> list[str]:
@@ -217,10 +225,14 @@ class Results(Plotted):
         for peak, (_, steps) in zip(peaks, parts, strict=True):
             if np.isclose(peak, wanted, rtol=1e-9, atol=0):
                 return self._over_pressure(steps)
-        raise InputError("from_", from_, f"one of {', '.join(to_text(p, 'Pa') for p in sorted(peaks))}")
+        raise InputError(
+            "from_", from_, f"one of {', '.join(to_text(p, 'Pa') for p in sorted(peaks))}"
+        )
 
     def _over_pressure(self, steps: Steps) -> xarray.Dataset:
-        names = [name for name, variable in self.dataset.data_vars.items() if "step" in variable.dims]
+        names = [
+            name for name, variable in self.dataset.data_vars.items() if "step" in variable.dims
+        ]
         return self.dataset[names].isel(step=steps).swap_dims(step="nominal_pressure")
 
     def piece(self, i: int, j: int) -> xarray.Dataset:
@@ -232,7 +244,9 @@ class Results(Plotted):
         prefix = "" if "piece1" in data.dims or "state" not in data.dims else "state_"
         one, two = f"{prefix}piece1", f"{prefix}piece2"
         at = dict(zip((one, two), piece(data, i, j, (one, two)), strict=True))
-        return data[[name for name, variable in data.data_vars.items() if one in variable.dims]].isel(at)
+        return data[
+            [name for name, variable in data.data_vars.items() if one in variable.dims]
+        ].isel(at)
 
     def gap(self, step: int, piece: tuple[int, int] | None = None) -> xarray.DataArray:
         """Deformed gap (x1, x2) [m] at one step, see `pixels`."""
@@ -257,7 +271,9 @@ class Results(Plotted):
         Raises InputError: a case that asks for no accuracy.
         """
         if self.attempts is None:
-            raise InputError("attempts", "a case that asks for no accuracy", "one with the key accuracy")
+            raise InputError(
+                "attempts", "a case that asks for no accuracy", "one with the key accuracy"
+            )
         return room("results").attempts_table(self.attempts)
 
     def plot_pieces(self) -> Any:
@@ -280,7 +296,9 @@ class Results(Plotted):
         """The table for people, for `rich.print`, see `tables.leakage_table`."""
         return room("results").leakage_table(self)
 
-    def pixels(self, name: str, step: int, piece: tuple[int, int] | None = None) -> xarray.DataArray:
+    def pixels(
+        self, name: str, step: int, piece: tuple[int, int] | None = None
+    ) -> xarray.DataArray:
         """A field over the pixels (x1, x2) at one step in SI, see `paraview.read_pixels`."""
         return room("results").read_pixels(self, name, step, piece)
 

@@ -30,7 +30,9 @@ def save(results: Results, folder: str | os.PathLike[str]) -> Path:
     encoding: dict[Any, dict[str, Any]] = {
         name: dict(packed) for name, v in data.data_vars.items() if v.ndim and v.dtype.kind in "fiu"
     }
-    encoding |= {name: {"_FillValue": None} for name, v in data.coords.items() if v.dtype.kind == "f"}
+    encoding |= {
+        name: {"_FillValue": None} for name, v in data.coords.items() if v.dtype.kind == "f"
+    }
     with replacing_hdf5(path) as target:
         # `to_netcdf` would take a lock from a Dask client where there is one, and send it the open file as its name
         store = H5NetCDFStore.open(target, mode="w", lock=False)
@@ -53,11 +55,17 @@ def _refuse_foreign(path: Path) -> None:
                 raise InputError("results file", f"{path}, whose '{name}' is a link", allowed)
             item = file[name]
             if not isinstance(item, h5py.Dataset) or item.external or item.is_virtual:
-                raise InputError("results file", f"{path}, whose '{name}' is not held in the file itself", allowed)
+                raise InputError(
+                    "results file",
+                    f"{path}, whose '{name}' is not held in the file itself",
+                    allowed,
+                )
             size += item.size * item.dtype.itemsize if item.size else 0
     if size > (free := free_memory()):
         given = f"{path}, which unpacks to {size / 1e9:.3g} GB"
-        raise InputError("results file", given, f"what fits into the {free / 1e9:.3g} GB of free memory")
+        raise InputError(
+            "results file", given, f"what fits into the {free / 1e9:.3g} GB of free memory"
+        )
 
 
 def open_results(folder: str | os.PathLike[str]) -> Results:
@@ -72,8 +80,14 @@ def open_results(folder: str | os.PathLike[str]) -> Results:
     """
     path = Path(folder) / FILE_NAME
     if not path.is_file():
-        given = f"{folder} (no such folder)" if not Path(folder).is_dir() else f"{folder} (no {FILE_NAME} in it)"
-        raise InputError("results folder", given, f"a folder with the {FILE_NAME} of a finished run")
+        given = (
+            f"{folder} (no such folder)"
+            if not Path(folder).is_dir()
+            else f"{folder} (no {FILE_NAME} in it)"
+        )
+        raise InputError(
+            "results folder", given, f"a folder with the {FILE_NAME} of a finished run"
+        )
     import xarray
 
     try:
@@ -85,8 +99,12 @@ def open_results(folder: str | os.PathLike[str]) -> Results:
     except Exception as error:  # libraries raise whatever a damaged file leads them to
         reason = (str(error).splitlines() or [type(error).__name__])[0]
         raise InputError("results file", f"{path} ({reason})", "a readable netCDF file") from None
-    if not str(data.attrs.get("source", "")).startswith("femseal") or not any(name in data for _, name in METHODS):
-        raise InputError("results file", f"{path}, written by another program", "a file that femseal wrote")
+    if not str(data.attrs.get("source", "")).startswith("femseal") or not any(
+        name in data for _, name in METHODS
+    ):
+        raise InputError(
+            "results file", f"{path}, written by another program", "a file that femseal wrote"
+        )
     for name, kind in _ATTRIBUTES.items():
         try:
             fits = isinstance(json.loads(data.attrs.get(name, "")), kind)

@@ -58,7 +58,9 @@ class RunComparison(Plotted):
         results = self.runs[run]
         if results.method != "median" or any(name not in results.dataset for name in BAND):
             return None
-        low, high = (results.dataset[name].values / results.leak_basis.factor(self.unit) for name in BAND)
+        low, high = (
+            results.dataset[name].values / results.leak_basis.factor(self.unit) for name in BAND
+        )
         return np.asarray(low), np.asarray(high)
 
     @property
@@ -70,10 +72,14 @@ class RunComparison(Plotted):
     @property
     def labels(self) -> tuple[str, ...]:
         """Names of the runs for people: the settings of a sweep that differ, or else their names."""
-        varied = [k for k in range(len(self.keys)) if len({values[k] for values in self.settings}) > 1]
+        varied = [
+            k for k in range(len(self.keys)) if len({values[k] for values in self.settings}) > 1
+        ]
         if not varied:
             return self.names
-        return tuple(", ".join(f"{self.keys[k]} {values[k]}" for k in varied) for values in self.settings)
+        return tuple(
+            ", ".join(f"{self.keys[k]} {values[k]}" for k in varied) for values in self.settings
+        )
 
     @property
     def label(self) -> str:
@@ -102,7 +108,9 @@ class RunComparison(Plotted):
                         "step": s,
                         "branch": str(data["branch"].values[s]),
                         "nominal_pressure_Pa": step.pressure,
-                        "unloaded_from_Pa": np.nan if step.unloaded_from is None else step.unloaded_from,
+                        "unloaded_from_Pa": np.nan
+                        if step.unloaded_from is None
+                        else step.unloaded_from,
                         "leakage_m2_per_s": float(values[s]),
                         "leakage_lower_m2_per_s": float(low[s]),
                         "leakage_upper_m2_per_s": float(high[s]),
@@ -124,14 +132,21 @@ class RunComparison(Plotted):
         """
         columns: list[tuple[str, list[str]]] = [("run", list(self.names))]
         if self.keys:
-            columns = [(key, [values[k] for values in self.settings]) for k, key in enumerate(self.keys)]
+            columns = [
+                (key, [values[k] for values in self.settings]) for k, key in enumerate(self.keys)
+            ]
         names = len(columns)
         if len({results.method for results in self.runs}) > 1:
             columns.append(("method", [results.method for results in self.runs]))
-        columns += [(name, [self._cell(n, s) for n, s in enumerate(steps)]) for name, steps in self._columns()]
+        columns += [
+            (name, [self._cell(n, s) for n, s in enumerate(steps)])
+            for name, steps in self._columns()
+        ]
         closing = [closing_load(results.leakage.values, results.steps) for results in self.runs]
         if any(np.isfinite(closing)):
-            columns.append(("closes at", [to_text(p, "Pa", 3) if np.isfinite(p) else "–" for p in closing]))
+            columns.append(
+                ("closes at", [to_text(p, "Pa", 3) if np.isfinite(p) else "–" for p in closing])
+            )
         return TextTable.of_columns(self.label, columns, names=names)
 
     def _columns(self) -> list[tuple[str, list[int]]]:
@@ -170,9 +185,17 @@ class RunComparison(Plotted):
 
     def __repr__(self) -> str:
         loads = f"{counted(len(self.common_steps), 'load step')} in common"
-        lines = [f"<femseal.RunComparison of {counted(len(self.runs), 'run')}, {loads}, in {self.unit.name}>"]
+        lines = [
+            f"<femseal.RunComparison of {counted(len(self.runs), 'run')}, {loads}, in {self.unit.name}>"
+        ]
         return "\n".join(
-            [*lines, *(f"{n}: {results.method}" for n, results in zip(self.names, self.runs, strict=True))]
+            [
+                *lines,
+                *(
+                    f"{n}: {results.method}"
+                    for n, results in zip(self.names, self.runs, strict=True)
+                ),
+            ]
         )
 
 
@@ -234,7 +257,9 @@ def compared(
 ) -> RunComparison:
     """The comparison of opened runs, see `compare` and `RunComparison`."""
     if twice := sorted({name for name in names if list(names).count(name) > 1}):
-        raise InputError("compare", f"two runs named {shown(twice[0])}", "a name of its own for each run")
+        raise InputError(
+            "compare", f"two runs named {shown(twice[0])}", "a name of its own for each run"
+        )
     chosen = _unit(runs) if unit is None else leak_unit(unit)
     for results in runs:
         results.leak_basis.factor(chosen)  # raises if the unit is not for the fluid

@@ -27,7 +27,9 @@ def branch_text(unloaded_from: float | None) -> str:
 def force_scale(data: xarray.Dataset) -> tuple[str, float] | None:
     """Unit of the forces of a case for people, and the force in it at a nominal pressure of 1 Pa; None of pressures."""
     table = json.loads(data.attrs.get("case", "{}")).get("load", {})
-    loads = [str(load).split() for key in ("loading", "unload_from") for load in table.get(key) or ()]
+    loads = [
+        str(load).split() for key in ("loading", "unload_from") for load in table.get(key) or ()
+    ]
     if not loads or len(loads[0]) < 2:
         return None
     highest = max(float(number) for number, _ in loads)
@@ -55,7 +57,9 @@ def load_names(data: xarray.Dataset) -> list[str]:
     text = loads_as_given(data)
     return [
         f"loading {text(p)}" if np.isnan(peak) else f"unloading {text(p)} from {text(peak)}"
-        for p, peak in zip(data["nominal_pressure"].values, data["unloaded_from"].values, strict=True)
+        for p, peak in zip(
+            data["nominal_pressure"].values, data["unloaded_from"].values, strict=True
+        )
     ]
 
 
@@ -83,10 +87,16 @@ def pressures_and_peaks(steps: Sequence[Any]) -> tuple[Array, Array]:
     return np.array([s.pressure for s in steps], dtype=float), np.array(peaks, dtype=float)
 
 
-def piece(data: xarray.Dataset, i: int, j: int, dims: tuple[str, str] = ("piece1", "piece2")) -> tuple[int, int]:
+def piece(
+    data: xarray.Dataset, i: int, j: int, dims: tuple[str, str] = ("piece1", "piece2")
+) -> tuple[int, int]:
     """Index of a piece along two dimensions, checked."""
     if dims[0] not in data.dims:
-        raise InputError("piece", (i, j), "none: the results have no pieces of the kind that a two-scale study has")
+        raise InputError(
+            "piece",
+            (i, j),
+            "none: the results have no pieces of the kind that a two-scale study has",
+        )
     m1, m2 = (data.sizes[dim] for dim in dims)
     if i not in range(m1) or j not in range(m2):
         raise InputError("piece", (i, j), f"0 to {m1 - 1} along x1 and 0 to {m2 - 1} along x2")

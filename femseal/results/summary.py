@@ -28,7 +28,9 @@ def attempt_sentences(found: dict[str, Any]) -> list[str]:
     ]
     if model := found.get("model_parts"):
         both = format_deviation(inf if found["with_model"] is None else found["with_model"])
-        lines.append(f"With the model and its input ({', '.join(model)}) it is known within {both}.")
+        lines.append(
+            f"With the model and its input ({', '.join(model)}) it is known within {both}."
+        )
     if found["half_width"] != 0:
         # "pixels" and "realisations" are several
         verb = "limit" if found["limit"].endswith("s") else "limits"
@@ -54,8 +56,12 @@ def attempts_table(found: dict[str, Any]) -> TextTable:
         "error": [_half_width(attempt) for attempt in attempts],
         "limited by": [attempt["limit"] for attempt in attempts],
     }
-    shown = [(head, texts) for head, texts in columns.items() if any(text != _NONE for text in texts)]
-    return TextTable.of_columns("", shown, names=len(shown), notes=(" ".join(attempt_sentences(found)),))
+    shown = [
+        (head, texts) for head, texts in columns.items() if any(text != _NONE for text in texts)
+    ]
+    return TextTable.of_columns(
+        "", shown, names=len(shown), notes=(" ".join(attempt_sentences(found)),)
+    )
 
 
 def as_chosen(case: dict[str, Any], found: dict[str, Any] | None) -> dict[str, Any]:
@@ -93,7 +99,10 @@ def summary_text(run: Results) -> str:
 def summary_html(run: Results) -> str:
     """The lines, the table of the leakage, and a folded section on the origin of the numbers."""
     title = escape(run.case.get("title", "") or "femseal results")
-    lines, origin = (TextTable("", (), tuple(each.items()))._repr_html_() for each in (contents(run), provenance(run)))
+    lines, origin = (
+        TextTable("", (), tuple(each.items()))._repr_html_()
+        for each in (contents(run), provenance(run))
+    )
     return (
         f"<div><b>{title}</b>\n{lines}\n{leakage_table(run)._repr_html_()}\n"
         f"<details><summary>provenance</summary>{origin}</details></div>"
@@ -105,20 +114,28 @@ def contents(run: Results) -> dict[str, str]:
     data, steps, peak = run.dataset, run.steps, run.peak
     unit, factor = run.leak_scale
     leakage = float(run.leakage[peak])
-    text = format_leakage(leakage, factor) + (f" {unit.name}" if np.isfinite(leakage) and leakage != 0 else "")
+    text = format_leakage(leakage, factor) + (
+        f" {unit.name}" if np.isfinite(leakage) and leakage != 0 else ""
+    )
     found = {"leakage": f"at {to_text(steps[peak].pressure, 'Pa')}: {text} ({run.method})"}
     if whole := in_several_units(run, peak):
         found["seal"] = f"{to_text(run.leak_basis.length, 'm')} long: {whole}"
     up = sum(step.unloaded_from is None for step in steps)
     peaks = sorted({step.unloaded_from for step in steps if step.unloaded_from is not None})
-    down = f", {len(steps) - up} unloading from {', '.join(to_text(p, 'Pa') for p in peaks)}" if peaks else ""
+    down = (
+        f", {len(steps) - up} unloading from {', '.join(to_text(p, 'Pa') for p in peaks)}"
+        if peaks
+        else ""
+    )
     found["load"] = f"{counted(len(steps), 'step')}: {up} loading{down}"
     if "piece1" in data.dims:
         found["pieces"] = f"{data.sizes['piece1']} × {data.sizes['piece2']}"
     if "realisation" in data.dims:
         drawn = counted(data.sizes["realisation"], "realisation")
         pieces = f"{data.sizes['state_piece1']} × {data.sizes['state_piece2']} pieces"
-        found["drawn"] = f"{drawn} of {data.attrs['tiles']}, from {pieces} in {counted(data.sizes['state'], 'state')}"
+        found["drawn"] = (
+            f"{drawn} of {data.attrs['tiles']}, from {pieces} in {counted(data.sizes['state'], 'state')}"
+        )
     if stored := stored_steps(run):
         found["fields"] = f"over all pixels at {len(stored)} of {counted(len(steps), 'step')}"
     for name, texts in (("warnings", run.warnings), ("failures", run.failures)):
@@ -133,24 +150,33 @@ def provenance(run: Results) -> dict[str, str]:
     """Name and text of the lines on versions, machine, times and solvers."""
     attrs = run.dataset.attrs
     parts = {
-        name: json.loads(attrs.get(name, "{}")) for name in ("timings", "machine", "counts", "solvers", "versions")
+        name: json.loads(attrs.get(name, "{}"))
+        for name in ("timings", "machine", "counts", "solvers", "versions")
     }
     memory = {"memory_bytes": "", "peak_memory_bytes": " at the peak"}
     sizes = parts["machine"] | dict(attrs)
-    machine = [str(value) for name, value in parts["machine"].items() if name in ("processor", "system")]
+    machine = [
+        str(value) for name, value in parts["machine"].items() if name in ("processor", "system")
+    ]
     machine += [f"{parts['machine']['cores']} cores"] if "cores" in parts["machine"] else []
     lines = {
         "computed": f"{attrs.get('date_created', '')} by {attrs['source']}",
         "seed": str(attrs.get("seed", "")),
         "machine": ", ".join(machine),
-        "memory": ", ".join(to_text(sizes[name], "B", 3) + end for name, end in memory.items() if name in sizes),
-        "wall times": ", ".join(f"{stage} {seconds:.3g} s" for stage, seconds in parts["timings"].items()),
+        "memory": ", ".join(
+            to_text(sizes[name], "B", 3) + end for name, end in memory.items() if name in sizes
+        ),
+        "wall times": ", ".join(
+            f"{stage} {seconds:.3g} s" for stage, seconds in parts["timings"].items()
+        ),
         "flows": "; ".join(
-            f"{study.replace('_', '-')}: " + ", ".join(f"{count} {kind}" for kind, count in counts.items())
+            f"{study.replace('_', '-')}: "
+            + ", ".join(f"{count} {kind}" for kind, count in counts.items())
             for study, counts in parts["counts"].items()
         ),
         "linear systems": "; ".join(
-            f"{study.replace('_', '-')}: {solvers_text(solvers)}" for study, solvers in parts["solvers"].items()
+            f"{study.replace('_', '-')}: {solvers_text(solvers)}"
+            for study, solvers in parts["solvers"].items()
         ),
         "versions": ", ".join(f"{name} {number}" for name, number in parts["versions"].items()),
     }
@@ -160,4 +186,8 @@ def provenance(run: Results) -> dict[str, str]:
 def solvers_text(solvers: dict[str, Any]) -> str:
     """How many linear systems each solver solved, and their worst imbalance; from the attribute `solvers`."""
     systems = ", ".join(f"{count} by {name}" for name, count in solvers["systems"].items())
-    return f"{systems}, worst imbalance {solvers['worst_imbalance']:.0e}" if systems else "none to solve"
+    return (
+        f"{systems}, worst imbalance {solvers['worst_imbalance']:.0e}"
+        if systems
+        else "none to solve"
+    )

@@ -28,11 +28,17 @@ def rows(run: Results) -> list[dict[str, Any]]:
     """The table as dictionaries in SI, one for each step, with leakage in more units at the end; keys carry units."""
     data = run.dataset
     columns = {with_unit("leakage", "m^2/s"): run.leakage.values}
-    columns |= {Field.of(v).column_name: v.values for v in data.data_vars.values() if v.dims == ("step",)}
+    columns |= {
+        Field.of(v).column_name: v.values for v in data.data_vars.values() if v.dims == ("step",)
+    }
     further = [unit for unit in run.leak_basis.units() if unit.si != 1]
-    columns |= {with_unit("leakage", unit.name): run.leakage_in(unit.name).values for unit in further}
+    columns |= {
+        with_unit("leakage", unit.name): run.leakage_in(unit.name).values for unit in further
+    }
     if "class_fraction" in data:
-        for name, fraction in zip(data["leak_class"].values, data["class_fraction"].values, strict=True):
+        for name, fraction in zip(
+            data["leak_class"].values, data["class_fraction"].values, strict=True
+        ):
             columns[with_unit("fraction_in", str(name))] = fraction
     table = []
     for s in range(data.sizes["step"]):
@@ -84,13 +90,18 @@ def leakage_table(run: Results) -> TextTable:
     budget = f"leakage_{BUDGETED[run.method]}_budget"
     if f"{budget}_lower" in data:
         band = zip(data[f"{budget}_lower"].values, data[f"{budget}_upper"].values, strict=True)
-        texts = [format_error_band(*ends, factor, q) for ends, q in zip(band, best.values, strict=True)]
+        texts = [
+            format_error_band(*ends, factor, q) for ends, q in zip(band, best.values, strict=True)
+        ]
         columns.append(("95 % band of error", texts))
     if "leakage_lower" in data:
         ends = (100 * data[name].attrs["quantile"] for name in ("leakage_lower", "leakage_upper"))
         # second to the band of error, which is of the leakage that is given
         columns.append(
-            (f"redraws of the measured patch, {'–'.join(f'{end:g}' for end in ends)} %", _ranges(data, factor))
+            (
+                f"redraws of the measured patch, {'–'.join(f'{end:g}' for end in ends)} %",
+                _ranges(data, factor),
+            )
         )
     if unit.per_length:
         whole = basis.readable(best.values)
@@ -98,7 +109,11 @@ def leakage_table(run: Results) -> TextTable:
         columns.append((f"whole seal [{whole.name}]", texts))
     for name, variable in data.data_vars.items():
         # no column for sealed realisations if there are none
-        if "heading" in variable.attrs and name != best.name and (name != "sealed_fraction" or variable.any()):
+        if (
+            "heading" in variable.attrs
+            and name != best.name
+            and (name != "sealed_fraction" or variable.any())
+        ):
             columns.append((variable.attrs["heading"], _cells(variable, factor)))
     if "test_leakage" in data:
         test = class_unit(run)
@@ -107,7 +122,10 @@ def leakage_table(run: Results) -> TextTable:
         columns.append((f"test fluid [{test.name}]", texts))
     if "leak_class" in data.coords:
         columns.append(("class", run.classes))
-    title, shown = f"{leakage_of(run)} in {unit.name}", [(head, _of_steps(run, texts)) for head, texts in columns]
+    title, shown = (
+        f"{leakage_of(run)} in {unit.name}",
+        [(head, _of_steps(run, texts)) for head, texts in columns],
+    )
     return TextTable.of_columns(title, shown, grouped=True, wrap=_HEADING)
 
 
@@ -116,10 +134,17 @@ def totals_table(run: Results) -> TextTable:
     basis, own = run.leak_basis, run.leak_unit.name
     units = basis.units(USUAL_UNITS if own in USUAL_UNITS else [*USUAL_UNITS, own])
     columns = [
-        (unit.name, _of_steps(run, [format_leakage(float(q), basis.factor(unit)) for q in run.leakage.values]))
+        (
+            unit.name,
+            _of_steps(
+                run, [format_leakage(float(q), basis.factor(unit)) for q in run.leakage.values]
+            ),
+        )
         for unit in units
     ]
-    return TextTable.of_columns("leakage in several units", [*_loads(run.dataset), *columns], grouped=True)
+    return TextTable.of_columns(
+        "leakage in several units", [*_loads(run.dataset), *columns], grouped=True
+    )
 
 
 def _loads(data: xarray.Dataset) -> list[tuple[str, list[str]]]:
@@ -155,7 +180,9 @@ def in_several_units(run: Results, step: int) -> str:
     if not np.isfinite(leakage) or leakage == 0:
         return ""
     units = [unit for unit in basis.units() if not unit.per_length]
-    return " = ".join(f"{format_leakage(leakage, basis.factor(unit))} {unit.name}" for unit in units)
+    return " = ".join(
+        f"{format_leakage(leakage, basis.factor(unit))} {unit.name}" for unit in units
+    )
 
 
 def leakage_at(run: Results, step: int, factor: float) -> str:
@@ -220,7 +247,11 @@ def format_error_band(low: float, high: float, factor: float, leakage: float) ->
     if np.isinf(high):
         return "open or sealed" if low == 0 else f"{format_leakage(low, factor)} or more"
     if high > VAGUE * q > 0 or 0 < VAGUE * low < q:
-        above = f" to > {VAGUE:g} times" if high > VAGUE * q else f"–{format_leakage(_two_digits(high / factor), 1.0)}"
+        above = (
+            f" to > {VAGUE:g} times"
+            if high > VAGUE * q
+            else f"–{format_leakage(_two_digits(high / factor), 1.0)}"
+        )
         return f"{'≈0' if 0 < VAGUE * low < q else format_leakage(_two_digits(low / factor), 1.0)}{above}"
     if high > _NARROW * low:
         return format_range(_two_digits(low / factor), _two_digits(high / factor), 1.0)

@@ -55,7 +55,9 @@ def add(data: xarray.Dataset, made: Field, values: Any, **attrs: Any) -> None:
         data[made.name] = (made.place.dims, values, made.attrs | attrs)
 
 
-def add_step(data: xarray.Dataset, name: str, unit: str, long_name: str, values: Any, **attrs: Any) -> None:
+def add_step(
+    data: xarray.Dataset, name: str, unit: str, long_name: str, values: Any, **attrs: Any
+) -> None:
     """Add a field over the load steps."""
     add(data, Field(name, unit, long_name, STEP), values, **attrs)
 
@@ -82,7 +84,10 @@ def step_coordinates(dim: str, prefix: str, steps: Sequence[LoadStep]) -> dict[s
         f"{prefix}unloaded_from": (peaks, "Pa", "nominal pressure from which the step is unloaded"),
         f"{prefix}name": ([s.name for s in steps], "1", "name of the load step"),
     }
-    return {name: (dim, values, {"units": unit, "long_name": text}) for name, (values, unit, text) in columns.items()}
+    return {
+        name: (dim, values, {"units": unit, "long_name": text})
+        for name, (values, unit, text) in columns.items()
+    }
 
 
 def add_pieces(data: xarray.Dataset, pieces: FacePieces) -> None:
@@ -100,7 +105,9 @@ def add_piece_centres(data: xarray.Dataset, prefix: str, cut: Cut) -> None:
     add_coordinate(data, f"{prefix}piece2", "m", "x2 of the centres of pieces, along the seal", x2)
 
 
-def add_realisations(data: xarray.Dataset, result: StochasticResult, quantiles: tuple[float, float]) -> None:
+def add_realisations(
+    data: xarray.Dataset, result: StochasticResult, quantiles: tuple[float, float]
+) -> None:
     """Add the leakage of every realisation, its median and mean, and the quantiles for which there are enough."""
     add_declared(data, result)
     add_coordinate(data, "realisation", "1", "realisation", np.arange(len(result.leakage)))
@@ -121,17 +128,23 @@ def add_states(data: xarray.Dataset, pieces: FacePieces) -> None:
     for made, values in fields_of(pieces):
         if made.place == PIECE:
             name = made.name.replace("piece_", "state_")
-            made = replace(made, name=name, long_name=f"{made.long_name}, by state", place=PIECE_STATE)
+            made = replace(
+                made, name=name, long_name=f"{made.long_name}, by state", place=PIECE_STATE
+            )
         if not np.isnan(values).all() or made.place == STATE:
             add(data, made, values)
 
 
-def add_places(data: xarray.Dataset, places: Places, result: PlaceLeakage, gap: NDArray[Any] | None) -> None:
+def add_places(
+    data: xarray.Dataset, places: Places, result: PlaceLeakage, gap: NDArray[Any] | None
+) -> None:
     """Add the leakage of each measured place and its scatter; heights of the one that leaks most, and its gap if known.
 
     gap : of all places at every step (steps, n1, n2) [m].
     """
-    add_coordinate(data, "place", "1", "number of the measured place", np.arange(1, len(result.alone) + 1))
+    add_coordinate(
+        data, "place", "1", "number of the measured place", np.arange(1, len(result.alone) + 1)
+    )
     add_declared(data, result)
     relative = result.relative
     most = int(np.argmax(relative))
@@ -161,15 +174,21 @@ def add_block_means(data: xarray.Dataset, scene: Scene, study: FaceResult) -> No
     for made, at_pixels in fields_of(study):
         if made.place == PIXEL:
             text, name = f"{made.long_name}, mean of each block", f"face_{made.name}"
-            values = np.array([block_means(values, FIELD_BLOCKS) for values in one_at_a_time(at_pixels)])
+            values = np.array(
+                [block_means(values, FIELD_BLOCKS) for values in one_at_a_time(at_pixels)]
+            )
             add(data, Field(name, made.unit, text, BLOCK), values)
 
 
 def add_blocks(data: xarray.Dataset, dims: tuple[str, str], face: Topography, most: int) -> None:
     """Add the coordinates of blocks of a face, at most so many along a side."""
-    for n, (dim, count, length) in enumerate(zip(dims, face.shape, face.size, strict=True), start=1):
+    for n, (dim, count, length) in enumerate(
+        zip(dims, face.shape, face.size, strict=True), start=1
+    ):
         blocks = min(count, most)
-        add_coordinate(data, dim, "m", f"x{n} of block centres", (np.arange(blocks) + 0.5) * length / blocks)
+        add_coordinate(
+            data, dim, "m", f"x{n} of block centres", (np.arange(blocks) + 0.5) * length / blocks
+        )
 
 
 def block_means(values: NDArray[Any], most: int) -> NDArray[np.float32]:
@@ -180,18 +199,31 @@ def block_means(values: NDArray[Any], most: int) -> NDArray[np.float32]:
     starts = [np.arange(min(n, most)) * n // min(n, most) for n in values.shape]
 
     def sums(of: NDArray[Any]) -> Array:
-        return np.add.reduceat(np.add.reduceat(of, starts[0], axis=0, dtype=float), starts[1], axis=1)
+        return np.add.reduceat(
+            np.add.reduceat(of, starts[0], axis=0, dtype=float), starts[1], axis=1
+        )
 
     known = ~np.isnan(values)
-    total, count = sums(np.where(known, values, 0.0)) if not known.all() else sums(values), sums(known)
-    return np.divide(total, count, out=np.full(total.shape, np.nan), where=count > 0).astype(np.float32)
+    total, count = (
+        sums(np.where(known, values, 0.0)) if not known.all() else sums(values),
+        sums(known),
+    )
+    return np.divide(total, count, out=np.full(total.shape, np.nan), where=count > 0).astype(
+        np.float32
+    )
 
 
-def add_contact_fraction(data: xarray.Dataset, steps: LoadProgramme, studies: Mapping[str, Any]) -> None:
+def add_contact_fraction(
+    data: xarray.Dataset, steps: LoadProgramme, studies: Mapping[str, Any]
+) -> None:
     """Add the fraction of the face in contact at every step, from the whole face, or its states."""
     fraction = contact_fraction_of(next(iter(studies.values())), steps)
     if not np.isnan(fraction).all():
-        add(data, Field("contact_fraction", "1", "fraction of the face in contact", STEP, "contact [%]"), fraction)
+        add(
+            data,
+            Field("contact_fraction", "1", "fraction of the face in contact", STEP, "contact [%]"),
+            fraction,
+        )
 
 
 def add_totals(data: xarray.Dataset, leakage: xarray.DataArray, basis: LeakBasis) -> None:
@@ -200,7 +232,12 @@ def add_totals(data: xarray.Dataset, leakage: xarray.DataArray, basis: LeakBasis
     at = "" if basis.temperature is None else f" at {basis.temperature:g} K"
     stated = "" if basis.stated_temperature is None else f" at {basis.stated_temperature:g} K"
     for name, unit, si, text in (
-        ("leakage_total", "m³/s", "m^3/s", f"{whole}, by volume{at and f'{at} and {basis.pressure:g} Pa'}"),
+        (
+            "leakage_total",
+            "m³/s",
+            "m^3/s",
+            f"{whole}, by volume{at and f'{at} and {basis.pressure:g} Pa'}",
+        ),
         ("leakage_total_mass", "kg/s", "kg/s", f"{whole}, by mass"),
         ("leakage_total_throughput", "Pa·m³/s", "Pa*m^3/s", f"{whole}, pressure × volume{stated}"),
     ):
@@ -210,7 +247,11 @@ def add_totals(data: xarray.Dataset, leakage: xarray.DataArray, basis: LeakBasis
     add_coordinate(data, "leak_unit", "1", "unit of leakage", [unit.name for unit in units])
     values = np.array([leakage.values / basis.factor(unit) for unit in units])
     place = Place("units of leakage", ("leak_unit", "step"))
-    add(data, Field("leakage_in_units", "1", f"leakage in units of leak_unit{stated}", place), values)
+    add(
+        data,
+        Field("leakage_in_units", "1", f"leakage in units of leak_unit{stated}", place),
+        values,
+    )
 
 
 def add_budgets(data: xarray.Dataset, budgets: Mapping[str, ErrorBudget]) -> None:
@@ -228,11 +269,22 @@ def add_budgets(data: xarray.Dataset, budgets: Mapping[str, ErrorBudget]) -> Non
             if len(budget.numerical.parts) < len(budget.parts):
                 alone = f"{text}, of its solution alone"
                 add_step(
-                    data, f"leakage_{method}_budget_numerical_{end}", "m^2/s", alone, getattr(budget.numerical, end)
+                    data,
+                    f"leakage_{method}_budget_numerical_{end}",
+                    "m^2/s",
+                    alone,
+                    getattr(budget.numerical, end),
                 )
             # a source that the method does not have moves nothing
-            ends = [getattr(parts[name], end) if name in parts else budget.leakage for name in names]
-            made = Field(f"leakage_{method}_budget_part_{end}", "m^2/s", f"{text}, of each source", ERROR_SOURCE)
+            ends = [
+                getattr(parts[name], end) if name in parts else budget.leakage for name in names
+            ]
+            made = Field(
+                f"leakage_{method}_budget_part_{end}",
+                "m^2/s",
+                f"{text}, of each source",
+                ERROR_SOURCE,
+            )
             add(data, made, np.array(ends))
         notes[method] = {name: parts[name].note for name in names if name in parts}
     data.attrs["error_budget"] = json.dumps(notes, ensure_ascii=False)
@@ -245,7 +297,9 @@ def budgets_in(data: xarray.Dataset, steps: LoadProgramme) -> dict[str, ErrorBud
     for method, parts in notes.items():
         lower, upper = (data[f"leakage_{method}_budget_part_{end}"] for end in ("lower", "upper"))
         made = tuple(
-            ErrorPart(name, lower.sel(budget_part=name).values, upper.sel(budget_part=name).values, note)
+            ErrorPart(
+                name, lower.sel(budget_part=name).values, upper.sel(budget_part=name).values, note
+            )
             for name, note in parts.items()
         )
         leakage = data["leakage_median" if method == "stochastic" else f"leakage_{method}"].values

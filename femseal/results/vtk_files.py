@@ -40,7 +40,9 @@ class LoadSteps:
     unloaded_from: Array
 
     @classmethod
-    def of(cls, data: xarray.Dataset, index: NDArray[np.int64] | None = None, dim: str = "step") -> LoadSteps:
+    def of(
+        cls, data: xarray.Dataset, index: NDArray[np.int64] | None = None, dim: str = "step"
+    ) -> LoadSteps:
         """Steps of a dataset, or states of its face by `dim`; all of them unless `index` says which."""
         chosen = np.arange(data.sizes[dim]) if index is None else index
         prefix = "" if dim == "step" else f"{dim}_"
@@ -50,7 +52,10 @@ class LoadSteps:
     @property
     def fields(self) -> dict[str, Array]:
         """Field data, one value for each step; on loading the peak is NaN."""
-        return {"nominal_pressure_MPa": self.nominal_pressure / 1e6, "unloaded_from_MPa": self.unloaded_from / 1e6}
+        return {
+            "nominal_pressure_MPa": self.nominal_pressure / 1e6,
+            "unloaded_from_MPa": self.unloaded_from / 1e6,
+        }
 
     def label(self, mesh: Any, n: int) -> Any:
         """A data set with the loads of the n-th step."""
@@ -75,7 +80,9 @@ class Image:
         import pyvista
 
         (n1, n2), (d1, d2), origin = self.shape, self.spacing, (*self.origin, 0.0)
-        image = pyvista.ImageData(dimensions=(n1 + 1, n2 + 1, 1), spacing=(d1, d2, 1.0), origin=origin)
+        image = pyvista.ImageData(
+            dimensions=(n1 + 1, n2 + 1, 1), spacing=(d1, d2, 1.0), origin=origin
+        )
         for name, field in self.cells.items():
             image.cell_data[name] = np.asarray(field(n), np.float32).ravel(order="F")
         return self.steps.label(image, n)
@@ -122,8 +129,12 @@ class Heights:
         import pyvista
 
         (n1, n2), (d1, d2) = self.surface.shape, self.surface.spacing
-        image = pyvista.ImageData(dimensions=(n1, n2, 1), spacing=(d1, d2, 1.0), origin=(d1 / 2, d2 / 2, 0.0))
-        image.point_data["height_um"] = (self.surface.heights * 1e6).astype(np.float32).ravel(order="F")
+        image = pyvista.ImageData(
+            dimensions=(n1, n2, 1), spacing=(d1, d2, 1.0), origin=(d1 / 2, d2 / 2, 0.0)
+        )
+        image.point_data["height_um"] = (
+            (self.surface.heights * 1e6).astype(np.float32).ravel(order="F")
+        )
         return image
 
 
@@ -152,7 +163,10 @@ def write_series(view: View, folder: Path) -> list[Path]:
 
 def stored_images(folder: Path, name: str) -> dict[int, Path]:
     """Files of a series of images by their step."""
-    return {int(path.stem.removeprefix("step_")): path for path in sorted((folder / name).glob(f"step_*{IMAGE}"))}
+    return {
+        int(path.stem.removeprefix("step_")): path
+        for path in sorted((folder / name).glob(f"step_*{IMAGE}"))
+    }
 
 
 def array_names(path: Path) -> list[str]:
@@ -201,7 +215,9 @@ def as_xml(mesh: Any) -> bytes:
 
     image = isinstance(mesh, pyvista.ImageData)
     # VTK crashes where a disk is full, so it writes into memory
-    writer = (pyvista.XMLImageDataWriter if image else pyvista.XMLUnstructuredGridWriter)("none", mesh).writer
+    writer = (pyvista.XMLImageDataWriter if image else pyvista.XMLUnstructuredGridWriter)(
+        "none", mesh
+    ).writer
     writer.SetDataModeToAppended()
     writer.SetCompressionLevel(_LEVEL)
     writer.SetEncodeAppendedData(not image)

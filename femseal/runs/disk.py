@@ -34,7 +34,11 @@ class Disk:
         """The sizes as a line of a forecast."""
         text = f"about {_size(self.fields + self.others)}"
         if self.fields:
-            kept = f"{self.steps} of {self.of} steps, fields_limit" if self.steps < self.of else "all steps"
+            kept = (
+                f"{self.steps} of {self.of} steps, fields_limit"
+                if self.steps < self.of
+                else "all steps"
+            )
             text += f", of it fields {_size(self.fields)} before compression ({kept})"
         if self.checkpoint:
             text += f"; {_size(self.checkpoint)} more while it runs"
@@ -48,7 +52,9 @@ def disk(case: Case, prepared: Prepared, again: list[Prepared] | None = None) ->
     steps, pixels = len(scene.steps), int(np.prod(scene.surface.shape))
     studies = {study.key for study in prepared.studies}
     each = fields_size(scene.surface.shape, studies)
-    fitting = int(min(case.output.fields_limit // each, steps)) if each and case.output.fields else 0
+    fitting = (
+        int(min(case.output.fields_limit // each, steps)) if each and case.output.fields else 0
+    )
     formats = case.output.paraview != "none"
     # pictures and report; heights for ParaView
     others = 2e6 * (case.output.pictures or case.output.report) + 4.0 * pixels * formats
@@ -87,7 +93,11 @@ def _keeps_states(prepared: Prepared) -> bool:
 def _checkpoint(prepared: Prepared) -> float:
     """Expected size of the store of the studies of an input [byte]."""
     scene, drawn = prepared.scene, "stochastic" in prepared.methods
-    steps, pixels, peaks = len(scene.steps), int(np.prod(scene.surface.shape)), len(set(scene.unload_from))
+    steps, pixels, peaks = (
+        len(scene.steps),
+        int(np.prod(scene.surface.shape)),
+        len(set(scene.unload_from)),
+    )
     on_ladder = drawn and not prepared.cut_and_tiles[1].in_place
     found = 8.0 * pixels * max(peaks, 1) if on_ladder else 0.0
     if _keeps_states(prepared):

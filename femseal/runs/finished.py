@@ -45,12 +45,18 @@ def finished_results(case: Case, faces: dict[str, str], folder: Path) -> Results
     if results.case == echo:
         return results
     if lacking := _lacking(results.case["output"], echo["output"]):
-        log.info("the results in %s are computed again: they are not kept with what %s takes", folder, lacking)
+        log.info(
+            "the results in %s are computed again: they are not kept with what %s takes",
+            folder,
+            lacking,
+        )
         return None
     with alone_in(folder):
         results.dataset.attrs["case"] = json.dumps(echo, ensure_ascii=False)
         options = {key: value for key, value in case.output.files.items() if key != "fields_limit"}
-        write_again(results, last_version(case, prepared, results.attempts).scene.surface, **options)
+        write_again(
+            results, last_version(case, prepared, results.attempts).scene.surface, **options
+        )
         log.info("other files written to %s", folder)
     return results
 

@@ -14,7 +14,13 @@ from ..budget import places_to_halve
 from ..case.case import Case
 from ..case.faces import FileFace
 from ..preparation.prepared import START_MEMORY, Prepared
-from ..refinement.settings import first_settings, first_version, given_settings, grid_points, time_limit
+from ..refinement.settings import (
+    first_settings,
+    first_version,
+    given_settings,
+    grid_points,
+    time_limit,
+)
 from ..report.case_text import contact_text, fluid_text, solids_text
 from ..studies import Scene, drop_ratio
 from ..studies.costs import LADDER_STATES, Effort, on_ladder, usual_efforts
@@ -72,7 +78,9 @@ def _facts(case: Case, made: Prepared) -> Iterator[tuple[str, str]]:
     yield "", contact_text(scene.modulus, str(scene.law))
     for table, what in ((case.fluid, ""), (case.output.test_fluid, "test fluid: ")):
         if table is not None:
-            inlet, outlet = (to_text(p, "Pa") for p in (table.inlet_pressure, table.outlet_pressure))
+            inlet, outlet = (
+                to_text(p, "Pa") for p in (table.inlet_pressure, table.outlet_pressure)
+            )
             fluid = fluid_text(table.model_dump(exclude_none=True), str(table.fluid))
             yield "fluid", f"{what}{fluid}, from {inlet} to {outlet}"
         if table is case.fluid:
@@ -89,7 +97,9 @@ def _facts(case: Case, made: Prepared) -> Iterator[tuple[str, str]]:
         counts = Counter[tuple[int, int]]()
         for one in again:
             counts[one.scene.surface.shape] += _face_states(one)
-        states = (f"{count} on {' × '.join(map(str, shape))} points" for shape, count in counts.items())
+        states = (
+            f"{count} on {' × '.join(map(str, shape))} points" for shape, count in counts.items()
+        )
         yield "error budget", f"states again, {' and '.join(states)}"
     if leakage := case.output.description:
         yield "leakage", leakage
@@ -116,7 +126,9 @@ def _load_text(case: Case, scene: Scene) -> str:
     highest = to_text(max((*scene.loading, *scene.unload_from)), "Pa", 3)
     if case.load.unit != "Pa":
         highest += f", from {to_text(case.load.highest, case.load.unit)}"
-    return f"{counted(steps, 'state')}: {steps - down} loading{with_peaks}{unloading}, up to {highest}"
+    return (
+        f"{counted(steps, 'state')}: {steps - down} loading{with_peaks}{unloading}, up to {highest}"
+    )
 
 
 def _study_facts(prepared: Prepared) -> Iterator[tuple[str, str]]:
@@ -124,7 +136,10 @@ def _study_facts(prepared: Prepared) -> Iterator[tuple[str, str]]:
     scene, steps = prepared.scene, len(prepared.scene.steps)
     pixels = int(np.prod(scene.surface.shape))
     if "deterministic" in prepared.methods:
-        yield "deterministic", f"{steps} contact and {counted(steps, 'flow solution')} of {pixels} unknowns"
+        yield (
+            "deterministic",
+            f"{steps} contact and {counted(steps, 'flow solution')} of {pixels} unknowns",
+        )
     if prepared.cells is None:
         return
     m1, m2 = prepared.cells
@@ -144,14 +159,19 @@ def _study_facts(prepared: Prepared) -> Iterator[tuple[str, str]]:
     elif on_ladder(scene, sampling):
         states, where = f"about {LADDER_STATES:.0f} states", "on a ladder of nominal pressures"
     yield "stochastic", f"{states} of the face, {where}"
-    drawn = f"{length} long" if tiles.part == 1 else f"{100 * tiles.part:.2g} % of a length of {length}"
+    drawn = (
+        f"{length} long" if tiles.part == 1 else f"{100 * tiles.part:.2g} % of a length of {length}"
+    )
     yield "", f"{number} of {tiles}, {drawn}{f', {how}' if how else ''}"
     if uneven := describe_map(scene, tiles, sampling.pressure_map):
         yield "pressure map", uneven
     if sampling.form:
         _, depth = form_on_grid(scene, tiles, sampling.form)
         high = to_text(float(np.nanmax(depth)), "m", 3)
-        yield "form", f"{', '.join(map(str, sampling.form))}, in all {high} high; it gives the pressure of the tiles"
+        yield (
+            "form",
+            f"{', '.join(map(str, sampling.form))}, in all {high} high; it gives the pressure of the tiles",
+        )
 
 
 def _face_states(prepared: Prepared) -> int:
@@ -168,13 +188,21 @@ def _left_open(case: Case, prepared: Prepared) -> str:
     cells, drawn, found = case.cells, case.stochastic, []
     if prepared.cells is not None and (cells is None or cells.count is cells.size is None):
         found.append("the number of pieces")
-    if prepared.sampling is not None and drawn is not None and case.layout.has_length and drawn.length is None:
+    if (
+        prepared.sampling is not None
+        and drawn is not None
+        and case.layout.has_length
+        and drawn.length is None
+    ):
         found.append("seals as long as the face")
     return ", ".join(found)
 
 
 def forecast(
-    case: Case, prepared: Prepared, known: tuple[Effort, ...] | None = None, again: list[Prepared] | None = None
+    case: Case,
+    prepared: Prepared,
+    known: tuple[Effort, ...] | None = None,
+    again: list[Prepared] | None = None,
 ) -> Forecast:
     """Expected time and memory of a run.
 
@@ -188,13 +216,19 @@ def forecast(
         costs = [prepared.cost(study, own_efforts) for study in prepared.solved_studies]
         for coarse in again:
             of_steps = (known[prepared.scene.steps.index(step)] for step in coarse.scene.steps)
-            efforts_of = solved_once(coarse.scene, tuple(effort.on_fewer_points for effort in of_steps))
+            efforts_of = solved_once(
+                coarse.scene, tuple(effort.on_fewer_points for effort in of_steps)
+            )
             costs += [coarse.cost(study, efforts_of) for study in coarse.solved_studies]
         if (test := case.output.test_fluid) is not None:
             state = test.state
             if drop_ratio(state, prepared.scene) is None:
                 alone = replace(prepared, methods=frozenset({prepared.answer.name}))
-                costs.append(replace(alone, scene=state.in_scene(prepared.scene)).cost(alone.answer, own_efforts))
+                costs.append(
+                    replace(alone, scene=state.in_scene(prepared.scene)).cost(
+                        alone.answer, own_efforts
+                    )
+                )
     drawn = case.output.pictures or case.output.report
     own = _START_SECONDS + any(isinstance(face, FileFace) for face in case.face) * _READ_SECONDS
     own += (prepared.methods != {"deterministic"}) * _PIECES_SECONDS
@@ -208,7 +242,11 @@ def forecast(
 def refuse_too_large(case: Case, made: Prepared) -> None:
     """Raise InputError if a run of a prepared case is expected to take more memory than it allows, or than is free."""
     prepared = first_version(case, made)
-    most, which = (free_memory(), "that are free") if case.memory is None else (case.memory, "of the key memory")
+    most, which = (
+        (free_memory(), "that are free")
+        if case.memory is None
+        else (case.memory, "of the key memory")
+    )
     # usual loads take no less than those of the case may; only where that is too much, its own are tried
     again = budget_inputs(case, prepared)
     if forecast(case, prepared, usual_efforts(len(prepared.scene.steps)), again).memory <= most:
@@ -236,7 +274,10 @@ def _accuracy_facts(case: Case, made: Prepared) -> Iterator[tuple[str, str]]:
     first = [f"{' × '.join(map(str, points))} points", f"contact.rtol {chosen.rtol:.0e}"]
     first += [] if chosen.realisations is None else [counted(chosen.realisations, "seal")]
     text = f"{100 * case.accuracy:.3g} % of the numbers alone, first with {', '.join(first)}"
-    yield "accuracy", f"{text}; then what limits is refined, for at most {duration(time_limit(case))}"
+    yield (
+        "accuracy",
+        f"{text}; then what limits is refined, for at most {duration(time_limit(case))}",
+    )
     if given:
         keys = ", ".join(dict.fromkeys(given.values()))
         yield "", f"{keys} {'stays' if len(given) == 1 else 'stay'} as given"
@@ -264,7 +305,9 @@ def _expected_text(expected: Forecast) -> str:
     cores = psutil.cpu_count() or 1
     if cores > 1:
         text += f", {duration(expected.seconds(cores))} on the {cores} of this machine"
-    more = f", and {_WORKER_MEMORY / 1e9:.2g} GB or more for each further worker" if cores > 1 else ""
+    more = (
+        f", and {_WORKER_MEMORY / 1e9:.2g} GB or more for each further worker" if cores > 1 else ""
+    )
     return f"{text}; {expected.memory / 1e9:.1f} GB of memory{more}"
 
 
@@ -272,7 +315,9 @@ def _surface_facts(prepared: Prepared) -> Iterator[tuple[str, str]]:
     """Points, roughness and filter of the face."""
     scene, report = prepared.scene, prepared.conditioning
     surface = scene.surface
-    size, pixel = (" × ".join(to_text(x, "m", 4) for x in pair) for pair in (surface.size, surface.spacing))
+    size, pixel = (
+        " × ".join(to_text(x, "m", 4) for x in pair) for pair in (surface.size, surface.spacing)
+    )
     yield "surface", f"{surface.shape[0]} × {surface.shape[1]} points, {size}, pixel {pixel}"
     height, slope = to_text(surface.rms_height, "m", 3), surface.rms_slope
     hard = ": a flat face" if not slope else ""
@@ -280,12 +325,21 @@ def _surface_facts(prepared: Prepared) -> Iterator[tuple[str, str]]:
         hard = f", H/(E*·slope) {scene.law.mean_hardness / scene.modulus / slope:.3g}"
     yield "", f"rms height {height}, rms slope {slope:.3g}{hard}"
     if report.undefined_fraction or report.spike_points:
-        yield "", f"{report.undefined_fraction:.2%} undefined points and {report.spike_points} in spikes filled"
+        yield (
+            "",
+            f"{report.undefined_fraction:.2%} undefined points and {report.spike_points} in spikes filled",
+        )
     if isinstance(surface, Places):
         count, more = len(surface.widths), ""
         if prepared.sampling is not None:
-            more = f"; about {places_to_halve(count)} more would halve their part of the band of error"
-            more = more if count >= FEWEST else f"; from {FEWEST} on their scatter tells the band of a drawn seal"
+            more = (
+                f"; about {places_to_halve(count)} more would halve their part of the band of error"
+            )
+            more = (
+                more
+                if count >= FEWEST
+                else f"; from {FEWEST} on their scatter tells the band of a drawn seal"
+            )
         yield "", f"{count} places{more}"
     if overlap := prepared.overlap:
         size = " × ".join(to_text(length, "m", 3) for length in overlap.size)

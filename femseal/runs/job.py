@@ -14,7 +14,15 @@ from tempfile import TemporaryDirectory
 from threading import Thread
 from typing import Any, overload
 
-from ..base import FemsealError, InputError, Mapper, PartsMissing, made_folder, numerical_versions, writing
+from ..base import (
+    FemsealError,
+    InputError,
+    Mapper,
+    PartsMissing,
+    made_folder,
+    numerical_versions,
+    writing,
+)
 from ..base.files import remove_foreign
 from ..base.shared_array import storing
 from ..budget import ErrorBudget
@@ -124,9 +132,13 @@ def run(
         raise InputError("workers", workers, "a whole number >= 1, or None for all cores")
     folder = None if output is None else Path(output)
     if folder is not None and folder.exists() and not folder.is_dir():
-        raise InputError("output", f"'{folder}', which is a file", "a folder, or one that does not exist")
+        raise InputError(
+            "output", f"'{folder}', which is a file", "a folder, or one that does not exist"
+        )
     if (resume or part is not None) and folder is None:
-        raise InputError("resume" if part is None else "part", part or True, "an output folder with it")
+        raise InputError(
+            "resume" if part is None else "part", part or True, "an output folder with it"
+        )
     if part is not None:
         part, resume = checked_part(part), True
     faces = face_files(case)
@@ -136,7 +148,11 @@ def run(
     if "test_fluid" in echo["output"]:
         computed["test fluid"] = echo["output"]["test_fluid"]
     identity = {**computed, "content of face files": faces, "version": numerical_versions()}
-    if resume and folder is not None and (finished := finished_results(case, faces, folder)) is not None:
+    if (
+        resume
+        and folder is not None
+        and (finished := finished_results(case, faces, folder)) is not None
+    ):
         with suppress(InputError), alone_in(folder):  # the store of another run stays
             unfinished.resumable(folder, identity)
             unfinished.remove(folder)
@@ -148,27 +164,39 @@ def run(
         stack.enter_context(reporting_compilation(progress))
         if folder is None:
             prepared = _prepared(case, scheduler)
-            mapper = stack.enter_context(ordered_map(workers, scheduler, partial(compile_ahead, progress=progress)))
-            kept = Path(stack.enter_context(TemporaryDirectory())) if shared is None else Path(shared)
+            mapper = stack.enter_context(
+                ordered_map(workers, scheduler, partial(compile_ahead, progress=progress))
+            )
+            kept = (
+                Path(stack.enter_context(TemporaryDirectory())) if shared is None else Path(shared)
+            )
             store = stack.enter_context(Store(kept, required=False))
             return _results(case, prepared, faces, Run(store.over(mapper), progress))
         # a folder is made once the case has been found good
         if there := folder.is_dir():
             going_on = stack.enter_context(writing_in(folder, identity, resume, part))
         prepared = _prepared(case, scheduler)
-        mapper = stack.enter_context(ordered_map(workers, scheduler, partial(compile_ahead, progress=progress)))
+        mapper = stack.enter_context(
+            ordered_map(workers, scheduler, partial(compile_ahead, progress=progress))
+        )
         if not there:
             going_on = stack.enter_context(writing_in(made_folder(folder), identity, resume, part))
         stack.enter_context(_log_file(folder, append=going_on or part is not None))
         if going_on:
             log.info("resumed from %s", unfinished.store_folder(folder))
         unfinished.begin(folder, identity)
-        store = stack.enter_context(Store(unfinished.store_folder(folder) if shared is None else Path(shared)))
+        store = stack.enter_context(
+            Store(unfinished.store_folder(folder) if shared is None else Path(shared))
+        )
         loading = Thread(target=_load_ahead, args=(case, prepared))
         if part is None:
             loading.start()
         results = _results(
-            case, prepared, faces, Run(over_store(mapper, store, folder, part, progress), progress), part
+            case,
+            prepared,
+            faces,
+            Run(over_store(mapper, store, folder, part, progress), progress),
+            part,
         )
         if results is None:
             log.info("part %s: the items of all parts are there", "/".join(map(str, part or ())))
@@ -188,7 +216,9 @@ def run(
 
 def _load_ahead(case: Case, prepared: Prepared) -> None:
     """Load what this process needs later, while others compute."""
-    load_writers(**case.output.files | {"fields": case.output.fields and prepared.methods != {"stochastic"}})
+    load_writers(
+        **case.output.files | {"fields": case.output.fields and prepared.methods != {"stochastic"}}
+    )
 
 
 def _prepared(case: Case, scheduler: str | None) -> Prepared:
@@ -214,7 +244,9 @@ def _interrupts() -> Iterator[None]:
 
 
 @_interrupts()
-def _results(case: Case, made: Prepared, faces: dict[str, str], run: Run, part: Part | None = None) -> Results | None:
+def _results(
+    case: Case, made: Prepared, faces: dict[str, str], run: Run, part: Part | None = None
+) -> Results | None:
     """Solve the studies of a prepared case, and put their results together; None of a part, which others need not."""
     log.info("case %s: surface %s", case.title or "without title", made.scene.surface)
     prepared, studies, refined = made, {}, None
@@ -229,11 +261,16 @@ def _results(case: Case, made: Prepared, faces: dict[str, str], run: Run, part: 
         studies["deterministic"] = studies["two_scale"].uncut
     test = None
     if case.output.test_fluid is not None:
-        test = _of_test_fluid(case.output.test_fluid.state, prepared, studies[prepared.answer.key], run)
+        test = _of_test_fluid(
+            case.output.test_fluid.state, prepared, studies[prepared.answer.key], run
+        )
     budgets: dict[str, ErrorBudget] = {}
     if case.output.budget:  # last, so that it can be switched before a run is resumed
         known = {} if refined is None else {prepared.answer.key: refined.budget}
-        parts: dict[str, Any] = {"model_parts": case.output.model_parts, "hardness": case.hardness_tolerance}
+        parts: dict[str, Any] = {
+            "model_parts": case.output.model_parts,
+            "hardness": case.hardness_tolerance,
+        }
         with run.timed("error budget") as mapper:
             budgets = budgets_of(prepared, studies, mapper, known=known, **parts)
     if part is not None:
@@ -258,7 +295,9 @@ def _results(case: Case, made: Prepared, faces: dict[str, str], run: Run, part: 
         test=test,
         valve=case.output.valve,
         attributes=attributes,
-        **case.output.model_dump(include={"leakage_unit", "classes", "nominal_diameter", "throughput_temperature"}),
+        **case.output.model_dump(
+            include={"leakage_unit", "classes", "nominal_diameter", "throughput_temperature"}
+        ),
     )
     results = assemble(prepared.scene, *studies.values(), facts=facts)
     add_plausibility(prepared, results)
@@ -281,8 +320,14 @@ def _write(results: Results, folder: Path, case: Case, mapper: Mapper) -> None:
         surface = None if results.scene is None else results.scene.surface
         write_folder(results, folder, surface, mapper=mapper, **case.output.files)
     except Exception as error:
-        reason = str(error) if isinstance(error, FemsealError) else f"results: {error or type(error).__name__}"
-        raise FemsealError(f"{reason}; mend that, then a run with --resume has only to write them") from error
+        reason = (
+            str(error)
+            if isinstance(error, FemsealError)
+            else f"results: {error or type(error).__name__}"
+        )
+        raise FemsealError(
+            f"{reason}; mend that, then a run with --resume has only to write them"
+        ) from error
     unfinished.remove(folder)
 
 

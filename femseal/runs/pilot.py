@@ -36,10 +36,14 @@ def pace() -> float:
     heights = np.random.default_rng(0).random((128, 128))
     taken = []
     for _ in range(100):
-        start = time.thread_time()  # of the processor: what others do on the machine is not forecast
+        start = (
+            time.thread_time()
+        )  # of the processor: what others do on the machine is not forecast
         fft.irfft2(fft.rfft2(heights), heights.shape)
         taken.append(time.thread_time() - start)
-    return min(taken) / _PACE_SECONDS  # a neighbour on the same core slowed the others down, by up to 2.7 times
+    return (
+        min(taken) / _PACE_SECONDS
+    )  # a neighbour on the same core slowed the others down, by up to 2.7 times
 
 
 def efforts(scene: Scene) -> tuple[Effort, ...]:
@@ -51,7 +55,10 @@ def efforts(scene: Scene) -> tuple[Effort, ...]:
     surface = scene.surface
     scale = min(1.0, sqrt(PILOT_PIXELS / surface.heights.size))
     # lengths whose transforms are fast: without prime factors above 5
-    n1, n2 = (fft.prev_fast_len(max(16, int(n * scale)), real=True) if n > 16 else n for n in surface.shape)
+    n1, n2 = (
+        fft.prev_fast_len(max(16, int(n * scale)), real=True) if n > 16 else n
+        for n in surface.shape
+    )
     start = (surface.shape[0] - n1) // 2, (surface.shape[1] - n2) // 2
     part = surface.crop((n1, n2), start).detrend()
     half_space = HalfSpace(part.shape, part.spacing, scene.modulus, ("mirror", "mirror"))
@@ -65,18 +72,26 @@ def efforts(scene: Scene) -> tuple[Effort, ...]:
     found: dict[float, Effort] = {}
     for pressure in tried:
         try:
-            contact = solve(gap, half_space, pressure=pressure, hardness=scene.hardness, rtol=scene.rtol)
+            contact = solve(
+                gap, half_space, pressure=pressure, hardness=scene.hardness, rtol=scene.rtol
+            )
             flow = cell_permeability(contact.gap, part.spacing, sides="periodic")
         except FemsealError:  # the run will tell
             found[pressure] = Effort()
             continue
         rounds = getattr(contact, "rounds", 1.0)
-        effort = Effort(contact.fft_pairs, contact.area_fraction, rounds=min(rounds, 0.5 * (rounds + _MANY_ROUNDS)))
+        effort = Effort(
+            contact.fft_pairs,
+            contact.area_fraction,
+            rounds=min(rounds, 0.5 * (rounds + _MANY_ROUNDS)),
+        )
         larger, (most, power) = PILOT_PIXELS / gap.size, _ELIMINATED
         iterations = flow.iterations or most * flow.percolating_fraction**power
         if iterations:
             iterations = FEW_ITERATIONS + max(0.0, iterations - FEW_ITERATIONS) * larger**0.5
-        found[pressure] = replace(effort, pairs=effort.pairs * larger**effort.growth, iterations=iterations)
+        found[pressure] = replace(
+            effort, pairs=effort.pairs * larger**effort.growth, iterations=iterations
+        )
     return tuple(_between(found, step.pressure) for step in scene.steps)
 
 
@@ -89,8 +104,14 @@ def solved_once(scene: Scene, efforts: tuple[Effort, ...]) -> tuple[Effort, ...]
         return efforts
     heights, spacing = scene.surface.heights, scene.surface.spacing
     strips = [heights[i : i + 1025] for i in range(0, len(heights), 1024)]
-    slope = max(float(np.abs(np.diff(z, axis=k)).max(initial=0.0)) / spacing[k] for z in strips for k in (0, 1))
-    if scene.modulus * slope + max(scene.steps.pressures) > float(np.min(scene.law.yield_pressure())):
+    slope = max(
+        float(np.abs(np.diff(z, axis=k)).max(initial=0.0)) / spacing[k]
+        for z in strips
+        for k in (0, 1)
+    )
+    if scene.modulus * slope + max(scene.steps.pressures) > float(
+        np.min(scene.law.yield_pressure())
+    ):
         return efforts
     pressures = [step.pressure for step in scene.steps]
     return tuple(

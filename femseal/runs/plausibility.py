@@ -24,7 +24,9 @@ def add_plausibility(prepared: Prepared, results: Results) -> None:
         gaps = data["mean_gap"].values
     doubts += flow_warnings(prepared.scene, leakage, gaps)
     if prepared.sampling is not None and prepared.sampling.form and "largest_row_pressure" in data:
-        doubts += _yielding_body(prepared.scene.law.mean_hardness, data["largest_row_pressure"].values)
+        doubts += _yielding_body(
+            prepared.scene.law.mean_hardness, data["largest_row_pressure"].values
+        )
     if doubts:
         data.attrs["warnings"] = json.dumps([*results.warnings, *doubts], ensure_ascii=False)
 

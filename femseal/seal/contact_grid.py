@@ -53,7 +53,9 @@ class ContactGrid:
         if frame.size is not None:
             points = np.stack([across, length * along], axis=-1)
         else:
-            points = across[..., None] * np.stack([np.cos(2 * pi * along), np.sin(2 * pi * along)], axis=-1)
+            points = across[..., None] * np.stack(
+                [np.cos(2 * pi * along), np.sin(2 * pi * along)], axis=-1
+            )
         row, column = (x1 * rows).astype(np.int64), (x2 * columns).astype(np.int64)
         tile = row[:, None] * columns + column
         without = np.setdiff1d(np.arange(rows * columns), tile)
@@ -71,10 +73,15 @@ class ContactGrid:
         low, high = mesh.p.min(axis=1), mesh.p.max(axis=1)
         sides = high - low
         side = 0.5 * (tiles.size[0] * tiles.size[1] / tiles.count) ** 0.5
-        side = min(max(side, float(np.prod(sides) / _MOST_CELLS) ** 0.5), float(sides.max()) / _FEWEST_CELLS)
+        side = min(
+            max(side, float(np.prod(sides) / _MOST_CELLS) ** 0.5),
+            float(sides.max()) / _FEWEST_CELLS,
+        )
         n1, n2 = (max(1, int(np.ceil(length / side))) for length in sides)
         spacing = (float(sides[0] / n1), float(sides[1] / n2))
-        x, y = (a + (np.arange(n) + 0.5) * d for a, n, d in zip(low, (n1, n2), spacing, strict=True))
+        x, y = (
+            a + (np.arange(n) + 0.5) * d for a, n, d in zip(low, (n1, n2), spacing, strict=True)
+        )
         points = np.stack(np.meshgrid(x, y, indexing="ij"), axis=-1)
         element = element_of_cells((mesh.p.T[mesh.t.T] - low) / spacing, (n1, n2))
         tile = np.where(element >= 0, tiles.tile[element], -1)

@@ -72,7 +72,9 @@ class ElementSeal:
 
         bounds : solve both; otherwise the flow is that of linear elements, the upper one, with the same potential.
         """
-        flow = self._operators.flow(self.tensors(permeability), bounds=bounds, solver=_of_meshes(solver))
+        flow = self._operators.flow(
+            self.tensors(permeability), bounds=bounds, solver=_of_meshes(solver)
+        )
         if not bounds:
             return flow
         lower = flow.lower if flow.lower > self._through_closed_axes(permeability) else 0.0
@@ -96,9 +98,13 @@ class ElementSeal:
         Raises InputError: inlets on both sides of the outlet.
         """
         if min(levels) < 0:
-            raise InputError("inlet", "pressures above and below that of the outlet", "all on one side of it")
+            raise InputError(
+                "inlet", "pressures above and below that of the outlet", "all on one side of it"
+            )
         operators = MeshOperators(self.mesh, boundaries.facets)
-        flow = operators.flow(self.tensors(permeability), levels, bounds=True, solver=_of_meshes(solver))
+        flow = operators.flow(
+            self.tensors(permeability), levels, bounds=True, solver=_of_meshes(solver)
+        )
         outlets = slice(len(boundaries.pressures), None)
         upper, lower = -float(flow.rates[outlets].sum()), -float(flow.flux_rates[outlets].sum())
         if not (lower > self._through_closed_axes(permeability) * max(levels) and upper > 0):

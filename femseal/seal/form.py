@@ -62,7 +62,9 @@ class WavyForm:
     """
 
     kind: ClassVar[str] = "waves"
-    height: float = parameter("m", "a height > 0, such as '3 um'", "from crest to trough", usual=(1e-9, 1e-3))
+    height: float = parameter(
+        "m", "a height > 0, such as '3 um'", "from crest to trough", usual=(1e-9, 1e-3)
+    )
     lobes: int | None = described("waves once around", example=2, default=None)
     wavelength: float | None = parameter(
         "m",
@@ -92,7 +94,11 @@ class WavyForm:
         return 0.5 * self.height * np.cos(around)
 
     def __str__(self) -> str:
-        waves = f"{self.lobes} waves" if self.wavelength is None else f"waves of {to_text(self.wavelength, 'm')}"
+        waves = (
+            f"{self.lobes} waves"
+            if self.wavelength is None
+            else f"waves of {to_text(self.wavelength, 'm')}"
+        )
         return f"{waves} {to_text(self.height, 'm')} high"
 
     def _count(self, frame: Frame) -> int:
@@ -103,7 +109,11 @@ class WavyForm:
             raise InputError("wavelength", to_text(self.wavelength, "m"), "lobes, on a mesh")
         length = frame.size[1] if frame.size else pi * sum(frame.ends or ())
         if self.wavelength > length:
-            raise InputError("wavelength", to_text(self.wavelength, "m"), f"at most the length, {to_text(length, 'm')}")
+            raise InputError(
+                "wavelength",
+                to_text(self.wavelength, "m"),
+                f"at most the length, {to_text(length, 'm')}",
+            )
         return round(length / self.wavelength)
 
 
@@ -132,15 +142,21 @@ class MeasuredForm:
         at, z = np.array(points, float), np.array(heights, float)
         if at.ndim != 2 or at.shape[1] != 2 or z.shape != (len(at),) or len(z) < 3:
             given = f"shapes {at.shape} and {z.shape}"
-            raise InputError("form", given, "points (n, 2) and as many heights (n,), at least three")
+            raise InputError(
+                "form", given, "points (n, 2) and as many heights (n,), at least three"
+            )
         if not (np.isfinite(at).all() and np.isfinite(z).all()):
-            raise InputError("form", "numbers that are not finite", "finite coordinates and heights [m]")
+            raise InputError(
+                "form", "numbers that are not finite", "finite coordinates and heights [m]"
+            )
         return cls(at, z, polar)
 
     @classmethod
     def of_map(cls, surface: Topography) -> MeasuredForm:
         """A map of heights (n1, n2), such as that of a coarser instrument, without its undefined points."""
-        x1, x2 = ((np.arange(n) + 0.5) * d for n, d in zip(surface.shape, surface.spacing, strict=True))
+        x1, x2 = (
+            (np.arange(n) + 0.5) * d for n, d in zip(surface.shape, surface.spacing, strict=True)
+        )
         points = np.stack(np.meshgrid(x1, x2, indexing="ij"), axis=-1).reshape(-1, 2)
         known = np.isfinite(surface.heights).ravel()
         found = cls.of(points[known], surface.heights.ravel()[known])
@@ -194,7 +210,9 @@ class MeasuredForm:
         far = float(cKDTree(known).query(points)[0].max())
         if far > limit:
             given = f"points up to {to_text(far, 'm', 3)} from places on the seal"
-            expected = f"points that cover it, within {to_text(limit, 'm', 3)}: is their unit right?"
+            expected = (
+                f"points that cover it, within {to_text(limit, 'm', 3)}: is their unit right?"
+            )
             raise InputError("form", given, expected)
         level = _less_plane(known, values)
         return _less_plane(points, RBFInterpolator(known, level, kernel="linear", degree=0)(points))
@@ -212,9 +230,12 @@ class FileForm:
 
     kind: ClassVar[str] = "file"
     path: Path = described(
-        "a text with the columns x, y, z or r, theta, z, or a map of heights", example="flatness.csv"
+        "a text with the columns x, y, z or r, theta, z, or a map of heights",
+        example="flatness.csv",
     )
-    unit: str | None = described("of the heights; that of the file unless given", example="um", default=None)
+    unit: str | None = described(
+        "of the heights; that of the file unless given", example="um", default=None
+    )
     length_unit: str = described("of x and y or of r", default="mm")
 
     def __post_init__(self) -> None:
@@ -244,7 +265,9 @@ class FileForm:
 _PLANE, _POLAR = ("x", "y", "z"), ("r", "theta", "z")
 
 
-def read_form(path: str | PathLike[str], *, unit: str | None = None, length_unit: str = "mm") -> MeasuredForm:
+def read_form(
+    path: str | PathLike[str], *, unit: str | None = None, length_unit: str = "mm"
+) -> MeasuredForm:
     """Heights over a seal.
 
     Parameters

@@ -55,20 +55,36 @@ class Lay:
             return cls(name=given)
         if isinstance(given, Mapping) and list(given) == ["angle"]:
             angle = given["angle"]
-            if isinstance(angle, (int, float)) and not isinstance(angle, bool) and np.isfinite(angle):
+            if (
+                isinstance(angle, (int, float))
+                and not isinstance(angle, bool)
+                and np.isfinite(angle)
+            ):
                 return cls(angle=float(angle))
             return cls(angle=to_si(angle, "rad", "lay.angle"))
-        if isinstance(given, Mapping) and given.get("kind") == "spiral" and {*given} <= _SPIRAL_KEYS:
+        if (
+            isinstance(given, Mapping)
+            and given.get("kind") == "spiral"
+            and {*given} <= _SPIRAL_KEYS
+        ):
             around = given.get("circumference")
-            turn = None if around is None else _length(around, "lay.circumference", least=_LEAST_TURN)
+            turn = (
+                None if around is None else _length(around, "lay.circumference", least=_LEAST_TURN)
+            )
             return cls(name="spiral", lead=_lead(given), circumference=turn)
-        if isinstance(given, Mapping) and list(given) == ["field"] and isinstance(given["field"], str):
+        if (
+            isinstance(given, Mapping)
+            and list(given) == ["field"]
+            and isinstance(given["field"], str)
+        ):
             path, _, array = given["field"].rpartition(":")
             if path and array:
                 return cls(file=folder / path, array=array)
         raise InputError("lay", shown(given), ALLOWED)
 
-    def directions(self, places: Array, centre: tuple[float, float] = (0.0, 0.0), unit: float = 1.0) -> Array:
+    def directions(
+        self, places: Array, centre: tuple[float, float] = (0.0, 0.0), unit: float = 1.0
+    ) -> Array:
         """Unit vectors (n, 2) along the lay at places (n, 2) [m].
 
         centre : from which "radial" is seen [m].
@@ -83,7 +99,9 @@ class Lay:
             away = places - np.asarray(centre)
             distance = np.hypot(away[:, 0], away[:, 1])
             if not distance.min(initial=1.0) > 0:
-                raise InputError("lay", f"'{self.name}' at the centre itself", "a centre outside of all elements")
+                raise InputError(
+                    "lay", f"'{self.name}' at the centre itself", "a centre outside of all elements"
+                )
             radial = away / distance[:, None]
             around = np.stack([-radial[:, 1], radial[:, 0]], axis=1)
             if self.name == "spiral":  # tan α = lead/2πr
@@ -97,7 +115,9 @@ class Lay:
         """Raise InputError if a groove of the spiral crosses a seal of a breadth [m] within a turn."""
         if self.lead > breadth:
             given = f"{to_text(self.lead, 'm')} on a seal {to_text(breadth, 'm', 3)} broad"
-            raise InputError("lay.lead", given, "at most the breadth: the groove would cross it within a turn")
+            raise InputError(
+                "lay.lead", given, "at most the breadth: the groove would cross it within a turn"
+            )
 
     def __str__(self) -> str:
         if self.file is not None:
@@ -111,14 +131,20 @@ def check_size(name: str, size: float, unit: str = "") -> None:
     """Raise InputError if a seal has a size [m] that comes from a wrong unit of length."""
     low, high = _SIZES
     if not low <= size <= high:
-        given = f"a seal {to_text(size, 'm', 3)} across" + (f" with the unit '{unit}'" if unit else "")
-        raise InputError(name, given, f"from {to_text(low, 'm')} to {to_text(high, 'm')}: is its unit right?")
+        given = f"a seal {to_text(size, 'm', 3)} across" + (
+            f" with the unit '{unit}'" if unit else ""
+        )
+        raise InputError(
+            name, given, f"from {to_text(low, 'm')} to {to_text(high, 'm')}: is its unit right?"
+        )
 
 
 def check_ring(inner: float, outer: float, inlet: str) -> None:
     """Raise InputError if radii [m] do not increase, or another than the inner or the outer one is the inlet."""
     if not outer > inner:
-        raise InputError("outer_radius", f"{outer:g} m", f"a number > the inner radius, {inner:g} m")
+        raise InputError(
+            "outer_radius", f"{outer:g} m", f"a number > the inner radius, {inner:g} m"
+        )
     if inlet not in ("inner", "outer"):
         raise InputError("inlet", repr(inlet), "'inner' or 'outer'")
 
@@ -133,7 +159,11 @@ def _lead(given: Mapping[str, Any]) -> float:
 
 def _length(given: Any, name: str, least: float = 0.0) -> float:
     """A length from text with a unit, or from a number of metres; InputError where it is less than the least."""
-    value = float(given) if isinstance(given, (int, float)) and not isinstance(given, bool) else to_si(given, "m", name)
+    value = (
+        float(given)
+        if isinstance(given, (int, float)) and not isinstance(given, bool)
+        else to_si(given, "m", name)
+    )
     if not (np.isfinite(value) and value >= least):
         raise InputError(name, shown(given), f"a length >= {to_text(least, 'm')}, such as '60 um'")
     return value
@@ -147,14 +177,22 @@ def _of_field(file: Path, array: str, places: Array, unit: float) -> Array:
 
     points, values = read_field(file, array)
     points = points * unit
-    size = np.linalg.norm(values[:, :2], axis=1) if values.ndim == 2 and values.shape[1] in (2, 3) else np.zeros(1)
+    size = (
+        np.linalg.norm(values[:, :2], axis=1)
+        if values.ndim == 2 and values.shape[1] in (2, 3)
+        else np.zeros(1)
+    )
     if values.ndim != 2 or not np.isfinite(values).all() or not size.min() > 0:
-        raise InputError("lay.field", f"'{array}' of '{file}'", "vectors along the lay, finite and not 0")
+        raise InputError(
+            "lay.field", f"'{array}' of '{file}'", "vectors along the lay, finite and not 0"
+        )
     tree = cKDTree(points)
     spacing = tree.query(points, k=2)[0][:, 1].max() if len(points) > 1 else np.inf
     distance, nearest = tree.query(places)
     if (far := int(np.count_nonzero(distance > _REACH * spacing))) > 0:
         raise InputError(
-            "lay.field", f"'{file}', which leaves out {counted(far, 'element')}", "a field that covers the seal"
+            "lay.field",
+            f"'{file}', which leaves out {counted(far, 'element')}",
+            "a field that covers the seal",
         )
     return values[nearest, :2] / size[nearest, None]

@@ -51,7 +51,9 @@ _INLET = (
 )
 
 
-_LAY = f"direction of x2 of the face on the seal: {ALLOWED}; a spiral is for a face whose groove winds"
+_LAY = (
+    f"direction of x2 of the face on the seal: {ALLOWED}; a spiral is for a face whose groove winds"
+)
 
 
 @dataclass(frozen=True)
@@ -68,7 +70,9 @@ class RectangularLayout:
     def __post_init__(self) -> None:
         lay = Lay.of(self.lay)
         if lay.name == "radial" or lay.file is not None:
-            raise InputError("lay", f"'{lay}' on a strip", "x1, x2, a spiral, or {angle = '30 deg'}")
+            raise InputError(
+                "lay", f"'{lay}' on a strip", "x1, x2, a spiral, or {angle = '30 deg'}"
+            )
         around = lay.name == "circumferential" or (lay.name == "spiral" and lay.lead == 0)
         object.__setattr__(self, "lay", Lay(name="x2") if around else lay)
 
@@ -105,15 +109,23 @@ class AnnularLayout:
 
     kind: ClassVar[str] = "annular"
     has_length: ClassVar[bool] = False
-    inner_radius: float = parameter("m", "a length > 0, such as '10 mm'", "of the ring", usual=(1e-5, 100.0))
-    outer_radius: float = parameter("m", "a length > 0, such as '15 mm'", "of the ring", usual=(1e-5, 100.0))
+    inner_radius: float = parameter(
+        "m", "a length > 0, such as '10 mm'", "of the ring", usual=(1e-5, 100.0)
+    )
+    outer_radius: float = parameter(
+        "m", "a length > 0, such as '15 mm'", "of the ring", usual=(1e-5, 100.0)
+    )
     inlet: Literal["inner", "outer"] = described(_INLET, default="inner")
     lay: Any = described(_LAY, default="circumferential")
 
     def __post_init__(self) -> None:
         check_parameters(self)
         lay = Lay.of(self.lay)
-        object.__setattr__(self, "lay", Lay(name="circumferential") if lay.name == "spiral" and not lay.lead else lay)
+        object.__setattr__(
+            self,
+            "lay",
+            Lay(name="circumferential") if lay.name == "spiral" and not lay.lead else lay,
+        )
         if self.lay.file is not None:
             raise InputError("lay", f"'{self.lay}' on a ring", "a field on a mesh only")
         check_ring(self.inner_radius, self.outer_radius, self.inlet)
@@ -186,7 +198,9 @@ class MeshLayout:
         object.__setattr__(self, "lay", Lay.of(self.lay, Path(self.path).parent))
         if self.lay.name == "spiral":
             raise InputError(
-                "lay", f"'{self.lay}' on a mesh", "a spiral on a strip or a ring, or {field = 'file.vtu:name'}"
+                "lay",
+                f"'{self.lay}' on a mesh",
+                "a spiral on a strip or a ring, or {field = 'file.vtu:name'}",
             )
         for name in ("inlet", "outlet"):
             names = getattr(self, name)
@@ -207,7 +221,11 @@ class MeshLayout:
 
         inlet = tuple(self.inlet.items()) if isinstance(self.inlet, Mapping) else self.inlet
         return laid_on_mesh(
-            pieces, self.lay, (Path(self.path), inlet, self.outlet, self.unit), self.length, self.centre
+            pieces,
+            self.lay,
+            (Path(self.path), inlet, self.outlet, self.unit),
+            self.length,
+            self.centre,
         )
 
     def frame(self, size: tuple[float, float]) -> Frame:
@@ -215,15 +233,21 @@ class MeshLayout:
         return Frame(centre=self.centre)
 
     def __str__(self) -> str:
-        inlets = ", ".join(f"{name} at {to_text(p, 'Pa')}" for name, p in self.inlet_pressures.items())
+        inlets = ", ".join(
+            f"{name} at {to_text(p, 'Pa')}" for name, p in self.inlet_pressures.items()
+        )
         return f"the mesh {Path(self.path).name}, {f'inlets {inlets}, ' if inlets else ''}lay {self.lay}"
 
 
 def _refuse_sizes(kind: str, pieces: PieceSize) -> None:
     for name, value in (("length", pieces.length), ("breadth", pieces.breadth)):
         if value is not None:
-            raise InputError(name, to_text(value, "m"), f"none with a seal of kind {kind}: it has its own")
+            raise InputError(
+                name, to_text(value, "m"), f"none with a seal of kind {kind}: it has its own"
+            )
 
 
 #: Shapes that a case can choose, by their kind.
-LAYOUTS: dict[str, Any] = {layout.kind: layout for layout in (RectangularLayout, AnnularLayout, MeshLayout)}
+LAYOUTS: dict[str, Any] = {
+    layout.kind: layout for layout in (RectangularLayout, AnnularLayout, MeshLayout)
+}

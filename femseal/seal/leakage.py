@@ -50,7 +50,9 @@ def pressure_dependent_flow(
         drop = replace(drop, gap=drop.law.gap(k, pressure) if k > 0 else drop.gap)
     values = _on_parts(seal, table.values, len(table.pressures))
     pair = isinstance(values, tuple)
-    curves = [PressureCurve(table.pressures, k, table.piecewise) for k in (values if pair else (values,))]
+    curves = [
+        PressureCurve(table.pressures, k, table.piecewise) for k in (values if pair else (values,))
+    ]
 
     def permeability(fraction: Any) -> Any:
         p = drop.pressure(np.nan_to_num(np.asarray(fraction, dtype=float), nan=0.5))
@@ -66,7 +68,11 @@ def pressure_dependent_flow(
         return flow.conductance, flow.potential, flow
 
     # along a uniform seal the potential falls evenly
-    first = np.linspace(1, 0, len(seal.grid.lines1))[:, None] if isinstance(seal, StructuredSeal) else 0.5
+    first = (
+        np.linspace(1, 0, len(seal.grid.lines1))[:, None]
+        if isinstance(seal, StructuredSeal)
+        else 0.5
+    )
     solved = fixed_point(permeability, solve, first, rtol=rtol, name="flow through a seal")
     flow, local, rate = solved.found, solved.coefficient, solved.rate
     if bounds:
@@ -85,10 +91,14 @@ def pressure_dependent_flow(
     if not drop.law.depends_on_pressure:  # both potentials are the same
         return scaled, local
     # what flows through each part is the same in both potentials
-    steeper = [drop.steepness(*ends) for ends in _ends(seal, np.nan_to_num(fraction, nan=0.5), pair)]
+    steeper = [
+        drop.steepness(*ends) for ends in _ends(seal, np.nan_to_num(fraction, nan=0.5), pair)
+    ]
     if pair:
         return scaled, tuple(k * by for k, by in zip(local, steeper, strict=True))
-    return scaled, local * steeper[0].reshape(steeper[0].shape + (1,) * (local.ndim - steeper[0].ndim))
+    return scaled, local * steeper[0].reshape(
+        steeper[0].shape + (1,) * (local.ndim - steeper[0].ndim)
+    )
 
 
 def _on_parts(seal: Any, values: Any, pressures: int) -> Any:
@@ -105,15 +115,20 @@ def _on_parts(seal: Any, values: Any, pressures: int) -> Any:
     shapes = (pressures, n1, n2), (pressures, n1 - 1, n2)
     for k, shape in zip(pair, shapes, strict=True):
         if k.shape not in ((pressures,), shape):
-            raise InputError("permeability", f"shape {k.shape}", f"{pressures} values, or shape {shape}")
+            raise InputError(
+                "permeability", f"shape {k.shape}", f"{pressures} values, or shape {shape}"
+            )
     return tuple(
-        np.broadcast_to(k[:, None, None] if k.ndim == 1 else k, shape) for k, shape in zip(pair, shapes, strict=True)
+        np.broadcast_to(k[:, None, None] if k.ndim == 1 else k, shape)
+        for k, shape in zip(pair, shapes, strict=True)
     )
 
 
 def _beside(pressure: Array, shape: tuple[int, ...]) -> Array:
     """Pressures of parts, with a further axis where each part has a value along two directions."""
-    return pressure[:, None] if pressure.ndim == 1 and len(shape) == 2 and shape[1] == 2 else pressure
+    return (
+        pressure[:, None] if pressure.ndim == 1 and len(shape) == 2 and shape[1] == 2 else pressure
+    )
 
 
 def _ends(seal: Any, p: Array, links: bool) -> list[tuple[Array, Array]]:
@@ -136,21 +151,37 @@ class Leakage(Shown):
     per_length: float = field(metadata={"unit": "m^2/s", "long_name": "leakage per length of seal"})
     lower: float = field(metadata={"unit": "m^3/s", "long_name": "lower bound of the leakage"})
     upper: float = field(metadata={"unit": "m^3/s", "long_name": "upper bound of the leakage"})
-    fluid_pressure: Array = field(metadata={"unit": "Pa", "long_name": "fluid pressure at the nodes"}, repr=False)
-    conductance: float = field(metadata={"unit": "m^3", "long_name": "mass leakage for a unit drop of potential"})
-    iterations: int = field(metadata={"unit": "1", "long_name": "iterations of the linear solver, 0 if direct"})
+    fluid_pressure: Array = field(
+        metadata={"unit": "Pa", "long_name": "fluid pressure at the nodes"}, repr=False
+    )
+    conductance: float = field(
+        metadata={"unit": "m^3", "long_name": "mass leakage for a unit drop of potential"}
+    )
+    iterations: int = field(
+        metadata={"unit": "1", "long_name": "iterations of the linear solver, 0 if direct"}
+    )
     residual: float = field(metadata={"unit": "1", "long_name": "residual of the linear solver"})
-    imbalance: float = field(metadata={"unit": "1", "long_name": "difference of inlet and outlet flow"})
-    percolates: bool = field(metadata={"unit": "1", "long_name": "an open path from inlet to outlet"})
+    imbalance: float = field(
+        metadata={"unit": "1", "long_name": "difference of inlet and outlet flow"}
+    )
+    percolates: bool = field(
+        metadata={"unit": "1", "long_name": "an open path from inlet to outlet"}
+    )
     solver: str = field(metadata={"unit": "1", "long_name": "solver of the linear system"})
     permeability: Any = field(
         default=None,
-        metadata={"unit": "m^3", "long_name": "permeability at the pressures of the solution, if it depends on them"},
+        metadata={
+            "unit": "m^3",
+            "long_name": "permeability at the pressures of the solution, if it depends on them",
+        },
         repr=False,
     )
     boundary_rates: dict[str, float] | None = field(
         default=None,
-        metadata={"unit": "m^3/s", "long_name": "flow into the seal through each boundary, of inlets with pressures"},
+        metadata={
+            "unit": "m^3/s",
+            "long_name": "flow into the seal through each boundary, of inlets with pressures",
+        },
     )
 
 
@@ -216,7 +247,9 @@ def seal_leakage(
         }
         for name, given in refused.items():
             if given:
-                raise InputError(name, _REFUSED[name], "none on a seal whose inlets have pressures of their own")
+                raise InputError(
+                    name, _REFUSED[name], "none on a seal whose inlets have pressures of their own"
+                )
         return _between_boundaries(seal, boundaries, permeability, fluid, outlet_pressure, solver)
     φ_in = potential_of(fluid, "inlet_pressure", inlet_pressure)
     φ_out = potential_of(fluid, "outlet_pressure", outlet_pressure)
@@ -239,7 +272,13 @@ def seal_leakage(
 
 
 def _leakage(
-    seal: Seal, fluid: Fluid, flow: Any, conductance: float, drop: float, potential: Array, **known: Any
+    seal: Seal,
+    fluid: Fluid,
+    flow: Any,
+    conductance: float,
+    drop: float,
+    potential: Array,
+    **known: Any,
 ) -> Leakage:
     """Leakage of a flow of a conductance [m³] under a drop of the potential; what else is known of it by its name."""
     volume_rate = conductance * (drop / fluid.reference_density)
@@ -258,17 +297,27 @@ def _leakage(
 
 
 #: What is not possible with pressures of inlets.
-_REFUSED = {"inlet_pressure": "a pressure", "bounds": "true", "permeability": "a table over pressures, as of slip"}
+_REFUSED = {
+    "inlet_pressure": "a pressure",
+    "bounds": "true",
+    "permeability": "a table over pressures, as of slip",
+}
 
 
 def _between_boundaries(
-    seal: Any, boundaries: PressureBoundaries, permeability: Any, fluid: Fluid, outlet_pressure: float, solver: str
+    seal: Any,
+    boundaries: PressureBoundaries,
+    permeability: Any,
+    fluid: Fluid,
+    outlet_pressure: float,
+    solver: str,
 ) -> Leakage:
     """Leakage out of the outlets of a seal whose inlets have pressures of their own."""
     φ_out = potential_of(fluid, "outlet_pressure", outlet_pressure)
     names = boundaries.names[: len(boundaries.pressures)]
     drops = [
-        potential_of(fluid, f"inlet {name!r}", p) - φ_out for name, p in zip(names, boundaries.pressures, strict=True)
+        potential_of(fluid, f"inlet {name!r}", p) - φ_out
+        for name, p in zip(names, boundaries.pressures, strict=True)
     ]
     drop = max(drops, key=abs)
     levels = np.zeros(len(boundaries.names))

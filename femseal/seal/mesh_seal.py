@@ -110,7 +110,9 @@ def _pairs(first: Indices, last: Indices) -> Iterator[tuple[Indices, Indices]]:
         before = total[begin - 1] if begin else 0
         stop = max(begin + 1, int(np.searchsorted(total, before + _CHUNK, side="right")))
         n = np.repeat(np.arange(begin, stop), count[begin:stop])
-        offset = np.arange(len(n)) - np.repeat(total[begin:stop] - count[begin:stop] - before, count[begin:stop])
+        offset = np.arange(len(n)) - np.repeat(
+            total[begin:stop] - count[begin:stop] - before, count[begin:stop]
+        )
         yield n, first[n] + offset
         begin = stop
 
@@ -136,16 +138,22 @@ class PressureBoundaries:
     pressures: tuple[float, ...]
 
     @classmethod
-    def of(cls, mesh: Mesh, inlet: Mapping[str, float], outlet: Sequence[str]) -> PressureBoundaries:
+    def of(
+        cls, mesh: Mesh, inlet: Mapping[str, float], outlet: Sequence[str]
+    ) -> PressureBoundaries:
         """Boundaries of a mesh.
 
         Raises InputError: one is both inlet and outlet, or two of them touch.
         """
         if both := [name for name in outlet if name in inlet]:
-            raise InputError("outlet", f"{both[0]!r}, which is an inlet too", "other boundaries than the inlets")
+            raise InputError(
+                "outlet", f"{both[0]!r}, which is an inlet too", "other boundaries than the inlets"
+            )
         names = (*inlet, *dict.fromkeys(outlet))
         facets = tuple(np.unique(mesh.boundaries[name]).astype(np.int64) for name in names)
-        for (first, one), (second, other) in itertools.combinations(zip(names, facets, strict=True), 2):
+        for (first, one), (second, other) in itertools.combinations(
+            zip(names, facets, strict=True), 2
+        ):
             if np.intersect1d(mesh.facets[:, one], mesh.facets[:, other]).size:
                 given = f"boundaries {first!r} and {second!r} that touch, with pressures of inlets"
                 raise InputError("inlet and outlet", given, "boundaries with no vertex in common")
@@ -179,22 +187,34 @@ class MeshSeal:
     def __post_init__(self) -> None:
         if isinstance(self.inlet, Mapping):
             object.__setattr__(self, "inlet", validate.pressures("inlet", self.inlet))
-        mesh = self.path if isinstance(self.path, Mesh) else read_mesh(self.path, to_si(f"1 {self.unit}", "m", "unit"))
+        mesh = (
+            self.path
+            if isinstance(self.path, Mesh)
+            else read_mesh(self.path, to_si(f"1 {self.unit}", "m", "unit"))
+        )
         object.__setattr__(self, "mesh", mesh)
         if type(mesh) not in (MeshTri1, MeshQuad1):
             raise InputError(
-                "path", f"a {type(mesh).__name__}", f"a plane mesh of triangles or quadrilaterals, {LINEAR}"
+                "path",
+                f"a {type(mesh).__name__}",
+                f"a plane mesh of triangles or quadrilaterals, {LINEAR}",
             )
         there = ", ".join(repr(str(name)) for name in mesh.boundaries or {}) or "none"
         for role, names in (("inlet", self.inlet), ("outlet", self.outlet)):
             for name in _names(names) or (names,):
                 if name not in (mesh.boundaries or {}):
-                    raise InputError(role, repr(name), f"the name of a boundary of the mesh: {there}")
+                    raise InputError(
+                        role, repr(name), f"the name of a boundary of the mesh: {there}"
+                    )
         _check_elements(mesh)
         given = self.boundaries  # raises if one is both inlet and outlet
         inlets = [self.ends[0]] if given is None else given.facets[: len(given.pressures)]
         if not all(is_connected(mesh, inlet, self.ends[1]) for inlet in inlets):
-            raise InputError("inlet and outlet", "boundaries that the mesh does not connect", "a mesh in one piece")
+            raise InputError(
+                "inlet and outlet",
+                "boundaries that the mesh does not connect",
+                "a mesh in one piece",
+            )
 
     @property
     def ends(self) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
@@ -234,7 +254,12 @@ class MeshSeal:
         return MeshOperators(self.mesh, self.ends).flow(tensor, bounds=bounds, solver=solver)
 
     def flow_between(
-        self, permeability: Any, boundaries: PressureBoundaries, levels: Sequence[float], *, solver: str = "auto"
+        self,
+        permeability: Any,
+        boundaries: PressureBoundaries,
+        levels: Sequence[float],
+        *,
+        solver: str = "auto",
     ) -> MeshFlow:
         """Flow between boundaries at potentials, permeability as in `flow`."""
         tensor = permeability_tensors(permeability, self.mesh.nelements)
@@ -291,7 +316,9 @@ def _check_elements(mesh: Mesh) -> None:
     """Refuse nodes that are not finite, and elements that are degenerate, tangled or on each other."""
     undefined = np.flatnonzero(~np.isfinite(mesh.p).all(axis=0))
     if undefined.size:
-        raise InputError("path", f"a mesh whose node {undefined[0]} is not finite", "finite coordinates")
+        raise InputError(
+            "path", f"a mesh whose node {undefined[0]} is not finite", "finite coordinates"
+        )
     corners = mesh.p.T[mesh.t.T]
     before, after = (np.roll(corners, shift, axis=1) - corners for shift in (1, -1))
     # the Jacobian of a bilinear element is extreme at its corners
@@ -300,7 +327,9 @@ def _check_elements(mesh: Mesh) -> None:
     flat = np.abs(det).min(axis=1) <= 1e-12 * size
     bad = np.flatnonzero(flat | (det.min(axis=1) * det.max(axis=1) <= 0))
     if bad.size:
-        raise InputError("path", f"a mesh whose element {bad[0]} is degenerate or tangled", "a valid mesh")
+        raise InputError(
+            "path", f"a mesh whose element {bad[0]} is degenerate or tangled", "a valid mesh"
+        )
     _check_sides(mesh)
 
 

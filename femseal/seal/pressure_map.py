@@ -92,7 +92,9 @@ class Profile:
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "fractions", _fractions(self.fractions))
-        object.__setattr__(self, "positions", _rising("positions", self.positions, len(self.fractions), "[m]"))
+        object.__setattr__(
+            self, "positions", _rising("positions", self.positions, len(self.fractions), "[m]")
+        )
 
     def at(self, points: Array, frame: Frame) -> Array:
         """Linear between positions; else that of the strip, at an edge the mean of both."""
@@ -101,14 +103,22 @@ class Profile:
             low, high = self.positions[0], self.positions[-1]
             least, most = float(across.min()), float(across.max())
             if least < low - _ROUNDING * high or most > high * (1 + _ROUNDING):
-                given, needed = (f"{to_text(a, 'm')} to {to_text(b, 'm')}" for a, b in ((low, high), (least, most)))
-                raise InputError("positions", given, f"a range that holds the tiles of the seal, {needed}")
+                given, needed = (
+                    f"{to_text(a, 'm')} to {to_text(b, 'm')}"
+                    for a, b in ((low, high), (least, most))
+                )
+                raise InputError(
+                    "positions", given, f"a range that holds the tiles of the seal, {needed}"
+                )
             return np.interp(across, self.positions, values)
         if frame.ends is None:
             raise InputError("positions", "none on a mesh", "radii [m]")
         first, last = frame.ends
         strip = (across - first) / (last - first) * values.size
-        lower, upper = (np.clip(np.floor(strip + e).astype(int), 0, values.size - 1) for e in (-_ROUNDING, _ROUNDING))
+        lower, upper = (
+            np.clip(np.floor(strip + e).astype(int), 0, values.size - 1)
+            for e in (-_ROUNDING, _ROUNDING)
+        )
         return np.asarray(0.5 * (values[lower] + values[upper]))
 
 
@@ -136,10 +146,14 @@ class AngleTable:
         object.__setattr__(self, "fractions", _fractions(self.fractions))
         object.__setattr__(self, "repeat", validate.count("repeat", self.repeat))
         period = 2 * pi / self.repeat
-        object.__setattr__(self, "angles", _rising("angles", self.angles, len(self.fractions), "[rad]"))
+        object.__setattr__(
+            self, "angles", _rising("angles", self.angles, len(self.fractions), "[rad]")
+        )
         if self.angles and not 0 <= self.angles[0] <= self.angles[-1] < period * (1 - 1e-12):
             given = f"{np.degrees(self.angles[0]):g}° to {np.degrees(self.angles[-1]):g}°"
-            raise InputError("angles", given, f"angles from 0° to below one period, {np.degrees(period):g}°")
+            raise InputError(
+                "angles", given, f"angles from 0° to below one period, {np.degrees(period):g}°"
+            )
 
     def at(self, points: Array, frame: Frame) -> Array:
         """Linear and periodic."""
@@ -159,7 +173,9 @@ class PressureField:
     pressure: Array = field(repr=False)
 
     @classmethod
-    def of(cls, points: ArrayLike, pressure: ArrayLike, triangles: ArrayLike | None = None) -> PressureField:
+    def of(
+        cls, points: ArrayLike, pressure: ArrayLike, triangles: ArrayLike | None = None
+    ) -> PressureField:
         """Check and take a field.
 
         Parameters
@@ -196,8 +212,14 @@ class MapsAtLoads:
         if not self.maps:
             raise InputError("maps", "none", "at least one")
         if len(self.pressures) != len(self.maps):
-            raise InputError("pressures", counted(len(self.pressures), "number"), f"{len(self.maps)}, one for each map")
-        object.__setattr__(self, "pressures", _rising("pressures", self.pressures, len(self.maps), "[Pa]"))
+            raise InputError(
+                "pressures",
+                counted(len(self.pressures), "number"),
+                f"{len(self.maps)}, one for each map",
+            )
+        object.__setattr__(
+            self, "pressures", _rising("pressures", self.pressures, len(self.maps), "[Pa]")
+        )
 
 
 #: What fractions can be taken from.
@@ -249,14 +271,18 @@ class PressedSeal:
             return np.broadcast_to(known[0], (loads.size, len(points)))
         knots = np.array(pressure_map.pressures)
         upper = np.clip(np.searchsorted(knots, loads), 1, knots.size - 1)
-        weight = np.clip((loads - knots[upper - 1]) / (knots[upper] - knots[upper - 1]), 0, 1)[:, None]
+        weight = np.clip((loads - knots[upper - 1]) / (knots[upper] - knots[upper - 1]), 0, 1)[
+            :, None
+        ]
         return np.asarray((1 - weight) * known[upper - 1] + weight * known[upper])
 
     def _mean_one(self, pressure_map: PressureMap, points: Array) -> Array:
         over_area, values = (pressure_map.at(where, self.frame) for where in (self.centres, points))
         if not over_area.max() > 0:
             raise InputError("map", "a pressure that is 0 all over the seal", "one > 0 somewhere")
-        if np.all(over_area == over_area[0]) and np.all(values == over_area[0]):  # without the rounding of a mean
+        if np.all(over_area == over_area[0]) and np.all(
+            values == over_area[0]
+        ):  # without the rounding of a mean
             return np.ones_like(values)
         return np.asarray(values / np.average(over_area, weights=self.areas))
 
@@ -290,11 +316,17 @@ def _pressures(values: ArrayLike, count: int) -> Array:
     """Contact pressures >= 0, one for each point; InputError of anything else."""
     pressure = np.array(values, dtype=float)
     if pressure.shape != (count,):
-        raise InputError("pressure", f"shape {pressure.shape}", f"shape {(count,)}, one for each point [Pa]")
+        raise InputError(
+            "pressure", f"shape {pressure.shape}", f"shape {(count,)}, one for each point [Pa]"
+        )
     if bad := np.count_nonzero(~np.isfinite(pressure)):
-        raise InputError("pressure", f"{bad} of {count} values not finite", "finite numbers >= 0 [Pa]")
+        raise InputError(
+            "pressure", f"{bad} of {count} values not finite", "finite numbers >= 0 [Pa]"
+        )
     if pressure.min() < 0:
         bad = np.count_nonzero(pressure < 0)
-        given = f"{bad} of {count} values negative, the least {to_text(float(pressure.min()), 'Pa')}"
+        given = (
+            f"{bad} of {count} values negative, the least {to_text(float(pressure.min()), 'Pa')}"
+        )
         raise InputError("pressure", given, "contact pressures >= 0 [Pa]")
     return pressure

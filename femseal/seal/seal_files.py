@@ -58,19 +58,30 @@ def read_mesh(path: str | PathLike[str], unit: float = 1.0) -> Mesh:
     kind = present[0]
     points = np.asarray(data.points, dtype=float)
     cells = np.asarray(data.cells_dict[kind])
-    if points.shape[1] > 2 and np.ptp(points[cells, 2]) > 1e-9 * np.ptp(points[cells.ravel()], axis=0).max():
+    if (
+        points.shape[1] > 2
+        and np.ptp(points[cells, 2]) > 1e-9 * np.ptp(points[cells.ravel()], axis=0).max()
+    ):
         raise InputError("path", f"'{file}' with varying z", "a plane mesh, z constant")
     points = points[:, :2] * unit
     used, renumbered = np.unique(cells, return_inverse=True)
     cells = renumbered.reshape(cells.shape)
-    mesh = getattr(skfem, _KINDS[kind])(np.ascontiguousarray(points[used].T), np.ascontiguousarray(cells.T))
+    mesh = getattr(skfem, _KINDS[kind])(
+        np.ascontiguousarray(points[used].T), np.ascontiguousarray(cells.T)
+    )
     vertex = np.full(len(points), -1)
     vertex[used] = np.arange(used.size)
-    boundaries = {name: _facets_of(mesh, vertex[lines]) for name, lines in _named_lines(data).items()}
-    return mesh.with_boundaries({name: facets for name, facets in boundaries.items() if facets.size})
+    boundaries = {
+        name: _facets_of(mesh, vertex[lines]) for name, lines in _named_lines(data).items()
+    }
+    return mesh.with_boundaries(
+        {name: facets for name, facets in boundaries.items() if facets.size}
+    )
 
 
-def read_field(path: str | PathLike[str], name: str) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def read_field(
+    path: str | PathLike[str], name: str
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Places (n, 2) and values (n,) or (n, components) of a field at the points or the cells of a mesh file.
 
     Places are in the unit of the file; those of cells are the means of their nodes.
@@ -84,7 +95,9 @@ def read_field(path: str | PathLike[str], name: str) -> tuple[NDArray[np.float64
         return points, np.asarray(data.point_data[name], dtype=float)
     if name in data.cell_data:
         centres = [points[block.data].mean(axis=1) for block in data.cells]
-        return np.vstack(centres), np.concatenate([np.asarray(v, dtype=float) for v in data.cell_data[name]])
+        return np.vstack(centres), np.concatenate(
+            [np.asarray(v, dtype=float) for v in data.cell_data[name]]
+        )
     there = ", ".join(repr(n) for n in (*data.point_data, *data.cell_data)) or "none"
     raise InputError("field", f"'{name}' of '{file}'", f"one of its fields: {there}")
 
@@ -106,12 +119,22 @@ def _meshio_read(file: Path) -> Any:
     silent = io.StringIO()
     try:
         # a file meshio cannot read makes it print and exit
-        with contextlib.redirect_stdout(silent), contextlib.redirect_stderr(silent), within_free_memory():
+        with (
+            contextlib.redirect_stdout(silent),
+            contextlib.redirect_stderr(silent),
+            within_free_memory(),
+        ):
             return meshio.read(file)
     except (Exception, SystemExit) as error:
-        reason = (str(error) if not isinstance(error, SystemExit) else "") or "unknown or damaged format"
+        reason = (
+            str(error) if not isinstance(error, SystemExit) else ""
+        ) or "unknown or damaged format"
         known = meshio.extension_to_filetypes
-        which = ", not damaged" if file.suffix.lower() in known else f": {' '.join(sorted(known))}; gmsh meshes .step"
+        which = (
+            ", not damaged"
+            if file.suffix.lower() in known
+            else f": {' '.join(sorted(known))}; gmsh meshes .step"
+        )
         expected = f"a mesh in a format that meshio reads{which}"
         raise InputError("path", f"'{file}' ({' '.join(reason.split())})", expected) from None
 
@@ -126,7 +149,9 @@ def _named_lines(data: Any) -> dict[str, NDArray[np.int64]]:
             if block.type == "line" and chosen is not None and len(chosen):
                 named.setdefault(name, []).append(block.data[chosen])
     # a tag counts within its dimension: a surface may have the number of a line
-    names = {int(tag): name for name, (tag, dimension) in data.field_data.items() if int(dimension) == 1}
+    names = {
+        int(tag): name for name, (tag, dimension) in data.field_data.items() if int(dimension) == 1
+    }
     arrays: Any = next((data.cell_data[key] for key in _TAGS if key in data.cell_data), [])
     for block, tags in zip(data.cells, arrays, strict=False):
         if block.type != "line":
@@ -181,9 +206,14 @@ def read_pressure_field(
     if _FIELD_FACTOR * (size := file.stat().st_size) > (free := free_memory()):
         allowed = f"a file that can be read in the {free / 1e9:.3g} GB of free memory"
         raise InputError("path", f"'{file}' of {size / 1e9:.3g} GB", allowed)
-    length, unit = to_si(f"1 {length_unit}", "m", "length_unit"), to_si(f"1 {pressure_unit}", "Pa", "pressure_unit")
+    length, unit = (
+        to_si(f"1 {length_unit}", "m", "length_unit"),
+        to_si(f"1 {pressure_unit}", "Pa", "pressure_unit"),
+    )
     try:
-        points, values, triangles = (_of_text if file.suffix.lower() in TEXTS else _of_mesh)(file, name)
+        points, values, triangles = (_of_text if file.suffix.lower() in TEXTS else _of_mesh)(
+            file, name
+        )
     except InputError as error:
         columns = f"; or a {' or '.join(TEXTS)} with the columns x, y and {name}"
         more = "" if file.suffix.lower() in TEXTS else columns
@@ -212,7 +242,9 @@ def read_columns(file: Path, wanted: tuple[str, ...]) -> NDArray[np.float64]:
     if missing := [column for column in wanted if names.count(column) != 1]:
         given = f"'{file}' with the columns {', '.join(names)}"
         raise InputError(
-            "path", given, f"one column each of {', '.join(wanted)}, named in the first line: {missing[0]}"
+            "path",
+            given,
+            f"one column each of {', '.join(wanted)}, named in the first line: {missing[0]}",
         )
     places = [names.index(column) for column in wanted]
     numbers = np.empty((len(rows), len(wanted)))
@@ -233,7 +265,9 @@ def _rows(file: Path) -> tuple[str, list[list[str]]]:
             text = file.read_text(encoding="utf-8-sig")
     except (OSError, UnicodeDecodeError, MemoryError) as error:
         raise InputError("path", f"'{file}' ({shortened(error)})", "a text with columns") from None
-    lines = [line for line in text.splitlines() if line.strip() and not line.lstrip().startswith("#")]
+    lines = [
+        line for line in text.splitlines() if line.strip() and not line.lstrip().startswith("#")
+    ]
     if not lines:
         raise InputError("path", f"'{file}', which is empty", "a text with columns")
     delimiter = max(_DELIMITERS, key=lines[0].count)
@@ -249,9 +283,16 @@ def _of_mesh(file: Path, name: str) -> tuple[Any, Any, Any]:
     blocks = [n for n, block in enumerate(data.cells) if block.type in _TRIANGLES]
     if not blocks:
         found = ", ".join(dict.fromkeys(block.type for block in data.cells)) or "nothing"
-        raise InputError("path", f"'{file}' with {found}", f"a mesh with cells of {', '.join(_TRIANGLES)}")
+        raise InputError(
+            "path", f"'{file}' with {found}", f"a mesh with cells of {', '.join(_TRIANGLES)}"
+        )
     corners = [
-        np.concatenate([np.asarray(data.cells[n].data)[:, list(part)] for part in _TRIANGLES[data.cells[n].type]])
+        np.concatenate(
+            [
+                np.asarray(data.cells[n].data)[:, list(part)]
+                for part in _TRIANGLES[data.cells[n].type]
+            ]
+        )
         for n in blocks
     ]
     points = np.asarray(data.points, float)
@@ -266,12 +307,17 @@ def _of_mesh(file: Path, name: str) -> tuple[Any, Any, Any]:
     if name in data.cell_data:
         parts = [len(_TRIANGLES[data.cells[n].type]) for n in blocks]
         values = np.concatenate(
-            [np.tile(_numbers(data.cell_data[name][n], file, name), k) for n, k in zip(blocks, parts, strict=True)]
+            [
+                np.tile(_numbers(data.cell_data[name][n], file, name), k)
+                for n, k in zip(blocks, parts, strict=True)
+            ]
         )
         own = np.concatenate(corners)
         return points[own.ravel()], np.repeat(values, 3), np.arange(own.size).reshape(-1, 3)
     there = ", ".join(map(repr, (*data.point_data, *data.cell_data))) or "none"
-    raise InputError("name", repr(name), f"the name of data of points or cells in '{file}': {there}")
+    raise InputError(
+        "name", repr(name), f"the name of data of points or cells in '{file}': {there}"
+    )
 
 
 def _numbers(values: Any, file: Path, name: str) -> Any:
@@ -279,5 +325,9 @@ def _numbers(values: Any, file: Path, name: str) -> Any:
     if array.ndim == 2 and array.shape[1] == 1:
         array = array[:, 0]
     if array.ndim != 1 or array.dtype.kind not in "iuf":
-        raise InputError("name", f"'{name}' in '{file}' with shape {array.shape}", "one number for each point or cell")
+        raise InputError(
+            "name",
+            f"'{name}' in '{file}' with shape {array.shape}",
+            "one number for each point or cell",
+        )
     return array.astype(float)

@@ -66,7 +66,11 @@ def link_permeabilities(permeability: Any, cells: tuple[int, int]) -> tuple[Arra
     if pair is None and np.ndim(permeability) == 0:
         pair = (permeability, permeability)
     if pair is None or len(pair) != 2:
-        given = counted(len(pair), "item") if pair is not None else f"one array of shape {np.shape(permeability)}"
+        given = (
+            counted(len(pair), "item")
+            if pair is not None
+            else f"one array of shape {np.shape(permeability)}"
+        )
         raise InputError(
             "permeability",
             given,
@@ -176,7 +180,9 @@ class RectangularSeal(StructuredSeal):
             l1, l2 = self.size
         except (TypeError, ValueError):
             raise InputError("size", repr(self.size), "two finite numbers > 0 [m]") from None
-        object.__setattr__(self, "size", tuple(validate.number("size", side, unit="m") for side in (l1, l2)))
+        object.__setattr__(
+            self, "size", tuple(validate.number("size", side, unit="m") for side in (l1, l2))
+        )
         object.__setattr__(self, "cells", validate.grid("cells", self.cells))
 
     @property
@@ -234,7 +240,8 @@ class AnnularSeal(StructuredSeal):
 
     def __post_init__(self) -> None:
         inner, outer = (
-            validate.number(name, getattr(self, name), unit="m") for name in ("inner_radius", "outer_radius")
+            validate.number(name, getattr(self, name), unit="m")
+            for name in ("inner_radius", "outer_radius")
         )
         check_ring(inner, outer, self.inlet)
         object.__setattr__(self, "inner_radius", inner)

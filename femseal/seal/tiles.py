@@ -25,7 +25,9 @@ from .lay import Lay, check_size
 from .mesh_seal import MeshSeal, boundaries_without_name, parts_without_flow
 
 # scikit-fem warns that it copies vertices whenever it makes a mesh of more than 1000 vertices periodic
-logging.getLogger("skfem.mesh.mesh").addFilter(lambda record: "C_CONTIGUOUS" not in record.getMessage())
+logging.getLogger("skfem.mesh.mesh").addFilter(
+    lambda record: "C_CONTIGUOUS" not in record.getMessage()
+)
 
 #: Most tiles between inlet and outlet.
 MOST_ROWS = 1000
@@ -133,7 +135,9 @@ class SealTiles:
             return np.stack([across[..., self.tile], along[..., self.tile]], axis=-1)
         assert self.grid is not None
         in_rows = along.reshape(*along.shape[:-1], *self.grid)
-        grooves = np.broadcast_to(along_grooves(in_rows)[..., None], in_rows.shape).reshape(along.shape)
+        grooves = np.broadcast_to(along_grooves(in_rows)[..., None], in_rows.shape).reshape(
+            along.shape
+        )
         square = self.tangent**2
         radial = (across[..., self.tile] + square * grooves[..., self.tile]) / (1 + square)
         round_ = (along[..., self.tile] + square * across[..., self.tile]) / (1 + square)
@@ -141,7 +145,9 @@ class SealTiles:
 
     def shown(self, permeability: Array, fluid_pressure: Array) -> tuple[Array, Array]:
         """Permeability [m³], √ of the product of its principal values, and fluid pressure [Pa] of elements (n,)."""
-        return np.sqrt(permeability[:, 0]) * np.sqrt(permeability[:, 1]), self.of_elements(fluid_pressure)
+        return np.sqrt(permeability[:, 0]) * np.sqrt(permeability[:, 1]), self.of_elements(
+            fluid_pressure
+        )
 
     def of_elements(self, values: Array) -> Array:
         """Means (n,) over the vertices of every element of values at the vertices."""
@@ -230,13 +236,21 @@ def laid_on_ring(pieces: PieceSize, lay: Lay, radii: tuple[float, float], inlet:
     breadth, middle = outer - inner, (inner + outer) / 2
     if breadth < _NARROW * d1:
         sides = " × ".join(to_text(side, "m", 3) for side in pieces.size)
-        given, expected = f"a ring {to_text(breadth, 'm', 3)} broad", f"a ring at least as broad as a piece, {sides}"
+        given, expected = (
+            f"a ring {to_text(breadth, 'm', 3)} broad",
+            f"a ring at least as broad as a piece, {sides}",
+        )
         raise InputError("outer_radius", given, expected)
-    rows, whole = _rows_of(breadth, d1, "outer_radius", outer), max(_FEWEST, round(2 * pi * middle / d2))
+    rows, whole = (
+        _rows_of(breadth, d1, "outer_radius", outer),
+        max(_FEWEST, round(2 * pi * middle / d2)),
+    )
     narrow = 2 * pi * inner / (whole * d2)
     given = f"a ring with {counted(whole, 'column')} of tiles, {narrow:.0%} as wide as pieces at its inner radius"
     if narrow < _NARROWEST:
-        raise InputError("inner_radius", given, f"at least {_NARROWEST:.0%}; a mesh has none of them")
+        raise InputError(
+            "inner_radius", given, f"at least {_NARROWEST:.0%}; a mesh has none of them"
+        )
     doubts = (f"{given}: tiles there are drawn too close together; a mesh has equal ones",)
     warnings = doubts if narrow < _NARROW else ()
     cells = rows, pieces.columns(rows, whole) if alike else whole
@@ -260,7 +274,9 @@ def laid_on_ring(pieces: PieceSize, lay: Lay, radii: tuple[float, float], inlet:
     as_broad = cells[0] == pieces.rows and abs(breadth / (pieces.rows * d1) - 1) < _SAME
     in_place = lay.name == "circumferential" and as_broad
     tile = np.arange(len(along))
-    return SealTiles(seal, direction, tile, cells, in_place, lay.name == "radial", tangent, part, warnings)
+    return SealTiles(
+        seal, direction, tile, cells, in_place, lay.name == "radial", tangent, part, warnings
+    )
 
 
 def laid_on_mesh(
@@ -320,19 +336,25 @@ def _middles(size: tuple[float, float], cells: tuple[int, int]) -> Array:
     return np.stack(np.meshgrid(first, second, indexing="ij"), axis=-1).reshape(-1, 2)
 
 
-def _periodic_quads(first: Array, period: float, columns: int) -> tuple[Mesh, Mesh, tuple[Indices, Indices]]:
+def _periodic_quads(
+    first: Array, period: float, columns: int
+) -> tuple[Mesh, Mesh, tuple[Indices, Indices]]:
     """Rectangles between rows (n1 + 1,) and equal columns, row by row: plain, periodic, and facets of both ends."""
     second = np.linspace(0.0, period, columns + 1)
     n1 = first.size - 1
     number = np.arange((n1 + 1) * (columns + 1)).reshape(n1 + 1, columns + 1)
-    quads = np.stack([number[:-1, :-1], number[1:, :-1], number[1:, 1:], number[:-1, 1:]]).reshape(4, -1)
+    quads = np.stack([number[:-1, :-1], number[1:, :-1], number[1:, 1:], number[:-1, 1:]]).reshape(
+        4, -1
+    )
     points = np.stack(np.meshgrid(first, second, indexing="ij")).reshape(2, -1)
     plain = MeshQuad(points, quads)
     ring = MeshQuad1DG.periodic(plain, number[:, -1], number[:, 0])
     at = np.empty(ring.nvertices)
     at[ring.t] = plain.p[0][plain.t]
     facets = ring.boundary_facets()
-    inlet, outlet = (facets[(at[ring.facets[:, facets]] == end).all(axis=0)] for end in (first[0], first[-1]))
+    inlet, outlet = (
+        facets[(at[ring.facets[:, facets]] == end).all(axis=0)] for end in (first[0], first[-1])
+    )
     return plain, ring, (inlet, outlet)
 
 

@@ -34,12 +34,16 @@ class Triangulation:
             raise InputError("points", f"shape {found.shape}", "at least three points (m, 2) [m]")
         if not np.isfinite(found).all():
             bad = np.count_nonzero(~np.isfinite(found).all(axis=1))
-            raise InputError("points", f"{bad} of {len(found)} points not finite", "finite coordinates [m]")
+            raise InputError(
+                "points", f"{bad} of {len(found)} points not finite", "finite coordinates [m]"
+            )
         corners = _delaunay(found) if triangles is None else np.array(triangles, dtype=np.int64)
         size = np.ptp(found, axis=0).max()
         corners = corners[np.abs(polygon_areas(found[corners])) > 1e-12 * size**2]
         if not len(corners):
-            raise InputError("points", f"{counted(len(found), 'point')} on a line", "points of a plane field")
+            raise InputError(
+                "points", f"{counted(len(found), 'point')} on a line", "points of a plane field"
+            )
         return cls(found, corners)
 
     def interpolate(self, values: Array, places: Array) -> Array:
@@ -83,10 +87,16 @@ def _delaunay(points: Array) -> NDArray[np.int64]:
 
     try:
         # the size of the whole does not matter to what lies on a line
-        corners = Delaunay((points - points.mean(axis=0)) / (np.ptp(points, axis=0).max() or 1.0)).simplices
+        corners = Delaunay(
+            (points - points.mean(axis=0)) / (np.ptp(points, axis=0).max() or 1.0)
+        ).simplices
     except QhullError:
-        raise InputError("points", f"{counted(len(points), 'point')} on a line", "points of a plane field") from None
-    sides = np.linalg.norm(points[corners] - np.roll(points[corners], 1, axis=1), axis=2).max(axis=1)
+        raise InputError(
+            "points", f"{counted(len(points), 'point')} on a line", "points of a plane field"
+        ) from None
+    sides = np.linalg.norm(points[corners] - np.roll(points[corners], 1, axis=1), axis=2).max(
+        axis=1
+    )
     return np.asarray(corners[sides <= GAP * np.median(sides)], np.int64)
 
 

@@ -36,7 +36,11 @@ def _feed(state: Any, value: Any) -> None:
             raise Unnamed(name)
         array = np.ascontiguousarray(value)
         # sums over an array depend on its order in memory
-        order = "F" if isinstance(value, np.ndarray) and value.flags.f_contiguous and value.ndim > 1 else "C"
+        order = (
+            "F"
+            if isinstance(value, np.ndarray) and value.flags.f_contiguous and value.ndim > 1
+            else "C"
+        )
         state.update(f"array:{array.dtype.str}{np.shape(value)}{order};".encode())
         state.update(array.reshape(-1).view(np.uint8).data if array.size else b"")
     elif isinstance(value, (tuple, list)):
@@ -61,7 +65,9 @@ def _feed(state: Any, value: Any) -> None:
         state.update(f"{name}(".encode())
         for f in fields(value):
             _feed(state, getattr(value, f.name))
-    elif callable(value) and "<" not in getattr(value, "__qualname__", "<") and _is_of_module(value):
+    elif (
+        callable(value) and "<" not in getattr(value, "__qualname__", "<") and _is_of_module(value)
+    ):
         of = getattr(getattr(value, "__self__", None), "__qualname__", "")
         state.update(f"function:{value.__module__}.{value.__qualname__}{of};".encode())
     else:

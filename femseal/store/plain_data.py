@@ -64,7 +64,9 @@ def _described(value: Any, kept: Callable[[bytes], int]) -> Any:
         return ["number", value.dtype.str, kept(value.tobytes())]
     if isinstance(value, np.ndarray) and value.dtype.kind in _NUMBERS:
         # sums over an array depend on its order in memory
-        order: Literal["C", "F"] = "F" if value.flags.f_contiguous and not value.flags.c_contiguous else "C"
+        order: Literal["C", "F"] = (
+            "F" if value.flags.f_contiguous and not value.flags.c_contiguous else "C"
+        )
         return ["array", value.dtype.str, list(value.shape), order, kept(value.tobytes(order))]
     if is_dataclass(kind) and kind.__module__.partition(".")[0] == _PACKAGE:
         values = (_described(getattr(value, f.name), kept) for f in fields(kind))
@@ -79,9 +81,19 @@ def unpacked(data: bytes | memoryview) -> Any:
     """
     try:
         length = int.from_bytes(data[:_LENGTH], "little")
-        text, content = bytes(data[_LENGTH : _LENGTH + length]), memoryview(data)[_LENGTH + length :]
+        text, content = (
+            bytes(data[_LENGTH : _LENGTH + length]),
+            memoryview(data)[_LENGTH + length :],
+        )
         return (_reader if length < _KEPT_TEXT else _reader.__wrapped__)(text)(content)
-    except (TypeError, LookupError, AttributeError, RecursionError, OverflowError, MemoryError) as error:
+    except (
+        TypeError,
+        LookupError,
+        AttributeError,
+        RecursionError,
+        OverflowError,
+        MemoryError,
+    ) as error:
         raise ValueError(f"{type(error).__name__}: {error}") from None
 
 
@@ -125,7 +137,9 @@ def _bytes(start: int, stop: int, content: memoryview) -> bytes:
     return bytes(content[start:stop])
 
 
-def _array(numbers: np.dtype[Any], shape: Any, order: Any, start: int, taken: Callable[[Any], Any]) -> _Reader:
+def _array(
+    numbers: np.dtype[Any], shape: Any, order: Any, start: int, taken: Callable[[Any], Any]
+) -> _Reader:
     """What takes something of an array of numbers that begin somewhere; content that is too short is an error then."""
     if min((start, *shape)) < 0:
         raise ValueError("a place or a size below 0")

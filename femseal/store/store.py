@@ -74,7 +74,9 @@ class Store:
         """Look for results that other processes have added."""
         with suppress(OSError):
             # what was computed again, as it was damaged, is in a later file
-            for path in sorted(self.folder.glob(f"*{SUFFIX}"), key=lambda path: path.lstat().st_mtime_ns):
+            for path in sorted(
+                self.folder.glob(f"*{SUFFIX}"), key=lambda path: path.lstat().st_mtime_ns
+            ):
                 self._index(path)
 
     def keys(self, stage: Stage) -> Callable[[tuple[Any, ...]], bytes]:
@@ -82,7 +84,9 @@ class Store:
 
         Raises Unnamed: the stage has none.
         """
-        return partial(_key, digest((numerical_versions(), stage.function if stage.key is None else stage.key)))
+        return partial(
+            _key, digest((numerical_versions(), stage.function if stage.key is None else stage.key))
+        )
 
     def over(self, mapper: Mapper) -> Mapper:
         """The same mapper, but results in the folder are read, and others are computed once and kept."""
@@ -106,7 +110,9 @@ class Store:
                         asked.update([key] if key else [])
                         yield item
 
-            for result in mapper(replace(stage, function=partial(_spread, stage.function)), missing()):
+            for result in mapper(
+                replace(stage, function=partial(_spread, stage.function)), missing()
+            ):
                 while (item := waiting[0][1]) is not None:
                     yield self._read(waiting.popleft()[0], stage, item)
                 self._keep(waiting.popleft()[0], result)

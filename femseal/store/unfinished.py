@@ -44,9 +44,17 @@ def resumable(output: Path, identity: dict[str, Any]) -> bool:
             f"{shortened(key)}: was {shortened(old.get(key, 'not given'))}, is {shortened(new.get(key, 'not given'))}"
             for key in changed[:_MOST_CHANGES]
         ]
-        lines += [counted(len(changed) - _MOST_CHANGES, "more key")] if len(changed) > _MOST_CHANGES else []
-        expected = f"that of the same case, files and versions; remove '{path.parent}' to start anew"
-        raise InputError("resume", "an unfinished run of another case", "\n".join([expected, *lines]))
+        lines += (
+            [counted(len(changed) - _MOST_CHANGES, "more key")]
+            if len(changed) > _MOST_CHANGES
+            else []
+        )
+        expected = (
+            f"that of the same case, files and versions; remove '{path.parent}' to start anew"
+        )
+        raise InputError(
+            "resume", "an unfinished run of another case", "\n".join([expected, *lines])
+        )
     return True
 
 
@@ -103,7 +111,13 @@ def _plain(identity: dict[str, Any]) -> Any:
 
 def _flat(value: Any, key: str = "") -> dict[str, Any]:
     """Nested tables as dotted keys; lists of plain values stay whole."""
-    if isinstance(value, dict) or (isinstance(value, list) and any(isinstance(v, dict) for v in value)):
+    if isinstance(value, dict) or (
+        isinstance(value, list) and any(isinstance(v, dict) for v in value)
+    ):
         pairs = value.items() if isinstance(value, dict) else enumerate(value)
-        return {k: v for name, part in pairs for k, v in _flat(part, f"{key}.{name}" if key else str(name)).items()}
+        return {
+            k: v
+            for name, part in pairs
+            for k, v in _flat(part, f"{key}.{name}" if key else str(name)).items()
+        }
     return {key: value}

@@ -45,11 +45,19 @@ class BlocksResult(Shown):
 
     steps: LoadProgramme
     blocks: tuple[int, int]
-    leakage: Array = declared("leakage_blocks", "m^2/s", "leakage per unit seal length, by blocks", STEP)
-    k1: Array = declared("piece_k1", "m^3", "permeability of pieces along x1, their sides closed", PIECE)
-    k2: Array = declared("piece_k2", "m^3", "permeability of pieces along x2, their sides closed", PIECE)
+    leakage: Array = declared(
+        "leakage_blocks", "m^2/s", "leakage per unit seal length, by blocks", STEP
+    )
+    k1: Array = declared(
+        "piece_k1", "m^3", "permeability of pieces along x1, their sides closed", PIECE
+    )
+    k2: Array = declared(
+        "piece_k2", "m^3", "permeability of pieces along x2, their sides closed", PIECE
+    )
     pressure: Array = declared("piece_pressure", "Pa", "contact pressure of pieces", PIECE)
-    separation: Array = declared("piece_separation", "m", "distance of the mean planes of pieces", PIECE)
+    separation: Array = declared(
+        "piece_separation", "m", "distance of the mean planes of pieces", PIECE
+    )
     failures: tuple[str, ...] = field(default=())
 
 
@@ -99,7 +107,16 @@ def by_blocks(scene: Scene, blocks: tuple[int, int], *, mapper: Mapper = map) ->
         else:
             leakage[s] = through.per_length
     mean = k.mean(axis=0)
-    return BlocksResult(scene.steps, blocks, leakage, mean[0], mean[1], pressure, separation, failures=tuple(failures))
+    return BlocksResult(
+        scene.steps,
+        blocks,
+        leakage,
+        mean[0],
+        mean[1],
+        pressure,
+        separation,
+        failures=tuple(failures),
+    )
 
 
 def _check(scene: Scene, blocks: tuple[int, int]) -> None:
@@ -122,10 +139,14 @@ def _split(scene: Scene, blocks: tuple[int, int], at: tuple[int, ...]) -> tuple[
     surface = scene.surface
     n1, n2 = (n // count for n, count in zip(surface.shape, blocks, strict=True))
     rows, columns = (slice(i * n, (i + 1) * n) for i, n in zip(at, (n1, n2), strict=True))
-    cut = Topography(np.ascontiguousarray(surface.heights[rows, columns]), surface.spacing, (False, False))
+    cut = Topography(
+        np.ascontiguousarray(surface.heights[rows, columns]), surface.spacing, (False, False)
+    )
     long = cut.low_pass(_LONGEST * max(cut.size) / PIECES).heights
     means = long.reshape(PIECES, n1 // PIECES, PIECES, n2 // PIECES).mean(axis=(1, 3))
-    return replace(scene, surface=cut.with_heights(cut.heights - long), boundary=("mirror", "mirror")), means
+    return replace(
+        scene, surface=cut.with_heights(cut.heights - long), boundary=("mirror", "mirror")
+    ), means
 
 
 def _of_block(values: Array, at: tuple[int, ...]) -> Array:
@@ -139,12 +160,16 @@ def _layer(block: Scene) -> RoughLayer:
     return RoughLayer.of(block, map, block.boundary)
 
 
-def _coarse_contact(scene: Scene, blocks: tuple[int, int], depth: Array, layers: list[RoughLayer]) -> Array:
+def _coarse_contact(
+    scene: Scene, blocks: tuple[int, int], depth: Array, layers: list[RoughLayer]
+) -> Array:
     """Pressure [Pa], distance of the mean planes and opening [m] of every piece (3, steps, rows, columns)."""
     size = scene.surface.size
     spacing = size[0] / depth.shape[0], size[1] / depth.shape[1]
     body = HalfSpace(depth.shape, spacing, scene.modulus, scene.boundary)
-    number = np.arange(len(layers)).reshape(blocks).repeat(PIECES, axis=0).repeat(PIECES, axis=1).ravel()
+    number = (
+        np.arange(len(layers)).reshape(blocks).repeat(PIECES, axis=0).repeat(PIECES, axis=1).ravel()
+    )
     own = [number == n for n in range(len(layers))]
     most = min(float(layer.pressure[-1]) for layer in layers)
     cells = Cells(body, np.ones(depth.shape, bool), depth.ravel(), most)
@@ -155,7 +180,10 @@ def _coarse_contact(scene: Scene, blocks: tuple[int, int], depth: Array, layers:
 
     def unloaded(p: Array, peak: Array) -> tuple[Array, Array]:
         """The same after peaks."""
-        laws = [partial(layer.unloaded, peak=peak[mine]) for layer, mine in zip(layers, own, strict=True)]
+        laws = [
+            partial(layer.unloaded, peak=peak[mine])
+            for layer, mine in zip(layers, own, strict=True)
+        ]
         return _of_layers(laws, own, p)
 
     found = solved_steps(cells, scene.steps, loaded, unloaded)

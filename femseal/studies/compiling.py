@@ -70,7 +70,8 @@ def reporting_compilation(progress: Callable[[str, int, int | None], None]) -> I
 
 
 def compile_ahead(
-    mapper: Mapper, progress: Callable[[str, int, int | None], None] = lambda stage, done, total: None
+    mapper: Mapper,
+    progress: Callable[[str, int, int | None], None] = lambda stage, done, total: None,
 ) -> None:
     """Compile the loops of contact and flow by the processes of a mapper, unless that was done on this machine.
 
@@ -102,9 +103,18 @@ def _record() -> Path | None:
         return None
     package = Path(flow.__file__).parents[1]
     seen = hashlib.sha256(
-        repr((numba.__version__, np.__version__, get_host_cpu_name(), get_host_cpu_features().flatten())).encode()
+        repr(
+            (
+                numba.__version__,
+                np.__version__,
+                get_host_cpu_name(),
+                get_host_cpu_features().flatten(),
+            )
+        ).encode()
     )
-    for path in sorted(p for room in ("contact", "flow", "face") for p in (package / room).rglob("*.py")):
+    for path in sorted(
+        p for room in ("contact", "flow", "face") for p in (package / room).rglob("*.py")
+    ):
         found = path.stat()
         seen.update(f"{path} {found.st_mtime_ns} {found.st_size}".encode())
     return Path(v_cycle.stats.cache_path) / f"compiled-{seen.hexdigest()[:16]}"
@@ -116,7 +126,9 @@ def _compile(part: str) -> None:
 
 def _network() -> flow.Stencil:
     rng = np.random.default_rng(0)
-    return flow.Stencil.network(np.exp(rng.normal(size=(17, 16))), np.exp(rng.normal(size=(16, 15))), ring=False)
+    return flow.Stencil.network(
+        np.exp(rng.normal(size=(17, 16))), np.exp(rng.normal(size=(16, 15))), ring=False
+    )
 
 
 def _gap(n: int) -> NDArray[np.float64]:

@@ -84,7 +84,11 @@ class Effort:
     def on_fewer_points(self) -> Effort:
         """That of half the points a side, whose gaps differ more from point to point."""
         pairs, iterations = _COARSER
-        more = FEW_ITERATIONS + iterations * (self.iterations - FEW_ITERATIONS) if self.iterations else 0.0
+        more = (
+            FEW_ITERATIONS + iterations * (self.iterations - FEW_ITERATIONS)
+            if self.iterations
+            else 0.0
+        )
         return replace(self, pairs=pairs * self.pairs, iterations=more)
 
 
@@ -187,8 +191,16 @@ def stochastic_cost(
     piece = pixels / (cells[0] * cells[1])
     ladder = acts or not sampling.presses_evenly
     states = float(len(efforts)) if tiles.in_place or not ladder else LADDER_STATES
-    each = mean(_face_seconds(points, effort, pressures, acts and tiles.in_place) for effort in efforts)
-    flows = 2 * cells[0] * cells[1] * pressures * mean(flow_seconds(piece, effort) for effort in efforts)
+    each = mean(
+        _face_seconds(points, effort, pressures, acts and tiles.in_place) for effort in efforts
+    )
+    flows = (
+        2
+        * cells[0]
+        * cells[1]
+        * pressures
+        * mean(flow_seconds(piece, effort) for effort in efforts)
+    )
     each = 0.0 if solved and tiles.in_place else each
     draws = (sampling.realisations or usual_seals(cells, tiles)) * len(efforts)
     again = _PRESSURE_SOLUTIONS if pressures > 1 or (acts and not tiles.in_place) else 1.0
@@ -217,7 +229,14 @@ def count_pressures(scene: Scene) -> int:
 
 #: Tolerance of the contact, and the largest error of ln(leakage) measured with it on six faces, elastic and plastic,
 #: from open to a hundredth of the leakage, see docs/evidence/only_what_is_needed.md.
-MEASURED_TOLERANCES = ((1e-2, 1.1e-2), (1e-3, 6.2e-4), (1e-4, 5.6e-5), (1e-5, 5.7e-6), (1e-6, 4.8e-7), (1e-7, 9.5e-8))
+MEASURED_TOLERANCES = (
+    (1e-2, 1.1e-2),
+    (1e-3, 6.2e-4),
+    (1e-4, 5.6e-5),
+    (1e-5, 5.7e-6),
+    (1e-6, 4.8e-7),
+    (1e-7, 9.5e-8),
+)
 #: Fraction of the error wanted that the tolerance may cause; factor on the measured error, for scenes that are worse.
 TOLERANCE_FRACTION, TOLERANCE_SAFETY = 0.1, 3.0
 

@@ -98,7 +98,9 @@ def _quantile(kind: str, group: int, coverage: float) -> float:
         if 1 - coverage >= 1 / (n + 1) - 1e-12:
             break
     else:
-        raise InputError("coverage", coverage, f"at most {n / (n + 1):.3g} by a calibration of {n} scenes")
+        raise InputError(
+            "coverage", coverage, f"at most {n / (n + 1):.3g} by a calibration of {n} scenes"
+        )
     weight = 1.0 / (np.bincount(number)[number] * (n + 1))
     order = np.argsort(score[chosen], kind="stable")
     reached = int(np.searchsorted(np.cumsum(weight[order]), coverage - 1e-12))
@@ -115,7 +117,8 @@ def _scores() -> dict[str, tuple[Indices, Array, Indices]]:
         of_kind = [row for row in rows if row["kind"] == kind]
         scene = np.unique([row["scene"] for row in of_kind], return_inverse=True)[1]
         error, hard, fallen = (
-            np.array([float(row[name]) for row in of_kind]) for name in ("log_ratio", "difficulty", "decades")
+            np.array([float(row[name]) for row in of_kind])
+            for name in ("log_ratio", "difficulty", "decades")
         )
         found[kind] = (scene, np.abs(error) / hard, np.digitize(fallen, _EDGES))
     return found

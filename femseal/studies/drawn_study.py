@@ -83,7 +83,11 @@ def stochastic(
     cut, tiles = cut_and_tiles(scene, cells, sampling)
     scene = without_waves_of(scene, cut, sampling.form)
     formed = seal_contact(scene, tiles, sampling.form, mapper) if sampling.form else None
-    fractions = pressure_fractions(scene, tiles, sampling.pressure_map) if formed is None else formed.fractions
+    fractions = (
+        pressure_fractions(scene, tiles, sampling.pressure_map)
+        if formed is None
+        else formed.fractions
+    )
     supply = _supply(scene, cut, tiles, fractions, mapper)
     if formed is not None:
         supply = replace(supply, opened=formed.opened)
@@ -95,20 +99,28 @@ def stochastic(
     chosen = nearest_to_median(leakage) if few else None
     median = None
     if chosen is not None:
-        stage = Stage("median seal", partial(_median_seal, scene=scene, tiles=tiles, supply=supply, seed=sampling.seed))
+        stage = Stage(
+            "median seal",
+            partial(_median_seal, scene=scene, tiles=tiles, supply=supply, seed=sampling.seed),
+        )
         (median,) = mapper(stage, [chosen])
         if formed is not None:
             median = _with_form(median, tiles, formed)
     rows, row_breadth = _rows(scene, supply, formed)
     unsolved = [f"{scene.steps[s].name}: {reason}" for s, reason in supply.unsolved]
-    failures = [*supply.pieces.failures, *(text for one in drawn for text in one.failures), *unsolved]
+    failures = [
+        *supply.pieces.failures,
+        *(text for one in drawn for text in one.failures),
+        *unsolved,
+    ]
     return StochasticResult(
         steps=scene.steps,
         tiles=tiles,
         pieces=supply.pieces,
         kind=_kind(tiles, sampling),
         leakage=leakage,
-        contact_fraction=1 - _over_tiles(scene, supply, 1 - supply.pieces.contact_fraction.mean(axis=(1, 2))),
+        contact_fraction=1
+        - _over_tiles(scene, supply, 1 - supply.pieces.contact_fraction.mean(axis=(1, 2))),
         places=_places(scene, supply, leakage),
         row_pressure=rows,
         band_breadth=None if rows is None else band_breadth(rows, row_breadth),
@@ -120,7 +132,9 @@ def stochastic(
     )
 
 
-def cut_and_tiles(scene: Scene, cells: tuple[int, int] | None, sampling: Sampling) -> tuple[Cut, SealTiles]:
+def cut_and_tiles(
+    scene: Scene, cells: tuple[int, int] | None, sampling: Sampling
+) -> tuple[Cut, SealTiles]:
     """The cut of the face, and the tiles of the seal, each as large as a piece.
 
     Raises InputError: see `stochastic`.
@@ -128,7 +142,11 @@ def cut_and_tiles(scene: Scene, cells: tuple[int, int] | None, sampling: Samplin
     cut, tiles = laid_out(scene.surface, scene.layout, cells, sampling)
     if scene.traps_liquid and not tiles.in_place:
         given = "'trapped' with a seal that takes pieces anywhere of the face"
-        raise InputError("fluid_pressure", given, "'acts' there, or a seal as broad as the face and pressed evenly")
+        raise InputError(
+            "fluid_pressure",
+            given,
+            "'acts' there, or a seal as broad as the face and pressed evenly",
+        )
     return cut, tiles
 
 
@@ -188,7 +206,9 @@ def _supply(scene: Scene, cut: Cut, tiles: SealTiles, fractions: Array, mapper: 
         k = (pieces.k * pieces.factor[:, None, None]).reshape(*pieces.k.shape[:3], 1, -1)
     else:
         k = along_paths(pieces, each, steps)
-        if relief.size > 1:  # of each fluid pressure, its own effective pressure; without slip all have one flow
+        if (
+            relief.size > 1
+        ):  # of each fluid pressure, its own effective pressure; without slip all have one flow
             split = k.reshape(*k.shape[:3], relief.size, paths.shape[1], -1)
             own = np.arange(relief.size) if len(k) > 1 else np.zeros(relief.size, np.int64)
             k = np.array([split[n, :, :, m] for m, n in enumerate(own)])
@@ -202,7 +222,9 @@ def _table_pressures(scene: Scene) -> tuple[tuple[float, ...], bool]:
     if fluid is None or fluid.inlet == fluid.outlet or several:
         return tuple(drop.pressures), False
     # ln k is nearly straight in the cube root of the pressure that the fluid leaves to the pieces
-    full = max(min((p for p in scene.steps.pressures if p > 0), default=0.0), fluid.inlet, fluid.outlet)
+    full = max(
+        min((p for p in scene.steps.pressures if p > 0), default=0.0), fluid.inlet, fluid.outlet
+    )
     first, last = (float(np.cbrt(full - p)) for p in (fluid.outlet, fluid.inlet))
     between = full - np.linspace(first, last, FLUID_PRESSURES)[1:-1] ** 3
     return (fluid.outlet, *between.tolist(), fluid.inlet), True
@@ -225,13 +247,20 @@ class _Realisation:
     solvers: SolverCounts
 
 
-def _drawn(scene: Scene, tiles: SealTiles, supply: _Supply, sampling: Sampling, mapper: Mapper) -> list[_Realisation]:
+def _drawn(
+    scene: Scene, tiles: SealTiles, supply: _Supply, sampling: Sampling, mapper: Mapper
+) -> list[_Realisation]:
     """The given number of seals, or as many as the band needs."""
-    stage = Stage("drawn seals", partial(_realise, scene=scene, tiles=tiles, supply=supply, seed=sampling.seed))
+    stage = Stage(
+        "drawn seals",
+        partial(_realise, scene=scene, tiles=tiles, supply=supply, seed=sampling.seed),
+    )
     count = sampling.realisations or FEWEST_SEALS
     drawn = list(mapper(stage, range(count)))
     while sampling.realisations is None:
-        wanted = _needed(scene.steps, np.array([one.leakage for one in drawn]), _kind(tiles, sampling))
+        wanted = _needed(
+            scene.steps, np.array([one.leakage for one in drawn]), _kind(tiles, sampling)
+        )
         more = min(wanted, 4 * len(drawn))
         if more <= len(drawn):
             break
@@ -269,7 +298,9 @@ def _stream(seed: int, realisation: int) -> np.random.Generator:
     return np.random.default_rng(np.random.SeedSequence(seed, spawn_key=(realisation,)))
 
 
-def _realise(realisation: int, *, scene: Scene, tiles: SealTiles, supply: _Supply, seed: int) -> _Realisation:
+def _realise(
+    realisation: int, *, scene: Scene, tiles: SealTiles, supply: _Supply, seed: int
+) -> _Realisation:
     """Draw one seal and solve its flow at every step that has one.
 
     Where pieces stay in their rows, the seal leaks what the face leaks, times the ratio of its tiles to the pieces in
@@ -297,7 +328,9 @@ def _realise(realisation: int, *, scene: Scene, tiles: SealTiles, supply: _Suppl
     return _Realisation(leakage, tuple(failures), SolverCounts.total(solvers))
 
 
-def _median_seal(realisation: int, *, scene: Scene, tiles: SealTiles, supply: _Supply, seed: int) -> MedianSeal:
+def _median_seal(
+    realisation: int, *, scene: Scene, tiles: SealTiles, supply: _Supply, seed: int
+) -> MedianSeal:
     """Draw a realisation again and keep its fields."""
     piece = tiles.draw(supply.pieces.cut.shape, _stream(seed, realisation))
     shape = len(scene.steps), len(tiles.outlines)
@@ -321,7 +354,9 @@ def _median_seal(realisation: int, *, scene: Scene, tiles: SealTiles, supply: _S
         if (fluid := scene.acting_fluid) is not None:
             pressure = np.maximum(pressure - np.nan_to_num(fluid.relief(p)), 0.0)
     once = tiles.once
-    return MedianSeal(realisation, tiles.outlines[once], k[:, once], p[:, once], flux[:, once], pressure[:, once])
+    return MedianSeal(
+        realisation, tiles.outlines[once], k[:, once], p[:, once], flux[:, once], pressure[:, once]
+    )
 
 
 def _rate_of_power(scene: Scene, tiles: SealTiles, found: Any) -> float:
@@ -339,7 +374,9 @@ def _with_form(median: MedianSeal, tiles: SealTiles, formed: SealContact) -> Med
     """The median seal with the fields of the contact under its form."""
     of_parts = tiles.tile[tiles.once]
     form = formed.grid.means(-formed.depth)[of_parts]
-    separation, pressure = (formed.grid.means(values)[:, of_parts] for values in (formed.separation, formed.pressure))
+    separation, pressure = (
+        formed.grid.means(values)[:, of_parts] for values in (formed.separation, formed.pressure)
+    )
     return replace(median, form=form, separation=separation, nominal=pressure)
 
 

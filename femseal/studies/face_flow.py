@@ -56,7 +56,9 @@ def resolved_flow(
         nonlocal counts
         flow = cell_permeability(gap, spacing, sides="periodic", solver=settings.solver)
         counts += SolverCounts.of(flow)
-        if settings.spiral and (wound := spiral_flow(gap, spacing, settings.spiral, flow.fluid_pressure)):
+        if settings.spiral and (
+            wound := spiral_flow(gap, spacing, settings.spiral, flow.fluid_pressure)
+        ):
             flow = replace(flow, value=wound[0], fluid_pressure=wound[1], percolates=wound[0] > 0)
         return flow.value, flow.fluid_pressure, flow
 
@@ -69,18 +71,30 @@ def resolved_flow(
 
 
 def _in_parts(
-    gap: NDArray[np.floating], spacing: tuple[float, float], settings: FlowSettings, with_potential: bool
+    gap: NDArray[np.floating],
+    spacing: tuple[float, float],
+    settings: FlowSettings,
+    with_potential: bool,
 ) -> FaceFlow:
     """`resolved_flow` of a face in parts along x2: their mean, each continued periodically by itself."""
     parts = np.array_split(gap, -(-gap.size // LARGEST_FLOW), axis=1)
-    flows = [resolved_flow(part, spacing, settings, with_potential=with_potential) for part in parts]
-    value = float(np.average([flow.permeability for flow in flows], weights=[part.shape[1] for part in parts]))
-    potential = np.concatenate([flow.potential for flow in flows], axis=1) if with_potential else None
+    flows = [
+        resolved_flow(part, spacing, settings, with_potential=with_potential) for part in parts
+    ]
+    value = float(
+        np.average([flow.permeability for flow in flows], weights=[part.shape[1] for part in parts])
+    )
+    potential = (
+        np.concatenate([flow.potential for flow in flows], axis=1) if with_potential else None
+    )
     return FaceFlow(value, SolverCounts.total(flow.solvers for flow in flows), potential)
 
 
 def drop_fractions(
-    gap: Array, spacing: tuple[float, float], potential: NDArray[np.floating], settings: FlowSettings
+    gap: Array,
+    spacing: tuple[float, float],
+    potential: NDArray[np.floating],
+    settings: FlowSettings,
 ) -> Array:
     """Fraction of the pressure drop at each pixel (n1, n2): of the dissipation of the flow; NaN where nothing flows.
 
@@ -90,7 +104,9 @@ def drop_fractions(
     pressure: Array | float = 0.0
     if drop.law.depends_on_pressure:
         inlet, outlet = drop.fluid.potential([drop.inlet, drop.outlet])
-        pressure = drop.fluid.pressure(outlet + (inlet - outlet) * np.nan_to_num(potential, nan=0.5))
+        pressure = drop.fluid.pressure(
+            outlet + (inlet - outlet) * np.nan_to_num(potential, nan=0.5)
+        )
         pressure = np.maximum(pressure, drop.least_pressure)
     equivalent = drop.law.equivalent_gap(gap, pressure)
     # grooves that wind leave the last column for another row of the first one

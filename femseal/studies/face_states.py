@@ -53,7 +53,10 @@ class FaceState:
             found, carried = contact.flow, contact.carried
         else:
             spacing = contact.half_space.spacing
-            found, carried = attempt(resolved_flow, contact.gap, spacing, flow, with_potential=True), 0.0
+            found, carried = (
+                attempt(resolved_flow, contact.gap, spacing, flow, with_potential=True),
+                0.0,
+            )
         failed = found.reason if isinstance(found, Failed) else ""
         if isinstance(found, Failed) or found.potential is None:
             potential = np.full(contact.gap.shape, np.nan, np.float32)
@@ -78,7 +81,9 @@ class FaceState:
 
 def face_states(scene: Scene, memory: float, mapper: Mapper) -> Iterator[FaceState]:
     """The state of the face at every step; arguments as in `Scene.contact_states`."""
-    return scene.contact_states(partial(FaceState.of, flow=scene.flow), memory=memory, mapper=mapper)
+    return scene.contact_states(
+        partial(FaceState.of, flow=scene.flow), memory=memory, mapper=mapper
+    )
 
 
 def leakage_of_state(scene: Scene, state: FaceState) -> tuple[float, SolverCounts]:
@@ -89,14 +94,18 @@ def leakage_of_state(scene: Scene, state: FaceState) -> tuple[float, SolverCount
     return through.per_length, state.solvers + SolverCounts.of(through)
 
 
-def put_state_aside(state: FaceState, s: int, gap: NDArray[np.float32], potential: NDArray[np.float32]) -> FaceState:
+def put_state_aside(
+    state: FaceState, s: int, gap: NDArray[np.float32], potential: NDArray[np.float32]
+) -> FaceState:
     """The state of step s with its large fields in those of all steps, which may lie on disk, and its contact there."""
     gap[s], potential[s] = state.gap, state.potential
     for field in (gap, potential):
         give_back(field)
     plastic = put_aside(state.plastic) if lies_on_disk(gap.nbytes) else state.plastic
     in_contact = state.in_contact.put_aside(gap)
-    return replace(state, gap=gap[s], potential=potential[s], in_contact=in_contact, plastic=plastic)
+    return replace(
+        state, gap=gap[s], potential=potential[s], in_contact=in_contact, plastic=plastic
+    )
 
 
 def band_breadth(row_pressure: Array, spacing: float) -> Array:

@@ -46,18 +46,28 @@ class FaceResult(Shown):
     contact_fraction: Array = declared(
         "contact_fraction", "1", "fraction of the face in contact", STEP, heading="contact [%]"
     )
-    plastic_fraction: Array = declared("plastic_fraction", "1", "fraction of the face at the hardness", STEP)
+    plastic_fraction: Array = declared(
+        "plastic_fraction", "1", "fraction of the face at the hardness", STEP
+    )
     mean_gap: Array = declared("mean_gap", "m", "mean gap of the face", STEP)
-    row_pressure: Array = declared("row_pressure", "Pa", "mean contact pressure of rows", ROW, repr=False)
+    row_pressure: Array = declared(
+        "row_pressure", "Pa", "mean contact pressure of rows", ROW, repr=False
+    )
     band_breadth: Array = declared("band_breadth", "m", "breadth of the band in contact", STEP)
-    largest_row_pressure: Array = declared("largest_row_pressure", "Pa", "largest mean contact pressure of a row", STEP)
+    largest_row_pressure: Array = declared(
+        "largest_row_pressure", "Pa", "largest mean contact pressure of a row", STEP
+    )
     gap: NDArray[np.float32] = declared("gap", "m", "deformed gap", PIXEL)
     contact_pressure: StepFields = declared("contact_pressure", "Pa", "contact pressure", PIXEL)
     fluid_pressure: StepFields = declared(
         "fluid_pressure", "Pa", "fluid pressure, NaN in contact and in pockets", PIXEL
     )
     carried_pressure: Array | None = declared(
-        "fluid_carried_pressure", "Pa", "mean pressure that the fluid carries of the load", STEP, default=None
+        "fluid_carried_pressure",
+        "Pa",
+        "mean pressure that the fluid carries of the load",
+        STEP,
+        default=None,
     )
     entry_pressure: Array | None = declared(
         "capillary_entry_pressure",
@@ -77,7 +87,11 @@ class FaceResult(Shown):
     @property
     def solvers(self) -> SolverCounts:
         """Number of systems by solver, of the face and of its pieces."""
-        return self.face_solvers if self.pieces is None else self.face_solvers + self.pieces.counts.solvers
+        return (
+            self.face_solvers
+            if self.pieces is None
+            else self.face_solvers + self.pieces.counts.solvers
+        )
 
     @property
     def method(self) -> str:
@@ -159,7 +173,11 @@ def deterministic(scene: Scene, *, mapper: Mapper = map) -> FaceResult:
         places=place_leakage(scene, gap, mapper),
         states=states,
         residual=max(state.residual for state in states),
-        failures=tuple(f"{step.name}: {s.failed}" for step, s in zip(scene.steps, states, strict=True) if s.failed),
+        failures=tuple(
+            f"{step.name}: {s.failed}"
+            for step, s in zip(scene.steps, states, strict=True)
+            if s.failed
+        ),
         warnings=scene_warnings(scene),
         face_solvers=SolverCounts.total(solvers for _, solvers in through),
     )

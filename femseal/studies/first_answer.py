@@ -52,7 +52,9 @@ class FirstAnswer:
         """
         with np.errstate(divide="ignore", invalid="ignore"):
             ratio = np.abs(leakage) / self.leakage
-            off = np.where((ratio > 0) & (ratio < inf) & (self.area < LIGHT), np.abs(np.log(ratio)), 0.0)
+            off = np.where(
+                (ratio > 0) & (ratio < inf) & (self.area < LIGHT), np.abs(np.log(ratio)), 0.0
+            )
         worst = int(off.argmax())
         if off[worst] <= np.log(_BEYOND * OFF_BY[1]):
             return []
@@ -75,10 +77,14 @@ class FirstAnswer:
 def _ends(values: Array) -> str:
     """The first and the last known value."""
     known = values[np.isfinite(values)]
-    return " to ".join(dict.fromkeys(f"{value:.2g}" if value else "0 (sealed)" for value in known[[0, -1]]))
+    return " to ".join(
+        dict.fromkeys(f"{value:.2g}" if value else "0 (sealed)" for value in known[[0, -1]])
+    )
 
 
-def first_answer(face: Topography, modulus: float, hardness: float, pressures: Sequence[float] | Array) -> FirstAnswer:
+def first_answer(
+    face: Topography, modulus: float, hardness: float, pressures: Sequence[float] | Array
+) -> FirstAnswer:
     """Contact fraction and passages of a face without undefined points, see `analytic.critical_junction`.
 
     modulus, hardness, pressures : E*, H (inf: elastic) and nominal pressures that the contact carries [Pa]. Grooves
@@ -93,7 +99,9 @@ def first_answer(face: Topography, modulus: float, hardness: float, pressures: S
         closing = CLOSING_AREA * 2 * slopes[1] / sum(slopes) if waves.size else nan
         for n, p in enumerate(pressures):
             if p > 0 and waves.size:
-                own[n] = critical_junction(p, modulus, waves, powers, hardness=hardness, closing=closing)
+                own[n] = critical_junction(
+                    p, modulus, waves, powers, hardness=hardness, closing=closing
+                )
     area, _, mean = np.average(found, axis=0, weights=widths).T
     gap = np.cbrt(np.average(found[..., 1] ** 3, axis=0, weights=widths))
     return FirstAnswer(area, gap, mean, np.full(len(pressures), nan))

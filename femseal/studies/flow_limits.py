@@ -36,9 +36,15 @@ def flow_warnings(scene: Scene, leakage: Array, gaps: Array) -> Iterator[str]:
     NaN where one is unknown. Reynolds number ρuh/η = rate per length over η, times gap over wave, as the wave of the
     rms height and slope, 2πSq/h′.
     """
-    fluid, surface, pressure = scene.fluid, scene.surface, max(scene.inlet_pressure, scene.outlet_pressure)
+    fluid, surface, pressure = (
+        scene.fluid,
+        scene.surface,
+        max(scene.inlet_pressure, scene.outlet_pressure),
+    )
     viscosity_at = getattr(fluid, "viscosity_at", None)
-    viscosity = float(viscosity_at(pressure) if viscosity_at else getattr(fluid, "viscosity", np.nan))
+    viscosity = float(
+        viscosity_at(pressure) if viscosity_at else getattr(fluid, "viscosity", np.nan)
+    )
     mass = np.abs(leakage) * fluid.reference_density
     wave = 2 * pi * surface.rms_height / max(surface.rms_slope, 1e-300)
     with np.errstate(divide="ignore", invalid="ignore"):

@@ -81,12 +81,18 @@ class FluidPressure:
     @property
     def _around(self) -> float:
         """Pressure of the surroundings [Pa], on the scale of the fluid's."""
-        return float(getattr(self.fluid, "outlet_pressure", 0.0)) if self.surroundings is None else self.surroundings
+        return (
+            float(getattr(self.fluid, "outlet_pressure", 0.0))
+            if self.surroundings is None
+            else self.surroundings
+        )
 
     def above_surroundings(self, fraction: Any) -> Array:
         """Fluid pressure [Pa] above that of the surroundings where the viscous potential has fractions of its drop."""
         inlet, outlet = self.fluid.potential([self.inlet, self.outlet])
-        pressure = self.fluid.pressure(outlet + (inlet - outlet) * np.asarray(fraction, dtype=float))
+        pressure = self.fluid.pressure(
+            outlet + (inlet - outlet) * np.asarray(fraction, dtype=float)
+        )
         return np.asarray(pressure) - self._around
 
     @property
@@ -105,7 +111,11 @@ class FluidPressure:
         The piece lies there as it does dry under the pressure p̄ − p_f (Terzaghi's effective stress), from which that
         of its solution follows as the seal grows broad beside the long waves of the face.
         """
-        return np.asarray(pressure, dtype=float) - self._around - (0.0 if self.nominal == "total" else self.carried)
+        return (
+            np.asarray(pressure, dtype=float)
+            - self._around
+            - (0.0 if self.nominal == "total" else self.carried)
+        )
 
     def parts(self, pressure: float) -> bool:
         """Whether the fluid between parted faces carries all of a nominal pressure [Pa]."""
@@ -135,7 +145,10 @@ class FluidPressure:
         if abs(self.carried) <= LEAST_FRACTION * pressure and not self.trapped:
             return solve_contact(gap0, half_space, pressure=pressure, **settings)
         found = self._rounds(gap0, half_space, pressure, settings, former)
-        if not isinstance(found.flow, Failed) or self._room(found.carried, pressure) > _LEAST_ROOM * pressure:
+        if (
+            not isinstance(found.flow, Failed)
+            or self._room(found.carried, pressure) > _LEAST_ROOM * pressure
+        ):
             return found
         return self._near_opening(gap0, half_space, pressure, settings)
 
@@ -160,7 +173,10 @@ class FluidPressure:
         """
         p_f = self.even_drop(half_space.shape) if start is None else start
         around = p_f
-        trapped, pockets = None, self._pockets(former, half_space, pressure, settings) if self.trapped else None
+        trapped, pockets = (
+            None,
+            self._pockets(former, half_space, pressure, settings) if self.trapped else None,
+        )
         if pockets is not None:
             p_f = pockets.first(p_f)
         most = MOST_ROUNDS if pockets is None else MOST_TRAPPED_ROUNDS
@@ -170,10 +186,16 @@ class FluidPressure:
         for n in range(1, most + 1):
             carried = float(p_f.mean())
             liquid = former if trapped is None else trapped
-            if liquid is not None and self.nominal == "total" and self.carried < 0.9 * pressure < carried:
+            if (
+                liquid is not None
+                and self.nominal == "total"
+                and self.carried < 0.9 * pressure < carried
+            ):
                 # pockets that carry all of the load open; what flows around them may carry more than most of it
                 above = np.where(liquid.pocket > 0, np.maximum(p_f - around, 0.0), 0.0)
-                p_f = p_f - above * min((carried - 0.9 * pressure) / max(float(above.mean()), 1e-300), 1.0)
+                p_f = p_f - above * min(
+                    (carried - 0.9 * pressure) / max(float(above.mean()), 1e-300), 1.0
+                )
                 carried = float(p_f.mean())
             if n == 1 and self.nominal == "total" and carried > _FIRST_CARRIED * pressure:
                 p_f = p_f * (_FIRST_CARRIED * pressure / carried)
@@ -181,8 +203,12 @@ class FluidPressure:
                 given = gave = p_f
             room = self._room(carried, pressure)
             load = pressure if self.nominal == "total" else pressure + carried
-            contact = solve_contact(gap0, half_space, pressure=max(load, 0.0), fluid_pressure=p_f, **settings)
-            flow = attempt(resolved_flow, contact.gap, half_space.spacing, self.settings, with_potential=True)
+            contact = solve_contact(
+                gap0, half_space, pressure=max(load, 0.0), fluid_pressure=p_f, **settings
+            )
+            flow = attempt(
+                resolved_flow, contact.gap, half_space.spacing, self.settings, with_potential=True
+            )
             if isinstance(flow, Failed):
                 return _coupled(contact, flow, carried, n)
             last_p_f = p_f
@@ -191,13 +217,17 @@ class FluidPressure:
                 is_pocket = np.isnan(self.above_surroundings(flow.potential)) & (contact.gap > 0)
                 trapped = pockets.next(contact.gap, is_pocket, last_p_f, found)
                 in_contact = np.nan if contact.gap.any() else found
-                found = harmonic_fill(np.where(contact.gap > 0, trapped.on(found), in_contact), found)
+                found = harmonic_fill(
+                    np.where(contact.gap > 0, trapped.on(found), in_contact), found
+                )
                 scale = max(scale, float(np.abs(found).max()))
             p_f, given, gave = _mixed(last_p_f, found, given, gave), last_p_f, found
             if trapped is not None:
                 p_f = trapped.on(p_f)
             taken, part = part, 1.0 if n <= _WHOLE_STEPS or trapped is not None else 0.5
-            if p_f.mean() >= carried + room:  # too far: half of the way to where the contact carries nothing
+            if (
+                p_f.mean() >= carried + room
+            ):  # too far: half of the way to where the contact carries nothing
                 part = 0.5 * room / (float(p_f.mean()) - carried)
             if part < 1:
                 p_f = last_p_f + part * (p_f - last_p_f)
@@ -211,9 +241,15 @@ class FluidPressure:
                 change = moved if k == 0 else np.inf
             # the next change of k is to this one as the moves of p_f; two equal k by chance end nothing
             ratio = min(moved / before, 0.5) if before > 0 else 0.5
-            steepness = max(change / before, _LEAST_STEEPNESS * scale / max(load, 1.0)) if before > 0 else change
+            steepness = (
+                max(change / before, _LEAST_STEEPNESS * scale / max(load, 1.0))
+                if before > 0
+                else change
+            )
             error = steepness * moved / (1 - ratio) if np.isfinite(before) else change
-            error = min(error, max(changed, change))  # where single points take turns; NaN until two changes are known
+            error = min(
+                error, max(changed, change)
+            )  # where single points take turns; NaN until two changes are known
             if trapped is not None:  # of closed faces only the volumes have to stay
                 closed = closed + 1 if k == 0 else 0
                 error = max(error if closed < _CLOSED_ROUNDS else 0.0, trapped.error)
@@ -235,12 +271,17 @@ class FluidPressure:
         taken, which a face has that is unloaded, or let under pressure, from where it is closed. No pockets are left.
         """
         known: dict[float, CoupledContact] = {}
-        alone, start = replace(self, nominal="contact", trapped=False), self.even_drop(half_space.shape)
+        alone, start = (
+            replace(self, nominal="contact", trapped=False),
+            self.even_drop(half_space.shape),
+        )
 
         def total(load: float) -> float:
             nonlocal start
             if load not in known:
-                known[load] = alone._rounds(gap0, half_space, load, settings, start=start, share=_SHARE)
+                known[load] = alone._rounds(
+                    gap0, half_space, load, settings, start=start, share=_SHARE
+                )
                 if not isinstance(flow := known[load].flow, Failed):
                     start = self._pressure(flow, start)
             return load + known[load].carried
@@ -252,19 +293,31 @@ class FluidPressure:
             above = least
             while total(above) < pressure:
                 above *= _STEP
-            found = brentq(lambda load: total(load) - pressure, above / _STEP, above, rtol=_LOAD_RTOL)
+            found = brentq(
+                lambda load: total(load) - pressure, above / _STEP, above, rtol=_LOAD_RTOL
+            )
             return known[found]
         p_f = self.even_drop(half_space.shape)
-        contact = solve_contact(gap0, half_space, pressure=float(p_f.mean()), fluid_pressure=p_f, **settings)
-        return _coupled(contact, Failed(self.parted(opening)), pressure, sum(c.rounds for c in known.values()))
+        contact = solve_contact(
+            gap0, half_space, pressure=float(p_f.mean()), fluid_pressure=p_f, **settings
+        )
+        return _coupled(
+            contact, Failed(self.parted(opening)), pressure, sum(c.rounds for c in known.values())
+        )
 
     def _pockets(
-        self, former: TrappedLiquid | None, half_space: HalfSpace, pressure: float, settings: Mapping[str, Any]
+        self,
+        former: TrappedLiquid | None,
+        half_space: HalfSpace,
+        pressure: float,
+        settings: Mapping[str, Any],
     ) -> PocketPressures:
         """How pockets of the fluid find their pressure in a contact at a nominal pressure [Pa]."""
         hardness = float(np.min(contact_law(settings.get("hardness", np.inf)).yield_pressure()))
         bulk_modulus = getattr(self.fluid, "bulk_modulus", None) or np.inf
-        return PocketPressures(former, half_space, bulk_modulus=bulk_modulus, hardness=hardness, load=pressure)
+        return PocketPressures(
+            former, half_space, bulk_modulus=bulk_modulus, hardness=hardness, load=pressure
+        )
 
     def _pressure(self, flow: FaceFlow, former: Array) -> Array:
         """Pressure above the surroundings (n1, n2) [Pa] of a flow, also in contact; the former one if no gap is wet."""
@@ -274,7 +327,9 @@ class FluidPressure:
     def even_drop(self, shape: tuple[int, int]) -> Array:
         """Pressure above the surroundings (n1, n2) [Pa] where the potential falls evenly along x1."""
         n1, n2 = shape
-        return np.repeat(self.above_surroundings(1 - (np.arange(n1) + 0.5) / n1)[:, None], n2, axis=1)
+        return np.repeat(
+            self.above_surroundings(1 - (np.arange(n1) + 0.5) / n1)[:, None], n2, axis=1
+        )
 
 
 def _mixed(given: Array, gave: Array, former: Array, former_gave: Array) -> Array:
@@ -300,12 +355,18 @@ def _least(total: Callable[[float], float], loads: Array) -> tuple[float, float]
     from scipy.optimize import minimize_scalar
 
     ends = np.log(loads[n - 1]), np.log(loads[min(n + 1, loads.size - 1)])
-    found = minimize_scalar(lambda x: total(float(np.exp(x))), bounds=ends, method="bounded", options={"xatol": 0.3})
+    found = minimize_scalar(
+        lambda x: total(float(np.exp(x))), bounds=ends, method="bounded", options={"xatol": 0.3}
+    )
     return float(np.exp(found.x)), float(found.fun)
 
 
 def _coupled(
-    contact: Contact, flow: FaceFlow | Failed, carried: float, rounds: int, trapped: TrappedLiquid | None = None
+    contact: Contact,
+    flow: FaceFlow | Failed,
+    carried: float,
+    rounds: int,
+    trapped: TrappedLiquid | None = None,
 ) -> CoupledContact:
     """The contact of the last round with its flow."""
     known = {f.name: getattr(contact, f.name) for f in fields(contact)}
@@ -330,16 +391,27 @@ def contact_of_places(
     Raises InputError: a law that differs from place to place. NotConverged : a contact failed.
     """
     if not hardness.is_uniform:
-        raise InputError("hardness", "a law that differs from place to place", "the same everywhere in several places")
+        raise InputError(
+            "hardness",
+            "a law that differs from place to place",
+            "the same everywhere in several places",
+        )
     former = [None] * len(places.widths) if deformation is None else places.divided(deformation)
     found = []
     for gap, left in zip(places.divided(gap0), former, strict=True):
-        body = HalfSpace((gap.shape[0], gap.shape[1]), half_space.spacing, half_space.modulus, half_space.boundary)
+        body = HalfSpace(
+            (gap.shape[0], gap.shape[1]),
+            half_space.spacing,
+            half_space.modulus,
+            half_space.boundary,
+        )
         # gaps are counted from the highest point of the place
         from_highest = np.ascontiguousarray(gap - gap.min())
         found.append(solve(from_highest, body, hardness=hardness, deformation=left, **settings))
     arrays = ("pressure", "gap", "plastic_deformation", "plastic")
-    joined: dict[str, Any] = {name: np.concatenate([getattr(c, name) for c in found], axis=1) for name in arrays}
+    joined: dict[str, Any] = {
+        name: np.concatenate([getattr(c, name) for c in found], axis=1) for name in arrays
+    }
     joined |= {
         "approach": float(np.average([c.approach for c in found], weights=places.widths)),
         "residual": max(c.residual for c in found),
@@ -356,4 +428,6 @@ def contact_of_places(
         own = failed[0]
     else:
         own = attempt(resolved_flow, joined["gap"], half_space.spacing, flow, with_potential=True)
-    return CoupledContact(**joined, flow=own, carried=carried, rounds=max(c.rounds for c in coupled))
+    return CoupledContact(
+        **joined, flow=own, carried=carried, rounds=max(c.rounds for c in coupled)
+    )

@@ -61,7 +61,9 @@ class LeakageFactor:
     closed: int
 
 
-def leakage_factor(leakage: ArrayLike, reference: ArrayLike, steps: Sequence[LoadStep], branch: str) -> LeakageFactor:
+def leakage_factor(
+    leakage: ArrayLike, reference: ArrayLike, steps: Sequence[LoadStep], branch: str
+) -> LeakageFactor:
     """Factor exp(rms ln(Q/Q_ref)) over the loads of a branch at which the reference leaks more than 1e-3 of its first.
 
     A factor of 1.2 says that the leakage is typically 20 % too high or too low. Leakage falls over decades as a seal
@@ -94,5 +96,7 @@ def closing_load(leakage: ArrayLike, steps: Sequence[LoadStep]) -> float:
     200000000.0
     """
     values = np.asarray(leakage, dtype=float)
-    shut = [s.pressure for s, q in zip(steps, values, strict=True) if s.branch == "loading" and q == 0]
+    shut = [
+        s.pressure for s, q in zip(steps, values, strict=True) if s.branch == "loading" and q == 0
+    ]
     return min(shut, default=float("inf"))

@@ -58,7 +58,9 @@ class DrawnForm:
         for vector, phase in zip(self.vectors, self.phases, strict=True):
             z += np.cos(points @ vector + phase)
         scale = self.rms_height * (2 / len(self.phases)) ** 0.5
-        return z * (scale if self.flatness is None else min(scale, self.flatness / float(np.ptp(z))))
+        return z * (
+            scale if self.flatness is None else min(scale, self.flatness / float(np.ptp(z)))
+        )
 
 
 def longer_waves(
@@ -89,7 +91,9 @@ def longer_waves(
     tiles = attempt(scene.layout.lay_out, piece)
     if isinstance(tiles, Failed):  # narrower than the patch
         return None
-    longest = tiles.seal.size[0] if flatness is None else float(np.ptp(tiles.outlines, axis=(0, 1)).max())
+    longest = (
+        tiles.seal.size[0] if flatness is None else float(np.ptp(tiles.outlines, axis=(0, 1)).max())
+    )
     longest = min((longest, *(form.shortest_wave for form in forms)))
     if longest < _BROADER * side:
         return None
@@ -98,16 +102,24 @@ def longer_waves(
     dry = scene.dry()
     programme, found = layer_states(dry, _Taken(dry.flow, dry.surface.spacing), mapper)
     gaps, k = np.array(found).T
-    leaks = partial(_leakage, dry, tiles, RoughLayer.of_gaps(dry, programme, gaps), PieceCurves(programme, k))
+    leaks = partial(
+        _leakage, dry, tiles, RoughLayer.of_gaps(dry, programme, gaps), PieceCurves(programme, k)
+    )
     rng = np.random.default_rng(np.random.SeedSequence(seed, spawn_key=(0x10E6,)))
     still = leaks(tuple(forms))
-    moved = [leaks((*forms, _drawn(rng, hurst, (side, longest), rms, flatness))) for _ in range(DRAWS)]
+    moved = [
+        leaks((*forms, _drawn(rng, hurst, (side, longest), rms, flatness))) for _ in range(DRAWS)
+    ]
     with np.errstate(divide="ignore", invalid="ignore"):
         return np.log(np.where(still > 0, np.array(moved) / still, np.nan))
 
 
 def _leakage(
-    scene: Scene, tiles: SealTiles, layer: RoughLayer, curves: PieceCurves, forms: tuple[SealForm, ...]
+    scene: Scene,
+    tiles: SealTiles,
+    layer: RoughLayer,
+    curves: PieceCurves,
+    forms: tuple[SealForm, ...],
 ) -> Array:
     """Leakage of a seal with forms at every step (steps,) [m²/s], its tiles being as the face; NaN where it failed."""
     nominal, steps = scene.steps.pressures[:, None], scene.steps
@@ -131,7 +143,9 @@ class _Taken:
     def __call__(self, state: LoadState) -> tuple[float, float]:
         gap = state.contact.gap
         found = attempt(resolved_flow, gap, self.spacing, replace(self.flow, spiral=None))
-        return float(state.contact.mean_gap), np.nan if isinstance(found, Failed) else found.permeability
+        return float(state.contact.mean_gap), np.nan if isinstance(
+            found, Failed
+        ) else found.permeability
 
 
 def _rms_between(holds: Representative, h: float, shortest: float, longest: float) -> float:
@@ -142,10 +156,16 @@ def _rms_between(holds: Representative, h: float, shortest: float, longest: floa
 
 
 def _drawn(
-    rng: np.random.Generator, hurst: float, waves: tuple[float, float], rms: float, flatness: float | None
+    rng: np.random.Generator,
+    hurst: float,
+    waves: tuple[float, float],
+    rms: float,
+    flatness: float | None,
 ) -> DrawnForm:
     """Waves between two lengths [m], whose numbers follow q C by the inverse of its integral."""
     low, high = ((2 * pi / wave) ** (-2 * hurst) for wave in waves)
     q = (low + (high - low) * rng.random(_WAVES)) ** (-1 / (2 * hurst))
     angle, phase = rng.uniform(0, 2 * pi, (2, _WAVES))
-    return DrawnForm(q[:, None] * np.stack([np.cos(angle), np.sin(angle)], axis=1), phase, rms, flatness)
+    return DrawnForm(
+        q[:, None] * np.stack([np.cos(angle), np.sin(angle)], axis=1), phase, rms, flatness
+    )

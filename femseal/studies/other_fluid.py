@@ -29,7 +29,10 @@ class FluidState:
     def in_scene(self, scene: Scene) -> Scene:
         """The scene with this fluid instead of its own."""
         return replace(
-            scene, fluid=self.fluid, inlet_pressure=self.inlet_pressure, outlet_pressure=self.outlet_pressure
+            scene,
+            fluid=self.fluid,
+            inlet_pressure=self.inlet_pressure,
+            outlet_pressure=self.outlet_pressure,
         )
 
     @property
@@ -45,7 +48,9 @@ class FluidState:
     @property
     def drop(self) -> float:
         """Volume rate for a conductance of 1 m³, at the reference density [1/s]: the drop of the potential over ρ."""
-        inlet, outlet = (float(self.fluid.potential(p)) for p in (self.inlet_pressure, self.outlet_pressure))
+        inlet, outlet = (
+            float(self.fluid.potential(p)) for p in (self.inlet_pressure, self.outlet_pressure)
+        )
         return (inlet - outlet) / self.fluid.reference_density
 
 
@@ -109,7 +114,10 @@ def limit_factors(test: FluidState, service: FluidState) -> LimitFactors:
         return LimitFactors(viscous, float("nan"))
     viscous *= throughput(service) / throughput(test)
     try:
-        speeds = [(s.inlet_pressure - s.outlet_pressure) * _thermal_speed(s.fluid) for s in (service, test)]
+        speeds = [
+            (s.inlet_pressure - s.outlet_pressure) * _thermal_speed(s.fluid)
+            for s in (service, test)
+        ]
     except AttributeError:
         return LimitFactors(viscous, float("nan"))
     return LimitFactors(viscous, speeds[0] / speeds[1])

@@ -59,22 +59,40 @@ class FacePieces:
     counts: SolveCounts
     pressure: Array = declared("piece_pressure", "Pa", "contact pressure of pieces", PIECE)
     mean_gap: Array = declared("piece_mean_gap", "m", "mean gap of pieces", PIECE)
-    contact_fraction: Array = declared("piece_contact_fraction", "1", "fraction of pieces in contact", PIECE)
-    plastic_fraction: Array = declared("piece_plastic_fraction", "1", "fraction of pieces at the hardness", PIECE)
-    drop_fraction: Array = declared(
-        "piece_drop_fraction", "1", "fraction of the pressure drop in pieces, NaN without flow", PIECE
+    contact_fraction: Array = declared(
+        "piece_contact_fraction", "1", "fraction of pieces in contact", PIECE
     )
-    face: Array = declared("state_leakage", "m^2/s", "leakage of the face per unit length, by state", STATE)
+    plastic_fraction: Array = declared(
+        "piece_plastic_fraction", "1", "fraction of pieces at the hardness", PIECE
+    )
+    drop_fraction: Array = declared(
+        "piece_drop_fraction",
+        "1",
+        "fraction of the pressure drop in pieces, NaN without flow",
+        PIECE,
+    )
+    face: Array = declared(
+        "state_leakage", "m^2/s", "leakage of the face per unit length, by state", STATE
+    )
     own: Array = declared(
-        "state_pieces_leakage", "m^2/s", "leakage of the pieces in their own order per unit length, by state", STATE
+        "state_pieces_leakage",
+        "m^2/s",
+        "leakage of the pieces in their own order per unit length, by state",
+        STATE,
     )
     failures: tuple[str, ...] = ()
     unsolved: tuple[tuple[int, str], ...] = ()
 
     computed_fields: ClassVar[dict[str, Field]] = {
-        "k1": Field("piece_k1", "m^3", "permeability of pieces along x1, their sides closed", PIECE),
-        "k2": Field("piece_k2", "m^3", "permeability of pieces along x2, their sides closed", PIECE),
-        "factor": Field("state_factor", "1", "factor on the permeabilities of pieces in a state", STATE),
+        "k1": Field(
+            "piece_k1", "m^3", "permeability of pieces along x1, their sides closed", PIECE
+        ),
+        "k2": Field(
+            "piece_k2", "m^3", "permeability of pieces along x2, their sides closed", PIECE
+        ),
+        "factor": Field(
+            "state_factor", "1", "factor on the permeabilities of pieces in a state", STATE
+        ),
     }
 
     @property
@@ -104,7 +122,12 @@ class _Taken:
 
 
 def pieces_of_states(
-    scene: Scene, cut: Cut, states: Sequence[FaceState], leakage: Array, places: Array | None, mapper: Mapper
+    scene: Scene,
+    cut: Cut,
+    states: Sequence[FaceState],
+    leakage: Array,
+    places: Array | None,
+    mapper: Mapper,
 ) -> FacePieces:
     """The pieces of a face in its states at the loads of the scene.
 
@@ -116,7 +139,10 @@ def pieces_of_states(
     plastic = (np.array(state.plastic) for state in states)
     gaps, potentials = [state.gap for state in states], [state.potential for state in states]
     found = mapper(Stage("pieces of the face", solve), gaps, pressures, plastic, potentials)
-    taken = [_Taken(pieces, np.nan, state.failed, None) for pieces, state in zip(found, states, strict=True)]
+    taken = [
+        _Taken(pieces, np.nan, state.failed, None)
+        for pieces, state in zip(found, states, strict=True)
+    ]
     return replace(_joined(scene, cut, scene.steps, taken), face=leakage, places=places)
 
 
@@ -131,7 +157,10 @@ def pieces_on_ladder(
     dry = scene.dry(boundary=boundary)
     # grooves that wind are those of the seal
     take = partial(
-        _of_state, cut=cut, flow=replace(scene.flow, spiral=None), widths=getattr(scene.surface, "widths", ())
+        _of_state,
+        cut=cut,
+        flow=replace(scene.flow, spiral=None),
+        widths=getattr(scene.surface, "widths", ()),
     )
     return _joined(scene, cut, steps, list(dry.contact_states(take, steps=steps, mapper=mapper)))
 
@@ -184,7 +213,14 @@ def _joined(scene: Scene, cut: Cut, steps: LoadProgramme, taken: Sequence[_Taken
     places = None
     if taken[0].places is not None:
         places = unit * np.array([state.places for state in taken]).T
-    means = ("pressure", "mean_gap", "contact_fraction", "plastic_fraction", "drop_fraction", "rows")
+    means = (
+        "pressure",
+        "mean_gap",
+        "contact_fraction",
+        "plastic_fraction",
+        "drop_fraction",
+        "rows",
+    )
     return FacePieces(
         steps,
         cut,

@@ -47,4 +47,6 @@ def _of_places(face: FaceResult) -> Array | None:
     """Leakage of each measured place, and from three on of all but each (2 places, steps) [m²/s]; None of one."""
     if (places := face.places) is None:
         return None
-    return places.alone if places.without is None else np.concatenate([places.alone, places.without])
+    return (
+        places.alone if places.without is None else np.concatenate([places.alone, places.without])
+    )

@@ -30,9 +30,15 @@ class PlaceLeakage(Shown):
     alone : of each by itself, continued periodically. without : of all places but one, side by side; None of two.
     """
 
-    alone: Array = declared("leakage_of_places", "m^2/s", "leakage per unit seal length, of each place alone", PLACE)
+    alone: Array = declared(
+        "leakage_of_places", "m^2/s", "leakage per unit seal length, of each place alone", PLACE
+    )
     without: Array | None = declared(
-        "leakage_without_place", "m^2/s", "leakage per unit seal length, of all places but one", PLACE, default=None
+        "leakage_without_place",
+        "m^2/s",
+        "leakage per unit seal length, of all places but one",
+        PLACE,
+        default=None,
     )
 
     computed_fields: ClassVar[dict[str, Field]] = {
@@ -56,7 +62,9 @@ class PlaceLeakage(Shown):
     def scatter(self) -> Array:
         """Standard deviation of the leakage of single places over its mean (steps,); NaN where none leaks."""
         mean = self.alone.mean(axis=0)
-        return np.divide(self.alone.std(axis=0, ddof=1), mean, out=np.full(mean.shape, np.nan), where=mean > 0)
+        return np.divide(
+            self.alone.std(axis=0, ddof=1), mean, out=np.full(mean.shape, np.nan), where=mean > 0
+        )
 
 
 def kept_places(count: int) -> tuple[tuple[int, ...], ...]:
@@ -70,13 +78,20 @@ def kept_places(count: int) -> tuple[tuple[int, ...], ...]:
     return (*((n,) for n in every), *without)
 
 
-def place_leakage(scene: Scene, gap: NDArray[np.floating], mapper: Mapper = map) -> PlaceLeakage | None:
+def place_leakage(
+    scene: Scene, gap: NDArray[np.floating], mapper: Mapper = map
+) -> PlaceLeakage | None:
     """Leakage by places from the gap of all of them at every step (steps, n1, n2) [m]; None of a single place."""
     surface = scene.surface
     if not isinstance(surface, Places):
         return None
     count = len(surface.widths)
-    solve = partial(permeabilities_of_places, widths=surface.widths, spacing=surface.spacing, settings=scene.flow)
+    solve = partial(
+        permeabilities_of_places,
+        widths=surface.widths,
+        spacing=surface.spacing,
+        settings=scene.flow,
+    )
     found = mapper(Stage("flow of places", solve), gap)
     # leakage per length of a unit permeability
     unit = scene.leakage(RectangularSeal(surface.size, (1, 1)), 1.0).per_length
@@ -85,12 +100,17 @@ def place_leakage(scene: Scene, gap: NDArray[np.floating], mapper: Mapper = map)
 
 
 def permeabilities_of_places(
-    gap: NDArray[np.floating], widths: tuple[int, ...], spacing: tuple[float, float], settings: FlowSettings
+    gap: NDArray[np.floating],
+    widths: tuple[int, ...],
+    spacing: tuple[float, float],
+    settings: FlowSettings,
 ) -> Array:
     """Permeability of each place, and from three on of all but each (2 places,) [m³]; NaN where the flow failed."""
     pieces = divided(gap, widths)
     found = []
     for of in kept_places(len(pieces)):
-        flow = attempt(resolved_flow, np.concatenate([pieces[n - 1] for n in of], axis=1), spacing, settings)
+        flow = attempt(
+            resolved_flow, np.concatenate([pieces[n - 1] for n in of], axis=1), spacing, settings
+        )
         found.append(np.nan if isinstance(flow, Failed) else flow.permeability)
     return np.array(found)

@@ -55,12 +55,16 @@ class Sampling:
 
     def __post_init__(self) -> None:
         if self.realisations is not None:
-            object.__setattr__(self, "realisations", validate.count("realisations", self.realisations))
+            object.__setattr__(
+                self, "realisations", validate.count("realisations", self.realisations)
+            )
         object.__setattr__(self, "seed", validate.count("seed", self.seed, least=0))
         given = self.form if isinstance(self.form, tuple | list) else (self.form,)
         object.__setattr__(self, "form", tuple(given))
         if self.form and not is_uniform(self.pressure_map):
-            raise InputError("form", "a form and a map of the pressure", "one of them: a form gives the pressure")
+            raise InputError(
+                "form", "a form and a map of the pressure", "one of them: a form gives the pressure"
+            )
         for name in ("length", "breadth"):
             if getattr(self, name) is not None:
                 validate.number(name, getattr(self, name), unit="m")
@@ -80,7 +84,9 @@ def lay_out_tiles(layout: Layout, cut: Cut, sampling: Sampling) -> SealTiles:
     """
     even = sampling.presses_evenly
     most = MOST_TILES if even else None
-    tiles = layout.lay_out(PieceSize(cut.size, cut.shape[0], sampling.length, sampling.breadth, most))
+    tiles = layout.lay_out(
+        PieceSize(cut.size, cut.shape[0], sampling.length, sampling.breadth, most)
+    )
     if tiles.in_place and not even:
         return replace(tiles, in_place=False)
     return tiles

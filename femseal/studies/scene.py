@@ -11,7 +11,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..base import Array, InputError, Mapper, counted, to_text
-from ..contact import Contact, ContactLaw, HalfSpace, LoadState, contact_law, load_states, solve_contact
+from ..contact import (
+    Contact,
+    ContactLaw,
+    HalfSpace,
+    LoadState,
+    contact_law,
+    load_states,
+    solve_contact,
+)
 from ..face.piece_flow import FlowSettings
 from ..flow import critical_constriction
 from ..flow.pressure_drop import PressureDrop
@@ -91,19 +99,33 @@ class Scene:
             if self.inlet_pressure != max(own.values()):
                 highest = to_text(max(own.values()), "Pa")
                 given = to_text(self.inlet_pressure, "Pa")
-                raise InputError("inlet_pressure", given, f"the highest pressure of the inlets, {highest}")
+                raise InputError(
+                    "inlet_pressure", given, f"the highest pressure of the inlets, {highest}"
+                )
         most = max(self.inlet_pressure, self.outlet_pressure)
         if self.acting_fluid is not None and most >= float(np.min(self.law.yield_pressure())):
             hardness = to_text(float(np.min(self.law.yield_pressure())), "Pa")
-            raise InputError("inlet_pressure", to_text(most, "Pa"), f"less than the hardness, {hardness}")
+            raise InputError(
+                "inlet_pressure", to_text(most, "Pa"), f"less than the hardness, {hardness}"
+            )
         undefined = int(np.isnan(self.surface.heights).sum())
         if undefined:
-            allowed = "a face without undefined points: fill them first, see Topography.fill_undefined"
-            raise InputError("surface", f"{undefined} of {self.surface.heights.size} points undefined", allowed)
+            allowed = (
+                "a face without undefined points: fill them first, see Topography.fill_undefined"
+            )
+            raise InputError(
+                "surface", f"{undefined} of {self.surface.heights.size} points undefined", allowed
+            )
         if self.traps_liquid:
             expected = "'acts' there: what is trapped is a liquid, in one place, between grooves that do not wind"
-            if not hasattr(self.fluid, "bulk_modulus") or isinstance(self.surface, Places) or flow.spiral:
-                raise InputError("fluid_pressure", "'trapped' with a gas, several places or a spiral", expected)
+            if (
+                not hasattr(self.fluid, "bulk_modulus")
+                or isinstance(self.surface, Places)
+                or flow.spiral
+            ):
+                raise InputError(
+                    "fluid_pressure", "'trapped' with a gas, several places or a spiral", expected
+                )
         if isinstance(self.surface, Places):
             self.surface.check_waves()
 
@@ -141,7 +163,11 @@ class Scene:
         """The fluid that presses the faces apart; None where it does not, or not enough to change the leakage."""
         # the viscosity of a liquid does not change how its pressure falls: contacts are those of all viscosities
         plain = isinstance(self.fluid, Liquid) and self.fluid.pressure_viscosity == 0
-        own = Liquid(1.0, bulk_modulus=getattr(self.fluid, "bulk_modulus", None)) if plain else self.fluid
+        own = (
+            Liquid(1.0, bulk_modulus=getattr(self.fluid, "bulk_modulus", None))
+            if plain
+            else self.fluid
+        )
         fluid = FluidPressure(
             own,
             self.inlet_pressure,
@@ -161,7 +187,10 @@ class Scene:
             return "its pressure on the faces is ignored"
         if (fluid := self.acting_fluid) is None:
             return "it carries less than 0.01 % of every load: that changes leakage by less than 0.5 %, and is left out"
-        carried, loads = to_text(abs(fluid.carried), "Pa", 3), [p for p in self.steps.pressures if p > 0]
+        carried, loads = (
+            to_text(abs(fluid.carried), "Pa", 3),
+            [p for p in self.steps.pressures if p > 0],
+        )
         if fluid.carried < 0:
             return f"it sucks the faces together with {carried} on the mean"
         most = f", up to {fluid.carried / min(loads):.2g} of the load" if loads else ""
@@ -178,7 +207,11 @@ class Scene:
         """
         if (fluid := self.acting_fluid) is None:
             return ()
-        return tuple((s, fluid.parted(fluid.carried)) for s, p in enumerate(self.steps.pressures) if fluid.parts(p))
+        return tuple(
+            (s, fluid.parted(fluid.carried))
+            for s, p in enumerate(self.steps.pressures)
+            if fluid.parts(p)
+        )
 
     def contact_states(
         self,
@@ -194,7 +227,9 @@ class Scene:
         """
         gap0 = self.surface.heights.max() - self.surface.heights
         fluid = self.acting_fluid
-        solve: Callable[..., Contact] = solve_contact if fluid is None else partial(FluidPressure.contact, fluid)
+        solve: Callable[..., Contact] = (
+            solve_contact if fluid is None else partial(FluidPressure.contact, fluid)
+        )
         if isinstance(self.surface, Places):
             solve = partial(contact_of_places, places=self.surface, solve=solve, flow=self.flow)
         trapped = fluid is not None and fluid.trapped
@@ -232,8 +267,13 @@ class Scene:
         """
         if np.isnan(capillary_entry_pressure(self.fluid, 1.0)):
             return None
-        found = (critical_constriction(np.maximum(gap, 0.0), self.surface.spacing, sides="periodic") for gap in gaps)
-        return np.array([capillary_entry_pressure(self.fluid, 0.0 if c is None else c.gap) for c in found])
+        found = (
+            critical_constriction(np.maximum(gap, 0.0), self.surface.spacing, sides="periodic")
+            for gap in gaps
+        )
+        return np.array(
+            [capillary_entry_pressure(self.fluid, 0.0 if c is None else c.gap) for c in found]
+        )
 
     def leakage(self, seal: Seal, permeability: Any, rtol: float = 1e-5, **options: Any) -> Leakage:
         """Solve the leakage of a seal between the scene's fluid pressures; rtol and options as in `seal_leakage`.
@@ -282,7 +322,11 @@ def _modulus_warnings(scene: Scene) -> Iterator[str]:
 def _pressure_warnings(scene: Scene) -> Iterator[str]:
     """Loads that the fluid carries alone, a gas into a vacuum, loads near the hardness."""
     steps, fluid = scene.steps, scene.acting_fluid
-    parted = [step for step in steps if fluid is not None and step.pressure > 0 and fluid.parts(step.pressure)]
+    parted = [
+        step
+        for step in steps
+        if fluid is not None and step.pressure > 0 and fluid.parts(step.pressure)
+    ]
     if fluid is not None and parted:
         more = f" and {counted(len(parted) - 1, 'more step')}" if len(parted) > 1 else ""
         yield (

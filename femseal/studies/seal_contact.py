@@ -72,7 +72,12 @@ class SealContact:
         """Pressure of tiles over that of the whole seal (steps, tiles); 1 where there is none."""
         means, nominal = self.grid.means(self.pressure), self.nominal[:, None]
         if self.grid.has_rows:  # tiles of one area, of which a cell may cover several
-            means *= np.divide(nominal, means.mean(axis=1, keepdims=True), where=nominal > 0, out=np.ones_like(nominal))
+            means *= np.divide(
+                nominal,
+                means.mean(axis=1, keepdims=True),
+                where=nominal > 0,
+                out=np.ones_like(nominal),
+            )
         return np.divide(means, nominal, out=np.ones_like(means), where=nominal > 0)
 
     @property
@@ -97,9 +102,13 @@ class RoughLayer:
     recovered: Array
 
     @classmethod
-    def of(cls, scene: Scene, mapper: Mapper, boundary: tuple[str, str] = ("periodic", "periodic")) -> RoughLayer:
+    def of(
+        cls, scene: Scene, mapper: Mapper, boundary: tuple[str, str] = ("periodic", "periodic")
+    ) -> RoughLayer:
         """Solve the contact of the face of a scene alone under uniform pressures."""
-        return cls.of_gaps(scene, *layer_states(scene, attrgetter("contact.mean_gap"), mapper, boundary))
+        return cls.of_gaps(
+            scene, *layer_states(scene, attrgetter("contact.mean_gap"), mapper, boundary)
+        )
 
     @classmethod
     def of_gaps(cls, scene: Scene, programme: LoadProgramme, gaps: Sequence[float]) -> RoughLayer:
@@ -126,11 +135,19 @@ class RoughLayer:
         weight = (at - lower)[:, None]
         recovered = (1 - weight) * self.recovered[lower] + weight * self.recovered[lower + 1]
         fractions = np.array([1.0, *self.released, 0.0])
-        slope_at_end = (recovered[:, -1:] - recovered[:, -2:-1]) / np.log(self.released[-2] / self.released[-1])
+        slope_at_end = (recovered[:, -1:] - recovered[:, -2:-1]) / np.log(
+            self.released[-2] / self.released[-1]
+        )
         values = np.hstack([np.zeros((p.size, 1)), recovered, recovered[:, -1:] + slope_at_end])
-        part = np.clip(np.searchsorted(-fractions, -p / safe, side="left") - 1, 0, fractions.size - 2)
+        part = np.clip(
+            np.searchsorted(-fractions, -p / safe, side="left") - 1, 0, fractions.size - 2
+        )
         rows = np.arange(p.size)
-        slope = (values[rows, part + 1] - values[rows, part]) / (fractions[part + 1] - fractions[part]) / safe
+        slope = (
+            (values[rows, part + 1] - values[rows, part])
+            / (fractions[part + 1] - fractions[part])
+            / safe
+        )
         start, _ = self.loaded(peak)
         gap = start + values[rows, part] + slope * (p - fractions[part] * safe)
         above = p >= peak
@@ -224,7 +241,9 @@ def without_waves_of(scene: Scene, cut: Cut, forms: Sequence[SealForm]) -> Scene
     return replace(scene, surface=scene.surface.high_pass(shortest))
 
 
-def form_on_grid(scene: Scene, tiles: SealTiles, forms: Sequence[SealForm]) -> tuple[ContactGrid, Array]:
+def form_on_grid(
+    scene: Scene, tiles: SealTiles, forms: Sequence[SealForm]
+) -> tuple[ContactGrid, Array]:
     """Cells over the seal, and how deep they lie below the highest one (n1, n2) [m]; (n1, 1) if alike all along.
 
     Raises InputError: a form that is steeper than a half-space allows, or does not cover the seal.
@@ -310,7 +329,9 @@ class Cells:
                 return p, np.where(p > 0, gap, at_touch + opening), opening, sunk + deeper
             wanted[~free] = 0.0
             power = -float(residual @ wanted)
-            direction = wanted + (power / former if former else 0.0) * np.where(free, direction, 0.0)
+            direction = wanted + (power / former if former else 0.0) * np.where(
+                free, direction, 0.0
+            )
             image = self.displacement(direction)
             power_at = partial(_power, p, direction, residual + gap, image, layer)
             length = -float(residual @ direction) / float((image - slope * direction) @ direction)
@@ -326,7 +347,9 @@ class Cells:
         raise NotConverged(text, change)
 
 
-def _power(p: Array, direction: Array, above: Array, image: Array, layer: Any, length: float) -> float:
+def _power(
+    p: Array, direction: Array, above: Array, image: Array, layer: Any, length: float
+) -> float:
     """Slope of the energy along a direction, so far along it: what lies above the layer times the direction."""
     return float((above + length * image - layer(p + length * direction)[0]) @ direction)
 

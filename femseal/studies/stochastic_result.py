@@ -11,7 +11,17 @@ from typing import Any, ClassVar
 import numpy as np
 
 from ..base import Array, Shown, counted
-from ..base.fields import CORNER, PART, PART_FORM, PART_VECTOR, REALISATION, ROW, STEP, Field, declared
+from ..base.fields import (
+    CORNER,
+    PART,
+    PART_FORM,
+    PART_VECTOR,
+    REALISATION,
+    ROW,
+    STEP,
+    Field,
+    declared,
+)
 from ..face.piece_flow import SolverCounts
 from ..loads import LoadProgramme
 from ..seal.element_seal import ElementSeal
@@ -36,20 +46,36 @@ class MedianSeal(Shown):
 
     realisation: int
     outlines: Array = declared(
-        "drawn_corners", "m", "corners of the parts of the drawn seal, in its plane", CORNER, repr=False
+        "drawn_corners",
+        "m",
+        "corners of the parts of the drawn seal, in its plane",
+        CORNER,
+        repr=False,
     )
-    permeability: Array = declared("drawn_permeability", "m^3", "permeability, median realisation", PART)
-    fluid_pressure: Array = declared("drawn_fluid_pressure", "Pa", "fluid pressure, median realisation", PART)
+    permeability: Array = declared(
+        "drawn_permeability", "m^3", "permeability, median realisation", PART
+    )
+    fluid_pressure: Array = declared(
+        "drawn_fluid_pressure", "Pa", "fluid pressure, median realisation", PART
+    )
     flux: Array = declared("drawn_flux", "m^2/s", "flow per width, median realisation", PART_VECTOR)
     pressure: Array | None = declared(
-        "drawn_contact_pressure", "Pa", "contact pressure of tiles, median realisation", PART, default=None
+        "drawn_contact_pressure",
+        "Pa",
+        "contact pressure of tiles, median realisation",
+        PART,
+        default=None,
     )
     form: Array | None = declared("drawn_form", "m", "form of the seal", PART_FORM, default=None)
     separation: Array | None = declared(
         "drawn_separation", "m", "distance of the mean planes of the faces", PART, default=None
     )
     nominal: Array | None = declared(
-        "drawn_nominal_pressure", "Pa", "nominal pressure of tiles under the form of the seal", PART, default=None
+        "drawn_nominal_pressure",
+        "Pa",
+        "nominal pressure of tiles under the form of the seal",
+        PART,
+        default=None,
     )
 
 
@@ -90,7 +116,9 @@ class StochasticResult(Shown):
     tiles: SealTiles = field(repr=False)
     pieces: FacePieces = field(repr=False)
     contact_fraction: Array = field(repr=False)
-    leakage: Array = declared("leakage", "m^2/s", "leakage per unit seal length, realisations", REALISATION)
+    leakage: Array = declared(
+        "leakage", "m^2/s", "leakage per unit seal length, realisations", REALISATION
+    )
     row_pressure: Array | None = declared(
         "row_pressure", "Pa", "mean contact pressure of rows", ROW, default=None, repr=False
     )
@@ -98,7 +126,12 @@ class StochasticResult(Shown):
         "band_breadth", "m", "breadth of the band in contact", STEP, default=None, repr=False
     )
     largest_row_pressure: Array | None = declared(
-        "largest_row_pressure", "Pa", "largest mean contact pressure of a row", STEP, default=None, repr=False
+        "largest_row_pressure",
+        "Pa",
+        "largest mean contact pressure of a row",
+        STEP,
+        default=None,
+        repr=False,
     )
     places: PlaceLeakage | None = field(default=None, repr=False)
     median_seal: MedianSeal | None = field(default=None, repr=False)
@@ -109,7 +142,9 @@ class StochasticResult(Shown):
 
     method: ClassVar[str] = "stochastic"
     computed_fields: ClassVar[dict[str, Field]] = {
-        "mean": Field("leakage_mean", "m^2/s", "leakage per unit seal length, mean of the realisations", STEP),
+        "mean": Field(
+            "leakage_mean", "m^2/s", "leakage per unit seal length, mean of the realisations", STEP
+        ),
         "realisation_spread": Field(
             "realisation_spread",
             "1",
@@ -117,7 +152,11 @@ class StochasticResult(Shown):
             STEP,
         ),
         "sealed_fraction": Field(
-            "sealed_fraction", "1", "fraction of the realisations without leakage", STEP, "sealed [%]"
+            "sealed_fraction",
+            "1",
+            "fraction of the realisations without leakage",
+            STEP,
+            "sealed [%]",
         ),
     }
 

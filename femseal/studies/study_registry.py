@@ -75,12 +75,16 @@ def _solve_stochastic(scene: Scene, options: StudyOptions, mapper: Mapper) -> St
     return stochastic(scene, options.cells, options.sampling, mapper=mapper)
 
 
-def _cost_deterministic(scene: Scene, options: StudyOptions, efforts: Sequence[Effort]) -> tuple[float, float]:
+def _cost_deterministic(
+    scene: Scene, options: StudyOptions, efforts: Sequence[Effort]
+) -> tuple[float, float]:
     acts = scene.acting_fluid is not None
     return deterministic_cost(efforts, scene.surface.shape, count_pressures(scene), acts)
 
 
-def _cost_two_scale(scene: Scene, options: StudyOptions, efforts: Sequence[Effort]) -> tuple[float, float]:
+def _cost_two_scale(
+    scene: Scene, options: StudyOptions, efforts: Sequence[Effort]
+) -> tuple[float, float]:
     """Cost of two scales with the options of a case."""
     assert options.cells is not None
     return two_scale_cost(
@@ -93,7 +97,9 @@ def _cost_two_scale(scene: Scene, options: StudyOptions, efforts: Sequence[Effor
     )
 
 
-def _cost_stochastic(scene: Scene, options: StudyOptions, efforts: Sequence[Effort]) -> tuple[float, float]:
+def _cost_stochastic(
+    scene: Scene, options: StudyOptions, efforts: Sequence[Effort]
+) -> tuple[float, float]:
     """Cost of the states of the face, and of the seals."""
     assert options.sampling is not None
     cut, tiles = cut_and_tiles(scene, options.cells, options.sampling)

@@ -34,7 +34,9 @@ def pressure_fractions(scene: Scene, tiles: SealTiles, pressure_map: AnyMap) -> 
     """
     if is_uniform(pressure_map):
         return np.broadcast_to(1.0, (len(scene.steps), tiles.count))
-    return seal_for_maps(scene.layout, tiles).fractions(pressure_map, tiles.middles, scene.steps.pressures)
+    return seal_for_maps(scene.layout, tiles).fractions(
+        pressure_map, tiles.middles, scene.steps.pressures
+    )
 
 
 def distinct_paths(fractions: Array) -> tuple[Array, Indices]:
@@ -76,8 +78,13 @@ def check_map(scene: Scene, tiles: SealTiles, pressure_map: AnyMap) -> tuple[str
     if pressure.max() >= scene.law.capacity:
         step = int(pressure.max(axis=1).argmax())
         given = f"{to_text(float(pressure.max()), 'Pa')} in a tile at {scene.steps[step].name}"
-        raise InputError("map", given, f"pressures below the hardness, {to_text(scene.law.capacity, 'Pa')}")
-    return (*_pressure_warnings(scene, pressure[nominal > 0]), *_field_warnings(scene, tiles, pressure_map))
+        raise InputError(
+            "map", given, f"pressures below the hardness, {to_text(scene.law.capacity, 'Pa')}"
+        )
+    return (
+        *_pressure_warnings(scene, pressure[nominal > 0]),
+        *_field_warnings(scene, tiles, pressure_map),
+    )
 
 
 def _pressure_warnings(scene: Scene, pressure: Array) -> Iterator[str]:
@@ -110,7 +117,10 @@ def _field_warnings(scene: Scene, tiles: SealTiles, pressure_map: AnyMap) -> tup
             )
     elif isinstance(pressure_map, MapsAtLoads):
         for load, one in zip(pressure_map.pressures, pressure_map.maps, strict=True):
-            if isinstance(one, PressureField) and abs((mean := seal.mean(one)) - load) > _OFF_LOAD * load:
+            if (
+                isinstance(one, PressureField)
+                and abs((mean := seal.mean(one)) - load) > _OFF_LOAD * load
+            ):
                 found, at = to_text(mean, "Pa", 3), to_text(load, "Pa", 3)
                 warnings.append(
                     f"the field of pressure at {at} has the mean {found} over the seal: it is scaled to the load"
@@ -127,4 +137,6 @@ def describe_map(scene: Scene, tiles: SealTiles, pressure_map: AnyMap) -> str:
     seal = seal_for_maps(scene.layout, tiles)
     maps = pressure_map.maps if isinstance(pressure_map, MapsAtLoads) else (pressure_map,)
     means = [to_text(seal.mean(one), "Pa", 3) for one in maps if isinstance(one, PressureField)]
-    return text + (f"; mean of the field {' and '.join(means)}, scaled to every load" if means else "")
+    return text + (
+        f"; mean of the field {' and '.join(means)}, scaled to every load" if means else ""
+    )

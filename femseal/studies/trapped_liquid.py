@@ -60,9 +60,20 @@ class PocketPressures:
     """
 
     def __init__(
-        self, former: TrappedLiquid | None, half_space: HalfSpace, *, bulk_modulus: float, hardness: float, load: float
+        self,
+        former: TrappedLiquid | None,
+        half_space: HalfSpace,
+        *,
+        bulk_modulus: float,
+        hardness: float,
+        load: float,
     ):
-        self.former, self.half_space, self.bulk_modulus, self.load = former, half_space, bulk_modulus, load
+        self.former, self.half_space, self.bulk_modulus, self.load = (
+            former,
+            half_space,
+            bulk_modulus,
+            load,
+        )
         self.most = _MOST_OF_HARDNESS * hardness
         count = 0 if former is None else former.amount.size
         # pressures at which points of pockets of the load before were open and closed
@@ -76,7 +87,9 @@ class PocketPressures:
             return around
         return np.minimum(self.former.on(around, self.load - self.former.load), self.most)
 
-    def next(self, gap: Array, is_pocket: NDArray[np.bool_], given: Array, around: Array) -> TrappedLiquid:
+    def next(
+        self, gap: Array, is_pocket: NDArray[np.bool_], given: Array, around: Array
+    ) -> TrappedLiquid:
         """Pressures of pockets, and a step of Newton's method towards their amounts.
 
         gap : (n1, n2) [m] under the pressure `given` (n1, n2) [Pa]. is_pocket : open points that no end reaches.
@@ -107,9 +120,16 @@ class PocketPressures:
             amount += gap * np.r_[0.0, density][old]
             both = (pocket > 0) & (old > 0)
             known = np.bincount(of_point[both] - 1, minlength=count) > 0
-            is_open = (gap > 0) & ~is_pocket & (given > 1.01 * np.maximum(around, 0.0)) & (self.rounds > _FREE_ROUNDS)
+            is_open = (
+                (gap > 0)
+                & ~is_pocket
+                & (given > 1.01 * np.maximum(around, 0.0))
+                & (self.rounds > _FREE_ROUNDS)
+            )
             self.opens = np.where(is_open, np.minimum(self.opens, given), self.opens)
-            self.closed = np.where(both & (given < self.opens), np.maximum(self.closed, given), self.closed)
+            self.closed = np.where(
+                both & (given < self.opens), np.maximum(self.closed, given), self.closed
+            )
             self.closed = np.minimum(self.closed, 0.9 * self.opens)
             np.minimum.at(opens, of_point[both] - 1, self.opens[both])
             np.maximum.at(closed, of_point[both] - 1, self.closed[both])
@@ -122,7 +142,9 @@ class PocketPressures:
         step = np.clip(_DAMPING * miss / slope, -largest, largest)
         # no tension: vapour takes what the liquid does not fill
         least = np.minimum(outside, 0.0)
-        most = np.minimum(self.most, np.where(np.isfinite(opens), 0.5 * (np.maximum(p, closed) + opens), np.inf))
+        most = np.minimum(
+            self.most, np.where(np.isfinite(opens), 0.5 * (np.maximum(p, closed) + opens), np.inf)
+        )
         new = np.clip(p + step, least, np.maximum(most, least))
         late = self.rounds > _RELEASE_ROUNDS
         if late:  # what lifts its rim again and again loses liquid
@@ -131,11 +153,17 @@ class PocketPressures:
         escapes = (new >= self.most) | ((miss > 0) & (near_open | late))
         counted = known & ~escapes & (new > least)
         error = float(np.abs(miss[counted]).sum() / total.sum()) if count else 0.0
-        left = np.where(known & ~escapes, wanted / total, np.exp(np.where(known, p, outside) / self.bulk_modulus))
+        left = np.where(
+            known & ~escapes,
+            wanted / total,
+            np.exp(np.where(known, p, outside) / self.bulk_modulus),
+        )
         volumes = _sums(pocket, n, gap) * point
         own, step = np.where(known, p, outside), np.where(known, new - p, np.nan)
         pocket = np.where(gap > 0, pocket, np.int32(-1))
-        return TrappedLiquid(pocket, own[group], left[group] * volumes, self.load, step[group], error)
+        return TrappedLiquid(
+            pocket, own[group], left[group] * volumes, self.load, step[group], error
+        )
 
     def _rise(self, is_pocket: NDArray[np.bool_], touches: NDArray[np.bool_]) -> Array:
         """By how much a pressure of 1 Pa in all pockets widens the gap (n1, n2) [m/Pa], contact carrying less."""
@@ -171,7 +199,9 @@ def label_pockets(is_pocket: NDArray[np.bool_]) -> tuple[NDArray[np.int32], int]
     return joined[found].astype(np.int32), int(joined.max())
 
 
-def _components(a: NDArray[np.signedinteger], b: NDArray[np.signedinteger], n: int) -> NDArray[np.int64]:
+def _components(
+    a: NDArray[np.signedinteger], b: NDArray[np.signedinteger], n: int
+) -> NDArray[np.int64]:
     """Number of the component of each of n nodes, some of which, a and b, are joined."""
     from scipy.sparse import coo_array
     from scipy.sparse.csgraph import connected_components

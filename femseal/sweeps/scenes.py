@@ -30,7 +30,13 @@ from ..runs import job
 def alone(case: Case) -> Case:
     """The case without all that its leakage does not need."""
     output = case.output.model_copy(
-        update={"budget": False, "pictures": False, "report": False, "fields": False, "paraview": "none"}
+        update={
+            "budget": False,
+            "pictures": False,
+            "report": False,
+            "fields": False,
+            "paraview": "none",
+        }
     )
     return case.model_copy(update={"output": output, "compare": ()})
 
@@ -65,10 +71,19 @@ _UNKNOWN, _BLUR = 30.0, 0.2
 class Process:
     """Gaussian processes through values (n, k) at points (n, dimensions) of the unit cube, each with its own scale."""
 
-    def __init__(self, parameters: Array, points: Array, values: Array, jumps: tuple[int, ...]) -> None:
-        self._jumps, self._points, self._parameters, self._mean = jumps, points, parameters, values.mean(0)
+    def __init__(
+        self, parameters: Array, points: Array, values: Array, jumps: tuple[int, ...]
+    ) -> None:
+        self._jumps, self._points, self._parameters, self._mean = (
+            jumps,
+            points,
+            parameters,
+            values.mean(0),
+        )
         size, scaled = _standard(values)
-        _, self._whitening, weights, squares = _solved(_covariance(parameters, points, points, jumps), scaled)
+        _, self._whitening, weights, squares = _solved(
+            _covariance(parameters, points, points, jumps), scaled
+        )
         # variance of the Student distribution that an unknown scale makes of a normal one
         self._size = size * np.sqrt(squares / max(len(points) - points.shape[1] - 3, 1))
         self._weights = size * weights
@@ -78,14 +93,17 @@ class Process:
         between = _covariance(self._parameters, points, self._points, self._jumps)
         half = self._whitening @ between.T
         own = (
-            _TREND * (1 + ((points - 0.5) ** 2).sum(-1)) + np.exp(2 * self._parameters[[0, points.shape[1] + 1]]).sum()
+            _TREND * (1 + ((points - 0.5) ** 2).sum(-1))
+            + np.exp(2 * self._parameters[[0, points.shape[1] + 1]]).sum()
         )
         variance = np.maximum(own - (half**2).sum(0), _ROUNDING)
         return self._mean + between @ self._weights, self._size * np.sqrt(variance)[:, None]
 
     def left_out(self) -> Array:
         """Error at each point of the processes through the others, in their standard deviations (n, k)."""
-        return np.asarray(self._weights / self._size / np.sqrt((self._whitening**2).sum(0))[:, None])
+        return np.asarray(
+            self._weights / self._size / np.sqrt((self._whitening**2).sum(0))[:, None]
+        )
 
 
 def _standard(values: Array) -> tuple[Array, Array]:
@@ -108,11 +126,17 @@ def _through(sets: list[tuple[Array, Array]], jumps: tuple[int, ...]) -> list[Pr
         fit, slope = 0.5 * off @ off, off / widths
         for points, scaled in standard:
             covariances, exponents = _processes(parameters, points, points, jumps)
-            volume, whitening, weights, squares = _solved(_trend(points, points) + covariances.sum(0), scaled)
+            volume, whitening, weights, squares = _solved(
+                _trend(points, points) + covariances.sum(0), scaled
+            )
             free = max(len(points) - dimensions - 1, 1)
             fit += 0.5 * free * np.log(squares).sum() + len(squares) * volume
-            by_covariance = len(squares) * whitening.T @ whitening - free * (weights / squares) @ weights.T
-            slope = slope + 0.5 * (_slopes(covariances, exponents, jumps) * by_covariance).sum((1, 2))
+            by_covariance = (
+                len(squares) * whitening.T @ whitening - free * (weights / squares) @ weights.T
+            )
+            slope = slope + 0.5 * (_slopes(covariances, exponents, jumps) * by_covariance).sum(
+                (1, 2)
+            )
         return float(fit), slope
 
     bounds = list(zip(start - 4 * widths, start + 4 * widths, strict=True))
@@ -128,7 +152,12 @@ def _solved(covariance: Array, scaled: Array) -> tuple[float, Array, Array, Arra
     whitening = solve_triangular(root, np.eye(len(root)), lower=True)
     white = whitening @ scaled
     squares = np.maximum((white**2).sum(0), _ROUNDING)
-    return float(np.log(np.diag(root)).sum()), np.asarray(whitening), np.asarray(whitening.T @ white), squares
+    return (
+        float(np.log(np.diag(root)).sum()),
+        np.asarray(whitening),
+        np.asarray(whitening.T @ white),
+        squares,
+    )
 
 
 def _covariance(parameters: Array, a: Array, b: Array, jumps: tuple[int, ...]) -> Array:
@@ -140,9 +169,14 @@ def _trend(a: Array, b: Array) -> Array:
     return np.asarray(_TREND * (1 + (a - 0.5) @ (b - 0.5).T))
 
 
-def _processes(parameters: Array, a: Array, b: Array, jumps: tuple[int, ...]) -> tuple[Array, Array]:
+def _processes(
+    parameters: Array, a: Array, b: Array, jumps: tuple[int, ...]
+) -> tuple[Array, Array]:
     """Covariances of the smooth process and the other (2, m, n), and their exponents along each axis (2, m, n, d)."""
-    sizes, lengths = np.exp(parameters).reshape(2, -1, 1, 1)[:, 0], np.exp(parameters).reshape(2, 1, 1, -1)[..., 1:]
+    sizes, lengths = (
+        np.exp(parameters).reshape(2, -1, 1, 1)[:, 0],
+        np.exp(parameters).reshape(2, 1, 1, -1)[..., 1:],
+    )
     gap = np.abs(a[:, None] - b[None]) / lengths
     exponents = 0.5 * gap**2
     exponents[1][..., list(jumps)] = gap[1][..., list(jumps)]
@@ -154,7 +188,9 @@ def _slopes(covariances: Array, exponents: Array, jumps: tuple[int, ...]) -> Arr
     orders = np.full((2, exponents.shape[-1]), 2.0)
     orders[1, list(jumps)] = 1.0
     by_length = np.moveaxis(exponents, -1, 1) * orders[..., None, None] * covariances[:, None]
-    return np.concatenate([2 * covariances[:, None], by_length], axis=1).reshape(-1, *covariances.shape[1:])
+    return np.concatenate([2 * covariances[:, None], by_length], axis=1).reshape(
+        -1, *covariances.shape[1:]
+    )
 
 
 @dataclass(frozen=True, eq=False)
@@ -181,7 +217,8 @@ class Surrogate:
             sets.setdefault(is_open[:, load].tobytes(), []).append(int(load))
         there = [np.flatnonzero(is_open[:, loads[0]]) for loads in sets.values()]
         gaps = [
-            (points[some], np.cbrt(leakage[some][:, loads])) for some, loads in zip(there, sets.values(), strict=True)
+            (points[some], np.cbrt(leakage[some][:, loads]))
+            for some, loads in zip(there, sets.values(), strict=True)
         ]
         processes = tuple(zip(sets.values(), _through(gaps, jumps), strict=True))
         for some, (loads, process) in zip(there, processes, strict=True):
@@ -197,7 +234,9 @@ class Surrogate:
 
     def at(self, points: Array) -> tuple[Array, Array, Array]:
         """Mean and standard deviation of ln(leakage) of open seals, and probability to be open, each (m, loads)."""
-        mean, deviation, middle, width = (np.zeros((len(points), len(self.alike))) for _ in range(4))
+        mean, deviation, middle, width = (
+            np.zeros((len(points), len(self.alike))) for _ in range(4)
+        )
         deviation += _UNKNOWN
         middle += self.alike
         for loads, process in self.leakage:

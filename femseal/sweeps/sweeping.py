@@ -77,10 +77,16 @@ def sweep(
         part, resume = checked_part(part), True
         first, end = own_items(part, count := len(cases))
         if not (cases := cases[first:end]):
-            raise InputError("part", f"{part[0]}/{part[1]} of {counted(count, 'case')}", "no more parts than cases")
+            raise InputError(
+                "part",
+                f"{part[0]}/{part[1]} of {counted(count, 'case')}",
+                "no more parts than cases",
+            )
     folder = Path(output)
     if folder.exists() and not folder.is_dir():
-        raise InputError("output", f"'{folder}', which is a file", "a folder, or one that does not exist")
+        raise InputError(
+            "output", f"'{folder}', which is a file", "a folder, or one that does not exist"
+        )
     report = progress or no_progress
     for n, variation in enumerate(cases):
         report("checked cases", n, len(cases))

@@ -48,7 +48,9 @@ def parsed_keys(arguments: Sequence[str]) -> dict[str, list[Any]]:
     for text in arguments:
         key, sign, values = text.partition("=")
         if not sign or not key.strip() or not values.strip():
-            raise InputError("sweep", shown(text), "a key of the case and its values, such as seed=1,2,3")
+            raise InputError(
+                "sweep", shown(text), "a key of the case and its values, such as seed=1,2,3"
+            )
         if (key := key.strip()) in keys:
             raise InputError("sweep", f"the key {key} twice", "each key once, with all its values")
         keys[key] = [_value(part) for part in _parts(values)]
@@ -80,7 +82,9 @@ def _value(text: str) -> Any:
         return text
 
 
-def variations(data: dict[str, Any], folder: Path, keys: Mapping[str, Sequence[Any]]) -> list[Variation]:
+def variations(
+    data: dict[str, Any], folder: Path, keys: Mapping[str, Sequence[Any]]
+) -> list[Variation]:
     """Every combination of the values, the first key slowest; all of them are checked.
 
     data : the tables of the case. folder : of the case file, to which its paths are relative.
@@ -90,7 +94,9 @@ def variations(data: dict[str, Any], folder: Path, keys: Mapping[str, Sequence[A
     `MOST_CASES` cases, or a case that cannot be used; one line for each fault.
     """
     if not keys:
-        raise InputError("sweep", "no key", "at least one key of the case with its values, such as seed=1,2,3")
+        raise InputError(
+            "sweep", "no key", "at least one key of the case with its values, such as seed=1,2,3"
+        )
     for key, values in keys.items():
         if isinstance(values, (str, bytes)) or not isinstance(values, Sequence) or not len(values):
             raise InputError(f"sweep: {shortened(key)}", shown(values), "a list of values")
@@ -114,7 +120,9 @@ def variations(data: dict[str, Any], folder: Path, keys: Mapping[str, Sequence[A
             faults += [with_setting(fault, setting) for fault in getattr(error, "faults", (error,))]
             continue
         # letters, numbers and few signs, not too long for a folder
-        name = "_".join(f"{short}={text}" for short, text in zip(shorts, texts, strict=True)).replace(" ", "")
+        name = "_".join(
+            f"{short}={text}" for short, text in zip(shorts, texts, strict=True)
+        ).replace(" ", "")
         name = re.sub(r"[^\w.=+-]+", "-", name).strip("-.")
         name = name if len(name) <= _LONGEST_NAME else name[:_LONGEST_NAME].rstrip("-.")
         found.append(Variation(name, setting, tuple(texts), case))
@@ -169,11 +177,15 @@ def _put(data: dict[str, Any], key: str, value: Any) -> None:
         where: Any = part
         if isinstance(inside, list):
             if not part.isdecimal() or int(part) >= len(inside):
-                expected = f"the number of one of the {len(inside)} tables '{'.'.join(parts[:n])}', from 0"
+                expected = (
+                    f"the number of one of the {len(inside)} tables '{'.'.join(parts[:n])}', from 0"
+                )
                 raise InputError(f"sweep: {shortened(key)}", shown(part), expected)
             where = int(part)
         elif not isinstance(inside, dict) or not part:
-            raise InputError("sweep", shown(key), "a dotted key of the case, such as material.hardness")
+            raise InputError(
+                "sweep", shown(key), "a dotted key of the case, such as material.hardness"
+            )
         if last:
             inside[where] = value
         else:
@@ -186,5 +198,7 @@ def _with_different_names(found: list[Variation]) -> list[Variation]:
     named = []
     for variation in found:
         number = seen[variation.name.lower()] = seen.get(variation.name.lower(), 0) + 1
-        named.append(variation if number == 1 else replace(variation, name=f"{variation.name}-{number}"))
+        named.append(
+            variation if number == 1 else replace(variation, name=f"{variation.name}-{number}")
+        )
     return named

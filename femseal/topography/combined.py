@@ -72,14 +72,21 @@ def combine(
         return both, Overlap(both.shape, both.size, 1.0, first.shape != second.shape)
     index = _places(first, second, angle, move)
     if second.undefined_fraction:
-        raise InputError("second face", "undefined points", "a map without them: use fill_undefined() first")
+        raise InputError(
+            "second face", "undefined points", "a map without them: use fill_undefined() first"
+        )
     edge = 0.5 + 1e-9 * max(second.shape)
-    inside = np.all([(i >= -edge) & (i <= n - 1 + edge) for i, n in zip(index, second.shape, strict=True)], axis=0)
+    inside = np.all(
+        [(i >= -edge) & (i <= n - 1 + edge) for i, n in zip(index, second.shape, strict=True)],
+        axis=0,
+    )
     (begin1, end1), (begin2, end2) = _largest_rectangle(inside)
     if end1 <= begin1:
         size = " × ".join(to_text(length, "m") for length in second.size)
         given = " × ".join(to_text(s, "m") for s in move)
-        raise InputError("shift", given, f"a shift after which the second face, {size}, still overlaps the first")
+        raise InputError(
+            "shift", given, f"a shift after which the second face, {size}, still overlaps the first"
+        )
     if min(second.spacing) < max(first.spacing):
         second = second.low_pass(2 * max(first.spacing))
     part = np.s_[:, begin1:end1, begin2:end2]
@@ -92,7 +99,10 @@ def combine(
 
 def _places(first: Topography, second: Topography, angle: float, move: NDArray) -> NDArray:
     """Index (2, n1, n2) into the second face of the pixel centres of the first."""
-    p1, p2 = ((np.arange(n) - (n - 1) / 2) * d - s for n, d, s in zip(first.shape, first.spacing, move, strict=True))
+    p1, p2 = (
+        (np.arange(n) - (n - 1) / 2) * d - s
+        for n, d, s in zip(first.shape, first.spacing, move, strict=True)
+    )
     p1, p2 = p1[:, None], p2[None, :]
     u1, u2 = cos(angle) * p1 + sin(angle) * p2, cos(angle) * p2 - sin(angle) * p1
     (n1, n2), (d1, d2) = second.shape, second.spacing

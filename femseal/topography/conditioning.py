@@ -65,7 +65,9 @@ def repair(
     Raises InputError: more points to fill, or none that is defined; threshold not > 0; another order.
     """
     marked = topography.without_spikes(spikes)
-    count = round((marked.undefined_fraction - topography.undefined_fraction) * topography.heights.size)
+    count = round(
+        (marked.undefined_fraction - topography.undefined_fraction) * topography.heights.size
+    )
     form = fit_form(marked.heights, marked.size, detrend)
     flat = Topography(marked.heights - form.heights, marked.spacing, marked.periodic)
     try:
@@ -191,7 +193,11 @@ class Conditioning(Labelled):
     @property
     def removed_octaves(self) -> float:
         """Octaves of waves that the face lacks: above noise and removed, and those that the instrument did not see."""
-        removed = max(0.0, log2(self.shortest_wave / self.shortest_measured)) if self.lost_slope > 0 else 0.0
+        removed = (
+            max(0.0, log2(self.shortest_wave / self.shortest_measured))
+            if self.lost_slope > 0
+            else 0.0
+        )
         return removed + (log2(UNSEEN) if self.unseen_slope else 0.0)
 
     @property
@@ -208,7 +214,10 @@ class Conditioning(Labelled):
         text = f"the instrument sees no wave below {to_text(self.shortest_seen, 'm', 3)}"
         if self.unseen_slope is None:
             return f"{text}; without a power law in the spectrum only what the map has of such waves counts as removed"
-        first, last = (to_text(wave, "m", 3) for wave in (self.shortest_measured, self.shortest_measured / UNSEEN))
+        first, last = (
+            to_text(wave, "m", 3)
+            for wave in (self.shortest_measured, self.shortest_measured / UNSEEN)
+        )
         return (
             f"{text}; by the power law of the spectrum those from {first} to {last} have a rms slope of "
             f"{self.unseen_slope:.3g}, beside {self.rms_slope_measured:.3g} of those measured; the error budget "
@@ -282,7 +291,9 @@ def smooth(
     waves, seen = spectrum(flat), instrument.shortest_wave(flat)
     # without a law what the map shows of waves that are not seen is the least that is there
     measured = max(waves.shortest_wave, seen if waves.law else 0.0)
-    unseen = sqrt(waves.law.slope_power(measured, measured / UNSEEN)) if waves.law and seen else None
+    unseen = (
+        sqrt(waves.law.slope_power(measured, measured / UNSEEN)) if waves.law and seen else None
+    )
     wave = default_wave(flat, final, instrument) if shortest_wave is None else shortest_wave
     shortest = check_wave(wave, flat.size, final)
     kept = flat.low_pass(shortest).resample(final)
@@ -311,7 +322,9 @@ def smooth(
     )
 
 
-def default_wave(flat: Topography, shape: tuple[int, int], instrument: Instrument = UNKNOWN) -> float:
+def default_wave(
+    flat: Topography, shape: tuple[int, int], instrument: Instrument = UNKNOWN
+) -> float:
     """Shortest wave that is kept on a grid unless given [m], see `condition`.
 
     A longer one than 8 pixels of the map would be a guess where the instrument is not known: noise is removed on demand
@@ -326,7 +339,9 @@ def resolved_wave(size: tuple[float, float], shape: tuple[int, int]) -> float:
     return PIXELS_PER_WAVE * max(length / n for length, n in zip(size, shape, strict=True))
 
 
-def resolving_shape(size: tuple[float, float], wave: float, *, most: float = inf) -> tuple[int, int]:
+def resolving_shape(
+    size: tuple[float, float], wave: float, *, most: float = inf
+) -> tuple[int, int]:
     """Points along x1 and x2 at which a wave has 8 pixels or a little more, in numbers that transform fast.
 
     size : of the face [m].
@@ -343,7 +358,10 @@ def resolving_shape(size: tuple[float, float], wave: float, *, most: float = inf
 
 def check_wave(wave: float, size: tuple[float, float], shape: tuple[int, int]) -> float:
     """The wave; InputError if it has fewer than 8 pixels of a grid, or is no shorter than a face of such sides [m]."""
-    shortest, resolved = validate.number("shortest_wave", wave, unit="m"), resolved_wave(size, shape)
+    shortest, resolved = (
+        validate.number("shortest_wave", wave, unit="m"),
+        resolved_wave(size, shape),
+    )
     if shortest < resolved * (1 - SLACK):
         finer = resolving_shape(size, shortest)
         allowed = f"at least {PIXELS_PER_WAVE} pixels = {to_text(resolved, 'm')}, or shape={finer} for a finer grid"

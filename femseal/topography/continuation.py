@@ -35,22 +35,30 @@ class Continuation:
     periodic: tuple[bool, bool]
     seed: tuple[int, ...]
 
-    def added_to(self, face: Topography, realisation: int = 0, *, factor: float = 1.0) -> Topography:
+    def added_to(
+        self, face: Topography, realisation: int = 0, *, factor: float = 1.0
+    ) -> Topography:
         """The face with these waves, times a factor, as far as its pixels carry them.
 
         The seed and the realisation give the same waves on every grid. Along an axis that is not periodic they are
         even about both borders, as the map is. Realisations but the first also draw the slope of the law by its error.
         """
-        rng = np.random.default_rng([*self.seed, realisation + 1])  # zeros at the end change nothing
+        rng = np.random.default_rng(
+            [*self.seed, realisation + 1]
+        )  # zeros at the end change nothing
         slope = -2 * self.law.hurst_error * rng.standard_normal() * (realisation > 0)
         # of several places each has phases of its own
         places = zip(face.each, rng.spawn(len(face.each)), strict=True)
-        added = np.concatenate([self._waves_on(place, slope, phases) for place, phases in places], axis=1)
+        added = np.concatenate(
+            [self._waves_on(place, slope, phases) for place, phases in places], axis=1
+        )
         return face.with_heights(face.heights + factor * added)
 
     def _waves_on(self, face: Topography, slope: float, rng: np.random.Generator) -> NDArray:
         """Heights (n1, n2) [m] of the waves, of a law whose slope differs by so much about the middle of its range."""
-        periods = tuple(n if wraps else 2 * n for n, wraps in zip(face.shape, self.periodic, strict=True))
+        periods = tuple(
+            n if wraps else 2 * n for n, wraps in zip(face.shape, self.periodic, strict=True)
+        )
         size = (periods[0] * face.spacing[0], periods[1] * face.spacing[1])
         k = wave_numbers(size, max(self.cut_off, 2 * max(face.spacing)))
         q = 2 * pi * np.hypot(k[0] / size[0], k[1] / size[1])
@@ -88,10 +96,14 @@ class Continuation:
             f"q^({-2 - 2 * law.hurst:.2f} ± {2 * law.hurst_error:.2f}) fitted from {wave(law.longest, 'm', 3)} to "
             f"{wave(law.shortest, 'm', 3)}; rms slope {self.rms_slope:.3g} of the measured, "
             f"{self.slope_to(self.cut_off):.3g} of all waves"
-        ) + ("; the face has a lay, these waves have none" if self.aspect_ratio <= ISOTROPIC else "")
+        ) + (
+            "; the face has a lay, these waves have none" if self.aspect_ratio <= ISOTROPIC else ""
+        )
 
 
-def continuation_of(flat: Topography, cut_off: float, *, longest: float | None = None, rng: Any = 0) -> Continuation:
+def continuation_of(
+    flat: Topography, cut_off: float, *, longest: float | None = None, rng: Any = 0
+) -> Continuation:
     """How the spectrum of a flat map without undefined points goes on from where its power law ends to a cut-off.
 
     flat : as measured. cut_off : shortest wave [m]. rng : whole number, or several, of the phases.
@@ -103,7 +115,9 @@ def continuation_of(flat: Topography, cut_off: float, *, longest: float | None =
     law = spectrum(flat).law
     if law is None:
         expected = "a face whose spectrum follows a power law over a factor of 5 in wavelength, as measured"
-        raise InputError("continue_spectrum", f"{to_text(shortest, 'm')} and a face without such a law", expected)
+        raise InputError(
+            "continue_spectrum", f"{to_text(shortest, 'm')} and a face without such a law", expected
+        )
     first = max(law.shortest, longest or 0.0)
     if shortest >= first:
         expected = f"less than {to_text(first, 'm', 3)}: longer waves are measured"
@@ -114,7 +128,12 @@ def continuation_of(flat: Topography, cut_off: float, *, longest: float | None =
 
 
 def continue_spectrum(
-    topography: Topography, cut_off: float, *, shape: tuple[int, int] | None = None, rng: Any, realisation: int = 0
+    topography: Topography,
+    cut_off: float,
+    *,
+    shape: tuple[int, int] | None = None,
+    rng: Any,
+    realisation: int = 0,
 ) -> Topography:
     """A flat map on a finer grid, with the waves that its instrument does not see, down to a cut-off.
 
@@ -141,7 +160,13 @@ def continue_spectrum(
     (512, 512)
     """
     found = continuation_of(topography, cut_off, rng=rng)
-    grid = resolving_shape(topography.size, cut_off) if shape is None else validate.grid("shape", shape)
+    grid = (
+        resolving_shape(topography.size, cut_off)
+        if shape is None
+        else validate.grid("shape", shape)
+    )
     if cut_off < resolved_wave(topography.size, grid) * (1 - 1e-9):
-        raise InputError("shape", grid, f"8 pixels to the cut-off, {resolving_shape(topography.size, cut_off)}")
+        raise InputError(
+            "shape", grid, f"8 pixels to the cut-off, {resolving_shape(topography.size, cut_off)}"
+        )
     return found.added_to(topography.low_pass(found.longest).resample(grid), realisation)

@@ -46,13 +46,20 @@ class Form:
     @property
     def slopes(self) -> tuple[float, float]:
         """∂z/∂x1, ∂z/∂x2 in the middle of the map [-]."""
-        return (2 * float(self.coefficients[1, 0]) / self.size[0], 2 * float(self.coefficients[0, 1]) / self.size[1])
+        return (
+            2 * float(self.coefficients[1, 0]) / self.size[0],
+            2 * float(self.coefficients[0, 1]) / self.size[1],
+        )
 
     @property
     def curvatures(self) -> tuple[float, float, float]:
         """∂²z/∂x1², ∂²z/∂x1∂x2, ∂²z/∂x2² [1/m]."""
         a, (l1, l2) = self.coefficients, self.size
-        return 8 * float(a[2, 0]) / l1**2, 4 * float(a[1, 1]) / (l1 * l2), 8 * float(a[0, 2]) / l2**2
+        return (
+            8 * float(a[2, 0]) / l1**2,
+            4 * float(a[1, 1]) / (l1 * l2),
+            8 * float(a[0, 2]) / l2**2,
+        )
 
 
 def scaled_centres(n: int) -> NDArray:
@@ -117,13 +124,17 @@ def find_spikes(heights: NDArray, threshold: float = SPIKES) -> NDArray[np.bool_
     flat = heights - fit_form(heights, (1.0, 1.0), 2).heights
     median, deviation = _window_medians(flat)
     off = flat - median
-    scale = np.maximum(1.4826 * np.maximum(deviation, np.nanmedian(deviation)), _height_step(heights))
+    scale = np.maximum(
+        1.4826 * np.maximum(deviation, np.nanmedian(deviation)), _height_step(heights)
+    )
     groups, _ = scipy.ndimage.label(np.abs(off) > threshold * scale, ALL_NEIGHBOURS)
     spikes = np.zeros(heights.shape, dtype=bool)
     for number, place in enumerate(scipy.ndimage.find_objects(groups), start=1):
         around = tuple(slice(max(part.start - 1, 0), part.stop + 1) for part in place)
         group = groups[around] == number
-        if np.count_nonzero(group) <= MOST_POINTS and _stands_alone(group, flat[around], median[around]):
+        if np.count_nonzero(group) <= MOST_POINTS and _stands_alone(
+            group, flat[around], median[around]
+        ):
             spikes[around] |= group
     return spikes
 
@@ -143,7 +154,9 @@ def _window_medians(z: NDArray, rows: int = 64) -> tuple[NDArray, NDArray]:
     By blocks of `rows`, since all windows at once are 25 maps.
     """
     side = 2 * _REACH + 1
-    windows = np.lib.stride_tricks.sliding_window_view(np.pad(z, _REACH, constant_values=np.nan), (side, side))
+    windows = np.lib.stride_tricks.sliding_window_view(
+        np.pad(z, _REACH, constant_values=np.nan), (side, side)
+    )
     median, deviation = np.empty_like(z), np.empty_like(z)
     for start in range(0, z.shape[0], rows):
         part = np.s_[start : start + rows]
@@ -159,7 +172,10 @@ def _row_medians(values: NDArray) -> NDArray:
     ordered = np.sort(values, axis=1)  # NaN comes last
     count = np.count_nonzero(~np.isnan(ordered), axis=1)
     row = np.arange(len(ordered))
-    return (ordered[row, np.maximum(count - 1, 0) // 2] + ordered[row, np.minimum(count // 2, count.max() - 1)]) / 2
+    return (
+        ordered[row, np.maximum(count - 1, 0) // 2]
+        + ordered[row, np.minimum(count // 2, count.max() - 1)]
+    ) / 2
 
 
 def _height_step(heights: NDArray) -> float:
@@ -173,7 +189,9 @@ class TooManyUndefined(InputError):
     """More points of a map are undefined than may be filled."""
 
 
-def fill_holes(heights: NDArray, spacing: tuple[float, float], periodic: tuple[bool, bool]) -> NDArray:
+def fill_holes(
+    heights: NDArray, spacing: tuple[float, float], periodic: tuple[bool, bool]
+) -> NDArray:
     """`heights` (n1, n2) [m] with every NaN replaced; at least one point must be defined.
 
     Five-point Laplacian on the holes, defined neighbours as Dirichlet values, wrapped on periodic axes, no
@@ -192,7 +210,9 @@ def fill_holes(heights: NDArray, spacing: tuple[float, float], periodic: tuple[b
         for step in (-1, 1):
             at = holes.copy()
             at[:, axis] += step
-            inside = np.full(len(at), True) if periodic[axis] else (at[:, axis] >= 0) & (at[:, axis] < n)
+            inside = (
+                np.full(len(at), True) if periodic[axis] else (at[:, axis] >= 0) & (at[:, axis] < n)
+            )
             at[:, axis] %= n
             neighbour = number[tuple(at.T)]
             unknown, known = inside & (neighbour >= 0), inside & (neighbour < 0)

@@ -54,7 +54,9 @@ class SurfaceReport(Labelled):
     noise: float = labelled("white noise, rms", "m")
     hurst: float = labelled("Hurst exponent of the power law")
     power_law_slope: tuple[float, float] = labelled("its slope, log C over log q", joint=" ± ")
-    power_law: tuple[float, float] | None = labelled("longest, shortest wave of the law", "m", joint=", ")
+    power_law: tuple[float, float] | None = labelled(
+        "longest, shortest wave of the law", "m", joint=", "
+    )
     power_law_density: float = labelled("spectral density at its longest wave", "m^4")
     roll_off: float = labelled("roll-off: end of a plateau", "m")
     profile_cut_off: tuple[float, float] = labelled("cut-offs of profiles", "m", joint=", ")
@@ -66,11 +68,15 @@ class SurfaceReport(Labelled):
     sz: float = labelled("Sz of the roughness", "m")
     sq: float = labelled("Sq of the roughness", "m")
     ssk: float = labelled("Ssk of the roughness")
-    nesting_index: tuple[float, float] = labelled("nesting indices S, L of the roughness", "m", joint=", ")
+    nesting_index: tuple[float, float] = labelled(
+        "nesting indices S, L of the roughness", "m", joint=", "
+    )
     sk: float = labelled("Sk, height of the core", "m")
     spk: float = labelled("Spk, peaks above the core", "m")
     svk: float = labelled("Svk, valleys below the core", "m")
-    smr: tuple[float, float, float] = labelled("Smr(c) at c = Sq, 0, −Sq from the mean", joint=", ", percent=True)
+    smr: tuple[float, float, float] = labelled(
+        "Smr(c) at c = Sq, 0, −Sq from the mean", joint=", ", percent=True
+    )
     sdr: float = labelled("Sdr, developed area beyond the flat one", percent=True)
 
 
@@ -191,7 +197,9 @@ def material_ratios(z: NDArray) -> dict[str, Any]:
 
 def developed_area(z: NDArray, spacing: tuple[float, float]) -> float:
     """Sdr [-] of heights (n1, n2) [m]: mean of √(1 + |∇z|²) less 1."""
-    first, second = (scipy.ndimage.correlate1d(z, _DERIVATIVE, axis) / spacing[axis] for axis in (0, 1))
+    first, second = (
+        scipy.ndimage.correlate1d(z, _DERIVATIVE, axis) / spacing[axis] for axis in (0, 1)
+    )
     return float(np.mean(np.sqrt(1 + first**2 + second**2))) - 1
 
 
@@ -206,7 +214,9 @@ def _of_profiles(flat: Topography, axis: int) -> tuple[float, ...]:
         ra, rq, rsk = _moments(z)
         points = max(1, round(cut_off / flat.spacing[axis]))
         sections = max(1, min(_SECTIONS, z.shape[1] // points))
-        rz = np.mean([np.ptp(part, axis=1) for part in np.split(z[:, : sections * points], sections, axis=1)])
+        rz = np.mean(
+            [np.ptp(part, axis=1) for part in np.split(z[:, : sections * points], sections, axis=1)]
+        )
         found = cut_off, ra, rq, float(rz), rsk
         if ra > least:
             break
@@ -223,7 +233,9 @@ def _smooth(flat: Topography, z: NDArray, cut_off: float, axes: tuple[int, ...])
             z = scipy.ndimage.gaussian_filter1d(z, deviation, axis, truncate=5.0)
         else:
             passed = np.exp(-0.5 * (pi * deviation * np.arange(n) / n) ** 2)
-            z = scipy.fft.idct(scipy.fft.dct(z, axis=axis) * np.expand_dims(passed, 1 - axis), axis=axis)
+            z = scipy.fft.idct(
+                scipy.fft.dct(z, axis=axis) * np.expand_dims(passed, 1 - axis), axis=axis
+            )
     return z
 
 

@@ -147,9 +147,15 @@ def read_text(path: Path, said: Reading) -> Raw:
         with path.open(encoding="utf-8-sig") as file:
             z = _matrix(path, _rows(path, file, header), said.delimiter)
     except UnicodeDecodeError:
-        raise bad_file(path, "bytes that are not UTF-8 text", "a matrix of numbers as text") from None
+        raise bad_file(
+            path, "bytes that are not UTF-8 text", "a matrix of numbers as text"
+        ) from None
     try:
-        unit = to_si(f"1 {header['value units']}", "m", "value units") if "value units" in header else None
+        unit = (
+            to_si(f"1 {header['value units']}", "m", "value units")
+            if "value units" in header
+            else None
+        )
         sides = [to_si(header[side], "m", side) for side in ("width", "height") if side in header]
     except InputError as error:
         raise bad_file(path, f"a header with {error}", "lengths such as '# Width: 1 mm'") from None
@@ -170,7 +176,9 @@ def _rows(path: Path, file: TextIO, header: dict[str, str]) -> Iterator[tuple[in
             # the library of units takes a decimal comma for nothing
             header[match[1].lower()] = match[2].replace(",", ".")
         elif _GERMAN.match(text):
-            expected = "the header in English, '# Width: 1 mm', '# Height: 2 mm', '# Value units: nm'"
+            expected = (
+                "the header in English, '# Width: 1 mm', '# Height: 2 mm', '# Value units: nm'"
+            )
             raise bad_file(path, f"{text!r} in line {at}", expected)
 
 
@@ -244,7 +252,9 @@ def read_x3p(path: Path, said: Reading) -> Raw:
 
     file = x3pio.read(path)
     if not (isinstance(file, x3pio.Surface) and file.is_regular_grid):
-        raise bad_file(path, f"a {type(file).__name__} on no regular grid", "a surface on a regular grid")
+        raise bad_file(
+            path, f"a {type(file).__name__} on no regular grid", "a surface on a regular grid"
+        )
     layer = _pick(path, list(file.layers), said.channel, "layers")
     return Raw(layer.z.T, 1.0, (file.header.x.increment, file.header.y.increment))
 
@@ -271,25 +281,40 @@ def read_instrument(path: Path, said: Reading) -> Raw:
         with unprinted():
             channels = list(open_topography(str(path)).channels)
     except Exception as error:
-        known = sorted({*READERS, *(f".{end}" for reader in readers for end in reader.file_extensions())})
+        known = sorted(
+            {*READERS, *(f".{end}" for reader in readers for end in reader.file_extensions())}
+        )
         which = f"not a damaged {path.suffix}" if path.suffix.lower() in known else " ".join(known)
         allowed = (
-            f"a file of one of the formats known to SurfaceTopography, {which}; programs of instruments export .x3p too"
+            f"a file of one of the formats known to SurfaceTopography, {which}; "
+            "programs of instruments export .x3p too"
         )
-        raise bad_file(path, f"a file without a known format ({type(error).__name__})", allowed) from error
+        raise bad_file(
+            path, f"a file without a known format ({type(error).__name__})", allowed
+        ) from error
     names = [c.name or "" for c in channels]
     channel = _pick(path, channels, said.channel, "channels", names)
     if channel.dim != 2 or not channel.is_height_channel:
         usable = [i for i, c in enumerate(channels) if c.dim == 2 and c.is_height_channel]
-        allowed = f"a map of heights: {_listed(usable, names)}" if usable else "a file with a map of heights"
-        raise bad_file(path, f"channel={said.channel} ({channel.name}), which is no map of heights", allowed)
+        allowed = (
+            f"a map of heights: {_listed(usable, names)}"
+            if usable
+            else "a file with a map of heights"
+        )
+        raise bad_file(
+            path, f"channel={said.channel} ({channel.name}), which is no map of heights", allowed
+        )
     # SurfaceTopography wants what the file lacks; placeholders keep the numbers as they are.
     missing: dict[str, Any] = {}
     if channel.physical_sizes is None:
         missing["physical_sizes"] = tuple(float(n) for n in channel.nb_grid_pts)
     with unprinted():
         topography = channel.topography(**missing)
-        heights, mask = _under_mask(topography) if path.suffix.lower() == ".gwy" else (topography.heights(), None)
+        heights, mask = (
+            _under_mask(topography)
+            if path.suffix.lower() == ".gwy"
+            else (topography.heights(), None)
+        )
     heights = np.ma.filled(np.ma.masked_invalid(heights).astype(float), np.nan)
     unit = None if topography.unit is None else to_si(f"1 {topography.unit}", "m", f"{path}: unit")
     instrument = _instrument(topography.info.get("instrument", {}).get("parameters", {}))
@@ -336,7 +361,9 @@ def _under_mask(topography: Any) -> tuple[NDArray, NDArray[np.bool_] | None]:
     return stored * topography.height_scale_factor, np.ma.getmaskarray(heights)
 
 
-def _pick(path: Path, choices: list[Any], channel: int | str, kind: str, names: list[str] | None = None) -> Any:
+def _pick(
+    path: Path, choices: list[Any], channel: int | str, kind: str, names: list[str] | None = None
+) -> Any:
     """The channel of a number, or of a name that only one of them has."""
     if isinstance(channel, str) and names is not None and names.count(channel) == 1:
         return choices[names.index(channel)]
@@ -349,7 +376,9 @@ def _pick(path: Path, choices: list[Any], channel: int | str, kind: str, names: 
 
 def _listed(numbers: list[int], names: list[str]) -> str:
     """Numbers of channels with their names, not more than a line of them."""
-    shown = [f"{n} ({shortened(names[n], 40)})" if names[n] else str(n) for n in numbers[:_MOST_LISTED]]
+    shown = [
+        f"{n} ({shortened(names[n], 40)})" if names[n] else str(n) for n in numbers[:_MOST_LISTED]
+    ]
     return ", ".join(shown + ["…"] * (len(numbers) > len(shown)))
 
 

@@ -63,12 +63,16 @@ def self_affine(
     if (rms_slope is None) == (rms_height is None):
         given = "neither" if rms_slope is None else "both"
         raise InputError("rms_slope, rms_height", given, "exactly one of the two")
-    name, value, unit = ("rms_height", rms_height, "m") if rms_slope is None else ("rms_slope", rms_slope, "")
+    name, value, unit = (
+        ("rms_height", rms_height, "m") if rms_slope is None else ("rms_slope", rms_slope, "")
+    )
     target = validate.number(name, value, unit=unit, inclusive=True)
     cut_off = _cut_off(cut_off, spacing, size)
     roll_off = max(size) if roll_off is None else validate.number("roll_off", roll_off, unit="m")
     if roll_off <= cut_off:
-        raise InputError("roll_off", to_text(roll_off, "m"), f"a wavelength > cut_off = {to_text(cut_off, 'm')}")
+        raise InputError(
+            "roll_off", to_text(roll_off, "m"), f"a wavelength > cut_off = {to_text(cut_off, 'm')}"
+        )
 
     k1, k2 = wave_numbers(size, cut_off)
     q = 2 * np.pi * np.hypot(k1 / size[0], k2 / size[1])
@@ -135,7 +139,10 @@ def turned(
     """
     shape, size = validate.grid("shape", shape), validate.lengths("size", size)
     spacing = (size[0] / shape[0], size[1] / shape[1])
-    pitch, depth = validate.number("pitch", pitch, unit="m"), validate.number("depth", depth, unit="m")
+    pitch, depth = (
+        validate.number("pitch", pitch, unit="m"),
+        validate.number("depth", depth, unit="m"),
+    )
     cut_off = _cut_off(cut_off, spacing, size)
     if not cut_off < pitch <= size[0] * (1 + SLACK):
         allowed = f"more than cut_off = {to_text(cut_off, 'm')} and at most size[0] = {to_text(size[0], 'm')}"
@@ -165,7 +172,13 @@ def turned(
     face = Topography(z, spacing, periodic).low_pass(cut_off)
     if roughness:
         face += self_affine(
-            shape, size, hurst=hurst, rms_height=roughness, roll_off=roughness_roll_off, cut_off=cut_off, rng=rng
+            shape,
+            size,
+            hurst=hurst,
+            rms_height=roughness,
+            roll_off=roughness_roll_off,
+            cut_off=cut_off,
+            rng=rng,
         )
     return face
 
@@ -197,13 +210,18 @@ def _grooves(
         number = nearest + k
         # Beyond the ends of an open face its errors are used again: passes must exist there, no matter which.
         groove = number % passes
-        arc = (x1 - (number[:, None] + 0.5) * pitch - shift[groove]) ** 2 / (2 * radius) - drop[groove]
+        arc = (x1 - (number[:, None] + 0.5) * pitch - shift[groove]) ** 2 / (2 * radius) - drop[
+            groove
+        ]
         np.minimum(z, arc, out=z)
     return z
 
 
 def random_waves(
-    shape: tuple[int, int], numbers: tuple[NDArray, NDArray], amplitude: NDArray, rng: np.random.Generator
+    shape: tuple[int, int],
+    numbers: tuple[NDArray, NDArray],
+    amplitude: NDArray,
+    rng: np.random.Generator,
 ) -> NDArray:
     """Heights (n1, n2) [m] of waves of random phases, of `wave_numbers` and as many amplitudes [m]."""
     k1, k2 = numbers
@@ -236,16 +254,26 @@ def wave_numbers(size: tuple[float, float], cut_off: float) -> tuple[NDArray, ND
     return k1[order], k2[order]
 
 
-def _cut_off(cut_off: float | None, spacing: tuple[float, float], size: tuple[float, float]) -> float:
+def _cut_off(
+    cut_off: float | None, spacing: tuple[float, float], size: tuple[float, float]
+) -> float:
     """The shortest wave [m] as given, or of 8 pixels; raises InputError if the grid or the face has none such."""
     shortest = 2 * max(spacing)
-    given = PIXELS_PER_WAVE * max(spacing) if cut_off is None else validate.number("cut_off", cut_off, unit="m")
+    given = (
+        PIXELS_PER_WAVE * max(spacing)
+        if cut_off is None
+        else validate.number("cut_off", cut_off, unit="m")
+    )
     if given < shortest * (1 - SLACK):
-        raise InputError("cut_off", to_text(given, "m"), f"a wavelength >= 2 pixels = {to_text(shortest, 'm')}")
+        raise InputError(
+            "cut_off", to_text(given, "m"), f"a wavelength >= 2 pixels = {to_text(shortest, 'm')}"
+        )
     if given >= max(size) * (1 - SLACK):
         origin = "" if cut_off is not None else f" = {PIXELS_PER_WAVE} pixels, as none is given"
         raise InputError(
-            "cut_off", to_text(given, "m") + origin, f"a wavelength < the larger side = {to_text(max(size), 'm')}"
+            "cut_off",
+            to_text(given, "m") + origin,
+            f"a wavelength < the larger side = {to_text(max(size), 'm')}",
         )
     return given
 
@@ -256,7 +284,9 @@ def _whole(ratio: float) -> bool:
 
 def _generator(rng: Any) -> np.random.Generator:
     if rng is None:
-        raise InputError("rng", None, "a numpy Generator or a seed, so that the face can be made again")
+        raise InputError(
+            "rng", None, "a numpy Generator or a seed, so that the face can be made again"
+        )
     try:
         return np.random.default_rng(rng)
     except (TypeError, ValueError):

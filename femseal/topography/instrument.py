@@ -29,7 +29,9 @@ class Instrument:
         """Shortest wave [m] of a flat map that it sees; 0 where nothing is known of it, or nothing limits it."""
         found = [self.resolution or 0.0]
         if self.tip_radius is not None:
-            found += [_followed(place, axis, self.tip_radius) for place in flat.each for axis in (0, 1)]
+            found += [
+                _followed(place, axis, self.tip_radius) for place in flat.each for axis in (0, 1)
+            ]
         return max(found)
 
 

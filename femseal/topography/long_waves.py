@@ -50,11 +50,19 @@ class Representative:
         return not min(self.waves) < LEAST_WAVES and not self.rises
 
     def __str__(self) -> str:
-        which = "the patch holds" if self.places == 1 else f"the least of {self.places} places holds"
+        which = (
+            "the patch holds" if self.places == 1 else f"the least of {self.places} places holds"
+        )
         across, along = self.waves
-        origin = "where its spectrum rolls off" if self.roll_off else "by its autocorrelation length"
+        origin = (
+            "where its spectrum rolls off" if self.roll_off else "by its autocorrelation length"
+        )
         text = f"{which} {across:.2g} × {along:.2g} of its long waves of {to_text(self.longest, 'm', 3)}, {origin}"
-        return f"{text}; its spectrum rises up to its side, and longer waves are not in it" if self.rises else text
+        return (
+            f"{text}; its spectrum rises up to its side, and longer waves are not in it"
+            if self.rises
+            else text
+        )
 
     @property
     def doubts(self) -> list[str]:
@@ -62,7 +70,9 @@ class Representative:
         scatter = ""
         if min(self.waves) < LEAST_WAVES:
             scatter = f"others leak more or less, by a factor of about 2 with {LEAST_WAVES} waves and 1.3 with 8: "
-        return [] if self.is_enough else [f"{self}; {scatter}measure a larger patch or several places"]
+        return (
+            [] if self.is_enough else [f"{self}; {scatter}measure a larger patch or several places"]
+        )
 
 
 def representative(patch: Topography) -> Representative:
@@ -76,7 +86,11 @@ def representative(patch: Topography) -> Representative:
     q, density = patch.radial_psd()
     waves = q * min(patch.size) / (2 * pi)
     longer, shorter = ((low <= waves) & (waves < 2 * low) for low in (1, 2))
-    rise = density[longer].mean() / shorter_mean if (shorter_mean := density[shorter].mean()) > 0 else nan
+    rise = (
+        density[longer].mean() / shorter_mean
+        if (shorter_mean := density[shorter].mean()) > 0
+        else nan
+    )
     return Representative(
         longest=longest,
         roll_off=roll_off,

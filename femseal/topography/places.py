@@ -53,7 +53,9 @@ class Places(Topography):
 
     def _join(self, places: Sequence[Topography]) -> None:
         periodic = all(p.periodic[0] for p in places), all(p.periodic[1] for p in places)
-        super().__init__(np.concatenate([p.heights for p in places], axis=1), places[0].spacing, periodic)
+        super().__init__(
+            np.concatenate([p.heights for p in places], axis=1), places[0].spacing, periodic
+        )
         object.__setattr__(self, "widths", tuple(p.shape[1] for p in places))
 
     @property
@@ -136,16 +138,24 @@ def divided(values: NDArray, widths: Sequence[int]) -> list[NDArray]:
 def _check(places: Sequence[Topography]) -> None:
     """Raise InputError if maps cannot be several places of the same surface, see `Places`."""
     if len(places) < 2:
-        raise InputError("places", f"{len(places)} of them", "at least two: a single one is given by itself")
+        raise InputError(
+            "places", f"{len(places)} of them", "at least two: a single one is given by itself"
+        )
     if not all(isinstance(p, Topography) for p in places):
         raise InputError("places", "other than maps", "a list of Topography")
     for (a, first), (b, second) in combinations(enumerate(places, start=1), 2):
-        if first.shape == second.shape and np.array_equal(first.heights, second.heights, equal_nan=True):
+        if first.shape == second.shape and np.array_equal(
+            first.heights, second.heights, equal_nan=True
+        ):
             raise InputError("places", f"the same map as number {a} and {b}", "each place once")
     pixels = [max(p.spacing) for p in places]
     if max(pixels) > _UNLIKE_PIXELS * min(pixels):
         given = f"pixels from {to_text(min(pixels), 'm', 3)} to {to_text(max(pixels), 'm', 3)}"
-        raise InputError("places", given, f"pixels within a factor of {_UNLIKE_PIXELS:g}, which carry the same waves")
+        raise InputError(
+            "places",
+            given,
+            f"pixels within a factor of {_UNLIKE_PIXELS:g}, which carry the same waves",
+        )
     rms = np.array([np.nanstd(p.heights - fit_form(p.heights, p.size, 1).heights) for p in places])
     _check_alike("rms height", rms, _UNLIKE_HEIGHTS, "heights in the same unit")
 
@@ -168,10 +178,17 @@ def _alike(places: Sequence[Topography]) -> list[Topography]:
     found = []
     for p in places:
         shape = min(rows, round(p.size[0] / pixel[0])), round(p.size[1] / pixel[1])
-        own = (min(n, round(m * d / e)) for n, m, d, e in zip(p.shape, shape, pixel, p.spacing, strict=True))
+        own = (
+            min(n, round(m * d / e))
+            for n, m, d, e in zip(p.shape, shape, pixel, p.spacing, strict=True)
+        )
         cut = _middle(p, tuple(own))  # type: ignore[arg-type]
         found.append(
-            Topography(cut.resample(shape).heights if cut.shape != shape else cut.heights, pixel, cut.periodic)
+            Topography(
+                cut.resample(shape).heights if cut.shape != shape else cut.heights,
+                pixel,
+                cut.periodic,
+            )
         )
     return found
 

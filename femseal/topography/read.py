@@ -110,19 +110,29 @@ def read_for_a_look(path: str | os.PathLike[str], **said: Any) -> Look:
         raw = READERS.get(path.suffix.lower(), read_instrument)(path, given)
     heights, file_mask = raw.heights, raw.mask if given.file_mask else None
     pixel = raw.spacing[::-1] if raw.spacing and given.transpose else raw.spacing
-    unit = raw.height_unit if given.height_unit is None else to_si(f"1 {given.height_unit}", "m", "height_unit")
+    unit = (
+        raw.height_unit
+        if given.height_unit is None
+        else to_si(f"1 {given.height_unit}", "m", "height_unit")
+    )
     instrument = _given_instrument(given, raw.instrument)
     del raw  # no more than two maps at once
     if file_mask is not None:
         heights = np.where(file_mask, np.nan, heights)
     if given.mask is not None:
-        heights = np.where(read_mask(given.mask, (heights.shape[0], heights.shape[1])), np.nan, heights)
+        heights = np.where(
+            read_mask(given.mask, (heights.shape[0], heights.shape[1])), np.nan, heights
+        )
     heights = heights.T if given.transpose else heights
     pixel = _given_pixel(given, heights.shape) or pixel
     doubts = _pixel_doubts(path, pixel, heights.shape)
     known = pixel if pixel and not doubts else (_ANY_PIXEL, _ANY_PIXEL)
     if unit is None and path.suffix.lower() not in READERS:
-        doubts.append(bad_file(path, "no unit of height in the file", "height_unit= such as 'um' (--height-unit)"))
+        doubts.append(
+            bad_file(
+                path, "no unit of height in the file", "height_unit= such as 'um' (--height-unit)"
+            )
+        )
     heights = heights if unit is None else heights * unit
     try:
         whole = Topography(heights, known, given.periodic)
@@ -131,20 +141,28 @@ def read_for_a_look(path: str | os.PathLike[str], **said: Any) -> Look:
     doubts = doubts or list(_implausible(path, whole, given))
     kept = whole if given.crop is None else whole.crop_to(given.crop)
     masked_fraction = 0.0 if file_mask is None else float(np.mean(file_mask))
-    return Look(kept, tuple(doubts), masked_fraction, (pixel is not None, unit is not None), instrument)
+    return Look(
+        kept, tuple(doubts), masked_fraction, (pixel is not None, unit is not None), instrument
+    )
 
 
 def _check_options(path: Path, given: Reading) -> None:
     """Raise InputError if there is no such file, or if it is of a kind that an option is not for."""
     if not path.is_file():
-        raise InputError(str(path), "a folder" if path.is_dir() else "no such file", "a file with heights")
+        raise InputError(
+            str(path), "a folder" if path.is_dir() else "no such file", "a file with heights"
+        )
     suffix = path.suffix.lower()
     for name, kinds in {"array": (".npz",), "delimiter": TEXT, "file_mask": _MASKED}.items():
         value = getattr(given, name)
         if value != getattr(Reading, name) and suffix not in kinds:
-            raise InputError(name, repr(value), f"for {', '.join(kinds)} files only, not {path.name}")
+            raise InputError(
+                name, repr(value), f"for {', '.join(kinds)} files only, not {path.name}"
+            )
     if given.channel != 0 and suffix in (".npy", ".npz", *TEXT):
-        raise InputError("channel", given.channel, f"for files of instruments only, not {path.name}")
+        raise InputError(
+            "channel", given.channel, f"for files of instruments only, not {path.name}"
+        )
     if given.size is not None and given.spacing is not None:
         raise InputError("size, spacing", "both", "one of the two")
 
@@ -162,10 +180,15 @@ def _given_pixel(given: Reading, shape: tuple[int, ...]) -> tuple[float, float] 
 def _given_instrument(given: Reading, found: Instrument) -> Instrument:
     """The instrument by what the caller says, else the file."""
     said = {name: getattr(given, name) for name in ("tip_radius", "resolution")}
-    return replace(found, **{name: validate.number(name, x, unit="m") for name, x in said.items() if x is not None})
+    return replace(
+        found,
+        **{name: validate.number(name, x, unit="m") for name, x in said.items() if x is not None},
+    )
 
 
-def _pixel_doubts(path: Path, pixel: tuple[float, float] | None, shape: tuple[int, ...]) -> list[InputError]:
+def _pixel_doubts(
+    path: Path, pixel: tuple[float, float] | None, shape: tuple[int, ...]
+) -> list[InputError]:
     """What is wrong with the pixel of a map."""
     if pixel is None:
         found = f"no pixel size in the file ({shape[0]} × {shape[1]} points)"
@@ -174,12 +197,21 @@ def _pixel_doubts(path: Path, pixel: tuple[float, float] | None, shape: tuple[in
     if all(np.isfinite(d) and d > 0 for d in pixel):
         return []
     found = f"a pixel of {pixel[0]:g} m × {pixel[1]:g} m"
-    return [bad_file(path, found, "two lengths > 0; to correct it, pass spacing= or size= (--spacing, --size)")]
+    return [
+        bad_file(
+            path,
+            found,
+            "two lengths > 0; to correct it, pass spacing= or size= (--spacing, --size)",
+        )
+    ]
 
 
 def _implausible(path: Path, topography: Topography, given: Reading) -> Iterator[InputError]:
     """Values that only a wrong unit explains, unless the caller has given them."""
-    check_size, check_heights = given.size is None and given.spacing is None, given.height_unit is None
+    check_size, check_heights = (
+        given.size is None and given.spacing is None,
+        given.height_unit is None,
+    )
     correct = "if it is right, or to correct it, pass"
     (shortest, longest), is_usual = _SIZE_LIMITS, True
     if check_size and not all(shortest <= side <= longest for side in topography.size):
@@ -190,9 +222,16 @@ def _implausible(path: Path, topography: Topography, given: Reading) -> Iterator
     with np.errstate(over="ignore"):
         deviation = float(defined.std()) if defined.size else 0.0
     if check_heights and deviation > _RMS_HEIGHT_LIMIT:
-        is_usual, allowed = False, f"at most 10 mm; {correct} height_unit= such as 'um' (--height-unit)"
+        is_usual, allowed = (
+            False,
+            f"at most 10 mm; {correct} height_unit= such as 'um' (--height-unit)",
+        )
         yield bad_file(path, f"Sq = {to_text(deviation, 'm')}", allowed)
-    if is_usual and (check_size or check_heights) and (slope := _median_slope(topography)) > _SLOPE_LIMIT:
+    if (
+        is_usual
+        and (check_size or check_heights)
+        and (slope := _median_slope(topography)) > _SLOPE_LIMIT
+    ):
         allowed = f"at most 10; {correct} size= and height_unit= (--size, --height-unit)"
         yield bad_file(path, f"a slope of {slope:.3g} on half of its points", allowed)
 
@@ -200,7 +239,10 @@ def _implausible(path: Path, topography: Topography, given: Reading) -> Iterator
 def _median_slope(topography: Topography) -> float:
     """Median of the slope between neighbouring points along the steeper axis; spikes and holes do not count."""
     found = [0.0]
-    for z, spacing in ((topography.heights.T, topography.spacing[0]), (topography.heights, topography.spacing[1])):
+    for z, spacing in (
+        (topography.heights.T, topography.spacing[0]),
+        (topography.heights, topography.spacing[1]),
+    ):
         slopes = np.abs(np.diff(z[:: max(1, len(z) // _ROWS)], axis=1)) / spacing
         defined = slopes[~np.isnan(slopes)]
         if defined.size:
@@ -228,11 +270,19 @@ def read_mask(path: str | os.PathLike[str], shape: tuple[int, int]) -> NDArray[n
     if suffix not in (*_IMAGES, *_ARRAYS):
         raise InputError("mask", f"'{path.name}'", f"a file {', '.join((*_IMAGES, *_ARRAYS))}")
     with reading(path, "a mask of the map's size"):
-        found = _read_image(path) if suffix in _IMAGES else READERS[suffix](path, Reading()).heights != 0
+        found = (
+            _read_image(path)
+            if suffix in _IMAGES
+            else READERS[suffix](path, Reading()).heights != 0
+        )
     if found.shape != shape:
         turned = "; turned by its diagonal it would fit" if found.shape == shape[::-1] else ""
         given = f"{found.shape[0]} × {found.shape[1]} points in '{path.name}'"
-        raise InputError("mask", given, f"{shape[0]} × {shape[1]}, as in the file of the heights, x first{turned}")
+        raise InputError(
+            "mask",
+            given,
+            f"{shape[0]} × {shape[1]}, as in the file of the heights, x first{turned}",
+        )
     return found
 
 
@@ -240,6 +290,8 @@ def _read_image(path: Path) -> NDArray[np.bool_]:
     from PIL import Image
 
     with unprinted(), Image.open(path) as image:
-        pixels = np.asarray(image.convert("RGB") if image.mode in ("P", "PA", "LA", "RGBA", "CMYK") else image)
+        pixels = np.asarray(
+            image.convert("RGB") if image.mode in ("P", "PA", "LA", "RGBA", "CMYK") else image
+        )
     marked = pixels != 0
     return (marked.any(axis=2) if marked.ndim == 3 else marked).T

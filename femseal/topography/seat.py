@@ -78,7 +78,9 @@ class Seat:
         if not slope <= MOST_SLOPE:  # NaN where x1 is beyond the form
             found = f"{slope:.2g}" if np.isfinite(slope) else "vertical"
             given = f"{self} with slopes up to {found} on {to_text(breadth, 'm', 3)}"
-            raise InputError("seat", given, f"slopes up to {MOST_SLOPE:g}: the faces are half-spaces")
+            raise InputError(
+                "seat", given, f"slopes up to {MOST_SLOPE:g}: the faces are half-spaces"
+            )
         return depth - depth.min()
 
     def matters(self, face: Topography) -> bool:
@@ -143,7 +145,11 @@ class BallOnCone(Seat):
     def __post_init__(self) -> None:
         super().__post_init__()
         if not self.angle <= np.pi / 2:
-            raise InputError("angle", to_text(self.angle, "rad"), "half the angle of a cone, above 0° and at most 90°")
+            raise InputError(
+                "angle",
+                to_text(self.angle, "rad"),
+                "half the angle of a cone, above 0° and at most 90°",
+            )
 
     @property
     def load_factor(self) -> float:
@@ -169,7 +175,9 @@ class RoundedSeat(Seat):
     """
 
     kind: ClassVar[str] = "rounded"
-    land: float = parameter("m", "a breadth > 0, such as '0.5 mm'", "breadth of the flat part", usual=(1e-7, 1.0))
+    land: float = parameter(
+        "m", "a breadth > 0, such as '0.5 mm'", "breadth of the flat part", usual=(1e-7, 1.0)
+    )
     edge_radius: float = _radius("of both edges", "2 mm")
 
     def depth(self, x: Array, breadth: float) -> Array:
@@ -274,5 +282,6 @@ def _profile(path: Path, unit: str) -> Array:
 
 #: Seats that a case can choose, by their kind.
 SEATS: dict[str, type[Seat]] = {
-    seat.kind: seat for seat in (FlatSeat, CrownedSeat, BallOnCone, RoundedSeat, TiltedSeat, ProfileSeat)
+    seat.kind: seat
+    for seat in (FlatSeat, CrownedSeat, BallOnCone, RoundedSeat, TiltedSeat, ProfileSeat)
 }

@@ -49,7 +49,9 @@ def truncate(z: NDArray, spacing: tuple[float, float], periodic: Periodic, limit
     q1, q2 = wavenumber_grids((z.shape[0], z.shape[1]), spacing, periodic)
     c[q1[: c.shape[0]] ** 2 + q2[:, : c.shape[1]] ** 2 > (limit * (1 + SLACK)) ** 2] = 0
     if wrapped:
-        c = scipy.fft.irfftn(c, [z.shape[axis] for axis in wrapped], axes=wrapped, norm="ortho", overwrite_x=True)
+        c = scipy.fft.irfftn(
+            c, [z.shape[axis] for axis in wrapped], axes=wrapped, norm="ortho", overwrite_x=True
+        )
     return scipy.fft.idctn(c, axes=mirrored, norm="ortho", overwrite_x=True) if mirrored else c
 
 
@@ -88,7 +90,9 @@ def one_sided(powers: NDArray, periodic: bool) -> NDArray:
 
 def _half(z: NDArray, periodic: Periodic) -> tuple[NDArray, list[int], list[int]]:
     """Orthonormal transform of `z`, of the last periodic axis waves k >= 0 alone; mirror axes and periodic ones."""
-    mirrored, wrapped = ([axis for axis in (0, 1) if periodic[axis] == kind] for kind in (False, True))
+    mirrored, wrapped = (
+        [axis for axis in (0, 1) if periodic[axis] == kind] for kind in (False, True)
+    )
     if mirrored:
         z = scipy.fft.dctn(z, axes=mirrored, norm="ortho")
     return (scipy.fft.rfftn(z, axes=wrapped, norm="ortho") if wrapped else z), mirrored, wrapped

@@ -137,10 +137,16 @@ def _fit(x: NDArray, y: NDArray) -> PowerLaw | None:
 
 def _candidates(x: NDArray) -> list[tuple[int, int, float]]:
     """First and last bin, and log10 q at which the law begins: at the first bin, or behind a plateau from bin 0 on."""
-    pairs = [(i, j) for i in range(x.size) for j in range(i + 1, x.size) if x[j] - x[i] >= _LEAST_DECADES]
+    pairs = [
+        (i, j) for i in range(x.size) for j in range(i + 1, x.size) if x[j] - x[i] >= _LEAST_DECADES
+    ]
     straight = [(i, j, float(x[i])) for i, j in pairs]
     ends = sorted({j for i, j in pairs if i == 0})
-    bends = x[0] + _LEAST_PLATEAU + np.arange(x.size * _BENDS_PER_DECADE) / _BENDS_PER_DECADE if ends else ()
+    bends = (
+        x[0] + _LEAST_PLATEAU + np.arange(x.size * _BENDS_PER_DECADE) / _BENDS_PER_DECADE
+        if ends
+        else ()
+    )
     return straight + [(0, j, float(b)) for j in ends for b in bends if x[j] - b >= _LEAST_DECADES]
 
 
@@ -151,7 +157,10 @@ def _binned(q: NDArray, density: NDArray) -> tuple[NDArray, NDArray]:
         return q, density
     number = np.floor(np.log10(q / q[0]) * _BINS_PER_DECADE + SLACK).astype(int)
     count = np.bincount(number)
-    x, y = (np.bincount(number, np.log10(values))[count > 0] / count[count > 0] for values in (q, density))
+    x, y = (
+        np.bincount(number, np.log10(values))[count > 0] / count[count > 0]
+        for values in (q, density)
+    )
     return x, y
 
 
@@ -220,7 +229,9 @@ def _decay(topography: Topography) -> tuple[NDArray, NDArray]:
         reach[k] = (middle * spacing / np.maximum(np.abs(direction), 1e-12)).min()
         r = np.arange(0, reach[k] + step / 2, step)
         places = middle[:, None] + np.outer(direction / spacing, r)
-        below = scipy.ndimage.map_coordinates(correlation, places, order=1, mode="nearest") < _DECAYED
+        below = (
+            scipy.ndimage.map_coordinates(correlation, places, order=1, mode="nearest") < _DECAYED
+        )
         distance[k] = r[np.argmax(below)] if below.any() else np.inf
     return distance, reach
 

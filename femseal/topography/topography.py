@@ -116,7 +116,9 @@ class Topography(Plotted):
         Raises InputError: wavelength [m] not a finite number > 0.
         """
         limit = 2 * np.pi / validate.number("wavelength", wavelength, unit="m")
-        return self.with_heights(spectral.truncate(self._defined("low_pass"), self.spacing, self.periodic, limit))
+        return self.with_heights(
+            spectral.truncate(self._defined("low_pass"), self.spacing, self.periodic, limit)
+        )
 
     def high_pass(self, wavelength: float) -> Topography:
         """Map less its low-pass: the waves that `low_pass` removes."""
@@ -141,7 +143,9 @@ class Topography(Plotted):
 
         Raises InputError: threshold not > 0; infinite leaves all points.
         """
-        return self.with_heights(np.where(find_spikes(self.heights, threshold), np.nan, self.heights))
+        return self.with_heights(
+            np.where(find_spikes(self.heights, threshold), np.nan, self.heights)
+        )
 
     def fill_undefined(self, max_share: float = 0.05) -> Topography:
         """Map with undefined points filled by the harmonic surface through their rims (`defects.py`).
@@ -165,8 +169,15 @@ class Topography(Plotted):
         """
         (m1, m2), (i, j) = validate.grid("shape", shape), validate.grid("start", start, minimum=0)
         if i + m1 > self.shape[0] or j + m2 > self.shape[1]:
-            raise InputError("crop", f"shape {(m1, m2)} from {(i, j)}", f"a part of the {self.shape} points of the map")
-        periodic = self.periodic[0] and m1 == self.shape[0], self.periodic[1] and m2 == self.shape[1]
+            raise InputError(
+                "crop",
+                f"shape {(m1, m2)} from {(i, j)}",
+                f"a part of the {self.shape} points of the map",
+            )
+        periodic = (
+            self.periodic[0] and m1 == self.shape[0],
+            self.periodic[1] and m2 == self.shape[1],
+        )
         return Topography(self.heights[i : i + m1, j : j + m2], self.spacing, periodic)
 
     def crop_to(self, part: tuple[float, float, float, float]) -> Topography:
@@ -178,7 +189,10 @@ class Topography(Plotted):
         allowed = f"x1 from, x1 to, x2 from, x2 to, each pair rising, within {sides}"
         try:
             ends = [validate.number("crop", length, inclusive=True) for length in part]
-            begin, end = (tuple(round(x / d) for x, d in zip(ends[k::2], self.spacing, strict=True)) for k in (0, 1))
+            begin, end = (
+                tuple(round(x / d) for x, d in zip(ends[k::2], self.spacing, strict=True))
+                for k in (0, 1)
+            )
         except (TypeError, ValueError):
             raise InputError("crop", repr(part), allowed) from None
         if not all(0 <= b < e <= n for b, e, n in zip(begin, end, self.shape, strict=True)):
@@ -197,9 +211,13 @@ class Topography(Plotted):
         if not isinstance(other, Topography):
             return NotImplemented
         if self.shape != other.shape:
-            raise InputError("shape of the second face", other.shape, f"that of the first, {self.shape}")
+            raise InputError(
+                "shape of the second face", other.shape, f"that of the first, {self.shape}"
+            )
         if not np.allclose(self.spacing, other.spacing, rtol=1e-9, atol=0):
-            raise InputError("spacing of the second face", other.spacing, f"that of the first, {self.spacing}")
+            raise InputError(
+                "spacing of the second face", other.spacing, f"that of the first, {self.spacing}"
+            )
         periodic = (self.periodic[0] and other.periodic[0], self.periodic[1] and other.periodic[1])
         return Topography(self._defined("a sum") + other._defined("a sum"), self.spacing, periodic)
 
@@ -260,7 +278,9 @@ class Topography(Plotted):
     @property
     def _wave_steps(self) -> tuple[float, float]:
         first, second = (np.pi / length for length in self.size)
-        return (2 * first if self.periodic[0] else first), (2 * second if self.periodic[1] else second)
+        return (2 * first if self.periodic[0] else first), (
+            2 * second if self.periodic[1] else second
+        )
 
     def _centred_power(self, purpose: str) -> NDArray[np.float64]:
         z = self._defined(purpose)
@@ -280,7 +300,9 @@ class Topography(Plotted):
         return self.heights
 
     def _facts(self) -> dict[str, str]:
-        size, pixel = (" × ".join(to_text(v, "m") for v in pair) for pair in (self.size, self.spacing))
+        size, pixel = (
+            " × ".join(to_text(v, "m") for v in pair) for pair in (self.size, self.spacing)
+        )
         facts = {"points": f"{self.shape[0]} × {self.shape[1]}", "size": size, "pixel": pixel}
         facts["periodic"] = str(self.periodic)
         if fraction := self.undefined_fraction:
@@ -303,10 +325,16 @@ def _clean(heights: Any) -> NDArray[np.float64]:
             heights = np.ma.filled(heights.astype(np.float64), np.nan)
         z = np.array(heights, dtype=np.float64, order="C")
     except (TypeError, ValueError):
-        raise InputError("heights", f"a {type(heights).__name__} of another kind", "real numbers") from None
+        raise InputError(
+            "heights", f"a {type(heights).__name__} of another kind", "real numbers"
+        ) from None
     if z.ndim != 2 or z.size == 0:
-        raise InputError("heights", f"an array of shape {z.shape}", "a non-empty array (n1, n2) [m]")
+        raise InputError(
+            "heights", f"an array of shape {z.shape}", "a non-empty array (n1, n2) [m]"
+        )
     if infinite := int(np.isinf(z).sum()):
-        raise InputError("heights", f"{infinite} infinite points", "finite numbers [m], NaN = undefined")
+        raise InputError(
+            "heights", f"{infinite} infinite points", "finite numbers [m], NaN = undefined"
+        )
     z.flags.writeable = False
     return z

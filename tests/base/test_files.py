@@ -31,7 +31,9 @@ except OSError as error:
 def test_a_file_for_which_there_is_no_room_is_an_error_and_not_a_crash(tmp_path, room):
     path = tmp_path / "values.h5"
     path.write_text("former")
-    done = subprocess.run([sys.executable, "-c", CODE, str(path), str(room)], capture_output=True, text=True)
+    done = subprocess.run(
+        [sys.executable, "-c", CODE, str(path), str(room)], capture_output=True, text=True
+    )
     assert done.returncode == 0, done.stderr
     assert done.stdout.startswith("OSError"), done.stdout
     assert path.read_text() == "former"

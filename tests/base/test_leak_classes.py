@@ -26,7 +26,9 @@ WATER = fs.Liquid(1e-3, 998.0)
 def test_classes_of_one_limit_share_a_line_in_pictures():
     axes = Figure().subplots()
     axes.set(yscale="log", ylim=(1e-3, 1e3))
-    limit_lines(axes, {"L0.01": 0.01, "10 mg/(m·s)": 10.0, "TA Luft": 0.01 * (1 + 1e-15), "L1e-9": 1e-9})
+    limit_lines(
+        axes, {"L0.01": 0.01, "10 mg/(m·s)": 10.0, "TA Luft": 0.01 * (1 + 1e-15), "L1e-9": 1e-9}
+    )
     assert [text.get_text().strip() for text in axes.texts] == ["L0.01, TA Luft", "10 mg/(m·s)"]
     assert len(axes.lines) == 2
 
@@ -35,7 +37,9 @@ def test_limits_are_those_published():
     """TA Luft tells its limit in both units; the rates of ISO 5208 are mm³/s per mm of nominal diameter."""
     helium, water = leak_basis(HELIUM, 0.5), leak_basis(WATER, 0.5)
     assert_allclose(
-        LEAK_CLASSES["TA Luft"].limit(helium) / helium.factor(LEAK_UNITS["mbar·L/(m·s)"]), 0.0609, rtol=1e-3
+        LEAK_CLASSES["TA Luft"].limit(helium) / helium.factor(LEAK_UNITS["mbar·L/(m·s)"]),
+        0.0609,
+        rtol=1e-3,
     )
     assert_allclose(LEAK_CLASSES["VDI 2440"].limit(helium) * 101_325 / 0.1, 1e-4)
     assert_allclose(LEAK_CLASSES["L0.01"].limit(water), 1e-8 / 998)
@@ -52,7 +56,13 @@ def test_limits_are_those_published():
     assert LEAK_CLASSES["ISO 5208 A"].limit(water, 0.05) == 0
     one = LEAK_CLASSES["L1"]
     around = one.limit(water) * np.array([0.99, 1.01, -0.99, -1.01, np.nan])
-    assert within(around, one.limit(water)).tolist() == [True, False, True, False, False]  # whichever way it flows
+    assert within(around, one.limit(water)).tolist() == [
+        True,
+        False,
+        True,
+        False,
+        False,
+    ]  # whichever way it flows
     rates = [one.amount for one in LEAK_CLASSES.values() if one.family == "ISO 5208"]
     assert rates == sorted(rates)
 
@@ -67,7 +77,9 @@ def test_valves_of_api_598_leak_drops_and_bubbles_by_their_nominal_size():
     water, helium = leak_basis(WATER, 0.5), leak_basis(HELIUM, 0.5)
     for size, drops in ((15, 0), (50, 0), (65, 5), (80, 6), (100, 8), (150, 12), (600, 48)):
         assert_allclose(limit("API 598", water, size * 1e-3), drops / 16 * 1e-6 / 60, atol=1e-30)
-        assert_allclose(limit("API 598", helium, size * 1e-3), 2 * drops / 100 * 1e-6 / 60, atol=1e-30)
+        assert_allclose(
+            limit("API 598", helium, size * 1e-3), 2 * drops / 100 * 1e-6 / 60, atol=1e-30
+        )
 
 
 def test_seats_of_control_valves():
@@ -80,7 +92,10 @@ def test_seats_of_control_valves():
         assert_allclose(limit("FCI 70-2 VI", air, seat * 1e-3), rate * 1e-6 / 60)
     between = np.sqrt((102**2 + 152**2) / 2) * 1e-3
     assert_allclose(limit("FCI 70-2 VI", air, between), (1.7 + 4) / 2 * 1e-6 / 60)
-    with pytest.raises(InputError, match=r"nominal_diameter: given 0.5 for the class FCI 70-2 VI, expected .*400 mm"):
+    with pytest.raises(
+        InputError,
+        match=r"nominal_diameter: given 0.5 for the class FCI 70-2 VI, expected .*400 mm",
+    ):
         limit("FCI 70-2 VI", air, 0.5)
     with pytest.raises(InputError, match="FCI 70-2 VI, which is defined for gas"):
         limit("FCI 70-2 VI", water, 0.1)
@@ -120,7 +135,8 @@ def test_names(written, names):
 
 
 @pytest.mark.parametrize(
-    "written", ["L2", "", "ISO 5208 H", "5 furlong", "mL/min", "-1 mL/min", "1e999 mL/min", 3, "0 mL/min"]
+    "written",
+    ["L2", "", "ISO 5208 H", "5 furlong", "mL/min", "-1 mL/min", "1e999 mL/min", 3, "0 mL/min"],
 )
 def test_other_names_are_refused(written):
     with pytest.raises(InputError, match=r"classes: given .*TA Luft"):
@@ -146,14 +162,24 @@ def test_factors_of_the_limits_are_those_published():
     other = limit_factors(FluidState(HELIUM, 2e5, 1e5), FluidState(NITROGEN, 3e5, 1e5))
     assert_allclose(other.viscous / factors.viscous, 8 / 3)
     assert_allclose(other.molecular / factors.molecular, 2)
-    assert np.isnan(limit_factors(FluidState(HELIUM, 2e5, 1e5), FluidState(WATER, 2e5, 1e5)).molecular)
+    assert np.isnan(
+        limit_factors(FluidState(HELIUM, 2e5, 1e5), FluidState(WATER, 2e5, 1e5)).molecular
+    )
 
 
 @pytest.fixture(scope="module")
 def studied():
     face = fs.self_affine((32, 32), (60e-6, 60e-6), hurst=0.8, rms_slope=0.1, rng=1)
     scene = fs.Scene(
-        face, 115e9, 2.8e9, WATER, 1e6, 0.0, loading=(2e7, 1e8, 4e8), unload_from=(4e8,), unloading=(1e8, 2e7)
+        face,
+        115e9,
+        2.8e9,
+        WATER,
+        1e6,
+        0.0,
+        loading=(2e7, 1e8, 4e8),
+        unload_from=(4e8,),
+        unloading=(1e8, 2e7),
     )
     return scene, fs.deterministic(scene)
 
@@ -173,7 +199,11 @@ def test_results_tell_the_classes_that_every_step_reaches(studied):
     density, leak = WATER.density, study.leakage
     middle = np.sqrt(leak[1] * leak[2]) * density * 1e6
     results = assemble(
-        scene, study, facts=RunFacts(classes=[f"{middle:g} mg/(m·s)", "EN 13555", "ISO 5208"], nominal_diameter=0.05)
+        scene,
+        study,
+        facts=RunFacts(
+            classes=[f"{middle:g} mg/(m·s)", "EN 13555", "ISO 5208"], nominal_diameter=0.05
+        ),
     )
     reached = results.dataset["class_met"].sel(leak_class=results.dataset["leak_class"].values[0])
     assert reached.values.tolist() == [float(q <= middle * 1e-6 / density) for q in leak]
@@ -183,7 +213,9 @@ def test_results_tell_the_classes_that_every_step_reaches(studied):
     for step, told in enumerate(results.classes):
         for family in ("L", "ISO 5208"):
             tightest = [c for c in LEAK_CLASSES.values() if c.name.startswith(family)]
-            tightest = [c.name for c in tightest if within(leak[step], c.limit(results.leak_basis, 0.05))]
+            tightest = [
+                c.name for c in tightest if within(leak[step], c.limit(results.leak_basis, 0.05))
+            ]
             assert tightest[:1] == [name for name in told.split(", ") if name.startswith(family)]
     assert any("a seat of 50 mm is about 157 mm long" in text for text in results.warnings)
     assert results.table().heads[-1] == "class"
@@ -203,9 +235,13 @@ def test_classes_are_judged_by_the_test_fluid(studied, tmp_path):
     state = FluidState(HELIUM, 4e6, 1e5)
     other = OtherLeakage.of_study(state, fs.deterministic(state.in_scene(scene)))
     middle = np.sqrt(other.leakage[0] * other.leakage[2]) * 101_325 * 10
-    results = assemble(scene, study, facts=RunFacts(test=other, classes=["TA Luft", f"{middle:g} mbar·L/(m·s)"]))
+    results = assemble(
+        scene, study, facts=RunFacts(test=other, classes=["TA Luft", f"{middle:g} mbar·L/(m·s)"])
+    )
     for n, limit in enumerate((1e-8 / HELIUM.reference_density, middle / 1_013_250)):
-        assert results.dataset["class_met"].values[n].tolist() == [float(q <= limit) for q in other.leakage]
+        assert results.dataset["class_met"].values[n].tolist() == [
+            float(q <= limit) for q in other.leakage
+        ]
     assert 0 < results.dataset["class_met"].values[1].sum() < len(scene.steps)
     page = report_html(results)
     assert "decided by the test fluid" in page
@@ -229,7 +265,13 @@ def test_classes_are_judged_by_the_test_fluid(studied, tmp_path):
 def case(**output):
     return {
         "method": "stochastic",
-        "face": {"kind": "self-affine", "points": [32, 32], "size": ["60 um", "60 um"], "hurst": 0.8, "rms_slope": 0.1},
+        "face": {
+            "kind": "self-affine",
+            "points": [32, 32],
+            "size": ["60 um", "60 um"],
+            "hurst": 0.8,
+            "rms_slope": 0.1,
+        },
         "material": {"young": "210 GPa", "yield_stress": "1 GPa"},
         "load": {"loading": ["20 MPa", "400 MPa"]},
         "fluid": {"kind": "liquid", "viscosity": "1 mPa*s", "inlet_pressure": "10 bar"},
@@ -257,7 +299,9 @@ def test_a_unit_of_gases_is_that_of_the_test_fluid():
 
 
 def test_a_case_asks_for_classes_and_a_test_fluid():
-    results = fs.run(parse_case(case(classes=["ta-luft", "L1"], test_fluid=HELIUM_TABLE)), workers=1)
+    results = fs.run(
+        parse_case(case(classes=["ta-luft", "L1"], test_fluid=HELIUM_TABLE)), workers=1
+    )
     data = results.dataset
     ratio = data["test_leakage_realisations"] / data["leakage"].values
     state, own = FluidState(HELIUM, 4e6, 101_325), FluidState(fs.Liquid(1e-3), 1e6, 0.0)
@@ -277,7 +321,10 @@ def test_drops_and_bubbles_have_the_volume_that_the_case_gives():
     assert_allclose(other.leakage_in("drops/min"), plain.leakage_in("drops/min") / 2)
     limits = other.dataset["class_limit"].values * other.leak_basis.length
     assert_allclose(limits, [1e-7, 5e-4 * 1e-6 / 60 * 80 / 25.4 * 1e6 / 6894.757])
-    assert any("FCI 70-2 IV (2006), FCI 70-2 V (2006) are from tables of others" in text for text in other.warnings)
+    assert any(
+        "FCI 70-2 IV (2006), FCI 70-2 V (2006) are from tables of others" in text
+        for text in other.warnings
+    )
     basis = leak_basis(HELIUM, 2.0, bubble=0.3e-6)
     assert_allclose(basis.factor(LEAK_UNITS["bubbles/s"]), 0.15e-6)
 
@@ -288,7 +335,9 @@ def test_a_gas_with_slip_is_solved_on_the_same_seals():
     results = fs.run(parse_case(case(classes=["ta-luft"], test_fluid=slipping)), workers=1)
     table = {key: value for key, value in case().items() if key != "output"}
     alone = fs.run(parse_case(table | {"fluid": slipping}), workers=1)
-    assert_allclose(results.dataset["test_leakage_realisations"], alone.dataset["leakage"], rtol=1e-12)
+    assert_allclose(
+        results.dataset["test_leakage_realisations"], alone.dataset["leakage"], rtol=1e-12
+    )
     assert_allclose(results.dataset["test_leakage"], alone.leakage, rtol=1e-12)
 
 
@@ -296,14 +345,26 @@ def test_a_gas_with_slip_is_solved_on_the_same_seals():
     ("output", "fault"),
     [
         ({"classes": ["L2"]}, r"output\.classes\.0: given 'L2', expected 'L1'"),
-        ({"classes": ["ISO 5208 B"]}, r"output\.nominal_diameter: given none for the class ISO 5208 B"),
-        ({"classes": ["FCI 70-2 IV"]}, r"output\.rated_capacity: given none for the class FCI 70-2 IV"),
+        (
+            {"classes": ["ISO 5208 B"]},
+            r"output\.nominal_diameter: given none for the class ISO 5208 B",
+        ),
+        (
+            {"classes": ["FCI 70-2 IV"]},
+            r"output\.rated_capacity: given none for the class FCI 70-2 IV",
+        ),
         ({"drop_volume": "-1 mL"}, r"output\.drop_volume: given '-1 mL'"),
         ({"leakage_unit": "bubbles/min"}, r"output\.leakage_unit: given bubbles/min for a liquid"),
         ({"classes": ["TA Luft"]}, r"output\.classes: given TA Luft, which is defined for helium"),
         ({"classes": ["1 std cm³/s"]}, r"output\.classes: given 1 std cm³/s"),
-        ({"test_fluid": HELIUM_TABLE | {"inlet_pressure": "1 Pa"}}, r"output\.test_fluid\.inlet_pressure: given 1 Pa"),
-        ({"test_fluid": {"name": "heliun", "inlet_pressure": "40 bar"}}, r"output\.test_fluid\.name: given 'heliun'"),
+        (
+            {"test_fluid": HELIUM_TABLE | {"inlet_pressure": "1 Pa"}},
+            r"output\.test_fluid\.inlet_pressure: given 1 Pa",
+        ),
+        (
+            {"test_fluid": {"name": "heliun", "inlet_pressure": "40 bar"}},
+            r"output\.test_fluid\.name: given 'heliun'",
+        ),
         ({"test_fluid": {"kind": "ideal-gas"}}, r"output\.test_fluid\.viscosity: given nothing"),
         ({"throughput_temperature": "-300 °C"}, r"output\.throughput_temperature: given"),
         ({"leakage_unit": "std cm³/s"}, r"output\.leakage_unit: given std cm³/s for a liquid"),

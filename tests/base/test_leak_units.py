@@ -26,7 +26,9 @@ KNOWN = [unit for unit in LEAK_UNITS.values() if unit.kind in SI]
 @pytest.mark.parametrize("unit", KNOWN, ids=lambda unit: unit.name)
 def test_values_are_those_of_a_library_of_units(unit):
     text = unit.name.replace("·", "*").replace("²", "^2").replace("³", "^3").replace("µ", "u")
-    assert_allclose(unit.si, to_si(f"1 {text}", SI[unit.kind] + ("/m" if unit.per_length else "")), rtol=1e-9)
+    assert_allclose(
+        unit.si, to_si(f"1 {text}", SI[unit.kind] + ("/m" if unit.per_length else "")), rtol=1e-9
+    )
 
 
 @each(
@@ -106,7 +108,9 @@ def test_conversions_are_those_published(value, unit, molar_mass, stated, expect
 def test_standard_volumes_count_molecules():
     """22.414 L of a gas at 0 °C and 101 325 Pa are a mole, whatever its own temperature."""
     basis = leak_basis(AIR, 1.0)
-    moles = basis.factor(LEAK_UNITS["std cm³/s"]) / basis.factor(LEAK_UNITS["kg/s"]) / AIR.molar_mass
+    moles = (
+        basis.factor(LEAK_UNITS["std cm³/s"]) / basis.factor(LEAK_UNITS["kg/s"]) / AIR.molar_mass
+    )
     assert_allclose(moles, 1e-3 / 22.414, rtol=1e-5)
     assert basis.stated_temperature == AIR.temperature
 
@@ -140,7 +144,9 @@ def test_results_tell_the_total_everywhere(studied):
     assert [str(unit) for unit in data["leak_unit"].values] == [
         name for name in USUAL_UNITS if "Pa" not in name and "bar" not in name and "std" not in name
     ]
-    assert_allclose(data["leakage_in_units"].sel(leak_unit="g/year"), q * 60e-6 * 870e3 * 365.25 * 86400)
+    assert_allclose(
+        data["leakage_in_units"].sel(leak_unit="g/year"), q * 60e-6 * 870e3 * 365.25 * 86400
+    )
     assert_allclose(rows(results)[0]["leakage_mL_per_min"], q[0] * 60e-6 * 60e6)
     assert "leakage_g_per_year" in csv_text(results).splitlines()[0]
     table = results.table()
@@ -177,11 +183,22 @@ def test_results_of_a_gas_tell_pressure_times_volume(studied):
 
 
 def case(fluid, unit):
-    gas = {"kind": "ideal-gas", "viscosity": "18 uPa*s", "molar_mass": "29 g/mol", "temperature": "20 °C"}
+    gas = {
+        "kind": "ideal-gas",
+        "viscosity": "18 uPa*s",
+        "molar_mass": "29 g/mol",
+        "temperature": "20 °C",
+    }
     liquid = {"kind": "liquid", "viscosity": "1 mPa*s"}
     return {
         "method": "deterministic",
-        "face": {"kind": "self-affine", "points": [32, 32], "size": ["60 um", "60 um"], "hurst": 0.8, "rms_slope": 0.1},
+        "face": {
+            "kind": "self-affine",
+            "points": [32, 32],
+            "size": ["60 um", "60 um"],
+            "hurst": 0.8,
+            "rms_slope": 0.1,
+        },
         "material": {"young": "210 GPa", "yield_stress": "1 GPa"},
         "load": {"loading": ["100 MPa"]},
         "fluid": {"gas": gas, "liquid": liquid}[fluid] | {"inlet_pressure": "10 bar"},

@@ -47,7 +47,9 @@ def test_changes_that_do_not_fall_have_no_order():
 
 
 def test_parts_combine_as_the_root_of_the_sum_of_squares_of_logarithms():
-    budget = fs.ErrorBudget("deterministic", Q, (part("a", [3e-2] * 3, [0.3] * 3), part("b", [4e-2] * 3, [0.4] * 3)))
+    budget = fs.ErrorBudget(
+        "deterministic", Q, (part("a", [3e-2] * 3, [0.3] * 3), part("b", [4e-2] * 3, [0.4] * 3))
+    )
     assert_allclose(budget.lower[:2], Q[:2] * np.exp(-0.05))
     assert_allclose(budget.upper[:2], Q[:2] * np.exp(0.5))
     assert_allclose(budget.half_width(), [0.5, 0.5, 0.0])
@@ -87,7 +89,9 @@ STEPS = LoadProgramme.of([1e7, 1e8, 2e8, 4e8], [4e8], [2e8, 1e8])
 def test_changes_are_interpolated_in_the_logarithm_of_the_load_on_each_branch():
     some = LoadProgramme.of([1e7, 2e8, 4e8], [4e8], [1e8])
     q = np.array([8.0, 5.0, 4.0, 1.0, 1.5, 2.0])
-    change = on_all_steps(STEPS, CoarserSolution((8, 8), some, q[[0, 2, 3, 5]] * np.exp([0.1, 0.4, 0.2, 0.6])), q)
+    change = on_all_steps(
+        STEPS, CoarserSolution((8, 8), some, q[[0, 2, 3, 5]] * np.exp([0.1, 0.4, 0.2, 0.6])), q
+    )
     assert_allclose(change[[0, 2, 3, 5]], [0.1, 0.4, 0.2, 0.6])
     assert_allclose(change[1], 0.1 + 0.3 * np.log(10) / np.log(20))
     assert_allclose(change[4], 0.4)  # half way in ln(load) from the peak, 400 MPa, to 100 MPa
@@ -132,7 +136,9 @@ def test_a_step_that_is_open_on_one_grid_only_may_be_sealed_or_open(scene):
 def test_a_third_grid_says_which_order_it_shows(scene):
     q = np.array([1.0, 0.5, 0.2, 0.1, 0.05, 0.1, 0.3])
     slopes = np.array([0.01, 0.02, 0.04, 0.05, 0.06, 0.05, 0.03])
-    half, quarter = (CoarserSolution((n, n), scene.steps, q * np.exp(f * slopes)) for n, f in ((32, 3), (16, 15)))
+    half, quarter = (
+        CoarserSolution((n, n), scene.steps, q * np.exp(f * slopes)) for n, f in ((32, 3), (16, 15))
+    )
     part = pixels_part(scene, q, [half, quarter])
     assert "observed order 2, oscillating at 0%" in part.note
     off = CoarserSolution((16, 16), scene.steps, q * np.exp(3.5 * slopes))
@@ -161,12 +167,17 @@ def test_loads_that_leak_very_little_have_wider_bands(scene):
     # the fluid carries all of the first load, or more: the next one is the first that tells
     q = np.array([np.nan, 1.0, 0.2, 0.9e-3, 0.8e-3, 1e-2, 0.1])
     half = CoarserSolution((32, 32), scene.steps, 1.1 * q)
-    widths, plain = error_budget_of(scene, q, coarse=[half])["pixels"], pixels_part(scene, q, [half])
+    widths, plain = (
+        error_budget_of(scene, q, coarse=[half])["pixels"],
+        pixels_part(scene, q, [half]),
+    )
     assert_allclose(widths, np.log(plain.upper / q) * np.where(q < 1e-3, 3.0, 1.0))
 
 
 def error_budget_of(scene, q, **solutions):
-    study = replace(fs.deterministic(replace(scene, surface=scene.surface.resample((16, 16)))), leakage=q)
+    study = replace(
+        fs.deterministic(replace(scene, surface=scene.surface.resample((16, 16)))), leakage=q
+    )
     return fs.error_budget(scene, study, **solutions).widths()
 
 
@@ -179,7 +190,8 @@ def test_the_part_of_the_pixels_holds_the_truth_of_twice_the_points():
         face = fs.self_affine((64, 64), (64e-6,) * 2, **rough)
         scene = fs.Scene(face, 100e9, 3e9, fs.Liquid(1e-3), 1e6, 0.0, (1e8, 2e8, 4e8, 6e8, 8e8))
         own, half, truth = (
-            fs.deterministic(replace(scene, surface=face.resample((points, points)))) for points in (64, 32, 128)
+            fs.deterministic(replace(scene, surface=face.resample((points, points))))
+            for points in (64, 32, 128)
         )
         coarse = CoarserSolution((32, 32), scene.steps, half.leakage)
         part, s = pixels_part(scene, own.leakage, [coarse]), seed % 5
@@ -208,7 +220,9 @@ def strips(scene):
     """Drawn seals as broad as the face, and twice as broad, of a fluid that presses the faces apart."""
     pressed = replace(scene, inlet_pressure=3e7)
     return pressed, [
-        fs.stochastic(pressed, (2, 2), fs.Sampling(length=3e-4, realisations=4, seed=1, breadth=breadth))
+        fs.stochastic(
+            pressed, (2, 2), fs.Sampling(length=3e-4, realisations=4, seed=1, breadth=breadth)
+        )
         for breadth in (None, 128e-6)
     ]
 
@@ -226,11 +240,16 @@ def test_what_one_patch_does_not_know_is_a_part_of_drawn_seals(strips):
 
 
 def test_three_places_tell_what_a_patch_does_not_know():
-    places = [fs.self_affine((32, 32), (32e-6,) * 2, hurst=0.8, rms_slope=0.2, roll_off=16e-6, rng=n) for n in range(3)]
+    places = [
+        fs.self_affine((32, 32), (32e-6,) * 2, hurst=0.8, rms_slope=0.2, roll_off=16e-6, rng=n)
+        for n in range(3)
+    ]
     for count, name in ((2, "patch"), (3, "places")):
         surface = Places(places[:count])
         scene = fs.Scene(surface, 100e9, 3e9, fs.Liquid(1e-3), 1e6, 0.0, (1e8, 3e8))
-        study = fs.stochastic(scene, (2, 2 * count), fs.Sampling(length=3e-4, realisations=3, seed=1))
+        study = fs.stochastic(
+            scene, (2, 2 * count), fs.Sampling(length=3e-4, realisations=3, seed=1)
+        )
         widths = fs.error_budget(scene, study).widths()
         assert list(widths)[-2:] == ["realisations", name]
         assert (widths[name] > 0).all()
@@ -259,7 +278,9 @@ def test_more_coverage_takes_a_wider_band():
         assert (widths > 0).all()
         assert_allclose(half_width(kind, steps, 1e3 * q), widths[-1])
         most = 1 - 1 / (count_scenes(kind) + 1)
-        with pytest.raises(fs.InputError, match=f"coverage: given .* a calibration of {count_scenes(kind)} scenes"):
+        with pytest.raises(
+            fs.InputError, match=f"coverage: given .* a calibration of {count_scenes(kind)} scenes"
+        ):
             half_width(kind, steps, q, coverage=0.5 + most / 2)
     with pytest.raises(fs.InputError, match="kind: given"):
         half_width("nowhere", steps, q)
@@ -360,7 +381,9 @@ def test_two_scales_of_the_whole_face_are_looked_at_by_the_deterministic_one_on_
     both = CASE.replace('"two-scale"\n', '"two-scale"\ncompare = ["deterministic"]\n')
     case.write_text(both)
     stages = []
-    results = fs.run(case, workers=1, progress=lambda stage, done, total: stages.append((stage, done, total)))
+    results = fs.run(
+        case, workers=1, progress=lambda stage, done, total: stages.append((stage, done, total))
+    )
     assert set(results.budgets) == {"deterministic", "two_scale"}
     contacts = {stage for stage, *_ in stages if stage.startswith("error budget: ")}
     assert contacts == {"error budget: contact of the whole face"}
@@ -382,7 +405,12 @@ def test_pieces_keep_eight_pixels_on_coarser_points():
 def test_bands_end_where_those_of_other_loads_do():
     """No load leaks more than a lower one, and unloading no more than loading."""
     q = np.array([8.0, 5.0, 4.0, 1.0, 1.5, 2.0])
-    wide = ErrorPart("a", np.array([7.0, 0.1, 3.0, 0.5, 0.1, 1.9]), np.array([9.0, 20.0, 4.5, 50.0, 30.0, 2.5]), "")
+    wide = ErrorPart(
+        "a",
+        np.array([7.0, 0.1, 3.0, 0.5, 0.1, 1.9]),
+        np.array([9.0, 20.0, 4.5, 50.0, 30.0, 2.5]),
+        "",
+    )
     budget = fs.ErrorBudget("deterministic", q, (wide,), STEPS)
     assert_allclose(budget.upper, [9.0, 9.0, 4.5, 4.5, 2.5, 2.5])
     assert_allclose(budget.lower, [7.0, 3.0, 3.0, 0.5, 0.5, 1.9])

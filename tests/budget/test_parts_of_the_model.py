@@ -68,8 +68,16 @@ def scene():
 
 def test_changes_are_those_that_the_scene_can_have(scene):
     assert [c.name for c in model_changes(scene)] == ["hardness"]
-    assert [c.name for c in model_changes(replace(scene, fluid_pressure="ignored"))] == ["hardness", "fluid pressure"]
-    assert model_changes(replace(scene, fluid_pressure="ignored", inlet_pressure=1.0), ["fluid pressure"]) == []
+    assert [c.name for c in model_changes(replace(scene, fluid_pressure="ignored"))] == [
+        "hardness",
+        "fluid pressure",
+    ]
+    assert (
+        model_changes(
+            replace(scene, fluid_pressure="ignored", inlet_pressure=1.0), ["fluid pressure"]
+        )
+        == []
+    )
     assert model_changes(replace(scene, hardness=np.inf)) == []
     assert model_changes(scene, hardness=0.0) == []
     (harder,) = model_changes(scene, hardness=0.2)
@@ -103,7 +111,9 @@ def test_a_gap_that_is_not_thin_leaks_less_where_slopes_are_steep(scene):
 
 def test_numbers_alone_stay_beside_the_whole():
     q = np.array([1.0])
-    parts = tuple(ErrorPart.of(name, q, [0.1], [0.1], "") for name in ("pixels", "hardness", "form"))
+    parts = tuple(
+        ErrorPart.of(name, q, [0.1], [0.1], "") for name in ("pixels", "hardness", "form")
+    )
     budget = ErrorBudget("deterministic", q, parts)
     assert_allclose(budget.half_width(0), np.sqrt(0.03))
     assert_allclose(budget.numerical.half_width(0), 0.1)
@@ -157,7 +167,10 @@ def test_a_form_with_a_tolerance_is_a_part(scene):
     deeper = CrownedSeat(2e-3 / 1.25).heights(points, frame)
     assert_allclose(change.forms[0].heights(points, frame), deeper)
     assert model_changes(scene, ["form"], form=FormTolerance(seat=seat)) == []
-    assert model_changes(scene, ["hardness"], form=FormTolerance(seat=seat, tolerance=0.1))[0].name == "hardness"
+    assert (
+        model_changes(scene, ["hardness"], form=FormTolerance(seat=seat, tolerance=0.1))[0].name
+        == "hardness"
+    )
 
 
 def test_pieces_under_their_effective_pressure_have_a_part():
@@ -168,13 +181,19 @@ def test_pieces_under_their_effective_pressure_have_a_part():
     scene = fs.Scene(surface, E, H, fs.Liquid(1e-3), 60e6, 0.0, loading=(100e6, 150e6, 200e6))
     given = {"length": 960 * D, "realisations": 12, "seed": 1}
     drawn, dry = (
-        fs.stochastic(replace(scene, fluid_pressure=how), (4, 4), fs.Sampling(breadth=192 * D, **given))
+        fs.stochastic(
+            replace(scene, fluid_pressure=how), (4, 4), fs.Sampling(breadth=192 * D, **given)
+        )
         for how in ("acts", "ignored")
     )
     part = effective_pressure_part(scene, drawn)
     q = drawn.quantile(0.5)
-    whole, ignored = (fs.deterministic(replace(scene, fluid_pressure=how)).leakage for how in ("acts", "ignored"))
-    coupled = dry.quantile(0.5) * whole / ignored  # what pieces would leak with the effect of the whole face
+    whole, ignored = (
+        fs.deterministic(replace(scene, fluid_pressure=how)).leakage for how in ("acts", "ignored")
+    )
+    coupled = (
+        dry.quantile(0.5) * whole / ignored
+    )  # what pieces would leak with the effect of the whole face
     assert (part.lower < coupled).all()
     assert (coupled < part.upper).all()
     assert (part.lower < q).all()

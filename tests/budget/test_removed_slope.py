@@ -60,7 +60,8 @@ def test_a_sealed_face_that_lost_waves_has_no_known_upper_end(tmp_path):
     assert np.isnan(again.dataset["class_met"].values).all()
     assert np.isnan(again.dataset["class_fraction"].values).all()
     assert (
-        "for the slope that was removed" in json.loads(again.dataset.attrs["error_budget"])["deterministic"]["filter"]
+        "for the slope that was removed"
+        in json.loads(again.dataset.attrs["error_budget"])["deterministic"]["filter"]
     )
 
 
@@ -80,7 +81,9 @@ def test_what_is_sealed_by_far_stays_sealed(tmp_path):
 
 def test_one_grid_does_not_tell_that_a_face_is_sealed():
     face = fs.self_affine((32, 32), (3e-5, 3e-5), hurst=0.8, rms_slope=0.1, rng=1)
-    scene = fs.Scene(face, 2e11, np.inf, fs.Liquid(1e-3), 1e6, 0.0, (6e9, 2e10), boundary=("periodic",) * 2)
+    scene = fs.Scene(
+        face, 2e11, np.inf, fs.Liquid(1e-3), 1e6, 0.0, (6e9, 2e10), boundary=("periodic",) * 2
+    )
     study = fs.deterministic(scene)
     certain = study.contact_fraction >= 0.6
     sealed = study.leakage == 0
@@ -111,8 +114,12 @@ class TestUnderLessLoad:
         steps = LoadProgramme.of([1e6, 2e6], [], [])
         found = under_less_load(steps, np.zeros(2), np.array([0.3, 0.95]), 0.4)
         assert_array_equal(found, [np.inf, np.inf])
-        assert_array_equal(under_less_load(steps, np.zeros(2), np.array([0.3, 0.999]), 0.4), [np.inf, 0])
-        assert_array_equal(sealed_for_certain(np.array([0.59, 0.61, np.nan, 1.0])), [False, True, False, True])
+        assert_array_equal(
+            under_less_load(steps, np.zeros(2), np.array([0.3, 0.999]), 0.4), [np.inf, 0]
+        )
+        assert_array_equal(
+            sealed_for_certain(np.array([0.59, 0.61, np.nan, 1.0])), [False, True, False, True]
+        )
 
     def test_an_unloaded_seal_leaks_no_less_and_no_more_than_on_loading(self):
         steps = LoadProgramme.of([1e6, 1e7, 1e8], [1e8], [1e7, 1e6])
@@ -131,5 +138,7 @@ def test_a_design_does_not_count_on_what_may_be_open(tmp_path):
     seals = Seals.of_results(results)
     assert seals.leakage[0, 1] == np.inf
     limit = 0.5 * results.leakage.values[0]
-    assert seals.needed_on_loading(limit)[0] == np.inf  # by the leakage alone it would be some pressure between both
+    assert (
+        seals.needed_on_loading(limit)[0] == np.inf
+    )  # by the leakage alone it would be some pressure between both
     assert Seals.of(results.steps, results.leakage.values).needed_on_loading(limit)[0] < np.inf

@@ -63,14 +63,20 @@ def test_a_surrogate_is_exact_at_its_scenes_and_near_between_them():
 
 
 def test_errors_of_scenes_left_out_are_those_of_a_surrogate_without_them():
-    values = np.cbrt(steep(POINTS)[:, :1]) * np.exp(0.3 * np.random.default_rng(1).standard_normal((len(POINTS), 1)))
+    values = np.cbrt(steep(POINTS)[:, :1]) * np.exp(
+        0.3 * np.random.default_rng(1).standard_normal((len(POINTS), 1))
+    )
     ((_, found),) = Surrogate.through(POINTS, values**3, jumps=(1,)).leakage
     # the same lengths and sizes, one point less
     kept = np.arange(len(POINTS)) != 7
     other = object.__new__(type(found))
     covariance = _covariance(found._parameters, POINTS[kept], POINTS[kept], (1,))
     _, whitening, weights, _ = _solved(covariance, (values - found._mean)[kept])
-    other.__dict__ |= found.__dict__ | {"_points": POINTS[kept], "_whitening": whitening, "_weights": weights}
+    other.__dict__ |= found.__dict__ | {
+        "_points": POINTS[kept],
+        "_whitening": whitening,
+        "_weights": weights,
+    }
     mean, deviation = other.at(POINTS[7:8])
     assert_allclose(found.left_out()[7], ((values[7] - mean) / deviation)[0], rtol=1e-4)
 
@@ -111,7 +117,9 @@ def test_a_posterior_of_a_linear_model_is_that_of_linear_regression():
     found = posterior(np.exp(measured))
     samples = np.log(found.quantities(found.samples(2**14)))
     covariance = np.linalg.inv(matrix.T @ matrix) * 0.05**2
-    assert_allclose(samples[:, [0, 2]].mean(0), covariance @ matrix.T @ measured / 0.05**2, atol=0.005)
+    assert_allclose(
+        samples[:, [0, 2]].mean(0), covariance @ matrix.T @ measured / 0.05**2, atol=0.005
+    )
     assert_allclose(np.cov(samples[:, [0, 2]].T), covariance, rtol=0.15)
     # nothing is known of the other
     assert_allclose([samples[:, 1].mean(), samples[:, 1].std()], [0.5, 12**-0.5], atol=0.03)
@@ -133,7 +141,12 @@ def channels(rng):
     jumps += 0.02 * rng.standard_normal(jumps.shape)
 
     def leakage(points):
-        gap = 0.8 + 0.7 * points[:, :1] ** 0.8 - 0.22 * np.arange(5) + (points[:, 1:] > places) @ jumps
+        gap = (
+            0.8
+            + 0.7 * points[:, :1] ** 0.8
+            - 0.22 * np.arange(5)
+            + (points[:, 1:] > places) @ jumps
+        )
         return np.maximum(gap, 0.0) ** 3
 
     return leakage
@@ -145,12 +158,27 @@ def test_regions_hold_the_truth_as_often_as_they_say():
         rng = np.random.default_rng(seed)
         leakage, truth = channels(rng), rng.random(3)
         points = qmc.Sobol(2, rng=rng).random_base2(4)
-        measured = leakage(truth[None, :2])[0] * np.exp(2 * truth[2] - 1 + 0.05 * rng.standard_normal(5))
+        measured = leakage(truth[None, :2])[0] * np.exp(
+            2 * truth[2] - 1 + 0.05 * rng.standard_normal(5)
+        )
         low = measured < 1e-4
-        test = LeakTest(tuple(map(LoadStep, 1e8 * np.arange(1, 6))), np.maximum(measured, 1e-4), low, leak_unit("m²/s"))
+        test = LeakTest(
+            tuple(map(LoadStep, 1e8 * np.arange(1, 6))),
+            np.maximum(measured, 1e-4),
+            low,
+            leak_unit("m²/s"),
+        )
         ranges = np.array([[1.0, np.e], [1.0, np.e], [np.exp(-1.0), np.e]])
-        found = Posterior(test, list(range(5)), ranges, Surrogate.through(points, leakage(points), jumps=(1,)), 0.05)
-        levels.append(np.mean(found.log_density(found.samples(2**8)) < found.log_density(truth[None])))
+        found = Posterior(
+            test,
+            list(range(5)),
+            ranges,
+            Surrogate.through(points, leakage(points), jumps=(1,)),
+            0.05,
+        )
+        levels.append(
+            np.mean(found.log_density(found.samples(2**8)) < found.log_density(truth[None]))
+        )
     held = [np.sum(np.array(levels) > 1 - region) for region in (0.9, 0.5)]
     # all but 1 % of the counts of 40 tests
     assert np.all(np.abs(held - np.array([36, 20])) <= [5, 8]), held
@@ -158,7 +186,9 @@ def test_regions_hold_the_truth_as_often_as_they_say():
 
 def test_a_region_is_the_shortest_interval():
     found = Estimate.of(np.exp(np.random.default_rng(0).exponential(size=40_000)))
-    assert_allclose(np.log([found.median, found.lower, found.upper]), [np.log(2), 0, np.log(10)], atol=0.05)
+    assert_allclose(
+        np.log([found.median, found.lower, found.upper]), [np.log(2), 0, np.log(10)], atol=0.05
+    )
 
 
 # --- the file of a test -----------------------------------------------------------------------------------
@@ -168,7 +198,11 @@ def test_rows_of_a_test_are_steps_of_the_case(case, tmp_path):
     path = written(tmp_path, "# of March\nload (bar); leakage [mL/(m·min)]; unloaded from [MPa]; Branch\n"
                    "500;1;;loading\n2000;0.7;;loading\n4000;0.5;;Loading\n500;< 0.2;400;unloading\n6000;0;;loading\n")  # fmt: skip
     found = read_leak_test(path, fs.load_case(case))
-    assert found.steps == (*map(LoadStep, (50e6, 200e6, 400e6)), LoadStep(50e6, 400e6), LoadStep(600e6))
+    assert found.steps == (
+        *map(LoadStep, (50e6, 200e6, 400e6)),
+        LoadStep(50e6, 400e6),
+        LoadStep(600e6),
+    )
     assert_allclose(found.leakage, [1, 0.7, 0.5, 0.2, 0.5])
     assert list(found.sealed) == [False, False, False, True, True]
     assert found.unit.name == "mL/(m·min)"
@@ -188,7 +222,10 @@ BAD = [
     ("pressure [MPa], branch, pressure [bar]\n" + ROWS, "twice"),
     ("branch, leakage [m²/s]\nloading, 1\n", "columns"),
     (HEAD + ROWS + "60, up, 1e-5\n", "line 6: branch: given 'up', expected loading or unloading"),
-    (HEAD + ROWS + "700, loading, 1e-5\n", "line 6: load: given 700 MPa, expected a load of the case"),
+    (
+        HEAD + ROWS + "700, loading, 1e-5\n",
+        "line 6: load: given 700 MPa, expected a load of the case",
+    ),
     (HEAD + ROWS + "10, unloading, 1e-5\n", "from 50 MPa to 600 MPa"),
     (HEAD + ROWS + "500, unloading, 1e-5\n", "below that from which it is unloaded"),
     (HEAD + ROWS + "60, loading, -1e-5\n", "line 6: leakage"),
@@ -258,11 +295,15 @@ def calibrated(tmp_path_factory):
     noise = 1 + 0.02 * np.random.default_rng(8).standard_normal(len(results.steps))
     rows = [
         f"{step.pressure / 1e6:g},{step.branch},{'sealed' if value == 0 else value}"
-        for step, value in zip(results.steps, results.leakage.values * hidden[2] * noise, strict=True)
+        for step, value in zip(
+            results.steps, results.leakage.values * hidden[2] * noise, strict=True
+        )
     ]
     written(folder, HEAD + "\n".join(rows))
     options = {"shortest_wave": ("8 um", "20 um"), "factor": (0.5, 3), "error": 0.02, "scenes": 22}
-    found = fs.calibrate(folder / "case.toml", folder / "test.csv", folder / "out", workers=1, **options)
+    found = fs.calibrate(
+        folder / "case.toml", folder / "test.csv", folder / "out", workers=1, **options
+    )
     return folder, options, hidden, found
 
 
@@ -273,7 +314,9 @@ def test_a_calibration_finds_what_made_the_test(calibrated):
     assert np.all((low <= hidden) & (hidden <= high))
     for name in found.posterior:
         one = found.posterior[name]
-        assert found.prior[name].lower < one.lower < one.median < one.upper < found.prior[name].upper
+        assert (
+            found.prior[name].lower < one.lower < one.median < one.upper < found.prior[name].upper
+        )
     assert abs(found.hardness.median / hidden[0] - 1) < 0.1
     assert found.hardness.upper / found.hardness.lower < 1.5
     assert len(found.scenes) <= 22
@@ -336,7 +379,11 @@ def test_a_calibrated_case_names_its_files_from_where_it_is(tmp_path):
     from femseal.case.template import as_toml
 
     (tmp_path / "a b.npy").write_text("")
-    data = {"face": [{"path": "a b.npy", "kind": "file"}], "lay": {"field": "a b.npy:name"}, "x": ["a", 1, True, 2.5]}
+    data = {
+        "face": [{"path": "a b.npy", "kind": "file"}],
+        "lay": {"field": "a b.npy:name"},
+        "x": ["a", 1, True, 2.5],
+    }
     moved = _moved(data, tmp_path, tmp_path / "out" / "it")
     assert moved["face"][0] == {"path": "../../a b.npy", "kind": "file"}
     assert moved["lay"] == {"field": "../../a b.npy:name"}
@@ -352,17 +399,27 @@ def test_processes_solve_the_scenes_of_a_calibration(calibrated):
 def test_a_calibration_is_not_one_of_last_digits(case, tmp_path, monkeypatch):
     def model(rng, case, unit, steps, hardness, wave):
         x, y, load = np.log(hardness / 3e9), np.log(wave / 1e-5), 1 + np.asarray(steps)
-        value = np.exp(-10 - load * (1 - 0.7 * x) + 0.1 * load**1.5 * np.sin(5 * y) + 0.03 * np.sin(90 * y * load))
+        value = np.exp(
+            -10
+            - load * (1 - 0.7 * x)
+            + 0.1 * load**1.5 * np.sin(5 * y)
+            + 0.03 * np.sin(90 * y * load)
+        )
         return list(value * (1 + 1e-10 * rng.standard_normal(len(value))))
 
     def estimates(seed):
         monkeypatch.setattr(calibrating, "_leakage", partial(model, np.random.default_rng(seed)))
-        found = fs.calibrate(case, test, workers=1, shortest_wave=("8 um", "20 um"), scenes=calibrating.FIRST)
+        found = fs.calibrate(
+            case, test, workers=1, shortest_wave=("8 um", "20 um"), scenes=calibrating.FIRST
+        )
         return np.log([[one.median, one.lower, one.upper] for one in found.posterior.values()])
 
     leakage = model(np.random.default_rng(0), None, None, range(5), 3.3e9, 1.2e-5)
     loads = ("50,loading", "200,loading", "400,loading", "50,unloading", "200,unloading")
-    test = written(tmp_path, HEAD + "".join(f"{load},{value}\n" for load, value in zip(loads, leakage, strict=True)))
+    test = written(
+        tmp_path,
+        HEAD + "".join(f"{load},{value}\n" for load, value in zip(loads, leakage, strict=True)),
+    )
     found = np.array([estimates(seed) for seed in range(8)])
     widths = found[0, :, 2:] - found[0, :, 1:2]
     assert np.max(np.abs(found - found[0]) / widths) < 0.005

@@ -176,7 +176,9 @@ def spare_files(folder):
     (folder / "broken.x3p").write_bytes(b"PK\x03\x04" + bytes(100))
     (folder / "empty.txt").write_bytes(b"")
     (folder / "noise.csv").write_bytes(bytes(rng.integers(0, 256, 500, dtype=np.uint8)))
-    (folder / "pressure.csv").write_text("x,y,pressure\n0,0,1\n1,0,2\n0,1,3\n1,1,4\n", encoding="utf-8")
+    (folder / "pressure.csv").write_text(
+        "x,y,pressure\n0,0,1\n1,0,2\n0,1,3\n1,1,4\n", encoding="utf-8"
+    )
     (folder / "here").mkdir()
     for mesh in ("ring.msh", "frame.msh"):
         shutil.copy(ROOT / "meshes" / mesh, folder / mesh)
@@ -189,7 +191,10 @@ def spare_files(folder):
 
 def examples():
     """Cases to begin with: those of the examples and others, on small faces."""
-    found = [tomllib.loads(path.read_text(encoding="utf-8")) for path in sorted((ROOT / "examples").glob("*.toml"))]
+    found = [
+        tomllib.loads(path.read_text(encoding="utf-8"))
+        for path in sorted((ROOT / "examples").glob("*.toml"))
+    ]
     found.append(tomllib.loads(case_template(Case)))
     for case in found:
         face = case["face"] = dict(case["face"])
@@ -203,9 +208,19 @@ def examples():
         if case.get("seal", {}).get("kind") == "mesh":
             case["seal"] |= {"path": "ring.msh", "inlet": "inlet", "outlet": "outlet"}
     turned = found[-1]
-    alone = {key: turned[key] for key in ("face", "material", "load", "fluid")} | {"method": "deterministic"}
+    alone = {key: turned[key] for key in ("face", "material", "load", "fluid")} | {
+        "method": "deterministic"
+    }
     gas = {"name": "helium", "inlet_pressure": "10 bar", "outlet_pressure": "1 bar"}
-    two = [turned["face"], {"kind": "self-affine", "points": [64, 128], "size": ["240 um", "480 um"], "rms_slope": 0.1}]
+    two = [
+        turned["face"],
+        {
+            "kind": "self-affine",
+            "points": [64, 128],
+            "size": ["240 um", "480 um"],
+            "rms_slope": 0.1,
+        },
+    ]
     bolted = {"kind": "angle", "fractions": [1.3, 0.7], "repeat": 8}
     drawn = turned["stochastic"] | {"pressure": "uniform"}
     classes = {"classes": ["TA Luft"], "leakage_unit": "mg/(m*s)", "test_fluid": gas}
@@ -244,7 +259,9 @@ class CaseFuzz:
         content = text.encode("utf-8", "surrogatepass")
         if rng.random() < 0.02:
             place = int(rng.integers(len(content) + 1))
-            content = content[:place] + bytes(rng.integers(0, 256, 3, dtype=np.uint8)) + content[place:]
+            content = (
+                content[:place] + bytes(rng.integers(0, 256, 3, dtype=np.uint8)) + content[place:]
+            )
         return content
 
     @staticmethod
@@ -281,12 +298,18 @@ class CaseFuzz:
         if isinstance(value, bool):
             return not value
         if isinstance(value, (int, float)):
-            return type(value)(self._pick(rng, (-1, 0, 0.5, 2, 10, 1000)) * self._pick(rng, (1, value)))
+            return type(value)(
+                self._pick(rng, (-1, 0, 0.5, 2, 10, 1000)) * self._pick(rng, (1, value))
+            )
         if isinstance(value, str):
             factor = 10 ** (rng.uniform(-9, 9) if rng.random() < 0.3 else rng.uniform(-0.5, 0.5))
-            number = re.sub(r"^-?\d+(\.\d+)?", lambda found: f"{float(found[0]) * factor:.6g}", value)
+            number = re.sub(
+                r"^-?\d+(\.\d+)?", lambda found: f"{float(found[0]) * factor:.6g}", value
+            )
             unit = re.sub(
-                r"[A-Za-z°%]+.*$", str(self._pick(rng, ("m", "Pa", "um", "GPa", "", "K", "kg", "N/mm", "°"))), value
+                r"[A-Za-z°%]+.*$",
+                str(self._pick(rng, ("m", "Pa", "um", "GPa", "", "K", "kg", "N/mm", "°"))),
+                value,
             )
             return self._pick(
                 rng,
@@ -340,8 +363,13 @@ class CaseFuzz:
             chosen = [key for key in keys if key in needed or rng.random() < 0.3]
             return {key: self._drawn(rng, keys[key], deep + 1) for key in chosen}
         if kind == "array":
-            count = int(rng.integers(schema.get("minItems", 0), min(schema.get("maxItems", 4), 4) + 1))
-            return [self._drawn(rng, schema.get("items", {"type": "string"}), deep + 1) for _ in range(count)]
+            count = int(
+                rng.integers(schema.get("minItems", 0), min(schema.get("maxItems", 4), 4) + 1)
+            )
+            return [
+                self._drawn(rng, schema.get("items", {"type": "string"}), deep + 1)
+                for _ in range(count)
+            ]
         if kind == "boolean":
             return bool(rng.random() < 0.5)
         if kind == "integer":
@@ -351,9 +379,26 @@ class CaseFuzz:
         if schema.get("format") == "path":
             return self._pick(rng, [*self._files, "nowhere.npy", "", "/dev/zero", ".."])
         if kind == "string" and (found := re.findall(r"'([^']+)'", schema.get("description", ""))):
-            return self._bent(rng, self._pick(rng, found)) if rng.random() < 0.5 else self._pick(rng, found)
+            return (
+                self._bent(rng, self._pick(rng, found))
+                if rng.random() < 0.5
+                else self._pick(rng, found)
+            )
         return self._pick(
-            rng, ("heights", "pressure", "um", "mm", ",", "ring", "inner", "outer", "helium", "argon", "x")
+            rng,
+            (
+                "heights",
+                "pressure",
+                "um",
+                "mm",
+                ",",
+                "ring",
+                "inner",
+                "outer",
+                "helium",
+                "argon",
+                "x",
+            ),
         )
 
     def _spoiled_text(self, rng, text):
@@ -392,7 +437,11 @@ def _tables(value, schema, root):
     if isinstance(value, dict):
         kind = value.get("kind")
         mine = [o for o in options if o.get("type") == "object"]
-        mine = [o for o in mine if o.get("properties", {}).get("kind", {}).get("const") == kind] or mine or [{}]
+        mine = (
+            [o for o in mine if o.get("properties", {}).get("kind", {}).get("const") == kind]
+            or mine
+            or [{}]
+        )
         yield value, mine[0]
         for key, inner in list(value.items()):
             yield from _tables(inner, mine[0].get("properties", {}).get(key, {}), root)
@@ -408,7 +457,11 @@ def toml(case):
     lines = [f"{_key(key)} = {_value(value)}" for key, value in plain.items()]
     for key, table in case.items():
         if isinstance(table, dict):
-            lines += ["", f"[{_key(key)}]", *(f"{_key(name)} = {_value(value)}" for name, value in table.items())]
+            lines += [
+                "",
+                f"[{_key(key)}]",
+                *(f"{_key(name)} = {_value(value)}" for name, value in table.items()),
+            ]
     return "\n".join(lines) + "\n"
 
 

@@ -70,14 +70,20 @@ def refusal(call, *arguments):
 )
 def test_values_of_another_type_are_told_in_words_of_the_file(data, table, key, given, expected):
     data.setdefault(table, {})[key] = given
-    assert f"{table}.{key}: given {shown(given)}, expected {expected}" in refusal(parse_case, data).splitlines()
+    assert (
+        f"{table}.{key}: given {shown(given)}, expected {expected}"
+        in refusal(parse_case, data).splitlines()
+    )
 
 
 @pytest.mark.parametrize(
     ("changes", "key"),
     [
         ({"stochastic": {"breadth": "100 km"}}, "stochastic.breadth"),
-        ({"seal": {"kind": "annular", "inner_radius": "5 mm", "outer_radius": "49 m"}}, "seal.outer_radius"),
+        (
+            {"seal": {"kind": "annular", "inner_radius": "5 mm", "outer_radius": "49 m"}},
+            "seal.outer_radius",
+        ),
     ],
 )
 def test_seals_of_too_many_rows_of_tiles_are_refused_before_they_are_laid_out(data, changes, key):
@@ -88,9 +94,14 @@ def test_seals_of_too_many_rows_of_tiles_are_refused_before_they_are_laid_out(da
 
 
 def test_tables_and_values_in_place_of_one_another_are_told(data):
-    data |= {"cells": True, "seal": {"kind": "annular", "inner_radius": "5 mm", "outer_radius": "6 mm", "inlet": {}}}
+    data |= {
+        "cells": True,
+        "seal": {"kind": "annular", "inner_radius": "5 mm", "outer_radius": "6 mm", "inlet": {}},
+    }
     lines = refusal(parse_case, data).splitlines()
-    assert {"cells: given True, expected a table", "seal.inlet: expected 'inner' or 'outer'"} <= {*lines}
+    assert {"cells: given True, expected a table", "seal.inlet: expected 'inner' or 'outer'"} <= {
+        *lines
+    }
 
 
 # --- units ------------------------------------------------------------------------------------------------
@@ -194,7 +205,13 @@ def test_only_files_of_a_usual_size_are_read(tmp_path):
     os.mkfifo(tmp_path / "pipe.toml")
     (tmp_path / "folder.toml").mkdir()
     (tmp_path / "large.toml").write_bytes(b"#" * 2_000_000)
-    for path in (tmp_path / "pipe.toml", tmp_path / "folder.toml", tmp_path / "large.toml", "/dev/zero", "/dev/null"):
+    for path in (
+        tmp_path / "pipe.toml",
+        tmp_path / "folder.toml",
+        tmp_path / "large.toml",
+        "/dev/zero",
+        "/dev/null",
+    ):
         assert "case: given" in refusal(fs.load_case, path)
 
 
@@ -228,10 +245,14 @@ def test_faces_larger_than_the_memory_are_refused_before_they_are_read(monkeypat
             file.truncate(3_000_000_000)  # takes no space on the disk
         monkeypatch.setattr("femseal.topography.formats.free_memory", lambda: 4e9)
         monkeypatch.setattr("femseal.topography.read.READERS", {suffix: read})
-        assert "a file of 3 GB, expected one that can be read in the 4 GB" in refusal(fs.read_topography, path)
+        assert "a file of 3 GB, expected one that can be read in the 4 GB" in refusal(
+            fs.read_topography, path
+        )
 
 
-def test_zips_that_unpack_to_more_than_the_memory_are_refused_before_they_are_read(monkeypatch, tmp_path):
+def test_zips_that_unpack_to_more_than_the_memory_are_refused_before_they_are_read(
+    monkeypatch, tmp_path
+):
     def read(*_, **__):
         raise AssertionError("read")
 
@@ -263,7 +284,9 @@ def test_meshes_larger_than_the_memory_are_refused_before_they_are_read(monkeypa
         file.truncate(3_000_000_000)
     monkeypatch.setattr("femseal.seal.seal_files.free_memory", lambda: 4e9)
     monkeypatch.setattr("femseal.seal.seal_files._meshio_read", lambda file: pytest.fail("read"))
-    assert "of 3 GB, expected a mesh that can be read" in refusal(fs.MeshSeal, path, "inlet", "outlet")
+    assert "of 3 GB, expected a mesh that can be read" in refusal(
+        fs.MeshSeal, path, "inlet", "outlet"
+    )
 
 
 def test_files_that_claim_more_heights_than_fit_into_memory_are_refused(monkeypatch, tmp_path):
@@ -293,7 +316,12 @@ def test_files_that_claim_more_heights_than_fit_into_memory_are_refused(monkeypa
         ("stochastic", "realisations", 10**11, ["stochastic.realisations", "GB of free memory"]),
         ("load", "loading", ["1e-300 Pa"], ["load.loading", "1e+30"]),
         ("face", "size", ["1e300 m", "1 mm"], ["face.size", "1e+30"]),
-        ("load", "unloading", [f"{n + 1} kPa" for n in range(9000)], ["load", "at most 10000 steps"]),
+        (
+            "load",
+            "unloading",
+            [f"{n + 1} kPa" for n in range(9000)],
+            ["load", "at most 10000 steps"],
+        ),
     ],
 )
 @pytest.mark.usefixtures("memory")
@@ -316,7 +344,9 @@ def test_what_is_too_large_all_the_same_is_bad_input(monkeypatch, data, error):
         raise error
 
     monkeypatch.setattr("femseal.case.faces.TurnedFace.make_heights", fail)
-    assert "case: given a size or number that is too large" in refusal(lambda: prepare(parse_case(data)))
+    assert "case: given a size or number that is too large" in refusal(
+        lambda: prepare(parse_case(data))
+    )
 
 
 def test_few_grooves_are_drawn_in_time_whatever_the_tool(data):
@@ -344,7 +374,12 @@ def test_a_case_leaks_from_inlet_to_outlet(data, inlet, outlet, words):
     assert all(word in message for word in words), message
 
 
-AIR = {"kind": "ideal-gas", "viscosity": "18 uPa*s", "molar_mass": "29 g/mol", "temperature": "20 °C"}
+AIR = {
+    "kind": "ideal-gas",
+    "viscosity": "18 uPa*s",
+    "molar_mass": "29 g/mol",
+    "temperature": "20 °C",
+}
 
 
 @pytest.mark.parametrize("place", ["fluid", "output.test_fluid"])
@@ -356,7 +391,9 @@ def test_pressures_at_which_a_liquid_is_solid_are_refused_before_the_run(data, p
         "pressure_viscosity": "20 1/GPa",
         "inlet_pressure": "2 GPa",
     }
-    assert refusal(parse_case, data).startswith(f"{place}.inlet_pressure: given 2e+09 Pa, expected a pressure that")
+    assert refusal(parse_case, data).startswith(
+        f"{place}.inlet_pressure: given 2e+09 Pa, expected a pressure that"
+    )
 
 
 @pytest.mark.parametrize(
@@ -369,16 +406,38 @@ def test_pressures_at_which_a_liquid_is_solid_are_refused_before_the_run(data, p
             {"viscosity": "1 MPa*s"},
             ["fluid.viscosity 1 MPa·s is not in the usual range, 1 µPa·s to 1 kPa·s: is"],
         ),
-        ("fluid", {"density": "1 g/m^3"}, ["fluid.density 0.001 kg/m^3", "50 kg/m^3 to 2.5e+04 kg/m^3"]),
-        ("load", {"loading": ["1 Pa", "2 Pa"], "unload_from": [], "unloading": []}, ["load.loading 1 Pa (and 1 more)"]),
+        (
+            "fluid",
+            {"density": "1 g/m^3"},
+            ["fluid.density 0.001 kg/m^3", "50 kg/m^3 to 2.5e+04 kg/m^3"],
+        ),
+        (
+            "load",
+            {"loading": ["1 Pa", "2 Pa"], "unload_from": [], "unloading": []},
+            ["load.loading 1 Pa (and 1 more)"],
+        ),
         ("output", {"nominal_diameter": "50 m"}, ["output.nominal_diameter 50 m", "1 mm to 10 m"]),
         (
             "output",
-            {"test_fluid": {"name": "helium", "inlet_pressure": "40 mPa", "outlet_pressure": "1 mPa"}},
+            {
+                "test_fluid": {
+                    "name": "helium",
+                    "inlet_pressure": "40 mPa",
+                    "outlet_pressure": "1 mPa",
+                }
+            },
             ["output.test_fluid.inlet_pressure 40 mPa", "100 Pa to 2 GPa"],
         ),
-        ("fluid", {"inlet_pressure": "400 MPa"}, ["25 MPa", "14 more steps", "the fluid carries all", "200 MPa"]),
-        ("fluid", AIR | {"outlet_pressure": "0 bar"}, ["fluid.outlet_pressure 0 Pa", "absolute", "vacuum"]),
+        (
+            "fluid",
+            {"inlet_pressure": "400 MPa"},
+            ["25 MPa", "14 more steps", "the fluid carries all", "200 MPa"],
+        ),
+        (
+            "fluid",
+            AIR | {"outlet_pressure": "0 bar"},
+            ["fluid.outlet_pressure 0 Pa", "absolute", "vacuum"],
+        ),
         (
             "load",
             {"loading": ["100 MPa", "2.7 GPa"], "unload_from": [], "unloading": []},
@@ -417,23 +476,35 @@ def test_a_run_warns_of_odd_cases(data):
     assert "the fluid carries all: the faces part below about 200 MPa" in results.warnings[0]
     (failure,) = results.failures
     assert re.fullmatch(
-        r"loading 100 MPa: open: the faces part below 20\d MPa, all of which the fluid carries", failure
+        r"loading 100 MPa: open: the faces part below 20\d MPa, all of which the fluid carries",
+        failure,
     )
 
 
 def test_results_of_studies_called_from_python_warn_of_odd_scenes_too():
-    heights = fs.self_affine((32, 32), (60e-6, 60e-6), hurst=0.8, rms_slope=0.1, rng=np.random.default_rng(1))
+    heights = fs.self_affine(
+        (32, 32), (60e-6, 60e-6), hurst=0.8, rms_slope=0.1, rng=np.random.default_rng(1)
+    )
     given = {"modulus": 115e9, "hardness": 2.8e9, "fluid": fs.Liquid(1e-3), "inlet_pressure": 1e6}
     usual = fs.Scene(heights, outlet_pressure=0.0, loading=(100e6,), **given)
     odd = replace(usual, inlet_pressure=400e6)
     sampling = fs.Sampling(length=60e-6, realisations=2, seed=1)
-    for study, settings in ((fs.deterministic, ()), (fs.two_scale, ((2, 2),)), (fs.stochastic, ((2, 2), sampling))):
+    for study, settings in (
+        (fs.deterministic, ()),
+        (fs.two_scale, ((2, 2),)),
+        (fs.stochastic, ((2, 2), sampling)),
+    ):
         told = set(study(odd, *settings).warnings) - set(study(usual, *settings).warnings)
         assert len(told) == 1
         assert "of 100 MPa, the load at loading 100 MPa, the fluid carries all" in told.pop()
-    assert "contact modulus 115 MPa" in fs.deterministic(replace(usual, modulus=115e6, loading=(1e5,))).warnings[0]
+    assert (
+        "contact modulus 115 MPa"
+        in fs.deterministic(replace(usual, modulus=115e6, loading=(1e5,))).warnings[0]
+    )
     study = fs.deterministic(odd)
-    assert assemble(odd, study, facts=RunFacts(warnings=study.warnings)).warnings == list(study.warnings)
+    assert assemble(odd, study, facts=RunFacts(warnings=study.warnings)).warnings == list(
+        study.warnings
+    )
 
 
 # --- results ----------------------------------------------------------------------------------------------
@@ -459,7 +530,9 @@ def test_results_read_no_other_file(folder):
     for change in (
         lambda file: file.__setitem__("x", h5py.ExternalLink(str(folder / "secret"), "/")),
         lambda file: file.__setitem__("x", h5py.SoftLink("/leakage_deterministic")),
-        lambda file: file.create_dataset("x", (1,), float, external=[(str(folder / "secret"), 0, 8)]),
+        lambda file: file.create_dataset(
+            "x", (1,), float, external=[(str(folder / "secret"), 0, 8)]
+        ),
         lambda file: file.create_virtual_dataset("x", virtual),
         lambda file: file.create_group("x"),
     ):
@@ -517,18 +590,34 @@ def test_results_that_make_no_page_are_refused(monkeypatch, folder):
 
 def test_messages_name_keys_of_the_case(tmp_path, data):
     for surface, words in [
-        ({"shortest_wave": "1 um"}, ["surface.shortest_wave: given 1 µm", "µm", "surface.points = [480, 960]"]),
-        ({"shortest_wave": "1 mm"}, ["surface.shortest_wave: given 1 mm", "less than the larger side"]),
+        (
+            {"shortest_wave": "1 um"},
+            ["surface.shortest_wave: given 1 µm", "µm", "surface.points = [480, 960]"],
+        ),
+        (
+            {"shortest_wave": "1 mm"},
+            ["surface.shortest_wave: given 1 mm", "less than the larger side"],
+        ),
     ]:
         message = refusal(lambda surface=surface: prepare(parse_case(data | {"surface": surface})))
         assert all(word in message for word in words), message
     data["face"]["pitch"] = "1 um"
     assert refusal(lambda: prepare(parse_case(data))).startswith("face.pitch: given")
     data["face"]["pitch"] = "30 um"
-    spiral = {"seal": {"lay": {"kind": "spiral", "lead": "30 um"}}, "method": "two-scale", "compare": []}
+    spiral = {
+        "seal": {"lay": {"kind": "spiral", "lead": "30 um"}},
+        "method": "two-scale",
+        "compare": [],
+    }
     for tables, words in [
-        ({"contact": {"fluid_pressure": "trapped"}} | spiral, "contact.fluid_pressure: given 'trapped'"),
-        ({"fluid": data["fluid"] | {"inlet_pressure": "5 GPa"}}, "fluid.inlet_pressure: given 5 GPa, expected less"),
+        (
+            {"contact": {"fluid_pressure": "trapped"}} | spiral,
+            "contact.fluid_pressure: given 'trapped'",
+        ),
+        (
+            {"fluid": data["fluid"] | {"inlet_pressure": "5 GPa"}},
+            "fluid.inlet_pressure: given 5 GPa, expected less",
+        ),
         (
             {"flow": {"discretisation": "Q2"}},
             "flow.discretisation: given 'Q2', expected none: removed; the flow of a grid always",
@@ -537,8 +626,14 @@ def test_messages_name_keys_of_the_case(tmp_path, data):
             {"cells": {"flow": "links"}},
             "cells.flow: given 'links', expected none: removed; the flow of a face is always",
         ),
-        ({"cells": {"contact": "windows"}}, "cells.contact: given 'windows', expected none: removed; the contact is"),
-        ({"method": "two-scale", "cells": {"count": [16, 1]}}, "cells: given 16 × 1 of 64 × 96 points, expected"),
+        (
+            {"cells": {"contact": "windows"}},
+            "cells.contact: given 'windows', expected none: removed; the contact is",
+        ),
+        (
+            {"method": "two-scale", "cells": {"count": [16, 1]}},
+            "cells: given 16 × 1 of 64 × 96 points, expected",
+        ),
     ]:
         message = refusal(lambda tables=tables: prepare(parse_case(data | tables)))
         assert message.startswith(words), message
@@ -573,7 +668,10 @@ def test_a_full_standard_output_is_one_line():
         for arguments in (["schema"], ["check", ROOT / "examples" / "turned_seal.toml"]):
             done = command(*arguments, stdout=full)
             assert done.returncode == 1
-            assert done.stderr == "femseal: standard output: cannot be written (No space left on device)\n"
+            assert (
+                done.stderr
+                == "femseal: standard output: cannot be written (No space left on device)\n"
+            )
 
 
 @needs_full
@@ -595,7 +693,14 @@ def test_names_of_files_are_no_formulas(tmp_path):
     heights = fs.self_affine((64, 64), (64e-6, 64e-6), hurst=0.8, rms_slope=0.1, rng=1)
     path = tmp_path / r"a$\frac{$b.npz"
     np.savez(path, z=heights.heights, spacing=heights.spacing)
-    reading = {"size": None, "spacing": None, "spikes": 6.0, "detrend": 1, "shortest_wave": None, "max_undefined": 0.05}
+    reading = {
+        "size": None,
+        "spacing": None,
+        "spikes": 6.0,
+        "detrend": 1,
+        "shortest_wave": None,
+        "max_undefined": 0.05,
+    }
     survey(path, tmp_path / "face.png", **reading)
     assert (tmp_path / "face.png").stat().st_size > 1000
 
@@ -619,7 +724,10 @@ def test_devices_and_pipes_are_not_replaced_by_files(monkeypatch, tmp_path):
     monkeypatch.setattr(page, "open_results", lambda folder: None)
     monkeypatch.setattr(page, "report_html", lambda *given: "page")
     os.mkfifo(tmp_path / "pipe")
-    for write in (lambda: page.write_report(tmp_path, tmp_path / "pipe"), lambda: write_text(tmp_path / "pipe", "x")):
+    for write in (
+        lambda: page.write_report(tmp_path, tmp_path / "pipe"),
+        lambda: write_text(tmp_path / "pipe", "x"),
+    ):
         assert "a device, a pipe or a folder" in refusal(write)
     assert (tmp_path / "pipe").is_fifo()
     assert [path.name for path in tmp_path.iterdir()] == ["pipe"]
@@ -650,6 +758,10 @@ def test_long_lists_of_what_is_allowed_lose_their_end(data, monkeypatch):
 
 @pytest.mark.usefixtures("memory")
 def test_long_seals_are_weighed_before_their_pressures_are_looked_at(monkeypatch, data):
-    monkeypatch.setattr("femseal.preparation.preparation.check_map", lambda *_: pytest.fail("looked at"))
+    monkeypatch.setattr(
+        "femseal.preparation.preparation.check_map", lambda *_: pytest.fail("looked at")
+    )
     data["stochastic"] |= {"length": "1000 km"}
-    assert "stochastic.length: given a seal 1 Mm long, of 2.67e+11 tiles" in refusal(lambda: prepare(parse_case(data)))
+    assert "stochastic.length: given a seal 1 Mm long, of 2.67e+11 tiles" in refusal(
+        lambda: prepare(parse_case(data))
+    )

@@ -74,15 +74,45 @@ def test_quantities_become_si(data):
         ("load", "loading", ["2 MPa", "1 MPa"], ["load", "rising"]),
         ("load", "loading", ["3 GPa"], ["load", "3 GPa", "below the hardness", "2.8 GPa"]),
         ("load", "unloading", [], ["load", "both, or neither"]),
-        ("load", "interpolate", "1 %", ["load.interpolate: given '1 %', expected none: removed; every load is solved"]),
-        ("surface", "filter_sensitivity", True, ["surface.filter_sensitivity: given True", "removed; the row"]),
+        (
+            "load",
+            "interpolate",
+            "1 %",
+            ["load.interpolate: given '1 %', expected none: removed; every load is solved"],
+        ),
+        (
+            "surface",
+            "filter_sensitivity",
+            True,
+            ["surface.filter_sensitivity: given True", "removed; the row"],
+        ),
         ("fluid", "kind", "water", ["fluid.kind", "'water'", "liquid"]),
         ("fluid", "viscosity", "1 Pa", ["fluid.viscosity", "1 Pa"]),
         ("cells", "count", [8.5, 2], ["cells.count.0", "8.5", "whole number"]),
-        ("stochastic", "sampler", "runs", ["stochastic.sampler: given 'runs', expected none: removed; each tile"]),
-        ("stochastic", "library", "kept", ["stochastic.library: given 'kept', expected none: removed"]),
-        ("stochastic", "library_cells", 4, ["stochastic.library_cells: given 4, expected none: removed"]),
-        ("stochastic", "width", 0.1, ["stochastic.width: given 0.1, expected none: removed; seals are drawn until"]),
+        (
+            "stochastic",
+            "sampler",
+            "runs",
+            ["stochastic.sampler: given 'runs', expected none: removed; each tile"],
+        ),
+        (
+            "stochastic",
+            "library",
+            "kept",
+            ["stochastic.library: given 'kept', expected none: removed"],
+        ),
+        (
+            "stochastic",
+            "library_cells",
+            4,
+            ["stochastic.library_cells: given 4, expected none: removed"],
+        ),
+        (
+            "stochastic",
+            "width",
+            0.1,
+            ["stochastic.width: given 0.1, expected none: removed; seals are drawn until"],
+        ),
         ("stochastic", "bounds", True, ["stochastic.bounds", "removed; the band of error"]),
         ("stochastic", "length", ["1 mm", "2 mm"], ["stochastic.length", "a number and a unit"]),
         ("stochastic", "quantiles", [0.9, 0.1], ["stochastic", "rising"]),
@@ -97,21 +127,41 @@ def test_quantities_become_si(data):
         ("load", "loading", ["1 MPa", "1 MPa"], ["load", "rising"]),
         ("load", "loading", ["2.8 GPa"], ["load", "2.8 GPa", "below the hardness"]),
         ("load", "unload_from", ["4 GPa"], ["load", "4 GPa", "below the hardness"]),
-        ("load", "unload_from", ["25 MPa"], ["load", "a pressure in `unloading` below the peak 25 MPa"]),
+        (
+            "load",
+            "unload_from",
+            ["25 MPa"],
+            ["load", "a pressure in `unloading` below the peak 25 MPa"],
+        ),
         ("fluid", "inlet_pressure", "-1 Pa", ["fluid.inlet_pressure", ">= 0"]),
         ("cells", "size", "30 um", ["cells", "one of `count` and `size`"]),
         ("stochastic", "quantiles", [0.5, 0.5], ["stochastic", "rising"]),
-        ("stochastic", "realisations", 1, ["stochastic.realisations", "greater than or equal to 2"]),
+        (
+            "stochastic",
+            "realisations",
+            1,
+            ["stochastic.realisations", "greater than or equal to 2"],
+        ),
         (
             "stochastic",
             "pressure",
             "magic",
             ["stochastic.pressure", "removed; pieces lie in the contact of the whole face"],
         ),
-        ("flow", "solver", "magic", ["flow.solver", "'magic'", "'auto', 'multigrid', 'elimination' or 'amg'"]),
+        (
+            "flow",
+            "solver",
+            "magic",
+            ["flow.solver", "'magic'", "'auto', 'multigrid', 'elimination' or 'amg'"],
+        ),
         ("flow", "rtol", 1e-3, ["flow.rtol", "given an unknown key, expected solver"]),
         ("seal", "kind", "square", ["seal.kind", "'square'", "'rectangular'"]),
-        ("seal", "radius", "1 mm", ["seal.radius", "given an unknown key, expected kind, form, flatness, lay"]),
+        (
+            "seal",
+            "radius",
+            "1 mm",
+            ["seal.radius", "given an unknown key, expected kind, form, flatness, lay"],
+        ),
     ],
 )
 def test_faults_name_key_value_and_what_is_allowed(data, table, key, value, words):
@@ -126,7 +176,13 @@ def test_faults_name_key_value_and_what_is_allowed(data, table, key, value, word
 
 
 def test_values_at_their_limits_are_taken(data):
-    data["face"] |= {"hurst": 1, "roughness": "0 m", "feed_error": 0, "depth_error": 1, "waviness": "0 um"}
+    data["face"] |= {
+        "hurst": 1,
+        "roughness": "0 m",
+        "feed_error": 0,
+        "depth_error": 1,
+        "waviness": "0 um",
+    }
     data["material"] |= {"poisson": 0.5}
     data["load"]["loading"] = ["0 Pa", "2.79999 GPa"]
     data["load"]["unloading"] = ["0 Pa"]
@@ -141,18 +197,24 @@ def test_values_at_their_limits_are_taken(data):
 def test_every_registered_fluid_can_be_chosen(data, kind):
     """Its parameters are keys, in their unit, with the range and the default of the class."""
     parameters = {f.name: f for f in fields(FLUIDS[kind]) if "allowed" in f.metadata}
-    examples = {name: re.search("'(.*)'", f.metadata["allowed"])[1] for name, f in parameters.items()}
+    examples = {
+        name: re.search("'(.*)'", f.metadata["allowed"])[1] for name, f in parameters.items()
+    }
     named = {"name": "nitrogen"} if "name" in (f.name for f in fields(FLUIDS[kind])) else {}
     if named:
         pytest.importorskip("CoolProp", reason="the extra femseal[fluids] is not installed")
     data["fluid"] = {"kind": kind, "inlet_pressure": "2 bar", **named, **examples}
     case = parse_case(data)
-    expected = {name: to_si(text, parameters[name].metadata["unit"]) for name, text in examples.items()} | named
+    expected = {
+        name: to_si(text, parameters[name].metadata["unit"]) for name, text in examples.items()
+    } | named
     assert case.fluid.fluid == FLUIDS[kind](**expected)
     assert case.fluid.outlet_pressure == FLUIDS[kind].outlet_pressure
     for name, declared in parameters.items():
         low = f"{declared.metadata['above'] - 300:g} {declared.metadata['unit']}"
-        with pytest.raises(fs.InputError, match=rf"^fluid\.{name}: given '{re.escape(low)}', expected a .*such as"):
+        with pytest.raises(
+            fs.InputError, match=rf"^fluid\.{name}: given '{re.escape(low)}', expected a .*such as"
+        ):
             parse_case({**data, "fluid": data["fluid"] | {name: low}})
         without = {key: value for key, value in data["fluid"].items() if key != name}
         if declared.default is MISSING:
@@ -162,7 +224,10 @@ def test_every_registered_fluid_can_be_chosen(data, kind):
             ):
                 parse_case({**data, "fluid": without})
         else:
-            assert getattr(parse_case({**data, "fluid": without}).fluid.fluid, name) == declared.default
+            assert (
+                getattr(parse_case({**data, "fluid": without}).fluid.fluid, name)
+                == declared.default
+            )
 
 
 def test_a_registered_class_has_a_table_without_another_line():
@@ -214,8 +279,14 @@ def test_a_fluid_by_its_name(data):
     [
         ({"name": "grease"}, ["fluid.name: given 'grease'", "one of water, mineral oil"]),
         ({"name": 3}, ["fluid.name: given 3", "one of water, mineral oil"]),
-        ({"name": "mineral oil ISO VG 46", "temperature": "90 °C"}, ["fluid.name", "at 90 °C", "20 °C"]),
-        ({"name": "air", "temperature": "90"}, ["fluid.temperature: given '90'", "such as '20 °C'"]),
+        (
+            {"name": "mineral oil ISO VG 46", "temperature": "90 °C"},
+            ["fluid.name", "at 90 °C", "20 °C"],
+        ),
+        (
+            {"name": "air", "temperature": "90"},
+            ["fluid.temperature: given '90'", "such as '20 °C'"],
+        ),
         ({"name": "air", "kind": "grease"}, ["fluid.kind: given 'grease'", "'ideal-gas'"]),
         ({"name": "air", "colour": "blue"}, ["fluid.colour: given an unknown key", "name"]),
     ],
@@ -229,7 +300,9 @@ def test_names_of_fluids_that_there_are_not(data, fluid, words):
 
 
 def test_a_table_that_is_missing_is_shown_as_text_to_paste(data):
-    with pytest.raises(fs.InputError, match=r'fluid: missing, expected a table such as\n\[fluid\]\nkind = "liquid"'):
+    with pytest.raises(
+        fs.InputError, match=r'fluid: missing, expected a table such as\n\[fluid\]\nkind = "liquid"'
+    ):
         parse_case({k: v for k, v in data.items() if k != "fluid"})
 
 
@@ -237,11 +310,16 @@ def test_a_table_that_is_missing_is_shown_as_text_to_paste(data):
 def test_face_material_load_and_fluid_are_a_case(data, method):
     """Two scales get pieces of eight shortest waves or more a side, seals two a side and the length of the face."""
     face = data["face"] | {"points": [128, 200], "size": ["60 um", "90 um"]}
-    case = parse_case({key: data[key] for key in ("material", "load", "fluid")} | {"face": face, "method": method})
+    case = parse_case(
+        {key: data[key] for key in ("material", "load", "fluid")} | {"face": face, "method": method}
+    )
     prepared = prepare(case)
     assert prepared.cells == {"two-scale": (2, 3), "stochastic": (2, 3)}.get(method)
     if method == "stochastic":
-        assert (prepared.sampling.length, prepared.sampling.realisations) == (pytest.approx(90e-6), None)
+        assert (prepared.sampling.length, prepared.sampling.realisations) == (
+            pytest.approx(90e-6),
+            None,
+        )
     lines = "\n".join(describe(case, prepared))
     assert ("the number of pieces" in lines) == (method in ("two-scale", "stochastic"))
     assert ("as many as the band of error needs" in lines) == (method == "stochastic")
@@ -250,9 +328,14 @@ def test_face_material_load_and_fluid_are_a_case(data, method):
 def test_faults_of_a_file_say_line_and_the_key_that_is_meant(tmp_path):
     text = (ROOT / "examples" / "turned_seal.toml").read_text(encoding="utf-8")
     path = tmp_path / "case.toml"
-    path.write_text(text.replace("yield_stress", "yeild_stress", 1).replace('"12 mm"', '"12,5 mm"'), encoding="utf-8")
+    path.write_text(
+        text.replace("yield_stress", "yeild_stress", 1).replace('"12 mm"', '"12,5 mm"'),
+        encoding="utf-8",
+    )
     lines = path.read_text(encoding="utf-8").splitlines()
-    typo, comma = (next(n for n, line in enumerate(lines, 1) if word in line) for word in ("yeild", "12,5"))
+    typo, comma = (
+        next(n for n, line in enumerate(lines, 1) if word in line) for word in ("yeild", "12,5")
+    )
     with pytest.raises(fs.InputError) as error:
         fs.load_case(path)
     first, second = str(error.value).splitlines()
@@ -267,10 +350,16 @@ def test_faults_of_a_file_say_line_and_the_key_that_is_meant(tmp_path):
         ('viscosity = "1 mPa*s"', "viscosity = 1 mPa*s  # water", 'viscosity = "1 mPa*s"'),
         ("poisson = 0.3", "poisson = 0,3", "poisson = 0.3"),
         ("poisson = 0.3", "poisson = .3", "poisson = 0.3"),
-        ("poisson = 0.3", "poisson = “0.3”  # typed in a letter", 'poisson = "0.3"  # typed in a letter'),
+        (
+            "poisson = 0.3",
+            "poisson = “0.3”  # typed in a letter",
+            'poisson = "0.3"  # typed in a letter',
+        ),
     ],
 )
-def test_values_without_quotes_or_with_a_comma_are_shown_as_they_may_be_meant(tmp_path, old, new, meant):
+def test_values_without_quotes_or_with_a_comma_are_shown_as_they_may_be_meant(
+    tmp_path, old, new, meant
+):
     text = (ROOT / "examples" / "turned_seal.toml").read_text(encoding="utf-8")
     (tmp_path / "case.toml").write_text(text.replace(old, new, 1), encoding="utf-8")
     with pytest.raises(fs.InputError, match=rf"; perhaps meant: {re.escape(meant)}$"):
@@ -288,7 +377,10 @@ def test_values_without_quotes_or_with_a_comma_are_shown_as_they_may_be_meant(tm
 )
 def test_a_key_of_another_table_is_said_to_be_there(data, table, key, meant):
     (data.setdefault(table, {}) if table else data)[key] = 1
-    with pytest.raises(fs.InputError, match=rf"{key}: given an unknown key, .*; perhaps meant: {key} in \[{meant}\]"):
+    with pytest.raises(
+        fs.InputError,
+        match=rf"{key}: given an unknown key, .*; perhaps meant: {key} in \[{meant}\]",
+    ):
         parse_case(data)
 
 
@@ -303,15 +395,20 @@ def test_a_key_of_another_table_is_said_to_be_there(data, table, key, meant):
 def test_a_key_of_another_kind_of_the_table_is_said_to_be_of_that(data, table, key, kinds):
     data.setdefault(table, {"kind": "flat"})[key] = 1
     with pytest.raises(
-        fs.InputError, match=rf"{table}\.{key}: given an unknown key, .*; {key} is a key of kind {kinds}$"
+        fs.InputError,
+        match=rf"{table}\.{key}: given an unknown key, .*; {key} is a key of kind {kinds}$",
     ):
         parse_case(data)
 
 
 def test_nothing_is_guessed_for_a_key_that_is_there_twice(tmp_path):
     text = (ROOT / "examples" / "turned_seal.toml").read_text(encoding="utf-8")
-    (tmp_path / "case.toml").write_text(text.replace("poisson = 0.3", "poisson = 0.3\npoisson = 0.3"), encoding="utf-8")
-    with pytest.raises(fs.InputError, match=r"Cannot overwrite a value \(at line \d+, column \d+\)\)$"):
+    (tmp_path / "case.toml").write_text(
+        text.replace("poisson = 0.3", "poisson = 0.3\npoisson = 0.3"), encoding="utf-8"
+    )
+    with pytest.raises(
+        fs.InputError, match=r"Cannot overwrite a value \(at line \d+, column \d+\)\)$"
+    ):
         fs.load_case(tmp_path / "case.toml")
 
 
@@ -338,7 +435,9 @@ def test_one_value_is_that_of_both_axes(data, tmp_path):
     case = parse_case(data | {"face": face, "contact": {"boundary": "free"}}, tmp_path)
     assert (case.face[0].spacing, case.face[0].periodic) == ((2e-6, 2e-6), (True, True))
     assert case.contact.boundary == ("free", "free")
-    with pytest.raises(fs.InputError, match=r"^face.spacing: given '2 um\^2', expected .* or a list of two$"):
+    with pytest.raises(
+        fs.InputError, match=r"^face.spacing: given '2 um\^2', expected .* or a list of two$"
+    ):
         parse_case(data | {"face": face | {"spacing": "2 um^2"}}, tmp_path)
 
 
@@ -359,7 +458,8 @@ def test_keys_that_are_no_part_of_a_case(data):
         parse_case({**data, "face": [data["face"]] * 3})
     data["fluid"]["colour"] = "blue"
     with pytest.raises(
-        fs.InputError, match=r"fluid\.colour: given an unknown key, expected kind, viscosity, density, "
+        fs.InputError,
+        match=r"fluid\.colour: given an unknown key, expected kind, viscosity, density, ",
     ) as caught:
         parse_case(data)
     assert "molar_mass" not in str(caught.value)
@@ -482,7 +582,9 @@ class TestPrepare:
         expected = face.detrend(1).low_pass(8 * 1.25e-6).heights
         assert_allclose(prepare(parse_case(small)).scene.surface.heights, expected, atol=1e-12)
         small["seed"] = 10
-        assert not np.allclose(prepare(parse_case(small)).scene.surface.heights, expected, atol=1e-8)
+        assert not np.allclose(
+            prepare(parse_case(small)).scene.surface.heights, expected, atol=1e-8
+        )
 
     def test_two_faces_are_summed_and_drawn_apart(self, small):
         face = {
@@ -509,7 +611,10 @@ class TestPrepare:
         assert prepared.scene.surface.shape == (48, 90)
         assert prepared.conditioning.shortest_wave == 15e-6
         small["surface"]["detrend"] = 0
-        assert prepared.conditioning.removed_curvature != prepare(parse_case(small)).conditioning.removed_curvature
+        assert (
+            prepared.conditioning.removed_curvature
+            != prepare(parse_case(small)).conditioning.removed_curvature
+        )
         assert prepared.surface_report["shape"] == (48, 90)
 
     def test_cells_by_their_size(self, small):
@@ -518,7 +623,9 @@ class TestPrepare:
         small["cells"] = {"size": "60 um"}
         assert prepare(parse_case(small)).cells == (1, 2)
         small["cells"] = {"size": "61 um"}
-        with pytest.raises(fs.InputError, match=r"cells\.size: given 61 µm, expected at most the shorter side"):
+        with pytest.raises(
+            fs.InputError, match=r"cells\.size: given 61 µm, expected at most the shorter side"
+        ):
             prepare(parse_case(small))
 
     def test_pieces_hold_two_shortest_waves_both_ways(self, small):
@@ -541,8 +648,15 @@ class TestPrepare:
 
 
 def test_the_template_shows_every_key():
-    shown = {*re.findall(r"\b(\w+) = ", TEMPLATE), *re.findall(r"^(?:# )?\[(?:\w+\.)?(\w+)\]", TEMPLATE, re.MULTILINE)}
-    keys = {name for table in case_schema()["definitions"].values() for name in table.get("properties", {})}
+    shown = {
+        *re.findall(r"\b(\w+) = ", TEMPLATE),
+        *re.findall(r"^(?:# )?\[(?:\w+\.)?(\w+)\]", TEMPLATE, re.MULTILINE),
+    }
+    keys = {
+        name
+        for table in case_schema()["definitions"].values()
+        for name in table.get("properties", {})
+    }
     keys |= set(case_schema()["properties"])
     assert keys - shown == set()
 
@@ -579,7 +693,10 @@ def test_a_key_is_declared_once(tmp_path, monkeypatch):
     with pytest.raises(ValidationError) as found:
         NewCase.model_validate(tomllib.loads(text.replace("grit = ", "# grit = ")))
     (fault,) = case_faults(NewCase, found.value)
-    assert (fault.what, fault.expected) == ("contact.grit", 'a value for this key, such as grit = "30 um"')
+    assert (fault.what, fault.expected) == (
+        "contact.grit",
+        'a value for this key, such as grit = "30 um"',
+    )
     write_case_keys(tmp_path / "keys.md", NewCase, schema)
     assert (
         "| `grit` | a length > 0, such as `1.5 mm` | m |  | yes | 0.3 | Size of the grains |"
@@ -589,7 +706,12 @@ def test_a_key_is_declared_once(tmp_path, monkeypatch):
 
 def test_a_file_is_read_as_the_case_says(tmp_path, data):
     """Relative to the case, transposed, in its unit, its holes filled up to the share given."""
-    heights = fs.self_affine((96, 64), (96e-6, 64e-6), hurst=0.8, rms_slope=0.1, cut_off=16e-6, rng=0).heights * 1e6
+    heights = (
+        fs.self_affine(
+            (96, 64), (96e-6, 64e-6), hurst=0.8, rms_slope=0.1, cut_off=16e-6, rng=0
+        ).heights
+        * 1e6
+    )
     heights[:2] = np.nan
     np.savez(tmp_path / "face.npz", z=heights, other=np.zeros((2, 2)))
     data["face"] = {
@@ -611,25 +733,37 @@ def test_a_file_is_read_as_the_case_says(tmp_path, data):
 
 
 def test_a_face_is_masked_and_cropped_as_the_case_says(tmp_path, data):
-    face = fs.self_affine((120, 140), (120e-6, 140e-6), hurst=0.8, rms_slope=0.1, cut_off=9e-6, rng=1)
+    face = fs.self_affine(
+        (120, 140), (120e-6, 140e-6), hurst=0.8, rms_slope=0.1, cut_off=9e-6, rng=1
+    )
     np.savez(tmp_path / "face.npz", z=face.heights, spacing=face.spacing)
     mask = np.zeros(face.shape)
     mask[100:], mask[:, 120:] = 1, 2
     np.savetxt(tmp_path / "mask.txt", mask.T, "%d")
     data["face"] = {"kind": "file", "path": "face.npz", "mask": "mask.txt"}
     data["cells"] = {"count": [1, 1]}
-    with pytest.raises(fs.InputError, match=r"^face: given [0-9.]+ % undefined points, expected at most 5 %: crop"):
+    with pytest.raises(
+        fs.InputError, match=r"^face: given [0-9.]+ % undefined points, expected at most 5 %: crop"
+    ):
         prepare(parse_case(data, tmp_path))
     data["face"] |= {"crop": ["10 um", "100 um", "0 um", "120 um"]}
-    assert_allclose(prepare(parse_case(data, tmp_path)).scene.surface.size, (90e-6, 120e-6), rtol=0.03)
-    for name, value in (("crop", ["0 um", "1 mm", "0 um", "9 um"]), ("mask", "none.png"), ("file_mask", False)):
+    assert_allclose(
+        prepare(parse_case(data, tmp_path)).scene.surface.size, (90e-6, 120e-6), rtol=0.03
+    )
+    for name, value in (
+        ("crop", ["0 um", "1 mm", "0 um", "9 um"]),
+        ("mask", "none.png"),
+        ("file_mask", False),
+    ):
         wrong = {"path": "mask.txt", "spacing": ["1 um", "1 um"]} if name == "file_mask" else {}
         case = parse_case(data | {"face": data["face"] | wrong | {name: value}}, tmp_path)
         with pytest.raises(fs.InputError, match=rf"^face\.{name}: given"):
             prepare(case)
     (tmp_path / "bad.npy").write_text("no numbers")
     for name in ("path", "mask"):
-        with pytest.raises(fs.InputError, match=rf"^face\.{name}, {re.escape(str(tmp_path / 'bad.npy'))}: given"):
+        with pytest.raises(
+            fs.InputError, match=rf"^face\.{name}, {re.escape(str(tmp_path / 'bad.npy'))}: given"
+        ):
             prepare(parse_case(data | {"face": data["face"] | {name: "bad.npy"}}, tmp_path))
     for name, value in (
         ("crop", ["0 um", "10 um"]),
@@ -643,7 +777,10 @@ def test_a_face_is_masked_and_cropped_as_the_case_says(tmp_path, data):
     ):
         with pytest.raises(fs.InputError, match=rf"face\.{name}"):
             parse_case(data | {"face": data["face"] | {name.partition(":")[0]: value}}, tmp_path)
-    assert parse_case(data | {"face": data["face"] | {"channel": "Height"}}, tmp_path).face[0].channel == "Height"
+    assert (
+        parse_case(data | {"face": data["face"] | {"channel": "Height"}}, tmp_path).face[0].channel
+        == "Height"
+    )
 
 
 def test_a_mask_is_a_file_of_the_case_as_the_face_is(tmp_path, data):
@@ -668,7 +805,9 @@ def test_a_second_face_with_holes_is_named(tmp_path, two_faces):
         z = stored["z"].copy()
         z[80:] = np.nan
         np.savez(tmp_path / "upper.npz", z=z, spacing=stored["spacing"])
-    with pytest.raises(fs.InputError, match=r"^face\.1: given 33.3 % undefined points.*: crop the map"):
+    with pytest.raises(
+        fs.InputError, match=r"^face\.1: given 33.3 % undefined points.*: crop the map"
+    ):
         prepare(parse_case(two_faces, tmp_path))
 
 
@@ -683,7 +822,9 @@ def test_spikes_along_the_lay_are_a_warning_of_the_case(tmp_path, data):
     warnings = prepare(parse_case(data, tmp_path)).warnings
     assert any("follow the lay" in text and "surface.spikes = inf" in text for text in warnings)
     data["surface"] = {"spikes": np.inf}
-    assert not any("follow the lay" in text for text in prepare(parse_case(data, tmp_path)).warnings)
+    assert not any(
+        "follow the lay" in text for text in prepare(parse_case(data, tmp_path)).warnings
+    )
     # as one of two faces, too
     data |= {"surface": {}, "face": [data["face"], data["face"]]}
     assert any("follow the lay" in text for text in prepare(parse_case(data, tmp_path)).warnings)
@@ -693,7 +834,9 @@ def test_spikes_along_the_lay_are_a_warning_of_the_case(tmp_path, data):
 def two_faces(tmp_path, data):
     """Two measured faces, a spike and an undefined point in each, the second on a grid of its own."""
     for name, shape, seed in (("lower", (96, 128), 1), ("upper", (120, 160), 2)):
-        face = fs.self_affine(shape, (96e-6, 128e-6), hurst=0.8, rms_slope=0.1, cut_off=9e-6, rng=seed)
+        face = fs.self_affine(
+            shape, (96e-6, 128e-6), hurst=0.8, rms_slope=0.1, cut_off=9e-6, rng=seed
+        )
         heights = face.heights.copy()
         heights[10, 12], heights[50, 60] = 1e-4, np.nan
         np.savez(tmp_path / f"{name}.npz", z=heights, spacing=face.spacing)
@@ -705,7 +848,9 @@ def two_faces(tmp_path, data):
 def test_a_second_face_is_laid_on_the_first(tmp_path, two_faces):
     two_faces["face"][1] |= {"mirror": "x2", "rotate": "90 deg", "shift": ["10 um", "-5 um"]}
     prepared = prepare(parse_case(two_faces, tmp_path))
-    lower, upper = (repair(fs.read_topography(tmp_path / f"{n}.npz"))[0] for n in ("lower", "upper"))
+    lower, upper = (
+        repair(fs.read_topography(tmp_path / f"{n}.npz"))[0] for n in ("lower", "upper")
+    )
     both, overlap = fs.combine(lower, upper, mirror="x2", rotate=np.pi / 2, shift=(10e-6, -5e-6))
     shape = tuple(-(-n // c) * c for n, c in zip(both.shape, (2, 3), strict=True))
     expected, _ = fs.condition(both, shape=shape)
@@ -715,15 +860,22 @@ def test_a_second_face_is_laid_on_the_first(tmp_path, two_faces):
     assert prepared.surface_report["overlap"]["shape"] == overlap.shape
     # of both faces
     assert prepared.conditioning.spike_points == 2
-    assert_allclose(prepared.conditioning.undefined_fraction, (1 / (96 * 128) + 1 / (120 * 160)) / 2)
+    assert_allclose(
+        prepared.conditioning.undefined_fraction, (1 / (96 * 128) + 1 / (120 * 160)) / 2
+    )
     lines = describe(parse_case(two_faces, tmp_path), prepared)
-    assert any("two faces overlap on " in line and "% of the first, the second resampled" in line for line in lines)
+    assert any(
+        "two faces overlap on " in line and "% of the first, the second resampled" in line
+        for line in lines
+    )
     assert any(" 2 in spikes filled" in line for line in lines)
 
 
 def test_only_the_second_face_is_placed(tmp_path, two_faces):
     two_faces["face"][0]["shift"] = ["1 um", "0 um"]
-    with pytest.raises(fs.InputError, match=r"face\.0: given shift, expected that in the second face"):
+    with pytest.raises(
+        fs.InputError, match=r"face\.0: given shift, expected that in the second face"
+    ):
         parse_case(two_faces, tmp_path)
     two_faces["face"][0] = {"kind": "file", "path": "lower.npz"}
     for name, value in (("mirror", "x3"), ("rotate", 90), ("rotate", "1 um"), ("shift", ["1 um"])):
@@ -744,7 +896,9 @@ def test_spikes_of_files_are_filled_unless_left_alone(tmp_path, two_faces):
     assert left.conditioning.rms_slope_before > 1
     for wrong in (0, -6, "six", True):
         two_faces["surface"] = {"spikes": wrong}
-        with pytest.raises(fs.InputError, match=r"surface\.spikes: given .*, expected a number > 0"):
+        with pytest.raises(
+            fs.InputError, match=r"surface\.spikes: given .*, expected a number > 0"
+        ):
             parse_case(two_faces, tmp_path)
 
 
@@ -755,7 +909,9 @@ def test_paths_are_relative_to_the_case_file(tmp_path, monkeypatch):
     with pytest.raises(fs.InputError, match=r"measured_face\.x3p"):
         fs.load_case(tmp_path / "case.toml")
     monkeypatch.chdir(tmp_path)
-    assert prepare(fs.load_case(ROOT / "examples" / "measured_seal.toml")).conditioning.shape_before == (300, 600)
+    assert prepare(
+        fs.load_case(ROOT / "examples" / "measured_seal.toml")
+    ).conditioning.shape_before == (300, 600)
 
 
 def test_files(tmp_path, data):
@@ -763,7 +919,9 @@ def test_files(tmp_path, data):
     with pytest.raises(fs.InputError, match=r"face\.npy"):
         parse_case(data, tmp_path)
     rng = np.random.default_rng(0)
-    heights = fs.self_affine((192, 384), (192e-6, 384e-6), hurst=0.8, rms_slope=0.2, rng=rng).heights.copy()
+    heights = fs.self_affine(
+        (192, 384), (192e-6, 384e-6), hurst=0.8, rms_slope=0.2, rng=rng
+    ).heights.copy()
     heights[:100] = np.nan
     np.save(tmp_path / "face.npy", heights)
     with pytest.raises(fs.InputError, match="undefined"):

@@ -30,7 +30,11 @@ def data():
     case["face"] |= {"points": [64, 96], "size": ["60 um", "120 um"], "pitch": "30 um"}
     case["cells"] = {"count": [2, 4]}
     case["stochastic"] = {"length": "1 mm", "realisations": 4}
-    case["load"] = {"loading": ["50 MPa", "100 MPa"], "unload_from": ["100 MPa"], "unloading": ["50 MPa"]}
+    case["load"] = {
+        "loading": ["50 MPa", "100 MPa"],
+        "unload_from": ["100 MPa"],
+        "unloading": ["50 MPa"],
+    }
     case.pop("compare", None)
     return case
 
@@ -44,8 +48,16 @@ class TestForces:
         forces = {"loading": ["5 kN", "10 kN"], "unload_from": ["10 kN"], "unloading": ["5000 N"]}
         load = load_of(data, **forces)
         assert (load.unit, load.highest) == ("N", 1e4)
-        assert load.pressures(1e-4, 0.1) == {"loading": (5e7, 1e8), "unload_from": (1e8,), "unloading": (5e7,)}
-        lengthwise = {"loading": ["50 N/mm", "100 N/mm"], "unload_from": ["1e5 N/m"], "unloading": ["50 N/mm"]}
+        assert load.pressures(1e-4, 0.1) == {
+            "loading": (5e7, 1e8),
+            "unload_from": (1e8,),
+            "unloading": (5e7,),
+        }
+        lengthwise = {
+            "loading": ["50 N/mm", "100 N/mm"],
+            "unload_from": ["1e5 N/m"],
+            "unloading": ["50 N/mm"],
+        }
         load = load_of(data, **lengthwise)
         assert (load.unit, load.highest) == ("N/m", 1e5)
         assert_allclose(load.pressures(1e-4, 0.1)["loading"], (5e7, 1e8))
@@ -63,7 +75,9 @@ class TestForces:
 
         assert_allclose(pressures(["3 N", "6 N"]), (5e7, 1e8))
         assert_allclose(pressures(["3 N/mm", "6 N/mm"]), (5e7, 1e8))
-        assert_allclose(pressures(["25 N"], stochastic=data["stochastic"] | {"breadth": "0.5 mm"}), (5e7,))
+        assert_allclose(
+            pressures(["25 N"], stochastic=data["stochastic"] | {"breadth": "0.5 mm"}), (5e7,)
+        )
         ring = {"kind": "annular", "inner_radius": "0.2 mm", "outer_radius": "0.3 mm"}
         drawn = {key: value for key, value in data["stochastic"].items() if key != "length"}
         assert_allclose(pressures(["5 N"], seal=ring, stochastic=drawn), (5 / (np.pi * 5e-8),))
@@ -71,10 +85,13 @@ class TestForces:
         face = {"method": "deterministic"}
         assert_allclose(pressures(["3 N/mm"], **face), (5e7,))
         with pytest.raises(
-            fs.InputError, match=r"load.loading: given forces on a seal of no length, expected .* per length"
+            fs.InputError,
+            match=r"load.loading: given forces on a seal of no length, expected .* per length",
         ):
             pressures(["3 N"], **face)
-        with pytest.raises(fs.InputError, match=r"load: given 1 kN on 0.06 mm², 16.67 GPa, expected .* 2.8 GPa"):
+        with pytest.raises(
+            fs.InputError, match=r"load: given 1 kN on 0.06 mm², 16.67 GPa, expected .* 2.8 GPa"
+        ):
             pressures(["1 kN"])
 
     @pytest.mark.parametrize(
@@ -102,26 +119,43 @@ class TestMaps:
         assert of({"kind": "profile", "fractions": [1, 3]}) == Profile((1, 3))
         profile = of({"kind": "profile", "fractions": [1, 3], "positions": ["0 mm", "2 mm"]})
         assert profile == Profile((1, 3), (0, 2e-3))
-        angles = of({"kind": "angle", "fractions": [1, 2], "angles": ["0 deg", "22.5 deg"], "repeat": 8})
+        angles = of(
+            {"kind": "angle", "fractions": [1, 2], "angles": ["0 deg", "22.5 deg"], "repeat": 8}
+        )
         assert_allclose(angles.angles, AngleTable((1, 2), (0, 0.39269908), 8).angles)
-        series = of({"kind": "uniform", "at": "1 MPa"}, {"kind": "profile", "fractions": [1, 3], "at": "100 MPa"})
+        series = of(
+            {"kind": "uniform", "at": "1 MPa"},
+            {"kind": "profile", "fractions": [1, 3], "at": "100 MPa"},
+        )
         assert isinstance(series, MapsAtLoads)
         assert series.pressures == (1e6, 1e8)
 
     def test_loads_of_maps_may_be_forces(self, data):
-        maps = [{"kind": "uniform", "at": "1 kN"}, {"kind": "profile", "fractions": [1, 3], "at": "10 kN"}]
+        maps = [
+            {"kind": "uniform", "at": "1 kN"},
+            {"kind": "profile", "fractions": [1, 3], "at": "10 kN"},
+        ]
         load = parse_case(data | {"load": {"loading": ["10 kN"], "map": maps}}).load
         assert load.pressure_map(Path(), 1e-4, 0.1).pressures == (1e7, 1e8)
 
     @pytest.mark.parametrize(
         ("given", "words"),
         [
-            ({"kind": "magic"}, "load.map.kind: given 'magic', expected one of 'uniform', 'profile'"),
+            (
+                {"kind": "magic"},
+                "load.map.kind: given 'magic', expected one of 'uniform', 'profile'",
+            ),
             ({"kind": "profile", "fractions": [1, -1]}, r"load.map.fractions.1: given -1"),
             ({"kind": "profile", "fractions": [1, float("nan")]}, r"load.map.fractions.1"),
-            ({"kind": "profile", "fractions": []}, r"load.map: fractions: given \[\]|load.map.fractions"),
+            (
+                {"kind": "profile", "fractions": []},
+                r"load.map: fractions: given \[\]|load.map.fractions",
+            ),
             ({"kind": "profile", "fractions": [0, 0]}, "not all of them 0"),
-            ({"kind": "profile", "fractions": [1, 2], "positions": ["0 mm"]}, "positions: given 1 number, expected 2"),
+            (
+                {"kind": "profile", "fractions": [1, 2], "positions": ["0 mm"]},
+                "positions: given 1 number, expected 2",
+            ),
             ({"kind": "profile", "share": [1]}, "load.map.share: given an unknown key"),
             ({"kind": "angle", "fractions": [1, 2], "repeat": 0}, "load.map.repeat"),
             (
@@ -130,8 +164,14 @@ class TestMaps:
             ),
             ({"kind": "field", "path": "none.csv"}, "load.map.length_unit: given nothing"),
             ([{"kind": "uniform"}, {"kind": "uniform"}], "that all have `at`"),
-            ([{"kind": "uniform", "at": "2 MPa"}, {"kind": "uniform", "at": "1 MPa"}], "whose `at` rise"),
-            ([{"kind": "uniform", "at": "2 N"}, {"kind": "uniform", "at": "3 N"}], "of one kind, not Pa and N"),
+            (
+                [{"kind": "uniform", "at": "2 MPa"}, {"kind": "uniform", "at": "1 MPa"}],
+                "whose `at` rise",
+            ),
+            (
+                [{"kind": "uniform", "at": "2 N"}, {"kind": "uniform", "at": "3 N"}],
+                "of one kind, not Pa and N",
+            ),
             ([], "one table `map`"),
             ("profile", "load.map"),
         ],
@@ -142,9 +182,7 @@ class TestMaps:
 
     def test_the_former_profile_is_told_its_place(self, data):
         former = {"stochastic": data["stochastic"] | {"profile": [1, 3]}}
-        words = (
-            r'^stochastic\.profile: given \[1, 3\], expected map = { kind = "profile", fractions = .* in the table load'
-        )
+        words = r'^stochastic\.profile: given \[1, 3\], expected map = { kind = "profile", fractions = .* in the table load'
         with pytest.raises(fs.InputError, match=words) as error:
             parse_case(data | former)
         assert "\n" not in str(error.value)
@@ -153,7 +191,8 @@ class TestMaps:
         uneven = {"load": data["load"] | {"map": {"kind": "profile", "fractions": [1, 3]}}}
         for other in ({"method": "two-scale"}, {"compare": ["deterministic"]}):
             with pytest.raises(
-                fs.InputError, match=r"load.map: given a map with the method .*, expected stochastic alone"
+                fs.InputError,
+                match=r"load.map: given a map with the method .*, expected stochastic alone",
             ):
                 parse_case(data | uneven | other)
         assert prepare(parse_case(data | uneven)).sampling.pressure_map == Profile((1, 3))
@@ -165,17 +204,32 @@ class TestFieldOfACase:
         """A case whose map is a field of a mean of 60 MPa, once over the strip of 60 µm × 0.96 mm."""
 
         def make(text=None, **keys):
-            rows = [f"{x},{y},{60 + 40 * (y - 0.48)}" for x in (0, 0.06) for y in np.linspace(0, 0.96, 11)]
+            rows = [
+                f"{x},{y},{60 + 40 * (y - 0.48)}"
+                for x in (0, 0.06)
+                for y in np.linspace(0, 0.96, 11)
+            ]
             (tmp_path / "flange.csv").write_text(text or "\n".join(["x,y,pressure", *rows]))
-            field = {"kind": "field", "path": "flange.csv", "length_unit": "mm", "pressure_unit": "MPa"} | keys
+            field = {
+                "kind": "field",
+                "path": "flange.csv",
+                "length_unit": "mm",
+                "pressure_unit": "MPa",
+            } | keys
             drawn = data["stochastic"] | {"length": "0.96 mm"}
-            return parse_case(data | {"load": data["load"] | {"map": field}, "stochastic": drawn}, tmp_path)
+            return parse_case(
+                data | {"load": data["load"] | {"map": field}, "stochastic": drawn}, tmp_path
+            )
 
         return make
 
     def test_it_is_told_and_belongs_to_the_run(self, case):
         prepared = prepare(case())
-        lines = dict(line.split(maxsplit=1) for line in describe(case(), prepared) if line.startswith("pressure"))
+        lines = dict(
+            line.split(maxsplit=1)
+            for line in describe(case(), prepared)
+            if line.startswith("pressure")
+        )
         assert lines["pressure"].startswith(
             "map   0.69 to 1.31 of the nominal pressure over the seal; mean of the field 60 MPa"
         )
@@ -186,33 +240,62 @@ class TestFieldOfACase:
     def test_its_mean_is_compared_with_the_load(self, case):
         assert prepare(case(at="60 MPa")).warnings == ()
         (off,) = prepare(case(at="100 MPa")).warnings
-        assert off.startswith("the field of pressure at 100 MPa has the mean 60 MPa over the seal: it is scaled")
+        assert off.startswith(
+            "the field of pressure at 100 MPa has the mean 60 MPa over the seal: it is scaled"
+        )
         (far,) = prepare(case(pressure_unit="kPa")).warnings
-        assert far == "the field of pressure has the mean 60 kPa over the seal, far from all loads: is its unit right?"
+        assert (
+            far
+            == "the field of pressure has the mean 60 kPa over the seal, far from all loads: is its unit right?"
+        )
 
     def test_tiles_that_hardly_touch_are_told(self, data):
         def warnings(fractions, inlet):
-            case = data | {"load": data["load"] | {"map": {"kind": "profile", "fractions": fractions}}}
-            return prepare(parse_case(case | {"fluid": data["fluid"] | {"inlet_pressure": inlet}})).warnings
+            case = data | {
+                "load": data["load"] | {"map": {"kind": "profile", "fractions": fractions}}
+            }
+            return prepare(
+                parse_case(case | {"fluid": data["fluid"] | {"inlet_pressure": inlet}})
+            ).warnings
 
         assert warnings([1, 2], "1 MPa") == ()
         (open_,) = warnings([0, 2], "1 MPa")
         assert open_.startswith("the map is 0 over 50% of the seal: tiles just touch there")
         (lifted,) = warnings([0.01, 2], "2 MPa")
-        assert lifted.startswith("the fluid carries all of the 498 kPa where the map presses least: tiles just touch")
+        assert lifted.startswith(
+            "the fluid carries all of the 498 kPa where the map presses least: tiles just touch"
+        )
 
     @pytest.mark.parametrize(
         ("given", "words"),
         [
-            ({"length_unit": "um"}, r"load.map.field: given x 0 to 6e-08 m.* expected one that covers the seal"),
+            (
+                {"length_unit": "um"},
+                r"load.map.field: given x 0 to 6e-08 m.* expected one that covers the seal",
+            ),
             ({"length_unit": "kg"}, "load.map.length_unit: given '1 kg'"),
             ({"pressure_unit": "mm"}, "load.map.pressure_unit: given '1 mm'"),
             ({"name": "CPRESS"}, "load.map.path: .* expected one column each of x, y, CPRESS"),
-            ({"text": "x,y,pressure\n0,0,nan\n1,0,1\n0,2,1"}, "load.map.pressure: given 1 of 3 values not finite"),
-            ({"text": "x,y,pressure\n0,0,-1\n1,0,1\n0,2,1"}, "load.map.pressure: given 1 of 3 values negative"),
-            ({"text": "x,y,pressure\n0,0,0\n1,0,0\n0,2,0"}, "load.map: given a pressure that is 0 all over the seal"),
-            ({"text": "x,y,pressure\n0,0,1\n1,1,1\n2,2,1"}, "load.map.points: given 3 points on a line"),
-            ({"text": "x,y,pressure\n0,0,90\n1,0,1\n0,2,1"}, r"load.map: given .* GPa in a tile at loading 100 MPa"),
+            (
+                {"text": "x,y,pressure\n0,0,nan\n1,0,1\n0,2,1"},
+                "load.map.pressure: given 1 of 3 values not finite",
+            ),
+            (
+                {"text": "x,y,pressure\n0,0,-1\n1,0,1\n0,2,1"},
+                "load.map.pressure: given 1 of 3 values negative",
+            ),
+            (
+                {"text": "x,y,pressure\n0,0,0\n1,0,0\n0,2,0"},
+                "load.map: given a pressure that is 0 all over the seal",
+            ),
+            (
+                {"text": "x,y,pressure\n0,0,1\n1,1,1\n2,2,1"},
+                "load.map.points: given 3 points on a line",
+            ),
+            (
+                {"text": "x,y,pressure\n0,0,90\n1,0,1\n0,2,1"},
+                r"load.map: given .* GPa in a tile at loading 100 MPa",
+            ),
         ],
     )
     def test_what_is_refused(self, case, given, words):
@@ -226,27 +309,38 @@ class TestFieldOfACase:
         assert "\n" not in str(caught.value)
 
     def test_a_missing_file(self, case):
-        with pytest.raises(fs.InputError, match=r"load.map.path: given 'none.csv', expected a file that exists"):
+        with pytest.raises(
+            fs.InputError, match=r"load.map.path: given 'none.csv', expected a file that exists"
+        ):
             case(path="none.csv")
 
     def test_results_and_report_show_it(self, case, tmp_path):
         """Another field is another run."""
-        table = ["x,y,pressure", *(f"{x},{y},{60 + 40 * (y - 0.48)}" for x in (0, 0.06) for y in (0, 0.96))]
+        table = [
+            "x,y,pressure",
+            *(f"{x},{y},{60 + 40 * (y - 0.48)}" for x in (0, 0.06) for y in (0, 0.96)),
+        ]
         found = case("\n".join(table))
         dry = found.contact.model_copy(update={"fluid_pressure": "ignored"})
         results = fs.run(found.model_copy(update={"contact": dry}), tmp_path / "out", workers=1)
         pressure = results.dataset["drawn_contact_pressure"].values
         y = results.dataset["drawn_corners"].values.mean(axis=1)[:, 1] * 1e3
         assert_allclose(pressure[1], 1e8 * (1 + 40 / 60 * (y - 0.48)), rtol=0.01)
-        assert_allclose(pressure.mean(axis=1), results.dataset["nominal_pressure"].values, rtol=1e-6)
+        assert_allclose(
+            pressure.mean(axis=1), results.dataset["nominal_pressure"].values, rtol=1e-6
+        )
         page = (tmp_path / "out" / "report.html").read_text(encoding="utf-8")
-        assert "The contact pressure over the seal follows the field in flange.csv: 69 MPa to 131 MPa at" in page
+        assert (
+            "The contact pressure over the seal follows the field in flange.csv: 69 MPa to 131 MPa at"
+            in page
+        )
         assert (tmp_path / "out" / "seal.png").is_file()
         assert fs.run(found, tmp_path / "out", resume=True).warnings == results.warnings
         sampling = prepare(found).sampling  # as workers get it
         places, frame = np.array([[3e-5, 2e-4]]), Frame.of_strip((6e-5, 9.6e-4))
         assert_array_equal(
-            pickle.loads(pickle.dumps(sampling)).pressure_map.at(places, frame), sampling.pressure_map.at(places, frame)
+            pickle.loads(pickle.dumps(sampling)).pressure_map.at(places, frame),
+            sampling.pressure_map.at(places, frame),
         )
         other = case("\n".join(table).replace("40.8", "41.8"))
         assert face_files(other) != json.loads(results.dataset.attrs["face_files"])
@@ -307,8 +401,12 @@ class TestMesh:
         """Its area is what a uniform force acts on, its length the one given; a profile needs radii."""
         forces = {"loading": ["200 kN"], "unload_from": [], "unloading": []}
         (pressure,) = self.prepared(gasket, **forces).scene.loading
-        (lengthwise,) = self.prepared(gasket, **forces | {"loading": [f"{200 / 110} kN/mm"]}).scene.loading
+        (lengthwise,) = self.prepared(
+            gasket, **forces | {"loading": [f"{200 / 110} kN/mm"]}
+        ).scene.loading
         assert_allclose(lengthwise, pressure, rtol=1e-9)
         assert 1e7 < pressure < 1e9
-        with pytest.raises(fs.InputError, match=r"load.map.positions: given none on a mesh, expected radii"):
+        with pytest.raises(
+            fs.InputError, match=r"load.map.positions: given none on a mesh, expected radii"
+        ):
             self.prepared(gasket, map={"kind": "profile", "fractions": [1, 2]})

@@ -47,11 +47,28 @@ def case_of(folder, table, more=""):
 )
 def test_what_a_pressure_is_counted_from(text, value):
     assert_allclose(absolute_pressure(text, ATMOSPHERE), value, rtol=1e-12)
-    with pytest.raises(fs.InputError, match=r"^load: given .*, expected a pressure without \(g\) or \(a\)"):
+    with pytest.raises(
+        fs.InputError, match=r"^load: given .*, expected a pressure without \(g\) or \(a\)"
+    ):
         to_si(text, "Pa", "load")
 
 
-@each("text", ["10 bar", "10 Pa", "1 psi", "3 mmHg", "10 g", "10 bar*g", "10 kg", 10.0, None, "", "(g)" * 100])
+@each(
+    "text",
+    [
+        "10 bar",
+        "10 Pa",
+        "1 psi",
+        "3 mmHg",
+        "10 g",
+        "10 bar*g",
+        "10 kg",
+        10.0,
+        None,
+        "",
+        "(g)" * 100,
+    ],
+)
 def test_what_says_neither(text):
     assert absolute_pressure(text, ATMOSPHERE) is None
 
@@ -59,7 +76,10 @@ def test_what_says_neither(text):
 @each(
     ("text", "said"),
     [
-        ("-2 bar(g)", r"given '-2 bar\(g\)', expected a pressure not below a vacuum, -101.3 kPa there"),
+        (
+            "-2 bar(g)",
+            r"given '-2 bar\(g\)', expected a pressure not below a vacuum, -101.3 kPa there",
+        ),
         ("-1 bar(a)", "expected a pressure not below a vacuum, 0 Pa there"),
         ("1,5 bar(g)", r"given '1,5 bar\(g\)', expected a number with a decimal point"),
         ("10 bar(g)(a)", "without"),
@@ -85,7 +105,10 @@ def ends(case):
         ('inlet_pressure = "10 bar(a)"\nambient_pressure = "0.9 bar"', (1e6, 9e4)),
         ('inlet_pressure = "10 bar(a)"', (1e6, ATMOSPHERE)),
         ('inlet_pressure = "10 bar(g)"\noutlet_pressure = "0 bar(a)"', (1e6 + ATMOSPHERE, 0.0)),
-        ('inlet_pressure = "0 bar(g)"\noutlet_pressure = "-0.5 bar(g)"', (ATMOSPHERE, ATMOSPHERE - 5e4)),
+        (
+            'inlet_pressure = "0 bar(g)"\noutlet_pressure = "-0.5 bar(g)"',
+            (ATMOSPHERE, ATMOSPHERE - 5e4),
+        ),
         ('inlet_pressure = "10 bar"', (1e6, 0.0)),
     ],
 )
@@ -105,13 +128,18 @@ def test_of_a_gas_at_another_ambient_pressure_and_of_a_test_fluid(tmp_path):
     own = case.output.test_fluid
     assert_allclose((own.inlet_pressure, own.outlet_pressure), (1.8e5, 0.8e5))
     case = fs.load_case(case_of(tmp_path, gas, test + 'ambient_pressure = "1 bar"\n'))
-    assert_allclose((case.output.test_fluid.inlet_pressure, case.output.test_fluid.outlet_pressure), (2e5, 1e5))
+    assert_allclose(
+        (case.output.test_fluid.inlet_pressure, case.output.test_fluid.outlet_pressure), (2e5, 1e5)
+    )
 
 
 def test_the_fluid_presses_on_the_faces_with_what_is_above_the_surroundings(tmp_path):
     """What an unmarked liquid carries counts from the surroundings, as a gauge pressure does."""
     carried = []
-    for keys in ('inlet_pressure = "10 MPa"', 'inlet_pressure = "100 bar(g)"\nambient_pressure = "0.8 bar"'):
+    for keys in (
+        'inlet_pressure = "10 MPa"',
+        'inlet_pressure = "100 bar(g)"\nambient_pressure = "0.8 bar"',
+    ):
         scene = prepare(fs.load_case(case_of(tmp_path, f"{LIQUID}{keys}\n"))).scene
         carried.append(scene.acting_fluid.carried)
     assert scene.surroundings == 8e4
@@ -134,7 +162,9 @@ def test_of_inlets_of_a_mesh():
     del data["fluid"]["ambient_pressure"]
     assert with_absolute_pressures(data)["fluid"]["outlet_pressure"] == ATMOSPHERE
     data["seal"]["inlet"]["port"] = "-4 bar(g)"
-    with pytest.raises(fs.InputError, match=r"seal.inlet.port: given '-4 bar\(g\)', expected a pressure not below"):
+    with pytest.raises(
+        fs.InputError, match=r"seal.inlet.port: given '-4 bar\(g\)', expected a pressure not below"
+    ):
         parse_case(data)
 
 
@@ -142,9 +172,18 @@ def test_of_inlets_of_a_mesh():
     ("table", "said"),
     [
         (LIQUID + 'inlet_pressure = "-2 bar(g)"\n', r"fluid.inlet_pressure: given '-2 bar\(g\)'"),
-        (LIQUID + 'inlet_pressure = "1 bar(a)"\n', "fluid.inlet_pressure: given .*, expected a pressure above that of"),
-        (LIQUID + 'inlet_pressure = "1 bar(g)"\nambient_pressure = "1 bar(g)"\n', r"fluid.ambient_pressure: .*without"),
-        (LIQUID + 'inlet_pressure = "1 bar(g)"\nambient_pressure = 1\n', r"fluid.ambient_pressure: given 1"),
+        (
+            LIQUID + 'inlet_pressure = "1 bar(a)"\n',
+            "fluid.inlet_pressure: given .*, expected a pressure above that of",
+        ),
+        (
+            LIQUID + 'inlet_pressure = "1 bar(g)"\nambient_pressure = "1 bar(g)"\n',
+            r"fluid.ambient_pressure: .*without",
+        ),
+        (
+            LIQUID + 'inlet_pressure = "1 bar(g)"\nambient_pressure = 1\n',
+            r"fluid.ambient_pressure: given 1",
+        ),
     ],
 )
 def test_faults_name_their_key(tmp_path_factory, table, said):
@@ -154,9 +193,12 @@ def test_faults_name_their_key(tmp_path_factory, table, said):
 
 def test_a_load_is_not_gauge(tmp_path):
     path = case_of(tmp_path, LIQUID + 'inlet_pressure = "1 MPa"\n')
-    path.write_text(re.sub(r"loading = \[.*\]", 'loading = ["100 bar(g)"]', path.read_text(), count=1))
+    path.write_text(
+        re.sub(r"loading = \[.*\]", 'loading = ["100 bar(g)"]', path.read_text(), count=1)
+    )
     with pytest.raises(
-        fs.InputError, match=r"load.loading.*given '100 bar\(g\)', expected a pressure without \(g\) or"
+        fs.InputError,
+        match=r"load.loading.*given '100 bar\(g\)', expected a pressure without \(g\) or",
     ):
         fs.load_case(path)
 
@@ -172,7 +214,9 @@ def test_a_sweep_takes_them(tmp_path, femseal):
 
 def test_the_schema_knows_the_ambient_pressure():
     for name in ("LiquidTable", "IdealGasTable", "RealGasTable", "NamedFluidTable"):
-        assert case_schema()["definitions"][name]["properties"]["ambient_pressure"]["type"] == "string"
+        assert (
+            case_schema()["definitions"][name]["properties"]["ambient_pressure"]["type"] == "string"
+        )
     pattern = case_schema()["definitions"]["LiquidTable"]["properties"]["inlet_pressure"]["pattern"]
     assert re.match(pattern, "10 bar(g)")
     assert re.match(pattern, "10 barg")
@@ -204,8 +248,14 @@ def test_a_kinematic_viscosity_with_a_density(tmp_path_factory, keys, viscosity)
             'kind = "liquid"\nviscosity = "46 cSt"',
             "fluid.viscosity: given '46 cSt', expected a density beside a kinematic",
         ),
-        ('kind = "liquid"\nviscosity = "46 cSt"\ndensity = "870 kg"', "fluid.density: given '870 kg'"),
-        ('kind = "liquid"\nviscosity = "-46 cSt"\ndensity = "870 kg/m^3"', "fluid.viscosity: given '-46 cSt'"),
+        (
+            'kind = "liquid"\nviscosity = "46 cSt"\ndensity = "870 kg"',
+            "fluid.density: given '870 kg'",
+        ),
+        (
+            'kind = "liquid"\nviscosity = "-46 cSt"\ndensity = "870 kg/m^3"',
+            "fluid.viscosity: given '-46 cSt'",
+        ),
         (
             'kind = "ideal-gas"\nviscosity = "15 cSt"\nmolar_mass = "29 g/mol"\ntemperature = "20 °C"',
             "dynamic .* of a gas",
@@ -218,4 +268,6 @@ def test_a_kinematic_viscosity_with_a_density(tmp_path_factory, keys, viscosity)
 )
 def test_a_kinematic_viscosity_that_cannot_be_used(tmp_path_factory, keys, said):
     with pytest.raises(fs.InputError, match=said):
-        fs.load_case(case_of(tmp_path_factory.mktemp("case"), keys + '\ninlet_pressure = "1 MPa"\n'))
+        fs.load_case(
+            case_of(tmp_path_factory.mktemp("case"), keys + '\ninlet_pressure = "1 MPa"\n')
+        )

@@ -23,7 +23,9 @@ LINE = re.compile(r"\d+ more faults?|.+: (given .+, |missing, )?expected .+")
 #: A table to paste, below a line that says so.
 PASTED = re.compile(r"(?<=expected a table such as)(\n(\[.+\]|\w+ = .+))+")
 #: What only a programmer understands.
-INSIDE = re.compile(r"pydantic|Traceback|object at 0x|Error\b|numpy|<class|NoneType|Unable to allocate|\bValue error\b")
+INSIDE = re.compile(
+    r"pydantic|Traceback|object at 0x|Error\b|numpy|<class|NoneType|Unable to allocate|\bValue error\b"
+)
 
 
 class TooLong(BaseException):
@@ -67,7 +69,11 @@ def fault(path):
             told(path)
     except fs.InputError as error:
         lines = PASTED.sub(" …", str(error)).splitlines()
-        wrong = [line for line in lines if not LINE.fullmatch(line) or INSIDE.search(line) or len(line) > 700]
+        wrong = [
+            line
+            for line in lines
+            if not LINE.fullmatch(line) or INSIDE.search(line) or len(line) > 700
+        ]
         wrong += [line for line in lines if not line.isprintable()]
         return "\n".join(wrong) if lines else "no message", True
     except (TooLong, Exception) as error:
@@ -104,7 +110,9 @@ def _little_memory(monkeypatch):
 
 
 def test_hundreds_of_fuzzed_cases(fuzz, monkeypatch):
-    monkeypatch.setitem(sys.modules, "CoolProp", None)  # reading all its fluids takes longer than all the cases
+    monkeypatch.setitem(
+        sys.modules, "CoolProp", None
+    )  # reading all its fluids takes longer than all the cases
     check(fuzz, range(500))
 
 

@@ -21,7 +21,13 @@ SMALL = {"load": {"loading": ["100 MPa", "500 MPa"]}}
 
 
 def case(material, counter=None, **more):
-    return parse_case(CASE | SMALL | {"material": material} | ({"counter_material": counter} if counter else {}) | more)
+    return parse_case(
+        CASE
+        | SMALL
+        | {"material": material}
+        | ({"counter_material": counter} if counter else {})
+        | more
+    )
 
 
 def test_ten_metals_have_values_and_sources():
@@ -51,13 +57,16 @@ def test_a_name_fills_in_what_is_not_given():
     assert own.solids[0] == fs.Solid(190e9, 0.29, hardness=4e9)
     assert own.solid_warnings == ()
     text = solids_text(own.echo())
-    assert text.startswith("Inconel 718, aged (by the case: young, hardness; Special Metals SMC-045;")
+    assert text.startswith(
+        "Inconel 718, aged (by the case: young, hardness; Special Metals SMC-045;"
+    )
     assert "by the case" not in solids_text(case({"name": "Inconel 718, aged"}).echo())
 
 
 def test_a_value_far_from_that_of_the_name_is_warned_of(tmp_path, femseal):
     odd = case(
-        {"name": "Inconel 718, aged", "hardness": "9 GPa"}, {"name": "steel 1.4571, annealed", "young": "2.4 TPa"}
+        {"name": "Inconel 718, aged", "hardness": "9 GPa"},
+        {"name": "steel 1.4571, annealed", "young": "2.4 TPa"},
     )
     one, two = odd.solid_warnings
     assert one == (
@@ -83,7 +92,10 @@ def test_a_value_far_from_that_of_the_name_is_warned_of(tmp_path, femseal):
     [
         ({"hardness_table": ROWS}, HardnessTable([0, 0.5e-6, 2e-6], [1e9, 1.4e9, 1.6e9])),
         ({"hardness": "1 GPa", "nix_gao_depth": "1 um"}, NixGao(1e9, 1e-6)),
-        ({"hardness": "1 GPa", "nix_gao_depth": "1 um", "smallest_depth": "50 nm"}, NixGao(1e9, 1e-6, 5e-8)),
+        (
+            {"hardness": "1 GPa", "nix_gao_depth": "1 um", "smallest_depth": "50 nm"},
+            NixGao(1e9, 1e-6, 5e-8),
+        ),
     ],
 )
 def test_a_curve_of_a_case_is_its_law_and_runs(keys, law):
@@ -97,17 +109,28 @@ def test_a_curve_of_a_case_is_its_law_and_runs(keys, law):
 def test_a_table_from_a_file_has_its_units(tmp_path):
     path = tmp_path / "indentation.csv"
     path.write_text("hardness [GPa]; depth [nm]\n1; 0\n1.4; 500\n\n1.6; 2000\n")
-    from_file = parse_case(CASE | SMALL | {"material": YOUNG | {"hardness_table": "indentation.csv"}}, tmp_path)
+    from_file = parse_case(
+        CASE | SMALL | {"material": YOUNG | {"hardness_table": "indentation.csv"}}, tmp_path
+    )
     assert from_file.law == case(YOUNG | {"hardness_table": ROWS}).law
     assert from_file.echo()["material"]["hardness_table"][1] == [500e-9, 1.4e9]
-    for text in ("", "depth, hardness\n1, 2\n", "depth [um], hardness [GPa]\n1\n", "depth [um], depth [um]\n1,2\n"):
+    for text in (
+        "",
+        "depth, hardness\n1, 2\n",
+        "depth [um], hardness [GPa]\n1\n",
+        "depth [um], depth [um]\n1,2\n",
+    ):
         path.write_text(text)
-        with pytest.raises(fs.InputError, match=r"^material.hardness_table: given 'indentation.csv', expected two col"):
+        with pytest.raises(
+            fs.InputError,
+            match=r"^material.hardness_table: given 'indentation.csv', expected two col",
+        ):
             parse_case(CASE | {"material": YOUNG | {"hardness_table": "indentation.csv"}}, tmp_path)
     for rows, said in (("", "0 rows"), ("0, 1\n", "1 row")):
         path.write_text("depth [um], hardness [GPa]\n" + rows)
         with pytest.raises(
-            fs.InputError, match=rf"^material.hardness_table: given '.*' with {said} of numbers, expected"
+            fs.InputError,
+            match=rf"^material.hardness_table: given '.*' with {said} of numbers, expected",
         ):
             parse_case(CASE | {"material": YOUNG | {"hardness_table": "indentation.csv"}}, tmp_path)
 
@@ -119,23 +142,41 @@ def test_a_table_from_a_file_has_its_units(tmp_path):
             {"hardness_table": [["0 um", "1 GPa"], ["0 um", "2 GPa"]]},
             "material: expected hardness_table: depths >= 0 that",
         ),
-        ({"hardness_table": [["0 um", "1 GPa"]]}, r"material.hardness_table: given .*, expected two rows or more"),
-        ({"hardness_table": []}, r"^material.hardness_table: given \[\], expected two rows or more"),
+        (
+            {"hardness_table": [["0 um", "1 GPa"]]},
+            r"material.hardness_table: given .*, expected two rows or more",
+        ),
+        (
+            {"hardness_table": []},
+            r"^material.hardness_table: given \[\], expected two rows or more",
+        ),
         (
             {"hardness_table": [["0 um", "0 GPa"], ["1 um", "2 GPa"]]},
             r"hardness_table.0.1: given '0 GPa', expected .* > 0",
         ),
-        ({"hardness_table": "lost.csv"}, "hardness_table: given 'lost.csv', expected a file that exists"),
+        (
+            {"hardness_table": "lost.csv"},
+            "hardness_table: given 'lost.csv', expected a file that exists",
+        ),
         ({"hardness_table": ROWS, "hardness": "1 GPa"}, "hardness or hardness_table, not both"),
-        ({"hardness_table": ROWS, "hardening": "1 GPa/um"}, "hardening with a yield_stress or a hardness"),
+        (
+            {"hardness_table": ROWS, "hardening": "1 GPa/um"},
+            "hardening with a yield_stress or a hardness",
+        ),
         (
             {"hardness": "1 GPa", "hardening": "1 GPa/um", "nix_gao_depth": "1 um"},
             "hardening or nix_gao_depth, not both",
         ),
         ({"nix_gao_depth": "1 um"}, "nix_gao_depth with a yield_stress or a hardness"),
         ({"hardness": "1 GPa", "smallest_depth": "1 um"}, "smallest_depth with a nix_gao_depth"),
-        ({"name": "copper, soft", "hardness": "1 GPa", "yield_stress": "1 GPa"}, "yield_stress or hardness, not both"),
-        ({"name": "coper"}, "material.name: given 'coper', expected .*; perhaps meant: 'copper, soft'"),
+        (
+            {"name": "copper, soft", "hardness": "1 GPa", "yield_stress": "1 GPa"},
+            "yield_stress or hardness, not both",
+        ),
+        (
+            {"name": "coper"},
+            "material.name: given 'coper', expected .*; perhaps meant: 'copper, soft'",
+        ),
         ({"name": 3}, "material.name: given 3"),
         ({"hardness": "1 GPa", "nix_gao_depth": "-1 um"}, "nix_gao_depth: given '-1 um'"),
     ],
@@ -153,13 +194,17 @@ def test_the_softer_face_is_named_with_both_hardnesses():
     for face, counter, softer in ((steel, copper, "counter-face"), (copper, steel, "face")):
         made = case(face, counter)
         assert made.law == PerfectlyPlastic(6e8)
-        assert solids_text(made.echo()).endswith(f"; the {softer} yields, at 600 MPa, and the other at 3 GPa")
+        assert solids_text(made.echo()).endswith(
+            f"; the {softer} yields, at 600 MPa, and the other at 3 GPa"
+        )
         assert made.law.capacity == 6e8
     assert fs.run(made).dataset.attrs["solids"] == solids_text(made.echo())
     near = solids_text(case(steel, YOUNG | {"yield_stress": "1.1 GPa"}).echo())
     assert near.endswith("the face yields, at 3 GPa, and the other at 3.08 GPa: they are close, and the softer is taken to "
                          "yield alone")  # fmt: skip
-    assert "the face yields, at 3 GPa, and the other at no pressure" in solids_text(case(steel, YOUNG).echo())
+    assert "the face yields, at 3 GPa, and the other at no pressure" in solids_text(
+        case(steel, YOUNG).echo()
+    )
     assert "yields" not in solids_text(case(YOUNG, YOUNG).echo())
 
 

@@ -40,14 +40,18 @@ def test_a_stop_before_the_work_is_told_and_no_success(femseal, monkeypatch, com
 
 
 def test_check_tells_once_that_loops_are_compiled(femseal, monkeypatch):
-    monkeypatch.setattr("femseal.runs.forecast.describe", lambda *_: [njit(lambda x: x)(one) for one in ("a", 1.0)])
+    monkeypatch.setattr(
+        "femseal.runs.forecast.describe", lambda *_: [njit(lambda x: x)(one) for one in ("a", 1.0)]
+    )
     code, lines, errors = femseal("check", ROOT / "examples" / "turned_seal.toml")
     assert (code, lines, errors) == (0, "a\n1.0\n", "compiling, once after an installation\n")
 
 
 def test_a_run_in_one_process_tells_that_loops_are_compiled(femseal, monkeypatch):
     path, words = ROOT / "examples" / "turned_seal.toml", "compiling, once after an installation"
-    monkeypatch.setattr("femseal.runs.job._results", lambda *_: [njit(lambda x: x)(one) for one in ("a", 1.0)])
+    monkeypatch.setattr(
+        "femseal.runs.job._results", lambda *_: [njit(lambda x: x)(one) for one in ("a", 1.0)]
+    )
     told = []
     fs.run(path, workers=1, progress=lambda *state: told.append(state))
     assert told == [(words, 0, None), (words, 1, None), (words, 2, None), (words, 2, 2)]
@@ -69,23 +73,31 @@ def test_a_run_in_one_process_tells_that_loops_are_compiled(femseal, monkeypatch
         ("calibrate", "calibration.calibrating.prepare", ["test.csv"]),
     ],
 )
-def test_other_commands_tell_once_too_that_loops_are_compiled(femseal, monkeypatch, tmp_path, command, place, further):
+def test_other_commands_tell_once_too_that_loops_are_compiled(
+    femseal, monkeypatch, tmp_path, command, place, further
+):
     def refused(*_, **__):
         for one in ("a", 1.0):
             njit(lambda x: x)(one)
         raise fs.InputError("face", "none", "one")
 
     monkeypatch.chdir(tmp_path)
-    (tmp_path / "test.csv").write_text("pressure [MPa],leakage [mL/(m*s)]\n100,12\n200,6\n300,3.5\n")
+    (tmp_path / "test.csv").write_text(
+        "pressure [MPa],leakage [mL/(m*s)]\n100,12\n200,6\n300,3.5\n"
+    )
     monkeypatch.setattr(f"femseal.{place}", refused)
-    code, _, errors = femseal(command, ROOT / "examples" / "turned_seal.toml", *further, "--workers", 1)
+    code, _, errors = femseal(
+        command, ROOT / "examples" / "turned_seal.toml", *further, "--workers", 1
+    )
     assert (code, errors.count("compiling, once after an installation")) == (2, 1)
 
 
 @pytest.fixture
 def face(tmp_path):
     """A face whose x is across its grooves, with a spike and two undefined points."""
-    heights = fs.turned((96, 128), (96e-6, 128e-6), pitch=16e-6, depth=1e-6, roughness=2e-8, rng=1).heights.copy()
+    heights = fs.turned(
+        (96, 128), (96e-6, 128e-6), pitch=16e-6, depth=1e-6, roughness=2e-8, rng=1
+    ).heights.copy()
     heights[20, 30] += 2e-5
     heights[50, 60:62] = np.nan
     np.savez(tmp_path / "face.npz", heights=heights, spacing=(1e-6, 1e-6))
@@ -94,7 +106,11 @@ def face(tmp_path):
 
 def fields(output):
     """Labels and values of the printed lines."""
-    return dict(re.split(r"  +", line.strip(), maxsplit=1) for line in output.splitlines() if line.startswith("  "))
+    return dict(
+        re.split(r"  +", line.strip(), maxsplit=1)
+        for line in output.splitlines()
+        if line.startswith("  ")
+    )
 
 
 # --- what is loaded, how it ends --------------------------------------------------------------------------
@@ -129,7 +145,11 @@ def test_help_says_what_is_taken_where_nothing_is_given(femseal, monkeypatch, co
     monkeypatch.setenv("COLUMNS", "160")
     code, text, _ = femseal(command, "--help")
     assert code == 0
-    lines = [line for line in text.splitlines() if re.match(r"\W*(--\w|[a-zA-Z]+ +<)", line) and "<bool>" not in line]
+    lines = [
+        line
+        for line in text.splitlines()
+        if re.match(r"\W*(--\w|[a-zA-Z]+ +<)", line) and "<bool>" not in line
+    ]
     assert lines or command == "check"
     for line in lines:
         assert re.search(r"\[default: .+\]|\[required\]", line), line
@@ -156,7 +176,9 @@ def test_every_option_with_a_default_shows_it(monkeypatch):
 
 
 def test_the_package_is_the_command_too():
-    done = subprocess.run([sys.executable, "-m", "femseal", "--version"], capture_output=True, text=True)
+    done = subprocess.run(
+        [sys.executable, "-m", "femseal", "--version"], capture_output=True, text=True
+    )
     assert done.returncode == 0, done.stderr
     assert done.stdout.startswith("femseal ")
 
@@ -171,14 +193,18 @@ def test_version_lists_the_stack(femseal):
     asked = {"python", "scipy", "scikit-fem", "pyamg", "pyfftw", "numba", "meshio", "pyvista"}
     assert asked <= set(listed)
     assert not [name for name in asked if listed[name] == "–"]
-    required = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]["dependencies"]
+    required = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"][
+        "dependencies"
+    ]
     assert {re.split("[><=]", name)[0] for name in required} <= set(listed)
 
 
 def test_commands_are_completed():
     asked = {"_FEMSEAL_COMPLETE": "complete_bash", "COMP_WORDS": "femseal s", "COMP_CWORD": "1"}
     code = "from femseal.cli import main; main()"
-    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, env=os.environ | asked)
+    done = subprocess.run(
+        [sys.executable, "-c", code], capture_output=True, text=True, env=os.environ | asked
+    )
     assert sorted(done.stdout.split()) == ["schema", "surface", "sweep"]
 
 
@@ -270,7 +296,9 @@ def test_what_is_said_goes_before_what_the_file_says(femseal, face):
 
 
 def test_noise_below_the_low_pass_is_pointed_out(femseal, tmp_path):
-    face = fs.self_affine((200, 200), (2e-4, 2e-4), hurst=0.8, rms_height=1e-7, cut_off=1.2e-5, rng=1)
+    face = fs.self_affine(
+        (200, 200), (2e-4, 2e-4), hurst=0.8, rms_height=1e-7, cut_off=1.2e-5, rng=1
+    )
     noise = np.random.default_rng(0).normal(0, 3e-9, face.shape)
     np.savez(tmp_path / "face.npz", z=face.heights + noise, spacing=face.spacing)
     code, text, _ = femseal("surface", tmp_path / "face.npz")
@@ -287,7 +315,10 @@ def test_noise_below_the_low_pass_is_pointed_out(femseal, tmp_path):
         (["--spikes", "0"], "--spikes: given 0"),
         (["--detrend", "3"], "--detrend: given 3"),
         (["--max-undefined", "-1"], "--max-undefined: given -1"),
-        (["--crop", "0 m", "1 mm", "0 m", "10 um"], "--crop: given 0 m, 1 mm, 0 m, 10 µm, expected x1 from, x1 to"),
+        (
+            ["--crop", "0 m", "1 mm", "0 m", "10 um"],
+            "--crop: given 0 m, 1 mm, 0 m, 10 µm, expected x1 from, x1 to",
+        ),
         (["--crop", "0 m", "10 um", "8 um", "8 um"], "--crop: given"),
         (["--mask", "none.png"], "--mask: given 'none.png', no such file"),
         (["--shortest-wave", "1 mm"], "--shortest-wave: given 1 mm"),
@@ -309,7 +340,10 @@ def test_bad_options_of_surface(femseal, face, tmp_path, monkeypatch, arguments,
 @pytest.mark.parametrize(
     ("change", "reason"),
     [
-        (lambda z: z[:, 90:].fill(np.nan), r"29.7 % undefined points, expected at most 5 %: crop the map"),
+        (
+            lambda z: z[:, 90:].fill(np.nan),
+            r"29.7 % undefined points, expected at most 5 %: crop the map",
+        ),
         (lambda z: z[::2].fill(np.nan), "50 % undefined points"),
         (lambda z: z.fill(np.nan), "none of its points is defined"),
         (lambda z: z.__imul__(1e6), r"expected at most 10 mm; .* \(--height-unit\)"),
@@ -334,7 +368,10 @@ def test_a_file_without_a_pixel_and_tiny_maps_are_described(femseal, tmp_path):
         drawn = ["-o", tmp_path / "face.png"] if shape == (1, 40) else []
         code, text, errors = femseal("surface", tmp_path / "face.npy", *drawn)
         assert (code, errors) == (0, ""), shape
-        assert f"a run refuses this face: {tmp_path / 'face.npy'}: given no pixel size in the file" in text
+        assert (
+            f"a run refuses this face: {tmp_path / 'face.npy'}: given no pixel size in the file"
+            in text
+        )
         assert fields(text.split("what a run does")[0])["points"] == f"{shape[0]} × {shape[1]}"
 
 
@@ -344,7 +381,10 @@ def test_a_mask_in_the_file_is_told(femseal, tmp_path):
     mask[10:12, 20:68] = True
     np.savez(tmp_path / "face.npz", z=z, spacing=(1e-6, 1e-6), mask=mask)
     text = femseal("surface", tmp_path / "face.npz")[1]
-    assert "note: 0.781 % of the points in the file are masked in it: --no-file-mask takes their heights" in text
+    assert (
+        "note: 0.781 % of the points in the file are masked in it: --no-file-mask takes their heights"
+        in text
+    )
     assert fields(text)["undefined points, filled"] == "0.781 %"
     text = femseal("surface", tmp_path / "face.npz", "--no-file-mask")[1]
     assert "masked" not in text
@@ -354,9 +394,9 @@ def test_a_mask_in_the_file_is_told(femseal, tmp_path):
 def test_defaults_of_surface_are_those_of_a_case():
     options = inspect.signature(cli.surface).parameters
     table = SurfaceTable()
-    assert {n: options[n].default for n in ("spikes", "detrend", "max_undefined", "shortest_wave")} == {
-        n: getattr(table, n) for n in ("spikes", "detrend", "max_undefined", "shortest_wave")
-    }
+    assert {
+        n: options[n].default for n in ("spikes", "detrend", "max_undefined", "shortest_wave")
+    } == {n: getattr(table, n) for n in ("spikes", "detrend", "max_undefined", "shortest_wave")}
 
 
 def test_the_file_of_an_instrument_on_the_command_line(femseal, tmp_path):
@@ -373,13 +413,22 @@ def test_the_file_of_an_instrument_on_the_command_line(femseal, tmp_path):
 
 # --- schema -----------------------------------------------------------------------------------------------
 
-_KINDS = {"string": str, "boolean": bool, "object": dict, "array": list, "number": (int, float), "integer": int}
+_KINDS = {
+    "string": str,
+    "boolean": bool,
+    "object": dict,
+    "array": list,
+    "number": (int, float),
+    "integer": int,
+}
 
 
 def faults(value, schema, root, place="case"):
     """Faults by the words of JSON Schema that the schema uses; any other word is an error here."""
     if "$ref" in schema:
-        return faults(value, root["definitions"][schema["$ref"].removeprefix("#/definitions/")], root, place)
+        return faults(
+            value, root["definitions"][schema["$ref"].removeprefix("#/definitions/")], root, place
+        )
     found = []
     for word, given in schema.items():
         if word in ("oneOf", "anyOf"):
@@ -388,15 +437,28 @@ def faults(value, schema, root, place="case"):
                 found += min(alternatives, key=len)
         elif word == "type":
             kinds = [_KINDS[k] for k in ([given] if isinstance(given, str) else given)]
-            if not any(isinstance(value, k) and not (isinstance(value, bool) and k is not bool) for k in kinds):
+            if not any(
+                isinstance(value, k) and not (isinstance(value, bool) and k is not bool)
+                for k in kinds
+            ):
                 found.append(f"{place}: {value!r} is no {given}")
         elif word == "properties" and isinstance(value, dict):
-            found += [f for k in value.keys() & given for f in faults(value[k], given[k], root, f"{place}.{k}")]
+            found += [
+                f
+                for k in value.keys() & given
+                for f in faults(value[k], given[k], root, f"{place}.{k}")
+            ]
         elif word == "items" and isinstance(value, list):
-            found += [f for n, v in enumerate(value) for f in faults(v, given, root, f"{place}.{n}")]
+            found += [
+                f for n, v in enumerate(value) for f in faults(v, given, root, f"{place}.{n}")
+            ]
         elif (
             (word == "required" and isinstance(value, dict) and set(given) - set(value))
-            or (word == "additionalProperties" and isinstance(value, dict) and set(value) - set(schema["properties"]))
+            or (
+                word == "additionalProperties"
+                and isinstance(value, dict)
+                and set(value) - set(schema["properties"])
+            )
             or (word == "pattern" and isinstance(value, str) and not re.search(given, value))
             or (word == "enum" and value not in given)
             or (word == "const" and value != given)
@@ -508,7 +570,9 @@ def test_every_key_of_a_case_is_in_the_schema_with_values_of_toml(schema):
     assert "null" not in text
     assert "prefixItems" not in text
     assert "folder" not in schema["properties"]
-    assert set(SurfaceTable.model_fields) == set(schema["definitions"]["SurfaceTable"]["properties"])
+    assert set(SurfaceTable.model_fields) == set(
+        schema["definitions"]["SurfaceTable"]["properties"]
+    )
     assert "default" not in schema["definitions"]["LiquidTable"]["properties"]["density"]
     assert schema["definitions"]["SurfaceTable"]["properties"]["detrend"]["default"] == 1
 
@@ -520,7 +584,8 @@ def test_schema_is_printed(femseal, schema):
 
 
 @pytest.mark.parametrize(
-    "arguments", [("report",), ("surface",), ("new",), ("run", CASES[0], "-o"), ("export", "-o", "gap.npz")]
+    "arguments",
+    [("report",), ("surface",), ("new",), ("run", CASES[0], "-o"), ("export", "-o", "gap.npz")],
 )
 def test_a_name_longer_than_the_file_system_takes_is_one_line(femseal, arguments):
     code, _, err = femseal(*arguments, "a" * 5000)
@@ -535,7 +600,12 @@ def test_new_writes_the_case_of_a_measured_face(tmp_path, femseal):
     case.parent.mkdir()
     assert femseal("new", case, "--from", face)[0] == 0
     text = case.read_text(encoding="utf-8")
-    for words in ('size = ["300 µm", "600 µm"]', 'shortest_wave = "10 µm"', "Std, lay from x2", "# ? which fluid"):
+    for words in (
+        'size = ["300 µm", "600 µm"]',
+        'shortest_wave = "10 µm"',
+        "Std, lay from x2",
+        "# ? which fluid",
+    ):
         assert words in text
     assert (case.parent / fs.load_case(case).face[0].path).samefile(face)
 
@@ -563,12 +633,17 @@ def test_new_asks_for_what_a_text_does_not_say(tmp_path, femseal):
     found, _ = table.make(tmp_path, np.random.default_rng())
     np.testing.assert_allclose(found.heights, face.heights, rtol=1e-12)
     np.testing.assert_allclose(found.spacing, 1e-6)
-    assert "note: a line of the text runs along x1" in femseal("surface", tmp_path / "face.txt", *said)[1]
+    assert (
+        "note: a line of the text runs along x1"
+        in femseal("surface", tmp_path / "face.txt", *said)[1]
+    )
 
 
 def test_a_scheduler_without_its_extra_is_told_how_to_install_it(femseal, tmp_path, monkeypatch):
     monkeypatch.setitem(sys.modules, "distributed", None)
-    code, _, complaint = femseal("run", CASES[0], "-o", tmp_path / "results", "--scheduler", "local")
+    code, _, complaint = femseal(
+        "run", CASES[0], "-o", tmp_path / "results", "--scheduler", "local"
+    )
     assert (code, complaint) == (
         2,
         "femseal: scheduler: given 'local', expected one after: pip install 'femseal[cluster]'\n",

@@ -10,7 +10,14 @@ from small_cases import HARDENED as CASE
 
 import femseal as fs
 from femseal.case.case import parse_case
-from femseal.contact import ContactLaw, HalfSpace, LinearHardening, PerfectlyPlastic, load_cycle, solve_contact
+from femseal.contact import (
+    ContactLaw,
+    HalfSpace,
+    LinearHardening,
+    PerfectlyPlastic,
+    load_cycle,
+    solve_contact,
+)
 from femseal.contact.descent import Descent
 from femseal.contact.workspace import nested_grids
 from femseal.topography import self_affine
@@ -32,7 +39,9 @@ def rough(shape, slope=0.25, seed=0):
 
 def solved(gap, law, pressure, boundary="periodic", **given):
     half_space = HalfSpace(gap.shape, (D, D), E, boundary)
-    return solve_contact(gap, half_space, **{"pressure": pressure, "hardness": law, "rtol": RTOL} | given)
+    return solve_contact(
+        gap, half_space, **{"pressure": pressure, "hardness": law, "rtol": RTOL} | given
+    )
 
 
 def minimum(k, gap, mean, hardness, slope):
@@ -45,7 +54,9 @@ def minimum(k, gap, mean, hardness, slope):
     for _ in range(300):
         f = np.flatnonzero(touching)
         soft = np.where(yields, 1 / slope, 0.0)[f]
-        matrix = np.block([[k[np.ix_(f, f)] + np.diag(soft), -np.ones((f.size, 1))], [np.ones((1, f.size)), 0]])
+        matrix = np.block(
+            [[k[np.ix_(f, f)] + np.diag(soft), -np.ones((f.size, 1))], [np.ones((1, f.size)), 0]]
+        )
         scale = np.r_[np.full(f.size, STIFF), 1.0]
         right = np.r_[soft * hardness[f] - gap[f], mean * n]
         x = np.linalg.solve(matrix * scale[:, None], right * scale)
@@ -74,8 +85,12 @@ def test_equals_an_independent_minimum_on_a_dense_matrix(boundary, slope, dense_
     hardness = 0.3 * H * np.random.default_rng(6).uniform(0.5, 1.5, shape)
     slopes = slope * STIFF * np.random.default_rng(7).uniform(0.5, 1.5, shape)
     for mean in (0.05 * H, 0.5 * H):
-        p, u = minimum(dense_operator(half_space), gap.ravel(), mean, hardness.ravel(), slopes.ravel())
-        contact = solve_contact(gap, half_space, pressure=mean, hardness=LinearHardening(hardness, slopes), rtol=1e-11)
+        p, u = minimum(
+            dense_operator(half_space), gap.ravel(), mean, hardness.ravel(), slopes.ravel()
+        )
+        contact = solve_contact(
+            gap, half_space, pressure=mean, hardness=LinearHardening(hardness, slopes), rtol=1e-11
+        )
         assert_allclose(contact.pressure.ravel(), p, rtol=0, atol=1e-7 * p.max())
         assert_allclose(contact.plastic_deformation.ravel(), u, rtol=0, atol=1e-7 * u.max())
         assert 0 < contact.plastic_fraction < 1 or mean > 0.3 * H
@@ -113,14 +128,18 @@ def test_no_slope_is_perfectly_plastic_and_an_endless_one_elastic(boundary):
     assert (flat.approach, flat.fft_pairs) == (plain.approach, plain.fft_pairs)
     soft = solved(gap, LinearHardening(H, 1e-7 * STIFF), 0.2 * H, boundary)
     assert_allclose(soft.gap, plain.gap, rtol=0, atol=1e-5 * np.ptp(gap))
-    elastic, stiff = (solved(gap, law, 0.2 * H, boundary) for law in (np.inf, LinearHardening(H, 1e9 * STIFF)))
+    elastic, stiff = (
+        solved(gap, law, 0.2 * H, boundary) for law in (np.inf, LinearHardening(H, 1e9 * STIFF))
+    )
     assert_allclose(stiff.pressure, elastic.pressure, rtol=0, atol=1e-7 * elastic.pressure.max())
 
 
 @pytest.mark.parametrize("boundary", ["periodic", "mirror"])
 @pytest.mark.parametrize("hardness", [H, np.where(rough((24, 20), seed=3) > 1.5e-7, np.inf, H)])
 @pytest.mark.parametrize("load", [2.0, 8.0])
-def test_a_face_that_hardens_is_pressed_past_its_mean_by_load_and_by_approach(boundary, hardness, load):
+def test_a_face_that_hardens_is_pressed_past_its_mean_by_load_and_by_approach(
+    boundary, hardness, load
+):
     """What yields lets the body follow; of faces that do not, the load has no bound at the mean."""
     gap, law = rough((24, 20)), LinearHardening(hardness, 0.1 * STIFF)
     loaded = solved(gap, law, load * H, boundary)
@@ -151,7 +170,9 @@ def test_every_slope_converges_to_a_solution(boundary, slope, load):
 
 def test_a_harder_slope_yields_less_and_carries_more_pressure():
     gap = rough((48, 40))
-    found = [solved(gap, LinearHardening(H, s * STIFF), 0.3 * H) for s in (0, 0.01, 0.1, 1, 10, 100)]
+    found = [
+        solved(gap, LinearHardening(H, s * STIFF), 0.3 * H) for s in (0, 0.01, 0.1, 1, 10, 100)
+    ]
     for name, sign in (("plastic_deformation", -1), ("pressure", 1)):
         highest = [getattr(c, name).max() for c in found]
         assert np.all(sign * np.diff(highest) > 0)
@@ -185,7 +206,11 @@ def gap():
 @pytest.fixture(scope="module")
 def cycle(gap):
     half_space = HalfSpace(gap.shape, (D, D), E, ("mirror", "periodic"))
-    loads = {"loading": (0.1 * H, 0.6 * H), "unload_from": (PEAK,), "unloading": (0.02 * H, 0.1 * H, 0.2 * H)}
+    loads = {
+        "loading": (0.1 * H, 0.6 * H),
+        "unload_from": (PEAK,),
+        "unloading": (0.02 * H, 0.1 * H, 0.2 * H),
+    }
     states = load_cycle(gap, half_space, hardness=LAW, rtol=RTOL, **loads)
     return {(s.pressure, s.unloaded_from): s.contact for s in states}
 
@@ -234,7 +259,10 @@ def test_projection_tangent_capacity_and_what_is_kept():
     law = LinearHardening(H, 3.0 * STIFF)
     trial = np.array([-1.0, 0.5, 1.0, 5.0]) * H
     assert_allclose(law.project(trial, STIFF), [0, 0.5 * H, H, H + 0.75 * 4 * H])
-    assert_allclose(law.deformation(np.array([H, 2 * H]), np.array([0.0, -H / (3 * STIFF)]), STIFF), [0, H / 3 / STIFF])
+    assert_allclose(
+        law.deformation(np.array([H, 2 * H]), np.array([0.0, -H / (3 * STIFF)]), STIFF),
+        [0, H / 3 / STIFF],
+    )
     assert law.capacity == np.inf
     assert PerfectlyPlastic(H * np.array([[0.5, 1.5]])).capacity == H
     left = np.array([[0.0, 1e-6]])
@@ -243,14 +271,27 @@ def test_projection_tangent_capacity_and_what_is_kept():
     assert_allclose(after.after(left).yield_pressure(), H + 2 * law.slope * left)
     assert_allclose(after.less(0.1 * H).times(2).yield_pressure(), 2 * (0.9 * H + law.slope * left))
     assert PerfectlyPlastic(H).after(left) == PerfectlyPlastic(H)
-    assert (law.is_perfect, law.is_elastic, law.is_uniform, after.is_uniform) == (False, False, True, False)
-    assert str(LinearHardening(H, 2e15)) == "elastic-plastic with hardness 4 GPa and hardening 2 GPa/µm"
+    assert (law.is_perfect, law.is_elastic, law.is_uniform, after.is_uniform) == (
+        False,
+        False,
+        True,
+        False,
+    )
+    assert (
+        str(LinearHardening(H, 2e15))
+        == "elastic-plastic with hardness 4 GPa and hardening 2 GPa/µm"
+    )
 
 
 def test_laws_are_equal_by_their_parameters_and_have_keys_of_their_own():
     field = H * np.ones((2, 2))
     assert PerfectlyPlastic(field) == PerfectlyPlastic(field.copy())
-    laws = [PerfectlyPlastic(H), PerfectlyPlastic(2 * H), PerfectlyPlastic(field), LinearHardening(H, 0.0)]
+    laws = [
+        PerfectlyPlastic(H),
+        PerfectlyPlastic(2 * H),
+        PerfectlyPlastic(field),
+        LinearHardening(H, 0.0),
+    ]
     laws += [LinearHardening(H, 1e15), LinearHardening(H, 1e15).times(2), PerfectlyPlastic(np.inf)]
     assert len({law.key() for law in laws}) == len(set(laws)) == len(laws)
 
@@ -258,7 +299,11 @@ def test_laws_are_equal_by_their_parameters_and_have_keys_of_their_own():
 def test_fluid_pressure_on_a_periodic_face_takes_its_part_of_the_load():
     """Constant p_f: t = p + p_f lies as the dry face under p̄ − p_f, whose points yield p_f earlier."""
     gap, p_f = rough((32, 32)), 0.05 * H
-    for law in (PerfectlyPlastic(np.inf), PerfectlyPlastic(0.4 * H), LinearHardening(0.4 * H, 0.1 * STIFF)):
+    for law in (
+        PerfectlyPlastic(np.inf),
+        PerfectlyPlastic(0.4 * H),
+        LinearHardening(0.4 * H, 0.1 * STIFF),
+    ):
         dry = solved(gap, replace(law, hardness=law.hardness - p_f), 0.2 * H - p_f)
         wet = solved(gap, law.less(p_f), 0.2 * H - p_f)
         assert_array_equal(wet.gap, dry.gap)
@@ -268,15 +313,24 @@ def test_fluid_pressure_on_a_periodic_face_takes_its_part_of_the_load():
     ("make", "words"),
     [
         (lambda: LinearHardening(0.0, 1.0), r"hardness: given 0 Pa, expected numbers > 0 \[Pa\]"),
-        (lambda: LinearHardening(H, -1.0), r"slope: given -1 Pa/m, expected finite numbers >= 0 \[Pa/m\]"),
+        (
+            lambda: LinearHardening(H, -1.0),
+            r"slope: given -1 Pa/m, expected finite numbers >= 0 \[Pa/m\]",
+        ),
         (lambda: LinearHardening(H, np.inf), "slope: given inf"),
-        (lambda: LinearHardening("4 GPa", 1.0), "hardness: given '4 GPa', expected a number or an array"),
+        (
+            lambda: LinearHardening("4 GPa", 1.0),
+            "hardness: given '4 GPa', expected a number or an array",
+        ),
         (lambda: PerfectlyPlastic(np.nan), "hardness: given nan"),
         (
             lambda: solved(np.zeros((4, 4)), LinearHardening(H * np.ones((3, 3)), 1.0), H),
             r"hardness: given shape \(3, 3\)",
         ),
-        (lambda: solved(np.zeros((4, 4)), LinearHardening(H, np.ones((2, 2))), H), r"hardness: given shape \(2, 2\)"),
+        (
+            lambda: solved(np.zeros((4, 4)), LinearHardening(H, np.ones((2, 2))), H),
+            r"hardness: given shape \(2, 2\)",
+        ),
     ],
 )
 def test_bad_laws_are_named(make, words):
@@ -298,7 +352,11 @@ class Bilinear(ContactLaw):
 
     def yield_pressure(self, deformation=0.0):
         u = np.asarray(deformation, dtype=float)
-        return self.hardness + self.first * np.minimum(u, self.bend) + self.second * np.maximum(u - self.bend, 0.0)
+        return (
+            self.hardness
+            + self.first * np.minimum(u, self.bend)
+            + self.second * np.maximum(u - self.bend, 0.0)
+        )
 
     def hardening_modulus(self, deformation=0.0):
         return np.where(np.asarray(deformation) < self.bend, self.first, self.second)
@@ -315,7 +373,12 @@ class SofterBelow(ContactLaw):
         return self.hardness / 2 * (1 + 1 / (1 + np.asarray(deformation, dtype=float) / self.depth))
 
     def hardening_modulus(self, deformation=0.0):
-        return -self.hardness / 2 / self.depth / (1 + np.asarray(deformation, dtype=float) / self.depth) ** 2
+        return (
+            -self.hardness
+            / 2
+            / self.depth
+            / (1 + np.asarray(deformation, dtype=float) / self.depth) ** 2
+        )
 
 
 OUTSIDE = [Bilinear(0.3 * H, 0.2 * STIFF, 0.02 * STIFF, 0.01 * D), SofterBelow(0.5 * H, 0.5 * D)]
@@ -340,15 +403,31 @@ def test_a_curved_law_is_solved_by_its_tangents(law, boundary):
 def test_a_bent_law_is_the_straight_one_where_it_does_not_bend():
     gap = rough((32, 32))
     straight = solved(gap, LinearHardening(H, 0.2 * STIFF), 0.2 * H)
-    for law in (Bilinear(H, 0.2 * STIFF, 0.2 * STIFF, 0.01 * D), Bilinear(H, 0.2 * STIFF, STIFF, D)):
-        assert_allclose(solved(gap, law, 0.2 * H).gap, straight.gap, rtol=0, atol=1e-12 * np.ptp(gap))
+    for law in (
+        Bilinear(H, 0.2 * STIFF, 0.2 * STIFF, 0.01 * D),
+        Bilinear(H, 0.2 * STIFF, STIFF, D),
+    ):
+        assert_allclose(
+            solved(gap, law, 0.2 * H).gap, straight.gap, rtol=0, atol=1e-12 * np.ptp(gap)
+        )
 
 
 @pytest.mark.parametrize("law", OUTSIDE, ids=lambda law: type(law).__name__)
 def test_a_law_from_outside_runs_through_every_study(law):
-    surface = self_affine((48, 64), (48e-6, 64e-6), hurst=0.8, rms_slope=0.25, roll_off=24e-6, cut_off=8e-6, rng=1)
+    surface = self_affine(
+        (48, 64), (48e-6, 64e-6), hurst=0.8, rms_slope=0.25, roll_off=24e-6, cut_off=8e-6, rng=1
+    )
     scene = fs.Scene(
-        surface, E, law, fs.Liquid(1e-3), 1e6, 0.0, loading=(1e8, 6e8), unload_from=(6e8,), unloading=(2e8,), rtol=1e-4
+        surface,
+        E,
+        law,
+        fs.Liquid(1e-3),
+        1e6,
+        0.0,
+        loading=(1e8, 6e8),
+        unload_from=(6e8,),
+        unloading=(2e8,),
+        rtol=1e-4,
     )
     whole = fs.deterministic(scene)
     assert np.all(whole.plastic_fraction[1] > 0.01)
@@ -363,7 +442,9 @@ def test_a_law_from_outside_runs_through_every_study(law):
 
 
 def test_hardness_of_every_place_is_for_whole_faces():
-    surface = self_affine((48, 64), (48e-6, 64e-6), hurst=0.8, rms_slope=0.25, roll_off=24e-6, cut_off=8e-6, rng=1)
+    surface = self_affine(
+        (48, 64), (48e-6, 64e-6), hurst=0.8, rms_slope=0.25, roll_off=24e-6, cut_off=8e-6, rng=1
+    )
     field = LinearHardening(np.where(np.arange(64) < 32, 1.0, 40.0) * np.full((48, 1), 1e9), 1e15)
     scene = fs.Scene(surface, E, field, fs.Liquid(1e-3), 1e6, 0.0, (3e8,), rtol=1e-4)
     found = fs.two_scale(scene, (3, 4)).pieces
@@ -377,15 +458,23 @@ def test_a_case_with_hardening():
     case = parse_case(CASE)
     assert case.law == LinearHardening(2e9, 2e15)
     results = fs.run(case)
-    assert results.dataset.attrs["contact_law"] == "elastic-plastic with hardness 2 GPa and hardening 2 GPa/µm"
+    assert (
+        results.dataset.attrs["contact_law"]
+        == "elastic-plastic with hardness 2 GPa and hardening 2 GPa/µm"
+    )
     plain = fs.run(parse_case(CASE | {"material": {"young": "210 GPa", "hardness": "2 GPa"}}))
     assert np.all(results.deterministic.mean_gap > plain.deterministic.mean_gap)
 
 
 def test_the_law_of_a_case_is_that_of_the_softer_solid():
-    hard, soft = {"young": "210 GPa", "yield_stress": "2 GPa"}, {"young": "120 GPa", "hardness": "600 MPa"}
+    hard, soft = (
+        {"young": "210 GPa", "yield_stress": "2 GPa"},
+        {"young": "120 GPa", "hardness": "600 MPa"},
+    )
     for one, two in ((hard, soft), (soft, hard), ({"young": "210 GPa"}, soft)):
-        assert parse_case(CASE | {"material": one, "counter_material": two}).law == PerfectlyPlastic(6e8)
+        assert parse_case(
+            CASE | {"material": one, "counter_material": two}
+        ).law == PerfectlyPlastic(6e8)
     assert parse_case(CASE | {"material": {"young": "210 GPa"}}).law.is_elastic
 
 

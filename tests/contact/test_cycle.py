@@ -33,12 +33,22 @@ GAP = rough(SHAPE)
 
 
 def alone(gap, pressure, hardness=H, deformation=None):
-    return solve_contact(gap, HALF_SPACE, pressure=pressure, hardness=hardness, deformation=deformation, rtol=RTOL)
+    return solve_contact(
+        gap, HALF_SPACE, pressure=pressure, hardness=hardness, deformation=deformation, rtol=RTOL
+    )
 
 
 @pytest.fixture(scope="module")
 def cycle():
-    return load_cycle(GAP, HALF_SPACE, loading=LOADING, hardness=H, unload_from=PEAKS, unloading=UNLOADING, rtol=RTOL)
+    return load_cycle(
+        GAP,
+        HALF_SPACE,
+        loading=LOADING,
+        hardness=H,
+        unload_from=PEAKS,
+        unloading=UNLOADING,
+        rtol=RTOL,
+    )
 
 
 def state(cycle, pressure, peak=None):
@@ -67,7 +77,9 @@ def test_at_the_peak_unloading_returns_the_same_state(cycle, peak):
     again = alone(GAP, peak, deformation=virgin.plastic_deformation)
     assert_allclose(again.pressure, virgin.pressure, rtol=0, atol=1e-6 * H)
     assert_allclose(again.gap, virgin.gap, rtol=0, atol=1e-6 * np.ptp(GAP))
-    assert_allclose(again.plastic_deformation, virgin.plastic_deformation, rtol=0, atol=1e-6 * np.ptp(GAP))
+    assert_allclose(
+        again.plastic_deformation, virgin.plastic_deformation, rtol=0, atol=1e-6 * np.ptp(GAP)
+    )
     assert_allclose(again.approach, virgin.approach, rtol=0, atol=1e-6 * np.ptp(GAP))
 
 
@@ -122,33 +134,57 @@ def test_unloading_has_more_contact_and_less_gap_than_loading(cycle):
 
 def test_two_unloadings_share_the_loading_curve(cycle):
     one = load_cycle(
-        GAP, HALF_SPACE, loading=LOADING, hardness=H, unload_from=PEAKS[:1], unloading=UNLOADING, rtol=RTOL
+        GAP,
+        HALF_SPACE,
+        loading=LOADING,
+        hardness=H,
+        unload_from=PEAKS[:1],
+        unloading=UNLOADING,
+        rtol=RTOL,
     )
     for s in one:
-        assert np.array_equal(s.contact.pressure, state(cycle, s.pressure, s.unloaded_from).pressure)
+        assert np.array_equal(
+            s.contact.pressure, state(cycle, s.pressure, s.unloaded_from).pressure
+        )
     assert sum(s.branch == "loading" for s in cycle) == len(LOADING)
 
 
 def test_without_hardness_unloading_is_loading():
-    states = load_cycle(GAP, HALF_SPACE, loading=[1e8, 4e8], unload_from=[4e8], unloading=[1e8], rtol=RTOL)
+    states = load_cycle(
+        GAP, HALF_SPACE, loading=[1e8, 4e8], unload_from=[4e8], unloading=[1e8], rtol=RTOL
+    )
     assert_allclose(states[2].contact.pressure, states[0].contact.pressure, rtol=0, atol=1e-12 * H)
     assert not states[2].contact.plastic_deformation.any()
 
 
 def test_unloading_to_nothing_leaves_the_deformed_gap(cycle):
     states = load_cycle(
-        GAP, HALF_SPACE, loading=[0.2 * H], hardness=H, unload_from=[0.2 * H], unloading=[0.0], rtol=RTOL
+        GAP,
+        HALF_SPACE,
+        loading=[0.2 * H],
+        hardness=H,
+        unload_from=[0.2 * H],
+        unloading=[0.0],
+        rtol=RTOL,
     )
     deformed = GAP + states[0].contact.plastic_deformation
     assert_allclose(states[1].contact.gap, deformed - deformed.min(), rtol=0, atol=1e-15)
-    assert np.array_equal(states[1].contact.plastic_deformation, states[0].contact.plastic_deformation)
+    assert np.array_equal(
+        states[1].contact.plastic_deformation, states[0].contact.plastic_deformation
+    )
 
 
 def test_hardness_per_point():
     hardness = H * np.random.default_rng(1).uniform(0.5, 1.5, SHAPE)
     peak = 0.3 * H
     states = load_cycle(
-        GAP, HALF_SPACE, loading=[0.1 * H, peak], hardness=hardness, unload_from=[peak], unloading=[0.1 * H], rtol=RTOL
+        GAP,
+        HALF_SPACE,
+        loading=[0.1 * H, peak],
+        hardness=hardness,
+        unload_from=[peak],
+        unloading=[0.1 * H],
+        rtol=RTOL,
     )
     again = alone(GAP + states[1].contact.plastic_deformation, peak, hardness)
     assert_allclose(again.pressure, states[1].contact.pressure, rtol=0, atol=1e-6 * H)
@@ -191,7 +227,12 @@ def test_bad_programmes_are_refused_before_anything_is_solved(change, word, monk
 
 def test_yielding_on_unloading_is_reported():
     states = load_cycle(
-        GAP, HALF_SPACE, loading=[0.4 * H], hardness=H, unload_from=[0.4 * H], unloading=[0.39 * H, 0.1 * H]
+        GAP,
+        HALF_SPACE,
+        loading=[0.4 * H],
+        hardness=H,
+        unload_from=[0.4 * H],
+        unloading=[0.39 * H, 0.1 * H],
     )
     assert states[0].yielded_again == 0
     for state in states[1:]:
@@ -200,7 +241,9 @@ def test_yielding_on_unloading_is_reported():
         assert state.yielded_again == pytest.approx(np.mean(grown > 1e-4 * np.ptp(GAP)), abs=0.02)
     # a plastic deformation at the wrong place is pressed flat again
     moved = np.roll(states[0].contact.plastic_deformation, 20, axis=0)
-    contact = solve_contact(GAP, HALF_SPACE, pressure=0.4 * H, hardness=H, deformation=moved, rtol=1e-6)
+    contact = solve_contact(
+        GAP, HALF_SPACE, pressure=0.4 * H, hardness=H, deformation=moved, rtol=1e-6
+    )
     assert _yielded_again(contact, moved, 1e-6) > 0.02
 
 
@@ -217,7 +260,14 @@ def test_states_that_do_not_depend_on_each_other_go_to_the_map_together():
     steps = LoadProgramme.of(LOADING[:3], PEAKS[:1], UNLOADING[:2])
     expected = list(load_states(gap0, HALF_SPACE, steps, law=LAW))
     taken = list(
-        load_states(gap0, HALF_SPACE, steps, law=LAW, take=lambda s: (s.name, s.contact.gap), mapper=backwards)
+        load_states(
+            gap0,
+            HALF_SPACE,
+            steps,
+            law=LAW,
+            take=lambda s: (s.name, s.contact.gap),
+            mapper=backwards,
+        )
     )
     assert calls == [list(steps[:3]), list(steps[3:])]
     assert [name for name, _ in taken] == [step.name for step in steps]

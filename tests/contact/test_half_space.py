@@ -52,17 +52,23 @@ def test_every_boundary_pair_against_a_dense_reference(boundary, shape, spacing,
 def test_free_against_a_direct_sum_on_a_larger_odd_grid(dense_operator):
     half_space = HalfSpace((23, 17), (2e-6, 3e-6), E, "free")
     p = np.random.default_rng(1).random((23, 17))
-    assert_allclose(half_space.displacement(p).ravel(), dense_operator(half_space) @ p.ravel(), rtol=1e-13)
+    assert_allclose(
+        half_space.displacement(p).ravel(), dense_operator(half_space) @ p.ravel(), rtol=1e-13
+    )
 
 
 def test_free_centre_of_a_uniform_square():
     # Love 1929: u = (8 a/πE*) ln(1 + √2) p at the centre of a square of side 2a
     n, d = 15, 1e-6
     u = HalfSpace((n, n), (d, d), E, "free").displacement(np.ones((n, n)))
-    assert_allclose(u[n // 2, n // 2], 8 * (n * d / 2) / (np.pi * E) * np.log(1 + np.sqrt(2)), rtol=1e-13)
+    assert_allclose(
+        u[n // 2, n // 2], 8 * (n * d / 2) / (np.pi * E) * np.log(1 + np.sqrt(2)), rtol=1e-13
+    )
 
 
-@each("boundary", [("free", "periodic"), ("free", "mirror"), ("periodic", "free"), ("mirror", "free")])
+@each(
+    "boundary", [("free", "periodic"), ("free", "mirror"), ("periodic", "free"), ("mirror", "free")]
+)
 def test_strip_under_uniform_lines_is_plane_strain(boundary):
     # −(2/πE*) p ∫ ln|x − s| ds, up to a constant. Johnson 1985, eq. 2.24
     n, d = 40, 2e-6
@@ -71,11 +77,15 @@ def test_strip_under_uniform_lines_is_plane_strain(boundary):
     p = np.random.default_rng(2).random(n)
     field = np.broadcast_to(p[:, None] if axis == 0 else p, shape)
     u = HalfSpace(shape, spacing, E, boundary).displacement(field)
-    assert_allclose(u, np.broadcast_to(u[:, :1] if axis == 0 else u[:1], shape), rtol=0, atol=1e-12 * np.ptp(u))
+    assert_allclose(
+        u, np.broadcast_to(u[:, :1] if axis == 0 else u[:1], shape), rtol=0, atol=1e-12 * np.ptp(u)
+    )
     x = np.arange(n) * d
     t = x[:, None] - x
     upper, lower = t + d / 2, t - d / 2
-    line = -2 / (np.pi * E) * (upper * np.log(np.abs(upper)) - lower * np.log(np.abs(lower)) - d) @ p
+    line = (
+        -2 / (np.pi * E) * (upper * np.log(np.abs(upper)) - lower * np.log(np.abs(lower)) - d) @ p
+    )
     ours = u[:, 0] if axis == 0 else u[0]
     assert_allclose(ours - ours[0], line - line[0], rtol=0, atol=1e-12 * np.ptp(line))
 
@@ -96,7 +106,9 @@ def test_symmetric_and_positive(boundary):
     half_space = HalfSpace((11, 8), (1e-6, 2.5e-6), E, boundary)
     rng = np.random.default_rng(3)
     p, q = rng.standard_normal((2, 11, 8))
-    assert_allclose(np.sum(q * half_space.displacement(p)), np.sum(p * half_space.displacement(q)), rtol=1e-12)
+    assert_allclose(
+        np.sum(q * half_space.displacement(p)), np.sum(p * half_space.displacement(q)), rtol=1e-12
+    )
     eigenvalues = np.linalg.eigvalsh(applied(half_space))
     zero_sum = np.eye(88) - 1 / 88
     restricted = np.linalg.eigvalsh(zero_sum @ applied(half_space) @ zero_sum)
@@ -136,7 +148,9 @@ def test_single_waves_respond_with_two_over_modulus_times_wave_number(kind):
     unit = np.pi if kind == "mirror" else 2 * np.pi
     for k1, k2 in [(1, 0), (0, 1), (2, 3), (11, 14)]:
         q1, q2 = unit * k1 / (n1 * d), unit * k2 / (n2 * 2 * d)
-        wave = np.outer(np.cos(q1 * (np.arange(n1) + 0.5) * d), np.cos(q2 * (np.arange(n2) + 0.5) * 2 * d))
+        wave = np.outer(
+            np.cos(q1 * (np.arange(n1) + 0.5) * d), np.cos(q2 * (np.arange(n2) + 0.5) * 2 * d)
+        )
         u = half_space.displacement(wave)
         assert_allclose(u, 2 / (E * np.hypot(q1, q2)) * wave, rtol=0, atol=1e-13 * np.abs(u).max())
 
@@ -201,7 +215,9 @@ def test_two_workspaces_in_the_same_memory(kind, boundary, dtype, error, monkeyp
     monkeypatch.setattr(large_convolution, "LARGE", 1 if kind is LargeConvolution else np.inf)
     half_space = HalfSpace((10, 7), (1e-6, 1e-6), E, boundary)
     first = kind(half_space.shape, half_space.boundary, half_space.symbol())
-    second = kind(half_space.shape, half_space.boundary, half_space.symbol(), dtype=dtype, over=first)
+    second = kind(
+        half_space.shape, half_space.boundary, half_space.symbol(), dtype=dtype, over=first
+    )
     p, q = np.random.default_rng(7).random((2, 10, 7))
     for _ in range(2):
         for workspace, pressure, rtol in ((first, p, 0), (second, q, error)):
@@ -250,13 +266,20 @@ def test_one_word_stands_for_both_axes():
     ],
 )
 def test_bad_input_is_named(change, words):
-    given = {"shape": (4, 4), "spacing": (1e-6, 1e-6), "modulus": E, "boundary": ("periodic", "periodic")} | change
+    given = {
+        "shape": (4, 4),
+        "spacing": (1e-6, 1e-6),
+        "modulus": E,
+        "boundary": ("periodic", "periodic"),
+    } | change
     with pytest.raises(InputError) as caught:
         HalfSpace(**given)
     assert all(word in str(caught.value) for word in words), str(caught.value)
 
 
-@each(("pressure", "word"), [(np.ones((4, 5)), "shape (4, 5)"), (np.full((4, 4), np.nan), "finite")])
+@each(
+    ("pressure", "word"), [(np.ones((4, 5)), "shape (4, 5)"), (np.full((4, 4), np.nan), "finite")]
+)
 def test_bad_pressure_is_named(pressure, word):
     with pytest.raises(InputError, match="pressure") as caught:
         HalfSpace((4, 4), (1e-6, 1e-6), E).displacement(pressure)
@@ -269,7 +292,11 @@ def displacements():
     parts = []
     for kinds in PAIRS:
         for n in (40, 288):
-            parts.append(HalfSpace((n, n), (1e-6, 1e-6), E, kinds).displacement(rng.standard_normal((n, n))).tobytes())
+            parts.append(
+                HalfSpace((n, n), (1e-6, 1e-6), E, kinds)
+                .displacement(rng.standard_normal((n, n)))
+                .tobytes()
+            )
     return hashlib.sha256(b"".join(parts)).hexdigest()
 
 
@@ -283,12 +310,17 @@ def test_every_process_computes_the_same_bits():
 def test_what_fftw_has_planned_before_changes_no_bits_and_is_kept():
     before = displacements()
     for n in (40, 288):
-        points, waves = pyfftw.empty_aligned((n, n)), pyfftw.empty_aligned((n, n // 2 + 1), dtype=complex)
+        points, waves = (
+            pyfftw.empty_aligned((n, n)),
+            pyfftw.empty_aligned((n, n // 2 + 1), dtype=complex),
+        )
         pyfftw.FFTW(points, waves, (1,), "FFTW_FORWARD", ("FFTW_MEASURE",))
         pyfftw.FFTW(waves, points, (1,), "FFTW_BACKWARD", ("FFTW_MEASURE", "FFTW_DESTROY_INPUT"))
     known = pyfftw.export_wisdom()
     assert displacements() == before
-    assert [sorted(part.splitlines()) for part in pyfftw.export_wisdom()] == [sorted(k.splitlines()) for k in known]
+    assert [sorted(part.splitlines()) for part in pyfftw.export_wisdom()] == [
+        sorted(k.splitlines()) for k in known
+    ]
 
 
 @each("boundary", PAIRS)
@@ -304,7 +336,11 @@ def test_threads_share_rows_and_columns_and_change_no_bits(kind, module, boundar
         shared.pressure[:] = p
         shared.apply()
         found.append(shared.displacement.tobytes())
-    rows, blocks = shared._stages[:2] if kind is Convolution else (shared._parts, [b[0] for b in shared._blocks])
+    rows, blocks = (
+        shared._stages[:2]
+        if kind is Convolution
+        else (shared._parts, [b[0] for b in shared._blocks])
+    )
     assert len(rows) > 2
     assert [len(part) > 0 for part in blocks] == [True] * 3
     assert len(set(found)) == 1

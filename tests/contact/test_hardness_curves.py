@@ -8,7 +8,14 @@ from scipy.optimize import brentq, minimize, root
 from test_contact_law import RTOL, STIFF, D, E, H, rough, solved
 
 import femseal as fs
-from femseal.contact import HardnessTable, LinearHardening, NixGao, PerfectlyPlastic, load_cycle, softer_of
+from femseal.contact import (
+    HardnessTable,
+    LinearHardening,
+    NixGao,
+    PerfectlyPlastic,
+    load_cycle,
+    softer_of,
+)
 from femseal.contact.hardness_curves import SofterOf
 from femseal.topography import self_affine
 
@@ -23,7 +30,10 @@ def test_a_flat_face_yields_as_the_table_says(law):
     for fraction in (0.3, 0.95):
         mean = law.hardness[0] + fraction * (law.hardness[-1] - law.hardness[0])
         depth = brentq(
-            lambda u, mean=mean: float(law.yield_pressure(u)) - mean, law.depth[0], law.depth[-1], xtol=1e-18
+            lambda u, mean=mean: float(law.yield_pressure(u)) - mean,
+            law.depth[0],
+            law.depth[-1],
+            xtol=1e-18,
         )
         contact = solved(np.zeros((8, 6)), law, mean)
         assert_allclose(contact.pressure, mean, rtol=1e-8)
@@ -37,7 +47,9 @@ def test_a_table_of_a_straight_line_is_linear_hardening(boundary):
     depths = np.array([0.0, 0.1, 0.3, 1.0]) * 2 * line.plastic_deformation.max()
     table = solved(gap, HardnessTable(depths, 0.25 * H + slope * depths), 0.15 * H, boundary)
     assert_allclose(table.pressure, line.pressure, rtol=0, atol=1e-7 * line.pressure.max())
-    assert_allclose(table.plastic_deformation, line.plastic_deformation, rtol=0, atol=1e-7 * np.ptp(gap))
+    assert_allclose(
+        table.plastic_deformation, line.plastic_deformation, rtol=0, atol=1e-7 * np.ptp(gap)
+    )
     assert line.plastic_fraction > 0.05
 
 
@@ -56,7 +68,12 @@ def by_root(k, gap, mean, law, start):
     def projected(trial):
         if trial <= law.yield_pressure(0.0):
             return max(trial, 0.0), 0.0
-        depth = brentq(lambda u: float(law.yield_pressure(u)) + STIFF * u - trial, 0.0, trial / STIFF, xtol=1e-20)
+        depth = brentq(
+            lambda u: float(law.yield_pressure(u)) + STIFF * u - trial,
+            0.0,
+            trial / STIFF,
+            xtol=1e-20,
+        )
         return float(law.yield_pressure(depth)), depth
 
     def both(x):
@@ -76,10 +93,19 @@ def by_root(k, gap, mean, law, start):
 def by_minimiser(k, gap, mean, law):
     """p, u of a law that softens: the energy under 0 ≤ p ≤ H_i, mean p given, by scipy's SLSQP, H_i by the law at u."""
     n = gap.size
-    matrix, heights, p, most = k * H / D, gap / D, np.full(n, mean / H), np.full(n, law.mean_hardness / H)
+    matrix, heights, p, most = (
+        k * H / D,
+        gap / D,
+        np.full(n, mean / H),
+        np.full(n, law.mean_hardness / H),
+    )
     load = {"type": "eq", "fun": lambda p: p.mean() - mean / H, "jac": lambda p: np.full(n, 1 / n)}
     for _ in range(200):
-        given = {"bounds": [(0, h) for h in most], "constraints": load, "options": {"ftol": 1e-15, "maxiter": 500}}
+        given = {
+            "bounds": [(0, h) for h in most],
+            "constraints": load,
+            "options": {"ftol": 1e-15, "maxiter": 500},
+        }
         energy = lambda p: (0.5 * p @ matrix @ p + heights @ p, matrix @ p + heights)  # noqa: E731
         p = minimize(energy, p, jac=True, method="SLSQP", **given).x
         v, elastic = matrix @ p + heights, (p > 1e-9) & (p < most - 1e-9)
@@ -126,7 +152,10 @@ def test_a_step_in_the_table_is_solved_however_steep(width):
 
 @each(
     ("depth", "hardness", "load"),
-    [([0, 0.27, 0.88, 1.36], [4.7, 7.0, 2.3, 4.3], 3e8), ([0, 0.066, 2.323], [4.95, 2.34, 6.37], 1e8)],  # µm, GPa, Pa
+    [
+        ([0, 0.27, 0.88, 1.36], [4.7, 7.0, 2.3, 4.3], 3e8),
+        ([0, 0.066, 2.323], [4.95, 2.34, 6.37], 1e8),
+    ],  # µm, GPa, Pa
 )
 def test_a_table_that_falls_between_rises_is_solved(depth, hardness, load):
     """Points turn back and forth between two tangents unless they go half way; the law again from the fields."""
@@ -164,7 +193,9 @@ def test_a_peak_is_kept_and_reloading_is_elastic(law):
 @each("smallest", [5e-8, 1e-8, 4e-9])
 def test_a_law_that_falls_faster_than_the_pixels_are_stiff_is_solved(smallest):
     """Points that go through the steep part leave what they carried to others; the law again from the fields."""
-    face = self_affine((48, 48), (2e-4, 2e-4), hurst=0.8, rms_slope=0.2, roll_off=7e-5, cut_off=2e-5, rng=1)
+    face = self_affine(
+        (48, 48), (2e-4, 2e-4), hurst=0.8, rms_slope=0.2, roll_off=7e-5, cut_off=2e-5, rng=1
+    )
     body = fs.HalfSpace(face.shape, face.spacing, 115e9)
     law = NixGao(1e9, 1e-6, smallest)
     assert -law.hardening_modulus(smallest) > 1.5 * body.stiffness
@@ -184,9 +215,20 @@ def test_a_law_that_falls_faster_than_the_pixels_are_stiff_is_solved(smallest):
 
 @pytest.mark.parametrize("law", [RISING, SOFT], ids=["table", "Nix–Gao"])
 def test_curves_run_through_every_study(law):
-    surface = self_affine((48, 64), (48e-6, 64e-6), hurst=0.8, rms_slope=0.25, roll_off=24e-6, cut_off=8e-6, rng=1)
+    surface = self_affine(
+        (48, 64), (48e-6, 64e-6), hurst=0.8, rms_slope=0.25, roll_off=24e-6, cut_off=8e-6, rng=1
+    )
     scene = fs.Scene(
-        surface, E, law, fs.Liquid(1e-3), 1e6, 0.0, loading=(1e8, 5e8), unload_from=(5e8,), unloading=(2e8,), rtol=1e-4
+        surface,
+        E,
+        law,
+        fs.Liquid(1e-3),
+        1e6,
+        0.0,
+        loading=(1e8, 5e8),
+        unload_from=(5e8,),
+        unloading=(2e8,),
+        rtol=1e-4,
     )
     whole = fs.deterministic(scene)
     assert whole.plastic_fraction[1] > 0.01
@@ -194,15 +236,24 @@ def test_curves_run_through_every_study(law):
     pieces = fs.two_scale(scene, (3, 4))
     assert not pieces.failures
     assert_allclose(pieces.pieces.mean_gap.mean(axis=(1, 2)), whole.mean_gap, rtol=1e-6)
-    assert_allclose(np.einsum("sij->s", pieces.pieces.plastic_fraction) / 12, whole.plastic_fraction, rtol=1e-6)
+    assert_allclose(
+        np.einsum("sij->s", pieces.pieces.plastic_fraction) / 12, whole.plastic_fraction, rtol=1e-6
+    )
     for breadth in (None, 96e-6):  # at the loads of the scene, and along a ladder
-        drawn = fs.stochastic(scene, (3, 4), fs.Sampling(length=2e-4, realisations=3, seed=1, breadth=breadth))
+        drawn = fs.stochastic(
+            scene, (3, 4), fs.Sampling(length=2e-4, realisations=3, seed=1, breadth=breadth)
+        )
         assert not drawn.failures
         assert np.isfinite(drawn.leakage).all()
 
 
 def test_a_curve_is_told_from_others_by_its_key():
-    laws = [*LAWS, NixGao(0.25 * H, 0.4 * D), HardnessTable(RISING.depth, 1.01 * RISING.hardness), RISING.times(2)]
+    laws = [
+        *LAWS,
+        NixGao(0.25 * H, 0.4 * D),
+        HardnessTable(RISING.depth, 1.01 * RISING.hardness),
+        RISING.times(2),
+    ]
     assert len({law.key() for law in laws}) == len(laws)
     assert HardnessTable(list(RISING.depth), list(RISING.hardness)).key() == RISING.key()
 
@@ -239,7 +290,10 @@ def test_the_softer_face_yields_and_where_curves_cross_the_softer_at_each_depth(
             "depth: given 0 m, 1 µm, 1 µm, expected depths >= 0 that",
         ),
         (lambda: HardnessTable([-1e-9, 1e-6], [H, H]), "expected depths >= 0 that rise"),
-        (lambda: HardnessTable([0.0, 1e-6], [H, 0.0]), "hardness: given 0 Pa, expected numbers > 0"),
+        (
+            lambda: HardnessTable([0.0, 1e-6], [H, 0.0]),
+            "hardness: given 0 Pa, expected numbers > 0",
+        ),
         (lambda: HardnessTable([0.0, np.nan], [H, H]), "depth: given 1 point not finite"),
         (lambda: HardnessTable(["a", "b"], [H, H]), "depth: given"),
         (lambda: NixGao(0.0, 1e-6), "hardness: given 0.0"),

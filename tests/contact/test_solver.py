@@ -13,7 +13,14 @@ from scipy.optimize import lsq_linear
 
 from femseal import analytic
 from femseal.base.errors import InputError, NotConverged
-from femseal.contact import HalfSpace, LinearHardening, large_convolution, long_lists, solve_contact, workspace
+from femseal.contact import (
+    HalfSpace,
+    LinearHardening,
+    large_convolution,
+    long_lists,
+    solve_contact,
+    workspace,
+)
 
 E = 115e9
 H = 4e9
@@ -24,9 +31,13 @@ PAIRS = list(itertools.product(("periodic", "mirror", "free"), repeat=2))
 def rough(shape, slope=0.2, seed=0, spacing=(D, D), cut=6):
     """Self-affine heights of the given rms slope, waves longer than `cut` of the finer pixels."""
     rng = np.random.default_rng(seed)
-    q = np.hypot(np.fft.fftfreq(shape[0], spacing[0])[:, None], np.fft.fftfreq(shape[1], spacing[1])[None, :])
+    q = np.hypot(
+        np.fft.fftfreq(shape[0], spacing[0])[:, None], np.fft.fftfreq(shape[1], spacing[1])[None, :]
+    )
     roll_off = 4 / max(n * d for n, d in zip(shape, spacing, strict=True))
-    amplitude = np.where((q > 0) & (q * min(spacing) <= 1 / cut), np.maximum(q, roll_off) ** -1.8, 0.0)
+    amplitude = np.where(
+        (q > 0) & (q * min(spacing) <= 1 / cut), np.maximum(q, roll_off) ** -1.8, 0.0
+    )
     h = np.fft.ifft2(np.fft.fft2(rng.standard_normal(shape)) * amplitude).real
     slopes = [np.diff(h, axis=a) / spacing[a] for a in (0, 1)]
     rms = np.sqrt(sum((s**2).mean() for s in slopes if s.size))
@@ -37,7 +48,9 @@ def residual(contact, gap0, half_space, displacement, hardness=np.inf):
     """‖p − clip(p − c(v − δ), 0, H)‖/‖p‖ of the returned fields, nothing taken from the solver's own."""
     p = contact.pressure
     v = displacement(p, half_space) + gap0 - contact.approach
-    spacing = [d for n, d in zip(half_space.shape, half_space.spacing, strict=True) if n > 1 or p.size == 1]
+    spacing = [
+        d for n, d in zip(half_space.shape, half_space.spacing, strict=True) if n > 1 or p.size == 1
+    ]
     c = np.pi * half_space.modulus / (4 * np.prod(spacing) ** (1 / len(spacing)))
     return np.linalg.norm(p - np.clip(p - c * v, 0, hardness)) / np.linalg.norm(p)
 
@@ -63,7 +76,9 @@ def test_hertz_radius_peak_and_approach():
     for n in (64, 128, 256):
         r, d = sphere(n, 4 * a)
         half_space = HalfSpace((n, n), (d, d), E, "free")
-        contact = solve_contact(r**2 / (2 * radius), half_space, pressure=load / (n * d) ** 2, rtol=1e-9)
+        contact = solve_contact(
+            r**2 / (2 * radius), half_space, pressure=load / (n * d) ** 2, rtol=1e-9
+        )
         exact = analytic.hertz_pressure(r, load, radius, E)
         errors.append(
             (
@@ -89,7 +104,10 @@ def test_hertz_gap_outside():
     a = analytic.hertz_radius(load, radius, E)
     r, d = sphere(128, 6 * a)
     contact = solve_contact(
-        r**2 / (2 * radius), HalfSpace((128, 128), (d, d), E, "free"), pressure=load / (128 * d) ** 2, rtol=1e-9
+        r**2 / (2 * radius),
+        HalfSpace((128, 128), (d, d), E, "free"),
+        pressure=load / (128 * d) ** 2,
+        rtol=1e-9,
     )
     outside = r > 1.2 * a
     s = r[outside]
@@ -111,7 +129,12 @@ def test_westergaard_wave(boundary, ratio):
         gap0 = np.repeat(Δ * (1 - np.cos(2 * np.pi * x / λ))[:, None], 3, axis=1)
         half_space = HalfSpace((n, 3), (d, d), E, boundary)
         contact = solve_contact(gap0, half_space, pressure=ratio * p_full, rtol=1e-9)
-        assert_allclose(contact.pressure, np.repeat(contact.pressure[:, :1], 3, axis=1), rtol=0, atol=1e-7 * p_full)
+        assert_allclose(
+            contact.pressure,
+            np.repeat(contact.pressure[:, :1], 3, axis=1),
+            rtol=0,
+            atol=1e-7 * p_full,
+        )
         exact = p_full * analytic.wave_pressure(x, ratio, λ)
         errors.append(np.sqrt(np.mean((contact.pressure[:, 0] - exact) ** 2)) / p_full)
         gaps.append(np.abs(contact.gap[:, 0] - analytic.wave_gap(x, ratio, Δ, λ)).max() / Δ)
@@ -119,7 +142,9 @@ def test_westergaard_wave(boundary, ratio):
         assert abs(contact.area_fraction - analytic.wave_contact_fraction(ratio)) <= 2 / n
         assert errors[-1] <= 0.5 / n
         assert gaps[-1] <= 0.05 / n + 0.3 / n**1.5
-    if ratio == 0.5:  # the edge lies between two pixels on every grid, so that the orders show: 1 and 3/2
+    if (
+        ratio == 0.5
+    ):  # the edge lies between two pixels on every grid, so that the orders show: 1 and 3/2
         assert np.all(orders(errors) > 0.95)
         assert np.all(orders(gaps) > 1.4)
 
@@ -160,7 +185,10 @@ def test_two_dimensional_wave_near_full_and_light_contact(ratio, law, tolerance)
 @each("hardness", [np.inf, H])
 def test_flat_surface_carries_the_nominal_pressure_exactly(boundary, hardness):
     contact = solve_contact(
-        np.full((17, 20), 3e-6), HalfSpace((17, 20), (D, D), E, boundary), pressure=1e8, hardness=hardness
+        np.full((17, 20), 3e-6),
+        HalfSpace((17, 20), (D, D), E, boundary),
+        pressure=1e8,
+        hardness=hardness,
     )
     assert np.all(contact.pressure == 1e8)
     assert np.all(contact.gap == 0)
@@ -171,7 +199,9 @@ def test_flat_surface_carries_the_nominal_pressure_exactly(boundary, hardness):
 
 def test_flat_punch_on_a_free_patch():
     # W = 2aE*δ·1.1 or so for a square; the edge carries more than the middle, all points touch
-    contact = solve_contact(np.zeros((31, 31)), HalfSpace((31, 31), (D, D), E, "free"), pressure=1e8, rtol=1e-10)
+    contact = solve_contact(
+        np.zeros((31, 31)), HalfSpace((31, 31), (D, D), E, "free"), pressure=1e8, rtol=1e-10
+    )
     assert contact.area_fraction == 1
     assert contact.pressure[0, 0] > contact.pressure[0, 15] > contact.pressure[15, 15] > 0
     # capacity of a square plate, 0.3668 times 4πε₀ side, so W = E*δ·side·0.3668·π. Read, J. Comput. Phys. 133, 1997
@@ -182,7 +212,9 @@ def test_flat_punch_on_a_free_patch():
 @each("boundary", PAIRS)
 def test_no_load_is_first_touch(boundary):
     h = rough((14, 11))
-    contact = solve_contact(h + 1.0, HalfSpace((14, 11), (D, D), E, boundary), pressure=0, hardness=H)
+    contact = solve_contact(
+        h + 1.0, HalfSpace((14, 11), (D, D), E, boundary), pressure=0, hardness=H
+    )
     assert_allclose(contact.gap, h - h.min(), rtol=0, atol=1e-15)
     assert np.all(contact.pressure == 0)
     assert np.all(contact.plastic_deformation == 0)
@@ -230,7 +262,9 @@ def test_complementarity_recomputed(boundary, share, plastic, spectral_displacem
     assert_allclose(contact.raw_gap, gap - left)
     g = spectral_displacement(p, half_space) + h - contact.approach
     assert_allclose(contact.gap[p == 0], np.maximum(g[p == 0], 0), rtol=0, atol=1e-12 * np.ptp(h))
-    assert_allclose(left[contact.plastic], np.maximum(-g[contact.plastic], 0), rtol=0, atol=1e-12 * np.ptp(h))
+    assert_allclose(
+        left[contact.plastic], np.maximum(-g[contact.plastic], 0), rtol=0, atol=1e-12 * np.ptp(h)
+    )
 
 
 def programme(k, h, mean, hardness):
@@ -251,7 +285,10 @@ def programme(k, h, mean, hardness):
     b = np.concatenate([target, [weight * load]])
     scale = mean
     top = np.minimum(high, 1e3 * load) / scale
-    p = lsq_linear(a * scale, b, (np.zeros(n), top), method="bvls", tol=1e-15, max_iter=100 * n).x * scale
+    p = (
+        lsq_linear(a * scale, b, (np.zeros(n), top), method="bvls", tol=1e-15, max_iter=100 * n).x
+        * scale
+    )
     low_set, high_set = p <= 1e-9 * mean, p >= high * (1 - 1e-9)
     for _ in range(50):
         free = np.flatnonzero(~low_set & ~high_set)
@@ -298,7 +335,10 @@ def test_equals_an_independent_solver(boundary, share, hardness, dense_operator)
     mean = share * float(np.mean(np.minimum(hardness, 0.3 * H)))
     contact = solve_contact(h, half_space, pressure=mean, hardness=hardness, rtol=1e-10)
     reference = programme(
-        dense_operator(half_space), h.ravel(), mean, np.ravel(hardness) if np.ndim(hardness) else hardness
+        dense_operator(half_space),
+        h.ravel(),
+        mean,
+        np.ravel(hardness) if np.ndim(hardness) else hardness,
     )
     assert_allclose(contact.pressure.ravel(), reference, rtol=0, atol=1e-6 * reference.max())
     assert 0 < contact.area_fraction < 1 or share == 0.9
@@ -311,7 +351,9 @@ def test_the_load_is_exact_where_hardly_any_is_left_beside_plastic_points(points
     for seed in range(5):
         z = 2e-6 * np.random.default_rng(seed).standard_normal((32, 32))
         load = (points + more) * 4e8 / z.size
-        contact = solve_contact(z, HalfSpace(z.shape, (D, D), E, "mirror"), pressure=load, hardness=4e8, rtol=1e-3)
+        contact = solve_contact(
+            z, HalfSpace(z.shape, (D, D), E, "mirror"), pressure=load, hardness=4e8, rtol=1e-3
+        )
         assert_allclose(contact.pressure.mean(), load, rtol=1e-12)
 
 
@@ -343,7 +385,10 @@ def test_mirror_equals_the_periodic_even_extension(mirror, periodic, shape):
     assert_allclose(half.pressure, full.pressure[: shape[0], : shape[1]], rtol=0, atol=1e-7 * H)
     assert_allclose(half.gap, full.gap[: shape[0], : shape[1]], rtol=0, atol=1e-7 * np.ptp(h))
     assert_allclose(
-        half.plastic_deformation, full.plastic_deformation[: shape[0], : shape[1]], rtol=0, atol=1e-7 * np.ptp(h)
+        half.plastic_deformation,
+        full.plastic_deformation[: shape[0], : shape[1]],
+        rtol=0,
+        atol=1e-7 * np.ptp(h),
     )
 
 
@@ -411,7 +456,9 @@ def test_scaling_laws(boundary, length, stiffness, height, seed):
     white=st.booleans(),
     seed=st.integers(0, 999),
 )
-def test_any_surface_converges_and_satisfies_complementarity(boundary, shape, ratio, slope, share, white, seed):
+def test_any_surface_converges_and_satisfies_complementarity(
+    boundary, shape, ratio, slope, share, white, seed
+):
     spacing = (D, ratio * D)
     h = rough(shape, slope, seed, spacing, cut=1 if white else 6)
     half_space = HalfSpace(shape, spacing, E, boundary)
@@ -450,7 +497,9 @@ def test_an_approach_and_its_load_are_one_state(boundary, hardness):
     assert moved.approach == loaded.approach
     assert_allclose(moved.pressure, loaded.pressure, rtol=0, atol=1e-6 * loaded.pressure.max())
     assert_allclose(moved.gap, loaded.gap, rtol=0, atol=1e-7 * np.ptp(h))
-    assert residual(moved, h, half_space, lambda p, body: body.displacement(p), hardness) <= 1.001e-9
+    assert (
+        residual(moved, h, half_space, lambda p, body: body.displacement(p), hardness) <= 1.001e-9
+    )
 
 
 def test_an_approach_short_of_the_highest_point_is_no_contact():
@@ -502,7 +551,10 @@ def test_an_interrupted_solution_leaves_nothing_behind():
 LAWS = {
     "elastic": {"pressure": 0.02 * H},
     "plastic": {"pressure": 0.1 * H, "hardness": H},
-    "of points": {"pressure": 0.1 * H, "hardness": H * (1 + 0.2 * np.sin(np.arange(96.0 * 96)).reshape(96, 96))},
+    "of points": {
+        "pressure": 0.1 * H,
+        "hardness": H * (1 + 0.2 * np.sin(np.arange(96.0 * 96)).reshape(96, 96)),
+    },
     "hardens": {"pressure": 0.1 * H, "hardness": LinearHardening(H, 1e14)},
     "approach": {"approach": float(np.quantile(rough((96, 96)), 0.1)), "hardness": H},
 }
@@ -538,7 +590,9 @@ def test_large_grids_change_digits_only(law, boundary, monkeypatch):
         patch.setattr(long_lists, "POINTS", 1000)
         patch.setattr(long_lists, "LISTED", 60)
         large = solve_contact(h, half_space, rtol=1e-10, **given)
-    assert large.iterations <= whole.iterations  # wrong directions would be made up for by more of them
+    assert (
+        large.iterations <= whole.iterations
+    )  # wrong directions would be made up for by more of them
     assert large.gap.flags.c_contiguous
     for name, size in (("pressure", H), ("gap", h.std()), ("plastic_deformation", h.std())):
         assert_allclose(getattr(large, name), getattr(whole, name), rtol=0, atol=1e-7 * size)
@@ -576,7 +630,9 @@ def test_corrected_area_of_spheres_is_nearer_to_hertz():
     raw, corrected = [], []
     for n in (40, 47, 53, 61, 74, 83, 97):  # the radius falls on other parts of a pixel each time
         r, d = sphere(n)
-        contact = solve_contact(r**2 / (2 * radius), HalfSpace((n, n), (d, d), E, "free"), pressure=load / (n * d) ** 2)
+        contact = solve_contact(
+            r**2 / (2 * radius), HalfSpace((n, n), (d, d), E, "free"), pressure=load / (n * d) ** 2
+        )
         raw.append(contact.area_fraction * (n * d) ** 2 / exact - 1)
         corrected.append(contact.area_fraction_corrected * (n * d) ** 2 / exact - 1)
     assert np.mean(raw) > 0.02
@@ -586,7 +642,9 @@ def test_corrected_area_of_spheres_is_nearer_to_hertz():
 @each("boundary", PAIRS)
 def test_correction_counts_the_sides_between_contact_and_gap(boundary):
     shape = (13, 9)
-    contact = solve_contact(rough(shape, cut=2), HalfSpace(shape, (D, D), E, boundary), pressure=0.2 * H, hardness=H)
+    contact = solve_contact(
+        rough(shape, cut=2), HalfSpace(shape, (D, D), E, boundary), pressure=0.2 * H, hardness=H
+    )
     touching = contact.pressure > 0
     sides = 0
     for axis, kind in enumerate(boundary):
@@ -594,7 +652,9 @@ def test_correction_counts_the_sides_between_contact_and_gap(boundary):
         padded = np.pad(touching, [(1, 1) if a == axis else (0, 0) for a in (0, 1)], mode=mode)
         both = np.count_nonzero(padded != np.roll(padded, 1, axis))
         seam = np.count_nonzero(padded.take(0, axis) != padded.take(-1, axis))
-        ends = np.count_nonzero(padded.take(0, axis) != padded.take(1, axis))  # a seam is counted at either end
+        ends = np.count_nonzero(
+            padded.take(0, axis) != padded.take(1, axis)
+        )  # a seam is counted at either end
         sides += both - seam - (ends if kind == "periodic" else 0)
     assert sides > 0
     expected = touching.mean() - (np.pi - 1 + np.log(2)) / 24 * sides / touching.size
@@ -628,17 +688,26 @@ def test_area_of_light_elastic_contact_grows_with_the_load_between_two_theories(
 def test_every_size_and_pixel_shape(boundary, shape, ratio):
     spacing = (D, ratio * D)
     tiny = max(shape) < 6  # no room for a wave of six pixels
-    h = 1e-3 * D * np.random.default_rng(0).standard_normal(shape) if tiny else rough(shape, spacing=spacing)
+    h = (
+        1e-3 * D * np.random.default_rng(0).standard_normal(shape)
+        if tiny
+        else rough(shape, spacing=spacing)
+    )
     half_space = HalfSpace(shape, spacing, E, boundary)
     for hardness in (np.inf, H):
         contact = solve_contact(h, half_space, pressure=0.1 * H, hardness=hardness)
-        assert residual(contact, h, half_space, lambda p, body: body.displacement(p), hardness) <= 1.001e-6
+        assert (
+            residual(contact, h, half_space, lambda p, body: body.displacement(p), hardness)
+            <= 1.001e-6
+        )
         assert abs(contact.pressure.mean() / (0.1 * H) - 1) <= 1e-12
 
 
 @each("boundary", PAIRS)
 def test_single_pixel(boundary):
-    contact = solve_contact([[5e-6]], HalfSpace((1, 1), (D, D), E, boundary), pressure=1e8, hardness=H)
+    contact = solve_contact(
+        [[5e-6]], HalfSpace((1, 1), (D, D), E, boundary), pressure=1e8, hardness=H
+    )
     assert contact.pressure == 1e8
     assert contact.gap == 0
 
@@ -670,14 +739,19 @@ def test_white_noise(boundary, hardness):
     for p in (1e-4, 0.3, 0.95):
         mean = p * min(hardness, H)
         contact = solve_contact(h, half_space, pressure=mean, hardness=hardness)
-        assert residual(contact, h, half_space, lambda p, body: body.displacement(p), hardness) <= 1.001e-6
+        assert (
+            residual(contact, h, half_space, lambda p, body: body.displacement(p), hardness)
+            <= 1.001e-6
+        )
         assert abs(contact.pressure.mean() / mean - 1) <= 1e-12
 
 
 def test_almost_full_contact(spectral_displacement):
     h, half_space = rough((64, 64)), HalfSpace((64, 64), (D, D), E)
     q = np.hypot(*np.meshgrid(*[2 * np.pi * np.fft.fftfreq(64, D)] * 2, indexing="ij"))
-    full = -np.fft.ifft2(np.fft.fft2(h) * E * q / 2).real  # the pressure that flattens all, less its mean
+    full = -np.fft.ifft2(
+        np.fft.fft2(h) * E * q / 2
+    ).real  # the pressure that flattens all, less its mean
     mean = -np.sort(full.ravel())[4]  # only the last few points would be in tension
     contact = solve_contact(h, half_space, pressure=mean, rtol=1e-8)
     assert 0.995 < contact.area_fraction < 1
@@ -703,7 +777,10 @@ def test_just_below_the_hardness(share):
     rng = np.random.default_rng(4)
     hardness = H * rng.uniform(0.5, 1.5, (80, 80))
     contact = solve_contact(
-        rough((80, 80)), HalfSpace((80, 80), (D, D), E), pressure=share * hardness.mean(), hardness=hardness
+        rough((80, 80)),
+        HalfSpace((80, 80), (D, D), E),
+        pressure=share * hardness.mean(),
+        hardness=hardness,
     )
     assert abs(contact.mean_pressure / (share * hardness.mean()) - 1) <= 1e-12
 

@@ -22,7 +22,9 @@ from femseal.loads import LoadProgramme
 from femseal.report.page import report_html
 from femseal.results import assemble
 
-STEPS = LoadProgramme.of([1e7, 3e7, 1e8, 4e8, 9e8], unload_from=[4e8, 9e8], unloading=[3e8, 1e8, 3e7, 1e7])
+STEPS = LoadProgramme.of(
+    [1e7, 3e7, 1e8, 4e8, 9e8], unload_from=[4e8, 9e8], unloading=[3e8, 1e8, 3e7, 1e7]
+)
 #: On loading L = A p^−3, on unloading from Q_A it grows with p^−½ from there.
 FALL, RISE = 3.0, 0.5
 
@@ -70,17 +72,24 @@ def test_a_share_of_the_seals_keeps_the_class():
 def test_the_whole_band_of_error_decides():
     """A band that is a factor f wide on both sides moves Qmin by f to the power of 1/3."""
     limit = 1e12 * 2e8**-FALL
-    needed = requirement(Seals.of(STEPS, power_law(np.full(3, 1e12)), 1 / 1.3, 1.3), "L", limit, 0.9).assembly
+    needed = requirement(
+        Seals.of(STEPS, power_law(np.full(3, 1e12)), 1 / 1.3, 1.3), "L", limit, 0.9
+    ).assembly
     found = np.array([needed.low, needed.computed, needed.value]) / 2e8
     assert_allclose(found, np.array([1 / 1.3, 1, 1.3]) ** (1 / FALL))
     assert needed.text(pascals) == "218 MPa (as computed: 200 MPa)"
-    vague = requirement(Seals.of(STEPS, power_law(np.full(3, 1e12)), 0.0, 1e6), "L", limit, 0.9).assembly
+    vague = requirement(
+        Seals.of(STEPS, power_law(np.full(3, 1e12)), 0.0, 1e6), "L", limit, 0.9
+    ).assembly
     assert (vague.low, vague.value, vague.relation) == (0.0, np.inf, ">")
     assert vague.text(pascals) == "above 900 MPa (as computed: 200 MPa)"
     # what is sealed leaks what its band allows
     sealed = power_law(np.full(3, 1e12)) * (STEPS.pressures < 1e8)
     open_ = Seals.of(STEPS, sealed, 1.0, 1.0, np.where(STEPS.pressures == 1e8, 1e-3, 0.0))
-    assert open_.needed_on_loading(limit)[0] < replace(open_, leakage=open_.upper).needed_on_loading(limit)[0]
+    assert (
+        open_.needed_on_loading(limit)[0]
+        < replace(open_, leakage=open_.upper).needed_on_loading(limit)[0]
+    )
 
 
 def test_nothing_is_extrapolated():
@@ -119,7 +128,9 @@ def test_an_unloading_is_open_at_loads_that_the_first_loading_sealed():
 def test_where_a_seal_closes_the_step_that_keeps_the_limit_is_taken():
     """No logarithm reaches 0: between an open and a closed step the closed one is known to be enough."""
     pressure = np.array([4e8, 1e8, 3e7, 0.0])
-    leak = np.array([[0.0, 0.0, 1.0, 5.0], [0.0, 1e-3, 1.0, 5.0], [0.0, 0.0, 0.0, 0.0], [1.0, 2.0, 3.0, 4.0]])
+    leak = np.array(
+        [[0.0, 0.0, 1.0, 5.0], [0.0, 1e-3, 1.0, 5.0], [0.0, 0.0, 0.0, 0.0], [1.0, 2.0, 3.0, 4.0]]
+    )
     assert_allclose(crossings(pressure, leak, 0.0), [1e8, 4e8, 0.0, np.inf])
     assert_allclose(crossings(pressure, leak, 0.5)[[0, 2, 3]], [1e8, 0.0, np.inf])
     # a load of 0 has no logarithm either
@@ -148,7 +159,9 @@ def test_slopes_of_power_laws_are_exact():
     """L = A p^−3 H^2 η^−1: amplitude 2 − 2 + 3 + 1, modulus 3 − 2."""
     seals = Seals.of(STEPS, power_law(AMPLITUDES))
     harder = Seals.of(STEPS, power_law(AMPLITUDES) * 1.1**2)
-    found = {s.quantity: s for s in sensitivities(seals, Variants(harder, inlet_slope=1.0), 2e8, 0.9)}
+    found = {
+        s.quantity: s for s in sensitivities(seals, Variants(harder, inlet_slope=1.0), 2e8, 0.9)
+    }
     exact = {
         "nominal pressure": -3,
         "hardness": 2,
@@ -167,7 +180,10 @@ def test_slopes_of_power_laws_are_exact():
     assert_allclose(slope_at(seals, 9e8, 0.5), -3)
     assert np.isnan(slope_at(seals, 9.1e8, 0.5))
     assert_allclose(np.exp(level_at(seals, 2e8, 1.0)), AMPLITUDES.max() * 2e8**-FALL)
-    elastic = {s.quantity: s.leakage for s in sensitivities(seals, Variants(hardness_counts=False), 2e8, 0.9)}
+    elastic = {
+        s.quantity: s.leakage
+        for s in sensitivities(seals, Variants(hardness_counts=False), 2e8, 0.9)
+    }
     assert elastic["hardness"] == 0
     assert_allclose(elastic["roughness amplitude"], 6)
     unknown = {s.quantity: s.leakage for s in sensitivities(seals, Variants(), 2e8, 0.9)}
@@ -179,16 +195,26 @@ def test_slopes_of_power_laws_are_exact():
     )
     # L(αa, αp, αη, αb) = α² L: what goes with the slip length no longer goes with the amplitude
     slippery = {s.quantity: s.leakage for s in sensitivities(seals, slip, 2e8, 0.9)}
-    assert_allclose([slippery[name] for name in ("viscosity", "slip length", "roughness amplitude")], [-1, 0.3, 5.7])
+    assert_allclose(
+        [slippery[name] for name in ("viscosity", "slip length", "roughness amplitude")],
+        [-1, 0.3, 5.7],
+    )
     harder = Seals.of(STEPS, power_law(AMPLITUDES) * 1.1**2)
-    hardening = {s.quantity: s.leakage for s in sensitivities(seals, Variants(harder, hardens=True), 2e8, 0.9)}
+    hardening = {
+        s.quantity: s.leakage
+        for s in sensitivities(seals, Variants(harder, hardens=True), 2e8, 0.9)
+    }
     assert_allclose(hardening["contact modulus"], FALL - hardening["hardness"])
     assert np.isnan(hardening["roughness amplitude"])
     gas = Variants(
-        hardness_counts=False, law_length="viscosity", longer=Seals.of(STEPS, power_law(AMPLITUDES) * 1.1**-0.4)
+        hardness_counts=False,
+        law_length="viscosity",
+        longer=Seals.of(STEPS, power_law(AMPLITUDES) * 1.1**-0.4),
     )
     rarefied = {s.quantity: s.leakage for s in sensitivities(seals, gas, 2e8, 0.9)}
-    assert_allclose([rarefied["viscosity"], rarefied["roughness amplitude"]], [-0.4, 5.4], rtol=1e-9)
+    assert_allclose(
+        [rarefied["viscosity"], rarefied["roughness amplitude"]], [-0.4, 5.4], rtol=1e-9
+    )
 
 
 @pytest.fixture(scope="module")
@@ -199,12 +225,22 @@ def face():
 def test_scaling_laws_hold_for_contact_and_flow(face):
     """L(αa, E, αH, αp) = α³ L(a, E, H, p) and L(a, βE, βH, βp) = L(a, E, H, p), which the slopes are made of."""
     scene = fs.Scene(
-        face, 115e9, 2e9, fs.Liquid(1e-3), 1e6, 0.0, loading=(1e8, 4e8), unload_from=(4e8,), unloading=(1e8,), rtol=1e-8
+        face,
+        115e9,
+        2e9,
+        fs.Liquid(1e-3),
+        1e6,
+        0.0,
+        loading=(1e8, 4e8),
+        unload_from=(4e8,),
+        unloading=(1e8,),
+        rtol=1e-8,
     )
 
     def scaled(factor, modulus, heights):
         loads = {
-            name: tuple(factor * p for p in getattr(scene, name)) for name in ("loading", "unload_from", "unloading")
+            name: tuple(factor * p for p in getattr(scene, name))
+            for name in ("loading", "unload_from", "unloading")
         }
         higher = fs.Topography(heights * face.heights, face.spacing)
         return fs.deterministic(
@@ -263,12 +299,18 @@ def test_the_picture_marks_limits_and_pressures(face):
     scene = fs.Scene(face, 115e9, 2e9, fs.Liquid(1e-3), 1e6, 0.0, **loads)
     study = fs.deterministic(scene)
     limit = float(np.sqrt(study.leakage[3] * study.leakage[4])) * 1e9
-    answer = fs.design(assemble(scene, study), classes=[f"{limit:.4g} mg/(m·s)", f"{limit * 1e9:.4g} mg/(m·s)"])
+    answer = fs.design(
+        assemble(scene, study), classes=[f"{limit:.4g} mg/(m·s)", f"{limit * 1e9:.4g} mg/(m·s)"]
+    )
     axes = answer.plot().axes[0]
     named = {text.get_text().strip() for text in axes.texts}
     need = answer.requirements[0]
     assert need.service[4e8].relation == "="
-    assert {need.name, pascals(need.assembly.computed), pascals(need.service[4e8].computed)} <= named
+    assert {
+        need.name,
+        pascals(need.assembly.computed),
+        pascals(need.service[4e8].computed),
+    } <= named
     assert any(text.startswith("↑") for text in named)  # a limit above the picture
     places = {
         (float(x), float(y))
@@ -276,7 +318,9 @@ def test_the_picture_marks_limits_and_pressures(face):
         if len(line.get_xdata()) == 1
         for x, y in zip(line.get_xdata(), line.get_ydata(), strict=True)
     }
-    assert any(np.allclose(place, (need.assembly.computed / 1e6, limit), rtol=1e-3) for place in places)
+    assert any(
+        np.allclose(place, (need.assembly.computed / 1e6, limit), rtol=1e-3) for place in places
+    )
 
 
 def case(**more):
@@ -320,16 +364,26 @@ def test_a_case_gives_files_and_a_section_of_the_report(tmp_path):
     results = fs.run(case(face=GROOVED), workers=1)
     limit = float(np.exp(np.mean(np.log(results.leakage.values[:2])))) * 1e9
     wanted = [f"{limit:.6g} mg/(m·s)", "L0.01"]  # of water
-    answer = fs.design(case(face=GROOVED), tmp_path, classes=wanted, workers=1, assembly=["100 MPa"])
+    answer = fs.design(
+        case(face=GROOVED), tmp_path, classes=wanted, workers=1, assembly=["100 MPa"]
+    )
     assert answer.seals.steps.unload_from == (1e8, 4e8)
     need = answer.requirements[0]
     assert 2e7 < need.assembly.computed < 1e8 * 1.0001
     assert need.assembly.low <= need.assembly.computed <= need.assembly.value
-    assert {s.quantity for s in answer.sensitivities} >= {"hardness", "roughness amplitude", "viscosity"}
+    assert {s.quantity for s in answer.sensitivities} >= {
+        "hardness",
+        "roughness amplitude",
+        "viscosity",
+    }
     assert all(np.isfinite(s.leakage) for s in answer.sensitivities)
     slopes = {s.quantity: s.leakage for s in answer.sensitivities}
     assert 0.05 < slopes["hardness"] < 5  # a harder seal keeps wider gaps
-    assert_allclose(sum(slopes[name] for name in ("hardness", "contact modulus", "nominal pressure")), 0, atol=1e-12)
+    assert_allclose(
+        sum(slopes[name] for name in ("hardness", "contact modulus", "nominal pressure")),
+        0,
+        atol=1e-12,
+    )
     with (tmp_path / "design.csv").open(encoding="utf-8") as file:
         rows = list(csv.DictReader(file))
     assert_allclose(float(rows[0]["computed"]), need.assembly.computed)
@@ -343,7 +397,9 @@ def test_a_case_gives_files_and_a_section_of_the_report(tmp_path):
     assert "d ln Qmin / d ln x" in page
     reused = fs.design(tmp_path, classes=wanted)
     assert reused.requirements == answer.requirements
-    assert "takes a solution" in next(s.how for s in reused.sensitivities if s.quantity == "hardness")
+    assert "takes a solution" in next(
+        s.how for s in reused.sensitivities if s.quantity == "hardness"
+    )
     (tmp_path / "design.json").write_text("[1]")
     assert "What the seal needs" not in report_html(again)
 
@@ -353,7 +409,9 @@ def test_the_command_says_what_the_seal_needs(tmp_path, monkeypatch, capsys):
     fs.run(case(output=output), tmp_path, workers=1)
 
     def design(*more):
-        monkeypatch.setattr(sys, "argv", ["femseal", "design", str(tmp_path), "--probability", "0.5", *more])
+        monkeypatch.setattr(
+            sys, "argv", ["femseal", "design", str(tmp_path), "--probability", "0.5", *more]
+        )
         try:
             main()
         except SystemExit as end:
@@ -370,7 +428,10 @@ def test_the_command_says_what_the_seal_needs(tmp_path, monkeypatch, capsys):
         (["--class", "ISO 5208 B"], "nominal_diameter: given none"),
         (["--class", "TA Luft"], "defined for helium"),
         (["--probability", "1.5"], "probability: given 1.5"),
-        (["--assembly", "50 MPa"], "assembly: given 50 MPa, expected those that the run is unloaded from"),
+        (
+            ["--assembly", "50 MPa"],
+            "assembly: given 50 MPa, expected those that the run is unloaded from",
+        ),
     ):
         code, told = design(*more)
         assert code == 2

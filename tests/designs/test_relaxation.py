@@ -19,7 +19,9 @@ DOWN = {"unload_from": ["100 MPa", "400 MPa"], "unloading": ["20 MPa"]}
 @pytest.fixture(scope="module")
 def relaxed():
     computed = {"budget": False}
-    return fs.run(case(face=GROOVED, load=LOADING | DOWN | {"relaxation": 0.1}, output=computed), workers=1)
+    return fs.run(
+        case(face=GROOVED, load=LOADING | DOWN | {"relaxation": 0.1}, output=computed), workers=1
+    )
 
 
 def test_it_is_the_unloading_to_the_rest_of_each_load(relaxed):
@@ -27,14 +29,18 @@ def test_it_is_the_unloading_to_the_rest_of_each_load(relaxed):
     other = fs.run(case(face=GROOVED, load=LOADING | explicit, output={"budget": False}), workers=1)
     assert relaxed.steps == other.steps
     assert_array_equal(relaxed.leakage.values, other.leakage.values)
-    found = {(s.pressure, s.unloaded_from): v for s, v in zip(relaxed.steps, relaxed.leakage.values, strict=True)}
+    found = {
+        (s.pressure, s.unloaded_from): v
+        for s, v in zip(relaxed.steps, relaxed.leakage.values, strict=True)
+    }
     for load in (1e8, 4e8):
         assert found[0.9 * load, load] > found[load, None]
 
 
 def test_none_changes_nothing():
     plain, none = (
-        fs.run(case(face=GROOVED, load=LOADING | DOWN | more), workers=1) for more in ({}, {"relaxation": 0})
+        fs.run(case(face=GROOVED, load=LOADING | DOWN | more), workers=1)
+        for more in ({}, {"relaxation": 0})
     )
     assert none.steps == plain.steps
     assert_array_equal(none.leakage.values, plain.leakage.values)
@@ -77,9 +83,12 @@ def test_pressure_in_assembly_with_relaxation_of_power_laws_is_exact():
 
 def test_the_design_says_what_is_left(relaxed):
     leak = {
-        (s.pressure, s.unloaded_from): v for s, v in zip(relaxed.steps, relaxed.class_leakage[1].max(0), strict=True)
+        (s.pressure, s.unloaded_from): v
+        for s, v in zip(relaxed.steps, relaxed.class_leakage[1].max(0), strict=True)
     }
-    limit = 1.0001 * leak[3.6e8, 4e8] * 1e9  # of water, which all seals keep after relaxing from 400 MPa
+    limit = (
+        1.0001 * leak[3.6e8, 4e8] * 1e9
+    )  # of water, which all seals keep after relaxing from 400 MPa
     answer = fs.design(relaxed, classes=[f"{limit:.8g} mg/(m·s)"])
     (need,) = answer.requirements
     assert need.assembly.value <= need.relaxed.value <= 4e8

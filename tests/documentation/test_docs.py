@@ -14,12 +14,19 @@ DOCS = ROOT / "docs"
 #: Made by the build.
 MADE = ("gallery/", "command_line.md", "case_keys.md", "template.toml")
 PAGES = sorted([*ROOT.glob("*.md"), *DOCS.rglob("*.md")])
-PAGES = [page for page in PAGES if not {"_build", "gallery", "_examples"} & set(page.relative_to(ROOT).parts)]
+PAGES = [
+    page
+    for page in PAGES
+    if not {"_build", "gallery", "_examples"} & set(page.relative_to(ROOT).parts)
+]
 
 
 def test_every_public_name_is_in_the_reference_once():
     text = "".join(page.read_text(encoding="utf-8") for page in (DOCS / "api").glob("*.md"))
-    assert sorted(re.findall(r"auto(?:class|function):: femseal\.(\w+)(?![\w.])", text)) == femseal.__all__
+    assert (
+        sorted(re.findall(r"auto(?:class|function):: femseal\.(\w+)(?![\w.])", text))
+        == femseal.__all__
+    )
 
 
 #: Looks every dotted name up as where nothing but the package itself has been imported.
@@ -37,14 +44,20 @@ for names in sys.argv[1:]:
 
 
 def test_every_documented_name_is_there_after_the_import_of_the_package():
-    files = [page for page in PAGES if page.stem.lower() != "changelog"]  # which has former names too
+    files = [
+        page for page in PAGES if page.stem.lower() != "changelog"
+    ]  # which has former names too
     files += (ROOT / "examples").glob("*.py")
     dotted = r"(?<![\w/.-])(?<!from )(?:fs|femseal)\.((?:\w+\.)*\w+)(?![\w/-])"
-    names = {name for file in files for name in re.findall(dotted, file.read_text(encoding="utf-8"))}
+    names = {
+        name for file in files for name in re.findall(dotted, file.read_text(encoding="utf-8"))
+    }
     names = {name for name in names if not re.search(r"(^|\.)(css|json)$", name)}
     assert {"run", "analytic", "flow.forms", "load_case"} <= names
     names |= {"seal", "flow", "named_fluids"}
-    done = subprocess.run([sys.executable, "-c", LOOKED_UP, *names], capture_output=True, text=True, check=True)
+    done = subprocess.run(
+        [sys.executable, "-c", LOOKED_UP, *names], capture_output=True, text=True, check=True
+    )
     assert not done.stdout, done.stdout
 
 
@@ -59,7 +72,9 @@ def test_every_benchmark_has_its_page():
 
 @each("page", PAGES)
 def test_files_that_pages_name_are_there(page):
-    for name in re.findall(r"(?<![\w/])(?:examples|meshes)/[\w.]+", page.read_text(encoding="utf-8")):
+    for name in re.findall(
+        r"(?<![\w/])(?:examples|meshes)/[\w.]+", page.read_text(encoding="utf-8")
+    ):
         assert (ROOT / name.rstrip(".")).exists(), name
 
 

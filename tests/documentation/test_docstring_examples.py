@@ -13,7 +13,17 @@ import femseal as fs
 
 FUNCTIONS = [name for name in fs.__all__ if inspect.isfunction(getattr(fs, name))]
 #: Classes that users make themselves.
-MADE = ["HalfSpace", "RectangularSeal", "AnnularSeal", "Liquid", "IdealGas", "Scene", "Sampling", "Solid", "Topography"]
+MADE = [
+    "HalfSpace",
+    "RectangularSeal",
+    "AnnularSeal",
+    "Liquid",
+    "IdealGas",
+    "Scene",
+    "Sampling",
+    "Solid",
+    "Topography",
+]
 #: These solve many cases.
 SLOW = {"sweep", "calibrate"}
 
@@ -34,7 +44,9 @@ def test_there_is_an_example(name):
 def folder(tmp_path_factory):
     """A folder with the files that examples name, and finished runs."""
     folder = tmp_path_factory.mktemp("examples")
-    quick = CASE.replace("[output]", "[output]\nbudget = false\npictures = false\nfields = false\nparaview = 'none'")
+    quick = CASE.replace(
+        "[output]", "[output]\nbudget = false\npictures = false\nfields = false\nparaview = 'none'"
+    )
     (folder / "seal.toml").write_text(quick, encoding="utf-8")
     (folder / "leak_test.csv").write_text(LEAK_TEST, encoding="utf-8")
     for name in ("seal", "a", "b"):
@@ -42,10 +54,16 @@ def folder(tmp_path_factory):
     return folder
 
 
-@pytest.mark.parametrize("name", [pytest.param(n, marks=[pytest.mark.slow] if n in SLOW else []) for n in ON_FILES])
+@pytest.mark.parametrize(
+    "name", [pytest.param(n, marks=[pytest.mark.slow] if n in SLOW else []) for n in ON_FILES]
+)
 def test_an_example_on_files_runs(name, folder, monkeypatch):
     monkeypatch.chdir(folder)
     names = {name: getattr(fs, name)}
     for example in examples(name):
-        source = example.source.replace("results/seal", "results/new") if name == "run" else example.source
+        source = (
+            example.source.replace("results/seal", "results/new")
+            if name == "run"
+            else example.source
+        )
         exec(compile(source, name, "exec"), names)

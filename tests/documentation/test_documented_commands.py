@@ -25,7 +25,9 @@ from femseal.report import page as report_page
 ROOT = Path(__file__).parents[2]
 PAGES = [ROOT / "README.md", ROOT / "CONTRIBUTING.md", *sorted((ROOT / "docs").glob("*.md"))]
 PAGES += sorted((ROOT / "docs" / "tutorials").glob("*.md"))
-PAGES = [page for page in PAGES if page.name not in ("command_line.md", "case_keys.md")]  # generated
+PAGES = [
+    page for page in PAGES if page.name not in ("command_line.md", "case_keys.md")
+]  # generated
 #: A turned face, small enough for every study, with the keys that the commands change.
 CASE = """
 method = "two-scale"
@@ -73,11 +75,22 @@ def documented():
     found = set()
     for page in PAGES:
         text = page.read_text(encoding="utf-8")
-        lines = [line for block in re.findall(r"```sh\n(.*?)```", text, re.DOTALL) for line in block.splitlines()]
-        lines += re.findall(r"(?<!`)`([^`]+)`(?!`)", re.sub(r"```.*?```", "", text, flags=re.DOTALL))
-        lines += [f"femseal run CASE -o DIR {option}" for option in re.findall(r"(?m)^\| `(--[^`]+)` \|", text)]
+        lines = [
+            line
+            for block in re.findall(r"```sh\n(.*?)```", text, re.DOTALL)
+            for line in block.splitlines()
+        ]
+        lines += re.findall(
+            r"(?<!`)`([^`]+)`(?!`)", re.sub(r"```.*?```", "", text, flags=re.DOTALL)
+        )
+        lines += [
+            f"femseal run CASE -o DIR {option}"
+            for option in re.findall(r"(?m)^\| `(--[^`]+)` \|", text)
+        ]
         for line in lines:
-            command = re.search(r"(?:^|&& |/)femseal ([^#\[]\S*(?: .*)?)$", " ".join(line.split("#")[0].split()))
+            command = re.search(
+                r"(?:^|&& |/)femseal ([^#\[]\S*(?: .*)?)$", " ".join(line.split("#")[0].split())
+            )
             if command and "=" not in command[1].split()[0]:
                 found.add(command[1].strip())
     return sorted(found)
@@ -93,12 +106,18 @@ def small(form, address):
     """Its arguments, with small files and numbers for what the page leaves open; each DIR is another folder."""
     folders = (f"results/{n}" for n in count(1))
     given = {**SMALL, "ADDRESS": address, "tcp://…": address}
-    return [next(folders) if word == "DIR" else given.get(word, word) for word in shlex.split(form) if word != "…"]
+    return [
+        next(folders) if word == "DIR" else given.get(word, word)
+        for word in shlex.split(form)
+        if word != "…"
+    ]
 
 
 COMMANDS = documented()
 #: One form of each, by what it does here.
-FORMS = sorted({str(small(f, f)): f for c in COMMANDS if " " in c for f in sorted(forms(c))}.values())
+FORMS = sorted(
+    {str(small(f, f)): f for c in COMMANDS if " " in c for f in sorted(forms(c))}.values()
+)
 #: These start processes, or run several cases.
 SLOW = {
     "run CASE -o DIR --workers N",
@@ -142,12 +161,18 @@ def place(tmp_path, monkeypatch):
     Path("seal.toml").write_text(CASE, encoding="utf-8")
     Path("leak_test.csv").write_text(LEAK_TEST, encoding="utf-8")
     Path("gasket.toml").write_text(gasket(), encoding="utf-8")
-    heights = fs.self_affine((48, 64), (48e-6, 64e-6), hurst=0.8, rms_slope=0.2, roll_off=30e-6, rng=1).heights
-    x3pio.write("face.x3p", heights.T, x_scale=1e-6, y_scale=1e-6, z_scale=1e-9, z_type=x3pio.DataType.INT16)
+    heights = fs.self_affine(
+        (48, 64), (48e-6, 64e-6), hurst=0.8, rms_slope=0.2, roll_off=30e-6, rng=1
+    ).heights
+    x3pio.write(
+        "face.x3p", heights.T, x_scale=1e-6, y_scale=1e-6, z_scale=1e-9, z_type=x3pio.DataType.INT16
+    )
     return tmp_path
 
 
-@pytest.mark.parametrize("form", [pytest.param(f, marks=[pytest.mark.slow] if f in SLOW else []) for f in FORMS])
+@pytest.mark.parametrize(
+    "form", [pytest.param(f, marks=[pytest.mark.slow] if f in SLOW else []) for f in FORMS]
+)
 def test_a_documented_command_does_its_work(form, femseal, place, finished):
     if "--pdf" in form and report_page.find_browser() is None and find_spec("weasyprint") is None:
         pytest.skip("no program that prints a page")
@@ -169,7 +194,11 @@ def test_a_documented_command_does_its_work(form, femseal, place, finished):
     assert [line for line in complaint.splitlines() if " INFO " not in line] == []
     for output in outputs:
         path = Path(output)  # or one for each step
-        files = [p for p in (*path.parent.glob(f"{path.stem}*{path.suffix}"), *path.rglob("*")) if p.is_file()]
+        files = [
+            p
+            for p in (*path.parent.glob(f"{path.stem}*{path.suffix}"), *path.rglob("*"))
+            if p.is_file()
+        ]
         assert files
         assert all(file.stat().st_size for file in files if file.suffix != ".lock")
     if into:
@@ -179,7 +208,9 @@ def test_a_documented_command_does_its_work(form, femseal, place, finished):
         if "seal.toml" in arguments:
             leakage = fs.open_results(found.parent).leakage.values
             assert_array_equal(leakage, fs.open_results(finished).leakage.values)
-        listed = {found.parent / name for name in (found.parent / "files.txt").read_text("utf-8").split()}
+        listed = {
+            found.parent / name for name in (found.parent / "files.txt").read_text("utf-8").split()
+        }
         assert listed >= {found, found.parent / "report.html", found.parent / "leakage.png"}
         assert all(path.exists() for path in listed)
 
@@ -194,12 +225,24 @@ def cluster():
 
 
 def test_pages_name_every_command_and_no_other():
-    names = {word for command in COMMANDS for word in [command.removeprefix("--debug ").split()[0]] if word[0] != "-"}
+    names = {
+        word
+        for command in COMMANDS
+        for word in [command.removeprefix("--debug ").split()[0]]
+        if word[0] != "-"
+    }
     assert names == set(get_command(app).commands)
 
 
 def test_the_pages_are_read():
-    assert {"run CASE -o DIR --resume", "new seal.toml", "run CASE -o DIR --scheduler local"} <= set(COMMANDS)
-    assert forms("export DIR -o gap.tif [--step 8]") == {"export DIR -o gap.tif --step 8", "export DIR -o gap.tif"}
+    assert {
+        "run CASE -o DIR --resume",
+        "new seal.toml",
+        "run CASE -o DIR --scheduler local",
+    } <= set(COMMANDS)
+    assert forms("export DIR -o gap.tif [--step 8]") == {
+        "export DIR -o gap.tif --step 8",
+        "export DIR -o gap.tif",
+    }
     assert small("compare DIR DIR …", "") == ["compare", "results/1", "results/2"]
     assert not SLOW - set(FORMS)

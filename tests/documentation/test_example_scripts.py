@@ -19,7 +19,11 @@ pytestmark = pytest.mark.usefixtures("drawn_pictures")
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
 #: make_measured_face.py is run by the tests of the examples' files.
-WRITES = {"measured_face": "measured_contact.png", "read_results": "report.html", "design_answer": "design.png"}
+WRITES = {
+    "measured_face": "measured_contact.png",
+    "read_results": "report.html",
+    "design_answer": "design.png",
+}
 SCRIPTS = {path.stem for path in EXAMPLES.glob("*.py")} - {"make_measured_face"}
 
 
@@ -54,7 +58,9 @@ def test_every_script_has_a_test():
 
 def test_elastic_check_is_right_to_pixels():
     solved, exact = names("elastic_check")["contact_shares"](np.array([0.1, 0.5, 0.9]))
-    assert_allclose(solved, exact, atol=2 / 128)  # two edges of contact, each off by a pixel at most
+    assert_allclose(
+        solved, exact, atol=2 / 128
+    )  # two edges of contact, each off by a pixel at most
     assert_allclose(exact[1], 0.5)
 
 
@@ -142,7 +148,9 @@ def test_scripts_that_write_run_as_programs(stem, drawn, drawn_seal, tmp_path, m
     assert (tmp_path / WRITES[stem]).exists()
 
 
-@pytest.mark.parametrize("stem", ["elastic_check", "one_cell", "lens_ring", "real_size_seal", "sobol"])
+@pytest.mark.parametrize(
+    "stem", ["elastic_check", "one_cell", "lens_ring", "real_size_seal", "sobol"]
+)
 def test_scripts_that_plot_run_as_programs(stem, tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
     backend = matplotlib.get_backend()

@@ -58,7 +58,10 @@ def _leakages(results):
     return [
         v.values
         for n, v in results.dataset.data_vars.items()
-        if n.startswith("leakage_") and not n.endswith("together") and "budget" not in n and v.dims == ("step",)
+        if n.startswith("leakage_")
+        and not n.endswith("together")
+        and "budget" not in n
+        and v.dims == ("step",)
     ]
 
 
@@ -72,7 +75,11 @@ class TestExamples:
     def test_leakage_falls_with_load_and_comes_back_less(self, results):
         # at the lightest load water is fast enough for its inertia to count a little
         expected = "realisations", "Reynolds number of the mean gap"
-        assert [w for w in results.warnings if not any(text in w for text in expected)] == results.failures == []
+        assert (
+            [w for w in results.warnings if not any(text in w for text in expected)]
+            == results.failures
+            == []
+        )
         leakages = _leakages(results)
         assert len(leakages) >= 4  # median, both ends of the band, mean or another method
         for leakage in leakages:
@@ -126,7 +133,9 @@ class TestClaims:
         results = fs.run(EXAMPLES / "measured_seal.toml")
         leakage = results.leakage.values
         peak = leakage[_at(results, 900e6)]
-        assert_allclose(leakage[[_at(results, 600e6, 900e6), _at(results, 600e6)]] / peak, [1.8, 8], rtol=0.1)
+        assert_allclose(
+            leakage[[_at(results, 600e6, 900e6), _at(results, 600e6)]] / peak, [1.8, 8], rtol=0.1
+        )
 
 
 def _at(results, pressure, peak=None):
@@ -137,7 +146,9 @@ class TestMeasuredFace:
     def test_the_script_makes_the_file(self, tmp_path):
         script = shutil.copy(EXAMPLES / "make_measured_face.py", tmp_path)
         runpy.run_path(script, run_name="__main__")
-        made, shipped = (fs.read_topography(folder / "measured_face.x3p") for folder in (tmp_path, EXAMPLES))
+        made, shipped = (
+            fs.read_topography(folder / "measured_face.x3p") for folder in (tmp_path, EXAMPLES)
+        )
         assert made.spacing == shipped.spacing == (1e-6, 1e-6)
         assert_array_equal(np.isnan(made.heights), np.isnan(shipped.heights))
         assert_allclose(made.heights, shipped.heights, atol=1.01e-9)  # stored in whole nanometres
@@ -147,7 +158,9 @@ class TestMeasuredFace:
         report = prepared.conditioning
         assert 0.015 < report.undefined_fraction < 0.025
         assert 0.4e-6 < report.rms_height < 1e-6
-        assert_allclose(report.removed_curvature[2], 20, rtol=0.3)  # and what the roughness adds to it
+        assert_allclose(
+            report.removed_curvature[2], 20, rtol=0.3
+        )  # and what the roughness adds to it
         assert report.shape == (280, 560)
         # marks along the seal: rougher across them
         across, along = prepared.scene.surface.rms_slopes

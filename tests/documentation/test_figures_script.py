@@ -71,7 +71,9 @@ def curve(axes, label):
 def test_the_face_stands_beside_its_leakage(ran):
     face, curves = figures.face_and_leakage(ran[1]).axes[:2]
     heights = ran[0].scene.surface.heights
-    assert_allclose(face.images[0].get_array(), heights.T * 1e6, rtol=1e-6)  # stored in single precision
+    assert_allclose(
+        face.images[0].get_array(), heights.T * 1e6, rtol=1e-6
+    )  # stored in single precision
     assert_allclose(face.images[0].get_extent(), [0, 1e3 * ran[0].scene.surface.size[0], 0, 0.12])
     assert curves.get_xlabel() == "nominal pressure [MPa]"
 
@@ -84,7 +86,8 @@ def test_two_scales(ran):
     above, below = figure.subfigs
     flow, contact = above.axes[:2]
     assert_allclose(
-        flow.images[0].get_array().filled(-1), np.nan_to_num(data["face_fluid_pressure"][2].T / 1e6, nan=-1)
+        flow.images[0].get_array().filled(-1),
+        np.nan_to_num(data["face_fluid_pressure"][2].T / 1e6, nan=-1),
     )
     assert_allclose(contact.images[0].get_array(), data["piece_pressure"].values[2].T / 1e6)
     panels = np.array(below.axes[:9]).reshape(3, 3)
@@ -96,7 +99,11 @@ def test_two_scales(ran):
             expected = cut.pieces(np.asarray(field[2]))[number].T * scale
             assert_allclose(axes.images[0].get_array().filled(0.0), expected, rtol=1e-5)
         cell = fs.cell_permeability(cut.pieces(study.gap[2])[number], cut.spacing)
-        assert_allclose(fluid.images[0].get_array().filled(-1), np.nan_to_num(cell.fluid_pressure.T, nan=-1), atol=1e-4)
+        assert_allclose(
+            fluid.images[0].get_array().filled(-1),
+            np.nan_to_num(cell.fluid_pressure.T, nan=-1),
+            atol=1e-4,
+        )
         assert_allclose(fluid.images[1].get_alpha() ** 2, fields["flow"].T)
         assert (fields["flow"][fields["gap"] == 0] == 0).all()
 
@@ -125,13 +132,18 @@ def test_cycles(ran):
         assert_allclose(x, data["state_nominal_pressure"].values[down] / 1e6)
         assert_array_equal(np.nan_to_num(y), k[piece, down])
     for steps, line, name in ((up, 0, "loading"), (down, 1, "unloading")):
-        assert_allclose(np.nan_to_num(curve(every, name)[1]), np.median(k[:, steps], axis=0), rtol=1e-14)
+        assert_allclose(
+            np.nan_to_num(curve(every, name)[1]), np.median(k[:, steps], axis=0), rtol=1e-14
+        )
         assert_allclose(closed.lines[line].get_ydata(), 100 * np.mean(k[:, steps] == 0, axis=0))
     assert closed.lines[0].get_ydata().max() > 0
 
 
 def test_typical_pieces_are_in_the_order_of_their_closing():
-    k = np.array([[3, 0, 0], [0, 0, 0], [3, 2, 2], [3, 1, 0], [3, 1, 2], [np.nan, 1, 1], [0, 5, 1]]) * 1e-18
+    k = (
+        np.array([[3, 0, 0], [0, 0, 0], [3, 2, 2], [3, 1, 0], [3, 1, 2], [np.nan, 1, 1], [0, 5, 1]])
+        * 1e-18
+    )
     assert_array_equal(figures.typical(k, np.array([0, 1]), np.array([1, 2]), 5), [0, 3, 6, 4, 2])
 
 
@@ -139,14 +151,19 @@ def test_permeability(ran):
     results = ran[1]
     data = results.dataset
     k, gap, pressure = (
-        data[f"state_{n}"].values.reshape(data.sizes["state"], -1).T for n in ("k1", "mean_gap", "pressure")
+        data[f"state_{n}"].values.reshape(data.sizes["state"], -1).T
+        for n in ("k1", "mean_gap", "pressure")
     )
     left, right = figures.permeability(results).axes
-    for name, steps in zip(("loading", "unloading"), figures.up_and_down(results, "state_"), strict=True):
+    for name, steps in zip(
+        ("loading", "unloading"), figures.up_and_down(results, "state_"), strict=True
+    ):
         shown = k[:, steps] > 0
         for axes, x in ((left, gap * 1e6), (right, pressure / 1e6)):
             assert_array_equal(curve(axes, name), [x[:, steps][shown], k[:, steps][shown]])
-        assert_array_equal(np.nan_to_num(curve(right, f"{name}, median")[1]), np.median(k[:, steps], axis=0))
+        assert_array_equal(
+            np.nan_to_num(curve(right, f"{name}, median")[1]), np.median(k[:, steps], axis=0)
+        )
     h, plates = curve(left, r"$\bar h^3/12$")
     assert_allclose(plates, (h * 1e-6) ** 3 / 12)
     assert left.get_xscale() == left.get_yscale() == "log"
@@ -165,7 +182,9 @@ def test_leakage(seals):
     left, right = figures.leakage(seals).axes
     for seal, name in zip(seals, ("0.12 mm", "0.36 mm"), strict=True):
         expected = {
-            s.pressure / 1e6: q for s, q in zip(steps, seal.quantile(0.5), strict=True) if s.unloaded_from == 8e8
+            s.pressure / 1e6: q
+            for s, q in zip(steps, seal.quantile(0.5), strict=True)
+            if s.unloaded_from == 8e8
         }
         x, y = curve(left, name)
         assert x[0] == 800
@@ -193,18 +212,24 @@ def test_constrictions(ran):
     falling = np.sort(data["piece_drop_fraction"].values.reshape(len(q), -1), axis=1)[:, ::-1]
     for count in (1, 3, 10):
         for steps in (UP, [4, 5, 6, 7, 8]):
-            assert_allclose(next(lines).get_data(), [(q / q[0])[steps], falling[steps, :count].sum(axis=1)])
+            assert_allclose(
+                next(lines).get_data(), [(q / q[0])[steps], falling[steps, :count].sum(axis=1)]
+            )
     least = int(np.argmin(np.where(q > 0, q, np.inf)))
     assert_allclose(right.images[0].get_array(), 100 * data["piece_drop_fraction"].values[least].T)
 
 
 def test_results_that_do_not_do(ran):
     results = ran[1]
-    without = replace(results, dataset=results.dataset.drop_vars(["piece_k1", "piece_drop_fraction", "state_k1"]))
+    without = replace(
+        results, dataset=results.dataset.drop_vars(["piece_k1", "piece_drop_fraction", "state_k1"])
+    )
     for figure in (figures.two_scales, figures.cycles, figures.permeability, figures.constrictions):
         with pytest.raises(InputError, match="results: given those of the study median"):
             figure(without)
-    loading = replace(results, dataset=results.dataset.isel(state=figures.up_and_down(results, "state_")[0]))
+    loading = replace(
+        results, dataset=results.dataset.isel(state=figures.up_and_down(results, "state_")[0])
+    )
     with pytest.raises(InputError, match="a run with unloading"):
         figures.cycles(loading)
     sealed = results.dataset.assign(leakage_two_scale=0 * results.dataset["leakage_two_scale"])
@@ -216,13 +241,22 @@ def test_every_figure_is_written(ran, case_file, seals, tmp_path, monkeypatch, c
     monkeypatch.setattr(figures, "drawn_seals", lambda case: seals)
     monkeypatch.setitem(figures.PRINT, "savefig.dpi", 50)
     save = Figure.savefig  # each picture is drawn once; as a .pdf it takes as long again
-    monkeypatch.setattr(Figure, "savefig", lambda f, p: save(f, p) if p.suffix == ".png" else p.touch())
+    monkeypatch.setattr(
+        Figure, "savefig", lambda f, p: save(f, p) if p.suffix == ".png" else p.touch()
+    )
     folder = str(ran[1].folder)
     monkeypatch.setattr(sys, "argv", ["figures.py", folder, str(tmp_path / "out"), str(case_file)])
     figures.main()
     names = [
         f"figure_{n}.{s}"
-        for n in ("0_face", "1_two_scales", "2_cycles", "3_permeability", "4_leakage", "5_constrictions")
+        for n in (
+            "0_face",
+            "1_two_scales",
+            "2_cycles",
+            "3_permeability",
+            "4_leakage",
+            "5_constrictions",
+        )
         for s in ("pdf", "png")
     ]
     assert sorted(path.name for path in (tmp_path / "out").glob("figure*")) == names

@@ -24,7 +24,9 @@ def windows_of(scene):
 def drawn_seals_of(scene, windows, number):
     """Permeability of the links of drawn seals along both axes (seal, step, row, column)."""
     rng = np.random.default_rng(1)
-    return [np.array([example["drawn_links"](scene, w, rng) for _ in range(number)]) for w in windows]
+    return [
+        np.array([example["drawn_links"](scene, w, rng) for _ in range(number)]) for w in windows
+    ]
 
 
 def leakage(scene, links):
@@ -60,7 +62,10 @@ def test_windows_are_centred_on_their_links(axis):
     columns = example["cut"](np.repeat(np.exp(1j * angle)[None, :], 32, axis=0), CELLS, axis)
     middle1 = rows.mean(axis=(2, 3)) + 0.5
     middle2 = np.angle(columns.mean(axis=(2, 3))) % (2 * np.pi) * 32 / (2 * np.pi)
-    links1, links2 = (4 + 8 * np.arange(4), 8 * np.arange(1, 4))[axis], (4 + 8 * np.arange(4) + 4 * axis) % 32
+    links1, links2 = (
+        (4 + 8 * np.arange(4), 8 * np.arange(1, 4))[axis],
+        (4 + 8 * np.arange(4) + 4 * axis) % 32,
+    )
     assert_allclose(middle1, np.repeat(links1[:, None], 4, axis=1), atol=1e-9)
     assert_allclose(np.exp(2j * np.pi * (middle2 - links2) / 32), 1, atol=1e-9)
 
@@ -79,7 +84,9 @@ def test_equal_windows_leak_what_the_face_does(strip):
     assert_allclose(leakage(scene, [k for _, _, k in windows]), of_face, rtol=1e-3)
     across = np.array([fs.cell_permeability(gap, (1e-6, 1e-6), axis=1).value for gap in solved.gap])
     assert_allclose(windows[1][2] / across[:, None, None], 1, rtol=1e-3)
-    assert_allclose(leakage(scene, [k[0] for k in drawn_seals_of(scene, windows, 1)]), of_face, rtol=1e-3)
+    assert_allclose(
+        leakage(scene, [k[0] for k in drawn_seals_of(scene, windows, 1)]), of_face, rtol=1e-3
+    )
 
 
 def test_equal_links_leak_by_the_cubic_law(strip):
@@ -93,8 +100,13 @@ def test_raw_gap_is_that_of_all_waves_between_undeformed_planes(strip):
     for state, raw_gap in example["global_contact"](strip, CELLS):
         contact = state.contact
         assert contact.plastic_deformation.any()
-        assert_allclose(raw_gap.mean(), contact.gap.mean() - contact.plastic_deformation.mean(), rtol=1e-6)
-        left = fs.Topography(raw_gap, face.spacing, (False, True)).high_pass(16e-6).heights + short.heights
+        assert_allclose(
+            raw_gap.mean(), contact.gap.mean() - contact.plastic_deformation.mean(), rtol=1e-6
+        )
+        left = (
+            fs.Topography(raw_gap, face.spacing, (False, True)).high_pass(16e-6).heights
+            + short.heights
+        )
         assert left.std() < 0.3 * short.rms_height
 
 
@@ -102,7 +114,9 @@ def test_windows_without_pressure_are_rigid(strip):
     body = fs.HalfSpace((8, 8), (1e-6, 1e-6), strip.modulus, "mirror")
     raw_gap = np.random.default_rng(1).random((8, 8)) * 1e-6
     for overlap, lowest in ((0.0, raw_gap.min()), (0.5e-6, 0.0)):
-        gap, left = example["window_contact"](raw_gap, raw_gap - overlap, body, 0.0, strip.hardness, 0 * raw_gap)
+        gap, left = example["window_contact"](
+            raw_gap, raw_gap - overlap, body, 0.0, strip.hardness, 0 * raw_gap
+        )
         assert_allclose(gap, raw_gap - raw_gap.min() + lowest, atol=1e-18)
         assert not left.any()
 

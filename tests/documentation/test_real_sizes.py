@@ -38,7 +38,9 @@ def test_pieces_show_what_the_paper_found(tmp_path):
 def test_small_seals(tmp_path):
     """Leakage per length does not depend on the length; half the load changes it by less than half; it falls with peaks."""
     rows = real_sizes.study((0.1,), ((0.1e-3, 1e-3), (0.1e-3, 4e-3)), realisations=3)
-    assert [(r["length_mm"], r["peak/H"]) for r in rows] == [(n, p) for n in (1, 4) for p in (0.1, 0.2)]
+    assert [(r["length_mm"], r["peak/H"]) for r in rows] == [
+        (n, p) for n in (1, 4) for p in (0.1, 0.2)
+    ]
     short, long = (np.array([r["leakage_m2_per_s"] for r in rows[n : n + 2]]) for n in (0, 2))
     assert (np.diff(short) < 0).all()
     assert_allclose(long, short, rtol=0.3)

@@ -17,18 +17,26 @@ def said_in(tree):
     """Texts of a module as they are said, each with a mark where a value goes in."""
     nodes = list(ast.walk(tree))
     parts = {id(part) for node in nodes if isinstance(node, ast.JoinedStr) for part in node.values}
-    parts |= {id(node.value) for node in nodes if isinstance(node, ast.Expr)}  # docstrings are not said
+    parts |= {
+        id(node.value) for node in nodes if isinstance(node, ast.Expr)
+    }  # docstrings are not said
     for node in nodes:
         if isinstance(node, ast.JoinedStr):
-            yield "".join(part.value if isinstance(part, ast.Constant) else VARIES for part in node.values)
-        elif isinstance(node, ast.Constant) and isinstance(node.value, str) and id(node) not in parts:
+            yield "".join(
+                part.value if isinstance(part, ast.Constant) else VARIES for part in node.values
+            )
+        elif (
+            isinstance(node, ast.Constant) and isinstance(node.value, str) and id(node) not in parts
+        ):
             yield node.value
 
 
 @pytest.fixture(scope="module")
 def messages():
     modules = sorted((ROOT / "femseal").rglob("*.py"))
-    return [text for path in modules for text in said_in(ast.parse(path.read_text(encoding="utf-8")))]
+    return [
+        text for path in modules for text in said_in(ast.parse(path.read_text(encoding="utf-8")))
+    ]
 
 
 def test_the_page_quotes_messages():

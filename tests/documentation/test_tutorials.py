@@ -59,9 +59,16 @@ CASES = {page.stem: blocks(page, "toml")[0] for page in PAGES if blocks(page, "t
 def folder(tmp_path):
     """A folder with the maps that the pages name."""
     for n, name in enumerate("abc"):
-        heights = fs.self_affine((48, 64), (48e-6, 64e-6), hurst=0.8, rms_slope=0.2, roll_off=30e-6, rng=n).heights
+        heights = fs.self_affine(
+            (48, 64), (48e-6, 64e-6), hurst=0.8, rms_slope=0.2, roll_off=30e-6, rng=n
+        ).heights
         x3pio.write(
-            tmp_path / f"{name}.x3p", heights.T, x_scale=1e-6, y_scale=1e-6, z_scale=1e-9, z_type=x3pio.DataType.INT16
+            tmp_path / f"{name}.x3p",
+            heights.T,
+            x_scale=1e-6,
+            y_scale=1e-6,
+            z_scale=1e-9,
+            z_type=x3pio.DataType.INT16,
         )
     return tmp_path
 
@@ -85,29 +92,43 @@ def test_the_case_of_every_tutorial_is_a_case(folder):
 
 @pytest.mark.parametrize("name", sorted(RUN))
 def test_the_case_of_a_tutorial_runs(name, folder, monkeypatch):
-    monkeypatch.setitem(CASES, name, reduce(lambda text, change: text.replace(*change), SMALLER, CASES[name]))
-    text = CASE.replace("two-scale", "stochastic" if name in ("bolts", "flatness") else "deterministic").replace(
-        "[128, 256]", "[64, 128]"
+    monkeypatch.setitem(
+        CASES, name, reduce(lambda text, change: text.replace(*change), SMALLER, CASES[name])
     )
+    text = CASE.replace(
+        "two-scale", "stochastic" if name in ("bolts", "flatness") else "deterministic"
+    ).replace("[128, 256]", "[64, 128]")
     results = fs.run(case_of(name, folder, text, LOADS, QUICK), folder / "results", workers=1)
     assert not results.failures
     loading = results.loading()
-    leakage = loading.leakage_median if name in ("bolts", "flatness") else loading.leakage_deterministic
+    leakage = (
+        loading.leakage_median if name in ("bolts", "flatness") else loading.leakage_deterministic
+    )
     assert leakage[-1] < leakage[0]
 
 
 @pytest.mark.parametrize(
-    "page", [*PAGES, *(ROOT / "docs" / name for name in ("calibration.md", "design.md"))], ids=lambda page: page.stem
+    "page",
+    [*PAGES, *(ROOT / "docs" / name for name in ("calibration.md", "design.md"))],
+    ids=lambda page: page.stem,
 )
 def test_a_tutorial_has_goal_file_command_picture_and_what_to_check(page):
     text = page.read_text(encoding="utf-8")
-    parts = (r"\*\*Goal:", r"\*\*Files?:", r"```(sh|python)|\{literalinclude\}", r"!\[.+\]\(.+\.png\)", "What to check")
+    parts = (
+        r"\*\*Goal:",
+        r"\*\*Files?:",
+        r"```(sh|python)|\{literalinclude\}",
+        r"!\[.+\]\(.+\.png\)",
+        "What to check",
+    )
     assert [part for part in parts if not re.search(part, text)] == []
 
 
 def test_the_form_gives_the_permeability_of_the_cell(tmp_path, capsys):
     script = tmp_path / "form.py"
-    script.write_text(blocks(ROOT / "docs" / "tutorials" / "python.md", "python")[0], encoding="utf-8")
+    script.write_text(
+        blocks(ROOT / "docs" / "tutorials" / "python.md", "python")[0], encoding="utf-8"
+    )
     runpy.run_path(str(script))
     first, second = (float(n) for n in re.findall(r"([\d.]+e-\d+) m³", capsys.readouterr().out))
     assert abs(first / second - 1) < 1e-3
@@ -121,4 +142,8 @@ def test_the_page_of_keys_explains_every_key(tmp_path, monkeypatch):
     text = (tmp_path / "keys.md").read_text("utf-8").partition("## Keys that are gone")[0]
     rows = [line for line in text.splitlines() if line.startswith("| `")]
     assert len(rows) > 120
-    assert [row for row in rows if len(cells := re.split(r"(?<!\\)\|", row)) != 9 or not cells[7].strip()] == []
+    assert [
+        row
+        for row in rows
+        if len(cells := re.split(r"(?<!\\)\|", row)) != 9 or not cells[7].strip()
+    ] == []

@@ -36,10 +36,14 @@ def case(tmp_path):
 
 def measured(case, factor=1.0):
     """The case with a face read from a file."""
-    heights = fs.self_affine((32, 32), (3e-5, 3e-5), hurst=0.8, rms_slope=0.2, roll_off=2e-5, rng=1).heights
+    heights = fs.self_affine(
+        (32, 32), (3e-5, 3e-5), hurst=0.8, rms_slope=0.2, roll_off=2e-5, rng=1
+    ).heights
     np.save(case.parent / "face.npy", factor * heights)
     face = 'kind = "file"\npath = "face.npy"\nheight_unit = "m"\nsize = ["30 um", "30 um"]\nperiodic = [true, true]\n'
-    return re.sub(r'kind = "self-affine".*?\[material\]', face + "[material]", CASE, flags=re.DOTALL)
+    return re.sub(
+        r'kind = "self-affine".*?\[material\]', face + "[material]", CASE, flags=re.DOTALL
+    )
 
 
 def assert_same(one, two):
@@ -67,7 +71,9 @@ class Crash(BaseException):
 # --- runs ----------------------------------------------------------------------------------------------------------
 
 
-def test_a_stopped_run_goes_on_with_the_same_bits_and_leaves_no_checkpoint(case, tmp_path, monkeypatch):
+def test_a_stopped_run_goes_on_with_the_same_bits_and_leaves_no_checkpoint(
+    case, tmp_path, monkeypatch
+):
     whole = fs.run(case, workers=1)
     out = tmp_path / "out"
     stages = []
@@ -81,7 +87,8 @@ def test_a_stopped_run_goes_on_with_the_same_bits_and_leaves_no_checkpoint(case,
         assert not (out / "results.nc").exists()
     with monkeypatch.context() as patch:
         patch.setattr(
-            "femseal.runs.job.write_folder", lambda *a, **k: (_ for _ in ()).throw(OSError(errno.ENOSPC, "full"))
+            "femseal.runs.job.write_folder",
+            lambda *a, **k: (_ for _ in ()).throw(OSError(errno.ENOSPC, "full")),
         )
         with pytest.raises(fs.FemsealError, match=r"full.*--resume"):
             fs.run(case, out, resume=True, workers=1)
@@ -108,8 +115,12 @@ def case_with(besides, path):
     """A case of a whole face that does the one or the other besides its study, without pictures."""
     loads = ", ".join(f'"{n} MPa"' for n in (50, 75, 100, 125, 150, 200, 250, 300))
     top = BESIDES[besides]
-    text = CASE.replace('method = "stochastic"\ncompare = ["deterministic", "two-scale"]', top).split("[contact]")[0]
-    text = text.replace('loading = ["100 MPa", "300 MPa"]', f"loading = [{loads}]").replace("[32, 32]", "[64, 64]")
+    text = CASE.replace(
+        'method = "stochastic"\ncompare = ["deterministic", "two-scale"]', top
+    ).split("[contact]")[0]
+    text = text.replace('loading = ["100 MPa", "300 MPa"]', f"loading = [{loads}]").replace(
+        "[32, 32]", "[64, 64]"
+    )
     path.write_text(text + '[output]\npictures = false\nreport = false\nparaview = "none"\n')
     return path
 
@@ -151,10 +162,16 @@ MOMENTS = {
 @pytest.mark.skipif(not hasattr(os, "fork"), reason="no forks")
 def test_kills_besides_the_studies_leave_the_same_numbers(tmp_path):
     files = {name: case_with(name, tmp_path / f"{name}.toml") for name in BESIDES}
-    kills = json.dumps([[str(file), str(tmp_path / name), MOMENTS[name]] for name, file in files.items()])
-    done = subprocess.run([sys.executable, "-c", KILLED, kills], capture_output=True, text=True, timeout=HANG)
+    kills = json.dumps(
+        [[str(file), str(tmp_path / name), MOMENTS[name]] for name, file in files.items()]
+    )
+    done = subprocess.run(
+        [sys.executable, "-c", KILLED, kills], capture_output=True, text=True, timeout=HANG
+    )
     assert done.returncode == 0, done.stderr
-    assert done.stdout.splitlines() == [f"{-signal.SIGKILL} False"] * sum(map(len, MOMENTS.values())), done.stderr
+    assert done.stdout.splitlines() == [f"{-signal.SIGKILL} False"] * sum(
+        map(len, MOMENTS.values())
+    ), done.stderr
     for name, file in files.items():
         whole = fs.run(file, workers=1).dataset
         fs.run(file, tmp_path / name, resume=True, workers=1)
@@ -193,7 +210,9 @@ def test_states_on_disk_go_on_from_the_last_one_with_the_bits_of_those_in_memory
     out = tmp_path / "out"
     done = subprocess.run([sys.executable, "-c", ON_DISK, str(case), str(out)], timeout=HANG)
     assert done.returncode == -signal.SIGKILL
-    assert [path.name for path in out.iterdir() if path.name not in (".checkpoint", "run.log", ".lock")] == []
+    assert [
+        path.name for path in out.iterdir() if path.name not in (".checkpoint", "run.log", ".lock")
+    ] == []
     assert len(store.Store(out / ".checkpoint")) == 1
     whole = fs.run(case, tmp_path / "whole", workers=1)
     monkeypatch.setattr(shared_array, "PART_OF_MEMORY", 0)
@@ -267,7 +286,10 @@ def test_a_kill_while_other_files_are_written_again_leaves_the_results(tmp_path,
         assert not calls
         assert (out / "leakage.png").exists()
         listed = {out / name for name in (out / "files.txt").read_text().split()}
-        assert listed == {p for p in out.rglob("*") if p.is_file()} - {out / "files.txt", out / "run.log"}
+        assert listed == {p for p in out.rglob("*") if p.is_file()} - {
+            out / "files.txt",
+            out / "run.log",
+        }
 
 
 def test_an_unfinished_run_is_not_lost_to_one_without_resume(case, tmp_path):
@@ -296,7 +318,11 @@ def test_a_changed_case_file_or_version_is_refused_by_name(case, tmp_path, monke
         assert {p: p.stat().st_mtime_ns for p in out.rglob("*")} == before
         return str(caught.value).splitlines()[1:]
 
-    case.write_text(text.replace('hardness = "3 GPa"', 'yield_stress = "1 GPa"').replace('"300 MPa"', '"200 MPa"'))
+    case.write_text(
+        text.replace('hardness = "3 GPa"', 'yield_stress = "1 GPa"').replace(
+            '"300 MPa"', '"200 MPa"'
+        )
+    )
     assert sorted(refusal()) == [
         "load.loading: was [100000000.0, 300000000.0], is [100000000.0, 200000000.0]",
         "load.unload_from: was [300000000.0], is [200000000.0]",
@@ -305,7 +331,9 @@ def test_a_changed_case_file_or_version_is_refused_by_name(case, tmp_path, monke
     ]
     case.write_text(text)
     with monkeypatch.context() as patch:
-        patch.setattr("femseal.runs.job.numerical_versions", lambda: {**numerical_versions(), "numpy": "9.9"})
+        patch.setattr(
+            "femseal.runs.job.numerical_versions", lambda: {**numerical_versions(), "numpy": "9.9"}
+        )
         assert refusal() == [f"version.numpy: was {np.__version__}, is 9.9"]
     measured(case, 1.01)
     (line,) = refusal()
@@ -322,7 +350,9 @@ def test_finished_results_of_another_face_file_are_not_taken(case, tmp_path):
     for factor in (1.0, 1.0, 1.1):
         measured(case, factor)
         calls = []
-        results = fs.run(case, tmp_path / "out", resume=True, workers=1, progress=lambda *a, c=calls: c.append(a))
+        results = fs.run(
+            case, tmp_path / "out", resume=True, workers=1, progress=lambda *a, c=calls: c.append(a)
+        )
         runs.append((results.leakage.values[0], bool(calls)))
     assert [computed for _, computed in runs] == [True, False, True]
     assert runs[0][0] == runs[1][0] != runs[2][0]
@@ -334,9 +364,9 @@ def test_finished_results_of_another_choice_are_not_taken(case, tmp_path, monkey
     case.write_text(text.replace('compare = ["deterministic", "two-scale"]', ""))
     done = fs.run(case, tmp_path / "out", workers=1)
     calls = []
-    assert fs.run(case, tmp_path / "out", resume=True, workers=1, progress=lambda *a: calls.append(a)).dataset.equals(
-        done.dataset
-    )
+    assert fs.run(
+        case, tmp_path / "out", resume=True, workers=1, progress=lambda *a: calls.append(a)
+    ).dataset.equals(done.dataset)
     assert not calls
     monkeypatch.setattr("femseal.studies.sampling.usual_pieces", lambda *_, **__: (1, 2))
     fs.run(case, tmp_path / "out", resume=True, workers=1, progress=lambda *a: calls.append(a))
@@ -377,7 +407,9 @@ def start():
             "from femseal.cli import main; main()"
         )
         command = [sys.executable, "-c", code, "run", case, "-o", out, *arguments]
-        process = subprocess.Popen([*map(str, command)], stderr=subprocess.PIPE, text=True, start_new_session=True)
+        process = subprocess.Popen(
+            [*map(str, command)], stderr=subprocess.PIPE, text=True, start_new_session=True
+        )
         started.append(process)
         return process
 
@@ -416,7 +448,9 @@ def alive(group):
         (["--workers", "2"], signal.SIGINT),
         pytest.param(["--workers", "2"], signal.SIGTERM, marks=pytest.mark.slow),
         pytest.param(["--workers", "1"], signal.SIGINT, marks=pytest.mark.slow),
-        pytest.param(["--workers", "2", "--scheduler", "local"], signal.SIGINT, marks=pytest.mark.slow),
+        pytest.param(
+            ["--workers", "2", "--scheduler", "local"], signal.SIGINT, marks=pytest.mark.slow
+        ),
     ],
 )
 def test_ctrl_c_ends_the_workers_and_says_how_to_go_on(case, start, tmp_path, arguments, sent):
@@ -424,7 +458,9 @@ def test_ctrl_c_ends_the_workers_and_says_how_to_go_on(case, start, tmp_path, ar
     case.write_text(alone.replace("realisations = 24", "realisations = 100000"))
     out = tmp_path / "out"
     process = start(case, out, "--log-file", tmp_path / "lines.log", *arguments)
-    wait_until(lambda: len(store.Store(out / ".checkpoint")) > MOST_OTHERS or process.poll() is not None)
+    wait_until(
+        lambda: len(store.Store(out / ".checkpoint")) > MOST_OTHERS or process.poll() is not None
+    )
     assert process.poll() is None, process.stderr.read()
     os.killpg(process.pid, sent)
     lines = process.communicate(timeout=HANG)[1].splitlines()

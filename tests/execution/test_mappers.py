@@ -43,7 +43,9 @@ def case(tmp_path):
 def cluster(monkeypatch):
     """Two threads of this process, which may be slow to answer."""
     monkeypatch.setattr(cluster_map, "ANSWER_SECONDS", HANG)
-    with distributed.LocalCluster(n_workers=2, threads_per_worker=1, processes=False, dashboard_address=None) as it:
+    with distributed.LocalCluster(
+        n_workers=2, threads_per_worker=1, processes=False, dashboard_address=None
+    ) as it:
         yield it
 
 
@@ -53,7 +55,13 @@ def real_cluster():
     with ExitStack() as stack:
 
         def start(name, *arguments):
-            command = [sys.executable, "-m", f"distributed.cli.dask_{name}", *map(str, arguments), "--no-dashboard"]
+            command = [
+                sys.executable,
+                "-m",
+                f"distributed.cli.dask_{name}",
+                *map(str, arguments),
+                "--no-dashboard",
+            ]
             process = subprocess.Popen(command, stderr=subprocess.PIPE, text=True)
             stack.callback(process.wait)
             stack.callback(process.kill)
@@ -74,7 +82,9 @@ def test_each_worker_has_one_thread(cluster):
 
     for arguments in ({"workers": 1}, {"workers": 2}, {"scheduler": cluster.scheduler_address}):
         with ordered_map(**arguments) as mapping:
-            for libraries in mapping(Stage("trial", _libraries), [threadpoolctl.threadpool_info] * 2, [np.ones(2)] * 2):
+            for libraries in mapping(
+                Stage("trial", _libraries), [threadpoolctl.threadpool_info] * 2, [np.ones(2)] * 2
+            ):
                 assert libraries
                 assert {library["num_threads"] for library in libraries} == {1}
 
@@ -138,19 +148,31 @@ if __name__ == "__main__":
 """
 
 
-@pytest.mark.skipif("forkserver" not in multiprocessing.get_all_start_methods(), reason="processes are not copied here")
+@pytest.mark.skipif(
+    "forkserver" not in multiprocessing.get_all_start_methods(),
+    reason="processes are not copied here",
+)
 @pytest.mark.parametrize("temporary", ["", "too_long_for_a_socket" * 5])
-def test_processes_of_the_command_are_copies_of_one_that_has_loaded_the_solvers(tmp_path, temporary):
+def test_processes_of_the_command_are_copies_of_one_that_has_loaded_the_solvers(
+    tmp_path, temporary
+):
     for folder in ("scripts", "femseal", temporary):
         (tmp_path / folder).mkdir(exist_ok=True)
     (tmp_path / "scripts" / "copies.py").write_text(COPIES)
-    (tmp_path / "femseal" / "__init__.py").write_text("raise RuntimeError('imported from the working folder')")
+    (tmp_path / "femseal" / "__init__.py").write_text(
+        "raise RuntimeError('imported from the working folder')"
+    )
     command = [sys.executable, tmp_path / "scripts" / "copies.py"]
-    given = {"cwd": tmp_path, "env": os.environ | ({"TMPDIR": str(tmp_path / temporary)} if temporary else {})}
+    given = {
+        "cwd": tmp_path,
+        "env": os.environ | ({"TMPDIR": str(tmp_path / temporary)} if temporary else {}),
+    }
     run = subprocess.run(command, capture_output=True, text=True, check=True, timeout=HANG, **given)
     states, error = run.stdout.splitlines()
     # processes of their own may begin before they have loaded the solvers
-    assert re.fullmatch(r"(\(True, (True|False), '1'\) ?)+" if temporary else r"\(False, True, '1'\)", states)
+    assert re.fullmatch(
+        r"(\(True, (True|False), '1'\) ?)+" if temporary else r"\(False, True, '1'\)", states
+    )
     assert "a process died" in error
     assert not run.stderr
 
@@ -169,7 +191,9 @@ if __name__ == "__main__":
 @pytest.mark.parametrize("seconds", [0, 0.3, 1])
 def test_a_command_that_ends_while_its_processes_start_says_no_more_than_why(tmp_path, seconds):
     (script := tmp_path / "ends.py").write_text(ENDS)
-    run = subprocess.run([sys.executable, script, str(seconds)], capture_output=True, text=True, timeout=HANG)
+    run = subprocess.run(
+        [sys.executable, script, str(seconds)], capture_output=True, text=True, timeout=HANG
+    )
     assert run.stderr == "the case is refused\n"
 
 
@@ -192,7 +216,9 @@ def deaf(n):
 # where it is stopped at once, loky's own thread ends with an error
 @pytest.mark.filterwarnings("ignore::pytest.PytestUnhandledThreadExceptionWarning")
 @pytest.mark.skipif(not hasattr(signal, "pthread_sigmask"), reason="signals cannot be blocked")
-@pytest.mark.parametrize("backend", [{}, pytest.param({"scheduler": "local"}, marks=pytest.mark.slow)])
+@pytest.mark.parametrize(
+    "backend", [{}, pytest.param({"scheduler": "local"}, marks=pytest.mark.slow)]
+)
 def test_ctrl_c_is_heard_here_even_while_processes_start_and_never_there(backend):
     def stopped_while_sent():
         yield from range(3)
@@ -235,7 +261,9 @@ def test_small_items_are_sent_together(cluster, monkeypatch):
     monkeypatch.setattr(cluster_map, "time", clock)
     with ordered_map(scheduler=cluster.scheduler_address) as mapping:
         short = [cluster_map.TASK_SECONDS / 1024] * 10000
-        assert list(mapping(Stage("trial", worked), iter(range(10000)), iter(short))) == [*range(10000)]
+        assert list(mapping(Stage("trial", worked), iter(range(10000)), iter(short))) == [
+            *range(10000)
+        ]
         assert sum(sizes) == 10000
         assert sizes[:4] == [1] * 4
         assert max(sizes) == 1024
@@ -249,7 +277,9 @@ def test_small_items_are_sent_together(cluster, monkeypatch):
         assert left[-1] == 0
         assert max(sizes) > 500
         least = int(1024 * cluster_map.LEAST_SECONDS / cluster_map.TASK_SECONDS)
-        assert all(size <= max(least, before // 4) for size, before in zip(sizes, left[:-1], strict=True))
+        assert all(
+            size <= max(least, before // 4) for size, before in zip(sizes, left[:-1], strict=True)
+        )
         assert set(sizes[-3:-1]) == {least}, sizes
 
 
@@ -295,7 +325,9 @@ def test_an_item_that_takes_long_holds_up_no_others(cluster):
 
 def test_workers_of_other_versions_are_refused(cluster, monkeypatch):
     monkeypatch.setattr(
-        cluster_map, "numerical_versions", lambda: {"numpy": threading.current_thread().name, "scipy": "1"}
+        cluster_map,
+        "numerical_versions",
+        lambda: {"numpy": threading.current_thread().name, "scipy": "1"},
     )
     with pytest.raises(fs.InputError, match=r"has numpy .* instead of MainThread, expected"):
         cluster_map._connected(cluster.scheduler_address)
@@ -318,17 +350,26 @@ def test_a_late_worker_is_awaited(monkeypatch):
 
 
 @pytest.mark.parametrize("default", [False, True])
-def test_a_run_on_a_cluster_writes_its_folder_and_goes_on_there(case, tmp_path, monkeypatch, default):
+def test_a_run_on_a_cluster_writes_its_folder_and_goes_on_there(
+    case, tmp_path, monkeypatch, default
+):
     """Also where the process has a default client of its own, as a notebook does."""
     case.write_text(CASE + '[output]\npictures = false\nreport = false\nparaview = "none"\n')
     one = fs.run(case, workers=1)
     out = tmp_path / "out"
     monkeypatch.setattr(cluster_map, "ANSWER_SECONDS", HANG)
     # what goes to its scheduler is pickled, unlike within a process
-    it = distributed.LocalCluster(n_workers=1, processes=False, protocol="tcp://", dashboard_address=None)
+    it = distributed.LocalCluster(
+        n_workers=1, processes=False, protocol="tcp://", dashboard_address=None
+    )
     with it, distributed.Client(it, set_as_default=default):
         with pytest.raises(KeyboardInterrupt):
-            fs.run(case, out, scheduler=it.scheduler_address, progress=stop_at("two-scale: pieces of the face", 3))
+            fs.run(
+                case,
+                out,
+                scheduler=it.scheduler_address,
+                progress=stop_at("two-scale: pieces of the face", 3),
+            )
         assert (out / ".checkpoint").exists()
         fs.run(case, out, resume=True, scheduler=it.scheduler_address)
         assert_same(one.dataset, fs.open_results(out).dataset)
@@ -336,7 +377,12 @@ def test_a_run_on_a_cluster_writes_its_folder_and_goes_on_there(case, tmp_path, 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("scheduler", ["local", "address"])
-def test_the_command_writes_its_folder_on_a_cluster_also_after_a_kill(case, start, tmp_path, scheduler):  # noqa: F811
+def test_the_command_writes_its_folder_on_a_cluster_also_after_a_kill(
+    case,
+    start,  # noqa: F811
+    tmp_path,
+    scheduler,
+):
     one = fs.run(case, workers=1)
     out = tmp_path / "out"
     with ExitStack() as stack:
@@ -368,7 +414,9 @@ def test_a_scheduler_of_its_own_gives_the_same_bits(case):
 @pytest.mark.slow
 def test_workers_of_a_cluster_of_its_own_are_quiet():
     with ordered_map(workers=1, scheduler="local") as mapping:
-        assert list(mapping(Stage("trial", dask.config.get), cluster_map.QUIET)) == [*cluster_map.QUIET.values()]
+        assert list(mapping(Stage("trial", dask.config.get), cluster_map.QUIET)) == [
+            *cluster_map.QUIET.values()
+        ]
 
 
 @pytest.mark.slow
@@ -520,7 +568,10 @@ def test_bits_do_not_depend_on_where_a_process_gets_its_arrays(layout):
         moved[...] = gap0
         other = np.asfortranarray(gap0) if layout == "Fortran" else moved
         other.flags.writeable = layout != "read only"
-        one, two = (fs.solve_contact(gap, body, pressure=1e9, hardness=3e9, rtol=1e-4) for gap in (gap0, other))
+        one, two = (
+            fs.solve_contact(gap, body, pressure=1e9, hardness=3e9, rtol=1e-4)
+            for gap in (gap0, other)
+        )
         assert_array_equal(two.gap, one.gap)
         one, two = (fs.cell_permeability(gap, (1e-6, 1e-6)).value for gap in (gap0, other))
         assert two == one
@@ -552,9 +603,13 @@ def stay(n):
 def test_processes_that_cannot_end_do_not_keep_the_run(end):
     """joblib would wait for them until the threads are through."""
     folder = Path(__file__).parent
-    path = os.pathsep.join([str(folder), str(folder.parent), *filter(None, [os.environ.get("PYTHONPATH")])])
+    path = os.pathsep.join(
+        [str(folder), str(folder.parent), *filter(None, [os.environ.get("PYTHONPATH")])]
+    )
     code = [sys.executable, "-c", STUCK, end]
-    done = subprocess.run(code, cwd=folder, env={**os.environ, "PYTHONPATH": path}, capture_output=True, timeout=180)
+    done = subprocess.run(
+        code, cwd=folder, env={**os.environ, "PYTHONPATH": path}, capture_output=True, timeout=180
+    )
     assert done.stdout.split() == [b"0", b"1", b"2", b"3"]
     assert done.returncode == (end == "error"), done.stderr
 

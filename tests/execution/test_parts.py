@@ -28,7 +28,9 @@ from femseal.execution.run import no_progress
 from femseal.store import unfinished
 from femseal.store.store import SUFFIX, Store
 
-QUICK = CASE.split("[stochastic]")[0].replace('"stochastic"\ncompare = ["deterministic", "two-scale"]', '"two-scale"')
+QUICK = CASE.split("[stochastic]")[0].replace(
+    '"stochastic"\ncompare = ["deterministic", "two-scale"]', '"two-scale"'
+)
 QUICK += '[output]\npictures = false\nreport = false\nbudget = false\nparaview = "none"\n'
 #: Exit code of a part that needs others.
 WAITS = 3
@@ -48,7 +50,9 @@ def computed_by(folder, part, mapper=map, computed=None):
 
 
 @pytest.mark.parametrize("seed", range(5))
-def test_parts_in_any_order_killed_and_run_twice_compute_each_item_once(tmp_path, monkeypatch, seed):
+def test_parts_in_any_order_killed_and_run_twice_compute_each_item_once(
+    tmp_path, monkeypatch, seed
+):
     """In any number; one is ended now and then after some items."""
     rng, computed = random.Random(seed), []
     monkeypatch.setattr(Store, "__exit__", lambda *a: None)  # as a kill leaves it
@@ -92,7 +96,9 @@ def test_two_parts_at_once_take_turns_with_every_item(tmp_path):
 
     with Store(tmp_path) as one, Store(tmp_path) as two:
         first, second = items(1, one), items(2, two)
-        assert next(first) == "part 1/2: 'squares' needs part 2 of 2; run this part again after them"
+        assert (
+            next(first) == "part 1/2: 'squares' needs part 2 of 2; run this part again after them"
+        )
         assert list(second) == [n * n for n in range(9)]
     assert own == {1: [0, 1, 2, 3, 4], 2: [5, 6, 7, 8]}
     with Store(tmp_path) as again:
@@ -154,7 +160,10 @@ def test_parts_of_a_run_give_the_bits_of_one_process(tmp_path, femseal):
             said.add(error.splitlines()[-1])
         elif ended.setdefault(n, text) and len(ended) == 2:
             break
-    assert "femseal: part 1/2: 'pieces of the face' needs part 2 of 2; run this part again after them" in said
+    assert (
+        "femseal: part 1/2: 'pieces of the face' needs part 2 of 2; run this part again after them"
+        in said
+    )
     assert "part 2/2: all parts are done" in ended[2]
     assert not (out / "results.nc").exists()
     assert "Traceback" not in (out / "run.log").read_text()
@@ -163,7 +172,9 @@ def test_parts_of_a_run_give_the_bits_of_one_process(tmp_path, femseal):
     again = fs.run(case, out, resume=True, workers=1, progress=lambda stage, *a: said.add(stage))
     assert_same(whole.dataset, again.dataset)
     assert not (out / unfinished.FOLDER).exists()
-    assert fs.run(case, out, part=(1, 2), workers=1).dataset.equals(again.dataset)  # there is nothing to do any more
+    assert fs.run(case, out, part=(1, 2), workers=1).dataset.equals(
+        again.dataset
+    )  # there is nothing to do any more
     with pytest.raises(fs.InputError, match=r"part: .*output folder"):
         fs.run(case, part=(1, 2))
 
@@ -197,7 +208,9 @@ def test_a_sweep_by_parts_runs_each_case_once(tmp_path, contacts):
 
 
 @pytest.mark.parametrize("seed", range(3))
-def test_parts_of_a_calibration_killed_and_run_twice_give_the_bits_of_one_process(tmp_path, monkeypatch, femseal, seed):
+def test_parts_of_a_calibration_killed_and_run_twice_give_the_bits_of_one_process(
+    tmp_path, monkeypatch, femseal, seed
+):
     """Each ends now and then after some scenes, as a kill ends it; what it had solved is not solved again."""
     (case := tmp_path / "case.toml").write_text(CALIBRATED)
     (test := tmp_path / "test.csv").write_text(HEAD + ROWS)
@@ -239,7 +252,9 @@ def test_parts_of_a_calibration_killed_and_run_twice_give_the_bits_of_one_proces
     np.testing.assert_array_equal(again.leakages, whole.leakages)
 
 
-def test_a_sweep_goes_on_after_a_part_that_was_killed_and_never_came_back(tmp_path, contacts, monkeypatch):
+def test_a_sweep_goes_on_after_a_part_that_was_killed_and_never_came_back(
+    tmp_path, contacts, monkeypatch
+):
     (case := tmp_path / "small.toml").write_text(SWEPT + "pictures = false\nreport = false\n")
     keys = {"material.hardness": ["3 GPa", "6 GPa"]}
     options = {"workers": 1}
@@ -268,17 +283,39 @@ def test_a_sweep_goes_on_after_a_part_that_was_killed_and_never_came_back(tmp_pa
 @pytest.mark.slow
 @pytest.mark.skipif(not hasattr(signal, "SIGKILL"), reason="no such signal")
 @pytest.mark.parametrize("command", ["run", "sweep", "calibrate"])
-def test_three_parts_at_once_that_are_killed_now_and_then_give_the_bits_of_one_process(tmp_path, command):
+def test_three_parts_at_once_that_are_killed_now_and_then_give_the_bits_of_one_process(
+    tmp_path, command
+):
     rng = random.Random(command)
     (test := tmp_path / "test.csv").write_text(HEAD + ROWS.replace("sealed", "1e-7"))
     larger = SWEPT.replace("realisations = 4", "realisations = 300")
-    content = {"run": QUICK, "sweep": larger + "pictures = false\nreport = false\n", "calibrate": CALIBRATED}[command]
+    content = {
+        "run": QUICK,
+        "sweep": larger + "pictures = false\nreport = false\n",
+        "calibrate": CALIBRATED,
+    }[command]
     (case := tmp_path / "case.toml").write_text(content)
-    more = {"run": [], "sweep": ["material.hardness=3GPa,4GPa,6GPa"], "calibrate": [test, "--scenes", 26]}[command]
+    more = {
+        "run": [],
+        "sweep": ["material.hardness=3GPa,4GPa,6GPa"],
+        "calibrate": [test, "--scenes", 26],
+    }[command]
     written = {"run": "table.csv", "sweep": "sweep.csv", "calibrate": "calibration.json"}[command]
 
     def started(out, *arguments):
-        line = [sys.executable, "-m", "femseal", command, case, *more, "-o", tmp_path / out, "--workers", 1, *arguments]
+        line = [
+            sys.executable,
+            "-m",
+            "femseal",
+            command,
+            case,
+            *more,
+            "-o",
+            tmp_path / out,
+            "--workers",
+            1,
+            *arguments,
+        ]
         options = {"stdout": subprocess.DEVNULL, "stderr": subprocess.PIPE, "text": True}
         return subprocess.Popen([*map(str, line)], **options, start_new_session=True)
 
@@ -308,7 +345,8 @@ def test_three_parts_at_once_that_are_killed_now_and_then_give_the_bits_of_one_p
     assert (tmp_path / "out" / written).read_bytes() == (tmp_path / "whole" / written).read_bytes()
     for path in (tmp_path / "whole").rglob("results.nc"):
         one, other = (
-            fs.open_results(tmp_path / f / path.parent.relative_to(tmp_path / "whole")) for f in ("whole", "out")
+            fs.open_results(tmp_path / f / path.parent.relative_to(tmp_path / "whole"))
+            for f in ("whole", "out")
         )
         assert_same(one.dataset, other.dataset)
     assert not list((tmp_path / "out").rglob(".*"))

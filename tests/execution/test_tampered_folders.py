@@ -52,7 +52,11 @@ VALUE = {
 def assert_alike(one, two):
     assert type(one) is type(two)
     if isinstance(one, np.ndarray):
-        assert (one.dtype, one.shape, one.flags.c_contiguous) == (two.dtype, two.shape, two.flags.c_contiguous)
+        assert (one.dtype, one.shape, one.flags.c_contiguous) == (
+            two.dtype,
+            two.shape,
+            two.flags.c_contiguous,
+        )
         assert one.tobytes("A") == two.tobytes("A")
     elif isinstance(one, dict):
         assert_alike(list(one.items()), list(two.items()))
@@ -71,7 +75,9 @@ def test_values_come_back_with_every_bit():
     back = unpacked(packed(VALUE))
     np.testing.assert_array_equal(back["arrays"][2], VALUE["arrays"][2])
     back["arrays"][0][0] = 1.0  # arrays can be written to
-    contiguous = VALUE | {"arrays": (*VALUE["arrays"][:2], VALUE["arrays"][2].copy(), *VALUE["arrays"][3:])}
+    contiguous = VALUE | {
+        "arrays": (*VALUE["arrays"][:2], VALUE["arrays"][2].copy(), *VALUE["arrays"][3:])
+    }
     assert_alike(unpacked(packed(contiguous)), contiguous)
 
 
@@ -80,7 +86,9 @@ class Foreign:
     x: int = 1
 
 
-@pytest.mark.parametrize("value", [Foreign(), object(), print, np.array([None]), np.array(["a"]), {1}, Path("/")])
+@pytest.mark.parametrize(
+    "value", [Foreign(), object(), print, np.array([None]), np.array(["a"]), {1}, Path("/")]
+)
 def test_only_plain_data_is_packed(value):
     with pytest.raises(TypeError, match="no plain data"):
         packed((1, value))
@@ -196,7 +204,8 @@ def test_a_checkpoint_that_is_a_link_is_left_alone(tmp_path):
 
 
 @pytest.mark.parametrize(
-    "content", [b"[" * 100_000, b"[1, 2]", b"\xff", b"7", b'{"a\\u001b[2J": [' + b"1," * 9999 + b"1]}"]
+    "content",
+    [b"[" * 100_000, b"[1, 2]", b"\xff", b"7", b'{"a\\u001b[2J": [' + b"1," * 9999 + b"1]}"],
 )
 def test_a_manifest_of_another_kind_is_refused_in_short(tmp_path, content):
     folder = tmp_path / ".checkpoint"
@@ -248,7 +257,19 @@ def test_a_list_of_files_removes_nothing_outside_the_folder(tmp_path):
         "one",
         "two",
     ]
-    names += ["vtk/a.vtu", "missing", "missing/b", "vtk", ".", "", "\x00", "x" * 5000, "loop/x", "loop", "\x1b[2J"]
+    names += [
+        "vtk/a.vtu",
+        "missing",
+        "missing/b",
+        "vtk",
+        ".",
+        "",
+        "\x00",
+        "x" * 5000,
+        "loop/x",
+        "loop",
+        "\x1b[2J",
+    ]
     (out / "files.txt").write_text("\n".join(names))
     report_folder._remove_former(out)
     assert (outside / "kept").read_text() == (tmp_path / "kept").read_text() == "kept"
@@ -285,7 +306,10 @@ def test_a_run_writes_nothing_outside_its_folder(case, tmp_path):
     (out / "results.nc").symlink_to(outside / "results.nc")
     (out / ".lock").symlink_to(outside / "kept")
     (out / ".unfinished").symlink_to(outside)
-    for make in (lambda: (out / "run.log").symlink_to(outside / "run.log"), lambda: os.mkfifo(out / "run.log")):
+    for make in (
+        lambda: (out / "run.log").symlink_to(outside / "run.log"),
+        lambda: os.mkfifo(out / "run.log"),
+    ):
         (out / "run.log").unlink(missing_ok=True)
         make()
         with alone_in(out), job._log_file(out, append=False):  # nobody reads the pipe
@@ -296,9 +320,13 @@ def test_a_run_writes_nothing_outside_its_folder(case, tmp_path):
     report_folder.write_folder(results, out, surface)
     shutil.rmtree(out / "vtk")
     (out / "vtk").symlink_to(outside)
-    with pytest.raises(fs.FemsealError, match=r"vtk' is a link to another folder.*the computed results are in"):
+    with pytest.raises(
+        fs.FemsealError, match=r"vtk' is a link to another folder.*the computed results are in"
+    ):
         report_folder.write_folder(results, out, surface)
-    assert {p.name: p.read_text() for p in outside.iterdir()} == {n: n for n in ("run.log", "results.nc", "kept")}
+    assert {p.name: p.read_text() for p in outside.iterdir()} == {
+        n: n for n in ("run.log", "results.nc", "kept")
+    }
 
 
 # --- one run at a time ---------------------------------------------------------------------------------------------
@@ -315,7 +343,9 @@ with alone_in(Path(sys.argv[1])):
 
 @pytest.fixture
 def holder(tmp_path):
-    process = subprocess.Popen([sys.executable, "-c", HOLD, str(tmp_path)], stdout=subprocess.PIPE, text=True)
+    process = subprocess.Popen(
+        [sys.executable, "-c", HOLD, str(tmp_path)], stdout=subprocess.PIPE, text=True
+    )
     assert process.stdout.readline() == "held\n"
     yield process
     process.kill()
@@ -325,7 +355,10 @@ def holder(tmp_path):
 def test_a_second_run_in_a_folder_is_refused_until_the_first_has_ended(case, holder, tmp_path):
     before = {p: p.stat().st_mtime_ns for p in tmp_path.rglob("*")}
     for resume in (False, True):
-        with pytest.raises(fs.InputError, match=rf"another run \(process {holder.pid} on .*under way.*another folder"):
+        with pytest.raises(
+            fs.InputError,
+            match=rf"another run \(process {holder.pid} on .*under way.*another folder",
+        ):
             fs.run(case, tmp_path, resume=resume, workers=1)
     assert {p: p.stat().st_mtime_ns for p in tmp_path.rglob("*")} == before
     holder.kill()
@@ -336,7 +369,11 @@ def test_a_second_run_in_a_folder_is_refused_until_the_first_has_ended(case, hol
 
 
 def test_runs_of_one_process_exclude_each_other(tmp_path):
-    with alone_in(tmp_path), pytest.raises(fs.InputError, match=f"process {os.getpid()} on"), alone_in(tmp_path):
+    with (
+        alone_in(tmp_path),
+        pytest.raises(fs.InputError, match=f"process {os.getpid()} on"),
+        alone_in(tmp_path),
+    ):
         pass
     with alone_in(tmp_path):
         pass
@@ -363,7 +400,10 @@ def test_where_no_locks_are_the_name_of_the_process_counts(tmp_path, monkeypatch
     with subprocess.Popen(code, stdout=subprocess.PIPE, text=True) as process:
         try:
             assert process.stdout.readline() == "held\n"
-            with pytest.raises(fs.InputError, match=f"process {process.pid} on"), alone_in(tmp_path):
+            with (
+                pytest.raises(fs.InputError, match=f"process {process.pid} on"),
+                alone_in(tmp_path),
+            ):
                 pass
         finally:
             process.kill()

@@ -50,7 +50,9 @@ def test_states_of_the_ladder_are_exact(closed, peaks):
     steps = ladder(peaks)
     k = values(steps, closed, reopens=0.3)
     assert (k == 0).any() == np.isfinite(closed)
-    assert_allclose(PieceCurves(steps, k).along(steps.pressures[:, None], steps)[:, 0], k, rtol=1e-10)
+    assert_allclose(
+        PieceCurves(steps, k).along(steps.pressures[:, None], steps)[:, 0], k, rtol=1e-10
+    )
 
 
 def test_a_straight_line_in_the_cube_root_is_exact_between_states():
@@ -58,7 +60,10 @@ def test_a_straight_line_in_the_cube_root_is_exact_between_states():
     p = np.linspace(LOADING[0], LOADING[-1], 101)
     assert_allclose(PieceCurves(steps, values(steps)).loaded(p), np.exp(law(p)), rtol=1e-10)
     # beyond the ends it is constant
-    assert_allclose(PieceCurves(steps, values(steps)).loaded(np.array([0.0, 2e9])), np.exp(law(LOADING[[0, -1]])))
+    assert_allclose(
+        PieceCurves(steps, values(steps)).loaded(np.array([0.0, 2e9])),
+        np.exp(law(LOADING[[0, -1]])),
+    )
 
 
 def test_the_error_between_states_falls_with_the_third_order_or_better():
@@ -171,7 +176,10 @@ def test_the_peak_of_a_piece_is_that_of_its_own_path():
     steps = ladder()
     curves = PieceCurves(steps, values(steps))
     k = curves.along(falling, seal)[:, 0]
-    expected = [curves.loaded(3e8), *(curves.unloaded(np.array([p]), np.array([3e8]))[0] for p in falling[1:5, 0])]
+    expected = [
+        curves.loaded(3e8),
+        *(curves.unloaded(np.array([p]), np.array([3e8]))[0] for p in falling[1:5, 0]),
+    ]
     assert_allclose(k[:5], expected)
     assert_allclose(k[5], curves.loaded(4e8))
 
@@ -191,7 +199,9 @@ def test_a_step_whose_flow_failed_is_left_out():
     on_loading, down = steps.on_loading, ~steps.on_loading
     lost = PieceCurves(steps, np.where(on_loading, np.nan, k))
     assert np.isnan(lost.along(steps.pressures[:, None], steps)).all()
-    lost = PieceCurves(steps, np.where(down, np.nan, k)).along(steps.pressures[:, None], steps)[:, 0]
+    lost = PieceCurves(steps, np.where(down, np.nan, k)).along(steps.pressures[:, None], steps)[
+        :, 0
+    ]
     assert_allclose(lost[on_loading], k[on_loading])
     assert np.isnan(lost[down]).all()
 

@@ -23,7 +23,13 @@ E, H = 115e9, 0.15 * 115e9 * 0.05
 def rough(seed=1, roll_off=SIDE / 8, cut_off=8 * D, n=N):
     """A patch of a larger face: it is not periodic, and lost its tilt."""
     larger = fs.self_affine(
-        (2 * n, 2 * n), (2 * n * D, 2 * n * D), hurst=0.8, rms_slope=0.05, roll_off=roll_off, cut_off=cut_off, rng=seed
+        (2 * n, 2 * n),
+        (2 * n * D, 2 * n * D),
+        hurst=0.8,
+        rms_slope=0.05,
+        roll_off=roll_off,
+        cut_off=cut_off,
+        rng=seed,
     )
     return larger.crop((n, n)).detrend(1)
 
@@ -50,7 +56,9 @@ def test_the_plateau_has_the_density_of_its_waves():
     assert found.roll_off == found.longest
     # the plateau of all waves from the roll-off to the cut-off with a rms slope of 0.05
     q = 2 * np.pi / np.array([SIDE / 5, 4 * D])
-    plateau = 2 * np.pi * 0.05**2 / (q[0] ** 3.6 * (q[1] ** 0.4 - q[0] ** 0.4) / 0.4 + q[0] ** 4 / 4)
+    plateau = (
+        2 * np.pi * 0.05**2 / (q[0] ** 3.6 * (q[1] ** 0.4 - q[0] ** 0.4) / 0.4 + q[0] ** 4 / 4)
+    )
     assert 0.5 < found.density / plateau < 2
 
 
@@ -68,7 +76,9 @@ def test_a_spectrum_that_rises_up_to_the_side_is_no_whole_face(seed):
 def test_waves_without_a_power_law_are_counted_by_the_autocorrelation():
     wave = SIDE / 12
     x1 = (np.arange(N) + 0.5) * D
-    found = representative(fs.Topography(np.cos(2 * np.pi * x1 / wave)[:, None] * np.full((1, N), 1e-7), (D, D)))
+    found = representative(
+        fs.Topography(np.cos(2 * np.pi * x1 / wave)[:, None] * np.full((1, N), 1e-7), (D, D))
+    )
     assert_allclose(found.longest, wave * np.arccos(0.2) / (2 * np.pi) / 0.27, rtol=0.05)
     assert found.roll_off is None
     assert found.is_enough
@@ -81,7 +91,11 @@ def test_a_flat_face_has_no_waves():
 
 
 def test_of_several_places_the_one_with_fewest_waves_is_told():
-    places = [rough(1, SIDE / 5, cut_off=4 * D), rough(2, 2 * SIDE), rough(3, SIDE / 5, cut_off=4 * D)]
+    places = [
+        rough(1, SIDE / 5, cut_off=4 * D),
+        rough(2, 2 * SIDE),
+        rough(3, SIDE / 5, cut_off=4 * D),
+    ]
     found = representative(fs.Places(places))
     assert found == replace(representative(places[1]), places=3)
     assert "the least of 3 places holds" in found.doubts[0]
@@ -100,8 +114,13 @@ def test_the_parabola_of_a_face_has_its_height_and_radius(seed):
 def solved(face, pressures):
     """Permeability of the face on all of its points."""
     half_space = fs.HalfSpace(face.shape, face.spacing, E, ("free", "periodic"))
-    gaps = [fs.solve_contact(face.gap(), half_space, pressure=p, hardness=H, rtol=1e-5).gap for p in pressures]
-    return np.array([fs.cell_permeability(gap, face.spacing, sides="periodic").value for gap in gaps])
+    gaps = [
+        fs.solve_contact(face.gap(), half_space, pressure=p, hardness=H, rtol=1e-5).gap
+        for p in pressures
+    ]
+    return np.array(
+        [fs.cell_permeability(gap, face.spacing, sides="periodic").value for gap in gaps]
+    )
 
 
 @pytest.mark.parametrize("height", [0.0, 1e-6, 2e-6])
@@ -113,13 +132,17 @@ def test_few_points_tell_what_the_form_does(height):
     assert (np.abs(true).max() > np.log(1.5)) == (height > 0)
     assert ("surface.detrend = 1 keeps" in "".join(effect.doubts)) == (height > 0)
     short = face.high_pass(SIDE / 2)
-    assert_allclose(effect.changes[1], np.log(solved(face, loads) / solved(short, loads)), rtol=0.1, atol=0.15)
+    assert_allclose(
+        effect.changes[1], np.log(solved(face, loads) / solved(short, loads)), rtol=0.1, atol=0.15
+    )
 
 
 def test_places_are_one_beside_the_other():
     places, loads = (crowned(1e-6), rough(2)), [0.06 * H]
     two = form_effect(fs.Places(places), E, PerfectlyPlastic(H), loads)
-    one, other = (form_effect(place, E, PerfectlyPlastic(H), loads).permeability for place in places)
+    one, other = (
+        form_effect(place, E, PerfectlyPlastic(H), loads).permeability for place in places
+    )
     assert abs(np.log(one[0] / one[1])) > 0.5
     assert_allclose(two.changes, np.log((one + other)[0] / (one + other)[1:]), atol=0.15)
 
@@ -129,7 +152,9 @@ def test_a_load_that_seals_the_few_points_is_taken_as_lower():
     rng = np.random.default_rng(1)
     face = fs.Topography(rng.standard_normal((512, 512)) * 2e-9, (D, D), (False, False))
     side = 512 * D
-    long = fs.self_affine((512, 512), (side, side), hurst=0.8, rms_height=3e-9, roll_off=64 * D, cut_off=40 * D, rng=2)
+    long = fs.self_affine(
+        (512, 512), (side, side), hurst=0.8, rms_height=3e-9, roll_off=64 * D, cut_off=40 * D, rng=2
+    )
     face = face.with_heights(face.heights + long.heights).detrend(1)
     few = face.resample((128, 128))
     load = 0.12 * E * face.rms_slope
@@ -253,7 +278,9 @@ SEAT = '[seat]\nkind = "tilted"\ntilt = "0.001 deg"\n'
 FORM = '[stochastic]\n[seal]\nform = [{kind = "waves", height = "1 um", lobes = 3}]\n'
 
 
-@pytest.mark.parametrize(("table", "method"), [("", "deterministic"), (SEAT, "deterministic"), (FORM, "stochastic")])
+@pytest.mark.parametrize(
+    ("table", "method"), [("", "deterministic"), (SEAT, "deterministic"), (FORM, "stochastic")]
+)
 def test_a_seat_or_a_form_of_the_seal_says_what_is_form(case, tmp_path, table, method):
     case()
     path = tmp_path / "case.toml"
@@ -264,7 +291,13 @@ def test_a_seat_or_a_form_of_the_seal_says_what_is_form(case, tmp_path, table, m
 
 def test_the_survey_of_a_file_says_both(femseal, case, tmp_path):
     case()
-    arguments = ("surface", tmp_path / "patch.npz", "--size", f"{1e6 * SIDE} um", f"{1e6 * SIDE} um")
+    arguments = (
+        "surface",
+        tmp_path / "patch.npz",
+        "--size",
+        f"{1e6 * SIDE} um",
+        f"{1e6 * SIDE} um",
+    )
     found = []
     for order in (1, 2):
         code, out, _ = femseal(*arguments, "--detrend", order)

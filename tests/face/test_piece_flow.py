@@ -53,7 +53,11 @@ def test_a_piece_has_the_flow_of_its_gap(shape):
                 k, flow = by_numpy(gap, spacing, axis)
                 assert_allclose(found.k, k, rtol=1e-13)
                 assert_allclose(k, by_numpy(gap, spacing, axis, "elimination")[0], rtol=1e-6)
-                assert (counts.closed, counts.open, counts.solved) == (not flow.percolates, 0, flow.percolates)
+                assert (counts.closed, counts.open, counts.solved) == (
+                    not flow.percolates,
+                    0,
+                    flow.percolates,
+                )
                 assert counts.solvers.by_solver() == ({flow.solver: 1} if flow.percolates else {})
                 solvers |= {flow.solver}
     assert shape != (32, 32) or solvers >= {"elimination", "multigrid", "none"}
@@ -65,5 +69,8 @@ def test_a_piece_that_cannot_be_solved_leaves_the_others():
     gap[3, 4], gap[20, 20] = -UM, np.nan
     cut = Cut((0, 16, 32), (0, 16, 32), (0, 0), (UM, UM))
     state = PieceState.of(gap, 0 * gap, cut, FlowSettings())
-    assert [text[:20] for text in state.failures] == ["piece (0, 0), x1: ga", "piece (0, 0), x2: ga"]
+    assert [text[:20] for text in state.failures] == [
+        "piece (0, 0), x1: ga",
+        "piece (0, 0), x2: ga",
+    ]
     assert np.isfinite(state.k[0]).tolist() == [[[False, True], [True, False]]] * 2

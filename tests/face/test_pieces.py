@@ -8,7 +8,15 @@ from numpy.testing import assert_allclose, assert_array_equal
 
 from femseal.base import InputError
 from femseal.face.piece_flow import FlowSettings
-from femseal.face.pieces import FEWEST_POINTS, MOST_FACTOR, Cut, PieceState, branches, factors, usual_pieces
+from femseal.face.pieces import (
+    FEWEST_POINTS,
+    MOST_FACTOR,
+    Cut,
+    PieceState,
+    branches,
+    factors,
+    usual_pieces,
+)
 from femseal.loads import LoadProgramme
 from femseal.topography import Places, Topography, self_affine
 
@@ -26,11 +34,14 @@ def gaps(n1=48, n2=48, rng=1, closed=0.2):
 
 def state(gap, cells, pressure=None):
     cut = Cut.of(Topography(gap, (D, D)), cells)
-    return PieceState.of(gap, (gap == 0).astype(float) if pressure is None else pressure, cut, FlowSettings())
+    return PieceState.of(
+        gap, (gap == 0).astype(float) if pressure is None else pressure, cut, FlowSettings()
+    )
 
 
 @pytest.mark.parametrize(
-    ("shape", "cells"), [((64, 64), (4, 4)), ((97, 61), (9, 7)), ((16, 33), (1, 4)), ((40, 8), (5, 1))]
+    ("shape", "cells"),
+    [((64, 64), (4, 4)), ((97, 61), (9, 7)), ((16, 33), (1, 4)), ((40, 8), (5, 1))],
 )
 def test_pieces_fill_the_face_once_and_are_alike(shape, cells):
     cut = Cut.of(Topography(np.zeros(shape) + np.eye(*shape), (D, 2 * D)), cells)
@@ -151,10 +162,14 @@ def test_the_factor_makes_pieces_leak_what_the_face_leaks():
     face_q = np.array([8.0, 6.0, 4.0, 2.0, 7.0, 3.0, 5.0])
     own = np.array([7.0, 6.5, 3.0, 1.0, 6.0, 3.5, 4.0])
     assert_allclose(factors(face_q, own, STEPS) * own, face_q)
-    assert_allclose(factors(-face_q, -own, STEPS) * own, face_q)  # leakage from the outlet to the inlet
+    assert_allclose(
+        factors(-face_q, -own, STEPS) * own, face_q
+    )  # leakage from the outlet to the inlet
 
 
-@pytest.mark.parametrize("blind", [(0.0, 1.0), (1.0, 0.0), (0.0, 0.0), (np.nan, 1.0), (1.0, np.nan)])
+@pytest.mark.parametrize(
+    "blind", [(0.0, 1.0), (1.0, 0.0), (0.0, 0.0), (np.nan, 1.0), (1.0, np.nan)]
+)
 def test_near_closing_the_factor_is_that_of_the_nearest_state_of_its_branch(blind):
     face_q, own = np.full(7, 2.0), np.ones(7)
     own[[0, 1]] = 1.6, 1.25

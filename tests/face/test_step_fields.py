@@ -53,7 +53,12 @@ def test_pressure_is_indexed_like_an_array(key):
 
 
 def test_pressure_is_used_like_an_array():
-    assert (PRESSURE.shape, PRESSURE.dtype, PRESSURE.ndim, len(PRESSURE)) == ((4, 24, 16), np.float32, 3, 4)
+    assert (PRESSURE.shape, PRESSURE.dtype, PRESSURE.ndim, len(PRESSURE)) == (
+        (4, 24, 16),
+        np.float32,
+        3,
+        4,
+    )
     assert_array_equal(list(PRESSURE), list(DENSE))
     for mean in (np.mean(PRESSURE, axis=(1, 2)), PRESSURE.mean(axis=(1, 2))):
         assert_array_equal(mean, DENSE.mean(axis=(1, 2)))

@@ -31,22 +31,30 @@ def drawn_links(rng, shape, sigma, closed, periodic):
 
 def cut_gap(rng, n, contact):
     """A self-affine face cut by a plane."""
-    heights = self_affine((n, n), (1.0, 1.0), hurst=0.8, rms_slope=0.1, roll_off=0.5, cut_off=8 / n, rng=rng).heights
+    heights = self_affine(
+        (n, n), (1.0, 1.0), hurst=0.8, rms_slope=0.1, roll_off=0.5, cut_off=8 / n, rng=rng
+    ).heights
     return np.maximum(heights - np.quantile(heights, contact), 0) / np.ptp(heights)
 
 
 def chain(links):
     """Matrix and right-hand side of links in series between the inlet and the outlet."""
     links = np.asarray(links, float)
-    matrix = sp.diags_array([links[:-1] + links[1:], -links[1:-1], -links[1:-1]], offsets=[0, 1, -1]).tocsr()
+    matrix = sp.diags_array(
+        [links[:-1] + links[1:], -links[1:-1], -links[1:-1]], offsets=[0, 1, -1]
+    ).tocsr()
     return matrix, np.r_[links[0], np.zeros(len(links) - 2)]
 
 
 def mesh_system(mesh, element, k):
     """Matrix and right-hand side of Darcy flow along x for a unit drop."""
     basis = Basis(mesh, element, intorder=4)
-    matrix = darcy_flow.assemble(basis, k=np.moveaxis(k, 0, -1)[..., None] * np.ones(basis.dx.shape)).tocsr()
-    inlet, outlet = (basis.get_dofs(lambda x, at=at: np.isclose(x[0], at)).flatten() for at in (0, 1))
+    matrix = darcy_flow.assemble(
+        basis, k=np.moveaxis(k, 0, -1)[..., None] * np.ones(basis.dx.shape)
+    ).tocsr()
+    inlet, outlet = (
+        basis.get_dofs(lambda x, at=at: np.isclose(x[0], at)).flatten() for at in (0, 1)
+    )
     unknown = np.setdiff1d(np.arange(basis.N), np.concatenate([inlet, outlet]))
     return matrix[unknown][:, unknown], -np.asarray(matrix[unknown][:, inlet].sum(axis=1)).ravel()
 
@@ -80,7 +88,9 @@ def test_cells_agree_with_elimination(n):
     rng = np.random.default_rng(n)
     for number in range(30):
         gap = cut_gap(rng, n, rng.uniform(0.02, 0.46))
-        grid = Grid.of_pixel_centres(gap.shape, (1.0, rng.choice([0.5, 1.0])), ["mirror", "periodic"][number % 2])
+        grid = Grid.of_pixel_centres(
+            gap.shape, (1.0, rng.choice([0.5, 1.0])), ["mirror", "periodic"][number % 2]
+        )
         stencil = cell_stencil(gap, grid)
         exact = solve_flow(stencil, solver="elimination")
         flow = solve_flow(stencil, solver="amg", rtol=1e-9)
@@ -97,7 +107,9 @@ def test_many_levels_take_few_iterations():
         flow = solve_flow(stencil, solver="amg", rtol=1e-9)
         assert flow.solver == "amg"
         assert 3 <= flow.iterations <= 30
-        assert_allclose(flow.conductance, solve_flow(stencil, solver="elimination").conductance, rtol=1e-9)
+        assert_allclose(
+            flow.conductance, solve_flow(stencil, solver="elimination").conductance, rtol=1e-9
+        )
 
 
 @each(
@@ -116,7 +128,9 @@ def test_elements_agree_with_the_factorisation(mesh, element):
     points[:, inside] += rng.uniform(-0.004, 0.004, (2, inside.size))
     mesh = type(mesh)(points, mesh.t)
     for sigma, stretch in ((0, 1), (3, 1), (1, 5)):
-        k = np.exp(sigma * rng.standard_normal(mesh.nelements))[:, None, None] * np.diag([1.0, stretch])
+        k = np.exp(sigma * rng.standard_normal(mesh.nelements))[:, None, None] * np.diag(
+            [1.0, stretch]
+        )
         matrix, rhs = mesh_system(mesh, element, k)
         exact = solve_direct(matrix, rhs)
         solution = solve_amg(matrix, rhs, rtol=1e-7, unit_drop=True)
@@ -153,7 +167,9 @@ def test_constrictions_keep_their_digits(weak, place):
     solution = solve_amg(matrix, rhs, rtol=1e-6, unit_drop=True)
     resistance = np.cumsum(1 / links)
     flow = 1 / resistance[-1]
-    assert_allclose([links[0] * solution.complement[0], links[-1] * solution.x[-1]], flow, rtol=1e-5)
+    assert_allclose(
+        [links[0] * solution.complement[0], links[-1] * solution.x[-1]], flow, rtol=1e-5
+    )
     assert_allclose(solution.complement, flow * resistance[:-1], rtol=1e-3)
     assert_allclose(solution.x, flow * np.cumsum(1 / links[::-1])[-2::-1], rtol=1e-3)
 
@@ -176,9 +192,12 @@ def test_rows_without_links_are_left_out():
 def test_zeros_that_are_stored_are_no_links():
     matrix, rhs = chain([1.0, 2.0, 3.0])
     stored = sp.csr_array(
-        (np.r_[matrix.data, 0.0], np.r_[matrix.indices, 2], np.r_[matrix.indptr, matrix.nnz + 1]), shape=(3, 3)
+        (np.r_[matrix.data, 0.0], np.r_[matrix.indices, 2], np.r_[matrix.indptr, matrix.nnz + 1]),
+        shape=(3, 3),
     )
-    assert_allclose(solve_amg(stored, np.r_[rhs, 0.0], rtol=1e-8).x, np.r_[solve_direct(matrix, rhs).x, 0.0])
+    assert_allclose(
+        solve_amg(stored, np.r_[rhs, 0.0], rtol=1e-8).x, np.r_[solve_direct(matrix, rhs).x, 0.0]
+    )
 
 
 def test_several_right_hand_sides():
@@ -238,7 +257,9 @@ def test_meshes_take_the_faster_one_and_the_factorisation_where_it_fails(monkeyp
     assert solve_spd(matrix, rhs, 1e-8, "amg").solver == "direct"
     with pytest.raises(NotConverged, match="did not converge within 1 iterations"):
         solve_amg(matrix, rhs, rtol=1e-8)
-    with pytest.raises(InputError, match=r"^solver: given 'fast', expected one of auto, direct, amg"):
+    with pytest.raises(
+        InputError, match=r"^solver: given 'fast', expected one of auto, direct, amg"
+    ):
         solve_spd(matrix, rhs, 1e-8, "fast")
 
 
@@ -252,8 +273,12 @@ def test_it_stops_where_the_flow_is_right(rtol, monkeypatch):
     """The flow errs by the square of the potential's error: half the iterations, and still what was asked for."""
     rng = np.random.default_rng(12)
     mesh = MeshTri.init_tensor(np.linspace(0, 1, 41), np.linspace(0, 1, 41))
-    inlet, outlet = (mesh.facets_satisfying(lambda x, at=at: np.isclose(x[0], at), True) for at in (0, 1))
-    stencil = cell_stencil(cut_gap(rng, 60, 0.3), Grid.of_pixel_centres((60, 60), (1.0, 1.0), "periodic"))
+    inlet, outlet = (
+        mesh.facets_satisfying(lambda x, at=at: np.isclose(x[0], at), True) for at in (0, 1)
+    )
+    stencil = cell_stencil(
+        cut_gap(rng, 60, 0.3), Grid.of_pixel_centres((60, 60), (1.0, 1.0), "periodic")
+    )
     operators = mesh_flow.MeshOperators(mesh, (inlet, outlet))
     monkeypatch.setattr(mesh_flow, "RTOL", rtol)
     monkeypatch.setattr(mesh_flow, "MAX_IMBALANCE", 0.01 * rtol**0.5)
@@ -263,6 +288,12 @@ def test_it_stops_where_the_flow_is_right(rtol, monkeypatch):
         assert found.solver == "amg"
         assert 0 <= found.conductance / exact.conductance - 1 <= min(rtol, 4 * found.residual**2)
         assert found.iterations <= {1e-3: 8, 1e-6: 12}[rtol]
-    exact, found = solve_flow(stencil, solver="elimination"), solve_flow(stencil, solver="amg", rtol=rtol)
+    exact, found = (
+        solve_flow(stencil, solver="elimination"),
+        solve_flow(stencil, solver="amg", rtol=rtol),
+    )
     assert 0 <= found.conductance / exact.conductance - 1 <= min(rtol, 4 * found.residual**2)
-    assert solve_flow(stencil, solver="amg", rtol=rtol, field_rtol=1e-7).iterations > found.iterations + 2
+    assert (
+        solve_flow(stencil, solver="amg", rtol=rtol, field_rtol=1e-7).iterations
+        > found.iterations + 2
+    )

@@ -41,7 +41,10 @@ def grids():
     yield "strip", Grid.of_strip(UNEVEN, 0.7, 4)
     yield "strip of one column", Grid.of_strip(UNEVEN, 0.7, 1)
     yield "strip of two columns", Grid.of_strip(UNEVEN, 0.7, 2)
-    yield "uneven columns", Grid(UNEVEN, np.array([0.0, 1.0, 1.5, 4.0]), rows, np.arange(4), ring2=False)
+    yield (
+        "uneven columns",
+        Grid(UNEVEN, np.array([0.0, 1.0, 1.5, 4.0]), rows, np.arange(4), ring2=False),
+    )
     yield "torus", Grid.of_torus((5, 4), (1.0, 0.6))
     for sides in ("mirror", "periodic"):
         yield f"pixels, {sides}", Grid.of_pixel_centres((5, 4), (2.0, 0.7), sides)
@@ -57,7 +60,10 @@ def whole_mesh(grid, points, weights, coefficients):
     mesh = MeshQuad.init_tensor(grid.lines1, grid.lines2)
     basis = Basis(mesh, ElementQuad1(), quadrature=(points, weights))
     corner = mesh.p[:, mesh.t].min(axis=1)
-    i, j = (np.searchsorted(lines, x) for lines, x in zip((grid.lines1, grid.lines2), corner, strict=True))
+    i, j = (
+        np.searchsorted(lines, x)
+        for lines, x in zip((grid.lines1, grid.lines2), corner, strict=True)
+    )
     # where each quadrature point lies in its element, whatever scikit-fem's local axes are
     at = np.asarray(basis.global_coordinates())
     local = [
@@ -66,7 +72,10 @@ def whole_mesh(grid, points, weights, coefficients):
     ]
     k11, k12, k22 = coefficients(local[0], local[1], i[:, None], j[:, None])
     matrix = energy_of_tensor.assemble(basis, k11=k11, k12=k12, k22=k22)
-    row, column = (np.searchsorted(lines, x) for lines, x in zip((grid.lines1, grid.lines2), mesh.p, strict=True))
+    row, column = (
+        np.searchsorted(lines, x)
+        for lines, x in zip((grid.lines1, grid.lines2), mesh.p, strict=True)
+    )
     n2 = grid.nodes[1]
     node = grid.rows[row] * n2 + grid.columns[column]
     join = sp.csr_array((np.ones(node.size), (node, np.arange(node.size))))
@@ -104,7 +113,9 @@ def test_edges_equal_the_assembly_of_the_whole_mesh(name):
         row = grid.rows[i + at(x, 1)] - first
         apart = grid.columns[j] != grid.columns[j + 1]
         inside = (row >= 0) & (row < len(k2)) & apart
-        k22 = np.where(on2 & inside, k2[np.clip(row, 0, len(k2) - 1), grid.columns[j] % k2.shape[1]], 0.0)
+        k22 = np.where(
+            on2 & inside, k2[np.clip(row, 0, len(k2) - 1), grid.columns[j] % k2.shape[1]], 0.0
+        )
         if grid.half_ends:
             k22 = k22 * np.where((i == 0) | (i == m1 - 1), 2.0, 1.0)
         return k11, 0 * k11, k22
@@ -119,7 +130,9 @@ def test_edge_midpoints_have_links_and_no_diagonals():
     conductances = conductances_of(elemental(forms.darcy_flow, ElementQuad1, EDGES))
     stretch = np.array([d2 / d1, d2 / d1, d1 / d2, d1 / d2])[:, None]
     total = (conductances * stretch).sum(axis=0)
-    assert_allclose(total, [d2 / d1 / 2, d2 / d1 / 2, d1 / d2 / 2, d1 / d2 / 2, 0, 0], rtol=1e-15, atol=1e-17)
+    assert_allclose(
+        total, [d2 / d1 / 2, d2 / d1 / 2, d1 / d2 / 2, d1 / d2 / 2, 0, 0], rtol=1e-15, atol=1e-17
+    )
     assert_array_equal(total[4:], 0)
 
 
@@ -138,7 +151,9 @@ def test_a_quadrature_that_couples_beyond_its_edges_is_refused(monkeypatch):
 
 def test_elemental_matrices_are_kept_for_one_form():
     other = Sample((0.3, 0.2), 1.0, 1)
-    assert elemental(forms.darcy_flow, ElementQuad1, (other,)) is elemental(forms.darcy_flow, ElementQuad1, (other,))
+    assert elemental(forms.darcy_flow, ElementQuad1, (other,)) is elemental(
+        forms.darcy_flow, ElementQuad1, (other,)
+    )
 
 
 DOUBLED = """
@@ -171,8 +186,12 @@ def test_every_flow_follows_the_form(monkeypatch, capsys):
     ring = Path(__file__).parents[2] / "meshes" / "ring.msh"
     monkeypatch.setattr(sys, "argv", ["once", "1", ring])
     exec(compile(DOUBLED, "once", "exec"), {})
-    doubled = subprocess.run([sys.executable, "-c", DOUBLED, "2", ring], capture_output=True, text=True, check=True)
-    once, twice = (np.array(text.split(), dtype=float) for text in (capsys.readouterr().out, doubled.stdout))
+    doubled = subprocess.run(
+        [sys.executable, "-c", DOUBLED, "2", ring], capture_output=True, text=True, check=True
+    )
+    once, twice = (
+        np.array(text.split(), dtype=float) for text in (capsys.readouterr().out, doubled.stdout)
+    )
     assert once.size == 12
     assert_allclose(twice, 2 * once, rtol=1e-9)
 
@@ -182,7 +201,11 @@ def test_every_flow_follows_the_form(monkeypatch, capsys):
 
 def smooth_cell(n):
     x = (np.arange(n) + 0.5) / n
-    return D * (1 + 0.4 * np.cos(2 * np.pi * x)[:, None] * np.cos(4 * np.pi * x) + 0.2 * np.sin(2 * np.pi * x))
+    return D * (
+        1
+        + 0.4 * np.cos(2 * np.pi * x)[:, None] * np.cos(4 * np.pi * x)
+        + 0.2 * np.sin(2 * np.pi * x)
+    )
 
 
 @each("sides", ["mirror", "periodic"])
@@ -197,10 +220,17 @@ def test_plates_are_exact(sides, axis):
 
 @each("sides", ["mirror", "periodic"])
 def test_the_flow_is_of_second_order(sides):
-    limit = fs.cell_permeability(smooth_cell(256), (1 / 256, 1 / 256), sides=sides, rtol=1e-10).value
-    finer = fs.cell_permeability(smooth_cell(128), (1 / 128, 1 / 128), sides=sides, rtol=1e-10).value
+    limit = fs.cell_permeability(
+        smooth_cell(256), (1 / 256, 1 / 256), sides=sides, rtol=1e-10
+    ).value
+    finer = fs.cell_permeability(
+        smooth_cell(128), (1 / 128, 1 / 128), sides=sides, rtol=1e-10
+    ).value
     limit += (limit - finer) / 3
-    errors = [fs.cell_permeability(smooth_cell(n), (1 / n, 1 / n), sides=sides).value / limit - 1 for n in (16, 32, 64)]
+    errors = [
+        fs.cell_permeability(smooth_cell(n), (1 / n, 1 / n), sides=sides).value / limit - 1
+        for n in (16, 32, 64)
+    ]
     assert abs(errors[-1]) < 6e-3
     assert np.log2(abs(errors[0] / errors[2])) / 2 > 1.75
 
@@ -222,7 +252,9 @@ def test_closed_cells_carry_exactly_nothing():
 
 
 def test_a_solver_that_is_none_is_refused():
-    with pytest.raises(InputError, match="'cholesky', expected one of auto, multigrid, elimination, amg"):
+    with pytest.raises(
+        InputError, match="'cholesky', expected one of auto, multigrid, elimination, amg"
+    ):
         fs.cell_permeability(np.ones((4, 4)), (1.0, 1.0), solver="cholesky")
 
 
@@ -239,7 +271,12 @@ def test_solvers_of_a_cell_agree_and_say_their_name(solver):
 def test_solvers_of_the_tensor_agree(solver):
     h = np.maximum(np.random.default_rng(3).normal(1, 0.5, (40, 33)), 0) * D
     direct = permeability_tensor(h, (D, 2 * D))
-    assert_allclose(permeability_tensor(h, (D, 2 * D), solver=solver), direct, rtol=1e-6, atol=1e-6 * direct.max())
+    assert_allclose(
+        permeability_tensor(h, (D, 2 * D), solver=solver),
+        direct,
+        rtol=1e-6,
+        atol=1e-6 * direct.max(),
+    )
     with pytest.raises(InputError, match="solver"):
         permeability_tensor(h, (D, D), solver="elimination")
 
@@ -253,7 +290,10 @@ def test_tensor_of_a_cell_is_that_of_its_links():
     a = stencil.to_csr().toarray()
     rhs = np.zeros((42, 2))
     parts = []
-    for conductances, shift, axis, length in ((stencil.along, (1, 0), 0, D), (stencil.across, (0, 1), 1, 2 * D)):
+    for conductances, shift, axis, length in (
+        (stencil.along, (1, 0), 0, D),
+        (stencil.across, (0, 1), 1, 2 * D),
+    ):
         there = np.roll(node, (-shift[0], -shift[1]), axis=(0, 1))
         for c, s, e in zip(conductances.ravel(), node.ravel(), there.ravel(), strict=True):
             rhs[s, axis] += c * length
@@ -281,7 +321,9 @@ def test_pixels_of_a_cell_have_links_of_their_full_width():
     """Half links at both ends, full rows and columns everywhere."""
     for sides in ("mirror", "periodic"):
         c1, c2 = cell_links(np.ones((5, 4)), (2.0, 3.0), sides)
-        assert_allclose(c1, np.array([2, 1, 1, 1, 1, 2])[:, None] * np.full((6, 4), 3 / 2 / 12), rtol=1e-14)
+        assert_allclose(
+            c1, np.array([2, 1, 1, 1, 1, 2])[:, None] * np.full((6, 4), 3 / 2 / 12), rtol=1e-14
+        )
         assert_allclose(c2, np.full((5, 4 if sides == "periodic" else 3), 2 / 3 / 12), rtol=1e-14)
 
 

@@ -63,15 +63,23 @@ def order(errors):
 @each("sides", SIDES)
 def test_flat_gap_is_exact(shape, spacing, axis, sides):
     h = 3.7e-7
-    assert_allclose(k_of(np.full(shape, h), spacing, axis=axis, sides=sides), analytic.parallel_plates(h), rtol=1e-12)
-    k = cell_permeability(np.full(shape, h), spacing, axis=axis, sides=sides, bounds=True, rtol=1e-12)
+    assert_allclose(
+        k_of(np.full(shape, h), spacing, axis=axis, sides=sides),
+        analytic.parallel_plates(h),
+        rtol=1e-12,
+    )
+    k = cell_permeability(
+        np.full(shape, h), spacing, axis=axis, sides=sides, bounds=True, rtol=1e-12
+    )
     assert_allclose(k.value, analytic.parallel_plates(h), rtol=1e-12)
     assert_allclose([k.lower, k.upper], k.value, rtol=1e-11)
     assert k.percolates
     assert k.fluid_pressure.shape == shape
     n = shape[axis]
     drop = 1 - (np.arange(n) + 0.5) / n
-    assert_allclose(k.fluid_pressure, np.broadcast_to(drop[:, None] if axis == 0 else drop, shape), rtol=1e-12)
+    assert_allclose(
+        k.fluid_pressure, np.broadcast_to(drop[:, None] if axis == 0 else drop, shape), rtol=1e-12
+    )
 
 
 @each("axis", [0, 1])
@@ -82,7 +90,9 @@ def test_wavy_gap_along_the_ridges(axis):
     h = h if axis == 0 else h.T
     for sides in SIDES:
         # the mean of h³ over equidistant points is exact
-        assert_allclose(k_of(h, (D, 2 * D), axis=axis, sides=sides), analytic.wavy_gap_along(h0, ε), rtol=1e-12)
+        assert_allclose(
+            k_of(h, (D, 2 * D), axis=axis, sides=sides), analytic.wavy_gap_along(h0, ε), rtol=1e-12
+        )
 
 
 @each("axis", [0, 1])
@@ -115,7 +125,9 @@ def test_limit_of_refinement_is_that_of_quadratic_elements(axis):
 
     def gap(x, y):
         return D * (
-            1 + 0.5 * np.cos(np.pi * x) * np.cos(2 * np.pi * y) + 0.3 * np.cos(2 * np.pi * x) * np.cos(np.pi * y)
+            1
+            + 0.5 * np.cos(np.pi * x) * np.cos(2 * np.pi * y)
+            + 0.3 * np.cos(2 * np.pi * x) * np.cos(np.pi * y)
         )
 
     limits = []
@@ -147,7 +159,11 @@ def test_flow_along_westergaard_grooves(ratio):
         x = (np.arange(n) + 0.5) * λ / n
         h = np.broadcast_to(analytic.wave_gap(x, ratio, Δ, λ), (4, n))
         errors.append(
-            12 * k_of(h, (λ / n, λ / n), sides="periodic") / (2 * Δ) ** 3 / analytic.wave_groove_flow(ratio) - 1
+            12
+            * k_of(h, (λ / n, λ / n), sides="periodic")
+            / (2 * Δ) ** 3
+            / analytic.wave_groove_flow(ratio)
+            - 1
         )
         assert k_of(h, axis=1) == 0
     assert abs(errors[-1]) < 1e-4
@@ -165,7 +181,9 @@ def test_stripes_along_are_parallel(sides):
 def test_stripes_across_are_in_series_in_the_limit():
     h = np.array([1e-6, 2e-6])
     exact = analytic.stripes_across(analytic.parallel_plates(h))
-    errors = [k_of(np.repeat(np.repeat(h, m)[:, None], 3, axis=1)) / exact - 1 for m in (16, 32, 64)]
+    errors = [
+        k_of(np.repeat(np.repeat(h, m)[:, None], 3, axis=1)) / exact - 1 for m in (16, 32, 64)
+    ]
     # the step is interpolated over one link: first order
     assert abs(errors[-1]) < 0.02
     assert 0.9 < order(errors) < 1.1
@@ -208,7 +226,10 @@ def test_plates_in_series_err_by_half_a_pixel(ratio):
 
 def test_links_are_the_documented_ones_on_rough_and_on_smooth_gaps():
     jumps = 0
-    for h in (D * np.exp(3 * np.random.default_rng(0).standard_normal((40, 30))), cut_by_plane((40, 30), 0.2)):
+    for h in (
+        D * np.exp(3 * np.random.default_rng(0).standard_normal((40, 30))),
+        cut_by_plane((40, 30), 0.2),
+    ):
         for axis, found in enumerate(gap_on_links(h, True, True)):
             before, a, b, after = (np.roll(h, -k, axis) for k in range(-1, 3))
             assert_allclose(found, midway(before, a, b, after), rtol=1e-12)
@@ -260,7 +281,12 @@ def test_checkerboard(ratio):
 
 
 @settings(deadline=None, max_examples=15)
-@given(seed=st.integers(0, 99), λ=st.floats(1e-12, 1e-3), share=st.floats(0, 0.5), sides=st.sampled_from(SIDES))
+@given(
+    seed=st.integers(0, 99),
+    λ=st.floats(1e-12, 1e-3),
+    share=st.floats(0, 0.5),
+    sides=st.sampled_from(SIDES),
+)
 def test_scales_with_the_cube_of_the_gap_and_not_with_the_pixel(seed, λ, share, sides):
     h = cut_by_plane((14, 11), share, seed, cut=3) / D
     reference = k_of(h, (1.0, 2.5), sides=sides)
@@ -295,9 +321,13 @@ def test_mirror_equals_the_periodic_even_extension(shape, share):
     for rtol in (1e-6, 1e-11):
         asked = {"rtol": rtol, "field_rtol": rtol}
         a = cell_permeability(h, (D, D), **asked)
-        b = cell_permeability(np.concatenate([h, h[:, ::-1]], axis=1), (D, D), sides="periodic", **asked)
+        b = cell_permeability(
+            np.concatenate([h, h[:, ::-1]], axis=1), (D, D), sides="periodic", **asked
+        )
         assert_allclose(a.value, b.value, rtol=rtol)
-        assert_allclose(a.fluid_pressure[h > 0], b.fluid_pressure[:, : shape[1]][h > 0], rtol=0, atol=10 * rtol)
+        assert_allclose(
+            a.fluid_pressure[h > 0], b.fluid_pressure[:, : shape[1]][h > 0], rtol=0, atol=10 * rtol
+        )
 
 
 def test_opening_one_pixel_never_closes():
@@ -358,7 +388,9 @@ def test_trapped_pockets_change_nothing(sides):
     after = cell_permeability(h, (D, D), sides=sides)
     assert after.value == before.value
     assert np.array_equal(after.fluid_pressure, before.fluid_pressure, equal_nan=True)
-    assert np.array_equal(np.isnan(after.fluid_pressure[7:14, 7:14]), np.pad(np.full((5, 5), True), 1))
+    assert np.array_equal(
+        np.isnan(after.fluid_pressure[7:14, 7:14]), np.pad(np.full((5, 5), True), 1)
+    )
     h[10, 10] = 1e3 * D
     assert_allclose(k_of(h, sides=sides), before.value, rtol=1e-12)
 
@@ -373,7 +405,9 @@ def test_fluid_stands_at_the_pressure_of_the_end_that_reaches_it(axis):
     expected = np.where(h > 0, 0.0, np.nan)
     expected[:4] = 1
     expected[7, 3] = np.nan
-    assert np.array_equal(k.fluid_pressure.T if axis else k.fluid_pressure, expected, equal_nan=True)
+    assert np.array_equal(
+        k.fluid_pressure.T if axis else k.fluid_pressure, expected, equal_nan=True
+    )
 
 
 def test_dead_ends_change_nothing():
@@ -412,7 +446,12 @@ def open_paths(h, periodic):
 
 
 @settings(deadline=None, max_examples=80)
-@given(seed=st.integers(0, 9999), n1=st.integers(1, 12), n2=st.integers(1, 12), sides=st.sampled_from(SIDES))
+@given(
+    seed=st.integers(0, 9999),
+    n1=st.integers(1, 12),
+    n2=st.integers(1, 12),
+    sides=st.sampled_from(SIDES),
+)
 def test_percolation_against_a_search(seed, n1, n2, sides):
     h = D * (np.random.default_rng(seed).random((n1, n2)) < 0.62)
     k = cell_permeability(h, (D, D), sides=sides, bounds=True)
@@ -437,7 +476,9 @@ def test_bounds_tighten_and_enclose_under_refinement(sides, share):
     h = cut_by_plane((24, 20), share, seed=5)
     lower, upper = [], []
     for m in (1, 2, 4, 8):
-        k = cell_permeability(np.kron(h, np.ones((m, m))), (D / m, 2 * D / m), sides=sides, bounds=True)
+        k = cell_permeability(
+            np.kron(h, np.ones((m, m))), (D / m, 2 * D / m), sides=sides, bounds=True
+        )
         lower.append(k.lower)
         upper.append(k.upper)
     assert np.all(np.diff(lower) > 0)
@@ -455,7 +496,9 @@ def test_bounds_bracket_the_flow_through_the_pixels():
         k = cell_permeability(h, (D, D), sides=sides, bounds=True)
         assert k.lower <= k.upper
         assert (k.lower > 0) == k.percolates
-        fine = cell_permeability(np.kron(h, np.ones((4, 4))), (D / 4, D / 4), sides=sides, bounds=True)
+        fine = cell_permeability(
+            np.kron(h, np.ones((4, 4))), (D / 4, D / 4), sides=sides, bounds=True
+        )
         if fine.percolates:
             assert k.lower <= fine.lower * (1 + 1e-12)
             assert fine.upper <= k.upper * (1 + 1e-12)
@@ -508,12 +551,16 @@ def test_upper_bound_is_the_energy_of_linear_triangles(spacing, closed):
     middle = mesh.p[:, mesh.t].mean(axis=1)
     pixel = (middle[0] // spacing[0]).astype(int), (middle[1] // spacing[1]).astype(int)
     k = h[pixel] ** 3 / 12
-    a = energy_of_pressure.assemble(basis, k=np.repeat(k[:, None], basis.X.shape[1], axis=1)).tocsr()
+    a = energy_of_pressure.assemble(
+        basis, k=np.repeat(k[:, None], basis.X.shape[1], axis=1)
+    ).tocsr()
     x = basis.doflocs[0]
     inlet, outlet = x == 0, x == mesh.p[0].max()
     # islands of open pixels have no pressure of their own: their equations are singular
     corners = mesh.t[:, k > 0]
-    conductances = coo_array((np.ones(corners.size), (corners.ravel(), np.roll(corners, 1, axis=0).ravel())))
+    conductances = coo_array(
+        (np.ones(corners.size), (corners.ravel(), np.roll(corners, 1, axis=0).ravel()))
+    )
     conductances.resize(a.shape)
     _, part = connected_components(conductances, directed=False)
     reached = np.isin(part, np.intersect1d(part[inlet], part[outlet]))
@@ -532,7 +579,8 @@ def test_solvers_of_the_bounds_agree(sides, shape):
     h = np.random.default_rng(3).random(shape) * D
     h[h < 0.15 * D] = 0
     one, other = (
-        cell_permeability(h, (D, 2 * D), sides=sides, bounds=True, solver=solver) for solver in ("elimination", "amg")
+        cell_permeability(h, (D, 2 * D), sides=sides, bounds=True, solver=solver)
+        for solver in ("elimination", "amg")
     )
     assert one.upper > 0
     assert one.upper <= other.upper * (1 + 1e-12) <= one.upper * (1 + 1e-9)
@@ -563,15 +611,26 @@ def test_tensor_is_symmetric_and_turns_with_the_cell(share):
     turned = permeability_tensor(np.rot90(h), (2 * D, D))
     rotation = np.array([[0, -1], [1, 0]])
     assert_allclose(turned, rotation @ k @ rotation.T, rtol=0, atol=1e-10 * np.trace(k))
-    assert_allclose(permeability_tensor(h.T, (2 * D, D)), k[::-1, ::-1], rtol=0, atol=1e-10 * np.trace(k))
-    assert_allclose(permeability_tensor(np.roll(h, (5, 8), (0, 1)), (D, 2 * D)), k, rtol=0, atol=1e-10 * np.trace(k))
-    assert_allclose(permeability_tensor(3 * h, (5 * D, 10 * D)), 27 * k, rtol=0, atol=1e-9 * np.trace(k))
+    assert_allclose(
+        permeability_tensor(h.T, (2 * D, D)), k[::-1, ::-1], rtol=0, atol=1e-10 * np.trace(k)
+    )
+    assert_allclose(
+        permeability_tensor(np.roll(h, (5, 8), (0, 1)), (D, 2 * D)),
+        k,
+        rtol=0,
+        atol=1e-10 * np.trace(k),
+    )
+    assert_allclose(
+        permeability_tensor(3 * h, (5 * D, 10 * D)), 27 * k, rtol=0, atol=1e-9 * np.trace(k)
+    )
 
 
 def test_tensor_of_a_repeated_cell():
     h = cut_by_plane((16, 12), 0.25, seed=7, cut=5)
     k = permeability_tensor(h, (D, D))
-    assert_allclose(permeability_tensor(np.tile(h, (2, 3)), (D, D)), k, rtol=0, atol=1e-9 * np.trace(k))
+    assert_allclose(
+        permeability_tensor(np.tile(h, (2, 3)), (D, D)), k, rtol=0, atol=1e-9 * np.trace(k)
+    )
 
 
 def test_tensor_of_an_even_cell_is_the_mirrored_permeability():
@@ -669,7 +728,10 @@ def test_links_never_orphan_and_never_open_contact():
 def test_linear_gap_is_interpolated_exactly_between_pixels():
     h = np.broadcast_to(1 + 0.1 * np.arange(12.0)[:, None], (12, 5))
     c1, _ = cell_links(h, (2.0, 3.0), "mirror")
-    assert_allclose(c1[2:-2], np.broadcast_to(((1.15 + 0.1 * np.arange(9.0)) ** 3 / 12 * 3 / 2)[:, None], (9, 5)))
+    assert_allclose(
+        c1[2:-2],
+        np.broadcast_to(((1.15 + 0.1 * np.arange(9.0)) ** 3 / 12 * 3 / 2)[:, None], (9, 5)),
+    )
 
 
 # --- bad input ---
@@ -731,7 +793,9 @@ def test_without_the_critical_link_the_widest_path_is_closed(sides, axis, seed):
     h1, h2 = np.cbrt(12 * c1 * d1 / d2), np.cbrt(12 * c2 * d2 / d1)
     h1[[0, -1]] /= np.cbrt(2)
     wide = 1 - 1e-9, 1 + 1e-9
-    open_, shut = (solve_links(c1 * (h1 >= f * found.gap), c2 * (h2 >= f * found.gap)).percolates for f in wide)
+    open_, shut = (
+        solve_links(c1 * (h1 >= f * found.gap), c2 * (h2 >= f * found.gap)).percolates for f in wide
+    )
     assert open_
     assert not shut
     x1, x2 = (p / d for p, d in zip(found.position, (D, 2 * D), strict=True))
@@ -747,7 +811,9 @@ def test_constriction_of_a_channel_with_a_neck():
     h[:, 3:6] = 2 * D
     h[7, 3:6] = 0, D / 2, 0
     found = critical_constriction(h, (D, 3 * D))
-    assert found.gap == pytest.approx((9 * (0.5 + 2) - 2 - 2) / 16 * D)  # the cubic between neck and channel
+    assert found.gap == pytest.approx(
+        (9 * (0.5 + 2) - 2 - 2) / 16 * D
+    )  # the cubic between neck and channel
     assert found.position[0] in (7 * D, 8 * D)
     assert found.position[1] == 4.5 * 3 * D
     assert critical_constriction(np.where(h == D / 2, 0, h), (D, D)) is None
@@ -840,9 +906,16 @@ def test_a_tensor_is_right_or_refused_at_any_contrast(decades):
 
 @pytest.mark.parametrize("solver", ["elimination", "multigrid"])
 @pytest.mark.parametrize("sides", ["mirror", "periodic"])
-def test_conductances_in_single_precision_change_the_flow_by_no_more_than_they_err(solver, sides, monkeypatch):
+def test_conductances_in_single_precision_change_the_flow_by_no_more_than_they_err(
+    solver, sides, monkeypatch
+):
     heights = np.random.default_rng(3).standard_normal((60, 48))
-    gap = np.maximum(0.8 + sum(np.roll(heights, (i, j), (0, 1)) for i in range(4) for j in range(4)) / 4, 0) * 1e-6
+    gap = (
+        np.maximum(
+            0.8 + sum(np.roll(heights, (i, j), (0, 1)) for i in range(4) for j in range(4)) / 4, 0
+        )
+        * 1e-6
+    )
     one = cell_permeability(gap, (D, D), sides=sides, solver=solver)
     monkeypatch.setattr(cell, "SINGLE_NODES", 1)
     single = cell_permeability(gap, (D, D), sides=sides, solver=solver)
@@ -851,7 +924,12 @@ def test_conductances_in_single_precision_change_the_flow_by_no_more_than_they_e
     assert single.value != one.value
     assert exact.value != single.value  # asked for small errors it is in double precision
     assert_allclose(single.value, exact.value, rtol=6e-8 if solver == "elimination" else 1e-6)
-    assert_allclose(single.fluid_pressure, exact.fluid_pressure, rtol=0, atol=1e-6 if solver == "elimination" else 1e-3)
+    assert_allclose(
+        single.fluid_pressure,
+        exact.fluid_pressure,
+        rtol=0,
+        atol=1e-6 if solver == "elimination" else 1e-3,
+    )
 
 
 @pytest.mark.parametrize("single", [False, True])
@@ -891,7 +969,9 @@ def test_rows_searched_by_parts_reach_what_they_reach_in_one(ring, monkeypatch):
         m2 = n2 if ring else n2 - 1
         shapes = (n1, n2), (n1 - 1, m2)
         fraction = rng.uniform(0.1, 0.8)
-        at_random = [(rng.random(shape) < fraction) * rng.uniform(0.1, 9, shape) for shape in shapes]
+        at_random = [
+            (rng.random(shape) < fraction) * rng.uniform(0.1, 9, shape) for shape in shapes
+        ]
         one, parted = ([c.copy() for c in at_random] for _ in range(2))
         monkeypatch.setattr(threads, "_POINTS", int(rng.integers(1, 3 * n2)))
         with threads.using(2):

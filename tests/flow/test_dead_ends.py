@@ -42,7 +42,9 @@ def test_multigrid_leaves_them_out_and_gives_them_their_potential(monkeypatch):
     """A chamber that one narrow link joins to a rough gap."""
     monkeypatch.setattr(choice, "_MANY", 1000)
     n = 200
-    z = self_affine((n, n), (n * D, n * D), hurst=0.8, rms_slope=0.2, roll_off=n * D / 4, cut_off=8 * D, rng=3).heights
+    z = self_affine(
+        (n, n), (n * D, n * D), hurst=0.8, rms_slope=0.2, roll_off=n * D / 4, cut_off=8 * D, rng=3
+    ).heights
     h = np.maximum(np.quantile(z, 0.8) - z, 0)
     h /= h.max()
     h[98:131, 98:131] = 0

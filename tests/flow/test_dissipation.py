@@ -54,7 +54,9 @@ class TestPieces:
     @pytest.mark.parametrize("level", [-0.5, -0.1])
     def test_sum_is_the_flow(self, level):
         """On a gap with contact and pockets."""
-        z = self_affine((64, 96), (64e-6, 96e-6), hurst=0.8, rms_height=1e-6, roll_off=30e-6, rng=4).heights
+        z = self_affine(
+            (64, 96), (64e-6, 96e-6), hurst=0.8, rms_height=1e-6, roll_off=30e-6, rng=4
+        ).heights
         gap = np.maximum(z - level * 1e-6, 0.0)
         k = cell_permeability(gap, (1e-6, 1e-6), sides="periodic")
         assert k.percolates
@@ -75,7 +77,9 @@ class TestPieces:
         assert np.argmax(found[:, 1]) == 1
         assert found[1, 1] > found.sum() / 4
         gap[:, 24:] = 0
-        assert_array_equal(of_pieces(gap, Cut.of(Topography(np.zeros((32, 48)), self.SPACING), (4, 3))), 0)
+        assert_array_equal(
+            of_pieces(gap, Cut.of(Topography(np.zeros((32, 48)), self.SPACING), (4, 3))), 0
+        )
 
     def test_bad_input(self):
         with pytest.raises(InputError, match="gap"):

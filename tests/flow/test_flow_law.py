@@ -62,23 +62,31 @@ LAWS = [CUBIC_LAW, SlipLength(SLIP), HELIUM.law, Swelling(1e6)]
 def test_derivatives_and_inverse(law):
     gap, p = np.geomspace(1e-9, 1e-4, 40), 1.3e5
     near = 1e-6 * gap
-    slope = np.log(law.permeability(gap + near, p) / law.permeability(gap - near, p)) / np.log((1 + 1e-6) / (1 - 1e-6))
+    slope = np.log(law.permeability(gap + near, p) / law.permeability(gap - near, p)) / np.log(
+        (1 + 1e-6) / (1 - 1e-6)
+    )
     assert_allclose(law.exponent(gap, p), slope, rtol=1e-6)
     rise = (law.permeability(gap, p + 1.0) - law.permeability(gap, p - 1.0)) / 2.0
     assert_allclose(law.pressure_derivative(gap, p), rise, rtol=1e-5)
     assert_allclose([law.gap(k, p) for k in law.permeability(gap, p)], gap, rtol=1e-12)
-    assert_allclose(parallel_plates(law.equivalent_gap(gap, p)), law.permeability(gap, p), rtol=1e-12)
+    assert_allclose(
+        parallel_plates(law.equivalent_gap(gap, p)), law.permeability(gap, p), rtol=1e-12
+    )
 
 
 @pytest.mark.parametrize("law", LAWS[:-1], ids=lambda law: type(law).__name__)
 def test_a_law_without_a_length_is_homogeneous(law):
     """K(s h) = s³ K(h) holds of the laws that say so, and of others if their own length grows with the gap."""
     gap, p = np.geomspace(1e-9, 1e-4, 40), 1.3e5
-    same = np.allclose(law.permeability(3 * gap, p), 27 * law.permeability(gap, p), rtol=1e-9, atol=0)
+    same = np.allclose(
+        law.permeability(3 * gap, p), 27 * law.permeability(gap, p), rtol=1e-9, atol=0
+    )
     assert same == law.homogeneous == (law == CUBIC_LAW)
     if not law.homogeneous:
         longer = replace(law, **{law.length: 3 * getattr(law, law.length)})
-        assert_allclose(longer.permeability(3 * gap, p), 27 * law.permeability(gap, p), rtol=1e-9, atol=0)
+        assert_allclose(
+            longer.permeability(3 * gap, p), 27 * law.permeability(gap, p), rtol=1e-9, atol=0
+        )
 
 
 def test_limits_of_the_slip_length():
@@ -92,7 +100,9 @@ def test_limits_of_the_slip_length():
 
 
 def rough_gap(n=24):
-    heights = fs.self_affine((n, n), (n * 1e-6, n * 1e-6), hurst=0.8, rms_slope=0.2, cut_off=8e-6, rng=3).heights
+    heights = fs.self_affine(
+        (n, n), (n * 1e-6, n * 1e-6), hurst=0.8, rms_slope=0.2, cut_off=8e-6, rng=3
+    ).heights
     gap = np.maximum(heights + 0.7 * heights.std(), 0.0)
     assert 0.1 < (gap == 0).mean() < 0.4
     return gap
@@ -103,7 +113,8 @@ def test_cells_of_a_liquid_that_slips():
     assert_allclose(plates.value, (2e-7) ** 3 / 12 * (1 + 6 * SLIP / 2e-7), rtol=1e-10)
     gap = rough_gap()
     slip, cubic, none = (
-        fs.cell_permeability(gap, SPACING, law=law, bounds=True) for law in (SLIPPERY.law, CUBIC_LAW, SlipLength(0.0))
+        fs.cell_permeability(gap, SPACING, law=law, bounds=True)
+        for law in (SLIPPERY.law, CUBIC_LAW, SlipLength(0.0))
     )
     assert none.value == cubic.value
     assert slip.value > 1.05 * cubic.value
@@ -121,22 +132,36 @@ def test_waves_across_and_along_a_liquid_that_slips():
         fine = 1e-6 * (1 + 0.6 * np.cos(2 * np.pi * (np.arange(4096) + 0.5) / 4096))
         k = SLIPPERY.law.permeability(fine)
         found = [
-            fs.cell_permeability(np.repeat(gap[:, None], 4, axis=1), (1 / n, 0.3), axis=axis, law=SLIPPERY.law).value
+            fs.cell_permeability(
+                np.repeat(gap[:, None], 4, axis=1), (1 / n, 0.3), axis=axis, law=SLIPPERY.law
+            ).value
             for axis in (0, 1)
         ]
         errors.append(np.abs(np.array(found) / [1 / np.mean(1 / k), np.mean(k)] - 1))
     errors = np.array(errors)
     assert errors[-1].max() < 1e-6
     assert errors[-1, 0] < 0.1 * errors[0, 0]
-    tensor = fs.permeability_tensor(np.repeat(gap[:, None], 4, axis=1), (1 / n, 0.3), law=SLIPPERY.law)
+    tensor = fs.permeability_tensor(
+        np.repeat(gap[:, None], 4, axis=1), (1 / n, 0.3), law=SLIPPERY.law
+    )
     assert_allclose(np.diag(tensor), found, rtol=5e-3)
 
 
 @pytest.fixture(scope="module")
 def scene():
-    surface = fs.self_affine((64, 128), (64e-6, 128e-6), hurst=0.8, rms_slope=0.1, roll_off=32e-6, cut_off=8e-6, rng=1)
+    surface = fs.self_affine(
+        (64, 128), (64e-6, 128e-6), hurst=0.8, rms_slope=0.1, roll_off=32e-6, cut_off=8e-6, rng=1
+    )
     return fs.Scene(
-        surface, 115e9, 2.8e9, SLIPPERY, 1e6, 0.0, loading=(50e6, 300e6), unload_from=(300e6,), unloading=(50e6,)
+        surface,
+        115e9,
+        2.8e9,
+        SLIPPERY,
+        1e6,
+        0.0,
+        loading=(50e6, 300e6),
+        unload_from=(300e6,),
+        unloading=(50e6,),
     )
 
 
@@ -145,7 +170,10 @@ def test_all_studies_of_a_liquid_that_slips(scene):
     cubic = replace(scene, fluid=WATER)
     whole, plain = fs.deterministic(scene), fs.deterministic(cubic)
     assert (whole.leakage > 1.05 * plain.leakage).all()
-    assert (fs.deterministic(replace(scene, fluid=fs.Liquid(1e-3, slip_length=0.0))).leakage == plain.leakage).all()
+    assert (
+        fs.deterministic(replace(scene, fluid=fs.Liquid(1e-3, slip_length=0.0))).leakage
+        == plain.leakage
+    ).all()
     found, still = (fs.two_scale(s, (2, 4)) for s in (scene, cubic))
     assert (found.leakage == whole.leakage).all()
     assert (found.k1 > 1.05 * still.k1).all()
@@ -177,7 +205,10 @@ def strip_case(fluid, seal="", method="deterministic", more=""):
     [
         ("strip", ""),
         ("ring", '[seal]\nkind = "annular"\ninner_radius = "1 mm"\nouter_radius = "1.1 mm"\n'),
-        ("mesh", '[seal]\nkind = "mesh"\npath = "ring.vtu"\nunit = "mm"\ninlet = "1"\noutlet = "2"\n'),
+        (
+            "mesh",
+            '[seal]\nkind = "mesh"\npath = "ring.vtu"\nunit = "mm"\ninlet = "1"\noutlet = "2"\n',
+        ),
     ],
 )
 def test_a_slip_length_from_the_case_on_every_shape(tmp_path, kind, seal):
@@ -212,7 +243,9 @@ def _write_ring(path):
     meshio.Mesh(points, cells, cell_data={"boundary": tags}).write(path)
 
 
-@pytest.mark.parametrize("bad", ['slip_length = "-1 nm"', 'slip_length = "1 s"', "slip_length = true"])
+@pytest.mark.parametrize(
+    "bad", ['slip_length = "-1 nm"', 'slip_length = "1 s"', "slip_length = true"]
+)
 def test_bad_slip_lengths(tmp_path, bad):
     path = tmp_path / "case.toml"
     path.write_text(strip_case(bad), encoding="utf-8")
@@ -238,8 +271,13 @@ def test_a_law_from_outside_runs_through_cells_and_seals():
 
 def test_a_law_from_outside_runs_through_the_studies(scene):
     """It is K at a pressure between those of the ends; a law that hardly depends on the pressure is the cubic one."""
-    cubic, stiff, soft = (replace(scene, fluid=fluid) for fluid in (WATER, SwellingLiquid(1e13), SwellingLiquid(1e6)))
-    whole = {name: fs.deterministic(s) for name, s in (("cubic", cubic), ("stiff", stiff), ("soft", soft))}
+    cubic, stiff, soft = (
+        replace(scene, fluid=fluid) for fluid in (WATER, SwellingLiquid(1e13), SwellingLiquid(1e6))
+    )
+    whole = {
+        name: fs.deterministic(s)
+        for name, s in (("cubic", cubic), ("stiff", stiff), ("soft", soft))
+    }
     assert_allclose(whole["stiff"].leakage, whole["cubic"].leakage, rtol=1e-5)
     # of a gap that does not change the flow goes with P ln(1 + p/P)/p, here ln 2
     assert_allclose(whole["soft"].leakage / whole["cubic"].leakage, np.log(2), rtol=1e-3)
@@ -250,9 +288,16 @@ def test_a_law_from_outside_runs_through_the_studies(scene):
 
 def test_flows_of_fluids_of_one_law_are_the_same(scene):
     """So that stages of a sweep over fluids or pressures are shared."""
-    oil, faster = fs.Liquid(0.1, density=870.0, slip_length=SLIP), replace(scene, inlet_pressure=2e6)
+    oil, faster = (
+        fs.Liquid(0.1, density=870.0, slip_length=SLIP),
+        replace(scene, inlet_pressure=2e6),
+    )
     assert scene.flow == replace(scene, fluid=oil).flow == faster.flow
-    assert scene.flow != replace(scene, fluid=WATER).flow == replace(faster, fluid=replace(HELIUM, slip=False)).flow
+    assert (
+        scene.flow
+        != replace(scene, fluid=WATER).flow
+        == replace(faster, fluid=replace(HELIUM, slip=False)).flow
+    )
     gas = replace(scene, fluid=HELIUM, outlet_pressure=1e5)
     assert gas.flow != replace(gas, inlet_pressure=2e6).flow
     assert shared_digest(scene.flow) == shared_digest(faster.flow) != shared_digest(gas.flow)
@@ -266,7 +311,9 @@ def test_fluids_of_one_law_have_the_ratio_of_their_drops(scene):
     gas = FluidState(HELIUM, 2e6, 1e5).in_scene(dry)
     assert drop_ratio(FluidState(HELIUM, 1e6, 1e5), gas) is None
     # where either presses the faces apart, the faces lie otherwise
-    assert drop_ratio(FluidState(SLIPPERY, 1e6, 0.0), replace(service, fluid_pressure="acts")) is None
+    assert (
+        drop_ratio(FluidState(SLIPPERY, 1e6, 0.0), replace(service, fluid_pressure="acts")) is None
+    )
 
 
 def test_a_fixed_point_is_found_with_its_counts():
@@ -282,7 +329,9 @@ def test_a_fixed_point_is_found_with_its_counts():
 
 def test_a_fixed_point_that_overshoots_settles_half_way():
     """x = 2/x is √2, but lies as far above as below by turns; a part without a state has none."""
-    found = fixed_point(lambda x: 2 / x, lambda y: (float(y[0]), y, None), np.array([1.2, np.nan]), rtol=1e-6)
+    found = fixed_point(
+        lambda x: 2 / x, lambda y: (float(y[0]), y, None), np.array([1.2, np.nan]), rtol=1e-6
+    )
     assert_allclose(found.coefficient[0], np.sqrt(2), rtol=1e-5)
     assert np.isnan(found.coefficient[1])
 

@@ -56,7 +56,12 @@ def table(gaps, inlet, outlet):
 
     def k(h):
         h = np.asarray(h)
-        return np.array([np.where(h > 0, h**3 / 12 * HELIUM.flow_factor(np.where(h > 0, h, 1.0), q), 0.0) for q in p])
+        return np.array(
+            [
+                np.where(h > 0, h**3 / 12 * HELIUM.flow_factor(np.where(h > 0, h, 1.0), q), 0.0)
+                for q in p
+            ]
+        )
 
     return PermeabilityTable(tuple(p), tuple(map(k, gaps)) if isinstance(gaps, tuple) else k(gaps))
 
@@ -77,7 +82,10 @@ def test_waves_across_the_flow_against_an_ordinary_differential_equation(inlet, 
 
     x = (np.arange(n) + 0.5) / n
     flow = resolved_flow(
-        np.repeat(gap(x)[:, None], 3, axis=1), (length / n, 1e-6), settings(inlet, outlet), with_potential=True
+        np.repeat(gap(x)[:, None], 3, axis=1),
+        (length / n, 1e-6),
+        settings(inlet, outlet),
+        with_potential=True,
     )
     rate = flow.permeability * (inlet**2 - outlet**2)
 
@@ -85,7 +93,9 @@ def test_waves_across_the_flow_against_an_ordinary_differential_equation(inlet, 
         p = np.sqrt(max(square[0], 1.0))
         return [-rate / (gap(x) ** 3 / 12 * float(HELIUM.flow_factor(gap(x), p)))]
 
-    along = solve_ivp(slope, (0, 1), [inlet**2], rtol=1e-8, atol=1e-2, max_step=0.02, t_eval=[*x, 1.0]).y[0]
+    along = solve_ivp(
+        slope, (0, 1), [inlet**2], rtol=1e-8, atol=1e-2, max_step=0.02, t_eval=[*x, 1.0]
+    ).y[0]
     assert_allclose(along[-1], outlet**2, atol=3e-4 * inlet**2)
     share = (along[:-1] - outlet**2) / (inlet**2 - outlet**2)
     assert_allclose(flow.potential[:, 0], share, atol=1e-3)
@@ -99,8 +109,12 @@ def nonlinear_flow(gap, inlet, outlet):
     node = np.arange(n1 * n2).reshape(n1, n2)
     first = np.r_[np.full(n2, -1), node.ravel(), node.ravel()]
     second = np.r_[node.ravel(), np.full(n2, -2), np.roll(node, -1, axis=1).ravel()]
-    second = np.r_[node[0], np.r_[node[1:].ravel(), np.full(n2, -2)], np.roll(node, -1, axis=1).ravel()]
-    length = np.r_[np.full(n2, 0.5), np.full((n1 - 1) * n2, 1.0), np.full(n2, 0.5), np.full(n1 * n2, 1.0)]
+    second = np.r_[
+        node[0], np.r_[node[1:].ravel(), np.full(n2, -2)], np.roll(node, -1, axis=1).ravel()
+    ]
+    length = np.r_[
+        np.full(n2, 0.5), np.full((n1 - 1) * n2, 1.0), np.full(n2, 0.5), np.full(n1 * n2, 1.0)
+    ]
     h = np.r_[h1.ravel(), h2.ravel()]
     keep = h > 0
     first, second, length, h = first[keep], second[keep], length[keep], h[keep]
@@ -115,7 +129,10 @@ def nonlinear_flow(gap, inlet, outlet):
         size = n1 * n2 + 2
         matrix = sp.csr_array((np.r_[c, c, -c, -c], (i % size, j % size)), shape=(size, size))
         new = square.copy()
-        new[free] = spsolve(matrix[free][:, free].tocsc(), -(matrix[free][:, [size - 1, size - 2]] @ square[[-1, -2]]))
+        new[free] = spsolve(
+            matrix[free][:, free].tocsc(),
+            -(matrix[free][:, [size - 1, size - 2]] @ square[[-1, -2]]),
+        )
         change = np.abs(new - square).max() / inlet**2
         square = new
         if change < 1e-9:
@@ -126,7 +143,9 @@ def nonlinear_flow(gap, inlet, outlet):
 
 @pytest.mark.parametrize(("inlet", "outlet"), [(1e6, 1e5), (1e5, 1e3)])
 def test_rough_gap_against_an_independent_nonlinear_solution(inlet, outlet):
-    heights = fs.self_affine((32, 32), (32e-6, 32e-6), hurst=0.8, rms_slope=0.1, cut_off=16e-6, rng=3).heights
+    heights = fs.self_affine(
+        (32, 32), (32e-6, 32e-6), hurst=0.8, rms_slope=0.1, cut_off=16e-6, rng=3
+    ).heights
     gap = np.maximum(heights + 0.6 * heights.std(), 0.0)
     assert 0.1 < (gap == 0).mean() < 0.4
     flow = resolved_flow(gap, (1e-6, 1e-6), settings(inlet, outlet))
@@ -141,7 +160,9 @@ def test_limits_of_the_resolved_flow():
     gap = 1e-6 * (1.5 + np.cos(np.arange(24) / 4)[:, None] * np.cos(np.arange(16) / 3))
     high, low = ((p * 2.0, p) for p in (1e12, 1e-6))
     viscous = resolved_flow(gap, (1e-6, 1e-6)).permeability
-    assert_allclose(resolved_flow(gap, (1e-6, 1e-6), settings(*high)).permeability, viscous, rtol=1e-6)
+    assert_allclose(
+        resolved_flow(gap, (1e-6, 1e-6), settings(*high)).permeability, viscous, rtol=1e-6
+    )
     # mass rate over the drop of pressure, at two levels: the logarithm of Q(D) is all that is left of the pressure
     first, second = (
         resolved_flow(gap, (1e-6, 1e-6), settings(level * 2.0, level)).permeability * 3 * level
@@ -155,7 +176,11 @@ def test_limits_of_the_resolved_flow():
 def test_what_does_not_slip_is_solved_as_ever():
     gap = np.maximum(np.random.default_rng(0).standard_normal((16, 16)) + 1, 0) * 1e-6
     still = replace(HELIUM, slip=False)
-    assert PressureDrop(still, 1e6, 1e5).law == PressureDrop(fs.Liquid(1e-3), 1e6, 1e5).law == CubicLaw()
+    assert (
+        PressureDrop(still, 1e6, 1e5).law
+        == PressureDrop(fs.Liquid(1e-3), 1e6, 1e5).law
+        == CubicLaw()
+    )
     assert PressureDrop(still, 1e6, 1e5).pressures.tolist() == [1e6]
     expected = fs.cell_permeability(gap, (1e-6, 1e-6), sides="periodic").value
     assert resolved_flow(gap, (1e-6, 1e-6), settings(1e6, 1e5, still)).permeability == expected
@@ -181,7 +206,9 @@ def test_network_of_one_link(inlet, outlet):
             inlet_pressure=inlet,
             outlet_pressure=outlet,
         )
-        assert_allclose(found.conductance, 2 * gap**3 / 12 * mean_factor(gap, inlet, outlet), rtol=5e-3)
+        assert_allclose(
+            found.conductance, 2 * gap**3 / 12 * mean_factor(gap, inlet, outlet), rtol=5e-3
+        )
 
 
 @pytest.mark.parametrize(("inlet", "outlet"), ENDS)
@@ -191,7 +218,9 @@ def test_network_against_the_balance_of_its_own_potentials(inlet, outlet):
     n1, n2 = 3, 4
     h1, h2 = (1e-7 * np.exp(rng.standard_normal(shape)) for shape in ((n1, n2), (n1 - 1, n2)))
     seal = fs.RectangularSeal((3e-4, 4e-4), (n1, n2))
-    found = fs.seal_leakage(seal, table((h1, h2), inlet, outlet), HELIUM, inlet_pressure=inlet, outlet_pressure=outlet)
+    found = fs.seal_leakage(
+        seal, table((h1, h2), inlet, outlet), HELIUM, inlet_pressure=inlet, outlet_pressure=outlet
+    )
     x, w = np.polynomial.legendre.leggauss(40)
 
     def flow(h, first, second):
@@ -205,9 +234,13 @@ def test_network_against_the_balance_of_its_own_potentials(inlet, outlet):
     def excess(inner):
         p = np.vstack([np.full(n2, inlet), np.abs(inner).reshape(n1 - 1, n2), np.full(n2, outlet)])
         q1, q2 = flow(h1, p[:-1], p[1:]), flow(h2, p[1:-1], np.roll(p[1:-1], -1, axis=1))
-        return (np.diff(q1, axis=0) + q2 - np.roll(q2, 1, axis=1)).ravel() / (h1**3).max() / inlet**2, q1
+        return (np.diff(q1, axis=0) + q2 - np.roll(q2, 1, axis=1)).ravel() / (
+            h1**3
+        ).max() / inlet**2, q1
 
-    solved = root(lambda inner: excess(inner)[0] * 1e6, found.fluid_pressure[1:-1].ravel(), tol=1e-13)
+    solved = root(
+        lambda inner: excess(inner)[0] * 1e6, found.fluid_pressure[1:-1].ravel(), tol=1e-13
+    )
     q1 = excess(solved.x)[1]
     assert_allclose(q1[0].sum(), q1[-1].sum(), rtol=1e-5)
     assert_allclose(found.conductance * (inlet**2 - outlet**2), q1[0].sum(), rtol=3e-3)
@@ -222,7 +255,10 @@ def test_network_against_the_balance_of_its_own_potentials(inlet, outlet):
 
 
 def test_a_constant_permeability_in_a_table_changes_nothing():
-    k1, k2 = np.random.default_rng(1).random((4, 5)) * 1e-18, np.random.default_rng(2).random((3, 5)) * 1e-18
+    k1, k2 = (
+        np.random.default_rng(1).random((4, 5)) * 1e-18,
+        np.random.default_rng(2).random((3, 5)) * 1e-18,
+    )
     k1[2, 1] = 0
     constant = PermeabilityTable((1e6, 3e5, 1e5), (np.array([k1] * 3), np.array([k2] * 3)))
     seal = fs.RectangularSeal((1e-3, 1e-3), (4, 5))
@@ -243,14 +279,26 @@ def test_meshes_and_links_agree():
     )
     numbers = table(1e-7, inlet, outlet)
     n = mesh.nelements
-    of_elements = PermeabilityTable(numbers.pressures, np.repeat(numbers.values[:, None], n, axis=1))
-    seals = {"mesh": fs.MeshSeal(mesh, "in", "out"), "strip": fs.RectangularSeal((1e-3, 2e-3), (8, 6))}
+    of_elements = PermeabilityTable(
+        numbers.pressures, np.repeat(numbers.values[:, None], n, axis=1)
+    )
+    seals = {
+        "mesh": fs.MeshSeal(mesh, "in", "out"),
+        "strip": fs.RectangularSeal((1e-3, 2e-3), (8, 6)),
+    }
     rates = [
-        fs.seal_leakage(seals[name], k, HELIUM, inlet_pressure=inlet, outlet_pressure=outlet).mass_rate
+        fs.seal_leakage(
+            seals[name], k, HELIUM, inlet_pressure=inlet, outlet_pressure=outlet
+        ).mass_rate
         for name, k in (
             ("mesh", numbers),
             ("mesh", of_elements),
-            ("mesh", PermeabilityTable(numbers.pressures, np.repeat(of_elements.values[..., None], 2, axis=2))),
+            (
+                "mesh",
+                PermeabilityTable(
+                    numbers.pressures, np.repeat(of_elements.values[..., None], 2, axis=2)
+                ),
+            ),
             ("strip", numbers),
             ("strip", table((np.full((8, 6), 1e-7), np.full((7, 6), 1e-7)), inlet, outlet)),
         )
@@ -264,10 +312,14 @@ def test_the_law_of_a_cell():
         plain = fs.cell_permeability(gap, (1e-6, 2e-6), axis=axis, bounds=True)
         twice = fs.cell_permeability(gap, (1e-6, 2e-6), axis=axis, bounds=True, law=Twice())
         assert_allclose(
-            (twice.value, twice.lower, twice.upper), 2 * np.array([plain.value, plain.lower, plain.upper]), rtol=1e-9
+            (twice.value, twice.lower, twice.upper),
+            2 * np.array([plain.value, plain.lower, plain.upper]),
+            rtol=1e-9,
         )
         # F of every pixel: the bounds are those of pixels of constant permeability
-        gas = fs.cell_permeability(gap, (1e-6, 2e-6), axis=axis, bounds=True, law=HELIUM.law, pressure=1e5)
+        gas = fs.cell_permeability(
+            gap, (1e-6, 2e-6), axis=axis, bounds=True, law=HELIUM.law, pressure=1e5
+        )
         assert gas.lower > 5 * plain.upper
     for bad in (np.ones(3), -1.0, np.nan, None):
         with pytest.raises(fs.InputError, match=r"^pressure: given"):
@@ -303,9 +355,19 @@ def test_tables_that_are_none(pressures, values, word):
 
 @pytest.fixture(scope="module")
 def scene():
-    surface = fs.self_affine((64, 128), (64e-6, 128e-6), hurst=0.8, rms_slope=0.1, roll_off=32e-6, cut_off=8e-6, rng=1)
+    surface = fs.self_affine(
+        (64, 128), (64e-6, 128e-6), hurst=0.8, rms_slope=0.1, roll_off=32e-6, cut_off=8e-6, rng=1
+    )
     return fs.Scene(
-        surface, 115e9, 2.8e9, HELIUM, 1e6, 1e5, loading=(50e6, 300e6), unload_from=(300e6,), unloading=(50e6,)
+        surface,
+        115e9,
+        2.8e9,
+        HELIUM,
+        1e6,
+        1e5,
+        loading=(50e6, 300e6),
+        unload_from=(300e6,),
+        unloading=(50e6,),
     )
 
 
@@ -360,7 +422,9 @@ def test_a_drawn_gas_through_faces_in_series(scene, inlet, outlet):
     Elements have one pressure each: the two rows of the face by itself, to which its factor belongs, miss .1 to .5 % of
     the flow, more rows less.
     """
-    piece = fs.self_affine((32, 32), (32e-6,) * 2, hurst=0.8, rms_slope=0.1, roll_off=16e-6, cut_off=8e-6, rng=1)
+    piece = fs.self_affine(
+        (32, 32), (32e-6,) * 2, hurst=0.8, rms_slope=0.1, roll_off=16e-6, cut_off=8e-6, rng=1
+    )
     surface = fs.Topography(np.tile(piece.heights, (2, 3)), piece.spacing, (True, True))
     given = {"surface": surface, "boundary": ("periodic", "periodic"), "fluid_pressure": "ignored"}
     one = replace(scene, inlet_pressure=inlet, outlet_pressure=outlet, **given)
@@ -368,7 +432,9 @@ def test_a_drawn_gas_through_faces_in_series(scene, inlet, outlet):
     times = []
     for faces in (2, 5, 10):
         breadth = faces * 64e-6
-        drawn = fs.stochastic(one, (2, 3), fs.Sampling(96e-6, 1, seed=1, breadth=breadth, median_fields=False))
+        drawn = fs.stochastic(
+            one, (2, 3), fs.Sampling(96e-6, 1, seed=1, breadth=breadth, median_fields=False)
+        )
         assert drawn.tiles.grid == (2 * faces, 3)
         times.append(drawn.leakage[0] * faces)
     assert_allclose(times[:2], np.tile(times[2], (2, 1)), rtol=2e-3)
@@ -391,8 +457,13 @@ def test_a_helium_test_from_case_to_report(tmp_path):
         assert ("times the viscous flow in a gap of the rms height" in told) == (slip == "")
         study = fs.deterministic(prepare(case).scene)
         leakage[slip] = study.leakage
-        words = " ".join(case_sentences(assemble(prepare(case).scene, study, facts=RunFacts(case=case.echo()))))
-        assert "helium, an ideal gas of viscosity 19.62 µPa·s and molar mass 4.0026 g/mol at 20 °C" in words
+        words = " ".join(
+            case_sentences(assemble(prepare(case).scene, study, facts=RunFacts(case=case.echo())))
+        )
+        assert (
+            "helium, an ideal gas of viscosity 19.62 µPa·s and molar mass 4.0026 g/mol at 20 °C"
+            in words
+        )
         assert f", with{'out' if slip else ''} slip" in words
         assert "The solids: E = 210 GPa, ν = 0.3, hardness 3 GPa against a rigid flat." in words
     assert (leakage[""] > 1.1 * leakage["slip = false\n"]).all()
@@ -401,11 +472,16 @@ def test_a_helium_test_from_case_to_report(tmp_path):
 @pytest.mark.parametrize(("inlet", "outlet"), [(1e6, 1e5), (1e5, 0.0)])
 def test_one_pressure_in_a_window_is_near_to_its_own(inlet, outlet):
     """k(p) of a face with the pressure uniform in it, over the whole drop; 36 gaps of 128² pixels: 0.057 at most."""
-    heights = fs.self_affine((48, 48), (48e-6, 48e-6), hurst=0.8, rms_slope=0.1, cut_off=8e-6, rng=1).heights
+    heights = fs.self_affine(
+        (48, 48), (48e-6, 48e-6), hurst=0.8, rms_slope=0.1, cut_off=8e-6, rng=1
+    ).heights
     gap = 0.3 * np.maximum(heights + heights.std(), 0.0)
     whole = resolved_flow(gap, (1e-6, 1e-6), settings(inlet, outlet)).permeability
     p = table_pressures(inlet, outlet)
-    k = [fs.cell_permeability(gap, (1e-6, 1e-6), sides="periodic", law=HELIUM.law, pressure=q).value for q in p]
+    k = [
+        fs.cell_permeability(gap, (1e-6, 1e-6), sides="periodic", law=HELIUM.law, pressure=q).value
+        for q in p
+    ]
     found = fs.seal_leakage(
         fs.RectangularSeal((1.0, 1.0), (1, 1)),
         PermeabilityTable(tuple(p), np.array(k)),

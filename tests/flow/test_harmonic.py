@@ -23,7 +23,9 @@ def by_matrix(values):
     ends = [(number[:-1], number[1:]), (number, np.roll(number, -1, axis=1))]
     a, b = (np.concatenate([pair[k].ravel() for pair in ends]) for k in (0, 1))
     ones = np.ones(a.size)
-    matrix = coo_array((np.r_[ones, ones, -ones, -ones], (np.r_[a, b, a, b], np.r_[a, b, b, a]))).tocsr()
+    matrix = coo_array(
+        (np.r_[ones, ones, -ones, -ones], (np.r_[a, b, a, b], np.r_[a, b, b, a]))
+    ).tocsr()
     flat = values.ravel().copy()
     unknown = np.isnan(flat)
     rows = matrix[np.flatnonzero(unknown)]
@@ -46,7 +48,9 @@ def test_a_ring_has_no_first_column(shape):
     values = with_holes(shape, 0.5)
     filled = harmonic_fill(values, np.zeros(shape))
     for columns in (1, 5, 16):
-        moved = np.roll(harmonic_fill(np.roll(values, columns, axis=1), np.full(shape, 3e7)), -columns, axis=1)
+        moved = np.roll(
+            harmonic_fill(np.roll(values, columns, axis=1), np.full(shape, 3e7)), -columns, axis=1
+        )
         assert_allclose(moved, filled, rtol=0, atol=1e-4 * 5e7)
 
 
@@ -54,7 +58,9 @@ def test_a_broad_barrier_has_an_even_drop():
     values = np.full((100, 6), np.nan)
     values[:10], values[80:] = 4e7, 1e7
     middle = harmonic_fill(values, np.zeros(values.shape))[9:81]
-    assert_allclose(middle, np.repeat(np.linspace(4e7, 1e7, 72)[:, None], 6, axis=1), rtol=0, atol=1e-4 * 3e7)
+    assert_allclose(
+        middle, np.repeat(np.linspace(4e7, 1e7, 72)[:, None], 6, axis=1), rtol=0, atol=1e-4 * 3e7
+    )
 
 
 def test_nothing_or_everything_known():

@@ -34,11 +34,17 @@ def laplacian(c1, c2):
     n1, n2 = c1.shape
     node = np.arange((n1 + 1) * n2).reshape(n1 + 1, n2)
     ends = [(node[i, j], node[i + 1, j], c1[i, j]) for i in range(n1) for j in range(n2)]
-    ends += [(node[i + 1, j], node[i + 1, (j + 1) % n2], c2[i, j]) for i in range(n1 - 1) for j in range(c2.shape[1])]
+    ends += [
+        (node[i + 1, j], node[i + 1, (j + 1) % n2], c2[i, j])
+        for i in range(n1 - 1)
+        for j in range(c2.shape[1])
+    ]
     a, b, c = (np.array(x) for x in zip(*ends, strict=True))
     a, b = a.astype(int), b.astype(int)
     n = node.size
-    graph = sp.coo_array((np.r_[c, c, -c, -c], (np.r_[a, b, a, b], np.r_[a, b, b, a])), shape=(n, n)).tocsr()
+    graph = sp.coo_array(
+        (np.r_[c, c, -c, -c], (np.r_[a, b, a, b], np.r_[a, b, b, a])), shape=(n, n)
+    ).tocsr()
     graph.eliminate_zeros()
     p = np.zeros(n)
     p[:n2] = 1
@@ -81,7 +87,9 @@ def test_iterative_solution_of_a_larger_network(shape, periodic, solver):
     c1, c2 = links(*shape, periodic, 1, contrast=1e4, closed=0.2)
     flow = solve_links(c1, c2, solver=solver, rtol=1e-6, field_rtol=1e-6)
     assert flow.iterations > 0
-    assert_allclose(flow.conductance, solve_links(c1, c2, solver="elimination").conductance, rtol=1e-6)
+    assert_allclose(
+        flow.conductance, solve_links(c1, c2, solver="elimination").conductance, rtol=1e-6
+    )
     assert flow.imbalance <= 1e-5
 
 
@@ -116,8 +124,12 @@ def test_elimination_takes_over_where_multigrid_cannot(monkeypatch, periodic, co
             solve_links(c1, c2, solver="multigrid")
 
 
-@pytest.mark.parametrize(("contrast", "closed", "tried"), [(10, 0.0, 1), (1e4, 0.2, 0), (1e9, 0.0, 0), (10, 0.35, 0)])
-def test_multigrid_is_not_tried_on_links_of_high_contrast_between_neighbours(monkeypatch, contrast, closed, tried):
+@pytest.mark.parametrize(
+    ("contrast", "closed", "tried"), [(10, 0.0, 1), (1e4, 0.2, 0), (1e9, 0.0, 0), (10, 0.35, 0)]
+)
+def test_multigrid_is_not_tried_on_links_of_high_contrast_between_neighbours(
+    monkeypatch, contrast, closed, tried
+):
     calls = []
     solve = choice.solve_multigrid
     monkeypatch.setattr(choice, "solve_multigrid", lambda *args: calls.append(1) or solve(*args))
@@ -136,10 +148,15 @@ def test_multigrid_is_what_is_chosen_for_large_open_networks(closed, periodic):
     c2 = np.minimum(c2, np.roll(c[1:-1], -1, axis=1)[:, : c2.shape[1]])
     flow = solve_links(c1, c2)
     assert flow.iterations > 0
-    assert_allclose(flow.conductance, solve_links(c1, c2, solver="elimination").conductance, rtol=1e-6)
+    assert_allclose(
+        flow.conductance, solve_links(c1, c2, solver="elimination").conductance, rtol=1e-6
+    )
 
 
-@each(("shape", "periodic"), [((4, 1), True), ((4, 2), True), ((4, 3), True), ((4, 1), False), ((4, 2), False)])
+@each(
+    ("shape", "periodic"),
+    [((4, 1), True), ((4, 2), True), ((4, 3), True), ((4, 1), False), ((4, 2), False)],
+)
 def test_narrow_networks(shape, periodic):
     """On two periodic columns each row has two links side by side; on one there is none."""
     n1, n2 = shape
@@ -190,7 +207,10 @@ def test_duality_of_log_symmetric_links():
         rng = np.random.default_rng(6)
         logs = []
         for _ in range(count):
-            c1, c2 = np.exp(rng.normal(1.0, 2.0, (n, n))), np.exp(rng.normal(1.0, 2.0, (n - 1, n - 1)))
+            c1, c2 = (
+                np.exp(rng.normal(1.0, 2.0, (n, n))),
+                np.exp(rng.normal(1.0, 2.0, (n - 1, n - 1))),
+            )
             logs.append(np.log(solve_links(c1, c2).conductance))
         assert abs(np.mean(logs) - 1.0) < 4 * np.std(logs) / np.sqrt(count)
         spread.append(np.std(logs))
@@ -249,7 +269,11 @@ def test_invariants(n1, n2, periodic, seed, closed, digits):
     assert np.all((potential >= 0) & (potential <= 1 + 1e-15))
     assert_allclose(solve_links(4 * c1, 4 * c2).conductance, 4 * flow.conductance, rtol=1e-12)
     assert_allclose(solve_links(c1[::-1], c2[::-1]).conductance, flow.conductance, rtol=1e-11)
-    assert_allclose(solve_links(c1[:, ::-1], mirrored(c2, periodic, n2)).conductance, flow.conductance, rtol=1e-11)
+    assert_allclose(
+        solve_links(c1[:, ::-1], mirrored(c2, periodic, n2)).conductance,
+        flow.conductance,
+        rtol=1e-11,
+    )
     # Rayleigh: more conductance anywhere, no less flow; between series and parallel bounds
     wider = c1.copy()
     wider[n1 // 2, n2 // 2] = 2 * wider[n1 // 2, n2 // 2] + 1.0
@@ -305,7 +329,9 @@ def test_pockets_and_dead_ends_carry_nothing(solver):
 @each("solver", ["elimination", "amg", "multigrid"])
 @each("periodic", [True, False])
 @each(("closed", "wall"), [(0.4, None), (0.45, None), (0.5, None), (0.3, 5), (0.3, 0), (1.0, None)])
-def test_where_nothing_flows_an_end_gives_its_potential_and_a_pocket_has_none(solver, periodic, closed, wall):
+def test_where_nothing_flows_an_end_gives_its_potential_and_a_pocket_has_none(
+    solver, periodic, closed, wall
+):
     """By the components of the inner nodes, found apart: which ends each of them touches through open links."""
     c1, c2 = links(11, 13, periodic, seed=3, closed=closed)
     if wall is not None:
@@ -322,8 +348,12 @@ def test_where_nothing_flows_an_end_gives_its_potential_and_a_pocket_has_none(so
     assert flow.percolates == np.any(inlet & outlet)
     inner = flow.potential[1:-1]
     assert_array_equal(np.isnan(inner), ~inlet & ~outlet)
-    assert_allclose(inner[inlet & ~outlet], 1, rtol=0, atol=1e-14 if solver == "elimination" else 1e-6)
-    assert_allclose(inner[outlet & ~inlet], 0, rtol=0, atol=1e-14 if solver == "elimination" else 1e-6)
+    assert_allclose(
+        inner[inlet & ~outlet], 1, rtol=0, atol=1e-14 if solver == "elimination" else 1e-6
+    )
+    assert_allclose(
+        inner[outlet & ~inlet], 0, rtol=0, atol=1e-14 if solver == "elimination" else 1e-6
+    )
     assert_array_equal(flow.potential[[0, -1]], [[1.0] * n2, [0.0] * n2])
     if not flow.percolates:
         assert set(inner[inlet]) <= {1.0}
@@ -450,7 +480,10 @@ def test_the_rate_is_as_right_as_asked(rtol, kind):
             + rng.uniform(-9, 9, (6, 1, 1)) * np.arange(66)[:, None] / 9
             + rng.uniform(-9, 9, (6, 1, 1)) * np.arange(61) / 9
         ).sum(axis=0)
-        h = np.maximum(h - np.quantile(h, {"rough": 0.3, "film": 0.5, "critical": 0.4, "noise": 0.1}[kind]), 0.0)
+        h = np.maximum(
+            h - np.quantile(h, {"rough": 0.3, "film": 0.5, "critical": 0.4, "noise": 0.1}[kind]),
+            0.0,
+        )
         if kind == "film":
             h = np.maximum(h, h.max() * 10.0 ** -rng.uniform(1, 4))
         elif kind == "critical":
@@ -487,11 +520,15 @@ def test_a_part_of_the_error_that_few_iterations_do_not_meet_is_seen(monkeypatch
 
 
 @each(("n", "wave", "contact", "seed"), [(256, 1, 0.38, 1), (256, 1.5, 0.42, 2)])
-def test_multigrid_by_hand_takes_what_is_right_though_slow_parts_may_be_unseen(n, wave, contact, seed):
+def test_multigrid_by_hand_takes_what_is_right_though_slow_parts_may_be_unseen(
+    n, wave, contact, seed
+):
     links = cell_links(filtered_gap(n, wave, contact, seed), (1.0, 1.0), "mirror")
     flow = solve_links(*links, solver="multigrid")
     assert flow.iterations > 300
-    assert_allclose(flow.conductance, solve_links(*links, solver="elimination").conductance, rtol=1e-6)
+    assert_allclose(
+        flow.conductance, solve_links(*links, solver="elimination").conductance, rtol=1e-6
+    )
     assert flow.residual**2 < 1e-6
 
 
@@ -502,7 +539,9 @@ def test_multigrid_by_hand_takes_what_is_right_though_slow_parts_may_be_unseen(n
 def test_the_rate_of_a_gap_near_closing_is_as_right_as_asked(n, seed):
     """At 32 % contact parts of the error are so slow that hundreds of iterations do not meet them."""
     size = n * 1e-6
-    rough = self_affine((n, n), (size, size), hurst=0.8, rms_slope=0.1, roll_off=size / 8, cut_off=4e-6, rng=seed)
+    rough = self_affine(
+        (n, n), (size, size), hurst=0.8, rms_slope=0.1, roll_off=size / 8, cut_off=4e-6, rng=seed
+    )
     body = HalfSpace((n, n), (1e-6, 1e-6), 1e11)
     gap = solve_contact(rough.heights.max() - rough.heights, body, pressure=1.5e9, rtol=1e-4).gap
     links_of_gap = cell_links(gap, (1e-6, 1e-6), "mirror")
@@ -536,7 +575,9 @@ def test_the_preconditioner_is_symmetric(shape, ring, large, monkeypatch):
 
     u, v = np.random.default_rng(1).standard_normal((2, *shape))
     size = np.sqrt((u * apply(u)).sum() * (v * apply(v)).sum())
-    assert_allclose((u * apply(v)).sum(), (v * apply(u)).sum(), rtol=0, atol=1e-6 * size)  # of single precision
+    assert_allclose(
+        (u * apply(v)).sum(), (v * apply(u)).sum(), rtol=0, atol=1e-6 * size
+    )  # of single precision
 
 
 @each("shape", [(5, 7), (6, 3), (20, 16), (9, 2), (7, 1)])
@@ -583,7 +624,12 @@ def test_nine_points_of_the_coarsest_level_are_solved_exactly(shape, ring):
     b, x = np.zeros((2, n1 + 2, n2 + 2))
     b[1:-1, 1:-1] = rng.standard_normal(shape)
     coarsest.solve_coarsest(coarsest.eliminate_coarsest(*fields, ring), b, x)
-    assert_allclose(x[1:-1, 1:-1].ravel(), np.linalg.solve(matrix, b[1:-1, 1:-1].ravel()), rtol=1e-11, atol=1e-13)
+    assert_allclose(
+        x[1:-1, 1:-1].ravel(),
+        np.linalg.solve(matrix, b[1:-1, 1:-1].ravel()),
+        rtol=1e-11,
+        atol=1e-13,
+    )
 
 
 @each("side", [4, 11])
@@ -611,7 +657,9 @@ def test_borders_of_fronts_name_every_node_once():
     nothing = np.zeros((0, 0))
     node, end = np.arange(24), np.zeros(24, int)
     of_ends = node[keep[1]], end[keep[1]], c1[0, keep[1]]
-    of_nodes = elimination.Links(*link_network.grid_links(c1, c2, nothing, nothing, True, order.nodes, *of_ends))
+    of_nodes = elimination.Links(
+        *link_network.grid_links(c1, c2, nothing, nothing, True, order.nodes, *of_ends)
+    )
     network_of_order = elimination.network_of(order, of_nodes, 1)
     first, border, start = network_of_order.first, network_of_order.border, network_of_order.start
     for f in range(first.size - 1):

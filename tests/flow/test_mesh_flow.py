@@ -190,7 +190,9 @@ def test_closed_across_is_exactly_zero(kind):
     k = np.where(np.abs(centres(mesh)[0] - 0.58) < 0.08, 0.0, 1.0)
     f = flow(mesh, k, bounds=True)
     assert (f.conductance, f.lower, f.upper, f.percolates) == (0.0, 0.0, 0.0, False)
-    assert_allclose(f.potential[mesh.p[0] < 0.4], 1.0)  # the inlet side stands at the inlet's pressure
+    assert_allclose(
+        f.potential[mesh.p[0] < 0.4], 1.0
+    )  # the inlet side stands at the inlet's pressure
     assert_allclose(f.potential[mesh.p[0] > 0.7], 0.0)
     wide = np.where(np.abs(centres(mesh)[0] - 0.5) < 0.3, 0.0, 1.0)
     assert np.array_equal(np.isnan(flow(mesh, wide).potential), np.abs(mesh.p[0] - 0.5) < 0.2)
@@ -221,7 +223,9 @@ def test_corners_connect_in_the_value_and_not_in_the_lower_bound():
     f = flow(mesh, k, bounds=True)
     assert f.percolates
     assert f.lower == 0.0
-    assert_allclose([f.conductance, f.upper], 5 / 16, rtol=1e-12)  # by hand, with the two free nodes at 7/8 and 1/8
+    assert_allclose(
+        [f.conductance, f.upper], 5 / 16, rtol=1e-12
+    )  # by hand, with the two free nodes at 7/8 and 1/8
 
 
 def test_elements_closed_along_one_axis():
@@ -277,23 +281,32 @@ def test_flows_that_do_not_balance_are_refused(monkeypatch):
         return replace(solution, x=solution.x * 1.001)
 
     monkeypatch.setattr(mesh_system, "solve_spd", careless)
-    with pytest.raises(NotConverged, match=r"^flow: inlet and outlet differ by .* of the flow, expected 1e-05"):
+    with pytest.raises(
+        NotConverged, match=r"^flow: inlet and outlet differ by .* of the flow, expected 1e-05"
+    ):
         flow(rectangle(MeshTri, 3, 3), 1.0)
 
 
 def test_bad_meshes_and_ends():
     mesh = rectangle(MeshQuad, 2, 2)
     ends = mesh.boundaries["in"], mesh.boundaries["out"]
-    with pytest.raises(InputError, match=r"^mesh: given a MeshTet1, expected one of MeshTri1, MeshQuad1"):
+    with pytest.raises(
+        InputError, match=r"^mesh: given a MeshTet1, expected one of MeshTri1, MeshQuad1"
+    ):
         darcy_conductance(MeshTet(), 1.0, [0], [1])
     with pytest.raises(InputError, match=r"^mesh: given a MeshLine1"):
         darcy_conductance(MeshLine(), 1.0, [0], [1])
-    with pytest.raises(InputError, match=r"^mesh: given a MeshQuad2, .* with linear elements; mesh with elements of"):
+    with pytest.raises(
+        InputError,
+        match=r"^mesh: given a MeshQuad2, .* with linear elements; mesh with elements of",
+    ):
         flow(MeshQuad2.from_mesh(mesh).with_boundaries(mesh.boundaries), 1.0)
     with pytest.raises(InputError, match=r"^inlet: given no facets"):
         darcy_conductance(mesh, 1.0, [], ends[1])
     inside = np.setdiff1d(np.arange(mesh.nfacets), mesh.boundary_facets())[:1]
-    with pytest.raises(InputError, match=r"^outlet: given facets inside the mesh, expected facets of its boundary"):
+    with pytest.raises(
+        InputError, match=r"^outlet: given facets inside the mesh, expected facets of its boundary"
+    ):
         darcy_conductance(mesh, 1.0, ends[0], inside)
     with pytest.raises(InputError, match=r"^inlet and outlet: given boundaries that touch"):
         darcy_conductance(mesh, 1.0, ends[0], np.setdiff1d(mesh.boundary_facets(), ends[0]))

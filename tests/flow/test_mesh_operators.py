@@ -45,7 +45,10 @@ def diagonal(k1, k2):
 def turned(k1, k2, angle):
     axis = np.stack([np.cos(angle), np.sin(angle)], axis=-1)
     other = np.stack([-axis[:, 1], axis[:, 0]], axis=-1)
-    return k1[:, None, None] * axis[:, :, None] * axis[:, None] + k2[:, None, None] * other[:, :, None] * other[:, None]
+    return (
+        k1[:, None, None] * axis[:, :, None] * axis[:, None]
+        + k2[:, None, None] * other[:, :, None] * other[:, None]
+    )
 
 
 def solved(mesh, inlet, outlet, tensor, solver="auto"):
@@ -109,7 +112,9 @@ def test_the_bounds_of_a_square_and_of_its_dual_are_inverse(contrast):
     along = solved(mesh, left, right, diagonal(k1, k2), "direct")
     dual = solved(mesh, bottom, top, diagonal(1 / k2, 1 / k1), "direct")
     assert_allclose(
-        [along.lower * dual.upper, along.upper * dual.lower, along.conductance * dual.conductance], 1.0, rtol=1e-9
+        [along.lower * dual.upper, along.upper * dual.lower, along.conductance * dual.conductance],
+        1.0,
+        rtol=1e-9,
     )
 
 
@@ -165,7 +170,9 @@ def test_more_permeable_elements_leak_more_and_all_scale_together():
     k = np.exp(rng.normal(0, 2, (2, mesh.nelements)))
     angle = rng.uniform(0, np.pi, mesh.nelements)
     one = solved(mesh, left, right, turned(*k, angle))
-    more = solved(mesh, left, right, turned(*(k * np.where(np.arange(mesh.nelements) % 2, 1.0, 1.5)), angle))
+    more = solved(
+        mesh, left, right, turned(*(k * np.where(np.arange(mesh.nelements) % 2, 1.0, 1.5)), angle)
+    )
     assert one.lower < more.lower < 1.5 * one.lower
     assert one.upper < more.upper < 1.5 * one.upper
     scaled = solved(mesh, left, right, turned(*(1e-22 * k), angle))

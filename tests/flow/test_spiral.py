@@ -81,7 +81,9 @@ def along(pieces):
 
 def test_a_closed_strip_leaks_along_its_groove():
     """Equal pieces: k₂ sin²α of the one that is closed across, as the pressure falls along x1 alone."""
-    plain, wound = (drawn(lay, 2e8).leakage[0, 0] for lay in ("x2", {"kind": "spiral", "lead": "16 um"}))
+    plain, wound = (
+        drawn(lay, 2e8).leakage[0, 0] for lay in ("x2", {"kind": "spiral", "lead": "16 um"})
+    )
     assert plain == 0
     k2 = along(drawn("x2", 2e8).pieces)
     sine2 = (16e-6 / np.hypot(16e-6, 2e-3)) ** 2
@@ -94,8 +96,12 @@ def test_a_closed_strip_leaks_along_its_groove():
 def test_a_closed_ring_leaks_along_its_groove(inlet):
     """Equal pieces: the closed form of a ring whose lands are closed, either way."""
     surface, lead = ridges(), 32e-6
-    layout = AnnularLayout(0.5e-3, 0.756e-3, inlet, lay={"kind": "spiral", "lead": lead, "starts": 2})
-    scene = fs.Scene(surface, 115e9, 2e9, OIL, 1e6, 0.0, loading=(2e8,), fluid_pressure="ignored", layout=layout)
+    layout = AnnularLayout(
+        0.5e-3, 0.756e-3, inlet, lay={"kind": "spiral", "lead": lead, "starts": 2}
+    )
+    scene = fs.Scene(
+        surface, 115e9, 2e9, OIL, 1e6, 0.0, loading=(2e8,), fluid_pressure="ignored", layout=layout
+    )
     found = stochastic(scene, (1, 4), Sampling(None, realisations=2, seed=1))
     k2 = along(found.pieces)
     exact = fs.analytic.turned_annulus_rate(k2, 0.0, 2 * lead, 1e6, 1e-3, 0.5e-3, 0.756e-3)
@@ -134,7 +140,9 @@ def test_closed_lands_leave_the_way_along_the_groove(circumference):
     errors = []
     for n2 in (32, 64, 128):
         gap = grooves((96, n2), 16)
-        k, potential = spiral_flow(gap, (D, D), fs.flow.Spiral(16 * D, circumference), plain(gap).fluid_pressure)
+        k, potential = spiral_flow(
+            gap, (D, D), fs.flow.Spiral(16 * D, circumference), plain(gap).fluid_pressure
+        )
         k22 = fs.cell_permeability(gap, (D, D), axis=1, sides="periodic").value
         exact = k22 * (16 * D / (circumference or n2 * D)) ** 2
         errors.append(1 - k / exact)
@@ -160,7 +168,11 @@ def test_a_rough_face_one_turn_long_is_the_least_dissipation():
     links = []
     for c, a, b, _ in stencil.conductances():
         links += zip(c.ravel(), a.ravel(), b.ravel(), strict=True)
-    links = [(c, a, b) for c, a, b in links if not (a % n2 == n2 - 1 and b % n2 == 0 and a // n2 == b // n2)]
+    links = [
+        (c, a, b)
+        for c, a, b in links
+        if not (a % n2 == n2 - 1 and b % n2 == 0 and a // n2 == b // n2)
+    ]
     for i in range(1 - shift, n1 + 1):
         ends = [gap[k, column] for k, column in ((i - 1, -1), (i + shift - 1, 0)) if 0 <= k < n1]
         c = cubic_law(np.mean(ends) / gap.max()) if min(ends) > 0 else 0.0
@@ -180,7 +192,8 @@ def test_a_part_of_a_turn_stands_for_all_of_it():
     gap = grooves((128, 32), 16) * rng.uniform(0.3, 1, (128, 32))
     spiral = fs.flow.Spiral(16 * D, 8 * 32 * D)
     around, part = (
-        spiral_flow(one, (D, D), spiral, plain(one).fluid_pressure)[0] for one in (np.tile(gap, (1, 8)), gap)
+        spiral_flow(one, (D, D), spiral, plain(one).fluid_pressure)[0]
+        for one in (np.tile(gap, (1, 8)), gap)
     )
     assert_allclose(part, around, rtol=0.02)
 
@@ -211,7 +224,9 @@ def test_studies_of_a_face_follow_its_groove():
     assert not fs.deterministic(whole("x2")).leakage.any()
     found = fs.deterministic(whole(lay))
     k22 = [fs.cell_permeability(g, (D, D), axis=1, sides="periodic").value for g in found.gap]
-    assert_allclose(found.leakage, np.array(k22) * (16e-6 / 1e-3) ** 2 * 1e6 / (1e-3 * 96e-6), rtol=0.25)
+    assert_allclose(
+        found.leakage, np.array(k22) * (16e-6 / 1e-3) ** 2 * 1e6 / (1e-3 * 96e-6), rtol=0.25
+    )
     assert_allclose(fs.two_scale(whole(lay), (6, 3)).leakage, found.leakage, rtol=1e-5)
     assert_allclose(fs.two_scale(whole(lay), (6, 3)).leakage, found.leakage, rtol=0.1)
     pressed = fs.deterministic(whole(lay, fluid_pressure="acts", loading=(2e7,))).leakage
@@ -221,7 +236,8 @@ def test_studies_of_a_face_follow_its_groove():
 def test_a_face_may_be_any_fraction_of_a_turn():
     """Closed lands: the leakage falls as the square of the circumference, here 1 m and 100 m around 48 µm."""
     one, more = (
-        fs.deterministic(whole({"kind": "spiral", "lead": "16 um", "circumference": c})) for c in ("1 m", "100 m")
+        fs.deterministic(whole({"kind": "spiral", "lead": "16 um", "circumference": c}))
+        for c in ("1 m", "100 m")
     )
     assert_allclose(more.leakage, 1e-4 * one.leakage, rtol=1e-5)
 
@@ -239,8 +255,14 @@ def test_a_groove_that_is_filled_somewhere_leads_nowhere():
 @pytest.mark.parametrize(
     ("solve", "text"),
     [
-        (lambda lay: fs.deterministic(whole(lay | {"circumference": "10 um"})), "lay.circumference: given 10 µm"),
-        (lambda lay: fs.deterministic(whole(lay | {"lead": "96 um"})), "lay.lead: given 96 µm on a face 96 µm broad"),
+        (
+            lambda lay: fs.deterministic(whole(lay | {"circumference": "10 um"})),
+            "lay.circumference: given 10 µm",
+        ),
+        (
+            lambda lay: fs.deterministic(whole(lay | {"lead": "96 um"})),
+            "lay.lead: given 96 µm on a face 96 µm broad",
+        ),
     ],
 )
 def test_spirals_that_a_face_cannot_follow(solve, text):
@@ -249,7 +271,9 @@ def test_spirals_that_a_face_cannot_follow(solve, text):
 
 
 def test_the_groove_of_a_row_is_as_open_as_its_tiles_in_turn():
-    tiles = RectangularLayout({"kind": "spiral", "lead": "0.4 mm"}).lay_out(PieceSize((1e-3, 1e-3), 3, length=4e-3))
+    tiles = RectangularLayout({"kind": "spiral", "lead": "0.4 mm"}).lay_out(
+        PieceSize((1e-3, 1e-3), 3, length=4e-3)
+    )
     assert tiles.grid == (3, 4)
     assert_allclose(tiles.tangent, 0.1)
     open_along = np.random.default_rng(1).uniform(0.1, 1, (3, 4))
@@ -294,7 +318,12 @@ TURNED = 'kind = "turned"\npoints = [64, 64]\nsize = ["120 um", "120 um"]\npitch
         ("", "deterministic", "", "in a spiral of lead 40 µm"),
         ("", "stochastic", "", "in a spiral of lead 40 µm"),
         ("lay = 'x2'", "stochastic", "", "x2"),
-        ("lay = {kind = 'spiral', lead = '20 um'}", "deterministic", "", "in a spiral of lead 20 µm"),
+        (
+            "lay = {kind = 'spiral', lead = '20 um'}",
+            "deterministic",
+            "",
+            "in a spiral of lead 20 µm",
+        ),
     ],
 )
 def test_a_turned_face_winds_with_its_pitch(tmp_path, lay, method, breadth, text):
@@ -308,7 +337,8 @@ def test_a_turned_face_winds_with_its_pitch(tmp_path, lay, method, breadth, text
 @pytest.mark.parametrize(("lay", "asked"), [("", 1), ("lay = 'x2'", 0)])
 def test_a_measured_face_with_grooves_is_asked_whether_they_wind(tmp_path, lay, asked):
     np.save(
-        tmp_path / "face.npy", np.tile(window(32), (4, 4)) + 1e-8 * np.random.default_rng(0).normal(size=(128, 128))
+        tmp_path / "face.npy",
+        np.tile(window(32), (4, 4)) + 1e-8 * np.random.default_rng(0).normal(size=(128, 128)),
     )
     face = 'kind = "file"\npath = "face.npy"\nheight_unit = "m"\nspacing = ["2 um", "2 um"]'
     path = tmp_path / "case.toml"
@@ -322,15 +352,24 @@ def test_a_measured_face_with_grooves_is_asked_whether_they_wind(tmp_path, lay, 
 @pytest.mark.parametrize(
     ("make", "text"),
     [
-        (lambda: Lay.of({"kind": "spiral", "lead": "-1 um"}), "lay.lead: given '-1 um', expected a length >= 0"),
+        (
+            lambda: Lay.of({"kind": "spiral", "lead": "-1 um"}),
+            "lay.lead: given '-1 um', expected a length >= 0",
+        ),
         (lambda: Lay.of({"kind": "spiral", "lead": "1 um", "starts": 0}), "lay.starts: given 0"),
         (lambda: Lay.of({"kind": "spiral", "lead": "1 um", "turns": 2}), "lay: given"),
         (
             lambda: AnnularLayout(1e-3, 2e-3, lay={"kind": "spiral", "lead": "2 mm"}),
             "lay.lead: given 2 mm on a seal 1 mm",
         ),
-        (lambda: MeshLayout("a.msh", "in", "out", "mm", {"kind": "spiral", "lead": "2 um"}), "lay: .* on a mesh"),
-        (lambda: drawn({"kind": "spiral", "lead": "1 mm"}, 1e8), "lay.lead: given 1 mm on a seal 128 µm broad"),
+        (
+            lambda: MeshLayout("a.msh", "in", "out", "mm", {"kind": "spiral", "lead": "2 um"}),
+            "lay: .* on a mesh",
+        ),
+        (
+            lambda: drawn({"kind": "spiral", "lead": "1 mm"}, 1e8),
+            "lay.lead: given 1 mm on a seal 128 µm broad",
+        ),
     ],
 )
 def test_bad_spirals(make, text):

@@ -41,7 +41,9 @@ def chain_scene(heights: np.ndarray, spacing: tuple[float, float] = (D, D), **gi
 def chain_face(shape: tuple[int, int] = (64, 96), slope: float = 0.1, rng: int = 1) -> np.ndarray:
     """Heights of a rough face [m]."""
     size = (shape[0] * D, shape[1] * D)
-    return self_affine(shape, size, hurst=0.8, rms_slope=slope, roll_off=24 * D, cut_off=8 * D, rng=rng).heights
+    return self_affine(
+        shape, size, hurst=0.8, rms_slope=slope, roll_off=24 * D, cut_off=8 * D, rng=rng
+    ).heights
 
 
 def _leakage(heights: np.ndarray, **given: Any) -> np.ndarray:
@@ -69,12 +71,17 @@ def _closing() -> tuple[float, float]:
 
 def _hardnesses() -> list[float]:
     heights = chain_face((48, 64))
-    return [float(_leakage(heights, hardness=r * E * 0.1, loading=(5e7,))[0]) for r in (1.0, 0.1, 0.03, 0.01)]
+    return [
+        float(_leakage(heights, hardness=r * E * 0.1, loading=(5e7,))[0])
+        for r in (1.0, 0.1, 0.03, 0.01)
+    ]
 
 
 def _never_plastic() -> float:
     heights = chain_face((48, 64))
-    hard, elastic = (_leakage(heights, hardness=h, loading=(5e7,))[0] for h in (100 * E * 0.1, np.inf))
+    hard, elastic = (
+        _leakage(heights, hardness=h, loading=(5e7,))[0] for h in (100 * E * 0.1, np.inf)
+    )
     return float(hard / elastic - 1)
 
 
@@ -83,7 +90,9 @@ def _asperity() -> float:
     x1, x2 = (np.arange(64) - 31.5) * D, (np.arange(32) - 15.5) * 2 * D
     heights = -(x1[:, None] ** 2 + x2**2) / (2 * 5e-4)
     faces = (heights, (D, 2 * D)), (heights.T, (2 * D, D))
-    along, across = (deterministic(chain_scene(*f, hardness=np.inf, loading=(2e7,))).leakage[0] for f in faces)
+    along, across = (
+        deterministic(chain_scene(*f, hardness=np.inf, loading=(2e7,))).leakage[0] for f in faces
+    )
     return float(along / across)
 
 
@@ -118,13 +127,17 @@ def _primes() -> float:
 
 
 def _unloaded() -> float:
-    loading, _, unloading = _leakage(chain_face(), loading=(1e8,), unload_from=(6e8,), unloading=(1e8,))
+    loading, _, unloading = _leakage(
+        chain_face(), loading=(1e8,), unload_from=(6e8,), unloading=(1e8,)
+    )
     return float(unloading / loading)
 
 
 def _peak_again() -> float:
     peak = 3e8
-    leakage = _leakage(chain_face(), loading=(1e8,), unload_from=(peak,), unloading=((1 - 1e-9) * peak,))
+    leakage = _leakage(
+        chain_face(), loading=(1e8,), unload_from=(peak,), unloading=((1 - 1e-9) * peak,)
+    )
     return float(abs(leakage[2] / leakage[1] - 1))
 
 
@@ -172,7 +185,10 @@ def _gas() -> float:
     """A gas without slip over water, both as drops of pressure potential."""
     gas = IdealGas(viscosity=2e-5, molar_mass=0.029, temperature=293.15, slip=False)
     heights = chain_face()
-    water, air = (_leakage(heights, fluid=fluid, inlet_pressure=1e7, outlet_pressure=1e5)[0] for fluid in (WATER, gas))
+    water, air = (
+        _leakage(heights, fluid=fluid, inlet_pressure=1e7, outlet_pressure=1e5)[0]
+        for fluid in (WATER, gas)
+    )
     drops = [np.subtract(*f.potential([1e7, 1e5])) / f.reference_density for f in (WATER, gas)]
     return float(air / water / (drops[1] / drops[0]))
 
@@ -182,7 +198,9 @@ def _slipping(inlet: float, outlet: float) -> float:
     helium = IdealGas(viscosity=19.6e-6, molar_mass=4.0026e-3, temperature=293.15)
     heights = 0.1 * chain_face((32, 48))
     ends = {"inlet_pressure": inlet, "outlet_pressure": outlet, "loading": (1e6,)}
-    slip, viscous = (_leakage(heights, fluid=replace(helium, slip=s), **ends)[0] for s in (True, False))
+    slip, viscous = (
+        _leakage(heights, fluid=replace(helium, slip=s), **ends)[0] for s in (True, False)
+    )
     return float(slip / viscous)
 
 

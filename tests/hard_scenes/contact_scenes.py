@@ -17,7 +17,15 @@ from femseal.analytic import (
     wavy_contact_fraction_light,
     wavy_full_contact_pressure,
 )
-from femseal.contact import Contact, HalfSpace, HardnessTable, LinearHardening, NixGao, load_cycle, solve_contact
+from femseal.contact import (
+    Contact,
+    HalfSpace,
+    HardnessTable,
+    LinearHardening,
+    NixGao,
+    load_cycle,
+    solve_contact,
+)
 from femseal.topography import self_affine
 
 E, D, LOAD = 115e9, 1e-6, 1e8
@@ -28,7 +36,9 @@ scene = partial(HardScene, stage="contact")
 
 def _rough(n: int = 96, rng: int = 1) -> np.ndarray:
     size = (n * D, n * D)
-    return -self_affine((n, n), size, hurst=0.8, rms_slope=SLOPE, roll_off=n * D / 3, cut_off=8 * D, rng=rng).heights
+    return -self_affine(
+        (n, n), size, hurst=0.8, rms_slope=SLOPE, roll_off=n * D / 3, cut_off=8 * D, rng=rng
+    ).heights
 
 
 def _grid(gap0: np.ndarray, spacing: tuple[float, float] = (D, D), modulus: float = E) -> HalfSpace:
@@ -39,7 +49,9 @@ def _solved(gap0: np.ndarray, **given: Any) -> Contact:
     return solve_contact(gap0, _grid(gap0), **{"pressure": LOAD} | given)
 
 
-def _carried(gap0: np.ndarray, half_space: HalfSpace, pressure: float, hardness: float = inf) -> tuple[float, float]:
+def _carried(
+    gap0: np.ndarray, half_space: HalfSpace, pressure: float, hardness: float = inf
+) -> tuple[float, float]:
     """Relative error of the load and of the signs of pressure and gap; a thousandth of that of complementarity."""
     contact = solve_contact(gap0, half_space, pressure=pressure, hardness=hardness)
     p, g = contact.pressure, contact.gap
@@ -60,7 +72,9 @@ def _wave(ratio: float) -> float:
 def _egg_box(ratio: float) -> Contact:
     n = 256
     c = np.cos(2 * pi * (np.arange(n) + 0.5) / n)
-    return _solved(1e-6 * (1 - c[:, None] * c), pressure=ratio * wavy_full_contact_pressure(E, 1e-6, n * D))
+    return _solved(
+        1e-6 * (1 - c[:, None] * c), pressure=ratio * wavy_full_contact_pressure(E, 1e-6, n * D)
+    )
 
 
 def _over_full() -> tuple[float, float]:
@@ -83,20 +97,26 @@ def _hard() -> float:
 def _hardnesses() -> list[float]:
     gap0 = _rough()
     ratios = (0.01, 0.1, 1.0, 10.0)
-    return [_solved(gap0, pressure=0.005 * E * SLOPE, hardness=r * E * SLOPE).area_fraction for r in ratios]
+    return [
+        _solved(gap0, pressure=0.005 * E * SLOPE, hardness=r * E * SLOPE).area_fraction
+        for r in ratios
+    ]
 
 
 def _flat_slope() -> float:
     gap0, hardness = _rough(), 0.3 * E * SLOPE
     flat, plain = (
-        _solved(gap0, pressure=0.02 * E * SLOPE, hardness=law) for law in (LinearHardening(hardness, 0.0), hardness)
+        _solved(gap0, pressure=0.02 * E * SLOPE, hardness=law)
+        for law in (LinearHardening(hardness, 0.0), hardness)
     )
     return float(np.abs(flat.gap - plain.gap).max() + abs(flat.fft_pairs - plain.fft_pairs))
 
 
 def _steep_slope() -> float:
     gap0 = _rough()
-    steep, elastic = (_solved(gap0, hardness=law) for law in (LinearHardening(0.1 * E * SLOPE, 1e6 * E / D), inf))
+    steep, elastic = (
+        _solved(gap0, hardness=law) for law in (LinearHardening(0.1 * E * SLOPE, 1e6 * E / D), inf)
+    )
     return float(np.abs(steep.pressure - elastic.pressure).max() / elastic.pressure.max())
 
 
@@ -109,7 +129,9 @@ def _slopes() -> list[float]:
 def _beyond_hardness(slope: float) -> tuple[float, float]:
     """Load and mean plastic deformation over theirs: u = (p̄ − H)/h where every point yields."""
     gap0, hardness = _rough(), 1e9
-    contact = _solved(gap0, pressure=1e3 * hardness, hardness=LinearHardening(hardness, slope * E / D))
+    contact = _solved(
+        gap0, pressure=1e3 * hardness, hardness=LinearHardening(hardness, slope * E / D)
+    )
     deep = float(contact.plastic_deformation.mean()) * slope * E / D / (999 * hardness)
     return float(contact.pressure.mean()) / (1e3 * hardness), deep
 
@@ -185,7 +207,12 @@ def _again() -> tuple[float, float]:
     gap0 = _rough(64)
     peak = 3 * LOAD
     cycle = load_cycle(
-        gap0, _grid(gap0), loading=[LOAD], hardness=5e9, unload_from=[peak], unloading=[(1 - 1e-9) * peak, LOAD]
+        gap0,
+        _grid(gap0),
+        loading=[LOAD],
+        hardness=5e9,
+        unload_from=[peak],
+        unloading=[(1 - 1e-9) * peak, LOAD],
     )
     first, top, near, low = (state.contact for state in cycle)
     same = np.abs(near.gap - top.gap).max() / top.gap.max()
@@ -207,7 +234,9 @@ SCENES: tuple[HardScene, ...] = (
     scene(
         "99.9 % in contact",
         what="an egg box just before its last spots close: open share",
-        must=Near(1 - float(wavy_contact_fraction_full(0.9979056)), 0.2, "Johnson, Greenwood & Higginson"),
+        must=Near(
+            1 - float(wavy_contact_fraction_full(0.9979056)), 0.2, "Johnson, Greenwood & Higginson"
+        ),
         run=lambda: 1 - _egg_box(0.9979056).area_fraction,
     ),
     scene(
@@ -280,7 +309,9 @@ SCENES: tuple[HardScene, ...] = (
         "a step at no depth",
         what="a table that jumps fourfold within 1 fm from the face on: largest difference of pressure to the upper hardness",
         must=at_most(1e-5, "the upper hardness alone"),
-        run=lambda: _off_perfect(HardnessTable([0.0, 1e-15], [0.1 * E * SLOPE, 0.4 * E * SLOPE]), 0.4 * E * SLOPE),
+        run=lambda: _off_perfect(
+            HardnessTable([0.0, 1e-15], [0.1 * E * SLOPE, 0.4 * E * SLOPE]), 0.4 * E * SLOPE
+        ),
     ),
     scene(
         "Nix–Gao with a tiny h*",

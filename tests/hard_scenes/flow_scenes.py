@@ -10,7 +10,14 @@ import numpy as np
 from hard_scene import HardScene
 from judges import Between, Exactly, Falling, Near, ZeroAndPositive, at_most
 
-from femseal.analytic import large_gap, parallel_plates, stripes_across, stripes_along, wavy_gap_across, wavy_gap_along
+from femseal.analytic import (
+    large_gap,
+    parallel_plates,
+    stripes_across,
+    stripes_along,
+    wavy_gap_across,
+    wavy_gap_along,
+)
 from femseal.flow import cell_permeability, permeability_tensor
 from femseal.topography import self_affine
 
@@ -25,7 +32,9 @@ def _k(gap: np.ndarray, spacing: tuple[float, float] = (D, D), **given: Any) -> 
 
 
 def _heights(n: int = 96, rng: int = 1) -> np.ndarray:
-    z = self_affine((n, n), (n * D, n * D), hurst=0.8, rms_slope=0.1, roll_off=n * D / 3, cut_off=8 * D, rng=rng)
+    z = self_affine(
+        (n, n), (n * D, n * D), hurst=0.8, rms_slope=0.1, roll_off=n * D / 3, cut_off=8 * D, rng=rng
+    )
     return z.heights / z.rms_height
 
 
@@ -80,7 +89,9 @@ def _contrast_along() -> float:
 def _against_pyamg(gap: np.ndarray, spacing: tuple[float, float] = (D, D)) -> tuple[float, float]:
     """Relative difference of the solver chosen, and of elimination, from pyamg."""
     other = _k(gap, spacing, solver="amg")
-    return abs(_k(gap, spacing) / other - 1), abs(_k(gap, spacing, solver="elimination") / other - 1)
+    return abs(_k(gap, spacing) / other - 1), abs(
+        _k(gap, spacing, solver="elimination") / other - 1
+    )
 
 
 def _ridges(amplitude: float, n: int = 512) -> np.ndarray:
@@ -143,13 +154,19 @@ SCENES: tuple[HardScene, ...] = (
     scene(
         "one critical constriction",
         what="a wall with one channel, whose neck has a thousandth of the gap: permeability [m³]",
-        must=Near(PLATES * 1e-9 * 64 / 20 / 48, 1e-3, "the neck in series with what is next to nothing"),
+        must=Near(
+            PLATES * 1e-9 * 64 / 20 / 48, 1e-3, "the neck in series with what is next to nothing"
+        ),
         run=lambda: cell_permeability(_neck(), (D, D), bounds=True).lower,
     ),
     scene(
         "contrast 1e15 in series",
         what="half of the gap 1e-5 of the other, across the flow [m³]",
-        must=Near(stripes_across((PLATES, 1e-15 * PLATES)), 1e-5, "harmonic mean; rounding grows with the contrast"),
+        must=Near(
+            stripes_across((PLATES, 1e-15 * PLATES)),
+            1e-5,
+            "harmonic mean; rounding grows with the contrast",
+        ),
         run=_contrast_across,
     ),
     scene(
@@ -173,7 +190,9 @@ SCENES: tuple[HardScene, ...] = (
     scene(
         "grooves at 45°",
         what="ridges of 0.6 of the gap at 45°: principal permeabilities [m³]",
-        must=Near((wavy_gap_across(H, 0.6), wavy_gap_along(H, 0.6)), 1e-3, "those across and along"),
+        must=Near(
+            (wavy_gap_across(H, 0.6), wavy_gap_along(H, 0.6)), 1e-3, "those across and along"
+        ),
         run=_turned_ridges,
     ),
     scene(
@@ -216,7 +235,9 @@ SCENES: tuple[HardScene, ...] = (
         "gap of integers",
         what="gaps of 0, 1 and 2: the solver chosen and elimination against pyamg",
         must=at_most(1e-6, "the tolerance"),
-        run=lambda: _against_pyamg(H * np.random.default_rng(3).choice(3, (64, 64), p=(0.2, 0.4, 0.4))),
+        run=lambda: _against_pyamg(
+            H * np.random.default_rng(3).choice(3, (64, 64), p=(0.2, 0.4, 0.4))
+        ),
     ),
     scene(
         "needles of 1 : 1000",

@@ -35,7 +35,9 @@ def _gas_cell(inverse_knudsen: float) -> float:
 
 
 def _free(inverse_knudsen: float) -> float:
-    return 6 / inverse_knudsen * (1.5 * (1 - np.euler_gamma) - np.log(inverse_knudsen)) / np.sqrt(pi)
+    return (
+        6 / inverse_knudsen * (1.5 * (1 - np.euler_gamma) - np.log(inverse_knudsen)) / np.sqrt(pi)
+    )
 
 
 def _dense() -> float:
@@ -52,7 +54,10 @@ def _near_saturation() -> list[float]:
     inlet = (1 - 1e-5) * gas.highest_pressure
     leakage = seal_leakage(RectangularSeal((1e-3, 1e-3), (4, 4)), 1e-20, gas, inlet_pressure=inlet)
     found = np.asarray(leakage.fluid_pressure)
-    return [float(found.max() / inlet), leakage.mass_rate / (1e-20 * potential_of(gas, "inlet", inlet))]
+    return [
+        float(found.max() / inlet),
+        leakage.mass_rate / (1e-20 * potential_of(gas, "inlet", inlet)),
+    ]
 
 
 def _above_a_vacuum(text: str) -> float:
@@ -108,7 +113,9 @@ SCENES: tuple[HardScene, ...] = (
         "gas, above saturation",
         what="carbon dioxide 1e-5 above saturation at 20 °C",
         must=Refused(("CO2 condenses at 20 °C",)),
-        run=lambda: potential_of(RealGas("CO2"), "inlet", (1 + 1e-5) * RealGas("CO2").highest_pressure),
+        run=lambda: potential_of(
+            RealGas("CO2"), "inlet", (1 + 1e-5) * RealGas("CO2").highest_pressure
+        ),
         needs="CoolProp",
     ),
     scene(

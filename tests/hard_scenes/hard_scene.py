@@ -65,7 +65,10 @@ class Outcome:
 @contextmanager
 def _time_limit(seconds: float) -> Iterator[None]:
     """Raise `TimeoutError` after so many seconds of CPU time, where the system has such an alarm and in the main thread."""
-    if not hasattr(signal, "SIGVTALRM") or threading.current_thread() is not threading.main_thread():
+    if (
+        not hasattr(signal, "SIGVTALRM")
+        or threading.current_thread() is not threading.main_thread()
+    ):
         yield
         return
 

@@ -80,7 +80,9 @@ class Exactly:
     def holds(self, came: Any) -> bool:
         """Every number is the same."""
         values = _values(came)
-        return values is not None and np.array_equal(values, np.ravel(np.asarray(self.value, dtype=float)))
+        return values is not None and np.array_equal(
+            values, np.ravel(np.asarray(self.value, dtype=float))
+        )
 
 
 @dataclass(frozen=True)
@@ -103,7 +105,9 @@ class Between:
     def holds(self, came: Any) -> bool:
         """Every number is finite and between the bounds."""
         values = _values(came)
-        return values is not None and bool((np.isfinite(values) & (self.low <= values) & (values <= self.high)).all())
+        return values is not None and bool(
+            (np.isfinite(values) & (self.low <= values) & (values <= self.high)).all()
+        )
 
 
 def at_most(high: float, source: str) -> Between:
@@ -146,7 +150,11 @@ class ZeroAndPositive:
     def holds(self, came: Any) -> bool:
         """The first is 0, the second is not."""
         values = _values(came)
-        return values is not None and values.size == 2 and bool(values[0] == 0 and 0 < values[1] < np.inf)
+        return (
+            values is not None
+            and values.size == 2
+            and bool(values[0] == 0 and 0 < values[1] < np.inf)
+        )
 
 
 @dataclass(frozen=True)

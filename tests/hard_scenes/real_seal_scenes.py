@@ -27,7 +27,12 @@ scene = partial(HardScene, stage="chain")
 
 def _leakage(heights: np.ndarray, **given: Any) -> np.ndarray:
     """Leakage of a face free along x1 whose fluid presses it apart [m²/s]."""
-    base = {"boundary": ("free", "periodic"), "fluid_pressure": "acts", "hardness": H, "loading": (LOAD,)}
+    base = {
+        "boundary": ("free", "periodic"),
+        "fluid_pressure": "acts",
+        "hardness": H,
+        "loading": (LOAD,),
+    }
     return deterministic(chain_scene(heights, **base | given)).leakage
 
 
@@ -47,7 +52,9 @@ def _growing() -> np.ndarray:
 
 def _little() -> float:
     heights = chain_face((48, 64))
-    acts, ignored = (_leakage(heights, inlet_pressure=1.0, fluid_pressure=a)[0] for a in ("acts", "ignored"))
+    acts, ignored = (
+        _leakage(heights, inlet_pressure=1.0, fluid_pressure=a)[0] for a in ("acts", "ignored")
+    )
     return float(acts / ignored)
 
 
@@ -83,7 +90,9 @@ def _equal_pieces() -> float:
 def _rows(seat: Seat, force: float, hardness: float = np.inf, n: int = 512) -> np.ndarray:
     """Contact pressure of the rows of a smooth seat under a force per length."""
     face = seat.on(Topography(np.zeros((n, 2)), (D, D), (False, True)))
-    made = chain_scene(face.heights, boundary=("free", "periodic"), hardness=hardness, loading=(force / (n * D),))
+    made = chain_scene(
+        face.heights, boundary=("free", "periodic"), hardness=hardness, loading=(force / (n * D),)
+    )
     return deterministic(made).row_pressure[0]
 
 
@@ -117,7 +126,9 @@ def _spiral(
     along = cell_permeability(gap, (D, D), axis=1, sides="periodic").value
     found = spiral_flow(gap, (D, D), Spiral(lead, circumference), plain.fluid_pressure)
     tangent = lead / (circumference or n2 * D)
-    return (0.0 if found is None else found[0] / (along * tangent**2)), along / plain.value if plain.value else np.inf
+    return (
+        0.0 if found is None else found[0] / (along * tangent**2)
+    ), along / plain.value if plain.value else np.inf
 
 
 def _two_starts() -> float:

@@ -22,13 +22,27 @@ from seal_scenes import SCENES as SEAL
 from two_scale_scenes import SCENES as TWO_SCALES
 
 STAGES = ("contact", "flow", "seal", "chain")
-SCENES: tuple[HardScene, ...] = (*CONTACT, *FLOW, *GAS, *SEAL, *RINGS, *GROOVES, *CHAIN, *TWO_SCALES, *REAL_SEALS)
+SCENES: tuple[HardScene, ...] = (
+    *CONTACT,
+    *FLOW,
+    *GAS,
+    *SEAL,
+    *RINGS,
+    *GROOVES,
+    *CHAIN,
+    *TWO_SCALES,
+    *REAL_SEALS,
+)
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Solve the scenes and return the exit status."""
-    parser = argparse.ArgumentParser(description="Solve hard scenes, and say what must come out and what came.")
-    parser.add_argument("text", nargs="?", default="", help="only scenes with this text in their stage or name")
+    parser = argparse.ArgumentParser(
+        description="Solve hard scenes, and say what must come out and what came."
+    )
+    parser.add_argument(
+        "text", nargs="?", default="", help="only scenes with this text in their stage or name"
+    )
     given = parser.parse_args(arguments)
     chosen = [scene for scene in SCENES if given.text in f"{scene.stage} {scene.name}"]
     if not chosen:
@@ -37,10 +51,14 @@ def main(arguments: Sequence[str] | None = None) -> int:
     for scene in chosen:
         outcomes.append(outcome := scene.outcome())
         verdict = "yes" if outcome.within else "NO "
-        print(f"{verdict} {outcome.seconds:6.2f} s  {scene.stage}: {scene.name}", end="", flush=True)
+        print(
+            f"{verdict} {outcome.seconds:6.2f} s  {scene.stage}: {scene.name}", end="", flush=True
+        )
         print(f": {scene.must.text}; came {outcome.came}")
     short = sum(not outcome.within for outcome in outcomes)
-    print(f"{len(outcomes)} scenes, {short or 'none'} short, {sum(o.seconds for o in outcomes):.1f} s")
+    print(
+        f"{len(outcomes)} scenes, {short or 'none'} short, {sum(o.seconds for o in outcomes):.1f} s"
+    )
     return 1 if short else 0
 
 

@@ -10,7 +10,12 @@ from hard_scene import HardScene
 from judges import Between, Near
 from skfem import MeshTri
 
-from femseal.analytic import annulus_rate, eccentric_annulus_rate, elliptic_annulus_rate, spiral_annulus_rate
+from femseal.analytic import (
+    annulus_rate,
+    eccentric_annulus_rate,
+    elliptic_annulus_rate,
+    spiral_annulus_rate,
+)
 from femseal.seal import AnnularSeal, MeshSeal
 
 scene = partial(HardScene, stage="seal")
@@ -19,16 +24,23 @@ scene = partial(HardScene, stage="seal")
 def _ring(n: int, *, shift: float = 0.0, stretch: tuple[float, float] = (1.0, 1.0)) -> MeshSeal:
     """Triangles between circles of 1 and 1.5, the inner one moved along x, all of it stretched along x and y."""
     m = 8 * n
-    s, turn = (a.ravel() for a in np.meshgrid(np.linspace(0, 1, n + 1), 2 * pi * np.arange(m) / m, indexing="ij"))
+    s, turn = (
+        a.ravel()
+        for a in np.meshgrid(np.linspace(0, 1, n + 1), 2 * pi * np.arange(m) / m, indexing="ij")
+    )
     r = 1 + 0.5 * s
-    points = np.array([stretch[0] * (r * np.cos(turn) + shift * (1 - s)), stretch[1] * r * np.sin(turn)])
+    points = np.array(
+        [stretch[0] * (r * np.cos(turn) + shift * (1 - s)), stretch[1] * r * np.sin(turn)]
+    )
     node = np.arange((n + 1) * m).reshape(n + 1, m)
     a, b = node[:-1], node[1:]
     corners = np.stack([a, b, np.roll(b, -1, axis=1), np.roll(a, -1, axis=1)]).reshape(4, -1)
     mesh = MeshTri(points, np.hstack([corners[[0, 1, 2]], corners[[0, 2, 3]]]))
     facets = mesh.boundary_facets()
     at = s[mesh.facets[0, facets]]
-    return MeshSeal(mesh.with_boundaries({"in": facets[at == 0], "out": facets[at == 1]}), "in", "out")
+    return MeshSeal(
+        mesh.with_boundaries({"in": facets[at == 0], "out": facets[at == 1]}), "in", "out"
+    )
 
 
 def _spiral() -> float:
@@ -36,7 +48,9 @@ def _spiral() -> float:
     x, y = seal.mesh.p[:, seal.mesh.t].mean(axis=1)
     angle = np.arctan2(y, x) + 1.1
     t, m = np.array([np.cos(angle), np.sin(angle)]), np.array([-np.sin(angle), np.cos(angle)])
-    return seal.flow(5 * np.einsum("an,bn->nab", t, t) + 0.4 * np.einsum("an,bn->nab", m, m)).conductance
+    return seal.flow(
+        5 * np.einsum("an,bn->nab", t, t) + 0.4 * np.einsum("an,bn->nab", m, m)
+    ).conductance
 
 
 def _ellipses() -> float:

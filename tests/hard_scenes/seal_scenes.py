@@ -28,7 +28,9 @@ ONE = RectangularSeal((1e-3, 1e-3), (1, 1))
 scene = partial(HardScene, stage="seal")
 
 
-def _rate(seal: Any, k: Any, fluid: Any = WATER, *, inlet: float = DROP, outlet: float = 0.0) -> float:
+def _rate(
+    seal: Any, k: Any, fluid: Any = WATER, *, inlet: float = DROP, outlet: float = 0.0
+) -> float:
     return seal_leakage(seal, k, fluid, inlet_pressure=inlet, outlet_pressure=outlet).volume_rate
 
 
@@ -38,7 +40,9 @@ def _rate(seal: Any, k: Any, fluid: Any = WATER, *, inlet: float = DROP, outlet:
 def _columns() -> float:
     """A seal of 1 mm × 100 m whose columns do not know each other, over the sum of their harmonic means."""
     k1 = np.random.default_rng(1).lognormal(sigma=2, size=(2, 100_000))
-    flow = RectangularSeal((1e-3, 100.0), (2, 100_000)).flow((k1, np.zeros((1, 100_000)))).conductance
+    flow = (
+        RectangularSeal((1e-3, 100.0), (2, 100_000)).flow((k1, np.zeros((1, 100_000)))).conductance
+    )
     return flow / float(np.sum(1 / np.sum(1 / k1, axis=0)) * 1e-3 / 0.5e-3)
 
 
@@ -86,13 +90,17 @@ def _critical() -> tuple[float, float]:
 
 
 def _primes() -> tuple[float, float]:
-    k1, k2 = (np.random.default_rng(5).lognormal(sigma=3, size=shape) for shape in ((97, 101), (96, 101)))
+    k1, k2 = (
+        np.random.default_rng(5).lognormal(sigma=3, size=shape) for shape in ((97, 101), (96, 101))
+    )
     flow = RectangularSeal((1.0, 1.0), (97, 101)).flow((k1, k2), bounds=True)
     return flow.conductance / flow.lower, flow.upper / flow.conductance
 
 
 def _permeabilities_apart() -> float:
-    k1, k2 = (np.random.default_rng(6).lognormal(sigma=2, size=shape) for shape in ((10, 40), (9, 40)))
+    k1, k2 = (
+        np.random.default_rng(6).lognormal(sigma=2, size=shape) for shape in ((10, 40), (9, 40))
+    )
     plain, tiny = STRIP.flow((k1, k2)), STRIP.flow((2.0**-300 * k1, 2.0**-300 * k2))
     return abs(tiny.conductance * 2.0**300 / plain.conductance - 1)
 
@@ -122,7 +130,9 @@ def _slip(gap: float, inlet: float, outlet: float) -> float:
     k = [float(parallel_plates(gap) * HELIUM.flow_factor(gap, q)) for q in p]
     links = tuple(np.multiply.outer(k, np.ones(shape)) for shape in ((10, 40), (9, 40)))
     table = PermeabilityTable(tuple(p), links)
-    return seal_leakage(STRIP, table, HELIUM, inlet_pressure=inlet, outlet_pressure=outlet).mass_rate
+    return seal_leakage(
+        STRIP, table, HELIUM, inlet_pressure=inlet, outlet_pressure=outlet
+    ).mass_rate
 
 
 def _slip_integral(gap: float, inlet: float, outlet: float) -> float:
@@ -145,7 +155,9 @@ def _mapped(pressure_map: Any) -> float:
     """Permeability of a strip of 10 × 40 links under a map of pressure with a mean of 100 MPa."""
     x1, x2 = (np.linspace(0, side, n + 1) for side, n in zip(STRIP.size, STRIP.cells, strict=True))
     corner = np.stack(np.meshgrid(x1, x2, indexing="ij"), axis=-1)
-    outlines = np.stack([corner[:-1, :-1], corner[1:, :-1], corner[1:, 1:], corner[:-1, 1:]], axis=2)
+    outlines = np.stack(
+        [corner[:-1, :-1], corner[1:, :-1], corner[1:, 1:], corner[:-1, 1:]], axis=2
+    )
     pressed = PressedSeal(Frame.of_strip(STRIP.size), outlines.reshape(-1, 4, 2))
     k1 = _local(1e8 * pressed.fractions(pressure_map, pressed.centres, 1e8)[0]).reshape(STRIP.cells)
     return STRIP.flow((k1, np.sqrt(k1[1:] * k1[:-1]))).conductance / 4

@@ -30,14 +30,17 @@ def changed(must, came):
     found = []
     for n, value in enumerate(wanted):
         other = wanted.copy()
-        other[n] = value * (1 + 3 * must.rtol) if isinstance(must, Near) else value + np.spacing(value)
+        other[n] = (
+            value * (1 + 3 * must.rtol) if isinstance(must, Near) else value + np.spacing(value)
+        )
         assert other[n] != value
         found.append((replace(must, value=other), came))
     return found
 
 
 @pytest.mark.parametrize(
-    "scene", [pytest.param(s, id=s.name, marks=[pytest.mark.slow] if s.slow else []) for s in SCENES]
+    "scene",
+    [pytest.param(s, id=s.name, marks=[pytest.mark.slow] if s.slow else []) for s in SCENES],
 )
 def test_scene(scene):
     if scene.needs:
@@ -67,7 +70,12 @@ def test_there_are_scenes_of_every_stage_with_names_of_their_own():
 def test_no_judge_takes_what_is_not_a_number_or_an_error():
     for scene in SCENES:
         size = np.size(getattr(scene.must, "value", 1.0))
-        for came in (np.full(max(size, 2), np.nan), np.full(size, np.nan), (), MemoryError("all gone")):
+        for came in (
+            np.full(max(size, 2), np.nan),
+            np.full(size, np.nan),
+            (),
+            MemoryError("all gone"),
+        ):
             assert scene.must.holds(came) is False, scene.name
 
 
@@ -77,13 +85,21 @@ def made_up(run, must=None):
 
 class TestOutcomes:
     def test_an_undefined_number_an_error_and_a_warning_do_not_pass(self):
-        module = compile("import numpy as np\ndef run(): return np.array(1.0) / 0", "anywhere.py", "exec")
+        module = compile(
+            "import numpy as np\ndef run(): return np.array(1.0) / 0", "anywhere.py", "exec"
+        )
         names = {"__name__": "femseal.flow.anywhere"}
         exec(module, names)
         before = list(warnings.filters)
-        came = [made_up(run).outcome() for run in (lambda: float("nan"), lambda: 1 / 0, names["run"])]
+        came = [
+            made_up(run).outcome() for run in (lambda: float("nan"), lambda: 1 / 0, names["run"])
+        ]
         assert [outcome.within for outcome in came] == [False] * 3
-        assert [outcome.came.partition(":")[0] for outcome in came] == ["nan", "ZeroDivisionError", "RuntimeWarning"]
+        assert [outcome.came.partition(":")[0] for outcome in came] == [
+            "nan",
+            "ZeroDivisionError",
+            "RuntimeWarning",
+        ]
         assert warnings.filters == before
 
     @pytest.mark.skipif(sys.platform == "win32", reason="no alarm")
@@ -109,7 +125,9 @@ class TestReport:
         assert report.main(["flow 99.9"]) == 0
         first, second, total = capsys.readouterr().out.splitlines()
         assert first.startswith("yes ")
-        assert first.endswith("flow: 99.9 % in contact, islands of gap: exactly 0, far beyond the threshold; came 0")
+        assert first.endswith(
+            "flow: 99.9 % in contact, islands of gap: exactly 0, far beyond the threshold; came 0"
+        )
         assert re.search(r"one channel: 8.33333e-23 within 1e-09.*; came 8.33333e-23$", second)
         assert total.startswith("2 scenes, none short")
 

@@ -31,7 +31,9 @@ def heights_of(rng, shape):
     q = np.hypot(np.fft.fftfreq(shape[0])[:, None], np.fft.fftfreq(shape[1]))
     z = rng.standard_normal(shape)
     if kind in (0, 1):
-        amplitude = np.where((q > 0) & (q < (0.15 if kind == 0 else 1)), np.maximum(q, 0.05) ** -1.8, 0.0)
+        amplitude = np.where(
+            (q > 0) & (q < (0.15 if kind == 0 else 1)), np.maximum(q, 0.05) ** -1.8, 0.0
+        )
         z = np.fft.ifft2(np.fft.fft2(z) * amplitude).real
     elif kind == 3:
         z = rng.integers(0, 5, shape).astype(float)
@@ -57,7 +59,11 @@ def residual(contact, gap0, hardness):
     """‖p − clip(p − c(v − δ), 0, H)‖/‖p‖."""
     p, half_space = contact.pressure, contact.half_space
     spacing = [d for n, d in zip(half_space.shape, half_space.spacing, strict=True) if n > 1]
-    c = np.pi * E / (4 * np.prod(spacing or [min(half_space.spacing)]) ** (1 / max(len(spacing), 1)))
+    c = (
+        np.pi
+        * E
+        / (4 * np.prod(spacing or [min(half_space.spacing)]) ** (1 / max(len(spacing), 1)))
+    )
     raw = half_space.displacement(p) + gap0 - contact.approach
     return np.linalg.norm(p - np.clip(p - c * raw, 0, hardness)) / np.linalg.norm(p)
 
@@ -88,7 +94,11 @@ def check_contact(seed):
     gap0 = -slope * D * heights_of(rng, shape)
     hardness = E * slope * 10 ** rng.uniform(-2, 2) if rng.random() < 0.75 else np.inf
     top = hardness if np.isfinite(hardness) else 2 * E * slope
-    share = float(rng.choice([10 ** rng.uniform(-6, 0), rng.uniform(0.001, 0.999), 1 - 10 ** rng.uniform(-3, -1)]))
+    share = float(
+        rng.choice(
+            [10 ** rng.uniform(-6, 0), rng.uniform(0.001, 0.999), 1 - 10 ** rng.uniform(-3, -1)]
+        )
+    )
     loads = [share * top * part for part in (0.3, 0.8)]
     peak = share * top
     states = load_cycle(
@@ -103,14 +113,19 @@ def check_contact(seed):
     low, middle, high, near, back = (state.contact for state in states)
     left = high.plastic_deformation
     for contact, load, before in zip(
-        (low, middle, high, near, back), (*loads, peak, peak * 0.9999, loads[0]), (0, 0, 0, left, left), strict=True
+        (low, middle, high, near, back),
+        (*loads, peak, peak * 0.9999, loads[0]),
+        (0, 0, 0, left, left),
+        strict=True,
     ):
         check_state(contact, gap0 + before, load, hardness, rtol)
         grown = contact.plastic_deformation - before
         assert grown.min() >= -1e-12 * (1e-300 + left.max())
         assert not grown[contact.pressure < hardness].any()
     # the approach is the slope of a convex energy
-    depth = np.abs(np.diff([c.approach for c in (low, middle, high)])).max() + np.ptp(gap0) + 1e-9 * D
+    depth = (
+        np.abs(np.diff([c.approach for c in (low, middle, high)])).max() + np.ptp(gap0) + 1e-9 * D
+    )
     assert low.approach <= middle.approach + 1e-6 * depth
     assert middle.approach <= high.approach + 1e-6 * depth
     # one that touches nowhere else is left as it was
@@ -128,14 +143,25 @@ def check_other_views(rng, gap0, half_space, contact, pressure, hardness, rtol):
     way = int(rng.integers(3))
     seen = half_space
     if way == 2:
-        seen = HalfSpace(half_space.shape[::-1], half_space.spacing[::-1], E, half_space.boundary[::-1])
+        seen = HalfSpace(
+            half_space.shape[::-1], half_space.spacing[::-1], E, half_space.boundary[::-1]
+        )
     other = solve_contact(turned(gap0, way), seen, pressure=pressure, hardness=hardness, rtol=rtol)
     difference = turned(other.pressure, way) - contact.pressure
     assert np.linalg.norm(difference) <= 1e-3 * np.linalg.norm(contact.pressure)
     unit, stress = 2.0 ** rng.integers(-60, 60), 2.0 ** rng.integers(-60, 60)
-    scaled = HalfSpace(half_space.shape, tuple(unit * d for d in half_space.spacing), stress * E, half_space.boundary)
-    other = solve_contact(unit * gap0, scaled, pressure=stress * pressure, hardness=stress * hardness, rtol=rtol)
-    assert_allclose(other.pressure / stress, contact.pressure, rtol=1e-9, atol=1e-9 * contact.pressure.max())
+    scaled = HalfSpace(
+        half_space.shape,
+        tuple(unit * d for d in half_space.spacing),
+        stress * E,
+        half_space.boundary,
+    )
+    other = solve_contact(
+        unit * gap0, scaled, pressure=stress * pressure, hardness=stress * hardness, rtol=rtol
+    )
+    assert_allclose(
+        other.pressure / stress, contact.pressure, rtol=1e-9, atol=1e-9 * contact.pressure.max()
+    )
 
 
 # --- flow ---
@@ -179,7 +205,9 @@ def means(gap, spacing):
     """Permeability of columns alone and of rows that are all mixed, which enclose that of the pixels."""
     k = gap**3 / 12
     with np.errstate(divide="ignore"):
-        return float(np.mean(1 / np.mean(1 / k, axis=0))), float(1 / np.mean(1 / np.mean(k, axis=1)))
+        return float(np.mean(1 / np.mean(1 / k, axis=0))), float(
+            1 / np.mean(1 / np.mean(k, axis=1))
+        )
 
 
 def least_open(gap):
@@ -216,11 +244,15 @@ def check_flow(seed):
     ]
     if sides == "periodic":
         same.append(
-            cell_permeability(np.roll(gap, int(rng.integers(shape[1])), axis=1), spacing, sides=sides, rtol=rtol)
+            cell_permeability(
+                np.roll(gap, int(rng.integers(shape[1])), axis=1), spacing, sides=sides, rtol=rtol
+            )
         )
     assert_allclose([other.value for other in same], found.value, rtol=2 * rtol + 1e-9)
     unit, pixel = 2.0 ** rng.integers(-60, 60), 2.0 ** rng.integers(-100, 100)
-    scaled = cell_permeability(unit * gap, (pixel * spacing[0], pixel * spacing[1]), sides=sides, rtol=rtol)
+    scaled = cell_permeability(
+        unit * gap, (pixel * spacing[0], pixel * spacing[1]), sides=sides, rtol=rtol
+    )
     assert_allclose(scaled.value, unit**3 * found.value, rtol=1e-12)
     # less gap, no more flow
     less = gap * rng.choice([0.0, 0.5, 1.0], gap.shape, p=[0.02, 0.08, 0.9])
@@ -255,7 +287,8 @@ def check_cycle(seed):
     )
     # not the values themselves: between pixels they take a cubic of the gap, which may rise where each pixel falls
     low, high, peak, back = (
-        cell_permeability(state.contact.gap, (D, D), sides="periodic", bounds=True) for state in cycle
+        cell_permeability(state.contact.gap, (D, D), sides="periodic", bounds=True)
+        for state in cycle
     )
     for more, less in ((low, high), (high, peak), (low, back)):
         assert less.lower <= more.upper, seed

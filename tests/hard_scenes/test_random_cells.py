@@ -30,7 +30,9 @@ def hard_links(seed):
     shape = tuple(int(n) for n in rng.integers(24, 200, 2))
     roll_off = max(9 * D, min(shape) * D / rng.uniform(1, 6))
     size = (shape[0] * D, shape[1] * D)
-    z = self_affine(shape, size, hurst=0.8, rms_slope=0.2, roll_off=roll_off, cut_off=8 * D, rng=seed).heights
+    z = self_affine(
+        shape, size, hurst=0.8, rms_slope=0.2, roll_off=roll_off, cut_off=8 * D, rng=seed
+    ).heights
     spacing = (D, D)
     if kind == "white noise":
         z = rng.standard_normal(shape)
@@ -59,7 +61,10 @@ def test_random_cells_whatever_the_solver_chosen(block):
             chosen = solve_links(c1, c2, rtol=rtol)
             assert chosen.percolates == exact.percolates
             assert_allclose(
-                chosen.conductance, exact.conductance, rtol=rtol, err_msg=f"seed {seed}, {KINDS[seed % len(KINDS)]}"
+                chosen.conductance,
+                exact.conductance,
+                rtol=rtol,
+                err_msg=f"seed {seed}, {KINDS[seed % len(KINDS)]}",
             )
         balanced = solve_links(c1, c2, field_rtol=1e-6)
         assert_allclose(balanced.conductance, exact.conductance, rtol=1e-6)
@@ -70,7 +75,9 @@ def test_random_cells_whatever_the_solver_chosen(block):
 @pytest.mark.parametrize("share", [0.05, 0.35])
 def test_4096_pixels_a_side(share):
     n = 4096
-    z = self_affine((n, n), (n * D, n * D), hurst=0.8, rms_slope=0.2, roll_off=n * D / 4, cut_off=8 * D, rng=1).heights
+    z = self_affine(
+        (n, n), (n * D, n * D), hurst=0.8, rms_slope=0.2, roll_off=n * D / 4, cut_off=8 * D, rng=1
+    ).heights
     h = np.maximum(np.quantile(z[::8, ::8], 1 - share) - z, 0)
     k = cell_permeability(h, (D, D), sides="periodic", field_rtol=1e-6)
     assert 0 < k.iterations < 200
@@ -89,15 +96,30 @@ def random_cell(seed):
     """1 to 128 pixels a side, of ten kinds with gaps from 1 down to 1e-12 of the largest: network of links."""
     rng = np.random.default_rng([77, seed])
     shape = n1, n2 = tuple(
-        int(rng.choice([rng.integers(1, 12), rng.integers(8, 64), rng.integers(32, 129)], p=[0.15, 0.45, 0.4]))
+        int(
+            rng.choice(
+                [rng.integers(1, 12), rng.integers(8, 64), rng.integers(32, 129)],
+                p=[0.15, 0.45, 0.4],
+            )
+        )
         for _ in range(2)
     )
     sides, spacing = ("mirror", "periodic")[int(rng.integers(2))], (D, D)
 
     def face():
-        roll_off, cut_off, seed = 128 * D / rng.uniform(1, 6), rng.choice([4, 8, 16]) * D, int(rng.integers(1 << 30))
+        roll_off, cut_off, seed = (
+            128 * D / rng.uniform(1, 6),
+            rng.choice([4, 8, 16]) * D,
+            int(rng.integers(1 << 30)),
+        )
         surface = self_affine(
-            (128, 128), (128 * D, 128 * D), hurst=0.8, rms_slope=0.2, roll_off=roll_off, cut_off=cut_off, rng=seed
+            (128, 128),
+            (128 * D, 128 * D),
+            hurst=0.8,
+            rms_slope=0.2,
+            roll_off=roll_off,
+            cut_off=cut_off,
+            rng=seed,
         )
         return surface.heights[:n1, :n2]
 
@@ -105,7 +127,10 @@ def random_cell(seed):
         return np.maximum(np.quantile(z, 1 - rng.uniform(least, most)) - z, 0)
 
     def blocks(side, *values):
-        return np.kron(rng.random((n1 // side + 1, n2 // side + 1)) < rng.uniform(*values), np.ones((side, side)))
+        return np.kron(
+            rng.random((n1 // side + 1, n2 // side + 1)) < rng.uniform(*values),
+            np.ones((side, side)),
+        )
 
     kind = seed % 10
     if kind == 0:  # cut by a plane
@@ -134,13 +159,17 @@ def random_cell(seed):
         closed, opened = z.min(), z.max()
         for _ in range(18):
             level = (closed + opened) / 2
-            flow = nodes_reached(*cell_links(np.maximum(level - z, 0) / (z.std() or 1), spacing, sides))
+            flow = nodes_reached(
+                *cell_links(np.maximum(level - z, 0) / (z.std() or 1), spacing, sides)
+            )
             closed, opened = (closed, level) if flow[0].max() == 3 else (level, opened)
         h = np.maximum(opened - z, 0)
     elif kind == 8:  # two gaps
         side = rng.integers(1, 10)
         wide = blocks(side, 0.3, 0.7)[:n1, :n2] > 0
-        h = np.where(wide, 1.0, 10.0 ** -rng.uniform(0, 5)) * np.exp(0.3 * rng.standard_normal(shape))
+        h = np.where(wide, 1.0, 10.0 ** -rng.uniform(0, 5)) * np.exp(
+            0.3 * rng.standard_normal(shape)
+        )
     else:  # grooves across the flow
         h = np.abs(rng.standard_normal((n1, 1))) * np.ones((1, n2)) * 10 ** -rng.uniform(0, 4)
         h = np.where(rng.random(shape) < 0.05, 1.0, h)
@@ -153,7 +182,10 @@ def check_random_cell(seed, rtol):
     exact, found = solve_links(c1, c2, solver="elimination"), solve_links(c1, c2, rtol=rtol)
     assert found.percolates == exact.percolates
     assert_allclose(found.conductance, exact.conductance, rtol=rtol, err_msg=f"seed {seed}")
-    assert abs(found.conductance - exact.conductance) <= max(found.residual**2, 1e-13) * exact.conductance, seed
+    assert (
+        abs(found.conductance - exact.conductance)
+        <= max(found.residual**2, 1e-13) * exact.conductance
+    ), seed
     return found
 
 
@@ -212,7 +244,9 @@ def small_cell(seed):
         h = np.where(np.indices(shape).sum(0) % 2, 1.0, rng.random() * rng.integers(0, 2))
     else:
         h = (rng.random(shape) < rng.uniform(0.5, 1)).astype(float)
-    spacing = (D, D * float(np.exp(rng.uniform(-1, 1) * np.log(30)))) if rng.random() < 0.5 else (D, D)
+    spacing = (
+        (D, D * float(np.exp(rng.uniform(-1, 1) * np.log(30)))) if rng.random() < 0.5 else (D, D)
+    )
     return D * h, spacing, ("mirror", "periodic")[rng.integers(2)]
 
 
@@ -244,7 +278,9 @@ def q1_energy(k, spacing, columns, given, values):
     drop = p[corners] - p[corners[:, :1]]
     # elements that both ends do not reach carry nothing
     return float(
-        np.einsum("ea,eab,eb->e", drop, entries, drop)[(linked[corners] | np.isin(corners, given)).any(1)].sum()
+        np.einsum("ea,eab,eb->e", drop, entries, drop)[
+            (linked[corners] | np.isin(corners, given)).any(1)
+        ].sum()
     )
 
 
@@ -260,7 +296,9 @@ def finer_bounds(gap, spacing, sides, parts=2):
     lower = 0.0
     if sides == "mirror" and k.min() > 0:
         sidelong = np.arange(n1 + 1) * (n2 + 1)
-        lower = 1 / q1_energy(1 / k, spacing, columns, np.r_[sidelong, sidelong + n2], np.repeat([0.0, 1.0], n1 + 1))
+        lower = 1 / q1_energy(
+            1 / k, spacing, columns, np.r_[sidelong, sidelong + n2], np.repeat([0.0, 1.0], n1 + 1)
+        )
     return shape_factor * lower, shape_factor * upper
 
 
@@ -286,9 +324,16 @@ def check_small_cell(seed):
     spacing = spacing[0] * pixel, spacing[1] * pixel
     other = cell_permeability(unit * gap, spacing, sides=sides, bounds=True)
     expected = unit**3 * np.array([found.value, found.lower, found.upper])
-    assert_allclose([other.value, other.lower, other.upper], expected, rtol=1e-13, err_msg=str(seed))
+    assert_allclose(
+        [other.value, other.lower, other.upper], expected, rtol=1e-13, err_msg=str(seed)
+    )
     if tensor is not None:
-        assert_allclose(permeability_tensor(unit * gap, spacing), unit**3 * tensor, rtol=1e-13, err_msg=str(seed))
+        assert_allclose(
+            permeability_tensor(unit * gap, spacing),
+            unit**3 * tensor,
+            rtol=1e-13,
+            err_msg=str(seed),
+        )
 
 
 def test_bounds_tensor_and_units_of_small_cells():
@@ -348,10 +393,17 @@ def check_seal(seed):
     rng = np.random.default_rng([22, seed])
     cells = n1, n2 = tuple(int(n) for n in rng.integers(1, 11, 2))
     length, ratio = np.exp(rng.uniform(-8, 0)), np.exp(rng.uniform(-7, 1))
-    seal = AnnularSeal(length, length * (1 + ratio), cells) if seed % 2 else RectangularSeal((length, ratio), cells)
+    seal = (
+        AnnularSeal(length, length * (1 + ratio), cells)
+        if seed % 2
+        else RectangularSeal((length, ratio), cells)
+    )
     spread, closed = rng.uniform(0, 15) * (rng.random() < 0.8), rng.choice([0, 0.1, 0.3])
     unit = 10.0 ** rng.integers(-60, 30)
-    k = [unit * np.exp(spread * rng.standard_normal(s)) * (rng.random(s) > closed) for s in ((n1, n2), (n1 - 1, n2))]
+    k = [
+        unit * np.exp(spread * rng.standard_normal(s)) * (rng.random(s) > closed)
+        for s in ((n1, n2), (n1 - 1, n2))
+    ]
     flow = seal.flow(tuple(k), bounds=True)
     exact = effective_link(seal.stencil(tuple(k)))
     assert flow.lower <= exact <= flow.upper, seed

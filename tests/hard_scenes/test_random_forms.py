@@ -20,7 +20,10 @@ TOO_COARSE = {41}
 def drawn(seed):
     """A scene, the options of its seal, and its form."""
     rng = np.random.default_rng(seed)
-    n, hardness = int(rng.choice([32, 48, 64])), np.inf if rng.random() < 0.25 else 10 ** rng.uniform(8, 10)
+    n, hardness = (
+        int(rng.choice([32, 48, 64])),
+        np.inf if rng.random() < 0.25 else 10 ** rng.uniform(8, 10),
+    )
     modulus, side = 10 ** rng.uniform(9.5, 11.5), n * D
     face = fs.self_affine((n, n), (side, side), hurst=rng.uniform(0.3, 1), rms_slope=10 ** rng.uniform(-4, -0.3),
                           roll_off=side / 2, cut_off=8 * D, rng=seed)  # fmt: skip
@@ -33,12 +36,17 @@ def drawn(seed):
     else:
         length = breadth = None
         inner = side * rng.uniform(3, 60)
-        layout, largest = AnnularLayout(inner, inner + side * rng.uniform(1.5, 12)), inner + 12 * side
+        layout, largest = (
+            AnnularLayout(inner, inner + side * rng.uniform(1.5, 12)),
+            inner + 12 * side,
+        )
     height = 10 ** rng.uniform(-9, -4.5)
     if rng.random() < 0.5:
         form = WavyForm(height, lobes=int(rng.integers(1, 9)))
     else:
-        points = (rng.uniform(0, 1, (60, 2)) if strip else rng.uniform(-1.2, 1.2, (60, 2))) * largest
+        points = (
+            rng.uniform(0, 1, (60, 2)) if strip else rng.uniform(-1.2, 1.2, (60, 2))
+        ) * largest
         form = MeasuredForm.of(points, rng.normal(0, height, 60))
     scene = fs.Scene(face, modulus, hardness, fs.Liquid(1e-3), 1.0, 0.0, loading=loads, unload_from=(loads[-1],),
                      unloading=tuple(loads[-1] * f for f in (0.6, 0.1, 0.001)), fluid_pressure="ignored",
@@ -46,7 +54,9 @@ def drawn(seed):
     return scene, Sampling(length, seed=1, breadth=breadth, form=form), form
 
 
-@pytest.mark.parametrize("seed", [0, 3, 7, 25, *(pytest.param(s, marks=pytest.mark.slow) for s in range(80))])
+@pytest.mark.parametrize(
+    "seed", [0, 3, 7, 25, *(pytest.param(s, marks=pytest.mark.slow) for s in range(80))]
+)
 def test_any_form_carries_any_load(seed):
     """Cells press or stand apart, and never more than they can; faces that came back carry the load as well."""
     scene, sampling, form = drawn(seed)
@@ -55,7 +65,9 @@ def test_any_form_carries_any_load(seed):
             contact_of(scene, sampling, form)
         return
     contact = contact_of(scene, sampling, form)
-    inside = contact.grid.inside if contact.pressure.shape[2] > 1 else np.ones(contact.depth.shape, bool)
+    inside = (
+        contact.grid.inside if contact.pressure.shape[2] > 1 else np.ones(contact.depth.shape, bool)
+    )
     assert_allclose(contact.pressure[:, inside].mean(axis=1), scene.steps.pressures, rtol=1e-3)
     assert (contact.pressure >= 0).all()
     assert contact.pressure.max() <= scene.law.capacity

@@ -27,7 +27,9 @@ MODULUS, HARDNESS = 115e9, 1.4e9
 
 @pytest.fixture(scope="module")
 def face():
-    return fs.self_affine((32, 64), (40e-6, 80e-6), hurst=0.8, rms_slope=0.15, roll_off=30e-6, rng=2)
+    return fs.self_affine(
+        (32, 64), (40e-6, 80e-6), hurst=0.8, rms_slope=0.15, roll_off=30e-6, rng=2
+    )
 
 
 @pytest.fixture(scope="module")
@@ -81,7 +83,10 @@ def test_few_outliers_leave_the_colours_to_the_others(face):
     image = figure.axes[0].images[0]
     assert_allclose(image.get_clim(), (found.low * 1e6, found.high * 1e6))
     share = 100 / (z.size - 3)
-    assert image.colorbar.ax.get_ylabel() == f"red: {share:.2g} % above, light blue: {share:.2g} % below"
+    assert (
+        image.colorbar.ax.get_ylabel()
+        == f"red: {share:.2g} % above, light blue: {share:.2g} % below"
+    )
     assert image.colorbar.extend == "both"
     rgba = image.to_rgba(image.get_array())
     # the longer side, x2, to the right
@@ -153,7 +158,9 @@ def test_pictures_show_the_numbers(shown):
     assert drop.shape == (32, 64)
 
 
-@pytest.mark.parametrize("name", ["permeability", "leakage", "deterministic", "two_scale", "stochastic"])
+@pytest.mark.parametrize(
+    "name", ["permeability", "leakage", "deterministic", "two_scale", "stochastic"]
+)
 def test_pictures_of_one_panel_are_drawn_into_given_axes(shown, name):
     figure = Figure()
     axes = figure.subplots(1, 2)[1]
@@ -176,14 +183,19 @@ def test_leakages_are_drawn_together(shown):
     for study, label in ((shown["two_scale"], "rough"), (tight, "smooth")):
         study.plot(ax=axes, label=label)
     texts = [text.get_text() for text in axes.get_legend().get_texts()]
-    assert [text for text in texts if text.endswith("loading")] == ["rough, loading", "smooth, loading"]
+    assert [text for text in texts if text.endswith("loading")] == [
+        "rough, loading",
+        "smooth, loading",
+    ]
     assert axes.get_ylabel().endswith("[m²/s]")
     drawn = [line.get_ydata() for line in axes.lines if str(line.get_label()).endswith(", loading")]
     assert_allclose(drawn, [q[:2], [tight.leakage[0], np.nan]])
     low, high = axes.get_ylim()
     assert low < tight.leakage[0] < q.max() < high
     assert [text.get_text() for text in axes.texts] == ["sealed"]
-    assert len({line.get_color() for line in axes.lines if not line.get_label().startswith("_")}) == 4
+    assert (
+        len({line.get_color() for line in axes.lines if not line.get_label().startswith("_")}) == 4
+    )
 
 
 def test_pyplot_shows_pictures(shown):
@@ -224,7 +236,9 @@ def test_leakage_of_studies_is_drawn(shown):
     line = next(line for line in axes.lines if line.get_label() == "loading")
     factor, _ = leakage_unit(shown["deterministic"].leakage)
     assert_allclose(line.get_ydata() * factor, shown["deterministic"].leakage[:2])
-    assert len(shown["stochastic"].plot().axes[0].collections) == 2  # a band for each of two branches
+    assert (
+        len(shown["stochastic"].plot().axes[0].collections) == 2
+    )  # a band for each of two branches
 
 
 def test_cycle_is_still_a_tuple(states):
@@ -272,11 +286,15 @@ def test_the_band_of_error_ends_where_it_ends_or_at_the_edge(lower, upper):
     assert_allclose([last.min(), last.max()], np.clip([lower, upper], bottom, top))
 
 
-@pytest.mark.parametrize("loads", [(66.43, 140.5, 141.2, 300), (1, 2, 3, 4, 5, 6), (276.79, 369.05, 461.31, 9000)])
+@pytest.mark.parametrize(
+    "loads", [(66.43, 140.5, 141.2, 300), (1, 2, 3, 4, 5, 6), (276.79, 369.05, 461.31, 9000)]
+)
 @pytest.mark.parametrize("force", [None, ("kN", 4.2e-8)])
 def test_loads_are_ticks_whose_labels_do_not_touch(loads, force):
     pressure = np.array(loads) * 1e6
-    curves = LeakageCurves(pressure, np.full(len(loads), np.nan), 1 / pressure, "median", force=force)
+    curves = LeakageCurves(
+        pressure, np.full(len(loads), np.nan), 1 / pressure, "median", force=force
+    )
     figure = Figure(figsize=(5.4, 4))
     axes = figure.add_axes((0.18, 0.2, 0.78, 0.7))
     leakage_panel(axes, curves)
@@ -285,7 +303,9 @@ def test_loads_are_ticks_whose_labels_do_not_touch(loads, force):
     # a tick with a label stands in for one without
     ticks = np.union1d(axes.get_xticks(), axes.get_xticks(minor=True))
     assert_allclose(ticks, pressure * factor)
-    boxes = sorted(text.get_window_extent().extents[[0, 2]].tolist() for text in axes.get_xticklabels())
+    boxes = sorted(
+        text.get_window_extent().extents[[0, 2]].tolist() for text in axes.get_xticklabels()
+    )
     assert len(boxes) >= 2
     assert all(right < left for (_, right), (left, _) in pairwise(boxes))
     assert ("kN" in axes.get_xlabel()) == (force is not None)
@@ -295,7 +315,11 @@ def test_every_limit_has_a_name_and_names_do_not_touch():
     figure = Figure(figsize=(5.4, 4))
     axes = figure.add_axes((0.18, 0.2, 0.5, 0.7))
     axes.set(yscale="log", ylim=(1e-3, 1e3))
-    limits = {f"class {n}": 1.02**n for n in range(12)} | {"top": 990.0, "bottom": 1.1e-3, "beyond": 2e3}
+    limits = {f"class {n}": 1.02**n for n in range(12)} | {
+        "top": 990.0,
+        "bottom": 1.1e-3,
+        "beyond": 2e3,
+    }
     limit_lines(axes, limits)
     FigureCanvasAgg(figure).draw()
     assert {text.get_text() for text in axes.texts} == {*limits} - {"beyond"}
@@ -305,15 +329,28 @@ def test_every_limit_has_a_name_and_names_do_not_touch():
     assert axes.bbox.y0 - 10 < boxes[0][0] < boxes[-1][1] < axes.bbox.y1 + 10
 
 
-CELLS = ("face.plot();", "face.plot()", "figure = face.plot()", "face.plot(); face.plot()", "1", "figure")
+CELLS = (
+    "face.plot();",
+    "face.plot()",
+    "figure = face.plot()",
+    "face.plot(); face.plot()",
+    "1",
+    "figure",
+)
 
 
 def test_a_notebook_shows_a_figure_once(tmp_path):
     """Whatever the cell ends with; a figure of an earlier cell once more where it is asked for."""
     nbformat, nbclient = pytest.importorskip("nbformat"), pytest.importorskip("nbclient")
     pytest.importorskip("ipykernel")
-    first = "import numpy as np, femseal as fs\nface = fs.Topography(np.eye(8) * 1e-6, (1e-6, 1e-6))"
-    book = nbformat.v4.new_notebook(cells=[nbformat.v4.new_code_cell(text) for text in (first, *CELLS)])
+    first = (
+        "import numpy as np, femseal as fs\nface = fs.Topography(np.eye(8) * 1e-6, (1e-6, 1e-6))"
+    )
+    book = nbformat.v4.new_notebook(
+        cells=[nbformat.v4.new_code_cell(text) for text in (first, *CELLS)]
+    )
     nbclient.NotebookClient(book, timeout=300).execute()
-    counts = [sum("image/png" in out.get("data", {}) for out in cell.outputs) for cell in book.cells[1:]]
+    counts = [
+        sum("image/png" in out.get("data", {}) for out in cell.outputs) for cell in book.cells[1:]
+    ]
     assert counts == [1, 1, 1, 2, 0, 1]

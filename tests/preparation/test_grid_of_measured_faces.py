@@ -29,7 +29,10 @@ def case(tmp_path):
     data["load"] = {"loading": ["200 MPa"]}
 
     def made(tables=None, **surface):
-        return parse_case({**data, "surface": {"detrend": 0, "spikes": np.inf, **surface}, **(tables or {})}, tmp_path)
+        return parse_case(
+            {**data, "surface": {"detrend": 0, "spikes": np.inf, **surface}, **(tables or {})},
+            tmp_path,
+        )
 
     return made
 
@@ -58,8 +61,14 @@ def test_a_grid_limited_for_its_cost_is_told(case, monkeypatch):
     assert_allclose(np.prod(prepared.scene.surface.shape), 20_000, rtol=0.15)
     assert 0.1 < lost < 0.4
     (warning,) = of_grid(prepared)
-    wanted = list(fs.topography.resolving_shape((96e-6, 128e-6), prepared.conditioning.shortest_measured))
-    for words in (f"removes {lost:.0%} of the rms slope", f"surface.points = {wanted}", "are taken"):
+    wanted = list(
+        fs.topography.resolving_shape((96e-6, 128e-6), prepared.conditioning.shortest_measured)
+    )
+    for words in (
+        f"removes {lost:.0%} of the rms slope",
+        f"surface.points = {wanted}",
+        "are taken",
+    ):
         assert words in warning
     # what it tells to set keeps the slope
     assert prepare(case(points=wanted)).conditioning.lost_slope < 0.001
@@ -87,7 +96,9 @@ def test_noise_that_is_kept_is_told(case, tmp_path):
         np.savez(tmp_path / "noisy.npz", z=file["z"] + noise, spacing=file["spacing"])
     face = case().face[0].model_copy(update={"path": Path("noisy.npz")})
     warnings = of_grid(prepare(case(shortest_wave="3 um").model_copy(update={"face": (face,)})))
-    assert any("are noise or beyond the instrument: surface.shortest_wave = '" in text for text in warnings)
+    assert any(
+        "are noise or beyond the instrument: surface.shortest_wave = '" in text for text in warnings
+    )
 
 
 def test_check_and_results_tell_the_slope_that_is_lost(case):
@@ -106,5 +117,9 @@ def test_the_budget_solves_the_face_without_its_shortest_octave_of_waves(case):
     surface = whole.scene.surface
     smooth = without_filtered_waves(whole).scene.surface
     assert smooth.shape == tuple(-(-n // 2) for n in surface.shape)
-    assert_allclose(smooth.heights, surface.low_pass(24e-6).resample(smooth.shape).heights, atol=1e-15)
-    assert without_filtered_waves(prepare(case(shortest_wave="80 um"))) is None  # no wave of 160 µm is left
+    assert_allclose(
+        smooth.heights, surface.low_pass(24e-6).resample(smooth.shape).heights, atol=1e-15
+    )
+    assert (
+        without_filtered_waves(prepare(case(shortest_wave="80 um"))) is None
+    )  # no wave of 160 µm is left

@@ -27,9 +27,19 @@ EXAMPLES = Path(__file__).parents[2] / "examples"
 SMALL = {
     "accuracy": "3 %",
     "seed": 2,
-    "face": {"kind": "self-affine", "points": [64, 64], "size": ["60 um"] * 2, "rms_slope": 0.2, "roll_off": "40 um"},
+    "face": {
+        "kind": "self-affine",
+        "points": [64, 64],
+        "size": ["60 um"] * 2,
+        "rms_slope": 0.2,
+        "roll_off": "40 um",
+    },
     "material": {"young": "210 GPa", "hardness": "3 GPa"},
-    "load": {"loading": ["100 MPa", "300 MPa"], "unload_from": ["300 MPa"], "unloading": ["100 MPa"]},
+    "load": {
+        "loading": ["100 MPa", "300 MPa"],
+        "unload_from": ["300 MPa"],
+        "unloading": ["100 MPa"],
+    },
     "fluid": {"kind": "liquid", "viscosity": "1 mPa*s", "inlet_pressure": "1 MPa"},
 }
 DRAWN = SMALL | {
@@ -52,7 +62,11 @@ def test_the_example_reaches_what_it_asks_for():
     assert results.attempts["reached"]
     assert results.attempts["half_width"] <= np.log(1.1)
     shape = results.scene.surface.shape
-    fine = replace(results.scene, surface=results.scene.surface.resample((2 * shape[0], 2 * shape[1])), rtol=1e-8)
+    fine = replace(
+        results.scene,
+        surface=results.scene.surface.resample((2 * shape[0], 2 * shape[1])),
+        rtol=1e-8,
+    )
     error = np.abs(np.log(results.leakage.values / fs.deterministic(fine).leakage))
     assert error.max() < np.log(1.1)
 
@@ -83,14 +97,19 @@ def test_every_attempt_is_of_the_same_face(reached):
     assert made.scene.surface.shape == (64, 64)
     assert first_version(case(), made).scene.surface.shape == (32, 32)
     fine = reached.scene.surface
-    assert np.abs(made.scene.surface.resample(fine.shape).heights - fine.heights).max() < 1e-9 * fine.rms_height
+    assert (
+        np.abs(made.scene.surface.resample(fine.shape).heights - fine.heights).max()
+        < 1e-9 * fine.rms_height
+    )
 
 
 def test_what_was_tried_is_told(reached):
     table, sentences = reached.attempts_table(), attempt_sentences(reached.attempts)
     assert sentences[0].startswith("The accuracy of 3 % is reached: the leakage is known within ")
     assert sentences[0].endswith(", by the numbers alone of its error budget.")
-    assert sentences[1].startswith("With the model and its input (thin gap, hardness) it is known within ")
+    assert sentences[1].startswith(
+        "With the model and its input (thin gap, hardness) it is known within "
+    )
     assert reached.attempts["with_model"] > np.log(1.03) > reached.attempts["half_width"]
     assert sentences[-1].startswith("Half the error: ")
     assert table.notes == (" ".join(sentences),)
@@ -106,13 +125,18 @@ def test_the_page_has_the_attempts(reached):
 
 
 def test_a_setting_of_the_case_stays_and_limits():
-    results = fs.run(case(accuracy="0.1 %", surface={"points": [64, 64]}, contact={"rtol": 1e-4}), workers=1)
+    results = fs.run(
+        case(accuracy="0.1 %", surface={"points": [64, 64]}, contact={"rtol": 1e-4}), workers=1
+    )
     told = results.attempts
     assert [a["points"] for a in told["attempts"]] == [[64, 64]]
     assert told["settings"]["rtol"] == 1e-4
     assert not told["reached"]
     assert "surface.points is given" in told["why"]
-    assert any("accuracy 0.1 % is not reached" in text and "surface.points" in text for text in results.warnings)
+    assert any(
+        "accuracy 0.1 % is not reached" in text and "surface.points" in text
+        for text in results.warnings
+    )
 
 
 def test_without_any_error_nothing_halves_it(reached):
@@ -130,7 +154,9 @@ def test_the_page_tells_what_was_chosen_and_the_band_of_error(tmp_path):
     assert int(told["stochastic.realisations"]) == chosen["realisations"] == 20
     basis, peak = results.leak_basis, results.peak
     factor = basis.factor(basis.readable(results.leakage.values))
-    band = format_error_band(results.budget.lower[peak], results.budget.upper[peak], factor, results.leakage[peak])
+    band = format_error_band(
+        results.budget.lower[peak], results.budget.upper[peak], factor, results.leakage[peak]
+    )
     assert key_numbers(results)[0].note == f"95 % band of error {band}"
 
 
@@ -167,12 +193,17 @@ def test_a_run_that_was_stopped_goes_on_as_it_would_have(tmp_path, reached):
 
 def test_what_seals_drawn_from_a_small_face_leave_out_limits():
     """Pieces of one patch know nothing of longer waves, which no finer solution mends."""
-    results = fs.run(parse_case(DRAWN | {"accuracy": "60 %", "surface": {"points": [64, 64]}}), workers=1)
+    results = fs.run(
+        parse_case(DRAWN | {"accuracy": "60 %", "surface": {"points": [64, 64]}}), workers=1
+    )
     told = results.attempts
     assert told["limit"] == "patch"
     assert told["attempts"][0]["settings"]["realisations"] == 20
     assert not told["reached"]
-    assert any("accuracy 60 % is not reached" in text and "more measured places" in text for text in results.warnings)
+    assert any(
+        "accuracy 60 % is not reached" in text and "more measured places" in text
+        for text in results.warnings
+    )
 
 
 class TestRefining:
@@ -205,7 +236,10 @@ class TestRefining:
     def test_residuals_are_a_tenth(self):
         settings, change = self.change(SMALL, "solver")
         assert change.settings.rtol == pytest.approx(settings.rtol / 10)
-        assert "contact.rtol is given" in self.change(SMALL | {"contact": {"rtol": 1e-3}}, "solver")[1].text
+        assert (
+            "contact.rtol is given"
+            in self.change(SMALL | {"contact": {"rtol": 1e-3}}, "solver")[1].text
+        )
 
     def test_removed_waves_and_cut_pieces_are_told(self):
         assert "surface.shortest_wave" in self.change(SMALL, "filter")[1].text
@@ -215,15 +249,21 @@ class TestRefining:
 class TestCase:
     @pytest.mark.parametrize("wrong", ["0 %", "100 %", -0.1, "ten", True, "3 m"])
     def test_accuracies_that_are_none(self, wrong):
-        with pytest.raises(fs.InputError, match=r"accuracy: given .* expected a fraction above 0 and below 1"):
+        with pytest.raises(
+            fs.InputError, match=r"accuracy: given .* expected a fraction above 0 and below 1"
+        ):
             case(accuracy=wrong)
 
     def test_an_accuracy_is_judged_by_the_budget(self):
-        with pytest.raises(fs.InputError, match=r"output\.budget: given false with accuracy, expected true"):
+        with pytest.raises(
+            fs.InputError, match=r"output\.budget: given false with accuracy, expected true"
+        ):
             case(output={"budget": False})
 
     def test_a_time_limit_is_for_an_accuracy(self):
-        plain = {key: value for key, value in SMALL.items() if key != "accuracy"} | {"method": "deterministic"}
+        plain = {key: value for key, value in SMALL.items() if key != "accuracy"} | {
+            "method": "deterministic"
+        }
         with pytest.raises(fs.InputError, match="time_limit: given a time without accuracy"):
             parse_case(plain | {"time_limit": "1 h"})
 
@@ -263,7 +303,11 @@ def test_loads_that_count():
     assert widest_band(ErrorBudget("deterministic", 0 * q, (sealed,))).half_width == np.inf
     unknown = np.where([True, False, False, False, True], np.nan, q)
     assert counting_steps(ErrorBudget("deterministic", unknown, (part,))).tolist() == [0, 1, 2, 4]
-    assert counting_steps(ErrorBudget("deterministic", unknown, (part,), parted=(0,))).tolist() == [1, 2, 4]
+    assert counting_steps(ErrorBudget("deterministic", unknown, (part,), parted=(0,))).tolist() == [
+        1,
+        2,
+        4,
+    ]
 
 
 def test_loads_that_the_fluid_carries_do_not_hinder_the_accuracy():
@@ -281,7 +325,11 @@ def drawn_case(seed):
     points = [int(n) for n in rng.choice([96, 128, 160], size=2)]
     face = {"points": points, "size": [f"{n} um" for n in points]}
     if seed % 2:
-        face |= {"kind": "turned", "pitch": f"{points[0] / rng.integers(3, 6)} um", "feed_error": 0.03}
+        face |= {
+            "kind": "turned",
+            "pitch": f"{points[0] / rng.integers(3, 6)} um",
+            "feed_error": 0.03,
+        }
         face |= {"depth": f"{rng.uniform(0.3, 1.2)} um", "roughness": f"{rng.uniform(0.2, 0.8)} um"}
         face |= {"roughness_roll_off": "40 um"}
     else:
@@ -316,4 +364,6 @@ def test_what_can_be_refined_is_where_something_else_cannot():
     assert (first["limit"], last["limit"]) == ("patch", "patch")
     assert first["parts"]["pixels"] > np.log(1.03) >= last["parts"]["pixels"]
     assert "more measured places" in told["why"]
-    assert "stochastic.realisations is given" in told["why"] or last["parts"]["realisations"] <= np.log(1.03)
+    assert "stochastic.realisations is given" in told["why"] or last["parts"][
+        "realisations"
+    ] <= np.log(1.03)

@@ -32,7 +32,19 @@ from femseal.topography import self_affine
 
 pytestmark = pytest.mark.usefixtures("drawn_pictures")
 
-SECTIONS = ["leakage", "maps", "drop", "pieces", "case", "numbers", "errors", "time", "warnings", "versions", "values"]
+SECTIONS = [
+    "leakage",
+    "maps",
+    "drop",
+    "pieces",
+    "case",
+    "numbers",
+    "errors",
+    "time",
+    "warnings",
+    "versions",
+    "values",
+]
 CASE = {
     "title": "Trial <of> a seal & more",
     "seed": 7,
@@ -50,12 +62,16 @@ SURFACE = {
     "rms_slope_before": 0.2,
     "undefined_fraction": 0.0,
 }
-BROWSER = next(filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome"))), None)
+BROWSER = next(
+    filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome"))), None
+)
 
 
 @pytest.fixture(scope="module")
 def scene():
-    surface = self_affine((48, 96), (60e-6, 120e-6), hurst=0.8, rms_slope=0.15, roll_off=40e-6, rng=2)
+    surface = self_affine(
+        (48, 96), (60e-6, 120e-6), hurst=0.8, rms_slope=0.15, roll_off=40e-6, rng=2
+    )
     return Scene(
         surface,
         115e9,
@@ -81,7 +97,9 @@ def studies(scene):
 @pytest.fixture(scope="module")
 def results(scene, studies):
     timings = {"two-scale": 3.0, "stochastic": 1.0}
-    return assemble(scene, *studies.values(), facts=RunFacts(case=CASE, surface=SURFACE, timings=timings))
+    return assemble(
+        scene, *studies.values(), facts=RunFacts(case=CASE, surface=SURFACE, timings=timings)
+    )
 
 
 @pytest.fixture(scope="module")
@@ -115,7 +133,9 @@ def pictures(page):
 
 
 def body_rows(table):
-    return [[words(cell) for cell in row.findall("td")] for row in table.iter("tr") if row.findall("td")]
+    return [
+        [words(cell) for cell in row.findall("td")] for row in table.iter("tr") if row.findall("td")
+    ]
 
 
 # --- the page stands by itself ----------------------------------------------------------------------------
@@ -124,9 +144,13 @@ def body_rows(table):
 def test_every_section_is_there_and_reached(page):
     root = parsed(page)
     assert [s.get("id") for s in root.iter("section")] == SECTIONS
-    assert [a.get("href") for a in root.find(".//nav").iter("a")] == [f"#{name}" for name in SECTIONS]
+    assert [a.get("href") for a in root.find(".//nav").iter("a")] == [
+        f"#{name}" for name in SECTIONS
+    ]
     assert root.get("lang") == "en"
-    assert "width=device-width" in next(m.get("content") for m in root.iter("meta") if m.get("name") == "viewport")
+    assert "width=device-width" in next(
+        m.get("content") for m in root.iter("meta") if m.get("name") == "viewport"
+    )
     assert "@media print" in page
     ids = [e.get("id") for e in root.iter() if e.get("id")]
     assert len(ids) == len(set(ids))
@@ -142,7 +166,10 @@ def test_nothing_is_loaded_from_elsewhere(page):
     policy = next(m.get("content") for m in root.iter("meta") if m.get("http-equiv"))
     (script,) = re.findall(r"<script>(.*?)</script>", page, re.DOTALL)
     digest = base64.b64encode(hashlib.sha256(script.encode()).digest()).decode()
-    assert policy == f"default-src 'none'; img-src data:; style-src 'unsafe-inline'; script-src 'sha256-{digest}'"
+    assert (
+        policy
+        == f"default-src 'none'; img-src data:; style-src 'unsafe-inline'; script-src 'sha256-{digest}'"
+    )
     assert len(page.encode()) < 4e6
     assert "url(" not in page
     assert "http" not in re.sub(r"http-equiv", "", page)
@@ -152,7 +179,9 @@ def test_nothing_is_loaded_from_elsewhere(page):
 
 def test_every_picture_says_what_it_shows(page):
     texts = [p.get("alt") for p in pictures(page)]
-    assert len(texts) == len(set(texts)) == 9  # face, leakage, two of pieces, three maps, drawn seal, drop
+    assert (
+        len(texts) == len(set(texts)) == 9
+    )  # face, leakage, two of pieces, three maps, drawn seal, drop
     assert all(len(text) > 40 for text in texts)
 
 
@@ -189,14 +218,19 @@ def test_table_has_the_numbers_of_the_dataset(results, page):
         values = [0.0 if text == "sealed" else float(text) * factor for text in shown]
         assert_allclose(values, data[name].values, rtol=6e-3)
     column = heads.index("redraws of the measured patch, 5–95 %")
-    low, high = np.array([row[column].split("–") for row in rows if "–" in row[column]], float).T * factor
+    low, high = (
+        np.array([row[column].split("–") for row in rows if "–" in row[column]], float).T * factor
+    )
     leaking = data["leakage_lower"].values > 0
     assert_allclose(low, data["leakage_lower"].values[leaking], rtol=6e-3)
     assert_allclose(high, data["leakage_upper"].values[leaking], rtol=6e-3)
 
 
 def test_first_numbers_are_those_of_first_and_highest_load(results, page):
-    keys = {words(d.find("dt")): words(d.find("dd")) for d in parsed(page).find(".//header//dl").findall("div")}
+    keys = {
+        words(d.find("dt")): words(d.find("dd"))
+        for d in parsed(page).find(".//header//dl").findall("div")
+    }
     for s in (0, 2, 4):
         text = keys[f"whole seal, {results.steps[s].name}"]
         if text == "sealed":
@@ -229,7 +263,9 @@ def test_drop_of_pressure_by_hand(results):
     """All pressure drops in the second third of the face, half of it in two pieces."""
     data = results.dataset.copy(deep=True)
     rows = data.sizes["block1"]
-    data["face_fluid_pressure"][:] = np.clip(2 - 3 * (np.arange(rows) + 0.5) / rows, 0, 1)[:, None] * 1e6
+    data["face_fluid_pressure"][:] = (
+        np.clip(2 - 3 * (np.arange(rows) + 0.5) / rows, 0, 1)[:, None] * 1e6
+    )
     data["piece_drop_fraction"][:] = 0.5 / 16
     data["piece_drop_fraction"][:, 1, 2:4] = 0.25
     text = " ".join(pressure_drop_sentences(replace(results, dataset=data)))
@@ -246,7 +282,10 @@ def test_times_warnings_and_versions(quick):
     failed = quick.dataset.copy()
     failed.attrs["warnings"] = json.dumps(["cell <b>3</b> failed", "cell 4 failed"])
     page = report_html(replace(quick, dataset=failed))
-    assert [words(item) for item in section(page, "warnings").iter("li")] == ["cell <b>3</b> failed", "cell 4 failed"]
+    assert [words(item) for item in section(page, "warnings").iter("li")] == [
+        "cell <b>3</b> failed",
+        "cell 4 failed",
+    ]
     assert "2 warnings" in words(parsed(page).find(".//header"))
 
 
@@ -268,12 +307,21 @@ def test_parts_of_a_study_are_not_counted_twice(scene, studies):
 
 
 def test_repairs_and_placement_of_measured_faces_are_told(scene, studies):
-    second = {"kind": "file", "path": "B.plu", "mirror": "x2", "rotate": np.pi / 6, "shift": [1e-5, -3e-5]}
+    second = {
+        "kind": "file",
+        "path": "B.plu",
+        "mirror": "x2",
+        "rotate": np.pi / 6,
+        "shift": [1e-5, -3e-5],
+    }
     case = CASE | {"face": [*CASE["face"], second]}
     surface = SURFACE | {"undefined_fraction": 0.0114, "spike_points": 8}
     told = assemble(scene, studies["deterministic"], facts=RunFacts(case=case, surface=surface))
     text = words(section(report_html(told), "case"))
-    assert "against a measured face from B.plu (mirrored along x2, turned by 30°, shifted by 10 µm, -30 µm)" in text
+    assert (
+        "against a measured face from B.plu (mirrored along x2, turned by 30°, shifted by 10 µm, -30 µm)"
+        in text
+    )
     assert "1.1 % undefined points and 8 points in spikes were filled" in text
 
 
@@ -349,7 +397,9 @@ def test_command_line(quick, tmp_path, monkeypatch, capsys):
 
 def browse(*arguments):
     flags = ["--headless", "--no-sandbox", "--disable-gpu", "--hide-scrollbars"]
-    subprocess.run([BROWSER, *flags, *map(str, arguments)], check=True, capture_output=True, timeout=600)
+    subprocess.run(
+        [BROWSER, *flags, *map(str, arguments)], check=True, capture_output=True, timeout=600
+    )
 
 
 @pytest.mark.skipif(BROWSER is None, reason="no Chromium on this machine to look at the page with")
@@ -363,7 +413,9 @@ class TestBrowser:
             f'<body style="margin:0"><iframe src="page.html" style="{style}"></iframe>'
         )
         browse(
-            f"--window-size={max(width, 600)},6000", f"--screenshot={tmp_path / 'page.png'}", tmp_path / "frame.html"
+            f"--window-size={max(width, 600)},6000",
+            f"--screenshot={tmp_path / 'page.png'}",
+            tmp_path / "frame.html",
         )
         image = matplotlib.image.imread(tmp_path / "page.png")[:, :width, :3]
         assert (image[:, -8:] > 0.99).all()
@@ -373,7 +425,11 @@ class TestBrowser:
 
     def test_print(self, page, tmp_path):
         (tmp_path / "page.html").write_text(page, encoding="utf-8")
-        browse("--no-pdf-header-footer", f"--print-to-pdf={tmp_path / 'page.pdf'}", tmp_path / "page.html")
+        browse(
+            "--no-pdf-header-footer",
+            f"--print-to-pdf={tmp_path / 'page.pdf'}",
+            tmp_path / "page.html",
+        )
         content = (tmp_path / "page.pdf").read_bytes()
         assert content.startswith(b"%PDF")
         assert 2 <= len(re.findall(rb"/Type\s*/Page\b", content)) <= 8

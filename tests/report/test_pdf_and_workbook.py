@@ -28,7 +28,9 @@ PAGE = '<!DOCTYPE html>\n<html><body><p id="text">A page.</p></body></html>\n'
 
 @pytest.fixture(scope="module")
 def scene():
-    surface = fs.self_affine((32, 32), (40e-6, 40e-6), hurst=0.8, rms_slope=0.15, roll_off=20e-6, rng=2)
+    surface = fs.self_affine(
+        (32, 32), (40e-6, 40e-6), hurst=0.8, rms_slope=0.15, roll_off=20e-6, rng=2
+    )
     cycle = {"loading": (50e6, 200e6, 2.5e9), "unload_from": (200e6,), "unloading": (50e6,)}
     return Scene(surface, 115e9, 2.8e9, fs.Liquid(1e-3), 1e6, 0.0, **cycle)
 
@@ -63,23 +65,34 @@ def test_bars_of_the_curve_are_the_band_of_error(scene, study):
     leakage = data["leakage_deterministic"].values
     data.attrs["error_budget"] = json.dumps({"deterministic": {"pixels": "by hand"}})
     for end, factor in (("lower", 0.5), ("upper", 2.0)):
-        ends = factor * leakage if end == "lower" else np.where(leakage > 0, factor * leakage, np.inf)
+        ends = (
+            factor * leakage if end == "lower" else np.where(leakage > 0, factor * leakage, np.inf)
+        )
         data[f"leakage_deterministic_budget_part_{end}"] = (("budget_part", "step"), ends[None])
     results = fs.Results(data.assign_coords(budget_part=["pixels"]))
     loading, factor = leakage_chart(results)["series"][0], results.leak_scale[1]
     assert_allclose(loading["low"][:2], 0.5 * leakage[:2] / factor)
     assert_allclose(loading["high"][:2], 2 * leakage[:2] / factor)
     assert loading["texts"][2].startswith("sealed, band sealed–")  # no more than at the load before
-    assert limiting_text(results).startswith("One end of the band of error at loading 2.5 GPa is unknown")
+    assert limiting_text(results).startswith(
+        "One end of the band of error at loading 2.5 GPa is unknown"
+    )
     assert limiting_text(results).endswith("its widest source: pixels.")
 
 
 def test_verdict_is_the_first_load_that_meets_the_class(scene, study):
     density = scene.fluid.density
     middle = float(np.sqrt(study.leakage[0] * study.leakage[1])) * density
-    results = assemble(scene, study, facts=RunFacts(classes=[f"{1e6 * middle:g} mg/(m·s)", "1 kg/(m·s)"]))
+    results = assemble(
+        scene, study, facts=RunFacts(classes=[f"{1e6 * middle:g} mg/(m·s)", "1 kg/(m·s)"])
+    )
     table = class_table(results)
-    assert table.heads == ("class", "limit", "met by the seal", "in service, unloading from 200 MPa")
+    assert table.heads == (
+        "class",
+        "limit",
+        "met by the seal",
+        "in service, unloading from 200 MPa",
+    )
     (_, limit, met, kept), (_, _, always, _) = table.lines
     assert limit == f"{1e6 * middle:.3g} mg/(m·s)"
     assert met == "from 200 MPa"
@@ -89,7 +102,9 @@ def test_verdict_is_the_first_load_that_meets_the_class(scene, study):
 
 
 def test_texts_of_a_spreadsheet_are_never_formulas(scene, study, tmp_path):
-    lines = comma_separated([{"=key": "=1+2", "b": "@x", "c": "-2 um", "d": -2.0, "e": "-3"}]).splitlines()
+    lines = comma_separated(
+        [{"=key": "=1+2", "b": "@x", "c": "-2 um", "d": -2.0, "e": "-3"}]
+    ).splitlines()
     assert lines == ["'=key,b,c,d,e", "'=1+2,'@x,'-2 um,-2.0,-3"]
     results = assemble(scene, study)
     sheet = openpyxl.load_workbook(write_workbook(results, tmp_path / "table.xlsx")).active
@@ -100,14 +115,21 @@ def test_texts_of_a_spreadsheet_are_never_formulas(scene, study, tmp_path):
         for name, cell in zip(names, sheet[n], strict=True):
             expected = None if isinstance(row[name], float) and np.isnan(row[name]) else row[name]
             assert cell.data_type != "f"
-            assert cell.value == (pytest.approx(expected, rel=1e-14) if isinstance(expected, float) else expected)
+            assert cell.value == (
+                pytest.approx(expected, rel=1e-14) if isinstance(expected, float) else expected
+            )
 
 
 def test_a_workbook_keeps_a_text_that_looks_like_a_formula(scene, study, tmp_path, monkeypatch):
-    monkeypatch.setattr("femseal.results.tables.rows", lambda run: [{"=name": "=1+2", "value": 1.0}])
+    monkeypatch.setattr(
+        "femseal.results.tables.rows", lambda run: [{"=name": "=1+2", "value": 1.0}]
+    )
     results = assemble(scene, study)
     sheet = openpyxl.load_workbook(write_workbook(results, tmp_path / "table.xlsx")).active
-    assert [(cell.value, cell.data_type) for cell in (sheet["A1"], sheet["A2"])] == [("=name", "s"), ("=1+2", "s")]
+    assert [(cell.value, cell.data_type) for cell in (sheet["A1"], sheet["A2"])] == [
+        ("=name", "s"),
+        ("=1+2", "s"),
+    ]
 
 
 # --- PDF --------------------------------------------------------------------------------------------------
@@ -117,7 +139,9 @@ def test_without_a_browser_the_error_says_what_is_needed(tmp_path, monkeypatch):
     (tmp_path / "page.html").write_text(PAGE)
     monkeypatch.setattr(report_page, "find_browser", lambda: None)
     monkeypatch.setattr(report_page, "find_spec", lambda name: None)
-    with pytest.raises(InputError, match=r"no program that prints a page.*chromium.*pip install weasyprint"):
+    with pytest.raises(
+        InputError, match=r"no program that prints a page.*chromium.*pip install weasyprint"
+    ):
         write_pdf(tmp_path / "page.html")
     assert [path.name for path in tmp_path.iterdir()] == ["page.html"]
 

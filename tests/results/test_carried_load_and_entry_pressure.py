@@ -24,7 +24,15 @@ WATER = fs.Liquid(1e-3, surface_tension=0.073, contact_angle=radians(120))
 def scene():
     face = fs.self_affine((32, 48), (32e-6, 48e-6), hurst=0.8, rms_slope=0.1, cut_off=8e-6, rng=2)
     return fs.Scene(
-        face, 115e9, 3e9, WATER, 40e6, 0.0, loading=(50e6, 100e6, 200e6), unload_from=(200e6,), unloading=(100e6, 50e6)
+        face,
+        115e9,
+        3e9,
+        WATER,
+        40e6,
+        0.0,
+        loading=(50e6, 100e6, 200e6),
+        unload_from=(200e6,),
+        unloading=(100e6, 50e6),
     )
 
 
@@ -49,10 +57,15 @@ def test_results_say_what_the_fluid_does(scene):
     data = assemble(scene, study).dataset
     assert data["fluid_carried_pressure"].attrs["units"] == "Pa"
     assert_allclose(data["fluid_carried_pressure"].values, study.carried_pressure)
-    assert data.attrs["fluid_effect"].startswith("it presses the faces apart, and carries about 20 MPa")
+    assert data.attrs["fluid_effect"].startswith(
+        "it presses the faces apart, and carries about 20 MPa"
+    )
     parted = replace(scene, inlet_pressure=200e6)
     opened = assemble(parted, fs.deterministic(parted))
-    assert any("the fluid carries all: the faces part below about 100 MPa" in text for text in opened.warnings)
+    assert any(
+        "the fluid carries all: the faces part below about 100 MPa" in text
+        for text in opened.warnings
+    )
     sides = fs.compare({"open": opened, "shut": assemble(scene, study)}).table()
     assert opened.open_steps
     for table in (opened.table(), totals_table(opened), sides):
@@ -64,7 +77,9 @@ def test_results_say_what_the_fluid_does(scene):
     budget = fs.ErrorBudget("deterministic", single.leakage, (part,), two.steps)
     with warnings.catch_warnings():
         warnings.simplefilter("error")
-        assemble(two, single, facts=RunFacts(budgets={"deterministic": budget})).plot()  # one load has a leakage
+        assemble(
+            two, single, facts=RunFacts(budgets={"deterministic": budget})
+        ).plot()  # one load has a leakage
     numbers = [number.value for number in key_numbers(opened)]
     assert ("open" in numbers, "failed" in numbers) == (True, False)
     little = replace(scene, inlet_pressure=5e3)
@@ -74,7 +89,11 @@ def test_results_say_what_the_fluid_does(scene):
 def test_capillary_entry_pressure():
     assert_allclose(capillary_entry_pressure(WATER, 1e-6), 2 * 0.073 * 0.5 / 1e-6, rtol=1e-12)
     assert capillary_entry_pressure(WATER, 0.0) == inf
-    for wets in (replace(WATER, contact_angle=radians(60)), replace(WATER, surface_tension=None), fs.Liquid(1e-3)):
+    for wets in (
+        replace(WATER, contact_angle=radians(60)),
+        replace(WATER, surface_tension=None),
+        fs.Liquid(1e-3),
+    ):
         assert np.isnan(capillary_entry_pressure(wets, 1e-6))
 
 

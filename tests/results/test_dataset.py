@@ -41,7 +41,9 @@ M1, M2 = 4, 8
 
 @pytest.fixture(scope="module")
 def scene():
-    surface = self_affine((64, 128), (60e-6, 120e-6), hurst=0.8, rms_slope=0.15, roll_off=40e-6, rng=2)
+    surface = self_affine(
+        (64, 128), (60e-6, 120e-6), hurst=0.8, rms_slope=0.15, roll_off=40e-6, rng=2
+    )
     return Scene(
         surface,
         115e9,
@@ -68,7 +70,9 @@ def studies(scene):
 @pytest.fixture(scope="module")
 def results(scene, studies):
     report, timings = {"rms_height": 1e-6}, {"two-scale": 1.5}
-    return assemble(scene, *studies.values(), facts=RunFacts(case=CASE, surface=report, timings=timings))
+    return assemble(
+        scene, *studies.values(), facts=RunFacts(case=CASE, surface=report, timings=timings)
+    )
 
 
 @pytest.fixture(scope="module")
@@ -178,7 +182,9 @@ def test_statistics_are_those_of_the_realisations_that_did_not_fail(studies):
     with warnings.catch_warnings():
         warnings.simplefilter("error")
         assert_allclose(s.quantile(0.5), [1e-6, -1e-6, 0, 1e-6, -1e-6, -1, 0, np.nan], rtol=1e-12)
-        assert_allclose(s.quantile(0.0), [1e-9, -1e-3, 0, 1e-8, -1e-4, -3, -1e-6, np.nan], rtol=1e-12)
+        assert_allclose(
+            s.quantile(0.0), [1e-9, -1e-3, 0, 1e-8, -1e-4, -3, -1e-6, np.nan], rtol=1e-12
+        )
         assert_allclose(s.quantile(0.75)[:2], [10**-4.5, -(10**-7.5)], rtol=1e-12)
         means = (1e-3 + 1e-6 + 1e-9) / 3, 1e-6 / 2, (1e-4 + 1e-8) / 2
         mean = [means[0], -means[0], means[1], means[2], -means[2], -1, -5e-7, np.nan]
@@ -193,7 +199,10 @@ def test_flow_towards_the_inlet_and_failed_steps_are_shown(scene, studies):
     assert_allclose(two.leakage, -two_scale(dry, (M1, M2)).leakage, rtol=1e-9)
     leakage = -drawn.leakage
     leakage[:, 1] = np.nan
-    failed, lost = two.leakage.copy(), {name: getattr(two.pieces, name).copy() for name in ("k", "drop_fraction")}
+    failed, lost = (
+        two.leakage.copy(),
+        {name: getattr(two.pieces, name).copy() for name in ("k", "drop_fraction")},
+    )
     failed[1] = lost["k"][:, :, 1] = lost["drop_fraction"][1] = np.nan
     two = replace(two, leakage=failed, pieces=replace(two.pieces, **lost))
     with warnings.catch_warnings():
@@ -207,7 +216,9 @@ def test_flow_towards_the_inlet_and_failed_steps_are_shown(scene, studies):
     factor, _ = leakage_unit(r.leakage)
     assert_allclose(shown, -r.leakage.values[:3] / factor)
     assert np.isnan(shown[1])
-    low, high = (format_leakage(r.dataset[n].values[0], factor) for n in ("leakage_lower", "leakage_upper"))
+    low, high = (
+        format_leakage(r.dataset[n].values[0], factor) for n in ("leakage_lower", "leakage_upper")
+    )
     assert f"<td>{low} to {high}</td>" in r._repr_html_()
     assert "at 700 MPa: failed" in repr(assemble(back, replace(two, leakage=two.leakage * np.nan)))
 
@@ -217,7 +228,13 @@ def test_failures_are_nan_not_sealed(scene, studies):
     leakage[:, 1] = np.nan
     broken = replace(studies["stochastic"], leakage=leakage, failures=("realisation 0: bad",))
     r = assemble(scene, broken)
-    for name in ("leakage_median", "leakage_lower", "leakage_upper", "leakage_mean", "sealed_fraction"):
+    for name in (
+        "leakage_median",
+        "leakage_lower",
+        "leakage_upper",
+        "leakage_mean",
+        "sealed_fraction",
+    ):
         assert_array_equal(np.isnan(r.dataset[name]), [False, True, False, False, False])
     assert r.failures == ["realisation 0: bad"]
     assert "failures   1, the first: realisation 0: bad" in repr(r)
@@ -229,7 +246,9 @@ def test_failures_are_nan_not_sealed(scene, studies):
 
 
 def test_many_failures_fit_into_the_file(scene, studies, tmp_path):
-    many = replace(studies["two_scale"], failures=tuple(f"cell {n}: did not converge, é" for n in range(20000)))
+    many = replace(
+        studies["two_scale"], failures=tuple(f"cell {n}: did not converge, é" for n in range(20000))
+    )
     r = assemble(scene, many)
     save(r, tmp_path)
     kept = open_results(tmp_path).failures
@@ -277,9 +296,15 @@ def test_a_missing_or_foreign_folder_is_an_error_in_one_line(tmp_path):
     for make, text in (
         (lambda p: None, "no such folder"),
         (lambda p: p.mkdir(), "no results.nc in it"),
-        (lambda p: (p.mkdir(), (p / "results.nc").write_bytes(b"nonsense")), "a readable netCDF file"),
         (
-            lambda p: (p.mkdir(), xarray.Dataset({"a": 1}).to_netcdf(p / "results.nc", engine="h5netcdf")),
+            lambda p: (p.mkdir(), (p / "results.nc").write_bytes(b"nonsense")),
+            "a readable netCDF file",
+        ),
+        (
+            lambda p: (
+                p.mkdir(),
+                xarray.Dataset({"a": 1}).to_netcdf(p / "results.nc", engine="h5netcdf"),
+            ),
             "another program",
         ),
     ):
@@ -300,10 +325,18 @@ def files(folder):
     return {str(p.relative_to(folder)) for p in folder.rglob("*") if p.is_file()}
 
 
-def test_another_run_into_the_folder_leaves_nothing_of_the_former(results, scene, undrawn, tmp_path):
+def test_another_run_into_the_folder_leaves_nothing_of_the_former(
+    results, scene, undrawn, tmp_path
+):
     out = tmp_path / "out"
     write_folder(results, out, scene.surface)
-    mine = {"notes.txt", "vtk/view.pvsm", "vtk/pieces/step_9999.vtu", "vtk/own/a.vtu", "old_leakage.png"}
+    mine = {
+        "notes.txt",
+        "vtk/view.pvsm",
+        "vtk/pieces/step_9999.vtu",
+        "vtk/own/a.vtu",
+        "old_leakage.png",
+    }
     for name in mine:
         (out / name).parent.mkdir(exist_ok=True)
         (out / name).write_text("mine")
@@ -336,7 +369,9 @@ def test_another_run_into_the_folder_leaves_nothing_of_the_former(results, scene
     assert files(out) == {str(p.relative_to(out)) for p in written} | mine
 
 
-@pytest.mark.parametrize("error", [ValueError("no such colour"), OSError(28, "No space left on device")])
+@pytest.mark.parametrize(
+    "error", [ValueError("no such colour"), OSError(28, "No space left on device")]
+)
 def test_a_picture_that_fails_loses_neither_the_results_nor_the_former_run(
     results, scene, studies, undrawn, tmp_path, monkeypatch, error
 ):
@@ -363,7 +398,15 @@ def test_a_picture_that_fails_loses_neither_the_results_nor_the_former_run(
 def test_results_come_last(scene, studies, undrawn, tmp_path, monkeypatch):
     """Wherever the files cease to take their places, the folder either has all of them or no results."""
     r = assemble(scene, studies["deterministic"])
-    everything = {"results.nc", "table.csv", "table.xlsx", "report.html", "leakage.png", "seal.png", "fields.pvd"}
+    everything = {
+        "results.nc",
+        "table.csv",
+        "table.xlsx",
+        "report.html",
+        "leakage.png",
+        "seal.png",
+        "fields.pvd",
+    }
     everything |= {"files.txt"}
     everything |= {f"fields/step_{s:04d}.vti" for s in range(5)}
     save(r, tmp_path)
@@ -413,7 +456,9 @@ def test_a_new_field_is_one_entry(scene, studies, undrawn, tmp_path):
 
     @dataclass(frozen=True, repr=False)
     class More(FaceResult):
-        wet: np.ndarray = declared("wet", "1", "fraction wetted", STEP, heading="wet [%]", default=None)
+        wet: np.ndarray = declared(
+            "wet", "1", "fraction wetted", STEP, heading="wet [%]", default=None
+        )
         heat: np.ndarray = declared("heat", "Pa", "stress of heat", PIXEL, default=None)
 
     @dataclass(frozen=True, eq=False)
@@ -426,7 +471,9 @@ def test_a_new_field_is_one_entry(scene, studies, undrawn, tmp_path):
 
     @dataclass(frozen=True, repr=False)
     class Seals(StochasticResult):
-        worth: np.ndarray = declared("worth", "1", "worth of realisations", REALISATION, default=None)
+        worth: np.ndarray = declared(
+            "worth", "1", "worth of realisations", REALISATION, default=None
+        )
 
     def with_more(kind, known, **more):
         return kind(**{f.name: getattr(known, f.name) for f in fields(known)}, **more)
@@ -440,7 +487,9 @@ def test_a_new_field_is_one_entry(scene, studies, undrawn, tmp_path):
         wet=np.linspace(0.1, 0.5, 5),
         heat=np.full((5, 64, 128), 4e6, np.float32),
     )
-    seals = with_more(Seals, replace(studies["stochastic"], median_seal=deep), worth=np.ones((20, 5)))
+    seals = with_more(
+        Seals, replace(studies["stochastic"], median_seal=deep), worth=np.ones((20, 5))
+    )
     r = assemble(scene, more, seals)
     write_folder(r, tmp_path)
     back = open_results(tmp_path)
@@ -453,7 +502,11 @@ def test_a_new_field_is_one_entry(scene, studies, undrawn, tmp_path):
         assert back.dataset[name].attrs["long_name"] == text
     assert r.rows()[4]["wet"] == 0.5
     assert ",wet," in (tmp_path / "table.csv").read_text(encoding="utf-8").splitlines()[0] + ","
-    for page in (r._repr_html_(), str(r.table()), (tmp_path / "report.html").read_text(encoding="utf-8")):
+    for page in (
+        r._repr_html_(),
+        str(r.table()),
+        (tmp_path / "report.html").read_text(encoding="utf-8"),
+    ):
         assert "wet [%]" in " ".join(page.split())
     cells, *_ = arrays("vtkXMLUnstructuredGridReader", tmp_path / "vtk/pieces/step_0000.vtu")
     assert_allclose(cells["depth_um"], 2.0)
@@ -500,12 +553,19 @@ def test_spreadsheet_table_is_in_si(results, folder):
     with (folder / "table.csv").open(encoding="utf-8") as file:
         rows = list(csv.DictReader(file))
     assert_array_equal([float(r["leakage_m2_per_s"]) for r in rows], results.leakage.values)
-    assert_array_equal([float(r["leakage_two_scale_m2_per_s"]) for r in rows], results.dataset["leakage_two_scale"])
+    assert_array_equal(
+        [float(r["leakage_two_scale_m2_per_s"]) for r in rows], results.dataset["leakage_two_scale"]
+    )
 
 
 @pytest.mark.parametrize(
     ("values", "expected"),
-    [([2e-3], "L/(m·s)"), ([0.0, 1e-6], "mL/(m·s)"), ([1e-30], "pL/(m·s)"), ([0.0, np.nan], "µL/(m·s)")],
+    [
+        ([2e-3], "L/(m·s)"),
+        ([0.0, 1e-6], "mL/(m·s)"),
+        ([1e-30], "pL/(m·s)"),
+        ([0.0, np.nan], "µL/(m·s)"),
+    ],
 )
 def test_unit_follows_the_size(values, expected):
     assert leakage_unit(values)[1] == expected
@@ -607,7 +667,9 @@ def arrays(reader_name, path):
 def test_seal_is_read_back_by_vtk(results, folder):
     data = results.dataset
     for s in range(data.sizes["step"]):
-        cells, points, fields, grid = arrays("vtkXMLUnstructuredGridReader", folder / f"vtk/pieces/step_{s:04d}.vtu")
+        cells, points, fields, grid = arrays(
+            "vtkXMLUnstructuredGridReader", folder / f"vtk/pieces/step_{s:04d}.vtu"
+        )
         assert grid.GetNumberOfCells() == M1 * M2
         for name, variable, factor in (
             ("k1_m3", "piece_k1", 1),
@@ -630,7 +692,10 @@ def test_seal_lies_where_it_should(results, folder):
 
     grid = pyvista.read(folder / "vtk/pieces/step_0000.vtu")
     place = (1.5 * 15e-6, 6.4 * 15e-6, 0.0)
-    assert_allclose(grid.cell_data["k1_m3"][grid.find_containing_cell(place)], results.dataset["piece_k1"][0, 1, 6])
+    assert_allclose(
+        grid.cell_data["k1_m3"][grid.find_containing_cell(place)],
+        results.dataset["piece_k1"][0, 1, 6],
+    )
 
 
 def test_series_have_the_step_as_time(results, folder):
@@ -649,14 +714,18 @@ def test_series_have_the_step_as_time(results, folder):
 
 def test_surface_is_read_back_by_vtk(scene, folder):
     _, points, _, grid = arrays("vtkXMLImageDataReader", folder / "vtk/surface.vti")
-    assert_allclose(points["height_um"].reshape(64, 128, order="F"), scene.surface.heights * 1e6, rtol=1e-6)
+    assert_allclose(
+        points["height_um"].reshape(64, 128, order="F"), scene.surface.heights * 1e6, rtol=1e-6
+    )
     d1, d2 = scene.surface.spacing
     number = grid.FindPoint(5.5 * d1, 77.5 * d2, 0.0)
     assert_allclose(points["height_um"][number], scene.surface.heights[5, 77] * 1e6, rtol=1e-6)
 
 
 def test_names_are_plain(folder):
-    cells, points, fields, _ = arrays("vtkXMLUnstructuredGridReader", folder / "vtk/pieces/step_0000.vtu")
+    cells, points, fields, _ = arrays(
+        "vtkXMLUnstructuredGridReader", folder / "vtk/pieces/step_0000.vtu"
+    )
     for name in (*cells, *points, *fields):
         assert name.replace("_", "").isalnum()
 
@@ -673,7 +742,9 @@ def test_a_single_row_or_column_of_pieces_goes_all_the_way(scene, cells, tmp_pat
     data = open_results(tmp_path).dataset
     assert (data.sizes["piece1"], data.sizes["piece2"]) == cells
     for name, values in (("pieces", data["piece_k1"][0]), ("states", data["state_k1"][0])):
-        found, points, *_ = arrays("vtkXMLUnstructuredGridReader", tmp_path / f"vtk/{name}/step_0000.vtu")
+        found, points, *_ = arrays(
+            "vtkXMLUnstructuredGridReader", tmp_path / f"vtk/{name}/step_0000.vtu"
+        )
         assert not points
         assert_allclose(found["k1_m3"], values.values.ravel())
 
@@ -683,11 +754,16 @@ def test_pieces_of_the_picture_are_those_that_seals_draw_from(results, studies):
     gap, pressure = pieces_figure(results).axes
     loading = np.array([s.unloaded_from is None for s in pieces.steps])
     # of a ladder, the states at pressures of the case
-    loads, nominal = results.dataset["nominal_pressure"].values, np.array([s.pressure for s in pieces.steps])
+    loads, nominal = (
+        results.dataset["nominal_pressure"].values,
+        np.array([s.pressure for s in pieces.steps]),
+    )
     asked = (nominal >= 0.999999 * loads.min()) & (nominal <= 1.000001 * loads.max())
     for axes, values in ((gap, pieces.mean_gap * 1e6), (pressure, pieces.pressure / 1e6)):
         for name, chosen in (("loading", loading & asked), ("unloading", ~loading & asked)):
-            (line,) = (line for line in axes.get_lines() if line.get_label().startswith(f"{name}, "))
+            (line,) = (
+                line for line in axes.get_lines() if line.get_label().startswith(f"{name}, ")
+            )
             shown = pieces.k1[chosen] > 1e-6 * pieces.k1[asked].max()
             assert_allclose(line.get_xdata(), values[chosen][shown])
             assert_allclose(line.get_ydata(), pieces.k1[chosen][shown])
@@ -697,7 +773,9 @@ def test_results_are_written_state_by_state(tmp_path, monkeypatch):
     """Of states that lie on disk, results.nc and fields take the memory of a few, however many there are."""
     monkeypatch.setattr(shared_array, "PART_OF_MEMORY", 0)
     monkeypatch.setattr("femseal.results.variables.FIELD_BLOCKS", 8)
-    surface = self_affine((256, 256), (60e-6, 60e-6), hurst=0.8, rms_slope=0.15, roll_off=40e-6, rng=2)
+    surface = self_affine(
+        (256, 256), (60e-6, 60e-6), hurst=0.8, rms_slope=0.15, roll_off=40e-6, rng=2
+    )
     loads = np.linspace(50e6, 800e6, 24)
     scene = Scene(surface, 115e9, 1.4e9, Liquid(1e-3), 1e6, 0.0, loading=tuple(loads), rtol=1e-2)
 
@@ -719,14 +797,22 @@ def test_a_band_that_says_nothing_has_no_number_and_a_warning_with_its_source(sc
     study = studies["deterministic"]
     q, wide = study.leakage, np.zeros(len(scene.steps))
     wide[0] = 90.0
-    parts = (ErrorPart.of("solver", q, 0 * q + 0.1, 0 * q + 0.1, ""), ErrorPart.of("filter", q, wide, wide, ""))
+    parts = (
+        ErrorPart.of("solver", q, 0 * q + 0.1, 0 * q + 0.1, ""),
+        ErrorPart.of("filter", q, wide, wide, ""),
+    )
     budget = ErrorBudget("deterministic", q, parts)
     results = assemble(scene, study, facts=RunFacts(budgets={"deterministic": budget}))
     table = results.table()
     column = table.heads.index("95 % band of error")
-    assert [line[column].endswith(" to > 1000 times") for line in table.lines] == [True, *[False] * (q.size - 1)]
+    assert [line[column].endswith(" to > 1000 times") for line in table.lines] == [
+        True,
+        *[False] * (q.size - 1),
+    ]
     (text,) = (text for text in results.warnings if "factor of 1000" in text)
     assert text.startswith("the leakage at loading 50 MPa is not known")
     assert text.endswith(": filter")
-    again = assemble(scene, study, facts=RunFacts(budgets={"deterministic": replace(budget, parts=parts[:1])}))
+    again = assemble(
+        scene, study, facts=RunFacts(budgets={"deterministic": replace(budget, parts=parts[:1])})
+    )
     assert not any("factor of 1000" in text for text in again.warnings)

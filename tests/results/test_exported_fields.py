@@ -59,7 +59,11 @@ def studies(scene):
 
 @pytest.fixture(scope="module")
 def results(scene, studies):
-    return assemble(scene, *studies.values(), facts=RunFacts(case={"title": "trial"}, timings={"two-scale": 1.5}))
+    return assemble(
+        scene,
+        *studies.values(),
+        facts=RunFacts(case={"title": "trial"}, timings={"two-scale": 1.5}),
+    )
 
 
 @pytest.fixture(scope="module")
@@ -83,7 +87,13 @@ def in_time(path):
         reader.set_active_time_value(time)
         (mesh,) = reader.read()
         assert all(len(values) == 1 for values in mesh.field_data.values())
-        yield time, mesh.cell_data, mesh.point_data, {n: a[0] for n, a in mesh.field_data.items()}, mesh
+        yield (
+            time,
+            mesh.cell_data,
+            mesh.point_data,
+            {n: a[0] for n, a in mesh.field_data.items()},
+            mesh,
+        )
 
 
 def same_steps(steps, fields):
@@ -148,7 +158,9 @@ def test_heights_are_points(scene, folder):
 
     image = pyvista.read(folder / "vtk/surface.vti")
     points = image.point_data
-    assert_allclose(points["height_um"].reshape(48, 96, order="F"), scene.surface.heights * 1e6, rtol=1e-6)
+    assert_allclose(
+        points["height_um"].reshape(48, 96, order="F"), scene.surface.heights * 1e6, rtol=1e-6
+    )
     d1, d2 = scene.surface.spacing
     place = image.FindPoint(5.5 * d1, 77.5 * d2, 0.0)
     assert_allclose(points["height_um"][place], scene.surface.heights[5, 77] * 1e6, rtol=1e-6)
@@ -168,7 +180,12 @@ def test_names_are_plain_and_carry_units(folder):
 
 def test_steps_above_the_limit_are_left_out_and_named(results, scene, studies, tmp_path):
     each = 3 * 4 * 48 * 96
-    for limit, kept in ((6 * each, range(6)), (3.5 * each, (2, 3, 5)), (each, (2,)), (each - 1, ())):
+    for limit, kept in (
+        (6 * each, range(6)),
+        (3.5 * each, (2, 3, 5)),
+        (each, (2,)),
+        (each - 1, ()),
+    ):
         plan = plan_fields(results, limit)
         assert list(plan.steps) == list(kept)
         assert bool(plan.left_out) == (len(kept) < 6)
@@ -184,7 +201,9 @@ def test_steps_above_the_limit_are_left_out_and_named(results, scene, studies, t
     assert back.stored_steps == [2, 3, 5]
     assert [time for time, *_ in in_time(tmp_path / "fields.pvd")] == [2, 3, 5]
     assert_allclose(back.gap(5), studies["two_scale"].gap[5], rtol=1e-6)
-    with pytest.raises(InputError, match="step: given 1, which has no gap, expected one of 2, 3, 5"):
+    with pytest.raises(
+        InputError, match="step: given 1, which has no gap, expected one of 2, 3, 5"
+    ):
         back.gap(1)
     seal_figure(back, 1)
     for path in (tmp_path / "fields").iterdir():
@@ -206,7 +225,9 @@ def test_branches_are_labelled(back, studies):
     assert down["piece_k1"].dims == ("nominal_pressure", "piece1", "piece2")
     assert "state_k1" not in up
     for peak in (200e6, "200 MPa", "0.2 GPa"):
-        assert_array_equal(back.unloading(from_=peak)["leakage_two_scale"], studies["two_scale"].leakage[[1, 3]])
+        assert_array_equal(
+            back.unloading(from_=peak)["leakage_two_scale"], studies["two_scale"].leakage[[1, 3]]
+        )
     with pytest.raises(InputError, match="from_: given 300 MPa, expected one of 200 MPa, 700 MPa"):
         back.unloading(from_="300 MPa")
     with pytest.raises(InputError, match="from_"):
@@ -268,7 +289,9 @@ def test_fields_of_a_deterministic_study(scene, studies, tmp_path):
     assert not (tmp_path / "vtk").exists()
     for at_hand in (r, open_results(tmp_path)):
         for name in ("gap", "contact_pressure", "fluid_pressure"):
-            assert_allclose(getattr(at_hand, name)(3), getattr(studies["deterministic"], name)[3], rtol=1e-6)
+            assert_allclose(
+                getattr(at_hand, name)(3), getattr(studies["deterministic"], name)[3], rtol=1e-6
+            )
 
 
 def test_gap_for_other_programs(back, studies, scene, tmp_path):
@@ -299,8 +322,14 @@ def test_all_steps_and_pieces_are_exported(back, studies, scene, tmp_path):
     two = studies["two_scale"]
     first, last = 16, 32
     with np.load(paths[3]) as stored:
-        assert_allclose(stored["contact_pressure"], two.contact_pressure[3, first:last, 48:72], rtol=1e-6)
-        assert_allclose(stored["origin"], (first * scene.surface.spacing[0], 48 * scene.surface.spacing[1]), atol=1e-15)
+        assert_allclose(
+            stored["contact_pressure"], two.contact_pressure[3, first:last, 48:72], rtol=1e-6
+        )
+        assert_allclose(
+            stored["origin"],
+            (first * scene.surface.spacing[0], 48 * scene.surface.spacing[1]),
+            atol=1e-15,
+        )
         assert_allclose(stored["spacing"], scene.surface.spacing)
 
 
@@ -319,10 +348,16 @@ def test_a_part_of_the_face_is_exported_with_all_its_pixels_and_the_face_in_bloc
         assert_allclose(stored["origin"], (5 * d1, 3 * d2))
     (path,) = back.export(tmp_path / "p.vti", field="contact_pressure", step=3)
     image = pyvista.read(path)
-    blocks = image["contact_pressure_MPa"].reshape(tuple(n - 1 for n in image.dimensions[:2]), order="F")
+    blocks = image["contact_pressure_MPa"].reshape(
+        tuple(n - 1 for n in image.dimensions[:2]), order="F"
+    )
     assert blocks.shape == (12, 12)
     assert_allclose(np.subtract(image.bounds[1:4:2], image.bounds[:4:2]), scene.surface.size)
-    assert_allclose(blocks[0, 0], 1e-6 * pressure[: len(pressure) // 12, : pressure.shape[1] // 12].mean(), rtol=1e-5)
+    assert_allclose(
+        blocks[0, 0],
+        1e-6 * pressure[: len(pressure) // 12, : pressure.shape[1] // 12].mean(),
+        rtol=1e-5,
+    )
 
 
 def test_export_on_the_command_line(folder, tmp_path):
@@ -330,17 +365,25 @@ def test_export_on_the_command_line(folder, tmp_path):
 
     from femseal.cli import app
 
-    done = CliRunner().invoke(app, ["export", str(folder), "-o", str(tmp_path / "gap.npz"), "--step", "2"])
+    done = CliRunner().invoke(
+        app, ["export", str(folder), "-o", str(tmp_path / "gap.npz"), "--step", "2"]
+    )
     assert (done.exit_code, done.output.split()) == (0, [str(tmp_path / "gap.npz")])
     assert (tmp_path / "gap.npz").stat().st_size > 1000
     window = ("--window", "0 mm", ".06 mm", "0 mm", "50 um")
-    done = CliRunner().invoke(app, ["export", str(folder), "-o", str(tmp_path / "gap.vti"), "--step", "2", *window])
+    done = CliRunner().invoke(
+        app, ["export", str(folder), "-o", str(tmp_path / "gap.vti"), "--step", "2", *window]
+    )
     assert (done.exit_code, done.output.split()) == (0, [str(tmp_path / "gap.vti")])
 
 
 def test_what_cannot_be_exported(back, scene, studies, tmp_path):
     for name, given, message in (
-        ("a.tif", {}, r"output: given 'a.tif', expected a file \.npz, from which NumPy and other programs make \.tif"),
+        (
+            "a.tif",
+            {},
+            r"output: given 'a.tif', expected a file \.npz, from which NumPy and other programs make \.tif",
+        ),
         (
             "a.npz",
             {"field": "heights"},
@@ -355,14 +398,20 @@ def test_what_cannot_be_exported(back, scene, studies, tmp_path):
             r"window: given \(0, 6.1e-05, .* x1 from 0 to 6e-05 m, x2 from 0 to",
         ),
         ("a.npz", {"window": (0, 6e-5, -1e-6, 6e-5)}, "expected a part of the face"),
-        ("a.npz", {"window": (0, 6e-5, 1.4e-6, 1.8e-6)}, "with the centre of a pixel of 1.25e-06 m"),
+        (
+            "a.npz",
+            {"window": (0, 6e-5, 1.4e-6, 1.8e-6)},
+            "with the centre of a pixel of 1.25e-06 m",
+        ),
         ("none/a.npz", {"step": 0}, "a file that can be written"),
     ):
         with pytest.raises(InputError, match=message):
             back.export(tmp_path / name, **given)
     with pytest.raises(InputError, match="expected a part of the face"):
         assemble(scene, studies["deterministic"]).export(tmp_path / "a.npz", window=(0, 1, 0, 1))
-    with pytest.raises(InputError, match=r"no gap over all pixels, .* \"two-scale\" as method or in `compare`"):
+    with pytest.raises(
+        InputError, match=r"no gap over all pixels, .* \"two-scale\" as method or in `compare`"
+    ):
         assemble(scene, studies["stochastic"]).export(tmp_path / "a.npz")
     assert not list(tmp_path.iterdir())
 
@@ -432,7 +481,12 @@ def test_memory_is_told_in_bytes():
 def case():
     return {
         "method": "two-scale",
-        "face": {"kind": "self-affine", "points": [32, 64], "size": ["60 um", "120 um"], "rms_slope": 0.1},
+        "face": {
+            "kind": "self-affine",
+            "points": [32, 64],
+            "size": ["60 um", "120 um"],
+            "rms_slope": 0.1,
+        },
         "material": {"young": "210 GPa", "hardness": "3 GPa"},
         "load": {"loading": ["50 MPa", "300 MPa"]},
         "fluid": {"kind": "liquid", "viscosity": "1 mPa*s", "inlet_pressure": "1 MPa"},
@@ -465,7 +519,11 @@ def test_a_case_says_what_is_written_also_when_a_stopped_run_goes_on(case, tmp_p
     assert open_results(tmp_path).stored_steps == [1]
     assert r.left_out[0] in (tmp_path / "run.log").read_text(encoding="utf-8")
     timings = json.loads(r.dataset.attrs["timings"])
-    assert {"two-scale", "two-scale: contact of the whole face", "two-scale: pieces of the face"} <= set(timings)
+    assert {
+        "two-scale",
+        "two-scale: contact of the whole face",
+        "two-scale: pieces of the face",
+    } <= set(timings)
     assert timings["two-scale"] > timings["two-scale: contact of the whole face"] > 0
 
 
@@ -483,7 +541,10 @@ def test_a_case_says_what_is_written_also_when_a_stopped_run_goes_on(case, tmp_p
             "output.films: given an unknown key, expected pictures, report, fields, paraview, fields_limit",
         ),
         ({"pictures": 2}, "output.pictures: given 2, expected "),
-        ({"pictures": False, "report": True}, "output.report: given true with pictures = false, expected false"),
+        (
+            {"pictures": False, "report": True},
+            "output.report: given true with pictures = false, expected false",
+        ),
     ],
 )
 def test_faults_of_the_table_are_named(case, table, words):
@@ -511,10 +572,16 @@ example["draw"](sys.argv[2], step).screenshot(sys.argv[3])
 def test_two_scale_view_is_drawn(folder, back, tmp_path):
     leaking = np.flatnonzero(back.dataset["leakage_two_scale"].values)
     step = max(leaking, key=lambda s: back.steps[s].pressure)
-    arguments = [str(a) for a in (EXAMPLES / "two_scale_view.py", folder, tmp_path / "view.png", step)]
-    setting = {} if os.environ.get("DISPLAY") else {"VTK_DEFAULT_OPENGL_WINDOW": "vtkEGLRenderWindow"}
+    arguments = [
+        str(a) for a in (EXAMPLES / "two_scale_view.py", folder, tmp_path / "view.png", step)
+    ]
+    setting = (
+        {} if os.environ.get("DISPLAY") else {"VTK_DEFAULT_OPENGL_WINDOW": "vtkEGLRenderWindow"}
+    )
     command = [sys.executable, "-c", VIEW, *arguments]
-    run = subprocess.run(command, env=os.environ | setting, capture_output=True, text=True, timeout=600)
+    run = subprocess.run(
+        command, env=os.environ | setting, capture_output=True, text=True, timeout=600
+    )
     if "can draw" not in run.stdout:
         pytest.skip("nothing can be drawn off screen here")
     assert run.returncode == 0, run.stderr
@@ -564,7 +631,9 @@ except OSError as error:
 
 def test_a_full_disk_is_an_error(tmp_path):
     pytest.importorskip("resource")
-    run = subprocess.run([sys.executable, "-c", FULL, str(tmp_path)], capture_output=True, text=True, timeout=120)
+    run = subprocess.run(
+        [sys.executable, "-c", FULL, str(tmp_path)], capture_output=True, text=True, timeout=120
+    )
     assert run.stdout.startswith("OSError"), run.stderr
     assert not list(tmp_path.iterdir())
 

@@ -22,7 +22,9 @@ LOADS = (2e7, 2e8, 1.6e9)
 
 @pytest.fixture(scope="module")
 def scene():
-    face = fs.self_affine((32, 48), (60e-6, 90e-6), hurst=0.8, rms_slope=0.15, roll_off=30e-6, rng=2)
+    face = fs.self_affine(
+        (32, 48), (60e-6, 90e-6), hurst=0.8, rms_slope=0.15, roll_off=30e-6, rng=2
+    )
     return fs.Scene(face, 115e9, 2.8e9, fs.Liquid(1e-3), 1e6, 1e5, loading=LOADS, unload_from=(2e8,), unloading=(2e7,),
                     fluid_pressure="ignored")  # fmt: skip
 
@@ -44,7 +46,9 @@ def folder(scene, study, tmp_path_factory):
 def test_fields_are_those_of_the_contact_and_of_the_flow(scene, study):
     body = fs.HalfSpace(scene.surface.shape, scene.surface.spacing, scene.modulus, scene.boundary)
     gap0 = scene.surface.heights.max() - scene.surface.heights
-    contact = fs.solve_contact(gap0, body, pressure=LOADS[1], hardness=scene.hardness, rtol=scene.rtol)
+    contact = fs.solve_contact(
+        gap0, body, pressure=LOADS[1], hardness=scene.hardness, rtol=scene.rtol
+    )
     assert_allclose(study.contact_pressure[1], contact.pressure, rtol=1e-6)
     assert_allclose(study.contact_pressure[...].mean(axis=(1, 2)), scene.steps.pressures, rtol=1e-5)
     flow = fs.cell_permeability(contact.gap, scene.surface.spacing, sides="periodic")
@@ -113,7 +117,11 @@ def test_page_and_pictures_show_them(scene, study, folder):
     step = default_step(results.dataset)
     assert study.leakage[step] > 0
     titles = [axes.get_title() for axes in seal_figure(results, step).axes]
-    assert [title.split(" [")[0] for title in titles[:3]] == ["contact pressure", "gap", "fluid pressure"]
+    assert [title.split(" [")[0] for title in titles[:3]] == [
+        "contact pressure",
+        "gap",
+        "fluid pressure",
+    ]
     page = (folder / "report.html").read_text(encoding="utf-8")
     assert page.count("<img ") == 6  # face, leakage, three maps, drop
     assert "over a tenth of the width" in page
@@ -123,7 +131,9 @@ def test_page_and_pictures_show_them(scene, study, folder):
 
 
 def test_the_page_of_a_folder_is_the_one_that_the_run_wrote(folder):
-    assert report_html(fs.open_results(folder)) == (folder / "report.html").read_text(encoding="utf-8")
+    assert report_html(fs.open_results(folder)) == (folder / "report.html").read_text(
+        encoding="utf-8"
+    )
 
 
 @pytest.mark.parametrize("sides", [(1, 1), (1, 2.5), (3, 1), (1, 6)])
@@ -146,7 +156,9 @@ def test_panels_are_cut_out_of_the_picture(scene, study):
     from PIL import Image
 
     drawing = drawn(seal_figure(assemble(scene, study)))
-    whole, first = (np.asarray(Image.open(BytesIO(png))) for png in (drawing.whole, drawing.panels[0]))
+    whole, first = (
+        np.asarray(Image.open(BytesIO(png))) for png in (drawing.whole, drawing.panels[0])
+    )
     assert len(drawing.panels) == 4
     n1 = len(first)
     assert any((whole[row : row + n1] == first).all() for row in range(whole.shape[0] - n1))
@@ -172,7 +184,9 @@ def test_loads_are_spread_over_the_axis(loads, scale):
     load_axis(axes, np.array(loads, float))
     figure.canvas.draw()
     assert axes.get_xscale() == scale
-    places = axes.transAxes.inverted().transform(axes.transData.transform([(load, 0.5) for load in loads]))[:, 0]
+    places = axes.transAxes.inverted().transform(
+        axes.transData.transform([(load, 0.5) for load in loads])
+    )[:, 0]
     if max(loads) > 0:
         assert ((places >= 0) & (places <= 1)).all()
     if len(loads) > 1:

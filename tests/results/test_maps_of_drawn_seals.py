@@ -44,7 +44,12 @@ def test_fields_are_those_of_one_realisation(strip):
     for drawn, known in zip(data["drawn_contact_pressure"].values, pieces.pressure, strict=True):
         for row, of_face in zip(drawn.reshape(2, -1), known, strict=True):
             assert set(row.round(3)) <= set(of_face.round(3))
-    assert np.corrcoef(data["drawn_contact_pressure"].values[1], data["drawn_permeability"].values[1])[0, 1] < 0
+    assert (
+        np.corrcoef(data["drawn_contact_pressure"].values[1], data["drawn_permeability"].values[1])[
+            0, 1
+        ]
+        < 0
+    )
 
 
 def test_states_are_those_that_the_tiles_draw_from(strip, ring):
@@ -71,10 +76,14 @@ def test_fields_of_a_ring_flow_outwards(ring):
     radius = np.linalg.norm(centres, axis=1)
     outwards = (data["drawn_flux"].values * (centres / radius[:, None])).sum(axis=2)
     assert (outwards > 0).mean() > 0.95
-    own = data["leakage"].values[data["drawn_corners"].attrs["realisation"]] * ring.leak_basis.length
+    own = (
+        data["leakage"].values[data["drawn_corners"].attrs["realisation"]] * ring.leak_basis.length
+    )
     rows = np.unique(radius.round(9), return_inverse=True)[1]
     width = 2 * np.pi * radius / np.bincount(rows)[rows]
-    through = np.array([[(outwards[s] * width)[rows == n].sum() for n in range(rows.max() + 1)] for s in range(3)])
+    through = np.array(
+        [[(outwards[s] * width)[rows == n].sum() for n in range(rows.max() + 1)] for s in range(3)]
+    )
     assert_allclose(through, np.repeat(own[:, None], through.shape[1], axis=1), rtol=0.1)
     # what the fluid leaves of the load at its place
     nominal = data["nominal_pressure"].values[:, None].repeat(len(radius), axis=1)
@@ -121,8 +130,15 @@ def test_files_of_drawn_seals_are_read_by_vtk_and_meshio(strip):
     assert mesh.area == pytest.approx(30e-6 * 240e-6)
     for name, values in expected.items():
         assert_allclose(mesh.cell_data[name], values, rtol=1e-6)
-    assert_allclose(mesh.cell_data["flux_m2_per_s"][:, :2], data["drawn_flux"].values[1], rtol=1e-6, atol=1e-30)
-    assert_allclose(plain.cell_data["flux_m2_per_s"][0][:, :2], data["drawn_flux"].values[1], rtol=1e-6, atol=1e-30)
+    assert_allclose(
+        mesh.cell_data["flux_m2_per_s"][:, :2], data["drawn_flux"].values[1], rtol=1e-6, atol=1e-30
+    )
+    assert_allclose(
+        plain.cell_data["flux_m2_per_s"][0][:, :2],
+        data["drawn_flux"].values[1],
+        rtol=1e-6,
+        atol=1e-30,
+    )
     back = open_results(folder)
     assert_allclose(back.dataset["drawn_flux"], data["drawn_flux"])
 
@@ -134,13 +150,20 @@ def test_states_are_in_files_with_their_number_as_time(ring, tmp_path):
     assert reader.time_values == list(range(data.sizes["state"]))
     reader.set_active_time_value(data.sizes["state"] - 1)
     block = reader.read()[0]
-    assert_allclose(block.field_data["nominal_pressure_MPa"], data["state_nominal_pressure"][-1:] / 1e6)
+    assert_allclose(
+        block.field_data["nominal_pressure_MPa"], data["state_nominal_pressure"][-1:] / 1e6
+    )
     assert block.area == pytest.approx(30e-6 * 60e-6)
     centres = block.cell_centers().points
     x1, x2 = (data[name].values for name in ("state_piece1", "state_piece2"))
     assert_allclose(centres[:, 0], np.repeat(x1, len(x2)), rtol=1e-6)
-    for name, variable, factor in (("k1_m3", "state_k1", 1), ("pressure_MPa", "state_pressure", 1e-6)):
-        assert_allclose(block.cell_data[name], data[variable][-1].values.ravel() * factor, rtol=1e-6)
+    for name, variable, factor in (
+        ("k1_m3", "state_k1", 1),
+        ("pressure_MPa", "state_pressure", 1e-6),
+    ):
+        assert_allclose(
+            block.cell_data[name], data[variable][-1].values.ravel() * factor, rtol=1e-6
+        )
 
 
 def test_gases_with_slip_have_fields_too(tmp_path):

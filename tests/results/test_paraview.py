@@ -21,7 +21,8 @@ from femseal.results.vtk_files import Cells, LoadSteps, write_series
 MACRO = Path(__file__).parents[2] / "examples" / "paraview_two_scale.py"
 M1, M2 = 3, 4
 in_paraview = pytest.mark.skipif(
-    shutil.which("pvpython") is None or shutil.which("xvfb-run") is None, reason="ParaView is not installed"
+    shutil.which("pvpython") is None or shutil.which("xvfb-run") is None,
+    reason="ParaView is not installed",
 )
 #: Numbers the calls of ParaView.
 CALLS = count()
@@ -54,7 +55,15 @@ json.dump(found, open(sys.argv[1], "w"))
 def results():
     face = fs.turned((48, 96), (60e-6, 120e-6), pitch=27e-6, depth=1e-6, roughness=0.3e-6, rng=2)
     scene = fs.Scene(
-        face, 115e9, 2.8e9, fs.Liquid(1e-3), 3e7, 1e6, loading=(50e6, 700e6), unload_from=(700e6,), unloading=(50e6,)
+        face,
+        115e9,
+        2.8e9,
+        fs.Liquid(1e-3),
+        3e7,
+        1e6,
+        loading=(50e6, 700e6),
+        unload_from=(700e6,),
+        unloading=(50e6,),
     )
     study = fs.two_scale(scene, (M1, M2))
     return assemble(scene, study)
@@ -74,7 +83,9 @@ def test_meshio_reads_every_mesh(results, folder):
         mesh = meshio.read(path)
         (block,) = mesh.cells
         assert (block.type, block.data.shape) == ("quad", (M1 * M2, 4))
-        assert_array_equal(mesh.cell_data["k1_m3"][0].reshape(M1, M2), results.dataset["piece_k1"][s])
+        assert_array_equal(
+            mesh.cell_data["k1_m3"][0].reshape(M1, M2), results.dataset["piece_k1"][s]
+        )
         assert_allclose(mesh.field_data["nominal_pressure_MPa"], results.steps[s].pressure / 1e6)
 
 
@@ -83,7 +94,9 @@ def test_meshio_reads_meshes_of_any_content(tmp_path):
     rng = np.random.default_rng(3)
     n_steps, quads = 60, np.array([[0, 1, 2, 3], [3, 2, 4, 5]])
     points = {f"point_{n}": rng.normal(size=(n_steps, 6)) for n in range(3)}
-    cells = {f"cell_{n}": rng.normal(size=(n_steps, 2)) for n in range(4)} | {"v": rng.normal(size=(n_steps, 2, 3))}
+    cells = {f"cell_{n}": rng.normal(size=(n_steps, 2)) for n in range(4)} | {
+        "v": rng.normal(size=(n_steps, 2, 3))
+    }
     for values in (*points.values(), *cells.values()):
         values[rng.random(values.shape) < rng.random((n_steps, *[1] * (values.ndim - 1)))] = 0.0
     steps = LoadSteps(np.arange(n_steps), np.zeros(n_steps), np.full(n_steps, np.nan))
@@ -97,7 +110,9 @@ def test_meshio_reads_meshes_of_any_content(tmp_path):
 
 
 def pvpython(*arguments):
-    environment = {name: value for name, value in os.environ.items() if not name.startswith("PYTHON")}
+    environment = {
+        name: value for name, value in os.environ.items() if not name.startswith("PYTHON")
+    }
     # two at a time may both take the display that -a finds free, and a server that ends takes the socket of the next
     # one on its display with it: begin at a number of this process, and of this call
     display = 1000 + (10 * os.getpid() + next(CALLS)) % 50000
@@ -119,8 +134,13 @@ def test_paraview_opens_every_file(results, folder, tmp_path):
     for path in paths:
         if path.suffix == ".pvd":
             assert [step["time"] for step in found[str(path)]] == [0, 1, 2]
-            assert_allclose([s["Field"]["nominal_pressure_MPa"][0] for s in found[str(path)]], [50, 700, 50])
-            assert_allclose([s["Field"]["unloaded_from_MPa"][0] for s in found[str(path)]], [np.nan, np.nan, 700])
+            assert_allclose(
+                [s["Field"]["nominal_pressure_MPa"][0] for s in found[str(path)]], [50, 700, 50]
+            )
+            assert_allclose(
+                [s["Field"]["unloaded_from_MPa"][0] for s in found[str(path)]],
+                [np.nan, np.nan, 700],
+            )
     for s, step in enumerate(found[str(folder / "vtk/pieces.pvd")]):
         known = meshio.read(folder / f"vtk/pieces/step_{s:04d}.vtu").cell_data
         assert step["Cell"].keys() == known.keys()
@@ -128,7 +148,9 @@ def test_paraview_opens_every_file(results, folder, tmp_path):
             assert_array_equal(step["Cell"][name], values)
     for s, step in enumerate(found[str(folder / "fields.pvd")]):
         assert_allclose(step["bounds"][:4], [0, 60e-6, 0, 120e-6])
-        cells = {name: np.reshape(values, (48, 96), order="F") for name, values in step["Cell"].items()}
+        cells = {
+            name: np.reshape(values, (48, 96), order="F") for name, values in step["Cell"].items()
+        }
         assert_allclose(cells.pop("gap_um"), two.gap[s] * 1e6, rtol=1e-6)
         assert_allclose(cells.pop("contact_pressure_MPa"), two.contact_pressure[s] / 1e6, rtol=1e-6)
         assert_allclose(cells.pop("fluid_pressure_MPa"), two.fluid_pressure[s] / 1e6, rtol=1e-6)

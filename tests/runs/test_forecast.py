@@ -60,7 +60,9 @@ def test_the_effort_of_a_small_face_is_that_of_its_contacts(data):
         settings = {"pressure": scene.loading[k], "hardness": scene.hardness, "rtol": scene.rtol}
         contact = scene.acting_fluid.contact(gap, half_space, **settings)
         assert_allclose(found[k].contact_fraction, contact.area_fraction)
-        assert_allclose(found[k].pairs, contact.fft_pairs * (PILOT_PIXELS / gap.size) ** found[k].growth)
+        assert_allclose(
+            found[k].pairs, contact.fft_pairs * (PILOT_PIXELS / gap.size) ** found[k].growth
+        )
         assert found[k].rounds == contact.rounds
     shares = [effort.contact_fraction for effort in found[: len(scene.loading)]]
     assert shares == sorted(shares)
@@ -71,7 +73,11 @@ def test_the_effort_of_a_small_face_is_that_of_its_contacts(data):
 def counts(monkeypatch):
     """Rounds of contact and flow, transforms of contacts and iterations of flow, as they are solved."""
     found = Counter()
-    flow, contact, coupled = face_flow.cell_permeability, fluid_coupling.solve_contact, FluidPressure.contact
+    flow, contact, coupled = (
+        face_flow.cell_permeability,
+        fluid_coupling.solve_contact,
+        FluidPressure.contact,
+    )
 
     def counting(name, number, solve):
         def counted(*arguments, **options):
@@ -81,40 +87,67 @@ def counts(monkeypatch):
 
         return counted
 
-    monkeypatch.setattr(face_flow, "cell_permeability", counting("iterations", lambda x: x.iterations, flow))
-    monkeypatch.setattr(fluid_coupling, "solve_contact", counting("pairs", lambda x: x.fft_pairs, contact))
+    monkeypatch.setattr(
+        face_flow, "cell_permeability", counting("iterations", lambda x: x.iterations, flow)
+    )
+    monkeypatch.setattr(
+        fluid_coupling, "solve_contact", counting("pairs", lambda x: x.fft_pairs, contact)
+    )
     monkeypatch.setattr(FluidPressure, "contact", counting("rounds", lambda x: x.rounds, coupled))
     return found
 
 
-@pytest.mark.parametrize("pressures", [["100 MPa", "200 MPa"], ["250 MPa", "500 MPa"]], ids=["open", "near closing"])
+@pytest.mark.parametrize(
+    "pressures", [["100 MPa", "200 MPa"], ["250 MPa", "500 MPa"]], ids=["open", "near closing"]
+)
 def test_the_pilot_counts_what_a_larger_face_takes(data, counts, pressures):
     """A face of nine times as many points, pressed apart: rounds, transforms and iterations within two fifths."""
-    data["face"] = {"kind": "self-affine", "points": [600, 600], "size": ["600 um", "600 um"], "hurst": 0.8}
+    data["face"] = {
+        "kind": "self-affine",
+        "points": [600, 600],
+        "size": ["600 um", "600 um"],
+        "hurst": 0.8,
+    }
     data["face"] |= {"rms_slope": 0.05, "roll_off": "60 um"}
     data |= {"load": {"loading": pressures}}
-    data["fluid"] = {"kind": "liquid", "viscosity": "1 mPa*s", "inlet_pressure": "30 MPa", "outlet_pressure": "0 MPa"}
+    data["fluid"] = {
+        "kind": "liquid",
+        "viscosity": "1 mPa*s",
+        "inlet_pressure": "30 MPa",
+        "outlet_pressure": "0 MPa",
+    }
     scene = prepare(parse_case(data)).scene
     known, pixels = pilot.efforts(scene), scene.surface.heights.size
     counts.clear()
     deterministic(scene)
     assert_allclose(sum(effort.rounds for effort in known), counts["rounds"], rtol=0.4)
     assert_allclose(sum(e.rounds * e.pairs_on(pixels) for e in known), counts["pairs"], rtol=0.4)
-    assert_allclose(sum(e.rounds * e.iterations_on(pixels) for e in known), counts["iterations"], rtol=0.4)
+    assert_allclose(
+        sum(e.rounds * e.iterations_on(pixels) for e in known), counts["iterations"], rtol=0.4
+    )
 
 
 def test_the_effort_does_not_depend_on_the_points_of_a_large_face(data):
     data["face"] |= {"points": [256, 512], "size": ["240 um", "480 um"], "roughness": "1 um"}
     scene = prepare(parse_case(data)).scene
-    larger = replace(scene, surface=fs.Topography(np.tile(scene.surface.heights, (2, 2)), scene.surface.spacing))
+    larger = replace(
+        scene, surface=fs.Topography(np.tile(scene.surface.heights, (2, 2)), scene.surface.spacing)
+    )
     for one, other in zip(pilot.efforts(scene), pilot.efforts(larger), strict=True):
         assert 0.5 < one.pairs / other.pairs < 2
         assert abs(one.contact_fraction - other.contact_fraction) < 0.1
 
 
 def test_a_contact_takes_longer_with_more_pixels_and_more_contact():
-    assert 4 < contact_seconds((2000, 2000), Effort(20, 0.0)) / contact_seconds((1000, 1000), Effort(20, 0.0)) < 6
-    assert contact_seconds((2000, 2000), Effort(20, 0.9)) > 3 * contact_seconds((2000, 2000), Effort(20, 0.05))
+    assert (
+        4
+        < contact_seconds((2000, 2000), Effort(20, 0.0))
+        / contact_seconds((1000, 1000), Effort(20, 0.0))
+        < 6
+    )
+    assert contact_seconds((2000, 2000), Effort(20, 0.9)) > 3 * contact_seconds(
+        (2000, 2000), Effort(20, 0.05)
+    )
 
 
 def test_rows_of_odd_and_prime_lengths_take_longer():
@@ -135,7 +168,9 @@ def test_an_unloading_that_is_the_loading_again_takes_no_time(data, hardness, ag
     states = [state.gap.tobytes() for state in deterministic(scene).states]
     assert len(states) - len(set(states)) == again
     cost = deterministic_cost(known, scene.surface.shape, acts=True)[0]
-    assert_allclose(cost, deterministic_cost(usual_efforts(7 - again), scene.surface.shape, acts=True)[0])
+    assert_allclose(
+        cost, deterministic_cost(usual_efforts(7 - again), scene.surface.shape, acts=True)[0]
+    )
 
 
 def test_forecast_adds_up_the_methods(data, monkeypatch):
@@ -149,7 +184,9 @@ def test_forecast_adds_up_the_methods(data, monkeypatch):
     assert_allclose(one.seconds(2), 3 * (one.own + one.work / 2))
 
 
-def test_a_run_that_does_not_fit_is_refused_unless_the_case_says_so(data, memory, monkeypatch, tmp_path):
+def test_a_run_that_does_not_fit_is_refused_unless_the_case_says_so(
+    data, memory, monkeypatch, tmp_path
+):
     monkeypatch.setattr(module, "pace", lambda: pytest.fail("memory needs no time"))
     case = parse_case(data)
     needed = forecast(case, prepare(case)).memory / 1e9
@@ -170,7 +207,9 @@ def test_a_run_that_does_not_fit_is_refused_unless_the_case_says_so(data, memory
     assert fs.run(parse_case(data), workers=1).leakage.values[0] > 0
     memory(1e12)
     data["memory"] = "100 MB"
-    with pytest.raises(fs.InputError, match=r"0\.1 GB of the key memory: more than the 0\.5 GB that any run takes"):
+    with pytest.raises(
+        fs.InputError, match=r"0\.1 GB of the key memory: more than the 0\.5 GB that any run takes"
+    ):
         fs.run(parse_case(data), workers=1)
 
 
@@ -213,13 +252,19 @@ def test_check_names_every_grid_of_the_error_budget_once_and_describes_a_flat_fa
     case = parse_case(data)
     lines = [*describe(case, prepare(case))]
     (again,) = [line for line in lines if line.startswith("error budget")]
-    assert re.findall(r"on (\d+ × \d+) points", again) == [*dict.fromkeys(re.findall(r"on (\d+ × \d+) points", again))]
+    assert re.findall(r"on (\d+ × \d+) points", again) == [
+        *dict.fromkeys(re.findall(r"on (\d+ × \d+) points", again))
+    ]
     assert any(line.endswith("rms slope 0: a flat face") for line in lines)
 
 
 def test_check_describes_first_touch_alone(data):
     """At no load the contact takes no transforms, and the fluid carries no fraction of it."""
-    data |= {"load": {"loading": ["0 MPa"]}, "material": {"young": "210 GPa"}, "counter_material": {"young": "70 GPa"}}
+    data |= {
+        "load": {"loading": ["0 MPa"]},
+        "material": {"young": "210 GPa"},
+        "counter_material": {"young": "70 GPa"},
+    }
     case = parse_case(data)
     lines = [*describe(case, prepare(case))]
     assert any(line.endswith("with the contact") for line in lines)

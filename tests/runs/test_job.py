@@ -53,7 +53,9 @@ def case(tmp_path):
 def process(*arguments):
     """The command line in a process of its own."""
     code = "from femseal.cli import main; main()"
-    return subprocess.run([sys.executable, "-c", code, *map(str, arguments)], capture_output=True, text=True)
+    return subprocess.run(
+        [sys.executable, "-c", code, *map(str, arguments)], capture_output=True, text=True
+    )
 
 
 def test_results_do_not_depend_on_the_workers(case):
@@ -75,7 +77,10 @@ def test_methods_that_are_compared_solve_the_contact_of_the_whole_face_once(case
     both = fs.run(case, workers=2, progress=lambda stage, done, total: stages.append(stage)).dataset
     alone = fs.run(parse_case(tomllib.loads(text) | {"compare": []}), workers=1).dataset
     contacts = {stage for stage in stages if "contact" in stage}
-    assert contacts == {"two-scale: contact of the whole face", "error budget: contact of the whole face"}
+    assert contacts == {
+        "two-scale: contact of the whole face",
+        "error budget: contact of the whole face",
+    }
     assert not any(name.startswith("window") for name in set(alone.data_vars) - set(both.data_vars))
     for name in alone.data_vars:
         assert_array_equal(both[name].values, alone[name].values)
@@ -88,7 +93,9 @@ breadth = "100 um"
 quantiles = [0.2, 0.8]
 """
     uneven = 'unloading = ["100 MPa"]\n[load.map]\nkind = "profile"\nfractions = [1.4, 1.2, 1.0, 0.8, 0.6]\n'
-    alone = CASE.replace('compare = ["deterministic", "two-scale"]\n', "").replace("realisations = 4\n", "")
+    alone = CASE.replace('compare = ["deterministic", "two-scale"]\n', "").replace(
+        "realisations = 4\n", ""
+    )
     case.write_text(alone.replace('unloading = ["100 MPa"]\n', uneven) + choices)
     data = fs.run(case, workers=1).dataset
     assert data.sizes["realisation"] >= 3
@@ -129,7 +136,9 @@ def test_a_cluster_is_given_a_few_tasks_at_a_time_and_returns_them_in_order(recw
             yield n
 
     with (
-        distributed.LocalCluster(n_workers=1, threads_per_worker=2, processes=False, dashboard_address=None) as cluster,
+        distributed.LocalCluster(
+            n_workers=1, threads_per_worker=2, processes=False, dashboard_address=None
+        ) as cluster,
         ordered_map(scheduler=cluster.scheduler_address) as mapping,
     ):
         results = iter(mapping(Stage("powers", pow), numbers(), [3] * 30))
@@ -154,7 +163,9 @@ def test_a_bad_address_of_a_scheduler_is_named(case, tmp_path, monkeypatch, sile
     assert cluster_map.ANSWER_SECONDS <= 5
     monkeypatch.setattr(cluster_map, "ANSWER_SECONDS", 0.5)
     monkeypatch.setattr(cluster_map, "WORKER_SECONDS", 0.5)
-    address = {"nobody": "tcp://127.0.0.1:1", "silent": silent_service, "nonsense": "http://x"}.get(kind)
+    address = {"nobody": "tcp://127.0.0.1:1", "silent": silent_service, "nonsense": "http://x"}.get(
+        kind
+    )
     with ExitStack() as stack:
         if kind == "no workers":
             cluster = stack.enter_context(
@@ -170,7 +181,9 @@ def test_only_a_complete_folder_is_resumed(case, undrawn, tmp_path, monkeypatch)
     def fail(*args, **kwargs):
         raise ValueError("no such colour")
 
-    case.write_text(CASE.replace('method = "stochastic"', 'method = "deterministic"').replace("compare", "# "))
+    case.write_text(
+        CASE.replace('method = "stochastic"', 'method = "deterministic"').replace("compare", "# ")
+    )
     out = tmp_path / "out"
     with monkeypatch.context() as patch:
         patch.setattr("femseal.report.pictures.leakage_figure", fail)
@@ -200,7 +213,11 @@ def test_one_row_or_column_of_cells(case, undrawn, tmp_path):
         assert np.isfinite(results.dataset["leakage"]).all()
 
         listed = (tmp_path / "out/files.txt").read_text().split()
-        there = {p.relative_to(tmp_path / "out").as_posix() for p in (tmp_path / "out").rglob("*") if p.is_file()}
+        there = {
+            p.relative_to(tmp_path / "out").as_posix()
+            for p in (tmp_path / "out").rglob("*")
+            if p.is_file()
+        }
         assert there == {*listed, "files.txt", "run.log"}
 
 
@@ -242,7 +259,11 @@ def test_progress_knows_how_much_there_is_to_do(case):
     case.write_text(CASE.replace('compare = ["deterministic", "two-scale"]', ""))
     fs.run(case, workers=1, progress=lambda *state: told.append(state))
     last = {stage: (done, total) for stage, done, total in told}
-    assert {"stochastic", "stochastic: contact of the whole face", "stochastic: drawn seals"} <= set(last)
+    assert {
+        "stochastic",
+        "stochastic: contact of the whole face",
+        "stochastic: drawn seals",
+    } <= set(last)
     assert all(done == total for done, total in last.values())
 
 
@@ -265,7 +286,9 @@ def test_size_of_the_checkpoint_is_foreseen(case, undrawn, tmp_path):
 
     def measure(stage, done, total):
         if stage == "writing results":
-            written.extend(path.stat().st_size for path in (tmp_path / "out/.checkpoint").glob("*.results"))
+            written.extend(
+                path.stat().st_size for path in (tmp_path / "out/.checkpoint").glob("*.results")
+            )
 
     fs.run(loaded, tmp_path / "out", workers=1, progress=measure)
     assert 0.6 < sum(written) / disk(loaded, prepare(loaded)).checkpoint < 1.2
@@ -281,7 +304,11 @@ def test_ctrl_c_within_compiled_code_stops_as_any_other(case, tmp_path):
 
     for cause, expected in ((KeyboardInterrupt(), KeyboardInterrupt), (ValueError(), SystemError)):
         with pytest.raises(expected):
-            fs.run(case, tmp_path / "out", resume=True, workers=1, progress=partial(fail, cause=cause))
+            fs.run(
+                case, tmp_path / "out", resume=True, workers=1, progress=partial(fail, cause=cause)
+            )
         last = (tmp_path / "out/run.log").read_text()
-        assert ("the run was stopped (KeyboardInterrupt)" in last) == (expected is KeyboardInterrupt)
+        assert ("the run was stopped (KeyboardInterrupt)" in last) == (
+            expected is KeyboardInterrupt
+        )
         (tmp_path / "out/run.log").unlink()

@@ -66,7 +66,11 @@ def test_leakage_is_that_of_the_shape(done):
     for s, leakage in enumerate((first, top, back)):
         assert 0.5 * k[s].min() * rate < leakage < k[s].max() * rate
         # across the lay, on the ring everywhere, less than k of the element
-        assert_allclose(leakage, np.exp(np.log(k[s]).mean()) * rate, rtol=0.6 if case.seal.kind == "annular" else 0.35)
+        assert_allclose(
+            leakage,
+            np.exp(np.log(k[s]).mean()) * rate,
+            rtol=0.6 if case.seal.kind == "annular" else 0.35,
+        )
 
 
 @pytest.mark.parametrize("done", ["gasket_seal"], indirect=True)
@@ -76,10 +80,14 @@ def test_results_do_not_depend_on_workers_and_a_finished_run_is_found(done, monk
         list(mapper(Stage("start", abs), [1, 2]))
     monkeypatch.chdir(tmp_path)  # the processes stay where they were
     again = fs.run(case, "again", workers=2)
-    for view in sorted((folder / "vtk").rglob("*.vt?")):  # by another process than that of the pictures
+    for view in sorted(
+        (folder / "vtk").rglob("*.vt?")
+    ):  # by another process than that of the pictures
         assert (tmp_path / "again" / view.relative_to(folder)).read_bytes() == view.read_bytes()
     assert_array_equal(again.dataset["leakage"].values, results.dataset["leakage"].values)
-    assert_array_equal(again.dataset["drawn_permeability"].values, results.dataset["drawn_permeability"].values)
+    assert_array_equal(
+        again.dataset["drawn_permeability"].values, results.dataset["drawn_permeability"].values
+    )
     log = (folder / "run.log").read_text(encoding="utf-8")
     fs.run(case, folder, resume=True)
     assert (folder / "run.log").read_text(encoding="utf-8") == log
@@ -95,7 +103,9 @@ def test_files_for_people_and_paraview(done):
     block = reader.read()[0]
     data = results.dataset
     assert block.n_cells == data.sizes["part"]
-    assert block.n_points < 0.9 * data.sizes["part"] * data.sizes["corner"]  # corners that parts share are one point
+    assert (
+        block.n_points < 0.9 * data.sizes["part"] * data.sizes["corner"]
+    )  # corners that parts share are one point
     assert_allclose(block.cell_data["permeability_m3"], data["drawn_permeability"].values[1])
     p = block.cell_data["fluid_pressure_MPa"] * 1e6
     assert 0 <= p.min() < 0.15 * p.max() < p.max() <= case.fluid.inlet_pressure
@@ -104,7 +114,10 @@ def test_files_for_people_and_paraview(done):
     assert p[r < np.quantile(r, 0.1)].mean() > 3 * p[r > np.quantile(r, 0.9)].mean()
     assert (folder / "seal.png").stat().st_size > 20_000
     page = (folder / "report.html").read_text(encoding="utf-8")
-    words = {"annular": "a ring between the radii 10 mm and 10.6 mm", "mesh": "the mesh bolted_ring.msh, lay x2"}
+    words = {
+        "annular": "a ring between the radii 10 mm and 10.6 mm",
+        "mesh": "the mesh bolted_ring.msh, lay x2",
+    }
     assert words[case.seal.kind] in page
     assert "The drawn seal nearest to the median" in page
 
@@ -175,7 +188,9 @@ def test_faults_are_one_line_with_their_key(name, table, keys, words):
 
 def test_a_shape_needs_the_method_that_draws_it_and_a_strip_is_as_long_as_the_face():
     data = reduced("annular_seal") | {"method": "two-scale"}
-    assert refused(data).startswith("seal.kind: given annular with the method two-scale, expected it with stochastic")
+    assert refused(data).startswith(
+        "seal.kind: given annular with the method two-scale, expected it with stochastic"
+    )
     data = reduced("annular_seal") | {"seal": {"kind": "rectangular"}}
     prepared = prepare(parse_case(data))
     assert prepared.sampling.length == prepared.scene.surface.size[1]
@@ -184,13 +199,17 @@ def test_a_shape_needs_the_method_that_draws_it_and_a_strip_is_as_long_as_the_fa
 def test_bad_seals_end_with_code_2_and_write_nothing(tmp_path, monkeypatch, capsys):
     text = (EXAMPLES / "gasket_seal.toml").read_text(encoding="utf-8")
     path = tmp_path / "case.toml"
-    path.write_text(text.replace("../meshes", str(EXAMPLES.parent / "meshes")).replace('"bore"', '"door"'))
+    path.write_text(
+        text.replace("../meshes", str(EXAMPLES.parent / "meshes")).replace('"bore"', '"door"')
+    )
     monkeypatch.setattr("sys.argv", ["femseal", "run", str(path), "-o", str(tmp_path / "out")])
     with pytest.raises(SystemExit) as stop:
         cli.main()
     out, told = capsys.readouterr()
     assert (stop.value.code, out) == (2, "")
-    assert told.startswith("femseal: seal.inlet: given 'door', expected the name of a boundary of the mesh: 'bore'")
+    assert told.startswith(
+        "femseal: seal.inlet: given 'door', expected the name of a boundary of the mesh: 'bore'"
+    )
     assert told.count("\n") == 1
     assert not (tmp_path / "out").exists()
 

@@ -81,7 +81,9 @@ def test_interpolation_converges_on_finer_points():
     errors = []
     for n in (5, 9, 17):
         points = lattice(counts=(n, 4 * n))
-        form = MeasuredForm.of(points, 1e-6 * np.sin(np.pi * points[:, 0] / 2e-3) * np.cos(np.pi * points[:, 1] / 4e-3))
+        form = MeasuredForm.of(
+            points, 1e-6 * np.sin(np.pi * points[:, 0] / 2e-3) * np.cos(np.pi * points[:, 1] / 4e-3)
+        )
         exact = 1e-6 * np.sin(np.pi * inside[:, 0] / 2e-3) * np.cos(np.pi * inside[:, 1] / 4e-3)
         plane = np.column_stack([np.ones(len(inside)), inside])
         exact -= plane @ np.linalg.lstsq(plane, exact)[0]
@@ -94,7 +96,9 @@ def test_a_dense_map_is_averaged_and_keeps_its_long_waves():
     shape = (100, 400)
     spacing = (2e-5, 2e-5)
     x1, x2 = ((np.arange(n) + 0.5) * d for n, d in zip(shape, spacing, strict=True))
-    heights = 1e-6 * np.cos(2 * np.pi * x2 / 8e-3) * np.ones((shape[0], 1)) + 1e-7 * np.cos(np.pi * x1[:, None] / 4e-5)
+    heights = 1e-6 * np.cos(2 * np.pi * x2 / 8e-3) * np.ones((shape[0], 1)) + 1e-7 * np.cos(
+        np.pi * x1[:, None] / 4e-5
+    )
     heights[10:20, 30:40] = np.nan
     form = MeasuredForm.of_map(fs.Topography(heights, spacing, (False, False)))
     points = lattice(counts=(20, 80)) * [0.98, 0.98] + [2e-5, 8e-5]
@@ -112,7 +116,8 @@ def test_points_of_another_unit_do_not_cover_a_seal():
 
 
 @pytest.mark.parametrize(
-    "bad", [([[0, 0], [1, 1]], [0, 0]), ([[0, 0], [1, np.nan], [2, 2]], [0, 0, 0]), ([0, 1, 2], [0] * 3)]
+    "bad",
+    [([[0, 0], [1, 1]], [0, 0]), ([[0, 0], [1, np.nan], [2, 2]], [0, 0, 0]), ([0, 1, 2], [0] * 3)],
 )
 def test_bad_heights(bad):
     with pytest.raises(InputError, match="form"):
@@ -130,7 +135,9 @@ def test_columns_and_maps_are_read_with_their_units(tmp_path):
     assert_allclose(ScaledForm(form, 3.0).heights(between, RING), 3 * form.heights(between, RING))
     with pytest.raises(InputError, match="unit: given none"):
         FileForm(path).heights(between, RING)
-    path.write_text("x;y;z\n" + "\n".join(f"{1e3 * x};{1e3 * y};{1e3 * x * y}" for x, y in lattice()))
+    path.write_text(
+        "x;y;z\n" + "\n".join(f"{1e3 * x};{1e3 * y};{1e3 * x * y}" for x, y in lattice())
+    )
     points = lattice(counts=(9, 9))
     z = FileForm(path, "um").heights(points, STRIP)
     product = 1e-3 * (points[:, 0] - points[:, 0].mean()) * (points[:, 1] - points[:, 1].mean())

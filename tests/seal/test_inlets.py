@@ -68,25 +68,44 @@ def test_three_arms_are_a_star_of_resistances(fluid):
 @pytest.mark.parametrize(("solver", "rtol"), [("direct", 1e-10), ("amg", 1e-7)])
 def test_equal_pressures_are_those_of_one_inlet(rough, solver, rtol):
     given = {"outlet_pressure": 1e5, "solver": solver}
-    several = fs.seal_leakage(fs.MeshSeal(GASKET, {"bore": 4e6, "bolts": 4e6}, "rim", "mm"), rough, WATER, **given)
+    several = fs.seal_leakage(
+        fs.MeshSeal(GASKET, {"bore": 4e6, "bolts": 4e6}, "rim", "mm"), rough, WATER, **given
+    )
     one = fs.seal_leakage(
-        fs.MeshSeal(GASKET, ["bore", "bolts"], "rim", "mm"), rough, WATER, inlet_pressure=4e6, **given
+        fs.MeshSeal(GASKET, ["bore", "bolts"], "rim", "mm"),
+        rough,
+        WATER,
+        inlet_pressure=4e6,
+        **given,
     )
     assert several.solver == one.solver == solver
     assert several.volume_rate == pytest.approx(one.volume_rate, rel=rtol)
     assert several.per_length == pytest.approx(one.per_length, rel=rtol)
-    assert_allclose(several.fluid_pressure, one.fluid_pressure, rtol=1e-10 if solver == "direct" else 1e-3)
+    assert_allclose(
+        several.fluid_pressure, one.fluid_pressure, rtol=1e-10 if solver == "direct" else 1e-3
+    )
 
 
 def test_flows_are_those_of_three_conductances(rough):
     """What three boundaries let through in pairs follows from the flow of each against both others."""
     names = np.array(["bore", "bolts", "rim"])
     alone = np.array(
-        [fs.MeshSeal(GASKET, one, list(names[names != one]), "mm").flow(rough).conductance for one in names]
+        [
+            fs.MeshSeal(GASKET, one, list(names[names != one]), "mm").flow(rough).conductance
+            for one in names
+        ]
     )
-    pair = {(i, j): (alone[i] + alone[j] - alone[3 - i - j]) / 2 for i in range(3) for j in range(3) if i != j}
+    pair = {
+        (i, j): (alone[i] + alone[j] - alone[3 - i - j]) / 2
+        for i in range(3)
+        for j in range(3)
+        if i != j
+    }
     pressure = np.array([4e6, 1e6, 1e5])
-    expected = [sum(pair[i, j] * (pressure[i] - pressure[j]) for j in range(3) if j != i) / 1e-3 for i in range(3)]
+    expected = [
+        sum(pair[i, j] * (pressure[i] - pressure[j]) for j in range(3) if j != i) / 1e-3
+        for i in range(3)
+    ]
     seal = fs.MeshSeal(GASKET, dict(zip(names[:2], pressure[:2], strict=True)), "rim", "mm")
     found = fs.seal_leakage(seal, rough, WATER, outlet_pressure=1e5)
     assert_allclose([found.boundary_rates[name] for name in names], expected, rtol=1e-8)
@@ -115,7 +134,12 @@ def test_drawn_elements_take_the_mean_of_two_solutions_that_balances():
     k = np.tile(k[:, None], 2)
 
     def seal(left, top):
-        return ElementSeal(mesh, *ends, **shape, boundaries=PressureBoundaries(("a", "b", "c"), facets, (left, top)))
+        return ElementSeal(
+            mesh,
+            *ends,
+            **shape,
+            boundaries=PressureBoundaries(("a", "b", "c"), facets, (left, top)),
+        )
 
     one = fs.seal_leakage(ElementSeal(mesh, *ends, **shape), k, WATER, inlet_pressure=2.0)
     equal = fs.seal_leakage(seal(2.0, 2.0), k, WATER)
@@ -126,7 +150,9 @@ def test_drawn_elements_take_the_mean_of_two_solutions_that_balances():
     assert abs(sum(given.boundary_rates.values())) < 1e-10 * given.volume_rate
     # as for bounds, both solutions are near each other where the permeability is even
     conforming = fs.seal_leakage(fs.MeshSeal(mesh, {"left": 2.0, "top": 0.5}, "right"), 1.0, WATER)
-    assert fs.seal_leakage(seal(2.0, 0.5), 1.0, WATER).volume_rate == pytest.approx(conforming.volume_rate, rel=0.02)
+    assert fs.seal_leakage(seal(2.0, 0.5), 1.0, WATER).volume_rate == pytest.approx(
+        conforming.volume_rate, rel=0.02
+    )
     with pytest.raises(InputError, match="all on one side of it"):
         fs.seal_leakage(seal(2.0, -1.0), k, WATER)
 
@@ -155,13 +181,31 @@ def test_the_flux_of_a_drawn_seal_dissipates_what_flows_between_all_boundaries()
 @pytest.mark.parametrize(
     ("inlet", "outlet", "fluid", "more", "message"),
     [
-        ({"bore": 1e6, "port": 1e6}, "rim", WATER, {}, "inlet: given 'port', expected the name of a boundary"),
+        (
+            {"bore": 1e6, "port": 1e6},
+            "rim",
+            WATER,
+            {},
+            "inlet: given 'port', expected the name of a boundary",
+        ),
         ({"bore": 1e6, "rim": 1e6}, "rim", WATER, {}, "outlet: given 'rim', which is an inlet too"),
         ({"bore": "high"}, "rim", WATER, {}, "inlet 'bore': given 'high'"),
         ({}, "rim", WATER, {}, "inlet: given no boundaries"),
         ({"bore": 1e6, "bolts": -1e5}, "rim", GAS, {}, "inlet 'bolts': given -100000 Pa"),
-        ({"bore": 1e6, "bolts": 1e5}, "rim", WATER, {"inlet_pressure": 1e6}, "inlet_pressure: given a pressure"),
-        ({"bore": 1e6, "bolts": 1e5}, "rim", WATER, {"bounds": True}, "bounds: given true, expected none"),
+        (
+            {"bore": 1e6, "bolts": 1e5},
+            "rim",
+            WATER,
+            {"inlet_pressure": 1e6},
+            "inlet_pressure: given a pressure",
+        ),
+        (
+            {"bore": 1e6, "bolts": 1e5},
+            "rim",
+            WATER,
+            {"bounds": True},
+            "bounds: given true, expected none",
+        ),
     ],
 )
 def test_faults(inlet, outlet, fluid, more, message):
@@ -172,12 +216,18 @@ def test_faults(inlet, outlet, fluid, more, message):
 def test_tables_over_pressures_and_touching_boundaries_are_refused():
     seal = fs.MeshSeal(GASKET, {"bore": 1e6, "bolts": 1e5}, "rim", "mm")
     with pytest.raises(InputError, match="permeability: given a table over pressures"):
-        fs.seal_leakage(seal, PermeabilityTable(np.array([1e5, 1e6]), np.array([1e-18, 2e-18])), GAS)
+        fs.seal_leakage(
+            seal, PermeabilityTable(np.array([1e5, 1e6]), np.array([1e-18, 2e-18])), GAS
+        )
     square = (
         MeshQuad()
         .refined(2)
         .with_boundaries(
-            {"a": lambda x: x[0] == 0, "b": lambda x: x[1] == 0, "c": lambda x: (x[0] == 1) & (x[1] > 0.6)}
+            {
+                "a": lambda x: x[0] == 0,
+                "b": lambda x: x[1] == 0,
+                "c": lambda x: (x[0] == 1) & (x[1] > 0.6),
+            }
         )
     )
     with pytest.raises(InputError, match="boundaries 'a' and 'b' that touch"):
@@ -190,7 +240,11 @@ def test_tables_over_pressures_and_touching_boundaries_are_refused():
 def case(**tables):
     data = tomllib.loads((ROOT / "examples" / "gasket_seal.toml").read_text(encoding="utf-8"))
     del data["fluid"]["inlet_pressure"]
-    data["seal"] |= {"path": str(GASKET), "inlet": {"bore": "4 MPa", "bolts": "4 MPa"}, "outlet": "rim"}
+    data["seal"] |= {
+        "path": str(GASKET),
+        "inlet": {"bore": "4 MPa", "bolts": "4 MPa"},
+        "outlet": "rim",
+    }
     data["face"]["points"] = [64, 128]
     data["load"] = {"loading": ["200 MPa"]}
     data["stochastic"] |= {"realisations": 3}
@@ -204,7 +258,10 @@ def test_a_case_with_pressures_of_the_inlets():
     dry = {"fluid_pressure": "ignored"}
     high, low = ({"bore": "4 MPa", "bolts": bolts} for bolts in ("4 MPa", "1 MPa"))
     several, lower = (
-        fs.run(parse_case(case(seal={"inlet": inlet}, contact=dry, output={"budget": False})), workers=1)
+        fs.run(
+            parse_case(case(seal={"inlet": inlet}, contact=dry, output={"budget": False})),
+            workers=1,
+        )
         for inlet in (high, low)
     )
     ends = {"inlet_pressure": "4 MPa"}
@@ -230,12 +287,18 @@ def test_a_case_with_pressures_of_the_inlets():
             "seal.inlet.bolts: given 0 Pa, expected a pressure",
         ),
         ({"seal": {"outlet": ["rim", "bolts"]}}, "outlet: given 'bolts', which is an inlet too"),
-        ({"seal": {"inlet": {"bore": "4 MPa", "port": "1 MPa"}}}, "inlet: given 'port', expected the name"),
+        (
+            {"seal": {"inlet": {"bore": "4 MPa", "port": "1 MPa"}}},
+            "inlet: given 'port', expected the name",
+        ),
         (
             {"fluid": {"kind": "ideal-gas", "molar_mass": "4 g/mol", "temperature": "20 °C"}},
             "a liquid, or a gas without slip",
         ),
-        ({"output": {"test_fluid": {"name": "helium", "inlet_pressure": "5 bar"}}}, "output.test_fluid: given one"),
+        (
+            {"output": {"test_fluid": {"name": "helium", "inlet_pressure": "5 bar"}}},
+            "output.test_fluid: given one",
+        ),
     ],
 )
 def test_faults_of_a_case_are_one_line(tables, message):

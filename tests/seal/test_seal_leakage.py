@@ -31,7 +31,9 @@ def random_links(cells, sd, closed=0.0, seed=0):
     rng = np.random.default_rng(seed)
     n1, n2 = cells
     shapes = (n1, n2), (n1 - 1, n2)
-    return tuple(1e-18 * np.exp(sd * rng.standard_normal(s)) * (rng.random(s) >= closed) for s in shapes)
+    return tuple(
+        1e-18 * np.exp(sd * rng.standard_normal(s)) * (rng.random(s) >= closed) for s in shapes
+    )
 
 
 # --- structured seals ---
@@ -59,7 +61,11 @@ def test_means_between_pressures_are_exact_for_a_liquid():
     even = Mobility(0.0, 1e7, np.full(11, 5.0), np.full(11, 5.0))
     curve = PressureCurve(knots, k, True)
     for a, b in ((1e6, 1.5e6), (7e6, 5e5), (3e6, 3e6 + 1.0), (3e6, 3e6)):
-        mean = scale * (np.exp(-b / scale) - np.exp(-a / scale)) / (a - b) if a != b else np.exp(-a / scale)
+        mean = (
+            scale * (np.exp(-b / scale) - np.exp(-a / scale)) / (a - b)
+            if a != b
+            else np.exp(-a / scale)
+        )
         assert_allclose(curve.between(np.full(2, a), np.full(2, b), even)[0], mean, rtol=1e-9)
     beyond = curve.between(np.full(2, 7e6), np.full(2, 1e7), even)
     within = scale * (np.exp(-3.5) - np.exp(-4.0))
@@ -73,11 +79,15 @@ def test_polar_links_are_exact_for_constant_permeability(inlet, cells):
     ring = AnnularSeal(10e-3, 15e-3, cells, inlet)
     leak = seal_leakage(ring, 1e-18, WATER, inlet_pressure=1e6, bounds=True)
     assert_allclose(
-        [leak.lower, leak.volume_rate, leak.upper], annulus_rate(1e-18, 1e6, 1e-3, 10e-3, 15e-3), rtol=1e-12
+        [leak.lower, leak.volume_rate, leak.upper],
+        annulus_rate(1e-18, 1e6, 1e-3, 10e-3, 15e-3),
+        rtol=1e-12,
     )
     r = np.hypot(*np.moveaxis(ring.points, -1, 0))
     ends = (10e-3, 15e-3) if inlet == "inner" else (15e-3, 10e-3)
-    assert_allclose(leak.fluid_pressure, 1e6 * np.log(ends[1] / r) / np.log(ends[1] / ends[0]), atol=1e-6)
+    assert_allclose(
+        leak.fluid_pressure, 1e6 * np.log(ends[1] / r) / np.log(ends[1] / ends[0]), atol=1e-6
+    )
     assert_allclose(ring.length, 2 * np.pi * 12.5e-3)
 
 
@@ -88,14 +98,19 @@ def test_an_uneven_ring_is_its_conformal_image_with_order_two():
         return np.exp(np.cos(θ) + 2 * np.sin(9 * r - 4 * θ))
 
     def rates(n, across=1.0):
-        ring, image = AnnularSeal(1.0, 1.5, (n, 8 * n)), RectangularSeal((np.log(1.5), 2 * np.pi), (n, 8 * n))
+        ring, image = (
+            AnnularSeal(1.0, 1.5, (n, 8 * n)),
+            RectangularSeal((np.log(1.5), 2 * np.pi), (n, 8 * n)),
+        )
         θ = (np.arange(8 * n) + 0.5) * 2 * np.pi / (8 * n)
         between = θ + np.pi / (8 * n)
         r_ring, r_image = ring.radii[:, None], np.exp(image.points[:, :1, 0])
         r_middle = (r_ring[:-1] + r_ring[1:]) / 2
         return (
             ring.flow((k(r_middle, θ), across * k(r_ring[1:-1], between))).conductance,
-            image.flow((k(np.sqrt(r_image[:-1] * r_image[1:]), θ), k(r_image[1:-1], between))).conductance,
+            image.flow(
+                (k(np.sqrt(r_image[:-1] * r_image[1:]), θ), k(r_image[1:-1], between))
+            ).conductance,
         )
 
     coarse, middle, fine = (np.array(rates(n)) for n in (16, 32, 64))
@@ -133,7 +148,9 @@ def test_stripes_of_links():
 
 
 def test_links_across_do_not_matter_where_nothing_flows_across():
-    assert_allclose(STRIP.flow((1e-18, 1e-25)).conductance, STRIP.flow((1e-18, 1e-12)).conductance, rtol=1e-12)
+    assert_allclose(
+        STRIP.flow((1e-18, 1e-25)).conductance, STRIP.flow((1e-18, 1e-12)).conductance, rtol=1e-12
+    )
 
 
 @each("seal", [STRIP, AnnularSeal(1e-3, 2e-3, (6, 10))])
@@ -141,9 +158,17 @@ def test_closed_is_exactly_zero(seal):
     k1, k2 = random_links((6, 10), 1.0)
     k1[3] = 0
     leak = seal_leakage(seal, (k1, k2), WATER, inlet_pressure=1e6, bounds=True)
-    assert (leak.volume_rate, leak.mass_rate, leak.per_length, leak.lower, leak.upper) == (0, 0, 0, 0, 0)
+    assert (leak.volume_rate, leak.mass_rate, leak.per_length, leak.lower, leak.upper) == (
+        0,
+        0,
+        0,
+        0,
+        0,
+    )
     assert not leak.percolates
-    assert np.array_equal(leak.fluid_pressure, np.repeat([[1e6], [0.0]], [4, 3], axis=0) * np.ones((1, 10)))
+    assert np.array_equal(
+        leak.fluid_pressure, np.repeat([[1e6], [0.0]], [4, 3], axis=0) * np.ones((1, 10))
+    )
     k1[5] = 0  # a closed ring between two closed rows
     leak = seal_leakage(seal, (k1, k2), WATER, inlet_pressure=1e6, outlet_pressure=1e5)
     assert np.isnan(leak.fluid_pressure[4:6]).all()
@@ -162,7 +187,9 @@ def test_the_seal_is_periodic():
     """A path that leaves on one side and comes back on the other is open."""
     k1, k2 = np.zeros((2, 5)), np.zeros((1, 5))
     k1[0, 0] = k1[1, 4] = k2[0, 4] = 1.0
-    assert_allclose(RectangularSeal((2.0, 5.0), (2, 5)).flow((k1, k2)).conductance, 1 / 3, rtol=1e-12)
+    assert_allclose(
+        RectangularSeal((2.0, 5.0), (2, 5)).flow((k1, k2)).conductance, 1 / 3, rtol=1e-12
+    )
 
 
 @each("sd", [0.5, 1.0, 2.0])
@@ -177,7 +204,9 @@ def test_random_log_symmetric_links(sd):
         ln.append(np.log(seal.flow((k1, k2)).conductance / exact))
     error = np.std(ln, ddof=1) / np.sqrt(maps)
     assert error < sd / n
-    assert abs(np.mean(ln)) < 3 * error + sd**2 / (2 * n)  # the two ends, of share 1/n, are not self-dual
+    assert abs(np.mean(ln)) < 3 * error + sd**2 / (
+        2 * n
+    )  # the two ends, of share 1/n, are not self-dual
 
 
 @each("sd", [1.0, 5.0, 15.0])
@@ -202,7 +231,9 @@ def test_the_lower_bound_holds_for_a_wrong_potential(noise):
     lower = conservative_rate(network(c1, c2), potential)
     assert lower < exact.conductance * (1 + 1e-14)
     assert lower > exact.conductance * (1 - 1e4 * noise**2 - 1e-12)
-    assert_allclose(conservative_rate(network(c1, c2), exact.potential), exact.conductance, rtol=1e-13)
+    assert_allclose(
+        conservative_rate(network(c1, c2), exact.potential), exact.conductance, rtol=1e-13
+    )
 
 
 def test_two_columns_have_parallel_links_across():
@@ -224,12 +255,16 @@ def test_reversed_pressures_reverse_the_leakage(seal, fluid):
     assert_allclose([back.lower, back.upper], [-there.upper, -there.lower], rtol=1e-12)
     for leak in (there, back):
         assert leak.lower <= leak.volume_rate <= leak.upper
-        assert_allclose([leak.fluid_pressure.min(), leak.fluid_pressure.max()], [1e5, 3e6], rtol=1e-9)
+        assert_allclose(
+            [leak.fluid_pressure.min(), leak.fluid_pressure.max()], [1e5, 3e6], rtol=1e-9
+        )
 
 
 def test_gas_and_liquid():
     """The same conductance; mass rate M(p_i² − p_o²)/(2RTη)·C; the pressure squared falls linearly."""
-    gas, liquid = (seal_leakage(STRIP, 1e-18, f, inlet_pressure=4e5, outlet_pressure=1e5) for f in (AIR, WATER))
+    gas, liquid = (
+        seal_leakage(STRIP, 1e-18, f, inlet_pressure=4e5, outlet_pressure=1e5) for f in (AIR, WATER)
+    )
     assert gas.conductance == liquid.conductance
     mean_density = 2.5e5 * 0.029 / (8.31446261815324 * 293.0)
     assert_allclose(gas.mass_rate, gas.conductance * mean_density / 18e-6 * 3e5, rtol=1e-12)
@@ -287,7 +322,11 @@ def square(cell_kind, lines="line", **kwargs):
 
     corner = mesh.p[:, mesh.t]
     n = corner.shape[1]
-    extra = [(corner[:, i] + corner[:, (i + 1) % n]) / 2 for i in range(n)] if cell_kind[-1] in "689" else []
+    extra = (
+        [(corner[:, i] + corner[:, (i + 1) % n]) / 2 for i in range(n)]
+        if cell_kind[-1] in "689"
+        else []
+    )
     if cell_kind == "quad9":
         extra.append(corner.mean(axis=1))
     cells = number(np.concatenate([corner, np.stack(extra, 1)], axis=1) if extra else corner).T
@@ -295,7 +334,9 @@ def square(cell_kind, lines="line", **kwargs):
     left, right = (number(np.stack([np.full_like(y, x), y])) for x in (0.0, 1.0))
     blocks = [(lines, left), (lines, right), (cell_kind, cells)]
     tags = [np.full(len(data), tag) for tag, (_, data) in zip((7, 8, 7), blocks, strict=True)]
-    return meshio.Mesh(points, blocks, cell_data={"gmsh:physical": tags, "gmsh:geometrical": tags}, **kwargs)
+    return meshio.Mesh(
+        points, blocks, cell_data={"gmsh:physical": tags, "gmsh:geometrical": tags}, **kwargs
+    )
 
 
 NAMES = {"left": np.array([7, 1]), "right": np.array([8, 1]), "body": np.array([7, 2])}
@@ -318,7 +359,10 @@ def test_boundaries_by_name(tmp_path, kind):
 def test_elements_of_the_second_order_are_refused(tmp_path, kind):
     path = tmp_path / "square.msh"
     meshio.write(path, square(kind, "line3", field_data=NAMES), file_format="gmsh22", binary=False)
-    with pytest.raises(InputError, match=f"with {kind}, expected .* linear elements; mesh with elements of the first"):
+    with pytest.raises(
+        InputError,
+        match=f"with {kind}, expected .* linear elements; mesh with elements of the first",
+    ):
         MeshSeal(path, "left", "right")
 
 
@@ -331,9 +375,15 @@ def test_groups_without_a_name_go_by_their_number(tmp_path):
 @pytest.mark.parametrize("array", ["gmsh:physical", "boundary"])
 def test_boundaries_in_a_vtu_go_by_their_number(tmp_path, array):
     mesh = square("triangle")
-    mesh.cell_data = {array: [np.full(len(block.data), tag) for tag, block in zip((7, 8, 7), mesh.cells, strict=True)]}
+    mesh.cell_data = {
+        array: [
+            np.full(len(block.data), tag) for tag, block in zip((7, 8, 7), mesh.cells, strict=True)
+        ]
+    }
     meshio.write(tmp_path / "square.vtu", mesh)
-    assert_allclose(MeshSeal(tmp_path / "square.vtu", "7", "8").flow(1.0).conductance, 1.0, rtol=1e-12)
+    assert_allclose(
+        MeshSeal(tmp_path / "square.vtu", "7", "8").flow(1.0).conductance, 1.0, rtol=1e-12
+    )
 
 
 def test_elements_keep_the_order_of_the_file(tmp_path):
@@ -387,7 +437,8 @@ def test_a_ready_mesh_has_bounds():
     assert repr(seal) == "MeshSeal(inlet='a', outlet='b')"
     curved = MeshTri2.from_mesh(mesh).with_boundaries(mesh.boundaries)
     with pytest.raises(
-        InputError, match=r"^path: given a MeshTri2, expected .* linear elements; mesh with elements of"
+        InputError,
+        match=r"^path: given a MeshTri2, expected .* linear elements; mesh with elements of",
     ):
         MeshSeal(curved, "a", "b")
 
@@ -409,9 +460,15 @@ def test_a_ready_mesh_has_bounds():
             lambda: RectangularSeal((1.0, 1.0), (0, 2)),
             r"^cells: given \(0, 2\), expected two whole numbers >= 1",
         ),
-        (lambda: RectangularSeal((1.0, 1.0), (2.5, 2)), r"^cells: given \(2\.5, 2\), expected two whole"),
+        (
+            lambda: RectangularSeal((1.0, 1.0), (2.5, 2)),
+            r"^cells: given \(2\.5, 2\), expected two whole",
+        ),
         (lambda: RectangularSeal((1.0, 1.0), 4), "^cells: given 4, expected two whole numbers"),
-        (lambda: AnnularSeal(0.0, 1.0, (2, 2)), r"^inner_radius: given 0\.0, expected a finite number > 0"),
+        (
+            lambda: AnnularSeal(0.0, 1.0, (2, 2)),
+            r"^inner_radius: given 0\.0, expected a finite number > 0",
+        ),
         (lambda: AnnularSeal(1.0, np.inf, (2, 2)), "^outer_radius: given inf"),
         (
             lambda: AnnularSeal(2.0, 1.0, (2, 2)),
@@ -464,7 +521,9 @@ def test_bad_permeability(k, message):
 
 def test_bad_permeability_on_a_mesh():
     seal = MeshSeal(RING, "inlet", "outlet")
-    with pytest.raises(InputError, match=r"^permeability: given shape \(5,\), expected a number, or shape \(768,\)"):
+    with pytest.raises(
+        InputError, match=r"^permeability: given shape \(5,\), expected a number, or shape \(768,\)"
+    ):
         leak(np.ones(5), seal)
 
 
@@ -477,9 +536,13 @@ def test_bad_pressures(name, value):
 
 @each("name", ["inlet_pressure", "outlet_pressure"])
 def test_pressures_a_fluid_cannot_have(name):
-    with pytest.raises(InputError, match=rf"^{name}: given -1000 Pa, expected a pressure that IdealGas"):
+    with pytest.raises(
+        InputError, match=rf"^{name}: given -1000 Pa, expected a pressure that IdealGas"
+    ):
         leak(fluid=AIR, **{name: -1e3})
-    with pytest.raises(InputError, match=rf"^{name}: given 5e.09 Pa, expected a pressure that Liquid"):
+    with pytest.raises(
+        InputError, match=rf"^{name}: given 5e.09 Pa, expected a pressure that Liquid"
+    ):
         leak(fluid=Liquid(0.05, pressure_viscosity=20e-9), **{name: 5e9})
     assert leak(fluid=WATER, outlet_pressure=-1e4).volume_rate > 0  # a liquid may be in tension
 
@@ -494,7 +557,9 @@ def test_bad_mesh_files(tmp_path):
     refused(tmp_path, "^path: given .*expected an existing mesh file")
     broken = tmp_path / "broken.msh"
     broken.write_text("$MeshFormat\n2.2 0 8\n$EndMeshFormat\n$Nodes\n3\n1 0 0")
-    refused(broken, r"^path: given '.*broken\.msh'.*, expected a mesh in a format that meshio reads")
+    refused(
+        broken, r"^path: given '.*broken\.msh'.*, expected a mesh in a format that meshio reads"
+    )
     broken.write_text("not a mesh")
     refused(broken, r"broken\.msh'.*, expected a mesh in a format that meshio reads")
     unknown = tmp_path / "mesh.xyzzy"
@@ -523,7 +588,10 @@ def test_bad_mesh_files(tmp_path):
         write(meshio.Mesh(corners, [quad, triangles])),
         "with triangle and quad, expected a mesh with cells of",
     )
-    refused(write(meshio.Mesh(np.add(corners, [[0, 0, 1]] + 5 * [[0, 0, 0]]), [quad])), "with varying z, expected")
+    refused(
+        write(meshio.Mesh(np.add(corners, [[0, 0, 1]] + 5 * [[0, 0, 0]]), [quad])),
+        "with varying z, expected",
+    )
     refused(write(meshio.Mesh(corners, [quad])), "^inlet: given 'inlet', .*the mesh: none$")
 
 
@@ -538,11 +606,15 @@ def test_meshes_that_overlap_themselves_or_have_undefined_nodes(kind):
     where[:, middle] = np.nan
     with warnings.catch_warnings():
         warnings.simplefilter("error")
-        with pytest.raises(InputError, match=f"^path: given a mesh whose node {middle} is not finite"):
+        with pytest.raises(
+            InputError, match=f"^path: given a mesh whose node {middle} is not finite"
+        ):
             MeshSeal(kind(where, mesh.t).with_boundaries(ends), "a", "b")
     if kind is MeshTri:
         where[:, middle] = (0.9, 0.57)
-        with pytest.raises(InputError, match=r"^path: given a mesh whose elements \d+ and \d+ overlap"):
+        with pytest.raises(
+            InputError, match=r"^path: given a mesh whose elements \d+ and \d+ overlap"
+        ):
             MeshSeal(kind(where, mesh.t).with_boundaries(ends), "a", "b")
     twice = np.hstack([mesh.t, mesh.t[:, 5:6]])
     with pytest.raises(InputError, match="overlap"):
@@ -574,7 +646,9 @@ def two_parts(kind, shift, turn=0.0, cells=6):
 )
 def test_parts_that_lie_on_each_other_are_refused(kind, shift, turn):
     """Nodes of the two parts that coincide, lie on edges, or lie anywhere."""
-    with pytest.raises(InputError, match=r"^path: given a mesh whose element.* (overlap|lies on others)"):
+    with pytest.raises(
+        InputError, match=r"^path: given a mesh whose element.* (overlap|lies on others)"
+    ):
         MeshSeal(two_parts(kind, shift, turn), "a", "b")
 
 
@@ -586,7 +660,9 @@ def test_a_part_within_another_is_refused(cells):
     )
     both = MeshTri(np.hstack([one.p, small.p]), np.hstack([one.t, small.t + one.nvertices]))
     with pytest.raises(InputError, match="lies on others"):
-        MeshSeal(both.with_boundaries({"a": lambda x: x[0] == 0, "b": lambda x: x[0] == 1}), "a", "b")
+        MeshSeal(
+            both.with_boundaries({"a": lambda x: x[0] == 0, "b": lambda x: x[0] == 1}), "a", "b"
+        )
 
 
 @each("kind", [MeshTri, MeshQuad])
@@ -600,7 +676,10 @@ def test_a_band_that_winds_onto_itself_is_refused(angle, good):
     """All its elements lie beside their neighbours; it is a ring with a slit, or covers its beginning once more."""
     band = MeshQuad.init_tensor(np.linspace(1, 2, 4), np.linspace(0, angle * np.pi, 60))
     r, theta = band.p
-    ends = {"a": band.facets_satisfying(lambda x: x[0] == 1), "b": band.facets_satisfying(lambda x: x[0] == 2)}
+    ends = {
+        "a": band.facets_satisfying(lambda x: x[0] == 1),
+        "b": band.facets_satisfying(lambda x: x[0] == 2),
+    }
     mesh = MeshQuad(np.array([r * np.cos(theta), r * np.sin(theta)]), band.t).with_boundaries(ends)
     if good:
         assert MeshSeal(mesh, "a", "b").length == pytest.approx(2 * angle * np.pi, rel=1e-2)
@@ -615,12 +694,17 @@ def test_bad_ready_meshes():
     ends = {"a": lambda x: x[0] == 0, "b": lambda x: x[0] == 3}
     x = np.array([[0, 1, 1, 0, 2, 3, 3, 2], [0, 0, 1, 1, 0, 0, 1, 1]], float)
     apart = MeshQuad(x, np.array([[0, 1, 2, 3], [4, 5, 6, 7]]).T).with_boundaries(ends)
-    with pytest.raises(InputError, match=r"^inlet and outlet: given boundaries that the mesh does not connect"):
+    with pytest.raises(
+        InputError, match=r"^inlet and outlet: given boundaries that the mesh does not connect"
+    ):
         MeshSeal(apart, "a", "b")
     tangled = MeshQuad(x[:, :4] * [[3], [1]], np.array([[0, 1, 3, 2]]).T).with_boundaries(ends)
-    flat = MeshTri(np.array([[0, 3, 3, 1.5], [0, 0, 1, -1e-14]]), np.array([[0, 1, 2], [0, 3, 1]]).T).with_boundaries(
-        ends
-    )
+    flat = MeshTri(
+        np.array([[0, 3, 3, 1.5], [0, 0, 1, -1e-14]]), np.array([[0, 1, 2], [0, 3, 1]]).T
+    ).with_boundaries(ends)
     for mesh, element in ((tangled, 0), (flat, 1)):
-        with pytest.raises(InputError, match=rf"^path: given a mesh whose element {element} is degenerate or tangled"):
+        with pytest.raises(
+            InputError,
+            match=rf"^path: given a mesh whose element {element} is degenerate or tangled",
+        ):
             MeshSeal(mesh, "a", "b")

@@ -9,7 +9,12 @@ import pytest
 from numpy.testing import assert_allclose
 from skfem import MeshQuad, MeshTri
 
-from femseal.analytic import annulus_rate, eccentric_annulus_rate, elliptic_annulus_rate, spiral_annulus_rate
+from femseal.analytic import (
+    annulus_rate,
+    eccentric_annulus_rate,
+    elliptic_annulus_rate,
+    spiral_annulus_rate,
+)
 from femseal.base.errors import InputError
 from femseal.seal import AnnularSeal, MeshSeal
 from femseal.seal.lay import Lay
@@ -27,12 +32,19 @@ def circular(kind, n, radii=(1.0, 1.5), move=None):
     quads = np.round(grid.p[0] * n).astype(int) * 8 * n + np.round(grid.p[1]).astype(int) % (8 * n)
     quads = quads[grid.t]
     s, θ = (
-        a.ravel() for a in np.meshgrid(np.linspace(0, 1, n + 1), 2 * pi * np.arange(8 * n) / (8 * n), indexing="ij")
+        a.ravel()
+        for a in np.meshgrid(
+            np.linspace(0, 1, n + 1), 2 * pi * np.arange(8 * n) / (8 * n), indexing="ij"
+        )
     )
     r = radii[0] + (radii[1] - radii[0]) * s
     p = np.array([r * np.cos(θ), r * np.sin(θ)])
     p = p if move is None else move(p, s)
-    mesh = MeshQuad(p, quads) if kind is MeshQuad else MeshTri(p, np.hstack([quads[[0, 1, 2]], quads[[0, 2, 3]]]))
+    mesh = (
+        MeshQuad(p, quads)
+        if kind is MeshQuad
+        else MeshTri(p, np.hstack([quads[[0, 1, 2]], quads[[0, 2, 3]]]))
+    )
     facets = mesh.boundary_facets()
     at = s[mesh.facets[0, facets]]
     return mesh.with_boundaries({"in": facets[at == 0], "out": facets[at == 1]})
@@ -68,7 +80,8 @@ def test_eccentric_annulus(kind):
         return p + [[e], [0]] * (1 - s)
 
     errors = [
-        abs(MeshSeal(circular(kind, n, move=shifted), "in", "out").flow(2.0).conductance - exact) for n in (4, 8, 16)
+        abs(MeshSeal(circular(kind, n, move=shifted), "in", "out").flow(2.0).conductance - exact)
+        for n in (4, 8, 16)
     ]
     assert_allclose(order_of(errors), 2, atol=0.2)
     assert errors[-1] < 2e-3 * exact
@@ -80,7 +93,10 @@ def test_anisotropic_ring_between_similar_ellipses(kind):
     exact = elliptic_annulus_rate(k1, k2, 1.0, 1.0, 1.0, 1.5)
     stretch = np.sqrt([[k1], [k2]] / np.sqrt(k1 * k2))
     meshes = [circular(kind, n, move=lambda p, s: stretch * p) for n in (4, 8, 16)]
-    flows = [MeshSeal(m, "in", "out").flow(np.tile([k1, k2], (m.nelements, 1)), bounds=True) for m in meshes]
+    flows = [
+        MeshSeal(m, "in", "out").flow(np.tile([k1, k2], (m.nelements, 1)), bounds=True)
+        for m in meshes
+    ]
     assert_allclose(order_of([abs(f.conductance - exact) for f in flows]), 2, atol=0.2)
     assert flows[-1].lower < exact * (1 + 2e-3)
     assert_allclose([flows[-1].lower, flows[-1].upper], exact, rtol=2e-3)
@@ -109,12 +125,16 @@ def test_one_smooth_map_on_grid_triangles_quadrilaterals_and_a_file():
         return np.exp(0.8 * np.cos(2 * x - y) + 0.5 * np.sin(3 * y))
 
     def on(mesh):
-        return MeshSeal(mesh, *mesh.boundaries).flow(k(*mesh.p[:, mesh.t].mean(axis=1)), bounds=True)
+        return MeshSeal(mesh, *mesh.boundaries).flow(
+            k(*mesh.p[:, mesh.t].mean(axis=1)), bounds=True
+        )
 
     ring = AnnularSeal(1.0, 1.5, (24, 192))
     r, θ = ring.radii[:, None], 2 * pi * np.arange(1, 193) / 192
     links = ((r[:-1] + r[1:]) / 2, θ - pi / 192), (r[1:-1], θ)
-    reference = ring.flow(tuple(k(at * np.cos(angle), at * np.sin(angle)) for at, angle in links)).conductance
+    reference = ring.flow(
+        tuple(k(at * np.cos(angle), at * np.sin(angle)) for at, angle in links)
+    ).conductance
     for kind in (MeshQuad, MeshTri):
         flow = on(circular(kind, 16))
         assert_allclose([flow.lower, flow.upper], reference, rtol=4e-3)
@@ -159,7 +179,10 @@ def test_elements_of_a_mesh_are_tiles():
     seal = MeshSeal(MESHES / "bolted_ring.msh", "bore", ("rim", "bolts"), "mm")
     tiles = MeshLayout(MESHES / "bolted_ring.msh", "mm", "bore", ("rim", "bolts")).lay_out(PIECE)
     assert len(tiles.tile) == seal.mesh.nelements
-    flow, known = tiles.seal.flow(np.ones((len(tiles.tile), 2)), bounds=True), seal.flow(1.0, bounds=True)
+    flow, known = (
+        tiles.seal.flow(np.ones((len(tiles.tile), 2)), bounds=True),
+        seal.flow(1.0, bounds=True),
+    )
     assert_allclose([flow.lower, flow.upper], [known.lower, known.upper], rtol=1e-12)
     assert flow.lower < flow.conductance < flow.upper
 
@@ -195,19 +218,31 @@ def test_sizes_and_numbers_of_tiles():
     assert (radial.grid, radial.turned) == ((5, 660), True)
     mesh = MeshLayout(MESHES / "frame.msh", "mm", "inside", ["outside"], length=0.1).lay_out(PIECE)
     assert_allclose(mesh.size, (384e-6 / 0.1, 0.1))
-    coarse = MeshLayout(MESHES / "frame.msh", "mm", "inside", ["outside"]).lay_out(PieceSize((4e-3, 4e-3), 1))
+    coarse = MeshLayout(MESHES / "frame.msh", "mm", "inside", ["outside"]).lay_out(
+        PieceSize((4e-3, 4e-3), 1)
+    )
     assert_allclose(coarse.count, 384e-6 / 16e-6, rtol=0.7)
 
 
 def test_outlines_cover_the_seal():
     def area(tiles):
         x, y = np.moveaxis(tiles.outlines, -1, 0)
-        return 0.5 * np.abs((x * np.roll(y, -1, axis=1) - np.roll(x, -1, axis=1) * y).sum(axis=1)).sum()
+        return (
+            0.5
+            * np.abs((x * np.roll(y, -1, axis=1) - np.roll(x, -1, axis=1) * y).sum(axis=1)).sum()
+        )
 
-    assert_allclose(area(RectangularLayout().lay_out(PieceSize((1e-5, 3e-5), 8, length=3e-3))), 8e-5 * 3e-3)
+    assert_allclose(
+        area(RectangularLayout().lay_out(PieceSize((1e-5, 3e-5), 8, length=3e-3))), 8e-5 * 3e-3
+    )
     assert_allclose(area(AnnularLayout(1e-2, 1.1e-2).lay_out(PIECE)), pi * 21e-6, rtol=1e-4)
-    assert_allclose(area(RectangularLayout({"angle": 1.0}).lay_out(PieceSize((1e-5, 1e-5), 8, length=3e-4))), 24e-9)
-    assert_allclose(area(MeshLayout(MESHES / "frame.msh", "mm", "inside", ["outside"]).lay_out(PIECE)), 384e-6)
+    assert_allclose(
+        area(RectangularLayout({"angle": 1.0}).lay_out(PieceSize((1e-5, 1e-5), 8, length=3e-4))),
+        24e-9,
+    )
+    assert_allclose(
+        area(MeshLayout(MESHES / "frame.msh", "mm", "inside", ["outside"]).lay_out(PIECE)), 384e-6
+    )
 
 
 def test_lay_from_a_field(tmp_path):
@@ -216,24 +251,41 @@ def test_lay_from_a_field(tmp_path):
     turned = np.array([-places[1], places[0], 0 * places[0]]) * np.where(places[0] > 0, 1, -3)
     quads = circular(MeshQuad, 4).t.T
     points = np.column_stack([*places, 0 * places[0]])
-    meshio.write(tmp_path / "lay.vtu", meshio.Mesh(points, [("quad", quads)], point_data={"t": turned.T}))
+    meshio.write(
+        tmp_path / "lay.vtu", meshio.Mesh(points, [("quad", quads)], point_data={"t": turned.T})
+    )
     at = MeshSeal(MESHES / "ring.msh", "inlet", "outlet").points
     found = Lay.of({"field": "lay.vtu:t"}, tmp_path).directions(at, unit=1e-3)
     expected = Lay("circumferential").directions(at)
     assert np.abs((found * expected).sum(axis=1)).min() > np.cos(0.12)
-    for key, words in (("lay.vtu:s", "'s' of .*one of its fields: 't'"), ("no.vtu:t", "an existing mesh file")):
+    for key, words in (
+        ("lay.vtu:s", "'s' of .*one of its fields: 't'"),
+        ("no.vtu:t", "an existing mesh file"),
+    ):
         with pytest.raises(InputError, match=words):
             Lay.of({"field": key}, tmp_path).directions(at)
-    with pytest.raises(InputError, match="which leaves out 864 elements, expected a field that covers the seal"):
+    with pytest.raises(
+        InputError, match="which leaves out 864 elements, expected a field that covers the seal"
+    ):
         Lay.of({"field": "lay.vtu:t"}, tmp_path).directions(at + 1.0, unit=1e-3)
     turned[0, 3] = np.nan
-    meshio.write(tmp_path / "nan.vtu", meshio.Mesh(points, [("quad", quads)], point_data={"t": turned.T}))
+    meshio.write(
+        tmp_path / "nan.vtu", meshio.Mesh(points, [("quad", quads)], point_data={"t": turned.T})
+    )
     with pytest.raises(InputError, match="vectors along the lay, finite and not 0"):
         Lay.of({"field": "nan.vtu:t"}, tmp_path).directions(at, unit=1e-3)
 
 
 @pytest.mark.parametrize(
-    "given", ["across", 30, {"angle": "30 mm"}, {"angle": True}, {"field": "lay.vtu"}, {"angle": 1, "field": "a:b"}]
+    "given",
+    [
+        "across",
+        30,
+        {"angle": "30 mm"},
+        {"angle": True},
+        {"field": "lay.vtu"},
+        {"angle": 1, "field": "a:b"},
+    ],
 )
 def test_bad_lay(given):
     with pytest.raises(InputError, match=r"^lay"):
@@ -245,8 +297,14 @@ def test_bad_lay(given):
     [
         (lambda: RectangularLayout("radial"), "^lay: given 'radial' on a strip"),
         (lambda: RectangularLayout().lay_out(PIECE), "^length: given none"),
-        (lambda: AnnularLayout(1e-2, 1e-2), "^outer_radius: given 0.01 m, expected a number > the inner radius"),
-        (lambda: AnnularLayout(10.0, 120.0), "^outer_radius: given a seal 240 m across, .* is its unit right"),
+        (
+            lambda: AnnularLayout(1e-2, 1e-2),
+            "^outer_radius: given 0.01 m, expected a number > the inner radius",
+        ),
+        (
+            lambda: AnnularLayout(10.0, 120.0),
+            "^outer_radius: given a seal 240 m across, .* is its unit right",
+        ),
         (
             lambda: AnnularLayout(1e-2, 1.1e-2).lay_out(PieceSize((1e-4, 1e-4), 4, length=1.0)),
             "^length: given 1 m, expected none",
@@ -259,7 +317,10 @@ def test_bad_lay(given):
             lambda: AnnularLayout(1e-2, 1.1e-2).lay_out(PieceSize((2e-3, 1e-4), 4)),
             "^outer_radius: given a ring 1 mm broad",
         ),
-        (lambda: AnnularLayout(1e-3, 1e-2).lay_out(PIECE), "^inner_radius: given .*18% as wide as pieces"),
+        (
+            lambda: AnnularLayout(1e-3, 1e-2).lay_out(PIECE),
+            "^inner_radius: given .*18% as wide as pieces",
+        ),
         (lambda: MeshLayout(MESHES / "ring.msh", "kg", "inlet", "outlet"), "^unit"),
         (
             lambda: MeshLayout(MESHES / "ring.msh", "um", "inlet", "outlet").lay_out(PIECE),
@@ -269,7 +330,10 @@ def test_bad_lay(given):
             lambda: MeshLayout(MESHES / "ring.msh", "m", "inlet", ("outlet", "rim")).lay_out(PIECE),
             "^outlet: given 'rim'",
         ),
-        (lambda: MeshLayout(MESHES / "ring.msh", "m", "inlet", ()).lay_out(PIECE), r"^outlet: given \(\)"),
+        (
+            lambda: MeshLayout(MESHES / "ring.msh", "m", "inlet", ()).lay_out(PIECE),
+            r"^outlet: given \(\)",
+        ),
         (
             lambda: MeshLayout(MESHES / "ring.msh", "m", "inlet", "inlet").lay_out(PIECE),
             "^inlet and outlet: given boundaries that touch",
@@ -278,7 +342,10 @@ def test_bad_lay(given):
             lambda: MeshLayout(MESHES / "none.msh", "m", "inlet", "outlet").lay_out(PIECE),
             "^path: given .* an existing mesh",
         ),
-        (lambda: MeshLayout(MESHES / "ring.msh", "m", "inlet", "outlet", length=-1.0), "^length: given -1"),
+        (
+            lambda: MeshLayout(MESHES / "ring.msh", "m", "inlet", "outlet", length=-1.0),
+            "^length: given -1",
+        ),
         (lambda: Lay("radial").directions(np.zeros((1, 2))), "^lay: given 'radial' at the centre"),
     ],
 )
@@ -295,9 +362,9 @@ def test_tiles_that_are_narrow_at_the_inner_radius_are_warned_of():
 
 def test_parts_of_a_mesh_that_nothing_flows_through_are_warned_of():
     strip = MeshQuad.init_tensor(np.linspace(0, 2e-3, 3), np.linspace(0, 1e-3, 2))
-    mesh = (strip + strip.translated((3e-3, 0.0)) + strip.scaled(0.5).translated((6e-3, 0.0))).with_boundaries(
-        {"in": lambda x: x[0] == 0, "out": lambda x: np.isin(x[0], (2e-3, 5e-3))}
-    )
+    mesh = (
+        strip + strip.translated((3e-3, 0.0)) + strip.scaled(0.5).translated((6e-3, 0.0))
+    ).with_boundaries({"in": lambda x: x[0] == 0, "out": lambda x: np.isin(x[0], (2e-3, 5e-3))})
     seal = MeshSeal(mesh, "in", "out")
     assert [*parts_without_flow(mesh, *seal.ends)] == [
         "a part of the mesh around (4 mm, 500 µm), 2 of 4.5 mm², touches no inlet: nothing flows there",
@@ -311,7 +378,9 @@ def test_a_hole_whose_boundary_is_in_no_group_is_said():
     mesh = MeshQuad.init_tensor(*(np.linspace(0, 4e-3, 5),) * 2)
     ends = {"left": lambda x: x[0] < 1e-9, "right": lambda x: x[0] > 4e-3 - 1e-9}
     sides = {"sides": lambda x: abs(x[1] - 2e-3) > 2e-3 - 1e-9}
-    hole = mesh.remove_elements(mesh.elements_satisfying(lambda x: abs(x - 2e-3).max(axis=0) < 1e-3))
+    hole = mesh.remove_elements(
+        mesh.elements_satisfying(lambda x: abs(x - 2e-3).max(axis=0) < 1e-3)
+    )
     assert [*boundaries_without_name(hole.with_boundaries(ends | sides))] == [
         "a boundary of the mesh around (2 mm, 2 mm), 8 mm long, is in no group: it is closed"
     ]

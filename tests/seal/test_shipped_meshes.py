@@ -28,7 +28,11 @@ def script(name):
 
 
 def test_every_mesh_has_its_script():
-    assert {p.stem for p in MESHES.glob("*.msh")} == {p.stem for p in MESHES.glob("*.py")} == {*KNOWN, "ring"}
+    assert (
+        {p.stem for p in MESHES.glob("*.msh")}
+        == {p.stem for p in MESHES.glob("*.py")}
+        == {*KNOWN, "ring"}
+    )
 
 
 @every_mesh
@@ -51,7 +55,9 @@ def test_holes_draw_flow_to_them():
     into_all, into_rim = (MeshSeal(path, "bore", out, "mm") for out in (("rim", "bolts"), "rim"))
     whole = 2 * np.pi / np.log(25 / 10)
     assert into_rim.flow(1.0).conductance < whole < into_all.flow(1.0).conductance
-    assert_allclose(into_all.length, 2 * np.pi * (25 + 4 * 2.75) * 1e-3, rtol=1e-3)  # sides are chords
+    assert_allclose(
+        into_all.length, 2 * np.pi * (25 + 4 * 2.75) * 1e-3, rtol=1e-3
+    )  # sides are chords
 
 
 @every_mesh

@@ -46,16 +46,26 @@ def mesh_file(folder, mesh, ends, unit=1e3):
     points = np.c_[mesh.p.T * unit, np.zeros(mesh.nvertices)]
     data = {"gmsh:physical": tags, "gmsh:geometrical": tags}
     path = folder / "seal.msh"
-    meshio.write(path, meshio.Mesh(points, cells, cell_data=data, field_data=names), file_format="gmsh22", binary=False)
+    meshio.write(
+        path,
+        meshio.Mesh(points, cells, cell_data=data, field_data=names),
+        file_format="gmsh22",
+        binary=False,
+    )
     return path
 
 
 def triangles_of_ring(n, inner=1e-3, outer=1.4e-3):
     """A quarter of a ring of triangles, its facets at both radii."""
-    mesh = MeshTri.init_tensor(np.linspace(inner, outer, n + 1), np.linspace(0, np.pi / 2, 4 * n + 1))
+    mesh = MeshTri.init_tensor(
+        np.linspace(inner, outer, n + 1), np.linspace(0, np.pi / 2, 4 * n + 1)
+    )
     facets = mesh.boundary_facets()
     radius = mesh.p[0][mesh.facets[:, facets]]
-    ends = {"in": facets[np.isclose(radius, inner).all(axis=0)], "out": facets[np.isclose(radius, outer).all(axis=0)]}
+    ends = {
+        "in": facets[np.isclose(radius, inner).all(axis=0)],
+        "out": facets[np.isclose(radius, outer).all(axis=0)],
+    }
     r, angle = mesh.p
     return MeshTri(np.stack([r * np.cos(angle), r * np.sin(angle)]), mesh.t), ends
 
@@ -80,7 +90,11 @@ def test_equal_tiles_of_triangles_are_the_closed_form(tmp_path):
     plate = MeshTri.init_tensor(np.linspace(0, 5 * A, 6), np.linspace(0, 8 * A, 9))
     facets = plate.boundary_facets()
     x = plate.p[0][plate.facets[:, facets]]
-    path = mesh_file(tmp_path, plate, {"in": facets[(x == 0).all(axis=0)], "out": facets[(x == 5 * A).all(axis=0)]})
+    path = mesh_file(
+        tmp_path,
+        plate,
+        {"in": facets[(x == 0).all(axis=0)], "out": facets[(x == 5 * A).all(axis=0)]},
+    )
     tiles = MeshLayout(path, "mm", "in", "out", lay="x2").lay_out(PieceSize((A, A), 3))
     assert_allclose(conductance(tiles, 3e-19, 7e-19), 3e-19 * 8 / 5, rtol=1e-6)
     errors = []
@@ -93,12 +107,17 @@ def test_equal_tiles_of_triangles_are_the_closed_form(tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("lay", "share"), [("x2", 0.0), ("x1", 1.0), ({"angle": np.pi / 6}, 0.75), ({"angle": 2.0}, np.cos(2.0) ** 2)]
+    ("lay", "share"),
+    [("x2", 0.0), ("x1", 1.0), ({"angle": np.pi / 6}, 0.75), ({"angle": 2.0}, np.cos(2.0) ** 2)],
 )
 def test_the_lay_turns_the_permeability(lay, share):
     """k1 sin² + k2 cos² of the angle from x1, on a strip along which nothing changes."""
     tiles = wide(lay=lay)
-    assert_allclose(conductance(tiles, 1e-18, 5e-18) / tiles.seal.length * 4 * A, (1 + 4 * share) * 1e-18, rtol=1e-6)
+    assert_allclose(
+        conductance(tiles, 1e-18, 5e-18) / tiles.seal.length * 4 * A,
+        (1 + 4 * share) * 1e-18,
+        rtol=1e-6,
+    )
 
 
 def test_turned_pieces_lie_with_their_other_side_across():
@@ -112,8 +131,13 @@ def test_turned_pieces_lie_with_their_other_side_across():
 @pytest.mark.parametrize("inlet", ["inner", "outer"])
 def test_the_lay_of_a_ring_chooses_the_permeability(inlet):
     for lay, k in (("circumferential", 1e-18), ("radial", 5e-18)):
-        assert_allclose(conductance(ring(lay, inlet), 1e-18, 5e-18), 2 * np.pi * k / np.log(1.4), rtol=1e-7)
-    straight = [conductance(ring(lay, inlet), 1e-18, 5e-18) * np.log(1.4) / (2 * np.pi) for lay in ("x1", "x2")]
+        assert_allclose(
+            conductance(ring(lay, inlet), 1e-18, 5e-18), 2 * np.pi * k / np.log(1.4), rtol=1e-7
+        )
+    straight = [
+        conductance(ring(lay, inlet), 1e-18, 5e-18) * np.log(1.4) / (2 * np.pi)
+        for lay in ("x1", "x2")
+    ]
     assert_allclose(straight[0], straight[1], rtol=1e-2)
     assert 2 * 5 / (1 + 5) < straight[0] / 1e-18 < (1 + 5) / 2
 
@@ -207,8 +231,16 @@ def test_every_piece_is_drawn_as_often_and_independent_of_its_neighbour():
 def test_in_place_rows_draw_from_their_own_row():
     tiles = wide(3, 50)
     assert tiles.in_place
-    assert_array_equal(tiles.draw((3, 4), np.random.default_rng(0)).reshape(3, 50) // 4, [[0] * 50, [1] * 50, [2] * 50])
-    assert set(tiles.draw((3, 4), np.random.default_rng(0)).reshape(3, 50)[1].tolist()) == {4, 5, 6, 7}
+    assert_array_equal(
+        tiles.draw((3, 4), np.random.default_rng(0)).reshape(3, 50) // 4,
+        [[0] * 50, [1] * 50, [2] * 50],
+    )
+    assert set(tiles.draw((3, 4), np.random.default_rng(0)).reshape(3, 50)[1].tolist()) == {
+        4,
+        5,
+        6,
+        7,
+    }
 
 
 def test_pieces_stay_in_place_where_the_seal_is_like_the_face_alone():
@@ -216,9 +248,14 @@ def test_pieces_stay_in_place_where_the_seal_is_like_the_face_alone():
     assert ring(outer=1e-3 + 3 * A).in_place
     assert not wide(4).in_place
     # a lay that does not run along the seal, or grooves that wind: rows of the face are none of the seal
-    assert not any(wide(3, lay=lay).in_place for lay in ("x1", {"angle": 1.0}, {"kind": "spiral", "lead": A}))
+    assert not any(
+        wide(3, lay=lay).in_place for lay in ("x1", {"angle": 1.0}, {"kind": "spiral", "lead": A})
+    )
     spiral = {"kind": "spiral", "lead": A}
-    assert not any(ring(lay, outer=1e-3 + 3 * A).in_place for lay in ("radial", "x1", "x2", {"angle": 1.0}, spiral))
+    assert not any(
+        ring(lay, outer=1e-3 + 3 * A).in_place
+        for lay in ("radial", "x1", "x2", {"angle": 1.0}, spiral)
+    )
 
 
 @pytest.mark.parametrize("columns", [1, 2, 3, 8])
@@ -235,11 +272,16 @@ def test_maps_see_a_short_strip_once(columns):
 
 def test_elements_smaller_than_a_piece_share_its_tile(tmp_path):
     path = mesh_file(tmp_path, *triangles_of_ring(8))
-    fine, coarse = (MeshLayout(path, "mm", "in", "out").lay_out(PieceSize((s, s), 3)) for s in (1e-6, 2 * A))
+    fine, coarse = (
+        MeshLayout(path, "mm", "in", "out").lay_out(PieceSize((s, s), 3)) for s in (1e-6, 2 * A)
+    )
     assert fine.count == len(fine.tile)
     area = np.pi / 4 * (1.4e-3**2 - 1e-3**2)
     assert coarse.count < 2.5 * area / (2 * A) ** 2
-    spread = [np.ptp(coarse.outlines[coarse.tile == n].mean(axis=1), axis=0).max() for n in range(coarse.count)]
+    spread = [
+        np.ptp(coarse.outlines[coarse.tile == n].mean(axis=1), axis=0).max()
+        for n in range(coarse.count)
+    ]
     assert max(spread) <= 2 * A
     k = np.exp(np.random.default_rng(0).normal(0, 1, (2, coarse.count)))
     assert_array_equal(coarse.permeability(*k), k.T[coarse.tile])
@@ -252,7 +294,10 @@ def test_the_flux_carries_the_leakage(tiles):
     """Through every row it is the rate, up to what the middles of tiles do not see."""
     k = tiles.permeability(*np.exp(np.random.default_rng(0).normal(0, 0.5, (2, tiles.count))))
     flow = tiles.seal.flow(k, bounds=True)
-    flux, centre = tiles.flux(k, 3 * flow.potential, 3 * flow.conductance) / 3, tiles.outlines.mean(axis=1)
+    flux, centre = (
+        tiles.flux(k, 3 * flow.potential, 3 * flow.conductance) / 3,
+        tiles.outlines.mean(axis=1),
+    )
     radius = np.hypot(*centre.T)
     around = centre[:, 0].max() < 5 * A  # a strip
     across = flux[:, 0] if around else (flux * centre).sum(axis=1) / radius

@@ -63,7 +63,9 @@ def test_a_process_that_exits_at_once_leaves_its_results(tmp_path):
         "        yield item\n"
         "resumed(Path(sys.argv[2]), ending)\n"
     )
-    done = subprocess.run([sys.executable, "-c", code, str(Path(__file__).parents[1]), str(tmp_path)])
+    done = subprocess.run(
+        [sys.executable, "-c", code, str(Path(__file__).parents[1]), str(tmp_path)]
+    )
     assert done.returncode == 9
     results, computed = resumed(tmp_path)
     assert_complete(results)
@@ -114,7 +116,10 @@ def test_a_result_is_found_by_the_function_and_every_input(tmp_path):
     exponents = np.arange(3.0)
     first, computed = asked(power, exponents)
     assert computed == [(0.0,), (1.0,), (2.0,)]
-    assert asked(Stage("another name", partial(np.power, 2.0)), exponents[::-1]) == (first[::-1], [])
+    assert asked(Stage("another name", partial(np.power, 2.0)), exponents[::-1]) == (
+        first[::-1],
+        [],
+    )
     assert asked(Stage("powers", partial(np.power, 3.0)), exponents)[1] == computed
     assert asked(Stage("powers", partial(np.multiply, 2.0)), exponents)[1] == computed
     assert asked(power, exponents.astype(np.float32))[1] == computed
@@ -123,7 +128,9 @@ def test_a_result_is_found_by_the_function_and_every_input(tmp_path):
 
 def test_other_versions_find_nothing(tmp_path, monkeypatch):
     resumed(tmp_path)
-    monkeypatch.setattr(store, "numerical_versions", lambda: {**numerical_versions(), "CoolProp": "9.9"})
+    monkeypatch.setattr(
+        store, "numerical_versions", lambda: {**numerical_versions(), "CoolProp": "9.9"}
+    )
     assert resumed(tmp_path)[1] == EVERY
     assert "CoolProp" in numerical_versions()
 
@@ -215,7 +222,9 @@ def test_a_full_disk_loses_nothing_that_is_written(tmp_path, monkeypatch, room):
 
     with monkeypatch.context() as patch:
         patch.setattr(Path, "open", open_full)
-        with pytest.raises(fs.FemsealError, match=r"No space left.*results are kept.*make room.*--resume"):
+        with pytest.raises(
+            fs.FemsealError, match=r"No space left.*results are kept.*make room.*--resume"
+        ):
             resumed(tmp_path)
     with Store(tmp_path) as kept:
         assert len(kept) > 5

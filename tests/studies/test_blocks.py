@@ -15,9 +15,13 @@ OIL = fs.Liquid(1e-3)
 
 
 def scene(surface=None, **changed):
-    face = fs.self_affine((N, N), (N * D, N * D), hurst=0.8, rms_slope=0.15, roll_off=24 * D, cut_off=8 * D, rng=3)
+    face = fs.self_affine(
+        (N, N), (N * D, N * D), hurst=0.8, rms_slope=0.15, roll_off=24 * D, cut_off=8 * D, rng=3
+    )
     given = {
-        "surface": fs.Topography((face if surface is None else surface).heights, (D, D), (False, False)),
+        "surface": fs.Topography(
+            (face if surface is None else surface).heights, (D, D), (False, False)
+        ),
         "modulus": E,
         "hardness": 3e9,
         "fluid": OIL,
@@ -87,9 +91,17 @@ def test_the_same_bits_on_any_mapper():
 @pytest.mark.parametrize(
     ("changed", "blocks", "text"),
     [
-        ({}, (3, 2), r"blocks: given 3 × 2 of 128 × 128 points, expected numbers of which 4 times divide"),
+        (
+            {},
+            (3, 2),
+            r"blocks: given 3 × 2 of 128 × 128 points, expected numbers of which 4 times divide",
+        ),
         ({}, (8, 8), r"blocks: .*parts of at least 8"),
-        ({"fluid_pressure": "acts"}, (2, 2), r"fluid_pressure: given 'acts' with blocks, expected 'ignored'"),
+        (
+            {"fluid_pressure": "acts"},
+            (2, 2),
+            r"fluid_pressure: given 'acts' with blocks, expected 'ignored'",
+        ),
     ],
 )
 def test_what_blocks_cannot_do_is_refused(changed, blocks, text):

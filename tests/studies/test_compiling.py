@@ -70,7 +70,9 @@ def test_processes_that_die_leave_no_record(tmp_path, monkeypatch):
     record = tmp_path / "compiled"
     monkeypatch.setattr(compiling, "_record", lambda: record)
     with pytest.raises(MemoryError):
-        compiling.compile_ahead(lambda stage, parts: (_ for _ in ()).throw(MemoryError), lambda *state: None)
+        compiling.compile_ahead(
+            lambda stage, parts: (_ for _ in ()).throw(MemoryError), lambda *state: None
+        )
     assert not record.exists()
 
 
@@ -98,7 +100,11 @@ def test_the_parts_hold_what_a_run_compiles(tmp_path):
     (tmp_path / "cache").mkdir()
     env = {**os.environ, "NUMBA_CACHE_DIR": str(tmp_path / "cache")}
     said = subprocess.run(
-        [sys.executable, "-c", COUNTS, tmp_path / "case.toml"], env=env, capture_output=True, text=True, check=True
+        [sys.executable, "-c", COUNTS, tmp_path / "case.toml"],
+        env=env,
+        capture_output=True,
+        text=True,
+        check=True,
     )
     ahead, later = map(float, said.stdout.split())
     assert later < 0.1 * ahead
@@ -119,6 +125,8 @@ print(find.stats.cache_path)
 
 def test_where_nothing_can_be_written_loops_are_kept_in_a_temporary_folder():
     """Without one, numba refuses to import them."""
-    said = subprocess.run([sys.executable, "-c", PLACES], capture_output=True, text=True, check=True).stdout.split()
+    said = subprocess.run(
+        [sys.executable, "-c", PLACES], capture_output=True, text=True, check=True
+    ).stdout.split()
     assert Path(said[1]).parent == Path(said[0])
     assert not Path(said[0]).exists()

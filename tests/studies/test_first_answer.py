@@ -75,7 +75,9 @@ def test_a_lay_across_closes_before_one_along():
 
 
 def test_its_factors_are_those_of_the_table():
-    page = (Path(__file__).parents[1] / "benchmarks" / "first_answer.md").read_text(encoding="utf-8")
+    page = (Path(__file__).parents[1] / "benchmarks" / "first_answer.md").read_text(
+        encoding="utf-8"
+    )
     cells = re.search(rf"\| contact below {100 * LIGHT:g} % (.*)", page)[1].split("|")
     assert [float(cell) for cell in cells[4:6]] == list(OFF_BY)
 
@@ -85,7 +87,13 @@ def case(fluid, seat=None, **face):
         {
             "seat": seat or {"kind": "flat"},
             "method": "deterministic",
-            "face": {"kind": "self-affine", "points": [64, 64], "size": ["1 mm", "1 mm"], "hurst": 0.8, **face},
+            "face": {
+                "kind": "self-affine",
+                "points": [64, 64],
+                "size": ["1 mm", "1 mm"],
+                "hurst": 0.8,
+                **face,
+            },
             "material": {"young": "210 GPa", "yield_stress": "1 GPa"},
             "load": {"loading": ["25 MPa"]},
             "fluid": fluid,
@@ -95,7 +103,9 @@ def case(fluid, seat=None, **face):
 
 
 def test_a_gas_faster_than_sound_is_warned_of():
-    given = case({"name": "nitrogen", "inlet_pressure": "200 bar"}, rms_height="3 um", roll_off="300 um")
+    given = case(
+        {"name": "nitrogen", "inlet_pressure": "200 bar"}, rms_height="3 um", roll_off="300 um"
+    )
     results = fs.run(given, workers=1)
     gap, mass = results.dataset["mean_gap"].item(), results.mass_rate.item() / 1e-3
     ratio = mass / (2e7 * np.sqrt(1.4 / (8.31446 / 0.0280134 * 293.15)) * (2 / 2.4) ** 3 * gap)
@@ -108,17 +118,27 @@ def test_a_gas_faster_than_sound_is_warned_of():
 
 
 def test_an_oil_in_narrow_gaps_is_not():
-    given = case({"kind": "liquid", "viscosity": "50 mPa*s", "inlet_pressure": "10 bar"}, rms_height="0.5 um")
+    given = case(
+        {"kind": "liquid", "viscosity": "50 mPa*s", "inlet_pressure": "10 bar"}, rms_height="0.5 um"
+    )
     results = fs.run(given, workers=1)
-    assert not any("Reynolds" in text or "choked" in text or "plausible" in text for text in results.warnings)
+    assert not any(
+        "Reynolds" in text or "choked" in text or "plausible" in text for text in results.warnings
+    )
     assert "first answer" in fs.report.error_tables.check_lines(results)[1]
     assert choked_flux(fs.Liquid(1e-3), 1e6) == np.inf
     first = prepare(given).first_answer
     assert first.leakage[0] / results.leakage.values[0] == pytest.approx(1, abs=0.9)
     for wrong in (1e4, 1e-4):
-        assert "what the spectrum of the face makes plausible" in first.doubts(wrong * first.leakage, ["here"])[0]
+        assert (
+            "what the spectrum of the face makes plausible"
+            in first.doubts(wrong * first.leakage, ["here"])[0]
+        )
 
 
 def test_a_seat_has_no_first_answer():
     oil = {"kind": "liquid", "viscosity": "50 mPa*s", "inlet_pressure": "10 bar"}
-    assert prepare(case(oil, {"kind": "crowned", "radius": "1 m"}, rms_height="0.5 um")).first_answer is None
+    assert (
+        prepare(case(oil, {"kind": "crowned", "radius": "1 m"}, rms_height="0.5 um")).first_answer
+        is None
+    )

@@ -28,7 +28,13 @@ OIL = fs.Liquid(1e-3)
 
 def rough(n1=32, n2=48, seed=5):
     return fs.self_affine(
-        (n1, n2), (n1 * D, n2 * D), hurst=0.75, rms_slope=0.2, roll_off=16 * D, cut_off=6 * D, rng=seed
+        (n1, n2),
+        (n1 * D, n2 * D),
+        hurst=0.75,
+        rms_slope=0.2,
+        roll_off=16 * D,
+        cut_off=6 * D,
+        rng=seed,
     )
 
 
@@ -56,7 +62,9 @@ def acting(inlet, outlet=0.0, nominal="total", fluid=OIL):
 class TestContactUnderAFluidPressure:
     @pytest.mark.parametrize("boundary", ["periodic", "mirror"])
     @pytest.mark.parametrize("hardness", [np.inf, 0.4 * H])
-    def test_uniform_pressure_on_a_periodic_face_takes_its_part_of_the_load(self, boundary, hardness):
+    def test_uniform_pressure_on_a_periodic_face_takes_its_part_of_the_load(
+        self, boundary, hardness
+    ):
         gap, p_f = raised(rough()), 0.03 * H
         body = fs.HalfSpace(gap.shape, (D, D), E, boundary)
         wet = fs.solve_contact(gap, body, pressure=0.1 * H, hardness=hardness, fluid_pressure=p_f)
@@ -79,17 +87,31 @@ class TestContactUnderAFluidPressure:
         gap = raised(rough(8, 8, seed=3))
         body = fs.HalfSpace(gap.shape, (D, D), E, ("free", "periodic"))
         n = gap.size
-        compliance = np.array([body.displacement(row.reshape(gap.shape)).ravel() for row in np.eye(n)])
+        compliance = np.array(
+            [body.displacement(row.reshape(gap.shape)).ravel() for row in np.eye(n)]
+        )
         p_f = np.repeat(np.linspace(0.06, 0.0, 8)[:, None] * H, 8, axis=1)
         total = 0.1 * H
-        found = fs.solve_contact(gap, body, pressure=total, hardness=hardness, fluid_pressure=p_f, rtol=1e-9)
+        found = fs.solve_contact(
+            gap, body, pressure=total, hardness=hardness, fluid_pressure=p_f, rtol=1e-9
+        )
         scale, length = total, gap.max()
         answer = minimize(
             lambda t: (0.5 * t @ compliance @ t * scale + t @ gap.ravel()) / length,
             np.full(n, 1.0),
             jac=lambda t: (compliance @ t * scale + gap.ravel()) / length,
-            bounds=list(zip(p_f.ravel() / scale, np.minimum(np.full(n, hardness), 1e3 * scale) / scale, strict=True)),
-            constraints={"type": "eq", "fun": lambda t: t.mean() - 1.0, "jac": lambda t: np.full(n, 1.0 / n)},
+            bounds=list(
+                zip(
+                    p_f.ravel() / scale,
+                    np.minimum(np.full(n, hardness), 1e3 * scale) / scale,
+                    strict=True,
+                )
+            ),
+            constraints={
+                "type": "eq",
+                "fun": lambda t: t.mean() - 1.0,
+                "jac": lambda t: np.full(n, 1.0 / n),
+            },
             method="SLSQP",
             options={"maxiter": 2000, "ftol": 1e-15},
         )
@@ -111,8 +133,14 @@ class TestContactUnderAFluidPressure:
     @pytest.mark.parametrize(
         ("given", "text"),
         [
-            ({"pressure": 1e6, "fluid_pressure": 2e6}, "pressure: given 1e.06 Pa, of which the fluid carries 2e.06 Pa"),
-            ({"pressure": 1e6, "fluid_pressure": 2 * H}, "fluid_pressure: given up to .* less than the hardness"),
+            (
+                {"pressure": 1e6, "fluid_pressure": 2e6},
+                "pressure: given 1e.06 Pa, of which the fluid carries 2e.06 Pa",
+            ),
+            (
+                {"pressure": 1e6, "fluid_pressure": 2 * H},
+                "fluid_pressure: given up to .* less than the hardness",
+            ),
             ({"pressure": 1e6, "fluid_pressure": np.zeros((2, 2))}, "fluid_pressure: given shape"),
             ({"pressure": 1e6, "fluid_pressure": "much"}, "fluid_pressure: given 'much'"),
             ({"pressure": 1e6, "fluid_pressure": np.nan}, "fluid_pressure: given nan"),
@@ -163,7 +191,9 @@ class TestCoupling:
         assert isinstance(found, CoupledContact)
         p_f, rates = np.zeros(surface.shape), []
         for _ in range(12):
-            contact = fs.solve_contact(raised(surface), body, pressure=load, hardness=H, fluid_pressure=p_f, rtol=1e-8)
+            contact = fs.solve_contact(
+                raised(surface), body, pressure=load, hardness=H, fluid_pressure=p_f, rtol=1e-8
+            )
             pressure, rate = reynolds(np.maximum(contact.gap, 1e-4 * contact.gap.max()), inlet)
             rates.append(rate)
             p_f = pressure
@@ -175,7 +205,9 @@ class TestCoupling:
         surface = rough(32, 32)
         body = fs.HalfSpace(surface.shape, surface.spacing, E, ("free", "periodic"))
         total, only = (
-            acting(0.02 * H, nominal=nominal).contact(raised(surface), body, pressure=0.05 * H, hardness=H)
+            acting(0.02 * H, nominal=nominal).contact(
+                raised(surface), body, pressure=0.05 * H, hardness=H
+            )
             for nominal in ("total", "contact")
         )
         assert_allclose(total.pressure.mean() + total.carried, 0.05 * H, rtol=1e-6)
@@ -201,7 +233,13 @@ class TestCoupling:
         import femseal.studies.fluid_coupling as module
 
         surface = fs.self_affine(
-            (64, 64), (64 * D, 64 * D), hurst=0.8, rms_slope=0.1, roll_off=16 * D, cut_off=8 * D, rng=248123
+            (64, 64),
+            (64 * D, 64 * D),
+            hurst=0.8,
+            rms_slope=0.1,
+            roll_off=16 * D,
+            cut_off=8 * D,
+            rng=248123,
         )
         body = fs.HalfSpace(surface.shape, surface.spacing, E, "periodic")
         given = {"pressure": 0.2 * H, "hardness": H, "rtol": 1e-6}
@@ -223,12 +261,22 @@ class TestCoupling:
 
     @pytest.mark.parametrize(
         ("seed", "slope", "roll_off", "load", "fraction"),
-        [(170680, 0.05, 64, 0.3, 1.372), (644954, 0.05, 16, 0.2, 1.181), (445337, 0.15, 32, 0.2, 1.45)],
+        [
+            (170680, 0.05, 64, 0.3, 1.372),
+            (644954, 0.05, 16, 0.2, 1.181),
+            (445337, 0.15, 32, 0.2, 1.45),
+        ],
     )
     def test_rounds_that_go_too_far_settle(self, seed, slope, roll_off, load, fraction):
         """Against rounds that take a fifth of every step; they were called open."""
         surface = fs.self_affine(
-            (64, 64), (64 * D, 64 * D), hurst=0.8, rms_slope=slope, roll_off=roll_off * D, cut_off=8 * D, rng=seed
+            (64, 64),
+            (64 * D, 64 * D),
+            hurst=0.8,
+            rms_slope=slope,
+            roll_off=roll_off * D,
+            cut_off=8 * D,
+            rng=seed,
         )
         body = fs.HalfSpace(surface.shape, surface.spacing, E, ("free", "periodic"))
         given = {"pressure": load * H, "hardness": H, "rtol": 1e-6}
@@ -237,7 +285,9 @@ class TestCoupling:
         for _ in range(60):
             contact = fs.solve_contact(raised(surface), body, fluid_pressure=p_f, **given)
             flow = resolved_flow(contact.gap, surface.spacing, with_potential=True)
-            p_f = p_f + 0.2 * (harmonic_fill(fraction * load * H * flow.potential.astype(float), p_f) - p_f)
+            p_f = p_f + 0.2 * (
+                harmonic_fill(fraction * load * H * flow.potential.astype(float), p_f) - p_f
+            )
         assert_allclose(found.flow.permeability, flow.permeability, rtol=1e-3)
         assert_allclose(found.carried, p_f.mean(), rtol=1e-3)
         assert 0.8 < found.carried / (load * H) < 0.95
@@ -264,7 +314,9 @@ class TestCoupling:
         loads = [c.mean_pressure + c.carried for c in solved]
         assert_allclose(loads, np.array([1.02, 1.05, 1.2, 1.5]) * opening, rtol=1e-3)
         # a ridge at the inlet holds the fluid back from faces that it would keep apart, one at the outlet holds it up
-        assert ridge is None or (opening < 0.9 * fluid.carried if ridge == 0.2 else opening > 1.1 * fluid.carried)
+        assert ridge is None or (
+            opening < 0.9 * fluid.carried if ridge == 0.2 else opening > 1.1 * fluid.carried
+        )
 
     def test_a_closed_face_is_wet_up_to_its_barrier(self):
         """The fluid stands at the inlet's pressure up to a ridge that closes the seal: a low ridge is opened by it."""
@@ -279,13 +331,17 @@ class TestCoupling:
         surface = rough(32, 32)
         body = fs.HalfSpace(surface.shape, surface.spacing, E, ("free", "periodic"))
         load = 0.05 * H
-        found = acting(1.9 * LEAST_FRACTION * load).contact(raised(surface), body, pressure=load, hardness=H)
+        found = acting(1.9 * LEAST_FRACTION * load).contact(
+            raised(surface), body, pressure=load, hardness=H
+        )
         assert not isinstance(found, CoupledContact)
         k, least = (
             fs.cell_permeability(c.gap, surface.spacing, sides="periodic").value
             for c in (
                 found,
-                acting(2.1 * LEAST_FRACTION * load).contact(raised(surface), body, pressure=load, hardness=H),
+                acting(2.1 * LEAST_FRACTION * load).contact(
+                    raised(surface), body, pressure=load, hardness=H
+                ),
             )
         )
         assert_allclose(least, k, rtol=5e-3)
@@ -310,7 +366,13 @@ class TestStudies:
         surface, leakage = rough(48, 48, seed), []
         for columns in (0, 1, 7, 24):
             rolled = replace(surface, heights=np.roll(surface.heights, columns, axis=1))
-            one = scene(surface=rolled, inlet_pressure=0.2 * H, loading=(0.15 * H,), nominal="contact", rtol=1e-7)
+            one = scene(
+                surface=rolled,
+                inlet_pressure=0.2 * H,
+                loading=(0.15 * H,),
+                nominal="contact",
+                rtol=1e-7,
+            )
             leakage.append(deterministic(one).leakage[0])
         assert leakage[0] > 0
         assert_allclose(leakage, leakage[0], rtol=1e-4)
@@ -343,15 +405,26 @@ class TestStudies:
 
     def test_an_unloaded_face_parts_at_a_load_of_its_own(self):
         """It has yielded. Above the load that is named it is solved, below it is open, as the first loading is."""
-        known = scene(inlet_pressure=0.15 * H, loading=(0.02 * H, 0.3 * H), unload_from=(0.3 * H,), unloading=(0.0,))
-        first, late = (float(re.search(r"below (\d+) MPa", text)[1]) * 1e6 for text in deterministic(known).failures)
+        known = scene(
+            inlet_pressure=0.15 * H,
+            loading=(0.02 * H, 0.3 * H),
+            unload_from=(0.3 * H,),
+            unloading=(0.0,),
+        )
+        first, late = (
+            float(re.search(r"below (\d+) MPa", text)[1]) * 1e6
+            for text in deterministic(known).failures
+        )
         assert abs(late / first - 1) > 0.05
         for factor, is_open in ((0.98, True), (1.02, False)):
             one = replace(known, loading=(factor * first, 0.3 * H), unloading=(factor * late,))
             assert (np.isnan(deterministic(one).leakage) == [is_open, False, is_open]).all()
 
     def test_drawn_seals_stop_at_a_small_error(self, monkeypatch):
-        one, sampling = scene(inlet_pressure=0.8 * 0.05 * H), Sampling(640e-6, 4, seed=1, breadth=128e-6)
+        one, sampling = (
+            scene(inlet_pressure=0.8 * 0.05 * H),
+            Sampling(640e-6, 4, seed=1, breadth=128e-6),
+        )
         found = stochastic(one, (4, 4), sampling)
         monkeypatch.setattr(sys.modules["femseal.studies.drawn_study"], "DRAWN_RTOL", 1e-9)
         settled = stochastic(one, (4, 4), sampling)
@@ -366,11 +439,15 @@ class TestStudies:
         surface = fs.Topography(np.tile(window, (4, 4)), (D, D), (True, True))
         loads = (0.05 * H, 0.1 * H)
         # of many rows of tiles, each of which has one pressure of the fluid
-        sampling = Sampling(length=64 * D, realisations=1, seed=1, breadth=20 * 64 * D, median_fields=False)
+        sampling = Sampling(
+            length=64 * D, realisations=1, seed=1, breadth=20 * 64 * D, median_fields=False
+        )
         one = scene(surface=surface, loading=loads, inlet_pressure=0.03 * H)
         found = stochastic(one, (4, 4), sampling).leakage[0]
         points = tuple(np.linspace(0.02, 0.1, 81) * H)
-        dry = replace(one, loading=points, fluid_pressure="ignored", boundary=("periodic", "periodic"))
+        dry = replace(
+            one, loading=points, fluid_pressure="ignored", boundary=("periodic", "periodic")
+        )
         curve = deterministic(dry).leakage / 20
         for load, leakage in zip(loads, found, strict=True):
             s = np.linspace(0, 0.03 * H, 301)
@@ -398,20 +475,26 @@ class TestStudies:
 
     def test_a_fluid_above_the_hardness_is_refused(self):
         with pytest.raises(
-            fs.InputError, match=r"inlet_pressure: given 2.4 GPa, expected less than the hardness, 2.3 GPa"
+            fs.InputError,
+            match=r"inlet_pressure: given 2.4 GPa, expected less than the hardness, 2.3 GPa",
         ):
             scene(inlet_pressure=2.4e9)
         scene(inlet_pressure=2.4e9, fluid_pressure="ignored")
 
     def test_names_are_checked(self):
-        with pytest.raises(fs.InputError, match="fluid_pressure: given on, expected one of acts, trapped, ignored"):
+        with pytest.raises(
+            fs.InputError, match="fluid_pressure: given on, expected one of acts, trapped, ignored"
+        ):
             scene(fluid_pressure="on")
-        with pytest.raises(fs.InputError, match="nominal: given all, expected one of total, contact"):
+        with pytest.raises(
+            fs.InputError, match="nominal: given all, expected one of total, contact"
+        ):
             scene(nominal="all")
 
 
 @pytest.mark.parametrize(
-    ("fraction", "ratio"), [(0.1, 1.16), (0.3, 1.59), pytest.param(1.0, 5.06, marks=pytest.mark.slow)]
+    ("fraction", "ratio"),
+    [(0.1, 1.16), (0.3, 1.59), pytest.param(1.0, 5.06, marks=pytest.mark.slow)],
 )
 def test_turned_face_of_a_published_trial(fraction, ratio):
     """p̄ = .08 H, 256² points: an independent successive solution gave 1.16, 1.59 and 5.1 times the dry leakage."""

@@ -20,11 +20,15 @@ class TestFactor:
     def test_a_constant_ratio_is_the_factor_up_or_down_whatever_the_unit_and_direction(self):
         for ratio in (2.0, 0.5):
             for scale in (1e-9, -1.0):
-                factor = leakage_factor(scale * ratio * self.exact, scale * self.exact, STEPS, "loading")
+                factor = leakage_factor(
+                    scale * ratio * self.exact, scale * self.exact, STEPS, "loading"
+                )
                 assert_allclose(factor.value, 2.0, rtol=1e-14)
 
     def test_mean_is_quadratic_in_the_logarithm(self):
-        factor = leakage_factor(self.exact * [1, 1, 1, np.exp(3), np.exp(-4)], self.exact, STEPS, "unloading")
+        factor = leakage_factor(
+            self.exact * [1, 1, 1, np.exp(3), np.exp(-4)], self.exact, STEPS, "unloading"
+        )
         assert_allclose(np.log(factor.value), np.sqrt((9 + 16) / 2), rtol=1e-14)
 
     def test_loads_that_hardly_leak_do_not_count(self):
@@ -44,7 +48,10 @@ class TestFactor:
         assert leakage_factor(leaking * [1, 1, 1e-5, 1, 1], shut, STEPS, "loading").closed == 0
 
     def test_what_failed_is_left_out(self):
-        for pair in ((self.exact * [1, np.nan, 1, 1, 1], self.exact), (self.exact, self.exact * [1, np.nan, 1, 1, 1])):
+        for pair in (
+            (self.exact * [1, np.nan, 1, 1, 1], self.exact),
+            (self.exact, self.exact * [1, np.nan, 1, 1, 1]),
+        ):
             factor = leakage_factor(*pair, STEPS, "loading")
             assert (factor.value, factor.loads) == (1.0, 2)
         first_unknown = self.exact * [np.nan, 1, 1, 1, 1]

@@ -24,15 +24,31 @@ SIDE = N * D
 
 def scene(roll_off, **changed):
     face = fs.self_affine(
-        (2 * N, 2 * N), (2 * SIDE, 2 * SIDE), hurst=0.8, rms_slope=0.1, roll_off=roll_off, cut_off=8 * D, rng=5
+        (2 * N, 2 * N),
+        (2 * SIDE, 2 * SIDE),
+        hurst=0.8,
+        rms_slope=0.1,
+        roll_off=roll_off,
+        cut_off=8 * D,
+        rng=5,
     )
     patch = face.crop((N, N)).detrend(1)
     given = {"loading": (2e7, 2e8), "fluid_pressure": "ignored"} | changed
-    return fs.Scene(fs.Topography(patch.heights, (D, D), (False, False)), E, 3e9, fs.Liquid(1e-3), 1e6, 0.0, **given)
+    return fs.Scene(
+        fs.Topography(patch.heights, (D, D), (False, False)),
+        E,
+        3e9,
+        fs.Liquid(1e-3),
+        1e6,
+        0.0,
+        **given,
+    )
 
 
 def changes(one, breadth, flatness=None, length=8 * SIDE):
-    return longer_waves(one, breadth, length, representative(one.surface), flatness=flatness, seed=1)
+    return longer_waves(
+        one, breadth, length, representative(one.surface), flatness=flatness, seed=1
+    )
 
 
 RISING = Representative(SIDE, None, (1, 1), True, SIDE, 1e-24, 0.8)
@@ -72,7 +88,9 @@ def test_a_patch_that_holds_its_waves_has_no_row_and_one_that_does_not_has():
     assert changes(narrow, None, length=None) is None
     found = changes(rising, 4 * SIDE)
     assert found.shape == (DRAWS, 2)
-    assert (found.mean(axis=0) > 0).all()  # what stands apart leaks more than what is pressed leaks less
+    assert (
+        found.mean(axis=0) > 0
+    ).all()  # what stands apart leaks more than what is pressed leaks less
 
 
 def test_broader_seals_and_less_flat_ones_may_leak_more():
@@ -86,7 +104,9 @@ def test_broader_seals_and_less_flat_ones_may_leak_more():
     # beyond, the gap between crests decides: its cube
     high, higher = (changes(flat, 4 * SIDE, flatness).mean(axis=0)[0] for flatness in (8e-6, 16e-6))
     assert_allclose(higher - high, np.log(8), rtol=0.15)
-    assert np.isnan(changes(flat, 4 * SIDE, 1e-3)).all()  # steeper than a half-space allows: unknown
+    assert np.isnan(
+        changes(flat, 4 * SIDE, 1e-3)
+    ).all()  # steeper than a half-space allows: unknown
 
 
 def test_a_form_leaves_the_waves_that_are_too_short_for_it():
@@ -95,11 +115,16 @@ def test_a_form_leaves_the_waves_that_are_too_short_for_it():
 
     def spread(form):
         holds = representative(rising.surface)
-        found = longer_waves(rising, 8 * SIDE, 16 * SIDE, holds, flatness=None, seed=1, forms=(form,))
+        found = longer_waves(
+            rising, 8 * SIDE, 16 * SIDE, holds, flatness=None, seed=1, forms=(form,)
+        )
         return None if found is None else found.std(axis=0)[0]
 
     def measured(count):
-        points = np.stack(np.meshgrid(np.linspace(0, 8 * SIDE, count), np.linspace(0, 16 * SIDE, 2 * count)), axis=-1)
+        points = np.stack(
+            np.meshgrid(np.linspace(0, 8 * SIDE, count), np.linspace(0, 16 * SIDE, 2 * count)),
+            axis=-1,
+        )
         return MeasuredForm.of(points.reshape(-1, 2), np.zeros(2 * count**2))
 
     coarse, finer, none = spread(measured(4)), spread(measured(9)), spread(measured(40))

@@ -36,7 +36,10 @@ def in_order(one, pieces):
     """Leakage of the pieces in their own order, times the factor of each state."""
     tiles = face_tiles(one.surface.size, pieces.cut.shape)
     k = pieces.k[0].reshape(2, len(pieces.steps), -1)
-    flows = [tiles.seal.flow(tiles.permeability(*k[:, s]), bounds=True).conductance for s in range(len(pieces.steps))]
+    flows = [
+        tiles.seal.flow(tiles.permeability(*k[:, s]), bounds=True).conductance
+        for s in range(len(pieces.steps))
+    ]
     return np.array(flows) / tiles.seal.length * (one.inlet_pressure / 1e-3) * pieces.factor
 
 
@@ -73,14 +76,18 @@ def test_a_ladder_is_dry_and_periodic_whatever_the_scene():
     one = scene(fluid_pressure="acts", inlet_pressure=2e7)
     cut = Cut.of(one.surface, (2, 2))
     dry = replace(one, fluid_pressure="ignored", boundary=("periodic", "periodic"))
-    assert_allclose(pieces_on_ladder(one, cut, one.steps, map).k, two_scale(dry, (2, 2)).pieces.k, rtol=1e-5)
+    assert_allclose(
+        pieces_on_ladder(one, cut, one.steps, map).k, two_scale(dry, (2, 2)).pieces.k, rtol=1e-5
+    )
 
 
 @pytest.mark.parametrize("elastic", [False, True])
 @pytest.mark.parametrize("seed", range(6))
 def test_a_ladder_covers_all_paths(seed, elastic):
     rng = np.random.default_rng(seed)
-    steps = LoadProgramme.of([1e7, 1e8, 4e8], unload_from=[1e8, 4e8], unloading=[9e7, 2e7, 0.0][: 1 + seed % 3])
+    steps = LoadProgramme.of(
+        [1e7, 1e8, 4e8], unload_from=[1e8, 4e8], unloading=[9e7, 2e7, 0.0][: 1 + seed % 3]
+    )
     paths = steps.pressures[:, None] * rng.uniform(0.3, 1.7, (1, 20))
     ladder = ladder_of(paths, steps, elastic)
     highest, lowest = paths.max(), paths.min()
@@ -165,19 +172,28 @@ def test_after_unloading_to_nothing_the_peak_is_not_forgotten():
     cut = Cut.of(one.surface, (2, 2))
     found = along_paths(pieces_on_ladder(one, cut, ladder, map), paths, one.steps)[0, :, -1, 0]
     pieces = pieces_on_ladder(one, cut, one.steps, map)
-    assert_allclose(found, (pieces.k * pieces.factor[:, None, None])[0, :, -1].reshape(2, -1), rtol=0.02)
+    assert_allclose(
+        found, (pieces.k * pieces.factor[:, None, None])[0, :, -1].reshape(2, -1), rtol=0.02
+    )
     fresh = pieces_on_ladder(one, cut, LoadProgramme([LoadStep(0.0)]), map)
     assert fresh.k.mean() > 2 * found.mean()
 
 
 def _without_k(taken):
-    return replace(taken, pieces=replace(taken.pieces, k=taken.pieces.k * np.nan, failures=("lost",)))
+    return replace(
+        taken, pieces=replace(taken.pieces, k=taken.pieces.k * np.nan, failures=("lost",))
+    )
 
 
 def test_a_state_whose_pieces_failed_is_interpolated(monkeypatch):
     one = scene(unload_from=(), unloading=())
-    cut, ladder = Cut.of(one.surface, (2, 2)), LoadProgramme([LoadStep(p) for p in np.linspace(0.4, 0.8, 9) ** 3 * 1e9])
-    whole = along_paths(pieces_on_ladder(one, cut, ladder, map), one.steps.pressures[:, None], one.steps)
+    cut, ladder = (
+        Cut.of(one.surface, (2, 2)),
+        LoadProgramme([LoadStep(p) for p in np.linspace(0.4, 0.8, 9) ** 3 * 1e9]),
+    )
+    whole = along_paths(
+        pieces_on_ladder(one, cut, ladder, map), one.steps.pressures[:, None], one.steps
+    )
     of_state = piece_states._of_state
 
     def lost(state, **options):
@@ -206,4 +222,8 @@ def test_a_gas_with_slip_has_a_permeability_at_each_pressure():
     assert (np.diff(pieces.k[order], axis=0)[:, open_] < 0).all()  # thinner gas slips more
     viscous = pieces_on_ladder(scene(), cut, one.steps, map).k[0]
     assert (pieces.k[order[-1]][open_] > viscous[open_]).all()
-    assert_allclose(pieces.face, deterministic(replace(one, boundary=("periodic", "periodic"))).leakage, rtol=1e-9)
+    assert_allclose(
+        pieces.face,
+        deterministic(replace(one, boundary=("periodic", "periodic"))).leakage,
+        rtol=1e-9,
+    )

@@ -28,7 +28,13 @@ OIL = fs.Liquid(1e-3)
 @cache
 def face(n=64, rms_slope=0.2, rng=11):
     return fs.self_affine(
-        (n, n), (n * D, n * D), hurst=0.75, rms_slope=rms_slope, roll_off=32 * D, cut_off=8 * D, rng=rng
+        (n, n),
+        (n * D, n * D),
+        hurst=0.75,
+        rms_slope=rms_slope,
+        roll_off=32 * D,
+        cut_off=8 * D,
+        rng=rng,
     )
 
 
@@ -60,7 +66,9 @@ def test_a_long_wave_under_a_stiff_layer_is_westergaard_s():
     wave, height = 1e-3, 0.1e-6
     full = analytic.wave_full_contact_pressure(E, height / 2, wave)
     smooth = fs.Topography(face(rms_slope=1e-5).heights, (16 * D, 16 * D))
-    contact = contact_of(scene((0.3 * full, 0.8 * full), smooth), WavyForm(height, lobes=2), 10 * wave, 2 * wave)
+    contact = contact_of(
+        scene((0.3 * full, 0.8 * full), smooth), WavyForm(height, lobes=2), 10 * wave, 2 * wave
+    )
     for pressure in contact.pressure:
         row = pressure[pressure.shape[0] // 2]
         ratio = row.mean() / full
@@ -82,10 +90,14 @@ def test_a_layer_of_springs_on_rigid_bodies_is_winkler_s():
 
     for approach in (0.5e-6, 1.5e-6, 4e-6):
         exact = np.maximum(approach - depth, 0.0) / stiffness
-        p, separation, opening, _ = cells.solved(layer, exact.mean(), np.zeros(depth.size), np.zeros(depth.size))
+        p, separation, opening, _ = cells.solved(
+            layer, exact.mean(), np.zeros(depth.size), np.zeros(depth.size)
+        )
         assert_allclose(p, exact, atol=1e-4 * exact.max())
         assert_allclose(opening, np.maximum(depth - approach, 0.0), atol=1e-9)
-        assert_allclose(separation, free - stiffness * exact + np.maximum(depth - approach, 0.0), atol=1e-9)
+        assert_allclose(
+            separation, free - stiffness * exact + np.maximum(depth - approach, 0.0), atol=1e-9
+        )
 
 
 def test_a_crown_under_a_soft_layer_spreads_as_a_foundation_of_springs():
@@ -121,7 +133,9 @@ def test_the_highest_place_presses_hardest():
     contact = contact_of(one, bump)
     mean = contact.pressure[0].mean(axis=0)
     assert abs(mean.argmax() / mean.size - 0.5) < 0.05
-    assert contact.separation[0].mean(axis=0).argmin() == pytest.approx(mean.size / 2, abs=0.05 * mean.size)
+    assert contact.separation[0].mean(axis=0).argmin() == pytest.approx(
+        mean.size / 2, abs=0.05 * mean.size
+    )
 
 
 @pytest.mark.parametrize("fraction", [0.9, 0.5, 0.2])
@@ -164,7 +178,12 @@ def test_every_step_carries_its_load_and_cells_touch_or_stand_apart():
     # every lobe is alike
     sixth = contact.pressure.shape[2] // 6
     if contact.pressure.shape[2] % 6 == 0:
-        assert_allclose(contact.pressure[..., :sixth], contact.pressure[..., sixth : 2 * sixth], rtol=1e-2, atol=1e5)
+        assert_allclose(
+            contact.pressure[..., :sixth],
+            contact.pressure[..., sixth : 2 * sixth],
+            rtol=1e-2,
+            atol=1e5,
+        )
 
 
 def test_elastic_faces_unload_on_the_way_that_they_were_loaded():
@@ -188,7 +207,9 @@ def test_a_mesh_of_a_rectangle_presses_as_a_free_strip(tmp_path):
     n1, n2 = 8, 24
     number = np.arange((n1 + 1) * (n2 + 1)).reshape(n1 + 1, n2 + 1)
     x, y = np.meshgrid(np.linspace(0, 0.4, n1 + 1), np.linspace(0, 1.2, n2 + 1), indexing="ij")
-    quads = np.stack([number[:-1, :-1], number[1:, :-1], number[1:, 1:], number[:-1, 1:]], axis=-1).reshape(-1, 4)
+    quads = np.stack(
+        [number[:-1, :-1], number[1:, :-1], number[1:, 1:], number[:-1, 1:]], axis=-1
+    ).reshape(-1, 4)
     ends = [np.stack([end[:-1], end[1:]], axis=-1) for end in (number[0], number[-1])]
     tags = [np.repeat([1, 2], n2), np.full(len(quads), 3)]
     path = tmp_path / "plate.msh"
@@ -201,7 +222,9 @@ def test_a_mesh_of_a_rectangle_presses_as_a_free_strip(tmp_path):
     mesh.write(path, file_format="gmsh22", binary=False)
     layout = MeshLayout(path, "mm", "in", "out", lay="x2", centre=(0.2e-3, 0.6e-3))
     one = scene((2e7,), layout=layout)
-    points = np.stack(np.meshgrid(np.linspace(0, 0.4e-3, 5), np.linspace(0, 1.2e-3, 13)), axis=-1).reshape(-1, 2)
+    points = np.stack(
+        np.meshgrid(np.linspace(0, 0.4e-3, 5), np.linspace(0, 1.2e-3, 13)), axis=-1
+    ).reshape(-1, 2)
     crown = MeasuredForm.of(points, -((points[:, 1] - 0.6e-3) ** 2) / 0.2)
     contact = contact_of(one, crown)
     inside = contact.grid.inside
@@ -237,7 +260,11 @@ def drawn(one, form, **more):
 
 def test_a_wavy_ring_leaks_where_it_stands_apart_as_a_gap_of_that_height():
     """Waves so high that the roughness does not count: the cube of the gap between them."""
-    one = scene((1e5, 2e7), fs.Topography(face(rms_slope=1e-3).heights, (D, D)), layout=AnnularLayout(1e-3, 1.064e-3))
+    one = scene(
+        (1e5, 2e7),
+        fs.Topography(face(rms_slope=1e-3).heights, (D, D)),
+        layout=AnnularLayout(1e-3, 1.064e-3),
+    )
     found = drawn(one, WavyForm(5e-6, lobes=2))
     fields = found.median_seal
     open_gap = np.mean(fields.separation**3, axis=1) / 12
@@ -268,12 +295,20 @@ def test_the_band_of_a_measured_form_is_one_of_its_own():
     angle = np.linspace(0, 2 * np.pi, 12, endpoint=False)
     points = 1.03e-3 * np.stack([np.cos(angle), np.sin(angle)], axis=1)
     measured = MeasuredForm.of(points, 1e-7 * np.cos(2 * angle))
-    kinds = [drawn(one, form).kind for form in (measured, WavyForm(1e-7, lobes=2), CrownedSeat(0.1), ())]
+    kinds = [
+        drawn(one, form).kind for form in (measured, WavyForm(1e-7, lobes=2), CrownedSeat(0.1), ())
+    ]
     assert kinds == ["with form", "anywhere", "anywhere", "in place"]
 
 
 CASE = {
-    "face": {"kind": "self-affine", "points": [64, 64], "size": ["64 um", "64 um"], "hurst": 0.8, "rms_slope": 0.1},
+    "face": {
+        "kind": "self-affine",
+        "points": [64, 64],
+        "size": ["64 um", "64 um"],
+        "hurst": 0.8,
+        "rms_slope": 0.1,
+    },
     "material": {"young": "210 GPa", "hardness": "3 GPa"},
     "load": {"loading": ["10 MPa", "50 MPa"]},
     "fluid": {"kind": "liquid", "viscosity": "1 mPa*s", "inlet_pressure": "1 MPa"},
@@ -319,4 +354,6 @@ def test_bad_forms(form, more, text):
 
 def test_a_form_and_a_map_are_refused_together():
     with pytest.raises(fs.InputError, match="form: given a form and a map"):
-        fs.Sampling(1e-3, seed=1, form=WavyForm(1e-6, lobes=2), pressure_map=fs.seal.AngleTable((1.0, 2.0)))
+        fs.Sampling(
+            1e-3, seed=1, form=WavyForm(1e-6, lobes=2), pressure_map=fs.seal.AngleTable((1.0, 2.0))
+        )

@@ -43,7 +43,9 @@ def scene(**changed):
 
 def broad(realisations=1, rows=2, columns=8, **options):
     """A strip so many faces broad and long."""
-    return Sampling(columns * SIDE, realisations, seed=3, breadth=rows * SIDE, median_fields=False, **options)
+    return Sampling(
+        columns * SIDE, realisations, seed=3, breadth=rows * SIDE, median_fields=False, **options
+    )
 
 
 def drawn(one, sampling=None, cells=(2, 2), **options):
@@ -60,7 +62,11 @@ def mesh_file(folder, boundaries):
     mesh = MeshTri.init_tensor(np.linspace(0, 4, 9) * SIDE, np.linspace(0, 6, 13) * SIDE)
     facets = mesh.boundary_facets()
     x, y = (mesh.p[:, mesh.facets[:, facets]] / SIDE).round(9)
-    cells, tags, names = [("triangle", mesh.t.T)], [np.full(mesh.nelements, 9)], {"face": np.array([9, 2])}
+    cells, tags, names = (
+        [("triangle", mesh.t.T)],
+        [np.full(mesh.nelements, 9)],
+        {"face": np.array([9, 2])},
+    )
     for number, (name, (left, right, low, high)) in enumerate(boundaries.items(), 1):
         own = facets[((x >= left) & (x <= right) & (y >= low) & (y <= high)).all(axis=0)]
         cells.append(("line", mesh.facets[:, own].T))
@@ -69,7 +75,12 @@ def mesh_file(folder, boundaries):
     path = folder / "plate.msh"
     data = {"gmsh:physical": tags, "gmsh:geometrical": tags}
     points = np.c_[1e3 * mesh.p.T, np.zeros(mesh.nvertices)]
-    meshio.write(path, meshio.Mesh(points, cells, cell_data=data, field_data=names), file_format="gmsh22", binary=False)
+    meshio.write(
+        path,
+        meshio.Mesh(points, cells, cell_data=data, field_data=names),
+        file_format="gmsh22",
+        binary=False,
+    )
     return path
 
 
@@ -90,14 +101,20 @@ class Halves:
 @pytest.mark.parametrize("columns", [1, 2, 7])
 def test_a_strip_of_equal_pieces_leaks_as_the_face_over_its_breadth(columns):
     one = scene()
-    assert_allclose(drawn(one, broad(rows=3, columns=columns), (1, 1)).leakage[0], periodic(one) / 3, rtol=1e-6)
+    assert_allclose(
+        drawn(one, broad(rows=3, columns=columns), (1, 1)).leakage[0], periodic(one) / 3, rtol=1e-6
+    )
 
 
 @pytest.mark.parametrize("inlet", ["inner", "outer"])
 def test_a_ring_of_equal_pieces_is_the_closed_form(inlet):
     one = scene(layout=AnnularLayout(20 * SIDE, 24 * SIDE, inlet))
     found = drawn(one, Sampling(None, 1, seed=0), (1, 1))
-    assert_allclose(found.leakage[0] * found.seal.length, 2 * np.pi / np.log(1.2) * SIDE * periodic(one), rtol=1e-6)
+    assert_allclose(
+        found.leakage[0] * found.seal.length,
+        2 * np.pi / np.log(1.2) * SIDE * periodic(one),
+        rtol=1e-6,
+    )
 
 
 def test_a_mesh_of_equal_pieces_is_the_closed_form(tmp_path):
@@ -122,7 +139,10 @@ def test_in_place_columns_of_the_whole_breadth_leak_what_the_face_leaks():
 
 def test_lengths_and_pressures_scale():
     """By 1000 in all lengths leakage is 1000² times as large; with all pressures and the viscosity it stays."""
-    one, sampling = scene(unload_from=(3e8,), unloading=(1e8,)), broad(2, pressure_map=Profile((0.6, 1.4)))
+    one, sampling = (
+        scene(unload_from=(3e8,), unloading=(1e8,)),
+        broad(2, pressure_map=Profile((0.6, 1.4))),
+    )
     found = drawn(one, sampling).leakage
     large = replace(one, surface=Topography(1e3 * face().heights, (1e3 * D, 1e3 * D), (True, True)))
     grown = replace(sampling, length=1e3 * sampling.length, breadth=1e3 * sampling.breadth)
@@ -164,7 +184,9 @@ def test_as_many_seals_are_drawn_as_the_band_needs():
     assert len(long.leakage) == 3
     short = stochastic(one, (2, 2), replace(broad(), realisations=None, length=3 * SIDE))
     assert 3 < len(short.leakage) <= 200
-    assert_array_equal(short.leakage[:3], stochastic(one, (2, 2), replace(broad(3), length=3 * SIDE)).leakage)
+    assert_array_equal(
+        short.leakage[:3], stochastic(one, (2, 2), replace(broad(3), length=3 * SIDE)).leakage
+    )
 
 
 # maps
@@ -172,7 +194,12 @@ def test_as_many_seals_are_drawn_as_the_band_needs():
 
 @pytest.mark.parametrize(
     "uniform",
-    [Profile((1.0,)), Profile((2.0, 2.0)), AngleTable((3.0, 3.0)), MapsAtLoads((1e8, 3e8), (Profile((1.0,)),) * 2)],
+    [
+        Profile((1.0,)),
+        Profile((2.0, 2.0)),
+        AngleTable((3.0, 3.0)),
+        MapsAtLoads((1e8, 3e8), (Profile((1.0,)),) * 2),
+    ],
 )
 def test_a_map_of_one_value_is_none(uniform):
     one = scene(unload_from=(3e8,), unloading=(1e8,))
@@ -202,7 +229,9 @@ def test_a_field_over_a_strip_of_two_columns_covers_it():
     corners = np.array([[0.0, 0.0], [2.0, 0.0], [0.0, 2.0], [2.0, 2.0]]) * SIDE
     field = PressureField.of(corners, [0.6e8, 1.4e8, 0.6e8, 1.4e8])
     line = Profile((0.6, 1.4), (0.0, 2 * SIDE))
-    found = [drawn(scene(), broad(columns=2, pressure_map=of), (1, 1)).leakage for of in (field, line)]
+    found = [
+        drawn(scene(), broad(columns=2, pressure_map=of), (1, 1)).leakage for of in (field, line)
+    ]
     assert_allclose(found[0], found[1], rtol=1e-6)
 
 
@@ -257,7 +286,9 @@ def test_a_broad_seal_of_equal_pieces_has_the_mean_over_the_fluid_pressure(fluid
     around = 0.0 if fluid is OIL else 101325.0
     one = scene(loading=(load,), inlet_pressure=p_in, fluid=fluid, fluid_pressure="acts")
     found = drawn(one, broad(rows=16, columns=3), (1, 1)).leakage[0, 0]
-    dry = drawn(replace(one, fluid_pressure="ignored"), broad(rows=16, columns=3), (1, 1)).leakage[0, 0]
+    dry = drawn(replace(one, fluid_pressure="ignored"), broad(rows=16, columns=3), (1, 1)).leakage[
+        0, 0
+    ]
     x, w = np.polynomial.legendre.leggauss(8)
     s = p_in * (1 + x) / 2
     weight = w if fluid is OIL else w * s
@@ -309,16 +340,23 @@ def test_faces_that_the_fluid_parts_have_no_leakage_and_the_others_theirs():
         assert np.isnan(found.leakage[:, 0]).all()
         assert (found.leakage[:, 1] > 0).all()
         assert any("the faces part" in text for text in found.failures)
-    alone = drawn(scene(loading=(2e8,), inlet_pressure=4e7, fluid_pressure="acts"), broad(2)).leakage
+    alone = drawn(
+        scene(loading=(2e8,), inlet_pressure=4e7, fluid_pressure="acts"), broad(2)
+    ).leakage
     assert_allclose(drawn(one, broad(2)).leakage[:, 1], alone[:, 0], rtol=0.02)
 
 
 def test_inlets_at_one_pressure_are_one_inlet(tmp_path):
     path = mesh_file(tmp_path, {"a": (0, 0, 0, 2), "b": (0, 0, 3, 6), "out": (4, 4, 0, 6)})
-    layouts = MeshLayout(path, "mm", ("a", "b"), "out"), MeshLayout(path, "mm", {"a": 1e6, "b": 1e6}, "out")
+    layouts = (
+        MeshLayout(path, "mm", ("a", "b"), "out"),
+        MeshLayout(path, "mm", {"a": 1e6, "b": 1e6}, "out"),
+    )
     one, several = (drawn(scene(layout=of), Sampling(None, 2, seed=1)).leakage for of in layouts)
     assert_allclose(several, one, rtol=1e-4)
-    lower = drawn(scene(layout=MeshLayout(path, "mm", {"a": 1e6, "b": 2e5}, "out")), Sampling(None, 2, seed=1)).leakage
+    lower = drawn(
+        scene(layout=MeshLayout(path, "mm", {"a": 1e6, "b": 2e5}, "out")), Sampling(None, 2, seed=1)
+    ).leakage
     assert (lower < one).all()
     assert (lower > 0.2 * one).all()
 
@@ -329,13 +367,19 @@ def test_a_gas_leaks_by_its_potential_what_a_liquid_does():
     drops = [np.diff(f.potential([0.0, 1e6]))[0] / f.reference_density for f in (OIL, GAS)]
     assert_allclose(gas / liquid, drops[1] / drops[0], rtol=1e-6)
     rarefied = scene(fluid=replace(GAS, slip=True), inlet_pressure=1e5, outlet_pressure=1e2)
-    assert_allclose(drawn(rarefied, broad(rows=4), (1, 1)).leakage[0], periodic(rarefied) / 4, rtol=0.02)
-    slips = drawn(scene(fluid=replace(GAS, slip=True), inlet_pressure=4e7, outlet_pressure=2e7), broad(2)).leakage
+    assert_allclose(
+        drawn(rarefied, broad(rows=4), (1, 1)).leakage[0], periodic(rarefied) / 4, rtol=0.02
+    )
+    slips = drawn(
+        scene(fluid=replace(GAS, slip=True), inlet_pressure=4e7, outlet_pressure=2e7), broad(2)
+    ).leakage
     viscous = drawn(scene(fluid=GAS, inlet_pressure=4e7, outlet_pressure=2e7), broad(2)).leakage
     assert (slips > viscous).all()
     assert_allclose(slips, viscous, rtol=0.05)
     thin = [
-        drawn(scene(fluid=replace(GAS, slip=slip), inlet_pressure=1e5, outlet_pressure=1e2), broad(2)).leakage
+        drawn(
+            scene(fluid=replace(GAS, slip=slip), inlet_pressure=1e5, outlet_pressure=1e2), broad(2)
+        ).leakage
         for slip in (True, False)
     ]
     assert (thin[0] > 2 * thin[1]).all()
@@ -360,7 +404,11 @@ def test_a_strip_whose_lands_are_closed_leaks_along_its_groove(breadth):
     lead = 16e-6
     wound = replace(one, layout=RectangularLayout({"kind": "spiral", "lead": lead}))
     sine2 = lead**2 / (lead**2 + (20 * SIDE) ** 2)
-    assert_allclose(drawn(wound, sampling, (1, 1)).leakage[0, 0], k2 * sine2 * 1e6 / (1e-3 * breadth * SIDE), rtol=1e-4)
+    assert_allclose(
+        drawn(wound, sampling, (1, 1)).leakage[0, 0],
+        k2 * sine2 * 1e6 / (1e-3 * breadth * SIDE),
+        rtol=1e-4,
+    )
 
 
 @pytest.mark.parametrize("breadth", [1, 6])
@@ -369,14 +417,23 @@ def test_a_ring_whose_lands_are_closed_is_the_closed_form(breadth):
     lay = {"kind": "spiral", "lead": lead, "starts": 2}
     one = scene(surface=ridges(), loading=(2e8,), layout=AnnularLayout(inner, outer, lay=lay))
     found = drawn(one, Sampling(None, 1, seed=1), (1, 1))
-    exact = turned_annulus_rate(found.pieces.k[0, 1, 0, 0, 0], 0.0, 2 * lead, 1e6, 1e-3, inner, outer)
+    exact = turned_annulus_rate(
+        found.pieces.k[0, 1, 0, 0, 0], 0.0, 2 * lead, 1e6, 1e-3, inner, outer
+    )
     assert_allclose(found.leakage[0, 0] * found.seal.length, exact, rtol=2e-3)
-    assert drawn(replace(one, layout=AnnularLayout(inner, outer)), Sampling(None, 1, seed=1), (1, 1)).leakage[0, 0] == 0
+    assert (
+        drawn(
+            replace(one, layout=AnnularLayout(inner, outer)), Sampling(None, 1, seed=1), (1, 1)
+        ).leakage[0, 0]
+        == 0
+    )
 
 
 def test_a_small_lead_is_none():
     lay = {"kind": "spiral", "lead": 1e-9, "circumference": 1.0}
-    assert_allclose(drawn(scene(layout=RectangularLayout(lay))).leakage, drawn(scene()).leakage, rtol=1e-6)
+    assert_allclose(
+        drawn(scene(layout=RectangularLayout(lay))).leakage, drawn(scene()).leakage, rtol=1e-6
+    )
 
 
 def test_a_straight_lay_on_a_ring_leaks_between_both_permeabilities():
@@ -385,7 +442,10 @@ def test_a_straight_lay_on_a_ring_leaks_between_both_permeabilities():
     grooves = 3e-7 * np.cos(2 * np.pi * x1)[:, None] + face().heights
     one = scene(surface=Topography(grooves, (D, D), (True, True)), loading=(5e8,))
     found = {
-        lay: drawn(replace(one, layout=AnnularLayout(10 * SIDE, 11 * SIDE, lay=lay)), Sampling(None, 1, seed=1))
+        lay: drawn(
+            replace(one, layout=AnnularLayout(10 * SIDE, 11 * SIDE, lay=lay)),
+            Sampling(None, 1, seed=1),
+        )
         for lay in ("circumferential", "x2", "radial")
     }
     around, straight, radial = (result.leakage[0, 0] for result in found.values())
@@ -399,7 +459,9 @@ def test_a_straight_lay_on_a_ring_leaks_between_both_permeabilities():
 
 def test_places_that_are_alike_leak_alike():
     """The same face shifted along x2: only where places meet does the whole differ from each."""
-    places = Places([Topography(np.roll(face().heights, n, axis=1), (D, D), (True, True)) for n in (0, 16, 8)])
+    places = Places(
+        [Topography(np.roll(face().heights, n, axis=1), (D, D), (True, True)) for n in (0, 16, 8)]
+    )
     for sampling in (broad(2), Sampling(6 * SIDE, 2, seed=1)):
         found = drawn(scene(surface=places), sampling, (1, 3))
         assert found.places.alone.shape == found.without_place.shape == (3, 2)
@@ -423,14 +485,19 @@ def test_places_are_known_by_number():
 # fields
 
 
-@pytest.mark.parametrize("options", [{}, {"fluid_pressure": "acts", "inlet_pressure": 2e7}], ids=["dry", "acts"])
+@pytest.mark.parametrize(
+    "options", [{}, {"fluid_pressure": "acts", "inlet_pressure": 2e7}], ids=["dry", "acts"]
+)
 def test_fields_of_the_median_seal(options):
     one = scene(**options)
     sampling = replace(broad(5, pressure_map=Profile((0.6, 1.4))), median_fields=True)
     found = drawn(one, sampling)
     seal, tiles = found.median_seal, found.tiles
     leakage = found.leakage[seal.realisation]
-    assert np.abs(np.log(leakage / np.median(found.leakage, axis=0))).max() <= found.realisation_spread.max()
+    assert (
+        np.abs(np.log(leakage / np.median(found.leakage, axis=0))).max()
+        <= found.realisation_spread.max()
+    )
     shape = (2, len(tiles.outlines))
     assert seal.permeability.shape == seal.fluid_pressure.shape == seal.pressure.shape == shape
     rows = seal.fluid_pressure.reshape(2, *tiles.grid).mean(axis=2)
@@ -451,7 +518,10 @@ def test_fields_of_the_median_seal(options):
         ({"cells": (5, 2)}, "8 × 8 points"),
         ({"cells": (2.0, 2)}, "cells"),
         ({"breadth": 1.0}, "at most 1000 tiles"),
-        ({"pressure_map": Profile((1.0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0)), "breadth": 12 * SIDE}, "hardness"),
+        (
+            {"pressure_map": Profile((1.0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0)), "breadth": 12 * SIDE},
+            "hardness",
+        ),
         ({"layout": AnnularLayout(1e-3, 1.1e-3)}, "it has its own"),
     ],
 )
@@ -502,12 +572,18 @@ def random_scene(seed):
     pressures = pressures[::-1] if one_of(True, False, False, False) else pressures
     lay = one_of("x2", "x1", {"angle": 0.7}, {"kind": "spiral", "lead": size[0] / 4})
     kind = one_of("strip", "strip", "as broad", "ring")
-    layout, length, breadth = RectangularLayout(lay), size[1] * rng.uniform(0.3, 9), size[0] * rng.uniform(0.8, 4)
+    layout, length, breadth = (
+        RectangularLayout(lay),
+        size[1] * rng.uniform(0.3, 9),
+        size[0] * rng.uniform(0.8, 4),
+    )
     if kind == "as broad":
         breadth = None
     if kind == "ring":
         layout, length = (
-            AnnularLayout(3e-4, 3e-4 + breadth, one_of("inner", "outer"), lay=one_of("radial", "x1", lay)),
+            AnnularLayout(
+                3e-4, 3e-4 + breadth, one_of("inner", "outer"), lay=one_of("radial", "x1", lay)
+            ),
             None,
         )
         breadth = None

@@ -49,7 +49,11 @@ def make_scene(heights, spacing=(PIXEL, PIXEL), **given):
 
 def leakage_of(permeability, scene):
     """Q/L2 = k Δp/(η L1) of a uniform seal of water."""
-    return permeability * (scene.inlet_pressure - scene.outlet_pressure) / (1e-3 * scene.surface.size[0])
+    return (
+        permeability
+        * (scene.inlet_pressure - scene.outlet_pressure)
+        / (1e-3 * scene.surface.size[0])
+    )
 
 
 @pytest.fixture(scope="module")
@@ -57,7 +61,12 @@ def rough():
     """A face of 4 × 6 pieces under a cycle, with pixels and pieces that are not square."""
     face = self_affine((96, 96), (96e-6, 120e-6), hurst=0.8, rms_slope=0.2, roll_off=40e-6, rng=5)
     return make_scene(
-        face.heights, face.spacing, loading=(1e8, 3e8, 6e8), unload_from=(6e8,), unloading=(3e8, 1e8), rtol=1e-8
+        face.heights,
+        face.spacing,
+        loading=(1e8, 3e8, 6e8),
+        unload_from=(6e8,),
+        unloading=(3e8, 1e8),
+        rtol=1e-8,
     )
 
 
@@ -110,7 +119,9 @@ class TestClosedForms:
         heights = np.where(np.arange(n) < w, gap, wave[:, None])
         scene = make_scene(heights)
         k = analytic.wavy_gap_across(gap, a / gap) if waves else analytic.parallel_plates(gap)
-        assert_allclose(deterministic(scene).leakage, leakage_of(0.75 * k, scene), rtol=2e-3 if waves else 1e-9)
+        assert_allclose(
+            deterministic(scene).leakage, leakage_of(0.75 * k, scene), rtol=2e-3 if waves else 1e-9
+        )
 
     @pytest.mark.parametrize(("share", "expected"), [(0.1, 0.125386), (0.5, 3.534788e-3)])
     def test_elastic_wave_along_its_grooves(self, share, expected):
@@ -118,9 +129,13 @@ class TestClosedForms:
         n, half = 256, 2e-7
         heights = half * np.ones((16, 1)) * np.cos(2 * np.pi * (np.arange(n) + 0.5) / n)
         full = np.pi * MODULUS * half / (n * PIXEL)
-        scene = make_scene(heights, hardness=np.inf, loading=(share * full,), boundary=("periodic", "periodic"))
+        scene = make_scene(
+            heights, hardness=np.inf, loading=(share * full,), boundary=("periodic", "periodic")
+        )
         result = deterministic(scene)
-        assert_allclose(result.leakage, leakage_of((2 * half) ** 3 / 12 * expected, scene), rtol=2e-2)
+        assert_allclose(
+            result.leakage, leakage_of((2 * half) ** 3 / 12 * expected, scene), rtol=2e-2
+        )
         assert_allclose(result.contact_fraction, 2 / np.pi * np.arcsin(np.sqrt(share)), atol=2 / n)
         assert result.plastic_fraction[0] == 0
         assert result.residual < 1e-5
@@ -129,14 +144,20 @@ class TestClosedForms:
     def test_the_ends_of_a_flat_face_carry_more_if_they_are_free(self, boundary):
         """A punch, p = 2p̄/(π √(1 − ξ²)); a mirrored face has no ends."""
         scene = make_scene(np.zeros((64, 64)), hardness=np.inf, loading=(1e8,), boundary=boundary)
-        share = 4 * np.diff(np.arcsin(np.linspace(-1, 1, 5))) / np.pi if boundary[0] == "free" else np.ones(4)
+        share = (
+            4 * np.diff(np.arcsin(np.linspace(-1, 1, 5))) / np.pi
+            if boundary[0] == "free"
+            else np.ones(4)
+        )
         rows = two_scale(scene, (4, 4)).pieces.pressure[0].T
         assert_allclose(rows, np.tile(1e8 * share, (4, 1)), rtol=0.03)
         whole = deterministic(scene)
         assert (whole.contact_fraction[0], whole.leakage[0]) == (1, 0)
 
     def test_a_face_that_is_all_plastic_seals(self):
-        scene = make_scene(self.corrugated(1), boundary=("periodic", "periodic"), hardness=1e9, loading=(1e9,))
+        scene = make_scene(
+            self.corrugated(1), boundary=("periodic", "periodic"), hardness=1e9, loading=(1e9,)
+        )
         result = deterministic(scene)
         assert (result.leakage[0], result.contact_fraction[0], result.mean_gap[0]) == (0, 1, 0)
         assert two_scale(scene, (4, 4)).leakage[0] == 0
@@ -151,19 +172,29 @@ class TestBalance:
             pressure = cut.means(result.contact_pressure[s])
             assert_allclose(pressure, pieces.pressure[s], rtol=1e-5, atol=1e-3)
             closed = cut.means(result.gap[s] == 0)
-            assert_allclose(closed, pieces.contact_fraction[s], atol=1 / 384)  # one point may touch without pressure
+            assert_allclose(
+                closed, pieces.contact_fraction[s], atol=1 / 384
+            )  # one point may touch without pressure
             at_hardness = cut.means(result.contact_pressure[s] >= HARDNESS * (1 - 1e-7))
             assert_allclose(at_hardness, pieces.plastic_fraction[s], atol=2 / 384)
         # the whole load, at every step
         assert_allclose(
-            result.contact_pressure.mean(axis=(1, 2), dtype=float), [s.pressure for s in result.steps], rtol=1e-5
+            result.contact_pressure.mean(axis=(1, 2), dtype=float),
+            [s.pressure for s in result.steps],
+            rtol=1e-5,
         )
         for axis, k in ((0, result.k1), (1, result.k2)):
             piece = cut.widened(result.gap[0].astype(float), axis)[11]
-            assert_allclose(k[0, 1, 5], cell_permeability(piece, rough.surface.spacing, axis=axis).value, rtol=1e-9)
+            assert_allclose(
+                k[0, 1, 5],
+                cell_permeability(piece, rough.surface.spacing, axis=axis).value,
+                rtol=1e-9,
+            )
         counts = pieces.counts
         assert counts.flows == 5 * 2 * 4 * 6
-        assert counts.closed == np.count_nonzero(result.k1 == 0) + np.count_nonzero(result.k2 == 0) > 0
+        assert (
+            counts.closed == np.count_nonzero(result.k1 == 0) + np.count_nonzero(result.k2 == 0) > 0
+        )
 
     def test_the_drop_is_that_of_all_pieces(self, rough, rough_two_scale):
         """Fractions of all pieces are 1 together, and of the face as one piece."""
@@ -172,7 +203,9 @@ class TestBalance:
         one = two_scale(replace(rough, loading=(1e8,), unload_from=(), unloading=()), (1, 1))
         assert_allclose(one.pieces.drop_fraction, 1, rtol=1e-9)
 
-    def test_drawn_seals_find_the_states_of_the_face_in_a_store(self, rough, rough_two_scale, tmp_path, contacts):
+    def test_drawn_seals_find_the_states_of_the_face_in_a_store(
+        self, rough, rough_two_scale, tmp_path, contacts
+    ):
         with Store(tmp_path) as store:
             result = two_scale(rough, (4, 6), mapper=store.over(map))
             assert_array_equal(result.k2, rough_two_scale.k2)
@@ -187,19 +220,27 @@ class TestBalance:
         scene = replace(rough, fluid=gas, inlet_pressure=5e6, outlet_pressure=1e5)
         result = two_scale(scene, (4, 6))
         assert_array_equal(result.k1, rough_two_scale.k1)
-        assert_allclose(result.pieces.drop_fraction, rough_two_scale.pieces.drop_fraction, atol=1e-9)
+        assert_allclose(
+            result.pieces.drop_fraction, rough_two_scale.pieces.drop_fraction, atol=1e-9
+        )
         slips_scene = replace(scene, fluid=replace(gas, slip=True), inlet_pressure=3e5)
         slips = two_scale(slips_scene, (4, 6))
         piece = slips.pieces.cut.widened(result.gap[0].astype(float), 0)[1]
         law, pressures = replace(gas, slip=True).law, slips_scene.flow.drop.pressures
-        each = [cell_permeability(piece, rough.surface.spacing, law=law, pressure=p).value for p in pressures]
+        each = [
+            cell_permeability(piece, rough.surface.spacing, law=law, pressure=p).value
+            for p in pressures
+        ]
         assert_allclose(slips.pieces.k[:, 0, 0, 0, 1], each, rtol=1e-6)
         assert_allclose(slips.k1[0, 0, 1], np.mean(each), rtol=1e-6)
         assert_allclose(slips.pieces.drop_fraction.sum(axis=(1, 2)), 1, rtol=1e-9)
 
     def test_deterministic_leakage_is_that_of_its_gap(self, rough):
         result = deterministic(rough)
-        k = [cell_permeability(g.astype(float), rough.surface.spacing, sides="periodic").value for g in result.gap]
+        k = [
+            cell_permeability(g.astype(float), rough.surface.spacing, sides="periodic").value
+            for g in result.gap
+        ]
         assert_allclose(result.leakage, leakage_of(np.array(k), rough), rtol=1e-4)
         assert_allclose(result.mean_gap, result.gap.mean(axis=(1, 2), dtype=float), rtol=1e-6)
         assert_allclose(result.contact_fraction, (result.gap == 0).mean(axis=(1, 2)))
@@ -213,13 +254,17 @@ class TestRareTallPoints:
     @classmethod
     def face(cls):
         n = 192
-        face = self_affine((n, n), (n * PIXEL, n * PIXEL), hurst=0.8, rms_slope=0.02, roll_off=30e-6, rng=2)
+        face = self_affine(
+            (n, n), (n * PIXEL, n * PIXEL), hurst=0.8, rms_slope=0.02, roll_off=30e-6, rng=2
+        )
         x = np.arange(n) + 0.5
         heights = face.heights.copy()
         for a, b in np.random.default_rng(3).integers(0, n, (6, 2)):
             heights += 1e-6 * np.exp(-((x[:, None] - a) ** 2 + (x - b) ** 2) / 4.5)
         tall = Topography(heights, face.spacing).low_pass(8e-6)
-        scene = make_scene(tall.heights, loading=(1e7, 5e7), unload_from=(5e7,), unloading=(1e7,), rtol=1e-6)
+        scene = make_scene(
+            tall.heights, loading=(1e7, 5e7), unload_from=(5e7,), unloading=(1e7,), rtol=1e-6
+        )
         return scene, deterministic(scene)
 
     def test_contact_is_that_of_the_whole_face(self, face):
@@ -228,8 +273,12 @@ class TestRareTallPoints:
         assert result.warnings == ()
         assert_array_equal(result.gap, whole.gap)
         assert_array_equal(result.leakage, whole.leakage)
-        assert_allclose(result.pieces.contact_fraction.mean(axis=(1, 2)), whole.contact_fraction, rtol=1e-12)
-        assert_allclose(result.pieces.plastic_fraction.mean(axis=(1, 2)), whole.plastic_fraction, rtol=1e-12)
+        assert_allclose(
+            result.pieces.contact_fraction.mean(axis=(1, 2)), whole.contact_fraction, rtol=1e-12
+        )
+        assert_allclose(
+            result.pieces.plastic_fraction.mean(axis=(1, 2)), whole.plastic_fraction, rtol=1e-12
+        )
         assert_allclose(result.pieces.pressure.mean(axis=(1, 2)), scene.steps.pressures, rtol=1e-6)
         assert_allclose(result.contact_pressure.mean(axis=(1, 2)), scene.steps.pressures, rtol=1e-6)
 
@@ -253,18 +302,25 @@ class TestResolvedFlow:
 class TestSymmetries:
     def test_pieces_may_be_counted_from_any_column(self, rough, rough_two_scale):
         turned = replace(
-            rough, surface=Topography(np.roll(rough.surface.heights, 16, axis=1), rough.surface.spacing, (False, True))
+            rough,
+            surface=Topography(
+                np.roll(rough.surface.heights, 16, axis=1), rough.surface.spacing, (False, True)
+            ),
         )
         result = two_scale(turned, (4, 6))
         assert_allclose(result.leakage, rough_two_scale.leakage, rtol=1e-5)
         is_open = rough_two_scale.k1 > 1e-4 * rough_two_scale.k1.max()
-        assert_allclose(np.roll(result.k1, -1, axis=2)[is_open], rough_two_scale.k1[is_open], rtol=1e-3)
+        assert_allclose(
+            np.roll(result.k1, -1, axis=2)[is_open], rough_two_scale.k1[is_open], rtol=1e-3
+        )
         shifted = np.roll(result.pieces.drop_fraction, -1, axis=2)
         assert_allclose(shifted, rough_two_scale.pieces.drop_fraction, atol=1e-3)
 
     @pytest.mark.parametrize("study", [deterministic, lambda scene: two_scale(scene, (4, 6))])
     def test_a_face_turned_about_leaks_the_other_way(self, rough, study):
-        turned = replace(rough, surface=rough.surface.flip(0), inlet_pressure=0.0, outlet_pressure=DROP)
+        turned = replace(
+            rough, surface=rough.surface.flip(0), inlet_pressure=0.0, outlet_pressure=DROP
+        )
         forth, back = study(rough), study(turned)
         assert_allclose(back.leakage, -forth.leakage, rtol=1e-5)
         if hasattr(forth, "fluid_pressure"):
@@ -273,7 +329,9 @@ class TestSymmetries:
     def test_units_of_length_cancel(self, rough, rough_two_scale):
         """A face twice as large in all directions, under the same pressures, has twice the gap and eight times k."""
         d1, d2 = rough.surface.spacing
-        large = replace(rough, surface=Topography(2 * rough.surface.heights, (2 * d1, 2 * d2), (False, True)))
+        large = replace(
+            rough, surface=Topography(2 * rough.surface.heights, (2 * d1, 2 * d2), (False, True))
+        )
         result = two_scale(large, (4, 6))
         assert_allclose(result.leakage, 4 * rough_two_scale.leakage, rtol=1e-4)  # k Δp/(η L1)
         assert_allclose(result.mean_gap, 2 * rough_two_scale.mean_gap, rtol=1e-4)
@@ -290,7 +348,9 @@ def columns():
     """Six equal columns of pieces, the rows of each different, as a face turned on a lathe with no error."""
     face = self_affine((96, 16), (96e-6, 20e-6), hurst=0.8, rms_slope=0.15, roll_off=20e-6, rng=4)
     heights = np.tile(face.heights, (1, 6))
-    return make_scene(heights, face.spacing, loading=(1e8, 3e8), unload_from=(3e8,), unloading=(1e8,), rtol=1e-8)
+    return make_scene(
+        heights, face.spacing, loading=(1e8, 3e8), unload_from=(3e8,), unloading=(1e8,), rtol=1e-8
+    )
 
 
 class TestDraws:
@@ -305,7 +365,9 @@ class TestDraws:
 
     def test_equal_pieces_are_one_piece_in_contact_with_itself(self):
         """Every piece the same, going on periodically: rows in series, in the rows of the face and in more of them."""
-        piece = self_affine((32, 32), (32e-6, 32e-6), hurst=0.8, rms_slope=0.15, roll_off=15e-6, cut_off=8e-6, rng=1)
+        piece = self_affine(
+            (32, 32), (32e-6, 32e-6), hurst=0.8, rms_slope=0.15, roll_off=15e-6, cut_off=8e-6, rng=1
+        )
         scene = make_scene(
             np.tile(piece.heights, (2, 3)),
             boundary=("periodic", "periodic"),
@@ -333,7 +395,10 @@ class TestDraws:
             tasks = list(zip(*(list(x) for x in lists), strict=False))
             return [function(*task) for task in reversed(tasks)][::-1]
 
-        one, other = (stochastic(rough, (4, 6), replace(SAMPLING, **given), mapper=m) for m in (map, backwards))
+        one, other = (
+            stochastic(rough, (4, 6), replace(SAMPLING, **given), mapper=m)
+            for m in (map, backwards)
+        )
         assert_array_equal(one.leakage, other.leakage)
         if not given:
             two = two_scale(rough, (4, 6), mapper=backwards)
@@ -343,7 +408,9 @@ class TestDraws:
         """Leakage per length of parallel pieces: the median stays, the band narrows as 1/√length."""
         loaded = replace(rough, unload_from=(), unloading=())
         sampling = replace(SAMPLING, realisations=60)
-        short, long = (stochastic(loaded, (4, 6), replace(sampling, length=n * 120e-6)) for n in (1, 16))
+        short, long = (
+            stochastic(loaded, (4, 6), replace(sampling, length=n * 120e-6)) for n in (1, 16)
+        )
         medians = np.array([r.quantile(0.5)[:2] for r in (short, long)])
         bands = np.array([np.log(r.quantile(0.9) / r.quantile(0.1))[:2] for r in (short, long)])
         assert (np.abs(np.log(medians[1] / medians[0])) < bands[0]).all()
@@ -362,17 +429,23 @@ class TestDraws:
         for r in range(2):
             rng = np.random.default_rng(np.random.SeedSequence(8, spawn_key=(r,)))
             drawn = tiles.draw((4, 6), rng)
-            assert_array_equal(drawn.reshape(tiles.grid) // 6, np.arange(4)[:, None] * np.ones((1, 6), int))
+            assert_array_equal(
+                drawn.reshape(tiles.grid) // 6, np.arange(4)[:, None] * np.ones((1, 6), int)
+            )
             for s in range(5):
                 k = pieces.k[0, :, s].reshape(2, -1)
                 assert_allclose(leakage(own, k), pieces.own[s], rtol=1e-6)
                 ratio = leakage(tiles, k[:, drawn]) / pieces.own[s]
-                assert_allclose(result.leakage[r, s], pieces.face[s] * np.clip(ratio, 0.5, 2), rtol=1e-6)
+                assert_allclose(
+                    result.leakage[r, s], pieces.face[s] * np.clip(ratio, 0.5, 2), rtol=1e-6
+                )
 
     def test_a_narrow_surface_is_one_row_of_pieces(self, rough):
         strip = Topography(rough.surface.heights[:24], rough.surface.spacing, (False, True))
         for breadth in (None, 48e-6):
-            result = stochastic(replace(rough, surface=strip), (1, 6), replace(SAMPLING, breadth=breadth))
+            result = stochastic(
+                replace(rough, surface=strip), (1, 6), replace(SAMPLING, breadth=breadth)
+            )
             assert result.failures == ()
             assert result.pieces.cut.shape == (1, 6)
             assert (result.leakage > 0).all()
@@ -389,7 +462,10 @@ class TestFewRealisations:
     def test_quantiles_that_cannot_be_trusted(self):
         few, enough = (drawn_result(self.steps, np.ones((n, 1))) for n in (10, 20))
         assert "at least 1000 needed" in few.unsupported(0.001)[0]
-        assert few.too_few(0.05, 0.95) == "quantile 0.05 and 0.95 of 10 realisations: at least 20 needed"
+        assert (
+            few.too_few(0.05, 0.95)
+            == "quantile 0.05 and 0.95 of 10 realisations: at least 20 needed"
+        )
         assert enough.unsupported(0.05) == ()
 
     def test_realisations_scatter_as_their_logarithms(self):
@@ -400,7 +476,9 @@ class TestFewRealisations:
 
 def drawn_result(steps, leakage):
     """A result of which only the leakage is looked at."""
-    return StochasticResult(steps, face_tiles((1.0, 1.0), (1, 1)), None, np.zeros(len(steps)), np.array(leakage, float))
+    return StochasticResult(
+        steps, face_tiles((1.0, 1.0), (1, 1)), None, np.zeros(len(steps)), np.array(leakage, float)
+    )
 
 
 class TestStatistics:
@@ -468,7 +546,9 @@ class TestSolvers:
         """Systems of the pieces, and for each realisation and each step."""
         for breadth in (None, 192e-6):
             result = stochastic(rough, (4, 6), replace(SAMPLING, breadth=breadth))
-            seals = sum(result.solvers.by_solver().values()) - sum(result.pieces.counts.solvers.by_solver().values())
+            seals = sum(result.solvers.by_solver().values()) - sum(
+                result.pieces.counts.solvers.by_solver().values()
+            )
             assert seals == np.count_nonzero(result.leakage)
 
 
@@ -508,7 +588,9 @@ class TestFailures:
         self.fail(monkeypatch, femseal.face.piece_flow, "cell_flow", calls={48 + 3})
         result = stochastic(rough, (4, 6), SAMPLING)
         assert result.failures == ("loading 300 MPa, piece (0, 3), x1: did not converge",)
-        assert_array_equal(np.isnan(result.leakage), np.tile([False, True, False, False, False], (6, 1)))
+        assert_array_equal(
+            np.isnan(result.leakage), np.tile([False, True, False, False, False], (6, 1))
+        )
 
     def test_flow_through_a_seal(self, rough, monkeypatch):
         whole = stochastic(rough, (4, 6), replace(SAMPLING, realisations=3))

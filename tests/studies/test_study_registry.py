@@ -32,7 +32,9 @@ def test_a_registered_study_is_what_its_function_gives():
         seconds, memory = study.cost(scene, options, usual_efforts(len(scene.steps)))
         assert 0 < seconds < 3600
         assert 0 < memory < 1e9
-        less, _ = study.cost(scene, StudyOptions(CELLS, SAMPLING, knows_face=True), usual_efforts(len(scene.steps)))
+        less, _ = study.cost(
+            scene, StudyOptions(CELLS, SAMPLING, knows_face=True), usual_efforts(len(scene.steps))
+        )
         assert less < seconds or name == "deterministic"
 
 

@@ -25,20 +25,30 @@ LAYOUT = AnnularLayout(64 * 32e-6 / (2 * np.pi) - 64e-6, 64 * 32e-6 / (2 * np.pi
 def scene_of(heights, **given):
     surface = Topography(heights, (1e-6, 1e-6), (False, True))
     return Scene(
-        surface, 1e11, 1e9, Liquid(1e-3), 1e6, 0.0, **LOADS | {"rtol": 1e-7, "fluid_pressure": "ignored"} | given
+        surface,
+        1e11,
+        1e9,
+        Liquid(1e-3),
+        1e6,
+        0.0,
+        **LOADS | {"rtol": 1e-7, "fluid_pressure": "ignored"} | given,
     )
 
 
 @pytest.fixture(scope="module")
 def equal():
     """A face whose pieces are all the same."""
-    piece = self_affine((32, 32), (32e-6, 32e-6), hurst=0.8, rms_slope=0.1, roll_off=24e-6, cut_off=8e-6, rng=1)
+    piece = self_affine(
+        (32, 32), (32e-6, 32e-6), hurst=0.8, rms_slope=0.1, roll_off=24e-6, cut_off=8e-6, rng=1
+    )
     return scene_of(np.tile(piece.heights, (2, 3)))
 
 
 @pytest.fixture(scope="module")
 def random():
-    face = self_affine((64, 96), (64e-6, 96e-6), hurst=0.8, rms_slope=0.1, roll_off=24e-6, cut_off=8e-6, rng=2)
+    face = self_affine(
+        (64, 96), (64e-6, 96e-6), hurst=0.8, rms_slope=0.1, roll_off=24e-6, cut_off=8e-6, rng=2
+    )
     return scene_of(face.heights)
 
 
@@ -58,9 +68,15 @@ def under(scene, shares, pieces):
 
 @pytest.mark.parametrize("shape", ["strip", "ring"])
 def test_a_uniform_map_is_none_bit_for_bit(random, shape):
-    scene, sampling = (random, STRIP) if shape == "strip" else (replace(random, layout=LAYOUT), RING)
+    scene, sampling = (
+        (random, STRIP) if shape == "strip" else (replace(random, layout=LAYOUT), RING)
+    )
     none = drawn(scene, sampling)
-    for even in (Profile((2.0,)), AngleTable((0.7, 0.7, 0.7)), MapsAtLoads((1e8,), (Profile((3.0, 3.0)),))):
+    for even in (
+        Profile((2.0,)),
+        AngleTable((0.7, 0.7, 0.7)),
+        MapsAtLoads((1e8,), (Profile((3.0, 3.0)),)),
+    ):
         assert_array_equal(drawn(scene, sampling, even).leakage, none.leakage)
 
 
@@ -86,9 +102,16 @@ def test_halves_across_a_seal_are_in_series(equal):
 
 def test_a_tile_has_its_own_peak(equal):
     """On unloading from 200 MPa a tile under 1.3 times the pressure comes from 260 MPa."""
-    result = drawn(equal, STRIP, AngleTable((1.3, 1.3, 0.7, 0.7), tuple(np.radians((0.1, 179.9, 180.1, 359.9)))))
+    result = drawn(
+        equal,
+        STRIP,
+        AngleTable((1.3, 1.3, 0.7, 0.7), tuple(np.radians((0.1, 179.9, 180.1, 359.9)))),
+    )
     cycle = LoadProgramme.of([2e8], [2e8], [1e8])
-    own = [along(result.pieces, np.array([peak, (1.3e8, 0.7e8)]), cycle)[1] for peak in ((2.6e8, 1.4e8), (2e8, 2e8))]
+    own = [
+        along(result.pieces, np.array([peak, (1.3e8, 0.7e8)]), cycle)[1]
+        for peak in ((2.6e8, 1.4e8), (2e8, 2e8))
+    ]
     at = [s.name for s in equal.steps].index("unloading 100 MPa from 200 MPa")
     assert_allclose(result.leakage[0, at], own[0].mean() * 1e6 / (1e-3 * 128e-6), rtol=1e-6)
     assert abs(np.log(own[0].mean() / own[1].mean())) > 0.1
@@ -97,11 +120,18 @@ def test_a_tile_has_its_own_peak(equal):
 @pytest.mark.parametrize("shape", ["strip", "ring"])
 def test_long_waves_leak_as_the_mean_of_local_seals(random, shape):
     """Waves of period 2, 4 and 8 around a seal against the mean of uniform seals of the same pieces."""
-    scene, sampling = (random, STRIP) if shape == "strip" else (replace(random, layout=LAYOUT), RING)
+    scene, sampling = (
+        (random, STRIP) if shape == "strip" else (replace(random, layout=LAYOUT), RING)
+    )
     angle = np.linspace(0, 2 * np.pi, 256, endpoint=False)
     loads = tuple(1e8 * np.linspace(0.55, 1.45, 7))
     local = drawn(replace(scene, loading=loads, unload_from=(), unloading=()), sampling)
-    at = np.exp([np.interp(1 + 0.4 * np.cos(angle), np.array(loads) / 1e8, np.log(curve)) for curve in local.leakage])
+    at = np.exp(
+        [
+            np.interp(1 + 0.4 * np.cos(angle), np.array(loads) / 1e8, np.log(curve))
+            for curve in local.leakage
+        ]
+    )
     step = scene.steps.loading.index(1e8)
     errors = []
     for period in (2, 4, 8):
@@ -128,7 +158,9 @@ def test_a_map_for_each_load_turns_the_seal_round(equal):
     """The pressed half changes sides with the load: a tile may be unloaded while the seal is loaded."""
     halves = Profile((1.5, 0.5)), Profile((0.5, 1.5))
     turning = drawn(equal, STRIP, MapsAtLoads((5e7, 1e8), halves))
-    paths = equal.steps.pressures[:, None] * np.array([[1.5, 0.5], [0.5, 1.5], [0.5, 1.5], [0.5, 1.5], [1.5, 0.5]])
+    paths = equal.steps.pressures[:, None] * np.array(
+        [[1.5, 0.5], [0.5, 1.5], [0.5, 1.5], [0.5, 1.5], [1.5, 0.5]]
+    )
     k = along(turning.pieces, paths, equal.steps)
     assert_allclose(turning.leakage[0], 2 / (1 / k).sum(axis=1) * 1e6 / (1e-3 * 128e-6), rtol=1e-6)
     virgin = under(equal, [0.5, 1.5], turning.pieces)
@@ -162,10 +194,15 @@ class TestPaths:
         assert paths.shape[1] <= (MOST_PATHS if steps == 1 else MOST_OF_SEVERAL)
         assert_allclose(paths[:, number].mean(axis=1), shares.mean(axis=1), rtol=1e-12)
         if steps == 1:
-            assert np.abs(np.cbrt(paths[:, number]) - np.cbrt(shares)).max() < np.cbrt(shares.max()) / MOST_PATHS
+            assert (
+                np.abs(np.cbrt(paths[:, number]) - np.cbrt(shares)).max()
+                < np.cbrt(shares.max()) / MOST_PATHS
+            )
 
     def test_rounding_moves_no_leakage(self, random, monkeypatch):
-        wave = AngleTable(tuple(1 + 0.5 * np.cos(np.linspace(0, 6, 50))), tuple(np.linspace(0, 6, 50)))
+        wave = AngleTable(
+            tuple(1 + 0.5 * np.cos(np.linspace(0, 6, 50))), tuple(np.linspace(0, 6, 50))
+        )
         exact = drawn(random, STRIP, wave).leakage
         monkeypatch.setattr("femseal.studies.tile_pressure.MOST_PATHS", 48)
         rounded = drawn(random, STRIP, wave).leakage
@@ -174,7 +211,9 @@ class TestPaths:
 
 
 def test_what_is_refused(random):
-    with pytest.raises(InputError, match=r"positions: given 0 m to 100 µm, expected a range that holds"):
+    with pytest.raises(
+        InputError, match=r"positions: given 0 m to 100 µm, expected a range that holds"
+    ):
         drawn(random, STRIP, Profile((1.0, 2.0), (0.0, 1e-4)))
     with pytest.raises(InputError, match=r"field: given .* expected one that covers the seal"):
         drawn(random, STRIP, PressureField.of([[0, 0], [1e-4, 0], [0, 2e-3]], [1e8, 1e8, 1e8]))

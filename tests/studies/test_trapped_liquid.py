@@ -81,7 +81,13 @@ H = 2.3e9
 
 def face(n=96, seed=1):
     return fs.self_affine(
-        (n, n), (n * D, n * D), hurst=0.75, rms_slope=0.2, roll_off=n / 12 * D, cut_off=6 * D, rng=seed
+        (n, n),
+        (n * D, n * D),
+        hurst=0.75,
+        rms_slope=0.2,
+        roll_off=n / 12 * D,
+        cut_off=6 * D,
+        rng=seed,
     )
 
 
@@ -104,14 +110,23 @@ def scene(**changes):
 class TestStudies:
     def test_trapped_liquid_carries_load_and_leaves_more_open(self):
         acts, trapped = (fs.deterministic(scene(fluid_pressure=how)) for how in ("acts", "trapped"))
-        assert_allclose(trapped.leakage[0], acts.leakage[0], rtol=2e-3)  # nothing was trapped before
+        assert_allclose(
+            trapped.leakage[0], acts.leakage[0], rtol=2e-3
+        )  # nothing was trapped before
         assert trapped.carried_pressure[2] > 1.2 * acts.carried_pressure[2]
         assert np.all(trapped.leakage[1:] >= 0.999 * acts.leakage[1:])
         assert trapped.leakage[2] > 1.01 * acts.leakage[2]
 
     def test_where_none_is_trapped_the_fluid_that_flows_carries_nearly_all(self):
-        nearly = {"loading": (0.1 * H,), "unload_from": (), "unloading": (), "inlet_pressure": 0.165 * H}
-        acts, trapped = (fs.deterministic(scene(fluid_pressure=how, **nearly)) for how in ("acts", "trapped"))
+        nearly = {
+            "loading": (0.1 * H,),
+            "unload_from": (),
+            "unloading": (),
+            "inlet_pressure": 0.165 * H,
+        }
+        acts, trapped = (
+            fs.deterministic(scene(fluid_pressure=how, **nearly)) for how in ("acts", "trapped")
+        )
         assert 0.9 * 0.1 * H < acts.carried_pressure[0] < 0.1 * H
         assert_allclose(trapped.leakage, acts.leakage, rtol=1e-9)
 
@@ -119,8 +134,16 @@ class TestStudies:
         whole = scene(unload_from=(), unloading=())
         states = list(whole.contact_states(lambda state: state.contact, mapper=map))
         for former, now in pairwise(states):
-            liquid, kept = now.trapped, np.isin(now.trapped.pocket, 1 + np.flatnonzero(~np.isnan(now.trapped.step)))
-            of_pocket = np.bincount(liquid.pocket[kept], now.gap[kept], minlength=liquid.amount.size + 1)[1:] * D**2
+            liquid, kept = (
+                now.trapped,
+                np.isin(now.trapped.pocket, 1 + np.flatnonzero(~np.isnan(now.trapped.step))),
+            )
+            of_pocket = (
+                np.bincount(liquid.pocket[kept], now.gap[kept], minlength=liquid.amount.size + 1)[
+                    1:
+                ]
+                * D**2
+            )
             known = of_pocket > 0
             held = of_pocket[known] * np.exp(liquid.pressure[known] / 2e9)
             below_cap = liquid.pressure[known] < 0.89 * H
@@ -164,7 +187,9 @@ class TestStudies:
         def no_work(*_):
             raise AssertionError
 
-        with pytest.raises(fs.InputError, match="'trapped' with a seal that takes pieces anywhere of the face"):
+        with pytest.raises(
+            fs.InputError, match="'trapped' with a seal that takes pieces anywhere of the face"
+        ):
             fs.stochastic(scene(), (3, 3), fs.Sampling(96e-6, 2, seed=1, **given), mapper=no_work)
 
 
@@ -199,10 +224,16 @@ def test_a_case_says_so():
 
 @pytest.mark.parametrize("breadth", ["", ", breadth = '120 um'"])
 def test_a_case_of_drawn_seals_is_prepared_in_the_rows_of_the_face_alone(breadth):
-    text = CASE.replace('"deterministic"', '"stochastic"') + f"\n    stochastic = {{length = '1 mm'{breadth}}}"
+    text = (
+        CASE.replace('"deterministic"', '"stochastic"')
+        + f"\n    stochastic = {{length = '1 mm'{breadth}}}"
+    )
     case = parse_case(tomllib.loads(text))
     if not breadth:
         assert prepare(case).cut_and_tiles[1].in_place
         return
-    with pytest.raises(fs.InputError, match=r"contact\.fluid_pressure: given 'trapped' with a seal that takes pieces"):
+    with pytest.raises(
+        fs.InputError,
+        match=r"contact\.fluid_pressure: given 'trapped' with a seal that takes pieces",
+    ):
         prepare(case)

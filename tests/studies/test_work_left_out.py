@@ -101,7 +101,9 @@ def solved_again(scene):
 
 @pytest.fixture(scope="module")
 def elastic():
-    surface = fs.self_affine((48, 64), (45e-6, 60e-6), hurst=0.8, rms_slope=0.2, roll_off=30e-6, rng=2)
+    surface = fs.self_affine(
+        (48, 64), (45e-6, 60e-6), hurst=0.8, rms_slope=0.2, roll_off=30e-6, rng=2
+    )
     return fs.Scene(
         surface,
         115e9,
@@ -116,7 +118,10 @@ def elastic():
     )
 
 
-STUDIES = {"deterministic": fs.deterministic, "two-scale": lambda scene, **keys: fs.two_scale(scene, (3, 4), **keys)}
+STUDIES = {
+    "deterministic": fs.deterministic,
+    "two-scale": lambda scene, **keys: fs.two_scale(scene, (3, 4), **keys),
+}
 DRAWN = fs.Sampling(length=2e-4, realisations=3, seed=1)
 
 
@@ -157,7 +162,9 @@ def test_drawn_seals_of_an_elastic_face_come_back_as_they_went(elastic, breadth)
 
 
 def test_the_ladder_of_an_elastic_face_has_no_way_down(elastic):
-    found = fs.stochastic(elastic, (3, 4), replace(DRAWN, breadth=9e-5, pressure_map=Profile((0.8, 1.2))))
+    found = fs.stochastic(
+        elastic, (3, 4), replace(DRAWN, breadth=9e-5, pressure_map=Profile((0.8, 1.2)))
+    )
     assert found.pieces.steps.on_loading.all()
     assert_equal_loads_leak_alike(elastic.steps.pressures, found.leakage)
 

@@ -37,7 +37,9 @@ def swept(tmp_path_factory):
 
 
 def test_values_are_those_of_toml_or_text():
-    found = parsed_keys(["a.b=3GPa, 4 GPa", 'c="x,y",[1,2],[u, "v,w"]', "d=1,2.5,true", "e=two-scale"])
+    found = parsed_keys(
+        ["a.b=3GPa, 4 GPa", 'c="x,y",[1,2],[u, "v,w"]', "d=1,2.5,true", "e=two-scale"]
+    )
     assert found == {
         "a.b": ["3GPa", "4 GPa"],
         "c": ["x,y", [1, 2], ["u", "v,w"]],
@@ -64,7 +66,10 @@ def test_a_key_of_one_of_two_faces(case):
     data["face"] = [data["face"], dict(data["face"])]
     second = variations(data, folder, {"face.1.rms_slope": [0.1, 0.3]})
     assert [[face.rms_slope for face in v.case.face] for v in second] == [[0.2, 0.1], [0.2, 0.3]]
-    with pytest.raises(fs.InputError, match=r"face\.2\.hurst: given '2', expected the number of one of the 2 tables"):
+    with pytest.raises(
+        fs.InputError,
+        match=r"face\.2\.hurst: given '2', expected the number of one of the 2 tables",
+    ):
         variations(data, folder, {"face.2.hurst": [0.5]})
 
 
@@ -77,7 +82,10 @@ def test_names_are_as_short_as_they_can_be():
     ("arguments", "fault"),
     [
         (["material.hardnes=1GPa"], "material.hardnes: given an unknown key"),
-        (["material.hardness=3"], "material.hardness: given 3, expected text with a number and a unit"),
+        (
+            ["material.hardness=3"],
+            "material.hardness: given 3, expected text with a number and a unit",
+        ),
         (["seed"], "sweep: given 'seed', expected a key of the case and its values"),
         (["seed=1,2", "seed=3"], "sweep: given the key seed twice"),
         (["seed=1,1"], "expected values that differ"),
@@ -85,7 +93,10 @@ def test_names_are_as_short_as_they_can_be():
         (["load.loading=[2MPa,1MPa]"], "load: expected rising pressures"),
         (["cells.count=[2,4],[32,64]"], r"with count = [32, 64]"),
         (
-            [f"seed={','.join(map(str, range(40)))}", f"stochastic.realisations={','.join(map(str, range(2, 42)))}"],
+            [
+                f"seed={','.join(map(str, range(40)))}",
+                f"stochastic.realisations={','.join(map(str, range(2, 42)))}",
+            ],
             "given 1600 cases, expected at most 1000",
         ),
     ],
@@ -128,7 +139,9 @@ def test_cases_share_what_their_keys_do_not_change(case, tmp_path, contacts):
     fs.run(case, workers=1)
     alone = len(contacts)
     contacts.clear()
-    found = fs.sweep(case, {"fluid.viscosity": ["1 mPa*s", "4 mPa*s"]}, tmp_path / "fluids", workers=1)
+    found = fs.sweep(
+        case, {"fluid.viscosity": ["1 mPa*s", "4 mPa*s"]}, tmp_path / "fluids", workers=1
+    )
     assert len(contacts) == alone
     assert_allclose(found.leakage(0), 4 * found.leakage(1), rtol=1e-9)
     case.write_text(CASE + '[contact]\nfluid_pressure = "ignored"\n')
@@ -164,7 +177,9 @@ def test_cases_that_fail_do_not_stop_the_others(case, tmp_path, monkeypatch):
         return run(case, *arguments, **options)
 
     monkeypatch.setattr(job, "run", failing)
-    with pytest.raises(fs.FemsealError, match=r"1 of 3 cases failed.*\n.*seed=2: contact: residual 0.1"):
+    with pytest.raises(
+        fs.FemsealError, match=r"1 of 3 cases failed.*\n.*seed=2: contact: residual 0.1"
+    ):
         fs.sweep(case, {"seed": [1, 2, 3]}, tmp_path / "out", workers=1)
     lines = list(csv.DictReader(io.StringIO((tmp_path / "out" / "sweep.csv").read_text())))
     assert {line["seed"] for line in lines} == {"1", "3"}
@@ -201,7 +216,9 @@ def test_picture_of_a_sweep(swept):
     assert len(lines) == 8  # loading and unloading of four runs
     for n, run in enumerate(found.runs):
         assert_allclose(lines[2 * n].get_ydata(), found.leakage(n)[:2])
-        assert_allclose(lines[2 * n + 1].get_ydata(), run.leakage[[1, 2]] / run.leak_basis.factor(found.unit))
+        assert_allclose(
+            lines[2 * n + 1].get_ydata(), run.leakage[[1, 2]] / run.leak_basis.factor(found.unit)
+        )
     assert right.get_xlabel() == "hardness [GPa]"
     assert_allclose(right.lines[0].get_xdata(), [3, 6])
     assert_allclose(right.lines[0].get_ydata(), [found.leakage(n)[1] for n in (0, 2)])
@@ -224,8 +241,13 @@ def test_runs_of_other_loads_methods_and_lengths(case, swept, tmp_path):
     text = CASE.replace("50 MPa", "40 MPa").replace('"stochastic"', '"deterministic"')
     (tmp_path / "other.toml").write_text(text)
     fs.run(tmp_path / "other.toml", tmp_path / "other", workers=1)
-    both = fs.compare({"drawn": folder / found.names[0], "whole": tmp_path / "other"}, unit="mL/min")
-    assert [step.name for step in both.common_steps] == ["loading 300 MPa", "unloading 100 MPa from 300 MPa"]
+    both = fs.compare(
+        {"drawn": folder / found.names[0], "whole": tmp_path / "other"}, unit="mL/min"
+    )
+    assert [step.name for step in both.common_steps] == [
+        "loading 300 MPa",
+        "unloading 100 MPa from 300 MPa",
+    ]
     heads, cells = list(both.table().heads), both.table().lines
     assert heads == ["run", "method", "300 MPa", "100 MPa from 300 MPa"]
     assert [line[:2] for line in cells] == [("drawn", "median"), ("whole", "deterministic")]
@@ -240,7 +262,9 @@ def test_runs_of_other_loads_methods_and_lengths(case, swept, tmp_path):
 
 def test_runs_without_common_loads_are_told_at_their_own(swept, tmp_path):
     _, found = swept
-    (tmp_path / "other.toml").write_text(CASE.replace("50 MPa", "40 MPa").replace("300 MPa", "200 MPa"))
+    (tmp_path / "other.toml").write_text(
+        CASE.replace("50 MPa", "40 MPa").replace("300 MPa", "200 MPa")
+    )
     apart = fs.compare({"a": found.runs[0], "b": fs.run(tmp_path / "other.toml", workers=1)})
     heads, cells = list(apart.table().heads), apart.table().lines
     assert heads == ["run", "first load", "highest load", "last load"]
@@ -255,7 +279,10 @@ def test_compare_on_the_command_line(femseal, swept, tmp_path):
     assert code == 0
     assert "leakage of the whole seal [mL/h]" in text
     assert all(name[:12] in text for name in found.names[:3])
-    assert sorted(p.name for p in (tmp_path / "out").iterdir()) == ["comparison.csv", "comparison.png"]
+    assert sorted(p.name for p in (tmp_path / "out").iterdir()) == [
+        "comparison.csv",
+        "comparison.png",
+    ]
     for wrong, fault in (
         ([runs[0]], "given 1 run, expected two or more"),
         ([runs[0], tmp_path / "none"], "no such folder"),

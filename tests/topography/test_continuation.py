@@ -19,7 +19,9 @@ from femseal.report.case_text import case_sentences
 from femseal.runs.forecast import describe
 from femseal.topography import continuation_of, spectrum
 
-MEASURED = fs.self_affine((128, 128), (128e-6, 128e-6), hurst=0.8, rms_slope=0.05, cut_off=2.5e-6, rng=1)
+MEASURED = fs.self_affine(
+    (128, 128), (128e-6, 128e-6), hurst=0.8, rms_slope=0.05, cut_off=2.5e-6, rng=1
+)
 
 
 def gaussian_face(hurst, seed, n=128):
@@ -39,7 +41,9 @@ def test_the_error_of_the_slope_holds_its_truth(hurst):
 
 
 def test_the_continued_face_is_the_one_that_was_made_with_these_waves():
-    made = fs.self_affine((512, 512), (128e-6, 128e-6), hurst=0.8, rms_slope=0.1, cut_off=1e-6, rng=1)
+    made = fs.self_affine(
+        (512, 512), (128e-6, 128e-6), hurst=0.8, rms_slope=0.1, cut_off=1e-6, rng=1
+    )
     seen = made.low_pass(2.5e-6).resample((128, 128))
     found = fs.continue_spectrum(seen, 1e-6, shape=(1024, 1024), rng=2)
     assert_allclose(found.rms_slope, 0.1, rtol=0.005)
@@ -61,7 +65,9 @@ def test_waves_are_the_same_on_every_grid_and_differ_between_realisations():
     assert_allclose(fine.resample(one.shape).heights, one.heights, atol=1e-9 * one.rms_height)
     other = fs.continue_spectrum(MEASURED, 1e-6, rng=3, realisation=1)
     found = continuation_of(MEASURED, 1e-6, rng=3)
-    formed = one.with_form(np.linspace(0, 1e-6, one.shape[0]))  # a seat ends a face along x1, and not its waves
+    formed = one.with_form(
+        np.linspace(0, 1e-6, one.shape[0])
+    )  # a seat ends a face along x1, and not its waves
     added = found.added_to(formed).heights - formed.heights
     assert_allclose(added, one.high_pass(found.longest).heights, atol=1e-9 * one.rms_height)
     first, second = (face.high_pass(found.longest).heights for face in (one, other))
@@ -70,14 +76,20 @@ def test_waves_are_the_same_on_every_grid_and_differ_between_realisations():
 
 
 def test_places_are_continued_each_by_itself():
-    parts = [fs.Topography(z, MEASURED.spacing, (False, False)) for z in np.split(MEASURED.heights, 2, axis=1)]
+    parts = [
+        fs.Topography(z, MEASURED.spacing, (False, False))
+        for z in np.split(MEASURED.heights, 2, axis=1)
+    ]
     places = fs.Places(parts)
     known = continuation_of(places, 1e-6, rng=3)
     fine = places.low_pass(known.longest).resample((1024, 1024))
     found = known.added_to(fine)
     assert known.periodic == (False, False)
     assert found.widths == (512, 512)
-    one, two = ((after.heights - before.heights) for after, before in zip(found.each, fine.each, strict=True))
+    one, two = (
+        (after.heights - before.heights)
+        for after, before in zip(found.each, fine.each, strict=True)
+    )
     assert abs(np.mean(one * two)) < 0.1 * one.var()
     assert_allclose(found.rms_slope, known.slope_to(1e-6), rtol=0.03)
     assert_allclose(known.added_to(found, factor=-1.0).heights, fine.heights, atol=1e-15)
@@ -96,19 +108,27 @@ def test_a_map_that_ends_continues_with_waves_even_at_its_borders():
 @each("hurst", [0.6, 0.9])
 @each("of_slope", [1.05, 1.3])
 def test_hardness_ends_what_short_waves_do(hurst, of_slope):
-    face = fs.self_affine((128, 128), (128e-6, 128e-6), hurst=hurst, rms_slope=0.05, cut_off=2.5e-6, rng=1)
+    face = fs.self_affine(
+        (128, 128), (128e-6, 128e-6), hurst=hurst, rms_slope=0.05, cut_off=2.5e-6, rng=1
+    )
     found = continuation_of(face, 1e-6)
     slope = of_slope * found.rms_slope
-    assert_allclose(found.slope_to(found.last_that_counts(slope / 2 * 1e11, 1e11)), slope, rtol=1e-9)
+    assert_allclose(
+        found.slope_to(found.last_that_counts(slope / 2 * 1e11, 1e11)), slope, rtol=1e-9
+    )
     assert found.last_that_counts(found.rms_slope / 2.1 * 1e11, 1e11) == found.longest
     assert found.last_that_counts(inf, 1e11) == 0
 
 
 def test_what_cannot_be_continued_is_refused():
-    with pytest.raises(fs.InputError, match=r"continue_spectrum: given 5 µm, expected less than 2\.67 µm"):
+    with pytest.raises(
+        fs.InputError, match=r"continue_spectrum: given 5 µm, expected less than 2\.67 µm"
+    ):
         fs.continue_spectrum(MEASURED, 5e-6, rng=1)
     noise = fs.Topography(np.random.default_rng(1).normal(0, 1e-8, (64, 64)), (1e-6, 1e-6))
-    with pytest.raises(fs.InputError, match=r"continue_spectrum: given .* a face without such a law"):
+    with pytest.raises(
+        fs.InputError, match=r"continue_spectrum: given .* a face without such a law"
+    ):
         fs.continue_spectrum(noise, 5e-7, rng=1)
     with pytest.raises(fs.InputError, match=r"shape: given .*256.*, expected 8 pixels"):
         fs.continue_spectrum(MEASURED, 1e-6, shape=(256, 256), rng=1)
@@ -122,7 +142,10 @@ def test_roughness_of_a_wave_is_exact(wave):
     height, n, size = 0.5e-6, 1000, 1e-3
     x = (np.arange(n) + 0.5) * size / n
     report = fs.describe_surface(
-        fs.Topography(height * np.cos(2 * pi * x / wave)[:, None] * np.ones(400), (size / n, size / n)), detrend=0
+        fs.Topography(
+            height * np.cos(2 * pi * x / wave)[:, None] * np.ones(400), (size / n, size / n)
+        ),
+        detrend=0,
     )
     assert report.profile_cut_off == (800e-6, 80e-6)  # no roughness along the lay
     left = height * (1 - 2 ** -((800e-6 / wave) ** 2)) * 2 ** -((2.5e-6 / wave) ** 2)
@@ -135,19 +158,31 @@ def test_roughness_of_a_wave_is_exact(wave):
 
 def test_the_height_of_profiles_is_the_mean_of_their_sections():
     x = (np.arange(4000) + 0.5) * 0.25e-6
-    ramp = np.where(x < 5 * 80e-6, np.cos(2 * pi * x / 8e-6) * (1 + np.floor(x / 80e-6)), 0.0) * 1e-9
-    report = fs.describe_surface(fs.Topography(ramp[:, None] * np.ones(4), (0.25e-6, 0.25e-6)), detrend=0, spikes=inf)
+    ramp = (
+        np.where(x < 5 * 80e-6, np.cos(2 * pi * x / 8e-6) * (1 + np.floor(x / 80e-6)), 0.0) * 1e-9
+    )
+    report = fs.describe_surface(
+        fs.Topography(ramp[:, None] * np.ones(4), (0.25e-6, 0.25e-6)), detrend=0, spikes=inf
+    )
     assert report.profile_cut_off[0] == 80e-6
     passed = 2 ** -((2.5 / 8) ** 2)
-    assert_allclose(report.rz[0], 2 * passed * 3e-9, rtol=0.05)  # mean of 1 … 5 nm; the largest is 5
+    assert_allclose(
+        report.rz[0], 2 * passed * 3e-9, rtol=0.05
+    )  # mean of 1 … 5 nm; the largest is 5
     assert np.isnan(report.ra[1])
 
 
 def test_roughness_of_the_face_agrees_with_another_program():
     surfalize = pytest.importorskip("surfalize")
-    face = fs.self_affine((600, 600), (1.2e-3, 1.2e-3), hurst=0.7, rms_height=0.5e-6, cut_off=10e-6, rng=5)
+    face = fs.self_affine(
+        (600, 600), (1.2e-3, 1.2e-3), hurst=0.7, rms_height=0.5e-6, cut_off=10e-6, rng=5
+    )
     report = fs.describe_surface(face, detrend=0, spikes=inf)
-    other = surfalize.Surface(face.heights * 1e6, 2.0, 2.0).filter("lowpass", 2.5).filter("highpass", 800)
+    other = (
+        surfalize.Surface(face.heights * 1e6, 2.0, 2.0)
+        .filter("lowpass", 2.5)
+        .filter("highpass", 800)
+    )
     found = [report.sa, report.sq, report.sz]
     assert_allclose(found, 1e-6 * np.array([other.Sa(), other.Sq(), other.Sz()]), rtol=1e-3)
     assert_allclose(report.ssk, other.Ssk(), atol=1e-3)
@@ -156,7 +191,9 @@ def test_roughness_of_the_face_agrees_with_another_program():
 # --- of a case --------------------------------------------------------------------------------------------
 
 SIZE = (32e-6, 32e-6)
-TRUTH = fs.self_affine((512, 512), SIZE, hurst=0.8, rms_slope=0.2, roll_off=16e-6, cut_off=0.5e-6, rng=4)
+TRUTH = fs.self_affine(
+    (512, 512), SIZE, hurst=0.8, rms_slope=0.2, roll_off=16e-6, cut_off=0.5e-6, rng=4
+)
 
 
 @pytest.fixture
@@ -169,7 +206,12 @@ def case(tmp_path):
             {
                 "seed": 7,
                 "method": "deterministic",
-                "face": {"kind": "file", "path": "face.npy", "size": ["32 um", "32 um"], "height_unit": "m"},
+                "face": {
+                    "kind": "file",
+                    "path": "face.npy",
+                    "size": ["32 um", "32 um"],
+                    "height_unit": "m",
+                },
                 "surface": {"detrend": 0, "spikes": inf, "continue_spectrum": "1 um"} | surface,
                 "material": {"young": "210 GPa", "hardness": "4 GPa"},
                 "load": {"loading": ["20 MPa", "100 MPa", "300 MPa"]},
@@ -185,7 +227,9 @@ def case(tmp_path):
 
 def test_a_case_solves_the_continued_face_and_says_so(case):
     prepared = prepare(case({}))
-    measured = fs.read_topography(case({}).folder / "face.npy", size=SIZE, height_unit="m").detrend(0)
+    measured = fs.read_topography(case({}).folder / "face.npy", size=SIZE, height_unit="m").detrend(
+        0
+    )
     found = continuation_of(measured, 1e-6, rng=7)
     face = fs.continue_spectrum(measured, 1e-6, rng=7)
     assert prepared.scene.surface.shape == face.shape == (256, 256)
@@ -193,7 +237,10 @@ def test_a_case_solves_the_continued_face_and_says_so(case):
     assert prepared.conditioning.shortest_wave == 1e-6
     assert_allclose(prepared.conditioning.rms_slope, face.rms_slope)
     text = "\n".join(describe(case({}), prepared))
-    assert f"continue the power law q^({-2 - 2 * found.law.hurst:.2f} ± {2 * found.law.hurst_error:.2f})" in text
+    assert (
+        f"continue the power law q^({-2 - 2 * found.law.hurst:.2f} ± {2 * found.law.hurst_error:.2f})"
+        in text
+    )
     assert [text for text in prepared.warnings if "long waves" not in text] == []
     longer = prepare(case({"shortest_wave": "4 um"}))
     assert longer.continuation.longest == 4e-6
@@ -207,7 +254,9 @@ def test_the_budget_solves_other_phases_fewer_waves_and_the_measured_ones(case):
     face, longest = prepared.scene.surface, prepared.continuation.longest
     assert len({one.rms_slope for one in (face, *others)}) == 4
     for one in others:
-        assert_allclose(one.low_pass(1.01 * longest).heights, face.low_pass(1.01 * longest).heights, atol=1e-12)
+        assert_allclose(
+            one.low_pass(1.01 * longest).heights, face.low_pass(1.01 * longest).heights, atol=1e-12
+        )
     assert_allclose(shorter.low_pass(2e-6).heights, shorter.heights, atol=1e-12)
     assert_allclose(measured.low_pass(longest).heights, measured.heights, atol=1e-12)
     assert continued_scenes(replace(prepared, continuation=None)) == []
@@ -216,9 +265,18 @@ def test_the_budget_solves_other_phases_fewer_waves_and_the_measured_ones(case):
 @each(
     "surface, message",
     [
-        ({"continue_spectrum": "3 um"}, r"surface\.continue_spectrum: given 3 µm, expected less than .* measured"),
-        ({"points": [128, 128]}, r"surface\.points: given .*128.*, expected 8 pixels to continue_spectrum, .*256, 256"),
-        ({"continue_spectrum": "-1 um"}, r"surface\.continue_spectrum: given '-1 um', expected a length > 0"),
+        (
+            {"continue_spectrum": "3 um"},
+            r"surface\.continue_spectrum: given 3 µm, expected less than .* measured",
+        ),
+        (
+            {"points": [128, 128]},
+            r"surface\.points: given .*128.*, expected 8 pixels to continue_spectrum, .*256, 256",
+        ),
+        (
+            {"continue_spectrum": "-1 um"},
+            r"surface\.continue_spectrum: given '-1 um', expected a length > 0",
+        ),
         ({"continue_spectrum": "1 nm"}, r"surface\.points.*GB"),
     ],
 )
@@ -249,7 +307,9 @@ def test_the_part_of_the_continuation_is_scatter_and_trend():
     q = np.array([8e-9, 4e-9, 0.0])
 
     def solution(*changes):
-        return CoarserSolution((8, 8), scene.steps, np.array([*q[:2] * np.exp(changes[:2]), changes[2]]), q)
+        return CoarserSolution(
+            (8, 8), scene.steps, np.array([*q[:2] * np.exp(changes[:2]), changes[2]]), q
+        )
 
     same = solution(0, 0, 0)
     others = [solution(0.1, 0.1, 0), solution(-0.1, 0.0, 0), solution(0.0, 0.3, 0)]
@@ -264,5 +324,7 @@ def test_the_part_of_the_continuation_is_scatter_and_trend():
     assert_allclose([trend.lower, trend.upper], [alone.lower, alone.upper])
     opened = continuation_part(scene, q, [same, same, solution(0, 0, 1e-9)], same, 1.0, "")
     assert opened.upper[2] >= 1e-9
-    unknown = continuation_part(scene, q, [same, same, solution(np.nan, np.nan, np.nan)], same, 1.0, "")
+    unknown = continuation_part(
+        scene, q, [same, same, solution(np.nan, np.nan, np.nan)], same, 1.0, ""
+    )
     assert np.all(np.isnan(unknown.upper[:2]))

@@ -14,7 +14,15 @@ from scipy import ndimage
 
 import femseal as fs
 from femseal.base.errors import InputError
-from femseal.topography import SpikeEffect, Topography, describe_surface, repair, self_affine, spike_effect, turned
+from femseal.topography import (
+    SpikeEffect,
+    Topography,
+    describe_surface,
+    repair,
+    self_affine,
+    spike_effect,
+    turned,
+)
 from femseal.topography.combined import _largest_rectangle, combine
 from femseal.topography.defects import _window_medians, find_spikes
 from femseal.topography.texture import autocorrelation, spectrum, texture
@@ -23,7 +31,11 @@ EXAMPLE = Path(__file__).parents[2] / "examples" / "measured_face.x3p"
 
 
 def rough(shape=(160, 120), **given):
-    return self_affine(shape, (160e-6, 120e-6), **{"hurst": 0.8, "rms_height": 1e-6, "cut_off": 5e-6, "rng": 2} | given)
+    return self_affine(
+        shape,
+        (160e-6, 120e-6),
+        **{"hurst": 0.8, "rms_height": 1e-6, "cut_off": 5e-6, "rng": 2} | given,
+    )
 
 
 # --- spikes -----------------------------------------------------------------------------------------------
@@ -55,14 +67,22 @@ def test_isolated_points_are_found_and_nothing_else():
 @each("cut_off", [2, 4, 8])
 @each("hurst", [0.3, 0.8, 1.0])
 def test_self_affine_faces_have_no_spikes(cut_off, hurst):
-    face = self_affine((256, 256), (1e-3, 1e-3), hurst=hurst, rms_slope=0.5, cut_off=cut_off * 1e-3 / 256, rng=4)
+    face = self_affine(
+        (256, 256), (1e-3, 1e-3), hurst=hurst, rms_slope=0.5, cut_off=cut_off * 1e-3 / 256, rng=4
+    )
     assert not find_spikes(face.heights).any()
 
 
 @each(
     "given",
     [
-        {"pitch": 60e-6, "depth": 1.5e-6, "feed_error": 0.03, "depth_error": 0.1, "roughness": 1e-6},
+        {
+            "pitch": 60e-6,
+            "depth": 1.5e-6,
+            "feed_error": 0.03,
+            "depth_error": 0.1,
+            "roughness": 1e-6,
+        },
         {"pitch": 20e-6, "depth": 10e-6, "feed_error": 0.2, "depth_error": 0.3},
         # ridges a few pixels wide with flanks of 60°
         {"pitch": 10e-6, "depth": 5e-6, "feed_error": 0.1, "depth_error": 0.1, "cut_off": 2e-6},
@@ -139,8 +159,12 @@ def test_undefined_points_do_not_bend_the_form(share):
     tilted = face.heights + 0.2 * x1 - 0.3 * x2
     rows = round(np.sqrt(share) * face.shape[0])
     tilted[:rows, : round(np.sqrt(share) * face.shape[1])] = np.nan
-    _, report = fs.condition(Topography(tilted, face.spacing, (False, False)), max_undefined=0.5, spikes=inf)
-    assert_allclose(np.tan(report.removed_tilt), (0.2, -0.3), atol=3 * face.rms_height / min(face.size))
+    _, report = fs.condition(
+        Topography(tilted, face.spacing, (False, False)), max_undefined=0.5, spikes=inf
+    )
+    assert_allclose(
+        np.tan(report.removed_tilt), (0.2, -0.3), atol=3 * face.rms_height / min(face.size)
+    )
     assert report.rms_height_before < 1.05 * face.rms_height
 
 
@@ -149,7 +173,8 @@ def test_spikes_count_as_undefined():
     z[5::10, 5::10] += 1e-4
     face = Topography(z, (1e-6, 1e-6))
     with pytest.raises(
-        InputError, match=r"heights: given 1 % undefined points, .*; 192 of them are spikes, which spikes=inf"
+        InputError,
+        match=r"heights: given 1 % undefined points, .*; 192 of them are spikes, which spikes=inf",
     ):
         fs.condition(face, max_undefined=0.005)
     _, report = fs.condition(face)
@@ -172,14 +197,18 @@ def test_a_wrong_form_is_not_blamed_on_spikes():
 def test_a_map_with_holes_says_what_to_do():
     z = rough().heights.copy()
     z[60:, 80:] = np.nan
-    with pytest.raises(InputError, match=r"^heights: given .* % undefined points, expected at most 5 %: crop") as error:
+    with pytest.raises(
+        InputError, match=r"^heights: given .* % undefined points, expected at most 5 %: crop"
+    ) as error:
         Topography(z, (1e-6, 1e-6)).fill_undefined()
     assert str(pickle.loads(pickle.dumps(error.value))) == str(error.value)
 
 
 def test_parts_from_python():
     face = rough()
-    assert face.crop_to((10e-6, 20.4e-6, 0, 120e-6)).heights.tobytes() == face.heights[10:20].tobytes()
+    assert (
+        face.crop_to((10e-6, 20.4e-6, 0, 120e-6)).heights.tobytes() == face.heights[10:20].tobytes()
+    )
 
 
 # --- what the spikes mean ---------------------------------------------------------------------------------
@@ -206,7 +235,8 @@ def test_spikes_that_follow_the_lay_are_told(angle):
     assert report.spikes_extreme > 0.05
     doubts = SpikeEffect(report.spikes_along_lay, report.spikes_extreme).doubts(report.spike_points)
     assert re.search(
-        rf"^spikes \({report.spike_points} points\) are filled although they follow the lay \(\d+%", doubts[0]
+        rf"^spikes \({report.spike_points} points\) are filled although they follow the lay \(\d+%",
+        doubts[0],
     )
     assert all("surface.spikes = inf" in text for text in doubts)
 
@@ -249,7 +279,12 @@ def test_autocorrelation_is_the_mean_over_pairs():
     correlation = autocorrelation(face)
     assert correlation.shape == (13, 9)
     for i, j in ((0, 0), (3, 2), (6, -4), (-1, 4)):
-        pairs = [z[a, b] * z[a + i, b + j] for a in range(12) for b in range(9) if 0 <= a + i < 12 and 0 <= b + j < 9]
+        pairs = [
+            z[a, b] * z[a + i, b + j]
+            for a in range(12)
+            for b in range(9)
+            if 0 <= a + i < 12 and 0 <= b + j < 9
+        ]
         assert_allclose(correlation[6 + i, 4 + j], np.mean(pairs) / np.mean(z**2), rtol=1e-9)
 
 
@@ -299,7 +334,13 @@ def test_an_isotropic_face_has_no_lay_and_stretching_gives_it_one():
 @each("cut_off", [1.6e-5, 6e-6])
 def test_power_law_is_recovered(hurst, roll_off, cut_off):
     face = self_affine(
-        (512, 400), (1e-3, 0.8e-3), hurst=hurst, rms_slope=0.1, roll_off=roll_off, cut_off=cut_off, rng=2
+        (512, 400),
+        (1e-3, 0.8e-3),
+        hurst=hurst,
+        rms_slope=0.1,
+        roll_off=roll_off,
+        cut_off=cut_off,
+        rng=2,
     )
     found = spectrum(face)
     assert_allclose(found.shortest_wave, cut_off, rtol=0.04)
@@ -338,7 +379,10 @@ def test_white_noise_and_single_waves_follow_no_law():
     assert_allclose(found.noise, 1e-8, rtol=0.05)
     assert found.shortest_wave > 1e-4  # nothing of it was measured
     x = np.arange(200) * 1e-6
-    assert spectrum(Topography(np.cos(2 * pi * x / 40e-6)[:, None] * np.ones(200), (1e-6, 1e-6))).law is None
+    assert (
+        spectrum(Topography(np.cos(2 * pi * x / 40e-6)[:, None] * np.ones(200), (1e-6, 1e-6))).law
+        is None
+    )
     assert spectrum(Topography(np.zeros((50, 50)), (1e-6, 1e-6))) == spectrum(
         Topography(np.ones((50, 50)), (1e-6, 1e-6))
     )
@@ -348,7 +392,9 @@ def test_parallel_grooves_have_the_hurst_exponent_of_their_profile():
     k = np.arange(1, 200)
     phase = 2 * pi * np.random.default_rng(3).random(k.size)
     x = (np.arange(1024) + 0.5) / 1024
-    profile = np.sum(k ** (-0.5 - 0.7) * np.cos(2 * pi * k * x[:, None] + phase), axis=1)  # C1D ∝ q^(−1−2H)
+    profile = np.sum(
+        k ** (-0.5 - 0.7) * np.cos(2 * pi * k * x[:, None] + phase), axis=1
+    )  # C1D ∝ q^(−1−2H)
     face = Topography(1e-7 * profile[:, None] * np.ones(1024), (1e-6, 1e-6))
     assert_allclose(spectrum(face).law.hurst, 0.7, atol=0.06)
 
@@ -361,7 +407,10 @@ def test_every_number_has_a_unit_and_a_label():
     assert all(set(f.metadata) >= {"unit", "label"} for f in fields(report))
     lines = str(report).splitlines()
     assert len(lines) == len(fields(report))
-    assert any(line.split() == ["Sq,", "rms", "height", f"{report.rms_height * 1e9:.4g}", "nm"] for line in lines)
+    assert any(
+        line.split() == ["Sq,", "rms", "height", f"{report.rms_height * 1e9:.4g}", "nm"]
+        for line in lines
+    )
 
 
 def test_heights_are_those_of_the_standard():
@@ -371,8 +420,20 @@ def test_heights_are_those_of_the_standard():
     tilted = z + 0.01 * x1
     report = describe_surface(Topography(tilted, (1e-6, 1e-6), (False, False)))
     assert_allclose(np.tan(report.tilt), (0.01, 0), atol=1e-9)
-    expected = (z.std(), np.abs(z).mean(), np.ptp(z), np.mean(z**3) / z.std() ** 3, np.mean(z**4) / z.std() ** 4)
-    found = (report.rms_height, report.mean_height, report.peak_to_valley, report.skewness, report.kurtosis)
+    expected = (
+        z.std(),
+        np.abs(z).mean(),
+        np.ptp(z),
+        np.mean(z**3) / z.std() ** 3,
+        np.mean(z**4) / z.std() ** 4,
+    )
+    found = (
+        report.rms_height,
+        report.mean_height,
+        report.peak_to_valley,
+        report.skewness,
+        report.kurtosis,
+    )
     assert_allclose(found, expected, rtol=1e-9)
     other = describe_surface(Topography(tilted.T, (1e-6, 1e-6), (False, False)))
     assert_allclose(other.rms_slopes, report.rms_slopes[::-1], rtol=1e-9)
@@ -381,7 +442,9 @@ def test_heights_are_those_of_the_standard():
 def test_a_flat_face_is_described():
     report = describe_surface(Topography(np.full((40, 40), 1e-3), (1e-6, 1e-6)), detrend=0)
     assert report.rms_height == report.rms_slope == 0
-    assert np.isnan([report.skewness, report.correlation_length, report.lay_direction, report.hurst]).all()
+    assert np.isnan(
+        [report.skewness, report.correlation_length, report.lay_direction, report.hurst]
+    ).all()
     assert "–" in str(report)
 
 
@@ -391,7 +454,9 @@ def test_spikes_and_undefined_points_are_counted():
     report = describe_surface(Topography(z, (1e-6, 1e-6)))
     assert (report.spike_points, report.undefined_fraction) == (1, 3 / z.size)
     assert report.peak_to_valley > 1e-4  # heights as the instrument counts them
-    assert_allclose(report.rms_slope, describe_surface(rough()).rms_slope, rtol=0.01)  # slopes without the spike
+    assert_allclose(
+        report.rms_slope, describe_surface(rough()).rms_slope, rtol=0.01
+    )  # slopes without the spike
 
 
 def test_spikes_put_on_a_face_are_found():
@@ -417,7 +482,11 @@ def test_the_example_is_described():
 
 def bump(u1, u2):
     """A smooth function without symmetry."""
-    return 1e-7 * (np.cos(2 * pi * u1 / 30e-6 + 0.4) + 0.5 * np.sin(2 * pi * u2 / 40e-6) + np.cos((u1 + 2 * u2) / 8e-6))
+    return 1e-7 * (
+        np.cos(2 * pi * u1 / 30e-6 + 0.4)
+        + 0.5 * np.sin(2 * pi * u2 / 40e-6)
+        + np.cos((u1 + 2 * u2) / 8e-6)
+    )
 
 
 def sampled(shape, spacing):
@@ -435,7 +504,8 @@ def test_the_second_face_is_mirrored_then_turned_then_shifted(mirror, degrees, s
     both, overlap = combine(first, second, mirror=mirror, rotate=angle, shift=shift)
     # places of the first face, from its middle, of which the overlap is a part: found by the known heights
     p1, p2 = np.meshgrid(
-        *((np.arange(n) - (n - 1) / 2) * d for n, d in zip((60, 90), first.spacing, strict=True)), indexing="ij"
+        *((np.arange(n) - (n - 1) / 2) * d for n, d in zip((60, 90), first.spacing, strict=True)),
+        indexing="ij",
     )
     d1, d2 = p1 - shift[0], p2 - shift[1]
     u1, u2 = np.cos(angle) * d1 + np.sin(angle) * d2, -np.sin(angle) * d1 + np.cos(angle) * d2
@@ -465,7 +535,9 @@ def test_faces_left_in_place_are_added():
     assert (both.periodic, overlap.fraction, overlap.resampled) == ((True, True), 1.0, False)
     turned_over, _ = combine(a, a.flip(1), mirror="x2")
     assert_array_equal(turned_over.heights, 2 * a.heights)
-    fine, overlap = combine(a, rough((320, 240), rng=5))  # the same face on a finer grid of the same size
+    fine, overlap = combine(
+        a, rough((320, 240), rng=5)
+    )  # the same face on a finer grid of the same size
     assert_allclose(fine.heights, both.heights, atol=1e-12)
     assert (fine.periodic, overlap.resampled) == ((True, True), True)
 
@@ -517,7 +589,9 @@ def test_faces_that_cannot_be_combined():
     holed = Topography(np.where(np.arange(120) == 7, nan, face.heights), face.spacing)
     for pair in ((face, holed), (holed, face)):
         for shift in ((0, 0), (5e-6, 0)):
-            with pytest.raises(InputError, match=r"undefined points, .* use fill_undefined\(\) first"):
+            with pytest.raises(
+                InputError, match=r"undefined points, .* use fill_undefined\(\) first"
+            ):
                 combine(*pair, shift=shift)
     with pytest.raises(InputError, match="second face: given undefined points"):
         combine(face, holed, shift=(5e-6, 0))
@@ -525,6 +599,10 @@ def test_faces_that_cannot_be_combined():
 
 def test_two_waves_are_a_list_not_an_area():
     face = rough()
-    line = next(line for line in str(describe_surface(face)).splitlines() if "shortest wave of the law" in line)
+    line = next(
+        line
+        for line in str(describe_surface(face)).splitlines()
+        if "shortest wave of the law" in line
+    )
     assert ", " in line.split("law", 1)[1]
     assert "×" not in line

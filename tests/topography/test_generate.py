@@ -31,7 +31,13 @@ def test_spectrum_is_the_target_in_every_realisation(cut_off):
     roll_off, hurst = 3e-4, 0.7
     surface = face(roll_off=roll_off, hurst=hurst, cut_off=cut_off)
     shares = np.abs(np.fft.fft2(surface.heights)) ** 2
-    q = 2 * np.pi * np.hypot(*np.meshgrid(*map(np.fft.fftfreq, surface.shape, surface.spacing), indexing="ij"))
+    q = (
+        2
+        * np.pi
+        * np.hypot(
+            *np.meshgrid(*map(np.fft.fftfreq, surface.shape, surface.spacing), indexing="ij")
+        )
+    )
     last = 2 * np.pi / (cut_off or 8 * max(surface.spacing))
     inside = (q > 0) & (q < last * (1 - 1e-6))
     target = np.maximum(q[inside] / (2 * np.pi / roll_off), 1) ** (-2 - 2 * hurst)
@@ -59,14 +65,18 @@ def test_seed_decides_the_face():
 def test_a_finer_grid_samples_the_same_surface(fine, rms):
     coarse = face(cut_off=3e-5, **rms)
     finer = face(fine, cut_off=3e-5, **rms)
-    assert_allclose(finer.resample(coarse.shape).heights, coarse.heights, atol=1e-12 * coarse.rms_height)
+    assert_allclose(
+        finer.resample(coarse.shape).heights, coarse.heights, atol=1e-12 * coarse.rms_height
+    )
     assert_allclose(coarse.resample(fine).heights, finer.heights, atol=1e-12 * coarse.rms_height)
 
 
 def test_a_shorter_cut_off_only_adds_short_waves():
     smooth, rough = face(cut_off=1e-4), face(cut_off=3e-5)
     scale = rough.low_pass(1.0001e-4).rms_height / smooth.rms_height
-    assert_allclose(rough.low_pass(1.0001e-4).heights, smooth.heights * scale, atol=1e-9 * smooth.rms_height)
+    assert_allclose(
+        rough.low_pass(1.0001e-4).heights, smooth.heights * scale, atol=1e-9 * smooth.rms_height
+    )
 
 
 def test_heights_of_many_waves_are_gaussian():
@@ -91,7 +101,10 @@ def test_isotropic_on_pixels_that_are_not_square():
         ({"rms_height": -1e-7}, "rms_height: given -1e-07"),
         ({"cut_off": 1e-6}, "cut_off: given 1 µm, expected a wavelength >= 2 pixels"),
         ({"cut_off": 2e-3}, "cut_off: given 2 mm, expected a wavelength < the larger side = 1 mm"),
-        ({"shape": (4, 4)}, "cut_off: given 2 mm = 8 pixels, as none is given, expected a wavelength < the larger"),
+        (
+            {"shape": (4, 4)},
+            "cut_off: given 2 mm = 8 pixels, as none is given, expected a wavelength < the larger",
+        ),
         ({"roll_off": 1e-5}, "roll_off: given 10 µm, expected a wavelength > cut_off"),
         ({"shape": (0, 4)}, "shape: given"),
         ({"size": (1e-3, -1.0)}, "size: given"),
@@ -108,7 +121,9 @@ def test_bad_self_affine_input_is_refused(given, message):
 
 
 def groove(shape=(800, 80), size=(1e-3, 1e-4), **given):
-    return turned(shape, size, **{"pitch": 1e-4, "depth": 1e-6, "cut_off": 2.5e-6, "rng": 5} | given)
+    return turned(
+        shape, size, **{"pitch": 1e-4, "depth": 1e-6, "cut_off": 2.5e-6, "rng": 5} | given
+    )
 
 
 def arc(x1, pitch, radius):
@@ -145,7 +160,9 @@ def test_spectrum_peaks_at_the_pitch():
 
 
 def test_closed_along_the_seal_and_along_whole_pitches():
-    surface = groove((400, 64), feed_error=0.1, depth_error=0.2, waviness=1e-7, roughness=1e-8, cut_off=2e-5)
+    surface = groove(
+        (400, 64), feed_error=0.1, depth_error=0.2, waviness=1e-7, roughness=1e-8, cut_off=2e-5
+    )
     assert surface.periodic == (True, True)
     # A surface that closes has no jump between its last and its first pixel.
     for axis in (0, 1):
@@ -191,7 +208,9 @@ def test_every_pass_that_matters_is_found():
     constant, wander = rng.standard_normal((2, 2, 10, 1))
     along = np.cos(turn + 2 * np.pi * rng.random((2, 10, 1)))
     shift, drop = np.array([0.04, 2e-3])[:, None, None] * (np.sqrt(0.5) * constant + wander * along)
-    passes = [(x1 - (k + 0.5) * 0.1 - shift[k % 10]) ** 2 / 10.0 - drop[k % 10] for k in range(-60, 70)]
+    passes = [
+        (x1 - (k + 0.5) * 0.1 - shift[k % 10]) ** 2 / 10.0 - drop[k % 10] for k in range(-60, 70)
+    ]
     assert_allclose(z, np.min(passes, axis=0), rtol=1e-12)
 
 

@@ -23,11 +23,17 @@ def patches(count=4, n=48):
     size = (n * PIXEL, 8 * n * PIXEL)
     given = {"hurst": 0.8, "rms_slope": 0.2, "roll_off": 24e-6, "cut_off": 8e-6, "rng": 3}
     long = fs.self_affine((n, 8 * n), size, **given)
-    return [fs.Topography(long.heights[:, j * n : (j + 1) * n], (PIXEL, PIXEL)) for j in range(count)]
+    return [
+        fs.Topography(long.heights[:, j * n : (j + 1) * n], (PIXEL, PIXEL)) for j in range(count)
+    ]
 
 
 def scene(surface, **given):
-    loads = {"loading": (0.02 * HARDNESS, 0.1 * HARDNESS), "unload_from": (0.1 * HARDNESS,), "unloading": (2e7,)}
+    loads = {
+        "loading": (0.02 * HARDNESS, 0.1 * HARDNESS),
+        "unload_from": (0.1 * HARDNESS,),
+        "unloading": (2e7,),
+    }
     fluid = {"fluid": fs.Liquid(1e-3), "inlet_pressure": 1e6, "outlet_pressure": 0.0}
     return fs.Scene(surface, MODULUS, HARDNESS, **fluid, **loads, **given)
 
@@ -41,7 +47,11 @@ def test_each_place_is_in_contact_by_itself(fluid_pressure):
         alone = fs.deterministic(scene(place, fluid_pressure=fluid_pressure))
         columns = np.s_[:, :, n * 48 : (n + 1) * 48]
         assert_allclose(every.gap[columns], alone.gap, atol=1e-6 * alone.gap.max())
-        assert_allclose(np.asarray(every.contact_pressure)[columns], np.asarray(alone.contact_pressure), rtol=1e-5)
+        assert_allclose(
+            np.asarray(every.contact_pressure)[columns],
+            np.asarray(alone.contact_pressure),
+            rtol=1e-5,
+        )
     flow = fs.cell_permeability(every.gap[0].astype(float), (PIXEL, PIXEL), sides="periodic").value
     # per length of seal, of the breadth of the face
     assert_allclose(every.leakage[0], flow * 1e6 / 1e-3 / (48 * PIXEL), rtol=2e-3)
@@ -96,8 +106,12 @@ def test_leakage_by_places():
     found = fs.deterministic(scene(places)).places
     alone = [fs.deterministic(scene(place)).leakage for place in places]
     assert_allclose(found.alone, alone, rtol=2e-3)
-    assert_allclose(found.without[1], fs.deterministic(scene([places[0], places[2]])).leakage, rtol=2e-3)
-    assert_allclose(found.scatter, np.std(alone, axis=0, ddof=1) / np.mean(alone, axis=0), rtol=1e-2)
+    assert_allclose(
+        found.without[1], fs.deterministic(scene([places[0], places[2]])).leakage, rtol=2e-3
+    )
+    assert_allclose(
+        found.scatter, np.std(alone, axis=0, ddof=1) / np.mean(alone, axis=0), rtol=1e-2
+    )
     assert fs.deterministic(scene(places[:2])).places.without is None
     assert not replace(found, alone=0 * found.alone).relative.any()
     unknown = replace(found, alone=np.insert(found.alone, 0, np.nan, axis=1))
@@ -112,9 +126,16 @@ def test_the_jackknife_of_a_mean_is_its_interval():
         one = 1 + scatter * rng.standard_normal((count, 4000))
         mean = one.mean(axis=0)
         # every column is a first load: a leakage of its own, with no decades below another
-        parts = [places_part(mean[n : n + 1], (one.sum(axis=0) - one)[:, n : n + 1] / 3) for n in range(1000)]
-        upper, lower = (np.array([getattr(part, end)[0] for part in parts]) for end in ("upper", "lower"))
-        pooled = np.sqrt((2 * 0.25**2 + 3 * (one.std(axis=0, ddof=1) / mean) ** 2) / 5 / count)[:1000]
+        parts = [
+            places_part(mean[n : n + 1], (one.sum(axis=0) - one)[:, n : n + 1] / 3)
+            for n in range(1000)
+        ]
+        upper, lower = (
+            np.array([getattr(part, end)[0] for part in parts]) for end in ("upper", "lower")
+        )
+        pooled = np.sqrt((2 * 0.25**2 + 3 * (one.std(axis=0, ddof=1) / mean) ** 2) / 5 / count)[
+            :1000
+        ]
         if scatter < 0.1:  # elsewhere ln of the mean of the others is no sum
             assert_allclose(np.log(upper / mean[:1000]), 2.571 * pooled, rtol=0.02)
         assert np.sum((lower <= 1) & (upper >= 1)) >= binom.ppf(0.01, 1000, least)
@@ -173,7 +194,10 @@ def test_places_of_a_case(tmp_path, files):
     surface = prepared.scene.surface
     assert surface.widths == (48,) * 4
     assert prepared.cells == (2, 8)
-    for places in ("place?.npz", ["place[01].npz", {"path": "place2.npz"}, {"path": "place3.npz", "channel": 0}]):
+    for places in (
+        "place?.npz",
+        ["place[01].npz", {"path": "place2.npz"}, {"path": "place3.npz", "channel": 0}],
+    ):
         face = {"kind": "file", "places": places}
         again = prepare(parse_case(files | {"face": face}, tmp_path)).scene.surface
         assert_allclose(again.heights, surface.heights)
@@ -199,7 +223,10 @@ def test_points_and_pieces_of_a_case_are_those_of_one_place(tmp_path, files):
     assert prepared(face=unlike, **other).scene.surface.widths == (96, 48)
     for given, reason in (
         ({"points": [72, 24]}, r"surface\.shortest_wave: .*surface\.points = \[48, 48\]"),
-        ({"points": [100_000, 100_000]}, r"surface\.points: given 100000 × 400000 points of 4 places together"),
+        (
+            {"points": [100_000, 100_000]},
+            r"surface\.points: given 100000 × 400000 points of 4 places together",
+        ),
         ({"shortest_wave": "60 um"}, "less than the larger side, 48 µm"),
     ):
         with pytest.raises(fs.InputError, match=reason):
@@ -232,7 +259,9 @@ def test_results_tell_of_places(tmp_path, files):
     most = int(np.argmax(data["leakage_of_places"].values[:, 0]))
     assert f"Place {most + 1} of 4 leaks most" in page
     # a place has fewer points than a map has blocks
-    assert_allclose(data["place_height"], prepare(case).scene.surface.each[most].heights, rtol=1e-6, atol=1e-12)
+    assert_allclose(
+        data["place_height"], prepare(case).scene.surface.each[most].heights, rtol=1e-6, atol=1e-12
+    )
     assert "place_gap" not in data
     again = fs.run(case, tmp_path / "out", resume=True)
     parallel = fs.run(case, workers=2)
@@ -242,7 +271,11 @@ def test_results_tell_of_places(tmp_path, files):
 
 
 def test_places_of_which_none_leaks(tmp_path, files):
-    sealed = {"method": "deterministic", "load": {"loading": ["2.9 GPa"]}, "output": {"budget": False}}
+    sealed = {
+        "method": "deterministic",
+        "load": {"loading": ["2.9 GPa"]},
+        "output": {"budget": False},
+    }
     results = fs.run(parse_case(files | sealed, tmp_path), workers=1)
     assert results.leakage.values == [0.0]
     assert most_leaking_place(results) == "place 1 of 4, of which none leaks"
@@ -259,7 +292,9 @@ def test_the_place_that_leaks_most_is_drawn_with_its_gap(tmp_path, files):
 
 def test_both_faces_may_have_several_places(tmp_path, files):
     """Place n of one face lies on place n of the other."""
-    first, second = ({"kind": "file", "places": [f"place{n}.npz" for n in of]} for of in ((0, 1, 2), (3, 2)))
+    first, second = (
+        {"kind": "file", "places": [f"place{n}.npz" for n in of]} for of in ((0, 1, 2), (3, 2))
+    )
     case = files | {"face": [first, second], "surface": {"detrend": 0, "shortest_wave": "8 um"}}
     surface = prepare(parse_case(case, tmp_path)).scene.surface
     z = [p.heights - p.heights.mean() for p in patches()]

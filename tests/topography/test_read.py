@@ -85,11 +85,15 @@ def test_npz(tmp_path):
         read_topography(path)
 
 
-@pytest.mark.parametrize("array", [np.zeros(4), np.zeros((2, 2, 2)), np.zeros((0, 2)), np.full((2, 2), "a")])
+@pytest.mark.parametrize(
+    "array", [np.zeros(4), np.zeros((2, 2, 2)), np.zeros((0, 2)), np.full((2, 2), "a")]
+)
 def test_arrays_that_are_no_map(tmp_path, array):
     path = tmp_path / "face.npy"
     np.save(path, array)
-    with pytest.raises(InputError, match=r"face\.npy: given an array of .* real numbers of shape \(n1, n2\)"):
+    with pytest.raises(
+        InputError, match=r"face\.npy: given an array of .* real numbers of shape \(n1, n2\)"
+    ):
         read_topography(path, spacing=PIXEL)
 
 
@@ -99,7 +103,9 @@ def test_arrays_that_are_no_map(tmp_path, array):
 @pytest.mark.parametrize("delimiter", [",", ";", "\t", " ", "   ", ", "])
 @pytest.mark.parametrize("suffix", [".csv", ".txt", ".asc", ".TXT"])
 def test_text_delimiters_are_found(tmp_path, delimiter, suffix):
-    text = "# measured\n\n" + "".join(delimiter.join(f"{v!r}" for v in row) + "\r\n" for row in Z.tolist())
+    text = "# measured\n\n" + "".join(
+        delimiter.join(f"{v!r}" for v in row) + "\r\n" for row in Z.tolist()
+    )
     same(read_topography(write(tmp_path, f"face{suffix}", text), spacing=PIXEL), Z.T)
 
 
@@ -143,7 +149,9 @@ def test_text_lies_as_the_same_face_of_an_instrument(tmp_path):
     z = np.random.default_rng(0).standard_normal((5, 7)) * 1e-6  # x, y
     path = tmp_path / "face.x3p"
     x3pio.write(path, z.T, x_scale=3e-6, y_scale=2e-6)
-    text = "# Width: 15 um\n# Height: 14 um\n" + "\n".join(" ".join(f"{v:.17g}" for v in line) for line in z.T)
+    text = "# Width: 15 um\n# Height: 14 um\n" + "\n".join(
+        " ".join(f"{v:.17g}" for v in line) for line in z.T
+    )
     same(read_topography(write(tmp_path, "face.txt", text)), z, (3e-6, 2e-6), rtol=1e-15)
     same(read_topography(path), z, (3e-6, 2e-6))
 
@@ -161,7 +169,10 @@ def test_decimal_commas(tmp_path, delimiter):
 )
 def test_a_german_header_is_refused_with_what_to_write(tmp_path, header):
     path = write(tmp_path, "face.txt", f"# Kanal: z\n{header}\n1 2\n3 4\n")
-    with pytest.raises(InputError, match=r"in line 2, expected the header in English, '# Width: 1 mm', .*units: nm'"):
+    with pytest.raises(
+        InputError,
+        match=r"in line 2, expected the header in English, '# Width: 1 mm', .*units: nm'",
+    ):
         read_topography(path, spacing=PIXEL)
 
 
@@ -185,7 +196,11 @@ def test_an_esri_raster_is_refused_with_what_to_do(tmp_path):
     with pytest.raises(InputError, match=message):
         read_topography(write(tmp_path, "face.asc", text))
     done = "".join(f"# {line}\n" for line in head.splitlines()) + text.removeprefix(head)
-    same(read_topography(write(tmp_path, "face.asc", done), spacing=(2e-6, 2e-6)), Z.T, spacing=(2e-6, 2e-6))
+    same(
+        read_topography(write(tmp_path, "face.asc", done), spacing=(2e-6, 2e-6)),
+        Z.T,
+        spacing=(2e-6, 2e-6),
+    )
 
 
 @pytest.mark.parametrize(
@@ -254,9 +269,13 @@ def test_sdf_written_by_hand_in_micrometres_is_refused_and_corrected(tmp_path):
         "Compression = 0\r\nDataType = 7\r\nCheckType = 0\r\n*\r\n1.0 2.0 3.0\r\n4.0 5.0 7.0\r\n*\r\n*\r\n"
     )
     path = write(tmp_path, "face.sdf", text)
-    with pytest.raises(InputError, match=r"given a size of 6 m × 6 m, expected 1 nm to 1 m; .* pass size="):
+    with pytest.raises(
+        InputError, match=r"given a size of 6 m × 6 m, expected 1 nm to 1 m; .* pass size="
+    ):
         read_topography(path)
-    with pytest.raises(InputError, match=r"given Sq = 1\.972 m, expected at most 10 mm; .* pass height_unit="):
+    with pytest.raises(
+        InputError, match=r"given Sq = 1\.972 m, expected at most 10 mm; .* pass height_unit="
+    ):
         read_topography(path, spacing=PIXEL)
     corrected = read_topography(path, spacing=PIXEL, height_unit="um")
     same(corrected, np.array([[1.0, 4.0], [2.0, 5.0], [3.0, 7.0]]) * 1e-6)
@@ -271,7 +290,9 @@ def test_damaged_files(tmp_path, suffix, content):
     assert "\n" not in str(error.value)
 
 
-@pytest.mark.parametrize("kind", ["npy", "npz", "packed.npz", "csv", "asc", "x3p", "ASCII.sdf", "BINARY.sdf"])
+@pytest.mark.parametrize(
+    "kind", ["npy", "npz", "packed.npz", "csv", "asc", "x3p", "ASCII.sdf", "BINARY.sdf"]
+)
 def test_one_damaged_byte_is_no_error_of_a_library(tmp_path, kind):
     """A file with a wrong byte is read, or refused with its name."""
     import sdfio
@@ -288,7 +309,10 @@ def test_one_damaged_byte_is_no_error_of_a_library(tmp_path, kind):
         sdfio.write(path, z, x_scale=1e-6, y_scale=1e-6, format=sdfio.FileFormat[kind[:-4]])
     else:
         head = "# Width: 1 mm\n# Height: 2 mm\n"
-        path.write_text(head + "\n".join((" " if kind == "asc" else ";").join(f"{h:g}" for h in row) for row in z))
+        path.write_text(
+            head
+            + "\n".join((" " if kind == "asc" else ";").join(f"{h:g}" for h in row) for row in z)
+        )
     whole, refused = path.read_bytes(), 0
     for at in range(0, len(whole), 1 + len(whole) // 200):
         for byte in (0, 255, ord("("), ord("n"), whole[at] ^ 1):
@@ -314,7 +338,9 @@ def test_truncated_archives(tmp_path):
 def test_other_formats_need_the_extra(tmp_path, monkeypatch):
     monkeypatch.setitem(sys.modules, "SurfaceTopography", None)
     path = write(tmp_path, "face.opd", b"x")
-    with pytest.raises(InputError, match=r"a file of kind '\.opd', .* pip install 'femseal\[surface\]'"):
+    with pytest.raises(
+        InputError, match=r"a file of kind '\.opd', .* pip install 'femseal\[surface\]'"
+    ):
         read_topography(path)
 
 
@@ -353,13 +379,17 @@ def test_a_damaged_opd_file_prints_nothing(tmp_path):
         "    try: fs.read_topography(path)\n"
         "    except fs.InputError: pass\n"
     )
-    done = subprocess.run([sys.executable, "-c", code, *tmp_path.glob("*.opd")], capture_output=True, check=True)
+    done = subprocess.run(
+        [sys.executable, "-c", code, *tmp_path.glob("*.opd")], capture_output=True, check=True
+    )
     assert (len(done.stdout), len(done.stderr)) == (0, 0)
 
 
 def test_unknown_format(tmp_path):
     pytest.importorskip("SurfaceTopography", reason="the extra femseal[surface] is not installed")
-    message = r"face\.xyw: given .*, expected a file of one of the formats .* \.plu .* export \.x3p too$"
+    message = (
+        r"face\.xyw: given .*, expected a file of one of the formats .* \.plu .* export \.x3p too$"
+    )
     with pytest.raises(InputError, match=message):
         read_topography(write(tmp_path, "face.xyw", b"\x00\x01no such format"))
 
@@ -368,7 +398,12 @@ def test_unknown_format(tmp_path):
     ("heights", "spacing", "message", "correction"),
     [
         (Z, (0.25, 0.2), None, {}),
-        (Z, (80.0, 60.0), r"a size of 160 m × 180 m, .* pass size= \(--size\)", {"size": (4e-6, 9e-6)}),
+        (
+            Z,
+            (80.0, 60.0),
+            r"a size of 160 m × 180 m, .* pass size= \(--size\)",
+            {"size": (4e-6, 9e-6)},
+        ),
         (Z, (1e-12, 1e-6), r"a size of 2 pm × 3 µm, .* pass size= \(--size\)", {"spacing": PIXEL}),
         (
             Z,
@@ -376,7 +411,12 @@ def test_unknown_format(tmp_path):
             r"a pixel of 0 m × 1e-06 m, .* pass spacing= or size= \(--spacing, --size\)",
             {"spacing": PIXEL},
         ),
-        (Z, (-1e-6, 1e-6), r"a pixel of -1e-06 m × 1e-06 m, .* two lengths > 0", {"size": (4e-6, 9e-6)}),
+        (
+            Z,
+            (-1e-6, 1e-6),
+            r"a pixel of -1e-06 m × 1e-06 m, .* two lengths > 0",
+            {"size": (4e-6, 9e-6)},
+        ),
         (Z, (np.nan, 1e-6), r"a pixel of nan m", {"size": (4e-6, 9e-6)}),
         (
             Z / 4e-6,
@@ -384,7 +424,12 @@ def test_unknown_format(tmp_path):
             r"Sq = 9\d+\.\d mm, .* pass height_unit= such as 'um' \(--height-unit\)",
             {"height_unit": "um"},
         ),
-        (Z * 100, PIXEL, r"a slope of \d+ on half of its points, .* \(--size, --height-unit\)", {"height_unit": "um"}),
+        (
+            Z * 100,
+            PIXEL,
+            r"a slope of \d+ on half of its points, .* \(--size, --height-unit\)",
+            {"height_unit": "um"},
+        ),
         (Z * 100, PIXEL, "a slope of", {"spacing": (2e-4, 3e-4)}),
         (Z * 100, PIXEL, "a slope of", {"spacing": PIXEL, "height_unit": "m"}),
     ],
@@ -466,7 +511,9 @@ def test_masks_that_do_not_fit(tmp_path):
 
 def test_the_mask_of_a_gwyddion_file(tmp_path):
     """Its points are undefined, or have their heights; a second mask comes on top."""
-    surfaces = pytest.importorskip("SurfaceTopography", reason="the extra femseal[surface] is not installed")
+    surfaces = pytest.importorskip(
+        "SurfaceTopography", reason="the extra femseal[surface] is not installed"
+    )
     z = np.nan_to_num(Z) * 1e6
     path = tmp_path / "face.gwy"
     surfaces.Topography(np.ma.masked_array(z, MASK), (4.0, 9.0), unit="µm").to_gwy(str(path))
@@ -474,14 +521,18 @@ def test_the_mask_of_a_gwyddion_file(tmp_path):
     # the writer puts 0 under the mask
     same(read_topography(path, file_mask=False), np.where(MASK, 0, z * 1e-6))
     np.save(tmp_path / "mask.npy", ~MASK)
-    with pytest.raises(InputError, match=r"file_mask: given False, expected for \.gwy, \.npz files only"):
+    with pytest.raises(
+        InputError, match=r"file_mask: given False, expected for \.gwy, \.npz files only"
+    ):
         read_topography(tmp_path / "mask.npy", file_mask=False)
     assert read_topography(path, mask=tmp_path / "mask.npy").undefined_fraction == 1
 
 
 def test_heights_under_the_mask_of_a_gwyddion_file_have_their_unit(tmp_path, monkeypatch):
     """The library scales only what is not masked."""
-    surfaces = pytest.importorskip("SurfaceTopography", reason="the extra femseal[surface] is not installed")
+    surfaces = pytest.importorskip(
+        "SurfaceTopography", reason="the extra femseal[surface] is not installed"
+    )
     z = np.nan_to_num(Z) * 1e6 + 1
     path = tmp_path / "face.gwy"
     surfaces.Topography(z, (4.0, 9.0), unit="µm").to_gwy(str(path))
@@ -515,13 +566,21 @@ def test_a_part_of_a_map(tmp_path):
     same(read_topography(path, crop=(0, 2.9e-6, 0, 9e-6)), Z[:1])  # to whole pixels
     same(read_topography(path, transpose=True, crop=(3e-6, 9e-6, 0, 4e-6)), Z[:, 1:].T, PIXEL[::-1])
     assert not any(read_topography(path, periodic=(True, True), crop=(0, 2e-6, 0, 3e-6)).periodic)
-    for crop in ((0, 4e-6, 3e-6, 11e-6), (2e-6, 2e-6, 0, 9e-6), (0, 1, 2), "abcd", (0, np.nan, 0, 1)):
+    for crop in (
+        (0, 4e-6, 3e-6, 11e-6),
+        (2e-6, 2e-6, 0, 9e-6),
+        (0, 1, 2),
+        "abcd",
+        (0, np.nan, 0, 1),
+    ):
         with pytest.raises(InputError, match="crop: given"):
             read_topography(path, crop=crop)
 
 
 def test_channels_by_name(tmp_path, monkeypatch):
-    surfaces = pytest.importorskip("SurfaceTopography", reason="the extra femseal[surface] is not installed")
+    surfaces = pytest.importorskip(
+        "SurfaceTopography", reason="the extra femseal[surface] is not installed"
+    )
 
     class Channel:
         dim, is_height_channel, nb_grid_pts = 2, True, (2, 3)
@@ -531,10 +590,17 @@ def test_channels_by_name(tmp_path, monkeypatch):
             self.physical_sizes = (4e-6, 9e-6)
 
         def topography(self):
-            return surfaces.Topography(np.nan_to_num(Z) * self.factor, self.physical_sizes, unit="m")
+            return surfaces.Topography(
+                np.nan_to_num(Z) * self.factor, self.physical_sizes, unit="m"
+            )
 
     class File:
-        channels = (Channel("Height", 1), Channel("Phase", 1, height=False), Channel("Back", 2), Channel("Back", 3))
+        channels = (
+            Channel("Height", 1),
+            Channel("Phase", 1, height=False),
+            Channel("Back", 2),
+            Channel("Back", 3),
+        )
 
     monkeypatch.setattr(surfaces, "open_topography", lambda path: File)
     path = write(tmp_path, "face.xyz9", "x")
@@ -544,7 +610,9 @@ def test_channels_by_name(tmp_path, monkeypatch):
     for wrong in (4, -1, "Front", "Back"):
         with pytest.raises(InputError, match=f"channel={wrong!r}, expected {listed}"):
             read_topography(path, channel=wrong)
-    with pytest.raises(InputError, match=r"channel=Phase \(Phase\), .* a map of heights: 0 \(Height\), 2 \(Back\)"):
+    with pytest.raises(
+        InputError, match=r"channel=Phase \(Phase\), .* a map of heights: 0 \(Height\), 2 \(Back\)"
+    ):
         read_topography(path, channel="Phase")
 
 
@@ -564,7 +632,9 @@ def test_text_exports_lie_as_the_file_of_the_instrument(tmp_path):
 
 
 def test_no_file(tmp_path):
-    with pytest.raises(InputError, match=r"none\.npy: given no such file, expected a file with heights"):
+    with pytest.raises(
+        InputError, match=r"none\.npy: given no such file, expected a file with heights"
+    ):
         read_topography(tmp_path / "none.npy")
     with pytest.raises(InputError, match="given a folder"):
         read_topography(tmp_path)
@@ -574,7 +644,8 @@ def test_missing_or_doubled_size(tmp_path):
     path = tmp_path / "face.npy"
     np.save(path, Z)
     with pytest.raises(
-        InputError, match=r"no pixel size in the file \(2 × 3 points\), expected two lengths in size= or spacing="
+        InputError,
+        match=r"no pixel size in the file \(2 × 3 points\), expected two lengths in size= or spacing=",
     ):
         read_topography(path)
     with pytest.raises(InputError, match="size, spacing: given both, expected one of the two"):
@@ -633,5 +704,7 @@ def test_files_are_read_in_three_times_their_memory(tmp_path, kind):
         else:
             np.save(path, z)
     size = paths[1].stat().st_size if kind == "csv" else 8 * 4000**2
-    done = subprocess.run([sys.executable, "-c", READ, *paths], capture_output=True, text=True, check=True)
+    done = subprocess.run(
+        [sys.executable, "-c", READ, *paths], capture_output=True, text=True, check=True
+    )
     assert int(done.stdout) < 3 * size

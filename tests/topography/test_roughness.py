@@ -14,7 +14,9 @@ from femseal.topography.describe import developed_area, material_ratios
 
 
 def test_the_core_of_heights_that_rise_evenly_is_their_range():
-    found = material_ratios(np.random.default_rng(0).permutation(np.linspace(-1e-6, 2e-6, 10_000)).reshape(100, 100))
+    found = material_ratios(
+        np.random.default_rng(0).permutation(np.linspace(-1e-6, 2e-6, 10_000)).reshape(100, 100)
+    )
     assert_allclose(found["sk"], 3e-6, rtol=1e-3)  # 10 000 points
     assert_allclose([found["spk"], found["svk"]], 0, atol=1e-9)
     # one rms height is 1/√12 of the range
@@ -28,7 +30,9 @@ def test_the_core_of_a_gaussian_face():
     sk = quad(lambda p: (p - 0.5) * norm.ppf(p), 0.3, 0.7)[0] * 12 / 0.4**3
     peaks = 2 * (norm.pdf(sk / 2) / norm.sf(sk / 2) - sk / 2)
     assert_allclose(sk, 2.574, atol=5e-4)
-    assert_allclose([found["sk"], found["spk"], found["svk"]], np.array([sk, peaks, peaks]) * 1e-6, rtol=1e-3)
+    assert_allclose(
+        [found["sk"], found["spk"], found["svk"]], np.array([sk, peaks, peaks]) * 1e-6, rtol=1e-3
+    )
     assert_allclose(found["smr"], norm.cdf([-1, 0, 1]), atol=1e-4)
 
 
@@ -44,7 +48,9 @@ def test_flat_faces_and_such_without_a_cut_off():
     flat = material_ratios(np.zeros((3, 3)))
     assert flat["sk"] == flat["spk"] == flat["svk"] == 0
     assert np.isnan(material_ratios(np.full((3, 3), np.nan))["sk"])
-    small = fs.describe_surface(fs.self_affine((32, 32), (3.2e-5, 3.2e-5), hurst=0.8, rms_slope=0.1, rng=1), detrend=0)
+    small = fs.describe_surface(
+        fs.self_affine((32, 32), (3.2e-5, 3.2e-5), hurst=0.8, rms_slope=0.1, rng=1), detrend=0
+    )
     assert np.isnan([small.sk, small.sdr, *small.nesting_index, *small.smr]).all()
 
 
@@ -55,13 +61,17 @@ def test_the_area_of_a_wave_is_an_elliptic_integral(slope, axis):
     x = (np.arange(640) + 0.5) * 2 * pi / 40
     z = np.tile(slope * np.cos(x), (7, 1))
     found = developed_area(z if axis else z.T, (2 * pi / 40, 2 * pi / 40))
-    assert_allclose(found, 2 / pi * sqrt(1 + slope**2) * ellipe(slope**2 / (1 + slope**2)) - 1, rtol=1e-3)
+    assert_allclose(
+        found, 2 / pi * sqrt(1 + slope**2) * ellipe(slope**2 / (1 + slope**2)) - 1, rtol=1e-3
+    )
     if slope < 0.1:
         assert_allclose(found, slope**2 / 4, rtol=1e-3)
 
 
 def test_they_are_those_of_the_roughness_behind_the_filters_and_names_its_cut_offs():
-    face = fs.self_affine((600, 600), (1.2e-3, 1.2e-3), hurst=0.7, rms_height=0.5e-6, cut_off=10e-6, rng=5)
+    face = fs.self_affine(
+        (600, 600), (1.2e-3, 1.2e-3), hurst=0.7, rms_height=0.5e-6, cut_off=10e-6, rng=5
+    )
     report = fs.describe_surface(face, detrend=0, spikes=np.inf)
     assert report.nesting_index == (2.5e-6, 800e-6)
     text = dict(line.split("  ", 1) for line in str(report).splitlines() if "  " in line)
@@ -71,9 +81,15 @@ def test_they_are_those_of_the_roughness_behind_the_filters_and_names_its_cut_of
 
 def test_they_agree_with_another_program():
     surfalize = pytest.importorskip("surfalize")
-    face = fs.self_affine((600, 600), (1.2e-3, 1.2e-3), hurst=0.7, rms_height=0.5e-6, cut_off=20e-6, rng=5)
+    face = fs.self_affine(
+        (600, 600), (1.2e-3, 1.2e-3), hurst=0.7, rms_height=0.5e-6, cut_off=20e-6, rng=5
+    )
     report = fs.describe_surface(face, detrend=0, spikes=np.inf)
-    other = surfalize.Surface(face.heights * 1e6, 2.0, 2.0).filter("lowpass", 2.5).filter("highpass", 800)
+    other = (
+        surfalize.Surface(face.heights * 1e6, 2.0, 2.0)
+        .filter("lowpass", 2.5)
+        .filter("highpass", 800)
+    )
     found = np.array([report.sk, report.spk, report.svk])
     assert_allclose(found, 1e-6 * np.array([other.Sk(), other.Spk(), other.Svk()]), rtol=5e-3)
     assert_allclose(100 * report.sdr, other.Sdr(), rtol=0.01)

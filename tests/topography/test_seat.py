@@ -105,7 +105,9 @@ TRIAL = {
 }
 
 
-@pytest.mark.parametrize("radius", [0.05, *(pytest.param(r, marks=pytest.mark.slow) for r in (None, 0.2, 0.01))])
+@pytest.mark.parametrize(
+    "radius", [0.05, *(pytest.param(r, marks=pytest.mark.slow) for r in (None, 0.2, 0.01))]
+)
 def test_form_decides_on_leakage_as_in_a_published_trial(radius):
     face = rough()
     forces = np.array([20e3, 50e3, 100e3, 200e3])[: len(TRIAL[radius])]
@@ -119,7 +121,9 @@ def test_other_forms():
     land = RoundedSeat(4e-4, 1e-2)
     assert_allclose(land.depth(x, 1e-3)[[0, 3, 5]], [(3e-4) ** 2 / 2e-2, 0, 0], atol=1e-20)
     assert_allclose(TiltedSeat(1e-3).depth(x, 1e-3), x * np.tan(1e-3))
-    inlet, outlet = (solved(TiltedSeat(sign * 2e-3).on(smooth(256)), [20e3]).row_pressure[0] for sign in (1, -1))
+    inlet, outlet = (
+        solved(TiltedSeat(sign * 2e-3).on(smooth(256)), [20e3]).row_pressure[0] for sign in (1, -1)
+    )
     assert inlet[:128].sum() > 0.99 * inlet.sum()  # the inlet's side is the higher one
     assert_allclose(outlet, inlet[::-1], rtol=1e-3, atol=1e-4 * inlet.max())
 
@@ -149,13 +153,22 @@ def test_a_form_that_is_nearly_flat_is_left_out():
     assert not CrownedSeat(1.1 * radius).matters(face)
     assert CrownedSeat(0.9 * radius).matters(face)
     forces = np.array([0.02, 0.08, 0.2]) * 2.8e9 * face.size[0]
-    flat, formed = (solved(seat.on(face), forces, 2.8e9).leakage for seat in (FlatSeat(), CrownedSeat(1.1 * radius)))
+    flat, formed = (
+        solved(seat.on(face), forces, 2.8e9).leakage
+        for seat in (FlatSeat(), CrownedSeat(1.1 * radius))
+    )
     assert_allclose(formed, flat, rtol=5e-3)
 
 
 CASE = {
     "method": "deterministic",
-    "face": {"kind": "self-affine", "points": [128, 64], "size": ["128 um", "64 um"], "rms_slope": 0.1, "hurst": 0.8},
+    "face": {
+        "kind": "self-affine",
+        "points": [128, 64],
+        "size": ["128 um", "64 um"],
+        "rms_slope": 0.1,
+        "hurst": 0.8,
+    },
     "material": {"young": "210 GPa", "hardness": "3 GPa"},
     "load": {"loading": ["2 N/mm", "10 N/mm"]},
     "fluid": {"kind": "liquid", "viscosity": "1 mPa*s", "inlet_pressure": "1 MPa"},
@@ -168,8 +181,16 @@ CASE = {
         ({"kind": "crowned", "radius": "-1 mm"}, {}, "seat.radius: given '-1 mm'"),
         ({"kind": "crowned"}, {}, "seat.radius"),
         ({"kind": "round"}, {}, "seat.kind"),
-        ({"kind": "crowned", "radius": "0.1 mm"}, {}, "seat: given crowned with radius 100 µm with slopes up to 0.63"),
-        ({"kind": "ball-on-cone", "radius": "50 um", "angle": "45 deg"}, {}, "slopes up to vertical"),
+        (
+            {"kind": "crowned", "radius": "0.1 mm"},
+            {},
+            "seat: given crowned with radius 100 µm with slopes up to 0.63",
+        ),
+        (
+            {"kind": "ball-on-cone", "radius": "50 um", "angle": "45 deg"},
+            {},
+            "slopes up to vertical",
+        ),
         ({"kind": "ball-on-cone", "radius": "5 mm", "angle": "120 deg"}, {}, "seat.angle: given"),
         ({"kind": "tilted", "tilt": "40 deg"}, {}, "slopes up to 0.84"),
         ({"kind": "profile", "path": "none.csv", "unit": "um"}, {}, "seat.path: given 'none.csv'"),
@@ -195,12 +216,16 @@ def test_a_measured_face_has_no_form_of_its_own(tmp_path):
     assert parse_case(CASE | {"seat": crowned}).surface.detrend == 1
     assert parse_case(CASE | {"face": face, "surface": {"detrend": 0}}).surface.detrend == 0
     for seat, detrend in ((crowned, 1), (tilted, 0)):
-        with pytest.raises(fs.InputError, match=f"surface.detrend: given {detrend} with a .* would count twice"):
+        with pytest.raises(
+            fs.InputError, match=f"surface.detrend: given {detrend} with a .* would count twice"
+        ):
             parse_case(CASE | {"face": face, "seat": seat, "surface": {"detrend": detrend}})
 
 
 def test_results_have_band_and_profile(tmp_path):
-    case = parse_case(CASE | {"seat": {"kind": "crowned", "radius": "2 mm"}, "output": {"budget": False}})
+    case = parse_case(
+        CASE | {"seat": {"kind": "crowned", "radius": "2 mm"}, "output": {"budget": False}}
+    )
     assert prepare(case).seat == "crowned with radius 2 mm"
     data = fs.run(case, tmp_path / "out", workers=1).dataset
     assert data["row_pressure"].dims == ("step", "row")
@@ -218,11 +243,17 @@ def test_all_methods_take_a_seat():
     more = {"method": "stochastic", "compare": ["deterministic", "two-scale"], "seat": {"kind": "crowned", "radius": "2 mm"},
             "cells": {"count": [4, 2]}, "stochastic": {"length": "256 um", "realisations": 4}, "output": {"budget": False}}  # fmt: skip
     results = fs.run(parse_case(CASE | more), workers=1)
-    assert_allclose(results.dataset["leakage_two_scale"], results.dataset["leakage_deterministic"], rtol=1e-6)
-    assert_allclose(results.dataset["leakage_median"], results.dataset["leakage_deterministic"], rtol=0.5)
+    assert_allclose(
+        results.dataset["leakage_two_scale"], results.dataset["leakage_deterministic"], rtol=1e-6
+    )
+    assert_allclose(
+        results.dataset["leakage_median"], results.dataset["leakage_deterministic"], rtol=0.5
+    )
     ring = {"kind": "annular", "inner_radius": "1 mm", "outer_radius": "1.512 mm"}
     drawn = {"stochastic": {"realisations": 4}, "seal": ring}
-    with pytest.raises(fs.InputError, match=r"seat\.kind: given a seal that takes pieces anywhere of the face"):
+    with pytest.raises(
+        fs.InputError, match=r"seat\.kind: given a seal that takes pieces anywhere of the face"
+    ):
         prepare(parse_case(CASE | more | drawn))
 
 
@@ -230,7 +261,13 @@ def patch(kind="self-affine", n=256, rng=11, rms_slope=0.2):
     if kind == "turned":
         return rough(n, n, rng)
     return fs.self_affine(
-        (n, n), (n * D, n * D), hurst=0.75, rms_slope=rms_slope, roll_off=48 * D, cut_off=8 * D, rng=rng
+        (n, n),
+        (n * D, n * D),
+        hurst=0.75,
+        rms_slope=rms_slope,
+        roll_off=48 * D,
+        cut_off=8 * D,
+        rng=rng,
     )
 
 
@@ -245,8 +282,12 @@ class Rows(NamedTuple):
 def rows_of(face, seat, forces, hardness=np.inf, breadth=1.024e-3, **given):
     """Contact of a seat broader than its face under forces per length."""
     loading = tuple(f / breadth for f in forces)
-    scene = fs.Scene(face, E, hardness, OIL, 1e6, 0.0, loading=loading, fluid_pressure="ignored", **given)
-    _, tiles = laid_out(face, scene.layout, None, Sampling(1e-3, seed=1, breadth=breadth, form=seat))
+    scene = fs.Scene(
+        face, E, hardness, OIL, 1e6, 0.0, loading=loading, fluid_pressure="ignored", **given
+    )
+    _, tiles = laid_out(
+        face, scene.layout, None, Sampling(1e-3, seed=1, breadth=breadth, form=seat)
+    )
     contact = seal_contact(scene, tiles, (seat,))
     return Rows(contact.rows, band_breadth(contact.rows, contact.grid.spacing[0]), breadth)
 
@@ -267,7 +308,9 @@ def test_a_broad_seat_of_soft_metal_carries_no_more_than_its_hardness():
     found = rows_of(patch(n=64, rms_slope=0.01), CrownedSeat(0.01), [force], hardness)
     assert found.pressure.max() <= hardness
     assert found.pressure.max() > 0.96 * hardness
-    assert_allclose((found.pressure > 0.5 * hardness).mean() * found.breadth, force / hardness, rtol=0.05)
+    assert_allclose(
+        (found.pressure > 0.5 * hardness).mean() * found.breadth, force / hardness, rtol=0.05
+    )
 
 
 def test_a_broad_seat_comes_back_to_its_peak_and_keeps_its_band_on_the_way_down():
@@ -275,7 +318,9 @@ def test_a_broad_seat_comes_back_to_its_peak_and_keeps_its_band_on_the_way_down(
     breadth, forces = 1.024e-3, [50e3, 100e3, 200e3]
     peak, stops = 200e3 / breadth, (200e3 / breadth, 100e3 / breadth, 50e3 / breadth)
     way = {"unload_from": (peak,), "unloading": stops}
-    elastic, plastic = (rows_of(patch(n=128), CrownedSeat(0.02), forces, h, **way) for h in (np.inf, 2e9))
+    elastic, plastic = (
+        rows_of(patch(n=128), CrownedSeat(0.02), forces, h, **way) for h in (np.inf, 2e9)
+    )
     assert_allclose(elastic.pressure[3:], elastic.pressure[1::-1], rtol=1e-4, atol=1e3)
     assert (plastic.pressure[3].max() > plastic.pressure[1].max()).all()
     assert (plastic.band[3:] <= plastic.band[1::-1]).all()
@@ -308,7 +353,9 @@ def test_both_ways_of_a_seat_leak_alike():
     scene = fs.Scene(patch(n=512), E, 2.3e9, OIL, 1e6, 0.0, **given)
 
     def both(seat):
-        whole = np.array([fs.deterministic(replace(scene, surface=seat.on(face))).leakage for face in faces])
+        whole = np.array(
+            [fs.deterministic(replace(scene, surface=seat.on(face))).leakage for face in faces]
+        )
         form = () if seat == FlatSeat() else seat
         sampling = fs.Sampling(length=8e-3, breadth=breadth, realisations=20, seed=1, form=form)
         # the band of the sharpest crown is two to five of these pieces broad
@@ -318,7 +365,9 @@ def test_both_ways_of_a_seat_leak_alike():
     for radius in (0.2, 0.05, 0.01):
         whole, drawn = both(CrownedSeat(radius))
         ratio = (drawn / whole.mean(axis=0)) / (of_flat / flat.mean(axis=0))
-        scatter = (whole / whole.mean(axis=0) - flat / flat.mean(axis=0)).std(axis=0, ddof=1) / np.sqrt(len(faces))
+        scatter = (whole / whole.mean(axis=0) - flat / flat.mean(axis=0)).std(
+            axis=0, ddof=1
+        ) / np.sqrt(len(faces))
         assert (np.abs(ratio - 1) < np.maximum(0.1, 3 * scatter)).all()
 
 
@@ -354,7 +403,11 @@ def test_a_body_that_yields_below_a_seat_is_warned_of():
         "material": BROAD["material"] | {"yield_stress": "120 MPa"},
         "output": {"budget": False, "pictures": False},
     }
-    (warning,) = (text for text in fs.run(parse_case(BROAD | softer), workers=1).warnings if "the body below" in text)
+    (warning,) = (
+        text
+        for text in fs.run(parse_case(BROAD | softer), workers=1).warnings
+        if "the body below" in text
+    )
     assert "yields from 215 MPa on" in warning
 
 
@@ -365,7 +418,10 @@ def test_a_body_that_yields_below_a_seat_is_warned_of():
             {"method": "two-scale", "compare": ["stochastic"]},
             "seat.kind: given a seal that takes pieces anywhere of the face, with",
         ),
-        ({"load": BROAD["load"] | {"map": {"kind": "profile", "fractions": [1, 2]}}}, "load.map: given a map with a"),
+        (
+            {"load": BROAD["load"] | {"map": {"kind": "profile", "fractions": [1, 2]}}},
+            "load.map: given a map with a",
+        ),
         ({"seat": {"kind": "crowned", "radius": "0.5 mm"}}, "slopes up to"),
     ],
 )

@@ -24,7 +24,9 @@ def wave(shape, k, periodic, size=SIZE, phase=(0.3, -0.7)):
     """A product of waves of number k: cos(2πkx/L + phase) on periodic axes, cos(πkx/L) on mirror axes."""
     factors = [
         np.cos(2 * np.pi * kk * x / length + p) if wraps else np.cos(np.pi * kk * x / length)
-        for x, kk, length, wraps, p in zip(centres(shape, size), k, size, periodic, phase, strict=True)
+        for x, kk, length, wraps, p in zip(
+            centres(shape, size), k, size, periodic, phase, strict=True
+        )
     ]
     return Topography(np.outer(*factors), (size[0] / shape[0], size[1] / shape[1]), periodic)
 
@@ -87,7 +89,13 @@ def test_bad_periodic_is_refused():
 
 def test_repr_names_size_pixel_and_roughness():
     text = repr(wave((64, 32), (2, 0), (True, True)))
-    for part in ("points 64 × 32", "size 3 mm × 2 mm", "pixel 46.88 µm × 62.5 µm", "Sq ", "rms slope "):
+    for part in (
+        "points 64 × 32",
+        "size 3 mm × 2 mm",
+        "pixel 46.88 µm × 62.5 µm",
+        "Sq ",
+        "rms slope ",
+    ):
         assert part in text
     assert "undefined 0.125 %" in repr(holed())
 
@@ -107,7 +115,9 @@ def test_repr_names_size_pixel_and_roughness():
     ],
 )
 def test_undefined_points_are_refused_with_the_way_out(use):
-    with pytest.raises(InputError, match=r"0\.125 % undefined points, .* use fill_undefined\(\) first"):
+    with pytest.raises(
+        InputError, match=r"0\.125 % undefined points, .* use fill_undefined\(\) first"
+    ):
         use(holed())
 
 
@@ -118,7 +128,9 @@ def test_undefined_points_are_refused_with_the_way_out(use):
 @each("shape", [(24, 18), (25, 17)])
 def test_slope_and_height_of_a_wave(periodic, shape):
     face = wave(shape, (3, 2), periodic)
-    steps = [(2 if wraps else 1) * np.pi / length for wraps, length in zip(periodic, SIZE, strict=True)]
+    steps = [
+        (2 if wraps else 1) * np.pi / length for wraps, length in zip(periodic, SIZE, strict=True)
+    ]
     assert_allclose(face.rms_height, 0.5, rtol=1e-12)
     assert_allclose(face.rms_slopes, (0.5 * 3 * steps[0], 0.5 * 2 * steps[1]), rtol=1e-12)
     assert_allclose(face.rms_slope, 0.5 * np.hypot(3 * steps[0], 2 * steps[1]), rtol=1e-12)
@@ -126,7 +138,9 @@ def test_slope_and_height_of_a_wave(periodic, shape):
 
 def test_slope_of_a_tilted_open_map_is_its_tilt():
     x1, _ = centres((400, 8))
-    face = Topography(np.tile(0.01 * x1[:, None], (1, 8)), (SIZE[0] / 400, SIZE[1] / 8), (False, True))
+    face = Topography(
+        np.tile(0.01 * x1[:, None], (1, 8)), (SIZE[0] / 400, SIZE[1] / 8), (False, True)
+    )
     assert_allclose(face.rms_slope, 0.01, rtol=5e-3)
 
 
@@ -178,13 +192,20 @@ def test_gap_touches_at_the_highest_point():
 def test_detrend_removes_its_form_and_is_idempotent(order):
     shape = (30, 20)
     x1, x2 = centres(shape)
-    terms = [1.0, 1e-3 * x1[:, None] - 2e-3 * x2, 5.0 * x1[:, None] ** 2 + 3.0 * x1[:, None] * x2 - x2**2]
+    terms = [
+        1.0,
+        1e-3 * x1[:, None] - 2e-3 * x2,
+        5.0 * x1[:, None] ** 2 + 3.0 * x1[:, None] * x2 - x2**2,
+    ]
     face = Topography(sum(terms[: order + 1]) * np.ones(shape), (SIZE[0] / 30, SIZE[1] / 20))
     assert_allclose(face.detrend(order).heights, 0, atol=1e-14)
     rough = noise(shape).detrend(order)
     assert_allclose(rough.detrend(order).heights, rough.heights, atol=1e-12)
     if order < 2:
-        assert abs(Topography(sum(terms) * np.ones(shape), face.spacing).detrend(order).heights).max() > 1e-9
+        assert (
+            abs(Topography(sum(terms) * np.ones(shape), face.spacing).detrend(order).heights).max()
+            > 1e-9
+        )
 
 
 def test_detrend_is_the_least_squares_plane_of_the_defined_points():
@@ -217,8 +238,12 @@ def test_low_pass_keeps_and_removes_exactly(periodic):
     shape = (48, 40)
     long, short = wave(shape, (3, 2), periodic), wave(shape, (9, 8), periodic)
     both = Topography(long.heights + short.heights + 4.0, long.spacing, periodic)
-    steps = [(2 if wraps else 1) * np.pi / length for wraps, length in zip(periodic, SIZE, strict=True)]
-    limit = 2 * np.pi / np.hypot(3 * steps[0], 2 * steps[1])  # the long wave itself: kept, on the limit
+    steps = [
+        (2 if wraps else 1) * np.pi / length for wraps, length in zip(periodic, SIZE, strict=True)
+    ]
+    limit = (
+        2 * np.pi / np.hypot(3 * steps[0], 2 * steps[1])
+    )  # the long wave itself: kept, on the limit
     assert_allclose(both.low_pass(limit).heights, long.heights + 4.0, atol=1e-12)
     assert_allclose(both.high_pass(limit).heights, short.heights, atol=1e-12)
     assert_allclose(both.low_pass(1.01 * limit).heights, 4.0, atol=1e-12)
@@ -240,7 +265,9 @@ def test_low_pass_refuses_bad_wavelengths(wavelength):
 @each("new", [(48, 33), (17, 14), (60, 13), (18, 40), (24, 20)])
 def test_resample_is_exact_on_waves(periodic, shape, new):
     k = (3, 5)
-    assert_allclose(wave(shape, k, periodic).resample(new).heights, wave(new, k, periodic).heights, atol=1e-12)
+    assert_allclose(
+        wave(shape, k, periodic).resample(new).heights, wave(new, k, periodic).heights, atol=1e-12
+    )
 
 
 @each("periodic", PERIODS)
@@ -328,7 +355,9 @@ def test_filled_points_stay_between_their_rims():
 def test_too_many_undefined_points_are_refused():
     z = np.zeros((10, 10))
     z[0] = np.nan
-    with pytest.raises(InputError, match="heights: given 10 % undefined points, expected at most 5 %"):
+    with pytest.raises(
+        InputError, match="heights: given 10 % undefined points, expected at most 5 %"
+    ):
         Topography(z, (1, 1)).fill_undefined()
     assert Topography(z, (1, 1)).fill_undefined(0.1).undefined_fraction == 0
     with pytest.raises(InputError, match="given 100 %"):
@@ -344,7 +373,9 @@ def test_crop_keeps_periodicity_of_whole_axes_only():
     assert_allclose(part.heights, face.heights[2:7])
     assert part.periodic == (False, True)
     assert part.spacing == face.spacing
-    with pytest.raises(InputError, match=r"crop: given shape \(5, 6\) from \(4, 0\), .* \(8, 6\) points"):
+    with pytest.raises(
+        InputError, match=r"crop: given shape \(5, 6\) from \(4, 0\), .* \(8, 6\) points"
+    ):
         face.crop((5, 6), (4, 0))
 
 
@@ -421,7 +452,11 @@ def test_a_finer_grid_keeps_the_waves_that_were_measured():
     face = self_affine((96, 80), SIZE, hurst=0.5, rms_height=1e-6, cut_off=5 * SIZE[0] / 96, rng=4)
     _, coarse = condition(face, detrend=0)
     assert_allclose(coarse.shortest_measured, 5 * SIZE[0] / 96, rtol=0.05)
-    assert_allclose(coarse.lost_slope, 1 - face.low_pass(coarse.shortest_wave).rms_slope / face.rms_slope, atol=0.02)
+    assert_allclose(
+        coarse.lost_slope,
+        1 - face.low_pass(coarse.shortest_wave).rms_slope / face.rms_slope,
+        atol=0.02,
+    )
     assert coarse.lost_slope > 0.15
     shape = resolving_shape(SIZE, coarse.shortest_measured)
     fine, report = condition(face, detrend=0, shape=shape)
@@ -441,7 +476,9 @@ def test_resolving_shape_gives_8_pixels_or_what_the_limit_allows():
 
 
 def test_condition_refuses_waves_the_grid_does_not_resolve():
-    with pytest.raises(InputError, match=r"shortest_wave: given 100 µm, .* 8 pixels = 250 µm") as error:
+    with pytest.raises(
+        InputError, match=r"shortest_wave: given 100 µm, .* 8 pixels = 250 µm"
+    ) as error:
         condition(measured(), shortest_wave=1e-4)
     assert "shape=(240, 160)" in str(error.value)
     assert condition(measured(), shortest_wave=1e-4, shape=(240, 160))[0].shape == (240, 160)

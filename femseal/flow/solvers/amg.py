@@ -100,7 +100,9 @@ def solve_direct(matrix: Any, rhs: Array, *, largest_residual: float = 1e-8) -> 
     a = sp.csc_array(matrix)
     scale = 1 / np.sqrt(a.diagonal())
     columns = np.repeat(np.arange(a.shape[0]), np.diff(a.indptr))
-    scaled = sp.csc_array((a.data * scale[a.indices] * scale[columns], a.indices, a.indptr), shape=a.shape)
+    scaled = sp.csc_array(
+        (a.data * scale[a.indices] * scale[columns], a.indices, a.indptr), shape=a.shape
+    )
     b = (rhs.T * scale).T
     y = _factorised(scaled).solve(b)
     norm = float(np.linalg.norm(b))
@@ -133,7 +135,9 @@ def solve_amg(matrix: Any, rhs: Array, *, rtol: float, unit_drop: bool = False) 
     a.eliminate_zeros()
     diagonal = a.diagonal()
     if np.any(rhs[diagonal == 0]):
-        raise NotConverged("flow: a node without links is given a flow; leave such nodes out", np.inf)
+        raise NotConverged(
+            "flow: a node without links is given a flow; leave such nodes out", np.inf
+        )
     linked = np.flatnonzero(np.diff(a.indptr) > (diagonal != 0))
     x = np.divide(rhs.T, diagonal, out=np.zeros(rhs.T.shape), where=diagonal != 0).T
     complement, iterations, error = 1 - x, 0, 0.0
@@ -148,7 +152,12 @@ def solve_amg(matrix: Any, rhs: Array, *, rtol: float, unit_drop: bool = False) 
 
 def _factorised(matrix: sp.csc_array) -> Any:
     try:
-        return splu(matrix, permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options={"SymmetricMode": True})
+        return splu(
+            matrix,
+            permc_spec="MMD_AT_PLUS_A",
+            diag_pivot_thresh=0.0,
+            options={"SymmetricMode": True},
+        )
     except RuntimeError as error:
         raise NotConverged(f"flow: the factorisation failed: {error}", np.inf) from None
 
@@ -206,11 +215,17 @@ class _System:
             r = (b - self._applied(sums, whole)) - self._applied(sums, rest)
             x, complement = whole + rest, (1 - whole) - rest
             energy = float(b @ complement) if unit_drop else float(b @ x)
-            error = np.sqrt(max(float(r @ self.precondition(r)), 0.0) / energy) if energy > 0 else np.inf
+            error = (
+                np.sqrt(max(float(r @ self.precondition(r)), 0.0) / energy)
+                if energy > 0
+                else np.inf
+            )
             balanced = not unit_drop or _imbalance(r, x) <= 2 * _balance(rtol) * energy
             if error <= max(_CONFIRMED * rtol, _LEAST_ERROR) and balanced:
                 return x, complement, iterations, float(error)
-        raise NotConverged(f"flow: the potential has an error of {error:.1e}, wanted is {rtol:.1e}", float(error))
+        raise NotConverged(
+            f"flow: the potential has an error of {error:.1e}, wanted is {rtol:.1e}", float(error)
+        )
 
     def _applied(self, sums: Array, x: Array) -> Array:
         """A x from the sums of its rows and from differences of x."""
@@ -242,7 +257,8 @@ class _System:
                 return rest + correction, iteration
             d = z + rz / rz_old * d
         raise NotConverged(
-            f"flow: algebraic multigrid did not converge within {iteration} iterations; try a direct solver", rz
+            f"flow: algebraic multigrid did not converge within {iteration} iterations; try a direct solver",
+            rz,
         )
 
 

@@ -96,7 +96,15 @@ def solve_flow(
         validate.tolerance("field_rtol", field_rtol)
     conductances = stencil.along.copy(), stencil.across.copy()
     reached, exponent = ready(*conductances)
-    return solve_ready(reached, conductances, exponent, stencil.ring2, rtol=rtol, solver=solver, field_rtol=field_rtol)
+    return solve_ready(
+        reached,
+        conductances,
+        exponent,
+        stencil.ring2,
+        rtol=rtol,
+        solver=solver,
+        field_rtol=field_rtol,
+    )
 
 
 def solve_ready(
@@ -117,11 +125,15 @@ def solve_ready(
         potential[0], potential[-1] = 1.0, 0.0
         total = stencil.energy(np.nan_to_num(potential)) if percolates else 0.0
         return DarcyFlow(total, potential, 1 - potential, percolates)
-    flow = _solve(stencil, np.equal(reached, 3, out=reached.view(np.bool_)), rtol, solver, field_rtol)
+    flow = _solve(
+        stencil, np.equal(reached, 3, out=reached.view(np.bool_)), rtol, solver, field_rtol
+    )
     return replace(flow, conductance=ldexp(flow.conductance, exponent))
 
 
-def _solve(stencil: Stencil, keep: Flags, rtol: float, solver: str, field_rtol: float | None) -> DarcyFlow:
+def _solve(
+    stencil: Stencil, keep: Flags, rtol: float, solver: str, field_rtol: float | None
+) -> DarcyFlow:
     """Solve by the given or chosen solver; if that is iterative and fails, directly, unless multigrid was given."""
     first, limit = _chosen(stencil, keep) if solver == "auto" else (solver, _MOST_ITERATIONS)
     try:
@@ -139,7 +151,9 @@ def _chosen(stencil: Stencil, keep: Flags) -> tuple[str, int]:
     """The solver to try first, and the iterations after which it is given up."""
     n1, n2 = stencil.along.shape
     nodes = int(np.count_nonzero(keep[1:-1]))
-    slender = coarsest_nodes(n1 - 1, n2) > COARSEST_NODES  # the coarsest level of such a grid has many nodes
+    slender = (
+        coarsest_nodes(n1 - 1, n2) > COARSEST_NODES
+    )  # the coarsest level of such a grid has many nodes
     if nodes > ELIMINATED_NODES:
         return ("amg" if slender else "multigrid"), _MOST_ITERATIONS
     roughness = _roughness(stencil.along, max(1, n1 // _SAMPLED))
@@ -171,11 +185,15 @@ def _by_elimination(stencil: Stencil, keep: Flags) -> DarcyFlow:
     link = c1[[0, -1]].ravel()
     node = np.concatenate([np.arange(n2), np.arange(n2) + (n1 - 2) * n2])
     at = np.flatnonzero(link)
-    rate, φ, ψ = eliminate(c1, stencil.across, keep[1:-1], stencil.ring2, node[at], at // n2, link[at])
+    rate, φ, ψ = eliminate(
+        c1, stencil.across, keep[1:-1], stencil.ring2, node[at], at // n2, link[at]
+    )
     return _balanced(stencil, keep, φ, ψ, rate, 0, 0.0, "elimination")
 
 
-def _by_multigrid(stencil: Stencil, keep: Flags, rtol: float, limit: int, field_rtol: float | None = None) -> DarcyFlow:
+def _by_multigrid(
+    stencil: Stencil, keep: Flags, rtol: float, limit: int, field_rtol: float | None = None
+) -> DarcyFlow:
     """Solve by multigrid; where that took many iterations, its error is bounded, and where it is too large lessened."""
     allowed, gap = rtol, inf
     while True:
@@ -194,11 +212,14 @@ def _by_multigrid(stencil: Stencil, keep: Flags, rtol: float, limit: int, field_
             break
         allowed *= _TIGHTER
     raise NotConverged(
-        f"flow: error up to {gap:.1e} of the rate by multigrid, wanted {rtol:.1e}; try the solver 'elimination'", gap
+        f"flow: error up to {gap:.1e} of the rate by multigrid, wanted {rtol:.1e}; try the solver 'elimination'",
+        gap,
     )
 
 
-def _by_iterations(stencil: Stencil, keep: Flags, rtol: float, limit: int, field_rtol: float | None) -> DarcyFlow:
+def _by_iterations(
+    stencil: Stencil, keep: Flags, rtol: float, limit: int, field_rtol: float | None
+) -> DarcyFlow:
     """Solve by multigrid, then by elimination at nodes that only very narrow links connect with the others.
 
     Multigrid does without links that are lost in sums. Those can carry a part of a small flow, which lies between that
@@ -214,7 +235,9 @@ def _by_iterations(stencil: Stencil, keep: Flags, rtol: float, limit: int, field
     if min(over(rows(*stencil.along.shape), narrowest, stencil.along, stencil.across)) < _SEEN:
         searches.append(_unseen)
     if inner.size >= _MANY and _MANY <= np.count_nonzero(inner) < _MAY_HAVE_DEAD_ENDS * inner.size:
-        searches.append(dead_ends)  # no path to an end leads through them, so that neither search needs the other
+        searches.append(
+            dead_ends
+        )  # no path to an end leads through them, so that neither search needs the other
     found = on_threads(number(), lambda search: search(stencil, keep), searches) if searches else []
     if dead_ends in searches:
         through, dead = found.pop()
@@ -242,7 +265,9 @@ def _by_iterations(stencil: Stencil, keep: Flags, rtol: float, limit: int, field
     inlet, outlet = end_flows(stencil.along, potential, complement)
     allowed = max(MAX_IMBALANCE, 10 * (sqrt(rtol) if field_rtol is None else field_rtol))
     rate = stencil.energy(potential)
-    flow = _checked(potential, complement, inlet, outlet, rate, iterations, error, "multigrid", allowed)
+    flow = _checked(
+        potential, complement, inlet, outlet, rate, iterations, error, "multigrid", allowed
+    )
     over(parts, leave_out, keep, potential, complement)
     if hidden is None:
         return flow
@@ -295,7 +320,9 @@ def _balanced(
     )
     # the energy sum keeps its relative accuracy where a difference of flows would not
     rate = energy if rate is None else rate
-    return _checked(potential, complement, inlet, outlet, rate, iterations, residual, solver, allowed)
+    return _checked(
+        potential, complement, inlet, outlet, rate, iterations, residual, solver, allowed
+    )
 
 
 def _checked(

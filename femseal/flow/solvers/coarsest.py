@@ -63,8 +63,13 @@ def eliminate_by_parts(*operator: Any) -> Coarsest:
     nodes, parts, network = _dissected(*operator)
     links, inverse = np.empty(network.at[-1]), np.empty(nodes.size)
     written = network, links, inverse
-    left = [of_part for of_part, _ in over(parts.tolist(), eliminated_fronts, parts[:0], inverse[:0], *written)]
-    rest = eliminated_fronts(0, len(network.at) - 1, parts, np.concatenate([*left, inverse[:0]]), *written)
+    left = [
+        of_part
+        for of_part, _ in over(parts.tolist(), eliminated_fronts, parts[:0], inverse[:0], *written)
+    ]
+    rest = eliminated_fronts(
+        0, len(network.at) - 1, parts, np.concatenate([*left, inverse[:0]]), *written
+    )
     return Coarsest(nodes, factors_of(*written, *rest), np.zeros(nodes.size + 1), parts)
 
 
@@ -84,7 +89,12 @@ def _dissected(centre, right, below, below_right, below_left, ring):
         for j in range(1, n2 + 1):
             rest = centre[i, j] - right[i, j] - right[i, j - 1] - below[i, j] - below[i - 1, j]
             if nine:
-                rest -= below_right[i, j] + below_right[i - 1, j - 1] + below_left[i, j] + below_left[i - 1, j + 1]
+                rest -= (
+                    below_right[i, j]
+                    + below_right[i - 1, j - 1]
+                    + below_left[i, j]
+                    + below_left[i - 1, j + 1]
+                )
                 if j <= m2 and i < n1:
                     falling[i, j - 1] = below_right[i, j]
                     rising[i, j - 1] = below_left[i, j % n2 + 1]

@@ -174,7 +174,9 @@ def eliminated(network):
     first, at = network.first, network.at
     links, inverse = np.empty(at[-1]), np.empty(first[-1])
     no_parts = np.empty((0, 2), np.int64)
-    left, pending = eliminated_fronts(ZERO, first.size - 1, no_parts, inverse[:0], network, links, inverse)
+    left, pending = eliminated_fronts(
+        ZERO, first.size - 1, no_parts, inverse[:0], network, links, inverse
+    )
     return factors_of(network, links, inverse, left, pending)
 
 
@@ -201,7 +203,13 @@ def eliminated_fronts(begin, end, parts, left_by_parts, network, links, inverse)
             for i in range(size):
                 left[top + i] = left_by_parts[taken + i]
             pending[n_pending] = f
-            next_one, part, taken, top, n_pending = f + 1, part + 1, taken + size, top + size, n_pending + 1
+            next_one, part, taken, top, n_pending = (
+                f + 1,
+                part + 1,
+                taken + size,
+                top + size,
+                n_pending + 1,
+            )
             continue
         next_one += 1
         a, p, q = first[f], first[f + 1] - first[f], start[f + 1] - start[f]

@@ -86,7 +86,9 @@ def _rows_apart(nodes):
 @compiled(**REORDERED)
 def weights_to(k, shape, weight_first, weights):
     """View of the weights of level k + 1 at the nodes of level k."""
-    return weights[weight_first[k] : weight_first[k + 1]].reshape((shape[k + 1, 0], shape[k + 1, 1], 3, 3))
+    return weights[weight_first[k] : weight_first[k + 1]].reshape(
+        (shape[k + 1, 0], shape[k + 1, 1], 3, 3)
+    )
 
 
 @compiled(**REORDERED)
@@ -127,7 +129,9 @@ def _along_rows(first, end, centre, right, below, below_right, below_left, nine,
                 east += below_left[i - 1, j + 1] + below_right[i, j]
             whole = max(centre[i, j] - below[i - 1, j] - below[i, j], west + east)
             w[(i + 1) // 2, j // 2, 1, 2] = _share(west, whole)
-            w[(i + 1) // 2, (j // 2) % m2 + 1 if j == n2 else j // 2 + 1, 1, 0] = _share(east, whole)
+            w[(i + 1) // 2, (j // 2) % m2 + 1 if j == n2 else j // 2 + 1, 1, 0] = _share(
+                east, whole
+            )
         if ring:
             _round(w, (i + 1) // 2, 1)
 
@@ -228,7 +232,13 @@ def _galerkin(
                         if 0 <= x <= 4:
                             s += w[ci + di, cj + dj, a, b] * row[y, x]
                 out[k] = s
-            to0[ci, cj], to1[ci, cj], to2[ci, cj], to3[ci, cj], to4[ci, cj] = out[0], -out[1], -out[2], -out[3], -out[4]
+            to0[ci, cj], to1[ci, cj], to2[ci, cj], to3[ci, cj], to4[ci, cj] = (
+                out[0],
+                -out[1],
+                -out[2],
+                -out[3],
+                -out[4],
+            )
         if ring:
             to1[ci, 0], to1[ci, m2 + 1] = to1[ci, m2], to1[ci, 1]
             to2[ci, 0], to2[ci, m2 + 1] = to2[ci, m2], to2[ci, 1]
@@ -264,7 +274,13 @@ def _places(n1: int, n2: int) -> tuple[NDArray[Any], ...]:
     """Sizes and memory of what the levels have, in the order of `Levels`."""
     shape, first, weight_first = _sizes(n1, n2, FEWEST)
     # zeros of numpy take no memory before they are written to
-    return shape, first, np.zeros(first[-1], np.float32), weight_first, np.zeros(weight_first[-1], np.float32)
+    return (
+        shape,
+        first,
+        np.zeros(first[-1], np.float32),
+        weight_first,
+        np.zeros(weight_first[-1], np.float32),
+    )
 
 
 @lru_cache(16)
@@ -276,7 +292,9 @@ def _sizes(n1: int, n2: int, fewest: int) -> tuple[NDArray[np.int64], ...]:
         sizes.append((n1 + 2, n2 + 2))
     nodes = np.array([a * b for a, b in sizes])
     each = [6] + [8] * (len(sizes) - 1)
-    fields = [count * (a + _rows_apart(a * b)) * b for count, (a, b) in zip(each, sizes, strict=True)]
+    fields = [
+        count * (a + _rows_apart(a * b)) * b for count, (a, b) in zip(each, sizes, strict=True)
+    ]
     return np.array(sizes), np.cumsum([0, *fields]), 9 * (np.cumsum(nodes) - nodes[0])
 
 
@@ -296,12 +314,20 @@ def _filled_from(
     """
     if k == 0:
         size = shape[0, 0], shape[0, 1]
-        operator = np.zeros(size), np.zeros(size), np.zeros(size), np.zeros((1, 1)), np.zeros((1, 1))
+        operator = (
+            np.zeros(size),
+            np.zeros(size),
+            np.zeros(size),
+            np.zeros((1, 1)),
+            np.zeros((1, 1)),
+        )
         _links(ONE, size[0] - 1, along, across, ring, operator[0], operator[1], operator[2])
     while True:
         centre, right, below, below_right, below_left = operator
         of_level = level(shape, first, fields, k)
-        count = _store(ONE, centre.shape[0] - 1, centre, right, below, below_right, below_left, *of_level)
+        count = _store(
+            ONE, centre.shape[0] - 1, centre, right, below, below_right, below_left, *of_level
+        )
         if k == 0:
             fewest = _ELIMINATED * count
         if k == shape.shape[0] - 1 or count <= fewest:

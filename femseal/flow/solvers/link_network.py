@@ -30,7 +30,9 @@ def eliminate(
     and their conductances.
     """
     order = Order(*dissect(keep, ring))
-    factors = factored(order, Links(*grid_links(c1, c2, _NOTHING, _NOTHING, ring, order.nodes, node, end, link)), 2)
+    factors = factored(
+        order, Links(*grid_links(c1, c2, _NOTHING, _NOTHING, ring, order.nodes, node, end, link)), 2
+    )
     φ, ψ = np.zeros(keep.shape), np.zeros(keep.shape)
     _write_potentials(order, factors, φ, ψ)
     return float(factors.between[0, 1]), φ, ψ
@@ -58,7 +60,9 @@ def island_potentials(stencil: Stencil, hidden: Flags, φ: Array, ψ: Array) -> 
     # they are few: only the rows and columns that have some are dissected
     rows, columns = np.flatnonzero(hidden.any(axis=1)), np.flatnonzero(hidden.any(axis=0))
     among, *fronts = dissect(hidden[np.ix_(rows, columns)], stencil.ring2)
-    order = Order(rows[among // columns.size] * hidden.shape[1] + columns[among % columns.size], *fronts)
+    order = Order(
+        rows[among // columns.size] * hidden.shape[1] + columns[among % columns.size], *fronts
+    )
     grid = stencil.along, stencil.across, _NOTHING, _NOTHING, stencil.ring2
     factors = factored(order, Links(*grid_links(*grid, order.nodes, node, end, link)), 2)
     _write_potentials(order, factors, φ, ψ)
@@ -73,7 +77,11 @@ def _links_to_known(along, across, hidden, φ):
     node, end, link = np.empty(0, np.int64), np.empty(0, np.int64), np.empty(0)
     for written in range(2):
         if written == 1:
-            node, end, link = np.empty(2 * count, np.int64), np.empty(2 * count, np.int64), np.empty(2 * count)
+            node, end, link = (
+                np.empty(2 * count, np.int64),
+                np.empty(2 * count, np.int64),
+                np.empty(2 * count),
+            )
             count = 0
         for i in range(n1):
             for j in range(n2):
@@ -191,7 +199,14 @@ def dissect(keep, ring):
     placed, fronts = 0, 0
     # of each box that waits: its rows and columns, whether it is a ring, and the front of the cut above it
     boxes = np.empty((_DEEPEST, 6), np.int64)
-    boxes[0, 0], boxes[0, 1], boxes[0, 2], boxes[0, 3], boxes[0, 4], boxes[0, 5] = 0, n1, 0, n2, ring and n2 > 2, -1
+    boxes[0, 0], boxes[0, 1], boxes[0, 2], boxes[0, 3], boxes[0, 4], boxes[0, 5] = (
+        0,
+        n1,
+        0,
+        n2,
+        ring and n2 > 2,
+        -1,
+    )
     count = 1
     while count > 0:
         count -= 1
@@ -230,7 +245,11 @@ def dissect(keep, ring):
             if along:
                 boxes[count, 1 - half] = row + half
             elif in_ring:
-                boxes[count, 2], boxes[count, 3], boxes[count, 4] = high2 % n2, high2 % n2 + n2 - 1, 0
+                boxes[count, 2], boxes[count, 3], boxes[count, 4] = (
+                    high2 % n2,
+                    high2 % n2 + n2 - 1,
+                    0,
+                )
             else:
                 boxes[count, 3 - half] = column + half
             count += 1

@@ -73,17 +73,24 @@ def solve_multigrid(
     Sources: Strakoš & Tichý, ETNA 13, 2002, 56; Meurant, Papež & Tichý, Numer. Algorithms 88, 2021, 1337.
     """
     s = stencil
-    field, hidden = np.inf if field_rtol is None else field_rtol, _NONE if hidden is None else hidden
+    field, hidden = (
+        np.inf if field_rtol is None else field_rtol,
+        _NONE if hidden is None else hidden,
+    )
     conductances = s.along, s.across
     levels, operator = hierarchy(*conductances, s.ring2)
     large = large_levels(levels.shape)
     eliminate: Any = eliminate_by_parts if large == len(levels.shape) - 1 else eliminate_coarsest
     coarsest = eliminate(*operator, s.ring2)
     iterate: Any = _iterate_by_parts if large else _iterate
-    x, iterations, error, done = iterate(levels, coarsest, conductances, s.ring2, rtol, field, limit, hidden)
+    x, iterations, error, done = iterate(
+        levels, coarsest, conductances, s.ring2, rtol, field, limit, hidden
+    )
     small = error**2 <= rtol and error <= field
     if not (done or (small and field_rtol is None)):
-        found = f"error {error**2:.1e} of the rate" + (f" and {error:.1e} of the pressure" if field_rtol else "")
+        found = f"error {error**2:.1e} of the rate" + (
+            f" and {error:.1e} of the pressure" if field_rtol else ""
+        )
         wanted = f"{rtol:.1e}" + (f" and {field:.1e}" if field_rtol else "")
         hedged = ", but slow parts of it may not be seen" if small else ""
         raise NotConverged(
@@ -110,7 +117,11 @@ def _flow_out(conductances, p, i, ring, beside, y):
     beside[0] = beside[n2] = to_right[n2 - 1] * (np.float64(here[n2]) - here[1]) if ring else 0.0
     for j in range(1, n2 + 1):
         x = np.float64(here[j])
-        y[j] = above[j - 1] * (x - before[j]) + below[j - 1] * (x - after[j]) + (beside[j] - beside[j - 1])
+        y[j] = (
+            above[j - 1] * (x - before[j])
+            + below[j - 1] * (x - after[j])
+            + (beside[j] - beside[j - 1])
+        )
 
 
 @compiled(**REORDERED)
@@ -244,7 +255,12 @@ def _slowest(steps, ratios, count):
         for i in range(1, count):
             if not pivot > 0.0:
                 break
-            pivot = 1.0 / steps[i] + ratios[i] / steps[i - 1] - lowest - ratios[i] / (steps[i - 1] ** 2 * pivot)
+            pivot = (
+                1.0 / steps[i]
+                + ratios[i] / steps[i - 1]
+                - lowest
+                - ratios[i] / (steps[i - 1] ** 2 * pivot)
+            )
         if pivot > 0.0:
             break
         lowest *= 0.5
@@ -270,7 +286,9 @@ def _judged(iteration, rz, largest, unbalanced, rate, history, rtol, field):
     hopeless = iteration == limit or not 0.0 < rz < np.inf
     if not hopeless and iteration >= _FORESEEN and rate > 0.0 and rz > allowed * rate:
         first = history[0, 0]
-        hopeless = rz >= first or iteration * np.log(first / (allowed * rate)) / np.log(first / rz) > limit
+        hopeless = (
+            rz >= first or iteration * np.log(first / (allowed * rate)) / np.log(first / rz) > limit
+        )
     return error, False, hopeless
 
 
@@ -280,7 +298,11 @@ def _iterate(levels, coarsest, conductances, ring, rtol, field, limit, hidden):
     _, _, inverse, z, b, _, _, _ = level(levels[0], levels[1], levels[2], ZERO)
     r = np.zeros(b.shape)
     rows = z.shape[0] - 1
-    x, p, history = np.zeros((rows + 1, z.shape[1] - 2)), np.zeros(z.shape, np.float32), np.zeros((3, limit + 1))
+    x, p, history = (
+        np.zeros((rows + 1, z.shape[1] - 2)),
+        np.zeros(z.shape, np.float32),
+        np.zeros((3, limit + 1)),
+    )
     flow, drop = np.empty(z.shape), np.empty(rows)
     x[0] = 1.0
     _resistances(ONE, rows, conductances, drop)
@@ -291,7 +313,9 @@ def _iterate(levels, coarsest, conductances, ring, rtol, field, limit, hidden):
         rz, largest = _product(ONE, rows, r, z, field, hidden)
         rz *= scale
         rate = _outflow(conductances, x)
-        error, done, hopeless = _judged(iteration, rz, scale * largest, unbalanced, rate, history, rtol, field)
+        error, done, hopeless = _judged(
+            iteration, rz, scale * largest, unbalanced, rate, history, rtol, field
+        )
         if done or hopeless:
             break
         beta = rz / history[0, iteration - 1] if iteration > 0 else 0.0
@@ -302,7 +326,9 @@ def _iterate(levels, coarsest, conductances, ring, rtol, field, limit, hidden):
         history[1, iteration], history[2, iteration] = rz / curvature, beta
         # far from the limits of single precision, however small the residual is
         scale = np.sqrt(rz)
-        excess, weighted = _advance(ONE, rows, conductances, rz / curvature, p, scale, ring, flow, x, r, b)
+        excess, weighted = _advance(
+            ONE, rows, conductances, rz / curvature, p, scale, ring, flow, x, r, b
+        )
         unbalanced = max(abs(excess), abs(weighted))
         iteration += 1
     if not done and rate > 0.0 and rz >= 0.0:
@@ -326,7 +352,11 @@ def _iterate_by_parts(
     single = conductances[0].dtype == np.float32
     r, flow = (b, _NOTHING) if single else (np.zeros(b.shape), np.empty(b.shape))
     rows = strips(len(z))
-    x, p, history = np.zeros((len(z), z.shape[1] - 2)), np.zeros(z.shape, np.float32), np.zeros((3, limit + 1))
+    x, p, history = (
+        np.zeros((len(z), z.shape[1] - 2)),
+        np.zeros(z.shape, np.float32),
+        np.zeros((3, limit + 1)),
+    )
     x[0], drop = 1.0, np.empty(len(z) - 1)
     over(rows, _resistances, conductances, drop)
     over(rows, _start, conductances, drop, _drops(drop), inverse, x, r, b)
@@ -336,7 +366,9 @@ def _iterate_by_parts(
         products, largest = zip(*over(rows, _product, r, z, field, hidden), strict=True)
         rz = scale * sum(products)
         rate = _outflow(conductances, x)
-        error, done, hopeless = _judged(iteration, rz, scale * max(largest), unbalanced, rate, history, rtol, field)
+        error, done, hopeless = _judged(
+            iteration, rz, scale * max(largest), unbalanced, rate, history, rtol, field
+        )
         if done or hopeless:
             break
         beta = rz / history[0, iteration - 1] if iteration > 0 else 0.0

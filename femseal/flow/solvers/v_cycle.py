@@ -21,7 +21,12 @@ from .hierarchy import Levels, large_levels, level, strips, weights_to
 def _rows_down(first, count, x, b, inverse, right, below, ring):
     """Gauss-Seidel forward on up to four rows of a network, column by column: each row waits for its own sum only."""
     n2 = x.shape[1] - 2
-    i, k, m, n = first, min(first + 1, x.shape[0] - 1), min(first + 2, x.shape[0] - 1), min(first + 3, x.shape[0] - 1)
+    i, k, m, n = (
+        first,
+        min(first + 1, x.shape[0] - 1),
+        min(first + 2, x.shape[0] - 1),
+        min(first + 3, x.shape[0] - 1),
+    )
     u = v = s = t = np.float32(0.0)
     for j in range(1, n2 if ring else n2 + 1):
         u = (b[i, j] + below[i - 1, j] * x[i - 1, j] + right[i, j - 1] * u) * inverse[i, j]
@@ -45,7 +50,9 @@ def _add_below(i, x, to, below, below_right, below_left, nine):
     if nine:
         for j in range(1, x.shape[1] - 1):
             to[i, j] += (
-                below[i, j] * x[i + 1, j] + below_right[i, j] * x[i + 1, j + 1] + below_left[i, j] * x[i + 1, j - 1]
+                below[i, j] * x[i + 1, j]
+                + below_right[i, j] * x[i + 1, j + 1]
+                + below_left[i, j] * x[i + 1, j - 1]
             )
     else:
         for j in range(1, x.shape[1] - 1):
@@ -76,7 +83,9 @@ def _residual(first, end, x, r, right, below, below_right, below_left, nine, rin
 
 
 @compiled(**REORDERED)
-def _sweep_down(first, end, between, x, b, r, inverse, right, below, below_right, below_left, nine, ring):
+def _sweep_down(
+    first, end, between, x, b, r, inverse, right, below, below_right, below_left, nine, ring
+):
     """Gauss-Seidel forward from zero on a strip of rows, and the residual it leaves.
 
     Strips beside one that comes `between` were swept before it, and it changes their residuals; others come later.
@@ -141,7 +150,12 @@ def _rows_up(last, count, x, b, inverse, right, below, ring):
         if j == 1 and ring:  # the first node comes after the last, which it is linked to
             for row in range(last - count + 1, last + 1):
                 x[row, 0] = x[row, n2]
-        rest = b[i, j] + below[i - 1, j] * x[i - 1, j] + below[i, j] * x[i + 1, j] + right[i, j - 1] * x[i, j - 1]
+        rest = (
+            b[i, j]
+            + below[i - 1, j] * x[i - 1, j]
+            + below[i, j] * x[i + 1, j]
+            + right[i, j - 1] * x[i, j - 1]
+        )
         u = (rest + right[i, j] * u) * inverse[i, j]
         x[i, j] = u
         if count == 4:
@@ -252,7 +266,9 @@ def v_cycle(levels, coarsest, ring, top):
         w, nine = weights_to(k, shape, weight_first, weights), k > 0
         rows, coarse_rows = x.shape[0] - 1, coarse[4].shape[0] - 1
         if down:
-            _sweep_down(ONE, rows, NO, x, b, r, inverse, right, below, below_right, below_left, nine, ring)
+            _sweep_down(
+                ONE, rows, NO, x, b, r, inverse, right, below, below_right, below_left, nine, ring
+            )
             _restrict(ONE, coarse_rows, r, w, coarse[4])
         else:
             _prolong(ONE, coarse_rows, coarse[3], w, x, ring)
@@ -270,7 +286,9 @@ def cycle(levels: Levels, coarsest: Coarsest, ring: bool) -> None:
         if k == large:
             v_cycle(levels, coarsest, ring, large)
             continue
-        (right, below, inverse, x, b, r, *corners), coarse = (level(*levels[:3], n) for n in (k, k + 1))
+        (right, below, inverse, x, b, r, *corners), coarse = (
+            level(*levels[:3], n) for n in (k, k + 1)
+        )
         w, nine = weights_to(k, levels.shape, *levels[3:5]), k > 0
         swept, coarse_rows = strips(len(x)), strips(len(coarse[4]))
         links = right, below, *corners
