@@ -116,15 +116,14 @@ def _extent(begin, end, gap):
 
 @inner()
 def _midway(before, a, b, after):
+    """The gap between two points a and b, by a cubic through them and their neighbours; 0 where one is closed."""
     smaller = min(a, b)
     if not smaller > 0.0:
         return 0.0
     middle = (9.0 * (a + b) - before - after) / 16.0
     if middle < _DOUBTED * smaller:
-        left, right = (
-            before - 2.0 * a + b,
-            a - 2.0 * b + after,
-        )  # second differences, alike where the gap is smooth
+        # second differences, alike where the gap is smooth
+        left, right = before - 2.0 * a + b, a - 2.0 * b + after
         if max(left, right) > _JUMP * abs(min(left, right)):
             middle = 0.5 * (a + b) - min(left, right) / 8.0
     return max(middle, 0.1 * smaller)

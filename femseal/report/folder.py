@@ -215,6 +215,7 @@ def _write_fields(
     paraview: str,
     mapper: Mapper,
 ) -> list[Path]:
+    """Write the fields over the pixels, and the files for ParaView; returns the paths."""
     written = write_fields(results, plan, folder) if plan.steps.size else []
     return [
         *written,

@@ -316,6 +316,7 @@ def _of_test_fluid(state: FluidState, prepared: Prepared, own: Any, run: Run) ->
 
 
 def _write(results: Results, folder: Path, case: Case, mapper: Mapper) -> None:
+    """Write the folder of results; then the store of the run goes."""
     try:
         surface = None if results.scene is None else results.scene.surface
         write_folder(results, folder, surface, mapper=mapper, **case.output.files)

@@ -102,6 +102,7 @@ class WavyForm:
         return f"{waves} {to_text(self.height, 'm')} high"
 
     def _count(self, frame: Frame) -> int:
+        """Number of waves along a seal; InputError where it is none."""
         if self.wavelength is None:
             assert self.lobes is not None
             return self.lobes

@@ -321,6 +321,7 @@ def _of_mesh(file: Path, name: str) -> tuple[Any, Any, Any]:
 
 
 def _numbers(values: Any, file: Path, name: str) -> Any:
+    """An array as one number for each point or cell, else InputError."""
     array = np.asarray(values)
     if array.ndim == 2 and array.shape[1] == 1:
         array = array[:, 0]

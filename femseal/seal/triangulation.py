@@ -83,6 +83,7 @@ def _cross(a: Array, b: Array) -> Array:
 
 
 def _delaunay(points: Array) -> NDArray[np.int64]:
+    """Corners of the triangles between points; InputError where these lie on a line."""
     from scipy.spatial import Delaunay, QhullError
 
     try:
