@@ -40,6 +40,9 @@ from .solution import LINEAR, MAX_IMBALANCE, DarcyFlow, potential_rtol
 
 #: Relative error of the flow.
 RTOL = 1e-8
+#: Difference of inflow and outflow that is allowed between two boundaries, over the flow: the conductance is an energy,
+#: which errs by its square. Rounding gives 1e-5 where permeabilities differ by a factor of 1e9 to 1e12.
+_UNIT_DROP_IMBALANCE = 1e-4
 #: Components of a symmetric tensor, by their unit tensors.
 _UNITS = (np.diag([1.0, 0.0]), np.diag([0.0, 1.0]), np.array([[0.0, 1.0], [1.0, 0.0]]))
 
@@ -78,7 +81,7 @@ def darcy_conductance(
     bounds, solver : see `MeshOperators.flow`.
 
     Raises InputError: another kind of mesh, wrong facets, or a bad K.
-    NotConverged : inlet and outlet flow differ by more than 1e-5, or the linear solver failed.
+    NotConverged : inlet and outlet flow differ by more than 1e-4, or the linear solver failed.
     """
     if type(mesh) not in KINDS:
         names = ", ".join(kind.__name__ for kind in KINDS)
@@ -128,7 +131,8 @@ class MeshOperators:
         are connected in the value and in the upper bound, and not in the lower one.
         solver : of the linear system, "direct" (factorisation), "amg" (pyamg), or "auto", the faster of both.
 
-        Raises NotConverged: inflow and outflow differ by more than 1e-5, or the linear solver failed.
+        Raises NotConverged: inflow and outflow differ by more than 1e-5, between two boundaries by more than 1e-4, or
+        the linear solver failed.
         """
         scale = float(np.abs(tensor).max()) or 1.0
         tensor = tensor / scale
@@ -156,7 +160,7 @@ class MeshOperators:
         potential[system.dofs] = values[system.dofs]
         energy, flux = _dissipated(local, values[system.dofs])
         rates = system.into(flux)
-        imbalance = _imbalance(rates)
+        imbalance = _imbalance(rates, _UNIT_DROP_IMBALANCE if unit_drop else MAX_IMBALANCE)
         lower, upper, flux_rates = np.nan, np.nan, nothing + np.nan
         if bounds:
             bound, flux_rates = self._of_fluxes(tensor, levels, solver)
@@ -303,13 +307,13 @@ def _dissipated(local: Array, values: Array) -> tuple[float, Array]:
     return float(np.einsum("ni,ni->", drop, flux)), flux
 
 
-def _imbalance(rates: Array) -> float:
+def _imbalance(rates: Array, allowed: float) -> float:
     """What inflow and outflow differ by, over the inflow; NotConverged where that is too much."""
     into = float(np.maximum(rates, 0.0).sum())
     imbalance = abs(float(rates.sum())) / into if into > 0 else 0.0
-    if not imbalance <= MAX_IMBALANCE:
+    if not imbalance <= allowed:
         raise NotConverged(
-            f"flow: inlet and outlet differ by {imbalance:.1e} of the flow, expected {MAX_IMBALANCE:.0e}; "
+            f"flow: inlet and outlet differ by {imbalance:.1e} of the flow, expected {allowed:.0e}; "
             "try a smaller contrast of the permeability",
             imbalance,
         )
