@@ -170,15 +170,17 @@ class Store:
         """
         if not key or self._full:
             return
-        with suppress(TypeError):
+        try:
             data = packed(result)
-            try:
-                self._found[key] = self._appended(_head(key, data), data)
-            except OSError as error:
-                self._full = True
-                if self._required:
-                    raise self._failure(error) from error
-                log.warning("results are not kept any more: %s", error)
+        except TypeError:
+            return
+        try:
+            self._found[key] = self._appended(_head(key, data), data)
+        except OSError as error:
+            self._full = True
+            if self._required:
+                raise self._failure(error) from error
+            log.warning("results are not kept any more: %s", error)
 
     def _appended(self, *parts: bytes) -> _Record:
         """Append a record to the file of this process, whole or not at all."""

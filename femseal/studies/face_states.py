@@ -49,19 +49,18 @@ class FaceState:
         """Solve the flow through the gap of a step."""
         contact = state.contact
         found: FaceFlow | Failed
+        failed, carried = "", 0.0
         if isinstance(contact, CoupledContact):
             found, carried = contact.flow, contact.carried
         else:
             spacing = contact.half_space.spacing
-            found, carried = (
-                attempt(resolved_flow, contact.gap, spacing, flow, with_potential=True),
-                0.0,
-            )
-        failed = found.reason if isinstance(found, Failed) else ""
-        if isinstance(found, Failed) or found.potential is None:
-            potential = np.full(contact.gap.shape, np.nan, np.float32)
-        else:
-            potential = found.potential.astype(np.float32)
+            found = attempt(resolved_flow, contact.gap, spacing, flow, with_potential=True)
+        if isinstance(found, Failed):
+            failed = found.reason
+            found = FaceFlow(np.nan, SolverCounts())
+        potential = np.full(contact.gap.shape, np.nan, np.float32)
+        if found.potential is not None:
+            potential[...] = found.potential
         return cls(
             gap=contact.gap.astype(np.float32),
             in_contact=ContactValues.of(contact.pressure),
@@ -73,8 +72,8 @@ class FaceState:
             mean_gap=contact.mean_gap,
             residual=contact.residual,
             carried=carried,
-            permeability=np.nan if isinstance(found, Failed) else found.permeability,
-            solvers=SolverCounts() if isinstance(found, Failed) else found.solvers,
+            permeability=found.permeability,
+            solvers=found.solvers,
             failed=failed,
         )
 
