@@ -7,6 +7,7 @@ from femseal.case.case import Case
 from femseal.case.template import case_template
 from femseal.fluids import Liquid
 from femseal.studies.scene import Scene
+from femseal.topography import self_affine
 
 #: Contact modulus and hardness of the scenes [Pa], and their liquid.
 E, H, OIL = 115e9, 3e9, Liquid(1e-3)
@@ -141,6 +142,31 @@ def steel_scene(surface, **changed):
         "fluid_pressure": "ignored",
     }
     return Scene(**(given | changed))
+
+
+def scene_of_law(law, highest):
+    """A face of 48 × 64 points under a contact law, loaded to a pressure [Pa] and back."""
+    surface = self_affine(
+        (48, 64), (48e-6, 64e-6), hurst=0.8, rms_slope=0.25, roll_off=24e-6, cut_off=8e-6, rng=1
+    )
+    loads = {"loading": (1e8, highest), "unload_from": (highest,), "unloading": (2e8,)}
+    return Scene(surface, E, law, OIL, 1e6, 0.0, **loads, rtol=1e-4)
+
+
+def scene_of_fluid(fluid, outlet_pressure):
+    """A face of 64 × 128 points with a fluid from 1 MPa, loaded to 300 MPa and back."""
+    surface = self_affine(
+        (64, 128), (64e-6, 128e-6), hurst=0.8, rms_slope=0.1, roll_off=32e-6, cut_off=8e-6, rng=1
+    )
+    loads = {"loading": (50e6, 300e6), "unload_from": (300e6,), "unloading": (50e6,)}
+    return Scene(surface, E, 2.8e9, fluid, 1e6, outlet_pressure, **loads)
+
+
+def soft_cycle(points):
+    """A soft face of so many points, loaded to half of its hardness and back."""
+    surface = self_affine(points, (60e-6, 120e-6), hurst=0.8, rms_slope=0.15, roll_off=40e-6, rng=2)
+    loads = {"loading": (50e6, 200e6, 700e6), "unload_from": (700e6,), "unloading": (300e6, 50e6)}
+    return Scene(surface, E, 1.4e9, OIL, 1e6, 0.0, **loads)
 
 
 def template_cases():

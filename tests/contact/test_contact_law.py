@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 from small_cases import HARDENED as CASE
+from small_cases import scene_of_law
 
 import femseal as fs
 from femseal.case.case import parse_case
@@ -414,21 +415,7 @@ def test_a_bent_law_is_the_straight_one_where_it_does_not_bend():
 
 @pytest.mark.parametrize("law", OUTSIDE, ids=lambda law: type(law).__name__)
 def test_a_law_from_outside_runs_through_every_study(law):
-    surface = self_affine(
-        (48, 64), (48e-6, 64e-6), hurst=0.8, rms_slope=0.25, roll_off=24e-6, cut_off=8e-6, rng=1
-    )
-    scene = fs.Scene(
-        surface,
-        E,
-        law,
-        fs.Liquid(1e-3),
-        1e6,
-        0.0,
-        loading=(1e8, 6e8),
-        unload_from=(6e8,),
-        unloading=(2e8,),
-        rtol=1e-4,
-    )
+    scene = scene_of_law(law, 6e8)
     whole = fs.deterministic(scene)
     assert np.all(whole.plastic_fraction[1] > 0.01)
     assert whole.mean_gap[1] < whole.mean_gap[2] < whole.mean_gap[0]

@@ -5,6 +5,7 @@ import pytest
 from each import each
 from numpy.testing import assert_allclose, assert_array_equal
 from scipy.optimize import brentq, minimize, root
+from small_cases import scene_of_law
 from test_contact_law import RTOL, STIFF, D, E, H, rough, solved
 
 import femseal as fs
@@ -215,21 +216,7 @@ def test_a_law_that_falls_faster_than_the_pixels_are_stiff_is_solved(smallest):
 
 @pytest.mark.parametrize("law", [RISING, SOFT], ids=["table", "Nix–Gao"])
 def test_curves_run_through_every_study(law):
-    surface = self_affine(
-        (48, 64), (48e-6, 64e-6), hurst=0.8, rms_slope=0.25, roll_off=24e-6, cut_off=8e-6, rng=1
-    )
-    scene = fs.Scene(
-        surface,
-        E,
-        law,
-        fs.Liquid(1e-3),
-        1e6,
-        0.0,
-        loading=(1e8, 5e8),
-        unload_from=(5e8,),
-        unloading=(2e8,),
-        rtol=1e-4,
-    )
+    scene = scene_of_law(law, 5e8)
     whole = fs.deterministic(scene)
     assert whole.plastic_fraction[1] > 0.01
     assert whole.mean_gap[1] < whole.mean_gap[2] < whole.mean_gap[0]

@@ -6,6 +6,7 @@ from typing import ClassVar
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose
+from small_cases import scene_of_fluid
 
 import femseal as fs
 from femseal.analytic import parallel_plates
@@ -149,20 +150,7 @@ def test_waves_across_and_along_a_liquid_that_slips():
 
 @pytest.fixture(scope="module")
 def scene():
-    surface = fs.self_affine(
-        (64, 128), (64e-6, 128e-6), hurst=0.8, rms_slope=0.1, roll_off=32e-6, cut_off=8e-6, rng=1
-    )
-    return fs.Scene(
-        surface,
-        115e9,
-        2.8e9,
-        SLIPPERY,
-        1e6,
-        0.0,
-        loading=(50e6, 300e6),
-        unload_from=(300e6,),
-        unloading=(50e6,),
-    )
+    return scene_of_fluid(SLIPPERY, 0.0)
 
 
 def test_all_studies_of_a_liquid_that_slips(scene):

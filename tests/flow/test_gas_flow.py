@@ -10,6 +10,7 @@ from scipy.integrate import solve_ivp
 from scipy.optimize import root
 from scipy.sparse.linalg import spsolve
 from skfem import MeshQuad
+from small_cases import scene_of_fluid
 
 import femseal as fs
 from femseal.face.piece_flow import FlowSettings, piece_permeability
@@ -355,20 +356,7 @@ def test_tables_that_are_none(pressures, values, word):
 
 @pytest.fixture(scope="module")
 def scene():
-    surface = fs.self_affine(
-        (64, 128), (64e-6, 128e-6), hurst=0.8, rms_slope=0.1, roll_off=32e-6, cut_off=8e-6, rng=1
-    )
-    return fs.Scene(
-        surface,
-        115e9,
-        2.8e9,
-        HELIUM,
-        1e6,
-        1e5,
-        loading=(50e6, 300e6),
-        unload_from=(300e6,),
-        unloading=(50e6,),
-    )
+    return scene_of_fluid(HELIUM, 1e5)
 
 
 def test_all_studies_of_a_gas(scene):

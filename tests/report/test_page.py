@@ -14,21 +14,20 @@ import matplotlib.image
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose
+from small_cases import soft_cycle
 
 import femseal as fs
 from femseal import cli
 from femseal.base.errors import InputError
 from femseal.base.leak_rates import leakage_unit
-from femseal.fluids import Liquid
 from femseal.report import write_folder, write_report
 from femseal.report.case_text import pressure_drop_sentences
 from femseal.report.page import report_html
 from femseal.results import RunFacts, assemble, save
-from femseal.studies import Sampling, Scene
+from femseal.studies import Sampling
 from femseal.studies.drawn_study import stochastic
 from femseal.studies.face_study import deterministic
 from femseal.studies.piece_study import two_scale
-from femseal.topography import self_affine
 
 pytestmark = pytest.mark.usefixtures("drawn_pictures")
 
@@ -69,20 +68,7 @@ BROWSER = next(
 
 @pytest.fixture(scope="module")
 def scene():
-    surface = self_affine(
-        (48, 96), (60e-6, 120e-6), hurst=0.8, rms_slope=0.15, roll_off=40e-6, rng=2
-    )
-    return Scene(
-        surface,
-        115e9,
-        1.4e9,
-        Liquid(1e-3),
-        1e6,
-        0.0,
-        loading=(50e6, 200e6, 700e6),
-        unload_from=(700e6,),
-        unloading=(300e6, 50e6),
-    )
+    return soft_cycle((48, 96))
 
 
 @pytest.fixture(scope="module")

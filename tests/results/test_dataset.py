@@ -13,6 +13,7 @@ import numpy as np
 import pytest
 import xarray
 from numpy.testing import assert_allclose, assert_array_equal
+from small_cases import soft_cycle
 
 from femseal.base import shared_array
 from femseal.base.errors import FemsealError, InputError
@@ -41,20 +42,7 @@ M1, M2 = 4, 8
 
 @pytest.fixture(scope="module")
 def scene():
-    surface = self_affine(
-        (64, 128), (60e-6, 120e-6), hurst=0.8, rms_slope=0.15, roll_off=40e-6, rng=2
-    )
-    return Scene(
-        surface,
-        115e9,
-        1.4e9,
-        Liquid(1e-3),
-        1e6,
-        0.0,
-        loading=(50e6, 200e6, 700e6),
-        unload_from=(700e6,),
-        unloading=(300e6, 50e6),
-    )
+    return soft_cycle((64, 128))
 
 
 @pytest.fixture(scope="module")
