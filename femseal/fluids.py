@@ -71,14 +71,14 @@ class _OnFaces:
     surface_tension: float | None = parameter(
         "N/m",
         "a surface tension > 0, such as '73 mN/m'",
-        "with a `contact_angle` above 90°, gives the pressure below which the liquid enters no gap",
+        "with a `contact_angle` above 90° gives the pressure of entry",
         usual=(1e-3, 3.0),
         default=None,
     )
     contact_angle: float | None = parameter(
         "rad",
         "a contact angle >= 0, such as '110 deg'",
-        "on the faces; above 90° they are not wetted",
+        "on the faces",
         usual=(1e-3, 3.15),
         inclusive=True,
         default=None,
@@ -86,7 +86,7 @@ class _OnFaces:
     slip_length: float = parameter(
         "m",
         "a length >= 0, such as '20 nm'",
-        "of a liquid that slips on both faces",
+        "on both faces",
         usual=(1e-10, 1e-5),
         inclusive=True,
         default=0.0,
@@ -95,7 +95,7 @@ class _OnFaces:
     bulk_modulus: float | None = parameter(
         "Pa",
         "a bulk modulus > 0, such as '2 GPa'",
-        "of liquid trapped in pockets, incompressible unless given",
+        "of trapped liquid, incompressible unless given",
         usual=(5e7, 1e11),
         default=None,
         since="0.2",

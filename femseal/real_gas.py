@@ -56,7 +56,7 @@ def temperature_of_gas(**more: Any) -> Any:
 
 def slip_of_gas() -> Any:
     """The parameter `slip` of a gas."""
-    meaning = "slip and free molecular flow in narrow gaps; `false`: viscous in every gap"
+    meaning = "slip and free molecular flow in narrow gaps"
     return described(meaning, default=True)
 
 

@@ -20,20 +20,17 @@ from femseal.case.template import (
 
 _HEAD = """# All keys of a case file
 
-A quantity is text with any unit of its kind: `"0.2 mm"` where the column *unit* has m. The column *needed* says when a
-key must stand in the file, *since* the first version that has it. A key without a default is off, or its meaning says
-how it is chosen. `femseal schema` writes the same for editors. [Case files](case.md) shows the template and explains
-groups of keys.
+A quantity is text with any unit of its kind: `"0.2 mm"` where the column *unit* has m. *Needed* says when a
+key must stand in the file, and of which kinds it is; *since* is its first version. A key without a default is off,
+or its meaning says how it is chosen. `femseal schema` writes the same for editors, [Case files](case.md) explains it.
 """
-_COLUMNS = (
-    "| key | type | unit | default | needed | since | meaning |\n|---|---|---|---|---|---|---|"
-)
+_COLUMNS = "| key | type | unit | default | needed, of kind | since | meaning |\n|---|---|---|---|---|---|---|"
 _GONE = """
 ## Keys that are gone
 
-A case with one of these keys is refused with what does its work now.
+A case with one of these keys is refused.
 
-| key | now |
+| key | instead |
 |---|---|"""
 _NUMBER_KINDS = {
     "string": "text",
@@ -57,7 +54,8 @@ def write_case_keys(page: Path, case=Case, schema=None) -> None:
     seen = []
     for name, field in fields.items():
         blocks += _section(name, field, definitions, seen)
-    blocks += [_GONE, *(f"| `{key}` | {_code(now)} |" for key, now in REMOVED.items())]
+    gone = {key: now.removeprefix("none: removed; ") for key, now in REMOVED.items()}
+    blocks += [_GONE, *(f"| `{key}` | {_code(now)} |" for key, now in gone.items())]
     page.write_text("\n".join(blocks) + "\n", encoding="utf-8")
     page.with_name("template.toml").write_text(case_template(case), encoding="utf-8")
 
@@ -67,11 +65,8 @@ def _section(name, field, definitions, seen):
     tables = tables_in(field)
     if not tables:
         return
-    yield f"\n## [{name}]\n\n{_sentence(field.description)}. " + (
-        "This table must stand in the file.\n"
-        if field.is_required()
-        else "This table may be left out.\n"
-    )
+    said = f"\n{_sentence(field.description)}.{' Needed.' if field.is_required() else ''}\n"
+    yield f"\n## [{name}]\n{'' if '.' in name else said}"
     if tables[0] in seen:
         yield "Its keys are those of `[material]`."
         return
@@ -85,10 +80,9 @@ def _section(name, field, definitions, seen):
     if len(tables) > 1:
         meaning = "; ".join(f"{kinds[table]}: {summary(table)}" for table in tables)
         default = field.default["kind"] if isinstance(field.default, dict) else None
-        when = "no" if default else f"yes, {told(field, 'needed') or ''}".removesuffix(", ")
+        when = "" if default else f"yes, {told(field, 'needed') or ''}".removesuffix(", ")
         shown = f'`"{default}"`' if default else ""
-        names, since = ", ".join(kinds.values()), told(field, "since")
-        yield f"| `kind` | one of {names} | | {shown} | {when} | {since} | {meaning} |"
+        yield f"| `kind` | text | | {shown} | {when} | {told(field, 'since')} | {meaning} |"
     for key, where in found.items():
         if key == "kind":
             continue
@@ -97,10 +91,10 @@ def _section(name, field, definitions, seen):
         required = [kinds[table] for table, each in where if each.is_required()]
         when = _needed(key, one, keys_of(table))
         if required and len(required) < len(where):
-            when = f"of {', '.join(required)}"
+            when = f"yes, of {', '.join(required)}"
         meanings = list(dict.fromkeys(each.description for _, each in where))
         entry = definitions[table.__name__]["properties"].get(key, {})
-        yield _row(key, one, entry, f"{when}; of {of}" if of else when, field, "; ".join(meanings))
+        yield _row(key, one, entry, "; ".join(filter(None, [when, of])), field, "; ".join(meanings))
     for table in tables:
         for key, one in keys_of(table).items():
             if not one.examples and not set(tables_in(one)) & set(seen):
@@ -110,10 +104,10 @@ def _section(name, field, definitions, seen):
 def _needed(name, field, beside):
     """When a key must stand in a table."""
     others = [f"or `{key}`" for key, one in beside.items() if told(one, "instead") == name]
-    when = ", ".join(filter(None, [told(field, "needed"), *others]))
+    when = [told(field, "needed"), *others]
     if instead := told(field, "instead"):
-        when = f"in place of `{instead}`"
-    return f"{'yes' if field.is_required() else 'no'}{when and ', '}{when}"
+        when = [f"in place of `{instead}`"]
+    return ", ".join(filter(None, ["yes" if field.is_required() else "", *when]))
 
 
 def _row(name, field, schema, needed, around, meaning=""):
@@ -135,7 +129,7 @@ def _row(name, field, schema, needed, around, meaning=""):
 
 
 def _type(schema, quantity, meaning=""):
-    """Kind of a value in words, with its example."""
+    """Kind of a value in words."""
     if "$ref" in str(schema):
         return "table, or list of tables" if "array" in str(schema) else "table"
     if schema.get("type") == ["string", "array"]:
@@ -144,13 +138,12 @@ def _type(schema, quantity, meaning=""):
         items, length = schema.get("items", {}), schema.get("maxItems")
         return f"list of {length or 'several'}: {_type(items, quantity)}"
     if options := schema.get("enum"):
-        return "one of " + ", ".join(f"`{json.dumps(o)}`" for o in options)
+        return ", ".join(f"`{json.dumps(o)}`" for o in options)
     if "anyOf" in schema:
         return " or ".join(dict.fromkeys(_type(option, quantity) for option in schema["anyOf"]))
-    if quantity is not None:
-        return _code(quantity.expected)
-    if said := schema.get("description", "").removeprefix(meaning or "").lstrip("; "):
-        return _code(said)
+    said = schema.get("description", "").removeprefix(meaning or "").lstrip("; ")
+    if said := said if quantity is None else quantity.expected:
+        return _code(re.sub(r"^an? |, such as.*", "", said))
     kinds = schema.get("type", "text")
     return " or ".join(
         _NUMBER_KINDS.get(k, k) for k in ([kinds] if isinstance(kinds, str) else kinds)

@@ -48,29 +48,22 @@ class Case(Table):
 
     title: str = key("heading of the report", "", start="My seal", max_length=200)
     method: Method = key("how leakage is computed", "stochastic", start="stochastic")
-    compare: tuple[Method, ...] = key(
-        "further methods, whose results stand beside", (), example=["two-scale"]
-    )
+    compare: tuple[Method, ...] = key("further methods to compare", (), example=["two-scale"])
     accuracy: Accuracy | None = key(
-        "of the leakage, by the numbers alone, without the model and its input: what is left out "
-        "is chosen and refined until it is reached",
+        "wanted relative error of the numbers; what the case leaves open is refined until then",
         None,
         example="10 %",
     )
-    time_limit: Duration | None = key(
-        "of the attempts at that accuracy together", None, example="1 h"
-    )
-    seed: Number = key(
-        "the same seed gives the same results, whatever the number of workers", 0, start=1
-    )
+    time_limit: Duration | None = key("of all attempts at that accuracy", None, example="1 h")
+    seed: Number = key("of all draws, whatever the number of workers", 0, start=1)
     memory: FileSize | None = key(
-        "a run expected to take more is refused; what is free on the machine unless given",
+        "limit above which a run is refused; the free memory unless given",
         None,
         example="16 GB",
         exclude=True,
     )
     face: tuple[Face, ...] = key(
-        "the rough face; two of them, each under [[face]], are summed",
+        "the rough face; two, each under [[face]], are summed",
         needed="without a `path` or `places`",
         min_length=1,
         max_length=2,
@@ -78,7 +71,7 @@ class Case(Table):
     surface: SurfaceTable = key("repair of measured faces, and conditioning", SurfaceTable())
     material: SolidTable = key("the solid of the face")
     counter_material: SolidTable | None = key(
-        "that of the counter-face, which is rigid and flat without this table", None
+        "the solid of the counter-face; rigid and flat without this table", None
     )
     load: LoadTable = key(
         'nominal contact pressures; or forces on the seal, "10 kN", or on its length, "200 N/mm"'
@@ -92,13 +85,13 @@ class Case(Table):
         validate_default=True,
     )
     seat: AnySeat = key(
-        "form of the seat, added to the roughness; loads are then best forces per length",
+        "form of the seat, added to the roughness",
         {"kind": "flat"},
         since="0.2",
         validate_default=True,
     )
     cells: CellsTable | None = key(
-        "pieces of the face, of the stochastic and the two-scale method; of several places, of each",
+        "pieces of the face, of several places of each",
         None,
     )
     stochastic: StochasticTable | None = key("seals that are drawn", None)

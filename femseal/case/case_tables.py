@@ -17,7 +17,7 @@ from ..budget.error_parts import MODEL_PARTS
 from ..contact import ContactLaw, HardnessTable, LinearHardening, NixGao, PerfectlyPlastic
 from ..contact.hardness_curves import SMALLEST_DEPTH
 from ..flow.solution import SOLVERS
-from ..materials import HARDNESS_FACTOR, METALS, Solid, named_solid
+from ..materials import HARDNESS_FACTOR, Solid, named_solid
 from ..studies.choices import FIELDS_LIMIT, FLUID_EFFECTS, FORMATS
 from .faults import fault, faults_of, refusal
 from .fluid import AnyFluid, overriding
@@ -54,8 +54,7 @@ class ContactTable(Table):
     )
     rtol: float = key("complementarity residual", 1e-5, gt=0, lt=0.1)
     fluid_pressure: Literal[FLUID_EFFECTS] = key(  # type: ignore[valid-type]
-        "the fluid presses the faces apart, where it is trapped closed pockets keep their liquid, "
-        "or it is ignored: dry faces",
+        "it presses the faces apart, is trapped in closed pockets too, or is ignored",
         "acts",
         since="0.2",
     )
@@ -73,13 +72,12 @@ class CellsTable(Table):
     """Pieces of a measured place for the two-scale and stochastic methods."""
 
     count: tuple[Count, Count] | None = key(
-        "pieces along x1 and x2; unless given as many as suit the drawn seals, and for two scales "
-        "eight shortest waves or more a side",
+        "pieces along x1 and x2; unless given as drawn seals need, for two scales eight shortest waves a side",
         None,
         example=[4, 8],
     )
     size: Annotated[Length, Usual(1e-7, 0.1, "m")] | None = key(
-        "side of a piece, about", None, example="60 um", instead="count"
+        "approximate side of a piece", None, example="60 um", instead="count"
     )
 
     @model_validator(mode="after")
@@ -93,13 +91,13 @@ class StochasticTable(Table):
     """How a seal is drawn, see `studies.Sampling`."""
 
     length: Length | None = key(
-        "of a straight seal, along x2; that of the face unless given", None, start="10 mm"
+        "of a strip, along x2; of the face unless given", None, start="10 mm"
     )
     breadth: Annotated[Length, Usual(1e-6, 1.0, "m")] | None = key(
-        "of a straight seal, along x1; that of the face unless given", None, example="2 mm"
+        "of a strip, along x1; of the face unless given", None, example="2 mm"
     )
     realisations: Annotated[int, Field(strict=True, ge=2)] | None = key(
-        "seals that are drawn; as many as the band of error needs unless given", None, example=50
+        "number of seals; as the band of error needs unless given", None, example=50
     )
     quantiles: tuple[Ratio, Ratio] = key("ends of the band between seals", (0.05, 0.95))
 
@@ -137,55 +135,53 @@ def _class_name(value: Any) -> str:
 class OutputTable(Table):
     """Optional contents of the results folder, and how leakage is given."""
 
-    pictures: bool = key(
-        "false: no pictures and no report, which is made of them; `--resume` adds them later", True
-    )
-    report: bool = key("the page `report.html`; `femseal report DIR` makes it later", True)
+    pictures: bool = key("false leaves out the report too; `--resume` adds them", True)
+    report: bool = key("`report.html`; `femseal report DIR` makes it later", True)
     fields: bool = key("gap, contact and fluid pressure of all pixels", True)
     paraview: Literal[FORMATS] = key(  # type: ignore[valid-type]
         "files for any ParaView, or none", "vtu"
     )
     fields_limit: FileSize = key(
-        "above this size of the fields steps are left out", FIELDS_LIMIT, example="1 GB"
+        "size above which steps are left out", FIELDS_LIMIT, example="1 GB"
     )
     leakage_unit: Annotated[str, BeforeValidator(_leak_unit_name), _text(_LEAK_UNITS)] | None = key(
-        "of tables, pictures and report; else a readable one per length of seal",
+        "of tables, pictures and report; a readable one unless given",
         None,
         example="mL/min",
     )
     throughput_temperature: Temperature | None = key(
-        "of gases given in Pa·m³/s or mbar·L/s; their own unless given", None
+        "of gases in Pa·m³/s or mbar·L/s; their own unless given", None
     )
     classes: tuple[Annotated[str, BeforeValidator(_class_name), _text(KNOWN)], ...] = key(
-        "leakage classes that are judged at every step", (), example=["L0.01", "TA Luft"]
+        "classes that are judged at every step", (), example=["L0.01", "TA Luft"]
     )
     nominal_diameter: Annotated[Length, Usual(1e-3, 10.0, "m")] | None = key(
-        "of a valve, its seat or its stem, for ISO 5208, API 598, FCI 70-2, ISO 15848-1",
+        "of valve, seat or stem, for classes",
         None,
         example="50 mm",
     )
     rated_capacity: VolumeRate | None = key(
-        "of the open valve, for FCI 70-2 IV: flow of the fluid that decides, of a gas at 101 325 Pa",
+        "flow of the open valve, for FCI 70-2 IV",
         None,
     )
     drop_volume: Volume = key(
-        'of `leakage_unit = "drops/min"`; classes have that of their standard',
+        'of `"drops/min"`; classes have their own',
         DROP,
         example="0.05 mL",
     )
     bubble_volume: Volume = key(
-        'of `leakage_unit = "bubbles/min"`; classes have that of their standard',
+        'of `"bubbles/min"`; classes have their own',
         BUBBLE,
         example="0.15 mL",
     )
     test_fluid: AnyFluid | None = key(
-        "keys of `[fluid]`: of a leak test on the same seals, by which classes are judged",
+        "fluid of a leak test of the same seals, which decides on classes",
         None,
         example={"name": "helium", "inlet_pressure": "40 bar"},
     )
-    budget: bool = key("the band of error of every leakage, for about a quarter more time", True)
+    budget: bool = key("the band of error of every leakage", True)
     model_parts: tuple[Literal[MODEL_PARTS], ...] = key(  # type: ignore[valid-type]
-        "sources of the budget that are of the model and its input", MODEL_PARTS, since="0.2"
+        "sources of the budget that are of model and input", MODEL_PARTS, since="0.2"
     )
 
     @model_validator(mode="before")
@@ -276,23 +272,23 @@ class SolidTable(Table):
     )
     hardness: Strength | None = key("largest contact pressure", None, start="2.8 GPa")
     hardening: Hardening | None = key(
-        "rise of the hardness with the depth to which a point has yielded; 0: perfectly plastic",
+        "rise of the hardness with the yielded depth",
         None,
         example="2 GPa/um",
         since="0.2",
     )
     hardness_tolerance: float = key(
-        "relative error of the hardness, for the error budget", 0.1, ge=0, lt=1, since="0.2"
+        "relative error of the hardness, for the budget", 0.1, ge=0, lt=1, since="0.2"
     )
     nix_gao_depth: Annotated[Height, Usual(1e-8, 1e-4, "m")] | None = key(
-        "depth h* by Nix and Gao: the hardness times sqrt(1 + h*/depth)",
+        "depth h* of Nix and Gao: hardness × sqrt(1 + h*/depth)",
         None,
         example="1 um",
         since="0.2",
         instead="hardening",
     )
     smallest_depth: Annotated[Length, Usual(1e-9, 1e-5, "m")] | None = key(
-        "depth up to which that hardness is constant",
+        "depth up to which that is constant",
         None,
         example="0.1 um",
         since="0.2",
@@ -303,14 +299,14 @@ class SolidTable(Table):
         BeforeValidator(_two_rows),
         WithJsonSchema({"anyOf": [{"type": "string", "expected": _FILE_COLUMNS}, _ROWS]}),
     ] = key(
-        "hardness over the depth to which a point has yielded, in rows or a file",
+        "hardness over the yielded depth, in rows or a file",
         None,
         example=[["0.1 um", "2.4 GPa"], ["0.5 um", "2.1 GPa"], ["2 um", "2 GPa"]],
         since="0.2",
         instead="hardness",
     )
     name: str | None = key(
-        f"fills in `young`, `poisson` and `yield_stress`: {'; '.join(METALS)}",
+        "fills in `young`, `poisson` and `yield_stress`",
         None,
         example="copper, soft",
         since="0.2",

@@ -50,7 +50,7 @@ class GeneratedFace(Table):
     make_heights: ClassVar[Callable[..., Topography]]
     points: tuple[Count, Count] = key("points along x1 and x2", start=[256, 512])
     size: tuple[Side, Side] = key("length along x1 and x2", start=["240 um", "480 um"])
-    hurst: Hurst = key("Hurst exponent, of a turned face that of its roughness", 0.8)
+    hurst: Hurst = key("Hurst exponent of the roughness", 0.8)
 
     def make(self, folder: Path, rng: np.random.Generator) -> tuple[Topography, Instrument]:
         """The face, which no instrument limits."""
@@ -63,11 +63,9 @@ class SelfAffineFace(GeneratedFace):
 
     make_heights = staticmethod(self_affine)
     kind: Literal["self-affine"]
-    rms_slope: Slope | None = key("root mean square of the slope", None, example=0.2)
-    rms_height: Relief | None = key(
-        "root mean square of the height", None, example="1 um", instead="rms_slope"
-    )
-    roll_off: Wave | None = key("end of the plateau of the spectrum", None, example="60 um")
+    rms_slope: Slope | None = key("rms slope", None, example=0.2)
+    rms_height: Relief | None = key("rms height", None, example="1 um", instead="rms_slope")
+    roll_off: Wave | None = key("longest wave of the power law", None, example="60 um")
     cut_off: Wave | None = key(_CUT_OFF, None, example="7.5 um")
 
 
@@ -79,16 +77,14 @@ class TurnedFace(GeneratedFace):
     pitch: Wave = key("feed per turn", start="60 um")
     depth: Relief = key("height of the ridges", start="2.5 um")
     nose_radius: Wave | None = key(
-        "flat lands stay between the grooves where the depth is not reached", None, example="0.4 mm"
+        "of the tool; lands stay flat where the depth is not reached", None, example="0.4 mm"
     )
-    feed_error: Ratio = key("rms scatter of the feed, as a fraction of the pitch", 0.0, start=0.03)
-    depth_error: Ratio = key("rms scatter of the depth, as a fraction of it", 0.0, start=0.1)
+    feed_error: Ratio = key("rms scatter of the feed over the pitch", 0.0, start=0.03)
+    depth_error: Ratio = key("rms scatter of the depth over it", 0.0, start=0.1)
     waviness: Height = key("rms of a long wave along x1", 0.0, example="0.2 um")
     waviness_length: Wave | None = key("length of that wave", None, example="120 um")
     roughness: Height = key("rms of superposed self-affine roughness", 0.0, start="0.8 um")
-    roughness_roll_off: Wave | None = key(
-        "end of the plateau of the spectrum of the roughness", None, start="40 um"
-    )
+    roughness_roll_off: Wave | None = key("roll-off of the roughness", None, start="40 um")
     cut_off: Wave | None = key(_CUT_OFF, None, example="7.5 um")
 
 
@@ -108,38 +104,34 @@ class MapFile(Table):
     """A file with a map of heights, see `topography.read_topography`; paths are relative to the case file."""
 
     path: Path | None = key(
-        "file of an instrument, relative to the case: .npy .npz .csv .asc .txt .x3p .sdf, "
-        "many more after `pip install 'femseal[surface]'`",
+        "relative to the case: .npy .npz .csv .asc .txt .x3p .sdf, more after "
+        "`pip install 'femseal[surface]'`",
         None,
         example="face.plu",
     )
     size: tuple[Side, Side] | None = key(
-        "length along x1 and x2, where the file has none or a wrong one",
+        "in a file, where it has none or a wrong one",
         None,
         example=["1.2 mm", "0.9 mm"],
     )
     spacing: Annotated[tuple[Pixel, Pixel], Both()] | None = key(
         "size of a pixel along x1 and x2", None, example=["1 um", "2 um"], instead="size"
     )
-    height_unit: str | None = key(
-        "unit of the heights, where the file has none or a wrong one", None, example="um"
-    )
+    height_unit: str | None = key("where the file has none or a wrong one", None, example="um")
     delimiter: str | None = key(
-        "between the numbers of a text, where it is not seen from them", None, example=";"
+        "between the numbers of a text, where it is not found", None, example=";"
     )
     array: str | None = key("name of the heights in an `.npz`", None, example="heights")
-    channel: Channel = key("number or name of the channel, where the file has several", 0)
-    transpose: bool = key("exchange x and y so that the lay runs along x2", False)
+    channel: Channel = key("where the file has several", 0)
+    transpose: bool = key("exchange x and y", False)
     mask: Path | None = key(
-        "points are undefined where an image of the size of the map is not black, or a text or `.npy` not 0",
+        "image, text or `.npy` of the size of the map; its points that are not 0 (black) are undefined",
         None,
         example="mask.png",
     )
-    file_mask: bool = key(
-        "points under the mask in a `.gwy` or `.npz` are undefined; false: taken as they are", True
-    )
+    file_mask: bool = key("whether points under the mask of a `.gwy` or `.npz` are undefined", True)
     crop: Annotated[tuple[Place, Place, Place, Place] | None, BeforeValidator(_part)] = key(
-        "part that is used: x1 from and to, x2 from and to",
+        "part that is used: x1 from, to, x2 from, to",
         None,
         example=["0.1 mm", "0.9 mm", "0 mm", "0.5 mm"],
     )
@@ -147,13 +139,13 @@ class MapFile(Table):
         "whether the heights repeat along x1 and x2", (False, False)
     )
     tip_radius: Wave | None = key(
-        "radius of a stylus, as the file says unless given: waves that it cannot follow count as not measured",
+        "of a stylus, as the file says unless given; waves that it cannot follow count as not measured",
         None,
         example="2 um",
         since="0.3",
     )
     resolution: Wave | None = key(
-        "lateral period limit of the instrument (ISO 25178-600): the wave shown at half of its height",
+        "lateral period limit of the instrument (ISO 25178-600)",
         None,
         example="1 um",
         since="0.3",
@@ -187,7 +179,7 @@ class FileFace(MapFile):
 
     kind: Literal["file"]
     places: PlaceTables | None = key(
-        "several measured places of one face: files, a pattern of files, or tables with keys of their own",
+        "several measured places: files, a pattern, or tables with keys of their own",
         None,
         example=["a.plu", "b.plu", "c.plu"],
         since="0.2",
@@ -197,13 +189,13 @@ class FileFace(MapFile):
         "axis along which it is reversed", None, example="x2", needed="of a second face"
     )
     rotate: Angle | None = key(
-        "angle by which it lies on the first, middle on middle; what both cover is used",
+        "angle to the first face, about their middles",
         None,
         example="5 deg",
         needed="of a second face",
     )
     shift: tuple[Shift, Shift] | None = key(
-        "shift of its middle along x1 and x2",
+        "of its middle along x1 and x2",
         None,
         example=["0 um", "20 um"],
         needed="of a second face",
@@ -270,28 +262,25 @@ class SurfaceTable(Table):
     """Repair of measured faces and conditioning of their sum, see `topography.conditioning`."""
 
     spikes: Threshold = key(
-        "isolated points of files that many robust deviations off are filled; `inf`: none", SPIKES
+        "robust deviations from which isolated points of files are filled; `inf`: none", SPIKES
     )
     detrend: Literal[0, 1, 2] = key(
-        "form that is taken off: 0 mean, 1 tilt, 2 tilt and curvature; of a measured face on a "
-        "curved `[seat]` 2 unless given",
+        "form taken off: 0 mean, 1 tilt, 2 curvature too, the default of measured faces with a curved `[seat]`",
         1,
     )
     shortest_wave: Wave | None = key(
-        "Fourier low-pass; 8 pixels unless given, of a file the shortest wave measured",
+        "low-pass; 8 pixels unless given, of a file the shortest wave measured",
         None,
         example="8 um",
     )
     max_undefined: Ratio = key("largest fraction of undefined points that may be filled", 0.05)
     points: tuple[Count, Count] | None = key(
-        "another grid, by Fourier resampling; unless given, a face from a file gets 8 pixels for "
-        "the shortest wave measured; of several places, that of one",
+        "another grid; of a file, 8 pixels for the shortest wave measured unless given; of several places, of each",
         None,
         example=[512, 1024],
     )
     continue_spectrum: Wave | None = key(
-        "waves that were not measured, down to this one, by the power law of those that were, with "
-        "random phases; the budget draws three more sets of phases",
+        "shortest wave added beyond the measured ones, by their power law, with random phases",
         None,
         example="1 um",
         since="0.2",

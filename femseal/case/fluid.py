@@ -17,7 +17,7 @@ from ..base import InputError, shown, to_text
 from ..base.leak_rates import STANDARD_PRESSURE
 from ..base.quantities import absolute_pressure
 from ..fluids import FLUIDS, Fluid
-from ..named_fluids import TABLE, TABLE_TEMPERATURE, named_fluid
+from ..named_fluids import TABLE_TEMPERATURE, named_fluid
 from ..real_gas import RealGas
 from .faults import fault, faults_of
 from .values import Amount, Pressure, Table, Usual, in_si, key, table_of_any
@@ -57,20 +57,19 @@ class FluidTable(Table):
 def _state(fluid: Any) -> dict[str, Any]:
     """Keys of every fluid besides its parameters."""
     inlet = key(
-        'of a gas absolute, or gauge such as `"99 bar(g)"`, of any fluid',
+        'of a gas absolute; gauge as `"99 bar(g)"`',
         start="10 MPa",
         needed="unless the inlets of a mesh have pressures",
     )
     outlet = key("as the inlet pressure", fluid.outlet_pressure, start="0.1 MPa")
     ambient = key(
-        "which gauge pressures are above; also that of the outlet, if no other is given with them",
+        "of gauge pressures, and of the outlet unless it is given with them",
         None,
         example="1 atm",
         since="0.2",
     )
     named = key(
-        f"fills in the keys of its kind: {', '.join(TABLE)}, at 20 °C; many more and any "
-        "`temperature` after `pip install 'femseal[fluids]'`",
+        "fills in the keys of its kind; more names after `pip install 'femseal[fluids]'`",
         None,
         example="water",
         max_length=60,

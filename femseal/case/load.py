@@ -90,9 +90,7 @@ class MapTable(Table):
     """A map of the contact pressure over the seal, see `seal.pressure_map`."""
 
     kind: str
-    at: Load | None = key(
-        "load at which the map holds, where there are several", None, example="200 MPa"
-    )
+    at: Load | None = key("load at which one of several maps holds", None, example="200 MPa")
 
     def make(self, folder: Path) -> PressureMap:
         """The map."""
@@ -117,7 +115,7 @@ class UniformMap(MapTable):
 
 
 #: In equal strips or at given places.
-_FRACTIONS = "pressures over their mean, in strips or at the positions or angles"
+_FRACTIONS = "pressures over their mean"
 
 
 class ProfileMap(MapTable):
@@ -126,7 +124,7 @@ class ProfileMap(MapTable):
     kind: Literal["profile"]
     fractions: tuple[Fraction, ...] = key(_FRACTIONS, example=[1, 3], since="0.2")
     positions: tuple[Place, ...] = key(
-        "places of the fractions across the seal, on a ring radii", (), example=["10 mm", "12 mm"]
+        "of the fractions across the seal, on a ring radii", (), example=["10 mm", "12 mm"]
     )
 
     def make(self, folder: Path) -> PressureMap:
@@ -140,9 +138,9 @@ class AngleMap(MapTable):
     kind: Literal["angle"]
     fractions: tuple[Fraction, ...] = key(_FRACTIONS, example=[1.3, 0.8], since="0.2")
     angles: tuple[Angle, ...] = key(
-        "places of the fractions around the seal", (), example=["0 deg", "30 deg"]
+        "of the fractions around the seal", (), example=["0 deg", "30 deg"]
     )
-    repeat: Count = key("times that the fractions repeat around the seal", 1, instead="angles")
+    repeat: Count = key("times that the fractions repeat", 1, instead="angles")
 
     def make(self, folder: Path) -> PressureMap:
         """The map."""
@@ -153,9 +151,7 @@ class FieldMap(MapTable):
     """Pressure from a file, see `seal.seal_files.read_pressure_field`."""
 
     kind: Literal["field"]
-    path: Path = key(
-        "a mesh with the pressure at points or cells, or a `.csv`", example="flange.vtu"
-    )
+    path: Path = key("mesh with the pressure at points or cells, or `.csv`", example="flange.vtu")
     name: str = key("of the array, or of the column", "pressure")
     length_unit: str = key("of the coordinates", example="mm")
     pressure_unit: str = key("of the pressures", example="MPa")
@@ -187,11 +183,10 @@ class LoadTable(Table):
         needed="with `unload_from`",
     )
     nominal: Literal[NOMINALS] = key(  # type: ignore[valid-type]
-        "what carries the loads: contact and fluid together, or contact alone", "total", since="0.2"
+        "what carries the loads: contact and fluid, or contact alone", "total", since="0.2"
     )
     relaxation: Relaxation = key(
-        "fraction of each load in assembly that is lost before service: `unload_from`, and without "
-        "it every loading, is unloaded to the rest too",
+        "fraction of each peak, or without peaks of each load, that is lost before service",
         0.0,
         example=0.1,
         since="0.2",
@@ -200,8 +195,7 @@ class LoadTable(Table):
         tuple[AnyMapTable, ...] | None,
         BeforeValidator(lambda given: [given] if isinstance(given, dict) else given),
     ] = key(
-        "shape of the contact pressure over a drawn seal, which every load scales; a list has the "
-        "maps at several loads",
+        "shape of the contact pressure over a drawn seal; several hold at their loads",
         None,
     )
 

@@ -92,12 +92,12 @@ class SealTable(Table):
     if TYPE_CHECKING:
         kind: str
     form: Annotated[tuple[AnyForm, ...], BeforeValidator(_forms), Field(max_length=4)] | None = key(
-        "form of the whole seal, which gives each tile its pressure; several in a list add up",
+        "form of the whole seal; several add up",
         None,
         since="0.2",
     )
     flatness: Annotated[Length, Usual(1e-8, 1e-2, "m")] | None = key(
-        "of the whole seal, most from the highest to the lowest point, where its form is not known",
+        "highest to lowest point of a whole seal of unknown form",
         None,
         example="5 um",
         since="0.2",
@@ -228,7 +228,7 @@ class SeatTable(Table):
     if TYPE_CHECKING:
         kind: str
     tolerance: float = key(
-        "relative error of the depth of the form, such as 0.1 of a radius, for the budget",
+        "relative error of the depth of the form, for the budget",
         0.0,
         ge=0,
         lt=1,

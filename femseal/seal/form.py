@@ -69,7 +69,7 @@ class WavyForm:
     wavelength: float | None = parameter(
         "m",
         "a length > 0, such as '40 mm'",
-        "on a strip or a ring: as many waves as come nearest to it",
+        "on a strip or a ring, rounded to whole waves",
         usual=(1e-5, 10.0),
         default=None,
         instead="lobes",
@@ -231,7 +231,7 @@ class FileForm:
 
     kind: ClassVar[str] = "file"
     path: Path = described(
-        "a text with the columns x, y, z or r, theta, z, or a map of heights",
+        "text with columns x, y, z or r, theta, z, or a map of heights",
         example="flatness.csv",
     )
     unit: str | None = described(

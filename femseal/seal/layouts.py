@@ -45,15 +45,10 @@ class Layout(Protocol):
         ...
 
 
-_INLET = (
-    "side of the ring, or boundaries of the mesh, where the fluid enters; "
-    'a table such as `{bore = "10 MPa", port = "4 MPa"}` gives boundaries their pressures'
-)
+_INLET = 'side of the ring, or boundaries of the mesh; `{bore = "10 MPa", port = "4 MPa"}` sets pressures'
 
 
-_LAY = (
-    f"direction of x2 of the face on the seal: {ALLOWED}; a spiral is for a face whose groove winds"
-)
+_LAY = f"direction of x2 of the face on the seal: {ALLOWED}"
 
 
 @dataclass(frozen=True)
@@ -179,14 +174,14 @@ class MeshLayout:
     unit: str = described("of the lengths in the mesh", example="mm")
     inlet: str | tuple[str, ...] | Mapping[str, float] = described(_INLET, example="bore")
     outlet: str | tuple[str, ...] = described(
-        "boundaries where the fluid leaves; all others are closed", example=["rim", "bolts"]
+        "boundaries; all others are closed", example=["rim", "bolts"]
     )
     lay: Any = described(_LAY, default="circumferential")
     centre: tuple[float, float] = described(
         'of a lay `"circumferential"` or `"radial"`', example=["0 mm", "0 mm"], default=(0.0, 0.0)
     )
     length: float | None = described(
-        "length that the leakage is divided by; that of the outlet unless given",
+        "length that the leakage is divided by; of the outlet unless given",
         example="80 mm",
         default=None,
     )
