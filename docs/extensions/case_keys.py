@@ -5,11 +5,11 @@ import re
 from pathlib import Path
 
 from femseal.case.case import Case
-from femseal.case.fault_report import REMOVED
 from femseal.case.schema import case_schema
 from femseal.case.template import (
     as_toml,
     case_template,
+    choices,
     keys_of,
     kind_of,
     quantity_of,
@@ -22,16 +22,12 @@ _HEAD = """# All keys of a case file
 
 A quantity is text with any unit of its kind: `"0.2 mm"` where the column *unit* has m. *Needed* says when a
 key must stand in the file, and of which kinds it is; *since* is its first version. A key without a default is off,
-or its meaning says how it is chosen. `femseal schema` writes the same for editors, [Case files](case.md) explains it.
+or its meaning says how it is chosen. A key that is gone is refused with what does its work now. `femseal schema` writes
+the same for editors, [Case files](case.md) explains it.
 """
 _COLUMNS = "| key | type | unit | default | needed, of kind | since | meaning |\n|---|---|---|---|---|---|---|"
-_GONE = """
-## Keys that are gone
-
-A case with one of these keys is refused.
-
-| key | instead |
-|---|---|"""
+#: What another page lists, by the beginning of what is expected.
+_LISTED = {"'L1'": "[class](results.md#leakage-classes)"}
 _NUMBER_KINDS = {
     "string": "text",
     "number": "number",
@@ -54,8 +50,6 @@ def write_case_keys(page: Path, case=Case, schema=None) -> None:
     seen = []
     for name, field in fields.items():
         blocks += _section(name, field, definitions, seen)
-    gone = {key: now.removeprefix("none: removed; ") for key, now in REMOVED.items()}
-    blocks += [_GONE, *(f"| `{key}` | {_code(now)} |" for key, now in gone.items())]
     page.write_text("\n".join(blocks) + "\n", encoding="utf-8")
     page.with_name("template.toml").write_text(case_template(case), encoding="utf-8")
 
@@ -135,15 +129,20 @@ def _type(schema, quantity, meaning=""):
     if schema.get("type") == ["string", "array"]:
         return "text, or list of texts or tables"
     if schema.get("type") == "array":
-        items, length = schema.get("items", {}), schema.get("maxItems")
-        return f"list of {length or 'several'}: {_type(items, quantity)}"
+        items, length = schema.get("items", {}), schema.get("maxItems", "")
+        return f"list{length and f' of {length}'}: {_type(items, quantity)}"
     if options := schema.get("enum"):
         return ", ".join(f"`{json.dumps(o)}`" for o in options)
     if "anyOf" in schema:
         return " or ".join(dict.fromkeys(_type(option, quantity) for option in schema["anyOf"]))
     said = schema.get("description", "").removeprefix(meaning or "").lstrip("; ")
     if said := said if quantity is None else quantity.expected:
-        return _code(re.sub(r"^an? |, such as.*", "", said))
+        said = re.sub(r"^an? |, such as.*", "", said)
+        if quantity is not None and quantity.unit:  # which says its kind
+            said = re.sub(r"^[^<>]+(?=>)", "", said)
+        return next(
+            (link for start, link in _LISTED.items() if said.startswith(start)), _code(said)
+        )
     kinds = schema.get("type", "text")
     return " or ".join(
         _NUMBER_KINDS.get(k, k) for k in ([kinds] if isinstance(kinds, str) else kinds)
@@ -157,6 +156,8 @@ def _default(field, quantity):
     value = field.default
     if value is None or value == () or value == "":
         return ""
+    if isinstance(value, tuple) and set(value) == {*choices(field)}:
+        return "all"
     if quantity is None or not quantity.unit or isinstance(value, tuple):
         return f"`{as_toml(value)}`"
     text = to_text(value, quantity.unit).replace("byte", "B")

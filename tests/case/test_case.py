@@ -699,7 +699,7 @@ def test_a_key_is_declared_once(tmp_path, monkeypatch):
     )
     write_case_keys(tmp_path / "keys.md", NewCase, schema)
     assert (
-        "| `grit` | length > 0 | m |  | yes | 0.3 | Size of the grains |"
+        "| `grit` | > 0 | m |  | yes | 0.3 | Size of the grains |"
         in (tmp_path / "keys.md").read_text()
     )
 
