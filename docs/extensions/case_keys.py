@@ -28,13 +28,7 @@ the same for editors, [Case files](case.md) explains it.
 _COLUMNS = "| key | type | unit | default | needed, of kind | since | meaning |\n|---|---|---|---|---|---|---|"
 #: What another page lists, by the beginning of what is expected.
 _LISTED = {"'L1'": "[class](results.md#leakage-classes)"}
-_NUMBER_KINDS = {
-    "string": "text",
-    "number": "number",
-    "object": "table",
-    "integer": "whole number",
-    "boolean": "true or false",
-}
+_KINDS = {"string": "text", "object": "table"}
 
 
 def write_case_keys(page: Path, case=Case, schema=None) -> None:
@@ -145,7 +139,7 @@ def _type(schema, quantity, meaning=""):
         )
     kinds = schema.get("type", "text")
     return " or ".join(
-        _NUMBER_KINDS.get(k, k) for k in ([kinds] if isinstance(kinds, str) else kinds)
+        _KINDS.get(k, k) for k in ([kinds] if isinstance(kinds, str) else kinds)
     )
 
 
