@@ -4,6 +4,7 @@ import json
 import re
 from pathlib import Path
 
+from femseal.base.leak_rates import KNOWN
 from femseal.case.case import Case
 from femseal.case.schema import case_schema
 from femseal.case.template import (
@@ -20,14 +21,14 @@ from femseal.case.template import (
 
 _HEAD = """# All keys of a case file
 
-A quantity is text with any unit of its kind: `"0.2 mm"` where the column *unit* has m. *Needed* says when a
-key must stand in the file, and of which kinds it is; *since* is its first version. A key without a default is off,
-or its meaning says how it is chosen. A key that is gone is refused with what does its work now. `femseal schema` writes
-the same for editors, [Case files](case.md) explains it.
+A quantity is text with any unit of its kind: `"0.2 mm"` where the column *unit* has m. *Needed* says
+when a key must stand in the file, and of which kinds it is; *since* is its first version. A key without
+a default is off, or its meaning says how it is chosen. A key that is gone is refused with what does its
+work now. `femseal schema` writes the same for editors, [Case files](case.md) explains it.
 """
-_COLUMNS = "| key | type | unit | default | needed, of kind | since | meaning |\n|---|---|---|---|---|---|---|"
-#: What another page lists, by the beginning of what is expected.
-_LISTED = {"'L1'": "[class](results.md#leakage-classes)"}
+_COLUMNS = (
+    "| key | type | unit | default | needed, of kind | since | meaning |\n" + 7 * "|---" + "|"
+)
 _KINDS = {"string": "text", "object": "table"}
 
 
@@ -130,17 +131,15 @@ def _type(schema, quantity, meaning=""):
     if "anyOf" in schema:
         return " or ".join(dict.fromkeys(_type(option, quantity) for option in schema["anyOf"]))
     said = schema.get("description", "").removeprefix(meaning or "").lstrip("; ")
+    if said == KNOWN:
+        return "[class](results.md#leakage-classes)"
     if said := said if quantity is None else quantity.expected:
         said = re.sub(r"^an? |, such as.*", "", said)
         if quantity is not None and quantity.unit:  # which says its kind
             said = re.sub(r"^[^<>]+(?=>)", "", said)
-        return next(
-            (link for start, link in _LISTED.items() if said.startswith(start)), _code(said)
-        )
+        return _code(said)
     kinds = schema.get("type", "text")
-    return " or ".join(
-        _KINDS.get(k, k) for k in ([kinds] if isinstance(kinds, str) else kinds)
-    )
+    return " or ".join(_KINDS.get(k, k) for k in ([kinds] if isinstance(kinds, str) else kinds))
 
 
 def _default(field, quantity):

@@ -72,7 +72,8 @@ class CellsTable(Table):
     """Pieces of a measured place for the two-scale and stochastic methods."""
 
     count: tuple[Count, Count] | None = key(
-        "pieces along x1 and x2; unless given as drawn seals need, for two scales eight shortest waves a side",
+        "pieces along x1 and x2; unless given as drawn seals need, for two scales eight shortest "
+        "waves a side",
         None,
         example=[4, 8],
     )

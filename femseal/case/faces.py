@@ -125,7 +125,7 @@ class MapFile(Table):
     channel: Channel = key("where the file has several", 0)
     transpose: bool = key("exchange x and y", False)
     mask: Path | None = key(
-        "image, text or `.npy` of the size of the map; its points that are not 0 (black) are undefined",
+        "image, text or `.npy` of the map's size; points that are not 0 (black) are undefined",
         None,
         example="mask.png",
     )
@@ -139,7 +139,7 @@ class MapFile(Table):
         "whether the heights repeat along x1 and x2", (False, False)
     )
     tip_radius: Wave | None = key(
-        "of a stylus, as the file says unless given; waves that it cannot follow count as not measured",
+        "of a stylus, as the file says unless given; waves it cannot follow are not measured",
         None,
         example="2 um",
         since="0.3",
@@ -265,7 +265,7 @@ class SurfaceTable(Table):
         "robust deviations from which isolated points of files are filled; `inf`: none", SPIKES
     )
     detrend: Literal[0, 1, 2] = key(
-        "form taken off: 0 mean, 1 tilt, 2 curvature too, the default of measured faces with a curved `[seat]`",
+        "form taken off: 0 mean, 1 tilt, 2 curvature too; 2 by default with a curved `[seat]`",
         1,
     )
     shortest_wave: Wave | None = key(
@@ -275,7 +275,7 @@ class SurfaceTable(Table):
     )
     max_undefined: Ratio = key("largest fraction of undefined points that may be filled", 0.05)
     points: tuple[Count, Count] | None = key(
-        "another grid; of a file, 8 pixels for the shortest wave measured unless given; of several places, of each",
+        "another grid; of a file, 8 pixels for the shortest wave measured unless given",
         None,
         example=[512, 1024],
     )

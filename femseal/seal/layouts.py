@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any, ClassVar, Literal, Protocol
 
 from ..base import InputError, to_si, to_text, validate
 from ..base.validate import check_parameters, described, parameter
-from .lay import ALLOWED, Lay, check_ring, check_size
+from .lay import Lay, check_ring, check_size
 from .pressure_map import Frame
 
 if TYPE_CHECKING:
@@ -45,10 +45,16 @@ class Layout(Protocol):
         ...
 
 
-_INLET = 'side of the ring, or boundaries of the mesh; `{bore = "10 MPa", port = "4 MPa"}` sets pressures'
+_INLET = (
+    "side of the ring, or boundaries of the mesh; "
+    '`{bore = "10 MPa", port = "4 MPa"}` sets pressures'
+)
 
 
-_LAY = f"direction of x2 of the face on the seal: {ALLOWED}"
+_LAY = (
+    "direction of x2 of the face on the seal; tables {angle = '30 deg'}, "
+    "{kind = 'spiral', lead = '60 um', starts = 1}, {field = 'file.vtu:name'}"
+)
 
 
 @dataclass(frozen=True)
