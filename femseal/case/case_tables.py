@@ -176,7 +176,7 @@ class OutputTable(Table):
         example="0.15 mL",
     )
     test_fluid: AnyFluid | None = key(
-        "fluid of a leak test of the same seals, which decides on classes",
+        "fluid of a leak test of the same seals, by which classes are judged",
         None,
         example={"name": "helium", "inlet_pressure": "40 bar"},
     )

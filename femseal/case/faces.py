@@ -84,7 +84,7 @@ class TurnedFace(GeneratedFace):
     waviness: Height = key("rms of a long wave along x1", 0.0, example="0.2 um")
     waviness_length: Wave | None = key("length of that wave", None, example="120 um")
     roughness: Height = key("rms of superposed self-affine roughness", 0.0, start="0.8 um")
-    roughness_roll_off: Wave | None = key("roll-off of the roughness", None, start="40 um")
+    roughness_roll_off: Wave | None = key("longest wave of the power law of the roughness", None, start="40 um")
     cut_off: Wave | None = key(_CUT_OFF, None, example="7.5 um")
 
 
@@ -110,7 +110,7 @@ class MapFile(Table):
         example="face.plu",
     )
     size: tuple[Side, Side] | None = key(
-        "in a file, where it has none or a wrong one",
+        "where the file has none or a wrong one",
         None,
         example=["1.2 mm", "0.9 mm"],
     )
