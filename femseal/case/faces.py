@@ -84,7 +84,9 @@ class TurnedFace(GeneratedFace):
     waviness: Height = key("rms of a long wave along x1", 0.0, example="0.2 um")
     waviness_length: Wave | None = key("length of that wave", None, example="120 um")
     roughness: Height = key("rms of superposed self-affine roughness", 0.0, start="0.8 um")
-    roughness_roll_off: Wave | None = key("longest wave of the power law of the roughness", None, start="40 um")
+    roughness_roll_off: Wave | None = key(
+        "longest wave of the power law of the roughness", None, start="40 um"
+    )
     cut_off: Wave | None = key(_CUT_OFF, None, example="7.5 um")
 
 
