@@ -33,7 +33,7 @@ _RISE = 1.001
 class ErrorPart:
     """One source of error of a leakage, with the band that holds its truth in about 95 of 100 cases.
 
-    name : "solver", "pixels", "filter", "realisations", "patch", "places", or one of
+    name : "solver", "pixels", "filter", "realisations", "patch", "places", "blocks", or one of
         `MODEL_PARTS`.
     lower, upper : leakage at every step if only this source erred (steps,) [m²/s]. A lower end of 0: may be sealed; an
         upper end of inf: no bound is known; NaN: unknown.
@@ -76,10 +76,10 @@ class ErrorPart:
 class ErrorBudget:
     """The error budget of the leakage of one study of one scene.
 
-    method : "deterministic", "two-scale", or "stochastic". leakage : at every step (steps,) [m²/s]. parts : sources of
-    error. steps : the load programme, by which no load leaks more than a lower one: the band of a load ends where those
-    of others do, see `within_others`. Without it each load has its own band. parted : steps of which the fluid carries
-    all: they have no leakage.
+    method : name of the study. leakage : at every step (steps,) [m²/s]. parts : sources of error. steps : the load
+    programme, by which no load leaks more than a lower one: the band of a load ends where those of others do, see
+    `within_others`. Without it each load has its own band. parted : steps of which the fluid carries all: they have no
+    leakage.
     """
 
     method: str

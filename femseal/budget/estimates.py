@@ -306,21 +306,23 @@ def longer_waves_part(
     return part_of_changes("longer waves", steps, leakage, below, above, note)
 
 
-#: What seals of a kind are.
-_WHERE = {
-    "in place": "as broad as the face",
-    "anywhere": "of another breadth or shape than the face",
-    "with form": "whose form is known at points",
+#: What is solved, by its kind.
+_WHAT = {
+    "in place": "seals as broad as the face, drawn from one patch",
+    "anywhere": "seals of another breadth or shape than the face, drawn from one patch",
+    "with form": "seals whose form is known at points, drawn from one patch",
+    "by blocks": "a face by blocks",
 }
 
 
-def patch_part(study: StochasticResult) -> ErrorPart:
-    """What one measured patch does not know of a drawn seal, by the scenes of a calibration set."""
-    q = study.quantile(0.5)
-    distance = half_width(study.kind, study.steps, q)
-    scenes = count_scenes(study.kind)
-    where = _WHERE[study.kind]
-    note = f"seals {where}, drawn from one patch: by split conformal prediction from {scenes} whole faces"
-    part = part_of_changes("patch", study.steps, q, distance, distance, note)
-    floor = abs(float(q[first_known(q)])) / 10 ** FLOOR_DECADES[study.kind]
+def calibrated_part(name: str, kind: str, steps: LoadProgramme, leakage: Array) -> ErrorPart:
+    """What one measured patch does not know of a drawn seal, or blocks of a face, by the scenes of a calibration set.
+
+    kind : one of `KINDS`.
+    """
+    distance = half_width(kind, steps, leakage)
+    what, scenes = _WHAT[kind], count_scenes(kind)
+    note = f"{what}: by split conformal prediction from {scenes} whole faces"
+    part = part_of_changes(name, steps, leakage, distance, distance, note)
+    floor = abs(float(leakage[first_known(leakage)])) / 10 ** FLOOR_DECADES[kind]
     return replace(part, lower=np.where(part.lower < floor, 0.0, part.lower))

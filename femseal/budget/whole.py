@@ -4,11 +4,11 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from ..studies import Scene, StochasticResult, StudyResult, study_of_result
+from ..studies import BlocksResult, Scene, StochasticResult, StudyResult, study_of_result
 from ..studies.load_curves import least_counted
 from .changes import CoarserSolution
 from .error_parts import ErrorBudget, ErrorPart
-from .estimates import patch_part, places_part, realisations_part, solver_part
+from .estimates import calibrated_part, places_part, realisations_part, solver_part
 from .pixels import USUAL_PIXELS, one_grid_part, pixels_part
 from .waves import contact_fraction_of, filter_part, raised_by_slope
 
@@ -86,7 +86,11 @@ def error_budget(
         # the scatter of places shows what one patch cannot
         without = study.without_place
         parts.append(
-            patch_part(study) if without is None else places_part(study.quantile(0.5), without)
+            calibrated_part("patch", study.kind, study.steps, leakage)
+            if without is None
+            else places_part(leakage, without)
         )
+    elif isinstance(study, BlocksResult):
+        parts.append(calibrated_part("blocks", study.kind, study.steps, leakage))
     parted = tuple(s for s, _ in scene.parted_steps if np.isnan(leakage[s]))
     return ErrorBudget(own.name, leakage, tuple(parts), scene.steps, parted)

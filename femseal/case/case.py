@@ -40,7 +40,7 @@ from .values import Accuracy, Duration, FileSize, Number, Table, key
 #: No case is larger [byte].
 _LARGEST_FILE = 1_000_000
 
-Method = Literal["deterministic", "two-scale", "stochastic"]
+Method = Literal["deterministic", "two-scale", "blocks", "stochastic"]
 
 
 class Case(Table):

@@ -69,11 +69,11 @@ class FlowTable(Table):
 
 
 class CellsTable(Table):
-    """Pieces of a measured place for the two-scale and stochastic methods."""
+    """Pieces of a measured place for all methods but the deterministic."""
 
     count: tuple[Count, Count] | None = key(
         "pieces along x1 and x2; unless given as drawn seals need, for two scales eight shortest "
-        "waves a side",
+        "waves a side, for blocks a quarter of a block, 256 points or less",
         None,
         example=[4, 8],
     )

@@ -10,10 +10,10 @@ import numpy as np
 
 from ..base import Array
 from ..base.leak_rates import leakage_unit
-from ..results.results import Results
+from ..results.results import METHODS, Results
 from ..results.selections import Steps, branches, force_scale, pressures_and_peaks
 from ..results.tables import leakage_of
-from ..studies import FaceResult, StochasticResult
+from ..studies import BlocksResult, FaceResult, StochasticResult
 from .drawing import (
     GREY,
     LEGEND_LINE,
@@ -36,7 +36,7 @@ _BEYOND = 10.0
 #: Height of a name beside the axis, and of a branch in the strip of sealed loads, as parts of the axis.
 _NAME_HEIGHT, _LANE = 0.042, 0.035
 #: Studies drawn as single markers beside the main curve.
-_SINGLE = (("two-scale", "D", 7), ("deterministic", "x", 5))
+_SINGLE = (("two-scale", "D", 7), ("deterministic", "x", 5), ("blocks", "s", 6))
 #: The unit in axes of the user, which several results share.
 _COMMON = (1.0, "leakage per length of seal [m²/s]")
 
@@ -235,7 +235,10 @@ def _curves_figure(curves: LeakageCurves, ax: Axes | None, label: str | None) ->
 
 
 @shows(FaceResult)
-def study_figure(study: FaceResult, ax: Axes | None = None, label: str | None = None) -> Figure:
+@shows(BlocksResult)
+def study_figure(
+    study: FaceResult | BlocksResult, ax: Axes | None = None, label: str | None = None
+) -> Figure:
     """Leakage of a face against nominal pressure; `label` names it in the legend."""
     steps = pressures_and_peaks(study.steps)
     curves = LeakageCurves(*steps, study.leakage, study.method, scale=_readable(study.leakage))
@@ -281,7 +284,7 @@ def leakage_curves(results: Results) -> LeakageCurves:
             (low.values, high.values),
             _redraws(low.attrs["quantile"], high.attrs["quantile"]),
         )
-    others = {"two-scale": "leakage_two_scale", "deterministic": "leakage_deterministic"}
+    others = {name: leakage for name, leakage in METHODS if name != "median"}
     return LeakageCurves(
         pressure=data["nominal_pressure"].values,
         peaks=data["unloaded_from"].values,

@@ -40,7 +40,7 @@ if TYPE_CHECKING:
 
 def default_step(data: xarray.Dataset) -> int:
     """The step of the highest load at which the face leaks, or else the drawn seals; the first step if none does."""
-    names = ("leakage_two_scale", "leakage_deterministic", "leakage_median")
+    names = ("leakage_two_scale", "leakage_deterministic", "leakage_blocks", "leakage_median")
     name = next(name for name in names if name in data)
     leaking = np.flatnonzero(np.nan_to_num(data[name].values))
     return int(leaking[np.argmax(data["nominal_pressure"].values[leaking])]) if leaking.size else 0

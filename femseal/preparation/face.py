@@ -22,6 +22,7 @@ from ..seal import RectangularSeal
 from ..seal.lay import Lay
 from ..seal.layouts import AnnularLayout, Layout, RectangularLayout
 from ..studies import Scene
+from ..studies.blocks import PIECES, usual_blocks
 from ..topography import (
     MOST_POINTS,
     Conditioning,
@@ -98,8 +99,8 @@ def conditioned_face(case: Case) -> ConditionedFace:
     wave = continued.longest if continued else asked or default_wave(flat, shape, instrument)
     check_memory_of_points("surface.points", shape, len(flat.each))
     of_one = _asked_pieces(case, shortest_place(flat).size)
-    if of_one is None and "two-scale" in case.methods:
-        of_one = _usual_pieces(case, shortest_place(flat), wave)
+    if of_one is None and case.methods & {"two-scale", "blocks"}:
+        of_one = _usual_pieces(case, shortest_place(flat), shape, wave)
     cells = None if of_one is None else of_all_places(flat, of_one)
     with with_keys(SURFACE_KEYS):
         one = shortest_place(flat)
@@ -279,8 +280,11 @@ def _asked_pieces(case: Case, face: tuple[float, float]) -> Pair | None:
     return m1, m2
 
 
-def _usual_pieces(case: Case, place: Topography, wave: float) -> Pair:
-    """Pieces of two scales: those of seals that are drawn too, else of eight shortest waves or more a side."""
+def _usual_pieces(case: Case, place: Topography, shape: Pair, wave: float) -> Pair:
+    """Pieces of blocks; of two scales those of drawn seals too, else of eight shortest waves or more a side."""
+    if "blocks" in case.methods:
+        blocks = usual_blocks(shape)
+        return PIECES * blocks[0], PIECES * blocks[1]
     if (drawn := case.stochastic) is not None and "stochastic" in case.methods:
         return usual_pieces(place, in_place=case.layout.has_length and drawn.breadth is None)
     return max(1, int(place.size[0] / (8 * wave) + 1e-9)), max(

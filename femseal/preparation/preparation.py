@@ -10,6 +10,7 @@ from ..case.faults import MAP_TABLES, SCENE_TABLES, SEAL_TABLES, with_tables
 from ..case.values import unusual
 from ..seal.layouts import Layout
 from ..studies import Sampling, Scene, cut_and_tiles, laid_out
+from ..studies.blocks import blocks_of, check_blocks
 from ..studies.scene import gas_warnings, scene_warnings
 from ..studies.seal_contact import form_on_grid
 from ..studies.tile_pressure import check_map
@@ -49,9 +50,11 @@ def prepare(case: Case) -> Prepared:
         if sampling is not None:
             sampling, cells, doubts = _under_map(case, scene, sampling, cells, size, broader)
         methods = frozenset(case.methods)
-        if methods & {"deterministic", "two-scale"}:
-            with with_tables(SEAL_TABLES):
+        with with_tables(SEAL_TABLES):
+            if methods & {"deterministic", "two-scale"}:
                 scene.check_spiral()
+            if "blocks" in methods:
+                check_blocks(scene, blocks_of(cells))
         form = _form_tolerance(case, sampling, broader)
         holds, effect = measured_patch(case, surface, scene)
         spikes = SpikeEffect(conditioning.spikes_along_lay, conditioning.spikes_extreme)

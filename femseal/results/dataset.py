@@ -15,9 +15,11 @@ from ..base.fields import STEP, Field
 from ..base.leak_rates import LeakBasis, leak_classes, leak_unit
 from ..base.machine import machine, peak_memory
 from ..budget import VAGUE, ErrorBudget, vague_steps
+from ..face.pieces import Cut
 from ..fluids import leak_basis
 from ..studies import (
     STUDIES,
+    BlocksResult,
     FaceResult,
     FluidState,
     OtherLeakage,
@@ -177,6 +179,10 @@ def _add_studies(
         if face.pieces is not None:
             variables.add_pieces(data, face.pieces)
     breadth = scene.surface.size[0]
+    if isinstance(blocks := known.get("blocks"), BlocksResult):
+        cut = Cut.of(scene.surface, blocks.pressure.shape[1:])
+        variables.add_piece_centres(data, "", cut)
+        variables.add_declared(data, blocks)
     drawn = known.get("stochastic")
     if isinstance(drawn, StochasticResult):
         variables.add_realisations(data, drawn, quantiles)

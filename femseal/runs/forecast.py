@@ -23,6 +23,7 @@ from ..refinement.settings import (
 )
 from ..report.case_text import contact_text, fluid_text, solids_text
 from ..studies import Scene, drop_ratio
+from ..studies.blocks import blocks_of
 from ..studies.costs import LADDER_STATES, Effort, on_ladder, usual_efforts
 from ..studies.flow_limits import flow_warnings
 from ..studies.place_leakage import FEWEST
@@ -147,6 +148,13 @@ def _study_facts(prepared: Prepared) -> Iterator[tuple[str, str]]:
     if "two-scale" in prepared.methods:
         of_face = f"{steps} contact and {counted(steps, 'flow solution')} of {pixels} unknowns"
         yield "two-scale", f"{of_face}, {counted(2 * steps * m1 * m2, 'flow solution')} of pieces"
+    if "blocks" in prepared.methods:
+        b1, b2 = blocks_of(prepared.cells)
+        of_block = f"{scene.surface.shape[0] // b1} × {scene.surface.shape[1] // b2} points"
+        yield (
+            "blocks",
+            f"{b1} × {b2} blocks of {of_block}, about {LADDER_STATES:.0f} states of each",
+        )
     if (sampling := prepared.sampling) is None or "stochastic" not in prepared.methods:
         return
     _, tiles = prepared.cut_and_tiles
@@ -255,7 +263,7 @@ def refuse_too_large(case: Case, made: Prepared) -> None:
         return
     points = " × ".join(map(str, prepared.scene.surface.shape))
     given = f"a run that takes about {needed / 1e9:.3g} GB, on {points} points"
-    advice = "fewer surface.points or load steps, or fs.by_blocks in Python, which solves a block of a face at a time"
+    advice = "fewer surface.points or load steps, or the method blocks, which solves a block of a face at a time"
     if most <= START_MEMORY:
         advice = f"more than the {START_MEMORY / 1e9:g} GB that any run takes before its work"
     expected = (

@@ -1,6 +1,7 @@
 """The chains from a rough surface to leakage over a load cycle, readable top to bottom.
 
 `deterministic` resolves everything on the surface's own grid; `two_scale` cuts that into pieces and maps them;
+`by_blocks` solves a large face by blocks;
 `stochastic` draws the pieces for the tiles of a seal of any size and shape. All take a `Scene`, and each is an
 entry of `STUDIES`, by which runs solve, forecast and compare it.
 
@@ -12,6 +13,7 @@ entry of `STUDIES`, by which runs solve, forecast and compare it.
     face_study          states -> a FaceResult
     piece_states        the pieces of a face in its states, or along a ladder of nominal pressures
     piece_study         a FaceResult with the pieces of the face
+    blocks              a large face by blocks in their own contact -> a BlocksResult
     place_leakage       leakage of each measured place, and of all but each
     sampling            options of a drawn seal -> its tiles; tile_pressure, seal_contact: their pressure
     drawn_study         tiles draw pieces -> leakage of the seal; drawn_error: what one patch does not know
@@ -22,6 +24,7 @@ from typing import TYPE_CHECKING
 from ..base.lazy_package import lazy
 
 if TYPE_CHECKING:
+    from .blocks import BlocksResult, by_blocks
     from .choices import FLUID_EFFECTS, NOMINALS
     from .drawn_study import cut_and_tiles, stochastic
     from .face_study import FaceResult, deterministic

@@ -11,21 +11,21 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
-from typing import Any
+from typing import ClassVar
 
 import numpy as np
 
 from ..base import Array, InputError, Mapper, Shown, Stage
 from ..base.fields import PIECE, STEP, declared
 from ..contact import HalfSpace
-from ..face.piece_flow import Failed, attempt
+from ..face.piece_flow import Failed, SolveCounts, SolverCounts, attempt
 from ..face.pieces import FEWEST_POINTS, Cut
 from ..flow.permeability_table import tabulated
 from ..loads import LoadProgramme
 from ..seal.tiles import face_tiles
 from ..topography import Places, Topography
 from .piece_states import along_paths, ladder_of, pieces_on_ladder
-from .scene import Scene
+from .scene import Scene, scene_warnings
 from .seal_contact import Cells, RoughLayer, opened, solved_steps
 
 #: Pieces of a block along each axis. Measured on 10 faces of 2 × 2 blocks: with 4 quartiles of leakage over that of the
@@ -33,20 +33,25 @@ from .seal_contact import Cells, RoughLayer, opened, solved_steps
 PIECES = 4
 #: Longest wave that a block keeps, in pieces.
 _LONGEST = 2.0
+#: Distance of the rungs of a block's ladder over the usual one. With 1, leakage of four faces differs by less than 2 %
+#: on loading, to a hundredth of the first, and by less than 8 % on unloading, and takes 1.9 times the time.
+_RUNGS_APART = 2
+#: Points along a side of a block unless given, at most.
+_USUAL_POINTS = 1024
 
 
 @dataclass(frozen=True, repr=False)
 class BlocksResult(Shown):
     """Leakage of a face solved by blocks, and its pieces in their own order; arrays (steps, rows, columns) of pieces.
 
-    leakage : (steps,) [m²/s], NaN where a flow failed. separation : of the mean planes of a piece [m].
-    failures : reasons of values that are NaN.
+    leakage : (steps,) [m²/s], NaN where a flow failed. counts : flows through pieces of the blocks in their states.
+    failures : reasons of values that are NaN. warnings : reasons to doubt the result.
     """
 
     steps: LoadProgramme
     blocks: tuple[int, int]
     leakage: Array = declared(
-        "leakage_blocks", "m^2/s", "leakage per unit seal length, by blocks", STEP
+        "leakage_blocks", "m^2/s", "leakage per unit seal length, blocks", STEP, heading="blocks"
     )
     k1: Array = declared(
         "piece_k1", "m^3", "permeability of pieces along x1, their sides closed", PIECE
@@ -55,10 +60,24 @@ class BlocksResult(Shown):
         "piece_k2", "m^3", "permeability of pieces along x2, their sides closed", PIECE
     )
     pressure: Array = declared("piece_pressure", "Pa", "contact pressure of pieces", PIECE)
-    separation: Array = declared(
-        "piece_separation", "m", "distance of the mean planes of pieces", PIECE
-    )
-    failures: tuple[str, ...] = field(default=())
+    mean_gap: Array = declared("piece_mean_gap", "m", "mean gap of pieces", PIECE)
+    counts: SolveCounts = field(default_factory=SolveCounts, repr=False)
+    failures: tuple[str, ...] = ()
+    warnings: tuple[str, ...] = ()
+
+    method: ClassVar[str] = "blocks"
+    kind: ClassVar[str] = "by blocks"
+    places: ClassVar[None] = None
+
+    @property
+    def solvers(self) -> SolverCounts:
+        """Number of systems by solver."""
+        return self.counts.solvers
+
+    @property
+    def pieces(self) -> BlocksResult:
+        """The result, which is one of pieces."""
+        return self
 
 
 def by_blocks(scene: Scene, blocks: tuple[int, int], *, mapper: Mapper = map) -> BlocksResult:
@@ -81,7 +100,7 @@ def by_blocks(scene: Scene, blocks: tuple[int, int], *, mapper: Mapper = map) ->
     >>> bool(by_blocks(scene, (2, 2)).leakage[0] > 0)
     True
     """
-    _check(scene, blocks)
+    check_blocks(scene, blocks)
     cut, heights = [], np.empty((blocks[0] * PIECES, blocks[1] * PIECES))
     for at in np.ndindex(*blocks):
         block, _of_block(heights, at)[...] = _split(scene, blocks, at)
@@ -92,8 +111,8 @@ def by_blocks(scene: Scene, blocks: tuple[int, int], *, mapper: Mapper = map) ->
     shape = blocks[0] * PIECES, blocks[1] * PIECES
     paths = [_of_block(pressure, at) for at in np.ndindex(*blocks)]
     found = list(mapper(Stage("pieces of the blocks", _pieces), zip(cut, paths, strict=True)))
-    k = np.empty((*found[0].shape[:3], *shape))
-    for at, own in zip(np.ndindex(*blocks), found, strict=True):
+    k = np.empty((*found[0][0].shape[:3], *shape))
+    for at, (own, _) in zip(np.ndindex(*blocks), found, strict=True):
         _of_block(k, at)[...] = own.reshape(*own.shape[:3], PIECES, PIECES)
     k += opened(separation, opening)
     tiles, pressures = face_tiles(scene.surface.size, shape), tuple(scene.flow.drop.pressures)
@@ -114,12 +133,14 @@ def by_blocks(scene: Scene, blocks: tuple[int, int], *, mapper: Mapper = map) ->
         mean[0],
         mean[1],
         pressure,
-        separation,
+        separation + opening,
+        counts=SolveCounts.total(counts for _, counts in found),
         failures=tuple(failures),
+        warnings=scene_warnings(scene),
     )
 
 
-def _check(scene: Scene, blocks: tuple[int, int]) -> None:
+def check_blocks(scene: Scene, blocks: tuple[int, int]) -> None:
     """Refuse what blocks cannot do."""
     for points, count in zip(scene.surface.shape, blocks, strict=True):
         if count < 1 or points % (count * PIECES) or points // (count * PIECES) < FEWEST_POINTS:
@@ -132,6 +153,25 @@ def _check(scene: Scene, blocks: tuple[int, int]) -> None:
         raise InputError("fluid_pressure", f"'{scene.fluid_pressure}' with blocks", "'ignored'")
     if scene.flow.spiral is not None:
         raise InputError("lay", "a spiral with blocks", "grooves that do not wind")
+
+
+def blocks_of(cells: tuple[int, int] | None) -> tuple[int, int]:
+    """Numbers of blocks that have so many pieces together.
+
+    Raises InputError: no multiples of the pieces of a block.
+    """
+    if cells is None or any(m % PIECES for m in cells):
+        raise InputError("cells", cells, f"multiples of {PIECES}, the pieces of a block")
+    return cells[0] // PIECES, cells[1] // PIECES
+
+
+def usual_blocks(points: tuple[int, int]) -> tuple[int, int]:
+    """The fewest blocks of at most 1024 points a side, whose pieces have equal numbers of points."""
+    found = []
+    for n in points:
+        suiting = (m for m in range(max(2, -(-n // _USUAL_POINTS)), n) if n % (m * PIECES) == 0)
+        found.append(next(suiting, 2))
+    return found[0], found[1]
 
 
 def _split(scene: Scene, blocks: tuple[int, int], at: tuple[int, ...]) -> tuple[Scene, Array]:
@@ -200,12 +240,12 @@ def _of_layers(
     return gap, slope
 
 
-def _pieces(given: tuple[Scene, Array]) -> Any:
+def _pieces(given: tuple[Scene, Array]) -> tuple[Array, SolveCounts]:
     """Permeabilities (pressures, 2, steps, pieces) of the pieces of a block along their own pressures."""
     block, pressure = given
     steps, cut = block.steps, Cut.of(block.surface, (PIECES, PIECES))
     paths = pressure.reshape(len(steps), -1)
-    ladder = ladder_of(paths, steps, block.law.is_elastic)
+    ladder = ladder_of(paths, steps, block.law.is_elastic, _RUNGS_APART)
     pieces = pieces_on_ladder(block, cut, ladder, map, block.boundary)
     own = np.arange(paths.shape[1])
-    return along_paths(pieces, paths, steps)[:, :, :, own, own]
+    return along_paths(pieces, paths, steps)[:, :, :, own, own], pieces.counts

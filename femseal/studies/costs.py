@@ -46,6 +46,8 @@ _SEAL_SECONDS, _ELEMENT_SECONDS, _PRESSURE_SOLUTIONS, _ELEMENT_BYTES = 1e-3, 7e-
 _SUCCESSIVE = 4.5
 #: Number of states of a face on a ladder of nominal pressures.
 LADDER_STATES = 25.0
+#: Memory of a point of a face that is split into blocks [byte]: as it is, and split.
+_SPLIT_BYTES = 16
 
 
 @dataclass(frozen=True)
@@ -169,6 +171,25 @@ def two_scale_cost(
     piece = points[0] // cells[0] * (points[1] // cells[1])
     of_pieces = sum(flow_seconds(piece, effort) for effort in efforts if effort.rounds)
     return (0.0 if solved else seconds) + 2 * cells[0] * cells[1] * of_pieces, memory
+
+
+def blocks_cost(
+    efforts: Sequence[Effort],
+    points: tuple[int, int],
+    blocks: tuple[int, int],
+    *,
+    pressures: int = 1,
+) -> tuple[float, float]:
+    """Expected time on one core [s] and memory [byte] of a face solved by blocks.
+
+    Each block is solved once along a ladder of pressures as a layer, and once for its pieces. pressures : see
+    `deterministic_cost`.
+    """
+    one = points[0] // blocks[0], points[1] // blocks[1]
+    contact = mean(contact_seconds(one, effort) for effort in efforts)
+    flows = 3 * pressures * mean(flow_seconds(one[0] * one[1], effort) for effort in efforts)
+    memory = state_memory(one[0] * one[1]) + _SPLIT_BYTES * points[0] * points[1]
+    return blocks[0] * blocks[1] * LADDER_STATES * (2 * contact + flows), memory
 
 
 def stochastic_cost(

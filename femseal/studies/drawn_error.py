@@ -1,8 +1,8 @@
-"""What one measured patch does not know of a drawn seal: split conformal prediction from scenes solved in full.
+"""What one measured patch does not know of a drawn seal, and what blocks do to a face: split conformal prediction.
 
 `drawn_seals.csv` holds the leakage of drawn seals over that of the whole face, at every step of scenes drawn at random,
 with seals in the rows of the face ("in place"), broader ones ("anywhere"), and broader ones whose form is known at
-points ("with form"). A score is the distance of ln(leakage),
+points ("with form"); and that of faces solved by blocks ("by blocks"). A score is the distance of ln(leakage),
 divided by the difficulty of the step, which is known without the truth. The quantile of the scores of a kind, so
 many decades down, times the difficulty of a new step is the half-width of its band.
 
@@ -29,13 +29,13 @@ from .load_curves import first_known, load_sensitivity, neighbouring_steps
 
 #: The calibration set, which `drawn_seals.py` and `patch_and_form.py` of `tests/benchmarks` make.
 CALIBRATION = Path(__file__).with_name("drawn_seals.csv")
-#: Kinds of drawn seals.
-KINDS = ("in place", "anywhere", "with form")
+#: Kinds of drawn seals, and blocks.
+KINDS = ("in place", "anywhere", "with form", "by blocks")
 #: Decades of the leakage below the first at which the quantiles change: near closing errors are of another kind.
 _EDGES = (1.0, 3.0)
 #: Decades of the leakage below the first, by kind, from which on a truth is not told from a sealed seal: a band whose
 #: lower end is below has none.
-FLOOR_DECADES = {"in place": 6.0, "anywhere": 3.5, "with form": 3.5}
+FLOOR_DECADES = {"in place": 6.0, "anywhere": 3.5, "with form": 3.5, "by blocks": 3.5}
 #: Slope that counts beside a sealed step, and the largest.
 _BESIDE_SEALED, _STEEPEST = 10.0, 20.0
 

@@ -235,18 +235,18 @@ def _joined(scene: Scene, cut: Cut, steps: LoadProgramme, taken: Sequence[_Taken
     )
 
 
-def ladder_of(paths: Array, steps: LoadProgramme, elastic: bool) -> LoadProgramme:
+def ladder_of(paths: Array, steps: LoadProgramme, elastic: bool, apart: int = 1) -> LoadProgramme:
     """A programme of nominal pressures from which the pieces of all paths (steps, paths) [Pa] are interpolated.
 
     Its loading steps are equidistant in the cube root of the pressure, from the lowest to the highest of the paths;
-    its peaks are among those of the paths.
+    its peaks are among those of the paths. apart : how many times as far apart as usual rungs and peaks are.
     """
     peak = local_peaks(paths, steps)
     down = (paths < peak) & (not elastic)
     highest, lowest = float(paths.max()), max(float(paths.min()), 0.0)
-    peaks = _chosen_peaks(peak[down])
+    peaks = _chosen_peaks(peak[down], apart)
     first = np.cbrt(lowest / highest) if highest > 0 else 0.0
-    count = int(np.ceil((1 - first) / _RUNG)) + 1
+    count = int(np.ceil((1 - first) / (apart * _RUNG))) + 1
     rungs = (highest * np.linspace(first, 1.0, count)[:-1] ** 3).tolist()
     kept = [*peaks]
     for end in (lowest, highest):
@@ -259,7 +259,7 @@ def ladder_of(paths: Array, steps: LoadProgramme, elastic: bool) -> LoadProgramm
     return LoadProgramme([*map(LoadStep, loading), *unloading])
 
 
-def _chosen_peaks(peaks: Array) -> list[float]:
+def _chosen_peaks(peaks: Array, times: int) -> list[float]:
     """Some of the peaks, rising: the highest, the lowest, and those nearest to equal distances in the cube root."""
     apart: list[float] = []
     for peak in np.unique(peaks)[::-1].tolist():
@@ -269,7 +269,7 @@ def _chosen_peaks(peaks: Array) -> list[float]:
         return apart
     values = np.array(apart[::-1])
     roots = np.cbrt(values / values[-1])
-    count = min(int(np.ceil((1 - roots[0]) / _PEAK_STEP)) + 1, _MOST_PEAKS)
+    count = min(int(np.ceil((1 - roots[0]) / (times * _PEAK_STEP))) + 1, _MOST_PEAKS // times)
     wanted = np.linspace(roots[0], 1.0, count)
     return np.unique(values[np.abs(roots - wanted[:, None]).argmin(axis=1)]).tolist()
 

@@ -6,7 +6,15 @@ from operator import attrgetter, methodcaller
 from typing import Any
 
 from ..base import Array, Mapper
-from .costs import Effort, count_pressures, deterministic_cost, stochastic_cost, two_scale_cost
+from .blocks import BlocksResult, blocks_of, by_blocks
+from .costs import (
+    Effort,
+    blocks_cost,
+    count_pressures,
+    deterministic_cost,
+    stochastic_cost,
+    two_scale_cost,
+)
 from .drawn_study import cut_and_tiles, stochastic
 from .face_study import FaceResult, deterministic
 from .piece_study import two_scale
@@ -14,7 +22,7 @@ from .sampling import Sampling
 from .scene import Scene
 from .stochastic_result import StochasticResult
 
-StudyResult = FaceResult | StochasticResult
+StudyResult = FaceResult | BlocksResult | StochasticResult
 
 
 @dataclass(frozen=True)
@@ -70,6 +78,11 @@ def _solve_two_scale(scene: Scene, options: StudyOptions, mapper: Mapper) -> Fac
     return two_scale(scene, options.cells, mapper=mapper)
 
 
+def _solve_blocks(scene: Scene, options: StudyOptions, mapper: Mapper) -> BlocksResult:
+    assert options.cells is not None
+    return by_blocks(scene, blocks_of(options.cells), mapper=mapper)
+
+
 def _solve_stochastic(scene: Scene, options: StudyOptions, mapper: Mapper) -> StochasticResult:
     assert options.sampling is not None
     return stochastic(scene, options.cells, options.sampling, mapper=mapper)
@@ -95,6 +108,14 @@ def _cost_two_scale(
         pressures=count_pressures(scene),
         acts=scene.acting_fluid is not None,
     )
+
+
+def _cost_blocks(
+    scene: Scene, options: StudyOptions, efforts: Sequence[Effort]
+) -> tuple[float, float]:
+    assert options.cells is not None
+    pressures = count_pressures(scene)
+    return blocks_cost(efforts, scene.surface.shape, blocks_of(options.cells), pressures=pressures)
 
 
 def _cost_stochastic(
@@ -134,6 +155,15 @@ STUDIES: dict[str, Study] = {
             label="two-scale",
             solve=_solve_two_scale,
             cost=_cost_two_scale,
+            leakage=attrgetter("leakage"),
+            needs=("cells",),
+        ),
+        Study(
+            name="blocks",
+            key="blocks",
+            label="blocks",
+            solve=_solve_blocks,
+            cost=_cost_blocks,
             leakage=attrgetter("leakage"),
             needs=("cells",),
         ),

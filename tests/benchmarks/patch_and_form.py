@@ -2,6 +2,7 @@
 
     python patch_and_form.py solve ROWS.csv FIRST LAST      # faces of seeds from FIRST to LAST − 1
     python patch_and_form.py solve ROWS.csv MAP …           # measured faces
+    python patch_and_form.py solve ROWS.csv … blocks        # by blocks alone
     python patch_and_form.py calibrate ROWS.csv …           # femseal/studies/drawn_seals.csv
     python patch_and_form.py report ROWS.csv …              # patch_and_form.md, of other seeds
 
@@ -35,7 +36,9 @@ KINDS = ("roll-off within", "roll-off beyond", "turned, wavy", "bumps", "lobes")
 LOADS, STOPS, HARDNESS = (0.03, 0.1, 0.2, 0.32), (0.15, 0.05), 0.15
 #: Leakage over that of the first load below which a truth does not count.
 LEAST = 1e-2
-WAYS = ("patch", "seal", "form 4 × 4", "form 8 × 8", "blocks 2 × 2")
+#: Kinds of the calibration set, by what is known of the whole.
+_CALIBRATED = {"form": "with form", "blocks": "by blocks"}
+WAYS = ("patch", "seal", "form 4 × 4", "form 8 × 8", "blocks 2 × 2", "blocks 3 × 3")
 
 
 def face_of(kind, seed):
@@ -100,7 +103,7 @@ def form_of(surface, count):
     return MeasuredForm.of(points, heights.ravel())
 
 
-def solved_rows(name, kind, surface, corner):
+def solved_rows(name, kind, surface, corner, ways):
     """A row for each step and way of a face whose patch lies at a corner (0 or 1, 0 or 1)."""
     hardness = HARDNESS * MODULUS * surface.rms_slope
     truth = fs.deterministic(scene_of(surface, hardness)).leakage
@@ -110,11 +113,14 @@ def solved_rows(name, kind, surface, corner):
     patch = scene_of(fs.Topography(cut, surface.spacing, (False, False)).detrend(), hardness)
     alone = fs.deterministic(patch).leakage
     breadth, length = surface.size
-    for way in WAYS:
+    for way in ways:
         lower = upper = np.full(len(truth), np.nan)
         q = alone * (n / POINTS)  # over the breadth of the whole
-        if way == "blocks 2 × 2":
-            q = fs.by_blocks(scene_of(surface, hardness), (2, 2)).leakage
+        if way.startswith("blocks"):
+            whole, count = scene_of(surface, hardness), int(way[-1])
+            found = fs.by_blocks(whole, (count, count))
+            q, budget = found.leakage, error_budget(whole, found)
+            lower, upper = budget.lower, budget.upper
         elif way != "patch":
             form = form_of(surface, int(way[-1])) if way.startswith("form") else ()
             sampling = fs.Sampling(length, seed=1, breadth=breadth, form=form)
@@ -128,7 +134,7 @@ def solved_rows(name, kind, surface, corner):
         columns = {key: value / truth[0] for key, value in columns.items()}
         columns |= {"decades": drawn_error.decades(q)}
         columns |= {"difficulty": drawn_error.difficulty(patch.steps, q)}
-        same = {"kind": "with form" if way.startswith("form") else "without"}
+        same = {"kind": _CALIBRATED.get(way.partition(" ")[0], "without")}
         same |= {"surface": kind, "scene": f"form {name} {corner}", "way": way}
         for s in np.flatnonzero(np.isfinite(q) & np.isfinite(truth)):
             yield same | {"step": s} | {key: f"{value[s]:.6g}" for key, value in columns.items()}
@@ -146,13 +152,17 @@ def unknown_form(patch, q, size):
 
 def every(arguments):
     """Rows of synthetic faces from a first to a last seed, or of measured ones by their paths."""
+    ways = WAYS
+    if arguments[-1] == "blocks":
+        *arguments, _ = arguments
+        ways = [way for way in WAYS if way.startswith("blocks")]
     if arguments[0].isdecimal():
         for seed, kind in product(range(*map(int, arguments)), KINDS):
             corner = seed % 2, seed // 2 % 2
-            yield from solved_rows(f"{kind} {seed}", kind, face_of(kind, seed), corner)
+            yield from solved_rows(f"{kind} {seed}", kind, face_of(kind, seed), corner, ways)
         return
     for path, corner in product(arguments, ((0, 0), (1, 1))):
-        yield from solved_rows(Path(path).name, "measured", measured(path), corner)
+        yield from solved_rows(Path(path).name, "measured", measured(path), corner, ways)
 
 
 def report(rows):
@@ -168,11 +178,11 @@ def report(rows):
         ]
         if chosen:
             count = len({r["scene"] for r in chosen})
-            cells = band_cells(chosen, banded=way.startswith(("seal", "form")))
+            cells = band_cells(chosen, banded=way != "patch")
             lines.append([faces, way, count, *cells])
     return table(["faces", "way", "count", *BAND_HEAD], lines)
 
 
 if __name__ == "__main__":
     title = "A patch, and the form of the whole seal"
-    commands(__file__, title, every, ("with form",), report)
+    commands(__file__, title, every, ("with form", "by blocks"), report)
