@@ -163,10 +163,11 @@ def commands(script, title, solve, kinds, told):
     if command == "solve":
         write_rows(paths[0], solve(paths[1:]))
     elif command == "calibrate":
+        rows = [row for row in read_rows(paths) if row["kind"] in kinds]
+        anew = {row["kind"] for row in rows}
         known = read_rows([drawn_error.CALIBRATION])
-        others = [row for row in known if row["kind"] not in kinds]
-        rows = (row for row in read_rows(paths) if row["kind"] in kinds)
-        write_rows(drawn_error.CALIBRATION, [*calibrated(rows), *others])
+        others = [row for row in known if row["kind"] not in anew]
+        write_rows(drawn_error.CALIBRATION, [*others, *calibrated(rows)])
     elif command == "report":
         print_report(script, title, f"{machine()}\n\n{told(read_rows(paths))}", write=True)
     else:

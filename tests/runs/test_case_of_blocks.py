@@ -18,8 +18,8 @@ compare = ["deterministic"]
 seed = 2
 [face]
 kind = "self-affine"
-points = [64, 128]
-size = ["60 um", "120 um"]
+points = [128, 256]
+size = ["120 um", "240 um"]
 rms_slope = 0.2
 roll_off = "20 um"
 {TABLES}[contact]
@@ -51,7 +51,7 @@ def test_a_run_has_the_leakage_of_blocks_its_band_and_its_pieces(tmp_path):
         alone.steps.pressures,
         rtol=1e-3,
     )
-    again = fs.read_results(tmp_path / "out")
+    again = fs.open_results(tmp_path / "out")
     assert_array_equal(again.dataset["piece_k1"], alone.k1)
     assert_array_equal(again.dataset["leakage_blocks"], alone.leakage)
     assert "blocks" in (tmp_path / "out" / "report.html").read_text(encoding="utf-8")
@@ -62,7 +62,11 @@ def test_a_run_has_the_leakage_of_blocks_its_band_and_its_pieces(tmp_path):
     [
         ('"ignored"', '"acts"', "fluid_pressure: given 'acts' with blocks, expected 'ignored'"),
         ("[8, 8]", "[8, 6]", r"cells: .*expected multiples of 4, the pieces of a block"),
-        ("[8, 8]", "[8, 24]", r"blocks: given 2 × 6 of 64 × 128 points, expected numbers of which"),
+        (
+            "[8, 8]",
+            "[8, 12]",
+            r"blocks: given 2 × 3 of 128 × 256 points, expected numbers of which",
+        ),
     ],
 )
 def test_what_blocks_cannot_do_is_refused_before_anything_is_solved(tmp_path, old, new, text):
@@ -78,7 +82,7 @@ def test_blocks_by_default_have_at_most_1024_points_a_side_and_take_the_memory_o
     assert max(n1 / b1, n2 / b2) <= 1024
     assert n1 % (4 * b1) == n2 % (4 * b2) == 0
     made = prepare(
-        load(tmp_path, CASE.replace("[64, 128]", "[512, 1024]").replace("[8, 8]", "[16, 16]"))
+        load(tmp_path, CASE.replace("[128, 256]", "[512, 1024]").replace("[8, 8]", "[16, 16]"))
     )
     memory = {study.name: made.cost(study)[1] for study in made.studies}
     assert memory["blocks"] < memory["deterministic"] / 4
