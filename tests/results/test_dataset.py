@@ -4,6 +4,7 @@ import csv
 import io
 import json
 import os
+import re
 import tracemalloc
 import warnings
 from dataclasses import dataclass, fields, replace
@@ -563,6 +564,14 @@ def test_unit_follows_the_size(values, expected):
 def test_names_of_branches():
     assert branch_text(np.nan) == "loading"
     assert branch_text(9e8) == "unloading from 900 MPa"
+
+
+def test_branches_of_tables_have_the_forces_of_the_case(results):
+    load = {"loading": ["35000 N"], "unload_from": ["35000 N"]}
+    data = results.dataset.assign_attrs(case=json.dumps({"load": load}))
+    text = str(replace(results, dataset=data).table())
+    assert re.search(r"unloading\s+from\s+35\s+kN", text)
+    assert not re.search(r"from\s+700\s+MPa", text)
 
 
 # --- pictures ---------------------------------------------------------------------------------------------
