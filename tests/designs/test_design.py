@@ -92,6 +92,14 @@ def test_the_whole_band_of_error_decides():
     )
 
 
+def test_what_keeps_a_class_keeps_it_at_higher_loads():
+    """Bands of a test fluid are those of the run by their factor, which may rise faster than the leakage falls."""
+    leakage, limit = power_law([1e12]), 1e12 * 2e8**-FALL
+    factor = np.where(STEPS.pressures > 5e8, 10 * limit / leakage, 1.0)
+    seals = Seals.of(STEPS, leakage, 1.0, factor)
+    assert requirement(seals, "L", limit, 0.5).assembly.text(pascals) == "200 MPa"
+
+
 def test_nothing_is_extrapolated():
     seals = Seals.of(STEPS, power_law([1e12]))
     above = requirement(seals, "L", 1e12 * 1e9**-FALL, 0.5)

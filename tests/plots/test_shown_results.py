@@ -21,6 +21,7 @@ from femseal.base.leak_rates import leakage_unit
 from femseal.base.text import Shown, value_text
 from femseal.plots.drawing import png
 from femseal.plots.leakage_curves import LeakageCurves, leakage_panel, limit_lines
+from femseal.plots.map_panels import on_decades
 
 MODULUS, HARDNESS = 115e9, 1.4e9
 
@@ -93,6 +94,12 @@ def test_few_outliers_leave_the_colours_to_the_others(face):
     assert to_hex(rgba[3, 4]).upper() == ABOVE[0]
     assert to_hex(rgba[20, 30]).upper() == BELOW[0]
     assert to_hex(rgba[5, 6]) == "#ffffff"
+
+
+def test_a_nearly_even_flow_has_a_scale_whose_ticks_differ():
+    _, norm = on_decades(np.array([35.51, 35.52]), 4)
+    assert norm.vmax == 35.52
+    assert norm.vmin < 0.99 * norm.vmax
 
 
 def test_maps_of_one_height_or_none_have_a_range():

@@ -4,6 +4,7 @@ import csv
 import io
 import json
 import os
+import re
 import tracemalloc
 import warnings
 from dataclasses import dataclass, fields, replace
@@ -12,6 +13,7 @@ import matplotlib.image
 import numpy as np
 import pytest
 import xarray
+from matplotlib.patches import Rectangle
 from numpy.testing import assert_allclose, assert_array_equal
 from small_cases import soft_cycle
 
@@ -564,6 +566,14 @@ def test_names_of_branches():
     assert branch_text(9e8) == "unloading from 900 MPa"
 
 
+def test_branches_of_tables_have_the_forces_of_the_case(results):
+    load = {"loading": ["35000 N"], "unload_from": ["35000 N"]}
+    data = results.dataset.assign_attrs(case=json.dumps({"load": load}))
+    text = str(replace(results, dataset=data).table())
+    assert re.search(r"unloading\s+from\s+35\s+kN", text)
+    assert not re.search(r"from\s+700\s+MPa", text)
+
+
 # --- pictures ---------------------------------------------------------------------------------------------
 
 
@@ -593,6 +603,10 @@ def test_steps_without_leakage_stand_in_the_strip(scene, studies):
     points = np.concatenate([line.get_xydata() for line in axes.get_lines()])
     strip = points[points[:, 1] < 0.099]
     assert sorted(strip[:, 0]) == [300, 700, 700]
+    # the grey ends below the least leakage, whatever the unit of the axis
+    (grey,) = (patch for patch in axes.patches if isinstance(patch, Rectangle))
+    top = axes.transData.inverted().transform(grey.get_window_extent())[1, 1]
+    assert axes.get_ylim()[0] < top < min(y for y in points[:, 1] if y > 0.099)
     for never in (np.zeros(5), np.full(5, np.nan)):
         leakage_figure(assemble(scene, replace(sealed, leakage=never))).savefig(io.BytesIO())
 
