@@ -11,7 +11,7 @@ import numpy as np
 from ..base import counted, to_text
 from ..contact.hardness_curves import SMALLEST_DEPTH, NixGao
 from ..materials import HARDNESS_FACTOR, METALS
-from ..plots.maps import default_step, face_leakage, pressure_rows
+from ..plots.maps import default_step, face_leakage
 from ..results.results import Results
 from ..results.selections import load_names
 
@@ -286,33 +286,13 @@ def _map_kind(one: dict[str, Any]) -> str:
 
 
 def pressure_drop_sentences(results: Results) -> list[str]:
-    """Place of the pressure drop at the step of the maps, and the number of pieces that carry half of it."""
-    data, sentences = results.dataset, [_steepest_tenth(results)]
-    if "piece_drop_fraction" not in data:
-        return sentences
-    fraction = np.sort(data["piece_drop_fraction"].values[default_step(data)].ravel())[::-1]
-    if np.isfinite(fraction).all():
-        half = int(np.searchsorted(np.cumsum(fraction), 0.5) + 1)
-        few = ": few constrictions hold the seal." if half <= 0.05 * fraction.size else "."
-        sentences.append(f"Half of it drops in {half} of {fraction.size} pieces{few}")
-    return sentences
-
-
-def _steepest_tenth(results: Results) -> str:
-    """Where most of the pressure drops over the face: the tenth of its width with the largest drop."""
+    """Number of pieces that carry half of the pressure drop at the step of the maps."""
     data = results.dataset
     s = default_step(data)
-    name = load_names(data)[s]
     if np.nan_to_num(face_leakage(data)[s]) == 0:
-        return f"At {name} nothing flows."
-    x1, pressure = pressure_rows(data, s)
-    inlet, outlet = (float(data.attrs[f"{end}_pressure_Pa"]) for end in ("inlet", "outlet"))
-    p = np.r_[inlet, pressure.mean(axis=1).filled(np.nan), outlet]
-    edge = np.r_[0.0, x1, x1[0] + x1[-1]]
-    starts = np.linspace(0, 0.9 * edge[-1], 91)
-    known = np.isfinite(p)
-    ends = (np.interp(place, edge[known], p[known]) for place in (starts, starts + 0.1 * edge[-1]))
-    drops = np.subtract(*ends) / (inlet - outlet)
-    first = float(starts[int(np.argmax(drops))])
-    span = " and ".join(to_text(place, "m", 3) for place in (first, first + 0.1 * float(edge[-1])))
-    return f"At {name} {drops.max():.0%} of the pressure drops over a tenth of the width, between x1 = {span}."
+        return [f"At {load_names(data)[s]} nothing flows."]
+    if "piece_drop_fraction" not in data or not data["piece_drop_fraction"][s].notnull().all():
+        return []
+    fraction = np.sort(data["piece_drop_fraction"].values[s].ravel())[::-1]
+    half = int(np.searchsorted(np.cumsum(fraction), 0.5) + 1)
+    return [f"Half of the pressure drops in {half} of {fraction.size} pieces."]

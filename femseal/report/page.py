@@ -1,43 +1,27 @@
 """The report of a run: one self-contained page of HTML for screens, phones and paper.
 
-Its curves can be hovered and zoomed by uPlot, whose code is in the page: the page's policy names its script by its
-digest, and nothing is loaded. Each curve has a picture, which stands in its place without scripts and on paper. uPlot
-1.6.32 is in `uplot/`, with its licence. A browser without a window prints the page as PDF, or else WeasyPrint does.
+It has no scripts, and loads nothing. A browser without a window prints it as PDF, or else WeasyPrint does.
 """
 
 from __future__ import annotations
 
-import base64
-import hashlib
 import json
 import os
 import shutil
 import subprocess
 import tempfile
-from collections.abc import Sequence
 from functools import cache
 from importlib.resources import files
 from importlib.util import find_spec
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-import numpy as np
-
-from ..base import Array, FemsealError, InputError, replacing, write_text, writing
-from ..plots.drawing import branch_styles
-from ..plots.leakage_curves import leakage_curves
-from ..plots.maps import pressure_rows
+from ..base import FemsealError, InputError, replacing, write_text, writing
+from ..plots.maps import has_maps
 from ..results.results import Results
 from ..results.results_file import FILE_NAME, open_results, unfit
-from ..results.selections import load_names
 from ..results.summary import as_chosen, attempts_table
-from ..results.tables import (
-    format_error_band,
-    format_leakage,
-    leakage_of,
-    leakage_table,
-    totals_table,
-)
+from ..results.tables import leakage_table, totals_table
 from . import case_text, error_tables, leakage_tables, pictures
 from .leakage_tables import design_section
 
@@ -55,7 +39,7 @@ def write_report(
     """Write one self-contained HTML page about a run: it loads nothing, and prints.
 
     First the verdict on leakage classes, the leakage of the whole seal, its band and what limits it, warnings, and the
-    leakage over load, to be hovered and zoomed; then maps, pieces, faces, tables, error budget and the rest. It
+    leakage over load; then maps, pieces, faces, tables, error budget and the rest. It
     depends on the dataset alone, so that a page made from a folder equals the one that the run wrote.
 
     Parameters
@@ -120,21 +104,15 @@ def page_template() -> Template:
 def _content(results: Results, drawings: pictures.Drawings) -> dict[str, Any]:
     """What the template of the page takes."""
     data = results.dataset
-    content: dict[str, Any] = {
+    return {
         "title": results.case.get("title") or "Leakage of a metal-to-metal seal",
         "source": data.attrs["source"],
         "key_numbers": leakage_tables.key_numbers(results),
         "date": str(data.attrs.get("date_created", "")).replace("T", " ").replace("+00:00", " UTC"),
         "computed": _digest_lines(results),
         "limiting": leakage_tables.limiting_text(results),
-        **page_code(),
-        "charts": {"leakage": leakage_chart(results)},
         "sentences": case_text.case_sentences(results),
-        "face": pictures.face_picture(results, drawings) if "face" in drawings else None,
-        "seat": pictures.seat_picture(results, drawings) if "seat" in drawings else None,
-        "place": pictures.place_picture(results, drawings) if "place" in drawings else None,
         "total": leakage_tables.total_leakage_text(results),
-        "leakage": pictures.leakage_picture(results, drawings),
         # the page has a table of classes
         "leakage_table": leakage_table(results).without(["class"]),
         "totals": totals_table(results),
@@ -142,12 +120,8 @@ def _content(results: Results, drawings: pictures.Drawings) -> dict[str, Any]:
         "test_fluid": leakage_tables.test_fluid_sentences(results),
         "design": design_section(results),
         "method": results.method,
-        "pieces": pictures.piece_pictures(results, drawings) if "pieces" in drawings else [],
-        "drawn": pictures.drawn_picture(results, drawings) if "drawn_corners" in data else None,
-        "map_step": "",
-        "maps": [],
-        "drop": None,
-        "drop_sentences": [],
+        "pictures": pictures.page_pictures(results, drawings),
+        "drop_sentences": case_text.pressure_drop_sentences(results) if has_maps(data) else [],
         "budget": error_tables.budget_table(results),
         "checks": error_tables.check_lines(results),
         "attempts": None if results.attempts is None else attempts_table(results.attempts),
@@ -158,12 +132,6 @@ def _content(results: Results, drawings: pictures.Drawings) -> dict[str, Any]:
         "machine": flat(json.loads(data.attrs["machine"])),
         "case": flat(as_chosen(results.case, results.attempts)),
     }
-    if "drop" in drawings:
-        content["map_step"], content["maps"] = pictures.map_pictures(results, drawings)
-        content["drop"] = pictures.drop_picture(results, drawings)
-        content["charts"]["drop"] = drop_chart(results, pictures.drop_steps(data))
-        content["drop_sentences"] = case_text.pressure_drop_sentences(results)
-    return content
 
 
 def _digest_lines(results: Results) -> list[tuple[str, str]]:
@@ -196,114 +164,6 @@ def flat(value: Any, name: str = "") -> list[tuple[str, str]]:
 
 def _plain(value: Any) -> str:
     return f"{value:g}" if isinstance(value, float) else str(value)
-
-
-Chart = dict[str, Any]
-
-
-def page_code() -> dict[str, str]:
-    """Script and style of the page's charts, and the script's digest for the policy of the page."""
-    folder = files("femseal.report")
-    read = [
-        folder.joinpath(name).read_text(encoding="utf-8")
-        for name in ("uplot/uPlot.iife.min.js", "charts.js")
-    ]
-    # a section of plain characters, so that the page is XML too
-    script = "//<![CDATA[\n" + "".join(read) + "//]]>"
-    digest = base64.b64encode(hashlib.sha256(script.encode()).digest()).decode()
-    style = folder.joinpath("uplot/uPlot.min.css").read_text(encoding="utf-8").strip()
-    return {"script": script, "script_digest": f"sha256-{digest}", "chart_style": style}
-
-
-def leakage_chart(results: Results) -> Chart:
-    """Leakage over load, a curve for each branch, with the band of error shaded and the limits of classes."""
-    curves, (unit, factor) = leakage_curves(results), results.leak_scale
-    name, load_factor = curves.load
-    sizes = curves.range[np.isfinite(curves.range) & (curves.range > 0)] / factor
-    low, high = (sizes.min() / 1.3, sizes.max() * 1.3) if sizes.size else (0.1, 10.0)
-    loads = np.unique(curves.pressure)
-    parts = curves.branches
-    series = []
-    for (branch, steps), (colour, *_) in zip(parts, branch_styles(len(parts)), strict=True):
-        one = _series(branch, colour, loads.size)
-        if curves.band is not None:
-            one |= {"low": [None] * loads.size, "high": [None] * loads.size}
-        for s in steps:
-            n, value = (
-                int(np.searchsorted(loads, curves.pressure[s])),
-                abs(float(curves.leakage[s])),
-            )
-            one["texts"][n] = format_leakage(value, factor)
-            one["values"][n] = None if np.isnan(value) else max(value / factor, low)
-            if curves.band is not None:
-                lower, upper = (abs(float(end[s])) for end in curves.band)
-                one["texts"][n] += f", band {format_error_band(lower, upper, factor, value)}"
-                one["low"][n], one["high"][n] = (
-                    _number(min(end / factor, 10 * high)) for end in (lower, upper)
-                )
-        series.append(one)
-    caption = "Leakage against load; points at the lower edge are sealed."
-    caption += f" Shaded: {' '.join(curves.band_name.split())}." if curves.band is not None else ""
-    what = f"{leakage_of(results).rstrip(',')} [{unit.name}]"
-    chart = _chart((name, loads * load_factor), (what, (low, high)), series, caption, log_y=True)
-    limits = {limit: limit_value / factor for limit, limit_value in curves.limits.items()}
-    return chart | {
-        "limits": {limit: value for limit, value in limits.items() if low <= value <= high}
-    }
-
-
-def drop_chart(results: Results, steps: Sequence[int]) -> Chart:
-    """Fluid pressure along the leakage at some steps, mean over the length of the seal."""
-    data, series, x = results.dataset, [], np.empty(0)
-    for s, (colour, *_) in zip(steps, branch_styles(len(steps)), strict=True):
-        x, p = pressure_rows(data, s)
-        values = [_number(value) for value in np.ma.filled(p.mean(axis=1), np.nan) / 1e6]
-        texts = ["–" if value is None else f"{value:.4g}" for value in values]
-        series.append(
-            _series(load_names(data)[s], colour, len(x)) | {"values": values, "texts": texts}
-        )
-    known = [value for one in series for value in one["values"] if value is not None] or [0.0, 1.0]
-    margin = 0.05 * (max(known) - min(known) or 1.0)
-    span = min(known) - margin, max(known) + margin
-    caption = "Fluid pressure along the leakage, mean over the length of the seal."
-    return _chart(("x1, inlet at 0 [mm]", x * 1e3), ("fluid pressure [MPa]", span), series, caption)
-
-
-def _series(label: str, colour: str, count: int) -> dict[str, Any]:
-    return {"label": label, "colour": colour, "values": [None] * count, "texts": [None] * count}
-
-
-def _chart(
-    across: tuple[str, Array],
-    up: tuple[str, tuple[float, float]],
-    series: list[dict[str, Any]],
-    caption: str,
-    log_y: bool = False,
-) -> Chart:
-    """What `charts.js` takes; the horizontal axis of a logarithmic chart is logarithmic too, but for a load of 0.
-
-    across : its label and values. up : its label and the ends of the scale.
-    """
-    (x_label, x), (y_label, span) = across, up
-    log_x = log_y and bool(x[0] > 0 and x[-1] > 3 * x[0])
-    margin = (x[-1] / x[0]) ** 0.02 if log_x else 0.02 * (x[-1] - x[0]) or 1.0
-    ends = (x[0] / margin, x[-1] * margin) if log_x else (x[0] - margin, x[-1] + margin)
-    return {
-        "x": {
-            "label": x_label,
-            "values": [float(v) for v in x],
-            "log": log_x,
-            "range": [float(end) for end in ends],
-        },
-        "y": {"label": y_label, "log": log_y, "range": [float(end) for end in span]},
-        "series": series,
-        "limits": {},
-        "caption": caption,
-    }
-
-
-def _number(value: float) -> float | None:
-    return float(value) if np.isfinite(value) else None
 
 
 #: Browsers that print a page by `--headless --print-to-pdf`, by the names of their commands.

@@ -1,4 +1,4 @@
-"""Curves of the page in numbers, the report as PDF, the table as a workbook, and the verdict at the head of the page."""
+"""The report as PDF, the table as a workbook, and the verdict at the head of the page."""
 
 import json
 import os
@@ -8,7 +8,6 @@ import sys
 import numpy as np
 import openpyxl
 import pytest
-from numpy.testing import assert_allclose
 
 import femseal as fs
 from femseal import cli
@@ -17,7 +16,6 @@ from femseal.base.text import comma_separated
 from femseal.report import page as report_page
 from femseal.report import write_pdf
 from femseal.report.leakage_tables import class_table, limiting_text
-from femseal.report.page import drop_chart, leakage_chart
 from femseal.results import RunFacts, assemble
 from femseal.results.tables import rows, write_workbook
 from femseal.studies import Scene
@@ -40,27 +38,7 @@ def study(scene):
     return deterministic(scene)
 
 
-def test_curves_of_the_page_have_the_numbers_of_the_dataset(scene, study):
-    results = assemble(scene, study)
-    chart, (_, factor) = leakage_chart(results), results.leak_scale
-    assert chart["x"]["values"] == [50.0, 200.0, 2500.0]
-    loading, unloading = chart["series"]
-    assert_allclose(loading["values"][:2], results.leakage.values[:2] / factor)
-    assert results.leakage.values[2] == 0
-    assert loading["texts"][2] == "sealed"
-    assert loading["values"][2] == chart["y"]["range"][0]
-    assert_allclose(unloading["values"][:2], results.leakage.values[[3, 1]] / factor)
-    assert unloading["values"][2] is None
-    low, high = chart["y"]["range"]
-    assert 0 < low < min(loading["values"][:2]) < max(loading["values"][:2]) < high
-    drop = drop_chart(results, [0])
-    (curve,) = drop["series"]
-    mean = np.nanmean(results.dataset["face_fluid_pressure"].values[0], axis=1)
-    assert_allclose(curve["values"], mean / 1e6, rtol=1e-6)
-    json.loads(json.dumps([chart, drop], allow_nan=False))
-
-
-def test_bars_of_the_curve_are_the_band_of_error(scene, study):
+def test_what_widens_the_band_of_error_most_is_told(scene, study):
     data = assemble(scene, study).dataset.copy()
     leakage = data["leakage_deterministic"].values
     data.attrs["error_budget"] = json.dumps({"deterministic": {"pixels": "by hand"}})
@@ -70,10 +48,6 @@ def test_bars_of_the_curve_are_the_band_of_error(scene, study):
         )
         data[f"leakage_deterministic_budget_part_{end}"] = (("budget_part", "step"), ends[None])
     results = fs.Results(data.assign_coords(budget_part=["pixels"]))
-    loading, factor = leakage_chart(results)["series"][0], results.leak_scale[1]
-    assert_allclose(loading["low"][:2], 0.5 * leakage[:2] / factor)
-    assert_allclose(loading["high"][:2], 2 * leakage[:2] / factor)
-    assert loading["texts"][2].startswith("sealed, band sealed–")  # no more than at the load before
     assert limiting_text(results).startswith(
         "One end of the band of error at loading 2.5 GPa is unknown"
     )
