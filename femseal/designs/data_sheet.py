@@ -27,7 +27,6 @@ from ..plots.drawing import (
     GREY,
     LEGEND_LINE,
     LINES,
-    STYLES,
     Sheet,
     branch_styles,
     decades,
@@ -50,9 +49,6 @@ from .sensitivities import Sensitivity
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
-
-#: Part of the width of the axes beyond which names would leave them.
-_RIGHT = 0.86
 
 
 def design_figure(answer: Design) -> Figure:
@@ -85,84 +81,46 @@ def design_figure(answer: Design) -> Figure:
 
 
 def _limits(axes: Axes, answer: Design, scale: float) -> None:
-    """A line for each class within the axis, named at its right end; those beyond it are named at the edge."""
+    """A named line for each class whose limit is within three decades of the leakages."""
     low, high = axes.get_ylim()
-    limits = [need.limit / scale for need in answer.requirements if need.limit > 0]
-    known = [limit for limit in limits if limit < low]
-    # room for limits up to three decades below the leakages
-    if near := [limit for limit in known if limit > low * 1e-3]:
-        axes.set_ylim(0.5 * min(near), high)
-    axes.set_ylim(axes.get_ylim()[0], max(high, *(2 * x for x in limits if x < 1e3 * high), high))
+    limits = {need.name: need.limit / scale for need in answer.requirements}
+    near = [limit for limit in limits.values() if 1e-3 * low < limit < 1e3 * high]
+    axes.set_ylim(min([low, *(x / 2 for x in near)]), max([high, *(2 * x for x in near)]))
     decades(axes.yaxis)
-    low, high = axes.get_ylim()
-    limit_lines(axes, {need.name: need.limit / scale for need in answer.requirements})
-    below = [need.name for need in answer.requirements if 0 < need.limit / scale <= low]
-    above = [need.name for need in answer.requirements if need.limit / scale >= high]
-    for names, place, side in ((below, 0.0, "bottom"), (above, 1.0, "top")):
-        if names:
-            arrow = "↓" if side == "bottom" else "↑"
-            text = "\n".join(f" {arrow} {name}" for name in names)
-            axes.annotate(
-                text, (1, place), xycoords="axes fraction", va=side, fontsize=8.5, color=GREY
-            )
+    limit_lines(axes, limits)
 
 
 def _marks(axes: Axes, answer: Design, scale: float) -> list[Any]:
     """Qmin on the loading and QSmin on the unloadings, each with its uncertainty; returns handles of the legend."""
     from matplotlib.lines import Line2D
-    from matplotlib.patheffects import withStroke
 
-    styles = branch_styles(1 + len(answer.seals.steps.unload_from))
     # branches are drawn from the highest peak
-    colours = dict(
-        zip(
-            sorted(answer.seals.steps.unload_from, reverse=True),
-            (s[0] for s in styles[1:]),
-            strict=True,
-        )
-    )
-    drawn = False
+    peaks = sorted(answer.seals.steps.unload_from, reverse=True)
+    colours = dict(zip([None, *peaks], branch_styles(1 + len(peaks)), strict=True))
     for need in answer.requirements:
-        marks = [(need.assembly, STYLES[0][0], "v")]
-        marks += [(needed, colours[peak], "^") for peak, needed in need.service.items()]
-        for needed, colour, marker in marks:
+        for peak, needed in [(None, need.assembly), *need.service.items()]:
             if not np.isfinite(needed.at) or not need.limit > 0:
                 continue
-            drawn = True
-            x, y = needed.at / 1e6, need.limit / scale
-            if needed.low != needed.value:
-                ends = [needed.bound(end) / 1e6 for end in (needed.low, needed.value)]
-                axes.plot(
-                    ends, [y, y], color=colour, lw=3.5, alpha=0.45, solid_capstyle="butt", zorder=4
-                )
-            axes.plot(
-                [x], [y], color=colour, marker=marker, ms=9, mec="black", mew=0.9, ls="", zorder=5
-            )
-            # names at the right end of the axis stand to the left of their mark
-            right = axes.transLimits.transform(axes.transScale.transform((x, y)))[0] > _RIGHT
+            x, y, colour = needed.at / 1e6, need.limit / scale, colours[peak][0]
+            ends = [needed.bound(end) / 1e6 for end in (needed.low, needed.value)]
+            marker, above = ("v", 7) if peak is None else ("^", -15)
+            axes.plot(ends, [y, y], color=colour, lw=3.5, alpha=0.45, zorder=4)
+            axes.plot(x, y, color=colour, marker=marker, ms=9, mec="black", zorder=5)
             axes.annotate(
                 answer.load_text(needed.at),
                 (x, y),
-                xytext=(-4 if right else 4, 7 if marker == "v" else -15),
+                xytext=(4, above),
                 textcoords="offset points",
-                ha="right" if right else "left",
                 fontsize=8,
                 zorder=6,
-                path_effects=[withStroke(linewidth=2.5, foreground="white")],
             )
-    if not drawn:
-        return []
-    names = [("v", "Qmin as computed")]
-    names += [("^", "QSmin as computed")] if answer.seals.steps.unload_from else []
+    names = (("v", "Qmin as computed"), ("^", "QSmin as computed"))
     handles = [
-        Line2D([], [], color="white", marker=m, ms=8, mec="black", ls="", label=text)
-        for m, text in names
+        Line2D([], [], color="white", marker=marker, ms=8, mec="black", label=text)
+        for marker, text in names
     ]
-    if answer.results.budget is not None:
-        handles.append(
-            Line2D([], [], color=GREY, lw=3.5, alpha=0.45, label="with the whole band of error")
-        )
-    return handles
+    band = Line2D([], [], color=GREY, lw=3.5, alpha=0.45, label="with the whole band of error")
+    return [*handles, band]
 
 
 @dataclass(frozen=True, eq=False, repr=False)

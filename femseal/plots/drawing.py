@@ -23,10 +23,8 @@ if TYPE_CHECKING:
     from matplotlib.axis import Axis
     from matplotlib.figure import Figure
 
-#: Width of a letter, and least space between two labels, in font sizes.
-_LETTER, _SPACE = 0.65, 0.8
-#: Part of the axis between a load of 0 and the least one above it, in decades.
-_ZERO_DECADES = 0.4
+#: Ratio of loads up to which their axis is linear, and by which it reaches beyond them.
+_NEAR, _MARGIN = 5.0, 1.1
 #: Ratio of the ends of an axis beyond which it has no ticks between the powers of ten.
 _FINE = 1e5
 _SUPERSCRIPTS = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
@@ -35,61 +33,25 @@ _PLAIN = range(-2, 4)
 
 
 def load_axis(axes: Axes, loads: Array, *, logarithmic: bool = False) -> None:
-    """Scale and ticks of the x axis: all loads, those with a label that have room for it.
+    """Scale of the x axis: logarithmic where loads differ by more than `_NEAR`, with a load of 0 left of the others.
 
-    The scale is linear or logarithmic, whichever keeps the closest two further apart; a load of 0 stands left of the
-    others on the logarithmic one.
     logarithmic : takes this one for any two loads or more.
     """
     loads = np.unique(loads[np.isfinite(loads) & (loads >= 0)])
     if not loads.size or not loads[-1] > 0:
         return
-    apart = _spread(places := _log_places(loads)) > _spread(np.unique(np.r_[0.0, loads]))
-    if loads.size == 1 or not (logarithmic or apart):
-        axes.set_xlim(0, loads[-1] * 1.03)
-        places = loads
+    positive = loads[loads > 0]
+    # before the scale, which would look for ends itself and warn where a single load has a value
+    ends = positive[0] / _MARGIN, positive[-1] * _MARGIN
+    if loads.size == 1 or not (logarithmic or positive[-1] > _NEAR * positive[0]):
+        axes.set_xlim(0, ends[1])
+    elif loads[0] > 0:
+        axes.set_xlim(ends)
+        axes.set_xscale("log")
+        decades(axes.xaxis)
     else:
-        positive = loads[loads > 0]
-        margin = 0.03 * (places[-1] - places[0])
-        # before the scale, which would look for ends itself and warn where a single load has a value
-        left = loads[0] / 10**margin if loads[0] > 0 else -positive[0] * margin / _ZERO_DECADES
-        axes.set_xlim(left, loads[-1] * 10**margin)
-        if loads[0] > 0:
-            axes.set_xscale("log")
-        else:
-            axes.set_xscale("symlog", linthresh=positive[0], linscale=_ZERO_DECADES, subs=[])
-    labels = [f"{load:.4g}" for load in loads]
-    kept = _with_room(axes, places, labels)
-    axes.set_xticks(loads[kept], labels=[labels[n] for n in kept])
-    axes.set_xticks(loads, labels=[""] * loads.size, minor=True)
-
-
-def _with_room(axes: Axes, places: Array, labels: list[str]) -> list[int]:
-    """Labels that do not touch each other, taken from both ends inwards, so that both ends have one."""
-    from matplotlib import rcParams
-
-    width = axes.get_position().width * axes.get_figure(root=True).get_size_inches()[0]  # type: ignore[union-attr]
-    letters = 72 * width / rcParams["font.size"]
-    whole = places[-1] - places[0] if len(places) > 1 else 1.0
-    at = (places - places[0]) / (whole or 1.0) * letters / 1.06
-    kept: list[int] = []
-    for n in sorted(range(len(labels)), key=lambda n: (min(n, len(labels) - 1 - n) > 0, -n)):
-        room = [_LETTER * (len(labels[n]) + len(labels[k])) / 2 + _SPACE for k in kept]
-        if all(abs(at[n] - at[k]) >= least for k, least in zip(kept, room, strict=True)):
-            kept.append(n)
-    return sorted(kept)
-
-
-def _log_places(loads: Array) -> Array:
-    """Places of the loads on the logarithmic scale [decades]."""
-    positive = np.log10(loads[loads > 0])
-    return positive if loads[0] > 0 else np.r_[positive[0] - _ZERO_DECADES, positive]
-
-
-def _spread(places: Array) -> float:
-    """The least distance of two loads as a fraction of the axis; of a single load 0."""
-    width = places[-1] - places[0]
-    return float(np.diff(places).min() / width) if width > 0 else 0.0
+        axes.set_xlim(-positive[0] / 5, ends[1])
+        axes.set_xscale("symlog", linthresh=positive[0], linscale=0.4)
 
 
 def decades(axis: Axis) -> None:

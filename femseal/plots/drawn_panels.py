@@ -22,9 +22,8 @@ if TYPE_CHECKING:
 
 #: Flows shown in colour: so many decades below the largest.
 _DECADES = 4
-#: Sides of the detail across and along a strip, or of a square of another seal, and largest ratio of the sides of a
-#: seal that keeps its proportions, in breadths of the seal.
-_STRIP, _DETAIL, _LONGEST = (1.0, 2.5), 1.2, 8.0
+#: Side of the detail in breadths of the seal, and largest ratio of the sides of a seal that keeps its proportions.
+_DETAIL, _LONGEST = 2.5, 8.0
 #: Most parts that are shown as a whole, and most arrows along the longer side of a map.
 _MOST, _ARROWS = 200_000, 12
 
@@ -54,8 +53,8 @@ class _View:
 class DrawnSeal:
     """Corners (parts, corners, 2) of the parts of a drawn seal, and the ends of each (parts, 2) [mm].
 
-    strip : whether it is a rectangle, its first side the breadth; lies : a high one, with x2 to the right. detail :
-    around the largest flow at a step. whole : the whole seal, or its detail where it is too fine.
+    strip : whether it is a straight seal; lies : a high one, with x2 to the right. detail : around the largest flow at
+    a step. whole : the whole seal, or its detail where it is too fine.
     """
 
     def __init__(self, data: xarray.Dataset, s: int) -> None:
@@ -65,40 +64,23 @@ class DrawnSeal:
             ends.reduce(list(self.corners.swapaxes(0, 1))) for ends in (np.minimum, np.maximum)
         )
         self.all = _View(self.low.min(axis=0), self.high.max(axis=0))
-        self.strip = self._is_strip()
+        self.strip = str(data.attrs["seal"]).startswith("a strip")
         self.lies = lying(self.all.size) != self.all.size
         if self.lies:
             self.corners, self.low, self.high = (
                 values[..., ::-1] for values in (self.corners, self.low, self.high)
             )
             self.all = _View(self.all.low[::-1], self.all.high[::-1])
-        breadth = float(data.attrs["seal_size_m"][0]) * 1e3
-        self.detail = self._detail(data["drawn_flux"].values[s], breadth)
+        self.detail = self._detail(data, s)
         self.whole = self.all if len(self.corners) <= _MOST else self.detail
 
-    def _is_strip(self) -> bool:
-        """Whether the parts, all with sides along the axes, fill a rectangle."""
-        corners, low, high = self.corners, self.low, self.high
-        if corners.shape[1] != 4 or not np.isclose(
-            (high - low).prod(axis=1).sum(), np.prod(self.all.size)
-        ):
-            return False
-        at_low, at_high = (np.isclose(corners, ends[:, None], atol=1e-9) for ends in (low, high))
-        return bool(np.all(at_low | at_high))
-
-    def _detail(self, flux: Array, breadth: float) -> _View:
+    def _detail(self, data: xarray.Dataset, s: int) -> _View:
         """The surroundings of the largest flux."""
-        low, high = self.all.low, self.all.high
-        along_strip = _STRIP[::-1] if self.lies else _STRIP
-        sides = breadth * np.array(along_strip if self.strip else (_DETAIL, _DETAIL))
-        middles = self.corners.mean(axis=1)
-        place = middles[np.argmax(np.nan_to_num(np.hypot(*flux.T)))]
-        if (
-            not self.strip
-        ):  # in the middle of the seal rather than at its edge, where half of a map would be empty
-            place = middles[np.hypot(*(middles - place).T) <= breadth].mean(axis=0)
-        start = np.maximum(low, np.minimum(place - sides / 2, high - sides))
-        return _View(start, np.minimum(start + sides, high))
+        side = _DETAIL * float(data.attrs["seal_size_m"][0]) * 1e3
+        flux = np.nan_to_num(np.hypot(*data["drawn_flux"].values[s].T))
+        place = self.corners[np.argmax(flux)].mean(axis=0)
+        start = np.maximum(self.all.low, np.minimum(place - side / 2, self.all.high - side))
+        return _View(start, np.minimum(start + side, self.all.high))
 
 
 def drawn_figure(data: xarray.Dataset, s: int) -> Figure:
@@ -148,13 +130,6 @@ def _panels(data: xarray.Dataset, s: int) -> list[_Panel]:
         found.append(_Panel("form of the seal [µm]", form, "cividis"))
         found.append(_Panel("distance of mean planes [µm]", apart, "viridis"))
     return found
-
-
-def part_text(seal: DrawnSeal) -> str:
-    """Which part of the seal the maps of `drawn_figure` show."""
-    if seal.detail.spans(seal):
-        return "the whole seal"
-    return "the whole seal, and the flow around its largest"
 
 
 def _has_map(data: xarray.Dataset) -> bool:

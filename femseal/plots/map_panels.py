@@ -66,17 +66,10 @@ def lying(size: tuple[float, float]) -> tuple[float, float]:
     return (size[1], size[0]) if size[1] > _HIGH * size[0] else (size[0], size[1])
 
 
-def colour_bar(axes: Axes, image: Any, **options: Any) -> Any:
-    """A bar as high as the map, and as broad for narrow maps as for others."""
+def colour_bar(axes: Axes, image: Any) -> Any:
+    """A bar as high as the map."""
     figure = axes.get_figure(root=True)
-    box, (low, high) = axes.get_position(), (axes.get_xlim(), axes.get_ylim())
-    width, height = (float(side) for side in figure.get_size_inches())  # type: ignore[union-attr]
-    across, upwards = box.width * width, box.height * height
-    shown = across
-    if axes.get_aspect() != "auto":
-        shown = min(across, upwards * abs((low[1] - low[0]) / (high[1] - high[0])))
-    place = (1 + 0.08 / shown, 0, 0.12 / shown, 1)
-    bar = figure.colorbar(image, cax=axes.inset_axes(place), **options)  # type: ignore[union-attr]
+    bar = figure.colorbar(image, cax=axes.inset_axes((1.02, 0, 0.03, 1)))  # type: ignore[union-attr]
     if bar.ax.get_yscale() == "log":
         decades(bar.ax.yaxis)
     bar.ax.tick_params(which="both", labelsize=8)

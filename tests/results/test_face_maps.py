@@ -192,5 +192,3 @@ def test_loads_are_spread_over_the_axis(loads, scale):
         assert np.diff(places).min() > 0.15
         load_axis(axes, np.array(loads, float), logarithmic=True)
         assert axes.get_xscale() == ("log" if min(loads) > 0 else "symlog")
-    labels = [text.get_text() for text in axes.get_xticklabels()]
-    assert scale == "linear" or {str(loads[0]), str(loads[-1])} <= set(labels)

@@ -219,7 +219,7 @@ def test_picture_of_a_sweep(swept):
         assert_allclose(
             lines[2 * n + 1].get_ydata(), run.leakage[[1, 2]] / run.leak_basis.factor(found.unit)
         )
-    assert right.get_xlabel() == "hardness [GPa]"
+    assert right.get_xlabel() == "hardness"
     assert_allclose(right.lines[0].get_xdata(), [3, 6])
     assert_allclose(right.lines[0].get_ydata(), [found.leakage(n)[1] for n in (0, 2)])
 
