@@ -13,7 +13,7 @@ from ..contact.hardness_curves import SMALLEST_DEPTH, NixGao
 from ..materials import HARDNESS_FACTOR, METALS
 from ..plots.maps import default_step, face_leakage
 from ..results.results import Results
-from ..results.selections import load_names
+from ..results.selections import load_names, loads_as_given
 
 if TYPE_CHECKING:
     import xarray
@@ -85,11 +85,7 @@ def _solid_text(solid: Mapping[str, Any]) -> str:
     facts += [f"ν = {solid['poisson']:g}"] if "poisson" in solid else []
     for key, name in (("hardness", "hardness"), ("yield_stress", "yield stress")):
         facts += [f"{name} {to_text(solid[key], 'Pa')}"] if key in solid else []
-    facts += (
-        [f"hardness by a table of {len(solid['hardness_table'])} depths"]
-        if "hardness_table" in solid
-        else []
-    )
+    facts += ["hardness by a table of depths"] if "hardness_table" in solid else []
     text = ", ".join(facts)
     names = {key.casefold(): key for key in METALS}
     if (key := str(solid.get("name") or "").casefold().strip()) not in names:
@@ -97,42 +93,26 @@ def _solid_text(solid: Mapping[str, Any]) -> str:
     metal, source = METALS[names[key]]
     keys = ("young", "poisson", "yield_stress", "hardness", "hardness_table")
     own = [k.replace("_", " ") for k in keys if k in solid and solid[k] != getattr(metal, k, None)]
-    return (
-        f"{names[key]} ({'by the case: ' + ', '.join(own) + '; ' if own else ''}{source}): {text}"
-    )
+    by_case = f"by the case: {', '.join(own)}; " if own else ""
+    return f"{names[key]} ({by_case}{source}): {text}"
 
 
 def case_sentences(results: Results) -> list[str]:
     """The case; sentences without data in the results are left out."""
     data, case = results.dataset, results.case
     attrs = data.attrs
-    width, length = (float(v) for v in attrs["seal_size_m"])
-    sides = f"{to_text(width, 'm')} wide along the leakage and {to_text(length, 'm')} long"
-    shape = str(attrs.get("seal", "a strip"))
-    sentences = [
-        f"A seal {sides}." if shape == "a strip" else f"The seal is {shape}; it is about {sides}."
-    ]
-    faces = [_face_text(face) for face in case.get("face", [])]
-    if faces:
-        surface = json.loads(attrs["surface"])
-        grid = (
-            f", solved on {' × '.join(map(str, surface['shape']))} points"
-            if "shape" in surface
-            else ""
-        )
-        text = " against ".join(faces)
-        sentences.append(f"{text[0].upper()}{text[1:]}{grid}.")
+    width, length = (to_text(float(side), "m") for side in attrs["seal_size_m"])
+    sentences = [f"The seal is {attrs['seal']}, {width} wide along the leakage and {length} long."]
+    if faces := " against ".join(_face_text(face) for face in case.get("face", [])):
+        sentences.append(f"{faces[0].upper()}{faces[1:]}.")
     if surface_text := _surface_text(json.loads(attrs["surface"])):
         sentences.append(surface_text)
-    sentences += (
-        [f"The solids: {solids_text(case)}."] if "young" in case.get("material", {}) else []
-    )
+    if "young" in case.get("material", {}):
+        sentences.append(f"The solids: {solids_text(case)}.")
     text = contact_text(float(attrs["contact_modulus_Pa"]), str(attrs["contact_law"]))
     sentences.append(f"{text[0].upper()}{text[1:]}.")
     if attrs.get("seat"):
         sentences.append(_seat_text(data))
-    if "drawn_form" in data:
-        sentences.append(_form_text(data))
     sentences += load_sentences(data, case)
     inlet, outlet = (
         to_text(float(attrs[f"{end}_pressure_Pa"]), "Pa") for end in ("inlet", "outlet")
@@ -156,30 +136,11 @@ def _seat_text(data: xarray.Dataset) -> str:
 
 
 def _face_text(face: dict[str, Any]) -> str:
-    """A face of the case, with what it is generated from or how it is placed."""
-    kind = str(face.get("kind", "face"))
-    if kind == "file" and (places := face.get("places")):
-        names = ", ".join(str(place.get("path")) for place in places)
-        return f"several measured places of a face, {names}{_placement_text(face)}"
-    if kind == "file":
-        return f"a measured face from {face.get('path', 'a file')}{_placement_text(face)}"
-    known = (("pitch", "m"), ("depth", "m"), ("roughness", "m"), ("hurst", ""), ("rms_slope", ""), ("rms_height", "m"),
-             ("roll_off", "m"))  # fmt: skip
-    facts = []
-    for name, unit in known:
-        if value := face.get(name):
-            text = name.replace("_", " ").replace("hurst", "Hurst exponent")
-            facts.append(f"{text} {to_text(value, unit, 3) if unit else f'{value:g}'}")
-    return f"a {kind} face" + (f" ({', '.join(facts)})" if facts else "")
-
-
-def _placement_text(face: dict[str, Any]) -> str:
-    """Placement of the second face on the first, in the order of its operations."""
-    facts = [f"mirrored along {face['mirror']}"] if "mirror" in face else []
-    facts += [f"turned by {np.degrees(face['rotate']):.3g}°"] if "rotate" in face else []
-    shift = ", ".join(to_text(length, "m", 3) for length in face.get("shift", ()))
-    facts += [f"shifted by {shift}"] if shift else []
-    return f" ({', '.join(facts)})" if facts else ""
+    """The kind of a face, or the files that it is measured in."""
+    if face.get("kind") != "file":
+        return f"a {face.get('kind')} face"
+    paths = [str(place.get("path")) for place in face.get("places") or [face]]
+    return f"a measured face from {', '.join(paths)}"
 
 
 def _surface_text(surface: dict[str, Any]) -> str:
@@ -205,84 +166,38 @@ def _method_sentences(results: Results) -> list[str]:
         sentences.append("Deterministic: contact and flow of the whole face at full resolution.")
     if "piece_pressure" in data:
         pieces = f"{data.sizes['piece1']} × {data.sizes['piece2']} pieces"
-        sentences.append(
-            f"Two scales: contact and flow of the whole face at full resolution, cut into {pieces}."
-        )
+        sentences.append(f"Two scales: the same, cut into {pieces}.")
     if "leakage_median" in data:
-        where = (
-            "which stay in their rows"
-            if data.attrs["tiles_in_place"]
-            else "each at the pressure of its tile"
-        )
         pieces = f"{data.sizes['state_piece1']} × {data.sizes['state_piece2']} pieces"
-        seed = f", seed {data.attrs['seed']}" if "seed" in data.attrs else ""
         sentences.append(
-            f"Stochastic: {counted(data.sizes['realisation'], 'seal')} of {data.attrs['tiles']}{seed}. Tiles draw from "
-            f"{pieces} of the contact of the whole face in {counted(data.sizes['state'], 'state')}, {where}. The "
-            "leakage given is their median."
+            f"Stochastic: the median of {counted(data.sizes['realisation'], 'seal')} of "
+            f"{data.attrs['tiles']}, which draw from {pieces} of the whole face in "
+            f"{counted(data.sizes['state'], 'state')}."
         )
     return sentences
 
 
 def load_sentences(data: xarray.Dataset, case: dict[str, Any]) -> list[str]:
-    """The load steps, and the map of the pressure over the seal if there is one."""
-    given = case.get("load", {})
-    maps = given.get("map") or []
-    return [_load_text(data, given), *([_map_text(data, maps)] if maps else [])]
-
-
-def _load_text(data: xarray.Dataset, given: dict[str, Any]) -> str:
-    """The load steps and their forces."""
+    """The load steps, and what a form of the seal or a map makes of the lowest and the highest."""
+    given, shown = case.get("load", {}), loads_as_given(data)
     pressure, peaks = data["nominal_pressure"].values, data["unloaded_from"].values
-    up = pressure[np.isnan(peaks)]
-    ends = " to ".join(to_text(float(p), "Pa") for p in dict.fromkeys((up.min(), up.max())))
-    text = f"It is loaded in {counted(up.size, 'step')}, {ends}"
-    if isinstance(highest := (given.get("loading") or [0.0])[-1], str):  # pressures are numbers
-        force, unit = highest.split()
-        text += f" (a force of {to_text(float(force), unit)} at most)"
-    if tops := [to_text(float(p), "Pa") for p in np.unique(peaks[~np.isnan(peaks)])]:
-        down = to_text(float(pressure[~np.isnan(peaks)].min()), "Pa")
-        text += f", and unloaded from {' and '.join(tops)} down to {down}"
+    up, down = pressure[np.isnan(peaks)], pressure[~np.isnan(peaks)]
+    ends = dict.fromkeys(shown(p) for p in (up.min(), up.max()))
+    text = f"It is loaded in {counted(up.size, 'step')}, {' to '.join(ends)}"
+    if down.size:
+        tops = " and ".join(shown(p) for p in np.unique(peaks[~np.isnan(peaks)]))
+        text += f", and unloaded from {tops} down to {shown(down.min())}"
     if given.get("relaxation"):
         text += f"; relaxation takes {100 * given['relaxation']:.3g} % of a load in assembly before service"
-    return text + "."
-
-
-def _form_text(data: xarray.Dataset) -> str:
-    """The form of the seal, and what it does to the pressure at the lowest and the highest load."""
-    high = to_text(float(np.ptp(data["drawn_form"].values)), "m", 3)
-    sentences = [f"The seal has a form {high} high."]
-    nominal = data["nominal_pressure"].values
-    for s in dict.fromkeys((int(nominal.argmin()), int(nominal.argmax()))):
-        pressure = data["drawn_nominal_pressure"].values[s]
-        apart = float((pressure == 0).mean())
-        text = f"At {data['name'].values[s]} it presses tiles with up to {to_text(float(pressure.max()), 'Pa', 3)}"
-        sentences.append(f"{text}, and {apart:.0%} of the seal stands apart.")
-    return " ".join(sentences)
-
-
-def _map_text(data: xarray.Dataset, maps: list[dict[str, Any]]) -> str:
-    """Kinds of the maps, and the range of pressures at the highest load."""
-    kinds = " and ".join(dict.fromkeys(_map_kind(one) for one in maps))
-    changing = ", which changes with the load" if len(maps) > 1 else ""
-    text = f"The contact pressure over the seal follows {kinds}{changing}"
-    if "drawn_contact_pressure" in data:
-        s = int(data["nominal_pressure"].values.argmax())
-        pressure = data["drawn_contact_pressure"].values[s]
-        ends = (to_text(float(p), "Pa", 3) for p in (np.nanmin(pressure), np.nanmax(pressure)))
-        text += f": {' to '.join(ends)} at {data['name'].values[s]}"
-    return text + "."
-
-
-def _map_kind(one: dict[str, Any]) -> str:
-    if one.get("kind") == "field":
-        return f"the field in {one.get('path', 'a file')}"
-    if one.get("kind") == "angle":
-        periods = int(one.get("repeat", 1))
-        return "a table around it" + (f", repeated {periods} times" if periods > 1 else "")
-    return (
-        "a profile from inlet to outlet" if one.get("kind") == "profile" else "one value everywhere"
-    )
+    sentences = [f"{text}."]
+    name = "drawn_nominal_pressure" if "drawn_form" in data else "drawn_contact_pressure"
+    if name in data and ("drawn_form" in data or given.get("map")):
+        for s in dict.fromkeys((int(pressure.argmin()), int(pressure.argmax()))):
+            at = data[name].values[s]
+            low, high = (to_text(float(f(at)), "Pa", 3) for f in (np.nanmin, np.nanmax))
+            text = f"At {data['name'].values[s]} the seal is pressed with {low} to {high}"
+            sentences.append(f"{text}, and {(at == 0).mean():.0%} of it stands apart.")
+    return sentences
 
 
 def pressure_drop_sentences(results: Results) -> list[str]:

@@ -1,8 +1,7 @@
-"""Results in a few lines: contents, origin of the numbers, and the attempts at a wanted accuracy."""
+"""Results in a few lines, and the attempts at a wanted accuracy."""
 
 from __future__ import annotations
 
-import json
 from html import escape
 from math import inf, log1p
 from typing import Any
@@ -97,16 +96,10 @@ def summary_text(run: Results) -> str:
 
 
 def summary_html(run: Results) -> str:
-    """The lines, the table of the leakage, and a folded section on the origin of the numbers."""
+    """The lines, and the table of the leakage."""
     title = escape(run.case.get("title", "") or "femseal results")
-    lines, origin = (
-        TextTable("", (), tuple(each.items()))._repr_html_()
-        for each in (contents(run), provenance(run))
-    )
-    return (
-        f"<div><b>{title}</b>\n{lines}\n{leakage_table(run)._repr_html_()}\n"
-        f"<details><summary>provenance</summary>{origin}</details></div>"
-    )
+    lines = TextTable("", (), tuple(contents(run).items()))._repr_html_()
+    return f"<div><b>{title}</b>\n{lines}\n{leakage_table(run)._repr_html_()}</div>"
 
 
 def contents(run: Results) -> dict[str, str]:
@@ -144,50 +137,3 @@ def contents(run: Results) -> dict[str, str]:
     if missing := run.left_out:
         found["left out"] = "; ".join(missing)
     return found
-
-
-def provenance(run: Results) -> dict[str, str]:
-    """Name and text of the lines on versions, machine, times and solvers."""
-    attrs = run.dataset.attrs
-    parts = {
-        name: json.loads(attrs.get(name, "{}"))
-        for name in ("timings", "machine", "counts", "solvers", "versions")
-    }
-    memory = {"memory_bytes": "", "peak_memory_bytes": " at the peak"}
-    sizes = parts["machine"] | dict(attrs)
-    machine = [
-        str(value) for name, value in parts["machine"].items() if name in ("processor", "system")
-    ]
-    machine += [f"{parts['machine']['cores']} cores"] if "cores" in parts["machine"] else []
-    lines = {
-        "computed": f"{attrs.get('date_created', '')} by {attrs['source']}",
-        "seed": str(attrs.get("seed", "")),
-        "machine": ", ".join(machine),
-        "memory": ", ".join(
-            to_text(sizes[name], "B", 3) + end for name, end in memory.items() if name in sizes
-        ),
-        "wall times": ", ".join(
-            f"{stage} {seconds:.3g} s" for stage, seconds in parts["timings"].items()
-        ),
-        "flows": "; ".join(
-            f"{study.replace('_', '-')}: "
-            + ", ".join(f"{count} {kind}" for kind, count in counts.items())
-            for study, counts in parts["counts"].items()
-        ),
-        "linear systems": "; ".join(
-            f"{study.replace('_', '-')}: {solvers_text(solvers)}"
-            for study, solvers in parts["solvers"].items()
-        ),
-        "versions": ", ".join(f"{name} {number}" for name, number in parts["versions"].items()),
-    }
-    return {name: value for name, value in lines.items() if value}
-
-
-def solvers_text(solvers: dict[str, Any]) -> str:
-    """How many linear systems each solver solved, and their worst imbalance; from the attribute `solvers`."""
-    systems = ", ".join(f"{count} by {name}" for name, count in solvers["systems"].items())
-    return (
-        f"{systems}, worst imbalance {solvers['worst_imbalance']:.0e}"
-        if systems
-        else "none to solve"
-    )

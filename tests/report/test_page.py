@@ -286,22 +286,13 @@ def test_parts_of_a_study_are_not_counted_twice(scene, studies):
     ]
 
 
-def test_repairs_and_placement_of_measured_faces_are_told(scene, studies):
-    second = {
-        "kind": "file",
-        "path": "B.plu",
-        "mirror": "x2",
-        "rotate": np.pi / 6,
-        "shift": [1e-5, -3e-5],
-    }
+def test_repairs_of_measured_faces_are_told(scene, studies):
+    second = {"kind": "file", "path": "B.plu"}
     case = CASE | {"face": [*CASE["face"], second]}
     surface = SURFACE | {"undefined_fraction": 0.0114, "spike_points": 8}
     told = assemble(scene, studies["deterministic"], facts=RunFacts(case=case, surface=surface))
     text = words(section(report_html(told), "case"))
-    assert (
-        "against a measured face from B.plu (mirrored along x2, turned by 30°, shifted by 10 µm, -30 µm)"
-        in text
-    )
+    assert "against a measured face from B.plu" in text
     assert "1.1 % undefined points and 8 points in spikes were filled" in text
 
 

@@ -445,9 +445,8 @@ def test_text_and_html_say_what_there_is(back, results, folder):
     assert "over all pixels at 6 of 6 steps" in text
     assert str(folder) in text
     page = back._repr_html_()
-    assert page.count("<table>") == page.count("</table>") == 3
-    for word in ("trial", "two-scale 1.5 s", "cores", "at the peak", "numpy"):
-        assert word in page
+    assert page.count("<table>") == page.count("</table>") == 2
+    assert "trial" in page
     risky = assemble(results.scene, results.two_scale, facts=RunFacts(case={"title": "<b>&"}))
     assert "&lt;b&gt;&amp;" in risky._repr_html_()
 
