@@ -97,10 +97,6 @@ def check_lines(results: Results) -> Lines:
         if (before := surface.get("rms_slope_before")) and "continuation" not in surface:
             lost = 1 - surface["rms_slope"] / before
             meaning = "of the rms slope, with the waves shorter than that"
-            if measured := surface.get("rms_slope_measured"):
-                kept = min(1.0, surface["rms_slope"] / measured)
-                end = to_text(surface["shortest_measured"], "m", 3)
-                meaning += f"; {1 - kept:.1%} of that of waves above noise, which end at {end}"
             lines.append(("slope removed", f"{100 * lost:.2g} %", meaning))
     return lines
 

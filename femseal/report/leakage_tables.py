@@ -16,7 +16,13 @@ from ..base import TextTable, format_deviation, read_plain, to_text
 from ..base.leak_rates import LEAK_UNITS, LeakUnit, leak_classes, within
 from ..results.results import Results
 from ..results.selections import branches_in, load_names, loads_as_given
-from ..results.tables import class_unit, format_error_band, format_leakage, leakage_at
+from ..results.tables import (
+    class_unit,
+    format_error_band,
+    format_leakage,
+    in_several_units,
+    leakage_at,
+)
 from .case_text import fluid_text
 
 if TYPE_CHECKING:
@@ -76,29 +82,12 @@ def limiting_text(results: Results) -> str:
     return f"Half-width of the band of error at {step}: {format_deviation(half_width)}; its widest source: {name}."
 
 
-#: Units that people say a leakage in, from the largest: of mass in a year, of drops, and of gases.
-_SAID = (("kg/year", "g/year"), ("drops/s", "drops/min", "drops/h"), ("mbar·L/s",))
-
-
 def total_leakage_text(results: Results) -> str:
-    """Leakage of the whole seal at the highest load, in the units that people say."""
-    basis, leakage = results.leak_basis, float(results.leakage[results.peak])
-    if not np.isfinite(leakage) or leakage == 0:
+    """Leakage of the whole seal at the highest load, in several units; "" where there is none."""
+    if not (whole := in_several_units(results, results.peak)):
         return ""
-    units = [basis.readable([leakage])]
-    for names in _SAID:
-        known = [
-            unit for unit in map(LEAK_UNITS.get, names) if unit is not None and basis.has(unit)
-        ]
-        said = [unit for unit in known if abs(leakage) >= basis.factor(unit)] or known[-1:]
-        units += said[:1]
-    whole = " = ".join(
-        f"{format_leakage(leakage, basis.factor(unit))} {unit.name}" for unit in units
-    )
-    length, load = (
-        to_text(basis.length, "m"),
-        loads_as_given(results.dataset)(results.steps[results.peak].pressure),
-    )
+    length = to_text(results.leak_basis.length, "m")
+    load = load_names(results.dataset)[results.peak]
     return f"Over its whole length of {length} the seal leaks {whole} at {load}.{_reference_text(results)}"
 
 
@@ -201,12 +190,8 @@ def test_fluid_sentences(results: Results) -> list[str]:
         own = own * results.leak_basis.pressure / basis.pressure
     what = "in pressure × volume" if both_gases else "by volume"
     with np.errstate(divide="ignore", invalid="ignore"):
-        ratio = own / best
-    found = ratio[np.isfinite(ratio)]
-    if not found.size:
-        return sentences
-    low, high = (f"{value:.3g}" for value in (found.min(), found.max()))
-    text = f"{what.capitalize()} the fluid in service leaks {low if low == high else f'{low} to {high}'} times as much"
+        ratio = np.median((own / best)[best > 0]) if (best > 0).any() else np.nan
+    text = f"{what.capitalize()} the fluid in service leaks {ratio:.3g} times as much"
     viscous, molecular = float(attrs["test_viscous_factor"]), float(attrs["test_molecular_factor"])
     limits = [f"flow as a continuum would give {viscous:.3g}"]
     limits += [] if np.isnan(molecular) else [f"flow of free molecules {molecular:.3g}"]
@@ -230,26 +215,11 @@ def design_section(results: Results) -> dict[str, Any] | None:
         picture = read_plain(results.folder / DESIGN_PICTURE, _LARGEST)
         if not picture.startswith(_PNG):
             return None
-        tables = [{"title": "Pressure in assembly (Qmin) and in service (QSmin)", **found["sheet"]}]
-        tables += [found["slopes"]] if found["slopes"] else []
+        sheet = {"title": "Pressure in assembly (Qmin) and in service (QSmin)", **found["sheet"]}
         return {
-            "sentences": [str(text) for text in found["sentences"]],
-            "tables": [
-                {
-                    "title": str(t["title"]),
-                    "heads": [str(h) for h in t["heads"]],
-                    "lines": _texts(t),
-                }
-                for t in tables
-            ],
+            "sentences": found["sentences"],
+            "tables": [sheet, *([found["slopes"]] if found["slopes"] else [])],
             "picture": "data:image/png;base64," + base64.b64encode(picture).decode(),
         }
     except (OSError, ValueError, KeyError, TypeError, RecursionError):
         return None
-
-
-def _texts(table: dict[str, Any]) -> list[list[str]]:
-    lines = [[str(text) for text in line] for line in table["lines"]]
-    if any(len(line) != len(table["heads"]) for line in lines):
-        raise ValueError("lines of another length than the headings")
-    return lines

@@ -27,6 +27,8 @@ if TYPE_CHECKING:
 PixelValues = Callable[[int], NDArray[Any]]
 #: Ending of an image of pixels in a plane.
 IMAGE = ".vti"
+#: Corners nearer to each other than this fraction of its length are one point of it.
+_ONE_POINT = 1e-9
 #: Of deflate: higher levels gain a few per cent at several times the time.
 _LEVEL = 1
 
@@ -90,28 +92,27 @@ class Image:
 
 @dataclass(frozen=True)
 class Cells:
-    """Triangles or quadrilaterals at all steps: `point_data` (steps, points), `cell_data` (steps, cells[, 3])."""
+    """Triangles or quadrilaterals by their corners (cells, 3 or 4, 2), with `data` (steps, cells[, 3]) at all steps."""
 
     name: str
-    points: Array
-    cells: NDArray[np.int64]
+    corners: Array
     steps: LoadSteps
-    point_data: Mapping[str, NDArray[Any]]
-    cell_data: Mapping[str, NDArray[Any]]
+    data: Mapping[str, NDArray[Any]]
 
     @cached_property
     def _mesh(self) -> Any:
         import pyvista
 
-        kind = {3: pyvista.CellType.TRIANGLE, 4: pyvista.CellType.QUAD}[self.cells.shape[1]]
-        return pyvista.UnstructuredGrid({kind: self.cells}, self.points)
+        kind = {3: pyvista.CellType.TRIANGLE, 4: pyvista.CellType.QUAD}[self.corners.shape[1]]
+        points = np.pad(self.corners.reshape(-1, 2), ((0, 0), (0, 1)))
+        cells = np.arange(len(points)).reshape(self.corners.shape[:2])
+        mesh = pyvista.UnstructuredGrid({kind: cells}, points)
+        return mesh.clean(tolerance=_ONE_POINT * np.ptp(points), produce_merge_map=False)
 
     def at(self, n: int) -> Any:
         """The mesh, which all steps share, with its data."""
         mesh = self._mesh.copy(deep=False)
-        for name, values in self.point_data.items():
-            mesh.point_data[name] = values[n]
-        for name, values in self.cell_data.items():
+        for name, values in self.data.items():
             mesh.cell_data[name] = values[n]
         return self.steps.label(mesh, n)
 
