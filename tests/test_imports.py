@@ -389,27 +389,6 @@ def test_a_faulty_case_is_refused_before_the_solvers_are_loaded(tmp_path):
     assert shown.endswith("[]\n")
 
 
-#: What writes results is loaded by a thread while the process that computes loads xarray for itself.
-TWO_LOAD = """
-import sys
-from threading import Barrier, Thread
-from femseal.report.folder import load_writers
-sys.setswitchinterval(1e-5)
-both = Barrier(2)
-other = Thread(target=lambda: (both.wait(), load_writers(pictures=False, report=False, paraview="none")))
-other.start()
-both.wait()
-import xarray
-other.join()
-print(sys.modules["xarray"].core.variable.xr is sys.modules["xarray"])
-"""
-
-
-def test_writers_load_beside_results():
-    done = subprocess.run([sys.executable, "-c", TWO_LOAD], capture_output=True, text=True)
-    assert done.stdout == "True\n", done.stderr
-
-
 @pytest.mark.parametrize(
     "package", [path.parent for path in ROOT.rglob("__init__.py")], ids=lambda path: path.name
 )

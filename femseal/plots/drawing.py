@@ -25,8 +25,8 @@ if TYPE_CHECKING:
 
 #: Ratio of loads up to which their axis is linear, and by which it reaches beyond them.
 _NEAR, _MARGIN = 5.0, 1.1
-#: Ratio of the ends of an axis beyond which it has no ticks between the powers of ten.
-_FINE = 1e5
+#: Ratios of the ends of an axis below which 2 and 5 have labels, and beyond which only powers of ten have ticks.
+_SHORT, _FINE = 100.0, 1e5
 _SUPERSCRIPTS = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 #: Powers of ten that are written as numbers.
 _PLAIN = range(-2, 4)
@@ -55,36 +55,30 @@ def load_axis(axes: Axes, loads: Array, *, logarithmic: bool = False) -> None:
 
 
 def decades(axis: Axis) -> None:
-    """Label the powers of ten of a logarithmic axis without the parser of formulas, which is slow."""
+    """Label a logarithmic axis without the parser of formulas, which is slow."""
     from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter, NullLocator
 
     low, high = axis.get_view_interval()
-    axis.set_major_formatter(FuncFormatter(lambda value, _: power_text(value)))
-    powers = np.floor(np.log10(high)) - np.ceil(np.log10(low)) + 1
-    if high / low < 30 or powers < 2:
+    axis.set_major_formatter(FuncFormatter(lambda value, _: number_text(value)))
+    axis.set_minor_formatter(NullFormatter())
+    if high / low < _SHORT:
         axis.set_minor_locator(LogLocator(subs=(2, 5)))
-        axis.set_minor_formatter(FuncFormatter(lambda value, _: _number_text(value)))
-    else:
-        axis.set_minor_formatter(NullFormatter())
-        if high / low > _FINE:
-            axis.set_minor_locator(NullLocator())
+        axis.set_minor_formatter(FuncFormatter(lambda value, _: number_text(value)))
+    elif high / low > _FINE:
+        axis.set_minor_locator(NullLocator())
 
 
-def power_text(value: float) -> str:
-    """A power of ten as text.
+def number_text(value: float) -> str:
+    """A number of an axis as text.
 
-    >>> power_text(1e-12), power_text(100.0)
-    ('10⁻¹²', '100')
+    >>> number_text(1e-12), number_text(100.0), number_text(2e-5)
+    ('10⁻¹²', '100', '2·10⁻⁵')
     """
-    exponent = round(np.log10(value))
-    return f"{value:g}" if exponent in _PLAIN else f"10{str(exponent).translate(_SUPERSCRIPTS)}"
-
-
-def _number_text(value: float) -> str:
     exponent = int(np.floor(np.log10(value) + 1e-9))
     if exponent in _PLAIN:
-        return f"{value:.3g}"
-    return f"{value / 10.0**exponent:.3g}·10{str(exponent).translate(_SUPERSCRIPTS)}"
+        return f"{value:.4g}"
+    factor = f"{value / 10.0**exponent:.3g}·".removeprefix("1·")
+    return f"{factor}10{str(exponent).translate(_SUPERSCRIPTS)}"
 
 
 #: Loading first, then unloadings: colours that the colour-blind tell apart (Okabe & Ito), line style and marker.

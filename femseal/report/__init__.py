@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING
 from ..base.lazy_package import lazy
 
 if TYPE_CHECKING:
-    from .folder import load_writers, write_again, write_folder
+    from .folder import write_again, write_folder
     from .page import write_pdf, write_report
 else:
     __getattr__, __dir__ = lazy(__name__)

@@ -8,7 +8,6 @@ from concurrent.futures import ThreadPoolExecutor
 from contextlib import suppress
 from functools import partial
 from pathlib import Path
-from typing import Any
 
 from ..base import FemsealError, Mapper, made_folder, read_plain, replacing, write_text
 from ..base.files import is_inside
@@ -19,7 +18,7 @@ from ..results.results_file import FILE_NAME, save
 from ..results.tables import csv_text, write_workbook
 from ..studies.choices import FIELDS_LIMIT
 from ..topography import Topography
-from .page import REPORT_NAME, page_template, write_report
+from .page import REPORT_NAME, write_report
 from .pictures import FILES, draw_all
 
 #: Manifest of the files of a run, one a line; the next run removes those that it does not write again.
@@ -30,30 +29,6 @@ _LARGEST_MANIFEST = 1e7
 UNFINISHED = ".unfinished"
 #: Subfolder of the files for ParaView.
 VIEWS = "vtk"
-
-
-def load_writers(
-    *, pictures: bool = True, report: bool = True, fields: bool = True, **_: Any
-) -> None:
-    """Load the libraries that `write_folder` needs with the same options; they take longer than the writing."""
-    # said where they are used; where the main thread ends meanwhile, nobody needs them
-    with suppress(Exception):
-        import h5netcdf  # noqa: F401
-
-        # as a whole: a module of it would enter its circle of imports beside a thread that imports it
-        import xarray
-        import xlsxwriter  # noqa: F401
-
-        xarray.Dataset(
-            coords={"step": [0]}
-        )  # the first one loads Dask and pint where they are installed
-        if pictures or report:
-            import matplotlib.backends.backend_agg
-            import matplotlib.figure  # noqa: F401
-        if report:
-            page_template()
-        if fields:
-            import pyvista  # noqa: F401
 
 
 def write_folder(

@@ -276,11 +276,10 @@ def _unit(runs: Sequence[Results]) -> LeakUnit:
 
 
 def _names(runs: Sequence[Results]) -> tuple[str, ...]:
-    """Names of folders, with as many of their parents as it takes to tell them apart; a number where there is none."""
-    paths = [Path() if results.folder is None else results.folder.resolve() for results in runs]
-    most = max((len(path.parts) for path in paths), default=1)
-    for count in range(1, most + 1):
-        names = ["/".join(path.parts[-count:]) or f"run {n}" for n, path in enumerate(paths, 1)]
-        if len({*names}) == len(names):
-            return tuple(names)
-    return tuple("/".join(path.parts[-1:]) or f"run {n}" for n, path in enumerate(paths, 1))
+    """Names of folders, their paths where two have one name; a number where there is none."""
+    folders = [results.folder for results in runs]
+    for names in ([path and path.name for path in folders], folders):
+        found = tuple(str(name or f"run {n}") for n, name in enumerate(names, 1))
+        if len({*found}) == len(found):
+            break
+    return found

@@ -90,8 +90,6 @@ def _facts(case: Case, made: Prepared) -> Iterator[tuple[str, str]]:
     yield from _law_facts(scene)
     yield from _accuracy_facts(case, made)
     yield from _study_facts(prepared)
-    if left := _left_open(case, prepared):
-        yield "by default", left
     if str(scene.layout) != "a strip":
         yield "seal", str(scene.layout)
     if again := budget_inputs(case, prepared):
@@ -119,17 +117,16 @@ def _facts(case: Case, made: Prepared) -> Iterator[tuple[str, str]]:
 
 def _load_text(case: Case, scene: Scene) -> str:
     """The states of the cycle, and its highest load."""
-    steps, peaks = len(scene.steps), [to_text(peak, "Pa", 3) for peak in scene.unload_from]
-    down = steps - len({*scene.loading, *scene.unload_from})
-    added = [to_text(peak, "Pa", 3) for peak in scene.unload_from if peak not in scene.loading]
-    with_peaks = f" with {' and '.join(added)} to unload from" if added else ""
-    unloading = f", {down} unloading from {' and '.join(peaks)}" if peaks else ""
-    highest = to_text(max((*scene.loading, *scene.unload_from)), "Pa", 3)
+    pressures, steps = scene.steps.pressures, len(scene.steps)
+    down = steps - int(np.sum(scene.steps.on_loading))
+    text = f"{counted(steps, 'state')}: {steps - down} loading"
+    if down:
+        peaks = " and ".join(to_text(peak, "Pa", 3) for peak in scene.unload_from)
+        text += f", {down} unloading from {peaks}"
+    text += f", up to {to_text(float(pressures.max()), 'Pa', 3)}"
     if case.load.unit != "Pa":
-        highest += f", from {to_text(case.load.highest, case.load.unit)}"
-    return (
-        f"{counted(steps, 'state')}: {steps - down} loading{with_peaks}{unloading}, up to {highest}"
-    )
+        text += f", from {to_text(case.load.highest, case.load.unit)}"
+    return text
 
 
 def _study_facts(prepared: Prepared) -> Iterator[tuple[str, str]]:
@@ -189,21 +186,6 @@ def _face_states(prepared: Prepared) -> int:
         return steps
     ladder = on_ladder(prepared.scene, sampling) and not prepared.cut_and_tiles[1].in_place
     return round(LADDER_STATES) if ladder else steps
-
-
-def _left_open(case: Case, prepared: Prepared) -> str:
-    """What the case leaves open of pieces and drawn seals, as text."""
-    cells, drawn, found = case.cells, case.stochastic, []
-    if prepared.cells is not None and (cells is None or cells.count is cells.size is None):
-        found.append("the number of pieces")
-    if (
-        prepared.sampling is not None
-        and drawn is not None
-        and case.layout.has_length
-        and drawn.length is None
-    ):
-        found.append("seals as long as the face")
-    return ", ".join(found)
 
 
 def forecast(

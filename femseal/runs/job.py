@@ -11,7 +11,6 @@ from functools import partial
 from os import PathLike
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from threading import Thread
 from typing import Any, overload
 
 from ..base import (
@@ -38,7 +37,7 @@ from ..preparation.prepared import Prepared
 from ..refinement.budgets import budgets_of
 from ..refinement.refine_to_accuracy import refine_to_accuracy
 from ..refinement.settings import chosen
-from ..report import load_writers, write_folder
+from ..report import write_folder
 from ..report.case_text import solids_text
 from ..results import Results, RunFacts, assemble
 from ..store import unfinished
@@ -188,9 +187,6 @@ def run(
         store = stack.enter_context(
             Store(unfinished.store_folder(folder) if shared is None else Path(shared))
         )
-        loading = Thread(target=_load_ahead, args=(case, prepared))
-        if part is None:
-            loading.start()
         results = _results(
             case,
             prepared,
@@ -202,7 +198,6 @@ def run(
             log.info("part %s: the items of all parts are there", "/".join(map(str, part or ())))
             return None
         progress("writing results", 0, None)
-        loading.join()
         start = time.perf_counter(), time.process_time()
         # the pictures are small, and drawn on this machine
         _write(results, folder, case, mapper if scheduler is None else map)
@@ -212,13 +207,6 @@ def run(
             log.info("left out: %s", text)
         log.info("results in %s", folder)
         return replace(results, folder=folder)
-
-
-def _load_ahead(case: Case, prepared: Prepared) -> None:
-    """Load what this process needs later, while others compute."""
-    load_writers(
-        **case.output.files | {"fields": case.output.fields and prepared.methods != {"stochastic"}}
-    )
 
 
 def _prepared(case: Case, scheduler: str | None) -> Prepared:

@@ -17,7 +17,6 @@ from ..case.case import Case, parse_case
 MOST_CASES = 1000
 #: Longest name of a folder, in characters.
 _LONGEST_NAME = 100
-_OPENING, _CLOSING, _QUOTES = "[{(", "]})", "\"'"
 
 
 @dataclass(frozen=True)
@@ -37,7 +36,7 @@ class Variation:
 def parsed_keys(arguments: Sequence[str]) -> dict[str, list[Any]]:
     """Values of the keys from texts such as "material.hardness=3GPa,4GPa".
 
-    Values are those of TOML, and text without quotes is text: 3GPa is "3GPa", [4,8] a list of two numbers.
+    Values are those of TOML, where text in a list has quotes; other text needs none: 3GPa is "3GPa".
 
     Raises InputError: a text without "=", a key without values, or a key that is given twice.
 
@@ -53,33 +52,17 @@ def parsed_keys(arguments: Sequence[str]) -> dict[str, list[Any]]:
             )
         if (key := key.strip()) in keys:
             raise InputError("sweep", f"the key {key} twice", "each key once, with all its values")
-        keys[key] = [_value(part) for part in _parts(values)]
+        keys[key] = _values(values)
     return keys
 
 
-def _parts(text: str) -> list[str]:
-    """A text at its commas, except those in brackets and in quotes."""
-    parts, depth, quote = [""], 0, ""
-    for letter in text:
-        if quote:
-            quote = "" if letter == quote else quote
-        elif letter in _QUOTES:
-            quote = letter
-        depth += 0 if quote else (letter in _OPENING) - (letter in _CLOSING)
-        if letter == "," and depth == 0 and not quote:
-            parts.append("")
-        else:
-            parts[-1] += letter
-    return [part.strip() for part in parts]
-
-
-def _value(text: str) -> Any:
-    if text.startswith("[") and text.endswith("]"):
-        return [_value(part) for part in _parts(text[1:-1]) if part]
+def _values(text: str) -> list[Any]:
+    """Values as a list of TOML, else texts at the commas, each of which may be a value."""
     try:
-        return tomllib.loads(f"value = {text}")["value"]
+        return list(tomllib.loads(f"values = [{text}]")["values"])
     except (tomllib.TOMLDecodeError, RecursionError):
-        return text
+        parts = [part.strip() for part in text.split(",")]
+    return parts if len(parts) == 1 else [value for part in parts for value in _values(part)]
 
 
 def variations(

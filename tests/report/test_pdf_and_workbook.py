@@ -2,7 +2,6 @@
 
 import json
 import os
-import subprocess
 import sys
 
 import numpy as np
@@ -141,13 +140,3 @@ def test_a_browser_prints(tmp_path, monkeypatch, capsys, scene, study):
     with pytest.raises(FemsealError, match=r"did not print the page .*no printer"):
         write_pdf(bad)
     assert not (tmp_path / "bad.pdf").exists()
-
-
-def test_what_writes_results_is_loaded_beside_what_assembles_them():
-    """Two threads that load a package at once, one of them by a module in it, find the other's half loaded."""
-    code = "from threading import Thread; from femseal.report import load_writers; Thread(target=load_writers).start()"
-    for _ in range(3):
-        subprocess.run([sys.executable, "-c", f"{code}; import xarray"], check=True)
-    # nor does the thread say more where the main one ends meanwhile, as of a run that is stopped or refused
-    ended = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
-    assert ended.stderr == ""

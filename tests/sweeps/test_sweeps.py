@@ -38,7 +38,7 @@ def swept(tmp_path_factory):
 
 def test_values_are_those_of_toml_or_text():
     found = parsed_keys(
-        ["a.b=3GPa, 4 GPa", 'c="x,y",[1,2],[u, "v,w"]', "d=1,2.5,true", "e=two-scale"]
+        ["a.b=3GPa, 4 GPa", 'c="x,y",[1,2],["u", "v,w"]', "d=1,2.5,true", "e=two-scale"]
     )
     assert found == {
         "a.b": ["3GPa", "4 GPa"],
