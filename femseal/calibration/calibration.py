@@ -33,10 +33,11 @@ from ..plots.drawing import (
     LINES,
     STYLES,
     Sheet,
-    branch_styles,
     legend_below,
     shown,
 )
+from ..plots.leakage_curves import LeakageCurves, leakage_panel
+from ..results.selections import pressures_and_peaks
 from ..results.tables import format_leakage
 from .leak_test import BELOW, PROBABILITY, UNITS, Estimate, LeakTest, Posterior
 
@@ -280,52 +281,41 @@ _SCALES = {
 _HEIGHT = 3.6
 
 
-def calibration_figure(found: Any) -> Figure:
-    """Of a `Calibration`: hardness against shortest wave and factor, then leakage against load, log scale."""
+def calibration_figure(found: Calibration) -> Figure:
+    """Hardness against shortest wave and factor, then leakage against load, log scale."""
     test = found.test
-    peaks = sorted(
-        {s.unloaded_from for s in test.steps if s.unloaded_from is not None}, reverse=True
+    pressure, peaks = pressures_and_peaks(test.steps)
+    order = np.argsort(np.where(np.isnan(peaks), pressure, -pressure))
+    low, median, high = found.curve[:, order]
+    unit, size = _SCALES[found.load_unit]
+    curves = LeakageCurves(
+        pressure[order],
+        peaks[order],
+        median,
+        "",
+        band=(low, high),
+        band_name=f"band of {100 * PROBABILITY:g} %",
+        scale=(1.0, f"leakage [{test.unit.name}]"),
+        force=None if found.load_unit == "Pa" else (unit, 1 / size),
     )
-    below = 0.75 + LEGEND_LINE * 3 * (len(peaks) + 1)
+    below = 0.75 + LEGEND_LINE * (len(curves.branches) + 2)
     sheet = Sheet([_HEIGHT, _HEIGHT, _HEIGHT + below])
     axes = sheet.panel(2, replace(LINES, top=0.15, bottom=below))
-    unit, size = _SCALES[found.load_unit]
-    handles = []
-    for peak, (colour, _, marker) in zip(
-        [None, *peaks], branch_styles(1 + len(peaks)), strict=True
-    ):
-        rows = [n for n, step in enumerate(test.steps) if step.unloaded_from == peak]
-        rows.sort(key=lambda n: test.steps[n].pressure)
-        if not rows:
-            continue
-        load = np.array([test.steps[n].pressure for n in rows]) / size
-        low, median, high = np.where(found.curve > 0, found.curve, np.nan)[:, rows]
-        axes.fill_between(load, np.nan_to_num(low), high, color=colour, alpha=0.25, lw=0)
-        name = "loading" if peak is None else f"unloading from {peak / size:.4g} {unit}"
-        handles += axes.plot(
-            load, median, color=colour, label=f"{name}: calibrated, band of {100 * PROBABILITY:g} %"
+    measured = [
+        axes.plot(pressure[rows] / size, test.leakage[rows], marker, color=GREY, label=label)[0]
+        for rows, marker, label in (
+            (~test.sealed, "D", "measured"),
+            (test.sealed, "v", "measured: sealed, or below this"),
         )
-        leaks = ~test.sealed[rows]
-        values = test.leakage[rows]
-        handles += axes.plot(
-            load[leaks], values[leaks], marker, color=colour, mec="black", label=f"{name}: measured"
-        )
-        if not leaks.all():
-            label = f"{name}: sealed, or below this"
-            handles += axes.plot(
-                load[~leaks], values[~leaks], "v", color="white", mec=colour, ms=9, label=label
-            )
-    axes.set_yscale("log")
-    axes.set_xlabel(f"{'nominal pressure' if found.load_unit == 'Pa' else 'load'} [{unit}]")
-    axes.set_ylabel(f"leakage [{test.unit.name}]")
-    axes.grid(alpha=0.25, lw=0.6)
+    ]
+    handles = leakage_panel(axes, curves, "calibrated, ")
     for row, name in enumerate(("shortest_wave", "factor")):
         _pair(sheet.panel(row, LINES), found, "hardness", name)
-    legend_below(sheet.figure, handles, columns=1)
+    legend_below(sheet.figure, [*handles, *measured])
     return sheet.figure
 
 
-def _pair(axes: Axes, found: Any, across: str, up: str) -> None:
+def _pair(axes: Axes, found: Calibration, across: str, up: str) -> None:
     """Samples of two quantities, with solved scenes where they have both, and the medians."""
     names = list(UNITS)
     (x, x_size), (y, y_size) = (_SCALES[UNITS[name]] for name in (across, up))
@@ -357,21 +347,8 @@ def calibrated_text(data: dict[str, Any], base: Path, folder: Path, found: Calib
     lines = [
         "# Hardness and shortest wave by a calibration with a leak test, medians of the posterior.",
         f"# The test leaked {found.factor.median:.3g} times as much as this case does.",
-        *(
-            f"{bare_key(name)} = {as_toml(value)}"
-            for name, value in tables.items()
-            if not _is_table(value)
-        ),
+        *(f"{bare_key(name)} = {as_toml(value)}" for name, value in tables.items()),
     ]
-    for name, value in tables.items():
-        if _is_table(value):
-            for table in [value] if isinstance(value, dict) else value:
-                head = f"[{bare_key(name)}]" if isinstance(value, dict) else f"[[{bare_key(name)}]]"
-                lines += [
-                    "",
-                    head,
-                    *(f"{bare_key(key)} = {as_toml(inner)}" for key, inner in table.items()),
-                ]
     return "\n".join(lines) + "\n"
 
 
@@ -389,9 +366,3 @@ def _moved(value: Any, base: Path, folder: Path) -> Any:
         if name and (base / name).is_file():
             return os.path.relpath(base / name, folder).replace(os.sep, "/") + colon + field
     return value
-
-
-def _is_table(value: Any) -> bool:
-    return isinstance(value, dict) or (
-        isinstance(value, list) and bool(value) and all(isinstance(v, dict) for v in value)
-    )

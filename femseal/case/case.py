@@ -102,7 +102,7 @@ class Case(Table):
 
     @model_validator(mode="before")
     @classmethod
-    def _filled(cls, data: Any) -> Any:
+    def _filled(cls, data: dict[str, Any]) -> dict[str, Any]:
         data = with_absolute_pressures(_with_what_is_open(data))
         faces = _with_list_of_faces(with_named_solids(with_named_fluids(with_inlet_pressure(data))))
         return _with_detrending(faces)
@@ -257,13 +257,8 @@ class Case(Table):
             self._check_file("load.map.path", path)
 
     def __repr__(self) -> str:
-        faces, highest = (
-            " and ".join(face.kind for face in self.face),
-            to_text(self.load.highest, self.load.unit, 3),
-        )
-        methods = ", ".join(sorted(self.methods))
-        head = f"femseal.Case {self.title!r}" if self.title else "femseal.Case"
-        return f"<{head}: {methods}; {faces} face, {self.fluid.kind}, loads up to {highest}>"
+        highest = to_text(self.load.highest, self.load.unit, 3)
+        return f"<femseal.Case {self.title!r}: {', '.join(sorted(self.methods))}, loads up to {highest}>"
 
     __str__ = __repr__
 
@@ -314,9 +309,9 @@ class Case(Table):
         return self.model_dump(mode="json", exclude_none=True)
 
 
-def _with_list_of_faces(data: Any) -> Any:
+def _with_list_of_faces(data: dict[str, Any]) -> dict[str, Any]:
     """The data of a case with a list of faces, each of the kind "file" where it has a path or places and no other."""
-    if not isinstance(data, dict) or "face" not in data:
+    if "face" not in data:
         return data
     faces = [data["face"]] if isinstance(data["face"], dict) else data["face"]
     if isinstance(faces, list):
@@ -332,10 +327,8 @@ def _least_detrend(kind: object) -> int:
     return {"flat": 0, "tilted": 1}.get(str(kind), 2)
 
 
-def _with_detrending(data: Any) -> Any:
+def _with_detrending(data: dict[str, Any]) -> dict[str, Any]:
     """The data of a case whose measured faces lose the form that its seat gives them, where it does not say what."""
-    if not isinstance(data, dict):
-        return data
     seat, faces, surface = data.get("seat"), data.get("face"), data.get("surface", {})
     measured = isinstance(faces, list) and any(
         isinstance(face, dict) and face.get("kind") == "file" for face in faces
@@ -348,14 +341,12 @@ def _with_detrending(data: Any) -> Any:
     )
 
 
-def _with_what_is_open(data: Any) -> Any:
+def _with_what_is_open(data: dict[str, Any]) -> dict[str, Any]:
     """The tables of a case, with those that its methods need and it leaves out.
 
     With `accuracy` and no method, the method is "stochastic" if seals are to be drawn: with a table for it, or a shape
     with a length of its own. Else it is "deterministic", which "auto" is too.
     """
-    if not isinstance(data, dict):
-        return data
     wanted, seal, drawn = data.get("accuracy") is not None, data.get("seal"), data.get("stochastic")
     shaped = isinstance(seal, dict) and seal.get("kind", "rectangular") != "rectangular"
     method = data.get(

@@ -11,7 +11,7 @@ import numpy as np
 from pydantic import BeforeValidator, Field, WithJsonSchema, model_validator
 from pydantic_core import PydanticCustomError
 
-from ..base import InputError, counted, shortened, to_text
+from ..base import InputError, counted, shortened
 from ..base.leak_rates import BUBBLE, DROP, KNOWN, LEAK_UNITS, LeakUnit, leak_classes, leak_unit
 from ..budget.error_parts import MODEL_PARTS
 from ..contact import ContactLaw, HardnessTable, LinearHardening, NixGao, PerfectlyPlastic
@@ -218,22 +218,6 @@ class OutputTable(Table):
         return self.model_dump(include=set(FILE_KEYS))
 
     @property
-    def description(self) -> str:
-        """How leakage is given, as text; "" where nothing is asked for."""
-        parts = [] if self.leakage_unit is None else [f"in {self.leakage_unit}"]
-        if classes := ", ".join(c.name for c in leak_classes(self.classes)):
-            parts.append(
-                f"classes {classes}{'' if self.test_fluid is None else ' judged by the test fluid'}"
-            )
-        if self.test_fluid is not None:
-            ends = (
-                to_text(p, "Pa")
-                for p in (self.test_fluid.inlet_pressure, self.test_fluid.outlet_pressure)
-            )
-            parts.append(f"test fluid {self.test_fluid.kind} from {' to '.join(ends)}")
-        return "; ".join(parts)
-
-    @property
     def unit(self) -> LeakUnit | None:
         """The unit, or None for a readable one per length of seal."""
         return None if self.leakage_unit is None else LEAK_UNITS[self.leakage_unit]
@@ -366,13 +350,11 @@ class SolidTable(Table):
         )
 
 
-def with_named_solids(data: Any) -> Any:
+def with_named_solids(data: dict[str, Any]) -> dict[str, Any]:
     """The data of a case with the properties of solids that are given by their name, and tables of hardness from files.
 
     `solid_warnings` says which given keys differ much from what the name stands for.
     """
-    if not isinstance(data, dict):
-        return data
     odd: list[str] = []
     folder = Path(data.get("folder", "."))
     places = [

@@ -89,14 +89,12 @@ else:
     AnyFluid = table_of_any(FLUIDS, FluidTable, _state)
 
 
-def with_absolute_pressures(data: Any) -> Any:
+def with_absolute_pressures(data: dict[str, Any]) -> dict[str, Any]:
     """The data of a case with gauge pressures of the fluids, such as "10 bar(g)", as absolute ones in Pa.
 
     They are above `ambient_pressure` of [fluid], of a test fluid above its own if it has one. Beside them, or with an
     ambient pressure, an outlet without a pressure is at the ambient one.
     """
-    if not isinstance(data, dict):
-        return data
     found, (fluid, seal, output) = (
         dict(data),
         (data.get(key) for key in ("fluid", "seal", "output")),
@@ -176,13 +174,11 @@ def _with_dynamic_viscosity(
     )
 
 
-def with_named_fluids(data: Any) -> Any:
+def with_named_fluids(data: dict[str, Any]) -> dict[str, Any]:
     """The data of a case with the properties of fluids that are given by their name.
 
     `fluid_warnings` says which given keys differ much from what the name stands for.
     """
-    if not isinstance(data, dict):
-        return data
     odd: list[str] = []
     found: dict[str, Any] = (
         {"fluid": _filled(data.get("fluid"), "fluid", odd)} if "fluid" in data else {}

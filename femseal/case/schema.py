@@ -54,14 +54,14 @@ def case_schema(case: type[Table] = Case) -> dict[str, Any]:
 
 
 def _plain(node: Any, names: bool = False) -> Any:
-    """Schema as TOML has it: no null, pairs of one kind as lists, and neither titles nor values in SI as defaults."""
+    """Schema as TOML has it: no null, pairs of one kind as lists, and neither titles nor defaults, which are in SI."""
     if isinstance(node, list):
         return [_plain(n) for n in node]
     if not isinstance(node, dict):
         return node
     if names:  # keys of a table may have the same names as words of the schema
         return {key: _plain(value) for key, value in node.items()}
-    left_out = ("title", "discriminator", "start", "since", "instead", "needed")
+    left_out = ("title", "default", "discriminator", "start", "since", "instead", "needed")
     tables = ("properties", "definitions")
     kept = {key: _plain(value, key in tables) for key, value in node.items() if key not in left_out}
     if "prefixItems" in kept:
@@ -75,8 +75,6 @@ def _plain(node: Any, names: bool = False) -> Any:
     items = kept.get("items", {})
     if "$ref" in items or "oneOf" in items:  # a single table needs no list
         kept = {"anyOf": [items, kept]} | _said(kept.pop("description", None))
-    if not _fits(kept.get("default"), kept):
-        kept.pop("default", None)
     return kept
 
 
@@ -84,10 +82,3 @@ def _said(*texts: Any) -> dict[str, str]:
     """The description of a key: what it means, then what it may be."""
     said = dict.fromkeys(text for text in texts if text)
     return {"description": "; ".join(said)} if said else {}
-
-
-def _fits(default: Any, schema: dict[str, Any]) -> bool:
-    """Whether a default may be written as it is; quantities may not, since a case file has text with a unit."""
-    kinds: dict[Any, Any] = {"string": str, "boolean": bool, "integer": int, "number": (int, float)}
-    kind = schema.get("type")
-    return isinstance(kind, str) and isinstance(default, kinds.get(kind, ()))

@@ -161,18 +161,13 @@ def _inlets(value: Any) -> Any:
     )
 
 
-def with_inlet_pressure(data: Any) -> Any:
+def with_inlet_pressure(data: dict[str, Any]) -> dict[str, Any]:
     """The data of a case, in which inlets with pressures of their own give the highest one to the fluid."""
-    seal, fluid = (
-        (data.get(name) for name in ("seal", "fluid")) if isinstance(data, dict) else (None, None)
-    )
-    if (
-        not isinstance(seal, dict)
-        or seal.get("kind") != MeshLayout.kind
-        or not isinstance(fluid, dict)
-    ):
+    seal, fluid = data.get("seal"), data.get("fluid")
+    if not isinstance(seal, dict) or not isinstance(fluid, dict):
         return data
-    if not isinstance(inlets := seal.get("inlet"), dict):
+    inlets = seal.get("inlet")
+    if seal.get("kind") != MeshLayout.kind or not isinstance(inlets, dict):
         return data
     if "inlet_pressure" in fluid:
         given = f"{shortened(repr(fluid['inlet_pressure']), 60)} beside the pressures of the inlets in seal.inlet"

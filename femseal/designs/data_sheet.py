@@ -225,7 +225,9 @@ def sheet_tables(answer: Design) -> list[TextTable]:
         head = f"QSmin(L), Q_A = {shown(q)}"
         columns.append((head, [_service_text(need.service[q], left, shown) for need in needs]))
     tables = [
-        TextTable.of_columns("Pressure in assembly and in service", columns, names=len(columns))
+        TextTable.of_columns(
+            "Pressure in assembly (Qmin) and in service (QSmin)", columns, names=len(columns)
+        )
     ]
     if answer.sensitivities:
         values = [one.leakage for one in answer.sensitivities]
@@ -254,20 +256,12 @@ def _slope_text(slope: float) -> str:
 
 def _service_text(needed: NeededPressure, left: float | None, shown: LoadText) -> str:
     """QSmin, and whether the pressure that relaxation leaves [Pa] is enough."""
-    text = needed.text(shown)
     if isinf(needed.value):
-        of_computed = (
-            "not met at Q_A"
-            if isinf(needed.computed)
-            else f"not met at Q_A (as{text.partition('(as')[2]}"
-        )
-        return of_computed
-    enough = (
-        ""
-        if left is None
-        else f"; {shown(left)} is {'enough' if needed.value <= left else 'too low'}"
-    )
-    return text + enough
+        return "not met at Q_A"
+    text = needed.text(shown)
+    if left is None:
+        return text
+    return f"{text}; {shown(left)} is {'enough' if needed.value <= left else 'too low'}"
 
 
 def sheet_sentences(answer: Design) -> list[str]:
@@ -293,8 +287,7 @@ def sheet_sentences(answer: Design) -> list[str]:
             "brackets what the leakage as computed needs."
         )
     shown = answer.load_text
-    sealing = answer.sealing.text(shown) + _band(answer.sealing, count, shown)
-    found.append(f"The load that seals without leakage: {sealing}.")
+    found.append(f"The load that seals without leakage: {answer.sealing.text(shown)}.")
     for peak, stiffness in answer.stiffness.items():
         found.append(
             f"From Q_A = {shown(peak)} to a third of it the faces part with {stiffness / 1e12:.3g} MPa/µm. Times the "
@@ -303,80 +296,46 @@ def sheet_sentences(answer: Design) -> list[str]:
     return found + [f"{note[0].upper()}{note[1:]}." for note in answer.notes]
 
 
-def _band(needed: NeededPressure, count: int, shown: LoadText) -> str:
-    band = needed.band_text(shown)
-    return (
-        f"; 5 and 95 % of the seals need {band} as computed"
-        if count > 1 and band != needed.text(shown)
-        else ""
-    )
+#: Columns of `design.csv`.
+_COLUMNS = ("figure", "class", "assembly_pressure_Pa", "relation", "value", "load", "computed", "low", "high",
+            "seals_low", "seals_high", "how")  # fmt: skip
 
 
 def rows(answer: Design) -> list[dict[str, Any]]:
     """All figures, one dictionary each: pressures in Pa, slopes and factors without unit."""
-    found: list[dict[str, Any]] = []
-
-    def add_row(
-        figure: str,
-        name: str,
-        assembly: float | None,
-        relation: str,
-        value: float | None,
-        **more: Any,
-    ) -> None:
-        head = {
-            "figure": figure,
-            "class": name,
-            "assembly_pressure_Pa": assembly,
-            "relation": relation,
-            "value": value,
-        }
-        others = dict.fromkeys(
-            ("load", "computed", "low", "high", "seals_low", "seals_high", "how")
-        )
-        found.append(head | others | more)
-
-    def add(figure: str, name: str, assembly: float | None, needed: NeededPressure) -> None:
-        names = "computed", "low", "seals_low", "seals_high"
-        # None where an end lies beyond the loads or is unknown
-        ends = {
-            key: value for key in names if isfinite(value := getattr(needed, key)) and value > 0
-        }
-        high = needed.value if needed.known else None
-        value = needed.bound(needed.value)
-        load = answer.load_text(value)
-        add_row(figure, name, assembly, needed.relation, value, load=load, high=high, **ends)
-
-    def add_slope(figure: str, name: str, slope: float, how: str) -> None:
-        add_row(figure, name, answer.at[1], "=", slope if isfinite(slope) else None, how=how)
-
+    pressures: list[tuple[str, str, float | None, NeededPressure]] = []
     for need in answer.requirements:
-        add("Qmin [Pa]", need.name, None, need.assembly)
+        pressures.append(("Qmin [Pa]", need.name, None, need.assembly))
         if need.relaxed is not None:
-            add("Qmin with relaxation [Pa]", need.name, None, need.relaxed)
-        for peak, needed in need.service.items():
-            add("QSmin [Pa]", need.name, peak, needed)
-    add("sealing load [Pa]", "", None, answer.sealing)
+            pressures.append(("Qmin with relaxation [Pa]", need.name, None, need.relaxed))
+        pressures += [("QSmin [Pa]", need.name, *pair) for pair in need.service.items()]
+    pressures.append(("sealing load [Pa]", "", None, answer.sealing))
+    found: list[dict[str, Any]] = []
+    for figure, name, peak, needed in pressures:
+        value = needed.bound(needed.value)
+        row = dict(zip(_COLUMNS, (figure, name, peak, needed.relation, value), strict=False))
+        row |= {"load": answer.load_text(value), "high": needed.value if needed.known else None}
+        # None where an end lies beyond the loads or is unknown
+        names = "computed", "low", "seals_low", "seals_high"
+        ends = {key: getattr(needed, key) for key in names}
+        found.append(row | {key: p if isfinite(p) and p > 0 else None for key, p in ends.items()})
     for peak, stiffness in answer.stiffness.items():
-        add_row(
-            "E_G over thickness [Pa/m]",
-            "",
-            peak,
-            "=",
-            stiffness,
-            how="secant of the mean gap to Q_A / 3",
-        )
+        row = {"figure": "E_G over thickness [Pa/m]", "value": stiffness}
+        how = "secant of the mean gap to Q_A / 3"
+        found.append(row | {"assembly_pressure_Pa": peak, "relation": "=", "how": how})
     for one in answer.sensitivities:
-        add_slope(f"d ln L / d ln {one.quantity}", answer.at[0], one.leakage, one.how)
-        add_slope(f"d ln Qmin / d ln {one.quantity}", answer.at[0], one.pressure, one.how)
-    return found
+        for what, slope in (("L", one.leakage), ("Qmin", one.pressure)):
+            known = slope if isfinite(slope) else None
+            row = {"figure": f"d ln {what} / d ln {one.quantity}", "class": answer.at[0]}
+            row |= {"assembly_pressure_Pa": answer.at[1], "relation": "=", "value": known}
+            found.append(row | {"how": one.how})
+    return [dict.fromkeys(_COLUMNS) | row for row in found]
 
 
 def write_sheet(answer: Design, folder: str | os.PathLike[str]) -> list[Path]:
     """Write `design.csv`, `design.json` and `design.png`; the report of results in the folder shows them."""
     target = made_folder(folder)
     table, (unit, scale) = rows(answer), answer.leak_scale
-    sheet, *slopes = sheet_tables(answer)
     content = {
         "case": answer.results.case,
         "probability": answer.probability,
@@ -385,10 +344,10 @@ def write_sheet(answer: Design, folder: str | os.PathLike[str]) -> list[Path]:
         "limits_unit": unit.name,
         "figures": table,
         "sentences": sheet_sentences(answer),
-        "sheet": {"heads": sheet.heads, "lines": sheet.lines},
-        "slopes": {"title": slopes[0].title, "heads": slopes[0].heads, "lines": slopes[0].lines}
-        if slopes
-        else None,
+        "tables": [
+            {"title": table.title, "heads": table.heads, "lines": table.lines}
+            for table in sheet_tables(answer)
+        ],
     }
     with writing("output", target, "a folder"):
         with replacing(target / DESIGN_PICTURE) as temporary:

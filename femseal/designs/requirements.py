@@ -217,16 +217,8 @@ class NeededPressure(Shown):
         value, computed = self._text(self.value, shown), self._text(self.computed, shown)
         return value if value == computed else f"{value} (as computed: {computed})"
 
-    def band_text(self, shown: LoadText) -> str:
-        """What 5 % and 95 % of the seals need, as text."""
-        return _joined(*(self._text(value, shown) for value in (self.seals_low, self.seals_high)))
-
     def _text(self, value: float, shown: LoadText) -> str:
         return {inf: "above ", 0.0: "at most "}.get(value, "") + shown(self.bound(value))
-
-
-def _joined(low: str, high: str) -> str:
-    return low if low == high else f"{low} to {high}"
 
 
 @dataclass(frozen=True)

@@ -21,6 +21,7 @@ from typing import Any, cast
 import numpy as np
 import scipy
 
+from ..base import Array
 from ..case.case import Case
 from ..execution.mappers import ordered_map
 from ..execution.run import Progress, Run
@@ -132,11 +133,8 @@ def _slopes(
 
 def level_at(seals: Seals, pressure: float, fraction: float) -> float:
     """ln of the leakage that a fraction of the seals does not exceed, on loading; NaN where it is unknown or 0."""
-    low, high, way = _segment(seals, pressure)
-    curve = seals.curve_of(fraction)
-    if low < 0 or not (0 < curve[low] < np.inf and 0 < curve[high] < np.inf):
-        return float("nan")
-    return float((1 - way) * np.log(curve[low]) + way * np.log(curve[high]))
+    x, y = _open_loads(seals, fraction)
+    return float(np.interp(np.log(pressure), x, y, left=np.nan, right=np.nan)) if x.size else np.nan
 
 
 def slope_at(seals: Seals, pressure: float, fraction: float) -> float:
@@ -145,31 +143,19 @@ def slope_at(seals: Seals, pressure: float, fraction: float) -> float:
     Of a monotone cubic through the load steps (PCHIP): chords between steps are off where the curve bends. Measured at
     579 MPa on the turned face of the examples: −2.73 of the chord, −3.00 so, −3.06 of two more solutions.
     """
-    low, high, _ = _segment(seals, pressure)
-    curve, p = seals.curve_of(fraction), seals.steps.pressures
-    if low < 0 or not (0 < curve[low] < np.inf and 0 < curve[high] < np.inf):
-        return float("nan")
-    open_ = [n for n in seals.loading() if p[n] > 0 and 0 < curve[n] < np.inf]
-    return float(
-        scipy.interpolate.PchipInterpolator(np.log(p[open_]), np.log(curve[open_]))(
-            np.log(pressure), 1
-        )
-    )
+    x, y = _open_loads(seals, fraction)
+    at = np.log(pressure)
+    if x.size < 2 or not x[0] <= at <= x[-1]:
+        return np.nan
+    return float(scipy.interpolate.PchipInterpolator(x, y)(at, 1))
 
 
-def _segment(seals: Seals, pressure: float) -> tuple[int, int, float]:
-    """Load steps on loading around a pressure, and its place between them in ln(p); −1 beyond the loads."""
+def _open_loads(seals: Seals, fraction: float) -> tuple[Array, Array]:
+    """ln of pressure and of leakage at the loads on loading at which the leakage is known and not 0."""
     steps = seals.loading()
-    steps = steps[seals.steps.pressures[steps] > 0]
-    p = seals.steps.pressures[steps]
-    if p.size < 2 or not p[0] <= pressure <= p[-1]:
-        return -1, -1, 0.0
-    n = min(int(np.searchsorted(p, pressure, side="right")) - 1, p.size - 2)
-    return (
-        int(steps[n]),
-        int(steps[n + 1]),
-        float(np.log(pressure / p[n]) / np.log(p[n + 1] / p[n])),
-    )
+    pressure, leakage = seals.steps.pressures[steps], seals.curve_of(fraction)[steps]
+    known = (pressure > 0) & (leakage > 0) & (leakage < np.inf)
+    return np.log(pressure[known]), np.log(leakage[known])
 
 
 #: Factors of hardness and of the length of a flow law: small enough for a slope, and above the residuals of contact.

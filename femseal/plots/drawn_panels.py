@@ -13,7 +13,7 @@ from ..base import Array
 from ..base.leak_rates import leakage_unit
 from ..results.selections import load_names
 from .drawing import CLOSED, MAP, POCKET, Sheet, panel_title
-from .map_panels import colour_bar, flow_arrows, lying, map_row, name_sides, on_decades
+from .map_panels import colour_bar, lying, map_row, name_sides, on_decades
 
 if TYPE_CHECKING:
     import xarray
@@ -24,8 +24,8 @@ if TYPE_CHECKING:
 _DECADES = 4
 #: Side of the detail in breadths of the seal, and largest ratio of the sides of a seal that keeps its proportions.
 _DETAIL, _LONGEST = 2.5, 8.0
-#: Most parts that are shown as a whole, and most arrows along the longer side of a map.
-_MOST, _ARROWS = 200_000, 12
+#: Most parts that are shown as a whole.
+_MOST = 200_000
 
 
 @dataclass(frozen=True)
@@ -84,7 +84,7 @@ class DrawnSeal:
 
 
 def drawn_figure(data: xarray.Dataset, s: int) -> Figure:
-    """Fluid pressure in the whole seal, and the flow around its largest, with arrows that show where it goes.
+    """Fluid pressure in the whole seal, and the flow around its largest.
 
     Where the load has a map, or the seal a form, also the contact pressure of the tiles, the form, and the gap that it
     leaves. A long seal is shown without its proportions.
@@ -94,7 +94,7 @@ def drawn_figure(data: xarray.Dataset, s: int) -> Figure:
     flow = np.nan_to_num(np.hypot(*flux.T))
     factor, unit = leakage_unit(flow.max()) if flow.max() > 0 else (1.0, "m²/s")
     around = "" if seal.detail.spans(seal) else " around the largest"
-    title = f"flow per width [{unit}]{around}\narrows: where it goes"
+    title = f"flow per width [{unit}]{around}"
     panels.append((seal.detail, _Panel(title, flow / factor, "magma", _DECADES)))
     number, drawn = (data["drawn_corners"].attrs[name] for name in ("realisation", "part"))
     sheet = Sheet([map_row(view.size) for view, _ in panels], head=0.3 if drawn == 1 else 0.5)
@@ -109,9 +109,6 @@ def drawn_figure(data: xarray.Dataset, s: int) -> Figure:
         name_sides(axes, labels[::-1] if seal.lies else labels)
         seen = view.holds(seal)
         panel.draw(axes, seal.corners[seen], seen)
-    seen = seal.detail.holds(seal)
-    vectors = flux[:, ::-1] if seal.lies else flux
-    _arrows(axes, seal.corners[seen].mean(axis=1), vectors[seen], max(seal.detail.size))
     part = f"\n{100 * drawn:.2g} % of its length is shown, the rest is alike" if drawn < 1 else ""
     sheet.head(f"{load_names(data)[s]}; drawn seal {number}, the nearest to the median{part}")
     return sheet.figure
@@ -184,18 +181,3 @@ class _Panel:
         )
         colour_bar(axes, parts)
         panel_title(axes, "; ".join([self.title, *notes]))
-
-
-def _arrows(axes: Axes, centres: Array, flux: Array, side: float) -> None:
-    """Arrows as long as the root of the flux, one in each square of a grid: that of the part with the largest flux."""
-    size = np.nan_to_num(np.hypot(*flux.T))
-    if not size.any():
-        return
-    pitch = side / _ARROWS
-    order = np.argsort(-size)
-    _, first = np.unique(np.floor(centres[order] / pitch).astype(int), axis=0, return_index=True)
-    chosen = order[first]
-    chosen = chosen[size[chosen] > 1e-3 * size.max()]
-    # the length goes with the root of the flux, so that the weaker paths are seen beside the strongest
-    vectors = flux[chosen] * (pitch / np.sqrt(size[chosen] * size.max()))[:, None]
-    flow_arrows(axes, *centres[chosen].T, *vectors.T, width=0.025)

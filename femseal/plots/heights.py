@@ -6,7 +6,7 @@ The colours of a map of heights are for the many points: the few far above or be
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from math import isnan, pi
+from math import pi
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -31,8 +31,6 @@ _MARGIN = 0.25
 ABOVE, BELOW = ("#E31A1C", "red"), ("#00D5FF", "light blue")
 #: Names of the axes.
 _ALONG = ("along x1 (leakage)", "along x2")
-#: More spikes than these are dots: circles would hide the map.
-_MOST_CIRCLES = 30
 
 
 @dataclass(frozen=True)
@@ -115,13 +113,8 @@ def heights_figure(topography: Topography) -> Figure:
         profile.plot(
             (np.arange(n) + 0.5) * d * 1e3, line, color=colour, ls=style, lw=1.1, label=_ALONG[axis]
         )
-    if not topography.undefined_fraction:  # grooves that roughness hides in a single profile
-        x1 = (np.arange(n1) + 0.5) * d1 * 1e3
-        profile.plot(x1, z.mean(axis=1), color="black", lw=1.8, label="mean along x2")
     profile.set(xlabel="distance [mm]", ylabel="height [µm]")
-    low, high = profile.get_ylim()
-    profile.set_ylim(low - 0.25 * (high - low), high)  # room for the legend
-    profile.legend(fontsize=7.5, frameon=False, ncols=3, loc="lower center")
+    profile.legend(fontsize=7.5, framealpha=0.9)
     panel_title(profile, "profiles through the middle")
     if topography.undefined_fraction:
         density.annotate(
@@ -201,9 +194,7 @@ def _map_panel(axes: Axes, measured: Topography, spikes: NDArray[np.bool_]) -> N
     if measured.undefined_fraction:
         notes.append(f"white: {100 * measured.undefined_fraction:.2g} % undefined")
     if count := np.count_nonzero(spikes):
-        notes.append(
-            f"{'circles' if count <= _MOST_CIRCLES else 'dots'}: {counted(count, 'point')} in spikes"
-        )
+        notes.append(f"dots: {counted(count, 'point')} in spikes")
     l1, l2 = (length * 1e3 for length in measured.size)
     height_panel(
         axes,
@@ -212,19 +203,15 @@ def _map_panel(axes: Axes, measured: Topography, spikes: NDArray[np.bool_]) -> N
         "; ".join(["levelled height [µm]", *notes]),
         upright=True,
     )
-    if count:
-        x1, x2 = (
-            (k + 0.5) * d * 1e3 for k, d in zip(np.nonzero(spikes), measured.spacing, strict=True)
-        )
-        if count <= _MOST_CIRCLES:
-            axes.plot(x1, x2, "o", mfc="none", mec="#D55E00", ms=8)
-        else:
-            axes.plot(x1, x2, "o", color="black", ms=0.9, mew=0)
+    x1, x2 = (
+        (k + 0.5) * d * 1e3 for k, d in zip(np.nonzero(spikes), measured.spacing, strict=True)
+    )
+    axes.plot(x1, x2, "o", color="#D55E00", ms=3, mew=0)
     axes.set(xlim=(0, l1), ylim=(0, l2))
 
 
 def _histogram_panel(axes: Axes, measured: Topography) -> None:
-    """Probability density of the heights, log scale, beside the normal one of the same Sq."""
+    """Probability density of the heights, log scale."""
     axes.set(xlabel="height [µm]", ylabel="probability density [1/µm]")
     axes.set_title("heights", fontsize=9.5)
     z = measured.heights[~np.isnan(measured.heights)] * 1e6
@@ -233,16 +220,6 @@ def _histogram_panel(axes: Axes, measured: Topography) -> None:
     z = z - z.mean()
     density, edges = np.histogram(z, bins=200, density=True)
     axes.stairs(density, edges, fill=True, color=STYLES[1][0], alpha=0.75)
-    if (sq := z.std()) > 0:
-        x = np.linspace(edges[0], edges[-1], 400)
-        axes.plot(
-            x,
-            np.exp(-((x / sq) ** 2) / 2) / (sq * np.sqrt(2 * pi)),
-            "k--",
-            lw=1.1,
-            label="normal, same Sq",
-        )
-        axes.legend(fontsize=8, frameon=False)
     axes.set_yscale("log")
     axes.set_ylim(float(np.min(density[density > 0])) / 2, float(np.max(density)) * 3)
 
@@ -250,28 +227,16 @@ def _histogram_panel(axes: Axes, measured: Topography) -> None:
 def _radial_panel(
     axes: Axes, flat: Topography, report: SurfaceReport, conditioning: Conditioning | None
 ) -> None:
-    """Spectral density averaged over directions, with noise, power law, and the shortest waves."""
+    """Spectral density averaged over directions, with its power law, and the shortest waves."""
     q, density = flat.radial_psd()
     shown = (q > 0) & (density > density.max(initial=0.0) * 1e-14)
     axes.loglog(_um(q[shown]), density[shown], color=GREY, lw=1.0)
-    if report.noise:
-        floor = report.noise**2 * flat.spacing[0] * flat.spacing[1]
-        axes.axhline(
-            floor,
-            color=GREY,
-            ls=":",
-            lw=1.1,
-            label=f"white noise, {to_text(report.noise, 'm', 3)} rms",
-        )
     if report.power_law is not None:
         ends = 2 * pi / np.array(report.power_law)
         law = report.power_law_density * (ends / ends[0]) ** (-2 - 2 * report.hurst)
         slope, error = report.power_law_slope
         label = f"q^({slope:.2f} ± {error:.2f}), H = {report.hurst:.2f}"
         axes.loglog(_um(ends), law, color=STYLES[0][0], lw=2.2, label=label)
-        if not isnan(report.roll_off):
-            axes.loglog(_um(np.array([q[shown][0], ends[0]])), (law[0], law[0]), color=STYLES[0][0], lw=2.2, ls="--",
-                        label=f"plateau beyond {to_text(report.roll_off, 'm', 3)}")  # fmt: skip
     marks = [(report.shortest_wave, STYLES[3], "shortest wave measured")]
     if conditioning is not None:
         marks.insert(0, (conditioning.shortest_wave, STYLES[2], "low-pass of a run"))

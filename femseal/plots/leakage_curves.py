@@ -33,8 +33,8 @@ if TYPE_CHECKING:
 
 #: Factor by which the scale reaches beyond the leakages for the ends of their bands.
 _BEYOND = 10.0
-#: Height of a name beside the axis, and of a branch in the strip of sealed loads, as parts of the axis.
-_NAME_HEIGHT, _LANE = 0.042, 0.035
+#: Height of a name beside the axis, and of the strip of sealed loads, as parts of the axis.
+_NAME_HEIGHT, _STRIP = 0.042, 0.08
 #: Studies drawn as single markers beside the main curve.
 _SINGLE = (("two-scale", "D", 7), ("deterministic", "x", 5), ("blocks", "s", 6))
 #: The unit in axes of the user, which several results share.
@@ -101,13 +101,15 @@ def leakage_panel(axes: Axes, curves: LeakageCurves, label: str = "") -> list[An
 
     Returns the handles of its legend.
     """
+    from matplotlib.patches import Patch
+
     before = len(axes.get_legend_handles_labels()[0])
     factor, name = curves.scale
     load_name, load_factor = curves.load
     parts = curves.branches
     inside = [line.get_ydata() for line in axes.lines if line.get_transform() == axes.transData]
-    leakage_axis(axes, np.concatenate([curves.range / factor, *inside]), before + len(parts))
-    handles = []
+    leakage_axis(axes, np.concatenate([curves.range / factor, *inside]))
+    handles: list[Any] = []
     for n, (branch, steps) in enumerate(parts, start=before):
         colour, line, marker = branch_styles(n + 1)[n]
         x = load_factor * curves.pressure[steps]
@@ -116,51 +118,39 @@ def leakage_panel(axes: Axes, curves: LeakageCurves, label: str = "") -> list[An
             leakage_band(axes, x, low, high, colour)
         look = {"color": colour, "ls": line, "lw": 1.8, "marker": marker, "ms": 4.5}
         y = np.abs(curves.leakage[steps]) / factor
-        handles.append(leakage_line(axes, x, y, n, label=f"{label}{branch}", **look))
-        for method, symbol, size in _SINGLE:
-            if method in curves.others:
-                single = np.abs(curves.others[method][steps]) / factor
-                look = {"color": colour, "ls": "", "marker": symbol, "ms": size, "mfc": "none"}
-                leakage_line(axes, x, single, n, **look)
+        handles.append(leakage_line(axes, x, y, label=f"{label}{branch}", **look))
+    for method, symbol, size in _SINGLE:
+        if method in curves.others:
+            single = np.abs(curves.others[method]) / factor
+            look = {"color": GREY, "ls": "", "marker": symbol, "ms": size, "mfc": "none"}
+            x = load_factor * curves.pressure
+            handles.append(leakage_line(axes, x, single, label=method, **look))
     axes.set(xlabel=load_name, ylabel=name)
     loads = [line.get_xdata() for line in axes.lines if line.get_label() != "_limit"]
     load_axis(axes, np.concatenate(loads))
     axes.grid(alpha=0.25, lw=0.6)
     limit_lines(axes, {name: limit / factor for name, limit in curves.limits.items()})
-    return [*handles, *_other_handles(curves)]
+    if curves.band is not None:
+        handles.append(Patch(color=GREY, alpha=0.3, lw=0, label=curves.band_name))
+    return handles
 
 
 def limit_lines(axes: Axes, limits: dict[str, float]) -> None:
-    """A line for each limit within the scale of a logarithmic axis, named beside it; names do not overlap."""
-    from scipy.optimize import isotonic_regression
-
+    """A line for each limit within the scale of a logarithmic axis, with names beside it that share a line of text."""
     low, high = axes.get_ylim()
-    named: dict[float, list[str]] = {}
-    for name, limit in sorted(limits.items(), key=lambda item: item[1]):
+    named: dict[int, list[str]] = {}
+    for name, limit in limits.items():
         if low < limit < high:
-            named.setdefault(float(f"{limit:.9g}"), []).append(name)
-    if not named:
-        return
-    # as near to the lines as their height allows
-    steps = _NAME_HEIGHT * np.arange(len(named))
-    at = np.log(np.array(list(named)) / low) / np.log(high / low)
-    places = np.clip(isotonic_regression(at - steps).x, 0, max(1 - steps[-1], 0)) + steps
-    for place, (limit, names) in zip(places, named.items(), strict=True):
-        axes.axhline(limit, color=GREY, lw=0.8, ls=(0, (4, 2)), zorder=1, label="_limit")
-        axes.annotate(
-            ", ".join(names),
-            (1, limit),
-            (1.04, place),
-            xycoords=("axes fraction", "data"),
-            textcoords="axes fraction",
-            va="center",
-            fontsize=8,
-            arrowprops={"arrowstyle": "-", "color": GREY, "lw": 0.6, "shrinkA": 0, "shrinkB": 0},
-        )
+            axes.axhline(limit, color=GREY, lw=0.8, ls=(0, (4, 2)), zorder=1, label="_limit")
+            place = np.log(limit / low) / np.log(high / low)
+            named.setdefault(round(place / _NAME_HEIGHT), []).append(name)
+    for lane, names in named.items():
+        at = (1.01, lane * _NAME_HEIGHT)
+        axes.annotate(", ".join(names), at, xycoords="axes fraction", va="center", fontsize=8)
 
 
-def leakage_axis(axes: Axes, values: Array, count: int) -> None:
-    """Log scale over the values > 0, and below it a strip for those of `count` branches that are 0."""
+def leakage_axis(axes: Axes, values: Array) -> None:
+    """Log scale over the values > 0, and below it a strip for those that are 0."""
     from matplotlib.patches import Rectangle
 
     axes.set_yscale("log")
@@ -168,9 +158,8 @@ def leakage_axis(axes: Axes, values: Array, count: int) -> None:
     low, high = (float(f(positive)) for f in (np.min, np.max)) if positive.size else (0.1, 10.0)
     low = max(low, high * 1e-15)
     span = max(np.log10(high / low), 0.5)
-    strip = _LANE * (count + 1) if np.any(values == 0) else 0.0
-    bottom = low * 10 ** (-span * (0.05 + strip / (1 - strip)))
-    axes.set_ylim(bottom, high * 10 ** (0.06 * span))
+    strip = _STRIP if np.any(values == 0) else 0.0
+    axes.set_ylim(low * 10 ** (-span * (0.05 + strip)), high * 10 ** (0.06 * span))
     decades(axes.yaxis)
     if strip:
         # axhspan would take its ends in units of the leakage
@@ -180,12 +169,12 @@ def leakage_axis(axes: Axes, values: Array, count: int) -> None:
         axes.annotate("sealed", (0.5, strip / 2), xycoords="axes fraction", **look)
 
 
-def leakage_line(axes: Axes, x: Array, y: Array, lane: int, **look: Any) -> Any:
-    """Draw leakages y >= 0; those of 0 are markers in a lane of the strip below. Returns the line."""
+def leakage_line(axes: Axes, x: Array, y: Array, **look: Any) -> Any:
+    """Draw leakages y >= 0; those of 0 are markers in the strip below. Returns the line."""
     (line,) = axes.plot(x, np.where(y > 0, y, np.nan), **look)
     sealed = x[y == 0]
-    at = np.full(sealed.size, _LANE * (lane + 1))
     below = look | {"ls": "", "label": None}
+    at = np.full(sealed.size, _STRIP / 2)
     axes.plot(sealed, at, transform=axes.get_xaxis_transform(), **below)
     return line
 
@@ -198,27 +187,6 @@ def leakage_band(axes: Axes, x: Array, low: Array, high: Array, colour: Any) -> 
         axes.fill_between(x, low, high, color=colour, lw=0, alpha=0.14)
     else:
         axes.vlines(x, low, high, color=colour, lw=5, alpha=0.25)
-
-
-def _other_handles(curves: LeakageCurves) -> list[Any]:
-    """Legend handles common to all branches: the band, and single markers."""
-    from matplotlib.lines import Line2D
-    from matplotlib.patches import Patch
-
-    handles: list[Any] = []
-    if curves.band is not None:
-        handles.append(Patch(color=GREY, alpha=0.3, lw=0, label=curves.band_name))
-    for name, symbol, size in _SINGLE:
-        if name in curves.others:
-            look: dict[str, Any] = {
-                "color": GREY,
-                "ls": "",
-                "marker": symbol,
-                "ms": size,
-                "mfc": "none",
-            }
-            handles.append(Line2D([], [], label=name, **look))
-    return handles
 
 
 def _curves_figure(curves: LeakageCurves, ax: Axes | None, label: str | None) -> Figure:

@@ -77,15 +77,6 @@ def colour_bar(axes: Axes, image: Any) -> Any:
     return bar
 
 
-def flow_arrows(axes: Axes, *vectors: Any, **options: Any) -> None:
-    """Arrows of a flow: places along x and y, and vectors in the units of the axes."""
-    arrows = axes.quiver(
-        *vectors, pivot="mid", angles="xy", scale_units="xy", scale=1.0, units="inches", headwidth=4, headlength=4,
-        headaxislength=3.6, color="#D7191C", edgecolor="white", linewidth=0.5, **options,
-    )  # fmt: skip
-    arrows.set_in_layout(False)
-
-
 def on_decades(values: Array, decades: int) -> tuple[Array, Any]:
     """Values >= 0 and their scale of so many decades at most; 0 lies below it, NaN stays."""
     from matplotlib.colors import LogNorm

@@ -18,6 +18,7 @@ from ..results.results import Results
 from ..results.selections import branches, load_names, pressures_and_peaks
 from ..seal import Leakage
 from .drawing import (
+    GREY,
     MAP,
     POCKET,
     STYLES,
@@ -25,7 +26,6 @@ from .drawing import (
     branch_styles,
     new_figure,
     one_panel,
-    panel_title,
     shows,
 )
 from .drawn_panels import drawn_figure
@@ -138,47 +138,32 @@ def _map_of_gap(axes: Axes, gap: Array, size: tuple[float, float], title: str) -
 
 def drop_panel(axes: Axes, data: xarray.Dataset, steps: Sequence[int]) -> None:
     """Fluid pressure along the leakage, mean over the seal's length, and its range at the last step."""
-    names = load_names(data)
-    for s, (colour, line, marker) in zip(steps, STYLES, strict=False):
-        x1, p = pressure_rows(data, s)
-        points = marker if len(x1) < 40 else ""
-        axes.plot(
-            x1 * 1e3,
-            p.mean(axis=1) / 1e6,
-            color=colour,
-            ls=line,
-            marker=points,
-            ms=4.5,
-            label=names[s],
-        )
-        if s == steps[-1]:
-            low, high = p.min(axis=1) / 1e6, p.max(axis=1) / 1e6
-            axes.fill_between(
-                x1 * 1e3, low, high, color=colour, alpha=0.15, lw=0, label="lowest to highest there"
-            )
-    name_sides(axes, ("x1, inlet at 0 [mm]", "fluid pressure [MPa]"))
-    axes.tick_params(labelsize=8)
-    axes.grid(alpha=0.25, lw=0.6)
-    if len(steps) > 1:
-        axes.legend(fontsize=8, framealpha=0.9)
-    else:
-        panel_title(axes, "mean fluid pressure\nshaded: lowest to highest")
+    x1, p = pressure_rows(data, steps[-1])
+    means = {s: pressure_rows(data, s)[1].mean(axis=1) for s in steps}
+    _lines_over_x1(axes, data, x1, means, "fluid pressure [MPa]")
+    low, high = p.min(axis=1) / 1e6, p.max(axis=1) / 1e6
+    axes.fill_between(x1 * 1e3, low, high, color=GREY, alpha=0.15, lw=0, label="lowest to highest")
+    axes.legend(fontsize=8, framealpha=0.9)
 
 
 def row_panel(axes: Axes, data: xarray.Dataset, steps: Sequence[int]) -> None:
     """Mean contact pressure of the rows of the face along the leakage: the band on which a seat touches."""
-    names = load_names(data)
-    for s, (colour, line, _) in zip(steps, STYLES, strict=False):
-        x1 = data["row"].values * 1e3
-        axes.plot(
-            x1, data["row_pressure"].values[s] / 1e6, color=colour, ls=line, lw=1.2, label=names[s]
-        )
-    highest = float(np.nanmax(data["row_pressure"].values[list(steps)])) / 1e6
-    axes.set(xlabel="x1, inlet at 0 [mm]", ylabel="mean contact pressure of rows [MPa]")
-    if highest > 0:
-        axes.set_ylim(-0.03 * highest, 1.35 * highest)  # with room for the legend
-    axes.grid(alpha=0.25, lw=0.6)
+    rows = {s: data["row_pressure"].values[s] for s in steps}
+    name = "mean contact pressure of rows [MPa]"
+    _lines_over_x1(axes, data, data["row"].values, rows, name)
     axes.legend(fontsize=8, framealpha=0.9)
+
+
+def _lines_over_x1(
+    axes: Axes, data: xarray.Dataset, x1: Array, values: dict[int, Array], name: str
+) -> None:
+    """A line of pressures [Pa] for each step."""
+    names = load_names(data)
+    for (s, p), (colour, line, _) in zip(values.items(), STYLES, strict=False):
+        axes.plot(x1 * 1e3, p / 1e6, color=colour, ls=line, lw=1.4, label=names[s])
+    name_sides(axes, ("x1, inlet at 0 [mm]", name))
+    axes.tick_params(labelsize=8)
+    axes.grid(alpha=0.25, lw=0.6)
 
 
 def pressure_rows(data: xarray.Dataset, s: int) -> tuple[Array, Any]:

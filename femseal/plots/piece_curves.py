@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
@@ -12,7 +11,6 @@ from numpy.typing import NDArray
 from ..base import Array, InputError
 from ..flow.law import cubic_law
 from ..results.results import Results
-from ..results.selections import loads_as_given
 from .drawing import GREY, LEGEND_LINE, LINES, STYLES, Sheet, decades
 
 if TYPE_CHECKING:
@@ -21,21 +19,18 @@ if TYPE_CHECKING:
 
 #: Decades of permeability below the largest one that are shown, and factor of the scale beyond what is shown.
 _DECADES, _BEYOND = 6, 1.5
-#: Relative distance of equal pressures.
-_ROUNDING = 1e-6
 
 
 def pieces_figure(results: Results) -> Figure:
     """Permeability of pieces along x1 against their mean gap and their pressure, on loading and on unloading.
 
     Closed pieces, and those a million times less permeable than the most permeable one, are not drawn.
-    The line in the first panel is h̄³/12, of parallel plates. Pieces are those that seals draw from, at the pressures of
-    the case, or else those of two scales.
+    The line in the first panel is h̄³/12, of parallel plates. Pieces are those that seals draw from,
+    or else those of two scales.
 
     Raises InputError: results without pieces.
     """
     pieces = pieces_of(results)
-    text = loads_as_given(results.dataset, 3)
     below = LEGEND_LINE * 3
     sheet = Sheet([3.6 + below] * 2, head=0.35)
     sheet.head("each point: a piece of the face at one load")
@@ -47,7 +42,7 @@ def pieces_figure(results: Results) -> Figure:
         axes = sheet.panel(row, replace(LINES, top=0.1, bottom=LINES.bottom + below))
         axes.set(xlabel=label, ylabel="permeability towards the outlet [m³]")
         axes.grid(alpha=0.25, lw=0.6)
-        if _clouds(axes, pieces, x, text, plates=row == 0):
+        if _clouds(axes, pieces, x, plates=row == 0):
             axes.legend(
                 loc="upper center", bbox_to_anchor=(0.5, -0.17), fontsize=8.5, frameon=False
             )
@@ -58,18 +53,17 @@ def pieces_figure(results: Results) -> Figure:
 class Pieces:
     """Permeability along x1 [m³], mean gap [m] and contact pressure [Pa] of pieces, each (states, pieces).
 
-    loading : whether a state is on loading (states,). nominal : pressure of each state [Pa].
+    loading : whether a state is on loading (states,).
     """
 
     k: Array
     mean_gap: Array
     pressure: Array
     loading: NDArray[np.bool_]
-    nominal: Array
 
 
 def pieces_of(results: Results) -> Pieces:
-    """The pieces of a run at the pressures of its case.
+    """The pieces of a run in all their states.
 
     Raises InputError: results without pieces.
     """
@@ -80,21 +74,15 @@ def pieces_of(results: Results) -> Pieces:
             "pieces figure", "results without pieces", "those of a two-scale or a stochastic study"
         )
     prefix = "state_" if kind == "state" else ""
-    nominal, loads = data[f"{prefix}nominal_pressure"].values, data["nominal_pressure"].values
-    # a ladder of states reaches beyond the loads of the case
-    asked = (nominal >= loads.min() * (1 - _ROUNDING)) & (nominal <= loads.max() * (1 + _ROUNDING))
-    fields = (data[f"{kind}_{name}"].values[asked] for name in ("k1", "mean_gap", "pressure"))
+    fields = (data[f"{kind}_{name}"].values for name in ("k1", "mean_gap", "pressure"))
     k, gap, pressure = (values.reshape(len(values), -1) for values in fields)
-    loading = np.isnan(data[f"{prefix}unloaded_from"].values)
-    return Pieces(k, gap, pressure, loading[asked], nominal[asked])
+    return Pieces(k, gap, pressure, np.isnan(data[f"{prefix}unloaded_from"].values))
 
 
-def _clouds(
-    axes: Axes, pieces: Pieces, x: Array, text: Callable[[float], str], *, plates: bool
-) -> bool:
+def _clouds(axes: Axes, pieces: Pieces, x: Array, *, plates: bool) -> bool:
     """A point for each open piece in each state, in two colours, and the line of parallel plates over a gap [µm].
 
-    text : of a load. Returns whether a piece is open.
+    Returns whether a piece is open.
     """
     k = pieces.k
     with np.errstate(invalid="ignore"):
@@ -107,10 +95,9 @@ def _clouds(
     branches = (("loading", pieces.loading), ("unloading", ~pieces.loading))
     for (name, states), (colour, _, marker) in zip(branches, STYLES, strict=False):
         if states.any():
-            seen, loads = shown[states], pieces.nominal[states]
-            ends = dict.fromkeys(map(text, sorted((loads.min(), loads.max()))))
+            seen = shown[states]
             look: dict[str, Any] = {"color": colour, "marker": marker, "ms": 4, "ls": "", "mew": 0}
-            label = f"{name}, {' to '.join(ends)}{', all closed' * (not seen.any())}"
+            label = f"{name}{', all closed' * (not seen.any())}"
             axes.plot(
                 x[states][seen], k[states][seen], alpha=0.55, label=label, rasterized=True, **look
             )

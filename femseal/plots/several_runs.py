@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import re
 from dataclasses import replace
-from math import ceil
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -22,10 +21,6 @@ if TYPE_CHECKING:
 
 #: Bands of more runs hide each other.
 _MOST_BANDS = 3
-#: Rows of markers in the strip of steps without leakage; more runs share them.
-_MOST_LANES = 4
-#: Letters of a line of the legend that fit into half a panel.
-_LEGEND_LETTERS = 34
 _NUMBER = re.compile(r"\s*([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)\s*(.*?)\s*")
 
 
@@ -38,13 +33,12 @@ def comparison_figure(comparison: RunComparison) -> Figure:
     leakage at the highest load at which all leak against the key that has most values.
     """
     key = _drawn_key(comparison)
-    columns = 2 if max(map(len, comparison.labels)) <= _LEGEND_LETTERS else 1
-    below = 0.6 + LEGEND_LINE * (ceil((len(comparison.labels) + 2) / columns) + 0.5)
+    below = 0.6 + LEGEND_LINE * (len(comparison.labels) + 1.5)
     sheet = Sheet([*([] if key is None else [4.0]), 3.8 + below])
     margins = replace(LINES, top=0.15, bottom=below)
     handles = _load_panel(sheet.panel(len(sheet.heights) - 1, margins), comparison)
     title = "dashed: unloading; shaded: redraws of the measured patch on loading"
-    legend_below(sheet.figure, handles, columns, length=3, title=title)
+    legend_below(sheet.figure, handles, 1, length=3, title=title)
     if key is not None:
         _key_panel(sheet.panel(0, LINES), comparison, key)
     return sheet.figure
@@ -64,7 +58,7 @@ def _load_panel(axes: Axes, comparison: RunComparison) -> list[Any]:
     leakages = [np.abs(comparison.leakage(n)) for n in range(count)]
     bands = [comparison.band(n) if count <= _MOST_BANDS else None for n in range(count)]
     ends = [np.abs(end) for band in bands if band is not None for end in band]
-    leakage_axis(axes, np.concatenate([*leakages, *ends]), min(count, _MOST_LANES))
+    leakage_axis(axes, np.concatenate([*leakages, *ends]))
     handles: list[Any] = []
     loads = [run.dataset["nominal_pressure"].values / 1e6 for run in comparison.runs]
     for n, (colour, marker) in enumerate(run_styles(count)):
@@ -72,10 +66,9 @@ def _load_panel(axes: Axes, comparison: RunComparison) -> list[Any]:
         look: dict[str, Any] = {"color": colour, "marker": marker, "ms": 4.5}
         solid = look | {"lw": 1.8, "label": comparison.labels[n]}
         dashed = look | {"ls": "--", "lw": 1.0, "mfc": "white"}
-        lane = n % _MOST_LANES
-        handles.append(leakage_line(axes, loads[n][up], leakages[n][up], lane, **solid))
+        handles.append(leakage_line(axes, loads[n][up], leakages[n][up], **solid))
         for _, down in unloadings:
-            leakage_line(axes, loads[n][down], leakages[n][down], lane, **dashed)
+            leakage_line(axes, loads[n][down], leakages[n][down], **dashed)
         if (band := bands[n]) is not None:
             leakage_band(axes, loads[n][up], band[0][up], band[1][up], colour)
     axes.set(xlabel="nominal pressure [MPa]", ylabel=comparison.label)
@@ -103,14 +96,12 @@ def _key_panel(axes: Axes, comparison: RunComparison, key: int) -> None:
     for n, values in enumerate(comparison.settings):
         others.setdefault(", ".join(values[:key] + values[key + 1 :]), []).append(n)
     sizes = np.array([_at(comparison, n, step) for n in range(len(comparison.runs))])
-    leakage_axis(axes, sizes, len(others))
-    for n, ((name, runs), (colour, line, marker)) in enumerate(
-        zip(others.items(), STYLES, strict=False)
-    ):
+    leakage_axis(axes, sizes)
+    for (name, runs), (colour, line, marker) in zip(others.items(), STYLES, strict=False):
         at = np.array([places[texts.index(comparison.settings[run][key])] for run in runs])
         order = np.argsort(at)
         look = {"color": colour, "ls": line, "lw": 1.8, "marker": marker, "ms": 4.5}
-        leakage_line(axes, at[order], sizes[runs][order], n, label=name, **look)
+        leakage_line(axes, at[order], sizes[runs][order], label=name, **look)
     axes.set(xlabel=comparison.keys[key], ylabel=comparison.label, title=step.name)
     if min(places) > 0 and max(places) > 10 * min(places):
         axes.set_xscale("log")

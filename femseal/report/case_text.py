@@ -22,26 +22,29 @@ if TYPE_CHECKING:
 _CLOSE = 1.1
 
 
+#: Kinds of fluids as text.
+_KINDS = {
+    "ideal-gas": "an ideal gas",
+    "real-gas": "a real gas by CoolProp",
+    "roelands-liquid": "a liquid by Roelands' law",
+}
+
+
 def fluid_text(fluid: Mapping[str, Any], fallback: str) -> str:
     """A fluid of a case, of its table in SI."""
-    rarefied = (
-        ", with" + ("" if fluid.get("slip", True) else "out") + " slip and free molecular flow"
-    )
-    if fluid.get("kind") == "real-gas":
-        return f"{fluid['name']}, a real gas by CoolProp at {fluid['temperature'] - 273.15:.4g} °C{rarefied}"
-    if "viscosity" not in fluid:
+    if "kind" not in fluid:
         return fallback
-    name = f"{fluid['name']}, " if fluid.get("name") else ""
-    kind = {"ideal-gas": "an ideal gas", "roelands-liquid": "a liquid by Roelands' law"}
-    named = kind.get(fluid.get("kind", ""), f"a {fluid.get('kind', 'fluid')}")
-    text = f"{name}{named} of viscosity {to_text(fluid['viscosity'], 'Pa·s')}"
+    kind = fluid["kind"]
+    text = ", ".join(filter(None, (fluid.get("name"), _KINDS.get(kind, f"a {kind}"))))
+    if "viscosity" in fluid:
+        text += f" of viscosity {to_text(fluid['viscosity'], 'Pa·s')}"
     if "molar_mass" in fluid:
         text += f" and molar mass {1e3 * fluid['molar_mass']:.5g} g/mol"
-        text += f" at {fluid['temperature'] - 273.15:.4g} °C" if "temperature" in fluid else ""
-    if fluid.get("kind") == "ideal-gas":
-        text += rarefied
-    if fluid.get("slip_length"):
-        text += f", slip length {to_text(fluid['slip_length'], 'm')}"
+    if "temperature" in fluid:
+        text += f" at {fluid['temperature'] - 273.15:.4g} °C"
+    if kind.endswith("gas"):
+        without = "" if fluid.get("slip", True) else "out"
+        text += f", with{without} slip and free molecular flow"
     return text + (f" and density {fluid['density']:g} kg/m³" if "density" in fluid else "")
 
 

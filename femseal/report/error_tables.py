@@ -102,13 +102,8 @@ def check_lines(results: Results) -> Lines:
 
 
 def time_lines(results: Results) -> list[tuple[str, str, float]]:
-    """Stage, time, and its fraction of the whole in percent; the parts of a study come before the rest of its time."""
+    """Stage, time, and its fraction of the whole in percent; parts of a study are left out."""
     timings: dict[str, float] = json.loads(results.dataset.attrs["timings"])
-    whole = sum(seconds for name, seconds in timings.items() if ": " not in name) or 1.0
-    lines = []
-    for name, seconds in timings.items():
-        parts = [part for other, part in timings.items() if other.startswith(f"{name}: ")]
-        label = f"{name}: rest" if parts else name
-        own = max(seconds - sum(parts), 0.0)
-        lines.append((label, f"{own:.3g} s", 100 * own / whole))
-    return lines
+    stages = {name: seconds for name, seconds in timings.items() if ": " not in name}
+    whole = sum(stages.values()) or 1.0
+    return [(name, f"{t:.3g} s", 100 * t / whole) for name, t in stages.items()]

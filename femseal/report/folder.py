@@ -4,7 +4,6 @@ import json
 import os
 import shutil
 from collections.abc import Callable, Sequence
-from concurrent.futures import ThreadPoolExecutor
 from contextlib import suppress
 from functools import partial
 from pathlib import Path
@@ -68,13 +67,8 @@ def write_folder(
     )
 
     def write(unfinished: Path) -> list[Path]:
-        with ThreadPoolExecutor(1) as beside:
-            # another process packs files while pictures are drawn
-            files = beside.submit(
-                _write_fields, results, plan, surface, unfinished, paraview, mapper
-            )
-            written = _write_for_people(results, surface, pictures, report, unfinished)
-            return written + files.result()
+        written = _write_fields(results, plan, surface, unfinished, paraview, mapper)
+        return written + _write_for_people(results, surface, pictures, report, unfinished)
 
     return _replaced(results, made_folder(folder), write)
 

@@ -167,34 +167,32 @@ def _kept_text(loads: list[str], met: np.ndarray) -> str:
 
 def test_fluid_sentences(results: Results) -> list[str]:
     """Leakage of the test fluid at the highest load, how it compares, and what both limits of flow would give."""
-    data = results.dataset
+    data, attrs = results.dataset, results.dataset.attrs
     if "test_leakage" not in data:
         return []
-    attrs, unit, basis = data.attrs, class_unit(results), results.class_basis
-    best, _ = results.class_leakage
-    most = int(np.argmax(data["nominal_pressure"].values))
+    unit, basis, peak = class_unit(results), results.class_basis, results.peak
+    own, test = results.leakage.values, data["test_leakage"].values
     inlet, outlet = (
         to_text(float(attrs[f"test_{end}_pressure_Pa"]), "Pa") for end in ("inlet", "outlet")
     )
-    own = results.leakage.values
-    fluid = fluid_text(
-        results.case.get("output", {}).get("test_fluid") or {}, str(attrs["test_fluid"])
-    )
+    table = results.case.get("output", {}).get("test_fluid") or {}
     sentences = [
-        f"A test fluid, {fluid}, runs from {inlet} to {outlet} through the same seals: "
-        f"{format_leakage(float(best[most]), basis.factor(unit))} {unit.name} at {data['name'].values[most]}."
+        f"A test fluid, {fluid_text(table, str(attrs['test_fluid']))}, runs from {inlet} to {outlet} "
+        f"through the same seals: {format_leakage(float(test[peak]), basis.factor(unit))} {unit.name} at "
+        f"{data['name'].values[peak]}."
     ]
-    if both_gases := basis.is_gas and results.leak_basis.is_gas:
-        assert basis.pressure is not None
-        assert results.leak_basis.pressure is not None
-        own = own * results.leak_basis.pressure / basis.pressure
-    what = "in pressure × volume" if both_gases else "by volume"
-    with np.errstate(divide="ignore", invalid="ignore"):
-        ratio = np.median((own / best)[best > 0]) if (best > 0).any() else np.nan
-    text = f"{what.capitalize()} the fluid in service leaks {ratio:.3g} times as much"
+    known = np.isfinite(own) & np.isfinite(test) & (test != 0)
+    if not known.any():
+        return sentences
+    gases = basis.is_gas and results.leak_basis.is_gas
+    common = LEAK_UNITS["Pa·m³/s" if gases else "m³/s"]
+    scale = basis.factor(common) / results.leak_basis.factor(common)
+    ratio = scale * np.median(own[known] / test[known])
+    what = "In pressure × volume" if gases else "By volume"
     viscous, molecular = float(attrs["test_viscous_factor"]), float(attrs["test_molecular_factor"])
     limits = [f"flow as a continuum would give {viscous:.3g}"]
     limits += [] if np.isnan(molecular) else [f"flow of free molecules {molecular:.3g}"]
+    text = f"{what} the fluid in service leaks {ratio:.3g} times as much"
     return [*sentences, f"{text}; {', '.join(limits)}."]
 
 
@@ -215,10 +213,9 @@ def design_section(results: Results) -> dict[str, Any] | None:
         picture = read_plain(results.folder / DESIGN_PICTURE, _LARGEST)
         if not picture.startswith(_PNG):
             return None
-        sheet = {"title": "Pressure in assembly (Qmin) and in service (QSmin)", **found["sheet"]}
         return {
             "sentences": found["sentences"],
-            "tables": [sheet, *([found["slopes"]] if found["slopes"] else [])],
+            "tables": found["tables"],
             "picture": "data:image/png;base64," + base64.b64encode(picture).decode(),
         }
     except (OSError, ValueError, KeyError, TypeError, RecursionError):

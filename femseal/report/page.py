@@ -145,21 +145,14 @@ def _digest_lines(results: Results) -> list[tuple[str, str]]:
 
 def flat(value: Any, name: str = "") -> list[tuple[str, str]]:
     """A nested case as lines of key and value."""
-    if isinstance(value, dict):
-        return [
-            line
-            for key, item in value.items()
-            for line in flat(item, f"{name}.{key}" if name else str(key))
-        ]
-    if isinstance(value, list) and any(isinstance(item, dict) for item in value):
-        return [
-            line
-            for n, item in enumerate(value, 1)
-            for line in flat(item, name if len(value) == 1 else f"{name} {n}")
-        ]
     if isinstance(value, list):
-        return [(name, ", ".join(_plain(item) for item in value))]
-    return [(name, _plain(value))]
+        if not any(isinstance(item, dict) for item in value):
+            return [(name, ", ".join(map(_plain, value)))]
+        value = dict(enumerate(value))
+    if not isinstance(value, dict):
+        return [(name, _plain(value))]
+    pairs = ((f"{name}.{key}".lstrip("."), item) for key, item in value.items())
+    return [line for key, item in pairs for line in flat(item, key)]
 
 
 def _plain(value: Any) -> str:

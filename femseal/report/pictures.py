@@ -68,9 +68,7 @@ def _captions(results: Results) -> dict[str, list[str]]:
     """What each picture shows, in a sentence for each of its panels or one for the whole."""
     data = results.dataset
     load = load_names(data)[default_step(data)]
-    drawn_seal = (
-        f"The drawn seal nearest to the median, in its plane, at {load}. Long arrows: much flow."
-    )
+    drawn_seal = f"The drawn seal nearest to the median, in its plane, at {load}."
     maps = [
         f"Contact pressure of the face at {load}, mean of each block of pixels.",
         f"Gap of the face at {load}, mean of each block of pixels.",

@@ -140,16 +140,10 @@ def tightest_classes(data: xarray.Dataset) -> list[str]:
     if "leak_class" not in data.coords:
         return []
     classes = leak_classes(str(name) for name in data["leak_class"].values)
-    limits, met = data["class_limit"].values, data["class_met"].values
+    # the tightest of a family last
+    order = np.argsort(data["class_limit"].values, kind="stable")[::-1]
     lines = []
-    for s in range(data.sizes["step"]):
-        if np.isnan(met[:, s]).any():
-            lines.append("open")
-            continue
-        best: dict[str, tuple[float, str]] = {}
-        for one, limit, there in zip(classes, limits, met[:, s], strict=True):
-            family = one.family or one.name
-            if there and (family not in best or limit < best[family][0]):
-                best[family] = (float(limit), one.name)
-        lines.append(", ".join(name for _, name in best.values()) or "none")
+    for met in data["class_met"].values.T:
+        best = {classes[n].family or classes[n].name: classes[n].name for n in order if met[n]}
+        lines.append("open" if np.isnan(met).any() else ", ".join(best.values()) or "none")
     return lines

@@ -12,7 +12,7 @@ import numpy as np
 from ..base import InputError, replacing, writing
 from ..base.fields import Field
 from . import vtk_files
-from .paraview import WITH_FIELDS, pixels_of_face, read_pixels, stored_steps
+from .paraview import WITH_FIELDS, read_pixels, stored_steps
 from .results import Results
 from .variables import block_means
 
@@ -74,13 +74,11 @@ def export_field(
     steps = stored_steps(run) if step is None else [step]
     if not steps:
         raise InputError("results", f"no {field} over all pixels", WITH_FIELDS)
-    if window is not None:
-        _check_window(window, *pixels_of_face(run))
     written = []
     for s in steps:
         values = read_pixels(run, field, s, piece)
         if window is not None:
-            values = values.sel(x1=slice(*window[:2]), x2=slice(*window[2:]))
+            values = _in_window(values, window)
         target = path if step is not None else path.with_stem(f"{path.stem}_{s:04d}")
         with writing("output", target), replacing(target) as temporary:
             write(temporary, values, run, s)
@@ -88,17 +86,25 @@ def export_field(
     return written
 
 
-def _check_window(
-    window: tuple[float, float, float, float], shape: tuple[int, int], pixel: tuple[float, float]
-) -> None:
-    """Raise InputError unless a window lies within a face of such pixels, and has the centre of one."""
-    size = [count * d for count, d in zip(shape, pixel, strict=True)]
-    for ends, whole, d in zip((window[:2], window[2:]), size, pixel, strict=True):
-        inside = -_ROUNDING * whole <= ends[0] and ends[1] <= (1 + _ROUNDING) * whole
-        if not inside or np.ceil(ends[0] / d - 0.5) > np.floor(ends[1] / d - 0.5):
-            face = f"x1 from 0 to {size[0]:.9g} m, x2 from 0 to {size[1]:.9g} m"
-            expected = f"a part of the face, {face}, with the centre of a pixel of {pixel[0]:.3g} m × {pixel[1]:.3g} m"
-            raise InputError("window", window, expected)
+def _in_window(
+    values: xarray.DataArray, window: tuple[float, float, float, float]
+) -> xarray.DataArray:
+    """The part of a field whose pixels have their centres in a window.
+
+    Raises InputError: a window that is not in the face, or without the centre of a pixel.
+    """
+    pixel, _ = _frame(values)
+    sides = [count * d for count, d in zip(values.shape, pixel, strict=True)]
+    part = values.sel(x1=slice(*window[:2]), x2=slice(*window[2:]))
+    inside = [
+        -_ROUNDING * side <= low and high <= (1 + _ROUNDING) * side
+        for low, high, side in zip(window[::2], window[1::2], sides, strict=True)
+    ]
+    if not part.size or not all(inside):
+        face = f"x1 from 0 to {sides[0]:.9g} m, x2 from 0 to {sides[1]:.9g} m"
+        expected = f"a part of the face, {face}, with the centre of a pixel of {pixel[0]:.3g} m × {pixel[1]:.3g} m"
+        raise InputError("window", window, expected)
+    return part
 
 
 def _frame(values: xarray.DataArray) -> tuple[tuple[float, float], tuple[float, float]]:

@@ -163,15 +163,6 @@ def stored_steps(run: Results) -> list[int]:
     return [] if run.folder is None else list(vtk_files.stored_images(run.folder, NAME))
 
 
-def pixels_of_face(run: Results) -> tuple[tuple[int, int], tuple[float, float]]:
-    """Number of the pixels of stored fields along x1 and x2, and their size [m]."""
-    for _, values in _in_memory(run):
-        assert run.scene is not None
-        return values[0].shape, run.scene.surface.spacing
-    assert run.folder is not None
-    return vtk_files.image_pixels(next(iter(vtk_files.stored_images(run.folder, NAME).values())))
-
-
 def _from_memory(
     run: Results, name: str, step: int
 ) -> tuple[Field, Any, tuple[float, float]] | None:

@@ -127,7 +127,7 @@ class RunComparison(Plotted):
         """The table for people, one line for each run, to be given to `rich.print`.
 
         The columns are the keys of a sweep, or else the names of the runs; the method where it differs; the leakage at
-        a few load steps that all runs have, or else at their own first, highest and last one; and the lowest pressure
+        a few load steps that all runs have, or else at their own highest one; and the lowest pressure
         on loading at which nothing leaks.
         """
         columns: list[tuple[str, list[str]]] = [("run", list(self.names))]
@@ -152,25 +152,17 @@ class RunComparison(Plotted):
     def _columns(self) -> list[tuple[str, list[int]]]:
         """Heading and the step of every run, for each column of leakage."""
         common = self.common_steps
-        if common:
-            loading = [step for step in common if step.unloaded_from is None]
-            chosen = [*(loading[n] for n in (0, len(loading) // 2, -1) if loading), common[-1]]
-            return [
-                (_step_text(step), [results.steps.index(step) for results in self.runs])
-                for step in dict.fromkeys(chosen)
-            ]
-        peaks = [int(np.argmax(results.steps.pressures)) for results in self.runs]
+        if not common:
+            return [("highest load of each", [results.peak for results in self.runs])]
+        loading = [step for step in common if step.unloaded_from is None]
+        chosen = [*(loading[n] for n in (0, len(loading) // 2, -1) if loading), common[-1]]
         return [
-            ("first load", [0] * len(self.runs)),
-            ("highest load", peaks),
-            ("last load", [len(results.steps) - 1 for results in self.runs]),
+            (_step_text(step), [results.steps.index(step) for results in self.runs])
+            for step in dict.fromkeys(chosen)
         ]
 
     def _cell(self, run: int, step: int) -> str:
-        text = leakage_at(self.runs[run], step, self.runs[run].leak_basis.factor(self.unit))
-        if self.common_steps:
-            return text
-        return f"{text} ({to_text(self.runs[run].steps[step].pressure, 'Pa', 3)})"
+        return leakage_at(self.runs[run], step, self.runs[run].leak_basis.factor(self.unit))
 
     def write(self, folder: str | os.PathLike[str], stem: str = "comparison") -> list[Path]:
         """Write the table as `stem`.csv and the picture as `stem`.png into a folder, which is made if needed.
@@ -184,19 +176,8 @@ class RunComparison(Plotted):
         return [*written, target / f"{stem}.png"]
 
     def __repr__(self) -> str:
-        loads = f"{counted(len(self.common_steps), 'load step')} in common"
-        lines = [
-            f"<femseal.RunComparison of {counted(len(self.runs), 'run')}, {loads}, in {self.unit.name}>"
-        ]
-        return "\n".join(
-            [
-                *lines,
-                *(
-                    f"{n}: {results.method}"
-                    for n, results in zip(self.names, self.runs, strict=True)
-                ),
-            ]
-        )
+        names = ", ".join(self.names)
+        return f"<femseal.RunComparison of {names}, in {self.unit.name}>"
 
 
 def _step_text(step: LoadStep) -> str:

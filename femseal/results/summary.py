@@ -11,7 +11,7 @@ import numpy as np
 from ..base import TextTable, counted, duration, format_deviation, to_text
 from .paraview import stored_steps
 from .results import Results
-from .tables import format_leakage, in_several_units, leakage_table
+from .tables import format_leakage, leakage_table
 
 #: Text where a column has nothing to say.
 _NONE = "–"
@@ -42,7 +42,7 @@ def attempt_sentences(found: dict[str, Any]) -> list[str]:
 
 
 def attempts_table(found: dict[str, Any]) -> TextTable:
-    """A line for each attempt, without columns in which nothing stands; the sentences are its notes."""
+    """A line for each attempt; the sentences are its notes."""
     attempts = found["attempts"]
     settings = [attempt["settings"] for attempt in attempts]
     columns: dict[str, list[str]] = {
@@ -55,12 +55,8 @@ def attempts_table(found: dict[str, Any]) -> TextTable:
         "error": [_half_width(attempt) for attempt in attempts],
         "limited by": [attempt["limit"] for attempt in attempts],
     }
-    shown = [
-        (head, texts) for head, texts in columns.items() if any(text != _NONE for text in texts)
-    ]
-    return TextTable.of_columns(
-        "", shown, names=len(shown), notes=(" ".join(attempt_sentences(found)),)
-    )
+    notes = (" ".join(attempt_sentences(found)),)
+    return TextTable.of_columns("", list(columns.items()), names=len(columns), notes=notes)
 
 
 def as_chosen(case: dict[str, Any], found: dict[str, Any] | None) -> dict[str, Any]:
@@ -104,15 +100,13 @@ def summary_html(run: Results) -> str:
 
 def contents(run: Results) -> dict[str, str]:
     """Name and text of the lines on the contents."""
-    data, steps, peak = run.dataset, run.steps, run.peak
+    steps, peak = run.steps, run.peak
     unit, factor = run.leak_scale
     leakage = float(run.leakage[peak])
     text = format_leakage(leakage, factor) + (
         f" {unit.name}" if np.isfinite(leakage) and leakage != 0 else ""
     )
     found = {"leakage": f"at {to_text(steps[peak].pressure, 'Pa')}: {text} ({run.method})"}
-    if whole := in_several_units(run, peak):
-        found["seal"] = f"{to_text(run.leak_basis.length, 'm')} long: {whole}"
     up = sum(step.unloaded_from is None for step in steps)
     peaks = sorted({step.unloaded_from for step in steps if step.unloaded_from is not None})
     down = (
@@ -121,14 +115,6 @@ def contents(run: Results) -> dict[str, str]:
         else ""
     )
     found["load"] = f"{counted(len(steps), 'step')}: {up} loading{down}"
-    if "piece1" in data.dims:
-        found["pieces"] = f"{data.sizes['piece1']} × {data.sizes['piece2']}"
-    if "realisation" in data.dims:
-        drawn = counted(data.sizes["realisation"], "realisation")
-        pieces = f"{data.sizes['state_piece1']} × {data.sizes['state_piece2']} pieces"
-        found["drawn"] = (
-            f"{drawn} of {data.attrs['tiles']}, from {pieces} in {counted(data.sizes['state'], 'state')}"
-        )
     if stored := stored_steps(run):
         found["fields"] = f"over all pixels at {len(stored)} of {counted(len(steps), 'step')}"
     for name, texts in (("warnings", run.warnings), ("failures", run.failures)):

@@ -61,17 +61,14 @@ def write_workbook(run: Results, path: Path) -> Path:
     from xlsxwriter import Workbook
 
     table = rows(run)
-    with Workbook(path, {"in_memory": True}) as book:
+    plain = {"in_memory": True, "strings_to_formulas": False, "strings_to_urls": False}
+    with Workbook(path, plain) as book:
         sheet = book.add_worksheet("leakage")
         bold = book.add_format({"bold": True, "text_wrap": True, "valign": "top"})
-        for column, name in enumerate(table[0]):
-            sheet.write_string(0, column, name, bold)
-            for n, row in enumerate(table, 1):
-                value = row[name]
-                if isinstance(value, str) or np.isinf(value):
-                    sheet.write_string(n, column, str(value))
-                elif not np.isnan(value):  # an empty cell
-                    sheet.write_number(n, column, value)
+        sheet.write_row(0, 0, table[0], bold)
+        for n, row in enumerate(table, 1):
+            cells = [str(v) if v in (np.inf, -np.inf) else v for v in row.values()]
+            sheet.write_row(n, 0, [None if v != v else v for v in cells])  # NaN is empty
         sheet.set_column(0, len(table[0]) - 1, 18)
         sheet.freeze_panes(1, 3)
         sheet.autofilter(0, 0, len(table), len(table[0]) - 1)

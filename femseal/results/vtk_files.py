@@ -177,18 +177,6 @@ def array_names(path: Path) -> list[str]:
     return list(pyvista.get_reader(path).cell_array_names)
 
 
-def image_pixels(path: Path) -> tuple[tuple[int, int], tuple[float, float]]:
-    """Number of the cells of an image along x1 and x2, and their size [m], by its head alone."""
-    import pyvista
-    from vtkmodules.vtkCommonDataModel import vtkDataObject
-    from vtkmodules.vtkCommonExecutionModel import vtkStreamingDemandDrivenPipeline
-
-    head = pyvista.get_reader(path).reader.GetOutputInformation(0)
-    n1, n2 = head.Get(vtkStreamingDemandDrivenPipeline.WHOLE_EXTENT())[1:4:2]
-    d1, d2, _ = head.Get(vtkDataObject.SPACING())
-    return (n1, n2), (d1, d2)
-
-
 def read_image(path: Path, array: str) -> Any:
     """An image with one of its arrays of cells."""
     import pyvista

@@ -34,12 +34,8 @@ class Disk:
         """The sizes as a line of a forecast."""
         text = f"about {_size(self.fields + self.others)}"
         if self.fields:
-            kept = (
-                f"{self.steps} of {self.of} steps, fields_limit"
-                if self.steps < self.of
-                else "all steps"
-            )
-            text += f", of it fields {_size(self.fields)} before compression ({kept})"
+            text += f", of it fields {_size(self.fields)} before compression"
+            text += f" ({self.steps} of {self.of} steps, fields_limit)"
         if self.checkpoint:
             text += f"; {_size(self.checkpoint)} more while it runs"
         return text

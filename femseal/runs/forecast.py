@@ -27,11 +27,10 @@ from ..studies.blocks import blocks_of
 from ..studies.costs import LADDER_STATES, Effort, on_ladder, usual_efforts
 from ..studies.flow_limits import flow_warnings
 from ..studies.place_leakage import FEWEST
-from ..studies.seal_contact import form_on_grid
 from ..studies.tile_pressure import describe_map
 from ..topography import Places
 from .disk import budget_inputs, disk
-from .pilot import efforts, pace, solved_once
+from .pilot import efforts, pace
 
 #: Shortest waves that a piece should hold along each side.
 ADVISED_WAVES = 8
@@ -100,8 +99,6 @@ def _facts(case: Case, made: Prepared) -> Iterator[tuple[str, str]]:
             f"{count} on {' × '.join(map(str, shape))} points" for shape, count in counts.items()
         )
         yield "error budget", f"states again, {' and '.join(states)}"
-    if leakage := case.output.description:
-        yield "leakage", leakage
     first = "" if case.accuracy is None else "first attempt: "
     quick = prepared.first_answer
     if quick is not None:
@@ -133,17 +130,14 @@ def _study_facts(prepared: Prepared) -> Iterator[tuple[str, str]]:
     """What every study solves."""
     scene, steps = prepared.scene, len(prepared.scene.steps)
     pixels = int(np.prod(scene.surface.shape))
+    of_face = f"{steps} contact and {counted(steps, 'flow solution')} of {pixels} unknowns"
     if "deterministic" in prepared.methods:
-        yield (
-            "deterministic",
-            f"{steps} contact and {counted(steps, 'flow solution')} of {pixels} unknowns",
-        )
+        yield "deterministic", of_face
     if prepared.cells is None:
         return
     m1, m2 = prepared.cells
     yield "pieces", _pieces(prepared, prepared.cells)
     if "two-scale" in prepared.methods:
-        of_face = f"{steps} contact and {counted(steps, 'flow solution')} of {pixels} unknowns"
         yield "two-scale", f"{of_face}, {counted(2 * steps * m1 * m2, 'flow solution')} of pieces"
     if "blocks" in prepared.methods:
         b1, b2 = blocks_of(prepared.cells)
@@ -170,13 +164,6 @@ def _study_facts(prepared: Prepared) -> Iterator[tuple[str, str]]:
     yield "", f"{number} of {tiles}, {drawn}{f', {how}' if how else ''}"
     if uneven := describe_map(scene, tiles, sampling.pressure_map):
         yield "pressure map", uneven
-    if sampling.form:
-        _, depth = form_on_grid(scene, tiles, sampling.form)
-        high = to_text(float(np.nanmax(depth)), "m", 3)
-        yield (
-            "form",
-            f"{', '.join(map(str, sampling.form))}, in all {high} high; it gives the pressure of the tiles",
-        )
 
 
 def _face_states(prepared: Prepared) -> int:
@@ -202,22 +189,17 @@ def forecast(
     known = efforts(prepared.scene) if known is None else known
     again = budget_inputs(case, prepared) if again is None else again
     with storing(None, case.memory):
-        own_efforts = solved_once(prepared.scene, known)
-        costs = [prepared.cost(study, own_efforts) for study in prepared.solved_studies]
+        costs = [prepared.cost(study, known) for study in prepared.solved_studies]
         for coarse in again:
             of_steps = (known[prepared.scene.steps.index(step)] for step in coarse.scene.steps)
-            efforts_of = solved_once(
-                coarse.scene, tuple(effort.on_fewer_points for effort in of_steps)
-            )
-            costs += [coarse.cost(study, efforts_of) for study in coarse.solved_studies]
+            fewer = tuple(effort.on_fewer_points for effort in of_steps)
+            costs += [coarse.cost(study, fewer) for study in coarse.solved_studies]
         if (test := case.output.test_fluid) is not None:
             state = test.state
             if drop_ratio(state, prepared.scene) is None:
                 alone = replace(prepared, methods=frozenset({prepared.answer.name}))
                 costs.append(
-                    replace(alone, scene=state.in_scene(prepared.scene)).cost(
-                        alone.answer, own_efforts
-                    )
+                    replace(alone, scene=state.in_scene(prepared.scene)).cost(alone.answer, known)
                 )
     drawn = case.output.pictures or case.output.report
     own = _START_SECONDS + any(isinstance(face, FileFace) for face in case.face) * _READ_SECONDS
@@ -293,12 +275,9 @@ def _law_facts(scene: Scene) -> Iterator[tuple[str, str]]:
 def _expected_text(expected: Forecast) -> str:
     text = f"about {duration(expected.seconds())} on one core"
     cores = psutil.cpu_count() or 1
-    if cores > 1:
-        text += f", {duration(expected.seconds(cores))} on the {cores} of this machine"
-    more = (
-        f", and {_WORKER_MEMORY / 1e9:.2g} GB or more for each further worker" if cores > 1 else ""
-    )
-    return f"{text}; {expected.memory / 1e9:.1f} GB of memory{more}"
+    text += f", {duration(expected.seconds(cores))} on the {cores} of this machine"
+    more = f"and {_WORKER_MEMORY / 1e9:.2g} GB or more for each further worker"
+    return f"{text}; {expected.memory / 1e9:.1f} GB of memory, {more}"
 
 
 def _surface_facts(prepared: Prepared) -> Iterator[tuple[str, str]]:
@@ -320,17 +299,9 @@ def _surface_facts(prepared: Prepared) -> Iterator[tuple[str, str]]:
             f"{report.undefined_fraction:.2%} undefined points and {report.spike_points} in spikes filled",
         )
     if isinstance(surface, Places):
-        count, more = len(surface.widths), ""
-        if prepared.sampling is not None:
-            more = (
-                f"; about {places_to_halve(count)} more would halve their part of the band of error"
-            )
-            more = (
-                more
-                if count >= FEWEST
-                else f"; from {FEWEST} on their scatter tells the band of a drawn seal"
-            )
-        yield "", f"{count} places{more}"
+        count = len(surface.widths)
+        more = f"; about {places_to_halve(count)} more would halve their part of the band of error"
+        yield "", f"{count} places{more if count >= FEWEST else ''}"
     if overlap := prepared.overlap:
         size = " × ".join(to_text(length, "m", 3) for length in overlap.size)
         resampled = ", the second resampled" if overlap.resampled else ""

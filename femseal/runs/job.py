@@ -3,7 +3,6 @@
 import hashlib
 import json
 import logging
-import time
 from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager, suppress
 from dataclasses import replace
@@ -198,11 +197,8 @@ def run(
             log.info("part %s: the items of all parts are there", "/".join(map(str, part or ())))
             return None
         progress("writing results", 0, None)
-        start = time.perf_counter(), time.process_time()
         # the pictures are small, and drawn on this machine
         _write(results, folder, case, mapper if scheduler is None else map)
-        seconds = time.perf_counter() - start[0], time.process_time() - start[1]
-        log.info("pictures, report and files in %.1f s, %.1f s of this process", *seconds)
         for text in results.left_out:
             log.info("left out: %s", text)
         log.info("results in %s", folder)

@@ -95,31 +95,6 @@ def efforts(scene: Scene) -> tuple[Effort, ...]:
     return tuple(_between(found, step.pressure) for step in scene.steps)
 
 
-def solved_once(scene: Scene, efforts: tuple[Effort, ...]) -> tuple[Effort, ...]:
-    """Efforts of the steps of a scene, without rounds where an unloading is the loading again, as nothing has deformed.
-
-    So it is where the pressure that flattens the steepest slope of the face stays below the hardness.
-    """
-    if not scene.unload_from or scene.traps_liquid:
-        return efforts
-    heights, spacing = scene.surface.heights, scene.surface.spacing
-    strips = [heights[i : i + 1025] for i in range(0, len(heights), 1024)]
-    slope = max(
-        float(np.abs(np.diff(z, axis=k)).max(initial=0.0)) / spacing[k]
-        for z in strips
-        for k in (0, 1)
-    )
-    if scene.modulus * slope + max(scene.steps.pressures) > float(
-        np.min(scene.law.yield_pressure())
-    ):
-        return efforts
-    pressures = [step.pressure for step in scene.steps]
-    return tuple(
-        replace(effort, rounds=0.0) if pressure in pressures[:k] else effort
-        for k, (pressure, effort) in enumerate(zip(pressures, efforts, strict=True))
-    )
-
-
 def _between(found: dict[float, Effort], pressure: float) -> Effort:
     """Effort at a pressure, linear in its logarithm between those that were solved."""
     if not found or pressure <= 0:

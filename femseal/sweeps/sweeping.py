@@ -88,8 +88,7 @@ def sweep(
             "output", f"'{folder}', which is a file", "a folder, or one that does not exist"
         )
     report = progress or no_progress
-    for n, variation in enumerate(cases):
-        report("checked cases", n, len(cases))
+    for variation in cases:
         try:
             refuse_too_large(variation.case, prepare(variation.case))
         except InputError as error:
@@ -101,7 +100,6 @@ def sweep(
     with alone_in(made_folder(folder), part):
         kept: dict[int, Results] = {}
         failures: list[str] = []
-        report("checked cases", len(cases), len(cases))
         report("cases", 0, len(cases))
         for n, variation in enumerate(cases):
             if announce is not None:

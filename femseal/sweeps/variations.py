@@ -102,12 +102,9 @@ def variations(
         except InputError as error:
             faults += [with_setting(fault, setting) for fault in getattr(error, "faults", (error,))]
             continue
-        # letters, numbers and few signs, not too long for a folder
-        name = "_".join(
-            f"{short}={text}" for short, text in zip(shorts, texts, strict=True)
-        ).replace(" ", "")
-        name = re.sub(r"[^\w.=+-]+", "-", name).strip("-.")
-        name = name if len(name) <= _LONGEST_NAME else name[:_LONGEST_NAME].rstrip("-.")
+        # letters, numbers and few signs
+        name = "_".join(f"{short}={text}" for short, text in zip(shorts, texts, strict=True))
+        name = re.sub(r"[^\w.=+-]+", "-", name.replace(" ", "")).strip("-.")
         found.append(Variation(name, setting, tuple(texts), case))
     if faults:
         raise InputErrors(faults)
@@ -153,35 +150,26 @@ def value_text(value: Any) -> str:
 
 def _put(data: dict[str, Any], key: str, value: Any) -> None:
     """Set a dotted key; tables on the way that do not exist are made."""
-    parts = key.split(".")
     inside: Any = data
-    for n, part in enumerate(parts):
-        last = n == len(parts) - 1
-        where: Any = part
+    *tables, last = key.split(".")
+    for n, part in enumerate([*tables, last]):
         if isinstance(inside, list):
             if not part.isdecimal() or int(part) >= len(inside):
-                expected = (
-                    f"the number of one of the {len(inside)} tables '{'.'.join(parts[:n])}', from 0"
-                )
+                expected = f"the number of one of the {len(inside)} tables '{'.'.join(tables[:n])}', from 0"
                 raise InputError(f"sweep: {shortened(key)}", shown(part), expected)
-            where = int(part)
         elif not isinstance(inside, dict) or not part:
-            raise InputError(
-                "sweep", shown(key), "a dotted key of the case, such as material.hardness"
-            )
-        if last:
-            inside[where] = value
+            expected = "a dotted key of the case, such as material.hardness"
+            raise InputError("sweep", shown(key), expected)
+        at: Any = int(part) if isinstance(inside, list) else part
+        if n == len(tables):
+            inside[at] = value
         else:
-            inside = inside[where] if isinstance(inside, list) else inside.setdefault(where, {})
+            inside = inside[at] if isinstance(inside, list) else inside.setdefault(at, {})
 
 
 def _with_different_names(found: list[Variation]) -> list[Variation]:
-    """The same, with numbers after names that would be the same on a file system."""
-    seen: dict[str, int] = {}
-    named = []
-    for variation in found:
-        number = seen[variation.name.lower()] = seen.get(variation.name.lower(), 0) + 1
-        named.append(
-            variation if number == 1 else replace(variation, name=f"{variation.name}-{number}")
-        )
-    return named
+    """The same, with numbers as names where others would be too long or the same on a file system."""
+    names = {variation.name.lower() for variation in found}
+    if len(names) == len(found) and max(map(len, names)) <= _LONGEST_NAME:
+        return found
+    return [replace(variation, name=f"case-{n}") for n, variation in enumerate(found, 1)]

@@ -279,9 +279,7 @@ def test_parts_of_a_study_are_not_counted_twice(scene, studies):
     told = assemble(scene, studies["two_scale"], facts=RunFacts(case=CASE, timings=timings))
     rows = body_rows(section(report_html(told), "time").find("table"))
     assert [(name, share) for name, _, share in rows] == [
-        ("two-scale: contact of the whole face", "38 %"),
-        ("two-scale: pieces of the face", "12 %"),
-        ("two-scale: rest", "25 %"),
+        ("two-scale", "75 %"),
         ("stochastic", "25 %"),
     ]
 

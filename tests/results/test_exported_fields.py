@@ -440,8 +440,6 @@ def test_text_and_html_say_what_there_is(back, results, folder):
     text = repr(back)
     assert text.startswith("<femseal.Results 'trial'>\n")
     assert "6 steps: 3 loading, 3 unloading from 200 MPa, 700 MPa" in text
-    assert "pieces     3 × 4\n" in text
-    assert "3 realisations of 3 × 8 tiles, from 3 × 4 pieces in 6 states" in text
     assert "over all pixels at 6 of 6 steps" in text
     assert str(folder) in text
     page = back._repr_html_()

@@ -157,22 +157,6 @@ def test_rows_of_odd_and_prime_lengths_take_longer():
     assert seconds[-1] > 1.5 * seconds[0]
 
 
-@pytest.mark.parametrize(("hardness", "again"), [(1e9, 0), (np.inf, 3)], ids=["plastic", "elastic"])
-def test_an_unloading_that_is_the_loading_again_takes_no_time(data, hardness, again):
-    """Where nothing deforms for good: its stops are loads of the loading."""
-    data["load"] = {"loading": ["10 MPa", "20 MPa", "40 MPa", "80 MPa"], "unload_from": ["80 MPa"]}
-    data["load"]["unloading"] = ["40 MPa", "20 MPa", "10 MPa"]
-    scene = replace(prepare(parse_case(data)).scene, hardness=hardness)
-    known = pilot.solved_once(scene, usual_efforts(len(scene.steps)))
-    assert [effort.rounds for effort in known].count(0.0) == again
-    states = [state.gap.tobytes() for state in deterministic(scene).states]
-    assert len(states) - len(set(states)) == again
-    cost = deterministic_cost(known, scene.surface.shape, acts=True)[0]
-    assert_allclose(
-        cost, deterministic_cost(usual_efforts(7 - again), scene.surface.shape, acts=True)[0]
-    )
-
-
 def test_forecast_adds_up_the_methods(data, monkeypatch):
     known = (Effort(),) * 30
     one = forecast(parse_case(data), prepare(parse_case(data)), known)
