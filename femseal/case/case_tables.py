@@ -385,25 +385,21 @@ def _filled(table: dict[str, Any], place: str, folder: Path, odd: list[str]) -> 
 
 def read_hardness_table(path: Path, key: str) -> list[list[str]]:
     """Rows of depth and hardness, as text with units, from a file with a line of heads; `key` names it in faults."""
+    name = f"'{shortened(path.name)}'"
     if not isfile(path):
-        raise fault(
-            key,
-            f"'{shortened(path.name)}'",
-            "a file that exists, or rows such as ['0.1 um', '2 GPa']",
-        )
+        raise fault(key, name, "a file that exists, or rows such as ['0.1 um', '2 GPa']")
     try:
         lines = [line for line in path.read_text(encoding="utf-8-sig").splitlines() if line.strip()]
         heads, *rows = ([cell.strip() for cell in re.split("[,;\t]", line)] for line in lines)
-        columns = [(match[1], match[2]) for match in map(_COLUMN.match, heads) if match]
-        units = dict(columns)
-        places = [[name for name, _ in columns].index(name) for name in ("depth", "hardness")]
-        numbers = [[float(row[n]) for n in places] for row in rows if len(row) == len(columns) == 2]
-    except (OSError, ValueError):
-        raise fault(key, f"'{shortened(path.name)}'", _FILE_COLUMNS) from None
-    if len(numbers) < len(rows):
-        raise fault(key, f"'{shortened(path.name)}'", _FILE_COLUMNS)
+        units = {match[1]: match[2] for match in map(_COLUMN.match, heads) if match}
+        first = _COLUMN.match(heads[0])
+        order = 1 if first and first[1] == "depth" else -1
+        numbers = [[float(one), float(two)][::order] for one, two in rows]
+        _ = units["depth"], units["hardness"]
+    except (OSError, ValueError, KeyError):
+        raise fault(key, name, _FILE_COLUMNS) from None
     if len(rows) < 2:
-        given = f"'{shortened(path.name)}' with {counted(len(rows), 'row')} of numbers"
+        given = f"{name} with {counted(len(rows), 'row')} of numbers"
         raise fault(key, given, f"{_FILE_COLUMNS}, and two rows or more")
     return [
         [f"{depth!r} {units['depth']}", f"{hardness!r} {units['hardness']}"]

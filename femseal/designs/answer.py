@@ -91,9 +91,10 @@ def design(
     ):
         peaks = ", ".join(to_text(peak, "Pa") for peak in seals.steps.unload_from) or "none"
         wanted_too = ", ".join(to_text(q, "Pa") for q in lacking)
-        how = f"others take a solution: femseal design CASE.toml --assembly '{wanted_too.split(', ')[0]}'"
         raise InputError(
-            "assembly", wanted_too, f"those that the run is unloaded from, {peaks}; {how}"
+            "assembly",
+            wanted_too,
+            f"those that the run is unloaded from, {peaks}; others take its case",
         )
     if not seals.count:
         raise InputError(

@@ -11,12 +11,12 @@ and of the lower end, stand beside.
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from math import ceil, inf, isinf
 
 import numpy as np
 
-from ..base import Array, Indices, Shown
+from ..base import Array, Indices
 from ..base.leak_rates import within
 from ..budget.error_parts import within_others
 from ..loads import LoadProgramme, LoadStep, relaxed
@@ -168,28 +168,22 @@ LoadText = Callable[[float], str]
 ENDS = (0.05, 0.95)
 
 
-@dataclass(frozen=True, repr=False)
-class NeededPressure(Shown):
-    """A nominal pressure that is enough for a fraction of the seals.
+@dataclass(frozen=True)
+class NeededPressure:
+    """A nominal pressure [Pa] that is enough for a fraction of the seals.
 
     value : by the upper end of the whole band of error [Pa]; inf where the loads of the run are not enough, 0 where the
     lowest of them is. computed, low : by the leakage as computed, and by the lower end of the band. seals_low,
     seals_high : what 5 % and 95 % of the seals as computed need. lowest, highest : loads between which it is known.
     """
 
-    value: float = field(
-        metadata={"unit": "Pa", "long_name": "pressure needed with the whole band of error"}
-    )
-    computed: float = field(
-        metadata={"unit": "Pa", "long_name": "pressure needed by the leakage as computed"}
-    )
-    low: float = field(
-        metadata={"unit": "Pa", "long_name": "pressure needed by the lower end of the band"}
-    )
-    seals_low: float = field(metadata={"unit": "Pa", "long_name": "what 5 % of the seals need"})
-    seals_high: float = field(metadata={"unit": "Pa", "long_name": "what 95 % of the seals need"})
-    lowest: float = field(metadata={"unit": "Pa", "long_name": "lowest load"})
-    highest: float = field(metadata={"unit": "Pa", "long_name": "highest load"})
+    value: float
+    computed: float
+    low: float
+    seals_low: float
+    seals_high: float
+    lowest: float
+    highest: float
 
     @property
     def known(self) -> bool:

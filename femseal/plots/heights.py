@@ -117,10 +117,7 @@ def heights_figure(topography: Topography) -> Figure:
     profile.legend(fontsize=7.5, framealpha=0.9)
     panel_title(profile, "profiles through the middle")
     if topography.undefined_fraction:
-        density.annotate(
-            "undefined points", (0.5, 0.5), xycoords="axes fraction", ha="center", va="center"
-        )
-        _density_labels(density)
+        panel_title(density, "no spectral density with undefined points")
     else:
         _densities_panel(density, topography)
         decades(density.xaxis)

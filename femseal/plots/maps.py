@@ -238,13 +238,8 @@ def _cycle_panel(axes: Axes, steps: Sequence[Any], values: NDArray[np.float64], 
 @shows(Permeability)
 def permeability_figure(permeability: Permeability, ax: Axes | None = None) -> Figure:
     """Map of the fluid pressure in a cell for a unit drop."""
-    n1, n2 = permeability.fluid_pressure.shape
-    figure, axes = one_panel(ax, 6.0, map_height(lying((n1, n2)), 4.6) + 0.9)
     title = "fluid pressure for a unit drop; white: contact, pockets"
-    map_panel(
-        axes, permeability.fluid_pressure, (n1, n2), with_closed("cividis", POCKET), title, "pixels"
-    )
-    return figure
+    return _pressure_figure(permeability.fluid_pressure, ax, title, "pixels")
 
 
 @shows(Leakage)
@@ -256,10 +251,13 @@ def seal_leakage_figure(leakage: Leakage, ax: Axes | None = None) -> Figure:
     if leakage.fluid_pressure.ndim != 2:
         given = f"the leakage of a mesh, with {leakage.fluid_pressure.size} nodes"
         raise InputError("plot", given, "that of a seal with rows of nodes, rectangular or annular")
-    n1, n2 = leakage.fluid_pressure.shape
-    figure, axes = one_panel(ax, 6.4, map_height(lying((n1, n2)), 4.8) + 0.9)
     title = "fluid pressure [MPa]; white: pockets"
-    map_panel(
-        axes, leakage.fluid_pressure / 1e6, (n1, n2), with_closed("cividis", POCKET), title, "nodes"
-    )
+    return _pressure_figure(leakage.fluid_pressure / 1e6, ax, title, "nodes")
+
+
+def _pressure_figure(values: Array, ax: Axes | None, title: str, unit: str) -> Figure:
+    """Map of a fluid pressure (n1, n2)."""
+    n1, n2 = values.shape
+    figure, axes = one_panel(ax, 6.2, map_height(lying((n1, n2)), 4.6) + 0.9)
+    map_panel(axes, values, (n1, n2), with_closed("cividis", POCKET), title, unit)
     return figure

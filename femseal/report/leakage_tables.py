@@ -50,12 +50,6 @@ def key_numbers(results: Results) -> list[KeyNumber]:
         note = ""
         if budget is not None:
             note = f"95 % band of error {format_error_band(budget.lower[s], budget.upper[s], factor, leakage[s])}"
-        elif "leakage_lower" in data:
-            ends = (
-                format_leakage(float(data[f"leakage_{end}"][s]), factor)
-                for end in ("lower", "upper")
-            )
-            note = f"redraws of the measured patch {'–'.join(ends)}"
         numbers.append(KeyNumber(f"whole seal, {names[s]}", value, note))
     if "contact_fraction" in data:
         fraction = float(data["contact_fraction"][results.peak])

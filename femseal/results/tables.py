@@ -244,16 +244,13 @@ def format_error_band(low: float, high: float, factor: float, leakage: float) ->
         return "unknown"
     if np.isinf(high):
         return "open or sealed" if low == 0 else f"{format_leakage(low, factor)} or more"
-    if high > VAGUE * q > 0 or 0 < VAGUE * low < q:
-        above = (
-            f" to > {VAGUE:g} times"
-            if high > VAGUE * q
-            else f"–{format_leakage(_two_digits(high / factor), 1.0)}"
-        )
-        return f"{'≈0' if 0 < VAGUE * low < q else format_leakage(_two_digits(low / factor), 1.0)}{above}"
-    if high > _NARROW * low:
-        return format_range(_two_digits(low / factor), _two_digits(high / factor), 1.0)
-    return format_range(low, high, factor)
+    digits = _two_digits if high > _NARROW * low else float
+    vague = high > VAGUE * q > 0
+    below = "≈0" if 0 < VAGUE * low < q else format_leakage(digits(low / factor), 1.0)
+    above = f"> {VAGUE:g} times" if vague else format_leakage(digits(high / factor), 1.0)
+    if below == above and low == 0:
+        return below
+    return (" to " if vague or low < 0 else "–").join((below, above))
 
 
 def _two_digits(value: float) -> float:
