@@ -230,12 +230,7 @@ def sheet_tables(answer: Design) -> list[TextTable]:
         )
     ]
     if answer.sensitivities:
-        values = [one.leakage for one in answer.sensitivities]
-        # the largest change of the leakage first, unknown ones last
-        order = sorted(
-            range(len(values)), key=lambda n: -abs(values[n]) if isfinite(values[n]) else 1.0
-        )
-        found = [answer.sensitivities[n] for n in order]
+        found = answer.sensitivities
         place = f"at {shown(answer.at[1])} on loading" + (
             f", Qmin of {answer.at[0]}" if answer.at[0] else ""
         )
@@ -245,7 +240,7 @@ def sheet_tables(answer: Design) -> list[TextTable]:
             ("d ln Qmin / d ln x", [_slope_text(one.pressure) for one in found]),
             ("how", [one.how for one in found]),
         ]
-        title = f"What changes leakage L and Qmin most, {place}"
+        title = f"What changes leakage L and Qmin, {place}"
         tables.append(TextTable.of_columns(title, columns, names=len(columns)))
     return tables
 

@@ -162,22 +162,15 @@ def _surface_text(surface: dict[str, Any]) -> str:
 
 
 def _method_sentences(results: Results) -> list[str]:
-    """What each method of the run has solved."""
+    """What drawn seals are of."""
     data = results.dataset
-    sentences = []
-    if "leakage_deterministic" in data:
-        sentences.append("Deterministic: contact and flow of the whole face at full resolution.")
-    if "piece_pressure" in data:
-        pieces = f"{data.sizes['piece1']} × {data.sizes['piece2']} pieces"
-        sentences.append(f"Two scales: the same, cut into {pieces}.")
-    if "leakage_median" in data:
-        pieces = f"{data.sizes['state_piece1']} × {data.sizes['state_piece2']} pieces"
-        sentences.append(
-            f"Stochastic: the median of {counted(data.sizes['realisation'], 'seal')} of "
-            f"{data.attrs['tiles']}, which draw from {pieces} of the whole face in "
-            f"{counted(data.sizes['state'], 'state')}."
-        )
-    return sentences
+    if "leakage_median" not in data:
+        return []
+    pieces = f"{data.sizes['state_piece1']} × {data.sizes['state_piece2']} pieces"
+    return [
+        f"The median is of {counted(data.sizes['realisation'], 'seal')} of {data.attrs['tiles']}, which "
+        f"draw from {pieces} of the whole face in {counted(data.sizes['state'], 'state')}."
+    ]
 
 
 def load_sentences(data: xarray.Dataset, case: dict[str, Any]) -> list[str]:

@@ -25,7 +25,6 @@ from ..base.fields import with_unit
 from ..base.leak_rates import LEAK_UNITS, LeakUnit, leak_unit, leakage_unit
 from ..base.text import room
 from ..loads import LoadStep
-from ..studies.load_curves import closing_load
 from .results import Results
 from .results_file import open_results
 from .tables import leakage_at
@@ -127,8 +126,7 @@ class RunComparison(Plotted):
         """The table for people, one line for each run, to be given to `rich.print`.
 
         The columns are the keys of a sweep, or else the names of the runs; the method where it differs; the leakage at
-        a few load steps that all runs have, or else at their own highest one; and the lowest pressure
-        on loading at which nothing leaks.
+        a few load steps that all runs have, or else at their own highest one.
         """
         columns: list[tuple[str, list[str]]] = [("run", list(self.names))]
         if self.keys:
@@ -142,11 +140,6 @@ class RunComparison(Plotted):
             (name, [self._cell(n, s) for n, s in enumerate(steps)])
             for name, steps in self._columns()
         ]
-        closing = [closing_load(results.leakage.values, results.steps) for results in self.runs]
-        if any(np.isfinite(closing)):
-            columns.append(
-                ("closes at", [to_text(p, "Pa", 3) if np.isfinite(p) else "–" for p in closing])
-            )
         return TextTable.of_columns(self.label, columns, names=names)
 
     def _columns(self) -> list[tuple[str, list[int]]]:
