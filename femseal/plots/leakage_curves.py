@@ -139,9 +139,11 @@ def limit_lines(axes: Axes, limits: dict[str, float]) -> None:
     """A line for each limit within the scale of a logarithmic axis, with names beside it that share a line of text."""
     low, high = axes.get_ylim()
     named: dict[int, list[str]] = {}
+    lines = {float(f"{limit:.9g}") for limit in limits.values() if low < limit < high}
+    for limit in sorted(lines):
+        axes.axhline(limit, color=GREY, lw=0.8, ls=(0, (4, 2)), zorder=1, label="_limit")
     for name, limit in limits.items():
         if low < limit < high:
-            axes.axhline(limit, color=GREY, lw=0.8, ls=(0, (4, 2)), zorder=1, label="_limit")
             place = np.log(limit / low) / np.log(high / low)
             named.setdefault(round(place / _NAME_HEIGHT), []).append(name)
     for lane, names in named.items():
