@@ -25,6 +25,8 @@ if TYPE_CHECKING:
 
 #: Ratio of loads up to which their axis is linear, and by which it reaches beyond them.
 _NEAR, _MARGIN = 5.0, 1.1
+#: Least distance of two labels of loads as a fraction of the axis.
+_LABEL = 0.12
 #: Ratios of the ends of an axis below which 2 and 5 have labels, and beyond which only powers of ten have ticks.
 _SHORT, _FINE = 100.0, 1e5
 _SUPERSCRIPTS = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
@@ -33,8 +35,9 @@ _PLAIN = range(-2, 4)
 
 
 def load_axis(axes: Axes, loads: Array, *, logarithmic: bool = False) -> None:
-    """Scale of the x axis: logarithmic where loads differ by more than `_NEAR`, with a load of 0 left of the others.
+    """Scale and ticks of the x axis: all loads, those with a label that have room for it, from both ends inwards.
 
+    The scale is logarithmic where loads differ by more than `_NEAR`, with a load of 0 left of the others.
     logarithmic : takes this one for any two loads or more.
     """
     loads = np.unique(loads[np.isfinite(loads) & (loads >= 0)])
@@ -48,10 +51,17 @@ def load_axis(axes: Axes, loads: Array, *, logarithmic: bool = False) -> None:
     elif loads[0] > 0:
         axes.set_xlim(ends)
         axes.set_xscale("log")
-        decades(axes.xaxis)
     else:
         axes.set_xlim(-positive[0] / 5, ends[1])
         axes.set_xscale("symlog", linthresh=positive[0], linscale=0.4)
+    to_axes = axes.transScale + axes.transLimits
+    places = to_axes.transform([(load, 1.0) for load in loads])[:, 0]
+    labels = [""] * loads.size
+    for n in sorted(range(loads.size), key=lambda n: (min(n, loads.size - 1 - n), -n)):
+        if all(abs(places[n] - places[k]) > _LABEL for k, text in enumerate(labels) if text):
+            labels[n] = f"{loads[n]:.4g}"
+    axes.set_xticks(loads, labels=labels)
+    axes.set_xticks([], minor=True)
 
 
 def decades(axis: Axis) -> None:

@@ -293,6 +293,33 @@ def test_the_band_of_error_ends_where_it_ends_or_at_the_edge(lower, upper):
     assert_allclose([last.min(), last.max()], np.clip([lower, upper], bottom, top))
 
 
+@pytest.mark.parametrize(
+    "loads", [(66.43, 140.5, 141.2, 300), (1, 2, 3, 4, 5, 6), (276.79, 369.05, 461.31, 9000)]
+)
+@pytest.mark.parametrize("force", [None, ("kN", 4.2e-8)])
+def test_loads_are_ticks_whose_labels_do_not_touch(loads, force):
+    pressure = np.array(loads) * 1e6
+    curves = LeakageCurves(
+        pressure, np.full(len(loads), np.nan), 1 / pressure, "median", force=force
+    )
+    figure = Figure(figsize=(5.4, 4))
+    axes = figure.add_axes((0.18, 0.2, 0.78, 0.7))
+    leakage_panel(axes, curves)
+    FigureCanvasAgg(figure).draw()
+    factor = 1e-6 if force is None else force[1]
+    # a tick with a label stands in for one without
+    ticks = np.union1d(axes.get_xticks(), axes.get_xticks(minor=True))
+    assert_allclose(ticks, pressure * factor)
+    boxes = sorted(
+        text.get_window_extent().extents[[0, 2]].tolist()
+        for text in axes.get_xticklabels()
+        if text.get_text()
+    )
+    assert len(boxes) >= 2
+    assert all(right < left for (_, right), (left, _) in pairwise(boxes))
+    assert ("kN" in axes.get_xlabel()) == (force is not None)
+
+
 def test_every_limit_has_a_name_and_names_do_not_touch():
     figure = Figure(figsize=(5.4, 4))
     axes = figure.add_axes((0.18, 0.2, 0.5, 0.7))
