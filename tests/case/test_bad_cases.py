@@ -166,6 +166,7 @@ SOLID_AT_2_GPA = {
         ("stochastic.library", "kept", "given 'kept', expected none: removed"),
         ("stochastic.library_cells", 4, "given 4, expected none: removed"),
         ("stochastic.width", 0.1, "given 0.1, expected none: removed; seals are drawn until"),
+        ("stochastic.profile", [1, 3], 'expected map = { kind = "profile", fractions = '),
         ("stochastic.bounds", True, "removed; the band of error"),
         ("stochastic.pressure", "magic", "removed; pieces lie in the contact of the whole face"),
         ("stochastic.length", ["1 mm", "2 mm"], "a number and a unit"),

@@ -161,7 +161,7 @@ def test_face_material_load_and_fluid_are_a_case(data, method):
         ("poisson = 0.3", "poisson = .3", "; perhaps meant: poisson = 0.3"),
         ("poisson = 0.3", "poisson = “0.3”  # a", '; perhaps meant: poisson = "0.3"  # a'),
         ("poisson = 0.3", "poisson = 0.3\npoisson = 0.3", "Cannot overwrite a value.*"),
-        ('pitch = "60 um"\n', "", 'pitch: given nothing, .* such as pitch = "60 um"'),
+        ('pitch = "60 um"\n', "", 'pitch: given nothing, .* such as pitch = "60 um".*'),
         ("[fluid]", "[test_fluid]", 'fluid: missing, .* such as\n[fluid]\nkind = "liquid".*'),
         (EXAMPLE, "a = [", ".*TOML.*"),
     ],
