@@ -73,14 +73,20 @@ def test_a_process_that_exits_at_once_leaves_its_results(tmp_path):
     assert computed == [(3, 18), (3, 19)]
 
 
-def test_a_record_that_a_kill_cut_is_computed_again_and_the_others_are_not(tmp_path):
+def test_a_record_that_a_kill_cut_is_computed_again_and_the_others_are_not(tmp_path, caplog):
     resumed(tmp_path)
     (path,) = tmp_path.glob(f"*{SUFFIX}")
     os.truncate(path, path.stat().st_size - 1)
     results, computed = resumed(tmp_path)
     assert_complete(results)
     assert computed == [(3, 19)]
+    assert "damaged" not in caplog.text
     assert resumed(tmp_path)[1] == []
+
+
+def ahead(function, *iterables):
+    """A map that takes all its items before it gives a result."""
+    return iter(list(map(function, *iterables)))
 
 
 @pytest.mark.parametrize("at", [0.0, 0.3, 0.5, 0.99])
@@ -136,12 +142,13 @@ def test_other_versions_find_nothing(tmp_path, monkeypatch):
     assert "CoolProp" in numerical_versions()
 
 
-def test_equal_items_are_computed_once(tmp_path):
+@pytest.mark.parametrize("mapper", [map, ahead])
+def test_equal_items_are_computed_once(tmp_path, mapper):
     computed = []
     stage = Stage("values", partial(value, 0, computed=computed), key="values")
     items = [1, 2, 1, 1, 2, 3]
     with Store(tmp_path) as kept:
-        results = list(kept.over(map)(stage, items, items))
+        results = list(kept.over(mapper)(stage, items, items))
     np.testing.assert_equal(results, [value(0, item, item) for item in items])
     assert [item for _, item in computed] == [1, 2, 3]
 
