@@ -1,4 +1,4 @@
-"""Case files at random for tests: examples and tables drawn from the schema, with values and text spoiled."""
+"""Case files at random for tests: examples and the keys of the template, with values and text spoiled."""
 
 import datetime
 import json
@@ -11,10 +11,9 @@ from pathlib import Path
 
 import numpy as np
 import pyvista as pv
-from small_cases import STRIP
+from small_cases import STRIP, template_cases
 
 from femseal.case.case import Case
-from femseal.case.schema import case_schema
 from femseal.case.template import case_template
 
 ROOT = Path(__file__).parents[2]
@@ -44,7 +43,7 @@ _TEXTS = [
 
 
 def spare_files(folder):
-    """Put files that cases may name into a folder, small ones, some of them broken; return their names."""
+    """Put files that cases may name into a folder, small ones, some of them broken."""
     rng = np.random.default_rng(1)
     heights = 1e-7 * rng.standard_normal((24, 40))
     np.save(folder / "face.npy", heights)
@@ -66,7 +65,6 @@ def spare_files(folder):
     field = pv.PolyData(points, faces=[4, 0, 1, 3, 2])
     field["pressure"], field["lay"] = np.arange(4.0), points
     field.cast_to_unstructured_grid().save(folder / "field.vtu")
-    return sorted(path.name for path in folder.iterdir())
 
 
 def examples():
@@ -75,7 +73,7 @@ def examples():
         tomllib.loads(path.read_text(encoding="utf-8"))
         for path in sorted((ROOT / "examples").glob("*.toml"))
     ]
-    found.append(tomllib.loads(case_template(Case)))
+    found += [*template_cases(), tomllib.loads(case_template(Case))]
     for case in found:
         face = case["face"] = dict(case["face"])
         if face["kind"] == "file":
@@ -109,10 +107,7 @@ def examples():
 class CaseFuzz:
     """Texts of case files by number: the same number gives the same text."""
 
-    def __init__(self, files):
-        """files : names of the files beside the case."""
-        self._files = files
-        self._schema = case_schema()
+    def __init__(self):
         self._examples = examples()
 
     def text(self, number):
@@ -138,29 +133,27 @@ class CaseFuzz:
         return deepcopy(values[rng.integers(len(values))])
 
     def _spoil(self, rng, case):
-        tables = list(_tables(case, self._schema, self._schema))
-        table, properties = tables[rng.integers(len(tables))]
-        known = list(properties)
-        keys = list(table)
-        way = rng.integers(14)
-        if way == 0 and keys:
-            table[self._pick(rng, keys)] = self._pick(rng, JUNK)
-        elif way in (1, 2) and known:
-            key = self._pick(rng, known)
-            table[key] = self._drawn(rng, properties[key])
-        elif way == 3 and keys:
-            table.pop(self._pick(rng, keys))
-        elif way == 4 and keys:
-            key = self._pick(rng, keys)
+        tables = list(_tables(case))
+        table = self._pick(rng, range(len(tables)))
+        table, other = tables[table], tables[rng.integers(len(tables))]
+        keys, way = list(table), rng.integers(14)
+        if not keys:
+            return
+        key = self._pick(rng, keys)
+        if way < 2:
+            table[key] = self._pick(rng, JUNK)
+        elif way < 4:  # a key of another case, with its value
+            known = self._pick(rng, [t for c in self._examples for t in _tables(c) if t])
+            name = self._pick(rng, list(known))
+            table[name] = known[name]
+        elif way == 4:
+            table.pop(key)
+        elif way == 5:
             table[self._pick(rng, _WORDS)] = table.pop(key) if rng.random() < 0.5 else table[key]
-        elif way == 5 and keys:
-            other, _ = tables[rng.integers(len(tables))]
-            table[self._pick(rng, keys)] = deepcopy(other)
-        elif way > 6 and keys:
-            key = self._pick(rng, keys)
+        elif way == 6:
+            table[key] = deepcopy(other)
+        else:
             table[key] = self._bent(rng, table[key])
-        elif known:
-            table[self._pick(rng, known)] = self._pick(rng, JUNK)
 
     def _bent(self, rng, value):
         """The value a little changed: another number, unit, length, or type."""
@@ -183,42 +176,6 @@ class CaseFuzz:
             return self._pick(rng, others)
         return self._pick(rng, JUNK)
 
-    def _drawn(self, rng, schema, deep=0):
-        """A value that the schema allows, nearly always."""
-        schema = _resolved(schema, self._schema)
-        if rng.random() < 0.03 or deep > 6:
-            return self._pick(rng, JUNK)
-        if options := schema.get("anyOf") or schema.get("oneOf"):
-            return self._drawn(rng, self._pick(rng, options), deep + 1)
-        if "const" in schema:
-            return schema["const"]
-        if "enum" in schema:
-            return self._pick(rng, schema["enum"])
-        kind = schema.get("type")
-        kind = self._pick(rng, kind) if isinstance(kind, list) else kind
-        if kind == "object":
-            needed, keys = schema.get("required", []), schema.get("properties", {})
-            chosen = [key for key in keys if key in needed or rng.random() < 0.3]
-            return {key: self._drawn(rng, keys[key], deep + 1) for key in chosen}
-        if kind == "array":
-            most = min(schema.get("maxItems", 4), 4)
-            count = rng.integers(schema.get("minItems", 0), most + 1)
-            items = schema.get("items", {"type": "string"})
-            return [self._drawn(rng, items, deep + 1) for _ in range(count)]
-        simple = {
-            "boolean": (False, True),
-            "integer": (1, 2, 3, 8, 13, 64, 100, 300),
-            "number": (0.0, 1e-6, 0.01, 0.1, 0.3, 0.5, 1.0, 2.5, 100.0),
-        }
-        if kind in simple:
-            return self._pick(rng, simple[kind])
-        if schema.get("format") == "path":
-            return self._pick(rng, [*self._files, "nowhere.npy", "", "/dev/zero", ".."])
-        if found := re.findall(r"'([^']+)'", schema.get("description", "")):
-            value = self._pick(rng, found)
-            return self._bent(rng, value) if rng.random() < 0.5 else value
-        return self._pick(rng, ("heights", "pressure", "um", "mm", ",", "ring", "inner", "helium"))
-
     def _spoiled_text(self, rng, text):
         lines = text.split("\n")
         for _ in range(rng.integers(1, 4)):
@@ -236,28 +193,14 @@ class CaseFuzz:
         return self._pick(rng, ("\n", "\n", "\r\n")).join(lines)
 
 
-def _resolved(schema, root):
-    while "$ref" in schema:
-        schema = root["definitions"][schema["$ref"].split("/")[-1]]
-    return schema
-
-
-def _tables(value, schema, root):
-    """Every table in a value, with the part of the schema that describes it."""
-    schema = _resolved(schema, root)
-    options = schema.get("anyOf") or schema.get("oneOf") or [schema]
-    options = [_resolved(option, root) for option in options]
+def _tables(value):
+    """Every table in a value."""
     if isinstance(value, dict):
-        tables = [o.get("properties", {}) for o in options if o.get("type") == "object"] or [{}]
-        kind = {"const": value.get("kind")}
-        mine = next((t for t in tables if t.get("kind", {}).items() >= kind.items()), tables[0])
-        yield value, mine
-        for key, inner in list(value.items()):
-            yield from _tables(inner, mine.get(key, {}), root)
-    elif isinstance(value, list):
-        inner = next((o["items"] for o in options if "items" in o), {})
+        yield value
+        value = [*value.values()]
+    if isinstance(value, list):
         for each in value[:50]:
-            yield from _tables(each, inner, root)
+            yield from _tables(each)
 
 
 def toml(case):

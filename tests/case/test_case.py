@@ -2,7 +2,7 @@
 
 import re
 import tomllib
-from dataclasses import MISSING, dataclass, fields
+from dataclasses import MISSING, fields
 from importlib.util import find_spec
 from pathlib import Path
 
@@ -10,16 +10,13 @@ import numpy as np
 import pytest
 from each import each
 from numpy.testing import assert_allclose
-from pydantic import TypeAdapter, ValidationError
 from small_cases import template_cases
 
 import femseal as fs
 from femseal.base.quantities import to_si
-from femseal.base.validate import parameter
 from femseal.case.case import Case, parse_case
 from femseal.case.schema import case_schema
 from femseal.case.template import case_template
-from femseal.case.values import Table, table_of_any
 from femseal.contact import PerfectlyPlastic
 from femseal.fluids import FLUIDS
 from femseal.preparation import prepare
@@ -109,22 +106,6 @@ def test_every_registered_fluid_can_be_chosen(data, kind):
                 fluid(without)
         else:
             assert getattr(fluid(without).fluid, name) == f.default
-
-
-def test_a_registered_class_has_a_table_without_another_line():
-    @dataclass(frozen=True)
-    class Grease:
-        """A grease."""
-
-        yield_stress: float = parameter("Pa", "a stress >= 0, such as '40 Pa'", inclusive=True)
-        grade: int = 2
-
-    table = TypeAdapter(table_of_any({**FLUIDS, "grease": Grease}, Table))
-    read = table.validate_python({"kind": "grease", "yield_stress": "0 Pa"})
-    assert read.model_dump() == {"kind": "grease", "yield_stress": 0.0, "grade": 2}
-    with pytest.raises(ValidationError, match="such as '40 Pa'"):
-        table.validate_python({"kind": "grease", "yield_stress": "-1 Pa"})
-    assert "GreaseTable" in table.json_schema()["$defs"]
 
 
 def test_a_fluid_by_its_name(data):

@@ -16,7 +16,6 @@ import numpy as np
 import pytest
 from numba import njit
 from small_cases import template_cases
-from typer.testing import CliRunner
 
 import femseal as fs
 from femseal import cli
@@ -159,34 +158,6 @@ print([m for m in ("numpy", "scipy", "numba", "pydantic", "pint", "matplotlib", 
     done = subprocess.run([sys.executable, "-c", code, option], capture_output=True, text=True)
     assert done.returncode == 0, done.stderr
     assert done.stdout.splitlines()[-1] == "[]"
-
-
-def test_help_names_commands_and_exit_codes(femseal):
-    code, text, _ = femseal("--help")
-    assert code == 0
-    for word in ("new", "check", "run", "surface", "schema", "--debug", "--install-completion"):
-        assert word in text
-    assert "Exit code: 0 done, 2 bad input (nothing is written), 1 anything else." in text
-
-
-def test_every_option_with_a_default_shows_it(monkeypatch):
-    """All commands that there are, and all their options but --help and those of completion."""
-    import typer
-
-    monkeypatch.setenv("COLUMNS", "250")
-    root = typer.main.get_command(cli.app)
-    commands = [root, *root.commands.values()]
-    assert len(commands) > 7
-    for command in commands:
-        context = typer.Context(command, info_name=command.name)
-        asked = ["--help"] if command is root else [command.name, "--help"]
-        lines = CliRunner().invoke(cli.app, asked).output.splitlines()
-        for option in command.get_params(context):
-            if option.name in ("help", "install_completion", "show_completion") or option.required:
-                continue
-            name = max(option.opts, key=len) if option.opts[0].startswith("-") else option.name
-            (line,) = [line for line in lines if re.match(rf"[^\w-]*{name} ", line)]
-            assert "[default: " in line, (command.name, name, line)
 
 
 def test_the_package_is_the_command_too():
