@@ -97,6 +97,11 @@ def test_a_part_waits_for_parts_that_are_under_way(tmp_path, monkeypatch):
         with pytest.raises(PartsMissing, match="part 1/2: 'cubes' needs part 2 of 2"):
             list(mapper(Stage("cubes", np.power), range(7), [3] * 7))
     assert len(looked) == 5
+    # of two others one is under way, and one is not
+    with alone_in(tmp_path, (1, 3)), alone_in(tmp_path, (2, 3)), Store(tmp_path) as store:
+        mapper = of_part(store, tmp_path, (1, 3))
+        with pytest.raises(PartsMissing, match="part 1/3: 'roots' needs parts 2, 3 of 3"):
+            list(mapper(Stage("roots", np.sqrt), range(9)))
 
 
 @pytest.mark.parametrize("text", ["0/3", "4/3", "3", "1/-2", "a/b", "1/2/3", "", "1/1000000"])
