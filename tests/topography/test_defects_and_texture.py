@@ -429,7 +429,7 @@ def test_the_second_face_is_mirrored_then_turned_then_shifted(mirror, degrees, s
     assert_allclose(both.heights, expected, atol=5e-8)
 
 
-@each("degrees", [0, 10, 33, 45, 80])
+@each("degrees", [0, 10, 33, 45, 60, 80])
 def test_the_largest_rectangle_that_both_faces_cover_is_kept(degrees):
     first = open_map(np.zeros((14, 17)))
     second, angle, shift = open_map(np.zeros((12, 9))), np.deg2rad(degrees), (0.4e-6, 0.7e-6)
