@@ -306,42 +306,6 @@ def test_functions_and_classes_have_docstrings():
     assert not {name: functions for name, functions in found.items() if functions}
 
 
-def _decorators(node):
-    return {
-        name
-        for d in getattr(node, "decorator_list", ())
-        for name in ("compiled", "inner")
-        if name in ast.dump(d)
-    }
-
-
-def _outside_of_compiled(node):
-    """Names and attributes that are used in functions of Python."""
-    if isinstance(node, ast.Name | ast.Attribute):
-        yield node.id if isinstance(node, ast.Name) else node.attr
-    for child in () if _decorators(node) else ast.iter_child_nodes(node):
-        yield from _outside_of_compiled(child)
-
-
-def test_functions_without_an_entry_from_python_are_called_by_compiled_ones():
-    paths = [*ROOT.rglob("*.py"), *Path(__file__).parent.rglob("*.py")]
-    trees = {path: ast.parse(path.read_text()) for path in paths}
-    inner = {
-        (path.stem, node.name)
-        for path, tree in trees.items()
-        for node in ast.walk(tree)
-        if "inner" in _decorators(node)
-    }
-    assert len(inner) > 40
-    for path, tree in trees.items():
-        modules = {path.stem}
-        for node in ast.walk(tree):
-            if isinstance(node, ast.ImportFrom):
-                modules |= {(node.module or "").split(".")[-1], *(name.name for name in node.names)}
-        names = {name for module, name in inner if module in modules}
-        assert not names & set(_outside_of_compiled(tree)), path
-
-
 def test_a_faulty_case_is_refused_before_the_solvers_are_loaded(tmp_path):
     (tmp_path / "case.toml").write_text('[material]\nyeld_stress = "1 GPa"\n', encoding="utf-8")
     code = f"import femseal as fs\ntry: fs.load_case({str(tmp_path / 'case.toml')!r})\n"

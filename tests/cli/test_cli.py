@@ -259,18 +259,6 @@ def test_what_is_said_goes_before_what_the_file_says(femseal, face):
     assert found["Sq, rms height"] == f"{report.rms_height * 1e-6 * 1e12:.4g} pm"
 
 
-def test_noise_below_the_low_pass_is_pointed_out(femseal, tmp_path):
-    face = fs.self_affine(
-        (200, 200), (2e-4, 2e-4), hurst=0.8, rms_height=1e-7, cut_off=1.2e-5, rng=1
-    )
-    noise = np.random.default_rng(0).normal(0, 3e-9, face.shape)
-    np.savez(tmp_path / "face.npz", z=face.heights + noise, spacing=face.spacing)
-    code, text, _ = femseal("surface", tmp_path / "face.npz")
-    assert code == 0
-    (wave,) = re.findall(r"shortest_wave = '([\d.]+ µm)' removes them", text)
-    assert float(wave.split()[0]) == pytest.approx(12, rel=0.1)
-
-
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [

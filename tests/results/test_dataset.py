@@ -4,7 +4,6 @@ import csv
 import io
 import json
 import os
-import tracemalloc
 import warnings
 from dataclasses import dataclass, fields, replace
 from math import nan
@@ -430,28 +429,6 @@ def test_pictures_show_something(folder, name):
 
 
 # --- ParaView ---------------------------------------------------------------------------------------------
-
-
-def test_results_are_written_state_by_state(tmp_path, monkeypatch):
-    """Of states that lie on disk, results.nc and fields take the memory of a few, however many there are."""
-    monkeypatch.setattr("femseal.base.shared_array.PART_OF_MEMORY", 0)
-    monkeypatch.setattr("femseal.results.variables.FIELD_BLOCKS", 8)
-    scene = soft_cycle((256, 256))
-    loads = np.linspace(50e6, 800e6, 24)
-
-    def written(folder, steps):
-        given = {"loading": tuple(loads[:steps]), "unload_from": (), "unloading": ()}
-        shorter = replace(scene, rtol=1e-2, **given)
-        study = deterministic(shorter)
-        tracemalloc.start()
-        save(assemble(shorter, study), folder)
-        peak = tracemalloc.get_traced_memory()[1]
-        tracemalloc.stop()
-        return peak
-
-    written(tmp_path / "first", 1)  # loads packages
-    few, many = (written(tmp_path / str(steps), steps) for steps in (4, 24))
-    assert many - few < 4 * 4 * 256**2, "four states of the twenty that are more"
 
 
 def test_a_band_that_says_nothing_has_no_number_and_a_warning_with_its_source(scene, studies):
