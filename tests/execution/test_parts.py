@@ -270,4 +270,4 @@ def test_three_parts_at_once_that_are_killed_now_and_then_give_the_bits_of_one_p
     for path in whole.rglob("results.nc"):
         other = out / path.parent.relative_to(whole)
         assert_same(fs.open_results(path.parent).dataset, fs.open_results(other).dataset)
-    assert not list(out.rglob(".*"))
+    assert {p.name for p in out.rglob(".*")} == {p.name for p in whole.rglob(".*")}
