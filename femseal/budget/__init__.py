@@ -25,7 +25,6 @@ if TYPE_CHECKING:
         ModelChange,
         effective_pressure_part,
         longer_waves_part,
-        lower_load_part,
         model_changes,
         model_part,
         patch_form_part,

@@ -170,22 +170,16 @@ class FormTolerance:
     tolerance: float = 0.0
 
 
-#: Fraction of a load that a fluid leaves at least.
-_LEAST_LOAD = 0.1
-
-
 def model_changes(
     scene: Scene,
     names: Sequence[str] = MODEL_PARTS,
     hardness: float = 0.1,
     form: FormTolerance | None = None,
-    *,
-    may_act: bool = True,
 ) -> list[ModelChange]:
     """Changes of a scene that its model and its input may be wrong by.
 
     names : of the parts that are wanted. hardness : relative error of the hardness. form : errors of
-    the forms of seal and seat. may_act : whether a fluid may act in the studies.
+    the forms of seal and seat.
     """
     found = []
     if "hardness" in names and hardness > 0 and not scene.law.is_elastic:
@@ -193,8 +187,7 @@ def model_changes(
         note = f"change of ln(leakage) with {hardness:.0%} more hardness, on either side"
         found.append(ModelChange("hardness", harder, True, note))
     acting = replace(scene, fluid_pressure="acts")
-    ignored = may_act and scene.is_dry and acting.acting_fluid is not None
-    if "fluid pressure" in names and ignored:
+    if "fluid pressure" in names and scene.is_dry and acting.acting_fluid is not None:
         note = (
             "change of ln(leakage) if the fluid pressure, which is ignored, presses the faces apart"
         )
@@ -210,19 +203,6 @@ def model_changes(
         note = f"change of ln(leakage) with a form of the seal up to {max(form.tolerances):.0%} higher, on either side"
         found.append(ModelChange("form", scene, True, note, forms))
     return found
-
-
-def lower_load_part(scene: Scene, leakage: Array) -> ErrorPart | None:
-    """What a fluid that is ignored does as loads that are lower by what it carries, by the curve of the leakage."""
-    fluid = replace(scene, fluid_pressure="acts").acting_fluid
-    if fluid is None or not scene.is_dry:
-        return None
-    pressure = scene.steps.pressures
-    left = np.maximum(pressure - fluid.carried, _LEAST_LOAD * pressure)
-    lower = np.log(np.divide(pressure, left, out=np.ones(left.shape), where=left > 0))
-    note = "the fluid pressure, which is ignored, taken off each load; by the slope of the leakage"
-    above = load_sensitivity(scene.steps, leakage) * np.maximum(lower, 0.0)
-    return ErrorPart.of("fluid pressure", leakage, np.zeros(len(left)), above, note)
 
 
 def model_part(

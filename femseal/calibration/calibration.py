@@ -117,7 +117,7 @@ class Calibration:
             )
         if (worst := float(np.median(deviation, axis=0)[leaks].max(initial=0.0))) > posterior.error:
             notes.append(
-                f"the surrogate is {100 * worst:.2g} % off at some load, more than the test: more scenes help"
+                f"the surrogate is {100 * worst:.2g} % off at some load, more than the test: more --scenes help"
             )
         return cls(
             hardness=Estimate.of(samples[:, 0]),

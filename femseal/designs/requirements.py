@@ -18,6 +18,7 @@ import numpy as np
 
 from ..base import Array, Indices, Shown
 from ..base.leak_rates import within
+from ..budget.error_parts import within_others
 from ..loads import LoadProgramme, LoadStep, relaxed
 from ..results.results import Results
 
@@ -70,7 +71,8 @@ class Seals:
         Loads below all of their branch whose leakage is known, as those that the fluid carries alone, are taken for
         open. A fluid opens a face that is unloaded at another load than one that is pressed for the first time.
 
-        lower, upper : ends of the band over the leakage (steps,). opened : least upper end (steps,) [m²/s].
+        lower, upper : ends of the band over the leakage (steps,), which go no further than those of other loads.
+        opened : least upper end (steps,) [m²/s].
         """
         size = np.abs(np.atleast_2d(np.asarray(leakage, dtype=float)))
         known, pressures = ~np.isnan(size).all(axis=0), np.asarray(steps.pressures)
@@ -82,7 +84,9 @@ class Seals:
         with np.errstate(invalid="ignore"):
             low, high = (np.where(size == 0, 0.0, size * factor) for factor in (lower, upper))
         low, high = (np.where(np.isnan(end), size, end) for end in (low, high))
-        return cls(steps, size, np.minimum(low, size), np.fmax(high, opened))
+        seals = zip(size, np.minimum(low, size), np.fmax(high, opened), strict=True)
+        ends = np.reshape([within_others(steps, *seal) for seal in seals], (-1, 2, len(steps)))
+        return cls(steps, size, ends[:, 0], ends[:, 1])
 
     @property
     def count(self) -> int:

@@ -87,6 +87,8 @@ class FormEffect:
         return [str(self)] if self.question else []
 
     def __str__(self) -> str:
+        if not np.isfinite(self.changes).any():
+            return f"at {self.loads} the effect of the form is unknown: on {_POINTS} points a side the patch is sealed"
         radii = " and ".join(to_text(radius, "m", 3) for radius in self.radii)
         curved, waved = (_range(change) for change in self.changes)
         return (
@@ -99,7 +101,11 @@ class FormEffect:
 def _range(change: Array) -> str:
     """Its ratios at the first and the last load at which they are known."""
     known = np.exp(change[np.isfinite(change)])
-    return _ends(f"{float(f'{ratio:.2g}'):g}" for ratio in known) if known.size else "unknown"
+    return (
+        _ends(f"{float(f'{ratio:.2g}'):g}" for ratio in known)
+        if known.size
+        else "an unknown number of"
+    )
 
 
 def _ends(texts: Iterable[str]) -> str:

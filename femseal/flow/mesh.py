@@ -161,7 +161,8 @@ class MeshOperators:
         potential[system.dofs] = values[system.dofs]
         energy, flux = _dissipated(local, values[system.dofs])
         rates = system.into(flux)
-        imbalance = _imbalance(rates, _UNIT_DROP_IMBALANCE if unit_drop else MAX_IMBALANCE)
+        allowed = _UNIT_DROP_IMBALANCE if unit_drop else MAX_IMBALANCE
+        imbalance = _imbalance(rates, np.dot(levels, rates) - energy, energy, allowed)
         lower, upper, flux_rates = np.nan, np.nan, nothing + np.nan
         if bounds:
             bound, flux_rates = self._of_fluxes(tensor, levels, solver)
@@ -308,10 +309,13 @@ def _dissipated(local: Array, values: Array) -> tuple[float, Array]:
     return float(np.einsum("ni,ni->", drop, flux)), flux
 
 
-def _imbalance(rates: Array, allowed: float) -> float:
-    """What inflow and outflow differ by, over the inflow; NotConverged where that is too much."""
-    into = float(np.maximum(rates, 0.0).sum())
-    imbalance = abs(float(rates.sum())) / into if into > 0 else 0.0
+def _imbalance(rates: Array, lost: float, energy: float, allowed: float) -> float:
+    """What inflow and outflow, or energy and power of the rates, differ by, over the larger of inflow and energy.
+
+    Raises NotConverged: that is too much, as where all flow passes links that are lost in sums with others.
+    """
+    into = max(float(np.maximum(rates, 0.0).sum()), energy)
+    imbalance = max(abs(float(rates.sum())), abs(float(lost))) / into if into > 0 else 0.0
     if not imbalance <= allowed:
         raise NotConverged(
             f"flow: inlet and outlet differ by {imbalance:.1e} of the flow, expected {allowed:.0e}; "

@@ -161,6 +161,8 @@ def limit_lines(axes: Axes, limits: dict[str, float]) -> None:
 
 def leakage_axis(axes: Axes, values: Array, count: int) -> None:
     """Log scale over the values > 0, and below it a strip for those of `count` branches that are 0."""
+    from matplotlib.patches import Rectangle
+
     axes.set_yscale("log")
     positive = values[np.isfinite(values) & (values > 0)]
     low, high = (float(f(positive)) for f in (np.min, np.max)) if positive.size else (0.1, 10.0)
@@ -171,7 +173,9 @@ def leakage_axis(axes: Axes, values: Array, count: int) -> None:
     axes.set_ylim(bottom, high * 10 ** (0.06 * span))
     decades(axes.yaxis)
     if strip:
-        axes.axhspan(0, strip, color="#E4E4E4", lw=0, zorder=0, transform=axes.transAxes)
+        # axhspan would take its ends in units of the leakage
+        grey: dict[str, Any] = {"color": "#E4E4E4", "lw": 0, "zorder": 0}
+        axes.add_patch(Rectangle((0, 0), 1, strip, transform=axes.transAxes, **grey))
         look: dict[str, Any] = {"ha": "center", "va": "center", "color": GREY, "fontsize": 8}
         axes.annotate("sealed", (0.5, strip / 2), xycoords="axes fraction", **look)
 

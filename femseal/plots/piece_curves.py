@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any, Literal
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,7 +13,7 @@ from ..base import Array, InputError
 from ..flow.law import cubic_law
 from ..results.results import Results
 from ..results.selections import loads_as_given
-from .drawing import GREY, LINES, STYLES, Sheet, decades
+from .drawing import GREY, LEGEND_LINE, LINES, STYLES, Sheet, decades
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -36,18 +36,21 @@ def pieces_figure(results: Results) -> Figure:
     """
     pieces = pieces_of(results)
     text = loads_as_given(results.dataset, 3)
-    sheet = Sheet([3.6, 3.6], head=0.35)
+    below = LEGEND_LINE * 3
+    sheet = Sheet([3.6 + below] * 2, head=0.35)
     sheet.head("each point: a piece of the face at one load")
-    quantities: tuple[tuple[Array, str, Literal["lower right", "upper right"]], ...] = (
-        (pieces.mean_gap * 1e6, "mean gap between the faces of the piece [µm]", "lower right"),
-        (pieces.pressure / 1e6, "mean contact pressure of the piece [MPa]", "upper right"),
+    quantities = (
+        (pieces.mean_gap * 1e6, "mean gap between the faces of the piece [µm]"),
+        (pieces.pressure / 1e6, "mean contact pressure of the piece [MPa]"),
     )
-    for row, (x, label, corner) in enumerate(quantities):
-        axes = sheet.panel(row, replace(LINES, top=0.1))
+    for row, (x, label) in enumerate(quantities):
+        axes = sheet.panel(row, replace(LINES, top=0.1, bottom=LINES.bottom + below))
         axes.set(xlabel=label, ylabel="permeability towards the outlet [m³]")
         axes.grid(alpha=0.25, lw=0.6)
         if _clouds(axes, pieces, x, text, plates=row == 0):
-            axes.legend(loc=corner, fontsize=8.5, framealpha=0.9, edgecolor="none")
+            axes.legend(
+                loc="upper center", bbox_to_anchor=(0.5, -0.17), fontsize=8.5, frameon=False
+            )
     return sheet.figure
 
 
@@ -107,7 +110,7 @@ def _clouds(
             seen, loads = shown[states], pieces.nominal[states]
             ends = dict.fromkeys(map(text, sorted((loads.min(), loads.max()))))
             look: dict[str, Any] = {"color": colour, "marker": marker, "ms": 4, "ls": "", "mew": 0}
-            label = f"{name}, {' to '.join(ends)}"
+            label = f"{name}, {' to '.join(ends)}{', all closed' * (not seen.any())}"
             axes.plot(
                 x[states][seen], k[states][seen], alpha=0.55, label=label, rasterized=True, **look
             )

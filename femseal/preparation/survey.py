@@ -232,7 +232,7 @@ def notes(report: SurfaceReport, conditioning: Conditioning) -> list[str]:
     if not isnan(report.lay_direction) and abs(report.lay_direction) > pi / 4:
         angle = degrees(abs(report.lay_direction))
         notes.append(
-            f"the lay runs {angle:.0f}° off x2, along the leakage: transpose exchanges the axes"
+            f"the lay runs {angle:.0f}° off x2, nearer to x1: transpose exchanges the axes"
         )
     return notes
 

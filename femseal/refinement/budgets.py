@@ -17,7 +17,6 @@ from ..budget import (
     continuation_part,
     effective_pressure_part,
     longer_waves_part,
-    lower_load_part,
     model_changes,
     model_part,
     patch_form_part,
@@ -95,8 +94,7 @@ def _with_model_parts(
     # the coarser grid, or that of the case where there is none
     coarser = [] if known else coarser_grids(prepared, leakage_of(studies[prepared.answer.key]))
     grid = known[0] if known else (*coarser, prepared)[0]
-    may_act = "blocks" not in prepared.methods
-    changes = model_changes(grid.scene, names, hardness, grid.form, may_act=may_act)
+    changes = model_changes(grid.scene, names, hardness, grid.form)
     continued = continued_scenes(grid) if "continuation" in names else []
     own = known[1] if known else {}
     if not known and (changes or continued):
@@ -108,8 +106,6 @@ def _with_model_parts(
             if "effective pressure" in names
             else None
         ]
-        if not may_act and "fluid pressure" in names:
-            parts.append(lower_load_part(prepared.scene, leakage_of(result)))
         if "thin gap" in names:
             parts.append(thin_gap_part(prepared.scene, leakage_of(result)))
         if prepared.form_effect is not None and "form of the patch" in names:

@@ -17,11 +17,16 @@ if TYPE_CHECKING:
 Steps = NDArray[np.int64]
 
 
-def branch_text(unloaded_from: float | None) -> str:
+def pressure_text(p: float) -> str:
+    """A nominal pressure [Pa] as text."""
+    return to_text(p, "Pa")
+
+
+def branch_text(unloaded_from: float | None, text: Callable[[float], str] = pressure_text) -> str:
     """Name of a branch: "loading", or "unloading from 900 MPa"; `unloaded_from` [Pa], NaN or None on loading."""
     if unloaded_from is None or np.isnan(unloaded_from):
         return "loading"
-    return f"unloading from {to_text(unloaded_from, 'Pa')}"
+    return f"unloading from {text(unloaded_from)}"
 
 
 def force_scale(data: xarray.Dataset) -> tuple[str, float] | None:

@@ -13,7 +13,7 @@ from ..base.fields import Field, with_unit
 from ..base.leak_rates import LEAK_UNITS, USUAL_UNITS, LeakUnit
 from ..budget import VAGUE
 from .results import BUDGETED, Results
-from .selections import branch_text, force_scale
+from .selections import branch_text, force_scale, loads_as_given
 
 if TYPE_CHECKING:
     import xarray
@@ -149,10 +149,11 @@ def totals_table(run: Results) -> TextTable:
 
 def _loads(data: xarray.Dataset) -> list[tuple[str, list[str]]]:
     """The columns of branch, of the force where the case gives forces, and of nominal pressure."""
-    branch = [branch_text(float(peak)) for peak in data["unloaded_from"].values]
+    force, text = force_scale(data), loads_as_given(data)
+    branch = [branch_text(float(peak), text) for peak in data["unloaded_from"].values]
     nominal = [float(p) for p in data["nominal_pressure"].values]
     columns = [("branch", branch)]
-    if force := force_scale(data):
+    if force:
         columns.append((f"force [{force[0]}]", [f"{force[1] * p:.4g}" for p in nominal]))
     return [*columns, ("pressure", [to_text(p, "Pa") for p in nominal])]
 

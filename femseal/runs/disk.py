@@ -78,13 +78,7 @@ def budget_inputs(case: Case, prepared: Prepared) -> list[Prepared]:
     smooth = without_filtered_waves(prepared)
     coarser = coarser_grids(prepared)
     grid = (*coarser[:1], prepared)[0]
-    changes = model_changes(
-        grid.scene,
-        case.output.model_parts,
-        case.hardness_tolerance,
-        grid.form,
-        may_act="blocks" not in prepared.methods,
-    )
+    changes = model_changes(grid.scene, case.output.model_parts, case.hardness_tolerance, grid.form)
     models = [grid.changed(change) for change in changes]
     if prepared.continuation is not None and "continuation" in case.output.model_parts:
         models += [grid] * CONTINUED_SCENES

@@ -372,6 +372,10 @@ def _pieces(prepared: Prepared, count: tuple[int, int]) -> str:
     """Number and size of pieces."""
     sizes = [side / m for side, m in zip(prepared.scene.surface.size, count, strict=True)]
     waves = [length / prepared.conditioning.shortest_wave for length in sizes]
-    few = f"; {ADVISED_WAVES} or more are advised" if min(waves) < ADVISED_WAVES * 0.99 else ""
+    few = (
+        f"; {ADVISED_WAVES} or more are advised, of a larger face"
+        if min(waves) < ADVISED_WAVES * 0.99
+        else ""
+    )
     size = " × ".join(to_text(length, "m", 3) for length in sizes)
     return f"{count[0]} × {count[1]} of about {size}, that is {waves[0]:.3g} × {waves[1]:.3g} shortest waves{few}"

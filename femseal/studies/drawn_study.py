@@ -27,11 +27,9 @@ from .sampling import FEWEST_SEALS, MOST_SEALS, Sampling, laid_out
 from .scene import Scene, scene_warnings
 from .seal_contact import SealContact, seal_contact, without_waves_of
 from .stochastic_result import MedianSeal, StochasticResult, nearest_to_median
+from .tile_fluid import TileFluid
 from .tile_pressure import distinct_paths, pressure_fractions
 
-#: Fluid pressures at which the permeability of pieces is known that the fluid presses apart. Measured against 129:
-#: leakage within 1.1e-3 with p_in up to .3 of the lowest load, within 9e-3 where they are equal.
-FLUID_PRESSURES = 9
 #: Standard error of ln(median leakage) that is wanted, in parts of the band of what one patch does not know.
 PART_OF_BAND = 1 / 20
 #: Standard error of the median of n normal numbers in standard deviations, times √n.
@@ -194,48 +192,18 @@ def _supply(scene: Scene, cut: Cut, tiles: SealTiles, fractions: Array, mapper: 
         return _Supply(pieces, k, pressures, False, path, nominal, pieces.unsolved, True)
     paths, number = distinct_paths(fractions)
     paths = steps.pressures[:, None] * paths
-    pressures, piecewise = _table_pressures(scene)
-    relief = _relief(scene, pressures)
-    # a path for every fluid pressure that changes the contact
-    effective = np.maximum(paths[None] - relief[:, None, None], 0.0)
-    each = np.concatenate(list(effective), axis=1)
+    fluid = TileFluid.of(scene)
+    each = fluid.effective(paths)
     uniform = each.shape[1] == 1 and np.array_equal(each[:, 0], steps.pressures)
     ladder = steps if uniform else ladder_of(each, steps, scene.law.is_elastic)
     pieces = pieces_on_ladder(scene, cut, ladder, mapper)
     if uniform:
         k = (pieces.k * pieces.factor[:, None, None]).reshape(*pieces.k.shape[:3], 1, -1)
     else:
-        k = along_paths(pieces, each, steps)
-        if (
-            relief.size > 1
-        ):  # of each fluid pressure, its own effective pressure; without slip all have one flow
-            split = k.reshape(*k.shape[:3], relief.size, paths.shape[1], -1)
-            own = np.arange(relief.size) if len(k) > 1 else np.zeros(relief.size, np.int64)
-            k = np.array([split[n, :, :, m] for m, n in enumerate(own)])
-    return _Supply(pieces, k, pressures, piecewise, number, paths, scene.parted_steps, False)
-
-
-def _table_pressures(scene: Scene) -> tuple[tuple[float, ...], bool]:
-    """Fluid pressures [Pa] at which permeabilities are needed, and whether ln k is linear between them."""
-    drop, fluid = scene.flow.drop, scene.acting_fluid
-    several = drop.law.depends_on_pressure or getattr(scene.layout, "inlet_pressures", {})
-    if fluid is None or fluid.inlet == fluid.outlet or several:
-        return tuple(drop.pressures), False
-    # ln k is nearly straight in the cube root of the pressure that the fluid leaves to the pieces
-    full = max(
-        min((p for p in scene.steps.pressures if p > 0), default=0.0), fluid.inlet, fluid.outlet
+        k = fluid.own(along_paths(pieces, each, steps))
+    return _Supply(
+        pieces, k, fluid.pressures, fluid.piecewise, number, paths, scene.parted_steps, False
     )
-    first, last = (float(np.cbrt(full - p)) for p in (fluid.outlet, fluid.inlet))
-    between = full - np.linspace(first, last, FLUID_PRESSURES)[1:-1] ** 3
-    return (fluid.outlet, *between.tolist(), fluid.inlet), True
-
-
-def _relief(scene: Scene, pressures: tuple[float, ...]) -> Array:
-    """What the fluid takes off the pressure of a piece, at each of its pressures, or at their mean [Pa]."""
-    if (fluid := scene.acting_fluid) is None:
-        return np.zeros(1)
-    # with several inlets the mean stands for every place
-    return fluid.relief(pressures if len(pressures) > 1 else [fluid.mean])
 
 
 @dataclass(frozen=True, eq=False)

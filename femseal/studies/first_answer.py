@@ -67,7 +67,7 @@ class FirstAnswer:
     def __str__(self) -> str:
         found = f"contact {_ends(100 * self.area)} %, narrowest passage {_ends(1e6 * self.gap)} µm"
         if np.isfinite(self.leakage).any():
-            found += f", leakage {_ends(self.leakage)} m²/s per length"
+            found += f", leakage {_ends(self.leakage)} m²/s per length (0: sealed)"
         return (
             f"{found}; leakage by the spectrum alone is right within {OFF_BY[0]:g} times in half of the cases and "
             f"{OFF_BY[1]:g} in 95 % up to {100 * LIGHT:g} % of contact, and unknown beyond"
@@ -77,9 +77,7 @@ class FirstAnswer:
 def _ends(values: Array) -> str:
     """The first and the last known value."""
     known = values[np.isfinite(values)]
-    return " to ".join(
-        dict.fromkeys(f"{value:.2g}" if value else "0 (sealed)" for value in known[[0, -1]])
-    )
+    return " to ".join(dict.fromkeys(f"{float(f'{value:.2g}'):g}" for value in known[[0, -1]]))
 
 
 def first_answer(

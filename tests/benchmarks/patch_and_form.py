@@ -36,9 +36,19 @@ KINDS = ("roll-off within", "roll-off beyond", "turned, wavy", "bumps", "lobes")
 LOADS, STOPS, HARDNESS = (0.03, 0.1, 0.2, 0.32), (0.15, 0.05), 0.15
 #: Leakage over that of the first load below which a truth does not count.
 LEAST = 1e-2
+#: Inlet pressure over the lowest load where the fluid acts.
+CARRIED = 0.5
 #: Kinds of the calibration set, by what is known of the whole.
 _CALIBRATED = {"form": "with form", "blocks": "by blocks"}
-WAYS = ("patch", "seal", "form 4 × 4", "form 8 × 8", "blocks 2 × 2", "blocks 3 × 3")
+WAYS = (
+    "patch",
+    "seal",
+    "form 4 × 4",
+    "form 8 × 8",
+    "blocks 2 × 2",
+    "blocks 3 × 3",
+    "blocks, fluid acts",
+)
 
 
 def face_of(kind, seed):
@@ -116,8 +126,13 @@ def solved_rows(name, kind, surface, corner, ways):
     for way in ways:
         lower = upper = np.full(len(truth), np.nan)
         q = alone * (n / POINTS)  # over the breadth of the whole
+        true = truth
         if way.startswith("blocks"):
-            whole, count = scene_of(surface, hardness), int(way[-1])
+            whole, count = scene_of(surface, hardness), 3 if way.endswith("3") else 2
+            if way.endswith("acts"):
+                inlet = CARRIED * whole.loading[0]
+                whole = replace(whole, inlet_pressure=inlet, fluid_pressure="acts")
+                true = fs.deterministic(whole).leakage
             found = fs.by_blocks(whole, (count, count))
             q, budget = found.leakage, error_budget(whole, found)
             lower, upper = budget.lower, budget.upper
@@ -130,13 +145,13 @@ def solved_rows(name, kind, surface, corner, ways):
                 parts = (*budget.parts, *unknown_form(patch, q, surface.size))
                 budget = replace(budget, parts=parts)
             lower, upper = budget.lower, budget.upper
-        columns = {"leakage": q, "truth": truth, "lower": lower, "upper": upper}
-        columns = {key: value / truth[0] for key, value in columns.items()}
+        columns = {"leakage": q, "truth": true, "lower": lower, "upper": upper}
+        columns = {key: value / true[0] for key, value in columns.items()}
         columns |= {"decades": drawn_error.decades(q)}
         columns |= {"difficulty": drawn_error.difficulty(patch.steps, q)}
-        same = {"kind": _CALIBRATED.get(way.partition(" ")[0], "without")}
+        same = {"kind": _CALIBRATED.get(way.replace(",", " ").split()[0], "without")}
         same |= {"surface": kind, "scene": f"form {name} {corner}", "way": way}
-        for s in np.flatnonzero(np.isfinite(q) & np.isfinite(truth)):
+        for s in np.flatnonzero(np.isfinite(q) & np.isfinite(true)):
             yield same | {"step": s} | {key: f"{value[s]:.6g}" for key, value in columns.items()}
 
 

@@ -91,6 +91,14 @@ def test_the_whole_band_of_error_decides():
     assert as_computed < at_most
 
 
+def test_what_keeps_a_class_keeps_it_at_higher_loads():
+    """Bands of a test fluid are those of the run by their factor, which may rise faster than the leakage falls."""
+    leakage, limit = power_law([1e12]), 1e12 * 2e8**-FALL
+    factor = np.where(STEPS.pressures > 5e8, 10 * limit / leakage, 1.0)
+    seals = Seals.of(STEPS, leakage, 1.0, factor)
+    assert requirement(seals, "L", limit, 0.5).assembly.text(pascals) == "200 MPa"
+
+
 def test_nothing_is_extrapolated():
     for pressure, relation, words in ((1e9, ">", "above 900 MPa"), (9e6, None, "at most 10 MPa")):
         need = requirement(seals_of(power_law([MEAN])), "L", MEAN * pressure**-FALL, 0.5)

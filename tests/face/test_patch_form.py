@@ -198,7 +198,7 @@ def test_loads_at_which_nothing_leaks_tell_nothing():
     assert shut.distance(np.array([1e6])) is None
     assert patch_form_part(shut, LoadProgramme.of((1e6,)), np.ones(1)) is None
     assert shut.doubts == []
-    assert "leaks unknown times as much" in str(shut)
+    assert "on 128 points a side the patch is sealed" in str(shut)
 
 
 CASE = """

@@ -310,3 +310,17 @@ def test_bad_meshes_and_ends():
         darcy_conductance(mesh, 1.0, ends[0], inside)
     with pytest.raises(InputError, match=r"^inlet and outlet: given boundaries that touch"):
         darcy_conductance(mesh, 1.0, ends[0], np.setdiff1d(mesh.boundary_facets(), ends[0]))
+
+
+@each("kind", [MeshQuad, MeshTri])
+def test_a_part_behind_two_narrow_bands_is_exact_or_refused(kind):
+    """Sums of wide and narrow links lose the narrow ones, by which alone the part in the middle has its potential."""
+    mesh = rectangle(kind, 8, 8)
+    x = centres(mesh)[0]
+    bands = ((x > 0.25) & (x < 0.375)) | ((x > 0.625) & (x < 0.75))
+    for decades in (6, 9, 12):
+        k = np.where(bands, 10.0**-decades, 1.0)
+        assert_allclose(flow(mesh, k).conductance, 1 / (0.25 * 10.0**decades + 0.75), rtol=1e-6)
+    for decades in (14, 17, 25):
+        with pytest.raises(NotConverged, match="try a smaller contrast of the permeability"):
+            flow(mesh, np.where(bands, 10.0**-decades, 1.0))

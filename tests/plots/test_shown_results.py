@@ -17,6 +17,7 @@ from femseal.base.errors import InputError
 from femseal.base.leak_rates import leakage_unit
 from femseal.base.text import Shown, value_text
 from femseal.plots.leakage_curves import LeakageCurves, leakage_panel
+from femseal.plots.map_panels import on_decades
 
 MODULUS, HARDNESS = 115e9, 1.4e9
 
@@ -52,6 +53,12 @@ def shown(face, states):
         "two_scale": fs.two_scale(scene, (2, 4)),
         "stochastic": fs.stochastic(scene, (2, 4), fs.Sampling(160e-6, 20, seed=1)),
     }
+
+
+def test_a_nearly_even_flow_has_a_scale_whose_ticks_differ():
+    _, norm = on_decades(np.array([35.51, 35.52]), 4)
+    assert norm.vmax == 35.52
+    assert norm.vmin < 0.99 * norm.vmax
 
 
 NAMES = [

@@ -4,6 +4,7 @@ import csv
 import io
 import json
 import os
+import re
 import warnings
 from dataclasses import dataclass, fields, replace
 from math import nan
@@ -14,6 +15,7 @@ import numpy as np
 import pytest
 import pyvista
 import xarray
+from matplotlib.patches import Rectangle
 from numpy.testing import assert_allclose, assert_array_equal
 from small_cases import soft_cycle
 
@@ -418,6 +420,14 @@ def test_unit_follows_the_size(values, expected):
     assert leakage_unit(values)[1] == expected
 
 
+def test_branches_of_tables_have_the_forces_of_the_case(results):
+    load = {"loading": ["35000 N"], "unload_from": ["35000 N"]}
+    data = results.dataset.assign_attrs(case=json.dumps({"load": load}))
+    text = str(replace(results, dataset=data).table())
+    assert re.search(r"unloading\s+from\s+35\s+kN", text)
+    assert not re.search(r"from\s+700\s+MPa", text)
+
+
 # --- pictures ---------------------------------------------------------------------------------------------
 
 
@@ -426,6 +436,21 @@ def test_pictures_show_something(folder, name):
     image = matplotlib.image.imread(folder / f"{name}.png")[..., :3]
     assert min(image.shape[:2]) > 400
     assert len(np.unique((image[::3, ::3] * 15).astype(int).reshape(-1, 3), axis=0)) > 15
+
+
+def test_steps_without_leakage_stand_in_the_strip(scene, studies):
+    sealed = replace(studies["two_scale"], leakage=np.array([1e-9, 1e-12, 0.0, 0.0, 1e-13]))
+    axes = leakage_figure(assemble(scene, sealed)).axes[0]
+    assert "sealed" in [t.get_text().strip() for t in axes.texts]
+    points = np.concatenate([line.get_xydata() for line in axes.get_lines()])
+    strip = points[points[:, 1] < 0.099]
+    assert sorted(strip[:, 0]) == [300, 700, 700]
+    # the grey ends below the least leakage, whatever the unit of the axis
+    (grey,) = (patch for patch in axes.patches if isinstance(patch, Rectangle))
+    top = axes.transData.inverted().transform(grey.get_window_extent())[1, 1]
+    assert axes.get_ylim()[0] < top < min(y for y in points[:, 1] if y > 0.099)
+    for never in (np.zeros(5), np.full(5, np.nan)):
+        leakage_figure(assemble(scene, replace(sealed, leakage=never))).savefig(io.BytesIO())
 
 
 # --- ParaView ---------------------------------------------------------------------------------------------

@@ -60,7 +60,7 @@ def test_a_run_has_the_leakage_of_blocks_its_band_and_its_pieces(tmp_path):
 @pytest.mark.parametrize(
     ("old", "new", "text"),
     [
-        ('"ignored"', '"acts"', "fluid_pressure: given 'acts' with blocks, expected 'ignored'"),
+        ('"ignored"', '"trapped"', "fluid_pressure: given 'trapped' with blocks, expected 'acts'"),
         ("[8, 8]", "[8, 6]", r"cells: .*expected multiples of 4, the pieces of a block"),
         (
             "[8, 8]",
