@@ -8,6 +8,7 @@ import subprocess
 import sys
 from collections import Counter, defaultdict
 from functools import cache
+from graphlib import CycleError, TopologicalSorter
 from pathlib import Path
 
 import pytest
@@ -144,6 +145,13 @@ def _home(full, name):
     return full
 
 
+def loaded_after(code, *modules):
+    """Which of these modules code loads in a process of its own, and what it prints before."""
+    code = f"import sys\n{code}\nprint([m for m in {modules!r} if m in sys.modules])"
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)
+    return done.stdout
+
+
 @cache
 def _imports(module):
     """{(dotted name, how)}: "at once", "when used" or "for types"; by a string is "when used"."""
@@ -151,9 +159,8 @@ def _imports(module):
     for node in _nodes(module):
         types_only = isinstance(node, ast.If) and "TYPE_CHECKING" in ast.unparse(node.test)
         if types_only or isinstance(node, ast.FunctionDef):
-            how |= {
-                id(inner): "for types" if types_only else "when used" for inner in ast.walk(node)
-            }
+            time = "for types" if types_only else "when used"
+            how |= {id(inner): time for inner in ast.walk(node)}
     found = set()
     by_string = any(_called(node) in BY_STRING for node in _nodes(module))
     for node in _nodes(module):
@@ -163,18 +170,12 @@ def _imports(module):
         elif isinstance(node, ast.ImportFrom):
             full = _from(module, node)
             found |= {(_home(full, alias.name), time) for alias in node.names}
-        elif (
-            by_string or _called(node) in _importers()
-        ):  # of a file that imports by strings all its strings count
+        elif by_string or _called(node) in _importers():
+            # of a file that imports by strings all its strings count
             texts = [node] if by_string else [*node.args, *(k.value for k in node.keywords)]
-            texts = [
-                t.value for t in texts if isinstance(t, ast.Constant) and isinstance(t.value, str)
-            ]
-            names = [
-                f"femseal.{text.lstrip('.').removeprefix('femseal.').partition(':')[0]}"
-                for text in texts
-            ]
-            found |= {(name, "when used") for name in names if name in MODULES}
+            texts = [t.value for t in texts if isinstance(getattr(t, "value", None), str)]
+            names = (t.lstrip(".").removeprefix("femseal.").partition(":")[0] for t in texts)
+            found |= {(n, "when used") for n in map("femseal.{}".format, names) if n in MODULES}
     return frozenset(found)
 
 
@@ -190,30 +191,6 @@ def _graph():
         for module, names in inside.items()
         if module != "femseal"
     }
-
-
-def circles(graph):
-    """Sets of nodes each of which leads to every other one of its set. Tarjan 1972."""
-    index, low, stack, found = {}, {}, [], []
-
-    def visit(node):
-        index[node] = low[node] = len(index)
-        stack.append(node)
-        for other in sorted(graph.get(node, ())):
-            if other not in index:
-                visit(other)
-            if other in stack:
-                low[node] = min(low[node], low[other])
-        if low[node] == index[node]:
-            part = set(stack[stack.index(node) :])
-            del stack[stack.index(node) :]
-            if len(part) > 1:
-                found.append(part)
-
-    for node in sorted(graph):
-        if node not in index:
-            visit(node)
-    return found
 
 
 def test_every_room_has_its_place():
@@ -234,19 +211,14 @@ def test_imports_run_upwards():
 
 def test_no_modules_import_each_other():
     """Inside rooms: between rooms there is no circle without an import that runs downwards."""
-    found = circles(
-        {
-            m: {other for other in others if _room(other) == _room(m)}
-            for m, others in _graph().items()
-        }
-    )
-    assert not found, f"circles of imports: {[sorted(circle) for circle in found]}"
-
-
-def test_circles_are_found():
-    graph = {"a": {"b", "c"}, "b": {"d"}, "c": set(), "d": {"a", "e"}, "e": {"f"}, "f": {"e"}}
-    assert sorted(map(sorted, circles(graph))) == [["a", "b", "d"], ["e", "f"]]
-    assert circles({"a": {"b", "c"}, "b": {"c"}, "c": set()}) == []
+    inside = {
+        module: {other for other in others if _room(other) == _room(module)}
+        for module, others in _graph().items()
+    }
+    try:
+        list(TopologicalSorter(inside).static_order())
+    except CycleError as error:
+        pytest.fail(f"circle of imports: {error.args[1]}")
 
 
 def test_files_have_names_of_their_own():
@@ -296,11 +268,7 @@ def test_analytic_needs_numpy_only():
 
 
 def test_import_loads_nothing_until_it_is_used():
-    code = "import sys, femseal; print([m for m in ('numba', 'scipy', 'skfem', 'xarray') if m in sys.modules])"
-    assert (
-        subprocess.run([sys.executable, "-c", code], capture_output=True, text=True).stdout.strip()
-        == "[]"
-    )
+    assert loaded_after("import femseal", "numba", "scipy", "skfem", "xarray") == "[]\n"
 
 
 def test_every_public_name_is_there():
@@ -338,53 +306,11 @@ def test_functions_and_classes_have_docstrings():
     assert not {name: functions for name, functions in found.items() if functions}
 
 
-def _decorators(node):
-    return {
-        name
-        for d in getattr(node, "decorator_list", ())
-        for name in ("compiled", "inner")
-        if name in ast.dump(d)
-    }
-
-
-def _outside_of_compiled(node):
-    """Names and attributes that are used in functions of Python."""
-    if isinstance(node, ast.Name | ast.Attribute):
-        yield node.id if isinstance(node, ast.Name) else node.attr
-    for child in () if _decorators(node) else ast.iter_child_nodes(node):
-        yield from _outside_of_compiled(child)
-
-
-def test_functions_without_an_entry_from_python_are_called_by_compiled_ones():
-    paths = [*ROOT.rglob("*.py"), *Path(__file__).parent.rglob("*.py")]
-    trees = {path: ast.parse(path.read_text()) for path in paths}
-    inner = {
-        (path.stem, node.name)
-        for path, tree in trees.items()
-        for node in ast.walk(tree)
-        if "inner" in _decorators(node)
-    }
-    assert len(inner) > 40
-    for path, tree in trees.items():
-        modules = {path.stem}
-        for node in ast.walk(tree):
-            if isinstance(node, ast.ImportFrom):
-                modules |= {(node.module or "").split(".")[-1], *(name.name for name in node.names)}
-        used = {name for module, name in inner if module in modules} & set(
-            _outside_of_compiled(tree)
-        )
-        assert not used, (path, used)
-
-
 def test_a_faulty_case_is_refused_before_the_solvers_are_loaded(tmp_path):
     (tmp_path / "case.toml").write_text('[material]\nyeld_stress = "1 GPa"\n', encoding="utf-8")
-    code = (
-        "import sys, femseal as fs\ntry: fs.load_case(sys.argv[1])\nexcept fs.InputError as error: print(error)\n"
-        "print([m for m in ('numba', 'scipy.fft', 'skfem', 'xarray', 'pandas', 'rich') if m in sys.modules])"
-    )
-    shown = subprocess.run(
-        [sys.executable, "-c", code, tmp_path / "case.toml"], capture_output=True, text=True
-    ).stdout
+    code = f"import femseal as fs\ntry: fs.load_case({str(tmp_path / 'case.toml')!r})\n"
+    code += "except fs.InputError as error: print(error)"
+    shown = loaded_after(code, "numba", "scipy.fft", "skfem", "xarray", "pandas", "rich")
     assert "perhaps meant: yield_stress" in shown
     assert shown.endswith("[]\n")
 
@@ -394,14 +320,5 @@ def test_a_faulty_case_is_refused_before_the_solvers_are_loaded(tmp_path):
 )
 def test_no_name_of_a_package_is_that_of_a_file_in_it(package):
     """The file would stand in place of a function once it is loaded."""
-    tree = ast.parse((package / "__init__.py").read_text(encoding="utf-8"))
-    names = {
-        alias.name
-        for node in ast.walk(tree)
-        if isinstance(node, ast.ImportFrom)
-        for alias in node.names
-    }
-    files = {path.stem for path in package.glob("*.py")} | {
-        path.name for path in package.iterdir() if path.is_dir()
-    }
-    assert not names & files
+    names = _exported(_module(package / "__init__.py"))
+    assert not {path.stem for path in package.iterdir()} & names.keys()

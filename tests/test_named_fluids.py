@@ -56,64 +56,32 @@ def test_without_coolprop_the_table_is_told(monkeypatch):
             named_fluid(name, temperature)
 
 
-HELIUM = 'name = "helium"\ninlet_pressure = "1 MPa"\n'
+NAMED = 'name = "helium"\ninlet_pressure = "1 MPa"\n'
 
 
 @pytest.mark.parametrize(
     ("table", "said"),
     [
-        (HELIUM, None),
-        (HELIUM + 'viscosity = "30 uPa*s"\n', None),
-        (
-            HELIUM + 'viscosity = "1 mPa*s"\n',
-            r"fluid.viscosity 1 mPa·s is 51 times that of helium, 19.62 µPa·s",
-        ),
-        (
-            HELIUM + 'molar_mass = "1 g/mol"\n',
-            r"fluid.molar_mass .* is 4 times less than that of helium",
-        ),
-        (
-            HELIUM + 'kind = "liquid"\n',
-            r"fluid.kind liquid stands for helium, which is of kind ideal-gas",
-        ),
-        (
-            'name = "water"\nviscosity = "10 mPa*s"\ninlet_pressure = "1 MPa"\n',
-            "10 times that of water",
-        ),
+        ("", None),
+        ('viscosity = "30 uPa*s"\n', None),
+        ('viscosity = "1 mPa*s"\n', r"viscosity 1 mPa·s is 51 times that of helium, 19.62 µPa·s"),
+        ('molar_mass = "1 g/mol"\n', r"molar_mass .* is 4 times less than that of helium"),
+        ('kind = "liquid"\n', r"kind liquid stands for helium, which is of kind ideal-gas"),
     ],
 )
-def test_a_key_left_from_another_fluid_is_warned_of(tmp_path, femseal, table, said):
+def test_a_key_left_from_another_fluid_is_warned_of(tmp_path, table, said):
+    """Of a test fluid too; it is no key of a case."""
     path = tmp_path / "case.toml"
-    path.write_text(re.sub(r'kind = "liquid"\nvis.*\n.*\n', table, CASE))
-    code, lines, _ = femseal("check", path)
-    assert code == 0
-    warned = [line for line in lines.splitlines() if line.startswith("warning        fluid.")]
-    assert bool(warned) == (said is not None)
-    assert said is None or re.search(said, warned[0])
-
-
-def test_of_a_test_fluid_too_and_it_is_no_key(tmp_path):
-    path = tmp_path / "case.toml"
-    path.write_text(CASE + f'[output.test_fluid]\n{HELIUM}viscosity = "1 mPa*s"\n')
-    case = fs.load_case(path)
-    (said,) = case.fluid_warnings
-    assert said.startswith("output.test_fluid.viscosity 1 mPa·s is 51 times")
-    assert "fluid_warnings" not in case.echo()
+    own = re.sub(r'kind = "liquid"\nvis.*\n.*\n', NAMED + table, CASE)
+    for place, text in (
+        ("fluid", own),
+        ("output.test_fluid", f"{CASE}[output.test_fluid]\n{NAMED}{table}"),
+    ):
+        path.write_text(text)
+        case = fs.load_case(path)
+        warned = [re.search(rf"^{place}\.{said}", text) for text in case.fluid_warnings]
+        assert [bool(found) for found in warned] == ([] if said is None else [True])
+        assert "fluid_warnings" not in case.echo()
     path.write_text(f"fluid_warnings = []\n{CASE}")
     with pytest.raises(fs.InputError, match="fluid_warnings"):
         fs.load_case(path)
-
-
-def test_check_echoes_solids_fluid_and_pressures(tmp_path, femseal):
-    path = tmp_path / "case.toml"
-    path.write_text(CASE)
-    lines = femseal("check", path)[1]
-    assert "E = 210 GPa, ν = 0.3, hardness 3 GPa against a rigid flat" in lines
-    assert "contact modulus 230.8 GPa, elastic-perfectly plastic with hardness 3 GPa" in lines
-    assert "a liquid of viscosity 1 mPa·s" in lines
-    assert "from 1 MPa to 0 Pa" in lines
-    path.write_text(re.sub(r'kind = "liquid"\nvis.*\n', 'name = "helium"\n', CASE))
-    assert (
-        "helium, an ideal gas of viscosity 19.62 µPa·s and molar mass 4.0026 g/mol at 20 °C"
-        in femseal("check", path)[1]
-    )

@@ -167,6 +167,21 @@ def band(values, digits=2):
     return middle if low == high else f"{middle} ({low} to {high})"
 
 
+def rms(values):
+    """Root mean square."""
+    return np.sqrt(np.mean(np.square(values)))
+
+
+def times(logs):
+    """The factor of the median of some errors of ln, as a text."""
+    return f"× {np.exp(np.median(logs)):.2f}"
+
+
+def rows_table(rows):
+    """Table of rows that are dictionaries by the heads of its columns."""
+    return table(list(rows[0]), [row.values() for row in rows])
+
+
 # ground granite
 
 #: Height of the specimen beside the joint [m], by which the published k [m²] is that of the joint [m³].
@@ -212,69 +227,43 @@ def unloading_error(one, curves):
 def granite_tables(found):
     """Table of the prediction, and of the hardness that would give the cycle."""
     predicted, asked = [], []
+    unloaded, error = "k at 10 MPa, unloaded, over that at the peak", "error of unloading"
     for name, record in found.items():
-        one = record["cycle"]
-        fits, curves = record["by_hardness"][MINERAL / PEAK]
-        first, peak = one.values[0], one.values[-1]
+        one, by_hardness = record["cycle"], record["by_hardness"]
+        fits, curves = by_hardness[MINERAL / PEAK]
+        first, peak, last = one.values[0], one.values[-1], one.unloaded[-1]
         spread = np.array([PEAK / (GRANITE * fit.load) for fit in fits])
         # k = (height scale)³ × k of the face of side 1 and slope SLOPE
         side = np.exp(np.array([fit.factor for fit in fits]) / 3) * np.cbrt(HEIGHT) * SLOPE / spread
-        measured_back, back = one.unloaded[-1] / peak, curves[:, -1] / peak
+        same = {"face": record["face"], "specimen": name}
         predicted.append(
-            [
-                record["face"],
-                name,
-                f"{peak / first:.2f}",
-                f"× {np.exp(np.median([fit.error for fit in fits])):.2f}",
-                band(spread),
-                band(1e6 * side / WAVES),
-                f"{measured_back:.2f}",
-                band(back, 3),
-                f"{one.unloaded[-1] / first:.2f}",
-                band(curves[:, -1] / first, 3),
-                f"× {np.exp(np.median(unloading_error(one, curves))):.2f}",
-            ]
+            same
+            | {
+                "k at 20 over 10 MPa": f"{peak / first:.2f}",
+                "error of loading, fitted": times([fit.error for fit in fits]),
+                "rms slope, fitted": band(spread),
+                "longest wave [µm] by the factor": band(1e6 * side / WAVES),
+                unloaded: f"{last / peak:.2f}",
+                "predicted": band(curves[:, -1] / peak, 3),
+                "over the first": f"{last / first:.2f}",
+                "predicted over the first": band(curves[:, -1] / first, 3),
+                error: times(unloading_error(one, curves)),
+            }
         )
-        median_errors = {
-            h: float(np.median(unloading_error(one, c)))
-            for h, (_, c) in record["by_hardness"].items()
-        }
-        best = min(median_errors, key=median_errors.get)
-        best_fits, best_curves = record["by_hardness"][best]
+        errors = {h: np.median(unloading_error(one, c)) for h, (_, c) in by_hardness.items()}
+        best = min(errors, key=errors.get)
+        fits, curves = by_hardness[best]
         asked.append(
-            [
-                record["face"],
-                name,
-                f"{best * PEAK / 1e6:.0f} MPa",
-                f"× {np.exp(np.median([fit.error for fit in best_fits])):.2f}",
-                f"× {np.exp(median_errors[best]):.2f}",
-                band(best_curves[:, -1] / peak, 3),
-                f"{measured_back:.2f}",
-            ]
+            same
+            | {
+                "hardness of least error on unloading": f"{best * PEAK / 1e6:.0f} MPa",
+                "error of loading": times([fit.error for fit in fits]),
+                error: times(errors[best]),
+                unloaded: band(curves[:, -1] / peak, 3),
+                "measured": f"{last / peak:.2f}",
+            }
         )
-    head = [
-        "face",
-        "specimen",
-        "k at 20 over 10 MPa",
-        "error of loading, fitted",
-        "rms slope, fitted",
-        "longest wave [µm] by the factor",
-        "k at 10 MPa, unloaded, over that at the peak",
-        "predicted",
-        "over the first",
-        "predicted",
-        "error of unloading",
-    ]
-    head2 = [
-        "face",
-        "specimen",
-        "hardness of least error on unloading",
-        "error of loading",
-        "error of unloading",
-        "k at 10 MPa, unloaded, over that at the peak",
-        "measured",
-    ]
-    return table(head, predicted), table(head2, asked)
+    return rows_table(predicted), rows_table(asked)
 
 
 # sheared fractures of granodiorite
@@ -314,101 +303,68 @@ def fractures():
         pressure, closure = (
             Cycle.of(own, "force_kN", key) for key in ("fluid_pressure", "closure_mm")
         )
-        one = Cycle(
-            pressure.loads, pressure.values - RIM, pressure.unloads, pressure.unloaded - RIM
-        )
+        above = (pressure.values - RIM, pressure.unloads, pressure.unloaded - RIM)
+        one, records = Cycle(pressure.loads, *above), []
         weights = 1 / (RELATIVE**2 + (READING / one.values) ** 2)
-        records = []
         for seed in SEEDS:
             fit = fitted(one, -1, ROCK_LOADS, ROCK_HARDNESSES, seed, LADDER[0], weights)
             k, gaps = cycle(one, seed, fit.load, fit.hardness, LADDER[0])
             up, down, length, compliance = closures(gaps, closure.values, closure.unloaded, one)
-            scale = np.cbrt(RATE * VISCOSITY * LOG_RADII / (2 * np.pi * 1e5 * np.exp(fit.factor)))
-            records.append(
-                {
-                    "fit": fit,
-                    "up": np.exp(fit.factor) / k[0],
-                    "down": np.exp(fit.factor) / k[1],
-                    "closure": (up, down),
-                    "length": 1e-3 * length,
-                    "scale": scale,
-                    "compliance": compliance,
-                }
-            )
+            factor = np.exp(fit.factor)
+            scale = np.cbrt(RATE * VISCOSITY * LOG_RADII / (2 * np.pi * 1e5 * factor))
+            record = {"fit": fit, "up": factor / k[0], "down": factor / k[1], "closure": (up, down)}
+            record |= {"length": 1e-3 * length, "scale": scale, "compliance": compliance}
+            records.append(record)
         found[name] = {"pressure": one, "closure": closure, "records": records}
     return found
 
 
 def fracture_tables(found):
     """Tables of fluid pressure and of closure."""
-    flow, closing = [], []
+    flow, closing, highest = [], [], 120e3 / (np.pi * RADIUS**2)
     for name, one in found.items():
         pressure, closure, records = one["pressure"], one["closure"], one["records"]
         fits = [r["fit"] for r in records]
         half = int(np.argmin(abs(pressure.unloads - 0.5)))
-        errors = [np.sqrt(np.mean(np.log(r["down"] / pressure.unloaded) ** 2)) for r in records]
-        slopes = [120e3 / (np.pi * RADIUS**2) / (ROCK * fit.load) for fit in fits]
+        first, peak = pressure.values[0], pressure.values[-1]
         flow.append(
-            [
-                name,
-                f"{pressure.values[-1] / pressure.values[0]:.0f}",
-                band([r["up"][-1] / r["up"][0] for r in records]),
-                f"× {np.exp(np.median([fit.error for fit in fits])):.2f}",
-                band(slopes),
-                band([fit.hardness * 120e3 / (np.pi * RADIUS**2) / 1e6 for fit in fits]),
-                f"{pressure.unloaded[half] / pressure.values[-1]:.2f}",
-                band([r["down"][half] / r["up"][-1] for r in records]),
-                f"{pressure.unloaded[-1] / pressure.values[0]:.1f}",
-                band([r["down"][-1] / r["up"][0] for r in records]),
-                f"× {np.exp(np.median(errors)):.2f}",
-            ]
+            {
+                "specimen": name,
+                "resistance at 120 over 3 kN": f"{peak / first:.0f}",
+                "fitted": band([r["up"][-1] / r["up"][0] for r in records]),
+                "error of loading": times([fit.error for fit in fits]),
+                "rms slope, fitted": band([highest / (ROCK * fit.load) for fit in fits]),
+                "hardness [MPa], fitted": band([fit.hardness * highest / 1e6 for fit in fits]),
+                "unloaded to 60 kN, over the peak": f"{pressure.unloaded[half] / peak:.2f}",
+                "predicted": band([r["down"][half] / r["up"][-1] for r in records]),
+                "back at 3 kN, over the first": f"{pressure.unloaded[-1] / first:.1f}",
+                "predicted back": band([r["down"][-1] / r["up"][0] for r in records]),
+                "error of unloading": times(
+                    [rms(np.log(r["down"] / pressure.unloaded)) for r in records]
+                ),
+            }
         )
-        total = closure.values[-1] - closure.values[0]
-        back = closure.unloaded[-1] - closure.values[0]
-        on_loading = [
-            np.sqrt(np.mean((r["closure"][0] - closure.values + closure.values[0]) ** 2))
-            for r in records
-        ]
-        on_unloading = [
-            np.sqrt(np.mean((r["closure"][1] - closure.unloaded + closure.values[0]) ** 2))
-            for r in records
-        ]
+        up, down = closure.values - closure.values[0], closure.unloaded - closure.values[0]
+        part = (1 - pressure.loads[0]) / up[-1]
         closing.append(
-            [
-                name,
-                f"{1e3 * total:.0f}",
-                band([1e3 * e for e in on_loading]),
-                band([r["compliance"] * (1 - pressure.loads[0]) / total for r in records]),
-                f"{1e3 * back:.0f}",
-                band([1e3 * r["closure"][1][-1] for r in records]),
-                band([1e3 * e for e in on_unloading]),
-                band([r["length"] / r["scale"] for r in records]),
-            ]
+            {
+                "specimen": name,
+                "closure 3 to 120 kN [µm]": f"{1e3 * up[-1]:.0f}",
+                "error of loading [µm], fitted": band(
+                    [1e3 * rms(r["closure"][0] - up) for r in records]
+                ),
+                "part of the rock, fitted": band([r["compliance"] * part for r in records]),
+                "left at 3 kN [µm]": f"{1e3 * down[-1]:.0f}",
+                "predicted": band([1e3 * r["closure"][1][-1] for r in records]),
+                "error of unloading [µm]": band(
+                    [1e3 * rms(r["closure"][1] - down) for r in records]
+                ),
+                "heights by closure over heights by flow": band(
+                    [r["length"] / r["scale"] for r in records]
+                ),
+            }
         )
-    flow_head = [
-        "specimen",
-        "resistance at 120 over 3 kN",
-        "fitted",
-        "error of loading",
-        "rms slope, fitted",
-        "hardness [MPa], fitted",
-        "unloaded to 60 kN, over the peak",
-        "predicted",
-        "back at 3 kN, over the first",
-        "predicted",
-        "error of unloading",
-    ]
-    closing_head = [
-        "specimen",
-        "closure 3 to 120 kN [µm]",
-        "error of loading [µm], fitted",
-        "part of the rock, fitted",
-        "left at 3 kN [µm]",
-        "predicted",
-        "error of unloading [µm]",
-        "heights by closure over heights by flow",
-    ]
-    return table(flow_head, flow), table(closing_head, closing)
+    return rows_table(flow), rows_table(closing)
 
 
 # metal gaskets
@@ -434,32 +390,25 @@ FINISHES = ("turned", "turned, scratch across", "ground")
 def flange(finish, seed):
     """Heights (n, n) [m] of a flange face; flow is along x1, across the grooves."""
     shape, size = (POINTS, POINTS), (POINTS * PIXEL, POINTS * PIXEL)
+    ends = {"cut_off": 8 * PIXEL, "rng": seed}
     if finish == "ground":
-        return self_affine(
-            shape,
-            size,
-            hurst=HURST,
-            rms_height=4e-6,
-            roll_off=size[0] / WAVES,
-            cut_off=8 * PIXEL,
-            rng=seed,
-        ).heights
-    heights = turned(
-        shape,
-        size,
-        pitch=PITCH,
-        depth=DEPTH,
-        feed_error=0.03,
-        depth_error=0.1,
-        roughness=0.05 * DEPTH,
-        roughness_roll_off=24 * PIXEL,
-        cut_off=8 * PIXEL,
-        rng=seed,
-    ).heights
+        rough = {"hurst": HURST, "rms_height": 4e-6, "roll_off": size[0] / WAVES}
+        return self_affine(shape, size, **rough, **ends).heights
+    feed = {"pitch": PITCH, "depth": DEPTH, "feed_error": 0.03, "depth_error": 0.1}
+    rough = {"roughness": 0.05 * DEPTH, "roughness_roll_off": 24 * PIXEL}
+    heights = turned(shape, size, **feed, **rough, **ends).heights
     if finish == FINISHES[1]:
         x2 = (np.arange(POINTS) + 0.5) * PIXEL - size[1] / 2
         heights = heights - DEPTH * np.exp(-((x2 / 40e-6) ** 2))
     return heights
+
+
+def flange_gap(finish, seed, modulus, hardness, pressure):
+    """Gap (n, n) [m] of a flange face under a nominal pressure."""
+    heights = flange(finish, seed)
+    body = HalfSpace((POINTS, POINTS), (PIXEL, PIXEL), modulus)
+    load = {"pressure": pressure, "hardness": hardness, "rtol": 1e-4}
+    return solve_contact(heights.max() - heights, body, **load).gap
 
 
 def mass_rate(permeability):
@@ -470,69 +419,39 @@ def mass_rate(permeability):
 
 def needed_stress(finish, seed, modulus, hardness):
     """Nominal pressure [Pa] from which the leakage is within the class, by bisection; nearly the hardness if none."""
-    heights = flange(finish, seed)
-    body = HalfSpace((POINTS, POINTS), (PIXEL, PIXEL), modulus)
+    gas = {"law": HELIUM.law, "pressure": (INLET + OUTLET) / 2}
     low, high = 1e-3 * hardness, 0.99 * hardness
     while high / low > 1.03:
         middle = (low * high) ** 0.5
-        gap = solve_contact(
-            heights.max() - heights, body, pressure=middle, hardness=hardness, rtol=1e-4
-        ).gap
-        k = cell_permeability(
-            gap, body.spacing, sides="periodic", law=HELIUM.law, pressure=(INLET + OUTLET) / 2
-        ).value
+        gap = flange_gap(finish, seed, modulus, hardness, middle)
+        k = cell_permeability(gap, (PIXEL, PIXEL), sides="periodic", **gas).value
         low, high = (middle, high) if mass_rate(k) > LIMIT else (low, middle)
     return (low * high) ** 0.5
 
 
 def groove_leakage(seed, modulus, hardness, pressure):
     """Leakage along the spiral of one groove of the turned face [kg/(m s)], the lands being closed."""
-    heights = flange("turned", seed)
-    body = HalfSpace((POINTS, POINTS), (PIXEL, PIXEL), modulus)
-    gap = solve_contact(
-        heights.max() - heights, body, pressure=pressure, hardness=hardness, rtol=1e-4
-    ).gap
-    along = cell_permeability(gap, body.spacing, axis=1, sides="periodic").value
+    gap = flange_gap("turned", seed, modulus, hardness, pressure)
+    along = cell_permeability(gap, (PIXEL, PIXEL), axis=1, sides="periodic").value
     return mass_rate(along * (PITCH / (2 * np.pi * RING)) ** 2)
 
 
 def gaskets():
     """Each metal: stress of the table, hardness, needed stress by finish and seed, leakage along the groove."""
-    flange_steel = Solid(210e9, 0.3)
-    found = []
+    rows = []
     for line in measured("metal_gaskets"):
         strength, grade = YIELDS[line["metal"]]
         solid = Solid(1e6 * float(line["E0"]), 0.3, strength)
-        modulus, stress = contact_modulus(solid, flange_steel), 1e6 * float(line["Q0min"])
-        needed = {
-            finish: [needed_stress(finish, seed, modulus, solid.hardness) for seed in (1, 2, 3)]
-            for finish in FINISHES
-        }
-        at_stress = min(stress, 0.95 * solid.hardness)
-        groove = groove_leakage(1, modulus, solid.hardness, at_stress)
-        found.append((line["metal"], grade, strength, stress, solid.hardness, needed, groove))
-    return found
-
-
-def gasket_table(found):
-    """Table of the metals."""
-    cells = []
-    for metal, grade, strength, stress, hardness, needed, groove in found:
-        cells.append(
-            [
-                f"{metal} ({grade})",
-                f"{strength / 1e6:.0f}",
-                f"{stress / 1e6:.0f}",
-                f"{stress / hardness:.2f}",
-                *(band(np.array(needed[finish]) / 1e6) for finish in FINISHES),
-                *("yes" if max(needed[finish]) <= stress else "no" for finish in FINISHES),
-                f"{1e6 * groove:.1g}",
-            ]
-        )
-    head = ["metal", "σ_y [MPa]", "y [MPa]", "y/H"]
-    head += [f"needed [MPa], {finish}" for finish in FINISHES]
-    head += [f"class at y, {finish}" for finish in FINISHES] + ["along the groove [mg/(m s)]"]
-    return table(head, cells)
+        given = contact_modulus(solid, Solid(210e9, 0.3)), solid.hardness
+        stress = 1e6 * float(line["Q0min"])
+        needed = {f: [needed_stress(f, seed, *given) for seed in (1, 2, 3)] for f in FINISHES}
+        groove = groove_leakage(1, *given, min(stress, 0.95 * solid.hardness))
+        row = {"metal": f"{line['metal']} ({grade})", "σ_y [MPa]": f"{strength / 1e6:.0f}"}
+        row |= {"y [MPa]": f"{stress / 1e6:.0f}", "y/H": f"{stress / solid.hardness:.2f}"}
+        row |= {f"needed [MPa], {f}": band(np.array(needed[f]) / 1e6) for f in FINISHES}
+        row |= {f"class at y, {f}": "yes" if max(needed[f]) <= stress else "no" for f in FINISHES}
+        rows.append(row | {"along the groove [mg/(m s)]": f"{1e6 * groove:.1g}"})
+    return rows
 
 
 def timed(name, function):
@@ -549,24 +468,29 @@ def main():
     options = parser.parse_args()
     predicted, asked = granite_tables(timed("granite", granite))
     flow, closing = fracture_tables(timed("fractures", fractures))
-    metals = gasket_table(timed("gaskets", gaskets))
-    minutes = time.process_time() / 60
-    text = "\n\n".join(
-        [
-            f"{machine()}. Measured in {minutes:.0f} minutes of one core. "
-            "Numbers in brackets are the range of six faces that differ by their random phases, three of gaskets.",
-            "## Ground granite, unloading predicted",
-            predicted,
-            "## Ground granite, hardness fitted on unloading as well",
-            asked,
-            "## Sheared fractures, fluid pressure",
-            flow,
-            "## Sheared fractures, closure",
-            closing,
-            "## Metal gaskets",
-            metals,
-        ]
-    )
+    metals = rows_table(timed("gaskets", gaskets))
+    text = f"""{machine()}. Measured in {time.process_time() / 60:.0f} minutes of one core. \
+Numbers in brackets are the range of six faces that differ by their random phases, three of gaskets.
+
+## Ground granite, unloading predicted
+
+{predicted}
+
+## Ground granite, hardness fitted on unloading as well
+
+{asked}
+
+## Sheared fractures, fluid pressure
+
+{flow}
+
+## Sheared fractures, closure
+
+{closing}
+
+## Metal gaskets
+
+{metals}"""
     print_report(__file__, "Experiments of others", text, options.write)
 
 

@@ -17,34 +17,6 @@ def granite():
     return experiments.Cycle.of(lines, "sigma_eff", "k")
 
 
-def test_cycles_are_read(granite):
-    assert_allclose(granite.loads, [0.5, 0.625, 0.75, 0.875, 1])
-    assert_allclose(granite.values[[0, -1]], [6.40e-20, 3.79e-20])
-    assert_allclose(granite.unloads, [0.875, 0.75, 0.625, 0.5])
-    assert {line["specimen"] for line in experiments.measured("rock_fractures")} == {
-        "vd1",
-        "vd2",
-        "vd3",
-    }
-    assert [float(line["Q0min"]) for line in experiments.measured("metal_gaskets")] == [
-        50,
-        100,
-        175,
-        200,
-        225,
-        250,
-        300,
-    ]
-
-
-def test_an_outlier_is_left_out(granite):
-    exact = granite.unloaded[None, :].copy()
-    exact[0, 2] = 3.9e-20  # what is an outlier may be anything
-    assert experiments.unloading_error(granite, exact) == 0
-    exact[0, 1] *= np.e
-    assert_allclose(experiments.unloading_error(granite, exact), np.sqrt(1 / 3))
-
-
 def test_a_fit_of_the_loading_finds_the_face_that_made_it(granite, monkeypatch):
     monkeypatch.setattr(experiments, "POINTS", 64)
     experiments.face.cache_clear()

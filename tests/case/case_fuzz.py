@@ -1,7 +1,8 @@
-"""Case files at random for tests: examples and tables drawn from the schema, with values and text spoiled."""
+"""Case files at random for tests: examples and the keys of the template, with values and text spoiled."""
 
 import datetime
 import json
+import math
 import re
 import shutil
 import tomllib
@@ -10,161 +11,39 @@ from pathlib import Path
 
 import numpy as np
 import pyvista as pv
+from small_cases import STRIP, template_cases
 
 from femseal.case.case import Case
-from femseal.case.schema import case_schema
 from femseal.case.template import case_template
 
 ROOT = Path(__file__).parents[2]
 #: Values that a key may be given and hardly ever takes.
 JUNK = (
-    float("nan"),
-    float("inf"),
-    float("-inf"),
-    0,
-    -0.0,
-    0.0,
-    -1,
-    1,
-    2,
-    3,
-    7,
-    0.5,
-    1e308,
-    5e-324,
-    10**18,
-    2**63,
-    -(10**30),
-    True,
-    False,
-    "",
-    " ",
-    "\x00",
-    "\x1b[31m",
-    "é",
-    "日本",
-    "🜁" * 30,
-    "a" * 5000,
-    "1,5 mm",
-    "1 mm",
-    "5 Pa",
-    "5 MPa",
-    "-3 MPa",
-    "nan MPa",
-    "inf m",
-    "1e400 m",
-    "0 m",
-    "0 Pa",
-    "1e30 m",
-    "1e-30 m",
-    "1e29 Pa",
-    "1e-29 Pa",
-    "210 GPa GPa",
-    "1",
-    "m",
-    "10 kN",
-    "200 N/mm",
-    "20 °C",
-    "-300 °C",
-    "0 K",
-    "1 GB",
-    "90 deg",
-    "50 %",
-    "1 mm\n",
-    "..",
-    ".",
-    "/",
-    "/dev/zero",
-    "/dev/null",
-    "none",
-    "None",
-    "null",
-    "x1",
-    "helium",
-    "periodic",
-    "free",
-    [],
-    {},
-    [[]],
-    [{}],
-    ["1 mm"],
-    ["1 MPa", "2 MPa"],
-    [1, 2],
-    [1, 2, 3],
-    [0, 0],
-    [-1, 5],
-    [1e9, 2],
-    [10**9, 10**9],
-    [10**6, 1],
-    [1, 1],
-    [2, 3],
-    [97, 101],
-    [True, False],
-    ["a", 1, 2.0, []],
-    {"kind": "liquid"},
-    {"kind": 3},
-    {"": 1},
-    {"a": {"b": {"c": {}}}},
-    datetime.date(2020, 1, 1),
-    datetime.time(1, 2),
-    datetime.datetime(2020, 1, 1, tzinfo=datetime.UTC),
+    *(math.nan, math.inf, -math.inf, 0, -0.0, -1, 1, 2, 7, 0.5, 1e308, 5e-324, 10**18, -(10**30)),
+    *(True, False, "", " ", "\x00", "\x1b[31m", "é", "🜁" * 30, "a" * 5000),
+    *("1,5 mm", "1 mm", "5 Pa", "5 MPa", "-3 MPa", "nan MPa", "inf m", "1e400 m", "0 m", "0 Pa"),
+    *("1e30 m", "1e-30 m", "1e29 Pa", "1e-29 Pa", "210 GPa GPa", "1", "m", "10 kN", "200 N/mm"),
+    *("20 °C", "-300 °C", "1 GB", "90 deg", "50 %", "1 mm\n", "..", "/", "/dev/zero", "none"),
+    *("x1", "helium", "periodic", "free", [], {}, [[]], [{}], ["1 mm"], ["1 MPa", "2 MPa"]),
+    *([1, 2, 3], [0, 0], [-1, 5], [1e9, 2], [10**9, 10**9], [2, 3], [97, 101], [True, False]),
+    *(["a", 1, 2.0, []], {"kind": "liquid"}, {"kind": 3}, {"": 1}, {"a": {"b": {"c": {}}}}),
+    *(datetime.date(2020, 1, 1), datetime.time(1, 2)),
 )
-_WORDS = (
-    "nonsense",
-    "",
-    "kind",
-    "title",
-    "face",
-    "é",
-    "a.b",
-    "young ",
-    "Young",
-    "points\n",
-    "folder",
-    "__class__",
-    "x" * 300,
-)
-_TEXTS = (
-    '"',
-    "'",
-    "[",
-    "]",
-    "{",
-    "}",
-    "=",
-    "#",
-    "\n",
-    "\\",
-    ",",
-    ".",
-    "\x00",
-    "\x7f",
-    "\ud7ff",
-    "\ufeff",
-    "é",
-    "🜁",
+_WORDS = ("nonsense", "", "kind", "title", "é", "a.b", "Young", "points\n", "__class__", "x" * 300)
+#: Characters and pieces of text that TOML reads in a way of its own.
+_TEXTS = [
+    *"\"'[]{}=#\n\\,.\x00\x7f\ud7ff\ufeffé🜁-+_\r\t",
     "'''",
-    '"""',
     "nan",
-    "inf",
     "1e999",
-    "-",
-    "+",
-    "_",
     "0x",
-    "true",
-    "[[",
-    "]]",
     "[face]\n",
-    "[load]\n",
     "kind = 3\n",
-    "\r",
-    "\t",
-)
+]
 
 
 def spare_files(folder):
-    """Put files that cases may name into a folder, small ones, some of them broken; return their names."""
+    """Put files that cases may name into a folder, small ones, some of them broken."""
     rng = np.random.default_rng(1)
     heights = 1e-7 * rng.standard_normal((24, 40))
     np.save(folder / "face.npy", heights)
@@ -186,7 +65,6 @@ def spare_files(folder):
     field = pv.PolyData(points, faces=[4, 0, 1, 3, 2])
     field["pressure"], field["lay"] = np.arange(4.0), points
     field.cast_to_unstructured_grid().save(folder / "field.vtu")
-    return sorted(path.name for path in folder.iterdir())
 
 
 def examples():
@@ -195,7 +73,7 @@ def examples():
         tomllib.loads(path.read_text(encoding="utf-8"))
         for path in sorted((ROOT / "examples").glob("*.toml"))
     ]
-    found.append(tomllib.loads(case_template(Case)))
+    found += [*template_cases(), tomllib.loads(case_template(Case))]
     for case in found:
         face = case["face"] = dict(case["face"])
         if face["kind"] == "file":
@@ -208,19 +86,10 @@ def examples():
         if case.get("seal", {}).get("kind") == "mesh":
             case["seal"] |= {"path": "ring.msh", "inlet": "inlet", "outlet": "outlet"}
     turned = found[-1]
-    alone = {key: turned[key] for key in ("face", "material", "load", "fluid")} | {
-        "method": "deterministic"
-    }
+    plain = {key: turned[key] for key in ("face", "material", "load", "fluid")}
+    alone = plain | {"method": "deterministic"}
     gas = {"name": "helium", "inlet_pressure": "10 bar", "outlet_pressure": "1 bar"}
-    two = [
-        turned["face"],
-        {
-            "kind": "self-affine",
-            "points": [64, 128],
-            "size": ["240 um", "480 um"],
-            "rms_slope": 0.1,
-        },
-    ]
+    two = [turned["face"], STRIP["face"] | {"points": [64, 128], "size": ["240 um", "480 um"]}]
     bolted = {"kind": "angle", "fractions": [1.3, 0.7], "repeat": 8}
     drawn = turned["stochastic"] | {"pressure": "uniform"}
     classes = {"classes": ["TA Luft"], "leakage_unit": "mg/(m*s)", "test_fluid": gas}
@@ -229,8 +98,7 @@ def examples():
         alone,
         alone | {"fluid": gas, "method": "auto", "output": classes},
         turned | {"face": two},
-        {key: turned[key] for key in ("face", "material", "load", "fluid")}
-        | {"accuracy": "20 %", "time_limit": "1 min"},
+        plain | {"accuracy": "20 %", "time_limit": "1 min"},
         turned | {"load": turned["load"] | {"map": bolted}, "stochastic": drawn},
         turned | {"compare": ["deterministic"], "surface": {"shortest_wave": "30 um"}},
     ]
@@ -239,10 +107,7 @@ def examples():
 class CaseFuzz:
     """Texts of case files by number: the same number gives the same text."""
 
-    def __init__(self, files):
-        """files : names of the files beside the case."""
-        self._files = files
-        self._schema = case_schema()
+    def __init__(self):
         self._examples = examples()
 
     def text(self, number):
@@ -259,9 +124,8 @@ class CaseFuzz:
         content = text.encode("utf-8", "surrogatepass")
         if rng.random() < 0.02:
             place = int(rng.integers(len(content) + 1))
-            content = (
-                content[:place] + bytes(rng.integers(0, 256, 3, dtype=np.uint8)) + content[place:]
-            )
+            noise = bytes(rng.integers(0, 256, 3, dtype=np.uint8))
+            content = content[:place] + noise + content[place:]
         return content
 
     @staticmethod
@@ -269,200 +133,89 @@ class CaseFuzz:
         return deepcopy(values[rng.integers(len(values))])
 
     def _spoil(self, rng, case):
-        tables = list(_tables(case, self._schema, self._schema))
-        table, schema = tables[rng.integers(len(tables))]
-        known = list(schema.get("properties", {}))
-        keys = list(table)
-        way = rng.integers(14)
-        if way == 0 and keys:
-            table[self._pick(rng, keys)] = self._pick(rng, JUNK)
-        elif way in (1, 2) and known:
-            key = self._pick(rng, known)
-            table[key] = self._drawn(rng, schema["properties"][key])
-        elif way == 3 and keys:
-            table.pop(self._pick(rng, keys))
-        elif way == 4 and keys:
-            key = self._pick(rng, keys)
+        tables = list(_tables(case))
+        table = self._pick(rng, range(len(tables)))
+        table, other = tables[table], tables[rng.integers(len(tables))]
+        keys, way = list(table), rng.integers(14)
+        if not keys:
+            return
+        key = self._pick(rng, keys)
+        if way < 2:
+            table[key] = self._pick(rng, JUNK)
+        elif way < 4:  # a key of another case, with its value
+            known = self._pick(rng, [t for c in self._examples for t in _tables(c) if t])
+            name = self._pick(rng, list(known))
+            table[name] = known[name]
+        elif way == 4:
+            table.pop(key)
+        elif way == 5:
             table[self._pick(rng, _WORDS)] = table.pop(key) if rng.random() < 0.5 else table[key]
-        elif way == 5 and keys:
-            other, _ = tables[rng.integers(len(tables))]
-            table[self._pick(rng, keys)] = deepcopy(other)
-        elif way > 6 and keys:
-            key = self._pick(rng, keys)
+        elif way == 6:
+            table[key] = deepcopy(other)
+        else:
             table[key] = self._bent(rng, table[key])
-        elif known:
-            table[self._pick(rng, known)] = self._pick(rng, JUNK)
 
     def _bent(self, rng, value):
         """The value a little changed: another number, unit, length, or type."""
         if isinstance(value, bool):
             return not value
         if isinstance(value, (int, float)):
-            return type(value)(
-                self._pick(rng, (-1, 0, 0.5, 2, 10, 1000)) * self._pick(rng, (1, value))
-            )
+            factor = self._pick(rng, (-1, 0, 0.5, 2, 10, 1000))
+            return type(value)(factor * self._pick(rng, (1, value)))
         if isinstance(value, str):
             factor = 10 ** (rng.uniform(-9, 9) if rng.random() < 0.3 else rng.uniform(-0.5, 0.5))
-            number = re.sub(
-                r"^-?\d+(\.\d+)?", lambda found: f"{float(found[0]) * factor:.6g}", value
-            )
-            unit = re.sub(
-                r"[A-Za-z°%]+.*$",
-                str(self._pick(rng, ("m", "Pa", "um", "GPa", "", "K", "kg", "N/mm", "°"))),
-                value,
-            )
-            return self._pick(
-                rng,
-                (
-                    number,
-                    number,
-                    number,
-                    number,
-                    number,
-                    number,
-                    unit,
-                    value + "x",
-                    value[:-1],
-                    value * 2,
-                    [value],
-                    value.upper(),
-                ),
-            )
+            number = re.sub(r"^-?\d+(\.\d+)?", lambda n: f"{float(n[0]) * factor:.6g}", value)
+            units = ("m", "Pa", "um", "GPa", "", "K", "kg", "N/mm", "°")
+            unit = re.sub(r"[A-Za-z°%]+.*$", self._pick(rng, units), value)
+            others = (unit, value + "x", value[:-1], value * 2, [value], value.upper())
+            return number if rng.random() < 0.5 else self._pick(rng, others)
         if isinstance(value, list) and value:
             inner = [self._bent(rng, each) if rng.random() < 0.5 else each for each in value]
-            return self._pick(
-                rng,
-                (
-                    value[:-1],
-                    value + value,
-                    value[::-1],
-                    inner,
-                    inner,
-                    value[0],
-                    [*value, []],
-                    value * self._pick(rng, (2, 3, 5, 20, 50, 3000)),
-                ),
-            )
+            longer = value * self._pick(rng, (2, 3, 5, 20, 50, 3000))
+            others = (value[:-1], value[::-1], inner, inner, value[0], [*value, []], longer)
+            return self._pick(rng, others)
         return self._pick(rng, JUNK)
-
-    def _drawn(self, rng, schema, deep=0):
-        """A value that the schema allows, nearly always."""
-        schema = _resolved(schema, self._schema)
-        if rng.random() < 0.03 or deep > 6:
-            return self._pick(rng, JUNK)
-        if options := schema.get("anyOf") or schema.get("oneOf"):
-            return self._drawn(rng, self._pick(rng, options), deep + 1)
-        if "const" in schema:
-            return schema["const"]
-        if "enum" in schema:
-            return self._pick(rng, schema["enum"])
-        kind = schema.get("type")
-        kind = self._pick(rng, kind) if isinstance(kind, list) else kind
-        if kind == "object":
-            needed, keys = schema.get("required", []), schema.get("properties", {})
-            chosen = [key for key in keys if key in needed or rng.random() < 0.3]
-            return {key: self._drawn(rng, keys[key], deep + 1) for key in chosen}
-        if kind == "array":
-            count = int(
-                rng.integers(schema.get("minItems", 0), min(schema.get("maxItems", 4), 4) + 1)
-            )
-            return [
-                self._drawn(rng, schema.get("items", {"type": "string"}), deep + 1)
-                for _ in range(count)
-            ]
-        if kind == "boolean":
-            return bool(rng.random() < 0.5)
-        if kind == "integer":
-            return int(self._pick(rng, (1, 2, 3, 8, 13, 64, 100, 300)))
-        if kind == "number":
-            return float(self._pick(rng, (0.0, 1e-6, 0.01, 0.1, 0.3, 0.5, 1.0, 2.5, 100.0)))
-        if schema.get("format") == "path":
-            return self._pick(rng, [*self._files, "nowhere.npy", "", "/dev/zero", ".."])
-        if kind == "string" and (found := re.findall(r"'([^']+)'", schema.get("description", ""))):
-            return (
-                self._bent(rng, self._pick(rng, found))
-                if rng.random() < 0.5
-                else self._pick(rng, found)
-            )
-        return self._pick(
-            rng,
-            (
-                "heights",
-                "pressure",
-                "um",
-                "mm",
-                ",",
-                "ring",
-                "inner",
-                "outer",
-                "helium",
-                "argon",
-                "x",
-            ),
-        )
 
     def _spoiled_text(self, rng, text):
         lines = text.split("\n")
         for _ in range(rng.integers(1, 4)):
             at, other = (int(n) for n in rng.integers(len(lines), size=2))
-            way = rng.integers(6)
-            if way == 0:
-                lines.insert(at, lines[other])
-            elif way == 1:
-                lines = lines[:at] + lines[at + 1 :] or [""]
-            elif way == 2:
-                lines[at], lines[other] = lines[other], lines[at]
-            elif way == 3:
-                place = int(rng.integers(len(lines[at]) + 1))
-                lines[at] = lines[at][:place] + self._pick(rng, _TEXTS) + lines[at][place:]
-            elif way == 4:
-                place = int(rng.integers(len(lines[at]) + 1))
-                lines[at] = lines[at][:place] + lines[at][place + 1 :]
-            else:
-                lines = lines[:at] or [""]
-        return self._pick(rng, ("\n", "\n", "\n", "\r\n")).join(lines)
+            place = int(rng.integers(len(lines[at]) + 1))
+            head, tail = lines[at][:place], lines[at][place:]
+            ways = (
+                [*lines[:at], lines[other], *lines[at:]],
+                [*lines[:at], *lines[at + 1 :]],
+                [*lines[:at], head + self._pick(rng, _TEXTS) + tail, *lines[at + 1 :]],
+                [*lines[:at], head + tail[1:], *lines[at + 1 :]],
+                lines[:at],
+            )
+            lines = self._pick(rng, ways) or [""]
+        return self._pick(rng, ("\n", "\n", "\r\n")).join(lines)
 
 
-def _resolved(schema, root):
-    while "$ref" in schema:
-        schema = root["definitions"][schema["$ref"].split("/")[-1]]
-    return schema
-
-
-def _tables(value, schema, root):
-    """Every table in a value, with the part of the schema that describes it."""
-    schema = _resolved(schema, root)
-    options = schema.get("anyOf") or schema.get("oneOf") or [schema]
-    options = [_resolved(option, root) for option in options]
+def _tables(value):
+    """Every table in a value."""
     if isinstance(value, dict):
-        kind = value.get("kind")
-        mine = [o for o in options if o.get("type") == "object"]
-        mine = (
-            [o for o in mine if o.get("properties", {}).get("kind", {}).get("const") == kind]
-            or mine
-            or [{}]
-        )
-        yield value, mine[0]
-        for key, inner in list(value.items()):
-            yield from _tables(inner, mine[0].get("properties", {}).get(key, {}), root)
-    elif isinstance(value, list):
-        inner = next((o["items"] for o in options if "items" in o), {})
+        yield value
+        value = [*value.values()]
+    if isinstance(value, list):
         for each in value[:50]:
-            yield from _tables(each, inner, root)
+            yield from _tables(each)
 
 
 def toml(case):
     """A case as text of TOML: values first, then tables."""
-    plain = {key: value for key, value in case.items() if not isinstance(value, dict)}
-    lines = [f"{_key(key)} = {_value(value)}" for key, value in plain.items()]
-    for key, table in case.items():
-        if isinstance(table, dict):
-            lines += [
+    lines, tables = [], []
+    for key, value in case.items():
+        if isinstance(value, dict):
+            tables += [
                 "",
                 f"[{_key(key)}]",
-                *(f"{_key(name)} = {_value(value)}" for name, value in table.items()),
+                *(f"{_key(k)} = {_value(v)}" for k, v in value.items()),
             ]
-    return "\n".join(lines) + "\n"
+        else:
+            lines.append(f"{_key(key)} = {_value(value)}")
+    return "\n".join(lines + tables) + "\n"
 
 
 def _key(key):
@@ -470,12 +223,10 @@ def _key(key):
 
 
 def _value(value):
-    if isinstance(value, bool):
-        return str(value).lower()
+    if isinstance(value, (bool, str)):
+        return json.dumps(value, ensure_ascii=False).replace("\x7f", "\\u007F")
     if isinstance(value, (int, float)):
         return repr(value)
-    if isinstance(value, str):
-        return json.dumps(value, ensure_ascii=False).replace("\x7f", "\\u007F")
     if isinstance(value, list):
         return f"[{', '.join(map(_value, value))}]"
     if isinstance(value, dict):

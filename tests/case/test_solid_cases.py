@@ -1,7 +1,5 @@
 """Solids of a case: metals by their name, hardness as a curve or from a file, and which of two faces yields."""
 
-import re
-
 import numpy as np
 import pytest
 from each import each
@@ -13,7 +11,6 @@ from femseal.case.schema import case_schema
 from femseal.contact import HardnessTable, LinearHardening, NixGao, PerfectlyPlastic
 from femseal.contact.hardness_curves import SofterOf
 from femseal.materials import METALS, named_solid
-from femseal.report.case_text import solids_text
 
 YOUNG = {"young": "210 GPa"}
 ROWS = [["0 um", "1 GPa"], ["0.5 um", "1.4 GPa"], ["2 um", "1.6 GPa"]]
@@ -56,35 +53,17 @@ def test_a_name_fills_in_what_is_not_given():
     own = case({"name": "Inconel 718, aged", "young": "190 GPa", "hardness": "4 GPa"})
     assert own.solids[0] == fs.Solid(190e9, 0.29, hardness=4e9)
     assert own.solid_warnings == ()
-    text = solids_text(own.echo())
-    assert text.startswith(
-        "Inconel 718, aged (by the case: young, hardness; Special Metals SMC-045;"
-    )
-    assert "by the case" not in solids_text(case({"name": "Inconel 718, aged"}).echo())
 
 
-def test_a_value_far_from_that_of_the_name_is_warned_of(tmp_path, femseal):
+def test_a_value_far_from_that_of_the_name_is_warned_of():
     odd = case(
         {"name": "Inconel 718, aged", "hardness": "9 GPa"},
         {"name": "steel 1.4571, annealed", "young": "2.4 TPa"},
     )
     one, two = odd.solid_warnings
-    assert one == (
-        "material.hardness 9 GPa is 3.1 times that of Inconel 718, aged, 2.895 GPa: right if it was measured, else leave out the key"
-    )
+    assert one.startswith("material.hardness 9 GPa is 3.1 times that of Inconel 718, aged, 2.895")
     assert two.startswith("counter_material.young 2400 GPa is 12 times that of steel")
-    assert "solid_warnings" not in odd.echo()
-    assert "solid_warnings" not in case_schema()["properties"]
-    path = tmp_path / "case.toml"
-    path.write_text(
-        'method = "deterministic"\n[face]\nkind = "self-affine"\npoints = [32, 32]\nsize = ["32 um", "32 um"]\n'
-        'rms_slope = 0.2\n[material]\nname = "copper, soft"\nhardness = "1 GPa"\n[load]\nloading = ["50 MPa"]\n'
-        '[fluid]\nname = "water"\ninlet_pressure = "1 MPa"\n'
-    )
-    code, lines, _ = femseal("check", path)
-    assert code == 0
-    assert "copper, soft (by the case: hardness; OFHC" in lines
-    assert re.search("warning +material.hardness 1 GPa is 7.4 times that of copper, soft", lines)
+    assert "solid_warnings" not in {*odd.echo(), *case_schema()["properties"]}
 
 
 @each(
@@ -109,30 +88,31 @@ def test_a_curve_of_a_case_is_its_law_and_runs(keys, law):
 def test_a_table_from_a_file_has_its_units(tmp_path):
     path = tmp_path / "indentation.csv"
     path.write_text("hardness [GPa]; depth [nm]\n1; 0\n1.4; 500\n\n1.6; 2000\n")
-    from_file = parse_case(
-        CASE | SMALL | {"material": YOUNG | {"hardness_table": "indentation.csv"}}, tmp_path
-    )
+    of_file = CASE | SMALL | {"material": YOUNG | {"hardness_table": "indentation.csv"}}
+    from_file = parse_case(of_file, tmp_path)
     assert from_file.law == case(YOUNG | {"hardness_table": ROWS}).law
     assert from_file.echo()["material"]["hardness_table"][1] == [500e-9, 1.4e9]
-    for text in (
-        "",
-        "depth, hardness\n1, 2\n",
-        "depth [um], hardness [GPa]\n1\n",
-        "depth [um], depth [um]\n1,2\n",
+    for text, said in (
+        ("", ", expected two col"),
+        ("depth, hardness\n1, 2\n", ", expected two col"),
+        ("depth [um], hardness [GPa]\n1\n", ", expected two col"),
+        ("depth [um], depth [um]\n1,2\n", ", expected two col"),
+        ("depth [um], hardness [GPa]\n", " with 0 rows of numbers, expected"),
+        ("depth [um], hardness [GPa]\n0, 1\n", " with 1 row of numbers, expected"),
     ):
         path.write_text(text)
-        with pytest.raises(
-            fs.InputError,
-            match=r"^material.hardness_table: given 'indentation.csv', expected two col",
-        ):
-            parse_case(CASE | {"material": YOUNG | {"hardness_table": "indentation.csv"}}, tmp_path)
-    for rows, said in (("", "0 rows"), ("0, 1\n", "1 row")):
-        path.write_text("depth [um], hardness [GPa]\n" + rows)
-        with pytest.raises(
-            fs.InputError,
-            match=rf"^material.hardness_table: given '.*' with {said} of numbers, expected",
-        ):
-            parse_case(CASE | {"material": YOUNG | {"hardness_table": "indentation.csv"}}, tmp_path)
+        table = "^material.hardness_table: given 'indentation.csv'"
+        with pytest.raises(fs.InputError, match=table + said):
+            parse_case(of_file, tmp_path)
+
+
+def test_the_softer_face_yields():
+    steel, copper = YOUNG | {"hardness": "3 GPa"}, {"young": "117 GPa", "hardness": "600 MPa"}
+    for face, counter, softer in ((steel, copper, "counter-face"), (copper, steel, "face")):
+        made = case(face, counter)
+        assert made.law == PerfectlyPlastic(6e8)
+        said = f"; the {softer} yields, at 600 MPa, and the other at 3 GPa"
+        assert fs.run(made).dataset.attrs["solids"].endswith(said)
 
 
 @each(
@@ -187,25 +167,6 @@ def test_bad_solids_are_refused(keys, words):
 
 
 # --- two faces ---
-
-
-def test_the_softer_face_is_named_with_both_hardnesses():
-    steel, copper = YOUNG | {"hardness": "3 GPa"}, {"young": "117 GPa", "hardness": "600 MPa"}
-    for face, counter, softer in ((steel, copper, "counter-face"), (copper, steel, "face")):
-        made = case(face, counter)
-        assert made.law == PerfectlyPlastic(6e8)
-        assert solids_text(made.echo()).endswith(
-            f"; the {softer} yields, at 600 MPa, and the other at 3 GPa"
-        )
-        assert made.law.capacity == 6e8
-    assert fs.run(made).dataset.attrs["solids"] == solids_text(made.echo())
-    near = solids_text(case(steel, YOUNG | {"yield_stress": "1.1 GPa"}).echo())
-    assert near.endswith("the face yields, at 3 GPa, and the other at 3.08 GPa: they are close, and the softer is taken to "
-                         "yield alone")  # fmt: skip
-    assert "the face yields, at 3 GPa, and the other at no pressure" in solids_text(
-        case(steel, YOUNG).echo()
-    )
-    assert "yields" not in solids_text(case(YOUNG, YOUNG).echo())
 
 
 def test_where_curves_of_both_faces_cross_the_softer_at_each_depth_yields():

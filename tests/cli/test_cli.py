@@ -2,30 +2,83 @@
 
 import inspect
 import json
+import operator
 import os
 import re
 import subprocess
 import sys
 import tomllib
+from contextlib import nullcontext
 from math import inf
 from pathlib import Path
 
-import instrument_files
 import numpy as np
 import pytest
 from numba import njit
 from small_cases import template_cases
-from typer.testing import CliRunner
 
 import femseal as fs
 from femseal import cli
-from femseal.base.machine import versions
 from femseal.case.case import parse_case
 from femseal.case.faces import SurfaceTable
 from femseal.case.schema import case_schema
 
 ROOT = Path(__file__).parents[2]
 CASES = sorted((ROOT / "examples").glob("*.toml"))
+
+
+SCHEMA = case_schema()
+NUMBER = (int, float)
+
+KINDS = {
+    "string": str,
+    "boolean": bool,
+    "object": dict,
+    "array": list,
+    "number": NUMBER,
+    "integer": int,
+}
+
+#: Words of JSON Schema that the schema uses, the values that they are about, and what these fulfil.
+WORDS = {
+    "required": (dict, lambda value, given: {*given} <= {*value}),
+    "pattern": (str, lambda value, given: re.search(given, value)),
+    "maxLength": (str, lambda value, given: len(value) <= given),
+    "minItems": (list, lambda value, given: len(value) >= given),
+    "maxItems": (list, lambda value, given: len(value) <= given),
+    "enum": (object, lambda value, given: value in given),
+    "const": (object, operator.eq),
+    "minimum": (NUMBER, operator.ge),
+    "maximum": (NUMBER, operator.le),
+    "exclusiveMinimum": (NUMBER, operator.gt),
+    "exclusiveMaximum": (NUMBER, operator.lt),
+}
+
+
+def fits(value, schema, root):
+    """Whether a value is what a part of the schema describes."""
+    if "$ref" in schema:
+        return fits(value, root["definitions"][schema["$ref"].rpartition("/")[2]], root)
+    if "type" in schema:
+        names = schema["type"] if isinstance(schema["type"], list) else [schema["type"]]
+        if isinstance(value, bool):
+            names = {*names} & {"boolean"}
+        if not any(isinstance(value, KINDS[name]) for name in names):
+            return False
+    options = schema.get("oneOf") or schema.get("anyOf") or [{}]
+    inner, known = [], schema.get("properties", {})
+    if isinstance(value, dict):
+        if schema.get("additionalProperties") is False and not {*value} <= {*known}:
+            return False
+        inner = [(value[key], known[key]) for key in value.keys() & known]
+    elif isinstance(value, list):
+        inner = [(item, schema.get("items", {})) for item in value]
+    words = [(*WORDS[word], given) for word, given in schema.items() if word in WORDS]
+    return (
+        any(option == {} or fits(value, option, root) for option in options)
+        and all(fits(item, part, root) for item, part in inner)
+        and all(check(value, given) for kind, check, given in words if isinstance(value, kind))
+    )
 
 
 @pytest.mark.parametrize("command", ["check", "run", "design"])
@@ -39,65 +92,40 @@ def test_a_stop_before_the_work_is_told_and_no_success(femseal, monkeypatch, com
     assert "stopped" in errors
 
 
-def test_check_tells_once_that_loops_are_compiled(femseal, monkeypatch):
-    monkeypatch.setattr(
-        "femseal.runs.forecast.describe", lambda *_: [njit(lambda x: x)(one) for one in ("a", 1.0)]
-    )
-    code, lines, errors = femseal("check", ROOT / "examples" / "turned_seal.toml")
-    assert (code, lines, errors) == (0, "a\n1.0\n", "compiling, once after an installation\n")
-
-
-def test_a_run_in_one_process_tells_that_loops_are_compiled(femseal, monkeypatch):
-    path, words = ROOT / "examples" / "turned_seal.toml", "compiling, once after an installation"
-    monkeypatch.setattr(
-        "femseal.runs.job._results", lambda *_: [njit(lambda x: x)(one) for one in ("a", 1.0)]
-    )
-    told = []
-    fs.run(path, workers=1, progress=lambda *state: told.append(state))
-    assert told == [(words, 0, None), (words, 1, None), (words, 2, None), (words, 2, 2)]
-
-    def refused(*_):
-        njit(lambda x: x)(1.0)
-        raise fs.InputError("face", "none", "one")
-
-    monkeypatch.setattr("femseal.runs.job._prepared", refused)
-    _, _, errors = femseal("run", path, "--workers", 1)
-    assert errors.count(words) == 1
+def loops(*_, **__):
+    for one in ("a", 1.0):
+        njit(lambda x: x)(one)
+    raise fs.InputError("face", "none", "one")
 
 
 @pytest.mark.parametrize(
     ("command", "place", "further"),
     [
-        ("sweep", "sweeps.sweeping.prepare", ["seed=1"]),
-        ("design", "designs.answer.job._prepared", ["--no-solve"]),
-        ("calibrate", "calibration.calibrating.prepare", ["test.csv"]),
+        ("check", "runs.forecast.describe", []),
+        ("run", "runs.job._prepared", ["--workers", 1]),
+        ("sweep", "sweeps.sweeping.prepare", ["seed=1", "--workers", 1]),
+        ("design", "designs.answer.job._prepared", ["--no-solve", "--workers", 1]),
+        ("calibrate", "calibration.calibrating.prepare", ["test.csv", "--workers", 1]),
     ],
 )
-def test_other_commands_tell_once_too_that_loops_are_compiled(
+def test_commands_tell_once_that_loops_are_compiled(
     femseal, monkeypatch, tmp_path, command, place, further
 ):
-    def refused(*_, **__):
-        for one in ("a", 1.0):
-            njit(lambda x: x)(one)
-        raise fs.InputError("face", "none", "one")
-
     monkeypatch.chdir(tmp_path)
-    (tmp_path / "test.csv").write_text(
-        "pressure [MPa],leakage [mL/(m*s)]\n100,12\n200,6\n300,3.5\n"
-    )
-    monkeypatch.setattr(f"femseal.{place}", refused)
-    code, _, errors = femseal(
-        command, ROOT / "examples" / "turned_seal.toml", *further, "--workers", 1
-    )
+    test = "pressure [MPa],leakage [mL/(m*s)]\n100,12\n200,6\n300,3.5\n"
+    (tmp_path / "test.csv").write_text(test)
+    monkeypatch.setattr(f"femseal.{place}", loops)
+    code, _, errors = femseal(command, ROOT / "examples" / "turned_seal.toml", *further)
     assert (code, errors.count("compiling, once after an installation")) == (2, 1)
+
+
+TURNED = fs.turned((96, 128), (96e-6, 128e-6), pitch=16e-6, depth=1e-6, roughness=2e-8, rng=1)
 
 
 @pytest.fixture
 def face(tmp_path):
     """A face whose x is across its grooves, with a spike and two undefined points."""
-    heights = fs.turned(
-        (96, 128), (96e-6, 128e-6), pitch=16e-6, depth=1e-6, roughness=2e-8, rng=1
-    ).heights.copy()
+    heights = TURNED.heights.copy()
     heights[20, 30] += 2e-5
     heights[50, 60:62] = np.nan
     np.savez(tmp_path / "face.npz", heights=heights, spacing=(1e-6, 1e-6))
@@ -132,49 +160,6 @@ print([m for m in ("numpy", "scipy", "numba", "pydantic", "pint", "matplotlib", 
     assert done.stdout.splitlines()[-1] == "[]"
 
 
-def test_help_names_commands_and_exit_codes(femseal):
-    code, text, _ = femseal("--help")
-    assert code == 0
-    for word in ("new", "check", "run", "surface", "schema", "--debug", "--install-completion"):
-        assert word in text
-    assert "Exit code: 0 done, 2 bad input (nothing is written), 1 anything else." in text
-
-
-@pytest.mark.parametrize("command", ["new", "check", "run", "report", "surface"])
-def test_help_says_what_is_taken_where_nothing_is_given(femseal, monkeypatch, command):
-    monkeypatch.setenv("COLUMNS", "160")
-    code, text, _ = femseal(command, "--help")
-    assert code == 0
-    lines = [
-        line
-        for line in text.splitlines()
-        if re.match(r"\W*(--\w|[a-zA-Z]+ +<)", line) and "<bool>" not in line
-    ]
-    assert lines or command == "check"
-    for line in lines:
-        assert re.search(r"\[default: .+\]|\[required\]", line), line
-
-
-def test_every_option_with_a_default_shows_it(monkeypatch):
-    """All commands that there are, and all their options but --help and those of completion."""
-    import typer
-
-    monkeypatch.setenv("COLUMNS", "250")
-    root = typer.main.get_command(cli.app)
-    commands = [root, *root.commands.values()]
-    assert len(commands) > 7
-    for command in commands:
-        context = typer.Context(command, info_name=command.name)
-        asked = ["--help"] if command is root else [command.name, "--help"]
-        lines = CliRunner().invoke(cli.app, asked).output.splitlines()
-        for option in command.get_params(context):
-            if option.name in ("help", "install_completion", "show_completion") or option.required:
-                continue
-            name = max(option.opts, key=len) if option.opts[0].startswith("-") else option.name
-            (line,) = [line for line in lines if re.match(rf"[^\w-]*{name} ", line)]
-            assert "[default: " in line, (command.name, name, line)
-
-
 def test_the_package_is_the_command_too():
     done = subprocess.run(
         [sys.executable, "-m", "femseal", "--version"], capture_output=True, text=True
@@ -187,16 +172,10 @@ def test_version_lists_the_stack(femseal):
     code, text, _ = femseal("--version")
     listed = dict(line.split(" ") for line in text.splitlines())
     assert code == 0
-    assert listed == versions()
     assert listed["femseal"] == fs.__version__
     assert listed["numpy"] == np.__version__
-    asked = {"python", "scipy", "scikit-fem", "pyamg", "pyfftw", "numba", "meshio", "pyvista"}
-    assert asked <= set(listed)
-    assert not [name for name in asked if listed[name] == "–"]
-    required = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"][
-        "dependencies"
-    ]
-    assert {re.split("[><=]", name)[0] for name in required} <= set(listed)
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
+    assert {re.split("[><=]", name)[0] for name in project["dependencies"]} <= set(listed)
 
 
 def test_commands_are_completed():
@@ -253,12 +232,10 @@ def test_surface_describes_a_face_and_what_a_run_does(femseal, face, tmp_path):
     picture = tmp_path / "face.png"
     code, text, errors = femseal("surface", face, "-o", picture)
     assert (code, errors) == (0, "")
-    before, after = text.split("what a run does to it")
-    found, done = fields(before), fields(after)
+    found, done = map(fields, text.split("what a run does to it"))
     measured = fs.read_topography(face)
     report = fs.describe_surface(measured)
-    assert found["points"] == "96 × 128"
-    assert found["size"] == "96 µm × 128 µm"
+    assert (found["points"], found["size"]) == ("96 × 128", "96 µm × 128 µm")
     assert found["points in spikes"] == done["points in spikes, filled"] == "1"
     assert found["undefined points"] == "0.0163 %"
     assert found["Sq, rms height"] == f"{report.rms_height * 1e9:.4g} nm"
@@ -271,40 +248,15 @@ def test_surface_describes_a_face_and_what_a_run_does(femseal, face, tmp_path):
 
 
 def test_what_is_said_goes_before_what_the_file_says(femseal, face):
-    said = (
-        "--size",
-        "1 mm",
-        "2 mm",
-        "--height-unit",
-        "um",
-        "--spikes",
-        "inf",
-        "--shortest-wave",
-        "0.3 mm",
-        "--transpose",
-    )
-    code, text, _ = femseal("surface", face, *said)
+    said = ["--size", "1 mm", "2 mm", "--height-unit", "um", "--spikes", "inf", "--transpose"]
+    code, text, _ = femseal("surface", face, *said, "--shortest-wave", "0.3 mm")
     assert code == 0
     found = fields(text)
-    assert found["points"] == "128 × 96"
-    assert found["size"] == "1 mm × 2 mm"
+    assert (found["points"], found["size"]) == ("128 × 96", "1 mm × 2 mm")
     assert found["points in spikes"] == "0"
     assert found["shortest wave kept"] == "300 µm"
     report = fs.describe_surface(fs.read_topography(face), spikes=inf)
     assert found["Sq, rms height"] == f"{report.rms_height * 1e-6 * 1e12:.4g} pm"
-    assert "transpose exchanges the axes" in text
-
-
-def test_noise_below_the_low_pass_is_pointed_out(femseal, tmp_path):
-    face = fs.self_affine(
-        (200, 200), (2e-4, 2e-4), hurst=0.8, rms_height=1e-7, cut_off=1.2e-5, rng=1
-    )
-    noise = np.random.default_rng(0).normal(0, 3e-9, face.shape)
-    np.savez(tmp_path / "face.npz", z=face.heights + noise, spacing=face.spacing)
-    code, text, _ = femseal("surface", tmp_path / "face.npz")
-    assert code == 0
-    (wave,) = re.findall(r"shortest_wave = '([\d.]+ µm)' removes them", text)
-    assert float(wave.split()[0]) == pytest.approx(12, rel=0.1)
 
 
 @pytest.mark.parametrize(
@@ -340,21 +292,16 @@ def test_bad_options_of_surface(femseal, face, tmp_path, monkeypatch, arguments,
 @pytest.mark.parametrize(
     ("change", "reason"),
     [
-        (
-            lambda z: z[:, 90:].fill(np.nan),
-            r"29.7 % undefined points, expected at most 5 %: crop the map",
-        ),
-        (lambda z: z[::2].fill(np.nan), "50 % undefined points"),
+        (lambda z: z[:, 90:].fill(np.nan), r"29.7 % undefined points, expected at most 5 %: crop"),
         (lambda z: z.fill(np.nan), "none of its points is defined"),
         (lambda z: z.__imul__(1e6), r"expected at most 10 mm; .* \(--height-unit\)"),
     ],
 )
 def test_surface_describes_what_a_run_refuses(femseal, tmp_path, change, reason):
-    made = fs.turned((96, 128), (96e-6, 128e-6), pitch=16e-6, depth=1e-6, roughness=2e-8, rng=1)
-    z = made.heights.copy()
+    z = TURNED.heights.copy()
     change(z)
-    np.savez(tmp_path / "face.npz", z=z, spacing=made.spacing)
-    drawn = ["-o", tmp_path / "face.png"] if np.isnan(z[:, 90:]).all() else []
+    np.savez(tmp_path / "face.npz", z=z, spacing=TURNED.spacing)
+    drawn = ["-o", tmp_path / "face.png"] if "crop" in reason else []
     code, text, errors = femseal("surface", tmp_path / "face.npz", *drawn)
     assert (code, errors) == (0, "")
     assert re.search(f"note: a run refuses this face: .*{reason}", text)
@@ -362,33 +309,24 @@ def test_surface_describes_what_a_run_refuses(femseal, tmp_path, change, reason)
     assert not drawn or (tmp_path / "face.png").stat().st_size > 30_000
 
 
-def test_a_file_without_a_pixel_and_tiny_maps_are_described(femseal, tmp_path):
-    for shape in ((24, 32), (1, 1), (1, 40), (3, 3), (12, 2)):
-        np.save(tmp_path / "face.npy", 1e-7 * np.random.default_rng(0).standard_normal(shape))
-        drawn = ["-o", tmp_path / "face.png"] if shape == (1, 40) else []
-        code, text, errors = femseal("surface", tmp_path / "face.npy", *drawn)
-        assert (code, errors) == (0, ""), shape
-        assert (
-            f"a run refuses this face: {tmp_path / 'face.npy'}: given no pixel size in the file"
-            in text
-        )
-        assert fields(text.split("what a run does")[0])["points"] == f"{shape[0]} × {shape[1]}"
+@pytest.mark.parametrize("shape", [(24, 32), (1, 1), (1, 40), (3, 3), (12, 2)])
+def test_a_file_without_a_pixel_and_tiny_maps_are_described(femseal, tmp_path, shape):
+    np.save(tmp_path / "face.npy", 1e-7 * np.random.default_rng(0).standard_normal(shape))
+    code, text, errors = femseal("surface", tmp_path / "face.npy", "-o", tmp_path / "face.png")
+    assert (code, errors) == (0, "")
+    assert "a run refuses this face: " in text
+    assert "given no pixel size in the file" in text
+    assert fields(text.split("what a run does")[0])["points"] == f"{shape[0]} × {shape[1]}"
 
 
 def test_a_mask_in_the_file_is_told(femseal, tmp_path):
-    z = fs.turned((96, 128), (96e-6, 128e-6), pitch=16e-6, depth=1e-6, rng=1).heights
-    mask = np.zeros(z.shape, bool)
+    mask = np.zeros(TURNED.shape, bool)
     mask[10:12, 20:68] = True
-    np.savez(tmp_path / "face.npz", z=z, spacing=(1e-6, 1e-6), mask=mask)
-    text = femseal("surface", tmp_path / "face.npz")[1]
-    assert (
-        "note: 0.781 % of the points in the file are masked in it: --no-file-mask takes their heights"
-        in text
-    )
-    assert fields(text)["undefined points, filled"] == "0.781 %"
-    text = femseal("surface", tmp_path / "face.npz", "--no-file-mask")[1]
-    assert "masked" not in text
-    assert fields(text)["undefined points, filled"] == "0 %"
+    path = tmp_path / "face.npz"
+    np.savez(path, z=TURNED.heights, spacing=(1e-6, 1e-6), mask=mask)
+    for arguments, share in (([], "0.781 %"), (["--no-file-mask"], "0 %")):
+        text = femseal("surface", path, *arguments)[1]
+        assert fields(text)["undefined points, filled"] == share
 
 
 def test_defaults_of_surface_are_those_of_a_case():
@@ -399,188 +337,68 @@ def test_defaults_of_surface_are_those_of_a_case():
     } == {n: getattr(table, n) for n in ("spikes", "detrend", "max_undefined", "shortest_wave")}
 
 
-def test_the_file_of_an_instrument_on_the_command_line(femseal, tmp_path):
-    face = fs.self_affine((64, 48), (64e-6, 48e-6), hurst=0.8, rms_height=1e-6, cut_off=8e-6, rng=1)
-    (tmp_path / "face.plu").write_bytes(instrument_files.plu(face.heights, face.spacing))
-    code, text, _ = femseal("surface", tmp_path / "face.plu")
-    found = fields(text.split("what a run does")[0])
-    assert (code, found["undefined points"], found["points"]) == (0, "0 %", "64 × 48")
-    height, unit = found["Sq, rms height"].split()
-    assert unit in ("nm", "µm")
-    told = float(height) * {"nm": 1e-9, "µm": 1e-6}[unit]
-    assert told == pytest.approx(face.detrend().rms_height, rel=2e-3)
-
-
 # --- schema -----------------------------------------------------------------------------------------------
 
-_KINDS = {
-    "string": str,
-    "boolean": bool,
-    "object": dict,
-    "array": list,
-    "number": (int, float),
-    "integer": int,
-}
 
-
-def faults(value, schema, root, place="case"):
-    """Faults by the words of JSON Schema that the schema uses; any other word is an error here."""
-    if "$ref" in schema:
-        return faults(
-            value, root["definitions"][schema["$ref"].removeprefix("#/definitions/")], root, place
-        )
-    found = []
-    for word, given in schema.items():
-        if word in ("oneOf", "anyOf"):
-            alternatives = [faults(value, option, root, place) for option in given]
-            if not any(not a for a in alternatives):
-                found += min(alternatives, key=len)
-        elif word == "type":
-            kinds = [_KINDS[k] for k in ([given] if isinstance(given, str) else given)]
-            if not any(
-                isinstance(value, k) and not (isinstance(value, bool) and k is not bool)
-                for k in kinds
-            ):
-                found.append(f"{place}: {value!r} is no {given}")
-        elif word == "properties" and isinstance(value, dict):
-            found += [
-                f
-                for k in value.keys() & given
-                for f in faults(value[k], given[k], root, f"{place}.{k}")
-            ]
-        elif word == "items" and isinstance(value, list):
-            found += [
-                f for n, v in enumerate(value) for f in faults(v, given, root, f"{place}.{n}")
-            ]
-        elif (
-            (word == "required" and isinstance(value, dict) and set(given) - set(value))
-            or (
-                word == "additionalProperties"
-                and isinstance(value, dict)
-                and set(value) - set(schema["properties"])
-            )
-            or (word == "pattern" and isinstance(value, str) and not re.search(given, value))
-            or (word == "enum" and value not in given)
-            or (word == "const" and value != given)
-            or (word == "minItems" and isinstance(value, list) and len(value) < given)
-            or (word == "maxItems" and isinstance(value, list) and len(value) > given)
-            or (word == "minimum" and isinstance(value, (int, float)) and value < given)
-            or (word == "maximum" and isinstance(value, (int, float)) and value > given)
-            or (word == "maxLength" and isinstance(value, str) and len(value) > given)
-            or (word == "exclusiveMinimum" and isinstance(value, (int, float)) and value <= given)
-            or (word == "exclusiveMaximum" and isinstance(value, (int, float)) and value >= given)
-        ):
-            found.append(f"{place}: {value!r} against {word} {given}")
-        else:
-            assert word in {
-                "required",
-                "additionalProperties",
-                "pattern",
-                "enum",
-                "const",
-                "minItems",
-                "maxItems",
-                "minimum",
-                "maximum",
-                "maxLength",
-                "exclusiveMinimum",
-                "exclusiveMaximum",
-                "properties",
-                "items",
-                "description",
-                "default",
-                "format",
-                "$schema",
-                "definitions",
-                "title",
-                "examples",
-            }, word
-    return found
-
-
-@pytest.fixture(scope="module")
-def schema():
-    return case_schema()
+def faults(case):
+    """Whether a case does not fit the schema."""
+    return not fits(case, SCHEMA, SCHEMA)
 
 
 @pytest.mark.parametrize("path", CASES, ids=lambda p: p.name)
-def test_shipped_cases_fit_the_schema(schema, path):
-    data = tomllib.loads(path.read_text(encoding="utf-8"))
-    assert faults(data, schema, schema) == []
-    try:
-        import jsonschema
-    except ImportError:
-        return
-    jsonschema.validate(data, schema)
+def test_shipped_cases_fit_the_schema(path):
+    assert not faults(tomllib.loads(path.read_text(encoding="utf-8")))
 
 
-def test_all_that_the_template_comments_out_fits_the_schema(schema):
-    for case in template_cases():
-        assert faults(case, schema, schema) == []
+def test_all_that_the_template_comments_out_fits_the_schema():
+    assert not any(map(faults, template_cases()))
 
 
 @pytest.mark.parametrize(
-    ("table", "key", "value"),
+    ("table", "key", "value", "fits"),
     [
-        ("face", "picth", "60 um"),
-        ("face", "pitch", 60),
-        ("face", "pitch", "60"),
-        ("face", "pitch", "1,5 um"),
-        ("face", "points", [64]),
-        ("face", "points", [64, 0]),
-        ("face", "kind", "polished"),
-        ("material", "poisson", [0.3]),
-        ("load", "loading", "1 MPa"),
-        ("load", "loading", []),
-        ("stochastic", "sampler", "magic"),
-        ("contact", "boundary", ["free", "open"]),
-        ("surface", "detrend", 3),
-        ("surface", "spikes", 0),
+        ("face", "picth", "60 um", False),
+        ("face", "pitch", 60, False),
+        ("face", "pitch", "60", False),
+        ("face", "pitch", "1,5 um", False),
+        ("face", "pitch", ".6e2um", True),
+        ("face", "points", [64], False),
+        ("face", "points", [64, 0], False),
+        ("face", "kind", "polished", False),
+        ("fluid", "pressure_viscosity", "20 1/GPa", True),
+        ("material", "poisson", [0.3], False),
+        ("material", "poisson", "0.3", True),
+        ("load", "loading", "1 MPa", False),
+        ("load", "loading", [], False),
+        ("stochastic", "sampler", "magic", False),
+        ("contact", "boundary", ["free", "open"], False),
+        ("seal", "lay", "x1", True),
+        ("surface", "detrend", 3, False),
+        ("surface", "spikes", 0, False),
+        ("surface", "spikes", inf, True),
+        ("surface", "max_undefined", 0, True),
     ],
 )
-def test_the_schema_refuses_what_a_case_refuses(schema, table, key, value):
+def test_the_schema_refuses_what_a_case_refuses(table, key, value, fits):
     data = tomllib.loads((ROOT / "examples" / "turned_seal.toml").read_text(encoding="utf-8"))
     data.setdefault(table, {})[key] = value
-    assert faults(data, schema, schema)
-    with pytest.raises(fs.InputError):
+    assert faults(data) != fits
+    with nullcontext() if fits else pytest.raises(fs.InputError):
         parse_case(data)
 
 
-@pytest.mark.parametrize(
-    ("table", "key", "value"),
-    [
-        ("face", "pitch", ".6e2um"),
-        ("fluid", "pressure_viscosity", "20 1/GPa"),
-        ("material", "poisson", "0.3"),
-        ("surface", "spikes", inf),
-        ("surface", "max_undefined", 0),
-        ("seal", "lay", "x1"),
-    ],
-)
-def test_the_schema_takes_what_a_case_takes(schema, table, key, value):
-    data = tomllib.loads((ROOT / "examples" / "turned_seal.toml").read_text(encoding="utf-8"))
-    data.setdefault(table, {})[key] = value
-    parse_case(data)
-    assert faults(data, schema, schema) == []
-
-
-def test_every_key_of_a_case_is_in_the_schema_with_values_of_toml(schema):
+def test_schema_is_printed(femseal):
     """Keys as in the models; no null and no default in SI where text with a unit is due."""
-    text = json.dumps(schema)
-    assert "null" not in text
-    assert "prefixItems" not in text
-    assert "folder" not in schema["properties"]
-    assert set(SurfaceTable.model_fields) == set(
-        schema["definitions"]["SurfaceTable"]["properties"]
-    )
-    assert "default" not in schema["definitions"]["LiquidTable"]["properties"]["density"]
-    assert schema["definitions"]["SurfaceTable"]["properties"]["detrend"]["default"] == 1
-
-
-def test_schema_is_printed(femseal, schema):
     code, text, _ = femseal("schema")
     assert code == 0
-    assert json.loads(text) == schema
+    assert json.loads(text) == case_schema()
+    assert "null" not in text
+    assert "prefixItems" not in text
+    assert '"folder"' not in text
+    tables = {name: table["properties"] for name, table in case_schema()["definitions"].items()}
+    assert set(SurfaceTable.model_fields) == set(tables["SurfaceTable"])
+    assert "default" not in tables["LiquidTable"]["density"]
+    assert tables["SurfaceTable"]["detrend"]["default"] == 1
 
 
 @pytest.mark.parametrize(
@@ -613,14 +431,11 @@ def test_new_writes_the_case_of_a_measured_face(tmp_path, femseal):
 def test_new_asks_for_what_a_text_does_not_say(tmp_path, femseal):
     """The pixel and the unit; with both the case reads the face, and says how the text lies."""
     face = fs.self_affine((48, 64), (48e-6, 64e-6), hurst=0.8, rms_height=1e-7, rng=1)
+    case, header = tmp_path / "new.toml", "Width: 48 um\nHeight: 64 um"
     np.savetxt(tmp_path / "face.txt", face.heights.T * 1e6)
-    np.savetxt(tmp_path / "sized.txt", face.heights.T * 1e6, header="Width: 48 um\nHeight: 64 um")
-    case = tmp_path / "new.toml"
+    np.savetxt(tmp_path / "sized.txt", face.heights.T * 1e6, header=header)
     for name, words in (
-        (
-            "face.txt",
-            "given no pixel size and no unit of heights, expected --spacing '1 um' '1 um' and --height-unit um",
-        ),
+        ("face.txt", "given no pixel size and no unit of heights, expected --spacing"),
         ("sized.txt", "given no unit of heights, expected --height-unit um"),
     ):
         code, text, errors = femseal("new", case, "--from", tmp_path / name)
@@ -633,10 +448,6 @@ def test_new_asks_for_what_a_text_does_not_say(tmp_path, femseal):
     found, _ = table.make(tmp_path, np.random.default_rng())
     np.testing.assert_allclose(found.heights, face.heights, rtol=1e-12)
     np.testing.assert_allclose(found.spacing, 1e-6)
-    assert (
-        "note: a line of the text runs along x1"
-        in femseal("surface", tmp_path / "face.txt", *said)[1]
-    )
 
 
 def test_a_scheduler_without_its_extra_is_told_how_to_install_it(femseal, tmp_path, monkeypatch):

@@ -7,10 +7,9 @@ from numpy.testing import assert_allclose, assert_array_equal
 from test_design import AMPLITUDES, FALL, GROOVED, RISE, case, power_law
 
 import femseal as fs
-from femseal.designs.data_sheet import rows, sheet_tables
+from femseal.designs.data_sheet import rows
 from femseal.designs.requirements import Seals, requirement
 from femseal.loads import LoadProgramme
-from femseal.report.case_text import case_sentences
 
 LOADING = {"loading": ["20 MPa", "100 MPa", "400 MPa"]}
 DOWN = {"unload_from": ["100 MPa", "400 MPa"], "unloading": ["20 MPa"]}
@@ -18,10 +17,13 @@ DOWN = {"unload_from": ["100 MPa", "400 MPa"], "unloading": ["20 MPa"]}
 
 @pytest.fixture(scope="module")
 def relaxed():
-    computed = {"budget": False}
-    return fs.run(
-        case(face=GROOVED, load=LOADING | DOWN | {"relaxation": 0.1}, output=computed), workers=1
-    )
+    load = LOADING | DOWN | {"relaxation": 0.1}
+    return fs.run(case(face=GROOVED, load=load, output={"budget": False}), workers=1)
+
+
+def by_step(results, values):
+    pairs = zip(results.steps, values, strict=True)
+    return {(step.pressure, step.unloaded_from): value for step, value in pairs}
 
 
 def test_it_is_the_unloading_to_the_rest_of_each_load(relaxed):
@@ -29,21 +31,9 @@ def test_it_is_the_unloading_to_the_rest_of_each_load(relaxed):
     other = fs.run(case(face=GROOVED, load=LOADING | explicit, output={"budget": False}), workers=1)
     assert relaxed.steps == other.steps
     assert_array_equal(relaxed.leakage.values, other.leakage.values)
-    found = {
-        (s.pressure, s.unloaded_from): v
-        for s, v in zip(relaxed.steps, relaxed.leakage.values, strict=True)
-    }
+    found = by_step(relaxed, relaxed.leakage.values)
     for load in (1e8, 4e8):
         assert found[0.9 * load, load] > found[load, None]
-
-
-def test_none_changes_nothing():
-    plain, none = (
-        fs.run(case(face=GROOVED, load=LOADING | DOWN | more), workers=1)
-        for more in ({}, {"relaxation": 0})
-    )
-    assert none.steps == plain.steps
-    assert_array_equal(none.leakage.values, plain.leakage.values)
 
 
 def test_the_more_relaxes_the_more_leaks():
@@ -82,19 +72,11 @@ def test_pressure_in_assembly_with_relaxation_of_power_laws_is_exact():
 
 
 def test_the_design_says_what_is_left(relaxed):
-    leak = {
-        (s.pressure, s.unloaded_from): v
-        for s, v in zip(relaxed.steps, relaxed.class_leakage[1].max(0), strict=True)
-    }
-    limit = (
-        1.0001 * leak[3.6e8, 4e8] * 1e9
-    )  # of water, which all seals keep after relaxing from 400 MPa
+    leak = by_step(relaxed, relaxed.class_leakage[1].max(0))
+    # of water, which all seals keep after relaxing from 400 MPa
+    limit = 1.0001 * leak[3.6e8, 4e8] * 1e9
     answer = fs.design(relaxed, classes=[f"{limit:.8g} mg/(m·s)"])
     (need,) = answer.requirements
     assert need.assembly.value <= need.relaxed.value <= 4e8
     assert need.service[4e8].value <= 3.6e8
-    table = sheet_tables(answer)[0]
-    assert "Qmin(L), 10 % relaxation" in table.heads
-    assert table.lines[0][-1].endswith("; 360 MPa is enough")
     assert any(row["figure"] == "Qmin with relaxation [Pa]" for row in rows(answer))
-    assert "relaxation takes 10 % of a load in assembly" in " ".join(case_sentences(relaxed))

@@ -74,12 +74,8 @@ def test_every_example_is_run_here():
 class TestExamples:
     def test_leakage_falls_with_load_and_comes_back_less(self, results):
         # at the lightest load water is fast enough for its inertia to count a little
-        expected = "realisations", "Reynolds number of the mean gap"
-        assert (
-            [w for w in results.warnings if not any(text in w for text in expected)]
-            == results.failures
-            == []
-        )
+        told = [w for w in results.warnings if not re.search("realisations|Reynolds number", w)]
+        assert told == results.failures == []
         leakages = _leakages(results)
         assert len(leakages) >= 4  # median, both ends of the band, mean or another method
         for leakage in leakages:
@@ -88,31 +84,25 @@ class TestExamples:
             assert (np.diff(up) < 0).all()
             assert (np.diff([up[3], *down]) > 0).all()  # opens again as it is released, and
             assert (down < up[2::-1]).all()  # leaks less than on loading at the same pressure
-
-    def test_leakage_hardly_rises_at_the_beginning_of_the_release(self, results):
-        for leakage in _leakages(results):
-            assert leakage[4] < 1.5 * leakage[3]
-            # nor does it undo half of what the same pressure changed on the way up
-            assert leakage[4] / leakage[3] < np.sqrt(leakage[2] / leakage[3])
+            # it hardly rises at the beginning, and undoes less than half of what this changed on the way up
+            assert down[0] < 1.5 * up[3]
+            assert down[0] / up[3] < np.sqrt(up[2] / up[3])
 
     def test_methods_agree_on_the_open_seal(self, results):
         """At the lowest load, where no constriction decides, all methods see the same mean gap."""
-        first = [
-            results.dataset[n].values[0]
-            for n in results.dataset.data_vars
-            if n in ("leakage_median", "leakage_two_scale", "leakage_deterministic")
-        ]
+        methods = {"leakage_median", "leakage_two_scale", "leakage_deterministic"}
+        first = [results.dataset[n].values[0] for n in methods & {*results.dataset.data_vars}]
         assert len(first) >= 2
         assert max(first) < 1.5 * min(first)
 
     def test_contact_grows_with_load(self, results):
-        share = results.dataset["contact_fraction"].values
+        data = results.dataset
+        share = data["contact_fraction"].values
         assert (np.diff(share[:4]) > 0).all()
         assert (np.diff(share[3:]) < 0).all()
         # what is in contact carries the load with at most the hardness
-        load = results.dataset["nominal_pressure"].values
-        load = load - results.dataset["fluid_carried_pressure"].values
-        assert (share * results.dataset.attrs["hardness_Pa"] >= load * 0.99).all()
+        load = data["nominal_pressure"].values - data["fluid_carried_pressure"].values
+        assert (share * data.attrs["hardness_Pa"] >= load * 0.99).all()
 
 
 @pytest.mark.slow
@@ -176,10 +166,6 @@ def test_ring_mesh_is_what_its_script_writes(tmp_path):
     assert made.field_data.keys() == shipped.field_data.keys() == {"inlet", "outlet", "seal"}
     for name, blocks in made.cells_dict.items():
         assert_array_equal(blocks, shipped.cells_dict[name])
-    # polygons of 96 sides instead of circles
-    x, y = shipped.points[shipped.cells_dict["quad"]].transpose(2, 0, 1)[:2]
-    area = np.abs((x * np.roll(y, -1, axis=1) - y * np.roll(x, -1, axis=1)).sum(axis=1)).sum() / 2
-    assert_allclose(area, 48 * np.sin(np.pi / 48) * (15e-3**2 - 10e-3**2), rtol=1e-12)
 
 
 class TestReadme:

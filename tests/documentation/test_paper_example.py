@@ -48,12 +48,6 @@ def drawn(strip, windows):
     return drawn_seals_of(strip, windows, 200)
 
 
-def test_steps_are_those_named_here(strip):
-    load = strip.steps.pressures
-    assert load.argmax() == PEAK
-    assert_array_equal(load[LOADED], load[UNLOADED])
-
-
 @pytest.mark.parametrize("axis", [0, 1])
 def test_windows_are_centred_on_their_links(axis):
     """Links along x1 join nodes at the faces of cells; links along x2 lie on these faces, over the seam in x2 too."""
@@ -76,56 +70,21 @@ def test_equal_windows_leak_what_the_face_does(strip):
     egg_box = fs.Topography(0.3e-6 * (wave[:, None] + 0.7 * wave), (1e-6, 1e-6))
     scene = replace(strip, surface=egg_box, boundary=("periodic", "periodic"))
     windows = windows_of(scene)
+    load = scene.steps.pressures[:, None, None]
     for pressure, _, _ in windows:
-        assert_allclose(pressure / scene.steps.pressures[:, None, None], 1, rtol=1e-4)
+        assert_allclose(pressure / load, 1, rtol=1e-4)
     solved = fs.deterministic(scene)
-    of_face = solved.leakage
-    assert (of_face > 0).all()
-    assert_allclose(leakage(scene, [k for _, _, k in windows]), of_face, rtol=1e-3)
+    assert (solved.leakage > 0).all()
     across = np.array([fs.cell_permeability(gap, (1e-6, 1e-6), axis=1).value for gap in solved.gap])
     assert_allclose(windows[1][2] / across[:, None, None], 1, rtol=1e-3)
-    assert_allclose(
-        leakage(scene, [k[0] for k in drawn_seals_of(scene, windows, 1)]), of_face, rtol=1e-3
-    )
+    drawn = [k[0] for k in drawn_seals_of(scene, windows, 1)]
+    for links in ([k for _, _, k in windows], drawn):
+        assert_allclose(leakage(scene, links), solved.leakage, rtol=1e-3)
 
 
 def test_equal_links_leak_by_the_cubic_law(strip):
     k = np.full((1, *CELLS), (2e-6) ** 3 / 12)
     assert_allclose(leakage(strip, (k, k[:, 1:])), (2e-6) ** 3 / 12 * 10e6 / (1e-3 * 128e-6))
-
-
-def test_raw_gap_is_that_of_all_waves_between_undeformed_planes(strip):
-    face = strip.surface
-    short = face.high_pass(16e-6)
-    for state, raw_gap in example["global_contact"](strip, CELLS):
-        contact = state.contact
-        assert contact.plastic_deformation.any()
-        assert_allclose(
-            raw_gap.mean(), contact.gap.mean() - contact.plastic_deformation.mean(), rtol=1e-6
-        )
-        left = (
-            fs.Topography(raw_gap, face.spacing, (False, True)).high_pass(16e-6).heights
-            + short.heights
-        )
-        assert left.std() < 0.3 * short.rms_height
-
-
-def test_windows_without_pressure_are_rigid(strip):
-    body = fs.HalfSpace((8, 8), (1e-6, 1e-6), strip.modulus, "mirror")
-    raw_gap = np.random.default_rng(1).random((8, 8)) * 1e-6
-    for overlap, lowest in ((0.0, raw_gap.min()), (0.5e-6, 0.0)):
-        gap, left = example["window_contact"](
-            raw_gap, raw_gap - overlap, body, 0.0, strip.hardness, 0 * raw_gap
-        )
-        assert_allclose(gap, raw_gap - raw_gap.min() + lowest, atol=1e-18)
-        assert not left.any()
-
-
-def test_windows_carry_the_load_together(strip, windows):
-    pressure = windows[0][0]
-    assert_allclose(pressure.mean(axis=(1, 2)), strip.steps.pressures, rtol=1e-3)
-    assert (pressure <= strip.hardness).all()
-    assert (pressure[0] == 0).any()  # some lie open
 
 
 def test_windows_keep_their_plastic_deformation(windows):

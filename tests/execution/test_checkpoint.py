@@ -10,18 +10,15 @@ import signal
 import subprocess
 import sys
 import time
-from importlib import import_module
 from pathlib import Path
 
 import numpy as np
 import pytest
-import xarray
 from small_cases import CASE, HANG
 
 import femseal as fs
-from femseal.base import shared_array
 from femseal.base.machine import numerical_versions
-from femseal.store import store
+from femseal.store.store import Store
 
 #: No more results come before those of the drawn seals.
 MOST_OTHERS = 40
@@ -36,14 +33,23 @@ def case(tmp_path):
 
 def measured(case, factor=1.0):
     """The case with a face read from a file."""
-    heights = fs.self_affine(
-        (32, 32), (3e-5, 3e-5), hurst=0.8, rms_slope=0.2, roll_off=2e-5, rng=1
-    ).heights
-    np.save(case.parent / "face.npy", factor * heights)
-    face = 'kind = "file"\npath = "face.npy"\nheight_unit = "m"\nsize = ["30 um", "30 um"]\nperiodic = [true, true]\n'
-    return re.sub(
-        r'kind = "self-affine".*?\[material\]', face + "[material]", CASE, flags=re.DOTALL
-    )
+    size = (3e-5, 3e-5)
+    face = fs.self_affine((32, 32), size, hurst=0.8, rms_slope=0.2, roll_off=2e-5, rng=1)
+    np.save(case.parent / "face.npy", factor * face.heights)
+    table = 'kind = "file"\npath = "face.npy"\nheight_unit = "m"\nsize = ["30 um", "30 um"]\n'
+    return re.sub(r'(?s)kind = "self-affine".*?(?=\[material\])', table, CASE)
+
+
+ALONE = CASE.replace('compare = ["deterministic", "two-scale"]\n', "")
+
+
+#: Nothing is written but results and tables.
+QUIET = '[output]\npictures = false\nreport = false\nparaview = "none"\n'
+RESUMED = {"resume": True, "workers": 1}
+
+
+def full(*args, **kwargs):
+    raise OSError(errno.ENOSPC, "full")
 
 
 def assert_same(one, two):
@@ -72,35 +78,30 @@ class Crash(BaseException):
 
 
 def test_a_stopped_run_goes_on_with_the_same_bits_and_leaves_no_checkpoint(
-    case, tmp_path, monkeypatch
+    case, tmp_path, monkeypatch, contacts
 ):
     whole = fs.run(case, workers=1)
-    out = tmp_path / "out"
-    stages = []
+    out, stages = tmp_path / "out", []
     for stage, item in (
         ("two-scale: contact of the whole face", 1),
         ("two-scale: pieces of the face", 2),
         ("stochastic: drawn seals", 11),
     ):
         with pytest.raises(KeyboardInterrupt):
-            fs.run(case, out, resume=True, workers=1, progress=stop_at(stage, item))
+            fs.run(case, out, **RESUMED, progress=stop_at(stage, item))
         assert not (out / "results.nc").exists()
     with monkeypatch.context() as patch:
-        patch.setattr(
-            "femseal.runs.job.write_folder",
-            lambda *a, **k: (_ for _ in ()).throw(OSError(errno.ENOSPC, "full")),
-        )
+        patch.setattr("femseal.runs.job.write_folder", full)
         with pytest.raises(fs.FemsealError, match=r"full.*--resume"):
-            fs.run(case, out, resume=True, workers=1)
-
-    def computed(*args, **kwargs):
-        raise AssertionError("computed again")
-
-    monkeypatch.setattr(import_module("femseal.studies.drawn_study"), "_stream", computed)
-    monkeypatch.setattr("femseal.studies.face_flow.cell_permeability", computed)
-    monkeypatch.setattr("femseal.contact.cycle.solve_contact", computed)
-    monkeypatch.setattr("femseal.face.piece_flow.cell_flow", computed)
-    again = fs.run(case, out, resume=True, workers=1, progress=lambda *a: stages.append(a))
+            fs.run(case, out, **RESUMED)
+    contacts.clear()
+    for flow in (
+        "femseal.studies.face_flow.cell_permeability",
+        "femseal.face.piece_flow.cell_flow",
+    ):
+        monkeypatch.setattr(flow, lambda *_, **__: pytest.fail("computed again"))
+    again = fs.run(case, out, **RESUMED, progress=lambda *a: stages.append(a))
+    assert not contacts
     assert_same(whole.dataset, again.dataset)
     assert not (out / ".checkpoint").exists()
     assert "stopped (KeyboardInterrupt)" in (out / "run.log").read_text()
@@ -114,14 +115,9 @@ BESIDES = {"accuracy": 'accuracy = "3 %"', "budget": 'method = "deterministic"'}
 def case_with(besides, path):
     """A case of a whole face that does the one or the other besides its study, without pictures."""
     loads = ", ".join(f'"{n} MPa"' for n in (50, 75, 100, 125, 150, 200, 250, 300))
-    top = BESIDES[besides]
-    text = CASE.replace(
-        'method = "stochastic"\ncompare = ["deterministic", "two-scale"]', top
-    ).split("[contact]")[0]
-    text = text.replace('loading = ["100 MPa", "300 MPa"]', f"loading = [{loads}]").replace(
-        "[32, 32]", "[64, 64]"
-    )
-    path.write_text(text + '[output]\npictures = false\nreport = false\nparaview = "none"\n')
+    text = ALONE.replace('method = "stochastic"', BESIDES[besides]).split("[contact]")[0]
+    text = text.replace('loading = ["100 MPa", "300 MPa"]', f"loading = [{loads}]")
+    path.write_text(text.replace("[32, 32]", "[64, 64]") + QUIET)
     return path
 
 
@@ -162,25 +158,17 @@ MOMENTS = {
 @pytest.mark.skipif(not hasattr(os, "fork"), reason="no forks")
 def test_kills_besides_the_studies_leave_the_same_numbers(tmp_path):
     files = {name: case_with(name, tmp_path / f"{name}.toml") for name in BESIDES}
-    kills = json.dumps(
-        [[str(file), str(tmp_path / name), MOMENTS[name]] for name, file in files.items()]
-    )
-    done = subprocess.run(
-        [sys.executable, "-c", KILLED, kills], capture_output=True, text=True, timeout=HANG
-    )
+    kills = [[str(file), str(tmp_path / name), MOMENTS[name]] for name, file in files.items()]
+    command = [sys.executable, "-c", KILLED, json.dumps(kills)]
+    done = subprocess.run(command, capture_output=True, text=True, timeout=HANG)
     assert done.returncode == 0, done.stderr
-    assert done.stdout.splitlines() == [f"{-signal.SIGKILL} False"] * sum(
-        map(len, MOMENTS.values())
-    ), done.stderr
+    every = sum(map(len, MOMENTS.values()))
+    assert done.stdout.splitlines() == [f"{-signal.SIGKILL} False"] * every, done.stderr
     for name, file in files.items():
-        whole = fs.run(file, workers=1).dataset
-        fs.run(file, tmp_path / name, resume=True, workers=1)
-        again = fs.open_results(tmp_path / name).dataset
+        whole = fs.run(file, tmp_path / f"{name} whole", workers=1).dataset
+        again = fs.run(file, tmp_path / name, **RESUMED).dataset
         if name == "accuracy":
             whole, again = without_times(whole), without_times(again)
-        assert {key: again.attrs.pop(key) for key in ("face_files", "left_out")}
-        for key in ("face_files", "left_out"):
-            whole.attrs.pop(key, None)
         assert_same(whole, again)
         assert not (tmp_path / name / ".checkpoint").exists()
 
@@ -199,32 +187,26 @@ fs.run(sys.argv[1], sys.argv[2], workers=1, progress=progress)
 
 
 @pytest.mark.skipif(not hasattr(signal, "SIGKILL"), reason="no such signal")
-@pytest.mark.parametrize("method", ["deterministic", "two-scale"])
-@pytest.mark.parametrize("workers", [1, 2])
+@pytest.mark.parametrize(("method", "workers"), [("deterministic", 1), ("two-scale", 2)])
 def test_states_on_disk_go_on_from_the_last_one_with_the_bits_of_those_in_memory(
     case, tmp_path, monkeypatch, method, workers
 ):
-    text = case.read_text().replace('"stochastic"', f'"{method}"', 1).partition("[stochastic]")[0]
-    text = re.sub("compare = .*", "", text)
+    text = ALONE.replace('"stochastic"', f'"{method}"', 1).partition("[stochastic]")[0]
     case.write_text(text + "[output]\npictures = false\nreport = false\n")
     out = tmp_path / "out"
     done = subprocess.run([sys.executable, "-c", ON_DISK, str(case), str(out)], timeout=HANG)
     assert done.returncode == -signal.SIGKILL
-    assert [
-        path.name for path in out.iterdir() if path.name not in (".checkpoint", "run.log", ".lock")
-    ] == []
-    assert len(store.Store(out / ".checkpoint")) == 1
+    assert {path.name for path in out.iterdir()} <= {".checkpoint", "run.log", ".lock"}
+    assert len(Store(out / ".checkpoint")) == 1
     whole = fs.run(case, tmp_path / "whole", workers=1)
-    monkeypatch.setattr(shared_array, "PART_OF_MEMORY", 0)
+    monkeypatch.setattr("femseal.base.shared_array.PART_OF_MEMORY", 0)
     again = fs.run(case, out, resume=True, workers=workers)
     assert_same(whole.dataset, again.dataset)
     for one, other in ((whole, again), (fs.open_results(tmp_path / "whole"), fs.open_results(out))):
         for name in ("gap", "contact_pressure", "fluid_pressure"):
             for step in range(len(whole.steps)):
                 np.testing.assert_array_equal(one.pixels(name, step), other.pixels(name, step))
-    for results, on_disk in ((whole, False), (again, True)):
-        gap = results.deterministic.gap if results.deterministic else results.two_scale.gap
-        assert isinstance(gap, np.memmap) == on_disk
+    assert isinstance((again.deterministic or again.two_scale).gap, np.memmap)
 
 
 def without_times(dataset):
@@ -236,60 +218,50 @@ def without_times(dataset):
     return dataset.assign_attrs(accuracy=json.dumps(told))
 
 
-@pytest.mark.parametrize("stage", ["attempt 2", "error budget"])
-def test_a_full_disk_in_an_attempt_or_a_budget_stops_the_run(tmp_path, monkeypatch, stage):
+@pytest.mark.parametrize(
+    ("stage", "besides"), [("attempt 2", "accuracy"), ("error budget", "budget")]
+)
+def test_a_full_disk_in_an_attempt_or_a_budget_stops_the_run(tmp_path, monkeypatch, stage, besides):
     """They go on without what fails to be computed, but such a result would be taken for complete later."""
-    file = case_with("accuracy" if stage == "attempt 2" else "budget", tmp_path / "small.toml")
-    write = store.Store._appended
-    full = []
-
-    def progress(name, done, total):
-        if name.startswith(stage + ": "):
-            full.append(name)
-
-    def writing(*content):
-        if full:
-            raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
-        return write(*content)
-
+    file = case_with(besides, tmp_path / "small.toml")
     with monkeypatch.context() as patch:
-        patch.setattr(store.Store, "_appended", writing)
-        with pytest.raises(fs.FemsealError, match=r"No space left.*make room.*--resume"):
+
+        def progress(name, done, total):
+            if name.startswith(stage + ": "):
+                patch.setattr(Store, "_appended", full)
+
+        with pytest.raises(fs.FemsealError, match=r"full.*make room.*--resume"):
             fs.run(file, tmp_path / "out", workers=1, progress=progress)
     assert not (tmp_path / "out/results.nc").exists()
-    found = fs.run(file, tmp_path / "out", resume=True, workers=1)
+    found = fs.run(file, tmp_path / "out", **RESUMED)
     np.testing.assert_array_equal(found.leakage.values, fs.run(file, workers=1).leakage.values)
 
 
-def test_a_kill_while_other_files_are_written_again_leaves_the_results(tmp_path, monkeypatch):
+@pytest.mark.parametrize("moved", ["files.txt", "table.csv", "leakage.png"])
+def test_a_kill_while_other_files_are_written_again_leaves_the_results(
+    tmp_path, monkeypatch, moved
+):
     """There is no checkpoint of complete results, so that they would be lost."""
-    file = case_with("budget", tmp_path / "small.toml")
-    before = fs.run(file, tmp_path / "before", workers=1)
+    file, out = case_with("budget", tmp_path / "small.toml"), tmp_path / "out"
+    before = fs.run(file, out, workers=1)
     file.write_text(file.read_text().replace("pictures = false", "pictures = true"))
     replace = os.replace
-    for moved in ("files.txt", "table.csv", "leakage.png"):
-        out = tmp_path / moved.replace(".", "-")
-        shutil.copytree(tmp_path / "before", out)
 
-        def killed(source, target, last=out / moved):
-            replace(source, target)
-            if Path(target) == last:
-                raise Crash
+    def killed(source, target):
+        replace(source, target)
+        if Path(target) == out / moved:
+            raise Crash
 
-        with monkeypatch.context() as patch:
-            patch.setattr(os, "replace", killed)
-            with pytest.raises(Crash):
-                fs.run(file, out, resume=True, workers=1)
-        np.testing.assert_array_equal(fs.open_results(out).leakage.values, before.leakage.values)
-        calls = []
-        fs.run(file, out, resume=True, workers=1, progress=lambda *a, c=calls: c.append(a))
-        assert not calls
-        assert (out / "leakage.png").exists()
-        listed = {out / name for name in (out / "files.txt").read_text().split()}
-        assert listed == {p for p in out.rglob("*") if p.is_file()} - {
-            out / "files.txt",
-            out / "run.log",
-        }
+    with monkeypatch.context() as patch:
+        patch.setattr(os, "replace", killed)
+        with pytest.raises(Crash):
+            fs.run(file, out, **RESUMED)
+    np.testing.assert_array_equal(fs.open_results(out).leakage.values, before.leakage.values)
+    fs.run(file, out, **RESUMED, progress=lambda *a: pytest.fail("computed again"))
+    assert (out / "leakage.png").exists()
+    listed = {out / name for name in (out / "files.txt").read_text().split()}
+    unlisted = {out / "files.txt", out / "run.log"}
+    assert listed == {p for p in out.rglob("*") if p.is_file()} - unlisted
 
 
 def test_an_unfinished_run_is_not_lost_to_one_without_resume(case, tmp_path):
@@ -300,8 +272,6 @@ def test_an_unfinished_run_is_not_lost_to_one_without_resume(case, tmp_path):
     with pytest.raises(fs.InputError, match=r"which holds an unfinished run, expected --resume"):
         fs.run(case, out, workers=1)
     assert {p: p.stat().st_mtime_ns for p in out.rglob("*")} == before
-    shutil.rmtree(out / ".checkpoint")
-    fs.run(case, out, workers=1)
 
 
 def test_a_changed_case_file_or_version_is_refused_by_name(case, tmp_path, monkeypatch):
@@ -310,20 +280,17 @@ def test_a_changed_case_file_or_version_is_refused_by_name(case, tmp_path, monke
     out = tmp_path / "out"
     with pytest.raises(KeyboardInterrupt):
         fs.run(case, out, workers=1, progress=stop_at("stochastic: drawn seals", 1))
-    before = {p: p.stat().st_mtime_ns for p in out.rglob("*")}
 
     def refusal():
+        before = {p: p.stat().st_mtime_ns for p in out.rglob("*")}
         with pytest.raises(fs.InputError, match="resume") as caught:
-            fs.run(case, out, resume=True, workers=1)
+            fs.run(case, out, **RESUMED)
         assert {p: p.stat().st_mtime_ns for p in out.rglob("*")} == before
-        return str(caught.value).splitlines()[1:]
+        return sorted(str(caught.value).splitlines()[1:])
 
-    case.write_text(
-        text.replace('hardness = "3 GPa"', 'yield_stress = "1 GPa"').replace(
-            '"300 MPa"', '"200 MPa"'
-        )
-    )
-    assert sorted(refusal()) == [
+    softer = text.replace('hardness = "3 GPa"', 'yield_stress = "1 GPa"')
+    case.write_text(softer.replace('"300 MPa"', '"200 MPa"'))
+    assert refusal() == [
         "load.loading: was [100000000.0, 300000000.0], is [100000000.0, 200000000.0]",
         "load.unload_from: was [300000000.0], is [200000000.0]",
         "material.hardness: was 3000000000.0, is not given",
@@ -331,52 +298,32 @@ def test_a_changed_case_file_or_version_is_refused_by_name(case, tmp_path, monke
     ]
     case.write_text(text)
     with monkeypatch.context() as patch:
-        patch.setattr(
-            "femseal.runs.job.numerical_versions", lambda: {**numerical_versions(), "numpy": "9.9"}
-        )
+        other = numerical_versions() | {"numpy": "9.9"}
+        patch.setattr("femseal.runs.job.numerical_versions", lambda: other)
         assert refusal() == [f"version.numpy: was {np.__version__}, is 9.9"]
     measured(case, 1.01)
     (line,) = refusal()
-    assert re.fullmatch(r"content of face files.face.npy: was [0-9a-f]{64}, is [0-9a-f]{64}", line)
+    assert line.startswith("content of face files.face.npy: was ")
     (out / ".checkpoint/manifest.json").write_text("{")
-    before = {p: p.stat().st_mtime_ns for p in out.rglob("*")}
     refusal()
 
 
 def test_finished_results_of_another_face_file_are_not_taken(case, tmp_path):
     text = measured(case).replace('"stochastic"', '"deterministic"', 1)
     case.write_text(text.replace('compare = ["deterministic", "two-scale"]', ""))
-    runs = []
-    for factor in (1.0, 1.0, 1.1):
+    calls, leakages = [], []
+    for factor, computed in ((1.0, True), (1.0, False), (1.1, True)):
         measured(case, factor)
-        calls = []
-        results = fs.run(
-            case, tmp_path / "out", resume=True, workers=1, progress=lambda *a, c=calls: c.append(a)
-        )
-        runs.append((results.leakage.values[0], bool(calls)))
-    assert [computed for _, computed in runs] == [True, False, True]
-    assert runs[0][0] == runs[1][0] != runs[2][0]
-
-
-def test_finished_results_of_another_choice_are_not_taken(case, tmp_path, monkeypatch):
-    """The case leaves open how many pieces are drawn, and another version of the program would choose otherwise."""
-    text = case.read_text().replace("[cells]\ncount = [2, 2]\n", "")
-    case.write_text(text.replace('compare = ["deterministic", "two-scale"]', ""))
-    done = fs.run(case, tmp_path / "out", workers=1)
-    calls = []
-    assert fs.run(
-        case, tmp_path / "out", resume=True, workers=1, progress=lambda *a: calls.append(a)
-    ).dataset.equals(done.dataset)
-    assert not calls
-    monkeypatch.setattr("femseal.studies.sampling.usual_pieces", lambda *_, **__: (1, 2))
-    fs.run(case, tmp_path / "out", resume=True, workers=1, progress=lambda *a: calls.append(a))
-    assert calls
+        calls.clear()
+        results = fs.run(case, tmp_path / "out", **RESUMED, progress=lambda *a: calls.append(a))
+        leakages.append(results.leakage.values[0])
+        assert bool(calls) == computed
+    assert leakages[0] == leakages[1] != leakages[2]
 
 
 def test_a_run_goes_on_between_batches_of_drawn_seals(case, tmp_path):
     """As many seals as the band needs: which, the seals before decide."""
-    text = case.read_text().replace("realisations = 24\n", "").replace('"200 um"', '"30 um"')
-    case.write_text(text.replace('compare = ["deterministic", "two-scale"]', ""))
+    case.write_text(ALONE.replace("realisations = 24\n", "").replace('"200 um"', '"30 um"'))
     done = fs.run(case, tmp_path / "whole", workers=1).dataset
     assert done.sizes["realisation"] > 3
     batches = []
@@ -389,7 +336,7 @@ def test_a_run_goes_on_between_batches_of_drawn_seals(case, tmp_path):
 
     with pytest.raises(KeyboardInterrupt):
         fs.run(case, tmp_path / "out", workers=1, progress=stop)
-    assert_same(fs.run(case, tmp_path / "out", resume=True, workers=1).dataset, done)
+    assert_same(fs.run(case, tmp_path / "out", **RESUMED).dataset, done)
 
 
 # --- signals -------------------------------------------------------------------------------------------------------
@@ -454,13 +401,10 @@ def alive(group):
     ],
 )
 def test_ctrl_c_ends_the_workers_and_says_how_to_go_on(case, start, tmp_path, arguments, sent):
-    alone = CASE.replace('compare = ["deterministic", "two-scale"]\n', "")
-    case.write_text(alone.replace("realisations = 24", "realisations = 100000"))
+    case.write_text(ALONE.replace("realisations = 24", "realisations = 100000"))
     out = tmp_path / "out"
     process = start(case, out, "--log-file", tmp_path / "lines.log", *arguments)
-    wait_until(
-        lambda: len(store.Store(out / ".checkpoint")) > MOST_OTHERS or process.poll() is not None
-    )
+    wait_until(lambda: len(Store(out / ".checkpoint")) > MOST_OTHERS or process.poll() is not None)
     assert process.poll() is None, process.stderr.read()
     os.killpg(process.pid, sent)
     lines = process.communicate(timeout=HANG)[1].splitlines()
@@ -477,7 +421,7 @@ def test_processes_end_with_their_parent(case, start, tmp_path, monkeypatch):
     case.write_text(CASE.replace("realisations = 24", "realisations = 100000"))
     process = start(case, tmp_path / "out", "--workers", "2")
     kept = tmp_path / "out/.checkpoint"
-    wait_until(lambda: len(store.Store(kept)) > MOST_OTHERS or process.poll() is not None)
+    wait_until(lambda: len(Store(kept)) > MOST_OTHERS or process.poll() is not None)
     assert len(alive(process.pid)) > 2
     assert list(tmp_path.glob("femseal-*"))
     process.kill()
@@ -491,29 +435,21 @@ def test_kills_at_random_moments_leave_the_same_bits(case, start, tmp_path, work
     rng = random.Random(workers)
     case.write_text(CASE.replace("realisations = 24", "realisations = 400"))
     begin = time.perf_counter()
-    process = start(case, tmp_path / "whole", "--workers", workers)
-    assert process.wait() == 0
+    assert start(case, tmp_path / "whole", "--workers", workers).wait() == 0
     seconds = time.perf_counter() - begin
-    with xarray.open_dataset(tmp_path / "whole/results.nc", engine="h5netcdf") as data:
-        whole = data.load()
-    out, kills = tmp_path / "out", 0
+    whole, out, kills = fs.open_results(tmp_path / "whole").dataset, tmp_path / "out", 0
     for _ in range(2):
-        ended = False
-        for _ in range(5):
+        for left in range(5, -1, -1):
             process = start(case, out, "--resume", "--workers", workers)
             try:
-                process.wait(timeout=rng.uniform(0.2, 0.9) * seconds)
-                ended = True
+                process.wait(timeout=rng.uniform(0.2, 0.9) * seconds if left else None)
                 break
             except subprocess.TimeoutExpired:
                 os.killpg(process.pid, signal.SIGKILL)
                 process.wait()
                 kills += 1
-        if not ended:
-            process = start(case, out, "--resume", "--workers", workers)
-        assert process.wait() == 0, process.stderr.read()
-        with xarray.open_dataset(out / "results.nc", engine="h5netcdf") as data:
-            assert_same(whole, data)
+        assert process.returncode == 0, process.stderr.read()
+        assert_same(whole, fs.open_results(out).dataset)
         assert not (out / ".checkpoint").exists()
         shutil.rmtree(out)
     assert kills > 1

@@ -9,13 +9,11 @@ import subprocess
 import sys
 import threading
 import time
-from contextlib import ExitStack, contextmanager, nullcontext, suppress
+from contextlib import ExitStack, contextmanager, suppress
 from pathlib import Path
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from joblib.externals.loky.backend import context
 from numpy.testing import assert_array_equal
 from small_cases import CASE, HANG
 from test_checkpoint import assert_same, start, stop_at, wait_until  # noqa: F401
@@ -55,13 +53,8 @@ def real_cluster():
     with ExitStack() as stack:
 
         def start(name, *arguments):
-            command = [
-                sys.executable,
-                "-m",
-                f"distributed.cli.dask_{name}",
-                *map(str, arguments),
-                "--no-dashboard",
-            ]
+            command = [sys.executable, "-m", f"distributed.cli.dask_{name}", *arguments]
+            command.append("--no-dashboard")
             process = subprocess.Popen(command, stderr=subprocess.PIPE, text=True)
             stack.callback(process.wait)
             stack.callback(process.kill)
@@ -69,12 +62,12 @@ def real_cluster():
             return process
 
         lines = []
-        scheduler = start("scheduler", "--host", "127.0.0.1", "--port", 0)
+        scheduler = start("scheduler", "--host", "127.0.0.1", "--port", "0")
         found = re.compile(r"Scheduler at:\s+(tcp://\S+)").search
         wait_until(lambda: found("".join(lines)) or scheduler.poll() is not None)
         assert scheduler.poll() is None, "".join(lines)
         address = found("".join(lines))[1]
-        yield address, lambda: start("worker", address, "--nthreads", 1, "--no-nanny")
+        yield address, lambda: start("worker", address, "--nthreads", "1", "--no-nanny")
 
 
 def test_each_worker_has_one_thread(cluster):
@@ -82,10 +75,8 @@ def test_each_worker_has_one_thread(cluster):
 
     for arguments in ({"workers": 1}, {"workers": 2}, {"scheduler": cluster.scheduler_address}):
         with ordered_map(**arguments) as mapping:
-            for libraries in mapping(
-                Stage("trial", _libraries), [threadpoolctl.threadpool_info] * 2, [np.ones(2)] * 2
-            ):
-                assert libraries
+            given = [threadpoolctl.threadpool_info] * 2, [np.ones(2)] * 2
+            for libraries in mapping(Stage("trial", _libraries), *given):
                 assert {library["num_threads"] for library in libraries} == {1}
 
 
@@ -95,9 +86,8 @@ def _libraries(info, _):
 
 def test_processes_return_results_in_order_and_end_with_a_reason():
     with ordered_map(workers=2) as mapping:
-        assert list(mapping(Stage("trial", divmod), (n for n in range(100)), [7] * 100)) == [
-            divmod(n, 7) for n in range(100)
-        ]
+        pairs = mapping(Stage("trial", divmod), (n for n in range(100)), [7] * 100)
+        assert list(pairs) == [divmod(n, 7) for n in range(100)]
         assert list(mapping(Stage("trial", divmod), [], [])) == []
         with pytest.raises(ZeroDivisionError):
             list(mapping(Stage("trial", divmod), [1], [0]))
@@ -106,21 +96,11 @@ def test_processes_return_results_in_order_and_end_with_a_reason():
         assert list(mapping(Stage("trial", abs), [-1, 2])) == [1, 2]
 
 
-@pytest.fixture
-def usual_start():
-    """Later tests start processes as `fs.run` does."""
-    yield
-    context.set_start_method(None, force=True)
-
-
-def test_processes_that_were_started_before_compute(usual_start):
-    processes.start_processes(2, "colorsys")
-    with ordered_map(workers=2) as mapping:
-        wait_until(lambda: any(mapping(Stage("trial", _knows), ["colorsys"] * 4)))
-
-
-def _knows(module):
-    return module in sys.modules
+def test_small_items_of_a_cluster_come_back_in_order(cluster):
+    """Sent together by the thousand, whether their number is known or not."""
+    with ordered_map(scheduler=cluster.scheduler_address) as mapping:
+        for numbers in (range(10000), iter(range(10000))):
+            assert list(mapping(Stage("trial", abs), numbers)) == [*range(10000)]
 
 
 COPIES = """
@@ -158,54 +138,18 @@ def test_processes_of_the_command_are_copies_of_one_that_has_loaded_the_solvers(
 ):
     for folder in ("scripts", "femseal", temporary):
         (tmp_path / folder).mkdir(exist_ok=True)
-    (tmp_path / "scripts" / "copies.py").write_text(COPIES)
-    (tmp_path / "femseal" / "__init__.py").write_text(
-        "raise RuntimeError('imported from the working folder')"
-    )
-    command = [sys.executable, tmp_path / "scripts" / "copies.py"]
-    given = {
-        "cwd": tmp_path,
-        "env": os.environ | ({"TMPDIR": str(tmp_path / temporary)} if temporary else {}),
-    }
-    run = subprocess.run(command, capture_output=True, text=True, check=True, timeout=HANG, **given)
+    (script := tmp_path / "scripts" / "copies.py").write_text(COPIES)
+    (tmp_path / "femseal" / "__init__.py").write_text("raise RuntimeError('of the working folder')")
+    surroundings = os.environ | ({"TMPDIR": str(tmp_path / temporary)} if temporary else {})
+    given = {"cwd": tmp_path, "env": surroundings, "timeout": HANG}
+    command = [sys.executable, script]
+    run = subprocess.run(command, capture_output=True, text=True, check=True, **given)
     states, error = run.stdout.splitlines()
     # processes of their own may begin before they have loaded the solvers
-    assert re.fullmatch(
-        r"(\(True, (True|False), '1'\) ?)+" if temporary else r"\(False, True, '1'\)", states
-    )
+    own, copied = r"(\(True, (True|False), '1'\) ?)+", r"\(False, True, '1'\)"
+    assert re.fullmatch(own if temporary else copied, states)
     assert "a process died" in error
     assert not run.stderr
-
-
-ENDS = """
-import sys, time
-from femseal.execution import processes
-
-if __name__ == "__main__":
-    processes.start_processes(2, "femseal.studies.worker_process")
-    time.sleep(float(sys.argv[1]))
-    sys.exit("the case is refused")
-"""
-
-
-@pytest.mark.parametrize("seconds", [0, 0.3, 1])
-def test_a_command_that_ends_while_its_processes_start_says_no_more_than_why(tmp_path, seconds):
-    (script := tmp_path / "ends.py").write_text(ENDS)
-    run = subprocess.run(
-        [sys.executable, script, str(seconds)], capture_output=True, text=True, timeout=HANG
-    )
-    assert run.stderr == "the case is refused\n"
-
-
-def _watchers(_):
-    return [thread.name for thread in threading.enumerate()].count(processes.WATCHER)
-
-
-def test_a_process_watches_its_parent_once_whatever_runs_it_computes_for(usual_start):
-    processes.start_processes(2, "colorsys")
-    for _ in range(2):
-        with ordered_map(workers=2) as mapping:
-            assert list(mapping(Stage("trial", _watchers), range(4))) == [1] * 4
 
 
 def deaf(n):
@@ -235,77 +179,6 @@ def test_ctrl_c_is_heard_here_even_while_processes_start_and_never_there(backend
             list(mapping(Stage("trial", abs), stopped_while_sent()))
 
 
-class Clock(threading.local):
-    """A time of each thread that passes by what is said to be worked, however busy the machine is."""
-
-    now = 0.0
-
-    def perf_counter(self):
-        return self.now
-
-    def work(self, item, seconds):
-        self.now += seconds
-        return item
-
-
-clock = Clock()
-
-
-def worked(item, seconds):
-    return clock.work(item, seconds)
-
-
-def test_small_items_are_sent_together(cluster, monkeypatch):
-    sizes, submit = [], cluster_map._submit
-    monkeypatch.setattr(cluster_map, "_submit", lambda *a: sizes.append(len(a[2])) or submit(*a))
-    monkeypatch.setattr(cluster_map, "time", clock)
-    with ordered_map(scheduler=cluster.scheduler_address) as mapping:
-        short = [cluster_map.TASK_SECONDS / 1024] * 10000
-        assert list(mapping(Stage("trial", worked), iter(range(10000)), iter(short))) == [
-            *range(10000)
-        ]
-        assert sum(sizes) == 10000
-        assert sizes[:4] == [1] * 4
-        assert max(sizes) == 1024
-        sizes.clear()
-        list(mapping(Stage("trial", worked), range(6), [2 * cluster_map.TASK_SECONDS] * 6))
-        assert sizes == [1] * 6
-        # the last batches are small where their number is known, so that the workers end together
-        sizes.clear()
-        assert list(mapping(Stage("trial", worked), range(10000), short)) == [*range(10000)]
-        left = 10000 - np.cumsum([0, *sizes])
-        assert left[-1] == 0
-        assert max(sizes) > 500
-        least = int(1024 * cluster_map.LEAST_SECONDS / cluster_map.TASK_SECONDS)
-        assert all(
-            size <= max(least, before // 4) for size, before in zip(sizes, left[:-1], strict=True)
-        )
-        assert set(sizes[-3:-1]) == {least}, sizes
-
-
-class LateTask:
-    """A task whose result comes late, or whose function has failed with an error of the same name."""
-
-    def __init__(self, status, late):
-        self.status, self.late = status, late
-
-    def done(self):
-        return True
-
-    def result(self, timeout):
-        if self.late:
-            self.late -= 1
-            raise TimeoutError
-        return [7], 0.1
-
-
-def test_a_result_that_comes_late_is_awaited():
-    client = SimpleNamespace(nthreads=lambda: {"worker": 1})
-    assert cluster_map._outcome(client, LateTask("finished", 2)) == ([7], 0.1)
-    with pytest.raises(TimeoutError):
-        cluster_map._outcome(client, LateTask("error", 1))
-
-
 others, enough = [], threading.Event()
 
 
@@ -323,32 +196,6 @@ def test_an_item_that_takes_long_holds_up_no_others(cluster):
         assert all(mapping(Stage("trial", waits_for_others), range(100)))
 
 
-def test_workers_of_other_versions_are_refused(cluster, monkeypatch):
-    monkeypatch.setattr(
-        cluster_map,
-        "numerical_versions",
-        lambda: {"numpy": threading.current_thread().name, "scipy": "1"},
-    )
-    with pytest.raises(fs.InputError, match=r"has numpy .* instead of MainThread, expected"):
-        cluster_map._connected(cluster.scheduler_address)
-
-
-def test_a_late_worker_is_awaited(monkeypatch):
-    """It comes once it is known that there is none."""
-    monkeypatch.setattr(cluster_map, "ANSWER_SECONDS", HANG)
-    said = []
-    with distributed.LocalCluster(n_workers=0, processes=False, dashboard_address=None) as late:
-
-        def warning(text, *numbers):
-            said.append(text % numbers)
-            late.scale(1)
-
-        monkeypatch.setattr(cluster_map.log, "warning", warning)
-        with ordered_map(scheduler=late.scheduler_address) as mapping:
-            assert said == ["no workers: waiting up to 600 s for one"]
-            assert list(mapping(Stage("trial", abs), [-1, -2])) == [1, 2]
-
-
 @pytest.mark.parametrize("default", [False, True])
 def test_a_run_on_a_cluster_writes_its_folder_and_goes_on_there(
     case, tmp_path, monkeypatch, default
@@ -359,19 +206,14 @@ def test_a_run_on_a_cluster_writes_its_folder_and_goes_on_there(
     out = tmp_path / "out"
     monkeypatch.setattr(cluster_map, "ANSWER_SECONDS", HANG)
     # what goes to its scheduler is pickled, unlike within a process
-    it = distributed.LocalCluster(
-        n_workers=1, processes=False, protocol="tcp://", dashboard_address=None
-    )
+    given = {"n_workers": 1, "processes": False, "protocol": "tcp://", "dashboard_address": None}
+    it = distributed.LocalCluster(**given)
     with it, distributed.Client(it, set_as_default=default):
+        address, stop = it.scheduler_address, stop_at("two-scale: pieces of the face", 3)
         with pytest.raises(KeyboardInterrupt):
-            fs.run(
-                case,
-                out,
-                scheduler=it.scheduler_address,
-                progress=stop_at("two-scale: pieces of the face", 3),
-            )
+            fs.run(case, out, scheduler=address, progress=stop)
         assert (out / ".checkpoint").exists()
-        fs.run(case, out, resume=True, scheduler=it.scheduler_address)
+        fs.run(case, out, resume=True, scheduler=address)
         assert_same(one.dataset, fs.open_results(out).dataset)
 
 
@@ -399,9 +241,46 @@ def test_the_command_writes_its_folder_on_a_cluster_also_after_a_kill(
         assert process.wait() == 0, process.stderr.read()
     assert_same(one.dataset, fs.open_results(out).dataset)
     assert not (out / ".checkpoint").exists()
-    names = (out / "files.txt").read_text().split()
-    assert {"results.nc", "table.csv", "report.html", "leakage.png", "fields.pvd"} <= set(names)
-    assert all((out / name).stat().st_size for name in names)
+
+
+def held():
+    """The files in memory alone that this process has open."""
+    found = set()
+    for path in Path("/proc/self/fd").iterdir():
+        with suppress(FileNotFoundError):  # other threads close theirs
+            if os.readlink(path).startswith("/memfd:"):
+                found.add(path.stat().st_ino)
+    return found
+
+
+@pytest.mark.skipif(not hasattr(os, "memfd_create"), reason="memory is shared on Linux")
+def test_what_a_process_writes_into_shared_memory_is_written_here():
+    before = held()
+    with ordered_map(workers=2) as mapping:
+        whole = shared_empty((3, 40, 50), np.float32)
+        own = held() - before
+        assert len(own) == 1
+        whole[:] = 1
+        views = [whole[:, 10 * n : 10 * (n + 1), 5:] for n in range(4)]
+        for view in mapping(Stage("trial", add_one), views):
+            assert_array_equal(view, 2)
+        assert_array_equal(whole[..., 5:], 2)
+        assert_array_equal(whole[..., :5], 1)
+    # it is there after the map, until the last view is gone, and its pickle is one of values
+    copy = pickle.loads(pickle.dumps(whole))
+    whole[:] = 3
+    assert_array_equal(copy[..., 5:], 2)
+    del whole, view, views
+    assert not own & held()
+
+
+def test_where_nothing_can_be_shared_views_go_by_value(monkeypatch):
+    monkeypatch.delattr(os, "memfd_create", raising=False)
+    with ordered_map(workers=2) as mapping:
+        whole = shared_empty((4, 10), float)
+        whole[:] = 1
+        assert_array_equal(list(mapping(Stage("trial", add_one), whole)), np.full((4, 10), 2))
+        assert_array_equal(whole, 1)
 
 
 @pytest.mark.slow
@@ -409,14 +288,6 @@ def test_a_scheduler_of_its_own_gives_the_same_bits(case):
     one = fs.run(case, workers=1)
     assert_same(one.dataset, fs.run(case, workers=2, scheduler="local").dataset)
     assert not distributed.client._get_global_client()
-
-
-@pytest.mark.slow
-def test_workers_of_a_cluster_of_its_own_are_quiet():
-    with ordered_map(workers=1, scheduler="local") as mapping:
-        assert list(mapping(Stage("trial", dask.config.get), cluster_map.QUIET)) == [
-            *cluster_map.QUIET.values()
-        ]
 
 
 @pytest.mark.slow
@@ -466,64 +337,6 @@ def test_a_scheduler_that_is_gone_is_named():
 def add_one(part):
     part += 1
     return part
-
-
-@pytest.mark.skipif(not hasattr(os, "memfd_create"), reason="memory is shared on Linux")
-class TestSharedMemory:
-    def test_what_a_process_writes_is_written_here(self):
-        with ordered_map(workers=2) as mapping:
-            whole = shared_empty((3, 40, 50), np.float32)
-            whole[:] = 1
-            views = [whole[:, 10 * n : 10 * (n + 1), 5:] for n in range(4)]
-            came_back = list(mapping(Stage("trial", add_one), views))
-            for view in came_back:
-                assert_array_equal(view, 2)
-            assert_array_equal(whole[..., 5:], 2)
-            assert_array_equal(whole[..., :5], 1)
-            whole[:] = 7
-            assert_array_equal(came_back[3], 7)
-        # it is there after the map, and its pickle is one of values
-        copy = pickle.loads(pickle.dumps(whole))
-        whole[0, 0, 0] = 3
-        assert_array_equal(copy, 7)
-
-    @pytest.mark.parametrize("reason", ["no Linux", "no /proc"])
-    def test_where_nothing_can_be_shared_views_go_by_value(self, monkeypatch, reason):
-        if reason == "no Linux":
-            monkeypatch.delattr(os, "memfd_create")
-        else:
-            monkeypatch.setattr(np, "memmap", lambda *a, **k: open("/none"))  # noqa: SIM115
-        with ordered_map(workers=2) as mapping:
-            whole = shared_empty((4, 10), float)
-            whole[:] = 1
-            assert_array_equal(list(mapping(Stage("trial", add_one), whole)), np.full((4, 10), 2))
-            assert_array_equal(whole, 1)
-
-    @pytest.mark.parametrize("workers", [None, 1])
-    def test_one_process_has_nothing_to_share(self, workers):
-        with ordered_map(workers=workers) if workers else nullcontext():
-            assert type(shared_empty((2, 3), float)) is np.ndarray
-
-    def test_memory_is_given_back(self):
-        def held():
-            """The files in memory alone that this process has open."""
-            found = set()
-            for path in Path("/proc/self/fd").iterdir():
-                with suppress(FileNotFoundError):  # other threads close theirs
-                    if os.readlink(path).startswith("/memfd:"):
-                        found.add(path.stat().st_ino)
-            return found
-
-        before = held()
-        with ordered_map(workers=2):
-            whole = shared_empty((10,), float)
-            own = held() - before
-            assert len(own) == 1
-        whole[:] = 5  # the last view keeps it
-        assert_array_equal(whole, 5)
-        assert own <= held()
-        del whole
-        assert not own & held()
 
 
 def running_at_once(folder, expected):
@@ -603,13 +416,9 @@ def stay(n):
 def test_processes_that_cannot_end_do_not_keep_the_run(end):
     """joblib would wait for them until the threads are through."""
     folder = Path(__file__).parent
-    path = os.pathsep.join(
-        [str(folder), str(folder.parent), *filter(None, [os.environ.get("PYTHONPATH")])]
-    )
-    code = [sys.executable, "-c", STUCK, end]
-    done = subprocess.run(
-        code, cwd=folder, env={**os.environ, "PYTHONPATH": path}, capture_output=True, timeout=180
-    )
+    path = os.pathsep.join([str(folder), str(folder.parent), os.environ.get("PYTHONPATH", "")])
+    given = {"cwd": folder, "env": os.environ | {"PYTHONPATH": path}, "timeout": 180}
+    done = subprocess.run([sys.executable, "-c", STUCK, end], capture_output=True, **given)
     assert done.stdout.split() == [b"0", b"1", b"2", b"3"]
     assert done.returncode == (end == "error"), done.stderr
 

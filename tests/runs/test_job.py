@@ -6,19 +6,15 @@ import subprocess
 import sys
 import tomllib
 from contextlib import ExitStack
-from functools import partial
 
 import numpy as np
 import pytest
-import xarray
 from numpy.testing import assert_allclose, assert_array_equal
-from small_cases import HANG, TABLES
+from small_cases import TABLES
 
 import femseal as fs
-from femseal.base.stage import Stage
 from femseal.case.case import parse_case
 from femseal.execution import cluster as cluster_map
-from femseal.execution.mappers import ordered_map
 from femseal.preparation.preparation import prepare
 from femseal.runs.disk import disk
 
@@ -74,81 +70,31 @@ def test_methods_that_are_compared_solve_the_contact_of_the_whole_face_once(case
     text = text.partition("[stochastic]")[0]
     case.write_text(text)
     stages = []
-    both = fs.run(case, workers=2, progress=lambda stage, done, total: stages.append(stage)).dataset
+    both = fs.run(case, workers=2, progress=lambda stage, *_: stages.append(stage)).dataset
     alone = fs.run(parse_case(tomllib.loads(text) | {"compare": []}), workers=1).dataset
     contacts = {stage for stage in stages if "contact" in stage}
-    assert contacts == {
-        "two-scale: contact of the whole face",
-        "error budget: contact of the whole face",
-    }
-    assert not any(name.startswith("window") for name in set(alone.data_vars) - set(both.data_vars))
+    whole = "contact of the whole face"
+    assert contacts == {f"two-scale: {whole}", f"error budget: {whole}"}
     for name in alone.data_vars:
         assert_array_equal(both[name].values, alone[name].values)
 
 
+LOCAL = {"processes": False, "dashboard_address": None}
+
+
+ALONE = CASE.replace('compare = ["deterministic", "two-scale"]\n', "")
+
+
 def test_every_choice_of_the_stochastic_method_goes_through_a_case(case):
     """A broader seal, a wider band, a map: each choice shows in the results; unless given as many seals as needed."""
-    choices = """
-breadth = "100 um"
-quantiles = [0.2, 0.8]
-"""
     uneven = 'unloading = ["100 MPa"]\n[load.map]\nkind = "profile"\nfractions = [1.4, 1.2, 1.0, 0.8, 0.6]\n'
-    alone = CASE.replace('compare = ["deterministic", "two-scale"]\n', "").replace(
-        "realisations = 4\n", ""
-    )
-    case.write_text(alone.replace('unloading = ["100 MPa"]\n', uneven) + choices)
-    data = fs.run(case, workers=1).dataset
+    text = ALONE.replace("realisations = 4\n", 'breadth = "100 um"\nquantiles = [0.2, 0.8]\n')
+    case.write_text(text.replace('unloading = ["100 MPa"]\n', uneven))
+    data, again = (fs.run(case, workers=1).dataset for _ in range(2))
     assert data.sizes["realisation"] >= 3
     assert data["leakage_lower"].attrs["quantile"] == 0.2
     assert_allclose(data.attrs["seal_size_m"][0], 100e-6)
-    again = fs.run(case, workers=1).dataset
     assert_array_equal(again["leakage"].values, data["leakage"].values)
-    case.write_text(case.read_text().replace("breadth = ", "length_of_run = "))
-    with pytest.raises(fs.InputError, match="length_of_run"):
-        fs.run(case)
-    case.write_text(CASE)
-    data = fs.run(case, workers=1).dataset
-    assert data.sizes["realisation"] == 4
-    assert_array_equal(data["leakage_two_scale"], data["leakage_deterministic"])
-
-
-@pytest.mark.slow  # execution/test_mappers.py has it with a worker in this process
-def test_a_cluster_gives_the_same_bits(case, monkeypatch):
-    distributed = pytest.importorskip("distributed")
-    monkeypatch.setattr(cluster_map, "ANSWER_SECONDS", HANG)
-    one = fs.run(case, workers=1)
-    with distributed.LocalCluster(
-        n_workers=2, threads_per_worker=1, processes=True, dashboard_address=None, silence_logs=50
-    ) as cluster:
-        there = fs.run(case, scheduler=cluster.scheduler_address)
-    for name in one.dataset.data_vars:
-        assert_array_equal(one.dataset[name].values, there.dataset[name].values, err_msg=name)
-
-
-def test_a_cluster_is_given_a_few_tasks_at_a_time_and_returns_them_in_order(recwarn, monkeypatch):
-    distributed = pytest.importorskip("distributed")
-    monkeypatch.setattr(cluster_map, "ANSWER_SECONDS", HANG)
-    drawn = []
-
-    def numbers():
-        for n in range(30):
-            drawn.append(n)
-            yield n
-
-    with (
-        distributed.LocalCluster(
-            n_workers=1, threads_per_worker=2, processes=False, dashboard_address=None
-        ) as cluster,
-        ordered_map(scheduler=cluster.scheduler_address) as mapping,
-    ):
-        results = iter(mapping(Stage("powers", pow), numbers(), [3] * 30))
-        assert next(results) == 0
-        assert len(drawn) <= 10
-        assert list(results) == [n**3 for n in range(1, 30)]
-        with pytest.raises(ZeroDivisionError):
-            list(mapping(Stage("quotients", divmod), [1], [0]))
-        list(mapping(Stage("sums", np.sum), [np.zeros(2_000_000)]))
-    assert not [w for w in recwarn if "large graph" in str(w.message)]
 
 
 @pytest.fixture
@@ -160,20 +106,15 @@ def silent_service():
 @pytest.mark.parametrize("kind", ["nobody", "silent", "nonsense", "no workers"])
 def test_a_bad_address_of_a_scheduler_is_named(case, tmp_path, monkeypatch, silent_service, kind):
     distributed = pytest.importorskip("distributed")
-    assert cluster_map.ANSWER_SECONDS <= 5
     monkeypatch.setattr(cluster_map, "ANSWER_SECONDS", 0.5)
     monkeypatch.setattr(cluster_map, "WORKER_SECONDS", 0.5)
-    address = {"nobody": "tcp://127.0.0.1:1", "silent": silent_service, "nonsense": "http://x"}.get(
-        kind
-    )
+    known = {"nobody": "tcp://127.0.0.1:1", "silent": silent_service, "nonsense": "http://x"}
     with ExitStack() as stack:
         if kind == "no workers":
-            cluster = stack.enter_context(
-                distributed.LocalCluster(n_workers=0, processes=False, dashboard_address=None)
-            )
-            address = cluster.scheduler_address
-        with pytest.raises(fs.InputError, match=f"scheduler: given '{re.escape(address)}'"):
-            fs.run(case, tmp_path / "out", scheduler=address)
+            cluster = stack.enter_context(distributed.LocalCluster(n_workers=0, **LOCAL))
+            known[kind] = cluster.scheduler_address
+        with pytest.raises(fs.InputError, match=f"scheduler: given '{re.escape(known[kind])}'"):
+            fs.run(case, tmp_path / "out", scheduler=known[kind])
     assert not (tmp_path / "out").exists()
 
 
@@ -181,9 +122,7 @@ def test_only_a_complete_folder_is_resumed(case, undrawn, tmp_path, monkeypatch)
     def fail(*args, **kwargs):
         raise ValueError("no such colour")
 
-    case.write_text(
-        CASE.replace('method = "stochastic"', 'method = "deterministic"').replace("compare", "# ")
-    )
+    case.write_text(ALONE.replace('method = "stochastic"', 'method = "deterministic"'))
     out = tmp_path / "out"
     with monkeypatch.context() as patch:
         patch.setattr("femseal.report.pictures.leakage_figure", fail)
@@ -193,43 +132,33 @@ def test_only_a_complete_folder_is_resumed(case, undrawn, tmp_path, monkeypatch)
     done = fs.run(case, out, resume=True, workers=1)
     assert done.folder == out
     assert (out / "leakage.png").exists()
-    assert "pictures, report and files in" in (out / "run.log").read_text()
-    with monkeypatch.context() as patch:
-        patch.setattr("femseal.studies.study_registry.deterministic", fail)
-        again = fs.run(case, out, resume=True, workers=1)
-        assert_array_equal(again.leakage, done.leakage)
-        case.write_text(case.read_text().replace("seed = 2", "seed = 3"))
-        with pytest.raises(ValueError, match="no such colour"):
-            fs.run(case, out, resume=True, workers=1)
+    monkeypatch.setattr("femseal.studies.study_registry.deterministic", fail)
+    assert_array_equal(fs.run(case, out, resume=True, workers=1).leakage, done.leakage)
+    case.write_text(case.read_text().replace("seed = 2", "seed = 3"))
+    with pytest.raises(ValueError, match="no such colour"):
+        fs.run(case, out, resume=True, workers=1)
 
 
 def test_one_row_or_column_of_cells(case, undrawn, tmp_path):
     """Each in the folder of the run before."""
-    fs.run(case, tmp_path / "out", workers=1)
-    for count in ([1, 6], [3, 1], [1, 1]):
+    out = tmp_path / "out"
+    for count in ([3, 6], [1, 6], [3, 1], [1, 1]):
         case.write_text(CASE.replace("count = [3, 6]", f"count = {count}"))
-        results = fs.run(case, tmp_path / "out", workers=1)
+        results = fs.run(case, out, workers=1)
         assert [results.dataset.sizes[n] for n in ("piece1", "piece2")] == count
         assert np.isfinite(results.dataset["leakage"]).all()
-
-        listed = (tmp_path / "out/files.txt").read_text().split()
-        there = {
-            p.relative_to(tmp_path / "out").as_posix()
-            for p in (tmp_path / "out").rglob("*")
-            if p.is_file()
-        }
+        listed = (out / "files.txt").read_text().split()
+        there = {p.relative_to(out).as_posix() for p in out.rglob("*") if p.is_file()}
         assert there == {*listed, "files.txt", "run.log"}
 
 
 def test_command_line(femseal, case, tmp_path):
     out = tmp_path / "out"
-    case.write_text(CASE.replace('compare = ["deterministic", "two-scale"]\n', ""))
+    case.write_text(ALONE)
     done = process("run", case, "-o", out, "--workers", 1)
     assert done.returncode == 0, done.stderr
     assert "300 MPa" in done.stdout
-    with xarray.open_dataset(out / "results.nc", engine="h5netcdf") as data:
-        assert data.sizes["step"] == 3
-        assert np.isfinite(data["leakage_median"]).all()
+    assert np.isfinite(fs.open_results(out).dataset["leakage_median"]).all()
     assert (out / "leakage.png").stat().st_size > 10_000
     assert (out / "run.log").exists()
     assert femseal("check", case)[0] == 0
@@ -269,46 +198,35 @@ def test_progress_knows_how_much_there_is_to_do(case):
 
 @pytest.mark.parametrize("limit", ["1 GB", "250 kB", "0 GB"])
 def test_size_of_the_folder_is_foreseen(case, tmp_path, limit):
+    """Of the gaps that all studies keep, too, once all is computed."""
     case.write_text(case.read_text() + f'[output]\nfields_limit = "{limit}"\n')
-    loaded = fs.load_case(case)
+    loaded, kept, out = fs.load_case(case), [], tmp_path / "out"
     foreseen = disk(loaded, prepare(loaded))
-    fs.run(loaded, tmp_path / "out", workers=1)
-    written = sum(path.stat().st_size for path in (tmp_path / "out").rglob("*") if path.is_file())
-    assert written < 1.2 * (foreseen.fields + foreseen.others) < 20 * written
-    steps = fs.open_results(tmp_path / "out").stored_steps
-    assert len(steps) == foreseen.steps
-
-
-def test_size_of_the_checkpoint_is_foreseen(case, undrawn, tmp_path):
-    """Of the gaps that all studies keep, once all is computed."""
-    case.write_text(CASE.replace("points = [32, 32]", "points = [128, 128]"))
-    loaded, written = fs.load_case(case), []
 
     def measure(stage, done, total):
         if stage == "writing results":
-            written.extend(
-                path.stat().st_size for path in (tmp_path / "out/.checkpoint").glob("*.results")
-            )
+            kept.extend(path.stat().st_size for path in out.glob(".checkpoint/*.results"))
 
-    fs.run(loaded, tmp_path / "out", workers=1, progress=measure)
-    assert 0.6 < sum(written) / disk(loaded, prepare(loaded)).checkpoint < 1.2
+    fs.run(loaded, out, workers=1, progress=measure)
+    written = sum(path.stat().st_size for path in out.rglob("*") if path.is_file())
+    assert written < 1.2 * (foreseen.fields + foreseen.others) < 20 * written
+    assert 0.6 < sum(kept) / foreseen.checkpoint < 1.2
+    assert len(fs.open_results(out).stored_steps) == foreseen.steps
 
 
-def test_ctrl_c_within_compiled_code_stops_as_any_other(case, tmp_path):
+@pytest.mark.parametrize(
+    ("cause", "expected"),
+    [(KeyboardInterrupt(), KeyboardInterrupt), (ValueError(), SystemError)],
+)
+def test_ctrl_c_within_compiled_code_stops_as_any_other(case, tmp_path, cause, expected):
     """As numba tells it; other errors of the system stay what they are."""
 
-    def fail(stage, done, total, cause):
+    def fail(stage, done, total):
         inner = SystemError("returned a result with an exception set")
         inner.__cause__ = cause
         raise SystemError("returned a result with an exception set") from inner
 
-    for cause, expected in ((KeyboardInterrupt(), KeyboardInterrupt), (ValueError(), SystemError)):
-        with pytest.raises(expected):
-            fs.run(
-                case, tmp_path / "out", resume=True, workers=1, progress=partial(fail, cause=cause)
-            )
-        last = (tmp_path / "out/run.log").read_text()
-        assert ("the run was stopped (KeyboardInterrupt)" in last) == (
-            expected is KeyboardInterrupt
-        )
-        (tmp_path / "out/run.log").unlink()
+    with pytest.raises(expected):
+        fs.run(case, tmp_path / "out", workers=1, progress=fail)
+    stopped = "the run was stopped (KeyboardInterrupt)" in (tmp_path / "out/run.log").read_text()
+    assert stopped == (expected is KeyboardInterrupt)

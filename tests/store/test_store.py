@@ -4,6 +4,7 @@ import errno
 import hashlib
 import os
 import random
+import re
 import subprocess
 import sys
 from functools import partial
@@ -72,14 +73,20 @@ def test_a_process_that_exits_at_once_leaves_its_results(tmp_path):
     assert computed == [(3, 18), (3, 19)]
 
 
-def test_a_record_that_a_kill_cut_is_computed_again_and_the_others_are_not(tmp_path):
+def test_a_record_that_a_kill_cut_is_computed_again_and_the_others_are_not(tmp_path, caplog):
     resumed(tmp_path)
     (path,) = tmp_path.glob(f"*{SUFFIX}")
     os.truncate(path, path.stat().st_size - 1)
     results, computed = resumed(tmp_path)
     assert_complete(results)
     assert computed == [(3, 19)]
+    assert "damaged" not in caplog.text
     assert resumed(tmp_path)[1] == []
+
+
+def ahead(function, *iterables):
+    """A map that takes all its items before it gives a result."""
+    return iter(list(map(function, *iterables)))
 
 
 @pytest.mark.parametrize("at", [0.0, 0.3, 0.5, 0.99])
@@ -135,12 +142,13 @@ def test_other_versions_find_nothing(tmp_path, monkeypatch):
     assert "CoolProp" in numerical_versions()
 
 
-def test_equal_items_are_computed_once(tmp_path):
+@pytest.mark.parametrize("mapper", [map, ahead])
+def test_equal_items_are_computed_once(tmp_path, mapper):
     computed = []
     stage = Stage("values", partial(value, 0, computed=computed), key="values")
     items = [1, 2, 1, 1, 2, 3]
     with Store(tmp_path) as kept:
-        results = list(kept.over(map)(stage, items, items))
+        results = list(kept.over(mapper)(stage, items, items))
     np.testing.assert_equal(results, [value(0, item, item) for item in items])
     assert [item for _, item in computed] == [1, 2, 3]
 
@@ -156,31 +164,20 @@ def test_what_has_no_digest_or_is_no_data_is_computed_and_not_kept(tmp_path):
 
 def test_values_are_told_apart_by_type_shape_order_and_every_bit(tmp_path):
     field = np.arange(6.0).reshape(2, 3)
-    variants = [
-        field,
-        field.T,
-        field.ravel(),
-        field.astype(np.float32),
-        np.asfortranarray(field),
-        np.nextafter(field, 9),
-        (field,),
-        [field],
-        {"field": field},
-        field.tolist(),
-        field.tobytes(),
-    ]
+    variants = [field, field.T, field.ravel(), field.astype(np.float32), np.asfortranarray(field)]
+    variants += [np.nextafter(field, 9), (field,), [field], {"field": field}]
+    variants += [field.tolist(), field.tobytes(), 0, 0.0, -0.0, False, None, "", b"", "0"]
     assert len({digest(value) for value in variants}) == len(variants)
     assert digest(field) == digest(field.copy())
-    assert len({digest(value) for value in (0, 0.0, -0.0, False, None, "", b"", "0")}) == 8
-    one, other, missing = tmp_path / "one", tmp_path / "other", tmp_path / "missing"
-    one.write_text("a")
-    other.write_text("a")
+    one, other = tmp_path / "one", tmp_path / "other"
+    for path in (one, other):
+        path.write_text("a")
     assert digest(one) == digest(other) != digest(str(one))
     other.write_text("b")
     assert digest(one) != digest(other)
     # functions of classes have names, those of objects and of functions have not
     assert len({*map(digest, (SolverCounts.of, SolverCounts.total, SolveCounts.total))}) == 3
-    for nameless in (lambda x: x, SolverCounts().by_solver, missing):
+    for nameless in (lambda x: x, SolverCounts().by_solver, tmp_path / "missing"):
         with pytest.raises(Unnamed):
             digest(nameless)
 
@@ -193,42 +190,21 @@ def test_every_file_of_the_source_is_part_of_the_version():
 
 
 @pytest.mark.parametrize("room", [0, 30, 500])
-def test_a_full_disk_loses_nothing_that_is_written(tmp_path, monkeypatch, room):
+def test_a_full_disk_loses_nothing_that_is_written(tmp_path, room):
     """The disk is full within a record, of which nothing stays."""
-    opened = Path.open
-
-    class Full:
-        def __init__(self, file, name):
-            self.file, self.name = file, name
-
-        def write(self, data):
-            left = room - self.file.tell() + 2000
-            if left <= 0:
-                raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
-            return self.file.write(data[:left])
-
-        def __getattr__(self, name):
-            return getattr(self.file, name)
-
-        def __enter__(self):
-            return self
-
-        def __exit__(self, *details):
-            self.file.close()
-
-    def open_full(path, mode="r", *args, **options):
-        file = opened(path, mode, *args, **options)
-        return Full(file, str(path)) if mode == "xb" else file
-
-    with monkeypatch.context() as patch:
-        patch.setattr(Path, "open", open_full)
-        with pytest.raises(
-            fs.FemsealError, match=r"No space left.*results are kept.*make room.*--resume"
-        ):
-            resumed(tmp_path)
+    code = (
+        "import resource, signal, sys; sys.path.insert(0, sys.argv[1]); from pathlib import Path\n"
+        "from kept_study import *\n"
+        "signal.signal(signal.SIGXFSZ, signal.SIG_IGN)\n"
+        "resource.setrlimit(resource.RLIMIT_FSIZE, (int(sys.argv[3]),) * 2)\n"
+        "resumed(Path(sys.argv[2]))\n"
+    )
+    given = map(str, (Path(__file__).parents[1], tmp_path, 2000 + room))
+    done = subprocess.run([sys.executable, "-c", code, *given], capture_output=True, text=True)
+    assert re.search("results are kept.*--resume", done.stderr), done.stderr
     with Store(tmp_path) as kept:
-        assert len(kept) > 5
         there = len(kept)
+    assert there > 5
     results, computed = resumed(tmp_path)
     assert_complete(results)
     assert len(computed) == len(EVERY) - there
