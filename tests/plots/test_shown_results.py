@@ -2,13 +2,16 @@
 
 import io
 from dataclasses import replace
+from itertools import pairwise
 from pathlib import Path
 from xml.etree import ElementTree
 
 import numpy as np
 import pytest
 from matplotlib import pyplot
+from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
+from matplotlib.text import Text
 from numpy.testing import assert_allclose
 from small_cases import steel_scene
 
@@ -16,7 +19,7 @@ import femseal as fs
 from femseal.base.errors import InputError
 from femseal.base.leak_rates import leakage_unit
 from femseal.base.text import Shown, value_text
-from femseal.plots.leakage_curves import LeakageCurves, leakage_panel
+from femseal.plots.leakage_curves import LeakageCurves, leakage_panel, limit_lines
 from femseal.plots.map_panels import on_decades
 
 MODULUS, HARDNESS = 115e9, 1.4e9
@@ -197,6 +200,52 @@ def test_the_band_of_error_ends_where_it_ends_or_at_the_edge(lower, upper):
     assert_allclose(y[x == 100].max(), 4e-9)
     edges = np.clip([lower, upper], *axes.get_ylim())
     assert_allclose([y[x == 200].min(), y[x == 200].max()], edges)
+
+
+@pytest.mark.parametrize(
+    "loads", [(66.43, 140.5, 141.2, 300), (1, 2, 3, 4, 5, 6), (276.79, 369.05, 461.31, 9000)]
+)
+@pytest.mark.parametrize("force", [None, ("kN", 4.2e-8)])
+def test_loads_are_ticks_whose_labels_do_not_touch(loads, force):
+    pressure = np.array(loads) * 1e6
+    curves = LeakageCurves(
+        pressure, np.full(len(loads), np.nan), 1 / pressure, "median", force=force
+    )
+    figure = Figure(figsize=(5.4, 4))
+    axes = figure.add_axes((0.18, 0.2, 0.78, 0.7))
+    leakage_panel(axes, curves)
+    FigureCanvasAgg(figure).draw()
+    factor = 1e-6 if force is None else force[1]
+    # a tick with a label stands in for one without
+    ticks = np.union1d(axes.get_xticks(), axes.get_xticks(minor=True))
+    assert_allclose(ticks, pressure * factor)
+    boxes = sorted(
+        text.get_window_extent().extents[[0, 2]].tolist()
+        for text in axes.get_xticklabels()
+        if text.get_text()
+    )
+    assert len(boxes) >= 2
+    assert all(right < left for (_, right), (left, _) in pairwise(boxes))
+    assert ("kN" in axes.get_xlabel()) == (force is not None)
+
+
+def test_every_limit_has_a_name_and_names_do_not_touch():
+    figure = Figure(figsize=(5.4, 4))
+    axes = figure.add_axes((0.18, 0.2, 0.5, 0.7))
+    axes.set(yscale="log", ylim=(1e-3, 1e3))
+    limits = {f"class {n}": 1.02**n for n in range(12)} | {
+        "top": 990.0,
+        "bottom": 1.1e-3,
+        "beyond": 2e3,
+    }
+    limit_lines(axes, limits)
+    FigureCanvasAgg(figure).draw()
+    named = ", ".join(text.get_text() for text in axes.texts)
+    assert sorted(named.split(", ")) == sorted({*limits} - {"beyond"})
+    # of the name alone, without its line
+    boxes = sorted(Text.get_window_extent(text).extents[[1, 3]].tolist() for text in axes.texts)
+    assert all(upper <= lower + 1 for (_, upper), (lower, _) in pairwise(boxes))
+    assert axes.bbox.y0 - 10 < boxes[0][0] < boxes[-1][1] < axes.bbox.y1 + 10
 
 
 CELLS = (
