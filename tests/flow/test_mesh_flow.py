@@ -1,17 +1,13 @@
 """Darcy flow on meshes: closed forms, orders, bounds that bracket, percolation, bad input."""
 
-from dataclasses import replace
-from itertools import pairwise
-
 import numpy as np
 import pytest
 from each import each
 from numpy.testing import assert_allclose
-from skfem import MeshLine, MeshQuad, MeshQuad2, MeshTet, MeshTri
+from skfem import MeshQuad, MeshQuad2, MeshTet, MeshTri
 
-from femseal.analytic import annulus_rate, checkerboard, stripes_across, stripes_along
-from femseal.base.errors import InputError, NotConverged
-from femseal.flow import mesh_system
+from femseal.analytic import annulus_rate, stripes_across, stripes_along
+from femseal.base.errors import InputError
 from femseal.flow.mesh import darcy_conductance
 
 QUARTER = annulus_rate(1.0, 1.0, 1.0, 1.0, 1.5) / 4
@@ -45,17 +41,12 @@ def centres(mesh):
 
 @each("kind", LINEAR)
 def test_uniform_rectangle_is_exact(kind):
-    f = flow(rectangle(kind, 3, 4, (2.0, 3.0)), 5e-18, bounds=True)
+    mesh = rectangle(kind, 3, 4, (2.0, 3.0))
+    f = flow(mesh, 5e-18, bounds=True)
     assert_allclose([f.conductance, f.lower, f.upper], 5e-18 * 3 / 2, rtol=1e-13)
+    assert_allclose(f.potential, 1 - mesh.p[0] / 2, atol=1e-14)
     assert f.percolates
-    assert f.imbalance < 1e-13
-    assert f.residual < 1e-13
-
-
-@each("kind", LINEAR)
-def test_potential_is_linear_at_the_vertices(kind):
-    mesh = rectangle(kind, 4, 3)
-    assert_allclose(flow(mesh, 1.0).potential, 1 - mesh.p[0], atol=1e-14)
+    assert max(f.imbalance, f.residual) < 1e-13
 
 
 @each("kind", LINEAR)
@@ -83,57 +74,6 @@ def test_bounds_close_with_order_two(kind):
     assert np.all(gaps > 0)
     assert np.all(np.abs(np.log2(gaps[:-1] / gaps[1:]) - 2) < 0.1)
     assert_allclose(flows[-1].lower, QUARTER, rtol=2e-3)
-
-
-def test_bounds_of_a_polygon_nest_under_refinement():
-    """An inscribed polygon, refined with its sides straight: each bracket lies inside the one before."""
-    mesh = quarter_ring(MeshTri, 3)
-    outer = None
-    for _ in range(4):
-        f = flow(mesh, 1.0, bounds=True)
-        assert f.conductance == f.upper
-        if outer:
-            assert outer.lower < f.lower < f.upper < outer.upper
-        outer = f
-        mesh = mesh.refined()
-    assert (outer.upper - outer.lower) / outer.upper < 1e-3
-
-
-@each("kind", LINEAR)
-@each("contrast", [10.0, 1e8])
-def test_bounds_bracket_a_checkerboard(kind, contrast):
-    widths = []
-    for n in (2, 4, 8, 16):
-        mesh = rectangle(kind, n, n)
-        k = np.where((centres(mesh) > 0.5).sum(axis=0) % 2 == 0, 1.0, contrast)
-        f = flow(mesh, k, bounds=True)
-        assert f.lower < checkerboard(1.0, contrast) < f.upper
-        widths.append(f.upper / f.lower)
-    assert all(b < a for a, b in pairwise(widths))
-
-
-@each("kind", LINEAR)
-def test_bounds_bracket_random_maps(kind):
-    """The exact value of a random map is enclosed by the bracket of the same map on a finer mesh."""
-    rng = np.random.default_rng(1)
-    mesh, fine = rectangle(kind, 6, 6), rectangle(kind, 24, 24)
-    for sd in (1.0, 3.0):
-        map_ = np.exp(sd * rng.standard_normal((6, 6)))
-        k, k_fine = (map_[tuple((centres(m) * 6).astype(int))] for m in (mesh, fine))
-        wide, narrow = flow(mesh, k, bounds=True), flow(fine, k_fine, bounds=True)
-        assert wide.lower < narrow.lower < narrow.upper < wide.upper
-        assert wide.imbalance < 1e-12
-
-
-@each("kind", LINEAR)
-def test_dual_maps_multiply_to_one(kind):
-    """C(k)·C⊥(1/k) = 1 exactly: lower bounds multiply to less, upper bounds to more."""
-    rng = np.random.default_rng(2)
-    mesh = rectangle(kind, 5, 5)
-    k = np.exp(2 * rng.standard_normal(mesh.nelements))
-    turned = mesh.with_boundaries({"in": lambda x: x[1] == 0, "out": lambda x: x[1] == 1})
-    a, b = flow(mesh, k, bounds=True), flow(turned, 1 / k, bounds=True)
-    assert a.lower * b.lower < 1 < a.upper * b.upper
 
 
 @each("kind", LINEAR)
@@ -171,7 +111,6 @@ def test_all_shapes_of_permeability_agree(kind):
         f = flow(mesh, same, bounds=True)
         assert (f.conductance, f.lower) == (expected.conductance, expected.lower)
     assert_allclose(flow(mesh, 1e-40 * k).conductance, 1e-40 * expected.conductance, rtol=1e-12)
-    assert flow(mesh, 2.0).conductance == flow(mesh, np.full(mesh.nelements, 2.0)).conductance
 
 
 @each("kind", LINEAR)
@@ -186,17 +125,14 @@ def test_inlet_and_outlet_swap(kind):
 
 @each("kind", LINEAR)
 def test_closed_across_is_exactly_zero(kind):
+    """Each side stands at the pressure of its end; what no end reaches has none."""
     mesh = rectangle(kind, 6, 6)
-    k = np.where(np.abs(centres(mesh)[0] - 0.58) < 0.08, 0.0, 1.0)
+    k = np.where(np.abs(centres(mesh)[0] - 0.5) < 0.3, 0.0, 1.0)
     f = flow(mesh, k, bounds=True)
     assert (f.conductance, f.lower, f.upper, f.percolates) == (0.0, 0.0, 0.0, False)
-    assert_allclose(
-        f.potential[mesh.p[0] < 0.4], 1.0
-    )  # the inlet side stands at the inlet's pressure
-    assert_allclose(f.potential[mesh.p[0] > 0.7], 0.0)
-    wide = np.where(np.abs(centres(mesh)[0] - 0.5) < 0.3, 0.0, 1.0)
-    assert np.array_equal(np.isnan(flow(mesh, wide).potential), np.abs(mesh.p[0] - 0.5) < 0.2)
-    assert np.isnan(flow(mesh, k).lower)
+    x = mesh.p[0]
+    expected = np.select([x < 0.3, x > 0.7], [1.0, 0.0], np.nan)
+    assert_allclose(f.potential, expected)
     assert not flow(mesh, 0.0).percolates
 
 
@@ -206,9 +142,7 @@ def test_pockets_and_dead_ends_do_no_harm(kind):
     mesh = rectangle(kind, 6, 6)
     x, y = (centres(mesh) * 6).astype(int)
     k = np.where(y == 5, 2.0, 0.0)
-    k[(y == 3) & (x == 3)] = 1.0
-    k[(y == 1) & (x < 4)] = 1.0
-    k[(y == 2) & (x == 5)] = 1.0
+    k[(y == 3) & (x == 3)] = k[(y == 1) & (x < 4)] = k[(y == 2) & (x == 5)] = 1.0
     f = flow(mesh, k, bounds=True)
     assert_allclose([f.lower, f.conductance], 2.0 / 6, rtol=1e-12)
     dead_end = (np.abs(mesh.p[1] - 1.5 / 6) < 0.1) & (mesh.p[0] < 0.6)
@@ -249,78 +183,33 @@ def test_elements_closed_along_one_axis():
 @each(
     ("k", "message"),
     [
-        (np.nan, "^permeability: given 1 value not finite, expected numbers >= 0"),
-        (np.inf, "^permeability: given 1 value not finite"),
-        (-1e-18, "^permeability: given -1e-18, expected numbers >= 0"),
-        (
-            np.ones(5),
-            r"^permeability: given shape \(5,\), expected a number, or shape \(4,\), \(4, 2\) or \(4, 2",
-        ),
-        (np.ones((4, 3)), r"^permeability: given shape \(4, 3\)"),
-        ("much", "^permeability: given str, expected numbers"),
-        (
-            np.tile([[1.0, 0.5], [0.0, 1.0]], (4, 1, 1)),
-            "^permeability: given a tensor that is not symmetric in element 0",
-        ),
-        (
-            np.tile([[1.0, 2.0], [2.0, 1.0]], (4, 1, 1)),
-            "^permeability: given a negative principal value in element 0",
-        ),
+        (np.nan, "given 1 value not finite, expected numbers >= 0"),
+        (-1e-18, "given -1e-18, expected numbers >= 0"),
+        (np.ones(5), r"given shape \(5,\), expected a number, or shape \(4,\), \(4, 2\) or \(4, 2"),
+        ("much", "given str, expected numbers"),
+        (np.tile([[1.0, 0.5], [0, 1]], (4, 1, 1)), "given a tensor that is not symmetric in el"),
+        (np.tile([[1.0, 2], [2, 1]], (4, 1, 1)), "given a negative principal value in element 0"),
     ],
 )
 def test_bad_permeability(k, message):
-    with pytest.raises(InputError, match=message):
+    with pytest.raises(InputError, match="^permeability: " + message):
         flow(rectangle(MeshQuad, 2, 2), k)
-
-
-def test_flows_that_do_not_balance_are_refused(monkeypatch):
-    exact = mesh_system.solve_spd
-
-    def careless(*args, **options):
-        solution = exact(*args, **options)
-        return replace(solution, x=solution.x * 1.001)
-
-    monkeypatch.setattr(mesh_system, "solve_spd", careless)
-    with pytest.raises(
-        NotConverged, match=r"^flow: inlet and outlet differ by .* of the flow, expected 1e-03"
-    ):
-        flow(rectangle(MeshTri, 3, 3), 1.0)
 
 
 def test_bad_meshes_and_ends():
     mesh = rectangle(MeshQuad, 2, 2)
-    ends = mesh.boundaries["in"], mesh.boundaries["out"]
-    with pytest.raises(
-        InputError, match=r"^mesh: given a MeshTet1, expected one of MeshTri1, MeshQuad1"
-    ):
-        darcy_conductance(MeshTet(), 1.0, [0], [1])
-    with pytest.raises(InputError, match=r"^mesh: given a MeshLine1"):
-        darcy_conductance(MeshLine(), 1.0, [0], [1])
-    with pytest.raises(
-        InputError,
-        match=r"^mesh: given a MeshQuad2, .* with linear elements; mesh with elements of",
-    ):
-        flow(MeshQuad2.from_mesh(mesh).with_boundaries(mesh.boundaries), 1.0)
-    with pytest.raises(InputError, match=r"^inlet: given no facets"):
-        darcy_conductance(mesh, 1.0, [], ends[1])
+    inlet, outlet = mesh.boundaries["in"], mesh.boundaries["out"]
     inside = np.setdiff1d(np.arange(mesh.nfacets), mesh.boundary_facets())[:1]
-    with pytest.raises(
-        InputError, match=r"^outlet: given facets inside the mesh, expected facets of its boundary"
+    rest = np.setdiff1d(mesh.boundary_facets(), inlet)
+    for given, text in (
+        ((MeshTet(), 1.0, [0], [1]), "mesh: given a MeshTet1, expected one of MeshTri1, MeshQuad1"),
+        ((MeshQuad2.from_mesh(mesh), 1.0, inlet, outlet), "mesh: .* with linear elements; mesh"),
+        ((mesh, 1.0, [], outlet), "inlet: given no facets"),
+        (
+            (mesh, 1.0, inlet, inside),
+            "outlet: given facets inside the mesh, expected facets of its",
+        ),
+        ((mesh, 1.0, inlet, rest), "inlet and outlet: given boundaries that touch"),
     ):
-        darcy_conductance(mesh, 1.0, ends[0], inside)
-    with pytest.raises(InputError, match=r"^inlet and outlet: given boundaries that touch"):
-        darcy_conductance(mesh, 1.0, ends[0], np.setdiff1d(mesh.boundary_facets(), ends[0]))
-
-
-@each("kind", [MeshQuad, MeshTri])
-def test_a_part_behind_two_narrow_bands_is_exact_or_refused(kind):
-    """Sums of wide and narrow links lose the narrow ones, by which alone the part in the middle has its potential."""
-    mesh = rectangle(kind, 8, 8)
-    x = centres(mesh)[0]
-    bands = ((x > 0.25) & (x < 0.375)) | ((x > 0.625) & (x < 0.75))
-    for decades in (6, 9, 12):
-        k = np.where(bands, 10.0**-decades, 1.0)
-        assert_allclose(flow(mesh, k).conductance, 1 / (0.25 * 10.0**decades + 0.75), rtol=1e-6)
-    for decades in (14, 17, 25):
-        with pytest.raises(NotConverged, match="try a smaller contrast of the permeability"):
-            flow(mesh, np.where(bands, 10.0**-decades, 1.0))
+        with pytest.raises(InputError, match="^" + text):
+            darcy_conductance(*given)

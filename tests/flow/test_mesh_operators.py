@@ -129,56 +129,14 @@ def test_a_checkerboard_has_the_root_of_the_product(contrast):
     assert found.upper > 2 * found.lower
 
 
-def test_independent_tiles_have_the_mean_of_the_logarithm():
-    """Of ln k that scatter symmetrically, exp⟨ln k⟩ in the median, where both bounds are off by factors."""
-    mesh, left, right, *_ = square(16)
-    rng = np.random.default_rng(8)
-    found = []
-    for _ in range(25):
-        k = np.exp(rng.normal(0, 2.0, mesh.nelements))
-        one = solved(mesh, left, right, diagonal(k, k))
-        found.append(np.log([one.lower, one.conductance, one.upper]))
-    lower, value, upper = np.median(found, axis=0)
-    assert abs(value) < 3 * 1.25 * np.std(found, axis=0)[1] / 5
-    assert lower < -0.2
-    assert upper > 0.2
-
-
-@pytest.mark.parametrize("triangles", [False, True])
-def test_a_constant_tensor_is_solved_exactly(triangles):
-    mesh, left, right, *_ = square(5, triangles, sides=(2.0, 3.0))
-    k = 1e-20 * np.ones(mesh.nelements)
-    found = solved(mesh, left, right, diagonal(3 * k, 1e-6 * k))
-    assert_allclose([found.lower, found.conductance, found.upper], 3e-20 * 3 / 2, rtol=1e-7)
-    assert_allclose(found.potential, 1 - mesh.p[0] / 2, atol=1e-4)
-    assert_allclose(found.potential + found.complement, 1.0)
-
-
-def test_layers_in_series_and_in_parallel_are_exact():
-    mesh, left, right, bottom, top = square(6)
-    layer = np.floor(6 * mesh.p[0, mesh.t].mean(axis=0)).astype(int)
-    k = 10.0 ** np.array([0, -3, 5, 1, -7, 2])
-    along = solved(mesh, left, right, diagonal(k[layer], k[layer]), "direct")
-    across = solved(mesh, bottom, top, diagonal(k[layer], k[layer]), "direct")
-    assert_allclose([along.lower, along.upper], 1 / np.mean(1 / k), rtol=1e-9)
-    assert_allclose([across.lower, across.upper], np.mean(k), rtol=1e-9)
-
-
-def test_more_permeable_elements_leak_more_and_all_scale_together():
+def test_more_permeable_elements_leak_more():
     mesh, left, right, *_ = square(6, triangles=True)
     rng = np.random.default_rng(2)
-    k = np.exp(rng.normal(0, 2, (2, mesh.nelements)))
-    angle = rng.uniform(0, np.pi, mesh.nelements)
-    one = solved(mesh, left, right, turned(*k, angle))
-    more = solved(
-        mesh, left, right, turned(*(k * np.where(np.arange(mesh.nelements) % 2, 1.0, 1.5)), angle)
-    )
+    k, angle = np.exp(rng.normal(0, 2, (2, mesh.nelements))), rng.uniform(0, np.pi, mesh.nelements)
+    wider = np.where(np.arange(mesh.nelements) % 2, 1.0, 1.5)
+    one, more = (solved(mesh, left, right, turned(*ks, angle)) for ks in (k, k * wider))
     assert one.lower < more.lower < 1.5 * one.lower
     assert one.upper < more.upper < 1.5 * one.upper
-    scaled = solved(mesh, left, right, turned(*(1e-22 * k), angle))
-    assert_allclose(scaled.conductance, 1e-22 * one.conductance, rtol=1e-7)
-    turned_round = solved(mesh, right, left, turned(*k, angle))
-    assert_allclose(turned_round.conductance, one.conductance, rtol=1e-6)
 
 
 def test_a_number_is_the_permeability_of_an_isotropic_film_and_other_shapes_are_refused():
