@@ -1,14 +1,12 @@
 """Dead ends of a network: found, and given the potential of the node that they hang on."""
 
 import numpy as np
-from networks import cell_links, network, restricted, solve_links
+from networks import cell_links, network, restricted
 from numpy.testing import assert_allclose
 
-from femseal import self_affine
 from femseal.flow import solve_flow
 from femseal.flow.dead_ends import dead_ends, fill_dead_ends
 from femseal.flow.percolation import nodes_reached
-from femseal.flow.solvers import choice
 
 D = 1e-6
 
@@ -36,25 +34,3 @@ def test_dead_ends_carry_nothing_and_have_the_potential_they_hang_on():
         assert np.all((along[1:] + along[:-1] + sides + np.roll(sides, 1, axis=1))[left[1:-1]] > 0)
         dead += ends[0].size
     assert dead > 500
-
-
-def test_multigrid_leaves_them_out_and_gives_them_their_potential(monkeypatch):
-    """A chamber that one narrow link joins to a rough gap."""
-    monkeypatch.setattr(choice, "_MANY", 1000)
-    n = 200
-    z = self_affine(
-        (n, n), (n * D, n * D), hurst=0.8, rms_slope=0.2, roll_off=n * D / 4, cut_off=8 * D, rng=3
-    ).heights
-    h = np.maximum(np.quantile(z, 0.8) - z, 0)
-    h /= h.max()
-    h[98:131, 98:131] = 0
-    h[100:129, 100:129] = 0.3
-    h[95:100, 110] = 1e-3
-    c1, c2 = cell_links(h, (D, D), "periodic")
-    flow = solve_links(c1, c2)
-    assert flow.solver == "multigrid"
-    exact = solve_links(c1, c2, solver="elimination")
-    assert_allclose(flow.conductance, exact.conductance, rtol=1e-6)
-    assert_allclose(flow.potential[101:130, 100:129], exact.potential[101:130, 100:129], atol=1e-3)
-    assert np.ptp(flow.potential[101:130, 100:129]) == 0
-    assert np.array_equal(np.isnan(flow.potential), np.isnan(exact.potential))
