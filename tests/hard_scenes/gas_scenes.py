@@ -1,13 +1,11 @@
 """Hard scenes of gases in a gap, from the continuum to free molecules."""
 
-from __future__ import annotations
-
 from functools import partial
 from math import pi
 
 import numpy as np
 from hard_scene import HardScene
-from judges import Between, Near, Refused
+from judges import between, near, refused
 from pydantic import TypeAdapter
 
 from femseal.analytic import parallel_plates
@@ -23,10 +21,10 @@ PLATES = float(parallel_plates(H))
 HELIUM = IdealGas(viscosity=19.6e-6, molar_mass=4.0026e-3, temperature=293.15)
 LAW = HELIUM.law
 
-scene = partial(HardScene, stage="flow")
+scene = partial(HardScene, "flow")
 
 
-def _gas_cell(inverse_knudsen: float) -> float:
+def _gas_cell(inverse_knudsen):
     """Permeability over that of the plates of a gas at a D."""
     assert isinstance(LAW, FukuiKaneko)
     pressure = inverse_knudsen / float(LAW.inverse_knudsen(H, 1.0))
@@ -34,13 +32,13 @@ def _gas_cell(inverse_knudsen: float) -> float:
     return cell_permeability(gap, (D, D), law=LAW, pressure=pressure).value / PLATES
 
 
-def _free(inverse_knudsen: float) -> float:
+def _free(inverse_knudsen):
     return (
         6 / inverse_knudsen * (1.5 * (1 - np.euler_gamma) - np.log(inverse_knudsen)) / np.sqrt(pi)
     )
 
 
-def _dense() -> float:
+def _dense():
     """Leakage of 700 bar of hydrogen through a seal, over a sum over CoolProp's ρ/η."""
     real, seal = RealGas("hydrogen", 293.15, slip=False), RectangularSeal((1e-3, 1e-3), (4, 4))
     p = 7e7 * (np.arange(2000) + 0.5) / 2000
@@ -48,7 +46,7 @@ def _dense() -> float:
     return seal_leakage(seal, 1e-20, real, inlet_pressure=7e7).mass_rate / (1e-20 * summed)
 
 
-def _near_saturation() -> list[float]:
+def _near_saturation():
     """Pressures from carbon dioxide 1e-5 below its saturation at 20 °C to a vacuum: highest and lowest over the ends."""
     gas = RealGas("CO2", 293.15)
     inlet = (1 - 1e-5) * gas.highest_pressure
@@ -60,7 +58,7 @@ def _near_saturation() -> list[float]:
     ]
 
 
-def _above_a_vacuum(text: str) -> float:
+def _above_a_vacuum(text):
     """Leakage of helium of 0 bar(g) to a pressure that is given as text, over that to an absolute vacuum."""
     fluid = {"name": "helium", "slip": False, "inlet_pressure": "0 bar(g)", "outlet_pressure": text}
     data = with_named_fluids(with_absolute_pressures({"fluid": fluid}))["fluid"]
@@ -70,58 +68,56 @@ def _above_a_vacuum(text: str) -> float:
     return rate / (1e-20 * float(state.fluid.potential(101_325.0)))
 
 
-SCENES: tuple[HardScene, ...] = (
+SCENES = (
     scene(
         "gas, continuum",
-        what="helium at D = 1e9: permeability over that of the plates",
-        must=Near(1.0, 1e-8, "no slip"),
-        run=lambda: _gas_cell(1e9),
+        "helium at D = 1e9: permeability over that of the plates",
+        near(1.0, 1e-8, "no slip"),
+        lambda: _gas_cell(1e9),
     ),
     scene(
         "gas, slip",
-        what="helium at D = 1e3: permeability over that of the plates",
-        must=Near(1 + 6 * 1.0162 / 1e3, 1e-5, "slip at both walls"),
-        run=lambda: _gas_cell(1e3),
+        "helium at D = 1e3: permeability over that of the plates",
+        near(1 + 6 * 1.0162 / 1e3, 1e-5, "slip at both walls"),
+        lambda: _gas_cell(1e3),
     ),
     scene(
         "gas, free molecules",
-        what="helium at D = 1e-9: permeability over that of the plates",
-        must=Near(_free(1e-9), 2e-5, "plates without end, Cercignani & Daneri"),
-        run=lambda: _gas_cell(1e-9),
+        "helium at D = 1e-9: permeability over that of the plates",
+        near(_free(1e-9), 2e-5, "plates without end, Cercignani & Daneri"),
+        lambda: _gas_cell(1e-9),
     ),
     scene(
         "gas, no molecules",
-        what="D = 0: flow rate Q",
-        must=Between(1.0, 100.0, "finite"),
-        run=lambda: float(flow_rate(0.0)),
+        "D = 0: flow rate Q",
+        between(1.0, 100.0, "finite"),
+        lambda: float(flow_rate(0.0)),
     ),
     scene(
         "gas, 700 bar",
-        what="hydrogen of 700 bar into a vacuum: leakage over a sum over CoolProp's ρ/η",
-        must=Near(1.0, 1e-6, "quadrature"),
-        run=_dense,
+        "hydrogen of 700 bar into a vacuum: leakage over a sum over CoolProp's ρ/η",
+        near(1.0, 1e-6, "quadrature"),
+        _dense,
         needs="CoolProp",
     ),
     scene(
         "gas, near saturation",
-        what="carbon dioxide 1e-5 below saturation: pressure at the inlet, leakage over that of the potential",
-        must=Near((1.0, 1.0), 1e-9, "a plain strip"),
-        run=_near_saturation,
+        "carbon dioxide 1e-5 below saturation: pressure at the inlet, leakage over that of the potential",
+        near((1.0, 1.0), 1e-9, "a plain strip"),
+        _near_saturation,
         needs="CoolProp",
     ),
     scene(
         "gas, above saturation",
-        what="carbon dioxide 1e-5 above saturation at 20 °C",
-        must=Refused(("CO2 condenses at 20 °C",)),
-        run=lambda: potential_of(
-            RealGas("CO2"), "inlet", (1 + 1e-5) * RealGas("CO2").highest_pressure
-        ),
+        "carbon dioxide 1e-5 above saturation at 20 °C",
+        refused("CO2 condenses at 20 °C"),
+        lambda: potential_of(RealGas("CO2"), "inlet", (1 + 1e-5) * RealGas("CO2").highest_pressure),
         needs="CoolProp",
     ),
     scene(
         "gas, gauge vacuum",
-        what="helium of 0 bar(g) to 0 bar(a), -1 atm(g) and -1.01325 Pa(g): leakage over that into a vacuum",
-        must=Near((1.0, 1.0, 2e-5), 1e-4, "p²"),
-        run=lambda: [_above_a_vacuum(text) for text in ("0 bar(a)", "-1 atm(g)", "-1.01325 Pa(g)")],
+        "helium of 0 bar(g) to 0 bar(a), -1 atm(g) and -1.01325 Pa(g): leakage over that into a vacuum",
+        near((1.0, 1.0, 2e-5), 1e-4, "p²"),
+        lambda: [_above_a_vacuum(text) for text in ("0 bar(a)", "-1 atm(g)", "-1.01325 Pa(g)")],
     ),
 )

@@ -1,27 +1,24 @@
 """Hard scenes of the flow over rings, on their own coordinates and on meshes."""
 
-from __future__ import annotations
-
 from functools import partial
 from math import log, pi
 
 import numpy as np
 from hard_scene import HardScene
-from judges import Between, Near
+from judges import near
 from skfem import MeshTri
 
 from femseal.analytic import (
-    annulus_rate,
     eccentric_annulus_rate,
     elliptic_annulus_rate,
     spiral_annulus_rate,
 )
 from femseal.seal import AnnularSeal, MeshSeal
 
-scene = partial(HardScene, stage="seal")
+scene = partial(HardScene, "seal")
 
 
-def _ring(n: int, *, shift: float = 0.0, stretch: tuple[float, float] = (1.0, 1.0)) -> MeshSeal:
+def _ring(n, *, shift=0.0, stretch=(1.0, 1.0)):
     """Triangles between circles of 1 and 1.5, the inner one moved along x, all of it stretched along x and y."""
     m = 8 * n
     s, turn = (
@@ -43,7 +40,7 @@ def _ring(n: int, *, shift: float = 0.0, stretch: tuple[float, float] = (1.0, 1.
     )
 
 
-def _spiral() -> float:
+def _spiral():
     seal = _ring(24)
     x, y = seal.mesh.p[:, seal.mesh.t].mean(axis=1)
     angle = np.arctan2(y, x) + 1.1
@@ -53,59 +50,34 @@ def _spiral() -> float:
     ).conductance
 
 
-def _ellipses() -> float:
+def _ellipses():
     seal = _ring(24, stretch=(6**0.25, 6**-0.25))
     return seal.flow(np.tile([3.0, 0.5], (seal.mesh.nelements, 1))).conductance
 
 
-def _enclosed_ring() -> tuple[float, float]:
-    flow = _ring(8).flow(1.0, bounds=True)
-    exact = annulus_rate(1, 1, 1, 1, 1.5)
-    return exact / flow.lower, flow.upper / exact
-
-
-def _sectors() -> float:
-    """A ring of which every second sector is closed."""
-    k1 = np.ones((6, 48))
-    k1[:, 1::2] = 0
-    return AnnularSeal(1.0, 1.5, (6, 48)).flow((k1, np.zeros((5, 48)))).conductance
-
-
-SCENES: tuple[HardScene, ...] = (
+SCENES = (
     scene(
         "ring of hair and mile",
-        what="radii of 1 µm and 1 km, all in one row of links",
-        must=Near(2 * pi / log(1e9), 1e-9, "2πk/ln(r_o/r_i)"),
-        run=lambda: AnnularSeal(1e-6, 1e3, (1, 7)).flow(1.0).conductance,
-    ),
-    scene(
-        "ring of sectors",
-        what="every second radial row of a ring closed",
-        must=Near(annulus_rate(0.5, 1, 1, 1, 1.5), 1e-9, "parallel"),
-        run=_sectors,
-    ),
-    scene(
-        "ring of triangles",
-        what="exact flow over the lower bound, upper bound over it, of a ring meshed by 8 × 64",
-        must=Between(0.999, 1.01, "bounds, but for the chords of the circles"),
-        run=_enclosed_ring,
+        "radii of 1 µm and 1 km, all in one row of links",
+        near(2 * pi / log(1e9), 1e-9, "2πk/ln(r_o/r_i)"),
+        lambda: AnnularSeal(1e-6, 1e3, (1, 7)).flow(1.0).conductance,
     ),
     scene(
         "ring off its centre",
-        what="an inner circle moved by 0.3 of its radius, meshed",
-        must=Near(eccentric_annulus_rate(1, 1, 1, 1, 1.5, 0.3), 0.003, "bipolar coordinates"),
-        run=lambda: _ring(24, shift=0.3).flow(1.0).conductance,
+        "an inner circle moved by 0.3 of its radius, meshed",
+        near(eccentric_annulus_rate(1, 1, 1, 1, 1.5, 0.3), 0.003, "bipolar coordinates"),
+        lambda: _ring(24, shift=0.3).flow(1.0).conductance,
     ),
     scene(
         "grooves along on a ring of ellipses",
-        what="permeabilities of 3 and 0.5 along x and y between similar ellipses, meshed",
-        must=Near(elliptic_annulus_rate(3, 0.5, 1, 1, 1, 1.5), 0.003, "stretched coordinates"),
-        run=_ellipses,
+        "permeabilities of 3 and 0.5 along x and y between similar ellipses, meshed",
+        near(elliptic_annulus_rate(3, 0.5, 1, 1, 1, 1.5), 0.003, "stretched coordinates"),
+        _ellipses,
     ),
     scene(
         "spiral grooves",
-        what="grooves at 63° to the radius, 5 along and 0.4 across, meshed",
-        must=Near(spiral_annulus_rate(5, 0.4, 1.1, 1, 1, 1, 1.5), 0.003, "k_rr"),
-        run=_spiral,
+        "grooves at 63° to the radius, 5 along and 0.4 across, meshed",
+        near(spiral_annulus_rate(5, 0.4, 1.1, 1, 1, 1, 1.5), 0.003, "k_rr"),
+        _spiral,
     ),
 )
