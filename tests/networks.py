@@ -50,3 +50,14 @@ def mesh_of_pixels(gap, spacing):
         lower=shape * flow.lower,
         upper=shape * flow.upper,
     )
+
+
+def open_paths(h, periodic):
+    """Four-connected growth from the first row, by plain numpy."""
+    reached = np.zeros_like(h, bool)
+    reached[0] = h[0] > 0
+    for _ in range(h.size):
+        sides = np.pad(reached, ((0, 0), (1, 1)), mode="wrap" if periodic else "constant")
+        ends = np.pad(reached, ((1, 1), (0, 0)))
+        reached |= (h > 0) & (sides[:, 2:] | sides[:, :-2] | ends[2:] | ends[:-2])
+    return reached[-1].any()

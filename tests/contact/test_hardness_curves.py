@@ -2,12 +2,12 @@
 
 import numpy as np
 import pytest
+from contact_checks import least_energy
 from each import each
 from numpy.testing import assert_allclose, assert_array_equal
 from scipy.interpolate import PchipInterpolator
 from scipy.optimize import brentq, root
 from test_contact_law import RTOL, STIFF, STUDIED, TABLE, D, E, H, rough, solved
-from test_solver import least_energy
 
 import femseal as fs
 from femseal.contact import (

@@ -4,11 +4,11 @@ import itertools
 
 import numpy as np
 import pytest
+from contact_checks import least_energy, residual
 from each import each
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.testing import assert_allclose
-from scipy.optimize import minimize
 
 from femseal import analytic
 from femseal.base.errors import InputError
@@ -38,16 +38,6 @@ def rough(shape, slope=0.2, seed=0, spacing=(D, D), cut=6):
     slopes = [np.diff(h, axis=a) / spacing[a] for a in (0, 1)]
     rms = np.sqrt(sum((s**2).mean() for s in slopes if s.size))
     return h * slope / rms if rms > 0 else 0 * h
-
-
-def residual(contact, gap0, displacement=None, hardness=np.inf):
-    """‖p − clip(p − c(v − δ), 0, H)‖/‖p‖ of the returned fields, nothing taken from the solver's own."""
-    p, body = contact.pressure, contact.half_space
-    u = displacement(p, body) if displacement else body.displacement(p)
-    spacing = [d for n, d in zip(body.shape, body.spacing, strict=True) if n > 1 or p.size == 1]
-    c = np.pi * body.modulus / (4 * np.prod(spacing) ** (1 / len(spacing)))
-    projected = np.clip(p - c * (u + gap0 - contact.approach), 0, hardness)
-    return np.linalg.norm(p - projected) / np.linalg.norm(p)
 
 
 def orders(errors):
@@ -221,26 +211,6 @@ def test_complementarity_recomputed(boundary, share, hardness, spectral_displace
     tiny = {"rtol": 0, "atol": 1e-12 * np.ptp(h)}
     assert_allclose(gap, np.where(p == 0, np.maximum(g, 0), 0), **tiny)
     assert_allclose(left, np.where(contact.plastic, np.maximum(-g, 0), 0), **tiny)
-
-
-def least_energy(k, gap, mean, most):
-    """Pressures p under which ½pKp + hp is least, 0 ≤ p ≤ `most`, mean p given, by scipy's SLSQP in H and D."""
-    n, k, gap, mean = gap.size, k * H / D, gap / D, mean / H
-    most = np.minimum(np.broadcast_to(most, n) / H, mean * n)
-    found = minimize(
-        lambda p: (0.5 * p @ k @ p + gap @ p, k @ p + gap),
-        np.full(n, mean),
-        jac=True,
-        method="SLSQP",
-        bounds=[(0, h) for h in most],
-        constraints={
-            "type": "eq",
-            "fun": lambda p: p.mean() - mean,
-            "jac": lambda p: np.ones(n) / n,
-        },
-        options={"ftol": 1e-15, "maxiter": 500},
-    )
-    return H * found.x
 
 
 @each("boundary", PAIRS)

@@ -5,7 +5,7 @@ import pytest
 from each import each
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from networks import cell_links, solve_links
+from networks import cell_links, open_paths, solve_links
 from numpy.testing import assert_allclose
 from scipy.sparse.csgraph import connected_components
 from scipy.sparse.linalg import spsolve
@@ -284,17 +284,6 @@ def test_fluid_stands_at_the_pressure_of_the_end_that_reaches_it(axis):
     assert np.array_equal(
         k.fluid_pressure.T if axis else k.fluid_pressure, expected, equal_nan=True
     )
-
-
-def open_paths(h, periodic):
-    """Four-connected growth from the first row, by plain numpy."""
-    reached = np.zeros_like(h, bool)
-    reached[0] = h[0] > 0
-    for _ in range(h.size):
-        sides = np.pad(reached, ((0, 0), (1, 1)), mode="wrap" if periodic else "constant")
-        ends = np.pad(reached, ((1, 1), (0, 0)))
-        reached |= (h > 0) & (sides[:, 2:] | sides[:, :-2] | ends[2:] | ends[:-2])
-    return reached[-1].any()
 
 
 @settings(deadline=None, max_examples=80)
