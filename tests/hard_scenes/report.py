@@ -12,7 +12,6 @@ import flow_scenes
 import gas_scenes
 import groove_scenes
 import real_seal_scenes
-import ring_scenes
 import seal_scenes
 import two_scale_scenes
 
@@ -21,7 +20,6 @@ SCENES = (
     *flow_scenes.SCENES,
     *gas_scenes.SCENES,
     *seal_scenes.SCENES,
-    *ring_scenes.SCENES,
     *groove_scenes.SCENES,
     *chain_scenes.SCENES,
     *two_scale_scenes.SCENES,

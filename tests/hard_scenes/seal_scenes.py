@@ -13,7 +13,13 @@ from femseal.analytic import (
     stripes_along,
 )
 from femseal.fluids import IdealGas, Liquid, RoelandsLiquid
-from femseal.seal import PermeabilityTable, RectangularSeal, seal_leakage, table_pressures
+from femseal.seal import (
+    AnnularSeal,
+    PermeabilityTable,
+    RectangularSeal,
+    seal_leakage,
+    table_pressures,
+)
 from femseal.seal.pressure_map import AngleTable, Frame, PressedSeal, Profile
 
 K, ETA, DROP = 1e-20, 1e-3, 1e6
@@ -140,6 +146,12 @@ _bolts = 1 + 0.5 * (np.abs((_turn % 90) / 45 - 1) * 2 - 1)  # mean 1, four peaks
 _series_map = Profile((0.5, 1.5))
 
 SCENES = (
+    scene(
+        "ring of hair and mile",
+        "radii of 1 µm and 1 km, all in one row of links",
+        near(2 * np.pi / np.log(1e9), 1e-9, "2πk/ln(r_o/r_i)"),
+        lambda: AnnularSeal(1e-6, 1e3, (1, 7)).flow(1.0).conductance,
+    ),
     scene(
         "a million links",
         "1000 × 1000 log-normal links: permeability over exp⟨ln k⟩",

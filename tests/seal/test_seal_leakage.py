@@ -1,8 +1,5 @@
 """Seals: closed forms, percolation, bounds, fluids, meshes by name, and every bad input."""
 
-import importlib.util
-import warnings
-from dataclasses import fields
 from pathlib import Path
 
 import meshio
@@ -13,11 +10,11 @@ from networks import network, solve_links
 from numpy.testing import assert_allclose
 from skfem import MeshLine, MeshQuad, MeshTri, MeshTri2
 
-from femseal.analytic import annulus_rate, log_symmetric_links, stripes_across, stripes_along
+from femseal.analytic import annulus_rate
 from femseal.base.errors import InputError
 from femseal.flow.permeability_table import Mobility, PressureCurve
 from femseal.fluids import IdealGas, Liquid
-from femseal.seal import AnnularSeal, Leakage, MeshSeal, RectangularSeal, seal_leakage
+from femseal.seal import AnnularSeal, MeshSeal, RectangularSeal, seal_leakage
 from femseal.seal.shapes import conservative_rate
 
 MESHES = Path(__file__).parents[2] / "meshes"
@@ -78,16 +75,12 @@ def test_means_between_pressures_are_exact_for_a_liquid():
 def test_polar_links_are_exact_for_constant_permeability(inlet, cells):
     ring = AnnularSeal(10e-3, 15e-3, cells, inlet)
     leak = seal_leakage(ring, 1e-18, WATER, inlet_pressure=1e6, bounds=True)
-    assert_allclose(
-        [leak.lower, leak.volume_rate, leak.upper],
-        annulus_rate(1e-18, 1e6, 1e-3, 10e-3, 15e-3),
-        rtol=1e-12,
-    )
+    exact = annulus_rate(1e-18, 1e6, 1e-3, 10e-3, 15e-3)
+    assert_allclose([leak.lower, leak.volume_rate, leak.upper], exact, rtol=1e-12)
     r = np.hypot(*np.moveaxis(ring.points, -1, 0))
-    ends = (10e-3, 15e-3) if inlet == "inner" else (15e-3, 10e-3)
-    assert_allclose(
-        leak.fluid_pressure, 1e6 * np.log(ends[1] / r) / np.log(ends[1] / ends[0]), atol=1e-6
-    )
+    share = np.log(15e-3 / r) / np.log(1.5)
+    share = share if inlet == "inner" else 1 - share
+    assert_allclose(leak.fluid_pressure, 1e6 * share, atol=1e-6)
     assert_allclose(ring.length, 2 * np.pi * 12.5e-3)
 
 
@@ -98,32 +91,21 @@ def test_an_uneven_ring_is_its_conformal_image_with_order_two():
         return np.exp(np.cos(θ) + 2 * np.sin(9 * r - 4 * θ))
 
     def rates(n, across=1.0):
-        ring, image = (
-            AnnularSeal(1.0, 1.5, (n, 8 * n)),
-            RectangularSeal((np.log(1.5), 2 * np.pi), (n, 8 * n)),
-        )
+        cells = (n, 8 * n)
+        ring = AnnularSeal(1.0, 1.5, cells)
+        image = RectangularSeal((np.log(1.5), 2 * np.pi), cells)
         θ = (np.arange(8 * n) + 0.5) * 2 * np.pi / (8 * n)
         between = θ + np.pi / (8 * n)
-        r_ring, r_image = ring.radii[:, None], np.exp(image.points[:, :1, 0])
-        r_middle = (r_ring[:-1] + r_ring[1:]) / 2
-        return (
-            ring.flow((k(r_middle, θ), across * k(r_ring[1:-1], between))).conductance,
-            image.flow(
-                (k(np.sqrt(r_image[:-1] * r_image[1:]), θ), k(r_image[1:-1], between))
-            ).conductance,
-        )
+        r, x = ring.radii[:, None], image.points[:, :1, 0]
+        links = k((r[:-1] + r[1:]) / 2, θ), across * k(r[1:-1], between)
+        images = k(np.exp((x[:-1] + x[1:]) / 2), θ), k(np.exp(x[1:-1]), between)
+        return np.array([ring.flow(links).conductance, image.flow(images).conductance])
 
-    coarse, middle, fine = (np.array(rates(n)) for n in (16, 32, 64))
+    coarse, middle, fine = (rates(n) for n in (16, 32, 64))
     assert_allclose(np.log2((coarse - middle) / (middle - fine)), 2, atol=0.1)
     ring, image = fine + (fine - middle) / 3
     assert_allclose(ring, image, rtol=1e-4)
     assert rates(16, across=0.0)[0] < 0.9 * ring  # so the tangential links are put to the test
-
-
-def test_a_thin_ring_is_a_strip():
-    k = random_links((5, 12), 1.5)
-    strip = RectangularSeal((1.0, 2 * np.pi * 5000.5), (5, 12)).flow(k).conductance
-    assert_allclose(AnnularSeal(5000.0, 5001.0, (5, 12)).flow(k).conductance, strip, rtol=1e-4)
 
 
 def test_swapping_the_inlet_of_a_ring_mirrors_the_rows():
@@ -135,52 +117,22 @@ def test_swapping_the_inlet_of_a_ring_mirrors_the_rows():
     assert_allclose(inner.points, outer.points[::-1])
 
 
-def test_stripes_of_links():
-    k = np.array([1.0, 2.0, 4.0, 1.0, 2.0, 4.0]) * 1e-18
-    across = np.broadcast_to(k[:, None], (6, 10))
-    assert_allclose(STRIP.flow((across, 1e-18)).conductance, stripes_across(k) * 8 / 3, rtol=1e-12)
-    along = np.resize(k, 10)
-    assert_allclose(
-        STRIP.flow((np.broadcast_to(along, (6, 10)), 1e-18)).conductance,
-        stripes_along(along) * 8 / 3,
-        rtol=1e-12,
-    )
-
-
-def test_links_across_do_not_matter_where_nothing_flows_across():
-    assert_allclose(
-        STRIP.flow((1e-18, 1e-25)).conductance, STRIP.flow((1e-18, 1e-12)).conductance, rtol=1e-12
-    )
-
-
 @each("seal", [STRIP, AnnularSeal(1e-3, 2e-3, (6, 10))])
 def test_closed_is_exactly_zero(seal):
     k1, k2 = random_links((6, 10), 1.0)
-    k1[3] = 0
-    leak = seal_leakage(seal, (k1, k2), WATER, inlet_pressure=1e6, bounds=True)
-    assert (leak.volume_rate, leak.mass_rate, leak.per_length, leak.lower, leak.upper) == (
-        0,
-        0,
-        0,
-        0,
-        0,
-    )
+    ends = {"inlet_pressure": 1e6, "outlet_pressure": 1e5, "bounds": True}
+    k1[[3, 5]] = 0  # a closed ring between two closed rows
+    leak = seal_leakage(seal, (k1, k2), WATER, **ends)
+    rates = leak.volume_rate, leak.mass_rate, leak.per_length, leak.lower, leak.upper
+    assert not any(rates)
     assert not leak.percolates
-    assert np.array_equal(
-        leak.fluid_pressure, np.repeat([[1e6], [0.0]], [4, 3], axis=0) * np.ones((1, 10))
-    )
-    k1[5] = 0  # a closed ring between two closed rows
-    leak = seal_leakage(seal, (k1, k2), WATER, inlet_pressure=1e6, outlet_pressure=1e5)
-    assert np.isnan(leak.fluid_pressure[4:6]).all()
-    assert_allclose(leak.fluid_pressure[:4], 1e6, rtol=1e-14)
-    assert_allclose(leak.fluid_pressure[6], 1e5, rtol=1e-14)
-    k1[5] = 1e-18
-    k1[3, 4] = 1e-30
-    leak = seal_leakage(seal, (k1, k2), WATER, inlet_pressure=1e6, bounds=True)
+    expected = np.repeat([[1e6], [np.nan], [1e5]], [4, 2, 1], axis=0) * np.ones((1, 10))
+    assert_allclose(leak.fluid_pressure, expected, rtol=1e-14)
+    k1[5], k1[3, 4] = 1e-18, 1e-30
+    leak = seal_leakage(seal, (k1, k2), WATER, **ends)
     assert leak.percolates
     assert 0 < leak.lower <= leak.volume_rate <= leak.upper
     assert_allclose(leak.lower, leak.upper, rtol=1e-9)
-    assert not seal_leakage(seal, 0.0, WATER, inlet_pressure=1e6).percolates
 
 
 def test_the_seal_is_periodic():
@@ -190,23 +142,6 @@ def test_the_seal_is_periodic():
     assert_allclose(
         RectangularSeal((2.0, 5.0), (2, 5)).flow((k1, k2)).conductance, 1 / 3, rtol=1e-12
     )
-
-
-@each("sd", [0.5, 1.0, 2.0])
-def test_random_log_symmetric_links(sd):
-    """exp⟨ln k⟩ within the scatter sd/n of a map of n² links (mean of twelve, at three standard errors)."""
-    n, maps = 60, 12
-    seal = RectangularSeal((1.0, 1.0), (n, n))
-    ln = []
-    for seed in range(maps):
-        k1, k2 = random_links((n, n), sd, seed=seed)
-        exact = log_symmetric_links(np.concatenate([k1.ravel(), k2.ravel()]))
-        ln.append(np.log(seal.flow((k1, k2)).conductance / exact))
-    error = np.std(ln, ddof=1) / np.sqrt(maps)
-    assert error < sd / n
-    assert abs(np.mean(ln)) < 3 * error + sd**2 / (
-        2 * n
-    )  # the two ends, of share 1/n, are not self-dual
 
 
 @each("sd", [1.0, 5.0, 15.0])
@@ -248,16 +183,17 @@ def test_two_columns_have_parallel_links_across():
 @each("fluid", [WATER, AIR, Liquid(0.05, 870.0, 20e-9)])
 @each("seal", [STRIP, AnnularSeal(1e-3, 2e-3, (6, 10)), MeshSeal(RING, "inlet", "outlet")])
 def test_reversed_pressures_reverse_the_leakage(seal, fluid):
-    there = seal_leakage(seal, 1e-18, fluid, inlet_pressure=3e6, outlet_pressure=1e5, bounds=True)
-    back = seal_leakage(seal, 1e-18, fluid, inlet_pressure=1e5, outlet_pressure=3e6, bounds=True)
+    there, back = (
+        seal_leakage(seal, 1e-18, fluid, inlet_pressure=a, outlet_pressure=b, bounds=True)
+        for a, b in ((3e6, 1e5), (1e5, 3e6))
+    )
     assert there.volume_rate > 0
     assert_allclose(back.volume_rate, -there.volume_rate, rtol=1e-12)
     assert_allclose([back.lower, back.upper], [-there.upper, -there.lower], rtol=1e-12)
     for leak in (there, back):
         assert leak.lower <= leak.volume_rate <= leak.upper
-        assert_allclose(
-            [leak.fluid_pressure.min(), leak.fluid_pressure.max()], [1e5, 3e6], rtol=1e-9
-        )
+        p = leak.fluid_pressure
+        assert_allclose([p.min(), p.max()], [1e5, 3e6], rtol=1e-9)
 
 
 def test_gas_and_liquid():
@@ -271,13 +207,6 @@ def test_gas_and_liquid():
     assert_allclose(gas.volume_rate, gas.mass_rate / AIR.reference_density, rtol=1e-14)
     x = STRIP.points[..., 0] / 3e-3
     assert_allclose(gas.fluid_pressure, np.sqrt(16e10 - 15e10 * x), rtol=1e-12)
-
-
-def test_fields_say_their_unit():
-    for f in fields(Leakage):
-        assert {"unit", "long_name"} <= set(f.metadata), f.name
-    leak = seal_leakage(STRIP, 1e-18, WATER, inlet_pressure=1.0)
-    assert np.isnan([leak.lower, leak.upper]).all()
 
 
 # --- meshes ---
@@ -298,92 +227,50 @@ def test_ring_file():
     assert_allclose(ends.flow(1.0).conductance, seal.flow(1.0).conductance, rtol=1e-12)
 
 
-def test_ring_file_is_what_its_script_writes(tmp_path):
-    spec = importlib.util.spec_from_file_location("ring", MESHES / "ring.py")
-    script = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(script)
-    again = tmp_path / "ring.msh"
-    meshio.write(again, script.ring(), file_format="gmsh22", binary=False)
-    old, new = meshio.read(RING), meshio.read(again)
-    assert_allclose(old.points, new.points, atol=1e-15)
-    assert all(np.array_equal(a.data, b.data) for a, b in zip(old.cells, new.cells, strict=True))
-    assert RING.stat().st_size < 100_000
-
-
-def square(cell_kind, lines="line", **kwargs):
+def square(kind, **kwargs):
     """Unit square of 2 × 2 cells as a meshio mesh; lines of group 7 at x = 0 and group 8 at x = 1."""
-    base = MeshTri if cell_kind.startswith("triangle") else MeshQuad
-    mesh = base.init_tensor(np.linspace(0, 1, 3), np.linspace(0, 1, 3))
-    grid = np.linspace(0, 1, 5)
-    points = np.array([(x, y, 0.5) for x in grid for y in grid])
-
-    def number(xy):
-        return np.rint(4 * xy[0]).astype(int) * 5 + np.rint(4 * xy[1]).astype(int)
-
-    corner = mesh.p[:, mesh.t]
-    n = corner.shape[1]
-    extra = (
-        [(corner[:, i] + corner[:, (i + 1) % n]) / 2 for i in range(n)]
-        if cell_kind[-1] in "689"
-        else []
+    mesh = (MeshTri if kind == "triangle" else MeshQuad).init_tensor(*2 * [np.linspace(0, 1, 3)])
+    points = np.c_[mesh.p.T, np.full(mesh.nvertices, 0.5)]
+    left, right = (
+        mesh.facets[:, mesh.facets_satisfying(lambda x, at=at: x[0] == at)].T for at in (0, 1)
     )
-    if cell_kind == "quad9":
-        extra.append(corner.mean(axis=1))
-    cells = number(np.concatenate([corner, np.stack(extra, 1)], axis=1) if extra else corner).T
-    y = np.array([[0, 0.5, 0.25], [0.5, 1, 0.75]])[:, : 3 if lines == "line3" else 2]
-    left, right = (number(np.stack([np.full_like(y, x), y])) for x in (0.0, 1.0))
-    blocks = [(lines, left), (lines, right), (cell_kind, cells)]
-    tags = [np.full(len(data), tag) for tag, (_, data) in zip((7, 8, 7), blocks, strict=True)]
-    return meshio.Mesh(
-        points, blocks, cell_data={"gmsh:physical": tags, "gmsh:geometrical": tags}, **kwargs
-    )
+    tags = [np.full(2, 7), np.full(2, 8), np.full(mesh.nelements, 7)]
+    cells = [("line", left), ("line", right), (kind, mesh.t.T)]
+    data = {"gmsh:physical": tags, "gmsh:geometrical": tags}
+    return meshio.Mesh(points, cells, **({"cell_data": data} | kwargs))
 
 
 NAMES = {"left": np.array([7, 1]), "right": np.array([8, 1]), "body": np.array([7, 2])}
 
 
 @pytest.mark.parametrize("kind", ["triangle", "quad"])
-def test_boundaries_by_name(tmp_path, kind):
+@pytest.mark.parametrize(("names", "ends"), [(NAMES, ("left", "right")), ({}, ("7", "8"))])
+def test_boundaries_by_name_or_number(tmp_path, kind, names, ends):
     path = tmp_path / "square.msh"
-    meshio.write(path, square(kind, field_data=NAMES), file_format="gmsh22", binary=False)
-    seal = MeshSeal(path, "left", "right")
-    assert set(seal.mesh.boundaries) == {"left", "right"}
-    assert len(seal.points) == 9  # no node that no element uses
+    mesh = square(kind, field_data=names)
+    mesh.points = np.vstack([mesh.points, [[9.0, 9.0, 0.5]]])  # a node that no element uses
+    meshio.write(path, mesh, file_format="gmsh22", binary=False)
+    seal = MeshSeal(path, *ends)
+    assert len(seal.points) == 9
     flow = seal.flow(3.0)
     assert_allclose(flow.conductance, 3.0, rtol=1e-12)
     assert_allclose(flow.potential, 1 - seal.points[:, 0], atol=1e-12)
     assert_allclose([seal.length, seal.area], 1.0, rtol=1e-12)
 
 
-@pytest.mark.parametrize("kind", ["triangle6", "quad8", "quad9"])
-def test_elements_of_the_second_order_are_refused(tmp_path, kind):
-    path = tmp_path / "square.msh"
-    meshio.write(path, square(kind, "line3", field_data=NAMES), file_format="gmsh22", binary=False)
-    with pytest.raises(
-        InputError,
-        match=f"with {kind}, expected .* linear elements; mesh with elements of the first",
-    ):
-        MeshSeal(path, "left", "right")
-
-
-def test_groups_without_a_name_go_by_their_number(tmp_path):
-    path = tmp_path / "square.msh"
-    meshio.write(path, square("quad"), file_format="gmsh22", binary=False)
-    assert_allclose(MeshSeal(path, "7", "8").flow(1.0).conductance, 1.0, rtol=1e-12)
-
-
 @pytest.mark.parametrize("array", ["gmsh:physical", "boundary"])
 def test_boundaries_in_a_vtu_go_by_their_number(tmp_path, array):
-    mesh = square("triangle")
-    mesh.cell_data = {
-        array: [
-            np.full(len(block.data), tag) for tag, block in zip((7, 8, 7), mesh.cells, strict=True)
-        ]
-    }
-    meshio.write(tmp_path / "square.vtu", mesh)
-    assert_allclose(
-        MeshSeal(tmp_path / "square.vtu", "7", "8").flow(1.0).conductance, 1.0, rtol=1e-12
-    )
+    tags = square("triangle").cell_data["gmsh:physical"]
+    meshio.write(tmp_path / "square.vtu", square("triangle", cell_data={array: tags}))
+    seal = MeshSeal(tmp_path / "square.vtu", "7", "8")
+    assert_allclose(seal.flow(1.0).conductance, 1.0, rtol=1e-12)
+
+
+def test_cell_sets_of_another_format(tmp_path):
+    path, none, both = tmp_path / "square.inp", np.array([], int), np.array([0, 1])
+    sets = {"in": [both, none, none], "out": [none, both, none]}
+    meshio.write(path, square("quad", cell_sets=sets, cell_data={}))
+    assert_allclose(MeshSeal(path, "in", "out").flow(1.0).conductance, 1.0, rtol=1e-12)
 
 
 def test_elements_keep_the_order_of_the_file(tmp_path):
@@ -396,21 +283,6 @@ def test_elements_keep_the_order_of_the_file(tmp_path):
     assert_allclose(seal.points[seal.mesh.t.T].mean(axis=1), triangles.mean(axis=1))
     k = np.where(triangles.mean(axis=1)[:, 0] < 0.5, 1.0, 3.0)
     assert_allclose(seal.flow(k).conductance, 1.5, rtol=1e-12)
-
-
-def test_cell_sets_of_another_format(tmp_path):
-    path = tmp_path / "square.inp"
-    whole = square("quad")
-    plain = meshio.Mesh(
-        whole.points,
-        [(b.type, b.data) for b in whole.cells],
-        cell_sets={
-            "in": [np.array([0, 1]), np.array([], int), np.array([], int)],
-            "out": [np.array([], int), np.array([0, 1]), np.array([], int)],
-        },
-    )
-    meshio.write(path, plain)
-    assert_allclose(MeshSeal(path, "in", "out").flow(1.0).conductance, 1.0, rtol=1e-12)
 
 
 def test_gmsh_version_4(tmp_path):
@@ -430,16 +302,11 @@ def test_gmsh_version_4(tmp_path):
 def test_a_ready_mesh_has_bounds():
     mesh = MeshTri.init_tensor(np.linspace(0, 2, 4), np.linspace(0, 1, 3))
     mesh = mesh.with_boundaries({"a": lambda x: x[0] == 0, "b": lambda x: x[0] == 2})
-    seal = MeshSeal(mesh, "a", "b")
-    k = np.tile([4.0, 1.0], (mesh.nelements, 1))
-    leak = seal_leakage(seal, 1e-18 * k, WATER, inlet_pressure=1e6, bounds=True)
+    k = np.tile([4e-18, 1e-18], (mesh.nelements, 1))
+    leak = seal_leakage(MeshSeal(mesh, "a", "b"), k, WATER, inlet_pressure=1e6, bounds=True)
     assert_allclose([leak.lower, leak.upper], 4e-18 / 2 * 1e6 / 1e-3, rtol=1e-12)
-    assert repr(seal) == "MeshSeal(inlet='a', outlet='b')"
     curved = MeshTri2.from_mesh(mesh).with_boundaries(mesh.boundaries)
-    with pytest.raises(
-        InputError,
-        match=r"^path: given a MeshTri2, expected .* linear elements; mesh with elements of",
-    ):
+    with pytest.raises(InputError, match=r"^path: given a MeshTri2, expected .* linear elements"):
         MeshSeal(curved, "a", "b")
 
 
@@ -447,43 +314,24 @@ def test_a_ready_mesh_has_bounds():
 
 
 @each(
-    ("make", "message"),
+    ("kind", "given", "message"),
     [
-        (
-            lambda: RectangularSeal((0.0, 1.0), (2, 2)),
-            r"^size: given 0\.0, expected a finite number > 0 \[m\]",
-        ),
-        (lambda: RectangularSeal((1.0, np.nan), (2, 2)), "^size: given nan"),
-        (lambda: RectangularSeal(1.0, (2, 2)), r"^size: given 1\.0, expected two finite numbers"),
-        (lambda: RectangularSeal(("a", 1.0), (2, 2)), "^size: given 'a'"),
-        (
-            lambda: RectangularSeal((1.0, 1.0), (0, 2)),
-            r"^cells: given \(0, 2\), expected two whole numbers >= 1",
-        ),
-        (
-            lambda: RectangularSeal((1.0, 1.0), (2.5, 2)),
-            r"^cells: given \(2\.5, 2\), expected two whole",
-        ),
-        (lambda: RectangularSeal((1.0, 1.0), 4), "^cells: given 4, expected two whole numbers"),
-        (
-            lambda: AnnularSeal(0.0, 1.0, (2, 2)),
-            r"^inner_radius: given 0\.0, expected a finite number > 0",
-        ),
-        (lambda: AnnularSeal(1.0, np.inf, (2, 2)), "^outer_radius: given inf"),
-        (
-            lambda: AnnularSeal(2.0, 1.0, (2, 2)),
-            "^outer_radius: given 1 m, expected .*> the inner radius, 2 m",
-        ),
-        (
-            lambda: AnnularSeal(1.0, 2.0, (2, 2), "left"),
-            "^inlet: given 'left', expected 'inner' or 'outer'",
-        ),
-        (lambda: AnnularSeal(1.0, 2.0, (2,)), r"^cells: given \(2,\)"),
+        (RectangularSeal, ((0.0, 1.0), (2, 2)), r"size: given 0\.0, expected a finite number > 0"),
+        (RectangularSeal, ((1.0, np.nan), (2, 2)), "size: given nan"),
+        (RectangularSeal, (1.0, (2, 2)), r"size: given 1\.0, expected two finite numbers"),
+        (RectangularSeal, (("a", 1.0), (2, 2)), "size: given 'a'"),
+        (RectangularSeal, ((1.0, 1.0), (0, 2)), r"cells: given \(0, 2\), expected two whole numb"),
+        (RectangularSeal, ((1.0, 1.0), (2.5, 2)), r"cells: given \(2\.5, 2\), expected two whole"),
+        (RectangularSeal, ((1.0, 1.0), 4), "cells: given 4, expected two whole numbers"),
+        (AnnularSeal, (0.0, 1.0, (2, 2)), r"inner_radius: given 0\.0, expected a finite number"),
+        (AnnularSeal, (1.0, np.inf, (2, 2)), "outer_radius: given inf"),
+        (AnnularSeal, (2.0, 1.0, (2, 2)), "outer_radius: given 1 m, expected .*> the inner radiu"),
+        (AnnularSeal, (1.0, 2.0, (2, 2), "left"), "inlet: given 'left', expected 'inner' or"),
     ],
 )
-def test_bad_shapes(make, message):
-    with pytest.raises(InputError, match=message):
-        make()
+def test_bad_shapes(kind, given, message):
+    with pytest.raises(InputError, match="^" + message):
+        kind(*given)
 
 
 def leak(permeability=1e-18, seal=STRIP, fluid=WATER, **kwargs):
@@ -493,176 +341,133 @@ def leak(permeability=1e-18, seal=STRIP, fluid=WATER, **kwargs):
 @each(
     ("k", "message"),
     [
-        (np.nan, "^permeability k1: given 1 value not finite, expected numbers >= 0"),
-        ((1.0, np.inf), "^permeability k2: given 1 value not finite"),
-        (-1.0, "^permeability k1: given -1, expected numbers >= 0"),
-        ((-np.ones((6, 10)), 1.0), "^permeability k1: given -1, expected numbers >= 0"),
-        ("much", "^permeability k1: given 'much', expected numbers"),
-        (
-            np.ones((6, 9)),
-            r"^permeability: given one array of shape \(6, 9\), expected a number, or the links .* arrays \(6, 10\) and",
-        ),
-        ((1.0, 1.0, 1.0), "^permeability: given 3 items, expected a number, or the links"),
-        (
-            (np.ones((6, 9)), 1.0),
-            r"^permeability k1: given shape \(6, 9\), expected a number or shape \(6, 10\)",
-        ),
-        (
-            (1.0, np.ones((6, 10))),
-            r"^permeability k2: given shape \(6, 10\), expected a number or shape \(5, 10\)",
-        ),
+        (np.nan, " k1: given 1 value not finite, expected numbers >= 0"),
+        ((1.0, np.inf), " k2: given 1 value not finite"),
+        (-1.0, " k1: given -1, expected numbers >= 0"),
+        ("much", " k1: given 'much', expected numbers"),
+        (np.ones((6, 9)), r": given one array of shape \(6, 9\), expected a number, or the links"),
+        ((1.0, 1.0, 1.0), ": given 3 items, expected a number, or the links"),
+        ((np.ones((6, 9)), 1.0), r" k1: given shape \(6, 9\), expected a number or shape \(6, 10"),
+        ((1.0, np.ones((6, 10))), r" k2: given shape \(6, 10\), expected a number or shape \(5,"),
     ],
 )
 def test_bad_permeability(k, message):
     for seal in (STRIP, AnnularSeal(1.0, 2.0, (6, 10))):
-        with pytest.raises(InputError, match=message):
+        with pytest.raises(InputError, match="^permeability" + message):
             leak(k, seal)
-
-
-def test_bad_permeability_on_a_mesh():
-    seal = MeshSeal(RING, "inlet", "outlet")
-    with pytest.raises(
-        InputError, match=r"^permeability: given shape \(5,\), expected a number, or shape \(768,\)"
-    ):
-        leak(np.ones(5), seal)
+    with pytest.raises(InputError, match=r"^permeability: given shape \(5,\), .* shape \(768,\)"):
+        leak(np.ones(5), MeshSeal(RING, "inlet", "outlet"))
 
 
 @each("name", ["inlet_pressure", "outlet_pressure"])
-@each("value", [np.nan, np.inf, "high", None])
-def test_bad_pressures(name, value):
-    with pytest.raises(InputError, match=rf"^{name}: given .*, expected a finite number"):
-        leak(**{name: value})
-
-
-@each("name", ["inlet_pressure", "outlet_pressure"])
-def test_pressures_a_fluid_cannot_have(name):
-    with pytest.raises(
-        InputError, match=rf"^{name}: given -1000 Pa, expected a pressure that IdealGas"
-    ):
-        leak(fluid=AIR, **{name: -1e3})
-    with pytest.raises(
-        InputError, match=rf"^{name}: given 5e.09 Pa, expected a pressure that Liquid"
-    ):
-        leak(fluid=Liquid(0.05, pressure_viscosity=20e-9), **{name: 5e9})
+@each(
+    ("fluid", "value", "message"),
+    [
+        (WATER, np.nan, ".*, expected a finite number"),
+        (WATER, "high", ".*, expected a finite number"),
+        (AIR, -1e3, "-1000 Pa, expected a pressure that IdealGas"),
+        (Liquid(0.05, pressure_viscosity=20e-9), 5e9, "5e.09 Pa, expected a pressure that Liquid"),
+    ],
+)
+def test_bad_pressures(name, fluid, value, message):
+    with pytest.raises(InputError, match=rf"^{name}: given {message}"):
+        leak(fluid=fluid, **{name: value})
     assert leak(fluid=WATER, outlet_pressure=-1e4).volume_rate > 0  # a liquid may be in tension
 
 
-def test_bad_mesh_files(tmp_path):
-    def refused(path, message, inlet="inlet", outlet="outlet"):
-        with pytest.raises(InputError, match=message) as error:
-            MeshSeal(path, inlet, outlet)
-        assert "\n" not in str(error.value)
+CORNERS = np.array([[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0], [2, 0, 0], [2, 1, 0]])
+QUAD, TRIANGLES = ("quad", [[0, 1, 2, 3]]), ("triangle", [[1, 4, 2], [4, 5, 2]])
+RAISED = np.where(np.arange(18).reshape(6, 3) == 2, 1, CORNERS)
 
-    refused(tmp_path / "none.msh", r"^path: given '.*none\.msh', expected an existing mesh file")
-    refused(tmp_path, "^path: given .*expected an existing mesh file")
-    broken = tmp_path / "broken.msh"
-    broken.write_text("$MeshFormat\n2.2 0 8\n$EndMeshFormat\n$Nodes\n3\n1 0 0")
-    refused(
-        broken, r"^path: given '.*broken\.msh'.*, expected a mesh in a format that meshio reads"
-    )
-    broken.write_text("not a mesh")
-    refused(broken, r"broken\.msh'.*, expected a mesh in a format that meshio reads")
-    unknown = tmp_path / "mesh.xyzzy"
-    unknown.write_text("x")
-    refused(unknown, r"mesh\.xyzzy'.*, expected a mesh in a format that meshio reads")
-    refused(
-        RING,
-        "^inlet: given 'west', expected the name of a boundary of the mesh: 'inlet', 'outlet'$",
-        "west",
-    )
-    refused(RING, "^outlet: given 'seal', expected the name", outlet="seal")
-    refused(RING, "^inlet and outlet: given boundaries that touch", outlet="inlet")
 
-    def write(mesh):
-        path = tmp_path / "mesh.msh"
-        meshio.write(path, mesh, file_format="gmsh22", binary=False)
-        return path
+@pytest.mark.parametrize(
+    ("file", "message"),
+    [
+        (None, r"^path: given '.*mesh\.msh', expected an existing mesh file"),
+        ("not a mesh", r"mesh\.msh'.*, expected a mesh in a format that meshio reads"),
+        ("$MeshFormat\n2.2 0 8\n$EndMeshFormat\n$Nodes\n3\n1 0 0", "in a format that meshio reads"),
+        (meshio.Mesh(CORNERS, [("line", [[0, 1]])]), "with line, expected a mesh with cells of"),
+        (meshio.Mesh(CORNERS, [QUAD, TRIANGLES]), "with triangle and quad, expected a mesh with"),
+        (meshio.Mesh(RAISED, [QUAD]), "with varying z, expected"),
+        (meshio.Mesh(CORNERS, [QUAD]), "^inlet: given 'inlet', .*the mesh: none$"),
+    ],
+)
+def test_bad_mesh_files(tmp_path, file, message):
+    path = tmp_path / "mesh.msh"
+    if isinstance(file, str):
+        path.write_text(file)
+    elif file:
+        meshio.write(path, file, file_format="gmsh22", binary=False)
+    with pytest.raises(InputError, match=message) as error:
+        MeshSeal(path, "inlet", "outlet")
+    assert "\n" not in str(error.value)
 
-    corners = [[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0], [2, 0, 0], [2, 1, 0]]
-    quad, triangles = ("quad", [[0, 1, 2, 3]]), ("triangle", [[1, 4, 2], [4, 5, 2]])
-    refused(
-        write(meshio.Mesh(corners, [("line", [[0, 1]])])),
-        r"with line, expected a mesh with cells of one kind",
-    )
-    refused(
-        write(meshio.Mesh(corners, [quad, triangles])),
-        "with triangle and quad, expected a mesh with cells of",
-    )
-    refused(
-        write(meshio.Mesh(np.add(corners, [[0, 0, 1]] + 5 * [[0, 0, 0]]), [quad])),
-        "with varying z, expected",
-    )
-    refused(write(meshio.Mesh(corners, [quad])), "^inlet: given 'inlet', .*the mesh: none$")
+
+@each(
+    ("inlet", "outlet", "message"),
+    [
+        ("west", "outlet", "inlet: given 'west', expected the name of a boundary of the mesh: 'i"),
+        ("inlet", "seal", "outlet: given 'seal', expected the name"),
+        ("inlet", "inlet", "inlet and outlet: given boundaries that touch"),
+    ],
+)
+def test_bad_boundaries(inlet, outlet, message):
+    with pytest.raises(InputError, match="^" + message):
+        MeshSeal(RING, inlet, outlet)
 
 
 @each("kind", [MeshTri, MeshQuad])
 def test_meshes_that_overlap_themselves_or_have_undefined_nodes(kind):
     """A node pushed over the opposite edge leaves each element whole, but some upside down."""
-    ends = {"a": lambda x: x[0] == 0, "b": lambda x: x[0] == 1}
-    mesh = kind.init_tensor(*2 * [np.linspace(0, 1, 5)]).with_boundaries(ends)
-    assert MeshSeal(mesh, "a", "b").length == pytest.approx(1)
+    mesh = kind.init_tensor(*2 * [np.linspace(0, 1, 5)])
     middle = int(np.argmin(np.hypot(*(mesh.p - 0.5))))
-    where = mesh.p.copy()
-    where[:, middle] = np.nan
-    with warnings.catch_warnings():
-        warnings.simplefilter("error")
-        with pytest.raises(
-            InputError, match=f"^path: given a mesh whose node {middle} is not finite"
-        ):
-            MeshSeal(kind(where, mesh.t).with_boundaries(ends), "a", "b")
+    undefined, over = mesh.p.copy(), mesh.p.copy()
+    undefined[:, middle] = np.nan
+    over[:, middle] = (0.9, 0.57)
+    faults = [
+        (undefined, mesh.t, f"^path: given a mesh whose node {middle} is not finite"),
+        (mesh.p, np.hstack([mesh.t, mesh.t[:, 5:6]]), "overlap"),
+    ]
     if kind is MeshTri:
-        where[:, middle] = (0.9, 0.57)
-        with pytest.raises(
-            InputError, match=r"^path: given a mesh whose elements \d+ and \d+ overlap"
-        ):
-            MeshSeal(kind(where, mesh.t).with_boundaries(ends), "a", "b")
-    twice = np.hstack([mesh.t, mesh.t[:, 5:6]])
-    with pytest.raises(InputError, match="overlap"):
-        MeshSeal(kind(mesh.p, twice).with_boundaries(ends), "a", "b")
+        faults.append((over, mesh.t, r"^path: given a mesh whose elements \d+ and \d+ overlap"))
+    for points, elements, message in faults:
+        with pytest.raises(InputError, match=message):
+            MeshSeal(kind(points, elements).with_boundaries(ENDS), "a", "b")
 
 
-def two_parts(kind, shift, turn=0.0, cells=6):
-    """Two unit squares with their own nodes, the second one moved."""
-    one = kind.init_tensor(*2 * [np.linspace(0, 1, cells + 1)])
+ENDS = {"a": lambda x: x[0] == 0, "b": lambda x: x[0] == 1}
+
+
+def two_parts(kind, shift, turn=0.0, cells=6, size=1.0):
+    """A unit square and another one with its own nodes, moved."""
+    one = kind.init_tensor(*2 * [np.linspace(0, 1, 7)])
+    two = kind.init_tensor(*2 * [np.linspace(0, size, cells + 1)])
     c, s = np.cos(turn), np.sin(turn)
-    moved = np.array([[c, -s], [s, c]]) @ one.p + np.array(shift)[:, None]
-    both = kind(np.hstack([one.p, moved]), np.hstack([one.t, one.t + one.nvertices]))
-    ends = {"a": lambda x: x[0] == 0, "b": lambda x: (x[0] == 1) & (x[1] <= 1)}
-    return both.with_boundaries({name: one.facets_satisfying(end) for name, end in ends.items()})
+    moved = np.array([[c, -s], [s, c]]) @ two.p + np.array(shift)[:, None]
+    both = kind(np.hstack([one.p, moved]), np.hstack([one.t, two.t + one.nvertices]))
+    ends = {name: one.facets_satisfying(end) for name, end in ENDS.items()}
+    return both.with_boundaries(ends)
 
 
 @each("kind", [MeshTri, MeshQuad])
 @each(
-    ("shift", "turn"),
+    ("shift", "more"),
     [
-        ((0, 0), 0),
-        ((0.5, 0.5), 0),
-        ((1 / 3, 0), 0),
-        ((0.43, 0.21), 0),
-        ((0.3, 0.9), 0.4),
-        ((0.95, 0.95), 0),
-        ((0.5, -0.2), np.pi / 4),
+        ((0, 0), {}),
+        ((1 / 3, 0), {}),
+        ((0.43, 0.21), {}),
+        ((0.3, 0.9), {"turn": 0.4}),
+        ((0.95, 0.95), {}),
+        ((0.5, -0.2), {"turn": np.pi / 4}),
+        ((0.3, 0.3), {"cells": 1, "size": 0.1}),
     ],
 )
-def test_parts_that_lie_on_each_other_are_refused(kind, shift, turn):
-    """Nodes of the two parts that coincide, lie on edges, or lie anywhere."""
+def test_parts_that_lie_on_each_other_are_refused(kind, shift, more):
+    """Nodes of the two parts that coincide, lie on edges, or lie anywhere; one within the other."""
     with pytest.raises(
-        InputError, match=r"^path: given a mesh whose element.* (overlap|lies on others)"
+        InputError, match=r"^path: given a mesh whose el.* (overlap|lies on others)"
     ):
-        MeshSeal(two_parts(kind, shift, turn), "a", "b")
-
-
-@each("cells", [1, 6])
-def test_a_part_within_another_is_refused(cells):
-    one, small = (
-        MeshTri.init_tensor(*2 * [np.linspace(0, 1, 5)]),
-        MeshTri.init_tensor(*2 * [np.linspace(0.3, 0.4, cells + 1)]),
-    )
-    both = MeshTri(np.hstack([one.p, small.p]), np.hstack([one.t, small.t + one.nvertices]))
-    with pytest.raises(InputError, match="lies on others"):
-        MeshSeal(
-            both.with_boundaries({"a": lambda x: x[0] == 0, "b": lambda x: x[0] == 1}), "a", "b"
-        )
+        MeshSeal(two_parts(kind, shift, **more), "a", "b")
 
 
 @each("kind", [MeshTri, MeshQuad])
@@ -674,13 +479,11 @@ def test_parts_beside_each_other_are_taken(kind, shift):
 @each(("angle", "good"), [(1.9, True), (2.3, False)])
 def test_a_band_that_winds_onto_itself_is_refused(angle, good):
     """All its elements lie beside their neighbours; it is a ring with a slit, or covers its beginning once more."""
-    band = MeshQuad.init_tensor(np.linspace(1, 2, 4), np.linspace(0, angle * np.pi, 60))
+    band = MeshQuad.init_tensor(np.linspace(0, 1, 4), np.linspace(0, angle * np.pi, 60))
+    ends = {name: band.facets_satisfying(end) for name, end in ENDS.items()}
     r, theta = band.p
-    ends = {
-        "a": band.facets_satisfying(lambda x: x[0] == 1),
-        "b": band.facets_satisfying(lambda x: x[0] == 2),
-    }
-    mesh = MeshQuad(np.array([r * np.cos(theta), r * np.sin(theta)]), band.t).with_boundaries(ends)
+    points = (1 + r) * np.stack([np.cos(theta), np.sin(theta)])
+    mesh = MeshQuad(points, band.t).with_boundaries(ends)
     if good:
         assert MeshSeal(mesh, "a", "b").length == pytest.approx(2 * angle * np.pi, rel=1e-2)
     else:
@@ -693,18 +496,14 @@ def test_bad_ready_meshes():
         MeshSeal(MeshLine(), "a", "b")
     ends = {"a": lambda x: x[0] == 0, "b": lambda x: x[0] == 3}
     x = np.array([[0, 1, 1, 0, 2, 3, 3, 2], [0, 0, 1, 1, 0, 0, 1, 1]], float)
-    apart = MeshQuad(x, np.array([[0, 1, 2, 3], [4, 5, 6, 7]]).T).with_boundaries(ends)
-    with pytest.raises(
-        InputError, match=r"^inlet and outlet: given boundaries that the mesh does not connect"
+    apart = MeshQuad(x, np.array([[0, 1, 2, 3], [4, 5, 6, 7]]).T)
+    tangled = MeshQuad(x[:, :4] * [[3], [1]], np.array([[0, 1, 3, 2]]).T)
+    points = np.array([[0, 3, 3, 1.5], [0, 0, 1, -1e-14]])
+    flat = MeshTri(points, np.array([[0, 1, 2], [0, 3, 1]]).T)
+    for mesh, message in (
+        (apart, "inlet and outlet: given boundaries that the mesh does not connect"),
+        (tangled, "path: given a mesh whose element 0 is degenerate or tangled"),
+        (flat, "path: given a mesh whose element 1 is degenerate or tangled"),
     ):
-        MeshSeal(apart, "a", "b")
-    tangled = MeshQuad(x[:, :4] * [[3], [1]], np.array([[0, 1, 3, 2]]).T).with_boundaries(ends)
-    flat = MeshTri(
-        np.array([[0, 3, 3, 1.5], [0, 0, 1, -1e-14]]), np.array([[0, 1, 2], [0, 3, 1]]).T
-    ).with_boundaries(ends)
-    for mesh, element in ((tangled, 0), (flat, 1)):
-        with pytest.raises(
-            InputError,
-            match=rf"^path: given a mesh whose element {element} is degenerate or tangled",
-        ):
-            MeshSeal(mesh, "a", "b")
+        with pytest.raises(InputError, match="^" + message):
+            MeshSeal(mesh.with_boundaries(ends), "a", "b")
