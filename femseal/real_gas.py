@@ -334,12 +334,13 @@ def _largest_root(a: float, b: float) -> float:
 def ideal_gas_error(gas: Any, inlet: float, outlet: float) -> tuple[str, float, str] | None:
     """Name of an ideal gas, relative error of its leakage between two pressures [Pa], and by what it was found.
 
-    The gas is known by its molar mass; None of another. By CoolProp where that is installed, else by `dense_gas`.
+    The gas is known by its molar mass; None of another, and without a drop of pressure. By CoolProp where that is
+    installed, else by `dense_gas`.
     """
     found = (
         n for n, c in _CRITICAL.items() if abs(gas.molar_mass / c.molar_mass - 1) <= _SAME_MASS
     )
-    if (name := next(found, None)) is None:
+    if (name := next(found, None)) is None or inlet == outlet:
         return None
     ideal = float(gas.potential(inlet) - gas.potential(outlet))
     try:
