@@ -2,7 +2,6 @@
 
 from dataclasses import dataclass, replace
 from functools import cache
-from itertools import pairwise
 
 import meshio
 import numpy as np
@@ -11,8 +10,7 @@ from numpy.testing import assert_allclose, assert_array_equal
 from skfem import MeshTri
 from small_cases import OIL, E, H, steel_scene
 
-from femseal.analytic import turned_annulus_rate
-from femseal.base import FemsealError, InputError
+from femseal.base import InputError
 from femseal.contact import LinearHardening
 from femseal.execution.mappers import ordered_map
 from femseal.face.pieces import Cut
@@ -62,26 +60,19 @@ def mesh_file(folder, boundaries):
     mesh = MeshTri.init_tensor(np.linspace(0, 4, 9) * SIDE, np.linspace(0, 6, 13) * SIDE)
     facets = mesh.boundary_facets()
     x, y = (mesh.p[:, mesh.facets[:, facets]] / SIDE).round(9)
-    cells, tags, names = (
-        [("triangle", mesh.t.T)],
-        [np.full(mesh.nelements, 9)],
-        {"face": np.array([9, 2])},
-    )
+    cells, tags = [("triangle", mesh.t.T)], [np.full(mesh.nelements, 9)]
+    names = {"face": np.array([9, 2])}
     for number, (name, (left, right, low, high)) in enumerate(boundaries.items(), 1):
         own = facets[((x >= left) & (x <= right) & (y >= low) & (y <= high)).all(axis=0)]
         cells.append(("line", mesh.facets[:, own].T))
         tags.append(np.full(own.size, number))
         names[name] = np.array([number, 1])
-    path = folder / "plate.msh"
     data = {"gmsh:physical": tags, "gmsh:geometrical": tags}
-    points = np.c_[1e3 * mesh.p.T, np.zeros(mesh.nvertices)]
-    meshio.write(
-        path,
-        meshio.Mesh(points, cells, cell_data=data, field_data=names),
-        file_format="gmsh22",
-        binary=False,
+    plate = meshio.Mesh(
+        np.c_[1e3 * mesh.p.T, 0 * mesh.p[0]], cells, cell_data=data, field_data=names
     )
-    return path
+    plate.write(folder / "plate.msh", file_format="gmsh22", binary=False)
+    return folder / "plate.msh"
 
 
 @dataclass(frozen=True)
@@ -139,17 +130,19 @@ def test_in_place_columns_of_the_whole_breadth_leak_what_the_face_leaks():
 
 def test_lengths_and_pressures_scale():
     """By 1000 in all lengths leakage is 1000² times as large; with all pressures and the viscosity it stays."""
-    one, sampling = (
-        scene(unload_from=(3e8,), unloading=(1e8,)),
-        broad(2, pressure_map=Profile((0.6, 1.4))),
-    )
-    found = drawn(one, sampling).leakage
-    large = replace(one, surface=Topography(1e3 * face().heights, (1e3 * D, 1e3 * D), (True, True)))
-    grown = replace(sampling, length=1e3 * sampling.length, breadth=1e3 * sampling.breadth)
-    assert_allclose(drawn(large, grown).leakage, 1e6 * found, rtol=1e-5)
-    soft = scene(modulus=E / 7, hardness=H / 7, inlet_pressure=1e6 / 7, fluid=Liquid(1e-3 / 7),
-                 loading=(1e8 / 7, 3e8 / 7), unload_from=(3e8 / 7,), unloading=(1e8 / 7,))  # fmt: skip
-    assert_allclose(drawn(soft, sampling).leakage, found, rtol=1e-4)
+
+    def leakage(length=1, pressure=1):
+        surface = Topography(length * face().heights, (length * D,) * 2, (True, True))
+        loads = {"loading": (1e8, 3e8), "unload_from": (3e8,), "unloading": (1e8,)}
+        loads = {name: tuple(pressure * p for p in loads[name]) for name in loads}
+        size = {"breadth": 2 * length * SIDE, "median_fields": False}
+        sampling = Sampling(8 * length * SIDE, 2, seed=3, pressure_map=Profile((0.6, 1.4)), **size)
+        solids = {"modulus": pressure * E, "hardness": pressure * H}
+        fluid = {"inlet_pressure": pressure * 1e6, "fluid": Liquid(pressure * 1e-3)}
+        return drawn(scene(surface=surface, **loads, **solids, **fluid), sampling).leakage
+
+    assert_allclose(leakage(length=1000), 1e6 * leakage(), rtol=1e-5)
+    assert_allclose(leakage(pressure=1 / 7), leakage(), rtol=1e-4)
 
 
 def test_realisations_are_the_same_whoever_draws_them():
@@ -170,23 +163,14 @@ def test_longer_seals_scatter_less_about_the_same_leakage():
     assert_allclose(np.median(long.leakage, axis=0), short.mean, rtol=0.15)
 
 
-def test_leakage_falls_with_breadth_and_load():
-    one = scene(loading=(5e7, 2e8, 5e8))
-    found = [drawn(one, broad(5, rows=rows, columns=16)).mean for rows in (2, 4, 8)]
-    assert_allclose(found[0] / found[1], 2, rtol=0.3)
-    assert_allclose(found[1] / found[2], 2, rtol=0.3)
-    assert (np.diff(found, axis=1) < 0).all()
-
-
 def test_as_many_seals_are_drawn_as_the_band_needs():
-    one = scene()
-    long = stochastic(one, (2, 2), replace(broad(), realisations=None, length=400 * SIDE))
-    assert len(long.leakage) == 3
-    short = stochastic(one, (2, 2), replace(broad(), realisations=None, length=3 * SIDE))
-    assert 3 < len(short.leakage) <= 200
-    assert_array_equal(
-        short.leakage[:3], stochastic(one, (2, 2), replace(broad(3), length=3 * SIDE)).leakage
+    long, short, three = (
+        drawn(scene(), replace(broad(), realisations=count, length=faces * SIDE)).leakage
+        for count, faces in ((None, 400), (None, 3), (3, 3))
     )
+    assert len(long) == 3
+    assert 3 < len(short) <= 200
+    assert_array_equal(short[:3], three)
 
 
 # maps
@@ -206,23 +190,18 @@ def test_a_map_of_one_value_is_none(uniform):
     assert_allclose(drawn(one, broad(pressure_map=uniform)).leakage, drawn(one).leakage, rtol=1e-10)
 
 
-def test_the_unit_of_a_map_does_not_matter():
-    one = scene()
-    found = [drawn(one, broad(pressure_map=Profile(of))).leakage for of in ((0.6, 1.4), (3.0, 7.0))]
-    assert_allclose(found[0], found[1], rtol=1e-9)
-
-
 @pytest.mark.parametrize("columns", [2, 8])
-def test_halves_beside_each_other_leak_their_mean_and_in_a_row_their_harmonic_mean(columns):
-    """Equal pieces: the pressure falls alike in both halves, so that none flows from one to the other."""
-    one = scene(loading=(3e8,))
-    low, high = (periodic(scene(loading=(p,)))[0] for p in (0.6 * 3e8, 1.4 * 3e8))
+@pytest.mark.parametrize("low", [0.0, 0.6])
+def test_halves_beside_each_other_leak_their_mean_and_in_a_row_their_harmonic_mean(columns, low):
+    """Equal pieces: the pressure falls alike in both halves, so that none flows across; without pressure they touch."""
+    one, high = scene(loading=(2e8,)), 2 - low
+    k = np.array([periodic(scene(loading=(p * 2e8,)))[0] for p in (low, high)])
     beside, in_a_row = (
         drawn(one, broad(columns=columns, pressure_map=of), (1, 1)).leakage[0, 0]
-        for of in (Halves(3, 7), Profile((3, 7)))
+        for of in (Halves(5 * low, 5 * high), Profile((5 * low, 5 * high)))
     )
-    assert_allclose(beside, (low + high) / 2 / 2, rtol=1e-4)
-    assert_allclose(in_a_row, 2 / (1 / low + 1 / high) / 2, rtol=1e-4)
+    assert_allclose(beside, k.mean() / 2, rtol=1e-4)
+    assert_allclose(in_a_row, 1 / np.mean(1 / k) / 2, rtol=1e-4)
 
 
 def test_a_field_over_a_strip_of_two_columns_covers_it():
@@ -238,22 +217,9 @@ def test_a_field_over_a_strip_of_two_columns_covers_it():
 def test_a_map_that_changes_with_the_load_is_that_of_each_load():
     changing = MapsAtLoads((1e8, 3e8), (Profile((0.6, 1.4)), Profile((1.3, 0.7))))
     found = drawn(scene(), broad(2, pressure_map=changing)).leakage
-    for s, of in enumerate(changing.maps):
-        alone = drawn(scene(loading=((1e8, 3e8)[s],)), broad(2, pressure_map=of)).leakage
+    for s, (load, of) in enumerate(zip((1e8, 3e8), changing.maps, strict=True)):
+        alone = drawn(scene(loading=(load,)), broad(2, pressure_map=of)).leakage
         assert_allclose(found[:, s], alone[:, 0], rtol=0.02)
-
-
-def test_under_a_map_rows_of_the_face_are_not_those_of_the_seal():
-    one, as_broad = scene(), Sampling(8 * SIDE, 1, seed=1)
-    assert drawn(one, as_broad).tiles.in_place
-    assert not drawn(one, replace(as_broad, pressure_map=Profile((0.6, 1.4)))).tiles.in_place
-
-
-def test_parts_without_pressure_just_touch():
-    one = scene(loading=(1e8,))
-    found = drawn(one, broad(pressure_map=Halves(0.0, 1.0)), (1, 1)).leakage[0, 0]
-    touch, pressed = (periodic(scene(loading=(p,)))[0] for p in (0.0, 2e8))
-    assert_allclose(found, (touch + pressed) / 4, rtol=1e-4)
 
 
 def test_a_broad_flat_seat_presses_evenly_but_near_its_edges():
@@ -283,31 +249,18 @@ def tabled(one, pressures):
 def test_a_broad_seal_of_equal_pieces_has_the_mean_over_the_fluid_pressure(fluid):
     """∫ k(p̄ − s) ds over the pressure of a liquid, ∫ k(p̄ − s) s ds of a gas, over that without the fluid."""
     load, p_in = 2e8, 8e7
-    around = 0.0 if fluid is OIL else 101325.0
-    one = scene(loading=(load,), inlet_pressure=p_in, fluid=fluid, fluid_pressure="acts")
-    found = drawn(one, broad(rows=16, columns=3), (1, 1)).leakage[0, 0]
-    dry = drawn(replace(one, fluid_pressure="ignored"), broad(rows=16, columns=3), (1, 1)).leakage[
-        0, 0
-    ]
+    one = scene(loading=(load,), inlet_pressure=p_in, fluid=fluid)
+    wet, dry = (
+        drawn(replace(one, fluid_pressure=acts), broad(rows=16, columns=3), (1, 1)).leakage[0, 0]
+        for acts in ("acts", "ignored")
+    )
     x, w = np.polynomial.legendre.leggauss(8)
-    s = p_in * (1 + x) / 2
-    weight = w if fluid is OIL else w * s
-    order = np.argsort(load - s)
-    k = np.empty(8)
-    k[order] = tabled(scene(), np.sort(load - (s - around)))
+    s = p_in * (1 - x) / 2  # falling, so that the loads rise
+    weight, around = (w, 0.0) if fluid is OIL else (w * s, 101325.0)
+    k = tabled(scene(), load - (s - around))
     exact = (weight @ k) / weight.sum() / tabled(scene(), [load])[0]
     assert exact > 1.15
-    assert_allclose(found / dry, exact, rtol=5e-3)
-
-
-def test_a_weak_fluid_changes_nothing_and_a_strong_one_more_than_in_proportion():
-    def leakage(p_in, acts="acts"):
-        return drawn(scene(loading=(1e8,), inlet_pressure=p_in, fluid_pressure=acts)).leakage[0, 0]
-
-    assert_allclose(leakage(1e5), leakage(1e5, "ignored"), rtol=3e-3)
-    values = [leakage(p) / p for p in (1e5, 2e7, 4e7, 8e7)]
-    assert all(b > 1.05 * a for a, b in pairwise(values))
-    assert_allclose(leakage(4e7, "ignored") / 4e7, values[0], rtol=3e-3)
+    assert_allclose(wet / dry, exact, rtol=5e-3)
 
 
 def test_the_contact_as_nominal_is_the_total_less_what_the_fluid_carries():
@@ -317,20 +270,15 @@ def test_the_contact_as_nominal_is_the_total_less_what_the_fluid_carries():
     assert_allclose(contact, total, rtol=2e-3)
 
 
-def test_reversed_flow_is_the_same_with_another_sign():
-    for fluid in (OIL, GAS):
-        there, back = (
-            drawn(
-                scene(inlet_pressure=a, outlet_pressure=b, fluid=fluid, fluid_pressure="acts"),
-                broad(rows=4),
-                (1, 1),
-            ).leakage
-            for a, b in ((3e7, 1e5), (1e5, 3e7))
-        )
-        assert (there > 0).all()
-        assert_allclose(back, -there, rtol=1e-3)
-    same = drawn(scene(inlet_pressure=3e7, outlet_pressure=3e7, fluid_pressure="acts")).leakage
-    assert_array_equal(same, 0)
+@pytest.mark.parametrize("fluid", [OIL, GAS], ids=["liquid", "gas"])
+def test_reversed_flow_is_the_same_with_another_sign(fluid):
+    def leakage(inlet, outlet):
+        ends = {"inlet_pressure": inlet, "outlet_pressure": outlet, "fluid_pressure": "acts"}
+        return drawn(scene(fluid=fluid, **ends), broad(rows=4), (1, 1)).leakage
+
+    assert (leakage(3e7, 1e5) > 0).all()
+    assert_allclose(leakage(1e5, 3e7), -leakage(3e7, 1e5), rtol=1e-3)
+    assert_array_equal(leakage(3e7, 3e7), 0)
 
 
 def test_faces_that_the_fluid_parts_have_no_leakage_and_the_others_theirs():
@@ -338,27 +286,19 @@ def test_faces_that_the_fluid_parts_have_no_leakage_and_the_others_theirs():
     for sampling in (broad(2), replace(broad(2), realisations=None), Sampling(4 * SIDE, seed=1)):
         found = drawn(one, sampling)
         assert np.isnan(found.leakage[:, 0]).all()
-        assert (found.leakage[:, 1] > 0).all()
         assert any("the faces part" in text for text in found.failures)
-    alone = drawn(
-        scene(loading=(2e8,), inlet_pressure=4e7, fluid_pressure="acts"), broad(2)
-    ).leakage
-    assert_allclose(drawn(one, broad(2)).leakage[:, 1], alone[:, 0], rtol=0.02)
+        alone = drawn(replace(one, loading=(2e8,)), sampling).leakage[:, 0]
+        assert_allclose(found.leakage[:, 1], alone, rtol=0.02)
 
 
 def test_inlets_at_one_pressure_are_one_inlet(tmp_path):
     path = mesh_file(tmp_path, {"a": (0, 0, 0, 2), "b": (0, 0, 3, 6), "out": (4, 4, 0, 6)})
-    layouts = (
-        MeshLayout(path, "mm", ("a", "b"), "out"),
-        MeshLayout(path, "mm", {"a": 1e6, "b": 1e6}, "out"),
+    one, several, lower = (
+        drawn(scene(layout=MeshLayout(path, "mm", of, "out")), Sampling(None, 2, seed=1)).leakage
+        for of in (("a", "b"), {"a": 1e6, "b": 1e6}, {"a": 1e6, "b": 2e5})
     )
-    one, several = (drawn(scene(layout=of), Sampling(None, 2, seed=1)).leakage for of in layouts)
     assert_allclose(several, one, rtol=1e-4)
-    lower = drawn(
-        scene(layout=MeshLayout(path, "mm", {"a": 1e6, "b": 2e5}, "out")), Sampling(None, 2, seed=1)
-    ).leakage
-    assert (lower < one).all()
-    assert (lower > 0.2 * one).all()
+    assert ((0.2 * one < lower) & (lower < one)).all()
 
 
 def test_a_gas_leaks_by_its_potential_what_a_liquid_does():
@@ -367,89 +307,26 @@ def test_a_gas_leaks_by_its_potential_what_a_liquid_does():
     drops = [np.diff(f.potential([0.0, 1e6]))[0] / f.reference_density for f in (OIL, GAS)]
     assert_allclose(gas / liquid, drops[1] / drops[0], rtol=1e-6)
     rarefied = scene(fluid=replace(GAS, slip=True), inlet_pressure=1e5, outlet_pressure=1e2)
-    assert_allclose(
-        drawn(rarefied, broad(rows=4), (1, 1)).leakage[0], periodic(rarefied) / 4, rtol=0.02
-    )
-    slips = drawn(
-        scene(fluid=replace(GAS, slip=True), inlet_pressure=4e7, outlet_pressure=2e7), broad(2)
-    ).leakage
-    viscous = drawn(scene(fluid=GAS, inlet_pressure=4e7, outlet_pressure=2e7), broad(2)).leakage
-    assert (slips > viscous).all()
-    assert_allclose(slips, viscous, rtol=0.05)
-    thin = [
-        drawn(
-            scene(fluid=replace(GAS, slip=slip), inlet_pressure=1e5, outlet_pressure=1e2), broad(2)
-        ).leakage
-        for slip in (True, False)
-    ]
-    assert (thin[0] > 2 * thin[1]).all()
+    found = drawn(rarefied, broad(rows=4), (1, 1)).leakage[0]
+    assert_allclose(found, periodic(rarefied) / 4, rtol=0.02)
+    viscous = drawn(replace(rarefied, fluid=GAS), broad(rows=4), (1, 1)).leakage[0]
+    assert (found > 2 * viscous).all()
 
 
 # lays and grooves
 
 
-def ridges():
-    """A face of ridges along x2 that touch under load, with open valleys between them."""
-    x = (np.arange(16) + 0.5) / 16
-    return Topography(np.tile(1e-6 * np.cos(2 * np.pi * x)[:, None], (2, N)), (D, D), (True, True))
-
-
-@pytest.mark.parametrize("breadth", [1, 4])
-def test_a_strip_whose_lands_are_closed_leaks_along_its_groove(breadth):
-    """Equal pieces: k₂ sin²α, also where the seal is as broad as the face."""
-    one = scene(surface=ridges(), loading=(2e8,))
-    sampling = broad(rows=breadth, columns=20)
-    assert drawn(one, sampling, (1, 1)).leakage[0, 0] == 0
-    k2 = drawn(one, broad(), (1, 1)).pieces.k[0, 1, 0, 0, 0]
-    lead = 16e-6
-    wound = replace(one, layout=RectangularLayout({"kind": "spiral", "lead": lead}))
-    sine2 = lead**2 / (lead**2 + (20 * SIDE) ** 2)
-    assert_allclose(
-        drawn(wound, sampling, (1, 1)).leakage[0, 0],
-        k2 * sine2 * 1e6 / (1e-3 * breadth * SIDE),
-        rtol=1e-4,
-    )
-
-
-@pytest.mark.parametrize("breadth", [1, 6])
-def test_a_ring_whose_lands_are_closed_is_the_closed_form(breadth):
-    inner, outer, lead = 10 * SIDE, (10 + breadth) * SIDE, 16e-6
-    lay = {"kind": "spiral", "lead": lead, "starts": 2}
-    one = scene(surface=ridges(), loading=(2e8,), layout=AnnularLayout(inner, outer, lay=lay))
-    found = drawn(one, Sampling(None, 1, seed=1), (1, 1))
-    exact = turned_annulus_rate(
-        found.pieces.k[0, 1, 0, 0, 0], 0.0, 2 * lead, 1e6, 1e-3, inner, outer
-    )
-    assert_allclose(found.leakage[0, 0] * found.seal.length, exact, rtol=2e-3)
-    assert (
-        drawn(
-            replace(one, layout=AnnularLayout(inner, outer)), Sampling(None, 1, seed=1), (1, 1)
-        ).leakage[0, 0]
-        == 0
-    )
-
-
-def test_a_small_lead_is_none():
-    lay = {"kind": "spiral", "lead": 1e-9, "circumference": 1.0}
-    assert_allclose(
-        drawn(scene(layout=RectangularLayout(lay))).leakage, drawn(scene()).leakage, rtol=1e-6
-    )
-
-
 def test_a_straight_lay_on_a_ring_leaks_between_both_permeabilities():
     """Also where the ring is as broad as the face: its rows are not those of the face."""
-    x1 = (np.arange(N) + 0.5) / 16
-    grooves = 3e-7 * np.cos(2 * np.pi * x1)[:, None] + face().heights
-    one = scene(surface=Topography(grooves, (D, D), (True, True)), loading=(5e8,))
-    found = {
-        lay: drawn(
-            replace(one, layout=AnnularLayout(10 * SIDE, 11 * SIDE, lay=lay)),
-            Sampling(None, 1, seed=1),
-        )
-        for lay in ("circumferential", "x2", "radial")
-    }
-    around, straight, radial = (result.leakage[0, 0] for result in found.values())
-    assert not found["x2"].tiles.in_place
+    grooves = 3e-7 * np.cos(2 * np.pi * (np.arange(N) + 0.5) / 16)[:, None] + face().heights
+    surface = Topography(grooves, (D, D), (True, True))
+
+    def leakage(lay):
+        layout = AnnularLayout(10 * SIDE, 11 * SIDE, lay=lay)
+        one = scene(surface=surface, loading=(5e8,), layout=layout)
+        return drawn(one, Sampling(None, 1, seed=1)).leakage[0, 0]
+
+    around, straight, radial = (leakage(lay) for lay in ("circumferential", "x2", "radial"))
     assert radial > 3 * around
     assert np.sqrt(around * radial) * 0.6 < straight < 0.5 * (around + radial)
 
@@ -490,22 +367,17 @@ def test_places_are_known_by_number():
 )
 def test_fields_of_the_median_seal(options):
     one = scene(**options)
-    sampling = replace(broad(5, pressure_map=Profile((0.6, 1.4))), median_fields=True)
-    found = drawn(one, sampling)
-    seal, tiles = found.median_seal, found.tiles
+    found = drawn(one, replace(broad(5, pressure_map=Profile((0.6, 1.4))), median_fields=True))
+    seal, grid = found.median_seal, found.tiles.grid
     leakage = found.leakage[seal.realisation]
-    assert (
-        np.abs(np.log(leakage / np.median(found.leakage, axis=0))).max()
-        <= found.realisation_spread.max()
-    )
-    shape = (2, len(tiles.outlines))
-    assert seal.permeability.shape == seal.fluid_pressure.shape == seal.pressure.shape == shape
-    rows = seal.fluid_pressure.reshape(2, *tiles.grid).mean(axis=2)
+    off = np.abs(np.log(leakage / np.median(found.leakage, axis=0)))
+    assert off.max() <= found.realisation_spread.max()
+    rows = seal.fluid_pressure.reshape(2, *grid).mean(axis=2)
     assert (np.diff(rows, axis=1) < 0).all()
     around = one.acting_fluid.relief(seal.fluid_pressure) if options else 0.0
     assert_allclose((seal.pressure + around).mean(axis=1), [1e8, 3e8], rtol=1e-6)
-    flux = seal.flux.reshape(2, *tiles.grid, 2)[..., 0].mean(axis=2)
-    assert_allclose(flux, np.tile(leakage[:, None], tiles.grid[0]), rtol=0.15)
+    flux = seal.flux.reshape(2, *grid, 2)[..., 0].mean(axis=2)
+    assert_allclose(flux, np.tile(leakage[:, None], grid[0]), rtol=0.15)
 
 
 # faults, and scenes at random
@@ -518,33 +390,32 @@ def test_fields_of_the_median_seal(options):
         ({"cells": (5, 2)}, "8 × 8 points"),
         ({"cells": (2.0, 2)}, "cells"),
         ({"breadth": 1.0}, "at most 1000 tiles"),
-        (
-            {"pressure_map": Profile((1.0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0)), "breadth": 12 * SIDE},
-            "hardness",
-        ),
+        ({"pressure_map": Profile((1.0, *[0.0] * 11)), "breadth": 12 * SIDE}, "hardness"),
         ({"layout": AnnularLayout(1e-3, 1.1e-3)}, "it has its own"),
     ],
 )
 def test_faults_are_named(changes, what):
-    given = {"cells": (2, 2), "length": 8 * SIDE, "breadth": 2 * SIDE} | changes
-    one = scene(**({"layout": given.pop("layout")} if "layout" in given else {}))
+    given = {"length": 8 * SIDE, "breadth": 2 * SIDE, "realisations": 1, "seed": 1} | changes
+    cells, layout = given.pop("cells", (2, 2)), given.pop("layout", RectangularLayout())
     with pytest.raises(InputError, match=what):
-        stochastic(one, given.pop("cells"), Sampling(given.pop("length"), 1, seed=1, **given))
+        stochastic(scene(layout=layout), cells, Sampling(**given))
 
 
 @pytest.mark.parametrize(
-    "options",
+    ("name", "value"),
     [
-        {"realisations": 0}, {"realisations": 1.5}, {"seed": -1}, {"seed": None}, {"seed": 0.5}, {"seed": True},
-        {"breadth": np.nan}, {"breadth": 0.0}, {"length": -1.0}, {"length": np.inf},
+        ("realisations", 0),
+        ("realisations", 1.5),
+        ("seed", -1),
+        ("seed", None),
+        ("seed", True),
+        ("breadth", np.nan),
+        ("length", -1.0),
     ],
-)  # fmt: skip
-def test_faults_of_a_sampling_are_named(options):
-    given = {"length": 1e-3, "realisations": 1, "seed": 1} | options
-    with pytest.raises(InputError, match=next(iter(options))):
-        Sampling(given.pop("length"), given.pop("realisations"), **given)
-    with pytest.raises(TypeError, match="seed"):
-        Sampling(1e-3, 1)
+)
+def test_faults_of_a_sampling_are_named(name, value):
+    with pytest.raises(InputError, match=name):
+        Sampling(**{"length": 1e-3, "realisations": 1, "seed": 1} | {name: value})
 
 
 def random_scene(seed):
@@ -554,50 +425,46 @@ def random_scene(seed):
     def one_of(*choices):
         return choices[rng.integers(len(choices))]
 
-    n1, n2 = one_of((16, 16), (32, 32), (33, 47), (24, 56), (48, 17), (97, 61))
-    size = n1 * D, n2 * D
-
-    def patch(number):
-        return self_affine((n1, n2), size, hurst=rng.uniform(0.3, 1.0), rms_slope=0.2, roll_off=min(size) * rng.uniform(0.6, 1),
-                           rng=1000 * seed + number)  # fmt: skip
-
-    places = one_of(1, 1, 1, 2, 3)
-    surface = patch(0) if places == 1 else Places([patch(n) for n in range(places)])
-    hardness = one_of(np.inf, 3e9, 3e9, LinearHardening(3e9, 1e9))
+    shape = one_of((16, 16), (32, 32), (33, 47), (24, 56), (48, 17), (97, 61))
+    size = shape[0] * D, shape[1] * D
+    waves = {"hurst": rng.uniform(0.3, 1.0), "roll_off": min(size) * rng.uniform(0.6, 1)}
+    patches = [
+        self_affine(shape, size, rms_slope=0.2, rng=1000 * seed + n, **waves)
+        for n in range(one_of(1, 1, 1, 2, 3))
+    ]
     loads = sorted(10 ** rng.uniform(6, 9.3, one_of(1, 2, 4)))
     loads = [0.0, *loads] if one_of(True, False, False) else loads
-    unloading = one_of((), (), (0.5 * loads[-1], 0.05 * loads[-1]), (0.3 * loads[-1], 0.0))
-    fluid = one_of(OIL, GAS, replace(GAS, slip=True))
-    pressures = [one_of(1e3, 1e5, 1e6, 0.3 * loads[-1]), one_of(1e2, 1e5)]
-    pressures = pressures[::-1] if one_of(True, False, False, False) else pressures
+    peak = loads[-1]
+    unloading = one_of((), (), (0.5 * peak, 0.05 * peak), (0.3 * peak, 0.0))
+    pressures = [one_of(1e3, 1e5, 1e6, 0.3 * peak), one_of(1e2, 1e5)]
+    pressures = pressures[:: one_of(1, 1, 1, -1)]
     lay = one_of("x2", "x1", {"angle": 0.7}, {"kind": "spiral", "lead": size[0] / 4})
     kind = one_of("strip", "strip", "as broad", "ring")
-    layout, length, breadth = (
-        RectangularLayout(lay),
-        size[1] * rng.uniform(0.3, 9),
-        size[0] * rng.uniform(0.8, 4),
-    )
-    if kind == "as broad":
-        breadth = None
+    layout, length = RectangularLayout(lay), size[1] * rng.uniform(0.3, 9)
+    breadth = size[0] * rng.uniform(0.8, 4)
     if kind == "ring":
-        layout, length = (
-            AnnularLayout(
-                3e-4, 3e-4 + breadth, one_of("inner", "outer"), lay=one_of("radial", "x1", lay)
-            ),
-            None,
-        )
-        breadth = None
-    maps = [Profile((1.0,)), Profile((0.6, 1.4)), AngleTable((0.5, 1.5), repeat=2), AngleTable((0.0, 1.0)),
-            MapsAtLoads((1e7, 1e8), (Profile((0.5, 1.5)), AngleTable((1.0, 0.7))))]  # fmt: skip
+        lay = one_of("radial", "x1", lay)
+        layout = AnnularLayout(3e-4, 3e-4 + breadth, one_of("inner", "outer"), lay=lay)
+        length = None
+    changing = MapsAtLoads((1e7, 1e8), (Profile((0.5, 1.5)), AngleTable((1.0, 0.7))))
+    maps = Profile((0.6, 1.4)), AngleTable((0.5, 1.5), repeat=2), AngleTable((0.0, 1.0)), changing
     options = {"pressure_map": one_of(*maps)} if one_of(True, True, False) else {}
     cells = one_of(None, None, (1, 1), (2, 2), (1, 3), (3, 1), (4, 3))
     given = {
-        "surface": surface, "hardness": hardness, "loading": tuple(loads), "fluid": fluid, "layout": layout,
-        "inlet_pressure": pressures[0], "outlet_pressure": pressures[1],
-        "fluid_pressure": one_of("acts", "ignored"), "nominal": one_of("total", "contact"),
+        "surface": Places(patches) if len(patches) > 1 else patches[0],
+        "hardness": one_of(np.inf, 3e9, 3e9, LinearHardening(3e9, 1e9)),
+        "loading": tuple(loads),
+        "fluid": one_of(OIL, GAS, replace(GAS, slip=True)),
+        "layout": layout,
+        "inlet_pressure": pressures[0],
+        "outlet_pressure": pressures[1],
+        "fluid_pressure": one_of("acts", "ignored"),
+        "nominal": one_of("total", "contact"),
         "boundary": (one_of("free", "mirror", "periodic"), one_of("periodic", "mirror")),
-        "unload_from": (loads[-1],) if unloading else (), "unloading": unloading,
-    }  # fmt: skip
+        "unload_from": (peak,) if unloading else (),
+        "unloading": unloading,
+    }
+    breadth = breadth if kind == "strip" else None
     return given, cells, Sampling(length, one_of(1, 2, None), seed=seed, breadth=breadth, **options)
 
 
@@ -607,28 +474,16 @@ def check_random_scene(seed):
         given, cells, sampling = random_scene(seed)
         one = scene(**given)
         found = stochastic(one, cells, sampling)
-    except InputError as error:
-        return f"refused: {error}"
-    except FemsealError as error:
-        return f"not solved: {error}"
-    drop = one.inlet_pressure - one.outlet_pressure
-    signed = found.leakage * (1 if drop > 0 else -1)
-    missing = np.isnan(signed)
-    assert (signed[~missing] >= 0).all()
-    assert not missing.any() or found.failures
-    return "solved"
+    except InputError:
+        return False
+    signed = found.leakage * np.sign(one.inlet_pressure - one.outlet_pressure)
+    assert not (signed < 0).any()
+    assert not np.isnan(signed).any() or found.failures
+    return True
 
 
 @pytest.mark.filterwarnings("error::RuntimeWarning")
-@pytest.mark.parametrize("seed", [2, 6, 8, 12, 17, 18, 20, 25, 28, 36, 39, 44])
-def test_scenes_at_random(seed):
+@pytest.mark.parametrize("count", [6, pytest.param(100, marks=pytest.mark.slow)])
+def test_scenes_at_random(count):
     """Kinds, shapes, maps, fluids, laws, places, unloading and small patches in any combination."""
-    assert check_random_scene(seed) == "solved"
-
-
-@pytest.mark.slow
-@pytest.mark.filterwarnings("error::RuntimeWarning")
-def test_many_scenes_at_random():
-    outcomes = [check_random_scene(seed) for seed in range(100)]
-    assert outcomes.count("solved") > 50
-    assert not any(outcome.startswith("not solved") for outcome in outcomes)
+    assert sum(check_random_scene(seed) for seed in range(count)) > 0.4 * count
