@@ -176,20 +176,6 @@ def test_as_many_seals_are_drawn_as_the_band_needs():
 # maps
 
 
-@pytest.mark.parametrize(
-    "uniform",
-    [
-        Profile((1.0,)),
-        Profile((2.0, 2.0)),
-        AngleTable((3.0, 3.0)),
-        MapsAtLoads((1e8, 3e8), (Profile((1.0,)),) * 2),
-    ],
-)
-def test_a_map_of_one_value_is_none(uniform):
-    one = scene(unload_from=(3e8,), unloading=(1e8,))
-    assert_allclose(drawn(one, broad(pressure_map=uniform)).leakage, drawn(one).leakage, rtol=1e-10)
-
-
 @pytest.mark.parametrize("columns", [2, 8])
 @pytest.mark.parametrize("low", [0.0, 0.6])
 def test_halves_beside_each_other_leak_their_mean_and_in_a_row_their_harmonic_mean(columns, low):
