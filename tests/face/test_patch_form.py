@@ -12,7 +12,6 @@ from femseal.contact.law import PerfectlyPlastic
 from femseal.face.patch_form import FormEffect, form_effect
 from femseal.loads import LoadProgramme
 from femseal.preparation import prepare
-from femseal.runs.forecast import describe
 from femseal.topography.long_waves import representative
 
 N, D = 192, 1e-6
@@ -22,15 +21,8 @@ E, H = 115e9, 0.15 * 115e9 * 0.05
 
 def rough(seed=1, roll_off=SIDE / 8, cut_off=8 * D, n=N):
     """A patch of a larger face: it is not periodic, and lost its tilt."""
-    larger = fs.self_affine(
-        (2 * n, 2 * n),
-        (2 * n * D, 2 * n * D),
-        hurst=0.8,
-        rms_slope=0.05,
-        roll_off=roll_off,
-        cut_off=cut_off,
-        rng=seed,
-    )
+    waves = {"rms_slope": 0.05, "roll_off": roll_off, "cut_off": cut_off, "rng": seed}
+    larger = fs.self_affine((2 * n, 2 * n), (2 * n * D, 2 * n * D), hurst=0.8, **waves)
     return larger.crop((n, n)).detrend(1)
 
 
@@ -68,37 +60,24 @@ def test_a_spectrum_that_rises_up_to_the_side_is_no_whole_face(seed):
     assert found.rises
     assert found.roll_off is None
     assert min(found.waves) < 2.5
-    (doubt,) = found.doubts
-    assert f"{min(found.waves):.2g} of its long waves" in doubt
-    assert "longer waves are not in it" in doubt
+    assert len(found.doubts) == 1
 
 
 def test_waves_without_a_power_law_are_counted_by_the_autocorrelation():
     wave = SIDE / 12
     x1 = (np.arange(N) + 0.5) * D
-    found = representative(
-        fs.Topography(np.cos(2 * np.pi * x1 / wave)[:, None] * np.full((1, N), 1e-7), (D, D))
-    )
+    heights = np.cos(2 * np.pi * x1 / wave)[:, None] * np.full((1, N), 1e-7)
+    found, flat = (representative(fs.Topography(of, (D, D))) for of in (heights, 0 * heights))
     assert_allclose(found.longest, wave * np.arccos(0.2) / (2 * np.pi) / 0.27, rtol=0.05)
-    assert found.roll_off is None
     assert found.is_enough
-
-
-def test_a_flat_face_has_no_waves():
-    found = representative(fs.Topography(np.zeros((16, 16)), (D, D)))
-    assert np.isnan(found.longest)
-    assert found.is_enough
+    assert np.isnan(flat.longest)
+    assert flat.is_enough
 
 
 def test_of_several_places_the_one_with_fewest_waves_is_told():
-    places = [
-        rough(1, SIDE / 5, cut_off=4 * D),
-        rough(2, 2 * SIDE),
-        rough(3, SIDE / 5, cut_off=4 * D),
-    ]
+    places = [rough(1, SIDE / 5, 4 * D), rough(2, 2 * SIDE), rough(3, SIDE / 5, 4 * D)]
     found = representative(fs.Places(places))
     assert found == replace(representative(places[1]), places=3)
-    assert "the least of 3 places holds" in found.doubts[0]
 
 
 @pytest.mark.parametrize("seed", range(3))
@@ -112,29 +91,24 @@ def test_the_parabola_of_a_face_has_its_height_and_radius(seed):
 
 
 def solved(face, pressures):
-    """Permeability of the face on all of its points."""
-    half_space = fs.HalfSpace(face.shape, face.spacing, E, ("free", "periodic"))
-    gaps = [
-        fs.solve_contact(face.gap(), half_space, pressure=p, hardness=H, rtol=1e-5).gap
-        for p in pressures
-    ]
-    return np.array(
-        [fs.cell_permeability(gap, face.spacing, sides="periodic").value for gap in gaps]
-    )
+    """ln k of the face on all of its points."""
+    body = fs.HalfSpace(face.shape, face.spacing, E, ("free", "periodic"))
+    gap0, found = face.gap(), []
+    for p in pressures:
+        gap = fs.solve_contact(gap0, body, pressure=p, hardness=H, rtol=1e-5).gap
+        found.append(fs.cell_permeability(gap, face.spacing, sides="periodic").value)
+    return np.log(found)
 
 
 @pytest.mark.parametrize("height", [0.0, 1e-6, 2e-6])
 def test_few_points_tell_what_the_form_does(height):
     face, loads = crowned(height), [0.02 * H, 0.06 * H, 0.15 * H]
     effect = form_effect(face, E, PerfectlyPlastic(H), loads)
-    true = np.log(solved(face, loads) / solved(face.detrend(2), loads))
-    assert_allclose(effect.changes[0], true, rtol=0.1, atol=0.15)
-    assert (np.abs(true).max() > np.log(1.5)) == (height > 0)
-    assert ("surface.detrend = 1 keeps" in "".join(effect.doubts)) == (height > 0)
-    short = face.high_pass(SIDE / 2)
-    assert_allclose(
-        effect.changes[1], np.log(solved(face, loads) / solved(short, loads)), rtol=0.1, atol=0.15
-    )
+    whole = solved(face, loads)
+    true = [whole - solved(short, loads) for short in (face.detrend(2), face.high_pass(SIDE / 2))]
+    assert_allclose(effect.changes, true, rtol=0.1, atol=0.15)
+    assert (np.abs(true[0]).max() > np.log(1.5)) == (height > 0)
+    assert bool(effect.doubts) == (height > 0)
 
 
 def test_places_are_one_beside_the_other():
@@ -149,17 +123,15 @@ def test_places_are_one_beside_the_other():
 
 def test_a_load_that_seals_the_few_points_is_taken_as_lower():
     """Waves of a few pixels, which 128 points do not carry, keep this face open."""
-    rng = np.random.default_rng(1)
-    face = fs.Topography(rng.standard_normal((512, 512)) * 2e-9, (D, D), (False, False))
     side = 512 * D
-    long = fs.self_affine(
-        (512, 512), (side, side), hurst=0.8, rms_height=3e-9, roll_off=64 * D, cut_off=40 * D, rng=2
-    )
-    face = face.with_heights(face.heights + long.heights).detrend(1)
+    waves = {"rms_height": 3e-9, "roll_off": 64 * D, "cut_off": 40 * D, "rng": 2}
+    long = fs.self_affine((512, 512), (side, side), hurst=0.8, **waves)
+    short = np.random.default_rng(1).standard_normal((512, 512)) * 2e-9
+    face = fs.Topography(short + long.heights, (D, D), (False, False)).detrend(1)
     few = face.resample((128, 128))
     load = 0.12 * E * face.rms_slope
-    half_space = fs.HalfSpace(few.shape, few.spacing, E, ("free", "periodic"))
-    sealed = fs.solve_contact(few.gap(), half_space, pressure=load)
+    body = fs.HalfSpace(few.shape, few.spacing, E, ("free", "periodic"))
+    sealed = fs.solve_contact(few.gap(), body, pressure=load)
     assert fs.cell_permeability(sealed.gap, few.spacing, sides="periodic").value == 0
     effect = form_effect(face, E, PerfectlyPlastic(np.inf), [load])
     assert (effect.permeability[:2] > 0).all()
@@ -192,13 +164,12 @@ def test_after_unloading_it_is_no_less_than_at_the_peak():
 
 
 def test_loads_at_which_nothing_leaks_tell_nothing():
-    sealed = replace(EFFECT, permeability=np.array([[8.0, 0.0], [2.0, 0.0], [8.0, 0.0]]))
+    sealed = replace(EFFECT, permeability=EFFECT.permeability * [1.0, 0.0])
     assert_allclose(sealed.distance(np.array([1e6, 1e8])), np.log([4, 4]))
     shut = replace(EFFECT, permeability=np.zeros((3, 2)))
     assert shut.distance(np.array([1e6])) is None
     assert patch_form_part(shut, LoadProgramme.of((1e6,)), np.ones(1)) is None
     assert shut.doubts == []
-    assert "on 128 points a side the patch is sealed" in str(shut)
 
 
 CASE = """
@@ -250,28 +221,15 @@ def case(tmp_path):
 def test_a_run_has_the_row_unless_the_case_says_what_is_form(case):
     results = fs.run(case(), workers=1)
     row = results.budget.widths()["form of the patch"]
-    leakages = []
-    for order in (1, 2):
-        said = fs.run(case(f"detrend = {order}"), workers=1)
+    first, second = (fs.run(case(f"detrend = {order}"), workers=1) for order in (1, 2))
+    for said in (first, second):
         assert "form of the patch" not in said.budget.widths()
         assert not any("curvature" in warning for warning in said.warnings)
-        leakages.append(said.leakage.values)
-    true = np.abs(np.log(leakages[0] / leakages[1]))
-    assert_allclose(results.leakage.values, leakages[0])
+    true = np.abs(np.log(first.leakage.values / second.leakage.values))
+    assert_allclose(results.leakage.values, first.leakage.values)
     assert true.max() > np.log(1.5)
     assert_allclose(row, true, atol=0.2)
-    (warning,) = [text for text in results.warnings if "curvature" in text]
-    assert "surface.detrend = 1 keeps the curvature" in warning
-    assert "at 20 MPa to 130 MPa" in warning
-
-
-def test_check_says_what_the_patch_holds(case):
-    prepared = prepare(case())
-    lines = describe(case(), prepared)
-    assert any("of its long waves of" in line for line in lines)
-    (line,) = [line for line in lines if "times as much with its curvature" in line]
-    assert line.startswith("warning")
-    assert prepare(case("detrend = 2")).form_effect is None
+    assert sum("surface.detrend = 1 keeps the curvature" in text for text in results.warnings) == 1
 
 
 SEAT = '[seat]\nkind = "tilted"\ntilt = "0.001 deg"\n'
@@ -287,28 +245,7 @@ def test_a_seat_or_a_form_of_the_seal_says_what_is_form(case, tmp_path, table, m
     text = path.read_text().replace('"deterministic"', f'"{method}"')
     path.write_text(text + table)
     assert (prepare(fs.load_case(path)).form_effect is None) == bool(table)
-
-
-def test_the_survey_of_a_file_says_both(femseal, case, tmp_path):
-    case()
-    arguments = (
-        "surface",
-        tmp_path / "patch.npz",
-        "--size",
-        f"{1e6 * SIDE} um",
-        f"{1e6 * SIDE} um",
-    )
-    found = []
-    for order in (1, 2):
-        code, out, _ = femseal(*arguments, "--detrend", order)
-        assert code == 0
-        (holds,) = [line for line in out.splitlines() if "of its long waves of" in line]
-        assert holds.startswith("note: the patch holds")
-        found.append([line for line in out.splitlines() if "with its curvature as without" in line])
-        assert "at 0.02 to 0.15 of a hardness of 0.15 E* times its slope" in found[-1][0]
-        assert "surface.detrend = 1 keeps the curvature" in found[-1][0]
-    # whether curvature is taken off or not: it is the file's
-    assert found[0] == found[1]
+    assert prepare(case("detrend = 2")).form_effect is None
 
 
 def test_a_new_case_asks_what_is_form_where_it_matters(femseal, tmp_path):
@@ -321,15 +258,3 @@ def test_a_new_case_asks_what_is_form_where_it_matters(femseal, tmp_path):
         text = (tmp_path / "new.toml").read_text(encoding="utf-8")
         assert ("surface.detrend = 1 keeps the curvature" in text) == asked
         assert ("of its long waves of" in text) == asked  # the parabola is the longest wave
-
-
-def test_a_generated_face_is_no_patch(tmp_path):
-    face = 'kind = "self-affine"\npoints = [64, 64]\nsize = ["64 um", "64 um"]\nrms_slope = 0.05'
-    text = CASE.format(side=1, surface="", output="").replace("points = [96, 96]", "")
-    old = 'kind = "file"\npath = "patch.npz"\nsize = ["1 um", "1 um"]'
-    assert old in text
-    path = tmp_path / "case.toml"
-    path.write_text(text.replace(old, face))
-    prepared = prepare(fs.load_case(path))
-    assert prepared.holds is None
-    assert prepared.form_effect is None
