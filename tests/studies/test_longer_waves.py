@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 from scipy.stats import binom
+from small_cases import STRIP, steel_scene
 
 import femseal as fs
 from femseal.budget import longer_waves_part
@@ -18,31 +19,16 @@ from femseal.studies.longer_waves import DRAWS, _drawn, _rms_between, longer_wav
 from femseal.topography import Representative
 from femseal.topography.long_waves import representative
 
-E, D, N = 115e9, 1e-6, 64
+D, N = 1e-6, 64
 SIDE = N * D
 
 
 def scene(roll_off, **changed):
-    face = fs.self_affine(
-        (2 * N, 2 * N),
-        (2 * SIDE, 2 * SIDE),
-        hurst=0.8,
-        rms_slope=0.1,
-        roll_off=roll_off,
-        cut_off=8 * D,
-        rng=5,
-    )
+    waves = {"rms_slope": 0.1, "roll_off": roll_off, "cut_off": 8 * D, "rng": 5}
+    face = fs.self_affine((2 * N, 2 * N), (2 * SIDE, 2 * SIDE), hurst=0.8, **waves)
     patch = face.crop((N, N)).detrend(1)
-    given = {"loading": (2e7, 2e8), "fluid_pressure": "ignored"} | changed
-    return fs.Scene(
-        fs.Topography(patch.heights, (D, D), (False, False)),
-        E,
-        3e9,
-        fs.Liquid(1e-3),
-        1e6,
-        0.0,
-        **given,
-    )
+    surface = fs.Topography(patch.heights, (D, D), (False, False))
+    return steel_scene(surface, **{"loading": (2e7, 2e8)} | changed)
 
 
 def changes(one, breadth, flatness=None, length=8 * SIDE):
@@ -112,22 +98,18 @@ def test_broader_seals_and_less_flat_ones_may_leak_more():
 def test_a_form_leaves_the_waves_that_are_too_short_for_it():
     """Measured far apart a form has a row still, and the less the finer it is; waves known exactly are no others."""
     rising = scene(4 * SIDE)
+    given = 8 * SIDE, 16 * SIDE, representative(rising.surface)
 
     def spread(form):
-        holds = representative(rising.surface)
-        found = longer_waves(
-            rising, 8 * SIDE, 16 * SIDE, holds, flatness=None, seed=1, forms=(form,)
-        )
+        found = longer_waves(rising, *given, flatness=None, seed=1, forms=(form,))
         return None if found is None else found.std(axis=0)[0]
 
     def measured(count):
-        points = np.stack(
-            np.meshgrid(np.linspace(0, 8 * SIDE, count), np.linspace(0, 16 * SIDE, 2 * count)),
-            axis=-1,
-        )
-        return MeasuredForm.of(points.reshape(-1, 2), np.zeros(2 * count**2))
+        lines = np.linspace(0, 8 * SIDE, count), np.linspace(0, 16 * SIDE, 2 * count)
+        points = np.stack(np.meshgrid(*lines), axis=-1).reshape(-1, 2)
+        return MeasuredForm.of(points, np.zeros(len(points)))
 
-    coarse, finer, none = spread(measured(4)), spread(measured(9)), spread(measured(40))
+    coarse, finer, none = (spread(measured(count)) for count in (4, 9, 40))
     assert none is None
     assert 0 < finer < coarse
     assert spread(WavyForm(1e-9, lobes=2)) >= coarse
@@ -148,17 +130,14 @@ def test_the_part_holds_a_draw_more_on_either_side():
     assert "flatness of the seal" in part.note
 
 
-def test_a_case_with_a_flatness_has_the_row(tmp_path):
-    case = {
-        "face": {"kind": "self-affine", "points": [64, 64], "size": ["64 um", "64 um"], "hurst": 0.8, "rms_slope": 0.1, "roll_off": "16 um"},
-        "material": {"young": "210 GPa", "hardness": "3 GPa"},
-        "load": {"loading": ["10 MPa", "50 MPa"]},
-        "fluid": {"kind": "liquid", "viscosity": "1 mPa*s", "inlet_pressure": "1 MPa"},
-        "seal": {"kind": "annular", "inner_radius": "1 mm", "outer_radius": "1.128 mm"},
-        "stochastic": {"realisations": 2},
-    }  # fmt: skip
-    plain = fs.run(parse_case(case), workers=1)
+def test_a_case_with_a_flatness_has_the_row():
+    seal = {"kind": "annular", "inner_radius": "1 mm", "outer_radius": "1.128 mm"}
+    case = STRIP | {"stochastic": {"realisations": 2}, "cells": {"count": [2, 4]}}
+    case["face"] = case["face"] | {"points": [64, 64], "size": ["64 um"] * 2, "roll_off": "16 um"}
+    plain, flat = (
+        fs.run(parse_case(case | {"seal": seal | more}), workers=1)
+        for more in ({}, {"flatness": "1 um"})
+    )
     assert "longer waves" not in plain.budget.widths()
-    flat = fs.run(parse_case(case | {"seal": case["seal"] | {"flatness": "1 um"}}), workers=1)
     assert (flat.budget.widths()["longer waves"] > 0.1).all()
     assert_allclose(flat.leakage, plain.leakage)
