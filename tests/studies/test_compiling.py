@@ -6,35 +6,10 @@ import sys
 from pathlib import Path
 
 import pytest
+from small_cases import SWEPT
 
 from femseal.studies import compiling
 
-CASE = """
-method = "stochastic"
-compare = ["two-scale"]
-seed = 1
-[face]
-kind = "self-affine"
-points = [64, 64]
-size = ["64 um", "64 um"]
-hurst = 0.8
-rms_slope = 0.2
-[material]
-young = "210 GPa"
-poisson = 0.3
-yield_stress = "1 GPa"
-[load]
-loading = ["100 MPa", "300 MPa"]
-[fluid]
-kind = "liquid"
-viscosity = "1 mPa*s"
-inlet_pressure = "10 MPa"
-[cells]
-count = [4, 4]
-[stochastic]
-length = "2 mm"
-realisations = 4
-"""
 #: Compiles the parts, then runs a case, and prints how many functions numba compiled for each.
 COUNTS = """
 import sys
@@ -76,27 +51,9 @@ def test_processes_that_die_leave_no_record(tmp_path, monkeypatch):
     assert not record.exists()
 
 
-def test_the_record_is_of_this_code_and_machine(monkeypatch):
-    known = compiling._record()
-    assert known == compiling._record()
-    monkeypatch.setattr(compiling, "get_host_cpu_name", lambda: "another")
-    assert compiling._record() != known
-
-
-def test_loops_are_loaded_where_they_were_compiled(tmp_path, monkeypatch):
-    loaded = []
-    monkeypatch.setattr(compiling, "_record", lambda: tmp_path / "compiled")
-    monkeypatch.setattr(compiling, "_compile", loaded.append)
-    compiling.load_compiled()
-    assert not loaded
-    (tmp_path / "compiled").touch()
-    compiling.load_compiled()
-    assert loaded == list(compiling._PARTS)
-
-
 @pytest.mark.slow
 def test_the_parts_hold_what_a_run_compiles(tmp_path):
-    (tmp_path / "case.toml").write_text(CASE)
+    (tmp_path / "case.toml").write_text(SWEPT)
     (tmp_path / "cache").mkdir()
     env = {**os.environ, "NUMBA_CACHE_DIR": str(tmp_path / "cache")}
     said = subprocess.run(
