@@ -1,5 +1,7 @@
 """Darcy flow on meshes: closed forms, orders, bounds that bracket, percolation, bad input."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from each import each
@@ -7,7 +9,8 @@ from numpy.testing import assert_allclose
 from skfem import MeshQuad, MeshQuad2, MeshTet, MeshTri
 
 from femseal.analytic import annulus_rate, stripes_across, stripes_along
-from femseal.base.errors import InputError
+from femseal.base.errors import InputError, NotConverged
+from femseal.flow import mesh_system
 from femseal.flow.mesh import darcy_conductance
 
 QUARTER = annulus_rate(1.0, 1.0, 1.0, 1.0, 1.5) / 4
@@ -213,3 +216,15 @@ def test_bad_meshes_and_ends():
     ):
         with pytest.raises(InputError, match="^" + text):
             darcy_conductance(*given)
+
+
+def test_flows_that_do_not_balance_are_refused(monkeypatch):
+    exact = mesh_system.solve_spd
+
+    def careless(*given, **options):
+        solution = exact(*given, **options)
+        return replace(solution, x=1.01 * solution.x)
+
+    monkeypatch.setattr(mesh_system, "solve_spd", careless)
+    with pytest.raises(NotConverged, match=r"^flow: inlet and outlet differ by .* of the flow"):
+        flow(rectangle(MeshTri, 3, 3), 1.0)
