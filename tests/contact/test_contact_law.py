@@ -220,6 +220,7 @@ def test_projection_capacity_and_what_is_kept():
     law = LinearHardening(H, 3.0 * STIFF)
     trial = np.array([-1.0, 0.5, 1.0, 5.0]) * H
     assert_allclose(law.project(trial, STIFF), [0, 0.5 * H, H, H + 0.75 * 4 * H])
+    assert_allclose(PerfectlyPlastic(H).project(trial, STIFF), np.clip(trial, 0, H))
     found = law.deformation(np.array([H, 2 * H]), np.array([0.0, -H / (3 * STIFF)]), STIFF)
     assert_allclose(found, [0, H / 3 / STIFF])
     assert law.capacity == np.inf
