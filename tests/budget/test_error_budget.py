@@ -11,7 +11,7 @@ from small_cases import SWEPT, steel_scene
 import femseal as fs
 from femseal.budget import CoarserSolution, ErrorPart
 from femseal.budget.changes import on_all_steps
-from femseal.budget.estimates import effective_pressure_part, median_interval
+from femseal.budget.estimates import effective_pressure_part, median_interval, places_part
 from femseal.budget.pixels import observed_order, pixels_part
 from femseal.budget.waves import filter_part
 from femseal.loads import LoadProgramme
@@ -196,6 +196,16 @@ def test_the_interval_of_the_median_holds_it(count):
     rng = np.random.default_rng(count)
     ends = np.array([median_interval(rng.lognormal(size=count)) for _ in range(400)])
     assert np.sum((ends[:, 0] <= 1) & (ends[:, 1] >= 1)) >= binom.ppf(0.01, 400, 0.95)
+
+
+def test_the_jackknife_of_places_holds_what_many_leak():
+    """Of places that scatter as is usual."""
+    held = []
+    for logs in np.random.default_rng(0).normal(0, 0.25, (400, 6)):
+        without = np.exp((logs.sum() - logs) / 5)[:, None]
+        part = places_part(np.exp([logs.mean()]), without)
+        held.append(part.lower[0] <= 1 <= part.upper[0])
+    assert 400 > sum(held) >= binom.ppf(0.01, 400, 0.95)
 
 
 def test_the_median_of_seals_that_are_mostly_sealed():

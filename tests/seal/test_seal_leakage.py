@@ -48,7 +48,8 @@ def test_uniform_rectangle_is_exact(cells):
     assert leak.percolates
     expected = 5e6 - 4e6 * seal.points[..., 0] / 3e-3
     assert_allclose(leak.fluid_pressure, expected, rtol=1e-12)
-    assert leak.fluid_pressure.shape == (cells[0] + 1, cells[1])
+    columns = (np.arange(cells[1]) + 0.5) * 8e-3 / cells[1]
+    assert_allclose(seal.points[..., 1], np.tile(columns, (cells[0] + 1, 1)))
 
 
 def test_means_between_pressures_are_exact_for_a_liquid():
