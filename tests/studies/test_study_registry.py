@@ -7,6 +7,7 @@ from small_cases import steel_scene
 
 import femseal as fs
 from femseal.studies import STUDIES, Sampling, StudyOptions, study_of_result
+from femseal.studies.blocks import blocks_of
 from femseal.studies.costs import usual_efforts
 from femseal.topography import self_affine
 
@@ -21,6 +22,7 @@ def test_a_registered_study_is_what_its_function_gives():
     own = {
         "deterministic": fs.deterministic(scene),
         "two-scale": fs.two_scale(scene, CELLS),
+        "blocks": fs.by_blocks(scene, blocks_of(CELLS)),
         "stochastic": fs.stochastic(scene, CELLS, SAMPLING),
     }
     assert list(STUDIES) == list(own)
@@ -31,4 +33,4 @@ def test_a_registered_study_is_what_its_function_gives():
         seconds, memory = study.cost(scene, options, efforts)
         assert 0 < seconds < 3600
         assert 0 < memory < 1e9
-        assert study.cost(scene, known, efforts)[0] < seconds or name == "deterministic"
+        assert study.cost(scene, known, efforts)[0] < seconds or name in ("deterministic", "blocks")
