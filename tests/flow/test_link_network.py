@@ -299,3 +299,16 @@ def test_a_hopeless_iteration_is_given_up_early():
     with pytest.raises(NotConverged) as caught:
         solve_links(c1, c2, solver="multigrid")
     assert int(re.search(r"after (\d+) iterations", str(caught.value))[1]) < 100
+
+
+def test_levels_swept_by_strips_of_rows_converge_as_fast(monkeypatch):
+    """As those of large grids are: small ones are taken for large here."""
+    links = cell_links(filtered_gap(160, 4, 0.1, 3), (1.0, 1.0), "periodic")
+    monkeypatch.setattr("femseal.flow.solvers.hierarchy._STRIP", 8)
+    found = []
+    for large in (10**6, 300):
+        monkeypatch.setattr("femseal.flow.solvers.hierarchy._LARGE", large)
+        found.append(solve_links(*links, solver="multigrid", field_rtol=1e-6))
+    assert abs(found[1].iterations - found[0].iterations) <= 1
+    assert found[1].residual != found[0].residual
+    assert_allclose(found[1].conductance, found[0].conductance, rtol=1e-9)
