@@ -228,3 +228,17 @@ def test_flows_that_do_not_balance_are_refused(monkeypatch):
     monkeypatch.setattr(mesh_system, "solve_spd", careless)
     with pytest.raises(NotConverged, match=r"^flow: inlet and outlet differ by .* of the flow"):
         flow(rectangle(MeshTri, 3, 3), 1.0)
+
+
+@each("kind", [MeshQuad, MeshTri])
+def test_a_part_behind_two_narrow_bands_is_exact_or_refused(kind):
+    """Sums of wide and narrow links lose the narrow ones, by which alone the part in the middle has its potential."""
+    mesh = rectangle(kind, 8, 8)
+    x = centres(mesh)[0]
+    bands = ((x > 0.25) & (x < 0.375)) | ((x > 0.625) & (x < 0.75))
+    for decades in (6, 9, 12):
+        k = np.where(bands, 10.0**-decades, 1.0)
+        assert_allclose(flow(mesh, k).conductance, 1 / (0.25 * 10.0**decades + 0.75), rtol=1e-6)
+    for decades in (14, 17, 25):
+        with pytest.raises(NotConverged, match="try a smaller contrast of the permeability"):
+            flow(mesh, np.where(bands, 10.0**-decades, 1.0))

@@ -83,10 +83,30 @@ def test_the_same_bits_on_any_mapper():
             "blocks: given 3 × 2 of 128 × 128 points, expected numbers of which 4 times di",
         ),
         ({}, (8, 8), r"blocks: .*parts of at least 8"),
-        ({"fluid_pressure": "acts"}, (2, 2), "fluid_pressure: given 'acts' with blocks, expected"),
+        (
+            {"fluid_pressure": "trapped"},
+            (2, 2),
+            "fluid_pressure: given 'trapped' with blocks, expec",
+        ),
         ({"surface": Places([scene().surface, scene().surface.flip(0)])}, (2, 2), "several places"),
     ],
 )
 def test_what_blocks_cannot_do_is_refused(changed, blocks, text):
     with pytest.raises(fs.InputError, match=text):
         fs.by_blocks(replace(scene(), **changed), blocks)
+
+
+def test_a_fluid_that_acts_lets_more_through_as_it_does_in_the_whole_face():
+    one = scene(inlet_pressure=4e7)
+    acting = replace(one, fluid_pressure="acts")
+    whole = fs.deterministic(acting).leakage / fs.deterministic(one).leakage
+    found = fs.by_blocks(acting, (2, 2)).leakage / fs.by_blocks(one, (2, 2)).leakage
+    assert (whole > 1.1).all()
+    assert_allclose(np.log(found), np.log(whole), rtol=0.25)
+
+
+def test_all_that_the_fluid_carries_is_open():
+    open_ = fs.by_blocks(scene(inlet_pressure=2.2e8, fluid_pressure="acts"), (2, 2))
+    assert np.isnan(open_.leakage[[0, 2]]).all()
+    assert open_.leakage[1] > 0
+    assert [text.split(":")[1] for text in open_.failures] == [" open", " open"]
