@@ -1,7 +1,5 @@
 """The report: one page that stands by itself, says what the dataset says, and can be read everywhere."""
 
-import base64
-import hashlib
 import re
 import shutil
 import subprocess
@@ -142,10 +140,8 @@ def test_the_page_stands_by_itself(page):
             assert element.get(name).startswith(("data:image/png;base64,", "#"))
     assert not {"link", "iframe", "object", "embed"} & {e.tag for e in root.iter()}
     policy = next(m.get("content") for m in root.iter("meta") if m.get("http-equiv"))
-    (script,) = re.findall(r"<script>(.*?)</script>", page, re.DOTALL)
-    digest = base64.b64encode(hashlib.sha256(script.encode()).digest()).decode()
-    allowed = f"img-src data:; style-src 'unsafe-inline'; script-src 'sha256-{digest}'"
-    assert policy == f"default-src 'none'; {allowed}"
+    assert policy == "default-src 'none'; img-src data:; style-src 'unsafe-inline'"
+    assert "<script" not in page
     assert len(page.encode()) < 4e6
     assert "url(" not in page
     assert "http" not in page.replace("http-equiv", "")
@@ -187,8 +183,7 @@ def test_drop_of_pressure_by_hand(results):
     data["piece_drop_fraction"][:] = 0.5 / 16
     data["piece_drop_fraction"][:, 1, 2:4] = 0.25
     text = words(section(report_html(replace(results, dataset=data)), "drop"))
-    assert "30% of the pressure drops over a tenth of the width" in text
-    assert "Half of it drops in 2 of 18 pieces." in text
+    assert "Half of the pressure drops in 2 of 18 pieces." in text
 
 
 def test_times_and_warnings(scene, studies):

@@ -1,22 +1,18 @@
 """The report as PDF, the table as a workbook, and the verdict at the head of the page."""
 
-import json
 import os
 
 import numpy as np
 import openpyxl
 import pytest
-from numpy.testing import assert_allclose
 from small_cases import steel_scene
 
 import femseal as fs
 from femseal.base.errors import FemsealError, InputError
 from femseal.base.text import comma_separated
-from femseal.budget import ErrorPart
 from femseal.report import page as report_page
 from femseal.report import write_pdf
 from femseal.report.leakage_tables import class_table
-from femseal.report.page import drop_chart, leakage_chart
 from femseal.results import RunFacts, assemble
 from femseal.results.tables import rows, write_workbook
 
@@ -35,36 +31,6 @@ def scene():
 @pytest.fixture(scope="module")
 def study(scene):
     return fs.deterministic(scene)
-
-
-def test_curves_of_the_page_have_the_numbers_of_the_dataset(scene, study):
-    results = assemble(scene, study)
-    chart, (_, factor) = leakage_chart(results), results.leak_scale
-    assert chart["x"]["values"] == [50.0, 200.0, 2500.0]
-    loading, unloading = chart["series"]
-    q, (low, high) = results.leakage.values / factor, chart["y"]["range"]
-    assert q[2] == 0
-    assert_allclose(loading["values"], [*q[:2], low])
-    assert loading["texts"][2] == "sealed"
-    assert_allclose(unloading["values"][:2], q[[3, 1]])
-    assert unloading["values"][2] is None
-    assert 0 < low < q[:2].min() < q[:2].max() < high
-    drop = drop_chart(results, [0])
-    (curve,) = drop["series"]
-    mean = np.nanmean(results.dataset["face_fluid_pressure"].values[0], axis=1)
-    assert_allclose(curve["values"], mean / 1e6, rtol=1e-6)
-    json.loads(json.dumps([chart, drop], allow_nan=False))
-
-
-def test_bars_of_the_curve_are_the_band_of_error(scene, study):
-    q = study.leakage
-    part = ErrorPart("pixels", 0.5 * q, np.where(q > 0, 2 * q, np.inf), "by hand")
-    budget = fs.ErrorBudget("deterministic", q, (part,), scene.steps)
-    results = assemble(scene, study, facts=RunFacts(budgets={"deterministic": budget}))
-    loading, factor = leakage_chart(results)["series"][0], results.leak_scale[1]
-    assert_allclose(loading["low"][:2], 0.5 * q[:2] / factor)
-    assert_allclose(loading["high"][:2], 2 * q[:2] / factor)
-    assert loading["texts"][2].startswith("sealed, band sealed–")  # no more than at the load before
 
 
 def test_verdict_is_the_first_load_that_meets_the_class(scene, study):

@@ -222,16 +222,6 @@ def test_runs_of_other_loads_methods_and_lengths(case, swept, tmp_path):
     assert np.isnan(rows[-1]["leakage_lower_m2_per_s"])
 
 
-def test_runs_without_common_loads_are_told_at_their_own(swept, tmp_path):
-    other = CASE.replace("50 MPa", "40 MPa").replace("300 MPa", "200 MPa")
-    (tmp_path / "other.toml").write_text(other)
-    runs = {"a": swept[1].runs[0], "b": fs.run(tmp_path / "other.toml", workers=1)}
-    table = fs.compare(runs).table()
-    assert list(table.heads) == ["run", "first load", "highest load", "last load"]
-    assert "(40 MPa)" in table.lines[1][1]
-    assert "(200 MPa)" in table.lines[1][2]
-
-
 def test_compare_on_the_command_line(femseal, swept, tmp_path):
     folder, found = swept
     runs = [folder / name for name in found.names[:3]]
