@@ -138,21 +138,6 @@ def test_a_contact_takes_longer_with_more_pixels_more_contact_and_odd_or_prime_l
     assert seconds[-1] > 1.5 * seconds[0]
 
 
-@pytest.mark.parametrize(("hardness", "again"), [(1e9, 0), (np.inf, 3)], ids=["plastic", "elastic"])
-def test_an_unloading_that_is_the_loading_again_takes_no_time(data, hardness, again):
-    """Where nothing deforms for good: its stops are loads of the loading."""
-    stops = ["10 MPa", "20 MPa", "40 MPa"]
-    loads = {"loading": [*stops, "80 MPa"], "unload_from": ["80 MPa"], "unloading": stops[::-1]}
-    scene = replace(of(data | {"load": loads})[1].scene, hardness=hardness)
-    shape = scene.surface.shape
-    known = pilot.solved_once(scene, usual_efforts(len(scene.steps)))
-    assert [effort.rounds for effort in known].count(0.0) == again
-    states = [state.gap.tobytes() for state in fs.deterministic(scene).states]
-    assert len(states) - len(set(states)) == again
-    fewer = deterministic_cost(usual_efforts(7 - again), shape, acts=True)[0]
-    assert_allclose(deterministic_cost(known, shape, acts=True)[0], fewer)
-
-
 def test_forecast_adds_up_the_methods(data, monkeypatch):
     known = (Effort(),) * 30
     one, two = (
