@@ -16,7 +16,7 @@ from .solvers.amg import solve_spd
 from .stencil import Stencil
 
 #: Relative error of the energy of the correction that is allowed to a solver; of what the first solution left over.
-_RTOLS = 1e-9, 1e-4
+_RTOLS = 1e-9, 1e-2
 
 
 def permeability_tensor(

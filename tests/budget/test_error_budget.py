@@ -1,5 +1,6 @@
 """The error budget: grid convergence, parts and their combination."""
 
+import csv
 from dataclasses import replace
 
 import numpy as np
@@ -18,7 +19,13 @@ from femseal.loads import LoadProgramme
 from femseal.preparation.preparation import prepare
 from femseal.refinement.coarser import at_some_steps, coarser_points
 from femseal.runs.forecast import describe, forecast
-from femseal.studies.drawn_error import KINDS, count_scenes, half_width
+from femseal.studies.drawn_error import (
+    CALIBRATION,
+    KINDS,
+    count_scenes,
+    difficulty,
+    half_width,
+)
 from femseal.topography import Places
 
 Q = np.array([4.0, 1.0, 0.0])
@@ -399,3 +406,19 @@ def test_a_leakage_that_rises_with_the_load_leaves_the_bands_as_they_are():
     )
     for ends in (budget.lower, budget.upper):
         assert np.isnan(ends).tolist() == [n == 1 for n in range(6)]
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_a_band_holds_as_much_of_its_calibration_as_is_asked_by_scenes_and_one_more(kind):
+    """Steps of a scene share its weight, and a scene that is not there is beyond all."""
+    with CALIBRATION.open(encoding="utf-8", newline="") as file:
+        rows = [row for row in csv.DictReader(file) if row["kind"] == kind]
+    rows = [row for row in rows if float(row["decades"]) < 1]
+    scenes = [row["scene"] for row in rows]
+    weight = np.array([1 / scenes.count(name) for name in scenes]) / (len({*scenes}) + 1)
+    score = np.array([abs(float(row["log_ratio"])) / float(row["difficulty"]) for row in rows])
+    steps, q = LoadProgramme.of([1e8, 1.1e8]), np.array([1.0, 0.9])
+    for coverage in (0.5, 0.8, 0.95):
+        wide = half_width(kind, steps, q, coverage=coverage)[0] / difficulty(steps, q)[0]
+        assert weight[score <= wide * (1 + 1e-9)].sum() >= coverage
+        assert weight[score < wide * (1 - 1e-9)].sum() < coverage

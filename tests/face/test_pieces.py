@@ -185,3 +185,9 @@ def test_the_factor_is_bounded():
     found = factors(face_q, np.ones(7), STEPS)
     assert_allclose(found, [MOST_FACTOR, 1, 1 / MOST_FACTOR, 2, 1, 1, 1])
     assert_allclose(factors(face_q, np.ones(7), STEPS, most=10.0)[[0, 2, 3]], [10, 0.1, 2])
+
+
+def test_centres_are_the_middles_of_the_pieces():
+    cut = Cut.of(face(), (4, 3))
+    for found, count in zip(cut.centres, (4, 3), strict=True):
+        assert_allclose(found, (np.arange(count) + 0.5) * 48 * D / count)

@@ -590,3 +590,11 @@ def test_threads_share_large_cells_and_change_no_bits():
     assert len({(k.value, k.residual, k.fluid_pressure.tobytes()) for k in found}) == 1
     exact = cell_permeability(gap, (D, D), sides="periodic", solver="elimination")
     assert_allclose(found[0].value, exact.value, rtol=1e-6)
+
+
+@each("seed", [27, 28, 52])
+def test_a_tensor_of_gaps_that_differ_by_thousands_is_that_of_two_such_cells(seed):
+    """What the first solution loses in wide links is solved for once more."""
+    gap = 10.0 ** np.random.default_rng(seed).uniform(-3.5, 0, (1, 8)) * 1e-6
+    one, two = (permeability_tensor(np.tile(gap, (1, n)), (1e-6, 0.2e-6)) for n in (1, 2))
+    assert_allclose(two.diagonal(), one.diagonal(), rtol=1e-8)

@@ -246,3 +246,9 @@ def test_the_pieces_of_a_face_lie_in_their_order():
     # columns that hardly exchange: in series along x1, beside each other along x2
     found = conductance(tiles, k, 1e-9)
     assert_allclose(found, 2 * (1 / (1 / k.reshape(2, 3)).sum(axis=0)).sum(), rtol=5e-3)
+
+
+def test_a_ring_of_which_a_part_is_drawn_is_as_long_as_the_whole():
+    tiles = AnnularLayout(1e-2, 1.04e-2).lay_out(PieceSize((A, A), 4, most=200))
+    assert tiles.part < 0.5
+    assert_allclose(tiles.size, (4e-4, 2 * np.pi * 1.02e-2), rtol=1e-3)
