@@ -11,7 +11,7 @@ from small_cases import SWEPT, steel_scene
 
 import femseal as fs
 from femseal.budget import CoarserSolution, ErrorPart
-from femseal.budget.changes import on_all_steps
+from femseal.budget.changes import on_all_steps, scale_of_changes
 from femseal.budget.estimates import effective_pressure_part, median_interval, places_part
 from femseal.budget.pixels import observed_order, pixels_part
 from femseal.budget.waves import filter_part
@@ -422,3 +422,11 @@ def test_a_band_holds_as_much_of_its_calibration_as_is_asked_by_scenes_and_one_m
         wide = half_width(kind, steps, q, coverage=coverage)[0] / difficulty(steps, q)[0]
         assert weight[score <= wide * (1 + 1e-9)].sum() >= coverage
         assert weight[score < wide * (1 - 1e-9)].sum() < coverage
+
+
+def test_an_unknown_change_is_that_of_the_nearest_steps_and_a_shift_of_the_load():
+    steps = LoadProgramme.of([1e8, 2e8, 3e8, 4e8])
+    change, slope = np.array([0.2, 0.4, np.nan, np.nan]), np.array([1.0, 2.0, 3.0, 4.0])
+    nearest, shift = np.sqrt((0.2**2 + 0.4**2) / 2), 0.2
+    found = scale_of_changes(steps, change, slope, [0, 1])
+    assert_allclose(found, np.hypot(nearest, slope * shift))
