@@ -159,6 +159,15 @@ def test_rings_and_meshes_take_it(slip):
 
 
 @needs_coolprop
+def test_just_below_saturation():
+    gas, seal = fs.RealGas("CO2"), fs.RectangularSeal((1e-3, 1e-3), (4, 4))
+    inlet = (1 - 1e-5) * gas.highest_pressure
+    leakage = fs.seal_leakage(seal, 1e-20, gas, inlet_pressure=inlet)
+    assert_allclose(np.max(leakage.fluid_pressure), inlet, rtol=1e-9)
+    assert_allclose(leakage.mass_rate, 1e-20 * potential_of(gas, "inlet", inlet), rtol=1e-9)
+
+
+@needs_coolprop
 @each(
     ("call", "said"),
     [

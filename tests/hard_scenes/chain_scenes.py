@@ -98,22 +98,6 @@ def _peaks():
     return leakage[[0, -2, -1]]
 
 
-def _stresses():
-    """Relative change of leakage with all stresses, and the viscosity, 2⁴⁰ times as large."""
-    plain = chain_scene(chain_face((32, 48)))
-    unit = 2.0**40
-    scaled = replace(
-        plain,
-        modulus=unit * E,
-        hardness=unit * HARDNESS,
-        loading=(unit * 2e8,),
-        fluid=Liquid(viscosity=unit * ETA),
-        inlet_pressure=unit * DROP,
-    )
-    small, large = (float(deterministic(s).leakage[0]) for s in (plain, scaled))
-    return abs(large / small - 1)
-
-
 def _scratched():
     """A flat face with a scratch from inlet to outlet, as deep as wide; then a spike in the middle of it."""
     heights = np.zeros((61, 67))
@@ -185,12 +169,6 @@ SCENES = (
         "leakage at 100 MPa: on first loading, after 300 MPa and after 900 MPa [m²/s]",
         falling("a higher peak leaves less"),
         _peaks,
-    ),
-    scene(
-        "stresses of 1e12 times the size",
-        "modulus, hardness, load, pressure and viscosity 2⁴⁰ times as large: relative change of leakage",
-        exactly(0.0, "no stress of its own"),
-        _stresses,
     ),
     scene(
         "scratch with a bridge",

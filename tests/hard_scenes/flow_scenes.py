@@ -10,7 +10,6 @@ from judges import between, exactly, near, zero_and_positive
 from femseal.analytic import (
     large_gap,
     parallel_plates,
-    stripes_across,
     wavy_gap_across,
     wavy_gap_along,
 )
@@ -51,21 +50,6 @@ def _closing():
     return [_k(H * np.maximum(level - z, 0)) for level in (low, high)]
 
 
-def _neck():
-    """A wall with one channel, a pixel wide, that has a long neck of a thousandth of the gap."""
-    gap = np.full((64, 48), H)
-    gap[10:50] = 0
-    gap[10:50, 17] = H
-    gap[20:40, 17] = 1e-3 * H
-    return gap
-
-
-def _contrast_across():
-    gap = np.full((512, 4), H)
-    gap[256:] = 1e-5 * H
-    return cell_permeability(gap, (D, D), bounds=True).lower
-
-
 def _ridges(amplitude, n=512):
     return H * (1 + amplitude * np.cos(2 * pi * (np.arange(n) + 0.5) / n))
 
@@ -101,22 +85,6 @@ SCENES = (
         "a rough face, the last two planes of a bisection of its closing to 12 digits [m³]",
         zero_and_positive("closed and open"),
         _closing,
-    ),
-    scene(
-        "one critical constriction",
-        "a wall with one channel, whose neck has a thousandth of the gap: permeability [m³]",
-        near(PLATES * 1e-9 * 64 / 20 / 48, 1e-3, "the neck in series with what is next to nothing"),
-        lambda: cell_permeability(_neck(), (D, D), bounds=True).lower,
-    ),
-    scene(
-        "contrast 1e15 in series",
-        "half of the gap 1e-5 of the other, across the flow [m³]",
-        near(
-            stripes_across((PLATES, 1e-15 * PLATES)),
-            1e-5,
-            "harmonic mean; rounding grows with the contrast",
-        ),
-        _contrast_across,
     ),
     scene(
         "contrast 1e15 in a smooth gap",

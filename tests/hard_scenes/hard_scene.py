@@ -13,7 +13,7 @@ class HardScene:
 
     stage : "contact", "flow", "seal" or "chain". name : short and unique. what : the scene in words.
     must : judge of what comes out. run : computes it, a number or several; an error is an outcome too.
-    slow : whether it takes more than about a second, and is run with the slow tests. needs : module of an extra.
+    slow : whether it takes more than about a second, and is run with the slow tests.
     """
 
     stage: str
@@ -22,7 +22,6 @@ class HardScene:
     must: Judge
     run: Callable
     slow: bool = False
-    needs: str = ""
 
     def outcome(self):
         """Run the scene: whether what came is what must come, and what came, as text.

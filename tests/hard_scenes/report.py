@@ -9,20 +9,16 @@ import sys
 import chain_scenes
 import contact_scenes
 import flow_scenes
-import gas_scenes
 import groove_scenes
 import real_seal_scenes
 import seal_scenes
-import two_scale_scenes
 
 SCENES = (
     *contact_scenes.SCENES,
     *flow_scenes.SCENES,
-    *gas_scenes.SCENES,
     *seal_scenes.SCENES,
     *groove_scenes.SCENES,
     *chain_scenes.SCENES,
-    *two_scale_scenes.SCENES,
     *real_seal_scenes.SCENES,
 )
 

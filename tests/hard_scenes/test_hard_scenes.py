@@ -14,8 +14,6 @@ from femseal import InputError, NotConverged
     [pytest.param(s, id=s.name, marks=[pytest.mark.slow] if s.slow else []) for s in SCENES],
 )
 def test_scene(scene):
-    if scene.needs:
-        pytest.importorskip(scene.needs, reason="an extra is not installed")
     within, came = scene.outcome()
     assert within, f"must: {scene.must.text}, came: {came}"
     size = np.size(came)
