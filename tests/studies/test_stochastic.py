@@ -200,14 +200,6 @@ def test_a_field_over_a_strip_of_two_columns_covers_it():
     assert_allclose(found[0], found[1], rtol=1e-6)
 
 
-def test_a_map_that_changes_with_the_load_is_that_of_each_load():
-    changing = MapsAtLoads((1e8, 3e8), (Profile((0.6, 1.4)), Profile((1.3, 0.7))))
-    found = drawn(scene(), broad(2, pressure_map=changing)).leakage
-    for s, (load, of) in enumerate(zip((1e8, 3e8), changing.maps, strict=True)):
-        alone = drawn(scene(loading=(load,)), broad(2, pressure_map=of)).leakage
-        assert_allclose(found[:, s], alone[:, 0], rtol=0.02)
-
-
 def test_a_broad_flat_seat_presses_evenly_but_near_its_edges():
     """A crown of a radius so large that its form lies within the roughness; a half-space presses harder at the edges."""
     one = scene(loading=(1e8,))

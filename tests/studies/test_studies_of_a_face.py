@@ -15,7 +15,6 @@ from femseal.base.errors import FemsealError, InputError, NotConverged
 from femseal.flow import cell_permeability
 from femseal.fluids import IdealGas
 from femseal.loads import LoadProgramme
-from femseal.seal.pressure_map import Profile
 from femseal.seal.tiles import face_tiles
 from femseal.store.store import Store
 from femseal.studies import Sampling, StochasticResult
@@ -178,38 +177,6 @@ def test_deterministic_leakage_is_that_of_its_gap(rough):
     assert result.residual <= rough.rtol
 
 
-def test_contact_of_rare_tall_points_is_that_of_the_whole_face():
-    """They carry the first load."""
-    n = 96
-    size = (n * PIXEL, n * PIXEL)
-    heights = self_affine(size=size, shape=(n, n), hurst=0.8, rms_slope=0.02, rng=2).heights.copy()
-    x = np.arange(n) + 0.5
-    for a, b in np.random.default_rng(3).integers(0, n, (6, 2)):
-        heights += 1e-6 * np.exp(-((x[:, None] - a) ** 2 + (x - b) ** 2) / 4.5)
-    loads = {"loading": (1e7, 5e7), "unload_from": (5e7,), "unloading": (1e7,), "rtol": 1e-6}
-    scene = make_scene(Topography(heights, (PIXEL, PIXEL)).low_pass(8e-6).heights, **loads)
-    whole, result = deterministic(scene), two_scale(scene, (2, 2))
-    assert result.warnings == ()
-    assert_array_equal(result.gap, whole.gap)
-    assert_array_equal(result.leakage, whole.leakage)
-    for name in ("contact_fraction", "plastic_fraction"):
-        of_pieces = getattr(result.pieces, name).mean(axis=(1, 2))
-        assert_allclose(of_pieces, getattr(whole, name), rtol=1e-12)
-    assert_allclose(result.pieces.pressure.mean(axis=(1, 2)), scene.steps.pressures, rtol=1e-6)
-
-
-def test_pieces_may_be_counted_from_any_column(rough, rough_two_scale):
-    spacing, parts = rough.surface.spacing, rough_two_scale.pieces
-    rolled = Topography(np.roll(rough.surface.heights, 16, axis=1), spacing, (False, True))
-    result = two_scale(replace(rough, surface=rolled), (4, 6))
-    assert_allclose(result.leakage, rough_two_scale.leakage, rtol=1e-5)
-    is_open = rough_two_scale.k1 > 1e-4 * rough_two_scale.k1.max()
-    shifted = np.roll(result.k1, -1, axis=2)
-    assert_allclose(shifted[is_open], rough_two_scale.k1[is_open], rtol=1e-3)
-    shifted = np.roll(result.pieces.drop_fraction, -1, axis=2)
-    assert_allclose(shifted, parts.drop_fraction, atol=1e-3)
-
-
 @pytest.mark.parametrize("study", [deterministic, lambda scene: two_scale(scene, (4, 6))])
 def test_a_face_turned_about_leaks_the_other_way(rough, study):
     ends = {"inlet_pressure": 0.0, "outlet_pressure": DROP}
@@ -218,80 +185,7 @@ def test_a_face_turned_about_leaks_the_other_way(rough, study):
     assert_allclose(back.fluid_pressure[:, ::-1], forth.fluid_pressure, atol=1e-3 * DROP)
 
 
-def test_units_of_length_cancel(rough, rough_two_scale):
-    """A face twice as large in all directions, under the same pressures, has twice the gap and eight times k."""
-    d1, d2 = rough.surface.spacing
-    surface = Topography(2 * rough.surface.heights, (2 * d1, 2 * d2), (False, True))
-    large = replace(rough, surface=surface)
-    result = two_scale(large, (4, 6))
-    assert_allclose(result.leakage, 4 * rough_two_scale.leakage, rtol=1e-4)  # k Δp/(η L1)
-    assert_allclose(result.mean_gap, 2 * rough_two_scale.mean_gap, rtol=1e-4)
-
-
 SAMPLING = Sampling(length=120e-6, realisations=6, seed=3)
-
-
-@pytest.fixture(scope="module")
-def columns():
-    """Six equal columns of pieces, the rows of each different, as a face turned on a lathe with no error."""
-    face = self_affine((96, 16), (96e-6, 20e-6), hurst=0.8, rms_slope=0.15, roll_off=20e-6, rng=4)
-    heights = np.tile(face.heights, (1, 6))
-    return make_scene(
-        heights, face.spacing, loading=(1e8, 3e8), unload_from=(3e8,), unloading=(1e8,), rtol=1e-8
-    )
-
-
-@pytest.mark.parametrize(("length", "count"), [(20e-6, 1), (120e-6, 6), (312e-6, 16)])
-def test_equal_columns_leave_nothing_to_chance(columns, length, count):
-    """Every seal is the face itself, in whole pieces of 20 µm, without a band."""
-    result = stochastic(columns, (4, 6), replace(SAMPLING, length=length))
-    assert_allclose(result.leakage, np.tile(deterministic(columns).leakage, (6, 1)), rtol=1e-4)
-    assert_allclose(result.tiles.size, (96e-6, count * 20e-6))
-    assert result.tiles.grid == (4, count)
-
-
-def test_equal_pieces_are_one_piece_in_contact_with_itself():
-    """Every piece the same, going on periodically: rows in series, in the rows of the face and in more of them."""
-    waves = {"hurst": 0.8, "rms_slope": 0.15, "roll_off": 15e-6, "cut_off": 8e-6}
-    piece = self_affine((32, 32), (32e-6, 32e-6), **waves, rng=1)
-    loads = {"unload_from": (2.4e8, 4e8), "unloading": (2e8, 1e8, 6e7), "rtol": 1e-8}
-    scene = make_scene(
-        np.tile(piece.heights, (2, 3)),
-        boundary=("periodic", "periodic"),
-        loading=(1.32e8, 2.4e8, 4e8),
-        **loads,
-    )
-    expected = deterministic(scene).leakage
-    for breadth, rows in ((None, 2), (320e-6, 10)):
-        result = stochastic(scene, (2, 3), replace(SAMPLING, length=2e-4, breadth=breadth))
-        assert result.tiles.grid[0] == rows
-        assert_allclose(result.leakage, np.tile(2 / rows * expected, (6, 1)), rtol=2e-4)
-
-
-@pytest.mark.parametrize(
-    "given", [{}, {"breadth": 288e-6}, {"breadth": 96e-6, "pressure_map": Profile((0.8, 1.2))}]
-)
-def test_the_order_of_the_work_does_not_matter(rough, given):
-    def backwards(function, *lists):
-        tasks = list(zip(*(list(x) for x in lists), strict=False))
-        return [function(*task) for task in reversed(tasks)][::-1]
-
-    one, other = (
-        stochastic(rough, (4, 6), replace(SAMPLING, **given), mapper=m) for m in (map, backwards)
-    )
-    assert_array_equal(one.leakage, other.leakage)
-
-
-def test_long_seals_scatter_less_about_the_same_median(rough):
-    """Leakage per length of parallel pieces: the median stays, the band narrows as 1/√length."""
-    sampling = replace(SAMPLING, realisations=60)
-    short, long = (stochastic(rough, (4, 6), replace(sampling, length=n * 120e-6)) for n in (1, 16))
-    medians, low, high = (
-        np.log([r.quantile(q)[:2] for r in (short, long)]) for q in (0.5, 0.1, 0.9)
-    )
-    bands = high - low
-    assert (np.abs(medians[1] - medians[0]) < bands[0]).all()
-    assert ((bands[0] / 8 < bands[1]) & (bands[1] < bands[0] / 2)).all()
 
 
 def test_a_realisation_is_the_flow_through_its_drawn_tiles(rough, rough_two_scale):
@@ -313,15 +207,6 @@ def test_a_realisation_is_the_flow_through_its_drawn_tiles(rough, rough_two_scal
             assert_allclose(leakage(own, k), pieces.own[s], rtol=1e-6)
             ratio = np.clip(leakage(tiles, k[:, drawn]) / pieces.own[s], 0.5, 2)
             assert_allclose(result.leakage[r, s], pieces.face[s] * ratio, rtol=1e-6)
-
-
-def test_a_narrow_surface_is_one_row_of_pieces(rough):
-    strip = Topography(rough.surface.heights[:24], rough.surface.spacing, (False, True))
-    for breadth in (None, 48e-6):
-        sampling = replace(SAMPLING, breadth=breadth)
-        result = stochastic(replace(rough, surface=strip), (1, 6), sampling)
-        assert result.failures == ()
-        assert (result.leakage > 0).all()
 
 
 def drawn_result(leakage):

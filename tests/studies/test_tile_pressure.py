@@ -78,21 +78,6 @@ HALVES = AngleTable((1.5, 1.5, 0.5, 0.5), tuple(np.radians((0.1, 179.9, 180.1, 3
 OVER_K = 1e6 / (1e-3 * 128e-6)
 
 
-def test_halves_across_a_seal_are_in_series_and_around_it_in_parallel(equal):
-    result = drawn(equal, STRIP, Profile((1.5, 0.5)))
-    k = under(equal, [1.5, 0.5], result.pieces)
-    expected = 2 / (1 / k).sum(axis=1) * OVER_K
-    assert_allclose(result.leakage, np.tile(expected, (4, 1)), rtol=1e-6)
-    around = drawn(equal, STRIP, HALVES).leakage
-    assert_allclose(around, np.tile(k.mean(axis=1) * OVER_K, (4, 1)), rtol=1e-6)
-    # the curves are those of a seal that has these pressures everywhere, but for their interpolation; a single piece
-    # jumps as its constrictions close
-    for share, own in zip((1.5, 0.5), k.T, strict=True):
-        loads = {name: tuple(share * p for p in pressures) for name, pressures in LOADS.items()}
-        alone = drawn(replace(equal, **loads), STRIP)
-        assert_allclose(own * OVER_K, alone.leakage[0], rtol=0.03)
-
-
 def test_a_tile_has_its_own_peak(equal):
     """On unloading from 200 MPa a tile under 1.5 times the pressure comes from 300 MPa."""
     result = drawn(equal, STRIP, HALVES)
