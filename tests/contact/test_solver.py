@@ -6,8 +6,6 @@ import numpy as np
 import pytest
 from contact_checks import least_energy, residual
 from each import each
-from hypothesis import given, settings
-from hypothesis import strategies as st
 from numpy.testing import assert_allclose
 
 from femseal import analytic
@@ -279,73 +277,6 @@ def test_an_offset_changes_the_approach_only(boundary):
     assert_allclose(far.gap, here.gap, rtol=0, atol=1e-8 * np.ptp(h))
     assert_allclose(far.approach - 1e6, here.approach, rtol=0, atol=1e-8 * np.ptp(h))
     assert abs(far.pressure.mean() / (0.1 * H) - 1) < 1e-12
-
-
-@each("boundary", PAIRS)
-def test_transposed_flipped_and_moved(boundary):
-    h = rough((26, 33), spacing=(D, 2 * D))
-    body = HalfSpace((26, 33), (D, 2 * D), E, boundary)
-    here = both(h, body)
-    turned = both(h.T, HalfSpace((33, 26), (2 * D, D), E, boundary[::-1])).pressure.T
-    flipped = both(h[::-1, ::-1], body).pressure[::-1, ::-1]
-    shift = [7 if kind == "periodic" else 0 for kind in boundary]
-    moved = np.roll(both(np.roll(h, shift, (0, 1)), body).pressure, [-n for n in shift], (0, 1))
-    assert_allclose([turned, flipped, moved], [here.pressure] * 3, rtol=0, atol=1e-7 * H)
-
-
-@settings(deadline=None, max_examples=12)
-@given(
-    boundary=st.sampled_from(PAIRS),
-    length=st.floats(1e-9, 1e9),
-    stiffness=st.floats(1e-12, 1e12),
-    height=st.floats(1e-6, 1e6),
-    seed=st.integers(0, 9),
-)
-def test_scaling_laws(boundary, length, stiffness, height, seed):
-    """p/(E*·h/L) depends on the shape of the surface and on p̄/(E*·h/L) and H/(E*·h/L) alone."""
-    h = rough((15, 18), seed=seed)
-    here = both(h, HalfSpace((15, 18), (D, D), E, boundary))
-    factor = stiffness * height
-    scaled = both(
-        h * length * height,
-        HalfSpace((15, 18), (D * length, D * length), E * stiffness, boundary),
-        p=0.1 * H * factor,
-        hardness=H * factor,
-    )
-    assert_allclose(scaled.pressure / factor, here.pressure, rtol=0, atol=1e-7 * H)
-    assert_allclose(scaled.gap / (length * height), here.gap, rtol=0, atol=1e-7 * np.ptp(h))
-
-
-@settings(deadline=None, max_examples=60)
-@given(
-    boundary=st.sampled_from(PAIRS),
-    shape=st.tuples(st.integers(1, 40), st.integers(1, 40)),
-    ratio=st.floats(1 / 30, 30),
-    slope=st.floats(0.01, 2),
-    share=st.floats(1e-6, 0.9999),
-    cut=st.sampled_from([1, 6]),
-    hardness=st.sampled_from([np.inf, H]),
-    seed=st.integers(0, 999),
-)
-def test_any_surface_converges_and_satisfies_complementarity(
-    boundary, shape, ratio, slope, share, cut, hardness, seed
-):
-    spacing = (D, ratio * D)
-    h = rough(shape, slope, seed, spacing, cut)
-    body = HalfSpace(shape, spacing, E, boundary)
-    contact = solve_contact(h, body, pressure=share * H, hardness=hardness)
-    assert residual(contact, h, hardness=hardness) <= 1.001e-6
-    assert_allclose(contact.pressure.mean(), share * H, rtol=1e-12)
-
-
-@each("boundary", PAIRS)
-@each("shape", [(1, 23), (23, 1), (61, 7), (97, 101)])
-def test_long_pixels_of_any_boundary_converge(boundary, shape):
-    spacing = (D, 30 * D)
-    h = rough(shape, spacing=spacing)
-    body = HalfSpace(shape, spacing, E, boundary)
-    contact = solve_contact(h, body, pressure=0.1 * H, hardness=H)
-    assert residual(contact, h, hardness=H) <= 1.001e-6
 
 
 # --- an approach instead of a load ---

@@ -8,12 +8,10 @@ import numpy as np
 import pytest
 import scipy.sparse as sp
 from each import each
-from networks import mesh_of_pixels
 from numpy.testing import assert_allclose
 from skfem import Basis, BilinearForm, ElementQuad1, MeshQuad
 from skfem.helpers import grad
 
-import femseal as fs
 from femseal.base.errors import InputError
 from femseal.flow import permeability_tensor
 from femseal.flow.assembly import (
@@ -170,22 +168,6 @@ def test_every_flow_follows_the_form(monkeypatch, capsys):
 
 
 # --- the flow through a cell ---
-
-
-def test_bounds_of_a_cell_enclose_those_of_better_elements_on_its_pixels():
-    """Raviart-Thomas and Q1 elements of the mesh of pixels minimise over spaces that have those of the cell."""
-    h = np.maximum(np.random.default_rng(6).normal(1, 0.6, (20, 24)), 0) * D
-    cell, mesh = fs.cell_permeability(h, (D, 2 * D), bounds=True), mesh_of_pixels(h, (D, 2 * D))
-    assert cell.lower * (1 - 1e-12) <= mesh.lower <= mesh.upper <= cell.upper * (1 + 1e-12)
-
-
-@each("solver", ["multigrid", "elimination", "amg"])
-def test_solvers_of_a_cell_agree_and_say_their_name(solver):
-    h = np.maximum(np.random.default_rng(1).normal(1, 0.4, (40, 36)), 0) * D
-    found = fs.cell_permeability(h, (D, D), solver=solver, field_rtol=1e-6)
-    assert found.solver == solver
-    assert_allclose(found.value, fs.cell_permeability(h, (D, D)).value, rtol=1e-6)
-    assert found.imbalance <= 1e-5
 
 
 @each("solver", ["auto", "amg"])

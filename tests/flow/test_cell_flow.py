@@ -3,9 +3,7 @@
 import numpy as np
 import pytest
 from each import each
-from hypothesis import given, settings
-from hypothesis import strategies as st
-from networks import cell_links, open_paths, solve_links
+from networks import cell_links, solve_links
 from numpy.testing import assert_allclose
 from scipy.sparse.csgraph import connected_components
 from scipy.sparse.linalg import spsolve
@@ -205,31 +203,6 @@ def test_checkerboard(ratio):
         assert abs(c - (c - b) ** 2 / (c - 2 * b + a)) < 1e-3
 
 
-@settings(deadline=None, max_examples=20)
-@given(
-    seed=st.integers(0, 99),
-    λ=st.floats(1e-12, 1e-3),
-    share=st.floats(0, 0.45),
-    sides=st.sampled_from(SIDES),
-    n1=st.integers(2, 20),
-    n2=st.integers(1, 20),
-)
-def test_scales_and_symmetries(seed, λ, share, sides, n1, n2):
-    h = np.nan_to_num(cut_by_plane((n1, n2), share, seed, cut=2) / D, nan=1.0)
-    exactly = {"sides": sides, "rtol": 1e-12}
-    k = k_of(h, (1, 2), **exactly)
-    same = [
-        k_of(λ * h, (1, 2), **exactly) / λ**3,
-        k_of(h, (λ, 2 * λ), **exactly),
-        k_of(h.T, (2, 1), **exactly, axis=1),
-        k_of(h[::-1], (1, 2), **exactly),
-        k_of(h[:, ::-1], (1, 2), **exactly),
-    ]
-    if sides == "periodic":
-        same.append(k_of(np.roll(h, 3, axis=1), (1, 2), **exactly))
-    assert_allclose(same, k, rtol=1e-11)
-
-
 @each("shape", [(20, 24), (17, 13), (5, 1)])
 @each("share", [0.0, 0.4])
 def test_mirror_equals_the_periodic_even_extension(shape, share):
@@ -284,21 +257,6 @@ def test_fluid_stands_at_the_pressure_of_the_end_that_reaches_it(axis):
     assert np.array_equal(
         k.fluid_pressure.T if axis else k.fluid_pressure, expected, equal_nan=True
     )
-
-
-@settings(deadline=None, max_examples=80)
-@given(
-    seed=st.integers(0, 9999),
-    n1=st.integers(1, 12),
-    n2=st.integers(1, 12),
-    sides=st.sampled_from(SIDES),
-)
-def test_percolation_against_a_search(seed, n1, n2, sides):
-    h = D * (np.random.default_rng(seed).random((n1, n2)) < 0.62)
-    k = cell_permeability(h, (D, D), sides=sides, bounds=True)
-    assert k.percolates == open_paths(h, sides == "periodic")
-    assert (k.value > 0) == (k.lower > 0) == k.percolates
-    assert 0 <= k.lower <= k.upper * (1 + 1e-12)
 
 
 # --- bounds ---
@@ -431,9 +389,6 @@ def test_tensor_of_one_slanted_channel(flip):
     assert_allclose(k[0, 0], 1 / (2 * n) / 12, rtol=0.7)
 
 
-# --- links ---
-
-
 # --- bad input ---
 
 
@@ -525,19 +480,6 @@ def test_pressure_over_a_film_of_any_thickness(film):
         assert k.fluid_pressure.max() < 1 + 1e-6
 
 
-@each("sides", SIDES)
-@each("decades", [3, 6, 9])
-def test_bounds_of_two_gaps_at_random(sides, decades):
-    """At any contrast: nothing is refused, and a flipped cell gets the same."""
-    for seed in range(4):
-        rng = np.random.default_rng([3, seed])
-        h = np.where(rng.random((30, 31)) < 0.5, D, D * 10.0**-decades)
-        k = cell_permeability(h, (D, D), sides=sides, bounds=True)
-        flipped = cell_permeability(h[::-1, ::-1], (D, D), sides=sides, bounds=True)
-        assert 0 < k.lower <= k.upper
-        assert k.upper == pytest.approx(flipped.upper, rel=1e-8)
-
-
 @each("decades", [2, 3, 4, 5, 6])
 def test_a_tensor_is_right_or_refused_at_any_contrast(decades):
     """One column of random gaps: its links in series."""
@@ -556,9 +498,6 @@ def test_a_tensor_is_right_or_refused_at_any_contrast(decades):
         else:
             assert found == pytest.approx(exact, rel=1e-6)
     assert refused == 0 or decades > 2
-
-
-# --- single precision, threads ---
 
 
 # --- single precision, threads ---
