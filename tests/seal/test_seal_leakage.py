@@ -136,26 +136,6 @@ def test_closed_is_exactly_zero(seal):
     assert_allclose(leak.lower, leak.upper, rtol=1e-9)
 
 
-def test_the_seal_is_periodic():
-    """A path that leaves on one side and comes back on the other is open."""
-    k1, k2 = np.zeros((2, 5)), np.zeros((1, 5))
-    k1[0, 0] = k1[1, 4] = k2[0, 4] = 1.0
-    assert_allclose(
-        RectangularSeal((2.0, 5.0), (2, 5)).flow((k1, k2)).conductance, 1 / 3, rtol=1e-12
-    )
-
-
-@each("sd", [1.0, 5.0, 15.0])
-@each("closed", [0.0, 0.3])
-def test_network_bounds_enclose_tightly_at_any_contrast(sd, closed):
-    k = random_links((30, 40), sd, closed, seed=7)
-    flow = RectangularSeal((3.0, 4.0), (30, 40)).flow(k, bounds=True)
-    assert flow.percolates
-    assert flow.lower <= flow.conductance <= flow.upper
-    assert_allclose(flow.lower, flow.upper, rtol=1e-6)
-    assert flow.imbalance < 1e-10
-
-
 @each("noise", [1e-8, 1e-3, 0.1])
 def test_the_lower_bound_holds_for_a_wrong_potential(noise):
     """Thomson's principle with the flux of a disturbed potential, made to balance."""
@@ -170,12 +150,6 @@ def test_the_lower_bound_holds_for_a_wrong_potential(noise):
     assert_allclose(
         conservative_rate(network(c1, c2), exact.potential), exact.conductance, rtol=1e-13
     )
-
-
-def test_two_columns_have_parallel_links_across():
-    k1, k2 = np.array([[1.0, 0.0], [0.0, 1.0]]), np.array([[1.0, 2.0]])
-    flow = RectangularSeal((2.0, 2.0), (2, 2)).flow((k1, k2), bounds=True)
-    assert_allclose([flow.lower, flow.conductance, flow.upper], 1 / (2 + 1 / 3), rtol=1e-12)
 
 
 # --- fluids ---

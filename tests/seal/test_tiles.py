@@ -67,17 +67,6 @@ def test_equal_tiles_of_a_ring_are_the_closed_form(inlet):
     assert_allclose(conductance(ring("x1", inlet), 3e-19), exact, rtol=1e-7)
 
 
-def test_equal_tiles_of_triangles_are_the_closed_form(tmp_path):
-    """A quarter of a ring with the second order of its edges."""
-    errors = []
-    for n in (4, 8, 16):
-        layout = MeshLayout(ring_file(tmp_path, n), "mm", "in", "out", lay="x1")
-        found = conductance(layout.lay_out(PieceSize((A, A), 3)), 1e-18)
-        errors.append(abs(found / (np.pi / 2 * 1e-18 / np.log(1.4)) - 1))
-    assert errors[2] < 1e-4
-    assert errors[0] / errors[2] == pytest.approx(16, rel=0.2)
-
-
 @pytest.mark.parametrize(
     ("lay", "share"),
     [("x2", 0.0), ("x1", 1.0), ({"angle": np.pi / 6}, 0.75), ({"angle": 2.0}, np.cos(2.0) ** 2)],

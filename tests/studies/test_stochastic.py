@@ -279,18 +279,6 @@ def test_inlets_at_one_pressure_are_one_inlet(tmp_path):
     assert ((0.2 * one < lower) & (lower < one)).all()
 
 
-def test_a_gas_leaks_by_its_potential_what_a_liquid_does():
-    """Without slip both flow through the same permeabilities: the rates are as the drops of their potentials."""
-    liquid, gas = (drawn(scene(fluid=fluid), broad(2)).leakage for fluid in (OIL, GAS))
-    drops = [np.diff(f.potential([0.0, 1e6]))[0] / f.reference_density for f in (OIL, GAS)]
-    assert_allclose(gas / liquid, drops[1] / drops[0], rtol=1e-6)
-    rarefied = scene(fluid=replace(GAS, slip=True), inlet_pressure=1e5, outlet_pressure=1e2)
-    found = drawn(rarefied, broad(rows=4), (1, 1)).leakage[0]
-    assert_allclose(found, periodic(rarefied) / 4, rtol=0.02)
-    viscous = drawn(replace(rarefied, fluid=GAS), broad(rows=4), (1, 1)).leakage[0]
-    assert (found > 2 * viscous).all()
-
-
 # lays and grooves
 
 
@@ -312,50 +300,7 @@ def test_a_straight_lay_on_a_ring_leaks_between_both_permeabilities():
 # places
 
 
-def test_places_that_are_alike_leak_alike():
-    """The same face shifted along x2: only where places meet does the whole differ from each."""
-    places = Places(
-        [Topography(np.roll(face().heights, n, axis=1), (D, D), (True, True)) for n in (0, 16, 8)]
-    )
-    for sampling in (broad(2), Sampling(6 * SIDE, 2, seed=1)):
-        found = drawn(scene(surface=places), sampling, (1, 3))
-        assert found.places.alone.shape == found.without_place.shape == (3, 2)
-        assert_allclose(found.places.alone, np.tile(found.places.alone[0], (3, 1)), rtol=1e-5)
-        median = np.tile(np.median(found.leakage, axis=0), (3, 1))
-        assert_allclose(found.places.alone, median, rtol=0.1)
-        assert_allclose(found.without_place, median, rtol=0.3)
-
-
-def test_places_are_known_by_number():
-    two = drawn(scene(surface=Places([face(), face(3)])), broad(2), (2, 4))
-    assert two.places.alone.shape == (2, 2)
-    assert two.without_place is None
-    assert drawn(scene(), broad(2)).places is None
-    three = scene(surface=Places([face(), face(3), face(5)]))
-    found = drawn(three, broad(2, pressure_map=Profile((0.8, 1.2))), (2, 6))
-    alone, ratio = found.places.alone, periodic(scene()) / periodic(three)
-    assert_allclose(alone[0] / np.median(found.leakage, axis=0), ratio, rtol=0.1)
-
-
 # fields
-
-
-@pytest.mark.parametrize(
-    "options", [{}, {"fluid_pressure": "acts", "inlet_pressure": 2e7}], ids=["dry", "acts"]
-)
-def test_fields_of_the_median_seal(options):
-    one = scene(**options)
-    found = drawn(one, replace(broad(5, pressure_map=Profile((0.6, 1.4))), median_fields=True))
-    seal, grid = found.median_seal, found.tiles.grid
-    leakage = found.leakage[seal.realisation]
-    off = np.abs(np.log(leakage / np.median(found.leakage, axis=0)))
-    assert off.max() <= found.realisation_spread.max()
-    rows = seal.fluid_pressure.reshape(2, *grid).mean(axis=2)
-    assert (np.diff(rows, axis=1) < 0).all()
-    around = one.acting_fluid.relief(seal.fluid_pressure) if options else 0.0
-    assert_allclose((seal.pressure + around).mean(axis=1), [1e8, 3e8], rtol=1e-6)
-    flux = seal.flux.reshape(2, *grid, 2)[..., 0].mean(axis=2)
-    assert_allclose(flux, np.tile(leakage[:, None], grid[0]), rtol=0.15)
 
 
 # faults, and scenes at random
