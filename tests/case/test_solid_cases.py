@@ -147,6 +147,12 @@ def test_the_softer_face_yields():
             {"hardness": "1 GPa", "hardening": "1 GPa/um", "nix_gao_depth": "1 um"},
             "hardening or nix_gao_depth, not both",
         ),
+        (
+            {"hardness": "1 GPa", "hardening": "-2 GPa/um"},
+            "hardening: given '-2 GPa/um', expected a stress p",
+        ),
+        ({"hardness": "1 GPa", "hardening": "2 GPa"}, "material.hardening: given '2 GPa'"),
+        ({"hardening": "2 GPa/um"}, "hardening with a yield_stress or a hardness"),
         ({"nix_gao_depth": "1 um"}, "nix_gao_depth with a yield_stress or a hardness"),
         ({"hardness": "1 GPa", "smallest_depth": "1 um"}, "smallest_depth with a nix_gao_depth"),
         (

@@ -1,7 +1,7 @@
-"""Contact laws: hardening against closed forms and a dense reference, load cycles, limits, laws from outside."""
+"""Contact laws: hardening against closed forms, load cycles, limits, laws from outside."""
 
 import itertools
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 import pytest
@@ -40,51 +40,6 @@ def solved(gap, law, pressure, boundary="periodic", **given):
     return solve_contact(
         gap, half_space, **{"pressure": pressure, "hardness": law, "rtol": RTOL} | given
     )
-
-
-def minimum(k, gap, mean, hardness, slope):
-    """Pressures that minimise ½pKp + hp + Σ (p − H)₊²/2h on a dense K, mean p given: sets of points, solved exactly.
-
-    Checked against the conditions of the minimum, which is the only one.
-    """
-    n = gap.size
-    touching, yields = gap < np.median(gap), np.zeros(n, bool)
-    for _ in range(300):
-        f = np.flatnonzero(touching)
-        soft = np.where(yields, 1 / slope, 0.0)[f]
-        matrix = np.block(
-            [[k[np.ix_(f, f)] + np.diag(soft), -np.ones((f.size, 1))], [np.ones((1, f.size)), 0]]
-        )
-        scale = np.r_[np.full(f.size, STIFF), 1.0]
-        right = np.r_[soft * hardness[f] - gap[f], mean * n]
-        *free, delta = np.linalg.solve(matrix * scale[:, None], right * scale)
-        p = np.zeros(n)
-        p[f] = free
-        g = k @ p + gap - delta
-        u = np.where(yields, (p - hardness) / slope, 0.0)
-        former = touching, yields
-        touching = np.where(touching, p > 0, g < 0)
-        yields = touching & (p > hardness)
-        if np.array_equal(former, (touching, yields)):
-            assert_allclose((g + u)[touching], 0, atol=1e-9 * np.ptp(gap))
-            return p, u
-    raise AssertionError("the reference did not settle")
-
-
-@pytest.mark.parametrize("boundary", PAIRS)
-@pytest.mark.parametrize("slope", [0.03, 0.5, 20.0])
-def test_equals_an_independent_minimum_on_a_dense_matrix(boundary, slope, dense_operator):
-    shape = (12, 10)
-    gap, body = rough(shape, 0.3, seed=5), HalfSpace(shape, (D, D), E, boundary)
-    rng = np.random.default_rng(6)
-    hardness, slopes = rng.uniform(0.5, 1.5, (2, *shape)) * [[[0.3 * H]], [[slope * STIFF]]]
-    for mean in (0.05 * H, 0.5 * H):
-        given = (a.ravel() for a in (hardness, slopes))
-        p, u = minimum(dense_operator(body), gap.ravel(), mean, *given)
-        contact = solved(gap, LinearHardening(hardness, slopes), mean, boundary, rtol=1e-11)
-        assert_allclose(contact.pressure.ravel(), p, rtol=0, atol=1e-7 * p.max())
-        assert_allclose(contact.plastic_deformation.ravel(), u, rtol=0, atol=1e-7 * u.max())
-        assert 0 < contact.plastic_fraction < 1 or mean > 0.3 * H
 
 
 @pytest.mark.parametrize("boundary", ["periodic", "mirror"])
@@ -143,16 +98,18 @@ def test_a_face_that_hardens_is_pressed_past_its_mean_by_load_and_by_approach(
 @pytest.mark.parametrize("slope", [1e-6, 1.0, 1e6])
 @pytest.mark.parametrize("load", [0.02, 3.0])
 def test_every_slope_converges_to_a_solution(boundary, slope, load):
-    """Residual, load and law recomputed from the fields alone."""
+    """Residual, load and law of a hardness of each point recomputed from the fields alone."""
     gap, line = rough((32, 40), seed=1), slope * STIFF
-    contact = solved(gap, LinearHardening(H, line), load * H, boundary, rtol=1e-8)
+    hardness = H * np.random.default_rng(6).uniform(0.5, 1.5, gap.shape)
+    contact = solved(gap, LinearHardening(hardness, line), load * H, boundary, rtol=1e-8)
     p, u = contact.pressure, contact.plastic_deformation
     assert_allclose(p.mean(), load * H, rtol=1e-10)
     c = contact.half_space.stiffness
     trial = p - c * (contact.half_space.displacement(p) + gap - contact.approach)
-    y = np.where(trial < H, np.maximum(trial, 0), H + line / (line + c) * (trial - H))
+    beyond = np.maximum(trial - hardness, 0)
+    y = np.maximum(trial, 0) - beyond * c / (line + c)
     assert np.linalg.norm(p - y) <= 1.1e-8 * np.linalg.norm(p)
-    assert_allclose(np.maximum(p - H, 0), line * u, rtol=0, atol=1e-7 * p.max())
+    assert_allclose(np.maximum(p - hardness, 0), line * u, rtol=0, atol=1e-7 * p.max())
     assert not contact.gap[p > 0].any()
 
 
@@ -245,14 +202,6 @@ def test_laws_are_equal_by_their_parameters_and_have_keys_of_their_own():
     ]
     laws += [LinearHardening(H, 1e15), LinearHardening(H, 1e15).times(2), PerfectlyPlastic(np.inf)]
     assert len({law.key() for law in laws}) == len(set(laws)) == len(laws)
-
-
-def test_fluid_pressure_on_a_periodic_face_takes_its_part_of_the_load():
-    """Constant p_f: t = p + p_f lies as the dry face under p̄ − p_f, whose points yield p_f earlier."""
-    gap, p_f = rough((32, 32)), 0.05 * H
-    for law in (PerfectlyPlastic(0.4 * H), LinearHardening(0.4 * H, 0.1 * STIFF)):
-        dry = solved(gap, replace(law, hardness=law.hardness - p_f), 0.2 * H - p_f)
-        assert_array_equal(solved(gap, law.less(p_f), 0.2 * H - p_f).gap, dry.gap)
 
 
 @pytest.mark.parametrize(
@@ -351,32 +300,8 @@ def test_a_law_runs_through_every_study(law):
 def test_a_case_with_hardening():
     case = parse_case(CASE)
     assert case.law == LinearHardening(2e9, 2e15)
+    beyond = parse_case(CASE | {"load": {"loading": ["2.5 GPa"]}})
+    assert beyond.load.highest == 2.5e9 > beyond.law.mean_hardness
     plain = parse_case(CASE | {"material": {"young": "210 GPa", "hardness": "2 GPa"}})
     hardened, flat = (fs.run(c).deterministic.mean_gap for c in (case, plain))
     assert np.all(hardened > flat)
-
-
-def test_the_law_of_a_case_is_that_of_the_softer_solid():
-    hard = {"young": "210 GPa", "yield_stress": "2 GPa"}
-    soft = {"young": "120 GPa", "hardness": "600 MPa"}
-    for one, two in ((hard, soft), (soft, hard), ({"young": "210 GPa"}, soft)):
-        case = parse_case(CASE | {"material": one, "counter_material": two})
-        assert case.law == PerfectlyPlastic(6e8)
-    assert parse_case(CASE | {"material": {"young": "210 GPa"}}).law.is_elastic
-
-
-@pytest.mark.parametrize(
-    ("material", "words"),
-    [
-        ({"hardness": "2 GPa", "hardening": "-2 GPa/um"}, "given '-2 GPa/um', expected a stress p"),
-        ({"hardness": "2 GPa", "hardening": "2 GPa"}, "material.hardening: given '2 GPa'"),
-        ({"hardening": "2 GPa/um"}, "hardening with a yield_stress or a hardness"),
-        ({"hardness": "2 GPa"}, "below the hardness"),
-    ],
-)
-def test_a_bad_hardening_is_refused(material, words):
-    """A load beyond the hardness is for a law that hardens."""
-    load = {"load": {"loading": ["2.5 GPa"]}}
-    assert parse_case(CASE | load).load.highest == 2.5e9
-    with pytest.raises(fs.InputError, match=words):
-        parse_case(CASE | load | {"material": {"young": "210 GPa", **material}})
