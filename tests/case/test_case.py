@@ -212,21 +212,6 @@ class TestPrepare:
         alone = prepare(parse_case(small | {"method": "deterministic", "compare": []}))
         assert alone.sampling is alone.cells is None
 
-    def test_gas(self, small):
-        small["fluid"] = {
-            "kind": "ideal-gas",
-            "viscosity": "18 uPa*s",
-            "molar_mass": "29 g/mol",
-            "temperature": "20 °C",
-            "inlet_pressure": "5 bar",
-        }
-        scene = prepare(parse_case(small)).scene
-        assert scene.fluid == fs.IdealGas(viscosity=18e-6, molar_mass=0.029, temperature=293.15)
-        assert scene.fluid.slip is True
-        assert (scene.inlet_pressure, scene.outlet_pressure) == (5e5, 101_325)
-        small["fluid"]["slip"] = False
-        assert parse_case(small).fluid.fluid.slip is False
-
     def test_flow_and_shape(self, small):
         case = parse_case(small)
         layout = prepare(case).scene.layout

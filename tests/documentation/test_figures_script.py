@@ -129,27 +129,6 @@ def test_cycles(ran):
     assert closed.lines[0].get_ydata().max() > 0
 
 
-def test_typical_pieces_are_in_the_order_of_their_closing():
-    k = (
-        np.array([[3, 0, 0], [0, 0, 0], [3, 2, 2], [3, 1, 0], [3, 1, 2], [np.nan, 1, 1], [0, 5, 1]])
-        * 1e-18
-    )
-    assert_array_equal(figures.typical(k, np.array([0, 1]), np.array([1, 2]), 5), [0, 3, 6, 4, 2])
-
-
-def test_permeability(ran):
-    results = ran[1]
-    k, gap, pressure = (of_states(results, name) for name in ("k1", "mean_gap", "pressure"))
-    left, right = figures.permeability(results).axes
-    branches = figures.up_and_down(results, "state_")
-    for name, steps in zip(("loading", "unloading"), branches, strict=True):
-        drawn = k[:, steps] > 0
-        for axes, x in ((left, gap * 1e6), (right, pressure / 1e6)):
-            assert_array_equal(curve(axes, name), [x[:, steps][drawn], k[:, steps][drawn]])
-    h, plates = curve(left, r"$\bar h^3/12$")
-    assert_allclose(plates, (h * 1e-6) ** 3 / 12)
-
-
 @pytest.fixture(scope="module")
 def seals(case_file):
     return figures.drawn_seals(fs.load_case(case_file), lengths=(1, 3))

@@ -1,6 +1,5 @@
 """A case that asks for an accuracy: what is chosen, what is refined, and whether it is reached."""
 
-import json
 import re
 from dataclasses import replace
 from pathlib import Path
@@ -132,25 +131,6 @@ def test_the_page_tells_what_was_chosen(tmp_path):
     told = dict(re.findall(r"<dt>([^<]*)</dt><dd>([^<]*)</dd>", page))
     assert float(told["contact.rtol"]) == chosen["rtol"] != 1e-5
     assert int(told["stochastic.realisations"]) == chosen["realisations"] == 20
-
-
-def test_a_run_that_was_stopped_goes_on_as_it_would_have(tmp_path, reached):
-    """Its decisions and times are kept with its results."""
-    wanted = case(output={"paraview": "none", "fields_limit": "0 GB"})
-
-    def stop(stage, done, total):
-        if stage.startswith("attempt 2") and done:
-            raise KeyboardInterrupt
-
-    with pytest.raises(KeyboardInterrupt):
-        fs.run(wanted, tmp_path, workers=1, progress=stop)
-    (before,) = re.findall("INFO attempt 1: deterministic.*", (tmp_path / "run.log").read_text())
-    resumed = fs.run(wanted, tmp_path, resume=True, workers=1)
-    assert_array_equal(resumed.leakage.values, reached.leakage.values)
-    assert before in (tmp_path / "run.log").read_text().split("resumed")[1]
-    again = fs.run(wanted, tmp_path, resume=True, workers=1)  # takes what is complete
-    assert again.attempts == json.loads(json.dumps(resumed.attempts))
-    assert again.dataset.attrs["timings"] == resumed.dataset.attrs["timings"]
 
 
 @pytest.mark.parametrize(

@@ -9,7 +9,6 @@ from numpy.testing import assert_allclose
 from small_cases import steel_scene
 
 import femseal as fs
-from femseal.contact import HalfSpace, solve_contact
 from femseal.flow import critical_constriction
 from femseal.fluids import capillary_entry_pressure
 from femseal.results.dataset import assemble
@@ -22,20 +21,6 @@ def scene():
     face = fs.self_affine((32, 48), (32e-6, 48e-6), hurst=0.8, rms_slope=0.1, cut_off=8e-6, rng=2)
     way = {"loading": (50e6, 100e6, 200e6), "unload_from": (200e6,), "unloading": (100e6, 50e6)}
     return steel_scene(face, fluid=WATER, inlet_pressure=40e6, fluid_pressure="acts", **way)
-
-
-def test_a_uniform_fluid_pressure_does_what_a_lower_load_does():
-    """Contact with the fluid pressure as lower bound, p >= p_f: p − p_f is the dry contact under the load less p_f."""
-    n, length, amplitude, modulus = 64, 1e-4, 1e-7, 1e11
-    x = (np.arange(n) + 0.5) / n
-    gap0 = amplitude * (1 - np.cos(2 * np.pi * x))[:, None] * np.ones((1, 2))
-    body = HalfSpace((n, 2), (length / n, length / n), modulus)
-    # the wave closes at p* = πE*Δ/λ above the fluid pressure: the sealing load is affine in it
-    full = np.pi * modulus * amplitude / length
-    sealed, open_ = (solve_contact(gap0, body, pressure=full * share) for share in (1.01, 0.97))
-    assert (sealed.gap == 0).all()
-    assert (open_.gap > 0).any()
-    assert solve_contact(gap0, body, pressure=30e6).pressure.min() == 0
 
 
 def test_results_say_what_the_fluid_does(scene):

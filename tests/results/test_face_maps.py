@@ -24,13 +24,6 @@ def scene():
     return steel_scene(face, hardness=2.8e9, outlet_pressure=1e5, **way)
 
 
-def test_they_are_read_back(study, folder):
-    back = fs.open_results(folder)
-    assert back.stored_steps == [0, 1, 2, 3]
-    for name in ("gap", "contact_pressure", "fluid_pressure"):
-        assert_allclose(getattr(back, name)(1).values, getattr(study, name)[1], rtol=1e-6)
-
-
 def test_the_panels_of_a_picture_are_those_maps(scene, study):
     results = assemble(scene, study)
     titles = [axes.get_title().split(" [")[0] for axes in results.plot_seal(1).axes]

@@ -54,16 +54,6 @@ def process(*arguments):
     )
 
 
-def test_results_do_not_depend_on_the_workers(case):
-    one, two = (fs.run(case, workers=n) for n in (1, 2))
-    for name in one.dataset.data_vars:
-        assert_array_equal(one.dataset[name].values, two.dataset[name].values)
-    # the same surface loses less after the peak than before it, whatever the method
-    for name in ("leakage_deterministic", "leakage_two_scale", "leakage_median"):
-        first, top, back = one.dataset[name].values
-        assert top < back < first
-
-
 def test_methods_that_are_compared_solve_the_contact_of_the_whole_face_once(case):
     """With the same bits as each alone, also in processes."""
     text = CASE.replace('method = "stochastic"', 'method = "two-scale"')
@@ -137,19 +127,6 @@ def test_only_a_complete_folder_is_resumed(case, undrawn, tmp_path, monkeypatch)
     case.write_text(case.read_text().replace("seed = 2", "seed = 3"))
     with pytest.raises(ValueError, match="no such colour"):
         fs.run(case, out, resume=True, workers=1)
-
-
-def test_one_row_or_column_of_cells(case, undrawn, tmp_path):
-    """Each in the folder of the run before."""
-    out = tmp_path / "out"
-    for count in ([3, 6], [1, 6], [3, 1], [1, 1]):
-        case.write_text(CASE.replace("count = [3, 6]", f"count = {count}"))
-        results = fs.run(case, out, workers=1)
-        assert [results.dataset.sizes[n] for n in ("piece1", "piece2")] == count
-        assert np.isfinite(results.dataset["leakage"]).all()
-        listed = (out / "files.txt").read_text().split()
-        there = {p.relative_to(out).as_posix() for p in out.rglob("*") if p.is_file()}
-        assert there == {*listed, "files.txt", "run.log"}
 
 
 def test_command_line(femseal, case, tmp_path):

@@ -12,7 +12,6 @@ from femseal.base import NotConverged
 from femseal.face import piece_flow
 from femseal.face.curves import local_peaks
 from femseal.face.pieces import Cut
-from femseal.fluids import IdealGas
 from femseal.loads import LoadProgramme, LoadStep
 from femseal.seal.tiles import face_tiles
 from femseal.studies import piece_states
@@ -184,17 +183,3 @@ def test_a_state_whose_pieces_failed_is_interpolated(monkeypatch):
     found = along_paths(pieces, paths, one.steps)
     assert (found > 0).all()
     assert_allclose(found, whole, rtol=0.1)
-
-
-def test_a_gas_with_slip_has_a_permeability_at_each_pressure():
-    one = scene(fluid=IdealGas(2e-5, 4e-3, 293.0), outlet_pressure=1e4)
-    cut = Cut.of(one.surface, (2, 2))
-    pieces = pieces_on_ladder(one, cut, one.steps, map)
-    order = np.argsort(one.flow.drop.pressures)
-    k = pieces.k[order]
-    open_ = k[0] > 0
-    assert (np.diff(k, axis=0)[:, open_] < 0).all()  # thinner gas slips more
-    viscous = pieces_on_ladder(scene(), cut, one.steps, map).k[0]
-    assert (k[-1][open_] > viscous[open_]).all()
-    periodic = deterministic(replace(one, boundary=("periodic", "periodic")))
-    assert_allclose(pieces.face, periodic.leakage, rtol=1e-9)

@@ -151,33 +151,6 @@ def test_repair_fills_spikes_like_undefined_points():
     assert_allclose(kept.heights[20, 20] - kept.heights[20, 22], 1e-6 - z[20, 22], rtol=1e-9)
 
 
-@each("share", [0.05, 0.4])
-def test_undefined_points_do_not_bend_the_form(share):
-    """A steeply tilted face with a corner missing: its roughness stays that of the defined points."""
-    face = rough()
-    x1, x2 = np.indices(face.shape) * 1e-6
-    tilted = face.heights + 0.2 * x1 - 0.3 * x2
-    rows, columns = (round(np.sqrt(share) * n) for n in face.shape)
-    tilted[:rows, :columns] = np.nan
-    _, report = fs.condition(open_map(tilted), max_undefined=0.5, spikes=inf)
-    most = 3 * face.rms_height / min(face.size)
-    assert_allclose(np.tan(report.removed_tilt), (0.2, -0.3), atol=most)
-    assert report.rms_height_before < 1.05 * face.rms_height
-
-
-def test_spikes_count_as_undefined():
-    z = rough().heights.copy()
-    z[5::10, 5::10] += 1e-4
-    face = Topography(z, (1e-6, 1e-6))
-    with pytest.raises(InputError, match=r"1 % undefined points, .*; 192 of them are spikes"):
-        fs.condition(face, max_undefined=0.005)
-    _, report = fs.condition(face)
-    assert (report.spike_points, report.undefined_fraction) == (192, 0)
-    assert_allclose(report.rms_height_before, rough().detrend().rms_height, rtol=0.01)
-    _, report = fs.condition(face, spikes=inf)
-    assert report.rms_height_before > 5 * rough().rms_height
-
-
 # --- what the spikes mean ---------------------------------------------------------------------------------
 
 

@@ -238,13 +238,6 @@ def test_sdf_written_by_hand_in_micrometres_is_refused_and_corrected(tmp_path):
     same(corrected, np.array([[1.0, 4.0], [2.0, 5.0], [3.0, 7.0]]) * 1e-6)
 
 
-@pytest.mark.parametrize("suffix", [".npy", ".npz", ".x3p", ".sdf"])
-@pytest.mark.parametrize("content", [b"", b"not what the suffix says " * 9, b"PK\x03\x04"])
-def test_damaged_files(tmp_path, suffix, content):
-    path = write(tmp_path, f"face{suffix}", content)
-    refused(rf"face\{suffix}: given .*, expected ", path, spacing=PIXEL)
-
-
 @pytest.mark.parametrize("kind", ["npy", "npz", "packed.npz", "csv", "x3p", "a.sdf", "b.sdf"])
 def test_one_damaged_byte_is_no_error_of_a_library(tmp_path, kind):
     """A file with a wrong byte is read, or refused with its name."""
