@@ -49,8 +49,6 @@ ROOMS = (
     "cli",
     "__main__",
 )
-#: Imports that run downwards still: (module, room). One that is gone has to be taken out of this list.
-KNOWN_DOWNWARDS: set[tuple[str, str]] = set()
 HEAVY = {
     "matplotlib",
     "jinja2",
@@ -205,8 +203,7 @@ def test_imports_run_upwards():
         for other in others
         if places[_room(other)] > places[_room(module)]
     }
-    assert downwards - KNOWN_DOWNWARDS == set()
-    assert KNOWN_DOWNWARDS - downwards == set(), "gone: take it out of the list"
+    assert downwards == set()
 
 
 def test_no_modules_import_each_other():

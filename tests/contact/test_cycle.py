@@ -112,13 +112,6 @@ def test_unloading_has_more_contact_and_less_gap_than_loading(cycle):
         assert down.plastic_fraction < up.plastic_fraction
 
 
-def test_without_hardness_unloading_is_loading():
-    states = cycle_of(np.inf, loading=[1e8, 4e8], unload_from=[4e8], unloading=[1e8])
-    down, up = states[2].contact, states[0].contact
-    assert_allclose(down.pressure, up.pressure, rtol=0, atol=1e-12 * H)
-    assert not down.plastic_deformation.any()
-
-
 @pytest.mark.parametrize("hardness", [H, H * np.random.default_rng(1).uniform(0.5, 1.5, SHAPE)])
 def test_unloading_to_nothing_leaves_the_deformed_gap(hardness):
     peak = 0.2 * H

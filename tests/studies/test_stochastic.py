@@ -3,11 +3,9 @@
 from dataclasses import dataclass, replace
 from functools import cache
 
-import meshio
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose, assert_array_equal
-from skfem import MeshTri
 from small_cases import OIL, E, H, steel_scene
 
 from femseal.base import InputError
@@ -16,14 +14,13 @@ from femseal.execution.mappers import ordered_map
 from femseal.face.pieces import Cut
 from femseal.fluids import IdealGas, Liquid
 from femseal.loads import LoadProgramme, LoadStep
-from femseal.seal.layouts import AnnularLayout, MeshLayout, RectangularLayout
+from femseal.seal.layouts import AnnularLayout, RectangularLayout
 from femseal.seal.pressure_map import AngleTable, MapsAtLoads, PressureField, Profile
 from femseal.studies.drawn_study import stochastic
 from femseal.studies.face_study import deterministic
 from femseal.studies.piece_states import pieces_on_ladder
 from femseal.studies.sampling import Sampling
 from femseal.topography import Places, Topography, self_affine
-from femseal.topography.seat import CrownedSeat
 
 N, D = 32, 1e-6
 SIDE = N * D
@@ -53,26 +50,6 @@ def drawn(one, sampling=None, cells=(2, 2), **options):
 def periodic(one):
     """Leakage of the face that goes on periodically, per length of a strip as broad as the face [m²/s]."""
     return deterministic(replace(one, boundary=("periodic", "periodic"))).leakage
-
-
-def mesh_file(folder, boundaries):
-    """A plate of triangles 4 × 6 faces in size, with parts of its sides named, by (x from, x to, y from, y to) in faces."""
-    mesh = MeshTri.init_tensor(np.linspace(0, 4, 9) * SIDE, np.linspace(0, 6, 13) * SIDE)
-    facets = mesh.boundary_facets()
-    x, y = (mesh.p[:, mesh.facets[:, facets]] / SIDE).round(9)
-    cells, tags = [("triangle", mesh.t.T)], [np.full(mesh.nelements, 9)]
-    names = {"face": np.array([9, 2])}
-    for number, (name, (left, right, low, high)) in enumerate(boundaries.items(), 1):
-        own = facets[((x >= left) & (x <= right) & (y >= low) & (y <= high)).all(axis=0)]
-        cells.append(("line", mesh.facets[:, own].T))
-        tags.append(np.full(own.size, number))
-        names[name] = np.array([number, 1])
-    data = {"gmsh:physical": tags, "gmsh:geometrical": tags}
-    plate = meshio.Mesh(
-        np.c_[1e3 * mesh.p.T, 0 * mesh.p[0]], cells, cell_data=data, field_data=names
-    )
-    plate.write(folder / "plate.msh", file_format="gmsh22", binary=False)
-    return folder / "plate.msh"
 
 
 @dataclass(frozen=True)
@@ -106,14 +83,6 @@ def test_a_ring_of_equal_pieces_is_the_closed_form(inlet):
         2 * np.pi / np.log(1.2) * SIDE * periodic(one),
         rtol=1e-6,
     )
-
-
-def test_a_mesh_of_equal_pieces_is_the_closed_form(tmp_path):
-    path = mesh_file(tmp_path, {"in": (0, 0, 0, 6), "out": (4, 4, 0, 6)})
-    one = scene(layout=MeshLayout(path, "mm", "in", "out", lay="x2"))
-    found = drawn(one, Sampling(None, 1, seed=0), (1, 1))
-    assert found.seal.length == pytest.approx(6 * SIDE)
-    assert_allclose(found.leakage[0], periodic(one) / 4, rtol=1e-6)
 
 
 def test_in_place_columns_of_the_whole_breadth_leak_what_the_face_leaks():
@@ -200,19 +169,6 @@ def test_a_field_over_a_strip_of_two_columns_covers_it():
     assert_allclose(found[0], found[1], rtol=1e-6)
 
 
-def test_a_broad_flat_seat_presses_evenly_but_near_its_edges():
-    """A crown of a radius so large that its form lies within the roughness; a half-space presses harder at the edges."""
-    one = scene(loading=(1e8,))
-    found = drawn(one, broad(rows=4, form=CrownedSeat(radius=1e3)))
-    rows = found.row_pressure[0]
-    assert_allclose(rows.mean(), 1e8, rtol=1e-3)
-    assert_allclose(rows, rows[::-1], rtol=1e-3)
-    assert_allclose(rows[96:288], 1e8, rtol=0.1)
-    assert rows[0] > rows[192]
-    assert_allclose(found.leakage, drawn(one, broad(rows=4)).leakage, rtol=0.1)
-    assert_allclose(found.band_breadth, 4 * SIDE)
-
-
 # the fluid presses the faces apart
 
 
@@ -267,40 +223,6 @@ def test_faces_that_the_fluid_parts_have_no_leakage_and_the_others_theirs():
         assert any("the faces part" in text for text in found.failures)
         alone = drawn(replace(one, loading=(2e8,)), sampling).leakage[:, 0]
         assert_allclose(found.leakage[:, 1], alone, rtol=0.02)
-
-
-def test_inlets_at_one_pressure_are_one_inlet(tmp_path):
-    path = mesh_file(tmp_path, {"a": (0, 0, 0, 2), "b": (0, 0, 3, 6), "out": (4, 4, 0, 6)})
-    one, several, lower = (
-        drawn(scene(layout=MeshLayout(path, "mm", of, "out")), Sampling(None, 2, seed=1)).leakage
-        for of in (("a", "b"), {"a": 1e6, "b": 1e6}, {"a": 1e6, "b": 2e5})
-    )
-    assert_allclose(several, one, rtol=1e-4)
-    assert ((0.2 * one < lower) & (lower < one)).all()
-
-
-# lays and grooves
-
-
-def test_a_straight_lay_on_a_ring_leaks_between_both_permeabilities():
-    """Also where the ring is as broad as the face: its rows are not those of the face."""
-    grooves = 3e-7 * np.cos(2 * np.pi * (np.arange(N) + 0.5) / 16)[:, None] + face().heights
-    surface = Topography(grooves, (D, D), (True, True))
-
-    def leakage(lay):
-        layout = AnnularLayout(10 * SIDE, 11 * SIDE, lay=lay)
-        one = scene(surface=surface, loading=(5e8,), layout=layout)
-        return drawn(one, Sampling(None, 1, seed=1)).leakage[0, 0]
-
-    around, straight, radial = (leakage(lay) for lay in ("circumferential", "x2", "radial"))
-    assert radial > 3 * around
-    assert np.sqrt(around * radial) * 0.6 < straight < 0.5 * (around + radial)
-
-
-# places
-
-
-# fields
 
 
 # faults, and scenes at random

@@ -8,7 +8,6 @@ from numpy.testing import assert_allclose, assert_array_equal
 from small_cases import steel_scene
 
 from femseal import Topography, self_affine
-from femseal.face.curves import local_peaks
 from femseal.loads import LoadProgramme
 from femseal.seal.layouts import AnnularLayout
 from femseal.seal.pressure_map import AngleTable, MapsAtLoads, Profile, Uniform
@@ -119,16 +118,6 @@ def test_a_map_for_each_load_turns_the_seal_round(equal):
     virgin = under(equal, [0.5, 1.5], turning.pieces)
     assert k[1, 0] < 0.95 * virgin[1, 0]  # at 100 MPa the first half has 50 MPa, after 75 MPa
     assert_allclose(k[1, 1], virgin[1, 1])
-
-
-def test_local_peaks():
-    steps = LoadProgramme.of([1, 2, 3, 4], [2, 4], [1.5, 1, 0.5])
-    names = [(s.pressure, s.unloaded_from) for s in steps]
-    assert names[4:] == [(1.5, 2), (1, 2), (0.5, 2), (1.5, 4), (1, 4), (0.5, 4)]
-    rising, wild = steps.pressures, np.array([1, 3, 2, 5, 2, 4, 1, 1, 6, 2.0])
-    found = local_peaks(np.stack([rising, wild], axis=1), steps)
-    assert_array_equal(found[:, 0], steps.pressures[steps.peak_indices])
-    assert_array_equal(found[:, 1], [1, 3, 3, 5, 3, 4, 4, 5, 6, 6])
 
 
 def test_few_paths_are_exact():
