@@ -5,7 +5,6 @@ import sys
 from dataclasses import replace
 from importlib.util import find_spec
 from itertools import pairwise
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -18,7 +17,6 @@ import femseal as fs
 from femseal.fluids import FLUIDS, potential_of
 from femseal.named_fluids import TABLE
 from femseal.real_gas import ideal_gas_error
-from femseal.seal import PermeabilityTable, table_pressures
 from femseal.studies.other_fluid import FluidState, limit_factors
 from femseal.studies.scene import gas_warnings
 
@@ -134,28 +132,6 @@ def test_it_presses_faces_apart_and_its_mass_is_kept_in_a_seal():
     assert_allclose(leakage.mass_rate, leakage.conductance * real.potential(7e7), rtol=1e-12)
     p = leakage.fluid_pressure
     assert_allclose([p.max(), p.min()], [7e7, 0.0], rtol=1e-9)
-
-
-@needs_coolprop
-@each("slip", [False, True])
-def test_rings_and_meshes_take_it(slip):
-    """A ring of radii 10 and 15 mm, structured and meshed, at 700 bar: 2πk Δφ/ln(r_o/r_i); with slip one table for both."""
-    gas, k = fs.RealGas("nitrogen", 293.15, slip), 1e-20
-    ring = fs.AnnularSeal(10e-3, 15e-3, (8, 96))
-    mesh = fs.MeshSeal(Path(__file__).parents[1] / "meshes" / "ring.msh", "inlet", "outlet")
-    if slip:
-        pressures = tuple(table_pressures(7e7, 1e5))
-        k = PermeabilityTable(
-            pressures, np.array([gas.law.permeability(5e-8, p) for p in pressures])
-        )
-    found = [
-        fs.seal_leakage(seal, k, gas, inlet_pressure=7e7, outlet_pressure=1e5).mass_rate
-        for seal in (ring, mesh)
-    ]
-    assert_allclose(found[1], found[0], rtol=2e-3)
-    if not slip:
-        assert_allclose(found[0], fs.analytic.annulus_rate(k, float(gas.potential(7e7) - gas.potential(1e5)), 1.0, 10e-3,
-                                                           15e-3), rtol=1e-9)  # fmt: skip
 
 
 @needs_coolprop

@@ -134,28 +134,6 @@ def seals(case_file):
     return figures.drawn_seals(fs.load_case(case_file), lengths=(1, 3))
 
 
-def test_leakage(seals):
-    assert [round(seal.seal.length * 1e6) for seal in seals] == [120, 360]
-    assert_array_equal(seals[0].pieces.k, seals[1].pieces.k)
-    steps = seals[0].steps
-    assert len({s.unloaded_from for s in steps} - {None}) == 4
-    left, right = figures.leakage(seals).axes
-    curves = [(left, "0.12 mm", seals[0], 800), (left, "0.36 mm", seals[1], 800)]
-    curves += [(right, f"from {peak} MPa", seals[1], peak) for peak in (200, 400, 600, 800)]
-    for axes, name, seal, peak in curves:
-        x, y = curve(axes, name)
-        expected = {
-            s.pressure / 1e6: q
-            for s, q in zip(steps, seal.quantile(0.5), strict=True)
-            if s.unloaded_from == peak * 1e6
-        }
-        assert x[0] == peak
-        assert (np.diff(x) < 0).all()
-        assert len(expected) >= len(x) - 1 >= 7
-        assert_array_equal(np.nan_to_num(y)[1:], np.nan_to_num([expected[p] for p in x[1:]]))
-    assert_array_equal(curve(right, "loading")[0], [50, 200, 400, 600, 800])
-
-
 def test_results_that_do_not_do(ran):
     results, data = ran[1], ran[1].dataset
     without = data.drop_vars(["piece_k1", "piece_drop_fraction", "state_k1"])

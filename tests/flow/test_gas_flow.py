@@ -7,7 +7,7 @@ import pytest
 from numpy.testing import assert_allclose
 from scipy.optimize import root
 from skfem import MeshQuad
-from small_cases import TABLES, scene_of_fluid
+from small_cases import scene_of_fluid
 
 import femseal as fs
 from femseal.face.piece_flow import FlowSettings, piece_permeability
@@ -16,7 +16,6 @@ from femseal.flow.coefficient import gap_on_links
 from femseal.flow.law import FlowLaw
 from femseal.flow.permeability_table import PermeabilityTable, PressureCurve, table_pressures
 from femseal.flow.pressure_drop import PressureDrop
-from femseal.preparation.preparation import prepare
 from femseal.rarefied import flow_rate
 from femseal.studies.face_flow import resolved_flow
 
@@ -291,20 +290,6 @@ def test_a_drawn_gas_through_faces_in_series(scene, inlet, outlet):
         times.append(drawn.leakage[0] * faces)
     assert_allclose(times[:2], np.tile(times[2], (2, 1)), rtol=2e-3)
     assert_allclose(times[2], whole, rtol=5e-3)
-
-
-def test_a_helium_test_from_the_case(tmp_path):
-    """The fluid by its name; without slip it leaks less."""
-    leakage = []
-    for slip in ("", "slip = false\n"):
-        text = TABLES.partition("[fluid]")[0].replace("unload", "#unload")
-        face = 'kind = "self-affine"\npoints = [48, 64]\nsize = ["48 um", "64 um"]\nrms_slope = 0.1'
-        text = f'method = "deterministic"\n[face]\n{face}\n{text}[fluid]\nname = "helium"\n{slip}'
-        (tmp_path / "case.toml").write_text(text + 'inlet_pressure = "10 bar"\n')
-        prepared = prepare(fs.load_case(tmp_path / "case.toml"))
-        assert prepared.scene.fluid.slip == (slip == "")
-        leakage.append(fs.deterministic(prepared.scene).leakage)
-    assert (leakage[0] > 1.1 * leakage[1]).all()
 
 
 def test_principal_values_between_their_pressures():

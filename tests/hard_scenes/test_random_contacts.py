@@ -6,15 +6,6 @@ import pytest
 from femseal.contact import HalfSpace, solve_contact
 
 E = 115e9
-BOUNDARIES = [
-    ("periodic", "periodic"),
-    ("mirror", "mirror"),
-    ("free", "periodic"),
-    ("free", "free"),
-    ("mirror", "periodic"),
-    ("periodic", "mirror"),
-    ("free", "mirror"),
-]
 
 
 def own_residual(contact, gap0, displacement, pressure, hardness):
@@ -79,21 +70,6 @@ def test_stretched_pixels_tiny_grids_and_light_loads(dense_operator):
 def test_thousands_of_stretched_pixels_tiny_grids_and_light_loads(first, dense_operator):
     for seed in range(first, first + 250):
         stretched(seed, dense_operator)
-
-
-@pytest.mark.parametrize("boundary", BOUNDARIES)
-def test_loads_far_below_the_modulus(boundary):
-    """A plateau whose displacements are a billionth of the heights around it."""
-    gap0 = np.full((6, 10), 3e-6)
-    gap0[1:4, 2:7] = 0.1e-6
-    half_space = HalfSpace(gap0.shape, (1e-6, 3e-6), E, boundary)
-    contact = solve_contact(gap0, half_space, pressure=2e-10 * E, rtol=1e-8)
-    assert np.array_equal(contact.pressure > 0, gap0 < 1e-6)
-    # the response is linear, and so is the solution as long as the points of contact stay
-    ten = solve_contact(gap0, half_space, pressure=2e-9 * E, rtol=1e-8)
-    np.testing.assert_allclose(
-        ten.pressure, 10 * contact.pressure, rtol=0, atol=1e-6 * ten.pressure.max()
-    )
 
 
 def test_sets_that_never_settle_are_left_for_descent():

@@ -132,23 +132,6 @@ def test_a_crown_that_has_yielded_all_over_its_band_is_flatter():
 # invariants
 
 
-@pytest.mark.parametrize("hardness", [2e9, np.inf])
-def test_every_step_carries_its_load_and_cells_touch_or_stand_apart(hardness):
-    """Elastic faces unload on the way that they were loaded."""
-    way = {"unload_from": (1e8,), "unloading": (3e7, 5e6), "layout": RING}
-    one = scene((5e6, 3e7, 1e8), hardness=hardness, **way)
-    contact = contact_of(one, WavyForm(4e-6, lobes=6))
-    pressure = contact.pressure
-    assert_allclose(pressure.mean(axis=(1, 2)), one.steps.pressures, rtol=1e-4)
-    assert 0 <= pressure.min() <= pressure.max() <= hardness
-    apart = contact.opening > 0
-    assert apart.any()
-    assert not pressure[apart].any()
-    assert_allclose(contact.fractions.mean(axis=1), 1.0, rtol=1e-9)
-    if np.isinf(hardness):
-        assert_allclose(pressure[3:], pressure[1::-1], rtol=1e-3, atol=2e3)
-
-
 def test_a_mesh_of_a_rectangle_presses_as_a_free_strip(tmp_path):
     """Cells inside of the mesh alone, the same load, symmetric as the form."""
     plate = MeshQuad.init_tensor(np.linspace(0, 0.4, 9), np.linspace(0, 1.2, 25))

@@ -159,13 +159,6 @@ def test_psd_adds_up_to_the_mean_square(periodic, shape):
         assert_allclose(np.sum(weight * density) * step / np.pi, face.rms_height**2, rtol=1e-12)
 
 
-def test_psd_finds_the_wave():
-    q, density = wave((32, 16), (5, 0), (True, True)).psd(0)
-    assert np.argmax(density) == 5
-    assert_allclose(q[5], 2 * np.pi * 5 / SIZE[0])
-    assert_allclose(density.sum() - density[5], 0, atol=1e-20)
-
-
 @each("periodic", PERIODS)
 def test_radial_psd_integrates_to_the_mean_square(periodic):
     # A spectrum that ends well inside the grid, so that rings are full and the sum over rings converges.
