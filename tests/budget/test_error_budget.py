@@ -12,7 +12,7 @@ from small_cases import SWEPT, steel_scene
 import femseal as fs
 from femseal.budget import CoarserSolution, ErrorPart
 from femseal.budget.changes import on_all_steps, scale_of_changes
-from femseal.budget.estimates import effective_pressure_part, median_interval
+from femseal.budget.estimates import median_interval
 from femseal.budget.pixels import observed_order, pixels_part
 from femseal.budget.waves import filter_part
 from femseal.loads import LoadProgramme
@@ -244,20 +244,6 @@ def test_three_places_tell_what_a_patch_does_not_know():
         widths = fs.error_budget(scene, study).widths()
         assert list(widths)[-2:] == ["realisations", name]
         assert (widths[name] > 0).all()
-
-
-def test_the_effective_pressure_errs_in_proportion_to_what_the_fluid_does(strips):
-    """On seals broader than the face, by half of it at most; in its own rows the face is coupled itself."""
-    scene, (in_place, broad) = strips
-    assert effective_pressure_part(scene, in_place) is None
-    assert effective_pressure_part(replace(scene, fluid_pressure="ignored"), broad) is None
-    part, q = effective_pressure_part(scene, broad), broad.quantile(0.5)
-    open_ = q > 0
-    below, above = np.log(q / part.lower)[open_], np.log(part.upper / q)[open_]
-    assert_allclose(below, 2.5 * above, rtol=1e-9)
-    assert (above > 0).all()
-    weak = effective_pressure_part(replace(scene, inlet_pressure=1.5e7), broad)
-    assert_allclose(np.log(q / weak.lower)[open_], below / 2, rtol=1e-6)
 
 
 def test_more_coverage_takes_a_wider_band():

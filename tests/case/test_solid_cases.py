@@ -1,6 +1,5 @@
 """Solids of a case: metals by their name, hardness as a curve or from a file, and which of two faces yields."""
 
-import numpy as np
 import pytest
 from each import each
 from small_cases import HARDENED as CASE
@@ -8,8 +7,7 @@ from small_cases import HARDENED as CASE
 import femseal as fs
 from femseal.case.case import parse_case
 from femseal.case.schema import case_schema
-from femseal.contact import HardnessTable, LinearHardening, NixGao, PerfectlyPlastic
-from femseal.contact.hardness_curves import SofterOf
+from femseal.contact import HardnessTable, NixGao, PerfectlyPlastic
 from femseal.materials import METALS, named_solid
 
 YOUNG = {"young": "210 GPa"}
@@ -170,16 +168,3 @@ def test_the_softer_face_yields():
 def test_bad_solids_are_refused(keys, words):
     with pytest.raises(fs.InputError, match=words):
         case(YOUNG | keys)
-
-
-# --- two faces ---
-
-
-def test_where_curves_of_both_faces_cross_the_softer_at_each_depth_yields():
-    steel = YOUNG | {"hardness": "2 GPa"}
-    copper = {"young": "117 GPa", "hardness": "600 MPa", "hardening": "2 GPa/um"}
-    law = case(copper, steel).law
-    assert law == SofterOf(LinearHardening(6e8, 2e15), PerfectlyPlastic(2e9))
-    np.testing.assert_allclose(law.yield_pressure(np.array([0, 0.5e-6, 1e-6])), [6e8, 1.6e9, 2e9])
-    with pytest.raises(fs.InputError, match="below the hardness"):
-        case(copper, steel, load={"loading": ["2.5 GPa"]})

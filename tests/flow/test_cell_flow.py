@@ -464,22 +464,6 @@ def test_percolating_fraction():
     assert cell_permeability(h, (D, D)).percolating_fraction == 0
 
 
-# --- what an iteration does not see ---
-
-
-@each("film", [1e-1, 1e-3, 1e-4])
-def test_pressure_over_a_film_of_any_thickness(film):
-    """The energy of an iterative solution hardly sees it, elimination does."""
-    for seed in range(3):
-        h = cut_by_plane((72, 80), 0.3, seed)
-        h = np.maximum(h / h.max(), film)
-        k = cell_permeability(h, (D, D), field_rtol=1e-6)
-        direct = cell_permeability(h, (D, D), solver="elimination")
-        assert_allclose(k.fluid_pressure, direct.fluid_pressure, rtol=0, atol=1e-4)
-        assert k.fluid_pressure.min() > -1e-6
-        assert k.fluid_pressure.max() < 1 + 1e-6
-
-
 @each("decades", [2, 3, 4, 5, 6])
 def test_a_tensor_is_right_or_refused_at_any_contrast(decades):
     """One column of random gaps: its links in series."""

@@ -25,10 +25,6 @@ def flow(mesh, k, **kwargs):
     return darcy_conductance(mesh, k, mesh.boundaries["in"], mesh.boundaries["out"], **kwargs)
 
 
-def mapped(mesh, new_points):
-    return type(mesh)(new_points, mesh.t, _boundaries=mesh.boundaries)
-
-
 def centres(mesh):
     return mesh.p[:, mesh.t].mean(axis=1)
 

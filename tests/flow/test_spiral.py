@@ -221,21 +221,6 @@ def test_studies_of_a_face_follow_its_groove():
     assert not fs.two_scale(filled, (6, 3)).leakage.any()
 
 
-def test_the_groove_of_a_row_is_as_open_as_its_tiles_in_turn():
-    tiles = RectangularLayout({"kind": "spiral", "lead": "0.4 mm"}).lay_out(
-        PieceSize((1e-3, 1e-3), 3, length=4e-3)
-    )
-    assert tiles.grid == (3, 4)
-    assert_allclose(tiles.tangent, 0.1)
-    open_along = np.random.default_rng(1).uniform(0.1, 1, (3, 4))
-    across, _ = tiles.permeability(np.zeros(12), open_along.ravel()).T
-    expected = np.repeat(0.01 / 1.01 / (1 / open_along).mean(axis=1), 4)
-    assert_allclose(across, expected[tiles.tile])
-    open_along[1, 2] = 0.0
-    across, _ = tiles.permeability(np.zeros(12), open_along.ravel()).T
-    assert not across[tiles.tile // 4 == 1].any()
-
-
 CASE = """
 method = "{method}"
 [face]

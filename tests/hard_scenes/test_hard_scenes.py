@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 from hard_scene import HardScene
-from judges import between, exactly, falling, near, not_solved, refused, zero_and_positive
+from judges import between, exactly, falling, near, refused, zero_and_positive
 from report import SCENES, main
 
 from femseal import InputError, NotConverged
@@ -31,7 +31,6 @@ def test_scene(scene):
         (falling("", steeply=False), (1.0, 1.0), ((1.0, 2.0), 1.0)),
         (zero_and_positive(""), (0.0, 1e-300), ((0.0, 0.0), (1e-300, 1.0), 0.0, (0.0, np.inf))),
         (refused("gap"), InputError("gap", "-1", "more"), (ValueError("gap"), NotConverged("gap"))),
-        (not_solved("gap"), NotConverged("gap"), (InputError("gap", "-1", "more"), 1.0)),
     ],
 )
 def test_judges(judge, right, wrong):

@@ -7,7 +7,6 @@ import sys
 import tomllib
 from contextlib import ExitStack
 
-import numpy as np
 import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 from small_cases import TABLES
@@ -127,18 +126,6 @@ def test_only_a_complete_folder_is_resumed(case, undrawn, tmp_path, monkeypatch)
     case.write_text(case.read_text().replace("seed = 2", "seed = 3"))
     with pytest.raises(ValueError, match="no such colour"):
         fs.run(case, out, resume=True, workers=1)
-
-
-def test_command_line(femseal, case, tmp_path):
-    out = tmp_path / "out"
-    case.write_text(ALONE)
-    done = process("run", case, "-o", out, "--workers", 1)
-    assert done.returncode == 0, done.stderr
-    assert "300 MPa" in done.stdout
-    assert np.isfinite(fs.open_results(out).dataset["leakage_median"]).all()
-    assert (out / "leakage.png").stat().st_size > 10_000
-    assert (out / "run.log").exists()
-    assert femseal("check", case)[0] == 0
 
 
 def test_bad_input_writes_nothing_and_exits_with_2(femseal, case, tmp_path):

@@ -187,21 +187,6 @@ def test_gas_and_liquid():
 # --- meshes ---
 
 
-def test_ring_file():
-    seal = MeshSeal(str(RING), "inlet", "outlet")
-    leak = seal_leakage(seal, 1e-18, WATER, inlet_pressure=1e6, bounds=True)
-    exact = annulus_rate(1e-18, 1e6, 1e-3, 10e-3, 15e-3)
-    assert_allclose(leak.volume_rate, exact, rtol=6e-4)
-    assert leak.lower < leak.volume_rate == leak.upper
-    assert_allclose(leak.upper, leak.lower, rtol=1e-3)
-    assert_allclose(seal.length, 96 * 2 * 15e-3 * np.sin(np.pi / 96), rtol=1e-12)
-    r = np.hypot(*seal.points.T)
-    assert_allclose(leak.fluid_pressure, 1e6 * np.log(15e-3 / r) / np.log(1.5), atol=2e3)
-    assert leak.fluid_pressure.shape == (len(seal.points),)
-    ends = MeshSeal(RING, "outlet", "inlet")
-    assert_allclose(ends.flow(1.0).conductance, seal.flow(1.0).conductance, rtol=1e-12)
-
-
 def square(kind, **kwargs):
     """Unit square of 2 × 2 cells as a meshio mesh; lines of group 7 at x = 0 and group 8 at x = 1."""
     mesh = (MeshTri if kind == "triangle" else MeshQuad).init_tensor(*2 * [np.linspace(0, 1, 3)])

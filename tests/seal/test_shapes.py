@@ -16,7 +16,7 @@ from femseal.analytic import (
     spiral_annulus_rate,
 )
 from femseal.base.errors import InputError
-from femseal.seal import AnnularSeal, MeshSeal
+from femseal.seal import MeshSeal
 from femseal.seal.lay import Lay
 from femseal.seal.layouts import AnnularLayout, MeshLayout, RectangularLayout
 from femseal.seal.mesh_seal import boundaries_without_name, parts_without_flow
@@ -85,24 +85,6 @@ def test_closed_forms_with_order_two(kind, shift, stretch, k, exact):
     assert_allclose(order_of([f.upper - f.lower for f in flows]), 2, atol=0.35)
     assert_allclose([flows[-1].lower, flows[-1].conductance], exact, rtol=5e-3)
     assert all(f.imbalance < 1e-10 for f in flows)
-
-
-def test_one_smooth_map_on_grid_triangles_quadrilaterals_and_a_file():
-    """A permeability that varies over the ring, taken at the centres of links or elements."""
-
-    def k(x, y):
-        return np.exp(0.8 * np.cos(2 * x - y) + 0.5 * np.sin(3 * y))
-
-    ring = AnnularSeal(1.0, 1.5, (24, 192))
-    r, θ = ring.radii[:, None], 2 * pi * np.arange(1, 193) / 192
-    links = ((r[:-1] + r[1:]) / 2, θ - pi / 192), (r[1:-1], θ)
-    of_links = tuple(k(at * np.cos(angle), at * np.sin(angle)) for at, angle in links)
-    reference = ring.flow(of_links).conductance
-    seals = [MeshSeal(circular(kind, 16), "in", "out") for kind in (MeshQuad, MeshTri)]
-    for seal in (*seals, MeshSeal(MESHES / "ring.msh", "inlet", "outlet")):
-        x, y = seal.mesh.p[:, seal.mesh.t].mean(axis=1) / np.hypot(*seal.mesh.p).min()
-        flow = seal.flow(k(x, y), bounds=True)
-        assert_allclose([flow.lower, flow.upper], reference, rtol=5e-3)
 
 
 # --- tiles ---

@@ -2,9 +2,9 @@
 
 from dataclasses import replace
 
-import meshio
 import numpy as np
 import pytest
+from mesh_files import write_gmsh
 from numpy.testing import assert_allclose, assert_array_equal
 from skfem import MeshTri
 
@@ -34,21 +34,12 @@ def ring_file(folder, n):
     """A quarter of a ring of triangles in millimetres, with its ends, as Gmsh writes it."""
     mesh = MeshTri.init_tensor(np.linspace(1, 1.4, n + 1), np.linspace(0, np.pi / 2, 4 * n + 1))
     r, angle = mesh.p
-    points = np.stack([r * np.cos(angle), r * np.sin(angle), 0 * r], axis=1)
-    cells, tags = [("triangle", mesh.t.T)], [np.full(mesh.nelements, 9)]
-    for number, radius in ((1, 1.0), (2, 1.4)):
-        ends = mesh.facets[:, mesh.facets_satisfying(lambda x, at=radius: np.isclose(x[0], at))].T
-        cells.append(("line", ends))
-        tags.append(np.full(len(ends), number))
-    names = {
-        name: np.array(tag) for name, tag in (("in", (1, 1)), ("out", (2, 1)), ("all", (9, 2)))
-    }
-    data = {"gmsh:physical": tags, "gmsh:geometrical": tags}
-    path = folder / "seal.msh"
-    meshio.Mesh(points, cells, cell_data=data, field_data=names).write(
-        path, file_format="gmsh22", binary=False
+    points = np.stack([r * np.cos(angle), r * np.sin(angle)], axis=1)
+    inner, outer = (
+        mesh.facets_satisfying(lambda x, at=at: np.isclose(x[0], at)) for at in (1, 1.4)
     )
-    return path
+    write_gmsh(folder / "seal.msh", mesh, points, **{"in": inner, "out": outer})
+    return folder / "seal.msh"
 
 
 @pytest.mark.parametrize("columns", [1, 2, 3, 9])

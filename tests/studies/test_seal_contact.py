@@ -4,9 +4,9 @@ from dataclasses import replace
 from functools import cache
 from operator import attrgetter
 
-import meshio
 import numpy as np
 import pytest
+from mesh_files import write_gmsh
 from numpy.testing import assert_allclose
 from skfem import MeshQuad
 from small_cases import STRIP, steel_scene
@@ -135,19 +135,9 @@ def test_a_crown_that_has_yielded_all_over_its_band_is_flatter():
 def test_a_mesh_of_a_rectangle_presses_as_a_free_strip(tmp_path):
     """Cells inside of the mesh alone, the same load, symmetric as the form."""
     plate = MeshQuad.init_tensor(np.linspace(0, 0.4, 9), np.linspace(0, 1.2, 25))
-    ends = [
-        plate.facets[:, plate.facets_satisfying(lambda x, at=at: x[0] == at, True)].T
-        for at in (0, 0.4)
-    ]
-    tags = [np.repeat([1, 2], 24), np.full(plate.nelements, 3)]
+    low, high = (plate.facets_satisfying(lambda x, at=at: x[0] == at, True) for at in (0, 0.4))
     path = tmp_path / "plate.msh"
-    mesh = meshio.Mesh(
-        np.c_[plate.p.T, 0 * plate.p[0]],
-        [("line", np.concatenate(ends)), ("quad", plate.t.T)],
-        cell_data={"gmsh:physical": tags, "gmsh:geometrical": tags},
-        field_data={"in": np.array([1, 1]), "out": np.array([2, 1]), "all": np.array([3, 2])},
-    )
-    mesh.write(path, file_format="gmsh22", binary=False)
+    write_gmsh(path, plate, **{"in": low, "out": high})
     layout = MeshLayout(path, "mm", "in", "out", lay="x2", centre=(0.2e-3, 0.6e-3))
     points = 1e-3 * np.stack(np.meshgrid(np.linspace(0, 0.4, 5), np.linspace(0, 1.2, 13)), axis=-1)
     points = points.reshape(-1, 2)
