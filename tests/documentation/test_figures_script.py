@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from matplotlib.figure import Figure
-from numpy.testing import assert_allclose, assert_array_equal
+from numpy.testing import assert_allclose
 
 import femseal as fs
 from femseal.base.errors import InputError
@@ -46,7 +46,6 @@ count = [4, 8]
 length = "240 um"
 realisations = 3
 """
-UP, DOWN = [0, 1, 2, 3], [3, 6, 7, 8]
 
 
 @pytest.fixture(scope="module")
@@ -61,11 +60,6 @@ def ran(case_file, tmp_path_factory):
     """Results with all fields, and the same read back from their folder."""
     folder = tmp_path_factory.mktemp("results")
     return fs.run(fs.load_case(case_file), folder, workers=1), fs.open_results(folder)
-
-
-def curve(axes, label):
-    (line,) = [line for line in axes.lines if line.get_label() == label]
-    return line.get_data()
 
 
 def shown(image):
@@ -98,35 +92,10 @@ def test_two_scales(ran):
         assert (fields["flow"][fields["gap"] == 0] == 0).all()
 
 
-def of_states(results, name):
-    """A field over states as (pieces, states)."""
-    values = results.dataset[f"state_{name}"].values
-    return values.reshape(len(values), -1).T
-
-
 def test_flow_between_parallel_plates_is_the_same_everywhere():
     fields = figures.pixel_flow(np.full((12, 8), 5e-7), (1e-6, 2e-6))
     assert_allclose(fields["flow"], 1.0, rtol=1e-6)
     assert_allclose(fields["fluid"][:, 0], 1 - (np.arange(12) + 0.5) / 12, rtol=1e-6)
-
-
-def test_cycles(ran):
-    results = ran[1]
-    k = of_states(results, "k1")
-    up, down = figures.up_and_down(results, "state_")
-    single, every, closed = figures.cycles(results).axes
-    nominal = results.dataset["state_nominal_pressure"].values[down] / 1e6
-    chosen = figures.typical(k, up, down, 4)
-    assert len(set(chosen)) == 4
-    for piece in chosen:
-        x, y = curve(single, f"piece {piece}")
-        assert_allclose(x, nominal)
-        assert_array_equal(np.nan_to_num(y), k[piece, down])
-    for steps, line, name in ((up, 0, "loading"), (down, 1, "unloading")):
-        median = np.median(k[:, steps], axis=0)
-        assert_allclose(np.nan_to_num(curve(every, name)[1]), median, rtol=1e-14)
-        assert_allclose(closed.lines[line].get_ydata(), 100 * np.mean(k[:, steps] == 0, axis=0))
-    assert closed.lines[0].get_ydata().max() > 0
 
 
 @pytest.fixture(scope="module")

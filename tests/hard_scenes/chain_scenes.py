@@ -74,17 +74,6 @@ def _hardnesses():
     ]
 
 
-def _asperity():
-    """A ball of half a millimetre on a plane, leaking along one axis over the other; pixels of 1 : 2."""
-    x1, x2 = (np.arange(64) - 31.5) * D, (np.arange(32) - 15.5) * 2 * D
-    heights = -(x1[:, None] ** 2 + x2**2) / (2 * 5e-4)
-    faces = (heights, (D, 2 * D)), (heights.T, (2 * D, D))
-    along, across = (
-        deterministic(chain_scene(*f, hardness=np.inf, loading=(2e7,))).leakage[0] for f in faces
-    )
-    return float(along / across)
-
-
 def _held_open():
     """A rough face held open by a spike of a millimetre."""
     heights = np.array(chain_face((48, 48)))
@@ -151,12 +140,6 @@ SCENES = (
         "one face and load, falling hardness: leakage [m²/s]",
         falling("a softer face seals better"),
         _hardnesses,
-    ),
-    scene(
-        "one asperity, leakage along and across",
-        "a ball on pixels of 1 : 2: leakage along one axis over that along the other",
-        near(1.0, 0.01, "a ball has no direction"),
-        _asperity,
     ),
     scene(
         "face held open by a spike",

@@ -6,7 +6,7 @@ import numpy as np
 from hard_scene import HardScene
 from judges import between, exactly, near
 
-from femseal.fluids import IdealGas, Liquid
+from femseal.fluids import Liquid
 from femseal.seal import (
     AnnularSeal,
     RectangularSeal,
@@ -61,11 +61,6 @@ def _barus(pressure):
     return _rate(ONE, K, oil, inlet=pressure)
 
 
-def _gas():
-    dense = IdealGas(viscosity=2e-5, molar_mass=0.029, temperature=293.15, slip=False)
-    return seal_leakage(STRIP, K, dense, inlet_pressure=1e8, outlet_pressure=1e-3).mass_rate
-
-
 SCENES = (
     scene(
         "ring of hair and mile",
@@ -96,11 +91,5 @@ SCENES = (
         "Barus's law with αp = 10 [m³/s]",
         near(K / ETA * (1 - np.exp(-10.0)) / 20e-9, 1e-9, "(1 − exp(−αp))/α"),
         lambda: _barus(0.5e9),
-    ),
-    scene(
-        "gas from 100 MPa to 1 mPa",
-        "an ideal gas without slip: mass rate [kg/s]",
-        near(4 * K * 0.029 * 1e16 / (2 * 8.31446261815324 * 293.15 * 2e-5), 1e-9, "p² law"),
-        _gas,
     ),
 )

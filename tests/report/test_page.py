@@ -13,7 +13,7 @@ from small_cases import soft_cycle
 
 from femseal.base.errors import InputError
 from femseal.base.leak_rates import leakage_unit
-from femseal.report import write_folder, write_report
+from femseal.report import write_report
 from femseal.report.page import report_html
 from femseal.results import RunFacts, assemble, save
 from femseal.studies import Sampling
@@ -78,13 +78,6 @@ def results(scene, studies):
     return assemble(
         scene, *studies.values(), facts=RunFacts(case=CASE, surface=SURFACE, timings=timings)
     )
-
-
-@pytest.fixture(scope="module")
-def quick(scene, studies):
-    """Results with a page of one picture."""
-    timings = {"deterministic": 3.0, "writing": 1.0}
-    return assemble(scene, studies["deterministic"], facts=RunFacts(case=CASE, timings=timings))
 
 
 @pytest.fixture(scope="module")
@@ -222,21 +215,6 @@ def test_closed_and_failed_seals_are_told(results, value, text):
     page = report_html(replace(results, dataset=data))
     assert text in words(section(page, "numbers"))
     assert value != 0 or "nothing flows" in words(section(page, "drop"))
-
-
-def test_files_and_command_line(quick, tmp_path, femseal):
-    page = report_html(quick)
-    written = write_folder(quick, tmp_path)
-    assert tmp_path / "report.html" in written
-    own = quick.report(tmp_path / "own.html")
-    for arguments, target in (
-        ([], tmp_path / "report.html"),
-        (["-o", tmp_path / "page.html"], tmp_path / "page.html"),
-    ):
-        code, output, _ = femseal("report", tmp_path, *arguments)
-        assert (code, output.strip()) == (0, str(target))
-        assert target.read_text(encoding="utf-8") == own.read_text(encoding="utf-8") == page
-    assert femseal("report", tmp_path / "none")[0] == 2
 
 
 # --- files and command line -------------------------------------------------------------------------------

@@ -1,7 +1,5 @@
 """Deterministic runs have maps: in memory, in the dataset, for ParaView, in pictures and on the page."""
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose
@@ -61,14 +59,6 @@ def test_fields_are_those_of_the_contact_and_of_the_flow(scene, study):
     assert closed.any()
     standing = study.fluid_pressure[closed]
     assert set(np.unique(standing[np.isfinite(standing)]).round()) <= {1e5, 1e6}
-
-
-def test_the_pressure_of_a_gas_is_that_of_its_potential(scene):
-    gas = fs.IdealGas(viscosity=18e-6, molar_mass=29e-3, temperature=293.15)
-    flat = replace(scene.surface, heights=np.zeros(scene.surface.shape))
-    apart = replace(scene, surface=flat, fluid=gas)
-    share = np.array([0.0, 0.25, 1.0])
-    assert_allclose(apart.pressure_at(share), np.sqrt(1e10 + share * (1e12 - 1e10)))
 
 
 def test_the_dataset_has_their_means_over_blocks(scene, study, folder):

@@ -39,12 +39,6 @@ def test_blocks_leak_as_the_whole_face(height):
     assert_allclose(np.log(found.leakage / whole), 0, atol=np.log(1.8))
 
 
-def test_the_form_is_what_blocks_by_themselves_miss():
-    formed, flat = scene(wavy(2e-6)), scene()
-    assert (fs.deterministic(formed).leakage > 3 * fs.deterministic(flat).leakage).all()
-    assert (fs.by_blocks(formed, (2, 2)).leakage > 3 * fs.by_blocks(flat, (2, 2)).leakage).all()
-
-
 def test_pieces_press_where_the_whole_face_does():
     one = scene(wavy(2e-6))
     whole = fs.two_scale(one, (8, 8)).pieces.pressure

@@ -16,7 +16,6 @@ from femseal.flow import cell_permeability
 from femseal.fluids import IdealGas
 from femseal.loads import LoadProgramme
 from femseal.seal.tiles import face_tiles
-from femseal.store.store import Store
 from femseal.studies import Sampling, StochasticResult
 from femseal.studies.drawn_study import stochastic
 from femseal.studies.face_study import deterministic
@@ -134,18 +133,6 @@ def test_gap_and_pressure_of_the_pieces_are_those_of_the_face(rough, rough_two_s
     for axis, k in ((0, result.k1), (1, result.k2)):
         exact = cell_permeability(cut.widened(gap, axis)[11], spacing, axis=axis).value
         assert_allclose(k[0, 1, 5], exact, rtol=1e-9)
-
-
-def test_drawn_seals_find_the_states_of_the_face_in_a_store(
-    rough, rough_two_scale, tmp_path, contacts
-):
-    with Store(tmp_path) as store:
-        result = two_scale(rough, (4, 6), mapper=store.over(map))
-        assert_array_equal(result.k2, rough_two_scale.k2)
-        assert len(contacts) == 5
-        drawn = stochastic(rough, (4, 6), SAMPLING, mapper=store.over(map))
-    assert len(contacts) == 5
-    assert_array_equal(drawn.pieces.k2, result.k2)
 
 
 def test_gas(rough, rough_two_scale):
