@@ -96,15 +96,6 @@ def _scratched():
     return scratched, float(_leakage(heights, loading=(1e7,))[0])
 
 
-def _holes():
-    """A face that misses 2 % of its points, filled, over the whole one."""
-    heights = chain_face()
-    missing = np.where(np.random.default_rng(2).random(heights.shape) < 0.02, np.nan, heights)
-    filled = Topography(missing, (D, D)).fill_undefined().heights
-    whole, mended = (float(_leakage(h, loading=(1e8,))[0]) for h in (heights, filled))
-    return mended / whole
-
-
 def _undefined():
     heights = chain_face()
     heights = np.where(np.arange(heights.size).reshape(heights.shape) == 7, np.nan, heights)
@@ -158,12 +149,6 @@ SCENES = (
         "a flat face with a scratch from end to end is bridged by three pixels: leakage [m²/s]",
         falling("the bridge seals"),
         _scratched,
-    ),
-    scene(
-        "holes in a face",
-        "2 % of the points are undefined and filled: leakage over that of the whole face",
-        between(0.8, 1.25, "a fill is a small change"),
-        _holes,
     ),
     scene(
         "holes left in a face",

@@ -56,11 +56,6 @@ def between(low, high, source):
     return Judge(text, lambda came: np.isfinite(came) & (low <= came) & (came <= high))
 
 
-def at_most(high, source):
-    """Numbers of any sign up to a bound, such as the deviation from an invariant."""
-    return between(-np.inf, high, source)
-
-
 def falling(source, steeply=True):
     """Finite numbers each no larger than the one before; `steeply` excludes equal ones."""
 

@@ -1,10 +1,10 @@
-"""Hard scenes of the flow over a seal: sizes, contrasts, fluids."""
+"""Hard scenes of the flow over a seal: sizes, a threshold, an oil."""
 
 from functools import partial
 
 import numpy as np
 from hard_scene import HardScene
-from judges import between, exactly, near
+from judges import between, near
 
 from femseal.fluids import Liquid
 from femseal.seal import (
@@ -13,19 +13,9 @@ from femseal.seal import (
     seal_leakage,
 )
 
-K, ETA, DROP = 1e-20, 1e-3, 1e6
-WATER = Liquid(viscosity=ETA)
-STRIP = RectangularSeal((2e-3, 8e-3), (10, 40))
-ONE = RectangularSeal((1e-3, 1e-3), (1, 1))
+K, ETA = 1e-20, 1e-3
 
 scene = partial(HardScene, "seal")
-
-
-def _rate(seal, k, fluid=WATER, *, inlet=DROP, outlet=0.0):
-    return seal_leakage(seal, k, fluid, inlet_pressure=inlet, outlet_pressure=outlet).volume_rate
-
-
-# --- sizes and contrasts ---
 
 
 def _columns():
@@ -45,20 +35,10 @@ def _critical():
     return flow.conductance / flow.lower, flow.upper / flow.conductance
 
 
-def _permeabilities_apart():
-    k1, k2 = (
-        np.random.default_rng(6).lognormal(sigma=2, size=shape) for shape in ((10, 40), (9, 40))
-    )
-    plain, tiny = STRIP.flow((k1, k2)), STRIP.flow((2.0**-300 * k1, 2.0**-300 * k2))
-    return abs(tiny.conductance * 2.0**300 / plain.conductance - 1)
-
-
-# --- fluids ---
-
-
-def _barus(pressure):
+def _barus():
     oil = Liquid(viscosity=ETA, pressure_viscosity=20e-9)
-    return _rate(ONE, K, oil, inlet=pressure)
+    one = RectangularSeal((1e-3, 1e-3), (1, 1))
+    return seal_leakage(one, K, oil, inlet_pressure=0.5e9, outlet_pressure=0.0).volume_rate
 
 
 SCENES = (
@@ -81,15 +61,9 @@ SCENES = (
         _critical,
     ),
     scene(
-        "permeabilities of 1e-90",
-        "all permeabilities 2⁻³⁰⁰ times as large: relative change",
-        exactly(0.0, "no permeability of its own"),
-        _permeabilities_apart,
-    ),
-    scene(
         "oil at 0.5 GPa",
         "Barus's law with αp = 10 [m³/s]",
         near(K / ETA * (1 - np.exp(-10.0)) / 20e-9, 1e-9, "(1 − exp(−αp))/α"),
-        lambda: _barus(0.5e9),
+        _barus,
     ),
 )

@@ -3,7 +3,6 @@
 import re
 import tomllib
 from collections import Counter
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -113,16 +112,6 @@ def test_the_pilot_counts_what_a_larger_face_takes(data, counts, pressures):
     }
     for name, number in foreseen.items():
         assert_allclose(number, counts[name], rtol=0.4, err_msg=name)
-
-
-def test_the_effort_does_not_depend_on_the_points_of_a_large_face(data):
-    data["face"] |= {"points": [256, 512], "size": ["240 um", "480 um"], "roughness": "1 um"}
-    scene = of(data)[1].scene
-    tiled = np.tile(scene.surface.heights, (2, 2))
-    larger = replace(scene, surface=fs.Topography(tiled, scene.surface.spacing))
-    for one, other in zip(pilot.efforts(scene), pilot.efforts(larger), strict=True):
-        assert 0.5 < one.pairs / other.pairs < 2
-        assert abs(one.contact_fraction - other.contact_fraction) < 0.1
 
 
 def test_a_contact_takes_longer_with_more_pixels_more_contact_and_odd_or_prime_lengths():
