@@ -14,7 +14,7 @@ from femseal.base import to_text
 from femseal.base.errors import InputError
 from femseal.case.case import parse_case
 from femseal.designs.requirements import Seals, requirement, sealing_load
-from femseal.designs.sensitivities import Variants, sensitivities
+from femseal.designs.sensitivities import Variants, level_at, sensitivities, slope_at
 from femseal.loads import LoadProgramme
 from femseal.results import assemble
 
@@ -184,6 +184,16 @@ def test_slopes_go_with_what_the_laws_depend_on(given, exact):
     found = slopes(**given)
     leakage = [found[name].leakage for name in exact]
     assert_allclose(leakage, [*exact.values()], rtol=1e-9, atol=1e-12)
+
+
+def test_slopes_and_levels_at_a_load():
+    seals = seals_of()
+    assert_allclose([slope_at(seals, p, 0.5) for p in (1e7, 9e8, 9.1e8)], [-3, -3, np.nan])
+    assert_allclose(np.exp(level_at(seals, 2e8, 1.0)), AMPLITUDES.max() * 2e8**-FALL)
+    leak = power_law(AMPLITUDES)
+    leak[:, 4] = np.inf  # at a load whose leakage is not known
+    assert_allclose(slope_at(seals_of(leak), 5e7, 0.9), -FALL)
+    assert np.isnan(slope_at(seals_of(leak), 6e8, 0.9))
 
 
 CYCLE = {"loading": (1e7, 1e8, 4e8), "unload_from": (4e8,), "unloading": (1e8, 1e7)}

@@ -66,14 +66,6 @@ def _closing():
     return closed, open_
 
 
-def _hardnesses():
-    heights = chain_face((48, 64))
-    return [
-        float(_leakage(heights, hardness=r * E * 0.1, loading=(5e7,))[0])
-        for r in (1.0, 0.1, 0.03, 0.01)
-    ]
-
-
 def _held_open():
     """A rough face held open by a spike of a millimetre."""
     heights = np.array(chain_face((48, 48)))
@@ -125,12 +117,6 @@ SCENES = (
         "a rough face at the load that closes it, found to a millionth, and just below: leakage [m²/s]",
         zero_and_positive("closed and open"),
         _closing,
-    ),
-    scene(
-        "leakage at H/(E*h′) from 1 to 0.01",
-        "one face and load, falling hardness: leakage [m²/s]",
-        falling("a softer face seals better"),
-        _hardnesses,
     ),
     scene(
         "face held open by a spike",
