@@ -295,6 +295,15 @@ def test_a_large_face_is_exported_in_blocks(back, studies, scene, tmp_path, monk
     assert_allclose(found, 1e-6 * blocks, rtol=1e-5)
 
 
+def test_export_on_the_command_line(folder, tmp_path, femseal):
+    window = ("--window", "0 mm", ".06 mm", "0 mm", "50 um")
+    for name, more in (("gap.npz", ()), ("gap.vti", window)):
+        path = tmp_path / name
+        code, output, _ = femseal("export", folder, "-o", path, "--step", "2", *more)
+        assert (code, output.split()) == (0, [str(path)])
+        assert path.stat().st_size > 1000
+
+
 def test_what_cannot_be_exported(back, scene, studies, tmp_path):
     alone, drawn = (assemble(scene, studies[name]) for name in ("deterministic", "stochastic"))
     for run, name, given, message in (

@@ -151,6 +151,13 @@ def test_repair_fills_spikes_like_undefined_points():
     assert_allclose(kept.heights[20, 20] - kept.heights[20, 22], 1e-6 - z[20, 22], rtol=1e-9)
 
 
+def test_spikes_count_as_undefined():
+    z = rough().heights.copy()
+    z[5::10, 5::10] += 1e-4
+    with pytest.raises(InputError, match=r"1 % undefined points, .*; 192 of them are spikes"):
+        fs.condition(open_map(z), max_undefined=0.005)
+
+
 # --- what the spikes mean ---------------------------------------------------------------------------------
 
 
