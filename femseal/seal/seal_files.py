@@ -56,14 +56,8 @@ def read_mesh(path: str | PathLike[str], unit: float = 1.0) -> Mesh:
         expected = f"a mesh with cells of one kind of {', '.join(_KINDS)}, {LINEAR}"
         raise InputError("path", f"'{file}' with {found}", expected)
     kind = present[0]
-    points = np.asarray(data.points, dtype=float)
     cells = np.asarray(data.cells_dict[kind])
-    if (
-        points.shape[1] > 2
-        and np.ptp(points[cells, 2]) > 1e-9 * np.ptp(points[cells.ravel()], axis=0).max()
-    ):
-        raise InputError("path", f"'{file}' with varying z", "a plane mesh, z constant")
-    points = points[:, :2] * unit
+    points = _plane(file, data, cells, 1e-9) * unit
     used, renumbered = np.unique(cells, return_inverse=True)
     cells = renumbered.reshape(cells.shape)
     mesh = getattr(skfem, _KINDS[kind])(
@@ -98,24 +92,37 @@ def read_field(
         return np.vstack(centres), np.concatenate(
             [np.asarray(v, dtype=float) for v in data.cell_data[name]]
         )
-    there = ", ".join(repr(n) for n in (*data.point_data, *data.cell_data)) or "none"
-    raise InputError("field", f"'{name}' of '{file}'", f"one of its fields: {there}")
+    raise InputError("field", f"'{name}' of '{file}'", f"one of its fields: {_fields(data)}")
+
+
+def _fields(data: Any) -> str:
+    """Names of the fields of a mesh."""
+    return ", ".join(map(repr, (*data.point_data, *data.cell_data))) or "none"
+
+
+def _plane(file: Path, data: Any, cells: Any, rtol: float) -> NDArray[np.float64]:
+    """Points (n, 2) of a mesh whose cells lie in a plane of constant z; else InputError."""
+    points = np.asarray(data.points, dtype=float)
+    used = points[np.ravel(cells)]
+    if used.shape[1] > 2 and np.ptp(used[:, 2]) > rtol * np.ptp(used, axis=0).max():
+        raise InputError("path", f"'{file}' with varying z", "a plane mesh, z constant")
+    return points[:, :2]
+
+
+def _check_size(file: Path, factor: float, what: str) -> None:
+    """Raise InputError if a file is not there, or does not fit into memory."""
+    if not file.is_file():
+        raise InputError("path", f"'{file}'", f"an existing {what}")
+    if factor * (length := file.stat().st_size) > (free := free_memory()):
+        allowed = f"a {what} that can be read in the {free / 1e9:.3g} GB of free memory"
+        raise InputError("path", f"'{file}' of {length / 1e9:.3g} GB", allowed)
 
 
 def read_data(file: Path) -> Any:
-    """Contents of a mesh file, if it is there and fits into memory."""
-    if not file.is_file():
-        raise InputError("path", f"'{file}'", "an existing mesh file")
-    if _READING_FACTOR * (length := file.stat().st_size) > (free := free_memory()):
-        allowed = f"a mesh that can be read in the {free / 1e9:.3g} GB of free memory"
-        raise InputError("path", f"'{file}' of {length / 1e9:.3g} GB", allowed)
-    return _meshio_read(file)
-
-
-def _meshio_read(file: Path) -> Any:
-    """What meshio reads, in silence; InputError with its reason where it cannot."""
+    """Contents of a mesh file, in silence, if it is there and fits into memory; InputError with what meshio says."""
     import meshio
 
+    _check_size(file, _READING_FACTOR, "mesh file")
     silent = io.StringIO()
     try:
         # a file meshio cannot read makes it print and exit
@@ -126,17 +133,14 @@ def _meshio_read(file: Path) -> Any:
         ):
             return meshio.read(file)
     except (Exception, SystemExit) as error:
-        reason = (
-            str(error) if not isinstance(error, SystemExit) else ""
-        ) or "unknown or damaged format"
+        said = "" if isinstance(error, SystemExit) else " ".join(str(error).split())
+        reason = said or "unknown or damaged format"
         known = meshio.extension_to_filetypes
-        which = (
-            ", not damaged"
-            if file.suffix.lower() in known
-            else f": {' '.join(sorted(known))}; gmsh meshes .step"
-        )
+        which = f": {' '.join(sorted(known))}; gmsh meshes .step"
+        if file.suffix.lower() in known:
+            which = ", not damaged"
         expected = f"a mesh in a format that meshio reads{which}"
-        raise InputError("path", f"'{file}' ({' '.join(reason.split())})", expected) from None
+        raise InputError("path", f"'{file}' ({reason})", expected) from None
 
 
 def _named_lines(data: Any) -> dict[str, NDArray[np.int64]]:
@@ -201,30 +205,20 @@ def read_pressure_field(
     InputError : no such file, not readable, no such data, numbers that are not finite, or negative pressures.
     """
     file = Path(fspath(path))
-    if not file.is_file():
-        raise InputError("path", f"'{file}'", "an existing file with a field of pressure")
-    if _FIELD_FACTOR * (size := file.stat().st_size) > (free := free_memory()):
-        allowed = f"a file that can be read in the {free / 1e9:.3g} GB of free memory"
-        raise InputError("path", f"'{file}' of {size / 1e9:.3g} GB", allowed)
+    _check_size(file, _FIELD_FACTOR, "file with a field of pressure")
     length, unit = (
         to_si(f"1 {length_unit}", "m", "length_unit"),
         to_si(f"1 {pressure_unit}", "Pa", "pressure_unit"),
     )
+    if file.suffix.lower() in TEXTS:
+        numbers = read_columns(file, ("x", "y", name))
+        return PressureField.of(length * numbers[:, :2], unit * numbers[:, 2])
     try:
-        points, values, triangles = (_of_text if file.suffix.lower() in TEXTS else _of_mesh)(
-            file, name
-        )
+        points, values, triangles = _of_mesh(file, name)
     except InputError as error:
         columns = f"; or a {' or '.join(TEXTS)} with the columns x, y and {name}"
-        more = "" if file.suffix.lower() in TEXTS else columns
-        raise InputError(error.what, error.given, f"{error.expected}{more}") from None
+        raise InputError(error.what, error.given, f"{error.expected}{columns}") from None
     return PressureField.of(length * points, unit * values, triangles)
-
-
-def _of_text(file: Path, name: str) -> tuple[Any, Any, None]:
-    """Points and values of a text with columns."""
-    numbers = read_columns(file, ("x", "y", name))
-    return numbers[:, :2], numbers[:, 2], None
 
 
 def columns_of(file: Path) -> list[str]:
@@ -286,49 +280,34 @@ def _of_mesh(file: Path, name: str) -> tuple[Any, Any, Any]:
         raise InputError(
             "path", f"'{file}' with {found}", f"a mesh with cells of {', '.join(_TRIANGLES)}"
         )
-    corners = [
-        np.concatenate(
-            [
-                np.asarray(data.cells[n].data)[:, list(part)]
-                for part in _TRIANGLES[data.cells[n].type]
-            ]
-        )
-        for n in blocks
-    ]
-    points = np.asarray(data.points, float)
-    used = np.unique(np.concatenate(corners))
-    if points.shape[1] > 2 and np.ptp(points[used, 2]) > 1e-6 * np.ptp(points[used], axis=0).max():
-        raise InputError("path", f"'{file}' with varying z", "a plane mesh, z constant")
-    points = points[:, :2]
-    if name in data.point_data:
-        values = _numbers(data.point_data[name], file, name)
-        triangles = np.searchsorted(used, np.concatenate(corners))
-        return points[used], values[used], triangles
-    if name in data.cell_data:
-        parts = [len(_TRIANGLES[data.cells[n].type]) for n in blocks]
-        values = np.concatenate(
-            [
-                np.tile(_numbers(data.cell_data[name][n], file, name), k)
-                for n, k in zip(blocks, parts, strict=True)
-            ]
-        )
-        own = np.concatenate(corners)
-        return points[own.ravel()], np.repeat(values, 3), np.arange(own.size).reshape(-1, 3)
-    there = ", ".join(map(repr, (*data.point_data, *data.cell_data))) or "none"
-    raise InputError(
-        "name", repr(name), f"the name of data of points or cells in '{file}': {there}"
+    parts = [_TRIANGLES[data.cells[n].type] for n in blocks]
+    corners = np.concatenate(
+        [
+            np.asarray(data.cells[n].data)[:, list(part)]
+            for n, of_block in zip(blocks, parts, strict=True)
+            for part in of_block
+        ]
     )
+    points = _plane(file, data, corners, 1e-6)
+    if name in data.point_data:
+        used = np.unique(corners)
+        values = _numbers(data.point_data[name], file, name)
+        return points[used], values[used], np.searchsorted(used, corners)
+    if name in data.cell_data:
+        of_cells = [
+            np.tile(_numbers(data.cell_data[name][n], file, name), len(of_block))
+            for n, of_block in zip(blocks, parts, strict=True)
+        ]
+        own = np.arange(corners.size).reshape(-1, 3)
+        return points[corners.ravel()], np.repeat(np.concatenate(of_cells), 3), own
+    expected = f"the name of data of points or cells in '{file}': {_fields(data)}"
+    raise InputError("name", repr(name), expected)
 
 
 def _numbers(values: Any, file: Path, name: str) -> Any:
     """An array as one number for each point or cell, else InputError."""
     array = np.asarray(values)
-    if array.ndim == 2 and array.shape[1] == 1:
-        array = array[:, 0]
-    if array.ndim != 1 or array.dtype.kind not in "iuf":
-        raise InputError(
-            "name",
-            f"'{name}' in '{file}' with shape {array.shape}",
-            "one number for each point or cell",
-        )
-    return array.astype(float)
+    if array.dtype.kind not in "iuf" or array.size != len(array):
+        given = f"'{name}' in '{file}' with shape {array.shape}"
+        raise InputError("name", given, "one number for each point or cell")
+    return array.ravel().astype(float)
