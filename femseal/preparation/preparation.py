@@ -276,13 +276,10 @@ def _odd_filter(case: Case, scene: Scene, surface: Conditioning) -> Iterator[str
     if not unseen and surface.lost_slope > (_LOST_TO_COST if limited else _LOST_SLOPE):
         remedy = f"set surface.points = {list(points)}"
         if case.surface.shortest_wave is not None:
-            keys = "surface.shortest_wave" + (
-                " and surface.points" if case.surface.points is not None else ""
-            )
-            remedy = f"leave out {keys}"
+            given = [f"surface.{name}" for name in ("shortest_wave", "points")]
+            remedy = f"leave out {' and '.join(given[: 1 + (case.surface.points is not None)])}"
         elif limited:
-            most = " × ".join(map(str, place.shape))
-            remedy += f" (unasked no more than {most} are taken)"
+            remedy += f" (unasked no more than {place.shape[0]} × {place.shape[1]} are taken)"
         yield (
             f"the low-pass at {kept} removes {surface.lost_slope:.0%} of the rms slope of the face, whose waves down "
             f"to {measured} stand above noise: leakage may be off by factors; to keep them {remedy}"

@@ -255,7 +255,7 @@ class _Attempts:
         return last.seconds * seconds / before
 
     def _prepared(self, settings: Settings) -> Prepared:
-        return apply_settings(self.case, self.made, settings)
+        return apply_settings(self.made, settings)
 
     def _budget(
         self, prepared: Prepared, settings: Settings, result: Any, mapper: Mapper

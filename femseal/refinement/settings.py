@@ -92,8 +92,8 @@ def has_pieces(made: Prepared, settings: Settings) -> bool:
     return all(n // m >= FEWEST_POINTS for n, m in zip(points, made.cells or (1, 1), strict=True))
 
 
-def apply_settings(case: Case, made: Prepared, settings: Settings) -> Prepared:
-    """The case with these settings: the same face on other points, and the rest as chosen.
+def apply_settings(made: Prepared, settings: Settings) -> Prepared:
+    """A case with these settings: the same face on other points, and the rest as chosen.
 
     made : the case as prepared, on the points of its face.
     """
@@ -116,14 +116,14 @@ def first_version(case: Case, made: Prepared) -> Prepared:
     if case.accuracy is None:
         return made
     with refused_if_too_large():
-        return apply_settings(case, made, first_settings(case, made))
+        return apply_settings(made, first_settings(case, made))
 
 
 def last_version(case: Case, made: Prepared, attempts: dict[str, Any] | None) -> Prepared:
     """A prepared case with the settings of the last attempt of its results; the case itself without attempts."""
     if attempts is None or case.accuracy is None:
         return made
-    return apply_settings(case, made, Settings(**attempts["settings"]))
+    return apply_settings(made, Settings(**attempts["settings"]))
 
 
 def chosen(case: Case, made: Prepared) -> dict[str, Any]:
@@ -163,14 +163,17 @@ def refined(case: Case, made: Prepared, settings: Settings, part: str, memory: f
     key, refine = {
         "solver": ("rtol", _contact_residual),
         "pixels": ("grid", _pixels),
-        "filter": ("", _filter),
-        "patch": ("", _patch),
         "realisations": ("realisations", _realisations),
-    }.get(part, ("", lambda *_: Refinement(None, "nothing refines it")))
-    found = _is_given(given[key]) if key in given else refine(made, settings, given)
+    }.get(part, ("", None))
+    if key in given:
+        found = Refinement(None, f"{given[key]} is given in the case")
+    elif refine is None:
+        found = Refinement(None, _BY_NOTHING.get(part, "nothing refines it"))
+    else:
+        found = refine(made, settings)
     if found.settings is None:
         return found
-    needed = expected_cost(apply_settings(case, made, found.settings))[1]
+    needed = expected_cost(apply_settings(made, found.settings))[1]
     if needed > memory:
         needs, expected = (to_text(size, "B", 3) for size in (needed, memory))
         text = f"{found.text} would take about {needs} of memory, expected {expected}"
@@ -178,14 +181,14 @@ def refined(case: Case, made: Prepared, settings: Settings, part: str, memory: f
     return found
 
 
-def _contact_residual(made: Prepared, settings: Settings, given: dict[str, str]) -> Refinement:
+def _contact_residual(made: Prepared, settings: Settings) -> Refinement:
     finer = settings.rtol / 10
     if finer < LEAST_RTOL * (1 - 1e-9):
         return Refinement(None, f"contact.rtol is {settings.rtol:.0e}, as small as it gets")
     return Refinement(replace(settings, rtol=finer), f"contact.rtol {finer:.0e}")
 
 
-def _pixels(made: Prepared, settings: Settings, given: dict[str, str]) -> Refinement:
+def _pixels(made: Prepared, settings: Settings) -> Refinement:
     finer = replace(settings, grid=settings.grid + 1)
     points = " × ".join(map(str, grid_points(made.scene.surface.shape, finer.grid)))
     if finer.grid > MOST_GRID:
@@ -193,28 +196,17 @@ def _pixels(made: Prepared, settings: Settings, given: dict[str, str]) -> Refine
     return Refinement(finer, f"{points} points")
 
 
-def _filter(made: Prepared, settings: Settings, given: dict[str, str]) -> Refinement:
-    wave = to_text(made.conditioning.shortest_wave, "m", 3)
-    text = f"waves below {wave} were removed: a shorter surface.shortest_wave with more surface.points keeps them"
-    return Refinement(None, f"{text}, as far as they were measured")
+#: What is to be done about sources of error that no settings make smaller.
+_BY_NOTHING = {
+    "filter": "short waves were removed: a shorter surface.shortest_wave with more surface.points keeps them, as far "
+    "as they were measured",
+    "patch": "it is what one measured patch does not know: more measured places make it smaller",
+}
 
 
-def _patch(made: Prepared, settings: Settings, given: dict[str, str]) -> Refinement:
-    return Refinement(
-        None, "it is what one measured patch does not know: more measured places make it smaller"
-    )
-
-
-def _realisations(made: Prepared, settings: Settings, given: dict[str, str]) -> Refinement:
+def _realisations(made: Prepared, settings: Settings) -> Refinement:
     assert settings.realisations is not None
     more = HALVING * settings.realisations
     if more > MOST_SEALS:
         return Refinement(None, f"{settings.realisations} seals are drawn, the most that are")
     return Refinement(replace(settings, realisations=more), f"{more} seals")
-
-
-def _is_given(*keys: str) -> Refinement:
-    """Keys of the case that hinder a refinement."""
-    return Refinement(
-        None, f"{' and '.join(keys)} {'is' if len(keys) == 1 else 'are'} given in the case"
-    )

@@ -53,30 +53,14 @@ class Lay:
             return given
         if isinstance(given, str) and given in NAMES:
             return cls(name=given)
-        if isinstance(given, Mapping) and list(given) == ["angle"]:
-            angle = given["angle"]
-            if (
-                isinstance(angle, (int, float))
-                and not isinstance(angle, bool)
-                and np.isfinite(angle)
-            ):
-                return cls(angle=float(angle))
-            return cls(angle=to_si(angle, "rad", "lay.angle"))
-        if (
-            isinstance(given, Mapping)
-            and given.get("kind") == "spiral"
-            and {*given} <= _SPIRAL_KEYS
-        ):
+        keys = {*given} if isinstance(given, Mapping) else set()
+        if keys == {"angle"}:
+            return cls(angle=_si(given["angle"], "rad", "lay.angle"))
+        if "kind" in keys <= _SPIRAL_KEYS and given["kind"] == "spiral":
             around = given.get("circumference")
-            turn = (
-                None if around is None else _length(around, "lay.circumference", least=_LEAST_TURN)
-            )
+            turn = None if around is None else _length(around, "lay.circumference", _LEAST_TURN)
             return cls(name="spiral", lead=_lead(given), circumference=turn)
-        if (
-            isinstance(given, Mapping)
-            and list(given) == ["field"]
-            and isinstance(given["field"], str)
-        ):
+        if keys == {"field"} and isinstance(given["field"], str):
             path, _, array = given["field"].rpartition(":")
             if path and array:
                 return cls(file=folder / path, array=array)
@@ -157,13 +141,16 @@ def _lead(given: Mapping[str, Any]) -> float:
     return _length(given.get("lead"), "lay.lead") * starts
 
 
+def _si(given: Any, unit: str, name: str) -> float:
+    """A value in SI from text with a unit, or from a finite number."""
+    if isinstance(given, (int, float)) and not isinstance(given, bool) and np.isfinite(given):
+        return float(given)
+    return to_si(given, unit, name)
+
+
 def _length(given: Any, name: str, least: float = 0.0) -> float:
     """A length from text with a unit, or from a number of metres; InputError where it is less than the least."""
-    value = (
-        float(given)
-        if isinstance(given, (int, float)) and not isinstance(given, bool)
-        else to_si(given, "m", name)
-    )
+    value = _si(given, "m", name)
     if not (np.isfinite(value) and value >= least):
         raise InputError(name, shown(given), f"a length >= {to_text(least, 'm')}, such as '60 um'")
     return value

@@ -187,14 +187,12 @@ class Scene:
             return "its pressure on the faces is ignored"
         if (fluid := self.acting_fluid) is None:
             return "it carries less than 0.01 % of every load: that changes leakage by less than 0.5 %, and is left out"
-        carried, loads = (
-            to_text(abs(fluid.carried), "Pa", 3),
-            [p for p in self.steps.pressures if p > 0],
-        )
+        carried = to_text(abs(fluid.carried), "Pa", 3)
         if fluid.carried < 0:
             return f"it sucks the faces together with {carried} on the mean"
-        most = f", up to {fluid.carried / min(loads):.2g} of the load" if loads else ""
         given = "with the contact" if self.nominal == "total" else "besides the contact's"
+        least = min((p for p in self.steps.pressures if p > 0), default=np.inf)
+        most = f", up to {fluid.carried / least:.2g} of the load"
         stays = "; liquid in closed pockets keeps its volume" if fluid.trapped else ""
         return f"it presses the faces apart, and carries about {carried} {given}{most}{stays}"
 

@@ -104,28 +104,25 @@ def _pressure_warnings(scene: Scene, pressure: Array) -> Iterator[str]:
         )
 
 
-def _field_warnings(scene: Scene, tiles: SealTiles, pressure_map: AnyMap) -> tuple[str, ...]:
+def _field_warnings(scene: Scene, tiles: SealTiles, pressure_map: AnyMap) -> Iterator[str]:
     """Fields whose mean is far from the loads."""
     seal = seal_for_maps(scene.layout, tiles)
-    warnings: list[str] = []
     if isinstance(pressure_map, PressureField):
         mean, loads = seal.mean(pressure_map), scene.steps.pressures[scene.steps.pressures > 0]
         if loads.size and not loads.min() / _FAR_LOAD < mean < loads.max() * _FAR_LOAD:
-            found = to_text(mean, "Pa", 3)
-            warnings.append(
-                f"the field of pressure has the mean {found} over the seal, far from all loads: is its unit right?"
+            yield (
+                f"the field of pressure has the mean {to_text(mean, 'Pa', 3)} over the seal, far from all loads: is "
+                "its unit right?"
             )
-    elif isinstance(pressure_map, MapsAtLoads):
-        for load, one in zip(pressure_map.pressures, pressure_map.maps, strict=True):
-            if (
-                isinstance(one, PressureField)
-                and abs((mean := seal.mean(one)) - load) > _OFF_LOAD * load
-            ):
-                found, at = to_text(mean, "Pa", 3), to_text(load, "Pa", 3)
-                warnings.append(
-                    f"the field of pressure at {at} has the mean {found} over the seal: it is scaled to the load"
-                )
-    return tuple(warnings)
+    if not isinstance(pressure_map, MapsAtLoads):
+        return
+    for load, one in zip(pressure_map.pressures, pressure_map.maps, strict=True):
+        mean = seal.mean(one) if isinstance(one, PressureField) else load
+        if abs(mean - load) > _OFF_LOAD * load:
+            yield (
+                f"the field of pressure at {to_text(load, 'Pa', 3)} has the mean {to_text(mean, 'Pa', 3)} over the "
+                "seal: it is scaled to the load"
+            )
 
 
 def describe_map(scene: Scene, tiles: SealTiles, pressure_map: AnyMap) -> str:
