@@ -86,12 +86,14 @@ def test_every_attempt_is_of_the_same_face_and_the_answer_that_of_the_last(reach
     assert_array_equal(again.scene.surface.heights, fine.heights)
 
 
-def test_what_was_tried_is_told(reached):
+def test_what_was_tried_is_told(reached, tmp_path):
     table, sentences = reached.attempts_table(), attempt_sentences(reached.attempts)
     assert sentences[0].startswith("The accuracy of 3 % is reached: the leakage is known within ")
     assert table.lines[0][table.heads.index("points")] == "32 × 32"
     assert len(table.lines) == len(reached.attempts["attempts"]) > 1
     assert not reached.warnings
+    page = reached.report(tmp_path / "page.html").read_text(encoding="utf-8")
+    assert 'alt="Error of each attempt against its time' in page
 
 
 @pytest.mark.parametrize(
