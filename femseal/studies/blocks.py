@@ -18,13 +18,12 @@ import numpy as np
 from ..base import Array, InputError, Mapper, Shown, Stage
 from ..base.fields import PIECE, STEP, declared
 from ..contact import HalfSpace
-from ..face.piece_flow import Failed, SolveCounts, SolverCounts, attempt
+from ..face.piece_flow import Failed, SolveCounts, SolverCounts
 from ..face.pieces import FEWEST_POINTS, Cut
-from ..flow.permeability_table import tabulated
 from ..loads import LoadProgramme
 from ..seal.tiles import face_tiles
 from ..topography import Places, Topography
-from .piece_states import along_paths, ladder_of, pieces_on_ladder
+from .piece_states import along_paths, flow_in_order, ladder_of, pieces_on_ladder
 from .scene import Scene, scene_warnings
 from .seal_contact import Cells, RoughLayer, opened, solved_steps
 from .tile_fluid import TileFluid
@@ -121,10 +120,7 @@ def by_blocks(scene: Scene, blocks: tuple[int, int], *, mapper: Mapper = map) ->
     for s in range(len(scene.steps)):
         if s in failed:
             continue
-        in_order = k[:, :, s].reshape(len(k), 2, -1)
-        given = list(tiles.permeability(in_order[:, 0], in_order[:, 1]))
-        table = tabulated(fluid.pressures, given, fluid.piecewise)
-        through = attempt(scene.leakage, tiles.seal, table)
+        through = flow_in_order(scene, tiles, k[:, :, s], fluid.pressures, fluid.piecewise)
         if isinstance(through, Failed):
             failed[s] = through.reason
         else:

@@ -19,7 +19,8 @@ from ..face.pieces import Cut, PieceState, factors
 from ..flow.permeability_table import tabulated
 from ..loads import LoadProgramme, LoadStep
 from ..seal import RectangularSeal
-from ..seal.tiles import face_tiles
+from ..seal.leakage import Leakage
+from ..seal.tiles import SealTiles, face_tiles
 from .face_flow import drop_fractions, resolved_flow
 from .face_states import FaceState
 from .place_leakage import permeabilities_of_places
@@ -196,7 +197,7 @@ def _of_fields(
 
 def _joined(scene: Scene, cut: Cut, steps: LoadProgramme, taken: Sequence[_Taken]) -> FacePieces:
     """Join the states, and solve the flow over the pieces in their own order."""
-    pressures = scene.flow.drop.pressures
+    pressures = tuple(scene.flow.drop.pressures)
     k = np.stack([state.pieces.k for state in taken], axis=2)
     tiles = face_tiles(scene.surface.size, cut.shape)
     own, failures = np.full(len(steps), np.nan), []
@@ -204,9 +205,7 @@ def _joined(scene: Scene, cut: Cut, steps: LoadProgramme, taken: Sequence[_Taken
         failures += [f"{step.name}, {text}" for text in state.pieces.failures]
         if not np.isfinite(k[:, :, s]).all():
             continue
-        in_order = k[:, :, s].reshape(pressures.size, 2, -1)
-        values = tiles.permeability(in_order[:, 0], in_order[:, 1])
-        through = attempt(scene.leakage, tiles.seal, tabulated(pressures, list(values)))
+        through = flow_in_order(scene, tiles, k[:, :, s], pressures)
         own[s] = np.nan if isinstance(through, Failed) else through.per_length
     # leakage of a face with a permeability of 1 m³
     unit = scene.leakage(RectangularSeal(scene.surface.size, (1, 1)), 1.0).per_length
@@ -233,6 +232,19 @@ def _joined(scene: Scene, cut: Cut, steps: LoadProgramme, taken: Sequence[_Taken
         failures=tuple(failures),
         unsolved=tuple((s, state.reason) for s, state in enumerate(taken) if state.reason),
     )
+
+
+def flow_in_order(
+    scene: Scene, tiles: SealTiles, k: Array, pressures: Sequence[float], piecewise: bool = False
+) -> Leakage | Failed:
+    """Flow through the pieces of a face in their own order.
+
+    tiles : of `face_tiles`. k : (pressures, 2, m1, m2) [m³] at pressures of the fluid [Pa].
+    piecewise : see `flow.PermeabilityTable`.
+    """
+    of_tiles = k.reshape(len(k), 2, -1)
+    values = tiles.permeability(of_tiles[:, 0], of_tiles[:, 1])
+    return attempt(scene.leakage, tiles.seal, tabulated(pressures, list(values), piecewise))
 
 
 def ladder_of(paths: Array, steps: LoadProgramme, elastic: bool, apart: int = 1) -> LoadProgramme:
