@@ -56,7 +56,7 @@ class Effort:
 
     pairs : transforms of a contact of `PILOT_PIXELS`. contact_fraction : of the face in contact, 0 to 1.
     iterations : of multigrid in a flow of `PILOT_PIXELS`, 0 where it is closed. rounds : solutions of contact and flow
-    where the fluid presses the faces apart; 0 of a step that is an earlier one again.
+    where the fluid presses the faces apart.
     """
 
     pairs: float = 22.0
@@ -138,7 +138,7 @@ def _face_seconds(points: tuple[int, int], effort: Effort, pressures: int, acts:
     seconds = contact_seconds(points, effort) + again * flow_seconds(pixels, effort)
     if acts:
         return effort.rounds * (seconds + _ROUND_PIXEL_SECONDS * pixels)
-    return seconds if effort.rounds else 0.0
+    return seconds
 
 
 def deterministic_cost(
@@ -169,7 +169,7 @@ def two_scale_cost(
     """
     seconds, memory = deterministic_cost(efforts, points, pressures, acts)
     piece = points[0] // cells[0] * (points[1] // cells[1])
-    of_pieces = sum(flow_seconds(piece, effort) for effort in efforts if effort.rounds)
+    of_pieces = sum(flow_seconds(piece, effort) for effort in efforts)
     return (0.0 if solved else seconds) + 2 * cells[0] * cells[1] * of_pieces, memory
 
 
