@@ -169,6 +169,11 @@ class Prepared:
         return FEWEST_POINTS * m1, FEWEST_POINTS * m2
 
     @property
+    def points_divide_by(self) -> Pair:
+        """Numbers along x1 and x2 that divide those of the points: of the pieces of blocks."""
+        return self.cells if self.cells is not None and "blocks" in self.methods else (1, 1)
+
+    @property
     def cut_and_tiles(self) -> tuple[Cut, SealTiles]:
         """The cut of the face, and the tiles of the drawn seals."""
         assert self.sampling is not None

@@ -34,9 +34,12 @@ OTHER_PHASES = 3
 CONTINUED_SCENES = OTHER_PHASES + 2
 
 
-def coarser_points(points: Pair, least: Pair = (1, 1)) -> Pair | None:
+def coarser_points(points: Pair, least: Pair = (1, 1), divide_by: Pair = (1, 1)) -> Pair | None:
     """Half the points a side, or as few more as pieces ask for; None where that shows nothing."""
-    wanted = [max(ceil(COARSENING * n), few) for n, few in zip(points, least, strict=True)]
+    wanted = [
+        ceil(max(ceil(COARSENING * n), few) / m) * m
+        for n, few, m in zip(points, least, divide_by, strict=True)
+    ]
     if wanted[0] * wanted[1] > MOST_POINTS_FRACTION * points[0] * points[1]:
         return None
     return wanted[0], wanted[1]
@@ -67,7 +70,9 @@ def coarser_grids(prepared: Prepared, leakage: Array | None = None) -> list[Prep
     some = at_some_steps(prepared.scene, leakage, GRID_STRIDE, least=least)
     points, found = prepared.scene.surface.shape, []
     for _ in range(1 + carries_quarter(prepared)):
-        if (fewer := coarser_points(points, prepared.least_points)) is None:
+        if (
+            fewer := coarser_points(points, prepared.least_points, prepared.points_divide_by)
+        ) is None:
             break
         points = fewer
         found.append(_reduced(prepared, replace(some, surface=some.surface.resample(points))))
@@ -79,7 +84,9 @@ def without_filtered_waves(prepared: Prepared, leakage: Array | None = None) -> 
     if removed_octaves(prepared) < LEAST_OCTAVES:
         return None
     surface, wave = prepared.scene.surface, 2 * prepared.conditioning.shortest_wave
-    n1, n2 = (ceil(n / 2) for n in surface.shape)
+    n1, n2 = (
+        ceil(n / (2 * m)) * m for n, m in zip(surface.shape, prepared.points_divide_by, strict=True)
+    )
     least1, least2 = prepared.least_points
     if wave >= max(surface.size) or n1 < least1 or n2 < least2:
         log.warning(

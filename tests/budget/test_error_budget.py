@@ -338,6 +338,7 @@ def test_pieces_keep_eight_pixels_on_coarser_points():
     assert coarser_points((90, 96), (24, 32)) == (45, 48)
     assert coarser_points((60, 96), (40, 64)) == (40, 64)
     assert coarser_points((30, 36), (24, 32)) is None
+    assert coarser_points((136, 128), divide_by=(8, 8)) == (72, 64)
 
 
 # --- bands of loads beside each other ------------------------------------------------------------------------------

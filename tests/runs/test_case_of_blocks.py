@@ -1,5 +1,6 @@
 """Cases of a face by blocks: from the file to its band, what is refused, and the blocks that are taken by default."""
 
+import numpy as np
 import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 from small_cases import TABLES
@@ -88,3 +89,9 @@ def test_blocks_by_default_have_at_most_1024_points_a_side_and_take_the_memory_o
     assert memory["blocks"] < memory["deterministic"] / 4
     text = "\n".join(describe(load(tmp_path), made))
     assert "4 × 4 blocks of 128 × 256 points" in text
+
+
+def test_the_band_knows_pixels_also_where_half_the_points_are_no_blocks(tmp_path):
+    alone = CASE.replace('compare = ["deterministic"]', "").replace("[128, 256]", "[136, 264]")
+    results = fs.run(load(tmp_path, alone), workers=1)
+    assert np.isfinite(results.budget.widths()["pixels"]).all()
