@@ -99,7 +99,7 @@ def drawn_figure(data: xarray.Dataset, s: int) -> Figure:
     number, drawn = (data["drawn_corners"].attrs[name] for name in ("realisation", "part"))
     sheet = Sheet([map_row(view.size) for view, _ in panels], head=0.3 if drawn == 1 else 0.5)
     labels = (
-        ["x1, inlet at 0 [mm]", "x2 along the seal [mm]"] if seal.strip else ["x1 [mm]", "x2 [mm]"]
+        ["x1, inlet at 0 [mm]", "x2 along the seal [mm]"] if seal.strip else ["x [mm]", "y [mm]"]
     )
     for n, (view, panel) in enumerate(panels):
         axes = sheet.panel(n, MAP)

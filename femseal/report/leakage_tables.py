@@ -101,7 +101,7 @@ def class_table(results: Results) -> TextTable | None:
 
     Loads are load steps. Where the leakage that decides has a band of error, also from which load on all of it is met.
     """
-    data, budget = results.dataset, results.budget
+    data = results.dataset
     if "leak_class" not in data.coords:
         return None
     limits, met = data["class_limit"].values, data["class_met"].values
@@ -116,10 +116,8 @@ def class_table(results: Results) -> TextTable | None:
     seal = "the median seal" if results.method == "median" else "the seal"
     for n, (_, steps) in enumerate(branches_in(data)):
         loads = [short[s] for s in steps]
-        if n == 0 and budget is not None and "test_leakage" not in data:
-            sure = [
-                within(np.nan_to_num(budget.upper[steps], nan=np.inf), limit) for limit in limits
-            ]
+        if n == 0 and results.budget is not None:
+            sure = [within(results.class_upper[steps], limit) for limit in limits]
             columns.append(("met with the whole band", [_met_text(loads, each) for each in sure]))
         if n == 0:
             columns.append((f"met by {seal}", [_met_text(loads, each[steps]) for each in met]))

@@ -107,6 +107,21 @@ class Results(Plotted):
         return np.asarray(best), np.asarray(several)
 
     @property
+    def class_upper(self) -> NDArray[np.float64]:
+        """Upper end of the band of error of that leakage (step,) [m²/s]: inf where it is not known.
+
+        The band is that of the fluid of the run; it reaches as far, as a factor, for a test fluid.
+        """
+        best = np.abs(self.class_leakage[0])
+        if (budget := self.budget) is None:
+            return np.full_like(best, np.inf)
+        own = np.abs(budget.leakage)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            ratio = np.where(own > 0, best / own, np.nan)
+        largest = np.nanmax(ratio, initial=0.0) or 1.0
+        return np.nan_to_num(np.where(own > 0, ratio, largest) * budget.upper, nan=np.inf)
+
+    @property
     def classes(self) -> list[str]:
         """The tightest leakage class that is met at each step, of each standard asked for; "none" where none is."""
         return tightest_classes(self.dataset)

@@ -340,3 +340,6 @@ def test_classes_of_the_test_fluid_decide():
     assert_allclose(answer.requirements[0].limit, 1e-8 / gas.reference_density)
     inlet = next(s.leakage for s in answer.sensitivities if s.quantity == "inlet pressure")
     assert_allclose(inlet, 2 * 40e5**2 / (40e5**2 - 101_325**2), rtol=1e-4)
+    # its band is as wide as that of the fluid
+    ratio = results.budget.upper / results.leakage.values
+    assert_allclose(results.class_upper, ratio * results.dataset["test_leakage"].values)
