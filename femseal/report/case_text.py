@@ -191,7 +191,7 @@ def load_sentences(data: xarray.Dataset, case: dict[str, Any]) -> list[str]:
         for s in dict.fromkeys((int(pressure.argmin()), int(pressure.argmax()))):
             at = data[name].values[s]
             low, high = (to_text(float(f(at)), "Pa", 3) for f in (np.nanmin, np.nanmax))
-            text = f"At {data['name'].values[s]} the seal is pressed with {low} to {high}"
+            text = f"At {load_names(data)[s]} the seal is pressed with {low} to {high}"
             sentences.append(f"{text}, and {(at == 0).mean():.0%} of it stands apart.")
     return sentences
 

@@ -6,6 +6,7 @@ import numpy as np
 
 from ..base import TextTable, format_deviation, to_text
 from ..results.results import Results
+from ..results.selections import load_names
 from ..results.summary import as_chosen
 from ..studies.load_curves import first_known, least_counted
 
@@ -40,7 +41,8 @@ def budget_table(results: Results) -> TextTable | None:
         text = "without the model and its input (hardness, fluid pressure, form, …): what an accuracy asks for"
         lines.append(("numbers alone", np.asarray(budget.numerical.half_width()), text))
     lines.append(("together", np.asarray(budget.half_width()), together))
-    heads = ("source", *(results.steps[s].name for s in steps), "how it was estimated")
+    names = load_names(results.dataset)
+    heads = ("source", *(names[s] for s in steps), "how it was estimated")
     texts = tuple(
         (name, *(_width_text(float(width[s])) for s in steps), note) for name, width, note in lines
     )

@@ -171,7 +171,7 @@ def test_fluid_sentences(results: Results) -> list[str]:
     sentences = [
         f"A test fluid, {fluid_text(table, str(attrs['test_fluid']))}, runs from {inlet} to {outlet} "
         f"through the same seals: {format_leakage(float(test[peak]), basis.factor(unit))} {unit.name} at "
-        f"{data['name'].values[peak]}."
+        f"{load_names(data)[peak]}."
     ]
     known = np.isfinite(own) & np.isfinite(test) & (test != 0)
     if not known.any():

@@ -8,7 +8,6 @@ from typing import Any, cast
 
 import numpy as np
 import xarray
-from numpy.typing import NDArray
 
 from ..base import InputError, counted, versions
 from ..base.fields import STEP, Field
@@ -31,6 +30,7 @@ from ..topography import Places
 from . import variables
 from .classes import add_classes, add_test_fluid, basis_attributes
 from .results import Results
+from .selections import load_names
 
 #: An attribute of an HDF5 file holds at most 64 kB.
 _ATTRIBUTE_BYTES = 50_000
@@ -151,7 +151,7 @@ def assemble(scene: Scene, *studies: StudyResult, facts: RunFacts = _NOTHING) ->
     later, upper = [], None
     if (budget := results.budget) is not None:
         upper = np.asarray(budget.upper)
-        later += _band_doubts(budget, data["name"].values)
+        later += _band_doubts(budget, load_names(data))
     wanted, leakage = leak_classes(facts.classes), results.class_leakage
     later += add_classes(data, wanted, results.class_basis, facts.nominal_diameter, *leakage, upper)
     if later:
@@ -255,7 +255,7 @@ def _unit_name(facts: RunFacts, basis: LeakBasis) -> str:
     return unit.name
 
 
-def _band_doubts(budget: ErrorBudget, names: NDArray[Any]) -> list[str]:
+def _band_doubts(budget: ErrorBudget, names: list[str]) -> list[str]:
     """Warn of a band that says nothing: at which load, and by what part of the budget."""
     if not (vague := vague_steps(budget)).size:
         return []

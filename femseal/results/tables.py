@@ -7,10 +7,11 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from ..base import TextTable, comma_separated, to_text
 from ..base.fields import Field, with_unit
-from ..base.leak_rates import LEAK_UNITS, USUAL_UNITS, LeakUnit
+from ..base.leak_rates import LEAK_UNITS, USUAL_UNITS, LeakBasis, LeakUnit
 from ..budget import VAGUE
 from .results import BUDGETED, Results
 from .selections import branch_text, force_scale, loads_as_given
@@ -128,8 +129,9 @@ def leakage_table(run: Results) -> TextTable:
 
 def totals_table(run: Results) -> TextTable:
     """The leakage in several units: branch, pressure, and a column for each unit."""
-    basis, own = run.leak_basis, run.leak_unit.name
-    units = basis.units(USUAL_UNITS if own in USUAL_UNITS else [*USUAL_UNITS, own])
+    basis, own = run.leak_basis, run.leak_unit
+    units = _usual_units(basis, run.leakage.values)
+    units += [] if own in units else [own]
     columns = [
         (
             unit.name,
@@ -177,10 +179,19 @@ def in_several_units(run: Results, step: int) -> str:
     leakage, basis = float(run.leakage[step]), run.leak_basis
     if not np.isfinite(leakage) or leakage == 0:
         return ""
-    units = [unit for unit in basis.units() if not unit.per_length]
+    units = [unit for unit in _usual_units(basis, [leakage]) if not unit.per_length]
     return " = ".join(
         f"{format_leakage(leakage, basis.factor(unit))} {unit.name}" for unit in units
     )
+
+
+def _usual_units(basis: LeakBasis, leakage: ArrayLike) -> list[LeakUnit]:
+    """Units that tables show; kilograms a year where grams are tens of thousands."""
+    many = LEAK_UNITS["kg/year"]
+    largest = np.nanmax(np.abs(leakage), initial=0.0)
+    kilograms = basis.has(many) and largest >= 10 * basis.factor(many)
+    names = [many.name if kilograms and name == "g/year" else name for name in USUAL_UNITS]
+    return basis.units(names)
 
 
 def leakage_at(run: Results, step: int, factor: float) -> str:

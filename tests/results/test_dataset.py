@@ -26,7 +26,7 @@ from femseal.budget import ErrorBudget, ErrorPart
 from femseal.plots import leakage_figure, pieces_figure, seal_figure
 from femseal.report import write_folder
 from femseal.results import RunFacts, assemble, open_results, save
-from femseal.results.tables import format_leakage
+from femseal.results.tables import format_leakage, in_several_units
 from femseal.studies import FaceResult, Sampling
 from femseal.studies.drawn_study import stochastic
 from femseal.studies.face_study import deterministic
@@ -404,6 +404,13 @@ def test_branches_of_tables_have_the_forces_of_the_case(results):
     text = str(replace(results, dataset=data).table())
     assert re.search(r"unloading\s+from\s+35\s+kN", text)
     assert not re.search(r"from\s+700\s+MPa", text)
+
+
+@pytest.mark.parametrize(("kilograms", "shown"), [(9.99, "9990 g/year"), (140.0, "140 kg/year")])
+def test_much_a_year_is_in_kilograms(scene, studies, kilograms, shown):
+    rate = kilograms / (365.25 * 86_400 * scene.fluid.density * scene.surface.size[1])
+    study = replace(studies["deterministic"], leakage=np.full(len(scene.steps), rate))
+    assert shown in in_several_units(assemble(scene, study), 0)
 
 
 # --- pictures ---------------------------------------------------------------------------------------------
