@@ -284,7 +284,7 @@ class _Attempts:
             version = self._prepared(coarse)
             leakage = leakage_of(version.solve(version.answer, mapper))
             self.solved.add(coarse)
-            points = grid_points(self.made.scene.surface.shape, coarse.grid)
+            points = grid_points(self.made, coarse.grid)
             found.append(CoarserSolution(points, prepared.scene.steps, leakage))
         return found
 

@@ -77,18 +77,18 @@ def time_limit(case: Case) -> float:
     return TIME_LIMIT if case.time_limit is None else case.time_limit
 
 
-def grid_points(shape: Pair, grid: int) -> Pair:
-    """Points of a face that is `grid` doublings finer.
-
-    >>> grid_points((64, 95), -1), grid_points((64, 96), 1)
-    ((32, 48), (128, 192))
-    """
-    return ceil(shape[0] * 2.0**grid), ceil(shape[1] * 2.0**grid)
+def grid_points(made: Prepared, grid: int) -> Pair:
+    """Points of the face of a case, `grid` doublings finer; as many more as its pieces ask for."""
+    n1, n2 = (
+        ceil(n * 2.0**grid / m) * m
+        for n, m in zip(made.scene.surface.shape, made.points_divide_by, strict=True)
+    )
+    return n1, n2
 
 
 def has_pieces(made: Prepared, settings: Settings) -> bool:
     """Whether the pieces have enough pixels on a grid, and the face a few of them."""
-    points = grid_points(made.scene.surface.shape, settings.grid)
+    points = grid_points(made, settings.grid)
     return all(n // m >= FEWEST_POINTS for n, m in zip(points, made.cells or (1, 1), strict=True))
 
 
@@ -98,7 +98,7 @@ def apply_settings(made: Prepared, settings: Settings) -> Prepared:
     made : the case as prepared, on the points of its face.
     """
     surface = made.scene.surface
-    points = grid_points(surface.shape, settings.grid)
+    points = grid_points(made, settings.grid)
     face = surface if points == surface.shape else surface.resample(points)
     sampling = made.sampling
     if sampling is not None and settings.realisations is not None:
@@ -190,7 +190,7 @@ def _contact_residual(made: Prepared, settings: Settings) -> Refinement:
 
 def _pixels(made: Prepared, settings: Settings) -> Refinement:
     finer = replace(settings, grid=settings.grid + 1)
-    points = " × ".join(map(str, grid_points(made.scene.surface.shape, finer.grid)))
+    points = " × ".join(map(str, grid_points(made, finer.grid)))
     if finer.grid > MOST_GRID:
         return Refinement(None, f"pixels are {2**MOST_GRID} times finer than those of the face")
     return Refinement(finer, f"{points} points")

@@ -242,7 +242,7 @@ def _accuracy_facts(case: Case, made: Prepared) -> Iterator[tuple[str, str]]:
     if case.accuracy is None:
         return
     chosen, given = first_settings(case, made), given_settings(case)
-    points = grid_points(made.scene.surface.shape, chosen.grid)
+    points = grid_points(made, chosen.grid)
     first = [f"{' × '.join(map(str, points))} points", f"contact.rtol {chosen.rtol:.0e}"]
     first += [] if chosen.realisations is None else [counted(chosen.realisations, "seal")]
     text = f"{100 * case.accuracy:.3g} % of the numbers alone, first with {', '.join(first)}"
