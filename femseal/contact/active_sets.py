@@ -12,7 +12,7 @@ Sources: Moré & Toraldo, SIAM J. Optim. 1, 1991, 93; Polonsky & Keer, Wear 231,
 
 from __future__ import annotations
 
-from math import inf
+from math import inf, sqrt
 
 import numpy as np
 from numpy.typing import NDArray
@@ -30,6 +30,8 @@ _STEPS = 3, 5, 0.04
 _LARGE_STEPS = 8, 16, 0.01
 #: Iterations after which no step may raise the energy (`Descent`), a slower rule that is seldom needed.
 _MONOTONE_AFTER = 60
+#: Sets stay while points that would leave them have at most this fraction of the squared residual, and it halves.
+_FRACTION = 0.1
 
 
 class ActiveSets:
@@ -63,7 +65,7 @@ class ActiveSets:
     ) -> None:
         self._grid = grid
         self._gap0, self._offset, self._line = gap0.ravel(), offset, line
-        self._law, self._hardens = (line.hardness.ravel(), line.slope.ravel()), line.hardens
+        self._law = line.hardness.ravel(), line.slope.ravel()
         self._points, self._stencil = tuple(grid.points), tuple(grid.stencil)
         self._loaded = load is not None
         self._load = 0.0 if load is None else load * gap0.size
@@ -156,7 +158,7 @@ class ActiveSets:
         """
         grid, former = self._grid, self.residual
         while True:
-            self.delta, carried, residual, changed, leaving = grid.loops.look(
+            self.delta, carried, r2, y2, changed, changed2 = grid.loops.look(
                 self._n_near,
                 self._c,
                 self._load,
@@ -171,7 +173,11 @@ class ActiveSets:
             reach = self.delta + self._margin
             self._reach = reach if carried and reach < inf else inf  # inf if NaN
             self._list_near()
-        self.residual = residual * (self._c0 / self._c)  # about the residual for the step c₀
+        relative = inf if r2 > 0.0 else 0.0
+        if y2 > 0.0:
+            relative = sqrt(r2 / y2)
+        self.residual = relative * (self._c0 / self._c)  # about the residual for the step c₀
+        leaving = changed2 > _FRACTION * r2
         # keep the sets as long as the residual falls and the points that would leave them have a small fraction of it
         self._changed = (
             changed > 0 and (leaving or self.residual > 0.5 * former)
@@ -209,7 +215,6 @@ class ActiveSets:
                 self._n_free,
                 self.delta,
                 self._loaded,
-                self._hardens,
                 self._law,
                 self._points,
                 self._stencil,
@@ -222,7 +227,6 @@ class ActiveSets:
                     self._former,
                     self._ones,
                     self._loaded,
-                    self._hardens,
                     self._points,
                     self._stencil,
                 )
@@ -241,7 +245,6 @@ class ActiveSets:
                 self._n_free,
                 self._wr,
                 self._loaded,
-                self._hardens,
                 grid.kd,
                 self._points,
             )

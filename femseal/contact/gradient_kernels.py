@@ -8,97 +8,77 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..base.compiled import compiled, inner
+from ..base.compiled import compiled
 from ..base.threads import ZERO
-from .kernels import FAST
+from .kernels import FAST, own
 from .points import FREE, KD, NEAR, ONES, PLACE, SCALE, SOFT, D, Line, P, Points, R, Stencil, V, W
 
 
 @compiled(**FAST)
-def restart(free, delta, loaded, hardens, line, points, stencil):
+def restart(free, delta, loaded, line, points, stencil):
     """Residual r = δ − v − a (p − H) and M1 on the free points, with which conjugate gradients begin; returns Σ M1."""
     line, points, stencil = Line(*line), Points(*points), Stencil(*stencil)
-    lay_ones(ZERO, free, hardens, line, points, stencil)
-    ones, total = first_residual(0, free, delta, hardens, line, points, stencil)
-    spread_residual(ZERO, free, total / free if loaded and free > 0 else 0.0, hardens, points)
+    lay_ones(ZERO, free, line, points, stencil)
+    ones, total = first_residual(0, free, delta, line, points, stencil)
+    spread_residual(ZERO, free, total / free if loaded and free > 0 else 0.0, points)
     return ones
 
 
 @compiled(**FAST)
-def lay_ones(first, end, hardens, line, points, stencil):
+def lay_ones(first, end, line, points, stencil):
     """Compliance and scale of some free points, and what M1 is found from."""
     listed = points.lists[FREE, first:end]
     soft, scale = points.on_free[SOFT, first:end], points.on_free[SCALE, first:end]
-    if hardens:
-        weights = stencil.weights
-        largest = weights[weights.shape[0] // 2, weights.shape[1] // 2]
-        for k in range(end - first):
-            soft[k] = (
-                1.0 / line.slope[listed[k] if line.slope.size > 1 else 0]
-                if points.state[listed[k]] == 3
-                else 0.0
-            )
-            scale[k] = 1.0 / np.sqrt(1.0 + soft[k] * largest)
-            points.dense[listed[k]] = scale[k]
-    else:
-        for k in range(end - first):
-            points.dense[listed[k]] = 1.0
+    weights = stencil.weights
+    largest = weights[weights.shape[0] // 2, weights.shape[1] // 2]
+    for k in range(end - first):
+        i = listed[k]
+        soft[k] = 1.0 / own(line.slope, i) if points.state[i] == 3 else 0.0
+        scale[k] = 1.0 / np.sqrt(1.0 + soft[k] * largest)
+        points.dense[i] = scale[k]
 
 
 @compiled(**FAST)
-def first_residual(first, end, delta, hardens, line, points, stencil):
+def first_residual(first, end, delta, line, points, stencil):
     """M1 and r of some free points; returns the sums of both."""
     listed, place = points.lists[FREE, first:end], points.lists[PLACE, first:end]
     p, v = points.near[P], points.near[V]
-    r, ones = points.on_free[R, first:end], points.on_free[ONES, first:end]
-    soft, scale = points.on_free[SOFT, first:end], points.on_free[SCALE, first:end]
-    ones_total = apply_stencil(listed, points.dense, ones, stencil)
+    r, soft = points.on_free[R, first:end], points.on_free[SOFT, first:end]
+    ones = preconditioned(first, end, points.on_free[ONES], points, stencil)
     total = 0.0
     for k in range(end - first):
         r[k] = delta - v[place[k]]
+        if soft[k] > 0.0:
+            r[k] -= soft[k] * (p[place[k]] - own(line.hardness, listed[k]))
         total += r[k]
-    if hardens:
-        ones_total = _scaled(ones, scale)
-        for k in range(end - first):
-            if points.state[listed[k]] == 3:
-                away = soft[k] * (
-                    p[place[k]] - line.hardness[listed[k] if line.hardness.size > 1 else 0]
-                )
-                r[k] -= away
-                total -= away
-    return ones_total, total
+    return ones, total
 
 
-@inner(**FAST)
-def _scaled(values, scale):
-    """Multiply values by the scale of their points; returns their sum."""
+@compiled(**FAST)
+def preconditioned(first, end, out, points, stencil):
+    """s M of what is on the grid, at some free points; returns its sum."""
+    listed, scale = points.lists[FREE, first:end], points.on_free[SCALE, first:end]
+    out = out[first:end]
+    apply_stencil(listed, points.dense, out, stencil)
     total = 0.0
-    for k in range(values.size):
-        values[k] *= scale[k]
-        total += values[k]
+    for k in range(end - first):
+        out[k] *= scale[k]
+        total += out[k]
     return total
 
 
 @compiled(**FAST)
-def turn(free, former, ones_total, loaded, hardens, points, stencil):
+def turn(free, former, ones_total, loaded, points, stencil):
     """Next direction d = w + (w·r / former) d, where w = M r less a multiple of M1 that keeps Σ w = 0 under a load.
 
     Returns w·r. Where that is not > 0, there is no direction.
     """
     points, stencil = Points(*points), Stencil(*stencil)
-    total = precondition(ZERO, free, hardens, points, stencil)
+    total = preconditioned(ZERO, free, points.on_free[W], points, stencil)
     wr = level(ZERO, free, total / ones_total if loaded else 0.0, points)
     if wr > 0.0:
         direct(ZERO, free, wr / former, points)
     return wr
-
-
-@compiled(**FAST)
-def precondition(first, end, hardens, points, stencil):
-    """w = M r of some free points; returns its sum."""
-    w = points.on_free[W, first:end]
-    total = apply_stencil(points.lists[FREE, first:end], points.dense, w, stencil)
-    return _scaled(w, points.on_free[SCALE, first:end]) if hardens else total
 
 
 @compiled(**FAST)
@@ -118,30 +98,25 @@ def direct(first, end, beta, points):
     """d = w + beta d at some free points, and on the grid."""
     listed = points.lists[FREE, first:end]
     w, d = points.on_free[W, first:end], points.on_free[D, first:end]
-    if beta == 0.0:
-        for k in range(end - first):
-            d[k] = w[k]
-            points.dense[listed[k]] = w[k]
-    else:
-        for k in range(end - first):
-            d[k] = w[k] + beta * d[k]
-            points.dense[listed[k]] = d[k]
+    for k in range(end - first):
+        d[k] = w[k] + beta * d[k] if beta > 0.0 else w[k]
+        points.dense[listed[k]] = d[k]
 
 
 @compiled(**FAST)
-def step(n, free, wr, loaded, hardens, kd, points):
+def step(n, free, wr, loaded, kd, points):
     """One step of conjugate gradients, p += α d, v += α Kd and r −= α (Kd + a d), with α = w·r / d·(Kd + a d).
 
     Returns d·Kd, d·d and whether the step was made: not where d·(Kd + a d) is not > 0.
     """
     points = Points(*points)
     gather(ZERO, n, kd, points.dense.size // kd.shape[0], points)
-    curvature, length, stiff = curvatures(ZERO, free, hardens, points)
+    curvature, length, stiff = curvatures(ZERO, free, points)
     total = 0.0
     if stiff > 0.0:
-        total = advance(ZERO, free, wr / stiff, hardens, points)
+        total = advance(ZERO, free, wr / stiff, points)
         advance_gap(ZERO, n, wr / stiff, points)
-    spread_residual(ZERO, free, total / free if loaded and free > 0 else 0.0, hardens, points)
+    spread_residual(ZERO, free, total / free if loaded and free > 0 else 0.0, points)
     return curvature, length, stiff > 0.0
 
 
@@ -162,35 +137,30 @@ def gather(first, end, kd, columns, points):
 
 
 @compiled(**FAST)
-def curvatures(first, end, hardens, points):
+def curvatures(first, end, points):
     """d·Kd, d·d and d·(Kd + a d) of some free points."""
     place, kn = points.lists[PLACE, first:end], points.near[KD]
     d, soft = points.on_free[D, first:end], points.on_free[SOFT, first:end]
     curvature = 0.0
     length = 0.0
+    compliance = 0.0
     for k in range(end - first):
         curvature += kn[place[k]] * d[k]
         length += d[k] * d[k]
-    stiff = curvature
-    if hardens:
-        for k in range(end - first):
-            stiff += soft[k] * d[k] * d[k]
-    return curvature, length, stiff
+        compliance += soft[k] * d[k] * d[k]
+    return curvature, length, curvature + compliance
 
 
 @compiled(**FAST)
-def advance(first, end, alpha, hardens, points):
+def advance(first, end, alpha, points):
     """p += α d and r −= α (Kd + a d) at some free points; returns Σ r."""
     place, p, kn = points.lists[PLACE, first:end], points.near[P], points.near[KD]
     r = points.on_free[R, first:end]
     d, soft = points.on_free[D, first:end], points.on_free[SOFT, first:end]
     total = 0.0
-    if hardens:
-        for k in range(end - first):
-            r[k] -= alpha * soft[k] * d[k]
     for k in range(end - first):
         p[place[k]] += alpha * d[k]
-        r[k] -= alpha * kn[place[k]]
+        r[k] -= alpha * (kn[place[k]] + soft[k] * d[k])
         total += r[k]
     return total
 
@@ -204,58 +174,37 @@ def advance_gap(first, end, alpha, points):
 
 
 @compiled(**FAST)
-def spread_residual(first, end, mean, hardens, points):
+def spread_residual(first, end, mean, points):
     """Write residuals to the points of the grid, less their mean under a load, which only rounding would leave over."""
     listed = points.lists[FREE, first:end]
     r, scale = points.on_free[R, first:end], points.on_free[SCALE, first:end]
-    if hardens:
-        for k in range(end - first):
-            r[k] -= mean
-            points.dense[listed[k]] = r[k] * scale[k]
-    else:
-        for k in range(end - first):
-            r[k] -= mean
-            points.dense[listed[k]] = r[k]
+    for k in range(end - first):
+        r[k] -= mean
+        points.dense[listed[k]] = r[k] * scale[k]
 
 
 @compiled(**FAST)
 def apply_stencil(listed, dense, out, stencil):
-    """Write stencil ∗ dense at the listed points to `out` and return its sum."""
+    """Write stencil ∗ dense at the listed points to `out`."""
     weights, rows, columns = stencil
     r1 = weights.shape[0] // 2
     r2 = weights.shape[1] // 2
     n1 = rows.size - 2 * r1
     n2 = columns.size - 2 * r2
-    total = 0.0
     nine = (r1 == 1) & (r2 == 1)
-    s00, s01, s02 = weights[0, 0], weights[0, r2], weights[0, -1]
-    s10, s11, s12 = weights[r1, 0], weights[r1, r2], weights[r1, -1]
-    s20, s21, s22 = weights[-1, 0], weights[-1, r2], weights[-1, -1]
     for k in range(listed.size):
         f = listed[k]
         i = f // n2
         j = f - i * n2
         s = 0.0
         if nine and 1 <= i < n1 - 1 and 1 <= j < n2 - 1:
-            s = (
-                s00 * dense[f - n2 - 1]
-                + s01 * dense[f - n2]
-                + s02 * dense[f - n2 + 1]
-                + s10 * dense[f - 1]
-                + s11 * dense[f]
-                + s12 * dense[f + 1]
-                + s20 * dense[f + n2 - 1]
-                + s21 * dense[f + n2]
-                + s22 * dense[f + n2 + 1]
-            )
+            for a in range(3):
+                for b in range(3):
+                    s += weights[a, b] * dense[f + (a - 1) * n2 + b - 1]
         else:
             for a in range(2 * r1 + 1):
-                row = rows[i + a]
-                if row >= 0:
-                    for b in range(2 * r2 + 1):
-                        column = columns[j + b]
-                        if column >= 0:
-                            s += weights[a, b] * dense[row * n2 + column]
+                for b in range(2 * r2 + 1):
+                    row, column = rows[i + a], columns[j + b]
+                    if row >= 0 and column >= 0:
+                        s += weights[a, b] * dense[row * n2 + column]
         out[k] = s
-        total += s
-    return total

@@ -17,7 +17,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from ..base.compiled import compiled, inner
-from ..base.threads import YES, ZERO
+from ..base.threads import ZERO
 from .points import FREE, KD, NEAR, PLACE, Line, P, Points, V, X
 
 #: Every function is inlined: a called one may be compiled differently in another process and change last digits.
@@ -25,8 +25,6 @@ EXACT: dict[str, Any] = {"forceinline": True}
 FAST: dict[str, Any] = {**EXACT, "fastmath": {"reassoc", "nsz", "arcp", "contract", "nnan"}}
 #: Most steps of Newton's method for δ.
 ROOT_STEPS = 200
-#: Sets stay while points that would leave them have at most this fraction of the squared residual, and it halves.
-_FRACTION = 0.1
 
 
 class Root(NamedTuple):
@@ -73,8 +71,8 @@ def add_gap(first, end, add, n, k, p, v, gap0, offset, reach, line, points):
                 points.near[P, n] = ps[j]
                 points.near[V, n] = vj
                 if states[j] == 3:
-                    over = ps[j] - line.hardness[at if line.hardness.size > 1 else 0]
-                    energy += 0.5 * over * over / line.slope[at if line.slope.size > 1 else 0]
+                    over = ps[j] - own(line.hardness, at)
+                    energy += 0.5 * over * over / own(line.slope, at)
                 if states[j] & 1:
                     points.lists[FREE, k] = at
                     points.lists[PLACE, k] = n
@@ -84,42 +82,18 @@ def add_gap(first, end, add, n, k, p, v, gap0, offset, reach, line, points):
 
 
 @compiled(**EXACT)
-def count_near(first, end, add, v, gap0, offset, reach, points):
-    """Add h₁ to v on some rows where `add`; returns how many points `add_gap` lists, and how many as free."""
-    weight = 1.0 if add else 0.0
-    n = 0
-    k = 0
-    columns = gap0.size // v.shape[0]
-    for row in range(first, end):
-        start = row * columns
-        vs, heights, states = (
-            v[row, :columns],
-            gap0[start : start + columns],
-            points.state[start : start + columns],
-        )
-        for j in range(columns):
-            vj = vs[j] + weight * (heights[j] - offset)
-            vs[j] = vj
-            is_near = (states[j] != 0) | (vj < reach)
-            n += is_near
-            k += is_near & states[j] & 1
-    return n, k
-
-
-@compiled(**EXACT)
 def look(n, c, load, loaded, delta, line, points):
     """Approach δ and residual of the complementarity on the points near contact.
 
     With x = p − c v and y(δ) the projection of x + cδ on the law, δ from Σ y = load. Returns δ, whether these points
-    can carry the load, ‖p − y‖/‖p‖, the number of points whose state y changes, and whether they have much of ‖p −
-    y‖².
+    can carry the load, and what `compare` does.
     """
     line, points = Line(*line), Points(*points)
     carried = True
     find_trial(ZERO, n, c, points)
     if loaded:
         delta, carried = root(points.near[X], n, line, c, points.lists[NEAR], c, load, delta)
-    return delta, carried, *residual(*compare(ZERO, n, c, delta, line, points))
+    return delta, carried, *compare(ZERO, n, c, delta, line, points)
 
 
 @compiled(**EXACT)
@@ -143,12 +117,9 @@ def compare(first, end, c, delta, line, points):
     changed = 0
     c2 = 0.0
     shift = c * delta
-    one = line.hardness.size + line.slope.size == 2
-    h, t = _line(ZERO, line, c)
     for j in range(end - first):
         i = listed[j]
-        if not one:
-            h, t = _line(i, line, c)
+        h, t = _line(i, line, c)
         y, s = _projected(x[j] + shift, h, t)
         e = y - p[j]
         r2 += e * e
@@ -159,20 +130,17 @@ def compare(first, end, c, delta, line, points):
     return r2, y2, changed, c2
 
 
-@compiled(**EXACT)
-def residual(r2, y2, changed, c2):
-    """The last three values of `look` from the sums of `compare`."""
-    relative = 0.0 if r2 == 0.0 else np.inf
-    if y2 > 0.0:
-        relative = np.sqrt(r2 / y2)
-    return relative, changed, c2 > _FRACTION * r2
+@inner(**EXACT)
+def own(values, i):
+    """Value of a point, of one each or one for all."""
+    return values[i if values.size > 1 else 0]
 
 
 @inner(**EXACT)
 def _line(i, line, c):
     """Hardness of a point, and the fraction t = h/(h + c) by which its pressure follows a trial pressure above it."""
-    h = line.slope[i if line.slope.size > 1 else 0]
-    return line.hardness[i if line.hardness.size > 1 else 0], h / (h + c) if h > 0.0 else 0.0
+    h = own(line.slope, i)
+    return own(line.hardness, i), h / (h + c) if h > 0.0 else 0.0
 
 
 @compiled(**EXACT)
@@ -209,11 +177,8 @@ def capacity(first, end, x, line, kept, listed, load):
     full = -np.inf
     total = 0.0
     rise = 0.0
-    one = line.hardness.size + line.slope.size == 2
-    h, t = _line(ZERO, line, kept)
     for j in range(end - first):
-        if not one:
-            h, t = _line(listed[j], line, kept)
+        h, t = _line(listed[j], line, kept)
         highest = max(highest, x[j])
         full = max(full, min(h, load) - x[j])
         total += h
@@ -257,23 +222,14 @@ def carry(first, end, x, shift, line, kept, listed):
     x, listed = x[first:end], listed[first:end]
     total = 0.0
     slopes = 0.0
-    if line.hardness.size == 1 and line.slope.size == 1 and line.slope[0] == 0.0:
-        h = line.hardness[0]
-        for j in range(end - first):
-            y = x[j] + shift
-            inside = 1.0 if (y > 0.0) & (y < h) else 0.0
-            y = y if y > 0.0 else 0.0
-            total += y if y < h else h
-            slopes += inside
-    else:
-        for j in range(end - first):
-            h, t = _line(listed[j], line, kept)
-            y = x[j] + shift
-            above = 0.0 if y < h else t
-            inside = 1.0 if (y > 0.0) & (y < h) else above
-            y = y if y > 0.0 else 0.0
-            total += y if y < h else h + above * (y - h)
-            slopes += inside
+    for j in range(end - first):
+        h, t = _line(listed[j], line, kept)
+        y = x[j] + shift
+        above = 0.0 if y < h else t
+        inside = 1.0 if (y > 0.0) & (y < h) else above
+        y = y if y > 0.0 else 0.0
+        total += y if y < h else h + above * (y - h)
+        slopes += inside
     return total, slopes
 
 
@@ -286,7 +242,8 @@ def project(n, free, c, delta, load, loaded, keep, p, line, points):
     """
     line, points = Line(*line), Points(*points)
     clear(ZERO, free, points)
-    k, carried = assign(ZERO, n, YES, c, delta, keep, p, line, points)
+    k, carried = assign(ZERO, n, c, delta, keep, p, line, points)
+    list_free(ZERO, n, ZERO, points)
     left = load - carried
     if k > 0 and left > 0.0 and loaded:
         uniform = root(points.near[KD], k, line, 0.0, points.lists[FREE], 1.0, left, 0.0)[0]
@@ -302,11 +259,8 @@ def clear(first, end, points):
 
 
 @compiled(**EXACT)
-def assign(first, end, enlist, c, delta, keep, p, line, points):
-    """Pressure and state of some points near contact; returns how many are free, and what the others carry.
-
-    Where `enlist`, the free points are listed from the first place, with their pressures in place of Kd.
-    """
+def assign(first, end, c, delta, keep, p, line, points):
+    """Pressure and state of some points near contact; returns how many are free, and what the others carry."""
     listed, x, pn = (
         points.lists[NEAR, first:end],
         points.near[X, first:end],
@@ -314,19 +268,13 @@ def assign(first, end, enlist, c, delta, keep, p, line, points):
     )
     carried = 0.0
     k = 0
-    one = line.hardness.size + line.slope.size == 2
-    h, t = _line(ZERO, line, c)
     for j in range(end - first):
         i = listed[j]
-        if not one:
-            h, t = _line(i, line, c)
+        h, t = _line(i, line, c)
         y, s = _projected(x[j] + c * delta, h, t)
         if s & 1:
             if keep and points.state[i] == s:
                 y = min(max(pn[j], 0.0), h) if s == 1 else max(pn[j], h)
-            if enlist:
-                points.lists[FREE, k] = i
-                points.near[KD, k] = y
             k += 1
         else:
             carried += y
@@ -351,13 +299,10 @@ def list_free(first, end, k, points):
 @compiled(**EXACT)
 def shift(first, end, c, uniform, p, line, points):
     """Add a uniform pressure to some free points, within the bounds."""
-    one = line.hardness.size + line.slope.size == 2
-    h, t = _line(ZERO, line, c)
     listed, x = points.lists[FREE, first:end], points.near[KD, first:end]
     for k in range(end - first):
         i = listed[k]
-        if not one:
-            h, t = _line(i, line, c)
+        h, t = _line(i, line, c)
         y = max(x[k] + uniform, 0.0)
         p[i] = min(y, h) if t == 0.0 else y
 
@@ -374,12 +319,12 @@ def gap_and_deformation(first, end, p, v, delta, c, line, gap, deformation, plas
         for j in range(columns):
             i = row * columns + j
             g = v[row, j] - delta
-            h = line.hardness[i if line.hardness.size > 1 else 0]
+            h = own(line.hardness, i)
             gap[i] = 0.0 if p[i] > 0.0 or g < 0.0 else g
             plastic[i] = p[i] >= h
             deformation[i] = 0.0
             if plastic[i]:
-                s = line.slope[i if line.slope.size > 1 else 0]
+                s = own(line.slope, i)
                 u = -g if s == 0.0 else (p[i] - h - c * g) / (s + c)
                 if u > 0.0:
                     deformation[i] = u

@@ -12,7 +12,7 @@ from typing import Any
 
 from ..base.threads import on_threads, parts
 from . import gradient_kernels, kernels
-from .points import FREE, KD, NEAR, Line, Points, Stencil, X
+from .points import FREE, KD, NEAR, PLACE, Line, Points, Stencil, W, X
 
 #: Points of a grid, and of a list, in a part: the loops over it take a few tenths of a millisecond.
 POINTS, LISTED = 2**19, 2**16
@@ -37,32 +37,34 @@ class LongLists:
         self, _: int, end: int, add: bool, n: int, k: int, p: Any, v: Any, *rest: Any
     ) -> Any:
         """As `kernels.add_gap`, on all rows."""
-        threads, (gap0, offset, reach, _, points) = self._threads, rest
-        pieces = rows_in_parts(v, p.size)
-        starts = [(0, 0)]
-        head = v, gap0, offset, reach, Points(*points)
-        for n, k in on_threads(threads, lambda part: kernels.count_near(*part, add, *head), pieces):
-            starts.append((starts[-1][0] + n, starts[-1][1] + k))
+        points, columns = Points(*rest[-1]), p.size // end
+        # each part lists its points from the place of its first one on
         found = on_threads(
-            threads,
-            lambda at: kernels.add_gap(*at[0], False, *at[1], p, v, *rest),
-            zip(pieces, starts[:-1], strict=True),
+            self._threads,
+            lambda rows: kernels.add_gap(*rows, add, *[rows[0] * columns] * 2, p, v, *rest),
+            pieces := rows_in_parts(v, p.size),
         )
-        return *starts[-1], *_sums([sums for _, _, *sums in found])
+        for (first, _), (end_near, end_free, *_) in zip(pieces, found, strict=True):
+            start = first * columns
+            near, free = slice(start, end_near), slice(start, end_free)
+            more, more_free = end_near - start, end_free - start
+            points.lists[NEAR, n : n + more] = points.lists[NEAR, near]
+            points.near[:, n : n + more] = points.near[:, near]
+            points.lists[FREE, k : k + more_free] = points.lists[FREE, free]
+            points.lists[PLACE, k : k + more_free] = points.lists[PLACE, free] - (start - n)
+            n, k = n + more, k + more_free
+        return n, k, *_sums([sums for _, _, *sums in found])
 
     def look(
         self, n: int, c: float, load: float, loaded: bool, delta: float, line: Any, points: Any
     ) -> Any:
         """As `kernels.look`."""
-        if not _is_long(n):
-            return kernels.look(n, c, load, loaded, delta, line, points)
         line, points, carried = Line(*line), Points(*points), True
         self._each(n, kernels.find_trial, c, points)
         if loaded:
             x, listed = points.near[X], points.lists[NEAR]
             delta, carried = self._root(x, n, line, c, listed, c, load, delta)
-        sums = _sums(self._each(n, kernels.compare, c, delta, line, points))
-        return delta, carried, *kernels.residual(*sums)
+        return delta, carried, *_sums(self._each(n, kernels.compare, c, delta, line, points))
 
     def _root(
         self,
@@ -76,8 +78,6 @@ class LongLists:
         start: float,
     ) -> tuple[float, bool]:
         """As `kernels.root`."""
-        if not _is_long(n):
-            return kernels.root(x, n, line, kept, listed, c, load, start)
         of = line, kept, listed
         highest, full, capacity, rise = zip(
             *self._each(n, kernels.capacity, x, *of, load), strict=True
@@ -95,11 +95,9 @@ class LongLists:
         p: Any, line: Any, points: Any,
     ) -> int:  # fmt: skip
         """As `kernels.project`."""
-        if not _is_long(n):
-            return kernels.project(n, free, c, delta, load, loaded, keep, p, line, points)
         line, points = Line(*line), Points(*points)
         self._each(free, kernels.clear, points)
-        counts = self._each(n, kernels.assign, False, c, delta, keep, p, line, points)
+        counts = self._each(n, kernels.assign, c, delta, keep, p, line, points)
         places = zip(parts(n, LISTED), [0, *accumulate(k for k, _ in counts)], strict=False)
         on_threads(self._threads, lambda at: kernels.list_free(*at[0], at[1], points), places)
         k, carried = _sums(counts)
@@ -110,65 +108,47 @@ class LongLists:
         return k
 
     def restart(
-        self,
-        free: int,
-        delta: float,
-        loaded: bool,
-        hardens: bool,
-        line: Any,
-        points: Any,
-        stencil: Any,
+        self, free: int, delta: float, loaded: bool, line: Any, points: Any, stencil: Any
     ) -> float:
         """As `gradient_kernels.restart`."""
-        made = gradient_kernels
-        if not _is_long(free):
-            return made.restart(free, delta, loaded, hardens, line, points, stencil)
         line, points, stencil = Line(*line), Points(*points), Stencil(*stencil)
-        self._each(free, made.lay_ones, hardens, line, points, stencil)
+        self._each(free, gradient_kernels.lay_ones, line, points, stencil)
         ones, total = _sums(
-            self._each(free, made.first_residual, delta, hardens, line, points, stencil)
+            self._each(free, gradient_kernels.first_residual, delta, line, points, stencil)
         )
-        self._each(free, made.spread_residual, total / free if loaded else 0.0, hardens, points)
+        self._spread(free, total, loaded, points)
         return ones
 
     def turn(
-        self,
-        free: int,
-        former: float,
-        ones_total: float,
-        loaded: bool,
-        hardens: bool,
-        points: Any,
-        stencil: Any,
+        self, free: int, former: float, ones_total: float, loaded: bool, points: Any, stencil: Any
     ) -> float:
         """As `gradient_kernels.turn`."""
-        made = gradient_kernels
-        if not _is_long(free):
-            return made.turn(free, former, ones_total, loaded, hardens, points, stencil)
         points, stencil = Points(*points), Stencil(*stencil)
-        total = sum(self._each(free, made.precondition, hardens, points, stencil))
-        wr = sum(self._each(free, made.level, total / ones_total if loaded else 0.0, points))
+        w = points.on_free[W]
+        total = sum(self._each(free, gradient_kernels.preconditioned, w, points, stencil))
+        factor = total / ones_total if loaded else 0.0
+        wr = sum(self._each(free, gradient_kernels.level, factor, points))
         if wr > 0.0:
-            self._each(free, made.direct, wr / former, points)
+            self._each(free, gradient_kernels.direct, wr / former, points)
         return wr
 
     def step(
-        self, n: int, free: int, wr: float, loaded: bool, hardens: bool, kd: Any, points: Any
+        self, n: int, free: int, wr: float, loaded: bool, kd: Any, points: Any
     ) -> tuple[float, float, bool]:
         """As `gradient_kernels.step`."""
-        made = gradient_kernels
-        if not _is_long(n):
-            return made.step(n, free, wr, loaded, hardens, kd, points)
         points = Points(*points)
-        self._each(n, made.gather, kd, points.dense.size // len(kd), points)
-        curvature, length, stiff = _sums(self._each(free, made.curvatures, hardens, points))
+        self._each(n, gradient_kernels.gather, kd, points.dense.size // len(kd), points)
+        curvature, length, stiff = _sums(self._each(free, gradient_kernels.curvatures, points))
         total = 0.0
         if stiff > 0.0:
-            total = sum(self._each(free, made.advance, wr / stiff, hardens, points))
-            self._each(n, made.advance_gap, wr / stiff, points)
-        mean = total / free if loaded and free > 0 else 0.0
-        self._each(free, made.spread_residual, mean, hardens, points)
+            total = sum(self._each(free, gradient_kernels.advance, wr / stiff, points))
+            self._each(n, gradient_kernels.advance_gap, wr / stiff, points)
+        self._spread(free, total, loaded, points)
         return curvature, length, stiff > 0.0
+
+    def _spread(self, free: int, total: float, loaded: bool, points: Points) -> None:
+        mean = total / free if loaded and free > 0 else 0.0
+        self._each(free, gradient_kernels.spread_residual, mean, points)
 
     def _each(self, n: int, kernel: Callable[..., Any], *arguments: Any) -> list[Any]:
         """The values of a kernel on the parts of n listed points."""
@@ -183,10 +163,6 @@ def lists_of(points: int, threads: int) -> ShortLists | LongLists:
 def rows_in_parts(v: Any, points: int) -> list[tuple[int, int]]:
     """First and last + 1 of the rows of the parts of a grid of so many points."""
     return parts(len(v), POINTS * len(v) / points)
-
-
-def _is_long(n: int) -> bool:
-    return len(parts(n, LISTED)) > 1
 
 
 def _sums(rows: list[tuple[Any, ...]]) -> list[Any]:

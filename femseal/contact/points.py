@@ -16,8 +16,8 @@ NEAR, FREE, PLACE = range(3)
 #: Rows of `Points.near`: x = p − c v, p, v = Kp + h₁ and Kd of the points near contact, in the order of their list.
 X, P, V, KD = range(4)
 #: Rows of `Points.on_free`: residual r, preconditioned residual w, direction d and M1 of the free points, in the order
-#: of their list; of a law that hardens also their compliance a (1/h in state 3, else 0) and scale s = 1/√(1 + a m), m
-#: the largest entry of the stencil: a point that yields is softer by a, and the preconditioner is s M s.
+#: of their list; their compliance a (1/h in state 3, else 0) and scale s = 1/√(1 + a m), m the largest entry of the
+#: stencil: a point that yields on a slope is softer by a, and the preconditioner is s M s.
 R, W, D, ONES, SOFT, SCALE = range(6)
 
 
