@@ -63,7 +63,7 @@ class ActiveSets:
         load: float | None,
         approach: float | None,
     ) -> None:
-        self._grid = grid
+        self.grid = grid
         self._gap0, self._offset, self._line = gap0.ravel(), offset, line
         self._law = line.hardness.ravel(), line.slope.ravel()
         self._points, self._stencil = tuple(grid.points), tuple(grid.stencil)
@@ -84,7 +84,7 @@ class ActiveSets:
 
     def solve(self, rtol: float, limit: int) -> None:
         """Iterate until the residual is `rtol`, for at most `limit` iterations."""
-        self._grid.points.dense[:] = 0
+        self.grid.points.dense[:] = 0
         self._begin()
         self._look()
         while not self._solved(rtol):
@@ -109,7 +109,7 @@ class ActiveSets:
             return False
         # a projected pressure carries the load; the initial one may miss it by as much as the residual
         start = self.iterations == 0 and self._loaded
-        return not start or abs(float(self._grid.p.sum()) - self._load) <= 1e-10 * self._load
+        return not start or abs(float(self.grid.p.sum()) - self._load) <= 1e-10 * self._load
 
     def _begin(self) -> None:
         """List the points near contact of the initial pressure, with a first guess of the approach."""
@@ -124,7 +124,7 @@ class ActiveSets:
 
     def _product(self) -> tuple[float, float, float]:
         """Find v = Kp + h₁ and list the points near contact; returns energy and load of p, and Σ v on the list."""
-        grid = self._grid
+        grid = self.grid
         grid.respond.apply()
         self.pairs += 1
         self._fresh = True
@@ -133,7 +133,7 @@ class ActiveSets:
 
     def _list_near(self, add: bool = False) -> tuple[float, float, float]:
         """List the points near contact, after h₁ is added to v where `add`; returns energy, Σ p and Σ v."""
-        grid = self._grid
+        grid = self.grid
         self._n_near, self._n_free, *sums = grid.loops.add_gap(
             0,
             len(grid.v),
@@ -156,7 +156,7 @@ class ActiveSets:
         Points that are not on the list had v above `reach` when the list was made. If δ exceeds `reach`, a new list is
         made. It needs v of all points; after a step of conjugate gradients it waits for the next product with p.
         """
-        grid, former = self._grid, self.residual
+        grid, former = self.grid, self.residual
         while True:
             self.delta, carried, r2, y2, changed, changed2 = grid.loops.look(
                 self._n_near,
@@ -185,7 +185,7 @@ class ActiveSets:
 
     def _change_sets(self) -> None:
         """Project p on the bounds and the load, which decides which points are free, and find v."""
-        grid = self._grid
+        grid = self.grid
         keep = self.iterations > 1
         self._n_free = grid.loops.project(
             self._n_near,
@@ -208,7 +208,7 @@ class ActiveSets:
 
     def _conjugate_gradients(self) -> None:
         """Make a few steps on the free points; their Rayleigh quotients d·Kd/d·d give the step c of the next look."""
-        grid, longest, first = self._grid, self._c0, inf
+        grid, longest, first = self.grid, self._c0, inf
         after_change, without, drop = self._steps
         if self._new_sets:
             self._ones = grid.loops.restart(
@@ -258,7 +258,7 @@ class ActiveSets:
 
     def _descend(self, rtol: float, limit: int) -> None:
         """Go on by steps that never raise the energy."""
-        grid = self._grid
+        grid = self.grid
         self._change_sets()
         descent = Descent(
             grid,

@@ -7,11 +7,9 @@ hardens, p ≤ H + h u, adds ½⟨(p − H)₊,(p − H)₊⟩/h in place of the
 
 from __future__ import annotations
 
-import threading
-from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from math import inf
-from typing import ClassVar, cast
+from typing import ClassVar
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -23,12 +21,14 @@ from .active_sets import ActiveSets
 from .half_space import HalfSpace
 from .law import ContactLaw, YieldLine, contact_law
 from .points import Line
-from .workspace import Workspace, coarsen, nested_grids
+from .workspace import Workspace, coarsen, workspace
 
 Array = NDArray[np.float64]
 _COARSE_RTOL = 1e-2
 _COARSE_ITERATIONS = 40
 _MAX_ITERATIONS = 400
+#: Largest number of points along the shorter side of the coarsest grid.
+_COARSEST = 48
 #: Solutions with tangents of a curved law after which it does not settle.
 _MOST_TANGENTS = 100
 #: Part of its pressure that a tangent has left at the depth from which on it holds.
@@ -215,7 +215,7 @@ def _with_fluid(
         pressure -= mean
     # the same number at every point stays one, and the law with it
     reduced = law.less(p_f.flat[0] if np.all(p_f == p_f.flat[0]) else p_f)
-    grid = nested_grids(half_space, threading.get_ident(), threads)[0]
+    grid = workspace(half_space, threads)
     grid.pressure[:] = p_f
     grid.respond.apply()
     return gap + grid.respond.displacement, reduced, pressure
@@ -313,70 +313,72 @@ class _Problem:
 
     def solve(self, threads: int) -> Contact:
         """Solve at once where no point or every point is at its bound, else from coarse grids to this one."""
-        grids = nested_grids(self.half_space, threading.get_ident(), threads)
         # what the highest points are above others is known to all its digits, however small it is beside the heights
         offset = float(self.gap0.min())
         if self.load == 0:
-            return self._uniform(grids[0], offset, 0.0, float(self.gap0.min()))
+            return self._uniform(threads, offset, 0.0, offset)
         if self.load is not None and self.load >= self.line.capacity * (1 - 1e-12):
-            return self._uniform(grids[0], offset, self.line.hardness, None)
-        sets = self._nested(grids, offset)
-        self._check(sets, grids[0])
+            return self._uniform(threads, offset, self.line.hardness, None)
+        sets = self._nested(threads, offset)
+        self._check(sets)
         return self._result(
-            grids[0], offset, sets.delta, sets.residual, sets.iterations, sets.pairs
+            sets.grid, offset, sets.delta, sets.residual, sets.iterations, sets.pairs
         )
 
-    def _nested(self, grids: Sequence[Workspace], offset: float) -> ActiveSets:
+    def _nested(self, threads: int, offset: float) -> ActiveSets:
         """Solve on the coarsest grid first; each solution is the start on the next finer grid."""
-        gaps, lines, sets = [self.gap0], [self.line], cast(ActiveSets, None)
-        for _ in range(len(grids) - 1):
-            gaps.append(coarsen(gaps[-1]))
-            values = (
-                coarsen(a) if a.size > 1 else a for a in (lines[-1].hardness, lines[-1].slope)
-            )
-            lines.append(YieldLine(*values))
-        loads = [self.load] * len(grids)
-        if self.load is not None and self.line.hardness.size > 1:
-            # coarse means count an odd border twice: every grid carries the same fraction of its capacity
-            capacity = [line.capacity for line in lines]
-            loads = [self.load * (c / capacity[0] if np.isfinite(c) else 1) for c in capacity]
-        start = self._first_guess(grids[-1], gaps[-1], lines[-1], loads[-1])
-        for level in reversed(range(len(grids))):
-            sets = cast(ActiveSets, None)  # whose grid goes before the next one comes
-            grids[level].start(start, lines[level].limit)
-            sets = ActiveSets(
-                grids[level], gaps.pop(), offset, lines[level], loads[level], self.approach
-            )
-            if level > 0:
-                sets.solve(_COARSE_RTOL, _COARSE_ITERATIONS)
-            start = grids[level].pressure
-        sets.solve(self.rtol, _MAX_ITERATIONS)
-        return sets
+        problems = [self]
+        while min(problems[-1].half_space.shape) > _COARSEST:
+            problems.append(problems[-1]._coarser())
+        start = problems[-1]._first_guess()
+        while True:
+            problem = problems.pop()
+            grid = workspace(problem.half_space, threads, self.half_space)
+            grid.start(start, problem.line.limit)
+            of_points = offset, problem.line, problem.load, self.approach
+            sets = ActiveSets(grid, problem.gap0, *of_points)
+            if not problems:
+                sets.solve(self.rtol, _MAX_ITERATIONS)
+                return sets
+            sets.solve(_COARSE_RTOL, _COARSE_ITERATIONS)
+            start = grid.pressure
+            del grid, sets  # before the next ones come
 
-    def _first_guess(
-        self, grid: Workspace, gap0: Array, line: YieldLine, load: float | None
-    ) -> Array:
+    def _coarser(self) -> _Problem:
+        """The problem with about half of the points along both axes."""
+        body, load = self.half_space, self.load
+        (n1, n2), (d1, d2) = body.shape, body.spacing
+        values = self.line.hardness, self.line.slope
+        line = YieldLine(*(coarsen(a) if a.size > 1 else a for a in values))
+        if load is not None and np.isfinite(line.capacity):
+            # coarse means count an odd border twice: every grid carries the same fraction of its capacity
+            load *= line.capacity / self.line.capacity
+        body = replace(body, shape=((n1 + 1) // 2, (n2 + 1) // 2), spacing=(2 * d1, 2 * d2))
+        return replace(self, gap0=coarsen(self.gap0), half_space=body, line=line, load=load)
+
+    def _first_guess(self) -> Array:
         """Initial pressure on the coarsest grid.
 
         A load is spread over as many of the highest points as carry it at H, or at 0.1 E*. At an approach each point
         below δ has the pressure that would press the longest wave so deep.
         """
-        modulus = self.half_space.modulus
+        modulus, gap0, load = self.half_space.modulus, self.gap0, self.load
         if load is None:
             assert self.approach is not None
             size = max(
-                n * d for n, d in zip(grid.half_space.shape, grid.half_space.spacing, strict=True)
+                n * d for n, d in zip(self.half_space.shape, self.half_space.spacing, strict=True)
             )
             return np.maximum(self.approach - gap0, 0.0) * np.pi * modulus / size
-        soft = min(line.mean_hardness, 0.1 * modulus)
+        soft = min(self.line.mean_hardness, 0.1 * modulus)
         n = max(min(4, gap0.size), min(gap0.size, int(load / soft * gap0.size)))
         touching = gap0 <= np.partition(gap0, n - 1, axis=None)[n - 1]
         return touching * (load * gap0.size / np.count_nonzero(touching))
 
     def _uniform(
-        self, grid: Workspace, offset: float, pressure: float | Array, approach: float | None
+        self, threads: int, offset: float, pressure: float | Array, approach: float | None
     ) -> Contact:
         """Solution whose pressure is known; `approach` None is the least at which every point is in contact."""
+        grid = workspace(self.half_space, threads)
         grid.pressure[:] = pressure
         grid.respond.apply()
         v = grid.respond.displacement
@@ -384,9 +386,9 @@ class _Problem:
         delta = float(v.max()) if approach is None else approach - offset
         return self._result(grid, offset, delta, residual=0.0, iterations=0, pairs=1)
 
-    def _check(self, sets: ActiveSets, grid: Workspace) -> None:
+    def _check(self, sets: ActiveSets) -> None:
         """Raise NotConverged if the load or the residual is not what was asked for."""
-        carried = float(grid.p.sum()) / grid.p.size
+        carried = float(sets.grid.p.mean())
         if self.load and not abs(carried - self.load) <= 1e-9 * self.load:
             raise NotConverged(
                 f"contact: the load is {carried / self.load:.6g} of the given one; try another grid",

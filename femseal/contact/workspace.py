@@ -2,11 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import replace
 from functools import lru_cache
 from math import prod
-from typing import Any
+from threading import get_ident
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,61 +20,20 @@ Array = NDArray[np.float64]
 #: Points up to which the arrays of a grid are kept for its next problem: 100 bytes each. Making them takes a twentieth
 #: of a solution.
 KEPT_POINTS = 2**21
-#: Largest number of points along the shorter side of the coarsest grid.
-_COARSEST = 48
 #: Number of points from which two threads are faster than one.
 _THREADED = 2**18
 
 
-def nested_grids(half_space: HalfSpace, thread: int, threads: int) -> Sequence[Workspace]:
-    """Workspaces from the given grid to the coarsest, kept per thread because their arrays are written to.
-
-    Of a large grid one is there at a time, and none is kept.
-    """
-    if prod(half_space.shape) > KEPT_POINTS:
-        return _OneAtATime(_levels(half_space), threads)
-    return _kept_grids(half_space, thread, threads)
+def workspace(half_space: HalfSpace, threads: int, finest: HalfSpace | None = None) -> Workspace:
+    """Workspace of a half-space, kept for this thread unless it is large, or the `finest` of its levels is."""
+    if prod((finest or half_space).shape) > KEPT_POINTS:
+        return Workspace(half_space, threads, kept=False)
+    return _kept(half_space, threads, get_ident())
 
 
-@lru_cache(maxsize=8)
-def _kept_grids(half_space: HalfSpace, thread: int, threads: int) -> tuple[Workspace, ...]:
-    return tuple(Workspace(level, threads) for level in _levels(half_space))
-
-
-def _levels(half_space: HalfSpace) -> tuple[HalfSpace, ...]:
-    """Half-spaces from the given grid to the coarsest, each with about half of the points along both axes."""
-    levels = [half_space]
-    while min(half_space.shape) > _COARSEST:
-        n1, n2 = half_space.shape
-        d1, d2 = half_space.spacing
-        half_space = replace(
-            half_space, shape=((n1 + 1) // 2, (n2 + 1) // 2), spacing=(2 * d1, 2 * d2)
-        )
-        levels.append(half_space)
-    return tuple(levels)
-
-
-class _OneAtATime(Sequence["Workspace"]):
-    """Workspaces of some half-spaces, of which only the one that was asked for last is there."""
-
-    def __init__(self, levels: tuple[HalfSpace, ...], threads: int) -> None:
-        self._levels, self._threads = levels, threads
-        self._number = -1
-        self._last: Workspace | None = None
-
-    def __len__(self) -> int:
-        return len(self._levels)
-
-    def __getitem__(self, n: Any) -> Any:
-        """The workspace of a level, whose arrays its last user may keep."""
-        number = range(len(self))[n]
-        if self._last is None or number != self._number:
-            self._last = None
-            self._number, self._last = (
-                number,
-                Workspace(self._levels[number], self._threads, kept=False),
-            )
-        return self._last
+@lru_cache(maxsize=40)
+def _kept(half_space: HalfSpace, threads: int, thread: int) -> Workspace:
+    return Workspace(half_space, threads)
 
 
 class Workspace:
