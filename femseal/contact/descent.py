@@ -42,9 +42,12 @@ class Descent:
         self, grid: Workspace, gap: Array, line: YieldLine, load: float | None, delta: float
     ) -> None:
         self._grid, self._gap, self._load = grid, gap, load
-        self._hardness, self._slope = line.hardness.ravel(), line.slope.ravel()
-        self._hardens = np.broadcast_to(self._slope > 0, gap.shape)
-        self._limit = np.broadcast_to(line.limit.ravel(), gap.shape)
+        self._line = Line(line.hardness.ravel(), line.slope.ravel())
+        self._hardness, self._slope, self._limit = (
+            np.broadcast_to(values, gap.shape) for values in (*self._line, line.limit.ravel())
+        )
+        # of points that yield on a slope
+        self._compliance = np.divide(1, self._slope, out=np.zeros(gap.shape), where=self._slope > 0)
         self._every = np.arange(gap.size, dtype=np.int32)
         self.delta, self.residual, self.iterations, self.pairs = delta, np.inf, 0, 0
 
@@ -71,21 +74,16 @@ class Descent:
 
     def _projected(self, p: Array, v: Array, c: float) -> tuple[float, Array]:
         """δ and y, the projection of p − c (v − δ) on the law."""
-        x, delta, line = p - c * v, self.delta, Line(self._hardness, self._slope)
+        x, delta, line = p - c * v, self.delta, self._line
         if self._load is not None:
             delta = kernels.root(x, x.size, line, c, self._every, c, self._load, delta)[0]
         z = x + c * delta
-        y = np.clip(z, 0.0, self._hardness)
-        if self._hardens.any():
-            y += self._slope / (self._slope + c) * np.maximum(z - self._hardness, 0.0)
-        return delta, y
+        over = np.maximum(z - self._hardness, 0.0)
+        return delta, np.clip(z, 0.0, self._hardness) + self._slope / (self._slope + c) * over
 
     def _energy(self, p: Array) -> float:
         """ψ(p), what the law adds to the energy."""
-        if not self._hardens.any():
-            return 0.0
-        over = np.where(self._hardens, np.maximum(p - self._hardness, 0.0), 0.0)
-        return float(np.sum(0.5 * over**2 / np.where(self._hardens, self._slope, 1.0)))
+        return float(0.5 * self._compliance @ np.maximum(p - self._hardness, 0.0) ** 2)
 
     def _product(self, d: Array) -> Array:
         self._grid.points.dense[:] = d
@@ -113,13 +111,13 @@ class Descent:
 
         The bounds of an elastic point are 0 and H, those of one that yields on a slope are H and inf.
         """
-        hardness, first = np.broadcast_to(self._hardness, p.shape), 0.0
+        hardness, first = self._hardness, 0.0
         free = self._every[:0]
         d = soft = np.zeros(0)
         former = np.inf
         for step in range(_STEPS):
             if former == np.inf:
-                yields = (p > hardness) & self._hardens
+                yields = (p > hardness) & (self._slope > 0)
                 free = self._every[((p > 0) & (p < hardness)) | yields]
                 if free.size < 2:
                     return
@@ -127,16 +125,11 @@ class Descent:
                     np.where(yields, hardness, 0.0)[free],
                     np.where(yields, np.inf, hardness)[free],
                 )
-                slopes = np.broadcast_to(self._slope, p.shape)
-                soft = np.where(yields, 1.0 / np.where(yields, slopes, 1.0), 0.0)[free]
+                soft = np.where(yields, self._compliance, 0.0)[free]
                 scale = 1.0 / np.sqrt(1.0 + soft * self._grid.stencil.weights.max())
                 ones = self._preconditioned(free, np.ones(free.size), scale)
                 d = np.zeros(free.size)
-            r = (
-                self.delta - v[free] - soft * (p[free] - hardness[free])
-                if soft.any()
-                else self.delta - v[free]
-            )
+            r = self.delta - v[free] - soft * np.maximum(p[free] - hardness[free], 0.0)
             if self._load is not None:
                 r -= r.mean()
             w = self._preconditioned(free, r, scale)

@@ -11,8 +11,7 @@ Source: Sahlin et al., Proc. IMechE J 224, 2010, 335 (perfectly plastic).
 
 from __future__ import annotations
 
-import hashlib
-from dataclasses import dataclass, fields, is_dataclass, replace
+from dataclasses import dataclass, replace
 from functools import cached_property
 from math import inf
 from typing import Any
@@ -21,12 +20,9 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ..base import InputError, to_text
+from ..store.digest import Unnamed, digest
 
 Array = NDArray[np.float64]
-#: Relative distance from H within which a point counts as yielding, where pressures were kept in single precision.
-_AT_YIELD = 1e-6
-#: Overlap times c over the pressure, from which on a point has yielded though its pressure is off H by a tolerance.
-_DEEP = 1e-2
 #: Newton steps, or halvings, of a projection onto a curved law, one for a straight line; steepest fall over c for them.
 _NEWTON_STEPS, _STEEPEST = 60, 0.8
 
@@ -88,28 +84,11 @@ class ContactLaw:
         """The law of a metal `factor` times as hard: factor · H(u)."""
         return _Changed(self, factor=factor)
 
-    def deformation(self, pressure: Array, gap: Array, stiffness: float) -> Array:
-        """Plastic deformation u >= 0 [m] where points are at their yield pressure, 0 elsewhere.
-
-        pressure, gap : p [Pa] and raw gap g [m] of a solution, or nearly so. stiffness : c [Pa/m].
-        """
-        u = self.admissible(pressure, gap, stiffness)[1]
-        yields = pressure >= np.minimum(self.yield_pressure(), self.yield_pressure(u)) * (
-            1 - _AT_YIELD
-        )
-        return np.where(yields | (-stiffness * gap > _DEEP * pressure), u, 0.0)
-
-    def project(self, trial: Array, stiffness: float) -> Array:
-        """The admissible pressure y >= 0 [Pa] of a trial pressure z, with z = y + c u and y = H(u) where y yields.
-
-        It minimises ½(y − z)² + c ψ(y), ψ the energy of the law: for perfect plasticity, z between 0 and H.
-        """
-        return np.clip(trial, 0.0, self.yield_pressure(self._deformation(trial, stiffness)))
-
     def admissible(self, pressure: Array, gap: Array, stiffness: float) -> tuple[Array, Array]:
         """The admissible pressure y >= 0 [Pa] near a pressure p with the raw gap g, and its deformation u [m].
 
-        It is the projection of p − c g. Where the law falls steeply there are several: a point that has gone through
+        It is the projection of z = p − c g: z = y + c u, and y = H(u) where y yields. It minimises ½(y − z)² + c ψ(y),
+        ψ the energy of the law. Where the law falls steeply there are several: a point that has gone through
         the steep part stays at its overlap, as its neighbours have taken what it no longer carries.
         """
         trial = pressure - stiffness * gap
@@ -173,12 +152,11 @@ class ContactLaw:
         return YieldLine(hardness, slope)
 
     def key(self) -> str:
-        """The law as text, the same for the same parameters: what was computed with one law serves no other."""
-        kind = type(self)
-        if not is_dataclass(self):
-            return f"{kind.__module__}.{kind.__qualname__}:{self!r}"
-        values = ", ".join(f"{f.name}={_key_of(getattr(self, f.name))}" for f in fields(self))
-        return f"{kind.__module__}.{kind.__qualname__}({values})"
+        """The same for the same parameters, and for no others."""
+        try:
+            return digest(self)
+        except Unnamed:
+            return repr(self)
 
     def __str__(self) -> str:
         return f"{type(self).__name__} with hardness {to_text(self.mean_hardness, 'Pa')}"
@@ -204,8 +182,8 @@ class PerfectlyPlastic(ContactLaw):
 
     Examples
     --------
-    >>> PerfectlyPlastic(4e9).project(np.array([-1e9, 1e9, 6e9]), 1e15)
-    array([0.e+00, 1.e+09, 4.e+09])
+    >>> PerfectlyPlastic(4e9).yield_pressure(1e-6)
+    4000000000.0
     """
 
     hardness: float | Array = inf
@@ -241,14 +219,6 @@ class PerfectlyPlastic(ContactLaw):
             if elastic
             else f"elastic-perfectly plastic with hardness {to_text(self.mean_hardness, 'Pa')}"
         )
-
-    def deformation(self, pressure: Array, gap: Array, stiffness: float) -> Array:
-        """The overlap −g where points are at the hardness."""
-        return np.where(pressure >= self.hardness * (1 - _AT_YIELD), np.maximum(-gap, 0.0), 0.0)
-
-    def project(self, trial: Array, stiffness: float) -> Array:
-        """The trial pressure between 0 and H."""
-        return np.clip(trial, 0.0, self.hardness)
 
 
 @dataclass(frozen=True, eq=False)
@@ -401,12 +371,3 @@ def _numbers(name: str, value: Any, unit: str, *, zero: bool = False) -> float |
         wanted = f"finite numbers >= 0 [{unit}]" if zero else f"numbers > 0 [{unit}]"
         raise InputError(name, f"{array.min():g} {unit}" if array.size else "no numbers", wanted)
     return float(array.item()) if array.size == 1 else array
-
-
-def _key_of(value: Any) -> str:
-    if isinstance(value, ContactLaw):
-        return value.key()
-    if isinstance(value, np.ndarray) and value.ndim:
-        content = np.ascontiguousarray(value)
-        return f"{content.dtype.str}{content.shape}:{hashlib.sha256(content.tobytes()).hexdigest()}"
-    return repr(value)

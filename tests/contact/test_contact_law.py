@@ -166,10 +166,10 @@ def test_a_cycle_of_a_face_that_hardens(gap, cycle):
 def test_projection_capacity_and_what_is_kept():
     law = LinearHardening(H, 3.0 * STIFF)
     trial = np.array([-1.0, 0.5, 1.0, 5.0]) * H
-    assert_allclose(law.project(trial, STIFF), [0, 0.5 * H, H, H + 0.75 * 4 * H])
-    assert_allclose(PerfectlyPlastic(H).project(trial, STIFF), np.clip(trial, 0, H))
-    found = law.deformation(np.array([H, 2 * H]), np.array([0.0, -H / (3 * STIFF)]), STIFF)
-    assert_allclose(found, [0, H / 3 / STIFF])
+    pressure, deformation = law.admissible(trial, np.zeros(4), STIFF)
+    assert_allclose(pressure, [0, 0.5 * H, H, H + 0.75 * 4 * H])
+    assert_allclose(deformation, [0, 0, 0, H / STIFF], rtol=1e-12)
+    assert_allclose(PerfectlyPlastic(H).admissible(trial, 0.0, STIFF)[0], np.clip(trial, 0, H))
     assert law.capacity == np.inf
     assert PerfectlyPlastic(H * np.array([[0.5, 1.5]])).capacity == H
     left = np.array([[0.0, 1e-6]])
@@ -178,7 +178,7 @@ def test_projection_capacity_and_what_is_kept():
     assert_allclose(after.after(left).yield_pressure(), H + 2 * law.slope * left)
     assert_allclose(after.less(0.1 * H).times(2).yield_pressure(), 2 * (0.9 * H + law.slope * left))
     harder = PerfectlyPlastic(H).times(1.03).after(np.ones((8, 8)))
-    assert (harder.project(np.full(5, 2 * H), 1.0) == 1.03 * H).all()
+    assert (harder.admissible(np.full(5, 2 * H), 0.0, 1.0)[0] == 1.03 * H).all()
 
 
 def test_laws_are_equal_by_their_parameters_and_have_keys_of_their_own():
