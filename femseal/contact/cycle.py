@@ -9,7 +9,7 @@ Source: Sahlin et al., Proc. IMechE J 224, 2010, 335; Pérez-Ràfols et al., 201
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from functools import partial
 from math import inf
 from typing import Any
@@ -128,9 +128,6 @@ def load_states(
 ) -> Iterator[Any]:
     """Solve the contact states of a programme one after another; arguments are checked at once, no state is kept.
 
-    Unloading from a peak that deforms nothing for good is the loading backwards: a load at which the contact is known
-    then is not solved again, and what was taken of it is returned once more.
-
     Parameters
     ----------
     programme : the load steps; the others are as in `load_cycle`.
@@ -169,53 +166,26 @@ def _solved(stage: Stage, programme: LoadProgramme, in_turn: bool, mapper: Mappe
 
     `in_turn` each load begins from what the one before has left.
     """
-    peaks, stops = programme.unload_from, programme.unloading
     loading = [step for step in programme if step.unloaded_from is None]
     unloading = programme[len(loading) :]
+    is_peak = [step.pressure in programme.unload_from for step in loading]
     left: dict[float | None, _Left] = {}
-    # what was taken where nothing has deformed for good and an unloading may come by
-    undeformed: dict[float, Any] = {}
-    is_peak = [step.pressure in peaks for step in loading]
     solved = _in_turn(stage, loading, mapper) if in_turn else mapper(stage, loading, is_peak)
-    for step, peak, (taken, of_step, deformed) in zip(loading, is_peak, solved, strict=True):
-        if peak:
-            left[step.pressure] = of_step
-        if step.pressure in stops and not (deformed or in_turn):
-            undeformed[step.pressure] = taken
+    for step, (taken, leaves) in zip(loading, solved, strict=True):
+        left[step.pressure] = leaves
         yield taken
-    elastic = {
-        peak for peak, (deformation, _) in left.items() if not (in_turn or np.any(deformation))
-    }
-    known, new = set(undeformed), []
-    for step in unloading:
-        if step.unloaded_from not in elastic or step.pressure not in known:
-            new.append(step)
-            known |= {step.pressure} if step.unloaded_from in elastic else set()
-    solved = iter(
-        mapper(stage, new, [False] * len(new), (left[step.unloaded_from] for step in new))
-    )
-    for step in unloading:
-        if step.unloaded_from not in elastic:
-            yield next(solved)[0]
-            continue
-        if step.pressure not in undeformed:
-            undeformed[step.pressure] = next(solved)[0]
-        taken = undeformed[step.pressure]
-        yield (
-            replace(taken, unloaded_from=step.unloaded_from)
-            if isinstance(taken, LoadState)
-            else taken
-        )
-    next(solved, None)  # a mapper may have something to do at its end
+    peaks = (left[step.unloaded_from] for step in unloading)
+    for taken, _ in mapper(stage, unloading, [False] * len(unloading), peaks):
+        yield taken
 
 
 def _in_turn(stage: Stage, loading: Sequence[LoadStep], mapper: Mapper) -> Iterator[Any]:
     """States of a loading, each from what the one before has left besides plastic deformation."""
     former = None
     for step in loading:
-        ((taken, left, deformed),) = mapper(stage, [step], [True], [(None, former)])
+        ((taken, left),) = mapper(stage, [step], [True], [(None, former)])
         former = left[1]
-        yield taken, left, deformed
+        yield taken, left
 
 
 def _state(
@@ -230,8 +200,8 @@ def _state(
     take: Callable[[LoadState], Any] | None,
     solve: Callable[..., Contact],
     remember: Callable[[Contact], Any] | None,
-) -> tuple[Any, _Left, bool]:
-    """Solve a state; return the value of `take`, of a peak what it leaves, and whether it has deformed for good."""
+) -> tuple[Any, _Left]:
+    """Solve a state; return the value of `take`, and of a peak what it leaves."""
     deformation, former = left
     settings = {} if remember is None else {"former": former}
     contact = solve(
@@ -245,9 +215,9 @@ def _state(
     )
     again = 0.0 if deformation is None else _yielded_again(contact, deformation, rtol)
     state = LoadState(step.pressure, step.unloaded_from, contact=contact, yielded_again=again)
-    deformed = contact.plastic_deformation
-    leaves = (deformed if peak else None, None if remember is None else remember(contact))
-    return state if take is None else take(state), leaves, bool(deformed.any())
+    kept = contact.plastic_deformation if peak else None
+    leaves = kept, None if remember is None else remember(contact)
+    return state if take is None else take(state), leaves
 
 
 def _yielded_again(contact: Contact, deformation: np.ndarray, rtol: float) -> float:

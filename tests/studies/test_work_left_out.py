@@ -2,13 +2,12 @@
 
 import subprocess
 import sys
-from collections import Counter
 from dataclasses import replace
 from itertools import combinations
 
 import numpy as np
 import pytest
-from numpy.testing import assert_allclose, assert_array_equal
+from numpy.testing import assert_array_equal
 
 import femseal as fs
 from femseal.seal.pressure_map import Profile
@@ -94,11 +93,6 @@ def test_files_are_written_later_without_solving_again(case, tmp_path, monkeypat
 # --- equal load steps -------------------------------------------------------------------------------------
 
 
-def solved_again(scene):
-    """The same scene with unloading loads a rounding off those on loading, which are solved by themselves."""
-    return replace(scene, unloading=tuple(p * (1 + 1e-14) for p in scene.unloading))
-
-
 @pytest.fixture(scope="module")
 def elastic():
     surface = fs.self_affine(
@@ -120,18 +114,9 @@ def elastic():
 
 STUDIES = {
     "deterministic": fs.deterministic,
-    "two-scale": lambda scene, **keys: fs.two_scale(scene, (3, 4), **keys),
+    "two-scale": lambda scene: fs.two_scale(scene, (3, 4)),
 }
 DRAWN = fs.Sampling(length=2e-4, realisations=3, seed=1)
-
-
-def counted_items(items):
-    def counting(stage, *iterables):
-        for item in map(stage, *iterables):
-            items[stage.name] += 1
-            yield item
-
-    return counting
 
 
 def assert_equal_loads_leak_alike(pressures, leakage):
@@ -141,23 +126,14 @@ def assert_equal_loads_leak_alike(pressures, leakage):
 
 
 @pytest.mark.parametrize("name", STUDIES)
-def test_elastic_unloading_is_the_loading_backwards_and_solved_once(elastic, name):
-    items = Counter()
-    found = STUDIES[name](elastic, mapper=counted_items(items))
-    # 200 MPa and 0 from the lower peak are new; the other stops have been met before
-    assert items["contact of the whole face"] == 5
-    whole = STUDIES[name](solved_again(elastic))
-    assert_allclose(found.leakage, whole.leakage, rtol=1e-6)
+def test_an_elastic_face_comes_back_as_it_went(elastic, name):
+    found = STUDIES[name](elastic)
     assert_equal_loads_leak_alike(elastic.steps.pressures, found.leakage)
 
 
 @pytest.mark.parametrize("breadth", [None, 9e-5], ids=["as broad as the face", "broader"])
 def test_drawn_seals_of_an_elastic_face_come_back_as_they_went(elastic, breadth):
-    items, sampling = Counter(), replace(DRAWN, breadth=breadth)
-    found = fs.stochastic(elastic, (3, 4), sampling, mapper=counted_items(items))
-    assert items["contact of the whole face"] == 5
-    whole = fs.stochastic(solved_again(elastic), (3, 4), sampling)
-    assert_allclose(found.leakage, whole.leakage, rtol=1e-6)
+    found = fs.stochastic(elastic, (3, 4), replace(DRAWN, breadth=breadth))
     assert_equal_loads_leak_alike(elastic.steps.pressures, found.leakage)
 
 
