@@ -1,13 +1,12 @@
 """Files that are either complete or not there."""
 
-import io
 import os
 import stat
 import tempfile
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Any, BinaryIO
+from typing import BinaryIO
 
 from .errors import InputError
 
@@ -109,58 +108,6 @@ def writing(what: str, path: object, kind: str = "a file") -> Iterator[None]:
         raise InputError(
             what, f"'{path}'", f"{kind} that can be written ({error.strerror})"
         ) from None
-
-
-class _LateFailingFile(io.FileIO):
-    """A file that keeps the error of a failed write in `failure`, since HDF5 crashes the process if a write raises.
-
-    After the first failure, as on a full disk, writes are kept in memory, so that HDF5 reads back what it wrote.
-    """
-
-    failure: OSError | None = None
-
-    def __init__(self, path: Path) -> None:
-        super().__init__(path, "w+")
-        self._kept: list[tuple[int, bytes]] = []
-
-    def write(self, data: Any) -> int:
-        """Write, and keep what does not fit on the disk: the error is raised when the file is closed."""
-        view, start, done = memoryview(data).cast("B"), self.tell(), 0
-        try:
-            while done < len(view) and self.failure is None:
-                done += super().write(view[done:]) or 0
-        except OSError as error:
-            self.failure = error
-        if self.failure is not None:
-            self._kept.append((start, bytes(view)))
-            self.seek(start + len(view))
-        return len(view)
-
-    def readinto(self, buffer: Any) -> int:
-        """Read back what was written, also the part that is only kept."""
-        view, start = memoryview(buffer).cast("B"), self.tell()
-        found = super().readinto(view) or 0
-        if self.failure is not None:
-            view[found:] = bytes(len(view) - found)
-            for at, data in self._kept:
-                first, last = max(at, start), min(at + len(data), start + len(view))
-                if first < last:
-                    view[first - start : last - start] = data[first - at : last - at]
-            found = len(view)
-            self.seek(start + found)
-        return found
-
-
-@contextmanager
-def replacing_hdf5(path: Path) -> Iterator[io.FileIO]:
-    """As `replacing`, but gives the open file for h5py; the error of a failed write is raised at the end."""
-    with replacing(path) as temporary, _LateFailingFile(temporary) as file:
-        try:
-            yield file
-        except Exception as error:
-            raise file.failure or error from None
-        if file.failure is not None:
-            raise file.failure
 
 
 def write_text(path: Path, text: str) -> Path:

@@ -1,12 +1,12 @@
 """The netCDF file of results, which any tool reads."""
 
+import io
 import json
 import os
 from pathlib import Path
 from typing import Any
 
-from ..base import InputError, free_memory, made_folder, shortened
-from ..base.files import replacing_hdf5
+from ..base import InputError, free_memory, made_folder, replacing, shortened
 from .results import METHODS, Results
 
 FILE_NAME = "results.nc"
@@ -33,13 +33,15 @@ def save(results: Results, folder: str | os.PathLike[str]) -> Path:
     encoding |= {
         name: {"_FillValue": None} for name, v in data.coords.items() if v.dtype.kind == "f"
     }
-    with replacing_hdf5(path) as target:
-        # `to_netcdf` would take a lock from a Dask client where there is one, and send it the open file as its name
-        store = H5NetCDFStore.open(target, mode="w", lock=False)
-        try:
-            data.dump_to_store(store, encoding=encoding)
-        finally:
-            store.close()
+    # HDF5 ends the process where a disk is full; `to_netcdf` would take a lock from a Dask client where there is one
+    content = io.BytesIO()
+    store = H5NetCDFStore.open(content, mode="w", lock=False)
+    try:
+        data.dump_to_store(store, encoding=encoding)
+    finally:
+        store.close()
+    with replacing(path) as target:
+        target.write_bytes(content.getbuffer())
     return path
 
 

@@ -2,6 +2,7 @@
 
 import json
 import os
+import signal
 import subprocess
 import sys
 from dataclasses import replace
@@ -21,6 +22,7 @@ from femseal.fluids import Liquid
 from femseal.report import write_folder
 from femseal.results import RunFacts, assemble, open_results
 from femseal.results.paraview import plan_fields
+from femseal.results.results_file import save
 from femseal.studies import Sampling, Scene
 from femseal.studies.drawn_study import stochastic
 from femseal.studies.face_study import deterministic
@@ -421,3 +423,18 @@ def test_the_macro_of_paraview_names_what_is_written(folder):
 
 
 # --- full disks -------------------------------------------------------------------------------------------
+
+
+def test_results_for_which_there_is_no_room_are_an_error_and_not_a_crash(folder):
+    former, resource = (folder / "results.nc").read_bytes(), pytest.importorskip("resource")
+    before, limits = list(folder.iterdir()), resource.getrlimit(resource.RLIMIT_FSIZE)
+    results, handler = open_results(folder), signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
+    try:
+        resource.setrlimit(resource.RLIMIT_FSIZE, (1000, limits[1]))
+        with pytest.raises(OSError, match="too large"):
+            save(results, folder)
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, limits)
+        signal.signal(signal.SIGXFSZ, handler)
+    assert (folder / "results.nc").read_bytes() == former
+    assert list(folder.iterdir()) == before
