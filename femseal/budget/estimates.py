@@ -19,7 +19,7 @@ from ..studies import Scene, StochasticResult
 from ..studies.drawn_error import FLOOR_DECADES, count_scenes, decades, half_width
 from ..studies.load_curves import first_known
 from ..studies.scene import Array
-from ..topography.seat import ScaledSeat, Seat
+from ..topography.seat import Seat
 from .changes import (
     LEAST_SLOPE,
     CoarserSolution,
@@ -193,7 +193,8 @@ def model_changes(
         )
         found.append(ModelChange("fluid pressure", acting, False, note))
     if "form" in names and form is not None and form.seat is not None and form.tolerance > 0:
-        deeper = ScaledSeat(form.seat, form.tolerance).on(scene.surface)
+        below = form.seat.rows_below(scene.surface.shape[0], scene.surface.spacing[0])
+        deeper = scene.surface.with_form(-form.tolerance * below)
         note = f"change of ln(leakage) with a form of the seat {form.tolerance:.0%} deeper, on either side"
         found.append(ModelChange("form", replace(scene, surface=deeper), True, note))
     elif "form" in names and form is not None and any(form.tolerances):

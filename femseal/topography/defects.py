@@ -15,6 +15,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from math import inf
+from typing import Any
 
 import numpy as np
 import scipy
@@ -198,33 +199,23 @@ def fill_holes(
     flux through the other borders. Exact for a plane in holes that do not touch a border; the filled values
     stay between the extremes of the rim (maximum principle), so a hole adds no new summit.
     """
-    holes = np.argwhere(np.isnan(heights))
-    if not len(holes):
+    hole = np.isnan(heights)
+    if not hole.any():
         return heights
-    number = np.full(heights.shape, -1)
-    number[tuple(holes.T)] = np.arange(len(holes))
-    diagonal, right = np.zeros(len(holes)), np.zeros(len(holes))
-    rows, columns, values = [], [], []
+
+    def values_at(points: NDArray) -> scipy.sparse.csr_array:
+        rows = np.arange(points.size + 1)
+        return scipy.sparse.csr_array((np.ones(points.size), points, rows), (own.size, hole.size))
+
+    index, own = np.arange(hole.size).reshape(hole.shape), np.flatnonzero(hole)
+    laplacian = 0.0 * values_at(own)
     for axis in (0, 1):
-        n, weight = heights.shape[axis], (spacing[0] / spacing[axis]) ** 2
+        # the neighbour beyond a border is the point on the other side, or the point itself
+        mode: Any = "wrap" if periodic[axis] else "clip"
         for step in (-1, 1):
-            at = holes.copy()
-            at[:, axis] += step
-            inside = (
-                np.full(len(at), True) if periodic[axis] else (at[:, axis] >= 0) & (at[:, axis] < n)
-            )
-            at[:, axis] %= n
-            neighbour = number[tuple(at.T)]
-            unknown, known = inside & (neighbour >= 0), inside & (neighbour < 0)
-            diagonal[inside] += weight
-            right[known] += weight * heights[tuple(at[known].T)]
-            rows.append(np.flatnonzero(unknown))
-            columns.append(neighbour[unknown])
-            values.append(np.full(np.count_nonzero(unknown), -weight))
-    index = np.arange(len(holes))
-    entries = np.concatenate([*values, diagonal])
-    where = (np.concatenate([*rows, index]), np.concatenate([*columns, index]))
-    laplacian = scipy.sparse.csc_array((entries, where), shape=(len(holes), len(holes)))
-    filled = heights.copy()
-    filled[tuple(holes.T)] = scipy.sparse.linalg.spsolve(laplacian, right)
+            beside = np.take(index, np.arange(hole.shape[axis]) + step, axis, mode=mode)[hole]
+            difference = values_at(own) - values_at(beside)
+            laplacian += (spacing[0] / spacing[axis]) ** 2 * difference
+    filled = np.where(hole, 0.0, heights)
+    filled[hole] = scipy.sparse.linalg.spsolve(laplacian[:, own], -(laplacian @ filled.ravel()))
     return filled

@@ -240,27 +240,6 @@ class ProfileSeat(Seat):
         return f"the profile {self.path.name}"
 
 
-@dataclass(frozen=True)
-class ScaledSeat(Seat):
-    """A form that is so many times as deep as another one."""
-
-    kind: ClassVar[str] = "scaled"
-    seat: Seat
-    factor: float
-
-    def __post_init__(self) -> None:
-        """Both are checked already."""
-
-    @property
-    def load_factor(self) -> float:
-        """That of the form."""
-        return self.seat.load_factor
-
-    def depth(self, x: Array, breadth: float) -> Array:
-        """The factor times the depth of the form."""
-        return self.factor * self.seat.depth(x, breadth)
-
-
 def _rows(n1: int, spacing: float) -> Array:
     """x1 of rows from their middle (n1,) [m]."""
     return np.asarray((np.arange(n1) + 0.5 - n1 / 2) * spacing, dtype=np.float64)
