@@ -17,9 +17,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from .base import Array
-from .base.compiled import compiled
 
-#: Borders of the four formulas.
+#: D at which the formulas of the transition and of slip begin, after that below which molecules do not meet.
 FREE_MOLECULAR, TRANSITION, SLIP = 0.01, 0.15, 5.0
 #: Least D of the logarithm, which has no limit.
 _LEAST = 1e-30
@@ -28,21 +27,23 @@ _FREE = 1.5 * (1.0 - 0.5772156649015329) / sqrt(pi)
 _EXCESS = (-2.22919e-2 + 2.10673 + 1.653 - 0.694 - _FREE + log(FREE_MOLECULAR) / sqrt(pi)) / (
     FREE_MOLECULAR * log(FREE_MOLECULAR) ** 2
 )
+#: Factors of D, 1, 1/D and 1/D² in the formulas.
+_FACTORS = np.transpose(
+    [
+        (0.0, _FREE, 0.0, 0.0),
+        (-2.22919, 2.10673, 0.01653, -0.0000694),
+        (0.13852, 1.25087, 0.15653, -0.00969),
+        (1 / 6, 1.0162, 1.0653, -2.1354),
+    ]
+)
 
 
-@compiled()
-def _flow_rates(inverse_knudsen, out):
-    """Q of every D."""
-    for i in range(out.size):
-        d = max(inverse_knudsen[i], _LEAST)
-        if d >= SLIP:
-            out[i] = d / 6.0 + 1.0162 + 1.0653 / d - 2.1354 / (d * d)
-        elif d >= TRANSITION:
-            out[i] = 0.13852 * d + 1.25087 + 0.15653 / d - 0.00969 / (d * d)
-        elif d >= FREE_MOLECULAR:
-            out[i] = -2.22919 * d + 2.10673 + 0.01653 / d - 0.0000694 / (d * d)
-        else:
-            out[i] = _FREE - log(d) / sqrt(pi) + _EXCESS * d * log(d) ** 2
+def _formula(inverse_knudsen: ArrayLike) -> tuple[Array, ...]:
+    """D, its factors, and of free molecules 1 and ln D, else 0."""
+    d = np.maximum(np.asarray(inverse_knudsen, dtype=float), _LEAST)
+    factors = _FACTORS[:, np.digitize(d, (FREE_MOLECULAR, TRANSITION, SLIP))]
+    free = d < FREE_MOLECULAR
+    return d, *factors, free, np.log(np.where(free, d, 1.0))
 
 
 def flow_rate(inverse_knudsen: ArrayLike) -> Array:
@@ -50,22 +51,12 @@ def flow_rate(inverse_knudsen: ArrayLike) -> Array:
 
     inverse_knudsen : D >= 0, √π/2 over the ratio of mean free path and gap. Below 1e-30 it is taken for 1e-30.
     """
-    d = np.asarray(inverse_knudsen, dtype=float)
-    out = np.empty(d.size)
-    _flow_rates(d.ravel(), out)
-    return out.reshape(d.shape)
+    d, a, b, c, e, _, ln = _formula(inverse_knudsen)
+    return np.asarray(a * d + b + c / d + e / d**2 - ln / sqrt(pi) + _EXCESS * d * ln**2)
 
 
 def flow_rate_exponent(inverse_knudsen: ArrayLike) -> Array:
     """d ln Q/d ln D of `flow_rate`, formula by formula; it rises to 1 of a viscous gas."""
-    d = np.maximum(np.asarray(inverse_knudsen, dtype=float), _LEAST)
-    slope = np.select(
-        [d >= SLIP, d >= TRANSITION, d >= FREE_MOLECULAR],
-        [
-            d / 6.0 - 1.0653 / d + 4.2708 / (d * d),
-            0.13852 * d - 0.15653 / d + 0.01938 / (d * d),
-            -2.22919 * d - 0.01653 / d + 0.0001388 / (d * d),
-        ],
-        -1 / sqrt(pi) + _EXCESS * d * (np.log(d) + 2) * np.log(d),
-    )
+    d, a, _, c, e, free, ln = _formula(inverse_knudsen)
+    slope = a * d - c / d - 2 * e / d**2 - free / sqrt(pi) + _EXCESS * d * (ln + 2) * ln
     return np.asarray(slope / flow_rate(d))
