@@ -20,7 +20,7 @@ from .base import InputError
 from .base.leak_rates import GAS_CONSTANT, LeakBasis
 from .base.validate import check_parameters, parameter
 from .flow.law import CUBIC_LAW, FlowLaw, FukuiKaneko, SlipLength
-from .real_gas import Gas, RealGas, slip_of_gas, temperature_of_gas
+from .real_gas import Gas, RealGas, slip_of_gas, temperature_of_gas, with_potential
 
 #: Constants of Roelands' law: pressure [Pa], and the natural logarithm of the viscosity [Pa s] common to all liquids.
 _ROELANDS_PRESSURE, _ROELANDS_LOG = 1.962e8, -log(6.31e-5)
@@ -232,16 +232,12 @@ class RoelandsLiquid(_OnFaces):
     def pressure(self, potential: ArrayLike) -> NDArray[np.float64]:
         """Inverse of `potential` [Pa], by Newton's method; inf where no pressure has it."""
         φ = np.asarray(potential, dtype=float)
-        p = φ * self.viscosity / self.density
-        with np.errstate(all="ignore"):  # a potential beyond the limit
-            for _ in range(100):
-                # the logarithm of the distance to the limit is nearly straight; φ rises ever more slowly, so that p is
-                # always below the solution
-                step = (φ - self.potential(p)) * self.viscosity_at(p) / self.density
-                p = p + step
-                if not np.any(np.abs(step) > 1e-13 * np.abs(p)):
-                    break
-        return np.asarray(p)
+        # φ rises ever more slowly, so that p is always below the solution
+        start, slope = (
+            φ * self.viscosity / self.density,
+            lambda p: self.density / self.viscosity_at(p),
+        )
+        return with_potential(φ, start, self.potential, slope)
 
 
 @dataclass(frozen=True)

@@ -8,9 +8,9 @@ from __future__ import annotations
 import re
 from dataclasses import dataclass
 from difflib import get_close_matches
-from math import inf, isfinite
+from math import inf
 
-from .base import InputError, shown
+from .base import InputError, shown, validate
 
 #: H = HARDNESS_FACTOR · σ_y, full plasticity of an indentation (Johnson, Contact Mechanics, 1985, ch. 6).
 HARDNESS_FACTOR = 2.8
@@ -48,17 +48,15 @@ class Solid:
     hardness: float | None = None
 
     def __post_init__(self) -> None:
-        if not (isfinite(self.young) and self.young > 0):
-            raise InputError("young", self.young, "a finite number > 0 [Pa]")
+        validate.number("young", self.young, unit="Pa")
         if not -1 < self.poisson <= 0.5:
             raise InputError("poisson", self.poisson, "a number in (-1, 0.5]")
         if self.yield_stress is not None and self.hardness is not None:
             if self.hardness != HARDNESS_FACTOR * self.yield_stress:
                 raise InputError("hardness", self.hardness, "yield_stress or hardness, not both")
         elif self.yield_stress is not None:
-            if not (isfinite(self.yield_stress) and self.yield_stress > 0):
-                raise InputError("yield_stress", self.yield_stress, "a finite number > 0 [Pa]")
-            object.__setattr__(self, "hardness", HARDNESS_FACTOR * self.yield_stress)
+            yield_stress = validate.number("yield_stress", self.yield_stress, unit="Pa")
+            object.__setattr__(self, "hardness", HARDNESS_FACTOR * yield_stress)
         elif self.hardness is None:
             object.__setattr__(self, "hardness", inf)
         if self.hardness is None or not self.hardness > 0:

@@ -29,8 +29,10 @@ class NamedFluid:
     source: str
 
 
-def _gas(viscosity: float, molar_mass: float, source: str) -> NamedFluid:
-    found = {"viscosity": viscosity, "molar_mass": molar_mass, "temperature": TABLE_TEMPERATURE}
+def _gas(
+    viscosity: float, molar_mass: float, source: str, temperature: float = TABLE_TEMPERATURE
+) -> NamedFluid:
+    found = {"viscosity": viscosity, "molar_mass": molar_mass, "temperature": temperature}
     return NamedFluid("ideal-gas", found, source)
 
 
@@ -59,6 +61,8 @@ TABLE: dict[str, NamedFluid] = {
     ),
 }
 
+_BY_NAME = {name.casefold(): fluid for name, fluid in TABLE.items()}
+
 
 def named_fluid(
     name: str,
@@ -73,13 +77,9 @@ def named_fluid(
     Raises InputError: an unknown name, a temperature at which the fluid is not known, or changes phase between the
     pressures.
     """
-    known = {key.casefold(): fluid for key, fluid in TABLE.items()}
-    if (
-        isinstance(name, str)
-        and name.casefold() in known
-        and abs(temperature - TABLE_TEMPERATURE) < 0.01
-    ):
-        return known[name.casefold()]
+    known = _BY_NAME.get(str(name).casefold())
+    if known and abs(temperature - TABLE_TEMPERATURE) < 0.01:
+        return known
     properties = known_to_coolprop(name, temperature)
     try:
         low, high = (float(properties.PropsSI(limit, name)) for limit in ("Tmin", "Tmax"))
@@ -104,9 +104,8 @@ def named_fluid(
         refuse(name, temperature, "a temperature at which it is a gas, or a liquid, at both ends")
     source = f"CoolProp at {to_text(temperature, 'K')} and {to_text(state[3], 'Pa')}"
     if is_gas == {True}:
-        found = {"viscosity": viscosity, "molar_mass": molar_mass, "temperature": temperature}
-        return NamedFluid("ideal-gas", found, source)
-    return NamedFluid("liquid", {"viscosity": viscosity, "density": density}, source)
+        return _gas(viscosity, molar_mass, source, temperature)
+    return _liquid(viscosity, density, source)
 
 
 def known_to_coolprop(name: Any, temperature: float, without: str = "") -> Any:
@@ -118,8 +117,8 @@ def known_to_coolprop(name: Any, temperature: float, without: str = "") -> Any:
         allowed = f"one of {table} at 20 °C; any temperature and more fluids after: pip install 'femseal[fluids]'"
         refuse(name, temperature, without or allowed)
     aliases = names_in_coolprop()
-    if not isinstance(name, str) or name.casefold() not in aliases:
-        if isinstance(name, str) and name.casefold() in {key.casefold() for key in TABLE}:
+    if str(name).casefold() not in aliases:
+        if str(name).casefold() in _BY_NAME:
             refuse(
                 name,
                 temperature,

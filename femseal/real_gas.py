@@ -6,6 +6,7 @@ temperature. In narrow gaps it flows by Fukui and Kaneko's law with its own mean
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cache
 from math import sqrt
@@ -28,6 +29,8 @@ _FIRST_PRESSURE = 1e5
 #: Highest pressure of tables [Pa]: no seal carries more, and equations of state are extrapolated there.
 _HIGHEST = 1e9
 _POINTS, _WEIGHTS = np.polynomial.legendre.leggauss(6)
+#: The slope of a potential is 0 at no pressure, where it does not count [s/m²].
+_LEAST_SLOPE = 1e-200
 
 
 @dataclass(frozen=True)
@@ -143,28 +146,20 @@ class RealGas(Gas):
 
     def slope(self, pressure: ArrayLike) -> Array:
         """dφ/dp = ρ/η [s/m²] of the table; p is absolute."""
-        return np.asarray(
-            _table(self.name, self.temperature).slope(np.asarray(pressure, dtype=float))
-        )
+        return np.asarray(_table(self.name, self.temperature).slope(pressure))
 
     def potential(self, pressure: ArrayLike) -> Array:
         """Pressure potential φ(p) of the viscous flow [kg/(m³ s)]; p is absolute, see `check_pressure`."""
-        return np.asarray(
-            _table(self.name, self.temperature).potential(np.asarray(pressure, dtype=float))
-        )
+        return np.asarray(_table(self.name, self.temperature).potential(pressure))
 
     def pressure(self, potential: ArrayLike) -> Array:
         """Inverse of `potential` [Pa], absolute, by Newton's method."""
         table, φ = _table(self.name, self.temperature), np.asarray(potential, dtype=float)
         # φ goes with p² in a thin gas
-        p = np.interp(np.sqrt(φ), np.sqrt(table.potentials), table.pressures)
-        for _ in range(30):
-            slope = table.slope(p)
-            step = np.divide(φ - table.potential(p), slope, out=np.zeros_like(p), where=slope > 0)
-            p = p + step
-            if not np.any(np.abs(step) > 1e-13 * np.abs(p)):
-                break
-        return np.asarray(p)
+        start = np.interp(np.sqrt(φ), np.sqrt(table.potentials), table.pressures)
+        return with_potential(
+            φ, start, table.potential, lambda p: np.maximum(table.slope(p), _LEAST_SLOPE)
+        )
 
     def check_pressure(self, name: str, pressure: float) -> None:
         """Raise InputError if it is no gas at a pressure [Pa] that is called `name`, or CoolProp does not know it."""
@@ -175,6 +170,20 @@ class RealGas(Gas):
             if table.saturates:
                 expected = f"less than {limit}, absolute, at which {self.name} condenses at {at}"
             raise InputError(name, to_text(pressure, "Pa"), expected)
+
+
+def with_potential(
+    potentials: Array, start: Array, potential: Callable[..., Any], slope: Callable[..., Any]
+) -> Array:
+    """Pressures [Pa] that have potentials, by Newton's method; inf where no pressure has one."""
+    p = start
+    with np.errstate(all="ignore"):  # a potential beyond the limit
+        for _ in range(100):
+            step = (potentials - potential(p)) / slope(p)
+            p = p + step
+            if not np.any(np.abs(step) > 1e-13 * np.abs(p)):
+                break
+    return np.asarray(p)
 
 
 class _Table(NamedTuple):
