@@ -169,20 +169,17 @@ class LeakBasis:
             raise InputError(
                 "leakage_unit", f"{unit.name} for a {'gas' if self.is_gas else 'liquid'}", lack
             )
-        per_volume = 1.0
-        if unit.kind == "mass":
-            per_volume = self.density
-        elif unit.kind in ("drops", "bubbles"):
-            per_volume = 1 / (self.drop if unit.kind == "drops" else self.bubble)
-        elif unit.kind == "throughput":
-            assert self.pressure is not None
-            # pressure × volume of the same amount of gas goes with its temperature
-            ratio = self.stated / self.temperature if self.stated and self.temperature else 1.0
-            per_volume = self.pressure * ratio
-        elif unit.kind == "standard":
-            assert self.pressure is not None
-            assert self.temperature is not None
-            per_volume = self.pressure / STANDARD_PRESSURE * STANDARD_TEMPERATURE / self.temperature
+        pressure, temperature = self.pressure or 1.0, self.temperature or 1.0
+        # pressure × volume of the same amount of gas goes with its temperature
+        ratio = (self.stated or temperature) / temperature if self.temperature else 1.0
+        per_volume = {
+            "volume": 1.0,
+            "mass": self.density,
+            "drops": 1 / self.drop,
+            "bubbles": 1 / self.bubble,
+            "throughput": pressure * ratio,
+            "standard": pressure / STANDARD_PRESSURE * STANDARD_TEMPERATURE / temperature,
+        }[unit.kind]
         return unit.si / per_volume / (1.0 if unit.per_length else self.length)
 
     def units(self, names: Iterable[str] = USUAL_UNITS) -> list[LeakUnit]:

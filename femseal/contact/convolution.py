@@ -24,7 +24,7 @@ from typing import Any, cast
 import numpy as np
 from numpy.typing import NDArray
 
-from ..base.compiled import compiled, inner
+from ..base.compiled import compiled
 from ..base.threads import on_threads, parts
 from .influence import padded_length
 
@@ -96,6 +96,7 @@ class Convolution:
         spectrum = self._array((l1, row_length(m2, waves.itemsize)), waves)[:, :m2]
         staged = any(self._mirrors) or boundary[1] == "free"
         laid = self._array((n1, l2), real) if staged else None
+        orders = [order_of(n, mirror) for n, mirror in zip(shape, self._mirrors, strict=True)]
         points: Any = laid if staged else self.pressure
         target: Any = laid if staged else self.displacement
         turn1, turn2 = (np.exp(1j * np.pi * np.arange(n // 2 + 1) / n) for n in (l1, l2))
@@ -117,7 +118,7 @@ class Convolution:
                     rows = slice(i, min(end, n1))
                     plans = planned(points[rows], spectrum[rows], target[rows], axis=1)
                     if staged:
-                        of_rows = i, rows.stop, *self._mirrors
+                        of_rows = i, rows.stop, *orders
                         there.append(partial(lay, self.pressure, laid, *of_rows))
                         back.append(partial(take, laid, self.displacement, *of_rows))
                     there.append(plans[0])
@@ -326,42 +327,27 @@ def respond(block, n, first, count, weights, twisted, cosine1, sine1, turn2):
                 row[i] = complex(cr[i], ci[i])
 
 
-@inner(**COMPILED)
-def place(i, n, mirror):
-    """Index of the point that is the i-th to be transformed."""
-    if not mirror:
-        return i
-    return 2 * i if 2 * i < n else 2 * (n - i) - 1
+def order_of(n: int, mirror: bool) -> NDArray[np.int64]:
+    """Points of an axis in the order in which they are transformed: 0, 2, 4 … 5, 3, 1 of a mirror."""
+    every = np.arange(n)
+    return np.concatenate((every[::2], every[1::2][::-1])) if mirror else every
 
 
 @compiled(**COMPILED)
-def lay(points, staged, first, end, mirror1, mirror2):
+def lay(points, staged, first, end, order1, order2):
     """Write the points of some rows of the transform in its order, and zeros behind them."""
-    n1, n2 = points.shape
+    n2 = order2.size
     for i in range(first, end):
-        row = points[place(i, n1, mirror1)]
-        if mirror2:
-            for j in range((n2 + 1) // 2):
-                staged[i, j] = row[2 * j]
-            for j in range(n2 // 2):
-                staged[i, n2 - 1 - j] = row[2 * j + 1]
-        else:
-            for j in range(n2):
-                staged[i, j] = row[j]
-            staged[i, n2:] = 0
+        row = points[order1[i]]
+        for j in range(n2):
+            staged[i, j] = row[order2[j]]
+        staged[i, n2:] = 0
 
 
 @compiled(**COMPILED)
-def take(staged, points, first, end, mirror1, mirror2):
+def take(staged, points, first, end, order1, order2):
     """Write the points back in their own order: the inverse of `lay`."""
-    n1, n2 = points.shape
     for i in range(first, end):
-        row = points[place(i, n1, mirror1)]
-        if mirror2:
-            for j in range((n2 + 1) // 2):
-                row[2 * j] = staged[i, j]
-            for j in range(n2 // 2):
-                row[2 * j + 1] = staged[i, n2 - 1 - j]
-        else:
-            for j in range(n2):
-                row[j] = staged[i, j]
+        row = points[order1[i]]
+        for j in range(order2.size):
+            row[order2[j]] = staged[i, j]

@@ -26,7 +26,7 @@ from .convolution import (
     Convolution,
     fftw,
     lay,
-    place,
+    order_of,
     planner,
     respond,
     row_length,
@@ -115,7 +115,11 @@ class LargeConvolution:
                 block, transformed = (pyfftw.zeros_aligned(shape, dtype=kind) for _ in range(2))
                 plans = planned(block[:, :m1], transformed[:, :m1], block[:, :m1], axis=1)
                 self._blocks.append((starts, width, block, transformed, plans))
-        self._columns = waves, m1, twist, self._mirrors[0], self._weights, turns
+        order1, self._order2 = (
+            order_of(n, m) for n, m in zip((n1, n2), self._mirrors, strict=True)
+        )
+        self._rows = np.arange(n1)
+        self._columns = waves, m1, twist, order1, self._weights, turns
         self._threads = threads
 
     def apply(self) -> None:
@@ -128,36 +132,37 @@ class LargeConvolution:
         """Lay out the points of some rows and transform them."""
         i, end, plans = part
         if self._laid:
-            lay(self.pressure, self._padded, i, end, False, self._mirrors[1])
+            lay(self.pressure, self._padded, i, end, self._rows, self._order2)
         plans[0]()
 
     def _respond(self, work: Any) -> None:
         """Transform some columns, multiply their waves with the symbol, transform them back."""
         starts, width, block, transformed, (forward, inverse) = work
-        waves, m1, twist, mirror, weights, turns = self._columns
+        waves, m1, twist, order, weights, turns = self._columns
         for j in starts:
             count = min(width, waves.shape[1] - j)
-            _gather(waves, j, count, block, twist, mirror)
+            _gather(waves, j, count, block, twist, order)
             forward()
             respond(transformed, m1, j, count, weights, twist.size > 0, *turns)
             inverse()
-            _scatter(block, j, count, waves, twist, mirror)
+            _scatter(block, j, count, waves, twist, order)
 
     def _inverse(self, part: Any) -> None:
         """Transform some rows back and put their points in order."""
         i, end, plans = part
         plans[1]()
         if self._mirrors[1]:
-            take(self.displacement[i:end].copy(), self.displacement[i:end], 0, end - i, False, True)
+            points = self.displacement[i:end]
+            take(points.copy(), points, 0, end - i, self._rows, self._order2)
 
 
 @compiled(**COMPILED)
-def _gather(waves, first, count, block, twist, mirror):
+def _gather(waves, first, count, block, twist, order):
     """Copy columns of waves to rows of a block, and behind these the same columns with a twist; zeros follow."""
     n1 = waves.shape[0]
     width = block.shape[0] // 2
     for i in range(n1):
-        row = waves[place(i, n1, mirror), first : first + count]
+        row = waves[order[i], first : first + count]
         for j in range(count):
             block[j, i] = row[j]
         if twist.size:
@@ -170,12 +175,12 @@ def _gather(waves, first, count, block, twist, mirror):
 
 
 @compiled(**COMPILED)
-def _scatter(block, first, count, waves, twist, mirror):
+def _scatter(block, first, count, waves, twist, order):
     """Copy rows of a block to columns of waves, where there is a twist their sums without it."""
     n1 = waves.shape[0]
     width = block.shape[0] // 2
     for i in range(n1):
-        row = waves[place(i, n1, mirror), first : first + count]
+        row = waves[order[i], first : first + count]
         if twist.size:
             for j in range(count):
                 row[j] = block[j, i] + block[width + j, i] * np.conj(twist[i])
