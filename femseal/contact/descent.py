@@ -13,8 +13,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from . import gradient_kernels, kernels
+from .kernels import Line
 from .law import YieldLine
-from .points import Line
 from .workspace import Workspace
 
 Array = NDArray[np.float64]

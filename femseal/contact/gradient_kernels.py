@@ -1,6 +1,6 @@
 """Compiled loops of conjugate gradients on the free points, with a preconditioner of 3×3 points.
 
-The arrays are those of `points`. `restart`, `turn` and `step` are made of loops over some points of a list, from
+The arrays are those of `kernels`. `restart`, `turn` and `step` are made of loops over some points of a list, from
 `first` to `end`, which `long_lists` runs on several threads.
 """
 
@@ -10,8 +10,25 @@ import numpy as np
 
 from ..base.compiled import compiled
 from ..base.threads import ZERO
-from .kernels import FAST, own
-from .points import FREE, KD, NEAR, ONES, PLACE, SCALE, SOFT, D, Line, P, Points, R, Stencil, V, W
+from .kernels import (
+    FAST,
+    FREE,
+    KD,
+    NEAR,
+    ONES,
+    PLACE,
+    SCALE,
+    SOFT,
+    D,
+    Line,
+    P,
+    Points,
+    R,
+    Stencil,
+    V,
+    W,
+    own,
+)
 
 
 @compiled(**FAST)

@@ -12,7 +12,7 @@ from typing import Any
 
 from ..base.threads import on_threads, parts
 from . import gradient_kernels, kernels
-from .points import FREE, KD, NEAR, PLACE, Line, Points, Stencil, W, X
+from .kernels import FREE, KD, NEAR, PLACE, Line, Points, Stencil, W, X
 
 #: Points of a grid, and of a list, in a part: the loops over it take a few tenths of a millisecond.
 POINTS, LISTED = 2**19, 2**16

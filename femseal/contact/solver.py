@@ -19,8 +19,8 @@ from ..base.threads import number, on_threads
 from . import kernels, long_lists
 from .active_sets import ActiveSets
 from .half_space import HalfSpace
+from .kernels import Line
 from .law import ContactLaw, YieldLine, contact_law
-from .points import Line
 from .workspace import Workspace, coarsen, workspace
 
 Array = NDArray[np.float64]

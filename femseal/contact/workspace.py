@@ -12,9 +12,9 @@ from numpy.typing import NDArray
 from ..base.compiled import compiled
 from .half_space import HalfSpace
 from .influence import stiffness_stencil
+from .kernels import Points, Stencil
 from .large_convolution import convolution
 from .long_lists import lists_of
-from .points import Points, Stencil
 
 Array = NDArray[np.float64]
 #: Points up to which the arrays of a grid are kept for its next problem: 100 bytes each. Making them takes a twentieth
@@ -37,7 +37,7 @@ def _kept(half_space: HalfSpace, threads: int, thread: int) -> Workspace:
 
 
 class Workspace:
-    """Products with K, preconditioner and work arrays of one grid; `points` says what the arrays hold.
+    """Products with K, preconditioner and work arrays of one grid; `kernels` says what the arrays hold.
 
     Attributes
     ----------
