@@ -100,7 +100,6 @@ class Convolution:
         points: Any = laid if staged else self.pressure
         target: Any = laid if staged else self.displacement
         turn1, turn2 = (np.exp(1j * np.pi * np.arange(n // 2 + 1) / n) for n in (l1, l2))
-        cosine1, sine1 = turn1.real.copy(), turn1.imag.copy()
         width = BLOCK_BYTES // (l1 * waves.itemsize)
         width = m2 if width >= m2 else max(_ALIGNED, width - width % _ALIGNED)
         starts = range(0, m2, width)
@@ -134,18 +133,8 @@ class Convolution:
                     plans = planned(spectrum[:, columns], here.T, spectrum[:, columns], axis=0)
                     work: Any = partial(multiply, here, self._weights[0, columns])
                     if any(self._mirrors):
-                        work = partial(
-                            respond,
-                            here,
-                            l1,
-                            j,
-                            len(here),
-                            self._weights,
-                            False,
-                            cosine1,
-                            sine1,
-                            turn2,
-                        )
+                        of_waves = l1, j, len(here), self._weights, False, turn1, turn2
+                        work = partial(respond, here, *of_waves)
                     blocks[-1] += plans[0], work, plans[1]
         if threads == 1:  # on small grids passing from call to call is what takes time
             self._stages = [[[call for stage in self._stages for part in stage for call in part]]]
@@ -257,74 +246,41 @@ def multiply(block, weights):
             block[j, i] *= weights[j, i]
 
 
-@compiled(**COMPILED)
-def respond(block, n, first, count, weights, twisted, cosine1, sine1, turn2):
+@compiled(fastmath={"contract", "nnan", "nsz"})
+def respond(block, n, first, count, weights, twisted, turn1, turn2):
     """Turn waves of pressure into waves of displacement in the first n places of a block whose first column is `first`.
 
     With C(k) = ē V(k) + e V(N − k), e = exp(iπk/2N), and 2 V(k) = e (C(k) − i C(N − k)), a symbol S(k) on C is
     V(k) ← ½(S(k) + S(N − k)) V(k) + ½(S(k) − S(N − k)) e² V(N − k) on V. For two mirrors, V(k1, N − k2) is the
-    conjugate of V(N − k1, k2). Parts in rows of their own are what compilers make vector instructions of. Where
-    `twisted`, the second half of the block has odd waves, and N − 1 − k is the place of the conjugate of k.
+    conjugate of V(N − k1, k2). Where `twisted`, the second half of the block has odd waves, and N − 1 − k is the place
+    of the conjugate of k.
     """
-    rows = np.empty((8, n // 2 + 1))
-    ar, ai, br, bi, cr, ci, dr, di = (
-        rows[0],
-        rows[1],
-        rows[2],
-        rows[3],
-        rows[4],
-        rows[5],
-        rows[6],
-        rows[7],
-    )
+    kinds = len(weights)
+    other = np.empty(n // 2 + 1, block.dtype)
     for odd in range(2 if twisted else 1):
         half = (n - odd) // 2 + 1
-        start = odd * (n // 2 + 1)
+        places = slice(odd * (n // 2 + 1), odd * (n // 2 + 1) + half)
         lone = 1 - odd  # the mean is its own conjugate
-        last = n - odd
         for j in range(count):
             row = block[odd * (block.shape[0] // 2) + j]
             k = first + j
-            own = weights[0, k, start : start + half]
-            if len(weights) == 1:
-                for i in range(half):
-                    row[i] *= own[i]
-                for i in range(lone, n - half + lone):
-                    row[last - i] *= own[i]
-                continue
-            w1, w2, w12 = (
-                weights[1, k, start : start + half],
-                weights[2, k, start : start + half],
-                weights[3, k, start : start + half],
-            )
-            x, y = turn2[k].real, turn2[k].imag
-            # a = V(k), b = V(N − k)
-            for i in range(half):
-                ar[i], ai[i] = row[i].real, row[i].imag
-            br[0], bi[0] = ar[0], ai[0]
+            own, w1 = weights[0, k, places], weights[1 % kinds, k, places]
+            w2, w12 = weights[2 % kinds, k, places], weights[3 % kinds, k, places]
+            turn = turn2[k]
+            other[0] = row[0]
             for i in range(lone, half):
-                br[i], bi[i] = row[last - i].real, row[last - i].imag
+                other[i] = row[n - odd - i]
             for i in range(half):
-                # f = e₁² b, g = e₁² ā, u = w₂ b̄ + w₁₂ g, v = w₂ ā + w₁₂ f̄
-                fr, fi = (
-                    cosine1[i] * br[i] - sine1[i] * bi[i],
-                    cosine1[i] * bi[i] + sine1[i] * br[i],
-                )
-                gr, gi = (
-                    cosine1[i] * ar[i] + sine1[i] * ai[i],
-                    sine1[i] * ar[i] - cosine1[i] * ai[i],
-                )
-                ur, ui = w2[i] * br[i] + w12[i] * gr, w12[i] * gi - w2[i] * bi[i]
-                vr, vi = w2[i] * ar[i] + w12[i] * fr, -w2[i] * ai[i] - w12[i] * fi
-                # c = own a + w₁ f + e₂² u, d = own b + w₁ ḡ + e₂² v
-                cr[i] = own[i] * ar[i] + w1[i] * fr + x * ur - y * ui
-                ci[i] = own[i] * ai[i] + w1[i] * fi + x * ui + y * ur
-                dr[i] = own[i] * br[i] + w1[i] * gr + x * vr - y * vi
-                di[i] = own[i] * bi[i] - w1[i] * gi + x * vi + y * vr
+                a, b = row[i], other[i]
+                c, d = own[i] * a, own[i] * b
+                if kinds > 1:
+                    f, g = turn1[i] * b, turn1[i] * a.conjugate()
+                    c += w1[i] * f + turn * (w2[i] * b.conjugate() + w12[i] * g)
+                    d += w1[i] * g.conjugate()
+                    d += turn * (w2[i] * a.conjugate() + w12[i] * f.conjugate())
+                row[i], other[i] = c, d
             for i in range(lone, half):
-                row[last - i] = complex(dr[i], di[i])
-            for i in range(half):
-                row[i] = complex(cr[i], ci[i])
+                row[n - odd - i] = other[i]
 
 
 def order_of(n: int, mirror: bool) -> NDArray[np.int64]:

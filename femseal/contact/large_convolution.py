@@ -97,8 +97,7 @@ class LargeConvolution:
         self._padded, self._laid = self.rows[:, :l2], self._mirrors[1] or l2 > n2
         points: Any = self._padded if self._laid else self.pressure
         waves = self._waves[:, :m2]
-        turn1, turn2 = (np.exp(1j * np.pi * np.arange(n // 2 + 1) / n) for n in (m1, l2))
-        turns = turn1.real.copy(), turn1.imag.copy(), turn2
+        turns = [np.exp(1j * np.pi * np.arange(n // 2 + 1) / n) for n in (m1, l2)]
         twist = np.exp(-1j * np.pi * np.arange(n1 if transforms == 2 else 0) / m1).astype(kind)
         # a block and its transform fit in the cache; of fewer columns, or of 16 long ones, copies take thrice the time
         width = min(

@@ -31,7 +31,7 @@ def workspace(half_space: HalfSpace, threads: int, finest: HalfSpace | None = No
     return _kept(half_space, threads, get_ident())
 
 
-@lru_cache(maxsize=40)
+@lru_cache(maxsize=32)
 def _kept(half_space: HalfSpace, threads: int, thread: int) -> Workspace:
     return Workspace(half_space, threads)
 
