@@ -108,22 +108,16 @@ class Convolution:
             list[list[list[Callable[[], Any]]]], [[], [], []]
         )
         with planner() as planned:
-            for i, end in parts(l1, max(ROW_POINTS / l2, l1 / ROW_PARTS)):
-                there: list[Callable[[], Any]] = []
-                back: list[Callable[[], Any]] = []
-                if end > n1:
-                    there.append(partial(spectrum[max(i, n1) : end].fill, 0))
-                if i < n1:
-                    rows = slice(i, min(end, n1))
-                    plans = planned(points[rows], spectrum[rows], target[rows], axis=1)
-                    if staged:
-                        of_rows = i, rows.stop, *orders
-                        there.append(partial(lay, self.pressure, laid, *of_rows))
-                        back.append(partial(take, laid, self.displacement, *of_rows))
-                    there.append(plans[0])
-                    back.insert(0, plans[1])
+            for i, end in parts(n1, max(ROW_POINTS / l2, n1 / ROW_PARTS)):
+                plans = planned(points[i:end], spectrum[i:end], target[i:end], axis=1)
+                there, back = [plans[0]], [plans[1]]
+                if staged:
+                    of_rows = i, end, *orders
+                    there.insert(0, partial(lay, self.pressure, laid, *of_rows))
+                    back.append(partial(take, laid, self.displacement, *of_rows))
                 forward.append(there)
                 inverse.append(back)
+            forward.append([partial(spectrum[n1:].fill, 0)])
             for part in np.array_split(starts, threads):
                 block = pyfftw.zeros_aligned((width, l1), dtype=waves)
                 blocks.append([])

@@ -9,7 +9,6 @@ from threading import get_ident
 import numpy as np
 from numpy.typing import NDArray
 
-from ..base.compiled import compiled
 from .half_space import HalfSpace
 from .influence import stiffness_stencil
 from .kernels import Points, Stencil
@@ -89,12 +88,11 @@ class Workspace:
 
     def start(self, pressure: Array, limit: Array) -> None:
         """Start from pressures on this grid, or on the next coarser one, nowhere above `limit` (1,) or (n1, n2)."""
-        if pressure.shape == self.pressure.shape:
-            np.minimum(pressure, limit, out=self.pressure)
-            self.points.state[:] = self.p > 0
-        else:
-            bounds = limit.reshape(1, 1) if limit.size == 1 else limit
-            prolong(pressure, bounds, self.pressure, self.points.state.reshape(self.pressure.shape))
+        if pressure.shape != self.pressure.shape:
+            n1, n2 = self.pressure.shape
+            pressure = np.repeat(np.repeat(pressure, 2, axis=0), 2, axis=1)[:n1, :n2]
+        np.minimum(pressure, limit, out=self.pressure)
+        self.points.state[:] = self.p > 0
 
 
 def _index_map(n: int, radius: int, boundary: str) -> NDArray[np.int64]:
@@ -107,27 +105,12 @@ def _index_map(n: int, radius: int, boundary: str) -> NDArray[np.int64]:
     return np.where((i < 0) | (i >= n), -1, i)
 
 
-@compiled()
-def prolong(coarse, limit, p, state):
-    """Values of a grid of half the points on the finer one, at most `limit`; state 1 where there is pressure."""
-    n1, n2 = p.shape
-    one = limit.size == 1
-    for i in range(n1):
-        for j in range(n2):
-            h = limit[0, 0] if one else limit[i, j]
-            y = min(coarse[i // 2, j // 2], h)
-            p[i, j] = y
-            state[i, j] = 1 if y > 0.0 else 0
-
-
-@compiled()
-def coarsen(a):
+def coarsen(a: Array) -> Array:
     """Means over 2×2 points; an odd last row or column is averaged alone."""
     n1, n2 = a.shape
-    out = np.empty(((n1 + 1) // 2, (n2 + 1) // 2))
-    for i in range(out.shape[0]):
-        a1 = min(2 * i + 1, n1 - 1)
-        for j in range(out.shape[1]):
-            b1 = min(2 * j + 1, n2 - 1)
-            out[i, j] = 0.25 * (a[2 * i, 2 * j] + a[a1, 2 * j] + a[2 * i, b1] + a[a1, b1])
-    return out
+    if n1 % 2:
+        a = np.concatenate((a, a[-1:]))
+    if n2 % 2:
+        a = np.concatenate((a, a[:, -1:]), axis=1)
+    rows = a[::2] + a[1::2]
+    return 0.25 * (rows[:, ::2] + rows[:, 1::2])
