@@ -19,7 +19,7 @@ import threading
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from functools import cache, partial
-from typing import Any, cast
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -40,12 +40,8 @@ LINE, _LINES, _MORE_LINES = 64, 8, 3
 _PLANNING = threading.RLock()
 
 
-class Convolution:
-    """displacement = K pressure between two arrays of its own, `pressure` and `displacement`, which is `rows` too.
-
-    A mirror axis needs no more than the transform of its N points taken in the order 0, 2, 4 … 5, 3, 1: cosine
-    coefficients k and N − k are sums of the waves k and N − k, so that K mixes these two. Source: Makhoul, IEEE Trans.
-    Acoust. Speech Signal Process. 28, 1980, 27. A free axis is padded with zeros; rows of zeros are not transformed.
+class Product:
+    """displacement = K pressure between two arrays of its own, in stages of which threads share the parts.
 
     Parameters
     ----------
@@ -54,9 +50,18 @@ class Convolution:
     symbol : eigenvalues of K [m/Pa] as `influence.symbol` gives them; None with `over`.
     dtype : of the arrays and the transforms, double or single precision.
     threads : number of threads at work together.
-    over : a convolution with the same K, of no smaller precision, whose memory is used for all but `pressure`. Each
+    over : a product with the same K, of no smaller precision, whose memory is used for all but `pressure`. Each
         `apply` of one overwrites the displacement of the other.
+
+    Attributes
+    ----------
+    pressure : (n1, n2) [Pa].
+    rows : memory of (n1, >= n2) numbers, whose rows begin with those of the displacement.
+    displacement : (n1, n2) [m], a view of it.
     """
+
+    rows: Any
+    displacement: Any
 
     def __init__(
         self,
@@ -66,73 +71,112 @@ class Convolution:
         *,
         dtype: Any = np.float64,
         threads: int = 1,
-        over: Convolution | None = None,
+        over: Any = None,
     ) -> None:
-        pyfftw = fftw()
-        (n1, n2), real = shape, np.dtype(dtype)
-        waves = np.result_type(real, np.complex64)
-        l1, l2 = (
-            padded_length(n) if kind == "free" else n
-            for n, kind in zip(shape, boundary, strict=True)
-        )
-        m2 = l2 // 2 + 1
+        self._threads, self._real = threads, np.dtype(dtype)
+        self._kind = np.result_type(self._real, np.complex64)
+        self._lengths = l1, l2 = [
+            padded_length(n) if end == "free" else n for n, end in zip(shape, boundary, strict=True)
+        ]
         self._mirrors = boundary[0] == "mirror", boundary[1] == "mirror"
-        self._memory: list[Any] = []
-        self._lent = iter(() if over is None else over._memory)
+        self._orders = [order_of(n, m) for n, m in zip(shape, self._mirrors, strict=True)]
+        self.pressure: Any = fftw().zeros_aligned(shape, dtype=self._real)
+        # of each stage the parts that threads share, and of each part the calls
+        self._stages: list[list[list[Callable[[], Any]]]] = [[], [], []]
+        self._weights: Array
         if over is None:
             assert symbol is not None
-            self._weights = weights_of(symbol, l1 * l2, *self._mirrors)
-            del symbol
-            if not any(self._mirrors):
-                # as many weights as waves, of which k and N − k have the same: they are read in order
-                half = self._weights.shape[2]
-                self._weights = np.concatenate(
-                    (self._weights, self._weights[..., l1 - half : 0 : -1]), axis=2
-                )
+            self._weights = self._weights_of(symbol)
+            self._weights /= l1 * l2  # which transforms there and back multiply with
         else:
             self._weights = over._weights
-        self.pressure = pyfftw.zeros_aligned((n1, n2), dtype=real)
-        self.displacement = self.rows = self._array((n1, n2), real)
-        spectrum = self._array((l1, row_length(m2, waves.itemsize)), waves)[:, :m2]
-        staged = any(self._mirrors) or boundary[1] == "free"
-        laid = self._array((n1, l2), real) if staged else None
-        orders = [order_of(n, mirror) for n, mirror in zip(shape, self._mirrors, strict=True)]
-        points: Any = laid if staged else self.pressure
-        target: Any = laid if staged else self.displacement
-        turn1, turn2 = (np.exp(1j * np.pi * np.arange(n // 2 + 1) / n) for n in (l1, l2))
-        width = BLOCK_BYTES // (l1 * waves.itemsize)
-        width = m2 if width >= m2 else max(_ALIGNED, width - width % _ALIGNED)
-        starts = range(0, m2, width)
-        # of each stage the parts that threads share, and of each part the calls
-        forward, blocks, inverse = self._stages = cast(
-            list[list[list[Callable[[], Any]]]], [[], [], []]
-        )
         with planner() as planned:
-            for i, end in parts(n1, max(ROW_POINTS / l2, n1 / ROW_PARTS)):
-                plans = planned(points[i:end], spectrum[i:end], target[i:end], axis=1)
-                there, back = [plans[0]], [plans[1]]
-                if staged:
-                    of_rows = i, end, *orders
-                    there.insert(0, partial(lay, self.pressure, laid, *of_rows))
-                    back.append(partial(take, laid, self.displacement, *of_rows))
-                forward.append(there)
-                inverse.append(back)
-            forward.append([partial(spectrum[n1:].fill, 0)])
-            for part in np.array_split(starts, threads):
-                block = pyfftw.zeros_aligned((width, l1), dtype=waves)
-                blocks.append([])
-                for j in part:
-                    columns = slice(j, min(j + width, m2))
-                    here = block[: columns.stop - j]
-                    plans = planned(spectrum[:, columns], here.T, spectrum[:, columns], axis=0)
-                    work: Any = partial(multiply, here, self._weights[0, columns])
-                    if any(self._mirrors):
-                        of_waves = l1, j, len(here), self._weights, False, turn1, turn2
-                        work = partial(respond, here, *of_waves)
-                    blocks[-1] += plans[0], work, plans[1]
+            self._plan(planned, over)
         if threads == 1:  # on small grids passing from call to call is what takes time
             self._stages = [[[call for stage in self._stages for part in stage for call in part]]]
-        self._threads = threads
+
+    def _weights_of(self, symbol: Array) -> Array:
+        """The symbol in the order in which it is read."""
+        raise NotImplementedError
+
+    def _plan(self, planned: Callable[..., tuple[Any, Any]], over: Any) -> None:
+        """Make the arrays, and fill the stages."""
+        raise NotImplementedError
+
+    def _plan_rows(
+        self,
+        planned: Callable[..., tuple[Any, Any]],
+        points: Any,
+        waves: Any,
+        target: Any,
+        lay_out: Callable[..., Any] | None,
+        take_out: Callable[..., Any] | None,
+    ) -> None:
+        """Transforms of rows there and back; what lays out their points before, and takes them out behind."""
+        n1 = len(self.pressure)
+        for i, end in parts(n1, max(ROW_POINTS / self._lengths[1], n1 / ROW_PARTS)):
+            there, back = planned(points[i:end], waves[i:end], target[i:end], axis=1)
+            before = [partial(lay_out, i, end)] if lay_out else []
+            behind = [partial(take_out, i, end)] if take_out else []
+            self._stages[0].append([*before, there])
+            self._stages[2].append([back, *behind])
+
+    def _turns(self, m1: int) -> list[Any]:
+        """exp(iπk/N) of both axes, m1 points in a transform along the first."""
+        return [np.exp(1j * np.pi * np.arange(n // 2 + 1) / n) for n in (m1, self._lengths[1])]
+
+    def apply(self) -> None:
+        """Fill `displacement` from `pressure`."""
+        for parts_of_stage in self._stages:
+            on_threads(self._threads, _in_turn, parts_of_stage)
+
+
+class Convolution(Product):
+    """A product on a grid that a cache holds.
+
+    A mirror axis needs no more than the transform of its N points taken in the order 0, 2, 4 … 5, 3, 1: cosine
+    coefficients k and N − k are sums of the waves k and N − k, so that K mixes these two. Source: Makhoul, IEEE Trans.
+    Acoust. Speech Signal Process. 28, 1980, 27. A free axis is padded with zeros; rows of zeros are not transformed.
+    """
+
+    def _weights_of(self, symbol: Array) -> Array:
+        weights = weights_of(symbol, *self._mirrors)
+        if any(self._mirrors):
+            return weights
+        # as many weights as waves, of which k and N − k have the same: they are read in order
+        half = weights.shape[2]
+        return np.concatenate((weights, weights[..., self._lengths[0] - half : 0 : -1]), axis=2)
+
+    def _plan(self, planned: Callable[..., tuple[Any, Any]], over: Convolution | None) -> None:
+        (n1, n2), (l1, l2), kind = self.pressure.shape, self._lengths, self._kind
+        m2 = l2 // 2 + 1
+        self._memory: list[Any] = []
+        self._lent = iter(() if over is None else over._memory)
+        self.displacement = self.rows = self._array((n1, n2), self._real)
+        spectrum = self._array((l1, row_length(m2, kind.itemsize)), kind)[:, :m2]
+        if any(self._mirrors) or l2 > n2:
+            laid = self._array((n1, l2), self._real)
+            lay_out = partial(lay, self.pressure, laid, *self._orders)
+            take_out = partial(take, laid, self.displacement, *self._orders)
+            self._plan_rows(planned, laid, spectrum, laid, lay_out, take_out)
+        else:
+            self._plan_rows(planned, self.pressure, spectrum, self.displacement, None, None)
+        self._stages[0].append([partial(spectrum[n1:].fill, 0)])
+        width = BLOCK_BYTES // (l1 * kind.itemsize)
+        width = m2 if width >= m2 else max(_ALIGNED, width - width % _ALIGNED)
+        turns = self._turns(l1)
+        for part in np.array_split(range(0, m2, width), self._threads):
+            block = fftw().zeros_aligned((width, l1), dtype=kind)
+            calls: list[Callable[[], Any]] = []
+            for j in part:
+                columns = slice(j, min(j + width, m2))
+                here = block[: columns.stop - j]
+                plans = planned(spectrum[:, columns], here.T, spectrum[:, columns], axis=0)
+                work: Any = partial(multiply, here, self._weights[0, columns])
+                if any(self._mirrors):
+                    work = partial(respond, here, l1, j, len(here), self._weights, False, *turns)
+                calls += plans[0], work, plans[1]
+            self._stages[1].append(calls)
 
     def _array(self, shape: tuple[int, int], dtype: np.dtype[Any]) -> Any:
         """An array, in the memory of `over` as far as it suffices."""
@@ -141,11 +185,6 @@ class Convolution:
             memory = fftw().empty_aligned(math.prod(shape) * dtype.itemsize, dtype=np.uint8)
         self._memory.append(memory)
         return memory[: math.prod(shape) * dtype.itemsize].view(dtype).reshape(shape)
-
-    def apply(self) -> None:
-        """Fill `displacement` from `pressure`."""
-        for parts_of_stage in self._stages:
-            on_threads(self._threads, _in_turn, parts_of_stage)
 
 
 def row_length(waves: int, itemsize: int) -> int:
@@ -204,15 +243,12 @@ def _in_turn(calls: Sequence[Callable[[], Any]]) -> None:
         call()
 
 
-def weights_of(
-    symbol: Array, points: int, mirror1: bool, mirror2: bool, transforms: int = 1
-) -> Array:
+def weights_of(symbol: Array, mirror1: bool, mirror2: bool, transforms: int = 1) -> Array:
     """The symbol or, if an axis is a mirror, its four means of sums and differences over k and N − k, transposed.
 
     The second and the fourth have differences along the first axis, the third and the fourth along the second. The
     cosine coefficient N of N points is always 0, and its symbol whatever makes a difference vanish. Of two transforms
-    along the first axis, that of the even waves comes before that of the odd ones. All are over the number of points,
-    which transforms there and back multiply with.
+    along the first axis, that of the even waves comes before that of the odd ones.
     """
     means = [symbol]
     for axis, mirror in enumerate((mirror1, mirror2)):
@@ -224,9 +260,7 @@ def weights_of(
         elif mirror1 or mirror2:
             means += [np.zeros_like(part) for part in means]
     ordered = [np.concatenate([part[i::transforms] for i in range(transforms)]) for part in means]
-    weights = np.array([part.T for part in ordered], order="C")
-    weights /= points
-    return weights
+    return np.array([part.T for part in ordered], order="C")
 
 
 COMPILED: dict[str, Any] = {"fastmath": {"contract"}}
@@ -284,7 +318,7 @@ def order_of(n: int, mirror: bool) -> NDArray[np.int64]:
 
 
 @compiled(**COMPILED)
-def lay(points, staged, first, end, order1, order2):
+def lay(points, staged, order1, order2, first, end):
     """Write the points of some rows of the transform in its order, and zeros behind them."""
     n2 = order2.size
     for i in range(first, end):
@@ -295,7 +329,7 @@ def lay(points, staged, first, end, order1, order2):
 
 
 @compiled(**COMPILED)
-def take(staged, points, first, end, order1, order2):
+def take(staged, points, order1, order2, first, end):
     """Write the points back in their own order: the inverse of `lay`."""
     for i in range(first, end):
         row = points[order1[i]]

@@ -11,29 +11,26 @@ long at 1024² points, 0.60 times at 4096², and in single precision 0.93 and 0.
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from functools import partial
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ..base.compiled import compiled
-from ..base.threads import on_threads, parts
 from .convolution import (
     BLOCK_BYTES,
     COMPILED,
-    ROW_PARTS,
-    ROW_POINTS,
     Convolution,
+    Product,
     fftw,
     lay,
-    order_of,
-    planner,
     respond,
     row_length,
     take,
     weights_of,
 )
-from .influence import padded_length
 
 Array = NDArray[np.float64]
 #: Number of points from which a grid is large.
@@ -44,115 +41,72 @@ _COLUMNS = 8
 
 def convolution(
     shape: tuple[int, int], boundary: tuple[str, str], symbol: Array | None, **settings: Any
-) -> Convolution | LargeConvolution:
-    """The products on a grid that its size asks for, with the parameters of `Convolution`."""
+) -> Product:
+    """The products on a grid that its size asks for, with the parameters of `Product`."""
     kind = LargeConvolution if shape[0] * shape[1] >= LARGE else Convolution
     return kind(shape, boundary, symbol, **settings)
 
 
-class LargeConvolution:
-    """displacement = K pressure with the parameters of `Convolution`.
+class LargeConvolution(Product):
+    """A product on a large grid."""
 
-    Attributes
-    ----------
-    pressure : (n1, n2) [Pa].
-    rows : memory of (n1, >= n2) numbers, whose rows begin with those of the displacement.
-    displacement : (n1, n2) [m], a view of it.
-    """
+    def _weights_of(self, symbol: Array) -> Array:
+        return weights_of(symbol, *self._mirrors, self._transforms)
 
-    def __init__(
-        self,
-        shape: tuple[int, int],
-        boundary: tuple[str, str],
-        symbol: Array | None,
-        *,
-        dtype: Any = np.float64,
-        threads: int = 1,
-        over: LargeConvolution | None = None,
-    ) -> None:
-        pyfftw = fftw()
-        (n1, n2), real = shape, np.dtype(dtype)
-        kind = np.result_type(real, np.complex64)
-        l1, l2 = (
-            padded_length(n) if end == "free" else n for n, end in zip(shape, boundary, strict=True)
-        )
-        transforms = 2 if l1 > n1 else 1
-        m1, m2 = l1 // transforms, l2 // 2 + 1
-        self._mirrors = boundary[0] == "mirror", boundary[1] == "mirror"
-        if over is None:
-            assert symbol is not None
-            self._weights = weights_of(symbol, l1 * l2, *self._mirrors, transforms)
-            del symbol
-        else:
-            self._weights = over._weights
-        self.pressure = pyfftw.zeros_aligned((n1, n2), dtype=real)
+    @property
+    def _transforms(self) -> int:
+        """Number of transforms along the first axis."""
+        return 2 if self._lengths[0] > len(self.pressure) else 1
+
+    def _plan(self, planned: Callable[..., Any], over: LargeConvolution | None) -> None:
+        (n1, n2), (l1, l2), kind = self.pressure.shape, self._lengths, self._kind
+        m1, m2 = l1 // self._transforms, l2 // 2 + 1
         length = row_length(m2, kind.itemsize)
         size = n1 * length * kind.itemsize
         self._memory: Any = (
-            pyfftw.empty_aligned(size, dtype=np.uint8) if over is None else over._memory
+            fftw().empty_aligned(size, dtype=np.uint8) if over is None else over._memory
         )
-        self._waves = self._memory[:size].view(kind).reshape(n1, length)
-        self.rows = self._waves.view(real)
-        self.displacement = self.rows[:, :n2]
-        self._padded, self._laid = self.rows[:, :l2], self._mirrors[1] or l2 > n2
-        points: Any = self._padded if self._laid else self.pressure
-        waves = self._waves[:, :m2]
-        turns = [np.exp(1j * np.pi * np.arange(n // 2 + 1) / n) for n in (m1, l2)]
-        twist = np.exp(-1j * np.pi * np.arange(n1 if transforms == 2 else 0) / m1).astype(kind)
+        every_wave = self._memory[:size].view(kind).reshape(n1, length)
+        waves, self.rows = every_wave[:, :m2], every_wave.view(self._real)
+        self.displacement, padded = self.rows[:, :n2], self.rows[:, :l2]
+        own_order, order2 = np.arange(n1), self._orders[1]
+        points, lay_out, take_out = self.pressure, None, None
+        if self._mirrors[1] or l2 > n2:
+            points, lay_out = padded, partial(lay, self.pressure, padded, own_order, order2)
+        if self._mirrors[1]:
+            take_out = partial(_take_in_place, self.displacement, own_order, order2)
+        self._plan_rows(planned, points, waves, padded, lay_out, take_out)
+        twist = np.exp(-1j * np.pi * np.arange(n1 if l1 > n1 else 0) / m1).astype(kind)
+        self._columns = waves, m1, twist, self._orders[0], self._turns(m1)
         # a block and its transform fit in the cache; of fewer columns, or of 16 long ones, copies take thrice the time
         width = min(
             max(_COLUMNS, BLOCK_BYTES // (2 * l1 * kind.itemsize) // _COLUMNS * _COLUMNS), m2
         )
-        self._blocks: list[Any] = []
-        with planner() as planned:
-            self._parts = []
-            for i, end in parts(n1, max(ROW_POINTS / l2, n1 / ROW_PARTS)):
-                plans = planned(points[i:end], waves[i:end], self._padded[i:end], axis=1)
-                self._parts.append((i, end, plans))
-            for starts in np.array_split(range(0, m2, width), threads):
-                shape = transforms * width, row_length(m1, kind.itemsize)
-                block, transformed = (pyfftw.zeros_aligned(shape, dtype=kind) for _ in range(2))
-                plans = planned(block[:, :m1], transformed[:, :m1], block[:, :m1], axis=1)
-                self._blocks.append((starts, width, block, transformed, plans))
-        order1, self._order2 = (
-            order_of(n, m) for n, m in zip((n1, n2), self._mirrors, strict=True)
-        )
-        self._rows = np.arange(n1)
-        self._columns = waves, m1, twist, order1, self._weights, turns
-        self._threads = threads
+        for starts in np.array_split(range(0, m2, width), self._threads):
+            shape = self._transforms * width, row_length(m1, kind.itemsize)
+            block, transformed = (fftw().zeros_aligned(shape, dtype=kind) for _ in range(2))
+            plans = planned(block[:, :m1], transformed[:, :m1], block[:, :m1], axis=1)
+            work = partial(self._respond, starts, width, block, transformed, *plans)
+            self._stages[1].append([work])
 
-    def apply(self) -> None:
-        """Fill `displacement` from `pressure`."""
-        on_threads(self._threads, self._forward, self._parts)
-        on_threads(self._threads, self._respond, self._blocks)
-        on_threads(self._threads, self._inverse, self._parts)
-
-    def _forward(self, part: Any) -> None:
-        """Lay out the points of some rows and transform them."""
-        i, end, plans = part
-        if self._laid:
-            lay(self.pressure, self._padded, i, end, self._rows, self._order2)
-        plans[0]()
-
-    def _respond(self, work: Any) -> None:
+    def _respond(
+        self, starts: Any, width: int, block: Any, transformed: Any, forward: Any, inverse: Any
+    ) -> None:
         """Transform some columns, multiply their waves with the symbol, transform them back."""
-        starts, width, block, transformed, (forward, inverse) = work
-        waves, m1, twist, order, weights, turns = self._columns
+        waves, m1, twist, order, turns = self._columns
         for j in starts:
             count = min(width, waves.shape[1] - j)
             _gather(waves, j, count, block, twist, order)
             forward()
-            respond(transformed, m1, j, count, weights, twist.size > 0, *turns)
+            respond(transformed, m1, j, count, self._weights, twist.size > 0, *turns)
             inverse()
             _scatter(block, j, count, waves, twist, order)
 
-    def _inverse(self, part: Any) -> None:
-        """Transform some rows back and put their points in order."""
-        i, end, plans = part
-        plans[1]()
-        if self._mirrors[1]:
-            points = self.displacement[i:end]
-            take(points.copy(), points, 0, end - i, self._rows, self._order2)
+
+def _take_in_place(points: Any, order1: Any, order2: Any, first: int, end: int) -> None:
+    """Put the points of some rows in order."""
+    rows = points[first:end]
+    take(rows.copy(), rows, order1, order2, 0, len(rows))
 
 
 @compiled(**COMPILED)
