@@ -140,6 +140,7 @@ class Convolution(Product):
     """
 
     def _weights_of(self, symbol: Array) -> Array:
+        """In full where no axis is a mirror."""
         weights = weights_of(symbol, *self._mirrors)
         if any(self._mirrors):
             return weights
@@ -148,6 +149,7 @@ class Convolution(Product):
         return np.concatenate((weights, weights[..., self._lengths[0] - half : 0 : -1]), axis=2)
 
     def _plan(self, planned: Callable[..., tuple[Any, Any]], over: Convolution | None) -> None:
+        """Columns are transformed from strided memory to blocks."""
         (n1, n2), (l1, l2), kind = self.pressure.shape, self._lengths, self._kind
         m2 = l2 // 2 + 1
         self._memory: list[Any] = []

@@ -51,6 +51,7 @@ class LargeConvolution(Product):
     """A product on a large grid."""
 
     def _weights_of(self, symbol: Array) -> Array:
+        """In the order of the transforms."""
         return weights_of(symbol, *self._mirrors, self._transforms)
 
     @property
@@ -59,6 +60,7 @@ class LargeConvolution(Product):
         return 2 if self._lengths[0] > len(self.pressure) else 1
 
     def _plan(self, planned: Callable[..., Any], over: LargeConvolution | None) -> None:
+        """Columns are copied to blocks."""
         (n1, n2), (l1, l2), kind = self.pressure.shape, self._lengths, self._kind
         m1, m2 = l1 // self._transforms, l2 // 2 + 1
         length = row_length(m2, kind.itemsize)
