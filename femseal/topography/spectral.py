@@ -18,16 +18,10 @@ SLACK = 1e-9
 
 def power(z: NDArray, periodic: Periodic) -> NDArray:
     """Fraction (n1, n2) of each wave in the mean square of `z` [m²]; the sum is the mean square (Parseval)."""
-    c, _, wrapped = _half(z, periodic)
-    powers = (np.square(c.real) + np.square(c.imag)) / z.size
-    if not wrapped:
-        return powers
-    # wave −k of real heights has the power of wave k
-    powers = np.moveaxis(powers, wrapped[-1], 1)
-    others = powers[:, (z.shape[wrapped[-1]] - 1) // 2 : 0 : -1]
-    if len(wrapped) == 2:
-        others = np.roll(others[::-1], 1, axis=0)
-    return np.moveaxis(np.concatenate((powers, others), axis=1), 1, wrapped[-1])
+    mirrored, wrapped = _axes(periodic)
+    c = scipy.fft.dctn(z, axes=mirrored, norm="ortho") if mirrored else z
+    c = scipy.fft.fftn(c, axes=wrapped, norm="ortho") if wrapped else c
+    return np.asarray((c * c.conj()).real / z.size)
 
 
 def wavenumbers(n: int, d: float, periodic: bool) -> NDArray:
@@ -45,7 +39,10 @@ def wavenumber_grids(
 
 def truncate(z: NDArray, spacing: tuple[float, float], periodic: Periodic, limit: float) -> NDArray:
     """Waves of `z` with |q| <= `limit` [rad/m]."""
-    c, mirrored, wrapped = _half(z, periodic)
+    mirrored, wrapped = _axes(periodic)
+    c = scipy.fft.dctn(z, axes=mirrored, norm="ortho") if mirrored else z
+    # of the last periodic axis waves k >= 0 alone
+    c = scipy.fft.rfftn(c, axes=wrapped, norm="ortho") if wrapped else c
     q1, q2 = wavenumber_grids((z.shape[0], z.shape[1]), spacing, periodic)
     c[q1[: c.shape[0]] ** 2 + q2[:, : c.shape[1]] ** 2 > (limit * (1 + SLACK)) ** 2] = 0
     if wrapped:
@@ -88,14 +85,9 @@ def one_sided(powers: NDArray, periodic: bool) -> NDArray:
     return folded
 
 
-def _half(z: NDArray, periodic: Periodic) -> tuple[NDArray, list[int], list[int]]:
-    """Orthonormal transform of `z`, of the last periodic axis waves k >= 0 alone; mirror axes and periodic ones."""
-    mirrored, wrapped = (
-        [axis for axis in (0, 1) if periodic[axis] == kind] for kind in (False, True)
-    )
-    if mirrored:
-        z = scipy.fft.dctn(z, axes=mirrored, norm="ortho")
-    return (scipy.fft.rfftn(z, axes=wrapped, norm="ortho") if wrapped else z), mirrored, wrapped
+def _axes(periodic: Periodic) -> tuple[list[int], list[int]]:
+    """Mirror axes and periodic ones."""
+    return [k for k in (0, 1) if not periodic[k]], [k for k in (0, 1) if periodic[k]]
 
 
 def _fit(c: NDArray, n: int, axis: int) -> NDArray:

@@ -262,10 +262,11 @@ class Topography(Plotted):
         powers = self._centred_power("radial_psd")
         q = np.hypot(*spectral.wavenumber_grids(self.shape, self.spacing, self.periodic))
         # A wave along a mirror axis stands for itself and its mirror image in the plane of wave vectors.
-        copies = np.ones(self.shape)
-        for axis in (0, 1):
-            if not self.periodic[axis]:
-                (copies[1:] if axis == 0 else copies[:, 1:])[...] *= 2
+        first, second = (
+            np.where(wraps | (np.arange(n) == 0), 1.0, 2.0)
+            for n, wraps in zip(self.shape, self.periodic, strict=True)
+        )
+        copies = np.outer(first, second)
         ring = np.rint(q / max(self._wave_steps)).astype(int)
         ring[0, 0] = -1
         ring = ring.ravel() + 1
@@ -277,10 +278,11 @@ class Topography(Plotted):
 
     @property
     def _wave_steps(self) -> tuple[float, float]:
-        first, second = (np.pi / length for length in self.size)
-        return (2 * first if self.periodic[0] else first), (
-            2 * second if self.periodic[1] else second
+        first, second = (
+            np.pi * (1 + wraps) / length
+            for length, wraps in zip(self.size, self.periodic, strict=True)
         )
+        return first, second
 
     def _centred_power(self, purpose: str) -> NDArray[np.float64]:
         z = self._defined(purpose)
