@@ -80,9 +80,9 @@ class HalfSpace:
         ]
         return np.pi * self.modulus / (4 * float(np.prod(spacings) ** (1 / len(spacings))))
 
-    def symbol(self, threads: int = 1) -> Array:
-        """Eigenvalues of K [m/Pa], by so many threads; see `influence.symbol`."""
-        return influence.symbol(self.shape, self.spacing, self.modulus, self.boundary, threads)
+    def symbol(self) -> Array:
+        """Eigenvalues of K [m/Pa], see `influence.symbol`."""
+        return influence.symbol(self.shape, self.spacing, self.modulus, self.boundary)
 
     def displacement(self, pressure: ArrayLike) -> Array:
         """Displacement u = K p [m] of shape (n1, n2) under pressures p [Pa] of the same shape."""

@@ -13,8 +13,6 @@ from numpy.typing import NDArray
 from scipy.fft import next_fast_len, rfft
 from scipy.special import polygamma
 
-from ..base.threads import on_threads
-
 Array = NDArray[np.float64]
 #: Values of the kernel of a free axis that are computed at a time.
 _STRIP_VALUES = 2**20
@@ -48,7 +46,6 @@ def symbol(
     spacing: tuple[float, float],
     modulus: float,
     boundary: tuple[str, str],
-    threads: int = 1,
 ) -> Array:
     """Eigenvalues of K [m/Pa] for the waves of periodic and padded free axes and the cosines of mirror axes.
 
@@ -60,9 +57,9 @@ def symbol(
         return free_symbol(shape, spacing, modulus)
     q1, q2 = wave_numbers(n1, d1, b1), wave_numbers(n2, d2, b2)
     if b1 == "free":
-        return strip_symbol(n1, d1, q2, d2, modulus, threads)
+        return strip_symbol(n1, d1, q2, d2, modulus)
     if b2 == "free":
-        return np.ascontiguousarray(strip_symbol(n2, d2, q1, d1, modulus, threads).T)
+        return np.ascontiguousarray(strip_symbol(n2, d2, q1, d1, modulus).T)
     return spectral_symbol(q1, q2, modulus)
 
 
@@ -110,9 +107,7 @@ def bickley_1(x: Array) -> Array:
     return out
 
 
-def strip_symbol(
-    n_free: int, d_free: float, q: Array, d_other: float, modulus: float, threads: int = 1
-) -> Array:
+def strip_symbol(n_free: int, d_free: float, q: Array, d_other: float, modulus: float) -> Array:
     """One free axis of pixels d_free, the other periodic or mirrored with wave numbers q: (half of it padded, q.size).
 
     A wave q along the other axis decays as (2/πE*) K₀(|q||x|) across it; q = 0 is the plane-strain logarithm, whose
@@ -122,13 +117,11 @@ def strip_symbol(
     """
     length = padded_length(n_free)
     width = max(1, _STRIP_VALUES // length)
-    columns = [q[j : j + width] for j in range(0, q.size, width)]
-    parts = on_threads(
-        threads, lambda some: _strip_columns(n_free, length, d_free, some, d_other), columns
-    )
-    found = np.concatenate(parts, axis=1)
-    found *= 2 / (np.pi * modulus)
-    return found
+    parts = [
+        _strip_columns(n_free, length, d_free, q[j : j + width], d_other)
+        for j in range(0, q.size, width)
+    ]
+    return np.concatenate(parts, axis=1) * (2 / (np.pi * modulus))
 
 
 def _strip_columns(n: int, length: int, d: float, q: Array, d_other: float) -> Array:

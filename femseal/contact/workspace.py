@@ -54,7 +54,7 @@ class Workspace:
         threads = threads if n >= _THREADED else 1
         self.half_space, self.threads, self.kept = half_space, threads, kept
         body = half_space.shape, half_space.boundary
-        self.respond = convolution(*body, half_space.symbol(threads), threads=threads)
+        self.respond = convolution(*body, half_space.symbol(), threads=threads)
         # the next product with the pressure corrects the errors of products in single precision
         self.search = convolution(*body, None, dtype=np.float32, threads=threads, over=self.respond)
         self.pressure = self.respond.pressure
