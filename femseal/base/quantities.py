@@ -97,29 +97,30 @@ def to_si(text: object, unit: str, name: str = "quantity", like: str = "") -> fl
         example = f"text with a number and a unit of the kind {unit!r}, such as {like!r}"
     if unit == "" and isinstance(text, (int, float)) and not isinstance(text, bool):
         return _finite(float(text), text, name, example)
+
+    def refused(expected: str) -> InputError:
+        return InputError(name, shown(text), expected)
+
     if not isinstance(text, str):
-        raise InputError(name, shown(text), example)
+        raise refused(example)
     if len(text) > _LONGEST:
-        raise InputError(name, shown(text), f"{example}, not longer than {_LONGEST} characters")
+        raise refused(f"{example}, not longer than {_LONGEST} characters")
     if unit == "Pa" and _REFERENCE.search(text):
         plain = shown(_REFERENCE.sub("", text))
         alone = "those of the fluid alone in a case are gauge or absolute"
-        expected = f"a pressure without (g) or (a), such as {plain}: {alone}"
-        raise InputError(name, shown(text), expected)
+        raise refused(f"a pressure without (g) or (a), such as {plain}: {alone}")
     if _DECIMAL_COMMA.search(text):
-        raise InputError(
-            name, shown(text), f"a number with a decimal point, not a comma: {_without_comma(text)}"
-        )
+        raise refused(f"a number with a decimal point, not a comma: {_without_comma(text)}")
     match = _NUMBER_AND_UNIT.match(text)
     if match is None or (match[2] is None and unit):
-        raise InputError(name, shown(text), example)
+        raise refused(example)
     written = (match[2] or "").strip()
     if unit == "K" and (scale := _TEMPERATURE.fullmatch(written)):
         degrees = float(match[1])
         celsius = (degrees - 32) / 1.8 if (scale[1] or written)[0] in "fF℉" else degrees
         return _finite(celsius + 273.15, text, name, example)
     if written and not _UNIT.fullmatch(written):
-        raise InputError(name, shown(text), example)
+        raise refused(example)
     if (factor := _factor(written, unit)) is None:
         alike = [
             each
@@ -129,7 +130,7 @@ def to_si(text: object, unit: str, name: str = "quantity", like: str = "") -> fl
         hint = f"; capitals count: {' or '.join(alike)}" if alike else ""
         if unit == "Pa" and _KILOGRAMS.fullmatch(written):
             hint = f"; {shown(text)} is about {to_text(float(match[1]) * 9.80665e6, 'Pa', 3)}"
-        raise InputError(name, shown(text), f"{example}{hint}")
+        raise refused(f"{example}{hint}")
     # 15 digits restore the decimal number as written, although the factor of a prefix is not exact in binary
     return _finite(float(f"{float(match[1]) * factor:.15g}"), text, name, example)
 

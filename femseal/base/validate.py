@@ -43,9 +43,18 @@ def tolerance(name: str, value: Any) -> float:
 
 
 def field(
-    name: str, value: Any, *, unit: str, shape: tuple[int, int] | None = None, copy: bool = True
+    name: str,
+    value: Any,
+    *,
+    unit: str,
+    shape: tuple[int, int] | None = None,
+    copy: bool = True,
+    undefined: bool = False,
 ) -> NDArray[np.float64]:
-    """An array (n1, n2) of finite real numbers, of the given shape if any; a new one unless `copy` is false."""
+    """An array (n1, n2) of finite real numbers, of the given shape if any; a new one unless `copy` is false.
+
+    undefined : whether points may be NaN.
+    """
     try:
         plain = type(value) is np.ndarray and value.dtype == np.float64
         if not plain and (np.ma.is_masked(value) or np.iscomplexobj(value)):
@@ -59,12 +68,11 @@ def field(
             name, f"a {type(value).__name__}", f"an array (n1, n2) of real numbers [{unit}]"
         ) from None
     if array.ndim != 2 or array.size == 0 or (shape is not None and array.shape != shape):
-        raise InputError(
-            name, f"shape {array.shape}", "a shape (n1, n2)" if shape is None else f"shape {shape}"
-        )
-    if not np.isfinite(array).all():
-        count = np.count_nonzero(~np.isfinite(array))
-        raise InputError(name, f"{counted(count, 'point')} not finite", f"finite numbers [{unit}]")
+        raise InputError(name, f"shape {array.shape}", f"shape {shape or '(n1, n2)'}")
+    bad = np.isinf(array) if undefined else ~np.isfinite(array)
+    if bad.any():
+        expected = f"finite numbers [{unit}]" + (", NaN = undefined" if undefined else "")
+        raise InputError(name, f"{counted(bad.sum(), 'point')} not finite", expected)
     return array
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 from functools import lru_cache
 from math import prod
 from threading import get_ident
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -97,12 +98,12 @@ class Workspace:
 
 def _index_map(n: int, radius: int, boundary: str) -> NDArray[np.int64]:
     """Real index of each index −radius … n − 1 + radius; −1 outside a free axis."""
-    i = np.arange(-radius, n + radius)
-    if boundary == "periodic":
-        return i % n
-    if boundary == "mirror":
-        return np.where(i < 0, -1 - i, np.where(i >= n, 2 * n - 1 - i, i))
-    return np.where((i < 0) | (i >= n), -1, i)
+    beyond: dict[str, Any] = {
+        "periodic": {"mode": "wrap"},
+        "mirror": {"mode": "symmetric"},
+        "free": {"constant_values": -1},
+    }
+    return np.pad(np.arange(n), radius, **beyond[boundary])
 
 
 def coarsen(a: Array) -> Array:

@@ -320,23 +320,8 @@ class Topography(Plotted):
 
 def _clean(heights: Any) -> NDArray[np.float64]:
     """Read-only contiguous copy of heights, masked points as NaN."""
-    try:
-        if np.iscomplexobj(heights):
-            raise ValueError
-        if isinstance(heights, np.ma.MaskedArray):
-            heights = np.ma.filled(heights.astype(np.float64), np.nan)
-        z = np.array(heights, dtype=np.float64, order="C")
-    except (TypeError, ValueError):
-        raise InputError(
-            "heights", f"a {type(heights).__name__} of another kind", "real numbers"
-        ) from None
-    if z.ndim != 2 or z.size == 0:
-        raise InputError(
-            "heights", f"an array of shape {z.shape}", "a non-empty array (n1, n2) [m]"
-        )
-    if infinite := int(np.isinf(z).sum()):
-        raise InputError(
-            "heights", f"{infinite} infinite points", "finite numbers [m], NaN = undefined"
-        )
+    if isinstance(heights, np.ma.MaskedArray) and heights.dtype.kind in "biuf":
+        heights = np.ma.filled(heights.astype(np.float64), np.nan)
+    z = validate.field("heights", heights, unit="m", undefined=True)
     z.flags.writeable = False
     return z

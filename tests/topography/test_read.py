@@ -180,7 +180,7 @@ def test_triplets_are_a_grid_in_any_order(tmp_path):
         ("# nothing\n", "given no line with numbers"),
         ("", "given no line with numbers"),
         (b"\xff\xfe\x00\x01", "bytes that are not UTF-8 text"),
-        ("1 inf\n2 3\n", r"face\.asc: heights: given 1 infinite points"),
+        ("1 inf\n2 3\n", r"face\.asc: heights: given 1 point not finite"),
         ("# Width: 9 apples\n1 2\n3 4", "a header with width: given '9 apples'"),
         ("# Breite: 9,0 um\n1 2\n3 4\n", "in line 1, expected the header in English, '# Width: 1"),
         ("# z\n#Höhe = 4 µm\n1 2\n3 4\n", "in line 2, expected the header in English"),
