@@ -105,6 +105,11 @@ class _OnFaces:
         check_parameters(self)
 
     @property
+    def reference_density(self: Any) -> float:
+        """Density of the liquid [kg/m³]."""
+        return float(self.density)
+
+    @property
     def law(self) -> FlowLaw:
         """The cubic law, or that of the slip length."""
         return SlipLength(self.slip_length) if self.slip_length else CUBIC_LAW
@@ -148,11 +153,6 @@ class Liquid(_OnFaces):
         inclusive=True,
         default=0.0,
     )
-
-    @property
-    def reference_density(self) -> float:
-        """Density of the liquid [kg/m³]."""
-        return self.density
 
     def potential(self, pressure: ArrayLike) -> NDArray[np.float64]:
         """Pressure potential φ(p) [kg/(m³ s)]."""
@@ -203,11 +203,6 @@ class RoelandsLiquid(_OnFaces):
         usual=(50.0, 2.5e4),
         default=870.0,
     )
-
-    @property
-    def reference_density(self) -> float:
-        """Density of the liquid [kg/m³]."""
-        return self.density
 
     @property
     def _laws(self) -> tuple[float, float]:

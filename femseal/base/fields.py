@@ -42,6 +42,10 @@ CORNER = Place("corners of the parts of the drawn seal", ("part", "corner", "pla
 LEAK_CLASS = Place("leakage classes", ("leak_class", "step"))
 ERROR_SOURCE = Place("sources of error", ("budget_part", "step"))
 
+#: Signs of units in names of ASCII letters, digits and underscores.
+_LETTERS = str.maketrans({"/": "_per_", "·": "_", "*": "_", " ": "_"}) | str.maketrans(
+    "³²µ", "32u", "()^"
+)
 #: Unit in SI to the unit of pictures and of files for ParaView, and the number of these in one of SI.
 READABLE = {
     "m": ("µm", 1e6),
@@ -103,17 +107,7 @@ def with_unit(name: str, unit: str) -> str:
     """
     if unit in ("", "1"):
         return name
-    for sign, letters in (
-        ("/", "_per_"),
-        ("·", "_"),
-        ("*", "_"),
-        (" ", "_"),
-        ("³", "3"),
-        ("²", "2"),
-        ("µ", "u"),
-    ):
-        unit = unit.replace(sign, letters)
-    return f"{name}_{unit.translate(str.maketrans('', '', '()^'))}"
+    return f"{name}_{unit.translate(_LETTERS)}"
 
 
 def declared(

@@ -80,9 +80,7 @@ _READABLE = {
     False: ("L/s", "mL/s", "mL/min", "mL/h", "nL/s", "pL/s"),
 }
 #: Other letters for the same.
-_LETTERS = str.maketrans(
-    {"μ": "u", "µ": "u", "·": "*", "²": "2", "³": "3", "^": "", " ": "", "l": "L"}
-)
+_LETTERS = str.maketrans("μµ·²³l", "uu*23L", "^ ()")
 #: Other names of units.
 _ALIASES = {"sccm": "std cm³/min", "slm": "std L/min", "scc/s": "std cm³/s", "std cc/s": "std cm³/s",
             "Ncm³/s": "std cm³/s", "drop/min": "drops/min", "drop/s": "drops/s", "drop/h": "drops/h"}  # fmt: skip
@@ -103,11 +101,8 @@ def leak_unit(text: str) -> LeakUnit:
 
 def _unit_key(name: str) -> tuple[str, tuple[str, ...]]:
     """Numerator and factors of the denominator, however they are written."""
-    name = name.translate(_LETTERS)
-    above, _, below = name.partition("/")
-    return above, tuple(
-        sorted(below.replace("(", "").replace(")", "").replace("/", "*").split("*"))
-    )
+    above, *below = name.translate(_LETTERS).split("/")
+    return above, tuple(sorted("*".join(below).split("*")))
 
 
 @dataclass(frozen=True)

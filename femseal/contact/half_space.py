@@ -55,19 +55,15 @@ class HalfSpace:
     boundary: tuple[str, str] = ("periodic", "periodic")
 
     def __post_init__(self) -> None:
-        if isinstance(self.boundary, str):
-            object.__setattr__(self, "boundary", (self.boundary, self.boundary))
         object.__setattr__(self, "shape", validate.grid("shape", self.shape))
         object.__setattr__(self, "spacing", validate.lengths("spacing", self.spacing))
         object.__setattr__(self, "modulus", validate.number("modulus", self.modulus, unit="Pa"))
-        kinds = f"one of {', '.join(BOUNDARIES)} for each axis"
-        try:
-            first, second = self.boundary
-        except (TypeError, ValueError):
-            raise InputError("boundary", self.boundary, kinds) from None
-        if first not in BOUNDARIES or second not in BOUNDARIES:
+        ends = (self.boundary,) * 2 if isinstance(self.boundary, str) else self.boundary
+        is_pair = isinstance(ends, (tuple, list)) and len(ends) == 2
+        if not (is_pair and all(end in BOUNDARIES for end in ends)):
+            kinds = f"one of {', '.join(BOUNDARIES)} for each axis"
             raise InputError("boundary", self.boundary, kinds)
-        object.__setattr__(self, "boundary", (first, second))
+        object.__setattr__(self, "boundary", tuple(ends))
 
     @property
     def stiffness(self) -> float:

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
 from math import inf
-from typing import ClassVar
+from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -78,12 +78,12 @@ class Contact(Shown):
         touching = self.pressure > 0
         sides = 0
         for axis, kind in enumerate(self.half_space.boundary):
-            sides += int(np.count_nonzero(np.diff(touching, axis=axis)))
-            first, last = touching.take(0, axis), touching.take(-1, axis)
-            if kind == "periodic":
-                sides += int(np.count_nonzero(first != last))
-            elif kind == "free":
-                sides += int(np.count_nonzero(first) + np.count_nonzero(last))
+            beyond: dict[str, dict[str, Any]] = {
+                "periodic": {"append": touching.take([0], axis)},
+                "mirror": {},
+                "free": {"prepend": False, "append": False},
+            }
+            sides += int(np.count_nonzero(np.diff(touching, axis=axis, **beyond[kind])))
         return max(0.0, self.area_fraction - (np.pi - 1 + np.log(2)) / 24 * sides / touching.size)
 
     @property
