@@ -16,7 +16,7 @@ from typing import Any, ClassVar, Protocol
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from .base import InputError
+from .base import InputError, reals
 from .base.leak_rates import GAS_CONSTANT, LeakBasis
 from .base.validate import check_parameters, parameter
 from .flow.law import CUBIC_LAW, FlowLaw, FukuiKaneko, SlipLength
@@ -156,13 +156,13 @@ class Liquid(_OnFaces):
 
     def potential(self, pressure: ArrayLike) -> NDArray[np.float64]:
         """Pressure potential φ(p) [kg/(m³ s)]."""
-        p, α = np.asarray(pressure, dtype=float), self.pressure_viscosity
+        p, α = reals(pressure), self.pressure_viscosity
         return self.density / self.viscosity * (p if α == 0 else -np.expm1(-α * p) / α)
 
     def pressure(self, potential: ArrayLike) -> NDArray[np.float64]:
         """Inverse of `potential` [Pa]."""
         p, α = (
-            np.asarray(potential, dtype=float) * self.viscosity / self.density,
+            reals(potential) * self.viscosity / self.density,
             self.pressure_viscosity,
         )
         return p if α == 0 else -np.log1p(-α * p) / α
@@ -212,13 +212,13 @@ class RoelandsLiquid(_OnFaces):
     def viscosity_at(self, pressure: ArrayLike) -> NDArray[np.float64]:
         """Viscosity η(p) [Pa s]."""
         scale, exponent = self._laws
-        strain = np.log1p(np.asarray(pressure, dtype=float) / _ROELANDS_PRESSURE)
+        strain = np.log1p(reals(pressure) / _ROELANDS_PRESSURE)
         return self.viscosity * np.exp(scale * np.expm1(exponent * strain))
 
     def potential(self, pressure: ArrayLike) -> NDArray[np.float64]:
         """Pressure potential φ(p) [kg/(m³ s)]."""
         # by quadrature in x = ln(1 + p/p_r), in which the integrand is smooth
-        p = np.asarray(pressure, dtype=float)
+        p = reals(pressure)
         top = np.log1p(p / _ROELANDS_PRESSURE)[..., None]
         at = _ROELANDS_PRESSURE * np.expm1(0.5 * top * (1 + _POINTS))
         fluidity = (at + _ROELANDS_PRESSURE) / self.viscosity_at(at)
@@ -226,7 +226,7 @@ class RoelandsLiquid(_OnFaces):
 
     def pressure(self, potential: ArrayLike) -> NDArray[np.float64]:
         """Inverse of `potential` [Pa], by Newton's method; inf where no pressure has it."""
-        φ = np.asarray(potential, dtype=float)
+        φ = reals(potential)
         # φ rises ever more slowly, so that p is always below the solution
         start, slope = (
             φ * self.viscosity / self.density,
@@ -281,11 +281,11 @@ class IdealGas(Gas):
 
     def potential(self, pressure: ArrayLike) -> NDArray[np.float64]:
         """Pressure potential φ(p) of the viscous flow [kg/(m³ s)]; p is absolute."""
-        return self._factor * np.asarray(pressure, dtype=float) ** 2
+        return self._factor * reals(pressure) ** 2
 
     def pressure(self, potential: ArrayLike) -> NDArray[np.float64]:
         """Inverse of `potential` [Pa], absolute."""
-        return np.sqrt(np.asarray(potential, dtype=float) / self._factor)
+        return np.sqrt(reals(potential) / self._factor)
 
     def flow_factor(self, gap: ArrayLike, pressure: ArrayLike) -> NDArray[np.float64]:
         """F = Q(D)/(D/6), how many times more gas a gap [m] lets through than the cubic law says; 1 without `slip`.
@@ -307,7 +307,7 @@ class IdealGas(Gas):
         >>> IdealGas(19.6e-6, 4.0026e-3, 293.15).flow_factor([1e-6, 100e-9, 30e-9], 1e5).round(1)
         array([ 2.5, 20.9, 82.8])
         """
-        h, p = np.broadcast_arrays(*(np.asarray(value, dtype=float) for value in (gap, pressure)))
+        h, p = np.broadcast_arrays(*(reals(value) for value in (gap, pressure)))
         for name, values, unit in (("gap", h, "m"), ("pressure", p, "Pa, absolute")):
             if not (np.isfinite(values).all() and values.min(initial=0.0) >= 0):
                 raise InputError(

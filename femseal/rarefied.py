@@ -16,7 +16,7 @@ from math import log, pi, sqrt
 import numpy as np
 from numpy.typing import ArrayLike
 
-from .base import Array
+from .base import Array, reals
 
 #: D at which the formulas of the transition and of slip begin, after that below which molecules do not meet.
 FREE_MOLECULAR, TRANSITION, SLIP = 0.01, 0.15, 5.0
@@ -40,7 +40,7 @@ _FACTORS = np.transpose(
 
 def _formula(inverse_knudsen: ArrayLike) -> tuple[Array, ...]:
     """D, its factors, and of free molecules 1 and ln D, else 0."""
-    d = np.maximum(np.asarray(inverse_knudsen, dtype=float), _LEAST)
+    d = np.maximum(reals(inverse_knudsen), _LEAST)
     factors = _FACTORS[:, np.digitize(d, (FREE_MOLECULAR, TRANSITION, SLIP))]
     free = d < FREE_MOLECULAR
     return d, *factors, free, np.log(np.where(free, d, 1.0))

@@ -15,7 +15,7 @@ from typing import Any, ClassVar, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
-from .base import Array, InputError, shown, to_text
+from .base import Array, InputError, reals, shown, to_text
 from .base.leak_rates import GAS_CONSTANT, STANDARD_PRESSURE
 from .base.validate import check_parameters, described, parameter
 from .flow.law import CUBIC_LAW, FlowLaw, FukuiKaneko
@@ -44,7 +44,7 @@ class DenseGasSlip(FukuiKaneko):
 
     def inverse_knudsen(self, gap: ArrayLike, pressure: ArrayLike) -> Array:
         """D = h ρ √(2R_sT)/2η."""
-        return 0.5 * self.speed * np.asarray(gap, dtype=float) * self.gas.slope(pressure)
+        return 0.5 * self.speed * reals(gap) * self.gas.slope(pressure)
 
     def pressure_derivative(self, gap: ArrayLike, pressure: ArrayLike = 0.0) -> Array:
         """By central differences."""
@@ -154,7 +154,7 @@ class RealGas(Gas):
 
     def pressure(self, potential: ArrayLike) -> Array:
         """Inverse of `potential` [Pa], absolute, by Newton's method."""
-        table, φ = _table(self.name, self.temperature), np.asarray(potential, dtype=float)
+        table, φ = _table(self.name, self.temperature), reals(potential)
         # φ goes with p² in a thin gas
         start = np.interp(np.sqrt(φ), np.sqrt(table.potentials), table.pressures)
         return with_potential(
@@ -208,7 +208,7 @@ def _properties(name: str, temperature: float, pressure: ArrayLike) -> tuple[Arr
     """Density [kg/m³] and viscosity [Pa s] of the gas at pressures > 0 [Pa]; ValueError where CoolProp has none."""
     import CoolProp
 
-    state, p = _state(name), np.asarray(pressure, dtype=float)
+    state, p = _state(name), reals(pressure)
     found = np.empty((2, p.size))
     for n, each in enumerate(p.ravel()):
         state.update(CoolProp.PT_INPUTS, float(each), temperature)
@@ -312,7 +312,7 @@ def dense_gas(name: str, temperature: float, pressure: ArrayLike) -> tuple[Array
     within 3 % of CoolProp's up to 100 bar and within 6 % up to 700 bar.
     Source: Ind. Eng. Chem. Fundam. 15, 1976, 59; AIChE J. 8, 1962, 59.
     """
-    gas, p = _CRITICAL[name], np.asarray(pressure, dtype=float)
+    gas, p = _CRITICAL[name], reals(pressure)
     ω, reduced = gas.acentric, temperature / gas.temperature
     slope = 0.37464 + 1.54226 * ω - 0.26992 * ω**2
     attraction = 0.45724 * (p / gas.pressure) / reduced**2 * (1 + slope * (1 - sqrt(reduced))) ** 2

@@ -1,10 +1,15 @@
 """Types: arrays of real numbers, of whole numbers such as indices, and of truth values; lengths along both axes."""
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.int64]
 Flags = NDArray[np.bool_]
 #: Along x1 and x2, or the same along both.
 Lengths = float | tuple[float, float]
+
+
+def reals(values: ArrayLike) -> Array:
+    """Values as an array of real numbers."""
+    return np.asarray(values, dtype=np.float64)

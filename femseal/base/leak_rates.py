@@ -22,6 +22,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from .arrays import reals
 from .errors import InputError, shown
 
 Kind = Literal["volume", "mass", "throughput", "standard", "drops", "bubbles"]
@@ -183,7 +184,7 @@ class LeakBasis:
 
     def readable(self, values: ArrayLike) -> LeakUnit:
         """One unit of volume rate of the whole seal for all the leakages [m²/s] given."""
-        return _readable(np.asarray(values, dtype=float) * self.length, per_length=False)
+        return _readable(reals(values) * self.length, per_length=False)
 
 
 def leakage_unit(values: ArrayLike) -> tuple[float, str]:
@@ -192,7 +193,7 @@ def leakage_unit(values: ArrayLike) -> tuple[float, str]:
     >>> leakage_unit([0.0, 3e-9, 4e-7, 2e-8])
     (1e-09, 'µL/(m·s)')
     """
-    unit = _readable(np.asarray(values, dtype=float), per_length=True)
+    unit = _readable(reals(values), per_length=True)
     return unit.si, unit.name
 
 

@@ -7,12 +7,10 @@ from functools import cached_property
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-from ..base import InputError, counted, to_text, validate
+from ..base import Array, InputError, counted, reals, to_text, validate
 from .law import ContactLaw
 
-Array = NDArray[np.float64]
 #: Depth [m] above which Nix and Gao's law was found to hold (Feng & Nix, Scripta Mater. 51, 2004, 599).
 SMALLEST_DEPTH = 1e-7
 #: Depths [m] at which curves of two faces are compared.
@@ -82,7 +80,7 @@ class HardnessTable(ContactLaw):
 
     def hardening_modulus(self, deformation: Any = 0.0) -> Any:
         """dH/du; 0 beyond the ends."""
-        u = np.asarray(deformation, dtype=float)
+        u = reals(deformation)
         inside = (u >= self.depth[0]) & (u < self.depth[-1])
         return np.where(inside, self._curves[1](np.clip(u, self.depth[0], self.depth[-1])), 0.0)
 

@@ -17,12 +17,11 @@ from math import inf
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
-from ..base import InputError, to_text
+from ..base import Array, InputError, reals, to_text
 from ..store.digest import Unnamed, digest
 
-Array = NDArray[np.float64]
 #: Newton steps, or halvings, of a projection onto a curved law, one for a straight line; steepest fall over c for them.
 _NEWTON_STEPS, _STEEPEST = 60, 0.8
 
@@ -54,7 +53,7 @@ class ContactLaw:
     @property
     def mean_hardness(self) -> float:
         """Mean pressure at which points yield for the first time [Pa]; inf is elastic."""
-        hardness = np.asarray(self.yield_pressure(), dtype=float)
+        hardness = reals(self.yield_pressure())
         return float(hardness) if hardness.ndim == 0 else float(hardness.mean())
 
     @property
@@ -74,11 +73,11 @@ class ContactLaw:
 
     def after(self, deformation: ArrayLike) -> ContactLaw:
         """The law of points that an earlier load left with a plastic deformation (n1, n2) [m]: H(u + deformation)."""
-        return _Changed(self, kept=np.asarray(deformation, dtype=float))
+        return _Changed(self, kept=reals(deformation))
 
     def less(self, fluid_pressure: ArrayLike) -> ContactLaw:
         """The law of the contact pressure where a fluid pressure [Pa] presses on the faces too: H(u) − p_f."""
-        return _Changed(self, fluid_pressure=np.asarray(fluid_pressure, dtype=float))
+        return _Changed(self, fluid_pressure=reals(fluid_pressure))
 
     def times(self, factor: float) -> ContactLaw:
         """The law of a metal `factor` times as hard: factor · H(u)."""
@@ -138,10 +137,8 @@ class ContactLaw:
         """
         hardness, slope = self.yield_pressure(deformation), self.hardening_modulus(deformation)
         slope = np.maximum(slope, 0.0)
-        hardness = hardness - slope * np.asarray(deformation, dtype=float)
-        hardness, slope = (
-            np.atleast_1d(np.asarray(values, dtype=float)) for values in (hardness, slope)
-        )
+        hardness = hardness - slope * reals(deformation)
+        hardness, slope = (np.atleast_1d(reals(values)) for values in (hardness, slope))
         for values in (hardness, slope):
             if values.size != 1 and values.shape != shape:
                 raise InputError(
@@ -260,7 +257,7 @@ class LinearHardening(ContactLaw):
 
     def yield_pressure(self, deformation: Any = 0.0) -> Any:
         """H + h u."""
-        return self.hardness + self.slope * np.asarray(deformation, dtype=float)
+        return self.hardness + self.slope * reals(deformation)
 
     def hardening_modulus(self, deformation: Any = 0.0) -> Any:
         """h, whatever the deformation."""
@@ -287,14 +284,12 @@ class _Changed(ContactLaw):
 
     def yield_pressure(self, deformation: Any = 0.0) -> Any:
         """factor · H(u + kept) − p_f."""
-        pressure = self.law.yield_pressure(self.kept + np.asarray(deformation, dtype=float))
+        pressure = self.law.yield_pressure(self.kept + reals(deformation))
         return self.factor * pressure - self.fluid_pressure
 
     def hardening_modulus(self, deformation: Any = 0.0) -> Any:
         """factor · h(u + kept)."""
-        return self.factor * self.law.hardening_modulus(
-            self.kept + np.asarray(deformation, dtype=float)
-        )
+        return self.factor * self.law.hardening_modulus(self.kept + reals(deformation))
 
     @property
     def capacity(self) -> float:
@@ -303,17 +298,11 @@ class _Changed(ContactLaw):
 
     def after(self, deformation: ArrayLike) -> ContactLaw:
         """The law with both deformations; the same where it has no depth."""
-        return (
-            self
-            if self.is_perfect
-            else replace(self, kept=self.kept + np.asarray(deformation, dtype=float))
-        )
+        return self if self.is_perfect else replace(self, kept=self.kept + reals(deformation))
 
     def less(self, fluid_pressure: ArrayLike) -> ContactLaw:
         """The law with both fluid pressures."""
-        return replace(
-            self, fluid_pressure=self.fluid_pressure + np.asarray(fluid_pressure, dtype=float)
-        )
+        return replace(self, fluid_pressure=self.fluid_pressure + reals(fluid_pressure))
 
     def __str__(self) -> str:
         return str(self.law)
@@ -363,7 +352,7 @@ def _numbers(name: str, value: Any, unit: str, *, zero: bool = False) -> float |
     try:
         if isinstance(value, (str, bytes)):
             raise TypeError
-        array = np.asarray(value, dtype=float)
+        array = reals(value)
     except (TypeError, ValueError):
         raise InputError(name, repr(value), expected) from None
     good = (array >= 0) & np.isfinite(array) if zero else array > 0
