@@ -14,9 +14,9 @@ from math import cos, inf, log, nan
 from typing import Any, ClassVar, Protocol
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
-from .base import InputError, reals
+from .base import Array, InputError, reals
 from .base.leak_rates import GAS_CONSTANT, LeakBasis
 from .base.validate import check_parameters, parameter
 from .flow.law import CUBIC_LAW, FlowLaw, FukuiKaneko, SlipLength
@@ -36,11 +36,11 @@ class Fluid(Protocol):
         """Density [kg/m³] that converts a mass rate into a volume rate."""
         ...
 
-    def potential(self, pressure: ArrayLike) -> NDArray[np.float64]:
+    def potential(self, pressure: ArrayLike) -> Array:
         """Pressure potential φ(p) [kg/(m³ s)], φ(0) = 0."""
         ...
 
-    def pressure(self, potential: ArrayLike) -> NDArray[np.float64]:
+    def pressure(self, potential: ArrayLike) -> Array:
         """Inverse of `potential` [Pa]."""
         ...
 
@@ -154,12 +154,12 @@ class Liquid(_OnFaces):
         default=0.0,
     )
 
-    def potential(self, pressure: ArrayLike) -> NDArray[np.float64]:
+    def potential(self, pressure: ArrayLike) -> Array:
         """Pressure potential φ(p) [kg/(m³ s)]."""
         p, α = reals(pressure), self.pressure_viscosity
         return self.density / self.viscosity * (p if α == 0 else -np.expm1(-α * p) / α)
 
-    def pressure(self, potential: ArrayLike) -> NDArray[np.float64]:
+    def pressure(self, potential: ArrayLike) -> Array:
         """Inverse of `potential` [Pa]."""
         p, α = (
             reals(potential) * self.viscosity / self.density,
@@ -209,13 +209,13 @@ class RoelandsLiquid(_OnFaces):
         scale = log(self.viscosity) + _ROELANDS_LOG
         return scale, self.pressure_viscosity * _ROELANDS_PRESSURE / scale
 
-    def viscosity_at(self, pressure: ArrayLike) -> NDArray[np.float64]:
+    def viscosity_at(self, pressure: ArrayLike) -> Array:
         """Viscosity η(p) [Pa s]."""
         scale, exponent = self._laws
         strain = np.log1p(reals(pressure) / _ROELANDS_PRESSURE)
         return self.viscosity * np.exp(scale * np.expm1(exponent * strain))
 
-    def potential(self, pressure: ArrayLike) -> NDArray[np.float64]:
+    def potential(self, pressure: ArrayLike) -> Array:
         """Pressure potential φ(p) [kg/(m³ s)]."""
         # by quadrature in x = ln(1 + p/p_r), in which the integrand is smooth
         p = reals(pressure)
@@ -224,7 +224,7 @@ class RoelandsLiquid(_OnFaces):
         fluidity = (at + _ROELANDS_PRESSURE) / self.viscosity_at(at)
         return np.asarray(self.density * 0.5 * top[..., 0] * (fluidity @ _WEIGHTS))
 
-    def pressure(self, potential: ArrayLike) -> NDArray[np.float64]:
+    def pressure(self, potential: ArrayLike) -> Array:
         """Inverse of `potential` [Pa], by Newton's method; inf where no pressure has it."""
         φ = reals(potential)
         # φ rises ever more slowly, so that p is always below the solution
@@ -279,15 +279,15 @@ class IdealGas(Gas):
     def _factor(self) -> float:
         return self.molar_mass / (2 * GAS_CONSTANT * self.temperature * self.viscosity)
 
-    def potential(self, pressure: ArrayLike) -> NDArray[np.float64]:
+    def potential(self, pressure: ArrayLike) -> Array:
         """Pressure potential φ(p) of the viscous flow [kg/(m³ s)]; p is absolute."""
         return self._factor * reals(pressure) ** 2
 
-    def pressure(self, potential: ArrayLike) -> NDArray[np.float64]:
+    def pressure(self, potential: ArrayLike) -> Array:
         """Inverse of `potential` [Pa], absolute."""
         return np.sqrt(reals(potential) / self._factor)
 
-    def flow_factor(self, gap: ArrayLike, pressure: ArrayLike) -> NDArray[np.float64]:
+    def flow_factor(self, gap: ArrayLike, pressure: ArrayLike) -> Array:
         """F = Q(D)/(D/6), how many times more gas a gap [m] lets through than the cubic law says; 1 without `slip`.
 
         Parameters

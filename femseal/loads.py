@@ -11,9 +11,8 @@ from itertools import pairwise
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-from .base import InputError, validate
+from .base import Array, Flags, Indices, InputError, validate
 
 #: Units of loads: a nominal pressure, a force on the whole seal, a force on its length.
 LOAD_UNITS = ("Pa", "N", "N/m")
@@ -118,7 +117,7 @@ class LoadProgramme(tuple[LoadStep, ...]):
         return (tuple(self),)
 
     @property
-    def pressures(self) -> NDArray[np.float64]:
+    def pressures(self) -> Array:
         """Nominal pressure of every step (steps,) [Pa]."""
         return np.array([s.pressure for s in self], dtype=float)
 
@@ -140,17 +139,17 @@ class LoadProgramme(tuple[LoadStep, ...]):
         )
 
     @property
-    def on_loading(self) -> NDArray[np.bool_]:
+    def on_loading(self) -> Flags:
         """True at the loading steps (steps,)."""
         return np.array([s.unloaded_from is None for s in self], dtype=bool)
 
     @property
-    def on_unloading(self) -> NDArray[np.bool_]:
+    def on_unloading(self) -> Flags:
         """True at the unloading steps (steps,)."""
         return ~self.on_loading
 
     @property
-    def peak_indices(self) -> NDArray[np.int64]:
+    def peak_indices(self) -> Indices:
         """Index of the loading step from which each step is unloaded (steps,); on loading its own."""
         loading = {s.pressure: n for n, s in enumerate(self) if s.unloaded_from is None}
         found = [

@@ -20,9 +20,9 @@ from math import inf, isnan
 from typing import Literal
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
-from .arrays import reals
+from .arrays import Flags, reals
 from .errors import InputError, shown
 
 Kind = Literal["volume", "mass", "throughput", "standard", "drops", "bubbles"]
@@ -305,7 +305,7 @@ class LeakClass:
         return amount * basis.factor(unit)
 
 
-def within(leakage: ArrayLike, limit: float) -> NDArray[np.bool_]:
+def within(leakage: ArrayLike, limit: float) -> Flags:
     """Whether leakages of any direction are no more than a limit, up to rounding; NaN is not."""
     return np.asarray(np.abs(np.asarray(leakage, dtype=float)) <= limit * (1 + _ROUNDING))
 

@@ -12,8 +12,8 @@ from operator import index
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from .arrays import Array
 from .errors import InputError, counted
 
 
@@ -50,7 +50,7 @@ def field(
     shape: tuple[int, int] | None = None,
     copy: bool = True,
     undefined: bool = False,
-) -> NDArray[np.float64]:
+) -> Array:
     """An array (n1, n2) of finite real numbers, of the given shape if any; a new one unless `copy` is false.
 
     undefined : whether points may be NaN.

@@ -14,15 +14,12 @@ from __future__ import annotations
 
 from math import inf, sqrt
 
-import numpy as np
-from numpy.typing import NDArray
-
+from ..base import Array
 from . import large_convolution
 from .descent import Descent
 from .law import YieldLine
 from .workspace import Workspace
 
-Array = NDArray[np.float64]
 #: Steps of conjugate gradients after a change of the sets, and without one, and the fraction to which the squared
 #: energy norm of the residual falls in them at most.
 _STEPS = 3, 5, 0.04

@@ -22,13 +22,12 @@ from functools import cache, partial
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ..base import Array, Indices
 from ..base.compiled import compiled
 from ..base.threads import on_threads, parts
 from .influence import padded_length
 
-Array = NDArray[np.float64]
 #: Bytes of a block of columns, which should fit in a level-2 cache together with the symbol.
 BLOCK_BYTES = 2**18
 #: Least number of points of the rows that are transformed together, and most parts of all rows.
@@ -313,7 +312,7 @@ def respond(block, n, first, count, weights, twisted, turn1, turn2):
                 row[n - odd - i] = other[i]
 
 
-def order_of(n: int, mirror: bool) -> NDArray[np.int64]:
+def order_of(n: int, mirror: bool) -> Indices:
     """Points of an axis in the order in which they are transformed: 0, 2, 4 … 5, 3, 1 of a mirror."""
     every = np.arange(n)
     return np.concatenate((every[::2], every[1::2][::-1])) if mirror else every

@@ -12,12 +12,12 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from ..base import Array
 from . import gradient_kernels, kernels
 from .kernels import Line
 from .law import YieldLine
 from .workspace import Workspace
 
-Array = NDArray[np.float64]
 #: Steps of conjugate gradients in an iteration, and the fraction of the first w·r at which they stop.
 _STEPS, _DROP = 25, 1e-3
 

@@ -5,13 +5,12 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
-from ..base import InputError, validate
+from ..base import Array, InputError, validate
 from . import influence
 from .large_convolution import convolution
 
-Array = NDArray[np.float64]
 BOUNDARIES = ("periodic", "mirror", "free")
 
 

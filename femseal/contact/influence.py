@@ -9,11 +9,11 @@ constant pressure); Liu, Wang, Liu, Wear 243, 2000, 101 (DC-FFT).
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.fft import next_fast_len, rfft
 from scipy.special import polygamma
 
-Array = NDArray[np.float64]
+from ..base import Array
+
 #: Values of the kernel of a free axis that are computed at a time.
 _STRIP_VALUES = 2**20
 

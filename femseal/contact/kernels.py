@@ -20,6 +20,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from ..base import Array, Indices
 from ..base.compiled import compiled, inner
 from ..base.threads import ZERO
 
@@ -41,24 +42,24 @@ class Points(NamedTuple):
 
     state: NDArray[np.int8]
     lists: NDArray[np.int32]
-    near: NDArray[np.float64]
-    on_free: NDArray[np.float64]
+    near: Array
+    on_free: Array
     dense: NDArray[np.float32]
 
 
 class Line(NamedTuple):
     """Hardness H and slope h, of one value or one per point, see `law.YieldLine`."""
 
-    hardness: NDArray[np.float64]
-    slope: NDArray[np.float64]
+    hardness: Array
+    slope: Array
 
 
 class Stencil(NamedTuple):
     """Weights of a stencil of 3 × 3 points or fewer; index of each row and column of the padded grid, −1 outside."""
 
-    weights: NDArray[np.float64]
-    rows: NDArray[np.int64]
-    columns: NDArray[np.int64]
+    weights: Array
+    rows: Indices
+    columns: Indices
 
 
 #: Every function is inlined: a called one may be compiled differently in another process and change last digits.

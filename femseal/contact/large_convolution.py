@@ -16,8 +16,8 @@ from functools import partial
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ..base import Array
 from ..base.compiled import compiled
 from .convolution import (
     BLOCK_BYTES,
@@ -32,7 +32,6 @@ from .convolution import (
     weights_of,
 )
 
-Array = NDArray[np.float64]
 #: Number of points from which a grid is large.
 LARGE = 2**20
 #: A block has a multiple of so many columns.

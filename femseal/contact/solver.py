@@ -12,9 +12,9 @@ from math import inf
 from typing import Any, ClassVar
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
-from ..base import InputError, NotConverged, Shown, validate
+from ..base import Array, Flags, InputError, NotConverged, Shown, validate
 from ..base.threads import number, on_threads
 from . import kernels, long_lists
 from .active_sets import ActiveSets
@@ -23,7 +23,6 @@ from .kernels import Line
 from .law import ContactLaw, YieldLine, contact_law
 from .workspace import Workspace, coarsen, workspace
 
-Array = NDArray[np.float64]
 _COARSE_RTOL = 1e-2
 _COARSE_ITERATIONS = 40
 _MAX_ITERATIONS = 400
@@ -51,9 +50,7 @@ class Contact(Shown):
         metadata={"unit": "1", "long_name": "outer iterations on the given grid"}
     )
     fft_pairs: int = field(metadata={"unit": "1", "long_name": "transform pairs on the given grid"})
-    plastic: NDArray[np.bool_] = field(
-        metadata={"unit": "1", "long_name": "points at the hardness"}
-    )
+    plastic: Flags = field(metadata={"unit": "1", "long_name": "points at the hardness"})
     half_space: HalfSpace = field(repr=False)
 
     _derived: ClassVar = {

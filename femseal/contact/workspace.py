@@ -8,15 +8,14 @@ from threading import get_ident
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ..base import Array, Indices
 from .half_space import HalfSpace
 from .influence import stiffness_stencil
 from .kernels import Points, Stencil
 from .large_convolution import convolution
 from .long_lists import lists_of
 
-Array = NDArray[np.float64]
 #: Points up to which the arrays of a grid are kept for its next problem: 100 bytes each. Making them takes a twentieth
 #: of a solution.
 KEPT_POINTS = 2**21
@@ -96,7 +95,7 @@ class Workspace:
         self.points.state[:] = self.p > 0
 
 
-def _index_map(n: int, radius: int, boundary: str) -> NDArray[np.int64]:
+def _index_map(n: int, radius: int, boundary: str) -> Indices:
     """Real index of each index −radius … n − 1 + radius; −1 outside a free axis."""
     beyond: dict[str, Any] = {
         "periodic": {"mode": "wrap"},

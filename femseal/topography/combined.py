@@ -12,7 +12,7 @@ import numpy as np
 import scipy
 from numpy.typing import NDArray
 
-from ..base import InputError, Labelled, labelled, to_text, validate
+from ..base import Flags, InputError, Labelled, labelled, to_text, validate
 from .topography import Topography
 
 
@@ -109,7 +109,7 @@ def _places(first: Topography, second: Topography, angle: float, move: NDArray) 
     return np.stack(np.broadcast_arrays(u1 / d1 + (n1 - 1) / 2, u2 / d2 + (n2 - 1) / 2))
 
 
-def _largest_rectangle(inside: NDArray[np.bool_]) -> tuple[tuple[int, int], tuple[int, int]]:
+def _largest_rectangle(inside: Flags) -> tuple[tuple[int, int], tuple[int, int]]:
     """Rows and columns, first and behind the last, of the largest rectangle in a convex set of pixels."""
     rows = np.flatnonzero(inside.any(axis=1))
     if not rows.size:

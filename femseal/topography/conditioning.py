@@ -17,7 +17,7 @@ import scipy
 from numpy.typing import NDArray
 from scipy.fft import next_fast_len
 
-from ..base import InputError, Labelled, counted, labelled, to_text, validate
+from ..base import Array, Flags, InputError, Labelled, counted, labelled, to_text, validate
 from .defects import ALL_NEIGHBOURS, SPIKES, Form, TooManyUndefined, fit_form
 from .generate import PIXELS_PER_WAVE
 from .instrument import UNKNOWN, UNSEEN, Instrument
@@ -49,7 +49,7 @@ class Repair:
     undefined_fraction: float
     spike_points: int
     form: Form
-    removed: NDArray[np.float64] = field(repr=False)
+    removed: Array = field(repr=False)
 
 
 def repair(
@@ -111,7 +111,7 @@ class SpikeEffect:
         return [f"{text}; {_ADVICE}" for text in found]
 
 
-def spike_effect(flat: Topography, removed: NDArray[np.float64], wavelength: float) -> SpikeEffect:
+def spike_effect(flat: Topography, removed: Array, wavelength: float) -> SpikeEffect:
     """Measure spikes that were filled.
 
     flat : the map with spikes filled.
@@ -137,7 +137,7 @@ def _exchanged(before: NDArray, after: NDArray) -> float:
     return max(fractions)
 
 
-def _along_lay(spikes: NDArray[np.bool_], flat: Topography) -> float | None:
+def _along_lay(spikes: Flags, flat: Topography) -> float | None:
     """Fraction of pairs of neighbouring spikes that lie rather along the lay, if it is clearly more than half."""
     groups, count = scipy.ndimage.label(spikes, ALL_NEIGHBOURS)
     if count < _FEWEST or isnan(lay := texture(flat).lay_direction):

@@ -21,7 +21,7 @@ import numpy as np
 import scipy
 from numpy.typing import NDArray
 
-from ..base import InputError, validate
+from ..base import Flags, InputError, validate
 
 ORDERS = "0 (mean), 1 (tilt) or 2 (tilt and curvature)"
 
@@ -106,7 +106,7 @@ _COMMON = 1e-3
 ALL_NEIGHBOURS = np.ones((3, 3))
 
 
-def find_spikes(heights: NDArray, threshold: float = SPIKES) -> NDArray[np.bool_]:
+def find_spikes(heights: NDArray, threshold: float = SPIKES) -> Flags:
     """Spikes in `heights` (n1, n2) [m], NaN where undefined.
 
     A spike is a group of at most four points with |z − m| > `threshold` · s, and no neighbour of it deviates, with
@@ -140,7 +140,7 @@ def find_spikes(heights: NDArray, threshold: float = SPIKES) -> NDArray[np.bool_
     return spikes
 
 
-def _stands_alone(group: NDArray[np.bool_], flat: NDArray, median: NDArray) -> bool:
+def _stands_alone(group: Flags, flat: NDArray, median: NDArray) -> bool:
     """Whether no point around `group` goes half as far from the median at its tip as the tip does."""
     tip = np.unravel_index(np.argmax(np.where(group, np.abs(flat - median), -1.0)), group.shape)
     rim = scipy.ndimage.binary_dilation(group, ALL_NEIGHBOURS) & ~group

@@ -19,7 +19,7 @@ from zipfile import BadZipFile, ZipFile
 import numpy as np
 from numpy.typing import NDArray
 
-from ..base import InputError, Lengths, counted, free_memory, shortened, to_si
+from ..base import Flags, InputError, Lengths, counted, free_memory, shortened, to_si
 from ..base.machine import within_free_memory
 from .instrument import UNKNOWN, Instrument
 
@@ -47,7 +47,7 @@ class Raw:
     heights: NDArray
     height_unit: float | None = None
     spacing: tuple[float, float] | None = None
-    mask: NDArray[np.bool_] | None = None
+    mask: Flags | None = None
     instrument: Instrument = UNKNOWN
 
 
@@ -351,7 +351,7 @@ def unprinted() -> Iterator[None]:
         yield
 
 
-def _under_mask(topography: Any) -> tuple[NDArray, NDArray[np.bool_] | None]:
+def _under_mask(topography: Any) -> tuple[NDArray, Flags | None]:
     """Heights of all points, those under the mask of a user too, and this mask, if there is one."""
     heights = topography.heights()
     if not np.ma.is_masked(heights):

@@ -12,9 +12,8 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-from ..base import InputError, to_si, to_text, validate
+from ..base import Flags, InputError, to_si, to_text, validate
 from .formats import READERS, TEXT, Reading, bad_file, read_instrument, reading, unprinted
 from .instrument import Instrument
 from .topography import Topography
@@ -255,7 +254,7 @@ _IMAGES = (".png", ".tif", ".tiff", ".bmp", ".gif")
 _ARRAYS = (".npy", *TEXT)
 
 
-def read_mask(path: str | os.PathLike[str], shape: tuple[int, int]) -> NDArray[np.bool_]:
+def read_mask(path: str | os.PathLike[str], shape: tuple[int, int]) -> Flags:
     """Undefined points (n1, n2) of a map, true where the file is not 0.
 
     path : .png .tif .bmp .gif (any colour but black is not 0; transparency is left out), .npy, .csv .asc .txt.
@@ -286,7 +285,7 @@ def read_mask(path: str | os.PathLike[str], shape: tuple[int, int]) -> NDArray[n
     return found
 
 
-def _read_image(path: Path) -> NDArray[np.bool_]:
+def _read_image(path: Path) -> Flags:
     from PIL import Image
 
     with unprinted(), Image.open(path) as image:

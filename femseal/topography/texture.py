@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from scipy import fft
 from scipy.special import exprel
 
+from ..base import Array
 from .spectral import SLACK
 from .topography import Topography
 
@@ -203,7 +204,7 @@ def texture(topography: Topography) -> Texture:
     return Texture(float(shortest), ratio, not bool(fallen.all()), lay)
 
 
-def autocorrelation(topography: Topography) -> NDArray[np.float64]:
+def autocorrelation(topography: Topography) -> Array:
     """Autocorrelation (2 m1 + 1, 2 m2 + 1) of a map (n1, n2) at lags of up to m = n // 2 pixels, 1 in the middle.
 
     Mean over the pairs of points that lie that far apart: nothing is assumed beyond the borders.

@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..base import InputError, Plotted, TextTable, to_text, validate
+from ..base import Array, InputError, Plotted, TextTable, to_text, validate
 from . import spectral
 from .defects import SPIKES, TooManyUndefined, fill_holes, find_spikes, fit_form
 
@@ -49,7 +49,7 @@ class Topography(Plotted):
                rms slope 0.01388)
     """
 
-    heights: NDArray[np.float64]
+    heights: Array
     spacing: tuple[float, float]
     periodic: tuple[bool, bool] = (True, True)
 
@@ -225,12 +225,12 @@ class Topography(Plotted):
         """The map with a profile along x1 (n1,) [m] added, along which it is periodic no more."""
         return Topography(self.heights + profile[:, None], self.spacing, (False, self.periodic[1]))
 
-    def gap(self) -> NDArray[np.float64]:
+    def gap(self) -> Array:
         """Undeformed gap h1 = max z − z (n1, n2) [m] to a rigid flat that touches the highest point."""
         z = self._defined("gap")
         return z.max() - z
 
-    def psd(self, axis: int) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    def psd(self, axis: int) -> tuple[Array, Array]:
         """Spectral density of the profiles along `axis`, averaged over the other axis.
 
         Two-sided density C(q) = C(−q), given for q >= 0, so that Sq² = (1/2π)∫C dq over all q = (1/π)Σ C Δq
@@ -248,7 +248,7 @@ class Topography(Plotted):
         density[0] *= 2
         return step * np.arange(density.size, dtype=np.float64), density
 
-    def radial_psd(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    def radial_psd(self) -> tuple[Array, Array]:
         """Spectral density averaged over directions, in rings of |q| one wave step wide (the larger).
 
         C2D is the two-sided density over the plane, Sq² = (1/4π²)∫C2D d²q; q is the mean |q| in the ring.
@@ -284,7 +284,7 @@ class Topography(Plotted):
         )
         return first, second
 
-    def _centred_power(self, purpose: str) -> NDArray[np.float64]:
+    def _centred_power(self, purpose: str) -> Array:
         z = self._defined(purpose)
         return spectral.power(z - z.mean(), self.periodic)
 
@@ -292,7 +292,7 @@ class Topography(Plotted):
         """The map with other heights at the same points."""
         return Topography(heights, self.spacing, self.periodic)
 
-    def _defined(self, purpose: str) -> NDArray[np.float64]:
+    def _defined(self, purpose: str) -> Array:
         if fraction := self.undefined_fraction:
             raise InputError(
                 "heights",
@@ -318,7 +318,7 @@ class Topography(Plotted):
         return f"Topography({', '.join(f'{name} {text}' for name, text in self._facts().items())})"
 
 
-def _clean(heights: Any) -> NDArray[np.float64]:
+def _clean(heights: Any) -> Array:
     """Read-only contiguous copy of heights, masked points as NaN."""
     if isinstance(heights, np.ma.MaskedArray) and heights.dtype.kind in "biuf":
         heights = np.ma.filled(heights.astype(np.float64), np.nan)
