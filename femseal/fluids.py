@@ -16,7 +16,7 @@ from typing import Any, ClassVar, Protocol
 import numpy as np
 from numpy.typing import ArrayLike
 
-from .base import Array, InputError, reals
+from .base import Array, InputError, Pair, reals
 from .base.leak_rates import GAS_CONSTANT, LeakBasis
 from .base.validate import check_parameters, parameter
 from .flow.law import CUBIC_LAW, FlowLaw, FukuiKaneko, SlipLength
@@ -205,7 +205,7 @@ class RoelandsLiquid(_OnFaces):
     )
 
     @property
-    def _laws(self) -> tuple[float, float]:
+    def _laws(self) -> Pair:
         scale = log(self.viscosity) + _ROELANDS_LOG
         return scale, self.pressure_viscosity * _ROELANDS_PRESSURE / scale
 

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from functools import cache
 from typing import Any
 
-from .base import InputError, shown, to_text
+from .base import InputError, Pair, shown, to_text
 
 #: Temperature of the table, and of named fluids unless given [K].
 TABLE_TEMPERATURE = 293.15
@@ -67,7 +67,7 @@ _BY_NAME = {name.casefold(): fluid for name, fluid in TABLE.items()}
 def named_fluid(
     name: str,
     temperature: float = TABLE_TEMPERATURE,
-    pressures: tuple[float, float] = (TABLE_PRESSURE, TABLE_PRESSURE),
+    pressures: Pair = (TABLE_PRESSURE, TABLE_PRESSURE),
 ) -> NamedFluid:
     """Properties of a fluid by its name, from the table at 20 °C and otherwise from CoolProp.
 

@@ -6,8 +6,12 @@ from numpy.typing import ArrayLike, NDArray
 Array = NDArray[np.float64]
 Indices = NDArray[np.int64]
 Flags = NDArray[np.bool_]
+#: Along x1 and x2: points, lengths, whether a map repeats itself.
+Shape = tuple[int, int]
+Pair = tuple[float, float]
+Periodic = tuple[bool, bool]
 #: Along x1 and x2, or the same along both.
-Lengths = float | tuple[float, float]
+Lengths = float | Pair
 
 
 def reals(values: ArrayLike) -> Array:

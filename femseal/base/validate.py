@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from .arrays import Array
+from .arrays import Array, Pair, Periodic, Shape
 from .errors import InputError, counted
 
 
@@ -47,7 +47,7 @@ def field(
     value: Any,
     *,
     unit: str,
-    shape: tuple[int, int] | None = None,
+    shape: Shape | None = None,
     copy: bool = True,
     undefined: bool = False,
 ) -> Array:
@@ -87,7 +87,7 @@ def count(name: str, value: Any, least: int = 1) -> int:
     return given
 
 
-def lengths(name: str, value: Any) -> tuple[float, float]:
+def lengths(name: str, value: Any) -> Pair:
     """Two finite lengths > 0 [m], along x1 and x2; a single number is both."""
     allowed = "two finite numbers > 0 [m], along x1 and x2"
     try:
@@ -99,7 +99,7 @@ def lengths(name: str, value: Any) -> tuple[float, float]:
     return first, second
 
 
-def grid(name: str, value: Any, *, minimum: int = 1) -> tuple[int, int]:
+def grid(name: str, value: Any, *, minimum: int = 1) -> Shape:
     """Two whole numbers >= `minimum`, along x1 and x2."""
     allowed = f"two whole numbers >= {minimum}, along x1 and x2"
     try:
@@ -120,7 +120,7 @@ def pressures(name: str, value: Mapping[str, Any]) -> dict[str, float]:
     }
 
 
-def flags(name: str, value: Any) -> tuple[bool, bool]:
+def flags(name: str, value: Any) -> Periodic:
     """Two truth values, along x1 and x2; a single one is both."""
     try:
         first, second = (value, value) if isinstance(value, bool) else value
@@ -160,7 +160,7 @@ def parameter(
     allowed: str,
     meaning: str = "",
     *,
-    usual: tuple[float, float] = (-inf, inf),
+    usual: Pair = (-inf, inf),
     above: float = 0.0,
     inclusive: bool = False,
     **more: Any,

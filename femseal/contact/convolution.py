@@ -23,10 +23,10 @@ from typing import Any
 
 import numpy as np
 
-from ..base import Array, Indices
+from ..base import Array, Indices, Shape
 from ..base.compiled import compiled
 from ..base.threads import on_threads, parts
-from .influence import padded_length
+from .influence import Boundary, padded_length
 
 #: Bytes of a block of columns, which should fit in a level-2 cache together with the symbol.
 BLOCK_BYTES = 2**18
@@ -64,8 +64,8 @@ class Product:
 
     def __init__(
         self,
-        shape: tuple[int, int],
-        boundary: tuple[str, str],
+        shape: Shape,
+        boundary: Boundary,
         symbol: Array | None,
         *,
         dtype: Any = np.float64,
@@ -179,7 +179,7 @@ class Convolution(Product):
                 calls += plans[0], work, plans[1]
             self._stages[1].append(calls)
 
-    def _array(self, shape: tuple[int, int], dtype: np.dtype[Any]) -> Any:
+    def _array(self, shape: Shape, dtype: np.dtype[Any]) -> Any:
         """An array, in the memory of `over` as far as it suffices."""
         memory = next(self._lent, None)
         if memory is None:

@@ -7,8 +7,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ..base import Array, InputError, validate
+from ..base import Array, InputError, Pair, Shape, validate
 from . import influence
+from .influence import Boundary
 from .large_convolution import convolution
 
 BOUNDARIES = ("periodic", "mirror", "free")
@@ -48,10 +49,10 @@ class HalfSpace:
     (64, 64)
     """
 
-    shape: tuple[int, int]
-    spacing: tuple[float, float]
+    shape: Shape
+    spacing: Pair
     modulus: float
-    boundary: tuple[str, str] = ("periodic", "periodic")
+    boundary: Boundary = ("periodic", "periodic")
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "shape", validate.grid("shape", self.shape))

@@ -12,8 +12,10 @@ import numpy as np
 from scipy.fft import next_fast_len, rfft
 from scipy.special import polygamma
 
-from ..base import Array
+from ..base import Array, Pair, Shape
 
+#: Kind of each axis, periodic, mirror or free.
+Boundary = tuple[str, str]
 #: Values of the kernel of a free axis that are computed at a time.
 _STRIP_VALUES = 2**20
 
@@ -42,10 +44,10 @@ def spectral_symbol(q1: Array, q2: Array, modulus: float) -> Array:
 
 
 def symbol(
-    shape: tuple[int, int],
-    spacing: tuple[float, float],
+    shape: Shape,
+    spacing: Pair,
     modulus: float,
-    boundary: tuple[str, str],
+    boundary: Boundary,
 ) -> Array:
     """Eigenvalues of K [m/Pa] for the waves of periodic and padded free axes and the cosines of mirror axes.
 
@@ -68,7 +70,7 @@ def _love(x: Array, y: Array) -> Array:
     return x * np.arcsinh(y / np.abs(x)) + y * np.arcsinh(x / np.abs(y))
 
 
-def free_symbol(shape: tuple[int, int], spacing: tuple[float, float], modulus: float) -> Array:
+def free_symbol(shape: Shape, spacing: Pair, modulus: float) -> Array:
     """Both axes free: transform of Love's displacement [m/Pa] of a pixel under constant pressure."""
     x, y = (
         (np.arange(padded_length(n) // 2 + 2, dtype=float) - 0.5) * d
@@ -160,7 +162,7 @@ def _alternating(a: Array) -> Array:
     return (polygamma(1, a / 2) - polygamma(1, (a + 1) / 2)) / 4
 
 
-def stiffness_stencil(spacing: tuple[float, float], modulus: float) -> Array:
+def stiffness_stencil(spacing: Pair, modulus: float) -> Array:
     """3 × 3 truncation of the inverse operator, symbol E*|q|/2 [Pa/m]: the preconditioner of the solver.
 
     A truncation that is not positive definite (strongly stretched pixels) is reduced to its diagonal.

@@ -17,7 +17,7 @@ from typing import Any
 
 import numpy as np
 
-from ..base import Array
+from ..base import Array, Shape
 from ..base.compiled import compiled
 from .convolution import (
     BLOCK_BYTES,
@@ -31,6 +31,7 @@ from .convolution import (
     take,
     weights_of,
 )
+from .influence import Boundary
 
 #: Number of points from which a grid is large.
 LARGE = 2**20
@@ -38,9 +39,7 @@ LARGE = 2**20
 _COLUMNS = 8
 
 
-def convolution(
-    shape: tuple[int, int], boundary: tuple[str, str], symbol: Array | None, **settings: Any
-) -> Product:
+def convolution(shape: Shape, boundary: Boundary, symbol: Array | None, **settings: Any) -> Product:
     """The products on a grid that its size asks for, with the parameters of `Product`."""
     kind = LargeConvolution if shape[0] * shape[1] >= LARGE else Convolution
     return kind(shape, boundary, symbol, **settings)

@@ -19,7 +19,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ..base import Array, InputError, reals, to_text
+from ..base import Array, InputError, Shape, reals, to_text
 from ..store.digest import Unnamed, digest
 
 #: Newton steps, or halvings, of a projection onto a curved law, one for a straight line; steepest fall over c for them.
@@ -128,7 +128,7 @@ class ContactLaw:
                 break
         return u
 
-    def tangent(self, shape: tuple[int, int], deformation: ArrayLike = 0.0) -> YieldLine:
+    def tangent(self, shape: Shape, deformation: ArrayLike = 0.0) -> YieldLine:
         """The straight line that touches the law at a plastic deformation [m]; where the law softens, a flat one.
 
         Raises

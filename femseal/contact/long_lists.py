@@ -10,6 +10,7 @@ from collections.abc import Callable
 from itertools import accumulate
 from typing import Any
 
+from ..base import Shape
 from ..base.threads import on_threads, parts
 from . import gradient_kernels, kernels
 from .kernels import FREE, KD, NEAR, PLACE, Line, Points, Stencil, W, X
@@ -160,7 +161,7 @@ def lists_of(points: int, threads: int) -> ShortLists | LongLists:
     return LongLists(threads) if points > POINTS else ShortLists()
 
 
-def rows_in_parts(v: Any, points: int) -> list[tuple[int, int]]:
+def rows_in_parts(v: Any, points: int) -> list[Shape]:
     """First and last + 1 of the rows of the parts of a grid of so many points."""
     return parts(len(v), POINTS * len(v) / points)
 

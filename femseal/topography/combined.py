@@ -12,7 +12,7 @@ import numpy as np
 import scipy
 from numpy.typing import NDArray
 
-from ..base import Flags, InputError, Labelled, labelled, to_text, validate
+from ..base import Flags, InputError, Labelled, Pair, Shape, labelled, to_text, validate
 from .topography import Topography
 
 
@@ -20,8 +20,8 @@ from .topography import Topography
 class Overlap(Labelled):
     """The area where two faces overlap, and whether the second was interpolated by splines."""
 
-    shape: tuple[int, int] = labelled("points of the overlap")
-    size: tuple[float, float] = labelled("size of the overlap", "m")
+    shape: Shape = labelled("points of the overlap")
+    size: Pair = labelled("size of the overlap", "m")
     fraction: float = labelled("overlap, of the first face", percent=True)
     resampled: bool = labelled("second face interpolated")
 
@@ -32,7 +32,7 @@ def combine(
     *,
     mirror: Literal["x1", "x2"] | None = None,
     rotate: float = 0.0,
-    shift: tuple[float, float] = (0.0, 0.0),
+    shift: Pair = (0.0, 0.0),
 ) -> tuple[Topography, Overlap]:
     """Sum of two faces where they overlap: the roughness that, pressed on a rigid flat, has the same gap.
 
@@ -109,7 +109,7 @@ def _places(first: Topography, second: Topography, angle: float, move: NDArray) 
     return np.stack(np.broadcast_arrays(u1 / d1 + (n1 - 1) / 2, u2 / d2 + (n2 - 1) / 2))
 
 
-def _largest_rectangle(inside: Flags) -> tuple[tuple[int, int], tuple[int, int]]:
+def _largest_rectangle(inside: Flags) -> tuple[Shape, Shape]:
     """Rows and columns, first and behind the last, of the largest rectangle in a convex set of pixels."""
     rows = np.flatnonzero(inside.any(axis=1))
     if not rows.size:

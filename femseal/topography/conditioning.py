@@ -17,7 +17,18 @@ import scipy
 from numpy.typing import NDArray
 from scipy.fft import next_fast_len
 
-from ..base import Array, Flags, InputError, Labelled, counted, labelled, to_text, validate
+from ..base import (
+    Array,
+    Flags,
+    InputError,
+    Labelled,
+    Pair,
+    Shape,
+    counted,
+    labelled,
+    to_text,
+    validate,
+)
 from .defects import ALL_NEIGHBOURS, SPIKES, Form, TooManyUndefined, fit_form
 from .generate import PIXELS_PER_WAVE
 from .instrument import UNKNOWN, UNSEEN, Instrument
@@ -167,7 +178,7 @@ class Conditioning(Labelled):
     spike_points: int = labelled("points in spikes, filled")
     spikes_along_lay: float | None = labelled("neighbouring spikes along the lay", percent=True)
     spikes_extreme: float | None = labelled("extremes hanging on spikes", percent=True)
-    removed_tilt: tuple[float, float] = labelled("tilt removed along x1, x2", "rad")
+    removed_tilt: Pair = labelled("tilt removed along x1, x2", "rad")
     removed_curvature: tuple[float, float, float] = labelled("curvature removed: 11, 12, 22", "1/m")
     shortest_seen: float | None = labelled("shortest wave that the instrument sees", "m")
     unseen_slope: float | None = labelled("rms slope of a decade of waves not measured")
@@ -178,10 +189,10 @@ class Conditioning(Labelled):
     rms_slope_before: float = labelled("rms slope before the low-pass")
     rms_slope_measured: float = labelled("rms slope of waves above noise, cut-off")
     rms_slope: float = labelled("rms slope")
-    shape_before: tuple[int, int] = labelled("points measured")
-    shape: tuple[int, int] = labelled("points")
-    spacing_before: tuple[float, float] = labelled("pixel measured", "m")
-    spacing: tuple[float, float] = labelled("pixel", "m")
+    shape_before: Shape = labelled("points measured")
+    shape: Shape = labelled("points")
+    spacing_before: Pair = labelled("pixel measured", "m")
+    spacing: Pair = labelled("pixel", "m")
 
     @property
     def lost_slope(self) -> float:
@@ -232,7 +243,7 @@ def condition(
     detrend: int = 1,
     shortest_wave: float | None = None,
     max_undefined: float = 0.05,
-    shape: tuple[int, int] | None = None,
+    shape: Shape | None = None,
     instrument: Instrument = UNKNOWN,
     shortest_wavelength: float | None = None,
 ) -> tuple[Topography, Conditioning]:
@@ -283,7 +294,7 @@ def smooth(
     repaired: Repair,
     *,
     shortest_wave: float | None = None,
-    shape: tuple[int, int] | None = None,
+    shape: Shape | None = None,
     instrument: Instrument = UNKNOWN,
 ) -> tuple[Topography, Conditioning]:
     """Low-pass and resample what `repair` returned; other arguments, results and errors are those of `condition`."""
@@ -322,9 +333,7 @@ def smooth(
     )
 
 
-def default_wave(
-    flat: Topography, shape: tuple[int, int], instrument: Instrument = UNKNOWN
-) -> float:
+def default_wave(flat: Topography, shape: Shape, instrument: Instrument = UNKNOWN) -> float:
     """Shortest wave that is kept on a grid unless given [m], see `condition`.
 
     A longer one than 8 pixels of the map would be a guess where the instrument is not known: noise is removed on demand
@@ -334,14 +343,12 @@ def default_wave(
     return max(resolved_wave(flat.size, shape), kept, instrument.shortest_wave(flat))
 
 
-def resolved_wave(size: tuple[float, float], shape: tuple[int, int]) -> float:
+def resolved_wave(size: Pair, shape: Shape) -> float:
     """Shortest wave with 8 pixels of a grid [m]."""
     return PIXELS_PER_WAVE * max(length / n for length, n in zip(size, shape, strict=True))
 
 
-def resolving_shape(
-    size: tuple[float, float], wave: float, *, most: float = inf
-) -> tuple[int, int]:
+def resolving_shape(size: Pair, wave: float, *, most: float = inf) -> Shape:
     """Points along x1 and x2 at which a wave has 8 pixels or a little more, in numbers that transform fast.
 
     size : of the face [m].
@@ -356,7 +363,7 @@ def resolving_shape(
     return n1, n2
 
 
-def check_wave(wave: float, size: tuple[float, float], shape: tuple[int, int]) -> float:
+def check_wave(wave: float, size: Pair, shape: Shape) -> float:
     """The wave; InputError if it has fewer than 8 pixels of a grid, or is no shorter than a face of such sides [m]."""
     shortest, resolved = (
         validate.number("shortest_wave", wave, unit="m"),

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..base import InputError, to_text, validate
+from ..base import InputError, Periodic, Shape, to_text, validate
 from .conditioning import resolved_wave, resolving_shape
 from .generate import random_waves, wave_numbers
 from .texture import ISOTROPIC, PowerLaw, spectrum, texture
@@ -32,7 +32,7 @@ class Continuation:
     cut_off: float
     rms_slope: float
     aspect_ratio: float
-    periodic: tuple[bool, bool]
+    periodic: Periodic
     seed: tuple[int, ...]
 
     def added_to(
@@ -131,7 +131,7 @@ def continue_spectrum(
     topography: Topography,
     cut_off: float,
     *,
-    shape: tuple[int, int] | None = None,
+    shape: Shape | None = None,
     rng: Any,
     realisation: int = 0,
 ) -> Topography:

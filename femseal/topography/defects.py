@@ -21,7 +21,7 @@ import numpy as np
 import scipy
 from numpy.typing import NDArray
 
-from ..base import Flags, InputError, validate
+from ..base import Flags, InputError, Pair, Periodic, Shape, validate
 
 ORDERS = "0 (mean), 1 (tilt) or 2 (tilt and curvature)"
 
@@ -35,8 +35,8 @@ class Form:
     """
 
     coefficients: NDArray
-    shape: tuple[int, int]
-    size: tuple[float, float]
+    shape: Shape
+    size: Pair
 
     @property
     def heights(self) -> NDArray:
@@ -45,7 +45,7 @@ class Form:
         return u @ self.coefficients @ v.T
 
     @property
-    def slopes(self) -> tuple[float, float]:
+    def slopes(self) -> Pair:
         """∂z/∂x1, ∂z/∂x2 in the middle of the map [-]."""
         return (
             2 * float(self.coefficients[1, 0]) / self.size[0],
@@ -68,7 +68,7 @@ def scaled_centres(n: int) -> NDArray:
     return (2 * np.arange(n) + 1 - n) / n
 
 
-def fit_form(heights: NDArray, size: tuple[float, float], order: int) -> Form:
+def fit_form(heights: NDArray, size: Pair, order: int) -> Form:
     """Least-squares form of `heights` (n1, n2) [m] with NaN for undefined points.
 
     The normal equations need only the moments Σ uⁱ vʲ and Σ z uⁱ vʲ, which are two matrix products per map:
@@ -190,9 +190,7 @@ class TooManyUndefined(InputError):
     """More points of a map are undefined than may be filled."""
 
 
-def fill_holes(
-    heights: NDArray, spacing: tuple[float, float], periodic: tuple[bool, bool]
-) -> NDArray:
+def fill_holes(heights: NDArray, spacing: Pair, periodic: Periodic) -> NDArray:
     """`heights` (n1, n2) [m] with every NaN replaced; at least one point must be defined.
 
     Five-point Laplacian on the holes, defined neighbours as Dirichlet values, wrapped on periodic axes, no

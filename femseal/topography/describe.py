@@ -17,7 +17,7 @@ import numpy as np
 import scipy
 from numpy.typing import NDArray
 
-from ..base import Labelled, labelled
+from ..base import Labelled, Pair, Shape, labelled
 from .conditioning import repair
 from .defects import SPIKES, fit_form
 from .texture import NO_LAW, spectrum, texture
@@ -33,19 +33,19 @@ class SurfaceReport(Labelled):
     filters. Angles are counted from x1 towards x2.
     """
 
-    shape: tuple[int, int] = labelled("points")
-    size: tuple[float, float] = labelled("size", "m")
-    spacing: tuple[float, float] = labelled("pixel", "m")
+    shape: Shape = labelled("points")
+    size: Pair = labelled("size", "m")
+    spacing: Pair = labelled("pixel", "m")
     undefined_fraction: float = labelled("undefined points", percent=True)
     spike_points: int = labelled("points in spikes")
-    tilt: tuple[float, float] = labelled("tilt along x1 (leakage), x2", "rad")
+    tilt: Pair = labelled("tilt along x1 (leakage), x2", "rad")
     rms_height: float = labelled("Sq, rms height", "m")
     mean_height: float = labelled("Sa, arithmetic mean height", "m")
     peak_to_valley: float = labelled("Sz, highest to lowest point", "m")
     skewness: float = labelled("Ssk, skewness")
     kurtosis: float = labelled("Sku, kurtosis")
     rms_slope: float = labelled("rms slope")
-    rms_slopes: tuple[float, float] = labelled("rms slopes along x1, x2")
+    rms_slopes: Pair = labelled("rms slopes along x1, x2")
     correlation_length: float = labelled("Sal, autocorrelation length", "m")
     aspect_ratio: float = labelled("Str, texture aspect ratio")
     aspect_ratio_is_bound: bool = labelled("Str only a bound: lay as long as map")
@@ -53,24 +53,20 @@ class SurfaceReport(Labelled):
     shortest_wave: float = labelled("shortest wave above noise, cut-off", "m")
     noise: float = labelled("white noise, rms", "m")
     hurst: float = labelled("Hurst exponent of the power law")
-    power_law_slope: tuple[float, float] = labelled("its slope, log C over log q", joint=" ± ")
-    power_law: tuple[float, float] | None = labelled(
-        "longest, shortest wave of the law", "m", joint=", "
-    )
+    power_law_slope: Pair = labelled("its slope, log C over log q", joint=" ± ")
+    power_law: Pair | None = labelled("longest, shortest wave of the law", "m", joint=", ")
     power_law_density: float = labelled("spectral density at its longest wave", "m^4")
     roll_off: float = labelled("roll-off: end of a plateau", "m")
-    profile_cut_off: tuple[float, float] = labelled("cut-offs of profiles", "m", joint=", ")
-    ra: tuple[float, float] = labelled("Ra of profiles along x1, x2", "m", joint=", ")
-    rz: tuple[float, float] = labelled("Rz", "m", joint=", ")
-    rq: tuple[float, float] = labelled("Rq", "m", joint=", ")
-    rsk: tuple[float, float] = labelled("Rsk", joint=", ")
+    profile_cut_off: Pair = labelled("cut-offs of profiles", "m", joint=", ")
+    ra: Pair = labelled("Ra of profiles along x1, x2", "m", joint=", ")
+    rz: Pair = labelled("Rz", "m", joint=", ")
+    rq: Pair = labelled("Rq", "m", joint=", ")
+    rsk: Pair = labelled("Rsk", joint=", ")
     sa: float = labelled("Sa of the roughness, behind filters", "m")
     sz: float = labelled("Sz of the roughness", "m")
     sq: float = labelled("Sq of the roughness", "m")
     ssk: float = labelled("Ssk of the roughness")
-    nesting_index: tuple[float, float] = labelled(
-        "nesting indices S, L of the roughness", "m", joint=", "
-    )
+    nesting_index: Pair = labelled("nesting indices S, L of the roughness", "m", joint=", ")
     sk: float = labelled("Sk, height of the core", "m")
     spk: float = labelled("Spk, peaks above the core", "m")
     svk: float = labelled("Svk, valleys below the core", "m")
@@ -195,7 +191,7 @@ def material_ratios(z: NDArray) -> dict[str, Any]:
     return {"sk": -float(slope), "spk": spk, "svk": svk, "smr": ratios}
 
 
-def developed_area(z: NDArray, spacing: tuple[float, float]) -> float:
+def developed_area(z: NDArray, spacing: Pair) -> float:
     """Sdr [-] of heights (n1, n2) [m]: mean of √(1 + |∇z|²) less 1."""
     first, second = (
         scipy.ndimage.correlate1d(z, _DERIVATIVE, axis) / spacing[axis] for axis in (0, 1)

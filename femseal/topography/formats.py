@@ -19,7 +19,17 @@ from zipfile import BadZipFile, ZipFile
 import numpy as np
 from numpy.typing import NDArray
 
-from ..base import Flags, InputError, Lengths, counted, free_memory, shortened, to_si
+from ..base import (
+    Flags,
+    InputError,
+    Lengths,
+    Pair,
+    Periodic,
+    counted,
+    free_memory,
+    shortened,
+    to_si,
+)
 from ..base.machine import within_free_memory
 from .instrument import UNKNOWN, Instrument
 
@@ -46,7 +56,7 @@ class Raw:
 
     heights: NDArray
     height_unit: float | None = None
-    spacing: tuple[float, float] | None = None
+    spacing: Pair | None = None
     mask: Flags | None = None
     instrument: Instrument = UNKNOWN
 
@@ -65,7 +75,7 @@ class Reading:
     mask: str | os.PathLike[str] | None = None
     file_mask: bool = True
     crop: tuple[float, float, float, float] | None = None
-    periodic: tuple[bool, bool] = (False, False)
+    periodic: Periodic = (False, False)
     tip_radius: float | None = None
     resolution: float | None = None
 
@@ -182,7 +192,7 @@ def _rows(path: Path, file: TextIO, header: dict[str, str]) -> Iterator[tuple[in
             raise bad_file(path, f"{text!r} in line {at}", expected)
 
 
-def _triplets(path: Path, z: NDArray) -> tuple[NDArray, tuple[float, float]] | None:
+def _triplets(path: Path, z: NDArray) -> tuple[NDArray, Pair] | None:
     """Heights and pixel of lines x, y, z that name every point of a regular grid once; None for another matrix."""
     if z.shape[1] != 3 or len(z) < 9 or np.isnan(z[:, :2]).any():
         return None

@@ -12,7 +12,7 @@ import numpy as np
 import scipy
 from numpy.typing import NDArray
 
-from ..base import InputError, Lengths, to_text, validate
+from ..base import InputError, Lengths, Pair, Shape, to_text, validate
 from .spectral import SLACK
 from .topography import Topography
 
@@ -21,7 +21,7 @@ PIXELS_PER_WAVE = 8
 
 
 def self_affine(
-    shape: tuple[int, int],
+    shape: Shape,
     size: Lengths,
     *,
     hurst: float,
@@ -84,7 +84,7 @@ def self_affine(
 
 
 def turned(
-    shape: tuple[int, int],
+    shape: Shape,
     size: Lengths,
     *,
     pitch: float,
@@ -189,7 +189,7 @@ def _grooves(
     passes: int,
     pitch: float,
     radius: float,
-    rms_errors: tuple[float, float],
+    rms_errors: Pair,
     rng: np.random.Generator,
 ) -> NDArray:
     """Lowest of the passes (n1, n2) [m] at x1 (n1, 1) [m] and turn (1, n2) [rad], with rms errors (2,) [m].
@@ -218,7 +218,7 @@ def _grooves(
 
 
 def random_waves(
-    shape: tuple[int, int],
+    shape: Shape,
     numbers: tuple[NDArray, NDArray],
     amplitude: NDArray,
     rng: np.random.Generator,
@@ -237,7 +237,7 @@ def random_waves(
     return scipy.fft.irfft2(spectrum, s=shape, norm="forward")
 
 
-def wave_numbers(size: tuple[float, float], cut_off: float) -> tuple[NDArray, NDArray]:
+def wave_numbers(size: Pair, cut_off: float) -> tuple[NDArray, NDArray]:
     """Wave numbers k1, k2 of half the plane with q < 2π/cut_off, longest wave first.
 
     The order, and therefore the phase each wave gets, depends on the ratio of the sides alone: not on the
@@ -254,9 +254,7 @@ def wave_numbers(size: tuple[float, float], cut_off: float) -> tuple[NDArray, ND
     return k1[order], k2[order]
 
 
-def _cut_off(
-    cut_off: float | None, spacing: tuple[float, float], size: tuple[float, float]
-) -> float:
+def _cut_off(cut_off: float | None, spacing: Pair, size: Pair) -> float:
     """The shortest wave [m] as given, or of 8 pixels; raises InputError if the grid or the face has none such."""
     shortest = 2 * max(spacing)
     given = (

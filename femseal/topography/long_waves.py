@@ -9,7 +9,7 @@ from math import isfinite, nan, pi
 
 import numpy as np
 
-from ..base import to_text
+from ..base import Pair, to_text
 from .texture import spectrum, texture
 from .topography import Topography
 
@@ -37,7 +37,7 @@ class Representative:
 
     longest: float
     roll_off: float | None
-    waves: tuple[float, float]
+    waves: Pair
     rises: bool
     octave: float
     density: float

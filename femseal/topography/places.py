@@ -14,7 +14,7 @@ from math import gcd
 import numpy as np
 from numpy.typing import NDArray
 
-from ..base import InputError, to_text
+from ..base import InputError, Pair, Shape, to_text
 from .defects import fit_form
 from .topography import Topography
 
@@ -68,7 +68,7 @@ class Places(Topography):
         return divided(values, self.widths)
 
     @property
-    def rms_slopes(self) -> tuple[float, float]:
+    def rms_slopes(self) -> Pair:
         """Rms of the slopes along x1 and x2 in the places, not between them."""
         of_each = np.array([p.rms_slopes for p in self.each])
         first, second = np.sqrt(np.average(of_each**2, axis=0, weights=self.widths))
@@ -92,7 +92,7 @@ class Places(Topography):
         """Places with undefined points filled, each with no more of them than `max_share`."""
         return self._of_each(lambda p: p.fill_undefined(max_share))
 
-    def resample(self, shape: tuple[int, int]) -> Places:
+    def resample(self, shape: Shape) -> Places:
         """Fourier interpolant of each place; together they have about so many points along x2.
 
         They have exactly so many where these divide by the number of parts of which the places are whole multiples.
@@ -125,7 +125,7 @@ def shortest_place(face: Topography) -> Topography:
     return min(face.each, key=lambda place: place.shape[1])
 
 
-def of_all_places(face: Topography, shape: tuple[int, int]) -> tuple[int, int]:
+def of_all_places(face: Topography, shape: Shape) -> Shape:
     """Points of all places of a face together where its shortest has so many."""
     return shape[0], round(shape[1] * face.shape[1] / shortest_place(face).shape[1])
 
@@ -193,7 +193,7 @@ def _alike(places: Sequence[Topography]) -> list[Topography]:
     return found
 
 
-def _middle(place: Topography, shape: tuple[int, int]) -> Topography:
+def _middle(place: Topography, shape: Shape) -> Topography:
     """The middle part of a map."""
     if place.shape == shape:
         return place

@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from ..base import Flags, InputError, to_si, to_text, validate
+from ..base import Flags, InputError, Pair, Periodic, Shape, to_si, to_text, validate
 from .formats import READERS, TEXT, Reading, bad_file, read_instrument, reading, unprinted
 from .instrument import Instrument
 from .topography import Topography
@@ -41,7 +41,7 @@ class Look:
     topography: Topography
     doubts: tuple[InputError, ...]
     masked_fraction: float
-    said: tuple[bool, bool]
+    said: Periodic
     instrument: Instrument
 
 
@@ -166,7 +166,7 @@ def _check_options(path: Path, given: Reading) -> None:
         raise InputError("size, spacing", "both", "one of the two")
 
 
-def _given_pixel(given: Reading, shape: tuple[int, ...]) -> tuple[float, float] | None:
+def _given_pixel(given: Reading, shape: tuple[int, ...]) -> Pair | None:
     """Pixel [m] that the caller says; None where he says none."""
     if given.spacing is not None:
         return validate.lengths("spacing", given.spacing)
@@ -185,9 +185,7 @@ def _given_instrument(given: Reading, found: Instrument) -> Instrument:
     )
 
 
-def _pixel_doubts(
-    path: Path, pixel: tuple[float, float] | None, shape: tuple[int, ...]
-) -> list[InputError]:
+def _pixel_doubts(path: Path, pixel: Pair | None, shape: tuple[int, ...]) -> list[InputError]:
     """What is wrong with the pixel of a map."""
     if pixel is None:
         found = f"no pixel size in the file ({shape[0]} × {shape[1]} points)"
@@ -254,7 +252,7 @@ _IMAGES = (".png", ".tif", ".tiff", ".bmp", ".gif")
 _ARRAYS = (".npy", *TEXT)
 
 
-def read_mask(path: str | os.PathLike[str], shape: tuple[int, int]) -> Flags:
+def read_mask(path: str | os.PathLike[str], shape: Shape) -> Flags:
     """Undefined points (n1, n2) of a map, true where the file is not 0.
 
     path : .png .tif .bmp .gif (any colour but black is not 0; transparency is left out), .npy, .csv .asc .txt.

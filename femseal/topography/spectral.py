@@ -11,7 +11,8 @@ import numpy as np
 import scipy
 from numpy.typing import NDArray
 
-Periodic = tuple[bool, bool]
+from ..base import Pair, Periodic, Shape
+
 #: Relative slack on a limit of wavenumber, so that rounding does not decide on the wave exactly at the limit.
 SLACK = 1e-9
 
@@ -29,15 +30,13 @@ def wavenumbers(n: int, d: float, periodic: bool) -> NDArray:
     return 2 * np.pi * scipy.fft.fftfreq(n, d) if periodic else np.pi * np.arange(n) / (n * d)
 
 
-def wavenumber_grids(
-    shape: tuple[int, int], spacing: tuple[float, float], periodic: Periodic
-) -> tuple[NDArray, NDArray]:
+def wavenumber_grids(shape: Shape, spacing: Pair, periodic: Periodic) -> tuple[NDArray, NDArray]:
     """q1 (n1, 1) and q2 (1, n2) [rad/m]."""
     q1, q2 = (wavenumbers(*axis) for axis in zip(shape, spacing, periodic, strict=True))
     return q1[:, None], q2[None, :]
 
 
-def truncate(z: NDArray, spacing: tuple[float, float], periodic: Periodic, limit: float) -> NDArray:
+def truncate(z: NDArray, spacing: Pair, periodic: Periodic, limit: float) -> NDArray:
     """Waves of `z` with |q| <= `limit` [rad/m]."""
     mirrored, wrapped = _axes(periodic)
     c = scipy.fft.dctn(z, axes=mirrored, norm="ortho") if mirrored else z

@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..base import Array, InputError, Plotted, TextTable, to_text, validate
+from ..base import Array, InputError, Pair, Periodic, Plotted, Shape, TextTable, to_text, validate
 from . import spectral
 from .defects import SPIKES, TooManyUndefined, fill_holes, find_spikes, fit_form
 
@@ -50,8 +50,8 @@ class Topography(Plotted):
     """
 
     heights: Array
-    spacing: tuple[float, float]
-    periodic: tuple[bool, bool] = (True, True)
+    spacing: Pair
+    periodic: Periodic = (True, True)
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "heights", _clean(self.heights))
@@ -59,12 +59,12 @@ class Topography(Plotted):
         object.__setattr__(self, "periodic", validate.flags("periodic", self.periodic))
 
     @property
-    def shape(self) -> tuple[int, int]:
+    def shape(self) -> Shape:
         """Number of points (n1, n2)."""
         return self.heights.shape[0], self.heights.shape[1]
 
     @property
-    def size(self) -> tuple[float, float]:
+    def size(self) -> Pair:
         """Side lengths (n1 Δ1, n2 Δ2) [m]."""
         return self.shape[0] * self.spacing[0], self.shape[1] * self.spacing[1]
 
@@ -84,7 +84,7 @@ class Topography(Plotted):
         return float(self._defined("rms_height").std())
 
     @cached_property
-    def rms_slopes(self) -> tuple[float, float]:
+    def rms_slopes(self) -> Pair:
         """Rms of ∂z/∂x1 and of ∂z/∂x2 [-], each √(Σ q_i² |c|²) over the waves of the map (Parseval).
 
         Exact for band-limited data. An axis that is not periodic goes by the mirrored map, so a tilt counts
@@ -124,7 +124,7 @@ class Topography(Plotted):
         """Map less its low-pass: the waves that `low_pass` removes."""
         return self.with_heights(self._defined("high_pass") - self.low_pass(wavelength).heights)
 
-    def resample(self, shape: tuple[int, int]) -> Topography:
+    def resample(self, shape: Shape) -> Topography:
         """Fourier interpolant of the map at the pixel centres of another grid (m1, m2) on the same area.
 
         Exact for band-limited data, up and down; waves too short for the new grid are left out, never folded.
@@ -162,7 +162,7 @@ class Topography(Plotted):
             raise TooManyUndefined("heights", f"{given} undefined points", expected)
         return self.with_heights(fill_holes(self.heights, self.spacing, self.periodic))
 
-    def crop(self, shape: tuple[int, int], start: tuple[int, int] = (0, 0)) -> Topography:
+    def crop(self, shape: Shape, start: Shape = (0, 0)) -> Topography:
         """Part of `shape` points beginning at pixel `start`; an axis that loses points is periodic no more.
 
         Raises InputError: the part reaches beyond the map.
@@ -277,7 +277,7 @@ class Topography(Plotted):
         return waves, mean_power * (4 * np.pi**2 / (self._wave_steps[0] * self._wave_steps[1]))
 
     @property
-    def _wave_steps(self) -> tuple[float, float]:
+    def _wave_steps(self) -> Pair:
         first, second = (
             np.pi * (1 + wraps) / length
             for length, wraps in zip(self.size, self.periodic, strict=True)
