@@ -26,6 +26,7 @@ if TYPE_CHECKING:
         Plotted,
         Shown,
         TextTable,
+        as_text,
         comma_separated,
         duration,
         format_deviation,

@@ -287,7 +287,7 @@ class Labelled:
         )
 
 
-def as_text(value: Any, unit: str, *, percent: bool = False, joint: str = "", **_: Any) -> str:
+def as_text(value: Any, unit: str = "", *, percent: bool = False, joint: str = "", **_: Any) -> str:
     """A value in SI for people: angles in degrees, fractions in per cent, None and NaN as a dash; `joint` between two.
 
     >>> as_text((1e-6, 2e-6), "m"), as_text(0.5, "rad"), as_text(0.0023, "", percent=True)

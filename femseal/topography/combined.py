@@ -12,7 +12,7 @@ import numpy as np
 import scipy
 from numpy.typing import NDArray
 
-from ..base import Flags, InputError, Labelled, Pair, Shape, labelled, to_text, validate
+from ..base import Flags, InputError, Labelled, Pair, Shape, as_text, labelled, validate
 from .topography import Topography
 
 
@@ -82,11 +82,9 @@ def combine(
     )
     (begin1, end1), (begin2, end2) = _largest_rectangle(inside)
     if end1 <= begin1:
-        size = " × ".join(to_text(length, "m") for length in second.size)
-        given = " × ".join(to_text(s, "m") for s in move)
-        raise InputError(
-            "shift", given, f"a shift after which the second face, {size}, still overlaps the first"
-        )
+        size = as_text(second.size, "m")
+        expected = f"a shift after which the second face, {size}, still overlaps the first"
+        raise InputError("shift", as_text(tuple(move), "m"), expected)
     if min(second.spacing) < max(first.spacing):
         second = second.low_pass(2 * max(first.spacing))
     part = np.s_[:, begin1:end1, begin2:end2]

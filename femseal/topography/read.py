@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from ..base import Flags, InputError, Pair, Periodic, Shape, to_si, to_text, validate
+from ..base import Flags, InputError, Pair, Periodic, Shape, as_text, to_si, to_text, validate
 from .formats import READERS, TEXT, Reading, bad_file, read_instrument, reading, unprinted
 from .instrument import Instrument
 from .topography import Topography
@@ -188,7 +188,7 @@ def _given_instrument(given: Reading, found: Instrument) -> Instrument:
 def _pixel_doubts(path: Path, pixel: Pair | None, shape: tuple[int, ...]) -> list[InputError]:
     """What is wrong with the pixel of a map."""
     if pixel is None:
-        found = f"no pixel size in the file ({shape[0]} × {shape[1]} points)"
+        found = f"no pixel size in the file ({as_text(shape)} points)"
         allowed = "two lengths in size= or spacing= (--size '1.2 mm' '0.9 mm', --spacing)"
         return [bad_file(path, found, allowed)]
     if all(np.isfinite(d) and d > 0 for d in pixel):
@@ -212,7 +212,7 @@ def _implausible(path: Path, topography: Topography, given: Reading) -> Iterator
     correct = "if it is right, or to correct it, pass"
     (shortest, longest), is_usual = _SIZE_LIMITS, True
     if check_size and not all(shortest <= side <= longest for side in topography.size):
-        is_usual, sides = False, " × ".join(to_text(side, "m") for side in topography.size)
+        is_usual, sides = False, as_text(topography.size, "m")
         yield bad_file(path, f"a size of {sides}", f"1 nm to 1 m; {correct} size= (--size)")
     z = topography.heights[:: max(1, topography.shape[0] // _ROWS)]
     defined = z[~np.isnan(z)]
@@ -274,11 +274,11 @@ def read_mask(path: str | os.PathLike[str], shape: Shape) -> Flags:
         )
     if found.shape != shape:
         turned = "; turned by its diagonal it would fit" if found.shape == shape[::-1] else ""
-        given = f"{found.shape[0]} × {found.shape[1]} points in '{path.name}'"
+        given = f"{as_text(found.shape)} points in '{path.name}'"
         raise InputError(
             "mask",
             given,
-            f"{shape[0]} × {shape[1]}, as in the file of the heights, x first{turned}",
+            f"{as_text(shape)}, as in the file of the heights, x first{turned}",
         )
     return found
 

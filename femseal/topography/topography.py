@@ -16,7 +16,18 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..base import Array, InputError, Pair, Periodic, Plotted, Shape, TextTable, to_text, validate
+from ..base import (
+    Array,
+    InputError,
+    Pair,
+    Periodic,
+    Plotted,
+    Shape,
+    TextTable,
+    as_text,
+    to_text,
+    validate,
+)
 from . import spectral
 from .defects import SPIKES, TooManyUndefined, fill_holes, find_spikes, fit_form
 
@@ -157,7 +168,7 @@ class Topography(Plotted):
         if fraction == 1:
             raise InputError("undefined points", "100 %", "a map with defined points")
         if fraction > limit:
-            given, most = (f"{100 * part:.3g} %" for part in (fraction, limit))
+            given, most = (as_text(part, percent=True) for part in (fraction, limit))
             expected = f"at most {most}: crop the map to a part with fewer, or raise max_undefined"
             raise TooManyUndefined("heights", f"{given} undefined points", expected)
         return self.with_heights(fill_holes(self.heights, self.spacing, self.periodic))
@@ -296,19 +307,17 @@ class Topography(Plotted):
         if fraction := self.undefined_fraction:
             raise InputError(
                 "heights",
-                f"{100 * fraction:.3g} % undefined points",
+                f"{as_text(fraction, percent=True)} undefined points",
                 f"a map without them for {purpose}: use fill_undefined() first",
             )
         return self.heights
 
     def _facts(self) -> dict[str, str]:
-        size, pixel = (
-            " × ".join(to_text(v, "m") for v in pair) for pair in (self.size, self.spacing)
-        )
-        facts = {"points": f"{self.shape[0]} × {self.shape[1]}", "size": size, "pixel": pixel}
+        size, pixel = as_text(self.size, "m"), as_text(self.spacing, "m")
+        facts = {"points": as_text(self.shape), "size": size, "pixel": pixel}
         facts["periodic"] = str(self.periodic)
         if fraction := self.undefined_fraction:
-            return facts | {"undefined": f"{100 * fraction:.3g} %"}
+            return facts | {"undefined": as_text(fraction, percent=True)}
         return facts | {"Sq": to_text(self.rms_height, "m"), "rms slope": f"{self.rms_slope:.4g}"}
 
     def _repr_html_(self) -> str:
