@@ -85,7 +85,7 @@ class Product:
         self._weights: Array
         if over is None:
             assert symbol is not None
-            self._weights = self._weights_of(symbol)
+            self._weights = weights_of(symbol, *self._mirrors, self._transforms)
             self._weights /= l1 * l2  # which transforms there and back multiply with
         else:
             self._weights = over._weights
@@ -94,9 +94,10 @@ class Product:
         if threads == 1:  # on small grids passing from call to call is what takes time
             self._stages = [[[call for stage in self._stages for part in stage for call in part]]]
 
-    def _weights_of(self, symbol: Array) -> Array:
-        """The symbol in the order in which it is read."""
-        raise NotImplementedError
+    @property
+    def _transforms(self) -> int:
+        """Number of transforms along the first axis."""
+        return 1
 
     def _plan(self, planned: Callable[..., tuple[Any, Any]], over: Any) -> None:
         """Make the arrays, and fill the stages."""
@@ -138,19 +139,14 @@ class Convolution(Product):
     Acoust. Speech Signal Process. 28, 1980, 27. A free axis is padded with zeros; rows of zeros are not transformed.
     """
 
-    def _weights_of(self, symbol: Array) -> Array:
-        """In full where no axis is a mirror."""
-        weights = weights_of(symbol, *self._mirrors)
-        if any(self._mirrors):
-            return weights
-        # as many weights as waves, of which k and N − k have the same: they are read in order
-        half = weights.shape[2]
-        return np.concatenate((weights, weights[..., self._lengths[0] - half : 0 : -1]), axis=2)
-
     def _plan(self, planned: Callable[..., tuple[Any, Any]], over: Convolution | None) -> None:
         """Columns are transformed from strided memory to blocks."""
         (n1, n2), (l1, l2), kind = self.pressure.shape, self._lengths, self._kind
         m2 = l2 // 2 + 1
+        if over is None and not any(self._mirrors):
+            # as many weights as waves, of which k and N − k have the same: they are read in order
+            half = self._weights
+            self._weights = np.concatenate((half, half[..., l1 - half.shape[2] : 0 : -1]), axis=2)
         self._memory: list[Any] = []
         self._lent = iter(() if over is None else over._memory)
         self.displacement = self.rows = self._array((n1, n2), self._real)
@@ -244,7 +240,7 @@ def _in_turn(calls: Sequence[Callable[[], Any]]) -> None:
         call()
 
 
-def weights_of(symbol: Array, mirror1: bool, mirror2: bool, transforms: int = 1) -> Array:
+def weights_of(symbol: Array, mirror1: bool, mirror2: bool, transforms: int) -> Array:
     """The symbol or, if an axis is a mirror, its four means of sums and differences over k and N − k, transposed.
 
     The second and the fourth have differences along the first axis, the third and the fourth along the second. The

@@ -29,7 +29,6 @@ from .convolution import (
     respond,
     row_length,
     take,
-    weights_of,
 )
 from .influence import Boundary
 
@@ -48,13 +47,9 @@ def convolution(shape: Shape, boundary: Boundary, symbol: Array | None, **settin
 class LargeConvolution(Product):
     """A product on a large grid."""
 
-    def _weights_of(self, symbol: Array) -> Array:
-        """In the order of the transforms."""
-        return weights_of(symbol, *self._mirrors, self._transforms)
-
     @property
     def _transforms(self) -> int:
-        """Number of transforms along the first axis."""
+        """Those of even and of odd waves where the first axis is free."""
         return 2 if self._lengths[0] > len(self.pressure) else 1
 
     def _plan(self, planned: Callable[..., Any], over: LargeConvolution | None) -> None:
