@@ -144,11 +144,6 @@ class LoadProgramme(tuple[LoadStep, ...]):
         return np.array([s.unloaded_from is None for s in self], dtype=bool)
 
     @property
-    def on_unloading(self) -> Flags:
-        """True at the unloading steps (steps,)."""
-        return ~self.on_loading
-
-    @property
     def peak_indices(self) -> Indices:
         """Index of the loading step from which each step is unloaded (steps,); on loading its own."""
         loading = {s.pressure: n for n, s in enumerate(self) if s.unloaded_from is None}

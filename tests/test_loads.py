@@ -59,7 +59,6 @@ def test_a_programme_says_where_its_branches_are():
     assert PROGRAMME.unloading == (3e8, 1e8)
     assert_array_equal(PROGRAMME.pressures, [1e8, 2e8, 4e8, 1e8, 3e8, 1e8])
     assert_array_equal(PROGRAMME.on_loading, [True] * 3 + [False] * 3)
-    assert_array_equal(PROGRAMME.on_unloading, [False] * 3 + [True] * 3)
     assert_array_equal(PROGRAMME.peak_indices, [0, 1, 2, 1, 2, 2])
 
 
