@@ -222,7 +222,7 @@ class RoelandsLiquid(_OnFaces):
         top = np.log1p(p / _ROELANDS_PRESSURE)[..., None]
         at = _ROELANDS_PRESSURE * np.expm1(0.5 * top * (1 + _POINTS))
         fluidity = (at + _ROELANDS_PRESSURE) / self.viscosity_at(at)
-        return np.asarray(self.density * 0.5 * top[..., 0] * (fluidity @ _WEIGHTS))
+        return self.density * 0.5 * top[..., 0] * (fluidity @ _WEIGHTS)
 
     def pressure(self, potential: ArrayLike) -> Array:
         """Inverse of `potential` [Pa], by Newton's method; inf where no pressure has it."""

@@ -146,11 +146,11 @@ class RealGas(Gas):
 
     def slope(self, pressure: ArrayLike) -> Array:
         """dφ/dp = ρ/η [s/m²] of the table; p is absolute."""
-        return np.asarray(_table(self.name, self.temperature).slope(pressure))
+        return _table(self.name, self.temperature).slope(pressure)
 
     def potential(self, pressure: ArrayLike) -> Array:
         """Pressure potential φ(p) of the viscous flow [kg/(m³ s)]; p is absolute, see `check_pressure`."""
-        return np.asarray(_table(self.name, self.temperature).potential(pressure))
+        return _table(self.name, self.temperature).potential(pressure)
 
     def pressure(self, potential: ArrayLike) -> Array:
         """Inverse of `potential` [Pa], absolute, by Newton's method."""
@@ -183,7 +183,7 @@ def with_potential(
             p = p + step
             if not np.any(np.abs(step) > 1e-13 * np.abs(p)):
                 break
-    return np.asarray(p)
+    return p
 
 
 class _Table(NamedTuple):

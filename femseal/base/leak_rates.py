@@ -307,7 +307,7 @@ class LeakClass:
 
 def within(leakage: ArrayLike, limit: float) -> Flags:
     """Whether leakages of any direction are no more than a limit, up to rounding; NaN is not."""
-    return np.asarray(np.abs(np.asarray(leakage, dtype=float)) <= limit * (1 + _ROUNDING))
+    return np.abs(reals(leakage)) <= limit * (1 + _ROUNDING)
 
 
 #: Rates of ISO 5208: mm³/s per mm of nominal diameter, of liquids and of gases.

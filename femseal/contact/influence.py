@@ -85,7 +85,7 @@ def free_symbol(shape: Shape, spacing: Pair, modulus: float) -> Array:
 def _even_transform(half: Array, length: int) -> Array:
     """Transform of rows that are even about 0, of which the first half is given: the first half of it."""
     rest = length - half.shape[1]
-    return np.asarray(rfft(np.concatenate((half, half[:, rest:0:-1]), axis=1), axis=1).real)
+    return rfft(np.concatenate((half, half[:, rest:0:-1]), axis=1), axis=1).real
 
 
 def bickley_1(x: Array) -> Array:

@@ -11,7 +11,7 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from ..base import Array, InputError, to_si, to_text
+from ..base import Array, InputError, reals, to_si, to_text
 from ..base.validate import check_parameters, described, parameter
 from .topography import Topography
 
@@ -242,7 +242,7 @@ class ProfileSeat(Seat):
 
 def _rows(n1: int, spacing: float) -> Array:
     """x1 of rows from their middle (n1,) [m]."""
-    return np.asarray((np.arange(n1) + 0.5 - n1 / 2) * spacing, dtype=np.float64)
+    return reals((np.arange(n1) + 0.5 - n1 / 2) * spacing)
 
 
 def _profile(path: Path, unit: str) -> Array:

@@ -22,7 +22,7 @@ def power(z: NDArray, periodic: Periodic) -> NDArray:
     mirrored, wrapped = _axes(periodic)
     c = scipy.fft.dctn(z, axes=mirrored, norm="ortho") if mirrored else z
     c = scipy.fft.fftn(c, axes=wrapped, norm="ortho") if wrapped else c
-    return np.asarray((c * c.conj()).real / z.size)
+    return (c * c.conj()).real / z.size
 
 
 def wavenumbers(n: int, d: float, periodic: bool) -> NDArray:
