@@ -11,7 +11,7 @@ Source: Sahlin et al., Proc. IMechE J 224, 2010, 335 (perfectly plastic).
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
 from math import inf
 from typing import Any
@@ -73,7 +73,7 @@ class ContactLaw:
 
     def after(self, deformation: ArrayLike) -> ContactLaw:
         """The law of points that an earlier load left with a plastic deformation (n1, n2) [m]: H(u + deformation)."""
-        return _Changed(self, kept=reals(deformation))
+        return self if self.is_perfect else _Changed(self, kept=reals(deformation))
 
     def less(self, fluid_pressure: ArrayLike) -> ContactLaw:
         """The law of the contact pressure where a fluid pressure [Pa] presses on the faces too: H(u) − p_f."""
@@ -201,14 +201,6 @@ class PerfectlyPlastic(ContactLaw):
         """0: it does not harden."""
         return 0.0
 
-    def after(self, deformation: ArrayLike) -> ContactLaw:
-        """The same law."""
-        return self
-
-    def times(self, factor: float) -> ContactLaw:
-        """Of its kind, which forgets deformation as it does."""
-        return PerfectlyPlastic(factor * self.hardness)
-
     def __str__(self) -> str:
         elastic = self.is_elastic
         return (
@@ -295,14 +287,6 @@ class _Changed(ContactLaw):
     def capacity(self) -> float:
         """That of the law that is changed, less the mean fluid pressure."""
         return self.factor * self.law.capacity - float(np.mean(self.fluid_pressure))
-
-    def after(self, deformation: ArrayLike) -> ContactLaw:
-        """The law with both deformations; the same where it has no depth."""
-        return self if self.is_perfect else replace(self, kept=self.kept + reals(deformation))
-
-    def less(self, fluid_pressure: ArrayLike) -> ContactLaw:
-        """The law with both fluid pressures."""
-        return replace(self, fluid_pressure=self.fluid_pressure + reals(fluid_pressure))
 
     def __str__(self) -> str:
         return str(self.law)
