@@ -28,6 +28,9 @@ from ..base.compiled import compiled
 from ..base.threads import on_threads, parts
 from .influence import Boundary, padded_length
 
+#: A call of a stage, and what plans the two of a transform there and back.
+Call = Callable[..., Any]
+Planned = Callable[..., tuple[Call, Call]]
 #: Bytes of a block of columns, which should fit in a level-2 cache together with the symbol.
 BLOCK_BYTES = 2**18
 #: Least number of points of the rows that are transformed together, and most parts of all rows.
@@ -81,7 +84,7 @@ class Product:
         self._orders = [order_of(n, m) for n, m in zip(shape, self._mirrors, strict=True)]
         self.pressure: Any = fftw().zeros_aligned(shape, dtype=self._real)
         # of each stage the parts that threads share, and of each part the calls
-        self._stages: list[list[list[Callable[[], Any]]]] = [[], [], []]
+        self._stages: list[list[list[Call]]] = [[], [], []]
         self._weights: Array
         if over is None:
             assert symbol is not None
@@ -99,18 +102,18 @@ class Product:
         """Number of transforms along the first axis."""
         return 1
 
-    def _plan(self, planned: Callable[..., tuple[Any, Any]], over: Any) -> None:
+    def _plan(self, planned: Planned, over: Any) -> None:
         """Make the arrays, and fill the stages."""
         raise NotImplementedError
 
     def _plan_rows(
         self,
-        planned: Callable[..., tuple[Any, Any]],
+        planned: Planned,
         points: Any,
         waves: Any,
         target: Any,
-        lay_out: Callable[..., Any] | None,
-        take_out: Callable[..., Any] | None,
+        lay_out: Call | None,
+        take_out: Call | None,
     ) -> None:
         """Transforms of rows there and back; what lays out their points before, and takes them out behind."""
         n1 = len(self.pressure)
@@ -139,7 +142,7 @@ class Convolution(Product):
     Acoust. Speech Signal Process. 28, 1980, 27. A free axis is padded with zeros; rows of zeros are not transformed.
     """
 
-    def _plan(self, planned: Callable[..., tuple[Any, Any]], over: Convolution | None) -> None:
+    def _plan(self, planned: Planned, over: Convolution | None) -> None:
         """Columns are transformed from strided memory to blocks."""
         (n1, n2), (l1, l2), kind = self.pressure.shape, self._lengths, self._kind
         m2 = l2 // 2 + 1
@@ -164,7 +167,7 @@ class Convolution(Product):
         turns = self._turns(l1)
         for part in np.array_split(range(0, m2, width), self._threads):
             block = fftw().zeros_aligned((width, l1), dtype=kind)
-            calls: list[Callable[[], Any]] = []
+            calls: list[Call] = []
             for j in part:
                 columns = slice(j, min(j + width, m2))
                 here = block[: columns.stop - j]
@@ -207,7 +210,7 @@ def fftw() -> Any:
 
 
 @contextmanager
-def planner() -> Iterator[Callable[..., tuple[Any, Any]]]:
+def planner() -> Iterator[Planned]:
     """Context with a function that plans FFTW's transforms points → waves and, destroying them, waves → target.
 
     Earlier plans would change its choice, so that it forgets them; for the same problem as the one before it makes the
@@ -235,7 +238,7 @@ def planner() -> Iterator[Callable[..., tuple[Any, Any]]]:
             pyfftw.import_wisdom(known)
 
 
-def _in_turn(calls: Sequence[Callable[[], Any]]) -> None:
+def _in_turn(calls: Sequence[Call]) -> None:
     for call in calls:
         call()
 

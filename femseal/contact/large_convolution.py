@@ -11,7 +11,6 @@ long at 1024² points, 0.60 times at 4096², and in single precision 0.93 and 0.
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from functools import partial
 from typing import Any
 
@@ -23,6 +22,7 @@ from .convolution import (
     BLOCK_BYTES,
     COMPILED,
     Convolution,
+    Planned,
     Product,
     fftw,
     lay,
@@ -52,7 +52,7 @@ class LargeConvolution(Product):
         """Those of even and of odd waves where the first axis is free."""
         return 2 if self._lengths[0] > len(self.pressure) else 1
 
-    def _plan(self, planned: Callable[..., Any], over: LargeConvolution | None) -> None:
+    def _plan(self, planned: Planned, over: LargeConvolution | None) -> None:
         """Columns are copied to blocks."""
         (n1, n2), (l1, l2), kind = self.pressure.shape, self._lengths, self._kind
         m1, m2 = l1 // self._transforms, l2 // 2 + 1
