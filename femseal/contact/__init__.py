@@ -12,20 +12,3 @@ if TYPE_CHECKING:
     from .solver import Contact, solve_contact
 else:
     __getattr__, __dir__ = lazy(__name__)
-
-__all__ = [
-    "Contact",
-    "ContactLaw",
-    "HalfSpace",
-    "HardnessTable",
-    "LinearHardening",
-    "LoadCycle",
-    "LoadState",
-    "NixGao",
-    "PerfectlyPlastic",
-    "contact_law",
-    "load_cycle",
-    "load_states",
-    "softer_of",
-    "solve_contact",
-]
