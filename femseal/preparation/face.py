@@ -200,14 +200,16 @@ def _found(repaired: list[tuple[Topography, Repair]], wavelength: float) -> dict
     """What the report says of two faces that were repaired before they were summed; nothing of a single one."""
     if not repaired:
         return {}
-    effects = [spike_effect(face, repair.removed, wavelength) for face, repair in repaired]
+    effects: list[dict[str, Any]] = [
+        spike_effect(face, repair.removed, wavelength) for face, repair in repaired
+    ]
     return {
         "undefined_fraction": sum(r.undefined_fraction for _, r in repaired) / len(repaired),
         "spike_points": sum(r.spike_points for _, r in repaired),
-        "spikes_along_lay": max(
-            (e.along_lay for e in effects if e.along_lay is not None), default=None
-        ),
-        "spikes_extreme": max((e.extreme for e in effects if e.extreme is not None), default=None),
+        **{
+            name: max((e[name] for e in effects if e[name] is not None), default=None)
+            for name in effects[0]
+        },
     }
 
 

@@ -17,7 +17,6 @@ from ..studies.tile_pressure import check_map
 from ..topography import (
     MOST_POINTS,
     Conditioning,
-    SpikeEffect,
     Topography,
     resolving_shape,
     shortest_place,
@@ -57,7 +56,6 @@ def prepare(case: Case) -> Prepared:
                 check_blocks(scene, blocks_of(cells))
         form = _form_tolerance(case, sampling, broader)
         holds, effect = measured_patch(case, surface, scene)
-        spikes = SpikeEffect(conditioning.spikes_along_lay, conditioning.spikes_extreme)
         return Prepared(
             scene=scene,
             cells=cells,
@@ -74,7 +72,7 @@ def prepare(case: Case) -> Prepared:
             warnings=(
                 *plausibility_warnings(case, scene, conditioning),
                 *groove_question(case, scene),
-                *spikes.doubts(conditioning.spike_points),
+                *conditioning.spike_doubts,
                 *(holds.doubts if holds else ()),
                 *(effect.doubts if effect else ()),
                 *doubts,

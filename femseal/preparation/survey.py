@@ -24,7 +24,6 @@ from ..topography import (
     Instrument,
     Look,
     Representative,
-    SpikeEffect,
     SurfaceReport,
     TooManyUndefined,
     Topography,
@@ -220,8 +219,7 @@ def _indented(report: SurfaceReport | Conditioning) -> list[str]:
 
 def notes(report: SurfaceReport, conditioning: Conditioning) -> list[str]:
     """Advice that follows from the numbers."""
-    effect = SpikeEffect(conditioning.spikes_along_lay, conditioning.spikes_extreme)
-    notes = effect.doubts(conditioning.spike_points)
+    notes = conditioning.spike_doubts
     if report.shortest_wave > conditioning.shortest_wave * (1 + 1e-9):
         wave = to_text(report.shortest_wave, "m", 3)
         notes.append(

@@ -14,7 +14,6 @@ if TYPE_CHECKING:
         MOST_POINTS,
         Conditioning,
         Repair,
-        SpikeEffect,
         check_wave,
         condition,
         default_wave,

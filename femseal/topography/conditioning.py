@@ -3,7 +3,7 @@
 The form is fitted to the defined points alone, before anything is filled: filled points would bend it. Points called
 spikes may be part of the face. Where they follow the lay they come with the marks of machining, or with steps that an
 instrument makes there; and heights and depths that a face has only by them would decide contact and leakage. Neither is
-decided here: `SpikeEffect` measures it.
+decided here: `spike_effect` measures it.
 Source: section 4.1 of the model, after Pérez-Ràfols et al., Tribol. Lett. (2018): remove the tilt, truncate
 in Fourier space so that the shortest wave is resolved by at least 8 pixels.
 """
@@ -93,49 +93,24 @@ def repair(
     return flat, Repair(topography.undefined_fraction, count, form, removed)
 
 
-@dataclass(frozen=True)
-class SpikeEffect:
-    """Measures of the points called spikes in a map; None where there is nothing to tell.
+def spike_effect(flat: Topography, removed: Array, wavelength: float) -> dict[str, float | None]:
+    """Measures of spikes that were filled, by their names in `Conditioning`; None where there is nothing to tell.
 
-    along_lay : fraction of neighbouring spikes that lie rather along the lay than across, of scattered ones half; None
-        also where it is not clearly more than that.
-    extreme : largest fraction of the highest or lowest points, after the low-pass, that are others where spikes are
-    left.
-    """
-
-    along_lay: float | None = None
-    extreme: float | None = None
-
-    def doubts(self, count: int) -> list[str]:
-        """One sentence for each reason to look at the spikes, of which there are `count` points."""
-        found = []
-        if self.along_lay is not None:
-            found.append(
-                f"spikes ({counted(count, 'point')}) are filled although they follow the lay ({self.along_lay:.0%} of "
-                "neighbours lie along it, scattered ones would by half): they may be part of the marks of machining"
-            )
-        if self.extreme is not None and self.extreme > _NOTABLE:
-            found.append(
-                f"{self.extreme:.0%} of the highest or deepest points of the face hang on "
-                f"spikes ({counted(count, 'point')}), which are filled: so may contact and leakage"
-            )
-        return [f"{text}; {_ADVICE}" for text in found]
-
-
-def spike_effect(flat: Topography, removed: Array, wavelength: float) -> SpikeEffect:
-    """Measure spikes that were filled.
+    spikes_along_lay : fraction of neighbouring spikes that lie rather along the lay than across, of scattered ones
+    half; None also where it is not clearly more than that. spikes_extreme : largest fraction of the highest or lowest
+    points, after the low-pass, that are others where spikes are left.
 
     flat : the map with spikes filled.
     removed : heights of the spikes above what they were filled with (n1, n2) [m], 0 elsewhere.
     wavelength : shortest one [m] that is kept of the map.
     """
-    spikes = removed != 0
-    if not spikes.any():
-        return SpikeEffect()
-    smooth = flat.low_pass(wavelength).heights
-    spiky = smooth + Topography(removed, flat.spacing, flat.periodic).low_pass(wavelength).heights
-    extreme = max(_exchanged(sign * smooth, sign * spiky) for sign in (1, -1))
-    return SpikeEffect(_along_lay(spikes, flat), extreme)
+    spikes, along_lay, extreme = removed != 0, None, None
+    if spikes.any():
+        smooth = flat.low_pass(wavelength).heights
+        spiky = Topography(removed, flat.spacing, flat.periodic).low_pass(wavelength).heights
+        extreme = max(_exchanged(sign * smooth, sign * (smooth + spiky)) for sign in (1, -1))
+        along_lay = _along_lay(spikes, flat)
+    return {"spikes_along_lay": along_lay, "spikes_extreme": extreme}
 
 
 def _exchanged(before: NDArray, after: NDArray) -> float:
@@ -216,6 +191,22 @@ class Conditioning(Labelled):
         """Rms slope over that with the waves of `removed_octaves`."""
         whole = hypot(self.rms_slope_measured, self.unseen_slope or 0.0)
         return min(self.rms_slope, self.rms_slope_measured) / whole if whole else 1.0
+
+    @property
+    def spike_doubts(self) -> list[str]:
+        """One sentence for each reason to look at the spikes."""
+        points, found = counted(self.spike_points, "point"), []
+        if self.spikes_along_lay is not None:
+            found.append(
+                f"spikes ({points}) are filled although they follow the lay ({self.spikes_along_lay:.0%} of "
+                "neighbours lie along it, scattered ones would by half): they may be part of the marks of machining"
+            )
+        if (self.spikes_extreme or 0.0) > _NOTABLE:
+            found.append(
+                f"{self.spikes_extreme:.0%} of the highest or deepest points of the face hang on "
+                f"spikes ({points}), which are filled: so may contact and leakage"
+            )
+        return [f"{text}; {_ADVICE}" for text in found]
 
     @property
     def unseen(self) -> str:
@@ -309,12 +300,10 @@ def smooth(
     shortest = check_wave(wave, flat.size, final)
     kept = flat.low_pass(shortest).resample(final)
     tilt1, tilt2 = repaired.form.slopes
-    effect = spike_effect(flat, repaired.removed, shortest)
     return kept, Conditioning(
         undefined_fraction=repaired.undefined_fraction,
         spike_points=repaired.spike_points,
-        spikes_along_lay=effect.along_lay,
-        spikes_extreme=effect.extreme,
+        **spike_effect(flat, repaired.removed, shortest),
         removed_tilt=(atan(tilt1), atan(tilt2)),
         removed_curvature=repaired.form.curvatures,
         shortest_seen=seen or None,
