@@ -237,10 +237,8 @@ def value_text(value: Any, unit: str = "1") -> str:
     if isinstance(value, (np.ndarray, NDArrayOperatorsMixin)):
         value = np.asarray(value)
         return f"({' × '.join(map(str, value.shape))}: {_range_text(value, unit)})"
-    if isinstance(value, (bool, np.bool_, str)):
+    if isinstance(value, (bool, np.bool_, str, int, np.integer)):
         return str(value)
-    if isinstance(value, (int, np.integer)):
-        return str(int(value))
     if isinstance(value, (float, np.floating)):
         return _number_text(float(value), unit)
     if isinstance(value, dict):
