@@ -263,10 +263,10 @@ def weights_of(symbol: Array, mirror1: bool, mirror2: bool, transforms: int) -> 
     return np.array([part.T for part in ordered], order="C")
 
 
-COMPILED: dict[str, Any] = {"fastmath": {"contract"}}
+contracted = compiled(fastmath={"contract"})
 
 
-@compiled(**COMPILED)
+@contracted
 def multiply(block, weights):
     """Multiply waves in a block with their weights."""
     for j in range(block.shape[0]):
@@ -317,7 +317,7 @@ def order_of(n: int, mirror: bool) -> Indices:
     return np.concatenate((every[::2], every[1::2][::-1])) if mirror else every
 
 
-@compiled(**COMPILED)
+@contracted
 def lay(points, staged, order1, order2, first, end):
     """Write the points of some rows of the transform in its order, and zeros behind them."""
     n2 = order2.size
@@ -328,7 +328,7 @@ def lay(points, staged, order1, order2, first, end):
         staged[i, n2:] = 0
 
 
-@compiled(**COMPILED)
+@contracted
 def take(staged, points, order1, order2, first, end):
     """Write the points back in their own order: the inverse of `lay`."""
     for i in range(first, end):

@@ -8,10 +8,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..base.compiled import compiled
 from ..base.threads import ZERO
 from .kernels import (
-    FAST,
     FREE,
     KD,
     NEAR,
@@ -27,11 +25,12 @@ from .kernels import (
     Stencil,
     V,
     W,
+    fast,
     own,
 )
 
 
-@compiled(**FAST)
+@fast
 def restart(free, delta, loaded, line, points, stencil):
     """Residual r = δ − v − a (p − H) and M1 on the free points, with which conjugate gradients begin; returns Σ M1."""
     line, points, stencil = Line(*line), Points(*points), Stencil(*stencil)
@@ -41,7 +40,7 @@ def restart(free, delta, loaded, line, points, stencil):
     return ones
 
 
-@compiled(**FAST)
+@fast
 def lay_ones(first, end, line, points, stencil):
     """Compliance and scale of some free points, and what M1 is found from."""
     listed = points.lists[FREE, first:end]
@@ -55,7 +54,7 @@ def lay_ones(first, end, line, points, stencil):
         points.dense[i] = scale[k]
 
 
-@compiled(**FAST)
+@fast
 def first_residual(first, end, delta, line, points, stencil):
     """M1 and r of some free points; returns the sums of both."""
     listed, place = points.lists[FREE, first:end], points.lists[PLACE, first:end]
@@ -71,7 +70,7 @@ def first_residual(first, end, delta, line, points, stencil):
     return ones, total
 
 
-@compiled(**FAST)
+@fast
 def preconditioned(first, end, out, points, stencil):
     """s M of what is on the grid, at some free points; returns its sum."""
     listed, scale = points.lists[FREE, first:end], points.on_free[SCALE, first:end]
@@ -84,7 +83,7 @@ def preconditioned(first, end, out, points, stencil):
     return total
 
 
-@compiled(**FAST)
+@fast
 def turn(free, former, ones_total, loaded, points, stencil):
     """Next direction d = w + (w·r / former) d, where w = M r less a multiple of M1 that keeps Σ w = 0 under a load.
 
@@ -98,7 +97,7 @@ def turn(free, former, ones_total, loaded, points, stencil):
     return wr
 
 
-@compiled(**FAST)
+@fast
 def level(first, end, factor, points):
     """Take a multiple of M1 from w at some free points; returns w·r."""
     r = points.on_free[R, first:end]
@@ -110,7 +109,7 @@ def level(first, end, factor, points):
     return wr
 
 
-@compiled(**FAST)
+@fast
 def direct(first, end, beta, points):
     """d = w + beta d at some free points, and on the grid."""
     listed = points.lists[FREE, first:end]
@@ -120,7 +119,7 @@ def direct(first, end, beta, points):
         points.dense[listed[k]] = d[k]
 
 
-@compiled(**FAST)
+@fast
 def step(n, free, wr, loaded, kd, points):
     """One step of conjugate gradients, p += α d, v += α Kd and r −= α (Kd + a d), with α = w·r / d·(Kd + a d).
 
@@ -137,7 +136,7 @@ def step(n, free, wr, loaded, kd, points):
     return curvature, length, stiff > 0.0
 
 
-@compiled(**FAST)
+@fast
 def gather(first, end, kd, columns, points):
     """Kd of some points near contact, of which each row of the grid has so many columns."""
     listed, kn = points.lists[NEAR, first:end], points.near[KD, first:end]
@@ -153,7 +152,7 @@ def gather(first, end, kd, columns, points):
         kn[j] = values[i + skipped]
 
 
-@compiled(**FAST)
+@fast
 def curvatures(first, end, points):
     """d·Kd, d·d and d·(Kd + a d) of some free points."""
     place, kn = points.lists[PLACE, first:end], points.near[KD]
@@ -168,7 +167,7 @@ def curvatures(first, end, points):
     return curvature, length, curvature + compliance
 
 
-@compiled(**FAST)
+@fast
 def advance(first, end, alpha, points):
     """p += α d and r −= α (Kd + a d) at some free points; returns Σ r."""
     place, p, kn = points.lists[PLACE, first:end], points.near[P], points.near[KD]
@@ -182,7 +181,7 @@ def advance(first, end, alpha, points):
     return total
 
 
-@compiled(**FAST)
+@fast
 def advance_gap(first, end, alpha, points):
     """v += α Kd at some points near contact."""
     v, kn = points.near[V, first:end], points.near[KD, first:end]
@@ -190,7 +189,7 @@ def advance_gap(first, end, alpha, points):
         v[j] += alpha * kn[j]
 
 
-@compiled(**FAST)
+@fast
 def spread_residual(first, end, mean, points):
     """Write residuals to the points of the grid, less their mean under a load, which only rounding would leave over."""
     listed = points.lists[FREE, first:end]
@@ -200,7 +199,7 @@ def spread_residual(first, end, mean, points):
         points.dense[listed[k]] = r[k] * scale[k]
 
 
-@compiled(**FAST)
+@fast
 def apply_stencil(listed, dense, out, stencil):
     """Write stencil ∗ dense at the listed points to `out`."""
     weights, rows, columns = stencil

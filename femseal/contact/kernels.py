@@ -15,13 +15,13 @@ v : (n1, >= n2), whose rows begin with those of the grid; so does Kd, before it 
 
 from __future__ import annotations
 
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ..base import Array, Indices
-from ..base.compiled import compiled, inner
+from ..base.compiled import compiled
 from ..base.threads import ZERO
 
 #: Rows of `Points.lists`: indices of the points near contact, of the free ones, and of these in the first list.
@@ -63,8 +63,8 @@ class Stencil(NamedTuple):
 
 
 #: Every function is inlined: a called one may be compiled differently in another process and change last digits.
-EXACT: dict[str, Any] = {"forceinline": True}
-FAST: dict[str, Any] = {**EXACT, "fastmath": {"reassoc", "nsz", "arcp", "contract", "nnan"}}
+exact = compiled(forceinline=True)
+fast = compiled(forceinline=True, fastmath={"reassoc", "nsz", "arcp", "contract", "nnan"})
 #: Most steps of Newton's method for δ.
 ROOT_STEPS = 200
 
@@ -79,7 +79,7 @@ class Root(NamedTuple):
     top: float
 
 
-@compiled(**EXACT)
+@exact
 def add_gap(first, end, add, n, k, p, v, gap0, offset, reach, line, points):
     """v = Kp + h₁ from Kp on some rows of points where `add`; lists those in contact or with v below `reach`.
 
@@ -123,7 +123,7 @@ def add_gap(first, end, add, n, k, p, v, gap0, offset, reach, line, points):
     return n, k, energy, load, total
 
 
-@compiled(**EXACT)
+@exact
 def look(n, c, load, loaded, delta, line, points):
     """Approach δ and residual of the complementarity on the points near contact.
 
@@ -138,7 +138,7 @@ def look(n, c, load, loaded, delta, line, points):
     return delta, carried, *compare(ZERO, n, c, delta, line, points)
 
 
-@compiled(**EXACT)
+@exact
 def find_trial(first, end, c, points):
     """x = p − c v of some points near contact."""
     x, p, v = points.near[X, first:end], points.near[P, first:end], points.near[V, first:end]
@@ -146,7 +146,7 @@ def find_trial(first, end, c, points):
         x[j] = p[j] - c * v[j]
 
 
-@compiled(**EXACT)
+@exact
 def compare(first, end, c, delta, line, points):
     """‖p − y‖² and ‖y‖² of some points near contact, and the number and ‖p − y‖² of those whose state y changes."""
     listed, x, p = (
@@ -172,20 +172,20 @@ def compare(first, end, c, delta, line, points):
     return r2, y2, changed, c2
 
 
-@inner(**EXACT)
+@exact
 def own(values, i):
     """Value of a point, of one each or one for all."""
     return values[i if values.size > 1 else 0]
 
 
-@inner(**EXACT)
+@exact
 def _line(i, line, c):
     """Hardness of a point, and the fraction t = h/(h + c) by which its pressure follows a trial pressure above it."""
     h = own(line.slope, i)
     return own(line.hardness, i), h / (h + c) if h > 0.0 else 0.0
 
 
-@compiled(**EXACT)
+@exact
 def _projected(z, h, t):
     """Projection of a trial pressure on the law, z between 0 and H and above H + t (z − H), and the point's state."""
     y = min(max(z, 0.0), h)
@@ -195,7 +195,7 @@ def _projected(z, h, t):
     return y, s
 
 
-@compiled(**EXACT)
+@exact
 def root(x, n, line, kept, listed, c, load, start):
     """Find δ with Σ y(x + cδ) = load on a list of points; returns whether they can carry the load.
 
@@ -211,7 +211,7 @@ def root(x, n, line, kept, listed, c, load, start):
     return found.delta, found.carried
 
 
-@compiled(**EXACT)
+@exact
 def capacity(first, end, x, line, kept, listed, load):
     """Of some points: the highest x, the highest min(H, load) − x, Σ H and Σ t."""
     x, listed = x[first:end], listed[first:end]
@@ -228,7 +228,7 @@ def capacity(first, end, x, line, kept, listed, load):
     return highest, full, total, rise
 
 
-@compiled(**EXACT)
+@exact
 def bracket(highest, full, capacity, rise, c, load, start):
     """The first `Root`, from what `capacity` found."""
     if capacity <= load:
@@ -241,7 +241,7 @@ def bracket(highest, full, capacity, rise, c, load, start):
     return Root(False, True, min(max(start, low), top), low, top)
 
 
-@compiled(**EXACT)
+@exact
 def refine(root, total, slopes, c, load):
     """The next `Root`, from the sums of `carry`."""
     d, low, top = root.delta, root.low, root.top
@@ -258,7 +258,7 @@ def refine(root, total, slopes, c, load):
     return Root(new == d, root.carried, new, low, top)
 
 
-@compiled(**FAST)
+@fast
 def carry(first, end, x, shift, line, kept, listed):
     """Σ y(x + shift) of some points and its derivative, the number between the bounds where nothing hardens."""
     x, listed = x[first:end], listed[first:end]
@@ -275,7 +275,7 @@ def carry(first, end, x, shift, line, kept, listed):
     return total, slopes
 
 
-@compiled(**EXACT)
+@exact
 def project(n, free, c, delta, load, loaded, keep, p, line, points):
     """Give every point near contact the state and value of the projection of x + cδ on the law; the load is then exact.
 
@@ -293,14 +293,14 @@ def project(n, free, c, delta, load, loaded, keep, p, line, points):
     return k
 
 
-@compiled(**EXACT)
+@exact
 def clear(first, end, points):
     """Take some free points from the grid."""
     for i in points.lists[FREE, first:end]:
         points.dense[i] = 0.0
 
 
-@compiled(**EXACT)
+@exact
 def assign(first, end, c, delta, keep, p, line, points):
     """Pressure and state of some points near contact; returns how many are free, and what the others carry."""
     listed, x, pn = (
@@ -326,7 +326,7 @@ def assign(first, end, c, delta, keep, p, line, points):
     return k, carried
 
 
-@compiled(**EXACT)
+@exact
 def list_free(first, end, k, points):
     """List those of some points near contact that are free from place k, with the pressures that `assign` gave them."""
     listed, x = points.lists[NEAR, first:end], points.near[X, first:end]
@@ -338,7 +338,7 @@ def list_free(first, end, k, points):
             k += 1
 
 
-@compiled(**EXACT)
+@exact
 def shift(first, end, c, uniform, p, line, points):
     """Add a uniform pressure to some free points, within the bounds."""
     listed, x = points.lists[FREE, first:end], points.near[KD, first:end]
@@ -349,7 +349,7 @@ def shift(first, end, c, uniform, p, line, points):
         p[i] = min(y, h) if t == 0.0 else y
 
 
-@compiled(**EXACT)
+@exact
 def gap_and_deformation(first, end, p, v, delta, c, line, gap, deformation, plastic):
     """Deformed gap on some rows of points, and plastic deformation u.
 

@@ -17,13 +17,12 @@ from typing import Any
 import numpy as np
 
 from ..base import Array, Shape
-from ..base.compiled import compiled
 from .convolution import (
     BLOCK_BYTES,
-    COMPILED,
     Convolution,
     Planned,
     Product,
+    contracted,
     fftw,
     lay,
     respond,
@@ -104,7 +103,7 @@ def _take_in_place(points: Any, order1: Any, order2: Any, first: int, end: int) 
     take(rows.copy(), rows, order1, order2, 0, len(rows))
 
 
-@compiled(**COMPILED)
+@contracted
 def _gather(waves, first, count, block, twist, order):
     """Copy columns of waves to rows of a block, and behind these the same columns with a twist; zeros follow."""
     n1 = waves.shape[0]
@@ -122,7 +121,7 @@ def _gather(waves, first, count, block, twist, order):
             block[width + j, n1:] = 0
 
 
-@compiled(**COMPILED)
+@contracted
 def _scatter(block, first, count, waves, twist, order):
     """Copy rows of a block to columns of waves, where there is a twist their sums without it."""
     n1 = waves.shape[0]
