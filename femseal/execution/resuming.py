@@ -65,9 +65,11 @@ def over_part(mapper: Mapper, store: Store, folder: Path, part: Part, progress: 
             return
         items = list(zip(*iterables, strict=False))
         keys = [key_of(item) for item in items]
+        columns = [[item[n] for item in items] for n in range(len(iterables))]
         start, stop = own_items(part, len(items))
         name = f"part {part[0]}/{part[1]}: {stage.name}"
-        for done, _ in enumerate(kept(stage, *zip(*items[start:stop], strict=True)), start=1):
+        own = kept(stage, *(column[start:stop] for column in columns))
+        for done, _ in enumerate(own, start=1):
             progress(name, done, stop - start)
 
         def missing() -> list[int]:
@@ -76,6 +78,6 @@ def over_part(mapper: Mapper, store: Store, folder: Path, part: Part, progress: 
             return parts_of(left, part, len(items))
 
         await_parts(folder, part, stage.name, missing)
-        yield from kept(stage, *zip(*items, strict=True))
+        yield from kept(stage, *columns)
 
     return mapping

@@ -188,7 +188,10 @@ class Prepared:
 
     def solve(self, study: Study, mapper: Mapper) -> Any:
         """Result of a study."""
-        return study.solve(self.scene, self.options(study), mapper)
+        options = self.options(study)
+        return study.solve(
+            self.scene, *(getattr(options, name) for name in study.takes), mapper=mapper
+        )
 
     def cost(self, study: Study, efforts: Sequence[Effort] | None = None) -> tuple[float, float]:
         """Expected time on one core [s] and memory [byte] of a study.

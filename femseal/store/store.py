@@ -13,8 +13,10 @@ import logging
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import ExitStack, suppress
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import partial
+from itertools import tee
+from operator import itemgetter
 from pathlib import Path
 from struct import Struct
 from typing import Any, BinaryIO
@@ -110,8 +112,9 @@ class Store:
                         asked.update([key] if key else [])
                         yield item
 
+            arguments = tee(missing(), len(iterables))
             for result in mapper(
-                replace(stage, function=partial(_spread, stage.function)), missing()
+                stage, *(map(itemgetter(n), items) for n, items in enumerate(arguments))
             ):
                 while (item := waiting[0][1]) is not None:
                     yield self._read(waiting.popleft()[0], stage, item)
@@ -208,10 +211,6 @@ class Store:
             f"store: {error}; {counted(len(self), 'result')} are kept in '{self.folder}': {todo}, then a run with "
             "--resume goes on from there"
         )
-
-
-def _spread(function: Callable[..., Any], item: tuple[Any, ...]) -> Any:
-    return function(*item)
 
 
 def _key(base: str, item: tuple[Any, ...]) -> bytes:

@@ -26,6 +26,7 @@ from ..base.lazy_package import lazy
 if TYPE_CHECKING:
     from .blocks import BlocksResult, by_blocks
     from .choices import FLUID_EFFECTS, NOMINALS
+    from .costs import StudyOptions
     from .drawn_study import cut_and_tiles, stochastic
     from .face_study import FaceResult, deterministic
     from .other_fluid import FluidState, OtherLeakage, drop_ratio
@@ -33,6 +34,6 @@ if TYPE_CHECKING:
     from .sampling import Sampling, laid_out, lay_out_tiles
     from .scene import Scene
     from .stochastic_result import StochasticResult
-    from .study_registry import STUDIES, Study, StudyOptions, StudyResult, study_of_result
+    from .study_registry import STUDIES, Study, StudyResult, study_of_result
 else:
     __getattr__, __dir__ = lazy(__name__)

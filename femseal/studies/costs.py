@@ -12,6 +12,8 @@ from statistics import mean
 
 from ..base import validate
 from ..seal.tiles import SealTiles
+from .blocks import blocks_of
+from .drawn_study import cut_and_tiles
 from .face_study import state_memory, states_memory
 from .sampling import FEWEST_SEALS, MOST_SEALS, Sampling
 from .scene import Scene
@@ -94,6 +96,24 @@ class Effort:
         return replace(self, pairs=pairs * self.pairs, iterations=more)
 
 
+@dataclass(frozen=True)
+class StudyOptions:
+    """Options of all studies; each takes those that it needs.
+
+    cells : number of pieces of the face along x1 and x2. sampling : see `stochastic`.
+    knows_face : another study leaves contact and flow of the face at the loads of the scene.
+    """
+
+    cells: tuple[int, int] | None = None
+    sampling: Sampling | None = None
+    knows_face: bool = False
+
+    @property
+    def blocks(self) -> tuple[int, int]:
+        """Numbers of blocks that have so many pieces together."""
+        return blocks_of(self.cells)
+
+
 def usual_efforts(steps: int) -> tuple[Effort, ...]:
     """Efforts of load steps of which nothing is known."""
     return (Effort(),) * steps
@@ -132,104 +152,72 @@ def flow_seconds(pixels: float, effort: Effort) -> float:
     return _FLOW_SECONDS + pixels * (once + iteration * effort.iterations_on(pixels))
 
 
-def _face_seconds(points: tuple[int, int], effort: Effort, pressures: int, acts: bool) -> float:
+def _face_seconds(scene: Scene, effort: Effort, acts: bool) -> float:
     """Expected time of contact and flow of a whole face at a step [s]."""
-    pixels, again = points[0] * points[1], _SUCCESSIVE if pressures > 1 else 1.0
-    seconds = contact_seconds(points, effort) + again * flow_seconds(pixels, effort)
+    pixels, again = scene.surface.heights.size, _SUCCESSIVE if count_pressures(scene) > 1 else 1.0
+    seconds = contact_seconds(scene.surface.shape, effort) + again * flow_seconds(pixels, effort)
     if acts:
         return effort.rounds * (seconds + _ROUND_PIXEL_SECONDS * pixels)
     return seconds
 
 
 def deterministic_cost(
-    efforts: Sequence[Effort], points: tuple[int, int], pressures: int = 1, acts: bool = False
+    scene: Scene, options: StudyOptions, efforts: Sequence[Effort]
 ) -> tuple[float, float]:
-    """Expected time on one core [s] and memory [byte] of the deterministic solution.
-
-    pressures : see `count_pressures`. acts : whether the fluid presses the faces apart.
-    """
-    pixels = points[0] * points[1]
-    seconds = sum(_face_seconds(points, effort, pressures, acts) for effort in efforts)
+    """Expected time on one core [s] and memory [byte] of the deterministic solution."""
+    pixels, acts = scene.surface.heights.size, scene.acting_fluid is not None
+    seconds = sum(_face_seconds(scene, effort, acts) for effort in efforts)
     return seconds, states_memory(pixels, len(efforts)) + state_memory(pixels)
 
 
 def two_scale_cost(
-    efforts: Sequence[Effort],
-    points: tuple[int, int],
-    cells: tuple[int, int],
-    *,
-    solved: bool = False,
-    pressures: int = 1,
-    acts: bool = False,
+    scene: Scene, options: StudyOptions, efforts: Sequence[Effort]
 ) -> tuple[float, float]:
-    """Expected time on one core [s] and memory [byte] of the two-scale solution.
-
-    `solved` says that the deterministic solution leaves contact and flow of the face. pressures, acts : see
-    `deterministic_cost`.
-    """
-    seconds, memory = deterministic_cost(efforts, points, pressures, acts)
-    piece = points[0] // cells[0] * (points[1] // cells[1])
-    of_pieces = sum(flow_seconds(piece, effort) for effort in efforts)
-    return (0.0 if solved else seconds) + 2 * cells[0] * cells[1] * of_pieces, memory
+    """The same of two scales; contact and flow of the face are there where another study leaves them."""
+    assert options.cells is not None
+    seconds, memory = deterministic_cost(scene, options, efforts)
+    (n1, n2), (m1, m2) = scene.surface.shape, options.cells
+    of_pieces = 2 * m1 * m2 * sum(flow_seconds(n1 // m1 * (n2 // m2), one) for one in efforts)
+    return (0.0 if options.knows_face else seconds) + of_pieces, memory
 
 
 def blocks_cost(
-    efforts: Sequence[Effort],
-    points: tuple[int, int],
-    blocks: tuple[int, int],
-    *,
-    pressures: int = 1,
+    scene: Scene, options: StudyOptions, efforts: Sequence[Effort]
 ) -> tuple[float, float]:
-    """Expected time on one core [s] and memory [byte] of a face solved by blocks.
-
-    Each block is solved once along a ladder of pressures as a layer, and once for its pieces. pressures : see
-    `deterministic_cost`.
-    """
-    one = points[0] // blocks[0], points[1] // blocks[1]
-    contact = mean(contact_seconds(one, effort) for effort in efforts)
-    flows = 3 * pressures * mean(flow_seconds(one[0] * one[1], effort) for effort in efforts)
-    memory = state_memory(one[0] * one[1]) + _SPLIT_BYTES * points[0] * points[1]
-    return blocks[0] * blocks[1] * LADDER_STATES * (2 * contact + flows), memory
+    """The same of a face by blocks, each solved along a ladder once as a layer, and once for its pieces."""
+    (n1, n2), (b1, b2) = scene.surface.shape, options.blocks
+    block, points = (n1 // b1, n2 // b2), n1 // b1 * (n2 // b2)
+    contact = mean(contact_seconds(block, effort) for effort in efforts)
+    flows = 3 * count_pressures(scene) * mean(flow_seconds(points, effort) for effort in efforts)
+    seconds = b1 * b2 * LADDER_STATES * (2 * contact + flows)
+    return seconds, state_memory(points) + _SPLIT_BYTES * n1 * n2
 
 
 def stochastic_cost(
-    efforts: Sequence[Effort],
-    points: tuple[int, int],
-    cells: tuple[int, int],
-    tiles: SealTiles,
-    sampling: Sampling,
-    *,
-    solved: bool = False,
-    pressures: int = 1,
-    acts: bool = False,
+    scene: Scene, options: StudyOptions, efforts: Sequence[Effort]
 ) -> tuple[float, float]:
-    """Expected time on one core [s] and memory [byte] of the states of a face and of the seals drawn from its pieces.
-
-    cells : number of pieces. solved : another study leaves contact and flow of the face at its loads. pressures, acts :
-    see `deterministic_cost`.
-    """
-    pixels, elements = points[0] * points[1], len(tiles.tile)
-    piece = pixels / (cells[0] * cells[1])
-    ladder = acts or not sampling.presses_evenly
-    states = float(len(efforts)) if tiles.in_place or not ladder else LADDER_STATES
-    each = mean(
-        _face_seconds(points, effort, pressures, acts and tiles.in_place) for effort in efforts
+    """The same of the states of a face, and of the seals drawn from its pieces."""
+    assert options.sampling is not None
+    cut, tiles = cut_and_tiles(scene, options.cells, options.sampling)
+    pixels, elements, pressures = (
+        scene.surface.heights.size,
+        len(tiles.tile),
+        count_pressures(scene),
     )
-    flows = (
-        2
-        * cells[0]
-        * cells[1]
-        * pressures
-        * mean(flow_seconds(piece, effort) for effort in efforts)
-    )
-    each = 0.0 if solved and tiles.in_place else each
-    draws = (sampling.realisations or usual_seals(cells, tiles)) * len(efforts)
+    pieces, acts = cut.shape[0] * cut.shape[1], scene.acting_fluid is not None
+    solved = options.knows_face and scene.flow.spiral is None
+    ladder = on_ladder(scene, options.sampling) and not tiles.in_place
+    states = LADDER_STATES if ladder else float(len(efforts))
+    flows = 2 * pieces * pressures * mean(flow_seconds(pixels / pieces, one) for one in efforts)
+    if not (solved and tiles.in_place):
+        flows += mean(_face_seconds(scene, one, acts and tiles.in_place) for one in efforts)
+    draws = (options.sampling.realisations or usual_seals(cut.shape, tiles)) * len(efforts)
     again = _PRESSURE_SOLUTIONS if pressures > 1 or (acts and not tiles.in_place) else 1.0
     seals = again * draws * (_SEAL_SECONDS + _ELEMENT_SECONDS * elements)
     memory = state_memory(pixels) + _ELEMENT_BYTES * elements
     if tiles.in_place:  # those of another study are kept beside
         memory += (2 if solved else 1) * states_memory(pixels, len(efforts))
-    return states * (each + flows) + seals, memory
+    return states * flows + seals, memory
 
 
 def usual_seals(cells: tuple[int, int], tiles: SealTiles) -> int:

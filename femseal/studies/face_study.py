@@ -150,8 +150,9 @@ def deterministic(scene: Scene, *, mapper: Mapper = map) -> FaceResult:
     scene.check_spiral()
     surface, shape = scene.surface, (len(scene.steps), *scene.surface.shape)
     gap, potential = shared_empty(shape, np.float32), shared_empty(shape, np.float32)
-    found = face_states(scene, state_memory(surface.heights.size), mapper)
-    states = tuple(put_state_aside(state, s, gap, potential) for s, state in enumerate(found))
+    states: list[FaceState] = []
+    for state in face_states(scene, state_memory(surface.heights.size), mapper):
+        states.append(put_state_aside(state, len(states), gap, potential))
     for field_ in (gap, potential):
         field_.flags.writeable = False
     through = [leakage_of_state(scene, state) for state in states]
@@ -171,7 +172,7 @@ def deterministic(scene: Scene, *, mapper: Mapper = map) -> FaceResult:
         carried_pressure=np.array([state.carried for state in states]),
         entry_pressure=scene.entry_pressures(one_at_a_time(gap)),
         places=place_leakage(scene, gap, mapper),
-        states=states,
+        states=tuple(states),
         residual=max(state.residual for state in states),
         failures=tuple(
             f"{step.name}: {s.failed}"

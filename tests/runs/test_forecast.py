@@ -18,12 +18,11 @@ from femseal.runs import forecast as module
 from femseal.runs import pilot
 from femseal.runs.disk import disk
 from femseal.runs.forecast import describe, forecast
-from femseal.seal.layouts import RectangularLayout
-from femseal.seal.tiles import PieceSize
 from femseal.studies import face_flow, fluid_coupling
 from femseal.studies.costs import (
     PILOT_PIXELS,
     Effort,
+    StudyOptions,
     contact_seconds,
     deterministic_cost,
     stochastic_cost,
@@ -220,13 +219,14 @@ def test_drawn_seals_take_longer_at_several_fluid_pressures(data):
 
 def test_a_gas_with_slip_takes_longer():
     """Pieces at several pressures, and other flow solved again and again."""
-    efforts, points, cells = usual_efforts(4), (256, 512), (8, 16)
     sampling = fs.Sampling(length=1e-2, realisations=9, seed=1)
-    tiles = RectangularLayout().lay_out(PieceSize((1e-4, 1e-4), 8, 1e-2))
-    for cost in (
-        lambda n: deterministic_cost(efforts, points, n),
-        lambda n: two_scale_cost(efforts, points, cells, pressures=n),
-        lambda n: stochastic_cost(efforts, points, cells, tiles, sampling, pressures=n),
-    ):
-        still, slips, wide = (cost(n)[0] for n in (1, 4, 6))
+    options, efforts = StudyOptions((8, 16), sampling), usual_efforts(4)
+    face = fs.self_affine((256, 512), (256e-6, 512e-6), hurst=0.8, rms_slope=0.1, rng=1)
+    loads, ends = {"loading": (1e8, 2e8, 3e8, 4e8)}, ((False, 5e5), (True, 5e5), (True, 1e4))
+    scenes = [
+        fs.Scene(face, 115e9, 3e9, fs.IdealGas(1.8e-5, 0.029, 293.0, slip), 1e6, outlet, **loads)
+        for slip, outlet in ends
+    ]
+    for cost in (deterministic_cost, two_scale_cost, stochastic_cost):
+        still, slips, wide = (cost(scene, options, efforts)[0] for scene in scenes)
         assert still < slips <= wide < 6 * still

@@ -6,6 +6,7 @@ import subprocess
 import sys
 import tomllib
 from contextlib import ExitStack
+from dataclasses import replace
 
 import pytest
 from numpy.testing import assert_allclose, assert_array_equal
@@ -16,6 +17,7 @@ from femseal.case.case import parse_case
 from femseal.execution import cluster as cluster_map
 from femseal.preparation.preparation import prepare
 from femseal.runs.disk import disk
+from femseal.studies import STUDIES
 
 pytestmark = pytest.mark.usefixtures("drawn_pictures")
 
@@ -121,7 +123,7 @@ def test_only_a_complete_folder_is_resumed(case, undrawn, tmp_path, monkeypatch)
     done = fs.run(case, out, resume=True, workers=1)
     assert done.folder == out
     assert (out / "leakage.png").exists()
-    monkeypatch.setattr("femseal.studies.study_registry.deterministic", fail)
+    monkeypatch.setitem(STUDIES, "deterministic", replace(STUDIES["deterministic"], solve=fail))
     assert_array_equal(fs.run(case, out, resume=True, workers=1).leakage, done.leakage)
     case.write_text(case.read_text().replace("seed = 2", "seed = 3"))
     with pytest.raises(ValueError, match="no such colour"):

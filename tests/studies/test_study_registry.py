@@ -27,7 +27,7 @@ def test_a_registered_study_is_what_its_function_gives():
     }
     assert list(STUDIES) == list(own)
     for name, study in STUDIES.items():
-        result = study.solve(scene, options, map)
+        result = study.solve(scene, *(getattr(options, name) for name in study.takes), mapper=map)
         assert study_of_result(result) is study
         np.testing.assert_array_equal(study.leakage(result), study.leakage(own[name]))
         seconds, memory = study.cost(scene, options, efforts)

@@ -11,6 +11,7 @@ from numpy.testing import assert_array_equal
 
 import femseal as fs
 from femseal.seal.pressure_map import Profile
+from femseal.studies import study_registry
 
 CASE = """
 method = "deterministic"
@@ -70,7 +71,10 @@ def test_files_are_written_later_without_solving_again(case, tmp_path, monkeypat
     def fail(*args, **kwargs):
         raise ValueError("solved again")
 
-    monkeypatch.setattr("femseal.studies.study_registry.deterministic", fail)
+    registered = study_registry.STUDIES
+    monkeypatch.setitem(
+        registered, "deterministic", replace(registered["deterministic"], solve=fail)
+    )
     case.write_text(CASE + "[output]\npictures = false\n")
     fs.run(case, out, resume=True, workers=1)
     left = {name for name in every if not name.endswith(".png") and name != "report.html"}
