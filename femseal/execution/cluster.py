@@ -8,7 +8,7 @@ import sys
 import time
 import warnings
 from collections import deque
-from collections.abc import Iterable, Iterator, Sized
+from collections.abc import Iterable, Iterator
 from concurrent.futures import CancelledError, ThreadPoolExecutor
 from contextlib import ExitStack, contextmanager
 from functools import lru_cache, partial
@@ -25,11 +25,6 @@ log = logging.getLogger("femseal.execution.cluster")
 ANSWER_SECONDS = 5
 #: Time limit for a cluster without workers, at the start or after the last one has left [s].
 WORKER_SECONDS = 600
-#: Duration of a batch of items that is sent to a worker, and of the last ones, which are smaller [s]. The client and
-#: the scheduler take 6 ms for each.
-TASK_SECONDS, LEAST_SECONDS = 1.0, 0.05
-#: How many times as large the next batch may be, as long as they are shorter.
-GROWTH = 4
 #: How often the cluster is asked for its threads [s].
 COUNT_SECONDS = 1.0
 #: Tasks sent for each thread of the cluster: one is computed while the next one waits.
@@ -130,18 +125,14 @@ def _connected(scheduler: str) -> Any:
 
 
 def _map(client: Any, stage: Stage, *iterables: Iterable[Any]) -> Iterator[Any]:
-    """Results of the stage, which goes to the workers once; a few batches of items for each thread are under way.
+    """Results of the stage, which goes to the workers once; a few items for each thread are under way.
 
-    A batch that takes long holds up no others: those after it wait for their turn once they are done.
+    An item that takes long holds up no others: those after it wait for their turn once they are done.
     """
     items = zip(*iterables, strict=False)
-    left = min(
-        (len(iterable) for iterable in iterables if isinstance(iterable, Sized)), default=inf
-    )
     stage_there = _scattered(client, stage)
-    sent: deque[tuple[list[Any], Any]] = deque()
+    sent: deque[tuple[tuple[Any, ...], Any]] = deque()
     one_is_done = Event()
-    size = least = 1
     counted = -inf
     while True:
         one_is_done.clear()
@@ -150,36 +141,30 @@ def _map(client: Any, stage: Stage, *iterables: Iterable[Any]) -> Iterator[Any]:
         free = min(
             wanted - sum(not task.done() for _, task in sent), MOST_SENT * wanted - len(sent)
         )
-        while free > 0 and (
-            batch := list(islice(items, max(least, int(min(size, left / wanted)))))
-        ):
-            sent.append((batch, _submit(client, stage_there, batch)))
+        for item in islice(items, max(free, 0)):
+            sent.append((item, _submit(client, stage_there, item)))
             sent[-1][1].add_done_callback(lambda _: one_is_done.set())
-            free, left = free - 1, left - len(batch)
         if not sent:
             return
         if not sent[0][1].done():
             if not one_is_done.wait(ANSWER_SECONDS):
                 _await_worker(client)
             continue
-        batch, task = sent.popleft()
+        item, task = sent.popleft()
         for _ in range(RETRIES):
             try:
-                results, seconds = _outcome(client, task)
+                result = _outcome(client, task)
                 break
             except CancelledError:
                 # all workers that had the stage are gone
                 if stage_there.status != "finished":
                     stage_there = _scattered(client, stage)
-                task = _submit(client, stage_there, batch)
+                task = _submit(client, stage_there, item)
         else:
             raise FemsealError(
                 f"scheduler: the workers of a task died {RETRIES} times, as when memory runs out"
             )
-        rate = len(batch) / max(seconds, 1e-6)
-        size = min(GROWTH * size, max(1, int(TASK_SECONDS * rate)))
-        least = min(size, max(1, int(LEAST_SECONDS * rate)))
-        yield from results
+        yield result
 
 
 def _scattered(client: Any, stage: Stage) -> Any:
@@ -187,14 +172,14 @@ def _scattered(client: Any, stage: Stage) -> Any:
     return client.scatter(stage, broadcast=True, hash=False)
 
 
-def _submit(client: Any, stage: Any, batch: list[Any]) -> Any:
+def _submit(client: Any, stage: Any, item: tuple[Any, ...]) -> Any:
     with warnings.catch_warnings():
-        warnings.filterwarnings("ignore", "Sending large graph")  # each piece brings its own gaps
-        return client.submit(_call_batch, stage, batch, pure=False)
+        warnings.filterwarnings("ignore", "Sending large graph")  # an item may bring its gaps
+        return client.submit(_call, stage, item, pure=False)
 
 
-def _outcome(client: Any, task: Any) -> tuple[list[Any], float]:
-    """Results of a batch and the time that it took [s]; workers are awaited where none is left."""
+def _outcome(client: Any, task: Any) -> Any:
+    """The result of an item; workers are awaited where none is left."""
     from distributed import KilledWorker
 
     while True:
@@ -225,11 +210,9 @@ def _await_worker(client: Any) -> None:
             raise FemsealError(f"scheduler: no workers for {WORKER_SECONDS:g} s") from None
 
 
-def _call_batch(stage: Stage, batch: list[Any]) -> tuple[list[Any], float]:
-    start = time.perf_counter()
+def _call(stage: Stage, item: tuple[Any, ...]) -> Any:
     with _libraries(len(sys.modules)).limit(limits=1):
-        results = [stage(*item) for item in batch]
-    return results, time.perf_counter() - start
+        return stage(*item)
 
 
 @lru_cache(maxsize=1)
