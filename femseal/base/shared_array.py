@@ -88,17 +88,6 @@ def shared_empty(shape: tuple[int, ...], dtype: Any) -> NDArray[Any]:
     return np.empty(shape, dtype)
 
 
-def put_aside(values: NDArray[Any]) -> NDArray[Any]:
-    """The values as a mapped file that is read-only; themselves where there are none, or no room for them."""
-    if not values.size:
-        return values
-    with suppress(OSError), tempfile.TemporaryFile(dir=_stores[-1][0] if _stores else None) as file:
-        file.write(values.data)
-        file.flush()
-        return np.memmap(file, values.dtype, "r", shape=values.shape)
-    return values
-
-
 def give_back(array: NDArray[Any]) -> None:
     """Give back the memory of an array that lies in a file: what is in it stays there, and is read again when used."""
     mapped = getattr(array, "_mmap", None)

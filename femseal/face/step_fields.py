@@ -1,49 +1,13 @@
-"""Fields of a face at every step: made when they are used, and the contact pressure kept where there is contact."""
+"""A field of a face at every step, made when it is used."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
-from functools import partial
+from collections.abc import Callable, Iterator
 from typing import Any
 
 import numpy as np
 from numpy.lib.mixins import NDArrayOperatorsMixin
 from numpy.typing import NDArray
-
-from ..base.shared_array import lies_on_disk, put_aside
-
-
-@dataclass(frozen=True, eq=False)
-class ContactValues:
-    """A field (n1, n2) that is 0 out of contact: a bit for every pixel, and a number for each in contact.
-
-    bits : 1 for each pixel where the field is not 0, eight pixels in a byte, row after row.
-    values : the values at these pixels in the same order.
-    """
-
-    shape: tuple[int, int]
-    bits: NDArray[np.uint8]
-    values: NDArray[np.float32]
-
-    @classmethod
-    def of(cls, values: NDArray[Any]) -> ContactValues:
-        """Keep the values of an array (n1, n2)."""
-        single = np.asarray(values, np.float32)
-        inside = single != 0
-        return cls((single.shape[0], single.shape[1]), np.packbits(inside), single[inside])
-
-    def put_aside(self, beside: NDArray[Any]) -> ContactValues:
-        """The field, in two files where an array as large as `beside` lies in one."""
-        if not lies_on_disk(beside.nbytes):
-            return self
-        return ContactValues(self.shape, put_aside(self.bits), put_aside(self.values))
-
-    def dense(self) -> NDArray[np.float32]:
-        """The field as an array (n1, n2)."""
-        full = np.zeros(self.shape, np.float32)
-        full[np.unpackbits(self.bits, count=full.size).view(bool).reshape(self.shape)] = self.values
-        return full
 
 
 class StepFields(NDArrayOperatorsMixin):
@@ -93,12 +57,3 @@ class StepFields(NDArrayOperatorsMixin):
         if name.startswith("_"):
             raise AttributeError(name)
         return getattr(self[...], name)
-
-
-def contact_pressures(states: Sequence[ContactValues]) -> StepFields:
-    """Contact pressure [Pa] of a face in its states, kept where there is contact."""
-    return StepFields((len(states), *states[0].shape), partial(_dense, tuple(states)))
-
-
-def _dense(states: Sequence[ContactValues], step: int) -> NDArray[np.float32]:
-    return states[step].dense()

@@ -36,8 +36,8 @@ from ..budget import ErrorBudget, ErrorPart, contact_fraction_of
 from ..face.pieces import Cut
 from ..loads import LoadProgramme, LoadStep
 from ..studies import FaceResult, Scene, StochasticResult
+from ..studies.face_states import PlaceLeakage
 from ..studies.piece_states import FacePieces
-from ..studies.place_leakage import PlaceLeakage
 from ..topography import Places, Topography
 from .selections import pressures_and_peaks
 

@@ -25,8 +25,8 @@ from ..report.case_text import contact_text, fluid_text, solids_text
 from ..studies import Scene, drop_ratio
 from ..studies.blocks import blocks_of
 from ..studies.costs import LADDER_STATES, Effort, on_ladder, usual_efforts
+from ..studies.face_states import FEWEST
 from ..studies.flow_limits import flow_warnings
-from ..studies.place_leakage import FEWEST
 from ..studies.tile_pressure import describe_map
 from ..topography import Places
 from .disk import budget_inputs, disk

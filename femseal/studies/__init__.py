@@ -9,12 +9,11 @@ entry of `STUDIES`, by which runs solve, forecast and compare it.
     fluid_coupling      contact of the whole face and flow through its gap, solved in turn: the fluid presses it apart
     trapped_liquid      pressures of pockets that keep their liquid
     face_flow           gap -> flow through the whole face
-    face_states         contact of the whole face and the flow through it at every step
+    face_states         a face in a state; leakage of each measured place, and of all but each
     face_study          states -> a FaceResult
     piece_states        the pieces of a face in its states, or along a ladder of nominal pressures
     piece_study         a FaceResult with the pieces of the face
     blocks              a large face by blocks in their own contact -> a BlocksResult
-    place_leakage       leakage of each measured place, and of all but each
     sampling            options of a drawn seal -> its tiles; tile_pressure, seal_contact: their pressure
     drawn_study         tiles draw pieces -> leakage of the seal; drawn_error: what one patch does not know
 """

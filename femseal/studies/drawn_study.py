@@ -18,11 +18,10 @@ from ..loads import LoadProgramme
 from ..seal.layouts import RectangularLayout
 from ..seal.tiles import SealTiles
 from .drawn_error import half_width
-from .face_states import band_breadth
+from .face_states import FEWEST, PlaceLeakage, band_breadth
 from .load_curves import least_counted
 from .piece_states import FacePieces, along_paths, ladder_of, pieces_on_ladder
 from .piece_study import cut_into_pieces
-from .place_leakage import FEWEST, PlaceLeakage
 from .sampling import FEWEST_SEALS, MOST_SEALS, Sampling, laid_out
 from .scene import Scene, scene_warnings
 from .seal_contact import SealContact, seal_contact, without_waves_of

@@ -1,37 +1,42 @@
-"""Contact of a whole face at every step of its load programme, and the flow through it."""
+"""What is kept of a face in a state, its leakage, and that of each measured place and of all places but it."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import partial
+from typing import ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ..base import Array, Mapper
-from ..base.shared_array import give_back, lies_on_disk, put_aside
+from ..base import Array, Mapper, Shown, Stage
+from ..base.fields import PLACE, STEP, Field, declared
 from ..contact import LoadState
 from ..face.piece_flow import Failed, FlowSettings, SolverCounts, attempt
-from ..face.step_fields import ContactValues
 from ..seal import RectangularSeal
+from ..topography import Places
+from ..topography.places import divided
 from .face_flow import FaceFlow, resolved_flow
 from .fluid_coupling import CoupledContact
+from .load_curves import least_counted
 from .scene import Scene
+
+#: Places from which on their scatter tells how far the leakage of more of them may lie.
+FEWEST = 3
 
 
 @dataclass(frozen=True, eq=False)
 class FaceState:
     """The contact of the whole face at one step, and the flow through it.
 
-    gap : (n1, n2) [m]. in_contact : the pressure. plastic : a bit for every pixel at the hardness.
-    potential : of the flow, 1 at the inlet and 0 at the outlet, NaN in contact and in pockets (n1, n2).
+    gap [m], pressure [Pa] : (n1, n2). plastic : a bit for every pixel at the hardness. potential : of the flow, 1 at
+    the inlet and 0 at the outlet, NaN in contact and in pockets (n1, n2).
     rows : mean pressure of rows (n1,) [Pa]. carried : mean pressure that the fluid carries [Pa].
     permeability : of the face [m³], NaN where its flow failed, for the `failed` reason.
     """
 
     gap: NDArray[np.float32]
-    in_contact: ContactValues
+    pressure: NDArray[np.float32]
     plastic: NDArray[np.uint8]
     potential: NDArray[np.float32]
     rows: Array
@@ -63,7 +68,7 @@ class FaceState:
             potential[...] = found.potential
         return cls(
             gap=contact.gap.astype(np.float32),
-            in_contact=ContactValues.of(contact.pressure),
+            pressure=contact.pressure.astype(np.float32),
             plastic=np.packbits(contact.plastic),
             potential=potential,
             rows=contact.pressure.mean(axis=1),
@@ -78,13 +83,6 @@ class FaceState:
         )
 
 
-def face_states(scene: Scene, memory: float, mapper: Mapper) -> Iterator[FaceState]:
-    """The state of the face at every step; arguments as in `Scene.contact_states`."""
-    return scene.contact_states(
-        partial(FaceState.of, flow=scene.flow), memory=memory, mapper=mapper
-    )
-
-
 def leakage_of_state(scene: Scene, state: FaceState) -> tuple[float, SolverCounts]:
     """Leakage per length of the face in a state [m²/s], NaN where its flow failed, and all systems solved for it."""
     if state.failed:
@@ -93,23 +91,102 @@ def leakage_of_state(scene: Scene, state: FaceState) -> tuple[float, SolverCount
     return through.per_length, state.solvers + SolverCounts.of(through)
 
 
-def put_state_aside(
-    state: FaceState, s: int, gap: NDArray[np.float32], potential: NDArray[np.float32]
-) -> FaceState:
-    """The state of step s with its large fields in those of all steps, which may lie on disk, and its contact there."""
-    gap[s], potential[s] = state.gap, state.potential
-    for field in (gap, potential):
-        give_back(field)
-    plastic = put_aside(state.plastic) if lies_on_disk(gap.nbytes) else state.plastic
-    in_contact = state.in_contact.put_aside(gap)
-    return replace(
-        state, gap=gap[s], potential=potential[s], in_contact=in_contact, plastic=plastic
-    )
-
-
 def band_breadth(row_pressure: Array, spacing: float) -> Array:
     """Distance of the first row in contact from the last, both included (steps,) [m]; row_pressure (steps, n1) [Pa]."""
     touching = row_pressure > 0
     n1 = touching.shape[1]
     between = n1 - touching.argmax(axis=1) - touching[:, ::-1].argmax(axis=1)
     return np.where(touching.any(axis=1), between, 0) * spacing
+
+
+@dataclass(frozen=True, repr=False)
+class PlaceLeakage(Shown):
+    """Leakage by places (places, steps), NaN where the flow failed.
+
+    alone : of each by itself, continued periodically. without : of all places but one, side by side; None of two.
+    """
+
+    alone: Array = declared(
+        "leakage_of_places", "m^2/s", "leakage per unit seal length, of each place alone", PLACE
+    )
+    without: Array | None = declared(
+        "leakage_without_place",
+        "m^2/s",
+        "leakage per unit seal length, of all places but one",
+        PLACE,
+        default=None,
+    )
+
+    computed_fields: ClassVar[dict[str, Field]] = {
+        "scatter": Field(
+            "place_scatter",
+            "1",
+            "standard deviation of the leakage of single places over its mean",
+            STEP,
+            "places ± [%]",
+        )
+    }
+
+    @property
+    def relative(self) -> Array:
+        """Leakage of each place over that of their mean (places,), mean over the loads that count; 0 if none leaks."""
+        mean = self.alone.mean(axis=0)
+        counts = mean > least_counted(mean)
+        return np.asarray((self.alone[:, counts] / mean[counts]).sum(axis=1) / max(1, counts.sum()))
+
+    @property
+    def scatter(self) -> Array:
+        """Standard deviation of the leakage of single places over its mean (steps,); NaN where none leaks."""
+        mean = self.alone.mean(axis=0)
+        return np.divide(
+            self.alone.std(axis=0, ddof=1), mean, out=np.full(mean.shape, np.nan), where=mean > 0
+        )
+
+
+def kept_places(count: int) -> tuple[tuple[int, ...], ...]:
+    """Numbers of the places, from 1, of which a leakage is wanted: each alone, and from three on all but each.
+
+    >>> kept_places(3)
+    ((1,), (2,), (3,), (2, 3), (1, 3), (1, 2))
+    """
+    every = range(1, count + 1)
+    without = [tuple(m for m in every if m != n) for n in every] if count >= FEWEST else []
+    return (*((n,) for n in every), *without)
+
+
+def place_leakage(
+    scene: Scene, gap: NDArray[np.floating], mapper: Mapper = map
+) -> PlaceLeakage | None:
+    """Leakage by places from the gap of all of them at every step (steps, n1, n2) [m]; None of a single place."""
+    surface = scene.surface
+    if not isinstance(surface, Places):
+        return None
+    count = len(surface.widths)
+    solve = partial(
+        permeabilities_of_places,
+        widths=surface.widths,
+        spacing=surface.spacing,
+        settings=scene.flow,
+    )
+    found = mapper(Stage("flow of places", solve), gap)
+    # leakage per length of a unit permeability
+    unit = scene.leakage(RectangularSeal(surface.size, (1, 1)), 1.0).per_length
+    leakage = unit * np.array(list(found)).T
+    return PlaceLeakage(leakage[:count], leakage[count:] if count >= FEWEST else None)
+
+
+def permeabilities_of_places(
+    gap: NDArray[np.floating],
+    widths: tuple[int, ...],
+    spacing: tuple[float, float],
+    settings: FlowSettings,
+) -> Array:
+    """Permeability of each place, and from three on of all but each (2 places,) [m³]; NaN where the flow failed."""
+    pieces = divided(gap, widths)
+    found = []
+    for of in kept_places(len(pieces)):
+        flow = attempt(
+            resolved_flow, np.concatenate([pieces[n - 1] for n in of], axis=1), spacing, settings
+        )
+        found.append(np.nan if isinstance(flow, Failed) else flow.permeability)
+    return np.array(found)

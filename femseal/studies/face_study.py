@@ -10,19 +10,18 @@ from numpy.typing import NDArray
 
 from ..base import Array, InputError, Mapper, Shown
 from ..base.fields import PIXEL, ROW, STEP, declared
-from ..base.shared_array import lies_on_disk, one_at_a_time, shared_empty
+from ..base.shared_array import give_back, lies_on_disk, one_at_a_time, shared_empty
 from ..contact.workspace import KEPT_POINTS
 from ..face.piece_flow import SolverCounts
-from ..face.step_fields import StepFields, contact_pressures
+from ..face.step_fields import StepFields
 from ..loads import LoadProgramme
-from .face_states import FaceState, band_breadth, face_states, leakage_of_state, put_state_aside
+from .face_states import FaceState, PlaceLeakage, band_breadth, leakage_of_state, place_leakage
 from .piece_states import FacePieces
-from .place_leakage import PlaceLeakage, place_leakage
 from .scene import Scene, scene_warnings
 
-#: Memory that a pixel of a result takes at every step [byte]: gap and potential, the contact pressure where there is
-#: contact, which is a fourth of the face at high loads, and a bit that says whether it is plastic.
-STEP_BYTES = 4.0 + 4.0 + 1.125 + 0.125
+#: Memory that a pixel of a result takes at every step [byte]: gap, contact pressure and potential, and a bit that says
+#: whether it is plastic.
+STEP_BYTES = 3 * 4.0 + 0.125
 #: Memory that contact and flow of a step take for each pixel, and what the contact of smaller faces keeps for its next
 #: [byte]. Measured on 512² to 4096² pixels.
 _STATE_BYTES, _KEPT_BYTES = 130.0, 130.0
@@ -32,9 +31,8 @@ _STATE_BYTES, _KEPT_BYTES = 130.0, 130.0
 class FaceResult(Shown):
     """Contact and flow of a whole face on its own pixels, and of its pieces; arrays over the steps.
 
-    gap, contact_pressure, fluid_pressure : at every pixel and step, in single precision; the contact pressure is kept
-    where there is contact, and the fluid pressure computed when it is used, see `StepFields`. It is NaN in contact and
-    in pockets.
+    gap, contact_pressure, fluid_pressure : at every pixel and step, in single precision; the fluid pressure is computed
+    when it is used, see `StepFields`, and NaN in contact and in pockets.
     leakage : per length of seal [m²/s], NaN where the flow failed. row_pressure : (steps, n1).
     pieces : of the face, None unless it was cut. places : leakage by measured places, None of one.
     states : of the face at every step. residual : largest residual of the contacts. failures : reasons of values that
@@ -58,7 +56,9 @@ class FaceResult(Shown):
         "largest_row_pressure", "Pa", "largest mean contact pressure of a row", STEP
     )
     gap: NDArray[np.float32] = declared("gap", "m", "deformed gap", PIXEL)
-    contact_pressure: StepFields = declared("contact_pressure", "Pa", "contact pressure", PIXEL)
+    contact_pressure: NDArray[np.float32] = declared(
+        "contact_pressure", "Pa", "contact pressure", PIXEL
+    )
     fluid_pressure: StepFields = declared(
         "fluid_pressure", "Pa", "fluid pressure, NaN in contact and in pockets", PIXEL
     )
@@ -149,12 +149,18 @@ def deterministic(scene: Scene, *, mapper: Mapper = map) -> FaceResult:
     """
     scene.check_spiral()
     surface, shape = scene.surface, (len(scene.steps), *scene.surface.shape)
-    gap, potential = shared_empty(shape, np.float32), shared_empty(shape, np.float32)
+    fields = {name: shared_empty(shape, np.float32) for name in ("gap", "pressure", "potential")}
+    fields["plastic"] = shared_empty((shape[0], -(-surface.heights.size // 8)), np.uint8)
     states: list[FaceState] = []
-    for state in face_states(scene, state_memory(surface.heights.size), mapper):
-        states.append(put_state_aside(state, len(states), gap, potential))
-    for field_ in (gap, potential):
-        field_.flags.writeable = False
+    take = partial(FaceState.of, flow=scene.flow)
+    memory = state_memory(surface.heights.size)
+    for state in scene.contact_states(take, memory=memory, mapper=mapper):
+        for name, values in fields.items():
+            values[len(states)] = getattr(state, name)
+            give_back(values)
+        states.append(replace(state, **{name: v[len(states)] for name, v in fields.items()}))
+    for values in fields.values():
+        values.flags.writeable = False
     through = [leakage_of_state(scene, state) for state in states]
     rows = np.array([state.rows for state in states])
     return FaceResult(
@@ -166,12 +172,12 @@ def deterministic(scene: Scene, *, mapper: Mapper = map) -> FaceResult:
         row_pressure=rows,
         band_breadth=band_breadth(rows, surface.spacing[0]),
         largest_row_pressure=rows.max(axis=1),
-        gap=gap,
-        contact_pressure=contact_pressures([state.in_contact for state in states]),
-        fluid_pressure=StepFields(shape, partial(_fluid_pressure, scene, potential)),
+        gap=fields["gap"],
+        contact_pressure=fields["pressure"],
+        fluid_pressure=StepFields(shape, partial(_fluid_pressure, scene, fields["potential"])),
         carried_pressure=np.array([state.carried for state in states]),
-        entry_pressure=scene.entry_pressures(one_at_a_time(gap)),
-        places=place_leakage(scene, gap, mapper),
+        entry_pressure=scene.entry_pressures(one_at_a_time(fields["gap"])),
+        places=place_leakage(scene, fields["gap"], mapper),
         states=tuple(states),
         residual=max(state.residual for state in states),
         failures=tuple(

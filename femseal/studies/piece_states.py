@@ -22,8 +22,7 @@ from ..seal import RectangularSeal
 from ..seal.leakage import Leakage
 from ..seal.tiles import SealTiles, face_tiles
 from .face_flow import drop_fractions, resolved_flow
-from .face_states import FaceState
-from .place_leakage import permeabilities_of_places
+from .face_states import FaceState, permeabilities_of_places
 from .scene import Scene
 
 #: Distance of the rungs of a ladder in the cube root of the pressure, over that of the highest one. ln k is nearly
@@ -135,11 +134,9 @@ def pieces_of_states(
     leakage, places : of the face, and by measured places, see `FacePieces` [m²/s].
     """
     solve = partial(_of_fields, cut=cut, flow=scene.flow)
-    # what lies in a file without a name does not reach another process
-    pressures = (state.in_contact.dense() for state in states)
-    plastic = (np.array(state.plastic) for state in states)
-    gaps, potentials = [state.gap for state in states], [state.potential for state in states]
-    found = mapper(Stage("pieces of the face", solve), gaps, pressures, plastic, potentials)
+    names = "gap", "pressure", "plastic", "potential"
+    fields = ([getattr(state, name) for state in states] for name in names)
+    found = mapper(Stage("pieces of the face", solve), *fields)
     taken = [
         _Taken(pieces, np.nan, state.failed, None)
         for pieces, state in zip(found, states, strict=True)

@@ -26,9 +26,9 @@ from ..face.piece_flow import SolverCounts
 from ..loads import LoadProgramme
 from ..seal.element_seal import ElementSeal
 from ..seal.tiles import SealTiles
+from .face_states import PlaceLeakage
 from .load_curves import FLOOR
 from .piece_states import FacePieces
-from .place_leakage import PlaceLeakage
 
 
 @dataclass(frozen=True, repr=False)

@@ -1,4 +1,4 @@
-"""Fields of a face by step, such as the contact pressure, which is kept where there is contact."""
+"""Fields of a face by step, made when they are used."""
 
 import pickle
 
@@ -6,28 +6,14 @@ import numpy as np
 import pytest
 from numpy.testing import assert_array_equal
 
-from femseal.face.step_fields import ContactValues, contact_pressures
+from femseal.face.step_fields import StepFields
 
 rng = np.random.default_rng(0)
 DENSE = np.where(rng.random((4, 24, 16)) < 0.2, rng.random((4, 24, 16)), 0).astype(np.float32)
 DENSE[1, :8, 8:] = np.nan  # undefined
 
 
-PRESSURE = contact_pressures([ContactValues.of(face) for face in DENSE])
-
-
-@pytest.mark.parametrize("shape", [(3, 5), (8, 8), (1, 1)])
-@pytest.mark.parametrize("share", [0.0, 0.3, 1.0])
-def test_values_in_contact_are_the_field(shape, share):
-    dense = np.where(rng.random(shape) < share, rng.random(shape), 0)
-    assert_array_equal(ContactValues.of(dense).dense(), dense.astype(np.float32))
-
-
-def test_no_more_than_the_contact_is_kept():
-    """A number for each pixel in contact, and a bit for every one."""
-    values = ContactValues.of(DENSE[0])
-    assert values.values.size == np.count_nonzero(DENSE[0])
-    assert values.bits.nbytes == DENSE[0].size / 8
+PRESSURE = StepFields(DENSE.shape, DENSE.__getitem__)
 
 
 @pytest.mark.parametrize(
