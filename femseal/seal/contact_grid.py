@@ -12,9 +12,9 @@ from math import pi
 import numpy as np
 
 from ..base import Array, Indices
-from ..base.compiled import compiled
 from .pressure_map import Frame
 from .tiles import SealTiles
+from .triangulation import in_space
 
 #: Fewest rows and columns of cells of a strip or a ring, and rows where the form is the same all along.
 _ROWS, _COLUMNS, ROWS_OF_PROFILES = 24, 64, 384
@@ -67,6 +67,7 @@ class ContactGrid:
     @classmethod
     def _over_mesh(cls, tiles: SealTiles) -> ContactGrid:
         """Squares of about half the side of a tile, as far as there are not too many or too few."""
+        import pyvista
         from scipy.spatial import cKDTree
 
         mesh = tiles.seal.mesh
@@ -83,7 +84,10 @@ class ContactGrid:
             a + (np.arange(n) + 0.5) * d for a, n, d in zip(low, (n1, n2), spacing, strict=True)
         )
         points = np.stack(np.meshgrid(x, y, indexing="ij"), axis=-1)
-        element = element_of_cells((mesh.p.T[mesh.t.T] - low) / spacing, (n1, n2))
+        surface = pyvista.PolyData.from_regular_faces(in_space(mesh.p.T), mesh.t.T)
+        element = np.reshape(
+            surface.find_containing_cell(in_space(points.reshape(-1, 2))), (n1, n2)
+        )
         tile = np.where(element >= 0, tiles.tile[element], -1)
         inside = np.flatnonzero(tile >= 0)
         without = np.setdiff1d(np.arange(tiles.count), tile)
@@ -112,26 +116,3 @@ class ContactGrid:
             out[at] = np.bincount(number, every[at][inside], tiles) / count
             out[at][without] = every[at].ravel()[beside]
         return out
-
-
-@compiled()
-def element_of_cells(corners, shape):
-    """Number of the element in which the middle of every cell (n1, n2) lies, −1 outside of all.
-
-    corners : of convex elements (n, corners, 2), in spacings of the cells from their corner.
-    """
-    element = np.full(shape, -1)
-    for n in range(corners.shape[0]):
-        low = [max(0, int(np.floor(corners[n, :, axis].min() - 0.5))) for axis in range(2)]
-        high = [min(shape[axis], int(corners[n, :, axis].max() + 0.5) + 1) for axis in range(2)]
-        for i in range(low[0], high[0]):
-            for j in range(low[1], high[1]):
-                left, right = 0, 0
-                for c in range(corners.shape[1]):
-                    (x0, y0), (x1, y1) = corners[n, c - 1], corners[n, c]
-                    side = (x1 - x0) * (j + 0.5 - y0) - (y1 - y0) * (i + 0.5 - x0)
-                    left += side < 0
-                    right += side > 0
-                if left == 0 or right == 0:
-                    element[i, j] = n
-    return element

@@ -52,12 +52,11 @@ def _outlines(mesh: Mesh) -> tuple[Array, Array, Array, Indices]:
     c, s = np.cos(1.0), np.sin(1.0)
     points = (np.array([[c, -s], [s, c]]) @ mesh.p).T
     corners = mesh.t.T
-    corners = np.where(polygon_areas(points[corners])[:, None] > 0, corners, corners[:, ::-1])
-    first, second = corners, np.roll(corners, -1, axis=1)
-    key = np.minimum(first, second).astype(np.int64) * mesh.nvertices + np.maximum(first, second)
-    _, edge, count = np.unique(key, return_inverse=True, return_counts=True)
-    element, side = np.nonzero(count[edge.reshape(key.shape)] == 1)
-    start, end = points[first[element, side]], points[second[element, side]]
+    element, side = np.nonzero(np.bincount(mesh.t2f.ravel())[mesh.t2f.T] == 1)
+    start = points[corners[element, side]]
+    end = points[np.roll(corners, -1, axis=1)[element, side]]
+    clockwise = polygon_areas(points[corners[element]])[:, None] < 0
+    start, end = np.where(clockwise, end, start), np.where(clockwise, start, end)
     middle, centre = (start + end) / 2, points[corners[element]].mean(axis=1)
     return start, end, middle + _ELEMENT_FRACTION * (centre - middle), element
 
@@ -335,15 +334,11 @@ def _check_elements(mesh: Mesh) -> None:
 
 def _check_sides(mesh: Mesh) -> None:
     """Refuse elements that overlap: two that share an edge, walked anticlockwise, walk it in opposite directions."""
-    corners = mesh.t.T
-    following = np.roll(corners, -1, axis=1)
-    direction = np.sign(following - corners) * np.sign(polygon_areas(mesh.p.T[corners]))[:, None]
-    first, second = np.minimum(corners, following), np.maximum(corners, following)
-    _, edge, count = np.unique(
-        first.astype(np.int64) * mesh.nvertices + second, return_inverse=True, return_counts=True
-    )
-    edge = edge.reshape(corners.shape)
-    walked = np.bincount(edge.ravel(), direction.ravel(), minlength=count.size)
+    corners, edge = mesh.t.T, mesh.t2f.T
+    direction = np.sign(np.roll(corners, -1, axis=1) - corners)
+    direction *= np.sign(polygon_areas(mesh.p.T[corners]))[:, None].astype(int)
+    count = np.bincount(edge.ravel())
+    walked = np.bincount(edge.ravel(), direction.ravel())
     overlapping = (count > 2) | ((count == 2) & (walked != 0))
     bad = np.flatnonzero(overlapping[edge].any(axis=1))
     if bad.size:

@@ -69,13 +69,19 @@ class Triangulation:
         """Triangle around each place, or nearest to it, and the place in it by its three weights."""
         import pyvista
 
-        flat = [np.pad(points, ((0, 0), (0, 1))) for points in (self.points, places)]
-        surface = pyvista.PolyData.from_regular_faces(flat[0], self.triangles.astype(int))
-        triangle = np.atleast_1d(surface.find_closest_cell(flat[1]))
+        surface = pyvista.PolyData.from_regular_faces(
+            in_space(self.points), self.triangles.astype(int)
+        )
+        triangle = np.atleast_1d(surface.find_closest_cell(in_space(places)))
         corner = np.moveaxis(self.points[self.triangles[triangle]], 1, 0)
         a, b, d = corner[1] - corner[0], corner[2] - corner[0], places - corner[0]
         second, third = _cross(d, b) / _cross(a, b), _cross(a, d) / _cross(a, b)
         return triangle, np.stack([1 - second - third, second, third], axis=1)
+
+
+def in_space(points: Array) -> Array:
+    """Points (n, 3) of a plane, from (n, 2)."""
+    return np.pad(points, ((0, 0), (0, 1)))
 
 
 def _cross(a: Array, b: Array) -> Array:
