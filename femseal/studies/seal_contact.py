@@ -18,6 +18,7 @@ from operator import attrgetter
 from typing import Any
 
 import numpy as np
+from scipy.optimize import brentq
 
 from ..base import Array, InputError, Mapper, NotConverged, to_text
 from ..contact import HalfSpace, LoadState
@@ -359,11 +360,6 @@ def _shortened(power_at: Callable[[float], float], length: float) -> float:
 
     Layers whose stiffness rises, as where the bodies yield, make steps too long that their tangent gives.
     """
-    most = -_OVERSHOT * power_at(0.0)
-    if power_at(length) <= most:
+    if power_at(length) <= -_OVERSHOT * power_at(0.0):
         return length
-    low, high = 0.0, length
-    while high - low > _OVERSHOT * high:
-        middle = 0.5 * (low + high)
-        low, high = (low, middle) if power_at(middle) > 0 else (middle, high)
-    return high
+    return float(brentq(power_at, 0.0, length, rtol=_OVERSHOT))
