@@ -74,9 +74,7 @@ def places_part(leakage: Array, without: Array) -> ErrorPart:
 
     def distance(values: Array) -> Array:
         own = (count - 1) * values.var(axis=0)
-        return np.asarray(
-            student * np.sqrt((_PLACE_FREEDOM * usual**2 + (count - 1) * own) / freedom)
-        )
+        return student * np.sqrt((_PLACE_FREEDOM * usual**2 + (count - 1) * own) / freedom)
 
     with np.errstate(divide="ignore", invalid="ignore"):
         logs = distance(np.log(without))

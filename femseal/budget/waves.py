@@ -136,7 +136,7 @@ def raised_by_slope(
 def sealed_for_certain(in_contact: Array, kept: float = 1.0) -> NDArray[np.bool_]:
     """Whether the face with its removed waves has too much contact to be open (steps,); False where it is unknown."""
     with np.errstate(invalid="ignore"):
-        return np.asarray(erf(kept * erfinv(np.clip(in_contact, 0.0, 1.0))) >= SEALED_CONTACT)
+        return erf(kept * erfinv(np.clip(in_contact, 0.0, 1.0))) >= SEALED_CONTACT
 
 
 def under_less_load(steps: LoadProgramme, q: Array, in_contact: Array, kept: float) -> Array:

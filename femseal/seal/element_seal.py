@@ -65,7 +65,7 @@ class ElementSeal:
         """Tensors (n, 2, 2) [m³] in the coordinates of the mesh, from a number or (n, 2) across and along the lay."""
         n = self.mesh.nelements
         principal = permeability_tensors(np.broadcast_to(permeability, (n, 2)), n)
-        return np.asarray(np.einsum("nij,nia,njb->nab", principal, self.axes, self.axes))
+        return np.einsum("nij,nia,njb->nab", principal, self.axes, self.axes)
 
     def flow(self, permeability: Any, *, bounds: bool = False, solver: str = "auto") -> MeshFlow:
         """Flow for a unit drop; permeability (n, 2) [m³], solvers of grids are "auto".

@@ -332,4 +332,4 @@ class ScaledForm:
 def _less_plane(points: Array, values: Array) -> Array:
     """Values (n,) at points (n, 2) less the plane through them."""
     plane = np.column_stack([np.ones(len(points)), points - points.mean(axis=0)])
-    return np.asarray(values - plane @ np.linalg.lstsq(plane, values)[0])
+    return values - plane @ np.linalg.lstsq(plane, values)[0]

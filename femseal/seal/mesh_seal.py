@@ -302,7 +302,7 @@ def _joined(mesh: Mesh, corners: Indices) -> Indices:
     """The number of the part of each vertex, where elements or facets with corners (k, n) join vertices."""
     ends = np.tile(corners[0], len(corners) - 1), corners[1:].ravel()
     links = coo_array((np.ones(ends[0].size), ends), shape=(mesh.nvertices, mesh.nvertices))
-    return np.asarray(connected_components(links, directed=False)[1])
+    return connected_components(links, directed=False)[1]
 
 
 def _middle(mesh: Mesh, corners: Indices) -> str:

@@ -119,7 +119,7 @@ class Profile:
             np.clip(np.floor(strip + e).astype(int), 0, values.size - 1)
             for e in (-_ROUNDING, _ROUNDING)
         )
-        return np.asarray(0.5 * (values[lower] + values[upper]))
+        return 0.5 * (values[lower] + values[upper])
 
 
 @dataclass(frozen=True)
@@ -241,7 +241,7 @@ class PressedSeal:
     @property
     def centres(self) -> Array:
         """Middles of the parts (n, 2) [m]."""
-        return np.asarray(self.outlines.mean(axis=1))
+        return self.outlines.mean(axis=1)
 
     @property
     def areas(self) -> Array:
@@ -274,7 +274,7 @@ class PressedSeal:
         weight = np.clip((loads - knots[upper - 1]) / (knots[upper] - knots[upper - 1]), 0, 1)[
             :, None
         ]
-        return np.asarray((1 - weight) * known[upper - 1] + weight * known[upper])
+        return (1 - weight) * known[upper - 1] + weight * known[upper]
 
     def _mean_one(self, pressure_map: PressureMap, points: Array) -> Array:
         over_area, values = (pressure_map.at(where, self.frame) for where in (self.centres, points))
@@ -284,7 +284,7 @@ class PressedSeal:
             values == over_area[0]
         ):  # without the rounding of a mean
             return np.ones_like(values)
-        return np.asarray(values / np.average(over_area, weights=self.areas))
+        return values / np.average(over_area, weights=self.areas)
 
 
 def _fractions(values: Any) -> tuple[float, ...]:

@@ -56,7 +56,7 @@ def read_mesh(path: str | PathLike[str], unit: float = 1.0) -> Mesh:
         expected = f"a mesh with cells of one kind of {', '.join(_KINDS)}, {LINEAR}"
         raise InputError("path", f"'{file}' with {found}", expected)
     kind = present[0]
-    cells = np.asarray(data.cells_dict[kind])
+    cells = data.cells_dict[kind]
     points = _plane(file, data, cells, 1e-9) * unit
     used, renumbered = np.unique(cells, return_inverse=True)
     cells = renumbered.reshape(cells.shape)
@@ -283,7 +283,7 @@ def _of_mesh(file: Path, name: str) -> tuple[Any, Any, Any]:
     parts = [_TRIANGLES[data.cells[n].type] for n in blocks]
     corners = np.concatenate(
         [
-            np.asarray(data.cells[n].data)[:, list(part)]
+            (data.cells[n].data)[:, list(part)]
             for n, of_block in zip(blocks, parts, strict=True)
             for part in of_block
         ]

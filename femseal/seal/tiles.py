@@ -151,7 +151,7 @@ class SealTiles:
 
     def of_elements(self, values: Array) -> Array:
         """Means (n,) over the vertices of every element of values at the vertices."""
-        return np.asarray(values[self.seal.mesh.t].mean(axis=0))
+        return values[self.seal.mesh.t].mean(axis=0)
 
     def flux(self, permeability: Array, potential: Array, rate: float) -> Array:
         """Volume rate per width (n, 2) [m²/s] in the middle of every element, in the plane of the seal.
@@ -171,7 +171,7 @@ class SealTiles:
         area = 0.5 * np.abs(first[:, 0] * second[:, 1] - first[:, 1] * second[:, 0])
         power = -float(area @ (flux * gradient).sum(axis=1))
         drop = float(np.ptp(potential[np.isfinite(potential)]))
-        return np.asarray(flux * (abs(rate) * drop / power if power > 0 else 0.0))
+        return flux * (abs(rate) * drop / power if power > 0 else 0.0)
 
     def __str__(self) -> str:
         if self.grid is not None:
@@ -182,7 +182,7 @@ class SealTiles:
 def along_grooves(across: Array) -> Array:
     """Harmonic mean (…, rows) of the permeabilities along the grooves of each row (…, rows, columns); 0 beside a 0."""
     with np.errstate(divide="ignore"):
-        return np.asarray(1 / np.mean(1 / across, axis=-1))
+        return 1 / np.mean(1 / across, axis=-1)
 
 
 def face_tiles(size: tuple[float, float], pieces: tuple[int, int]) -> SealTiles:

@@ -110,4 +110,4 @@ def _delaunay(points: Array) -> NDArray[np.int64]:
 def polygon_areas(corners: Array) -> Array:
     """Areas (n,) [m²] of polygons with corners (n, corners, 2) [m], negative where these run clockwise."""
     x, y = np.moveaxis(corners - corners[:, :1], -1, 0)
-    return np.asarray((x * np.roll(y, -1, axis=1) - np.roll(x, -1, axis=1) * y).sum(axis=1) / 2)
+    return (x * np.roll(y, -1, axis=1) - np.roll(x, -1, axis=1) * y).sum(axis=1) / 2

@@ -60,7 +60,7 @@ def difficulty(steps: LoadProgramme, leakage: Array) -> Array:
         if (leakage[s] == 0) != (leakage[other] == 0):
             slope[[s, other]] = np.maximum(slope[[s, other]], _BESIDE_SEALED)
     fallen = np.maximum(decades(leakage) - 1.0, 0.0)
-    return np.asarray((0.5 + 0.1 * np.minimum(slope, _STEEPEST)) * (1.0 + fallen))
+    return (0.5 + 0.1 * np.minimum(slope, _STEEPEST)) * (1.0 + fallen)
 
 
 def half_width(kind: str, steps: LoadProgramme, leakage: Array, *, coverage: float = 0.95) -> Array:
@@ -76,7 +76,7 @@ def half_width(kind: str, steps: LoadProgramme, leakage: Array, *, coverage: flo
     if not validate.number("coverage", coverage) < 1:
         raise InputError("coverage", coverage, "a fraction below 1")
     quantiles = np.array([_quantile(kind, group, coverage) for group in range(len(_EDGES) + 1)])
-    return np.asarray(quantiles[np.digitize(decades(leakage), _EDGES)] * difficulty(steps, leakage))
+    return quantiles[np.digitize(decades(leakage), _EDGES)] * difficulty(steps, leakage)
 
 
 def count_scenes(kind: str) -> int:

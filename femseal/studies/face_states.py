@@ -132,7 +132,7 @@ class PlaceLeakage(Shown):
         """Leakage of each place over that of their mean (places,), mean over the loads that count; 0 if none leaks."""
         mean = self.alone.mean(axis=0)
         counts = mean > least_counted(mean)
-        return np.asarray((self.alone[:, counts] / mean[counts]).sum(axis=1) / max(1, counts.sum()))
+        return (self.alone[:, counts] / mean[counts]).sum(axis=1) / max(1, counts.sum())
 
     @property
     def scatter(self) -> Array:

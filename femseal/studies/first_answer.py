@@ -43,7 +43,7 @@ class FirstAnswer:
     @property
     def permeability(self) -> Array:
         """Of the face [m³]."""
-        return np.asarray(self.gap**3 / 12)
+        return self.gap**3 / 12
 
     def doubts(self, leakage: Array, names: Sequence[str]) -> list[str]:
         """A warning of the computed leakage [m²/s] that is farthest off, where that is implausible.

@@ -98,12 +98,12 @@ class FacePieces:
     @property
     def k1(self) -> Array:
         """Permeability along x1, mean over the pressures of the drop (steps, m1, m2) [m³]."""
-        return np.asarray(self.k[:, 0].mean(axis=0))
+        return self.k[:, 0].mean(axis=0)
 
     @property
     def k2(self) -> Array:
         """Permeability along x2, mean over the pressures of the drop (steps, m1, m2) [m³]."""
-        return np.asarray(self.k[:, 1].mean(axis=0))
+        return self.k[:, 1].mean(axis=0)
 
     @property
     def factor(self) -> Array:

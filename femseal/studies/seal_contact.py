@@ -66,7 +66,7 @@ class SealContact:
     @property
     def rows(self) -> Array:
         """Mean pressure along rows of cells at every step (steps, n1) [Pa]."""
-        return np.asarray(self.pressure.mean(axis=2))
+        return self.pressure.mean(axis=2)
 
     @property
     def fractions(self) -> Array:
@@ -297,7 +297,7 @@ class Cells:
         """Of the cells by their pressures (n,) [m]."""
         self._product.pressure[self._inside] = p
         self._product.apply()
-        return np.asarray(self._product.displacement[self._inside])
+        return self._product.displacement[self._inside]
 
     def solved(
         self, layer: Callable[[Array], tuple[Array, Array]], load: float, start: Array, sunk: Array

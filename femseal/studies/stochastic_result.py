@@ -89,7 +89,7 @@ def nearest_to_median(leakage: Array) -> int | None:
     if not size.size or not whole.any():
         return None
     median = np.median(size[whole], axis=0)
-    chosen = np.asarray(median > FLOOR * median.max())
+    chosen = median > FLOOR * median.max()
     if not chosen.any():
         return None
     with np.errstate(divide="ignore"):
