@@ -8,6 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ..base import Shape
 from ..loads import LoadProgramme
 from ..studies.load_curves import load_sensitivity, neighbouring_steps
 from ..studies.scene import Array
@@ -22,7 +23,7 @@ class CoarserSolution:
     against : leakage of the same study at these steps on the points of the scene; None: that of which the budget is.
     """
 
-    points: tuple[int, int]
+    points: Shape
     steps: LoadProgramme
     leakage: Array
     against: Array | None = None

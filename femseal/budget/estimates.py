@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 from scipy.special import bdtr, stdtrit
 
-from ..base import counted
+from ..base import Pair, counted
 from ..face.patch_form import FormEffect
 from ..loads import LoadProgramme
 from ..seal.form import ScaledForm, SealForm
@@ -114,7 +114,7 @@ def realisations_part(study: StochasticResult) -> ErrorPart:
     return ErrorPart("realisations", ends[:, 0], ends[:, 1], note)
 
 
-def median_interval(values: Array) -> tuple[float, float]:
+def median_interval(values: Array) -> Pair:
     """Two values that hold the median of the population in at least 95 of 100 samples.
 
     They are order statistics, whatever the distribution; fewer than 6 values, of which no two do, are taken as

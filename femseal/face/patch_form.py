@@ -10,7 +10,7 @@ from math import log, nan, sqrt
 
 import numpy as np
 
-from ..base import Array, NotConverged, to_text
+from ..base import Array, NotConverged, Pair, to_text
 from ..contact import HalfSpace, solve_contact
 from ..contact.law import ContactLaw
 from ..flow import cell_permeability
@@ -48,7 +48,7 @@ class FormEffect:
     pressures: Array
     permeability: Array
     height: float
-    radii: tuple[float, float]
+    radii: Pair
     longest: float
     loads: str
 

@@ -11,7 +11,7 @@ from typing import Any, TypeVar
 
 import numpy as np
 
-from ..base import Array, FemsealError
+from ..base import Array, FemsealError, Pair
 from ..flow import Spiral
 from ..flow.cell import cell_flow
 from ..flow.law import cubic_law
@@ -147,7 +147,7 @@ class PiecePermeability:
 
 
 def piece_permeability(
-    gap: Array, spacing: tuple[float, float], axis: int, settings: FlowSettings | None = None
+    gap: Array, spacing: Pair, axis: int, settings: FlowSettings | None = None
 ) -> PiecePermeability:
     """Permeability along `axis` of a piece (n1, n2) [m] with closed sides: of about parallel plates that of their mean.
 
@@ -167,7 +167,7 @@ def piece_permeability(
 
 
 def _of_gap(
-    gap: Array, spacing: tuple[float, float], axis: int, settings: FlowSettings
+    gap: Array, spacing: Pair, axis: int, settings: FlowSettings
 ) -> tuple[float, SolveCounts]:
     """Permeability of a gap by the cubic law; that of nearly parallel plates in closed form."""
     mean = float(gap.mean())

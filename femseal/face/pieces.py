@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..base import Array, InputError, validate
+from ..base import Array, InputError, Pair, Shape, validate
 from ..loads import LoadProgramme
 from ..topography import Topography
 from .piece_flow import Failed, FlowSettings, SolveCounts, attempt, piece_permeability
@@ -33,7 +33,7 @@ OVERLAP = 0.125
 MOST_FACTOR, MOST_RATIO = 3.0, 2.0
 
 
-def usual_pieces(surface: Topography, in_place: bool = False) -> tuple[int, int]:
+def usual_pieces(surface: Topography, in_place: bool = False) -> Shape:
     """Numbers of about square pieces along x1 and x2, four on the shorter side of a place.
 
     in_place : pieces stay in their rows, as where a seal is as broad as the face: two.
@@ -64,10 +64,10 @@ class Cut:
     rows: tuple[int, ...]
     columns: tuple[int, ...]
     place: tuple[int, ...]
-    spacing: tuple[float, float]
+    spacing: Pair
 
     @classmethod
-    def of(cls, surface: Topography, pieces: tuple[int, int]) -> Cut:
+    def of(cls, surface: Topography, pieces: Shape) -> Cut:
         """Cut a face into pieces along x1 and x2, in each of several places by itself.
 
         Raises InputError: pieces of fewer than 8 points a side, fewer columns than places.
@@ -91,12 +91,12 @@ class Cut:
         )
 
     @property
-    def shape(self) -> tuple[int, int]:
+    def shape(self) -> Shape:
         """Number of pieces along x1 and x2."""
         return len(self.rows) - 1, len(self.columns) - 1
 
     @property
-    def size(self) -> tuple[float, float]:
+    def size(self) -> Pair:
         """Mean sides of the pieces [m]."""
         (m1, m2), (d1, d2) = self.shape, self.spacing
         return self.rows[-1] * d1 / m1, self.columns[-1] * d2 / m2

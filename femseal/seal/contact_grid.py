@@ -11,7 +11,7 @@ from math import pi
 
 import numpy as np
 
-from ..base import Array, Indices
+from ..base import Array, Indices, Pair
 from .pressure_map import Frame
 from .tiles import SealTiles
 from .triangulation import in_space
@@ -32,7 +32,7 @@ class ContactGrid:
     """
 
     points: Array = field(repr=False)
-    spacing: tuple[float, float]
+    spacing: Pair
     boundary: tuple[str, str]
     tile: Indices = field(repr=False)
     beside: tuple[Indices, Indices]

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from skfem import Mesh
 
-from ..base import Array, Indices, InputError
+from ..base import Array, Indices, InputError, Pair
 from ..flow.mesh import MeshFlow, MeshOperators
 from ..flow.mesh_input import CLOSED_AXIS, permeability_tensors
 from .mesh_seal import PressureBoundaries
@@ -39,7 +39,7 @@ class ElementSeal:
     mesh: Mesh = field(repr=False)
     inlet: Indices = field(repr=False)
     outlet: Indices = field(repr=False)
-    size: tuple[float, float]
+    size: Pair
     outlines: Array = field(repr=False)
     axes: Array = field(repr=False)
     boundaries: PressureBoundaries | None = field(default=None, repr=False)

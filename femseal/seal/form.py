@@ -15,7 +15,7 @@ from typing import Any, ClassVar, Protocol
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ..base import Array, InputError, to_si, to_text, validate
+from ..base import Array, InputError, Pair, to_si, to_text, validate
 from ..base.validate import check_parameters, described, parameter
 from ..topography import Topography
 from .pressure_map import Frame
@@ -130,7 +130,7 @@ class MeasuredForm:
     points: Array = field(repr=False)
     values: Array = field(repr=False)
     polar: bool = False
-    middle: tuple[float, float] | None = None
+    middle: Pair | None = None
 
     @classmethod
     def of(cls, points: ArrayLike, heights: ArrayLike, *, polar: bool = False) -> MeasuredForm:

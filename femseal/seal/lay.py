@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from ..base import Array, InputError, counted, shown, to_si, to_text
+from ..base import Array, InputError, Pair, counted, shown, to_si, to_text
 
 #: Directions by name: those of the axes of the plane, and those as seen from the centre of the seal.
 NAMES = ("x1", "x2", "radial", "circumferential")
@@ -66,9 +66,7 @@ class Lay:
                 return cls(file=folder / path, array=array)
         raise InputError("lay", shown(given), ALLOWED)
 
-    def directions(
-        self, places: Array, centre: tuple[float, float] = (0.0, 0.0), unit: float = 1.0
-    ) -> Array:
+    def directions(self, places: Array, centre: Pair = (0.0, 0.0), unit: float = 1.0) -> Array:
         """Unit vectors (n, 2) along the lay at places (n, 2) [m].
 
         centre : from which "radial" is seen [m].

@@ -12,7 +12,7 @@ from math import isfinite, pi
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar, Literal, Protocol
 
-from ..base import InputError, to_si, to_text, validate
+from ..base import InputError, Pair, to_si, to_text, validate
 from ..base.validate import check_parameters, described, parameter
 from .lay import Lay, check_ring, check_size
 from .pressure_map import Frame
@@ -36,7 +36,7 @@ class Layout(Protocol):
         """
         ...
 
-    def frame(self, size: tuple[float, float]) -> Frame:
+    def frame(self, size: Pair) -> Frame:
         """Coordinates of maps of the pressure on a seal of this shape, of sides, or breadth and length [m]."""
         ...
 
@@ -92,7 +92,7 @@ class RectangularLayout:
 
         return Spiral(self.lay.lead, self.lay.circumference) if self.lay.name == "spiral" else None
 
-    def frame(self, size: tuple[float, float]) -> Frame:
+    def frame(self, size: Pair) -> Frame:
         """x1 from the inlet, and x2."""
         return Frame.of_strip(size)
 
@@ -152,7 +152,7 @@ class AnnularLayout:
 
         return Spiral(self.lay.lead, self.circumference) if self.lay.name == "spiral" else None
 
-    def frame(self, size: tuple[float, float]) -> Frame:
+    def frame(self, size: Pair) -> Frame:
         """Radius and angle."""
         ends = self.inner_radius, self.outer_radius
         return Frame(ends=ends if self.inlet == "inner" else ends[::-1])
@@ -229,7 +229,7 @@ class MeshLayout:
             self.centre,
         )
 
-    def frame(self, size: tuple[float, float]) -> Frame:
+    def frame(self, size: Pair) -> Frame:
         """Radius and angle around `centre`."""
         return Frame(centre=self.centre)
 

@@ -14,7 +14,7 @@ from typing import Any, Protocol
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ..base import Array, InputError, counted, to_text, validate
+from ..base import Array, InputError, Pair, counted, to_text, validate
 from .triangulation import Triangulation, polygon_areas
 
 #: Rounding of coordinates, as fractions of a strip of a profile or of a radius.
@@ -31,12 +31,12 @@ class Frame:
         of one value.
     """
 
-    size: tuple[float, float] | None = None
-    centre: tuple[float, float] = (0.0, 0.0)
-    ends: tuple[float, float] | None = None
+    size: Pair | None = None
+    centre: Pair = (0.0, 0.0)
+    ends: Pair | None = None
 
     @classmethod
-    def of_strip(cls, size: tuple[float, float]) -> Frame:
+    def of_strip(cls, size: Pair) -> Frame:
         """A strip of sides [m], inlet at x1 = 0."""
         return cls(size=size, ends=(0.0, size[0]))
 

@@ -20,7 +20,7 @@ from typing import Any, Protocol
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ..base import Array, InputError, counted, validate
+from ..base import Array, InputError, Pair, Shape, counted, validate
 from ..flow import DarcyFlow, Stencil, solve_flow
 from ..flow.assembly import assemble_on_links
 from ..flow.balance import balanced_link_fluxes
@@ -34,7 +34,7 @@ _RTOL = 1e-8
 class StructuredSeal(ABC):
     """A seal whose nodes lie on a structured grid: a shape has `cells`, `size` and `grid`."""
 
-    cells: tuple[int, int]
+    cells: Shape
 
     @property
     @abstractmethod
@@ -58,7 +58,7 @@ class StructuredSeal(ABC):
         return structured_flow(self.stencil(permeability), bounds=bounds, solver=solver)
 
 
-def link_permeabilities(permeability: Any, cells: tuple[int, int]) -> tuple[Array, Array]:
+def link_permeabilities(permeability: Any, cells: Shape) -> tuple[Array, Array]:
     """k1 (n1, n2) and k2 (n1 − 1, n2) [m³] from a number, or a pair of numbers or arrays; or InputError."""
     n1, n2 = cells
     shapes = (n1, n2), (n1 - 1, n2)
@@ -80,7 +80,7 @@ def link_permeabilities(permeability: Any, cells: tuple[int, int]) -> tuple[Arra
     return k1, k2
 
 
-def _checked(name: str, value: ArrayLike, shape: tuple[int, int]) -> Array:
+def _checked(name: str, value: ArrayLike, shape: Shape) -> Array:
     """Permeability of the links along an axis, a number or an array of that shape; InputError of anything else."""
     try:
         k = np.asarray(value, dtype=float)
@@ -172,8 +172,8 @@ class RectangularSeal(StructuredSeal):
     (0.1, (5, 400, 2))
     """
 
-    size: tuple[float, float]
-    cells: tuple[int, int]
+    size: Pair
+    cells: Shape
 
     def __post_init__(self) -> None:
         try:
@@ -235,7 +235,7 @@ class AnnularSeal(StructuredSeal):
 
     inner_radius: float
     outer_radius: float
-    cells: tuple[int, int]
+    cells: Shape
     inlet: str = "inner"
 
     def __post_init__(self) -> None:
@@ -255,7 +255,7 @@ class AnnularSeal(StructuredSeal):
         return self.inner_radius + x1 if self.inlet == "inner" else self.outer_radius - x1
 
     @property
-    def size(self) -> tuple[float, float]:
+    def size(self) -> Pair:
         """Breadth from inlet to outlet and mean circumference [m]."""
         return (self.outer_radius - self.inner_radius, self.length)
 

@@ -18,7 +18,7 @@ import numpy as np
 from skfem import Mesh, MeshQuad
 from skfem.mesh import MeshQuad1DG
 
-from ..base import Array, Indices, InputError, counted, to_si, to_text
+from ..base import Array, Indices, InputError, Pair, Shape, counted, to_si, to_text
 from ..flow.spiral import Spiral
 from .element_seal import ElementSeal
 from .lay import Lay, check_size
@@ -48,7 +48,7 @@ class PieceSize:
     of which a part with about so many stands for the whole; None: all of it is drawn.
     """
 
-    size: tuple[float, float]
+    size: Pair
     rows: int
     length: float | None = None
     breadth: float | None = None
@@ -74,7 +74,7 @@ class SealTiles:
     seal: ElementSeal
     lay: Array = field(repr=False)
     tile: Indices = field(repr=False)
-    grid: tuple[int, int] | None = None
+    grid: Shape | None = None
     in_place: bool = False
     turned: bool = False
     tangent: Array | None = field(default=None, repr=False)
@@ -99,7 +99,7 @@ class SealTiles:
         return np.unique(self.tile, return_index=True)[1]
 
     @property
-    def size(self) -> tuple[float, float]:
+    def size(self) -> Pair:
         """Breadth and length of the whole seal, without repeated columns [m]."""
         breadth, length = self.seal.size
         return breadth, length * (self.once.size / self.tile.size) / self.part
@@ -110,7 +110,7 @@ class SealTiles:
         tile, centres = self.tile[self.once], self.outlines[self.once].mean(axis=1)
         return np.stack([np.bincount(tile, x) / np.bincount(tile) for x in centres.T], axis=1)
 
-    def draw(self, pieces: tuple[int, int], rng: np.random.Generator) -> Indices:
+    def draw(self, pieces: Shape, rng: np.random.Generator) -> Indices:
         """Number of the piece that each tile draws (tiles,), pieces (m1, m2) being numbered row by row.
 
         Columns of tiles are drawn one after another: a longer seal begins with the tiles of a shorter one.
@@ -185,7 +185,7 @@ def along_grooves(across: Array) -> Array:
         return 1 / np.mean(1 / across, axis=-1)
 
 
-def face_tiles(size: tuple[float, float], pieces: tuple[int, int]) -> SealTiles:
+def face_tiles(size: Pair, pieces: Shape) -> SealTiles:
     """The pieces of a face of a size [m] in their own order, its lay along x2."""
     laid = _strip(size, pieces, np.tile([0.0, 1.0], (pieces[0] * pieces[1], 1)))
     return replace(laid, in_place=True)
@@ -224,7 +224,7 @@ def _rows_of(breadth: float, side: float, name: str, given: float) -> int:
     return rows
 
 
-def laid_on_ring(pieces: PieceSize, lay: Lay, radii: tuple[float, float], inlet: str) -> SealTiles:
+def laid_on_ring(pieces: PieceSize, lay: Lay, radii: Pair, inlet: str) -> SealTiles:
     """On a ring between two radii [m], in (ln r, θ) from the inlet on."""
     inner, outer = radii
     d1, d2 = pieces.size
@@ -284,7 +284,7 @@ def laid_on_mesh(
     lay: Lay,
     file: tuple[Path, Any, Any, str],
     length: float | None,
-    centre: tuple[float, float],
+    centre: Pair,
 ) -> SealTiles:
     """On a mesh: each element is a tile, or shares that of its neighbours where elements are smaller than pieces.
 
@@ -316,7 +316,7 @@ def _mesh_seal(path: Path, inlet: Any, outlet: Any, unit: str, stamp: Any) -> Me
     return MeshSeal(path, dict(inlet) if of_pressures else inlet, outlet, unit)
 
 
-def _strip(size: tuple[float, float], cells: tuple[int, int], lay: Array) -> SealTiles:
+def _strip(size: Pair, cells: Shape, lay: Array) -> SealTiles:
     """A strip of rectangles, periodic along x2, with the lay of each (n, 2).
 
     A periodic mesh has three columns or more: fewer are repeated.
@@ -330,7 +330,7 @@ def _strip(size: tuple[float, float], cells: tuple[int, int], lay: Array) -> Sea
     return SealTiles(seal, lay[tile], tile, cells)
 
 
-def _middles(size: tuple[float, float], cells: tuple[int, int]) -> Array:
+def _middles(size: Pair, cells: Shape) -> Array:
     """Middles (n, 2) of equal cells of a rectangle, row by row."""
     first, second = ((np.arange(n) + 0.5) * (side / n) for side, n in zip(size, cells, strict=True))
     return np.stack(np.meshgrid(first, second, indexing="ij"), axis=-1).reshape(-1, 2)

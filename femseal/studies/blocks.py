@@ -15,7 +15,7 @@ from typing import ClassVar
 
 import numpy as np
 
-from ..base import Array, InputError, Mapper, Shown, Stage
+from ..base import Array, InputError, Mapper, Shape, Shown, Stage
 from ..base.fields import PIECE, STEP, declared
 from ..contact import HalfSpace
 from ..face.piece_flow import Failed, SolveCounts, SolverCounts
@@ -49,7 +49,7 @@ class BlocksResult(Shown):
     """
 
     steps: LoadProgramme
-    blocks: tuple[int, int]
+    blocks: Shape
     leakage: Array = declared(
         "leakage_blocks", "m^2/s", "leakage per unit seal length, blocks", STEP, heading="blocks"
     )
@@ -80,7 +80,7 @@ class BlocksResult(Shown):
         return self
 
 
-def by_blocks(scene: Scene, blocks: tuple[int, int], *, mapper: Mapper = map) -> BlocksResult:
+def by_blocks(scene: Scene, blocks: Shape, *, mapper: Mapper = map) -> BlocksResult:
     """Solve a face by blocks along x1 and x2.
 
     blocks : their numbers, which divide those of the points into multiples of 4 pieces.
@@ -140,7 +140,7 @@ def by_blocks(scene: Scene, blocks: tuple[int, int], *, mapper: Mapper = map) ->
     )
 
 
-def check_blocks(scene: Scene, blocks: tuple[int, int]) -> None:
+def check_blocks(scene: Scene, blocks: Shape) -> None:
     """Refuse what blocks cannot do."""
     for points, count in zip(scene.surface.shape, blocks, strict=True):
         if count < 1 or points % (count * PIECES) or points // (count * PIECES) < FEWEST_POINTS:
@@ -155,7 +155,7 @@ def check_blocks(scene: Scene, blocks: tuple[int, int]) -> None:
         raise InputError("lay", "a spiral with blocks", "grooves that do not wind")
 
 
-def blocks_of(cells: tuple[int, int] | None) -> tuple[int, int]:
+def blocks_of(cells: Shape | None) -> Shape:
     """Numbers of blocks that have so many pieces together.
 
     Raises InputError: no multiples of the pieces of a block.
@@ -165,7 +165,7 @@ def blocks_of(cells: tuple[int, int] | None) -> tuple[int, int]:
     return cells[0] // PIECES, cells[1] // PIECES
 
 
-def usual_blocks(points: tuple[int, int]) -> tuple[int, int]:
+def usual_blocks(points: Shape) -> Shape:
     """The fewest blocks of at most 1024 points a side, whose pieces have equal numbers of points."""
     found = []
     for n in points:
@@ -174,7 +174,7 @@ def usual_blocks(points: tuple[int, int]) -> tuple[int, int]:
     return found[0], found[1]
 
 
-def _split(scene: Scene, blocks: tuple[int, int], at: tuple[int, ...]) -> tuple[Scene, Array]:
+def _split(scene: Scene, blocks: Shape, at: tuple[int, ...]) -> tuple[Scene, Array]:
     """A block by itself, mirrored at its sides, without its long waves; and these as means over its pieces [m]."""
     surface = scene.surface
     n1, n2 = (n // count for n, count in zip(surface.shape, blocks, strict=True))
@@ -200,9 +200,7 @@ def _layer(block: Scene) -> RoughLayer:
     return RoughLayer.of(block, map, block.boundary)
 
 
-def _coarse_contact(
-    scene: Scene, blocks: tuple[int, int], depth: Array, layers: list[RoughLayer]
-) -> Array:
+def _coarse_contact(scene: Scene, blocks: Shape, depth: Array, layers: list[RoughLayer]) -> Array:
     """Pressure [Pa], distance of the mean planes and opening [m] of every piece (3, steps, rows, columns)."""
     size = scene.surface.size
     spacing = size[0] / depth.shape[0], size[1] / depth.shape[1]

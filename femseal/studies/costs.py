@@ -10,7 +10,7 @@ from dataclasses import dataclass, replace
 from math import log1p, log2
 from statistics import mean
 
-from ..base import validate
+from ..base import Pair, Shape, validate
 from ..seal.tiles import SealTiles
 from .blocks import blocks_of
 from .drawn_study import cut_and_tiles
@@ -104,12 +104,12 @@ class StudyOptions:
     knows_face : another study leaves contact and flow of the face at the loads of the scene.
     """
 
-    cells: tuple[int, int] | None = None
+    cells: Shape | None = None
     sampling: Sampling | None = None
     knows_face: bool = False
 
     @property
-    def blocks(self) -> tuple[int, int]:
+    def blocks(self) -> Shape:
         """Numbers of blocks that have so many pieces together."""
         return blocks_of(self.cells)
 
@@ -119,7 +119,7 @@ def usual_efforts(steps: int) -> tuple[Effort, ...]:
     return (Effort(),) * steps
 
 
-def contact_seconds(points: tuple[int, int], effort: Effort) -> float:
+def contact_seconds(points: Shape, effort: Effort) -> float:
     """Expected time of one contact solution [s]."""
     pixels = points[0] * points[1]
     about, contact = _POINT_SECONDS
@@ -127,7 +127,7 @@ def contact_seconds(points: tuple[int, int], effort: Effort) -> float:
     return effort.pairs_on(pixels) * (_PAIR_SECONDS + pixels * each)
 
 
-def _transform_seconds(points: tuple[int, int]) -> float:
+def _transform_seconds(points: Shape) -> float:
     """Expected time of a pair of transforms for each pixel [s]; free columns are padded to a length that suits."""
     (pixel, doubling), (other, odd, prime) = _TRANSFORM_SECONDS, _OF_LENGTH
     seconds = pixel + doubling * max(0.0, log2(points[0] * points[1] / PILOT_PIXELS))
@@ -161,18 +161,14 @@ def _face_seconds(scene: Scene, effort: Effort, acts: bool) -> float:
     return seconds
 
 
-def deterministic_cost(
-    scene: Scene, options: StudyOptions, efforts: Sequence[Effort]
-) -> tuple[float, float]:
+def deterministic_cost(scene: Scene, options: StudyOptions, efforts: Sequence[Effort]) -> Pair:
     """Expected time on one core [s] and memory [byte] of the deterministic solution."""
     pixels, acts = scene.surface.heights.size, scene.acting_fluid is not None
     seconds = sum(_face_seconds(scene, effort, acts) for effort in efforts)
     return seconds, states_memory(pixels, len(efforts)) + state_memory(pixels)
 
 
-def two_scale_cost(
-    scene: Scene, options: StudyOptions, efforts: Sequence[Effort]
-) -> tuple[float, float]:
+def two_scale_cost(scene: Scene, options: StudyOptions, efforts: Sequence[Effort]) -> Pair:
     """The same of two scales; contact and flow of the face are there where another study leaves them."""
     assert options.cells is not None
     seconds, memory = deterministic_cost(scene, options, efforts)
@@ -181,9 +177,7 @@ def two_scale_cost(
     return (0.0 if options.knows_face else seconds) + of_pieces, memory
 
 
-def blocks_cost(
-    scene: Scene, options: StudyOptions, efforts: Sequence[Effort]
-) -> tuple[float, float]:
+def blocks_cost(scene: Scene, options: StudyOptions, efforts: Sequence[Effort]) -> Pair:
     """The same of a face by blocks, each solved along a ladder once as a layer, and once for its pieces."""
     (n1, n2), (b1, b2) = scene.surface.shape, options.blocks
     block, points = (n1 // b1, n2 // b2), n1 // b1 * (n2 // b2)
@@ -193,9 +187,7 @@ def blocks_cost(
     return seconds, state_memory(points) + _SPLIT_BYTES * n1 * n2
 
 
-def stochastic_cost(
-    scene: Scene, options: StudyOptions, efforts: Sequence[Effort]
-) -> tuple[float, float]:
+def stochastic_cost(scene: Scene, options: StudyOptions, efforts: Sequence[Effort]) -> Pair:
     """The same of the states of a face, and of the seals drawn from its pieces."""
     assert options.sampling is not None
     cut, tiles = cut_and_tiles(scene, options.cells, options.sampling)
@@ -220,7 +212,7 @@ def stochastic_cost(
     return states * flows + seals, memory
 
 
-def usual_seals(cells: tuple[int, int], tiles: SealTiles) -> int:
+def usual_seals(cells: Shape, tiles: SealTiles) -> int:
     """Number of seals that a band of error usually needs: fewer of long ones, whose leakage scatters less."""
     faces = tiles.count / (cells[0] * cells[1])
     return round(min(max(MOST_SEALS / max(faces, 1.0), FEWEST_SEALS), MOST_SEALS))

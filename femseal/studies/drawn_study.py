@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from ..base import Array, FemsealError, Indices, InputError, Mapper, Stage
+from ..base import Array, FemsealError, Indices, InputError, Mapper, Shape, Stage
 from ..face.curves import PieceCurves
 from ..face.piece_flow import Failed, SolverCounts, attempt
 from ..face.pieces import MOST_RATIO, Cut
@@ -42,7 +42,7 @@ DRAWN_RTOL = 3e-4
 
 def stochastic(
     scene: Scene,
-    cells: tuple[int, int] | None,
+    cells: Shape | None,
     sampling: Sampling,
     *,
     mapper: Mapper = map,
@@ -129,9 +129,7 @@ def stochastic(
     )
 
 
-def cut_and_tiles(
-    scene: Scene, cells: tuple[int, int] | None, sampling: Sampling
-) -> tuple[Cut, SealTiles]:
+def cut_and_tiles(scene: Scene, cells: Shape | None, sampling: Sampling) -> tuple[Cut, SealTiles]:
     """The cut of the face, and the tiles of the seal, each as large as a piece.
 
     Raises InputError: see `stochastic`.

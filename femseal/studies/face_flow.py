@@ -5,7 +5,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from ..base import Array
+from ..base import Array, Pair
 from ..face.piece_flow import FlowSettings, SolverCounts
 from ..flow import Permeability, cell_permeability
 from ..flow.cell import pixel_dissipation
@@ -33,7 +33,7 @@ class FaceFlow:
 
 def resolved_flow(
     gap: NDArray[np.floating],
-    spacing: tuple[float, float],
+    spacing: Pair,
     settings: FlowSettings | None = None,
     *,
     with_potential: bool = False,
@@ -72,7 +72,7 @@ def resolved_flow(
 
 def _in_parts(
     gap: NDArray[np.floating],
-    spacing: tuple[float, float],
+    spacing: Pair,
     settings: FlowSettings,
     with_potential: bool,
 ) -> FaceFlow:
@@ -92,7 +92,7 @@ def _in_parts(
 
 def drop_fractions(
     gap: Array,
-    spacing: tuple[float, float],
+    spacing: Pair,
     potential: NDArray[np.floating],
     settings: FlowSettings,
 ) -> Array:

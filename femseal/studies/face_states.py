@@ -9,7 +9,7 @@ from typing import ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from ..base import Array, Mapper, Shown, Stage
+from ..base import Array, Mapper, Pair, Shown, Stage
 from ..base.fields import PLACE, STEP, Field, declared
 from ..contact import LoadState
 from ..face.piece_flow import Failed, FlowSettings, SolverCounts, attempt
@@ -178,7 +178,7 @@ def place_leakage(
 def permeabilities_of_places(
     gap: NDArray[np.floating],
     widths: tuple[int, ...],
-    spacing: tuple[float, float],
+    spacing: Pair,
     settings: FlowSettings,
 ) -> Array:
     """Permeability of each place, and from three on of all but each (2 places,) [m³]; NaN where the flow failed."""

@@ -16,7 +16,7 @@ from typing import Any
 
 import numpy as np
 
-from ..base import Array, InputError, to_text
+from ..base import Array, InputError, Pair, Shape, to_text
 from ..contact import Contact, ContactLaw, HalfSpace, contact_law, solve_contact
 from ..face.piece_flow import Failed, FlowSettings, attempt
 from ..flow.harmonic import harmonic_fill
@@ -324,7 +324,7 @@ class FluidPressure:
         found = harmonic_fill(self.above_surroundings(flow.potential), former)
         return found if np.isfinite(found).all() else former
 
-    def even_drop(self, shape: tuple[int, int]) -> Array:
+    def even_drop(self, shape: Shape) -> Array:
         """Pressure above the surroundings (n1, n2) [Pa] where the potential falls evenly along x1."""
         n1, n2 = shape
         return np.repeat(
@@ -346,7 +346,7 @@ def _mixed(given: Array, gave: Array, former: Array, former_gave: Array) -> Arra
     return (1 - weight) * gave + weight * former_gave
 
 
-def _least(total: Callable[[float], float], loads: Array) -> tuple[float, float]:
+def _least(total: Callable[[float], float], loads: Array) -> Pair:
     """Where a function of the load is least, and its least value: at the first of some loads or between others."""
     values = [total(float(load)) for load in loads]
     n = int(np.argmin(values))

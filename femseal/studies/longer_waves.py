@@ -14,7 +14,7 @@ from math import inf, pi
 
 import numpy as np
 
-from ..base import Array, Mapper
+from ..base import Array, Mapper, Pair
 from ..contact import LoadState
 from ..face.curves import PieceCurves
 from ..face.piece_flow import Failed, FlowSettings, attempt
@@ -138,9 +138,9 @@ class _Taken:
     """What is taken of a state: mean gap [m] and permeability of the face [m³], NaN where its flow failed."""
 
     flow: FlowSettings
-    spacing: tuple[float, float]
+    spacing: Pair
 
-    def __call__(self, state: LoadState) -> tuple[float, float]:
+    def __call__(self, state: LoadState) -> Pair:
         gap = state.contact.gap
         found = attempt(resolved_flow, gap, self.spacing, replace(self.flow, spiral=None))
         return float(state.contact.mean_gap), np.nan if isinstance(
@@ -158,7 +158,7 @@ def _rms_between(holds: Representative, h: float, shortest: float, longest: floa
 def _drawn(
     rng: np.random.Generator,
     hurst: float,
-    waves: tuple[float, float],
+    waves: Pair,
     rms: float,
     flatness: float | None,
 ) -> DrawnForm:

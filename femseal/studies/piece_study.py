@@ -4,14 +4,14 @@ from dataclasses import replace
 
 import numpy as np
 
-from ..base import Array, Mapper
+from ..base import Array, Mapper, Shape
 from ..face.pieces import Cut
 from .face_study import FaceResult, deterministic
 from .piece_states import pieces_of_states
 from .scene import Scene
 
 
-def two_scale(scene: Scene, cells: tuple[int, int], *, mapper: Mapper = map) -> FaceResult:
+def two_scale(scene: Scene, cells: Shape, *, mapper: Mapper = map) -> FaceResult:
     """Solve contact and flow of the whole face, and the permeability of each of the pieces into which it is cut.
 
     Parameters

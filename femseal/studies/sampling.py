@@ -2,7 +2,7 @@
 
 from dataclasses import KW_ONLY, dataclass, field, replace
 
-from ..base import InputError, validate
+from ..base import InputError, Shape, validate
 from ..face.pieces import Cut, usual_pieces
 from ..seal.form import SealForm
 from ..seal.layouts import Layout
@@ -93,7 +93,7 @@ def lay_out_tiles(layout: Layout, cut: Cut, sampling: Sampling) -> SealTiles:
 
 
 def laid_out(
-    surface: Topography, layout: Layout, pieces: tuple[int, int] | None, sampling: Sampling
+    surface: Topography, layout: Layout, pieces: Shape | None, sampling: Sampling
 ) -> tuple[Cut, SealTiles]:
     """The cut of a face into pieces along x1 and x2, and the tiles of the seal, each as large as a piece.
 

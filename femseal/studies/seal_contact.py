@@ -20,7 +20,7 @@ from typing import Any
 import numpy as np
 from scipy.optimize import brentq
 
-from ..base import Array, InputError, Mapper, NotConverged, to_text
+from ..base import Array, InputError, Mapper, NotConverged, Pair, Shape, to_text
 from ..contact import HalfSpace, LoadState
 from ..contact.large_convolution import convolution
 from ..face.pieces import Cut
@@ -274,7 +274,7 @@ def _heights(grid: ContactGrid, frame: Any, forms: Sequence[SealForm]) -> Array:
     return heights.reshape(grid.tile.shape)
 
 
-def _spacing(grid: ContactGrid, shape: tuple[int, int]) -> tuple[float, float]:
+def _spacing(grid: ContactGrid, shape: Shape) -> Pair:
     """Spacing of cells, square where there is one along x2."""
     d1, d2 = grid.spacing
     return (d1, d2) if shape[1] > 1 else (d1, d1)

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from operator import attrgetter, methodcaller
 from typing import Any
 
-from ..base import Array
+from ..base import Array, Pair
 from .blocks import BlocksResult, by_blocks
 from .costs import (
     Effort,
@@ -39,7 +39,7 @@ class Study:
     label: str
     takes: tuple[str, ...]
     solve: Callable[..., Any]
-    cost: Callable[[Scene, StudyOptions, Sequence[Effort]], tuple[float, float]]
+    cost: Callable[[Scene, StudyOptions, Sequence[Effort]], Pair]
     leakage: Callable[[Any], Array] = attrgetter("leakage")
 
     @property
