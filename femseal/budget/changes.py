@@ -8,10 +8,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..base import Shape
+from ..base import Array, Shape
 from ..loads import LoadProgramme
 from ..studies.load_curves import load_sensitivity, neighbouring_steps
-from ..studies.scene import Array
 from .error_parts import ErrorPart
 
 

@@ -11,14 +11,13 @@ from typing import Any
 import numpy as np
 from scipy.special import bdtr, stdtrit
 
-from ..base import Pair, counted
+from ..base import Array, Pair, counted
 from ..face.patch_form import FormEffect
 from ..loads import LoadProgramme
 from ..seal.form import ScaledForm, SealForm
 from ..studies import Scene, StochasticResult
 from ..studies.drawn_error import FLOOR_DECADES, count_scenes, decades, half_width
 from ..studies.load_curves import first_known
-from ..studies.scene import Array
 from ..topography.seat import Seat
 from .changes import (
     LEAST_SLOPE,

@@ -12,10 +12,9 @@ from math import log
 import numpy as np
 import scipy
 
-from ..base import counted
+from ..base import Array, counted
 from ..studies import Scene
 from ..studies.load_curves import least_counted
-from ..studies.scene import Array
 from .changes import (
     CoarserSolution,
     load_sensitivity,

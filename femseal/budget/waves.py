@@ -10,12 +10,11 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.special import erf, erfinv, stdtrit
 
+from ..base import Array, Flags
 from ..loads import LoadProgramme
 from ..studies import Scene, StochasticResult
-from ..studies.scene import Array
 from .changes import CoarserSolution, load_sensitivity, on_all_steps, part_of_changes
 from .error_parts import ErrorPart
 from .estimates import COVERAGE
@@ -133,7 +132,7 @@ def raised_by_slope(
     )
 
 
-def sealed_for_certain(in_contact: Array, kept: float = 1.0) -> NDArray[np.bool_]:
+def sealed_for_certain(in_contact: Array, kept: float = 1.0) -> Flags:
     """Whether the face with its removed waves has too much contact to be open (steps,); False where it is unknown."""
     with np.errstate(invalid="ignore"):
         return erf(kept * erfinv(np.clip(in_contact, 0.0, 1.0))) >= SEALED_CONTACT

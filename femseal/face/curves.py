@@ -11,10 +11,9 @@ from __future__ import annotations
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.interpolate import PchipInterpolator
 
-from ..base import Array
+from ..base import Array, Indices
 from ..loads import LoadProgramme
 
 
@@ -131,7 +130,7 @@ class PieceCurves:
         """Cube root of the pressure at which the piece closes on loading; 0 if it is never open."""
         return max(self.loading.end, 0.0)
 
-    def _at(self, knot: NDArray[np.int64], inside: Array, peak: Array) -> Array:
+    def _at(self, knot: Indices, inside: Array, peak: Array) -> Array:
         """ln k of the peak at each knot, at fractions of the pressure at which the piece reopens; knot 0 is loading."""
         out = self.loading(np.cbrt(inside) * np.minimum(np.cbrt(peak), self._closing_root))
         for m, curve in enumerate(self._unloading):

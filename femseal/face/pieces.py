@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..base import Array, InputError, Pair, Shape, validate
+from ..base import Array, Flags, Indices, InputError, Pair, Shape, validate
 from ..loads import LoadProgramme
 from ..topography import Topography
 from .piece_flow import Failed, FlowSettings, SolveCounts, attempt, piece_permeability
@@ -191,7 +191,7 @@ class PieceState:
         pressure: NDArray[np.floating],
         cut: Cut,
         flow: FlowSettings,
-        plastic: NDArray[np.bool_] | None = None,
+        plastic: Flags | None = None,
         fractions: NDArray[np.floating] | None = None,
     ) -> PieceState:
         """Cut gap [m] and contact pressure [Pa] of a face (n1, n2) into pieces, and solve the flow through each.
@@ -245,7 +245,7 @@ def factors(face: Array, own: Array, steps: LoadProgramme, most: float = MOST_FA
     return np.exp(np.clip(found, -np.log(most), np.log(most)))
 
 
-def branches(steps: LoadProgramme) -> list[NDArray[np.int64]]:
+def branches(steps: LoadProgramme) -> list[Indices]:
     """Numbers of the steps on loading, then of those on the way down from each peak."""
     found = [np.flatnonzero(steps.on_loading)]
     for peak in steps.unload_from:

@@ -14,7 +14,6 @@ from os import PathLike
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 from skfem import Mesh, MeshQuad1, MeshTri1
@@ -216,7 +215,7 @@ class MeshSeal:
             )
 
     @property
-    def ends(self) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    def ends(self) -> tuple[Indices, Indices]:
         """Boundary facets of inlet and outlet."""
         inlet, outlet = (
             np.unique(np.concatenate([self.mesh.boundaries[name] for name in _names(names)]))

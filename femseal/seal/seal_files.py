@@ -14,9 +14,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-from ..base import InputError, free_memory, shortened, to_si
+from ..base import Array, Indices, InputError, free_memory, shortened, to_si
 from ..base.machine import within_free_memory
 from ..flow.solution import LINEAR
 from .pressure_map import PressureField
@@ -73,9 +72,7 @@ def read_mesh(path: str | PathLike[str], unit: float = 1.0) -> Mesh:
     )
 
 
-def read_field(
-    path: str | PathLike[str], name: str
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def read_field(path: str | PathLike[str], name: str) -> tuple[Array, Array]:
     """Places (n, 2) and values (n,) or (n, components) of a field at the points or the cells of a mesh file.
 
     Places are in the unit of the file; those of cells are the means of their nodes.
@@ -100,7 +97,7 @@ def _fields(data: Any) -> str:
     return ", ".join(map(repr, (*data.point_data, *data.cell_data))) or "none"
 
 
-def _plane(file: Path, data: Any, cells: Any, rtol: float) -> NDArray[np.float64]:
+def _plane(file: Path, data: Any, cells: Any, rtol: float) -> Array:
     """Points (n, 2) of a mesh whose cells lie in a plane of constant z; else InputError."""
     points = np.asarray(data.points, dtype=float)
     used = points[np.ravel(cells)]
@@ -143,9 +140,9 @@ def read_data(file: Path) -> Any:
         raise InputError("path", f"'{file}' ({reason})", expected) from None
 
 
-def _named_lines(data: Any) -> dict[str, NDArray[np.int64]]:
+def _named_lines(data: Any) -> dict[str, Indices]:
     """End vertices (m, 2) of the line cells of every name."""
-    named: dict[str, list[NDArray[np.int64]]] = {}
+    named: dict[str, list[Indices]] = {}
     for name, members in data.cell_sets.items():
         if name.startswith("gmsh:"):
             continue
@@ -167,7 +164,7 @@ def _named_lines(data: Any) -> dict[str, NDArray[np.int64]]:
     return {name: np.vstack(parts).astype(np.int64) for name, parts in named.items()}
 
 
-def _facets_of(mesh: Mesh, ends: NDArray[np.int64]) -> NDArray[np.int64]:
+def _facets_of(mesh: Mesh, ends: Indices) -> Indices:
     """Facets of the mesh with the given end vertices; lines that are no facet are left out."""
     n = mesh.nvertices
     facets = np.sort(mesh.facets, axis=0)
@@ -226,7 +223,7 @@ def columns_of(file: Path) -> list[str]:
     return [column.strip() for column in _rows(file)[1][0]]
 
 
-def read_columns(file: Path, wanted: tuple[str, ...]) -> NDArray[np.float64]:
+def read_columns(file: Path, wanted: tuple[str, ...]) -> Array:
     """Numbers (n, columns) in the wanted columns of a text, whose first line names them.
 
     Raises InputError: not readable, a column that is missing or there twice, text in place of a number.

@@ -5,9 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
-from ..base import Array, InputError, counted
+from ..base import Array, Indices, InputError, counted
 
 #: Triangles of Delaunay whose longest side is so many times that of most are gaps between the points, not part of
 #: their field. Between points on rings, the triangles that fill the hole are longer than that but for a few at its rim.
@@ -21,7 +21,7 @@ class Triangulation:
     """Points (m, 2) [m] and the triangles (t, 3) between them."""
 
     points: Array
-    triangles: NDArray[np.int64]
+    triangles: Indices
 
     @classmethod
     def of(cls, points: ArrayLike, triangles: ArrayLike | None = None) -> Triangulation:
@@ -65,7 +65,7 @@ class Triangulation:
         inside /= inside.sum(axis=1, keepdims=True)
         return (inside * values[self.triangles[triangle]]).sum(axis=1)
 
-    def _around(self, places: Array) -> tuple[NDArray[np.int64], Array]:
+    def _around(self, places: Array) -> tuple[Indices, Array]:
         """Triangle around each place, or nearest to it, and the place in it by its three weights."""
         import pyvista
 
@@ -88,7 +88,7 @@ def _cross(a: Array, b: Array) -> Array:
     return a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0]
 
 
-def _delaunay(points: Array) -> NDArray[np.int64]:
+def _delaunay(points: Array) -> Indices:
     """Corners of the triangles between points; InputError where these lie on a line."""
     from scipy.spatial import Delaunay, QhullError
 

@@ -16,9 +16,9 @@ import numba
 import numpy as np
 from llvmlite.binding import get_host_cpu_features, get_host_cpu_name
 from numba.core import event
-from numpy.typing import NDArray
 
 from .. import contact, flow
+from ..base import Array
 from ..base.stage import Mapper, Stage
 from ..face.piece_flow import FlowSettings, piece_permeability
 from ..flow.harmonic import harmonic_fill
@@ -131,7 +131,7 @@ def _network() -> flow.Stencil:
     )
 
 
-def _gap(n: int) -> NDArray[np.float64]:
+def _gap(n: int) -> Array:
     waves = 1 + np.cos(2 * np.pi * np.arange(n) / n)
     return np.maximum(waves[:, None] + 0.5 * waves - 0.4, 0.0)
 

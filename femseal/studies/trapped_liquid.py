@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from ..base import Array
+from ..base import Array, Flags, Indices
 from ..contact import HalfSpace
 
 #: Fraction of a Newton step that is taken: pockets lift each other's rims. Largest step over the load.
@@ -87,9 +87,7 @@ class PocketPressures:
             return around
         return np.minimum(self.former.on(around, self.load - self.former.load), self.most)
 
-    def next(
-        self, gap: Array, is_pocket: NDArray[np.bool_], given: Array, around: Array
-    ) -> TrappedLiquid:
+    def next(self, gap: Array, is_pocket: Flags, given: Array, around: Array) -> TrappedLiquid:
         """Pressures of pockets, and a step of Newton's method towards their amounts.
 
         gap : (n1, n2) [m] under the pressure `given` (n1, n2) [Pa]. is_pocket : open points that no end reaches.
@@ -165,7 +163,7 @@ class PocketPressures:
             pocket, own[group], left[group] * volumes, self.load, step[group], error
         )
 
-    def _rise(self, is_pocket: NDArray[np.bool_], touches: NDArray[np.bool_]) -> Array:
+    def _rise(self, is_pocket: Flags, touches: Flags) -> Array:
         """By how much a pressure of 1 Pa in all pockets widens the gap (n1, n2) [m/Pa], contact carrying less."""
         pressure = is_pocket.astype(float)
         if not touches.any():
@@ -174,7 +172,7 @@ class PocketPressures:
         rise = self.half_space.displacement(pressure)
         return rise - rise[touches].mean()
 
-    def _groups(self, pocket: NDArray[np.int32], n: int) -> tuple[NDArray[np.int64], int]:
+    def _groups(self, pocket: NDArray[np.int32], n: int) -> tuple[Indices, int]:
         """Number of the group of each of n pockets, which has one pressure, and how many groups there are."""
         if self.former is None or n == 0:
             return np.arange(n), n
@@ -188,7 +186,7 @@ class PocketPressures:
         return of_pocket, numbers.size
 
 
-def label_pockets(is_pocket: NDArray[np.bool_]) -> tuple[NDArray[np.int32], int]:
+def label_pockets(is_pocket: Flags) -> tuple[NDArray[np.int32], int]:
     """Numbers from 1 of connected points (n1, n2), 0 outside, and how many; the face is periodic along x2."""
     from scipy.ndimage import label
 
@@ -199,9 +197,7 @@ def label_pockets(is_pocket: NDArray[np.bool_]) -> tuple[NDArray[np.int32], int]
     return joined[found].astype(np.int32), int(joined.max())
 
 
-def _components(
-    a: NDArray[np.signedinteger], b: NDArray[np.signedinteger], n: int
-) -> NDArray[np.int64]:
+def _components(a: NDArray[np.signedinteger], b: NDArray[np.signedinteger], n: int) -> Indices:
     """Number of the component of each of n nodes, some of which, a and b, are joined."""
     from scipy.sparse import coo_array
     from scipy.sparse.csgraph import connected_components
