@@ -60,8 +60,7 @@ if TYPE_CHECKING:
     from .seal import AnnularSeal, Leakage, MeshSeal, RectangularSeal, seal_leakage
     from .studies.blocks import by_blocks
     from .studies.drawn_study import stochastic
-    from .studies.face_study import FaceResult, deterministic
-    from .studies.piece_study import two_scale
+    from .studies.face_study import FaceResult, deterministic, two_scale
     from .studies.sampling import Sampling
     from .studies.scene import Scene
     from .studies.stochastic_result import StochasticResult

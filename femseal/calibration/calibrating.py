@@ -38,7 +38,7 @@ from ..runs.forecast import forecast, refuse_too_large
 from ..store import unfinished
 from ..store.store import Store
 from ..studies.compiling import compile_ahead
-from ..studies.costs import usual_efforts
+from ..studies.study_registry import usual_efforts
 from ..sweeps.scenes import Surrogate, leakage_of
 from ..topography import resolved_wave
 from .calibration import FILE, Array, Calibration, calibrated_text

@@ -23,7 +23,7 @@ from .faults import fault, faults_of
 from .values import Amount, Pressure, Table, Usual, in_si, key, table_of_any
 
 if TYPE_CHECKING:
-    from ..studies.other_fluid import FluidState
+    from ..studies.scene import FluidState
 
 #: Ratio of a given property to that of the named fluid from which on a warning says so.
 _ODD_RATIO = 2.0
@@ -49,7 +49,7 @@ class FluidTable(Table):
     @property
     def state(self) -> FluidState:
         """The fluid with its pressures."""
-        from ..studies.other_fluid import FluidState
+        from ..studies.scene import FluidState
 
         return FluidState(self.fluid, self.inlet_pressure, self.outlet_pressure)
 

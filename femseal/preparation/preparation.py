@@ -11,7 +11,7 @@ from ..case.values import unusual
 from ..seal.layouts import Layout
 from ..studies import Sampling, Scene, cut_and_tiles, laid_out
 from ..studies.blocks import blocks_of, check_blocks
-from ..studies.scene import gas_warnings, scene_warnings
+from ..studies.doubts import gas_warnings, scene_warnings
 from ..studies.seal_contact import form_on_grid
 from ..studies.tile_pressure import check_map
 from ..topography import (

@@ -20,9 +20,9 @@ from ..face.pieces import FEWEST_POINTS, Cut, usual_pieces
 from ..seal.layouts import AnnularLayout, Layout
 from ..seal.tiles import MOST_ROWS, SealTiles
 from ..studies import STUDIES, Sampling, Scene, Study, StudyOptions, laid_out
-from ..studies.costs import Effort, usual_efforts
-from ..studies.first_answer import FirstAnswer, of_scene
+from ..studies.doubts import FirstAnswer, of_scene
 from ..studies.longer_waves import longer_waves
+from ..studies.study_registry import Effort, usual_efforts
 from ..topography import Conditioning, Continuation, Overlap, Representative, Topography
 from ..topography.long_waves import representative
 

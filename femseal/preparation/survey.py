@@ -18,7 +18,7 @@ from ..case.template import table_to_paste
 from ..contact.law import PerfectlyPlastic
 from ..face.patch_form import FormEffect, form_effect
 from ..plots import survey_figure
-from ..studies.first_answer import first_answer
+from ..studies.doubts import first_answer
 from ..topography import (
     Conditioning,
     Instrument,

@@ -8,7 +8,7 @@ from ..base import to_text
 from ..case.case import Case
 from ..face.pieces import FEWEST_POINTS
 from ..preparation.prepared import Pair, Prepared, refused_if_too_large
-from ..studies.costs import contact_tolerance
+from ..studies.study_registry import contact_tolerance
 
 #: Longest time of a run whose case asks for an accuracy and gives no time [s].
 TIME_LIMIT = 3600.0

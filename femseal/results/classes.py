@@ -11,7 +11,8 @@ from ..base import Array, to_text
 from ..base.fields import LEAK_CLASS, REALISATION, Field, Place
 from ..base.leak_rates import LeakBasis, LeakClass, leak_classes, within
 from ..fluids import leak_basis
-from ..studies.other_fluid import FluidState, OtherLeakage, limit_factors
+from ..studies.other_fluid import OtherLeakage, limit_factors
+from ..studies.scene import FluidState
 from .variables import add, add_coordinate, add_step
 
 if TYPE_CHECKING:

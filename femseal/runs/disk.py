@@ -12,8 +12,8 @@ from ..case.case import Case
 from ..preparation.prepared import Prepared
 from ..refinement.coarser import CONTINUED_SCENES, coarser_grids, without_filtered_waves
 from ..results.paraview import fields_size
-from ..studies.costs import usual_seals
 from ..studies.face_study import STEP_BYTES, states_memory
+from ..studies.study_registry import usual_seals
 
 
 @dataclass(frozen=True)

@@ -8,7 +8,7 @@ from typing import Any
 from ..base import FemsealError
 from ..case.case import Case
 from ..case.case_tables import FILE_KEYS
-from ..execution.lock import alone_in
+from ..execution.resuming import alone_in
 from ..preparation.preparation import prepare
 from ..refinement.settings import chosen, last_version
 from ..report import write_again

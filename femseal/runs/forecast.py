@@ -24,9 +24,9 @@ from ..refinement.settings import (
 from ..report.case_text import contact_text, fluid_text, solids_text
 from ..studies import Scene, drop_ratio
 from ..studies.blocks import blocks_of
-from ..studies.costs import LADDER_STATES, Effort, on_ladder, usual_efforts
+from ..studies.doubts import flow_warnings
 from ..studies.face_states import FEWEST
-from ..studies.flow_limits import flow_warnings
+from ..studies.study_registry import LADDER_STATES, Effort, on_ladder, usual_efforts
 from ..studies.tile_pressure import describe_map
 from ..topography import Places
 from .disk import budget_inputs, disk

@@ -26,10 +26,9 @@ from ..base.shared_array import storing
 from ..budget import ErrorBudget
 from ..case.case import Case, load_case
 from ..case.faces import FileFace
-from ..execution.lock import alone_in
 from ..execution.mappers import ordered_map
 from ..execution.parts import Part, checked_part
-from ..execution.resuming import over_store, writing_in
+from ..execution.resuming import alone_in, over_store, writing_in
 from ..execution.run import LogFile, Progress, Run, no_progress
 from ..preparation.preparation import prepare
 from ..preparation.prepared import Prepared

@@ -17,7 +17,7 @@ from ..contact import Contact, HalfSpace, solve_contact
 from ..face.piece_flow import FlowSettings
 from ..flow import cell_permeability
 from ..studies import Scene
-from ..studies.costs import FEW_ITERATIONS, PILOT_PIXELS, Effort
+from ..studies.study_registry import FEW_ITERATIONS, PILOT_PIXELS, Effort
 
 #: Load steps that are solved at most.
 _MOST_STEPS = 5

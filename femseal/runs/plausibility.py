@@ -10,7 +10,7 @@ from ..base import Array, to_text
 from ..materials import LINE_CONTACT_YIELD
 from ..preparation.prepared import Prepared
 from ..results import Results
-from ..studies.flow_limits import flow_warnings
+from ..studies.doubts import flow_warnings
 
 
 def add_plausibility(prepared: Prepared, results: Results) -> None:

@@ -10,9 +10,8 @@ entry of `STUDIES`, by which runs solve, forecast and compare it.
     trapped_liquid      pressures of pockets that keep their liquid
     face_flow           gap -> flow through the whole face
     face_states         a face in a state; leakage of each measured place, and of all but each
-    face_study          states -> a FaceResult
+    face_study          states -> a FaceResult, also with the pieces of the face
     piece_states        the pieces of a face in its states, or along a ladder of nominal pressures
-    piece_study         a FaceResult with the pieces of the face
     blocks              a large face by blocks in their own contact -> a BlocksResult
     sampling            options of a drawn seal -> its tiles; tile_pressure, seal_contact: their pressure
     drawn_study         tiles draw pieces -> leakage of the seal; drawn_error: what one patch does not know
@@ -25,14 +24,12 @@ from ..base.lazy_package import lazy
 if TYPE_CHECKING:
     from .blocks import BlocksResult, by_blocks
     from .choices import FLUID_EFFECTS, NOMINALS
-    from .costs import StudyOptions
     from .drawn_study import cut_and_tiles, stochastic
-    from .face_study import FaceResult, deterministic
-    from .other_fluid import FluidState, OtherLeakage, drop_ratio
-    from .piece_study import two_scale
+    from .face_study import FaceResult, deterministic, two_scale
+    from .other_fluid import OtherLeakage, drop_ratio
     from .sampling import Sampling, laid_out, lay_out_tiles
-    from .scene import Scene
+    from .scene import FluidState, Scene
     from .stochastic_result import StochasticResult
-    from .study_registry import STUDIES, Study, StudyResult, study_of_result
+    from .study_registry import STUDIES, Study, StudyOptions, StudyResult, study_of_result
 else:
     __getattr__, __dir__ = lazy(__name__)

@@ -17,17 +17,17 @@ from ..flow.permeability_table import tabulated
 from ..loads import LoadProgramme
 from ..seal.layouts import RectangularLayout
 from ..seal.tiles import SealTiles
+from .doubts import scene_warnings
 from .drawn_error import half_width
 from .face_states import FEWEST, PlaceLeakage, band_breadth
+from .face_study import cut_into_pieces
 from .load_curves import least_counted
 from .piece_states import FacePieces, along_paths, ladder_of, pieces_on_ladder
-from .piece_study import cut_into_pieces
 from .sampling import FEWEST_SEALS, MOST_SEALS, Sampling, laid_out
-from .scene import Scene, scene_warnings
+from .scene import Scene
 from .seal_contact import SealContact, seal_contact, without_waves_of
 from .stochastic_result import MedianSeal, StochasticResult, nearest_to_median
-from .tile_fluid import TileFluid
-from .tile_pressure import distinct_paths, pressure_fractions
+from .tile_pressure import TileFluid, distinct_paths, pressure_fractions
 
 #: Standard error of ln(median leakage) that is wanted, in parts of the band of what one patch does not know.
 PART_OF_BAND = 1 / 20

@@ -1,4 +1,4 @@
-"""Contact and flow of a whole face at full resolution."""
+"""Contact and flow of a whole face at full resolution, and of its pieces."""
 
 from __future__ import annotations
 
@@ -8,16 +8,18 @@ from functools import partial
 import numpy as np
 from numpy.typing import NDArray
 
-from ..base import Array, InputError, Mapper, Shown
+from ..base import Array, InputError, Mapper, Shape, Shown
 from ..base.fields import PIXEL, ROW, STEP, declared
 from ..base.shared_array import give_back, lies_on_disk, one_at_a_time, shared_empty
 from ..contact.workspace import KEPT_POINTS
 from ..face.piece_flow import SolverCounts
+from ..face.pieces import Cut
 from ..face.step_fields import StepFields
 from ..loads import LoadProgramme
+from .doubts import scene_warnings
 from .face_states import FaceState, PlaceLeakage, band_breadth, leakage_of_state, place_leakage
-from .piece_states import FacePieces
-from .scene import Scene, scene_warnings
+from .piece_states import FacePieces, pieces_of_states
+from .scene import Scene
 
 #: Memory that a pixel of a result takes at every step [byte]: gap, contact pressure and potential, and a bit that says
 #: whether it is plastic.
@@ -202,3 +204,44 @@ def state_memory(pixels: float) -> float:
 def states_memory(pixels: int, steps: int, each: float = STEP_BYTES) -> float:
     """Memory that so many steps take, `each` of them for a pixel [byte]: none where they lie on disk."""
     return 0.0 if lies_on_disk(4.0 * pixels * steps) else each * pixels * steps
+
+
+def two_scale(scene: Scene, cells: Shape, *, mapper: Mapper = map) -> FaceResult:
+    """Solve contact and flow of the whole face, and the permeability of each of the pieces into which it is cut.
+
+    Parameters
+    ----------
+    scene : the face, its load and its fluid.
+    cells : number of pieces along x1 and x2.
+    mapper : computes a stage for many items, such as the builtin `map`; it may use several processes.
+
+    Raises
+    ------
+    InputError : cells that do not suit the surface, or as `deterministic`.
+    NotConverged : a contact failed. Flows that fail are NaN, and listed in `failures`.
+
+    Examples
+    --------
+    >>> import femseal as fs
+    >>> face = fs.self_affine((32, 64), (32e-6, 64e-6), hurst=0.8, rms_slope=0.2, roll_off=20e-6, rng=1)
+    >>> scene = fs.Scene(face, 115e9, 3e9, fs.Liquid(1e-3), 1e6, 0.0, loading=(5e7, 2e8))
+    >>> two_scale(scene, (2, 4)).pieces.mean_gap.shape  # of two load steps
+    (2, 2, 4)
+    """
+    return cut_into_pieces(scene, Cut.of(scene.surface, cells), mapper)
+
+
+def cut_into_pieces(scene: Scene, cut: Cut, mapper: Mapper) -> FaceResult:
+    """The solution of a face, with the pieces of a cut."""
+    face = deterministic(scene, mapper=mapper)
+    pieces = pieces_of_states(scene, cut, face.states, face.leakage, _of_places(face), mapper)
+    return replace(face, pieces=pieces, failures=(*face.failures, *pieces.failures))
+
+
+def _of_places(face: FaceResult) -> Array | None:
+    """Leakage of each measured place, and from three on of all but each (2 places, steps) [m²/s]; None of one."""
+    if (places := face.places) is None:
+        return None
+    return (
+        places.alone if places.without is None else np.concatenate([places.alone, places.without])
+    )

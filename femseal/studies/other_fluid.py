@@ -2,56 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
 from ..base import Array
-from ..flow.law import FlowLaw, law_of
-from ..fluids import Fluid
-from .scene import Scene
-
-
-@dataclass(frozen=True)
-class FluidState:
-    """A fluid with its pressures at the inlet and at the outlet [Pa], absolute for a gas."""
-
-    fluid: Fluid
-    inlet_pressure: float
-    outlet_pressure: float
-
-    @classmethod
-    def of(cls, scene: Scene) -> FluidState:
-        """The fluid of a scene."""
-        return cls(scene.fluid, scene.inlet_pressure, scene.outlet_pressure)
-
-    def in_scene(self, scene: Scene) -> Scene:
-        """The scene with this fluid instead of its own."""
-        return replace(
-            scene,
-            fluid=self.fluid,
-            inlet_pressure=self.inlet_pressure,
-            outlet_pressure=self.outlet_pressure,
-        )
-
-    @property
-    def pressure_drop(self) -> float:
-        """Size of the difference of both pressures [Pa]."""
-        return abs(self.inlet_pressure - self.outlet_pressure)
-
-    @property
-    def law(self) -> FlowLaw:
-        """Permeability of a gap for the fluid."""
-        return law_of(self.fluid)
-
-    @property
-    def drop(self) -> float:
-        """Volume rate for a conductance of 1 m³, at the reference density [1/s]: the drop of the potential over ρ."""
-        inlet, outlet = (
-            float(self.fluid.potential(p)) for p in (self.inlet_pressure, self.outlet_pressure)
-        )
-        return (inlet - outlet) / self.fluid.reference_density
+from .scene import FluidState, Scene
 
 
 @dataclass(frozen=True, eq=False)

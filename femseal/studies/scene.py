@@ -1,16 +1,15 @@
-"""The input of all studies: a rough face under load, and the fluid that it seals; warnings of implausible numbers."""
+"""The input of all studies: a rough face under load, and the fluid that it seals."""
 
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, field, replace
 from functools import partial
-from math import isfinite
 from operator import attrgetter
 from typing import Any, Self
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ..base import Array, InputError, Mapper, counted, to_text
+from ..base import Array, InputError, Mapper, to_text
 from ..contact import (
     Contact,
     ContactLaw,
@@ -22,11 +21,10 @@ from ..contact import (
 )
 from ..face.piece_flow import FlowSettings
 from ..flow import critical_constriction
+from ..flow.law import FlowLaw, law_of
 from ..flow.pressure_drop import PressureDrop
-from ..fluids import Fluid, IdealGas, Liquid, capillary_entry_pressure, leak_basis
+from ..fluids import Fluid, Liquid, capillary_entry_pressure
 from ..loads import LoadProgramme
-from ..materials import YOUNG_LIMITS
-from ..real_gas import ideal_gas_error
 from ..seal import Leakage, seal_leakage
 from ..seal.layouts import Layout, RectangularLayout
 from ..seal.shapes import Seal
@@ -296,77 +294,42 @@ class Scene:
         return self.fluid.pressure(outlet + (inlet - outlet) * np.asarray(potential, float))
 
 
-#: Fraction of the hardness from which on the nominal pressure flattens most of the face, where hardness is no constant.
-_FLATTENING_FRACTION = 0.5
-#: Largest rms slope for which a face is near to a half-space.
-_STEEP = 1.0
-#: Pressure above which a gas is noticeably not ideal [Pa].
-_IDEAL_UP_TO = 20e5
+@dataclass(frozen=True)
+class FluidState:
+    """A fluid with its pressures at the inlet and at the outlet [Pa], absolute for a gas."""
 
+    fluid: Fluid
+    inlet_pressure: float
+    outlet_pressure: float
 
-def scene_warnings(scene: Scene) -> tuple[str, ...]:
-    """One sentence for each implausible number of a scene."""
-    return (*_modulus_warnings(scene), *_pressure_warnings(scene), *_surface_warnings(scene))
+    @classmethod
+    def of(cls, scene: Scene) -> Self:
+        """The fluid of a scene."""
+        return cls(scene.fluid, scene.inlet_pressure, scene.outlet_pressure)
 
-
-def _modulus_warnings(scene: Scene) -> Iterator[str]:
-    """A contact modulus that is not that of metals: below half of theirs, or more than a fifth above."""
-    low, high = 0.5 * YOUNG_LIMITS[0], 1.2 * YOUNG_LIMITS[1]
-    if not low <= scene.modulus <= high:
-        usual = f"{to_text(low, 'Pa')} to {to_text(high, 'Pa')}"
-        yield f"the contact modulus {to_text(scene.modulus, 'Pa')} is not that of metals ({usual}): is its unit right?"
-
-
-def _pressure_warnings(scene: Scene) -> Iterator[str]:
-    """Loads that the fluid carries alone, a gas into a vacuum, loads near the hardness."""
-    steps, fluid = scene.steps, scene.acting_fluid
-    parted = [
-        step
-        for step in steps
-        if fluid is not None and step.pressure > 0 and fluid.parts(step.pressure)
-    ]
-    if fluid is not None and parted:
-        more = f" and {counted(len(parted) - 1, 'more step')}" if len(parted) > 1 else ""
-        yield (
-            f"of {to_text(parted[0].pressure, 'Pa')}, the load at {parted[0].name}"
-            f"{more}, the fluid carries all: the faces part "
-            f"below about {to_text(fluid.carried, 'Pa', 3)}, and the seal is open unless its contact holds the fluid "
-            "back"
-        )
-    if leak_basis(scene.fluid, 1.0).is_gas and scene.outlet_pressure == 0:
-        yield (
-            "fluid.outlet_pressure 0 Pa of a gas is absolute, a vacuum: into the surroundings it is 101.3 kPa, and "
-            "gauge pressures are written as '10 bar(g)' in a case"
-        )
-    yield from gas_warnings("fluid", scene.fluid, scene.inlet_pressure, scene.outlet_pressure)
-    highest = max(step.pressure for step in steps)
-    hardness = scene.law.mean_hardness
-    if isfinite(hardness) and highest > _FLATTENING_FRACTION * hardness:
-        yield (
-            f"the nominal pressure of {to_text(highest, 'Pa')} is {highest / hardness:.0%} of the hardness "
-            f"{to_text(hardness, 'Pa')}: most of the face is plastic then, for which the model is not made"
+    def in_scene(self, scene: Scene) -> Scene:
+        """The scene with this fluid instead of its own."""
+        return replace(
+            scene,
+            fluid=self.fluid,
+            inlet_pressure=self.inlet_pressure,
+            outlet_pressure=self.outlet_pressure,
         )
 
+    @property
+    def pressure_drop(self) -> float:
+        """Size of the difference of both pressures [Pa]."""
+        return abs(self.inlet_pressure - self.outlet_pressure)
 
-def gas_warnings(key: str, fluid: Any, inlet: float, outlet: float) -> Iterator[str]:
-    """An ideal gas, that the case gives by a key, at a pressure at which none is, with the error of its leakage."""
-    if not isinstance(fluid, IdealGas) or inlet <= _IDEAL_UP_TO:
-        return
-    error = "an error that is not known for this gas"
-    if (found := ideal_gas_error(fluid, inlet, outlet)) is not None:
-        name, value, how = found
-        error = f"{1 + value:.3g} times the leakage that {name} has by {how}"
-    yield (
-        f"{key} is an ideal gas from {to_text(inlet, 'Pa')}, above {to_text(_IDEAL_UP_TO, 'Pa')}, with {error}: "
-        "kind = 'real-gas' with its name takes density and viscosity as they are (pip install 'femseal[fluids]')"
-    )
+    @property
+    def law(self) -> FlowLaw:
+        """Permeability of a gap for the fluid."""
+        return law_of(self.fluid)
 
-
-def _surface_warnings(scene: Scene) -> Iterator[str]:
-    """Slopes that are too steep for a half-space."""
-    slope = scene.surface.rms_slope
-    if slope > _STEEP:
-        yield (
-            f"the rms slope of the face is {slope:.2g}, and a half-space is for slopes well below 1: check the units "
-            "of heights and pixel, or take a longer surface.shortest_wave"
+    @property
+    def drop(self) -> float:
+        """Volume rate for a conductance of 1 m³, at the reference density [1/s]: the drop of the potential over ρ."""
+        inlet, outlet = (
+            float(self.fluid.potential(p)) for p in (self.inlet_pressure, self.outlet_pressure)
         )
+        return (inlet - outlet) / self.fluid.reference_density

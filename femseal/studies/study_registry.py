@@ -1,25 +1,265 @@
-"""The studies that a case can choose, each registered once: how it is solved, what it costs, and what it answers."""
+"""The studies that a case can choose, each registered once: how it is solved, what it answers, and what it costs.
+
+Costs are known before a study is started. Seconds are those of one core of the machine on which the constants were
+measured, see docs/evidence/forecast.md.
+"""
+
+from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from math import log1p, log2
 from operator import attrgetter, methodcaller
+from statistics import mean
 from typing import Any
 
-from ..base import Array, Pair
-from .blocks import BlocksResult, by_blocks
-from .costs import (
-    Effort,
-    StudyOptions,
-    blocks_cost,
-    deterministic_cost,
-    stochastic_cost,
-    two_scale_cost,
-)
-from .drawn_study import stochastic
-from .face_study import FaceResult, deterministic
-from .piece_study import two_scale
+from ..base import Array, Pair, Shape, validate
+from ..seal.tiles import SealTiles
+from .blocks import BlocksResult, blocks_of, by_blocks
+from .drawn_study import cut_and_tiles, stochastic
+from .face_study import FaceResult, deterministic, state_memory, states_memory, two_scale
+from .sampling import FEWEST_SEALS, MOST_SEALS, Sampling
 from .scene import Scene
 from .stochastic_result import StochasticResult
+
+#: Pixels of the contact by which the effort of a load step is given.
+PILOT_PIXELS = 200**2
+#: Seconds of a pair of transforms of contact, and least number of pairs.
+_PAIR_SECONDS, _LEAST_PAIRS = 5e-5, 6
+#: For each pixel, seconds of a pair of transforms of rows of 2ⁿ points, of each doubling from `PILOT_PIXELS` on; and
+#: what rows of another length, of odd length, and each prime factor above 13 times itself add. Measured on 30 grids.
+_TRANSFORM_SECONDS, _OF_LENGTH = (6.5e-9, 1.5e-9), (4e-9, 8e-9, 2e-10)
+#: For each pixel, seconds of what a pair of transforms has about it, and what contact everywhere adds to it.
+_POINT_SECONDS = 2.5e-9, 1.5e-8
+#: Growth of the number of pairs with the pixels: power without contact, what contact adds to it, and the largest.
+_PAIR_GROWTH = 0.1, 0.6, 0.37
+#: Seconds of a flow solution, and for each pixel where it is open, and of each iteration of multigrid; iterations where
+#: the gap hardly varies, beyond which they grow as the side of the grid.
+_FLOW_SECONDS, _FLOW_PIXEL_SECONDS, FEW_ITERATIONS = 1.5e-4, (1.2e-7, 2e-8), 5.0
+#: Iterations that the side of a grid beyond that of `PILOT_PIXELS` adds, times the square of the fraction in contact: a
+#: larger face has narrower paths.
+_NARROW_ITERATIONS = 150.0
+#: Transforms of contact, and iterations beyond these, on half the points a side over those on as many finer points.
+_COARSER = 1.2, 3.0
+#: Seconds for each pixel where the pilot is closed, and what the square of the open fraction adds: there may be a path.
+_CLOSED_SECONDS = 2e-8, 1.5e-6
+#: Seconds that the fluid pressure takes for each pixel in a round of contact and flow.
+_ROUND_PIXEL_SECONDS = 1.7e-7
+#: Seconds of a drawn seal at a step, and for each element; solutions where permeabilities depend on the pressure, and
+#: memory for each element [byte].
+_SEAL_SECONDS, _ELEMENT_SECONDS, _PRESSURE_SOLUTIONS, _ELEMENT_BYTES = 1e-3, 7e-6, 2.0, 4e3
+#: Flow solutions, and what they need besides, that the flow of a rarefied gas takes.
+_SUCCESSIVE = 4.5
+#: Number of states of a face on a ladder of nominal pressures.
+LADDER_STATES = 25.0
+#: Memory of a point of a face that is split into blocks [byte]: as it is, and split.
+_SPLIT_BYTES = 16
+
+
+@dataclass(frozen=True)
+class Effort:
+    """What decides on the work of a load step.
+
+    pairs : transforms of a contact of `PILOT_PIXELS`. contact_fraction : of the face in contact, 0 to 1.
+    iterations : of multigrid in a flow of `PILOT_PIXELS`, 0 where it is closed. rounds : solutions of contact and flow
+    where the fluid presses the faces apart.
+    """
+
+    pairs: float = 22.0
+    contact_fraction: float = 0.15
+    iterations: float = 13.0
+    rounds: float = 2.3
+
+    @property
+    def growth(self) -> float:
+        """Power of the pixels with which the number of transforms grows."""
+        least, contact, most = _PAIR_GROWTH
+        return min(most, least + contact * self.contact_fraction)
+
+    def pairs_on(self, pixels: float) -> float:
+        """Transforms of a contact of so many pixels."""
+        return max(_LEAST_PAIRS, self.pairs * (pixels / PILOT_PIXELS) ** self.growth)
+
+    def iterations_on(self, pixels: float) -> float:
+        """Iterations of multigrid in a flow of so many pixels; 0 where it is closed."""
+        if not self.iterations:
+            return 0.0
+        side = (pixels / PILOT_PIXELS) ** 0.5
+        narrow = _NARROW_ITERATIONS * self.contact_fraction**2 * max(0.0, side - 1)
+        return FEW_ITERATIONS + max(0.0, self.iterations - FEW_ITERATIONS) * side + narrow
+
+    @property
+    def on_fewer_points(self) -> Effort:
+        """That of half the points a side, whose gaps differ more from point to point."""
+        pairs, iterations = _COARSER
+        more = (
+            FEW_ITERATIONS + iterations * (self.iterations - FEW_ITERATIONS)
+            if self.iterations
+            else 0.0
+        )
+        return replace(self, pairs=pairs * self.pairs, iterations=more)
+
+
+@dataclass(frozen=True)
+class StudyOptions:
+    """Options of all studies; each takes those that it needs.
+
+    cells : number of pieces of the face along x1 and x2. sampling : see `stochastic`.
+    knows_face : another study leaves contact and flow of the face at the loads of the scene.
+    """
+
+    cells: Shape | None = None
+    sampling: Sampling | None = None
+    knows_face: bool = False
+
+    @property
+    def blocks(self) -> Shape:
+        """Numbers of blocks that have so many pieces together."""
+        return blocks_of(self.cells)
+
+
+def usual_efforts(steps: int) -> tuple[Effort, ...]:
+    """Efforts of load steps of which nothing is known."""
+    return (Effort(),) * steps
+
+
+def contact_seconds(points: Shape, effort: Effort) -> float:
+    """Expected time of one contact solution [s]."""
+    pixels = points[0] * points[1]
+    about, contact = _POINT_SECONDS
+    each = _transform_seconds(points) + about + contact * effort.contact_fraction
+    return effort.pairs_on(pixels) * (_PAIR_SECONDS + pixels * each)
+
+
+def _transform_seconds(points: Shape) -> float:
+    """Expected time of a pair of transforms for each pixel [s]; free columns are padded to a length that suits."""
+    (pixel, doubling), (other, odd, prime) = _TRANSFORM_SECONDS, _OF_LENGTH
+    seconds = pixel + doubling * max(0.0, log2(points[0] * points[1] / PILOT_PIXELS))
+    length = points[1]
+    if length & (length - 1) == 0:
+        return seconds
+    factors, rest, factor = 0, length, 2
+    while rest > 1:
+        while rest % factor == 0:
+            rest //= factor
+            factors += factor if factor > 13 else 0
+        factor += 1
+    return seconds + other + odd * (length % 2) + prime * factors
+
+
+def flow_seconds(pixels: float, effort: Effort) -> float:
+    """Expected time of one flow solution [s]."""
+    once, iteration = _FLOW_PIXEL_SECONDS
+    if not effort.iterations:
+        closed, path = _CLOSED_SECONDS
+        return _FLOW_SECONDS + pixels * (closed + path * (1 - effort.contact_fraction) ** 2)
+    return _FLOW_SECONDS + pixels * (once + iteration * effort.iterations_on(pixels))
+
+
+def _face_seconds(scene: Scene, effort: Effort, acts: bool) -> float:
+    """Expected time of contact and flow of a whole face at a step [s]."""
+    pixels, again = scene.surface.heights.size, _SUCCESSIVE if count_pressures(scene) > 1 else 1.0
+    seconds = contact_seconds(scene.surface.shape, effort) + again * flow_seconds(pixels, effort)
+    if acts:
+        return effort.rounds * (seconds + _ROUND_PIXEL_SECONDS * pixels)
+    return seconds
+
+
+def deterministic_cost(scene: Scene, options: StudyOptions, efforts: Sequence[Effort]) -> Pair:
+    """Expected time on one core [s] and memory [byte] of the deterministic solution."""
+    pixels, acts = scene.surface.heights.size, scene.acting_fluid is not None
+    seconds = sum(_face_seconds(scene, effort, acts) for effort in efforts)
+    return seconds, states_memory(pixels, len(efforts)) + state_memory(pixels)
+
+
+def two_scale_cost(scene: Scene, options: StudyOptions, efforts: Sequence[Effort]) -> Pair:
+    """The same of two scales; contact and flow of the face are there where another study leaves them."""
+    assert options.cells is not None
+    seconds, memory = deterministic_cost(scene, options, efforts)
+    (n1, n2), (m1, m2) = scene.surface.shape, options.cells
+    of_pieces = 2 * m1 * m2 * sum(flow_seconds(n1 // m1 * (n2 // m2), one) for one in efforts)
+    return (0.0 if options.knows_face else seconds) + of_pieces, memory
+
+
+def blocks_cost(scene: Scene, options: StudyOptions, efforts: Sequence[Effort]) -> Pair:
+    """The same of a face by blocks, each solved along a ladder once as a layer, and once for its pieces."""
+    (n1, n2), (b1, b2) = scene.surface.shape, options.blocks
+    block, points = (n1 // b1, n2 // b2), n1 // b1 * (n2 // b2)
+    contact = mean(contact_seconds(block, effort) for effort in efforts)
+    flows = 3 * count_pressures(scene) * mean(flow_seconds(points, effort) for effort in efforts)
+    seconds = b1 * b2 * LADDER_STATES * (2 * contact + flows)
+    return seconds, state_memory(points) + _SPLIT_BYTES * n1 * n2
+
+
+def stochastic_cost(scene: Scene, options: StudyOptions, efforts: Sequence[Effort]) -> Pair:
+    """The same of the states of a face, and of the seals drawn from its pieces."""
+    assert options.sampling is not None
+    cut, tiles = cut_and_tiles(scene, options.cells, options.sampling)
+    pixels, elements, pressures = (
+        scene.surface.heights.size,
+        len(tiles.tile),
+        count_pressures(scene),
+    )
+    pieces, acts = cut.shape[0] * cut.shape[1], scene.acting_fluid is not None
+    solved = options.knows_face and scene.flow.spiral is None
+    ladder = on_ladder(scene, options.sampling) and not tiles.in_place
+    states = LADDER_STATES if ladder else float(len(efforts))
+    flows = 2 * pieces * pressures * mean(flow_seconds(pixels / pieces, one) for one in efforts)
+    if not (solved and tiles.in_place):
+        flows += mean(_face_seconds(scene, one, acts and tiles.in_place) for one in efforts)
+    draws = (options.sampling.realisations or usual_seals(cut.shape, tiles)) * len(efforts)
+    again = _PRESSURE_SOLUTIONS if pressures > 1 or (acts and not tiles.in_place) else 1.0
+    seals = again * draws * (_SEAL_SECONDS + _ELEMENT_SECONDS * elements)
+    memory = state_memory(pixels) + _ELEMENT_BYTES * elements
+    if tiles.in_place:  # those of another study are kept beside
+        memory += (2 if solved else 1) * states_memory(pixels, len(efforts))
+    return states * flows + seals, memory
+
+
+def usual_seals(cells: Shape, tiles: SealTiles) -> int:
+    """Number of seals that a band of error usually needs: fewer of long ones, whose leakage scatters less."""
+    faces = tiles.count / (cells[0] * cells[1])
+    return round(min(max(MOST_SEALS / max(faces, 1.0), FEWEST_SEALS), MOST_SEALS))
+
+
+def on_ladder(scene: Scene, sampling: Sampling) -> bool:
+    """Whether drawn seals take pieces from a ladder of nominal pressures, unless these stay in their rows."""
+    return scene.acting_fluid is not None or not sampling.presses_evenly
+
+
+def count_pressures(scene: Scene) -> int:
+    """Number of pressures at which permeabilities are needed: 1 unless the law of the fluid depends on it."""
+    return scene.flow.drop.pressures.size
+
+
+#: Tolerance of the contact, and the largest error of ln(leakage) measured with it on six faces, elastic and plastic,
+#: from open to a hundredth of the leakage, see docs/evidence/only_what_is_needed.md.
+MEASURED_TOLERANCES = (
+    (1e-2, 1.1e-2),
+    (1e-3, 6.2e-4),
+    (1e-4, 5.6e-5),
+    (1e-5, 5.7e-6),
+    (1e-6, 4.8e-7),
+    (1e-7, 9.5e-8),
+)
+#: Fraction of the error wanted that the tolerance may cause; factor on the measured error, for scenes that are worse.
+TOLERANCE_FRACTION, TOLERANCE_SAFETY = 0.1, 3.0
+
+
+def contact_tolerance(accuracy: float) -> float:
+    """The largest tolerance of the contact whose error is a small part of the accuracy wanted of the leakage.
+
+    accuracy : relative error that the leakage may have, 0.1 for 10 %.
+
+    Raises InputError: an accuracy that is not a positive number.
+
+    >>> contact_tolerance(0.1), contact_tolerance(0.01), contact_tolerance(1e-9)
+    (0.001, 0.0001, 1e-07)
+    """
+    wanted = TOLERANCE_FRACTION * log1p(validate.number("accuracy", accuracy))
+    allowed = (rtol for rtol, error in MEASURED_TOLERANCES if TOLERANCE_SAFETY * error <= wanted)
+    return next(allowed, MEASURED_TOLERANCES[-1][0])
+
 
 StudyResult = FaceResult | BlocksResult | StochasticResult
 

@@ -9,8 +9,8 @@ from typing import Any
 
 from ..base import FemsealError, InputError, counted, made_folder
 from ..case.case import read_case
-from ..execution.lock import alone_in
 from ..execution.parts import Part, checked_part, own_items
+from ..execution.resuming import alone_in
 from ..execution.run import no_progress
 from ..preparation.preparation import prepare
 from ..results.results import Results

@@ -14,7 +14,8 @@ from femseal.base.leak_rates import LEAK_CLASSES, LEAK_UNITS, leak_classes, with
 from femseal.case.case import parse_case
 from femseal.fluids import leak_basis
 from femseal.results import RunFacts, assemble, save
-from femseal.studies.other_fluid import FluidState, OtherLeakage, drop_ratio, limit_factors
+from femseal.studies.other_fluid import OtherLeakage, drop_ratio, limit_factors
+from femseal.studies.scene import FluidState
 
 HELIUM = fs.IdealGas(viscosity=19.6e-6, molar_mass=4.0026e-3, temperature=293.15, slip=False)
 NITROGEN = fs.IdealGas(viscosity=17.5e-6, molar_mass=28.0134e-3, temperature=293.15, slip=False)

@@ -16,7 +16,7 @@ import numpy as np
 import femseal as fs
 from common import machine, print_report, table
 from femseal.analytic import persson_area
-from femseal.studies.first_answer import LIGHT, first_answer
+from femseal.studies.doubts import LIGHT, first_answer
 
 SCENES, SIZE, MODULUS = 100, 1e-3, 1.15e11
 KINDS = ("self-affine", "with a roll-off", "bumpy", "turned")

@@ -18,9 +18,8 @@ from test_checkpoint import assert_same
 import femseal as fs
 from femseal.base.errors import PartsMissing
 from femseal.base.stage import Stage
-from femseal.execution.lock import alone_in
 from femseal.execution.parts import parsed_part
-from femseal.execution.resuming import over_store
+from femseal.execution.resuming import alone_in, over_store
 from femseal.execution.run import no_progress
 from femseal.store.store import Store
 
@@ -89,7 +88,7 @@ def test_a_part_waits_for_parts_that_are_under_way(tmp_path, monkeypatch):
         if len(looked) == 5:
             other.close()
 
-    monkeypatch.setattr("femseal.execution.lock.sleep", looking)
+    monkeypatch.setattr("femseal.execution.resuming.sleep", looking)
     with alone_in(tmp_path, (1, 2)), Store(tmp_path) as store:
         mapper = of_part(store, tmp_path, (1, 2))
         assert list(mapper(stage, range(7))) == [n * n for n in range(7)]

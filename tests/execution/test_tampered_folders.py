@@ -21,13 +21,12 @@ from kept_study import EVERY, assert_complete, resumed
 from small_cases import CASE
 
 import femseal as fs
-from femseal.execution.lock import alone_in
+from femseal.execution.resuming import alone_in
 from femseal.face.piece_flow import Failed, PiecePermeability, SolveCounts, SolverCounts
 from femseal.report import folder as report_folder
 from femseal.store import store, unfinished
-from femseal.store.digest import digest
 from femseal.store.plain_data import packed, unpacked
-from femseal.store.store import SUFFIX, Store
+from femseal.store.store import SUFFIX, Store, digest
 
 # --- values as bytes -----------------------------------------------------------------------------------------------
 
@@ -268,7 +267,7 @@ def test_a_run_writes_nothing_outside_its_folder(case, tmp_path):
 HOLD = """
 import sys, time
 from pathlib import Path
-from femseal.execution.lock import alone_in
+from femseal.execution.resuming import alone_in
 with alone_in(Path(sys.argv[1])):
     print("held", flush=True)
     time.sleep(600)

@@ -11,7 +11,7 @@ from femseal.flow import cell_permeability
 from femseal.flow.cell import pixel_dissipation
 from femseal.fluids import IdealGas
 from femseal.studies import Scene
-from femseal.studies.piece_study import two_scale
+from femseal.studies.face_study import two_scale
 from femseal.topography import Topography, self_affine
 
 

@@ -15,7 +15,8 @@ from femseal.flow import SlipLength
 from femseal.flow.law import CUBIC_LAW, FlowLaw, law_of
 from femseal.flow.permeability_table import tabulated
 from femseal.flow.pressure_drop import PressureDrop
-from femseal.studies.other_fluid import FluidState, drop_ratio
+from femseal.studies.other_fluid import drop_ratio
+from femseal.studies.scene import FluidState
 
 HELIUM = fs.IdealGas(viscosity=19.6e-6, molar_mass=4.0026e-3, temperature=293.15)
 WATER = fs.Liquid(1e-3)

@@ -18,8 +18,7 @@ from femseal.report.page import report_html
 from femseal.results import RunFacts, assemble, save
 from femseal.studies import Sampling
 from femseal.studies.drawn_study import stochastic
-from femseal.studies.face_study import deterministic
-from femseal.studies.piece_study import two_scale
+from femseal.studies.face_study import deterministic, two_scale
 
 pytestmark = pytest.mark.usefixtures("drawn_pictures")
 

@@ -29,9 +29,8 @@ from femseal.results import RunFacts, assemble, open_results, save
 from femseal.results.tables import format_leakage, in_several_units
 from femseal.studies import FaceResult, Sampling
 from femseal.studies.drawn_study import stochastic
-from femseal.studies.face_study import deterministic
+from femseal.studies.face_study import deterministic, two_scale
 from femseal.studies.piece_states import FacePieces
-from femseal.studies.piece_study import two_scale
 
 pytestmark = pytest.mark.usefixtures("drawn_pictures")
 

@@ -25,8 +25,7 @@ from femseal.results.paraview import plan_fields
 from femseal.results.results_file import save
 from femseal.studies import Sampling, Scene
 from femseal.studies.drawn_study import stochastic
-from femseal.studies.face_study import deterministic
-from femseal.studies.piece_study import two_scale
+from femseal.studies.face_study import deterministic, two_scale
 from femseal.topography import read_topography, turned
 
 EXAMPLES = Path(__file__).parents[2] / "examples"

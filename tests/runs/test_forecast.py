@@ -19,7 +19,7 @@ from femseal.runs import pilot
 from femseal.runs.disk import disk
 from femseal.runs.forecast import describe, forecast
 from femseal.studies import face_flow, fluid_coupling
-from femseal.studies.costs import (
+from femseal.studies.study_registry import (
     PILOT_PIXELS,
     Effort,
     StudyOptions,

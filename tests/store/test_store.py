@@ -19,8 +19,7 @@ from femseal.base.machine import numerical_versions
 from femseal.base.stage import Stage
 from femseal.face.piece_flow import SolveCounts, SolverCounts
 from femseal.store import store
-from femseal.store.digest import Unnamed, digest
-from femseal.store.store import SUFFIX, Store
+from femseal.store.store import SUFFIX, Store, Unnamed, digest
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
 

@@ -15,8 +15,7 @@ from femseal.analytic import critical_junction, persson_area
 from femseal.case.case import parse_case
 from femseal.preparation.preparation import prepare
 from femseal.runs.forecast import describe
-from femseal.studies.first_answer import LIGHT, OFF_BY, first_answer
-from femseal.studies.flow_limits import choked_flux
+from femseal.studies.doubts import LIGHT, OFF_BY, choked_flux, first_answer
 
 WAVES = np.geomspace(1e4, 1e6, 40)
 POWERS = 1e-12 * (WAVES / WAVES[0]) ** -1.6

@@ -15,9 +15,8 @@ from femseal.flow.harmonic import harmonic_fill
 from femseal.studies import Sampling
 from femseal.studies.drawn_study import stochastic
 from femseal.studies.face_flow import resolved_flow
-from femseal.studies.face_study import deterministic
+from femseal.studies.face_study import deterministic, two_scale
 from femseal.studies.fluid_coupling import LEAST_FRACTION, FluidPressure
-from femseal.studies.piece_study import two_scale
 
 E, H = 115e9, 2.3e9
 D = 1e-6

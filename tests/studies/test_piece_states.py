@@ -15,9 +15,8 @@ from femseal.face.pieces import Cut
 from femseal.loads import LoadProgramme, LoadStep
 from femseal.seal.tiles import face_tiles
 from femseal.studies import piece_states
-from femseal.studies.face_study import deterministic
+from femseal.studies.face_study import deterministic, two_scale
 from femseal.studies.piece_states import along_paths, ladder_of, pieces_on_ladder
-from femseal.studies.piece_study import two_scale
 from femseal.topography import Places, self_affine
 
 SIDE = 48e-6

@@ -18,8 +18,7 @@ from femseal.loads import LoadProgramme
 from femseal.seal.tiles import face_tiles
 from femseal.studies import Sampling, StochasticResult
 from femseal.studies.drawn_study import stochastic
-from femseal.studies.face_study import deterministic
-from femseal.studies.piece_study import two_scale
+from femseal.studies.face_study import deterministic, two_scale
 from femseal.topography import Topography, self_affine
 
 MODULUS, HARDNESS = 115e9, 3e9

@@ -8,7 +8,7 @@ from small_cases import steel_scene
 import femseal as fs
 from femseal.studies import STUDIES, Sampling, StudyOptions, study_of_result
 from femseal.studies.blocks import blocks_of
-from femseal.studies.costs import usual_efforts
+from femseal.studies.study_registry import usual_efforts
 from femseal.topography import self_affine
 
 CELLS = (4, 4)

@@ -1,0 +1,270 @@
+"""What is not plausible: numbers of a scene, flow that the model does not hold, and leakage far from a first answer.
+
+The first answer is contact fraction and leakage from the spectrum of a face alone, by Persson's theory: nothing is
+solved. It stands beside a run, and beside a case, to forecast it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+from math import inf, isfinite, nan, pi
+from typing import Any
+
+import numpy as np
+
+from ..analytic import CLOSING_AREA, critical_junction
+from ..base import Array, counted, to_text
+from ..fluids import Fluid, IdealGas, leak_basis
+from ..materials import YOUNG_LIMITS
+from ..real_gas import ideal_gas_error
+from ..seal import RectangularSeal
+from ..seal.tiles import SealTiles
+from ..topography import Topography
+from .scene import Scene
+
+#: Fraction of the hardness from which on the nominal pressure flattens most of the face, where hardness is no constant.
+_FLATTENING_FRACTION = 0.5
+#: Largest rms slope for which a face is near to a half-space.
+_STEEP = 1.0
+#: Pressure above which a gas is noticeably not ideal [Pa].
+_IDEAL_UP_TO = 20e5
+
+
+def scene_warnings(scene: Scene) -> tuple[str, ...]:
+    """One sentence for each implausible number of a scene."""
+    return (*_modulus_warnings(scene), *_pressure_warnings(scene), *_surface_warnings(scene))
+
+
+def _modulus_warnings(scene: Scene) -> Iterator[str]:
+    """A contact modulus that is not that of metals: below half of theirs, or more than a fifth above."""
+    low, high = 0.5 * YOUNG_LIMITS[0], 1.2 * YOUNG_LIMITS[1]
+    if not low <= scene.modulus <= high:
+        usual = f"{to_text(low, 'Pa')} to {to_text(high, 'Pa')}"
+        yield f"the contact modulus {to_text(scene.modulus, 'Pa')} is not that of metals ({usual}): is its unit right?"
+
+
+def _pressure_warnings(scene: Scene) -> Iterator[str]:
+    """Loads that the fluid carries alone, a gas into a vacuum, loads near the hardness."""
+    steps, fluid = scene.steps, scene.acting_fluid
+    parted = [
+        step
+        for step in steps
+        if fluid is not None and step.pressure > 0 and fluid.parts(step.pressure)
+    ]
+    if fluid is not None and parted:
+        more = f" and {counted(len(parted) - 1, 'more step')}" if len(parted) > 1 else ""
+        yield (
+            f"of {to_text(parted[0].pressure, 'Pa')}, the load at {parted[0].name}"
+            f"{more}, the fluid carries all: the faces part "
+            f"below about {to_text(fluid.carried, 'Pa', 3)}, and the seal is open unless its contact holds the fluid "
+            "back"
+        )
+    if leak_basis(scene.fluid, 1.0).is_gas and scene.outlet_pressure == 0:
+        yield (
+            "fluid.outlet_pressure 0 Pa of a gas is absolute, a vacuum: into the surroundings it is 101.3 kPa, and "
+            "gauge pressures are written as '10 bar(g)' in a case"
+        )
+    yield from gas_warnings("fluid", scene.fluid, scene.inlet_pressure, scene.outlet_pressure)
+    highest = max(step.pressure for step in steps)
+    hardness = scene.law.mean_hardness
+    if isfinite(hardness) and highest > _FLATTENING_FRACTION * hardness:
+        yield (
+            f"the nominal pressure of {to_text(highest, 'Pa')} is {highest / hardness:.0%} of the hardness "
+            f"{to_text(hardness, 'Pa')}: most of the face is plastic then, for which the model is not made"
+        )
+
+
+def gas_warnings(key: str, fluid: Any, inlet: float, outlet: float) -> Iterator[str]:
+    """An ideal gas, that the case gives by a key, at a pressure at which none is, with the error of its leakage."""
+    if not isinstance(fluid, IdealGas) or inlet <= _IDEAL_UP_TO:
+        return
+    error = "an error that is not known for this gas"
+    if (found := ideal_gas_error(fluid, inlet, outlet)) is not None:
+        name, value, how = found
+        error = f"{1 + value:.3g} times the leakage that {name} has by {how}"
+    yield (
+        f"{key} is an ideal gas from {to_text(inlet, 'Pa')}, above {to_text(_IDEAL_UP_TO, 'Pa')}, with {error}: "
+        "kind = 'real-gas' with its name takes density and viscosity as they are (pip install 'femseal[fluids]')"
+    )
+
+
+def _surface_warnings(scene: Scene) -> Iterator[str]:
+    """Slopes that are too steep for a half-space."""
+    slope = scene.surface.rms_slope
+    if slope > _STEEP:
+        yield (
+            f"the rms slope of the face is {slope:.2g}, and a half-space is for slopes well below 1: check the units "
+            "of heights and pixel, or take a longer surface.shortest_wave"
+        )
+
+
+#: Groups of waves into which a spectrum is put together, and the part of the mean square slope that is rounding.
+_GROUPS, _ROUNDING = 64, 1e-12
+#: Measured on 100 scenes of `tests/benchmarks/first_answer.py`: up to a contact fraction half of the answers are off by
+#: up to the first factor, 95 % by up to the second; above it single constrictions decide, and no factor holds.
+LIGHT, OFF_BY = 0.3, (2.2, 10.0)
+#: Times the second factor by which a run may be off before it is not plausible.
+_BEYOND = 10.0
+
+
+@dataclass(frozen=True, eq=False)
+class FirstAnswer:
+    """What the spectrum of a face says at some loads, NaN at those that nothing is known of.
+
+    area : contact fraction. gap, mean_gap : of the critical junction, 0 of a sealed face, and on the mean [m].
+    leakage : of the seal per length [m²/s]. All (loads,).
+    """
+
+    area: Array
+    gap: Array
+    mean_gap: Array
+    leakage: Array
+
+    @property
+    def permeability(self) -> Array:
+        """Of the face [m³]."""
+        return self.gap**3 / 12
+
+    def doubts(self, leakage: Array, names: Sequence[str]) -> list[str]:
+        """A warning of the computed leakage [m²/s] that is farthest off, where that is implausible.
+
+        names : of the loads. Nothing is said near closing, where few constrictions decide.
+        """
+        with np.errstate(divide="ignore", invalid="ignore"):
+            ratio = np.abs(leakage) / self.leakage
+            off = np.where(
+                (ratio > 0) & (ratio < inf) & (self.area < LIGHT), np.abs(np.log(ratio)), 0.0
+            )
+        worst = int(off.argmax())
+        if off[worst] <= np.log(_BEYOND * OFF_BY[1]):
+            return []
+        return [
+            f"at {names[worst]} the leakage is {ratio[worst]:.2g} times what the spectrum of the face makes plausible, "
+            f"which is right within {OFF_BY[1]:g} times in 95 % of the cases: are the units of heights, pixel, loads "
+            "and modulus right?"
+        ]
+
+    def __str__(self) -> str:
+        found = f"contact {_ends(100 * self.area)} %, narrowest passage {_ends(1e6 * self.gap)} µm"
+        if np.isfinite(self.leakage).any():
+            found += f", leakage {_ends(self.leakage)} m²/s per length (0: sealed)"
+        return (
+            f"{found}; leakage by the spectrum alone is right within {OFF_BY[0]:g} times in half of the cases and "
+            f"{OFF_BY[1]:g} in 95 % up to {100 * LIGHT:g} % of contact, and unknown beyond"
+        )
+
+
+def _ends(values: Array) -> str:
+    """The first and the last known value."""
+    known = values[np.isfinite(values)]
+    return " to ".join(dict.fromkeys(f"{float(f'{value:.2g}'):g}" for value in known[[0, -1]]))
+
+
+def first_answer(
+    face: Topography, modulus: float, hardness: float, pressures: Sequence[float] | Array
+) -> FirstAnswer:
+    """Contact fraction and passages of a face without undefined points, see `analytic.critical_junction`.
+
+    modulus, hardness, pressures : E*, H (inf: elastic) and nominal pressures that the contact carries [Pa]. Grooves
+    along the seal close at less contact than isotropic roughness and those along the leakage at more: by slopes s
+    along x1 and x2 at 2s₂/(s₁ + s₂) times as much. Of several places it is the mean.
+    """
+    widths = [place.shape[1] for place in face.each]
+    found = np.full((len(widths), len(pressures), 3), nan)
+    for own, place in zip(found, face.each, strict=True):
+        waves, powers = _spectrum(place)
+        slopes = place.rms_slopes
+        closing = CLOSING_AREA * 2 * slopes[1] / sum(slopes) if waves.size else nan
+        for n, p in enumerate(pressures):
+            if p > 0 and waves.size:
+                own[n] = critical_junction(
+                    p, modulus, waves, powers, hardness=hardness, closing=closing
+                )
+    area, _, mean = np.average(found, axis=0, weights=widths).T
+    gap = np.cbrt(np.average(found[..., 1] ** 3, axis=0, weights=widths))
+    return FirstAnswer(area, gap, mean, np.full(len(pressures), nan))
+
+
+def of_scene(scene: Scene, tiles: SealTiles | None = None) -> FirstAnswer:
+    """The same at the steps of the loading of a scene, with the leakage.
+
+    tiles : of a drawn seal, evenly pressed; None: the face itself is the seal.
+    """
+    fluid, steps = scene.acting_fluid, scene.steps
+    carried = fluid.carried if fluid is not None and fluid.nominal == "total" else 0.0
+    pressures = np.where(steps.on_loading, steps.pressures - carried, nan)
+    found = first_answer(scene.surface, scene.modulus, scene.law.mean_hardness, pressures)
+    if tiles is None:
+        one = scene.leakage(RectangularSeal(scene.surface.size, (1, 1)), 1.0).per_length
+    else:
+        one = scene.leakage(tiles.seal, tiles.permeability(*np.ones((2, tiles.count)))).per_length
+    drop = scene.flow.drop
+    ends = [max(p, drop.least_pressure) for p in (drop.inlet, drop.outlet)]
+    factor = drop.law.factor(np.maximum(found.gap, 1e-12)[:, None], ends).mean(axis=1)
+    return replace(found, leakage=one * found.permeability * factor)
+
+
+def _spectrum(place: Topography) -> tuple[Array, Array]:
+    """Wavenumbers [rad/m] and mean square heights [m²] of groups of waves, with the rms slope of the face."""
+    q, density = place.radial_psd()
+    first = np.unique(np.geomspace(1, q.size, _GROUPS).astype(int)) - 1
+    power, slope2 = (np.add.reduceat(density * q**n, first) for n in (1, 3))
+    kept = slope2 > _ROUNDING * slope2.sum()
+    power, slope2 = power[kept], slope2[kept]
+    return np.sqrt(slope2 / power), power * place.rms_slope**2 / slope2.sum()
+
+
+#: Flux of a choked nozzle over √(p ρ) at its inlet, √κ (2/(κ + 1))^((κ + 1)/2(κ − 1)) for κ = 1.4; 0.67 for κ = 1.3 and
+#: 0.73 for 5/3.
+_CHOKED = 0.685
+
+
+def choked_flux(fluid: Fluid, pressure: float) -> float:
+    """Mass that a nozzle lets through at most, from an inlet pressure [Pa] of a gas [kg/(m² s)]; inf of a liquid.
+
+    √(pρ) times a number of the ratio κ of specific heats alone, which is that of air.
+    """
+    basis = leak_basis(fluid, 1.0)
+    if basis.pressure is None:
+        return np.inf
+    real = getattr(fluid, "density_at", None)
+    density = float(real(pressure)) if real else basis.density * pressure / basis.pressure
+    return _CHOKED * float(np.sqrt(pressure * density))
+
+
+def flow_warnings(scene: Scene, leakage: Array, gaps: Array) -> Iterator[str]:
+    """A sentence for the step where a gas passes the choked flux most, and one where inertia counts most.
+
+    leakage : per length at every step (steps,) [m²/s]. gaps : mean gaps (steps,) [m], through whose section it passes.
+    NaN where one is unknown. Reynolds number ρuh/η = rate per length over η, times gap over wave, as the wave of the
+    rms height and slope, 2πSq/h′.
+    """
+    fluid, surface, pressure = (
+        scene.fluid,
+        scene.surface,
+        max(scene.inlet_pressure, scene.outlet_pressure),
+    )
+    viscosity_at = getattr(fluid, "viscosity_at", None)
+    viscosity = float(
+        viscosity_at(pressure) if viscosity_at else getattr(fluid, "viscosity", np.nan)
+    )
+    mass = np.abs(leakage) * fluid.reference_density
+    wave = 2 * pi * surface.rms_height / max(surface.rms_slope, 1e-300)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        choked = np.nan_to_num(mass / (choked_flux(fluid, pressure) * gaps), posinf=0.0)
+        reynolds = np.nan_to_num(mass / viscosity * gaps / wave)
+    fastest, n = int(choked.argmax()), int(reynolds.argmax())
+    names = [step.name for step in scene.steps]
+    if choked[fastest] > 1:
+        rate, times, gap = mass[fastest], choked[fastest], to_text(gaps[fastest], "m", 2)
+        yield (
+            f"at {names[fastest]} {rate:.2g} kg/s per metre of the gas leak, {times:.2g} times what a choked nozzle as "
+            f"narrow as the mean gap, {gap}, lets through: it leaks no more than {rate / times:.2g} kg/s per metre, as "
+            "the model has no speed of sound"
+        )
+    if reynolds[n] > 1:
+        yield (
+            f"at {names[n]} the Reynolds number of the mean gap, {mass[n] / viscosity:.2g}, times gap over wave, "
+            f"{gaps[n] / wave:.2g}, is {reynolds[n]:.2g}: above 1 inertia slows the flow, and the model has none"
+        )
