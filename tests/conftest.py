@@ -114,7 +114,7 @@ def pytest_sessionstart(session):
     """Before several processes run the tests, compile the loops once: each would compile all of them."""
     processes = session.config.getoption("numprocesses", None)
     if processes and not hasattr(session.config, "workerinput"):
-        from femseal.execution.mappers import ordered_map
+        from femseal.execution.run import ordered_map
         from femseal.studies.compiling import compile_ahead
 
         with ordered_map(processes, before=compile_ahead):

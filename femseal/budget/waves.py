@@ -14,7 +14,7 @@ from scipy.special import erf, erfinv, stdtrit
 
 from ..base import Array, Flags
 from ..loads import LoadProgramme
-from ..studies import Scene, StochasticResult
+from ..studies import Scene
 from .changes import CoarserSolution, load_sensitivity, on_all_steps, part_of_changes
 from .error_parts import ErrorPart
 from .estimates import COVERAGE
@@ -107,13 +107,6 @@ LOAD_POWER = 1.25
 SEALED_CONTACT = 0.6
 #: Fraction of the slope that must be kept where the leakage is known at one load only, so that nothing gives its slope.
 _LEAST_KEPT = 0.5
-
-
-def contact_fraction_of(study: object, steps: LoadProgramme) -> Array:
-    """Fraction of the face in contact at every step of a study (steps,), NaN where it is unknown."""
-    if isinstance(study, StochasticResult):
-        return study.contact_fraction[[study.steps.index(step) for step in steps]]
-    return np.asarray(getattr(study, "contact_fraction", np.full(len(steps), np.nan)), float)
 
 
 def raised_by_slope(

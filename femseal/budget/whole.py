@@ -6,11 +6,12 @@ import numpy as np
 
 from ..studies import BlocksResult, Scene, StochasticResult, StudyResult, study_of_result
 from ..studies.load_curves import least_counted
+from ..studies.study_registry import contact_fraction_of
 from .changes import CoarserSolution
 from .error_parts import ErrorBudget, ErrorPart
 from .estimates import calibrated_part, places_part, realisations_part, solver_part
 from .pixels import USUAL_PIXELS, one_grid_part, pixels_part
-from .waves import contact_fraction_of, filter_part, raised_by_slope
+from .waves import filter_part, raised_by_slope
 
 #: Factor of the distances of all parts but those of draws at loads that leak less than 1e-3 of the first, where
 #: curves are steep. Measured on 216 faces of six kinds: with it the bands held 93 of 100 there, without it 83.

@@ -28,10 +28,9 @@ from ..base import (
 )
 from ..base.leak_rates import LeakUnit
 from ..case.case import Case, load_case, read_case
-from ..execution.mappers import ordered_map
 from ..execution.parts import Part, checked_part
 from ..execution.resuming import over_store, writing_in
-from ..execution.run import Progress, Run, no_progress
+from ..execution.run import Progress, Run, no_progress, ordered_map
 from ..preparation.preparation import prepare
 from ..runs import job
 from ..runs.forecast import forecast, refuse_too_large

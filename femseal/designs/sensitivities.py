@@ -23,8 +23,7 @@ import scipy
 
 from ..base import Array
 from ..case.case import Case
-from ..execution.mappers import ordered_map
-from ..execution.run import Progress, Run
+from ..execution.run import Progress, Run, ordered_map
 from ..flow.law import law_of
 from ..fluids import FLUIDS
 from ..preparation.preparation import Prepared, prepare

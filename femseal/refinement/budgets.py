@@ -13,7 +13,6 @@ from ..budget import (
     CoarserSolution,
     ErrorBudget,
     ErrorPart,
-    contact_fraction_of,
     continuation_part,
     effective_pressure_part,
     longer_waves_part,
@@ -26,6 +25,7 @@ from ..budget.whole import error_budget
 from ..preparation.prepared import Prepared
 from ..studies import StochasticResult, study_of_result
 from ..studies.load_curves import first_known
+from ..studies.study_registry import contact_fraction_of
 from .coarser import (
     coarser_grids,
     continued_scenes,

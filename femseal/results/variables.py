@@ -32,12 +32,13 @@ from ..base.fields import (
 )
 from ..base.leak_rates import LEAK_UNITS, LeakBasis
 from ..base.shared_array import one_at_a_time
-from ..budget import ErrorBudget, ErrorPart, contact_fraction_of
+from ..budget import ErrorBudget, ErrorPart
 from ..face.pieces import Cut
 from ..loads import LoadProgramme, LoadStep
 from ..studies import FaceResult, Scene, StochasticResult
 from ..studies.face_states import PlaceLeakage
 from ..studies.piece_states import FacePieces
+from ..studies.study_registry import contact_fraction_of
 from ..topography import Places, Topography
 from .selections import pressures_and_peaks
 

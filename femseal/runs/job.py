@@ -26,10 +26,9 @@ from ..base.shared_array import storing
 from ..budget import ErrorBudget
 from ..case.case import Case, load_case
 from ..case.faces import FileFace
-from ..execution.mappers import ordered_map
 from ..execution.parts import Part, checked_part
 from ..execution.resuming import alone_in, over_store, writing_in
-from ..execution.run import LogFile, Progress, Run, no_progress
+from ..execution.run import LogFile, Progress, Run, no_progress, ordered_map
 from ..preparation.preparation import prepare
 from ..preparation.prepared import Prepared
 from ..refinement.budgets import budgets_of
@@ -100,7 +99,7 @@ def run(
         where the case leaves them open; else go on from the store of a run that was ended, with the same bits.
     workers : processes; all cores unless given. The results do not depend on it.
     scheduler : address of a Dask scheduler to compute on instead (femseal[cluster]), or "local" for one of its own
-        with `workers` processes, see `execution.mappers.ordered_map`.
+        with `workers` processes, see `execution.run.ordered_map`.
     part : such as (3, 16), to compute the third sixteenth of the items of every stage, and end; parts of a case work in
         one folder at the same time or one after the other, go on from what is there, and write no results: None is
         returned. Once all is there, a run with `resume` and without `part` writes them, the same bits as those of one

@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field, replace
 from functools import partial
+from typing import Any
 
 import numpy as np
+from numpy.lib.mixins import NDArrayOperatorsMixin
 from numpy.typing import NDArray
 
 from ..base import Array, InputError, Mapper, Shape, Shown
@@ -14,7 +17,6 @@ from ..base.shared_array import give_back, lies_on_disk, one_at_a_time, shared_e
 from ..contact.workspace import KEPT_POINTS
 from ..face.piece_flow import SolverCounts
 from ..face.pieces import Cut
-from ..face.step_fields import StepFields
 from ..loads import LoadProgramme
 from .doubts import scene_warnings
 from .face_states import FaceState, PlaceLeakage, band_breadth, leakage_of_state, place_leakage
@@ -27,6 +29,55 @@ STEP_BYTES = 3 * 4.0 + 0.125
 #: Memory that contact and flow of a step take for each pixel, and what the contact of smaller faces keeps for its next
 #: [byte]. Measured on 512² to 4096² pixels.
 _STATE_BYTES, _KEPT_BYTES = 130.0, 130.0
+
+
+class StepFields(NDArrayOperatorsMixin):
+    """A field (steps, n1, n2) in single precision whose steps are made when they are used.
+
+    Use it like an array that cannot be changed. Indexing makes the indexed steps only; arithmetic, methods and numpy
+    functions make the whole field.
+
+    shape : number of steps, and pixels along x1 and x2. at : gives the field (n1, n2) at the step of a number.
+    """
+
+    dtype = np.dtype(np.float32)
+    ndim = 3
+
+    def __init__(
+        self, shape: tuple[int, int, int], at: Callable[[int], NDArray[np.float32]]
+    ) -> None:
+        self.shape, self._at = shape, at
+
+    def __len__(self) -> int:
+        return self.shape[0]
+
+    def __iter__(self) -> Iterator[NDArray[np.float32]]:
+        return map(self._at, range(len(self)))
+
+    def __getitem__(self, key: Any) -> NDArray[np.float32]:
+        key = key if isinstance(key, tuple) else (key,)
+        if key and np.ndim(key[0]) > 1:  # a choice of pixels
+            return self[...][key]
+        if key and key[0] is not Ellipsis:
+            steps, pixels = np.arange(len(self))[key[0]], key[1:]
+        else:
+            steps, pixels = np.arange(len(self)), key
+        if steps.ndim == 0:
+            return self._at(int(steps))[pixels]
+        return np.array([self._at(int(s))[pixels] for s in steps], np.float32)
+
+    def __array__(self, dtype: Any = None, copy: bool | None = None) -> NDArray[Any]:
+        return self[...].astype(dtype or self.dtype, copy=False)
+
+    def __array_ufunc__(self, ufunc: np.ufunc, method: str, *inputs: Any, **options: Any) -> Any:
+        arrays = (np.asarray(i) if isinstance(i, StepFields) else i for i in inputs)
+        return getattr(ufunc, method)(*arrays, **options)
+
+    def __getattr__(self, name: str) -> Any:
+        # methods of an array, such as mean; a copy or a pickle that is not built yet has none
+        if name.startswith("_"):
+            raise AttributeError(name)
+        return getattr(self[...], name)
 
 
 @dataclass(frozen=True, repr=False)

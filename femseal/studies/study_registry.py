@@ -13,7 +13,10 @@ from operator import attrgetter, methodcaller
 from statistics import mean
 from typing import Any
 
+import numpy as np
+
 from ..base import Array, Pair, Shape, validate
+from ..loads import LoadProgramme
 from ..seal.tiles import SealTiles
 from .blocks import BlocksResult, blocks_of, by_blocks
 from .drawn_study import cut_and_tiles, stochastic
@@ -296,6 +299,13 @@ class Study:
 def study_of_result(result: StudyResult) -> Study:
     """The study that a result is of."""
     return STUDIES[result.method]
+
+
+def contact_fraction_of(study: object, steps: LoadProgramme) -> Array:
+    """Fraction of the face in contact at every step of a study (steps,), NaN where it is unknown."""
+    if isinstance(study, StochasticResult):
+        return study.contact_fraction[[study.steps.index(step) for step in steps]]
+    return np.asarray(getattr(study, "contact_fraction", np.full(len(steps), np.nan)), float)
 
 
 #: All studies by name, in the order in which they are solved: each may use the results of those before it. Of several

@@ -24,7 +24,7 @@ from femseal.base.shared_array import shared_empty
 from femseal.base.stage import Stage
 from femseal.execution import cluster as cluster_map
 from femseal.execution import processes
-from femseal.execution.mappers import ordered_map
+from femseal.execution.run import ordered_map
 
 distributed = pytest.importorskip("distributed")
 dask = pytest.importorskip("dask")
@@ -115,7 +115,7 @@ if __name__ == "__main__":
     from femseal.base.errors import FemsealError
     from femseal.base.stage import Stage
     from femseal.execution import processes
-    from femseal.execution.mappers import ordered_map
+    from femseal.execution.run import ordered_map
 
     processes.start_processes(2, "femseal.studies.worker_process")
     with ordered_map(workers=2) as mapping:
@@ -396,7 +396,7 @@ STUCK = """
 import sys, threading, time
 from femseal.base.stage import Stage
 from femseal.execution import processes
-from femseal.execution.mappers import ordered_map
+from femseal.execution.run import ordered_map
 from test_mappers import stay
 
 processes.END_SECONDS = 1.0

@@ -8,7 +8,7 @@ from numpy.testing import assert_allclose, assert_array_equal
 from small_cases import steel_scene
 
 import femseal as fs
-from femseal.execution.mappers import ordered_map
+from femseal.execution.run import ordered_map
 from femseal.topography import Places
 
 D, N = 1e-6, 128

@@ -10,7 +10,7 @@ from small_cases import OIL, E, H, steel_scene
 
 from femseal.base import InputError
 from femseal.contact import LinearHardening
-from femseal.execution.mappers import ordered_map
+from femseal.execution.run import ordered_map
 from femseal.face.pieces import Cut
 from femseal.fluids import IdealGas, Liquid
 from femseal.loads import LoadProgramme, LoadStep

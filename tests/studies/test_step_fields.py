@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from numpy.testing import assert_array_equal
 
-from femseal.face.step_fields import StepFields
+from femseal.studies.face_study import StepFields
 
 rng = np.random.default_rng(0)
 DENSE = np.where(rng.random((4, 24, 16)) < 0.2, rng.random((4, 24, 16)), 0).astype(np.float32)
