@@ -67,7 +67,6 @@ class SealTiles:
     tile : number of the tile of every element (n,). grid : rows from inlet to outlet and columns of the tiles of a
     strip or a ring, which are numbered row by row; None of meshes.
     in_place : every row of tiles draws from the row of the face at the same distance from the inlet.
-    turned : pieces lie with x1 of the face along the seal.
     tangent : tan α of grooves that wind (n,); None of others. part : of the length of the seal that is drawn.
     """
 
@@ -76,7 +75,6 @@ class SealTiles:
     tile: Indices = field(repr=False)
     grid: Shape | None = None
     in_place: bool = False
-    turned: bool = False
     tangent: Array | None = field(default=None, repr=False)
     part: float = 1.0
     warnings: tuple[str, ...] = ()
@@ -193,26 +191,29 @@ def face_tiles(size: Pair, pieces: Shape) -> SealTiles:
 
 def laid_on_strip(pieces: PieceSize, lay: Lay) -> SealTiles:
     """On a strip whose length is given; as broad as the face, its rows are those of the face."""
-    (d1, d2), turned = pieces.size, lay.name == "x1"
     assert pieces.length is not None
-    if lay.name not in ("x1", "x2", "spiral"):
-        d1 = d2 = (d1 * d2) ** 0.5
-    elif turned:
-        d1, d2 = d2, d1
+    d1, d2 = _tile_sides(pieces.size, lay, "x2", "x1")
     of_face = pieces.rows * pieces.size[0]
     breadth = of_face if pieces.breadth is None else pieces.breadth
     rows, whole = _rows_of(breadth, d1, "breadth", breadth), max(1, round(pieces.length / d2))
     cells = rows, pieces.columns(rows, whole)
     size = breadth, cells[1] * d2
-    straight = lay.name == "x2" and cells[0] == pieces.rows and abs(breadth / of_face - 1) < _SAME
-    middles = _middles(size, cells)
-    laid = _strip(size, cells, lay.directions(middles))
-    if lay.name == "spiral":
+    wound = lay.name == "spiral"
+    laid = _strip(size, cells, (Lay(name="x2") if wound else lay).directions(_middles(size, cells)))
+    if wound:
         lay.check_lead(size[0])
         slope = Spiral(lay.lead, lay.circumference).tangent(whole * d2)
-        laid = _strip(size, cells, np.tile([0.0, 1.0], (len(middles), 1)))
         laid = replace(laid, tangent=np.full(len(laid.tile), slope))
-    return replace(laid, in_place=straight, turned=turned, part=cells[1] / whole)
+    straight = lay.name == "x2" and rows == pieces.rows and abs(breadth / of_face - 1) < _SAME
+    return replace(laid, in_place=straight, part=cells[1] / whole)
+
+
+def _tile_sides(size: Pair, lay: Lay, along: str, across: str) -> Pair:
+    """Sides of tiles [m] across and along a seal: of a piece, turned with its lay, or of a square as large."""
+    if lay.name in (along, "spiral"):
+        return size
+    side = (size[0] * size[1]) ** 0.5
+    return size[::-1] if lay.name == across else (side, side)
 
 
 def _rows_of(breadth: float, side: float, name: str, given: float) -> int:
@@ -227,24 +228,14 @@ def _rows_of(breadth: float, side: float, name: str, given: float) -> int:
 def laid_on_ring(pieces: PieceSize, lay: Lay, radii: Pair, inlet: str) -> SealTiles:
     """On a ring between two radii [m], in (ln r, θ) from the inlet on."""
     inner, outer = radii
-    d1, d2 = pieces.size
-    alike = lay.name in ("radial", "circumferential", "spiral")
-    if not alike:
-        d1 = d2 = (d1 * d2) ** 0.5
-    elif lay.name == "radial":
-        d1, d2 = d2, d1
+    d1, d2 = _tile_sides(pieces.size, lay, "circumferential", "radial")
     breadth, middle = outer - inner, (inner + outer) / 2
     if breadth < _NARROW * d1:
         sides = " × ".join(to_text(side, "m", 3) for side in pieces.size)
-        given, expected = (
-            f"a ring {to_text(breadth, 'm', 3)} broad",
-            f"a ring at least as broad as a piece, {sides}",
-        )
-        raise InputError("outer_radius", given, expected)
-    rows, whole = (
-        _rows_of(breadth, d1, "outer_radius", outer),
-        max(_FEWEST, round(2 * pi * middle / d2)),
-    )
+        given = f"a ring {to_text(breadth, 'm', 3)} broad"
+        raise InputError("outer_radius", given, f"a ring at least as broad as a piece, {sides}")
+    rows = _rows_of(breadth, d1, "outer_radius", outer)
+    whole = max(_FEWEST, round(2 * pi * middle / d2))
     narrow = 2 * pi * inner / (whole * d2)
     given = f"a ring with {counted(whole, 'column')} of tiles, {narrow:.0%} as wide as pieces at its inner radius"
     if narrow < _NARROWEST:
@@ -253,6 +244,7 @@ def laid_on_ring(pieces: PieceSize, lay: Lay, radii: Pair, inlet: str) -> SealTi
         )
     doubts = (f"{given}: tiles there are drawn too close together; a mesh has equal ones",)
     warnings = doubts if narrow < _NARROW else ()
+    alike = lay.name in ("radial", "circumferential", "spiral")
     cells = rows, pieces.columns(rows, whole) if alike else whole
     part = cells[1] / whole
     sign = 1.0 if inlet == "inner" else -1.0  # of the way from the inlet along the radius
@@ -274,9 +266,7 @@ def laid_on_ring(pieces: PieceSize, lay: Lay, radii: Pair, inlet: str) -> SealTi
     as_broad = cells[0] == pieces.rows and abs(breadth / (pieces.rows * d1) - 1) < _SAME
     in_place = lay.name == "circumferential" and as_broad
     tile = np.arange(len(along))
-    return SealTiles(
-        seal, direction, tile, cells, in_place, lay.name == "radial", tangent, part, warnings
-    )
+    return SealTiles(seal, direction, tile, cells, in_place, tangent, part, warnings)
 
 
 def laid_on_mesh(
@@ -340,14 +330,9 @@ def _periodic_quads(
     first: Array, period: float, columns: int
 ) -> tuple[Mesh, Mesh, tuple[Indices, Indices]]:
     """Rectangles between rows (n1 + 1,) and equal columns, row by row: plain, periodic, and facets of both ends."""
-    second = np.linspace(0.0, period, columns + 1)
-    n1 = first.size - 1
-    number = np.arange((n1 + 1) * (columns + 1)).reshape(n1 + 1, columns + 1)
-    quads = np.stack([number[:-1, :-1], number[1:, :-1], number[1:, 1:], number[:-1, 1:]]).reshape(
-        4, -1
-    )
-    points = np.stack(np.meshgrid(first, second, indexing="ij")).reshape(2, -1)
-    plain = MeshQuad(points, quads)
+    grid = MeshQuad.init_tensor(first, np.linspace(0.0, period, columns + 1))
+    plain = MeshQuad(grid.p, grid.t[[0, 3, 2, 1]])  # corners anticlockwise, along x1 first
+    number = np.arange(plain.nvertices).reshape(first.size, -1)
     ring = MeshQuad1DG.periodic(plain, number[:, -1], number[:, 0])
     at = np.empty(ring.nvertices)
     at[ring.t] = plain.p[0][plain.t]
