@@ -8,6 +8,7 @@ of an element is that at the mean of its nodes.
 """
 
 from dataclasses import dataclass, field, replace
+from operator import itemgetter
 from typing import Any
 
 import numpy as np
@@ -48,35 +49,31 @@ def pressure_dependent_flow(
     if drop.law.depends_on_pressure:
         pressure, k = table.typical
         drop = replace(drop, gap=drop.law.gap(k, pressure) if k > 0 else drop.gap)
-    values = _on_parts(seal, table.values, len(table.pressures))
-    pair = isinstance(values, tuple)
     curves = [
-        PressureCurve(table.pressures, k, table.piecewise) for k in (values if pair else (values,))
+        PressureCurve(table.pressures, k, table.piecewise)
+        for k in _on_parts(seal, table.values, len(table.pressures))
     ]
+    joined: Any = tuple if isinstance(seal, StructuredSeal) else itemgetter(0)
 
-    def permeability(fraction: Any) -> Any:
-        p = drop.pressure(np.nan_to_num(np.asarray(fraction, dtype=float), nan=0.5))
-        p = np.maximum(p, drop.least_pressure)
-        found = tuple(
+    def permeability(fraction: Array) -> list[Array]:
+        p = np.maximum(drop.pressure(np.nan_to_num(fraction, nan=0.5)), drop.least_pressure)
+        return [
             c.between(_beside(first, c.shape), _beside(second, c.shape), drop.mobility)
-            for c, (first, second) in zip(curves, _ends(seal, p, pair), strict=True)
-        )
-        return found if pair else found[0]
+            for c, (first, second) in zip(curves, _ends(seal, p), strict=True)
+        ]
 
-    def solve(local: Any) -> tuple[float, Array, DarcyFlow]:
-        flow = seal.flow(local, solver=solver)
+    def solve(local: list[Array]) -> tuple[float, Array, DarcyFlow]:
+        flow = seal.flow(joined(local), solver=solver)
         return flow.conductance, flow.potential, flow
 
     # along a uniform seal the potential falls evenly
-    first = (
-        np.linspace(1, 0, len(seal.grid.lines1))[:, None]
-        if isinstance(seal, StructuredSeal)
-        else 0.5
-    )
+    first = np.full(len(seal.points), 0.5)
+    if isinstance(seal, StructuredSeal):
+        first = np.linspace(1, 0, len(seal.grid.lines1))[:, None]
     solved = fixed_point(permeability, solve, first, rtol=rtol, name="flow through a seal")
     flow, local, rate = solved.found, solved.coefficient, solved.rate
     if bounds:
-        flow = seal.flow(local, bounds=True, solver=solver)
+        flow = seal.flow(joined(local), bounds=True, solver=solver)
         rate = flow.conductance
     factor, fraction = drop.mean_factor, np.clip(flow.potential, 0.0, 1.0)
     potential = drop.viscous_fraction(fraction)
@@ -88,20 +85,16 @@ def pressure_dependent_flow(
         potential=potential,
         complement=1 - potential,
     )
-    if not drop.law.depends_on_pressure:  # both potentials are the same
-        return scaled, local
-    # what flows through each part is the same in both potentials
-    steeper = [
-        drop.steepness(*ends) for ends in _ends(seal, np.nan_to_num(fraction, nan=0.5), pair)
-    ]
-    if pair:
-        return scaled, tuple(k * by for k, by in zip(local, steeper, strict=True))
-    return scaled, local * steeper[0].reshape(
-        steeper[0].shape + (1,) * (local.ndim - steeper[0].ndim)
-    )
+    if drop.law.depends_on_pressure:  # what flows through each part is the same in both potentials
+        ends = _ends(seal, np.nan_to_num(fraction, nan=0.5))
+        local = [
+            k * _beside(drop.steepness(*of_parts), k.shape)
+            for k, of_parts in zip(local, ends, strict=True)
+        ]
+    return scaled, joined(local)
 
 
-def _on_parts(seal: Any, values: Any, pressures: int) -> Any:
+def _on_parts(seal: Any, values: Any, pressures: int) -> tuple[Array, ...]:
     """Values of a table, a number or two at each pressure taken for that of all parts; InputError of other shapes."""
     if not isinstance(seal, StructuredSeal):
         n = seal.mesh.nelements
@@ -109,7 +102,7 @@ def _on_parts(seal: Any, values: Any, pressures: int) -> Any:
         if isinstance(k, tuple) or k.shape[1:] not in ((n,), (n, 2)):
             given = "two arrays" if isinstance(k, tuple) else f"shape {k.shape}"
             raise InputError("permeability", given, f"{pressures} values for each of {n} elements")
-        return k
+        return (k,)
     n1, n2 = seal.cells
     pair = values if isinstance(values, tuple) else (values, values)
     shapes = (pressures, n1, n2), (pressures, n1 - 1, n2)
@@ -124,64 +117,51 @@ def _on_parts(seal: Any, values: Any, pressures: int) -> Any:
     )
 
 
-def _beside(pressure: Array, shape: tuple[int, ...]) -> Array:
-    """Pressures of parts, with a further axis where each part has a value along two directions."""
-    return (
-        pressure[:, None] if pressure.ndim == 1 and len(shape) == 2 and shape[1] == 2 else pressure
-    )
+def _beside(values: Array, shape: tuple[int, ...]) -> Array:
+    """Values of parts, with further axes where each part has several permeabilities."""
+    return values.reshape(values.shape + (1,) * (len(shape) - values.ndim))
 
 
-def _ends(seal: Any, p: Array, links: bool) -> list[tuple[Array, Array]]:
+def _ends(seal: Any, p: Array) -> list[tuple[Array, Array]]:
     """Pressures at both ends of the links along both axes, or twice the mean pressure of each element."""
-    if p.ndim == 0:
-        return [(p, p)]
-    if links:
+    if isinstance(seal, StructuredSeal):
         inner = p[1:-1]
         return [(p[:-1], p[1:]), (inner, np.roll(inner, -1, axis=1))]
     mean = p[seal.mesh.t].mean(axis=0)
     return [(mean, mean)]
 
 
+def _known(unit: str, long_name: str, **options: Any) -> Any:
+    """A field of `Leakage` with its unit and meaning."""
+    return field(metadata={"unit": unit, "long_name": long_name}, **options)
+
+
 @dataclass(frozen=True, repr=False)
 class Leakage(Shown):
     """Leakage from inlet to outlet, negative if the outlet pressure is higher; fields carry units."""
 
-    volume_rate: float = field(metadata={"unit": "m^3/s", "long_name": "leakage"})
-    mass_rate: float = field(metadata={"unit": "kg/s", "long_name": "mass leakage"})
-    per_length: float = field(metadata={"unit": "m^2/s", "long_name": "leakage per length of seal"})
-    lower: float = field(metadata={"unit": "m^3/s", "long_name": "lower bound of the leakage"})
-    upper: float = field(metadata={"unit": "m^3/s", "long_name": "upper bound of the leakage"})
-    fluid_pressure: Array = field(
-        metadata={"unit": "Pa", "long_name": "fluid pressure at the nodes"}, repr=False
-    )
-    conductance: float = field(
-        metadata={"unit": "m^3", "long_name": "mass leakage for a unit drop of potential"}
-    )
-    iterations: int = field(
-        metadata={"unit": "1", "long_name": "iterations of the linear solver, 0 if direct"}
-    )
-    residual: float = field(metadata={"unit": "1", "long_name": "residual of the linear solver"})
-    imbalance: float = field(
-        metadata={"unit": "1", "long_name": "difference of inlet and outlet flow"}
-    )
-    percolates: bool = field(
-        metadata={"unit": "1", "long_name": "an open path from inlet to outlet"}
-    )
-    solver: str = field(metadata={"unit": "1", "long_name": "solver of the linear system"})
-    permeability: Any = field(
+    volume_rate: float = _known("m^3/s", "leakage")
+    mass_rate: float = _known("kg/s", "mass leakage")
+    per_length: float = _known("m^2/s", "leakage per length of seal")
+    lower: float = _known("m^3/s", "lower bound of the leakage")
+    upper: float = _known("m^3/s", "upper bound of the leakage")
+    fluid_pressure: Array = _known("Pa", "fluid pressure at the nodes", repr=False)
+    conductance: float = _known("m^3", "mass leakage for a unit drop of potential")
+    iterations: int = _known("1", "iterations of the linear solver, 0 if direct")
+    residual: float = _known("1", "residual of the linear solver")
+    imbalance: float = _known("1", "difference of inlet and outlet flow")
+    percolates: bool = _known("1", "an open path from inlet to outlet")
+    solver: str = _known("1", "solver of the linear system")
+    permeability: Any = _known(
+        "m^3",
+        "permeability at the pressures of the solution, if it depends on them",
         default=None,
-        metadata={
-            "unit": "m^3",
-            "long_name": "permeability at the pressures of the solution, if it depends on them",
-        },
         repr=False,
     )
-    boundary_rates: dict[str, float] | None = field(
+    boundary_rates: dict[str, float] | None = _known(
+        "m^3/s",
+        "flow into the seal through each boundary, of inlets with pressures",
         default=None,
-        metadata={
-            "unit": "m^3/s",
-            "long_name": "flow into the seal through each boundary, of inlets with pressures",
-        },
     )
 
 
