@@ -6,7 +6,7 @@ Of an ensemble of solutions: failures with their reason, and numbers of solution
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from typing import Any, TypeVar
 
 import numpy as np
@@ -14,7 +14,6 @@ import numpy as np
 from ..base import Array, FemsealError, Pair
 from ..flow import Spiral
 from ..flow.cell import cell_flow
-from ..flow.law import cubic_law
 from ..flow.pressure_drop import VISCOUS, PressureDrop
 from ..flow.solution import check_solver
 
@@ -72,53 +71,29 @@ class SolverCounts:
             worst = max(worst, one.worst_imbalance)
         return cls(tuple(sorted(systems.items())), worst)
 
-    def by_solver(self) -> dict[str, int]:
-        """Number of systems, by the name of their solver."""
-        return dict(self.systems)
-
 
 @dataclass(frozen=True)
 class SolveCounts:
-    """Numbers of flows through pieces that were solved, or known without solving.
+    """Numbers of flows through pieces.
 
-    solved : flows with an open path, which a linear solver solved.
-    closed : flows without an open path, which are 0.
-    open : flows between nearly parallel plates, which the closed form gives.
+    solved : flows with an open path, which a linear solver solved. closed : flows without one, which are 0.
     solvers : number of systems by solver.
 
-    >>> SolveCounts(solved=2) + SolveCounts(solved=1, closed=3) == SolveCounts(solved=3, closed=3)
+    >>> one, two = SolveCounts(solved=2), SolveCounts(solved=1, closed=3)
+    >>> SolveCounts.total((one, two)) == SolveCounts(solved=3, closed=3)
     True
     """
 
     solved: int = 0
     closed: int = 0
-    open: int = 0
     solvers: SolverCounts = field(default_factory=SolverCounts)
-
-    def __add__(self, other: SolveCounts) -> SolveCounts:
-        return self.total((self, other))
-
-    @property
-    def flows(self) -> int:
-        """Number of all flows: solved, closed and open."""
-        return self.solved + self.closed + self.open
 
     @classmethod
     def total(cls, counts: Iterable[SolveCounts]) -> SolveCounts:
         """Add them all up."""
         counts = list(counts)
-        numbers = {
-            kind: sum(getattr(c, kind) for c in counts) for kind in ("solved", "closed", "open")
-        }
-        return cls(**numbers, solvers=SolverCounts.total(c.solvers for c in counts))
-
-    def by_kind(self) -> dict[str, int]:
-        """The numbers of solved, closed and open flows, by these names."""
-        return {"solved": self.solved, "closed": self.closed, "open": self.open}
-
-
-#: Below this ratio of rms gap variation to mean gap parallel plates are exact to 2e-4 whatever the lay.
-OPEN_RATIO = 0.005
+        solved, closed = sum(c.solved for c in counts), sum(c.closed for c in counts)
+        return cls(solved, closed, SolverCounts.total(c.solvers for c in counts))
 
 
 @dataclass(frozen=True)
@@ -140,7 +115,7 @@ class FlowSettings:
 
 @dataclass(frozen=True, eq=False)
 class PiecePermeability:
-    """Permeability k of a piece at every pressure of the drop [m³]; the one flow, counted as solved, closed or open."""
+    """Permeability k of a piece at every pressure of the drop [m³]; the one flow, counted as solved or closed."""
 
     k: Array
     counts: SolveCounts
@@ -149,35 +124,21 @@ class PiecePermeability:
 def piece_permeability(
     gap: Array, spacing: Pair, axis: int, settings: FlowSettings | None = None
 ) -> PiecePermeability:
-    """Permeability along `axis` of a piece (n1, n2) [m] with closed sides: of about parallel plates that of their mean.
+    """Permeability along `axis` of a piece (n1, n2) [m] with closed sides.
 
     Raises NotConverged: the linear solver failed.
     """
     settings = settings or FlowSettings()
-    drop, found = settings.drop, []
-    for p in drop.pressures:
-        found.append(_of_gap(drop.law.equivalent_gap(gap, p), spacing, axis, settings))
-        if found[0][0] == 0:  # closed at every pressure
-            found *= drop.pressures.size
+    drop, k, solvers = settings.drop, np.zeros(settings.drop.pressures.size), []
+    for n, p in enumerate(drop.pressures):
+        equivalent = drop.law.equivalent_gap(gap, p)
+        cell = cell_flow(equivalent, spacing, axis=axis, sides="mirror", solver=settings.solver)
+        k[n] = cell.permeability
+        solvers.append(SolverCounts.of(cell.flow))
+        if k[0] == 0:  # closed at every pressure
             break
-    counts = found[0][1]
-    if len(found) > 1:  # one flow, however many systems were solved for it
-        counts = replace(counts, solvers=SolverCounts.total(one.solvers for _, one in found))
-    return PiecePermeability(np.array([k for k, _ in found]), counts)
-
-
-def _of_gap(
-    gap: Array, spacing: Pair, axis: int, settings: FlowSettings
-) -> tuple[float, SolveCounts]:
-    """Permeability of a gap by the cubic law; that of nearly parallel plates in closed form."""
-    mean = float(gap.mean())
-    if gap.min() > 0 and gap.std() < OPEN_RATIO * mean:  # nearly parallel plates
-        return cubic_law(mean), SolveCounts(open=1)
-    cell = cell_flow(gap, spacing, axis=axis, sides="mirror", solver=settings.solver)
-    solvers = SolverCounts.of(cell.flow)
-    counts = (
-        SolveCounts(solved=1, solvers=solvers)
-        if cell.flow.percolates
-        else SolveCounts(closed=1, solvers=solvers)
+    # one flow, however many systems were solved for it
+    is_open = cell.flow.percolates
+    return PiecePermeability(
+        k, SolveCounts(int(is_open), int(not is_open), SolverCounts.total(solvers))
     )
-    return cell.permeability, counts

@@ -210,13 +210,13 @@ def _add_studies(
 def _of_studies(known: Mapping[str, StudyResult], warnings: Sequence[str]) -> dict[str, str]:
     """Attributes that count what the studies have solved, with their warnings and failures."""
     counts = {
-        key: study.pieces.counts.by_kind()
+        key: {kind: getattr(study.pieces.counts, kind) for kind in ("solved", "closed")}
         for key, study in known.items()
         if study.pieces is not None
     }
     solvers = {
         key: {
-            "systems": study.solvers.by_solver(),
+            "systems": dict(study.solvers.systems),
             "worst_imbalance": study.solvers.worst_imbalance,
         }
         for key, study in known.items()

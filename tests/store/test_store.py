@@ -166,7 +166,7 @@ def test_values_are_told_apart_by_type_shape_order_and_every_bit(tmp_path):
     variants = [field, field.T, field.ravel(), field.astype(np.float32), np.asfortranarray(field)]
     variants += [np.nextafter(field, 9), (field,), [field], {"field": field}]
     variants += [field.tolist(), field.tobytes(), 0, 0.0, -0.0, False, None, "", b"", "0"]
-    variants += [SolveCounts(), SolveCounts(solved=1), SolveCounts(closed=1), SolveCounts(open=1)]
+    variants += [SolveCounts(), SolveCounts(solved=1), SolveCounts(closed=1)]
     assert len({digest(value) for value in variants}) == len(variants)
     assert digest(field) == digest(field.copy())
     one, other = tmp_path / "one", tmp_path / "other"
@@ -177,7 +177,7 @@ def test_values_are_told_apart_by_type_shape_order_and_every_bit(tmp_path):
     assert digest(one) != digest(other)
     # functions of classes have names, those of objects and of functions have not
     assert len({*map(digest, (SolverCounts.of, SolverCounts.total, SolveCounts.total))}) == 3
-    for nameless in (lambda x: x, SolverCounts().by_solver, tmp_path / "missing"):
+    for nameless in (lambda x: x, "".join, tmp_path / "missing"):
         with pytest.raises(Unnamed):
             digest(nameless)
 
