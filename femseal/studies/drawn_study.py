@@ -19,7 +19,7 @@ from ..seal.layouts import RectangularLayout
 from ..seal.tiles import SealTiles
 from .doubts import scene_warnings
 from .drawn_error import half_width
-from .face_states import FEWEST, PlaceLeakage, band_breadth
+from .face_states import PlaceLeakage, band_breadth
 from .face_study import cut_into_pieces
 from .load_curves import least_counted
 from .piece_states import FacePieces, along_paths, ladder_of, pieces_on_ladder
@@ -79,53 +79,46 @@ def stochastic(
     """
     cut, tiles = cut_and_tiles(scene, cells, sampling)
     scene = without_waves_of(scene, cut, sampling.form)
-    formed = seal_contact(scene, tiles, sampling.form, mapper) if sampling.form else None
-    fractions = (
-        pressure_fractions(scene, tiles, sampling.pressure_map)
-        if formed is None
-        else formed.fractions
-    )
-    supply = _supply(scene, cut, tiles, fractions, mapper)
-    if formed is not None:
+    if sampling.form:
+        formed = seal_contact(scene, tiles, sampling.form, mapper)
+        supply = _supply(scene, cut, tiles, formed.fractions, mapper)
         supply = replace(supply, opened=formed.opened)
+    else:
+        formed = None
+        fractions = pressure_fractions(scene, tiles, sampling.pressure_map)
+        supply = _supply(scene, cut, tiles, fractions, mapper)
+    pieces = supply.pieces
     if not np.isfinite(supply.k).any():
-        raise FemsealError(f"pieces: every flow failed; the first: {supply.pieces.failures[0]}")
-    drawn = _drawn(scene, tiles, supply, sampling, mapper)
+        raise FemsealError(f"pieces: every flow failed; the first: {pieces.failures[0]}")
+    drawn = _drawn(supply, sampling, mapper)
     leakage = np.array([one.leakage for one in drawn])
-    few = sampling.median_fields and len(tiles.outlines) * len(scene.steps) <= MOST_VALUES
-    chosen = nearest_to_median(leakage) if few else None
     median = None
-    if chosen is not None:
-        stage = Stage(
-            "median seal",
-            partial(_median_seal, scene=scene, tiles=tiles, supply=supply, seed=sampling.seed),
-        )
-        (median,) = mapper(stage, [chosen])
+    few = sampling.median_fields and len(tiles.outlines) * len(scene.steps) <= MOST_VALUES
+    if few and (chosen := nearest_to_median(leakage)) is not None:
+        fields = partial(_median_seal, supply=supply, seed=sampling.seed)
+        (median,) = mapper(Stage("median seal", fields), [chosen])
         if formed is not None:
             median = _with_form(median, tiles, formed)
-    rows, row_breadth = _rows(scene, supply, formed)
+    rows, row_breadth = pieces.rows if supply.in_place else None, scene.surface.spacing[0]
+    if formed is not None and formed.grid.has_rows:
+        rows, row_breadth = formed.rows, formed.grid.spacing[0]
     unsolved = [f"{scene.steps[s].name}: {reason}" for s, reason in supply.unsolved]
-    failures = [
-        *supply.pieces.failures,
-        *(text for one in drawn for text in one.failures),
-        *unsolved,
-    ]
+    failures = (*pieces.failures, *(text for one in drawn for text in one.failures), *unsolved)
     return StochasticResult(
         steps=scene.steps,
         tiles=tiles,
-        pieces=supply.pieces,
+        pieces=pieces,
         kind=_kind(tiles, sampling),
         leakage=leakage,
-        contact_fraction=1
-        - _over_tiles(scene, supply, 1 - supply.pieces.contact_fraction.mean(axis=(1, 2))),
-        places=_places(scene, supply, leakage),
+        contact_fraction=1 - supply.over_tiles(1 - pieces.contact_fraction.mean(axis=(1, 2))),
+        places=_places(supply, leakage),
         row_pressure=rows,
         band_breadth=None if rows is None else band_breadth(rows, row_breadth),
         largest_row_pressure=None if rows is None else rows.max(axis=1),
         median_seal=median,
-        failures=tuple(failures),
+        failures=failures,
         warnings=(*scene_warnings(scene), *tiles.warnings),
-        solvers=SolverCounts.total((supply.pieces.counts.solvers, *(one.solvers for one in drawn))),
+        solvers=SolverCounts.total((pieces.counts.solvers, *(one.solvers for one in drawn))),
     )
 
 
@@ -147,7 +140,7 @@ def cut_and_tiles(scene: Scene, cells: Shape | None, sampling: Sampling) -> tupl
 
 @dataclass(frozen=True, eq=False)
 class _Supply:
-    """Permeabilities of pieces from which tiles draw.
+    """Permeabilities of pieces from which the tiles of a seal draw.
 
     k : (pressures, 2, steps, paths, pieces) [m³], at each of the fluid pressures. pressures : of the fluid [Pa].
     piecewise : see `flow.PermeabilityTable`. path : number of the path of the pressure of every tile (tiles,).
@@ -156,6 +149,8 @@ class _Supply:
     beyond that at which faces just touch (steps, tiles) [m³].
     """
 
+    scene: Scene
+    tiles: SealTiles
     pieces: FacePieces
     k: Array
     pressures: tuple[float, ...]
@@ -166,12 +161,44 @@ class _Supply:
     in_place: bool
     opened: Array | None = None
 
-    def permeability(self, tiles: SealTiles, piece: Indices, step: int) -> Any:
-        """What `seal_leakage` takes, of a seal whose tiles have drawn pieces (tiles,)."""
+    @property
+    def solved(self) -> list[int]:
+        """Numbers of the steps at which permeabilities are known."""
+        unsolved = {s for s, _ in self.unsolved}
+        steps = range(self.k.shape[2])
+        return [s for s in steps if s not in unsolved and np.isfinite(self.k[:, :, s]).all()]
+
+    def draw(self, seed: int, realisation: int) -> Indices:
+        """Numbers of the pieces of the tiles (tiles,) in a realisation, whoever draws it."""
+        stream = np.random.SeedSequence(seed, spawn_key=(realisation,))
+        return self.tiles.draw(self.pieces.cut.shape, np.random.default_rng(stream))
+
+    def flow(self, piece: Indices, step: int) -> tuple[Any, Any]:
+        """Permeabilities of a seal whose tiles have drawn pieces (tiles,), and its leakage, or why there is none."""
         k = self.k[:, :, step, self.path, piece]
         if self.opened is not None:
             k = k + self.opened[step]
-        return tabulated(self.pressures, list(tiles.permeability(k[:, 0], k[:, 1])), self.piecewise)
+        of_parts = list(self.tiles.permeability(k[:, 0], k[:, 1]))
+        given = tabulated(self.pressures, of_parts, self.piecewise)
+        return given, attempt(self.scene.leakage, self.tiles.seal, given, DRAWN_RTOL)
+
+    def over_tiles(self, values: Array) -> Array:
+        """Means over the tiles, each at its own pressure, of values of the states, which fall with the pressure."""
+        weights = np.bincount(self.path, minlength=self.paths.shape[1]) / self.path.size
+        return self._along(values, self.paths, weights)
+
+    def at_nominal(self, values: Array) -> Array:
+        """Values of the states, which fall with the pressure, at the loads of the scene less the mean of its fluid."""
+        return self._along(values, self.scene.steps.pressures[:, None], np.ones(1))
+
+    def _along(self, values: Array, paths: Array, weights: Array) -> Array:
+        """Mean of values of the states along paths of the nominal pressure [Pa], less the mean of the fluid."""
+        if self.pieces.steps == self.scene.steps:
+            return values
+        fluid = self.scene.acting_fluid
+        relief = 0.0 if fluid is None else float(fluid.relief([fluid.mean])[0])
+        curves = PieceCurves(self.pieces.steps, values)
+        return curves.along(np.maximum(paths - relief, 0.0), self.scene.steps) @ weights
 
 
 def _supply(scene: Scene, cut: Cut, tiles: SealTiles, fractions: Array, mapper: Mapper) -> _Supply:
@@ -186,7 +213,9 @@ def _supply(scene: Scene, cut: Cut, tiles: SealTiles, fractions: Array, mapper: 
         nominal = steps.pressures[:, None]
         pressures = tuple(drop.pressures)
         path = np.zeros(tiles.count, np.int64)
-        return _Supply(pieces, k, pressures, False, path, nominal, pieces.unsolved, True)
+        return _Supply(
+            scene, tiles, pieces, k, pressures, False, path, nominal, pieces.unsolved, True
+        )
     paths, number = distinct_paths(fractions)
     paths = steps.pressures[:, None] * paths
     fluid = TileFluid.of(scene)
@@ -198,9 +227,8 @@ def _supply(scene: Scene, cut: Cut, tiles: SealTiles, fractions: Array, mapper: 
         k = (pieces.k * pieces.factor[:, None, None]).reshape(*pieces.k.shape[:3], 1, -1)
     else:
         k = fluid.own(along_paths(pieces, each, steps))
-    return _Supply(
-        pieces, k, fluid.pressures, fluid.piecewise, number, paths, scene.parted_steps, False
-    )
+    own = fluid.pressures, fluid.piecewise
+    return _Supply(scene, tiles, pieces, k, *own, number, paths, scene.parted_steps, False)
 
 
 @dataclass(frozen=True, eq=False)
@@ -212,20 +240,13 @@ class _Realisation:
     solvers: SolverCounts
 
 
-def _drawn(
-    scene: Scene, tiles: SealTiles, supply: _Supply, sampling: Sampling, mapper: Mapper
-) -> list[_Realisation]:
+def _drawn(supply: _Supply, sampling: Sampling, mapper: Mapper) -> list[_Realisation]:
     """The given number of seals, or as many as the band needs."""
-    stage = Stage(
-        "drawn seals",
-        partial(_realise, scene=scene, tiles=tiles, supply=supply, seed=sampling.seed),
-    )
-    count = sampling.realisations or FEWEST_SEALS
+    stage = Stage("drawn seals", partial(_realise, supply=supply, seed=sampling.seed))
+    kind, count = _kind(supply.tiles, sampling), sampling.realisations or FEWEST_SEALS
     drawn = list(mapper(stage, range(count)))
     while sampling.realisations is None:
-        wanted = _needed(
-            scene.steps, np.array([one.leakage for one in drawn]), _kind(tiles, sampling)
-        )
+        wanted = _needed(supply.scene.steps, np.array([one.leakage for one in drawn]), kind)
         more = min(wanted, 4 * len(drawn))
         if more <= len(drawn):
             break
@@ -258,33 +279,22 @@ def _medians(leakage: Array) -> Array:
     return np.array([np.median(column) if column.size else np.nan for column in known])
 
 
-def _stream(seed: int, realisation: int) -> np.random.Generator:
-    """Random numbers of a realisation, whoever draws it."""
-    return np.random.default_rng(np.random.SeedSequence(seed, spawn_key=(realisation,)))
-
-
-def _realise(
-    realisation: int, *, scene: Scene, tiles: SealTiles, supply: _Supply, seed: int
-) -> _Realisation:
+def _realise(realisation: int, *, supply: _Supply, seed: int) -> _Realisation:
     """Draw one seal and solve its flow at every step that has one.
 
     Where pieces stay in their rows, the seal leaks what the face leaks, times the ratio of its tiles to the pieces in
     their own order, at most twice or half.
     """
-    piece = tiles.draw(supply.pieces.cut.shape, _stream(seed, realisation))
-    leakage, failures, solvers = np.full(len(scene.steps), np.nan), [], []
+    piece, steps = supply.draw(seed, realisation), supply.scene.steps
+    leakage, failures, solvers = np.full(len(steps), np.nan), [], []
     face, own = supply.pieces.face, supply.pieces.own
-    skipped = {s for s, _ in supply.unsolved}
-    for s, step in enumerate(scene.steps):
-        if s in skipped or not np.isfinite(supply.k[:, :, s]).all():
-            continue
+    for s in supply.solved:
         if supply.in_place and own[s] == 0:
             leakage[s] = face[s]
             continue
-        given = supply.permeability(tiles, piece, s)
-        found = attempt(scene.leakage, tiles.seal, given, DRAWN_RTOL)
+        _, found = supply.flow(piece, s)
         if isinstance(found, Failed):
-            failures.append(f"realisation {realisation}, {step.name}: {found.reason}")
+            failures.append(f"realisation {realisation}, {steps[s].name}: {found.reason}")
             continue
         leakage[s] = found.per_length
         solvers.append(SolverCounts.of(found))
@@ -293,19 +303,13 @@ def _realise(
     return _Realisation(leakage, tuple(failures), SolverCounts.total(solvers))
 
 
-def _median_seal(
-    realisation: int, *, scene: Scene, tiles: SealTiles, supply: _Supply, seed: int
-) -> MedianSeal:
+def _median_seal(realisation: int, *, supply: _Supply, seed: int) -> MedianSeal:
     """Draw a realisation again and keep its fields."""
-    piece = tiles.draw(supply.pieces.cut.shape, _stream(seed, realisation))
+    scene, tiles, piece = supply.scene, supply.tiles, supply.draw(seed, realisation)
     shape = len(scene.steps), len(tiles.outlines)
     k, p, flux = (np.full((*shape, *plane), np.nan) for plane in ((), (), (2,)))
-    skipped = {s for s, _ in supply.unsolved}
-    for s in range(len(scene.steps)):
-        if s in skipped or not np.isfinite(supply.k[:, :, s]).all():
-            continue
-        given = supply.permeability(tiles, piece, s)
-        found = attempt(scene.leakage, tiles.seal, given, DRAWN_RTOL)
+    for s in supply.solved:
+        given, found = supply.flow(piece, s)
         if isinstance(found, Failed):
             continue
         at_solution = given if found.permeability is None else found.permeability
@@ -345,43 +349,12 @@ def _with_form(median: MedianSeal, tiles: SealTiles, formed: SealContact) -> Med
     return replace(median, form=form, separation=separation, nominal=pressure)
 
 
-def _rows(scene: Scene, supply: _Supply, formed: SealContact | None) -> tuple[Array | None, float]:
-    """Mean contact pressure of the rows of the seal (steps, rows) [Pa], if it has any, and their breadth [m]."""
-    if formed is not None and formed.grid.has_rows:
-        return formed.rows, formed.grid.spacing[0]
-    return supply.pieces.rows if supply.in_place else None, scene.surface.spacing[0]
-
-
-def _places(scene: Scene, supply: _Supply, leakage: Array) -> PlaceLeakage | None:
+def _places(supply: _Supply, leakage: Array) -> PlaceLeakage | None:
     """Leakage by measured places: that of the seals, times the ratio of the face of those places to the whole one."""
     pieces = supply.pieces
     if pieces.places is None:
         return None
-    face, *places = (_at_nominal(scene, pieces, q) for q in (pieces.face, *pieces.places))
+    face, *places = map(supply.at_nominal, (pieces.face, *pieces.places))
     with np.errstate(divide="ignore", invalid="ignore"):
         scale = np.where(face > 0, _medians(leakage) / face, 1.0)
-    count = len(places) // (2 if len(places) >= 2 * FEWEST else 1)
-    every = scale * np.array(places)
-    return PlaceLeakage(every[:count], every[count:] if count >= FEWEST else None)
-
-
-def _over_tiles(scene: Scene, supply: _Supply, values: Array) -> Array:
-    """Means over the tiles, each at its own pressure, of values of the states, which fall with the pressure."""
-    if supply.pieces.steps == scene.steps:
-        return values
-    weights = np.bincount(supply.path, minlength=supply.paths.shape[1]) / supply.path.size
-    return _along(scene, supply.pieces, values, supply.paths) @ weights
-
-
-def _at_nominal(scene: Scene, pieces: FacePieces, values: Array) -> Array:
-    """Values of the states, which fall with the pressure, at the loads of the scene less the mean of its fluid."""
-    if pieces.steps == scene.steps:
-        return values
-    return _along(scene, pieces, values, scene.steps.pressures[:, None])[:, 0]
-
-
-def _along(scene: Scene, pieces: FacePieces, values: Array, paths: Array) -> Array:
-    """Values of the states along paths of the nominal pressure (steps, paths) [Pa], less the mean of the fluid."""
-    fluid = scene.acting_fluid
-    relief = 0.0 if fluid is None else float(fluid.relief([fluid.mean])[0])
-    return PieceCurves(pieces.steps, values).along(np.maximum(paths - relief, 0.0), scene.steps)
+    return PlaceLeakage.of(scale * np.array(places))

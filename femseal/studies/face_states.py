@@ -117,6 +117,14 @@ class PlaceLeakage(Shown):
         default=None,
     )
 
+    @classmethod
+    def of(cls, leakage: Array) -> PlaceLeakage:
+        """From the leakage of each place, and from three on of all but each (2 places, steps)."""
+        places = len(leakage) // 2
+        if places < FEWEST:
+            return cls(leakage)
+        return cls(leakage[:places], leakage[places:])
+
     computed_fields: ClassVar[dict[str, Field]] = {
         "scatter": Field(
             "place_scatter",
@@ -161,7 +169,6 @@ def place_leakage(
     surface = scene.surface
     if not isinstance(surface, Places):
         return None
-    count = len(surface.widths)
     solve = partial(
         permeabilities_of_places,
         widths=surface.widths,
@@ -171,8 +178,7 @@ def place_leakage(
     found = mapper(Stage("flow of places", solve), gap)
     # leakage per length of a unit permeability
     unit = scene.leakage(RectangularSeal(surface.size, (1, 1)), 1.0).per_length
-    leakage = unit * np.array(list(found)).T
-    return PlaceLeakage(leakage[:count], leakage[count:] if count >= FEWEST else None)
+    return PlaceLeakage.of(unit * np.array(list(found)).T)
 
 
 def permeabilities_of_places(
