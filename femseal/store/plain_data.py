@@ -43,21 +43,31 @@ def packed(value: Any) -> bytes:
         size += len(data)
         return size - len(data)
 
-    text = json.dumps(_described(value, kept)).encode()
+    text = json.dumps(described(value, kept)).encode()
     return b"".join([len(text).to_bytes(_LENGTH, "little"), text, *content])
 
 
-def _described(value: Any, kept: Callable[[bytes], int]) -> Any:
-    """A value as nested lists, numbers and texts; bytes of arrays go to `kept`, which returns where they begin."""
+def described(
+    value: Any, kept: Callable[[bytes], int], named: Callable[[Any], Any] | None = None
+) -> Any:
+    """A value as nested lists, numbers and texts; bytes of arrays go to `kept`, which returns a number for their place.
+
+    named : gives what stands for a value that is no plain data.
+
+    Raises TypeError: something is no plain data, and nothing stands for it.
+    """
     kind = type(value)
     if value is None or kind in (bool, int, str):
         return value
     if kind is float:
         return ["float", kept(np.float64(value).tobytes())]
     if kind in (tuple, list):
-        return [kind.__name__, *(_described(v, kept) for v in value)]
+        return [kind.__name__, *(described(v, kept, named) for v in value)]
     if kind is dict:
-        return ["dict", *([_described(k, kept), _described(v, kept)] for k, v in value.items())]
+        return [
+            "dict",
+            *([described(k, kept, named), described(v, kept, named)] for k, v in value.items()),
+        ]
     if kind is bytes:
         return ["bytes", len(value), kept(value)]
     if isinstance(value, np.generic) and value.dtype.kind in _NUMBERS:
@@ -69,8 +79,10 @@ def _described(value: Any, kept: Callable[[bytes], int]) -> Any:
         )
         return ["array", value.dtype.str, list(value.shape), order, kept(value.tobytes(order))]
     if is_dataclass(kind) and kind.__module__.partition(".")[0] == _PACKAGE:
-        values = (_described(getattr(value, f.name), kept) for f in fields(kind))
+        values = (described(getattr(value, f.name), kept, named) for f in fields(kind))
         return [f"{kind.__module__}.{kind.__qualname__}", *values]
+    if named is not None:
+        return described(named(value), kept, named)
     raise TypeError(f"a {kind.__name__} is no plain data")
 
 
@@ -104,7 +116,7 @@ def _reader(text: bytes) -> _Reader:
 
 
 def _reader_of(tree: Any) -> _Reader:
-    """What makes the value that `_described` described."""
+    """What makes the value that `described` described."""
     if not isinstance(tree, list):
         if isinstance(tree, dict):
             raise ValueError("no description of a value")

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import errno
 import hashlib
+import json
 import logging
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator
@@ -22,11 +23,9 @@ from struct import Struct
 from typing import Any, BinaryIO
 from uuid import uuid4
 
-import numpy as np
-
 from ..base import Mapper, NotKept, Stage, counted, numerical_versions
 from ..base.files import opened_plain
-from .plain_data import packed, unpacked
+from .plain_data import described, packed, unpacked
 
 
 class Unnamed(TypeError):
@@ -34,68 +33,43 @@ class Unnamed(TypeError):
 
 
 def digest(value: Any) -> str:
-    """Digest of numbers, texts, arrays, contents of files, functions of modules, and of what is made of them.
+    """Digest of plain data, contents of files, functions of modules, and of what is made of them.
 
     Raises Unnamed: something else, such as a function inside a function, or a file that cannot be read.
     """
-    state = hashlib.blake2b(digest_size=16)
-    _feed(state, value)
+    state, size = hashlib.blake2b(digest_size=16), 0
+
+    def added(data: bytes) -> int:
+        nonlocal size
+        state.update(data)
+        size += len(data)
+        return size
+
+    state.update(json.dumps(described(value, added, _named)).encode())
     return state.hexdigest()
 
 
-def _feed(state: Any, value: Any) -> None:
-    """Add a value to a digest, by its type and content."""
-    kind = type(value)
-    name = f"{kind.__module__}.{kind.__qualname__}"
-    if value is None or kind in (bool, int, float, complex, str, bytes):
-        state.update(f"{name}:{value!r};".encode())
-    elif isinstance(value, (np.ndarray, np.generic)):
-        if value.dtype.hasobject:
-            raise Unnamed(name)
-        array = np.ascontiguousarray(value)
-        # sums over an array depend on its order in memory
-        order = (
-            "F"
-            if isinstance(value, np.ndarray) and value.flags.f_contiguous and value.ndim > 1
-            else "C"
-        )
-        state.update(f"array:{array.dtype.str}{np.shape(value)}{order};".encode())
-        state.update(array.reshape(-1).view(np.uint8).data if array.size else b"")
-    elif isinstance(value, (tuple, list)):
-        state.update(f"{name}{len(value)}[".encode())
-        for item in value:
-            _feed(state, item)
-    elif isinstance(value, dict):
-        state.update(f"{name}{len(value)}{{".encode())
-        for key, item in value.items():
-            _feed(state, key)
-            _feed(state, item)
-    elif isinstance(value, Path):
+def _named(value: Any) -> Any:
+    """What stands for a value that is no plain data in a digest."""
+    name = getattr(value, "__qualname__", "<")
+    of = getattr(value, "__self__", None)
+    if isinstance(value, Path):
         try:
             with value.open("rb") as file:
-                state.update(b"file:" + hashlib.file_digest(file, "sha256").digest())
+                return "file", hashlib.file_digest(file, "sha256").digest()
         except OSError as error:
             raise Unnamed(str(error)) from None
-    elif isinstance(value, partial):
-        state.update(b"partial(")
-        _feed(state, (value.func, value.args, value.keywords))
-    elif is_dataclass(kind):
-        state.update(f"{name}(".encode())
-        for f in fields(value):
-            _feed(state, getattr(value, f.name))
-    elif (
-        callable(value) and "<" not in getattr(value, "__qualname__", "<") and _is_of_module(value)
-    ):
-        of = getattr(getattr(value, "__self__", None), "__qualname__", "")
-        state.update(f"function:{value.__module__}.{value.__qualname__}{of};".encode())
-    else:
-        raise Unnamed(name)
-
-
-def _is_of_module(function: Any) -> bool:
-    """Whether a function is one of a module or of a class, and not of an object."""
-    of = getattr(function, "__self__", None)
-    return of is None or isinstance(of, type)
+    if isinstance(value, partial):
+        return "partial", value.func, value.args, value.keywords
+    if isinstance(value, tuple | list):
+        return type(value).__qualname__, *value
+    if is_dataclass(value) and not isinstance(value, type):
+        kind = type(value)
+        return kind.__module__, kind.__qualname__, *(getattr(value, f.name) for f in fields(value))
+    # a function of a module or of a class, and not of an object
+    if callable(value) and "<" not in name and (of is None or isinstance(of, type)):
+        return "function", value.__module__, name, getattr(of, "__qualname__", "")
+    raise Unnamed(type(value).__qualname__)
 
 
 log = logging.getLogger("femseal.store")
