@@ -33,14 +33,6 @@ UNDER_WAY = 2
 MOST_SENT = 8
 #: How often a task is sent again after the cluster has lost its data.
 RETRIES = 10
-#: Settings of a cluster of its own. By default workers profile themselves, and every process looks at its loop, its
-#: memory and its machine up to 50 times a second: 7 % of a core where nothing is computed, 1 % so.
-QUIET = {
-    "distributed.worker.profile.enabled": False,
-    "distributed.admin.tick.interval": "1s",
-    "distributed.worker.memory.monitor-interval": "1s",
-    "distributed.admin.system-monitor.interval": "5s",
-}
 
 
 @contextmanager
@@ -66,7 +58,7 @@ def over_cluster(scheduler: str, count: int) -> Iterator[Mapper]:
             f"distributed.nanny.pre-spawn-environ.{name}": value
             for name, value in ENVIRONMENT.items()
         }
-        with starting_processes(), config.set(environment | QUIET):
+        with starting_processes(), config.set(environment):
             one_each: dict[str, Any] = {
                 "n_workers": count,
                 "threads_per_worker": 1,

@@ -27,7 +27,7 @@ if TYPE_CHECKING:
     from .drawn_study import cut_and_tiles, stochastic
     from .face_study import FaceResult, deterministic, two_scale
     from .other_fluid import OtherLeakage, drop_ratio
-    from .sampling import Sampling, laid_out, lay_out_tiles
+    from .sampling import Sampling, laid_out
     from .scene import FluidState, Scene
     from .stochastic_result import StochasticResult
     from .study_registry import STUDIES, Study, StudyOptions, StudyResult, study_of_result

@@ -100,7 +100,10 @@ def longer_waves(
     hurst = max(holds.hurst, _LEAST_HURST) if holds.rises else 1.0
     rms = _rms_between(holds, hurst, side, longest) if holds.rises else inf
     dry = scene.dry()
-    programme, found = layer_states(dry, _Taken(dry.flow, dry.surface.spacing), mapper)
+    take = partial(
+        _gap_and_permeability, flow=replace(dry.flow, spiral=None), spacing=dry.surface.spacing
+    )
+    programme, found = layer_states(dry, take, mapper)
     gaps, k = np.array(found).T
     leaks = partial(
         _leakage, dry, tiles, RoughLayer.of_gaps(dry, programme, gaps), PieceCurves(programme, k)
@@ -133,19 +136,13 @@ def _leakage(
     return np.array([np.nan if isinstance(one, Failed) else one.per_length for one in found])
 
 
-@dataclass(frozen=True)
-class _Taken:
-    """What is taken of a state: mean gap [m] and permeability of the face [m³], NaN where its flow failed."""
-
-    flow: FlowSettings
-    spacing: Pair
-
-    def __call__(self, state: LoadState) -> Pair:
-        gap = state.contact.gap
-        found = attempt(resolved_flow, gap, self.spacing, replace(self.flow, spiral=None))
-        return float(state.contact.mean_gap), np.nan if isinstance(
-            found, Failed
-        ) else found.permeability
+def _gap_and_permeability(
+    state: LoadState, *, flow: FlowSettings, spacing: Pair
+) -> tuple[float, float]:
+    """Mean gap [m] of a state and permeability of the face [m³], NaN where its flow failed."""
+    found = attempt(resolved_flow, state.contact.gap, spacing, flow)
+    k = np.nan if isinstance(found, Failed) else found.permeability
+    return float(state.contact.mean_gap), k
 
 
 def _rms_between(holds: Representative, h: float, shortest: float, longest: float) -> float:

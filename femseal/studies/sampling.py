@@ -75,35 +75,24 @@ class Sampling:
         return is_uniform(self.pressure_map) and not self.form
 
 
-def lay_out_tiles(layout: Layout, cut: Cut, sampling: Sampling) -> SealTiles:
-    """Tiles of the seal, each as large as a piece of the face.
-
-    They stay in the rows of the face where the seal is as broad and pressed evenly.
-
-    Raises InputError: see `seal.layouts.Layout.lay_out`.
-    """
-    even = sampling.presses_evenly
-    most = MOST_TILES if even else None
-    tiles = layout.lay_out(
-        PieceSize(cut.size, cut.shape[0], sampling.length, sampling.breadth, most)
-    )
-    if tiles.in_place and not even:
-        return replace(tiles, in_place=False)
-    return tiles
-
-
 def laid_out(
     surface: Topography, layout: Layout, pieces: Shape | None, sampling: Sampling
 ) -> tuple[Cut, SealTiles]:
     """The cut of a face into pieces along x1 and x2, and the tiles of the seal, each as large as a piece.
 
-    pieces : None: as many as suit the seal, see `face.pieces.usual_pieces`.
+    pieces : None: as many as suit the seal, see `face.pieces.usual_pieces`. They stay in the rows of the face where the
+    seal is as broad and pressed evenly.
 
     Raises InputError: pieces that are too small; see `seal.layouts.Layout.lay_out`.
     """
-    cut = Cut.of(surface, pieces or usual_pieces(surface, in_place=True))
-    tiles = lay_out_tiles(layout, cut, sampling)
-    if pieces is None and not tiles.in_place:
-        cut = Cut.of(surface, usual_pieces(surface))
-        tiles = lay_out_tiles(layout, cut, sampling)
+    even = sampling.presses_evenly
+    most = MOST_TILES if even else None
+    for in_place in (True, False):
+        cut = Cut.of(surface, pieces or usual_pieces(surface, in_place=in_place))
+        tiles = layout.lay_out(
+            PieceSize(cut.size, cut.shape[0], sampling.length, sampling.breadth, most)
+        )
+        tiles = replace(tiles, in_place=tiles.in_place and even)
+        if pieces or tiles.in_place:
+            break
     return cut, tiles
