@@ -5,7 +5,6 @@ from __future__ import annotations
 import asyncio
 import logging
 import sys
-import time
 import warnings
 from collections import deque
 from collections.abc import Iterable, Iterator
@@ -13,7 +12,6 @@ from concurrent.futures import CancelledError, ThreadPoolExecutor
 from contextlib import ExitStack, contextmanager
 from functools import lru_cache, partial
 from itertools import islice
-from math import inf
 from threading import Event
 from typing import Any
 
@@ -25,8 +23,6 @@ log = logging.getLogger("femseal.execution.cluster")
 ANSWER_SECONDS = 5
 #: Time limit for a cluster without workers, at the start or after the last one has left [s].
 WORKER_SECONDS = 600
-#: How often the cluster is asked for its threads [s].
-COUNT_SECONDS = 1.0
 #: Tasks sent for each thread of the cluster: one is computed while the next one waits.
 UNDER_WAY = 2
 #: Tasks sent, with those that are done and wait for an earlier one, for each of these.
@@ -125,11 +121,9 @@ def _map(client: Any, stage: Stage, *iterables: Iterable[Any]) -> Iterator[Any]:
     stage_there = _scattered(client, stage)
     sent: deque[tuple[tuple[Any, ...], Any]] = deque()
     one_is_done = Event()
-    counted = -inf
     while True:
         one_is_done.clear()
-        if (now := time.perf_counter()) - counted >= COUNT_SECONDS:
-            counted, wanted = now, UNDER_WAY * max(1, _threads(client))
+        wanted = UNDER_WAY * max(1, _threads(client))
         free = min(
             wanted - sum(not task.done() for _, task in sent), MOST_SENT * wanted - len(sent)
         )

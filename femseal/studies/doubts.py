@@ -33,19 +33,15 @@ _IDEAL_UP_TO = 20e5
 
 def scene_warnings(scene: Scene) -> tuple[str, ...]:
     """One sentence for each implausible number of a scene."""
-    return (*_modulus_warnings(scene), *_pressure_warnings(scene), *_surface_warnings(scene))
+    return tuple(_implausible(scene))
 
 
-def _modulus_warnings(scene: Scene) -> Iterator[str]:
-    """A contact modulus that is not that of metals: below half of theirs, or more than a fifth above."""
+def _implausible(scene: Scene) -> Iterator[str]:
+    """A modulus not of metals, loads that the fluid carries or near the hardness, a gas into a vacuum, steep slopes."""
     low, high = 0.5 * YOUNG_LIMITS[0], 1.2 * YOUNG_LIMITS[1]
     if not low <= scene.modulus <= high:
         usual = f"{to_text(low, 'Pa')} to {to_text(high, 'Pa')}"
         yield f"the contact modulus {to_text(scene.modulus, 'Pa')} is not that of metals ({usual}): is its unit right?"
-
-
-def _pressure_warnings(scene: Scene) -> Iterator[str]:
-    """Loads that the fluid carries alone, a gas into a vacuum, loads near the hardness."""
     steps, fluid = scene.steps, scene.acting_fluid
     parted = [
         step
@@ -73,6 +69,12 @@ def _pressure_warnings(scene: Scene) -> Iterator[str]:
             f"the nominal pressure of {to_text(highest, 'Pa')} is {highest / hardness:.0%} of the hardness "
             f"{to_text(hardness, 'Pa')}: most of the face is plastic then, for which the model is not made"
         )
+    slope = scene.surface.rms_slope
+    if slope > _STEEP:
+        yield (
+            f"the rms slope of the face is {slope:.2g}, and a half-space is for slopes well below 1: check the units "
+            "of heights and pixel, or take a longer surface.shortest_wave"
+        )
 
 
 def gas_warnings(key: str, fluid: Any, inlet: float, outlet: float) -> Iterator[str]:
@@ -87,16 +89,6 @@ def gas_warnings(key: str, fluid: Any, inlet: float, outlet: float) -> Iterator[
         f"{key} is an ideal gas from {to_text(inlet, 'Pa')}, above {to_text(_IDEAL_UP_TO, 'Pa')}, with {error}: "
         "kind = 'real-gas' with its name takes density and viscosity as they are (pip install 'femseal[fluids]')"
     )
-
-
-def _surface_warnings(scene: Scene) -> Iterator[str]:
-    """Slopes that are too steep for a half-space."""
-    slope = scene.surface.rms_slope
-    if slope > _STEEP:
-        yield (
-            f"the rms slope of the face is {slope:.2g}, and a half-space is for slopes well below 1: check the units "
-            "of heights and pixel, or take a longer surface.shortest_wave"
-        )
 
 
 #: Groups of waves into which a spectrum is put together, and the part of the mean square slope that is rounding.
