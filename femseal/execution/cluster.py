@@ -35,7 +35,7 @@ RETRIES = 10
 def over_cluster(scheduler: str, count: int) -> Iterator[Mapper]:
     """A mapper over the cluster of a scheduler; "local" starts one with `count` processes, which end with the context.
 
-    Raises InputError: as `mappers.ordered_map`.
+    Raises InputError: as `run.ordered_map`.
     """
     try:
         from dask import config
