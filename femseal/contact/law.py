@@ -20,7 +20,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ..base import Array, InputError, Shape, reals, to_text
-from ..store.digest import Unnamed, digest
+from ..store.store import Unnamed, digest
 
 #: Newton steps, or halvings, of a projection onto a curved law, one for a straight line; steepest fall over c for them.
 _NEWTON_STEPS, _STEEPEST = 60, 0.8
