@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
-import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from typing import Any
 
-from ..base import Array, InputError, Lengths, NotConverged
-from ..base.compiled import compiled
+import numpy as np
+import scipy.sparse as sp
+from numpy.typing import ArrayLike, NDArray
+from scipy.sparse.csgraph import breadth_first_order, connected_components
+
+from ..base import Array, Indices, InputError, Lengths, NotConverged
 from .assembly import assemble_on_links
 from .coefficient import permeability_on_links, unit_spacing, validated_gap
 from .grid import Grid
@@ -95,7 +98,7 @@ def _solved(
     c, start, end, mean_drop = (np.concatenate(part) for part in zip(*parts, strict=True))
     # one node of each component is given; the others are unknown
     roots = np.zeros(size, bool)
-    roots[np.unique(label)] = True
+    roots[np.unique(label, return_index=True)[1]] = True
     unknown = np.flatnonzero(carrying.ravel() & ~roots)
     matrix = stencil.to_csr()[unknown][:, unknown]
     drop, correction = mean_drop, np.zeros((size, 2))
@@ -123,71 +126,38 @@ def _solved(
     return before, error
 
 
-@compiled()
-def _winding_components(c1, c2):
+def _winding_components(c1: Array, c2: Array) -> tuple[Indices, Any]:
     """Doubly periodic network: component of each node, and which components wind around each axis.
 
-    c1, c2 (n1, n2) link node (i, j) to (i + 1, j) and (i, j + 1), wrapped. Each node keeps its displacement to its
-    parent, so that a link closing a loop shows how often the loop winds around the cell.
+    c1, c2 (n1, n2) link node (i, j) to (i + 1, j) and (i, j + 1), wrapped. Each node gets its displacement from the
+    root of a tree of its component, so that a link that is not in the tree shows how often its loop winds.
     """
-    n1, n2 = c1.shape
-    n = n1 * n2
-    parent = np.arange(n)
-    shift = np.zeros((n, 2), np.int64)
-    winds = np.zeros((n, 2), np.bool_)
-    for axis in range(2):
-        for i in range(n1):
-            for j in range(n2):
-                if (c1[i, j] if axis == 0 else c2[i, j]) <= 0:
-                    continue
-                a = i * n2 + j
-                if axis == 0:
-                    b = ((i + 1) % n1) * n2 + j
-                else:
-                    b = i * n2 + (j + 1) % n2
-                sa0 = sa1 = sb0 = sb1 = 0
-                while parent[a] != a:
-                    sa0 += shift[a, 0]
-                    sa1 += shift[a, 1]
-                    a = parent[a]
-                while parent[b] != b:
-                    sb0 += shift[b, 0]
-                    sb1 += shift[b, 1]
-                    b = parent[b]
-                # displacement from root b to root a along the new link
-                d0 = sb0 - sa0 - (1 if axis == 0 else 0)
-                d1 = sb1 - sa1 - (1 if axis == 1 else 0)
-                if a == b:
-                    winds[a, 0] |= d0 != 0
-                    winds[a, 1] |= d1 != 0
-                else:
-                    parent[a] = b
-                    shift[a, 0] = d0
-                    shift[a, 1] = d1
-                    winds[b, 0] |= winds[a, 0]
-                    winds[b, 1] |= winds[a, 1]
-                # compress the path of the node the link started from
-                a = i * n2 + j
-                t0 = t1 = 0
-                c = a
-                while parent[c] != c:
-                    t0 += shift[c, 0]
-                    t1 += shift[c, 1]
-                    c = parent[c]
-                while parent[a] != a:
-                    up = parent[a]
-                    u0 = shift[a, 0]
-                    u1 = shift[a, 1]
-                    parent[a] = c
-                    shift[a, 0] = t0
-                    shift[a, 1] = t1
-                    t0 -= u0
-                    t1 -= u1
-                    a = up
-    label = np.empty(n, np.int64)
-    for a in range(n):
-        c = a
-        while parent[c] != c:
-            c = parent[c]
-        label[a] = c
+    n = c1.size
+    node = np.arange(n).reshape(c1.shape)
+    parts = []
+    for axis, c in enumerate((c1, c2)):
+        at_seam = np.indices(c.shape)[axis] == c.shape[axis] - 1
+        passes = np.zeros((*c.shape, 2), np.int64)
+        passes[at_seam, axis] = 1
+        parts.append((node[c > 0], np.roll(node, -1, axis)[c > 0], passes[c > 0]))
+    # the nodes of each link, and how often it passes the seam of both axes
+    start, end, seams = (np.concatenate(part) for part in zip(*parts, strict=True))
+    graph = sp.coo_array((np.ones(start.size), (start, end)), shape=(n, n))
+    count, label = connected_components(graph, directed=False)
+    roots = np.unique(label, return_index=True)[1]
+    # node n is joined to one node of each component, so that one search finds trees of all
+    i, j = np.concatenate([start, np.full(count, n)]), np.concatenate([end, roots])
+    joined = sp.coo_array((np.ones(i.size), (i, j)), shape=(n + 1, n + 1)).tocsr()
+    _, parent = breadth_first_order(joined, n, directed=False)
+    parent[n] = n
+    turns = np.zeros((n + 1, 2), np.int64)
+    for a, b, sign in ((start, end, 1), (end, start, -1)):
+        in_tree = parent[b] == a
+        turns[b[in_tree]] = sign * seams[in_tree]
+    while (parent != n).any():  # twice as far up each time
+        turns += turns[parent]
+        parent = parent[parent]
+    winds = np.zeros((count, 2), bool)
+    around = turns[start] + seams != turns[end]
+    np.logical_or.at(winds, label[start], around)
     return label, winds
