@@ -7,15 +7,15 @@ Ambegaokar, Halperin & Langer, Phys. Rev. B 4, 1971, 2612; for seals Persson & Y
 
 from __future__ import annotations
 
+from bisect import bisect_left
 from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from ..base.arrays import Lengths
-from ..base.compiled import compiled
 from .coefficient import gap_on_links, validated_cell
-from .percolation import find, union
+from .percolation import nodes_reached
 
 
 @dataclass(frozen=True)
@@ -45,34 +45,23 @@ def critical_constriction(
     h1, h2 = gap_on_links(h, False, sides == "periodic")
     values = np.concatenate([h1.ravel(), h2.ravel()])
     widest_first = np.argsort(-values, kind="stable")
-    link = _joining(widest_first, values, h.shape[0], h.shape[1], h2.shape[1])
-    if link < 0:
+    # a link is as wide as the number of those after it, as two may have the same gap
+    width = np.empty(values.size)
+    width[widest_first] = np.arange(values.size, 0, -1)
+    width[values <= 0] = 0
+    along, across = width[: h1.size].reshape(h1.shape), width[h1.size :].reshape(h2.shape)
+    opened = bisect_left(
+        range(1, np.count_nonzero(width) + 1),
+        True,
+        key=lambda n: bool(nodes_reached(along, across, values.size - n + 1)[0, 0] == 3),
+    )
+    if opened == np.count_nonzero(width):
         return None
+    link = int(widest_first[opened])
     if link < h1.size:
-        i, j = divmod(int(link), h1.shape[1])
+        i, j = divmod(link, h1.shape[1])
         position = (i * d1, (j + 0.5) * d2)
     else:
-        i, j = divmod(int(link) - h1.size, h2.shape[1])
+        i, j = divmod(link - h1.size, h2.shape[1])
         position = ((i + 0.5) * d1, (j + 1) * d2)
     return Constriction(position if axis == 0 else position[::-1], float(values[link]))
-
-
-@compiled()
-def _joining(widest_first, values, n1, n2, m2):
-    """Number of the link that joins inlet and outlet; −1 without an open path."""
-    parent = np.arange(n1 * n2 + 2).astype(np.int32)
-    inlet, outlet = n1 * n2, n1 * n2 + 1
-    along = (n1 + 1) * n2
-    for link in widest_first:
-        if values[link] <= 0.0:
-            return -1
-        if link < along:
-            i, j = link // n2, link % n2
-            a = inlet if i == 0 else (i - 1) * n2 + j
-            b = outlet if i == n1 else i * n2 + j
-        else:
-            i, j = (link - along) // m2, (link - along) % m2
-            a, b = i * n2 + j, i * n2 + (j + 1) % n2
-        if union(parent, a, b) and find(parent, inlet) == find(parent, outlet):
-            return link
-    return -1
