@@ -261,26 +261,3 @@ def _factors(exponent):
     """Factors over a power of two, which changes no digit; two of half the exponent are in range."""
     half = exponent // 2
     return ldexp(1.0, -half), ldexp(1.0, half - exponent)
-
-
-@compiled()
-def percolates(is_open):
-    """Whether pixels (n1, n2), periodic along x2, join the ends of x1 over common sides.
-
-    Depth-first search from the inlet, towards the outlet first.
-    """
-    n1, n2 = is_open.shape
-    seen = np.zeros((n1, n2), np.bool_)
-    waiting = [(0, j) for j in range(n2)]
-    while waiting:
-        i, j = waiting.pop()
-        if i < 0 or not is_open[i, j] or seen[i, j]:
-            continue
-        if i == n1 - 1:
-            return True
-        seen[i, j] = True
-        waiting.append((i - 1, j))
-        waiting.append((i, (j - 1) % n2))
-        waiting.append((i, (j + 1) % n2))
-        waiting.append((i + 1, j))
-    return False

@@ -12,9 +12,8 @@ from functools import cache
 import numpy as np
 
 from femseal import HalfSpace, cell_permeability, self_affine, solve_contact
-from femseal.flow.percolation import percolates
 
-from .faces import MODULUS, SLOPE
+from .faces import MODULUS, SLOPE, percolates
 
 CLAIMED = 0.415
 #: Longest waves on a side, and number of faces of each.
@@ -49,7 +48,7 @@ class Face:
     def _state(self, load):
         contact = self.contact(load, 1e-5)
         is_open = contact.pressure == 0
-        ways = (percolates(np.ascontiguousarray(way)) for way in (is_open, is_open.T))
+        ways = (percolates(way) for way in (is_open, is_open.T))
         return *ways, contact.area_fraction_corrected
 
     def closing(self, axis, steps=8):

@@ -12,9 +12,8 @@ from __future__ import annotations
 import numpy as np
 
 from femseal import HalfSpace, self_affine, solve_contact, turned
-from femseal.flow.percolation import percolates
 
-from .faces import MODULUS
+from .faces import MODULUS, percolates
 
 YIELD = 400e6
 HARDNESS = 2.75 * YIELD

@@ -8,7 +8,8 @@ bisection; the grooves themselves are still open.
 from __future__ import annotations
 
 from femseal import HalfSpace, named_solid, solve_contact, turned
-from femseal.flow.percolation import percolates
+
+from .faces import percolates
 
 D, POINTS = 1.5e-6, (256, 256)
 CLAIMED = 50e6
