@@ -10,7 +10,7 @@ from skfem import MeshQuad, MeshQuad2, MeshTet, MeshTri
 
 from femseal.analytic import stripes_across, stripes_along
 from femseal.base.errors import InputError, NotConverged
-from femseal.flow import mesh_system
+from femseal.flow import mesh as flow_through_mesh
 from femseal.flow.mesh import darcy_conductance
 
 LINEAR = [MeshTri, MeshQuad]
@@ -152,13 +152,13 @@ def test_bad_meshes_and_ends():
 
 
 def test_flows_that_do_not_balance_are_refused(monkeypatch):
-    exact = mesh_system.solve_spd
+    exact = flow_through_mesh.solve_spd
 
     def careless(*given, **options):
         solution = exact(*given, **options)
         return replace(solution, x=1.01 * solution.x)
 
-    monkeypatch.setattr(mesh_system, "solve_spd", careless)
+    monkeypatch.setattr(flow_through_mesh, "solve_spd", careless)
     with pytest.raises(NotConverged, match=r"^flow: inlet and outlet differ by .* of the flow"):
         flow(rectangle(MeshTri, 3, 3), 1.0)
 
