@@ -133,23 +133,3 @@ def energy_of(begin, end, along, across, p):
             of_row += across[i, n2 - 1] * (here[n2 - 1] - here[0]) ** 2
         total += of_row
     return total
-
-
-@compiled()
-def end_flows(along, potential, complement):
-    """Flow into the inlet and out of the outlet of a potential and its complement."""
-    n1, n2 = along.shape
-    inlet = outlet = 0.0
-    for j in range(n2):
-        inlet += along[0, j] * complement[1, j]
-        outlet += along[n1 - 1, j] * potential[n1 - 1, j]
-    return inlet, outlet
-
-
-@compiled()
-def leave_out(begin, end, keep, potential, complement):
-    """Make some rows of a potential and its complement NaN where nodes are not kept."""
-    for i in range(begin, end):
-        for j in range(keep.shape[1]):
-            if not keep[i, j]:
-                potential[i, j] = complement[i, j] = np.nan

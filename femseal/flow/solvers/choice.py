@@ -16,12 +16,12 @@ from numpy.typing import NDArray
 
 from ...base import Array, Flags, NotConverged, validate
 from ...base.compiled import compiled
-from ...base.threads import ZERO, number, on_threads, over, rows
+from ...base.threads import number, on_threads, over, rows
 from ..balance import energy_gap
 from ..dead_ends import dead_ends, fill_dead_ends
 from ..percolation import closed, narrowest, nodes_reached, ready
 from ..solution import MAX_IMBALANCE, DarcyFlow, check_solver, potential_rtol
-from ..stencil import Stencil, end_flows, energy_of, leave_out
+from ..stencil import Stencil
 from .amg import solve_amg
 from .coarsest import coarsest_nodes
 from .link_network import eliminate, island_potentials
@@ -184,10 +184,12 @@ def _by_elimination(stencil: Stencil, keep: Flags) -> DarcyFlow:
     link = c1[[0, -1]].ravel()
     node = np.concatenate([np.arange(n2), np.arange(n2) + (n1 - 2) * n2])
     at = np.flatnonzero(link)
-    rate, φ, ψ = eliminate(
+    φ, ψ = np.zeros((2, *keep.shape))
+    φ[0] = ψ[-1] = 1.0
+    rate, φ[1:-1], ψ[1:-1] = eliminate(
         c1, stencil.across, keep[1:-1], stencil.ring2, node[at], at // n2, link[at]
     )
-    return _balanced(stencil, keep, φ, ψ, rate, 0, 0.0, "elimination")
+    return _checked(stencil, keep, φ, ψ, rate, 0, 0.0, "elimination")
 
 
 def _by_multigrid(
@@ -261,13 +263,9 @@ def _by_iterations(
     if dead is not None:
         fill_dead_ends(φ, dead, 1.0, 0.0)
         fill_dead_ends(ψ, dead, 0.0, 1.0)
-    inlet, outlet = end_flows(stencil.along, potential, complement)
     allowed = max(MAX_IMBALANCE, 10 * (sqrt(rtol) if field_rtol is None else field_rtol))
-    rate = stencil.energy(potential)
-    flow = _checked(
-        potential, complement, inlet, outlet, rate, iterations, error, "multigrid", allowed
-    )
-    over(parts, leave_out, keep, potential, complement)
+    how = iterations, error, "multigrid"
+    flow = _checked(stencil, keep, potential, complement, None, *how, allowed)
     if hidden is None:
         return flow
     between = 1 - least / flow.conductance
@@ -304,52 +302,26 @@ def _by_matrix(stencil: Stencil, keep: Flags, rtol: float, field_rtol: float | N
     allowed = max(MAX_IMBALANCE, 0.01 * wanted)
     φ, ψ = np.zeros((2, keep.size))
     φ[unknown], ψ[unknown] = found.x, found.complement
+    φ[:n2] = ψ[-n2:] = 1.0
+    φ, ψ = φ.reshape(keep.shape), ψ.reshape(keep.shape)
     how = found.iterations, found.residual, found.solver
-    return _balanced(stencil, keep, φ[n2:-n2], ψ[n2:-n2], None, *how, allowed)
-
-
-def _balanced(
-    stencil: Stencil, keep: Flags, φ: Array, ψ: Array, rate: float | None,
-    iterations: int, residual: float, solver: str, allowed: float = MAX_IMBALANCE,
-) -> DarcyFlow:  # fmt: skip
-    """The solution with the potentials φ and 1 − φ = ψ of the inner nodes, see `_checked`."""
-    inner = keep[1:-1].shape
-    potential, complement, inlet, outlet, energy = _flows(
-        stencil.along, stencil.across, keep, φ.reshape(inner), ψ.reshape(inner)
-    )
-    # the energy sum keeps its relative accuracy where a difference of flows would not
-    rate = energy if rate is None else rate
-    return _checked(
-        potential, complement, inlet, outlet, rate, iterations, residual, solver, allowed
-    )
+    return _checked(stencil, keep, φ, ψ, None, *how, allowed)
 
 
 def _checked(
-    potential: Array, complement: Array, inlet: float, outlet: float, rate: float,
-    iterations: int, residual: float, solver: str, allowed: float,
+    stencil: Stencil, keep: Flags, φ: Array, ψ: Array, rate: float | None,
+    iterations: int, residual: float, solver: str, allowed: float = MAX_IMBALANCE,
 ) -> DarcyFlow:  # fmt: skip
-    """The solution, unless inlet and outlet flow differ."""
-    imbalance = max(abs(inlet - outlet), abs(inlet - rate)) / rate if rate > 0 else np.inf
+    """The solution φ with 1 − φ = ψ, NaN where nodes are not kept, unless inlet and outlet flow differ."""
+    # the energy sum keeps its relative accuracy where a difference of flows would not
+    rate = stencil.energy(φ) if rate is None else rate
+    inlet, outlet = (stencil.along[0] * ψ[1]).sum(), (stencil.along[-1] * φ[-2]).sum()
+    imbalance = float(max(abs(inlet - outlet), abs(inlet - rate)) / rate) if rate > 0 else inf
     if not imbalance <= allowed:
         raise NotConverged(
             f"flow: inlet and outlet differ by {imbalance:.1e} of the flow, expected {allowed:.0e}; "
             "try the solver 'elimination'",
             imbalance,
         )
-    return DarcyFlow(rate, potential, complement, True, iterations, residual, imbalance, solver)
-
-
-@compiled()
-def _flows(along, across, keep, φ, ψ):
-    """Potentials of all nodes and their complements, NaN where they are not kept; inlet and outlet flow, and energy."""
-    n1, n2 = along.shape
-    potential, complement = np.zeros(keep.shape), np.zeros(keep.shape)
-    for i in range(1, n1):
-        for j in range(n2):
-            potential[i, j], complement[i, j] = φ[i - 1, j], ψ[i - 1, j]
-    for j in range(n2):
-        potential[0, j] = complement[n1, j] = 1.0
-    inlet, outlet = end_flows(along, potential, complement)
-    energy = energy_of(ZERO, n1, along, across, potential)
-    leave_out(ZERO, n1 + 1, keep, potential, complement)
-    return potential, complement, inlet, outlet, energy
+    φ[~keep] = ψ[~keep] = np.nan
+    return DarcyFlow(rate, φ, ψ, True, iterations, residual, imbalance, solver)
