@@ -147,34 +147,6 @@ def _ends(parent, a):
     return a + 1
 
 
-@compiled()
-def narrowest(begin, end, along, across):
-    """The smallest of the conductances of some rows that is not 0; inf if all are."""
-    least = np.inf
-    for i in range(begin, end):
-        for j in range(along.shape[1]):
-            if 0.0 < along[i, j] < least:
-                least = along[i, j]
-    for i in range(begin, min(end, across.shape[0])):
-        for j in range(across.shape[1]):
-            if 0.0 < across[i, j] < least:
-                least = across[i, j]
-    return least
-
-
-@compiled()
-def widest(begin, end, along, across):
-    """The largest of the conductances of some rows."""
-    most = 0.0
-    for i in range(begin, end):
-        for j in range(along.shape[1]):
-            most = along[i, j] if along[i, j] > most else most
-    for i in range(begin, min(end, across.shape[0])):
-        for j in range(across.shape[1]):
-            most = across[i, j] if across[i, j] > most else most
-    return most
-
-
 def closed(
     stencil: Stencil, keep: NDArray[np.bool_] | None, least: float = 0.0
 ) -> AbstractContextManager[None]:
@@ -250,7 +222,7 @@ def ready(along, across):
     parts = rows(*along.shape)
     reached = nodes_reached(along, across)
     through = reached[0, 0] == 3 and len(along) > 1
-    exponent = frexp(max(over(parts, widest, along, across)))[1] - 1 if through else 0
+    exponent = frexp(max(along.max(), across.max(initial=0.0)))[1] - 1 if through else 0
     keep = np.equal(reached, 3) if through else np.ones(reached.shape, np.bool_)
     over(parts, _restrict, along, across, keep, *_factors(exponent))
     return reached, exponent

@@ -16,10 +16,10 @@ from numpy.typing import NDArray
 
 from ...base import Array, Flags, NotConverged, validate
 from ...base.compiled import compiled
-from ...base.threads import number, on_threads, over, rows
+from ...base.threads import number, on_threads
 from ..balance import energy_gap
 from ..dead_ends import dead_ends, fill_dead_ends
-from ..percolation import closed, narrowest, nodes_reached, ready
+from ..percolation import closed, nodes_reached, ready
 from ..solution import MAX_IMBALANCE, DarcyFlow, check_solver, potential_rtol
 from ..stencil import Stencil
 from .amg import solve_amg
@@ -233,7 +233,7 @@ def _by_iterations(
     unseen: Flags | None = None
     seen: Flags | None = None
     searches: list[Callable[..., Any]] = []
-    if min(over(rows(*stencil.along.shape), narrowest, stencil.along, stencil.across)) < _SEEN:
+    if any(((c > 0) & (c < _SEEN)).any() for c in (stencil.along, stencil.across)):
         searches.append(_unseen)
     if inner.size >= _MANY and _MANY <= np.count_nonzero(inner) < _MAY_HAVE_DEAD_ENDS * inner.size:
         searches.append(
@@ -255,8 +255,7 @@ def _by_iterations(
             potential, iterations, error = solve_multigrid(stencil, stop, limit, hidden, field_rtol)
             if hidden is not None:
                 least = stencil.energy(potential) * (1 - error**2)
-        complement, parts = np.empty(potential.shape), rows(*potential.shape)
-        over(parts, lambda a, b: np.subtract(1.0, potential[a:b], complement[a:b]))
+        complement = 1 - potential
         φ, ψ = potential[1:-1], complement[1:-1]
         if hidden is not None:
             island_potentials(stencil, hidden, φ, ψ)
