@@ -11,14 +11,14 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
 from numpy.polynomial import chebyshev
 from numpy.typing import ArrayLike
 
-from ..base import Array, InputError
-from ..base.compiled import compiled, inner
+from ..base import Array, Indices, InputError
 
 #: Pressures below this fraction of the inlet's are not looked at, since hardly anything of the drop lies there.
 _LEAST_FRACTION = 1e-3
@@ -27,8 +27,8 @@ _ONE_DECADE, _FEW, _MANY = 12.0, 4, 6
 #: Points of the mean over a link, in the root of the distance from its lower pressure.
 _POINTS, _WEIGHTS = np.polynomial.legendre.leggauss(5)
 _ROOTS = 0.5 * (1 + _POINTS)
-#: Drop, as a fraction of the pressure, up to which one point will do.
-_SMALL = 0.05
+#: Drop, as a fraction of the pressure, up to which one point in the middle will do, as mobilities are nearly straight.
+_SMALL, _HALF = 0.05, np.array([0.5])
 #: A mobility that varies less than this is the same at all pressures.
 _EVEN = 1e-9
 
@@ -138,46 +138,97 @@ class PressureCurve:
     """Permeabilities as functions of the pressure, each of its own: values (m, …) at m pressures."""
 
     def __init__(self, pressures: ArrayLike, values: Array, piecewise: bool = False) -> None:
-        self._knots = np.empty(0)
+        p = np.asarray(pressures, dtype=float)
+        order = np.argsort(p)
+        self._knots, self._piecewise = p[order], piecewise
         self.shape = values.shape[1:]
+        k = values[order].reshape(len(p), -1)
         if piecewise:
-            order = np.argsort(pressures)
-            self._knots = np.asarray(pressures, dtype=float)[order]
             with np.errstate(divide="ignore"):
-                self._coefficients = np.ascontiguousarray(
-                    np.log(values[order]).reshape(len(values), -1).T
-                )
-            self._range, self._slope = (0.0, 1.0), np.zeros(len(self._coefficients))
-            self._open = (values > 0).any(axis=0).ravel()
+                self._log_k = np.log(k)
+            self._open = (k > 0).any(axis=0)
             return
-        x = np.log(np.asarray(pressures, dtype=float))
-        self._range = float(x.min()), float(x.max())
-        is_open = (values > 0).all(axis=0)
-        log_k = np.log(np.where(is_open, values, 1.0)).reshape(len(values), -1)
-        coefficients = np.linalg.solve(chebyshev.chebvander(self.scaled(x), len(x) - 1), log_k)
-        slope = (
-            chebyshev.chebval(-1.0, chebyshev.chebder(coefficients))
-            * 2
-            / (self._range[1] - self._range[0])
-        )
-        self._coefficients = np.ascontiguousarray(coefficients.T)
+        self._open = (k > 0).all(axis=0)
+        self._range = np.log(self._knots[[0, -1]])
+        t = self._scaled(np.log(self._knots))
+        log_k = np.log(np.where(self._open, k, 1.0))
+        self._coefficients = np.linalg.solve(chebyshev.chebvander(t, len(t) - 1), log_k)
+        slope = chebyshev.chebval(-1.0, chebyshev.chebder(self._coefficients))
         # below the lowest pressure k rises no faster than that of free molecules
-        self._slope = np.clip(slope, -1.0, 0.0)
-        self._open = is_open.ravel()
+        self._slope = np.clip(2 * slope / np.ptp(self._range), -1.0, 0.0)
 
-    def scaled(self, x: Array) -> Array:
+    def _scaled(self, x: Array) -> Array:
         """ln p from −1 to 1 between the lowest and the highest pressure."""
-        low, high = self._range
-        return (2 * x - low - high) / (high - low)
+        return (2 * x - self._range.sum()) / np.ptp(self._range)
 
     def between(self, first: Array, second: Array, mobility: Mobility) -> Array:
-        """Mean of each permeability between two pressures > 0, ∫ k dφ/∫ dψ."""
-        a, b = (np.broadcast_to(p, self.shape).flatten() for p in (first, second))
-        out = np.empty(a.size)
-        of_parts = self._coefficients, self._slope, self._open, *self._range, self._knots
-        of_fluid = mobility.start, mobility.end, mobility.viscous, mobility.own, mobility.even
-        _means(a, b, *of_parts, *of_fluid, _ROOTS, _WEIGHTS, out)
-        return np.exp(out, out=out).reshape(self.shape)
+        """Mean of each permeability between two pressures > 0, ∫ k dφ/∫ dψ, by Gauss points dense at the lower one.
+
+        Piecewise and with an even mobility it is exact.
+        """
+        a, b = (np.broadcast_to(p, self.shape).ravel() for p in (first, second))
+        least, most = np.minimum(a, b), np.maximum(a, b)
+        if self._piecewise and mobility.even:
+            mean = self._exact_mean(least, most)
+        else:
+            mean = np.empty(least.size)
+            small = most - least <= _SMALL * most
+            for chosen, at, weight in (
+                (small, _HALF, _HALF),
+                (~small, _ROOTS**2, _WEIGHTS * _ROOTS),
+            ):
+                parts = np.flatnonzero(chosen)
+                low, high = least[parts], most[parts]
+                p = low + (high - low) * at[:, None]
+                viscous, own = mobility.at(p)
+                mean[parts] = weight @ (viscous * self._at(p, parts)) / (weight @ own)
+        return np.where(self._open, mean, 0.0).reshape(self.shape)
+
+    def _at(self, p: Array, parts: Indices) -> Array:
+        """Permeabilities (…, n) of some parts at pressures of each."""
+        if self._piecewise:
+            after = np.clip(np.searchsorted(self._knots, p), 1, self._knots.size - 1)
+            return np.asarray(np.exp(self._between_knots(p, after, parts)[0]))
+        x = np.log(p)
+        t = self._scaled(np.clip(x, *self._range))
+        log_k = chebyshev.chebval(t, self._coefficients[:, parts], tensor=False)
+        return np.asarray(np.exp(log_k + self._slope[parts] * np.minimum(x - self._range[0], 0.0)))
+
+    def _between_knots(self, p: Array, after: Any, parts: Indices) -> tuple[Array, Any]:
+        """ln k at pressures of some parts between the knot `after` and the one before, constant beyond both.
+
+        Also where it is linear itself, as it is 0 at one of both.
+        """
+        low, high = self._knots[after - 1], self._knots[after]
+        weight = np.clip((p - low) / (high - low), 0.0, 1.0)
+        a, b = self._log_k[after - 1, parts], self._log_k[after, parts]
+        linear = np.isinf(np.minimum(a, b))
+        if not linear.any():
+            return a + weight * (b - a), linear
+        with np.errstate(divide="ignore", invalid="ignore"):
+            of_linear = np.log((1 - weight) * np.exp(a) + weight * np.exp(b))
+            return np.where(linear, of_linear, a + weight * (b - a)), linear
+
+    def _exact_mean(self, least: Array, most: Array) -> Array:
+        """Mean over the pressure, from knot to knot."""
+        knots = np.array([-np.inf, *self._knots, np.inf])
+        total = np.zeros(least.shape)
+        for number, (low, high) in enumerate(pairwise(knots)):
+            parts = np.flatnonzero((least < high) & (most > low) & (most > least))
+            if not parts.size:
+                continue
+            after = min(max(number, 1), self._knots.size - 1)
+            ends = np.maximum(least[parts], low), np.minimum(most[parts], high)
+            (a, linear), (b, _) = (self._between_knots(p, after, parts) for p in ends)
+            mean = np.exp(a)
+            with np.errstate(divide="ignore", invalid="ignore"):
+                mean = np.where(a == b, mean, mean * np.expm1(b - a) / (b - a))
+            if linear.any():
+                mean = np.where(linear, (np.exp(a) + np.exp(b)) / 2, mean)
+            total[parts] += mean * (ends[1] - ends[0]) / (most - least)[parts]
+        same = np.flatnonzero(most == least)
+        total[same] = self._at(least[same], same)
+        return total
 
 
 @dataclass(frozen=True, eq=False)
@@ -197,129 +248,9 @@ class Mobility:
         """Whether both are the same at all pressures, as of a liquid of constant viscosity."""
         return bool(np.ptp(self.viscous) + np.ptp(self.own) <= _EVEN * np.abs(self.viscous).max())
 
-
-@inner(error_model="numpy")
-def _interpolated(p, start, end, values):
-    n = values.size - 1
-    fraction = (p - start) / (end - start) if end != start else 0.0
-    place = np.sqrt(min(max(fraction, 0.0), 1.0)) * n
-    i = min(int(place), n - 1)
-    # the pressure, not its root, is what a viscous gas is straight in
-    low, high = (i / n) ** 2, ((i + 1) / n) ** 2
-    weight = (fraction - low) / (high - low)
-    return (1.0 - weight) * values[i] + weight * values[i + 1]
-
-
-@inner(error_model="numpy")
-def _permeability(p, coefficients, slope, low, high, knots):
-    """k of one part at a pressure; coefficients are ln k at the knots, or those of a polynomial without knots."""
-    if knots.size:
-        i = 1
-        while i < knots.size - 1 and knots[i] < p:
-            i += 1
-        weight = min(max((p - knots[i - 1]) / (knots[i] - knots[i - 1]), 0.0), 1.0)
-        a, b = coefficients[i - 1], coefficients[i]
-        if min(a, b) == -np.inf:
-            return (1.0 - weight) * np.exp(a) + weight * np.exp(b)
-        return np.exp((1.0 - weight) * a + weight * b)
-    x = np.log(p)
-    inside = min(max(x, low), high)
-    t = (2.0 * inside - low - high) / (high - low)
-    # Clenshaw's recurrence
-    before, here = 0.0, 0.0
-    for i in range(coefficients.size - 1, 0, -1):
-        before, here = here, 2.0 * t * here - before + coefficients[i]
-    return np.exp(t * here - before + coefficients[0] + slope * min(x - low, 0.0))
-
-
-@inner(error_model="numpy")
-def _mean_between_knots(least, most, log_k, knots, inverse, knot):
-    """Mean over the pressure of a permeability whose logarithm is linear between knots and constant beyond them.
-
-    inverse : of the distance from each knot to the next one, 0 at the last. knot : the last one up to `least`, or 0.
-    """
-    total, here = 0.0, least
-    while here < most:
-        first = following = log_k[knot]
-        there = most
-        if here < knots[0]:
-            there = min(most, knots[0])
-        elif knot < knots.size - 1:
-            there, following = min(most, knots[knot + 1]), log_k[knot + 1]
-        middle = (0.5 * (here + there) - knots[knot]) * inverse[knot]
-        if min(first, following) == -np.inf:
-            mean = np.exp(first) + middle * (np.exp(following) - np.exp(first))
-        else:
-            # half the difference of the logarithms of both ends
-            x = 0.5 * (there - here) * inverse[knot] * (following - first)
-            mean = np.exp(first + middle * (following - first))
-            mean *= 1.0 + x * x / 6.0 * (1.0 + x * x / 20.0) if abs(x) < 0.05 else np.sinh(x) / x
-        total += mean * (there - here)
-        if here >= knots[0]:
-            knot += 1
-        here = there
-    return total / (most - least)
-
-
-@compiled(error_model="numpy")
-def _means(
-    a,
-    b,
-    coefficients,
-    slope,
-    is_open,
-    low,
-    high,
-    knots,
-    start,
-    end,
-    viscous,
-    own,
-    even,
-    roots,
-    weights,
-    out,
-):
-    """Logarithm of the mean of each permeability between two pressures, by Gauss points dense at the lower one.
-
-    With knots and an even mobility it is exact.
-    """
-    inverse = np.zeros(knots.size)
-    for i in range(knots.size - 1):
-        inverse[i] = 1.0 / (knots[i + 1] - knots[i])
-    knot = 0  # the last one below the link before, near which this one's is
-    for n in range(a.size):
-        if not is_open[n]:
-            out[n] = -np.inf
-            continue
-        least, most = min(a[n], b[n]), max(a[n], b[n])
-        if even and knots.size and most > least:
-            while knot > 0 and knots[knot] > least:
-                knot -= 1
-            while knot < knots.size - 1 and knots[knot + 1] <= least:
-                knot += 1
-            if knots[knot] <= least and knot < knots.size - 1 and most <= knots[knot + 1]:
-                rise = (coefficients[n, knot + 1] - coefficients[n, knot]) * inverse[knot]
-                x = 0.5 * rise * (most - least)  # of the mean, ln(sinh x/x) is what follows
-                if abs(x) < 0.05:
-                    middle = coefficients[n, knot] + rise * (0.5 * (least + most) - knots[knot])
-                    out[n] = middle + x * x / 6.0 * (1.0 - x * x / 30.0)
-                    continue
-            out[n] = np.log(_mean_between_knots(least, most, coefficients[n], knots, inverse, knot))
-            continue
-        # the mobility of a gas is nearly straight in p: one point will do for a small drop
-        if most - least <= _SMALL * most:
-            p = 0.5 * (least + most)
-            k = _permeability(p, coefficients[n], slope[n], low, high, knots)
-            out[n] = np.log(
-                k * _interpolated(p, start, end, viscous) / _interpolated(p, start, end, own)
-            )
-            continue
-        top, bottom = 0.0, 0.0
-        for q in range(roots.size):
-            p = least + (most - least) * roots[q] ** 2
-            weight = weights[q] * roots[q]
-            slope_φ = _interpolated(p, start, end, viscous)
-            top += weight * slope_φ * _permeability(p, coefficients[n], slope[n], low, high, knots)
-            bottom += weight * _interpolated(p, start, end, own)
-        out[n] = np.log(top / bottom)
+    def at(self, p: Array) -> tuple[Array, Array]:
+        """Both at pressures: straight in the pressure, as a viscous gas is."""
+        drop = self.end - self.start
+        fraction = (p - self.start) / drop if drop else np.zeros(p.shape)
+        known = np.linspace(0, 1, self.viscous.size) ** 2
+        return np.interp(fraction, known, self.viscous), np.interp(fraction, known, self.own)

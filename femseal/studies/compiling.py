@@ -22,7 +22,6 @@ from ..base import Array
 from ..base.stage import Mapper, Stage
 from ..face.piece_flow import FlowSettings, piece_permeability
 from ..flow.harmonic import harmonic_fill
-from ..flow.permeability_table import Mobility, PressureCurve
 from ..flow.solvers.choice import solve_flow
 from ..flow.solvers.hierarchy import hierarchy
 from ..flow.solvers.v_cycle import v_cycle
@@ -160,8 +159,6 @@ def _pieces() -> None:
 def _seals() -> None:
     solve_flow(flow.Stencil(np.ones((3, 200)), np.ones((2, 200))))
     harmonic_fill(np.where(_gap(4) > 1, _gap(4), np.nan), _gap(4))
-    curve = PressureCurve((0.0, 1.0), np.ones((2, 3)), piecewise=True)
-    curve.between(np.zeros(3), np.ones(3), Mobility(0.0, 1.0, np.ones(2), np.ones(2)))
 
 
 #: Parts of 4 to 19 s, in the order in which they start. Where two processes take them, the loops that "multigrid" and
