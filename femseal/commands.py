@@ -54,8 +54,8 @@ def sweep(
     quiet: Quiet = False,
 ) -> None:
     """Run a case with every combination of the values of some keys; one table and one picture for all of them."""
+    from .sweeps.sweeping import parsed_keys
     from .sweeps.sweeping import sweep as over_all
-    from .sweeps.variations import parsed_keys
 
     folder = output or Path("results") / f"{path.stem}-sweep"
     announce = None if quiet else typer.echo

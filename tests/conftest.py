@@ -136,14 +136,12 @@ def _pictures(figures, drawn):
     """Pictures of results folders are made by these functions: what draws each figure, and the content of a figure."""
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr("femseal.report.pictures._figures", figures)
-        patch.setattr("femseal.report.pictures.drawn", drawn)
+        patch.setattr("femseal.report.pictures.png", drawn)
         yield
 
 
 def _nothing(figure):
-    from femseal.plots.drawing import Drawn
-
-    return Drawn(np.zeros((1, 1, 3), np.uint8), (np.s_[:1],) * 3)
+    return b"\x89PNG\r\n\x1a\n"
 
 
 @pytest.fixture(autouse=True, scope="session")
@@ -154,7 +152,7 @@ def _how_pictures_are_made():
     """
     from femseal.report import pictures
 
-    made = pictures._figures, pictures.drawn
+    made = pictures._figures, pictures.png
     with _pictures(lambda *given: dict.fromkeys(made[0](*given), lambda: None), _nothing):
         yield made
 

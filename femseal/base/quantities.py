@@ -211,3 +211,14 @@ def to_text(value: float, unit: str, digits: int = 4) -> str:
         return f"{value:g} {unit}"
     factor, prefix = next((p for p in _PREFIXES if abs(value) >= p[0] * (1 - 1e-12)), _PREFIXES[-1])
     return f"{value / factor:.{digits}g} {prefix}{unit}"
+
+
+def with_its_unit(value: float, unit: str) -> str:
+    """A value in SI as text, with a prefix where its unit takes one.
+
+    >>> with_its_unit(1e-3, "Pa*s"), with_its_unit(1000.0, "kg/m^3"), with_its_unit(0.2, "")
+    ('1 mPa·s', '1000 kg/m^3', '0.2')
+    """
+    if unit and unit[0] in "PmNs":
+        return to_text(value, unit.replace("*", "·"))
+    return f"{value:.4g} {unit}".rstrip()

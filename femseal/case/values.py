@@ -25,7 +25,8 @@ from pydantic import (
 )
 from pydantic_core import core_schema
 
-from ..base import InputError, to_si, to_text
+from ..base import InputError, to_si
+from ..base.quantities import with_its_unit
 from ..materials import YOUNG_LIMITS
 from .faults import refusal
 
@@ -325,8 +326,10 @@ def _out_of_range(kind: Any, value: Any) -> Iterator[tuple[str, str]]:
         for one in value if isinstance(value, tuple) else (value,):
             usual = next((u for u in ranges if u.unit == getattr(one, "unit", None)), ranges[-1])
             if one and not usual.low <= one <= usual.high:
-                ends = " to ".join(_as_text(end, usual.unit) for end in (usual.low, usual.high))
-                yield _as_text(one, usual.unit), ends
+                ends = " to ".join(
+                    with_its_unit(end, usual.unit) for end in (usual.low, usual.high)
+                )
+                yield with_its_unit(one, usual.unit), ends
     elif origin is Annotated:
         yield from _out_of_range(args[0], value)
     elif origin in (Union, UnionType):
@@ -337,13 +340,6 @@ def _out_of_range(kind: Any, value: Any) -> Iterator[tuple[str, str]]:
             args[:1] * len(value) if Ellipsis in args else args, value, strict=True
         ):
             yield from _out_of_range(each, one)
-
-
-def _as_text(value: float, unit: str) -> str:
-    """A value in SI as text, with a prefix where its unit takes one."""
-    if unit and unit[0] in "PmNs":
-        return to_text(value, unit.replace("*", "·"))
-    return f"{value:.4g} {unit}".rstrip()
 
 
 def table_of_any(

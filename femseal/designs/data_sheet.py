@@ -29,7 +29,6 @@ from ..plots.drawing import (
     LINES,
     Sheet,
     branch_styles,
-    decades,
     legend_below,
     load_axis,
     png,
@@ -37,8 +36,7 @@ from ..plots.drawing import (
 )
 from ..plots.leakage_curves import LeakageCurves, leakage_panel, limit_lines
 from ..report import write_report
-from ..report.case_text import fluid_text
-from ..report.leakage_tables import DESIGN_FILE, DESIGN_PICTURE
+from ..report.report_tables import DESIGN_FILE, DESIGN_PICTURE
 from ..results.results import Results
 from ..results.results_file import FILE_NAME
 from ..results.selections import loads_as_given, pressures_and_peaks
@@ -86,7 +84,6 @@ def _limits(axes: Axes, answer: Design, scale: float) -> None:
     limits = {need.name: need.limit / scale for need in answer.requirements}
     near = [limit for limit in limits.values() if 1e-3 * low < limit < 1e3 * high]
     axes.set_ylim(min([low, *(x / 2 for x in near)]), max([high, *(2 * x for x in near)]))
-    decades(axes.yaxis)
     limit_lines(axes, limits)
 
 
@@ -267,9 +264,7 @@ def sheet_sentences(answer: Design) -> list[str]:
         to_text(float(data.attrs[f"{prefix}{end}_pressure_Pa"]), "Pa")
         for end in ("inlet", "outlet")
     )
-    case = answer.results.case
-    table = case.get("output", {}).get("test_fluid") if prefix else case.get("fluid")
-    fluid = f"{fluid_text(table or {}, str(data.attrs[f'{prefix}fluid']))}, from {ends}"
+    fluid = f"{data.attrs[f'{prefix}fluid']}, from {ends}"
     width, length = (to_text(float(side), "m") for side in data.attrs["seal_size_m"])
     found = [f"A seal {width} wide and {length} long; {fluid}."]
     if count > 1:

@@ -43,19 +43,16 @@ class Seals:
 
         What is sealed and may be open by its error budget is taken for open: its leakage is inf.
         """
-        best, several = results.class_leakage
+        _, several = results.class_leakage
         if (budget := results.budget) is None:
             return cls.of(results.steps, several)
         several = np.where((several == 0) & ~np.isfinite(budget.upper), inf, several)
-        # the band is that of the fluid of the run
-        own, best = np.abs(budget.leakage), np.abs(best)
+        own = np.abs(budget.leakage)
         with np.errstate(divide="ignore", invalid="ignore"):
-            ratio = np.nanmax(np.where(own > 0, best / own, np.nan), initial=0.0) or 1.0
             ends = [np.where(own > 0, end / own, 1.0) for end in (budget.lower, budget.upper)]
         lower, upper = (np.nan_to_num(end, nan=1.0, posinf=inf) for end in ends)
-        return cls.of(
-            results.steps, several, lower, upper, np.where(own > 0, 0.0, ratio * budget.upper)
-        )
+        opened = np.where(own > 0, 0.0, results.class_upper)
+        return cls.of(results.steps, several, lower, upper, opened)
 
     @classmethod
     def of(

@@ -1,4 +1,4 @@
-"""Common parts of all pictures: figures, styles, axes of loads; and which function draws which class.
+"""Common parts of all pictures: figures, styles, axes of loads, maps; and which function draws which class.
 
 Every picture is as broad as a page of a phone, so that its letters are legible there. Colours differ in lightness too,
 and branches also in line and marker, so that pictures can be read without colour.
@@ -9,29 +9,22 @@ from __future__ import annotations
 import io
 from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import cached_property, partial, singledispatch
+from functools import partial, singledispatch
 from inspect import signature
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ..base import Array, InputError
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
-    from matplotlib.axis import Axis
     from matplotlib.figure import Figure
 
 #: Ratio of loads up to which their axis is linear, and by which it reaches beyond them.
 _NEAR, _MARGIN = 5.0, 1.1
 #: Least distance of two labels of loads as a fraction of the axis.
 _LABEL = 0.12
-#: Ratios of the ends of an axis below which 2 and 5 have labels, and beyond which only powers of ten have ticks.
-_SHORT, _FINE = 100.0, 1e5
-_SUPERSCRIPTS = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
-#: Powers of ten that are written as numbers.
-_PLAIN = range(-2, 4)
 
 
 def load_axis(axes: Axes, loads: Array, *, logarithmic: bool = False) -> None:
@@ -64,33 +57,6 @@ def load_axis(axes: Axes, loads: Array, *, logarithmic: bool = False) -> None:
     axes.set_xticks([], minor=True)
 
 
-def decades(axis: Axis) -> None:
-    """Label a logarithmic axis without the parser of formulas, which is slow."""
-    from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter, NullLocator
-
-    low, high = axis.get_view_interval()
-    axis.set_major_formatter(FuncFormatter(lambda value, _: number_text(value)))
-    axis.set_minor_formatter(NullFormatter())
-    if high / low < _SHORT:
-        axis.set_minor_locator(LogLocator(subs=(2, 5)))
-        axis.set_minor_formatter(FuncFormatter(lambda value, _: number_text(value)))
-    elif high / low > _FINE:
-        axis.set_minor_locator(NullLocator())
-
-
-def number_text(value: float) -> str:
-    """A number of an axis as text.
-
-    >>> number_text(1e-12), number_text(100.0), number_text(2e-5)
-    ('10⁻¹²', '100', '2·10⁻⁵')
-    """
-    exponent = int(np.floor(np.log10(value) + 1e-9))
-    if exponent in _PLAIN:
-        return f"{value:.4g}"
-    factor = f"{value / 10.0**exponent:.3g}·".removeprefix("1·")
-    return f"{factor}10{str(exponent).translate(_SUPERSCRIPTS)}"
-
-
 #: Loading first, then unloadings: colours that the colour-blind tell apart (Okabe & Ito), line style and marker.
 STYLES: tuple[tuple[str, Any, str], ...] = (
     ("#D55E00", "-", "o"),
@@ -105,8 +71,6 @@ GREY = "#666666"
 CLOSED = "#B0B0B0"
 #: Colour of pockets, apart from all colours of the map of fluid pressure, in whose middle is grey.
 POCKET = "#FFFFFF"
-#: Packing of PNG, 0 to 9: more gains a few per cent for twice the time.
-_PACKING = 4
 #: Width of every picture [inch], whose smallest letters are legible on a phone, and its pixels for an inch.
 PAGE, DPI = 5.4, 200
 
@@ -123,51 +87,6 @@ def png(figure: Figure) -> bytes:
     from matplotlib.backends.backend_agg import FigureCanvasAgg
 
     FigureCanvasAgg(figure).print_png(stream := io.BytesIO())
-    return stream.getvalue()
-
-
-@dataclass(frozen=True, eq=False)
-class Drawn:
-    """Pixels (rows, columns, 3) of a figure, and the rows of its panels; each is packed when asked for."""
-
-    pixels: NDArray[np.uint8]
-    cuts: tuple[slice, ...] = ()
-
-    @cached_property
-    def whole(self) -> bytes:
-        """The figure as PNG."""
-        return _packed(self.pixels)
-
-    @cached_property
-    def panels(self) -> tuple[bytes, ...]:
-        """Each of its panels as PNG; a figure without panels is one."""
-        return (
-            tuple(_packed(self.pixels[cut]) for cut in self.cuts)
-            if len(self.cuts) > 1
-            else (self.whole,)
-        )
-
-
-def drawn(figure: Figure) -> Drawn:
-    """Draw a figure once, so that the panels of a sheet can be cut out of it."""
-    from matplotlib.backends.backend_agg import FigureCanvasAgg
-
-    canvas = FigureCanvasAgg(figure)
-    canvas.draw()
-    pixels = np.array(np.asarray(canvas.buffer_rgba())[..., :3])
-    panels = np.array(getattr(figure, "panels", ())).reshape(-1, 2) * DPI
-    rows = (
-        slice(round(len(pixels) - low - height), round(len(pixels) - low)) for low, height in panels
-    )
-    return Drawn(pixels, tuple(rows))
-
-
-def _packed(pixels: NDArray[np.uint8]) -> bytes:
-    from PIL import Image
-
-    Image.fromarray(np.ascontiguousarray(pixels)).save(
-        stream := io.BytesIO(), "png", compress_level=_PACKING
-    )
     return stream.getvalue()
 
 
@@ -202,13 +121,10 @@ class Sheet:
         self.heights = heights
         self.height = sum(heights) + head
         self.figure = Figure(figsize=(PAGE, self.height), dpi=DPI)
-        # bottom and height [inch] of the panels, each of which can stand alone
-        self.figure.panels = []  # type: ignore[attr-defined]
 
     def panel(self, row: int, margins: Margins) -> Axes:
         """Axes of a panel."""
         height, bottom = self.heights[row], sum(self.heights[row + 1 :])
-        self.figure.panels.append((bottom, height))  # type: ignore[attr-defined]
         box = (
             margins.left / PAGE,
             (bottom + margins.bottom) / self.height,
@@ -308,3 +224,92 @@ def picture(result: Any, **options: Any) -> Figure:
             )
     figure = draw(result, **options)
     return figure if options.get("ax") is not None else shown(figure)
+
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+#: Ratio of the sides from which on a map lies.
+_HIGH = 1.2
+
+
+def map_row(size: tuple[float, float], margins: Margins = MAP) -> float:
+    """Height [inch] of a row with a map of the given sides, to the right and upwards."""
+    width = PAGE - margins.left - margins.right
+    return map_height(size, width) + margins.bottom + margins.top
+
+
+def map_panel(
+    axes: Axes,
+    values: Array,
+    size: tuple[float, float],
+    colours: Any,
+    title: str,
+    unit: str = "mm",
+    *,
+    upright: bool = False,
+    **scale: Any,
+) -> Any:
+    """Map of values (n1, n2) over a face of the given size [`unit`]; returns its colour bar.
+
+    x1 is to the right, and upwards on a face that is longer along x2, see `lying`; always to the right where `upright`.
+    """
+    across, up = size if upright else lying(size)
+    turned = (across, up) != tuple(size)
+    image = axes.imshow(
+        values if turned else values.T,
+        origin="lower",
+        extent=(0.0, across, 0.0, up),
+        cmap=colours,
+        interpolation="nearest",
+        **scale,
+    )
+    names = [f"x1, inlet at 0 [{unit}]", f"x2 along the seal [{unit}]"]
+    name_sides(axes, names[::-1] if turned else names)
+    axes.set(aspect="equal", xlim=(0.0, across), ylim=(0.0, up))
+    panel_title(axes, title)
+    return colour_bar(axes, image)
+
+
+def name_sides(axes: Axes, names: Sequence[str]) -> None:
+    """Names of the axes to the right and upwards, which a narrow map has room for."""
+    axes.set_xlabel(names[0], fontsize=8.5)
+    axes.set_ylabel(names[1], fontsize=8.5)
+
+
+def lying(size: tuple[float, float]) -> tuple[float, float]:
+    """Sides of a map to the right and upwards: one that would be high and narrow lies, as a panel is filled by it."""
+    return (size[1], size[0]) if size[1] > _HIGH * size[0] else (size[0], size[1])
+
+
+def colour_bar(axes: Axes, image: Any) -> Any:
+    """A bar as high as the map."""
+    figure = axes.get_figure(root=True)
+    bar = figure.colorbar(image, cax=axes.inset_axes((1.02, 0, 0.03, 1)))  # type: ignore[union-attr]
+    bar.ax.tick_params(which="both", labelsize=8)
+    axes.tick_params(labelsize=8)
+    return bar
+
+
+def on_decades(values: Array, decades: int) -> tuple[Array, Any]:
+    """Values >= 0 and their scale of so many decades at most; 0 lies below it, NaN stays."""
+    from matplotlib.colors import LogNorm
+
+    positive = values[np.isfinite(values) & (values > 0)]
+    top = float(positive.max()) if positive.size else 1.0
+    low = max(float(positive.min()), top * 10.0**-decades) if positive.size else 0.1
+    low = low if low < 0.99 * top else top / 10  # ticks that differ can be read
+    shown = np.where(values > 0, np.maximum(values, low), np.where(values == 0, low / 10, np.nan))
+    return shown, LogNorm(low, top)
+
+
+def with_closed(name: str, colour: str = CLOSED) -> Any:
+    """A colour map that shows undefined points and those below its range in one colour, grey unless given."""
+    from matplotlib import colormaps
+
+    return colormaps[name].with_extremes(bad=colour, under=colour)
+
+
+def map_height(size: tuple[float, float], width: float) -> float:
+    """Height [inch] of a map of sides to the right and upwards in a panel of a width, within what can be read."""
+    return float(np.clip(width * size[1] / size[0], 0.7, width))

@@ -12,8 +12,18 @@ from numpy.typing import NDArray
 from ..base import Array
 from ..base.leak_rates import leakage_unit
 from ..results.selections import load_names
-from .drawing import CLOSED, MAP, POCKET, Sheet, panel_title
-from .map_panels import colour_bar, lying, map_row, name_sides, on_decades
+from .drawing import (
+    CLOSED,
+    MAP,
+    POCKET,
+    Sheet,
+    colour_bar,
+    lying,
+    map_row,
+    name_sides,
+    on_decades,
+    panel_title,
+)
 
 if TYPE_CHECKING:
     import xarray
@@ -45,10 +55,6 @@ class _View:
         """Parts that lie in it, if only with a corner."""
         return np.asarray(((seal.high >= self.low) & (seal.low <= self.high)).all(axis=1))
 
-    def spans(self, seal: DrawnSeal) -> bool:
-        """Whether all parts lie in it as a whole."""
-        return bool((seal.low >= self.low).all() and (seal.high <= self.high).all())
-
 
 class DrawnSeal:
     """Corners (parts, corners, 2) of the parts of a drawn seal, and the ends of each (parts, 2) [mm].
@@ -59,18 +65,13 @@ class DrawnSeal:
 
     def __init__(self, data: xarray.Dataset, s: int) -> None:
         self.corners = data["drawn_corners"].values * 1e3
-        # over a list of the corners in a fifth of the time of a short axis
-        self.low, self.high = (
-            ends.reduce(list(self.corners.swapaxes(0, 1))) for ends in (np.minimum, np.maximum)
-        )
-        self.all = _View(self.low.min(axis=0), self.high.max(axis=0))
+        sides = np.ptp(self.corners, axis=(0, 1)).tolist()
         self.strip = str(data.attrs["seal"]).startswith("a strip")
-        self.lies = lying(self.all.size) != self.all.size
+        self.lies = lying(sides) != tuple(sides)
         if self.lies:
-            self.corners, self.low, self.high = (
-                values[..., ::-1] for values in (self.corners, self.low, self.high)
-            )
-            self.all = _View(self.all.low[::-1], self.all.high[::-1])
+            self.corners = self.corners[..., ::-1]
+        self.low, self.high = self.corners.min(axis=1), self.corners.max(axis=1)
+        self.all = _View(self.low.min(axis=0), self.high.max(axis=0))
         self.detail = self._detail(data, s)
         self.whole = self.all if len(self.corners) <= _MOST else self.detail
 
@@ -93,7 +94,7 @@ def drawn_figure(data: xarray.Dataset, s: int) -> Figure:
     panels = [(seal.whole, panel) for panel in _panels(data, s)]
     flow = np.nan_to_num(np.hypot(*flux.T))
     factor, unit = leakage_unit(flow.max()) if flow.max() > 0 else (1.0, "m²/s")
-    around = "" if seal.detail.spans(seal) else " around the largest"
+    around = "" if seal.detail.size == seal.all.size else " around the largest"
     title = f"flow per width [{unit}]{around}"
     panels.append((seal.detail, _Panel(title, flow / factor, "magma", _DECADES)))
     number, drawn = (data["drawn_corners"].attrs[name] for name in ("realisation", "part"))
@@ -153,8 +154,8 @@ class _Panel:
     def draw(self, axes: Axes, corners: Array, seen: NDArray[np.bool_]) -> None:
         """Draw the parts that are seen, in the colours of all of them."""
         from matplotlib import colormaps
+        from matplotlib.collections import PolyCollection
         from matplotlib.colors import Normalize
-        from matplotlib.tri import Triangulation
 
         values, finite = self.values, self.values[np.isfinite(self.values)]
         notes = [f"white: {self.bad}"] if finite.size < values.size else []
@@ -169,15 +170,10 @@ class _Panel:
                 else Normalize(0, 1)
             )
         colours = colormaps[self.colours].with_extremes(under=CLOSED, bad=POCKET)
-        # triangles of one colour each, in a third of the time of polygons
-        number = np.arange(corners[..., 0].size).reshape(corners.shape[:2])
-        triangles = np.concatenate(
-            [number[:, [0, n, n + 1]] for n in range(1, corners.shape[1] - 1)]
-        )
-        each = np.repeat(np.ma.masked_invalid(values[seen]), corners.shape[1])
-        mesh = Triangulation(corners[..., 0].ravel(), corners[..., 1].ravel(), triangles)
-        parts = axes.tripcolor(
-            mesh, each, shading="gouraud", cmap=colours, norm=norm, rasterized=True
-        )
+        each = np.ma.masked_invalid(values[seen])
+        look: dict[str, Any] = {"cmap": colours, "norm": norm, "rasterized": True}
+        look |= {"edgecolors": "face", "linewidths": 0.1}
+        parts = PolyCollection(corners, array=each, **look)  # type: ignore[arg-type]
+        axes.add_collection(parts, autolim=False)
         colour_bar(axes, parts)
         panel_title(axes, "; ".join([self.title, *notes]))

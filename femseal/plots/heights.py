@@ -15,8 +15,19 @@ from numpy.typing import NDArray
 from ..base import Array, counted, to_text
 from ..results.variables import block_means
 from ..topography import SPIKES, Conditioning, SurfaceReport, Topography
-from .drawing import GREY, HEIGHTS, LINES, STYLES, Sheet, decades, new_figure, panel_title, shows
-from .map_panels import lying, map_panel, map_row
+from .drawing import (
+    GREY,
+    HEIGHTS,
+    LINES,
+    STYLES,
+    Sheet,
+    lying,
+    map_panel,
+    map_row,
+    new_figure,
+    panel_title,
+    shows,
+)
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -120,8 +131,6 @@ def heights_figure(topography: Topography) -> Figure:
         panel_title(density, "no spectral density with undefined points")
     else:
         _densities_panel(density, topography)
-        decades(density.xaxis)
-        decades(density.yaxis)
     for axes in (profile, density):
         axes.grid(alpha=0.25, lw=0.6)
         axes.tick_params(which="both", labelsize=8)

@@ -24,13 +24,18 @@ from .drawing import (
     STYLES,
     Sheet,
     branch_styles,
+    lying,
+    map_height,
+    map_panel,
+    map_row,
+    name_sides,
     new_figure,
     one_panel,
     shows,
+    with_closed,
 )
 from .drawn_panels import drawn_figure
 from .heights import height_panel
-from .map_panels import lying, map_height, map_panel, map_row, name_sides, with_closed
 
 if TYPE_CHECKING:
     import xarray

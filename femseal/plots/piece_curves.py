@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from ..base import Array, InputError
 from ..flow.law import cubic_law
 from ..results.results import Results
-from .drawing import GREY, LEGEND_LINE, LINES, STYLES, Sheet, decades
+from .drawing import GREY, LEGEND_LINE, LINES, STYLES, Sheet
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -30,40 +30,27 @@ def pieces_figure(results: Results) -> Figure:
 
     Raises InputError: results without pieces.
     """
-    pieces = pieces_of(results)
+    k, mean_gap, pressure, loading = _pieces(results)
     below = LEGEND_LINE * 3
     sheet = Sheet([3.6 + below] * 2, head=0.35)
     sheet.head("each point: a piece of the face at one load")
     quantities = (
-        (pieces.mean_gap * 1e6, "mean gap between the faces of the piece [µm]"),
-        (pieces.pressure / 1e6, "mean contact pressure of the piece [MPa]"),
+        (mean_gap * 1e6, "mean gap between the faces of the piece [µm]"),
+        (pressure / 1e6, "mean contact pressure of the piece [MPa]"),
     )
     for row, (x, label) in enumerate(quantities):
         axes = sheet.panel(row, replace(LINES, top=0.1, bottom=LINES.bottom + below))
         axes.set(xlabel=label, ylabel="permeability towards the outlet [m³]")
         axes.grid(alpha=0.25, lw=0.6)
-        if _clouds(axes, pieces, x, plates=row == 0):
+        if _clouds(axes, k, x, loading, plates=row == 0):
             axes.legend(
                 loc="upper center", bbox_to_anchor=(0.5, -0.17), fontsize=8.5, frameon=False
             )
     return sheet.figure
 
 
-@dataclass(frozen=True)
-class Pieces:
-    """Permeability along x1 [m³], mean gap [m] and contact pressure [Pa] of pieces, each (states, pieces).
-
-    loading : whether a state is on loading (states,).
-    """
-
-    k: Array
-    mean_gap: Array
-    pressure: Array
-    loading: NDArray[np.bool_]
-
-
-def pieces_of(results: Results) -> Pieces:
-    """The pieces of a run in all their states.
+def _pieces(results: Results) -> tuple[Array, Array, Array, NDArray[np.bool_]]:
+    """Permeability along x1 [m³], mean gap [m] and pressure [Pa] of pieces (states, pieces), and which load (states,).
 
     Raises InputError: results without pieces.
     """
@@ -73,18 +60,17 @@ def pieces_of(results: Results) -> Pieces:
         raise InputError(
             "pieces figure", "results without pieces", "those of a two-scale or a stochastic study"
         )
-    prefix = "state_" if kind == "state" else ""
     fields = (data[f"{kind}_{name}"].values for name in ("k1", "mean_gap", "pressure"))
     k, gap, pressure = (values.reshape(len(values), -1) for values in fields)
-    return Pieces(k, gap, pressure, np.isnan(data[f"{prefix}unloaded_from"].values))
+    peaks = data["state_unloaded_from" if kind == "state" else "unloaded_from"].values
+    return k, gap, pressure, np.isnan(peaks)
 
 
-def _clouds(axes: Axes, pieces: Pieces, x: Array, *, plates: bool) -> bool:
+def _clouds(axes: Axes, k: Array, x: Array, loading: NDArray[np.bool_], *, plates: bool) -> bool:
     """A point for each open piece in each state, in two colours, and the line of parallel plates over a gap [µm].
 
     Returns whether a piece is open.
     """
-    k = pieces.k
     with np.errstate(invalid="ignore"):
         shown = (k > np.nanmax(k, initial=0.0) * 10.0**-_DECADES) & ((x > 0) | (not plates))
     if not shown.any():
@@ -92,7 +78,7 @@ def _clouds(axes: Axes, pieces: Pieces, x: Array, *, plates: bool) -> bool:
             "every piece is closed", (0.5, 0.5), xycoords="axes fraction", ha="center", color=GREY
         )
         return False
-    branches = (("loading", pieces.loading), ("unloading", ~pieces.loading))
+    branches = (("loading", loading), ("unloading", ~loading))
     for (name, states), (colour, _, marker) in zip(branches, STYLES, strict=False):
         if states.any():
             seen = shown[states]
@@ -107,7 +93,5 @@ def _clouds(axes: Axes, pieces: Pieces, x: Array, *, plates: bool) -> bool:
         axes.plot(h, cubic_law(h * 1e-6), color="black", lw=1.4, label="parallel plates, h̄³/12")
         axes.set(xscale="log", xlim=(h[0], h[-1]))
         high = max(high, float(cubic_law(h[-1] * 1e-6)))
-        decades(axes.xaxis)
     axes.set(yscale="log", ylim=(low / _BEYOND, high * _BEYOND))
-    decades(axes.yaxis)
     return True

@@ -171,7 +171,7 @@ def _write_for_people(
     for name in FILES if pictures else ():
         if name in drawings:
             with replacing(folder / f"{name}.png") as temporary:
-                temporary.write_bytes(drawings[name].whole)
+                temporary.write_bytes(drawings[name])
             written.append(folder / f"{name}.png")
     return [*written, write_report(results, folder / REPORT_NAME, drawings)] if report else written
 

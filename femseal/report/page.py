@@ -16,19 +16,23 @@ from importlib.util import find_spec
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from ..base import FemsealError, InputError, replacing, write_text, writing
-from ..plots.maps import has_maps
+import numpy as np
+
+from ..base import FemsealError, InputError, replacing, to_text, write_text, writing
+from ..plots.maps import default_step, face_leakage, has_maps
 from ..results.results import Results
 from ..results.results_file import FILE_NAME, open_results, unfit
-from ..results.summary import as_chosen, attempts_table
-from ..results.tables import leakage_table, totals_table
-from . import case_text, error_tables, leakage_tables, pictures
-from .leakage_tables import design_section
+from ..results.selections import load_names
+from ..results.tables import as_chosen, attempts_table, leakage_table, totals_table
+from . import pictures, report_tables
+from .report_tables import design_section
 
 if TYPE_CHECKING:
+    import xarray
     from jinja2 import Template
 
 REPORT_NAME = "report.html"
+_ENDS = np.nanmin, np.nanmax
 
 
 def write_report(
@@ -107,31 +111,69 @@ def _content(results: Results, drawings: pictures.Drawings) -> dict[str, Any]:
     return {
         "title": results.case.get("title") or "Leakage of a metal-to-metal seal",
         "source": data.attrs["source"],
-        "key_numbers": leakage_tables.key_numbers(results),
+        "key_numbers": report_tables.key_numbers(results),
         "date": str(data.attrs.get("date_created", "")).replace("T", " ").replace("+00:00", " UTC"),
         "computed": _digest_lines(results),
-        "limiting": leakage_tables.limiting_text(results),
-        "sentences": case_text.case_sentences(results),
-        "total": leakage_tables.total_leakage_text(results),
+        "limiting": report_tables.limiting_text(results),
+        "description": json.loads(data.attrs.get("description", "[]")),
+        "seal": _seal_text(data),
+        "total": report_tables.total_leakage_text(results),
         # the page has a table of classes
         "leakage_table": leakage_table(results).without(["class"]),
         "totals": totals_table(results),
-        "classes": leakage_tables.class_table(results),
-        "test_fluid": leakage_tables.test_fluid_sentences(results),
+        "classes": report_tables.class_table(results),
+        "test_fluid": report_tables.test_fluid_sentences(results),
         "design": design_section(results),
         "method": results.method,
         "pictures": pictures.page_pictures(results, drawings),
-        "drop_sentences": case_text.pressure_drop_sentences(results) if has_maps(data) else [],
-        "budget": error_tables.budget_table(results),
-        "checks": error_tables.check_lines(results),
+        "drop_text": _drop_text(data) if has_maps(data) else "",
+        "budget": report_tables.budget_table(results),
+        "checks": report_tables.check_lines(results),
         "attempts": None if results.attempts is None else attempts_table(results.attempts),
-        "times": error_tables.time_lines(results),
+        "times": report_tables.time_lines(results),
         "warnings": results.warnings,
         "failures": results.failures,
         "versions": flat(json.loads(data.attrs["versions"])),
         "machine": flat(json.loads(data.attrs["machine"])),
         "case": flat(as_chosen(results.case, results.attempts)),
     }
+
+
+def _seal_text(data: xarray.Dataset) -> str:
+    """Shape and sides of the seal, on what band a seat touches, and how tiles of an uneven seal are pressed."""
+    width, length = (to_text(float(side), "m") for side in data.attrs["seal_size_m"])
+    seal = data.attrs["seal"]
+    texts = [f"The seal is {seal}, {width} wide along the leakage and {length} long."]
+    if "band_breadth" in data:
+        least, most = (to_text(float(f(data["band_breadth"].values)), "m", 3) for f in _ENDS)
+        highest = to_text(float(np.nanmax(data["largest_row_pressure"].values)), "Pa", 3)
+        texts.append(
+            f"The seat touches on a band {least} to {most} broad, with at most {highest} as the "
+            "mean of a row."
+        )
+    name = "drawn_nominal_pressure" if "drawn_form" in data else "drawn_contact_pressure"
+    if name in data:
+        loads = data["nominal_pressure"].values
+        for s in dict.fromkeys((int(loads.argmin()), int(loads.argmax()))):
+            at = data[name].values[s]
+            low, high = (to_text(float(f(at)), "Pa", 3) for f in _ENDS)
+            texts.append(
+                f"At {load_names(data)[s]} the tiles are pressed with {low} to {high}, and "
+                f"{(at == 0).mean():.0%} of them stand apart."
+            )
+    return " ".join(texts)
+
+
+def _drop_text(data: xarray.Dataset) -> str:
+    """Number of pieces that carry half of the pressure drop at the step of the maps."""
+    s = default_step(data)
+    if np.nan_to_num(face_leakage(data)[s]) == 0:
+        return f"At {load_names(data)[s]} nothing flows."
+    if "piece_drop_fraction" not in data or not data["piece_drop_fraction"][s].notnull().all():
+        return ""
+    fraction = np.sort(data["piece_drop_fraction"].values[s].ravel())[::-1]
+    half = int(np.searchsorted(np.cumsum(fraction), 0.5) + 1)
+    return f"Half of the pressure drops in {half} of {fraction.size} pieces."
 
 
 def _digest_lines(results: Results) -> list[tuple[str, str]]:

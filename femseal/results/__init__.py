@@ -15,7 +15,6 @@ if TYPE_CHECKING:
     from .results import Results
     from .results_file import open_results, save
     from .run_comparison import RunComparison, compare
-    from .summary import attempts_table, summary_html, summary_text
-    from .tables import leakage_table, rows
+    from .tables import attempts_table, leakage_table, rows, summary_html, summary_text
 else:
     __getattr__, __dir__ = lazy(__name__)

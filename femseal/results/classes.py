@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import fields
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -10,7 +11,8 @@ import numpy as np
 from ..base import Array, to_text
 from ..base.fields import LEAK_CLASS, REALISATION, Field, Place
 from ..base.leak_rates import LeakBasis, LeakClass, leak_classes, within
-from ..fluids import leak_basis
+from ..base.quantities import with_its_unit
+from ..fluids import FLUIDS, Fluid, leak_basis
 from ..studies.other_fluid import OtherLeakage, limit_factors
 from ..studies.scene import FluidState
 from .variables import add, add_coordinate, add_step
@@ -49,13 +51,35 @@ def add_test_fluid(
     state, factors = test.state, limit_factors(test.state, service)
     basis = leak_basis(state.fluid, 1.0, stated, pressure_drop=state.pressure_drop, **valve)
     data.attrs |= {
-        "test_fluid": repr(test.state.fluid),
+        "test_fluid": fluid_text(test.state.fluid),
         "test_inlet_pressure_Pa": float(test.state.inlet_pressure),
         "test_outlet_pressure_Pa": float(test.state.outlet_pressure),
         "test_viscous_factor": factors.viscous,
         "test_molecular_factor": factors.molecular,
         **basis_attributes(basis, "test_"),
     }
+
+
+def fluid_text(fluid: Fluid) -> str:
+    """Kind and parameters of a fluid; one that is made in Python is as Python shows it.
+
+    >>> import femseal as fs
+    >>> fluid_text(fs.IdealGas(1.8e-5, 0.029, 293.0))
+    'ideal-gas, viscosity 18 µPa·s, molar mass 0.029 kg/mol, temperature 293 K, slip'
+    """
+    kind = next((kind for kind, known in FLUIDS.items() if type(fluid) is known), None)
+    if kind is None:
+        return repr(fluid)
+    found = [kind]
+    for one in fields(FLUIDS[kind]):
+        name, value = one.name.replace("_", " "), getattr(fluid, one.name)
+        if isinstance(value, bool):
+            found.append(name if value else f"no {name}")
+        elif isinstance(value, str):
+            found.append(value)
+        elif value:
+            found.append(f"{name} {with_its_unit(value, one.metadata['unit'])}")
+    return ", ".join(found)
 
 
 def basis_attributes(basis: LeakBasis, prefix: str = "") -> dict[str, float]:

@@ -28,7 +28,7 @@ from ..studies import (
 )
 from ..topography import Places
 from . import variables
-from .classes import add_classes, add_test_fluid, basis_attributes
+from .classes import add_classes, add_test_fluid, basis_attributes, fluid_text
 from .results import Results
 from .selections import load_names
 
@@ -235,7 +235,7 @@ def _of_studies(known: Mapping[str, StudyResult], warnings: Sequence[str]) -> di
 def _of_scene(scene: Scene) -> dict[str, Any]:
     """Attributes with the fluid and the solids."""
     return {
-        "fluid": repr(scene.fluid),
+        "fluid": fluid_text(scene.fluid),
         "fluid_effect": scene.fluid_effect,
         "inlet_pressure_Pa": float(scene.inlet_pressure),
         "outlet_pressure_Pa": float(scene.outlet_pressure),

@@ -1,19 +1,31 @@
-"""Forecast of a run: unknowns, time, memory and disk, before it is started."""
+"""Forecast of a run: unknowns, time, memory and disk, before it is started.
 
+The effort of load steps is that of the contact of a small part of the face; numbers of transforms are counted, not
+timed, and do not depend on what else the machine does. How fast the machine is, is timed.
+"""
+
+import time
 from collections import Counter
-from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Iterator
+from dataclasses import astuple, dataclass, replace
+from functools import cache
+from math import log, prod, sqrt
 from pathlib import Path
 
 import numpy as np
 import psutil
+from scipy import fft
 
-from ..base import InputError, counted, duration, free_memory, to_text
+from ..base import FemsealError, InputError, counted, duration, free_memory, to_text
 from ..base.shared_array import storing
-from ..budget import places_to_halve
+from ..budget import model_changes
 from ..case.case import Case
 from ..case.faces import FileFace
+from ..contact import Contact, HalfSpace, solve_contact
+from ..face.piece_flow import FlowSettings
+from ..flow import cell_permeability
 from ..preparation.prepared import START_MEMORY, Prepared
+from ..refinement.coarser import CONTINUED_SCENES, coarser_grids, without_filtered_waves
 from ..refinement.settings import (
     first_settings,
     first_version,
@@ -21,19 +33,21 @@ from ..refinement.settings import (
     grid_points,
     time_limit,
 )
-from ..report.case_text import contact_text, fluid_text, solids_text
+from ..results.paraview import fields_size
 from ..studies import Scene, drop_ratio
-from ..studies.blocks import blocks_of
 from ..studies.doubts import flow_warnings
-from ..studies.face_states import FEWEST
-from ..studies.study_registry import LADDER_STATES, Effort, on_ladder, usual_efforts
-from ..studies.tile_pressure import describe_map
-from ..topography import Places
-from .disk import budget_inputs, disk
-from .pilot import efforts, pace
+from ..studies.face_study import STEP_BYTES, states_memory
+from ..studies.study_registry import (
+    FEW_ITERATIONS,
+    LADDER_STATES,
+    PILOT_PIXELS,
+    Effort,
+    on_ladder,
+    usual_efforts,
+    usual_seals,
+)
+from .description import described
 
-#: Shortest waves that a piece should hold along each side.
-ADVISED_WAVES = 8
 #: Seconds of starting, of loading compiled loops and making a face; what reading and repairing a file adds, and what
 #: the compiled loops of pieces and their pictures do.
 _START_SECONDS, _READ_SECONDS, _PIECES_SECONDS = 2.0, 1.0, 0.5
@@ -68,29 +82,9 @@ def describe(case: Case, made: Prepared) -> list[str]:
 def _facts(case: Case, made: Prepared) -> Iterator[tuple[str, str]]:
     """Name and text of each line; one that goes on with the name before has none."""
     prepared = first_version(case, made)
-    scene = prepared.scene
     yield "case", f"{case.title or '(no title)'}: valid"
-    yield from _surface_facts(prepared)
-    if made.seat:
-        yield "seat", made.seat
-    yield "load", _load_text(case, scene)
-    yield "material", solids_text(case.echo())
-    yield "", contact_text(scene.modulus, str(scene.law))
-    for table, what in ((case.fluid, ""), (case.output.test_fluid, "test fluid: ")):
-        if table is not None:
-            inlet, outlet = (
-                to_text(p, "Pa") for p in (table.inlet_pressure, table.outlet_pressure)
-            )
-            fluid = fluid_text(table.model_dump(exclude_none=True), str(table.fluid))
-            yield "fluid", f"{what}{fluid}, from {inlet} to {outlet}"
-        if table is case.fluid:
-            yield "", scene.fluid_effect
-    yield "flow", f"solver {scene.solver}"
-    yield from _law_facts(scene)
+    yield from described(case, prepared)
     yield from _accuracy_facts(case, made)
-    yield from _study_facts(prepared)
-    if str(scene.layout) != "a strip":
-        yield "seal", str(scene.layout)
     if again := budget_inputs(case, prepared):
         counts = Counter[tuple[int, int]]()
         for one in again:
@@ -107,72 +101,17 @@ def _facts(case: Case, made: Prepared) -> Iterator[tuple[str, str]]:
     if not any((Path(__file__).parents[1] / "flow").rglob("__pycache__/*.nbi")):
         yield "", "the first run after an installation compiles besides, for a minute or two"
     yield "disk", str(disk(case, prepared, again))
-    fast = () if quick is None else flow_warnings(scene, quick.leakage, quick.mean_gap)
+    fast = () if quick is None else flow_warnings(prepared.scene, quick.leakage, quick.mean_gap)
     for text in (*prepared.warnings, *(f"by the first answer, {text}" for text in fast)):
         yield "warning", text
-
-
-def _load_text(case: Case, scene: Scene) -> str:
-    """The states of the cycle, and its highest load."""
-    pressures, steps = scene.steps.pressures, len(scene.steps)
-    down = steps - int(np.sum(scene.steps.on_loading))
-    text = f"{counted(steps, 'state')}: {steps - down} loading"
-    if down:
-        peaks = " and ".join(to_text(peak, "Pa", 3) for peak in scene.unload_from)
-        text += f", {down} unloading from {peaks}"
-    text += f", up to {to_text(float(pressures.max()), 'Pa', 3)}"
-    if case.load.unit != "Pa":
-        text += f", from {to_text(case.load.highest, case.load.unit)}"
-    return text
-
-
-def _study_facts(prepared: Prepared) -> Iterator[tuple[str, str]]:
-    """What every study solves."""
-    scene, steps = prepared.scene, len(prepared.scene.steps)
-    pixels = int(np.prod(scene.surface.shape))
-    of_face = f"{steps} contact and {counted(steps, 'flow solution')} of {pixels} unknowns"
-    if "deterministic" in prepared.methods:
-        yield "deterministic", of_face
-    if prepared.cells is None:
-        return
-    m1, m2 = prepared.cells
-    yield "pieces", _pieces(prepared, prepared.cells)
-    if "two-scale" in prepared.methods:
-        yield "two-scale", f"{of_face}, {counted(2 * steps * m1 * m2, 'flow solution')} of pieces"
-    if "blocks" in prepared.methods:
-        b1, b2 = blocks_of(prepared.cells)
-        of_block = f"{scene.surface.shape[0] // b1} × {scene.surface.shape[1] // b2} points"
-        yield (
-            "blocks",
-            f"{b1} × {b2} blocks of {of_block}, about {LADDER_STATES:.0f} states of each",
-        )
-    if (sampling := prepared.sampling) is None or "stochastic" not in prepared.methods:
-        return
-    _, tiles = prepared.cut_and_tiles
-    length = to_text(tiles.size[1], "m", 3)
-    number = "seals" if sampling.realisations is None else counted(sampling.realisations, "seal")
-    how = "as many as the band of error needs" if sampling.realisations is None else ""
-    states, where = counted(steps, "state"), "at its loads"
-    if tiles.in_place:
-        where = "at its loads; pieces stay in their rows"
-    elif on_ladder(scene, sampling):
-        states, where = f"about {LADDER_STATES:.0f} states", "on a ladder of nominal pressures"
-    yield "stochastic", f"{states} of the face, {where}"
-    drawn = (
-        f"{length} long" if tiles.part == 1 else f"{100 * tiles.part:.2g} % of a length of {length}"
-    )
-    yield "", f"{number} of {tiles}, {drawn}{f', {how}' if how else ''}"
-    if uneven := describe_map(scene, tiles, sampling.pressure_map):
-        yield "pressure map", uneven
 
 
 def _face_states(prepared: Prepared) -> int:
     """Number of states of the whole face that are solved, about."""
     sampling, steps = prepared.sampling, len(prepared.scene.steps)
-    if prepared.methods != {"stochastic"} or sampling is None:
+    if sampling is None or _keeps_states(prepared) or not on_ladder(prepared.scene, sampling):
         return steps
-    ladder = on_ladder(prepared.scene, sampling) and not prepared.cut_and_tiles[1].in_place
-    return round(LADDER_STATES) if ladder else steps
+    return round(LADDER_STATES)
 
 
 def forecast(
@@ -255,23 +194,6 @@ def _accuracy_facts(case: Case, made: Prepared) -> Iterator[tuple[str, str]]:
         yield "", f"{keys} {'stays' if len(given) == 1 else 'stay'} as given"
 
 
-def _law_facts(scene: Scene) -> Iterator[tuple[str, str]]:
-    """What the law of the fluid does to the flow in a gap of the rms height, where it is not the cubic one."""
-    drop = scene.flow.drop
-    if drop.law.homogeneous:
-        return
-    ends = [max(p, drop.least_pressure) for p in (drop.inlet, drop.outlet)]
-    at_inlet, at_outlet = drop.law.factor(scene.surface.rms_height, ends)
-    if not drop.law.depends_on_pressure:
-        yield "slip", f"{at_inlet:.3g} times the viscous flow in a gap of the rms height"
-        return
-    yield (
-        "gas",
-        f"slips: {at_inlet:.3g} (inlet) to {at_outlet:.3g} (outlet) times the viscous flow in a gap of the rms height; "
-        f"permeability of pieces at {drop.pressures.size} pressures, other flow solved 3 to 5 times",
-    )
-
-
 def _expected_text(expected: Forecast) -> str:
     text = f"about {duration(expected.seconds())} on one core"
     cores = psutil.cpu_count() or 1
@@ -280,55 +202,175 @@ def _expected_text(expected: Forecast) -> str:
     return f"{text}; {expected.memory / 1e9:.1f} GB of memory, {more}"
 
 
-def _surface_facts(prepared: Prepared) -> Iterator[tuple[str, str]]:
-    """Points, roughness and filter of the face."""
-    scene, report = prepared.scene, prepared.conditioning
+@dataclass(frozen=True)
+class Disk:
+    """Expected sizes before compression [byte].
+
+    fields : the fields over all pixels, at `steps` `of` the load steps. others : all other files. checkpoint : size of
+    the store during the run, and of states that lie on disk.
+    """
+
+    fields: float
+    steps: int
+    of: int
+    others: float
+    checkpoint: float
+
+    def __str__(self) -> str:
+        """The sizes as a line of a forecast."""
+        text = f"about {_size(self.fields + self.others)}"
+        if self.fields:
+            text += f", of it fields {_size(self.fields)} before compression"
+            text += f" ({self.steps} of {self.of} steps, fields_limit)"
+        if self.checkpoint:
+            text += f"; {_size(self.checkpoint)} more while it runs"
+        return text
+
+
+def disk(case: Case, prepared: Prepared, again: list[Prepared] | None = None) -> Disk:
+    """Expected sizes of the files of a run; `again` as in `forecast`."""
+    again = budget_inputs(case, prepared) if again is None else again
+    scene = prepared.scene
+    steps, pixels = len(scene.steps), int(np.prod(scene.surface.shape))
+    studies = {study.key for study in prepared.studies}
+    each = fields_size(scene.surface.shape, studies)
+    fitting = (
+        int(min(case.output.fields_limit // each, steps)) if each and case.output.fields else 0
+    )
+    formats = case.output.paraview != "none"
+    # pictures and report; heights for ParaView
+    others = 2e6 * (case.output.pictures or case.output.report) + 4.0 * pixels * formats
+    # a piece: ten numbers in results.nc, and in the mesh of the seal
+    others += 80 * steps * prod(prepared.cells or (0, 0)) * (1 + formats)
+    if (sampling := prepared.sampling) is not None:
+        cut, tiles = prepared.cut_and_tiles
+        seals = sampling.realisations or usual_seals(cut.shape, tiles)
+        others += 8.0 * steps * (seals + 5 * len(tiles.tile) * (1 + formats))
+    checkpoint = sum(_checkpoint(one) for one in (prepared, *again))
+    with storing(None, case.memory):
+        if not states_memory(pixels, steps) and _keeps_states(prepared):
+            checkpoint += STEP_BYTES * pixels * steps  # the states themselves
+    return Disk(float(each * fitting), fitting, steps, others, checkpoint)
+
+
+def budget_inputs(case: Case, prepared: Prepared) -> list[Prepared]:
+    """What the error budget of a run solves besides."""
+    if not case.output.budget:
+        return []
+    smooth = without_filtered_waves(prepared)
+    coarser = coarser_grids(prepared)
+    grid = (*coarser[:1], prepared)[0]
+    changes = model_changes(grid.scene, case.output.model_parts, case.hardness_tolerance, grid.form)
+    models = [grid.changed(change) for change in changes]
+    if prepared.continuation is not None and "continuation" in case.output.model_parts:
+        models += [grid] * CONTINUED_SCENES
+    return [*coarser, *([] if smooth is None else [smooth]), *models]
+
+
+def _keeps_states(prepared: Prepared) -> bool:
+    """Whether a study keeps the states of the whole face: all but seals whose pieces are taken along a ladder."""
+    return prepared.methods != {"stochastic"} or prepared.cut_and_tiles[1].in_place
+
+
+def _checkpoint(prepared: Prepared) -> float:
+    """Expected size of the store of the studies of an input [byte]."""
+    scene, drawn = prepared.scene, "stochastic" in prepared.methods
+    steps, pixels, peaks = (
+        len(scene.steps),
+        int(np.prod(scene.surface.shape)),
+        len(set(scene.unload_from)),
+    )
+    on_ladder = drawn and not prepared.cut_and_tiles[1].in_place
+    found = 8.0 * pixels * max(peaks, 1) if on_ladder else 0.0
+    if _keeps_states(prepared):
+        found += pixels * (STEP_BYTES * steps + 8.0 * peaks)
+    return found
+
+
+def _size(size: float) -> str:
+    return to_text(float(f"{size:.1e}"), "B", 3)
+
+
+#: Load steps that are solved at most.
+_MOST_STEPS = 5
+#: Rounds of contact and flow beyond which a larger face, of which single paths are a smaller part, takes half as many.
+_MANY_ROUNDS = 3.0
+#: Iterations of multigrid that take as long as elimination on `PILOT_PIXELS`, and their growth with the fraction open.
+_ELIMINATED = 50.0, 1.65
+#: Least seconds of a pair of transforms of 128² numbers on the machine where the constants of the costs were measured.
+#: They stay in the cache: those of larger arrays take the time in which the system gives new memory, as no solver does.
+_PACE_SECONDS = 1.16e-4
+
+
+@cache
+def pace() -> float:
+    """Time that this machine takes for transforms, as a multiple of the one on which the costs were measured."""
+    heights = np.random.default_rng(0).random((128, 128))
+    taken = []
+    for _ in range(100):
+        start = (
+            time.thread_time()
+        )  # of the processor: what others do on the machine is not forecast
+        fft.irfft2(fft.rfft2(heights), heights.shape)
+        taken.append(time.thread_time() - start)
+    return (
+        min(taken) / _PACE_SECONDS
+    )  # a neighbour on the same core slowed the others down, by up to 2.7 times
+
+
+def efforts(scene: Scene) -> tuple[Effort, ...]:
+    """Effort of every load step, from contact and flow of the middle of the face at some of the pressures.
+
+    The state that an earlier load left is left out: unloading takes about as many transforms as loading. So are what a
+    gas slips, grooves that wind and what pockets hold, which the costs count by themselves.
+    """
     surface = scene.surface
-    size, pixel = (
-        " × ".join(to_text(x, "m", 4) for x in pair) for pair in (surface.size, surface.spacing)
+    scale = min(1.0, sqrt(PILOT_PIXELS / surface.heights.size))
+    # lengths whose transforms are fast: without prime factors above 5
+    n1, n2 = (
+        fft.prev_fast_len(max(16, int(n * scale)), real=True) if n > 16 else n
+        for n in surface.shape
     )
-    yield "surface", f"{surface.shape[0]} × {surface.shape[1]} points, {size}, pixel {pixel}"
-    height, slope = to_text(surface.rms_height, "m", 3), surface.rms_slope
-    hard = ": a flat face" if not slope else ""
-    if slope and np.isfinite(scene.law.mean_hardness):  # of elastic faces it is not
-        hard = f", H/(E*·slope) {scene.law.mean_hardness / scene.modulus / slope:.3g}"
-    yield "", f"rms height {height}, rms slope {slope:.3g}{hard}"
-    if report.undefined_fraction or report.spike_points:
-        yield (
-            "",
-            f"{report.undefined_fraction:.2%} undefined points and {report.spike_points} in spikes filled",
+    start = (surface.shape[0] - n1) // 2, (surface.shape[1] - n2) // 2
+    part = surface.crop((n1, n2), start).detrend()
+    half_space = HalfSpace(part.shape, part.spacing, scene.modulus, ("mirror", "mirror"))
+    gap = part.heights.max() - part.heights
+    solve: Callable[..., Contact] = solve_contact
+    if (fluid := scene.acting_fluid) is not None:
+        solve = replace(fluid, settings=FlowSettings(), trapped=False).contact
+    pressures = sorted({step.pressure for step in scene.steps if step.pressure > 0})
+    chosen = np.linspace(0, len(pressures) - 1, min(_MOST_STEPS, len(pressures)))
+    tried = [pressures[k] for k in chosen.round().astype(int)]
+    found: dict[float, Effort] = {}
+    for pressure in tried:
+        try:
+            contact = solve(
+                gap, half_space, pressure=pressure, hardness=scene.hardness, rtol=scene.rtol
+            )
+            flow = cell_permeability(contact.gap, part.spacing, sides="periodic")
+        except FemsealError:  # the run will tell
+            found[pressure] = Effort()
+            continue
+        rounds = getattr(contact, "rounds", 1.0)
+        effort = Effort(
+            contact.fft_pairs,
+            contact.area_fraction,
+            rounds=min(rounds, 0.5 * (rounds + _MANY_ROUNDS)),
         )
-    if isinstance(surface, Places):
-        count = len(surface.widths)
-        more = f"; about {places_to_halve(count)} more would halve their part of the band of error"
-        yield "", f"{count} places{more if count >= FEWEST else ''}"
-    if overlap := prepared.overlap:
-        size = " × ".join(to_text(length, "m", 3) for length in overlap.size)
-        resampled = ", the second resampled" if overlap.resampled else ""
-        yield "", f"two faces overlap on {size}, {overlap.fraction:.0%} of the first{resampled}"
-    for known in (prepared.holds, prepared.form_effect):
-        if known is not None and not known.doubts:
-            yield "", str(known)
-    for text in (prepared.continuation_text, report.unseen):
-        if text:
-            yield "", text
-    shortest = report.shortest_wave
-    kept = f"waves below {to_text(shortest, 'm', 3)} ({shortest / max(surface.spacing):.3g} pixels) removed"
-    removed = 1 - surface.rms_slope / report.rms_slope_before if report.rms_slope_before else 0.0
-    if removed > 0.005:
-        measured = to_text(report.shortest_measured, "m", 3)
-        kept += f", with {removed:.0%} of the rms slope, {report.lost_slope:.0%} of that above noise ({measured})"
-    yield "filter", kept
+        larger, (most, power) = PILOT_PIXELS / gap.size, _ELIMINATED
+        iterations = flow.iterations or most * flow.percolating_fraction**power
+        if iterations:
+            iterations = FEW_ITERATIONS + max(0.0, iterations - FEW_ITERATIONS) * larger**0.5
+        found[pressure] = replace(
+            effort, pairs=effort.pairs * larger**effort.growth, iterations=iterations
+        )
+    return tuple(_between(found, step.pressure) for step in scene.steps)
 
 
-def _pieces(prepared: Prepared, count: tuple[int, int]) -> str:
-    """Number and size of pieces."""
-    sizes = [side / m for side, m in zip(prepared.scene.surface.size, count, strict=True)]
-    waves = [length / prepared.conditioning.shortest_wave for length in sizes]
-    few = (
-        f"; {ADVISED_WAVES} or more are advised, of a larger face"
-        if min(waves) < ADVISED_WAVES * 0.99
-        else ""
-    )
-    size = " × ".join(to_text(length, "m", 3) for length in sizes)
-    return f"{count[0]} × {count[1]} of about {size}, that is {waves[0]:.3g} × {waves[1]:.3g} shortest waves{few}"
+def _between(found: dict[float, Effort], pressure: float) -> Effort:
+    """Effort at a pressure, linear in its logarithm between those that were solved."""
+    if not found or pressure <= 0:
+        return Effort(0.0, 0.0, FEW_ITERATIONS, 1.0)
+    known = [log(p) for p in found]
+    values = zip(*(astuple(effort) for effort in found.values()), strict=True)
+    return Effort(*(float(np.interp(log(pressure), known, each)) for each in values))

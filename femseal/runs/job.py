@@ -1,5 +1,7 @@
 """One run of a case: prepare, compute each study, write the results folder."""
 
+from __future__ import annotations
+
 import hashlib
 import json
 import logging
@@ -10,15 +12,19 @@ from functools import partial
 from os import PathLike
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from typing import Any, overload
+from typing import Any
+
+import numpy as np
 
 from ..base import (
+    Array,
     FemsealError,
     InputError,
     Mapper,
     PartsMissing,
     made_folder,
     numerical_versions,
+    to_text,
     writing,
 )
 from ..base.files import remove_foreign
@@ -29,53 +35,24 @@ from ..case.faces import FileFace
 from ..execution.parts import Part, checked_part
 from ..execution.resuming import alone_in, over_store, writing_in
 from ..execution.run import LogFile, Progress, Run, no_progress, ordered_map
+from ..materials import LINE_CONTACT_YIELD
 from ..preparation.preparation import prepare
 from ..preparation.prepared import Prepared
 from ..refinement.budgets import budgets_of
 from ..refinement.refine_to_accuracy import refine_to_accuracy
 from ..refinement.settings import chosen
 from ..report import write_folder
-from ..report.case_text import solids_text
 from ..results import Results, RunFacts, assemble
 from ..store import unfinished
 from ..store.store import Store
 from ..studies import FluidState, OtherLeakage, drop_ratio
 from ..studies.compiling import compile_ahead, reporting_compilation
+from ..studies.doubts import flow_warnings
+from .description import described, solids_text
 from .finished import finished_results
 from .forecast import refuse_too_large
-from .plausibility import add_plausibility
 
 log = logging.getLogger("femseal")
-
-
-@overload
-def run(
-    case: Case | str | PathLike[str],
-    output: str | PathLike[str] | None = None,
-    resume: bool = False,
-    workers: int | None = None,
-    scheduler: str | None = None,
-    *,
-    part: None = None,
-    shared: str | PathLike[str] | None = None,
-    progress: Progress | None = None,
-) -> Results:
-    """Run a case."""
-
-
-@overload
-def run(
-    case: Case | str | PathLike[str],
-    output: str | PathLike[str] | None = None,
-    resume: bool = False,
-    workers: int | None = None,
-    scheduler: str | None = None,
-    *,
-    part: Part | None,
-    shared: str | PathLike[str] | None = None,
-    progress: Progress | None = None,
-) -> Results | None:
-    """Run a part of a case, whose results others write."""
 
 
 def run(
@@ -88,7 +65,7 @@ def run(
     part: Part | None = None,
     shared: str | PathLike[str] | None = None,
     progress: Progress | None = None,
-) -> Results | None:
+) -> Results:
     """Run a case, from surface to leakage.
 
     Parameters
@@ -167,7 +144,9 @@ def run(
                 Path(stack.enter_context(TemporaryDirectory())) if shared is None else Path(shared)
             )
             store = stack.enter_context(Store(kept, required=False))
-            return _results(case, prepared, faces, Run(store.over(mapper), progress))
+            results = _results(case, prepared, faces, Run(store.over(mapper), progress))
+            assert results is not None
+            return results
         # a folder is made once the case has been found good
         if there := folder.is_dir():
             going_on = stack.enter_context(writing_in(folder, identity, resume, part))
@@ -193,7 +172,7 @@ def run(
         )
         if results is None:
             log.info("part %s: the items of all parts are there", "/".join(map(str, part or ())))
-            return None
+            return None  # type: ignore[return-value]
         progress("writing results", 0, None)
         # the pictures are small, and drawn on this machine
         _write(results, folder, case, mapper if scheduler is None else map)
@@ -260,7 +239,8 @@ def _results(
     attributes = {
         "seat": prepared.seat,
         "face_files": json.dumps(faces),
-        "solids": solids_text(case.echo()),
+        "solids": solids_text(case),
+        "description": json.dumps([*described(case, prepared)], ensure_ascii=False),
         "chosen": json.dumps(chosen(case, made)),
     }
     warnings = prepared.warnings
@@ -358,3 +338,32 @@ def _log_file(folder: Path, append: bool) -> Iterator[None]:
         log.removeHandler(handler)
         log.setLevel(level)
         handler.close()
+
+
+def add_plausibility(prepared: Prepared, results: Results) -> None:
+    """Put the first answer beside the results, and warn of what is not plausible."""
+    data, leakage = results.dataset, results.leakage.values
+    doubts, gaps = [], np.full(len(leakage), np.nan)
+    if (first := prepared.first_answer) is not None:
+        data.attrs["first_answer"] = str(first)
+        doubts, gaps = first.doubts(leakage, list(data["name"].values)), first.mean_gap
+    if "mean_gap" in data:
+        gaps = data["mean_gap"].values
+    doubts += flow_warnings(prepared.scene, leakage, gaps)
+    if prepared.sampling is not None and prepared.sampling.form and "largest_row_pressure" in data:
+        doubts += _yielding_body(
+            prepared.scene.law.mean_hardness, data["largest_row_pressure"].values
+        )
+    if doubts:
+        data.attrs["warnings"] = json.dumps([*results.warnings, *doubts], ensure_ascii=False)
+
+
+def _yielding_body(hardness: float, pressure: Array) -> list[str]:
+    """A sentence where the largest pressures of a form (steps,) [Pa] make the body below it yield."""
+    highest, limit = float(np.nanmax(pressure)), LINE_CONTACT_YIELD * hardness
+    if not highest > limit:
+        return []
+    return [
+        f"a form presses with up to {to_text(highest, 'Pa', 3)}, and the body below a line contact yields from "
+        f"{to_text(limit, 'Pa', 3)} on, 1.79 of its yield strength: the band becomes broader than the model has it"
+    ]

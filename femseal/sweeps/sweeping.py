@@ -1,14 +1,20 @@
-"""Run the cases of a sweep one after the other, each into its own folder, and set them side by side."""
+"""A sweep: every combination of the values of some keys of a case, run one after the other and set side by side."""
 
+import copy
 import logging
 import os
+import re
 import shutil
+import tomllib
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from itertools import product
+from math import prod
 from pathlib import Path
 from typing import Any
 
-from ..base import FemsealError, InputError, counted, made_folder
-from ..case.case import read_case
+from ..base import FemsealError, InputError, InputErrors, counted, made_folder, shortened, shown
+from ..case.case import Case, parse_case, read_case
 from ..execution.parts import Part, checked_part, own_items
 from ..execution.resuming import alone_in
 from ..execution.run import no_progress
@@ -18,7 +24,6 @@ from ..results.run_comparison import RunComparison, compared
 from ..runs import job
 from ..runs.forecast import refuse_too_large
 from ..store.unfinished import refuse_unfinished
-from .variations import short_names, variations, with_setting
 
 log = logging.getLogger("femseal.sweeps")
 #: Subfolder of the store that the cases share while the sweep is under way.
@@ -138,3 +143,165 @@ def sweep(
         if part is None:
             shutil.rmtree(folder / SHARED, ignore_errors=True)
     return found
+
+
+#: No sweep has more cases.
+MOST_CASES = 1000
+#: Longest name of a folder, in characters.
+_LONGEST_NAME = 100
+
+
+@dataclass(frozen=True)
+class Variation:
+    """One case of a sweep.
+
+    name : of its folder. setting : the keys with their values, as text. values : of the keys, as texts. case : the
+    case with these values.
+    """
+
+    name: str
+    setting: str
+    values: tuple[str, ...]
+    case: Case
+
+
+def parsed_keys(arguments: Sequence[str]) -> dict[str, list[Any]]:
+    """Values of the keys from texts such as "material.hardness=3GPa,4GPa".
+
+    Values are those of TOML, where text in a list has quotes; other text needs none: 3GPa is "3GPa".
+
+    Raises InputError: a text without "=", a key without values, or a key that is given twice.
+
+    >>> parsed_keys(["cells.count=[4, 8],[8,16]", "seed=1,2", "material.hardness=3 GPa"])
+    {'cells.count': [[4, 8], [8, 16]], 'seed': [1, 2], 'material.hardness': ['3 GPa']}
+    """
+    keys: dict[str, list[Any]] = {}
+    for text in arguments:
+        key, sign, values = text.partition("=")
+        if not sign or not key.strip() or not values.strip():
+            raise InputError(
+                "sweep", shown(text), "a key of the case and its values, such as seed=1,2,3"
+            )
+        if (key := key.strip()) in keys:
+            raise InputError("sweep", f"the key {key} twice", "each key once, with all its values")
+        keys[key] = _values(values)
+    return keys
+
+
+def _values(text: str) -> list[Any]:
+    """Values as a list of TOML, else texts at the commas, each of which may be a value."""
+    try:
+        return list(tomllib.loads(f"values = [{text}]")["values"])
+    except (tomllib.TOMLDecodeError, RecursionError):
+        parts = [part.strip() for part in text.split(",")]
+    return parts if len(parts) == 1 else [value for part in parts for value in _values(part)]
+
+
+def variations(
+    data: dict[str, Any], folder: Path, keys: Mapping[str, Sequence[Any]]
+) -> list[Variation]:
+    """Every combination of the values, the first key slowest; all of them are checked.
+
+    data : the tables of the case. folder : of the case file, to which its paths are relative.
+    keys : values of dotted keys such as "material.hardness"; "face.0.pitch" is in the first of several faces.
+
+    Raises InputError: no key, a key without values or with one value twice, a key that cannot be, more than
+    `MOST_CASES` cases, or a case that cannot be used; one line for each fault.
+    """
+    if not keys:
+        raise InputError(
+            "sweep", "no key", "at least one key of the case with its values, such as seed=1,2,3"
+        )
+    for key, values in keys.items():
+        if isinstance(values, (str, bytes)) or not isinstance(values, Sequence) or not len(values):
+            raise InputError(f"sweep: {shortened(key)}", shown(values), "a list of values")
+        texts = [value_text(value) for value in values]
+        if len({*texts}) < len(texts):
+            raise InputError(f"sweep: {shortened(key)}", shown(values), "values that differ")
+    if (count := prod(map(len, keys.values()))) > MOST_CASES:
+        raise InputError("sweep", f"{count} cases", f"at most {MOST_CASES}")
+    shorts = short_names(list(keys))
+    found: list[Variation] = []
+    faults: list[InputError] = []
+    for values in product(*keys.values()):
+        texts = [value_text(value) for value in values]
+        setting = ", ".join(f"{short} = {text}" for short, text in zip(shorts, texts, strict=True))
+        changed = copy.deepcopy(data)
+        for key, value in zip(keys, values, strict=True):
+            _put(changed, key, copy.deepcopy(value))
+        try:
+            case = parse_case(changed, folder)
+        except InputError as error:
+            faults += [with_setting(fault, setting) for fault in getattr(error, "faults", (error,))]
+            continue
+        # letters, numbers and few signs
+        name = "_".join(f"{short}={text}" for short, text in zip(shorts, texts, strict=True))
+        name = re.sub(r"[^\w.=+-]+", "-", name.replace(" ", "")).strip("-.")
+        found.append(Variation(name, setting, tuple(texts), case))
+    if faults:
+        raise InputErrors(faults)
+    return _with_different_names(found)
+
+
+def with_setting(error: InputError, setting: str) -> InputError:
+    """The error of a case of a sweep, with the settings of the case."""
+    return InputError(error.what, error.given, f"{error.expected} (with {shortened(setting)})")
+
+
+def short_names(keys: Sequence[str]) -> tuple[str, ...]:
+    """Last parts of dotted keys, as many as it takes to tell them apart.
+
+    >>> short_names(["material.young", "counter_material.young", "stochastic.length"])
+    ('material.young', 'counter_material.young', 'length')
+    """
+    names = []
+    for key in keys:
+        parts = key.split(".")
+        for count in range(1, len(parts) + 1):
+            name = ".".join(parts[-count:])
+            if sum(other == name or other.endswith(f".{name}") for other in keys) == 1:
+                break
+        names.append(name)
+    return tuple(names)
+
+
+def value_text(value: Any) -> str:
+    """A value as short text.
+
+    >>> value_text([8, 16]), value_text("3 GPa"), value_text(True), value_text({"angle": "30 deg"})
+    ('[8, 16]', '3 GPa', 'true', '{angle = 30 deg}')
+    """
+    if isinstance(value, bool):
+        return str(value).lower()
+    if isinstance(value, (list, tuple)):
+        return f"[{', '.join(map(value_text, value))}]"
+    if isinstance(value, Mapping):
+        return f"{{{', '.join(f'{key} = {value_text(inner)}' for key, inner in value.items())}}}"
+    return str(value)
+
+
+def _put(data: dict[str, Any], key: str, value: Any) -> None:
+    """Set a dotted key; tables on the way that do not exist are made."""
+    inside: Any = data
+    *tables, last = key.split(".")
+    for n, part in enumerate([*tables, last]):
+        if isinstance(inside, list):
+            if not part.isdecimal() or int(part) >= len(inside):
+                expected = f"the number of one of the {len(inside)} tables '{'.'.join(tables[:n])}', from 0"
+                raise InputError(f"sweep: {shortened(key)}", shown(part), expected)
+        elif not isinstance(inside, dict) or not part:
+            expected = "a dotted key of the case, such as material.hardness"
+            raise InputError("sweep", shown(key), expected)
+        at: Any = int(part) if isinstance(inside, list) else part
+        if n == len(tables):
+            inside[at] = value
+        else:
+            inside = inside[at] if isinstance(inside, list) else inside.setdefault(at, {})
+
+
+def _with_different_names(found: list[Variation]) -> list[Variation]:
+    """The same, with numbers as names where others would be too long or the same on a file system."""
+    names = {variation.name.lower() for variation in found}
+    if len(names) == len(found) and max(map(len, names)) <= _LONGEST_NAME:
+        return found
+    return [replace(variation, name=f"case-{n}") for n, variation in enumerate(found, 1)]

@@ -19,8 +19,8 @@ import femseal as fs
 from femseal.base.errors import InputError
 from femseal.base.leak_rates import leakage_unit
 from femseal.base.text import Shown, value_text
+from femseal.plots.drawing import on_decades
 from femseal.plots.leakage_curves import LeakageCurves, leakage_panel, limit_lines
-from femseal.plots.map_panels import on_decades
 
 MODULUS, HARDNESS = 115e9, 1.4e9
 

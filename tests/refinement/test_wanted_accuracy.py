@@ -14,7 +14,7 @@ from femseal.budget import ErrorBudget, ErrorPart, counting_steps, widest_band
 from femseal.case.case import parse_case
 from femseal.preparation import prepare
 from femseal.refinement.settings import first_settings, first_version, last_version, refined
-from femseal.results.summary import attempt_sentences
+from femseal.results.tables import attempt_sentences
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
 
@@ -93,7 +93,7 @@ def test_what_was_tried_is_told(reached, tmp_path):
     assert len(table.lines) == len(reached.attempts["attempts"]) > 1
     assert not reached.warnings
     page = reached.report(tmp_path / "page.html").read_text(encoding="utf-8")
-    assert 'alt="Error of each attempt against its time' in page
+    assert "Attempts at the accuracy; error" in page
 
 
 @pytest.mark.parametrize(

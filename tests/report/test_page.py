@@ -114,7 +114,7 @@ def body_rows(table):
 def test_texts_of_the_case_are_escaped(page):
     root = parsed(page)
     assert words(root.find(".//h1")) == CASE["title"]
-    assert "Face_A.x3p" in words(section(page, "case"))
+    assert "Face_A.x3p" in words(section(page, "values"))
 
 
 def test_the_page_stands_by_itself(page):

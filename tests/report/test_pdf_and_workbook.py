@@ -12,7 +12,7 @@ from femseal.base.errors import FemsealError, InputError
 from femseal.base.text import comma_separated
 from femseal.report import page as report_page
 from femseal.report import write_pdf
-from femseal.report.leakage_tables import class_table
+from femseal.report.report_tables import class_table
 from femseal.results import RunFacts, assemble
 from femseal.results.tables import rows, write_workbook
 

@@ -16,7 +16,7 @@ import femseal as fs
 from femseal.case.case import parse_case
 from femseal.execution import cluster as cluster_map
 from femseal.preparation.preparation import prepare
-from femseal.runs.disk import disk
+from femseal.runs.forecast import disk
 from femseal.studies import STUDIES
 
 pytestmark = pytest.mark.usefixtures("drawn_pictures")

@@ -12,7 +12,7 @@ from small_cases import SWEPT as CASE
 import femseal as fs
 from femseal.case.case import read_case
 from femseal.runs import job
-from femseal.sweeps.variations import parsed_keys, variations
+from femseal.sweeps.sweeping import parsed_keys, variations
 
 KEYS = {"material.hardness": ["3 GPa", "6 GPa"], "fluid.viscosity": ["1 mPa*s", "2 mPa*s"]}
 
