@@ -29,6 +29,7 @@ from ..plots.drawing import (
     LINES,
     Sheet,
     branch_styles,
+    decades,
     legend_below,
     load_axis,
     png,
@@ -84,6 +85,7 @@ def _limits(axes: Axes, answer: Design, scale: float) -> None:
     limits = {need.name: need.limit / scale for need in answer.requirements}
     near = [limit for limit in limits.values() if 1e-3 * low < limit < 1e3 * high]
     axes.set_ylim(min([low, *(x / 2 for x in near)]), max([high, *(2 * x for x in near)]))
+    decades(axes.yaxis)
     limit_lines(axes, limits)
 
 

@@ -19,12 +19,18 @@ from ..base import Array, InputError
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
+    from matplotlib.axis import Axis
     from matplotlib.figure import Figure
 
 #: Ratio of loads up to which their axis is linear, and by which it reaches beyond them.
 _NEAR, _MARGIN = 5.0, 1.1
 #: Least distance of two labels of loads as a fraction of the axis.
 _LABEL = 0.12
+#: Ratios of the ends of an axis below which 2 and 5 have labels, and beyond which only powers of ten have ticks.
+_SHORT, _FINE = 100.0, 1e5
+_SUPERSCRIPTS = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
+#: Powers of ten that are written as numbers.
+_PLAIN = range(-2, 4)
 
 
 def load_axis(axes: Axes, loads: Array, *, logarithmic: bool = False) -> None:
@@ -55,6 +61,33 @@ def load_axis(axes: Axes, loads: Array, *, logarithmic: bool = False) -> None:
             labels[n] = f"{loads[n]:.4g}"
     axes.set_xticks(loads, labels=labels)
     axes.set_xticks([], minor=True)
+
+
+def decades(axis: Axis) -> None:
+    """Label a logarithmic axis by numbers as people write them."""
+    from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter, NullLocator
+
+    low, high = axis.get_view_interval()
+    axis.set_major_formatter(FuncFormatter(lambda value, _: number_text(value)))
+    axis.set_minor_formatter(NullFormatter())
+    if high / low < _SHORT:
+        axis.set_minor_locator(LogLocator(subs=(2, 5)))
+        axis.set_minor_formatter(FuncFormatter(lambda value, _: number_text(value)))
+    elif high / low > _FINE:
+        axis.set_minor_locator(NullLocator())
+
+
+def number_text(value: float) -> str:
+    """A number of an axis as text.
+
+    >>> number_text(1e-12), number_text(100.0), number_text(2e-5)
+    ('10⁻¹²', '100', '2·10⁻⁵')
+    """
+    exponent = int(np.floor(np.log10(value) + 1e-9))
+    if exponent in _PLAIN:
+        return f"{value:.4g}"
+    factor = f"{value / 10.0**exponent:.3g}·".removeprefix("1·")
+    return f"{factor}10{str(exponent).translate(_SUPERSCRIPTS)}"
 
 
 #: Loading first, then unloadings: colours that the colour-blind tell apart (Okabe & Ito), line style and marker.
@@ -286,6 +319,8 @@ def colour_bar(axes: Axes, image: Any) -> Any:
     """A bar as high as the map."""
     figure = axes.get_figure(root=True)
     bar = figure.colorbar(image, cax=axes.inset_axes((1.02, 0, 0.03, 1)))  # type: ignore[union-attr]
+    if bar.ax.get_yscale() == "log":
+        decades(bar.ax.yaxis)
     bar.ax.tick_params(which="both", labelsize=8)
     axes.tick_params(labelsize=8)
     return bar

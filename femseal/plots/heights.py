@@ -21,6 +21,7 @@ from .drawing import (
     LINES,
     STYLES,
     Sheet,
+    decades,
     lying,
     map_panel,
     map_row,
@@ -131,6 +132,8 @@ def heights_figure(topography: Topography) -> Figure:
         panel_title(density, "no spectral density with undefined points")
     else:
         _densities_panel(density, topography)
+        decades(density.xaxis)
+        decades(density.yaxis)
     for axes in (profile, density):
         axes.grid(alpha=0.25, lw=0.6)
         axes.tick_params(which="both", labelsize=8)

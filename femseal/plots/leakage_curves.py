@@ -20,6 +20,7 @@ from .drawing import (
     LINES,
     Sheet,
     branch_styles,
+    decades,
     legend_below,
     load_axis,
     one_panel,
@@ -161,6 +162,7 @@ def leakage_axis(axes: Axes, values: Array) -> None:
     span = max(np.log10(high / low), 0.5)
     strip = _STRIP if np.any(values == 0) else 0.0
     axes.set_ylim(low * 10 ** (-span * (0.05 + strip)), high * 10 ** (0.06 * span))
+    decades(axes.yaxis)
     if strip:
         # axhspan would take its ends in units of the leakage
         grey: dict[str, Any] = {"color": "#E4E4E4", "lw": 0, "zorder": 0}

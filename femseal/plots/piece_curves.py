@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from ..base import Array, InputError
 from ..flow.law import cubic_law
 from ..results.results import Results
-from .drawing import GREY, LEGEND_LINE, LINES, STYLES, Sheet
+from .drawing import GREY, LEGEND_LINE, LINES, STYLES, Sheet, decades
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -93,5 +93,7 @@ def _clouds(axes: Axes, k: Array, x: Array, loading: NDArray[np.bool_], *, plate
         axes.plot(h, cubic_law(h * 1e-6), color="black", lw=1.4, label="parallel plates, h̄³/12")
         axes.set(xscale="log", xlim=(h[0], h[-1]))
         high = max(high, float(cubic_law(h[-1] * 1e-6)))
+        decades(axes.xaxis)
     axes.set(yscale="log", ylim=(low / _BEYOND, high * _BEYOND))
+    decades(axes.yaxis)
     return True

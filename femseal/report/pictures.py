@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import base64
 from collections.abc import Callable, Mapping
-from typing import TYPE_CHECKING, NamedTuple, cast
+from typing import TYPE_CHECKING, Any, NamedTuple, cast
 
 import numpy as np
 
 from ..plots import heights_figure, leakage_figure, pieces_figure, seal_figure
-from ..plots.drawing import HEIGHTS, LINES, Sheet, lying, map_row, png
+from ..plots.drawing import GREY, HEIGHTS, LINES, STYLES, Sheet, decades, lying, map_row, png
 from ..plots.drawn_panels import drawn_figure
 from ..plots.heights import height_panel
 from ..plots.maps import (
@@ -70,6 +70,7 @@ def _captions(results: Results) -> dict[str, str]:
         "seal": maps if has_maps(data) else drawn_seal,
         "drawn": drawn_seal,
         "drop": "Fluid pressure along the leakage, mean over the length of the seal.",
+        "attempts": "Error of each attempt against its time; the line is the accuracy asked for.",
         "pieces": "Permeability of pieces against mean gap: wide gaps follow h̄³/12 of parallel "
         "plates, and narrow gaps close. A piece is closed where nothing passes between its own "
         "sides; grooves that wind may lead the fluid past it. Below, against contact pressure: "
@@ -105,6 +106,7 @@ def _figures(results: Results, surface: Topography | None) -> dict[str, Callable
             lambda: _lines_figure(row_panel, data),
         ),
         "place": ("place_height" in data, lambda: place_figure(data)),
+        "attempts": (_has_errors(results), lambda: _attempts_figure(results.attempts or {})),
     }
     return {name: draw for name, (there, draw) in pictures.items() if there}
 
@@ -112,6 +114,29 @@ def _figures(results: Results, surface: Topography | None) -> dict[str, Callable
 def _lines_figure(panel: Callable[..., None], data: xarray.Dataset) -> Figure:
     sheet = Sheet([4.0])
     panel(sheet.panel(0, LINES), data, drop_steps(data))
+    return sheet.figure
+
+
+def _has_errors(results: Results) -> bool:
+    """Whether the error of an attempt at an accuracy is known."""
+    attempts = (results.attempts or {"attempts": []})["attempts"]
+    return any(attempt["half_width"] is not None for attempt in attempts)
+
+
+def _attempts_figure(found: dict[str, Any]) -> Figure:
+    """Error of the attempts whose error is known against their time, by their numbers."""
+    sheet = Sheet([3.2])
+    axes = sheet.panel(0, LINES)
+    axes.set(xlabel="time of the attempt [s]", ylabel="error [%]", yscale="log")
+    axes.grid(alpha=0.25, lw=0.6)
+    axes.axhline(100 * found["wanted"], color=GREY, ls="--", lw=1)
+    for number, attempt in enumerate(found["attempts"], start=1):
+        if attempt["half_width"] is not None:
+            at = attempt["with_coarse"], 100 * np.expm1(attempt["half_width"])
+            axes.plot(*at, "o", color=STYLES[0][0])
+            axes.annotate(str(number), at, xytext=(6, 4), textcoords="offset points")
+    axes.set_xlim(left=0)
+    decades(axes.yaxis)
     return sheet.figure
 
 
