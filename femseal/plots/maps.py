@@ -78,9 +78,17 @@ def seal_figure(results: Results, step: int | None = None) -> Figure:
     sheet = Sheet([row, row, row, 2.4], head=0.35)
     for n, draw in enumerate((_contact_panel, _gap_panel, _fluid_panel)):
         draw(sheet.panel(n, MAP), data, s)
-    drop_panel(sheet.panel(3, MAP), data, [s])
+    drop_panel(sheet.panel(3, MAP), data, drop_steps(data, s))
     sheet.head(f"{load_names(data)[s]}; inlet at x1 = 0")
     return sheet.figure
+
+
+def drop_steps(data: xarray.Dataset, last: int) -> list[int]:
+    """Loading steps that leak: the first, the middle one, and that of the maps last."""
+    loading = np.flatnonzero(np.isnan(data["unloaded_from"].values))
+    leaking = loading[np.nan_to_num(face_leakage(data)[loading]) != 0]
+    chosen = [int(leaking[n]) for n in (0, leaking.size // 2) if leaking.size]
+    return list(dict.fromkeys([*chosen, last]))
 
 
 def place_figure(data: xarray.Dataset) -> Figure:

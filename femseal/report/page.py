@@ -144,7 +144,7 @@ def _seal_text(data: xarray.Dataset) -> str:
     width, length = (to_text(float(side), "m") for side in data.attrs["seal_size_m"])
     seal = data.attrs["seal"]
     texts = [f"The seal is {seal}, {width} wide along the leakage and {length} long."]
-    if "band_breadth" in data:
+    if data.attrs.get("seat") and "band_breadth" in data:
         least, most = (to_text(float(f(data["band_breadth"].values)), "m", 3) for f in _ENDS)
         highest = to_text(float(np.nanmax(data["largest_row_pressure"].values)), "Pa", 3)
         texts.append(
@@ -152,7 +152,8 @@ def _seal_text(data: xarray.Dataset) -> str:
             "mean of a row."
         )
     name = "drawn_nominal_pressure" if "drawn_form" in data else "drawn_contact_pressure"
-    if name in data:
+    uneven = "drawn_form" in data or json.loads(data.attrs["case"]).get("load", {}).get("map")
+    if uneven and name in data:
         loads = data["nominal_pressure"].values
         for s in dict.fromkeys((int(loads.argmin()), int(loads.argmax()))):
             at = data[name].values[s]

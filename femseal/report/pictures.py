@@ -14,8 +14,7 @@ from ..plots.drawn_panels import drawn_figure
 from ..plots.heights import height_panel
 from ..plots.maps import (
     default_step,
-    drop_panel,
-    face_leakage,
+    drop_steps,
     face_size,
     has_maps,
     place_figure,
@@ -69,7 +68,6 @@ def _captions(results: Results) -> dict[str, str]:
         "leakage": "Leakage against load, a line for each branch of the load cycle.",
         "seal": maps if has_maps(data) else drawn_seal,
         "drawn": drawn_seal,
-        "drop": "Fluid pressure along the leakage, mean over the length of the seal.",
         "attempts": "Error of each attempt against its time; the line is the accuracy asked for.",
         "pieces": "Permeability of pieces against mean gap: wide gaps follow h̄³/12 of parallel "
         "plates, and narrow gaps close. A piece is closed where nothing passes between its own "
@@ -99,11 +97,10 @@ def _figures(results: Results, surface: Topography | None) -> dict[str, Callable
         "drawn": (maps and drawn_seal, lambda: drawn_figure(data, s)),
         "pieces": ("piece_k1" in data or "state_k1" in data, lambda: pieces_figure(results)),
         "leakage": (True, lambda: leakage_figure(results)),
-        "drop": (maps, lambda: _lines_figure(drop_panel, data)),
         "face": ("face_height" in data, lambda: _face_figure(data)),
         "seat": (
             bool(data.attrs.get("seat")) and "row_pressure" in data,
-            lambda: _lines_figure(row_panel, data),
+            lambda: _seat_figure(data, s),
         ),
         "place": ("place_height" in data, lambda: place_figure(data)),
         "attempts": (_has_errors(results), lambda: _attempts_figure(results.attempts or {})),
@@ -111,9 +108,9 @@ def _figures(results: Results, surface: Topography | None) -> dict[str, Callable
     return {name: draw for name, (there, draw) in pictures.items() if there}
 
 
-def _lines_figure(panel: Callable[..., None], data: xarray.Dataset) -> Figure:
+def _seat_figure(data: xarray.Dataset, s: int) -> Figure:
     sheet = Sheet([4.0])
-    panel(sheet.panel(0, LINES), data, drop_steps(data))
+    row_panel(sheet.panel(0, LINES), data, drop_steps(data, s))
     return sheet.figure
 
 
@@ -144,16 +141,6 @@ def _face_figure(data: xarray.Dataset) -> Figure:
     sheet = Sheet([map_row(lying(face_size(data)), HEIGHTS)])
     height_panel(sheet.panel(0, HEIGHTS), data["face_height"].values * 1e6, face_size(data))
     return sheet.figure
-
-
-def drop_steps(data: xarray.Dataset) -> list[int]:
-    """Loading steps that leak: the first, the middle one, and that of the maps last."""
-    last = default_step(data)
-    loading = np.flatnonzero(np.isnan(data["unloaded_from"].values))
-    leaking = loading[np.nan_to_num(face_leakage(data)[loading]) != 0]
-    return list(
-        dict.fromkeys([*(int(leaking[n]) for n in (0, leaking.size // 2) if leaking.size), last])
-    )
 
 
 def png_uri(picture: bytes) -> str:

@@ -78,7 +78,8 @@ def fluid_text(fluid: Fluid) -> str:
         elif isinstance(value, str):
             found.append(value)
         elif value:
-            found.append(f"{name} {with_its_unit(value, one.metadata['unit'])}")
+            text = with_its_unit(value, one.metadata["unit"])
+            found.append(f"{name} {text.replace('^3', '³')}")
     return ", ".join(found)
 
 
