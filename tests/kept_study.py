@@ -4,7 +4,7 @@ from functools import partial
 
 import numpy as np
 
-from femseal.base.stage import Stage
+from femseal.base import Stage
 from femseal.store.store import Store
 
 #: Number of items of each stage, and every item with its stage.

@@ -3,10 +3,9 @@
 import re
 import tomllib
 
-from femseal.case.case import Case
-from femseal.case.template import case_template
+from femseal.case import Case, case_template
 from femseal.fluids import Liquid
-from femseal.studies.scene import Scene
+from femseal.studies import Scene
 from femseal.topography import self_affine
 
 #: Contact modulus and hardness of the scenes [Pa], and their liquid.

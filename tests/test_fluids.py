@@ -5,7 +5,7 @@ import pytest
 from each import each
 from numpy.testing import assert_allclose
 
-from femseal.base.errors import InputError
+from femseal.base import InputError
 from femseal.fluids import IdealGas, Liquid, RoelandsLiquid
 
 AIR = IdealGas(viscosity=18.1e-6, molar_mass=28.96e-3, temperature=293.15)

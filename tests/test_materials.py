@@ -6,7 +6,7 @@ import pytest
 from each import each
 from numpy.testing import assert_allclose
 
-from femseal.base.errors import InputError
+from femseal.base import InputError
 from femseal.materials import Solid, contact_modulus
 
 STEEL = Solid(210e9, 0.3, yield_stress=500e6)

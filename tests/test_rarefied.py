@@ -5,7 +5,7 @@ import pytest
 from each import each
 from numpy.testing import assert_allclose
 
-from femseal.base.errors import InputError
+from femseal.base import InputError
 from femseal.fluids import IdealGas
 from femseal.rarefied import flow_rate
 

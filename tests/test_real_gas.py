@@ -17,9 +17,9 @@ import femseal as fs
 from femseal.fluids import FLUIDS, potential_of
 from femseal.named_fluids import TABLE
 from femseal.real_gas import ideal_gas_error
+from femseal.studies import FluidState
 from femseal.studies.doubts import gas_warnings
 from femseal.studies.other_fluid import limit_factors
-from femseal.studies.scene import FluidState
 
 needs_coolprop = pytest.mark.skipif(
     find_spec("CoolProp") is None, reason="the extra femseal[fluids] is not installed"

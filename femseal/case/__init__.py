@@ -1,1 +1,12 @@
 """A case: the TOML file of a run, its tables, and the checks of its values."""
+
+from typing import TYPE_CHECKING
+
+from ..base.lazy_package import lazy
+
+if TYPE_CHECKING:
+    from .case import Case, load_case, parse_case
+    from .schema import case_schema
+    from .template import case_template
+else:
+    __getattr__, __dir__ = lazy(__name__)

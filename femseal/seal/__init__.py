@@ -7,9 +7,10 @@ from ..base.lazy_package import lazy
 if TYPE_CHECKING:
     from ..flow.permeability_table import PermeabilityTable, table_pressures
     from .form import FileForm, MeasuredForm, WavyForm
+    from .layouts import AnnularLayout, MeshLayout, RectangularLayout
     from .leakage import Leakage, seal_leakage
     from .mesh_seal import MeshSeal
-    from .pressure_map import AngleTable, MapsAtLoads, PressureField, Profile, Uniform
+    from .pressure_map import AngleTable, Frame, MapsAtLoads, PressureField, Profile, Uniform
     from .seal_files import read_pressure_field
     from .shapes import AnnularSeal, RectangularSeal
 else:

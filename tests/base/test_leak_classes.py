@@ -9,13 +9,13 @@ from numpy.testing import assert_allclose
 from small_cases import STRIP, steel_scene
 
 import femseal as fs
-from femseal.base.errors import InputError
+from femseal.base import InputError
 from femseal.base.leak_rates import LEAK_CLASSES, LEAK_UNITS, leak_classes, within
-from femseal.case.case import parse_case
+from femseal.case import parse_case
 from femseal.fluids import leak_basis
 from femseal.results import RunFacts, assemble, save
-from femseal.studies.other_fluid import OtherLeakage, drop_ratio, limit_factors
-from femseal.studies.scene import FluidState
+from femseal.studies import FluidState, OtherLeakage, drop_ratio
+from femseal.studies.other_fluid import limit_factors
 
 HELIUM = fs.IdealGas(viscosity=19.6e-6, molar_mass=4.0026e-3, temperature=293.15, slip=False)
 NITROGEN = fs.IdealGas(viscosity=17.5e-6, molar_mass=28.0134e-3, temperature=293.15, slip=False)

@@ -9,13 +9,12 @@ from numpy.testing import assert_allclose
 from small_cases import steel_scene
 
 import femseal as fs
-from femseal.base.errors import InputError
+from femseal.base import InputError, to_si
 from femseal.base.leak_rates import LEAK_UNITS, USUAL_UNITS, LeakBasis, leak_unit
-from femseal.base.quantities import to_si
 from femseal.fluids import leak_basis
 from femseal.report.page import report_html
-from femseal.results import RunFacts, assemble
-from femseal.results.tables import csv_text, rows
+from femseal.results import RunFacts, assemble, rows
+from femseal.results.tables import csv_text
 
 SI = {"volume": "m^3/s", "mass": "kg/s", "throughput": "Pa*m^3/s"}
 AIR = fs.IdealGas(viscosity=18e-6, molar_mass=29e-3, temperature=293.15)

@@ -4,8 +4,7 @@ import pytest
 from each import each
 from numpy.testing import assert_allclose
 
-from femseal.base.errors import InputError
-from femseal.base.quantities import to_si, to_text
+from femseal.base import InputError, to_si, to_text
 
 
 @each(

@@ -24,8 +24,8 @@ import numpy as np
 import femseal as fs
 from common import BAND_HEAD, band_cells, machine, print_report, read_rows, table, write_rows
 from drawn_scenes import Drawn
-from femseal.budget.whole import error_budget
-from femseal.seal.layouts import AnnularLayout, MeshLayout
+from femseal.budget import error_budget
+from femseal.seal import AnnularLayout, MeshLayout
 from femseal.studies import drawn_error
 from femseal.studies.load_curves import first_known
 

@@ -22,7 +22,7 @@ import numpy as np
 import femseal as fs
 from common import machine, print_report, table
 from femseal.calibration.calibrating import with_values
-from femseal.case.case import Case, parse_case
+from femseal.case import Case, parse_case
 
 #: Seeds of the tests.
 SEEDS = (*range(250_401, 250_411), *range(270_401, 270_421))

@@ -22,13 +22,12 @@ import numpy as np
 import femseal as fs
 from common import BAND_HEAD, band_cells, table
 from drawn_seals import commands
-from femseal.budget import longer_waves_part, patch_form_part
-from femseal.budget.whole import error_budget
+from femseal.budget import error_budget, longer_waves_part, patch_form_part
 from femseal.face.patch_form import form_effect
-from femseal.seal.form import MeasuredForm
+from femseal.seal import MeasuredForm
 from femseal.studies import drawn_error
 from femseal.studies.longer_waves import longer_waves
-from femseal.topography.long_waves import representative
+from femseal.topography import representative
 
 MODULUS, PIXEL, POINTS = 115e9, 1e-6, 192
 KINDS = ("roll-off within", "roll-off beyond", "turned, wavy", "bumps", "lobes")

@@ -16,7 +16,7 @@ from femseal.budget.estimates import median_interval
 from femseal.budget.pixels import observed_order, pixels_part
 from femseal.budget.waves import filter_part
 from femseal.loads import LoadProgramme
-from femseal.preparation.preparation import prepare
+from femseal.preparation import prepare
 from femseal.refinement.coarser import at_some_steps, coarser_points
 from femseal.runs.forecast import describe, forecast
 from femseal.studies.drawn_error import (

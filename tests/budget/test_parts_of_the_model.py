@@ -18,7 +18,7 @@ from femseal.budget import (
     model_part,
     thin_gap_part,
 )
-from femseal.seal.pressure_map import Frame
+from femseal.seal import Frame
 from femseal.topography import CrownedSeat
 
 D, E, H = 1e-6, 115e9, 2.3e9

@@ -7,7 +7,7 @@ import femseal as fs
 from femseal.budget.waves import LOAD_POWER, under_less_load
 from femseal.designs.requirements import Seals
 from femseal.loads import LoadProgramme
-from femseal.results.tables import leakage_table
+from femseal.results import leakage_table
 
 #: A generated face with half of its slope in waves that its grid does not carry, under loads that seal it without them.
 SEALED = """

@@ -13,8 +13,7 @@ import numpy as np
 import pyvista as pv
 from small_cases import STRIP, template_cases
 
-from femseal.case.case import Case
-from femseal.case.template import case_template
+from femseal.case import Case, case_template
 
 ROOT = Path(__file__).parents[2]
 #: Values that a key may be given and hardly ever takes.

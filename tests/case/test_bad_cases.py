@@ -17,7 +17,7 @@ from small_cases import STRIP, steel_scene
 
 import femseal as fs
 from femseal.base.machine import within_free_memory
-from femseal.case.case import parse_case
+from femseal.case import parse_case
 from femseal.preparation import prepare
 from femseal.report import write_report
 from femseal.results import save

@@ -13,10 +13,8 @@ from numpy.testing import assert_allclose
 from small_cases import template_cases
 
 import femseal as fs
-from femseal.base.quantities import to_si
-from femseal.case.case import Case, parse_case
-from femseal.case.schema import case_schema
-from femseal.case.template import case_template
+from femseal.base import to_si
+from femseal.case import Case, case_schema, case_template, parse_case
 from femseal.contact import PerfectlyPlastic
 from femseal.fluids import FLUIDS
 from femseal.preparation import prepare

@@ -10,10 +10,10 @@ import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 
 import femseal as fs
-from femseal.case.case import parse_case
-from femseal.preparation.preparation import prepare
+from femseal.case import parse_case
+from femseal.preparation import prepare
 from femseal.runs.job import face_files
-from femseal.seal.pressure_map import AngleTable, Frame, MapsAtLoads, Profile, Uniform
+from femseal.seal import AngleTable, Frame, MapsAtLoads, Profile, Uniform
 from femseal.studies.tile_pressure import pressure_fractions, seal_for_maps
 
 ROOT = Path(__file__).parents[2]

@@ -9,9 +9,9 @@ from numpy.testing import assert_allclose
 from small_cases import CASE
 
 import femseal as fs
-from femseal.base.quantities import absolute_pressure, to_si
-from femseal.case.case import parse_case
-from femseal.case.schema import case_schema
+from femseal.base import to_si
+from femseal.base.quantities import absolute_pressure
+from femseal.case import case_schema, parse_case
 from femseal.preparation import prepare
 
 ATMOSPHERE, PSI = 101_325.0, 6894.757293168361

@@ -5,8 +5,7 @@ from each import each
 from small_cases import HARDENED as CASE
 
 import femseal as fs
-from femseal.case.case import parse_case
-from femseal.case.schema import case_schema
+from femseal.case import case_schema, parse_case
 from femseal.contact import HardnessTable, NixGao, PerfectlyPlastic
 from femseal.materials import METALS, named_solid
 

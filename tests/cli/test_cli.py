@@ -19,9 +19,8 @@ from small_cases import template_cases
 
 import femseal as fs
 from femseal import cli
-from femseal.case.case import parse_case
+from femseal.case import case_schema, parse_case
 from femseal.case.faces import SurfaceTable
-from femseal.case.schema import case_schema
 
 ROOT = Path(__file__).parents[2]
 CASES = sorted((ROOT / "examples").glob("*.toml"))

@@ -11,7 +11,7 @@ from small_cases import scene_of_law
 from test_solver import rough as rough_face
 
 import femseal as fs
-from femseal.case.case import parse_case
+from femseal.case import parse_case
 from femseal.contact import (
     ContactLaw,
     HalfSpace,

@@ -7,7 +7,7 @@ import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 from test_contact_law import rough
 
-from femseal.base.errors import InputError
+from femseal.base import InputError
 from femseal.contact import HalfSpace, PerfectlyPlastic, load_cycle, load_states, solve_contact
 from femseal.loads import LoadProgramme
 

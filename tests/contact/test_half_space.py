@@ -12,7 +12,7 @@ import pytest
 from each import each
 from numpy.testing import assert_allclose
 
-from femseal.base.errors import InputError
+from femseal.base import InputError
 from femseal.contact import HalfSpace
 from femseal.contact.convolution import Convolution
 from femseal.contact.large_convolution import LargeConvolution

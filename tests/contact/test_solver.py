@@ -9,7 +9,7 @@ from each import each
 from numpy.testing import assert_allclose
 
 from femseal import analytic
-from femseal.base.errors import InputError
+from femseal.base import InputError
 from femseal.contact import (
     HalfSpace,
     LinearHardening,

@@ -10,9 +10,8 @@ from numpy.testing import assert_allclose
 from small_cases import STRIP, E, steel_scene
 
 import femseal as fs
-from femseal.base import to_text
-from femseal.base.errors import InputError
-from femseal.case.case import parse_case
+from femseal.base import InputError, to_text
+from femseal.case import parse_case
 from femseal.designs.requirements import Seals, requirement, sealing_load
 from femseal.designs.sensitivities import Variants, level_at, sensitivities, slope_at
 from femseal.loads import LoadProgramme

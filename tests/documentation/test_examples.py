@@ -12,9 +12,9 @@ import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 
 import femseal as fs
-from femseal.case.case import parse_case
+from femseal.case import parse_case
 from femseal.loads import LoadStep
-from femseal.preparation.preparation import prepare
+from femseal.preparation import prepare
 
 ROOT = Path(__file__).parents[2]
 EXAMPLES = ROOT / "examples"

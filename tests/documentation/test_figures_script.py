@@ -10,7 +10,7 @@ from matplotlib.figure import Figure
 from numpy.testing import assert_allclose
 
 import femseal as fs
-from femseal.base.errors import InputError
+from femseal.base import InputError
 
 SCRIPT = Path(__file__).parents[2] / "examples" / "figures.py"
 SPEC = importlib.util.spec_from_file_location("figures", SCRIPT)

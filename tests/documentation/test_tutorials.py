@@ -9,8 +9,7 @@ import pytest
 from test_documented_commands import CASE, write_map
 
 import femseal as fs
-from femseal.case.case import Case
-from femseal.case.template import case_template
+from femseal.case import Case, case_template
 
 ROOT = Path(__file__).parents[2]
 PAGES = sorted((ROOT / "docs" / "tutorials").glob("*.md"))

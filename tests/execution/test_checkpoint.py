@@ -17,7 +17,7 @@ import pytest
 from small_cases import CASE, HANG
 
 import femseal as fs
-from femseal.base.machine import numerical_versions
+from femseal.base import numerical_versions
 from femseal.store.store import Store
 
 #: No more results come before those of the drawn seals.

@@ -19,9 +19,8 @@ from small_cases import CASE, HANG
 from test_checkpoint import assert_same, start, stop_at, wait_until  # noqa: F401
 
 import femseal as fs
-from femseal.base import threads
+from femseal.base import Stage, threads
 from femseal.base.shared_array import shared_empty
-from femseal.base.stage import Stage
 from femseal.execution import cluster as cluster_map
 from femseal.execution import processes
 from femseal.execution.run import ordered_map

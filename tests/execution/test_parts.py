@@ -16,8 +16,7 @@ from small_cases import CALIBRATED, CASE, HEAD, ROWS, SWEPT
 from test_checkpoint import assert_same
 
 import femseal as fs
-from femseal.base.errors import PartsMissing
-from femseal.base.stage import Stage
+from femseal.base import PartsMissing, Stage
 from femseal.execution.parts import parsed_part
 from femseal.execution.resuming import alone_in, over_store
 from femseal.execution.run import no_progress

@@ -8,12 +8,12 @@ from networks import cell_links, network
 from numpy.testing import assert_allclose, assert_array_equal
 from skfem import Basis, ElementQuad1, ElementTriP1, MeshQuad, MeshTri
 
-from femseal.base.errors import InputError, NotConverged
+from femseal.base import InputError, NotConverged
+from femseal.flow import Stencil
 from femseal.flow.forms import darcy_flow
 from femseal.flow.solvers.amg import solve_amg, solve_direct, solve_spd
 from femseal.flow.solvers.choice import solve_flow
-from femseal.flow.stencil import Stencil
-from femseal.topography.generate import self_affine
+from femseal.topography import self_affine
 
 
 def drawn_links(rng, shape, sigma, closed, periodic):

@@ -12,7 +12,7 @@ from numpy.testing import assert_allclose
 from skfem import Basis, BilinearForm, ElementQuad1, MeshQuad
 from skfem.helpers import grad
 
-from femseal.base.errors import InputError
+from femseal.base import InputError
 from femseal.flow import permeability_tensor
 from femseal.flow.assembly import (
     EDGES,

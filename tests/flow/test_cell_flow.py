@@ -11,7 +11,7 @@ from skfem import Basis, BilinearForm, ElementQuad2, ElementTriP1, MeshQuad, Mes
 from skfem.helpers import dot, grad
 
 from femseal import analytic
-from femseal.base.errors import InputError, NotConverged
+from femseal.base import InputError, NotConverged
 from femseal.flow import (
     cell_permeability,
     critical_constriction,

@@ -5,13 +5,12 @@ import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 
 from femseal import analytic
-from femseal.base.errors import InputError
+from femseal.base import InputError
 from femseal.face.pieces import Cut
 from femseal.flow import cell_permeability
 from femseal.flow.cell import pixel_dissipation
 from femseal.fluids import IdealGas
-from femseal.studies import Scene
-from femseal.studies.face_study import two_scale
+from femseal.studies import Scene, two_scale
 from femseal.topography import Topography, self_affine
 
 

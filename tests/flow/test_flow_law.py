@@ -11,12 +11,11 @@ from small_cases import CASE, scene_of_fluid
 import femseal as fs
 from femseal.analytic import parallel_plates
 from femseal.base.fixed_point import fixed_point
-from femseal.flow import SlipLength
-from femseal.flow.law import CUBIC_LAW, FlowLaw, law_of
+from femseal.flow import FlowLaw, SlipLength
+from femseal.flow.law import CUBIC_LAW, law_of
 from femseal.flow.permeability_table import tabulated
 from femseal.flow.pressure_drop import PressureDrop
-from femseal.studies.other_fluid import drop_ratio
-from femseal.studies.scene import FluidState
+from femseal.studies import FluidState, drop_ratio
 
 HELIUM = fs.IdealGas(viscosity=19.6e-6, molar_mass=4.0026e-3, temperature=293.15)
 WATER = fs.Liquid(1e-3)

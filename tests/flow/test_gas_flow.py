@@ -11,9 +11,8 @@ from small_cases import scene_of_fluid
 
 import femseal as fs
 from femseal.face.piece_flow import FlowSettings, piece_permeability
-from femseal.flow import CubicLaw
+from femseal.flow import CubicLaw, FlowLaw
 from femseal.flow.coefficient import gap_on_links
-from femseal.flow.law import FlowLaw
 from femseal.flow.permeability_table import PermeabilityTable, PressureCurve, table_pressures
 from femseal.flow.pressure_drop import PressureDrop
 from femseal.rarefied import flow_rate

@@ -11,7 +11,7 @@ from scipy.ndimage import gaussian_filter
 from scipy.sparse.csgraph import connected_components
 
 from femseal import analytic
-from femseal.base.errors import InputError, NotConverged
+from femseal.base import InputError, NotConverged
 from femseal.flow import Stencil, solve_flow
 
 SHAPES = [(1, 1), (1, 6), (6, 1), (2, 2), (2, 3), (7, 5), (5, 7), (20, 16)]

@@ -9,7 +9,7 @@ from numpy.testing import assert_allclose
 from skfem import MeshQuad, MeshQuad2, MeshTet, MeshTri
 
 from femseal.analytic import stripes_across, stripes_along
-from femseal.base.errors import InputError, NotConverged
+from femseal.base import InputError, NotConverged
 from femseal.flow import mesh as flow_through_mesh
 from femseal.flow.mesh import darcy_conductance
 

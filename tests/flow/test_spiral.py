@@ -12,11 +12,10 @@ import femseal as fs
 from femseal.flow.law import cubic_law
 from femseal.flow.spiral import spiral_flow
 from femseal.preparation import prepare
+from femseal.seal import AnnularLayout, MeshLayout, RectangularLayout
 from femseal.seal.lay import Lay
-from femseal.seal.layouts import AnnularLayout, MeshLayout, RectangularLayout
 from femseal.seal.tiles import PieceSize
-from femseal.studies import Sampling
-from femseal.studies.drawn_study import stochastic
+from femseal.studies import Sampling, stochastic
 
 D = 1e-6
 OIL = fs.Liquid(1e-3)

@@ -10,8 +10,7 @@ from judges import between, exactly, falling, near, refused, zero_and_positive
 
 from femseal.analytic import wavy_full_contact_pressure
 from femseal.fluids import IdealGas, Liquid
-from femseal.studies import Scene
-from femseal.studies.face_study import deterministic
+from femseal.studies import Scene, deterministic
 from femseal.topography import Topography, self_affine
 
 E, HARDNESS, D, ETA, DROP = 115e9, 3e9, 1e-6, 1e-3, 1e6

@@ -9,7 +9,7 @@ from hard_scene import HardScene
 from judges import near
 
 from femseal.analytic import wave_full_contact_pressure, wave_groove_flow
-from femseal.studies.face_study import deterministic
+from femseal.studies import deterministic
 
 scene = partial(HardScene, "chain")
 

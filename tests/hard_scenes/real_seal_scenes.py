@@ -9,7 +9,7 @@ from judges import exactly, near
 
 from femseal.flow import Spiral, cell_permeability
 from femseal.flow.spiral import spiral_flow
-from femseal.studies.face_study import deterministic
+from femseal.studies import deterministic
 from femseal.topography import TiltedSeat, Topography
 
 scene = partial(HardScene, "chain")

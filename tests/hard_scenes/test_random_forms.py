@@ -5,9 +5,8 @@ import pytest
 from numpy.testing import assert_allclose
 
 import femseal as fs
-from femseal.seal.form import MeasuredForm, WavyForm
-from femseal.seal.layouts import AnnularLayout, RectangularLayout
-from femseal.studies.sampling import Sampling, laid_out
+from femseal.seal import AnnularLayout, MeasuredForm, RectangularLayout, WavyForm
+from femseal.studies import Sampling, laid_out
 from femseal.studies.seal_contact import seal_contact
 
 D = 1e-6

@@ -16,9 +16,9 @@ from numpy.testing import assert_allclose
 from small_cases import steel_scene
 
 import femseal as fs
-from femseal.base.errors import InputError
+from femseal.base import InputError, Shown
 from femseal.base.leak_rates import leakage_unit
-from femseal.base.text import Shown, value_text
+from femseal.base.text import value_text
 from femseal.plots.drawing import on_decades
 from femseal.plots.leakage_curves import LeakageCurves, leakage_panel, limit_lines
 

@@ -6,7 +6,7 @@ from numpy.testing import assert_allclose
 from small_cases import HARDENED
 
 import femseal as fs
-from femseal.case.case import parse_case
+from femseal.case import parse_case
 from femseal.preparation import face, preparation, prepare
 from femseal.refinement.coarser import without_filtered_waves
 

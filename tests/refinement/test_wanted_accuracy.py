@@ -11,7 +11,7 @@ from small_cases import STRIP
 
 import femseal as fs
 from femseal.budget import ErrorBudget, ErrorPart, counting_steps, widest_band
-from femseal.case.case import parse_case
+from femseal.case import parse_case
 from femseal.preparation import prepare
 from femseal.refinement.settings import first_settings, first_version, last_version, refined
 from femseal.results.tables import attempt_sentences

@@ -11,14 +11,12 @@ import pytest
 from numpy.testing import assert_allclose
 from small_cases import soft_cycle
 
-from femseal.base.errors import InputError
+from femseal.base import InputError
 from femseal.base.leak_rates import leakage_unit
 from femseal.report import write_report
 from femseal.report.page import report_html
 from femseal.results import RunFacts, assemble, save
-from femseal.studies import Sampling
-from femseal.studies.drawn_study import stochastic
-from femseal.studies.face_study import deterministic, two_scale
+from femseal.studies import Sampling, deterministic, stochastic, two_scale
 
 pytestmark = pytest.mark.usefixtures("drawn_pictures")
 

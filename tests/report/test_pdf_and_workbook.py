@@ -8,13 +8,12 @@ import pytest
 from small_cases import steel_scene
 
 import femseal as fs
-from femseal.base.errors import FemsealError, InputError
-from femseal.base.text import comma_separated
+from femseal.base import FemsealError, InputError, comma_separated
 from femseal.report import page as report_page
 from femseal.report import write_pdf
 from femseal.report.report_tables import class_table
-from femseal.results import RunFacts, assemble
-from femseal.results.tables import rows, write_workbook
+from femseal.results import RunFacts, assemble, rows
+from femseal.results.tables import write_workbook
 
 PAGE = '<!DOCTYPE html>\n<html><body><p id="text">A page.</p></body></html>\n'
 

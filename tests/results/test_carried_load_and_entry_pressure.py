@@ -11,7 +11,7 @@ from small_cases import steel_scene
 import femseal as fs
 from femseal.flow import critical_constriction
 from femseal.fluids import capillary_entry_pressure
-from femseal.results.dataset import assemble
+from femseal.results import assemble
 
 WATER = fs.Liquid(1e-3, surface_tension=0.073, contact_angle=radians(120))
 

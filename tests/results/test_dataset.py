@@ -19,7 +19,7 @@ from matplotlib.patches import Rectangle
 from numpy.testing import assert_allclose, assert_array_equal
 from small_cases import soft_cycle
 
-from femseal.base.errors import FemsealError, InputError
+from femseal.base import FemsealError, InputError
 from femseal.base.fields import PIECE, PIXEL, STEP, declared
 from femseal.base.leak_rates import leakage_unit
 from femseal.budget import ErrorBudget, ErrorPart
@@ -27,9 +27,7 @@ from femseal.plots import leakage_figure, pieces_figure, seal_figure
 from femseal.report import write_folder
 from femseal.results import RunFacts, assemble, open_results, save
 from femseal.results.tables import format_leakage, in_several_units
-from femseal.studies import FaceResult, Sampling
-from femseal.studies.drawn_study import stochastic
-from femseal.studies.face_study import deterministic, two_scale
+from femseal.studies import FaceResult, Sampling, deterministic, stochastic, two_scale
 from femseal.studies.piece_states import FacePieces
 
 pytestmark = pytest.mark.usefixtures("drawn_pictures")

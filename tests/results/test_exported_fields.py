@@ -16,16 +16,13 @@ from numpy.testing import assert_allclose, assert_array_equal
 from small_cases import STRIP
 
 import femseal as fs
-from femseal.base.errors import FemsealError, InputError
-from femseal.case.case import parse_case
+from femseal.base import FemsealError, InputError
+from femseal.case import parse_case
 from femseal.fluids import Liquid
 from femseal.report import write_folder
-from femseal.results import RunFacts, assemble, open_results
+from femseal.results import RunFacts, assemble, open_results, save
 from femseal.results.paraview import plan_fields
-from femseal.results.results_file import save
-from femseal.studies import Sampling, Scene
-from femseal.studies.drawn_study import stochastic
-from femseal.studies.face_study import deterministic, two_scale
+from femseal.studies import Sampling, Scene, deterministic, stochastic, two_scale
 from femseal.topography import read_topography, turned
 
 EXAMPLES = Path(__file__).parents[2] / "examples"

@@ -8,7 +8,7 @@ from numpy.testing import assert_allclose
 from small_cases import STRIP
 
 import femseal as fs
-from femseal.case.case import parse_case
+from femseal.case import parse_case
 from femseal.results import assemble, open_results, write_vtk
 
 CASE = STRIP | {

@@ -6,8 +6,8 @@ from numpy.testing import assert_allclose, assert_array_equal
 from small_cases import TABLES
 
 import femseal as fs
-from femseal.case.case import load_case
-from femseal.preparation.preparation import prepare
+from femseal.case import load_case
+from femseal.preparation import prepare
 from femseal.runs.forecast import describe
 from femseal.studies.blocks import usual_blocks
 

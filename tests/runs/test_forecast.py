@@ -11,16 +11,15 @@ from numpy.testing import assert_allclose
 from small_cases import STRIP
 
 import femseal as fs
-from femseal.case.case import parse_case
+from femseal.case import parse_case
 from femseal.preparation import prepare
 from femseal.report.page import report_html
 from femseal.runs import forecast as module
 from femseal.runs.forecast import describe, disk, forecast
-from femseal.studies import face_flow, fluid_coupling
+from femseal.studies import StudyOptions, face_flow, fluid_coupling
 from femseal.studies.study_registry import (
     PILOT_PIXELS,
     Effort,
-    StudyOptions,
     contact_seconds,
     deterministic_cost,
     stochastic_cost,

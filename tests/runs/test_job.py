@@ -13,9 +13,9 @@ from numpy.testing import assert_allclose, assert_array_equal
 from small_cases import TABLES
 
 import femseal as fs
-from femseal.case.case import parse_case
+from femseal.case import parse_case
 from femseal.execution import cluster as cluster_map
-from femseal.preparation.preparation import prepare
+from femseal.preparation import prepare
 from femseal.runs.forecast import disk
 from femseal.studies import STUDIES
 

@@ -9,10 +9,10 @@ import pyvista
 from numpy.testing import assert_allclose, assert_array_equal
 
 import femseal as fs
-from femseal.base.stage import Stage
-from femseal.case.case import parse_case
+from femseal.base import Stage
+from femseal.case import parse_case
 from femseal.execution.processes import over_processes
-from femseal.preparation.preparation import prepare
+from femseal.preparation import prepare
 
 pytestmark = pytest.mark.usefixtures("drawn_pictures")
 

@@ -6,10 +6,9 @@ from numpy.testing import assert_allclose
 
 import femseal as fs
 from femseal.base import InputError
+from femseal.seal import AnnularLayout, FileForm, Frame, MeasuredForm, RectangularLayout, WavyForm
 from femseal.seal.contact_grid import ContactGrid
-from femseal.seal.form import FileForm, MeasuredForm, ScaledForm, WavyForm
-from femseal.seal.layouts import AnnularLayout, RectangularLayout
-from femseal.seal.pressure_map import Frame
+from femseal.seal.form import ScaledForm
 from femseal.seal.tiles import PieceSize
 
 STRIP = Frame.of_strip((2e-3, 8e-3))

@@ -9,10 +9,10 @@ from numpy.testing import assert_allclose
 from skfem import MeshQuad
 
 import femseal as fs
-from femseal.base.errors import InputError
-from femseal.case.case import parse_case
+from femseal.base import InputError
+from femseal.case import parse_case
 from femseal.flow.permeability_table import PermeabilityTable
-from femseal.preparation.preparation import prepare
+from femseal.preparation import prepare
 from femseal.seal.element_seal import ElementSeal
 from femseal.seal.mesh_seal import PressureBoundaries
 from femseal.seal.tiles import SealTiles

@@ -7,16 +7,16 @@ from numpy.testing import assert_allclose, assert_array_equal
 from skfem import MeshQuad, MeshQuad2, MeshTri, MeshTri2
 
 from femseal import InputError
-from femseal.seal.pressure_map import (
+from femseal.seal import (
     AngleTable,
     Frame,
     MapsAtLoads,
-    PressedSeal,
     PressureField,
     Profile,
     Uniform,
+    read_pressure_field,
 )
-from femseal.seal.seal_files import read_pressure_field
+from femseal.seal.pressure_map import PressedSeal
 from femseal.seal.triangulation import Triangulation
 
 RNG = np.random.default_rng(5)

@@ -11,7 +11,7 @@ from numpy.testing import assert_allclose
 from skfem import MeshLine, MeshQuad, MeshTri, MeshTri2
 
 from femseal.analytic import annulus_rate
-from femseal.base.errors import InputError
+from femseal.base import InputError
 from femseal.flow.permeability_table import Mobility, PressureCurve
 from femseal.fluids import IdealGas, Liquid
 from femseal.seal import AnnularSeal, MeshSeal, RectangularSeal, seal_leakage

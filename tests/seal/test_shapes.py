@@ -15,10 +15,9 @@ from femseal.analytic import (
     elliptic_annulus_rate,
     spiral_annulus_rate,
 )
-from femseal.base.errors import InputError
-from femseal.seal import MeshSeal
+from femseal.base import InputError
+from femseal.seal import AnnularLayout, MeshLayout, MeshSeal, RectangularLayout
 from femseal.seal.lay import Lay
-from femseal.seal.layouts import AnnularLayout, MeshLayout, RectangularLayout
 from femseal.seal.mesh_seal import boundaries_without_name, parts_without_flow
 from femseal.seal.tiles import PieceSize
 

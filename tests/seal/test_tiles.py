@@ -9,7 +9,7 @@ from numpy.testing import assert_allclose, assert_array_equal
 from skfem import MeshTri
 
 from femseal.base import InputError
-from femseal.seal.layouts import AnnularLayout, MeshLayout, RectangularLayout
+from femseal.seal import AnnularLayout, MeshLayout, RectangularLayout
 from femseal.seal.tiles import PieceSize, along_grooves, face_tiles
 
 A = 1e-4

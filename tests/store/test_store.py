@@ -15,8 +15,7 @@ import pytest
 from kept_study import EVERY, Crash, assert_complete, resumed, study, value
 
 import femseal as fs
-from femseal.base.machine import numerical_versions
-from femseal.base.stage import Stage
+from femseal.base import Stage, numerical_versions
 from femseal.face.piece_flow import SolveCounts, SolverCounts
 from femseal.store import store
 from femseal.store.store import SUFFIX, Store, Unnamed, digest

@@ -12,8 +12,8 @@ from small_cases import HARDENED
 
 import femseal as fs
 from femseal.analytic import critical_junction, persson_area
-from femseal.case.case import parse_case
-from femseal.preparation.preparation import prepare
+from femseal.case import parse_case
+from femseal.preparation import prepare
 from femseal.runs.forecast import describe
 from femseal.studies.doubts import LIGHT, OFF_BY, choked_flux, first_answer
 

@@ -12,10 +12,8 @@ from small_cases import steel_scene
 import femseal as fs
 from femseal.face.piece_flow import FlowSettings
 from femseal.flow.harmonic import harmonic_fill
-from femseal.studies import Sampling
-from femseal.studies.drawn_study import stochastic
+from femseal.studies import Sampling, deterministic, stochastic, two_scale
 from femseal.studies.face_flow import resolved_flow
-from femseal.studies.face_study import deterministic, two_scale
 from femseal.studies.fluid_coupling import LEAST_FRACTION, FluidPressure
 
 E, H = 115e9, 2.3e9

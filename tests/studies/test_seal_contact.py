@@ -13,13 +13,12 @@ from small_cases import STRIP, steel_scene
 
 import femseal as fs
 from femseal import analytic
-from femseal.case.case import parse_case
+from femseal.case import parse_case
 from femseal.contact import HalfSpace
 from femseal.face.pieces import Cut
 from femseal.preparation import prepare
-from femseal.seal.form import MeasuredForm, WavyForm
-from femseal.seal.layouts import AnnularLayout, MeshLayout
-from femseal.studies.sampling import laid_out
+from femseal.seal import AnnularLayout, MeasuredForm, MeshLayout, WavyForm
+from femseal.studies import laid_out
 from femseal.studies.seal_contact import Cells, RoughLayer, seal_contact, without_waves_of
 from femseal.topography import CrownedSeat
 

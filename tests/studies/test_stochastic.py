@@ -14,12 +14,16 @@ from femseal.execution.run import ordered_map
 from femseal.face.pieces import Cut
 from femseal.fluids import IdealGas, Liquid
 from femseal.loads import LoadProgramme, LoadStep
-from femseal.seal.layouts import AnnularLayout, RectangularLayout
-from femseal.seal.pressure_map import AngleTable, MapsAtLoads, PressureField, Profile
-from femseal.studies.drawn_study import stochastic
-from femseal.studies.face_study import deterministic
+from femseal.seal import (
+    AngleTable,
+    AnnularLayout,
+    MapsAtLoads,
+    PressureField,
+    Profile,
+    RectangularLayout,
+)
+from femseal.studies import Sampling, deterministic, stochastic
 from femseal.studies.piece_states import pieces_on_ladder
-from femseal.studies.sampling import Sampling
 from femseal.topography import Places, Topography, self_affine
 
 N, D = 32, 1e-6

@@ -11,14 +11,12 @@ import femseal.face.piece_flow
 import femseal.studies.face_flow
 import femseal.studies.scene
 from femseal import analytic
-from femseal.base.errors import FemsealError, InputError, NotConverged
+from femseal.base import FemsealError, InputError, NotConverged
 from femseal.flow import cell_permeability
 from femseal.fluids import IdealGas
 from femseal.loads import LoadProgramme
 from femseal.seal.tiles import face_tiles
-from femseal.studies import Sampling, StochasticResult
-from femseal.studies.drawn_study import stochastic
-from femseal.studies.face_study import deterministic, two_scale
+from femseal.studies import Sampling, StochasticResult, deterministic, stochastic, two_scale
 from femseal.topography import Topography, self_affine
 
 MODULUS, HARDNESS = 115e9, 3e9

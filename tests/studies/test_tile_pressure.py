@@ -9,10 +9,8 @@ from small_cases import steel_scene
 
 from femseal import Topography, self_affine
 from femseal.loads import LoadProgramme
-from femseal.seal.layouts import AnnularLayout
-from femseal.seal.pressure_map import AngleTable, MapsAtLoads, Profile, Uniform
-from femseal.studies import Sampling
-from femseal.studies.drawn_study import stochastic
+from femseal.seal import AngleTable, AnnularLayout, MapsAtLoads, Profile, Uniform
+from femseal.studies import Sampling, stochastic
 from femseal.studies.piece_states import along_paths
 from femseal.studies.tile_pressure import MOST_OF_SEVERAL, MOST_PATHS, distinct_paths
 

@@ -8,10 +8,10 @@ from numpy.testing import assert_allclose, assert_array_equal
 from small_cases import steel_scene
 
 import femseal as fs
-from femseal.case.case import parse_case
+from femseal.case import parse_case
 from femseal.face.piece_flow import FlowSettings
 from femseal.preparation import prepare
-from femseal.seal.pressure_map import Profile
+from femseal.seal import Profile
 from femseal.studies.fluid_coupling import FluidPressure
 from femseal.studies.trapped_liquid import label_pockets
 

@@ -10,7 +10,7 @@ import pytest
 from numpy.testing import assert_array_equal
 
 import femseal as fs
-from femseal.seal.pressure_map import Profile
+from femseal.seal import Profile
 from femseal.studies import study_registry
 
 CASE = """

@@ -13,7 +13,7 @@ from small_cases import HARDENED, steel_scene
 import femseal as fs
 from femseal.budget import CoarserSolution, continuation_part
 from femseal.budget.waves import filter_part
-from femseal.case.case import parse_case
+from femseal.case import parse_case
 from femseal.preparation import prepare
 from femseal.refinement.coarser import continued_scenes
 from femseal.runs.forecast import describe

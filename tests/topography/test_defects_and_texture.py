@@ -11,7 +11,7 @@ from numpy.testing import assert_allclose, assert_array_equal
 from scipy import ndimage
 
 import femseal as fs
-from femseal.base.errors import InputError
+from femseal.base import InputError
 from femseal.topography import (
     Topography,
     combine,

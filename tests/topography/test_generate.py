@@ -5,7 +5,7 @@ import pytest
 from each import each
 from numpy.testing import assert_allclose
 
-from femseal.base.errors import InputError
+from femseal.base import InputError
 from femseal.topography import self_affine, turned
 
 SIZE = (1e-3, 0.6e-3)

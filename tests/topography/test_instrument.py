@@ -8,7 +8,7 @@ from numpy.testing import assert_allclose
 from small_cases import HARDENED
 
 import femseal as fs
-from femseal.case.case import parse_case
+from femseal.case import parse_case
 from femseal.preparation import prepare
 from femseal.refinement.coarser import kept_slope, removed_octaves
 from femseal.topography import Instrument, Places, condition, read_for_a_look

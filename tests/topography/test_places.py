@@ -9,8 +9,9 @@ from scipy.stats import binom
 from small_cases import STRIP, steel_scene
 
 import femseal as fs
-from femseal.budget.estimates import places_part, places_to_halve
-from femseal.case.case import parse_case
+from femseal.budget import places_to_halve
+from femseal.budget.estimates import places_part
+from femseal.case import parse_case
 from femseal.preparation import prepare
 
 PIXEL = 1e-6

@@ -14,7 +14,7 @@ from instrument_files import WRITERS
 from numpy.testing import assert_allclose
 from PIL import Image
 
-from femseal.base.errors import InputError
+from femseal.base import InputError
 from femseal.topography import read_topography
 
 Z = np.array([[1.0, 2.0, np.nan], [4.0, -5.0, 6.5]]) * 1e-6

@@ -9,13 +9,12 @@ from numpy.testing import assert_allclose
 from small_cases import STRIP, E, steel_scene
 
 import femseal as fs
-from femseal.case.case import parse_case
+from femseal.case import parse_case
 from femseal.preparation import prepare
+from femseal.studies import Sampling, laid_out
 from femseal.studies.face_states import band_breadth
-from femseal.studies.sampling import Sampling, laid_out
 from femseal.studies.seal_contact import seal_contact
-from femseal.topography.seat import (
-    LEAST_DEPTH,
+from femseal.topography import (
     BallOnCone,
     CrownedSeat,
     FlatSeat,
@@ -23,6 +22,7 @@ from femseal.topography.seat import (
     RoundedSeat,
     TiltedSeat,
 )
+from femseal.topography.seat import LEAST_DEPTH
 
 D = 1e-6
 

@@ -9,7 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.testing import assert_allclose
 
-from femseal.base.errors import InputError
+from femseal.base import InputError
 from femseal.flow import cell_permeability
 from femseal.topography import Topography, condition, resolving_shape, self_affine
 
