@@ -118,7 +118,7 @@ class Results(Plotted):
         own = np.abs(budget.leakage)
         with np.errstate(divide="ignore", invalid="ignore"):
             ratio = np.where(own > 0, best / own, np.nan)
-        largest = np.nanmax(ratio, initial=0.0) or 1.0
+        largest = np.nan_to_num(ratio).max(initial=0.0) or 1.0
         return np.nan_to_num(np.where(own > 0, ratio, largest) * budget.upper, nan=np.inf)
 
     @property

@@ -186,7 +186,7 @@ def in_several_units(run: Results, step: int) -> str:
 def _usual_units(basis: LeakBasis, leakage: ArrayLike) -> list[LeakUnit]:
     """Units that tables show; kilograms a year where grams are tens of thousands."""
     many = LEAK_UNITS["kg/year"]
-    largest = np.nanmax(np.abs(leakage), initial=0.0)
+    largest = np.nan_to_num(np.abs(leakage)).max(initial=0.0)
     kilograms = basis.has(many) and largest >= 10 * basis.factor(many)
     names = [many.name if kilograms and name == "g/year" else name for name in USUAL_UNITS]
     return basis.units(names)

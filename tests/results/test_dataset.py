@@ -26,7 +26,7 @@ from femseal.budget import ErrorBudget, ErrorPart
 from femseal.plots import leakage_figure, pieces_figure, seal_figure
 from femseal.report import write_folder
 from femseal.results import RunFacts, assemble, open_results, save
-from femseal.results.tables import format_leakage, in_several_units
+from femseal.results.tables import format_leakage, in_several_units, totals_table
 from femseal.studies import FaceResult, Sampling, deterministic, stochastic, two_scale
 from femseal.studies.piece_states import FacePieces
 
@@ -410,6 +410,13 @@ def test_much_a_year_is_in_kilograms(scene, studies, kilograms, shown):
     rate = kilograms / (365.25 * 86_400 * scene.fluid.density * scene.surface.size[1])
     study = replace(studies["deterministic"], leakage=np.full(len(scene.steps), rate))
     assert shown in in_several_units(assemble(scene, study), 0)
+
+
+def test_leakages_that_are_all_unknown_have_tables_without_warnings(scene, studies):
+    unknown = replace(studies["deterministic"], leakage=np.full(len(scene.steps), nan))
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        assert "failed" in str(totals_table(assemble(scene, unknown)))
 
 
 # --- pictures ---------------------------------------------------------------------------------------------
