@@ -256,11 +256,14 @@ def form_on_grid(
         grid = ContactGrid.over(tiles, frame, profile=True)
         heights = _heights(grid, frame, forms)[:, :1]
     known = heights if heights.shape[1] == 1 else np.where(grid.inside, heights, np.nan)
+    breadth = f"a seal {to_text(tiles.seal.size[0], 'm', 3)} broad"
+    if np.isnan(known).all():
+        raise InputError("form", f"no height on {breadth}", "a form or a seat that is known there")
     spacing = _spacing(grid, heights.shape)
     steps = [np.abs(np.diff(known, axis=axis)) / d for axis, d in enumerate(spacing)]
     slope = max(float(np.nanmax(step, initial=0.0)) for step in steps)
     if not slope <= MOST_SLOPE:
-        given = f"slopes up to {slope:.2g} on a seal {to_text(tiles.seal.size[0], 'm', 3)} broad"
+        given = f"slopes up to {slope:.2g} on {breadth}"
         raise InputError("form", given, f"slopes up to {MOST_SLOPE:g}: the faces are half-spaces")
     return grid, np.nanmax(known) - heights
 
