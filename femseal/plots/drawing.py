@@ -106,6 +106,8 @@ CLOSED = "#B0B0B0"
 POCKET = "#FFFFFF"
 #: Width of every picture [inch], whose smallest letters are legible on a phone, and its pixels for an inch.
 PAGE, DPI = 5.4, 200
+#: Ratio of the sides from which on a map lies.
+_HIGH = 1.2
 
 
 def new_figure(width: float, height: float) -> Figure:
@@ -257,13 +259,6 @@ def picture(result: Any, **options: Any) -> Figure:
             )
     figure = draw(result, **options)
     return figure if options.get("ax") is not None else shown(figure)
-
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-
-#: Ratio of the sides from which on a map lies.
-_HIGH = 1.2
 
 
 def map_row(size: tuple[float, float], margins: Margins = MAP) -> float:

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import json
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
@@ -25,9 +25,6 @@ from ..results.tables import (
 )
 from ..studies.load_curves import first_known, least_counted
 from .pictures import png_uri
-
-if TYPE_CHECKING:
-    from ..results.results import Results
 
 
 @dataclass(frozen=True)
@@ -118,7 +115,8 @@ def class_table(results: Results) -> TextTable | None:
     for n, (_, steps) in enumerate(branches_in(data)):
         loads = [short[s] for s in steps]
         if n == 0 and results.budget is not None:
-            sure = [within(results.class_upper[steps], limit) for limit in limits]
+            upper = results.class_upper[steps]
+            sure = [within(upper, limit) for limit in limits]
             columns.append(("met with the whole band", [_met_text(loads, each) for each in sure]))
         if n == 0:
             columns.append((f"met by {seal}", [_met_text(loads, each[steps]) for each in met]))

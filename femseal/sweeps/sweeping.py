@@ -30,6 +30,10 @@ log = logging.getLogger("femseal.sweeps")
 SHARED = ".shared"
 #: Files of the table and the picture.
 STEM = "sweep"
+#: No sweep has more cases.
+MOST_CASES = 1000
+#: Longest name of a folder, in characters.
+_LONGEST_NAME = 100
 
 
 def sweep(
@@ -143,12 +147,6 @@ def sweep(
         if part is None:
             shutil.rmtree(folder / SHARED, ignore_errors=True)
     return found
-
-
-#: No sweep has more cases.
-MOST_CASES = 1000
-#: Longest name of a folder, in characters.
-_LONGEST_NAME = 100
 
 
 @dataclass(frozen=True)
