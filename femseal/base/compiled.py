@@ -5,9 +5,13 @@ are a twelfth of the time of compiling.
 """
 
 from collections.abc import Callable
+from functools import wraps
 from typing import Any
 
 from numba import njit
+from numba.extending import overload, register_jitable
+
+from .threads import ONE, over, rows
 
 #: Options of functions that may take sums in another order, and divide by zero.
 REORDERED: dict[str, Any] = {
@@ -26,3 +30,36 @@ def compiled(**options: Any) -> Callable[[Any], Any]:
 def inner(**options: Any) -> Callable[[Any], Any]:
     """Decorator of a function that only compiled ones call: a call from Python would end the process."""
     return compiled(no_cpython_wrapper=True, **options)
+
+
+def leader(function: Any) -> Any:
+    """Decorator of a function that calls compiled ones: from Python with threads, or as a part of a compiled one."""
+    return register_jitable(**REORDERED)(function)
+
+
+def by_rows(**options: Any) -> Callable[[Any], Any]:
+    """Decorator of a compiled loop over the rows `first` to `end` of a field, its first three arguments.
+
+    It is called without the first two, for all rows within the field's border of one point: from Python in parts,
+    shared by the threads, else at once.
+    """
+
+    def decorated(function: Any) -> Any:
+        loop = compiled(**options)(function)
+
+        @wraps(function)
+        def shared(field: Any, *arguments: Any) -> None:
+            n1, n2 = field.shape[:2]
+            parts = [(first + 1, end + 1) for first, end in rows(n1 - 2, n2)]
+            over(parts, loop, field, *arguments)
+
+        @overload(shared)
+        def _at_once(field: Any, *arguments: Any) -> Callable[..., None]:
+            def at_once(field: Any, *arguments: Any) -> None:
+                loop(ONE, field.shape[0] - 1, field, *arguments)
+
+            return at_once
+
+        return shared
+
+    return decorated

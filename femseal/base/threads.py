@@ -18,7 +18,7 @@ _number = 1
 _POINTS = 2**17
 #: Arguments of compiled functions that work on parts, where another one calls them for the whole: numba would compile
 #: them once more for a constant 0, 1, False or True.
-ZERO, ONE, NO = np.int64(0), np.int64(1), np.bool_(False)
+ZERO, ONE, NO, YES = np.int64(0), np.int64(1), np.bool_(False), np.bool_(True)
 
 
 def number() -> int:

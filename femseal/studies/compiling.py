@@ -21,10 +21,9 @@ from .. import contact, flow
 from ..base import Array
 from ..base.stage import Mapper, Stage
 from ..face.piece_flow import FlowSettings, piece_permeability
-from ..flow.harmonic import harmonic_fill
 from ..flow.solvers.choice import solve_flow
 from ..flow.solvers.hierarchy import hierarchy
-from ..flow.solvers.v_cycle import v_cycle
+from ..flow.stencil import energy_of
 
 log = logging.getLogger("femseal")
 #: What is said while loops are compiled.
@@ -98,7 +97,7 @@ def load_compiled() -> None:
 
 def _record() -> Path | None:
     """File beside the compiled loops that says that they are there, for this code, machine and numba; None without."""
-    if not hasattr(v_cycle, "stats"):  # a plain function, as NUMBA_DISABLE_JIT leaves it
+    if not hasattr(energy_of, "stats"):  # a plain function, as NUMBA_DISABLE_JIT leaves it
         return None
     package = Path(flow.__file__).parents[1]
     seen = hashlib.sha256(
@@ -116,7 +115,7 @@ def _record() -> Path | None:
     ):
         found = path.stat()
         seen.update(f"{path} {found.st_mtime_ns} {found.st_size}".encode())
-    return Path(v_cycle.stats.cache_path) / f"compiled-{seen.hexdigest()[:16]}"
+    return Path(energy_of.stats.cache_path) / f"compiled-{seen.hexdigest()[:16]}"
 
 
 def _compile(part: str) -> None:
@@ -158,7 +157,6 @@ def _pieces() -> None:
 
 def _seals() -> None:
     solve_flow(flow.Stencil(np.ones((3, 200)), np.ones((2, 200))))
-    harmonic_fill(np.where(_gap(4) > 1, _gap(4), np.nan), _gap(4))
 
 
 #: Parts of 4 to 19 s, in the order in which they start. Where two processes take them, the loops that "multigrid" and

@@ -23,9 +23,8 @@ from ..percolation import closed, nodes_reached, ready
 from ..solution import MAX_IMBALANCE, DarcyFlow, check_solver, potential_rtol
 from ..stencil import Stencil
 from .amg import solve_amg
-from .coarsest import coarsest_nodes
 from .link_network import eliminate, island_potentials
-from .multigrid import COARSEST_NODES, solve_multigrid
+from .multigrid import COARSEST_NODES, coarsest_nodes, solve_multigrid
 
 #: Largest number of nodes of a network for which elimination may be the first choice (about 4 GB at the limit).
 ELIMINATED_NODES = 5_000_000

@@ -16,10 +16,11 @@ import numpy as np
 
 from ...base.arrays import Array, Indices
 from ...base.compiled import compiled, inner
-from ...base.threads import ZERO
 
 #: Pivots eliminated one by one before what follows takes them as one product of matrices.
 _PANEL = 32
+#: Nodes that stay: inlet and outlet.
+_STAY = 2
 #: Multiplications from which a product of matrices is left to BLAS.
 _BLAS = 30_000
 
@@ -57,7 +58,7 @@ class Network(NamedTuple):
 
     border : later places that each front is linked to. start (fronts + 1,) : where those of each front start. at
     (fronts + 1,) : where the links of each front start once it is eliminated. waiting : most numbers that are left over
-    for later fronts. widest : the longest border. stay : number of nodes that stay.
+    for later fronts. widest : the longest border.
     """
 
     first: Indices
@@ -68,7 +69,6 @@ class Network(NamedTuple):
     at: Indices
     waiting: int
     widest: int
-    stay: int
 
 
 class Factors(NamedTuple):
@@ -76,7 +76,7 @@ class Factors(NamedTuple):
 
     first, border, start, at : see `Network`. links : of the nodes at the time they were eliminated, front by front.
     inverse (n,) : 1 over the sum of these, or 0.
-    between (stay, stay) : what links the nodes that stay, through those eliminated.
+    between : what links the two nodes that stay, through those eliminated.
     """
 
     first: Indices
@@ -85,17 +85,11 @@ class Factors(NamedTuple):
     at: Indices
     links: Array
     inverse: Array
-    between: Array
+    between: float
 
 
 @compiled(**_exact)
-def factored(order, links, stay):
-    """`Factors` of all nodes of an order, after whose elimination only `stay` nodes are left."""
-    return eliminated(network_of(order, links, stay))
-
-
-@compiled(**_exact)
-def network_of(order, of_nodes, stay):
+def _network_of(order, of_nodes):
     """`Network` of an order and links."""
     _, first, parent = order
     row, later, _ = of_nodes
@@ -103,8 +97,8 @@ def network_of(order, of_nodes, stay):
     n = first[fronts]
     border = np.empty(12 * n + 16, np.int64)
     start = np.zeros(fronts + 1, np.int64)
-    seen = np.empty(n + stay, np.int64)
-    for i in range(n + stay):
+    seen = np.empty(n + _STAY, np.int64)
+    for i in range(n + _STAY):
         seen[i] = -1
     pending = np.empty(fronts + 1, np.int64)
     n_pending, size, top, waiting, widest = 0, 0, 0, 0, 0
@@ -136,7 +130,7 @@ def network_of(order, of_nodes, stay):
                     seen[j] = f
                     border[size] = j
                     size += 1
-        _sort(border, start[f], np.int64(size))
+        border[start[f] : size].sort()
         start[f + 1] = size
         q = size - start[f]
         widest = max(widest, q)
@@ -148,70 +142,23 @@ def network_of(order, of_nodes, stay):
     for f in range(fronts):
         p = first[f + 1] - first[f]
         at[f + 1] = at[f] + p * (p + start[f + 1] - start[f])
-    return Network(first, parent, of_nodes, border, start, at, waiting, widest, stay)
-
-
-@inner(**_exact)
-def _sort(values, first, last):
-    """Sort a part in place by Shell's method with Tokuda's gaps; most lists are short and nearly sorted."""
-    gap = 1
-    while gap < last - first:
-        gap = (9 * gap) // 4 + 1
-    while gap > 0:
-        for i in range(first + gap, last):
-            here = values[i]
-            j = i - gap
-            while j >= first and values[j] > here:
-                values[j + gap] = values[j]
-                j -= gap
-            values[j + gap] = here
-        gap = (4 * gap) // 9
+    return Network(first, parent, of_nodes, border, start, at, waiting, widest)
 
 
 @compiled(**_exact)
-def eliminated(network):
-    """`Factors` of a network."""
-    first, at = network.first, network.at
-    links, inverse = np.empty(at[-1]), np.empty(first[-1])
-    no_parts = np.empty((0, 2), np.int64)
-    left, pending = eliminated_fronts(
-        ZERO, first.size - 1, no_parts, inverse[:0], network, links, inverse
-    )
-    return factors_of(network, links, inverse, left, pending)
-
-
-@compiled(**_exact)
-def eliminated_fronts(begin, end, parts, left_by_parts, network, links, inverse):
-    """Write links and inverse sums of some fronts: links within the borders of those without a parent, and these.
-
-    parts (…, 2) : first and last + 1 of fronts that are eliminated already, only the last of which has no parent among
-    them. left_by_parts : links within its border, part by part.
-    """
-    first, parent, (row, later, link), border, start, at, waiting, widest, stay = network
-    n = first[first.size - 1]
+def factored(order, of_nodes):
+    """`Factors` of all nodes of an order, after whose elimination only two are left."""
+    network = _network_of(order, of_nodes)
+    first, parent, (row, later, link), border, start, at, waiting, widest = network
+    n, fronts = first[-1], first.size - 1
+    links, inverse = np.empty(at[-1]), np.empty(n)
     left = np.empty(waiting)  # links within the borders of fronts whose parents have not come yet
     work = np.empty(widest * widest)
-    local = np.empty(n + stay, np.int64)
+    local = np.empty(n + _STAY, np.int64)
     places = np.empty(widest, np.int64)
-    pending = np.empty(end - begin + 1, np.int64)
-    n_pending, top, part, taken, next_one = 0, 0, 0, 0, begin
-    while next_one < end:
-        f = next_one
-        if part < parts.shape[0] and f == parts[part, 0]:
-            f = parts[part, 1] - 1
-            size = (start[f + 1] - start[f]) ** 2
-            for i in range(size):
-                left[top + i] = left_by_parts[taken + i]
-            pending[n_pending] = f
-            next_one, part, taken, top, n_pending = (
-                f + 1,
-                part + 1,
-                taken + size,
-                top + size,
-                n_pending + 1,
-            )
-            continue
-        next_one += 1
+    pending = np.empty(fronts + 1, np.int64)
+    n_pending, top = 0, 0
+    for f in range(fronts):
         a, p, q = first[f], first[f + 1] - first[f], start[f + 1] - start[f]
         front = links[at[f] : at[f] + p * (p + q)].reshape(p, p + q)
         rest = work[: q * q].reshape(q, q)
@@ -246,24 +193,13 @@ def eliminated_fronts(begin, end, parts, left_by_parts, network, links, inverse)
         top += q * q
         pending[n_pending] = f
         n_pending += 1
-    return left[:top], pending[:n_pending]
-
-
-@compiled(**_exact)
-def factors_of(network, links, inverse, left, pending):
-    """`Factors`, from what `eliminated_fronts` of all has written and returned."""
-    first, border, start, stay = network.first, network.border, network.start, network.stay
-    n, top = first[-1], left.size
-    between = np.zeros((stay, stay))
-    for k in range(pending.size - 1, -1, -1):
-        nodes = border[start[pending[k]] : start[pending[k] + 1]]
-        m = nodes.size
+    between = 0.0
+    for k in range(n_pending - 1, -1, -1):
+        m = start[pending[k] + 1] - start[pending[k]]
         top -= m * m
-        for i in range(m):
-            for j in range(i + 1, m):
-                between[nodes[i] - n, nodes[j] - n] += left[top + i * m + j]
-                between[nodes[j] - n, nodes[i] - n] = between[nodes[i] - n, nodes[j] - n]
-    return Factors(first, border, start, network.at, links, inverse, between)
+        if m == _STAY:
+            between += left[top + 1]
+    return Factors(first, border, start, at, links, inverse, between)
 
 
 @inner(**_fast)
@@ -287,13 +223,11 @@ def _eliminate_front(front, rest, inverse):
     if p * q * q > _BLAS:
         _add_product(front, inverse, np.int64(0), p, p, q, rest, np.int64(0))
         return
-    for i in range(0, p, 2):  # two pivots at once
-        after = min(i + 1, p - 1)
-        second = inverse[after] if i + 1 < p else 0.0
+    for i in range(p):
         for j in range(q):
-            f, g = inverse[i] * front[i, p + j], second * front[after, p + j]
+            f = inverse[i] * front[i, p + j]
             for k in range(j + 1, q):
-                rest[j, k] += f * front[i, p + k] + g * front[after, p + k]
+                rest[j, k] += f * front[i, p + k]
 
 
 @inner(**_fast)
@@ -313,77 +247,23 @@ def _add_product(front, inverse, start, end, column, rows, out, first):
 
 
 @compiled(**_fast)
-def carry_sources(factors, v):
-    """Sources v (n + stay,) at all places, carried on by every node to the later ones, in place."""
-    carry_from(factors, 0, factors.first.size - 1, v, v)
+def find_potentials(factors, v, w):
+    """Write two potentials (n + 2,), given for the nodes that stay, to the others: at once, as reading the links takes
+    most of the time.
 
-
-@inner(**_fast)
-def carry_from(factors, begin, end, v, beyond):
-    """`carry_sources` of the nodes of some fronts; what these carry to later fronts is added to `beyond`."""
-    first, border, start, at, links, inverse, _ = factors
-    for f in range(begin, end):
-        a, p, q = first[f], first[f + 1] - first[f], start[f + 1] - start[f]
-        inside = q
-        while inside > 0 and border[start[f] + inside - 1] >= first[end]:
-            inside -= 1
-        for i in range(p):
-            row = at[f] + i * (p + q)
-            here = v[a + i] * inverse[a + i]
-            for j in range(i + 1, p):
-                v[a + j] += links[row + j] * here
-            for j in range(inside):
-                v[border[start[f] + j]] += links[row + p + j] * here
-            for j in range(inside, q):
-                beyond[border[start[f] + j]] += links[row + p + j] * here
-
-
-@compiled(**_fast)
-def find_potentials(factors, v):
-    """Potentials v (n + stay,), given for the nodes that stay, in place of the sources carried to each node, or of 0.
-
-    That of a node is the mean of those of its neighbours at the time it was eliminated, and what its source adds.
+    That of a node is the mean of those of its neighbours at the time it was eliminated.
     """
-    find_on(factors, 0, factors.first.size - 1, v, v[:0])
-
-
-@compiled(**_fast)
-def find_two_potentials(factors, v, w):
-    """`find_potentials` of two fields at once, in about the time of one: most of it is that of reading the links."""
-    find_on(factors, 0, factors.first.size - 1, v, w)
-
-
-@inner(**_fast)
-def find_on(factors, begin, end, v, w):
-    """`find_two_potentials` on some fronts, and of v only where w is empty; those of later fronts are given."""
     first, border, start, at, links, inverse, _ = factors
-    two = w.size > 0
-    widest = 0
-    for f in range(begin, end):
-        widest = max(widest, start[f + 1] - start[f])
-    of_border, second = np.empty(widest), np.empty(widest)
-    for f in range(end - 1, begin - 1, -1):
+    for f in range(first.size - 2, -1, -1):
         a, p, q = first[f], first[f + 1] - first[f], start[f + 1] - start[f]
-        for j in range(q):
-            k = border[start[f] + j]
-            of_border[j] = v[k]
-            if two:
-                second[j] = w[k]
+        later = border[start[f] : start[f + 1]]
         for i in range(p - 1, -1, -1):
             row = at[f] + i * (p + q)
-            x = v[a + i]
-            if two:
-                y = w[a + i]
-                for j in range(i + 1, p):
-                    x += links[row + j] * v[a + j]
-                    y += links[row + j] * w[a + j]
-                for j in range(q):
-                    x += links[row + p + j] * of_border[j]
-                    y += links[row + p + j] * second[j]
-                w[a + i] = y * inverse[a + i]
-            else:
-                for j in range(i + 1, p):
-                    x += links[row + j] * v[a + j]
-                for j in range(q):
-                    x += links[row + p + j] * of_border[j]
-            v[a + i] = x * inverse[a + i]
+            x = y = 0.0
+            for j in range(i + 1, p):
+                x += links[row + j] * v[a + j]
+                y += links[row + j] * w[a + j]
+            for j in range(q):
+                x += links[row + p + j] * v[later[j]]
+                y += links[row + p + j] * w[later[j]]
+            v[a + i], w[a + i] = x * inverse[a + i], y * inverse[a + i]

@@ -1,4 +1,4 @@
-"""The levels of multigrid on a structured grid, from the conductances of the finest one: compiled.
+"""The levels of multigrid on a structured grid, from the conductances of the finest one.
 
 A level is the operator of a grid, with the fields that a multigrid cycle needs there. It is set up in double precision
 and kept in single: a cycle is a preconditioner, and starts from zero, so that its rounding errors are relative to the
@@ -11,101 +11,61 @@ Galerkin's. Source: Dendy, J. Comput. Phys. 48, 1982, 366 (black box multigrid).
 
 from __future__ import annotations
 
-from functools import lru_cache
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ...base.arrays import Array
-from ...base.compiled import REORDERED, compiled, inner
-from ...base.threads import ONE, over
+from ...base.compiled import REORDERED, by_rows, inner, leader
+from .coarsest import eliminated
 
+Single = NDArray[np.float32]
 #: Nodes of an axis at which coarsening ends.
 FEWEST = 4
-#: Coarsening also ends where so small a fraction of the nodes is left: their elimination costs less than the iterations
-#: that bays and channels of the coarser grids do.
-_ELIMINATED = 1 / 40
+#: Coarsening also ends where so small a fraction of the nodes is left, if these are no more than so many: they are
+#: eliminated in less time than the iterations take that bays and channels of the coarser grids do.
+_ELIMINATED, _MOST_ELIMINATED = 1 / 40, 20000
 #: Largest inverse of a centre; single precision ends at 3e38.
 _MOST_INVERSE = 1e30
-#: Nodes from which threads share the work on a level, and rows of a strip.
-_LARGE, _STRIP = 2**18, 64
-#: Nodes of a level from which its fields stand apart, and rows between them.
-_MANY, _APART = 2**16, 64
-#: No operator.
-_NOTHING: tuple[Array, ...] = (np.zeros((0, 0)),) * 5
 
 
-def strips(rows: int) -> list[tuple[int, int]]:
-    """First and last + 1 of the strips of a field of so many rows, the border among them."""
-    return [(i, min(i + _STRIP, rows - 1)) for i in range(1, rows - 1, _STRIP)]
+class Level(NamedTuple):
+    """Fields of a level, each with a border.
 
-
-def large_levels(shape: NDArray[np.int64]) -> int:
-    """Number of levels that threads share; the coarsest is none of them."""
-    return sum(n1 * n2 >= _LARGE for n1, n2 in shape[:-1].tolist())
-
-
-class Levels(NamedTuple):
-    """All levels of multigrid in a few arrays; `level` gives views of one.
-
-    shape (levels, 2) : rows and columns with the border. first (levels + 1,) : where the fields of each level start.
-    fields : right, below, inverse centre, x, b and r, of coarser levels also below right and below left, see `level`.
-    weight_first, weights : of the interpolation from the next level.
+    links : right, below, below right and below left; the last two (1, 1) of five points. inverse : of the centres, 0
+    where there are no conductances. b : right side of a cycle. x : what it has after the first sweep. r : the residual,
+    and in the end the solution. weights (…, 3, 3) : of the nodes of the next level at those of this one.
     """
 
-    shape: NDArray[np.int64]
-    first: NDArray[np.int64]
-    fields: NDArray[np.float32]
-    weight_first: NDArray[np.int64]
+    links: tuple[Single, Single, Single, Single]
+    inverse: Single
+    b: Single
+    x: Single
+    r: Single
     weights: NDArray[np.float32]
 
 
-@compiled(**REORDERED)
-def level(shape, first, fields, k):
-    """Views of level k, of the first fields of `Levels`: the six fields, below right and below left.
-
-    The last two have one number each on the finest level.
-    """
-    n1, n2, own = shape[k, 0], shape[k, 1], fields[first[k] : first[k + 1]]
-    rows = n1 + _rows_apart(n1 * n2)
-    f = own.reshape((own.size // (rows * n2), rows, n2))
-    six = f[0, :n1], f[1, :n1], f[2, :n1], f[3, :n1], f[4, :n1], f[5, :n1]
-    if f.shape[0] > 6:
-        return *six, f[6, :n1], f[7, :n1]
-    none = own[:1].reshape((1, 1))
-    return *six, none, none
+@inner(**REORDERED)
+def close_ring(row):
+    """Copy the ends of a row to the borders beyond the other side."""
+    row[0], row[-1] = row[-2], row[1]
 
 
-@compiled(**REORDERED)
-def _rows_apart(nodes):
-    """Rows between the fields of a level, which nothing is written to: else nodes of 2ⁿ columns share cache lines."""
-    return _APART if nodes >= _MANY else 0
-
-
-@compiled(**REORDERED)
-def weights_to(k, shape, weight_first, weights):
-    """View of the weights of level k + 1 at the nodes of level k."""
-    return weights[weight_first[k] : weight_first[k + 1]].reshape(
-        (shape[k + 1, 0], shape[k + 1, 1], 3, 3)
-    )
-
-
-@compiled(**REORDERED)
-def _links(first, end, along, across, ring, centre, right, below):
+@by_rows(**REORDERED)
+def _links(first, end, centre, right, below, along, across, ring):
     """Write centres and conductances of some rows of a stencil."""
     n1, n2 = centre.shape[0] - 2, centre.shape[1] - 2
     for i in range(first, end):
         for j in range(1, across.shape[1] + 1):
             right[i, j] = across[i - 1, j - 1]
         if ring:
-            right[i, 0], right[i, n2 + 1] = right[i, n2], right[i, 1]
+            close_ring(right[i])
         for j in range(1, n2 + 1):
             if i < n1:
                 below[i, j] = along[i, j - 1]
             centre[i, j] = along[i - 1, j - 1] + along[i, j - 1] + right[i, j - 1] + right[i, j]
         if ring:
-            below[i, 0], below[i, n2 + 1] = below[i, n2], below[i, 1]
+            close_ring(below[i])
 
 
 @inner(**REORDERED)
@@ -114,9 +74,10 @@ def _share(part, whole):
     return part / whole if part > 0.0 and whole > 0.0 else 0.0
 
 
-@compiled(**REORDERED)
-def _along_rows(first, end, centre, right, below, below_right, below_left, nine, ring, w):
+@by_rows(**REORDERED)
+def _along_rows(first, end, w, operator, nine, ring):
     """Write the weight w of each coarse node, at (2I − 1, 2J − 1), at itself and beside it in some coarse rows."""
+    centre, right, below, below_right, below_left = operator
     n2, m2 = centre.shape[1] - 2, w.shape[1] - 2
     for i in range(2 * first - 1, 2 * end - 1, 2):
         for j in range(1, m2 + 1):
@@ -136,9 +97,10 @@ def _along_rows(first, end, centre, right, below, below_right, below_left, nine,
             _round(w, (i + 1) // 2, 1)
 
 
-@compiled(**REORDERED)
-def _between_rows(first, end, centre, right, below, below_right, below_left, nine, ring, w):
+@by_rows(**REORDERED)
+def _between_rows(first, end, w, operator, nine, ring):
     """Write the weights of coarse nodes in the rows after some coarse rows, once those of `_along_rows` are there."""
+    centre, right, below, below_right, below_left = operator
     n1, n2, m2 = centre.shape[0] - 2, centre.shape[1] - 2, w.shape[1] - 2
     for i in range(2 * first, min(2 * end, n1 + 1), 2):
         for j in range(1, n2 + 1, 2):
@@ -182,11 +144,10 @@ def _round(w, i, a):
         w[i, 0, a, b], w[i, m2 + 1, a, b] = w[i, m2, a, b], w[i, 1, a, b]
 
 
-@compiled(**REORDERED)
-def _galerkin(
-    first, end, centre, right, below, below_right, below_left, w, nine, ring, to0, to1, to2, to3, to4
-):  # fmt: skip
+@by_rows(**REORDERED)
+def _galerkin(first, end, w, operator, nine, ring, to):
     """PᵀAP: write centres and conductances of some rows of the next level, in the order of these."""
+    centre, right, below, below_right, below_left = operator
     n1, n2, m2 = centre.shape[0] - 2, centre.shape[1] - 2, w.shape[1] - 2
     row = np.empty((5, 5))  # of A P_I at the fine nodes around a coarse one
     out = np.empty(5)
@@ -232,135 +193,73 @@ def _galerkin(
                         if 0 <= x <= 4:
                             s += w[ci + di, cj + dj, a, b] * row[y, x]
                 out[k] = s
-            to0[ci, cj], to1[ci, cj], to2[ci, cj], to3[ci, cj], to4[ci, cj] = (
-                out[0],
-                -out[1],
-                -out[2],
-                -out[3],
-                -out[4],
-            )
+            to[0, ci, cj] = out[0]
+            for k in range(1, 5):
+                to[k, ci, cj] = -out[k]
         if ring:
-            to1[ci, 0], to1[ci, m2 + 1] = to1[ci, m2], to1[ci, 1]
-            to2[ci, 0], to2[ci, m2 + 1] = to2[ci, m2], to2[ci, 1]
-            to3[ci, 0], to3[ci, m2 + 1] = to3[ci, m2], to3[ci, 1]
-            to4[ci, 0], to4[ci, m2 + 1] = to4[ci, m2], to4[ci, 1]
+            for k in range(1, 5):
+                close_ring(to[k, ci])
 
 
-def hierarchy(along: Array, across: Array, ring: bool) -> tuple[Levels, tuple[Array, ...]]:
-    """`Levels` of a stencil, and centres and conductances of the coarsest one in double precision."""
-    place = _places(along.shape[0] - 1, along.shape[1])
-    shape, *_, weight_first, weights = place
-    fewest, large = 0.0, large_levels(shape)
-    operator = _NOTHING
-    if large:
-        operator = *np.zeros((3, *shape[0])), *np.zeros((2, 1, 1))
-        over(strips(shape[0, 0]), _links, along, across, ring, *operator[:3])
-    for k in range(large):
-        count = sum(over(strips(shape[k, 0]), _store, *operator, *level(*place[:3], k)))
-        fewest = fewest or _ELIMINATED * count
-        if count <= fewest:
-            return _levels(place, k + 1), operator
-        rows, w = strips(shape[k + 1, 0]), weights_to(k, shape, weight_first, weights)
-        over(rows, _along_rows, *operator, k > 0, ring, w)
-        over(rows, _between_rows, *operator, k > 0, ring, w)
-        coarse = tuple(np.zeros((5, *shape[k + 1])))
-        over(rows, _galerkin, *operator, w, k > 0, ring, *coarse)
-        operator = coarse
-    count, operator = _filled_from(large, operator, along, across, fewest, ring, *place)
-    return _levels(place, count), operator
-
-
-def _places(n1: int, n2: int) -> tuple[NDArray[Any], ...]:
-    """Sizes and memory of what the levels have, in the order of `Levels`."""
-    shape, first, weight_first = _sizes(n1, n2, FEWEST)
-    # zeros of numpy take no memory before they are written to
-    return (
-        shape,
-        first,
-        np.zeros(first[-1], np.float32),
-        weight_first,
-        np.zeros(weight_first[-1], np.float32),
-    )
-
-
-@lru_cache(16)
-def _sizes(n1: int, n2: int, fewest: int) -> tuple[NDArray[np.int64], ...]:
-    """Sizes of all levels, and where their fields and weights start, see `Levels`."""
-    sizes = [(n1 + 2, n2 + 2)]
-    while min(n1, n2) > fewest:
-        n1, n2 = (n1 + 1) // 2, (n2 + 1) // 2
-        sizes.append((n1 + 2, n2 + 2))
-    nodes = np.array([a * b for a, b in sizes])
-    each = [6] + [8] * (len(sizes) - 1)
-    fields = [
-        count * (a + _rows_apart(a * b)) * b for count, (a, b) in zip(each, sizes, strict=True)
-    ]
-    return np.array(sizes), np.cumsum([0, *fields]), 9 * (np.cumsum(nodes) - nodes[0])
-
-
-def _levels(place: tuple[NDArray[Any], ...], n: int) -> Levels:
-    """`Levels` of which n are filled."""
-    shape, first, fields, weight_first, weights = place
-    return Levels(shape[:n], first[: n + 1], fields, weight_first[:n], weights)
-
-
-@compiled(**REORDERED)
-def _filled_from(
-    k, operator, along, across, fewest, ring, shape, first, fields, weight_first, weights
-):  # fmt: skip
-    """Fill the levels from level k on, see `Levels`; their number, and the operator of the last one.
-
-    For k > 0 `operator` has that of level k, and `fewest` nodes are those where coarsening ends.
-    """
-    if k == 0:
-        size = shape[0, 0], shape[0, 1]
-        operator = (
-            np.zeros(size),
-            np.zeros(size),
-            np.zeros(size),
-            np.zeros((1, 1)),
-            np.zeros((1, 1)),
-        )
-        _links(ONE, size[0] - 1, along, across, ring, operator[0], operator[1], operator[2])
+@leader
+def hierarchy(along, across, ring):
+    """The levels of a stencil, and the last one eliminated."""
+    fine = np.zeros((3, along.shape[0] + 1, along.shape[1] + 2))
+    none = np.zeros((1, 1))
+    operator = fine[0], fine[1], fine[2], none, none
+    _links(fine[0], fine[1], fine[2], along, across, ring)
+    levels: list[Level] = []
+    fewest = 0.0
     while True:
-        centre, right, below, below_right, below_left = operator
-        of_level = level(shape, first, fields, k)
-        count = _store(
-            ONE, centre.shape[0] - 1, centre, right, below, below_right, below_left, *of_level
-        )
-        if k == 0:
-            fewest = _ELIMINATED * count
-        if k == shape.shape[0] - 1 or count <= fewest:
-            break
-        nine = k > 0
-        m1, m2 = shape[k + 1, 0], shape[k + 1, 1]
-        w = weights_to(k, shape, weight_first, weights)
-        _along_rows(ONE, m1 - 1, centre, right, below, below_right, below_left, nine, ring, w)
-        _between_rows(ONE, m1 - 1, centre, right, below, below_right, below_left, nine, ring, w)
-        to0, to1, to2 = np.zeros((m1, m2)), np.zeros((m1, m2)), np.zeros((m1, m2))
-        to3, to4 = np.zeros((m1, m2)), np.zeros((m1, m2))
-        _galerkin(
-            ONE, m1 - 1, centre, right, below, below_right, below_left, w, nine, ring, to0, to1, to2, to3, to4
-        )  # fmt: skip
-        operator = to0, to1, to2, to3, to4
-        k += 1
-    return k + 1, operator
+        n1, n2 = operator[0].shape
+        corners = np.zeros((2, n1, n2) if levels else (2, 1, 1), np.float32)
+        f = np.zeros((6, n1, n2), np.float32)
+        links = f[0], f[1], corners[0], corners[1]
+        _store(f[2], links, operator)
+        count = np.count_nonzero(f[2])
+        if not levels:
+            fewest = min(_ELIMINATED * count, _MOST_ELIMINATED)
+        ends = min(n1, n2) - 2 <= FEWEST or count <= fewest
+        m1, m2 = (0, 0) if ends else coarser(n1, n2)
+        weights = np.zeros((m1, m2, 3, 3), np.float32)
+        nine = len(levels) > 0
+        levels.append(Level(links, f[2], f[3], f[4], f[5], weights))
+        if ends:
+            return levels, eliminated(operator, ring)
+        to = np.zeros((5, m1, m2))
+        _along_rows(weights, operator, nine, ring)
+        _between_rows(weights, operator, nine, ring)
+        _galerkin(weights, operator, nine, ring, to)
+        operator = to[0], to[1], to[2], to[3], to[4]
 
 
-@compiled(**REORDERED)
-def _store(
-    start, end, centre, right, below, below_right, below_left,
-    to_right, to_below, inverse, x, b, r, to_below_right, to_below_left,
-):  # fmt: skip
-    """Write some rows of an operator to a level; the number of their nodes that have conductances."""
-    count = 0
-    for i in range(start, end):
+@leader
+def coarser(n1, n2):
+    """Shape of the next level with the border."""
+    return (n1 + 1) // 2 + 1, (n2 + 1) // 2 + 1
+
+
+@by_rows(**REORDERED)
+def _store(first, end, inverse, links, operator):
+    """Write some rows of an operator to a level, Galerkin's negative conductances left out: a sweep with them might not
+    converge.
+    """
+    centre, right, below, below_right, below_left = operator
+    to_right, to_below, to_below_right, to_below_left = links
+    nine = below_right.size > 1
+    for i in range(first, end):
         for j in range(centre.shape[1]):
-            if centre[i, j] > 0.0:
-                inverse[i, j] = min(1.0 / centre[i, j], _MOST_INVERSE)
-                count += 1
-            to_right[i, j], to_below[i, j] = right[i, j], below[i, j]
-        if below_right.size > 1:
-            for j in range(centre.shape[1]):
-                to_below_right[i, j], to_below_left[i, j] = below_right[i, j], below_left[i, j]
-    return count
+            to_right[i, j], to_below[i, j] = max(right[i, j], 0.0), max(below[i, j], 0.0)
+            if nine:
+                to_below_right[i, j] = max(below_right[i, j], 0.0)
+                to_below_left[i, j] = max(below_left[i, j], 0.0)
+            whole = centre[i, j]
+            if whole > 0.0:
+                if nine:
+                    beside = min(right[i, j], 0.0) + min(right[i, j - 1], 0.0)
+                    beside += min(below[i, j], 0.0) + min(below[i - 1, j], 0.0)
+                    beside += min(below_right[i, j], 0.0) + min(below_right[i - 1, j - 1], 0.0)
+                    whole -= (
+                        beside + min(below_left[i, j], 0.0) + min(below_left[i - 1, j + 1], 0.0)
+                    )
+                inverse[i, j] = min(1.0 / whole, _MOST_INVERSE)

@@ -5,16 +5,17 @@ The order is nested dissection of the open nodes. Source: George, SIAM J. Numer.
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 
 from ...base.arrays import Array, Flags, Indices
 from ...base.compiled import compiled, inner
 from ..stencil import Stencil
-from .elimination import Factors, Links, Order, factored, find_two_potentials
+from .elimination import Links, Order, factored, find_potentials
 
 #: Boxes of about so many nodes are not cut any further; deepest nesting of boxes.
 _LEAF, _DEEPEST = 12, 400
-_NOTHING = np.zeros((0, 0))
 
 
 def eliminate(
@@ -29,22 +30,20 @@ def eliminate(
     node, end, link : nodes (row · n2 + column) with links to an end, 0 the inlet with φ = 1, 1 the outlet with φ = 0,
     and their conductances.
     """
-    order = Order(*dissect(keep, ring))
-    factors = factored(
-        order, Links(*grid_links(c1, c2, _NOTHING, _NOTHING, ring, order.nodes, node, end, link)), 2
-    )
     φ, ψ = np.zeros(keep.shape), np.zeros(keep.shape)
-    _write_potentials(order, factors, φ, ψ)
-    return float(factors.between[0, 1]), φ, ψ
+    order = Order(*_dissect(keep, ring))
+    return _solved(order, _grid_links(c1, c2, ring, order.nodes, node, end, link), φ, ψ), φ, ψ
 
 
-def _write_potentials(order: Order, factors: Factors, φ: Array, ψ: Array) -> None:
-    """Write φ and 1 − φ of the eliminated nodes between inlet and outlet to contiguous fields."""
+def _solved(order: Order, links: tuple[Any, ...], φ: Array, ψ: Array) -> float:
+    """Write φ and 1 − φ of the nodes of an order to contiguous fields; the conductance between inlet and outlet."""
+    factors = factored(order, Links(*links))
     n = order.nodes.size
     v, w = np.zeros((2, n + 2))
     v[n] = w[n + 1] = 1.0
-    find_two_potentials(factors, v, w)
+    find_potentials(factors, v, w)
     φ.ravel()[order.nodes], ψ.ravel()[order.nodes] = v[:n], w[:n]
+    return float(factors.between)
 
 
 def island_potentials(stencil: Stencil, hidden: Flags, φ: Array, ψ: Array) -> None:
@@ -56,72 +55,48 @@ def island_potentials(stencil: Stencil, hidden: Flags, φ: Array, ψ: Array) -> 
     hidden : nodes that only very narrow links connect with the others, whose potential is wanted.
     φ, ψ : potential of the others, and its complement.
     """
-    node, end, link = _links_to_known(stencil.along, stencil.across, hidden, φ)
+    along, across, ring = stencil.along, stencil.across, stencil.ring2
+    ends = _links_to_known(along, across, hidden, φ)
     # they are few: only the rows and columns that have some are dissected
     rows, columns = np.flatnonzero(hidden.any(axis=1)), np.flatnonzero(hidden.any(axis=0))
-    among, *fronts = dissect(hidden[np.ix_(rows, columns)], stencil.ring2)
-    order = Order(
-        rows[among // columns.size] * hidden.shape[1] + columns[among % columns.size], *fronts
-    )
-    grid = stencil.along, stencil.across, _NOTHING, _NOTHING, stencil.ring2
-    factors = factored(order, Links(*grid_links(*grid, order.nodes, node, end, link)), 2)
-    _write_potentials(order, factors, φ, ψ)
+    among, *fronts = _dissect(hidden[np.ix_(rows, columns)], ring)
+    nodes = rows[among // columns.size] * hidden.shape[1] + columns[among % columns.size]
+    order = Order(nodes, *fronts)
+    _solved(order, _grid_links(along, across, ring, nodes, *ends), φ, ψ)
 
 
-@compiled()
-def _links_to_known(along, across, hidden, φ):
+def _links_to_known(
+    along: Array, across: Array, hidden: Flags, φ: Array
+) -> tuple[Indices, Indices, Array]:
     """Links of hidden nodes with the others: the node, 0 for the inlet or 1 for the outlet, and the conductance."""
-    n1, n2 = hidden.shape
-    m2 = across.shape[1]
-    count = 0
-    node, end, link = np.empty(0, np.int64), np.empty(0, np.int64), np.empty(0)
-    for written in range(2):
-        if written == 1:
-            node, end, link = (
-                np.empty(2 * count, np.int64),
-                np.empty(2 * count, np.int64),
-                np.empty(2 * count),
-            )
-            count = 0
-        for i in range(n1):
-            for j in range(n2):
-                if not hidden[i, j]:
-                    continue
-                for side in range(4):
-                    a, b, c = i, j, 0.0
-                    if side < 2:
-                        a = i + 2 * side - 1
-                        c = along[i + side, j]
-                    elif side == 2:
-                        b = (j + 1) % n2
-                        c = across[i, j] if j < m2 else 0.0
-                    else:
-                        b = (j - 1) % n2
-                        c = across[i, b] if b < m2 else 0.0
-                    inside = 0 <= a < n1
-                    if not c > 0.0 or (inside and hidden[a, b]):
-                        continue
-                    if written == 1:
-                        fraction = 1.0 if a < 0 else 0.0
-                        if inside:
-                            fraction = min(max(φ[a, b], 0.0), 1.0)
-                        for k in range(2):
-                            at = 2 * count + k
-                            node[at], end[at] = i * n2 + j, k
-                            link[at] = c * (fraction if k == 0 else 1.0 - fraction)
-                    count += 1
+    (n1, n2), m2 = hidden.shape, across.shape[1]
+    i, j = np.nonzero(hidden)
+    found = []
+    for down, right in ((-1, 0), (1, 0), (0, 1), (0, -1)):
+        a, b = i + down, (j + right) % n2
+        if down:
+            c = along[np.maximum(i, a), j]
+        else:
+            start = j if right > 0 else b
+            c = np.where(start < m2, across[i, np.minimum(start, m2 - 1)], 0.0)
+        inside = (a >= 0) & (a < n1)
+        row = np.clip(a, 0, n1 - 1)
+        known = (c > 0) & ~(inside & hidden[row, b])
+        fraction = np.where(inside, np.clip(φ[row, b], 0.0, 1.0), a < 0)[known]
+        node, c = (i * n2 + j)[known], c[known]
+        found += [(node, 0 * node, c * fraction), (node, 0 * node + 1, c * (1 - fraction))]
+    node, end, link = (np.concatenate(part) for part in zip(*found, strict=True))
     return node, end, link
 
 
 @compiled()
-def grid_links(c1, c2, falling, rising, ring, order, node, end, link):
+def _grid_links(c1, c2, ring, order, node, end, link):
     """`Links` of the nodes of a grid, and of some of them to ends; links of nodes that are not in the order are closed.
 
-    Every link is found from the first of its nodes in the grid: to the right, below, and across both corners below.
+    Every link is found from the first of its nodes in the grid: to the right and below.
     """
     n1, n2 = c1.shape[0] - 1, c1.shape[1]
     m2 = c2.shape[1]
-    kinds = 4 if falling.size > 0 else 2
     n = order.size
     place = np.empty(n1 * n2, np.int32)
     for i in range(n1 * n2):
@@ -146,21 +121,12 @@ def grid_links(c1, c2, falling, rising, ring, order, node, end, link):
                 a = place[i * n2 + j]
                 if a < 0:
                     continue
-                for kind in range(kinds):
+                for kind in range(2):
                     c, b = 0.0, a
-                    right, left = j + 1 if j < n2 - 1 else 0, j - 1 if j > 0 else n2 - 1
-                    if kind == 0:
-                        if j < m2 and n2 > 1:
-                            c, b = c2[i, j], place[i * n2 + right]
-                    elif i == n1 - 1:
-                        break
-                    elif kind == 1:
+                    if kind == 1 and i < n1 - 1:
                         c, b = c1[i + 1, j], place[(i + 1) * n2 + j]
-                    elif kind == 2:
-                        if j < m2 and n2 > 1:
-                            c, b = falling[i + 1, j], place[(i + 1) * n2 + right]
-                    elif left < m2 and n2 > 1:
-                        c, b = rising[i + 1, left], place[(i + 1) * n2 + left]
+                    elif kind == 0 and j < m2 and n2 > 1:
+                        c, b = c2[i, j], place[i * n2 + (j + 1) % n2]
                     if c == 0.0 or b < 0:
                         continue
                     at = min(a, b)
@@ -176,7 +142,7 @@ def grid_links(c1, c2, falling, rising, ring, order, node, end, link):
 
 
 @compiled()
-def dissect(keep, ring):
+def _dissect(keep, ring):
     """`Order` of the nodes of a grid by nested dissection.
 
     Every box is cut by the row or column with the fewest nodes near its middle; only the nodes of that cut link its

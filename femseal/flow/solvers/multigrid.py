@@ -1,43 +1,51 @@
-"""Conjugate gradients with algebraic multigrid on the structured grid as preconditioner: compiled.
+"""Conjugate gradients with algebraic multigrid on the structured grid as preconditioner.
 
 Potential, residual and operator are in double precision, the operator as differences; the cycle and the directions are
-in single precision, which the residual then follows to all digits.
+in single precision, which the residual then follows to all digits. The cycle has one sweep of damped Jacobi before and
+one after the coarser grid. Threads share the rows of large levels.
 """
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 from numpy.typing import NDArray
 
-from ...base.compiled import REORDERED, compiled, inner
+from ...base.arrays import Array
+from ...base.compiled import REORDERED, by_rows, compiled, inner, leader
 from ...base.errors import NotConverged
-from ...base.threads import ONE, ZERO, over
+from ...base.threads import NO, YES
 from ..stencil import Stencil
-from .coarsest import Coarsest, eliminate_by_parts, eliminate_coarsest
-from .hierarchy import Levels, hierarchy, large_levels, level, strips
-from .v_cycle import cycle, v_cycle
+from .coarsest import solve_coarsest
+from .hierarchy import FEWEST, close_ring, coarser, hierarchy
 
-Array = NDArray[np.float64]
-#: Largest coarsest level, in nodes, for which multigrid pays; only slender grids have more.
+#: Largest level that no coarser one could follow, in nodes, for which multigrid pays; only slender grids have more.
 COARSEST_NODES = 128
+#: Part of Jacobi's correction that a sweep makes.
+_DAMPING = np.float32(0.8)
 #: The estimated error of the rate is this fraction of what is allowed: an estimate, from below where the iteration
 #: has not met the slowest part of the error yet.
 _SHARE = 0.1
 #: The slowest part of the error, as an eigenvalue of M⁻¹A, that may be there without the iteration having met it, at
-#: first and at last. Without this, 1 in 2000 random cells of extreme contrast erred by more than was allowed; with it,
-#: 3 of 1200 smooth gaps with 10 to 35 % in contact, where the caller did not check the solution.
-_SLOWEST = 2e-3, 1e-7
+#: first and at last. With ten times this at first, 2 in 10,000 random cells of extreme contrast erred by more than was
+#: told, as 3 of 1200 smooth gaps with 10 to 35 % in contact, where the caller did not check the solution.
+_SLOWEST = 2e-4, 1e-7
 #: Largest correction left at a node, relative to the error allowed in the norm of the energy; that norm hardly has a
 #: fraction of nodes that only narrow links connect with the others.
 _LARGEST = 100.0
 #: No nodes are hidden.
 _NONE = np.zeros((0, 0), np.bool_)
-#: Where memory is short, A p is not kept but found twice.
-_NOTHING = np.zeros((0, 0))
+#: Nodes from which threads share the work.
+_LARGE = 2**18
 #: Iterations after which the number still needed is extrapolated.
 _FORESEEN = 10
+
+
+def coarsest_nodes(n1: int, n2: int) -> int:
+    """Nodes of the coarsest possible level for n1 × n2 unknowns; many if the network is slender."""
+    n1, n2 = n1 + 2, n2 + 2
+    while min(n1, n2) - 2 > FEWEST:
+        n1, n2 = coarser(n1, n2)
+    return (n1 - 2) * (n2 - 2)
 
 
 def solve_multigrid(
@@ -69,36 +77,208 @@ def solve_multigrid(
     The rate of φ exceeds the true one by the square of the error e of φ in the norm of the energy, eᵀAe <= rᵀM⁻¹r/θ,
     with the lowest eigenvalue θ of M⁻¹A, which is taken from the coefficients of the iteration (Lanczos), with a margin
     for what it has not met yet. The iteration stops when that is a tenth of what is allowed, and inlet and outlet flow,
-    which err by the first order, differ by less than thrice the square root of it. The coarsest level is eliminated.
+    which err by the first order, differ by less than thrice the square root of it. The coarsest level is factorised.
     Sources: Strakoš & Tichý, ETNA 13, 2002, 56; Meurant, Papež & Tichý, Numer. Algorithms 88, 2021, 1337.
     """
-    s = stencil
-    field, hidden = (
-        np.inf if field_rtol is None else field_rtol,
-        _NONE if hidden is None else hidden,
-    )
-    conductances = s.along, s.across
-    levels, operator = hierarchy(*conductances, s.ring2)
-    large = large_levels(levels.shape)
-    eliminate: Any = eliminate_by_parts if large == len(levels.shape) - 1 else eliminate_coarsest
-    coarsest = eliminate(*operator, s.ring2)
-    iterate: Any = _iterate_by_parts if large else _iterate
-    x, iterations, error, done = iterate(
-        levels, coarsest, conductances, s.ring2, rtol, field, limit, hidden
-    )
+    along, across, ring = stencil.along, stencil.across, stencil.ring2
+    field = np.inf if field_rtol is None else field_rtol
+    with np.errstate(divide="ignore", invalid="ignore"):
+        resistance = 1 / along.sum(axis=1)
+        drop = resistance / resistance.sum()
+    asked = drop, rtol, field, limit, _NONE if hidden is None else hidden
+    if along.size < _LARGE:
+        x, iterations, error, done = _at_once(along, across, ring, *asked)
+    else:
+        levels, coarsest = hierarchy(along, across, ring)
+        b = levels[0].b
+        r = b if along.dtype == np.float32 else np.zeros(b.shape)
+        x, iterations, error, done = _iterated(
+            levels, coarsest, along, across, ring, r, r is not b, *asked
+        )
+    if done:
+        return x, iterations, error
     small = error**2 <= rtol and error <= field
-    if not (done or (small and field_rtol is None)):
-        found = f"error {error**2:.1e} of the rate" + (
-            f" and {error:.1e} of the pressure" if field_rtol else ""
+    if small and field_rtol is None:
+        return x, iterations, error
+    reached = f"error {error**2:.1e} of the rate"
+    wanted = f"{rtol:.1e}"
+    if field_rtol:
+        reached, wanted = f"{reached} and {error:.1e} of the pressure", f"{wanted} and {field:.1e}"
+    hedged = ", but slow parts of it may not be seen" if small else ""
+    raise NotConverged(
+        f"flow: {reached} after {iterations} iterations of multigrid, wanted {wanted}{hedged}; "
+        "try the solver 'elimination'",
+        error,
+    )
+
+
+@compiled(**REORDERED)
+def _at_once(along, across, ring, *asked):
+    """`_iterated` without threads."""
+    levels, coarsest = hierarchy(along, across, ring)
+    r = np.zeros(levels[0].b.shape)
+    return _iterated(levels, coarsest, along, across, ring, r, True, *asked)
+
+
+@leader
+def _iterated(levels, coarsest, along, across, ring, r, relative, drop, rtol, field, limit, hidden):
+    """Potential, iterations, error in the norm of the energy, and whether it is what was asked.
+
+    drop : of the potential from row to row at first. r : zeros for the residual, or in single precision the right side
+    of the cycle. relative : whether that side is relative to the size of the residual.
+    """
+    b, z, conductances = levels[0].b, levels[0].r, (along, across)
+    n1, n2 = b.shape
+    x, p = np.zeros((n1, n2 - 2)), np.zeros((n1, n2), np.float32)
+    sums, history = np.zeros((2, n1)), np.zeros((3, limit + 1))
+    x[0] = 1.0
+    rest = np.cumsum(drop[::-1])[::-1]
+    _start(x, r, b, conductances, drop, rest, levels[0].inverse)
+    scale, unbalanced, iteration = 1.0, 0.0, 0
+    while True:
+        _cycle(levels, coarsest, ring)
+        _product(z, r, field, hidden, sums)
+        rz, largest, rate = scale * sums[0].sum(), scale * sums[1].max(), (along[-1] * x[-2]).sum()
+        error, done, hopeless = _judged(
+            iteration, rz, largest, unbalanced, rate, history, rtol, field
         )
-        wanted = f"{rtol:.1e}" + (f" and {field:.1e}" if field_rtol else "")
-        hedged = ", but slow parts of it may not be seen" if small else ""
-        raise NotConverged(
-            f"flow: {found} after {iterations} iterations of multigrid, wanted {wanted}{hedged}; "
-            "try the solver 'elimination'",
-            error,
+        if done or hopeless:
+            break
+        ratio = rz / history[0, iteration - 1] if iteration > 0 else 0.0
+        _turn(p, z, scale, ratio)
+        _curvature(p, conductances, ring, sums)
+        curvature = sums[0].sum()
+        if not curvature > 0.0:
+            break
+        step = rz / curvature
+        history[1, iteration], history[2, iteration] = step, ratio
+        # far from the limits of single precision, however small the residual is
+        scale = np.sqrt(rz) if relative else 1.0
+        _advance(x, r, b, p, conductances, step, scale, ring, sums)
+        unbalanced = max(abs(sums[0].sum()), abs(sums[1].sum()))
+        iteration += 1
+    if not done and rate > 0.0 and rz >= 0.0:
+        error = np.sqrt(rz / rate)
+    return x, iteration, error, done
+
+
+@leader
+def _judged(iteration, rz, largest, unbalanced, rate, history, rtol, field):
+    """Error in the norm of the energy, and whether it is what was asked, or more iterations than allowed are needed.
+
+    history (3, limit + 1) : rᵀM⁻¹r of each iteration, and steps and ratios of those before.
+    """
+    limit = history.shape[1] - 1
+    allowed = min(_SHARE * rtol, (0.1 * field) ** 2)
+    error = np.inf
+    if 0.0 <= rz <= allowed * rate and unbalanced <= 3.0 * max(np.sqrt(rtol), 1e-6) * rate:
+        error = np.sqrt(rz / rate / _slowest(history[1, :iteration], history[2, :iteration]))
+        if error**2 <= allowed and largest <= _LARGEST * 0.1 * field:
+            return error, True, False
+    history[0, iteration] = rz
+    hopeless = iteration == limit or not 0.0 < rz < np.inf
+    if not hopeless and iteration >= _FORESEEN and rate > 0.0 and rz > allowed * rate:
+        first = history[0, 0]
+        hopeless = (
+            rz >= first or iteration * np.log(first / (allowed * rate)) / np.log(first / rz) > limit
         )
-    return x, iterations, error
+    return error, False, hopeless
+
+
+@leader
+def _slowest(steps, ratios):
+    """The slowest part of the error that is reckoned with, from the lowest eigenvalue of M⁻¹A on the space searched."""
+    lowest = 1.0
+    if steps.size > 0:
+        matrix = np.diag(1.0 / steps)
+        for i in range(1, steps.size):
+            matrix[i, i] += ratios[i] / steps[i - 1]
+            matrix[i, i - 1] = matrix[i - 1, i] = np.sqrt(ratios[i]) / steps[i - 1]
+        lowest = np.linalg.eigvalsh(matrix)[0] / 2
+    first, last = _SLOWEST
+    return min(max(min(lowest**2 / first, first), last), lowest)
+
+
+@leader
+def _cycle(levels, coarsest, ring):
+    """One V-cycle: r of the finest level from its b."""
+    for k in range(len(levels) - 1):
+        here, after = levels[k], levels[k + 1]
+        _begin(here.x, here.b, here.inverse, ring)
+        _sweep(here.r, here.x, here.b, here.links, here.inverse, YES, ring)
+        _restrict(after.b, here.r, here.weights)
+    solve_coarsest(coarsest, levels[-1].b, ring, levels[-1].r)
+    for k in range(len(levels) - 2, -1, -1):
+        after, here = levels[k + 1], levels[k]
+        _prolong(here.x, after.r, here.weights, ring)
+        _sweep(here.r, here.x, here.b, here.links, here.inverse, NO, ring)
+
+
+@by_rows(**REORDERED)
+def _begin(first, end, x, b, inverse, ring):
+    """Write the first sweep of damped Jacobi, from zero, of some rows."""
+    for i in range(first, end):
+        for j in range(1, b.shape[1] - 1):
+            x[i, j] = _DAMPING * b[i, j] * inverse[i, j]
+        if ring:
+            close_ring(x[i])
+
+
+@by_rows(**REORDERED)
+def _sweep(first, end, r, x, b, links, inverse, down, ring):
+    """Write the residual of `_begin`, or on the way up what a sweep of damped Jacobi makes of x, of some rows."""
+    rights, belows, below_rights, below_lefts = links
+    for i in range(first, end):
+        here, up, out = x[i], x[i - 1], r[i]
+        below, right, above, known = x[i + 1], rights[i], belows[i - 1], b[i]
+        to_below, own = belows[i], inverse[i]
+        for j in range(1, x.shape[1] - 1):
+            beside = right[j] * here[j + 1] + right[j - 1] * here[j - 1]
+            out[j] = known[j] + beside + to_below[j] * below[j] + above[j] * up[j]
+        if below_rights.size > 1:
+            falling, rising = below_rights[i], below_lefts[i]
+            before, after = below_rights[i - 1], below_lefts[i - 1]
+            for j in range(1, x.shape[1] - 1):
+                lower = falling[j] * below[j + 1] + rising[j] * below[j - 1]
+                out[j] += lower + before[j - 1] * up[j - 1] + after[j + 1] * up[j + 1]
+        if down:
+            for j in range(1, x.shape[1] - 1):
+                out[j] -= _DAMPING * known[j]
+        else:
+            for j in range(1, x.shape[1] - 1):
+                out[j] = here[j] + _DAMPING * (own[j] * out[j] - here[j])
+        if ring:
+            close_ring(out)
+
+
+@by_rows(**REORDERED)
+def _restrict(first, end, b, r, w):
+    """Pᵀ r at some rows of the coarser grid."""
+    for ci in range(first, end):
+        i = 2 * ci - 1
+        for cj in range(1, b.shape[1] - 1):
+            j = 2 * cj - 1
+            s = np.float32(0.0)
+            for a in range(3):
+                s += w[ci, cj, a, 0] * r[i + a - 1, j - 1]
+                s += w[ci, cj, a, 1] * r[i + a - 1, j]
+                s += w[ci, cj, a, 2] * r[i + a - 1, j + 1]
+            b[ci, cj] = s
+
+
+@by_rows(**REORDERED)
+def _prolong(first, end, x, coarse, w, ring):
+    """x += P coarse at some rows of the finer grid."""
+    for i in range(first, end):
+        for half in range(1 + (i + 1) % 2):  # between two coarse rows there is a part of both
+            ci = (i + 1) // 2 + half
+            a = 1 if i % 2 else 2 - 2 * half
+            for cj in range(1, coarse.shape[1] - 1):
+                j, v = 2 * cj - 1, coarse[ci, cj]
+                x[i, j] += v * w[ci, cj, a, 1]
+                x[i, j + 1] += v * w[ci, cj, a, 2] + coarse[ci, cj + 1] * w[ci, cj + 1, a, 0]
+        if ring:
+            close_ring(x[i])
 
 
 @inner(**REORDERED)
@@ -124,44 +304,40 @@ def _flow_out(conductances, p, i, ring, beside, y):
         )
 
 
-@compiled(**REORDERED)
-def _turn(first, end, z, scale, beta, p):
+@by_rows(**REORDERED)
+def _turn(first, end, p, z, scale, beta):
     """p = scale z + β p on some rows."""
     for i in range(first, end):
         for j in range(1, p.shape[1] - 1):
             p[i, j] = scale * z[i, j] + beta * p[i, j]
 
 
-@compiled(**REORDERED)
-def _curvature(first, end, conductances, p, ring, flow):
-    """The part of p·A p of some rows; A p is written to `flow`, unless that is empty."""
+@by_rows(**REORDERED)
+def _curvature(first, end, p, conductances, ring, sums):
+    """Write p·A p of some rows."""
     n2 = p.shape[1] - 2
     y, beside = np.empty(n2 + 2), np.empty(n2 + 1)
-    total = 0.0
     for i in range(first, end):
-        if flow.size > 0:
-            y = flow[i]
         _flow_out(conductances, p, i, ring, beside, y)
+        total = 0.0
         for j in range(1, n2 + 1):
             total += y[j] * p[i, j]
-    return total
+        sums[0, i] = total
 
 
-@compiled(**REORDERED)
-def _advance(first, end, conductances, step, p, scale, ring, flow, x, r, b):
-    """x += step p, r −= step A p, b = r / scale on some rows; their sums of r and of r x.
+@by_rows(**REORDERED)
+def _advance(first, end, x, r, b, p, conductances, step, scale, ring, sums):
+    """x += step p, r −= step A p, b = r / scale on some rows, and the sums of r and of r x of each.
 
-    Those of all rows are what inlet and outlet flow and the rate differ by. A p is found again where `flow` is empty.
+    Those of all rows are what inlet and outlet flow and the rate differ by. A p is found again, as memory limits large
+    faces.
     """
     n2 = p.shape[1] - 2
     y, beside = np.empty(n2 + 2), np.empty(n2 + 1)
-    excess = weighted = 0.0
     for i in range(first, end):
-        if flow.size > 0:
-            y = flow[i]
-        else:
-            _flow_out(conductances, p, i, ring, beside, y)
+        _flow_out(conductances, p, i, ring, beside, y)
         xs, rs, ps, bs = x[i], r[i], p[i], b[i]
+        excess = weighted = 0.0
         for j in range(1, n2 + 1):
             value, rest = xs[j - 1] + step * ps[j], rs[j] - step * y[j]
             xs[j - 1], rs[j] = value, rest
@@ -169,50 +345,25 @@ def _advance(first, end, conductances, step, p, scale, ring, flow, x, r, b):
             weighted += rest * value
         for j in range(1, n2 + 1):
             bs[j] = rs[j] / scale
-    return excess, weighted
+        sums[0, i], sums[1, i] = excess, weighted
 
 
-@compiled(**REORDERED)
-def _product(first, end, r, z, field, hidden):
-    """The part of r·z of some rows; where the field is wanted also their largest |z| at nodes that are not hidden."""
-    total = largest = 0.0
+@by_rows(**REORDERED)
+def _product(first, end, z, r, field, hidden, sums):
+    """Write r·z of some rows; where the field is wanted also their largest |z| at nodes that are not hidden."""
     for i in range(first, end):
+        total = largest = 0.0
         for j in range(1, z.shape[1] - 1):
             total += r[i, j] * z[i, j]
         if field < np.inf:
             for j in range(1, z.shape[1] - 1):
                 if hidden.size == 0 or not hidden[i - 1, j - 1]:
                     largest = max(largest, abs(z[i, j]))
-    return total, largest
+        sums[0, i], sums[1, i] = total, largest
 
 
-@compiled(**REORDERED)
-def _resistances(first, end, conductances, drop):
-    """Write the inverse sum of the conductances from some rows to the next ones, the inlet's with the first."""
-    along = conductances[0]
-    for i in range(first if first > 1 else 0, end):
-        s = 0.0
-        for j in range(along.shape[1]):
-            s += along[i, j]
-        drop[i] = 1.0 / s
-
-
-@compiled(**{**REORDERED, "fastmath": {"arcp"}})
-def _drops(drop):
-    """Make resistances from row to row the drops of a flow through all; the potentials of the rows before them."""
-    rest, total = np.empty(drop.size), 0.0
-    for i in range(drop.size):
-        total += drop[i]
-    before = 0.0
-    for i in range(drop.size - 1, -1, -1):
-        drop[i] /= total
-        before += drop[i]
-        rest[i] = before
-    return rest
-
-
-@compiled(**{**REORDERED, "fastmath": False})
-def _start(first, end, conductances, drop, rest, inverse, x, r, b):
+@by_rows(**{**REORDERED, "fastmath": False})
+def _start(first, end, x, r, b, conductances, drop, rest, inverse):
     """x of the least energy among potentials that are constant along rows, and its residual r, also as b."""
     along = conductances[0]
     n2 = along.shape[1]
@@ -227,160 +378,3 @@ def _start(first, end, conductances, drop, rest, inverse, x, r, b):
             r[i, j + 1] += along[i - 1, j] * drop[i - 1]
         for j in range(1, n2 + 1):
             b[i, j] = r[i, j]
-
-
-@compiled(**REORDERED)
-def _outflow(conductances, x):
-    """Flow of x into the outlet."""
-    along = conductances[0]
-    n1, n2 = along.shape[0] - 1, along.shape[1]
-    rate = 0.0
-    for j in range(n2):
-        rate += along[n1, j] * x[n1, j]
-    return rate
-
-
-@inner(**REORDERED)
-def _slowest(steps, ratios, count):
-    """The slowest part of the error that is reckoned with, from the lowest eigenvalue of M⁻¹A on the space searched.
-
-    That is found within a factor of two from the steps and ratios of `count` iterations.
-    """
-    lowest = 1.0 if count == 0 else 1.0 / steps[0]
-    for i in range(1, count):
-        lowest = min(lowest, 1.0 / steps[i] + ratios[i] / steps[i - 1])
-    for _ in range(100):
-        # LDLᵀ of the tridiagonal matrix minus the value; no pivot is negative below the lowest eigenvalue
-        pivot = 1.0 if count == 0 else 1.0 / steps[0] - lowest
-        for i in range(1, count):
-            if not pivot > 0.0:
-                break
-            pivot = (
-                1.0 / steps[i]
-                + ratios[i] / steps[i - 1]
-                - lowest
-                - ratios[i] / (steps[i - 1] ** 2 * pivot)
-            )
-        if pivot > 0.0:
-            break
-        lowest *= 0.5
-    first, last = _SLOWEST
-    unmet = min(lowest**2 / first, first)
-    return min(max(unmet, last), lowest)
-
-
-@compiled(**REORDERED)
-def _judged(iteration, rz, largest, unbalanced, rate, history, rtol, field):
-    """Error in the norm of the energy, and whether it is what was asked, or more iterations than allowed are needed.
-
-    history (3, limit + 1) : rᵀM⁻¹r of each iteration, and steps and ratios of those before.
-    """
-    limit = history.shape[1] - 1
-    allowed = min(_SHARE * rtol, (0.1 * field) ** 2)
-    error = np.inf
-    if 0.0 <= rz <= allowed * rate and unbalanced <= 3.0 * max(np.sqrt(rtol), 1e-6) * rate:
-        error = np.sqrt(rz / rate / _slowest(history[1], history[2], np.int64(iteration)))
-        if error**2 <= allowed and largest <= _LARGEST * 0.1 * field:
-            return error, True, False
-    history[0, iteration] = rz
-    hopeless = iteration == limit or not 0.0 < rz < np.inf
-    if not hopeless and iteration >= _FORESEEN and rate > 0.0 and rz > allowed * rate:
-        first = history[0, 0]
-        hopeless = (
-            rz >= first or iteration * np.log(first / (allowed * rate)) / np.log(first / rz) > limit
-        )
-    return error, False, hopeless
-
-
-@compiled(**REORDERED)
-def _iterate(levels, coarsest, conductances, ring, rtol, field, limit, hidden):
-    """Conjugate gradients: potential, iterations, error in the norm of the energy, and whether it is what was asked."""
-    _, _, inverse, z, b, _, _, _ = level(levels[0], levels[1], levels[2], ZERO)
-    r = np.zeros(b.shape)
-    rows = z.shape[0] - 1
-    x, p, history = (
-        np.zeros((rows + 1, z.shape[1] - 2)),
-        np.zeros(z.shape, np.float32),
-        np.zeros((3, limit + 1)),
-    )
-    flow, drop = np.empty(z.shape), np.empty(rows)
-    x[0] = 1.0
-    _resistances(ONE, rows, conductances, drop)
-    _start(ONE, rows, conductances, drop, _drops(drop), inverse, x, r, b)
-    scale, unbalanced, iteration = 1.0, 0.0, np.int64(0)
-    while True:
-        v_cycle(levels, coarsest, ring, ZERO)
-        rz, largest = _product(ONE, rows, r, z, field, hidden)
-        rz *= scale
-        rate = _outflow(conductances, x)
-        error, done, hopeless = _judged(
-            iteration, rz, scale * largest, unbalanced, rate, history, rtol, field
-        )
-        if done or hopeless:
-            break
-        beta = rz / history[0, iteration - 1] if iteration > 0 else 0.0
-        _turn(ONE, rows, z, scale, beta, p)
-        curvature = _curvature(ONE, rows, conductances, p, ring, flow)
-        if not curvature > 0.0:
-            break
-        history[1, iteration], history[2, iteration] = rz / curvature, beta
-        # far from the limits of single precision, however small the residual is
-        scale = np.sqrt(rz)
-        excess, weighted = _advance(
-            ONE, rows, conductances, rz / curvature, p, scale, ring, flow, x, r, b
-        )
-        unbalanced = max(abs(excess), abs(weighted))
-        iteration += 1
-    if not done and rate > 0.0 and rz >= 0.0:
-        error = np.sqrt(rz / rate)
-    return x, iteration, error, done
-
-
-def _iterate_by_parts(
-    levels: Levels,
-    coarsest: Coarsest,
-    conductances: tuple[Array, ...],
-    ring: bool,
-    rtol: float,
-    field: float,
-    limit: int,
-    hidden: NDArray[np.bool_],
-) -> tuple[Array, int, float, bool]:
-    """`_iterate`, with threads on large levels."""
-    _, _, inverse, z, b, _, _, _ = level(*levels[:3], 0)
-    # in single precision the residual is the right side of the cycle, else that is a copy relative to its size
-    single = conductances[0].dtype == np.float32
-    r, flow = (b, _NOTHING) if single else (np.zeros(b.shape), np.empty(b.shape))
-    rows = strips(len(z))
-    x, p, history = (
-        np.zeros((len(z), z.shape[1] - 2)),
-        np.zeros(z.shape, np.float32),
-        np.zeros((3, limit + 1)),
-    )
-    x[0], drop = 1.0, np.empty(len(z) - 1)
-    over(rows, _resistances, conductances, drop)
-    over(rows, _start, conductances, drop, _drops(drop), inverse, x, r, b)
-    scale, unbalanced, iteration = 1.0, 0.0, 0
-    while True:
-        cycle(levels, coarsest, ring)
-        products, largest = zip(*over(rows, _product, r, z, field, hidden), strict=True)
-        rz = scale * sum(products)
-        rate = _outflow(conductances, x)
-        error, done, hopeless = _judged(
-            iteration, rz, scale * max(largest), unbalanced, rate, history, rtol, field
-        )
-        if done or hopeless:
-            break
-        beta = rz / history[0, iteration - 1] if iteration > 0 else 0.0
-        over(rows, _turn, z, scale, beta, p)
-        curvature = sum(over(rows, _curvature, conductances, p, ring, flow))
-        if not curvature > 0.0:
-            break
-        history[1:, iteration] = rz / curvature, beta
-        scale = 1.0 if single else float(np.sqrt(rz))
-        sums = over(rows, _advance, conductances, rz / curvature, p, scale, ring, flow, x, r, b)
-        unbalanced = max(abs(sum(of_rows)) for of_rows in zip(*sums, strict=True))
-        iteration += 1
-    if not done and rate > 0.0 and rz >= 0.0:
-        error = float(np.sqrt(rz / rate))
-    return x, iteration, error, done
