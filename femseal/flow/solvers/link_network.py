@@ -69,7 +69,7 @@ def _links_to_known(
     along: Array, across: Array, hidden: Flags, φ: Array
 ) -> tuple[Indices, Indices, Array]:
     """Links of hidden nodes with the others: the node, 0 for the inlet or 1 for the outlet, and the conductance."""
-    (n1, n2), m2 = hidden.shape, across.shape[1]
+    n1, n2 = hidden.shape
     i, j = np.nonzero(hidden)
     found = []
     for down, right in ((-1, 0), (1, 0), (0, 1), (0, -1)):
@@ -78,7 +78,8 @@ def _links_to_known(
             c = along[np.maximum(i, a), j]
         else:
             start = j if right > 0 else b
-            c = np.where(start < m2, across[i, np.minimum(start, m2 - 1)], 0.0)
+            c, linked = np.zeros(i.size), start < across.shape[1]
+            c[linked] = across[i[linked], start[linked]]
         inside = (a >= 0) & (a < n1)
         row = np.clip(a, 0, n1 - 1)
         known = (c > 0) & ~(inside & hidden[row, b])

@@ -185,16 +185,27 @@ def _judged(iteration, rz, largest, unbalanced, rate, history, rtol, field):
     return error, False, hopeless
 
 
-@leader
+@compiled(**REORDERED)
 def _slowest(steps, ratios):
-    """The slowest part of the error that is reckoned with, from the lowest eigenvalue of M⁻¹A on the space searched."""
-    lowest = 1.0
-    if steps.size > 0:
-        matrix = np.diag(1.0 / steps)
-        for i in range(1, steps.size):
-            matrix[i, i] += ratios[i] / steps[i - 1]
-            matrix[i, i - 1] = matrix[i - 1, i] = np.sqrt(ratios[i]) / steps[i - 1]
-        lowest = np.linalg.eigvalsh(matrix)[0] / 2
+    """The slowest part of the error that is reckoned with, from the lowest eigenvalue of M⁻¹A on the space searched.
+
+    That is found within a factor of two.
+    """
+    n = steps.size
+    diagonal = np.ones(max(n, 1))
+    for i in range(n):
+        diagonal[i] = 1.0 / steps[i] + (ratios[i] / steps[i - 1] if i > 0 else 0.0)
+    lowest = diagonal.min()
+    for _ in range(100):
+        # LDLᵀ of the tridiagonal matrix minus the value; no pivot is negative below the lowest eigenvalue
+        pivot = diagonal[0] - lowest
+        for i in range(1, n):
+            if not pivot > 0.0:
+                break
+            pivot = diagonal[i] - lowest - ratios[i] / (steps[i - 1] ** 2 * pivot)
+        if pivot > 0.0:
+            break
+        lowest *= 0.5
     first, last = _SLOWEST
     return min(max(min(lowest**2 / first, first), last), lowest)
 
