@@ -54,7 +54,8 @@ def eliminated(operator, ring):
     number, width = _numbered(n1, n2, ring)
     n = n1 * n2
     # rows without nodes at the end, so that no loop needs to stop before them
-    band, ends, inverse = np.zeros((n + width, width)), np.zeros(n + width), np.zeros(n)
+    band = np.zeros((n + width, width), np.float32)
+    ends, inverse = np.zeros(n + width, np.float32), np.zeros(n, np.float32)
     for i in range(n1):
         for j in range(n2):
             k, rest = number[i, j], centre[i + 1, j + 1]
@@ -71,18 +72,19 @@ def eliminated(operator, ring):
             if rest > _ROUNDING * centre[i + 1, j + 1]:
                 ends[k] = rest
     for k in range(n):
-        row = band[k]
-        total = ends[k] + row.sum()
+        row, later = band[k], band[k + 1 : k + 1 + width]
+        total = ends[k]
+        for a in range(width):
+            total += row[a]
         if not total > 0.0:
             continue
-        inverse[k] = 1.0 / total
+        inverse[k] = np.float32(1.0) / total
         for a in range(width):
             fraction = row[a] * inverse[k]
-            if fraction != 0.0:
-                later = band[k + 1 + a]
+            if fraction != np.float32(0.0):
                 ends[k + 1 + a] += fraction * ends[k]
-                for b in range(a + 1, width):
-                    later[b - a - 1] += fraction * row[b]
+                for b in range(width - 1 - a):
+                    later[a, b] += fraction * row[a + 1 + b]
     return Coarsest(number, band, inverse)
 
 
@@ -92,7 +94,7 @@ def solve_coarsest(coarsest, b, ring, x):
     number, band, inverse = coarsest
     n1, n2 = number.shape
     n, width = inverse.size, band.shape[1]
-    v = np.zeros(n + width)
+    v = np.zeros(n + width, np.float32)
     for i in range(n1):
         for j in range(n2):
             v[number[i, j]] = b[i + 1, j + 1]
@@ -102,7 +104,7 @@ def solve_coarsest(coarsest, b, ring, x):
         for a in range(width):
             v[k + 1 + a] += band[k, a] * here
     for k in range(n - 1, -1, -1):
-        s = 0.0
+        s = np.float32(0.0)
         for a in range(width):
             s += band[k, a] * v[k + 1 + a]
         v[k] += s * inverse[k]

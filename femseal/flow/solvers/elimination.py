@@ -223,11 +223,13 @@ def _eliminate_front(front, rest, inverse):
     if p * q * q > _BLAS:
         _add_product(front, inverse, np.int64(0), p, p, q, rest, np.int64(0))
         return
-    for i in range(p):
+    for i in range(0, p, 2):  # two pivots at once
+        after = min(i + 1, p - 1)
+        second = inverse[after] if i + 1 < p else 0.0
         for j in range(q):
-            f = inverse[i] * front[i, p + j]
+            f, g = inverse[i] * front[i, p + j], second * front[after, p + j]
             for k in range(j + 1, q):
-                rest[j, k] += f * front[i, p + k]
+                rest[j, k] += f * front[i, p + k] + g * front[after, p + k]
 
 
 @inner(**_fast)
