@@ -49,8 +49,8 @@ _MANY, _MAY_HAVE_DEAD_ENDS = 400_000, 0.88
 _MOST_ITERATIONS = 600
 #: Part of the error allowed at which an iteration stops, as some part of the error may be so slow that it has not met
 #: it; from so many iterations on the error is checked by a flux that balances, and factor of it allowed to the next
-#: solution if it is too large. Of 437 gaps of four kinds that took fewer, for 1e-6, none erred by more than 3e-11; a pool
-#: behind narrow links that took 12 erred by 1.6e-6. The check takes the time of 7 iterations.
+#: solution if it is too large. Of 437 gaps of four kinds that took fewer, for 1e-6, none erred by more than 3e-11; a
+#: pool behind narrow links that took 12 erred by 1.6e-6. The check takes the time of 7 iterations.
 _PART, _SLOW, _TIGHTER = 1 / 3, 12, 3e-3
 #: Potential of a node that is connected to neither end, to the inlet, or to the outlet; both: it is computed.
 _AT_REST = np.array([np.nan, 1.0, 0.0, np.nan])
