@@ -17,7 +17,7 @@ if TYPE_CHECKING:
         shortened,
         shown,
     )
-    from .files import made_folder, read_plain, replacing, write_text, writing
+    from .files import made_folder, read_plain, replacing, write_bytes, write_text, writing
     from .machine import free_memory, numerical_versions, versions
     from .quantities import to_si, to_text
     from .stage import Mapper, Stage

@@ -19,9 +19,9 @@ from ..base import (
     comma_separated,
     counted,
     made_folder,
-    replacing,
     to_text,
     versions,
+    write_bytes,
     write_text,
     writing,
 )
@@ -258,11 +258,9 @@ class Calibration:
         }
         text = json.dumps(content, indent=1, ensure_ascii=False).replace("NaN", "null")
         with writing("output", target, "a folder"):
-            with replacing(target / PICTURE) as temporary:
-                temporary.write_bytes(png(calibration_figure(self)))
-            write_text(target / TABLE, comma_separated(self.rows()))
-            write_text(target / FILE, text)
-        return [target / FILE, target / TABLE, target / PICTURE]
+            picture = write_bytes(target / PICTURE, png(calibration_figure(self)))
+            table = write_text(target / TABLE, comma_separated(self.rows()))
+            return [write_text(target / FILE, text), table, picture]
 
 
 def _text(name: str, value: float) -> str:

@@ -15,11 +15,10 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.special import ndtr
 from scipy.stats import qmc
 
-from ..base import Array, InputError, InputErrors, counted, shortened, shown, to_si, to_text
+from ..base import Array, Flags, InputError, InputErrors, counted, shortened, shown, to_si, to_text
 from ..base.leak_rates import LeakUnit, leak_unit
 from ..case.case import Case
 from ..case.values import Amount
@@ -49,7 +48,7 @@ class LeakTest:
 
     steps: tuple[LoadStep, ...]
     leakage: Array
-    sealed: NDArray[np.bool_]
+    sealed: Flags
     unit: LeakUnit
 
     def of_case(self, case: Case) -> Case:

@@ -16,8 +16,8 @@ from ..base import (
     comma_separated,
     counted,
     made_folder,
-    replacing,
     to_text,
+    write_bytes,
     write_text,
     writing,
 )
@@ -342,8 +342,7 @@ def write_sheet(answer: Design, folder: str | os.PathLike[str]) -> list[Path]:
         ],
     }
     with writing("output", target, "a folder"):
-        with replacing(target / DESIGN_PICTURE) as temporary:
-            temporary.write_bytes(png(design_figure(answer)))
+        write_bytes(target / DESIGN_PICTURE, png(design_figure(answer)))
         write_text(target / TABLE_FILE, comma_separated(table))
         write_text(target / DESIGN_FILE, json.dumps(content, indent=1, ensure_ascii=False))
     written = [target / name for name in (TABLE_FILE, DESIGN_FILE, DESIGN_PICTURE)]

@@ -7,9 +7,8 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-from ..base import Array
+from ..base import Array, Flags
 from ..base.leak_rates import leakage_unit
 from ..results.selections import load_names
 from .drawing import (
@@ -51,7 +50,7 @@ class _View:
         width, height = self.high - self.low
         return float(width), float(height)
 
-    def holds(self, seal: DrawnSeal) -> NDArray[np.bool_]:
+    def holds(self, seal: DrawnSeal) -> Flags:
         """Parts that lie in it, if only with a corner."""
         return np.asarray(((seal.high >= self.low) & (seal.low <= self.high)).all(axis=1))
 
@@ -151,7 +150,7 @@ class _Panel:
     decades: int = 0
     bad: str = "failed"
 
-    def draw(self, axes: Axes, corners: Array, seen: NDArray[np.bool_]) -> None:
+    def draw(self, axes: Axes, corners: Array, seen: Flags) -> None:
         """Draw the parts that are seen, in the colours of all of them."""
         from matplotlib import colormaps
         from matplotlib.collections import PolyCollection

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from ..base import Array, counted, to_text
+from ..base import Array, Flags, counted, to_text
 from ..results.variables import block_means
 from ..topography import SPIKES, Conditioning, SurfaceReport, Topography
 from .drawing import (
@@ -197,7 +197,7 @@ def survey_figure(
     return figure
 
 
-def _map_panel(axes: Axes, measured: Topography, spikes: NDArray[np.bool_]) -> None:
+def _map_panel(axes: Axes, measured: Topography, spikes: Flags) -> None:
     """Map of the heights, with marks at spikes."""
     notes = []
     if measured.undefined_fraction:

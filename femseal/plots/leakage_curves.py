@@ -8,10 +8,10 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ..base import Array
+from ..base import Array, Indices
 from ..base.leak_rates import leakage_unit
 from ..results.results import METHODS, Results
-from ..results.selections import Steps, branches, force_scale, pressures_and_peaks
+from ..results.selections import branches, force_scale, pressures_and_peaks
 from ..results.tables import leakage_of
 from ..studies import BlocksResult, FaceResult, StochasticResult
 from .drawing import (
@@ -70,7 +70,7 @@ class LeakageCurves:
         return f"force [{self.force[0]}]", self.force[1]
 
     @property
-    def branches(self) -> list[tuple[str, Steps]]:
+    def branches(self) -> list[tuple[str, Indices]]:
         """Names, with the forces of the case, and steps of the loading and of each unloading."""
         found = branches(self.pressure, self.peaks)
         if self.force is None:

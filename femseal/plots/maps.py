@@ -9,7 +9,6 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ..base import Array, InputError
 from ..contact import Contact, LoadCycle, LoadState
@@ -228,7 +227,7 @@ def cycle_figure(cycle: LoadCycle) -> Figure:
     return figure
 
 
-def _cycle_panel(axes: Axes, steps: Sequence[Any], values: NDArray[np.float64], label: str) -> None:
+def _cycle_panel(axes: Axes, steps: Sequence[Any], values: Array, label: str) -> None:
     """Values at the steps of a cycle against nominal pressure, a curve for each branch."""
     pressure, peaks = pressures_and_peaks(steps)
     parts = branches(pressure, peaks)

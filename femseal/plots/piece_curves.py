@@ -6,9 +6,8 @@ from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-from ..base import Array, InputError
+from ..base import Array, Flags, InputError
 from ..flow.law import cubic_law
 from ..results.results import Results
 from .drawing import GREY, LEGEND_LINE, LINES, STYLES, Sheet, decades
@@ -49,7 +48,7 @@ def pieces_figure(results: Results) -> Figure:
     return sheet.figure
 
 
-def _pieces(results: Results) -> tuple[Array, Array, Array, NDArray[np.bool_]]:
+def _pieces(results: Results) -> tuple[Array, Array, Array, Flags]:
     """Permeability along x1 [m³], mean gap [m] and pressure [Pa] of pieces (states, pieces), and which load (states,).
 
     Raises InputError: results without pieces.
@@ -66,7 +65,7 @@ def _pieces(results: Results) -> tuple[Array, Array, Array, NDArray[np.bool_]]:
     return k, gap, pressure, np.isnan(peaks)
 
 
-def _clouds(axes: Axes, k: Array, x: Array, loading: NDArray[np.bool_], *, plates: bool) -> bool:
+def _clouds(axes: Axes, k: Array, x: Array, loading: Flags, *, plates: bool) -> bool:
     """A point for each open piece in each state, in two colours, and the line of parallel plates over a gap [µm].
 
     Returns whether a piece is open.

@@ -8,7 +8,7 @@ from contextlib import suppress
 from functools import partial
 from pathlib import Path
 
-from ..base import FemsealError, Mapper, made_folder, read_plain, replacing, write_text
+from ..base import FemsealError, Mapper, made_folder, read_plain, write_bytes, write_text
 from ..base.files import is_inside
 from ..results.paraview import NAME as FIELDS
 from ..results.paraview import FieldPlan, plan_fields, write_fields, write_vtk
@@ -170,9 +170,7 @@ def _write_for_people(
     drawings = draw_all(results, surface)
     for name in FILES if pictures else ():
         if name in drawings:
-            with replacing(folder / f"{name}.png") as temporary:
-                temporary.write_bytes(drawings[name])
-            written.append(folder / f"{name}.png")
+            written.append(write_bytes(folder / f"{name}.png", drawings[name]))
     return [*written, write_report(results, folder / REPORT_NAME, drawings)] if report else written
 
 

@@ -128,7 +128,6 @@ def _content(results: Results, drawings: pictures.Drawings) -> dict[str, Any]:
         "pictures": pictures.page_pictures(results, drawings),
         "drop_text": _drop_text(data) if has_maps(data) else "",
         "budget": report_tables.budget_table(results),
-        "checks": report_tables.check_lines(results),
         "attempts": None if results.attempts is None else attempts_table(results.attempts),
         "times": report_tables.time_lines(results),
         "warnings": results.warnings,

@@ -21,7 +21,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..base import InputError, Mapper, Stage, made_folder, to_text
+from ..base import Indices, InputError, Mapper, Stage, made_folder, to_text
 from ..base.fields import (
     PART,
     PART_FORM,
@@ -55,7 +55,7 @@ _BYTES = np.dtype(np.float32).itemsize
 class FieldPlan:
     """Steps of the fields that are written, and a text on those left out for their size; "" if there are none."""
 
-    steps: NDArray[np.int64]
+    steps: Indices
     left_out: str = ""
 
 
@@ -107,7 +107,7 @@ def write_fields(run: Results, plan: FieldPlan, folder: Path) -> list[Path]:
     return vtk_files.write_series(image, folder)
 
 
-def _scaled(values: Any, scale: float, steps: NDArray[np.int64]) -> vtk_files.PixelValues:
+def _scaled(values: Any, scale: float, steps: Indices) -> vtk_files.PixelValues:
     def at(n: int) -> NDArray[np.float32]:
         scaled = values[steps[n]] * np.float32(scale)
         give_back(values)

@@ -10,16 +10,15 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-from ..base import InputError, Plotted, TextTable, to_si, to_text
+from ..base import Array, Indices, InputError, Plotted, TextTable, to_si, to_text
 from ..base.leak_rates import LEAK_UNITS, LeakBasis, LeakUnit, leak_unit, leakage_unit
 from ..base.text import room
 from ..budget import ErrorBudget
 from ..loads import LoadProgramme, LoadStep
 from ..studies import STUDIES, FaceResult, Scene, StochasticResult, StudyResult
 from .classes import basis_of, tightest_classes
-from .selections import Steps, branches_in, piece
+from .selections import branches_in, piece
 from .variables import budgets_in
 
 if TYPE_CHECKING:
@@ -98,7 +97,7 @@ class Results(Plotted):
         return basis_of(self.dataset.attrs, "test_" if "test_leakage" in self.dataset else "")
 
     @property
-    def class_leakage(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    def class_leakage(self) -> tuple[Array, Array]:
         """Leakage that decides on classes [m²/s]: the one that is given (step,), and that of each realisation."""
         data, tested = self.dataset, "test_leakage" in self.dataset
         best = data["test_leakage"].values if tested else self.leakage.values
@@ -107,7 +106,7 @@ class Results(Plotted):
         return np.asarray(best), np.asarray(several)
 
     @property
-    def class_upper(self) -> NDArray[np.float64]:
+    def class_upper(self) -> Array:
         """Upper end of the band of error of that leakage (step,) [m²/s]: inf where it is not known.
 
         The band is that of the fluid of the run; it reaches as far, as a factor, for a test fluid.
@@ -244,7 +243,7 @@ class Results(Plotted):
             "from_", from_, f"one of {', '.join(to_text(p, 'Pa') for p in sorted(peaks))}"
         )
 
-    def _over_pressure(self, steps: Steps) -> xarray.Dataset:
+    def _over_pressure(self, steps: Indices) -> xarray.Dataset:
         names = [
             name for name, variable in self.dataset.data_vars.items() if "step" in variable.dims
         ]

@@ -6,7 +6,7 @@ import os
 from pathlib import Path
 from typing import Any
 
-from ..base import InputError, free_memory, made_folder, replacing, shortened
+from ..base import InputError, free_memory, made_folder, shortened, write_bytes
 from .results import METHODS, Results
 
 FILE_NAME = "results.nc"
@@ -24,7 +24,7 @@ def save(results: Results, folder: str | os.PathLike[str]) -> Path:
     """
     from xarray.backends import H5NetCDFStore
 
-    path = made_folder(folder) / FILE_NAME
+    folder = made_folder(folder)
     data = results.dataset
     packed = {"zlib": True, "complevel": 4, "shuffle": True}
     encoding: dict[Any, dict[str, Any]] = {
@@ -40,9 +40,7 @@ def save(results: Results, folder: str | os.PathLike[str]) -> Path:
         data.dump_to_store(store, encoding=encoding)
     finally:
         store.close()
-    with replacing(path) as target:
-        target.write_bytes(content.getbuffer())
-    return path
+    return write_bytes(folder / FILE_NAME, content.getbuffer())
 
 
 def _refuse_foreign(path: Path) -> None:

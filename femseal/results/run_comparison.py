@@ -16,9 +16,9 @@ from ..base import (
     comma_separated,
     counted,
     made_folder,
-    replacing,
     shown,
     to_text,
+    write_bytes,
     write_text,
 )
 from ..base.fields import with_unit
@@ -163,10 +163,11 @@ class RunComparison(Plotted):
         Raises InputError: the folder cannot be made.
         """
         target = made_folder(folder)
-        written = [write_text(target / f"{stem}.csv", self.csv_text())]
-        with replacing(target / f"{stem}.png") as temporary:
-            temporary.write_bytes(room("plots").png(room("plots").comparison_figure(self)))
-        return [*written, target / f"{stem}.png"]
+        picture = room("plots").png(room("plots").comparison_figure(self))
+        return [
+            write_text(target / f"{stem}.csv", self.csv_text()),
+            write_bytes(target / f"{stem}.png", picture),
+        ]
 
     def __repr__(self) -> str:
         names = ", ".join(self.names)

@@ -7,14 +7,11 @@ from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-from ..base import Array, InputError, to_text
+from ..base import Array, Indices, InputError, to_text
 
 if TYPE_CHECKING:
     import xarray
-
-Steps = NDArray[np.int64]
 
 
 def pressure_text(p: float) -> str:
@@ -68,7 +65,7 @@ def load_names(data: xarray.Dataset) -> list[str]:
     ]
 
 
-def branches(pressure: Array, peaks: Array) -> list[tuple[str, Steps]]:
+def branches(pressure: Array, peaks: Array) -> list[tuple[str, Indices]]:
     """Name and steps of the loading and of each unloading, which begins at its peak on the loading.
 
     pressure, peaks : nominal pressure of each step, and the one it is unloaded from, NaN on loading [Pa].
@@ -81,7 +78,7 @@ def branches(pressure: Array, peaks: Array) -> list[tuple[str, Steps]]:
     return found
 
 
-def branches_in(data: xarray.Dataset) -> list[tuple[str, Steps]]:
+def branches_in(data: xarray.Dataset) -> list[tuple[str, Indices]]:
     """The branches of a dataset, see `branches`."""
     return branches(data["nominal_pressure"].values, data["unloaded_from"].values)
 

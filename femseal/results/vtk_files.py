@@ -18,7 +18,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..base import Array, made_folder, replacing, write_text
+from ..base import Array, Indices, made_folder, write_bytes, write_text
 from ..topography import Topography
 
 if TYPE_CHECKING:
@@ -37,14 +37,12 @@ _LEVEL = 1
 class LoadSteps:
     """The steps that a view has, by their index in the load programme, and their loads [Pa]."""
 
-    index: NDArray[np.int64]
+    index: Indices
     nominal_pressure: Array
     unloaded_from: Array
 
     @classmethod
-    def of(
-        cls, data: xarray.Dataset, index: NDArray[np.int64] | None = None, dim: str = "step"
-    ) -> LoadSteps:
+    def of(cls, data: xarray.Dataset, index: Indices | None = None, dim: str = "step") -> LoadSteps:
         """Steps of a dataset, or states of its face by `dim`; all of them unless `index` says which."""
         chosen = np.arange(data.sizes[dim]) if index is None else index
         prefix = "" if dim == "step" else f"{dim}_"
@@ -192,10 +190,7 @@ def _save(mesh: Any, stem: Path) -> Path:
     import pyvista
 
     path = stem.with_suffix(IMAGE if isinstance(mesh, pyvista.ImageData) else ".vtu")
-    content = as_xml(mesh)
-    with replacing(path) as temporary:
-        temporary.write_bytes(content)
-    return path
+    return write_bytes(path, as_xml(mesh))
 
 
 def as_xml(mesh: Any) -> bytes:

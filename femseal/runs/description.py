@@ -50,6 +50,8 @@ def described(case: Case, prepared: Prepared) -> Iterator[tuple[str, str]]:
     yield from _study_facts(prepared)
     if str(scene.layout) != "a strip":
         yield "seal", str(scene.layout)
+    if (first := prepared.first_answer) is not None:
+        yield "first answer", str(first)
 
 
 def _face_text(face: Face) -> str:

@@ -94,13 +94,11 @@ def _facts(case: Case, made: Prepared) -> Iterator[tuple[str, str]]:
         )
         yield "error budget", f"states again, {' and '.join(states)}"
     first = "" if case.accuracy is None else "first attempt: "
-    quick = prepared.first_answer
-    if quick is not None:
-        yield "first answer", str(quick)
     yield "expected", first + _expected_text(forecast(case, prepared, again=again))
     if not any((Path(__file__).parents[1] / "flow").rglob("__pycache__/*.nbi")):
         yield "", "the first run after an installation compiles besides, for a minute or two"
     yield "disk", str(disk(case, prepared, again))
+    quick = prepared.first_answer
     fast = () if quick is None else flow_warnings(prepared.scene, quick.leakage, quick.mean_gap)
     for text in (*prepared.warnings, *(f"by the first answer, {text}" for text in fast)):
         yield "warning", text

@@ -345,7 +345,6 @@ def add_plausibility(prepared: Prepared, results: Results) -> None:
     data, leakage = results.dataset, results.leakage.values
     doubts, gaps = [], np.full(len(leakage), np.nan)
     if (first := prepared.first_answer) is not None:
-        data.attrs["first_answer"] = str(first)
         doubts, gaps = first.doubts(leakage, list(data["name"].values)), first.mean_gap
     if "mean_gap" in data:
         gaps = data["mean_gap"].values
