@@ -31,6 +31,7 @@ if TYPE_CHECKING:
         duration,
         format_deviation,
         labelled,
+        number_text,
     )
 else:
     __getattr__, __dir__ = lazy(__name__)

@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ..base import Array, InputError
+from ..base import Array, InputError, number_text
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -28,7 +28,6 @@ _NEAR, _MARGIN = 5.0, 1.1
 _LABEL = 0.12
 #: Ratios of the ends of an axis below which 2 and 5 have labels, and beyond which only powers of ten have ticks.
 _SHORT, _FINE = 100.0, 1e5
-_SUPERSCRIPTS = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 #: Powers of ten that are written as numbers.
 _PLAIN = range(-2, 4)
 
@@ -68,26 +67,14 @@ def decades(axis: Axis) -> None:
     from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter, NullLocator
 
     low, high = axis.get_view_interval()
-    axis.set_major_formatter(FuncFormatter(lambda value, _: number_text(value)))
+    written = FuncFormatter(lambda value, _: number_text(value, plain=_PLAIN))
+    axis.set_major_formatter(written)
     axis.set_minor_formatter(NullFormatter())
     if high / low < _SHORT:
         axis.set_minor_locator(LogLocator(subs=(2, 5)))
-        axis.set_minor_formatter(FuncFormatter(lambda value, _: number_text(value)))
+        axis.set_minor_formatter(written)
     elif high / low > _FINE:
         axis.set_minor_locator(NullLocator())
-
-
-def number_text(value: float) -> str:
-    """A number of an axis as text.
-
-    >>> number_text(1e-12), number_text(100.0), number_text(2e-5)
-    ('10⁻¹²', '100', '2·10⁻⁵')
-    """
-    exponent = int(np.floor(np.log10(value) + 1e-9))
-    if exponent in _PLAIN:
-        return f"{value:.4g}"
-    factor = f"{value / 10.0**exponent:.3g}·".removeprefix("1·")
-    return f"{factor}10{str(exponent).translate(_SUPERSCRIPTS)}"
 
 
 #: Loading first, then unloadings: colours that the colour-blind tell apart (Okabe & Ito), line style and marker.

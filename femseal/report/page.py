@@ -11,7 +11,6 @@ import shutil
 import subprocess
 import tempfile
 from functools import cache
-from importlib.resources import files
 from importlib.util import find_spec
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -66,12 +65,12 @@ def write_report(
     """
     folder = None
     if not isinstance(results, Results):
-        folder, results = results, open_results(results)
+        folder, results = Path(results), open_results(results)
     if path is None and results.folder is None:
         raise InputError(
             "path", "none, for results without a folder", "the path of a file to write"
         )
-    target = Path(path) if path is not None else Path(results.folder or "") / REPORT_NAME
+    target = Path(path or (results.folder or Path()) / REPORT_NAME)
     if target.is_dir() or not os.access(target.parent, os.W_OK):
         raise InputError("path", f"'{target}'", "a file in a folder that can be written")
     try:
@@ -81,28 +80,29 @@ def write_report(
     except Exception as error:
         if folder is None:
             raise
-        raise unfit(Path(folder) / FILE_NAME, error) from error
+        raise unfit(folder / FILE_NAME, error) from error
     with writing("path", target, "a file in a folder"):
         return write_text(target, page)
 
 
 def report_html(results: Results, drawings: pictures.Drawings | None = None) -> str:
     """The page as text; pictures are drawn unless given."""
-    return page_template().render(
-        _content(results, pictures.draw_all(results) if drawings is None else drawings)
-    )
+    return page_template().render(_content(results, drawings or pictures.draw_all(results)))
 
 
 @cache
 def page_template() -> Template:
     """The template of the page, which is compiled once."""
-    from jinja2 import Environment, StrictUndefined
+    from jinja2 import Environment, PackageLoader, StrictUndefined
 
     environment = Environment(
-        autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True
+        loader=PackageLoader("femseal.report", ""),
+        autoescape=True,
+        undefined=StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
     )
-    source = files("femseal.report").joinpath("report.html.jinja").read_text(encoding="utf-8")
-    return environment.from_string(source)
+    return environment.get_template("report.html.jinja")
 
 
 def _content(results: Results, drawings: pictures.Drawings) -> dict[str, Any]:
@@ -113,7 +113,7 @@ def _content(results: Results, drawings: pictures.Drawings) -> dict[str, Any]:
         "source": data.attrs["source"],
         "key_numbers": report_tables.key_numbers(results),
         "date": str(data.attrs.get("date_created", "")).replace("T", " ").replace("+00:00", " UTC"),
-        "computed": _digest_lines(results),
+        "digests": json.loads(data.attrs.get("face_files", "{}")),
         "limiting": report_tables.limiting_text(results),
         "description": json.loads(data.attrs.get("description", "[]")),
         "seal": _seal_text(data),
@@ -176,15 +176,6 @@ def _drop_text(data: xarray.Dataset) -> str:
     return f"Half of the pressure drops in {half} of {fraction.size} pieces."
 
 
-def _digest_lines(results: Results) -> list[tuple[str, str]]:
-    """The digest of every measured face: label, text."""
-    try:
-        faces = json.loads(results.dataset.attrs.get("face_files", "{}"))
-        return [(f"SHA-256 of {name}", str(digest)) for name, digest in faces.items()]
-    except (TypeError, ValueError, AttributeError):
-        return []
-
-
 def flat(value: Any, name: str = "") -> list[tuple[str, str]]:
     """A nested case as lines of key and value."""
     if isinstance(value, list):
@@ -193,8 +184,7 @@ def flat(value: Any, name: str = "") -> list[tuple[str, str]]:
         value = dict(enumerate(value))
     if not isinstance(value, dict):
         return [(name, _plain(value))]
-    pairs = ((f"{name}.{key}".lstrip("."), item) for key, item in value.items())
-    return [line for key, item in pairs for line in flat(item, key)]
+    return [line for key, item in value.items() for line in flat(item, f"{name}.{key}".lstrip("."))]
 
 
 def _plain(value: Any) -> str:
@@ -229,13 +219,10 @@ def write_pdf(page: str | os.PathLike[str], path: str | os.PathLike[str] | None 
     browser = find_browser()
     if browser is None and find_spec("weasyprint") is None:
         expected = (
-            f"one of the browsers {', '.join(BROWSERS)} on the path, or `pip install weasyprint`"
+            f"one of the browsers {', '.join(BROWSERS)} on the path, or `pip install weasyprint`; "
+            "or print report.html from a browser"
         )
-        raise InputError(
-            "PDF",
-            "no program that prints a page",
-            f"{expected}; or print report.html from a browser",
-        )
+        raise InputError("PDF", "no program that prints a page", expected)
     with replacing(target) as temporary:
         if browser is not None:
             _print(browser, page, temporary)

@@ -19,7 +19,7 @@ from ..results.tables import (
     format_error_band,
     format_leakage,
     in_several_units,
-    leakage_at,
+    leakage_texts,
 )
 from ..studies.load_curves import first_known, least_counted
 from .pictures import png_uri
@@ -38,7 +38,7 @@ def key_numbers(results: Results) -> list[tuple[str, str, str]]:
         if unit is None or unit.per_length or not basis.has(unit):
             unit = basis.readable([leakage[s]])
         factor, note = basis.factor(unit), ""
-        value = leakage_at(results, s, factor)
+        value = leakage_texts(results, factor)[s]
         value += f" {unit.name}" if leakage[s] and not np.isnan(leakage[s]) else ""
         if budget is not None:
             ends = budget.lower[s], budget.upper[s]

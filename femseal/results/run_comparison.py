@@ -27,7 +27,7 @@ from ..base.text import room
 from ..loads import LoadStep
 from .results import Results
 from .results_file import open_results
-from .tables import leakage_at
+from .tables import leakage_texts
 
 #: Ends of the band of realisations, where a run has them.
 BAND = ("leakage_lower", "leakage_upper")
@@ -136,8 +136,9 @@ class RunComparison(Plotted):
         names = len(columns)
         if len({results.method for results in self.runs}) > 1:
             columns.append(("method", [results.method for results in self.runs]))
+        leakages = [leakage_texts(run, run.leak_basis.factor(self.unit)) for run in self.runs]
         columns += [
-            (name, [self._cell(n, s) for n, s in enumerate(steps)])
+            (name, [texts[s] for texts, s in zip(leakages, steps, strict=True)])
             for name, steps in self._columns()
         ]
         return TextTable.of_columns(self.label, columns, names=names)
@@ -153,9 +154,6 @@ class RunComparison(Plotted):
             (_step_text(step), [results.steps.index(step) for results in self.runs])
             for step in dict.fromkeys(chosen)
         ]
-
-    def _cell(self, run: int, step: int) -> str:
-        return leakage_at(self.runs[run], step, self.runs[run].leak_basis.factor(self.unit))
 
     def write(self, folder: str | os.PathLike[str], stem: str = "comparison") -> list[Path]:
         """Write the table as `stem`.csv and the picture as `stem`.png into a folder, which is made if needed.
