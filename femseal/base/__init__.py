@@ -32,6 +32,7 @@ if TYPE_CHECKING:
         format_deviation,
         labelled,
         number_text,
+        rows_of,
     )
 else:
     __getattr__, __dir__ = lazy(__name__)

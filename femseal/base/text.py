@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import csv
 import io
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, fields, replace
 from html import escape
 from math import degrees, expm1, isfinite, isnan
@@ -118,6 +118,13 @@ _POWERS = str.maketrans("23", "²³")
 _SUPERSCRIPTS = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 #: Powers of ten that are written as numbers.
 _PLAIN = range(-4, 6)
+
+
+def rows_of(columns: Mapping[str, Any]) -> list[dict[str, Any]]:
+    """A dictionary for each row of columns (rows,), or of one value for all rows, in numbers of Python."""
+    values = [np.asarray(column) for column in columns.values()]
+    lines = zip(*(column.tolist() for column in np.broadcast_arrays(*values)), strict=True)
+    return [dict(zip(columns, line, strict=True)) for line in lines]
 
 
 def comma_separated(rows: Sequence[dict[str, Any]]) -> str:

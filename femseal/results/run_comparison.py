@@ -16,6 +16,7 @@ from ..base import (
     comma_separated,
     counted,
     made_folder,
+    rows_of,
     shown,
     to_text,
     write_bytes,
@@ -91,31 +92,24 @@ class RunComparison(Plotted):
         the unit of the comparison; keys carry the units, missing bands are NaN."""
         column = with_unit("leakage", self.unit.name)
         rows = []
-        for n, (name, results) in enumerate(zip(self.names, self.runs, strict=True)):
-            data = results.dataset
-            values, in_unit = results.leakage.values, self.leakage(n)
-            nothing, factor = np.full(len(values), np.nan), results.leak_basis.factor(self.unit)
-            low, high = (end * factor for end in self.band(n) or (nothing, nothing))
-            varied = dict(zip(self.keys, self.settings[n], strict=True)) if self.keys else {}
-            for s, step in enumerate(results.steps):
-                rows.append(
-                    {"run": name}
-                    | varied
-                    | {
-                        "method": results.method,
-                        "seal_length_m": results.leak_basis.length,
-                        "step": s,
-                        "branch": str(data["branch"].values[s]),
-                        "nominal_pressure_Pa": step.pressure,
-                        "unloaded_from_Pa": np.nan
-                        if step.unloaded_from is None
-                        else step.unloaded_from,
-                        "leakage_m2_per_s": float(values[s]),
-                        "leakage_lower_m2_per_s": float(low[s]),
-                        "leakage_upper_m2_per_s": float(high[s]),
-                    }
-                    | ({column: float(in_unit[s])} if column != "leakage_m2_per_s" else {})
-                )
+        for n, results in enumerate(self.runs):
+            data, basis = results.dataset, results.leak_basis
+            low, high = self.band(n) or (np.nan, np.nan)
+            varied = zip(self.keys, self.settings[n], strict=True) if self.keys else ()
+            columns: dict[str, Any] = {"run": self.names[n]} | dict(varied)
+            columns |= {
+                "method": results.method,
+                "seal_length_m": basis.length,
+                "step": data["step"],
+                "branch": data["branch"],
+                "nominal_pressure_Pa": data["nominal_pressure"],
+                "unloaded_from_Pa": data["unloaded_from"],
+                "leakage_m2_per_s": results.leakage,
+                "leakage_lower_m2_per_s": low * basis.factor(self.unit),
+                "leakage_upper_m2_per_s": high * basis.factor(self.unit),
+                column: self.leakage(n),
+            }
+            rows += rows_of(columns)
         return rows
 
     def csv_text(self) -> str:

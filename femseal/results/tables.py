@@ -18,6 +18,7 @@ from ..base import (
     duration,
     format_deviation,
     number_text,
+    rows_of,
     to_text,
 )
 from ..base.fields import Field, with_unit
@@ -47,12 +48,9 @@ def rows(run: Results) -> list[dict[str, Any]]:
     if "class_fraction" in data:
         for fraction in data["class_fraction"]:
             numbers[with_unit("fraction_in", str(fraction["leak_class"].values))] = fraction
-    columns: dict[str, Iterable[Any]] = {
-        "step": range(data.sizes["step"]),
-        "branch": map(branch_text, data["unloaded_from"].values),
-    }
-    columns |= {name: values.values.astype(float).tolist() for name, values in numbers.items()}
-    return [dict(zip(columns, line, strict=True)) for line in zip(*columns.values(), strict=True)]
+    branch = [branch_text(peak) for peak in data["unloaded_from"].values]
+    reals = {name: values.values.astype(float) for name, values in numbers.items()}
+    return rows_of({"step": data["step"], "branch": branch} | reals)
 
 
 def csv_text(run: Results) -> str:
