@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import os
 from collections.abc import Callable, Iterable
 from contextlib import ExitStack
 from functools import partial
@@ -15,6 +14,7 @@ import numpy as np
 from scipy.stats import qmc
 
 from ..base import (
+    AnyPath,
     FemsealError,
     InputError,
     Stage,
@@ -57,9 +57,9 @@ _SAMPLES = 2**9, 2**12
 
 
 def calibrate(
-    case: Case | str | os.PathLike[str],
-    data: str | os.PathLike[str],
-    output: str | os.PathLike[str] | None = None,
+    case: Case | AnyPath,
+    data: AnyPath,
+    output: AnyPath | None = None,
     *,
     hardness: Range | None = None,
     shortest_wave: Range | None = None,

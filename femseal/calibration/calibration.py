@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ..base import (
+    AnyPath,
     Array,
     TextTable,
     comma_separated,
@@ -226,7 +227,7 @@ class Calibration:
     def _repr_html_(self) -> str:
         return "".join(table._repr_html_() for table in self.tables())
 
-    def write(self, folder: str | os.PathLike[str]) -> list[Path]:
+    def write(self, folder: AnyPath) -> list[Path]:
         """Write `calibration.json`, `calibration.csv` and `calibration.png` into a folder, which is made if needed.
 
         Raises InputError: the folder cannot be written.

@@ -1,14 +1,13 @@
 """The design answer for a case or a finished run: what pressures a seal needs, and what changes them most."""
 
 import json
-import os
 from collections.abc import Iterable
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 
-from ..base import InputError, counted, to_si, to_text, validate, versions
+from ..base import AnyPath, InputError, counted, to_si, to_text, validate, versions
 from ..base.leak_rates import USUAL, check_classes, leak_classes
 from ..case.case import Case, load_case
 from ..case.values import Amount
@@ -21,8 +20,8 @@ from .sensitivities import Solver, Variants, inlet_slope, sensitivities, state_o
 
 
 def design(
-    what: Case | Results | str | os.PathLike[str],
-    output: str | os.PathLike[str] | None = None,
+    what: Case | Results | AnyPath,
+    output: AnyPath | None = None,
     *,
     classes: Iterable[str] = (),
     probability: float = 0.95,
@@ -148,7 +147,7 @@ def design(
     return answer
 
 
-def _given(what: Case | Results | str | os.PathLike[str]) -> tuple[Case | None, Results | None]:
+def _given(what: Case | Results | AnyPath) -> tuple[Case | None, Results | None]:
     if isinstance(what, Case):
         return what, None
     if isinstance(what, Results):

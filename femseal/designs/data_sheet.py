@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import os
 from dataclasses import dataclass, replace
 from math import ceil, isfinite, isinf
 from pathlib import Path
@@ -12,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ..base import (
+    AnyPath,
     TextTable,
     comma_separated,
     counted,
@@ -189,7 +189,7 @@ class Design:
         """Leakage over load with Qmin and QSmin, see `design_figure`."""
         return shown(design_figure(self))
 
-    def write(self, folder: str | os.PathLike[str]) -> list[Path]:
+    def write(self, folder: AnyPath) -> list[Path]:
         """Write the data sheet, see `write_sheet`."""
         return write_sheet(self, folder)
 
@@ -324,7 +324,7 @@ def rows(answer: Design) -> list[dict[str, Any]]:
     return [dict.fromkeys(_COLUMNS) | row for row in found]
 
 
-def write_sheet(answer: Design, folder: str | os.PathLike[str]) -> list[Path]:
+def write_sheet(answer: Design, folder: AnyPath) -> list[Path]:
     """Write `design.csv`, `design.json` and `design.png`; the report of results in the folder shows them."""
     target = made_folder(folder)
     table, (unit, scale) = rows(answer), answer.leak_scale

@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ..base import Array, InputError, number_text
+from ..base import Array, InputError, Pair, number_text
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -248,7 +248,7 @@ def picture(result: Any, **options: Any) -> Figure:
     return figure if options.get("ax") is not None else shown(figure)
 
 
-def map_row(size: tuple[float, float], margins: Margins = MAP) -> float:
+def map_row(size: Pair, margins: Margins = MAP) -> float:
     """Height [inch] of a row with a map of the given sides, to the right and upwards."""
     width = PAGE - margins.left - margins.right
     return map_height(size, width) + margins.bottom + margins.top
@@ -257,7 +257,7 @@ def map_row(size: tuple[float, float], margins: Margins = MAP) -> float:
 def map_panel(
     axes: Axes,
     values: Array,
-    size: tuple[float, float],
+    size: Pair,
     colours: Any,
     title: str,
     unit: str = "mm",
@@ -292,7 +292,7 @@ def name_sides(axes: Axes, names: Sequence[str]) -> None:
     axes.set_ylabel(names[1], fontsize=8.5)
 
 
-def lying(size: tuple[float, float]) -> tuple[float, float]:
+def lying(size: Pair) -> Pair:
     """Sides of a map to the right and upwards: one that would be high and narrow lies, as a panel is filled by it."""
     return (size[1], size[0]) if size[1] > _HIGH * size[0] else (size[0], size[1])
 
@@ -327,6 +327,6 @@ def with_closed(name: str, colour: str = CLOSED) -> Any:
     return colormaps[name].with_extremes(bad=colour, under=colour)
 
 
-def map_height(size: tuple[float, float], width: float) -> float:
+def map_height(size: Pair, width: float) -> float:
     """Height [inch] of a map of sides to the right and upwards in a panel of a width, within what can be read."""
     return float(np.clip(width * size[1] / size[0], 0.7, width))

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ..base import Array, Flags
+from ..base import Array, Flags, Pair
 from ..base.leak_rates import leakage_unit
 from ..results.selections import load_names
 from .drawing import (
@@ -45,7 +45,7 @@ class _View:
     high: Array
 
     @property
-    def size(self) -> tuple[float, float]:
+    def size(self) -> Pair:
         """Width and height [mm]."""
         width, height = self.high - self.low
         return float(width), float(height)

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from ..base import Array, Flags, counted, to_text
+from ..base import Array, Flags, Pair, counted, to_text
 from ..results.variables import block_means
 from ..topography import SPIKES, Conditioning, SurfaceReport, Topography
 from .drawing import (
@@ -80,7 +80,7 @@ def height_range(heights: NDArray) -> HeightRange:
 def height_panel(
     axes: Axes,
     heights: NDArray,
-    size: tuple[float, float],
+    size: Pair,
     title: str = "height [µm]",
     *,
     upright: bool = False,

@@ -111,12 +111,12 @@ def place_figure(data: xarray.Dataset) -> Figure:
     return sheet.figure
 
 
-def face_size(data: xarray.Dataset) -> tuple[float, float]:
+def face_size(data: xarray.Dataset) -> Pair:
     """Sides of the face [mm]."""
     return _sides(data, "face1", "face2")
 
 
-def _sides(data: xarray.Dataset, *blocks: str) -> tuple[float, float]:
+def _sides(data: xarray.Dataset, *blocks: str) -> Pair:
     """Sides [mm] of what blocks cover, by their two coordinates."""
     one, two = (float(data[name][0] + data[name][-1]) * 1e3 for name in blocks)
     return one, two

@@ -8,7 +8,7 @@ from contextlib import suppress
 from functools import partial
 from pathlib import Path
 
-from ..base import FemsealError, Mapper, made_folder, read_plain, write_bytes, write_text
+from ..base import AnyPath, FemsealError, Mapper, made_folder, read_plain, write_bytes, write_text
 from ..base.files import is_inside
 from ..results.paraview import NAME as FIELDS
 from ..results.paraview import plan_fields, write_fields, write_vtk
@@ -32,7 +32,7 @@ VIEWS = "vtk"
 
 def write_folder(
     results: Results,
-    folder: str | os.PathLike[str],
+    folder: AnyPath,
     surface: Topography | None = None,
     *,
     pictures: bool = True,

@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ..base import FemsealError, InputError, replacing, to_text, write_text, writing
+from ..base import AnyPath, FemsealError, InputError, replacing, to_text, write_text, writing
 from ..plots.maps import default_step, face_leakage, has_maps
 from ..results.results import Results
 from ..results.results_file import FILE_NAME, open_results, unfit
@@ -35,8 +35,8 @@ _ENDS = np.nanmin, np.nanmax
 
 
 def write_report(
-    results: Results | str | os.PathLike[str],
-    path: str | os.PathLike[str] | None = None,
+    results: Results | AnyPath,
+    path: AnyPath | None = None,
     drawings: pictures.Drawings | None = None,
 ) -> Path:
     """Write one self-contained HTML page about a run: it loads nothing, and prints.
@@ -117,7 +117,7 @@ def _content(results: Results, drawings: pictures.Drawings) -> dict[str, Any]:
         "limiting": report_tables.limiting_text(results),
         "description": json.loads(data.attrs.get("description", "[]")),
         "seal": _seal_text(data),
-        "total": report_tables.total_leakage_text(results),
+        "gas_state": report_tables.gas_state_text(results),
         # the page has a table of classes
         "leakage_table": leakage_table(results).without(["class"]),
         "totals": totals_table(results),
@@ -205,7 +205,7 @@ BROWSERS = (
 _PATIENCE = 120
 
 
-def write_pdf(page: str | os.PathLike[str], path: str | os.PathLike[str] | None = None) -> Path:
+def write_pdf(page: AnyPath, path: AnyPath | None = None) -> Path:
     """Print a page as PDF.
 
     page : the HTML file. path : of the PDF; beside the page unless given.

@@ -18,7 +18,6 @@ from ..results.tables import (
     class_unit,
     format_error_band,
     format_leakage,
-    in_several_units,
     leakage_texts,
 )
 from ..studies.load_curves import first_known, least_counted
@@ -61,19 +60,14 @@ def limiting_text(results: Results) -> str:
     return f"Half-width of the band of error at {step}: {width}; its widest source: {name}."
 
 
-def total_leakage_text(results: Results) -> str:
-    """Leakage of the whole seal at the highest load, in several units; "" where there is none."""
-    if not (whole := in_several_units(results, results.peak)):
-        return ""
+def gas_state_text(results: Results) -> str:
+    """At what state volumes and pressure × volume of a gas are; "" of a liquid."""
     basis = results.leak_basis
-    length = to_text(basis.length, "m")
-    load = load_names(results.dataset)[results.peak]
-    text = f"Over its whole length of {length} the seal leaks {whole} at {load}."
     if basis.pressure is None or basis.temperature is None:
-        return text
+        return ""
     return (
-        f"{text} Volumes of the gas are those at {basis.pressure:g} Pa and {basis.temperature:g} K, standard ones at "
-        f"0 °C; its pressure × volume is that at {basis.stated_temperature:g} K."
+        f"Volumes of the gas are those at {basis.pressure:g} Pa and {basis.temperature:g} K, standard ones at 0 °C; "
+        f"its pressure × volume is that at {basis.stated_temperature:g} K."
     )
 
 

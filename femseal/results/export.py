@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ..base import InputError, replacing, writing
+from ..base import AnyPath, InputError, Pair, Shape, replacing, writing
 from ..base.fields import Field
 from . import vtk_files
 from .paraview import WITH_FIELDS, read_pixels, stored_steps
@@ -28,11 +27,11 @@ _ROUNDING = 1e-6
 
 def export_field(
     run: Results,
-    path: str | os.PathLike[str],
+    path: AnyPath,
     *,
     field: str = "gap",
     step: int | None = None,
-    piece: tuple[int, int] | None = None,
+    piece: Shape | None = None,
     window: tuple[float, float, float, float] | None = None,
 ) -> list[Path]:
     """Write the gap, the contact or the fluid pressure over the pixels of the face in SI, in the suffix's format.
@@ -107,7 +106,7 @@ def _in_window(
     return part
 
 
-def _frame(values: xarray.DataArray) -> tuple[tuple[float, float], tuple[float, float]]:
+def _frame(values: xarray.DataArray) -> tuple[Pair, Pair]:
     """Pixel and first corner [m] of a field."""
     pixel, corner = [], []
     for name in ("x1", "x2"):

@@ -11,7 +11,6 @@ one of them.
 
 from __future__ import annotations
 
-import os
 from collections.abc import Container, Iterator
 from dataclasses import dataclass
 from functools import partial
@@ -21,7 +20,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..base import Indices, InputError, Mapper, Stage, made_folder, to_text
+from ..base import AnyPath, Indices, InputError, Mapper, Pair, Shape, Stage, made_folder, to_text
 from ..base.fields import (
     PART,
     PART_FORM,
@@ -90,7 +89,7 @@ def plan_fields(run: Results, limit: float) -> FieldPlan:
     )
 
 
-def fields_size(shape: tuple[int, int], studies: Container[str]) -> int:
+def fields_size(shape: Shape, studies: Container[str]) -> int:
     """Size of one step of the fields of the named studies, before compression [byte]."""
     count = 3 * ("two_scale" in studies or "deterministic" in studies)
     return count * _BYTES * shape[0] * shape[1]
@@ -116,9 +115,7 @@ def _scaled(values: Any, scale: float, steps: Indices) -> vtk_files.PixelValues:
     return at
 
 
-def read_pixels(
-    run: Results, name: str, step: int, piece: tuple[int, int] | None = None
-) -> xarray.DataArray:
+def read_pixels(run: Results, name: str, step: int, piece: Shape | None = None) -> xarray.DataArray:
     """A field over the pixels (x1, x2) at one step in SI, read from the folder where it is not in memory.
 
     Of the two-scale study where there is one, else of the deterministic.
@@ -163,9 +160,7 @@ def stored_steps(run: Results) -> list[int]:
     return [] if run.folder is None else list(vtk_files.stored_images(run.folder, NAME))
 
 
-def _from_memory(
-    run: Results, name: str, step: int
-) -> tuple[Field, Any, tuple[float, float]] | None:
+def _from_memory(run: Results, name: str, step: int) -> tuple[Field, Any, Pair] | None:
     """A field in SI over all pixels at a step, and the pixel's size; None where there is none."""
     there = {made.name: (made, values) for made, values in _in_memory(run)}
     if name not in there or run.scene is None:
@@ -174,9 +169,7 @@ def _from_memory(
     return made, values[step], run.scene.surface.spacing
 
 
-def _from_folder(
-    run: Results, name: str, step: int
-) -> tuple[Field, Any, tuple[float, float]] | None:
+def _from_folder(run: Results, name: str, step: int) -> tuple[Field, Any, Pair] | None:
     """The same from the image in the folder, whose arrays have their unit in their names."""
     path = None if run.folder is None else vtk_files.stored_images(run.folder, NAME).get(step)
     if path is None:
@@ -192,7 +185,7 @@ def _from_folder(
 
 
 def _pixels(
-    data: xarray.Dataset, piece: tuple[int, int] | None, shape: tuple[int, ...]
+    data: xarray.Dataset, piece: Shape | None, shape: tuple[int, ...]
 ) -> tuple[slice, slice]:
     """Pixels of a piece along x1 and x2; all of them without one."""
     if piece is None:
@@ -204,7 +197,7 @@ def _pixels(
 
 
 def write_vtk(
-    run: Results, surface: Topography | None, folder: str | os.PathLike[str], mapper: Mapper = map
+    run: Results, surface: Topography | None, folder: AnyPath, mapper: Mapper = map
 ) -> list[Path]:
     """Write the views of results; open the `.pvd` files in ParaView.
 

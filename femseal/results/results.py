@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import os
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -11,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ..base import Array, Indices, InputError, Plotted, TextTable, to_si, to_text
+from ..base import AnyPath, Array, Indices, InputError, Plotted, Shape, TextTable, to_si, to_text
 from ..base.leak_rates import LEAK_UNITS, LeakBasis, LeakUnit, leak_unit, leakage_unit
 from ..base.text import room
 from ..budget import ErrorBudget
@@ -262,15 +261,15 @@ class Results(Plotted):
             [name for name, variable in data.data_vars.items() if one in variable.dims]
         ].isel(at)
 
-    def gap(self, step: int, piece: tuple[int, int] | None = None) -> xarray.DataArray:
+    def gap(self, step: int, piece: Shape | None = None) -> xarray.DataArray:
         """Deformed gap (x1, x2) [m] at one step, see `pixels`."""
         return self.pixels("gap", step, piece)
 
-    def contact_pressure(self, step: int, piece: tuple[int, int] | None = None) -> xarray.DataArray:
+    def contact_pressure(self, step: int, piece: Shape | None = None) -> xarray.DataArray:
         """Contact pressure (x1, x2) [Pa] at one step, see `pixels`."""
         return self.pixels("contact_pressure", step, piece)
 
-    def fluid_pressure(self, step: int, piece: tuple[int, int] | None = None) -> xarray.DataArray:
+    def fluid_pressure(self, step: int, piece: Shape | None = None) -> xarray.DataArray:
         """Fluid pressure (x1, x2) [Pa] at one step, NaN where none flows, see `pixels`."""
         return self.pixels("fluid_pressure", step, piece)
 
@@ -298,7 +297,7 @@ class Results(Plotted):
         """Contact, fluid pressure and permeability over the seal at one step, see `seal_figure`."""
         return room("plots").shown(room("plots").seal_figure(self, step))
 
-    def report(self, path: str | os.PathLike[str] | None = None) -> Path:
+    def report(self, path: AnyPath | None = None) -> Path:
         """Write the report, `report.html` in the folder unless `path` is given, see `write_report`."""
         return room("report").write_report(self, path)
 
@@ -310,13 +309,11 @@ class Results(Plotted):
         """The table for people, for `rich.print`, see `tables.leakage_table`."""
         return room("results").leakage_table(self)
 
-    def pixels(
-        self, name: str, step: int, piece: tuple[int, int] | None = None
-    ) -> xarray.DataArray:
+    def pixels(self, name: str, step: int, piece: Shape | None = None) -> xarray.DataArray:
         """A field over the pixels (x1, x2) at one step in SI, see `paraview.read_pixels`."""
         return room("results").read_pixels(self, name, step, piece)
 
-    def export(self, path: str | os.PathLike[str], **options: Any) -> list[Path]:
+    def export(self, path: AnyPath, **options: Any) -> list[Path]:
         """Write a field over the pixels for other programs, see `export.export_field`."""
         return room("results").export_field(self, path, **options)
 

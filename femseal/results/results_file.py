@@ -2,11 +2,10 @@
 
 import io
 import json
-import os
 from pathlib import Path
 from typing import Any
 
-from ..base import InputError, free_memory, made_folder, shortened, write_bytes
+from ..base import AnyPath, InputError, free_memory, made_folder, shortened, write_bytes
 from .results import METHODS, Results
 
 FILE_NAME = "results.nc"
@@ -17,7 +16,7 @@ _ATTRIBUTES: dict[str, type] = {
 }  # fmt: skip
 
 
-def save(results: Results, folder: str | os.PathLike[str]) -> Path:
+def save(results: Results, folder: AnyPath) -> Path:
     """Write `results.nc` into a folder, which is made if needed; an older file is replaced whole or not at all.
 
     Raises InputError: the folder cannot be made.
@@ -68,7 +67,7 @@ def _refuse_foreign(path: Path) -> None:
         )
 
 
-def open_results(folder: str | os.PathLike[str]) -> Results:
+def open_results(folder: AnyPath) -> Results:
     """Read the results in a folder into memory, without the studies' large fields.
 
     Raises InputError: no such folder, no `results.nc` in it, or not one that femseal wrote.

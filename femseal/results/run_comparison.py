@@ -1,6 +1,5 @@
 """Several runs side by side: one table, one picture, in one unit of leakage."""
 
-import os
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -9,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from ..base import (
+    AnyPath,
     Array,
     InputError,
     Plotted,
@@ -149,7 +149,7 @@ class RunComparison(Plotted):
             for step in dict.fromkeys(chosen)
         ]
 
-    def write(self, folder: str | os.PathLike[str], stem: str = "comparison") -> list[Path]:
+    def write(self, folder: AnyPath, stem: str = "comparison") -> list[Path]:
         """Write the table as `stem`.csv and the picture as `stem`.png into a folder, which is made if needed.
 
         Raises InputError: the folder cannot be made.
@@ -172,7 +172,7 @@ def _step_text(step: LoadStep) -> str:
     return f"{to_text(step.pressure, 'Pa', 3)} from {to_text(step.unloaded_from, 'Pa', 3)}"
 
 
-Run = Results | str | os.PathLike[str]
+Run = Results | AnyPath
 
 
 def compare(runs: Mapping[str, Run] | Sequence[Run], *, unit: str | None = None) -> RunComparison:

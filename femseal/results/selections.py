@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ..base import Array, Indices, InputError, to_text
+from ..base import Array, Indices, InputError, Shape, to_text
 
 if TYPE_CHECKING:
     import xarray
@@ -91,7 +91,7 @@ def pressures_and_peaks(steps: Sequence[Any]) -> tuple[Array, Array]:
 
 def piece(
     data: xarray.Dataset, i: int, j: int, dims: tuple[str, str] = ("piece1", "piece2")
-) -> tuple[int, int]:
+) -> Shape:
     """Index of a piece along two dimensions, checked."""
     if dims[0] not in data.dims:
         raise InputError(

@@ -155,17 +155,6 @@ def leakage_of(run: Results) -> str:
     return f"leakage of the whole seal, {to_text(run.leak_basis.length, 'm')},"
 
 
-def in_several_units(run: Results, step: int) -> str:
-    """Leakage at a step of the whole seal, in volume, mass and, for a gas, pressure × volume; "" without a number."""
-    leakage, basis = float(run.leakage[step]), run.leak_basis
-    if not np.isfinite(leakage) or leakage == 0:
-        return ""
-    units = [unit for unit in _usual_units(basis, [leakage]) if not unit.per_length]
-    return " = ".join(
-        f"{format_leakage(leakage, basis.factor(unit))} {unit.name}" for unit in units
-    )
-
-
 def _usual_units(basis: LeakBasis, leakage: ArrayLike) -> list[LeakUnit]:
     """Units that tables show; kilograms a year where grams are tens of thousands."""
     many = LEAK_UNITS["kg/year"]

@@ -18,7 +18,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..base import Array, Indices, made_folder, write_bytes, write_text
+from ..base import Array, Indices, Pair, Shape, made_folder, write_bytes, write_text
 from ..topography import Topography
 
 if TYPE_CHECKING:
@@ -69,9 +69,9 @@ class Image:
     """Pixels of a plane at some steps: `cells` gives for the n-th of these a field (n1, n2), in single precision."""
 
     name: str
-    spacing: tuple[float, float]
-    origin: tuple[float, float]
-    shape: tuple[int, int]
+    spacing: Pair
+    origin: Pair
+    shape: Shape
     steps: LoadSteps
     cells: Mapping[str, PixelValues]
 

@@ -4,7 +4,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from ..base import counted, to_text
+from ..base import Shape, counted, to_text
 from ..budget import places_to_halve
 from ..case.case import Case
 from ..case.case_tables import SolidTable
@@ -203,7 +203,7 @@ def _study_facts(prepared: Prepared) -> Iterator[tuple[str, str]]:
         yield "pressure map", uneven
 
 
-def _pieces(prepared: Prepared, count: tuple[int, int]) -> str:
+def _pieces(prepared: Prepared, count: Shape) -> str:
     """Number and size of pieces."""
     sizes = [side / m for side, m in zip(prepared.scene.surface.size, count, strict=True)]
     waves = [length / prepared.conditioning.shortest_wave for length in sizes]

@@ -9,7 +9,6 @@ from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager, suppress
 from dataclasses import replace
 from functools import partial
-from os import PathLike
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
@@ -17,6 +16,7 @@ from typing import Any
 import numpy as np
 
 from ..base import (
+    AnyPath,
     Array,
     FemsealError,
     InputError,
@@ -56,14 +56,14 @@ log = logging.getLogger("femseal")
 
 
 def run(
-    case: Case | str | PathLike[str],
-    output: str | PathLike[str] | None = None,
+    case: Case | AnyPath,
+    output: AnyPath | None = None,
     resume: bool = False,
     workers: int | None = None,
     scheduler: str | None = None,
     *,
     part: Part | None = None,
-    shared: str | PathLike[str] | None = None,
+    shared: AnyPath | None = None,
     progress: Progress | None = None,
 ) -> Results:
     """Run a case, from surface to leakage.

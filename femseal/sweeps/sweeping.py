@@ -2,7 +2,6 @@
 
 import copy
 import logging
-import os
 import re
 import shutil
 import tomllib
@@ -13,7 +12,16 @@ from math import prod
 from pathlib import Path
 from typing import Any
 
-from ..base import FemsealError, InputError, InputErrors, counted, made_folder, shortened, shown
+from ..base import (
+    AnyPath,
+    FemsealError,
+    InputError,
+    InputErrors,
+    counted,
+    made_folder,
+    shortened,
+    shown,
+)
 from ..case.case import Case, parse_case, read_case
 from ..execution.parts import Part, checked_part, own_items
 from ..execution.resuming import alone_in
@@ -37,9 +45,9 @@ _LONGEST_NAME = 100
 
 
 def sweep(
-    case: str | os.PathLike[str],
+    case: AnyPath,
     keys: Mapping[str, Sequence[Any]],
-    output: str | os.PathLike[str],
+    output: AnyPath,
     *,
     resume: bool = False,
     workers: int | None = None,
