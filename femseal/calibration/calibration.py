@@ -311,7 +311,7 @@ def _pair(axes: Axes, found: Calibration, across: str, up: str) -> None:
     (x, x_size), (y, y_size) = (_SCALES[UNITS[name]] for name in (across, up))
     columns = [list(UNITS).index(name) for name in (across, up)]
     samples = found.samples[:, columns] / (x_size, y_size)
-    axes.plot(*samples.T, ".", color=STYLES[0][0], ms=1.5, alpha=0.3, zorder=1)
+    axes.plot(*samples.T, ".", color=STYLES[0]["color"], ms=1.5, alpha=0.3, zorder=1)
     if up == "shortest_wave":
         scenes = found.scenes / (x_size, y_size)
         axes.plot(*scenes.T, "+", color=GREY, ms=6, label="solved scenes")

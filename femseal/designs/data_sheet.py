@@ -95,12 +95,12 @@ def _marks(axes: Axes, answer: Design, scale: float) -> list[Any]:
 
     # branches are drawn from the highest peak
     peaks = sorted(answer.seals.steps.unload_from, reverse=True)
-    colours = dict(zip([None, *peaks], branch_styles(1 + len(peaks)), strict=True))
+    looks = dict(zip([None, *peaks], branch_styles(1 + len(peaks)), strict=True))
     for need in answer.requirements:
         for peak, needed in [(None, need.assembly), *need.service.items()]:
             if not np.isfinite(needed.at) or not need.limit > 0:
                 continue
-            x, y, colour = needed.at / 1e6, need.limit / scale, colours[peak][0]
+            x, y, colour = needed.at / 1e6, need.limit / scale, looks[peak]["color"]
             ends = [needed.bound(end) / 1e6 for end in (needed.low, needed.value)]
             marker, above = ("v", 7) if peak is None else ("^", -15)
             axes.plot(ends, [y, y], color=colour, lw=3.5, alpha=0.45, zorder=4)

@@ -77,15 +77,16 @@ def decades(axis: Axis) -> None:
         axis.set_minor_locator(NullLocator())
 
 
-#: Loading first, then unloadings: colours that the colour-blind tell apart (Okabe & Ito), line style and marker.
-STYLES: tuple[tuple[str, Any, str], ...] = (
-    ("#D55E00", "-", "o"),
-    ("#0072B2", "--", "s"),
-    ("#009E73", "-.", "^"),
-    ("#CC79A7", ":", "D"),
-    ("#56B4E9", (0, (5, 1, 1, 1, 1, 1)), "v"),
-    ("#000000", (0, (8, 2)), "P"),
+#: Loading first, then unloadings: lines in colours that the colour-blind tell apart (Okabe & Ito), and markers.
+STYLES: tuple[dict[str, Any], ...] = (
+    {"color": "#D55E00", "ls": "-"},
+    {"color": "#0072B2", "ls": "--"},
+    {"color": "#009E73", "ls": "-."},
+    {"color": "#CC79A7", "ls": ":"},
+    {"color": "#56B4E9", "ls": (0, (5, 1, 1, 1, 1, 1))},
+    {"color": "#000000", "ls": (0, (8, 2))},
 )
+MARKERS = "os^DvP"
 GREY = "#666666"
 #: Colour of places without a value on a map: contact, closed pieces.
 CLOSED = "#B0B0B0"
@@ -189,9 +190,10 @@ def one_panel(ax: Axes | None, width: float, height: float) -> tuple[Figure, Axe
     return ax.get_figure(root=True), ax  # type: ignore[return-value]
 
 
-def branch_styles(count: int) -> list[tuple[str, Any, str]]:
-    """Style of the loading and of each unloading; the styles of unloadings repeat, that of the loading is unique."""
-    return [STYLES[n] if n == 0 else STYLES[1 + (n - 1) % (len(STYLES) - 1)] for n in range(count)]
+def branch_styles(count: int) -> list[dict[str, Any]]:
+    """Look of the loading and of each unloading; the looks of unloadings repeat, that of the loading is unique."""
+    numbers = (1 + (n - 1) % (len(STYLES) - 1) if n else 0 for n in range(count))
+    return [STYLES[n] | {"marker": MARKERS[n], "lw": 1.8, "ms": 4.5} for n in numbers]
 
 
 def panel_title(axes: Axes, title: str) -> None:

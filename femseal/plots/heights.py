@@ -121,10 +121,8 @@ def heights_figure(topography: Topography) -> Figure:
     profile, density = (sheet.panel(row, replace(LINES, top=0.3)) for row in (1, 2))
     z, (n1, n2), (d1, d2) = topography.heights * 1e6, topography.shape, topography.spacing
     for axis, (line, n, d) in enumerate(((z[:, n2 // 2], n1, d1), (z[n1 // 2], n2, d2))):
-        colour, style, _ = STYLES[axis]
-        profile.plot(
-            (np.arange(n) + 0.5) * d * 1e3, line, color=colour, ls=style, lw=1.1, label=_ALONG[axis]
-        )
+        x = (np.arange(n) + 0.5) * d * 1e3
+        profile.plot(x, line, lw=1.1, label=_ALONG[axis], **STYLES[axis])
     profile.set(xlabel="distance [mm]", ylabel="height [µm]")
     profile.legend(fontsize=7.5, framealpha=0.9)
     panel_title(profile, "profiles through the middle")
@@ -148,23 +146,16 @@ def _densities_panel(axes: Axes, topography: Topography) -> None:
     for axis in (0, 1):
         q, density = topography.psd(axis)
         shown = (q > 0) & (density > density.max() * 1e-12)
-        colour, style, _ = STYLES[axis]
-        axes.loglog(
-            _um(q[shown]), density[shown], color=colour, ls=style, lw=1.2, label=_ALONG[axis]
-        )
-    _density_labels(axes)
+        axes.loglog(_um(q[shown]), density[shown], lw=1.2, label=_ALONG[axis], **STYLES[axis])
+    axes.set(xlabel=_WAVELENGTH, ylabel="spectral density [m³]")
+    axes.xaxis.set_inverted(True)
+    panel_title(axes, "mean spectral density of profiles")
     axes.legend(fontsize=8, framealpha=0.9)
 
 
 def _um(q: Array) -> Array:
     """Wavelengths [µm] of wavenumbers [rad/m]."""
     return 2e6 * pi / q
-
-
-def _density_labels(axes: Axes) -> None:
-    axes.set(xlabel=_WAVELENGTH, ylabel="spectral density [m³]")
-    axes.xaxis.set_inverted(True)
-    panel_title(axes, "mean spectral density of profiles")
 
 
 def survey_figure(
@@ -228,7 +219,7 @@ def _histogram_panel(axes: Axes, measured: Topography) -> None:
         return
     z = z - z.mean()
     density, edges = np.histogram(z, bins=200, density=True)
-    axes.stairs(density, edges, fill=True, color=STYLES[1][0], alpha=0.75)
+    axes.stairs(density, edges, fill=True, color=STYLES[1]["color"], alpha=0.75)
     axes.set_yscale("log")
     axes.set_ylim(float(np.min(density[density > 0])) / 2, float(np.max(density)) * 3)
 
@@ -245,14 +236,12 @@ def _radial_panel(
         law = report.power_law_density * (ends / ends[0]) ** (-2 - 2 * report.hurst)
         slope, error = report.power_law_slope
         label = f"q^({slope:.2f} ± {error:.2f}), H = {report.hurst:.2f}"
-        axes.loglog(_um(ends), law, color=STYLES[0][0], lw=2.2, label=label)
+        axes.loglog(_um(ends), law, color=STYLES[0]["color"], lw=2.2, label=label)
     marks = [(report.shortest_wave, STYLES[3], "shortest wave measured")]
     if conditioning is not None:
         marks.insert(0, (conditioning.shortest_wave, STYLES[2], "low-pass of a run"))
-    for wave, (colour, style, _), label in marks:
-        axes.axvline(
-            1e6 * wave, color=colour, ls=style, lw=1.3, label=f"{label}, {to_text(wave, 'm', 3)}"
-        )
+    for wave, style, name in marks:
+        axes.axvline(1e6 * wave, lw=1.3, label=f"{name}, {to_text(wave, 'm', 3)}", **style)
     axes.set(xlabel=_WAVELENGTH, ylabel="spectral density [m⁴]")
     axes.xaxis.set_inverted(True)
     axes.set_title("spectral density averaged over directions", fontsize=9.5)

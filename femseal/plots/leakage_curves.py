@@ -111,12 +111,11 @@ def leakage_panel(axes: Axes, curves: LeakageCurves, label: str = "") -> list[An
     leakage_axis(axes, np.concatenate([curves.range / factor, *inside]))
     handles: list[Any] = []
     for n, (branch, steps) in enumerate(parts, start=before):
-        colour, line, marker = branch_styles(n + 1)[n]
+        look = branch_styles(n + 1)[n]
         x = load_factor * curves.pressure[steps]
         if curves.band is not None:
             low, high = (end[steps] / factor for end in curves.band)
-            leakage_band(axes, x, low, high, colour)
-        look = {"color": colour, "ls": line, "lw": 1.8, "marker": marker, "ms": 4.5}
+            leakage_band(axes, x, low, high, look["color"])
         y = np.abs(curves.leakage[steps]) / factor
         handles.append(leakage_line(axes, x, y, label=f"{label}{branch}", **look))
     for method, symbol, size in _SINGLE:

@@ -165,8 +165,8 @@ def _lines_over_x1(
 ) -> None:
     """A line of pressures [MPa] for each step."""
     names = load_names(data)
-    for (s, p), (colour, line, _) in zip(values.items(), STYLES, strict=False):
-        axes.plot(x1 * 1e3, p, color=colour, ls=line, lw=1.4, label=names[s])
+    for (s, p), style in zip(values.items(), STYLES, strict=False):
+        axes.plot(x1 * 1e3, p, lw=1.4, label=names[s], **style)
     name_sides(axes, ("x1, inlet at 0 [mm]", name))
     axes.tick_params(labelsize=8)
     axes.grid(alpha=0.25, lw=0.6)
@@ -205,10 +205,8 @@ def cycle_figure(cycle: LoadCycle) -> Figure:
     pressure, peaks = pressures_and_peaks(cycle)
     parts = branches(pressure, peaks)
     for axes, (label, values) in zip(panels, quantities.items(), strict=True):
-        for (name, steps), style in zip(parts, branch_styles(len(parts)), strict=True):
-            look = dict(zip(("color", "ls", "marker"), style, strict=True))
-            x, y = pressure[steps] / 1e6, np.array(values)[steps]
-            axes.plot(x, y, ms=4.5, label=name, **look)
+        for (name, steps), look in zip(parts, branch_styles(len(parts)), strict=True):
+            axes.plot(pressure[steps] / 1e6, np.array(values)[steps], label=name, **look)
         axes.set(xlabel="nominal pressure [MPa]", ylabel=label)
         axes.grid(alpha=0.25, lw=0.6)
     panels[0].legend(fontsize=8.5, frameon=False)

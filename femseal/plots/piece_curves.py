@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from ..base import Array, Flags, InputError
 from ..flow.law import cubic_law
 from ..results.results import Results
-from .drawing import GREY, LEGEND_LINE, LINES, STYLES, Sheet, decades
+from .drawing import GREY, LEGEND_LINE, LINES, Sheet, branch_styles, decades
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -78,14 +78,12 @@ def _clouds(axes: Axes, k: Array, x: Array, loading: Flags, *, plates: bool) -> 
         )
         return False
     branches = (("loading", loading), ("unloading", ~loading))
-    for (name, states), (colour, _, marker) in zip(branches, STYLES, strict=False):
+    for (name, states), look in zip(branches, branch_styles(2), strict=True):
         if states.any():
             seen = shown[states]
-            look: dict[str, Any] = {"color": colour, "marker": marker, "ms": 4, "ls": "", "mew": 0}
+            look |= {"ls": "", "ms": 4, "mew": 0, "alpha": 0.55, "rasterized": True}
             label = f"{name}{', all closed' * (not seen.any())}"
-            axes.plot(
-                x[states][seen], k[states][seen], alpha=0.55, label=label, rasterized=True, **look
-            )
+            axes.plot(x[states][seen], k[states][seen], label=label, **look)
     low, high = float(k[shown].min()), float(k[shown].max())
     if plates:
         h = np.geomspace(float(x[shown].min()) / 1.1, float(x[shown].max()) * 1.1, 50)

@@ -10,7 +10,16 @@ import numpy as np
 
 from ..results.run_comparison import RunComparison
 from ..results.selections import branches_in
-from .drawing import LEGEND_LINE, LINES, STYLES, Sheet, legend_below, load_axis, shows
+from .drawing import (
+    LEGEND_LINE,
+    LINES,
+    MARKERS,
+    Sheet,
+    branch_styles,
+    legend_below,
+    load_axis,
+    shows,
+)
 from .leakage_curves import leakage_axis, leakage_band, leakage_line
 
 if TYPE_CHECKING:
@@ -49,7 +58,7 @@ def run_styles(count: int) -> list[tuple[Any, str]]:
     from matplotlib import colormaps
 
     shades = np.linspace(0, 0.92, count)
-    return [(colormaps["viridis"](x), STYLES[n % len(STYLES)][2]) for n, x in enumerate(shades)]
+    return [(colormaps["viridis"](x), MARKERS[n % len(MARKERS)]) for n, x in enumerate(shades)]
 
 
 def _load_panel(axes: Axes, comparison: RunComparison) -> list[Any]:
@@ -97,10 +106,9 @@ def _key_panel(axes: Axes, comparison: RunComparison, key: int) -> None:
         others.setdefault(", ".join(values[:key] + values[key + 1 :]), []).append(n)
     sizes = np.array([_at(comparison, n, step) for n in range(len(comparison.runs))])
     leakage_axis(axes, sizes)
-    for (name, runs), (colour, line, marker) in zip(others.items(), STYLES, strict=False):
+    for (name, runs), look in zip(others.items(), branch_styles(len(others)), strict=True):
         at = np.array([places[texts.index(comparison.settings[run][key])] for run in runs])
         order = np.argsort(at)
-        look = {"color": colour, "ls": line, "lw": 1.8, "marker": marker, "ms": 4.5}
         leakage_line(axes, at[order], sizes[runs][order], label=name, **look)
     axes.set(xlabel=comparison.keys[key], ylabel=comparison.label, title=step.name)
     if min(places) > 0 and max(places) > 10 * min(places):

@@ -55,6 +55,15 @@ _START_SECONDS, _READ_SECONDS, _PIECES_SECONDS = 2.0, 1.0, 0.5
 _PICTURES_SECONDS, _FIELD_BYTE_SECONDS = 2.4, 3e-8
 #: Memory of another process [byte].
 _WORKER_MEMORY = 0.25e9
+#: Load steps that are solved at most.
+_MOST_STEPS = 5
+#: Rounds of contact and flow beyond which a larger face, of which single paths are a smaller part, takes half as many.
+_MANY_ROUNDS = 3.0
+#: Iterations of multigrid that take as long as elimination on `PILOT_PIXELS`, and their growth with the fraction open.
+_ELIMINATED = 50.0, 1.65
+#: Least seconds of a pair of transforms of 128² numbers on the machine where the constants of the costs were measured.
+#: They stay in the cache: those of larger arrays take the time in which the system gives new memory, as no solver does.
+_PACE_SECONDS = 1.16e-4
 
 
 @dataclass(frozen=True)
@@ -287,17 +296,6 @@ def _checkpoint(prepared: Prepared) -> float:
 
 def _size(size: float) -> str:
     return to_text(float(f"{size:.1e}"), "B", 3)
-
-
-#: Load steps that are solved at most.
-_MOST_STEPS = 5
-#: Rounds of contact and flow beyond which a larger face, of which single paths are a smaller part, takes half as many.
-_MANY_ROUNDS = 3.0
-#: Iterations of multigrid that take as long as elimination on `PILOT_PIXELS`, and their growth with the fraction open.
-_ELIMINATED = 50.0, 1.65
-#: Least seconds of a pair of transforms of 128² numbers on the machine where the constants of the costs were measured.
-#: They stay in the cache: those of larger arrays take the time in which the system gives new memory, as no solver does.
-_PACE_SECONDS = 1.16e-4
 
 
 @cache
