@@ -173,7 +173,7 @@ def _ranges(case: Case, given: dict[str, Range | None]) -> tuple[Array, float]:
         )
     prepared = prepare(case)
     surface, wave = prepared.scene.surface, prepared.conditioning.shortest_wave
-    least = {"hardness": 1.01 * float(prepared.scene.steps.pressures.max()), "factor": 0.0,
+    least = {"hardness": 1.01 * prepared.scene.steps.pressures.max(), "factor": 0.0,
              "shortest_wave": resolved_wave(surface.size, surface.shape)}  # fmt: skip
     # two waves in a piece
     sides = [n / (2 * c) for n, c in zip(surface.size, prepared.cells or (1, 1), strict=True)]
@@ -260,5 +260,5 @@ def _spread(candidates: Array, points: Array, count: int) -> Array:
     for _ in range(count):
         there = np.r_[points, np.reshape(chosen, (-1, 2))]
         distance = (((candidates[:, None] - there[None]) / width) ** 2).sum(-1).min(1)
-        chosen.append(candidates[int(np.argmax(distance))])
+        chosen.append(candidates[np.argmax(distance)])
     return np.array(chosen)

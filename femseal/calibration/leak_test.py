@@ -239,7 +239,7 @@ class Estimate:
         """From samples of a posterior."""
         ordered = np.sort(values)
         count = int(np.ceil(PROBABILITY * len(ordered)))
-        n = int(np.argmin(np.log(ordered[count - 1 :] / ordered[: len(ordered) - count + 1])))
+        n = np.argmin(np.log(ordered[count - 1 :] / ordered[: len(ordered) - count + 1]))
         return cls(float(np.median(ordered)), float(ordered[n]), float(ordered[n + count - 1]))
 
 
@@ -300,7 +300,7 @@ class Posterior:
                     (factor - rest[:, row, None]) / np.hypot(deviation[:, row, None], self.error)
                 )
                 found += np.log(1 - is_open[:, row, None] * above)
-            return np.asarray(found)
+            return found
 
         return middle, width, density
 

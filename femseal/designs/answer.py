@@ -103,7 +103,7 @@ def design(
         )
     data = results.dataset
     wanted = wanted or leak_classes(
-        [str(n) for n in data["leak_class"].values] if "leak_class" in data.coords else USUAL
+        data["leak_class"].values.tolist() if "leak_class" in data.coords else USUAL
     )
     diameter = diameter or data.attrs.get("nominal_diameter_m")
     limits = [(one.name, one.limit(results.class_basis, diameter)) for one in wanted]
@@ -112,7 +112,7 @@ def design(
         requirement(seals, name, limit, probability, relaxation) for name, limit in limits
     )
     place = _place(needs, seals, probability)
-    yields = bool(np.isfinite(float(data.attrs["hardness_Pa"])))
+    yields = bool(np.isfinite(data.attrs["hardness_Pa"]))
     variants, notes = Variants(hardness_counts=yields), _notes(seals, probability, results)
     if case is None and solve:
         notes.append(

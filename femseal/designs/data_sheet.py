@@ -263,11 +263,10 @@ def sheet_sentences(answer: Design) -> list[str]:
     data, count = answer.results.dataset, answer.seals.count
     prefix = "test_" if "test_leakage" in data else ""
     ends = " to ".join(
-        to_text(float(data.attrs[f"{prefix}{end}_pressure_Pa"]), "Pa")
-        for end in ("inlet", "outlet")
+        to_text(data.attrs[f"{prefix}{end}_pressure_Pa"], "Pa") for end in ("inlet", "outlet")
     )
     fluid = f"{data.attrs[f'{prefix}fluid']}, from {ends}"
-    width, length = (to_text(float(side), "m") for side in data.attrs["seal_size_m"])
+    width, length = (to_text(side, "m") for side in data.attrs["seal_size_m"])
     found = [f"A seal {width} wide and {length} long; {fluid}."]
     if count > 1:
         found.append(

@@ -16,7 +16,7 @@ from math import ceil, inf, isinf
 
 import numpy as np
 
-from ..base import Array, Indices
+from ..base import Array, Indices, reals
 from ..base.leak_rates import within
 from ..budget.error_parts import within_others
 from ..loads import LoadProgramme, LoadStep, relaxed
@@ -71,8 +71,8 @@ class Seals:
         lower, upper : ends of the band over the leakage (steps,), which go no further than those of other loads.
         opened : least upper end (steps,) [m²/s].
         """
-        size = np.abs(np.atleast_2d(np.asarray(leakage, dtype=float)))
-        known, pressures = ~np.isnan(size).all(axis=0), np.asarray(steps.pressures)
+        size = np.abs(np.atleast_2d(reals(leakage)))
+        known, pressures = ~np.isnan(size).all(axis=0), steps.pressures
         for peak in {step.unloaded_from for step in steps} if known.any() else ():
             own = np.array([step.unloaded_from == peak for step in steps])
             lowest = pressures[own & known].min(initial=inf if peak is None else peak)

@@ -217,7 +217,7 @@ def state_of_classes(results: Results) -> FluidState | None:
 def inlet_slope(state: FluidState) -> float:
     """d ln L/d ln p_in of a fluid whose law does not depend on the pressure; NaN for a rarefied gas."""
     if state.law.depends_on_pressure:
-        return float("nan")
+        return np.nan
     step = 1e-4
     up, down = (
         replace(state, inlet_pressure=state.inlet_pressure * (1 + sign * step)) for sign in (1, -1)

@@ -315,8 +315,8 @@ def on_decades(values: Array, decades: int) -> tuple[Array, Any]:
     from matplotlib.colors import LogNorm
 
     positive = values[np.isfinite(values) & (values > 0)]
-    top = float(positive.max()) if positive.size else 1.0
-    low = max(float(positive.min()), top * 10.0**-decades) if positive.size else 0.1
+    top = positive.max() if positive.size else 1.0
+    low = max(positive.min(), top * 10.0**-decades) if positive.size else 0.1
     low = low if low < 0.99 * top else top / 10  # ticks that differ can be read
     shown = np.where(values > 0, np.maximum(values, low), np.where(values == 0, low / 10, np.nan))
     return shown, LogNorm(low, top)

@@ -76,7 +76,7 @@ class DrawnSeal:
 
     def _detail(self, data: xarray.Dataset, s: int) -> _View:
         """The surroundings of the largest flux."""
-        side = _DETAIL * float(data.attrs["seal_size_m"][0]) * 1e3
+        side = _DETAIL * data.attrs["seal_size_m"][0] * 1e3
         flux = np.nan_to_num(np.hypot(*data["drawn_flux"].values[s].T))
         place = self.corners[np.argmax(flux)].mean(axis=0)
         start = np.maximum(self.all.low, np.minimum(place - side / 2, self.all.high - side))
@@ -163,11 +163,7 @@ class _Panel:
             values, norm = on_decades(values, self.decades)
             notes += ["grey: none"] if (finite == 0).any() else []
         else:
-            norm = (
-                Normalize(float(finite.min()), float(finite.max()))
-                if finite.size
-                else Normalize(0, 1)
-            )
+            norm = Normalize(finite.min(), finite.max()) if finite.size else Normalize(0, 1)
         colours = colormaps[self.colours].with_extremes(under=CLOSED, bad=POCKET)
         each = np.ma.masked_invalid(values[seen])
         look: dict[str, Any] = {"cmap": colours, "norm": norm, "rasterized": True}

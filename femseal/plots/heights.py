@@ -68,13 +68,13 @@ def height_range(heights: NDArray) -> HeightRange:
     z = heights[~np.isnan(heights)]
     if not z.size:
         return HeightRange(0.0, 1.0, 0.0, 0.0)
-    low, high = (float(v) for v in np.percentile(z, _PERCENTILES))
+    low, high = np.percentile(z, _PERCENTILES)
     margin = _MARGIN * (high - low)
     near = z[(z >= low - margin) & (z <= high + margin)]
-    low, high = float(near.min()), float(near.max())
+    low, high = near.min(), near.max()
     if high == low:  # nearly all points at one height: nothing to spread but the outliers
-        low, high = float(z.min()), float(z.max())
-    return HeightRange(low, high, float(np.mean(z < low)), float(np.mean(z > high)))
+        low, high = z.min(), z.max()
+    return HeightRange(low, high, np.mean(z < low), np.mean(z > high))
 
 
 def height_panel(
@@ -221,7 +221,7 @@ def _histogram_panel(axes: Axes, measured: Topography) -> None:
     density, edges = np.histogram(z, bins=200, density=True)
     axes.stairs(density, edges, fill=True, color=STYLES[1]["color"], alpha=0.75)
     axes.set_yscale("log")
-    axes.set_ylim(float(np.min(density[density > 0])) / 2, float(np.max(density)) * 3)
+    axes.set_ylim(density[density > 0].min() / 2, density.max() * 3)
 
 
 def _radial_panel(

@@ -156,7 +156,7 @@ def leakage_axis(axes: Axes, values: Array) -> None:
 
     axes.set_yscale("log")
     positive = values[np.isfinite(values) & (values > 0)]
-    low, high = (float(f(positive)) for f in (np.min, np.max)) if positive.size else (0.1, 10.0)
+    low, high = (positive.min(), positive.max()) if positive.size else (0.1, 10.0)
     low = max(low, high * 1e-15)
     span = max(np.log10(high / low), 0.5)
     strip = _STRIP if np.any(values == 0) else 0.0

@@ -93,7 +93,7 @@ def drop_steps(data: xarray.Dataset, last: int) -> list[int]:
     """Loading steps that leak: the first, the middle one, and that of the maps last."""
     loading = np.flatnonzero(np.isnan(data["unloaded_from"].values))
     leaking = loading[np.nan_to_num(face_leakage(data)[loading]) != 0]
-    chosen = [int(leaking[n]) for n in (0, leaking.size // 2) if leaking.size]
+    chosen = [leaking[n] for n in (0, leaking.size // 2) if leaking.size]
     return list(dict.fromkeys([*chosen, last]))
 
 

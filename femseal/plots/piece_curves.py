@@ -84,12 +84,12 @@ def _clouds(axes: Axes, k: Array, x: Array, loading: Flags, *, plates: bool) -> 
             look |= {"ls": "", "ms": 4, "mew": 0, "alpha": 0.55, "rasterized": True}
             label = f"{name}{', all closed' * (not seen.any())}"
             axes.plot(x[states][seen], k[states][seen], label=label, **look)
-    low, high = float(k[shown].min()), float(k[shown].max())
+    low, high = k[shown].min(), k[shown].max()
     if plates:
-        h = np.geomspace(float(x[shown].min()) / 1.1, float(x[shown].max()) * 1.1, 50)
+        h = np.geomspace(x[shown].min() / 1.1, x[shown].max() * 1.1, 50)
         axes.plot(h, cubic_law(h * 1e-6), color="black", lw=1.4, label="parallel plates, h̄³/12")
         axes.set(xscale="log", xlim=(h[0], h[-1]))
-        high = max(high, float(cubic_law(h[-1] * 1e-6)))
+        high = max(high, cubic_law(h[-1] * 1e-6))
         decades(axes.xaxis)
     axes.set(yscale="log", ylim=(low / _BEYOND, high * _BEYOND))
     decades(axes.yaxis)

@@ -140,12 +140,12 @@ def _content(results: Results, drawings: pictures.Drawings) -> dict[str, Any]:
 
 def _seal_text(data: xarray.Dataset) -> str:
     """Shape and sides of the seal, on what band a seat touches, and how tiles of an uneven seal are pressed."""
-    width, length = (to_text(float(side), "m") for side in data.attrs["seal_size_m"])
+    width, length = (to_text(side, "m") for side in data.attrs["seal_size_m"])
     seal = data.attrs["seal"]
     texts = [f"The seal is {seal}, {width} wide along the leakage and {length} long."]
     if data.attrs.get("seat") and "band_breadth" in data:
-        least, most = (to_text(float(f(data["band_breadth"].values)), "m", 3) for f in _ENDS)
-        highest = to_text(float(np.nanmax(data["largest_row_pressure"].values)), "Pa", 3)
+        least, most = (to_text(f(data["band_breadth"].values), "m", 3) for f in _ENDS)
+        highest = to_text(np.nanmax(data["largest_row_pressure"].values), "Pa", 3)
         texts.append(
             f"The seat touches on a band {least} to {most} broad, with at most {highest} as the "
             "mean of a row."
@@ -154,9 +154,9 @@ def _seal_text(data: xarray.Dataset) -> str:
     uneven = "drawn_form" in data or json.loads(data.attrs["case"]).get("load", {}).get("map")
     if uneven and name in data:
         loads = data["nominal_pressure"].values
-        for s in dict.fromkeys((int(loads.argmin()), int(loads.argmax()))):
+        for s in dict.fromkeys((loads.argmin(), loads.argmax())):
             at = data[name].values[s]
-            low, high = (to_text(float(f(at)), "Pa", 3) for f in _ENDS)
+            low, high = (to_text(f(at), "Pa", 3) for f in _ENDS)
             texts.append(
                 f"At {load_names(data)[s]} the tiles are pressed with {low} to {high}, and "
                 f"{(at == 0).mean():.0%} of them stand apart."
@@ -172,7 +172,7 @@ def _drop_text(data: xarray.Dataset) -> str:
     if "piece_drop_fraction" not in data or not data["piece_drop_fraction"][s].notnull().all():
         return ""
     fraction = np.sort(data["piece_drop_fraction"].values[s].ravel())[::-1]
-    half = int(np.searchsorted(np.cumsum(fraction), 0.5) + 1)
+    half = np.searchsorted(np.cumsum(fraction), 0.5) + 1
     return f"Half of the pressure drops in {half} of {fraction.size} pieces."
 
 

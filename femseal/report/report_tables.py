@@ -80,7 +80,7 @@ def class_table(results: Results) -> TextTable | None:
     if "leak_class" not in data.coords:
         return None
     limits, met = data["class_limit"].values, data["class_met"].values
-    names = [str(name) for name in data["leak_class"].values]
+    names = data["leak_class"].values.tolist()
     texts = [
         f"{format_leakage(limit, results.class_basis.factor(unit))} {unit.name}"
         if limit
@@ -116,7 +116,7 @@ def _met_text(loads: list[str], met: np.ndarray) -> str:
         return "open"
     if (met == 1).all():
         return "at every load step"
-    good = len(met) - int(np.argmin(met[::-1] == 1))
+    good = len(met) - np.argmin(met[::-1] == 1)
     return "at no load step" if good == len(met) else f"from {loads[good]}"
 
 
@@ -124,7 +124,7 @@ def _kept_text(loads: list[str], met: np.ndarray) -> str:
     """Down to which load a class is kept; "open" where the leakage at the peak may be any."""
     if np.isnan(met[0]):
         return "open"
-    good = int(np.argmin(met == 1)) if not (met == 1).all() else len(met)
+    good = np.argmin(met == 1) if not (met == 1).all() else len(met)
     return "not even at the peak" if good == 0 else f"kept down to {loads[good - 1]}"
 
 
@@ -135,10 +135,8 @@ def test_fluid_sentences(results: Results) -> list[str]:
         return []
     unit, basis, peak = class_unit(results), results.class_basis, results.peak
     own, test = results.leakage.values, data["test_leakage"].values
-    inlet, outlet = (
-        to_text(float(attrs[f"test_{end}_pressure_Pa"]), "Pa") for end in ("inlet", "outlet")
-    )
-    leakage = f"{format_leakage(float(test[peak]), basis.factor(unit))} {unit.name}"
+    inlet, outlet = (to_text(attrs[f"test_{end}_pressure_Pa"], "Pa") for end in ("inlet", "outlet"))
+    leakage = f"{format_leakage(test[peak], basis.factor(unit))} {unit.name}"
     sentences = [
         f"A test fluid, {attrs['test_fluid']}, runs from {inlet} to {outlet} through the same seals: {leakage} at "
         f"{load_names(data)[peak]}."
@@ -151,7 +149,7 @@ def test_fluid_sentences(results: Results) -> list[str]:
     scale = basis.factor(common) / results.leak_basis.factor(common)
     ratio = scale * np.median(own[known] / test[known])
     what = "In pressure × volume" if gases else "By volume"
-    viscous, molecular = float(attrs["test_viscous_factor"]), float(attrs["test_molecular_factor"])
+    viscous, molecular = attrs["test_viscous_factor"], attrs["test_molecular_factor"]
     limits = [f"flow as a continuum would give {viscous:.3g}"]
     limits += [] if np.isnan(molecular) else [f"flow of free molecules {molecular:.3g}"]
     text = f"{what} the fluid in service leaks {ratio:.3g} times as much"
@@ -194,7 +192,7 @@ def budget_table(results: Results) -> TextTable | None:
         return None
     steps, widths = important_steps(results), budget.widths()
     largest = {
-        name: float(np.max(np.nan_to_num(width[steps], nan=np.inf), initial=0.0))
+        name: np.max(np.nan_to_num(width[steps], nan=np.inf), initial=0.0)
         for name, width in widths.items()
     }
     order = sorted(budget.parts, key=lambda part: -largest[part.name])
@@ -207,7 +205,7 @@ def budget_table(results: Results) -> TextTable | None:
     names = load_names(results.dataset)
     heads = ("source", *(names[s] for s in steps), "how it was estimated")
     texts = tuple(
-        (name, *(_width_text(float(width[s])) for s in steps), note) for name, width, note in lines
+        (name, *(_width_text(width[s]) for s in steps), note) for name, width, note in lines
     )
     title = "Half-width of the band of error, by its source, the widest first; ×: a factor"
     notes = [

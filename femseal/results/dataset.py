@@ -150,7 +150,7 @@ def assemble(scene: Scene, *studies: StudyResult, facts: RunFacts = _NOTHING) ->
         add_test_fluid(data, facts.test, state, facts.throughput_temperature, facts.valve)
     later, upper = [], None
     if (budget := results.budget) is not None:
-        upper = np.asarray(budget.upper)
+        upper = budget.upper
         later += _band_doubts(budget, load_names(data))
     wanted, leakage = leak_classes(facts.classes), results.class_leakage
     later += add_classes(data, wanted, results.class_basis, facts.nominal_diameter, *leakage, upper)
@@ -259,7 +259,7 @@ def _band_doubts(budget: ErrorBudget, names: list[str]) -> list[str]:
     """Warn of a band that says nothing: at which load, and by what part of the budget."""
     if not (vague := vague_steps(budget)).size:
         return []
-    first = int(vague[0])
+    first = vague[0]
     more = f" and {counted(vague.size - 1, 'more load')}" if vague.size > 1 else ""
     return [
         f"the leakage at {names[first]}{more} is not known within a factor of {VAGUE:g}; "

@@ -78,11 +78,11 @@ def plan_fields(run: Results, limit: float) -> FieldPlan:
         return FieldPlan(np.arange(count))
     # the middles of equal parts of the programme
     chosen = ((np.arange(fitting) + 0.5) * count / max(fitting, 1)).astype(int)
-    highest = int(np.argmax(run.dataset["nominal_pressure"].values))
+    highest = run.peak
     if fitting and highest not in chosen:
         chosen[np.argmin(np.abs(chosen - highest))] = highest
     missing = np.setdiff1d(np.arange(count), chosen)
-    numbers = ", ".join(str(n) for n in missing)
+    numbers = ", ".join(map(str, missing))
     sizes = f"{to_text(each * count, 'B', 3)} of all steps are above the limit of {to_text(limit, 'B', 3)}"
     return FieldPlan(
         np.sort(chosen), f"fields over all pixels at steps {numbers}: {sizes} (fields_limit)"

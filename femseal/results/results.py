@@ -102,7 +102,7 @@ class Results(Plotted):
         best = data["test_leakage"].values if tested else self.leakage.values
         name = "test_leakage_realisations" if tested else "leakage"
         several = data[name].values if name in data and self.method == "median" else best[None]
-        return np.asarray(best), np.asarray(several)
+        return best, several
 
     @property
     def class_upper(self) -> Array:

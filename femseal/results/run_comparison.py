@@ -61,7 +61,7 @@ class RunComparison(Plotted):
         low, high = (
             results.dataset[name].values / results.leak_basis.factor(self.unit) for name in BAND
         )
-        return np.asarray(low), np.asarray(high)
+        return low, high
 
     @property
     def common_steps(self) -> tuple[LoadStep, ...]:

@@ -40,7 +40,7 @@ def force_scale(data: xarray.Dataset) -> tuple[str, float] | None:
         unit, factor = "N/mm", 1e-3
     elif highest >= 1e3:
         unit, factor = "kN", 1e-3
-    return unit, factor * highest / float(data["nominal_pressure"].max())
+    return unit, factor * highest / data["nominal_pressure"].values.max()
 
 
 def loads_as_given(data: xarray.Dataset, digits: int = 4) -> Callable[[float], str]:
@@ -74,7 +74,7 @@ def branches(pressure: Array, peaks: Array) -> list[tuple[str, Indices]]:
     found = [("loading", loading)]
     for peak in np.unique(peaks[~np.isnan(peaks)])[::-1]:
         start = loading[pressure[loading] == peak]
-        found.append((branch_text(float(peak)), np.r_[start, np.flatnonzero(peaks == peak)]))
+        found.append((branch_text(peak), np.r_[start, np.flatnonzero(peaks == peak)]))
     return found
 
 

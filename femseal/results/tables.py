@@ -184,7 +184,7 @@ def _cells(variable: xarray.DataArray, factor: float) -> list[str]:
         return [format_leakage(value, factor) for value in variable.values]
     if unit == "1":
         return ["–" if np.isnan(value) else f"{100 * value:.3g}" for value in variable.values]
-    return [to_text(float(value), unit, 3) for value in variable.values]
+    return [to_text(value, unit, 3) for value in variable.values]
 
 
 def _redraws(data: xarray.Dataset, factor: float) -> list[str]:
@@ -307,7 +307,7 @@ def contents(run: Results) -> dict[str, str]:
     """Name and text of the lines on the contents."""
     steps, peak = run.steps, run.peak
     unit, factor = run.leak_scale
-    leakage = float(run.leakage[peak])
+    leakage = run.leakage.values[peak]
     text = format_leakage(leakage, factor)
     text += f" {unit.name}" if np.isfinite(leakage) and leakage else ""
     found = {"leakage": f"at {to_text(steps[peak].pressure, 'Pa')}: {text} ({run.method})"}

@@ -1,6 +1,7 @@
 """What a run computes, in lines for `femseal check` and for the report: face, loads, solids, fluid, studies, seal."""
 
 from collections.abc import Iterator
+from math import prod
 
 import numpy as np
 
@@ -94,12 +95,12 @@ def _solid_text(solid: SolidTable) -> str:
 def _load_text(case: Case, scene: Scene) -> str:
     """The states of the cycle, and its highest load."""
     pressures, steps = scene.steps.pressures, len(scene.steps)
-    down = steps - int(np.sum(scene.steps.on_loading))
+    down = steps - scene.steps.on_loading.sum()
     text = f"{counted(steps, 'state')}: {steps - down} loading"
     if down:
         peaks = " and ".join(to_text(peak, "Pa", 3) for peak in scene.unload_from)
         text += f", {down} unloading from {peaks}"
-    text += f", up to {to_text(float(pressures.max()), 'Pa', 3)}"
+    text += f", up to {to_text(pressures.max(), 'Pa', 3)}"
     if case.load.unit != "Pa":
         text += f", from {to_text(case.load.highest, case.load.unit)}"
     return text
@@ -166,7 +167,7 @@ def _law_facts(scene: Scene) -> Iterator[tuple[str, str]]:
 def _study_facts(prepared: Prepared) -> Iterator[tuple[str, str]]:
     """What every study solves."""
     scene, steps = prepared.scene, len(prepared.scene.steps)
-    pixels = int(np.prod(scene.surface.shape))
+    pixels = prod(scene.surface.shape)
     of_face = f"{steps} contact and {counted(steps, 'flow solution')} of {pixels} unknowns"
     if "deterministic" in prepared.methods:
         yield "deterministic", of_face

@@ -238,7 +238,7 @@ def disk(case: Case, prepared: Prepared, again: list[Prepared] | None = None) ->
     """Expected sizes of the files of a run; `again` as in `forecast`."""
     again = budget_inputs(case, prepared) if again is None else again
     scene = prepared.scene
-    steps, pixels = len(scene.steps), int(np.prod(scene.surface.shape))
+    steps, pixels = len(scene.steps), prod(scene.surface.shape)
     studies = {study.key for study in prepared.studies}
     each = fields_size(scene.surface.shape, studies)
     fitting = (
@@ -257,7 +257,7 @@ def disk(case: Case, prepared: Prepared, again: list[Prepared] | None = None) ->
     with storing(None, case.memory):
         if not states_memory(pixels, steps) and _keeps_states(prepared):
             checkpoint += STEP_BYTES * pixels * steps  # the states themselves
-    return Disk(float(each * fitting), fitting, steps, others, checkpoint)
+    return Disk(each * fitting, fitting, steps, others, checkpoint)
 
 
 def budget_inputs(case: Case, prepared: Prepared) -> list[Prepared]:
@@ -282,11 +282,7 @@ def _keeps_states(prepared: Prepared) -> bool:
 def _checkpoint(prepared: Prepared) -> float:
     """Expected size of the store of the studies of an input [byte]."""
     scene, drawn = prepared.scene, "stochastic" in prepared.methods
-    steps, pixels, peaks = (
-        len(scene.steps),
-        int(np.prod(scene.surface.shape)),
-        len(set(scene.unload_from)),
-    )
+    steps, pixels, peaks = len(scene.steps), prod(scene.surface.shape), len({*scene.unload_from})
     on_ladder = drawn and not prepared.cut_and_tiles[1].in_place
     found = 8.0 * pixels * max(peaks, 1) if on_ladder else 0.0
     if _keeps_states(prepared):
