@@ -93,13 +93,10 @@ def _in_window(
     Raises InputError: a window that is not in the face, or without the centre of a pixel.
     """
     pixel, _ = _frame(values)
-    sides = [count * d for count, d in zip(values.shape, pixel, strict=True)]
+    sides = np.multiply(values.shape, pixel)
     part = values.sel(x1=slice(*window[:2]), x2=slice(*window[2:]))
-    inside = [
-        -_ROUNDING * side <= low and high <= (1 + _ROUNDING) * side
-        for low, high, side in zip(window[::2], window[1::2], sides, strict=True)
-    ]
-    if not part.size or not all(inside):
+    low, high = np.reshape(window, (2, 2)).T / sides
+    if not part.size or (low < -_ROUNDING).any() or (high > 1 + _ROUNDING).any():
         face = f"x1 from 0 to {sides[0]:.9g} m, x2 from 0 to {sides[1]:.9g} m"
         expected = f"a part of the face, {face}, with the centre of a pixel of {pixel[0]:.3g} m × {pixel[1]:.3g} m"
         raise InputError("window", window, expected)
@@ -110,9 +107,9 @@ def _frame(values: xarray.DataArray) -> tuple[Pair, Pair]:
     """Pixel and first corner [m] of a field."""
     pixel, corner = [], []
     for name in ("x1", "x2"):
-        x = values[name].values
-        pixel.append(float(x[-1] - x[0]) / (x.size - 1) if x.size > 1 else 2 * float(x[0]))
-        corner.append(float(x[0]) - pixel[-1] / 2)
+        x = values[name].values.tolist()
+        pixel.append((x[-1] - x[0]) / (len(x) - 1) if len(x) > 1 else 2 * x[0])
+        corner.append(x[0] - pixel[-1] / 2)
     return (pixel[0], pixel[1]), (corner[0], corner[1])
 
 
@@ -135,11 +132,9 @@ def _write_vti(path: Path, values: xarray.DataArray, run: Results, step: int) ->
     """Write an image for ParaView, as means over blocks where there are too many pixels."""
     (d1, d2), corner = _frame(values)
     made = Field.of(values)
-    blocks = (
-        values.values
-        if max(values.shape) <= MOST_PIXELS
-        else block_means(values.values, MOST_PIXELS)
-    )
+    blocks = values.values
+    if max(values.shape) > MOST_PIXELS:
+        blocks = block_means(blocks, MOST_PIXELS)
     (n1, n2), (m1, m2) = values.shape, blocks.shape
     steps = vtk_files.LoadSteps.of(run.dataset, np.array([step]))
     cells = {made.array_name: lambda _: blocks * made.scale}

@@ -61,7 +61,7 @@ class FieldPlan:
 def _in_memory(run: Results) -> Iterator[tuple[Field, Any]]:
     """Fields over all pixels (steps, n1, n2) of a study in memory."""
     if (study := run.two_scale or run.deterministic) is not None:
-        yield from ((made, values) for made, values in fields_of(study) if made.place == PIXEL)
+        yield from (pair for pair in fields_of(study) if pair[0].place == PIXEL)
 
 
 def plan_fields(run: Results, limit: float) -> FieldPlan:
@@ -74,19 +74,16 @@ def plan_fields(run: Results, limit: float) -> FieldPlan:
         return FieldPlan(np.arange(0))
     count = run.dataset.sizes["step"]
     fitting = int(min(limit // each, count))
-    if fitting == count:
-        return FieldPlan(np.arange(count))
     # the middles of equal parts of the programme
     chosen = ((np.arange(fitting) + 0.5) * count / max(fitting, 1)).astype(int)
-    highest = run.peak
-    if fitting and highest not in chosen:
-        chosen[np.argmin(np.abs(chosen - highest))] = highest
-    missing = np.setdiff1d(np.arange(count), chosen)
-    numbers = ", ".join(map(str, missing))
-    sizes = f"{to_text(each * count, 'B', 3)} of all steps are above the limit of {to_text(limit, 'B', 3)}"
-    return FieldPlan(
-        np.sort(chosen), f"fields over all pixels at steps {numbers}: {sizes} (fields_limit)"
-    )
+    if fitting and run.peak not in chosen:
+        chosen[np.argmin(np.abs(chosen - run.peak))] = run.peak
+    missing, left_out = np.setdiff1d(np.arange(count), chosen), ""
+    if missing.size:
+        sizes = f"{to_text(each * count, 'B', 3)} of all steps are above the limit of {to_text(limit, 'B', 3)}"
+        numbers = ", ".join(map(str, missing))
+        left_out = f"fields over all pixels at steps {numbers}: {sizes} (fields_limit)"
+    return FieldPlan(np.sort(chosen), left_out)
 
 
 def fields_size(shape: Shape, studies: Container[str]) -> int:
@@ -144,11 +141,10 @@ def read_pixels(run: Results, name: str, step: int, piece: Shape | None = None) 
     rows, columns = _pixels(data, piece, values.shape)
     values = np.asarray(values[rows, columns], np.float64)
     coordinates = {}
-    for n, (start, count, d) in enumerate(
-        zip((rows.start, columns.start), values.shape, spacing, strict=True), 1
-    ):
-        labels = {"units": "m", "long_name": f"x{n} of pixel centres"}
-        coordinates[f"x{n}"] = (f"x{n}", (start + np.arange(count) + 0.5) * d, labels)
+    for name_, pixels, d in zip(("x1", "x2"), (rows, columns), spacing, strict=True):
+        labels = {"units": "m", "long_name": f"{name_} of pixel centres"}
+        centres = (np.arange(pixels.start, pixels.stop) + 0.5) * d
+        coordinates[name_] = (name_, centres, labels)
     labels = {"units": made.unit, "long_name": f"{made.long_name}, {data['name'].values[step]}"}
     return xarray.DataArray(values, coordinates, ("x1", "x2"), name, labels)
 
@@ -174,14 +170,17 @@ def _from_folder(run: Results, name: str, step: int) -> tuple[Field, Any, Pair] 
     path = None if run.folder is None else vtk_files.stored_images(run.folder, NAME).get(step)
     if path is None:
         return None
-    arrays = vtk_files.array_names(path)
-    known = (Field(name, unit, name.replace("_", " "), PIXEL) for unit in READABLE)
-    if (made := next((one for one in known if one.array_name in arrays), None)) is None:
+    known = {
+        made.array_name: made
+        for unit in READABLE
+        if (made := Field(name, unit, name.replace("_", " "), PIXEL))
+    }
+    array, image = vtk_files.read_image(path, known)
+    if array is None:
         return None
-    image = vtk_files.read_image(path, made.array_name)
-    n1, n2 = (count - 1 for count in image.dimensions[:2])
-    values = np.asarray(image.cell_data[made.array_name].reshape((n1, n2), order="F"), np.float64)
-    return made, values / made.scale, tuple(image.spacing[:2])
+    shape = tuple(count - 1 for count in image.dimensions[:2])
+    values = np.asarray(image.cell_data[array].reshape(shape, order="F"), np.float64)
+    return known[array], values / known[array].scale, tuple(image.spacing[:2])
 
 
 def _pixels(
@@ -190,10 +189,9 @@ def _pixels(
     """Pixels of a piece along x1 and x2; all of them without one."""
     if piece is None:
         return slice(0, shape[0]), slice(0, shape[1])
-    at = checked_piece(data, *piece)
-    sides = (n // data.sizes[name] for n, name in zip(shape, ("piece1", "piece2"), strict=True))
-    rows, columns = (slice(n * side, (n + 1) * side) for n, side in zip(at, sides, strict=True))
-    return rows, columns
+    i, j = checked_piece(data, *piece)
+    n1, n2 = shape[0] // data.sizes["piece1"], shape[1] // data.sizes["piece2"]
+    return slice(i * n1, (i + 1) * n1), slice(j * n2, (j + 1) * n2)
 
 
 def write_vtk(
@@ -237,14 +235,11 @@ def pieces_view(name: str, data: xarray.Dataset, place: Place, steps: LoadSteps)
     for dim in place.dims[1:]:
         ends = [0.0]
         for centre in data[dim].values:
-            ends.append(2 * float(centre) - ends[-1])
+            ends.append(2 * centre - ends[-1])
         edges.append(ends)
-    x, y = np.meshgrid(*edges, indexing="ij")
     corners = [
-        np.stack(
-            [coordinate[:-1, :-1], coordinate[1:, :-1], coordinate[1:, 1:], coordinate[:-1, 1:]], -1
-        )
-        for coordinate in (x, y)
+        np.stack([at[:-1, :-1], at[1:, :-1], at[1:, 1:], at[:-1, 1:]], -1)
+        for at in np.meshgrid(*edges, indexing="ij")
     ]
     cell_data: dict[str, NDArray[Any]] = {}
     for variable in data.data_vars.values():

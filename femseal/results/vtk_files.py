@@ -8,7 +8,7 @@ files of raw bytes. pyvista writes no `.pvd`, so its few lines are written here.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from html import escape
@@ -49,18 +49,10 @@ class LoadSteps:
         names = dim, f"{prefix}nominal_pressure", f"{prefix}unloaded_from"
         return cls(*(data[name].values[chosen] for name in names))
 
-    @property
-    def fields(self) -> dict[str, Array]:
-        """Field data, one value for each step; on loading the peak is NaN."""
-        return {
-            "nominal_pressure_MPa": self.nominal_pressure / 1e6,
-            "unloaded_from_MPa": self.unloaded_from / 1e6,
-        }
-
     def label(self, mesh: Any, n: int) -> Any:
-        """A data set with the loads of the n-th step."""
-        for name, values in self.fields.items():
-            mesh.field_data[name] = values[n : n + 1]
+        """A data set with the loads of the n-th step; on loading the peak is NaN."""
+        mesh.field_data["nominal_pressure_MPa"] = self.nominal_pressure[n : n + 1] / 1e6
+        mesh.field_data["unloaded_from_MPa"] = self.unloaded_from[n : n + 1] / 1e6
         return mesh
 
 
@@ -149,7 +141,7 @@ def write_series(view: View, folder: Path) -> list[Path]:
     if view.steps is None:
         return [_save(view.at(0), folder / view.name)]
     subfolder = made_folder(folder / view.name)
-    index = [int(step) for step in view.steps.index]
+    index = view.steps.index.tolist()
     written = [_save(view.at(n), subfolder / f"step_{step:04d}") for n, step in enumerate(index)]
     lines = [
         f'    <DataSet timestep="{step}" part="0" file="{escape(f"{view.name}/{path.name}")}"/>'
@@ -168,21 +160,16 @@ def stored_images(folder: Path, name: str) -> dict[int, Path]:
     }
 
 
-def array_names(path: Path) -> list[str]:
-    """Names of the arrays of cells in a file."""
-    import pyvista
-
-    return list(pyvista.get_reader(path).cell_array_names)
-
-
-def read_image(path: Path, array: str) -> Any:
-    """An image with one of its arrays of cells."""
+def read_image(path: Path, wanted: Iterable[str]) -> tuple[str | None, Any]:
+    """An image with the first of the wanted arrays of cells that it has, and the name of that; None without one."""
     import pyvista
 
     reader = pyvista.get_reader(path)
+    array = next((name for name in wanted if name in reader.cell_array_names), None)
     reader.disable_all_cell_arrays()
-    reader.enable_cell_array(array)
-    return reader.read()
+    if array is not None:
+        reader.enable_cell_array(array)
+    return array, reader.read()
 
 
 def _save(mesh: Any, stem: Path) -> Path:
