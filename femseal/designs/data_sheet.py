@@ -155,7 +155,7 @@ class Design:
         """
         data, found = self.results.dataset, {}
         for peak in self.seals.steps.unload_from if "mean_gap" in data else ():
-            steps = self.seals.unloading(peak)
+            steps = self.seals.falling(peak)
             steps = steps[self.seals.steps.pressures[steps] > 0][::-1]
             pressure, gap = (
                 np.log(self.seals.steps.pressures[steps]),
