@@ -36,7 +36,7 @@ _BEYOND = 10.0
 #: Height of a name beside the axis, and of the strip of sealed loads, as parts of the axis.
 _NAME_HEIGHT, _STRIP = 0.042, 0.08
 #: Studies drawn as single markers beside the main curve.
-_SINGLE = (("two-scale", "D", 7), ("deterministic", "x", 5), ("blocks", "s", 6))
+_SINGLE = {"two-scale": ("D", 7), "deterministic": ("x", 5), "blocks": ("s", 6)}
 #: The unit in axes of the user, which several results share.
 _COMMON = (1.0, "leakage per length of seal [m²/s]")
 
@@ -72,15 +72,14 @@ class LeakageCurves:
     @property
     def branches(self) -> list[tuple[str, Indices]]:
         """Names, with the forces of the case, and steps of the loading and of each unloading."""
-        found = branches(self.pressure, self.peaks)
-        if self.force is None:
-            return found
-        unit, factor = self.force
-        peaks = [f"{factor * self.pressure[steps[0]]:.4g} {unit}" for _, steps in found]
-        return [found[0]] + [
-            (f"unloading from {peak}", steps)
-            for peak, (_, steps) in zip(peaks[1:], found[1:], strict=True)
-        ]
+        loading, *unloadings = branches(self.pressure, self.peaks)
+        if self.force is not None:
+            unit, factor = self.force
+            unloadings = [
+                (f"unloading from {factor * self.pressure[steps[0]]:.4g} {unit}", steps)
+                for _, steps in unloadings
+            ]
+        return [loading, *unloadings]
 
     @property
     def range(self) -> Array:
@@ -118,12 +117,11 @@ def leakage_panel(axes: Axes, curves: LeakageCurves, label: str = "") -> list[An
             leakage_band(axes, x, low, high, look["color"])
         y = np.abs(curves.leakage[steps]) / factor
         handles.append(leakage_line(axes, x, y, label=f"{label}{branch}", **look))
-    for method, symbol, size in _SINGLE:
-        if method in curves.others:
-            single = np.abs(curves.others[method]) / factor
-            look = {"color": GREY, "ls": "", "marker": symbol, "ms": size, "mfc": "none"}
-            x = load_factor * curves.pressure
-            handles.append(leakage_line(axes, x, single, label=method, **look))
+    for method, leakage in curves.others.items():
+        marker, size = _SINGLE[method]
+        look = {"color": GREY, "ls": "", "marker": marker, "ms": size, "mfc": "none"}
+        x, y = load_factor * curves.pressure, np.abs(leakage) / factor
+        handles.append(leakage_line(axes, x, y, label=method, **look))
     axes.set(xlabel=load_name, ylabel=name)
     loads = [line.get_xdata() for line in axes.lines if line.get_label() != "_limit"]
     load_axis(axes, np.concatenate(loads))
@@ -138,13 +136,12 @@ def limit_lines(axes: Axes, limits: dict[str, float]) -> None:
     """A line for each limit within the scale of a logarithmic axis, with names beside it that share a line of text."""
     low, high = axes.get_ylim()
     named: dict[int, list[str]] = {}
-    lines = {float(f"{limit:.9g}") for limit in limits.values() if low < limit < high}
-    for limit in sorted(lines):
+    seen = {name: limit for name, limit in limits.items() if low < limit < high}
+    for limit in sorted({float(f"{limit:.9g}") for limit in seen.values()}):
         axes.axhline(limit, color=GREY, lw=0.8, ls=(0, (4, 2)), zorder=1, label="_limit")
-    for name, limit in limits.items():
-        if low < limit < high:
-            place = np.log(limit / low) / np.log(high / low)
-            named.setdefault(round(place / _NAME_HEIGHT), []).append(name)
+    for name, limit in seen.items():
+        place = np.log(limit / low) / np.log(high / low)
+        named.setdefault(round(place / _NAME_HEIGHT), []).append(name)
     for lane, names in named.items():
         at = (1.01, lane * _NAME_HEIGHT)
         axes.annotate(", ".join(names), at, xycoords="axes fraction", va="center", fontsize=8)
@@ -253,11 +250,16 @@ def leakage_curves(results: Results) -> LeakageCurves:
         band = budget.lower, budget.upper
     elif "leakage_lower" in data:
         low, high = data["leakage_lower"], data["leakage_upper"]
-        band, band_name = (
-            (low.values, high.values),
-            _redraws(low.attrs["quantile"], high.attrs["quantile"]),
-        )
-    others = {name: leakage for name, leakage in METHODS if name != "median"}
+        band = low.values, high.values
+        band_name = _redraws(low.attrs["quantile"], high.attrs["quantile"])
+    others = {
+        method: data[name].values
+        for method, name in METHODS
+        if name in data and method not in ("median", results.method)
+    }
+    limits = {}
+    if "leak_class" in data.coords and "test_leakage" not in data:  # of the fluid that is drawn
+        limits = dict(zip(data["leak_class"].values, data["class_limit"].values, strict=True))
     return LeakageCurves(
         pressure=data["nominal_pressure"].values,
         peaks=data["unloaded_from"].values,
@@ -265,12 +267,8 @@ def leakage_curves(results: Results) -> LeakageCurves:
         title="median of the drawn seals" if results.method == "median" else results.method,
         band=band,
         band_name=band_name,
-        others={
-            m: data[name].values
-            for m, name in others.items()
-            if name in data and m != results.method
-        },
-        limits=_limits(results),
+        others=others,
+        limits=limits,
         scale=_scale(results),
         force=force_scale(data),
     )
@@ -285,22 +283,13 @@ def _readable(leakage: Array) -> tuple[float, str]:
     return factor, f"leakage per length of seal [{unit}]"
 
 
-def _limits(results: Results) -> dict[str, float]:
-    """Limits of leakage classes of the fluid that is drawn."""
-    data = results.dataset
-    if "leak_class" not in data.coords or "test_leakage" in data:
-        return {}
-    limits = zip(data["leak_class"].values, data["class_limit"].values, strict=True)
-    return {str(name): float(limit) for name, limit in limits}
-
-
 def _scale(results: Results) -> tuple[float, str]:
     """The unit of the run, and the name of the axis, which says of what state a gas is and which way it flows."""
     unit, factor = results.leak_scale
     attrs = results.dataset.attrs
-    notes = ["gas at 101 325 Pa"] if results.leak_basis.is_gas and unit.kind == "volume" else []
-    notes += (
-        ["from outlet to inlet"] if attrs["outlet_pressure_Pa"] > attrs["inlet_pressure_Pa"] else []
-    )
+    notes = {
+        "gas at 101 325 Pa": results.leak_basis.is_gas and unit.kind == "volume",
+        "from outlet to inlet": attrs["outlet_pressure_Pa"] > attrs["inlet_pressure_Pa"],
+    }
     name = f"{leakage_of(results).rstrip(',')} [{unit.name}]"
-    return factor, "\n".join([name, *([", ".join(notes)] if notes else [])])
+    return factor, f"{name}\n{', '.join(text for text, holds in notes.items() if holds)}".rstrip()

@@ -28,7 +28,7 @@ from ..base.text import room
 from ..loads import LoadStep
 from .results import Results
 from .results_file import open_results
-from .tables import leakage_texts
+from .tables import kind_of, leakage_texts
 
 #: Ends of the band of realisations, where a run has them.
 BAND = ("leakage_lower", "leakage_upper")
@@ -58,9 +58,8 @@ class RunComparison(Plotted):
         results = self.runs[run]
         if results.method != "median" or any(name not in results.dataset for name in BAND):
             return None
-        low, high = (
-            results.dataset[name].values / results.leak_basis.factor(self.unit) for name in BAND
-        )
+        factor = results.leak_basis.factor(self.unit)
+        low, high = (results.dataset[name].values / factor for name in BAND)
         return low, high
 
     @property
@@ -84,8 +83,7 @@ class RunComparison(Plotted):
     @property
     def label(self) -> str:
         """What is compared, with its unit."""
-        what = "leakage per length of seal" if self.unit.per_length else "leakage of the whole seal"
-        return f"{what} [{self.unit.name}]"
+        return f"{kind_of(self.unit)} [{self.unit.name}]"
 
     def rows(self) -> list[dict[str, Any]]:
         """One dictionary for each run and load step: the run, the keys of a sweep, the load, the leakage in SI and in
@@ -124,12 +122,10 @@ class RunComparison(Plotted):
         """
         columns: list[tuple[str, list[str]]] = [("run", list(self.names))]
         if self.keys:
-            columns = [
-                (key, [values[k] for values in self.settings]) for k, key in enumerate(self.keys)
-            ]
-        names = len(columns)
-        if len({results.method for results in self.runs}) > 1:
-            columns.append(("method", [results.method for results in self.runs]))
+            columns = [(key, texts) for key, *texts in zip(self.keys, *self.settings, strict=True)]
+        names, methods = len(columns), [results.method for results in self.runs]
+        if len({*methods}) > 1:
+            columns.append(("method", methods))
         leakages = [leakage_texts(run, run.leak_basis.factor(self.unit)) for run in self.runs]
         columns += [
             (name, [texts[s] for texts, s in zip(leakages, steps, strict=True)])

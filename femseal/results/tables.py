@@ -150,9 +150,13 @@ def class_unit(run: Results) -> LeakUnit:
 
 def leakage_of(run: Results) -> str:
     """What the leakage in its unit is of."""
-    if run.leak_unit.per_length:
-        return "leakage per length of seal"
-    return f"leakage of the whole seal, {to_text(run.leak_basis.length, 'm')},"
+    kind = kind_of(run.leak_unit)
+    return kind if run.leak_unit.per_length else f"{kind}, {to_text(run.leak_basis.length, 'm')},"
+
+
+def kind_of(unit: LeakUnit) -> str:
+    """What a leakage in a unit is of."""
+    return "leakage per length of seal" if unit.per_length else "leakage of the whole seal"
 
 
 def _usual_units(basis: LeakBasis, leakage: ArrayLike) -> list[LeakUnit]:
