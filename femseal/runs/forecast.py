@@ -140,31 +140,28 @@ def forecast(
             of_steps = (known[prepared.scene.steps.index(step)] for step in coarse.scene.steps)
             fewer = tuple(effort.on_fewer_points for effort in of_steps)
             costs += [coarse.cost(study, fewer) for study in coarse.solved_studies]
-        if (test := case.output.test_fluid) is not None:
-            state = test.state
-            if drop_ratio(state, prepared.scene) is None:
-                alone = replace(prepared, methods=frozenset({prepared.answer.name}))
-                costs.append(
-                    replace(alone, scene=state.in_scene(prepared.scene)).cost(alone.answer, known)
-                )
+        test = case.output.test_fluid
+        if test is not None and drop_ratio(test.state, prepared.scene) is None:
+            scene = test.state.in_scene(prepared.scene)
+            methods = frozenset({prepared.answer.name})
+            costs.append(
+                replace(prepared, methods=methods, scene=scene).cost(prepared.answer, known)
+            )
     drawn = case.output.pictures or case.output.report
     own = _START_SECONDS + any(isinstance(face, FileFace) for face in case.face) * _READ_SECONDS
     own += (prepared.methods != {"deterministic"}) * _PIECES_SECONDS
     own += drawn * _PICTURES_SECONDS + disk(case, prepared, again).fields * _FIELD_BYTE_SECONDS
-    work = sum(seconds for seconds, _ in costs)
+    seconds, memory = zip(*costs, strict=True)
     # what a study holds stays until the results are written; what it works with does not
-    memory = START_MEMORY + max(memory for _, memory in costs)
-    return Forecast(own, work, memory)
+    return Forecast(own, sum(seconds), START_MEMORY + max(memory))
 
 
 def refuse_too_large(case: Case, made: Prepared) -> None:
     """Raise InputError if a run of a prepared case is expected to take more memory than it allows, or than is free."""
     prepared = first_version(case, made)
-    most, which = (
-        (free_memory(), "that are free")
-        if case.memory is None
-        else (case.memory, "of the key memory")
-    )
+    most, which = case.memory, "of the key memory"
+    if most is None:
+        most, which = free_memory(), "that are free"
     # usual loads take no less than those of the case may; only where that is too much, its own are tried
     again = budget_inputs(case, prepared)
     if forecast(case, prepared, usual_efforts(len(prepared.scene.steps)), again).memory <= most:
@@ -187,26 +184,25 @@ def _accuracy_facts(case: Case, made: Prepared) -> Iterator[tuple[str, str]]:
     """What the first attempt at a wanted accuracy takes."""
     if case.accuracy is None:
         return
-    chosen, given = first_settings(case, made), given_settings(case)
-    points = grid_points(made, chosen.grid)
-    first = [f"{' × '.join(map(str, points))} points", f"contact.rtol {chosen.rtol:.0e}"]
+    chosen = first_settings(case, made)
+    points = " × ".join(map(str, grid_points(made, chosen.grid)))
+    first = [f"{points} points", f"contact.rtol {chosen.rtol:.0e}"]
     first += [] if chosen.realisations is None else [counted(chosen.realisations, "seal")]
     text = f"{100 * case.accuracy:.3g} % of the numbers alone, first with {', '.join(first)}"
-    yield (
-        "accuracy",
-        f"{text}; then what limits is refined, for at most {duration(time_limit(case))}",
-    )
-    if given:
+    limit = duration(time_limit(case))
+    yield "accuracy", f"{text}; then what limits is refined, for at most {limit}"
+    if given := given_settings(case):
         keys = ", ".join(dict.fromkeys(given.values()))
         yield "", f"{keys} {'stays' if len(given) == 1 else 'stay'} as given"
 
 
 def _expected_text(expected: Forecast) -> str:
-    text = f"about {duration(expected.seconds())} on one core"
     cores = psutil.cpu_count() or 1
-    text += f", {duration(expected.seconds(cores))} on the {cores} of this machine"
-    more = f"and {_WORKER_MEMORY / 1e9:.2g} GB or more for each further worker"
-    return f"{text}; {expected.memory / 1e9:.1f} GB of memory, {more}"
+    return (
+        f"about {duration(expected.seconds())} on one core, {duration(expected.seconds(cores))} on the {cores} of this "
+        f"machine; {expected.memory / 1e9:.1f} GB of memory, and {_WORKER_MEMORY / 1e9:.2g} GB or more for each "
+        "further worker"
+    )
 
 
 @dataclass(frozen=True)
@@ -264,14 +260,16 @@ def budget_inputs(case: Case, prepared: Prepared) -> list[Prepared]:
     """What the error budget of a run solves besides."""
     if not case.output.budget:
         return []
-    smooth = without_filtered_waves(prepared)
-    coarser = coarser_grids(prepared)
-    grid = (*coarser[:1], prepared)[0]
-    changes = model_changes(grid.scene, case.output.model_parts, case.hardness_tolerance, grid.form)
-    models = [grid.changed(change) for change in changes]
-    if prepared.continuation is not None and "continuation" in case.output.model_parts:
-        models += [grid] * CONTINUED_SCENES
-    return [*coarser, *([] if smooth is None else [smooth]), *models]
+    again = list(coarser_grids(prepared))
+    grid = (*again[:1], prepared)[0]
+    if (smooth := without_filtered_waves(prepared)) is not None:
+        again.append(smooth)
+    parts = case.output.model_parts
+    changes = model_changes(grid.scene, parts, case.hardness_tolerance, grid.form)
+    again += [grid.changed(change) for change in changes]
+    if prepared.continuation is not None and "continuation" in parts:
+        again += [grid] * CONTINUED_SCENES
+    return again
 
 
 def _keeps_states(prepared: Prepared) -> bool:
@@ -300,14 +298,12 @@ def pace() -> float:
     heights = np.random.default_rng(0).random((128, 128))
     taken = []
     for _ in range(100):
-        start = (
-            time.thread_time()
-        )  # of the processor: what others do on the machine is not forecast
+        # of the processor: what others do on the machine is not forecast
+        start = time.thread_time()
         fft.irfft2(fft.rfft2(heights), heights.shape)
         taken.append(time.thread_time() - start)
-    return (
-        min(taken) / _PACE_SECONDS
-    )  # a neighbour on the same core slowed the others down, by up to 2.7 times
+    # a neighbour on the same core slowed the others down, by up to 2.7 times
+    return min(taken) / _PACE_SECONDS
 
 
 def efforts(scene: Scene) -> tuple[Effort, ...]:
@@ -344,18 +340,14 @@ def efforts(scene: Scene) -> tuple[Effort, ...]:
             found[pressure] = Effort()
             continue
         rounds = getattr(contact, "rounds", 1.0)
-        effort = Effort(
-            contact.fft_pairs,
-            contact.area_fraction,
-            rounds=min(rounds, 0.5 * (rounds + _MANY_ROUNDS)),
-        )
+        rounds = min(rounds, 0.5 * (rounds + _MANY_ROUNDS))
+        effort = Effort(contact.fft_pairs, contact.area_fraction, rounds=rounds)
         larger, (most, power) = PILOT_PIXELS / gap.size, _ELIMINATED
         iterations = flow.iterations or most * flow.percolating_fraction**power
         if iterations:
             iterations = FEW_ITERATIONS + max(0.0, iterations - FEW_ITERATIONS) * larger**0.5
-        found[pressure] = replace(
-            effort, pairs=effort.pairs * larger**effort.growth, iterations=iterations
-        )
+        pairs = effort.pairs * larger**effort.growth
+        found[pressure] = replace(effort, pairs=pairs, iterations=iterations)
     return tuple(_between(found, step.pressure) for step in scene.steps)
 
 
@@ -363,6 +355,5 @@ def _between(found: dict[float, Effort], pressure: float) -> Effort:
     """Effort at a pressure, linear in its logarithm between those that were solved."""
     if not found or pressure <= 0:
         return Effort(0.0, 0.0, FEW_ITERATIONS, 1.0)
-    known = [log(p) for p in found]
-    values = zip(*(astuple(effort) for effort in found.values()), strict=True)
-    return Effort(*(float(np.interp(log(pressure), known, each)) for each in values))
+    values = zip(*map(astuple, found.values()), strict=True)
+    return Effort(*(np.interp(log(pressure), np.log([*found]), each) for each in values))
