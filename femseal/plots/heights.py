@@ -5,7 +5,7 @@ The colours of a map of heights are for the many points: the few far above or be
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from math import pi
 from typing import TYPE_CHECKING
 
@@ -45,36 +45,18 @@ ABOVE, BELOW = ("#E31A1C", "red"), ("#00D5FF", "light blue")
 _ALONG = ("along x1 (leakage)", "along x2")
 
 
-@dataclass(frozen=True)
-class HeightRange:
-    """Heights from `low` to `high` in the colours of a map, and the fractions of the points `below` and `above`."""
-
-    low: float
-    high: float
-    below: float
-    above: float
-
-    @property
-    def text(self) -> str:
-        """What the two colours stand for; "" where no point is out of range."""
-        parts = ((self.above, ABOVE, "above"), (self.below, BELOW, "below"))
-        return ", ".join(
-            f"{name}: {100 * part:.2g} % {where}" for part, (_, name), where in parts if part
-        )
-
-
-def height_range(heights: NDArray) -> HeightRange:
+def height_range(heights: NDArray) -> Pair:
     """Range that a few outliers do not widen: of all heights that are no farther than a margin from percentiles."""
     z = heights[~np.isnan(heights)]
     if not z.size:
-        return HeightRange(0.0, 1.0, 0.0, 0.0)
+        return 0.0, 1.0
     low, high = np.percentile(z, _PERCENTILES)
     margin = _MARGIN * (high - low)
     near = z[(z >= low - margin) & (z <= high + margin)]
     low, high = near.min(), near.max()
     if high == low:  # nearly all points at one height: nothing to spread but the outliers
         low, high = z.min(), z.max()
-    return HeightRange(low, high, np.mean(z < low), np.mean(z > high))
+    return low, high
 
 
 def height_panel(
@@ -91,20 +73,16 @@ def height_panel(
     """
     from matplotlib import colormaps
 
-    shown = height_range(heights)
+    low, high = height_range(heights)
+    known = max(int(np.count_nonzero(~np.isnan(heights))), 1)
+    above, below = (int(np.count_nonzero(out)) / known for out in (heights > high, heights < low))
     colours = colormaps["viridis"].with_extremes(over=ABOVE[0], under=BELOW[0], bad="white")
-    beyond = {
-        (True, True): "both",
-        (True, False): "min",
-        (False, True): "max",
-        (False, False): "neither",
-    }
-    colours.colorbar_extend = beyond[shown.below > 0, shown.above > 0]  # type: ignore[assignment]
-    bar = map_panel(
-        axes, heights, size, colours, title, upright=upright, vmin=shown.low, vmax=shown.high
-    )
-    if shown.text:
-        bar.set_label(shown.text, fontsize=8)
+    ends = ("neither", "min"), ("max", "both")
+    colours.colorbar_extend = ends[above > 0][below > 0]  # type: ignore[assignment]
+    bar = map_panel(axes, heights, size, colours, title, upright=upright, vmin=low, vmax=high)
+    parts = ((above, ABOVE, "above"), (below, BELOW, "below"))
+    if texts := [f"{name}: {100 * part:.2g} % {where}" for part, (_, name), where in parts if part]:
+        bar.set_label(", ".join(texts), fontsize=8)
 
 
 @shows(Topography)

@@ -44,9 +44,7 @@ if TYPE_CHECKING:
 
 def default_step(data: xarray.Dataset) -> int:
     """The step of the highest load at which the face leaks, or else the drawn seals; the first step if none does."""
-    names = ("leakage_two_scale", "leakage_deterministic", "leakage_blocks", "leakage_median")
-    name = next(name for name in names if name in data)
-    leaking = np.flatnonzero(np.nan_to_num(data[name].values))
+    leaking = np.flatnonzero(np.nan_to_num(face_leakage(data)))
     return int(leaking[np.argmax(data["nominal_pressure"].values[leaking])]) if leaking.size else 0
 
 
@@ -123,8 +121,8 @@ def _sides(data: xarray.Dataset, *blocks: str) -> Pair:
 
 
 def face_leakage(data: xarray.Dataset) -> Array:
-    """Leakage at every step of the study whose maps these are: deterministic, else two scales, else drawn seals."""
-    names = ("leakage_deterministic", "leakage_two_scale", "leakage_median")
+    """Leakage at every step of the face, by its own pixels, else by blocks, else of the drawn seals."""
+    names = ("leakage_two_scale", "leakage_deterministic", "leakage_blocks", "leakage_median")
     return np.asarray(data[next(name for name in names if name in data)].values)
 
 

@@ -91,6 +91,7 @@ def _figures(results: Results, surface: Topography | None) -> dict[str, Callable
     """What draws each picture for which there are data."""
     data, s = results.dataset, default_step(results.dataset)
     maps, drawn_seal = has_maps(data), "drawn_corners" in data
+    found = results.attempts or {"attempts": []}
     pictures: dict[str, tuple[bool, Callable[[], Figure]]] = {
         "surface": (surface is not None, lambda: heights_figure(cast(Topography, surface))),
         "seal": (maps or drawn_seal, lambda: seal_figure(results)),
@@ -103,7 +104,10 @@ def _figures(results: Results, surface: Topography | None) -> dict[str, Callable
             lambda: _seat_figure(data, s),
         ),
         "place": ("place_height" in data, lambda: place_figure(data)),
-        "attempts": (_has_errors(results), lambda: _attempts_figure(results.attempts or {})),
+        "attempts": (
+            any(attempt["half_width"] is not None for attempt in found["attempts"]),
+            lambda: _attempts_figure(found),
+        ),
     }
     return {name: draw for name, (there, draw) in pictures.items() if there}
 
@@ -112,12 +116,6 @@ def _seat_figure(data: xarray.Dataset, s: int) -> Figure:
     sheet = Sheet([4.0])
     row_panel(sheet.panel(0, LINES), data, drop_steps(data, s))
     return sheet.figure
-
-
-def _has_errors(results: Results) -> bool:
-    """Whether the error of an attempt at an accuracy is known."""
-    attempts = (results.attempts or {"attempts": []})["attempts"]
-    return any(attempt["half_width"] is not None for attempt in attempts)
 
 
 def _attempts_figure(found: dict[str, Any]) -> Figure:

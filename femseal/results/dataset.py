@@ -151,6 +151,12 @@ def assemble(scene: Scene, *studies: StudyResult, facts: RunFacts = _NOTHING) ->
         data.attrs["seed"] = facts.case["seed"]
     variables.add_budgets(data, facts.budgets)
     results = Results(data, None, scene, known)
+    carries_all = np.zeros(len(scene.steps), bool)
+    carries_all[[s for s, _ in scene.parted_steps]] = True
+    if "contact_fraction" in data:
+        carries_all |= data["contact_fraction"].values == 0
+    unknown = np.isnan(results.leakage.values)
+    data.attrs["open_steps"] = _json(np.flatnonzero(carries_all & unknown))
     variables.add_totals(data, results.leakage, results.leak_basis)
     if facts.test is not None:
         add_test_fluid(data, facts.test, state, facts.throughput_temperature, facts.valve)

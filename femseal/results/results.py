@@ -166,14 +166,9 @@ class Results(Plotted):
     @property
     def steps(self) -> LoadProgramme:
         """The load programme."""
-        pairs = zip(
-            self.dataset["nominal_pressure"].values,
-            self.dataset["unloaded_from"].values,
-            strict=True,
-        )
-        return LoadProgramme(
-            LoadStep(float(p), None if np.isnan(peak) else float(peak)) for p, peak in pairs
-        )
+        loads = (self.dataset[name].values for name in ("nominal_pressure", "unloaded_from"))
+        pairs = zip(*(values.tolist() for values in loads), strict=True)
+        return LoadProgramme(LoadStep(p, None if np.isnan(peak) else peak) for p, peak in pairs)
 
     @property
     def peak(self) -> int:
@@ -193,10 +188,7 @@ class Results(Plotted):
     @property
     def open_steps(self) -> list[int]:
         """Numbers of the steps without leakage at which the fluid carries all of the load, so that the seal is open."""
-        names, failures = self.dataset["name"].values, self.failures
-        return [
-            s for s, name in enumerate(names) if any(f"{name}: open: " in text for text in failures)
-        ]
+        return json.loads(self.dataset.attrs.get("open_steps", "[]"))
 
     @property
     def left_out(self) -> list[str]:
@@ -229,18 +221,17 @@ class Results(Plotted):
         ------
         InputError : no unloading from there.
         """
-        parts = branches_in(self.dataset)[1:]
+        pressure = self.dataset["nominal_pressure"].values
+        parts = {pressure[steps[0]]: steps for _, steps in branches_in(self.dataset)[1:]}
         if not parts:
             raise InputError("from_", from_, "nothing: the cycle has no unloading")
-        peaks = [float(self.dataset["nominal_pressure"][steps[0]]) for _, steps in parts]
         given = to_si(from_, "Pa", "from_") if isinstance(from_, str) else from_
-        wanted = max(peaks) if given is None else given
-        for peak, (_, steps) in zip(peaks, parts, strict=True):
+        wanted = max(parts) if given is None else given
+        for peak, steps in parts.items():
             if np.isclose(peak, wanted, rtol=1e-9, atol=0):
                 return self._over_pressure(steps)
-        raise InputError(
-            "from_", from_, f"one of {', '.join(to_text(p, 'Pa') for p in sorted(peaks))}"
-        )
+        peaks = ", ".join(to_text(peak, "Pa") for peak in sorted(parts))
+        raise InputError("from_", from_, f"one of {peaks}")
 
     def _over_pressure(self, steps: Indices) -> xarray.Dataset:
         names = [

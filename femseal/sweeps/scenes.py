@@ -29,15 +29,8 @@ from ..runs import job
 
 def alone(case: Case) -> Case:
     """The case without all that its leakage does not need."""
-    output = case.output.model_copy(
-        update={
-            "budget": False,
-            "pictures": False,
-            "report": False,
-            "fields": False,
-            "paraview": "none",
-        }
-    )
+    left_out = dict.fromkeys(("budget", "pictures", "report", "fields"), False)
+    output = case.output.model_copy(update={**left_out, "paraview": "none"})
     return case.model_copy(update={"output": output, "compare": ()})
 
 

@@ -101,9 +101,9 @@ def loops(*_, **__):
     ("command", "place", "further"),
     [
         ("check", "runs.forecast.describe", []),
-        ("run", "runs.job._prepared", ["--workers", 1]),
+        ("run", "runs.job.prepare", ["--workers", 1]),
         ("sweep", "sweeps.sweeping.prepare", ["seed=1", "--workers", 1]),
-        ("design", "designs.answer.job._prepared", ["--no-solve", "--workers", 1]),
+        ("design", "designs.answer.job.prepare", ["--no-solve", "--workers", 1]),
         ("calibrate", "calibration.calibrating.prepare", ["test.csv", "--workers", 1]),
     ],
 )
