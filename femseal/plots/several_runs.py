@@ -10,6 +10,7 @@ import numpy as np
 
 from ..results.run_comparison import RunComparison
 from ..results.selections import branches_in
+from .curves import leakage_axis, leakage_band, leakage_line
 from .drawing import (
     LEGEND_LINE,
     LINES,
@@ -20,7 +21,6 @@ from .drawing import (
     load_axis,
     shows,
 )
-from .leakage_curves import leakage_axis, leakage_band, leakage_line
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

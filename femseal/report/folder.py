@@ -10,15 +10,15 @@ from pathlib import Path
 
 from ..base import AnyPath, FemsealError, Mapper, made_folder, read_plain, write_bytes, write_text
 from ..base.files import is_inside
-from ..results.paraview import NAME as FIELDS
-from ..results.paraview import plan_fields, write_fields, write_vtk
+from ..results.pixel_fields import NAME as FIELDS
+from ..results.pixel_fields import plan_fields, write_fields
 from ..results.results import Results
 from ..results.results_file import FILE_NAME, save
 from ..results.tables import csv_text, write_workbook
+from ..results.vtk_files import write_vtk
 from ..studies.choices import FIELDS_LIMIT
 from ..topography import Topography
-from .page import REPORT_NAME, write_report
-from .pictures import FILES, draw_all
+from .page import FILES, REPORT_NAME, draw_all, write_report
 
 #: Manifest of the files of a run, one a line; the next run removes those that it does not write again.
 MANIFEST = "files.txt"

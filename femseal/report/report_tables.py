@@ -5,6 +5,7 @@ Also what pressures the seal needs, from the files of `femseal design` in the fo
 
 from __future__ import annotations
 
+import base64
 import json
 from typing import Any
 
@@ -21,7 +22,6 @@ from ..results.tables import (
     leakage_texts,
 )
 from ..studies.load_curves import first_known, least_counted
-from .pictures import png_uri
 
 
 def key_numbers(results: Results) -> list[tuple[str, str, str]]:
@@ -160,6 +160,11 @@ DESIGN_FILE, DESIGN_PICTURE = "design.json", "design.png"
 #: No file of them is larger [byte].
 _LARGEST = 1e7
 _PNG = b"\x89PNG\r\n\x1a\n"
+
+
+def png_uri(picture: bytes) -> str:
+    """A picture as a data URI."""
+    return "data:image/png;base64," + base64.b64encode(picture).decode()
 
 
 def design_section(results: Results) -> dict[str, Any] | None:

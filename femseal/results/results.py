@@ -301,11 +301,11 @@ class Results(Plotted):
         return room("results").leakage_table(self)
 
     def pixels(self, name: str, step: int, piece: Shape | None = None) -> xarray.DataArray:
-        """A field over the pixels (x1, x2) at one step in SI, see `paraview.read_pixels`."""
+        """A field over the pixels (x1, x2) at one step in SI, see `pixel_fields.read_pixels`."""
         return room("results").read_pixels(self, name, step, piece)
 
     def export(self, path: AnyPath, **options: Any) -> list[Path]:
-        """Write a field over the pixels for other programs, see `export.export_field`."""
+        """Write a field over the pixels for other programs, see `pixel_fields.export_field`."""
         return room("results").export_field(self, path, **options)
 
     def __repr__(self) -> str:

@@ -24,7 +24,7 @@ from ..base import (
 from ..base.fields import Field, with_unit
 from ..base.leak_rates import LEAK_UNITS, USUAL_UNITS, LeakBasis, LeakUnit
 from ..budget import VAGUE
-from .paraview import stored_steps
+from .pixel_fields import stored_steps
 from .results import BUDGETED, Results
 from .selections import branch_text, force_scale, loads_as_given
 

@@ -4,13 +4,16 @@ Time is the index of the load step, since the same load occurs on loading and on
 There is one file for each load step, and a `.pvd` that puts them on the time axis. pyvista writes the data, compressed:
 images as raw bytes, which take a quarter less space, meshes in base64, because meshio 5.3 mixes up the arrays of some
 files of raw bytes. pyvista writes no `.pvd`, so its few lines are written here.
+
+Each piece is a quadrilateral. Coordinates are x = x1, y = x2 in metres. Names of arrays carry the units and have no
+brackets. There are no arrays of texts, because meshio cannot read them.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, partial
 from html import escape
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -18,11 +21,25 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..base import Array, Indices, Pair, Shape, made_folder, write_bytes, write_text
+from ..base import (
+    AnyPath,
+    Array,
+    Indices,
+    Mapper,
+    Pair,
+    Shape,
+    Stage,
+    made_folder,
+    write_bytes,
+    write_text,
+)
+from ..base.fields import PART, PART_FORM, PART_VECTOR, PIECE, PIECE_STATE, Field, Place
 from ..topography import Topography
 
 if TYPE_CHECKING:
     import xarray
+
+    from .results import Results
 
 PixelValues = Callable[[int], NDArray[Any]]
 #: Ending of an image of pixels in a plane.
@@ -198,3 +215,74 @@ def as_xml(mesh: Any) -> bytes:
     content = writer.GetOutputString()
     # VTK returns text instead of bytes where the content is valid text
     return content if isinstance(content, bytes) else content.encode()
+
+
+def write_vtk(
+    run: Results, surface: Topography | None, folder: AnyPath, mapper: Mapper = map
+) -> list[Path]:
+    """Write the views of results; open the `.pvd` files in ParaView.
+
+    run : of a two-scale study: `pieces`, those of the face at every step; of a stochastic study: `states`, the pieces
+    in every state of the face, and `drawn`, the seal nearest to the median at every step.
+    surface : heights, for `surface` [µm]; None: not written.
+    folder : made if needed. Each file is written whole or not at all, a `.pvd` after the files it names.
+    mapper : such as over processes of this machine, one of which writes them: VTK lets no other thread work.
+
+    Returns paths of all files.
+
+    Raises InputError: the folder cannot be made.
+    """
+    data = run.dataset
+    views: list[View] = [
+        pieces_view(name, data, of, LoadSteps.of(data, dim=of.dims[0]))
+        for name, of, field in (("pieces", PIECE, "piece_k1"), ("states", PIECE_STATE, "state_k1"))
+        if field in data
+    ]
+    views += [drawn_cells(data)] if "drawn_corners" in data else []
+    views += [] if surface is None else [Heights(surface)]
+    target = made_folder(folder)
+    # other processes may be at work in another folder
+    stage = Stage("files for ParaView", partial(_written, target.absolute()))
+    (names,) = mapper(stage, [views])
+    return [target / name for name in names]
+
+
+def _written(folder: Path, views: list[View]) -> list[Path]:
+    """Write views into an absolute folder; returns paths relative to it."""
+    return [path.relative_to(folder) for view in views for path in write_series(view, folder)]
+
+
+def pieces_view(name: str, data: xarray.Dataset, place: Place, steps: LoadSteps) -> Cells:
+    """Pieces of the face with every field of a place, at load steps or in states."""
+    edges = []
+    for dim in place.dims[1:]:
+        ends = [0.0]
+        for centre in data[dim].values:
+            ends.append(2 * centre - ends[-1])
+        edges.append(ends)
+    corners = [
+        np.stack([at[:-1, :-1], at[1:, :-1], at[1:, 1:], at[:-1, 1:]], -1)
+        for at in np.meshgrid(*edges, indexing="ij")
+    ]
+    cell_data: dict[str, NDArray[Any]] = {}
+    for variable in data.data_vars.values():
+        if variable.dims == place.dims:
+            made = Field.of(variable)
+            named = made.array_name.removeprefix("piece_").removeprefix("state_")
+            cell_data[named] = (variable.values * made.scale).reshape(len(steps.index), -1)
+    return Cells(name, np.stack(corners, -1).reshape(-1, 4, 2), steps, cell_data)
+
+
+def drawn_cells(data: xarray.Dataset) -> Cells:
+    """The drawn seal nearest to the median as triangles or quadrilaterals, with every field of its parts."""
+    cell_data = {}
+    for variable in data.data_vars.values():
+        if variable.dims in (PART.dims, PART_FORM.dims, PART_VECTOR.dims):
+            made = Field.of(variable)
+            values = variable.values * made.scale
+            if variable.dims == PART_FORM.dims:
+                values = np.broadcast_to(values, (data.sizes["step"], values.size))
+            if variable.dims == PART_VECTOR.dims:
+                values = np.pad(values, ((0, 0), (0, 0), (0, 1)))
+            cell_data[made.array_name.removeprefix("drawn_")] = values
+    return Cells("drawn", data["drawn_corners"].values, LoadSteps.of(data), cell_data)

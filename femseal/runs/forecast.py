@@ -33,7 +33,7 @@ from ..refinement.settings import (
     grid_points,
     time_limit,
 )
-from ..results.paraview import fields_size
+from ..results.pixel_fields import fields_size
 from ..studies import Scene, drop_ratio
 from ..studies.doubts import flow_warnings
 from ..studies.face_study import STEP_BYTES, states_memory

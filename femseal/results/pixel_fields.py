@@ -1,43 +1,42 @@
-"""Files for ParaView: the pieces of the face at every load step or state, the drawn seal, and the heights.
+"""Fields over all pixels of the face, such as gap, contact and fluid pressure: read, written, exported.
 
-Each piece is a quadrilateral. Coordinates are x = x1, y = x2 in metres. Names of arrays carry the units and have no
-brackets. There are no arrays of texts, because meshio cannot read them.
-
-Fields over all pixels of the face, such as gap, contact and fluid pressure, are an image for each load step. They are
-large, so they are not part of `results.nc`: `fields.pvd` and the images in the folder `fields` hold them once, in
-single precision and compressed, for `Results.pixels` as for ParaView. Every field that a study declares over pixels is
-one of them.
+They are an image for each load step. They are large, so they are not part of `results.nc`: `fields.pvd` and the images
+in the folder `fields` hold them once, in single precision and compressed, for `Results.pixels` as for ParaView. Every
+field that a study declares over pixels is one of them. `export_field` writes one for other programs, with the size of
+its pixel.
 """
 
 from __future__ import annotations
 
-from collections.abc import Container, Iterator
+from collections.abc import Callable, Container, Iterator
 from dataclasses import dataclass
-from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ..base import AnyPath, Indices, InputError, Mapper, Pair, Shape, Stage, made_folder, to_text
+from ..base import (
+    AnyPath,
+    Indices,
+    InputError,
+    Pair,
+    Shape,
+    replacing,
+    to_text,
+    writing,
+)
 from ..base.fields import (
-    PART,
-    PART_FORM,
-    PART_VECTOR,
-    PIECE,
-    PIECE_STATE,
     PIXEL,
     READABLE,
     Field,
-    Place,
     fields_of,
 )
 from ..base.shared_array import give_back
-from ..topography import Topography
 from . import vtk_files
+from .results import Results
 from .selections import piece as checked_piece
-from .vtk_files import Cells, Heights, LoadSteps, View, write_series
+from .variables import block_means
 
 if TYPE_CHECKING:
     import xarray
@@ -47,6 +46,11 @@ if TYPE_CHECKING:
 NAME = "fields"
 #: What results without fields would need: drawn seals have none.
 WITH_FIELDS = 'a run with "deterministic" or "two-scale" as method or in `compare`, with fields = true in [output]'
+FIELDS = ("gap", "contact_pressure", "fluid_pressure")
+#: Most pixels a side of an image for ParaView: larger ones are means over blocks.
+MOST_PIXELS = 2048
+#: By which a window may lie beyond a face, over its size: ends are texts.
+_ROUNDING = 1e-6
 _BYTES = np.dtype(np.float32).itemsize
 
 
@@ -194,72 +198,126 @@ def _pixels(
     return slice(i * n1, (i + 1) * n1), slice(j * n2, (j + 1) * n2)
 
 
-def write_vtk(
-    run: Results, surface: Topography | None, folder: AnyPath, mapper: Mapper = map
+def export_field(
+    run: Results,
+    path: AnyPath,
+    *,
+    field: str = "gap",
+    step: int | None = None,
+    piece: Shape | None = None,
+    window: tuple[float, float, float, float] | None = None,
 ) -> list[Path]:
-    """Write the views of results; open the `.pvd` files in ParaView.
+    """Write the gap, the contact or the fluid pressure over the pixels of the face in SI, in the suffix's format.
 
-    run : of a two-scale study: `pieces`, those of the face at every step; of a stochastic study: `states`, the pieces
-    in every state of the face, and `drawn`, the seal nearest to the median at every step.
-    surface : heights, for `surface` [µm]; None: not written.
-    folder : made if needed. Each file is written whole or not at all, a `.pvd` after the files it names.
-    mapper : such as over processes of this machine, one of which writes them: VTK lets no other thread work.
+    An .npz has the arrays `gap` (n1, n2) [m], or a pressure by the name of its field [Pa], `spacing` [m], `origin`
+    [m] of its first corner, `step`, `name` and `nominal_pressure` [Pa]; `read_topography` and NumPy read it. A .vti is
+    for ParaView, as means over blocks from 2048 pixels a side on; a `window` has all its pixels.
 
-    Returns paths of all files.
+    Parameters
+    ----------
+    path : the file; the number of the step is put before the suffix where there are several.
+    field : "gap", "contact_pressure", or "fluid_pressure" of a resolved flow, NaN where none flows.
+    step : index of the load step; None is all that are stored.
+    piece : row and column of a piece of the study; the whole face unless given.
+    window : instead, a part of the face, x1 from and to, x2 from and to [m]: the pixels whose centres lie between.
 
-    Raises InputError: the folder cannot be made.
+    Returns
+    -------
+    Paths of the files.
+
+    Raises
+    ------
+    InputError : another field or format, no such step or window, results without fields, or a file that cannot
+        be written.
     """
-    data = run.dataset
-    views: list[View] = [
-        pieces_view(name, data, of, LoadSteps.of(data, dim=of.dims[0]))
-        for name, of, field in (("pieces", PIECE, "piece_k1"), ("states", PIECE_STATE, "state_k1"))
-        if field in data
-    ]
-    views += [drawn_cells(data)] if "drawn_corners" in data else []
-    views += [] if surface is None else [Heights(surface)]
-    target = made_folder(folder)
-    # other processes may be at work in another folder
-    stage = Stage("files for ParaView", partial(_written, target.absolute()))
-    (names,) = mapper(stage, [views])
-    return [target / name for name in names]
+    path = Path(path)
+    if field not in FIELDS:
+        raise InputError("field", repr(field), f"one of {', '.join(FIELDS)}")
+    write = _FORMATS.get(path.suffix.lower())
+    if write is None:
+        expected = "a file .npz, from which NumPy and other programs make .tif and .x3p, or .vti"
+        raise InputError("output", f"'{path.name}'", expected)
+    if window is not None and (
+        piece is not None or not (window[0] < window[1] and window[2] < window[3])
+    ):
+        raise InputError(
+            "window", window, "x1 from and to, x2 from and to [m], rising, and no piece beside"
+        )
+    steps = stored_steps(run) if step is None else [step]
+    if not steps:
+        raise InputError("results", f"no {field} over all pixels", WITH_FIELDS)
+    written = []
+    for s in steps:
+        values = read_pixels(run, field, s, piece)
+        if window is not None:
+            values = _in_window(values, window)
+        target = path if step is not None else path.with_stem(f"{path.stem}_{s:04d}")
+        with writing("output", target), replacing(target) as temporary:
+            write(temporary, values, run, s)
+        written.append(target)
+    return written
 
 
-def _written(folder: Path, views: list[View]) -> list[Path]:
-    """Write views into an absolute folder; returns paths relative to it."""
-    return [path.relative_to(folder) for view in views for path in write_series(view, folder)]
+def _in_window(
+    values: xarray.DataArray, window: tuple[float, float, float, float]
+) -> xarray.DataArray:
+    """The part of a field whose pixels have their centres in a window.
+
+    Raises InputError: a window that is not in the face, or without the centre of a pixel.
+    """
+    pixel, _ = _frame(values)
+    sides = np.multiply(values.shape, pixel)
+    part = values.sel(x1=slice(*window[:2]), x2=slice(*window[2:]))
+    low, high = np.reshape(window, (2, 2)).T / sides
+    if not part.size or (low < -_ROUNDING).any() or (high > 1 + _ROUNDING).any():
+        face = f"x1 from 0 to {sides[0]:.9g} m, x2 from 0 to {sides[1]:.9g} m"
+        expected = f"a part of the face, {face}, with the centre of a pixel of {pixel[0]:.3g} m × {pixel[1]:.3g} m"
+        raise InputError("window", window, expected)
+    return part
 
 
-def pieces_view(name: str, data: xarray.Dataset, place: Place, steps: LoadSteps) -> Cells:
-    """Pieces of the face with every field of a place, at load steps or in states."""
-    edges = []
-    for dim in place.dims[1:]:
-        ends = [0.0]
-        for centre in data[dim].values:
-            ends.append(2 * centre - ends[-1])
-        edges.append(ends)
-    corners = [
-        np.stack([at[:-1, :-1], at[1:, :-1], at[1:, 1:], at[:-1, 1:]], -1)
-        for at in np.meshgrid(*edges, indexing="ij")
-    ]
-    cell_data: dict[str, NDArray[Any]] = {}
-    for variable in data.data_vars.values():
-        if variable.dims == place.dims:
-            made = Field.of(variable)
-            named = made.array_name.removeprefix("piece_").removeprefix("state_")
-            cell_data[named] = (variable.values * made.scale).reshape(len(steps.index), -1)
-    return Cells(name, np.stack(corners, -1).reshape(-1, 4, 2), steps, cell_data)
+def _frame(values: xarray.DataArray) -> tuple[Pair, Pair]:
+    """Pixel and first corner [m] of a field."""
+    pixel, corner = [], []
+    for name in ("x1", "x2"):
+        x = values[name].values.tolist()
+        pixel.append((x[-1] - x[0]) / (len(x) - 1) if len(x) > 1 else 2 * x[0])
+        corner.append(x[0] - pixel[-1] / 2)
+    return (pixel[0], pixel[1]), (corner[0], corner[1])
 
 
-def drawn_cells(data: xarray.Dataset) -> Cells:
-    """The drawn seal nearest to the median as triangles or quadrilaterals, with every field of its parts."""
-    cell_data = {}
-    for variable in data.data_vars.values():
-        if variable.dims in (PART.dims, PART_FORM.dims, PART_VECTOR.dims):
-            made = Field.of(variable)
-            values = variable.values * made.scale
-            if variable.dims == PART_FORM.dims:
-                values = np.broadcast_to(values, (data.sizes["step"], values.size))
-            if variable.dims == PART_VECTOR.dims:
-                values = np.pad(values, ((0, 0), (0, 0), (0, 1)))
-            cell_data[made.array_name.removeprefix("drawn_")] = values
-    return Cells("drawn", data["drawn_corners"].values, LoadSteps.of(data), cell_data)
+def _write_npz(path: Path, values: xarray.DataArray, run: Results, step: int) -> None:
+    """Write an archive of NumPy with the field, its pixel and corner, and the load."""
+    pixel, corner = _frame(values)
+    load = run.steps[step]
+    known: dict[str, Any] = {
+        "step": step,
+        "name": load.name,
+        "nominal_pressure": load.pressure,
+        "spacing": pixel,
+        "origin": corner,
+    }
+    with path.open("wb") as file:
+        np.savez_compressed(file, allow_pickle=False, **{str(values.name): values.values}, **known)
+
+
+def _write_vti(path: Path, values: xarray.DataArray, run: Results, step: int) -> None:
+    """Write an image for ParaView, as means over blocks where there are too many pixels."""
+    (d1, d2), corner = _frame(values)
+    made = Field.of(values)
+    blocks = values.values
+    if max(values.shape) > MOST_PIXELS:
+        blocks = block_means(blocks, MOST_PIXELS)
+    (n1, n2), (m1, m2) = values.shape, blocks.shape
+    steps = vtk_files.LoadSteps.of(run.dataset, np.array([step]))
+    cells = {made.array_name: lambda _: blocks * made.scale}
+    image = vtk_files.Image(
+        str(values.name), (d1 * n1 / m1, d2 * n2 / m2), corner, (m1, m2), steps, cells
+    )
+    path.write_bytes(vtk_files.as_xml(image.at(0)))
+
+
+_FORMATS: dict[str, Callable[[Path, xarray.DataArray, Results, int], None]] = {
+    ".npz": _write_npz,
+    ".vti": _write_vti,
+}
