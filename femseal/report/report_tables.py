@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from ..base import TextTable, format_deviation, read_plain, to_text
+from ..base import TextTable, format_deviation, number_text, read_plain, to_text
 from ..base.leak_rates import LEAK_UNITS, leak_classes, within
 from ..results.results import Results
 from ..results.selections import branches_in, load_names, loads_as_given
@@ -150,9 +150,9 @@ def test_fluid_sentences(results: Results) -> list[str]:
     ratio = scale * np.median(own[known] / test[known])
     what = "In pressure × volume" if gases else "By volume"
     viscous, molecular = attrs["test_viscous_factor"], attrs["test_molecular_factor"]
-    limits = [f"flow as a continuum would give {viscous:.3g}"]
-    limits += [] if np.isnan(molecular) else [f"flow of free molecules {molecular:.3g}"]
-    text = f"{what} the fluid in service leaks {ratio:.3g} times as much"
+    limits = [f"flow as a continuum would give {number_text(viscous)}"]
+    limits += [] if np.isnan(molecular) else [f"flow of free molecules {number_text(molecular)}"]
+    text = f"{what} the fluid in service leaks {number_text(ratio)} times as much"
     return [*sentences, f"{text}; {', '.join(limits)}."]
 
 
