@@ -30,7 +30,6 @@ from ..base import (
 )
 from ..case.case import Case
 from ..case.template import as_toml, bare_key
-from ..plots.curves import LeakageCurves, leakage_panel
 from ..plots.drawing import (
     GREY,
     LEGEND_LINE,
@@ -41,6 +40,7 @@ from ..plots.drawing import (
     png,
     shown,
 )
+from ..plots.leakage_curves import LeakageCurves, leakage_panel
 from ..results.selections import branch_text, pressures_and_peaks
 from ..results.tables import format_leakage
 from .leak_test import BELOW, PROBABILITY, UNITS, Estimate, LeakTest, Posterior

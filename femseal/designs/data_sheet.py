@@ -23,7 +23,6 @@ from ..base import (
 )
 from ..base.leak_rates import LEAK_UNITS, LeakUnit, leak_classes
 from ..loads import relaxed
-from ..plots.curves import LeakageCurves, leakage_panel, limit_lines
 from ..plots.drawing import (
     GREY,
     LEGEND_LINE,
@@ -36,6 +35,7 @@ from ..plots.drawing import (
     png,
     shown,
 )
+from ..plots.leakage_curves import LeakageCurves, leakage_panel, limit_lines
 from ..report import write_report
 from ..report.report_tables import DESIGN_FILE, DESIGN_PICTURE
 from ..results.results import Results

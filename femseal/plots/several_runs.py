@@ -10,7 +10,6 @@ import numpy as np
 
 from ..results.run_comparison import RunComparison
 from ..results.selections import branches_in
-from .curves import leakage_axis, leakage_band, leakage_line
 from .drawing import (
     LEGEND_LINE,
     LINES,
@@ -21,6 +20,7 @@ from .drawing import (
     load_axis,
     shows,
 )
+from .leakage_curves import leakage_axis, leakage_band, leakage_line
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

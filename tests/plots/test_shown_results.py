@@ -20,7 +20,7 @@ from femseal.base import InputError, Shown
 from femseal.base.leak_rates import leakage_unit
 from femseal.base.text import value_text
 from femseal.plots.drawing import on_decades
-from femseal.plots.curves import LeakageCurves, leakage_panel, limit_lines
+from femseal.plots.leakage_curves import LeakageCurves, leakage_panel, limit_lines
 
 MODULUS, HARDNESS = 115e9, 1.4e9
 
