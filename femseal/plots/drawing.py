@@ -238,14 +238,9 @@ def picture(result: Any, **options: Any) -> Figure:
     """
     draw = _draw.dispatch(type(result))
     expected = list(signature(draw).parameters)[1:]
-    for name in options:
-        if name not in expected:
-            given = f"option '{name}' for the picture of a {type(result).__name__}"
-            raise InputError(
-                "plot",
-                given,
-                f"one of {', '.join(expected)}" if expected else "none: it has no options",
-            )
+    if unknown := [name for name in options if name not in expected]:
+        given = f"option '{unknown[0]}' for the picture of a {type(result).__name__}"
+        raise InputError("plot", given, f"one of: {', '.join(expected) or 'it has no options'}")
     figure = draw(result, **options)
     return figure if options.get("ax") is not None else shown(figure)
 
