@@ -6,7 +6,6 @@ Exit code 0 done, 2 bad input (nothing written), 1 anything else; 3 of a part of
 import errno
 import gc
 import os
-import re
 import signal
 import sys
 import traceback
@@ -335,11 +334,8 @@ def schema() -> None:
 
 
 _debug = False
-#: Commands and options that are gone, and what does now what they did.
-_REMOVED = {
-    "accuracy": 'none: removed; a run whose case has accuracy = "10 %" reports time and error of its attempts',
-    "--sobol": "none: removed; examples/sobol.py computes Sobol indices of the leakage with scipy.stats",
-}
+#: Exit codes of errors that are not 1.
+_CODES = {InputError: 2, PartsMissing: 3}
 #: Exit code that shells and typer have for a Ctrl-C.
 _INTERRUPTED = 130
 
@@ -355,12 +351,9 @@ def main() -> None:
         if code := app(prog_name="femseal", standalone_mode=False):
             raise KeyboardInterrupt if code == _INTERRUPTED else SystemExit(code)
         sys.stdout.flush()
-    except InputError as error:
-        _stop(error, str(error), 2)
-    except PartsMissing as error:
-        _stop(error, str(error), 3)
     except FemsealError as error:
-        _stop(error, str(error), 1)
+        codes = (code for kind, code in _CODES.items() if isinstance(error, kind))
+        _stop(error, str(error), next(codes, 1))
     except KeyboardInterrupt as error:
         _stop(error, "stopped", 1)
     except MemoryError as error:
@@ -373,13 +366,7 @@ def main() -> None:
         if isinstance(error, OSError) and _is_of_output(error):
             _stop(error, f"standard output: cannot be written ({error.strerror})", 1)
         if isinstance(error, OSError) and error.errno == errno.ENAMETOOLONG:
-            given = f"'{shortened(str(error.filename))}'"
-            _stop(
-                error, str(InputError("path", given, "names as short as the file system takes")), 2
-            )
-        unknown = re.match(r"No such (command|option):? '?([\w-]+)", str(error))
-        if unknown and unknown[2] in _REMOVED:
-            _stop(error, str(InputError(unknown[2], f"the {unknown[1]}", _REMOVED[unknown[2]])), 2)
+            _stop(error, shortened(error), 2)
         # usage errors of the parser have their own message and exit code
         if hasattr(error, "show") and hasattr(error, "exit_code"):
             error.show()

@@ -24,12 +24,18 @@ from .execution.terminal import (
 
 
 @contextmanager
-def all_progress(quiet: bool) -> Iterator[ProgressBars]:
-    """Progress of a command whose runs are not all of its work, with that of compiling beside them."""
+def all_progress(quiet: bool, again: str) -> Iterator[ProgressBars]:
+    """Progress of a command whose runs are not all of its work, with that of compiling beside them.
+
+    again : what goes on where it is stopped.
+    """
     from .studies.compiling import reporting_compilation
 
-    with show_progress(quiet) as progress, reporting_compilation(progress):
-        yield progress
+    try:
+        with show_progress(quiet) as progress, reporting_compilation(progress):
+            yield progress
+    except KeyboardInterrupt:
+        raise FemsealError(f"stopped; {again}") from None
 
 
 def sweep(
@@ -59,7 +65,7 @@ def sweep(
 
     folder = output or Path("results") / f"{path.stem}-sweep"
     announce = None if quiet else typer.echo
-    with all_progress(quiet) as progress:
+    with all_progress(quiet, "the same command with --resume goes on") as progress:
         found = over_all(
             path,
             parsed_keys(keys),
@@ -142,21 +148,18 @@ def design(
     from .designs.answer import design as answer_of
 
     folder = output or (path if path.is_dir() else Path("results") / path.stem)
-    try:
-        with all_progress(quiet) as progress:
-            answer = answer_of(
-                path,
-                folder,
-                classes=classes or (),
-                probability=probability,
-                assembly=assembly or (),
-                nominal_diameter=diameter,
-                solve=solve,
-                workers=workers,
-                progress=progress,
-            )
-    except KeyboardInterrupt:
-        raise FemsealError("stopped; the same command goes on with what is complete") from None
+    with all_progress(quiet, "the same command goes on with what is complete") as progress:
+        answer = answer_of(
+            path,
+            folder,
+            classes=classes or (),
+            probability=probability,
+            assembly=assembly or (),
+            nominal_diameter=diameter,
+            solve=solve,
+            workers=workers,
+            progress=progress,
+        )
     if not quiet:
         print_table(answer.table())
         written = [f"design.{kind}" for kind in ("csv", "json", "png")]
@@ -198,34 +201,25 @@ def calibrate(
     from .calibration.calibrating import calibrate as calibrated
 
     folder = output or Path("results") / f"{path.stem}-calibrated"
-    try:
-        with all_progress(quiet) as progress:
-            found = calibrated(
-                path,
-                data,
-                folder,
-                hardness=hardness,
-                shortest_wave=shortest_wave,
-                factor=factor,
-                error=error,
-                scenes=scenes,
-                resume=resume,
-                part=parsed_part(part),
-                workers=workers,
-                scheduler=scheduler,
-                progress=progress,
-            )
-    except KeyboardInterrupt:
-        raise FemsealError(
-            f"stopped; `femseal calibrate {path} {data} -o {folder} --resume` goes on"
-        ) from None
+    again = f"`femseal calibrate {path} {data} -o {folder} --resume` goes on"
+    with all_progress(quiet, again) as progress:
+        found = calibrated(
+            path,
+            data,
+            folder,
+            hardness=hardness,
+            shortest_wave=shortest_wave,
+            factor=factor,
+            error=error,
+            scenes=scenes,
+            resume=resume,
+            part=parsed_part(part),
+            workers=workers,
+            scheduler=scheduler,
+            progress=progress,
+        )
     if not quiet:
         print_table(found.table())
-    if part is not None and not quiet:
-        typer.echo(
-            f"part {part}: all scenes are solved; --resume without --part writes the results"
-        )
-    elif not quiet:
-        typer.echo(
-            f"calibration.json, calibration.csv, calibration.png and {CASE_FILE} in {folder}"
-        )
+        done = f"part {part}: all scenes are solved; --resume without --part writes the results"
+        written = f"calibration.json, calibration.csv, calibration.png and {CASE_FILE} in {folder}"
+        typer.echo(done if part else written)

@@ -135,8 +135,8 @@ def _plain_terminal():
 def _pictures(figures, drawn):
     """Pictures of results folders are made by these functions: what draws each figure, and the content of a figure."""
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("femseal.report.pictures._figures", figures)
-        patch.setattr("femseal.report.pictures.png", drawn)
+        patch.setattr("femseal.report.page._figures", figures)
+        patch.setattr("femseal.report.page.png", drawn)
         yield
 
 
@@ -150,7 +150,7 @@ def _how_pictures_are_made():
 
     The value has the functions that make them outside of tests.
     """
-    from femseal.report import pictures
+    from femseal.report import page as pictures
 
     made = pictures._figures, pictures.png
     with _pictures(lambda *given: dict.fromkeys(made[0](*given), lambda: None), _nothing):

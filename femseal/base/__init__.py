@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING
 from .lazy_package import lazy
 
 if TYPE_CHECKING:
-    from .arrays import Array, Flags, Indices, Lengths, Pair, Periodic, Shape, reals
+    from .arrays import AnyPath, Array, Flags, Indices, Lengths, Pair, Periodic, Shape, reals
     from .errors import (
         FemsealError,
         InputError,
@@ -17,7 +17,7 @@ if TYPE_CHECKING:
         shortened,
         shown,
     )
-    from .files import made_folder, read_plain, replacing, write_text, writing
+    from .files import made_folder, read_plain, replacing, write_bytes, write_text, writing
     from .machine import free_memory, numerical_versions, versions
     from .quantities import to_si, to_text
     from .stage import Mapper, Stage
@@ -31,6 +31,8 @@ if TYPE_CHECKING:
         duration,
         format_deviation,
         labelled,
+        number_text,
+        rows_of,
     )
 else:
     __getattr__, __dir__ = lazy(__name__)

@@ -1,4 +1,6 @@
-"""Types: arrays of real numbers, of whole numbers such as indices, and of truth values; lengths along both axes."""
+"""Types: arrays of real and of whole numbers and of truth values; lengths along both axes; paths."""
+
+import os
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -6,6 +8,8 @@ from numpy.typing import ArrayLike, NDArray
 Array = NDArray[np.float64]
 Indices = NDArray[np.int64]
 Flags = NDArray[np.bool_]
+#: Of a file or a folder.
+AnyPath = str | os.PathLike[str]
 #: Along x1 and x2: points, lengths, whether a map repeats itself.
 Shape = tuple[int, int]
 Pair = tuple[float, float]

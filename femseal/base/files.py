@@ -112,6 +112,11 @@ def writing(what: str, path: object, kind: str = "a file") -> Iterator[None]:
 
 def write_text(path: Path, text: str) -> Path:
     """Write a text file in UTF-8; returns its path."""
+    return write_bytes(path, text.encode())
+
+
+def write_bytes(path: Path, content: bytes | memoryview) -> Path:
+    """Write a file; returns its path."""
     with replacing(path) as temporary:
-        temporary.write_text(text, encoding="utf-8", newline="")
+        temporary.write_bytes(content)
     return path

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import csv
 import io
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, fields, replace
 from html import escape
 from math import degrees, expm1, isfinite, isnan
@@ -115,6 +115,16 @@ def _cells(texts: Iterable[str], tag: str) -> str:
 
 
 _POWERS = str.maketrans("23", "²³")
+_SUPERSCRIPTS = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
+#: Powers of ten that are written as numbers.
+_PLAIN = range(-4, 6)
+
+
+def rows_of(columns: Mapping[str, Any]) -> list[dict[str, Any]]:
+    """A dictionary for each row of columns (rows,), or of one value for all rows, in numbers of Python."""
+    values = [np.asarray(column) for column in columns.values()]
+    lines = zip(*(column.tolist() for column in np.broadcast_arrays(*values)), strict=True)
+    return [dict(zip(columns, line, strict=True)) for line in lines]
 
 
 def comma_separated(rows: Sequence[dict[str, Any]]) -> str:
@@ -142,6 +152,18 @@ def _plain_cell(value: Any) -> Any:
     except ValueError:
         return f"'{value}"
     return value
+
+
+def number_text(value: float, digits: int = 3, plain: range = _PLAIN) -> str:
+    """A number other than 0 as people write it, with a power of ten unless its exponent is in `plain`.
+
+    >>> number_text(16634567.0), number_text(1e-12), number_text(99960.0), number_text(-0.012345, 2)
+    ('1.66·10⁷', '10⁻¹²', '100000', '-0.012')
+    """
+    factor, exponent = f"{value:.{digits - 1}e}".split("e")
+    if int(exponent) in plain:
+        return f"{float(f'{value:.{digits}g}'):.15g}"
+    return f"{float(factor):g}·10{str(int(exponent)).translate(_SUPERSCRIPTS)}".removeprefix("1·")
 
 
 def duration(seconds: float) -> str:

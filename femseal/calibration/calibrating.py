@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import os
 from collections.abc import Callable, Iterable
 from contextlib import ExitStack
 from functools import partial
@@ -15,6 +14,7 @@ import numpy as np
 from scipy.stats import qmc
 
 from ..base import (
+    AnyPath,
     FemsealError,
     InputError,
     Stage,
@@ -28,7 +28,7 @@ from ..base import (
 )
 from ..base.leak_rates import LeakUnit
 from ..case.case import Case, load_case, read_case
-from ..execution.parts import Part, checked_part
+from ..execution.parts import Part
 from ..execution.resuming import over_store, writing_in
 from ..execution.run import Progress, Run, no_progress, ordered_map
 from ..preparation.preparation import prepare
@@ -57,9 +57,9 @@ _SAMPLES = 2**9, 2**12
 
 
 def calibrate(
-    case: Case | str | os.PathLike[str],
-    data: str | os.PathLike[str],
-    output: str | os.PathLike[str] | None = None,
+    case: Case | AnyPath,
+    data: AnyPath,
+    output: AnyPath | None = None,
     *,
     hardness: Range | None = None,
     shortest_wave: Range | None = None,
@@ -99,7 +99,7 @@ def calibrate(
     >>> found = calibrate("seal.toml", "leak_test.csv", scenes=16)  # doctest: +SKIP
     >>> found.hardness.median, found.factor  # doctest: +SKIP
     """
-    part = None if part is None else checked_part(part)
+    folder, going_on, part = job.checked_output(output, resume, part)
     loaded = case if isinstance(case, Case) else load_case(case)
     if loaded.accuracy is not None:
         raise InputError(
@@ -117,7 +117,6 @@ def calibrate(
     )
     steps, rows = np.unique(test.rows_of(loaded), return_inverse=True)
     solved = partial(_leakage, tested, test.unit, steps)
-    folder = None if output is None else Path(output)
     identity = {
         "case": tested.echo(),
         "ranges": ranges.tolist(),
@@ -126,16 +125,11 @@ def calibrate(
         "content of face files": job.face_files(tested),
         "version": numerical_versions(),
     }
-    if (resume or part is not None) and folder is None:
-        raise InputError(
-            "resume" if part is None else "part", part or True, "an output folder with it"
-        )
     # a case has no digest, but what its leakage depends on has one
     stage = Stage("scenes", solved, memory, key=("scenes", json.dumps(identity, default=str)))
     progress = progress or no_progress
     with ExitStack() as stack:
         if folder is not None:
-            going_on = resume or part is not None
             if not going_on and (folder / FILE).exists():  # a finished one
                 unfinished.remove(folder)
             stack.enter_context(writing_in(made_folder(folder), identity, going_on, part))
@@ -179,7 +173,7 @@ def _ranges(case: Case, given: dict[str, Range | None]) -> tuple[Array, float]:
         )
     prepared = prepare(case)
     surface, wave = prepared.scene.surface, prepared.conditioning.shortest_wave
-    least = {"hardness": 1.01 * float(prepared.scene.steps.pressures.max()), "factor": 0.0,
+    least = {"hardness": 1.01 * prepared.scene.steps.pressures.max(), "factor": 0.0,
              "shortest_wave": resolved_wave(surface.size, surface.shape)}  # fmt: skip
     # two waves in a piece
     sides = [n / (2 * c) for n, c in zip(surface.size, prepared.cells or (1, 1), strict=True)]
@@ -236,13 +230,13 @@ def _explored(
     """
     low, high = np.log(ranges[:2]).T
     points, leakage = np.empty((0, 2)), np.empty((0, int(max(rows)) + 1))
-    scenes_solved, their_leakage = points, leakage
+    all_points, all_leakage = points, leakage
     # a power of two, cut where fewer are wanted
     wanted = qmc.Sobol(2, rng=np.random.default_rng(1)).random_base2(int(np.log2(FIRST)))[:scenes]
     while True:
         values = np.exp(low + wanted * (high - low))
         new = np.array(list(solve(*values.T.tolist())))
-        scenes_solved, their_leakage = np.r_[scenes_solved, values], np.r_[their_leakage, new]
+        all_points, all_leakage = np.r_[all_points, values], np.r_[all_leakage, new]
         known = np.isfinite(new).all(axis=1)
         points, leakage = np.r_[points, wanted[known]], np.r_[leakage, new[known]]
         scenes -= len(wanted)
@@ -250,14 +244,12 @@ def _explored(
             raise FemsealError(
                 f"calibrate: only {len(points)} of {len(wanted)} scenes could be solved"
             )
-        posterior = Posterior(
-            test, list(rows), ranges, Surrogate.through(points, leakage, jumps=(1,)), error
-        )
-        if scenes <= 0:
-            return posterior, scenes_solved, their_leakage
+        surrogate = Surrogate.through(points, leakage, jumps=(1,))
+        posterior = Posterior(test, list(rows), ranges, surrogate, error)
         cube = posterior.samples(_SAMPLES[0])
-        if np.median(posterior.curves(cube)[1], axis=0).max() < _EXACT * error:
-            return posterior, scenes_solved, their_leakage
+        exact = np.median(posterior.curves(cube)[1], axis=0).max() < _EXACT * error
+        if scenes <= 0 or exact:
+            return posterior, all_points, all_leakage
         wanted = _spread(cube[:, :2], points, min(ADDED, scenes))
 
 
@@ -268,5 +260,5 @@ def _spread(candidates: Array, points: Array, count: int) -> Array:
     for _ in range(count):
         there = np.r_[points, np.reshape(chosen, (-1, 2))]
         distance = (((candidates[:, None] - there[None]) / width) ** 2).sum(-1).min(1)
-        chosen.append(candidates[int(np.argmax(distance))])
+        chosen.append(candidates[np.argmax(distance)])
     return np.array(chosen)

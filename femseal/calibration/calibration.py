@@ -8,20 +8,23 @@ from __future__ import annotations
 import json
 import os
 from dataclasses import asdict, dataclass, replace
+from itertools import combinations
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from ..base import (
+    AnyPath,
     Array,
     TextTable,
     comma_separated,
     counted,
     made_folder,
-    replacing,
+    rows_of,
     to_text,
     versions,
+    write_bytes,
     write_text,
     writing,
 )
@@ -34,10 +37,11 @@ from ..plots.drawing import (
     STYLES,
     Sheet,
     legend_below,
+    png,
     shown,
 )
 from ..plots.leakage_curves import LeakageCurves, leakage_panel
-from ..results.selections import pressures_and_peaks
+from ..results.selections import branch_text, pressures_and_peaks
 from ..results.tables import format_leakage
 from .leak_test import BELOW, PROBABILITY, UNITS, Estimate, LeakTest, Posterior
 
@@ -91,6 +95,7 @@ class Calibration:
         """From samples of the posterior in the unit cube (n, 3)."""
         samples, test = posterior.quantities(cube), posterior.test
         prior = posterior.quantities(np.repeat([[0.5], [0.0], [1.0]], 3, axis=1))
+        estimates = {name: Estimate.of(samples[:, n]) for n, name in enumerate(UNITS)}
         mean, deviation, is_open = posterior.curves(cube)
         rng = np.random.default_rng(2)
         drawn = np.exp(mean + deviation * rng.standard_normal((len(cube), 1)))
@@ -104,26 +109,22 @@ class Calibration:
             if there.mean() > _MANY
         ]
         leaks = ~test.sealed & (curve[1] > 0)
-        scale = np.hypot(posterior.error, np.median(deviation, axis=0)[leaks])
-        misfit = float(
-            np.sqrt(np.mean((np.log(test.leakage[leaks] / curve[1][leaks]) / scale) ** 2))
-        )
-        if not misfit < _MISFIT:
+        off = np.median(deviation, axis=0)[leaks]
+        ratio = np.log(test.leakage[leaks] / curve[1][leaks]) / np.hypot(posterior.error, off)
+        if not (misfit := np.sqrt(np.mean(ratio**2))) < _MISFIT:
             notes.append(
                 f"the model does not fit: it is {misfit:.2g} times the error off by the root mean square"
             )
-        if (missed := int((~test.sealed & (curve[1] == 0)).sum())) > 0:
+        if missed := int((~test.sealed & (curve[1] == 0)).sum()):
             notes.append(
                 f"the calibrated case is sealed where the test leaks, in {counted(missed, 'row')}"
             )
-        if (worst := float(np.median(deviation, axis=0)[leaks].max(initial=0.0))) > posterior.error:
+        if (worst := off.max(initial=0.0)) > posterior.error:
             notes.append(
                 f"the surrogate is {100 * worst:.2g} % off at some load, more than the test: more --scenes help"
             )
         return cls(
-            hardness=Estimate.of(samples[:, 0]),
-            shortest_wave=Estimate.of(samples[:, 1]),
-            factor=Estimate.of(samples[:, 2]),
+            **estimates,
             prior={name: Estimate(*map(float, prior[:, n])) for n, name in enumerate(UNITS)},
             correlation=np.asarray(np.corrcoef(cube.T)),
             samples=samples,
@@ -148,23 +149,18 @@ class Calibration:
 
     def rows(self) -> list[dict[str, Any]]:
         """One dictionary for each row of the test: load, measured and calibrated leakage in the unit of the test."""
+        loads = zip(("load", "unloaded from"), pressures_and_peaks(self.test.steps), strict=True)
+        columns: dict[str, Any] = {f"{name} [{self.load_unit}]": p for name, p in loads}
+        columns["sealed or below"] = self.test.sealed
+        low, median, high = self.curve
+        leakages = {
+            "measured": self.test.leakage,
+            "calibrated": median,
+            "lower": low,
+            "upper": high,
+        }
         unit = self.test.unit.name
-        return [
-            {
-                f"load [{self.load_unit}]": step.pressure,
-                f"unloaded from [{self.load_unit}]": np.nan
-                if step.unloaded_from is None
-                else step.unloaded_from,
-                "sealed or below": bool(sealed),
-                f"measured [{unit}]": float(measured),
-                f"calibrated [{unit}]": float(median),
-                f"lower [{unit}]": float(low),
-                f"upper [{unit}]": float(high),
-            }
-            for step, sealed, measured, low, median, high in zip(
-                self.test.steps, self.test.sealed, self.test.leakage, *self.curve, strict=True
-            )
-        ]
+        return rows_of(columns | {f"{name} [{unit}]": q for name, q in leakages.items()})
 
     def tables(self) -> list[TextTable]:
         """Prior and posterior with correlations; measured and calibrated leakages."""
@@ -180,35 +176,36 @@ class Calibration:
             (f"{100 * PROBABILITY:g} % region", [band(name, known[name]) for name in UNITS]),
         ]
         columns += [
-            (
-                f"correlation with {name.replace('_', ' ')}",
-                [f"{value:+.2f}" for value in self.correlation[n]],
-            )
-            for n, name in enumerate(UNITS)
+            (f"correlation with {name.replace('_', ' ')}", [f"{value:+.2f}" for value in values])
+            for name, values in zip(UNITS, self.correlation, strict=True)
         ]
-        leakages, scenes = (
-            counted(len(self.test.steps), "measured leakage"),
-            counted(len(self.scenes), "solved scene"),
+        count = counted(len(self.test.steps), "measured leakage")
+        title = f"Calibration by {count} and {counted(len(self.scenes), 'solved scene')}"
+        notes = tuple(f"note: {note}" for note in self.notes)
+        first = TextTable.of_columns(title, columns, notes=notes, wrap=16)
+
+        def load_text(load: float) -> str:
+            return to_text(load, self.load_unit)
+
+        measured, low, median, high = (
+            [format_leakage(q, 1.0) for q in values] for values in (self.test.leakage, *self.curve)
         )
-        title = f"Calibration by {leakages} and {scenes}"
-        first = TextTable.of_columns(
-            title, columns, notes=tuple(f"note: {note}" for note in self.notes), wrap=16
-        )
-        rows = zip(self.test.steps, self.test.sealed, self.test.leakage, *self.curve, strict=True)
-        lines = [
+        steps, sealed = self.test.steps, self.test.sealed
+        columns = [
+            ("load", [load_text(step.pressure) for step in steps]),
+            ("branch", [branch_text(step.unloaded_from, load_text) for step in steps]),
             (
-                to_text(step.pressure, self.load_unit),
-                "loading"
-                if step.unloaded_from is None
-                else f"unloading from {to_text(step.unloaded_from, self.load_unit)}",
-                f"{BELOW} " * bool(sealed) + format_leakage(measured, 1.0),
-                format_leakage(median, 1.0),
-                f"{format_leakage(low, 1.0)} to {format_leakage(high, 1.0)}",
-            )
-            for step, sealed, measured, low, median, high in rows
+                "measured",
+                [f"{BELOW} " * s + q for s, q in zip(sealed.tolist(), measured, strict=True)],
+            ),
+            ("calibrated", median),
+            (
+                f"{100 * PROBABILITY:g} % band",
+                [f"{a} to {b}" for a, b in zip(low, high, strict=True)],
+            ),
         ]
-        heads = ("load", "branch", "measured", "calibrated", f"{100 * PROBABILITY:g} % band")
-        return [first, TextTable(f"Leakage [{self.test.unit.name}]", heads, tuple(lines), names=2)]
+        title = f"Leakage [{self.test.unit.name}]"
+        return [first, TextTable.of_columns(title, columns, names=2)]
 
     def table(self) -> Any:
         """The tables for a terminal, to be given to `rich.print`."""
@@ -230,24 +227,22 @@ class Calibration:
     def _repr_html_(self) -> str:
         return "".join(table._repr_html_() for table in self.tables())
 
-    def write(self, folder: str | os.PathLike[str]) -> list[Path]:
+    def write(self, folder: AnyPath) -> list[Path]:
         """Write `calibration.json`, `calibration.csv` and `calibration.png` into a folder, which is made if needed.
 
         Raises InputError: the folder cannot be written.
         """
-        from ..plots.drawing import png
-
         target = made_folder(folder)
-        pairs = [(0, 1), (0, 2), (1, 2)]
-        names = list(UNITS)
-        content = {
+        pairs = combinations(enumerate(UNITS), 2)
+        estimates = {
             name: asdict(one) | {"prior": asdict(self.prior[name])}
             for name, one in self.posterior.items()
-        } | {
+        }
+        content = estimates | {
             "units": {name: unit or "1" for name, unit in UNITS.items()},
             "probability": PROBABILITY,
             "correlation": {
-                f"{names[a]}, {names[b]}": float(self.correlation[a, b]) for a, b in pairs
+                f"{one}, {other}": self.correlation[a, b] for (a, one), (b, other) in pairs
             },
             "solid": self.solid,
             "error": self.density.error,
@@ -258,11 +253,9 @@ class Calibration:
         }
         text = json.dumps(content, indent=1, ensure_ascii=False).replace("NaN", "null")
         with writing("output", target, "a folder"):
-            with replacing(target / PICTURE) as temporary:
-                temporary.write_bytes(png(calibration_figure(self)))
-            write_text(target / TABLE, comma_separated(self.rows()))
-            write_text(target / FILE, text)
-        return [target / FILE, target / TABLE, target / PICTURE]
+            picture = write_bytes(target / PICTURE, png(calibration_figure(self)))
+            table = write_text(target / TABLE, comma_separated(self.rows()))
+            return [write_text(target / FILE, text), table, picture]
 
 
 def _text(name: str, value: float) -> str:
@@ -301,12 +294,10 @@ def calibration_figure(found: Calibration) -> Figure:
     below = 0.75 + LEGEND_LINE * (len(curves.branches) + 2)
     sheet = Sheet([_HEIGHT, _HEIGHT, _HEIGHT + below])
     axes = sheet.panel(2, replace(LINES, top=0.15, bottom=below))
+    kinds = (~test.sealed, "D", "measured"), (test.sealed, "v", "measured: sealed, or below this")
     measured = [
         axes.plot(pressure[rows] / size, test.leakage[rows], marker, color=GREY, label=label)[0]
-        for rows, marker, label in (
-            (~test.sealed, "D", "measured"),
-            (test.sealed, "v", "measured: sealed, or below this"),
-        )
+        for rows, marker, label in kinds
     ]
     handles = leakage_panel(axes, curves, "calibrated, ")
     for row, name in enumerate(("shortest_wave", "factor")):
@@ -317,21 +308,18 @@ def calibration_figure(found: Calibration) -> Figure:
 
 def _pair(axes: Axes, found: Calibration, across: str, up: str) -> None:
     """Samples of two quantities, with solved scenes where they have both, and the medians."""
-    names = list(UNITS)
     (x, x_size), (y, y_size) = (_SCALES[UNITS[name]] for name in (across, up))
-    samples = found.samples[:, [names.index(across), names.index(up)]] / (x_size, y_size)
-    axes.plot(*samples.T, ".", color=STYLES[0][0], ms=1.5, alpha=0.3, zorder=1)
+    columns = [list(UNITS).index(name) for name in (across, up)]
+    samples = found.samples[:, columns] / (x_size, y_size)
+    axes.plot(*samples.T, ".", color=STYLES[0]["color"], ms=1.5, alpha=0.3, zorder=1)
     if up == "shortest_wave":
-        axes.plot(
-            *(found.scenes / (x_size, y_size)).T, "+", color=GREY, ms=6, label="solved scenes"
-        )
+        scenes = found.scenes / (x_size, y_size)
+        axes.plot(*scenes.T, "+", color=GREY, ms=6, label="solved scenes")
         axes.legend(loc="upper right", fontsize=8.5, frameon=False)
     axes.plot(*np.median(samples, axis=0), "o", color="black", ms=6)
-    axes.set_xlabel(f"{across} [{x}]")
-    axes.set_ylabel(f"{up.replace('_', ' ')} [{y}]" if y else "factor between test and model")
-    axes.set_title(
-        f"correlation {found.correlation[names.index(across), names.index(up)]:+.2f}", fontsize=9
-    )
+    name = f"{up.replace('_', ' ')} [{y}]" if y else "factor between test and model"
+    axes.set(xlabel=f"{across} [{x}]", ylabel=name)
+    axes.set_title(f"correlation {found.correlation[tuple(columns)]:+.2f}", fontsize=9)
     axes.grid(alpha=0.25, lw=0.6)
 
 
@@ -360,9 +348,8 @@ def _moved(value: Any, base: Path, folder: Path) -> Any:
         return [_moved(inner, base, folder) for inner in value]
     if isinstance(value, str):
         # "lay.vtu:name" is a field of a file
-        name, colon, field = (
-            value.rpartition(":") if not (base / value).is_file() else (value, "", "")
-        )
-        if name and (base / name).is_file():
-            return os.path.relpath(base / name, folder).replace(os.sep, "/") + colon + field
+        for name in (value, value.rpartition(":")[0]):
+            if name and (base / name).is_file():
+                path = os.path.relpath(base / name, folder).replace(os.sep, "/")
+                return path + value.removeprefix(name)
     return value

@@ -15,11 +15,10 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.special import ndtr
 from scipy.stats import qmc
 
-from ..base import Array, InputError, InputErrors, counted, shortened, shown, to_si, to_text
+from ..base import Array, Flags, InputError, InputErrors, counted, shortened, shown, to_si, to_text
 from ..base.leak_rates import LeakUnit, leak_unit
 from ..case.case import Case
 from ..case.values import Amount
@@ -49,7 +48,7 @@ class LeakTest:
 
     steps: tuple[LoadStep, ...]
     leakage: Array
-    sealed: NDArray[np.bool_]
+    sealed: Flags
     unit: LeakUnit
 
     def of_case(self, case: Case) -> Case:
@@ -91,11 +90,8 @@ def read_leak_test(path: Path, case: Case) -> LeakTest:
         raise InputError(
             "data", f"'{path}'", f"a file of columns that can be read ({reason})"
         ) from None
-    numbered = [
-        (n, line)
-        for n, line in enumerate(text.splitlines(), 1)
-        if line.strip() and line.strip()[0] != "#"
-    ]
+    lines = enumerate(text.splitlines(), 1)
+    numbered = [(n, line) for n, line in lines if line.strip() and line.strip()[0] != "#"]
     if len(numbered) < 2:
         raise InputError("data", f"'{path}' without rows", f"a line of heads, {COLUMNS}, and rows")
     mark = next((mark for mark in ";\t" if mark in numbered[0][1]), ",")
@@ -107,30 +103,20 @@ def read_leak_test(path: Path, case: Case) -> LeakTest:
             if len(row) != len(heads):
                 raise InputError("row", counted(len(row), "cell"), f"{len(heads)} as in the heads")
             named = {name: row[n].strip() for name, (n, _) in columns.items()}
-            rows.append(
-                (
-                    _step(named, {k: f for k, (_, f) in columns.items()}, case),
-                    *_leakage(named["leakage"]),
-                )
-            )
+            factors = {name: factor for name, (_, factor) in columns.items()}
+            rows.append((_step(named, factors, case), *_leakage(named["leakage"])))
         except InputError as error:
-            faults.append(
-                InputError(f"data, line {number}: {error.what}", error.given, error.expected)
-            )
+            what = f"data, line {number}: {error.what}"
+            faults.append(InputError(what, error.given, error.expected))
     if faults:
         raise InputErrors(faults)
-    steps, leakage, sealed = (list(column) for column in zip(*rows, strict=True))
-    values, below = np.array(leakage, dtype=float), np.array(sealed, dtype=bool)
-    if below.all():
-        raise InputError(
-            "data",
-            "no row that leaks",
-            "leakages at three loads or more, besides rows that are sealed",
-        )
-    if len({step for step, low in zip(steps, below, strict=True) if not low}) < 3:
-        raise InputError("data", "too few that were measured", "leakages at three loads or more")
+    steps, leakage, sealed = zip(*rows, strict=True)
+    values, below = np.array(leakage), np.array(sealed)
+    if (count := len({step for step, low in zip(steps, sealed, strict=True) if not low})) < 3:
+        expected = "leakages at three loads or more, besides rows that are sealed"
+        raise InputError("data", f"{counted(count, 'load')} with a leakage", expected)
     values[np.isnan(values)] = values[~below].min()
-    return LeakTest(tuple(steps), values, below, unit)
+    return LeakTest(steps, values, below, unit)
 
 
 def _columns(heads: list[str], case: Case) -> tuple[dict[str, tuple[int, float]], LeakUnit]:
@@ -192,17 +178,11 @@ def _step(row: dict[str, str], factors: dict[str, float], case: Case) -> LoadSte
     elif loads.peaks:
         peak = float(max(loads.peaks))
     else:
-        raise InputError(
-            "unloaded from",
-            "nothing",
-            f"a column 'unloaded from [M{unit}]', as the case has no unload_from",
-        )
+        expected = f"a column 'unloaded from [M{unit}]', as the case has no unload_from"
+        raise InputError("unloaded from", "nothing", expected)
     if not load < peak:
-        raise InputError(
-            "load",
-            to_text(load, unit),
-            f"a load below that from which it is unloaded, {to_text(peak, unit)}",
-        )
+        expected = f"a load below that from which it is unloaded, {to_text(peak, unit)}"
+        raise InputError("load", to_text(load, unit), expected)
     return LoadStep(load, peak)
 
 
@@ -240,7 +220,7 @@ class Estimate:
         """From samples of a posterior."""
         ordered = np.sort(values)
         count = int(np.ceil(PROBABILITY * len(ordered)))
-        n = int(np.argmin(np.log(ordered[count - 1 :] / ordered[: len(ordered) - count + 1])))
+        n = np.argmin(np.log(ordered[count - 1 :] / ordered[: len(ordered) - count + 1]))
         return cls(float(np.median(ordered)), float(ordered[n]), float(ordered[n + count - 1]))
 
 
@@ -301,7 +281,7 @@ class Posterior:
                     (factor - rest[:, row, None]) / np.hypot(deviation[:, row, None], self.error)
                 )
                 found += np.log(1 - is_open[:, row, None] * above)
-            return np.asarray(found)
+            return found
 
         return middle, width, density
 

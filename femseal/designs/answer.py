@@ -1,28 +1,28 @@
 """The design answer for a case or a finished run: what pressures a seal needs, and what changes them most."""
 
 import json
-import os
 from collections.abc import Iterable
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 
-from ..base import InputError, counted, to_si, to_text, validate, versions
+from ..base import AnyPath, InputError, counted, to_si, to_text, validate, versions
 from ..base.leak_rates import USUAL, check_classes, leak_classes
 from ..case.case import Case, load_case
 from ..case.values import Amount
+from ..execution.run import no_progress
 from ..fluids import leak_basis
 from ..results import Results, open_results
 from ..runs import job
 from .data_sheet import Design
 from .requirements import Requirement, Seals, requirement, sealing_load
-from .sensitivities import Solver, Variants, inlet_slope, sensitivities, state_of_classes
+from .sensitivities import Variants, inlet_slope, sensitivities, solved_variants, state_of_classes
 
 
 def design(
-    what: Case | Results | str | os.PathLike[str],
-    output: str | os.PathLike[str] | None = None,
+    what: Case | Results | AnyPath,
+    output: AnyPath | None = None,
     *,
     classes: Iterable[str] = (),
     probability: float = 0.95,
@@ -75,7 +75,7 @@ def design(
     )
     if diameter is not None:
         validate.number("nominal_diameter", diameter, unit="m")
-    shown = progress or (lambda stage, done, total: None)
+    shown = progress or no_progress
     if results is None:
         assert case is not None
         case = _assembled(case, extra)
@@ -86,16 +86,12 @@ def design(
             check_classes(classes, diameter or case.output.nominal_diameter, basis)
         results = job.run(case, output, output is not None, workers, progress=shown)
     seals = Seals.of_results(results)
-    if case is None and (
-        lacking := [q for q in extra if not np.isclose(q, seals.steps.unload_from, rtol=1e-9).any()]
-    ):
-        peaks = ", ".join(to_text(peak, "Pa") for peak in seals.steps.unload_from) or "none"
-        wanted_too = ", ".join(to_text(q, "Pa") for q in lacking)
-        raise InputError(
-            "assembly",
-            wanted_too,
-            f"those that the run is unloaded from, {peaks}; others take its case",
-        )
+    known = seals.steps.unload_from
+    lacking = [q for q in extra if not np.isclose(q, known, rtol=1e-9).any()]
+    if case is None and lacking:
+        peaks, others = (", ".join(to_text(p, "Pa") for p in each) for each in (known, lacking))
+        expected = f"those that the run is unloaded from, {peaks or 'none'}; others take its case"
+        raise InputError("assembly", others, expected)
     if not seals.count:
         raise InputError(
             "results",
@@ -104,28 +100,26 @@ def design(
         )
     data = results.dataset
     wanted = wanted or leak_classes(
-        [str(n) for n in data["leak_class"].values] if "leak_class" in data.coords else USUAL
+        data["leak_class"].values.tolist() if "leak_class" in data.coords else USUAL
     )
     diameter = diameter or data.attrs.get("nominal_diameter_m")
     limits = [(one.name, one.limit(results.class_basis, diameter)) for one in wanted]
     relaxation = float(results.case.get("load", {}).get("relaxation", 0.0))
-    needs = tuple(
-        requirement(seals, name, limit, probability, relaxation) for name, limit in limits
-    )
+    needs = tuple(requirement(seals, *limit, probability, relaxation) for limit in limits)
     place = _place(needs, seals, probability)
-    yields = bool(np.isfinite(float(data.attrs["hardness_Pa"])))
+    yields = bool(np.isfinite(data.attrs["hardness_Pa"]))
     variants, notes = Variants(hardness_counts=yields), _notes(seals, probability, results)
     if case is None and solve:
         notes.append(
             "of results nothing is solved again: femseal design CASE.toml gives the hardness too"
         )
-    if case is not None and solve and np.isfinite(place[1]):
-        solver = Solver(case, results, workers, shown)
+    known_load = np.isfinite(place[1])
+    if case is not None and solve and known_load:
         if (former := json.loads(data.attrs["versions"]).get("femseal")) != versions()["femseal"]:
             notes.append(
                 f"the run is of femseal {former}: what is solved again may differ from it for that reason too"
             )
-        variants = solver.variants()
+        variants = solved_variants(case, results, workers, shown)
     if (state := state_of_classes(results)) is not None:
         several = isinstance(results.case.get("seal", {}).get("inlet"), dict)
         slope = np.nan if several else inlet_slope(state)
@@ -137,9 +131,7 @@ def design(
         requirements=needs,
         sealing=sealing_load(seals, probability),
         at=place,
-        sensitivities=sensitivities(seals, variants, place[1], probability)
-        if np.isfinite(place[1])
-        else (),
+        sensitivities=sensitivities(seals, variants, place[1], probability) if known_load else (),
         notes=tuple(notes),
     )
     folder = results.folder if output is None and case is None else output
@@ -148,7 +140,7 @@ def design(
     return answer
 
 
-def _given(what: Case | Results | str | os.PathLike[str]) -> tuple[Case | None, Results | None]:
+def _given(what: Case | Results | AnyPath) -> tuple[Case | None, Results | None]:
     if isinstance(what, Case):
         return what, None
     if isinstance(what, Results):
@@ -181,7 +173,7 @@ def _place(needs: tuple[Requirement, ...], seals: Seals, fraction: float) -> tup
     for need in needs:
         if np.isfinite(need.assembly.at):
             return need.name, need.assembly.at
-    steps = seals.loading()
+    steps = seals.falling()
     pressure, leak = seals.steps.pressures[steps], seals.curve_of(fraction)[steps]
     open_ = pressure[(pressure > 0) & (leak > 0) & np.isfinite(leak)]
     return "", float(np.sqrt(open_[0] * open_[-1])) if open_.size > 1 else np.nan

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import os
 from dataclasses import dataclass, replace
 from math import ceil, isfinite, isinf
 from pathlib import Path
@@ -12,12 +11,13 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ..base import (
+    AnyPath,
     TextTable,
     comma_separated,
     counted,
     made_folder,
-    replacing,
     to_text,
+    write_bytes,
     write_text,
     writing,
 )
@@ -41,7 +41,7 @@ from ..report.report_tables import DESIGN_FILE, DESIGN_PICTURE
 from ..results.results import Results
 from ..results.results_file import FILE_NAME
 from ..results.selections import loads_as_given, pressures_and_peaks
-from ..results.tables import format_leakage
+from ..results.tables import format_leakage, kind_of
 from .requirements import ENDS, LoadText, NeededPressure, Requirement, Seals
 from .sensitivities import Sensitivity
 
@@ -55,38 +55,30 @@ def design_figure(answer: Design) -> Figure:
     unit, scale = answer.leak_scale
     seals = answer.seals
     many = seals.count > 1
-    what = "leakage per length of seal" if unit.per_length else "leakage of the whole seal"
+    low, high = (seals.curve_of(end) for end in ENDS)
     curves = LeakageCurves(
         *pressures_and_peaks(seals.steps),
-        leakage=seals.curve_of(answer.probability),
-        title=f"leakage that {100 * answer.probability:.4g} % of the seals keep"
-        if many
-        else "leakage of the seal",
-        band=(seals.curve_of(ENDS[0]), seals.curve_of(ENDS[1])) if many else None,
+        seals.curve_of(answer.probability),
+        "",
+        band=(low, high) if many else None,
         band_name=f"{100 * ENDS[0]:g} – {100 * ENDS[1]:g} % of the seals",
-        scale=(scale, f"{what} [{unit.name}]"),
+        scale=(scale, f"{kind_of(unit)} [{unit.name}]"),
     )
-    lines = ceil((len(seals.steps.unload_from) + 6) / 2)
-    sheet = Sheet([4.4 + LEGEND_LINE * lines])
-    margins = replace(LINES, right=1.2, top=0.2, bottom=0.7 + LEGEND_LINE * lines)
-    axes = sheet.panel(0, margins)
+    below = LEGEND_LINE * ceil((len(seals.steps.unload_from) + 6) / 2)
+    sheet = Sheet([4.4 + below])
+    axes = sheet.panel(0, replace(LINES, right=1.2, top=0.2, bottom=0.7 + below))
     handles = leakage_panel(axes, curves)
-    load_axis(
-        axes, curves.pressure / 1e6, logarithmic=True
-    )  # on which lines are what marks were read off
-    _limits(axes, answer, scale)
-    legend_below(sheet.figure, handles + _marks(axes, answer, scale))
-    return sheet.figure
-
-
-def _limits(axes: Axes, answer: Design, scale: float) -> None:
-    """A named line for each class whose limit is within three decades of the leakages."""
-    low, high = axes.get_ylim()
+    # on which lines are what marks were read off
+    load_axis(axes, curves.pressure / 1e6, logarithmic=True)
+    # a named line for each class whose limit is within three decades of the leakages
+    least, most = axes.get_ylim()
     limits = {need.name: need.limit / scale for need in answer.requirements}
-    near = [limit for limit in limits.values() if 1e-3 * low < limit < 1e3 * high]
-    axes.set_ylim(min([low, *(x / 2 for x in near)]), max([high, *(2 * x for x in near)]))
+    near = [limit for limit in limits.values() if 1e-3 * least < limit < 1e3 * most]
+    axes.set_ylim(min([least, *(x / 2 for x in near)]), max([most, *(2 * x for x in near)]))
     decades(axes.yaxis)
     limit_lines(axes, limits)
+    legend_below(sheet.figure, handles + _marks(axes, answer, scale))
+    return sheet.figure
 
 
 def _marks(axes: Axes, answer: Design, scale: float) -> list[Any]:
@@ -95,28 +87,21 @@ def _marks(axes: Axes, answer: Design, scale: float) -> list[Any]:
 
     # branches are drawn from the highest peak
     peaks = sorted(answer.seals.steps.unload_from, reverse=True)
-    colours = dict(zip([None, *peaks], branch_styles(1 + len(peaks)), strict=True))
+    looks = dict(zip([None, *peaks], branch_styles(1 + len(peaks)), strict=True))
     for need in answer.requirements:
         for peak, needed in [(None, need.assembly), *need.service.items()]:
             if not np.isfinite(needed.at) or not need.limit > 0:
                 continue
-            x, y, colour = needed.at / 1e6, need.limit / scale, colours[peak][0]
+            x, y, colour = needed.at / 1e6, need.limit / scale, looks[peak]["color"]
             ends = [needed.bound(end) / 1e6 for end in (needed.low, needed.value)]
             marker, above = ("v", 7) if peak is None else ("^", -15)
             axes.plot(ends, [y, y], color=colour, lw=3.5, alpha=0.45, zorder=4)
             axes.plot(x, y, color=colour, marker=marker, ms=9, mec="black", zorder=5)
-            axes.annotate(
-                answer.load_text(needed.at),
-                (x, y),
-                xytext=(4, above),
-                textcoords="offset points",
-                fontsize=8,
-                zorder=6,
-            )
-    names = (("v", "Qmin as computed"), ("^", "QSmin as computed"))
+            look: dict[str, Any] = {"textcoords": "offset points", "fontsize": 8, "zorder": 6}
+            axes.annotate(answer.load_text(needed.at), (x, y), xytext=(4, above), **look)
     handles = [
-        Line2D([], [], color="white", marker=marker, ms=8, mec="black", label=text)
-        for marker, text in names
+        Line2D([], [], color="white", marker=marker, ms=8, mec="black", label=f"{name} as computed")
+        for marker, name in (("v", "Qmin"), ("^", "QSmin"))
     ]
     band = Line2D([], [], color=GREY, lw=3.5, alpha=0.45, label="with the whole band of error")
     return [*handles, band]
@@ -155,12 +140,10 @@ class Design:
         """
         data, found = self.results.dataset, {}
         for peak in self.seals.steps.unload_from if "mean_gap" in data else ():
-            steps = self.seals.unloading(peak)
-            steps = steps[self.seals.steps.pressures[steps] > 0][::-1]
-            pressure, gap = (
-                np.log(self.seals.steps.pressures[steps]),
-                data["mean_gap"].values[steps],
-            )
+            steps = self.seals.falling(peak)[::-1]
+            steps = steps[self.seals.steps.pressures[steps] > 0]
+            pressure = np.log(self.seals.steps.pressures[steps])
+            gap = data["mean_gap"].values[steps]
             if pressure[0] <= (third := np.log(peak / 3)) + 1e-9:
                 found[peak] = 2 / 3 * peak / (np.interp(third, pressure, gap) - gap[-1])
         return found
@@ -189,7 +172,7 @@ class Design:
         """Leakage over load with Qmin and QSmin, see `design_figure`."""
         return shown(design_figure(self))
 
-    def write(self, folder: str | os.PathLike[str]) -> list[Path]:
+    def write(self, folder: AnyPath) -> list[Path]:
         """Write the data sheet, see `write_sheet`."""
         return write_sheet(self, folder)
 
@@ -230,9 +213,8 @@ def sheet_tables(answer: Design) -> list[TextTable]:
     ]
     if answer.sensitivities:
         found = answer.sensitivities
-        place = f"at {shown(answer.at[1])} on loading" + (
-            f", Qmin of {answer.at[0]}" if answer.at[0] else ""
-        )
+        name, load = answer.at
+        place = f"at {shown(load)} on loading{name and f', Qmin of {name}'}"
         columns = [
             ("quantity x", [one.quantity for one in found]),
             ("d ln L / d ln x", [_slope_text(one.leakage) for one in found]),
@@ -263,11 +245,10 @@ def sheet_sentences(answer: Design) -> list[str]:
     data, count = answer.results.dataset, answer.seals.count
     prefix = "test_" if "test_leakage" in data else ""
     ends = " to ".join(
-        to_text(float(data.attrs[f"{prefix}{end}_pressure_Pa"]), "Pa")
-        for end in ("inlet", "outlet")
+        to_text(data.attrs[f"{prefix}{end}_pressure_Pa"], "Pa") for end in ("inlet", "outlet")
     )
     fluid = f"{data.attrs[f'{prefix}fluid']}, from {ends}"
-    width, length = (to_text(float(side), "m") for side in data.attrs["seal_size_m"])
+    width, length = (to_text(side, "m") for side in data.attrs["seal_size_m"])
     found = [f"A seal {width} wide and {length} long; {fluid}."]
     if count > 1:
         found.append(
@@ -324,7 +305,7 @@ def rows(answer: Design) -> list[dict[str, Any]]:
     return [dict.fromkeys(_COLUMNS) | row for row in found]
 
 
-def write_sheet(answer: Design, folder: str | os.PathLike[str]) -> list[Path]:
+def write_sheet(answer: Design, folder: AnyPath) -> list[Path]:
     """Write `design.csv`, `design.json` and `design.png`; the report of results in the folder shows them."""
     target = made_folder(folder)
     table, (unit, scale) = rows(answer), answer.leak_scale
@@ -342,11 +323,9 @@ def write_sheet(answer: Design, folder: str | os.PathLike[str]) -> list[Path]:
         ],
     }
     with writing("output", target, "a folder"):
-        with replacing(target / DESIGN_PICTURE) as temporary:
-            temporary.write_bytes(png(design_figure(answer)))
-        write_text(target / TABLE_FILE, comma_separated(table))
-        write_text(target / DESIGN_FILE, json.dumps(content, indent=1, ensure_ascii=False))
-    written = [target / name for name in (TABLE_FILE, DESIGN_FILE, DESIGN_PICTURE)]
-    if (target / FILE_NAME).is_file():
-        written.append(write_report(target))
-    return written
+        written = [
+            write_bytes(target / DESIGN_PICTURE, png(design_figure(answer))),
+            write_text(target / TABLE_FILE, comma_separated(table)),
+            write_text(target / DESIGN_FILE, json.dumps(content, indent=1, ensure_ascii=False)),
+        ]
+        return [*written, *([write_report(target)] if (target / FILE_NAME).is_file() else [])]

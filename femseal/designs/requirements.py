@@ -16,7 +16,7 @@ from math import ceil, inf, isinf
 
 import numpy as np
 
-from ..base import Array, Indices
+from ..base import Array, Indices, reals
 from ..base.leak_rates import within
 from ..budget.error_parts import within_others
 from ..loads import LoadProgramme, LoadStep, relaxed
@@ -71,8 +71,8 @@ class Seals:
         lower, upper : ends of the band over the leakage (steps,), which go no further than those of other loads.
         opened : least upper end (steps,) [m²/s].
         """
-        size = np.abs(np.atleast_2d(np.asarray(leakage, dtype=float)))
-        known, pressures = ~np.isnan(size).all(axis=0), np.asarray(steps.pressures)
+        size = np.abs(np.atleast_2d(reals(leakage)))
+        known, pressures = ~np.isnan(size).all(axis=0), steps.pressures
         for peak in {step.unloaded_from for step in steps} if known.any() else ():
             own = np.array([step.unloaded_from == peak for step in steps])
             lowest = pressures[own & known].min(initial=inf if peak is None else peak)
@@ -94,28 +94,20 @@ class Seals:
         """Leakage that a fraction of the seals does not exceed, at each step [m²/s]."""
         return np.sort(self.leakage, axis=0)[_rank(fraction, self.count)]
 
-    def loading(self) -> Indices:
-        """Steps of the loading, rising."""
-        return np.flatnonzero(self.steps.on_loading)
+    def falling(self, peak: float | None = None) -> Indices:
+        """Steps of the loading, or of the unloading from a peak, which they begin with, from the highest load down."""
+        loading = np.flatnonzero(self.steps.on_loading)[::-1]
+        if peak is None:
+            return loading
+        unloading = [n for n, step in enumerate(self.steps) if step.unloaded_from == peak]
+        return np.r_[loading[self.steps.pressures[loading] == peak], unloading]
 
-    def unloading(self, peak: float) -> Indices:
-        """Steps of the unloading from a peak, which they begin with."""
-        start = [
-            n for n, s in enumerate(self.steps) if s.unloaded_from is None and s.pressure == peak
-        ]
-        return np.array(start + [n for n, s in enumerate(self.steps) if s.unloaded_from == peak])
+    def needed(self, limit: float, peak: float | None = None) -> Array:
+        """Pressure down to which each seal, on loading or unloaded from a peak, keeps the limit (seals,) [Pa].
 
-    def needed_on_loading(self, limit: float) -> Array:
-        """Pressure from which on each seal leaks no more than the limit (seals,) [Pa]; inf above all loads, 0 below."""
-        steps = self.loading()
-        return crossings(self.steps.pressures[steps][::-1], self.leakage[:, steps[::-1]], limit)
-
-    def needed_on_unloading(self, limit: float, peak: float) -> Array:
-        """Pressure down to which each seal, unloaded from a peak, leaks no more than the limit (seals,) [Pa].
-
-        inf: it leaks more at the peak already; 0: it does not at any load.
+        inf: it leaks more at the highest load already; 0: it does not at any load.
         """
-        steps = self.unloading(peak)
+        steps = self.falling(peak)
         return crossings(self.steps.pressures[steps], self.leakage[:, steps], limit)
 
     def peaks(self) -> Indices:
@@ -233,15 +225,9 @@ def requirement(
 ) -> Requirement:
     """What a limit of leakage per length [m²/s] needs with a fraction of the seals, whose loads relax by a fraction."""
 
-    def service(peak: float) -> NeededPressure:
-        return _needed(
-            seals,
-            lambda some: some.needed_on_unloading(limit, peak),
-            seals.unloading(peak),
-            fraction,
-        )
+    def needed(peak: float | None) -> NeededPressure:
+        return _needed(seals, lambda some: some.needed(limit, peak), seals.falling(peak), fraction)
 
-    assembly = _needed(seals, lambda some: some.needed_on_loading(limit), seals.loading(), fraction)
     after = None
     if relaxation and seals.steps.unload_from:
         after = _needed(
@@ -250,14 +236,13 @@ def requirement(
             seals.peaks(),
             fraction,
         )
-    return Requirement(
-        name, limit, assembly, {peak: service(peak) for peak in seals.steps.unload_from}, after
-    )
+    service = {peak: needed(peak) for peak in seals.steps.unload_from}
+    return Requirement(name, limit, needed(None), service, after)
 
 
 def sealing_load(seals: Seals, fraction: float) -> NeededPressure:
     """Pressure in assembly from which on nothing leaks, with a fraction of the seals."""
-    return _needed(seals, lambda some: some.needed_on_loading(0.0), seals.loading(), fraction)
+    return _needed(seals, lambda some: some.needed(0.0), seals.falling(), fraction)
 
 
 def _needed(

@@ -48,16 +48,15 @@ class Sensitivity:
 class Variants:
     """The same seals solved again with one thing changed; None where that was not done.
 
-    harder : with the hardness multiplied by `hardness_factor`. longer : with the length of the flow law multiplied by
-    `length_factor`. hardness_counts : whether the solids yield. hardens : whether they harden or soften as they do.
+    harder : with the hardness multiplied by `factor`. longer : with the length of the flow law multiplied by it.
+    hardness_counts : whether the solids yield. hardens : whether they harden or soften as they do.
     law_length : parameter of the fluid with which that length goes, "" of a law without one.
     inlet_slope : d ln L/d ln p_in by the fluid's potential, NaN if unknown.
     """
 
     harder: Seals | None = None
     longer: Seals | None = None
-    hardness_factor: float = 1.1
-    length_factor: float = 1.1
+    factor: float = 1.1
     hardness_counts: bool = True
     hardens: bool = False
     law_length: str = ""
@@ -68,66 +67,50 @@ def sensitivities(
     seals: Seals, variants: Variants, pressure: float, fraction: float
 ) -> tuple[Sensitivity, ...]:
     """Slopes at a nominal pressure on loading, of the leakage that a fraction of the seals does not exceed."""
-    rows = _slopes(seals, variants, pressure, fraction)
-    load = rows[0][1]
-    steep = np.isfinite(load) and load != 0
-    # of the load itself, there is nothing to be needed
-    needed = [-slope / load if steep and n else np.nan for n, (_, slope, _) in enumerate(rows)]
-    return tuple(
-        Sensitivity(name, slope, need, how)
-        for (name, slope, how), need in zip(rows, needed, strict=True)
-    )
-
-
-def _slopes(
-    seals: Seals, variants: Variants, pressure: float, fraction: float
-) -> list[tuple[str, float, str]]:
-    """Every quantity with its slope d ln L/d ln x at a pressure, and how it was found."""
     load = slope_at(seals, pressure, fraction)
 
-    def solved(variant: Seals | None, factor: float, quantity: str) -> tuple[float, str]:
+    def solved(variant: Seals | None, quantity: str) -> tuple[float, str]:
         if variant is None:
             return np.nan, "unknown: takes a solution, from a case"
-        slope = (
-            level_at(variant, pressure, fraction) - level_at(seals, pressure, fraction)
-        ) / np.log(factor)
-        return slope, f"solved again with {factor:g} times the {quantity}"
+        rise = level_at(variant, pressure, fraction) - level_at(seals, pressure, fraction)
+        how = f"solved again with {variants.factor:g} times the {quantity}"
+        return rise / np.log(variants.factor), how
 
     hard, how_hard = 0.0, "elastic: no hardness"
     if variants.hardness_counts:
-        hard, how_hard = solved(variants.harder, variants.hardness_factor, "hardness")
+        hard, how_hard = solved(variants.harder, "hardness")
     thick, how_thick = -1.0, "flow as a continuum"
     slip: list[tuple[str, float, str]] = []
     if variants.law_length == "viscosity":
-        thick, how_thick = solved(variants.longer, variants.length_factor, "viscosity")
+        thick, how_thick = solved(variants.longer, "viscosity")
     elif variants.law_length:
         name = variants.law_length.replace("_", " ")
-        slip = [(name, *solved(variants.longer, variants.length_factor, name))]
+        slip = [(name, *solved(variants.longer, name))]
     at_wall = sum(slope for _, slope, _ in slip)
+    how_force = "Darcy's law, with the pressure of the force; Qmin: the force"
     how_inlet = "potential of the fluid"
     if not np.isfinite(variants.inlet_slope):
         how_inlet = "unknown for a rarefied gas, for several inlet pressures, and without a fluid"
-    return [
+    rough, how_rough = 2 - hard - load - thick - at_wall, "scaling law of contact and flow, exact"
+    if variants.hardens:
+        rough, how_rough = np.nan, "unknown: the metal hardens over a depth of its own"
+    slopes = [
         ("nominal pressure", load, "the loading curve"),
-        ("roughness amplitude", np.nan, "unknown: the metal hardens over a depth of its own")
-        if variants.hardens
-        else (
-            "roughness amplitude",
-            2 - hard - load - thick - at_wall,
-            "scaling law of contact and flow, exact",
-        ),
+        ("roughness amplitude", rough, how_rough),
         ("hardness", hard, how_hard),
         ("contact modulus", -hard - load, "scaling law of contact, exact"),
         ("breadth, same pressure", -1.0, "Darcy's law over many pieces"),
-        (
-            "breadth, same force",
-            -1.0 - load,
-            "Darcy's law, with the pressure of the force; Qmin: the force",
-        ),
+        ("breadth, same force", -1.0 - load, how_force),
         ("viscosity", thick, how_thick),
         *slip,
         ("inlet pressure", variants.inlet_slope, how_inlet),
     ]
+    # of the load itself, there is nothing to be needed
+    steep = load if np.isfinite(load) and load != 0 else np.nan
+    return tuple(
+        Sensitivity(name, slope, -slope / steep if n else np.nan, how)
+        for n, (name, slope, how) in enumerate(slopes)
+    )
 
 
 def level_at(seals: Seals, pressure: float, fraction: float) -> float:
@@ -151,56 +134,49 @@ def slope_at(seals: Seals, pressure: float, fraction: float) -> float:
 
 def _open_loads(seals: Seals, fraction: float) -> tuple[Array, Array]:
     """ln of pressure and of leakage at the loads on loading at which the leakage is known and not 0."""
-    steps = seals.loading()
+    steps = seals.falling()[::-1]
     pressure, leakage = seals.steps.pressures[steps], seals.curve_of(fraction)[steps]
     known = (pressure > 0) & (leakage > 0) & (leakage < np.inf)
     return np.log(pressure[known]), np.log(leakage[known])
 
 
-#: Factors of hardness and of the length of a flow law: small enough for a slope, and above the residuals of contact.
-HARDER = LONGER = 1.03
+#: Factor of hardness and of the length of a flow law: small enough for a slope, and above the residuals of contact.
+_FACTOR = 1.03
 
 
-class Solver:
-    """Solves variants of a case for the fluid that decides on its classes."""
+def solved_variants(
+    case: Case, results: Results, workers: int | None, progress: Progress
+) -> Variants:
+    """Solve the seals of a run again for the fluid that decides on classes, each time with one thing changed.
 
-    def __init__(
-        self, case: Case, results: Results, workers: int | None, progress: Progress
-    ) -> None:
-        self._case, self._workers, self._progress = case, workers, progress
-        prepared: Prepared = last_version(case, prepare(case), results.attempts)
-        if prepared.sampling is not None and "realisation" in results.dataset.sizes:
-            # as many seals as the run took in the end
-            count = results.dataset.sizes["realisation"]
-            prepared = replace(prepared, sampling=replace(prepared.sampling, realisations=count))
-        self._prepared = prepared
-        state = (case.output.test_fluid or case.fluid).state
-        self._scene = state.in_scene(self._prepared.scene)
+    With another hardness, if the solids yield, and another length of the flow law, if it has one.
+    """
+    prepared: Prepared = last_version(case, prepare(case), results.attempts)
+    if prepared.sampling is not None and "realisation" in results.dataset.sizes:
+        # as many seals as the run took in the end
+        count = results.dataset.sizes["realisation"]
+        prepared = replace(prepared, sampling=replace(prepared.sampling, realisations=count))
+    scene = (case.output.test_fluid or case.fluid).state.in_scene(prepared.scene)
 
-    def variants(self) -> Variants:
-        """The seals with another hardness, if the solids yield, and another length of the flow law, if it has one."""
-        scene = self._scene
-        harder = longer = None
-        yields = not scene.law.is_elastic
-        if yields:
-            harder = self._seals(
-                "another hardness", replace(scene, hardness=scene.law.times(HARDER))
-            )
-        name, fluid = law_of(scene.fluid).length, cast(Any, scene.fluid)
-        if hasattr(fluid, name):
-            changed = replace(fluid, **{name: LONGER * getattr(fluid, name)})
-            longer = self._seals(f"another {name.replace('_', ' ')}", replace(scene, fluid=changed))
-        return Variants(
-            harder, longer, HARDER, LONGER, hardness_counts=yields, hardens=not scene.law.is_perfect
-        )
+    def seals(quantity: str, changed: Scene) -> Seals:
+        version = replace(prepared, scene=changed)
+        with (
+            ordered_map(workers, before=compile_ahead) as mapper,
+            Run(mapper, progress).timed(f"another {quantity}") as watched,
+        ):
+            return Seals.of(changed.steps, version.solve(version.answer, watched).leakage)
 
-    def _seals(self, name: str, scene: Scene) -> Seals:
-        version, mapping = (
-            replace(self._prepared, scene=scene),
-            ordered_map(self._workers, before=compile_ahead),
-        )
-        with mapping as mapper, Run(mapper, self._progress).timed(name) as watched:
-            return Seals.of(scene.steps, version.solve(version.answer, watched).leakage)
+    harder = longer = None
+    yields = not scene.law.is_elastic
+    if yields:
+        harder = seals("hardness", replace(scene, hardness=scene.law.times(_FACTOR)))
+    name, fluid = law_of(scene.fluid).length, cast(Any, scene.fluid)
+    if hasattr(fluid, name):
+        other = replace(fluid, **{name: _FACTOR * getattr(fluid, name)})
+        longer = seals(name.replace("_", " "), replace(scene, fluid=other))
+    return Variants(
+        harder, longer, _FACTOR, hardness_counts=yields, hardens=not scene.law.is_perfect
+    )
 
 
 def state_of_classes(results: Results) -> FluidState | None:
@@ -217,7 +193,7 @@ def state_of_classes(results: Results) -> FluidState | None:
 def inlet_slope(state: FluidState) -> float:
     """d ln L/d ln p_in of a fluid whose law does not depend on the pressure; NaN for a rarefied gas."""
     if state.law.depends_on_pressure:
-        return float("nan")
+        return np.nan
     step = 1e-4
     up, down = (
         replace(state, inlet_pressure=state.inlet_pressure * (1 + sign * step)) for sign in (1, -1)

@@ -6,7 +6,7 @@ a run. matplotlib is loaded when something is drawn.
 
 from .drawing import picture, png, shown
 from .heights import heights_figure, survey_figure
-from .leakage_curves import leakage_figure
+from .leakage_curves import leakage_figure, pieces_figure
 from .maps import (
     contact_figure,
     cycle_figure,
@@ -14,5 +14,4 @@ from .maps import (
     seal_figure,
     seal_leakage_figure,
 )
-from .piece_curves import pieces_figure
 from .several_runs import comparison_figure

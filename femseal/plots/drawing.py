@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ..base import Array, InputError
+from ..base import Array, InputError, Pair, number_text
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -28,7 +28,6 @@ _NEAR, _MARGIN = 5.0, 1.1
 _LABEL = 0.12
 #: Ratios of the ends of an axis below which 2 and 5 have labels, and beyond which only powers of ten have ticks.
 _SHORT, _FINE = 100.0, 1e5
-_SUPERSCRIPTS = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 #: Powers of ten that are written as numbers.
 _PLAIN = range(-2, 4)
 
@@ -68,37 +67,26 @@ def decades(axis: Axis) -> None:
     from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter, NullLocator
 
     low, high = axis.get_view_interval()
-    axis.set_major_formatter(FuncFormatter(lambda value, _: number_text(value)))
+    written = FuncFormatter(lambda value, _: number_text(value, plain=_PLAIN))
+    axis.set_major_formatter(written)
     axis.set_minor_formatter(NullFormatter())
     if high / low < _SHORT:
         axis.set_minor_locator(LogLocator(subs=(2, 5)))
-        axis.set_minor_formatter(FuncFormatter(lambda value, _: number_text(value)))
+        axis.set_minor_formatter(written)
     elif high / low > _FINE:
         axis.set_minor_locator(NullLocator())
 
 
-def number_text(value: float) -> str:
-    """A number of an axis as text.
-
-    >>> number_text(1e-12), number_text(100.0), number_text(2e-5)
-    ('10⁻¹²', '100', '2·10⁻⁵')
-    """
-    exponent = int(np.floor(np.log10(value) + 1e-9))
-    if exponent in _PLAIN:
-        return f"{value:.4g}"
-    factor = f"{value / 10.0**exponent:.3g}·".removeprefix("1·")
-    return f"{factor}10{str(exponent).translate(_SUPERSCRIPTS)}"
-
-
-#: Loading first, then unloadings: colours that the colour-blind tell apart (Okabe & Ito), line style and marker.
-STYLES: tuple[tuple[str, Any, str], ...] = (
-    ("#D55E00", "-", "o"),
-    ("#0072B2", "--", "s"),
-    ("#009E73", "-.", "^"),
-    ("#CC79A7", ":", "D"),
-    ("#56B4E9", (0, (5, 1, 1, 1, 1, 1)), "v"),
-    ("#000000", (0, (8, 2)), "P"),
+#: Loading first, then unloadings: lines in colours that the colour-blind tell apart (Okabe & Ito), and markers.
+STYLES: tuple[dict[str, Any], ...] = (
+    {"color": "#D55E00", "ls": "-"},
+    {"color": "#0072B2", "ls": "--"},
+    {"color": "#009E73", "ls": "-."},
+    {"color": "#CC79A7", "ls": ":"},
+    {"color": "#56B4E9", "ls": (0, (5, 1, 1, 1, 1, 1))},
+    {"color": "#000000", "ls": (0, (8, 2))},
 )
+MARKERS = "os^DvP"
 GREY = "#666666"
 #: Colour of places without a value on a map: contact, closed pieces.
 CLOSED = "#B0B0B0"
@@ -202,9 +190,10 @@ def one_panel(ax: Axes | None, width: float, height: float) -> tuple[Figure, Axe
     return ax.get_figure(root=True), ax  # type: ignore[return-value]
 
 
-def branch_styles(count: int) -> list[tuple[str, Any, str]]:
-    """Style of the loading and of each unloading; the styles of unloadings repeat, that of the loading is unique."""
-    return [STYLES[n] if n == 0 else STYLES[1 + (n - 1) % (len(STYLES) - 1)] for n in range(count)]
+def branch_styles(count: int) -> list[dict[str, Any]]:
+    """Look of the loading and of each unloading; the looks of unloadings repeat, that of the loading is unique."""
+    numbers = (1 + (n - 1) % (len(STYLES) - 1) if n else 0 for n in range(count))
+    return [STYLES[n] | {"marker": MARKERS[n], "lw": 1.8, "ms": 4.5} for n in numbers]
 
 
 def panel_title(axes: Axes, title: str) -> None:
@@ -249,19 +238,14 @@ def picture(result: Any, **options: Any) -> Figure:
     """
     draw = _draw.dispatch(type(result))
     expected = list(signature(draw).parameters)[1:]
-    for name in options:
-        if name not in expected:
-            given = f"option '{name}' for the picture of a {type(result).__name__}"
-            raise InputError(
-                "plot",
-                given,
-                f"one of {', '.join(expected)}" if expected else "none: it has no options",
-            )
+    if unknown := [name for name in options if name not in expected]:
+        given = f"option '{unknown[0]}' for the picture of a {type(result).__name__}"
+        raise InputError("plot", given, f"one of: {', '.join(expected) or 'it has no options'}")
     figure = draw(result, **options)
     return figure if options.get("ax") is not None else shown(figure)
 
 
-def map_row(size: tuple[float, float], margins: Margins = MAP) -> float:
+def map_row(size: Pair, margins: Margins = MAP) -> float:
     """Height [inch] of a row with a map of the given sides, to the right and upwards."""
     width = PAGE - margins.left - margins.right
     return map_height(size, width) + margins.bottom + margins.top
@@ -270,7 +254,7 @@ def map_row(size: tuple[float, float], margins: Margins = MAP) -> float:
 def map_panel(
     axes: Axes,
     values: Array,
-    size: tuple[float, float],
+    size: Pair,
     colours: Any,
     title: str,
     unit: str = "mm",
@@ -305,7 +289,7 @@ def name_sides(axes: Axes, names: Sequence[str]) -> None:
     axes.set_ylabel(names[1], fontsize=8.5)
 
 
-def lying(size: tuple[float, float]) -> tuple[float, float]:
+def lying(size: Pair) -> Pair:
     """Sides of a map to the right and upwards: one that would be high and narrow lies, as a panel is filled by it."""
     return (size[1], size[0]) if size[1] > _HIGH * size[0] else (size[0], size[1])
 
@@ -326,8 +310,8 @@ def on_decades(values: Array, decades: int) -> tuple[Array, Any]:
     from matplotlib.colors import LogNorm
 
     positive = values[np.isfinite(values) & (values > 0)]
-    top = float(positive.max()) if positive.size else 1.0
-    low = max(float(positive.min()), top * 10.0**-decades) if positive.size else 0.1
+    top = positive.max() if positive.size else 1.0
+    low = max(positive.min(), top * 10.0**-decades) if positive.size else 0.1
     low = low if low < 0.99 * top else top / 10  # ticks that differ can be read
     shown = np.where(values > 0, np.maximum(values, low), np.where(values == 0, low / 10, np.nan))
     return shown, LogNorm(low, top)
@@ -340,6 +324,6 @@ def with_closed(name: str, colour: str = CLOSED) -> Any:
     return colormaps[name].with_extremes(bad=colour, under=colour)
 
 
-def map_height(size: tuple[float, float], width: float) -> float:
+def map_height(size: Pair, width: float) -> float:
     """Height [inch] of a map of sides to the right and upwards in a panel of a width, within what can be read."""
     return float(np.clip(width * size[1] / size[0], 0.7, width))

@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 import json
-from dataclasses import dataclass
+from functools import partial
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-from ..base import Array
+from ..base import Array, Flags
 from ..base.leak_rates import leakage_unit
 from ..results.selections import load_names
 from .drawing import (
@@ -38,50 +37,33 @@ _DETAIL, _LONGEST = 2.5, 8.0
 _MOST = 200_000
 
 
-@dataclass(frozen=True)
-class _View:
-    """A part of the plane, x to the right and y upwards: its lower left and its upper right corner [mm]."""
-
-    low: Array
-    high: Array
-
-    @property
-    def size(self) -> tuple[float, float]:
-        """Width and height [mm]."""
-        width, height = self.high - self.low
-        return float(width), float(height)
-
-    def holds(self, seal: DrawnSeal) -> NDArray[np.bool_]:
-        """Parts that lie in it, if only with a corner."""
-        return np.asarray(((seal.high >= self.low) & (seal.low <= self.high)).all(axis=1))
-
-
 class DrawnSeal:
     """Corners (parts, corners, 2) of the parts of a drawn seal, and the ends of each (parts, 2) [mm].
 
     strip : whether it is a straight seal; lies : a high one, with x2 to the right. detail : around the largest flow at
-    a step. whole : the whole seal, or its detail where it is too fine.
+    a step. all : the seal. whole : the same, or its detail where it is too fine. Each is a lower left and an upper
+    right corner.
     """
 
     def __init__(self, data: xarray.Dataset, s: int) -> None:
         self.corners = data["drawn_corners"].values * 1e3
         sides = np.ptp(self.corners, axis=(0, 1)).tolist()
-        self.strip = str(data.attrs["seal"]).startswith("a strip")
+        self.strip = data.attrs["seal"].startswith("a strip")
         self.lies = lying(sides) != tuple(sides)
         if self.lies:
             self.corners = self.corners[..., ::-1]
         self.low, self.high = self.corners.min(axis=1), self.corners.max(axis=1)
-        self.all = _View(self.low.min(axis=0), self.high.max(axis=0))
-        self.detail = self._detail(data, s)
-        self.whole = self.all if len(self.corners) <= _MOST else self.detail
-
-    def _detail(self, data: xarray.Dataset, s: int) -> _View:
-        """The surroundings of the largest flux."""
-        side = _DETAIL * float(data.attrs["seal_size_m"][0]) * 1e3
+        low, high = self.all = self.low.min(axis=0), self.high.max(axis=0)
+        side = _DETAIL * data.attrs["seal_size_m"][0] * 1e3
         flux = np.nan_to_num(np.hypot(*data["drawn_flux"].values[s].T))
         place = self.corners[np.argmax(flux)].mean(axis=0)
-        start = np.maximum(self.all.low, np.minimum(place - side / 2, self.all.high - side))
-        return _View(start, np.minimum(start + side, self.all.high))
+        start = np.maximum(low, np.minimum(place - side / 2, high - side))
+        self.detail = start, np.minimum(start + side, high)
+        self.whole = self.all if len(self.corners) <= _MOST else self.detail
+
+    def seen(self, low: Array, high: Array) -> Flags:
+        """Parts that lie between two corners, if only with a corner of theirs."""
+        return ((self.high >= low) & (self.low <= high)).all(axis=1)  # type: ignore[no-any-return]
 
 
 def drawn_figure(data: xarray.Dataset, s: int) -> Figure:
@@ -90,90 +72,80 @@ def drawn_figure(data: xarray.Dataset, s: int) -> Figure:
     Where the load has a map, or the seal a form, also the contact pressure of the tiles, the form, and the gap that it
     leaves. A long seal is shown without its proportions.
     """
-    seal, flux = DrawnSeal(data, s), data["drawn_flux"].values[s]
-    panels = [(seal.whole, panel) for panel in _panels(data, s)]
-    flow = np.nan_to_num(np.hypot(*flux.T))
+    seal = DrawnSeal(data, s)
+    panels = [(seal.whole, draw) for draw in _whole_panels(data, s)]
+    flow = np.nan_to_num(np.hypot(*data["drawn_flux"].values[s].T))
     factor, unit = leakage_unit(flow.max()) if flow.max() > 0 else (1.0, "m²/s")
-    around = "" if seal.detail.size == seal.all.size else " around the largest"
+    around = "" if np.array_equal(seal.detail, seal.all) else " around the largest"
     title = f"flow per width [{unit}]{around}"
-    panels.append((seal.detail, _Panel(title, flow / factor, "magma", _DECADES)))
+    panels.append((seal.detail, partial(_draw, title, flow / factor, "magma", decades=_DECADES)))
     number, drawn = (data["drawn_corners"].attrs[name] for name in ("realisation", "part"))
-    sheet = Sheet([map_row(view.size) for view, _ in panels], head=0.3 if drawn == 1 else 0.5)
-    labels = (
+    sizes = [tuple((high - low).tolist()) for (low, high), _ in panels]
+    sheet = Sheet([map_row(size) for size in sizes], head=0.3 if drawn == 1 else 0.5)
+    names = (
         ["x1, inlet at 0 [mm]", "x2 along the seal [mm]"] if seal.strip else ["x [mm]", "y [mm]"]
     )
-    for n, (view, panel) in enumerate(panels):
-        axes = sheet.panel(n, MAP)
-        width, height = view.size
-        aspect: Any = "equal" if width <= _LONGEST * height else "auto"
-        axes.set(xlim=(view.low[0], view.high[0]), ylim=(view.low[1], view.high[1]), aspect=aspect)
-        name_sides(axes, labels[::-1] if seal.lies else labels)
-        seen = view.holds(seal)
-        panel.draw(axes, seal.corners[seen], seen)
+    for n, ((low, high), draw) in enumerate(panels):
+        axes, (width, height) = sheet.panel(n, MAP), sizes[n]
+        axes.set(xlim=(low[0], high[0]), ylim=(low[1], high[1]))
+        axes.set_aspect("equal" if width <= _LONGEST * height else "auto")
+        name_sides(axes, names[::-1] if seal.lies else names)
+        seen = seal.seen(low, high)
+        draw(axes, seal.corners[seen], seen)
     part = f"\n{100 * drawn:.2g} % of its length is shown, the rest is alike" if drawn < 1 else ""
     sheet.head(f"{load_names(data)[s]}; drawn seal {number}, the nearest to the median{part}")
     return sheet.figure
 
 
-def _panels(data: xarray.Dataset, s: int) -> list[_Panel]:
-    """What is shown of the whole seal."""
+def _whole_panels(data: xarray.Dataset, s: int) -> list[partial[None]]:
+    """What draws each map of the whole seal, see `_draw`: the contact pressure where it follows a map or a form."""
     found = []
-    if _has_map(data):
+    has_map = json.loads(data.attrs.get("case", "{}")).get("load", {}).get("map")
+    if "drawn_contact_pressure" in data and (has_map or "drawn_form" in data):
         pressure = data["drawn_contact_pressure"].values[s] / 1e6
-        found.append(_Panel("contact pressure [MPa]", pressure, "viridis"))
+        found.append(partial(_draw, "contact pressure [MPa]", pressure, "viridis"))
     fluid = data["drawn_fluid_pressure"].values[s] / 1e6
-    found.append(_Panel("fluid pressure [MPa]", fluid, "cividis", bad="pockets"))
+    found.append(partial(_draw, "fluid pressure [MPa]", fluid, "cividis", bad="pockets"))
     if "drawn_form" in data:
         form, apart = data["drawn_form"].values * 1e6, data["drawn_separation"].values[s] * 1e6
-        found.append(_Panel("form of the seal [µm]", form, "cividis"))
-        found.append(_Panel("distance of mean planes [µm]", apart, "viridis"))
+        found.append(partial(_draw, "form of the seal [µm]", form, "cividis"))
+        found.append(partial(_draw, "distance of mean planes [µm]", apart, "viridis"))
     return found
 
 
-def _has_map(data: xarray.Dataset) -> bool:
-    """Whether the contact pressure follows a map or a form of the seal, which the whole of it shows."""
-    if "drawn_contact_pressure" not in data:
-        return False
-    given = json.loads(data.attrs.get("case", "{}")).get("load", {}).get("map")
-    return "drawn_form" in data or bool(given)
+def _draw(
+    title: str,
+    values: Array,
+    colours: str,
+    axes: Axes,
+    corners: Array,
+    seen: Flags,
+    *,
+    decades: int = 0,
+    bad: str = "failed",
+) -> None:
+    """Map of values of the parts (parts,), in the colours of all of them, of those that are seen.
 
-
-@dataclass(frozen=True, eq=False)
-class _Panel:
-    """A map of values of the parts (parts,) on a linear scale, or on a logarithmic one of so many decades at most.
-
-    bad : what parts without a value are.
+    decades : of a logarithmic scale at most; 0: a linear one. bad : what parts without a value are.
     """
+    from matplotlib import colormaps
+    from matplotlib.collections import PolyCollection
+    from matplotlib.colors import Normalize
 
-    title: str
-    values: Array
-    colours: str
-    decades: int = 0
-    bad: str = "failed"
-
-    def draw(self, axes: Axes, corners: Array, seen: NDArray[np.bool_]) -> None:
-        """Draw the parts that are seen, in the colours of all of them."""
-        from matplotlib import colormaps
-        from matplotlib.collections import PolyCollection
-        from matplotlib.colors import Normalize
-
-        values, finite = self.values, self.values[np.isfinite(self.values)]
-        notes = [f"white: {self.bad}"] if finite.size < values.size else []
-        norm: Any
-        if self.decades:
-            values, norm = on_decades(values, self.decades)
-            notes += ["grey: none"] if (finite == 0).any() else []
-        else:
-            norm = (
-                Normalize(float(finite.min()), float(finite.max()))
-                if finite.size
-                else Normalize(0, 1)
-            )
-        colours = colormaps[self.colours].with_extremes(under=CLOSED, bad=POCKET)
-        each = np.ma.masked_invalid(values[seen])
-        look: dict[str, Any] = {"cmap": colours, "norm": norm, "rasterized": True}
-        look |= {"edgecolors": "face", "linewidths": 0.1}
-        parts = PolyCollection(corners, array=each, **look)  # type: ignore[arg-type]
-        axes.add_collection(parts, autolim=False)
-        colour_bar(axes, parts)
-        panel_title(axes, "; ".join([self.title, *notes]))
+    finite = values[np.isfinite(values)]
+    notes = [title, *([f"white: {bad}"] if finite.size < values.size else [])]
+    norm: Any = Normalize(finite.min(), finite.max()) if finite.size else Normalize(0, 1)
+    if decades:
+        values, norm = on_decades(values, decades)
+        notes += ["grey: none"] if (finite == 0).any() else []
+    look: dict[str, Any] = {
+        "norm": norm,
+        "rasterized": True,
+        "edgecolors": "face",
+        "linewidths": 0.1,
+    }
+    look["cmap"] = colormaps[colours].with_extremes(under=CLOSED, bad=POCKET)
+    parts = PolyCollection(corners, array=np.ma.masked_invalid(values[seen]), **look)  # type: ignore[arg-type]
+    axes.add_collection(parts, autolim=False)
+    colour_bar(axes, parts)
+    panel_title(axes, "; ".join(notes))

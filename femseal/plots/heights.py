@@ -5,14 +5,14 @@ The colours of a map of heights are for the many points: the few far above or be
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from math import pi
 from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ..base import Array, counted, to_text
+from ..base import Array, Flags, Pair, counted, to_text
 from ..results.variables import block_means
 from ..topography import SPIKES, Conditioning, SurfaceReport, Topography
 from .drawing import (
@@ -45,42 +45,24 @@ ABOVE, BELOW = ("#E31A1C", "red"), ("#00D5FF", "light blue")
 _ALONG = ("along x1 (leakage)", "along x2")
 
 
-@dataclass(frozen=True)
-class HeightRange:
-    """Heights from `low` to `high` in the colours of a map, and the fractions of the points `below` and `above`."""
-
-    low: float
-    high: float
-    below: float
-    above: float
-
-    @property
-    def text(self) -> str:
-        """What the two colours stand for; "" where no point is out of range."""
-        parts = ((self.above, ABOVE, "above"), (self.below, BELOW, "below"))
-        return ", ".join(
-            f"{name}: {100 * part:.2g} % {where}" for part, (_, name), where in parts if part
-        )
-
-
-def height_range(heights: NDArray) -> HeightRange:
+def height_range(heights: NDArray) -> Pair:
     """Range that a few outliers do not widen: of all heights that are no farther than a margin from percentiles."""
     z = heights[~np.isnan(heights)]
     if not z.size:
-        return HeightRange(0.0, 1.0, 0.0, 0.0)
-    low, high = (float(v) for v in np.percentile(z, _PERCENTILES))
+        return 0.0, 1.0
+    low, high = np.percentile(z, _PERCENTILES)
     margin = _MARGIN * (high - low)
     near = z[(z >= low - margin) & (z <= high + margin)]
-    low, high = float(near.min()), float(near.max())
+    low, high = near.min(), near.max()
     if high == low:  # nearly all points at one height: nothing to spread but the outliers
-        low, high = float(z.min()), float(z.max())
-    return HeightRange(low, high, float(np.mean(z < low)), float(np.mean(z > high)))
+        low, high = z.min(), z.max()
+    return low, high
 
 
 def height_panel(
     axes: Axes,
     heights: NDArray,
-    size: tuple[float, float],
+    size: Pair,
     title: str = "height [µm]",
     *,
     upright: bool = False,
@@ -91,20 +73,16 @@ def height_panel(
     """
     from matplotlib import colormaps
 
-    shown = height_range(heights)
+    low, high = height_range(heights)
+    known = max(int(np.count_nonzero(~np.isnan(heights))), 1)
+    above, below = (int(np.count_nonzero(out)) / known for out in (heights > high, heights < low))
     colours = colormaps["viridis"].with_extremes(over=ABOVE[0], under=BELOW[0], bad="white")
-    beyond = {
-        (True, True): "both",
-        (True, False): "min",
-        (False, True): "max",
-        (False, False): "neither",
-    }
-    colours.colorbar_extend = beyond[shown.below > 0, shown.above > 0]  # type: ignore[assignment]
-    bar = map_panel(
-        axes, heights, size, colours, title, upright=upright, vmin=shown.low, vmax=shown.high
-    )
-    if shown.text:
-        bar.set_label(shown.text, fontsize=8)
+    ends = ("neither", "min"), ("max", "both")
+    colours.colorbar_extend = ends[above > 0][below > 0]  # type: ignore[assignment]
+    bar = map_panel(axes, heights, size, colours, title, upright=upright, vmin=low, vmax=high)
+    parts = ((above, ABOVE, "above"), (below, BELOW, "below"))
+    if texts := [f"{name}: {100 * part:.2g} % {where}" for part, (_, name), where in parts if part]:
+        bar.set_label(", ".join(texts), fontsize=8)
 
 
 @shows(Topography)
@@ -121,10 +99,8 @@ def heights_figure(topography: Topography) -> Figure:
     profile, density = (sheet.panel(row, replace(LINES, top=0.3)) for row in (1, 2))
     z, (n1, n2), (d1, d2) = topography.heights * 1e6, topography.shape, topography.spacing
     for axis, (line, n, d) in enumerate(((z[:, n2 // 2], n1, d1), (z[n1 // 2], n2, d2))):
-        colour, style, _ = STYLES[axis]
-        profile.plot(
-            (np.arange(n) + 0.5) * d * 1e3, line, color=colour, ls=style, lw=1.1, label=_ALONG[axis]
-        )
+        x = (np.arange(n) + 0.5) * d * 1e3
+        profile.plot(x, line, lw=1.1, label=_ALONG[axis], **STYLES[axis])
     profile.set(xlabel="distance [mm]", ylabel="height [µm]")
     profile.legend(fontsize=7.5, framealpha=0.9)
     panel_title(profile, "profiles through the middle")
@@ -148,23 +124,16 @@ def _densities_panel(axes: Axes, topography: Topography) -> None:
     for axis in (0, 1):
         q, density = topography.psd(axis)
         shown = (q > 0) & (density > density.max() * 1e-12)
-        colour, style, _ = STYLES[axis]
-        axes.loglog(
-            _um(q[shown]), density[shown], color=colour, ls=style, lw=1.2, label=_ALONG[axis]
-        )
-    _density_labels(axes)
+        axes.loglog(_um(q[shown]), density[shown], lw=1.2, label=_ALONG[axis], **STYLES[axis])
+    axes.set(xlabel=_WAVELENGTH, ylabel="spectral density [m³]")
+    axes.xaxis.set_inverted(True)
+    panel_title(axes, "mean spectral density of profiles")
     axes.legend(fontsize=8, framealpha=0.9)
 
 
 def _um(q: Array) -> Array:
     """Wavelengths [µm] of wavenumbers [rad/m]."""
     return 2e6 * pi / q
-
-
-def _density_labels(axes: Axes) -> None:
-    axes.set(xlabel=_WAVELENGTH, ylabel="spectral density [m³]")
-    axes.xaxis.set_inverted(True)
-    panel_title(axes, "mean spectral density of profiles")
 
 
 def survey_figure(
@@ -197,7 +166,7 @@ def survey_figure(
     return figure
 
 
-def _map_panel(axes: Axes, measured: Topography, spikes: NDArray[np.bool_]) -> None:
+def _map_panel(axes: Axes, measured: Topography, spikes: Flags) -> None:
     """Map of the heights, with marks at spikes."""
     notes = []
     if measured.undefined_fraction:
@@ -228,9 +197,9 @@ def _histogram_panel(axes: Axes, measured: Topography) -> None:
         return
     z = z - z.mean()
     density, edges = np.histogram(z, bins=200, density=True)
-    axes.stairs(density, edges, fill=True, color=STYLES[1][0], alpha=0.75)
+    axes.stairs(density, edges, fill=True, color=STYLES[1]["color"], alpha=0.75)
     axes.set_yscale("log")
-    axes.set_ylim(float(np.min(density[density > 0])) / 2, float(np.max(density)) * 3)
+    axes.set_ylim(density[density > 0].min() / 2, density.max() * 3)
 
 
 def _radial_panel(
@@ -245,14 +214,12 @@ def _radial_panel(
         law = report.power_law_density * (ends / ends[0]) ** (-2 - 2 * report.hurst)
         slope, error = report.power_law_slope
         label = f"q^({slope:.2f} ± {error:.2f}), H = {report.hurst:.2f}"
-        axes.loglog(_um(ends), law, color=STYLES[0][0], lw=2.2, label=label)
+        axes.loglog(_um(ends), law, color=STYLES[0]["color"], lw=2.2, label=label)
     marks = [(report.shortest_wave, STYLES[3], "shortest wave measured")]
     if conditioning is not None:
         marks.insert(0, (conditioning.shortest_wave, STYLES[2], "low-pass of a run"))
-    for wave, (colour, style, _), label in marks:
-        axes.axvline(
-            1e6 * wave, color=colour, ls=style, lw=1.3, label=f"{label}, {to_text(wave, 'm', 3)}"
-        )
+    for wave, style, name in marks:
+        axes.axvline(1e6 * wave, lw=1.3, label=f"{name}, {to_text(wave, 'm', 3)}", **style)
     axes.set(xlabel=_WAVELENGTH, ylabel="spectral density [m⁴]")
     axes.xaxis.set_inverted(True)
     axes.set_title("spectral density averaged over directions", fontsize=9.5)

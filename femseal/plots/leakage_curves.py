@@ -1,4 +1,4 @@
-"""Leakage against load over a load cycle, of a study or of a whole run."""
+"""Curves: leakage against load, of a study or of a whole run; permeability of pieces against gap and pressure."""
 
 from __future__ import annotations
 
@@ -8,10 +8,11 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ..base import Array
+from ..base import Array, Flags, Indices, InputError
 from ..base.leak_rates import leakage_unit
+from ..flow.law import cubic_law
 from ..results.results import METHODS, Results
-from ..results.selections import Steps, branches, force_scale, pressures_and_peaks
+from ..results.selections import branches, force_scale, pressures_and_peaks
 from ..results.tables import leakage_of
 from ..studies import BlocksResult, FaceResult, StochasticResult
 from .drawing import (
@@ -31,12 +32,14 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
+#: Decades of permeability below the largest one that are shown, and factor of the scale beyond what is shown.
+_DECADES, _MARGIN = 6, 1.5
 #: Factor by which the scale reaches beyond the leakages for the ends of their bands.
 _BEYOND = 10.0
 #: Height of a name beside the axis, and of the strip of sealed loads, as parts of the axis.
 _NAME_HEIGHT, _STRIP = 0.042, 0.08
 #: Studies drawn as single markers beside the main curve.
-_SINGLE = (("two-scale", "D", 7), ("deterministic", "x", 5), ("blocks", "s", 6))
+_SINGLE = {"two-scale": ("D", 7), "deterministic": ("x", 5), "blocks": ("s", 6)}
 #: The unit in axes of the user, which several results share.
 _COMMON = (1.0, "leakage per length of seal [m²/s]")
 
@@ -70,17 +73,16 @@ class LeakageCurves:
         return f"force [{self.force[0]}]", self.force[1]
 
     @property
-    def branches(self) -> list[tuple[str, Steps]]:
+    def branches(self) -> list[tuple[str, Indices]]:
         """Names, with the forces of the case, and steps of the loading and of each unloading."""
-        found = branches(self.pressure, self.peaks)
-        if self.force is None:
-            return found
-        unit, factor = self.force
-        peaks = [f"{factor * self.pressure[steps[0]]:.4g} {unit}" for _, steps in found]
-        return [found[0]] + [
-            (f"unloading from {peak}", steps)
-            for peak, (_, steps) in zip(peaks[1:], found[1:], strict=True)
-        ]
+        loading, *unloadings = branches(self.pressure, self.peaks)
+        if self.force is not None:
+            unit, factor = self.force
+            unloadings = [
+                (f"unloading from {factor * self.pressure[steps[0]]:.4g} {unit}", steps)
+                for _, steps in unloadings
+            ]
+        return [loading, *unloadings]
 
     @property
     def range(self) -> Array:
@@ -111,20 +113,18 @@ def leakage_panel(axes: Axes, curves: LeakageCurves, label: str = "") -> list[An
     leakage_axis(axes, np.concatenate([curves.range / factor, *inside]))
     handles: list[Any] = []
     for n, (branch, steps) in enumerate(parts, start=before):
-        colour, line, marker = branch_styles(n + 1)[n]
+        look = branch_styles(n + 1)[n]
         x = load_factor * curves.pressure[steps]
         if curves.band is not None:
             low, high = (end[steps] / factor for end in curves.band)
-            leakage_band(axes, x, low, high, colour)
-        look = {"color": colour, "ls": line, "lw": 1.8, "marker": marker, "ms": 4.5}
+            leakage_band(axes, x, low, high, look["color"])
         y = np.abs(curves.leakage[steps]) / factor
         handles.append(leakage_line(axes, x, y, label=f"{label}{branch}", **look))
-    for method, symbol, size in _SINGLE:
-        if method in curves.others:
-            single = np.abs(curves.others[method]) / factor
-            look = {"color": GREY, "ls": "", "marker": symbol, "ms": size, "mfc": "none"}
-            x = load_factor * curves.pressure
-            handles.append(leakage_line(axes, x, single, label=method, **look))
+    for method, leakage in curves.others.items():
+        marker, size = _SINGLE[method]
+        look = {"color": GREY, "ls": "", "marker": marker, "ms": size, "mfc": "none"}
+        x, y = load_factor * curves.pressure, np.abs(leakage) / factor
+        handles.append(leakage_line(axes, x, y, label=method, **look))
     axes.set(xlabel=load_name, ylabel=name)
     loads = [line.get_xdata() for line in axes.lines if line.get_label() != "_limit"]
     load_axis(axes, np.concatenate(loads))
@@ -139,13 +139,12 @@ def limit_lines(axes: Axes, limits: dict[str, float]) -> None:
     """A line for each limit within the scale of a logarithmic axis, with names beside it that share a line of text."""
     low, high = axes.get_ylim()
     named: dict[int, list[str]] = {}
-    lines = {float(f"{limit:.9g}") for limit in limits.values() if low < limit < high}
-    for limit in sorted(lines):
+    seen = {name: limit for name, limit in limits.items() if low < limit < high}
+    for limit in sorted({float(f"{limit:.9g}") for limit in seen.values()}):
         axes.axhline(limit, color=GREY, lw=0.8, ls=(0, (4, 2)), zorder=1, label="_limit")
-    for name, limit in limits.items():
-        if low < limit < high:
-            place = np.log(limit / low) / np.log(high / low)
-            named.setdefault(round(place / _NAME_HEIGHT), []).append(name)
+    for name, limit in seen.items():
+        place = np.log(limit / low) / np.log(high / low)
+        named.setdefault(round(place / _NAME_HEIGHT), []).append(name)
     for lane, names in named.items():
         at = (1.01, lane * _NAME_HEIGHT)
         axes.annotate(", ".join(names), at, xycoords="axes fraction", va="center", fontsize=8)
@@ -157,7 +156,7 @@ def leakage_axis(axes: Axes, values: Array) -> None:
 
     axes.set_yscale("log")
     positive = values[np.isfinite(values) & (values > 0)]
-    low, high = (float(f(positive)) for f in (np.min, np.max)) if positive.size else (0.1, 10.0)
+    low, high = (positive.min(), positive.max()) if positive.size else (0.1, 10.0)
     low = max(low, high * 1e-15)
     span = max(np.log10(high / low), 0.5)
     strip = _STRIP if np.any(values == 0) else 0.0
@@ -254,11 +253,16 @@ def leakage_curves(results: Results) -> LeakageCurves:
         band = budget.lower, budget.upper
     elif "leakage_lower" in data:
         low, high = data["leakage_lower"], data["leakage_upper"]
-        band, band_name = (
-            (low.values, high.values),
-            _redraws(low.attrs["quantile"], high.attrs["quantile"]),
-        )
-    others = {name: leakage for name, leakage in METHODS if name != "median"}
+        band = low.values, high.values
+        band_name = _redraws(low.attrs["quantile"], high.attrs["quantile"])
+    others = {
+        method: data[name].values
+        for method, name in METHODS
+        if name in data and method not in ("median", results.method)
+    }
+    limits = {}
+    if "leak_class" in data.coords and "test_leakage" not in data:  # of the fluid that is drawn
+        limits = dict(zip(data["leak_class"].values, data["class_limit"].values, strict=True))
     return LeakageCurves(
         pressure=data["nominal_pressure"].values,
         peaks=data["unloaded_from"].values,
@@ -266,12 +270,8 @@ def leakage_curves(results: Results) -> LeakageCurves:
         title="median of the drawn seals" if results.method == "median" else results.method,
         band=band,
         band_name=band_name,
-        others={
-            m: data[name].values
-            for m, name in others.items()
-            if name in data and m != results.method
-        },
-        limits=_limits(results),
+        others=others,
+        limits=limits,
         scale=_scale(results),
         force=force_scale(data),
     )
@@ -286,22 +286,89 @@ def _readable(leakage: Array) -> tuple[float, str]:
     return factor, f"leakage per length of seal [{unit}]"
 
 
-def _limits(results: Results) -> dict[str, float]:
-    """Limits of leakage classes of the fluid that is drawn."""
-    data = results.dataset
-    if "leak_class" not in data.coords or "test_leakage" in data:
-        return {}
-    limits = zip(data["leak_class"].values, data["class_limit"].values, strict=True)
-    return {str(name): float(limit) for name, limit in limits}
-
-
 def _scale(results: Results) -> tuple[float, str]:
     """The unit of the run, and the name of the axis, which says of what state a gas is and which way it flows."""
     unit, factor = results.leak_scale
     attrs = results.dataset.attrs
-    notes = ["gas at 101 325 Pa"] if results.leak_basis.is_gas and unit.kind == "volume" else []
-    notes += (
-        ["from outlet to inlet"] if attrs["outlet_pressure_Pa"] > attrs["inlet_pressure_Pa"] else []
-    )
+    notes = {
+        "gas at 101 325 Pa": results.leak_basis.is_gas and unit.kind == "volume",
+        "from outlet to inlet": attrs["outlet_pressure_Pa"] > attrs["inlet_pressure_Pa"],
+    }
     name = f"{leakage_of(results).rstrip(',')} [{unit.name}]"
-    return factor, "\n".join([name, *([", ".join(notes)] if notes else [])])
+    return factor, f"{name}\n{', '.join(text for text, holds in notes.items() if holds)}".rstrip()
+
+
+def pieces_figure(results: Results) -> Figure:
+    """Permeability of pieces along x1 against their mean gap and their pressure, on loading and on unloading.
+
+    Closed pieces, and those a million times less permeable than the most permeable one, are not drawn.
+    The line in the first panel is h̄³/12, of parallel plates. Pieces are those that seals draw from,
+    or else those of two scales.
+
+    Raises InputError: results without pieces.
+    """
+    k, mean_gap, pressure, loading = _pieces(results)
+    below = LEGEND_LINE * 3
+    sheet = Sheet([3.6 + below] * 2, head=0.35)
+    sheet.head("each point: a piece of the face at one load")
+    quantities = (
+        (mean_gap * 1e6, "mean gap between the faces of the piece [µm]"),
+        (pressure / 1e6, "mean contact pressure of the piece [MPa]"),
+    )
+    for row, (x, label) in enumerate(quantities):
+        axes = sheet.panel(row, replace(LINES, top=0.1, bottom=LINES.bottom + below))
+        axes.set(xlabel=label, ylabel="permeability towards the outlet [m³]")
+        axes.grid(alpha=0.25, lw=0.6)
+        if _clouds(axes, k, x, loading, plates=row == 0):
+            axes.legend(
+                loc="upper center", bbox_to_anchor=(0.5, -0.17), fontsize=8.5, frameon=False
+            )
+    return sheet.figure
+
+
+def _pieces(results: Results) -> tuple[Array, Array, Array, Flags]:
+    """Permeability along x1 [m³], mean gap [m] and pressure [Pa] of pieces (states, pieces), and which load (states,).
+
+    Raises InputError: results without pieces.
+    """
+    data = results.dataset
+    kind = next((kind for kind in ("state", "piece") if f"{kind}_k1" in data), None)
+    if kind is None:
+        raise InputError(
+            "pieces figure", "results without pieces", "those of a two-scale or a stochastic study"
+        )
+    fields = (data[f"{kind}_{name}"].values for name in ("k1", "mean_gap", "pressure"))
+    k, gap, pressure = (values.reshape(len(values), -1) for values in fields)
+    peaks = data["state_unloaded_from" if kind == "state" else "unloaded_from"].values
+    return k, gap, pressure, np.isnan(peaks)
+
+
+def _clouds(axes: Axes, k: Array, x: Array, loading: Flags, *, plates: bool) -> bool:
+    """A point for each open piece in each state, in two colours, and the line of parallel plates over a gap [µm].
+
+    Returns whether a piece is open.
+    """
+    with np.errstate(invalid="ignore"):
+        shown = (k > np.nanmax(k, initial=0.0) * 10.0**-_DECADES) & ((x > 0) | (not plates))
+    if not shown.any():
+        axes.annotate(
+            "every piece is closed", (0.5, 0.5), xycoords="axes fraction", ha="center", color=GREY
+        )
+        return False
+    branches = (("loading", loading), ("unloading", ~loading))
+    for (name, states), look in zip(branches, branch_styles(2), strict=True):
+        if states.any():
+            seen = shown[states]
+            look |= {"ls": "", "ms": 4, "mew": 0, "alpha": 0.55, "rasterized": True}
+            label = f"{name}{', all closed' * (not seen.any())}"
+            axes.plot(x[states][seen], k[states][seen], label=label, **look)
+    low, high = k[shown].min(), k[shown].max()
+    if plates:
+        h = np.geomspace(x[shown].min() / 1.1, x[shown].max() * 1.1, 50)
+        axes.plot(h, cubic_law(h * 1e-6), color="black", lw=1.4, label="parallel plates, h̄³/12")
+        axes.set(xscale="log", xlim=(h[0], h[-1]))
+        high = max(high, cubic_law(h[-1] * 1e-6))
+        decades(axes.xaxis)
+    axes.set(yscale="log", ylim=(low / _MARGIN, high * _MARGIN))
+    decades(axes.yaxis)
+    return True

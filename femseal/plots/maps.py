@@ -9,9 +9,8 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-from ..base import Array, InputError
+from ..base import Array, InputError, Pair
 from ..contact import Contact, LoadCycle, LoadState
 from ..flow import Permeability
 from ..results.results import Results
@@ -45,9 +44,7 @@ if TYPE_CHECKING:
 
 def default_step(data: xarray.Dataset) -> int:
     """The step of the highest load at which the face leaks, or else the drawn seals; the first step if none does."""
-    names = ("leakage_two_scale", "leakage_deterministic", "leakage_blocks", "leakage_median")
-    name = next(name for name in names if name in data)
-    leaking = np.flatnonzero(np.nan_to_num(data[name].values))
+    leaking = np.flatnonzero(np.nan_to_num(face_leakage(data)))
     return int(leaking[np.argmax(data["nominal_pressure"].values[leaking])]) if leaking.size else 0
 
 
@@ -74,10 +71,17 @@ def seal_figure(results: Results, step: int | None = None) -> Figure:
         raise InputError("step", step, f"0 to {data.sizes['step'] - 1}")
     if not has_maps(data):
         return drawn_figure(data, s)
-    row = map_row(lying(face_size(data)))
+    size = face_size(data)
+    row = map_row(lying(size))
     sheet = Sheet([row, row, row, 2.4], head=0.35)
-    for n, draw in enumerate((_contact_panel, _gap_panel, _fluid_panel)):
-        draw(sheet.panel(n, MAP), data, s)
+    contact, gap, fluid = (
+        data[f"face_{name}"].values[s] for name in ("contact_pressure", "gap", "fluid_pressure")
+    )
+    _contact_panel(sheet.panel(0, MAP), contact, size, "\n")
+    _gap_panel(sheet.panel(1, MAP), gap, size, "gap [µm]\ngrey: contact")
+    flows = "" if face_leakage(data)[s] != 0 else ", no flow"
+    title = f"fluid pressure [MPa]{flows}\nwhite: contact, pockets"
+    map_panel(sheet.panel(2, MAP), fluid / 1e6, size, with_closed("cividis", POCKET), title)
     drop_panel(sheet.panel(3, MAP), data, drop_steps(data, s))
     sheet.head(f"{load_names(data)[s]}; inlet at x1 = 0")
     return sheet.figure
@@ -87,7 +91,7 @@ def drop_steps(data: xarray.Dataset, last: int) -> list[int]:
     """Loading steps that leak: the first, the middle one, and that of the maps last."""
     loading = np.flatnonzero(np.isnan(data["unloaded_from"].values))
     leaking = loading[np.nan_to_num(face_leakage(data)[loading]) != 0]
-    chosen = [int(leaking[n]) for n in (0, leaking.size // 2) if leaking.size]
+    chosen = [leaking[n] for n in (0, leaking.size // 2) if leaking.size]
     return list(dict.fromkeys([*chosen, last]))
 
 
@@ -101,49 +105,35 @@ def place_figure(data: xarray.Dataset) -> Figure:
     height_panel(sheet.panel(0, MAP), heights.values * 1e6, size, title)
     if gaps:
         title = f"gap [µm] at {load_names(data)[s]}; grey: contact"
-        _map_of_gap(sheet.panel(1, MAP), data["place_gap"].values[s], size, title)
+        _gap_panel(sheet.panel(1, MAP), data["place_gap"].values[s], size, title)
     return sheet.figure
 
 
-def face_size(data: xarray.Dataset) -> tuple[float, float]:
+def face_size(data: xarray.Dataset) -> Pair:
     """Sides of the face [mm]."""
     return _sides(data, "face1", "face2")
 
 
-def _sides(data: xarray.Dataset, *blocks: str) -> tuple[float, float]:
+def _sides(data: xarray.Dataset, *blocks: str) -> Pair:
     """Sides [mm] of what blocks cover, by their two coordinates."""
     one, two = (float(data[name][0] + data[name][-1]) * 1e3 for name in blocks)
     return one, two
 
 
 def face_leakage(data: xarray.Dataset) -> Array:
-    """Leakage at every step of the study whose maps these are: deterministic, else two scales, else drawn seals."""
-    names = ("leakage_deterministic", "leakage_two_scale", "leakage_median")
+    """Leakage at every step of the face, by its own pixels, else by blocks, else of the drawn seals."""
+    names = ("leakage_two_scale", "leakage_deterministic", "leakage_blocks", "leakage_median")
     return np.asarray(data[next(name for name in names if name in data)].values)
 
 
-def _contact_panel(axes: Axes, data: xarray.Dataset, s: int) -> None:
-    """Contact pressure of the face in blocks at a step."""
-    values = data["face_contact_pressure"].values[s]
-    shown = np.where(values > 0, values, np.nan) / 1e6
-    title = "contact pressure [MPa]\ngrey: no contact"
-    map_panel(axes, shown, face_size(data), with_closed("viridis"), title)
+def _contact_panel(axes: Axes, pressure: Array, size: Pair, joint: str) -> None:
+    """Map of a contact pressure [Pa]; `joint` before what is grey."""
+    shown = np.where(pressure > 0, pressure, np.nan) / 1e6
+    title = f"contact pressure [MPa]{joint}grey: no contact"
+    map_panel(axes, shown, size, with_closed("viridis"), title)
 
 
-def _fluid_panel(axes: Axes, data: xarray.Dataset, s: int) -> None:
-    """Fluid pressure over the face in blocks at a step."""
-    flows = "" if face_leakage(data)[s] != 0 else ", no flow"
-    title = f"fluid pressure [MPa]{flows}\nwhite: contact, pockets"
-    values = data["face_fluid_pressure"].values[s] / 1e6
-    map_panel(axes, values, face_size(data), with_closed("cividis", POCKET), title)
-
-
-def _gap_panel(axes: Axes, data: xarray.Dataset, s: int) -> None:
-    """Gap of the face in blocks at a step."""
-    _map_of_gap(axes, data["face_gap"].values[s], face_size(data), "gap [µm]\ngrey: contact")
-
-
-def _map_of_gap(axes: Axes, gap: Array, size: tuple[float, float], title: str) -> None:
+def _gap_panel(axes: Axes, gap: Array, size: Pair, title: str) -> None:
     """Map of a gap [m]."""
     shown = np.where(gap > 0, gap, np.nan) * 1e6
     map_panel(axes, shown, size, with_closed("magma"), title, vmin=0)
@@ -151,17 +141,18 @@ def _map_of_gap(axes: Axes, gap: Array, size: tuple[float, float], title: str) -
 
 def drop_panel(axes: Axes, data: xarray.Dataset, steps: Sequence[int]) -> None:
     """Fluid pressure along the leakage, mean over the seal's length, and its range at the last step."""
-    x1, p = pressure_rows(data, steps[-1])
-    means = {s: pressure_rows(data, s)[1].mean(axis=1) for s in steps}
+    pressure = np.ma.masked_invalid(data["face_fluid_pressure"].values.astype(float)) / 1e6
+    x1, p = data["block1"].values, pressure[steps[-1]]
+    means = {s: pressure[s].mean(axis=1) for s in steps}
     _lines_over_x1(axes, data, x1, means, "fluid pressure [MPa]")
-    low, high = p.min(axis=1) / 1e6, p.max(axis=1) / 1e6
-    axes.fill_between(x1 * 1e3, low, high, color=GREY, alpha=0.15, lw=0, label="lowest to highest")
+    look: dict[str, Any] = {"color": GREY, "alpha": 0.15, "lw": 0, "label": "lowest to highest"}
+    axes.fill_between(x1 * 1e3, p.min(axis=1), p.max(axis=1), **look)
     axes.legend(fontsize=8, framealpha=0.9)
 
 
 def row_panel(axes: Axes, data: xarray.Dataset, steps: Sequence[int]) -> None:
     """Mean contact pressure of the rows of the face along the leakage: the band on which a seat touches."""
-    rows = {s: data["row_pressure"].values[s] for s in steps}
+    rows = {s: data["row_pressure"].values[s] / 1e6 for s in steps}
     name = "mean contact pressure of rows [MPa]"
     _lines_over_x1(axes, data, data["row"].values, rows, name)
     axes.legend(fontsize=8, framealpha=0.9)
@@ -170,20 +161,13 @@ def row_panel(axes: Axes, data: xarray.Dataset, steps: Sequence[int]) -> None:
 def _lines_over_x1(
     axes: Axes, data: xarray.Dataset, x1: Array, values: dict[int, Array], name: str
 ) -> None:
-    """A line of pressures [Pa] for each step."""
+    """A line of pressures [MPa] for each step."""
     names = load_names(data)
-    for (s, p), (colour, line, _) in zip(values.items(), STYLES, strict=False):
-        axes.plot(x1 * 1e3, p / 1e6, color=colour, ls=line, lw=1.4, label=names[s])
+    for (s, p), style in zip(values.items(), STYLES, strict=False):
+        axes.plot(x1 * 1e3, p, lw=1.4, label=names[s], **style)
     name_sides(axes, ("x1, inlet at 0 [mm]", name))
     axes.tick_params(labelsize=8)
     axes.grid(alpha=0.25, lw=0.6)
-
-
-def pressure_rows(data: xarray.Dataset, s: int) -> tuple[Array, Any]:
-    """x1 [m] and fluid pressure [Pa] (rows, columns) of the blocks of the face, masked where undefined."""
-    return data["block1"].values, np.ma.masked_invalid(
-        data["face_fluid_pressure"].values[s].astype(float)
-    )
 
 
 @shows(Contact)
@@ -194,13 +178,8 @@ def contact_figure(contact: Contact) -> Figure:
     )
     figure = new_figure(11.0, map_height(lying((l1, l2)), 4.4) + 0.9)
     left, right = figure.subplots(1, 2)
-    pressure, gap = (
-        np.where(a > 0, a, np.nan) for a in (contact.pressure / 1e6, contact.gap * 1e6)
-    )
-    map_panel(
-        left, pressure, (l1, l2), with_closed("viridis"), "contact pressure [MPa]; grey: no contact"
-    )
-    map_panel(right, gap, (l1, l2), with_closed("magma"), "gap [µm]; grey: contact")
+    _contact_panel(left, contact.pressure, (l1, l2), "; ")
+    _gap_panel(right, contact.gap, (l1, l2), "gap [µm]; grey: contact")
     return figure
 
 
@@ -216,36 +195,20 @@ def state_figure(state: LoadState) -> Figure:
 def cycle_figure(cycle: LoadCycle) -> Figure:
     """Fraction in contact and mean gap against nominal pressure."""
     figure = new_figure(9.6, 4.0)
-    left, right = figure.subplots(1, 2)
-    _cycle_panel(
-        left,
-        cycle,
-        np.array([100 * s.contact.area_fraction for s in cycle]),
-        "fraction in contact [%]",
-    )
-    _cycle_panel(right, cycle, np.array([s.contact.mean_gap * 1e6 for s in cycle]), "mean gap [µm]")
-    left.legend(fontsize=8.5, frameon=False)
-    return figure
-
-
-def _cycle_panel(axes: Axes, steps: Sequence[Any], values: NDArray[np.float64], label: str) -> None:
-    """Values at the steps of a cycle against nominal pressure, a curve for each branch."""
-    pressure, peaks = pressures_and_peaks(steps)
+    panels = figure.subplots(1, 2)
+    quantities = {
+        "fraction in contact [%]": [100 * s.contact.area_fraction for s in cycle],
+        "mean gap [µm]": [s.contact.mean_gap * 1e6 for s in cycle],
+    }
+    pressure, peaks = pressures_and_peaks(cycle)
     parts = branches(pressure, peaks)
-    for (name, chosen), (colour, line, marker) in zip(
-        parts, branch_styles(len(parts)), strict=True
-    ):
-        axes.plot(
-            pressure[chosen] / 1e6,
-            values[chosen],
-            color=colour,
-            ls=line,
-            marker=marker,
-            ms=4.5,
-            label=name,
-        )
-    axes.set(xlabel="nominal pressure [MPa]", ylabel=label)
-    axes.grid(alpha=0.25, lw=0.6)
+    for axes, (label, values) in zip(panels, quantities.items(), strict=True):
+        for (name, steps), look in zip(parts, branch_styles(len(parts)), strict=True):
+            axes.plot(pressure[steps] / 1e6, np.array(values)[steps], label=name, **look)
+        axes.set(xlabel="nominal pressure [MPa]", ylabel=label)
+        axes.grid(alpha=0.25, lw=0.6)
+    panels[0].legend(fontsize=8.5, frameon=False)
+    return figure
 
 
 @shows(Permeability)

@@ -8,9 +8,19 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from ..base import Array
 from ..results.run_comparison import RunComparison
 from ..results.selections import branches_in
-from .drawing import LEGEND_LINE, LINES, STYLES, Sheet, legend_below, load_axis, shows
+from .drawing import (
+    LEGEND_LINE,
+    LINES,
+    MARKERS,
+    Sheet,
+    branch_styles,
+    legend_below,
+    load_axis,
+    shows,
+)
 from .leakage_curves import leakage_axis, leakage_band, leakage_line
 
 if TYPE_CHECKING:
@@ -49,7 +59,7 @@ def run_styles(count: int) -> list[tuple[Any, str]]:
     from matplotlib import colormaps
 
     shades = np.linspace(0, 0.92, count)
-    return [(colormaps["viridis"](x), STYLES[n % len(STYLES)][2]) for n, x in enumerate(shades)]
+    return [(colormaps["viridis"](x), MARKERS[n % len(MARKERS)]) for n, x in enumerate(shades)]
 
 
 def _load_panel(axes: Axes, comparison: RunComparison) -> list[Any]:
@@ -79,9 +89,7 @@ def _load_panel(axes: Axes, comparison: RunComparison) -> list[Any]:
 
 def _drawn_key(comparison: RunComparison) -> int | None:
     """The key of a sweep with most values, if the runs have loads in common; None without one."""
-    counts = [
-        len({values[k] for values in comparison.settings}) for k in range(len(comparison.keys))
-    ]
+    counts = [len({*values}) for values in zip(*comparison.settings, strict=True)]
     if not counts or max(counts) < 2 or not comparison.common_steps:
         return None
     return int(np.argmax(counts))
@@ -95,12 +103,11 @@ def _key_panel(axes: Axes, comparison: RunComparison, key: int) -> None:
     others: dict[str, list[int]] = {}
     for n, values in enumerate(comparison.settings):
         others.setdefault(", ".join(values[:key] + values[key + 1 :]), []).append(n)
-    sizes = np.array([_at(comparison, n, step) for n in range(len(comparison.runs))])
+    sizes = _sizes(comparison, step)
     leakage_axis(axes, sizes)
-    for (name, runs), (colour, line, marker) in zip(others.items(), STYLES, strict=False):
+    for (name, runs), look in zip(others.items(), branch_styles(len(others)), strict=True):
         at = np.array([places[texts.index(comparison.settings[run][key])] for run in runs])
         order = np.argsort(at)
-        look = {"color": colour, "ls": line, "lw": 1.8, "marker": marker, "ms": 4.5}
         leakage_line(axes, at[order], sizes[runs][order], label=name, **look)
     axes.set(xlabel=comparison.keys[key], ylabel=comparison.label, title=step.name)
     if min(places) > 0 and max(places) > 10 * min(places):
@@ -114,25 +121,23 @@ def _key_panel(axes: Axes, comparison: RunComparison, key: int) -> None:
         axes.legend(fontsize=8, framealpha=0.9, title=title, title_fontsize=8)
 
 
-def _at(comparison: RunComparison, run: int, step: LoadStep) -> float:
-    """Size of the leakage of a run at a step."""
-    return abs(float(comparison.leakage(run)[comparison.runs[run].steps.index(step)]))
+def _sizes(comparison: RunComparison, step: LoadStep) -> Array:
+    """Size of the leakage of every run at a step (runs,)."""
+    runs = enumerate(comparison.runs)
+    return np.abs([comparison.leakage(n)[run.steps.index(step)] for n, run in runs])
 
 
 def _shown_step(comparison: RunComparison) -> LoadStep:
     """The highest common step on loading at which all runs leak, or else the first common one."""
-    runs, common = range(len(comparison.runs)), comparison.common_steps
-    leaking = [
-        step
-        for step in common
-        if step.unloaded_from is None and all(_at(comparison, n, step) > 0 for n in runs)
-    ]
+    common = comparison.common_steps
+    loading = (step for step in common if step.unloaded_from is None)
+    leaking = [step for step in loading if (_sizes(comparison, step) > 0).all()]
     return leaking[-1] if leaking else common[0]
 
 
 def _places(texts: list[str]) -> list[float]:
     """Places of values on an axis: numbers of one unit as they are, others side by side."""
-    found = [match for match in map(_NUMBER.fullmatch, texts) if match]
-    if len(found) < len(texts) or len({match[2] for match in found}) > 1:
+    found = [match.groups() for match in map(_NUMBER.fullmatch, texts) if match]
+    if len(found) < len(texts) or len({unit for _, unit in found}) > 1:
         return [float(n) for n in range(len(texts))]
-    return [float(match[1]) for match in found]
+    return [float(number) for number, _ in found]

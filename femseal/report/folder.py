@@ -3,22 +3,22 @@
 import json
 import os
 import shutil
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from contextlib import suppress
 from functools import partial
 from pathlib import Path
 
-from ..base import FemsealError, Mapper, made_folder, read_plain, replacing, write_text
+from ..base import AnyPath, FemsealError, Mapper, made_folder, read_plain, write_bytes, write_text
 from ..base.files import is_inside
-from ..results.paraview import NAME as FIELDS
-from ..results.paraview import FieldPlan, plan_fields, write_fields, write_vtk
+from ..results.pixel_fields import NAME as FIELDS
+from ..results.pixel_fields import plan_fields, write_fields
 from ..results.results import Results
 from ..results.results_file import FILE_NAME, save
 from ..results.tables import csv_text, write_workbook
+from ..results.vtk_files import write_vtk
 from ..studies.choices import FIELDS_LIMIT
 from ..topography import Topography
-from .page import REPORT_NAME, write_report
-from .pictures import FILES, draw_all
+from .page import FILES, REPORT_NAME, draw_all, write_report
 
 #: Manifest of the files of a run, one a line; the next run removes those that it does not write again.
 MANIFEST = "files.txt"
@@ -32,7 +32,7 @@ VIEWS = "vtk"
 
 def write_folder(
     results: Results,
-    folder: str | os.PathLike[str],
+    folder: AnyPath,
     surface: Topography | None = None,
     *,
     pictures: bool = True,
@@ -67,7 +67,9 @@ def write_folder(
     )
 
     def write(unfinished: Path) -> list[Path]:
-        written = _write_fields(results, plan, surface, unfinished, paraview, mapper)
+        written = write_fields(results, plan, unfinished) if plan.steps.size else []
+        if paraview != "none":
+            written += write_vtk(results, surface, unfinished / VIEWS, mapper)
         return written + _write_for_people(results, surface, pictures, report, unfinished)
 
     return _replaced(results, made_folder(folder), write)
@@ -88,20 +90,16 @@ def write_again(
     The other arguments, what is returned and the errors are as in `write_folder`.
     """
     target = Path(results.folder or "")
+    heads = {FIELDS: fields, VIEWS: paraview != "none"}
     kept = [
         name
         for name in _former(target)
-        if _is_kept(name, fields, paraview != "none") and (target / name).is_file()
+        if heads.get(Path(name.parts[0]).stem) and (target / name).is_file()
     ]
     if not fields:
         results.dataset.attrs["left_out"] = json.dumps([])
     write = partial(_write_for_people, results, surface, pictures, report)
     return _replaced(results, target, write, kept, same_numbers=True)
-
-
-def _is_kept(name: Path, with_fields: bool, with_views: bool) -> bool:
-    head = Path(name.parts[0]).stem
-    return (with_fields and head == FIELDS) or (with_views and head == VIEWS)
 
 
 def _replaced(
@@ -117,7 +115,10 @@ def _replaced(
     same_numbers : the earlier results are these, and stay until the new ones are complete: nothing else keeps them.
     """
     unfinished = target / UNFINISHED
-    _clear(unfinished)
+    # files that a link leads to stay
+    if unfinished.is_symlink() or unfinished.is_file():
+        unfinished.unlink()
+    shutil.rmtree(unfinished, ignore_errors=True)
     try:
         saved = save(results, unfinished)
     except BaseException:
@@ -127,9 +128,7 @@ def _replaced(
         names = [path.relative_to(unfinished) for path in [*write(unfinished), saved]]
         listed = [*kept, *names]
         if same_numbers:
-            _list_files(
-                target, [*listed, *(name for name in _former(target) if name not in listed)]
-            )
+            _list_files(target, dict.fromkeys([*listed, *_former(target)]))
         else:
             (target / FILE_NAME).unlink(missing_ok=True)
             _remove_former(target, kept)
@@ -150,10 +149,10 @@ def _replaced(
             f"output folder: {reason}; the computed results are in '{saved}'"
         ) from error
     shutil.rmtree(unfinished, ignore_errors=True)
-    return [target / MANIFEST, *(target / name for name in [*kept, *names])]
+    return [target / MANIFEST, *(target / name for name in listed)]
 
 
-def _list_files(folder: Path, names: Sequence[Path]) -> None:
+def _list_files(folder: Path, names: Iterable[Path]) -> None:
     write_text(folder / MANIFEST, "".join(f"{name.as_posix()}\n" for name in names))
 
 
@@ -165,38 +164,11 @@ def _write_for_people(
         write_text(folder / "table.csv", csv_text(results)),
         write_workbook(results, folder / "table.xlsx"),
     ]
-    if not pictures and not report:
-        return written
-    drawings = draw_all(results, surface)
+    drawings = draw_all(results, surface) if pictures or report else {}
     for name in FILES if pictures else ():
         if name in drawings:
-            with replacing(folder / f"{name}.png") as temporary:
-                temporary.write_bytes(drawings[name])
-            written.append(folder / f"{name}.png")
+            written.append(write_bytes(folder / f"{name}.png", drawings[name]))
     return [*written, write_report(results, folder / REPORT_NAME, drawings)] if report else written
-
-
-def _write_fields(
-    results: Results,
-    plan: FieldPlan,
-    surface: Topography | None,
-    folder: Path,
-    paraview: str,
-    mapper: Mapper,
-) -> list[Path]:
-    """Write the fields over the pixels, and the files for ParaView; returns the paths."""
-    written = write_fields(results, plan, folder) if plan.steps.size else []
-    return [
-        *written,
-        *(write_vtk(results, surface, folder / VIEWS, mapper) if paraview != "none" else ()),
-    ]
-
-
-def _clear(folder: Path) -> None:
-    """Remove a folder, or what stands in its place; files that links lead to stay."""
-    if folder.is_symlink() or folder.is_file():
-        folder.unlink()
-    shutil.rmtree(folder, ignore_errors=True)
 
 
 def _former(folder: Path) -> list[Path]:
@@ -211,7 +183,7 @@ def _former(folder: Path) -> list[Path]:
     ]
 
 
-def _remove_former(folder: Path, kept: Sequence[Path] = ()) -> None:
+def _remove_former(folder: Path, kept: Sequence[Path]) -> None:
     """Remove the files of an earlier run but the kept, and folders that they leave empty.
 
     A name that leads out of the folder by a link is passed over.

@@ -5,62 +5,48 @@ Also what pressures the seal needs, from the files of `femseal design` in the fo
 
 from __future__ import annotations
 
+import base64
 import json
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
-from ..base import TextTable, format_deviation, read_plain, to_text
-from ..base.leak_rates import LEAK_UNITS, LeakUnit, leak_classes, within
+from ..base import TextTable, format_deviation, number_text, read_plain, to_text
+from ..base.leak_rates import LEAK_UNITS, leak_classes, within
 from ..results.results import Results
 from ..results.selections import branches_in, load_names, loads_as_given
 from ..results.tables import (
-    as_chosen,
     class_unit,
     format_error_band,
     format_leakage,
-    in_several_units,
-    leakage_at,
+    leakage_texts,
 )
 from ..studies.load_curves import first_known, least_counted
-from .pictures import png_uri
 
 
-@dataclass(frozen=True)
-class KeyNumber:
-    """One of the numbers at the head of the report."""
+def key_numbers(results: Results) -> list[tuple[str, str, str]]:
+    """Numbers at the head of the report: label, value, note.
 
-    label: str
-    value: str
-    note: str
-
-
-def key_numbers(results: Results) -> list[KeyNumber]:
-    """Leakage of the whole seal at the first and the highest load and after the last unloading; contact there."""
-    data, leakage = results.dataset, results.leakage.values
+    Leakage of the whole seal at the first and the highest load and after the last unloading; contact there.
+    """
+    data, leakage, basis = results.dataset, results.leakage.values, results.leak_basis
     names, budget = load_names(data), results.budget
     numbers = []
     for s in dict.fromkeys((results.peak, 0, len(names) - 1)):
-        unit, factor = _whole_seal(results, leakage[s])
-        value = leakage_at(results, s, factor)
+        unit = results.asked_unit
+        if unit is None or unit.per_length or not basis.has(unit):
+            unit = basis.readable([leakage[s]])
+        factor, note = basis.factor(unit), ""
+        value = leakage_texts(results, factor)[s]
         value += f" {unit.name}" if leakage[s] and not np.isnan(leakage[s]) else ""
-        note = ""
         if budget is not None:
-            note = f"95 % band of error {format_error_band(budget.lower[s], budget.upper[s], factor, leakage[s])}"
-        numbers.append(KeyNumber(f"whole seal, {names[s]}", value, note))
+            ends = budget.lower[s], budget.upper[s]
+            note = f"95 % band of error {format_error_band(*ends, factor, leakage[s])}"
+        numbers.append((f"whole seal, {names[s]}", value, note))
     if "contact_fraction" in data:
-        fraction = float(data["contact_fraction"][results.peak])
-        numbers.append(KeyNumber("in contact at the highest load", f"{100 * fraction:.3g} %", ""))
+        fraction = 100 * float(data["contact_fraction"][results.peak])
+        numbers.append(("in contact at the highest load", f"{fraction:.3g} %", ""))
     return numbers
-
-
-def _whole_seal(results: Results, leakage: float) -> tuple[LeakUnit, float]:
-    """The unit of leakage that was asked for, or a readable one of the whole seal, and the value of 1 [m²/s]."""
-    basis, unit = results.leak_basis, results.asked_unit
-    if unit is None or unit.per_length or not basis.has(unit):
-        unit = basis.readable([leakage])
-    return unit, basis.factor(unit)
 
 
 def limiting_text(results: Results) -> str:
@@ -68,29 +54,20 @@ def limiting_text(results: Results) -> str:
     budget, peak = results.budget, results.peak
     if budget is None or not (name := budget.limiting(peak)):
         return ""
-    half_width, step = float(budget.half_width(peak)), load_names(results.dataset)[peak]
-    if not np.isfinite(half_width):
-        return f"One end of the band of error at {step} is unknown; its widest source: {name}."
-    return f"Half-width of the band of error at {step}: {format_deviation(half_width)}; its widest source: {name}."
+    half_width = float(budget.half_width(peak))
+    width = format_deviation(half_width) if np.isfinite(half_width) else "one end is unknown"
+    step = load_names(results.dataset)[peak]
+    return f"Half-width of the band of error at {step}: {width}; its widest source: {name}."
 
 
-def total_leakage_text(results: Results) -> str:
-    """Leakage of the whole seal at the highest load, in several units; "" where there is none."""
-    if not (whole := in_several_units(results, results.peak)):
-        return ""
-    length = to_text(results.leak_basis.length, "m")
-    load = load_names(results.dataset)[results.peak]
-    return f"Over its whole length of {length} the seal leaks {whole} at {load}.{_reference_text(results)}"
-
-
-def _reference_text(results: Results) -> str:
+def gas_state_text(results: Results) -> str:
+    """At what state volumes and pressure × volume of a gas are; "" of a liquid."""
     basis = results.leak_basis
     if basis.pressure is None or basis.temperature is None:
         return ""
-    state = f"{basis.pressure:g} Pa and {basis.temperature:g} K"
     return (
-        f" Volumes of the gas are those at {state}, standard ones at 0 °C; its pressure × volume is that at "
-        f"{basis.stated_temperature:g} K."
+        f"Volumes of the gas are those at {basis.pressure:g} Pa and {basis.temperature:g} K, standard ones at 0 °C; "
+        f"its pressure × volume is that at {basis.stated_temperature:g} K."
     )
 
 
@@ -103,11 +80,16 @@ def class_table(results: Results) -> TextTable | None:
     if "leak_class" not in data.coords:
         return None
     limits, met = data["class_limit"].values, data["class_met"].values
-    names = [str(name) for name in data["leak_class"].values]
-    columns = [
-        ("class", names),
-        ("limit", [_limit_text(results, *one) for one in zip(names, limits, strict=True)]),
+    names = data["leak_class"].values.tolist()
+    texts = [
+        f"{format_leakage(limit, results.class_basis.factor(unit))} {unit.name}"
+        if limit
+        else "no leakage"
+        for limit, unit in zip(
+            limits, (LEAK_UNITS[c.unit] for c in leak_classes(names)), strict=True
+        )
     ]
+    columns = [("class", names), ("limit", texts)]
     text = loads_as_given(data)
     # the force alone where the case has forces
     short = [text(p).partition(" (")[0] for p in data["nominal_pressure"].values]
@@ -128,23 +110,13 @@ def class_table(results: Results) -> TextTable | None:
     return TextTable.of_columns(title, columns, names=len(columns))
 
 
-def _limit_text(results: Results, name: str, limit: float) -> str:
-    """The limit of a class in the unit of its standard."""
-    unit = LEAK_UNITS[leak_classes([name])[0].unit]
-    return (
-        f"{format_leakage(limit, results.class_basis.factor(unit))} {unit.name}"
-        if limit
-        else "no leakage"
-    )
-
-
 def _met_text(loads: list[str], met: np.ndarray) -> str:
     """From which load on a class is met; "open" where the leakage at the highest may be any."""
     if np.isnan(met[-1]):
         return "open"
     if (met == 1).all():
         return "at every load step"
-    good = len(met) - int(np.argmin(met[::-1] == 1))
+    good = len(met) - np.argmin(met[::-1] == 1)
     return "at no load step" if good == len(met) else f"from {loads[good]}"
 
 
@@ -152,7 +124,7 @@ def _kept_text(loads: list[str], met: np.ndarray) -> str:
     """Down to which load a class is kept; "open" where the leakage at the peak may be any."""
     if np.isnan(met[0]):
         return "open"
-    good = int(np.argmin(met == 1)) if not (met == 1).all() else len(met)
+    good = np.argmin(met == 1) if not (met == 1).all() else len(met)
     return "not even at the peak" if good == 0 else f"kept down to {loads[good - 1]}"
 
 
@@ -163,12 +135,10 @@ def test_fluid_sentences(results: Results) -> list[str]:
         return []
     unit, basis, peak = class_unit(results), results.class_basis, results.peak
     own, test = results.leakage.values, data["test_leakage"].values
-    inlet, outlet = (
-        to_text(float(attrs[f"test_{end}_pressure_Pa"]), "Pa") for end in ("inlet", "outlet")
-    )
+    inlet, outlet = (to_text(attrs[f"test_{end}_pressure_Pa"], "Pa") for end in ("inlet", "outlet"))
+    leakage = f"{format_leakage(test[peak], basis.factor(unit))} {unit.name}"
     sentences = [
-        f"A test fluid, {attrs['test_fluid']}, runs from {inlet} to {outlet} "
-        f"through the same seals: {format_leakage(float(test[peak]), basis.factor(unit))} {unit.name} at "
+        f"A test fluid, {attrs['test_fluid']}, runs from {inlet} to {outlet} through the same seals: {leakage} at "
         f"{load_names(data)[peak]}."
     ]
     known = np.isfinite(own) & np.isfinite(test) & (test != 0)
@@ -179,10 +149,10 @@ def test_fluid_sentences(results: Results) -> list[str]:
     scale = basis.factor(common) / results.leak_basis.factor(common)
     ratio = scale * np.median(own[known] / test[known])
     what = "In pressure × volume" if gases else "By volume"
-    viscous, molecular = float(attrs["test_viscous_factor"]), float(attrs["test_molecular_factor"])
-    limits = [f"flow as a continuum would give {viscous:.3g}"]
-    limits += [] if np.isnan(molecular) else [f"flow of free molecules {molecular:.3g}"]
-    text = f"{what} the fluid in service leaks {ratio:.3g} times as much"
+    viscous, molecular = attrs["test_viscous_factor"], attrs["test_molecular_factor"]
+    limits = [f"flow as a continuum would give {number_text(viscous)}"]
+    limits += [] if np.isnan(molecular) else [f"flow of free molecules {number_text(molecular)}"]
+    text = f"{what} the fluid in service leaks {number_text(ratio)} times as much"
     return [*sentences, f"{text}; {', '.join(limits)}."]
 
 
@@ -192,38 +162,32 @@ _LARGEST = 1e7
 _PNG = b"\x89PNG\r\n\x1a\n"
 
 
+def png_uri(picture: bytes) -> str:
+    """A picture as a data URI."""
+    return "data:image/png;base64," + base64.b64encode(picture).decode()
+
+
 def design_section(results: Results) -> dict[str, Any] | None:
     """Sentences, tables and picture for the same case; None where the folder has none."""
     if results.folder is None:
         return None
     try:
         found = json.loads(read_plain(results.folder / DESIGN_FILE, _LARGEST))
-        if found["case"] != results.case:
-            return None
         picture = read_plain(results.folder / DESIGN_PICTURE, _LARGEST)
-        if not picture.startswith(_PNG):
+        if found["case"] != results.case or not picture.startswith(_PNG):
             return None
-        return {
-            "sentences": found["sentences"],
-            "tables": found["tables"],
-            "picture": png_uri(picture),
-        }
+        kept = {key: found[key] for key in ("sentences", "tables")}
+        return kept | {"picture": png_uri(picture)}
     except (OSError, ValueError, KeyError, TypeError, RecursionError):
         return None
 
 
-Lines = list[tuple[str, ...]]
-
-
 def important_steps(results: Results) -> list[int]:
     """The first load, the highest, the highest that leaks more than 1e-3 of the first, and the last one."""
-    leakage, steps = np.abs(results.leakage.values), results.steps
-    least = least_counted(leakage)
-    peak = max(range(len(steps)), key=lambda s: steps[s].pressure)
-    leaking = [
-        s for s in range(len(steps)) if leakage[s] > least and steps[s].unloaded_from is None
-    ]
-    return list(dict.fromkeys((first_known(leakage), *leaking[-1:], peak, len(steps) - 1)))
+    leakage = np.abs(results.leakage.values)
+    leaks = (leakage > least_counted(leakage)) & results.steps.on_loading
+    highest = np.flatnonzero(leaks)[-1:].tolist()
+    return list(dict.fromkeys((first_known(leakage), *highest, results.peak, len(leakage) - 1)))
 
 
 def budget_table(results: Results) -> TextTable | None:
@@ -233,7 +197,7 @@ def budget_table(results: Results) -> TextTable | None:
         return None
     steps, widths = important_steps(results), budget.widths()
     largest = {
-        name: float(np.max(np.nan_to_num(width[steps], nan=np.inf), initial=0.0))
+        name: np.max(np.nan_to_num(width[steps], nan=np.inf), initial=0.0)
         for name, width in widths.items()
     }
     order = sorted(budget.parts, key=lambda part: -largest[part.name])
@@ -246,52 +210,23 @@ def budget_table(results: Results) -> TextTable | None:
     names = load_names(results.dataset)
     heads = ("source", *(names[s] for s in steps), "how it was estimated")
     texts = tuple(
-        (name, *(_width_text(float(width[s])) for s in steps), note) for name, width, note in lines
+        (name, *(_width_text(width[s]) for s in steps), note) for name, width, note in lines
     )
     title = "Half-width of the band of error, by its source, the widest first; ×: a factor"
-    name = budget.limiting()
-    notes = (
+    notes = [
         "The band of error of a leakage holds the truth in about 95 of 100 cases: the leakage of such a face on pixels "
-        "as fine as one wants, with the waves that were removed, and without errors of method or draws.",
-        f"Over the loads that leak more than 1e-3 of the first the widest source is: {name}."
-        if name
-        else "",
-    )
-    return TextTable(title, heads, texts, names=len(heads), notes=tuple(filter(None, notes)))
+        "as fine as one wants, with the waves that were removed, and without errors of method or draws."
+    ]
+    if name := budget.limiting():
+        loads = "Over the loads that leak more than 1e-3 of the first"
+        notes.append(f"{loads} the widest source is: {name}.")
+    return TextTable(title, heads, texts, names=len(heads), notes=tuple(notes))
 
 
 def _width_text(width: float) -> str:
     """A half-width of ln(leakage); inf is that of a seal that may leak or be sealed."""
     known = {"nan": "unknown", "inf": "open or sealed", "0": "0"}.get(f"{width:g}")
     return format_deviation(width, "× ") if known is None else known
-
-
-def check_lines(results: Results) -> Lines:
-    """Residuals and resolution: quantity, value, meaning."""
-    data, case = results.dataset, as_chosen(results.case, results.attempts)
-    lines: Lines = []
-    if (rtol := case.get("contact", {}).get("rtol")) is not None:
-        lines.append(
-            ("contact residual", f"≤ {rtol:.0e}", "of every contact that is not among the failures")
-        )
-    if first := data.attrs.get("first_answer"):
-        lines.append(
-            (
-                "first answer",
-                str(first),
-                "leakage on loading that would be plausible, beside that computed",
-            )
-        )
-    surface = json.loads(data.attrs["surface"])
-    if "shortest_wave" in surface and "spacing" in surface:
-        wave, pixel = surface["shortest_wave"], max(surface["spacing"])
-        meaning = f"of {to_text(pixel, 'm', 3)} to the shortest wave, {to_text(wave, 'm', 3)}"
-        lines.append(("resolution", f"{wave / pixel:.3g} pixels", meaning))
-        if (before := surface.get("rms_slope_before")) and "continuation" not in surface:
-            lost = 1 - surface["rms_slope"] / before
-            meaning = "of the rms slope, with the waves shorter than that"
-            lines.append(("slope removed", f"{100 * lost:.2g} %", meaning))
-    return lines
 
 
 def time_lines(results: Results) -> list[tuple[str, str, float]]:

@@ -10,11 +10,11 @@ from ..base.lazy_package import lazy
 
 if TYPE_CHECKING:
     from .dataset import RunFacts, assemble
-    from .export import export_field
-    from .paraview import read_pixels, stored_steps, write_vtk
+    from .pixel_fields import export_field, read_pixels, stored_steps
     from .results import Results
     from .results_file import open_results, save
     from .run_comparison import RunComparison, compare
     from .tables import attempts_table, leakage_table, rows, summary_html, summary_text
+    from .vtk_files import write_vtk
 else:
     __getattr__, __dir__ = lazy(__name__)

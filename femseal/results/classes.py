@@ -165,7 +165,7 @@ def tightest_classes(data: xarray.Dataset) -> list[str]:
     """The tightest class of each family that is met, at every step; "none", or "open": unknown; [] without classes."""
     if "leak_class" not in data.coords:
         return []
-    classes = leak_classes(str(name) for name in data["leak_class"].values)
+    classes = leak_classes(data["leak_class"].values.tolist())
     # the tightest of a family last
     order = np.argsort(data["class_limit"].values, kind="stable")[::-1]
     lines = []

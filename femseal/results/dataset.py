@@ -10,7 +10,7 @@ import numpy as np
 import xarray
 
 from ..base import InputError, counted, versions
-from ..base.fields import STEP, Field
+from ..base.fields import FACE, PIECE, STEP, Field, fields_of
 from ..base.leak_rates import LeakBasis, leak_classes, leak_unit
 from ..base.machine import machine, peak_memory
 from ..budget import VAGUE, ErrorBudget, vague_steps
@@ -26,11 +26,13 @@ from ..studies import (
     StochasticResult,
     StudyResult,
 )
+from ..studies.study_registry import contact_fraction_of
 from ..topography import Places
 from . import variables
 from .classes import add_classes, add_test_fluid, basis_attributes, fluid_text
 from .results import Results
 from .selections import load_names
+from .variables import HEIGHT_BLOCKS
 
 #: An attribute of an HDF5 file holds at most 64 kB.
 _ATTRIBUTE_BYTES = 50_000
@@ -109,8 +111,6 @@ def assemble(scene: Scene, *studies: StudyResult, facts: RunFacts = _NOTHING) ->
     assert drawn is None or isinstance(drawn, StochasticResult)
     data = xarray.Dataset(coords=variables.step_coordinates("step", "", scene.steps))
     _add_studies(data, scene, known, facts.quantiles)
-    variables.add_heights(data, scene)
-    variables.add_contact_fraction(data, scene.steps, known)
     size = scene.surface.size if drawn is None else drawn.tiles.size
     state = FluidState.of(scene)
     basis = leak_basis(
@@ -135,7 +135,13 @@ def assemble(scene: Scene, *studies: StudyResult, facts: RunFacts = _NOTHING) ->
         "seal_size_m": [float(length) for length in size],
         "leakage_unit": _unit_name(facts, basis),
         **_of_studies(known, facts.warnings),
-        **_of_scene(scene),
+        "fluid": fluid_text(scene.fluid),
+        "fluid_effect": scene.fluid_effect,
+        "inlet_pressure_Pa": float(scene.inlet_pressure),
+        "outlet_pressure_Pa": float(scene.outlet_pressure),
+        "contact_modulus_Pa": float(scene.modulus),
+        "hardness_Pa": scene.law.mean_hardness,
+        "contact_law": str(scene.law),
         **basis_attributes(basis),
         **facts.attributes,
     }
@@ -145,13 +151,24 @@ def assemble(scene: Scene, *studies: StudyResult, facts: RunFacts = _NOTHING) ->
         data.attrs["seed"] = facts.case["seed"]
     variables.add_budgets(data, facts.budgets)
     results = Results(data, None, scene, known)
+    carries_all = np.zeros(len(scene.steps), bool)
+    carries_all[[s for s, _ in scene.parted_steps]] = True
+    if "contact_fraction" in data:
+        carries_all |= data["contact_fraction"].values == 0
+    unknown = np.isnan(results.leakage.values)
+    data.attrs["open_steps"] = _json(np.flatnonzero(carries_all & unknown))
     variables.add_totals(data, results.leakage, results.leak_basis)
     if facts.test is not None:
         add_test_fluid(data, facts.test, state, facts.throughput_temperature, facts.valve)
     later, upper = [], None
     if (budget := results.budget) is not None:
-        upper = np.asarray(budget.upper)
-        later += _band_doubts(budget, load_names(data))
+        upper = budget.upper
+        if (vague := vague_steps(budget)).size:
+            more = f" and {counted(vague.size - 1, 'more load')}" if vague.size > 1 else ""
+            later.append(
+                f"the leakage at {load_names(data)[vague[0]]}{more} is not known within a factor of {VAGUE:g}; "
+                f"the widest source of error there is: {budget.limiting(vague[0])}"
+            )
     wanted, leakage = leak_classes(facts.classes), results.class_leakage
     later += add_classes(data, wanted, results.class_basis, facts.nominal_diameter, *leakage, upper)
     if later:
@@ -177,7 +194,10 @@ def _add_studies(
         variables.add_declared(data, face)
         variables.add_block_means(data, scene, face)
         if face.pieces is not None:
-            variables.add_pieces(data, face.pieces)
+            variables.add_piece_centres(data, "", face.pieces.cut)
+            for made, values in fields_of(face.pieces):
+                if made.place == PIECE:
+                    variables.add(data, made, values)
     breadth = scene.surface.size[0]
     if isinstance(blocks := known.get("blocks"), BlocksResult):
         cut = Cut.of(scene.surface, blocks.pressure.shape[1:])
@@ -195,32 +215,33 @@ def _add_studies(
             }
         if drawn.row_pressure is not None:
             breadth = drawn.seal.size[0]
-    if (
-        by_place := next(
-            (study.places for study in known.values() if study.places is not None), None
-        )
-    ) is not None:
-        gap = faces[-1].gap if faces else None
-        variables.add_places(data, cast(Places, scene.surface), by_place, gap)
-    if "row" in data.dims:
-        rows = (np.arange(data.sizes["row"]) + 0.5) * (breadth / data.sizes["row"])
+    for result in known.values():
+        if result.places is not None:
+            gap = faces[-1].gap if faces else None
+            variables.add_places(data, cast(Places, scene.surface), result.places, gap)
+            break
+    if (count := data.sizes.get("row")) is not None:
+        rows = (np.arange(count) + 0.5) * (breadth / count)
         variables.add_coordinate(data, "row", "m", "x1 of rows, from the inlet", rows)
+    variables.add_blocks(data, ("face1", "face2"), scene.surface, HEIGHT_BLOCKS)
+    height = Field("face_height", "m", "height of the face, mean of each block", FACE)
+    variables.add(data, height, variables.block_means(scene.surface.heights, HEIGHT_BLOCKS))
+    fraction = contact_fraction_of(next(iter(known.values())), scene.steps)
+    if not np.isnan(fraction).all():
+        text = "fraction of the face in contact"
+        made = Field("contact_fraction", "1", text, STEP, "contact [%]")
+        variables.add(data, made, fraction)
 
 
 def _of_studies(known: Mapping[str, StudyResult], warnings: Sequence[str]) -> dict[str, str]:
     """Attributes that count what the studies have solved, with their warnings and failures."""
-    counts = {
-        key: {kind: getattr(study.pieces.counts, kind) for kind in ("solved", "closed")}
-        for key, study in known.items()
-        if study.pieces is not None
-    }
-    solvers = {
-        key: {
-            "systems": dict(study.solvers.systems),
-            "worst_imbalance": study.solvers.worst_imbalance,
-        }
-        for key, study in known.items()
-    }
+    counts, solvers = {}, {}
+    for key, study in known.items():
+        if study.pieces is not None:
+            pieces = study.pieces.counts
+            counts[key] = {"solved": pieces.solved, "closed": pieces.closed}
+        found = study.solvers
+        solvers[key] = {"systems": dict(found.systems), "worst_imbalance": found.worst_imbalance}
     # every study warns of what is odd in the scene
     texts = [*warnings, *(text for study in known.values() for text in study.warnings)]
     failures = [text for study in known.values() for text in study.failures]
@@ -232,19 +253,6 @@ def _of_studies(known: Mapping[str, StudyResult], warnings: Sequence[str]) -> di
     }
 
 
-def _of_scene(scene: Scene) -> dict[str, Any]:
-    """Attributes with the fluid and the solids."""
-    return {
-        "fluid": fluid_text(scene.fluid),
-        "fluid_effect": scene.fluid_effect,
-        "inlet_pressure_Pa": float(scene.inlet_pressure),
-        "outlet_pressure_Pa": float(scene.outlet_pressure),
-        "contact_modulus_Pa": float(scene.modulus),
-        "hardness_Pa": scene.law.mean_hardness,
-        "contact_law": str(scene.law),
-    }
-
-
 def _unit_name(facts: RunFacts, basis: LeakBasis) -> str:
     """Name of the unit that is asked for, "" without; InputError where it is for neither fluid."""
     if facts.leakage_unit is None:
@@ -253,18 +261,6 @@ def _unit_name(facts: RunFacts, basis: LeakBasis) -> str:
     if facts.test is None or not leak_basis(facts.test.state.fluid, 1.0).has(unit):
         basis.factor(unit)
     return unit.name
-
-
-def _band_doubts(budget: ErrorBudget, names: list[str]) -> list[str]:
-    """Warn of a band that says nothing: at which load, and by what part of the budget."""
-    if not (vague := vague_steps(budget)).size:
-        return []
-    first = int(vague[0])
-    more = f" and {counted(vague.size - 1, 'more load')}" if vague.size > 1 else ""
-    return [
-        f"the leakage at {names[first]}{more} is not known within a factor of {VAGUE:g}; "
-        f"the widest source of error there is: {budget.limiting(first)}"
-    ]
 
 
 def _json(value: Any) -> str:

@@ -3,23 +3,21 @@
 from __future__ import annotations
 
 import json
-import os
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-from ..base import InputError, Plotted, TextTable, to_si, to_text
+from ..base import AnyPath, Array, Indices, InputError, Plotted, Shape, TextTable, to_si, to_text
 from ..base.leak_rates import LEAK_UNITS, LeakBasis, LeakUnit, leak_unit, leakage_unit
 from ..base.text import room
 from ..budget import ErrorBudget
 from ..loads import LoadProgramme, LoadStep
 from ..studies import STUDIES, FaceResult, Scene, StochasticResult, StudyResult
 from .classes import basis_of, tightest_classes
-from .selections import Steps, branches_in, piece
+from .selections import branches_in, piece
 from .variables import budgets_in
 
 if TYPE_CHECKING:
@@ -98,16 +96,16 @@ class Results(Plotted):
         return basis_of(self.dataset.attrs, "test_" if "test_leakage" in self.dataset else "")
 
     @property
-    def class_leakage(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    def class_leakage(self) -> tuple[Array, Array]:
         """Leakage that decides on classes [m²/s]: the one that is given (step,), and that of each realisation."""
         data, tested = self.dataset, "test_leakage" in self.dataset
         best = data["test_leakage"].values if tested else self.leakage.values
         name = "test_leakage_realisations" if tested else "leakage"
         several = data[name].values if name in data and self.method == "median" else best[None]
-        return np.asarray(best), np.asarray(several)
+        return best, several
 
     @property
-    def class_upper(self) -> NDArray[np.float64]:
+    def class_upper(self) -> Array:
         """Upper end of the band of error of that leakage (step,) [m²/s]: inf where it is not known.
 
         The band is that of the fluid of the run; it reaches as far, as a factor, for a test fluid.
@@ -168,14 +166,9 @@ class Results(Plotted):
     @property
     def steps(self) -> LoadProgramme:
         """The load programme."""
-        pairs = zip(
-            self.dataset["nominal_pressure"].values,
-            self.dataset["unloaded_from"].values,
-            strict=True,
-        )
-        return LoadProgramme(
-            LoadStep(float(p), None if np.isnan(peak) else float(peak)) for p, peak in pairs
-        )
+        loads = (self.dataset[name].values for name in ("nominal_pressure", "unloaded_from"))
+        pairs = zip(*(values.tolist() for values in loads), strict=True)
+        return LoadProgramme(LoadStep(p, None if np.isnan(peak) else peak) for p, peak in pairs)
 
     @property
     def peak(self) -> int:
@@ -195,10 +188,7 @@ class Results(Plotted):
     @property
     def open_steps(self) -> list[int]:
         """Numbers of the steps without leakage at which the fluid carries all of the load, so that the seal is open."""
-        names, failures = self.dataset["name"].values, self.failures
-        return [
-            s for s, name in enumerate(names) if any(f"{name}: open: " in text for text in failures)
-        ]
+        return json.loads(self.dataset.attrs.get("open_steps", "[]"))
 
     @property
     def left_out(self) -> list[str]:
@@ -231,20 +221,19 @@ class Results(Plotted):
         ------
         InputError : no unloading from there.
         """
-        parts = branches_in(self.dataset)[1:]
+        pressure = self.dataset["nominal_pressure"].values
+        parts = {pressure[steps[0]]: steps for _, steps in branches_in(self.dataset)[1:]}
         if not parts:
             raise InputError("from_", from_, "nothing: the cycle has no unloading")
-        peaks = [float(self.dataset["nominal_pressure"][steps[0]]) for _, steps in parts]
         given = to_si(from_, "Pa", "from_") if isinstance(from_, str) else from_
-        wanted = max(peaks) if given is None else given
-        for peak, (_, steps) in zip(peaks, parts, strict=True):
+        wanted = max(parts) if given is None else given
+        for peak, steps in parts.items():
             if np.isclose(peak, wanted, rtol=1e-9, atol=0):
                 return self._over_pressure(steps)
-        raise InputError(
-            "from_", from_, f"one of {', '.join(to_text(p, 'Pa') for p in sorted(peaks))}"
-        )
+        peaks = ", ".join(to_text(peak, "Pa") for peak in sorted(parts))
+        raise InputError("from_", from_, f"one of {peaks}")
 
-    def _over_pressure(self, steps: Steps) -> xarray.Dataset:
+    def _over_pressure(self, steps: Indices) -> xarray.Dataset:
         names = [
             name for name, variable in self.dataset.data_vars.items() if "step" in variable.dims
         ]
@@ -263,15 +252,15 @@ class Results(Plotted):
             [name for name, variable in data.data_vars.items() if one in variable.dims]
         ].isel(at)
 
-    def gap(self, step: int, piece: tuple[int, int] | None = None) -> xarray.DataArray:
+    def gap(self, step: int, piece: Shape | None = None) -> xarray.DataArray:
         """Deformed gap (x1, x2) [m] at one step, see `pixels`."""
         return self.pixels("gap", step, piece)
 
-    def contact_pressure(self, step: int, piece: tuple[int, int] | None = None) -> xarray.DataArray:
+    def contact_pressure(self, step: int, piece: Shape | None = None) -> xarray.DataArray:
         """Contact pressure (x1, x2) [Pa] at one step, see `pixels`."""
         return self.pixels("contact_pressure", step, piece)
 
-    def fluid_pressure(self, step: int, piece: tuple[int, int] | None = None) -> xarray.DataArray:
+    def fluid_pressure(self, step: int, piece: Shape | None = None) -> xarray.DataArray:
         """Fluid pressure (x1, x2) [Pa] at one step, NaN where none flows, see `pixels`."""
         return self.pixels("fluid_pressure", step, piece)
 
@@ -299,7 +288,7 @@ class Results(Plotted):
         """Contact, fluid pressure and permeability over the seal at one step, see `seal_figure`."""
         return room("plots").shown(room("plots").seal_figure(self, step))
 
-    def report(self, path: str | os.PathLike[str] | None = None) -> Path:
+    def report(self, path: AnyPath | None = None) -> Path:
         """Write the report, `report.html` in the folder unless `path` is given, see `write_report`."""
         return room("report").write_report(self, path)
 
@@ -311,14 +300,12 @@ class Results(Plotted):
         """The table for people, for `rich.print`, see `tables.leakage_table`."""
         return room("results").leakage_table(self)
 
-    def pixels(
-        self, name: str, step: int, piece: tuple[int, int] | None = None
-    ) -> xarray.DataArray:
-        """A field over the pixels (x1, x2) at one step in SI, see `paraview.read_pixels`."""
+    def pixels(self, name: str, step: int, piece: Shape | None = None) -> xarray.DataArray:
+        """A field over the pixels (x1, x2) at one step in SI, see `pixel_fields.read_pixels`."""
         return room("results").read_pixels(self, name, step, piece)
 
-    def export(self, path: str | os.PathLike[str], **options: Any) -> list[Path]:
-        """Write a field over the pixels for other programs, see `export.export_field`."""
+    def export(self, path: AnyPath, **options: Any) -> list[Path]:
+        """Write a field over the pixels for other programs, see `pixel_fields.export_field`."""
         return room("results").export_field(self, path, **options)
 
     def __repr__(self) -> str:

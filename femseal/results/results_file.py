@@ -2,14 +2,14 @@
 
 import io
 import json
-import os
 from pathlib import Path
 from typing import Any
 
-from ..base import InputError, free_memory, made_folder, replacing, shortened
+from ..base import AnyPath, InputError, free_memory, made_folder, shortened, write_bytes
 from .results import METHODS, Results
 
 FILE_NAME = "results.nc"
+_OURS = "a file that femseal wrote"
 #: Attributes that hold JSON, and what each of them is.
 _ATTRIBUTES: dict[str, type] = {
     "case": dict, "surface": dict, "timings": dict, "counts": dict, "warnings": list, "failures": list,
@@ -17,14 +17,14 @@ _ATTRIBUTES: dict[str, type] = {
 }  # fmt: skip
 
 
-def save(results: Results, folder: str | os.PathLike[str]) -> Path:
+def save(results: Results, folder: AnyPath) -> Path:
     """Write `results.nc` into a folder, which is made if needed; an older file is replaced whole or not at all.
 
     Raises InputError: the folder cannot be made.
     """
     from xarray.backends import H5NetCDFStore
 
-    path = made_folder(folder) / FILE_NAME
+    folder = made_folder(folder)
     data = results.dataset
     packed = {"zlib": True, "complevel": 4, "shuffle": True}
     encoding: dict[Any, dict[str, Any]] = {
@@ -40,28 +40,21 @@ def save(results: Results, folder: str | os.PathLike[str]) -> Path:
         data.dump_to_store(store, encoding=encoding)
     finally:
         store.close()
-    with replacing(path) as target:
-        target.write_bytes(content.getbuffer())
-    return path
+    return write_bytes(folder / FILE_NAME, content.getbuffer())
 
 
 def _refuse_foreign(path: Path) -> None:
     """Results are data: a file that points to other files, or claims more than fits into memory, is not read."""
     import h5py
 
-    allowed = "a file that femseal wrote"
     size = 0
     with h5py.File(path, "r") as file:
         for name in file:
-            if not isinstance(file.get(name, getlink=True), h5py.HardLink):
-                raise InputError("results file", f"{path}, whose '{name}' is a link", allowed)
-            item = file[name]
+            held = isinstance(file.get(name, getlink=True), h5py.HardLink)
+            item = file[name] if held else None
             if not isinstance(item, h5py.Dataset) or item.external or item.is_virtual:
-                raise InputError(
-                    "results file",
-                    f"{path}, whose '{name}' is not held in the file itself",
-                    allowed,
-                )
+                given = f"{path}, whose '{name}' is not held in the file itself"
+                raise InputError("results file", given, _OURS)
             size += item.size * item.dtype.itemsize if item.size else 0
     if size > (free := free_memory()):
         given = f"{path}, which unpacks to {size / 1e9:.3g} GB"
@@ -70,7 +63,7 @@ def _refuse_foreign(path: Path) -> None:
         )
 
 
-def open_results(folder: str | os.PathLike[str]) -> Results:
+def open_results(folder: AnyPath) -> Results:
     """Read the results in a folder into memory, without the studies' large fields.
 
     Raises InputError: no such folder, no `results.nc` in it, or not one that femseal wrote.
@@ -82,14 +75,9 @@ def open_results(folder: str | os.PathLike[str]) -> Results:
     """
     path = Path(folder) / FILE_NAME
     if not path.is_file():
-        given = (
-            f"{folder} (no such folder)"
-            if not Path(folder).is_dir()
-            else f"{folder} (no {FILE_NAME} in it)"
-        )
-        raise InputError(
-            "results folder", given, f"a folder with the {FILE_NAME} of a finished run"
-        )
+        lack = f"no {FILE_NAME} in it" if Path(folder).is_dir() else "no such folder"
+        expected = f"a folder with the {FILE_NAME} of a finished run"
+        raise InputError("results folder", f"{folder} ({lack})", expected)
     import xarray
 
     try:
@@ -101,24 +89,16 @@ def open_results(folder: str | os.PathLike[str]) -> Results:
     except Exception as error:  # libraries raise whatever a damaged file leads them to
         reason = (str(error).splitlines() or [type(error).__name__])[0]
         raise InputError("results file", f"{path} ({reason})", "a readable netCDF file") from None
-    if not str(data.attrs.get("source", "")).startswith("femseal") or not any(
-        name in data for _, name in METHODS
-    ):
-        raise InputError(
-            "results file", f"{path}, written by another program", "a file that femseal wrote"
-        )
-    for name, kind in _ATTRIBUTES.items():
-        try:
-            fits = isinstance(json.loads(data.attrs.get(name, "")), kind)
-        except (TypeError, ValueError, RecursionError):
-            fits = False
-        if not fits:
-            given = f"{path} with the attribute '{name}' missing or of another kind"
-            raise InputError("results file", given, "a file that femseal wrote")
+    known = any(name in data for _, name in METHODS)
+    if not known or not str(data.attrs.get("source", "")).startswith("femseal"):
+        raise InputError("results file", f"{path}, written by another program", _OURS)
     results = Results(data, Path(folder))
     try:
+        for name, kind in _ATTRIBUTES.items():
+            if not isinstance(json.loads(data.attrs[name]), kind):
+                raise TypeError(f"the attribute '{name}' is of another kind")
         results.table()
-    except Exception as error:  # a field of another kind, shape or place
+    except Exception as error:  # also a field of another kind, shape or place
         raise unfit(path, error) from None
     return results
 
@@ -126,4 +106,4 @@ def open_results(folder: str | os.PathLike[str]) -> Results:
 def unfit(path: Path, error: Exception) -> InputError:
     """The error of results that can be read, but whose values do not go together."""
     reason = f"{type(error).__name__}: {shortened(error, 80)}"
-    return InputError("results file", f"{path} ({reason})", "a file that femseal wrote")
+    return InputError("results file", f"{path} ({reason})", _OURS)

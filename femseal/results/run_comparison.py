@@ -1,6 +1,5 @@
 """Several runs side by side: one table, one picture, in one unit of leakage."""
 
-import os
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -9,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from ..base import (
+    AnyPath,
     Array,
     InputError,
     Plotted,
@@ -16,9 +16,10 @@ from ..base import (
     comma_separated,
     counted,
     made_folder,
-    replacing,
+    rows_of,
     shown,
     to_text,
+    write_bytes,
     write_text,
 )
 from ..base.fields import with_unit
@@ -27,7 +28,7 @@ from ..base.text import room
 from ..loads import LoadStep
 from .results import Results
 from .results_file import open_results
-from .tables import leakage_at
+from .tables import kind_of, leakage_texts
 
 #: Ends of the band of realisations, where a run has them.
 BAND = ("leakage_lower", "leakage_upper")
@@ -57,10 +58,9 @@ class RunComparison(Plotted):
         results = self.runs[run]
         if results.method != "median" or any(name not in results.dataset for name in BAND):
             return None
-        low, high = (
-            results.dataset[name].values / results.leak_basis.factor(self.unit) for name in BAND
-        )
-        return np.asarray(low), np.asarray(high)
+        factor = results.leak_basis.factor(self.unit)
+        low, high = (results.dataset[name].values / factor for name in BAND)
+        return low, high
 
     @property
     def common_steps(self) -> tuple[LoadStep, ...]:
@@ -83,39 +83,31 @@ class RunComparison(Plotted):
     @property
     def label(self) -> str:
         """What is compared, with its unit."""
-        what = "leakage per length of seal" if self.unit.per_length else "leakage of the whole seal"
-        return f"{what} [{self.unit.name}]"
+        return f"{kind_of(self.unit)} [{self.unit.name}]"
 
     def rows(self) -> list[dict[str, Any]]:
         """One dictionary for each run and load step: the run, the keys of a sweep, the load, the leakage in SI and in
         the unit of the comparison; keys carry the units, missing bands are NaN."""
         column = with_unit("leakage", self.unit.name)
         rows = []
-        for n, (name, results) in enumerate(zip(self.names, self.runs, strict=True)):
-            data = results.dataset
-            values, in_unit = results.leakage.values, self.leakage(n)
-            nothing, factor = np.full(len(values), np.nan), results.leak_basis.factor(self.unit)
-            low, high = (end * factor for end in self.band(n) or (nothing, nothing))
-            varied = dict(zip(self.keys, self.settings[n], strict=True)) if self.keys else {}
-            for s, step in enumerate(results.steps):
-                rows.append(
-                    {"run": name}
-                    | varied
-                    | {
-                        "method": results.method,
-                        "seal_length_m": results.leak_basis.length,
-                        "step": s,
-                        "branch": str(data["branch"].values[s]),
-                        "nominal_pressure_Pa": step.pressure,
-                        "unloaded_from_Pa": np.nan
-                        if step.unloaded_from is None
-                        else step.unloaded_from,
-                        "leakage_m2_per_s": float(values[s]),
-                        "leakage_lower_m2_per_s": float(low[s]),
-                        "leakage_upper_m2_per_s": float(high[s]),
-                    }
-                    | ({column: float(in_unit[s])} if column != "leakage_m2_per_s" else {})
-                )
+        for n, results in enumerate(self.runs):
+            data, basis = results.dataset, results.leak_basis
+            low, high = self.band(n) or (np.nan, np.nan)
+            varied = zip(self.keys, self.settings[n], strict=True) if self.keys else ()
+            columns: dict[str, Any] = {"run": self.names[n]} | dict(varied)
+            columns |= {
+                "method": results.method,
+                "seal_length_m": basis.length,
+                "step": data["step"],
+                "branch": data["branch"],
+                "nominal_pressure_Pa": data["nominal_pressure"],
+                "unloaded_from_Pa": data["unloaded_from"],
+                "leakage_m2_per_s": results.leakage,
+                "leakage_lower_m2_per_s": low * basis.factor(self.unit),
+                "leakage_upper_m2_per_s": high * basis.factor(self.unit),
+                column: self.leakage(n),
+            }
+            rows += rows_of(columns)
         return rows
 
     def csv_text(self) -> str:
@@ -130,14 +122,13 @@ class RunComparison(Plotted):
         """
         columns: list[tuple[str, list[str]]] = [("run", list(self.names))]
         if self.keys:
-            columns = [
-                (key, [values[k] for values in self.settings]) for k, key in enumerate(self.keys)
-            ]
-        names = len(columns)
-        if len({results.method for results in self.runs}) > 1:
-            columns.append(("method", [results.method for results in self.runs]))
+            columns = [(key, texts) for key, *texts in zip(self.keys, *self.settings, strict=True)]
+        names, methods = len(columns), [results.method for results in self.runs]
+        if len({*methods}) > 1:
+            columns.append(("method", methods))
+        leakages = [leakage_texts(run, run.leak_basis.factor(self.unit)) for run in self.runs]
         columns += [
-            (name, [self._cell(n, s) for n, s in enumerate(steps)])
+            (name, [texts[s] for texts, s in zip(leakages, steps, strict=True)])
             for name, steps in self._columns()
         ]
         return TextTable.of_columns(self.label, columns, names=names)
@@ -154,19 +145,17 @@ class RunComparison(Plotted):
             for step in dict.fromkeys(chosen)
         ]
 
-    def _cell(self, run: int, step: int) -> str:
-        return leakage_at(self.runs[run], step, self.runs[run].leak_basis.factor(self.unit))
-
-    def write(self, folder: str | os.PathLike[str], stem: str = "comparison") -> list[Path]:
+    def write(self, folder: AnyPath, stem: str = "comparison") -> list[Path]:
         """Write the table as `stem`.csv and the picture as `stem`.png into a folder, which is made if needed.
 
         Raises InputError: the folder cannot be made.
         """
         target = made_folder(folder)
-        written = [write_text(target / f"{stem}.csv", self.csv_text())]
-        with replacing(target / f"{stem}.png") as temporary:
-            temporary.write_bytes(room("plots").png(room("plots").comparison_figure(self)))
-        return [*written, target / f"{stem}.png"]
+        picture = room("plots").png(room("plots").comparison_figure(self))
+        return [
+            write_text(target / f"{stem}.csv", self.csv_text()),
+            write_bytes(target / f"{stem}.png", picture),
+        ]
 
     def __repr__(self) -> str:
         names = ", ".join(self.names)
@@ -179,7 +168,7 @@ def _step_text(step: LoadStep) -> str:
     return f"{to_text(step.pressure, 'Pa', 3)} from {to_text(step.unloaded_from, 'Pa', 3)}"
 
 
-Run = Results | str | os.PathLike[str]
+Run = Results | AnyPath
 
 
 def compare(runs: Mapping[str, Run] | Sequence[Run], *, unit: str | None = None) -> RunComparison:

@@ -7,14 +7,11 @@ from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-from ..base import Array, InputError, to_text
+from ..base import Array, Indices, InputError, Shape, to_text
 
 if TYPE_CHECKING:
     import xarray
-
-Steps = NDArray[np.int64]
 
 
 def pressure_text(p: float) -> str:
@@ -43,7 +40,7 @@ def force_scale(data: xarray.Dataset) -> tuple[str, float] | None:
         unit, factor = "N/mm", 1e-3
     elif highest >= 1e3:
         unit, factor = "kN", 1e-3
-    return unit, factor * highest / float(data["nominal_pressure"].max())
+    return unit, factor * highest / data["nominal_pressure"].values.max()
 
 
 def loads_as_given(data: xarray.Dataset, digits: int = 4) -> Callable[[float], str]:
@@ -68,7 +65,7 @@ def load_names(data: xarray.Dataset) -> list[str]:
     ]
 
 
-def branches(pressure: Array, peaks: Array) -> list[tuple[str, Steps]]:
+def branches(pressure: Array, peaks: Array) -> list[tuple[str, Indices]]:
     """Name and steps of the loading and of each unloading, which begins at its peak on the loading.
 
     pressure, peaks : nominal pressure of each step, and the one it is unloaded from, NaN on loading [Pa].
@@ -77,11 +74,11 @@ def branches(pressure: Array, peaks: Array) -> list[tuple[str, Steps]]:
     found = [("loading", loading)]
     for peak in np.unique(peaks[~np.isnan(peaks)])[::-1]:
         start = loading[pressure[loading] == peak]
-        found.append((branch_text(float(peak)), np.r_[start, np.flatnonzero(peaks == peak)]))
+        found.append((branch_text(peak), np.r_[start, np.flatnonzero(peaks == peak)]))
     return found
 
 
-def branches_in(data: xarray.Dataset) -> list[tuple[str, Steps]]:
+def branches_in(data: xarray.Dataset) -> list[tuple[str, Indices]]:
     """The branches of a dataset, see `branches`."""
     return branches(data["nominal_pressure"].values, data["unloaded_from"].values)
 
@@ -94,7 +91,7 @@ def pressures_and_peaks(steps: Sequence[Any]) -> tuple[Array, Array]:
 
 def piece(
     data: xarray.Dataset, i: int, j: int, dims: tuple[str, str] = ("piece1", "piece2")
-) -> tuple[int, int]:
+) -> Shape:
     """Index of a piece along two dimensions, checked."""
     if dims[0] not in data.dims:
         raise InputError(

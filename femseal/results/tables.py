@@ -11,11 +11,20 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ..base import TextTable, comma_separated, counted, duration, format_deviation, to_text
+from ..base import (
+    TextTable,
+    comma_separated,
+    counted,
+    duration,
+    format_deviation,
+    number_text,
+    rows_of,
+    to_text,
+)
 from ..base.fields import Field, with_unit
 from ..base.leak_rates import LEAK_UNITS, USUAL_UNITS, LeakBasis, LeakUnit
 from ..budget import VAGUE
-from .paraview import stored_steps
+from .pixel_fields import stored_steps
 from .results import BUDGETED, Results
 from .selections import branch_text, force_scale, loads_as_given
 
@@ -31,28 +40,17 @@ _NARROW = 1.2
 def rows(run: Results) -> list[dict[str, Any]]:
     """The table as dictionaries in SI, one for each step, with leakage in more units at the end; keys carry units."""
     data = run.dataset
-    columns = {with_unit("leakage", "m^2/s"): run.leakage.values}
-    columns |= {
-        Field.of(v).column_name: v.values for v in data.data_vars.values() if v.dims == ("step",)
-    }
-    further = [unit for unit in run.leak_basis.units() if unit.si != 1]
-    columns |= {
-        with_unit("leakage", unit.name): run.leakage_in(unit.name).values for unit in further
-    }
+    numbers = {"nominal_pressure_Pa": data["nominal_pressure"], "leakage_m2_per_s": run.leakage}
+    numbers |= {Field.of(v).column_name: v for v in data.data_vars.values() if v.dims == ("step",)}
+    for unit in run.leak_basis.units():
+        if unit.si != 1:
+            numbers[with_unit("leakage", unit.name)] = run.leakage_in(unit.name)
     if "class_fraction" in data:
-        for name, fraction in zip(
-            data["leak_class"].values, data["class_fraction"].values, strict=True
-        ):
-            columns[with_unit("fraction_in", str(name))] = fraction
-    table = []
-    for s in range(data.sizes["step"]):
-        row: dict[str, Any] = {
-            "step": s,
-            "branch": branch_text(float(data["unloaded_from"][s])),
-            "nominal_pressure_Pa": float(data["nominal_pressure"][s]),
-        }
-        table.append(row | {key: float(values[s]) for key, values in columns.items()})
-    return table
+        for fraction in data["class_fraction"]:
+            numbers[with_unit("fraction_in", str(fraction["leak_class"].values))] = fraction
+    branch = [branch_text(peak) for peak in data["unloaded_from"].values]
+    reals = {name: values.values.astype(float) for name, values in numbers.items()}
+    return rows_of({"step": data["step"], "branch": branch} | reals)
 
 
 def csv_text(run: Results) -> str:
@@ -93,12 +91,8 @@ def leakage_table(run: Results) -> TextTable:
     if "leakage_lower" in data:
         ends = (100 * data[name].attrs["quantile"] for name in ("leakage_lower", "leakage_upper"))
         # second to the band of error, which is of the leakage that is given
-        columns.append(
-            (
-                f"redraws of the measured patch, {'–'.join(f'{end:g}' for end in ends)} %",
-                _ranges(data, factor),
-            )
-        )
+        head = f"redraws of the measured patch, {'–'.join(f'{end:g}' for end in ends)} %"
+        columns.append((head, _redraws(data, factor)))
     if unit.per_length:
         whole = basis.readable(best.values)
         texts = [format_leakage(q, basis.factor(whole)) for q in best.values]
@@ -118,10 +112,8 @@ def leakage_table(run: Results) -> TextTable:
         columns.append((f"test fluid [{test.name}]", texts))
     if "leak_class" in data.coords:
         columns.append(("class", run.classes))
-    title, shown = (
-        f"{leakage_of(run)} in {unit.name}",
-        [(head, _of_steps(run, texts)) for head, texts in columns],
-    )
+    shown = [(head, _of_steps(run, texts)) for head, texts in columns]
+    title = f"{leakage_of(run)} in {unit.name}"
     return TextTable.of_columns(title, shown, grouped=True, wrap=_HEADING)
 
 
@@ -130,15 +122,7 @@ def totals_table(run: Results) -> TextTable:
     basis, own = run.leak_basis, run.leak_unit
     units = _usual_units(basis, run.leakage.values)
     units += [] if own in units else [own]
-    columns = [
-        (
-            unit.name,
-            _of_steps(
-                run, [format_leakage(float(q), basis.factor(unit)) for q in run.leakage.values]
-            ),
-        )
-        for unit in units
-    ]
+    columns = [(unit.name, leakage_texts(run, basis.factor(unit))) for unit in units]
     return TextTable.of_columns(
         "leakage in several units", [*_loads(run.dataset), *columns], grouped=True
     )
@@ -147,9 +131,8 @@ def totals_table(run: Results) -> TextTable:
 def _loads(data: xarray.Dataset) -> list[tuple[str, list[str]]]:
     """The columns of branch, of the force where the case gives forces, and of nominal pressure."""
     force, text = force_scale(data), loads_as_given(data)
-    branch = [branch_text(float(peak), text) for peak in data["unloaded_from"].values]
-    nominal = [float(p) for p in data["nominal_pressure"].values]
-    columns = [("branch", branch)]
+    nominal = data["nominal_pressure"].values.tolist()
+    columns = [("branch", [branch_text(peak, text) for peak in data["unloaded_from"].values])]
     if force:
         columns.append((f"force [{force[0]}]", [f"{force[1] * p:.4g}" for p in nominal]))
     return [*columns, ("pressure", [to_text(p, "Pa") for p in nominal])]
@@ -167,20 +150,13 @@ def class_unit(run: Results) -> LeakUnit:
 
 def leakage_of(run: Results) -> str:
     """What the leakage in its unit is of."""
-    if run.leak_unit.per_length:
-        return "leakage per length of seal"
-    return f"leakage of the whole seal, {to_text(run.leak_basis.length, 'm')},"
+    kind = kind_of(run.leak_unit)
+    return kind if run.leak_unit.per_length else f"{kind}, {to_text(run.leak_basis.length, 'm')},"
 
 
-def in_several_units(run: Results, step: int) -> str:
-    """Leakage at a step of the whole seal, in volume, mass and, for a gas, pressure × volume; "" without a number."""
-    leakage, basis = float(run.leakage[step]), run.leak_basis
-    if not np.isfinite(leakage) or leakage == 0:
-        return ""
-    units = [unit for unit in _usual_units(basis, [leakage]) if not unit.per_length]
-    return " = ".join(
-        f"{format_leakage(leakage, basis.factor(unit))} {unit.name}" for unit in units
-    )
+def kind_of(unit: LeakUnit) -> str:
+    """What a leakage in a unit is of."""
+    return "leakage per length of seal" if unit.per_length else "leakage of the whole seal"
 
 
 def _usual_units(basis: LeakBasis, leakage: ArrayLike) -> list[LeakUnit]:
@@ -192,18 +168,17 @@ def _usual_units(basis: LeakBasis, leakage: ArrayLike) -> list[LeakUnit]:
     return basis.units(names)
 
 
-def leakage_at(run: Results, step: int, factor: float) -> str:
-    """The leakage at a step in the unit `factor`, see `format_leakage`; "open" where the fluid carries all."""
-    return _at_step(run, step, format_leakage(float(run.leakage.values[step]), factor))
+def leakage_texts(run: Results, factor: float) -> list[str]:
+    """The leakage at every step in the unit `factor`, see `format_leakage`; "open" where the fluid carries all."""
+    return _of_steps(run, _cells(run.leakage, factor))
 
 
 def _of_steps(run: Results, texts: Iterable[str]) -> list[str]:
     """Texts over the steps, "open" for "failed" where the fluid carries all of the load."""
-    return [_at_step(run, step, text) for step, text in enumerate(texts)]
-
-
-def _at_step(run: Results, step: int, text: str) -> str:
-    return "open" if text == "failed" and step in run.open_steps else text
+    is_open = run.open_steps
+    return [
+        "open" if text == "failed" and step in is_open else text for step, text in enumerate(texts)
+    ]
 
 
 def _cells(variable: xarray.DataArray, factor: float) -> list[str]:
@@ -213,31 +188,26 @@ def _cells(variable: xarray.DataArray, factor: float) -> list[str]:
         return [format_leakage(value, factor) for value in variable.values]
     if unit == "1":
         return ["–" if np.isnan(value) else f"{100 * value:.3g}" for value in variable.values]
-    return [to_text(float(value), unit, 3) for value in variable.values]
+    return [to_text(value, unit, 3) for value in variable.values]
 
 
-def _ranges(data: xarray.Dataset, factor: float) -> list[str]:
+def _redraws(data: xarray.Dataset, factor: float) -> list[str]:
     """The band between the quantiles of the realisations at every step."""
-    ends = zip(data["leakage_lower"].values, data["leakage_upper"].values, strict=True)
-    return [format_range(low, high, factor) for low, high in ends]
+    bands = zip(
+        *(_cells(data[f"leakage_{end}"], factor) for end in ("lower", "upper")), strict=True
+    )
+    return [low if low == high else _joined(low, high) for low, high in bands]
+
+
+def _joined(low: str, high: str) -> str:
+    """Both ends of a band."""
+    return (" to " if low.startswith("-") or high.startswith(">") else "–").join((low, high))
 
 
 def format_leakage(value: float, factor: float) -> str:
     """A leakage in the unit `factor`, in three digits; "sealed" where it is 0, "failed" where it is NaN."""
-    if np.isnan(value):
-        return "failed"
-    if value == 0:
-        return "sealed"
-    number = value / factor
-    return f"{float(f'{number:.3g}'):.0f}" if 999.5 <= abs(number) < 1e6 else f"{number:.3g}"
-
-
-def format_range(low: float, high: float, factor: float) -> str:
-    """Both ends of a band in the unit `factor`, as text."""
-    ends = format_leakage(low, factor), format_leakage(high, factor)
-    if ends[0] == ends[1] and not abs(low) > 0:
-        return ends[0]
-    return (" to " if low < 0 else "–").join(ends)
+    known = {"nan": "failed", "0": "sealed"}.get(f"{value:g}")
+    return number_text(value / factor) if known is None else known
 
 
 def format_error_band(low: float, high: float, factor: float, leakage: float) -> str:
@@ -253,21 +223,11 @@ def format_error_band(low: float, high: float, factor: float, leakage: float) ->
         return "unknown"
     if np.isinf(high):
         return "open or sealed" if low == 0 else f"{format_leakage(low, factor)} or more"
-    digits = _two_digits if high > _NARROW * low else float
-    vague = high > VAGUE * q > 0
-    below = "≈0" if 0 < VAGUE * low < q else format_leakage(digits(low / factor), 1.0)
-    above = f"> {VAGUE:g} times" if vague else format_leakage(digits(high / factor), 1.0)
-    if below == above and low == 0:
-        return below
-    return (" to " if vague or low < 0 else "–").join((below, above))
-
-
-def _two_digits(value: float) -> float:
-    return float(f"{value:.1e}")
-
-
-#: Text where a column has nothing to say.
-_NONE = "–"
+    digits = 2 if high > _NARROW * low else 3
+    below, above = (number_text(end / factor, digits) if end else "sealed" for end in (low, high))
+    below = "≈0" if 0 < VAGUE * low < q else below
+    above = f"> {VAGUE:g} times" if high > VAGUE * q > 0 else above
+    return below if low == high == 0 else _joined(below, above)
 
 
 def attempt_sentences(found: dict[str, Any]) -> list[str]:
@@ -303,7 +263,7 @@ def attempts_table(found: dict[str, Any]) -> TextTable:
         "method": [each["method"] for each in settings],
         "points": [" × ".join(map(str, attempt["points"])) for attempt in attempts],
         "residual": [f"{each['rtol']:.0e}" for each in settings],
-        "seals": [_count(each["realisations"]) for each in settings],
+        "seals": [str(each["realisations"] or "–") for each in settings],
         "time": [duration(attempt["with_coarse"]) for attempt in attempts],
         "error": [_half_width(attempt) for attempt in attempts],
         "limited by": [attempt["limit"] for attempt in attempts],
@@ -325,10 +285,6 @@ def as_chosen(case: dict[str, Any], found: dict[str, Any] | None) -> dict[str, A
         drawn = drawn | {"realisations": chosen["realisations"]}
     changed = {"method": chosen["method"], "contact": case["contact"] | {"rtol": chosen["rtol"]}}
     return case | changed | ({} if drawn is None else {"stochastic": drawn})
-
-
-def _count(number: int | None) -> str:
-    return _NONE if number is None else str(number)
 
 
 def _half_width(found: dict[str, Any]) -> str:
@@ -355,18 +311,14 @@ def contents(run: Results) -> dict[str, str]:
     """Name and text of the lines on the contents."""
     steps, peak = run.steps, run.peak
     unit, factor = run.leak_scale
-    leakage = float(run.leakage[peak])
-    text = format_leakage(leakage, factor) + (
-        f" {unit.name}" if np.isfinite(leakage) and leakage != 0 else ""
-    )
+    leakage = run.leakage.values[peak]
+    text = format_leakage(leakage, factor)
+    text += f" {unit.name}" if np.isfinite(leakage) and leakage else ""
     found = {"leakage": f"at {to_text(steps[peak].pressure, 'Pa')}: {text} ({run.method})"}
-    up = sum(step.unloaded_from is None for step in steps)
-    peaks = sorted({step.unloaded_from for step in steps if step.unloaded_from is not None})
-    down = (
-        f", {len(steps) - up} unloading from {', '.join(to_text(p, 'Pa') for p in peaks)}"
-        if peaks
-        else ""
-    )
+    up, down = len(steps.loading), ""
+    if steps.unload_from:
+        peaks = ", ".join(to_text(p, "Pa") for p in steps.unload_from)
+        down = f", {len(steps) - up} unloading from {peaks}"
     found["load"] = f"{counted(len(steps), 'step')}: {up} loading{down}"
     if stored := stored_steps(run):
         found["fields"] = f"over all pixels at {len(stored)} of {counted(len(steps), 'step')}"

@@ -14,11 +14,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..base import Array
 from ..base.fields import (
     BLOCK,
     ERROR_SOURCE,
-    FACE,
     PIECE,
     PIECE_STATE,
     PIXEL,
@@ -38,7 +36,6 @@ from ..loads import LoadProgramme, LoadStep
 from ..studies import FaceResult, Scene, StochasticResult
 from ..studies.face_states import PlaceLeakage
 from ..studies.piece_states import FacePieces
-from ..studies.study_registry import contact_fraction_of
 from ..topography import Places, Topography
 from .selections import pressures_and_peaks
 
@@ -89,14 +86,6 @@ def step_coordinates(dim: str, prefix: str, steps: Sequence[LoadStep]) -> dict[s
         name: (dim, values, {"units": unit, "long_name": text})
         for name, (values, unit, text) in columns.items()
     }
-
-
-def add_pieces(data: xarray.Dataset, pieces: FacePieces) -> None:
-    """Add fields of the pieces of a face at every step."""
-    add_piece_centres(data, "", pieces.cut)
-    for made, values in fields_of(pieces):
-        if made.place == PIECE:
-            add(data, made, values)
 
 
 def add_piece_centres(data: xarray.Dataset, prefix: str, cut: Cut) -> None:
@@ -159,13 +148,6 @@ def add_places(
         add(data, Field("place_gap", "m", text.format("gap"), PLACE_BLOCK), gaps)
 
 
-def add_heights(data: xarray.Dataset, scene: Scene) -> None:
-    """Add the heights of the face, as means over blocks."""
-    add_blocks(data, ("face1", "face2"), scene.surface, HEIGHT_BLOCKS)
-    made = Field("face_height", "m", "height of the face, mean of each block", FACE)
-    add(data, made, block_means(scene.surface.heights, HEIGHT_BLOCKS))
-
-
 def add_block_means(data: xarray.Dataset, scene: Scene, study: FaceResult) -> None:
     """Add the fields over all pixels of a study of the whole face, as means over blocks at every step.
 
@@ -197,34 +179,13 @@ def block_means(values: NDArray[Any], most: int) -> NDArray[np.float32]:
 
     Where the sides are no multiples of the blocks, blocks differ by a pixel.
     """
-    starts = [np.arange(min(n, most)) * n // min(n, most) for n in values.shape]
-
-    def sums(of: NDArray[Any]) -> Array:
-        return np.add.reduceat(
-            np.add.reduceat(of, starts[0], axis=0, dtype=float), starts[1], axis=1
-        )
-
-    known = ~np.isnan(values)
-    total, count = (
-        sums(np.where(known, values, 0.0)) if not known.all() else sums(values),
-        sums(known),
-    )
-    return np.divide(total, count, out=np.full(total.shape, np.nan), where=count > 0).astype(
-        np.float32
-    )
-
-
-def add_contact_fraction(
-    data: xarray.Dataset, steps: LoadProgramme, studies: Mapping[str, Any]
-) -> None:
-    """Add the fraction of the face in contact at every step, from the whole face, or its states."""
-    fraction = contact_fraction_of(next(iter(studies.values())), steps)
-    if not np.isnan(fraction).all():
-        add(
-            data,
-            Field("contact_fraction", "1", "fraction of the face in contact", STEP, "contact [%]"),
-            fraction,
-        )
+    count: NDArray[Any] = ~np.isnan(values)
+    total = np.where(count, values, 0.0)
+    for axis, n in enumerate(values.shape):
+        starts = np.arange(min(n, most)) * n // min(n, most)
+        total, count = (np.add.reduceat(of, starts, axis, dtype=float) for of in (total, count))
+    with np.errstate(invalid="ignore"):
+        return (total / count).astype(np.float32)
 
 
 def add_totals(data: xarray.Dataset, leakage: xarray.DataArray, basis: LeakBasis) -> None:
@@ -233,26 +194,19 @@ def add_totals(data: xarray.Dataset, leakage: xarray.DataArray, basis: LeakBasis
     at = "" if basis.temperature is None else f" at {basis.temperature:g} K"
     stated = "" if basis.stated_temperature is None else f" at {basis.stated_temperature:g} K"
     for name, unit, si, text in (
-        (
-            "leakage_total",
-            "m³/s",
-            "m^3/s",
-            f"{whole}, by volume{at and f'{at} and {basis.pressure:g} Pa'}",
-        ),
-        ("leakage_total_mass", "kg/s", "kg/s", f"{whole}, by mass"),
-        ("leakage_total_throughput", "Pa·m³/s", "Pa*m^3/s", f"{whole}, pressure × volume{stated}"),
+        ("", "m³/s", "m^3/s", f"by volume{at and f'{at} and {basis.pressure:g} Pa'}"),
+        ("_mass", "kg/s", "kg/s", "by mass"),
+        ("_throughput", "Pa·m³/s", "Pa*m^3/s", f"pressure × volume{stated}"),
     ):
-        if basis.has(LEAK_UNITS[unit]):
-            add_step(data, name, si, text, leakage.values / basis.factor(LEAK_UNITS[unit]))
+        if basis.has(one := LEAK_UNITS[unit]):
+            values = leakage.values / basis.factor(one)
+            add_step(data, f"leakage_total{name}", si, f"{whole}, {text}", values)
     units = basis.units()
     add_coordinate(data, "leak_unit", "1", "unit of leakage", [unit.name for unit in units])
     values = np.array([leakage.values / basis.factor(unit) for unit in units])
     place = Place("units of leakage", ("leak_unit", "step"))
-    add(
-        data,
-        Field("leakage_in_units", "1", f"leakage in units of leak_unit{stated}", place),
-        values,
-    )
+    made = Field("leakage_in_units", "1", f"leakage in units of leak_unit{stated}", place)
+    add(data, made, values)
 
 
 def add_budgets(data: xarray.Dataset, budgets: Mapping[str, ErrorBudget]) -> None:
@@ -267,25 +221,13 @@ def add_budgets(data: xarray.Dataset, budgets: Mapping[str, ErrorBudget]) -> Non
         for end in ("lower", "upper"):
             text = f"{end} end of the band of error of the leakage, {method.replace('_', '-')}"
             add_step(data, f"leakage_{method}_budget_{end}", "m^2/s", text, getattr(budget, end))
-            if len(budget.numerical.parts) < len(budget.parts):
-                alone = f"{text}, of its solution alone"
-                add_step(
-                    data,
-                    f"leakage_{method}_budget_numerical_{end}",
-                    "m^2/s",
-                    alone,
-                    getattr(budget.numerical, end),
-                )
+            if len((alone := budget.numerical).parts) < len(budget.parts):
+                name = f"leakage_{method}_budget_numerical_{end}"
+                add_step(data, name, "m^2/s", f"{text}, of its solution alone", getattr(alone, end))
             # a source that the method does not have moves nothing
-            ends = [
-                getattr(parts[name], end) if name in parts else budget.leakage for name in names
-            ]
-            made = Field(
-                f"leakage_{method}_budget_part_{end}",
-                "m^2/s",
-                f"{text}, of each source",
-                ERROR_SOURCE,
-            )
+            ends = [getattr(parts.get(name), end, budget.leakage) for name in names]
+            name = f"leakage_{method}_budget_part_{end}"
+            made = Field(name, "m^2/s", f"{text}, of each source", ERROR_SOURCE)
             add(data, made, np.array(ends))
         notes[method] = {name: parts[name].note for name in names if name in parts}
     data.attrs["error_budget"] = json.dumps(notes, ensure_ascii=False)
@@ -297,12 +239,10 @@ def budgets_in(data: xarray.Dataset, steps: LoadProgramme) -> dict[str, ErrorBud
     found = {}
     for method, parts in notes.items():
         lower, upper = (data[f"leakage_{method}_budget_part_{end}"] for end in ("lower", "upper"))
-        made = tuple(
-            ErrorPart(
-                name, lower.sel(budget_part=name).values, upper.sel(budget_part=name).values, note
-            )
-            for name, note in parts.items()
-        )
+        made = []
+        for name, note in parts.items():
+            low, high = (end.sel(budget_part=name).values for end in (lower, upper))
+            made.append(ErrorPart(name, low, high, note))
         leakage = data["leakage_median" if method == "stochastic" else f"leakage_{method}"].values
-        found[method] = ErrorBudget(method.replace("_", "-"), leakage, made, steps)
+        found[method] = ErrorBudget(method.replace("_", "-"), leakage, tuple(made), steps)
     return found

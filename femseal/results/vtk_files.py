@@ -4,13 +4,16 @@ Time is the index of the load step, since the same load occurs on loading and on
 There is one file for each load step, and a `.pvd` that puts them on the time axis. pyvista writes the data, compressed:
 images as raw bytes, which take a quarter less space, meshes in base64, because meshio 5.3 mixes up the arrays of some
 files of raw bytes. pyvista writes no `.pvd`, so its few lines are written here.
+
+Each piece is a quadrilateral. Coordinates are x = x1, y = x2 in metres. Names of arrays carry the units and have no
+brackets. There are no arrays of texts, because meshio cannot read them.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, partial
 from html import escape
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -18,11 +21,25 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..base import Array, made_folder, replacing, write_text
+from ..base import (
+    AnyPath,
+    Array,
+    Indices,
+    Mapper,
+    Pair,
+    Shape,
+    Stage,
+    made_folder,
+    write_bytes,
+    write_text,
+)
+from ..base.fields import PART, PART_FORM, PART_VECTOR, PIECE, PIECE_STATE, Field, Place
 from ..topography import Topography
 
 if TYPE_CHECKING:
     import xarray
+
+    from .results import Results
 
 PixelValues = Callable[[int], NDArray[Any]]
 #: Ending of an image of pixels in a plane.
@@ -37,32 +54,22 @@ _LEVEL = 1
 class LoadSteps:
     """The steps that a view has, by their index in the load programme, and their loads [Pa]."""
 
-    index: NDArray[np.int64]
+    index: Indices
     nominal_pressure: Array
     unloaded_from: Array
 
     @classmethod
-    def of(
-        cls, data: xarray.Dataset, index: NDArray[np.int64] | None = None, dim: str = "step"
-    ) -> LoadSteps:
+    def of(cls, data: xarray.Dataset, index: Indices | None = None, dim: str = "step") -> LoadSteps:
         """Steps of a dataset, or states of its face by `dim`; all of them unless `index` says which."""
         chosen = np.arange(data.sizes[dim]) if index is None else index
         prefix = "" if dim == "step" else f"{dim}_"
         names = dim, f"{prefix}nominal_pressure", f"{prefix}unloaded_from"
         return cls(*(data[name].values[chosen] for name in names))
 
-    @property
-    def fields(self) -> dict[str, Array]:
-        """Field data, one value for each step; on loading the peak is NaN."""
-        return {
-            "nominal_pressure_MPa": self.nominal_pressure / 1e6,
-            "unloaded_from_MPa": self.unloaded_from / 1e6,
-        }
-
     def label(self, mesh: Any, n: int) -> Any:
-        """A data set with the loads of the n-th step."""
-        for name, values in self.fields.items():
-            mesh.field_data[name] = values[n : n + 1]
+        """A data set with the loads of the n-th step; on loading the peak is NaN."""
+        mesh.field_data["nominal_pressure_MPa"] = self.nominal_pressure[n : n + 1] / 1e6
+        mesh.field_data["unloaded_from_MPa"] = self.unloaded_from[n : n + 1] / 1e6
         return mesh
 
 
@@ -71,9 +78,9 @@ class Image:
     """Pixels of a plane at some steps: `cells` gives for the n-th of these a field (n1, n2), in single precision."""
 
     name: str
-    spacing: tuple[float, float]
-    origin: tuple[float, float]
-    shape: tuple[int, int]
+    spacing: Pair
+    origin: Pair
+    shape: Shape
     steps: LoadSteps
     cells: Mapping[str, PixelValues]
 
@@ -151,7 +158,7 @@ def write_series(view: View, folder: Path) -> list[Path]:
     if view.steps is None:
         return [_save(view.at(0), folder / view.name)]
     subfolder = made_folder(folder / view.name)
-    index = [int(step) for step in view.steps.index]
+    index = view.steps.index.tolist()
     written = [_save(view.at(n), subfolder / f"step_{step:04d}") for n, step in enumerate(index)]
     lines = [
         f'    <DataSet timestep="{step}" part="0" file="{escape(f"{view.name}/{path.name}")}"/>'
@@ -170,21 +177,16 @@ def stored_images(folder: Path, name: str) -> dict[int, Path]:
     }
 
 
-def array_names(path: Path) -> list[str]:
-    """Names of the arrays of cells in a file."""
-    import pyvista
-
-    return list(pyvista.get_reader(path).cell_array_names)
-
-
-def read_image(path: Path, array: str) -> Any:
-    """An image with one of its arrays of cells."""
+def read_image(path: Path, wanted: Iterable[str]) -> tuple[str | None, Any]:
+    """An image with the first of the wanted arrays of cells that it has, and the name of that; None without one."""
     import pyvista
 
     reader = pyvista.get_reader(path)
+    array = next((name for name in wanted if name in reader.cell_array_names), None)
     reader.disable_all_cell_arrays()
-    reader.enable_cell_array(array)
-    return reader.read()
+    if array is not None:
+        reader.enable_cell_array(array)
+    return array, reader.read()
 
 
 def _save(mesh: Any, stem: Path) -> Path:
@@ -192,10 +194,7 @@ def _save(mesh: Any, stem: Path) -> Path:
     import pyvista
 
     path = stem.with_suffix(IMAGE if isinstance(mesh, pyvista.ImageData) else ".vtu")
-    content = as_xml(mesh)
-    with replacing(path) as temporary:
-        temporary.write_bytes(content)
-    return path
+    return write_bytes(path, as_xml(mesh))
 
 
 def as_xml(mesh: Any) -> bytes:
@@ -216,3 +215,74 @@ def as_xml(mesh: Any) -> bytes:
     content = writer.GetOutputString()
     # VTK returns text instead of bytes where the content is valid text
     return content if isinstance(content, bytes) else content.encode()
+
+
+def write_vtk(
+    run: Results, surface: Topography | None, folder: AnyPath, mapper: Mapper = map
+) -> list[Path]:
+    """Write the views of results; open the `.pvd` files in ParaView.
+
+    run : of a two-scale study: `pieces`, those of the face at every step; of a stochastic study: `states`, the pieces
+    in every state of the face, and `drawn`, the seal nearest to the median at every step.
+    surface : heights, for `surface` [µm]; None: not written.
+    folder : made if needed. Each file is written whole or not at all, a `.pvd` after the files it names.
+    mapper : such as over processes of this machine, one of which writes them: VTK lets no other thread work.
+
+    Returns paths of all files.
+
+    Raises InputError: the folder cannot be made.
+    """
+    data = run.dataset
+    views: list[View] = [
+        pieces_view(name, data, of, LoadSteps.of(data, dim=of.dims[0]))
+        for name, of, field in (("pieces", PIECE, "piece_k1"), ("states", PIECE_STATE, "state_k1"))
+        if field in data
+    ]
+    views += [drawn_cells(data)] if "drawn_corners" in data else []
+    views += [] if surface is None else [Heights(surface)]
+    target = made_folder(folder)
+    # other processes may be at work in another folder
+    stage = Stage("files for ParaView", partial(_written, target.absolute()))
+    (names,) = mapper(stage, [views])
+    return [target / name for name in names]
+
+
+def _written(folder: Path, views: list[View]) -> list[Path]:
+    """Write views into an absolute folder; returns paths relative to it."""
+    return [path.relative_to(folder) for view in views for path in write_series(view, folder)]
+
+
+def pieces_view(name: str, data: xarray.Dataset, place: Place, steps: LoadSteps) -> Cells:
+    """Pieces of the face with every field of a place, at load steps or in states."""
+    edges = []
+    for dim in place.dims[1:]:
+        ends = [0.0]
+        for centre in data[dim].values:
+            ends.append(2 * centre - ends[-1])
+        edges.append(ends)
+    corners = [
+        np.stack([at[:-1, :-1], at[1:, :-1], at[1:, 1:], at[:-1, 1:]], -1)
+        for at in np.meshgrid(*edges, indexing="ij")
+    ]
+    cell_data: dict[str, NDArray[Any]] = {}
+    for variable in data.data_vars.values():
+        if variable.dims == place.dims:
+            made = Field.of(variable)
+            named = made.array_name.removeprefix("piece_").removeprefix("state_")
+            cell_data[named] = (variable.values * made.scale).reshape(len(steps.index), -1)
+    return Cells(name, np.stack(corners, -1).reshape(-1, 4, 2), steps, cell_data)
+
+
+def drawn_cells(data: xarray.Dataset) -> Cells:
+    """The drawn seal nearest to the median as triangles or quadrilaterals, with every field of its parts."""
+    cell_data = {}
+    for variable in data.data_vars.values():
+        if variable.dims in (PART.dims, PART_FORM.dims, PART_VECTOR.dims):
+            made = Field.of(variable)
+            values = variable.values * made.scale
+            if variable.dims == PART_FORM.dims:
+                values = np.broadcast_to(values, (data.sizes["step"], values.size))
+            if variable.dims == PART_VECTOR.dims:
+                values = np.pad(values, ((0, 0), (0, 0), (0, 1)))
+            cell_data[made.array_name.removeprefix("drawn_")] = values
+    return Cells("drawn", data["drawn_corners"].values, LoadSteps.of(data), cell_data)

@@ -1,14 +1,15 @@
 """What a run computes, in lines for `femseal check` and for the report: face, loads, solids, fluid, studies, seal."""
 
 from collections.abc import Iterator
+from math import prod
 
 import numpy as np
 
-from ..base import counted, to_text
+from ..base import Shape, counted, to_text
 from ..budget import places_to_halve
 from ..case.case import Case
 from ..case.case_tables import SolidTable
-from ..case.faces import Face, FileFace
+from ..case.faces import FileFace
 from ..materials import METALS
 from ..preparation.prepared import Prepared
 from ..results.classes import fluid_text
@@ -28,7 +29,13 @@ _CLOSE = 1.1
 def described(case: Case, prepared: Prepared) -> Iterator[tuple[str, str]]:
     """Name and text of each line on a prepared case; one that goes on with the name before has none."""
     scene = prepared.scene
-    yield "face", " against ".join(map(_face_text, case.face))
+    files = (
+        ", ".join(str(place.path) for place in face.places or [face])
+        if isinstance(face, FileFace)
+        else face.kind
+        for face in case.face
+    )
+    yield "face", " against ".join(files)
     yield from _surface_facts(prepared)
     if prepared.seat:
         yield "seat", prepared.seat
@@ -38,7 +45,8 @@ def described(case: Case, prepared: Prepared) -> Iterator[tuple[str, str]]:
     for table, what in ((case.fluid, ""), (case.output.test_fluid, "test fluid: ")):
         if table is not None:
             inlet, outlet = (
-                to_text(p, "Pa") for p in (table.inlet_pressure, table.outlet_pressure)
+                to_text(table.inlet_pressure, "Pa"),
+                to_text(table.outlet_pressure, "Pa"),
             )
             text, name = fluid_text(table.fluid), table.name or ""
             text = text if name in text else f"{name}: {text}"
@@ -50,13 +58,8 @@ def described(case: Case, prepared: Prepared) -> Iterator[tuple[str, str]]:
     yield from _study_facts(prepared)
     if str(scene.layout) != "a strip":
         yield "seal", str(scene.layout)
-
-
-def _face_text(face: Face) -> str:
-    """The kind of a face, or the files that it is measured in."""
-    if not isinstance(face, FileFace):
-        return face.kind
-    return ", ".join(str(place.path) for place in (face.places or [face]))
+    if (first := prepared.first_answer) is not None:
+        yield "first answer", str(first)
 
 
 def solids_text(case: Case) -> str:
@@ -65,11 +68,11 @@ def solids_text(case: Case) -> str:
     if counter is None:
         return f"{_solid_text(face)} against a rigid flat"
     text = f"{_solid_text(face)} against {_solid_text(counter)}"
-    one, two = face.law.mean_hardness, counter.law.mean_hardness
-    low, high = min(one, two), max(one, two)
+    hardness = {"face": face.law.mean_hardness, "counter-face": counter.law.mean_hardness}
+    softer, _ = sorted(hardness, key=hardness.__getitem__)
+    low, high = sorted(hardness.values())
     if low == np.inf:
         return text
-    softer = "face" if one <= two else "counter-face"
     other = to_text(high, "Pa") if high < np.inf else "no pressure"
     text += f"; the {softer} yields, at {to_text(low, 'Pa')}, and the other at {other}"
     if high <= _CLOSE * low:
@@ -83,21 +86,21 @@ def _solid_text(solid: SolidTable) -> str:
     for value, name in ((solid.hardness, "hardness"), (solid.yield_stress, "yield stress")):
         text += "" if value is None else f", {name} {to_text(value, 'Pa')}"
     text += ", hardness by a table of depths" if solid.hardness_table else ""
-    names = {name.casefold(): name for name in METALS}
-    if (known := names.get(str(solid.name or "").casefold().strip())) is None:
-        return text
-    return f"{known} ({METALS[known][1]}; keys of the case come first): {text}"
+    for name, (_, source) in METALS.items():
+        if name.casefold() == (solid.name or "").casefold().strip():
+            return f"{name} ({source}; keys of the case come first): {text}"
+    return text
 
 
 def _load_text(case: Case, scene: Scene) -> str:
     """The states of the cycle, and its highest load."""
     pressures, steps = scene.steps.pressures, len(scene.steps)
-    down = steps - int(np.sum(scene.steps.on_loading))
+    down = steps - scene.steps.on_loading.sum()
     text = f"{counted(steps, 'state')}: {steps - down} loading"
     if down:
         peaks = " and ".join(to_text(peak, "Pa", 3) for peak in scene.unload_from)
         text += f", {down} unloading from {peaks}"
-    text += f", up to {to_text(float(pressures.max()), 'Pa', 3)}"
+    text += f", up to {to_text(pressures.max(), 'Pa', 3)}"
     if case.load.unit != "Pa":
         text += f", from {to_text(case.load.highest, case.load.unit)}"
     return text
@@ -117,10 +120,8 @@ def _surface_facts(prepared: Prepared) -> Iterator[tuple[str, str]]:
         hard = f", H/(E*·slope) {scene.law.mean_hardness / scene.modulus / slope:.3g}"
     yield "", f"rms height {height}, rms slope {slope:.3g}{hard}"
     if report.undefined_fraction or report.spike_points:
-        yield (
-            "",
-            f"{report.undefined_fraction:.2%} undefined points and {report.spike_points} in spikes filled",
-        )
+        undefined = f"{report.undefined_fraction:.2%} undefined points"
+        yield "", f"{undefined} and {report.spike_points} in spikes filled"
     if isinstance(surface, Places):
         count = len(surface.widths)
         more = f"; about {places_to_halve(count)} more would halve their part of the band of error"
@@ -129,10 +130,8 @@ def _surface_facts(prepared: Prepared) -> Iterator[tuple[str, str]]:
         size = " × ".join(to_text(length, "m", 3) for length in overlap.size)
         resampled = ", the second resampled" if overlap.resampled else ""
         yield "", f"two faces overlap on {size}, {overlap.fraction:.0%} of the first{resampled}"
-    for known in (prepared.holds, prepared.form_effect):
-        if known is not None and not known.doubts:
-            yield "", str(known)
-    for text in (prepared.continuation_text, report.unseen):
+    known = (one for one in (prepared.holds, prepared.form_effect) if one and not one.doubts)
+    for text in (*map(str, known), prepared.continuation_text, report.unseen):
         if text:
             yield "", text
     shortest = report.shortest_wave
@@ -151,20 +150,20 @@ def _law_facts(scene: Scene) -> Iterator[tuple[str, str]]:
         return
     ends = [max(p, drop.least_pressure) for p in (drop.inlet, drop.outlet)]
     at_inlet, at_outlet = drop.law.factor(scene.surface.rms_height, ends)
+    what = "times the viscous flow in a gap of the rms height"
     if not drop.law.depends_on_pressure:
-        yield "slip", f"{at_inlet:.3g} times the viscous flow in a gap of the rms height"
+        yield "slip", f"{at_inlet:.3g} {what}"
         return
-    yield (
-        "gas",
-        f"slips: {at_inlet:.3g} (inlet) to {at_outlet:.3g} (outlet) times the viscous flow in a gap of the rms height; "
-        f"permeability of pieces at {drop.pressures.size} pressures, other flow solved 3 to 5 times",
+    solved = (
+        f"permeability of pieces at {drop.pressures.size} pressures, other flow solved 3 to 5 times"
     )
+    yield "gas", f"slips: {at_inlet:.3g} (inlet) to {at_outlet:.3g} (outlet) {what}; {solved}"
 
 
 def _study_facts(prepared: Prepared) -> Iterator[tuple[str, str]]:
     """What every study solves."""
     scene, steps = prepared.scene, len(prepared.scene.steps)
-    pixels = int(np.prod(scene.surface.shape))
+    pixels = prod(scene.surface.shape)
     of_face = f"{steps} contact and {counted(steps, 'flow solution')} of {pixels} unknowns"
     if "deterministic" in prepared.methods:
         yield "deterministic", of_face
@@ -176,39 +175,35 @@ def _study_facts(prepared: Prepared) -> Iterator[tuple[str, str]]:
         yield "two-scale", f"{of_face}, {counted(2 * steps * m1 * m2, 'flow solution')} of pieces"
     if "blocks" in prepared.methods:
         b1, b2 = blocks_of(prepared.cells)
-        of_block = f"{scene.surface.shape[0] // b1} × {scene.surface.shape[1] // b2} points"
-        yield (
-            "blocks",
-            f"{b1} × {b2} blocks of {of_block}, about {LADDER_STATES:.0f} states of each",
-        )
+        points = f"{scene.surface.shape[0] // b1} × {scene.surface.shape[1] // b2} points"
+        yield "blocks", f"{b1} × {b2} blocks of {points}, about {LADDER_STATES:.0f} states of each"
     if (sampling := prepared.sampling) is None or "stochastic" not in prepared.methods:
         return
     _, tiles = prepared.cut_and_tiles
     length = to_text(tiles.size[1], "m", 3)
-    number = "seals" if sampling.realisations is None else counted(sampling.realisations, "seal")
-    how = "as many as the band of error needs" if sampling.realisations is None else ""
+    number, how = "seals", ", as many as the band of error needs"
+    if sampling.realisations is not None:
+        number, how = counted(sampling.realisations, "seal"), ""
     states, where = counted(steps, "state"), "at its loads"
     if tiles.in_place:
         where = "at its loads; pieces stay in their rows"
     elif on_ladder(scene, sampling):
         states, where = f"about {LADDER_STATES:.0f} states", "on a ladder of nominal pressures"
     yield "stochastic", f"{states} of the face, {where}"
-    drawn = (
-        f"{length} long" if tiles.part == 1 else f"{100 * tiles.part:.2g} % of a length of {length}"
-    )
-    yield "", f"{number} of {tiles}, {drawn}{f', {how}' if how else ''}"
+    drawn = f"{length} long"
+    if tiles.part < 1:
+        drawn = f"{100 * tiles.part:.2g} % of a length of {length}"
+    yield "", f"{number} of {tiles}, {drawn}{how}"
     if uneven := describe_map(scene, tiles, sampling.pressure_map):
         yield "pressure map", uneven
 
 
-def _pieces(prepared: Prepared, count: tuple[int, int]) -> str:
+def _pieces(prepared: Prepared, count: Shape) -> str:
     """Number and size of pieces."""
     sizes = [side / m for side, m in zip(prepared.scene.surface.size, count, strict=True)]
     waves = [length / prepared.conditioning.shortest_wave for length in sizes]
-    few = (
-        f"; {ADVISED_WAVES} or more are advised, of a larger face"
-        if min(waves) < ADVISED_WAVES * 0.99
-        else ""
-    )
     size = " × ".join(to_text(length, "m", 3) for length in sizes)
-    return f"{count[0]} × {count[1]} of about {size}, that is {waves[0]:.3g} × {waves[1]:.3g} shortest waves{few}"
+    text = f"{count[0]} × {count[1]} of about {size}, that is {waves[0]:.3g} × {waves[1]:.3g} shortest waves"
+    if min(waves) < ADVISED_WAVES * 0.99:
+        text += f"; {ADVISED_WAVES} or more are advised, of a larger face"
+    return text

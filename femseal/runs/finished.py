@@ -38,18 +38,16 @@ def finished_results(case: Case, faces: dict[str, str], folder: Path) -> Results
     if _numbers(results.case) != _numbers(echo) or face_files != faces:
         return None
     prepared = prepare(case)
-    if then != (now := chosen(case, prepared)):
+    now, why = chosen(case, prepared), ""
+    if then != now:
         changed = ", ".join(key for key in now if then.get(key) != now[key])
-        log.info("the results in %s are computed again: other choices now (%s)", folder, changed)
-        return None
-    if results.case == echo:
+        why = f"other choices now ({changed})"
+    elif results.case == echo:
         return results
-    if lacking := _lacking(results.case["output"], echo["output"]):
-        log.info(
-            "the results in %s are computed again: they are not kept with what %s takes",
-            folder,
-            lacking,
-        )
+    elif lacking := _lacking(results.case["output"], echo["output"]):
+        why = f"they are not kept with what {lacking} takes"
+    if why:
+        log.info("the results in %s are computed again: %s", folder, why)
         return None
     with alone_in(folder):
         results.dataset.attrs["case"] = json.dumps(echo, ensure_ascii=False)

@@ -33,7 +33,7 @@ from ..refinement.settings import (
     grid_points,
     time_limit,
 )
-from ..results.paraview import fields_size
+from ..results.pixel_fields import fields_size
 from ..studies import Scene, drop_ratio
 from ..studies.doubts import flow_warnings
 from ..studies.face_study import STEP_BYTES, states_memory
@@ -55,6 +55,15 @@ _START_SECONDS, _READ_SECONDS, _PIECES_SECONDS = 2.0, 1.0, 0.5
 _PICTURES_SECONDS, _FIELD_BYTE_SECONDS = 2.4, 3e-8
 #: Memory of another process [byte].
 _WORKER_MEMORY = 0.25e9
+#: Load steps that are solved at most.
+_MOST_STEPS = 5
+#: Rounds of contact and flow beyond which a larger face, of which single paths are a smaller part, takes half as many.
+_MANY_ROUNDS = 3.0
+#: Iterations of multigrid that take as long as elimination on `PILOT_PIXELS`, and their growth with the fraction open.
+_ELIMINATED = 50.0, 1.65
+#: Least seconds of a pair of transforms of 128² numbers on the machine where the constants of the costs were measured.
+#: They stay in the cache: those of larger arrays take the time in which the system gives new memory, as no solver does.
+_PACE_SECONDS = 1.16e-4
 
 
 @dataclass(frozen=True)
@@ -94,13 +103,11 @@ def _facts(case: Case, made: Prepared) -> Iterator[tuple[str, str]]:
         )
         yield "error budget", f"states again, {' and '.join(states)}"
     first = "" if case.accuracy is None else "first attempt: "
-    quick = prepared.first_answer
-    if quick is not None:
-        yield "first answer", str(quick)
     yield "expected", first + _expected_text(forecast(case, prepared, again=again))
     if not any((Path(__file__).parents[1] / "flow").rglob("__pycache__/*.nbi")):
         yield "", "the first run after an installation compiles besides, for a minute or two"
     yield "disk", str(disk(case, prepared, again))
+    quick = prepared.first_answer
     fast = () if quick is None else flow_warnings(prepared.scene, quick.leakage, quick.mean_gap)
     for text in (*prepared.warnings, *(f"by the first answer, {text}" for text in fast)):
         yield "warning", text
@@ -133,31 +140,28 @@ def forecast(
             of_steps = (known[prepared.scene.steps.index(step)] for step in coarse.scene.steps)
             fewer = tuple(effort.on_fewer_points for effort in of_steps)
             costs += [coarse.cost(study, fewer) for study in coarse.solved_studies]
-        if (test := case.output.test_fluid) is not None:
-            state = test.state
-            if drop_ratio(state, prepared.scene) is None:
-                alone = replace(prepared, methods=frozenset({prepared.answer.name}))
-                costs.append(
-                    replace(alone, scene=state.in_scene(prepared.scene)).cost(alone.answer, known)
-                )
+        test = case.output.test_fluid
+        if test is not None and drop_ratio(test.state, prepared.scene) is None:
+            scene = test.state.in_scene(prepared.scene)
+            methods = frozenset({prepared.answer.name})
+            costs.append(
+                replace(prepared, methods=methods, scene=scene).cost(prepared.answer, known)
+            )
     drawn = case.output.pictures or case.output.report
     own = _START_SECONDS + any(isinstance(face, FileFace) for face in case.face) * _READ_SECONDS
     own += (prepared.methods != {"deterministic"}) * _PIECES_SECONDS
     own += drawn * _PICTURES_SECONDS + disk(case, prepared, again).fields * _FIELD_BYTE_SECONDS
-    work = sum(seconds for seconds, _ in costs)
+    seconds, memory = zip(*costs, strict=True)
     # what a study holds stays until the results are written; what it works with does not
-    memory = START_MEMORY + max(memory for _, memory in costs)
-    return Forecast(own, work, memory)
+    return Forecast(own, sum(seconds), START_MEMORY + max(memory))
 
 
 def refuse_too_large(case: Case, made: Prepared) -> None:
     """Raise InputError if a run of a prepared case is expected to take more memory than it allows, or than is free."""
     prepared = first_version(case, made)
-    most, which = (
-        (free_memory(), "that are free")
-        if case.memory is None
-        else (case.memory, "of the key memory")
-    )
+    most, which = case.memory, "of the key memory"
+    if most is None:
+        most, which = free_memory(), "that are free"
     # usual loads take no less than those of the case may; only where that is too much, its own are tried
     again = budget_inputs(case, prepared)
     if forecast(case, prepared, usual_efforts(len(prepared.scene.steps)), again).memory <= most:
@@ -180,26 +184,25 @@ def _accuracy_facts(case: Case, made: Prepared) -> Iterator[tuple[str, str]]:
     """What the first attempt at a wanted accuracy takes."""
     if case.accuracy is None:
         return
-    chosen, given = first_settings(case, made), given_settings(case)
-    points = grid_points(made, chosen.grid)
-    first = [f"{' × '.join(map(str, points))} points", f"contact.rtol {chosen.rtol:.0e}"]
+    chosen = first_settings(case, made)
+    points = " × ".join(map(str, grid_points(made, chosen.grid)))
+    first = [f"{points} points", f"contact.rtol {chosen.rtol:.0e}"]
     first += [] if chosen.realisations is None else [counted(chosen.realisations, "seal")]
     text = f"{100 * case.accuracy:.3g} % of the numbers alone, first with {', '.join(first)}"
-    yield (
-        "accuracy",
-        f"{text}; then what limits is refined, for at most {duration(time_limit(case))}",
-    )
-    if given:
+    limit = duration(time_limit(case))
+    yield "accuracy", f"{text}; then what limits is refined, for at most {limit}"
+    if given := given_settings(case):
         keys = ", ".join(dict.fromkeys(given.values()))
         yield "", f"{keys} {'stays' if len(given) == 1 else 'stay'} as given"
 
 
 def _expected_text(expected: Forecast) -> str:
-    text = f"about {duration(expected.seconds())} on one core"
     cores = psutil.cpu_count() or 1
-    text += f", {duration(expected.seconds(cores))} on the {cores} of this machine"
-    more = f"and {_WORKER_MEMORY / 1e9:.2g} GB or more for each further worker"
-    return f"{text}; {expected.memory / 1e9:.1f} GB of memory, {more}"
+    return (
+        f"about {duration(expected.seconds())} on one core, {duration(expected.seconds(cores))} on the {cores} of this "
+        f"machine; {expected.memory / 1e9:.1f} GB of memory, and {_WORKER_MEMORY / 1e9:.2g} GB or more for each "
+        "further worker"
+    )
 
 
 @dataclass(frozen=True)
@@ -231,7 +234,7 @@ def disk(case: Case, prepared: Prepared, again: list[Prepared] | None = None) ->
     """Expected sizes of the files of a run; `again` as in `forecast`."""
     again = budget_inputs(case, prepared) if again is None else again
     scene = prepared.scene
-    steps, pixels = len(scene.steps), int(np.prod(scene.surface.shape))
+    steps, pixels = len(scene.steps), prod(scene.surface.shape)
     studies = {study.key for study in prepared.studies}
     each = fields_size(scene.surface.shape, studies)
     fitting = (
@@ -250,21 +253,23 @@ def disk(case: Case, prepared: Prepared, again: list[Prepared] | None = None) ->
     with storing(None, case.memory):
         if not states_memory(pixels, steps) and _keeps_states(prepared):
             checkpoint += STEP_BYTES * pixels * steps  # the states themselves
-    return Disk(float(each * fitting), fitting, steps, others, checkpoint)
+    return Disk(each * fitting, fitting, steps, others, checkpoint)
 
 
 def budget_inputs(case: Case, prepared: Prepared) -> list[Prepared]:
     """What the error budget of a run solves besides."""
     if not case.output.budget:
         return []
-    smooth = without_filtered_waves(prepared)
-    coarser = coarser_grids(prepared)
-    grid = (*coarser[:1], prepared)[0]
-    changes = model_changes(grid.scene, case.output.model_parts, case.hardness_tolerance, grid.form)
-    models = [grid.changed(change) for change in changes]
-    if prepared.continuation is not None and "continuation" in case.output.model_parts:
-        models += [grid] * CONTINUED_SCENES
-    return [*coarser, *([] if smooth is None else [smooth]), *models]
+    again = list(coarser_grids(prepared))
+    grid = (*again[:1], prepared)[0]
+    if (smooth := without_filtered_waves(prepared)) is not None:
+        again.append(smooth)
+    parts = case.output.model_parts
+    changes = model_changes(grid.scene, parts, case.hardness_tolerance, grid.form)
+    again += [grid.changed(change) for change in changes]
+    if prepared.continuation is not None and "continuation" in parts:
+        again += [grid] * CONTINUED_SCENES
+    return again
 
 
 def _keeps_states(prepared: Prepared) -> bool:
@@ -275,11 +280,7 @@ def _keeps_states(prepared: Prepared) -> bool:
 def _checkpoint(prepared: Prepared) -> float:
     """Expected size of the store of the studies of an input [byte]."""
     scene, drawn = prepared.scene, "stochastic" in prepared.methods
-    steps, pixels, peaks = (
-        len(scene.steps),
-        int(np.prod(scene.surface.shape)),
-        len(set(scene.unload_from)),
-    )
+    steps, pixels, peaks = len(scene.steps), prod(scene.surface.shape), len({*scene.unload_from})
     on_ladder = drawn and not prepared.cut_and_tiles[1].in_place
     found = 8.0 * pixels * max(peaks, 1) if on_ladder else 0.0
     if _keeps_states(prepared):
@@ -291,31 +292,18 @@ def _size(size: float) -> str:
     return to_text(float(f"{size:.1e}"), "B", 3)
 
 
-#: Load steps that are solved at most.
-_MOST_STEPS = 5
-#: Rounds of contact and flow beyond which a larger face, of which single paths are a smaller part, takes half as many.
-_MANY_ROUNDS = 3.0
-#: Iterations of multigrid that take as long as elimination on `PILOT_PIXELS`, and their growth with the fraction open.
-_ELIMINATED = 50.0, 1.65
-#: Least seconds of a pair of transforms of 128² numbers on the machine where the constants of the costs were measured.
-#: They stay in the cache: those of larger arrays take the time in which the system gives new memory, as no solver does.
-_PACE_SECONDS = 1.16e-4
-
-
 @cache
 def pace() -> float:
     """Time that this machine takes for transforms, as a multiple of the one on which the costs were measured."""
     heights = np.random.default_rng(0).random((128, 128))
     taken = []
     for _ in range(100):
-        start = (
-            time.thread_time()
-        )  # of the processor: what others do on the machine is not forecast
+        # of the processor: what others do on the machine is not forecast
+        start = time.thread_time()
         fft.irfft2(fft.rfft2(heights), heights.shape)
         taken.append(time.thread_time() - start)
-    return (
-        min(taken) / _PACE_SECONDS
-    )  # a neighbour on the same core slowed the others down, by up to 2.7 times
+    # a neighbour on the same core slowed the others down, by up to 2.7 times
+    return min(taken) / _PACE_SECONDS
 
 
 def efforts(scene: Scene) -> tuple[Effort, ...]:
@@ -352,18 +340,14 @@ def efforts(scene: Scene) -> tuple[Effort, ...]:
             found[pressure] = Effort()
             continue
         rounds = getattr(contact, "rounds", 1.0)
-        effort = Effort(
-            contact.fft_pairs,
-            contact.area_fraction,
-            rounds=min(rounds, 0.5 * (rounds + _MANY_ROUNDS)),
-        )
+        rounds = min(rounds, 0.5 * (rounds + _MANY_ROUNDS))
+        effort = Effort(contact.fft_pairs, contact.area_fraction, rounds=rounds)
         larger, (most, power) = PILOT_PIXELS / gap.size, _ELIMINATED
         iterations = flow.iterations or most * flow.percolating_fraction**power
         if iterations:
             iterations = FEW_ITERATIONS + max(0.0, iterations - FEW_ITERATIONS) * larger**0.5
-        found[pressure] = replace(
-            effort, pairs=effort.pairs * larger**effort.growth, iterations=iterations
-        )
+        pairs = effort.pairs * larger**effort.growth
+        found[pressure] = replace(effort, pairs=pairs, iterations=iterations)
     return tuple(_between(found, step.pressure) for step in scene.steps)
 
 
@@ -371,6 +355,5 @@ def _between(found: dict[float, Effort], pressure: float) -> Effort:
     """Effort at a pressure, linear in its logarithm between those that were solved."""
     if not found or pressure <= 0:
         return Effort(0.0, 0.0, FEW_ITERATIONS, 1.0)
-    known = [log(p) for p in found]
-    values = zip(*(astuple(effort) for effort in found.values()), strict=True)
-    return Effort(*(float(np.interp(log(pressure), known, each)) for each in values))
+    values = zip(*map(astuple, found.values()), strict=True)
+    return Effort(*(np.interp(log(pressure), np.log([*found]), each) for each in values))

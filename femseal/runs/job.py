@@ -9,7 +9,6 @@ from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager, suppress
 from dataclasses import replace
 from functools import partial
-from os import PathLike
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
@@ -17,7 +16,7 @@ from typing import Any
 import numpy as np
 
 from ..base import (
-    Array,
+    AnyPath,
     FemsealError,
     InputError,
     Mapper,
@@ -56,14 +55,14 @@ log = logging.getLogger("femseal")
 
 
 def run(
-    case: Case | str | PathLike[str],
-    output: str | PathLike[str] | None = None,
+    case: Case | AnyPath,
+    output: AnyPath | None = None,
     resume: bool = False,
     workers: int | None = None,
     scheduler: str | None = None,
     *,
     part: Part | None = None,
-    shared: str | PathLike[str] | None = None,
+    shared: AnyPath | None = None,
     progress: Progress | None = None,
 ) -> Results:
     """Run a case, from surface to leakage.
@@ -103,17 +102,7 @@ def run(
         case = load_case(case)
     if workers is not None and (not isinstance(workers, int) or workers < 1):
         raise InputError("workers", workers, "a whole number >= 1, or None for all cores")
-    folder = None if output is None else Path(output)
-    if folder is not None and folder.exists() and not folder.is_dir():
-        raise InputError(
-            "output", f"'{folder}', which is a file", "a folder, or one that does not exist"
-        )
-    if (resume or part is not None) and folder is None:
-        raise InputError(
-            "resume" if part is None else "part", part or True, "an output folder with it"
-        )
-    if part is not None:
-        part, resume = checked_part(part), True
+    folder, resume, part = checked_output(output, resume, part)
     faces = face_files(case)
     # options of the output may change before a run is resumed
     echo = case.echo()
@@ -133,43 +122,31 @@ def run(
     progress = progress or no_progress
 
     with ExitStack() as stack:
-        stack.enter_context(storing(folder, case.memory))
-        stack.enter_context(reporting_compilation(progress))
+        enter = stack.enter_context
+        enter(storing(folder, case.memory))
+        enter(reporting_compilation(progress))
+        # a folder is made once the case has been found good
+        if there := folder is not None and folder.is_dir():
+            going_on = enter(writing_in(folder, identity, resume, part))
+        prepared = prepare(case)
+        if scheduler is None:
+            refuse_too_large(case, prepared)
+        mapper = enter(ordered_map(workers, scheduler, partial(compile_ahead, progress=progress)))
         if folder is None:
-            prepared = _prepared(case, scheduler)
-            mapper = stack.enter_context(
-                ordered_map(workers, scheduler, partial(compile_ahead, progress=progress))
-            )
-            kept = (
-                Path(stack.enter_context(TemporaryDirectory())) if shared is None else Path(shared)
-            )
-            store = stack.enter_context(Store(kept, required=False))
+            kept = Path(enter(TemporaryDirectory()) if shared is None else shared)
+            store = enter(Store(kept, required=False))
             results = _results(case, prepared, faces, Run(store.over(mapper), progress))
             assert results is not None
             return results
-        # a folder is made once the case has been found good
-        if there := folder.is_dir():
-            going_on = stack.enter_context(writing_in(folder, identity, resume, part))
-        prepared = _prepared(case, scheduler)
-        mapper = stack.enter_context(
-            ordered_map(workers, scheduler, partial(compile_ahead, progress=progress))
-        )
         if not there:
-            going_on = stack.enter_context(writing_in(made_folder(folder), identity, resume, part))
-        stack.enter_context(_log_file(folder, append=going_on or part is not None))
+            going_on = enter(writing_in(made_folder(folder), identity, resume, part))
+        enter(_log_file(folder, append=going_on or part is not None))
         if going_on:
             log.info("resumed from %s", unfinished.store_folder(folder))
         unfinished.begin(folder, identity)
-        store = stack.enter_context(
-            Store(unfinished.store_folder(folder) if shared is None else Path(shared))
-        )
-        results = _results(
-            case,
-            prepared,
-            faces,
-            Run(over_store(mapper, store, folder, part, progress), progress),
-            part,
-        )
+        store = enter(Store(Path(shared or unfinished.store_folder(folder))))
+        run_ = Run(over_store(mapper, store, folder, part, progress), progress)
+        results = _results(case, prepared, faces, run_, part)
         if results is None:
             log.info("part %s: the items of all parts are there", "/".join(map(str, part or ())))
             return None  # type: ignore[return-value]
@@ -182,12 +159,24 @@ def run(
         return replace(results, folder=folder)
 
 
-def _prepared(case: Case, scheduler: str | None) -> Prepared:
-    """Input of the studies; a run that this machine cannot hold is refused, unless others compute."""
-    prepared = prepare(case)
-    if scheduler is None:
-        refuse_too_large(case, prepared)
-    return prepared
+def checked_output(
+    output: AnyPath | None, resume: bool, part: Part | None
+) -> tuple[Path | None, bool, Part | None]:
+    """Folder of a computation, whether it goes on from what is there, as a part does always, and the part.
+
+    Raises InputError: a file, a part that cannot be, or neither folder nor computation to go on with.
+    """
+    folder = None if output is None else Path(output)
+    if folder is not None and folder.exists() and not folder.is_dir():
+        raise InputError(
+            "output", f"'{folder}', which is a file", "a folder, or one that does not exist"
+        )
+    if (resume or part is not None) and folder is None:
+        raise InputError(
+            "resume" if part is None else "part", part or True, "an output folder with it"
+        )
+    part = None if part is None else checked_part(part)
+    return folder, resume or part is not None, part
 
 
 @contextmanager
@@ -283,11 +272,8 @@ def _write(results: Results, folder: Path, case: Case, mapper: Mapper) -> None:
         surface = None if results.scene is None else results.scene.surface
         write_folder(results, folder, surface, mapper=mapper, **case.output.files)
     except Exception as error:
-        reason = (
-            str(error)
-            if isinstance(error, FemsealError)
-            else f"results: {error or type(error).__name__}"
-        )
+        known = isinstance(error, FemsealError)
+        reason = str(error) if known else f"results: {error or type(error).__name__}"
         raise FemsealError(
             f"{reason}; mend that, then a run with --resume has only to write them"
         ) from error
@@ -299,11 +285,12 @@ def face_files(case: Case) -> dict[str, str]:
     digests = {}
     faces = (face for face in case.face if isinstance(face, FileFace))
     files = [table for face in faces for table in face.each(case.folder)]
-    paths = [("face.path", face.path) for face in files if face.path] + [
-        ("face.mask", face.mask) for face in files if face.mask
-    ]
+    paths = [(f"face.{key}", getattr(face, key)) for key in ("path", "mask") for face in files]
     paths += [(f"seal.{key}", path) for key, path in case.seal.files()]
-    for key, path in [*paths, *(("load.map.path", path) for path in case.load.files)]:
+    paths += [("load.map.path", path) for path in case.load.files]
+    for key, path in paths:
+        if not path:
+            continue
         try:
             with (case.folder / path).open("rb") as file:
                 digests[str(path)] = hashlib.file_digest(file, "sha256").hexdigest()
@@ -345,25 +332,18 @@ def add_plausibility(prepared: Prepared, results: Results) -> None:
     data, leakage = results.dataset, results.leakage.values
     doubts, gaps = [], np.full(len(leakage), np.nan)
     if (first := prepared.first_answer) is not None:
-        data.attrs["first_answer"] = str(first)
         doubts, gaps = first.doubts(leakage, list(data["name"].values)), first.mean_gap
     if "mean_gap" in data:
         gaps = data["mean_gap"].values
     doubts += flow_warnings(prepared.scene, leakage, gaps)
     if prepared.sampling is not None and prepared.sampling.form and "largest_row_pressure" in data:
-        doubts += _yielding_body(
-            prepared.scene.law.mean_hardness, data["largest_row_pressure"].values
-        )
+        highest = float(data["largest_row_pressure"].max())
+        limit = LINE_CONTACT_YIELD * prepared.scene.law.mean_hardness
+        if highest > limit:
+            doubts.append(
+                f"a form presses with up to {to_text(highest, 'Pa', 3)}, and the body below a line contact yields from "
+                f"{to_text(limit, 'Pa', 3)} on, 1.79 of its yield strength: the band becomes broader than "
+                "the model has it"
+            )
     if doubts:
         data.attrs["warnings"] = json.dumps([*results.warnings, *doubts], ensure_ascii=False)
-
-
-def _yielding_body(hardness: float, pressure: Array) -> list[str]:
-    """A sentence where the largest pressures of a form (steps,) [Pa] make the body below it yield."""
-    highest, limit = float(np.nanmax(pressure)), LINE_CONTACT_YIELD * hardness
-    if not highest > limit:
-        return []
-    return [
-        f"a form presses with up to {to_text(highest, 'Pa', 3)}, and the body below a line contact yields from "
-        f"{to_text(limit, 'Pa', 3)} on, 1.79 of its yield strength: the band becomes broader than the model has it"
-    ]

@@ -29,15 +29,8 @@ from ..runs import job
 
 def alone(case: Case) -> Case:
     """The case without all that its leakage does not need."""
-    output = case.output.model_copy(
-        update={
-            "budget": False,
-            "pictures": False,
-            "report": False,
-            "fields": False,
-            "paraview": "none",
-        }
-    )
+    left_out = dict.fromkeys(("budget", "pictures", "report", "fields"), False)
+    output = case.output.model_copy(update={**left_out, "paraview": "none"})
     return case.model_copy(update={"output": output, "compare": ()})
 
 
@@ -51,11 +44,11 @@ def leakage_of(case: Case, unit: LeakUnit, steps: NDArray[Any]) -> list[float]:
     except InputError:
         raise
     except FemsealError:
-        return [float("nan")] * len(steps)
+        return [np.nan] * len(steps)
     finally:
         log.setLevel(level)
     values = np.abs(results.class_leakage[0][steps]) / results.class_basis.factor(unit)
-    return [float(value) for value in values]
+    return values.tolist()
 
 
 #: Variance of the linear trend in variances of the values, and part of that variance that rounding may be.
@@ -154,8 +147,8 @@ def _solved(covariance: Array, scaled: Array) -> tuple[float, Array, Array, Arra
     squares = np.maximum((white**2).sum(0), _ROUNDING)
     return (
         float(np.log(np.diag(root)).sum()),
-        np.asarray(whitening),
-        np.asarray(whitening.T @ white),
+        whitening,
+        whitening.T @ white,
         squares,
     )
 
@@ -224,7 +217,7 @@ class Surrogate:
         for some, (loads, process) in zip(there, processes, strict=True):
             errors[some[:, None], loads] = process.left_out()
         label = np.where(is_open, 1.0, -1.0)
-        mixed = [int(load) for load in np.flatnonzero(np.ptp(label, axis=0))]
+        mixed = np.flatnonzero(np.ptp(label, axis=0)).tolist()
         classes = (mixed, _through([(points, label[:, mixed])], jumps)[0]) if mixed else None
         norm = np.sqrt((errors**2).sum(0)) + 1e-30
         # between 0 and 1 of what few scenes say, so that no combination of loads seems known exactly

@@ -2,7 +2,6 @@
 
 import copy
 import logging
-import os
 import re
 import shutil
 import tomllib
@@ -13,9 +12,18 @@ from math import prod
 from pathlib import Path
 from typing import Any
 
-from ..base import FemsealError, InputError, InputErrors, counted, made_folder, shortened, shown
+from ..base import (
+    AnyPath,
+    FemsealError,
+    InputError,
+    InputErrors,
+    counted,
+    made_folder,
+    shortened,
+    shown,
+)
 from ..case.case import Case, parse_case, read_case
-from ..execution.parts import Part, checked_part, own_items
+from ..execution.parts import Part, own_items
 from ..execution.resuming import alone_in
 from ..execution.run import no_progress
 from ..preparation.preparation import prepare
@@ -37,9 +45,9 @@ _LONGEST_NAME = 100
 
 
 def sweep(
-    case: str | os.PathLike[str],
+    case: AnyPath,
     keys: Mapping[str, Sequence[Any]],
-    output: str | os.PathLike[str],
+    output: AnyPath,
     *,
     resume: bool = False,
     workers: int | None = None,
@@ -80,10 +88,10 @@ def sweep(
     --------
     >>> sweep("seal.toml", {"material.hardness": ["3 GPa", "4 GPa"]}, "results/hardness")  # doctest: +SKIP
     """
-    data, base = read_case(case)
-    cases = variations(data, base, keys)
+    cases = variations(*read_case(case), keys)
+    folder, resume, part = job.checked_output(output, resume, part)
+    assert folder is not None
     if part is not None:
-        part, resume = checked_part(part), True
         first, end = own_items(part, count := len(cases))
         if not (cases := cases[first:end]):
             raise InputError(
@@ -91,11 +99,6 @@ def sweep(
                 f"{part[0]}/{part[1]} of {counted(count, 'case')}",
                 "no more parts than cases",
             )
-    folder = Path(output)
-    if folder.exists() and not folder.is_dir():
-        raise InputError(
-            "output", f"'{folder}', which is a file", "a folder, or one that does not exist"
-        )
     report = progress or no_progress
     for variation in cases:
         try:
@@ -223,7 +226,8 @@ def variations(
     faults: list[InputError] = []
     for values in product(*keys.values()):
         texts = [value_text(value) for value in values]
-        setting = ", ".join(f"{short} = {text}" for short, text in zip(shorts, texts, strict=True))
+        pairs = list(zip(shorts, texts, strict=True))
+        setting = ", ".join(f"{short} = {text}" for short, text in pairs)
         changed = copy.deepcopy(data)
         for key, value in zip(keys, values, strict=True):
             _put(changed, key, copy.deepcopy(value))
@@ -233,12 +237,16 @@ def variations(
             faults += [with_setting(fault, setting) for fault in getattr(error, "faults", (error,))]
             continue
         # letters, numbers and few signs
-        name = "_".join(f"{short}={text}" for short, text in zip(shorts, texts, strict=True))
+        name = "_".join(f"{short}={text}" for short, text in pairs)
         name = re.sub(r"[^\w.=+-]+", "-", name.replace(" ", "")).strip("-.")
         found.append(Variation(name, setting, tuple(texts), case))
     if faults:
         raise InputErrors(faults)
-    return _with_different_names(found)
+    names = {variation.name.lower() for variation in found}
+    if len(names) == len(found) and max(map(len, names)) <= _LONGEST_NAME:
+        return found
+    # others would be too long, or the same on a file system
+    return [replace(variation, name=f"case-{n}") for n, variation in enumerate(found, 1)]
 
 
 def with_setting(error: InputError, setting: str) -> InputError:
@@ -295,11 +303,3 @@ def _put(data: dict[str, Any], key: str, value: Any) -> None:
             inside[at] = value
         else:
             inside = inside[at] if isinstance(inside, list) else inside.setdefault(at, {})
-
-
-def _with_different_names(found: list[Variation]) -> list[Variation]:
-    """The same, with numbers as names where others would be too long or the same on a file system."""
-    names = {variation.name.lower() for variation in found}
-    if len(names) == len(found) and max(map(len, names)) <= _LONGEST_NAME:
-        return found
-    return [replace(variation, name=f"case-{n}") for n, variation in enumerate(found, 1)]

@@ -120,6 +120,6 @@ def test_a_design_does_not_count_on_what_may_be_open(tmp_path):
     assert seals.leakage[0, 1] == np.inf
     limit = 0.5 * results.leakage.values[0]
     assert (
-        seals.needed_on_loading(limit)[0] == np.inf
+        seals.needed(limit)[0] == np.inf
     )  # by the leakage alone it would be some pressure between both
-    assert Seals.of(results.steps, results.leakage.values).needed_on_loading(limit)[0] < np.inf
+    assert Seals.of(results.steps, results.leakage.values).needed(limit)[0] < np.inf

@@ -223,7 +223,7 @@ BAD = [
     (HEAD + ROWS + "60, loading, < 0\n", "line 6: leakage"),
     (HEAD + ROWS + "60, loading\n", "line 6: row: given 2 cells"),
     (HEAD + "50,loading,1e-5\n200,loading,1e-6\n600,loading,sealed\n", "three loads"),
-    (HEAD + "50,loading,sealed\n200,loading,sealed\n", "no row that leaks"),
+    (HEAD + "50,loading,sealed\n200,loading,sealed\n", "0 loads with a leakage"),
 ]
 
 

@@ -101,9 +101,9 @@ def loops(*_, **__):
     ("command", "place", "further"),
     [
         ("check", "runs.forecast.describe", []),
-        ("run", "runs.job._prepared", ["--workers", 1]),
+        ("run", "runs.job.prepare", ["--workers", 1]),
         ("sweep", "sweeps.sweeping.prepare", ["seed=1", "--workers", 1]),
-        ("design", "designs.answer.job._prepared", ["--no-solve", "--workers", 1]),
+        ("design", "designs.answer.job.prepare", ["--no-solve", "--workers", 1]),
         ("calibrate", "calibration.calibrating.prepare", ["test.csv", "--workers", 1]),
     ],
 )
@@ -184,25 +184,6 @@ def test_commands_are_completed():
         [sys.executable, "-c", code], capture_output=True, text=True, env=os.environ | asked
     )
     assert sorted(done.stdout.split()) == ["schema", "surface", "sweep"]
-
-
-@pytest.mark.parametrize(
-    ("arguments", "told"),
-    [
-        (
-            ["accuracy", "case.toml", "--limit", "1 min"],
-            'femseal: accuracy: given the command, expected none: removed; a run whose case has accuracy = "10 %"',
-        ),
-        (
-            ["design", "case.toml", "--sobol", "seed=1,2"],
-            "femseal: --sobol: given the option, expected none: removed; examples/sobol.py computes",
-        ),
-    ],
-)
-def test_what_is_removed_is_told_in_a_line(femseal, arguments, told):
-    code, printed, errors = femseal(*arguments)
-    assert (code, printed, errors.count("\n")) == (2, "", 1)
-    assert errors.startswith(told)
 
 
 def test_errors_are_a_line_and_after_debug_a_traceback(femseal, monkeypatch, tmp_path):

@@ -48,12 +48,12 @@ def seals_of(leakage=None, steps=STEPS, *bands):
 
 def test_pressures_of_power_laws_are_exact():
     seals = seals_of()
-    assert_allclose(seals.needed_on_loading(LIMIT), (AMPLITUDES / LIMIT) ** (1 / FALL))
+    assert_allclose(seals.needed(LIMIT), (AMPLITUDES / LIMIT) ** (1 / FALL))
     for peak in (4e8, 9e8):
         exact = peak * (AMPLITUDES * peak**-FALL / LIMIT) ** (1 / RISE)
         exact = np.where(exact < 1e7, 0.0, np.where(exact > peak, np.inf, exact))
-        assert_allclose(seals.needed_on_unloading(LIMIT, peak), exact)
-    assert np.isfinite(seals.needed_on_unloading(LIMIT, 4e8)).all()
+        assert_allclose(seals.needed(LIMIT, peak), exact)
+    assert np.isfinite(seals.needed(LIMIT, 4e8)).all()
 
 
 def test_a_share_of_the_seals_keeps_the_class():
@@ -85,7 +85,7 @@ def test_the_whole_band_of_error_decides():
     sealed = alike * (STEPS.pressures < 1e8)
     wide = seals_of(sealed, STEPS, 1.0, 1.0, np.where(STEPS.pressures == 1e8, 1e-3, 0.0))
     as_computed, at_most = (
-        seals.needed_on_loading(LIMIT)[0] for seals in (wide, replace(wide, leakage=wide.upper))
+        seals.needed(LIMIT)[0] for seals in (wide, replace(wide, leakage=wide.upper))
     )
     assert as_computed < at_most
 
@@ -110,15 +110,15 @@ def test_nothing_is_extrapolated():
 def test_loads_that_the_fluid_carries_alone_are_open():
     seals = seals_of(np.where(STEPS.pressures == 1e7, np.nan, power_law(AMPLITUDES)))
     assert seals.count == len(AMPLITUDES)
-    assert_allclose(seals.needed_on_loading(LIMIT), (AMPLITUDES / LIMIT) ** (1 / FALL))
-    assert np.all(seals.needed_on_unloading(LIMIT, 9e8) >= 3e7)
+    assert_allclose(seals.needed(LIMIT), (AMPLITUDES / LIMIT) ** (1 / FALL))
+    assert np.all(seals.needed(LIMIT, 9e8) >= 3e7)
     assert seals_of(np.full((60, len(STEPS)), np.nan)).count == 0
     # also on an unloading, at loads that the first loading sealed
     late = ~STEPS.on_loading & (STEPS.pressures < 5e7)
     seals = seals_of(np.where(late, np.nan, power_law(AMPLITUDES)))
     assert seals.count == len(AMPLITUDES)
     assert np.isinf(seals.leakage[:, late]).all()
-    assert np.all(seals.needed_on_unloading(1.0, 9e8) == 1e8)
+    assert np.all(seals.needed(1.0, 9e8) == 1e8)
 
 
 def test_where_a_seal_closes_the_step_that_keeps_the_limit_is_taken():
@@ -128,7 +128,7 @@ def test_where_a_seal_closes_the_step_that_keeps_the_limit_is_taken():
     assert sealing_load(closing, 0.5).value == 4e8
     # a loading that leaks more again counts from there on
     again = seals_of(np.array([[1.0, 0.1, 1.0, 0.1, 0.01]]), loading)
-    assert 1e8 < again.needed_on_loading(0.5)[0] < 4e8
+    assert 1e8 < again.needed(0.5)[0] < 4e8
 
 
 def slopes(**given):

@@ -21,7 +21,7 @@ from femseal.case import parse_case
 from femseal.fluids import Liquid
 from femseal.report import write_folder
 from femseal.results import RunFacts, assemble, open_results, save
-from femseal.results.paraview import plan_fields
+from femseal.results.pixel_fields import plan_fields
 from femseal.studies import Sampling, Scene, deterministic, stochastic, two_scale
 from femseal.topography import read_topography, turned
 
@@ -282,7 +282,7 @@ def test_all_steps_and_pieces_are_exported(back, studies, scene, tmp_path):
 
 
 def test_a_large_face_is_exported_in_blocks(back, studies, scene, tmp_path, monkeypatch):
-    monkeypatch.setattr("femseal.results.export.MOST_PIXELS", 12)
+    monkeypatch.setattr("femseal.results.pixel_fields.MOST_PIXELS", 12)
     (path,) = back.export(tmp_path / "p.vti", field="contact_pressure", step=3)
     image = pyvista.read(path)
     shape = tuple(n - 1 for n in image.dimensions[:2])

@@ -116,7 +116,7 @@ def test_only_a_complete_folder_is_resumed(case, undrawn, tmp_path, monkeypatch)
     case.write_text(ALONE.replace('method = "stochastic"', 'method = "deterministic"'))
     out = tmp_path / "out"
     with monkeypatch.context() as patch:
-        patch.setattr("femseal.report.pictures.leakage_figure", fail)
+        patch.setattr("femseal.report.page.leakage_figure", fail)
         with pytest.raises(fs.FemsealError, match="no such colour"):
             fs.run(case, out, workers=1)
     assert "no such colour" in (out / "run.log").read_text()
